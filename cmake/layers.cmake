@@ -1,0 +1,28 @@
+# One library a layer or driver. The DEPENDS lists here and in the folders are the only allowed directions of
+# #include; tests/architecture/layers_test.py reads them and refuses any other.
+
+# Warnings, sanitizers and the include root for every target of ours.
+add_library(bolo_options INTERFACE)
+target_compile_options(bolo_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Werror)
+target_include_directories(bolo_options INTERFACE ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR})
+if(BOLO_SANITIZE)
+  target_compile_options(bolo_options INTERFACE -fsanitize=${BOLO_SANITIZE} -fno-omit-frame-pointer
+                                                -fno-sanitize-recover=all)
+  target_link_options(bolo_options INTERFACE -fsanitize=${BOLO_SANITIZE})
+endif()
+
+# bolo_layer(NAME SOURCES file... DEPENDS layer... LIBRARIES target...)
+# DEPENDS: layers of ours (without the bolo_ prefix). LIBRARIES: libraries that the layer's headers or sources use.
+function(bolo_layer name)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;DEPENDS;LIBRARIES")
+  list(TRANSFORM arg_DEPENDS PREPEND bolo_)
+  if(arg_SOURCES)
+    add_library(bolo_${name} STATIC ${arg_SOURCES})
+    target_link_libraries(bolo_${name} PUBLIC ${arg_DEPENDS} ${arg_LIBRARIES} PRIVATE bolo_options)
+    target_include_directories(bolo_${name} PUBLIC ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR})
+  else()
+    add_library(bolo_${name} INTERFACE)
+    target_link_libraries(bolo_${name} INTERFACE ${arg_DEPENDS} ${arg_LIBRARIES})
+    target_include_directories(bolo_${name} INTERFACE ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR})
+  endif()
+endfunction()

@@ -1,0 +1,97 @@
+// Captures: HDF5 files of raw frames ("bolo-capture" version 1, ARCHITECTURE.md has the table), and the authors' `.mat`
+// version 7.3 files, read through the same interface.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "bolo/capture/stimulus.hpp"
+#include "bolo/core/plane.hpp"
+#include "bolo/core/result.hpp"
+
+namespace bolo::capture {
+
+struct Event {
+  double t_s = 0.0;  // on the clock of /t
+  std::string kind;  // "nuc", "gap", "reconnect" ...
+};
+
+struct CaptureInfo {
+  StreamFormat format;
+  std::string camera_model;
+  std::string camera_serial;
+  std::size_t frames = 0;
+  bool has_truth = false;
+};
+
+// Reads one capture. Every item is checked on open; the error names the file, the item and what is expected there.
+// Thread: any one at a time (the HDF5 library is serialised).
+class CaptureReader {
+ public:
+  static Result<CaptureReader> open(const std::filesystem::path& file);
+  CaptureReader(CaptureReader&&) noexcept;
+  CaptureReader& operator=(CaptureReader&&) noexcept;
+  ~CaptureReader();
+
+  const CaptureInfo& info() const noexcept;
+  const std::vector<double>& t() const noexcept;                // s, strictly rising
+  const std::vector<std::uint64_t>& frame_id() const noexcept;  // strictly rising
+  const std::vector<Event>& events() const noexcept;
+  Result<Stimulus> stimulus() const;
+
+  // One frame, row-major, in the stored type: `out` has plane_bytes(info().format.geometry, info().format.type) bytes.
+  Status read_frame(std::size_t index, void* out) const;
+  // One frame of /truth/frames, K; info().has_truth. `out` has geometry.pixels() values.
+  Status read_truth(std::size_t index, float* out) const;
+
+ private:
+  struct Impl;
+  explicit CaptureReader(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+struct WriterOptions {
+  bool truth = false;     // a /truth/frames plane comes with every frame
+  int deflate_level = 0;  // 0: no compression; 1..9 gzip with byte shuffle
+};
+
+// Writes a capture frame by frame. Whatever was appended before a failure stays readable. The file is written under its
+// final name's ".part" and renamed by close(). Thread: any one at a time.
+class CaptureWriter {
+ public:
+  static Result<CaptureWriter> create(const std::filesystem::path& file, const CaptureInfo& info,
+                                      const WriterOptions& options = {});
+  CaptureWriter(CaptureWriter&&) noexcept;
+  CaptureWriter& operator=(CaptureWriter&&) noexcept;
+  ~CaptureWriter();
+
+  // `plane` in info.format.type; `truth` (K) exactly when options.truth. t_s and frame_id must rise.
+  Status append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth = nullptr);
+  Status write_stimulus(const Stimulus& stimulus);
+  Status add_event(const Event& event);
+  // A root attribute beyond the format's own: settings of a deblurring run and the like.
+  Status write_attribute(const std::string& name, double value);
+  Status write_attribute(const std::string& name, const std::string& value);
+
+  // Flushes, closes, renames. Without it the destructor leaves the ".part" file behind, readable.
+  Status close();
+
+ private:
+  struct Impl;
+  explicit CaptureWriter(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+// A lone still: dataset `image_k` (H, W) float32, kelvin, as the scene files have it.
+struct StillImage {
+  int width = 0;
+  int height = 0;
+  std::vector<float> kelvin;  // row-major
+};
+Result<StillImage> read_still(const std::filesystem::path& file);
+
+}  // namespace bolo::capture

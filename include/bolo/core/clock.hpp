@@ -1,0 +1,18 @@
+// Time as the pipeline counts it: nanoseconds of CLOCK_MONOTONIC.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+
+namespace bolo {
+
+// std::chrono::steady_clock is CLOCK_MONOTONIC on Linux, so other processes can compare. Thread: any.
+inline std::int64_t monotonic_ns() noexcept {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+inline constexpr double kNsPerSecond = 1e9;
+inline constexpr double kMsPerNs = 1e-6;
+
+}  // namespace bolo

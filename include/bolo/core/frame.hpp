@@ -1,0 +1,25 @@
+// What travels with a frame through the pipeline.
+#pragma once
+
+#include <cstdint>
+
+namespace bolo {
+
+// State of a frame, set by whoever learns it. The values are part of the shared-memory layout (shm_layout.h).
+enum FrameFlag : std::uint32_t {
+  kFlagNone = 0,
+  kFlagGap = 1U << 0,        // at least one frame of this frame's window was lost
+  kFlagWarmUp = 1U << 1,     // no full window reaches back yet: the deblurred plane is the raw one
+  kFlagNuc = 1U << 2,        // the camera was correcting (shutter closed) while this frame was taken
+  kFlagSaturated = 1U << 3,  // raw values at the end of the 16-bit range
+  kFlagJitter = 1U << 4,     // the camera's timestamp is off the frame grid by more than the tolerance
+};
+
+struct FrameMeta {
+  std::uint64_t frame_id = 0;   // the camera's counter, unwrapped; a jump is a lost frame
+  std::int64_t camera_ns = 0;   // the camera's clock
+  std::int64_t receive_ns = 0;  // host CLOCK_MONOTONIC, when the frame's first byte arrived
+  std::uint32_t flags = kFlagNone;
+};
+
+}  // namespace bolo

@@ -1,0 +1,27 @@
+// The microbolometer (paper eq. 7): tau dy/dt + y = x, and its response to an input that is constant over bins.
+#pragma once
+
+#include <span>
+
+#include <Eigen/Dense>
+
+namespace bolo::model {
+
+inline constexpr double kA655scTau = 0.011;     // s, the paper's measurement
+inline constexpr double kA655scPeriod = 0.005;  // s, 640x120 at 200 Hz
+
+// V of Theorem 1 (rows x bins). The input is constant over `bins` equal parts of [t.front(), t.back()]; row j belongs
+// to the sample at t[j + 1]:
+//   y(t[j+1]) = y(t[0]) exp(-(t[j+1] - t[0]) / tau) + sum_k V(j, k) x_k.
+// t in s, strictly rising, at least two; tau in s, > 0. Thread: setup.
+Eigen::MatrixXd response_matrix(std::span<const double> t, int bins, double tau_s);
+
+// Y_j = y[j+1] - y[0] exp(-(t[j+1] - t[0]) / tau): what V maps the input to. Thread: setup.
+Eigen::VectorXd constraints(std::span<const double> t, std::span<const double> y, double tau_s);
+
+// The largest l1 weight with which a within-frame Haar column of V H^T is a combination of the frame-level columns
+// (N frames of `period_s`). Below 1 no within-frame coefficient can be non-zero, whatever the data and lambda: the
+// frame-level problem has exactly the same optimum. Thread: setup.
+double fine_column_bound(int frames, double period_s, double tau_s);
+
+}  // namespace bolo::model

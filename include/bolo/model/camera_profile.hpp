@@ -1,0 +1,28 @@
+// All that is known of one camera, read from a TOML file (config/a655sc.toml documents every key).
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "bolo/core/result.hpp"
+
+namespace bolo::model {
+
+struct CameraProfile {
+  std::string model = "FLIR A655sc";
+  std::string serial;
+  double tau_s = 0.011;  // thermal time constant of a pixel
+  double frame_period_s = 0.005;
+  double noise_k = 0.03;         // temporal noise, K rms
+  double quantisation_k = 0.01;  // K a count
+
+  // How the camera sends its frames; each of these is configurable because it was not proven on every camera.
+  bool big_endian_pixels = false;  // Mono16 byte order on the wire
+  int metadata_rows = 0;           // rows at the end of each frame that are not image
+};
+
+// Reads a profile. Unknown keys, wrong types and values out of range are refused with file, line and the nearest valid
+// key. Only the keys given replace the defaults. Thread: setup.
+Result<CameraProfile> read_profile(const std::filesystem::path& file);
+
+}  // namespace bolo::model

@@ -1,0 +1,42 @@
+// What the pipeline asks of a taker of sharp frames: shared memory, a video device, a recorder, a file.
+#pragma once
+
+#include <cstdint>
+
+#include "bolo/core/frame.hpp"
+#include "bolo/core/plane.hpp"
+#include "bolo/core/result.hpp"
+#include "bolo/pipeline/source.hpp"
+#include "bolo/pipeline/stats.hpp"
+
+namespace bolo::pipeline {
+
+// One published frame; valid only during publish().
+struct PublishedFrame {
+  FrameMeta meta;
+  std::int64_t publish_ns = 0;      // CLOCK_MONOTONIC, when deblurring ended
+  const void* raw = nullptr;        // the source's pixel type
+  const void* deblurred = nullptr;  // the output pixel type
+};
+
+struct SinkFormat {
+  SourceInfo source;
+  PixelType deblurred_type = PixelType::kUint16;
+};
+
+class FrameSink {
+ public:
+  virtual ~FrameSink() = default;
+
+  // Allocates all it will ever need. Thread: setup.
+  virtual Status open(const SinkFormat& format) = 0;
+
+  // Takes a copy and returns. Never waits for a reader, never allocates, never logs; what it could not take it counts
+  // itself. Thread: pipeline.
+  virtual void publish(const PublishedFrame& frame, const PipelineStats& stats) noexcept = 0;
+
+  // Thread: setup, after the last publish().
+  virtual void close() noexcept = 0;
+};
+
+}  // namespace bolo::pipeline

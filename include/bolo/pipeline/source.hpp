@@ -1,0 +1,33 @@
+// What the pipeline asks of a source of frames: a camera, its fake, a capture.
+#pragma once
+
+#include <string>
+
+#include "bolo/core/plane.hpp"
+#include "bolo/core/result.hpp"
+#include "bolo/pipeline/inlet.hpp"
+
+namespace bolo::pipeline {
+
+struct SourceInfo {
+  StreamFormat format;
+  std::string camera_model;
+  std::string camera_serial;
+};
+
+class FrameSource {
+ public:
+  virtual ~FrameSource() = default;
+
+  // Connects, configures, and says what will come. Called once. Thread: setup.
+  virtual Result<SourceInfo> open() = 0;
+
+  // Frames go into the inlet from now on, from one thread of the source's own; the inlet outlives stop(). Thread:
+  // setup.
+  virtual Status start(FrameInlet& inlet) = 0;
+
+  // No frame is handed in after it returns. Idempotent. Thread: setup.
+  virtual void stop() noexcept = 0;
+};
+
+}  // namespace bolo::pipeline

@@ -1,0 +1,112 @@
+/* The layout of Bolo's shared memory: POSIX object "/bolo.NAME", mapped read-only by readers. C11 and C++.
+ *
+ *   offset 0                       struct bolo_shm_header
+ *   header.slots_offset            slot 0: struct bolo_shm_slot, raw plane, deblurred plane, padding
+ *   + header.slot_stride           slot 1 ...                 (header.slot_count slots)
+ *
+ * All values little-endian, as the machine stores them. Planes are row-major uint16 without padding between rows;
+ * kelvin = scale * value + offset when unit is BOLO_UNIT_KELVIN.
+ *
+ * Frame number n (0, 1, 2 ...: publication order, not the camera's frame id) lies in slot n % slot_count.
+ * header.published is the count of frames published: the newest is published - 1.
+ *
+ * Reading frame n without locks. The writer never waits:
+ *
+ *   writer                                             reader
+ *   ------                                             ------
+ *   W1 slot.sequence = 2n + 1      (relaxed)           R1 s = slot.sequence      (acquire)   <-- pairs W3
+ *   W2 every word of the slot      (release)           R2 copy every word        (acquire)   <-- pairs W2
+ *   W3 slot.sequence = 2n + 2      (release)           R3 slot.sequence == s, s == 2n + 2 ? good : overwritten
+ *   W4 header.published = n + 1    (release)
+ *   W5 header.wake += 1, futex wake
+ *
+ * A reader that copied any word of a later frame m in R2 has, by that acquire, W1 of m before its R3, sees an odd or
+ * higher sequence there, and throws the copy away. On x86-64 and with 64-bit words acquire and release cost nothing.
+ *
+ * To wait for a frame: read header.wake, look at published, and FUTEX_WAIT (shared, not private) on header.wake with
+ * the value read. A process that can't use futexes polls published.
+ *
+ * A writer that ends orderly stores BOLO_SHM_CLOSED in header.state. A writer that starts under a name that is taken by
+ * a dead writer unlinks the old object, so a reader that sees header.heartbeat_ns grow old maps the name anew.
+ */
+#ifndef BOLO_SHM_LAYOUT_H
+#define BOLO_SHM_LAYOUT_H
+
+#include <stdint.h>
+
+#define BOLO_SHM_MAGIC 0x4d48534f4c4f42ULL /* "BOLOSHM" */
+#define BOLO_SHM_VERSION 1u
+#define BOLO_SHM_LOSS_CAUSES 16u
+#define BOLO_SHM_LATENCY_BUCKETS 192u
+
+enum bolo_shm_state { BOLO_SHM_STARTING = 0, BOLO_SHM_RUNNING = 1, BOLO_SHM_CLOSED = 2 };
+enum bolo_shm_unit { BOLO_UNIT_KELVIN = 0, BOLO_UNIT_COUNT = 1 };
+
+enum bolo_shm_flag {
+  BOLO_FLAG_GAP = 1u << 0,       /* a frame of this frame's window was lost */
+  BOLO_FLAG_WARM_UP = 1u << 1,   /* no full window yet: the deblurred plane is the raw one */
+  BOLO_FLAG_NUC = 1u << 2,       /* the camera was correcting */
+  BOLO_FLAG_SATURATED = 1u << 3, /* raw values at the end of the range */
+  BOLO_FLAG_JITTER = 1u << 4     /* camera timestamp off the frame grid */
+};
+
+struct bolo_shm_header {
+  uint64_t magic;
+  uint32_t version;
+  uint32_t header_bytes; /* sizeof(struct bolo_shm_header) of the writer */
+
+  uint32_t width;
+  uint32_t height;
+  uint32_t slot_count; /* at least a window, so that a reader can solve any pixel on demand */
+  uint32_t unit;       /* enum bolo_shm_unit */
+  uint64_t slots_offset;
+  uint64_t slot_stride;
+  uint64_t raw_offset;       /* from the slot's start */
+  uint64_t deblurred_offset; /* from the slot's start */
+  double scale;              /* kelvin a count */
+  double offset;             /* kelvin */
+  double frame_period_s;
+  double tau_s;
+  uint32_t window;    /* frames a window */
+  uint32_t lookahead; /* frames */
+  uint32_t row_step;  /* sensor rows a stored row stands for */
+  uint32_t writer_pid;
+  char camera_model[64];
+  char camera_serial[64];
+  char solver[64]; /* method, iterations, lambda, instruction set, in words */
+
+  /* Written while running. 64-byte aligned from here. */
+  uint64_t published __attribute__((aligned(64)));
+  uint32_t wake;  /* futex word: changes with every published frame */
+  uint32_t state; /* enum bolo_shm_state */
+  uint64_t heartbeat_ns; /* CLOCK_MONOTONIC of the writer's last sign of life; at least every 250 ms while running */
+
+  uint64_t received; /* frames that came from the camera whole */
+  uint64_t restarts; /* windows emptied */
+  uint64_t warm_up;
+  uint64_t gap_frames;
+  uint64_t deblur_ns;                    /* summed over published frames */
+  uint64_t lost[BOLO_SHM_LOSS_CAUSES];   /* by cause: incomplete, missing, pool_exhausted, queue_full, bad_frame,
+                                            driver, out_of_order */
+  uint64_t latency[BOLO_SHM_LATENCY_BUCKETS]; /* receive -> publish. Bucket b < 8: b us. Else, with e = b / 8 and
+                                                 m = b % 8: from (8 + m) << (e - 1) to (9 + m) << (e - 1) us */
+};
+
+struct bolo_shm_slot {
+  uint64_t sequence; /* odd while written; 2n + 2 when it holds frame n */
+  uint64_t frame_id;
+  int64_t camera_ns;
+  int64_t receive_ns; /* CLOCK_MONOTONIC, first byte received */
+  int64_t publish_ns; /* CLOCK_MONOTONIC */
+  uint32_t flags;     /* enum bolo_shm_flag */
+  uint32_t reserved;
+  uint64_t reserved2[2];
+};
+
+#ifdef __cplusplus
+static_assert(sizeof(struct bolo_shm_slot) == 64, "layout");
+#else
+_Static_assert(sizeof(struct bolo_shm_slot) == 64, "layout");
+#endif
+
+#endif /* BOLO_SHM_LAYOUT_H */

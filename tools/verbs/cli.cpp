@@ -1,0 +1,74 @@
+#include "tools/verbs/cli.hpp"
+
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <iostream>
+
+namespace bolo::tools {
+namespace {
+
+std::atomic<bool> g_interrupted{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "the signal handler stores to it");
+
+}  // namespace
+
+std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed) {
+  options.add_options()("h,help", "Print this help");
+  try {
+    parsed = options.parse(argc, argv);
+    if (parsed.count("help") != 0) {
+      std::cout << options.help();
+      return kExitDone;
+    }
+    if (!parsed.unmatched().empty()) {
+      std::fprintf(stderr, "bolo %s: unexpected argument '%s'; see bolo %s --help\n", argv[0],
+                   parsed.unmatched().front().c_str(), argv[0]);
+      return kExitUsage;
+    }
+  } catch (const cxxopts::exceptions::exception& e) {
+    std::fprintf(stderr, "bolo %s: %s; see bolo %s --help\n", argv[0], e.what(), argv[0]);
+    return kExitUsage;
+  }
+  return std::nullopt;
+}
+
+int report(const std::string& verb, const Error& error) {
+  std::fprintf(stderr, "bolo %s: %s\n", verb.c_str(), error.message.c_str());
+  return error.exit_code();
+}
+
+const std::atomic<bool>& interrupted() { return g_interrupted; }
+
+void catch_interrupts() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { g_interrupted.store(true, std::memory_order_relaxed); };
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+Progress::Progress(std::string what, std::uint64_t total)
+    : what_(std::move(what)),
+      total_(total),
+      terminal_(isatty(STDERR_FILENO) == 1),
+      start_(std::chrono::steady_clock::now()),
+      last_(start_) {}
+
+Progress::~Progress() {
+  if (printed_) std::fputc('\n', stderr);
+}
+
+void Progress::update(std::uint64_t done) {
+  const auto now = std::chrono::steady_clock::now();
+  if (!terminal_ || (done < total_ && now - last_ < std::chrono::milliseconds(100))) return;
+  last_ = now;
+  printed_ = true;
+  const double seconds = std::chrono::duration<double>(now - start_).count();
+  std::fprintf(stderr, "\r%s: %llu of %llu (%.0f %%), %.1f a second ", what_.c_str(),
+               static_cast<unsigned long long>(done), static_cast<unsigned long long>(total_),
+               total_ > 0 ? 100.0 * static_cast<double>(done) / static_cast<double>(total_) : 100.0,
+               seconds > 0 ? static_cast<double>(done) / seconds : 0.0);
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,49 @@
+// What the verbs share: options, exit codes, errors, progress and interruption.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include <cxxopts.hpp>
+
+#include "bolo/core/result.hpp"
+
+namespace bolo::tools {
+
+inline constexpr int kExitDone = 0;
+inline constexpr int kExitFailed = 1;
+inline constexpr int kExitUsage = 2;
+
+// Parses argv; adds --help. On --help prints it and returns the exit code 0; on wrong usage prints one line to stderr
+// and returns 2; otherwise returns nothing and fills `parsed`. Positional arguments beyond those declared are refused.
+std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed);
+
+// Prints "bolo VERB: message" to stderr and returns the error's exit code.
+int report(const std::string& verb, const Error& error);
+
+// Set by SIGINT and SIGTERM once catch_interrupts() was called; long work looks at it and ends in good order.
+const std::atomic<bool>& interrupted();
+void catch_interrupts();
+
+// A line of progress on stderr, only when it is a terminal; at most ten times a second.
+class Progress {
+ public:
+  Progress(std::string what, std::uint64_t total);
+  ~Progress();  // ends the line
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  void update(std::uint64_t done);
+
+ private:
+  std::string what_;
+  std::uint64_t total_;
+  bool terminal_;
+  bool printed_ = false;
+  std::chrono::steady_clock::time_point start_;
+  std::chrono::steady_clock::time_point last_;
+};
+
+}  // namespace bolo::tools
