@@ -35,6 +35,9 @@ class FrameSink {
   // itself. Thread: pipeline.
   virtual void publish(const PublishedFrame& frame, const PipelineStats& stats) noexcept = 0;
 
+  // Called at least every 250 ms while no frame flows, so that readers see a living writer. Thread: pipeline.
+  virtual void idle(const PipelineStats& /*stats*/) noexcept {}
+
   // Thread: setup, after the last publish().
   virtual void close() noexcept = 0;
 };

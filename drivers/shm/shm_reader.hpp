@@ -1,0 +1,53 @@
+// Reads Bolo's shared memory: the newest frame, or every frame in order. Never disturbs the writer.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bolo/core/frame.hpp"
+#include "bolo/core/result.hpp"
+#include "bolo/shm_layout.h"
+
+namespace bolo::shm {
+
+struct ReadFrame {
+  std::uint64_t number = 0;  // publication order
+  FrameMeta meta;
+  std::int64_t publish_ns = 0;
+  std::vector<std::uint16_t> raw;
+  std::vector<std::uint16_t> deblurred;
+};
+
+class ShmReader {
+ public:
+  // Maps "/bolo." + name read-only and checks magic, version and every offset against the object's size. Thread: setup.
+  static Result<ShmReader> open(const std::string& name);
+  ShmReader(ShmReader&&) noexcept;
+  ShmReader& operator=(ShmReader&&) noexcept;
+  ~ShmReader();
+
+  // A copy of the header: geometry, counters, histogram. Thread: any.
+  bolo_shm_header header() const noexcept;
+
+  enum class Outcome {
+    kFrame,        // `frame` holds the frame asked for
+    kOverwritten,  // the writer was faster: it is gone
+    kTimeout,      // not published in time
+    kClosed,       // the writer ended, or its heartbeat stopped
+  };
+  // Copies frame `number` (publication order), waiting for it up to timeout_ms. The vectors of `frame` are reused.
+  // Thread: one at a time.
+  Outcome read(std::uint64_t number, ReadFrame& frame, int timeout_ms) noexcept;
+
+  // Frames published so far: the newest is published() - 1. Thread: any.
+  std::uint64_t published() const noexcept;
+
+ private:
+  struct Impl;
+  explicit ShmReader(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace bolo::shm
