@@ -4,18 +4,15 @@
 #include <memory>
 #include <string>
 
-#include "bolo/deblur/settings.hpp"
 #include "bolo/pipeline/sink.hpp"
 
 namespace bolo::shm {
 
 struct ShmOptions {
-  std::string name;         // the object is "/bolo." + name: letters, digits, '-', '_', '.'
-  int slots = 0;            // 0: a window of raw planes and some time to read them
-  unsigned mode = 0644;     // permissions; readers need to read only
-  std::string group;        // owner group of the object; empty: the process's
-  deblur::Settings deblur;  // told to readers, so that they can solve pixels themselves
-  std::string solver_text;  // told to people
+  std::string name;      // the object is "/bolo." + name: letters, digits, '-', '_', '.'
+  int slots = 0;         // 0: a window of raw planes and some time to read them
+  unsigned mode = 0644;  // permissions; readers need to read only
+  std::string group;     // owner group of the object; empty: the process's
 };
 
 class ShmSink final : public pipeline::FrameSink {

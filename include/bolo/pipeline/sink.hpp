@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "bolo/core/frame.hpp"
 #include "bolo/core/plane.hpp"
 #include "bolo/core/result.hpp"
+#include "bolo/deblur/settings.hpp"
 #include "bolo/pipeline/source.hpp"
 #include "bolo/pipeline/stats.hpp"
 
@@ -22,6 +24,8 @@ struct PublishedFrame {
 struct SinkFormat {
   SourceInfo source;
   PixelType deblurred_type = PixelType::kUint16;
+  deblur::Settings deblur;  // as applied: with the source's own period
+  std::string solver_text;  // method, iterations, lambda and instruction set in words
 };
 
 class FrameSink {
