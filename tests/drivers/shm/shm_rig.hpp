@@ -21,6 +21,11 @@ inline std::uint16_t pattern(std::uint64_t frame, std::size_t plane, std::size_t
   return static_cast<std::uint16_t>(frame * 7919 + plane * 12345 + pixel);
 }
 
+// Fills a plane with the pattern of a frame.
+inline void fill(std::vector<std::uint16_t>& plane, std::uint64_t frame, std::size_t which) {
+  for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = pattern(frame, which, i);
+}
+
 // A sink, its format, and the statistics that a pipeline would give it.
 struct Writer {
   explicit Writer(const std::string& name, Geometry geometry = {33, 7}) : sink({name, 0, 0644, ""}) {
@@ -39,8 +44,8 @@ struct Writer {
     const std::size_t pixels = format.source.format.geometry.pixels();
     raw.resize(pixels);
     deblurred.resize(pixels);
-    for (std::size_t i = 0; i < pixels; ++i) raw[i] = pattern(next, 0, i);
-    for (std::size_t i = 0; i < pixels; ++i) deblurred[i] = pattern(next, 1, i);
+    fill(raw, next, 0);
+    fill(deblurred, next, 1);
     const auto n = static_cast<std::int64_t>(next);
     const FrameMeta meta{2 * next, n * 5'000'000, 1000 + n, next % 5 == 0 ? std::uint32_t{kFlagGap} : 0U};
     sink.publish({meta, 2000 + n, raw.data(), deblurred.data()}, stats);

@@ -26,6 +26,12 @@ int follow(const std::string& name, int ready) {
   std::uint64_t next = 0;
   std::uint64_t good = 0;
   while (true) {
+    // The oldest frame of the ring is the next to be overwritten: the most likely to tear.
+    const std::uint64_t newest = reader->published();
+    if (newest >= slots && reader->read(newest - slots, frame, 0) == Outcome::kFrame &&
+        !intact(frame, newest - slots)) {
+      return kExitTorn;
+    }
     switch (reader->read(next, frame, 30'000)) {
       case Outcome::kFrame:
         if (!intact(frame, next)) return kExitTorn;
