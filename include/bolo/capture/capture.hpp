@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "bolo/capture/stimulus.hpp"
@@ -28,6 +29,17 @@ struct CaptureInfo {
   bool has_truth = false;
 };
 
+enum class FileFormat {
+  kBoloCapture,
+  kMatlab,  // the authors' `.mat`: frame_id comes from the times, frame_period_s from their median
+};
+
+// A root attribute beyond the format's own.
+struct Attribute {
+  std::string name;
+  std::variant<double, std::string> value;
+};
+
 // Reads one capture. Every item is checked on open; the error names the file, the item and what is expected there.
 // Thread: any one at a time (the HDF5 library is serialised).
 class CaptureReader {
@@ -41,6 +53,10 @@ class CaptureReader {
   const std::vector<double>& t() const noexcept;                // s, strictly rising
   const std::vector<std::uint64_t>& frame_id() const noexcept;  // strictly rising
   const std::vector<Event>& events() const noexcept;
+  const std::vector<Attribute>& attributes() const noexcept;
+  // What is odd but readable, one line each: a frame period that the times contradict, a recording that was cut off.
+  const std::vector<std::string>& warnings() const noexcept;
+  FileFormat file_format() const noexcept;
   Result<Stimulus> stimulus() const;
 
   // One frame, row-major, in the stored type: `out` has plane_bytes(info().format.geometry, info().format.type) bytes.

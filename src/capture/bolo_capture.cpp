@@ -1,0 +1,221 @@
+// Reading "bolo-capture" version 1, item by item, in the order of the table in ARCHITECTURE.md.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string_view>
+
+#include "src/capture/contents.hpp"
+#include "src/capture/events_io.hpp"
+#include "src/capture/stimulus_io.hpp"
+
+namespace bolo::capture {
+namespace {
+
+using h5::text;
+
+constexpr double kVersion = 1.0;
+constexpr double kMostRowStep = 65536.0;
+const std::string kFormatName = "bolo-capture";
+
+Status check_identity(const h5::Owner& root) {
+  const Result<std::string> format = h5::string_attribute(root, "format");
+  if (!format) {
+    return bad_input(format.error().message + "; expected '" + kFormatName + "' (this is another kind of HDF5 file)");
+  }
+  if (*format != kFormatName) {
+    return bad_input("root attribute 'format' is '" + *format + "'; expected '" + kFormatName + "'");
+  }
+  const Result<double> version = h5::number_attribute(root, "version");
+  if (!version) return bad_input(version.error().message + "; expected 1");
+  if (*version != kVersion) {
+    return bad_input("root attribute 'version' is " + text(*version) + "; this program reads version 1");
+  }
+  return {};
+}
+
+Result<double> number_or(const h5::Owner& root, const char* name, double otherwise) {
+  return h5::has_attribute(root, name) ? h5::number_attribute(root, name) : Result<double>(otherwise);
+}
+
+Result<std::string> string_or_empty(const h5::Owner& root, const char* name) {
+  return h5::has_attribute(root, name) ? h5::string_attribute(root, name) : Result<std::string>("");
+}
+
+// Counts carry no scale, so a file of counts need not have one.
+Result<LinearScale> read_scale(const h5::Owner& root) {
+  const Result<std::string> unit = h5::string_attribute(root, "unit");
+  if (!unit) return bad_input(unit.error().message + "; expected 'kelvin' or 'count'");
+  if (*unit != "kelvin" && *unit != "count") {
+    return bad_input("root attribute 'unit' is '" + *unit + "'; expected 'kelvin' or 'count'");
+  }
+  const bool kelvin = *unit == "kelvin";
+  const Result<double> scale = kelvin ? h5::number_attribute(root, "scale") : number_or(root, "scale", 1.0);
+  const Result<double> offset = kelvin ? h5::number_attribute(root, "offset") : number_or(root, "offset", 0.0);
+  const char* meaning = "; expected kelvin = scale * value + offset";
+  if (!scale) return bad_input(scale.error().message + meaning);
+  if (!offset) return bad_input(offset.error().message + meaning);
+  return LinearScale{kelvin ? Unit::kKelvin : Unit::kCount, *scale, *offset};
+}
+
+Status read_attributes(const h5::Owner& root, CaptureInfo& info) {
+  const Result<LinearScale> scale = read_scale(root);
+  if (!scale) return tl::unexpected<Error>(scale.error());
+  const Result<double> period = h5::number_attribute(root, "frame_period_s");
+  if (!period) return tl::unexpected<Error>(period.error());
+  const Result<double> row_step = number_or(root, "row_step", 1.0);
+  if (!row_step) return tl::unexpected<Error>(row_step.error());
+  if (*row_step < 1.0 || *row_step > kMostRowStep || *row_step != std::floor(*row_step)) {
+    return bad_input("root attribute 'row_step' is " + text(*row_step) + "; expected a whole number of at least 1");
+  }
+  Result<std::string> model = string_or_empty(root, "camera_model");
+  if (!model) return tl::unexpected<Error>(std::move(model.error()));
+  Result<std::string> serial = string_or_empty(root, "camera_serial");
+  if (!serial) return tl::unexpected<Error>(std::move(serial.error()));
+  info.format.scale = *scale;
+  info.format.frame_period_s = *period;
+  info.format.row_step = static_cast<int>(*row_step);
+  info.camera_model = std::move(*model);
+  info.camera_serial = std::move(*serial);
+  return {};
+}
+
+Status read_frames(hid_t file, Contents& contents) {
+  Result<FrameStore> frames = FrameStore::open(file, "/frames", FrameOrder::kFrameMajor);
+  if (!frames) return tl::unexpected<Error>(std::move(frames.error()));
+  if (frames->stored_type() != "uint16" && frames->stored_type() != "float32") {
+    return bad_input("/frames is of type " + frames->stored_type() + "; expected uint16 or float32");
+  }
+  contents.info.format.geometry = frames->geometry();
+  contents.info.format.type = frames->type();
+  contents.info.frames = frames->frames();
+  contents.frames = std::move(*frames);
+  return {};
+}
+
+Status read_truth(hid_t file, Contents& contents) {
+  if (!h5::exists(file, "/truth")) return {};
+  Result<FrameStore> truth = FrameStore::open(file, "/truth/frames", FrameOrder::kFrameMajor);
+  if (!truth) return tl::unexpected<Error>(std::move(truth.error()));
+  if (truth->stored_type() != "float32") {
+    return bad_input("/truth/frames is of type " + truth->stored_type() + "; expected float32");
+  }
+  const Geometry expected = contents.info.format.geometry;
+  if (!(truth->geometry() == expected)) {
+    return bad_input("/truth/frames has frames of " + std::to_string(truth->geometry().width) + "x" +
+                     std::to_string(truth->geometry().height) + " but /frames of " + std::to_string(expected.width) +
+                     "x" + std::to_string(expected.height));
+  }
+  contents.info.has_truth = true;
+  contents.truth = std::move(*truth);
+  return {};
+}
+
+Status read_series(hid_t file, Contents& contents) {
+  Result<std::vector<double>> t = h5::read_doubles(file, "/t");
+  if (!t) return tl::unexpected<Error>(std::move(t.error()));
+  Result<std::vector<std::uint64_t>> frame_id = h5::read_counts(file, "/frame_id");
+  if (!frame_id) return tl::unexpected<Error>(std::move(frame_id.error()));
+  contents.t = std::move(*t);
+  contents.frame_id = std::move(*frame_id);
+  return {};
+}
+
+Status check_length(const char* path, std::size_t length, std::size_t frames) {
+  if (length == frames) return {};
+  return bad_input(std::string(path) + " has " + std::to_string(length) + " values but /frames has " +
+                   std::to_string(frames) + " frames");
+}
+
+Status check_lengths(const Contents& contents) {
+  const std::size_t frames = contents.info.frames;
+  Status good = check_length("/t", contents.t.size(), frames);
+  if (good) good = check_length("/frame_id", contents.frame_id.size(), frames);
+  if (good && contents.truth) good = check_length("/truth/frames", contents.truth->frames(), frames);
+  return good;
+}
+
+// A recording that was killed while its lengths were being written: what all datasets have is whole.
+Status cut_to_shortest(Contents& contents) {
+  std::size_t frames = std::min({contents.info.frames, contents.t.size(), contents.frame_id.size()});
+  if (contents.truth) frames = std::min(frames, contents.truth->frames());
+  if (frames == 0) return bad_input("the recording was cut off before its first frame was flushed");
+  if (const std::size_t most = std::max(contents.info.frames, contents.t.size()); most > frames) {
+    contents.warnings.push_back("the recording was cut off: the last " + std::to_string(most - frames) +
+                                " frames are incomplete and left out");
+  }
+  contents.info.frames = frames;
+  contents.t.resize(frames);
+  contents.frame_id.resize(frames);
+  return {};
+}
+
+Status check_ids(const std::vector<std::uint64_t>& id) {
+  for (std::size_t i = 1; i < id.size(); ++i) {
+    if (id[i] <= id[i - 1]) {
+      return bad_input("/frame_id: value " + std::to_string(i) + " (" + std::to_string(id[i]) +
+                       ") is not above the one before (" + std::to_string(id[i - 1]) + "); frame numbers must rise");
+    }
+  }
+  return {};
+}
+
+bool is_own_attribute(const std::string& name) {
+  constexpr std::array<std::string_view, 9> kOwn{"format",         "version",      "unit",          "scale",   "offset",
+                                                 "frame_period_s", "camera_model", "camera_serial", "row_step"};
+  return std::find(kOwn.begin(), kOwn.end(), name) != kOwn.end();
+}
+
+herr_t collect_name(hid_t, const char* name, const H5A_info_t*, void* names) {
+  static_cast<std::vector<std::string>*>(names)->emplace_back(name);
+  return 0;
+}
+
+// Attributes beyond the format's own are for people: what cannot be read as number or string is passed over.
+std::vector<Attribute> other_attributes(const h5::Owner& root) {
+  std::vector<std::string> names;
+  H5Aiterate2(root.id, H5_INDEX_NAME, H5_ITER_INC, nullptr, collect_name, &names);
+  std::vector<Attribute> out;
+  for (const std::string& name : names) {
+    if (is_own_attribute(name)) continue;
+    if (Result<double> number = h5::number_attribute(root, name)) {
+      out.push_back({name, *number});
+    } else if (Result<std::string> string = h5::string_attribute(root, name)) {
+      out.push_back({name, std::move(*string)});
+    }
+  }
+  return out;
+}
+
+Status read_extras(hid_t file, const h5::Owner& root, Contents& contents) {
+  Result<std::vector<Event>> events = read_events(file);
+  if (!events) return tl::unexpected<Error>(std::move(events.error()));
+  Result<Stimulus> stimulus = read_stimulus(file);
+  if (!stimulus) return tl::unexpected<Error>(std::move(stimulus.error()));
+  contents.events = std::move(*events);
+  contents.stimulus = std::move(*stimulus);
+  contents.attributes = other_attributes(root);
+  return {};
+}
+
+}  // namespace
+
+Result<Contents> read_bolo_capture(hid_t file, bool unfinished) {
+  const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));
+  const h5::Owner root{group.get(), "root"};
+  Contents contents;
+  Status good = check_identity(root);
+  if (good) good = read_attributes(root, contents.info);
+  if (good) good = check_format_values(contents.info.format);
+  if (good) good = read_frames(file, contents);
+  if (good) good = read_series(file, contents);
+  if (good) good = read_truth(file, contents);
+  if (good) good = unfinished ? cut_to_shortest(contents) : check_lengths(contents);
+  if (good) good = check_times(contents.t);
+  if (good) good = check_ids(contents.frame_id);
+  if (good) good = read_extras(file, root, contents);
+  if (!good) return tl::unexpected<Error>(std::move(good.error()));
+  check_plausible(contents);
+  return contents;
+}
+
+}  // namespace bolo::capture

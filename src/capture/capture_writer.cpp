@@ -1,0 +1,362 @@
+// Writing "bolo-capture" version 1.
+//
+// What a killed process leaves behind. HDF5 keeps the file's structure (lengths, chunk index) in memory and by default
+// writes any of it when it likes. Here its cache may not evict, so structure reaches the file in H5Fflush only, once a
+// second of frames, after all datasets were brought to the same length: between flushes the file on disk is exactly
+// that of the last flush, with raw frames behind it that nothing refers to yet. The oldest file format is kept: newer
+// ones mark a file as "open for writing" and refuse it after a crash. A kill within the flush itself (well below a
+// millisecond a second) can tear the structure; SWMR mode would close that window but allows neither attributes nor
+// events to be added. A power cut loses what the kernel had not written yet; close() waits for the disk.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+
+#include "bolo/capture/capture.hpp"
+#include "src/capture/contents.hpp"
+#include "src/capture/disk_reserve.hpp"
+#include "src/capture/events_io.hpp"
+#include "src/capture/open_file.hpp"
+#include "src/capture/stimulus_io.hpp"
+
+namespace bolo::capture {
+namespace {
+
+constexpr double kFlushEvery_s = 1.0;
+constexpr std::size_t kMostFramesUnflushed = 1000;
+constexpr hsize_t kSeriesChunk = 1024;
+constexpr std::size_t kMostStructureBytes = std::size_t{8} << 20;  // of HDF5's cache, before it is emptied
+
+h5::Handle writing_access() {
+  h5::Handle access = file_access();
+  H5Pset_evict_on_close(access.get(), true);
+  H5AC_cache_config_t cache{};
+  cache.version = H5AC__CURR_CACHE_CONFIG_VERSION;
+  H5Pget_mdc_config(access.get(), &cache);
+  cache.evictions_enabled = false;
+  cache.incr_mode = H5C_incr__off;
+  cache.flash_incr_mode = H5C_flash_incr__off;
+  cache.decr_mode = H5C_decr__off;
+  H5Pset_mdc_config(access.get(), &cache);
+  return access;
+}
+
+h5::Handle create_dataset(hid_t file, const std::string& path, hid_t type, const h5::Dims& chunk, int deflate_level) {
+  h5::Dims none = chunk;
+  h5::Dims no_limit = chunk;
+  none[0] = 0;
+  no_limit[0] = H5S_UNLIMITED;
+  const auto rank = static_cast<int>(chunk.size());
+  const h5::Handle space(H5Screate_simple(rank, none.data(), no_limit.data()));
+  const h5::Handle properties(H5Pcreate(H5P_DATASET_CREATE));
+  H5Pset_chunk(properties.get(), rank, chunk.data());
+  H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER);  // every chunk is written whole
+  H5Pset_obj_track_times(properties.get(), false);          // equal frames give equal files
+  if (deflate_level > 0) {
+    H5Pset_shuffle(properties.get());
+    H5Pset_deflate(properties.get(), static_cast<unsigned>(deflate_level));
+  }
+  const h5::Handle links(H5Pcreate(H5P_LINK_CREATE));
+  H5Pset_create_intermediate_group(links.get(), 1);
+  return h5::Handle(H5Dcreate2(file, path.c_str(), type, space.get(), links.get(), properties.get(), H5P_DEFAULT));
+}
+
+// Writes `count` rows from row `begin` on; the dataset grows to hold them.
+bool write_rows(hid_t dataset, hid_t type, hsize_t begin, hsize_t count, const void* values) {
+  h5::Dims dims = h5::shape(dataset);
+  h5::Dims start(dims.size(), 0);
+  h5::Dims size = dims;
+  dims[0] = begin + count;
+  start[0] = begin;
+  size[0] = count;
+  if (H5Dset_extent(dataset, dims.data()) < 0) return false;
+  const h5::Handle to(H5Dget_space(dataset));
+  const h5::Handle from(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr));
+  return H5Sselect_hyperslab(to.get(), H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr) >= 0 &&
+         H5Dwrite(dataset, type, from.get(), to.get(), H5P_DEFAULT, values) >= 0;
+}
+
+bool cut_rows(hid_t dataset, hsize_t rows) {
+  h5::Dims dims = h5::shape(dataset);
+  dims[0] = rows;
+  return H5Dset_extent(dataset, dims.data()) >= 0;
+}
+
+Status check_info(const CaptureInfo& info, const WriterOptions& options) {
+  const Geometry g = info.format.geometry;
+  if (g.width < 1 || g.height < 1) {
+    return bad_input("frames of " + std::to_string(g.width) + "x" + std::to_string(g.height) + " cannot be stored");
+  }
+  if (options.deflate_level < 0 || options.deflate_level > 9) {
+    return bad_input("a compression level of " + std::to_string(options.deflate_level) + " is not one of 0 to 9");
+  }
+  return check_format_values(info.format);
+}
+
+bool write_identity(hid_t root, const CaptureInfo& info) {
+  const LinearScale& scale = info.format.scale;
+  return h5::write_attribute(root, "format", std::string("bolo-capture")) &&
+         h5::write_attribute(root, "version", std::int64_t{1}) &&
+         h5::write_attribute(root, "unit", std::string(scale.unit == Unit::kKelvin ? "kelvin" : "count")) &&
+         h5::write_attribute(root, "scale", scale.scale) && h5::write_attribute(root, "offset", scale.offset) &&
+         h5::write_attribute(root, "frame_period_s", info.format.frame_period_s) &&
+         h5::write_attribute(root, "camera_model", info.camera_model) &&
+         h5::write_attribute(root, "camera_serial", info.camera_serial) &&
+         h5::write_attribute(root, "row_step", std::int64_t{info.format.row_step});
+}
+
+std::size_t frames_between_flushes(double frame_period_s) {
+  const double frames = std::clamp(kFlushEvery_s / frame_period_s, 1.0, static_cast<double>(kMostFramesUnflushed));
+  return static_cast<std::size_t>(frames);
+}
+
+}  // namespace
+
+struct CaptureWriter::Impl {
+  std::filesystem::path final_name;
+  std::filesystem::path part_name;
+  CaptureInfo info;
+  WriterOptions options;
+  std::optional<DiskReserve> reserve;
+  h5::Handle file;
+  h5::Handle frames;
+  h5::Handle truth;
+  h5::Handle t;
+  h5::Handle frame_id;
+
+  std::size_t written = 0;  // frames in /frames; those of them in /t and /frame_id are `written - pending_t.size()`
+  std::size_t flush_frames = 1;
+  std::vector<double> pending_t;
+  std::vector<std::uint64_t> pending_id;
+  std::vector<Event> pending_events;
+  double last_t_s = -std::numeric_limits<double>::infinity();
+  std::uint64_t last_id = 0;
+
+  Status create();
+  Status create_items();
+  Status check_order(double t_s, std::uint64_t id) const;
+  Status make_room(std::uint64_t bytes);
+  Status write_planes(const void* plane, const float* truth_plane);
+  Status flush();
+  void shed_structure();
+  bool close_file();
+  Status publish() const;
+
+  hid_t pixel_type() const { return info.format.type == PixelType::kUint16 ? H5T_NATIVE_UINT16 : H5T_NATIVE_FLOAT; }
+  std::uint64_t frame_bytes() const {
+    const std::size_t truth_bytes = options.truth ? plane_bytes(info.format.geometry, PixelType::kFloat32) : 0;
+    return plane_bytes(info.format.geometry, info.format.type) + truth_bytes;
+  }
+  tl::unexpected<Error> broken(const std::string& what) const {
+    return failed(part_name.string() + ": " + what + h5::because());
+  }
+  tl::unexpected<Error> closed() const { return failed(final_name.string() + ": the capture is closed already"); }
+};
+
+Status CaptureWriter::Impl::create() {
+  const int probe = ::open(part_name.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
+  if (probe < 0) return bad_input(part_name.string() + ": cannot be created: " + std::strerror(errno));
+  ::close(probe);
+  const h5::Handle access = writing_access();
+  const h5::Handle creation(H5Pcreate(H5P_FILE_CREATE));
+  file = h5::Handle(H5Fcreate(part_name.c_str(), H5F_ACC_TRUNC, creation.get(), access.get()));
+  if (!file) return bad_input(part_name.string() + ": cannot be created" + h5::because());
+  Result<DiskReserve> opened = DiskReserve::open(part_name);
+  if (!opened) return at(part_name.string(), std::move(opened.error()));
+  reserve = std::move(*opened);
+  if (Status good = make_room(frame_bytes()); !good) return good;
+  return create_items();
+}
+
+Status CaptureWriter::Impl::create_items() {
+  const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
+  if (!root || !write_identity(root.get(), info)) return broken("the root attributes cannot be written");
+  const h5::Dims frame{1, static_cast<hsize_t>(info.format.geometry.height),
+                       static_cast<hsize_t>(info.format.geometry.width)};
+  frames = create_dataset(file.get(), "/frames", pixel_type(), frame, options.deflate_level);
+  t = create_dataset(file.get(), "/t", H5T_NATIVE_DOUBLE, {kSeriesChunk}, 0);
+  frame_id = create_dataset(file.get(), "/frame_id", H5T_NATIVE_UINT64, {kSeriesChunk}, 0);
+  if (options.truth) {
+    truth = create_dataset(file.get(), "/truth/frames", H5T_NATIVE_FLOAT, frame, options.deflate_level);
+  }
+  if (!frames || !t || !frame_id || (options.truth && !truth)) return broken("the datasets cannot be created");
+  return flush();
+}
+
+Status CaptureWriter::Impl::check_order(double t_s, std::uint64_t id) const {
+  if (!std::isfinite(t_s) || t_s <= last_t_s) {
+    return bad_input(final_name.string() + ": the time of frame " + std::to_string(written) + " (" + h5::text(t_s) +
+                     ") is not above the one before (" + h5::text(last_t_s) + ")");
+  }
+  if (written > 0 && id <= last_id) {
+    return bad_input(final_name.string() + ": the number of frame " + std::to_string(written) + " (" +
+                     std::to_string(id) + ") is not above the one before (" + std::to_string(last_id) + ")");
+  }
+  return {};
+}
+
+// Everything that the next flush writes must fit, so that the flush cannot fail for want of room.
+Status CaptureWriter::Impl::make_room(std::uint64_t bytes) {
+  hsize_t size = 0;
+  if (H5Fget_filesize(file.get(), &size) < 0) return broken("its size is not known");
+  if (Status good = reserve->ensure(size + bytes); !good) return at(part_name.string(), std::move(good.error()));
+  return {};
+}
+
+Status CaptureWriter::Impl::write_planes(const void* plane, const float* truth_plane) {
+  const bool good = write_rows(frames.get(), pixel_type(), written, 1, plane) &&
+                    (!truth || write_rows(truth.get(), H5T_NATIVE_FLOAT, written, 1, truth_plane));
+  if (good) return {};
+  const auto error = broken("frame " + std::to_string(written) + " cannot be written");
+  cut_rows(frames.get(), written);
+  if (truth) cut_rows(truth.get(), written);
+  return error;
+}
+
+Status CaptureWriter::Impl::flush() {
+  const hsize_t begin = written - pending_t.size();
+  const hsize_t count = pending_t.size();
+  if (count > 0) {
+    if (!write_rows(t.get(), H5T_NATIVE_DOUBLE, begin, count, pending_t.data())) return broken("/t cannot be written");
+    if (!write_rows(frame_id.get(), H5T_NATIVE_UINT64, begin, count, pending_id.data())) {
+      return broken("/frame_id cannot be written");
+    }
+    pending_t.clear();
+    pending_id.clear();
+  }
+  if (!pending_events.empty()) {
+    if (!append_events(file.get(), pending_events)) return broken("/events cannot be written");
+    pending_events.clear();
+  }
+  if (H5Fflush(file.get(), H5F_SCOPE_LOCAL) < 0) return broken("cannot be flushed");
+  shed_structure();
+  return {};
+}
+
+// Long recordings: without eviction the cache would grow with the chunk index, about 80 MB an hour at 200 Hz. Closing a
+// dataset evicts what belongs to it; right after a flush all of it is clean.
+void CaptureWriter::Impl::shed_structure() {
+  std::size_t bytes = 0;
+  if (H5Fget_mdc_size(file.get(), nullptr, nullptr, &bytes, nullptr) < 0 || bytes < kMostStructureBytes) return;
+  frames.close();
+  frames = h5::Handle(H5Dopen2(file.get(), "/frames", H5P_DEFAULT));
+  if (!truth) return;
+  truth.close();
+  truth = h5::Handle(H5Dopen2(file.get(), "/truth/frames", H5P_DEFAULT));
+}
+
+bool CaptureWriter::Impl::close_file() {
+  for (h5::Handle* dataset : {&frames, &truth, &t, &frame_id}) dataset->close();
+  return file.close();
+}
+
+// Durable first, then under its final name.
+Status CaptureWriter::Impl::publish() const {
+  std::error_code error;
+  std::filesystem::rename(part_name, final_name, error);
+  if (error)
+    return failed(part_name.string() + ": cannot be renamed to " + final_name.string() + ": " + error.message());
+  return {};
+}
+
+CaptureWriter::CaptureWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+CaptureWriter::CaptureWriter(CaptureWriter&&) noexcept = default;
+CaptureWriter& CaptureWriter::operator=(CaptureWriter&&) noexcept = default;
+
+CaptureWriter::~CaptureWriter() {
+  if (!impl_ || !impl_->file) return;
+  const h5::Quiet quiet;
+  static_cast<void>(impl_->flush());
+  impl_->close_file();
+  if (impl_->reserve) impl_->reserve->release();
+}
+
+Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, const CaptureInfo& info,
+                                            const WriterOptions& options) {
+  const h5::Quiet quiet;
+  if (Status good = check_info(info, options); !good) return at(file.string(), std::move(good.error()));
+  auto impl = std::make_unique<Impl>();
+  impl->final_name = file;
+  impl->part_name = file.string() + ".part";
+  impl->info = info;
+  impl->options = options;
+  impl->flush_frames = frames_between_flushes(info.format.frame_period_s);
+  if (Status good = impl->create(); !good) return tl::unexpected<Error>(std::move(good.error()));
+  return CaptureWriter(std::move(impl));
+}
+
+Status CaptureWriter::append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth) {
+  const h5::Quiet quiet;
+  Impl& w = *impl_;
+  if (!w.file) return w.closed();
+  if ((truth != nullptr) != w.options.truth) {
+    return failed(w.final_name.string() + ": a truth plane must come with every frame or with none");
+  }
+  if (Status good = w.check_order(t_s, frame_id); !good) return good;
+  if (Status good = w.make_room(w.frame_bytes()); !good) return good;
+  if (Status good = w.write_planes(plane, truth); !good) return good;
+  ++w.written;
+  w.pending_t.push_back(t_s);
+  w.pending_id.push_back(frame_id);
+  w.last_t_s = t_s;
+  w.last_id = frame_id;
+  return w.pending_t.size() >= w.flush_frames ? w.flush() : Status{};
+}
+
+Status CaptureWriter::write_stimulus(const Stimulus& stimulus) {
+  const h5::Quiet quiet;
+  if (!impl_->file) return impl_->closed();
+  Status good = check_stimulus(stimulus);
+  if (const auto* scene = std::get_if<SceneStimulus>(&stimulus); good && scene != nullptr) {
+    good = impl_->make_room(scene->image_k.size() * sizeof(float) + 3 * scene->t_s.size() * sizeof(double));
+    if (!good) return good;
+  }
+  if (good) good = capture::write_stimulus(impl_->file.get(), stimulus);
+  if (!good) return at(impl_->part_name.string(), std::move(good.error()));
+  return {};
+}
+
+Status CaptureWriter::add_event(const Event& event) {
+  if (!impl_->file) return impl_->closed();
+  if (!std::isfinite(event.t_s) || event.kind.empty() || event.kind.size() > kLongestEventKind) {
+    return bad_input(impl_->final_name.string() + ": an event needs a finite time and a kind of 1 to " +
+                     std::to_string(kLongestEventKind) + " bytes; got '" + event.kind + "'");
+  }
+  impl_->pending_events.push_back(event);
+  return {};
+}
+
+Status CaptureWriter::write_attribute(const std::string& name, double value) {
+  const h5::Quiet quiet;
+  if (!impl_->file) return impl_->closed();
+  const h5::Handle root(H5Gopen2(impl_->file.get(), "/", H5P_DEFAULT));
+  if (h5::write_attribute(root.get(), name, value)) return {};
+  return impl_->broken("root attribute '" + name + "' cannot be written");
+}
+
+Status CaptureWriter::write_attribute(const std::string& name, const std::string& value) {
+  const h5::Quiet quiet;
+  if (!impl_->file) return impl_->closed();
+  const h5::Handle root(H5Gopen2(impl_->file.get(), "/", H5P_DEFAULT));
+  if (h5::write_attribute(root.get(), name, value)) return {};
+  return impl_->broken("root attribute '" + name + "' cannot be written");
+}
+
+Status CaptureWriter::close() {
+  const h5::Quiet quiet;
+  Impl& w = *impl_;
+  if (!w.file) return w.closed();
+  if (Status good = w.flush(); !good) return good;
+  if (!w.close_file()) return w.broken("cannot be closed");
+  w.reserve->release();
+  if (!w.reserve->sync()) return failed(w.part_name.string() + ": cannot be stored: " + std::strerror(errno));
+  return w.publish();
+}
+
+}  // namespace bolo::capture

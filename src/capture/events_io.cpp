@@ -1,0 +1,140 @@
+#include "src/capture/events_io.hpp"
+
+#include <array>
+#include <cmath>
+#include <cstring>
+
+namespace bolo::capture {
+namespace {
+
+const std::string kPath = "/events";
+
+struct FixedRow {
+  double t_s;
+  std::array<char, kLongestEventKind + 1> kind;
+};
+
+struct VariableRow {
+  double t_s;
+  char* kind;
+};
+
+h5::Handle row_type(hid_t kind_type, std::size_t size, std::size_t kind_offset) {
+  h5::Handle type(H5Tcreate(H5T_COMPOUND, size));
+  H5Tinsert(type.get(), "t", 0, H5T_NATIVE_DOUBLE);
+  H5Tinsert(type.get(), "kind", kind_offset, kind_type);
+  return type;
+}
+
+h5::Handle fixed_string() {
+  h5::Handle type(H5Tcopy(H5T_C_S1));
+  H5Tset_size(type.get(), kLongestEventKind + 1);
+  H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  return type;
+}
+
+// Type of member `name`, nothing when there is none.
+h5::Handle member_type(hid_t compound, const char* name) {
+  const int index = H5Tget_member_index(compound, name);
+  return index < 0 ? h5::Handle() : h5::Handle(H5Tget_member_type(compound, static_cast<unsigned>(index)));
+}
+
+Status unreadable() { return bad_input(kPath + " cannot be read" + h5::because()); }
+
+Status read_variable(hid_t dataset, hid_t kind_type, std::vector<Event>& events) {
+  std::vector<VariableRow> rows(events.size());
+  const h5::Handle type = row_type(kind_type, sizeof(VariableRow), offsetof(VariableRow, kind));
+  if (H5Dread(dataset, type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, rows.data()) < 0) return unreadable();
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    events[i] = {rows[i].t_s, rows[i].kind == nullptr ? "" : rows[i].kind};
+  }
+  const h5::Handle space(H5Dget_space(dataset));
+  H5Dvlen_reclaim(type.get(), space.get(), H5P_DEFAULT, rows.data());
+  return {};
+}
+
+Status read_fixed(hid_t dataset, hid_t kind_type, std::vector<Event>& events) {
+  const std::size_t length = H5Tget_size(kind_type);
+  const std::size_t stride = sizeof(double) + length;
+  std::vector<char> rows(events.size() * stride);
+  const h5::Handle type = row_type(kind_type, stride, sizeof(double));
+  if (H5Dread(dataset, type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, rows.data()) < 0) return unreadable();
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    const char* row = rows.data() + i * stride;
+    std::memcpy(&events[i].t_s, row, sizeof(double));
+    const char* kind = row + sizeof(double);
+    events[i].kind.assign(kind, strnlen(kind, length));
+    if (H5Tget_strpad(kind_type) == H5T_STR_SPACEPAD) {
+      events[i].kind.erase(events[i].kind.find_last_not_of(' ') + 1);
+    }
+  }
+  return {};
+}
+
+h5::Handle create_dataset(hid_t file, hid_t type) {
+  const hsize_t none = 0;
+  const hsize_t no_limit = H5S_UNLIMITED;
+  const hsize_t chunk = 16;
+  const h5::Handle space(H5Screate_simple(1, &none, &no_limit));
+  const h5::Handle properties(H5Pcreate(H5P_DATASET_CREATE));
+  H5Pset_chunk(properties.get(), 1, &chunk);
+  H5Pset_obj_track_times(properties.get(), false);
+  return h5::Handle(H5Dcreate2(file, kPath.c_str(), type, space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT));
+}
+
+}  // namespace
+
+Result<std::vector<Event>> read_events(hid_t file) {
+  if (!h5::exists(file, kPath)) return std::vector<Event>{};
+  const Result<h5::Handle> dataset = h5::open_dataset(file, kPath);
+  if (!dataset) return tl::unexpected<Error>(dataset.error());
+  const h5::Handle type(H5Dget_type(dataset->get()));
+  if (H5Tget_class(type.get()) != H5T_COMPOUND) {
+    return bad_input(kPath + " is of type " + h5::type_text(type.get()) +
+                     "; expected compound (t float64, kind string)");
+  }
+  const h5::Handle time = member_type(type.get(), "t");
+  const h5::Handle kind = member_type(type.get(), "kind");
+  const bool number = time && (H5Tget_class(time.get()) == H5T_FLOAT || H5Tget_class(time.get()) == H5T_INTEGER);
+  if (!number) return bad_input(kPath + " has no number member 't'; expected compound (t float64, kind string)");
+  if (!kind || H5Tget_class(kind.get()) != H5T_STRING) {
+    return bad_input(kPath + " has no string member 'kind'; expected compound (t float64, kind string)");
+  }
+  const h5::Dims dims = h5::shape(dataset->get());
+  if (dims.size() != 1) return bad_input(kPath + " has the shape " + h5::text(dims) + "; expected one dimension");
+
+  std::vector<Event> events(dims[0]);
+  if (events.empty()) return events;
+  Status good = H5Tis_variable_str(kind.get()) > 0 ? read_variable(dataset->get(), kind.get(), events)
+                                                   : read_fixed(dataset->get(), kind.get(), events);
+  for (std::size_t i = 0; good && i < events.size(); ++i) {
+    if (!std::isfinite(events[i].t_s)) {
+      good = bad_input(kPath + ": the time of event " + std::to_string(i) + " is not finite");
+    }
+  }
+  if (!good) return tl::unexpected<Error>(std::move(good.error()));
+  return events;
+}
+
+bool append_events(hid_t file, const std::vector<Event>& events) {
+  const h5::Handle kind = fixed_string();
+  const h5::Handle type = row_type(kind.get(), sizeof(FixedRow), offsetof(FixedRow, kind));
+  const h5::Handle dataset = h5::exists(file, kPath) ? h5::Handle(H5Dopen2(file, kPath.c_str(), H5P_DEFAULT))
+                                                     : create_dataset(file, type.get());
+  if (!dataset) return false;
+  std::vector<FixedRow> rows(events.size());
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    rows[i].t_s = events[i].t_s;
+    events[i].kind.copy(rows[i].kind.data(), kLongestEventKind);
+  }
+  const hsize_t begin = h5::shape(dataset.get()).at(0);
+  const hsize_t count = rows.size();
+  const hsize_t end = begin + count;
+  if (H5Dset_extent(dataset.get(), &end) < 0) return false;
+  const h5::Handle to(H5Dget_space(dataset.get()));
+  const h5::Handle from(H5Screate_simple(1, &count, nullptr));
+  return H5Sselect_hyperslab(to.get(), H5S_SELECT_SET, &begin, nullptr, &count, nullptr) >= 0 &&
+         H5Dwrite(dataset.get(), type.get(), from.get(), to.get(), H5P_DEFAULT, rows.data()) >= 0;
+}
+
+}  // namespace bolo::capture

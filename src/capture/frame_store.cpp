@@ -1,0 +1,154 @@
+#include "src/capture/frame_store.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+namespace bolo::capture {
+namespace {
+
+constexpr std::size_t kMostPixels = std::size_t{1} << 26;  // 64 M: beyond any thermal camera
+constexpr std::size_t kMostCache = std::size_t{128} << 20;
+constexpr std::size_t kBlockBytes = std::size_t{64} << 20;
+
+hid_t memory_type(PixelType type) { return type == PixelType::kUint16 ? H5T_NATIVE_UINT16 : H5T_NATIVE_FLOAT; }
+
+bool is_uint16(hid_t type) {
+  return H5Tget_class(type) == H5T_INTEGER && H5Tget_size(type) == 2 && H5Tget_sign(type) == H5T_SGN_NONE;
+}
+
+h5::Dims chunk_shape(hid_t dataset, std::size_t rank) {
+  const h5::Handle properties(H5Dget_create_plist(dataset));
+  if (H5Pget_layout(properties.get()) != H5D_CHUNKED) return {};
+  h5::Dims chunk(rank);
+  if (H5Pget_chunk(properties.get(), static_cast<int>(rank), chunk.data()) != static_cast<int>(rank)) return {};
+  return chunk;
+}
+
+// Bytes of all chunks that one frame touches; 0 for data without chunks.
+std::size_t chunks_of_a_frame(const h5::Dims& dims, const h5::Dims& chunk, std::size_t frame_axis, std::size_t bytes) {
+  if (chunk.empty()) return 0;
+  h5::Dims touched{bytes};
+  for (std::size_t axis = 0; axis < dims.size(); ++axis) {
+    const hsize_t count = axis == frame_axis ? 1 : (dims[axis] + chunk[axis] - 1) / chunk[axis];
+    touched.push_back(chunk[axis]);
+    touched.push_back(count);
+  }
+  return h5::product(touched).value_or(kMostCache);
+}
+
+// Reopens the dataset with a chunk cache that holds whole frames: the default of 1 MiB would decompress the same chunk
+// again for each frame in it.
+h5::Handle with_cache(hid_t file, const std::string& path, std::size_t cache_bytes) {
+  const h5::Handle access(H5Pcreate(H5P_DATASET_ACCESS));
+  constexpr std::size_t kSlots = 4099;          // prime, more than the chunks held
+  constexpr double kDropReadChunksFirst = 1.0;  // frames are read once, in order
+  H5Pset_chunk_cache(access.get(), kSlots, std::clamp(cache_bytes, std::size_t{1} << 20, kMostCache),
+                     kDropReadChunksFirst);
+  return h5::Handle(H5Dopen2(file, path.c_str(), access.get()));
+}
+
+template <typename T>
+void pick_frame(const std::byte* block, std::size_t count, std::size_t at, std::size_t pixels, void* out) {
+  const T* from = reinterpret_cast<const T*>(block);
+  T* to = static_cast<T*>(out);
+  for (std::size_t i = 0; i < pixels; ++i) to[i] = from[i * count + at];
+}
+
+Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder order) {
+  const char* expected = order == FrameOrder::kFrameMajor ? "(n, height, width)" : "(height, width, n)";
+  if (dims.size() != 3) {
+    return bad_input(path + " has the shape " + h5::text(dims) + "; expected three dimensions " + expected);
+  }
+  if (std::find(dims.begin(), dims.end(), hsize_t{0}) != dims.end()) {
+    return bad_input(path + " is empty: its shape is " + h5::text(dims) + ", in the order " + expected);
+  }
+  const std::size_t first = order == FrameOrder::kFrameMajor ? 1 : 0;
+  if (dims[first] > kMostPixels || dims[first + 1] > kMostPixels / dims[first]) {
+    return bad_input(path + " has frames of more than 64 million pixels: its shape is " + h5::text(dims));
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOrder order) {
+  Result<h5::Handle> dataset = h5::open_dataset(file, path);
+  if (!dataset) return tl::unexpected<Error>(std::move(dataset.error()));
+  const h5::Dims dims = h5::shape(dataset->get());
+  if (Status good = check_shape(path, dims, order); !good) return tl::unexpected<Error>(std::move(good.error()));
+
+  FrameStore store;
+  const h5::Handle type(H5Dget_type(dataset->get()));
+  const H5T_class_t kind = H5Tget_class(type.get());
+  store.stored_type_ = h5::type_text(type.get());
+  if (kind != H5T_INTEGER && kind != H5T_FLOAT) {
+    return bad_input(path + " is of type " + store.stored_type_ + "; expected numbers");
+  }
+  const bool frame_major = order == FrameOrder::kFrameMajor;
+  store.path_ = path;
+  store.order_ = order;
+  store.type_ = is_uint16(type.get()) ? PixelType::kUint16 : PixelType::kFloat32;
+  store.frames_ = dims[frame_major ? 0 : 2];
+  store.geometry_ = {static_cast<int>(dims[frame_major ? 2 : 1]), static_cast<int>(dims[frame_major ? 1 : 0])};
+
+  const h5::Dims chunk = chunk_shape(dataset->get(), dims.size());
+  const std::size_t cache = chunks_of_a_frame(dims, chunk, frame_major ? 0 : 2, H5Tget_size(type.get()));
+  store.block_frames_ =
+      std::clamp(kBlockBytes / plane_bytes(store.geometry_, store.type_), std::size_t{1}, store.frames_);
+  store.dataset_ = with_cache(file, path, cache);
+  if (!store.dataset_) return bad_input(path + " cannot be opened" + h5::because());
+  return store;
+}
+
+Status FrameStore::read(std::size_t index, void* out) {
+  if (index >= frames_) {
+    return bad_input(path_ + " has " + std::to_string(frames_) + " frames; there is no frame " + std::to_string(index));
+  }
+  if (order_ == FrameOrder::kFrameMajor) return read_plane(index, out);
+  if (index < block_begin_ || index >= block_begin_ + block_count_) {
+    if (Status good = read_block(index); !good) return good;
+  }
+  const std::size_t at = index - block_begin_;
+  if (type_ == PixelType::kUint16) {
+    pick_frame<std::uint16_t>(block_.data(), block_count_, at, geometry_.pixels(), out);
+  } else {
+    pick_frame<float>(block_.data(), block_count_, at, geometry_.pixels(), out);
+  }
+  return {};
+}
+
+Status FrameStore::read_plane(std::size_t index, void* out) {
+  const auto height = static_cast<hsize_t>(geometry_.height);
+  const auto width = static_cast<hsize_t>(geometry_.width);
+  const std::array<hsize_t, 3> start{index, 0, 0};
+  const std::array<hsize_t, 3> count{1, height, width};
+  const h5::Handle from(H5Dget_space(dataset_.get()));
+  const h5::Handle to(H5Screate_simple(3, count.data(), nullptr));
+  if (H5Sselect_hyperslab(from.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) < 0 ||
+      H5Dread(dataset_.get(), memory_type(type_), to.get(), from.get(), H5P_DEFAULT, out) < 0) {
+    return bad_input(path_ + ": frame " + std::to_string(index) + " cannot be read" + h5::because());
+  }
+  return {};
+}
+
+Status FrameStore::read_block(std::size_t index) {
+  const std::size_t begin = index / block_frames_ * block_frames_;
+  const std::size_t frames = std::min(block_frames_, frames_ - begin);
+  const std::array<hsize_t, 3> start{0, 0, begin};
+  const std::array<hsize_t, 3> count{static_cast<hsize_t>(geometry_.height), static_cast<hsize_t>(geometry_.width),
+                                     frames};
+  block_.resize(plane_bytes(geometry_, type_) * frames);
+  block_count_ = 0;  // nothing usable until the read succeeds
+  const h5::Handle from(H5Dget_space(dataset_.get()));
+  const h5::Handle to(H5Screate_simple(3, count.data(), nullptr));
+  if (H5Sselect_hyperslab(from.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) < 0 ||
+      H5Dread(dataset_.get(), memory_type(type_), to.get(), from.get(), H5P_DEFAULT, block_.data()) < 0) {
+    return bad_input(path_ + ": frames from " + std::to_string(begin) + " cannot be read" + h5::because());
+  }
+  block_begin_ = begin;
+  block_count_ = frames;
+  return {};
+}
+
+}  // namespace bolo::capture

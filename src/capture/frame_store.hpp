@@ -1,0 +1,51 @@
+// Frames of a dataset, one at a time, from either order of storage.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bolo/core/plane.hpp"
+#include "src/capture/h5.hpp"
+
+namespace bolo::capture {
+
+enum class FrameOrder {
+  kFrameMajor,  // (n, height, width): bolo-capture
+  kMatlab,      // (height, width, n): MATLAB's n x width x height, which HDF5 lists in reverse
+};
+
+// Values leave in `type()`: uint16 stays, everything else becomes float32. Thread: any one at a time.
+class FrameStore {
+ public:
+  // Any number type; whoever is stricter looks at stored_type(). Errors: kBadInput naming `path`.
+  static Result<FrameStore> open(hid_t file, const std::string& path, FrameOrder order);
+
+  std::size_t frames() const noexcept { return frames_; }
+  Geometry geometry() const noexcept { return geometry_; }
+  PixelType type() const noexcept { return type_; }
+  const std::string& stored_type() const noexcept { return stored_type_; }
+
+  // Frame `index`, row-major; `out` has plane_bytes(geometry(), type()) bytes.
+  Status read(std::size_t index, void* out);
+
+ private:
+  Status read_plane(std::size_t index, void* out);
+  Status read_block(std::size_t index);
+
+  h5::Handle dataset_;
+  std::string path_;
+  std::string stored_type_;
+  FrameOrder order_ = FrameOrder::kFrameMajor;
+  PixelType type_ = PixelType::kUint16;
+  Geometry geometry_;
+  std::size_t frames_ = 0;
+
+  // MATLAB's order keeps a pixel's whole history together, so frames are read by the block and turned over.
+  std::size_t block_frames_ = 1;
+  std::size_t block_begin_ = 0;
+  std::size_t block_count_ = 0;
+  std::vector<std::byte> block_;  // (height, width, block_count_)
+};
+
+}  // namespace bolo::capture

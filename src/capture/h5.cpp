@@ -1,0 +1,275 @@
+#include "src/capture/h5.hpp"
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+
+namespace bolo::capture::h5 {
+namespace {
+
+// The best ratio deflate can reach is 1032; shuffle and scale-offset don't go beyond by much.
+constexpr std::size_t kMostCompression = 2048;
+constexpr std::size_t kLongestString = std::size_t{1} << 20;
+
+herr_t keep_first(unsigned, const H5E_error2_t* error, void* out) {
+  auto& message = *static_cast<std::string*>(out);
+  if (error->desc != nullptr) message = error->desc;
+  return 1;  // stop: the innermost comes first
+}
+
+// Values of numbers and strings may be stored as a scalar or as an array of one.
+bool holds_one(hid_t attribute) {
+  const Handle space(H5Aget_space(attribute));
+  return space && H5Sget_simple_extent_npoints(space.get()) == 1;
+}
+
+std::string attribute_text(const Owner& owner, const std::string& name) {
+  return owner.name + " attribute '" + name + "'";
+}
+
+Result<Handle> open_attribute(const Owner& owner, const std::string& name) {
+  if (!has_attribute(owner, name)) return bad_input(attribute_text(owner, name) + " is missing");
+  Handle attribute(H5Aopen(owner.id, name.c_str(), H5P_DEFAULT));
+  if (!attribute) return bad_input(attribute_text(owner, name) + " cannot be read" + because());
+  if (!holds_one(attribute.get())) return bad_input(attribute_text(owner, name) + " must hold one value");
+  return attribute;
+}
+
+bool is_number(hid_t type) {
+  const H5T_class_t kind = H5Tget_class(type);
+  return kind == H5T_INTEGER || kind == H5T_FLOAT;
+}
+
+std::string until_padding(const char* characters, std::size_t size, H5T_str_t padding) {
+  std::string value(characters, strnlen(characters, size));
+  if (padding == H5T_STR_SPACEPAD) value.erase(value.find_last_not_of(' ') + 1);
+  return value;
+}
+
+Result<std::string> read_string(hid_t attribute, hid_t type, const std::string& where) {
+  if (H5Tis_variable_str(type) > 0) {
+    char* characters = nullptr;
+    if (H5Aread(attribute, type, static_cast<void*>(&characters)) < 0) {
+      return bad_input(where + " cannot be read" + because());
+    }
+    std::string value = characters == nullptr ? "" : characters;
+    H5free_memory(characters);
+    return value;
+  }
+  const std::size_t size = H5Tget_size(type);
+  if (size > kLongestString) return bad_input(where + " is longer than 1 MiB");
+  std::vector<char> characters(size);
+  if (H5Aread(attribute, type, characters.data()) < 0) return bad_input(where + " cannot be read" + because());
+  return until_padding(characters.data(), size, H5Tget_strpad(type));
+}
+
+Status check_filters(hid_t properties, const std::string& path) {
+  const int filters = H5Pget_nfilters(properties);
+  for (int i = 0; i < filters; ++i) {
+    unsigned flags = 0;
+    unsigned config = 0;
+    std::size_t values = 0;
+    std::array<char, 64> name{};
+    const H5Z_filter_t id = H5Pget_filter2(properties, static_cast<unsigned>(i), &flags, &values, nullptr, name.size(),
+                                           name.data(), &config);
+    if (id < 0 || H5Zfilter_avail(id) <= 0) {
+      return bad_input(path + " is compressed with filter " + std::to_string(id) + " ('" + name.data() +
+                       "'), which is not installed; rewrite the file with h5repack -f GZIP=4");
+    }
+  }
+  return {};
+}
+
+// Refuses a shape for which the file doesn't hold the data.
+Status check_stored(hid_t dataset, hid_t properties, const std::string& path) {
+  const Dims dims = shape(dataset);
+  const Handle type(H5Dget_type(dataset));
+  const std::optional<std::size_t> values = product(dims);
+  const std::size_t bytes = H5Tget_size(type.get());
+  if (!values || (bytes > 0 && *values > std::numeric_limits<std::size_t>::max() / 2 / bytes)) {
+    return bad_input(path + " declares an impossible shape " + text(dims));
+  }
+  const std::size_t stored = H5Dget_storage_size(dataset);
+  const std::size_t ratio = H5Pget_nfilters(properties) > 0 ? kMostCompression : 1;
+  if (*values * bytes / ratio > stored) {
+    return bad_input(path + " declares " + text(dims) + " values but the file holds only " + std::to_string(stored) +
+                     " bytes of them; it was cut off or never finished");
+  }
+  return {};
+}
+
+template <typename T>
+Result<std::vector<T>> read_series(hid_t file, const std::string& path, hid_t memory_type) {
+  Result<Handle> dataset = open_dataset(file, path);
+  if (!dataset) return tl::unexpected<Error>(std::move(dataset.error()));
+  const Handle type(H5Dget_type(dataset->get()));
+  if (!is_number(type.get())) return bad_input(path + " is of type " + type_text(type.get()) + "; expected numbers");
+  const Dims dims = shape(dataset->get());
+  const std::size_t values = product(dims).value_or(0);
+  const bool vector_of_matlab = dims.size() == 2 && (dims[0] == 1 || dims[1] == 1);
+  if (dims.size() != 1 && !vector_of_matlab) {
+    return bad_input(path + " has the shape " + text(dims) + "; expected one dimension");
+  }
+  std::vector<T> out(values);
+  if (values > 0 && H5Dread(dataset->get(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out.data()) < 0) {
+    return bad_input(path + " cannot be read" + because());
+  }
+  return out;
+}
+
+bool write_attribute_of(hid_t owner, const std::string& name, hid_t type, const void* value) {
+  const Handle space(H5Screate(H5S_SCALAR));
+  const Handle attribute(H5Acreate2(owner, name.c_str(), type, space.get(), H5P_DEFAULT, H5P_DEFAULT));
+  return attribute && H5Awrite(attribute.get(), type, value) >= 0;
+}
+
+}  // namespace
+
+Quiet::Quiet() noexcept {
+  H5Eget_auto2(H5E_DEFAULT, &function_, &data_);
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+}
+
+Quiet::~Quiet() { H5Eset_auto2(H5E_DEFAULT, function_, data_); }
+
+std::string cause() {
+  std::string message;
+  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, keep_first, &message);
+  for (char& c : message) {
+    if (c == '\n' || c == '\r' || c == '\t') c = ' ';
+  }
+  return message;
+}
+
+std::string because() {
+  const std::string message = cause();
+  return message.empty() ? message : ": " + message;
+}
+
+std::string text(double value) {
+  std::array<char, 32> buffer{};
+  std::snprintf(buffer.data(), buffer.size(), "%.9g", value);
+  return buffer.data();
+}
+
+std::string text(const Dims& dims) {
+  std::string out = "(";
+  for (std::size_t i = 0; i < dims.size(); ++i) out += (i > 0 ? ", " : "") + std::to_string(dims[i]);
+  return out + ")";
+}
+
+std::string type_text(hid_t type) {
+  const std::string bits = std::to_string(8 * H5Tget_size(type));
+  switch (H5Tget_class(type)) {
+    case H5T_INTEGER:
+      return (H5Tget_sign(type) == H5T_SGN_NONE ? "uint" : "int") + bits;
+    case H5T_FLOAT:
+      return "float" + bits;
+    case H5T_STRING:
+      return "string";
+    case H5T_COMPOUND:
+      return "compound";
+    default:
+      return "neither number nor string";
+  }
+}
+
+std::string dataset_type(hid_t id) {
+  const Handle type(H5Dget_type(id));
+  return type_text(type.get());
+}
+
+std::optional<std::size_t> product(const Dims& dims) {
+  std::size_t out = 1;
+  for (const hsize_t size : dims) {
+    if (size > 0 && out > std::numeric_limits<std::size_t>::max() / size) return std::nullopt;
+    out *= size;
+  }
+  return out;
+}
+
+bool has_attribute(const Owner& owner, const std::string& name) { return H5Aexists(owner.id, name.c_str()) > 0; }
+
+Result<double> number_attribute(const Owner& owner, const std::string& name) {
+  Result<Handle> attribute = open_attribute(owner, name);
+  if (!attribute) return tl::unexpected<Error>(std::move(attribute.error()));
+  const Handle type(H5Aget_type(attribute->get()));
+  if (!is_number(type.get())) {
+    return bad_input(attribute_text(owner, name) + " is of type " + type_text(type.get()) + "; expected a number");
+  }
+  double value = 0.0;
+  if (H5Aread(attribute->get(), H5T_NATIVE_DOUBLE, &value) < 0) {
+    return bad_input(attribute_text(owner, name) + " cannot be read" + because());
+  }
+  if (!std::isfinite(value)) return bad_input(attribute_text(owner, name) + " is not a finite number");
+  return value;
+}
+
+Result<std::string> string_attribute(const Owner& owner, const std::string& name) {
+  Result<Handle> attribute = open_attribute(owner, name);
+  if (!attribute) return tl::unexpected<Error>(std::move(attribute.error()));
+  const Handle type(H5Aget_type(attribute->get()));
+  if (H5Tget_class(type.get()) != H5T_STRING) {
+    return bad_input(attribute_text(owner, name) + " is of type " + type_text(type.get()) + "; expected a string");
+  }
+  return read_string(attribute->get(), type.get(), attribute_text(owner, name));
+}
+
+bool write_attribute(hid_t owner, const std::string& name, double value) {
+  return write_attribute_of(owner, name, H5T_NATIVE_DOUBLE, &value);
+}
+
+bool write_attribute(hid_t owner, const std::string& name, std::int64_t value) {
+  return write_attribute_of(owner, name, H5T_NATIVE_INT64, &value);
+}
+
+// Of fixed length: MATLAB and every version of h5py read it.
+bool write_attribute(hid_t owner, const std::string& name, const std::string& value) {
+  const Handle type(H5Tcopy(H5T_C_S1));
+  H5Tset_size(type.get(), value.size() + 1);
+  H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  return write_attribute_of(owner, name, type.get(), value.c_str());
+}
+
+bool exists(hid_t file, const std::string& path) {
+  for (std::size_t slash = path.find('/', 1);; slash = path.find('/', slash + 1)) {
+    if (H5Lexists(file, path.substr(0, slash).c_str(), H5P_DEFAULT) <= 0) return false;
+    if (slash == std::string::npos) return H5Oexists_by_name(file, path.c_str(), H5P_DEFAULT) > 0;
+  }
+}
+
+Result<Handle> open_dataset(hid_t file, const std::string& path) {
+  if (!exists(file, path)) return bad_input("dataset " + path + " is missing");
+  Handle object(H5Oopen(file, path.c_str(), H5P_DEFAULT));
+  if (!object) return bad_input(path + " cannot be opened" + because());
+  if (H5Iget_type(object.get()) != H5I_DATASET) return bad_input(path + " is not a dataset");
+  const Handle space(H5Dget_space(object.get()));
+  if (H5Sget_simple_extent_type(space.get()) == H5S_NULL) return bad_input(path + " is empty");
+  const Handle properties(H5Dget_create_plist(object.get()));
+  if (!properties) return bad_input(path + " cannot be opened" + because());
+  Status good = check_filters(properties.get(), path);
+  if (good) good = check_stored(object.get(), properties.get(), path);
+  if (!good) return tl::unexpected<Error>(std::move(good.error()));
+  return object;
+}
+
+Dims shape(hid_t dataset) {
+  const Handle space(H5Dget_space(dataset));
+  const int rank = H5Sget_simple_extent_ndims(space.get());
+  Dims dims(static_cast<std::size_t>(rank > 0 ? rank : 0));
+  if (!dims.empty()) H5Sget_simple_extent_dims(space.get(), dims.data(), nullptr);
+  return dims;
+}
+
+Result<std::vector<double>> read_doubles(hid_t file, const std::string& path) {
+  return read_series<double>(file, path, H5T_NATIVE_DOUBLE);
+}
+
+Result<std::vector<std::uint64_t>> read_counts(hid_t file, const std::string& path) {
+  return read_series<std::uint64_t>(file, path, H5T_NATIVE_UINT64);
+}
+
+}  // namespace bolo::capture::h5

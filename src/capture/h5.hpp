@@ -1,0 +1,97 @@
+// HDF5 identifiers that close themselves, errors as values, and checked reading of attributes and datasets.
+#pragma once
+
+#include <hdf5.h>
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "bolo/core/result.hpp"
+
+namespace bolo::capture::h5 {
+
+// Owns one identifier of any class (file, dataset, type, property list ...). Thread: any one at a time.
+class Handle {
+ public:
+  Handle() = default;
+  explicit Handle(hid_t id) noexcept : id_(id) {}
+  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, H5I_INVALID_HID)) {}
+  Handle& operator=(Handle&& other) noexcept {
+    if (this != &other) {
+      close();
+      id_ = std::exchange(other.id_, H5I_INVALID_HID);
+    }
+    return *this;
+  }
+  ~Handle() { close(); }
+
+  hid_t get() const noexcept { return id_; }
+  explicit operator bool() const noexcept { return id_ >= 0; }
+  // False when closing failed, for example a file's last write.
+  bool close() noexcept { return id_ < 0 || H5Idec_ref(std::exchange(id_, H5I_INVALID_HID)) >= 0; }
+
+ private:
+  hid_t id_ = H5I_INVALID_HID;
+};
+
+// While one lives, the library doesn't print its error stack in this thread: errors leave as values. Declare it before
+// the handles of a function, so that their closing is covered. Thread: any.
+class Quiet {
+ public:
+  Quiet() noexcept;
+  ~Quiet();
+  Quiet(const Quiet&) = delete;
+  Quiet& operator=(const Quiet&) = delete;
+
+ private:
+  H5E_auto2_t function_ = nullptr;
+  void* data_ = nullptr;
+};
+
+// The innermost message of this thread's last failed call, in one line; empty when there is none. Thread: any.
+std::string cause();
+
+// ": cause()" or nothing, to end a message with. Thread: any.
+std::string because();
+
+using Dims = std::vector<hsize_t>;
+
+std::string text(double value);                        // shortest form with 9 digits
+std::string text(const Dims& dims);                    // "(30, 120, 640)", "() " for a scalar
+std::string type_text(hid_t type);                     // "uint16", "float64", "string" ...
+std::string dataset_type(hid_t id);                    // type_text of a dataset's type
+std::optional<std::size_t> product(const Dims& dims);  // nothing when it doesn't fit
+
+// Where an attribute sits; `name` is for messages ("root", "/stimulus").
+struct Owner {
+  hid_t id = H5I_INVALID_HID;
+  std::string name;
+};
+
+// Attributes may be of any number or string type and scalar or of one element. Errors (kBadInput) name the attribute.
+// Thread: any one at a time.
+bool has_attribute(const Owner& owner, const std::string& name);
+Result<double> number_attribute(const Owner& owner, const std::string& name);  // finite
+Result<std::string> string_attribute(const Owner& owner, const std::string& name);
+
+// Replaces nothing: fails when the attribute is there already.
+bool write_attribute(hid_t owner, const std::string& name, double value);
+bool write_attribute(hid_t owner, const std::string& name, std::int64_t value);
+bool write_attribute(hid_t owner, const std::string& name, const std::string& value);
+
+// Whether every group on the way and the item itself is there. `path` starts with "/". Thread: any one at a time.
+bool exists(hid_t file, const std::string& path);
+
+// The dataset, checked to be readable: a simple shape, filters that this library has, and as much stored data as the
+// declared shape needs (so that a forged shape cannot make a reader allocate at will). Thread: any one at a time.
+Result<Handle> open_dataset(hid_t file, const std::string& path);
+Dims shape(hid_t dataset);
+
+// All values of a 1-dimensional dataset of numbers (a MATLAB row or column passes too). Thread: any one at a time.
+Result<std::vector<double>> read_doubles(hid_t file, const std::string& path);
+Result<std::vector<std::uint64_t>> read_counts(hid_t file, const std::string& path);
+
+}  // namespace bolo::capture::h5

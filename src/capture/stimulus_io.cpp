@@ -1,0 +1,236 @@
+#include "src/capture/stimulus_io.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <span>
+#include <variant>
+
+namespace bolo::capture {
+namespace {
+
+using h5::text;
+
+const std::string kGroup = "/stimulus";
+constexpr std::size_t kMostImagePixels = std::size_t{1} << 28;
+
+// Reads fields one after another and keeps the first error, so that a kind reads as the list of its fields.
+class Fields {
+ public:
+  explicit Fields(hid_t file, hid_t group) : file_(file), owner_{group, kGroup} {}
+
+  double number(const char* name) { return take(h5::number_attribute(owner_, name)); }
+  std::vector<double> series(const char* name) { return take(h5::read_doubles(file_, kGroup + "/" + name)); }
+  Image image(const char* name) { return take(read_image(file_, kGroup + "/" + name)); }
+
+  Result<Stimulus> done(Stimulus stimulus) {
+    if (status_) status_ = check_stimulus(stimulus);
+    if (!status_) return tl::unexpected<Error>(std::move(status_.error()));
+    return stimulus;
+  }
+
+ private:
+  template <typename T>
+  T take(Result<T> result) {
+    if (result) return std::move(*result);
+    if (status_) status_ = tl::unexpected<Error>(std::move(result.error()));
+    return {};
+  }
+
+  hid_t file_;
+  h5::Owner owner_;
+  Status status_;
+};
+
+Status all_finite(const char* name, std::span<const double> values) {
+  const auto bad = std::find_if(values.begin(), values.end(), [](double v) { return !std::isfinite(v); });
+  if (bad == values.end()) return {};
+  return bad_input(kGroup + "/" + name + ": value " + std::to_string(bad - values.begin()) + " is not finite");
+}
+
+Status same_length(const char* name, std::size_t length, const char* other, std::size_t other_length) {
+  if (length == other_length) return {};
+  return bad_input(kGroup + "/" + name + " has " + std::to_string(length) + " values but " + kGroup + "/" + other +
+                   " has " + std::to_string(other_length) + "; they belong together");
+}
+
+Status absolute_temperature(const char* name, double kelvin) {
+  if (kelvin > 0.0 && std::isfinite(kelvin)) return {};
+  return bad_input(kGroup + " attribute '" + name + "' is " + text(kelvin) + "; expected kelvin above 0");
+}
+
+// The first status that is an error, if any.
+template <typename... Statuses>
+Status first_error(Statuses... statuses) {
+  Status out;
+  ((out = out ? std::move(statuses) : std::move(out)), ...);
+  return out;
+}
+
+Status check(const NoStimulus&) { return {}; }
+
+Status check(const Uniform& u) { return absolute_temperature("temperature_k", u.temperature_k); }
+
+Status check(const Chopper& c) {
+  Status good =
+      first_error(absolute_temperature("cold_k", c.cold_k), all_finite("on_s", c.on_s), all_finite("off_s", c.off_s),
+                  all_finite("level_k", c.level_k), same_length("off_s", c.off_s.size(), "on_s", c.on_s.size()),
+                  same_length("level_k", c.level_k.size(), "on_s", c.on_s.size()));
+  for (std::size_t i = 0; good && i < c.on_s.size(); ++i) {
+    if (c.off_s[i] <= c.on_s[i]) {
+      return bad_input(kGroup + "/off_s: value " + std::to_string(i) + " (" + text(c.off_s[i]) +
+                       ") is not after on_s (" + text(c.on_s[i]) + ")");
+    }
+  }
+  return good;
+}
+
+Status check(const BarTarget& b) {
+  Status good = first_error(absolute_temperature("cold_k", b.cold_k), absolute_temperature("hot_k", b.hot_k));
+  if (!good) return good;
+  if (!(b.period_px > 0.0) || !std::isfinite(b.period_px)) {
+    return bad_input(kGroup + " attribute 'period_px' is " + text(b.period_px) + "; expected pixels above 0");
+  }
+  if (!(b.bar_width_px > 0.0 && b.bar_width_px <= b.period_px)) {
+    return bad_input(kGroup + " attribute 'bar_width_px' is " + text(b.bar_width_px) +
+                     "; expected pixels above 0, at most period_px (" + text(b.period_px) + ")");
+  }
+  if (!std::isfinite(b.slant_px_per_row) || !std::isfinite(b.velocity_px_s)) {
+    return bad_input(kGroup + " attributes 'slant_px_per_row' and 'velocity_px_s' must be finite");
+  }
+  return {};
+}
+
+Status check(const SceneStimulus& s) {
+  if (s.image_width < 1 || s.image_height < 1 ||
+      s.image_k.size() != static_cast<std::size_t>(s.image_width) * static_cast<std::size_t>(s.image_height)) {
+    return bad_input(kGroup + "/image_k has " + std::to_string(s.image_k.size()) + " values; expected " +
+                     std::to_string(s.image_height) + " rows of " + std::to_string(s.image_width));
+  }
+  const auto bad = std::find_if(s.image_k.begin(), s.image_k.end(), [](float v) { return !std::isfinite(v); });
+  if (bad != s.image_k.end()) {
+    return bad_input(kGroup + "/image_k: value " + std::to_string(bad - s.image_k.begin()) + " is not finite");
+  }
+  if (s.t_s.empty()) return bad_input(kGroup + "/t_s is empty; expected the times of the trajectory");
+  Status good = first_error(all_finite("t_s", s.t_s), all_finite("x_px", s.x_px), all_finite("y_px", s.y_px),
+                            same_length("x_px", s.x_px.size(), "t_s", s.t_s.size()),
+                            same_length("y_px", s.y_px.size(), "t_s", s.t_s.size()));
+  if (!good) return good;
+  const auto fall = std::adjacent_find(s.t_s.begin(), s.t_s.end(), [](double a, double b) { return !(b > a); });
+  if (fall != s.t_s.end()) {
+    return bad_input(kGroup + "/t_s: value " + std::to_string(fall - s.t_s.begin() + 1) +
+                     " is not above the one before; the times of the trajectory must rise");
+  }
+  return {};
+}
+
+SceneStimulus scene_of(Fields& fields) {
+  SceneStimulus scene;
+  Image image = fields.image("image_k");
+  scene.image_width = image.width;
+  scene.image_height = image.height;
+  scene.image_k = std::move(image.values);
+  scene.t_s = fields.series("t_s");
+  scene.x_px = fields.series("x_px");
+  scene.y_px = fields.series("y_px");
+  return scene;
+}
+
+bool write_dataset(hid_t group, const char* name, hid_t type, const h5::Dims& dims, const void* values) {
+  const h5::Handle space(H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr));
+  const h5::Handle properties(H5Pcreate(H5P_DATASET_CREATE));
+  H5Pset_obj_track_times(properties.get(), false);  // equal input gives equal files
+  const h5::Handle dataset(H5Dcreate2(group, name, type, space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT));
+  return dataset && H5Dwrite(dataset.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) >= 0;
+}
+
+bool write_series(hid_t group, const char* name, const std::vector<double>& values) {
+  return write_dataset(group, name, H5T_NATIVE_DOUBLE, {values.size()}, values.data());
+}
+
+bool write_kind(hid_t group, const char* kind) { return h5::write_attribute(group, "kind", std::string(kind)); }
+
+bool write(hid_t, const NoStimulus&) { return true; }
+
+bool write(hid_t group, const Uniform& u) {
+  return write_kind(group, "uniform") && h5::write_attribute(group, "temperature_k", u.temperature_k);
+}
+
+bool write(hid_t group, const Chopper& c) {
+  return write_kind(group, "chopper") && h5::write_attribute(group, "cold_k", c.cold_k) &&
+         write_series(group, "on_s", c.on_s) && write_series(group, "off_s", c.off_s) &&
+         write_series(group, "level_k", c.level_k);
+}
+
+bool write(hid_t group, const BarTarget& b) {
+  return write_kind(group, "bar_target") && h5::write_attribute(group, "cold_k", b.cold_k) &&
+         h5::write_attribute(group, "hot_k", b.hot_k) && h5::write_attribute(group, "period_px", b.period_px) &&
+         h5::write_attribute(group, "bar_width_px", b.bar_width_px) &&
+         h5::write_attribute(group, "slant_px_per_row", b.slant_px_per_row) &&
+         h5::write_attribute(group, "velocity_px_s", b.velocity_px_s);
+}
+
+bool write(hid_t group, const SceneStimulus& s) {
+  const h5::Dims image{static_cast<hsize_t>(s.image_height), static_cast<hsize_t>(s.image_width)};
+  return write_kind(group, "scene") && write_dataset(group, "image_k", H5T_NATIVE_FLOAT, image, s.image_k.data()) &&
+         write_series(group, "t_s", s.t_s) && write_series(group, "x_px", s.x_px) &&
+         write_series(group, "y_px", s.y_px);
+}
+
+}  // namespace
+
+Result<Stimulus> read_stimulus(hid_t file) {
+  if (!h5::exists(file, kGroup)) return NoStimulus{};
+  const h5::Handle group(H5Oopen(file, kGroup.c_str(), H5P_DEFAULT));
+  if (!group || H5Iget_type(group.get()) != H5I_GROUP) return bad_input(kGroup + " is not a group");
+  const Result<std::string> kind = h5::string_attribute({group.get(), kGroup}, "kind");
+  if (!kind) return tl::unexpected<Error>(kind.error());
+
+  Fields fields(file, group.get());
+  if (*kind == "uniform") return fields.done(Uniform{fields.number("temperature_k")});
+  if (*kind == "chopper") {
+    return fields.done(
+        Chopper{fields.number("cold_k"), fields.series("on_s"), fields.series("off_s"), fields.series("level_k")});
+  }
+  if (*kind == "bar_target") {
+    return fields.done(BarTarget{fields.number("cold_k"), fields.number("hot_k"), fields.number("period_px"),
+                                 fields.number("bar_width_px"), fields.number("slant_px_per_row"),
+                                 fields.number("velocity_px_s")});
+  }
+  if (*kind == "scene") return fields.done(scene_of(fields));
+  return bad_input(kGroup + " attribute 'kind' is '" + *kind + "'; expected uniform, chopper, bar_target or scene");
+}
+
+Status check_stimulus(const Stimulus& stimulus) {
+  return std::visit([](const auto& kind) { return check(kind); }, stimulus);
+}
+
+Status write_stimulus(hid_t file, const Stimulus& stimulus) {
+  if (std::holds_alternative<NoStimulus>(stimulus)) return {};
+  const h5::Handle group(H5Gcreate2(file, kGroup.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
+  if (!group) return failed(kGroup + " cannot be created" + h5::because());
+  const bool written = std::visit([&](const auto& kind) { return write(group.get(), kind); }, stimulus);
+  if (!written) return failed(kGroup + " cannot be written" + h5::because());
+  return {};
+}
+
+Result<Image> read_image(hid_t file, const std::string& path) {
+  Result<h5::Handle> dataset = h5::open_dataset(file, path);
+  if (!dataset) return tl::unexpected<Error>(std::move(dataset.error()));
+  const h5::Dims dims = h5::shape(dataset->get());
+  const std::size_t pixels = h5::product(dims).value_or(kMostImagePixels + 1);
+  if (dims.size() != 2 || pixels == 0 || pixels > kMostImagePixels) {
+    return bad_input(path + " has the shape " + text(dims) + "; expected an image (height, width)");
+  }
+  const h5::Handle type(H5Dget_type(dataset->get()));
+  if (const H5T_class_t kind = H5Tget_class(type.get()); kind != H5T_FLOAT && kind != H5T_INTEGER) {
+    return bad_input(path + " is of type " + h5::type_text(type.get()) + "; expected numbers");
+  }
+  Image image{static_cast<int>(dims[1]), static_cast<int>(dims[0]), std::vector<float>(pixels)};
+  if (H5Dread(dataset->get(), H5T_NATIVE_FLOAT, H5S_ALL, H5S_ALL, H5P_DEFAULT, image.values.data()) < 0) {
+    return bad_input(path + " cannot be read" + h5::because());
+  }
+  return image;
+}
+
+}  // namespace bolo::capture
