@@ -10,24 +10,26 @@ constexpr std::int64_t kStopCheckNs = 50'000'000;
 
 }  // namespace
 
-// The queue can hold every slot of the pool: a full queue then means a full pool, and frames are lost by one cause only
-// unless a caller asks for a shorter queue.
+// Beside the window's and the queue's slots there is one that the source fills and one that the pipeline has just
+// taken.
 FrameInlet::FrameInlet(const StreamFormat& format, std::size_t window_slots, std::size_t queue_slots)
-    : format_(format), pool_(format, window_slots + queue_slots), queue_(queue_slots) {}
+    : format_(format), pool_(format, window_slots + queue_slots + 2), queue_(queue_slots) {}
 
 rt::FrameSlot* FrameInlet::borrow() noexcept {
-  if (spare_ != nullptr) return std::exchange(spare_, nullptr);
-  rt::FrameSlot* slot = pool_.take();
-  if (slot == nullptr) losses_.add(LossCause::kPoolExhausted);
+  rt::FrameSlot* slot = spare_ != nullptr ? std::exchange(spare_, nullptr) : pool_.take();
+  if (slot == nullptr) {
+    losses_.add(LossCause::kPoolExhausted);
+    return nullptr;
+  }
+  slot->meta = {};
   return slot;
 }
 
 rt::FrameSlot* FrameInlet::borrow_wait(const std::atomic<bool>& stop_requested) noexcept {
-  if (spare_ != nullptr) return std::exchange(spare_, nullptr);
-  while (!stop_requested.load(std::memory_order_relaxed)) {
-    if (rt::FrameSlot* slot = pool_.take_wait(kStopCheckNs)) return slot;
-  }
-  return nullptr;
+  rt::FrameSlot* slot = std::exchange(spare_, nullptr);
+  while (slot == nullptr && !stop_requested.load(std::memory_order_relaxed)) slot = pool_.take_wait(kStopCheckNs);
+  if (slot != nullptr) slot->meta = {};
+  return slot;
 }
 
 bool FrameInlet::commit(rt::FrameSlot& slot) noexcept {

@@ -13,14 +13,16 @@ namespace bolo::pipeline {
 
 class FrameInlet {
  public:
-  // Allocates the pool and the queue; `window_slots` are those that the window keeps. Thread: setup.
+  // Allocates the pool and the queue; `window_slots` are those that the window keeps,
+  // `queue_slots` frames may wait before it. Thread: setup.
   FrameInlet(const StreamFormat& format, std::size_t window_slots, std::size_t queue_slots);
 
   const StreamFormat& format() const noexcept { return format_; }
 
   // --- the source's side. Thread: acquire ---
 
-  // A slot to fill, or nullptr when none is free; the loss (kPoolExhausted) is then already counted. Never blocks.
+  // A slot to fill (its meta is empty again), or nullptr when none is free; the loss (kPoolExhausted) is then already
+  // counted. Never blocks.
   rt::FrameSlot* borrow() noexcept;
 
   // As borrow(), but waits for a slot until stop_requested: nothing is lost. For sources that can be slowed (files).
@@ -56,6 +58,7 @@ class FrameInlet {
   // The source has called finish(). Read it before a next() that comes back empty: only then is nothing left.
   bool finished() const noexcept { return finished_.load(std::memory_order_acquire); }  // partner: finish()
   void give_back(rt::FrameSlot& slot) noexcept { pool_.give_back(slot); }
+  void give_back(std::uint32_t slot_index) noexcept { pool_.give_back(pool_.slot(slot_index)); }
 
  private:
   struct Entry {

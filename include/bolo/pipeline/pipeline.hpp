@@ -2,7 +2,10 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "bolo/core/result.hpp"
@@ -15,29 +18,40 @@
 namespace bolo::pipeline {
 
 struct PipelineOptions {
-  deblur::Settings deblur;  // period_s and lambda apply to the source's own period and scale
+  // period_s is not looked at: the source's own frame period takes its place, for on any other grid a window would be
+  // full of gaps. lambda is in kelvin, or in counts for a source that has no kelvin.
+  deblur::Settings deblur;
   PixelType output = PixelType::kUint16;
   int workers = 2;           // the pipeline thread is one of them
   int queue_frames = 16;     // frames that may wait between driver and deblurring
   rt::ThreadOptions thread;  // of the pipeline thread and its workers
+  // Told, once each, what the system refused though work goes on: a priority, a place, a worker. May be empty.
+  // Thread: setup, or pipeline before the first frame.
+  std::function<void(const std::string&)> warn{};
 };
 
 class Pipeline {
  public:
-  // Opens the source and the sinks and takes all memory. The sinks outlive the pipeline. Thread: setup.
+  // Opens the source and the sinks and takes all memory. The sinks outlive the pipeline, and each that was opened is
+  // closed once: by run(), by the destructor, or here when something fails. Thread: setup.
   static Result<std::unique_ptr<Pipeline>> create(std::unique_ptr<FrameSource> source, std::vector<FrameSink*> sinks,
                                                   const PipelineOptions& options);
   ~Pipeline();
   Pipeline(const Pipeline&) = delete;
   Pipeline& operator=(const Pipeline&) = delete;
 
-  // Runs until the source ends or stop_requested; then drains, stops the source and closes the sinks. The calling
-  // thread becomes the pipeline thread. Nothing is allocated after the first frame. Thread: setup.
+  // Runs until the source ends or stop_requested; then stops the source, publishes what had already come and closes the
+  // sinks. The calling thread becomes the pipeline thread. Nothing is allocated after the first frame. Called once;
+  // Thread: setup.
   Status run(const std::atomic<bool>& stop_requested);
 
   // Thread: any.
   const PipelineStats& stats() const noexcept;
   const SourceInfo& source() const noexcept;
+  // As applied: with the source's own period and the iterations in use. Thread: any.
+  const deblur::Settings& settings() const noexcept;
+  // The instruction set of the solver. Thread: any.
+  std::string_view isa() const noexcept;
   // Method, iterations, lambda and instruction set in words, for people. Thread: any.
   const std::string& solver_text() const noexcept;
 

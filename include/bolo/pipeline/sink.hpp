@@ -16,7 +16,7 @@ namespace bolo::pipeline {
 // One published frame; valid only during publish().
 struct PublishedFrame {
   FrameMeta meta;
-  std::int64_t publish_ns = 0;      // CLOCK_MONOTONIC, when deblurring ended
+  std::int64_t publish_ns = 0;      // CLOCK_MONOTONIC, right before the sinks get it
   const void* raw = nullptr;        // the source's pixel type
   const void* deblurred = nullptr;  // the output pixel type
 };

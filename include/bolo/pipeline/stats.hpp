@@ -16,7 +16,7 @@ struct PipelineStats {
   rt::Counter warm_up;           // published without a full window behind them
   rt::Counter gap_frames;        // published with a lost frame in their window
   rt::Counter deblur_ns;         // time spent solving, summed over frames
-  rt::LatencyHistogram latency;  // first byte received -> handed to the sinks
+  rt::LatencyHistogram latency;  // first byte received -> publish_ns, right before the sinks get it
 };
 
 }  // namespace bolo::pipeline

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "bolo/core/loss.hpp"
 
@@ -36,7 +37,7 @@ class LossCounters {
   std::array<Counter, kLossCauses> by_cause_;
 };
 
-// Latency histogram with 8 buckets an octave: a percentile read from it is at most 12.5 % above the true one.
+// Latency histogram with 8 buckets an octave: a percentile read from it is at most 12.5 % (or 1 us) above the true one.
 // Bucket b < 8 holds b microseconds; bucket 8 * e + m holds [(8 + m) << (e - 1), (9 + m) << (e - 1)) microseconds.
 // The same buckets are laid out in shared memory (shm_layout.h). Thread: one writer, any reader.
 class LatencyHistogram {
@@ -57,8 +58,26 @@ class LatencyHistogram {
     return static_cast<double>((9 + b % 8) << (b / 8 - 1)) * 1e-3;
   }
 
+  // The latency in ms that `fraction` (0..1) of the counted frames did not exceed, from a copy of the counts such as
+  // shared memory holds; 0 when nothing was counted. Thread: any.
+  static constexpr double percentile_ms(std::span<const std::uint64_t> counts, double fraction) noexcept {
+    std::uint64_t total = 0;
+    for (const std::uint64_t c : counts) total += c;
+    std::uint64_t seen = 0;
+    for (std::size_t b = 0; b < counts.size(); ++b) {
+      seen += counts[b];
+      if (seen > 0 && static_cast<double>(seen) >= fraction * static_cast<double>(total)) return upper_ms(b);
+    }
+    return 0.0;
+  }
+
   void add(std::int64_t ns) noexcept { counts_[bucket(ns)].add(); }
   std::uint64_t count(std::size_t b) const noexcept { return counts_[b].value(); }
+  std::array<std::uint64_t, kBuckets> counts() const noexcept {
+    std::array<std::uint64_t, kBuckets> copy{};
+    for (std::size_t b = 0; b < kBuckets; ++b) copy[b] = counts_[b].value();
+    return copy;
+  }
 
  private:
   std::array<Counter, kBuckets> counts_;

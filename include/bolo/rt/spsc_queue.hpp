@@ -4,25 +4,37 @@
 //
 //   producer                                  consumer
 //   --------                                  --------
-//   P1 head_.load(acquire)  <-- pairs C3      C1 tail_.load(acquire)  <-- pairs P3
+//   P1 head_.load(acquire)  <-- pairs C3      C1 tail_.load(seq_cst)  <-- pairs P3
 //      full when tail - head == capacity         empty when head == tail
 //   P2 cell[tail] = value        (plain)      C2 value = cell[head]       (plain)
-//   P3 tail_.store(tail+1, release)           C3 head_.store(head+1, release)
+//   P3 tail_.store(tail+1, seq_cst)           C3 head_.store(head+1, release)
 //
 // P2 happens before C2 of the same cell through P3 -> C1, and C2 happens before the P2 that reuses the cell through
 // C3 -> P1. No cell is touched by both sides at once, so plain values are enough. Each side keeps its last look at the
 // other's index and loads it again only when that look says full or empty: the cache line travels once a lap, not
 // once an item.
 //
-// A consumer may sleep. The semaphore carries no data, only the wake-up; it is posted after P3, so a consumer that
-// found the queue empty and then waits is woken by the post of the item it missed. A surplus count only costs one
-// more look at an empty queue.
+// A consumer may sleep. It says so first and then looks once more; the producer first publishes and then asks whether
+// somebody sleeps (wake() does the same with woken_ in the place of tail_):
+//
+//   producer                                  consumer
+//   --------                                  --------
+//   P3 tail_.store(tail+1, seq_cst)           S1 take back bells rung too late for an earlier sleep
+//   P4 sleeping_ ? (seq_cst)                  S2 sleeping_.store(true, seq_cst)
+//   P5 sleeping_.exchange(false) -> ring      S3 C1 again: empty ? (seq_cst)
+//                                             S4 wait for the bell, then from S1 again
+//
+// All four are in the single order of seq_cst operations. Either P3 comes before S3, which then finds the item, or
+// S2, S3, P3, P4 come in this order and P4 finds the sleeper: an item is never left behind a sleeping consumer. P5 lets
+// one announcement ring at most one bell, and S1 takes back what was not needed: the semaphore holds at most the bell
+// of this announcement and, from each thread that may ring, one that comes late.
 #pragma once
 
 #include <semaphore.h>
 
 #include <atomic>
 #include <bit>
+#include <cerrno>
 #include <cstddef>
 #include <cstdint>
 #include <ctime>
@@ -42,9 +54,9 @@ class SpscQueue {
   // Room for at least `capacity` items, rounded up to a power of two. Allocates; Thread: setup.
   explicit SpscQueue(std::size_t capacity)
       : mask_(std::bit_ceil(capacity < 1 ? 1 : capacity) - 1), cells_(std::make_unique<T[]>(mask_ + 1)) {
-    sem_init(&wake_, 0, 0);
+    sem_init(&bell_, 0, 0);
   }
-  ~SpscQueue() { sem_destroy(&wake_); }
+  ~SpscQueue() { sem_destroy(&bell_); }
   SpscQueue(const SpscQueue&) = delete;
   SpscQueue& operator=(const SpscQueue&) = delete;
 
@@ -58,8 +70,8 @@ class SpscQueue {
       if (tail - seen_head_ > mask_) return false;
     }
     cells_[tail & mask_] = value;
-    tail_.store(tail + 1, std::memory_order_release);  // partner: C1
-    sem_post(&wake_);
+    tail_.store(tail + 1, std::memory_order_seq_cst);  // P3; partners: C1, and S2 through P4
+    ring_if_sleeping();
     return true;
   }
 
@@ -67,7 +79,7 @@ class SpscQueue {
   bool try_pop(T& value) noexcept {
     const std::uint64_t head = head_.load(std::memory_order_relaxed);
     if (head == seen_tail_) {
-      seen_tail_ = tail_.load(std::memory_order_acquire);  // partner: P3
+      seen_tail_ = tail_.load(std::memory_order_seq_cst);  // C1; partner: P3
       if (head == seen_tail_) return false;
     }
     value = cells_[head & mask_];
@@ -78,33 +90,63 @@ class SpscQueue {
   // Waits up to timeout_ns for an item, or until wake() is called; false when none came. Thread: the consumer.
   bool pop_wait(T& value, std::int64_t timeout_ns) noexcept {
     if (try_pop(value)) return true;
-    timespec until{};
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    const std::int64_t ns = until.tv_nsec + timeout_ns;
-    until.tv_sec += ns / 1'000'000'000;
-    until.tv_nsec = ns % 1'000'000'000;
-    while (sem_clockwait(&wake_, CLOCK_MONOTONIC, &until) == 0) {
-      if (try_pop(value)) return true;
-      if (woken_.exchange(false, std::memory_order_acquire)) return false;  // partner: wake()
+    const timespec until = after(timeout_ns);
+    for (bool in_time = true; in_time;) {
+      while (sem_trywait(&bell_) == 0) continue;                // S1
+      sleeping_.store(true, std::memory_order_seq_cst);         // S2; partner: P4
+      if (try_pop(value)) return stay_awake(true);              // S3
+      if (woken_.exchange(false, std::memory_order_seq_cst)) {  // S3; partner: wake()
+        return stay_awake(false);
+      }
+      in_time = sem_clockwait(&bell_, CLOCK_MONOTONIC, &until) == 0 || errno == EINTR;  // S4
     }
-    return try_pop(value);
+    return stay_awake(try_pop(value));
   }
 
-  // Ends a pop_wait() early. Thread: any.
+  // Ends the pop_wait() that runs, or the next one, early. Thread: any.
   void wake() noexcept {
-    woken_.store(true, std::memory_order_release);  // partner: pop_wait()
-    sem_post(&wake_);
+    woken_.store(true, std::memory_order_seq_cst);  // partner: S3
+    ring_if_sleeping();
+  }
+
+  // Bells rung and not yet heard: at most one more than there are threads that ring. Thread: any.
+  int bells() const noexcept {
+    int count = 0;
+    sem_getvalue(&bell_, &count);
+    return count;
   }
 
  private:
+  void ring_if_sleeping() noexcept {
+    if (!sleeping_.load(std::memory_order_seq_cst)) return;                      // P4; partner: S2
+    if (sleeping_.exchange(false, std::memory_order_seq_cst)) sem_post(&bell_);  // P5
+  }
+
+  // Relaxed: a bell that this comes too late for is taken back by S1.
+  bool stay_awake(bool result) noexcept {
+    sleeping_.store(false, std::memory_order_relaxed);
+    return result;
+  }
+
+  static timespec after(std::int64_t timeout_ns) noexcept {
+    constexpr std::int64_t kSecond = 1'000'000'000;
+    timespec t{};
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    const std::int64_t ns = t.tv_nsec + (timeout_ns > 0 ? timeout_ns : 0);
+    t.tv_sec += ns / kSecond;
+    t.tv_nsec = ns % kSecond;
+    return t;
+  }
+
   const std::uint64_t mask_;
   const std::unique_ptr<T[]> cells_;
   alignas(kCacheLine) std::atomic<std::uint64_t> tail_{0};  // written by the producer
   std::uint64_t seen_head_ = 0;                             // the producer's last look at head_
   alignas(kCacheLine) std::atomic<std::uint64_t> head_{0};  // written by the consumer
   std::uint64_t seen_tail_ = 0;                             // the consumer's last look at tail_
-  alignas(kCacheLine) sem_t wake_{};
+  alignas(kCacheLine) std::atomic<bool> sleeping_{false};   // the consumer waits, or is about to
   std::atomic<bool> woken_{false};
+  mutable sem_t bell_{};
 };
 
 }  // namespace bolo::rt

@@ -3,19 +3,21 @@
 
 #include <semaphore.h>
 
-#include <atomic>
 #include <cstddef>
 #include <memory>
 #include <thread>
 #include <vector>
 
+#include "bolo/core/result.hpp"
+#include "bolo/rt/spsc_queue.hpp"
 #include "bolo/rt/thread.hpp"
 
 namespace bolo::rt {
 
 class WorkerTeam {
  public:
-  // The caller of run() is worker 0; workers - 1 threads are started here, named options.name-1, -2 ... Thread: setup.
+  // The caller of run() is worker 0; workers - 1 threads are started here, named options.name-1, -2 ... What the system
+  // refuses (a thread, a priority, a place) is told by status(); the team then works with what it got. Thread: setup.
   WorkerTeam(int workers, const ThreadOptions& options);
   ~WorkerTeam();
   WorkerTeam(const WorkerTeam&) = delete;
@@ -23,23 +25,26 @@ class WorkerTeam {
 
   int size() const noexcept { return static_cast<int>(threads_.size()) + 1; }
 
+  // The first refusal, if any. Thread: setup.
+  const Status& status() const noexcept { return status_; }
+
   // Calls job(context, worker) once on each worker and returns when all have. No allocation. Thread: pipeline.
   using Job = void (*)(void* context, int worker);
   void run(Job job, void* context) noexcept;
 
  private:
-  void work(int worker, const ThreadOptions& options) noexcept;
+  void work(int worker, const ThreadOptions& options, Status& applied) noexcept;
 
   // run() writes job_ and context_, then posts start: sem_post/sem_wait order them. done_ orders the way back.
-  struct alignas(64) Gate {
+  struct alignas(kCacheLine) Gate {
     sem_t start;
   };
-  std::unique_ptr<Gate[]> gates_;
+  std::unique_ptr<Gate[]> gates_;  // gates_[i] starts worker i + 1
   sem_t done_{};
-  Job job_ = nullptr;
+  Job job_ = nullptr;  // nullptr: the threads end
   void* context_ = nullptr;
-  std::atomic<bool> stop_{false};
   std::vector<std::thread> threads_;
+  Status status_;
 };
 
 }  // namespace bolo::rt

@@ -1,0 +1,21 @@
+// Raw planes as they are published before a window is full, and what is seen in them on the way.
+#pragma once
+
+#include "bolo/core/plane.hpp"
+
+namespace bolo::pipeline {
+
+struct PixelRange {
+  std::size_t begin = 0;
+  std::size_t end = 0;
+};
+
+// Writes raw values as output values, by the solver's own rule: kUint16 in the input's scale, rounded and clamped
+// (NaN becomes 0); kFloat32 in kelvin, or input values for Unit::kCount. Both planes whole, only `range` is touched.
+// Thread: worker.
+void convert(const StreamFormat& input, const void* raw, PixelType output, void* out, PixelRange range) noexcept;
+
+// True when a value lies at the end of the 16-bit range; always false for float planes. Thread: worker.
+bool saturated(PixelType type, const void* raw, PixelRange range) noexcept;
+
+}  // namespace bolo::pipeline

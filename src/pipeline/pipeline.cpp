@@ -1,0 +1,253 @@
+#include "bolo/pipeline/pipeline.hpp"
+
+#include <cstring>
+#include <memory>
+#include <new>
+#include <utility>
+
+#include "bolo/core/clock.hpp"
+#include "bolo/deblur/solver.hpp"
+#include "bolo/deblur/window.hpp"
+#include "bolo/rt/worker_team.hpp"
+#include "src/pipeline/convert.hpp"
+#include "src/pipeline/solver_words.hpp"
+
+namespace bolo::pipeline {
+namespace {
+
+// How long the pipeline waits for a frame before it looks whether it should stop. The sinks hear of a silence as old
+// as this at the next look: after twice the time at most.
+constexpr std::int64_t kLookNs = 100'000'000;
+
+constexpr int kMaxWorkers = 64;
+constexpr int kMaxQueueFrames = 4096;
+
+// An output plane, aligned for the widest vectors, zeroed so that no page fault is left for later.
+class Plane {
+ public:
+  explicit Plane(std::size_t bytes) : data_(::operator new(bytes, kAlign)) { std::memset(data_, 0, bytes); }
+  ~Plane() { ::operator delete(data_, kAlign); }
+  Plane(const Plane&) = delete;
+  Plane& operator=(const Plane&) = delete;
+  void* data() const noexcept { return data_; }
+
+ private:
+  static constexpr std::align_val_t kAlign{rt::kCacheLine};
+  void* data_;
+};
+
+// The sinks that are open; closes each once.
+class OpenSinks {
+ public:
+  ~OpenSinks() { close(); }
+  Status open(const std::vector<FrameSink*>& sinks, const SinkFormat& format) {
+    for (FrameSink* sink : sinks) {
+      if (Status status = sink->open(format); !status) return status;
+      open_.push_back(sink);
+    }
+    return {};
+  }
+  void close() noexcept {
+    for (FrameSink* sink : open_) sink->close();
+    open_.clear();
+  }
+  auto begin() const noexcept { return open_.begin(); }
+  auto end() const noexcept { return open_.end(); }
+
+ private:
+  std::vector<FrameSink*> open_;
+};
+
+Status check(const PipelineOptions& options, const StreamFormat& format) {
+  if (options.workers < 1 || options.workers > kMaxWorkers) {
+    return bad_input("workers = " + std::to_string(options.workers) + ": give 1 to " + std::to_string(kMaxWorkers));
+  }
+  if (options.queue_frames < 1 || options.queue_frames > kMaxQueueFrames) {
+    return bad_input("queue_frames = " + std::to_string(options.queue_frames) + ": give 1 to " +
+                     std::to_string(kMaxQueueFrames));
+  }
+  if (format.geometry.width < 1 || format.geometry.height < 1) {
+    return bad_input("the source has no picture: " + std::to_string(format.geometry.width) + "x" +
+                     std::to_string(format.geometry.height));
+  }
+  return {};
+}
+
+}  // namespace
+
+struct Pipeline::Impl {
+  Impl(std::unique_ptr<FrameSource> source_in, SourceInfo info_in, std::unique_ptr<deblur::Solver> solver_in,
+       const deblur::Settings& settings_in, const PipelineOptions& options_in)
+      : source(std::move(source_in)),
+        info(std::move(info_in)),
+        options(options_in),
+        settings(settings_in),
+        solver(std::move(solver_in)),
+        text(solver_words(settings, info.format.scale.unit, solver->isa())),
+        window(settings),
+        inlet(info.format, static_cast<std::size_t>(window.slots()), static_cast<std::size_t>(options.queue_frames)),
+        stats(inlet),
+        deblurred(plane_bytes(info.format.geometry, options.output)),
+        team(options.workers, options.thread),
+        band_saturated(static_cast<std::size_t>(team.size())) {}
+
+  void warn(const Status& status) const {
+    if (!status && options.warn) options.warn(status.error().message);
+  }
+
+  // --- the pipeline thread ---
+  void loop(const std::atomic<bool>& stop_requested) noexcept;
+  bool take_one() noexcept;
+  void take_all() noexcept;
+  void publish_ready() noexcept;
+  void deblur(const deblur::Window::Ready& frame) noexcept;
+  void publish(const deblur::Window::Ready& frame) noexcept;
+  void show_life() noexcept;
+
+  // --- each worker ---
+  void work(int worker) noexcept;
+
+  std::unique_ptr<FrameSource> source;
+  SourceInfo info;
+  PipelineOptions options;
+  deblur::Settings settings;
+  std::unique_ptr<deblur::Solver> solver;
+  std::string text;
+  deblur::Window window;
+  FrameInlet inlet;
+  PipelineStats stats;
+  Plane deblurred;
+  OpenSinks sinks;
+  rt::WorkerTeam team;
+
+  // Written by the pipeline thread before the team runs, read by the workers; the team's barrier orders both.
+  const deblur::Window::Ready* job = nullptr;
+  struct alignas(rt::kCacheLine) Flag {
+    bool value = false;
+  };
+  std::vector<Flag> band_saturated;  // one a worker, written by it
+
+  std::int64_t last_sign_ns = 0;  // when the sinks were last called
+};
+
+// Each worker owns a contiguous band of rows, the same for every frame: its window stays in its core's cache.
+void Pipeline::Impl::work(int worker) noexcept {
+  const int height = info.format.geometry.height;
+  const deblur::RowRange rows{height * worker / team.size(), height * (worker + 1) / team.size()};
+  const auto width = static_cast<std::size_t>(info.format.geometry.width);
+  const PixelRange pixels{static_cast<std::size_t>(rows.begin) * width, static_cast<std::size_t>(rows.end) * width};
+  if (pixels.begin == pixels.end) return;
+  if (job->full) {
+    solver->solve(job->view, rows, deblurred.data());
+  } else {
+    convert(info.format, job->frame.plane, options.output, deblurred.data(), pixels);
+  }
+  band_saturated[static_cast<std::size_t>(worker)].value = saturated(info.format.type, job->frame.plane, pixels);
+}
+
+void Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
+  const std::int64_t start_ns = monotonic_ns();
+  if (frame.full) solver->prepare(frame.view);
+  job = &frame;
+  team.run([](void* self, int worker) { static_cast<Impl*>(self)->work(worker); }, this);
+  if (frame.full) stats.deblur_ns.add(static_cast<std::uint64_t>(monotonic_ns() - start_ns));
+}
+
+void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
+  PublishedFrame published{.meta = frame.frame.meta, .raw = frame.frame.plane, .deblurred = deblurred.data()};
+  if (!frame.full) published.meta.flags |= kFlagWarmUp;
+  for (const Flag& flag : band_saturated) {
+    if (flag.value) published.meta.flags |= kFlagSaturated;
+  }
+  if ((published.meta.flags & kFlagWarmUp) != 0) stats.warm_up.add();
+  if ((published.meta.flags & kFlagGap) != 0) stats.gap_frames.add();
+  stats.published.add();
+  published.publish_ns = monotonic_ns();
+  stats.latency.add(published.publish_ns - published.meta.receive_ns);
+  for (FrameSink* sink : sinks) sink->publish(published, stats);
+  last_sign_ns = published.publish_ns;
+}
+
+void Pipeline::Impl::publish_ready() noexcept {
+  deblur::Window::Ready ready;
+  while (window.next(ready)) {
+    deblur(ready);
+    publish(ready);
+  }
+  for (const std::uint32_t slot : window.released()) inlet.give_back(slot);
+}
+
+// False when nothing came in time.
+bool Pipeline::Impl::take_one() noexcept {
+  const FrameInlet::Arrival arrival = inlet.next(kLookNs);
+  if (arrival.slot == nullptr) return false;
+  const bool emptied =
+      window.push({arrival.slot->meta, arrival.slot->data, arrival.slot->index}, arrival.restarts_window);
+  if (emptied) stats.restarts.add();
+  publish_ready();
+  return true;
+}
+
+void Pipeline::Impl::show_life() noexcept {
+  const std::int64_t now_ns = monotonic_ns();
+  if (now_ns - last_sign_ns < kLookNs) return;
+  for (FrameSink* sink : sinks) sink->idle(stats);
+  last_sign_ns = now_ns;
+}
+
+void Pipeline::Impl::loop(const std::atomic<bool>& stop_requested) noexcept {
+  last_sign_ns = monotonic_ns();
+  while (!stop_requested.load(std::memory_order_relaxed)) {
+    const bool finished = inlet.finished();  // before the look: what came before finish() is then seen by it
+    if (!take_one() && finished) return;
+    show_life();
+  }
+}
+
+// What the source had handed in when it was stopped.
+void Pipeline::Impl::take_all() noexcept {
+  inlet.finish();  // the look at an empty queue then returns at once
+  while (take_one()) continue;
+  window.finish();
+  publish_ready();
+}
+
+Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> source, std::vector<FrameSink*> sinks,
+                                                   const PipelineOptions& options) {
+  Result<SourceInfo> info = source->open();
+  if (!info) return tl::unexpected(info.error());
+  if (Status status = check(options, info->format); !status) return tl::unexpected(status.error());
+  deblur::Settings settings = options.deblur;
+  settings.period_s = info->format.frame_period_s;
+  if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
+  auto solver = deblur::Solver::create(settings, info->format, options.output);
+  if (!solver) return tl::unexpected(solver.error());
+  settings.iterations = (*solver)->iterations();
+
+  auto impl = std::make_unique<Impl>(std::move(source), std::move(*info), std::move(*solver), settings, options);
+  impl->warn(impl->team.status());
+  const SinkFormat format{impl->info, options.output, settings, impl->text};
+  if (Status status = impl->sinks.open(sinks, format); !status) return tl::unexpected(status.error());
+  return std::unique_ptr<Pipeline>(new Pipeline(std::move(impl)));
+}
+
+Status Pipeline::run(const std::atomic<bool>& stop_requested) {
+  impl_->warn(rt::apply_to_this_thread(impl_->options.thread));
+  Status started = impl_->source->start(impl_->inlet);
+  if (started) impl_->loop(stop_requested);
+  impl_->source->stop();
+  impl_->take_all();
+  impl_->sinks.close();
+  return started;
+}
+
+Pipeline::Pipeline(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Pipeline::~Pipeline() = default;
+
+const PipelineStats& Pipeline::stats() const noexcept { return impl_->stats; }
+const SourceInfo& Pipeline::source() const noexcept { return impl_->info; }
+const deblur::Settings& Pipeline::settings() const noexcept { return impl_->settings; }
+std::string_view Pipeline::isa() const noexcept { return impl_->solver->isa(); }
+const std::string& Pipeline::solver_text() const noexcept { return impl_->text; }
+
+}  // namespace bolo::pipeline

@@ -1,0 +1,31 @@
+#include "src/pipeline/solver_words.hpp"
+
+#include <cstdio>
+
+namespace bolo::pipeline {
+namespace {
+
+std::string short_number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+std::string effort(const deblur::Settings& settings) {
+  if (settings.method == deblur::Method::kExact) return "converged";
+  return std::to_string(settings.iterations) + " iterations";
+}
+
+}  // namespace
+
+std::string solver_words(const deblur::Settings& settings, Unit unit, std::string_view isa) {
+  std::string text(deblur::name(settings.method));
+  if (settings.method != deblur::Method::kInverse) {
+    text += ", " + effort(settings) + ", lambda " + short_number(settings.lambda);
+    text += unit == Unit::kKelvin ? " K" : " counts";
+    text += ", kappa " + short_number(settings.kappa);
+  }
+  return text.append(", ").append(isa);
+}
+
+}  // namespace bolo::pipeline

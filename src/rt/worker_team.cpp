@@ -1,0 +1,69 @@
+#include "bolo/rt/worker_team.hpp"
+
+#include <system_error>
+
+namespace bolo::rt {
+namespace {
+
+// A signal must not end the wait.
+void wait(sem_t& sem) noexcept {
+  while (sem_wait(&sem) != 0) continue;
+}
+
+ThreadOptions named(const ThreadOptions& options, int worker) {
+  ThreadOptions own = options;
+  if (!own.name.empty()) own.name += "-" + std::to_string(worker);
+  return own;
+}
+
+}  // namespace
+
+WorkerTeam::WorkerTeam(int workers, const ThreadOptions& options) {
+  const auto helpers = static_cast<std::size_t>(workers > 1 ? workers - 1 : 0);
+  gates_ = std::make_unique<Gate[]>(helpers);
+  for (std::size_t i = 0; i < helpers; ++i) sem_init(&gates_[i].start, 0, 0);
+  sem_init(&done_, 0, 0);
+  threads_.reserve(helpers);
+  std::vector<Status> applied(helpers);
+  try {
+    for (std::size_t i = 0; i < helpers; ++i) {
+      const int worker = static_cast<int>(i) + 1;
+      threads_.emplace_back(
+          [this, worker, own = named(options, worker), &result = applied[i]] { work(worker, own, result); });
+    }
+  } catch (const std::system_error& e) {
+    status_ = failed("worker thread " + std::to_string(threads_.size() + 1) + " of " + std::to_string(helpers) +
+                     " not started: " + e.what() + "; raise TasksMax= of the systemd unit or 'ulimit -u'");
+  }
+  for (std::size_t i = 0; i < threads_.size(); ++i) wait(done_);  // each has applied its options
+  for (const Status& result : applied) {
+    if (!result && status_) status_ = result;
+  }
+}
+
+WorkerTeam::~WorkerTeam() {
+  job_ = nullptr;
+  for (std::size_t i = 0; i < threads_.size(); ++i) sem_post(&gates_[i].start);
+  for (std::thread& thread : threads_) thread.join();
+  sem_destroy(&done_);
+}
+
+void WorkerTeam::run(Job job, void* context) noexcept {
+  job_ = job;
+  context_ = context;
+  for (std::size_t i = 0; i < threads_.size(); ++i) sem_post(&gates_[i].start);
+  job(context, 0);
+  for (std::size_t i = 0; i < threads_.size(); ++i) wait(done_);
+}
+
+void WorkerTeam::work(int worker, const ThreadOptions& options, Status& applied) noexcept {
+  applied = apply_to_this_thread(options);
+  sem_post(&done_);
+  sem_t& start = gates_[static_cast<std::size_t>(worker) - 1].start;
+  for (wait(start); job_ != nullptr; wait(start)) {
+    job_(context_, worker);
+    sem_post(&done_);
+  }
+}
+
+}  // namespace bolo::rt

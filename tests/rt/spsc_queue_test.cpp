@@ -1,0 +1,189 @@
+#include "bolo/rt/spsc_queue.hpp"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+#include <vector>
+
+#include "bolo/core/clock.hpp"
+
+namespace bolo::rt {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+constexpr std::int64_t kHangGuardNs = 60'000 * kMs;
+
+TEST(SpscQueue, KeepsTheOrder) {
+  SpscQueue<int> queue(8);
+  for (int i = 0; i < 5; ++i) ASSERT_TRUE(queue.try_push(i));
+  int value = -1;
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_TRUE(queue.try_pop(value));
+    EXPECT_EQ(value, i);
+  }
+  EXPECT_FALSE(queue.try_pop(value));
+}
+
+TEST(SpscQueue, RoundsItsCapacityUpToAPowerOfTwo) {
+  EXPECT_EQ(SpscQueue<int>(0).capacity(), 1U);
+  EXPECT_EQ(SpscQueue<int>(1).capacity(), 1U);
+  EXPECT_EQ(SpscQueue<int>(5).capacity(), 8U);
+  EXPECT_EQ(SpscQueue<int>(64).capacity(), 64U);
+}
+
+TEST(SpscQueue, RefusesWhenFullAndTakesAgainAfterOnePop) {
+  SpscQueue<int> queue(4);
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(queue.try_push(i));
+  EXPECT_FALSE(queue.try_push(4));
+  int value = -1;
+  ASSERT_TRUE(queue.try_pop(value));
+  EXPECT_EQ(value, 0);
+  EXPECT_TRUE(queue.try_push(4));
+  EXPECT_FALSE(queue.try_push(5));
+}
+
+TEST(SpscQueue, GoesRoundItsCellsManyTimes) {
+  SpscQueue<int> queue(2);
+  int value = -1;
+  for (int i = 0; i < 1000; ++i) {
+    ASSERT_TRUE(queue.try_push(2 * i));
+    ASSERT_TRUE(queue.try_push(2 * i + 1));
+    ASSERT_FALSE(queue.try_push(-1));
+    ASSERT_TRUE(queue.try_pop(value));
+    ASSERT_EQ(value, 2 * i);
+    ASSERT_TRUE(queue.try_pop(value));
+    ASSERT_EQ(value, 2 * i + 1);
+  }
+}
+
+TEST(SpscQueue, PopWaitGivesUpAfterItsTimeoutAndNotBefore) {
+  SpscQueue<int> queue(2);
+  int value = -1;
+  const std::int64_t start = monotonic_ns();
+  EXPECT_FALSE(queue.pop_wait(value, 20 * kMs));
+  EXPECT_GE(monotonic_ns() - start, 20 * kMs);
+  EXPECT_FALSE(queue.pop_wait(value, 0));
+  EXPECT_FALSE(queue.pop_wait(value, -kMs));
+}
+
+TEST(SpscQueue, PopWaitIsWokenByAPush) {
+  SpscQueue<int> queue(2);
+  std::thread producer([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    queue.try_push(7);
+  });
+  int value = -1;
+  EXPECT_TRUE(queue.pop_wait(value, kHangGuardNs));
+  EXPECT_EQ(value, 7);
+  producer.join();
+}
+
+TEST(SpscQueue, WakeEndsAPopWaitThatRuns) {
+  SpscQueue<int> queue(2);
+  std::thread other([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    queue.wake();
+  });
+  int value = -1;
+  const std::int64_t start = monotonic_ns();
+  EXPECT_FALSE(queue.pop_wait(value, kHangGuardNs));
+  EXPECT_LT(monotonic_ns() - start, kHangGuardNs);
+  other.join();
+}
+
+TEST(SpscQueue, WakeBeforehandEndsTheNextPopWaitOnce) {
+  SpscQueue<int> queue(2);
+  queue.wake();
+  int value = -1;
+  const std::int64_t start = monotonic_ns();
+  EXPECT_FALSE(queue.pop_wait(value, kHangGuardNs));
+  EXPECT_LT(monotonic_ns() - start, kHangGuardNs);
+  EXPECT_FALSE(queue.pop_wait(value, 20 * kMs));
+  EXPECT_GE(monotonic_ns() - start, 20 * kMs);
+}
+
+TEST(SpscQueue, AnItemThatIsThereComesBeforeAWake) {
+  SpscQueue<int> queue(2);
+  queue.wake();
+  queue.try_push(3);
+  int value = -1;
+  EXPECT_TRUE(queue.pop_wait(value, kHangGuardNs));
+  EXPECT_EQ(value, 3);
+}
+
+TEST(SpscQueue, NobodyAsleepRingsNoBell) {
+  SpscQueue<int> queue(2);
+  int value = -1;
+  for (int i = 0; i < 1000; ++i) {
+    ASSERT_TRUE(queue.try_push(i));
+    ASSERT_TRUE(queue.pop_wait(value, kHangGuardNs));
+    queue.wake();
+  }
+  EXPECT_EQ(queue.bells(), 0);
+}
+
+// An item is a number and its double: a torn or stale cell shows.
+struct Pair {
+  std::uint64_t number;
+  std::uint64_t twice;
+};
+
+// The consumer polls, or sleeps with a timeout that no lost wake-up would survive within the test's own limit.
+void stress(std::size_t capacity, std::uint64_t items, bool consumer_sleeps, bool producer_pauses) {
+  SpscQueue<Pair> queue(capacity);
+  std::thread producer([&] {
+    for (std::uint64_t i = 0; i < items; ++i) {
+      while (!queue.try_push({i, 2 * i})) std::this_thread::yield();
+      if (producer_pauses && i % 64 == 0) std::this_thread::yield();
+    }
+  });
+  for (std::uint64_t expected = 0; expected < items; ++expected) {
+    Pair pair{};
+    if (consumer_sleeps) {
+      ASSERT_TRUE(queue.pop_wait(pair, kHangGuardNs)) << "a wake-up was lost at item " << expected;
+    } else {
+      while (!queue.try_pop(pair)) std::this_thread::yield();
+    }
+    ASSERT_EQ(pair.number, expected);
+    ASSERT_EQ(pair.twice, 2 * expected);
+    ASSERT_LE(queue.bells(), 2);  // this announcement's and a late one
+  }
+  producer.join();
+  Pair pair{};
+  EXPECT_FALSE(queue.try_pop(pair));
+}
+
+TEST(SpscQueueStress, PollingConsumer) { stress(16, 200'000, false, false); }
+TEST(SpscQueueStress, SleepingConsumer) { stress(16, 200'000, true, false); }
+TEST(SpscQueueStress, SleepingConsumerOfOneCell) { stress(1, 50'000, true, false); }
+TEST(SpscQueueStress, ConsumerThatIsFaster) { stress(64, 100'000, true, true); }
+
+TEST(SpscQueueStress, WakesFromAThirdThreadLoseNoItem) {
+  SpscQueue<Pair> queue(4);
+  constexpr std::uint64_t kItems = 20'000;
+  std::atomic<bool> stop{false};
+  std::thread waker([&] {
+    while (!stop.load()) {
+      queue.wake();
+      std::this_thread::yield();
+    }
+  });
+  std::thread producer([&] {
+    for (std::uint64_t i = 0; i < kItems; ++i) {
+      while (!queue.try_push({i, 2 * i})) std::this_thread::yield();
+    }
+  });
+  std::uint64_t expected = 0;
+  while (expected < kItems) {
+    Pair pair{};
+    if (!queue.pop_wait(pair, kHangGuardNs)) continue;
+    EXPECT_EQ(pair.number, expected);
+    ++expected;
+  }
+  stop.store(true);
+  producer.join();
+  waker.join();
+}
+
+}  // namespace
+}  // namespace bolo::rt
