@@ -2,8 +2,12 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <optional>
 #include <thread>
+#include <vector>
 
 #include "bolo/capture/capture.hpp"
 #include "bolo/pipeline/source.hpp"
@@ -15,9 +19,14 @@ enum class Pace {
   kRealTime,          // at the capture's times; what the pipeline can't take is lost and counted
 };
 
+// Frames carry the capture's frame_id, /t in ns as camera time, and the host's time now as receive time. A jump of the
+// frame_id counts as that many frames missing. An event "nuc" or "reconnect" starts a new window with the first frame
+// at or after it; frames missing there are no loss.
 class ReplaySource final : public pipeline::FrameSource {
  public:
-  ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace);
+  // With `region` only these pixels of each frame are handed in, and the source's geometry is the region's. The reader
+  // is used from the source's own thread between start() and stop().
+  ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, std::optional<Region> region = {});
   ~ReplaySource() override;
 
   Result<pipeline::SourceInfo> open() override;
@@ -29,9 +38,13 @@ class ReplaySource final : public pipeline::FrameSource {
 
  private:
   void feed(pipeline::FrameInlet& inlet);
+  bool sleep_until(std::int64_t due_ns) const noexcept;
+  Status read(std::size_t index, std::byte* plane);
 
   std::shared_ptr<const capture::CaptureReader> reader_;
   Pace pace_;
+  Region region_;                      // the whole frame unless one was asked for
+  std::vector<std::byte> full_frame_;  // empty when the region is the whole frame
   std::atomic<bool> stop_requested_{false};
   std::thread thread_;
   Status result_;

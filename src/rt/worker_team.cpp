@@ -12,7 +12,7 @@ void wait(sem_t& sem) noexcept {
 
 ThreadOptions named(const ThreadOptions& options, int worker) {
   ThreadOptions own = options;
-  if (!own.name.empty()) own.name += "-" + std::to_string(worker);
+  if (!own.name.empty()) own.name.append("-").append(std::to_string(worker));
   return own;
 }
 

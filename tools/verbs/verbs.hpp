@@ -15,6 +15,10 @@ struct Verb {
   VerbMain run;
 };
 
-inline constexpr std::array<Verb, 0> kVerbs{};
+int deblur_main(int argc, char** argv);
+
+inline constexpr std::array<Verb, 1> kVerbs{{
+    {"deblur", "undo the pixels' thermal inertia in a capture", deblur_main},
+}};
 
 }  // namespace bolo::tools

@@ -1,0 +1,111 @@
+#include "drivers/replay/replay_source.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <system_error>
+#include <utility>
+
+#include "bolo/core/clock.hpp"
+#include "bolo/rt/thread.hpp"
+#include "drivers/replay/breaks.hpp"
+#include "drivers/replay/copy_region.hpp"
+
+namespace bolo::replay {
+namespace {
+
+// How long a sleeping replay may take to notice that it should stop.
+constexpr std::int64_t kStopCheckNs = 50'000'000;
+
+std::string in_words(const Region& r) {
+  return std::to_string(r.x) + "," + std::to_string(r.y) + "," + std::to_string(r.width) + "," +
+         std::to_string(r.height);
+}
+
+}  // namespace
+
+ReplaySource::ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace,
+                           std::optional<Region> region)
+    : reader_(std::move(reader)), pace_(pace) {
+  const Geometry whole = reader_->info().format.geometry;
+  region_ = region.value_or(Region{0, 0, whole.width, whole.height});
+}
+
+ReplaySource::~ReplaySource() { stop(); }
+
+Result<pipeline::SourceInfo> ReplaySource::open() {
+  const capture::CaptureInfo& info = reader_->info();
+  const Geometry whole = info.format.geometry;
+  if (!region_.inside(whole)) {
+    return bad_input("region " + in_words(region_) + " (x,y,width,height) is not inside the frame of " +
+                     std::to_string(whole.width) + "x" + std::to_string(whole.height));
+  }
+  pipeline::SourceInfo source{info.format, info.camera_model, info.camera_serial};
+  source.format.geometry = {region_.width, region_.height};
+  if (source.format.geometry != whole) full_frame_.resize(plane_bytes(whole, info.format.type));
+  return source;
+}
+
+Status ReplaySource::start(pipeline::FrameInlet& inlet) {
+  try {
+    thread_ = std::thread([this, &inlet] {
+      (void)rt::apply_to_this_thread({.name = "bolo-replay"});  // a name alone is never refused
+      feed(inlet);
+      inlet.finish();
+    });
+  } catch (const std::system_error& e) {
+    return failed(std::string("replay thread not started: ") + e.what());
+  }
+  return {};
+}
+
+void ReplaySource::stop() noexcept {
+  stop_requested_.store(true, std::memory_order_relaxed);
+  if (thread_.joinable()) thread_.join();
+}
+
+void ReplaySource::feed(pipeline::FrameInlet& inlet) {
+  const std::vector<double>& t = reader_->t();
+  const std::vector<std::uint64_t>& id = reader_->frame_id();
+  Breaks breaks(reader_->events());
+  const std::int64_t start_ns = monotonic_ns();
+  for (std::size_t i = 0; i < t.size() && !stop_requested_.load(std::memory_order_relaxed); ++i) {
+    if (breaks.before(t[i])) {
+      inlet.restart_window();
+    } else if (i > 0) {
+      inlet.count_loss(LossCause::kMissing, id[i] - id[i - 1] - 1);
+    }
+    const bool real_time = pace_ == Pace::kRealTime;
+    if (real_time && !sleep_until(start_ns + std::llround((t[i] - t.front()) * kNsPerSecond))) return;
+    rt::FrameSlot* slot = real_time ? inlet.borrow() : inlet.borrow_wait(stop_requested_);
+    if (slot == nullptr) continue;  // lost and counted, or asked to stop
+    slot->meta.frame_id = id[i];
+    slot->meta.camera_ns = std::llround(t[i] * kNsPerSecond);
+    slot->meta.receive_ns = monotonic_ns();
+    result_ = read(i, slot->data);
+    if (!result_) {
+      inlet.cancel(*slot);
+      return;
+    }
+    inlet.commit(*slot);
+  }
+}
+
+// False when asked to stop meanwhile.
+bool ReplaySource::sleep_until(std::int64_t due_ns) const noexcept {
+  while (!stop_requested_.load(std::memory_order_relaxed)) {
+    const std::int64_t left_ns = due_ns - monotonic_ns();
+    if (left_ns <= 0) return true;
+    std::this_thread::sleep_for(std::chrono::nanoseconds(std::min(left_ns, kStopCheckNs)));
+  }
+  return false;
+}
+
+Status ReplaySource::read(std::size_t index, std::byte* plane) {
+  if (full_frame_.empty()) return reader_->read_frame(index, plane);
+  if (Status status = reader_->read_frame(index, full_frame_.data()); !status) return status;
+  const StreamFormat& format = reader_->info().format;
+  copy_region(full_frame_.data(), format.geometry, bytes_of(format.type), region_, plane);
+  return {};
+}
+
+}  // namespace bolo::replay
