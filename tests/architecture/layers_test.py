@@ -20,7 +20,7 @@ ALLOWED = {
     "model": {"core"},
     "deblur": {"core", "model"},
     "capture": {"core"},
-    "sim": {"core", "model", "capture"},
+    "sim": {"core", "rt", "model", "capture"},
     "diagnose": {"core", "model", "capture"},
     "pipeline": {"core", "rt", "model", "deblur"},
 }
