@@ -11,9 +11,11 @@ constexpr std::int64_t kStopCheckNs = 50'000'000;
 }  // namespace
 
 // Beside the window's and the queue's slots there is one that the source fills and one that the pipeline has just
-// taken.
+// taken. The queue can hold every slot: while the window is not yet full its slots are free too, and a source that
+// waited for a slot must find room for it. So frames are lost for want of slots (kPoolExhausted); kQueueFull guards a
+// second commit of one slot.
 FrameInlet::FrameInlet(const StreamFormat& format, std::size_t window_slots, std::size_t queue_slots)
-    : format_(format), pool_(format, window_slots + queue_slots + 2), queue_(queue_slots) {}
+    : format_(format), pool_(format, window_slots + queue_slots + 2), queue_(pool_.size()) {}
 
 rt::FrameSlot* FrameInlet::borrow() noexcept {
   rt::FrameSlot* slot = spare_ != nullptr ? std::exchange(spare_, nullptr) : pool_.take();
@@ -52,7 +54,7 @@ void FrameInlet::finish() noexcept {
 
 FrameInlet::Arrival FrameInlet::next(std::int64_t timeout_ns) noexcept {
   Entry entry;
-  if (!queue_.pop_wait(entry, timeout_ns)) return {};
+  if (!queue_.pop_wait(entry, finished() ? 0 : timeout_ns)) return {};
   return {&pool_.slot(entry.slot), entry.restarts_window};
 }
 

@@ -40,7 +40,7 @@ Status apply_affinity(const ThreadOptions& options) {
       return bad_input(quoted(options) + ": CPU " + std::to_string(cpu) + " is out of range; see 'nproc --all'");
     }
     CPU_SET(static_cast<std::size_t>(cpu), &set);
-    list += (list.empty() ? "" : ",") + std::to_string(cpu);
+    list.append(list.empty() ? "" : ",").append(std::to_string(cpu));
   }
   const int error = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
   if (error == 0) return {};

@@ -53,7 +53,7 @@ class FrameInlet {
     rt::FrameSlot* slot = nullptr;
     bool restarts_window = false;
   };
-  // Waits up to timeout_ns; slot is nullptr when nothing came.
+  // Waits up to timeout_ns, and not at all once the source has finished; slot is nullptr when nothing came.
   Arrival next(std::int64_t timeout_ns) noexcept;
   // The source has called finish(). Read it before a next() that comes back empty: only then is nothing left.
   bool finished() const noexcept { return finished_.load(std::memory_order_acquire); }  // partner: finish()

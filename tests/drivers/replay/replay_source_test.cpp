@@ -1,0 +1,217 @@
+#include "drivers/replay/replay_source.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "bolo/core/clock.hpp"
+#include "drivers/replay/copy_region.hpp"
+
+namespace bolo::replay {
+namespace {
+
+constexpr std::int64_t kHangGuardNs = 60'000'000'000;
+
+// Value of pixel i of the frame with this id.
+std::uint16_t value(std::uint64_t id, std::size_t i) { return static_cast<std::uint16_t>(100 * id + i); }
+
+class ReplaySourceTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = testing::TempDir() + "bolo_replay_XXXXXX";
+    folder_ = mkdtemp(pattern.data());
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::shared_ptr<const capture::CaptureReader> write(const std::vector<std::uint64_t>& ids,
+                                                      const std::vector<capture::Event>& events = {},
+                                                      double period_s = 0.005) {
+    capture::CaptureInfo info;
+    info.format.geometry = {5, 4};
+    info.format.frame_period_s = period_s;
+    info.camera_model = "model";
+    info.camera_serial = "serial";
+    auto writer = capture::CaptureWriter::create(file(), info);
+    EXPECT_TRUE(writer) << writer.error().message;
+    std::vector<std::uint16_t> plane(20);
+    for (const std::uint64_t id : ids) {
+      for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = value(id, i);
+      EXPECT_TRUE(writer->append(10.0 + static_cast<double>(id) * period_s, id, plane.data()));
+    }
+    for (const capture::Event& event : events) EXPECT_TRUE(writer->add_event(event));
+    EXPECT_TRUE(writer->close());
+    auto reader = capture::CaptureReader::open(file());
+    EXPECT_TRUE(reader) << reader.error().message;
+    return std::make_shared<const capture::CaptureReader>(std::move(*reader));
+  }
+  std::filesystem::path file() const { return folder_ / "in.h5"; }
+
+  std::filesystem::path folder_;
+};
+
+struct Taken {
+  FrameMeta meta;
+  bool restarts = false;
+  std::vector<std::uint16_t> plane;
+};
+
+// Plays the source to its end and copies what it hands in.
+std::vector<Taken> take_all(ReplaySource& source, pipeline::FrameInlet& inlet) {
+  std::vector<Taken> taken;
+  EXPECT_TRUE(source.start(inlet));
+  for (;;) {
+    const bool finished = inlet.finished();
+    const pipeline::FrameInlet::Arrival arrival = inlet.next(kHangGuardNs);
+    if (arrival.slot == nullptr && finished) break;
+    if (arrival.slot == nullptr) continue;
+    const std::uint16_t* values = arrival.slot->u16();
+    taken.push_back({arrival.slot->meta, arrival.restarts_window, {values, values + inlet.format().geometry.pixels()}});
+    inlet.give_back(*arrival.slot);
+  }
+  source.stop();
+  return taken;
+}
+
+TEST_F(ReplaySourceTest, HandsInEveryFrameWithItsNumberTimeAndPixels) {
+  const std::vector<std::uint64_t> ids{3, 4, 5, 6, 7, 8, 9, 10, 11, 12};
+  ReplaySource source(write(ids), Pace::kAsFastAsPossible);
+  const auto info = source.open();
+  ASSERT_TRUE(info) << info.error().message;
+  EXPECT_EQ(info->format.geometry, (Geometry{5, 4}));
+  EXPECT_EQ(info->camera_model, "model");
+  EXPECT_EQ(info->camera_serial, "serial");
+  pipeline::FrameInlet inlet(info->format, 1, 2);
+  const std::int64_t start_ns = monotonic_ns();
+  const auto taken = take_all(source, inlet);
+  ASSERT_EQ(taken.size(), ids.size());
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    EXPECT_EQ(taken[i].meta.frame_id, ids[i]);
+    EXPECT_EQ(taken[i].meta.camera_ns, 10'000'000'000 + static_cast<std::int64_t>(ids[i]) * 5'000'000);
+    EXPECT_GE(taken[i].meta.receive_ns, start_ns);
+    EXPECT_LE(taken[i].meta.receive_ns, monotonic_ns());
+    EXPECT_FALSE(taken[i].restarts);
+    for (std::size_t p = 0; p < 20; ++p) ASSERT_EQ(taken[i].plane[p], value(ids[i], p));
+  }
+  EXPECT_EQ(inlet.losses().total(), 0U);
+  EXPECT_TRUE(source.result());
+}
+
+TEST_F(ReplaySourceTest, ARegionIsTheSamePixels) {
+  ReplaySource source(write({0, 1, 2}), Pace::kAsFastAsPossible, Region{2, 1, 3, 2});
+  const auto info = source.open();
+  ASSERT_TRUE(info) << info.error().message;
+  EXPECT_EQ(info->format.geometry, (Geometry{3, 2}));
+  pipeline::FrameInlet inlet(info->format, 1, 2);
+  const auto taken = take_all(source, inlet);
+  ASSERT_EQ(taken.size(), 3U);
+  for (const Taken& frame : taken) {
+    const std::uint64_t id = frame.meta.frame_id;
+    EXPECT_EQ(frame.plane, (std::vector<std::uint16_t>{value(id, 7), value(id, 8), value(id, 9), value(id, 12),
+                                                       value(id, 13), value(id, 14)}));
+  }
+}
+
+TEST_F(ReplaySourceTest, ARegionOutsideTheFrameIsRefused) {
+  const auto reader = write({0, 1});
+  for (const Region& region :
+       {Region{3, 0, 3, 1}, Region{0, 0, 5, 5}, Region{-1, 0, 2, 2}, Region{0, 0, 0, 1}, Region{0, 4, 1, 1}}) {
+    ReplaySource source(reader, Pace::kAsFastAsPossible, region);
+    const auto info = source.open();
+    ASSERT_FALSE(info);
+    EXPECT_EQ(info.error().kind, ErrorKind::kBadInput);
+    EXPECT_NE(info.error().message.find("not inside the frame of 5x4"), std::string::npos) << info.error().message;
+  }
+}
+
+TEST_F(ReplaySourceTest, JumpsOfTheFrameNumberAreCountedAsMissing) {
+  ReplaySource source(write({0, 1, 4, 5, 15}), Pace::kAsFastAsPossible);
+  pipeline::FrameInlet inlet(source.open()->format, 1, 2);
+  EXPECT_EQ(take_all(source, inlet).size(), 5U);
+  EXPECT_EQ(inlet.losses().value(LossCause::kMissing), 2U + 9U);
+  EXPECT_EQ(inlet.losses().total(), 11U);
+}
+
+TEST_F(ReplaySourceTest, NucAndReconnectStartANewWindowAtTheNextFrame) {
+  const double period_s = 0.005;
+  const auto reader = write({0, 1, 2, 3, 4, 20, 21},
+                            {{10.0 + 2.5 * period_s, "nuc"}, {10.0 + 10 * period_s, "reconnect"}, {10.0, "gap"}});
+  ReplaySource source(reader, Pace::kAsFastAsPossible);
+  pipeline::FrameInlet inlet(source.open()->format, 1, 2);
+  const auto taken = take_all(source, inlet);
+  ASSERT_EQ(taken.size(), 7U);
+  for (const Taken& frame : taken) {
+    EXPECT_EQ(frame.restarts, frame.meta.frame_id == 3 || frame.meta.frame_id == 20) << frame.meta.frame_id;
+  }
+  EXPECT_EQ(inlet.losses().total(), 0U);  // between 4 and 20 the camera was away
+}
+
+TEST_F(ReplaySourceTest, InRealTimeNothingWaitsAndEachLossIsCounted) {
+  std::vector<std::uint64_t> ids(50);
+  for (std::size_t i = 0; i < ids.size(); ++i) ids[i] = i;
+  ReplaySource source(write(ids, {}, 0.0005), Pace::kRealTime);
+  pipeline::FrameInlet inlet(source.open()->format, 2, 4);
+  const std::int64_t start_ns = monotonic_ns();
+  ASSERT_TRUE(source.start(inlet));
+  while (!inlet.finished()) std::this_thread::yield();  // nobody takes a frame
+  source.stop();
+  EXPECT_GE(monotonic_ns() - start_ns, 49 * 500'000);
+  EXPECT_GT(inlet.losses().total(), 0U);
+  EXPECT_EQ(inlet.received() + inlet.losses().total(), ids.size());
+}
+
+TEST_F(ReplaySourceTest, StopEndsAReplayThatWaitsForASlot) {
+  std::vector<std::uint64_t> ids(50);
+  for (std::size_t i = 0; i < ids.size(); ++i) ids[i] = i;
+  ReplaySource source(write(ids), Pace::kAsFastAsPossible);
+  pipeline::FrameInlet inlet(source.open()->format, 1, 2);
+  ASSERT_TRUE(source.start(inlet));
+  while (inlet.received() < 2) std::this_thread::yield();
+  source.stop();
+  source.stop();
+  EXPECT_LT(inlet.received(), 50U);
+  EXPECT_TRUE(source.result());
+}
+
+TEST_F(ReplaySourceTest, StopEndsAReplayThatSleeps) {
+  ReplaySource source(write({0, 1}, {}, 3600.0), Pace::kRealTime);
+  pipeline::FrameInlet inlet(source.open()->format, 1, 2);
+  ASSERT_TRUE(source.start(inlet));
+  while (inlet.received() < 1) std::this_thread::yield();
+  source.stop();
+  EXPECT_EQ(inlet.received(), 1U);
+}
+
+TEST(CopyRegion, TakesRowsOutOfAPlane) {
+  const std::vector<float> plane{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
+  std::vector<float> out(4, -1.0F);
+  copy_region(plane.data(), {4, 3}, sizeof(float), {1, 1, 2, 2}, out.data());
+  EXPECT_EQ(out, (std::vector<float>{5, 6, 9, 10}));
+}
+
+TEST(ReplayOfRealData, EveryCaptureGoesThrough) {
+  const char* data = std::getenv("BOLO_TEST_DATA");
+  if (data == nullptr) GTEST_SKIP() << "BOLO_TEST_DATA is not set: no real captures to replay";
+  int captures = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(std::filesystem::path(data) / "captures")) {
+    auto reader = capture::CaptureReader::open(entry.path());
+    ASSERT_TRUE(reader) << reader.error().message;
+    const std::size_t frames = reader->info().frames;
+    ReplaySource source(std::make_shared<const capture::CaptureReader>(std::move(*reader)), Pace::kAsFastAsPossible);
+    const auto info = source.open();
+    ASSERT_TRUE(info) << info.error().message;
+    pipeline::FrameInlet inlet(info->format, 1, 4);
+    EXPECT_EQ(take_all(source, inlet).size(), frames) << entry.path();
+    EXPECT_TRUE(source.result());
+    ++captures;
+  }
+  EXPECT_GT(captures, 0);
+}
+
+}  // namespace
+}  // namespace bolo::replay

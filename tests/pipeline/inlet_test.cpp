@@ -1,0 +1,133 @@
+#include "bolo/pipeline/inlet.hpp"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+#include <vector>
+
+namespace bolo::pipeline {
+namespace {
+
+constexpr std::int64_t kNoWait = 0;
+
+StreamFormat small_format() {
+  StreamFormat format;
+  format.geometry = {4, 2};
+  return format;
+}
+
+TEST(FrameInlet, HandsFramesOnInOrder) {
+  FrameInlet inlet(small_format(), 3, 4);
+  for (std::uint64_t id = 1; id <= 3; ++id) {
+    rt::FrameSlot* slot = inlet.borrow();
+    ASSERT_NE(slot, nullptr);
+    slot->meta.frame_id = id;
+    ASSERT_TRUE(inlet.commit(*slot));
+  }
+  EXPECT_EQ(inlet.received(), 3U);
+  for (std::uint64_t id = 1; id <= 3; ++id) {
+    const FrameInlet::Arrival arrival = inlet.next(kNoWait);
+    ASSERT_NE(arrival.slot, nullptr);
+    EXPECT_EQ(arrival.slot->meta.frame_id, id);
+    EXPECT_FALSE(arrival.restarts_window);
+  }
+  EXPECT_EQ(inlet.next(kNoWait).slot, nullptr);
+}
+
+TEST(FrameInlet, ABorrowedSlotBringsNothingOfItsLastFrame) {
+  FrameInlet inlet(small_format(), 0, 1);
+  for (int round = 0; round < 8; ++round) {
+    rt::FrameSlot* slot = inlet.borrow();
+    ASSERT_NE(slot, nullptr);
+    EXPECT_EQ(slot->meta.flags, 0U);
+    EXPECT_EQ(slot->meta.frame_id, 0U);
+    slot->meta = {.frame_id = 9, .camera_ns = 9, .receive_ns = 9, .flags = kFlagNuc};
+    ASSERT_TRUE(inlet.commit(*slot));
+    inlet.give_back(*inlet.next(kNoWait).slot);
+  }
+}
+
+// While the window holds nothing yet, a source that waits for slots may run ahead by all of them.
+TEST(FrameInlet, EverySlotThatCanBeBorrowedCanBeCommitted) {
+  FrameInlet inlet(small_format(), 8, 2);
+  std::uint64_t committed = 0;
+  while (rt::FrameSlot* slot = inlet.borrow()) {
+    ASSERT_TRUE(inlet.commit(*slot));
+    ++committed;
+  }
+  EXPECT_GE(committed, 10U);
+  EXPECT_EQ(inlet.received(), committed);
+  EXPECT_EQ(inlet.losses().value(LossCause::kQueueFull), 0U);
+}
+
+TEST(FrameInlet, NextDoesNotWaitOnceTheSourceHasFinished) {
+  FrameInlet inlet(small_format(), 1, 1);
+  inlet.finish();
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(inlet.next(3'600'000'000'000).slot, nullptr);
+}
+
+TEST(FrameInlet, AnEmptyPoolCountsEachFrameOnce) {
+  FrameInlet inlet(small_format(), 1, 1);
+  std::vector<rt::FrameSlot*> held;
+  while (rt::FrameSlot* slot = inlet.borrow()) held.push_back(slot);
+  EXPECT_GE(held.size(), 2U);
+  EXPECT_EQ(inlet.losses().value(LossCause::kPoolExhausted), 1U);
+  EXPECT_EQ(inlet.borrow(), nullptr);
+  EXPECT_EQ(inlet.losses().value(LossCause::kPoolExhausted), 2U);
+}
+
+TEST(FrameInlet, CancelCountsNothing) {
+  FrameInlet inlet(small_format(), 1, 1);
+  rt::FrameSlot* slot = inlet.borrow();
+  inlet.cancel(*slot);
+  EXPECT_EQ(inlet.losses().total(), 0U);
+  EXPECT_EQ(inlet.borrow(), slot);
+}
+
+TEST(FrameInlet, ARestartWaitsForTheNextCommittedFrameAndHoldsForItAlone) {
+  FrameInlet inlet(small_format(), 4, 4);
+  ASSERT_TRUE(inlet.commit(*inlet.borrow()));
+  inlet.restart_window();
+  inlet.cancel(*inlet.borrow());  // a frame that turned out bad: the restart is still to come
+  EXPECT_FALSE(inlet.next(kNoWait).restarts_window);
+  ASSERT_TRUE(inlet.commit(*inlet.borrow()));
+  EXPECT_TRUE(inlet.next(kNoWait).restarts_window);
+  ASSERT_TRUE(inlet.commit(*inlet.borrow()));
+  EXPECT_FALSE(inlet.next(kNoWait).restarts_window);
+}
+
+TEST(FrameInlet, BorrowWaitEndsWhenStopIsRequested) {
+  FrameInlet inlet(small_format(), 1, 1);
+  while (inlet.borrow() != nullptr) continue;
+  std::atomic<bool> stop{false};
+  std::thread stopper([&] { stop.store(true); });
+  EXPECT_EQ(inlet.borrow_wait(stop), nullptr);
+  stopper.join();
+}
+
+TEST(FrameInlet, FinishEndsAWaitAndLosesNoFrame) {
+  FrameInlet inlet(small_format(), 4, 64);
+  constexpr int kFrames = 50;
+  std::thread source([&] {
+    for (int i = 0; i < kFrames; ++i) {
+      std::atomic<bool> never{false};
+      inlet.commit(*inlet.borrow_wait(never));
+    }
+    inlet.finish();
+  });
+  int arrived = 0;
+  for (bool over = false; !over;) {
+    const bool finished = inlet.finished();
+    const FrameInlet::Arrival arrival = inlet.next(60'000'000'000);
+    if (arrival.slot != nullptr) {
+      ++arrived;
+      inlet.give_back(*arrival.slot);
+    }
+    over = finished && arrival.slot == nullptr;
+  }
+  source.join();
+  EXPECT_EQ(arrived, kFrames);
+}
+
+}  // namespace
+}  // namespace bolo::pipeline
