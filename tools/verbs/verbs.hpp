@@ -15,6 +15,10 @@ struct Verb {
   VerbMain run;
 };
 
-inline constexpr std::array<Verb, 0> kVerbs{};
+int fakecam_main(int argc, char** argv);
+
+inline constexpr std::array<Verb, 1> kVerbs{{
+    {"fakecam", "serve a capture as a GigE Vision camera", fakecam_main},
+}};
 
 }  // namespace bolo::tools
