@@ -15,6 +15,10 @@ struct Verb {
   VerbMain run;
 };
 
-inline constexpr std::array<Verb, 0> kVerbs{};
+int simulate_main(int argc, char** argv);
+
+inline constexpr std::array<Verb, 1> kVerbs{{
+    {"simulate", "write a capture of a simulated camera", simulate_main},
+}};
 
 }  // namespace bolo::tools
