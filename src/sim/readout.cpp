@@ -4,28 +4,14 @@
 #include <cmath>
 #include <numbers>
 
+#include "src/sim/splitmix.hpp"
+
 namespace bolo::sim {
-namespace {
-
-constexpr std::uint64_t kGolden = 0x9e3779b97f4a7c15ULL;  // SplitMix64's increment
-
-// SplitMix64's output function (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
-constexpr std::uint64_t mix(std::uint64_t z) noexcept {
-  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
-  return z ^ (z >> 31);
-}
-
-constexpr double kUnit = 0x1p-53;
-
-}  // namespace
-
 void fill_normal(std::uint64_t seed, std::uint64_t frame, std::uint64_t row, std::span<double> out) noexcept {
-  std::uint64_t state = mix(mix(mix(seed + kGolden) + frame + kGolden) + row + kGolden);
-  const auto next = [&state] { return mix(state += kGolden) >> 11; };
+  SplitMix random(key(key(key(0, seed), frame), row));
   for (std::size_t i = 0; i < out.size(); i += 2) {
-    const double radius = std::sqrt(-2.0 * std::log((static_cast<double>(next()) + 1.0) * kUnit));
-    const double angle = 2.0 * std::numbers::pi * kUnit * static_cast<double>(next());
+    const double radius = std::sqrt(-2.0 * std::log(1.0 - unit(random.next())));
+    const double angle = 2.0 * std::numbers::pi * unit(random.next());
     out[i] = radius * std::cos(angle);
     if (i + 1 < out.size()) out[i + 1] = radius * std::sin(angle);
   }

@@ -36,13 +36,18 @@ std::string fault(const CameraSettings& s) {
 
 }  // namespace
 
+Result<CameraSettings> checked(const CameraSettings& settings) {
+  if (const std::string what = fault(settings); !what.empty()) return bad_input(what);
+  return settings;
+}
+
 double history_s(const CameraSettings& settings) {
   return settings.kind == CameraKind::kBolometer ? kMemory * settings.tau_s : settings.exposure_s;
 }
 
 Result<std::unique_ptr<Simulator>> Simulator::create(const CameraSettings& settings,
                                                      std::unique_ptr<const Field> field) {
-  if (const std::string what = fault(settings); !what.empty()) return bad_input(what);
+  if (const auto valid = checked(settings); !valid) return tl::unexpected(valid.error());
   const double highest_k = 65535.0 * settings.readout.quantisation_k;
   if (settings.readout.type == PixelType::kUint16 && field->extremes().high_k > highest_k) {
     return bad_input("16 bits of " + std::to_string(settings.readout.quantisation_k) + " K reach only " +

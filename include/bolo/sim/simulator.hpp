@@ -32,6 +32,9 @@ struct CameraSettings {
   int threads = 2;  // the result does not depend on them
 };
 
+// The settings themselves when all are in range; kBadInput names the one that is not. Thread: any.
+Result<CameraSettings> checked(const CameraSettings& settings);
+
 // The time before t = 0 that a pixel still remembers, s: the field must be valid from its negative on. Thread: any.
 double history_s(const CameraSettings& settings);
 
@@ -39,7 +42,8 @@ double history_s(const CameraSettings& settings);
 // steady state history_s() before it, 14 time constants, where what is left of a 30 K error is 25 uK.
 class Simulator {
  public:
-  // Every setting is checked; kBadInput names the one that is wrong. Thread: setup.
+  // kBadInput when checked() refuses the settings, or when the field is hotter than the stored values can say.
+  // Thread: setup.
   static Result<std::unique_ptr<Simulator>> create(const CameraSettings& settings, std::unique_ptr<const Field> field);
 
   // The next frame: `plane` in the settings' type, `truth` (may be null) T_ss at the frame's time, K.
