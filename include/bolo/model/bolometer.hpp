@@ -24,4 +24,8 @@ Eigen::VectorXd constraints(std::span<const double> t, std::span<const double> y
 // frame-level problem has exactly the same optimum. Thread: setup.
 double fine_column_bound(int frames, double period_s, double tau_s);
 
+// All wavelets inside one frame have collinear columns of V H^T; only those of the level with the longest column can be
+// non-zero. 0: the wavelet as wide as the frame (T / tau < 6.66); 1: half as wide, and so on. Thread: setup.
+int strongest_wavelet_level(double period_s, double tau_s);
+
 }  // namespace bolo::model

@@ -1,0 +1,58 @@
+// Everything about the structured problem that is the same for all pixels: made once per pattern of lost frames.
+//
+// With s = G x / p (p = 1 - a, a the decay over a bin) the recursion y_{j+1} = a y_j + p x_j reads x = B s, B
+// bidiagonal with 1 on and -a below the diagonal, whatever samples are missing. ADMM's x-update
+//   minimise 1/2 ||M (G x - Y)||^2 + rho/2 ||x - v||^2
+// becomes (p^2/rho M + B^T B) s = (p/rho) M Y + B^T v: a symmetric tridiagonal system, factored here as L D L^T.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "src/deblur/grid.hpp"
+#include "src/deblur/tuning.hpp"
+
+namespace bolo::deblur {
+
+// A received sample, in the order of time.
+struct SampleCoefficients {
+  int slot = 0;
+  int row = 0;                // the row of G that it measures; -1 for the reference
+  int first_row = 0;          // the rows since the sample before: [first_row, row]
+  float weight = 0.0F;        // p / rho
+  float decay = 0.0F;         // of the reference until this sample
+  float inverse_gain = 0.0F;  // the input x = y_before + inverse_gain (y - y_before), constant since the sample before
+};
+
+struct RowCoefficients {
+  float next_decay = 0.0F;  // a of the row after, 0 for the last and where the reference starts afresh
+  float lower = 0.0F;       // L(j, j - 1)
+  float pivot = 0.0F;       // 1 / D(j)
+  float threshold = 0.0F;   // of coefficient j, see BandedPlan
+  float step = 0.0F;        // alpha / support of coefficient j
+};
+
+// Coefficients of the Haar transform stand in the order of the in-place butterflies: index i != 0 is the wavelet of
+// support 2 (i & -i) that begins at i - (i & -i); 0 is the scaling coefficient. They are sums and differences without
+// normalisation, divided by their support, so that the inverse transform needs no multiplication: thresholds scale by
+// 1 / sqrt(support).
+struct BandedPlan {
+  int bins = 0;
+  int iterations = 0;
+  int before = 0;  // published: the mean of these two bins
+  int after = 0;
+  float alpha = 1.0F;       // over-relaxation
+  float rest = 0.0F;        // 1 - alpha
+  float inverse_count = 0;  // 1 / received samples
+  int samples = 0;
+  std::array<SampleCoefficients, kMaxSlots> sample{};
+  std::vector<RowCoefficients> row;
+};
+
+// Takes the memory for `grid`. Thread: setup.
+BandedPlan make_banded_plan(const Grid& grid, const Tuning& tuning);
+
+// No allocation. Thread: pipeline.
+void prepare(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pattern& pattern) noexcept;
+
+}  // namespace bolo::deblur

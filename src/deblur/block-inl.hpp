@@ -1,0 +1,109 @@
+// A block of neighbouring pixels as two vectors, its loads and stores. Included once for every instruction set.
+#if defined(BOLO_DEBLUR_BLOCK_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef BOLO_DEBLUR_BLOCK_INL
+#undef BOLO_DEBLUR_BLOCK_INL
+#else
+#define BOLO_DEBLUR_BLOCK_INL
+#endif
+
+#include <algorithm>
+
+#include <hwy/highway.h>
+
+#include "src/deblur/kernels.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace bolo::deblur::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using Float = hn::ScalableTag<float>;
+using Vec = hn::Vec<Float>;
+
+inline constexpr std::size_t kLanes = hn::MaxLanes(Float());
+// Two vectors side by side: the recursions of the tridiagonal solve wait for their own results, so one would leave the
+// processor idle half of the time.
+inline constexpr std::size_t kBlock = 2 * kLanes;
+
+// Memory of one block: a row of kBlock floats for each bin or sample.
+using Row = float[kBlock];
+
+struct Pair {
+  Vec a;
+  Vec b;
+};
+
+HWY_INLINE Vec all(float value) { return hn::Set(Float(), value); }
+HWY_INLINE Pair pair(float value) { return {all(value), all(value)}; }
+HWY_INLINE Pair load(const float* from) { return {hn::Load(Float(), from), hn::Load(Float(), from + kLanes)}; }
+HWY_INLINE void store(Pair x, float* to) {
+  hn::Store(x.a, Float(), to);
+  hn::Store(x.b, Float(), to + kLanes);
+}
+HWY_INLINE Pair operator+(Pair x, Pair y) { return {hn::Add(x.a, y.a), hn::Add(x.b, y.b)}; }
+HWY_INLINE Pair operator-(Pair x, Pair y) { return {hn::Sub(x.a, y.a), hn::Sub(x.b, y.b)}; }
+HWY_INLINE Pair operator*(Vec k, Pair x) { return {hn::Mul(k, x.a), hn::Mul(k, x.b)}; }
+// k x + y
+HWY_INLINE Pair fma(Vec k, Pair x, Pair y) { return {hn::MulAdd(k, x.a, y.a), hn::MulAdd(k, x.b, y.b)}; }
+// y - k x
+HWY_INLINE Pair fnma(Vec k, Pair x, Pair y) { return {hn::NegMulAdd(k, x.a, y.a), hn::NegMulAdd(k, x.b, y.b)}; }
+// x limited to [-limit, limit]
+HWY_INLINE Pair clip(Pair x, Vec limit) {
+  const Vec low = hn::Neg(limit);
+  return {hn::Min(hn::Max(x.a, low), limit), hn::Min(hn::Max(x.b, low), limit)};
+}
+
+HWY_INLINE Vec widen(const std::uint16_t* from) {
+  const hn::Rebind<std::uint16_t, Float> half;
+  const hn::Rebind<std::int32_t, Float> whole;
+  return hn::ConvertTo(Float(), hn::PromoteTo(whole, hn::LoadU(half, from)));
+}
+
+HWY_INLINE Pair load_input(const std::uint16_t* from) { return {widen(from), widen(from + kLanes)}; }
+HWY_INLINE Pair load_input(const float* from) { return {hn::LoadU(Float(), from), hn::LoadU(Float(), from + kLanes)}; }
+
+// Rounded and limited to uint16; NaN becomes 0.
+HWY_INLINE void narrow(Vec x, std::uint16_t* to) {
+  const hn::Rebind<std::uint16_t, Float> half;
+  const Vec number = hn::IfThenElseZero(hn::Eq(x, x), x);
+  const Vec limited = hn::Min(hn::Max(number, hn::Zero(Float())), all(65535.0F));
+  hn::StoreU(hn::DemoteTo(half, hn::NearestInt(limited)), half, to);
+}
+
+// `count` values of a plane from pixel `at`, the rest of the block zero.
+template <typename T>
+HWY_INLINE Pair load_pixels(const void* plane, std::size_t at, std::size_t count) {
+  const T* from = static_cast<const T*>(plane) + at;
+  if (HWY_LIKELY(count == kBlock)) return load_input(from);
+  HWY_ALIGN T padded[kBlock] = {};
+  std::copy_n(from, count, padded);
+  return load_input(padded);
+}
+
+HWY_INLINE Pair load_pixels(const PixelRun& run, int slot, std::size_t at, std::size_t count) {
+  const void* plane = run.planes[slot];
+  return run.input == PixelType::kUint16 ? load_pixels<std::uint16_t>(plane, at, count)
+                                         : load_pixels<float>(plane, at, count);
+}
+
+HWY_INLINE void store_pixels(const PixelRun& run, Pair x, std::size_t at, std::size_t count) {
+  if (run.output == PixelType::kUint16) {
+    HWY_ALIGN std::uint16_t values[kBlock];
+    narrow(x.a, values);
+    narrow(x.b, values + kLanes);
+    std::copy_n(values, count, static_cast<std::uint16_t*>(run.out) + at);
+  } else {
+    HWY_ALIGN float values[kBlock];
+    store(fma(all(run.scale), x, pair(run.offset)), values);
+    std::copy_n(values, count, static_cast<float*>(run.out) + at);
+  }
+}
+
+// Calls solve(at, count) for every block of the run.
+template <typename Solve>
+HWY_INLINE void for_each_block(const PixelRun& run, const Solve& solve) {
+  for (std::size_t at = run.begin; at < run.end; at += kBlock) solve(at, std::min(kBlock, run.end - at));
+}
+
+}  // namespace bolo::deblur::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif

@@ -1,0 +1,66 @@
+#include "src/deblur/grid.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "bolo/model/bolometer.hpp"
+
+namespace bolo::deblur {
+
+double Grid::bin_decay() const { return std::exp(-ratio / parts); }
+
+// ||D||_1 over K coefficients is sqrt(K / bins) times that over `bins`, because a step function has the same norm in
+// both bases but its values are repeated K / bins times.
+Grid reduce(const Settings& settings, double lambda_half) {
+  Grid grid;
+  const int all = 1 << settings.levels;
+  grid.frames = settings.window - 1;
+  grid.ratio = settings.period_s / settings.tau_s;
+  grid.bins = std::min(all, grid.frames);
+  if (all > grid.frames && model::fine_column_bound(grid.frames, settings.period_s, settings.tau_s) >= 1.0) {
+    const int level = model::strongest_wavelet_level(settings.period_s, settings.tau_s);
+    grid.bins = std::min(all, grid.frames << std::min(level + 1, 10));
+  }
+  grid.parts = std::max(1, grid.bins / grid.frames);
+  grid.frames_per_bin = std::max(1, grid.frames / grid.bins);
+  grid.lambda = lambda_half * std::sqrt(static_cast<double>(all) / grid.bins);
+  return grid;
+}
+
+int Pattern::before(int slot) const {
+  for (int s = slot - 1; s >= 0; --s) {
+    if (received[static_cast<std::size_t>(s)]) return s;
+  }
+  return -1;
+}
+
+int Pattern::after(int slot) const {
+  for (int s = slot + 1; s < slots; ++s) {
+    if (received[static_cast<std::size_t>(s)]) return s;
+  }
+  return -1;
+}
+
+Pattern pattern_of(const WindowView& window) noexcept {
+  Pattern pattern;
+  pattern.slots = std::min(static_cast<int>(window.planes.size()), kMaxSlots);
+  pattern.target = window.target;
+  pattern.first = -1;
+  for (int s = 0; s < pattern.slots; ++s) {
+    if (window.planes[static_cast<std::size_t>(s)] == nullptr) continue;
+    pattern.received[static_cast<std::size_t>(s)] = true;
+    ++pattern.count;
+    if (pattern.first < 0) pattern.first = s;
+  }
+  pattern.first = std::max(pattern.first, 0);
+  return pattern;
+}
+
+Published published_bins(const Grid& grid, int slots, int target) noexcept {
+  const int after = target * grid.bins / grid.frames;
+  const int before = (target * grid.bins - 1) / grid.frames;
+  if (target == slots - 1) return {before, before};
+  return {before, after};
+}
+
+}  // namespace bolo::deblur

@@ -1,0 +1,58 @@
+// The unknowns that are solved for, and the samples that are there.
+#pragma once
+
+#include <array>
+
+#include "bolo/deblur/settings.hpp"
+#include "bolo/deblur/solver.hpp"
+
+namespace bolo::deblur {
+
+inline constexpr int kMaxSlots = 65;   // frames of a window
+inline constexpr int kMaxBins = 1024;  // 2^levels
+
+// The bins of the reduced problem: minimise 1/2 ||M (G x - Y)||^2 + lambda ||H x||_1 over x, H orthonormal Haar of size
+// `bins`. It has exactly the optimum of the problem with 2^levels bins (design: exact reduction).
+struct Grid {
+  int frames = 16;         // N: frame intervals of the window
+  int bins = 16;           // unknowns, a power of two
+  int parts = 1;           // bins of one frame interval; 1 when a bin is longer
+  int frames_per_bin = 1;  // frame intervals of one bin; 1 when a bin is shorter
+  double lambda = 0.0;     // of the reduced problem, in the units of lambda_half
+  double ratio = 0.0;      // T / tau
+
+  // exp(-T / tau) over one bin; of use when parts >= 1.
+  double bin_decay() const;
+  // The grid step (of `parts` a frame) at which the interval that ends at `slot` ends.
+  int row_after(int slot) const { return slot * parts; }
+};
+
+// lambda_half: the weight in 1/2 ||.||^2 + lambda_half ||D||_1 over 2^levels coefficients, in the units of the values.
+// Thread: setup.
+Grid reduce(const Settings& settings, double lambda_half);
+
+// Which slots of a window hold a frame.
+struct Pattern {
+  std::array<bool, kMaxSlots> received{};
+  int slots = 0;
+  int target = 0;  // the slot that is estimated
+  int count = 0;   // received slots
+  int first = 0;   // the first received slot: the reference y_0
+
+  bool operator==(const Pattern&) const = default;
+  // The nearest received slot before or after `slot`; -1 when there is none.
+  int before(int slot) const;
+  int after(int slot) const;
+};
+
+// Thread: any.
+Pattern pattern_of(const WindowView& window) noexcept;
+
+// The bins whose mean is published: both the last one, or those before and after the target's time. Thread: any.
+struct Published {
+  int before = 0;
+  int after = 0;
+};
+Published published_bins(const Grid& grid, int slots, int target) noexcept;
+
+}  // namespace bolo::deblur

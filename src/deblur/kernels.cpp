@@ -1,0 +1,82 @@
+#include "src/deblur/kernels.hpp"
+
+// Built in: AVX3 (AVX-512), AVX2, SSE4 and plain scalar code. Sets between them would only lengthen the build.
+#define HWY_COMPILE_ALL_ATTAINABLE
+#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "src/deblur/kernels.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#include "src/deblur/admm_banded-inl.hpp"
+#include "src/deblur/admm_dense-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace bolo::deblur::HWY_NAMESPACE {
+
+void solve_inverse(const InversePlan& plan, const PixelRun& run) noexcept {
+  for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR {
+    const Pair before = load_pixels(run, plan.before, at, count);
+    const Pair target = load_pixels(run, plan.target, at, count);
+    const Pair after = load_pixels(run, plan.after, at, count);
+    const Pair back = fma(all(plan.back), target - before, target);
+    store_pixels(run, fma(all(plan.ahead), after - target, back), at, count);
+  });
+}
+
+const Kernels& kernels() {
+  static const Kernels table{HWY_TARGET == HWY_SCALAR ? "scalar" : hwy::TargetName(HWY_TARGET), solve_banded,
+                             solve_dense, solve_inverse};
+  return table;
+}
+
+}  // namespace bolo::deblur::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace bolo::deblur {
+namespace {
+
+HWY_EXPORT(kernels);
+
+// Every built instruction set that this processor runs, best first: lower target bits are better.
+std::vector<const Kernels*> find_kernels() {
+  std::vector<const Kernels*> found;
+  std::int64_t left = (hwy::SupportedTargets() | HWY_STATIC_TARGET) & HWY_TARGETS;
+  for (; left != 0; left &= left - 1) {
+    hwy::SetSupportedTargetsForTest(left & -left);
+    hwy::GetChosenTarget().DeInit();  // the next dispatch chooses again
+    found.push_back(&HWY_DYNAMIC_DISPATCH(kernels)());
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
+  return found;
+}
+
+const std::vector<const Kernels*>& available() {
+  static const std::vector<const Kernels*> found = find_kernels();
+  return found;
+}
+
+const Kernels* forced = nullptr;
+
+}  // namespace
+
+const Kernels& best_kernels() { return forced != nullptr ? *forced : *available().front(); }
+
+std::vector<std::string_view> available_isas() {
+  std::vector<std::string_view> names;
+  for (const Kernels* k : available()) names.push_back(k->isa);
+  return names;
+}
+
+bool force_isa(std::string_view isa) {
+  if (isa.empty()) forced = nullptr;
+  for (const Kernels* k : available()) {
+    if (k->isa == isa) forced = k;
+  }
+  return isa.empty() || best_kernels().isa == isa;
+}
+
+}  // namespace bolo::deblur
+#endif

@@ -1,0 +1,48 @@
+// The pixel loops, built once for every instruction set (Highway) and chosen at run time.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "bolo/core/plane.hpp"
+#include "src/deblur/banded_plan.hpp"
+#include "src/deblur/dense_plan.hpp"
+#include "src/deblur/inverse_plan.hpp"
+
+namespace bolo::deblur {
+
+// A run of pixels [begin, end) of a window's planes, and where their estimates go. Planes may stand at any address;
+// nothing outside the run is read or written.
+struct PixelRun {
+  const void* const* planes = nullptr;
+  PixelType input = PixelType::kUint16;
+  PixelType output = PixelType::kUint16;
+  float scale = 1.0F;  // of float output: scale * value + offset
+  float offset = 0.0F;
+  std::size_t begin = 0;
+  std::size_t end = 0;
+  void* out = nullptr;
+};
+
+// One instruction set's kernels. NaN in a float plane makes that pixel's estimate NaN (0 as uint16) for as long as it
+// is in the window, and no other pixel's. Thread: worker.
+struct Kernels {
+  std::string_view isa;
+  void (*banded)(const BandedPlan& plan, const PixelRun& run) noexcept;
+  void (*dense)(const DensePlan& plan, const PixelRun& run) noexcept;
+  void (*inverse)(const InversePlan& plan, const PixelRun& run) noexcept;
+};
+
+// The best this processor has, or the one forced. Thread: setup.
+const Kernels& best_kernels();
+
+// Names of the instruction sets that are built in and that this processor can run, best first. Thread: setup.
+std::vector<std::string_view> available_isas();
+
+// For tests and benchmarks: solvers created from now on use this instruction set; "" goes back to the best. False when
+// it is not available. Thread: setup.
+bool force_isa(std::string_view isa);
+
+}  // namespace bolo::deblur

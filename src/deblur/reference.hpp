@@ -1,0 +1,15 @@
+// The ADMM kernels' plain twin: one pixel, double precision, full matrices. The vector kernels are tested against it.
+#pragma once
+
+#include <span>
+
+#include "src/deblur/grid.hpp"
+#include "src/deblur/tuning.hpp"
+
+namespace bolo::deblur {
+
+// y: one value for each slot; those of lost frames are not looked at. Returns the published value in the units of y.
+// Thread: any.
+double reference_admm(const Grid& grid, const Tuning& tuning, const Pattern& pattern, std::span<const double> y);
+
+}  // namespace bolo::deblur

@@ -1,0 +1,76 @@
+#include "bolo/deblur/settings.hpp"
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <sstream>
+#include <string>
+#include <utility>
+
+namespace bolo::deblur {
+namespace {
+
+constexpr std::array kNames = {
+    std::pair{Method::kAdmm, std::string_view("admm")},
+    std::pair{Method::kExact, std::string_view("exact")},
+    std::pair{Method::kInverse, std::string_view("inverse")},
+};
+
+// Collects one sentence for every value out of range.
+class Complaints {
+ public:
+  template <typename T>
+  void unless(bool good, std::string_view item, T value, std::string_view range) {
+    if (good) return;
+    if (!empty_) text_ << "; ";
+    text_ << item << " is " << value << ", must be " << range;
+    empty_ = false;
+  }
+
+  Status status() const {
+    if (empty_) return {};
+    return bad_input("deblur settings: " + text_.str());
+  }
+
+ private:
+  std::ostringstream text_;
+  bool empty_ = true;
+};
+
+bool between(double value, double low, double high) { return value >= low && value <= high; }  // false for NaN
+bool positive_below(double value, double limit) { return value > 0.0 && value < limit; }
+
+}  // namespace
+
+std::string_view name(Method method) {
+  for (const auto& [value, text] : kNames) {
+    if (value == method) return text;
+  }
+  return "unknown";
+}
+
+Result<Method> method_from_name(std::string_view text) {
+  for (const auto& [value, known] : kNames) {
+    if (known == text) return value;
+  }
+  return bad_input("solver \"" + std::string(text) + "\" is unknown; use admm, exact or inverse");
+}
+
+Status validate(const Settings& settings) {
+  Complaints complaints;
+  const int rows = settings.window - 1;
+  complaints.unless(positive_below(settings.tau_s, 1.0), "tau_s", settings.tau_s, "above 0 and below 1 s");
+  complaints.unless(between(settings.period_s, 1e-5, 10.0), "period_s", settings.period_s, "0.00001 to 10 s");
+  complaints.unless(rows >= 2 && rows <= 64 && std::has_single_bit(static_cast<unsigned>(rows)), "window",
+                    settings.window, "3, 5, 9, 17, 33 or 65 frames (a power of two and one)");
+  complaints.unless(settings.levels >= 1 && settings.levels <= 10, "levels", settings.levels, "1 to 10");
+  complaints.unless(settings.kappa > 0.0 && std::isfinite(settings.kappa), "kappa", settings.kappa, "above 0");
+  complaints.unless(settings.lambda >= 0.0 && std::isfinite(settings.lambda), "lambda", settings.lambda, "0 or more");
+  complaints.unless(settings.iterations >= 0 && settings.iterations <= 1000, "iterations", settings.iterations,
+                    "0 (automatic) to 1000");
+  complaints.unless(settings.lookahead >= 0 && settings.lookahead <= settings.window - 2, "lookahead",
+                    settings.lookahead, "0 to window - 2 frames");
+  return complaints.status();
+}
+
+}  // namespace bolo::deblur

@@ -1,0 +1,71 @@
+#include "bolo/model/bolometer.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <numbers>
+
+namespace bolo::model {
+namespace {
+
+Eigen::Index ssize(std::span<const double> values) { return static_cast<Eigen::Index>(values.size()); }
+
+// ||H e_i||_1 of the orthonormal Haar matrix of size `frames`, the same for every i: one coefficient a level.
+double unit_l1(int frames) {
+  const double n = frames;
+  double l1 = 1.0 / std::sqrt(n);
+  for (double support = n; support > 1.5; support /= 2.0) l1 += 1.0 / std::sqrt(support);
+  return l1;
+}
+
+}  // namespace
+
+Eigen::MatrixXd response_matrix(std::span<const double> t, int bins, double tau_s) {
+  assert(t.size() >= 2 && bins >= 1 && tau_s > 0.0);
+  const double width = (t.back() - t.front()) / bins;
+  Eigen::MatrixXd v = Eigen::MatrixXd::Zero(ssize(t) - 1, bins);
+  for (Eigen::Index row = 0; row < v.rows(); ++row) {
+    const double sample = t[static_cast<std::size_t>(row) + 1];
+    for (Eigen::Index k = 0; k < bins; ++k) {
+      const double begin = t.front() + static_cast<double>(k) * width;
+      const double end = std::min(begin + width, sample);
+      if (end <= begin) break;
+      // exp(-(sample - end) / tau) - exp(-(sample - begin) / tau), without cancellation for short bins.
+      v(row, k) = -std::exp(-(sample - end) / tau_s) * std::expm1(-(end - begin) / tau_s);
+    }
+  }
+  return v;
+}
+
+Eigen::VectorXd constraints(std::span<const double> t, std::span<const double> y, double tau_s) {
+  assert(t.size() == y.size() && t.size() >= 2);
+  Eigen::VectorXd result(ssize(t) - 1);
+  for (Eigen::Index j = 0; j < result.size(); ++j) {
+    const auto sample = static_cast<std::size_t>(j) + 1;
+    result(j) = y[sample] - y[0] * std::exp(-(t[sample] - t[0]) / tau_s);
+  }
+  return result;
+}
+
+// A wavelet of width w at the end of a frame, scaled by 1 / sqrt(w), moves the next sample by
+// f(w) = (1 - exp(-w / 2 tau))^2 / sqrt(w). f rises and then falls in w, and
+// f(w / 2) / f(w) = sqrt(2) / (1 + exp(-w / 4 tau))^2, so the first level at which this is <= 1 has the largest f.
+int strongest_wavelet_level(double period_s, double tau_s) {
+  int level = 0;
+  for (double width = period_s / tau_s;; width /= 2.0, ++level) {
+    const double sum = 1.0 + std::exp(-width / 4.0);
+    if (sum * sum >= std::numbers::sqrt2) return level;
+  }
+}
+
+// A wavelet inside frame i changes the samples after it by c a^(j - i), as any input inside that frame does: its column
+// of V H^T is a multiple of G e_i, and G e_i = (G H^T) (H e_i) is a combination of the frame-level columns with the
+// weights H e_i.
+double fine_column_bound(int frames, double period_s, double tau_s) {
+  const double parts = std::exp2(strongest_wavelet_level(period_s, tau_s));  // wavelets side by side in a frame
+  const double edge = std::expm1(-period_s / (2.0 * parts * tau_s));
+  const double response = -std::expm1(-period_s / tau_s);  // of a sample to its frame's input
+  return std::sqrt(parts) * edge * edge / response * unit_l1(frames);
+}
+
+}  // namespace bolo::model
