@@ -8,19 +8,24 @@ namespace {
 Result<ComposedSource> make_replay(const ReplayOptions& options) {
   Result<capture::CaptureReader> reader = capture::CaptureReader::open(options.file);
   if (!reader) return tl::unexpected<Error>(reader.error());
+  ComposedSource composed;
+  composed.warnings = reader->warnings();
   auto source = std::make_unique<replay::ReplaySource>(
       std::make_shared<const capture::CaptureReader>(std::move(*reader)), options.pace);
-  replay::ReplaySource* replay = source.get();
-  return ComposedSource{std::move(source), nullptr, replay};
+  composed.replay = source.get();
+  composed.source = std::move(source);
+  return composed;
 }
 
 }  // namespace
 
 Result<ComposedSource> make_source(const DaemonConfig& config) {
   if (config.source == SourceType::kReplay) return make_replay(config.replay);
+  ComposedSource composed;
   auto source = std::make_unique<genicam::GenicamSource>(config.camera);
-  genicam::GenicamSource* camera = source.get();
-  return ComposedSource{std::move(source), camera, nullptr};
+  composed.camera = source.get();
+  composed.source = std::move(source);
+  return composed;
 }
 
 std::vector<std::unique_ptr<pipeline::FrameSink>> make_sinks(const DaemonConfig& config) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "bolo/daemon/config.hpp"
@@ -13,6 +14,7 @@ struct ComposedSource {
   std::unique_ptr<pipeline::FrameSource> source;
   genicam::GenicamSource* camera = nullptr;
   replay::ReplaySource* replay = nullptr;
+  std::vector<std::string> warnings{};  // what is odd about a capture, yet replayable
 };
 
 // Thread: setup.

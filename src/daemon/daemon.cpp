@@ -67,6 +67,7 @@ struct Daemon::Impl {
 Status Daemon::Impl::compose() {
   Result<ComposedSource> source = make_source(config);
   if (!source) return tl::unexpected<Error>(source.error());
+  for (const std::string& warning : source->warnings) log->warn(warning);
   camera = source->camera;
   replay = source->replay;
   sinks = make_sinks(config);
@@ -77,6 +78,10 @@ Status Daemon::Impl::compose() {
   auto made = pipeline::Pipeline::create(std::move(source->source), std::move(lent), options);
   if (!made) return tl::unexpected<Error>(made.error());
   pipeline = std::move(*made);
+  const std::string& serial = pipeline->source().camera_serial;
+  if (!config.profile.serial.empty() && !serial.empty() && serial != config.profile.serial) {
+    log->warn("the profile is of camera {}, but this is camera {}", config.profile.serial, serial);
+  }
   return {};
 }
 

@@ -23,8 +23,8 @@ KeyTable profile_keys(CameraProfile& profile) {
   keys.number("quantisation_k", profile.quantisation_k, {0.0, 100.0, "K"},
               "Temperature step of one count; 0.01 in TemperatureLinear10mK.");
   keys.section("camera", "which camera this is");
-  keys.text("model", profile.model, "Model, as written into recordings and shared memory.");
-  keys.text("serial", profile.serial, "Serial number; empty: any camera of this model.");
+  keys.text("model", profile.model, "Model, for people.");
+  keys.text("serial", profile.serial, "Serial number; a camera with another one is told in the log. Empty: any.");
   keys.section("transport", "how the camera sends its frames");
   keys.choice<bool>("byte_order", profile.big_endian_pixels, kByteOrders,
                     "Byte order of Mono16 pixels on the wire. Unproven: other FLIR models send big-endian.");

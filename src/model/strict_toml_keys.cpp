@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <sstream>
 #include <utility>
 
@@ -12,8 +13,11 @@ namespace {
 
 // Shortest text that reads back as the same value; always a TOML float.
 std::string float_text(double value) {
-  std::array<char, 32> buffer{};
-  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
+  std::array<char, 64> buffer{};
+  const double size = std::abs(value);
+  const bool handy = size == 0.0 || (size >= 1e-6 && size < 1e15);
+  const auto format = handy ? std::chars_format::fixed : std::chars_format::general;
+  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value, format).ptr;
   std::string text(buffer.data(), end);
   if (text.find_first_of(".en") == std::string::npos) text += ".0";
   return text;
