@@ -80,7 +80,9 @@ Result<Connection> open_gige(const std::string& ipv4) {
 
 Result<Connection> open_by_id(const std::string& id) {
   GlibError error;
-  Connection connection{Ref<ArvDevice>(arv_open_device(id.c_str(), error.out())), "camera " + id, {}, {}};
+  Connection connection;
+  connection.name = "camera " + id;
+  connection.device.reset(arv_open_device(id.c_str(), error.out()));
   if (error || connection.device == nullptr) {
     connection.device.reset();
     return bad_input("camera " + id + " cannot be opened (" + error.message() +

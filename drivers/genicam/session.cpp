@@ -56,12 +56,12 @@ Result<std::unique_ptr<Session>> Session::open(const CameraOptions& options, con
 
 Session::Session(Connection connection, pipeline::SourceInfo info, const CameraOptions& options)
     : options_(options), info_(std::move(info)), connection_(std::move(connection)) {
-  g_signal_connect(connection_.device.get(), "control-lost", G_CALLBACK(&Session::on_control_lost), this);
+  g_signal_connect(connection_.device.get(), "control-lost", G_CALLBACK(&Session::on_control_lost),
+                   connection_.control_lost.get());
 }
 
 Session::~Session() {
   gate_.shut();
-  g_signal_handlers_disconnect_by_data(connection_.device.get(), this);
   running_.store(nullptr, std::memory_order_release);  // partner: drain(); buffers are not turned round any more
   const bool answers = !connection_.is_gige() || answers_gvcp(connection_.address);
   if (began_ && !control_lost() && answers) {
@@ -114,8 +114,8 @@ void Session::on_stream(void* self, ArvStreamCallbackType type, ArvBuffer*) {
 }
 
 // On the heartbeat's thread, which the device's end waits for: nothing but the flag.
-void Session::on_control_lost(ArvDevice*, void* self) {
-  static_cast<Session*>(self)->control_lost_.store(true, std::memory_order_relaxed);
+void Session::on_control_lost(ArvDevice*, void* flag) {
+  static_cast<std::atomic<bool>*>(flag)->store(true, std::memory_order_relaxed);
 }
 
 void Session::set_priority() noexcept {

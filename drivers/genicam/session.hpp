@@ -38,7 +38,7 @@ class Session {
   void shut() noexcept { gate_.shut(); }
 
   // Aravis's heartbeat has failed, or another program took the camera. Thread: any.
-  bool control_lost() const noexcept { return control_lost_.load(std::memory_order_relaxed); }
+  bool control_lost() const noexcept { return connection_.control_lost->load(std::memory_order_relaxed); }
   // Since the stream was prepared. Thread: setup.
   TransportStats transport() const;
 
@@ -46,7 +46,7 @@ class Session {
   Session(Connection connection, pipeline::SourceInfo info, const CameraOptions& options);
 
   static void on_stream(void* self, ArvStreamCallbackType type, ArvBuffer* buffer);
-  static void on_control_lost(ArvDevice* device, void* self);
+  static void on_control_lost(ArvDevice* device, void* flag);
   void set_priority() noexcept;
   void drain() noexcept;
   Status create_stream(std::vector<std::string>& warnings);
@@ -58,7 +58,6 @@ class Session {
 
   const CameraOptions options_;
   const pipeline::SourceInfo info_;
-  std::atomic<bool> control_lost_{false};  // a flag and nothing else: relaxed
   std::atomic<Priority> priority_{Priority::kPending};
   bool began_ = false;
   Intake* intake_ = nullptr;

@@ -192,6 +192,7 @@ TEST_F(GenicamOpenTest, ConfiguresAFlir) {
   Collector collector(info->format);
   ASSERT_TRUE(source.start(collector.inlet()));
   ASSERT_TRUE(collector.wait_for(3));
+  source.stop();
   EXPECT_EQ(fake.read_register(kResetAt), 2U) << "GevTimestampControlReset";
 }
 

@@ -51,7 +51,7 @@ TEST_F(GenicamStreamTest, DeliversEachPixelIdAndTime) {
   }
   const auto& losses = collector.inlet().losses();
   EXPECT_EQ(frames.back().meta.frame_id - frames.front().meta.frame_id + 1, frames.size() + losses.total());
-  EXPECT_EQ(source.transport_stats().completed_buffers, frames.size());
+  EXPECT_GE(source.transport_stats().completed_buffers, frames.size());
 }
 
 TEST_F(GenicamStreamTest, SwapsBigEndianPixels) {
