@@ -28,4 +28,7 @@ struct Connection {
 // Errors as GenicamSource::open(). Thread: setup.
 Result<Connection> connect(const CameraOptions& options);
 
+// The camera says that a program controls it, and it answers us. Blocks some seconds when it is silent. Thread: setup.
+bool is_controlled(const Connection& connection);
+
 }  // namespace bolo::genicam

@@ -41,6 +41,7 @@ Status Keeper::start(std::unique_ptr<Session> session) {
     drop_session();
     return adopted;
   }
+  state_.store(SourceState::kStreaming, std::memory_order_relaxed);
   std::promise<void> done;
   watched_ = done.get_future();
   watcher_ = std::thread([self = shared_from_this(), end = std::move(done)]() mutable {

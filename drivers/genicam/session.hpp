@@ -16,7 +16,7 @@ namespace bolo::genicam {
 
 class Session {
  public:
-  // Connects and configures, again when the camera drops the connection over its new windowing (up to about 8 s).
+  // Connects and configures; again, for about 8 s, when the camera drops the connection over its new windowing.
   // stop_requested ends that early. Thread: setup.
   static Result<std::unique_ptr<Session>> open(const CameraOptions& options, const std::atomic<bool>& stop_requested,
                                                std::vector<std::string>& warnings);
@@ -27,6 +27,8 @@ class Session {
   Session& operator=(const Session&) = delete;
 
   const pipeline::SourceInfo& info() const { return info_; }
+  // The IP address of a GigE Vision camera; empty for others.
+  const std::string& address() const { return connection_.address; }
 
   // Makes Aravis's stream, its thread and its buffers; nothing flows yet. The intake outlives shut(). Thread: setup.
   Status prepare(Intake& intake, std::vector<std::string>& warnings);
