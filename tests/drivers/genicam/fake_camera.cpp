@@ -89,7 +89,7 @@ void FakeCamera::fill(ArvBuffer* buffer, void* self, guint32, guint32, ArvPixelF
     }
   }
   arv_buffer_set_frame_id(buffer, fake->options_.id(n));
-  arv_buffer_set_timestamp(buffer, n * 5'000'000U);
+  arv_buffer_set_timestamp(buffer, n * kPeriodNs);
   fake->sent_.store(n + 1);
 }
 
@@ -129,6 +129,7 @@ CameraOptions options_for(const std::string& address) {
   options.width = kWidth;
   options.height = kHeight;
   options.rate_hz = kRateHz;
+  options.windowing_watch_ms = 200;
   return options;
 }
 

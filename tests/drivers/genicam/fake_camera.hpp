@@ -17,6 +17,7 @@ namespace bolo::genicam::test {
 inline constexpr int kWidth = 64;
 inline constexpr int kHeight = 24;
 inline constexpr double kRateHz = 200.0;
+inline constexpr std::uint64_t kPeriodNs = 5'000'000;
 inline constexpr std::uint16_t kFirstId = 65500;  // so that every stream wraps after 35 frames
 
 // Moves the program into a network namespace with only a loopback (127.0.0.1 and 127.0.0.2), so that tests that run at
@@ -81,6 +82,11 @@ struct Received {
   std::vector<std::uint16_t> pixels;
   bool restarts_window = false;
 };
+
+// The number that the fake gave the frame: its timestamp is that many periods.
+inline std::uint64_t number_of(const Received& frame) {
+  return static_cast<std::uint64_t>(frame.meta.camera_ns) / kPeriodNs;
+}
 
 // Takes frames out of an inlet on a thread of its own, and keeps them.
 class Collector {

@@ -26,7 +26,7 @@ TEST(GateTest, ShutTwiceReturns) {
 
 // What the gate guards is destroyed right after shut(); the sanitizers see any use of it that is left.
 TEST(GateTest, NobodyIsInsideAfterShut) {
-  for (int round = 0; round < 300; ++round) {
+  for (int round = 0; round < 100; ++round) {
     Gate gate;
     auto guarded = std::make_unique<int>(0);
     int* const plain = guarded.get();

@@ -192,7 +192,27 @@ TEST_F(GenicamOpenTest, ConfiguresAFlir) {
   Collector collector(info->format);
   ASSERT_TRUE(source.start(collector.inlet()));
   ASSERT_TRUE(collector.wait_for(3));
+  source.stop();
   EXPECT_EQ(fake.read_register(kResetAt), 2U) << "GevTimestampControlReset";
+}
+
+TEST_F(GenicamOpenTest, ComesBackWhenANewWindowingDropsTheConnection) {
+  FakeCamera fake({.address = "127.0.0.1", .xml = write_xml(flir_nodes()), .big_endian = false, .id = {}});
+  std::thread camera([&] {
+    EXPECT_TRUE(eventually([&] { return fake.read_register(kIrWindowingAt) == 2; }));
+    fake.take_control_away();
+  });
+  CameraOptions options = options_for();
+  options.windowing_watch_ms = 5000;  // longer than the camera takes to drop
+  GenicamSource source(options);
+  const auto info = source.open();
+  camera.join();
+  ASSERT_TRUE(info) << info.error().message;
+  EXPECT_EQ(fake.read_register(kIrFormatAt), 2U) << "the rest was configured after coming back";
+  Collector collector(info->format);
+  ASSERT_TRUE(source.start(collector.inlet()));
+  EXPECT_TRUE(collector.wait_for(3));
+  source.stop();
 }
 
 TEST_F(GenicamOpenTest, ReadsTheScaleOfEachIrFormat) {
@@ -265,6 +285,13 @@ TEST_F(GenicamOpenTest, FindsTheOnlyCamera) {
   const auto info = source.open();
   ASSERT_TRUE(info) << info.error().message;
   EXPECT_EQ(info->camera_serial, "GV01");
+  FakeCamera another({.address = "127.0.0.2", .xml = {}, .big_endian = false, .id = {}});
+  Collector collector(info->format);
+  ASSERT_TRUE(source.start(collector.inlet()));
+  source.stop();
+  const Status again = source.start(collector.inlet());
+  EXPECT_TRUE(again) << "it was known by then which camera is meant: " << again.error().message;
+  source.stop();
 }
 
 TEST_F(GenicamOpenTest, SaysThatNoCameraAnswersAtAll) {

@@ -14,9 +14,6 @@ class GenicamStreamTest : public testing::Test {
   }
 };
 
-// The frame number that the fake gave the frame, from its timestamp.
-std::uint64_t number_of(const Received& frame) { return static_cast<std::uint64_t>(frame.meta.camera_ns) / 5'000'000U; }
-
 void expect_pixels(const Received& frame, Geometry geometry) {
   const std::uint64_t n = number_of(frame);
   for (int y = 0; y < geometry.height; ++y) {
@@ -51,7 +48,7 @@ TEST_F(GenicamStreamTest, DeliversEachPixelIdAndTime) {
   }
   const auto& losses = collector.inlet().losses();
   EXPECT_EQ(frames.back().meta.frame_id - frames.front().meta.frame_id + 1, frames.size() + losses.total());
-  EXPECT_EQ(source.transport_stats().completed_buffers, frames.size());
+  EXPECT_GE(source.transport_stats().completed_buffers, frames.size());
 }
 
 TEST_F(GenicamStreamTest, SwapsBigEndianPixels) {
