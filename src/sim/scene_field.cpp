@@ -3,6 +3,8 @@
 #include <cmath>
 #include <string>
 
+#include <Eigen/Core>
+
 #include "bolo/sim/field.hpp"
 
 namespace bolo::sim {
@@ -13,7 +15,7 @@ class SceneField final : public Field {
   SceneField(capture::StillImage image, Path path, Geometry view)
       : image_(std::move(image)), path_(std::move(path)), view_(view) {}
 
-  void sample(double t_s, int row, std::span<double> out) const noexcept override {
+  void sample(double t_s, int row, std::span<float> out) const noexcept override {
     const Position at = path_.at(t_s);
     const Tap x = tap(at.x_px, image_.width - view_.width);
     const Tap y = tap(at.y_px, image_.height - view_.height);
@@ -67,29 +69,32 @@ class SceneField final : public Field {
     return image_.kelvin.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(image_.width);
   }
 
-  static void blend(const float* in, double part, std::span<double> out) noexcept {
+  using Pixels = Eigen::Map<const Eigen::ArrayXf>;
+
+  static void blend(const float* in, double part, std::span<float> out) noexcept {
+    const auto size = static_cast<Eigen::Index>(out.size());
+    const auto x = static_cast<float>(part);
+    // A row that ends at the image's border has no next pixel to read.
+    Eigen::Map<Eigen::ArrayXf> result(out.data(), size);
     if (part == 0.0) {
-      std::copy_n(in, out.size(), out.begin());
-      return;
-    }
-    const double rest = 1.0 - part;
-    for (std::size_t x = 0; x < out.size(); ++x) {
-      out[x] = rest * static_cast<double>(in[x]) + part * static_cast<double>(in[x + 1]);
+      result = Pixels(in, size);
+    } else {
+      result = (1.0F - x) * Pixels(in, size) + x * Pixels(in + 1, size);
     }
   }
 
   static void blend(const float* upper, const float* lower, double x_part, double y_part,
-                    std::span<double> out) noexcept {
-    const double y_rest = 1.0 - y_part;
-    const auto column = [&](std::size_t x) {
-      return y_rest * static_cast<double>(upper[x]) + y_part * static_cast<double>(lower[x]);
-    };
+                    std::span<float> out) noexcept {
+    const auto size = static_cast<Eigen::Index>(out.size());
+    const auto x = static_cast<float>(x_part);
+    const auto y = static_cast<float>(y_part);
+    Eigen::Map<Eigen::ArrayXf> result(out.data(), size);
     if (x_part == 0.0) {
-      for (std::size_t x = 0; x < out.size(); ++x) out[x] = column(x);
-      return;
+      result = (1.0F - y) * Pixels(upper, size) + y * Pixels(lower, size);
+    } else {
+      result = ((1.0F - x) * (1.0F - y)) * Pixels(upper, size) + (x * (1.0F - y)) * Pixels(upper + 1, size) +
+               ((1.0F - x) * y) * Pixels(lower, size) + (x * y) * Pixels(lower + 1, size);
     }
-    const double x_rest = 1.0 - x_part;
-    for (std::size_t x = 0; x < out.size(); ++x) out[x] = x_rest * column(x) + x_part * column(x + 1);
   }
 
   capture::StillImage image_;

@@ -12,7 +12,9 @@ class UniformField final : public Field {
  public:
   explicit UniformField(double temperature_k) : temperature_k_(temperature_k) {}
 
-  void sample(double, int, std::span<double> out) const noexcept override { std::ranges::fill(out, temperature_k_); }
+  void sample(double, int, std::span<float> out) const noexcept override {
+    std::ranges::fill(out, static_cast<float>(temperature_k_));
+  }
   void instants(double, double to_s, double, std::vector<double>& out) const override { out.push_back(to_s); }
   Extremes extremes() const override { return {temperature_k_, temperature_k_}; }
   capture::Stimulus stimulus(double, double) const override { return capture::Uniform{temperature_k_}; }
@@ -25,7 +27,9 @@ class ChopperField final : public Field {
  public:
   explicit ChopperField(capture::Chopper chopper) : chopper_(std::move(chopper)) {}
 
-  void sample(double t_s, int, std::span<double> out) const noexcept override { std::ranges::fill(out, level(t_s)); }
+  void sample(double t_s, int, std::span<float> out) const noexcept override {
+    std::ranges::fill(out, static_cast<float>(level(t_s)));
+  }
 
   void instants(double from_s, double to_s, double, std::vector<double>& out) const override {
     const auto jump = [&](double t_s) {
@@ -69,8 +73,8 @@ class BarField final : public Field {
  public:
   explicit BarField(const capture::BarTarget& target) : target_(target) {}
 
-  void sample(double t_s, int row, std::span<double> out) const noexcept override {
-    std::ranges::fill(out, target_.cold_k);
+  void sample(double t_s, int row, std::span<float> out) const noexcept override {
+    std::ranges::fill(out, static_cast<float>(target_.cold_k));
     const double contrast = target_.hot_k - target_.cold_k;
     const double shift = std::fmod(target_.slant_px_per_row * row + target_.velocity_px_s * t_s, target_.period_px);
     const double right_end = static_cast<double>(out.size()) - 0.5;
@@ -97,18 +101,24 @@ class BarField final : public Field {
   capture::Stimulus stimulus(double, double) const override { return target_; }
 
  private:
-  // Adds the share of each pixel that the bar [left, left + width] covers.
-  void add_bar(double left, double contrast, std::span<double> out) const noexcept {
+  // Adds a bar from `left` on: the pixels at its ends by the share it covers of them.
+  void add_bar(double left, double contrast, std::span<float> out) const noexcept {
     const double right = left + target_.bar_width_px;
-    const double limit = static_cast<double>(out.size());
-    if (right <= -0.5 || left >= limit - 0.5) return;
-    const auto first = static_cast<std::size_t>(std::max(0.0, std::floor(left + 0.5)));
-    const auto last = static_cast<std::size_t>(std::min(limit - 1.0, std::floor(right + 0.5)));
-    for (std::size_t x = first; x <= last; ++x) {
-      const double centre = static_cast<double>(x);
-      const double share = std::min(right, centre + 0.5) - std::max(left, centre - 0.5);
-      out[x] += contrast * std::max(share, 0.0);
+    const auto first = static_cast<std::ptrdiff_t>(std::floor(left + 0.5));
+    const auto last = static_cast<std::ptrdiff_t>(std::floor(right + 0.5));
+    const auto size = static_cast<std::ptrdiff_t>(out.size());
+    const auto add = [&](std::ptrdiff_t x, double share) {
+      if (x >= 0 && x < size) out[static_cast<std::size_t>(x)] += static_cast<float>(contrast * share);
+    };
+    if (first == last) {
+      add(first, target_.bar_width_px);
+      return;
     }
+    add(first, static_cast<double>(first) + 0.5 - left);
+    add(last, right - (static_cast<double>(last) - 0.5));
+    const auto inner = std::clamp<std::ptrdiff_t>(first + 1, 0, size);
+    const auto inner_end = std::clamp<std::ptrdiff_t>(last, inner, size);
+    std::fill(out.begin() + inner, out.begin() + inner_end, static_cast<float>(target_.hot_k));
   }
 
   capture::BarTarget target_;

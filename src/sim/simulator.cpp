@@ -11,9 +11,9 @@ namespace {
 
 constexpr double kMemory = 14.0;  // time constants; exp(-14) is under a millionth
 
-using Row = Eigen::Map<Eigen::ArrayXd>;
-
-Row as_array(std::span<double> row) { return {row.data(), static_cast<Eigen::Index>(row.size())}; }
+Eigen::Map<const Eigen::ArrayXf> as_array(const std::vector<float>& row) {
+  return {row.data(), static_cast<Eigen::Index>(row.size())};
+}
 
 bool within(double value, double low, double high) { return value >= low && value <= high; }
 
@@ -67,7 +67,8 @@ Simulator::Simulator(const CameraSettings& settings, std::unique_ptr<const Field
       team_(settings.threads, rt::ThreadOptions{"bolo-sim", 0, {}}) {
   const auto width = static_cast<std::size_t>(settings.geometry.width);
   for (Scratch& scratch : scratch_) {
-    for (std::vector<double>* row : {&scratch.start, &scratch.middle, &scratch.end}) row->resize(width);
+    for (std::vector<float>* row : {&scratch.start, &scratch.middle, &scratch.end}) row->resize(width);
+    for (std::vector<double>* row : {&scratch.kelvin, &scratch.noise}) row->resize(width);
   }
 }
 
@@ -114,18 +115,23 @@ void Simulator::work(int worker) noexcept {
   }
 }
 
-// Brings the row from from_s_ to the frame's time; leaves T_ss at that time in scratch.start.
+// Brings the row from from_s_ to the frame's time; leaves T_ss at that time in scratch.start. Sums are kept in double:
+// a float near 300 K would stand still when a short step changes it by less than its last bit.
 void Simulator::integrate(int row, Scratch& scratch) noexcept {
   const std::size_t width = scratch.start.size();
-  Row shown = as_array({shown_.data() + static_cast<std::size_t>(row) * width, width});
+  Eigen::Map<Eigen::ArrayXd> shown(shown_.data() + static_cast<std::size_t>(row) * width,
+                                   static_cast<Eigen::Index>(width));
   field_->sample(from_s_, row, scratch.start);
-  if (frame_ == 0) shown = as_array(scratch.start);  // steady state
+  if (frame_ == 0) shown = as_array(scratch.start).cast<double>();  // steady state
   for (const Step& step : steps_) {
     field_->sample(step.middle_s, row, scratch.middle);
     field_->sample(step.end_s, row, scratch.end);
-    const StepWeights& w = step.weights;
-    shown = w.keep * shown + w.start * as_array(scratch.start) + w.middle * as_array(scratch.middle) +
-            w.end * as_array(scratch.end);
+    const auto start = static_cast<float>(step.weights.start);
+    const auto middle = static_cast<float>(step.weights.middle);
+    const auto end = static_cast<float>(step.weights.end);
+    const auto input =
+        start * as_array(scratch.start) + middle * as_array(scratch.middle) + end * as_array(scratch.end);
+    shown = step.weights.keep * shown + input.cast<double>();
     scratch.start.swap(scratch.end);
   }
 }
@@ -134,10 +140,10 @@ void Simulator::read_out(int row, Scratch& scratch) noexcept {
   const std::size_t width = scratch.start.size();
   const std::size_t offset = static_cast<std::size_t>(row) * width;
   if (truth_ != nullptr) {
-    std::ranges::transform(scratch.start, truth_ + offset, [](double kelvin) { return static_cast<float>(kelvin); });
+    std::ranges::copy(scratch.start, truth_ + offset);
   }
-  std::copy_n(shown_.data() + offset, width, scratch.middle.data());
-  read_row(settings_.readout, frame_, row, scratch.middle, scratch.end,
+  std::copy_n(shown_.data() + offset, width, scratch.kelvin.data());
+  read_row(settings_.readout, frame_, row, scratch.kelvin, scratch.noise,
            static_cast<std::byte*>(plane_) + offset * bytes_of(settings_.readout.type));
 }
 

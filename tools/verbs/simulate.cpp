@@ -76,11 +76,12 @@ cxxopts::Options declare() {
       "trajectory", "CSV of t_s,x_px,y_px: where pixel (0, 0) looks", text(), "FILE.csv")(
       "trajectory-scale", "Of the trajectory's motion", number("1"))(
       "trajectory-start", "Time in the trajectory where the capture begins, s", cxxopts::value<double>())(
-      "origin", "Scene pixel that (0, 0) looks at, at t = 0 (default: the path is centred)", list("0,0"), "X,Y")(
-      "cold", "K: black of a picture, the bars' ground (285), the closed chopper (295)", cxxopts::value<double>())(
-      "hot", "K: white of a picture, the bars", number("310"))("temperature", "K (uniform)", number("300"))(
-      "levels", "K: heights of the pulses (chopper)", list("305,320"))("pulses", "ms: lengths of the pulses (chopper)",
-                                                                       list("12,30,60,120,300"))(
+      "origin", "Scene pixel that (0, 0) looks at, at t = 0 (default: the path is centred)",
+      cxxopts::value<std::vector<double>>(),
+      "X,Y")("cold", "K: black of a picture, the bars' ground (285), the closed chopper (295)",
+             cxxopts::value<double>())("hot", "K: white of a picture, the bars", number("310"))(
+      "temperature", "K (uniform)", number("300"))("levels", "K: heights of the pulses (chopper)", list("305,320"))(
+      "pulses", "ms: lengths of the pulses (chopper)", list("12,30,60,120,300"))(
       "gap", "ms: between two pulses (chopper)", number("83.7"))("period", "Pixels (bar_target)", number("40"))(
       "slant", "Pixels a row (bar_target)", number("0.25"));
   return options;
@@ -207,7 +208,8 @@ Result<std::unique_ptr<const sim::Scene>> scene_of(const Options& given, const s
   const bool has_span = given.count("cold") + given.count("hot") != 0;
   const Result<bool> grey = street ? Result<bool>(false) : sim::has_grey_levels(name);
   if (!grey) return tl::unexpected(grey.error());
-  if (has_span && !*grey) return bad_input("--cold and --hot are for PNG and JPEG; " + name + " is in kelvin already");
+  if (has_span && !*grey)
+    return bad_input("--cold and --hot are for PNG and JPEG; " + name + " has temperatures of its own");
   if (street) return sim::make_street(camera.geometry, camera.readout.seed);
   const Result<double> cold = kelvin(given, "cold", 285.0);
   if (!cold) return tl::unexpected(cold.error());

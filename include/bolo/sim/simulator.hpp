@@ -61,10 +61,12 @@ class Simulator {
     double end_s = 0.0;
     StepWeights weights;
   };
-  struct Scratch {  // one a worker: rows of T_ss
-    std::vector<double> start;
-    std::vector<double> middle;
-    std::vector<double> end;
+  struct Scratch {  // one a worker: rows of T_ss, and of the read-out
+    std::vector<float> start;
+    std::vector<float> middle;
+    std::vector<float> end;
+    std::vector<double> kelvin;
+    std::vector<double> noise;
   };
 
   Simulator(const CameraSettings& settings, std::unique_ptr<const Field> field);

@@ -11,8 +11,8 @@ double sky(double x, double y) noexcept {
 }
 
 double road(double x, double y) noexcept {
-  const double track = std::exp(-0.08 * (y - 103.0) * (y - 103.0)) + std::exp(-0.08 * (y - 117.0) * (y - 117.0));
-  return 290.0 + 0.03 * (y - kRoadTop) + 1.0 * track + 0.55 * texture(x, y, 1.1, 21) +
+  const auto track = [y](double middle) { return std::max(0.0, 1.0 - 0.04 * (y - middle) * (y - middle)); };
+  return 290.0 + 0.03 * (y - kRoadTop) + 1.0 * (track(103.0) + track(117.0)) + 0.55 * texture(x, y, 1.1, 21) +
          0.6 * texture(x, 2.0 * y, 30.0, 22);
 }
 
@@ -24,7 +24,9 @@ double pavement(double x, double y) noexcept {
 }  // namespace
 
 void paint_sky(Painter& painter) {
-  painter.rectangle(painter.box(), sky);
+  Box above = painter.box();
+  above.bottom = std::min(above.bottom, kPavementTop);
+  painter.rectangle(above, sky);
   // Far trees against the sky, seen where no house stands.
   const auto under_crowns = [](double x, double y) { return y > 62.0 + 9.0 * texture(x, 0.0, 17.0, 31); };
   const Box far{painter.box().left, 45.0, painter.box().right, kPavementTop};
