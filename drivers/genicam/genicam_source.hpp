@@ -5,8 +5,10 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "bolo/pipeline/source.hpp"
+#include "bolo/rt/counters.hpp"
 
 namespace bolo::genicam {
 
@@ -29,17 +31,58 @@ struct CameraOptions {
   int packet_timeout_us = 2000;
   int frame_retention_us = 10000;  // how long an incomplete frame may hold up the ones behind it
   int buffers = 48;
-  int realtime_priority = 0;  // of Aravis's receiving thread
+  int realtime_priority = 0;      // of Aravis's receiving thread
+  int stall_ms = 250;             // without a frame for this long, and for 20 frame periods: stalled
+  int reconnect_after_ms = 2000;  // stalled for this long: the camera is lost and opened again; 0: never
+};
+
+enum class SourceState {
+  kIdle,       // not started, or stopped
+  kStreaming,  // frames arrive
+  kStalled,    // connected, but no frame for stall_ms
+  kLost,       // control lost or stalled for too long; being opened again
+};
+
+// Aravis's own view of the transport, summed over reconnects.
+struct TransportStats {
+  std::uint64_t completed_buffers = 0;
+  std::uint64_t failures = 0;   // frames that Aravis gave up
+  std::uint64_t underruns = 0;  // packets without a buffer to put them into
+  std::uint64_t received_packets = 0;
+  std::uint64_t missing_packets = 0;
+  std::uint64_t resend_requests = 0;
+  std::uint64_t resent_packets = 0;
+  std::uint64_t ignored_packets = 0;  // of frames that were already closed
 };
 
 class GenicamSource final : public pipeline::FrameSource {
  public:
   explicit GenicamSource(CameraOptions options);
+  // Stops. Blocks a few seconds at most, also when the camera is dead.
   ~GenicamSource() override;
+  GenicamSource(const GenicamSource&) = delete;
+  GenicamSource& operator=(const GenicamSource&) = delete;
 
+  // kBadInput: no camera, several cameras without an address, a camera that another program controls, or one that
+  // refuses a setting that the stream depends on. Settings that were rounded are in warnings(). Thread: setup.
   Result<pipeline::SourceInfo> open() override;
+
+  // After stop() it connects again. Frames come on Aravis's receiving thread; a camera that is lost is opened again in
+  // the background until stop(), and its first frame then starts a new window. Thread: setup.
   Status start(pipeline::FrameInlet& inlet) override;
+
+  // Waits for a teardown that the camera does not answer for a bounded time only. Thread: setup.
   void stop() noexcept override;
+
+  // Thread: any.
+  SourceState state() const noexcept;
+  // Times that a lost camera was opened again. Thread: any.
+  std::uint64_t reconnects() const noexcept;
+  TransportStats transport_stats() const;
+  // What the camera or the host granted less of than was asked, and why reconnecting failed; newest last. Thread: any.
+  std::vector<std::string> warnings() const;
+  // First packet of a frame received -> frame in the queue, since start(). Thread: any, not during start().
+  const rt::LatencyHistogram& receive_latency() const noexcept;
 
  private:
   struct Impl;

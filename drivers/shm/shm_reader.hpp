@@ -24,11 +24,14 @@ class ShmReader {
  public:
   // Maps "/bolo." + name read-only and checks magic, version and every offset against the object's size. Thread: setup.
   static Result<ShmReader> open(const std::string& name);
+  // The names that exist now, sorted: "cam" for the object "/bolo.cam", whether its writer lives or not. Thread: any.
+  static std::vector<std::string> names();
+
   ShmReader(ShmReader&&) noexcept;
   ShmReader& operator=(ShmReader&&) noexcept;
   ~ShmReader();
 
-  // A copy of the header: geometry, counters, histogram. Thread: any.
+  // A copy of the header: geometry and texts as checked by open(), counters and histogram as they are now. Thread: any.
   bolo_shm_header header() const noexcept;
 
   enum class Outcome {
@@ -37,12 +40,16 @@ class ShmReader {
     kTimeout,      // not published in time
     kClosed,       // the writer ended, or its heartbeat stopped
   };
-  // Copies frame `number` (publication order), waiting for it up to timeout_ms. The vectors of `frame` are reused.
+  // Copies frame `number` (publication order), waiting for it up to timeout_ms. The vectors of `frame` are reused, and
+  // worth nothing after any outcome but kFrame. Frames that are still in the ring can be read after the writer's end.
   // Thread: one at a time.
   Outcome read(std::uint64_t number, ReadFrame& frame, int timeout_ms) noexcept;
 
   // Frames published so far: the newest is published() - 1. Thread: any.
   std::uint64_t published() const noexcept;
+
+  // The writer ended, or its heartbeat stopped; open() finds its successor. Thread: any.
+  bool closed() const noexcept;
 
  private:
   struct Impl;

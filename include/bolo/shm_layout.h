@@ -26,18 +26,29 @@
  * To wait for a frame: read header.wake, look at published, and FUTEX_WAIT (shared, not private) on header.wake with
  * the value read. A process that can't use futexes polls published.
  *
- * A writer that ends orderly stores BOLO_SHM_CLOSED in header.state. A writer that starts under a name that is taken by
- * a dead writer unlinks the old object, so a reader that sees header.heartbeat_ns grow old maps the name anew.
+ * A writer that ends orderly stores BOLO_SHM_CLOSED in header.state and unlinks the name. A writer that starts under a
+ * name that is taken by a dead writer unlinks the old object, so a reader that sees header.heartbeat_ns grow older than
+ * BOLO_SHM_STALE_NS maps the name anew. The object is never resized while it has a name.
+ *
+ * The writer holds flock(LOCK_EX) on the object for its life: that is how a second writer of the same name is refused,
+ * whatever process namespace it runs in. Readers take no lock.
+ *
+ * For readers in other languages, the header's bytes (Python: struct.unpack_from of the first 312, then the rest live):
+ *   "<QIIIIIIQQQQddddIIII64s64s64sq"  magic .. start_ns        at   0
+ *   "<QIIQQQQQQ16Q192Q"               published .. latency     at 320   (2,048 bytes in all)
+ * and a slot's: "<QQqqqII16x" at 0, 64 bytes, then the planes at raw_offset and deblurred_offset.
  */
 #ifndef BOLO_SHM_LAYOUT_H
 #define BOLO_SHM_LAYOUT_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 #define BOLO_SHM_MAGIC 0x4d48534f4c4f42ULL /* "BOLOSHM" */
 #define BOLO_SHM_VERSION 1u
 #define BOLO_SHM_LOSS_CAUSES 16u
 #define BOLO_SHM_LATENCY_BUCKETS 192u
+#define BOLO_SHM_STALE_NS 2000000000LL /* a heartbeat older than this belongs to a dead or stopped writer */
 
 enum bolo_shm_state { BOLO_SHM_STARTING = 0, BOLO_SHM_RUNNING = 1, BOLO_SHM_CLOSED = 2 };
 enum bolo_shm_unit { BOLO_UNIT_KELVIN = 0, BOLO_UNIT_COUNT = 1 };
@@ -73,21 +84,22 @@ struct bolo_shm_header {
   uint32_t writer_pid;
   char camera_model[64];
   char camera_serial[64];
-  char solver[64]; /* method, iterations, lambda, instruction set, in words */
+  char solver[64];  /* method, iterations, lambda, instruction set, in words; cut to fit, as the other texts */
+  int64_t start_ns; /* CLOCK_MONOTONIC, when the writer made the object */
 
   /* Written while running. 64-byte aligned from here. */
   uint64_t published __attribute__((aligned(64)));
-  uint32_t wake;  /* futex word: changes with every published frame */
-  uint32_t state; /* enum bolo_shm_state */
+  uint32_t wake;         /* futex word: changes with every published frame */
+  uint32_t state;        /* enum bolo_shm_state */
   uint64_t heartbeat_ns; /* CLOCK_MONOTONIC of the writer's last sign of life; at least every 250 ms while running */
 
   uint64_t received; /* frames that came from the camera whole */
   uint64_t restarts; /* windows emptied */
   uint64_t warm_up;
   uint64_t gap_frames;
-  uint64_t deblur_ns;                    /* summed over published frames */
-  uint64_t lost[BOLO_SHM_LOSS_CAUSES];   /* by cause: incomplete, missing, pool_exhausted, queue_full, bad_frame,
-                                            driver, out_of_order */
+  uint64_t deblur_ns;                         /* summed over published frames */
+  uint64_t lost[BOLO_SHM_LOSS_CAUSES];        /* by cause: incomplete, missing, pool_exhausted, queue_full, bad_frame,
+                                                 driver, out_of_order */
   uint64_t latency[BOLO_SHM_LATENCY_BUCKETS]; /* receive -> publish. Bucket b < 8: b us. Else, with e = b / 8 and
                                                  m = b % 8: from (8 + m) << (e - 1) to (9 + m) << (e - 1) us */
 };
@@ -104,9 +116,23 @@ struct bolo_shm_slot {
 };
 
 #ifdef __cplusplus
-static_assert(sizeof(struct bolo_shm_slot) == 64, "layout");
+#define BOLO_SHM_ASSERT(condition) static_assert(condition, "the layout is a contract with other programs")
 #else
-_Static_assert(sizeof(struct bolo_shm_slot) == 64, "layout");
+#define BOLO_SHM_ASSERT(condition) _Static_assert(condition, "the layout is a contract with other programs")
 #endif
+BOLO_SHM_ASSERT(sizeof(struct bolo_shm_slot) == 64);
+BOLO_SHM_ASSERT(sizeof(struct bolo_shm_header) == 2048);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, width) == 16);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, slots_offset) == 32);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, scale) == 64);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, window) == 96);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, camera_model) == 112);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, start_ns) == 304);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, published) == 320);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, wake) == 328);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, heartbeat_ns) == 336);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, lost) == 384);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, latency) == 512);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, flags) == 40);
 
 #endif /* BOLO_SHM_LAYOUT_H */

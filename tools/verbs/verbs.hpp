@@ -16,9 +16,11 @@ struct Verb {
 };
 
 int deblur_main(int argc, char** argv);
+int stat_main(int argc, char** argv);
 
-inline constexpr std::array<Verb, 1> kVerbs{{
+inline constexpr std::array<Verb, 2> kVerbs{{
     {"deblur", "undo the pixels' thermal inertia in a capture", deblur_main},
+    {"stat", "what a running daemon does: rates, losses, latency", stat_main},
 }};
 
 }  // namespace bolo::tools

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "bolo/core/result.hpp"
+#include "bolo/model/strict_toml.hpp"
 
 namespace bolo::model {
 
@@ -21,8 +22,14 @@ struct CameraProfile {
   int metadata_rows = 0;           // rows at the end of each frame that are not image
 };
 
+// Declares the keys of a profile, bound to `profile`, which must outlive the table. Thread: any.
+KeyTable profile_keys(CameraProfile& profile);
+
 // Reads a profile. Unknown keys, wrong types and values out of range are refused with file, line and the nearest valid
 // key. Only the keys given replace the defaults. Thread: setup.
 Result<CameraProfile> read_profile(const std::filesystem::path& file);
+
+// A complete commented profile with the present values of `profile`. Thread: any.
+std::string document_profile(CameraProfile profile);
 
 }  // namespace bolo::model

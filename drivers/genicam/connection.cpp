@@ -1,0 +1,125 @@
+#include "drivers/genicam/connection.hpp"
+
+#include <cstdint>
+#include <utility>
+
+namespace bolo::genicam {
+namespace {
+
+struct Found {
+  std::string id;
+  std::string address;
+  std::string protocol;
+  std::string text;
+};
+
+std::string safe(const char* text) { return text != nullptr ? text : ""; }
+
+std::vector<Found> discover() {
+  arv_update_device_list();
+  std::vector<Found> found;
+  const unsigned count = arv_get_n_devices();
+  for (unsigned i = 0; i < count; ++i) {
+    Found f{safe(arv_get_device_id(i)), safe(arv_get_device_address(i)), safe(arv_get_device_protocol(i)), {}};
+    f.text = f.id + " at " + f.address;
+    found.push_back(std::move(f));
+  }
+  return found;
+}
+
+std::string list_of(const std::vector<Found>& cameras) {
+  std::string text;
+  for (const Found& f : cameras) text += (text.empty() ? "" : ", ") + f.text;
+  return text;
+}
+
+// The camera to open when the options do not name an IP address.
+Result<Found> choose_camera(const std::string& id) {
+  const std::vector<Found> cameras = discover();
+  if (cameras.empty()) {
+    return bad_input(
+        "no camera answers: check its power and cable, that this computer has an address in its subnet, and that no "
+        "firewall drops UDP port 3956; or give its address");
+  }
+  if (id.empty()) {
+    if (cameras.size() == 1) return cameras.front();
+    return bad_input("several cameras answer (" + list_of(cameras) + "): give the address of one");
+  }
+  for (const Found& f : cameras) {
+    if (f.id == id || f.address == id) return f;
+  }
+  return bad_input("no camera named '" + id + "' answers; found: " + list_of(cameras));
+}
+
+Result<Connection> open_gige(const std::string& ipv4) {
+  Connection connection;
+  connection.name = "camera " + ipv4;
+  connection.address = ipv4;
+  auto route = route_to(ipv4);
+  if (!route) return tl::unexpected<Error>(std::move(route.error()));
+  connection.route = std::move(*route);
+  if (!answers_gvcp(ipv4)) {
+    return bad_input("no camera answers at " + ipv4 + " through " + connection.route.interface + " (" +
+                     connection.route.local_address +
+                     "): check its power and cable, its address, and that no firewall drops UDP port 3956");
+  }
+  const Ref<GInetAddress> local(g_inet_address_new_from_string(connection.route.local_address.c_str()));
+  const Ref<GInetAddress> remote(g_inet_address_new_from_string(ipv4.c_str()));
+  GlibError error;
+  connection.device.reset(arv_gv_device_new(local.get(), remote.get(), error.out()));
+  if (error || connection.device == nullptr) {
+    connection.device.reset();
+    return failed("camera " + ipv4 + " answers but cannot be opened (" + error.message() + ")");
+  }
+  if (arv_gv_device_is_controller(ARV_GV_DEVICE(connection.device.get())) == FALSE) {
+    return bad_input("camera " + ipv4 +
+                     " is controlled by another program: end that program; a crashed one lets go after about 3 s");
+  }
+  return connection;
+}
+
+Result<Connection> open_by_id(const std::string& id) {
+  GlibError error;
+  Connection connection{Ref<ArvDevice>(arv_open_device(id.c_str(), error.out())), "camera " + id, {}, {}};
+  if (error || connection.device == nullptr) {
+    connection.device.reset();
+    return bad_input("camera " + id + " cannot be opened (" + error.message() +
+                     "): check that no other program uses it and that you may access the device");
+  }
+  return connection;
+}
+
+// Some FLIR cameras describe their registers in the byte order of an older schema: 640 columns then read as
+// 2147614720 (640 with its bytes reversed).
+bool registers_look_swapped(ArvDevice* device) {
+  GlibError error;
+  const auto width = arv_device_get_integer_feature_value(device, "Width", error.out());
+  if (error || width < (1 << 16)) return false;
+  return __builtin_bswap32(static_cast<std::uint32_t>(width)) < (1U << 16);
+}
+
+// Makes Aravis read the registers as that older schema has them. Must come before any node is read.
+void use_legacy_register_order(ArvDevice* device) {
+  ArvDomElement* root = arv_dom_document_get_document_element(ARV_DOM_DOCUMENT(arv_device_get_genicam(device)));
+  arv_dom_element_set_attribute(root, "SchemaMinorVersion", "0");
+}
+
+Result<Connection> open(const CameraOptions& options) {
+  if (is_ipv4(options.address)) return open_gige(options.address);
+  auto camera = choose_camera(options.address);
+  if (!camera) return tl::unexpected<Error>(std::move(camera.error()));
+  return is_ipv4(camera->address) ? open_gige(camera->address) : open_by_id(camera->id);
+}
+
+}  // namespace
+
+Result<Connection> connect(const CameraOptions& options) {
+  auto connection = open(options);
+  if (!connection || !registers_look_swapped(connection->device.get())) return connection;
+  connection->device.reset();  // lets go of control first
+  connection = open(options);
+  if (connection) use_legacy_register_order(connection->device.get());
+  return connection;
+}
+
+}  // namespace bolo::genicam

@@ -1,0 +1,51 @@
+// Ownership of GLib's objects and errors.
+#pragma once
+
+#include <arv.h>
+
+#include <memory>
+#include <string>
+
+namespace bolo::genicam {
+
+struct Unref {
+  void operator()(void* object) const noexcept { g_object_unref(object); }
+};
+struct Free {
+  void operator()(void* memory) const noexcept { g_free(memory); }
+};
+
+// One reference to a GObject, given up at the end of scope.
+template <typename T>
+using Ref = std::unique_ptr<T, Unref>;
+
+// Memory that GLib allocated.
+template <typename T>
+using Owned = std::unique_ptr<T, Free>;
+
+// Where a call of GLib puts its error: pass out() to one call, then ask.
+class GlibError {
+ public:
+  GlibError() = default;
+  ~GlibError() { g_clear_error(&error_); }
+  GlibError(const GlibError&) = delete;
+  GlibError& operator=(const GlibError&) = delete;
+
+  GError** out() noexcept {
+    g_clear_error(&error_);
+    return &error_;
+  }
+  explicit operator bool() const noexcept { return error_ != nullptr; }
+  std::string message() const { return error_ != nullptr ? error_->message : "no reason given"; }
+  // The camera did not answer at all, as opposed to answering no.
+  bool unanswered() const noexcept {
+    return error_ != nullptr && error_->domain == ARV_DEVICE_ERROR &&
+           (error_->code == ARV_DEVICE_ERROR_TIMEOUT || error_->code == ARV_DEVICE_ERROR_NOT_CONNECTED ||
+            error_->code == ARV_DEVICE_ERROR_TRANSFER_ERROR);
+  }
+
+ private:
+  GError* error_ = nullptr;
+};
+
+}  // namespace bolo::genicam

@@ -1,0 +1,128 @@
+#include "drivers/genicam/intake.hpp"
+
+#include <ctime>
+
+#include "bolo/core/clock.hpp"
+#include "drivers/genicam/copy_rows.hpp"
+
+namespace bolo::genicam {
+namespace {
+
+constexpr std::int64_t kOldestNs = 1'000'000'000;  // a frame takes less than this from its first packet to here
+
+std::int64_t realtime_ns() noexcept {
+  timespec now{};
+  clock_gettime(CLOCK_REALTIME, &now);
+  return now.tv_sec * 1'000'000'000LL + now.tv_nsec;
+}
+
+// When the first packet was taken from the socket, on CLOCK_MONOTONIC. Aravis notes it on the wall clock, in whole
+// microseconds; the clocks' present distance is applied. That is exact to about 1 us plus the time that the packet
+// waited in the socket, unless the wall clock is stepped within the frame: then the time is off by the step, or, when
+// that makes no sense, the present is taken.
+std::int64_t first_packet_ns(ArvBuffer* buffer, std::int64_t now_ns) noexcept {
+  const auto system_ns = static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
+  const std::int64_t age_ns = realtime_ns() - system_ns;
+  return age_ns >= 0 && age_ns < kOldestNs ? now_ns - age_ns : now_ns;
+}
+
+}  // namespace
+
+Intake::Intake(pipeline::FrameInlet& inlet, const CameraOptions& options)
+    : inlet_(inlet),
+      format_(inlet.format()),
+      order_(options.pixel_order),
+      metadata_rows_(options.metadata_rows),
+      ledger_(format_.frame_period_s) {}
+
+void Intake::take(ArvBuffer* buffer) noexcept {
+  const std::int64_t now_ns = monotonic_ns();
+  const std::uint64_t raw_id = arv_buffer_get_frame_id(buffer);
+  switch (arv_buffer_get_status(buffer)) {
+    case ARV_BUFFER_STATUS_SUCCESS:
+      deliver(buffer, now_ns);
+      break;
+    case ARV_BUFFER_STATUS_UNKNOWN:
+    case ARV_BUFFER_STATUS_CLEARED:
+    case ARV_BUFFER_STATUS_FILLING:
+    case ARV_BUFFER_STATUS_ABORTED:
+      if (raw_id != kNoId) ledger_.broken(raw_id, LossCause::kDriver, now_ns);
+      break;
+    case ARV_BUFFER_STATUS_TIMEOUT:
+    case ARV_BUFFER_STATUS_MISSING_PACKETS:
+    case ARV_BUFFER_STATUS_WRONG_PACKET_ID:
+    case ARV_BUFFER_STATUS_SIZE_MISMATCH:
+    default:  // later versions of Aravis know more ways to fail
+      if (raw_id == kNoId) {
+        ledger_.broken_without_id();
+      } else {
+        ledger_.broken(raw_id, LossCause::kIncomplete, now_ns);
+      }
+      break;
+  }
+  post_losses();
+}
+
+void Intake::restart() noexcept { ledger_.restart(); }
+
+void Intake::settle() noexcept {
+  ledger_.settle();
+  post_losses();
+}
+
+void Intake::deliver(ArvBuffer* buffer, std::int64_t now_ns) noexcept {
+  const std::uint64_t raw_id = arv_buffer_get_frame_id(buffer);
+  if (!agreed(buffer)) return ledger_.broken(raw_id, LossCause::kBadFrame, now_ns);
+  last_frame_ns_.store(now_ns, std::memory_order_relaxed);
+  const FrameLedger::Verdict verdict = ledger_.complete(raw_id, now_ns);
+  if (!verdict.deliver) return;
+  if (verdict.restarted) inlet_.restart_window();
+  rt::FrameSlot* slot = inlet_.borrow();
+  if (slot == nullptr) return;  // counted by the inlet
+
+  int x_padding = 0;
+  int y_padding = 0;
+  arv_buffer_get_image_padding(buffer, &x_padding, &y_padding);
+  const auto stride = static_cast<std::size_t>(format_.geometry.width) * 2 + static_cast<std::size_t>(x_padding);
+  std::size_t size = 0;
+  const auto* pixels = static_cast<const std::byte*>(arv_buffer_get_image_data(buffer, &size));
+  copy_rows(pixels, stride, order_, format_.geometry, slot->u16());
+
+  slot->meta = {};
+  slot->meta.frame_id = verdict.frame_id;
+  slot->meta.camera_ns = static_cast<std::int64_t>(arv_buffer_get_timestamp(buffer));
+  slot->meta.receive_ns = first_packet_ns(buffer, now_ns);
+  const std::int64_t receive_ns = slot->meta.receive_ns;  // the slot is not ours after commit()
+  if (inlet_.commit(*slot)) latency_.add(monotonic_ns() - receive_ns);
+}
+
+// The frame is what the stream was opened for.
+bool Intake::agreed(ArvBuffer* buffer) const noexcept {
+  if (arv_buffer_get_payload_type(buffer) != ARV_BUFFER_PAYLOAD_TYPE_IMAGE ||
+      arv_buffer_get_image_pixel_format(buffer) != ARV_PIXEL_FORMAT_MONO_16) {
+    return false;
+  }
+  int x_padding = 0;
+  int y_padding = 0;
+  arv_buffer_get_image_padding(buffer, &x_padding, &y_padding);
+  std::size_t size = 0;
+  const void* data = arv_buffer_get_image_data(buffer, &size);
+  const int height = format_.geometry.height + metadata_rows_;
+  const std::size_t needed =
+      (static_cast<std::size_t>(format_.geometry.width) * 2 + static_cast<std::size_t>(x_padding)) *
+      static_cast<std::size_t>(height);
+  return data != nullptr && x_padding >= 0 && arv_buffer_get_image_width(buffer) == format_.geometry.width &&
+         arv_buffer_get_image_height(buffer) == height && size >= needed;
+}
+
+// The inlet's counters are read while the stream runs; the ledger's are not.
+void Intake::post_losses() noexcept {
+  for (std::size_t i = 0; i < kLossCauses; ++i) {
+    const auto cause = static_cast<LossCause>(i);
+    const std::uint64_t counted = ledger_.counted(cause);
+    if (counted != posted_[i]) inlet_.count_loss(cause, counted - posted_[i]);
+    posted_[i] = counted;
+  }
+}
+
+}  // namespace bolo::genicam

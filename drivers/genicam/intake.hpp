@@ -1,0 +1,54 @@
+// What happens to each buffer of the camera: judged, copied into a pool slot, handed in; or counted as lost.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+
+#include "bolo/core/plane.hpp"
+#include "bolo/pipeline/inlet.hpp"
+#include "bolo/rt/counters.hpp"
+#include "drivers/genicam/frame_ledger.hpp"
+#include "drivers/genicam/genicam_source.hpp"
+#include "drivers/genicam/gobject.hpp"
+
+namespace bolo::genicam {
+
+// Outlives the connections of one start() to stop(): after a reconnect ids and losses go on.
+class Intake {
+ public:
+  // The frame id that a buffer carries into Aravis. It is overwritten by the frame's first packet only, so a frame that
+  // comes back with it has lost that packet.
+  static constexpr std::uint64_t kNoId = ~std::uint64_t{0};
+
+  // The inlet outlives this. Thread: setup.
+  Intake(pipeline::FrameInlet& inlet, const CameraOptions& options);
+
+  // Takes what it needs; the buffer may be reused afterwards. Thread: acquire.
+  void take(ArvBuffer* buffer) noexcept;
+
+  // A new connection's frames follow. Thread: setup, while no connection delivers.
+  void restart() noexcept;
+  // The last frame has come: counts what is still missing. Thread: setup, while no connection delivers.
+  void settle() noexcept;
+
+  // CLOCK_MONOTONIC of the last complete frame, 0 before the first. Thread: any.
+  std::int64_t last_frame_ns() const noexcept { return last_frame_ns_.load(std::memory_order_relaxed); }
+  const rt::LatencyHistogram& latency() const noexcept { return latency_; }
+
+ private:
+  void deliver(ArvBuffer* buffer, std::int64_t now_ns) noexcept;
+  bool agreed(ArvBuffer* buffer) const noexcept;
+  void post_losses() noexcept;
+
+  pipeline::FrameInlet& inlet_;
+  const StreamFormat format_;
+  const PixelOrder order_;
+  const int metadata_rows_;
+  FrameLedger ledger_;
+  std::array<std::uint64_t, kLossCauses> posted_{};  // of the ledger's losses, what the inlet knows
+  std::atomic<std::int64_t> last_frame_ns_{0};       // stands alone: relaxed
+  rt::LatencyHistogram latency_;
+};
+
+}  // namespace bolo::genicam

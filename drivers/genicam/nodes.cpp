@@ -1,0 +1,117 @@
+#include "drivers/genicam/nodes.hpp"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace bolo::genicam {
+namespace {
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", value);
+  return text;
+}
+
+}  // namespace
+
+bool Nodes::has(const char* name) {
+  if (!ok()) return false;
+  ArvGcNode* node = arv_device_get_feature(device_, name);
+  if (!ARV_IS_GC_FEATURE_NODE(node)) return false;
+  GlibError error;
+  const bool available = arv_gc_feature_node_is_available(ARV_GC_FEATURE_NODE(node), error.out()) != FALSE;
+  check(error, name);
+  return available && ok();
+}
+
+std::int64_t Nodes::integer(const char* name) {
+  if (!ok()) return 0;
+  GlibError error;
+  const std::int64_t value = arv_device_get_integer_feature_value(device_, name, error.out());
+  check(error, name);
+  return ok() ? value : 0;
+}
+
+double Nodes::real(const char* name) {
+  if (!ok()) return 0.0;
+  GlibError error;
+  const double value = arv_device_get_float_feature_value(device_, name, error.out());
+  check(error, name);
+  return ok() ? value : 0.0;
+}
+
+std::string Nodes::text(const char* name) {
+  if (!ok()) return {};
+  GlibError error;
+  const char* value = arv_device_get_string_feature_value(device_, name, error.out());
+  check(error, name);
+  return ok() && value != nullptr ? value : "";
+}
+
+std::vector<std::string> Nodes::entries(const char* name) {
+  if (!ok() || !is_enumeration(name)) return {};
+  GlibError error;
+  guint count = 0;
+  const Owned<const char*> values(
+      arv_device_dup_available_enumeration_feature_values_as_strings(device_, name, &count, error.out()));
+  check(error, name);
+  if (!ok() || values == nullptr) return {};
+  return {values.get(), values.get() + count};
+}
+
+void Nodes::set_integer(const char* name, std::int64_t value) {
+  if (!ok()) return;
+  GlibError error;
+  arv_device_set_integer_feature_value(device_, name, value, error.out());
+  check(error, name, std::to_string(value));
+}
+
+void Nodes::set_real(const char* name, double value) {
+  if (!ok()) return;
+  GlibError error;
+  arv_device_set_float_feature_value(device_, name, value, error.out());
+  check(error, name, number(value));
+}
+
+void Nodes::set_boolean(const char* name, bool value) {
+  if (!ok()) return;
+  GlibError error;
+  arv_device_set_boolean_feature_value(device_, name, value ? TRUE : FALSE, error.out());
+  check(error, name, value ? "true" : "false");
+}
+
+void Nodes::choose(const char* name, const char* entry, std::int64_t value) {
+  const std::vector<std::string> offered = entries(name);
+  if (!ok()) return;
+  GlibError error;
+  if (std::find(offered.begin(), offered.end(), entry) != offered.end()) {
+    arv_device_set_string_feature_value(device_, name, entry, error.out());
+  } else {
+    arv_device_set_integer_feature_value(device_, name, value, error.out());
+  }
+  check(error, name, entry);
+}
+
+void Nodes::execute(const char* command) {
+  if (!ok()) return;
+  GlibError error;
+  arv_device_execute_command(device_, command, error.out());
+  check(error, command, "execute");
+}
+
+bool Nodes::is_enumeration(const char* name) const {
+  return ARV_IS_GC_ENUMERATION(arv_device_get_feature(device_, name)) != FALSE;
+}
+
+void Nodes::check(const GlibError& error, const char* name, const std::string& asked) {
+  if (!error) return;
+  if (error.unanswered()) {
+    status_ = failed(std::string("the camera stopped answering at ") + name + " (" + error.message() + ")");
+  } else if (asked.empty()) {
+    status_ = bad_input(std::string("the camera refused to read ") + name + " (" + error.message() + ")");
+  } else {
+    status_ = bad_input(std::string("the camera refused ") + name + " = " + asked + " (" + error.message() + ")");
+  }
+}
+
+}  // namespace bolo::genicam

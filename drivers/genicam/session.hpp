@@ -1,0 +1,71 @@
+// One connection to the camera, from opening it to letting it go.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bolo/core/result.hpp"
+#include "drivers/genicam/connection.hpp"
+#include "drivers/genicam/gate.hpp"
+#include "drivers/genicam/intake.hpp"
+#include "drivers/genicam/settings.hpp"
+
+namespace bolo::genicam {
+
+class Session {
+ public:
+  // Connects and configures, again when the camera drops the connection over its new windowing (up to about 8 s).
+  // stop_requested ends that early. Thread: setup.
+  static Result<std::unique_ptr<Session>> open(const CameraOptions& options, const std::atomic<bool>& stop_requested,
+                                               std::vector<std::string>& warnings);
+
+  // Waits for the camera's answers: several seconds when it is dead.
+  ~Session();
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  const pipeline::SourceInfo& info() const { return info_; }
+
+  // Makes Aravis's stream, its thread and its buffers; nothing flows yet. The intake outlives shut(). Thread: setup.
+  Status prepare(Intake& intake, std::vector<std::string>& warnings);
+  // From now on the intake is given the frames that come. Thread: setup.
+  void admit() noexcept { gate_.open(); }
+  // Tells the camera to send. Thread: setup.
+  Status begin();
+  // After it returns the intake is not touched any more. Never blocks for long, idempotent. Thread: setup.
+  void shut() noexcept { gate_.shut(); }
+
+  // Aravis's heartbeat has failed, or another program took the camera. Thread: any.
+  bool control_lost() const noexcept { return control_lost_.load(std::memory_order_relaxed); }
+  // Since the stream was prepared. Thread: setup.
+  TransportStats transport() const;
+
+ private:
+  Session(Connection connection, pipeline::SourceInfo info, const CameraOptions& options);
+
+  static void on_stream(void* self, ArvStreamCallbackType type, ArvBuffer* buffer);
+  static void on_control_lost(ArvDevice* device, void* self);
+  void set_priority() noexcept;
+  void drain() noexcept;
+  Status create_stream(std::vector<std::string>& warnings);
+  void tune_stream(std::vector<std::string>& warnings);
+  Status push_buffers();
+  void await_priority(std::vector<std::string>& warnings) const;
+
+  enum class Priority { kPending, kNotAsked, kGranted, kRefused };
+
+  const CameraOptions options_;
+  const pipeline::SourceInfo info_;
+  std::atomic<bool> control_lost_{false};  // a flag and nothing else: relaxed
+  std::atomic<Priority> priority_{Priority::kPending};
+  bool began_ = false;
+  Intake* intake_ = nullptr;
+  Gate gate_;
+  std::atomic<ArvStream*> running_{nullptr};  // stream_, for the thread that Aravis starts while making it
+  Connection connection_;
+  Ref<ArvStream> stream_;  // goes before the device
+};
+
+}  // namespace bolo::genicam

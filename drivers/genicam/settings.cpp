@@ -1,0 +1,213 @@
+#include "drivers/genicam/settings.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+
+#include "drivers/genicam/nodes.hpp"
+
+namespace bolo::genicam {
+namespace {
+
+using Warnings = std::vector<std::string>;
+
+// FLIR's names and values, read in programs that use the A6xx series.
+struct IrFormatEntry {
+  IrFormat format;
+  const char* entry;
+  int value;
+  LinearScale scale;
+};
+constexpr std::array<IrFormatEntry, 3> kIrFormats{{
+    {IrFormat::kRadiometric, "Radiometric", 0, {Unit::kCount, 1.0, 0.0}},
+    {IrFormat::kTemperatureLinear100mK, "TemperatureLinear100mK", 1, {Unit::kKelvin, 0.1, 0.0}},
+    {IrFormat::kTemperatureLinear10mK, "TemperatureLinear10mK", 2, {Unit::kKelvin, 0.01, 0.0}},
+}};
+
+constexpr std::array<const char*, 3> kWindowings{"Off", "Half", "Quarter"};
+constexpr std::array<const char*, 5> kFrameRates{"Rate50Hz", "Rate25Hz", "Rate12Hz", "Rate6Hz", "Rate3Hz"};
+constexpr double kFullFrameRateHz = 50.0;  // Rate50Hz at full height; each step below halves it
+constexpr int kSensorRows = 480;           // when the camera does not say
+constexpr double kSameRate = 0.01;         // relative; closer than this is the rate that was asked for
+constexpr double kNearestRate = 0.1;       // Rate12Hz is 12.5 Hz
+constexpr int kLargestPacket = 9000;       // jumbo frames; larger ones bring nothing
+constexpr int kPacketOfAnyLink = 1500;
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", value);
+  return text;
+}
+
+const IrFormatEntry* entry_of(IrFormat format) {
+  const auto* at =
+      std::find_if(kIrFormats.begin(), kIrFormats.end(), [&](const auto& e) { return e.format == format; });
+  return at != kIrFormats.end() ? at : nullptr;
+}
+
+// What a count means, after the camera has been told.
+LinearScale configure_ir_format(Nodes& nodes, IrFormat wanted, Warnings& warnings) {
+  const IrFormatEntry* entry = entry_of(wanted);
+  if (!nodes.has("IRFormat")) {
+    if (entry == nullptr) return {Unit::kCount, 1.0, 0.0};
+    warnings.push_back(std::string("the camera has no IRFormat: its counts are taken as ") + entry->entry +
+                       " without a check");
+    return entry->scale;
+  }
+  if (entry != nullptr) {
+    nodes.choose("IRFormat", entry->entry, entry->value);
+    return entry->scale;
+  }
+  const std::int64_t value = nodes.integer("IRFormat");
+  for (const IrFormatEntry& e : kIrFormats) {
+    if (e.value == value) return e.scale;
+  }
+  return {Unit::kCount, 1.0, 0.0};
+}
+
+int sensor_rows(Nodes& nodes) {
+  return nodes.has("SensorHeight") ? static_cast<int>(nodes.integer("SensorHeight")) : kSensorRows;
+}
+
+// Sets the smallest window that holds the height. True when the camera had another one before.
+bool configure_windowing(Nodes& nodes, const CameraOptions& options) {
+  if (!nodes.has("IRWindowing") || options.height == 0) return false;
+  const int rows = sensor_rows(nodes);
+  const int window = options.height <= rows / 4 ? 2 : options.height <= rows / 2 ? 1 : 0;
+  if (nodes.integer("IRWindowing") == window) return false;
+  nodes.choose("IRWindowing", kWindowings[static_cast<std::size_t>(window)], window);
+  return nodes.ok();
+}
+
+// A size that must be exactly as asked. Writes only what differs: some cameras lock sizes that they derive themselves.
+void configure_size(Nodes& nodes, const char* name, int wanted, Status& refused) {
+  if (wanted == 0 || nodes.integer(name) == wanted) return;
+  nodes.set_integer(name, wanted);
+  const std::int64_t got = nodes.integer(name);
+  if (nodes.ok() && got != wanted) {
+    refused = bad_input(std::string("the camera does not take ") + name + " = " + std::to_string(wanted) +
+                        ": it stays at " + std::to_string(got));
+  }
+}
+
+Status configure_pixel_format(Nodes& nodes) {
+  if (nodes.text("PixelFormat") == "Mono16") return nodes.status();
+  const std::vector<std::string> offered = nodes.entries("PixelFormat");
+  if (!nodes.ok()) return nodes.status();
+  if (std::find(offered.begin(), offered.end(), "Mono16") == offered.end()) {
+    std::string list;
+    for (const std::string& format : offered) list += (list.empty() ? "" : ", ") + format;
+    return bad_input("the camera cannot send Mono16; it offers: " + list);
+  }
+  nodes.choose("PixelFormat", "Mono16", ARV_PIXEL_FORMAT_MONO_16);
+  return nodes.status();
+}
+
+// FLIR: the rate is that of the full frame, times 2 in half and 4 in quarter windowing. Returns what the camera does.
+double configure_ir_frame_rate(Nodes& nodes, double rate_hz, Warnings& warnings) {
+  const double speedup = nodes.has("IRWindowing") ? std::exp2(static_cast<double>(nodes.integer("IRWindowing"))) : 1.0;
+  const double full_hz = kFullFrameRateHz * speedup;
+  if (rate_hz > 0.0) {
+    const double steps = std::clamp(std::round(std::log2(full_hz / rate_hz)), 0.0, kFrameRates.size() - 1.0);
+    const auto step = static_cast<std::size_t>(steps);
+    nodes.choose("IRFrameRate", kFrameRates[step], static_cast<int>(step));
+  }
+  const double got_hz = full_hz / std::exp2(static_cast<double>(nodes.integer("IRFrameRate")));
+  if (rate_hz > 0.0 && nodes.ok() && std::abs(got_hz / rate_hz - 1.0) > kNearestRate) {
+    warnings.push_back("asked for " + number(rate_hz) + " Hz, the camera runs at " + number(got_hz) +
+                       " Hz: fewer rows allow more");
+  }
+  return got_hz;
+}
+
+double configure_standard_frame_rate(Nodes& nodes, double rate_hz, Warnings& warnings) {
+  if (rate_hz > 0.0) {
+    if (nodes.has("AcquisitionFrameRateEnable")) nodes.set_boolean("AcquisitionFrameRateEnable", true);
+    nodes.set_real("AcquisitionFrameRate", rate_hz);
+  }
+  const double got_hz = nodes.real("AcquisitionFrameRate");
+  if (rate_hz > 0.0 && nodes.ok() && std::abs(got_hz / rate_hz - 1.0) > kSameRate) {
+    warnings.push_back("asked for " + number(rate_hz) + " Hz, the camera runs at " + number(got_hz) + " Hz");
+  }
+  return got_hz;
+}
+
+double configure_rate(Nodes& nodes, double rate_hz, Warnings& warnings) {
+  if (nodes.has("IRFrameRate")) return configure_ir_frame_rate(nodes, rate_hz, warnings);
+  if (nodes.has("AcquisitionFrameRate")) return configure_standard_frame_rate(nodes, rate_hz, warnings);
+  if (rate_hz > 0.0) warnings.push_back("the camera does not say its frame rate: " + number(rate_hz) + " Hz assumed");
+  return rate_hz;
+}
+
+std::string first_text(Nodes& nodes, std::initializer_list<const char*> names) {
+  for (const char* name : names) {
+    if (nodes.has(name)) return nodes.text(name);
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<Negotiated> configure(const Connection& connection, const CameraOptions& options, Warnings& warnings) {
+  Nodes nodes(connection.device.get());
+  Negotiated result;
+  StreamFormat& format = result.info.format;
+  result.info.camera_model = first_text(nodes, {"DeviceModelName"});
+  result.info.camera_serial = first_text(nodes, {"DeviceSerialNumber", "DeviceID"});
+
+  result.reopen = configure_windowing(nodes, options);
+  if (result.reopen) return result;
+  format.scale = configure_ir_format(nodes, options.ir_format, warnings);
+  if (Status mono16 = configure_pixel_format(nodes); !mono16) return at(connection.name, std::move(mono16.error()));
+
+  Status size;
+  configure_size(nodes, "Width", options.width, size);
+  configure_size(nodes, "Height", options.height == 0 ? 0 : options.height + options.metadata_rows, size);
+  if (!size) return at(connection.name, std::move(size.error()));
+  format.geometry.width = static_cast<int>(nodes.integer("Width"));
+  format.geometry.height = static_cast<int>(nodes.integer("Height")) - options.metadata_rows;
+
+  const double rate_hz = configure_rate(nodes, options.rate_hz, warnings);
+  if (nodes.has("AcquisitionMode")) nodes.choose("AcquisitionMode", "Continuous", 0);
+  if (!nodes.ok()) return at(connection.name, nodes.status().error());
+
+  if (format.geometry.width <= 0 || format.geometry.height <= 0) {
+    return bad_input(connection.name + ": no image rows are left of its height after " +
+                     std::to_string(options.metadata_rows) + " metadata rows");
+  }
+  if (!(rate_hz > 0.0)) return bad_input(connection.name + " does not say its frame rate: set the rate");
+  format.frame_period_s = 1.0 / rate_hz;
+  return result;
+}
+
+Status configure_packet_size(const Connection& connection, const CameraOptions& options, Warnings& warnings) {
+  if (!connection.is_gige()) return {};
+  ArvGvDevice* device = ARV_GV_DEVICE(connection.device.get());
+  const Route& route = connection.route;
+  if (options.packet_size > route.mtu) {
+    return bad_input("packet size " + std::to_string(options.packet_size) + " does not fit the MTU of " +
+                     route.interface + ", " + std::to_string(route.mtu) + ": lower it, or ip link set dev " +
+                     route.interface + " mtu " + std::to_string(options.packet_size));
+  }
+  // Without a test packet only the loopback is known to carry more than every link does.
+  const bool testable = arv_device_get_feature(connection.device.get(), "GevSCPSFireTestPacket") != nullptr;
+  const int safe = route.loopback ? kLargestPacket : kPacketOfAnyLink;
+  const int wanted =
+      options.packet_size > 0 ? options.packet_size : std::min(route.mtu, testable ? kLargestPacket : safe);
+  GlibError error;
+  arv_gv_device_set_packet_size(device, wanted, error.out());
+  guint got = error ? 0 : arv_gv_device_get_packet_size(device, error.out());
+  if (!error && options.packet_size == 0 && testable && !route.loopback) {
+    got = arv_gv_device_auto_packet_size(device, error.out());
+  }
+  if (error) return failed(connection.name + ": packet size not set (" + error.message() + ")");
+  if (options.packet_size > 0 && static_cast<int>(got) != wanted) {
+    warnings.push_back("asked for packets of " + std::to_string(wanted) + " bytes, the camera sends " +
+                       std::to_string(got));
+  }
+  arv_gv_device_set_packet_size_adjustment(device, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
+  return {};
+}
+
+}  // namespace bolo::genicam

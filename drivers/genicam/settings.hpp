@@ -1,0 +1,28 @@
+// Brings the camera into the state that the options ask for, and says what it will send.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "bolo/core/result.hpp"
+#include "bolo/pipeline/source.hpp"
+#include "drivers/genicam/connection.hpp"
+
+namespace bolo::genicam {
+
+struct Negotiated {
+  pipeline::SourceInfo info;  // geometry without metadata rows
+  // The camera changed its windowing and drops the connection over it: connect and configure again.
+  bool reopen = false;
+};
+
+// Touches only nodes that the camera has. A setting that it rounds, or that cannot be checked, is a warning with what
+// was asked and what was got; one that it refuses is an error. Thread: setup.
+Result<Negotiated> configure(const Connection& connection, const CameraOptions& options,
+                             std::vector<std::string>& warnings);
+
+// The largest packet that the link carries, or options.packet_size; GigE Vision only. Thread: setup.
+Status configure_packet_size(const Connection& connection, const CameraOptions& options,
+                             std::vector<std::string>& warnings);
+
+}  // namespace bolo::genicam

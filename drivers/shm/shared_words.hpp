@@ -1,0 +1,117 @@
+// The atomic words of shared memory, and the copying of a slot as include/bolo/shm_layout.h draws it.
+//
+// GCC's and clang's __atomic builtins instead of std::atomic_ref: that one refuses const words, and a reader's mapping
+// is read-only.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "bolo/core/clock.hpp"
+#include "bolo/shm_layout.h"
+
+namespace bolo::shm {
+
+// The orders of the drawing in shm_layout.h; each names its partner where it is used. Thread: any.
+template <typename T>
+T load_acquire(const T& word) noexcept {
+  return __atomic_load_n(&word, __ATOMIC_ACQUIRE);
+}
+template <typename T>
+T load_relaxed(const T& word) noexcept {
+  return __atomic_load_n(&word, __ATOMIC_RELAXED);
+}
+template <typename T>
+void store_release(T& word, T value) noexcept {
+  __atomic_store_n(&word, value, __ATOMIC_RELEASE);
+}
+template <typename T>
+void store_relaxed(T& word, T value) noexcept {
+  __atomic_store_n(&word, value, __ATOMIC_RELAXED);
+}
+
+// A heartbeat (CLOCK_MONOTONIC, ns) of a dead or stopped writer. The difference is taken without a sign, so that a
+// nonsensical heartbeat in a foreign object can't overflow. Thread: any.
+inline bool heartbeat_stale(std::uint64_t heartbeat_ns) noexcept {
+  const auto age_ns = static_cast<std::int64_t>(static_cast<std::uint64_t>(monotonic_ns()) - heartbeat_ns);
+  return age_ns > BOLO_SHM_STALE_NS;
+}
+
+inline constexpr std::size_t kWord = sizeof(std::uint64_t);
+
+constexpr std::size_t round_up(std::size_t bytes, std::size_t to) { return (bytes + to - 1) / to * to; }
+
+// Where things lie in one slot. Offsets are multiples of 8 and leave room for whole words.
+struct SlotLayout {
+  std::size_t raw_offset = 0;
+  std::size_t deblurred_offset = 0;
+  std::size_t plane_bytes = 0;
+  std::size_t stride = 0;
+};
+
+// Thread: any.
+constexpr SlotLayout slot_layout(std::size_t plane_bytes) {
+  const std::size_t plane_room = round_up(plane_bytes, 64);
+  const std::size_t raw = sizeof(bolo_shm_slot);
+  return {raw, raw + plane_room, plane_bytes, raw + 2 * plane_room};
+}
+
+// Private memory to shared words (W2). The last word of an odd size is filled up with zeros. Partner: copy_out().
+inline void copy_in(std::byte* shared, const void* from, std::size_t bytes) noexcept {
+  auto* words = reinterpret_cast<std::uint64_t*>(shared);
+  const auto* source = static_cast<const std::byte*>(from);
+  const std::size_t whole = bytes / kWord;
+  for (std::size_t i = 0; i < whole; ++i) {
+    std::uint64_t value = 0;
+    std::memcpy(&value, source + i * kWord, kWord);
+    store_release(words[i], value);
+  }
+  if (const std::size_t rest = bytes % kWord; rest != 0) {
+    std::uint64_t value = 0;
+    std::memcpy(&value, source + whole * kWord, rest);
+    store_release(words[whole], value);
+  }
+}
+
+// Shared words to private memory (R2). Partner: copy_in().
+inline void copy_out(void* to, const std::byte* shared, std::size_t bytes) noexcept {
+  const auto* words = reinterpret_cast<const std::uint64_t*>(shared);
+  auto* target = static_cast<std::byte*>(to);
+  const std::size_t whole = bytes / kWord;
+  for (std::size_t i = 0; i < whole; ++i) {
+    const std::uint64_t value = load_acquire(words[i]);
+    std::memcpy(target + i * kWord, &value, kWord);
+  }
+  if (const std::size_t rest = bytes % kWord; rest != 0) {
+    const std::uint64_t value = load_acquire(words[whole]);
+    std::memcpy(target + whole * kWord, &value, rest);
+  }
+}
+
+// Writes frame `number` into its slot: W1 to W3. `head.sequence` is ignored. Thread: the one writer.
+inline void write_slot(std::byte* slot, const SlotLayout& layout, std::uint64_t number, const bolo_shm_slot& head,
+                       const void* raw, const void* deblurred) noexcept {
+  auto& sequence = *reinterpret_cast<std::uint64_t*>(slot);
+  store_relaxed(sequence, 2 * number + 1);  // W1
+  copy_in(slot + kWord, reinterpret_cast<const std::byte*>(&head) + kWord, sizeof(head) - kWord);
+  copy_in(slot + layout.raw_offset, raw, layout.plane_bytes);
+  copy_in(slot + layout.deblurred_offset, deblurred, layout.plane_bytes);
+  store_release(sequence, 2 * number + 2);  // W3; partner: R1 in read_slot()
+}
+
+// Copies frame `number` out of its slot: R1 to R3. False when the slot holds, or came to hold, another frame; what was
+// copied is then worthless. Thread: any reader.
+inline bool read_slot(const std::byte* slot, const SlotLayout& layout, std::uint64_t number, bolo_shm_slot& head,
+                      void* raw, void* deblurred) noexcept {
+  const auto& sequence = *reinterpret_cast<const std::uint64_t*>(slot);
+  const std::uint64_t wanted = 2 * number + 2;
+  if (load_acquire(sequence) != wanted) return false;  // R1; partner: W3 in write_slot()
+  head.sequence = wanted;
+  copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
+  copy_out(raw, slot + layout.raw_offset, layout.plane_bytes);
+  copy_out(deblurred, slot + layout.deblurred_offset, layout.plane_bytes);
+  return load_relaxed(sequence) == wanted;  // R3; the acquires of R2 keep it after them
+}
+
+}  // namespace bolo::shm

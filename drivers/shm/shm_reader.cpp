@@ -1,0 +1,212 @@
+#include "drivers/shm/shm_reader.hpp"
+
+#include <fcntl.h>
+#include <linux/futex.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <thread>
+
+#include "bolo/core/clock.hpp"
+#include "drivers/shm/shared_words.hpp"
+#include "drivers/shm/shm_object.hpp"
+
+namespace bolo::shm {
+namespace {
+
+constexpr std::uint32_t kMaxSide = 1U << 15;
+constexpr std::uint32_t kMaxSlots = 1U << 20;
+constexpr std::int64_t kLongestSleepNs = 100'000'000;  // how late a stopped heartbeat may be noticed
+constexpr auto kPollPeriod = std::chrono::milliseconds(1);
+
+// Unmaps in the destructor. Read-only: nothing that a reader does reaches the writer.
+class Mapping {
+ public:
+  Mapping(const std::byte* data, std::size_t bytes) : data_(data), bytes_(bytes) {}
+  ~Mapping() { munmap(const_cast<std::byte*>(data_), bytes_); }
+  Mapping(const Mapping&) = delete;
+  Mapping& operator=(const Mapping&) = delete;
+
+  const std::byte* data() const noexcept { return data_; }
+  std::size_t bytes() const noexcept { return bytes_; }
+  const bolo_shm_header& header() const noexcept { return *reinterpret_cast<const bolo_shm_header*>(data_); }
+
+ private:
+  const std::byte* data_;
+  std::size_t bytes_;
+};
+
+std::string existing_names() {
+  std::string list;
+  for (const std::string& name : object_names()) list += (list.empty() ? "" : ", ") + name;
+  return list.empty() ? "none exists: is bolod running?" : "there is: " + list;
+}
+
+Error cannot_open(const std::string& name, int error) {
+  if (error == ENOENT) return {ErrorKind::kBadInput, "no shared memory named '" + name + "'; " + existing_names()};
+  if (error == EACCES) {
+    return {ErrorKind::kBadInput, "no permission to read shared memory '" + name + "'; see shm.mode and shm.group"};
+  }
+  return {ErrorKind::kFailed, "cannot open shared memory '" + name + "': " + std::strerror(error)};
+}
+
+Result<std::unique_ptr<Mapping>> map_object(const std::string& name) {
+  const Result<std::string> path = object_path(name);
+  if (!path) return tl::unexpected<Error>(path.error());
+  const int fd = shm_open(path->c_str(), O_RDONLY, 0);
+  if (fd < 0) return tl::unexpected<Error>(cannot_open(name, errno));
+  struct stat status {};
+  const bool known = fstat(fd, &status) == 0;
+  const auto bytes = static_cast<std::size_t>(status.st_size);
+  void* memory = MAP_FAILED;
+  if (known && bytes >= sizeof(bolo_shm_header)) memory = mmap(nullptr, bytes, PROT_READ, MAP_SHARED, fd, 0);
+  close(fd);
+  if (memory != MAP_FAILED) return std::make_unique<Mapping>(static_cast<const std::byte*>(memory), bytes);
+  return bad_input("shared memory '" + name + "' has no header yet; try again, or restart its daemon");
+}
+
+// Copies the header by atomic words: the running part changes meanwhile.
+bolo_shm_header snapshot(const Mapping& mapping) noexcept {
+  bolo_shm_header header{};
+  copy_out(&header, mapping.data(), sizeof(header));
+  return header;
+}
+
+// The first thing wrong with a header, or nullptr. Everything is checked before anything is used: the object may come
+// from another program, and sums are made so that they can't wrap.
+const char* first_fault(const bolo_shm_header& h, std::size_t bytes) {
+  if (h.magic != BOLO_SHM_MAGIC) return "no magic number: it is being set up, or not Bolo's";
+  if (h.version != BOLO_SHM_VERSION) return "another layout version: use the same release on both sides";
+  if (h.header_bytes < sizeof(bolo_shm_header)) return "its header is too short";
+  if (h.width == 0 || h.width > kMaxSide || h.height == 0 || h.height > kMaxSide) return "impossible frame size";
+  if (h.slot_count == 0 || h.slot_count > kMaxSlots) return "impossible number of slots";
+  if (h.unit != BOLO_UNIT_KELVIN && h.unit != BOLO_UNIT_COUNT) return "unknown unit";
+  const std::uint64_t plane = round_up(std::size_t{2} * h.width * h.height, kWord);  // below 2^32
+  const auto aligned = [](std::uint64_t offset) { return offset % kWord == 0; };
+  const auto plane_fits = [&](std::uint64_t offset) {
+    return aligned(offset) && offset >= sizeof(bolo_shm_slot) && offset <= h.slot_stride &&
+           h.slot_stride - offset >= plane;
+  };
+  if (!aligned(h.slot_stride) || h.slot_stride > bytes) return "impossible slot size";
+  if (!plane_fits(h.raw_offset) || !plane_fits(h.deblurred_offset)) return "a plane does not fit in its slot";
+  if (!aligned(h.slots_offset) || h.slots_offset < h.header_bytes || h.slots_offset > bytes) {
+    return "impossible place of the slots";
+  }
+  if ((bytes - h.slots_offset) / h.slot_stride < h.slot_count) return "its slots reach past its end";
+  return nullptr;
+}
+
+template <std::size_t N>
+void end_text(char (&text)[N]) {
+  text[N - 1] = '\0';
+}
+
+}  // namespace
+
+struct ShmReader::Impl {
+  std::unique_ptr<Mapping> mapping;
+  bolo_shm_header checked;  // as validated; what says where things lie is only ever read from here
+  SlotLayout layout;
+  bool futex_works = true;
+
+  const bolo_shm_header& live() const noexcept { return mapping->header(); }
+  const std::byte* slot(std::uint64_t number) const noexcept {
+    return mapping->data() + checked.slots_offset + number % checked.slot_count * checked.slot_stride;
+  }
+
+  Outcome copy(std::uint64_t number, ReadFrame& frame) const noexcept;
+  void sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept;
+};
+
+ShmReader::Outcome ShmReader::Impl::copy(std::uint64_t number, ReadFrame& frame) const noexcept {
+  const std::size_t pixels = layout.plane_bytes / sizeof(std::uint16_t);
+  frame.raw.resize(pixels);
+  frame.deblurred.resize(pixels);
+  bolo_shm_slot head{};
+  if (!read_slot(slot(number), layout, number, head, frame.raw.data(), frame.deblurred.data())) {
+    return Outcome::kOverwritten;
+  }
+  frame.number = number;
+  frame.meta = {head.frame_id, head.camera_ns, head.receive_ns, head.flags};
+  frame.publish_ns = head.publish_ns;
+  return Outcome::kFrame;
+}
+
+// Sleeps until the wake word differs from what was seen, or ns have passed. A spurious wake-up only costs one more
+// look.
+void ShmReader::Impl::sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept {
+  if (!futex_works) {
+    std::this_thread::sleep_for(std::min<std::chrono::nanoseconds>(kPollPeriod, std::chrono::nanoseconds(ns)));
+    return;
+  }
+  const timespec timeout{ns / 1'000'000'000, ns % 1'000'000'000};
+  const long result = syscall(SYS_futex, &live().wake, FUTEX_WAIT, wake_seen, &timeout, nullptr, 0);
+  if (result == 0 || errno == EAGAIN || errno == EINTR || errno == ETIMEDOUT) return;
+  futex_works = false;  // refused by a sandbox: poll from now on
+}
+
+ShmReader::ShmReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+ShmReader::ShmReader(ShmReader&&) noexcept = default;
+ShmReader& ShmReader::operator=(ShmReader&&) noexcept = default;
+ShmReader::~ShmReader() = default;
+
+Result<ShmReader> ShmReader::open(const std::string& name) {
+  Result<std::unique_ptr<Mapping>> mapping = map_object(name);
+  if (!mapping) return tl::unexpected<Error>(mapping.error());
+  auto impl = std::make_unique<Impl>();
+  impl->mapping = std::move(*mapping);
+  load_acquire(impl->live().magic);  // partner: the last store of ShmSink::open; the header is whole after it
+  impl->checked = snapshot(*impl->mapping);
+  if (const char* fault = first_fault(impl->checked, impl->mapping->bytes())) {
+    return bad_input("shared memory '" + name + "' can't be read: " + fault);
+  }
+  end_text(impl->checked.camera_model);
+  end_text(impl->checked.camera_serial);
+  end_text(impl->checked.solver);
+  const std::size_t plane = std::size_t{2} * impl->checked.width * impl->checked.height;
+  impl->layout = {impl->checked.raw_offset, impl->checked.deblurred_offset, plane, impl->checked.slot_stride};
+  return ShmReader(std::move(impl));
+}
+
+std::vector<std::string> ShmReader::names() { return object_names(); }
+
+bolo_shm_header ShmReader::header() const noexcept {
+  bolo_shm_header header = snapshot(*impl_->mapping);
+  std::memcpy(&header, &impl_->checked, offsetof(bolo_shm_header, published));
+  return header;
+}
+
+std::uint64_t ShmReader::published() const noexcept {
+  return load_acquire(impl_->live().published);  // partner: W4 of ShmSink::publish
+}
+
+bool ShmReader::closed() const noexcept {
+  const std::uint32_t state = load_acquire(impl_->live().state);  // partner: ShmSink::close
+  return state == BOLO_SHM_CLOSED || heartbeat_stale(load_relaxed(impl_->live().heartbeat_ns));
+}
+
+ShmReader::Outcome ShmReader::read(std::uint64_t number, ReadFrame& frame, int timeout_ms) noexcept {
+  Impl& self = *impl_;
+  const std::int64_t deadline_ns = monotonic_ns() + std::int64_t{timeout_ms} * 1'000'000;
+  while (true) {
+    const bool ended = closed();  // before `published`: a writer publishes its last frame, then closes
+    const std::uint32_t wake_seen = load_acquire(self.live().wake);  // partner: W5; before `published` too
+    const std::uint64_t newest = published();
+    if (number < newest) {
+      return newest - number > self.checked.slot_count ? Outcome::kOverwritten : self.copy(number, frame);
+    }
+    if (ended) return Outcome::kClosed;
+    const std::int64_t left_ns = deadline_ns - monotonic_ns();
+    if (left_ns <= 0) return Outcome::kTimeout;
+    self.sleep(wake_seen, std::min(left_ns, kLongestSleepNs));
+  }
+}
+
+}  // namespace bolo::shm

@@ -1,0 +1,175 @@
+#include "drivers/shm/shm_sink.hpp"
+
+#include <linux/futex.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <bit>
+#include <climits>
+#include <cstring>
+
+#include "bolo/core/clock.hpp"
+#include "bolo/shm_layout.h"
+#include "drivers/shm/shared_words.hpp"
+#include "drivers/shm/shm_object.hpp"
+
+namespace bolo::shm {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "the layout is little-endian");
+static_assert(rt::LatencyHistogram::kBuckets == BOLO_SHM_LATENCY_BUCKETS);
+static_assert(kLossCauses <= BOLO_SHM_LOSS_CAUSES);
+static_assert(std::uint32_t{kFlagGap} == std::uint32_t{BOLO_FLAG_GAP});
+static_assert(std::uint32_t{kFlagWarmUp} == std::uint32_t{BOLO_FLAG_WARM_UP});
+static_assert(std::uint32_t{kFlagNuc} == std::uint32_t{BOLO_FLAG_NUC});
+static_assert(std::uint32_t{kFlagSaturated} == std::uint32_t{BOLO_FLAG_SATURATED});
+static_assert(std::uint32_t{kFlagJitter} == std::uint32_t{BOLO_FLAG_JITTER});
+
+constexpr int kMinSlots = 64;       // a third of a second at 200 Hz to fetch a frame in
+constexpr int kMaxSlots = 1 << 16;  // bounds the arithmetic; memory runs out long before
+constexpr int kReadingMargin = 16;  // frames that a reader of a whole window has time for
+constexpr unsigned kModeBits = 0777;
+constexpr unsigned kOwnerBits = 0600;  // what the writer itself needs
+
+template <std::size_t N>
+void put_text(char (&to)[N], const std::string& text) {
+  std::memcpy(to, text.data(), std::min(text.size(), N - 1));  // the rest is zero already
+}
+
+Result<int> choose_slots(int asked, const deblur::Settings& settings) {
+  const int needed = settings.window + settings.lookahead;
+  if (asked == 0) {
+    return std::max(kMinSlots, static_cast<int>(std::bit_ceil(static_cast<unsigned>(needed + kReadingMargin))));
+  }
+  if (asked >= needed && asked <= kMaxSlots) return asked;
+  return bad_input("shm.slots = " + std::to_string(asked) + " is out of range: " + std::to_string(needed) +
+                   " (window and look-ahead) to " + std::to_string(kMaxSlots) + ", or 0 for enough");
+}
+
+Status check(const ShmOptions& options, const pipeline::SinkFormat& format) {
+  const StreamFormat& stream = format.source.format;
+  if (stream.type != PixelType::kUint16 || format.deblurred_type != PixelType::kUint16) {
+    return bad_input(
+        "shared memory carries 16-bit planes, but the source or the output is float32; use a 16-bit source");
+  }
+  if (stream.geometry.width <= 0 || stream.geometry.height <= 0)
+    return failed("shared memory: the frame has no pixels");
+  if ((options.mode & ~kModeBits) != 0 || (options.mode & kOwnerBits) != kOwnerBits) {
+    return bad_input("shm.mode must be permission bits with 0600 among them, at most 0777");
+  }
+  return {};
+}
+
+void describe(bolo_shm_header& header, const pipeline::SinkFormat& format, int slots, const SlotLayout& layout) {
+  const StreamFormat& stream = format.source.format;
+  header.version = BOLO_SHM_VERSION;
+  header.header_bytes = sizeof(header);
+  header.width = static_cast<std::uint32_t>(stream.geometry.width);
+  header.height = static_cast<std::uint32_t>(stream.geometry.height);
+  header.slot_count = static_cast<std::uint32_t>(slots);
+  header.unit = stream.scale.unit == Unit::kKelvin ? BOLO_UNIT_KELVIN : BOLO_UNIT_COUNT;
+  header.slots_offset = sizeof(header);
+  header.slot_stride = layout.stride;
+  header.raw_offset = layout.raw_offset;
+  header.deblurred_offset = layout.deblurred_offset;
+  header.scale = stream.scale.scale;
+  header.offset = stream.scale.offset;
+  header.frame_period_s = stream.frame_period_s;
+  header.tau_s = format.deblur.tau_s;
+  header.window = static_cast<std::uint32_t>(format.deblur.window);
+  header.lookahead = static_cast<std::uint32_t>(format.deblur.lookahead);
+  header.row_step = static_cast<std::uint32_t>(stream.row_step);
+  header.writer_pid = static_cast<std::uint32_t>(getpid());
+  put_text(header.camera_model, format.source.camera_model);
+  put_text(header.camera_serial, format.source.camera_serial);
+  put_text(header.solver, format.solver_text);
+  header.start_ns = monotonic_ns();
+  header.heartbeat_ns = static_cast<std::uint64_t>(header.start_ns);
+}
+
+// Relaxed: each counter stands alone, nothing else is published through it.
+void store_stats(bolo_shm_header& header, const pipeline::PipelineStats& stats) noexcept {
+  store_relaxed(header.heartbeat_ns, static_cast<std::uint64_t>(monotonic_ns()));
+  store_relaxed(header.received, stats.inlet.received());
+  store_relaxed(header.restarts, stats.restarts.value());
+  store_relaxed(header.warm_up, stats.warm_up.value());
+  store_relaxed(header.gap_frames, stats.gap_frames.value());
+  store_relaxed(header.deblur_ns, stats.deblur_ns.value());
+  for (std::size_t i = 0; i < kLossCauses; ++i) {
+    store_relaxed(header.lost[i], stats.inlet.losses().value(static_cast<LossCause>(i)));
+  }
+  for (std::size_t b = 0; b < BOLO_SHM_LATENCY_BUCKETS; ++b) store_relaxed(header.latency[b], stats.latency.count(b));
+}
+
+// Only this thread writes `wake`, so a load and a store make the increment.
+void wake_readers(bolo_shm_header& header) noexcept {
+  store_release(header.wake, load_relaxed(header.wake) + 1);  // W5; partner: ShmReader's load of wake
+  syscall(SYS_futex, &header.wake, FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
+}
+
+}  // namespace
+
+struct ShmSink::Impl {
+  ShmOptions options;
+  OwnedObject object;
+  SlotLayout layout;
+  std::uint64_t slot_count = 0;
+  std::uint64_t published = 0;
+
+  bolo_shm_header& header() const noexcept { return *reinterpret_cast<bolo_shm_header*>(object.data()); }
+  std::byte* slot(std::uint64_t number) const noexcept {
+    return object.data() + sizeof(bolo_shm_header) + number % slot_count * layout.stride;
+  }
+};
+
+ShmSink::ShmSink(ShmOptions options) : impl_(std::make_unique<Impl>()) { impl_->options = std::move(options); }
+
+ShmSink::~ShmSink() { close(); }
+
+Status ShmSink::open(const pipeline::SinkFormat& format) {
+  Impl& self = *impl_;
+  if (Status status = check(self.options, format); !status) return status;
+  const Result<int> slots = choose_slots(self.options.slots, format.deblur);
+  if (!slots) return tl::unexpected<Error>(slots.error());
+  self.slot_count = static_cast<std::uint64_t>(*slots);
+  self.layout = slot_layout(plane_bytes(format.source.format.geometry, PixelType::kUint16));
+  self.published = 0;
+  Result<OwnedObject> object =
+      OwnedObject::create(self.options.name, sizeof(bolo_shm_header) + self.slot_count * self.layout.stride);
+  if (!object) return tl::unexpected<Error>(object.error());
+  describe(*reinterpret_cast<bolo_shm_header*>(object->data()), format, *slots, self.layout);
+  if (Status status = object->publish_to(self.options.mode, self.options.group); !status) return status;
+  self.object = std::move(*object);
+  bolo_shm_header& header = self.header();
+  store_release(header.state, static_cast<std::uint32_t>(BOLO_SHM_RUNNING));
+  store_release(header.magic, static_cast<std::uint64_t>(BOLO_SHM_MAGIC));  // partner: ShmReader::open
+  return {};
+}
+
+void ShmSink::publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& stats) noexcept {
+  Impl& self = *impl_;
+  bolo_shm_slot head{};
+  head.frame_id = frame.meta.frame_id;
+  head.camera_ns = frame.meta.camera_ns;
+  head.receive_ns = frame.meta.receive_ns;
+  head.publish_ns = frame.publish_ns;
+  head.flags = frame.meta.flags;
+  write_slot(self.slot(self.published), self.layout, self.published, head, frame.raw, frame.deblurred);
+  bolo_shm_header& header = self.header();
+  store_release(header.published, ++self.published);  // W4; partner: ShmReader's load of published
+  store_stats(header, stats);
+  wake_readers(header);
+}
+
+void ShmSink::idle(const pipeline::PipelineStats& stats) noexcept { store_stats(impl_->header(), stats); }
+
+void ShmSink::close() noexcept {
+  if (impl_->object.data() == nullptr) return;
+  bolo_shm_header& header = impl_->header();
+  store_release(header.state, static_cast<std::uint32_t>(BOLO_SHM_CLOSED));  // partner: ShmReader's load of state
+  wake_readers(header);
+  impl_->object = OwnedObject();
+}
+
+}  // namespace bolo::shm

@@ -1,0 +1,60 @@
+// What `bolod` is asked to do, read from one TOML file (config/bolod.toml documents every key).
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "bolo/core/result.hpp"
+#include "bolo/model/camera_profile.hpp"
+#include "bolo/pipeline/pipeline.hpp"
+#include "drivers/genicam/genicam_source.hpp"
+#include "drivers/replay/replay_source.hpp"
+#include "drivers/shm/shm_sink.hpp"
+
+namespace bolo::daemon {
+
+enum class SourceType {
+  kGenicam,  // a camera, or its fake, on the network
+  kReplay,   // a capture file, in process
+};
+
+struct ReplayOptions {
+  std::filesystem::path file;
+  replay::Pace pace = replay::Pace::kRealTime;
+};
+
+enum class LogLevel { kDebug, kInfo, kWarning, kError };
+enum class LogFormat {
+  kText,     // time, level, message
+  kJournal,  // "<6>message": the journal reads the level and adds the time itself
+};
+
+struct LogOptions {
+  LogLevel level = LogLevel::kInfo;
+  LogFormat format = LogFormat::kText;
+};
+
+struct DaemonConfig {
+  DaemonConfig();  // the defaults for an A655sc at 200 Hz
+
+  std::string name = "camera";         // of the shared memory and in the log
+  std::filesystem::path profile_file;  // empty: `profile` as built in
+  model::CameraProfile profile;
+  SourceType source = SourceType::kGenicam;
+  genicam::CameraOptions camera;
+  ReplayOptions replay;
+  pipeline::PipelineOptions pipeline;
+  bool lock_memory = true;
+  bool shm_enabled = true;
+  shm::ShmOptions shm;
+  LogOptions log;
+};
+
+// Reads a configuration and the profile that it names, and checks what the keys say together. Anything wrong is bad
+// input: file, line and item. Thread: setup.
+Result<DaemonConfig> read_config(const std::filesystem::path& file);
+
+// The complete commented default configuration. Thread: any.
+std::string document_config();
+
+}  // namespace bolo::daemon

@@ -1,0 +1,62 @@
+// What is worth a line in the log: changes of state, not frames.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "bolo/core/loss.hpp"
+#include "bolo/pipeline/stats.hpp"
+#include "drivers/genicam/genicam_source.hpp"
+
+namespace bolo::daemon {
+
+using LossCounts = std::array<std::uint64_t, kLossCauses>;
+
+// Thread: any.
+LossCounts loss_counts(const pipeline::PipelineStats& stats);
+
+// "3 missing, 1 queue_full"; "none" when there is none. Thread: any.
+std::string loss_words(const LossCounts& losses);
+
+// What the daemon sees of itself at one moment.
+struct Snapshot {
+  std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
+  std::uint64_t received = 0;  // frames
+  LossCounts losses{};
+  std::optional<genicam::SourceState> camera;  // none for a capture
+  std::uint64_t reconnects = 0;
+};
+
+struct Notice {
+  bool warning = false;
+  std::string text;
+};
+
+// Turns a series of snapshots into notices. Thread: one at a time.
+class Health {
+ public:
+  // `frame_period_s` decides how long without a frame is too long.
+  explicit Health(double frame_period_s, std::int64_t start_ns);
+
+  // At a few calls a second. Lost frames are told at most every 10 s, so that a bad link does not flood the log.
+  std::vector<Notice> look(const Snapshot& now);
+
+ private:
+  void look_at_flow(const Snapshot& now, std::vector<Notice>& notices);
+  void look_at_losses(const Snapshot& now, std::vector<Notice>& notices);
+
+  enum class Flow { kWaiting, kFlowing, kStopped };
+  std::int64_t patience_ns_;
+  std::int64_t last_frame_ns_;
+  std::int64_t last_loss_notice_ns_;
+  Flow flow_ = Flow::kWaiting;
+  bool camera_lost_ = false;
+  std::uint64_t received_ = 0;
+  std::uint64_t reconnects_ = 0;
+  LossCounts told_{};  // losses already in the log
+};
+
+}  // namespace bolo::daemon

@@ -1,0 +1,29 @@
+// From the configuration to objects: the only place in the daemon that names concrete drivers.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bolo/daemon/config.hpp"
+
+namespace bolo::daemon {
+
+// A source, and the same one by its own type: for what only that type can tell. The pipeline comes to own it.
+struct ComposedSource {
+  std::unique_ptr<pipeline::FrameSource> source;
+  genicam::GenicamSource* camera = nullptr;
+  replay::ReplaySource* replay = nullptr;
+  std::vector<std::string> warnings{};  // what is odd about a capture, yet replayable
+};
+
+// Thread: setup.
+Result<ComposedSource> make_source(const DaemonConfig& config);
+
+// The sinks in the order in which they are served: shared memory first. Thread: setup.
+std::vector<std::unique_ptr<pipeline::FrameSink>> make_sinks(const DaemonConfig& config);
+
+// "genicam FLIR A655sc 640x120 at 200 Hz -> admm ... -> shared memory /bolo.camera". Thread: setup.
+std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipeline);
+
+}  // namespace bolo::daemon

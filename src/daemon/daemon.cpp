@@ -1,0 +1,170 @@
+#include "bolo/daemon/daemon.hpp"
+
+#include <pthread.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <ctime>
+#include <thread>
+
+#include "bolo/core/clock.hpp"
+#include "bolo/daemon/health.hpp"
+#include "src/daemon/compose.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+constexpr timespec kLookPeriod{0, 100'000'000};  // how late a signal's or the source's end may be noticed
+
+sigset_t our_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (const int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&signals, signal);
+  return signals;
+}
+
+std::string memory_limit() {
+  rlimit limit{};
+  getrlimit(RLIMIT_MEMLOCK, &limit);
+  return limit.rlim_cur == RLIM_INFINITY ? "unlimited" : std::to_string(limit.rlim_cur >> 10) + " KiB";
+}
+
+}  // namespace
+
+void block_signals() {
+  const sigset_t signals = our_signals();
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+}
+
+struct Daemon::Impl {
+  DaemonConfig config;
+  std::shared_ptr<spdlog::logger> log;
+  std::vector<std::unique_ptr<pipeline::FrameSink>> sinks;  // outlive the pipeline
+  genicam::GenicamSource* camera = nullptr;                 // owned by the pipeline
+  replay::ReplaySource* replay = nullptr;                   // owned by the pipeline
+  std::unique_ptr<pipeline::Pipeline> pipeline;
+
+  std::atomic<bool> stop_requested{false};
+  std::atomic<bool> ended{false};
+  Status result;  // of the pipeline; written before `ended`, read after the thread is joined
+
+  std::size_t warnings_told = 0;
+  bool memory_done = false;
+
+  Status compose();
+  void watch();
+  bool take_signal();
+  void look(Health& health);
+  void tell_camera_warnings();
+  void lock_memory();
+  void tell_end() const;
+};
+
+Status Daemon::Impl::compose() {
+  Result<ComposedSource> source = make_source(config);
+  if (!source) return tl::unexpected<Error>(source.error());
+  for (const std::string& warning : source->warnings) log->warn(warning);
+  camera = source->camera;
+  replay = source->replay;
+  sinks = make_sinks(config);
+  std::vector<pipeline::FrameSink*> lent;
+  for (const auto& sink : sinks) lent.push_back(sink.get());
+  pipeline::PipelineOptions options = config.pipeline;
+  options.warn = [log = log](const std::string& what) { log->warn(what); };
+  auto made = pipeline::Pipeline::create(std::move(source->source), std::move(lent), options);
+  if (!made) return tl::unexpected<Error>(made.error());
+  pipeline = std::move(*made);
+  const std::string& serial = pipeline->source().camera_serial;
+  if (!config.profile.serial.empty() && !serial.empty() && serial != config.profile.serial) {
+    log->warn("the profile is of camera {}, but this is camera {}", config.profile.serial, serial);
+  }
+  return {};
+}
+
+// True when it asks for the end.
+bool Daemon::Impl::take_signal() {
+  const sigset_t signals = our_signals();
+  const int signal = sigtimedwait(&signals, nullptr, &kLookPeriod);
+  if (signal == SIGHUP) log->info("SIGHUP: the configuration is read at start only; restart to apply a new one");
+  if (signal != SIGTERM && signal != SIGINT) return false;
+  log->info("{}: stopping", signal == SIGTERM ? "SIGTERM" : "SIGINT");
+  return true;
+}
+
+void Daemon::Impl::tell_camera_warnings() {
+  if (camera == nullptr) return;
+  const std::vector<std::string> warnings = camera->warnings();
+  for (; warnings_told < warnings.size(); ++warnings_told) log->warn(warnings[warnings_told]);
+}
+
+// Once frames flow: by then every thread and buffer exists, and nothing is taken afterwards.
+void Daemon::Impl::lock_memory() {
+  memory_done = true;
+  if (!config.lock_memory || mlockall(MCL_CURRENT) == 0) return;
+  log->warn("memory is not locked ({}): raise LimitMEMLOCK (ulimit -l, now {}), or set pipeline.lock_memory = false",
+            std::strerror(errno), memory_limit());
+}
+
+void Daemon::Impl::look(Health& health) {
+  const pipeline::PipelineStats& stats = pipeline->stats();
+  Snapshot now{monotonic_ns(), stats.inlet.received(), loss_counts(stats), std::nullopt, 0};
+  if (camera != nullptr) {
+    now.camera = camera->state();
+    now.reconnects = camera->reconnects();
+  }
+  for (const Notice& notice : health.look(now)) {
+    log->log(notice.warning ? spdlog::level::warn : spdlog::level::info, notice.text);
+  }
+  tell_camera_warnings();
+  if (!memory_done && now.received > 0) lock_memory();
+}
+
+void Daemon::Impl::watch() {
+  Health health(pipeline->source().format.frame_period_s, monotonic_ns());
+  while (!ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
+    if (take_signal()) break;
+    look(health);
+  }
+}
+
+void Daemon::Impl::tell_end() const {
+  const pipeline::PipelineStats& stats = pipeline->stats();
+  const auto counts = stats.latency.counts();
+  const auto percentile = [&counts](double fraction) { return rt::LatencyHistogram::percentile_ms(counts, fraction); };
+  log->info("ended: {} frames in, {} out, lost: {}; latency p50 {:.2f} ms, p99 {:.2f} ms, max {:.2f} ms",
+            stats.inlet.received(), stats.published.value(), loss_words(loss_counts(stats)), percentile(0.5),
+            percentile(0.99), percentile(1.0));
+}
+
+Daemon::Daemon(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Daemon::~Daemon() = default;
+
+Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::shared_ptr<spdlog::logger> log) {
+  auto impl = std::make_unique<Impl>();
+  impl->config = config;
+  impl->log = std::move(log);
+  if (const Status status = impl->compose(); !status) return tl::unexpected<Error>(status.error());
+  return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
+}
+
+Status Daemon::run() {
+  Impl& self = *impl_;
+  self.log->info("{}: {}", self.config.name, describe(self.config, *self.pipeline));
+  std::thread runner([&self] {
+    self.result = self.pipeline->run(self.stop_requested);
+    self.ended.store(true, std::memory_order_release);  // partner: the load in watch()
+  });
+  self.watch();
+  self.stop_requested.store(true, std::memory_order_relaxed);
+  runner.join();
+  self.tell_camera_warnings();
+  self.tell_end();
+  if (!self.result) return self.result;
+  return self.replay != nullptr ? self.replay->result() : Status{};
+}
+
+}  // namespace bolo::daemon

@@ -1,0 +1,45 @@
+#include "bolo/model/camera_profile.hpp"
+
+#include <array>
+
+namespace bolo::model {
+namespace {
+
+constexpr std::string_view kHeading =
+    "# What is known of one camera. The four keys before the sections are enough; every key may be left out.\n"
+    "# Keys marked 'unproven' were read in documents and programs, not measured on this camera.\n\n";
+
+constexpr std::array<std::pair<std::string_view, bool>, 2> kByteOrders{{{"little", false}, {"big", true}}};
+
+}  // namespace
+
+KeyTable profile_keys(CameraProfile& profile) {
+  KeyTable keys;
+  keys.number("tau_s", profile.tau_s, {1e-4, 1.0, "s"},
+              "Thermal time constant of a pixel: tau of tau dy/dt + y = x. Measure it with `bolo calibrate`.");
+  keys.number("frame_period_s", profile.frame_period_s, {1e-4, 10.0, "s"},
+              "Time from frame to frame; 0.005 is the A655sc's 200 Hz at 640x120.");
+  keys.number("noise_k", profile.noise_k, {0.0, 100.0, "K"}, "Temporal noise of one pixel, root mean square.");
+  keys.number("quantisation_k", profile.quantisation_k, {0.0, 100.0, "K"},
+              "Temperature step of one count; 0.01 in TemperatureLinear10mK.");
+  keys.section("camera", "which camera this is");
+  keys.text("model", profile.model, "Model, for people.");
+  keys.text("serial", profile.serial, "Serial number; a camera with another one is told in the log. Empty: any.");
+  keys.section("transport", "how the camera sends its frames");
+  keys.choice<bool>("byte_order", profile.big_endian_pixels, kByteOrders,
+                    "Byte order of Mono16 pixels on the wire. Unproven: other FLIR models send big-endian.");
+  keys.integer("metadata_rows", profile.metadata_rows, {0, 64, "rows"},
+               "Rows at the end of each frame that are not image. Unproven: some firmware sends 3.");
+  return keys;
+}
+
+Result<CameraProfile> read_profile(const std::filesystem::path& file) {
+  CameraProfile profile;
+  KeyTable keys = profile_keys(profile);
+  if (Status status = keys.read(file); !status) return tl::unexpected<Error>(status.error());
+  return profile;
+}
+
+std::string document_profile(CameraProfile profile) { return std::string(kHeading) + profile_keys(profile).document(); }
+
+}  // namespace bolo::model

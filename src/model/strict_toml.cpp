@@ -1,0 +1,173 @@
+#include "bolo/model/strict_toml.hpp"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <fstream>
+#include <numeric>
+#include <utility>
+
+namespace bolo::model {
+namespace {
+
+constexpr std::uintmax_t kMaxFileBytes = 1U << 20;
+
+// Levenshtein's distance, one row at a time.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replace = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replace, diagonal + 1, row[j] + 1});
+    }
+  }
+  return row.back();
+}
+
+// "key" of "section.key".
+std::string_view last_part(std::string_view path) {
+  const std::size_t dot = path.rfind('.');
+  return dot == std::string_view::npos ? path : path.substr(dot + 1);
+}
+
+std::string position(const std::filesystem::path& file, std::int64_t line, std::int64_t column) {
+  return file.string() + ":" + std::to_string(line) + ":" + std::to_string(column) + ": ";
+}
+
+Result<std::string> slurp(const std::filesystem::path& file) {
+  std::error_code error;
+  if (!std::filesystem::exists(file, error)) return bad_input(file.string() + ": no such file");
+  if (std::filesystem::is_directory(file, error)) return bad_input(file.string() + ": is a folder, not a file");
+  std::ifstream in(file, std::ios::binary);
+  if (!in) return bad_input(file.string() + ": cannot be opened for reading; check its permissions");
+  std::string text(kMaxFileBytes + 1, '\0');
+  in.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(in.gcount()));
+  if (text.size() > kMaxFileBytes) return bad_input(file.string() + ": larger than 1 MiB: this is no settings file");
+  return text;
+}
+
+}  // namespace
+
+// What one read() has found so far. Values are stored only when the whole file is right.
+struct KeyTable::Reading {
+  const KeyTable& keys;
+  std::vector<Commit> commits;
+  std::vector<Problem> problems;
+  std::map<std::string, Place, std::less<>> places;
+
+  static Place place(const toml::source_region& source) { return {source.begin.line, source.begin.column}; }
+
+  static Value value_of(const toml::node& node) {
+    if (const auto* v = node.as_integer()) return v->get();
+    if (const auto* v = node.as_floating_point()) return v->get();
+    if (const auto* v = node.as_boolean()) return v->get();
+    if (const auto* v = node.as_string()) return v->get();
+    const auto* list = node.as_array();
+    if (list == nullptr) return WrongType{};
+    std::vector<std::int64_t> numbers;
+    for (const toml::node& item : *list) {
+      if (!item.is_integer()) return WrongType{};
+      numbers.push_back(item.as_integer()->get());
+    }
+    return numbers;
+  }
+
+  // A relative file name is meant from the settings file's folder; an empty one stays empty.
+  Value resolved(Value value) const {
+    auto* name = std::get_if<std::string>(&value);
+    if (name != nullptr && !name->empty()) *name = (keys.file_.parent_path() / *name).string();
+    return value;
+  }
+
+  void walk(const toml::table& table, const std::string& prefix) {
+    for (const auto& [name, node] : table) {
+      const std::string path = prefix + std::string(name.str());
+      if (const Key* key = keys.find(path)) {
+        take(*key, node);
+      } else if (!keys.has_section(path)) {
+        problems.push_back({place(name.source()), "unknown key '" + path + "'" + keys.nearest(path)});
+      } else if (const toml::table* inner = node.as_table()) {
+        walk(*inner, path + ".");
+      } else {
+        problems.push_back({place(name.source()), "'" + path + "' is a section: write [" + path + "]"});
+      }
+    }
+  }
+
+  void take(const Key& key, const toml::node& node) {
+    places.emplace(key.path, place(node.source()));
+    Checked checked = key.check(key.file ? resolved(value_of(node)) : value_of(node));
+    if (checked) {
+      commits.push_back(std::move(*checked));
+    } else {
+      problems.push_back({place(node.source()), key.path + checked.error()});
+    }
+  }
+};
+
+Status KeyTable::read(const std::filesystem::path& file) {
+  const Result<std::string> text = slurp(file);
+  if (!text) return tl::unexpected<Error>(text.error());
+  file_ = file;
+  places_.clear();
+  Reading reading{*this, {}, {}, {}};
+  try {
+    reading.walk(toml::parse(*text, file.string()), "");
+  } catch (const toml::parse_error& e) {
+    return bad_input(position(file, e.source().begin.line, e.source().begin.column) + std::string(e.description()));
+  }
+  if (!reading.problems.empty()) {
+    const auto first = std::min_element(reading.problems.begin(), reading.problems.end(),
+                                        [](const Problem& a, const Problem& b) { return a.place < b.place; });
+    const std::size_t more = reading.problems.size() - 1;
+    return bad_input(position(file, first->place.line, first->place.column) + first->message +
+                     (more == 0 ? "" : " (and " + std::to_string(more) + " more wrong)"));
+  }
+  for (const Commit& commit : reading.commits) commit();
+  places_ = std::move(reading.places);
+  return {};
+}
+
+std::string KeyTable::where(std::string_view path) const {
+  const auto found = places_.find(path);
+  return found == places_.end() ? file_.string() + ": " : position(file_, found->second.line, found->second.column);
+}
+
+const KeyTable::Key* KeyTable::find(std::string_view path) const {
+  for (const Section& section : sections_) {
+    for (const Key& key : section.keys) {
+      if (key.path == path) return &key;
+    }
+  }
+  return nullptr;
+}
+
+bool KeyTable::has_section(std::string_view path) const {
+  return !path.empty() &&
+         std::any_of(sections_.begin(), sections_.end(), [path](const Section& s) { return s.name == path; });
+}
+
+// "; did you mean '...'?" for a slip of a third of the letters or less, or a key under the wrong section.
+std::string KeyTable::nearest(std::string_view path) const {
+  std::string_view best;
+  std::size_t best_distance = std::max<std::size_t>(2, last_part(path).size() / 3) + 1;
+  const auto offer = [&](std::string_view candidate, std::size_t distance) {
+    if (distance >= best_distance) return;
+    best = candidate;
+    best_distance = distance;
+  };
+  for (const Section& section : sections_) {
+    if (!section.name.empty()) offer(section.name, edit_distance(path, section.name));
+    for (const Key& key : section.keys) {
+      offer(key.path, edit_distance(path, key.path));
+      offer(key.path, edit_distance(last_part(path), last_part(key.path)) + 1);
+    }
+  }
+  return best.empty() ? "" : "; did you mean '" + std::string(best) + "'?";
+}
+
+}  // namespace bolo::model

@@ -1,0 +1,223 @@
+// What a table of keys may hold, and how it documents itself; strict_toml.cpp reads files.
+#include "bolo/model/strict_toml.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+namespace bolo::model {
+namespace {
+
+// Shortest text that reads back as the same value; always a TOML float.
+std::string float_text(double value) {
+  std::array<char, 64> buffer{};
+  const double size = std::abs(value);
+  const bool handy = size == 0.0 || (size >= 1e-6 && size < 1e15);
+  const auto format = handy ? std::chars_format::fixed : std::chars_format::general;
+  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value, format).ptr;
+  std::string text(buffer.data(), end);
+  if (text.find_first_of(".en") == std::string::npos) text += ".0";
+  return text;
+}
+
+// As people write it: whole numbers without a point.
+std::string plain_text(double value) {
+  std::string text = float_text(value);
+  if (text.ends_with(".0")) text.resize(text.size() - 2);
+  return text;
+}
+
+std::string in_quotes(std::string_view text) {
+  std::string result = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') result += '\\';
+    result += c;
+  }
+  return result + '"';
+}
+
+std::string range_text(const Range& range) {
+  const std::string unit = range.unit.empty() ? "" : " " + std::string(range.unit);
+  return plain_text(range.min) + " to " + plain_text(range.max) + unit;
+}
+
+std::string out_of_range(const std::string& value, const Range& range) {
+  return " = " + value + " is out of range: " + range_text(range);
+}
+
+bool inside(double value, const Range& range) { return value >= range.min && value <= range.max; }  // false for NaN
+
+std::string list_text(const std::vector<int>& values) {
+  std::string text;
+  for (const int value : values) text += (text.empty() ? "" : ", ") + std::to_string(value);
+  return "[" + text + "]";
+}
+
+std::string octal_text(unsigned value) {
+  std::ostringstream out;
+  out << "0o" << std::oct << value;
+  return out.str();
+}
+
+// "key" of "section.key".
+std::string_view last_part(std::string_view path) {
+  const std::size_t dot = path.rfind('.');
+  return dot == std::string_view::npos ? path : path.substr(dot + 1);
+}
+
+using Value = KeyTable::Value;
+using Checked = KeyTable::Checked;
+using Check = KeyTable::Check;
+
+tl::unexpected<std::string> wrong(std::string what) { return tl::unexpected<std::string>(std::move(what)); }
+
+// The checks below serve a plain variable and an optional one alike: both are assigned the bare value.
+template <typename Target>
+Check number_check(Target& target, Range range) {
+  return [&target, range](const Value& given) -> Checked {
+    const auto* whole = std::get_if<std::int64_t>(&given);
+    const auto* real = std::get_if<double>(&given);
+    if (whole == nullptr && real == nullptr) return wrong(" must be a number: " + range_text(range));
+    const double number = whole != nullptr ? static_cast<double>(*whole) : *real;
+    if (!inside(number, range)) return wrong(out_of_range(plain_text(number), range));
+    return [&target, number] { target = number; };
+  };
+}
+
+template <typename Target>
+Check integer_check(Target& target, Range range) {
+  return [&target, range](const Value& given) -> Checked {
+    const auto* whole = std::get_if<std::int64_t>(&given);
+    if (whole == nullptr) return wrong(" must be a whole number: " + range_text(range));
+    if (!inside(static_cast<double>(*whole), range)) return wrong(out_of_range(std::to_string(*whole), range));
+    return [&target, number = static_cast<int>(*whole)] { target = number; };
+  };
+}
+
+std::string octal_range(const Range& range) {
+  return octal_text(static_cast<unsigned>(range.min)) + " to " + octal_text(static_cast<unsigned>(range.max));
+}
+
+}  // namespace
+
+void KeyTable::section(std::string_view name, std::string_view meaning) {
+  sections_.push_back({std::string(name), std::string(meaning), {}});
+}
+
+void KeyTable::add(Key key) {
+  Section& last = sections_.back();
+  if (!last.name.empty()) key.path = last.name + "." + key.path;
+  last.keys.push_back(std::move(key));
+}
+
+void KeyTable::number(std::string_view key, double& value, Range range, std::string_view meaning) {
+  add({std::string(key), range_text(range), std::string(meaning), float_text(value), false,
+       number_check(value, range)});
+}
+
+void KeyTable::number(std::string_view key, std::optional<double>& value, double example, Range range,
+                      std::string_view meaning) {
+  add({std::string(key), range_text(range), std::string(meaning), float_text(example), true,
+       number_check(value, range)});
+}
+
+void KeyTable::integer(std::string_view key, int& value, Range range, std::string_view meaning) {
+  add({std::string(key), range_text(range), std::string(meaning), std::to_string(value), false,
+       integer_check(value, range)});
+}
+
+void KeyTable::integer(std::string_view key, std::optional<int>& value, int example, Range range,
+                       std::string_view meaning) {
+  add({std::string(key), range_text(range), std::string(meaning), std::to_string(example), true,
+       integer_check(value, range)});
+}
+
+void KeyTable::octal(std::string_view key, unsigned& value, Range range, std::string_view meaning) {
+  const auto check = [&value, range](const Value& given) -> Checked {
+    const auto* whole = std::get_if<std::int64_t>(&given);
+    if (whole == nullptr) return wrong(" must be an octal number such as 0o640, without quotes");
+    if (!inside(static_cast<double>(*whole), range)) {
+      const std::string text = *whole < 0 ? std::to_string(*whole) : octal_text(static_cast<unsigned>(*whole));
+      return wrong(" = " + text + " is out of range: " + octal_range(range));
+    }
+    return [&value, number = static_cast<unsigned>(*whole)] { value = number; };
+  };
+  add({std::string(key), octal_range(range), std::string(meaning), octal_text(value), false, check});
+}
+
+void KeyTable::integers(std::string_view key, std::vector<int>& values, Range range, std::string_view meaning) {
+  const auto check = [&values, range](const Value& given) -> Checked {
+    const auto* list = std::get_if<std::vector<std::int64_t>>(&given);
+    if (list == nullptr) return wrong(" must be a list of whole numbers such as [2, 3]");
+    std::vector<int> numbers;
+    for (const std::int64_t number : *list) {
+      if (!inside(static_cast<double>(number), range)) return wrong(out_of_range(std::to_string(number), range));
+      numbers.push_back(static_cast<int>(number));
+    }
+    return [&values, numbers = std::move(numbers)] { values = numbers; };
+  };
+  add({std::string(key), "list of " + range_text(range), std::string(meaning), list_text(values), false, check});
+}
+
+void KeyTable::boolean(std::string_view key, bool& value, std::string_view meaning) {
+  const auto check = [&value](const Value& given) -> Checked {
+    const auto* yes = std::get_if<bool>(&given);
+    if (yes == nullptr) return wrong(" must be true or false, without quotes");
+    return [&value, wanted = *yes] { value = wanted; };
+  };
+  add({std::string(key), "true or false", std::string(meaning), value ? "true" : "false", false, check});
+}
+
+void KeyTable::text(std::string_view key, std::string& value, std::string_view meaning) {
+  const auto check = [&value](const Value& given) -> Checked {
+    const auto* words = std::get_if<std::string>(&given);
+    if (words == nullptr) return wrong(" must be a text in quotes");
+    return [&value, wanted = *words] { value = wanted; };
+  };
+  add({std::string(key), "text", std::string(meaning), in_quotes(value), false, check});
+}
+
+void KeyTable::file(std::string_view key, std::filesystem::path& value, std::string_view example,
+                    std::string_view meaning) {
+  const auto check = [&value](const Value& given) -> Checked {
+    const auto* words = std::get_if<std::string>(&given);
+    if (words == nullptr) return wrong(" must be a file name in quotes");
+    return [&value, wanted = *words] { value = wanted; };
+  };
+  add({std::string(key), "file name", std::string(meaning), in_quotes(example), true, check});
+  sections_.back().keys.back().file = true;
+}
+
+void KeyTable::add_choice(std::string_view key, const std::vector<std::string>& names,
+                          std::optional<std::size_t> present, std::function<void(std::size_t)> store,
+                          std::string_view meaning) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : " | ") + in_quotes(name);
+  const auto check = [names, list, store = std::move(store)](const Value& given) -> Checked {
+    const auto* word = std::get_if<std::string>(&given);
+    if (word == nullptr) return wrong(" must be one of " + list);
+    const auto found = std::find(names.begin(), names.end(), *word);
+    if (found == names.end()) return wrong(" = " + in_quotes(*word) + " is none of " + list);
+    return [store, index = static_cast<std::size_t>(found - names.begin())] { store(index); };
+  };
+  add({std::string(key), list, std::string(meaning), in_quotes(names[present.value_or(0)]), !present.has_value(),
+       check});
+}
+
+std::string KeyTable::document() const {
+  std::string out;
+  for (const Section& section : sections_) {
+    if (!section.name.empty()) out += "\n[" + section.name + "]  # " + section.meaning + "\n";
+    for (const Key& key : section.keys) {
+      const std::string value = (key.optional ? "no default, example " : "default ") + key.initial;
+      out += "\n# " + key.meaning + "\n# " + key.limits + "; " + value + "\n" + (key.optional ? "#" : "") +
+             std::string(last_part(key.path)) + " = " + key.initial + "\n";
+    }
+  }
+  return out.empty() ? out : out.substr(1);
+}
+
+}  // namespace bolo::model

@@ -1,0 +1,183 @@
+#include "bolo/daemon/config.hpp"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <sstream>
+
+namespace bolo::daemon {
+namespace {
+
+const std::string kShipped = std::string(BOLO_SOURCE_DIR) + "/config/bolod.toml";
+
+class Config : public testing::Test {
+ protected:
+  Config() : folder_(testing::TempDir() + "config-" + std::to_string(getpid())) {
+    std::filesystem::create_directory(folder_);
+  }
+  ~Config() override { std::filesystem::remove_all(folder_); }
+
+  void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
+
+  Result<DaemonConfig> read(const std::string& text) const {
+    write("bolod.toml", text);
+    return read_config(folder_ / "bolod.toml");
+  }
+
+  // The message without the folder; "" when the text is right.
+  std::string complaint(const std::string& text) const {
+    const auto config = read(text);
+    if (config) return "";
+    EXPECT_EQ(config.error().kind, ErrorKind::kBadInput);
+    EXPECT_EQ(config.error().message.find('\n'), std::string::npos);
+    EXPECT_TRUE(config.error().message.starts_with(folder_.string())) << config.error().message;
+    return config.error().message.substr(folder_.string().size() + 1);
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(Config, AnEmptyFileIsAnA655scAt200Hz) {
+  const auto config = read("");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->source, SourceType::kGenicam);
+  EXPECT_EQ(config->camera.width, 640);
+  EXPECT_EQ(config->camera.height, 120);
+  EXPECT_DOUBLE_EQ(config->camera.rate_hz, 200.0);
+  EXPECT_DOUBLE_EQ(config->pipeline.deblur.tau_s, 0.011);
+  EXPECT_DOUBLE_EQ(config->pipeline.deblur.period_s, 0.005);
+  EXPECT_EQ(config->shm.name, "camera");
+  EXPECT_TRUE(config->shm_enabled);
+}
+
+TEST_F(Config, KeysReachTheirPlaces) {
+  const auto config = read(
+      "name = 'front'\n"
+      "[source]\ntype = 'replay'\nfile = 'a.h5'\npace = 'fast'\n"
+      "[deblur]\nsolver = 'inverse'\nlambda = 0.5\nkappa = 2\niterations = 9\nwindow = 9\nlevels = 5\nlookahead = 1\n"
+      "workers = 3\ntau_s = 0.008\n"
+      "[pipeline]\nqueue_frames = 5\nrealtime_priority = 20\ncpus = [0, 1]\nlock_memory = false\n"
+      "[shm]\nslots = 100\nmode = 0o640\ngroup = 'video'\n"
+      "[log]\nlevel = 'debug'\nformat = 'journal'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->source, SourceType::kReplay);
+  EXPECT_EQ(config->replay.file, folder_ / "a.h5") << "relative to the configuration";
+  EXPECT_EQ(config->replay.pace, replay::Pace::kAsFastAsPossible);
+  const deblur::Settings& settings = config->pipeline.deblur;
+  EXPECT_EQ(settings.method, deblur::Method::kInverse);
+  EXPECT_EQ(settings.lambda, 0.5);
+  EXPECT_EQ(settings.kappa, 2.0);
+  EXPECT_EQ(settings.iterations, 9);
+  EXPECT_EQ(settings.window, 9);
+  EXPECT_EQ(settings.levels, 5);
+  EXPECT_EQ(settings.lookahead, 1);
+  EXPECT_EQ(settings.tau_s, 0.008);
+  EXPECT_EQ(config->pipeline.workers, 3);
+  EXPECT_EQ(config->pipeline.queue_frames, 5);
+  EXPECT_EQ(config->pipeline.thread.realtime_priority, 20);
+  EXPECT_EQ(config->pipeline.thread.cpus, (std::vector<int>{0, 1}));
+  EXPECT_FALSE(config->lock_memory);
+  EXPECT_EQ(config->shm.name, "front");
+  EXPECT_EQ(config->shm.slots, 100);
+  EXPECT_EQ(config->shm.mode, 0640U);
+  EXPECT_EQ(config->shm.group, "video");
+  EXPECT_EQ(config->log.level, LogLevel::kDebug);
+  EXPECT_EQ(config->log.format, LogFormat::kJournal);
+}
+
+TEST_F(Config, CameraKeysReachTheCamera) {
+  const auto config = read(
+      "[source]\naddress = '10.0.0.2'\nwidth = 320\nheight = 0\nir_format = '100mk'\npixel_order = 'big'\n"
+      "metadata_rows = 3\npacket_size = 1400\nsocket_buffer_bytes = 1000000\nresend = true\npacket_timeout_us = 300\n"
+      "frame_retention_us = 4000\nbuffers = 20\nrealtime_priority = 10\nrate_hz = 50\nstall_ms = 100\n"
+      "reconnect_after_ms = 0\n");
+  ASSERT_TRUE(config) << config.error().message;
+  const genicam::CameraOptions& camera = config->camera;
+  EXPECT_EQ(camera.address, "10.0.0.2");
+  EXPECT_EQ(camera.width, 320);
+  EXPECT_EQ(camera.height, 0);
+  EXPECT_EQ(camera.ir_format, genicam::IrFormat::kTemperatureLinear100mK);
+  EXPECT_EQ(camera.pixel_order, genicam::PixelOrder::kBigEndian);
+  EXPECT_EQ(camera.metadata_rows, 3);
+  EXPECT_EQ(camera.packet_size, 1400);
+  EXPECT_EQ(camera.socket_buffer_bytes, 1000000);
+  EXPECT_TRUE(camera.resend);
+  EXPECT_EQ(camera.packet_timeout_us, 300);
+  EXPECT_EQ(camera.frame_retention_us, 4000);
+  EXPECT_EQ(camera.buffers, 20);
+  EXPECT_EQ(camera.realtime_priority, 10);
+  EXPECT_EQ(camera.rate_hz, 50.0);
+  EXPECT_EQ(camera.stall_ms, 100);
+  EXPECT_EQ(camera.reconnect_after_ms, 0);
+}
+
+TEST_F(Config, TheProfileDecidesUnlessAKeyTakesItsPlace) {
+  write("cam.toml",
+        "tau_s = 0.009\nframe_period_s = 0.01\nnoise_k = 0.05\nquantisation_k = 0.01\n[transport]\nbyte_order = "
+        "'big'\nmetadata_rows = 3\n");
+  auto config = read("profile = 'cam.toml'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_DOUBLE_EQ(config->pipeline.deblur.tau_s, 0.009);
+  EXPECT_DOUBLE_EQ(config->camera.rate_hz, 100.0);
+  EXPECT_EQ(config->camera.pixel_order, genicam::PixelOrder::kBigEndian);
+  EXPECT_EQ(config->camera.metadata_rows, 3);
+  config = read(
+      "profile = 'cam.toml'\n[source]\npixel_order = 'little'\nmetadata_rows = 0\nrate_hz = 0\n[deblur]\n"
+      "tau_s = 0.012\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_DOUBLE_EQ(config->pipeline.deblur.tau_s, 0.012);
+  EXPECT_DOUBLE_EQ(config->camera.rate_hz, 0.0);
+  EXPECT_EQ(config->camera.pixel_order, genicam::PixelOrder::kLittleEndian);
+  EXPECT_EQ(config->camera.metadata_rows, 0);
+}
+
+TEST_F(Config, MistakesAreNamed) {
+  write("bad.toml", "tau_s = 0.01\ntaus = 1\n");
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {"nmae = 'x'", "bolod.toml:1:1: unknown key 'nmae'; did you mean 'name'?"},
+      {"name = 'a b'",
+       "bolod.toml:1:8: name: 'a b' is no name for shared memory; use 1 to 200 letters, digits, '-', "
+       "'_', '.'"},
+      {"name = ''",
+       "bolod.toml:1:8: name: '' is no name for shared memory; use 1 to 200 letters, digits, '-', '_', "
+       "'.'"},
+      {"profile = 'none.toml'", "none.toml: no such file"},
+      {"profile = 'bad.toml'", "bad.toml:2:1: unknown key 'taus'; did you mean 'tau_s'?"},
+      {"[source]\ntype = 'usb'", "bolod.toml:2:8: source.type = \"usb\" is none of \"genicam\" | \"replay\""},
+      {"[source]\ntype = 'replay'",
+       "bolod.toml:2:8: source.type = \"replay\" needs source.file, the capture to replay"},
+      {"[source]\nwidth = 5000", "bolod.toml:2:9: source.width = 5000 is out of range: 0 to 4096 pixels"},
+      {"[source]\nbuffers = 1", "bolod.toml:2:11: source.buffers = 1 is out of range: 4 to 1024 frames"},
+      {"[deblur]\nlamda = 1", "bolod.toml:2:1: unknown key 'deblur.lamda'; did you mean 'deblur.lambda'?"},
+      {"[deblur]\nlambda = -1",
+       "bolod.toml:2:10: deblur.lambda = -1 is out of range: 0 to 1000000 K (counts when the source has no kelvin)"},
+      {"[deblur]\nsolver = 'magic'",
+       "bolod.toml:2:10: deblur.solver = \"magic\" is none of \"admm\" | \"exact\" | \"inverse\""},
+      {"[deblur]\nworkers = 0", "bolod.toml:2:11: deblur.workers = 0 is out of range: 1 to 64 threads"},
+      {"[shm]\nslots = 10",
+       "bolod.toml:2:9: shm.slots = 10 is less than window + lookahead = 17; give that or more, or 0"},
+      {"[shm]\nmode = 0o444", "bolod.toml:2:8: shm.mode = 0o444 is out of range: 0o600 to 0o777"},
+      {"[log]\nlevel = 'loud'",
+       "bolod.toml:2:9: log.level = \"loud\" is none of \"debug\" | \"info\" | \"warning\" | \"error\""},
+      {"[logs]\nlevel = 'info'", "bolod.toml:1:2: unknown key 'logs'; did you mean 'log'?"},
+  };
+  for (const auto& [text, expected] : cases) EXPECT_EQ(complaint(text), expected) << text;
+}
+
+TEST_F(Config, SettingsThatDoNotFitTogetherAreNamed) {
+  EXPECT_NE(complaint("[deblur]\nwindow = 16\n").find("window"), std::string::npos);
+  EXPECT_NE(complaint("[deblur]\nwindow = 5\nlookahead = 4\n").find("lookahead"), std::string::npos);
+}
+
+TEST_F(Config, TheShippedFileIsTheDocumentedDefault) {
+  std::ifstream in(kShipped);
+  std::stringstream text;
+  text << in.rdbuf();
+  EXPECT_EQ(text.str(), document_config()) << "config/bolod.toml is out of date: bolod --print-config > it";
+  const auto config = read_config(kShipped);
+  EXPECT_TRUE(config) << config.error().message;
+}
+
+}  // namespace
+}  // namespace bolo::daemon

@@ -1,0 +1,88 @@
+#include "bolo/daemon/health.hpp"
+
+#include <gtest/gtest.h>
+
+namespace bolo::daemon {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+
+struct Clock {
+  Health health{0.005, 0};
+  Snapshot now;
+
+  // The notices of one look, `ms` after the last; "!" marks warnings.
+  std::vector<std::string> after(std::int64_t ms) {
+    now.now_ns += ms * kMs;
+    std::vector<std::string> texts;
+    for (const Notice& notice : health.look(now)) texts.push_back((notice.warning ? "!" : "") + notice.text);
+    return texts;
+  }
+};
+
+using Texts = std::vector<std::string>;
+
+TEST(Health, TellsWhenFramesStartStopAndComeBack) {
+  Clock clock;
+  EXPECT_EQ(clock.after(100), Texts{});
+  clock.now.received = 10;
+  EXPECT_EQ(clock.after(100), Texts{"frames arrive"});
+  clock.now.received = 30;
+  EXPECT_EQ(clock.after(100), Texts{}) << "frames are no news";
+  EXPECT_EQ(clock.after(900), Texts{});
+  EXPECT_EQ(clock.after(200), Texts{"!no frame for 1.1 s"});
+  EXPECT_EQ(clock.after(5000), Texts{}) << "told once";
+  clock.now.received = 31;
+  EXPECT_EQ(clock.after(100), Texts{"frames arrive again after 6.2 s"});
+}
+
+TEST(Health, TellsWhenNoFrameEverCame) {
+  Clock clock;
+  EXPECT_EQ(clock.after(1500), Texts{"!no frame for 1.5 s"});
+}
+
+TEST(Health, ASlowCameraIsWaitedForLonger) {
+  Health health(1.0, 0);
+  Snapshot now;
+  now.now_ns = 15'000 * kMs;
+  EXPECT_TRUE(health.look(now).empty());
+  now.now_ns = 21'000 * kMs;
+  EXPECT_EQ(health.look(now).size(), 1U);
+}
+
+TEST(Health, LossesAreToldByCauseAndNotTooOften) {
+  Clock clock;
+  const auto lose = [&](LossCause cause, std::uint64_t n) { clock.now.losses[static_cast<std::size_t>(cause)] += n; };
+  const auto step = [&](std::int64_t ms) {
+    clock.now.received += 1;
+    return clock.after(ms);
+  };
+  EXPECT_EQ(step(100), Texts{"frames arrive"});
+  lose(LossCause::kMissing, 3);
+  EXPECT_EQ(step(100), Texts{"!frames lost since the last notice: 3 missing"});
+  lose(LossCause::kMissing, 2);
+  lose(LossCause::kQueueFull, 1);
+  EXPECT_EQ(step(900), Texts{}) << "not within ten seconds";
+  lose(LossCause::kMissing, 2);
+  Texts texts;
+  for (int i = 0; i < 10; ++i) {
+    for (std::string& text : step(950)) texts.push_back(std::move(text));
+  }
+  EXPECT_EQ(texts, Texts{"!frames lost since the last notice: 4 missing, 1 queue_full"})
+      << "what came meanwhile adds up";
+}
+
+TEST(Health, TellsTheCamerasLossAndReturn) {
+  Clock clock;
+  clock.now.camera = genicam::SourceState::kStreaming;
+  EXPECT_EQ(clock.after(100), Texts{});
+  clock.now.camera = genicam::SourceState::kLost;
+  EXPECT_EQ(clock.after(100), Texts{"!camera lost; opening it again until it answers"});
+  EXPECT_EQ(clock.after(100), Texts{});
+  clock.now.camera = genicam::SourceState::kStreaming;
+  clock.now.reconnects = 1;
+  EXPECT_EQ(clock.after(100), Texts{"camera opened again"});
+}
+
+}  // namespace
+}  // namespace bolo::daemon

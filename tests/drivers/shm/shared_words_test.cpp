@@ -1,0 +1,119 @@
+// The slot protocol on plain memory: here reader and writer share one mapping, so the thread sanitizer sees both sides.
+#include "drivers/shm/shared_words.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <thread>
+#include <vector>
+
+namespace bolo::shm {
+namespace {
+
+constexpr std::uint64_t kSlots = 4;
+constexpr std::size_t kPixels = 20009;  // odd: the plane ends within a word
+
+// What plane p of frame n holds everywhere; no two frames of a test share a value. Flat planes are quick to make, so
+// that most of the writer's time is spent in the slot.
+std::uint16_t pattern(std::uint64_t n, std::uint64_t p) { return static_cast<std::uint16_t>(n * 2 + p); }
+
+struct Slots {
+  SlotLayout layout = slot_layout(kPixels * sizeof(std::uint16_t));
+  std::vector<std::uint64_t> words = std::vector<std::uint64_t>(kSlots * layout.stride / kWord);
+
+  std::byte* slot(std::uint64_t n) { return reinterpret_cast<std::byte*>(words.data()) + n % kSlots * layout.stride; }
+};
+
+void write_frame(Slots& slots, std::uint64_t n) {
+  const std::vector<std::uint16_t> raw(kPixels, pattern(n, 0));
+  const std::vector<std::uint16_t> deblurred(kPixels, pattern(n, 1));
+  bolo_shm_slot head{};
+  head.frame_id = n * 3;
+  head.flags = static_cast<std::uint32_t>(n);
+  write_slot(slots.slot(n), slots.layout, n, head, raw.data(), deblurred.data());
+}
+
+// Reads frame n; fails the test when it was accepted although it holds anything of another frame.
+bool read_frame(Slots& slots, std::uint64_t n) {
+  std::vector<std::uint16_t> raw(kPixels);
+  std::vector<std::uint16_t> deblurred(kPixels);
+  bolo_shm_slot head{};
+  if (!read_slot(slots.slot(n), slots.layout, n, head, raw.data(), deblurred.data())) return false;
+  EXPECT_EQ(head.frame_id, n * 3);
+  EXPECT_EQ(head.flags, static_cast<std::uint32_t>(n));
+  EXPECT_TRUE(std::all_of(raw.begin(), raw.end(), [n](auto v) { return v == pattern(n, 0); })) << "torn frame " << n;
+  EXPECT_TRUE(std::all_of(deblurred.begin(), deblurred.end(), [n](auto v) { return v == pattern(n, 1); }))
+      << "torn frame " << n;
+  return true;
+}
+
+TEST(SlotLayout, LeavesWholeWordsForEveryPlaneSize) {
+  for (std::size_t bytes = 2; bytes < 300; bytes += 2) {
+    const SlotLayout layout = slot_layout(bytes);
+    EXPECT_EQ(layout.raw_offset % kWord, 0U);
+    EXPECT_EQ(layout.deblurred_offset % kWord, 0U);
+    EXPECT_GE(layout.raw_offset, sizeof(bolo_shm_slot));
+    EXPECT_GE(layout.deblurred_offset, layout.raw_offset + round_up(bytes, kWord));
+    EXPECT_GE(layout.stride, layout.deblurred_offset + round_up(bytes, kWord));
+  }
+}
+
+TEST(CopyWords, KeepsEveryByteAndTouchesNothingBehindAnOddEnd) {
+  for (std::size_t bytes = 0; bytes < 40; ++bytes) {
+    std::vector<std::byte> from(bytes);
+    for (std::size_t i = 0; i < bytes; ++i) from[i] = static_cast<std::byte>(i + 1);
+    std::vector<std::uint64_t> shared(8, 0xeeeeeeeeeeeeeeeeULL);
+    copy_in(reinterpret_cast<std::byte*>(shared.data()), from.data(), bytes);
+    for (std::size_t w = round_up(bytes, kWord) / kWord; w < shared.size(); ++w) {
+      EXPECT_EQ(shared[w], 0xeeeeeeeeeeeeeeeeULL);
+    }
+    std::vector<std::byte> to(bytes + 1, std::byte{0x55});
+    copy_out(to.data(), reinterpret_cast<const std::byte*>(shared.data()), bytes);
+    EXPECT_EQ(to.back(), std::byte{0x55});
+    to.pop_back();
+    EXPECT_EQ(to, from);
+  }
+}
+
+TEST(Slot, RefusesAnotherFrameThanTheOneItHolds) {
+  Slots slots;
+  EXPECT_FALSE(read_frame(slots, 0)) << "an empty slot holds no frame";
+  write_frame(slots, 2);
+  EXPECT_TRUE(read_frame(slots, 2));
+  EXPECT_FALSE(read_frame(slots, 2 + kSlots)) << "not written yet";
+  write_frame(slots, 2 + kSlots);
+  EXPECT_FALSE(read_frame(slots, 2)) << "overwritten";
+}
+
+TEST(Slot, RefusesAFrameThatIsBeingWritten) {
+  Slots slots;
+  write_frame(slots, 1);
+  store_relaxed(*reinterpret_cast<std::uint64_t*>(slots.slot(1)), std::uint64_t{2 * (1 + kSlots) + 1});
+  EXPECT_FALSE(read_frame(slots, 1));
+  EXPECT_FALSE(read_frame(slots, 1 + kSlots));
+}
+
+TEST(Slot, ReaderNeverAcceptsATornFrame) {
+  Slots slots;
+  constexpr std::uint64_t kFrames = 3000;
+  std::atomic<std::uint64_t> published{0};
+  std::thread writer([&] {
+    for (std::uint64_t n = 0; n < kFrames; ++n) {
+      write_frame(slots, n);
+      published.store(n + 1, std::memory_order_release);  // partner: the load below
+    }
+  });
+  std::uint64_t newest = 0;
+  while (newest < kFrames) {
+    newest = published.load(std::memory_order_acquire);  // partner: the store above
+    // The oldest frame of the ring is the next to be overwritten: the most likely to tear.
+    if (newest >= kSlots) read_frame(slots, newest - kSlots);
+    if (newest > 0) read_frame(slots, newest - 1);
+  }
+  writer.join();
+  EXPECT_TRUE(read_frame(slots, kFrames - 1)) << "with the writer at rest the newest frame must be readable";
+}
+
+}  // namespace
+}  // namespace bolo::shm

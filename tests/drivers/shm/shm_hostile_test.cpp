@@ -1,0 +1,148 @@
+// Objects that another program made, or damaged: the reader refuses them and never reads outside.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <functional>
+#include <random>
+
+#include "tests/drivers/shm/shm_rig.hpp"
+
+namespace bolo::shm {
+namespace {
+
+// An object of the test's own making.
+class ForeignObject {
+ public:
+  explicit ForeignObject(std::string name) : name_(std::move(name)) {}
+  ~ForeignObject() { shm_unlink(("/bolo." + name_).c_str()); }
+  ForeignObject(const ForeignObject&) = delete;
+  ForeignObject& operator=(const ForeignObject&) = delete;
+
+  const std::string& name() const { return name_; }
+
+  void fill(const void* data, std::size_t bytes, std::size_t total) const {
+    shm_unlink(("/bolo." + name_).c_str());
+    const int fd = shm_open(("/bolo." + name_).c_str(), O_RDWR | O_CREAT, 0600);
+    ASSERT_GE(fd, 0);
+    ASSERT_EQ(ftruncate(fd, static_cast<off_t>(total)), 0);
+    ASSERT_EQ(pwrite(fd, data, std::min(bytes, total), 0), static_cast<ssize_t>(std::min(bytes, total)));
+    close(fd);
+  }
+
+ private:
+  std::string name_;
+};
+
+// A header that a reader must accept, for an object of kBytes.
+constexpr std::size_t kBytes = sizeof(bolo_shm_header) + 4 * (64 + 2 * 64);
+bolo_shm_header good_header() {
+  bolo_shm_header h{};
+  h.magic = BOLO_SHM_MAGIC;
+  h.version = BOLO_SHM_VERSION;
+  h.header_bytes = sizeof(h);
+  h.width = 5;
+  h.height = 5;
+  h.slot_count = 4;
+  h.slots_offset = sizeof(h);
+  h.slot_stride = 64 + 2 * 64;
+  h.raw_offset = 64;
+  h.deblurred_offset = 128;
+  h.state = BOLO_SHM_RUNNING;
+  h.published = 3;
+  h.heartbeat_ns = static_cast<std::uint64_t>(monotonic_ns());
+  return h;
+}
+
+TEST(ShmHostile, TheGoodHeaderIsAccepted) {
+  const ForeignObject object(unique_name("good"));
+  const bolo_shm_header header = good_header();
+  object.fill(&header, sizeof(header), kBytes);
+  const auto reader = ShmReader::open(object.name());
+  EXPECT_TRUE(reader) << reader.error().message;
+}
+
+TEST(ShmHostile, EachImpossibleFieldIsRefused) {
+  const ForeignObject object(unique_name("fields"));
+  constexpr std::uint64_t kHuge = ~std::uint64_t{0} - 7;
+  const std::vector<std::pair<const char*, std::function<void(bolo_shm_header&)>>> cases{
+      {"magic", [](auto& h) { h.magic += 1; }},
+      {"starting", [](auto& h) { h.magic = 0; }},
+      {"version", [](auto& h) { h.version = 2; }},
+      {"header_bytes", [](auto& h) { h.header_bytes = 64; }},
+      {"header_bytes past slots", [](auto& h) { h.header_bytes = sizeof(h) + 64; }},
+      {"width 0", [](auto& h) { h.width = 0; }},
+      {"height 0", [](auto& h) { h.height = 0; }},
+      {"width huge", [](auto& h) { h.width = 0xffffffff; }},
+      {"height huge", [](auto& h) { h.height = 0x80000001; }},
+      {"plane too large", [](auto& h) { h.width = 7; }},
+      {"slot_count 0", [](auto& h) { h.slot_count = 0; }},
+      {"slot_count + 1", [](auto& h) { h.slot_count = 5; }},
+      {"slot_count huge", [](auto& h) { h.slot_count = 0xffffffff; }},
+      {"unit", [](auto& h) { h.unit = 7; }},
+      {"slots_offset in header", [](auto& h) { h.slots_offset = 64; }},
+      {"slots_offset odd", [](auto& h) { h.slots_offset += 1; }},
+      {"slots_offset past end", [](auto& h) { h.slots_offset += 8; }},
+      {"slots_offset huge", [](auto& h) { h.slots_offset = kHuge; }},
+      {"stride 0", [](auto& h) { h.slot_stride = 0; }},
+      {"stride odd", [](auto& h) { h.slot_stride -= 1; }},
+      {"stride huge", [](auto& h) { h.slot_stride = kHuge; }},
+      {"raw in head", [](auto& h) { h.raw_offset = 8; }},
+      {"raw odd", [](auto& h) { h.raw_offset = 65; }},
+      {"raw past end", [](auto& h) { h.raw_offset = 64 + 128 - 48; }},
+      {"raw huge", [](auto& h) { h.raw_offset = kHuge; }},
+      {"deblurred past end", [](auto& h) { h.deblurred_offset = 64 + 128 - 48; }},
+      {"deblurred huge", [](auto& h) { h.deblurred_offset = kHuge; }},
+  };
+  for (const auto& [what, damage] : cases) {
+    bolo_shm_header header = good_header();
+    damage(header);
+    object.fill(&header, sizeof(header), kBytes);
+    const auto reader = ShmReader::open(object.name());
+    ASSERT_FALSE(reader) << what;
+    EXPECT_EQ(reader.error().kind, ErrorKind::kBadInput) << what;
+    EXPECT_NE(reader.error().message.find(object.name()), std::string::npos) << what;
+  }
+}
+
+TEST(ShmHostile, ShortObjectsAreRefused) {
+  const ForeignObject object(unique_name("short"));
+  const bolo_shm_header header = good_header();
+  for (std::size_t total = 0; total < kBytes; total += total < 16 ? 1 : 61) {
+    object.fill(&header, sizeof(header), total);
+    EXPECT_FALSE(ShmReader::open(object.name())) << total << " bytes";
+  }
+}
+
+// Damaged headers are refused or read within their object: the sanitizers and the page behind the mapping watch.
+TEST(ShmHostile, RandomDamageNeverReadsOutside) {
+  const ForeignObject object(unique_name("random"));
+  std::mt19937_64 random(7);  // NOLINT: the same damage each time
+  ReadFrame frame;
+  int accepted = 0;
+  for (int round = 0; round < 3000; ++round) {
+    bolo_shm_header header = good_header();
+    auto* bytes = reinterpret_cast<unsigned char*>(&header);
+    const int flips = 1 + static_cast<int>(random() % 3);
+    for (int i = 0; i < flips; ++i) bytes[8 + random() % 100] ^= static_cast<unsigned char>(1U << random() % 8);
+    if (round % 4 == 0) {
+      header.heartbeat_ns = random();
+      header.published = random();
+      header.state = static_cast<std::uint32_t>(random());
+    }
+    object.fill(&header, sizeof(header), kBytes);
+    auto reader = ShmReader::open(object.name());
+    if (!reader) continue;
+    ++accepted;
+    EXPECT_LE(std::size_t{2} * reader->header().width * reader->header().height, kBytes);
+    for (const std::uint64_t n : {std::uint64_t{0}, std::uint64_t{2}, header.published - 1, ~std::uint64_t{0}}) {
+      EXPECT_NE(reader->read(n, frame, 0), ShmReader::Outcome::kFrame) << "no slot was ever written";
+    }
+  }
+  EXPECT_GT(accepted, 100) << "the damage must also leave readable headers";
+}
+
+}  // namespace
+}  // namespace bolo::shm

@@ -1,0 +1,73 @@
+// What the tests of shared memory share: a writer fed by hand, and frames whose content proves where they come from.
+#pragma once
+
+#include <unistd.h>
+
+#include <string>
+#include <vector>
+
+#include "bolo/core/clock.hpp"
+#include "bolo/pipeline/inlet.hpp"
+#include "bolo/pipeline/stats.hpp"
+#include "drivers/shm/shm_reader.hpp"
+#include "drivers/shm/shm_sink.hpp"
+
+namespace bolo::shm {
+
+// Unique among the tests that run at the same time.
+inline std::string unique_name(const std::string& test) { return "test-" + test + "-" + std::to_string(getpid()); }
+
+inline std::uint16_t pattern(std::uint64_t frame, std::size_t plane, std::size_t pixel) {
+  return static_cast<std::uint16_t>(frame * 7919 + plane * 12345 + pixel);
+}
+
+// Fills a plane with the pattern of a frame.
+inline void fill(std::vector<std::uint16_t>& plane, std::uint64_t frame, std::size_t which) {
+  for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = pattern(frame, which, i);
+}
+
+// A sink, its format, and the statistics that a pipeline would give it.
+struct Writer {
+  explicit Writer(const std::string& name, Geometry geometry = {33, 7}) : sink({name, 0, 0644, ""}) {
+    format.source.format.geometry = geometry;
+    format.source.format.scale = {Unit::kKelvin, 0.01, 5.0};
+    format.source.format.frame_period_s = 0.005;
+    format.source.camera_model = "Model";
+    format.source.camera_serial = "1234";
+    format.solver_text = "admm";
+  }
+
+  Status open() { return sink.open(format); }
+
+  // Publishes the next frame, with a frame id of twice its number.
+  void publish() {
+    const std::size_t pixels = format.source.format.geometry.pixels();
+    raw.resize(pixels);
+    deblurred.resize(pixels);
+    fill(raw, next, 0);
+    fill(deblurred, next, 1);
+    const auto n = static_cast<std::int64_t>(next);
+    const FrameMeta meta{2 * next, n * 5'000'000, 1000 + n, next % 5 == 0 ? std::uint32_t{kFlagGap} : 0U};
+    sink.publish({meta, 2000 + n, raw.data(), deblurred.data()}, stats);
+    ++next;
+  }
+
+  pipeline::SinkFormat format;
+  pipeline::FrameInlet inlet{StreamFormat{{1, 1}, PixelType::kUint16, {}, 0.005, 1}, 1, 1};
+  pipeline::PipelineStats stats{inlet};
+  ShmSink sink;
+  std::uint64_t next = 0;
+  std::vector<std::uint16_t> raw;
+  std::vector<std::uint16_t> deblurred;
+};
+
+// Whether every value of the frame is that of frame `number`.
+inline bool intact(const ReadFrame& frame, std::uint64_t number) {
+  if (frame.number != number || frame.meta.frame_id != 2 * number) return false;
+  for (std::size_t i = 0; i < frame.raw.size(); ++i) {
+    if (frame.raw[i] != pattern(number, 0, i) || frame.deblurred[i] != pattern(number, 1, i)) return false;
+  }
+  return !frame.raw.empty();
+}
+
+}  // namespace bolo::shm

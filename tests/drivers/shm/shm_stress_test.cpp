@@ -1,0 +1,101 @@
+// Full speed between processes: a reader may miss frames, but never accepts a torn one.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "tests/drivers/shm/shm_rig.hpp"
+
+namespace bolo::shm {
+namespace {
+
+using Outcome = ShmReader::Outcome;
+
+constexpr std::uint64_t kFrames = 4000;
+constexpr int kExitGood = 0;
+constexpr int kExitTorn = 3;
+constexpr int kExitUnreadable = 4;
+
+// The reader process: says through `ready` that it has opened, then follows the writer to its end, from the oldest
+// frame of the ring each time it falls behind.
+int follow(const std::string& name, int ready) {
+  auto reader = ShmReader::open(name);
+  if (!reader || write(ready, "r", 1) != 1) return kExitUnreadable;
+  const std::uint64_t slots = reader->header().slot_count;
+  ReadFrame frame;
+  std::uint64_t next = 0;
+  std::uint64_t good = 0;
+  while (true) {
+    // The oldest frame of the ring is the next to be overwritten: the most likely to tear.
+    const std::uint64_t newest = reader->published();
+    if (newest >= slots && reader->read(newest - slots, frame, 0) == Outcome::kFrame &&
+        !intact(frame, newest - slots)) {
+      return kExitTorn;
+    }
+    switch (reader->read(next, frame, 30'000)) {
+      case Outcome::kFrame:
+        if (!intact(frame, next)) return kExitTorn;
+        ++good;
+        ++next;
+        break;
+      case Outcome::kOverwritten:
+        next = std::max(next + 1, reader->published() - slots);
+        break;
+      case Outcome::kTimeout:
+        return kExitUnreadable;
+      case Outcome::kClosed:
+        return good > 0 ? kExitGood : kExitUnreadable;
+    }
+  }
+}
+
+TEST(ShmStress, NoTornFrameIsAcceptedByAnotherProcess) {
+  const std::string name = unique_name("stress");
+  Writer writer(name, {127, 31});
+  ASSERT_TRUE(writer.open());
+  int ready[2];
+  ASSERT_EQ(pipe(ready), 0);
+  std::vector<pid_t> readers;
+  for (int i = 0; i < 2; ++i) {
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) _exit(follow(name, ready[1]));
+    readers.push_back(child);
+    char byte = 0;
+    ASSERT_EQ(read(ready[0], &byte, 1), 1);
+  }
+  for (std::uint64_t n = 0; n < kFrames; ++n) writer.publish();
+  writer.sink.close();
+  for (const pid_t child : readers) {
+    int status = 0;
+    ASSERT_EQ(waitpid(child, &status, 0), child);
+    ASSERT_TRUE(WIFEXITED(status)) << "reader died of signal " << WTERMSIG(status);
+    EXPECT_EQ(WEXITSTATUS(status), kExitGood) << "3: a torn frame, 4: nothing to read";
+  }
+}
+
+TEST(ShmStress, AStoppedReaderNeverStopsTheWriter) {
+  const std::string name = unique_name("slow");
+  Writer writer(name, {64, 16});
+  ASSERT_TRUE(writer.open());
+  int ready[2];
+  ASSERT_EQ(pipe(ready), 0);
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) _exit(follow(name, ready[1]));
+  char byte = 0;
+  ASSERT_EQ(read(ready[0], &byte, 1), 1);
+  ASSERT_EQ(kill(child, SIGSTOP), 0);
+  for (std::uint64_t n = 0; n < kFrames; ++n) writer.publish();
+  EXPECT_EQ(writer.next, kFrames);
+  ASSERT_EQ(kill(child, SIGKILL), 0);
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  ReadFrame frame;
+  EXPECT_EQ(reader->read(kFrames - 1, frame, 0), Outcome::kFrame);
+}
+
+}  // namespace
+}  // namespace bolo::shm

@@ -1,0 +1,172 @@
+// A frame's way through shared memory: one writer, one reader, everything in order.
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "tests/drivers/shm/shm_rig.hpp"
+
+namespace bolo::shm {
+namespace {
+
+using Outcome = ShmReader::Outcome;
+
+TEST(ShmRoundTrip, HeaderSaysWhatTheWriterWasGiven) {
+  const std::string name = unique_name("header");
+  Writer writer(name);
+  writer.format.deblur.window = 17;
+  writer.format.deblur.lookahead = 1;
+  writer.format.deblur.tau_s = 0.012;
+  writer.format.source.format.row_step = 4;
+  writer.format.solver_text = std::string(100, 'x');
+  ASSERT_TRUE(writer.open());
+  const auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader) << reader.error().message;
+  const bolo_shm_header header = reader->header();
+  EXPECT_EQ(header.width, 33U);
+  EXPECT_EQ(header.height, 7U);
+  EXPECT_EQ(header.unit, std::uint32_t{BOLO_UNIT_KELVIN});
+  EXPECT_DOUBLE_EQ(header.scale, 0.01);
+  EXPECT_DOUBLE_EQ(header.offset, 5.0);
+  EXPECT_DOUBLE_EQ(header.frame_period_s, 0.005);
+  EXPECT_DOUBLE_EQ(header.tau_s, 0.012);
+  EXPECT_EQ(header.window, 17U);
+  EXPECT_EQ(header.lookahead, 1U);
+  EXPECT_EQ(header.row_step, 4U);
+  EXPECT_EQ(header.writer_pid, static_cast<std::uint32_t>(getpid()));
+  EXPECT_STREQ(header.camera_model, "Model");
+  EXPECT_STREQ(header.camera_serial, "1234");
+  EXPECT_EQ(std::string(header.solver), std::string(63, 'x')) << "a long text is cut and ended";
+  EXPECT_EQ(header.state, std::uint32_t{BOLO_SHM_RUNNING});
+  EXPECT_GE(header.slot_count, 64U);
+  EXPECT_LE(header.start_ns, monotonic_ns());
+}
+
+TEST(ShmRoundTrip, FramesArePixelExactForEveryOddSize) {
+  for (const Geometry geometry : {Geometry{1, 1}, Geometry{3, 1}, Geometry{5, 3}, Geometry{64, 2}, Geometry{641, 3}}) {
+    const std::string name = unique_name("exact");
+    Writer writer(name, geometry);
+    ASSERT_TRUE(writer.open());
+    auto reader = ShmReader::open(name);
+    ASSERT_TRUE(reader) << reader.error().message;
+    ReadFrame frame;
+    for (std::uint64_t n = 0; n < 200; ++n) {  // three laps of the ring
+      writer.publish();
+      ASSERT_EQ(reader->read(n, frame, 0), Outcome::kFrame);
+      ASSERT_EQ(frame.raw.size(), geometry.pixels());
+      ASSERT_TRUE(intact(frame, n));
+      const auto i = static_cast<std::int64_t>(n);
+      EXPECT_EQ(frame.meta.camera_ns, i * 5'000'000);
+      EXPECT_EQ(frame.meta.receive_ns, 1000 + i);
+      EXPECT_EQ(frame.publish_ns, 2000 + i);
+      EXPECT_EQ(frame.meta.flags, n % 5 == 0 ? std::uint32_t{kFlagGap} : 0U);
+    }
+  }
+}
+
+TEST(ShmRoundTrip, CountersReachTheReader) {
+  const std::string name = unique_name("counters");
+  Writer writer(name);
+  ASSERT_TRUE(writer.open());
+  const auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  writer.inlet.count_loss(LossCause::kMissing, 3);
+  writer.inlet.count_loss(LossCause::kOutOfOrder, 2);
+  writer.stats.restarts.add(4);
+  writer.stats.warm_up.add(5);
+  writer.stats.gap_frames.add(6);
+  writer.stats.deblur_ns.add(7);
+  writer.stats.latency.add(3'000'000);
+  writer.publish();
+  const bolo_shm_header header = reader->header();
+  EXPECT_EQ(header.published, 1U);
+  EXPECT_EQ(header.lost[static_cast<std::size_t>(LossCause::kMissing)], 3U);
+  EXPECT_EQ(header.lost[static_cast<std::size_t>(LossCause::kOutOfOrder)], 2U);
+  EXPECT_EQ(header.restarts, 4U);
+  EXPECT_EQ(header.warm_up, 5U);
+  EXPECT_EQ(header.gap_frames, 6U);
+  EXPECT_EQ(header.deblur_ns, 7U);
+  EXPECT_EQ(header.latency[rt::LatencyHistogram::bucket(3'000'000)], 1U);
+  writer.inlet.count_loss(LossCause::kMissing, 1);
+  writer.sink.idle(writer.stats);
+  EXPECT_EQ(reader->header().lost[static_cast<std::size_t>(LossCause::kMissing)], 4U) << "idle() brings them too";
+  EXPECT_GE(reader->header().heartbeat_ns, header.heartbeat_ns);
+}
+
+TEST(ShmReader, SaysThatAFrameIsGone) {
+  const std::string name = unique_name("gone");
+  Writer writer(name);
+  ASSERT_TRUE(writer.open());
+  auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  const std::uint64_t slots = reader->header().slot_count;
+  for (std::uint64_t n = 0; n <= slots; ++n) writer.publish();
+  ReadFrame frame;
+  EXPECT_EQ(reader->read(0, frame, 0), Outcome::kOverwritten);
+  ASSERT_EQ(reader->read(1, frame, 0), Outcome::kFrame) << "the whole ring is readable";
+  EXPECT_TRUE(intact(frame, 1));
+}
+
+TEST(ShmReader, TimesOutWithoutAFrameAndWakesWithOne) {
+  const std::string name = unique_name("wait");
+  Writer writer(name);
+  ASSERT_TRUE(writer.open());
+  auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  ReadFrame frame;
+  EXPECT_EQ(reader->read(0, frame, 0), Outcome::kTimeout);
+  EXPECT_EQ(reader->read(0, frame, 5), Outcome::kTimeout);
+  std::thread later([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    writer.publish();
+  });
+  EXPECT_EQ(reader->read(0, frame, 60'000), Outcome::kFrame);
+  later.join();
+  EXPECT_TRUE(intact(frame, 0));
+}
+
+TEST(ShmReader, ReadsWhatIsLeftAndThenSaysClosed) {
+  const std::string name = unique_name("closed");
+  Writer writer(name);
+  ASSERT_TRUE(writer.open());
+  auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  EXPECT_FALSE(reader->closed());
+  writer.publish();
+  std::thread later([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    writer.sink.close();
+  });
+  ReadFrame frame;
+  EXPECT_EQ(reader->read(1, frame, 60'000), Outcome::kClosed) << "close() wakes a waiting reader";
+  later.join();
+  EXPECT_TRUE(reader->closed());
+  EXPECT_EQ(reader->read(0, frame, 0), Outcome::kFrame);
+  EXPECT_TRUE(intact(frame, 0));
+}
+
+TEST(ShmReader, NamesWhatExistsWhenTheNameIsUnknown) {
+  const std::string name = unique_name("names");
+  Writer writer(name);
+  ASSERT_TRUE(writer.open());
+  const auto reader = ShmReader::open("no-such-camera");
+  ASSERT_FALSE(reader);
+  EXPECT_EQ(reader.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(reader.error().message.find("no shared memory named 'no-such-camera'"), std::string::npos);
+  EXPECT_NE(reader.error().message.find(name), std::string::npos) << reader.error().message;
+  writer.sink.close();
+  const auto left = ShmReader::names();
+  EXPECT_EQ(std::count(left.begin(), left.end(), name), 0) << "an orderly end leaves nothing behind";
+}
+
+TEST(ShmReader, RefusesNamesThatAreNoNames) {
+  for (const std::string name : {"", "a/b", "../passwd", "a b", "caf\xc3\xa9"}) {
+    const auto reader = ShmReader::open(name);
+    ASSERT_FALSE(reader) << name;
+    EXPECT_EQ(reader.error().kind, ErrorKind::kBadInput);
+    EXPECT_NE(reader.error().message.find("is no name for shared memory"), std::string::npos);
+  }
+  EXPECT_FALSE(ShmReader::open(std::string(201, 'a')));
+}
+
+}  // namespace
+}  // namespace bolo::shm

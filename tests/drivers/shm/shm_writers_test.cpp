@@ -1,0 +1,172 @@
+// Who may write under a name: options, permissions, two writers, dead and stopped ones.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <thread>
+
+#include "drivers/shm/shm_object.hpp"
+#include "tests/drivers/shm/shm_rig.hpp"
+
+namespace bolo::shm {
+namespace {
+
+using Outcome = ShmReader::Outcome;
+
+bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+// Sets the heartbeat of an existing object, as if its writer had stood still since then.
+void set_heartbeat(const std::string& name, std::uint64_t ns) {
+  const int fd = shm_open(("/bolo." + name).c_str(), O_RDWR, 0);
+  ASSERT_GE(fd, 0);
+  ASSERT_EQ(pwrite(fd, &ns, sizeof(ns), offsetof(bolo_shm_header, heartbeat_ns)), static_cast<ssize_t>(sizeof(ns)));
+  close(fd);
+}
+
+TEST(ShmWriters, TwoLivingWritersOfOneNameAreRefused) {
+  const std::string name = unique_name("two");
+  Writer first(name);
+  ASSERT_TRUE(first.open());
+  Writer second(name);
+  const Status status = second.open();
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
+  EXPECT_TRUE(contains(status.error().message, "is written by process " + std::to_string(getpid())));
+  auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader) << "the first one is unharmed";
+  first.publish();
+  ReadFrame frame;
+  EXPECT_EQ(reader->read(0, frame, 0), Outcome::kFrame);
+}
+
+TEST(ShmWriters, OnlyOneOfManyStartersWins) {
+  const std::string name = unique_name("starters");
+  for (int round = 0; round < 20; ++round) {
+    std::vector<std::unique_ptr<Writer>> writers;
+    for (int i = 0; i < 4; ++i) writers.push_back(std::make_unique<Writer>(name));
+    std::vector<char> won(writers.size());
+    std::vector<std::thread> threads;
+    for (std::size_t i = 0; i < writers.size(); ++i) {
+      threads.emplace_back([&, i] { won[i] = writers[i]->open().has_value() ? 1 : 0; });
+    }
+    for (std::thread& thread : threads) thread.join();
+    EXPECT_EQ(std::count(won.begin(), won.end(), 1), 1);
+    EXPECT_TRUE(ShmReader::open(name));
+  }
+}
+
+TEST(ShmWriters, AKilledWritersObjectIsReplaced) {
+  const std::string name = unique_name("killed");
+  const pid_t child = fork();
+  if (child == 0) {
+    auto* writer = new Writer(name, {8, 8});
+    if (!writer->open()) _exit(1);
+    writer->publish();
+    _exit(0);  // no destructor: the object stays
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_EQ(status, 0);
+  auto old = ShmReader::open(name);
+  ASSERT_TRUE(old) << "a dead writer's frames are still there";
+  ReadFrame frame;
+  EXPECT_EQ(old->read(0, frame, 0), Outcome::kFrame);
+
+  Writer next(name, {16, 4});
+  ASSERT_TRUE(next.open()) << "at once, without waiting for the heartbeat to grow old";
+  auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  EXPECT_EQ(reader->header().width, 16U);
+  EXPECT_EQ(old->read(0, frame, 0), Outcome::kFrame) << "an old mapping keeps its old object";
+}
+
+TEST(ShmWriters, AStoppedWritersNameIsTakenOver) {
+  const std::string name = unique_name("stopped");
+  Writer stopped(name, {8, 8});
+  ASSERT_TRUE(stopped.open());
+  auto old = ShmReader::open(name);
+  ASSERT_TRUE(old);
+  set_heartbeat(name, 0);
+  ReadFrame frame;
+  EXPECT_EQ(old->read(0, frame, 60'000), Outcome::kClosed) << "a reader does not wait for a stopped writer";
+
+  Writer next(name, {16, 4});
+  ASSERT_TRUE(next.open());
+  stopped.publish();     // it wakes up again: into its own orphaned object
+  stopped.sink.close();  // and must not unlink its successor's
+  auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader) << reader.error().message;
+  EXPECT_EQ(reader->header().width, 16U);
+}
+
+TEST(ShmWriters, AReaderFollowsARestart) {
+  const std::string name = unique_name("restart");
+  auto writer = std::make_unique<Writer>(name);
+  ASSERT_TRUE(writer->open());
+  auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  for (int i = 0; i < 10; ++i) writer->publish();
+  writer = nullptr;
+  ReadFrame frame;
+  EXPECT_EQ(reader->read(10, frame, 60'000), Outcome::kClosed);
+  EXPECT_FALSE(ShmReader::open(name)) << "gone until the next start";
+  writer = std::make_unique<Writer>(name);
+  ASSERT_TRUE(writer->open());
+  reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  EXPECT_EQ(reader->published(), 0U);
+  writer->publish();
+  EXPECT_EQ(reader->read(0, frame, 0), Outcome::kFrame);
+}
+
+TEST(ShmWriters, ModeAndGroupAreApplied) {
+  const std::string name = unique_name("mode");
+  const Writer writer(name);
+  ShmSink sink({name, 0, 0640, ""});
+  ASSERT_TRUE(sink.open(writer.format));
+  struct stat status {};
+  ASSERT_EQ(stat(("/dev/shm/bolo." + name).c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0640U) << "whatever the umask is";
+}
+
+TEST(ShmWriters, BadOptionsAreNamed) {
+  const std::string name = unique_name("options");
+  Writer format(name);
+  format.format.deblur.window = 17;
+  const auto message = [&](const ShmOptions& options) {
+    ShmSink sink(options);
+    const Status status = sink.open(format.format);
+    return status ? std::string("opened") : status.error().message;
+  };
+  EXPECT_TRUE(contains(message({name, 16, 0644, ""}), "shm.slots = 16 is out of range: 17"));
+  EXPECT_TRUE(contains(message({name, -1, 0644, ""}), "shm.slots"));
+  EXPECT_EQ(message({name, 17, 0644, ""}), "opened");
+  EXPECT_TRUE(contains(message({name, 0, 0444, ""}), "shm.mode"));
+  EXPECT_TRUE(contains(message({name, 0, 04644, ""}), "shm.mode"));
+  EXPECT_TRUE(contains(message({name, 0, 0644, "no-such-group-here"}), "no group 'no-such-group-here'"));
+  EXPECT_TRUE(contains(message({"a/b", 0, 0644, ""}), "is no name"));
+  format.format.source.format.type = PixelType::kFloat32;
+  EXPECT_TRUE(contains(message({name, 0, 0644, ""}), "16-bit"));
+  EXPECT_FALSE(ShmReader::open(name)) << "a refused writer leaves nothing behind";
+}
+
+TEST(ShmWriters, AFullFilesystemIsAClearError) {
+  struct statvfs room {};
+  ASSERT_EQ(statvfs("/dev/shm", &room), 0);
+  const std::uint64_t asked = std::uint64_t{2} * 2 * 30000 * 30000 * 60000;
+  if (room.f_blocks == 0 || room.f_blocks * room.f_frsize >= asked) GTEST_SKIP() << "/dev/shm has no limit here";
+  Writer writer(unique_name("full"), {30000, 30000});
+  ShmSink sink({unique_name("full"), 60000, 0644, ""});
+  const Status status = sink.open(writer.format);
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
+  EXPECT_TRUE(contains(status.error().message, "/dev/shm has no room")) << status.error().message;
+  EXPECT_FALSE(ShmReader::open(unique_name("full")));
+}
+
+}  // namespace
+}  // namespace bolo::shm

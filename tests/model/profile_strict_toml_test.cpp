@@ -1,0 +1,200 @@
+// What a table of keys accepts, what it refuses and in which words.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <array>
+#include <cmath>
+#include <fstream>
+
+#include "bolo/model/strict_toml.hpp"
+
+namespace bolo::model {
+namespace {
+
+enum class Fruit { kApple, kPear };
+constexpr std::array<std::pair<std::string_view, Fruit>, 2> kFruits{{{"apple", Fruit::kApple}, {"pear", Fruit::kPear}}};
+
+struct Things {
+  double weight = 1.5;
+  int count = 3;
+  std::optional<double> extra;
+  std::optional<int> spare;
+  unsigned mode = 0644;
+  std::vector<int> cpus{1, 2};
+  bool ripe = true;
+  std::string label = "a \"b\"";
+  std::filesystem::path file;
+  Fruit fruit = Fruit::kPear;
+  std::optional<Fruit> second;
+
+  KeyTable keys() {
+    KeyTable k;
+    k.number("weight", weight, {0.0, 10.0, "kg"}, "Weight");
+    k.text("label", label, "Label");
+    k.section("box", "the box");
+    k.integer("count", count, {1, 9, "pieces"}, "Count");
+    k.number("extra", extra, 2.5, {0.0, 5.0, "kg"}, "Extra");
+    k.integer("spare", spare, 4, {0, 5, ""}, "Spare");
+    k.octal("mode", mode, {0600, 0777, ""}, "Mode");
+    k.integers("cpus", cpus, {0, 7, ""}, "CPUs");
+    k.boolean("ripe", ripe, "Ripe");
+    k.file("file", file, "x.h5", "File");
+    k.choice<Fruit>("fruit", fruit, kFruits, "Fruit");
+    k.choice<Fruit>("second", second, kFruits, "Second");
+    return k;
+  }
+};
+
+class StrictToml : public testing::Test {
+ protected:
+  StrictToml() : file_(testing::TempDir() + "strict-" + std::to_string(getpid()) + ".toml") {}
+  ~StrictToml() override { std::remove(file_.c_str()); }
+
+  // The error of reading `text`, without the file's name; "" when it is right.
+  std::string complaint(const std::string& text) {
+    std::ofstream(file_, std::ios::binary) << text;
+    KeyTable keys = things_.keys();
+    const Status status = keys.read(file_);
+    if (status) return "";
+    EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
+    EXPECT_EQ(status.error().message.find('\n'), std::string::npos) << "one line";
+    EXPECT_TRUE(status.error().message.starts_with(file_ + ":")) << status.error().message;
+    return status.error().message.substr(file_.size() + 1);
+  }
+
+  std::string file_;
+  Things things_;
+};
+
+TEST_F(StrictToml, AnEmptyFileKeepsTheDefaults) {
+  EXPECT_EQ(complaint(""), "");
+  EXPECT_EQ(things_.weight, 1.5);
+  EXPECT_FALSE(things_.extra.has_value());
+  EXPECT_EQ(things_.fruit, Fruit::kPear);
+}
+
+TEST_F(StrictToml, EveryKindOfValueIsRead) {
+  EXPECT_EQ(complaint("weight = 2\nlabel = 'x'\n[box]\ncount = 9\nextra = 0.25\nspare = 0\nmode = 0o600\ncpus = []\n"
+                      "ripe = false\nfile = 'sub/y.h5'\nfruit = 'apple'\nsecond = 'pear'\n"),
+            "");
+  EXPECT_EQ(things_.weight, 2.0) << "a whole number is a number";
+  EXPECT_EQ(things_.label, "x");
+  EXPECT_EQ(things_.count, 9);
+  EXPECT_EQ(things_.extra, 0.25);
+  EXPECT_EQ(things_.spare, 0);
+  EXPECT_EQ(things_.mode, 0600U);
+  EXPECT_TRUE(things_.cpus.empty());
+  EXPECT_FALSE(things_.ripe);
+  EXPECT_EQ(things_.file, std::filesystem::path(file_).parent_path() / "sub/y.h5");
+  EXPECT_EQ(things_.fruit, Fruit::kApple);
+  EXPECT_EQ(things_.second, Fruit::kPear);
+}
+
+TEST_F(StrictToml, FileNamesStayAbsoluteOrEmpty) {
+  EXPECT_EQ(complaint("[box]\nfile = '/a/b.h5'\n"), "");
+  EXPECT_EQ(things_.file, "/a/b.h5");
+  EXPECT_EQ(complaint("[box]\nfile = ''\n"), "");
+  EXPECT_TRUE(things_.file.empty());
+}
+
+TEST_F(StrictToml, WrongValuesAreNamedWithLineRangeAndUnit) {
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {"weight = 11", "1:10: weight = 11 is out of range: 0 to 10 kg"},
+      {"weight = -0.5", "1:10: weight = -0.5 is out of range: 0 to 10 kg"},
+      {"weight = nan", "1:10: weight = nan is out of range: 0 to 10 kg"},
+      {"weight = inf", "1:10: weight = inf is out of range: 0 to 10 kg"},
+      {"weight = '2'", "1:10: weight must be a number: 0 to 10 kg"},
+      {"weight = true", "1:10: weight must be a number: 0 to 10 kg"},
+      {"label = 3", "1:9: label must be a text in quotes"},
+      {"[box]\ncount = 10", "2:9: box.count = 10 is out of range: 1 to 9 pieces"},
+      {"[box]\ncount = 9223372036854775807", "2:9: box.count = 9223372036854775807 is out of range: 1 to 9 pieces"},
+      {"[box]\ncount = 2.0", "2:9: box.count must be a whole number: 1 to 9 pieces"},
+      {"[box]\nextra = 5.5", "2:9: box.extra = 5.5 is out of range: 0 to 5 kg"},
+      {"[box]\nspare = 6", "2:9: box.spare = 6 is out of range: 0 to 5"},
+      {"[box]\nmode = '0644'", "2:8: box.mode must be an octal number such as 0o640, without quotes"},
+      {"[box]\nmode = 644", "2:8: box.mode = 0o1204 is out of range: 0o600 to 0o777"},
+      {"[box]\nmode = -1", "2:8: box.mode = -1 is out of range: 0o600 to 0o777"},
+      {"[box]\ncpus = [0, 8]", "2:8: box.cpus = 8 is out of range: 0 to 7"},
+      {"[box]\ncpus = 1", "2:8: box.cpus must be a list of whole numbers such as [2, 3]"},
+      {"[box]\ncpus = ['a']", "2:8: box.cpus must be a list of whole numbers such as [2, 3]"},
+      {"[box]\nripe = 'true'", "2:8: box.ripe must be true or false, without quotes"},
+      {"[box]\nfile = 1", "2:8: box.file must be a file name in quotes"},
+      {"[box]\nfruit = 'plum'", "2:9: box.fruit = \"plum\" is none of \"apple\" | \"pear\""},
+      {"[box]\nsecond = 1", "2:10: box.second must be one of \"apple\" | \"pear\""},
+      {"[box]\ncount = 2020-01-01", "2:9: box.count must be a whole number: 1 to 9 pieces"},
+      {"[box.count]\nx = 1", "1:1: box.count must be a whole number: 1 to 9 pieces"},
+  };
+  for (const auto& [text, expected] : cases) EXPECT_EQ(complaint(text), expected) << text;
+}
+
+TEST_F(StrictToml, UnknownKeysNameTheNearestOne) {
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {"weigth = 1", "1:1: unknown key 'weigth'; did you mean 'weight'?"},
+      {"[box]\ncuont = 1", "2:1: unknown key 'box.cuont'; did you mean 'box.count'?"},
+      {"count = 1", "1:1: unknown key 'count'; did you mean 'box.count'?"},
+      {"[bxo]\ncount = 1", "1:2: unknown key 'bxo'; did you mean 'box'?"},
+      {"temperature = 1", "1:1: unknown key 'temperature'"},
+      {"box = 3", "1:1: 'box' is a section: write [box]"},
+      {"[[box]]\ncount = 1", "1:3: 'box' is a section: write [box]"},
+  };
+  for (const auto& [text, expected] : cases) EXPECT_EQ(complaint(text), expected) << text;
+}
+
+TEST_F(StrictToml, TheFirstOfManyMistakesIsToldWithTheirNumber) {
+  EXPECT_EQ(complaint("[box]\nfruit = 3\ncount = 10\nx = 1\n"),
+            "2:9: box.fruit must be one of \"apple\" | \"pear\" (and 2 more wrong)");
+}
+
+TEST_F(StrictToml, NothingIsStoredWhenAnythingIsWrong) {
+  EXPECT_NE(complaint("weight = 9\n[box]\ncount = 10\n"), "");
+  EXPECT_EQ(things_.weight, 1.5);
+}
+
+TEST_F(StrictToml, SyntaxErrorsHaveAPlace) {
+  for (const std::string text : {"weight = ", "weight 3", "[box", "weight = 1\nweight = 2", "label = \"\xff\xfe\"",
+                                 "a = [[[[[[[[", "\x01\x02\x03"}) {
+    const std::string message = complaint(text);
+    ASSERT_FALSE(message.empty()) << text;
+    EXPECT_TRUE(message[0] == '1' || message[0] == '2') << message;
+  }
+  EXPECT_TRUE(complaint("weight = 1\nweight = 2").starts_with("2:")) << "a key given twice";
+}
+
+TEST_F(StrictToml, FilesThatCannotBeReadAreNamed) {
+  KeyTable keys = things_.keys();
+  EXPECT_EQ(keys.read("/nonexistent/x.toml").error().message, "/nonexistent/x.toml: no such file");
+  EXPECT_EQ(keys.read("/tmp").error().message, "/tmp: is a folder, not a file");
+  EXPECT_TRUE(complaint(std::string((1 << 20) + 1, '\n')).ends_with("this is no settings file"));
+}
+
+TEST_F(StrictToml, WhereTellsThePlaceOfAGivenKey) {
+  std::ofstream(file_) << "[box]\n\n  count = 2\n";
+  KeyTable keys = things_.keys();
+  ASSERT_TRUE(keys.read(file_));
+  EXPECT_EQ(keys.where("box.count"), file_ + ":3:11: ");
+  EXPECT_EQ(keys.where("box.spare"), file_ + ": ");
+}
+
+TEST_F(StrictToml, TheDocumentReadsBackAsTheDefaults) {
+  const std::string document = things_.keys().document();
+  for (const std::string line :
+       {"# Weight\n# 0 to 10 kg; default 1.5\nweight = 1.5\n", "label = \"a \\\"b\\\"\"\n", "\n[box]  # the box\n",
+        "# Extra\n# 0 to 5 kg; no default, example 2.5\n#extra = 2.5\n",
+        "# 0o600 to 0o777; default 0o644\nmode = 0o644\n", "# list of 0 to 7; default [1, 2]\ncpus = [1, 2]\n",
+        "#file = \"x.h5\"\n", "# \"apple\" | \"pear\"; default \"pear\"\nfruit = \"pear\"\n",
+        "#second = \"apple\"\n"}) {
+    EXPECT_NE(document.find(line), std::string::npos) << line << "\nin\n" << document;
+  }
+  things_.weight = 7.0;
+  things_.mode = 0600;
+  things_.cpus = {};
+  EXPECT_EQ(complaint(document), "");
+  EXPECT_EQ(things_.weight, 1.5);
+  EXPECT_EQ(things_.mode, 0644U);
+  EXPECT_EQ(things_.cpus, (std::vector<int>{1, 2}));
+  EXPECT_EQ(things_.label, "a \"b\"");
+  EXPECT_FALSE(things_.extra.has_value());
+}
+
+}  // namespace
+}  // namespace bolo::model

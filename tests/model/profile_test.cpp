@@ -1,0 +1,76 @@
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "bolo/model/camera_profile.hpp"
+
+namespace bolo::model {
+namespace {
+
+const std::string kShipped = std::string(BOLO_SOURCE_DIR) + "/config/a655sc.toml";
+
+Result<CameraProfile> read_text(const std::string& text) {
+  const std::string file = testing::TempDir() + "profile-" + std::to_string(getpid()) + ".toml";
+  std::ofstream(file) << text;
+  auto profile = read_profile(file);
+  std::remove(file.c_str());
+  return profile;
+}
+
+TEST(Profile, FourNumbersSuffice) {
+  const auto profile = read_text("tau_s = 0.009\nframe_period_s = 0.02\nnoise_k = 0.05\nquantisation_k = 0.1\n");
+  ASSERT_TRUE(profile) << profile.error().message;
+  EXPECT_DOUBLE_EQ(profile->tau_s, 0.009);
+  EXPECT_DOUBLE_EQ(profile->frame_period_s, 0.02);
+  EXPECT_DOUBLE_EQ(profile->noise_k, 0.05);
+  EXPECT_DOUBLE_EQ(profile->quantisation_k, 0.1);
+  EXPECT_EQ(profile->model, CameraProfile().model) << "the rest keeps its default";
+}
+
+TEST(Profile, IdentityAndTransportAreRead) {
+  const auto profile =
+      read_text("[camera]\nmodel = 'A65'\nserial = '7'\n[transport]\nbyte_order = 'big'\nmetadata_rows = 3\n");
+  ASSERT_TRUE(profile) << profile.error().message;
+  EXPECT_EQ(profile->model, "A65");
+  EXPECT_EQ(profile->serial, "7");
+  EXPECT_TRUE(profile->big_endian_pixels);
+  EXPECT_EQ(profile->metadata_rows, 3);
+}
+
+TEST(Profile, MistakesAreNamed) {
+  const auto message = [](const std::string& text) {
+    const auto profile = read_text(text);
+    return profile ? std::string() : profile.error().message;
+  };
+  EXPECT_NE(message("tau = 0.011").find(":1:1: unknown key 'tau'; did you mean 'tau_s'?"), std::string::npos);
+  EXPECT_NE(message("tau_s = 11").find(":1:9: tau_s = 11 is out of range: 0.0001 to 1 s"), std::string::npos);
+  EXPECT_NE(message("tau_s = 0").find("out of range"), std::string::npos);
+  EXPECT_NE(message("[transport]\nbyte_order = 'middle'").find(":2:14: transport.byte_order = \"middle\" is none of"),
+            std::string::npos);
+}
+
+TEST(Profile, TheShippedProfileIsTheDocumentedDefault) {
+  std::ifstream in(kShipped);
+  std::stringstream text;
+  text << in.rdbuf();
+  EXPECT_EQ(text.str(), document_profile(CameraProfile())) << "config/a655sc.toml is out of date";
+}
+
+TEST(Profile, TheShippedProfileReadsAsTheDefaults) {
+  const auto profile = read_profile(kShipped);
+  ASSERT_TRUE(profile) << profile.error().message;
+  const CameraProfile expected;
+  EXPECT_EQ(profile->model, expected.model);
+  EXPECT_EQ(profile->serial, expected.serial);
+  EXPECT_EQ(profile->tau_s, expected.tau_s);
+  EXPECT_EQ(profile->frame_period_s, expected.frame_period_s);
+  EXPECT_EQ(profile->noise_k, expected.noise_k);
+  EXPECT_EQ(profile->quantisation_k, expected.quantisation_k);
+  EXPECT_EQ(profile->big_endian_pixels, expected.big_endian_pixels);
+  EXPECT_EQ(profile->metadata_rows, expected.metadata_rows);
+}
+
+}  // namespace
+}  // namespace bolo::model

@@ -1,0 +1,112 @@
+#include "tools/verbs/stat_sample.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "bolo/rt/counters.hpp"
+
+namespace bolo::tools {
+namespace {
+
+constexpr std::int64_t kSecondNs = 1'000'000'000;
+
+StatLook first_look() {
+  StatLook look;
+  look.at_ns = 100 * kSecondNs;
+  bolo_shm_header& h = look.header;
+  h.state = BOLO_SHM_RUNNING;
+  h.width = 640;
+  h.height = 120;
+  h.frame_period_s = 0.005;
+  h.start_ns = 40 * kSecondNs;
+  h.heartbeat_ns = 100 * kSecondNs;
+  h.received = 1000;
+  h.published = 990;
+  h.warm_up = 16;
+  h.deblur_ns = 1'000'000;
+  h.lost[static_cast<std::size_t>(LossCause::kMissing)] = 5;
+  h.latency[rt::LatencyHistogram::bucket(90'000'000)] = 990;  // old frames were slow
+  std::strcpy(h.camera_model, "Model");
+  std::strcpy(h.solver, "admm");
+  return look;
+}
+
+// Two seconds later: 400 frames in, 390 out (40 of them warm-up), one slow among them.
+StatLook second_look() {
+  StatLook look = first_look();
+  look.at_ns += 2 * kSecondNs;
+  bolo_shm_header& h = look.header;
+  h.heartbeat_ns = static_cast<std::uint64_t>(look.at_ns - kSecondNs / 2);
+  h.received += 400;
+  h.published += 390;
+  h.warm_up += 40;
+  h.deblur_ns += 350 * 2'000'000ULL;
+  h.lost[static_cast<std::size_t>(LossCause::kMissing)] += 10;
+  h.latency[rt::LatencyHistogram::bucket(1'000'000)] += 389;
+  h.latency[rt::LatencyHistogram::bucket(50'000'000)] += 1;
+  return look;
+}
+
+TEST(StatSample, RatesAndLatencyAreThoseOfTheInterval) {
+  const StatSample s = compare(first_look(), second_look());
+  EXPECT_DOUBLE_EQ(s.interval_s, 2.0);
+  EXPECT_DOUBLE_EQ(s.received_hz, 200.0);
+  EXPECT_DOUBLE_EQ(s.published_hz, 195.0);
+  EXPECT_DOUBLE_EQ(s.deblur_ms, 2.0) << "warm-up frames were not solved";
+  EXPECT_EQ(s.latency_frames, 390U);
+  EXPECT_NEAR(s.latency_p50_ms, 1.0, 0.125);
+  EXPECT_NEAR(s.latency_p99_ms, 1.0, 0.125);
+  EXPECT_NEAR(s.latency_max_ms, 50.0, 6.25);
+  EXPECT_EQ(s.lost_total, 15U);
+  EXPECT_DOUBLE_EQ(s.lost_hz[static_cast<std::size_t>(LossCause::kMissing)], 5.0);
+  EXPECT_DOUBLE_EQ(s.uptime_s, 62.0);
+  EXPECT_DOUBLE_EQ(s.heartbeat_age_s, 0.5);
+}
+
+TEST(StatSample, NothingHappenedIsAllZero) {
+  const StatSample s = compare(first_look(), first_look());
+  EXPECT_EQ(s.received_hz, 0.0);
+  EXPECT_EQ(s.deblur_ms, 0.0);
+  EXPECT_EQ(s.latency_max_ms, 0.0);
+  EXPECT_EQ(s.lost_total, 5U);
+}
+
+TEST(StatSample, StateTellsAnOrderlyEndFromADeath) {
+  StatLook look = first_look();
+  EXPECT_STREQ(compare(look, look).state, "running");
+  look.closed = true;
+  EXPECT_STREQ(compare(look, look).state, "stopped");
+  look.header.state = BOLO_SHM_CLOSED;
+  EXPECT_STREQ(compare(look, look).state, "closed");
+}
+
+TEST(StatSample, JsonHasEveryCauseByName) {
+  const StatLook after = second_look();
+  const auto json = stat_json("cam", after, compare(first_look(), after));
+  EXPECT_EQ(json["name"], "cam");
+  EXPECT_EQ(json["state"], "running");
+  EXPECT_EQ(json["lost"]["missing"], 15);
+  EXPECT_EQ(json["lost_hz"]["missing"], 5.0);
+  EXPECT_EQ(json["lost"].size(), kLossCauses);
+  EXPECT_EQ(json["published"], 1380);
+  EXPECT_EQ(json["camera_model"], "Model");
+}
+
+TEST(StatSample, TableKeepsToTheTerminalsWidth) {
+  StatLook look = second_look();
+  std::memset(look.header.camera_model, 'm', sizeof(look.header.camera_model) - 1);
+  std::memset(look.header.solver, 's', sizeof(look.header.solver) - 1);
+  look.header.received = ~std::uint64_t{0};
+  const std::string table = stat_table(std::string(200, 'n'), look, compare(first_look(), look));
+  std::size_t begin = 0;
+  for (std::size_t end = table.find('\n'); end != std::string::npos; end = table.find('\n', begin)) {
+    EXPECT_LE(end - begin, 79U);
+    begin = end + 1;
+  }
+  EXPECT_EQ(begin, table.size()) << "the last line is ended";
+  EXPECT_NE(table.find("out_of_order"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace bolo::tools

@@ -1,0 +1,69 @@
+// `bolod`: the daemon. One instance a camera.
+#include <cstdio>
+#include <iostream>
+#include <string>
+
+#include <cxxopts.hpp>
+
+#include "bolo/daemon/config.hpp"
+#include "bolo/daemon/daemon.hpp"
+#include "bolo/daemon/log.hpp"
+
+namespace {
+
+constexpr int kExitDone = 0;
+constexpr int kExitUsage = 2;
+
+int report(const bolo::Error& error) {
+  std::fprintf(stderr, "bolod: %s\n", error.message.c_str());
+  return error.exit_code();
+}
+
+int usage(const std::string& what) {
+  std::fprintf(stderr, "bolod: %s; see bolod --help\n", what.c_str());
+  return kExitUsage;
+}
+
+int run(const std::string& file, bool check_only) {
+  const bolo::Result<bolo::daemon::DaemonConfig> config = bolo::daemon::read_config(file);
+  if (!config) return report(config.error());
+  if (check_only) {
+    std::printf("%s: ok\n", file.c_str());
+    return kExitDone;
+  }
+  bolo::daemon::block_signals();
+  const auto daemon = bolo::daemon::Daemon::create(*config, bolo::daemon::make_log(config->log));
+  if (!daemon) return report(daemon.error());
+  const bolo::Status status = (*daemon)->run();
+  return status ? kExitDone : report(status.error());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  cxxopts::Options options("bolod", "Deblurs a thermal camera's frames and hands them to other programs.");
+  options.add_options()("config", "The configuration to run", cxxopts::value<std::string>(), "FILE")(
+      "check-config", "Say whether the configuration is right, and end")(
+      "print-config", "Print the complete default configuration with its documentation, and end")(
+      "version", "Print the version")("h,help", "Print this help");
+  try {
+    const cxxopts::ParseResult parsed = options.parse(argc, argv);
+    if (!parsed.unmatched().empty()) return usage("unexpected argument '" + parsed.unmatched().front() + "'");
+    if (parsed.count("help") != 0) {
+      std::cout << options.help();
+      return kExitDone;
+    }
+    if (parsed.count("version") != 0) {
+      std::puts("bolod " BOLO_VERSION);
+      return kExitDone;
+    }
+    if (parsed.count("print-config") != 0) {
+      std::cout << bolo::daemon::document_config();
+      return kExitDone;
+    }
+    if (parsed.count("config") == 0) return usage("--config FILE is missing");
+    return run(parsed["config"].as<std::string>(), parsed.count("check-config") != 0);
+  } catch (const cxxopts::exceptions::exception& e) {
+    return usage(e.what());
+  }
+}
