@@ -133,7 +133,7 @@ TEST_F(Config, TheProfileDecidesUnlessAKeyTakesItsPlace) {
 }
 
 TEST_F(Config, MistakesAreNamed) {
-  write("bad.toml", "tau_s = 0.01\ntua = 1\n");
+  write("bad.toml", "tau_s = 0.01\ntaus = 1\n");
   const std::vector<std::pair<std::string, std::string>> cases{
       {"nmae = 'x'", "bolod.toml:1:1: unknown key 'nmae'; did you mean 'name'?"},
       {"name = 'a b'",
@@ -143,7 +143,7 @@ TEST_F(Config, MistakesAreNamed) {
        "bolod.toml:1:8: name: '' is no name for shared memory; use 1 to 200 letters, digits, '-', '_', "
        "'.'"},
       {"profile = 'none.toml'", "none.toml: no such file"},
-      {"profile = 'bad.toml'", "bad.toml:2:1: unknown key 'tua'; did you mean 'tau_s'?"},
+      {"profile = 'bad.toml'", "bad.toml:2:1: unknown key 'taus'; did you mean 'tau_s'?"},
       {"[source]\ntype = 'usb'", "bolod.toml:2:8: source.type = \"usb\" is none of \"genicam\" | \"replay\""},
       {"[source]\ntype = 'replay'",
        "bolod.toml:2:8: source.type = \"replay\" needs source.file, the capture to replay"},

@@ -1,0 +1,221 @@
+// The whole way: a capture, bolod, shared memory, a reader; signals, names, `bolo stat`.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "bolo/capture/capture.hpp"
+#include "bolo/core/frame.hpp"
+#include "bolo/core/loss.hpp"
+#include "drivers/shm/shm_reader.hpp"
+#include "tests/daemon/process.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+using shm::ReadFrame;
+using shm::ShmReader;
+using testing_tools::eventually;
+using testing_tools::Process;
+using Outcome = ShmReader::Outcome;
+
+constexpr Geometry kGeometry{64, 24};
+constexpr std::uint64_t kFirstId = 1000;
+constexpr std::uint64_t kLostId = 1100;  // never recorded
+
+// A still scene, so that sharp and raw frames agree; the first pixel tells the frame.
+std::uint16_t scene(std::size_t pixel) { return static_cast<std::uint16_t>(30000 + pixel); }
+
+void write_capture(const std::filesystem::path& file, std::uint64_t frames) {
+  capture::CaptureInfo info;
+  info.format.geometry = kGeometry;
+  info.camera_model = "Test camera";
+  info.camera_serial = "42";
+  auto writer = capture::CaptureWriter::create(file, info);
+  ASSERT_TRUE(writer) << writer.error().message;
+  std::vector<std::uint16_t> plane(kGeometry.pixels());
+  for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = scene(i);
+  for (std::uint64_t id = kFirstId; id < kFirstId + frames; ++id) {
+    if (id == kLostId) continue;
+    plane[0] = static_cast<std::uint16_t>(id);
+    ASSERT_TRUE(writer->append(static_cast<double>(id) * 0.005, id, plane.data()));
+  }
+  ASSERT_TRUE(writer->close());
+}
+
+class BolodRun : public testing::Test {
+ protected:
+  BolodRun()
+      : name_("test-bolod-" + std::to_string(getpid())),
+        folder_(testing::TempDir() + "bolod-run-" + std::to_string(getpid())) {
+    std::filesystem::create_directory(folder_);
+  }
+  ~BolodRun() override { std::filesystem::remove_all(folder_); }
+
+  // A daemon that replays `frames` frames at their own rate.
+  std::unique_ptr<Process> start(std::uint64_t frames, const std::string& more = "") {
+    write_capture(folder_ / "in.h5", frames);
+    return start_again(more);
+  }
+  std::unique_ptr<Process> start_again(const std::string& more = "", const std::string& log = "log") {
+    const std::string file = folder_ / "bolod.toml";
+    std::ofstream(file) << "name = '" << name_ << "'\n[source]\ntype = 'replay'\nfile = 'in.h5'\n"
+                        << "[pipeline]\nlock_memory = false\n"
+                        << more;
+    return std::make_unique<Process>(std::vector<std::string>{BOLOD_PROGRAM, "--config", file}, folder_ / log);
+  }
+
+  Result<ShmReader> attach() const {
+    Result<ShmReader> reader = ShmReader::open(name_);
+    eventually([&] { return (reader = ShmReader::open(name_)).has_value(); });
+    return reader;
+  }
+
+  std::string name_;
+  std::filesystem::path folder_;
+};
+
+TEST_F(BolodRun, FramesOfACaptureReachAReader) {
+  const auto daemon = start(300);
+  auto reader = attach();
+  ASSERT_TRUE(reader) << reader.error().message << daemon->err();
+  EXPECT_EQ(reader->header().width, 64U);
+  EXPECT_EQ(reader->header().height, 24U);
+  EXPECT_STREQ(reader->header().camera_model, "Test camera");
+
+  ReadFrame frame;
+  std::uint64_t seen = 0;
+  std::uint64_t sharp = 0;
+  std::uint64_t with_gap = 0;
+  std::uint64_t number = 0;
+  for (Outcome outcome = Outcome::kFrame; outcome != Outcome::kClosed; ++number) {
+    outcome = reader->read(number, frame, 60'000);
+    ASSERT_NE(outcome, Outcome::kTimeout);
+    if (outcome != Outcome::kFrame) continue;
+    ++seen;
+    EXPECT_EQ(frame.raw[0], static_cast<std::uint16_t>(frame.meta.frame_id));
+    EXPECT_EQ(frame.meta.camera_ns, static_cast<std::int64_t>(frame.meta.frame_id) * 5'000'000);
+    EXPECT_GE(frame.publish_ns, frame.meta.receive_ns);
+    std::size_t wrong = 0;
+    const bool warm_up = (frame.meta.flags & kFlagWarmUp) != 0;
+    for (std::size_t i = 1; i < frame.raw.size(); ++i) {
+      if (frame.raw[i] != scene(i) || std::abs(int{frame.deblurred[i]} - int{scene(i)}) > (warm_up ? 0 : 1)) ++wrong;
+    }
+    EXPECT_EQ(wrong, 0U) << "frame " << frame.meta.frame_id;
+    if (!warm_up) ++sharp;
+    if ((frame.meta.flags & kFlagGap) != 0) ++with_gap;
+  }
+  EXPECT_GT(seen, 0U);
+  EXPECT_GT(sharp, 0U);
+  EXPECT_EQ(daemon->wait(), 0) << daemon->err();
+  const std::string log = daemon->err();
+  EXPECT_NE(log.find("in.h5 Test camera 42, 64x24 at 200 Hz"), std::string::npos) << log;
+  EXPECT_NE(log.find("frames arrive"), std::string::npos) << log;
+  EXPECT_NE(log.find("ended: "), std::string::npos) << log;
+  EXPECT_NE(log.find("1 missing"), std::string::npos) << log;
+  const bolo_shm_header header = reader->header();
+  EXPECT_EQ(header.lost[static_cast<std::size_t>(LossCause::kMissing)], 1U);
+  EXPECT_LE(with_gap, header.gap_frames);
+  EXPECT_GT(header.gap_frames, 0U);
+}
+
+TEST_F(BolodRun, SigtermEndsItInGoodOrder) {
+  const auto daemon = start(100'000 / 5);  // 100 s: it can only end by the signal
+  auto reader = attach();
+  ASSERT_TRUE(reader) << daemon->err();
+  ReadFrame frame;
+  ASSERT_NE(reader->read(5, frame, 60'000), Outcome::kTimeout);
+  daemon->signal(SIGHUP);
+  ASSERT_TRUE(eventually([&] { return daemon->err().find("SIGHUP") != std::string::npos; }));
+  const std::uint64_t before = reader->published();
+  EXPECT_NE(reader->read(before + 5, frame, 60'000), Outcome::kClosed) << "SIGHUP does not end it";
+  daemon->signal(SIGTERM);
+  EXPECT_EQ(daemon->wait(), 0) << daemon->err();
+  EXPECT_TRUE(reader->closed());
+  EXPECT_EQ(reader->header().state, std::uint32_t{BOLO_SHM_CLOSED});
+  EXPECT_FALSE(ShmReader::open(name_)) << "the name is free again";
+  EXPECT_NE(daemon->err().find("SIGTERM: stopping"), std::string::npos) << daemon->err();
+}
+
+TEST_F(BolodRun, ASecondDaemonOfTheSameNameIsRefused) {
+  const auto first = start(20'000);
+  auto reader = attach();
+  ASSERT_TRUE(reader) << first->err();
+  const auto second = start_again("", "second");
+  EXPECT_EQ(second->wait(), 2);
+  EXPECT_NE(second->err().find("is written by process"), std::string::npos) << second->err();
+  ReadFrame frame;
+  EXPECT_NE(reader->read(reader->published() + 5, frame, 60'000), Outcome::kClosed) << "the first one goes on";
+  first->signal(SIGINT);
+  EXPECT_EQ(first->wait(), 0) << first->err();
+}
+
+TEST_F(BolodRun, AKilledDaemonIsFollowedByAnother) {
+  const auto first = start(20'000);
+  ASSERT_TRUE(attach());
+  first->signal(SIGKILL);
+  EXPECT_EQ(first->wait(), 128 + SIGKILL);
+  const auto second = start_again("", "second");
+  ReadFrame frame;
+  ASSERT_TRUE(eventually([&] {
+    auto reader = ShmReader::open(name_);
+    return reader && !reader->closed() && reader->read(0, frame, 100) == Outcome::kFrame;
+  })) << second->err();
+  second->signal(SIGTERM);
+  EXPECT_EQ(second->wait(), 0);
+}
+
+TEST_F(BolodRun, AFastReplayLosesNothing) {
+  write_capture(folder_ / "in.h5", 400);
+  std::ofstream(folder_ / "fast.toml") << "name = '" << name_
+                                       << "'\n[source]\ntype = 'replay'\nfile = 'in.h5'\npace = 'fast'\n"
+                                       << "[deblur]\nsolver = 'inverse'\nlookahead = 1\n[log]\nformat = 'journal'\n";
+  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "fast.toml"}, folder_ / "fast");
+  EXPECT_EQ(daemon.wait(), 0);
+  EXPECT_NE(daemon.err().find("<6>ended: 399 frames in, 399 out, lost: 1 missing;"), std::string::npos) << daemon.err();
+}
+
+TEST_F(BolodRun, StatShowsARunningDaemon) {
+  const auto daemon = start(20'000);
+  auto reader = attach();
+  ASSERT_TRUE(reader) << daemon->err();
+  ReadFrame frame;
+  ASSERT_NE(reader->read(20, frame, 60'000), Outcome::kTimeout);
+  Process json({BOLO_PROGRAM, "stat", name_, "--once", "--json", "--interval", "0.3"}, folder_ / "json");
+  ASSERT_EQ(json.wait(), 0) << json.err();
+  const auto object = nlohmann::json::parse(json.out());
+  EXPECT_EQ(object["name"], name_);
+  EXPECT_EQ(object["state"], "running");
+  EXPECT_EQ(object["width"], 64);
+  EXPECT_GT(object["published_hz"], 0.0);
+  EXPECT_GT(object["latency_max_ms"], 0.0);
+  Process table({BOLO_PROGRAM, "stat", name_, "--once", "--interval", "0.1"}, folder_ / "table");
+  ASSERT_EQ(table.wait(), 0) << table.err();
+  EXPECT_NE(table.out().find("Test camera 42, 64x24 at 200 Hz"), std::string::npos) << table.out();
+  EXPECT_NE(table.out().find("pool_exhausted"), std::string::npos);
+  Process unknown({BOLO_PROGRAM, "stat", "no-such-daemon"}, folder_ / "unknown");
+  EXPECT_EQ(unknown.wait(), 2);
+  EXPECT_NE(unknown.err().find(name_), std::string::npos) << "the names that exist: " << unknown.err();
+}
+
+TEST_F(BolodRun, StatFollowsARestart) {
+  auto daemon = start(20'000);
+  ASSERT_TRUE(attach());
+  Process stat({BOLO_PROGRAM, "stat", name_, "--json", "--interval", "0.1"}, folder_ / "stat");
+  ASSERT_TRUE(eventually([&] { return stat.out().find("\"running\"") != std::string::npos; })) << stat.err();
+  daemon->signal(SIGTERM);
+  EXPECT_EQ(daemon->wait(), 0);
+  ASSERT_TRUE(eventually([&] { return stat.out().find("\"closed\"") != std::string::npos; }));
+  daemon = start_again();
+  ASSERT_TRUE(eventually([&] {
+    const std::string out = stat.out();
+    return out.find("\"running\"", out.rfind("\"closed\"")) != std::string::npos;
+  })) << stat.out();
+  stat.signal(SIGINT);
+  EXPECT_EQ(stat.wait(), 0);
+  daemon->signal(SIGTERM);
+  EXPECT_EQ(daemon->wait(), 0);
+}
+
+}  // namespace
+}  // namespace bolo::daemon

@@ -1,0 +1,462 @@
+// `bolo deblur` as its user meets it: the program itself, its files, messages and exit codes.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "bolo/capture/capture.hpp"
+#include "tests/tools/program.hpp"
+
+namespace bolo::tools {
+namespace {
+
+namespace fs = std::filesystem;
+using test::Outcome;
+using test::Program;
+
+constexpr int kWidth = 40;
+constexpr int kHeight = 6;
+constexpr double kPeriod = 0.005;
+constexpr double kTau = 0.011;
+constexpr std::size_t kWindow = 17;
+
+struct Blurred {
+  PixelType type = PixelType::kUint16;
+  LinearScale scale{Unit::kKelvin, 0.01, 0.0};
+  bool truth = true;
+  std::size_t frames = 60;
+  std::vector<std::uint64_t> lost{};
+  std::vector<capture::Event> events{};
+  capture::Stimulus stimulus = capture::NoStimulus{};
+  int width = kWidth;
+  int height = kHeight;
+  double period_s = kPeriod;  // that of /t and frame_period_s; the blur is always that of kPeriod
+};
+
+// A bar 12 K above 295 K that stands for 8 frames in each place, so that its edges are blurred.
+double scene_k(std::size_t frame, int x, int y) {
+  const int place = static_cast<int>(frame / 8) * 5;
+  return (x + 2 * y + place) % 20 < 7 ? 307.0 : 295.0;
+}
+
+// The exact answer of a pixel to a scene that is constant between frames, written as a capture.
+void write_blurred(const fs::path& file, const Blurred& b) {
+  capture::CaptureInfo info;
+  info.format.geometry = {b.width, b.height};
+  info.format.type = b.type;
+  info.format.scale = b.scale;
+  info.format.frame_period_s = b.period_s;
+  info.camera_model = "a camera";
+  auto writer = capture::CaptureWriter::create(file, info, {.truth = b.truth});
+  ASSERT_TRUE(writer) << writer.error().message;
+  const std::size_t pixels = info.format.geometry.pixels();
+  const double decay = std::exp(-kPeriod / kTau);
+  std::vector<double> y(pixels, 298.0);
+  std::vector<float> truth(pixels);
+  std::vector<std::uint16_t> counts(pixels);
+  std::vector<float> values(pixels);
+  for (std::size_t n = 0; n < b.frames; ++n) {
+    for (std::size_t i = 0; i < pixels; ++i) {
+      const auto column = static_cast<int>(i % static_cast<std::size_t>(b.width));
+      const auto row = static_cast<int>(i / static_cast<std::size_t>(b.width));
+      const double x = scene_k(n, column, row);
+      y[i] = decay * y[i] + (1.0 - decay) * x;
+      truth[i] = static_cast<float>(x);
+      values[i] = static_cast<float>(y[i]);
+      counts[i] = static_cast<std::uint16_t>(std::lround((y[i] - b.scale.offset) / 0.01));
+    }
+    if (std::find(b.lost.begin(), b.lost.end(), n) != b.lost.end()) continue;
+    const void* plane = b.type == PixelType::kUint16 ? static_cast<const void*>(counts.data()) : values.data();
+    ASSERT_TRUE(
+        writer->append(100.0 + static_cast<double>(n) * b.period_s, 500 + n, plane, b.truth ? truth.data() : nullptr));
+  }
+  for (const capture::Event& event : b.events) ASSERT_TRUE(writer->add_event(event));
+  if (!std::holds_alternative<capture::NoStimulus>(b.stimulus)) {
+    ASSERT_TRUE(writer->write_stimulus(b.stimulus));
+  }
+  const Status closed = writer->close();
+  ASSERT_TRUE(closed) << closed.error().message;
+}
+
+class DeblurVerb : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = testing::TempDir() + "bolo_deblur_XXXXXX";
+    folder_ = mkdtemp(pattern.data());
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  Outcome bolo(std::vector<std::string> words) const {
+    words.insert(words.begin(), {BOLO_PROGRAM, "deblur"});
+    return Program(folder_, std::move(words)).outcome();
+  }
+
+  // Runs on in.h5 with `more` options, expects success, and opens the output.
+  capture::CaptureReader deblurred(const std::vector<std::string>& more = {}, const std::string& name = "out.h5") {
+    std::vector<std::string> words{path("in.h5"), "-o", path(name)};
+    words.insert(words.end(), more.begin(), more.end());
+    last_ = bolo(words);
+    EXPECT_EQ(last_.exit_code, 0) << last_.err;
+    EXPECT_FALSE(fs::exists(path(name + ".part")));
+    auto reader = capture::CaptureReader::open(path(name));
+    if (!reader) throw std::runtime_error(reader.error().message);
+    return std::move(*reader);
+  }
+
+  fs::path folder_;
+  Outcome last_;
+};
+
+std::vector<float> frame_of(const capture::CaptureReader& reader, std::size_t index) {
+  const std::size_t pixels = reader.info().format.geometry.pixels();
+  std::vector<float> values(pixels);
+  if (reader.info().format.type == PixelType::kFloat32) {
+    EXPECT_TRUE(reader.read_frame(index, values.data()));
+    return values;
+  }
+  std::vector<std::uint16_t> counts(pixels);
+  EXPECT_TRUE(reader.read_frame(index, counts.data()));
+  for (std::size_t i = 0; i < pixels; ++i) values[i] = static_cast<float>(counts[i]);
+  return values;
+}
+
+template <typename T>
+std::optional<T> attribute(const capture::CaptureReader& reader, const std::string& name) {
+  for (const capture::Attribute& a : reader.attributes()) {
+    if (a.name == name && std::holds_alternative<T>(a.value)) return std::get<T>(a.value);
+  }
+  return std::nullopt;
+}
+
+TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
+  write_blurred(path("in.h5"), {});
+  const auto out = deblurred({"--json"});
+  EXPECT_EQ(out.info().frames, 60U - (kWindow - 1));
+  EXPECT_EQ(out.info().format.type, PixelType::kFloat32);
+  EXPECT_EQ(out.info().format.geometry, (Geometry{kWidth, kHeight}));
+  EXPECT_EQ(out.info().format.scale, (LinearScale{Unit::kKelvin, 1.0, 0.0}));
+  EXPECT_DOUBLE_EQ(out.info().format.frame_period_s, kPeriod);
+  EXPECT_EQ(out.info().camera_model, "a camera");
+  const auto in = capture::CaptureReader::open(path("in.h5"));
+  ASSERT_TRUE(in);
+  for (std::size_t i = 0; i < out.info().frames; ++i) {
+    EXPECT_EQ(out.t()[i], in->t()[i + kWindow - 1]);
+    EXPECT_EQ(out.frame_id()[i], in->frame_id()[i + kWindow - 1]);
+  }
+  const auto json = nlohmann::json::parse(last_.out);
+  EXPECT_EQ(json["frames_in"], 60);
+  EXPECT_EQ(json["frames_out"], 44);
+  EXPECT_EQ(json["lost"], 0);
+  EXPECT_GT(json["ms_per_frame"].get<double>(), 0.0);
+  EXPECT_GT(json["seconds"].get<double>(), 0.0);
+  EXPECT_EQ(json["settings"]["solver"], "admm");
+  EXPECT_DOUBLE_EQ(json["settings"]["tau_s"].get<double>(), kTau);
+  EXPECT_LT(json["rmse"]["deblurred_k"].get<double>(), 0.1 * json["rmse"]["blurred_k"].get<double>());
+}
+
+TEST_F(DeblurVerb, TheRmseIsThatOfTheFilesAndTheTruthIsCopied) {
+  write_blurred(path("in.h5"), {});
+  const auto out = deblurred({"--json", "--lambda", "0.05"});
+  ASSERT_TRUE(out.info().has_truth);
+  const auto in = capture::CaptureReader::open(path("in.h5"));
+  double blurred = 0.0;
+  double sharp = 0.0;
+  std::vector<float> truth(static_cast<std::size_t>(kWidth * kHeight));
+  std::vector<float> input_truth(truth.size());
+  for (std::size_t n = 0; n < out.info().frames; ++n) {
+    ASSERT_TRUE(out.read_truth(n, truth.data()));
+    ASSERT_TRUE(in->read_truth(n + kWindow - 1, input_truth.data()));
+    ASSERT_EQ(truth, input_truth);
+    const auto counts = frame_of(*in, n + kWindow - 1);
+    const auto kelvin = frame_of(out, n);
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      blurred += std::pow(0.01 * static_cast<double>(counts[i]) - static_cast<double>(truth[i]), 2);
+      sharp += std::pow(static_cast<double>(kelvin[i]) - static_cast<double>(truth[i]), 2);
+    }
+  }
+  const double values = static_cast<double>(out.info().frames * truth.size());
+  const auto json = nlohmann::json::parse(last_.out);
+  EXPECT_NEAR(json["rmse"]["blurred_k"].get<double>(), std::sqrt(blurred / values), 1e-9);
+  EXPECT_NEAR(json["rmse"]["deblurred_k"].get<double>(), std::sqrt(sharp / values), 1e-9);
+}
+
+TEST_F(DeblurVerb, SettingsStandInTheOutput) {
+  write_blurred(path("in.h5"), {});
+  const auto out = deblurred({"--solver", "exact", "--kappa", "0.2", "--lambda", "0.01", "--window", "9", "--levels",
+                              "5", "--lookahead", "2", "--tau", "0.012"});
+  EXPECT_EQ(attribute<std::string>(out, "solver"), "exact");
+  EXPECT_EQ(attribute<double>(out, "tau_s"), 0.012);
+  EXPECT_EQ(attribute<double>(out, "kappa"), 0.2);
+  EXPECT_EQ(attribute<double>(out, "lambda"), 0.01);
+  EXPECT_EQ(attribute<double>(out, "window"), 9.0);
+  EXPECT_EQ(attribute<double>(out, "levels"), 5.0);
+  EXPECT_EQ(attribute<double>(out, "lookahead"), 2.0);
+  EXPECT_EQ(attribute<double>(out, "iterations"), 0.0);
+  EXPECT_TRUE(attribute<std::string>(out, "isa"));
+}
+
+TEST_F(DeblurVerb, IterationsInUseStandInTheOutput) {
+  write_blurred(path("in.h5"), {});
+  EXPECT_EQ(attribute<double>(deblurred({"--iterations", "23"}), "iterations"), 23.0);
+  EXPECT_GT(attribute<double>(deblurred({}, "auto.h5"), "iterations").value_or(0.0), 0.0);
+}
+
+TEST_F(DeblurVerb, TauComesFromTheProfileUnlessGiven) {
+  write_blurred(path("in.h5"), {});
+  std::ofstream(path("p.toml")) << "tau_s = 0.009\n";
+  EXPECT_EQ(attribute<double>(deblurred({"--profile", path("p.toml")}), "tau_s"), 0.009);
+  EXPECT_EQ(attribute<double>(deblurred({"--profile", path("p.toml"), "--tau", "0.013"}, "b.h5"), "tau_s"), 0.013);
+}
+
+TEST_F(DeblurVerb, ThreadsChangeNoBit) {
+  write_blurred(path("in.h5"), {});
+  const auto one = deblurred({"--threads", "1"}, "one.h5");
+  const auto four = deblurred({"--threads", "4"}, "four.h5");
+  ASSERT_EQ(one.info().frames, four.info().frames);
+  for (std::size_t n = 0; n < one.info().frames; ++n) ASSERT_EQ(frame_of(one, n), frame_of(four, n)) << n;
+}
+
+TEST_F(DeblurVerb, ARegionIsTheSamePixelsBitForBit) {
+  Blurred blurred;
+  capture::SceneStimulus scene;
+  scene.image_width = 2;
+  scene.image_height = 2;
+  scene.image_k = {295.0F, 296.0F, 297.0F, 298.0F};
+  scene.t_s = {0.0, 1.0};
+  scene.x_px = {0.5, 1.0};
+  scene.y_px = {0.0, 0.25};
+  blurred.stimulus = scene;
+  write_blurred(path("in.h5"), blurred);
+  const auto whole = deblurred({}, "whole.h5");
+  const auto part = deblurred({"--roi", "3,1,21,4"}, "part.h5");
+  ASSERT_EQ(part.info().format.geometry, (Geometry{21, 4}));
+  ASSERT_EQ(part.info().frames, whole.info().frames);
+  std::vector<float> truth(21 * 4);
+  std::vector<float> whole_truth(static_cast<std::size_t>(kWidth * kHeight));
+  for (std::size_t n = 0; n < part.info().frames; ++n) {
+    const auto small = frame_of(part, n);
+    const auto large = frame_of(whole, n);
+    ASSERT_TRUE(part.read_truth(n, truth.data()));
+    ASSERT_TRUE(whole.read_truth(n, whole_truth.data()));
+    for (std::size_t i = 0; i < small.size(); ++i) {
+      const std::size_t j = (i / 21 + 1) * static_cast<std::size_t>(kWidth) + i % 21 + 3;
+      ASSERT_EQ(small[i], large[j]) << "frame " << n << " pixel " << i;
+      ASSERT_EQ(truth[i], whole_truth[j]);
+    }
+  }
+  EXPECT_EQ(attribute<std::string>(part, "roi"), "3,1,21,4");
+  const auto stimulus = part.stimulus();
+  ASSERT_TRUE(stimulus);
+  const auto& seen = std::get<capture::SceneStimulus>(*stimulus);
+  EXPECT_EQ(seen.x_px, (std::vector<double>{3.5, 4.0}));
+  EXPECT_EQ(seen.y_px, (std::vector<double>{1.0, 1.25}));
+}
+
+TEST_F(DeblurVerb, Uint16OutputKeepsTheInputsScale) {
+  Blurred blurred;
+  blurred.scale = {Unit::kKelvin, 0.01, 100.0};
+  write_blurred(path("in.h5"), blurred);
+  const auto counts = deblurred({"--type", "uint16"}, "counts.h5");
+  const auto kelvin = deblurred({}, "kelvin.h5");
+  EXPECT_EQ(counts.info().format.type, PixelType::kUint16);
+  EXPECT_EQ(counts.info().format.scale, blurred.scale);
+  for (std::size_t n = 0; n < counts.info().frames; n += 7) {
+    const auto c = frame_of(counts, n);
+    const auto k = frame_of(kelvin, n);
+    for (std::size_t i = 0; i < c.size(); ++i) ASSERT_NEAR(100.0F + 0.01F * c[i], k[i], 0.0051F);
+  }
+}
+
+TEST_F(DeblurVerb, ACaptureInCountsStaysInCountsAndIsNotJudged) {
+  Blurred blurred;
+  blurred.scale = {Unit::kCount, 1.0, 0.0};
+  write_blurred(path("in.h5"), blurred);
+  const auto out = deblurred({"--json", "--lambda", "0.2"});
+  EXPECT_EQ(out.info().format.scale.unit, Unit::kCount);
+  EXPECT_EQ(out.info().format.type, PixelType::kFloat32);
+  for (const float value : frame_of(out, 40)) ASSERT_TRUE(value > 29'000.0F && value < 31'200.0F) << value;
+  EXPECT_TRUE(nlohmann::json::parse(last_.out)["rmse"].is_null());
+}
+
+TEST_F(DeblurVerb, FloatCapturesAreTaken) {
+  Blurred blurred;
+  blurred.type = PixelType::kFloat32;
+  blurred.scale = {Unit::kKelvin, 1.0, 0.0};
+  write_blurred(path("in.h5"), blurred);
+  (void)deblurred({"--json"});
+  const auto json = nlohmann::json::parse(last_.out);
+  EXPECT_LT(json["rmse"]["deblurred_k"].get<double>(), 0.1 * json["rmse"]["blurred_k"].get<double>());
+}
+
+TEST_F(DeblurVerb, ALostFrameIsAGapAndEventsStartAgain) {
+  Blurred blurred;
+  blurred.frames = 80;
+  blurred.lost = {20};
+  blurred.events = {{100.0 + 40 * kPeriod, "nuc"}};
+  blurred.stimulus = capture::Uniform{300.0};
+  write_blurred(path("in.h5"), blurred);
+  const auto out = deblurred({"--json"});
+  EXPECT_EQ(nlohmann::json::parse(last_.out)["lost"], 1);
+  std::vector<std::uint64_t> expected;
+  for (std::uint64_t n = kWindow - 1; n < 80; ++n) {
+    if (n != 20 && (n < 40 || n >= 40 + kWindow - 1)) expected.push_back(500 + n);
+  }
+  EXPECT_EQ(out.frame_id(), expected);
+  ASSERT_EQ(out.events().size(), 1U);
+  EXPECT_EQ(out.events()[0].kind, "nuc");
+  const auto stimulus = out.stimulus();
+  ASSERT_TRUE(stimulus);
+  EXPECT_EQ(std::get<capture::Uniform>(*stimulus).temperature_k, 300.0);
+}
+
+TEST_F(DeblurVerb, LookaheadLeavesOutFramesAtBothEnds) {
+  write_blurred(path("in.h5"), {});
+  const auto out = deblurred({"--lookahead", "2"});
+  ASSERT_EQ(out.info().frames, 60U - (kWindow - 1));
+  EXPECT_EQ(out.frame_id().front(), 500U + kWindow - 1 - 2);
+  EXPECT_EQ(out.frame_id().back(), 500U + 59 - 2);
+}
+
+TEST_F(DeblurVerb, WithoutJsonItSaysTheSameInALine) {
+  Blurred blurred;
+  blurred.truth = false;
+  write_blurred(path("in.h5"), blurred);
+  (void)deblurred();
+  EXPECT_NE(last_.out.find("44 of 60 frames"), std::string::npos) << last_.out;
+  EXPECT_EQ(last_.out.find("truth"), std::string::npos) << last_.out;
+  EXPECT_EQ(last_.err, "");
+}
+
+struct Refusal {
+  const char* name;
+  std::vector<std::string> words;  // IN, FEW, NAN, FLOAT, DIR are replaced by paths
+  const char* says;
+};
+
+class DeblurVerbRefuses : public DeblurVerb, public testing::WithParamInterface<Refusal> {};
+
+TEST_P(DeblurVerbRefuses, InOneLineWithExitCode2AndNoOutput) {
+  write_blurred(path("in.h5"), {});
+  Blurred few;
+  few.frames = 16;
+  write_blurred(path("few.h5"), few);
+  Blurred floats;
+  floats.type = PixelType::kFloat32;
+  floats.scale = {Unit::kKelvin, 1.0, 0.0};
+  write_blurred(path("float.h5"), floats);
+  Blurred broken;
+  broken.events = {{100.0 + 10 * kPeriod, "nuc"},
+                   {100.0 + 20 * kPeriod, "nuc"},
+                   {100.0 + 35 * kPeriod, "nuc"},
+                   {100.0 + 50 * kPeriod, "reconnect"}};
+  write_blurred(path("broken.h5"), broken);
+  Blurred slow;
+  slow.period_s = 114.0;  // milliseconds taken for seconds
+  write_blurred(path("slow.h5"), slow);
+  std::ofstream(path("text.h5")) << "not a capture\n";
+  {
+    capture::CaptureInfo info;
+    info.format.geometry = {3, 2};
+    info.format.type = PixelType::kFloat32;
+    info.format.scale = {Unit::kKelvin, 1.0, 0.0};
+    auto writer = capture::CaptureWriter::create(path("nan.h5"), info);
+    ASSERT_TRUE(writer);
+    for (std::uint64_t n = 0; n < 30; ++n) {
+      std::vector<float> plane(6, 300.0F);
+      if (n == 25) plane[4] = std::numeric_limits<float>::quiet_NaN();
+      ASSERT_TRUE(writer->append(static_cast<double>(n) * kPeriod, n, plane.data()));
+    }
+    ASSERT_TRUE(writer->close());
+  }
+  std::vector<std::string> words = GetParam().words;
+  for (std::string& word : words) {
+    if (const auto at = word.find('@'); at != std::string::npos) word = word.substr(0, at) + path(word.substr(at + 1));
+  }
+  const Outcome outcome = bolo(words);
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  EXPECT_EQ(outcome.err.rfind("bolo deblur: ", 0), 0U) << outcome.err;
+  EXPECT_NE(outcome.err.find(GetParam().says), std::string::npos) << outcome.err;
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_FALSE(fs::exists(path("out.h5")));
+  EXPECT_FALSE(fs::exists(path("out.h5.part")));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, DeblurVerbRefuses,
+    testing::Values(
+        Refusal{"NoInput", {"-o", "@out.h5"}, "no capture given"}, Refusal{"NoOutput", {"@in.h5"}, "-o OUT.h5"},
+        Refusal{"TwoInputs", {"@in.h5", "@few.h5", "-o", "@out.h5"}, "unexpected argument"},
+        Refusal{"UnknownOption", {"@in.h5", "-o", "@out.h5", "--points", "p.csv"}, "points"},
+        Refusal{"MissingFile", {"@none.h5", "-o", "@out.h5"}, "none.h5"},
+        Refusal{"NotACapture", {"@text.h5", "-o", "@out.h5"}, "text.h5"},
+        Refusal{"TooFewFrames", {"@few.h5", "-o", "@out.h5"}, "few.h5: 16 frames, fewer than one window of 17"},
+        Refusal{"NoFullWindow", {"@broken.h5", "-o", "@out.h5"}, "broken.h5: no full window of 17 frames"},
+        Refusal{"PeriodOfMinutes", {"@slow.h5", "-o", "@out.h5"}, "slow.h5: deblur settings: period_s is 114"},
+        Refusal{"NotANumber", {"@nan.h5", "-o", "@out.h5"}, "nan.h5: frame 25, column 1, row 1 of /frames is nan"},
+        Refusal{"OutputFolderMissing", {"@in.h5", "-o", "@none/out.h5"}, "none/out.h5"},
+        Refusal{"OutputIsInput", {"@in.h5", "-o", "@in.h5"}, "the output is the input"},
+        Refusal{"UnknownSolver", {"@in.h5", "-o", "@out.h5", "--solver", "magic"}, "magic"},
+        Refusal{"UnknownType", {"@in.h5", "-o", "@out.h5", "--type", "int8"}, "float32 or uint16"},
+        Refusal{"FloatToUint16", {"@float.h5", "-o", "@out.h5", "--type", "uint16"}, "use --type float32"},
+        Refusal{"WindowNotAPowerOfTwo", {"@in.h5", "-o", "@out.h5", "--window", "16"}, "window"},
+        Refusal{"TauNegative", {"@in.h5", "-o", "@out.h5", "--tau", "-0.011"}, "tau"},
+        Refusal{"LambdaAuto", {"@in.h5", "-o", "@out.h5", "--lambda", "auto"}, "auto"},
+        Refusal{"NoThreads", {"@in.h5", "-o", "@out.h5", "--threads", "0"}, "workers = 0"},
+        Refusal{"RegionOfThree", {"@in.h5", "-o", "@out.h5", "--roi", "1,2,3"}, "four numbers"},
+        Refusal{"RegionOutside", {"@in.h5", "-o", "@out.h5", "--roi", "30,0,11,2"}, "not inside the frame of 40x6"},
+        Refusal{"ProfileMissing", {"@in.h5", "-o", "@out.h5", "--profile", "@none.toml"}, "none.toml"}),
+    [](const auto& suite) { return suite.param.name; });
+
+TEST_F(DeblurVerb, AnInterruptionLeavesNoOutput) {
+  Blurred large;
+  large.truth = false;
+  large.frames = 300;
+  large.width = 200;
+  large.height = 100;
+  write_blurred(path("in.h5"), large);
+  const Program program(
+      folder_, {BOLO_PROGRAM, "deblur", path("in.h5"), "-o", path("out.h5"), "--solver", "exact", "--threads", "1"});
+  while (!fs::exists(path("out.h5.part"))) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  program.signal(SIGINT);
+  const Outcome outcome = program.outcome();
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_NE(outcome.err.find("interrupted"), std::string::npos) << outcome.err;
+  EXPECT_FALSE(fs::exists(path("out.h5")));
+  EXPECT_FALSE(fs::exists(path("out.h5.part")));
+}
+
+TEST_F(DeblurVerb, AnOutputThatStoodThereBeforeSurvivesAFailure) {
+  Blurred few;
+  few.frames = 5;
+  write_blurred(path("in.h5"), few);
+  std::ofstream(path("out.h5")) << "older";
+  EXPECT_EQ(bolo({path("in.h5"), "-o", path("out.h5")}).exit_code, 2);
+  EXPECT_EQ(test::contents(path("out.h5")), "older");
+}
+
+TEST_F(DeblurVerb, HelpListsTheOptions) {
+  const Outcome outcome = bolo({"--help"});
+  EXPECT_EQ(outcome.exit_code, 0);
+  for (const char* option : {"--profile", "--solver", "--iterations", "--kappa", "--lambda", "--lookahead", "--window",
+                             "--levels", "--threads", "--tau", "--roi", "--type", "--json"}) {
+    EXPECT_NE(outcome.out.find(option), std::string::npos) << option;
+  }
+}
+
+}  // namespace
+}  // namespace bolo::tools
