@@ -106,7 +106,7 @@ TEST(Window, WarmsUpUntilAWholeWindowLiesBehind) {
 
 TEST(Window, ALostFrameLeavesItsPlaceEmptyAndShiftsNothing) {
   Player player(5);
-  for (const std::uint64_t id : {0, 1, 2, 3, 4, 6, 7, 8, 9, 10}) player.frame(id);
+  for (const std::uint64_t id : std::initializer_list<std::uint64_t>{0, 1, 2, 3, 4, 6, 7, 8, 9, 10}) player.frame(id);
   EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 6, 7, 8, 9, 10}));
   const Shown& after_gap = player.shown()[5];
   EXPECT_TRUE(after_gap.full);
@@ -118,7 +118,7 @@ TEST(Window, ALostFrameLeavesItsPlaceEmptyAndShiftsNothing) {
 
 TEST(Window, GapsCountTowardsTheSpanOfTheWindow) {
   Player player(5);
-  for (const std::uint64_t id : {0, 1, 4}) player.frame(id);
+  for (const std::uint64_t id : std::initializer_list<std::uint64_t>{0, 1, 4}) player.frame(id);
   ASSERT_EQ(player.shown().size(), 3U);
   EXPECT_TRUE(player.shown()[2].full);
   EXPECT_EQ(player.shown()[2].window, (std::vector<std::int64_t>{0, 1, -1, -1, 4}));
@@ -195,7 +195,7 @@ TEST(Window, LookAheadShowsEachFrameLaterWithWhatCameAfterIt) {
 
 TEST(Window, LookAheadOverAGapShowsEveryWaitingFrameOnce) {
   Player player(5, 2);
-  for (const std::uint64_t id : {0, 1, 2, 3, 4, 5, 8}) player.frame(id);
+  for (const std::uint64_t id : std::initializer_list<std::uint64_t>{0, 1, 2, 3, 4, 5, 8}) player.frame(id);
   EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 5}));
   EXPECT_EQ(player.shown()[4].window, (std::vector<std::int64_t>{2, 3, 4, 5, -1}));
   EXPECT_EQ(player.shown()[5].window, (std::vector<std::int64_t>{3, 4, 5, -1, -1}));
