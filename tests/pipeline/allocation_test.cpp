@@ -1,72 +1,17 @@
-// Counts what the whole program allocates while frames flow. A program of its own: it replaces operator new and, where
-// no sanitizer does, malloc.
+// Counts what the whole program allocates while frames flow. A program of its own, for its allocator is replaced.
 #include <gtest/gtest.h>
 
 #include <array>
 #include <atomic>
-#include <cerrno>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
-#include <new>
 #include <vector>
 
 #include "bolo/pipeline/pipeline.hpp"
+#include "tests/pipeline/count_allocations.hpp"
 #include "tests/pipeline/fakes.hpp"
-
-namespace {
-
-std::atomic<bool> g_armed{false};
-std::atomic<std::uint64_t> g_allocations{0};
-
-void note() noexcept {
-  if (g_armed.load(std::memory_order_relaxed)) g_allocations.fetch_add(1, std::memory_order_relaxed);
-}
-
-void* take(std::size_t size, std::size_t alignment) {
-  note();
-  void* p = nullptr;
-  if (posix_memalign(&p, alignment, size < 1 ? 1 : size) != 0) throw std::bad_alloc();
-  return p;
-}
-
-}  // namespace
-
-void* operator new(std::size_t size) { return take(size, alignof(std::max_align_t)); }
-void* operator new[](std::size_t size) { return take(size, alignof(std::max_align_t)); }
-void* operator new(std::size_t size, std::align_val_t align) { return take(size, static_cast<std::size_t>(align)); }
-void* operator new[](std::size_t size, std::align_val_t align) { return take(size, static_cast<std::size_t>(align)); }
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete[](void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-void operator delete[](void* p, std::size_t) noexcept { std::free(p); }
-void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete[](void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
-void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
-
-// The sanitizers own malloc; without them glibc's is reached under its other name.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define BOLO_COUNTS_MALLOC 0
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define BOLO_COUNTS_MALLOC 0
-#endif
-#endif
-#ifndef BOLO_COUNTS_MALLOC
-#define BOLO_COUNTS_MALLOC 1
-#endif
-
-#if BOLO_COUNTS_MALLOC
-extern "C" {
-void* __libc_malloc(std::size_t size);
-void* malloc(std::size_t size) {
-  note();
-  return __libc_malloc(size);
-}
-}
-#endif
 
 namespace bolo::pipeline {
 namespace {
@@ -83,10 +28,10 @@ class ArmingSink final : public FrameSink {
  public:
   Status open(const SinkFormat&) override { return {}; }
   void publish(const PublishedFrame& frame, const PipelineStats&) noexcept override {
-    if (frame.meta.frame_id == kFirstArmed) g_armed.store(true);
-    if (frame.meta.frame_id == kLastArmed) g_armed.store(false);
+    if (frame.meta.frame_id == kFirstArmed) bolo::test::arm_allocation_count();
+    if (frame.meta.frame_id == kLastArmed) bolo::test::disarm_allocation_count();
   }
-  void close() noexcept override { g_armed.store(false); }
+  void close() noexcept override { bolo::test::disarm_allocation_count(); }
 };
 
 // Does what shared memory does: a ring of slots taken at open(), planes copied, a sequence around them.
@@ -152,11 +97,11 @@ std::uint64_t allocations_of(Script script, const PipelineOptions& options, std:
   EXPECT_TRUE(pipeline) << pipeline.error().message;
   if (!pipeline) return 0;
   const std::atomic<bool> never{false};
-  g_allocations.store(0);
+  bolo::test::reset_allocation_count();
   EXPECT_TRUE((*pipeline)->run(never));
   EXPECT_EQ((*pipeline)->stats().restarts.value(), 1U);
   EXPECT_GT((*pipeline)->stats().gap_frames.value(), 0U);
-  return g_allocations.load();
+  return bolo::test::allocation_count();
 }
 
 PipelineOptions options_of(deblur::Method method, int lookahead, PixelType output) {
@@ -193,16 +138,15 @@ TEST(Allocation, OneOnTheSourcesThreadIsSeen) {
   EXPECT_GE(allocations_of(script, options_of(deblur::Method::kAdmm, 0, PixelType::kUint16)), 1U);
 }
 
-#if BOLO_COUNTS_MALLOC
 TEST(Allocation, AMallocIsSeen) {
-  g_allocations.store(0);
-  g_armed.store(true);
+  if (!bolo::test::counts_malloc()) GTEST_SKIP() << "malloc belongs to the sanitizer here; operator new is counted";
+  bolo::test::reset_allocation_count();
+  bolo::test::arm_allocation_count();
   char* volatile copy = strdup("from a C library");
-  g_armed.store(false);
+  bolo::test::disarm_allocation_count();
   std::free(copy);
-  EXPECT_GE(g_allocations.load(), 1U);
+  EXPECT_GE(bolo::test::allocation_count(), 1U);
 }
-#endif
 
 }  // namespace
 }  // namespace bolo::pipeline

@@ -42,6 +42,7 @@ struct Blurred {
   capture::Stimulus stimulus = capture::NoStimulus{};
   int width = kWidth;
   int height = kHeight;
+  double period_s = kPeriod;  // that of /t and frame_period_s; the blur is always that of kPeriod
 };
 
 // A bar 12 K above 295 K that stands for 8 frames in each place, so that its edges are blurred.
@@ -56,7 +57,7 @@ void write_blurred(const fs::path& file, const Blurred& b) {
   info.format.geometry = {b.width, b.height};
   info.format.type = b.type;
   info.format.scale = b.scale;
-  info.format.frame_period_s = kPeriod;
+  info.format.frame_period_s = b.period_s;
   info.camera_model = "a camera";
   auto writer = capture::CaptureWriter::create(file, info, {.truth = b.truth});
   ASSERT_TRUE(writer) << writer.error().message;
@@ -79,7 +80,7 @@ void write_blurred(const fs::path& file, const Blurred& b) {
     if (std::find(b.lost.begin(), b.lost.end(), n) != b.lost.end()) continue;
     const void* plane = b.type == PixelType::kUint16 ? static_cast<const void*>(counts.data()) : values.data();
     ASSERT_TRUE(
-        writer->append(100.0 + static_cast<double>(n) * kPeriod, 500 + n, plane, b.truth ? truth.data() : nullptr));
+        writer->append(100.0 + static_cast<double>(n) * b.period_s, 500 + n, plane, b.truth ? truth.data() : nullptr));
   }
   for (const capture::Event& event : b.events) ASSERT_TRUE(writer->add_event(event));
   if (!std::holds_alternative<capture::NoStimulus>(b.stimulus)) {
@@ -363,6 +364,9 @@ TEST_P(DeblurVerbRefuses, InOneLineWithExitCode2AndNoOutput) {
                    {100.0 + 35 * kPeriod, "nuc"},
                    {100.0 + 50 * kPeriod, "reconnect"}};
   write_blurred(path("broken.h5"), broken);
+  Blurred slow;
+  slow.period_s = 114.0;  // milliseconds taken for seconds
+  write_blurred(path("slow.h5"), slow);
   std::ofstream(path("text.h5")) << "not a capture\n";
   {
     capture::CaptureInfo info;
@@ -402,6 +406,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"NotACapture", {"@text.h5", "-o", "@out.h5"}, "text.h5"},
         Refusal{"TooFewFrames", {"@few.h5", "-o", "@out.h5"}, "few.h5: 16 frames, fewer than one window of 17"},
         Refusal{"NoFullWindow", {"@broken.h5", "-o", "@out.h5"}, "broken.h5: no full window of 17 frames"},
+        Refusal{"PeriodOfMinutes", {"@slow.h5", "-o", "@out.h5"}, "slow.h5: deblur settings: period_s is 114"},
         Refusal{"NotANumber", {"@nan.h5", "-o", "@out.h5"}, "nan.h5: frame 25, column 1, row 1 of /frames is nan"},
         Refusal{"OutputFolderMissing", {"@in.h5", "-o", "@none/out.h5"}, "none/out.h5"},
         Refusal{"OutputIsInput", {"@in.h5", "-o", "@in.h5"}, "the output is the input"},

@@ -128,8 +128,9 @@ Result<Request> read_request(const cxxopts::ParseResult& args) {
 // What can be said of the input before any work.
 Status check_input(const Request& request, const capture::CaptureInfo& info) {
   deblur::Settings settings = request.options.deblur;
-  settings.period_s = info.format.frame_period_s;
   if (Status status = deblur::validate(settings); !status) return status;
+  settings.period_s = info.format.frame_period_s;
+  if (Status status = deblur::validate(settings); !status) return at(request.input.string(), status.error());
   if (info.frames < static_cast<std::size_t>(settings.window)) {
     return bad_input(request.input.string() + ": " + std::to_string(info.frames) +
                      " frames, fewer than one window of " + std::to_string(settings.window) +
@@ -160,6 +161,9 @@ Result<Summary> deblur_capture(const Request& request) {
   auto reader = capture::CaptureReader::open(request.input);
   if (!reader) return tl::unexpected(reader.error());
   if (Status status = check_input(request, reader->info()); !status) return tl::unexpected(status.error());
+  for (const std::string& line : reader->warnings()) {
+    std::fprintf(stderr, "bolo deblur: %s: %s\n", request.input.c_str(), line.c_str());
+  }
   auto own_reader = capture::CaptureReader::open(request.input);
   if (!own_reader) return tl::unexpected(own_reader.error());
 

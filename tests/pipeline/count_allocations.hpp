@@ -1,0 +1,19 @@
+// Counts what the whole program allocates while armed: operator new and, where no sanitizer owns it, malloc. Linked
+// into a test program, count_allocations.cpp replaces both. Thread: any.
+#pragma once
+
+#include <cstdint>
+
+namespace bolo::test {
+
+void arm_allocation_count() noexcept;
+void disarm_allocation_count() noexcept;
+
+// Counted so far while armed; reset sets it to zero.
+std::uint64_t allocation_count() noexcept;
+void reset_allocation_count() noexcept;
+
+// Whether a malloc outside operator new is seen.
+bool counts_malloc() noexcept;
+
+}  // namespace bolo::test
