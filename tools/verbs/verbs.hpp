@@ -16,10 +16,12 @@ struct Verb {
 };
 
 int deblur_main(int argc, char** argv);
+int fakecam_main(int argc, char** argv);
 int stat_main(int argc, char** argv);
 
-inline constexpr std::array<Verb, 2> kVerbs{{
+inline constexpr std::array<Verb, 3> kVerbs{{
     {"deblur", "undo the pixels' thermal inertia in a capture", deblur_main},
+    {"fakecam", "serve a capture as a GigE Vision camera", fakecam_main},
     {"stat", "what a running daemon does: rates, losses, latency", stat_main},
 }};
 
