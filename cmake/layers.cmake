@@ -11,6 +11,8 @@ if(BOLO_SANITIZE)
   target_compile_options(bolo_options INTERFACE -fsanitize=${BOLO_SANITIZE} -fno-omit-frame-pointer
                                                 -fno-sanitize-recover=all)
   target_link_options(bolo_options INTERFACE -fsanitize=${BOLO_SANITIZE})
+  # With sanitizers GCC 12 warns of uninitialised values inside std::regex and its like.
+  target_compile_options(bolo_options INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
 endif()
 
 # bolo_layer(NAME SOURCES file... DEPENDS layer... LIBRARIES target...)

@@ -1,6 +1,7 @@
 #include "bolo/model/haar.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <numbers>
