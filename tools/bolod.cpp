@@ -25,13 +25,13 @@ int usage(const std::string& what) {
 }
 
 int run(const std::string& file, bool check_only) {
+  bolo::daemon::block_signals();  // a signal during set-up waits for the watch, and still ends in good order
   const bolo::Result<bolo::daemon::DaemonConfig> config = bolo::daemon::read_config(file);
   if (!config) return report(config.error());
   if (check_only) {
     std::printf("%s: ok\n", file.c_str());
     return kExitDone;
   }
-  bolo::daemon::block_signals();
   const auto daemon = bolo::daemon::Daemon::create(*config, bolo::daemon::make_log(config->log));
   if (!daemon) return report(daemon.error());
   const bolo::Status status = (*daemon)->run();

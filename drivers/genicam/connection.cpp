@@ -6,6 +6,9 @@
 namespace bolo::genicam {
 namespace {
 
+constexpr std::uint64_t kPrivilegeRegister = 0x0A00;  // GigE Vision: control channel privilege
+constexpr std::uint32_t kControlled = 0x3;            // exclusive access, or control access
+
 struct Found {
   std::string id;
   std::string address;
@@ -80,7 +83,9 @@ Result<Connection> open_gige(const std::string& ipv4) {
 
 Result<Connection> open_by_id(const std::string& id) {
   GlibError error;
-  Connection connection{Ref<ArvDevice>(arv_open_device(id.c_str(), error.out())), "camera " + id, {}, {}};
+  Connection connection;
+  connection.name = "camera " + id;
+  connection.device.reset(arv_open_device(id.c_str(), error.out()));
   if (error || connection.device == nullptr) {
     connection.device.reset();
     return bad_input("camera " + id + " cannot be opened (" + error.message() +
@@ -120,6 +125,14 @@ Result<Connection> connect(const CameraOptions& options) {
   connection = open(options);
   if (connection) use_legacy_register_order(connection->device.get());
   return connection;
+}
+
+bool is_controlled(const Connection& connection) {
+  if (!connection.is_gige()) return true;
+  std::uint32_t privilege = 0;
+  GlibError error;
+  arv_device_read_register(connection.device.get(), kPrivilegeRegister, &privilege, error.out());
+  return !error && (privilege & kControlled) != 0;
 }
 
 }  // namespace bolo::genicam

@@ -1,8 +1,9 @@
 // Finds the camera, opens it and takes control of it.
 #pragma once
 
+#include <atomic>
+#include <memory>
 #include <string>
-#include <vector>
 
 #include "bolo/core/result.hpp"
 #include "drivers/genicam/genicam_source.hpp"
@@ -12,6 +13,9 @@
 namespace bolo::genicam {
 
 struct Connection {
+  // Set by the device's heartbeat thread when control is lost; made before and destroyed after that thread. Relaxed: a
+  // flag and nothing else.
+  std::unique_ptr<std::atomic<bool>> control_lost = std::make_unique<std::atomic<bool>>(false);
   Ref<ArvDevice> device;
   std::string name;     // for messages: "camera 192.168.0.7"
   std::string address;  // GigE Vision only, as is the route
@@ -23,5 +27,8 @@ struct Connection {
 // Opens by IP whenever an address is known: opening by device id may choose an interface that the stream never reaches.
 // Errors as GenicamSource::open(). Thread: setup.
 Result<Connection> connect(const CameraOptions& options);
+
+// The camera says that a program controls it, and it answers us. Blocks some seconds when it is silent. Thread: setup.
+bool is_controlled(const Connection& connection);
 
 }  // namespace bolo::genicam

@@ -12,8 +12,8 @@ namespace bolo::genicam {
 // arrives is called missing only when it has fallen out of that window, because it may still come late or broken.
 // After settle() every frame from the first to the last seen is accounted for: span() == received() + lost().
 //
-// GigE Vision counts blocks in 16 bits and skips 0 (period 65535) or, with extended ids, in 64 bits (GigE Vision 2.0,
-// section 24.3); a camera that does send 0 is taken to have a period of 65536.
+// GigE Vision counts frames (block_id) in 16 bits and skips 0, a period of 65535, or, with extended ids, in 64 bits. A
+// camera that does send 0 is taken to have a period of 65536.
 // Thread: acquire, or setup while no stream runs. No allocation.
 class FrameLedger {
  public:

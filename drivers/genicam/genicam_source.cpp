@@ -16,7 +16,7 @@ struct GenicamSource::Impl {
     return keeper;
   }
 
-  const CameraOptions options;
+  CameraOptions options;  // once a camera was found, with its address
   const std::atomic<bool> never{false};
   pipeline::SourceInfo info;
   std::unique_ptr<Session> opened;  // from open() to start()
@@ -35,6 +35,7 @@ Result<pipeline::SourceInfo> GenicamSource::open() {
   if (!session) return tl::unexpected<Error>(std::move(session.error()));
   impl_->opened = std::move(*session);
   impl_->info = impl_->opened->info();
+  if (!impl_->opened->address().empty()) impl_->options.address = impl_->opened->address();
   const std::lock_guard lock(impl_->mutex);
   impl_->warnings = std::move(found);
   return impl_->info;

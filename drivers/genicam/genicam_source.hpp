@@ -29,9 +29,11 @@ struct CameraOptions {
   int socket_buffer_bytes = 8 << 20;
   bool resend = false;  // ask for lost packets again
   int packet_timeout_us = 2000;
-  int frame_retention_us = 10000;  // how long an incomplete frame may hold up the ones behind it
+  // How long an incomplete frame may hold up the ones behind it. Without resends it holds up none, and waits 100 ms.
+  int frame_retention_us = 10000;
   int buffers = 48;
-  int realtime_priority = 0;      // of Aravis's receiving thread
+  int realtime_priority = 0;      // of Aravis's receiving thread; 0: nice level -10, as far as that is allowed
+  int windowing_watch_ms = 1000;  // after another windowing, how long the camera is watched for dropping the connection
   int stall_ms = 250;             // without a frame for this long, and for 20 frame periods: stalled
   int reconnect_after_ms = 2000;  // stalled for this long: the camera is lost and opened again; 0: never
 };

@@ -41,9 +41,13 @@ Status Keeper::start(std::unique_ptr<Session> session) {
     drop_session();
     return adopted;
   }
-  std::packaged_task<void()> task([self = shared_from_this()] { self->watch(); });
-  watched_ = task.get_future();
-  watcher_ = std::thread(std::move(task));
+  state_.store(SourceState::kStreaming, std::memory_order_relaxed);
+  std::promise<void> done;
+  watched_ = done.get_future();
+  watcher_ = std::thread([self = shared_from_this(), end = std::move(done)]() mutable {
+    self->watch();
+    end.set_value();
+  });
   return {};
 }
 

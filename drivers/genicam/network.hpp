@@ -20,8 +20,8 @@ bool is_ipv4(const std::string& text);
 // The interface through which the kernel would reach the address. kBadInput when there is none. Thread: setup.
 Result<Route> route_to(const std::string& ipv4);
 
-// Asks the address with a GVCP discovery command (GigE Vision 2.0, section 16.1) whether a camera listens there: true,
-// or false after about 0.7 s. Much sooner than the library's own time-out of several seconds. Thread: setup.
+// Asks the address with GigE Vision's discovery command whether a camera listens there: true, or false after about
+// 0.7 s. Much sooner than the library's own time-out of several seconds. Thread: setup.
 bool answers_gvcp(const std::string& ipv4);
 
 // The largest socket buffer that the kernel grants, bytes; 0 when it does not say. Thread: setup.

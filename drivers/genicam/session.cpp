@@ -15,6 +15,9 @@ using std::chrono::milliseconds;
 
 constexpr std::int64_t kReopenLimitNs = 8'000'000'000;  // FLIR's A6xx come back 3.5 to 5 s after a new windowing
 constexpr int kFewestBuffers = 40;
+// Without resends Aravis gives a frame up when the next one begins. The retention then only decides how long a sender
+// may pause within a frame, and a short one loses frames for nothing on a busy machine.
+constexpr int kPauseWithoutResendUs = 100'000;
 constexpr int kNiceLevel = -10;  // of the receiving thread when no real-time priority is asked for
 
 void sleep_unless(const std::atomic<bool>& stop_requested, milliseconds time) {
@@ -22,6 +25,17 @@ void sleep_unless(const std::atomic<bool>& stop_requested, milliseconds time) {
   while (!stop_requested.load(std::memory_order_relaxed) && std::chrono::steady_clock::now() < until) {
     std::this_thread::sleep_for(milliseconds(20));
   }
+}
+
+// The camera still answers and is still controlled at the end of the time.
+bool stays(const Connection& connection, int watch_ms, const std::atomic<bool>& stop_requested) {
+  const std::int64_t until_ns = monotonic_ns() + watch_ms * 1'000'000LL;
+  while (is_controlled(connection)) {
+    if (monotonic_ns() >= until_ns) return true;
+    if (stop_requested.load(std::memory_order_relaxed)) return false;
+    sleep_unless(stop_requested, milliseconds(50));
+  }
+  return false;
 }
 
 }  // namespace
@@ -33,19 +47,23 @@ Result<std::unique_ptr<Session>> Session::open(const CameraOptions& options, con
   for (;;) {
     std::vector<std::string> found;
     auto connection = connect(options);
-    Result<Negotiated> negotiated =
-        connection ? configure(*connection, options, found) : tl::unexpected<Error>(connection.error());
-    if (negotiated && !negotiated->reopen) {
+    auto negotiated = connection ? configure(*connection, options, found)
+                                 : Result<Negotiated>(tl::unexpected<Error>(connection.error()));
+    if (negotiated && negotiated->windowing_changed) {
+      if (give_up_ns == 0) give_up_ns = monotonic_ns() + kReopenLimitNs;
+      if (stays(*connection, options.windowing_watch_ms, stop_requested)) {
+        negotiated = configure(*connection, options, found);
+      }
+    }
+    if (negotiated && !negotiated->windowing_changed) {
       if (Status size = configure_packet_size(*connection, options, found); !size) {
         return tl::unexpected<Error>(std::move(size.error()));
       }
       warnings.insert(warnings.end(), found.begin(), found.end());
       return std::unique_ptr<Session>(new Session(std::move(*connection), std::move(negotiated->info), options));
     }
-    if (negotiated && give_up_ns == 0) give_up_ns = monotonic_ns() + kReopenLimitNs;
-    const bool may_retry = give_up_ns != 0 && monotonic_ns() < give_up_ns;
-    if (!may_retry || stop_requested.load(std::memory_order_relaxed)) {
-      if (negotiated) return failed("the camera does not keep the windowing that it was given: power-cycle it");
+    if (monotonic_ns() >= give_up_ns || stop_requested.load(std::memory_order_relaxed)) {
+      if (negotiated) return failed(connection->name + " does not keep the windowing that it was given");
       return tl::unexpected<Error>(std::move(negotiated.error()));
     }
     if (connection) connection->device.reset();
@@ -56,12 +74,12 @@ Result<std::unique_ptr<Session>> Session::open(const CameraOptions& options, con
 
 Session::Session(Connection connection, pipeline::SourceInfo info, const CameraOptions& options)
     : options_(options), info_(std::move(info)), connection_(std::move(connection)) {
-  g_signal_connect(connection_.device.get(), "control-lost", G_CALLBACK(&Session::on_control_lost), this);
+  g_signal_connect(connection_.device.get(), "control-lost", G_CALLBACK(&Session::on_control_lost),
+                   connection_.control_lost.get());
 }
 
 Session::~Session() {
   gate_.shut();
-  g_signal_handlers_disconnect_by_data(connection_.device.get(), this);
   running_.store(nullptr, std::memory_order_release);  // partner: drain(); buffers are not turned round any more
   const bool answers = !connection_.is_gige() || answers_gvcp(connection_.address);
   if (began_ && !control_lost() && answers) {
@@ -114,8 +132,8 @@ void Session::on_stream(void* self, ArvStreamCallbackType type, ArvBuffer*) {
 }
 
 // On the heartbeat's thread, which the device's end waits for: nothing but the flag.
-void Session::on_control_lost(ArvDevice*, void* self) {
-  static_cast<Session*>(self)->control_lost_.store(true, std::memory_order_relaxed);
+void Session::on_control_lost(ArvDevice*, void* flag) {
+  static_cast<std::atomic<bool>*>(flag)->store(true, std::memory_order_relaxed);
 }
 
 void Session::set_priority() noexcept {
@@ -176,11 +194,13 @@ void Session::tune_stream(std::vector<std::string>& warnings) {
   g_object_get(stream_.get(), "packet-resend", &able, nullptr);
   const bool resend = options_.resend && able == ARV_GV_STREAM_PACKET_RESEND_ALWAYS;
   if (options_.resend && !resend) warnings.push_back("asked for resends, the camera cannot send packets again");
+  const int retention_us =
+      resend ? options_.frame_retention_us : std::max(options_.frame_retention_us, kPauseWithoutResendUs);
   g_object_set(stream_.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
                options_.socket_buffer_bytes, "packet-resend",
                resend ? ARV_GV_STREAM_PACKET_RESEND_ALWAYS : ARV_GV_STREAM_PACKET_RESEND_NEVER, "packet-timeout",
-               static_cast<guint>(options_.packet_timeout_us), "frame-retention",
-               static_cast<guint>(options_.frame_retention_us), nullptr);
+               static_cast<guint>(options_.packet_timeout_us), "frame-retention", static_cast<guint>(retention_us),
+               nullptr);
 }
 
 // The receiving thread sets its priority first thing; waits for that so that a refusal is known.

@@ -16,7 +16,7 @@ namespace bolo::genicam {
 
 class Session {
  public:
-  // Connects and configures, again when the camera drops the connection over its new windowing (up to about 8 s).
+  // Connects and configures; again, for about 8 s, when the camera drops the connection over its new windowing.
   // stop_requested ends that early. Thread: setup.
   static Result<std::unique_ptr<Session>> open(const CameraOptions& options, const std::atomic<bool>& stop_requested,
                                                std::vector<std::string>& warnings);
@@ -27,6 +27,8 @@ class Session {
   Session& operator=(const Session&) = delete;
 
   const pipeline::SourceInfo& info() const { return info_; }
+  // The IP address of a GigE Vision camera; empty for others.
+  const std::string& address() const { return connection_.address; }
 
   // Makes Aravis's stream, its thread and its buffers; nothing flows yet. The intake outlives shut(). Thread: setup.
   Status prepare(Intake& intake, std::vector<std::string>& warnings);
@@ -38,7 +40,7 @@ class Session {
   void shut() noexcept { gate_.shut(); }
 
   // Aravis's heartbeat has failed, or another program took the camera. Thread: any.
-  bool control_lost() const noexcept { return control_lost_.load(std::memory_order_relaxed); }
+  bool control_lost() const noexcept { return connection_.control_lost->load(std::memory_order_relaxed); }
   // Since the stream was prepared. Thread: setup.
   TransportStats transport() const;
 
@@ -46,7 +48,7 @@ class Session {
   Session(Connection connection, pipeline::SourceInfo info, const CameraOptions& options);
 
   static void on_stream(void* self, ArvStreamCallbackType type, ArvBuffer* buffer);
-  static void on_control_lost(ArvDevice* device, void* self);
+  static void on_control_lost(ArvDevice* device, void* flag);
   void set_priority() noexcept;
   void drain() noexcept;
   Status create_stream(std::vector<std::string>& warnings);
@@ -58,7 +60,6 @@ class Session {
 
   const CameraOptions options_;
   const pipeline::SourceInfo info_;
-  std::atomic<bool> control_lost_{false};  // a flag and nothing else: relaxed
   std::atomic<Priority> priority_{Priority::kPending};
   bool began_ = false;
   Intake* intake_ = nullptr;

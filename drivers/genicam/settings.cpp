@@ -28,7 +28,7 @@ constexpr std::array<IrFormatEntry, 3> kIrFormats{{
 constexpr std::array<const char*, 3> kWindowings{"Off", "Half", "Quarter"};
 constexpr std::array<const char*, 5> kFrameRates{"Rate50Hz", "Rate25Hz", "Rate12Hz", "Rate6Hz", "Rate3Hz"};
 constexpr double kFullFrameRateHz = 50.0;  // Rate50Hz at full height; each step below halves it
-constexpr int kSensorRows = 480;           // when the camera does not say
+constexpr int kSensorRows = 480;           // of the A6xx series
 constexpr double kSameRate = 0.01;         // relative; closer than this is the rate that was asked for
 constexpr double kNearestRate = 0.1;       // Rate12Hz is 12.5 Hz
 constexpr int kLargestPacket = 9000;       // jumbo frames; larger ones bring nothing
@@ -66,8 +66,10 @@ LinearScale configure_ir_format(Nodes& nodes, IrFormat wanted, Warnings& warning
   return {Unit::kCount, 1.0, 0.0};
 }
 
+// At least those of the cameras that have windowing, should SensorHeight follow the window.
 int sensor_rows(Nodes& nodes) {
-  return nodes.has("SensorHeight") ? static_cast<int>(nodes.integer("SensorHeight")) : kSensorRows;
+  const int said = nodes.has("SensorHeight") ? static_cast<int>(nodes.integer("SensorHeight")) : 0;
+  return std::max(said, kSensorRows);
 }
 
 // Sets the smallest window that holds the height. True when the camera had another one before.
@@ -156,8 +158,8 @@ Result<Negotiated> configure(const Connection& connection, const CameraOptions& 
   result.info.camera_model = first_text(nodes, {"DeviceModelName"});
   result.info.camera_serial = first_text(nodes, {"DeviceSerialNumber", "DeviceID"});
 
-  result.reopen = configure_windowing(nodes, options);
-  if (result.reopen) return result;
+  result.windowing_changed = configure_windowing(nodes, options);
+  if (result.windowing_changed) return result;
   format.scale = configure_ir_format(nodes, options.ir_format, warnings);
   if (Status mono16 = configure_pixel_format(nodes); !mono16) return at(connection.name, std::move(mono16.error()));
 

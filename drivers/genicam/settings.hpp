@@ -12,8 +12,8 @@ namespace bolo::genicam {
 
 struct Negotiated {
   pipeline::SourceInfo info;  // geometry without metadata rows
-  // The camera changed its windowing and drops the connection over it: connect and configure again.
-  bool reopen = false;
+  // The camera was given another windowing, over which it may drop the connection; the rest is not configured yet.
+  bool windowing_changed = false;
 };
 
 // Touches only nodes that the camera has. A setting that it rounds, or that cannot be checked, is a warning with what

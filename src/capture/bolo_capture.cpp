@@ -79,8 +79,17 @@ Status read_attributes(const h5::Owner& root, CaptureInfo& info) {
   return {};
 }
 
-Status read_frames(hid_t file, Contents& contents) {
-  Result<FrameStore> frames = FrameStore::open(file, "/frames", FrameOrder::kFrameMajor);
+Result<FrameStore> open_frames(hid_t file, const std::string& path, bool unfinished) {
+  const h5::Expect expect = unfinished ? h5::Expect::kPart : h5::Expect::kWhole;
+  Result<FrameStore> frames = FrameStore::open(file, path, FrameOrder::kFrameMajor, expect);
+  if (!frames || !unfinished) return frames;
+  Status good = frames->drop_missing_end();
+  if (!good) return tl::unexpected<Error>(std::move(good.error()));
+  return frames;
+}
+
+Status read_frames(hid_t file, bool unfinished, Contents& contents) {
+  Result<FrameStore> frames = open_frames(file, "/frames", unfinished);
   if (!frames) return tl::unexpected<Error>(std::move(frames.error()));
   if (frames->stored_type() != "uint16" && frames->stored_type() != "float32") {
     return bad_input("/frames is of type " + frames->stored_type() + "; expected uint16 or float32");
@@ -92,9 +101,9 @@ Status read_frames(hid_t file, Contents& contents) {
   return {};
 }
 
-Status read_truth(hid_t file, Contents& contents) {
+Status read_truth(hid_t file, bool unfinished, Contents& contents) {
   if (!h5::exists(file, "/truth")) return {};
-  Result<FrameStore> truth = FrameStore::open(file, "/truth/frames", FrameOrder::kFrameMajor);
+  Result<FrameStore> truth = open_frames(file, "/truth/frames", unfinished);
   if (!truth) return tl::unexpected<Error>(std::move(truth.error()));
   if (truth->stored_type() != "float32") {
     return bad_input("/truth/frames is of type " + truth->stored_type() + "; expected float32");
@@ -110,10 +119,11 @@ Status read_truth(hid_t file, Contents& contents) {
   return {};
 }
 
-Status read_series(hid_t file, Contents& contents) {
-  Result<std::vector<double>> t = h5::read_doubles(file, "/t");
+Status read_series(hid_t file, bool unfinished, Contents& contents) {
+  const h5::Expect expect = unfinished ? h5::Expect::kPart : h5::Expect::kWhole;
+  Result<std::vector<double>> t = h5::read_doubles(file, "/t", expect);
   if (!t) return tl::unexpected<Error>(std::move(t.error()));
-  Result<std::vector<std::uint64_t>> frame_id = h5::read_counts(file, "/frame_id");
+  Result<std::vector<std::uint64_t>> frame_id = h5::read_counts(file, "/frame_id", expect);
   if (!frame_id) return tl::unexpected<Error>(std::move(frame_id.error()));
   contents.t = std::move(*t);
   contents.frame_id = std::move(*frame_id);
@@ -186,8 +196,12 @@ std::vector<Attribute> other_attributes(const h5::Owner& root) {
   return out;
 }
 
-Status read_extras(hid_t file, const h5::Owner& root, Contents& contents) {
+Status read_extras(hid_t file, const h5::Owner& root, bool unfinished, Contents& contents) {
   Result<std::vector<Event>> events = read_events(file);
+  if (!events && unfinished) {
+    contents.warnings.push_back("the recording was cut off: " + events.error().message + "; they are left out");
+    events = std::vector<Event>{};
+  }
   if (!events) return tl::unexpected<Error>(std::move(events.error()));
   Result<Stimulus> stimulus = read_stimulus(file);
   if (!stimulus) return tl::unexpected<Error>(std::move(stimulus.error()));
@@ -206,13 +220,13 @@ Result<Contents> read_bolo_capture(hid_t file, bool unfinished) {
   Status good = check_identity(root);
   if (good) good = read_attributes(root, contents.info);
   if (good) good = check_format_values(contents.info.format);
-  if (good) good = read_frames(file, contents);
-  if (good) good = read_series(file, contents);
-  if (good) good = read_truth(file, contents);
+  if (good) good = read_frames(file, unfinished, contents);
+  if (good) good = read_series(file, unfinished, contents);
+  if (good) good = read_truth(file, unfinished, contents);
   if (good) good = unfinished ? cut_to_shortest(contents) : check_lengths(contents);
   if (good) good = check_times(contents.t);
   if (good) good = check_ids(contents.frame_id);
-  if (good) good = read_extras(file, root, contents);
+  if (good) good = read_extras(file, root, unfinished, contents);
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
   check_plausible(contents);
   return contents;

@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::size_t kMostPixels = std::size_t{1} << 26;  // 64 M: beyond any thermal camera
 constexpr std::size_t kMostCache = std::size_t{128} << 20;
-constexpr std::size_t kBlockBytes = std::size_t{64} << 20;
+constexpr std::size_t kMostFramesMissing = 4096;  // of an unfinished file: more than a writer leaves unflushed
 
 hid_t memory_type(PixelType type) { return type == PixelType::kUint16 ? H5T_NATIVE_UINT16 : H5T_NATIVE_FLOAT; }
 
@@ -55,10 +55,13 @@ void pick_frame(const std::byte* block, std::size_t count, std::size_t at, std::
   for (std::size_t i = 0; i < pixels; ++i) to[i] = from[i * count + at];
 }
 
-Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder order) {
+Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder order, h5::Expect expect) {
   const char* expected = order == FrameOrder::kFrameMajor ? "(n, height, width)" : "(height, width, n)";
   if (dims.size() != 3) {
     return bad_input(path + " has the shape " + h5::text(dims) + "; expected three dimensions " + expected);
+  }
+  if (expect == h5::Expect::kPart && dims[0] == 0) {
+    return bad_input(path + " is empty: the recording was cut off before its first frame was flushed");
   }
   if (std::find(dims.begin(), dims.end(), hsize_t{0}) != dims.end()) {
     return bad_input(path + " is empty: its shape is " + h5::text(dims) + ", in the order " + expected);
@@ -72,11 +75,13 @@ Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder ord
 
 }  // namespace
 
-Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOrder order) {
-  Result<h5::Handle> dataset = h5::open_dataset(file, path);
+Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOrder order, h5::Expect expect,
+                                    std::size_t block_bytes) {
+  Result<h5::Handle> dataset = h5::open_dataset(file, path, expect);
   if (!dataset) return tl::unexpected<Error>(std::move(dataset.error()));
   const h5::Dims dims = h5::shape(dataset->get());
-  if (Status good = check_shape(path, dims, order); !good) return tl::unexpected<Error>(std::move(good.error()));
+  if (Status good = check_shape(path, dims, order, expect); !good)
+    return tl::unexpected<Error>(std::move(good.error()));
 
   FrameStore store;
   const h5::Handle type(H5Dget_type(dataset->get()));
@@ -95,7 +100,7 @@ Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOr
   const h5::Dims chunk = chunk_shape(dataset->get(), dims.size());
   const std::size_t cache = chunks_of_a_frame(dims, chunk, frame_major ? 0 : 2, H5Tget_size(type.get()));
   store.block_frames_ =
-      std::clamp(kBlockBytes / plane_bytes(store.geometry_, store.type_), std::size_t{1}, store.frames_);
+      std::clamp(block_bytes / plane_bytes(store.geometry_, store.type_), std::size_t{1}, store.frames_);
   store.dataset_ = with_cache(file, path, cache);
   if (!store.dataset_) return bad_input(path + " cannot be opened" + h5::because());
   return store;
@@ -114,6 +119,26 @@ Status FrameStore::read(std::size_t index, void* out) {
     pick_frame<std::uint16_t>(block_.data(), block_count_, at, geometry_.pixels(), out);
   } else {
     pick_frame<float>(block_.data(), block_count_, at, geometry_.pixels(), out);
+  }
+  return {};
+}
+
+// A frame that a torn index doesn't lead to is read "successfully", leaving the buffer as it was: two different buffers
+// tell.
+bool FrameStore::is_stored(std::size_t index) {
+  std::vector<std::byte> plane(plane_bytes(geometry_, type_), std::byte{0x00});
+  std::vector<std::byte> again(plane.size(), std::byte{0xFF});
+  return read_plane(index, plane.data()) && read_plane(index, again.data()) && plane == again;
+}
+
+Status FrameStore::drop_missing_end() {
+  const std::size_t declared = frames_;
+  while (frames_ > 0 && !is_stored(frames_ - 1)) {
+    --frames_;
+    if (declared - frames_ > kMostFramesMissing) {
+      return bad_input(path_ + ": the recording was cut off while its index was being written; its last " +
+                       std::to_string(kMostFramesMissing) + " frames cannot be found");
+    }
   }
   return {};
 }

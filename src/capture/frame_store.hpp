@@ -18,8 +18,15 @@ enum class FrameOrder {
 // Values leave in `type()`: uint16 stays, everything else becomes float32. Thread: any one at a time.
 class FrameStore {
  public:
-  // Any number type; whoever is stricter looks at stored_type(). Errors: kBadInput naming `path`.
-  static Result<FrameStore> open(hid_t file, const std::string& path, FrameOrder order);
+  static constexpr std::size_t kBlockBytes = std::size_t{64} << 20;
+
+  // Any number type; whoever is stricter looks at stored_type(). `block_bytes`: memory for turning MATLAB's order over.
+  // Errors: kBadInput naming `path`.
+  static Result<FrameStore> open(hid_t file, const std::string& path, FrameOrder order,
+                                 h5::Expect expect = h5::Expect::kWhole, std::size_t block_bytes = kBlockBytes);
+
+  // Of a dataset opened with Expect::kPart: drops the frames at the end that never reached the file.
+  Status drop_missing_end();
 
   std::size_t frames() const noexcept { return frames_; }
   Geometry geometry() const noexcept { return geometry_; }
@@ -32,6 +39,7 @@ class FrameStore {
  private:
   Status read_plane(std::size_t index, void* out);
   Status read_block(std::size_t index);
+  bool is_stored(std::size_t index);
 
   h5::Handle dataset_;
   std::string path_;

@@ -1,5 +1,6 @@
 #include "src/capture/h5.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -101,9 +102,39 @@ Status check_stored(hid_t dataset, hid_t properties, const std::string& path) {
   return {};
 }
 
+// Whether the first `rows` values (all of them for a MATLAB row or column) could be read.
+bool read_rows(hid_t dataset, hid_t memory_type, std::size_t rows, bool all, void* out) {
+  if (rows == 0) return true;
+  if (all) return H5Dread(dataset, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out) >= 0;
+  const hsize_t begin = 0;
+  const hsize_t count = rows;
+  const Handle from(H5Dget_space(dataset));
+  const Handle to(H5Screate_simple(1, &count, nullptr));
+  return H5Sselect_hyperslab(from.get(), H5S_SELECT_SET, &begin, nullptr, &count, nullptr) >= 0 &&
+         H5Dread(dataset, memory_type, to.get(), from.get(), H5P_DEFAULT, out) >= 0;
+}
+
+hsize_t series_chunk(hid_t dataset) {
+  const Handle properties(H5Dget_create_plist(dataset));
+  hsize_t chunk = 0;
+  if (H5Pget_layout(properties.get()) != H5D_CHUNKED || H5Pget_chunk(properties.get(), 1, &chunk) != 1) return 0;
+  return chunk;
+}
+
+// The values in the chunks that can be read, from the first on.
 template <typename T>
-Result<std::vector<T>> read_series(hid_t file, const std::string& path, hid_t memory_type) {
-  Result<Handle> dataset = open_dataset(file, path);
+std::vector<T> read_readable_part(hid_t dataset, hid_t memory_type, std::size_t values, std::size_t value_bytes) {
+  const hsize_t chunk = series_chunk(dataset);
+  std::size_t rows = std::min<std::size_t>(values, H5Dget_storage_size(dataset) / value_bytes);
+  std::vector<T> out(rows);
+  while (!read_rows(dataset, memory_type, rows, false, out.data())) rows = chunk > 0 ? (rows - 1) / chunk * chunk : 0;
+  out.resize(rows);
+  return out;
+}
+
+template <typename T>
+Result<std::vector<T>> read_series(hid_t file, const std::string& path, Expect expect, hid_t memory_type) {
+  Result<Handle> dataset = open_dataset(file, path, expect);
   if (!dataset) return tl::unexpected<Error>(std::move(dataset.error()));
   const Handle type(H5Dget_type(dataset->get()));
   if (!is_number(type.get())) return bad_input(path + " is of type " + type_text(type.get()) + "; expected numbers");
@@ -113,8 +144,11 @@ Result<std::vector<T>> read_series(hid_t file, const std::string& path, hid_t me
   if (dims.size() != 1 && !vector_of_matlab) {
     return bad_input(path + " has the shape " + text(dims) + "; expected one dimension");
   }
+  if (expect == Expect::kPart && dims.size() == 1) {
+    return read_readable_part<T>(dataset->get(), memory_type, values, H5Tget_size(type.get()));
+  }
   std::vector<T> out(values);
-  if (values > 0 && H5Dread(dataset->get(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out.data()) < 0) {
+  if (!read_rows(dataset->get(), memory_type, values, true, out.data())) {
     return bad_input(path + " cannot be read" + because());
   }
   return out;
@@ -241,7 +275,7 @@ bool exists(hid_t file, const std::string& path) {
   }
 }
 
-Result<Handle> open_dataset(hid_t file, const std::string& path) {
+Result<Handle> open_dataset(hid_t file, const std::string& path, Expect expect) {
   if (!exists(file, path)) return bad_input("dataset " + path + " is missing");
   Handle object(H5Oopen(file, path.c_str(), H5P_DEFAULT));
   if (!object) return bad_input(path + " cannot be opened" + because());
@@ -251,7 +285,7 @@ Result<Handle> open_dataset(hid_t file, const std::string& path) {
   const Handle properties(H5Dget_create_plist(object.get()));
   if (!properties) return bad_input(path + " cannot be opened" + because());
   Status good = check_filters(properties.get(), path);
-  if (good) good = check_stored(object.get(), properties.get(), path);
+  if (good && expect == Expect::kWhole) good = check_stored(object.get(), properties.get(), path);
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
   return object;
 }
@@ -264,12 +298,12 @@ Dims shape(hid_t dataset) {
   return dims;
 }
 
-Result<std::vector<double>> read_doubles(hid_t file, const std::string& path) {
-  return read_series<double>(file, path, H5T_NATIVE_DOUBLE);
+Result<std::vector<double>> read_doubles(hid_t file, const std::string& path, Expect expect) {
+  return read_series<double>(file, path, expect, H5T_NATIVE_DOUBLE);
 }
 
-Result<std::vector<std::uint64_t>> read_counts(hid_t file, const std::string& path) {
-  return read_series<std::uint64_t>(file, path, H5T_NATIVE_UINT64);
+Result<std::vector<std::uint64_t>> read_counts(hid_t file, const std::string& path, Expect expect) {
+  return read_series<std::uint64_t>(file, path, expect, H5T_NATIVE_UINT64);
 }
 
 }  // namespace bolo::capture::h5

@@ -4,6 +4,7 @@
 #include <hdf5.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
@@ -85,13 +86,19 @@ bool write_attribute(hid_t owner, const std::string& name, const std::string& va
 // Whether every group on the way and the item itself is there. `path` starts with "/". Thread: any one at a time.
 bool exists(hid_t file, const std::string& path);
 
-// The dataset, checked to be readable: a simple shape, filters that this library has, and as much stored data as the
-// declared shape needs (so that a forged shape cannot make a reader allocate at will). Thread: any one at a time.
-Result<Handle> open_dataset(hid_t file, const std::string& path);
+enum class Expect {
+  kWhole,  // as much stored data as the shape needs, so that a forged shape cannot make a reader allocate at will
+  kPart,   // the end may be missing; the caller looks before it reads
+};
+
+// The dataset, checked to be readable: a shape, filters that this library has, and the data that `expect` says.
+// Thread: any one at a time.
+Result<Handle> open_dataset(hid_t file, const std::string& path, Expect expect = Expect::kWhole);
 Dims shape(hid_t dataset);
 
-// All values of a 1-dimensional dataset of numbers (a MATLAB row or column passes too). Thread: any one at a time.
-Result<std::vector<double>> read_doubles(hid_t file, const std::string& path);
-Result<std::vector<std::uint64_t>> read_counts(hid_t file, const std::string& path);
+// All values of a 1-dimensional dataset of numbers (a MATLAB row or column passes too), with Expect::kPart as many as
+// can be read. Thread: any one at a time.
+Result<std::vector<double>> read_doubles(hid_t file, const std::string& path, Expect expect = Expect::kWhole);
+Result<std::vector<std::uint64_t>> read_counts(hid_t file, const std::string& path, Expect expect = Expect::kWhole);
 
 }  // namespace bolo::capture::h5

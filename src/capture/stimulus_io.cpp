@@ -63,7 +63,7 @@ Status absolute_temperature(const char* name, double kelvin) {
 template <typename... Statuses>
 Status first_error(Statuses... statuses) {
   Status out;
-  ((out = out ? std::move(statuses) : std::move(out)), ...);
+  ((out = out ? std::move(statuses) : out), ...);
   return out;
 }
 

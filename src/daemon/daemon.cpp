@@ -4,6 +4,7 @@
 #include <signal.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
@@ -27,10 +28,10 @@ sigset_t our_signals() {
   return signals;
 }
 
-std::string memory_limit() {
+rlim_t memory_limit() {
   rlimit limit{};
   getrlimit(RLIMIT_MEMLOCK, &limit);
-  return limit.rlim_cur == RLIM_INFINITY ? "unlimited" : std::to_string(limit.rlim_cur >> 10) + " KiB";
+  return limit.rlim_cur;
 }
 
 }  // namespace
@@ -53,14 +54,13 @@ struct Daemon::Impl {
   Status result;  // of the pipeline; written before `ended`, read after the thread is joined
 
   std::size_t warnings_told = 0;
-  bool memory_done = false;
 
   Status compose();
   void watch();
   bool take_signal();
   void look(Health& health);
   void tell_camera_warnings();
-  void lock_memory();
+  void lock_memory() const;
   void tell_end() const;
 };
 
@@ -101,12 +101,15 @@ void Daemon::Impl::tell_camera_warnings() {
   for (; warnings_told < warnings.size(); ++warnings_told) log->warn(warnings[warnings_told]);
 }
 
-// Once frames flow: by then every thread and buffer exists, and nothing is taken afterwards.
-void Daemon::Impl::lock_memory() {
-  memory_done = true;
-  if (!config.lock_memory || mlockall(MCL_CURRENT) == 0) return;
-  log->warn("memory is not locked ({}): raise LimitMEMLOCK (ulimit -l, now {}), or set pipeline.lock_memory = false",
-            std::strerror(errno), memory_limit());
+// Before frames flow, for locking stalls whoever touches new memory meanwhile. What threads and drivers take later is
+// locked too, unless a limit could then make their allocations fail.
+void Daemon::Impl::lock_memory() const {
+  if (!config.lock_memory) return;
+  const bool unlimited = memory_limit() == RLIM_INFINITY || geteuid() == 0;
+  if (mlockall(unlimited ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0) return;
+  log->warn(
+      "memory is not locked ({}): raise LimitMEMLOCK (ulimit -l, now {} KiB), or set pipeline.lock_memory = false",
+      std::strerror(errno), memory_limit() >> 10);
 }
 
 void Daemon::Impl::look(Health& health) {
@@ -120,7 +123,6 @@ void Daemon::Impl::look(Health& health) {
     log->log(notice.warning ? spdlog::level::warn : spdlog::level::info, notice.text);
   }
   tell_camera_warnings();
-  if (!memory_done && now.received > 0) lock_memory();
 }
 
 void Daemon::Impl::watch() {
@@ -154,6 +156,7 @@ Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::
 Status Daemon::run() {
   Impl& self = *impl_;
   self.log->info("{}: {}", self.config.name, describe(self.config, *self.pipeline));
+  self.lock_memory();
   std::thread runner([&self] {
     self.result = self.pipeline->run(self.stop_requested);
     self.ended.store(true, std::memory_order_release);  // partner: the load in watch()

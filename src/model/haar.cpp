@@ -11,7 +11,6 @@ namespace {
 
 constexpr double kHalf = 1.0 / std::numbers::sqrt2;
 
-bool power_of_two(std::size_t n) { return n > 0 && (n & (n - 1)) == 0; }
 
 }  // namespace
 
@@ -24,7 +23,7 @@ Eigen::MatrixXd haar_matrix(int bins) {
 }
 
 void haar_forward(std::span<double> values) {
-  assert(power_of_two(values.size()));
+  assert(std::has_single_bit(values.size()));
   std::vector<double> next(values.size());
   for (std::size_t sums = values.size() / 2; sums > 0; sums /= 2) {
     for (std::size_t k = 0; k < sums; ++k) {
@@ -36,7 +35,7 @@ void haar_forward(std::span<double> values) {
 }
 
 void haar_inverse(std::span<double> values) {
-  assert(power_of_two(values.size()));
+  assert(std::has_single_bit(values.size()));
   std::vector<double> next(values.size());
   for (std::size_t sums = 1; sums < values.size(); sums *= 2) {
     for (std::size_t k = 0; k < sums; ++k) {

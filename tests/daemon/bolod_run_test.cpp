@@ -159,7 +159,7 @@ TEST_F(BolodRun, AKilledDaemonIsFollowedByAnother) {
   ReadFrame frame;
   ASSERT_TRUE(eventually([&] {
     auto reader = ShmReader::open(name_);
-    return reader && !reader->closed() && reader->read(0, frame, 100) == Outcome::kFrame;
+    return reader && reader->header().writer_pid == second->pid() && reader->read(0, frame, 100) == Outcome::kFrame;
   })) << second->err();
   second->signal(SIGTERM);
   EXPECT_EQ(second->wait(), 0);

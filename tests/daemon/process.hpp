@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cstdint>
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -40,6 +41,7 @@ class Process {
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
+  std::uint32_t pid() const { return static_cast<std::uint32_t>(pid_); }
   void signal(int number) const { kill(pid_, number); }
 
   // The exit code, or 128 + the signal that ended it.

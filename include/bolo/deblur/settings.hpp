@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "bolo/core/result.hpp"
-#include "bolo/model/bolometer.hpp"
+#include "bolo/model/a655sc.hpp"
 
 namespace bolo::deblur {
 
@@ -26,7 +26,7 @@ struct Settings {
   int window = 17;  // frames; window - 1 (a power of two) constraints
   int levels = 7;   // n: 2^n bins in the window
   double kappa = 0.1;
-  double lambda = 0.002;  // in kelvin, or in counts for a capture that has no kelvin
+  double lambda = 0.001;  // in kelvin, or in counts for a capture that has no kelvin
   int iterations = 0;     // ADMM; 0: as many as the accuracy needs at this lambda
   int lookahead = 0;      // L: the window ends L frames after the frame that is estimated
 

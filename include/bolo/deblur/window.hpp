@@ -45,11 +45,37 @@ class Window {
   // The next frame to publish, oldest first; false when none is ready. Thread: pipeline.
   bool next(Ready& ready) noexcept;
 
-  // Memory no longer needed since the last call; valid until the next push(). Thread: pipeline.
-  std::span<const std::uint32_t> released() noexcept;
+  // Tokens of the planes that left the window since the last push() or finish(), complete once next() returned false;
+  // valid until the next push() or finish(). Thread: pipeline.
+  std::span<const std::uint32_t> released() const noexcept { return released_; }
 
-  // The most planes it ever holds at once.
-  int slots() const noexcept;
+  // The most planes it ever holds at once: the window and the frame on its way in.
+  int slots() const noexcept { return static_cast<int>(places_.size()) + 1; }
+
+ private:
+  struct Place {
+    WindowFrame frame;
+    bool taken = false;
+  };
+
+  std::int64_t steps_to(const FrameMeta& meta, bool& off_grid) const noexcept;
+  void finish_window() noexcept;
+  void advance() noexcept;
+  void clear() noexcept;
+  bool show_target(Ready& ready, bool full) noexcept;
+  Place& place(std::size_t from_oldest) noexcept { return places_[(oldest_ + from_oldest) % places_.size()]; }
+
+  std::size_t target_;  // the place that is estimated, counted from the oldest
+  double period_ns_;
+  std::vector<Place> places_;  // a ring, one place a period; the oldest is places_[oldest_]
+  std::size_t oldest_ = 0;
+  std::size_t covered_ = 0;  // periods since the window was emptied, at most places_.size()
+  FrameMeta last_;           // of the newest frame in the window
+  WindowFrame incoming_;
+  std::int64_t steps_left_ = 0;      // until incoming_ stands in the newest place
+  std::size_t drain_left_ = 0;       // steps until no frame waits for its look-ahead any more; then the window empties
+  std::vector<const void*> planes_;  // what Ready::view shows
+  std::vector<std::uint32_t> released_;
 };
 
 }  // namespace bolo::deblur

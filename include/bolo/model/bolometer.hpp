@@ -7,9 +7,6 @@
 
 namespace bolo::model {
 
-inline constexpr double kA655scTau = 0.011;     // s, the paper's measurement
-inline constexpr double kA655scPeriod = 0.005;  // s, 640x120 at 200 Hz
-
 // V of Theorem 1 (rows x bins). The input is constant over `bins` equal parts of [t.front(), t.back()]; row j belongs
 // to the sample at t[j + 1]:
 //   y(t[j+1]) = y(t[0]) exp(-(t[j+1] - t[0]) / tau) + sum_k V(j, k) x_k.

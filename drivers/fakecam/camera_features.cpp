@@ -1,0 +1,213 @@
+#include "drivers/fakecam/camera_features.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "drivers/fakecam/gvsp.hpp"
+
+namespace bolo::fakecam {
+namespace {
+
+constexpr float kMaxRateHz = 10'000.0F;
+constexpr float kMinRateHz = 0.01F;
+constexpr std::uint32_t kSingleFrame = 1;
+constexpr std::uint32_t kRate50Hz = 0;
+
+// The measurement ranges of an A655sc: -40..150, 100..650 and 300..2000 degrees Celsius.
+struct Range {
+  float low_k;
+  float high_k;
+};
+constexpr std::array<Range, 3> kCases{{{233.15F, 423.15F}, {373.15F, 923.15F}, {573.15F, 2273.15F}}};
+
+struct FloatFeature {
+  std::uint32_t address;
+  float value;
+  float min;
+  float max;
+};
+// Emissivity and transmission 1: temperatures are those of a black body, as the paper sets them.
+constexpr std::array<FloatFeature, 8> kObjectParameters{{{reg::kReflectedTemperature, 293.15F, 0.0F, 5000.0F},
+                                                         {reg::kAtmosphericTemperature, 293.15F, 0.0F, 5000.0F},
+                                                         {reg::kObjectDistance, 1.0F, 0.0F, 10000.0F},
+                                                         {reg::kObjectEmissivity, 1.0F, 0.001F, 1.0F},
+                                                         {reg::kRelativeHumidity, 0.5F, 0.0F, 1.0F},
+                                                         {reg::kExtOpticsTemperature, 293.15F, 0.0F, 5000.0F},
+                                                         {reg::kExtOpticsTransmission, 1.0F, 0.001F, 1.0F},
+                                                         {reg::kEstimatedTransmission, 1.0F, 0.0F, 1.0F}}};
+
+std::uint32_t centred(std::uint32_t sensor_size, std::uint32_t size) { return (sensor_size - size) / 2; }
+
+}  // namespace
+
+CameraFeatures::CameraFeatures(RegisterMap& registers, Counters& counters, const StreamFormat& format, Geometry sensor,
+                               double rate_hz, Actions actions)
+    : registers_(registers),
+      counters_(counters),
+      sensor_(sensor),
+      actions_(std::move(actions)),
+      capture_rate_hz_(static_cast<float>(1.0 / format.frame_period_s)) {
+  fill_image(rate_hz);
+  fill_infrared(format.scale.unit);
+  fill_object_parameters();
+  fill_cases();
+  fill_planck();
+}
+
+void CameraFeatures::fill_image(double rate_hz) {
+  const auto width = static_cast<std::uint32_t>(sensor_.width);
+  const auto height = static_cast<std::uint32_t>(sensor_.height);
+  registers_.set(reg::kSensorWidth, width);
+  registers_.set(reg::kSensorHeight, height);
+  registers_.set(reg::kWidth, width);
+  registers_.set(reg::kHeight, height);
+  registers_.set(reg::kPixelFormat, gvsp::kMono16);
+  registers_.set_float(reg::kFrameRate, static_cast<float>(rate_hz));
+  update_payload();
+
+  image_register(reg::kWidth, [this, width](std::uint32_t value) {
+    return write_size(reg::kOffsetX, width, offset_x_given_, value);
+  });
+  image_register(reg::kHeight, [this, height](std::uint32_t value) {
+    return write_size(reg::kOffsetY, height, offset_y_given_, value);
+  });
+  image_register(reg::kOffsetX, [this, width](std::uint32_t value) -> WriteOutcome {
+    if (value > width - registers_.get(reg::kWidth)) return refuse(gvcp::Status::kInvalidParameter);
+    offset_x_given_ = true;
+    return value;
+  });
+  image_register(reg::kOffsetY, [this, height](std::uint32_t value) -> WriteOutcome {
+    if (value > height - registers_.get(reg::kHeight)) return refuse(gvcp::Status::kInvalidParameter);
+    offset_y_given_ = true;
+    return value;
+  });
+  registers_.writable_range(reg::kPixelFormat, gvsp::kMono16, gvsp::kMono16);
+  registers_.writable_float(reg::kFrameRate, kMinRateHz, kMaxRateHz);
+  registers_.writable_range(reg::kAcquisitionMode, 0, kSingleFrame);
+  registers_.writable_range(reg::kParametersLocked, 0, 1);
+  registers_.writable_range(reg::kTriggerSelector, 0, 0);
+  registers_.writable_range(reg::kTriggerMode, 0, 0);
+  registers_.writable(reg::kAcquisitionStart, [this](std::uint32_t) -> WriteOutcome {
+    const auto status = actions_.start();
+    if (status != gvcp::Status::kSuccess) return refuse(status);
+    return 0U;
+  });
+  command(reg::kAcquisitionStop, [this] { actions_.stop(); });
+}
+
+// Width or Height: an offset that was not given follows, so that the window stays in the middle.
+WriteOutcome CameraFeatures::write_size(std::uint32_t offset_register, std::uint32_t sensor_size, bool offset_given,
+                                        std::uint32_t value) {
+  if (value == 0 || value > sensor_size) return refuse(gvcp::Status::kInvalidParameter);
+  const std::uint32_t room = sensor_size - value;
+  const std::uint32_t offset = registers_.get(offset_register);
+  registers_.set(offset_register, offset_given ? std::min(offset, room) : centred(sensor_size, value));
+  const bool is_width = offset_register == reg::kOffsetX;
+  registers_.set(is_width ? reg::kWidth : reg::kHeight, value);
+  update_payload();
+  return value;
+}
+
+// Off, Half, Quarter: all columns, the middle rows.
+WriteOutcome CameraFeatures::write_windowing(std::uint32_t value) {
+  if (value > 2) return refuse(gvcp::Status::kInvalidParameter);
+  const auto sensor_rows = static_cast<std::uint32_t>(sensor_.height);
+  const std::uint32_t rows = std::max(sensor_rows >> value, 1U);
+  offset_y_given_ = false;
+  registers_.set(reg::kHeight, rows);
+  registers_.set(reg::kOffsetY, centred(sensor_rows, rows));
+  update_payload();
+  return value;
+}
+
+void CameraFeatures::update_payload() {
+  registers_.set(reg::kPayloadSize, registers_.get(reg::kWidth) * registers_.get(reg::kHeight) * 2);
+}
+
+void CameraFeatures::fill_infrared(Unit unit) {
+  const auto format = unit == Unit::kKelvin ? IrFormat::kTemperatureLinear10mK : IrFormat::kRadiometric;
+  registers_.set(reg::kIrFormat, static_cast<std::uint32_t>(format));
+  image_register(reg::kIrFormat, [](std::uint32_t value) -> WriteOutcome {
+    if (value > static_cast<std::uint32_t>(IrFormat::kTemperatureLinear10mK)) {
+      return refuse(gvcp::Status::kInvalidParameter);
+    }
+    return value;
+  });
+  image_register(reg::kIrWindowing, [this](std::uint32_t value) { return write_windowing(value); });
+  registers_.set(reg::kIrFrameRate, kRate50Hz);
+  registers_.writable_range(reg::kIrFrameRate, kRate50Hz, 4);  // kept only: the capture sets the pace
+  registers_.set(reg::kNucMode, 1);
+  registers_.writable_range(reg::kNucMode, 0, 1);
+  command(reg::kNucAction, [this] {
+    registers_.set(reg::kNucCount, registers_.get(reg::kNucCount) + 1);
+    Counters::add(counters_.nuc_actions);
+  });
+  command(reg::kAutoFocus, [] {});
+  registers_.writable_range(reg::kFocusPosition, 0, 0xffff);
+  registers_.set_float(reg::kDeviceTemperature, 35.0F);
+}
+
+void CameraFeatures::fill_object_parameters() {
+  for (const auto& parameter : kObjectParameters) {
+    registers_.set_float(parameter.address, parameter.value);
+    registers_.writable_float(parameter.address, parameter.min, parameter.max);
+  }
+}
+
+void CameraFeatures::fill_cases() {
+  const auto show = [this](std::uint32_t which) {
+    registers_.set_float(reg::kQueryCaseLowLimit, kCases[which].low_k);
+    registers_.set_float(reg::kQueryCaseHighLimit, kCases[which].high_k);
+  };
+  registers_.set(reg::kNumCases, kCases.size());
+  registers_.writable(reg::kQueryCase, [show](std::uint32_t value) -> WriteOutcome {
+    if (value >= kCases.size()) return refuse(gvcp::Status::kInvalidParameter);
+    show(value);
+    return value;
+  });
+  registers_.writable_range(reg::kCurrentCase, 0, kCases.size() - 1);
+  show(0);
+}
+
+void CameraFeatures::fill_planck() {
+  registers_.set(reg::kPlanckR, static_cast<std::uint32_t>(kPlanck.r));
+  registers_.set(reg::kPlanckJ0, static_cast<std::uint32_t>(kPlanck.j0));
+  registers_.set_float(reg::kPlanckB, static_cast<float>(kPlanck.b));
+  registers_.set_float(reg::kPlanckF, static_cast<float>(kPlanck.f));
+  registers_.set_float(reg::kPlanckJ1, static_cast<float>(kPlanck.j1));
+  registers_.set_float(reg::kAtmosphereX, 1.9F);
+  registers_.set_float(reg::kAlpha1, 0.006569F);
+  registers_.set_float(reg::kAlpha2, 0.01262F);
+  registers_.set_float(reg::kBeta1, -0.002276F);
+  registers_.set_float(reg::kBeta2, -0.00667F);
+}
+
+void CameraFeatures::image_register(std::uint32_t address, WriteRule rule) {
+  registers_.writable(address, [this, rule = std::move(rule)](std::uint32_t value) -> WriteOutcome {
+    if (actions_.streaming()) return refuse(gvcp::Status::kBusy);
+    return rule(value);
+  });
+}
+
+void CameraFeatures::command(std::uint32_t address, std::function<void()> action) {
+  registers_.writable(address, [action = std::move(action)](std::uint32_t) -> WriteOutcome {
+    action();
+    return 0U;
+  });
+}
+
+Region CameraFeatures::region() const {
+  const auto value = [this](std::uint32_t address) { return static_cast<int>(registers_.get(address)); };
+  return {value(reg::kOffsetX), value(reg::kOffsetY), value(reg::kWidth), value(reg::kHeight)};
+}
+
+IrFormat CameraFeatures::ir_format() const { return static_cast<IrFormat>(registers_.get(reg::kIrFormat)); }
+
+double CameraFeatures::rate_hz() const {
+  const float rate = registers_.get_float(reg::kFrameRate);
+  return rate == capture_rate_hz_ ? 0.0 : static_cast<double>(rate);
+}
+
+bool CameraFeatures::single_frame() const { return registers_.get(reg::kAcquisitionMode) == kSingleFrame; }
+
+}  // namespace bolo::fakecam

@@ -1,0 +1,69 @@
+// The camera's side of the registers: their first values, what a write to each does, and what they say at
+// AcquisitionStart.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "bolo/core/plane.hpp"
+#include "drivers/fakecam/counts.hpp"
+#include "drivers/fakecam/register_map.hpp"
+#include "drivers/fakecam/stats.hpp"
+
+namespace bolo::fakecam {
+
+struct Identity {
+  std::string serial;     // at most 15 characters
+  std::string user_name;  // at most 15 characters
+  std::uint32_t address = 0;
+  std::uint32_t netmask = 0;
+  std::size_t description_bytes = 0;
+};
+
+// The bootstrap registers that never change, and those that only keep what is written to them. Thread: setup.
+void fill_bootstrap(RegisterMap& registers, const Identity& identity);
+
+// Image, acquisition and infrared features. Thread: one at a time; control once the camera runs.
+class CameraFeatures {
+ public:
+  // What a command register starts. A refusal is the write's answer.
+  struct Actions {
+    std::function<gvcp::Status()> start;
+    std::function<void()> stop;
+    std::function<bool()> streaming;  // image registers are locked meanwhile
+  };
+
+  // `format`: of the capture; `sensor`: its part that is served; `rate_hz`: the pace until a client writes another.
+  CameraFeatures(RegisterMap& registers, Counters& counters, const StreamFormat& format, Geometry sensor,
+                 double rate_hz, Actions actions);
+
+  // What a stream that starts now shows, in the sensor's coordinates.
+  Region region() const;
+  IrFormat ir_format() const;
+  double rate_hz() const;  // 0: the capture's own
+  bool single_frame() const;
+
+ private:
+  void fill_image(double rate_hz);
+  void fill_infrared(Unit unit);
+  void fill_object_parameters();
+  void fill_cases();
+  void fill_planck();
+
+  WriteOutcome write_size(std::uint32_t offset_register, std::uint32_t sensor_size, bool offset_given,
+                          std::uint32_t value);
+  WriteOutcome write_windowing(std::uint32_t value);
+  void update_payload();
+  void image_register(std::uint32_t address, WriteRule rule);  // refuses while streaming
+  void command(std::uint32_t address, std::function<void()> action);
+
+  RegisterMap& registers_;
+  Counters& counters_;
+  Geometry sensor_;
+  Actions actions_;
+  float capture_rate_hz_;        // as the register holds it
+  bool offset_x_given_ = false;  // otherwise the window is centred
+  bool offset_y_given_ = false;
+};
+
+}  // namespace bolo::fakecam

@@ -1,0 +1,37 @@
+// The camera's ear: a thread that receives GVCP packets, unicast and broadcast, and sends the answers.
+#pragma once
+
+#include <functional>
+#include <thread>
+#include <vector>
+
+#include "bolo/core/result.hpp"
+#include "drivers/fakecam/command_handler.hpp"
+#include "drivers/fakecam/network.hpp"
+
+namespace bolo::fakecam {
+
+class ControlServer {
+ public:
+  // Binds the sockets; nothing is received before run(). Errors: the address is taken. Thread: setup.
+  static Result<ControlServer> bind(const LocalAddress& local, std::uint16_t port);
+
+  // Whether discovery by broadcast can find the camera; by its address it is found in any case.
+  bool hears_broadcasts() const { return broadcast_sockets_.size() == 2; }
+
+  // Serves until a byte of event arrives at `stop_event`. `handler` is used by this thread alone. Thread: control.
+  void run(CommandHandler& handler, int stop_event);
+
+  // Frees the address. Thread: setup, after run() has returned.
+  void close() noexcept;
+
+ private:
+  ControlServer() = default;
+  void receive(int socket, bool broadcast, CommandHandler& handler);
+
+  LocalAddress local_;
+  UniqueFd socket_;
+  std::vector<UniqueFd> broadcast_sockets_;
+};
+
+}  // namespace bolo::fakecam

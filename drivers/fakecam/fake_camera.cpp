@@ -1,0 +1,228 @@
+#include "drivers/fakecam/fake_camera.hpp"
+
+#include <pthread.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <thread>
+
+#include "bolo/core/clock.hpp"
+#include "drivers/fakecam/camera_features.hpp"
+#include "drivers/fakecam/control_server.hpp"
+#include "drivers/fakecam/description.hpp"
+#include "drivers/fakecam/stream_session.hpp"
+
+namespace bolo::fakecam {
+namespace {
+
+constexpr std::size_t kMaxNameLength = 15;
+
+Status check_names(const FakeCameraOptions& options) {
+  for (const auto* name : {&options.serial, &options.user_name}) {
+    if (name->size() > kMaxNameLength) {
+      return bad_input("the camera's name '" + *name + "' is too long; GigE Vision has room for 15 characters");
+    }
+  }
+  return {};
+}
+
+Result<Region> sensor_of(const FakeCameraOptions& options, const FrameProvider& provider) {
+  const Geometry whole = provider.format().geometry;
+  const Region region = options.crop.value_or(Region{0, 0, whole.width, whole.height});
+  if (region.inside(whole)) return region;
+  return bad_input("the crop " + std::to_string(region.x) + "," + std::to_string(region.y) + "," +
+                   std::to_string(region.width) + "," + std::to_string(region.height) +
+                   " lies outside the capture's frames of " + std::to_string(whole.width) + "x" +
+                   std::to_string(whole.height));
+}
+
+// Clients tell cameras apart by their serial numbers, so that an invented one follows the address.
+std::string serial_of(const FakeCameraOptions& options, const FrameProvider& provider, std::uint32_t address) {
+  if (!options.serial.empty()) return options.serial;
+  std::string serial = provider.serial().substr(0, kMaxNameLength);
+  if (!serial.empty()) return serial;
+  std::array<char, kMaxNameLength + 1> invented{};
+  std::snprintf(invented.data(), invented.size(), "BOLO%08x", address);
+  return invented.data();
+}
+
+}  // namespace
+
+// Everything below runs on the control thread once it is there; the stream has threads of its own.
+struct FakeCamera::Impl {
+  Impl(const FakeCameraOptions& options_in, std::unique_ptr<FrameProvider> provider_in, Region sensor_in,
+       ControlServer server_in, UniqueFd stream_socket_in, UniqueFd stop_event_in, const LocalAddress& local);
+
+  gvcp::Status start_stream();
+  void stop_stream();
+  bool streaming() const { return session && session->running(); }
+  WriteOutcome write_packet_size(std::uint32_t value);
+  WriteOutcome write_timestamp_control(std::uint32_t value);
+  void fire_test_packet(std::uint32_t packet_size);
+  PacketRoute route() const;
+  void serve();
+
+  const FakeCameraOptions options;
+  const std::unique_ptr<FrameProvider> provider;
+  const Region sensor;  // in the capture's coordinates
+  const std::string serial;
+  Counters counters;
+  RegisterMap registers{description()};
+  CameraFeatures features;
+  CommandHandler handler;
+  ControlServer server;
+  UniqueFd stream_socket;
+  UniqueFd stop_event;
+  std::unique_ptr<StreamSession> session;  // the last one stays for resends
+  std::int64_t clock_origin_ns = monotonic_ns();
+  Status result;
+  std::thread thread;
+};
+
+FakeCamera::Impl::Impl(const FakeCameraOptions& options_in, std::unique_ptr<FrameProvider> provider_in,
+                       Region sensor_in, ControlServer server_in, UniqueFd stream_socket_in, UniqueFd stop_event_in,
+                       const LocalAddress& local)
+    : options(options_in),
+      provider(std::move(provider_in)),
+      sensor(sensor_in),
+      serial(serial_of(options, *provider, local.address)),
+      features(registers, counters, provider->format(), {sensor.width, sensor.height},
+               options.rate_hz > 0.0 ? options.rate_hz : 1.0 / provider->format().frame_period_s,
+               {[this] { return start_stream(); }, [this] { stop_stream(); }, [this] { return streaming(); }}),
+      handler(registers, counters,
+              {[this](const ResendRequest& r) {
+                 if (session) session->resend(r.block_id, r.first_packet, r.last_packet);
+               },
+               [this] { stop_stream(); }}),
+      server(std::move(server_in)),
+      stream_socket(std::move(stream_socket_in)),
+      stop_event(std::move(stop_event_in)) {
+  fill_bootstrap(registers, {serial, options.user_name, local.address, local.netmask, description().size()});
+  registers.set(reg::kStreamSourcePort, bound_port(stream_socket.get()));
+  registers.writable(reg::kStreamPacketSize, [this](std::uint32_t value) { return write_packet_size(value); });
+  registers.writable(reg::kTimestampControl, [this](std::uint32_t value) { return write_timestamp_control(value); });
+}
+
+PacketRoute FakeCamera::Impl::route() const {
+  PacketRoute route;
+  route.socket = stream_socket.get();
+  route.destination =
+      socket_address(registers.get(reg::kStreamAddress), static_cast<std::uint16_t>(registers.get(reg::kStreamPort)));
+  route.packet_size = registers.get(reg::kStreamPacketSize) & reg::kPacketSizeMask;
+  route.packet_delay_ns = registers.get(reg::kStreamPacketDelay);
+  route.burst_gap_ns = options.burst_gap_ns;
+  return route;
+}
+
+gvcp::Status FakeCamera::Impl::start_stream() {
+  if (streaming()) return gvcp::Status::kSuccess;
+  StreamPlan plan;
+  plan.route = route();
+  if (plan.route.destination.sin_port == 0 || plan.route.destination.sin_addr.s_addr == 0) {
+    return gvcp::Status::kWrongConfig;  // the stream channel is closed
+  }
+  plan.shown = features.region();
+  plan.region = {sensor.x + plan.shown.x, sensor.y + plan.shown.y, plan.shown.width, plan.shown.height};
+  plan.ir_format = features.ir_format();
+  plan.rate_hz = features.rate_hz();
+  plan.frames = features.single_frame() ? 1 : options.laps * provider->frame_ids().size();
+  plan.keep_frames = options.keep_frames;
+  stop_stream();
+  session = std::make_unique<StreamSession>(plan, *provider, counters);
+  return gvcp::Status::kSuccess;
+}
+
+void FakeCamera::Impl::stop_stream() {
+  if (!session) return;
+  session->stop();
+  if (!session->result()) result = session->result();
+}
+
+// The size itself, whether packets may be fragmented, and a test packet with which the client probes the link.
+WriteOutcome FakeCamera::Impl::write_packet_size(std::uint32_t value) {
+  const std::uint32_t size = value & reg::kPacketSizeMask;
+  if (size < gvsp::kMinPacketSize || size > gvsp::kMaxPacketSize) return refuse(gvcp::Status::kInvalidParameter);
+  set_do_not_fragment(stream_socket.get(), (value & reg::kDoNotFragment) != 0);
+  if ((value & reg::kFireTestPacket) != 0) fire_test_packet(size);
+  return value & (reg::kPacketSizeMask | reg::kDoNotFragment);
+}
+
+void FakeCamera::Impl::fire_test_packet(std::uint32_t packet_size) {
+  const sockaddr_in to = route().destination;
+  if (to.sin_port == 0) return;
+  std::vector<std::uint8_t> packet(packet_size - gvsp::kUdpOverhead, 0);
+  gvsp::write_header(packet, gvcp::Status::kSuccess, 0, gvsp::Content::kPayload, 0);
+  // A packet that the link doesn't carry is refused here; the client then sees nothing, which is the test's answer.
+  sendto(stream_socket.get(), packet.data(), packet.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof(to));
+}
+
+WriteOutcome FakeCamera::Impl::write_timestamp_control(std::uint32_t value) {
+  const std::int64_t now_ns = monotonic_ns();
+  if ((value & reg::kTimestampReset) != 0) clock_origin_ns = now_ns;
+  if ((value & reg::kTimestampLatch) != 0) {
+    const std::uint64_t camera_ns =
+        streaming() ? session->camera_time_ns(now_ns) : static_cast<std::uint64_t>(now_ns - clock_origin_ns);
+    registers.set(reg::kTimestampHigh, static_cast<std::uint32_t>(camera_ns >> 32U));
+    registers.set(reg::kTimestampLow, static_cast<std::uint32_t>(camera_ns & 0xffffffffU));
+  }
+  return 0U;
+}
+
+void FakeCamera::Impl::serve() {
+  pthread_setname_np(pthread_self(), "fakecam-control");
+  server.run(handler, stop_event.get());
+  stop_stream();
+}
+
+Result<std::unique_ptr<FakeCamera>> FakeCamera::start(const FakeCameraOptions& options,
+                                                      std::unique_ptr<FrameProvider> provider) {
+  if (auto names = check_names(options); !names) return tl::unexpected<Error>(names.error());
+  if (provider->frame_ids().empty()) return bad_input("the capture has no frames; a camera needs at least one");
+  if (options.rate_hz < 0.0 || !std::isfinite(options.rate_hz)) {
+    return bad_input("the rate must be a positive number of frames a second, or 0 for the capture's own");
+  }
+  const auto sensor = sensor_of(options, *provider);
+  if (!sensor) return tl::unexpected<Error>(sensor.error());
+  const auto local = find_local_address(options.address);
+  if (!local) return tl::unexpected<Error>(local.error());
+  auto server = ControlServer::bind(*local, options.port);
+  if (!server) return tl::unexpected<Error>(server.error());
+  auto stream_socket = open_stream_socket(local->address);
+  if (!stream_socket) return tl::unexpected<Error>(stream_socket.error());
+  UniqueFd stop_event(eventfd(0, EFD_CLOEXEC));
+  if (!stop_event) return failed("can't make an event descriptor: too many open files");
+  auto impl = std::make_unique<Impl>(options, std::move(provider), *sensor, std::move(*server),
+                                     std::move(*stream_socket), std::move(stop_event), *local);
+  impl->thread = std::thread([camera = impl.get()] { camera->serve(); });
+  return std::unique_ptr<FakeCamera>(new FakeCamera(std::move(impl)));
+}
+
+FakeCamera::FakeCamera(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+FakeCamera::~FakeCamera() { stop(); }
+
+void FakeCamera::stop() noexcept {
+  if (!impl_->thread.joinable()) return;
+  eventfd_write(impl_->stop_event.get(), 1);
+  impl_->thread.join();
+  impl_->server.close();
+}
+
+FakeCameraStats FakeCamera::stats() const noexcept { return impl_->counters.read(); }
+
+Geometry FakeCamera::sensor() const { return {impl_->sensor.width, impl_->sensor.height}; }
+
+double FakeCamera::rate_hz() const {
+  return impl_->options.rate_hz > 0.0 ? impl_->options.rate_hz : 1.0 / impl_->provider->format().frame_period_s;
+}
+
+std::string FakeCamera::serial() const { return impl_->serial; }
+
+bool FakeCamera::hears_broadcasts() const { return impl_->server.hears_broadcasts(); }
+
+Status FakeCamera::result() const { return impl_->result; }
+
+}  // namespace bolo::fakecam

@@ -1,0 +1,114 @@
+#include "drivers/fakecam/network.hpp"
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <memory>
+
+namespace bolo::fakecam {
+namespace {
+
+constexpr int kSendBufferBytes = 4 << 20;
+
+std::uint32_t host_address(const sockaddr* address) {
+  sockaddr_in in{};
+  std::memcpy(&in, address, sizeof(in));
+  return ntohl(in.sin_addr.s_addr);
+}
+
+UniqueFd udp_socket() { return UniqueFd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)); }
+
+void set_option(int fd, int level, int option, int value) { setsockopt(fd, level, option, &value, sizeof(value)); }
+
+bool bind_to(int fd, std::uint32_t address, std::uint16_t port) {
+  const sockaddr_in where = socket_address(address, port);
+  return bind(fd, reinterpret_cast<const sockaddr*>(&where), sizeof(where)) == 0;
+}
+
+}  // namespace
+
+UniqueFd::~UniqueFd() {
+  if (fd_ >= 0) close(fd_);
+}
+
+Result<LocalAddress> find_local_address(const std::string& text) {
+  in_addr parsed{};
+  if (inet_pton(AF_INET, text.c_str(), &parsed) != 1) {
+    return bad_input("'" + text + "' is not an IPv4 address; give one of this host's, for example 127.0.0.1");
+  }
+  const std::uint32_t wanted = ntohl(parsed.s_addr);
+  ifaddrs* list = nullptr;
+  if (getifaddrs(&list) != 0) return failed(std::string("can't list the network interfaces: ") + std::strerror(errno));
+  const std::unique_ptr<ifaddrs, decltype(&freeifaddrs)> guard(list, &freeifaddrs);
+  for (const ifaddrs* at = list; at != nullptr; at = at->ifa_next) {
+    if (at->ifa_addr == nullptr || at->ifa_netmask == nullptr || at->ifa_addr->sa_family != AF_INET) continue;
+    const std::uint32_t address = host_address(at->ifa_addr);
+    const std::uint32_t netmask = host_address(at->ifa_netmask);
+    const bool loopback = (at->ifa_flags & IFF_LOOPBACK) != 0;
+    if (address != wanted && !(loopback && ((address ^ wanted) & netmask) == 0)) continue;
+    return LocalAddress{wanted, netmask, if_nametoindex(at->ifa_name)};
+  }
+  return bad_input("no network interface of this host has the address " + text + "; 'ip addr' lists them");
+}
+
+Result<UniqueFd> bind_exclusive(std::uint32_t address, std::uint16_t port) {
+  UniqueFd fd = udp_socket();
+  if (!fd) return failed(std::string("can't open a UDP socket: ") + std::strerror(errno));
+  if (bind_to(fd.get(), address, port)) return fd;
+  const std::string where = dotted(address) + ":" + std::to_string(port);
+  if (errno == EADDRINUSE) {
+    return bad_input("another camera, perhaps a stale one, already serves " + where +
+                     "; end it, or give this one another address");
+  }
+  return bad_input("can't bind " + where + ": " + std::strerror(errno));
+}
+
+UniqueFd bind_broadcast(std::uint32_t address, std::uint16_t port) {
+  UniqueFd fd = udp_socket();
+  if (!fd) return {};
+  set_option(fd.get(), SOL_SOCKET, SO_REUSEADDR, 1);
+  set_option(fd.get(), IPPROTO_IP, IP_PKTINFO, 1);
+  return bind_to(fd.get(), address, port) ? std::move(fd) : UniqueFd{};
+}
+
+Result<UniqueFd> open_stream_socket(std::uint32_t address) {
+  UniqueFd fd = udp_socket();
+  if (!fd || !bind_to(fd.get(), address, 0)) {
+    return failed("can't open the stream's socket on " + dotted(address) + ": " + std::strerror(errno));
+  }
+  set_option(fd.get(), SOL_SOCKET, SO_SNDBUF, kSendBufferBytes);
+  return fd;
+}
+
+std::uint16_t bound_port(int socket) {
+  sockaddr_in where{};
+  socklen_t size = sizeof(where);
+  return getsockname(socket, reinterpret_cast<sockaddr*>(&where), &size) == 0 ? ntohs(where.sin_port)
+                                                                              : std::uint16_t{0};
+}
+
+void set_do_not_fragment(int socket, bool on) noexcept {
+  set_option(socket, IPPROTO_IP, IP_MTU_DISCOVER, on ? IP_PMTUDISC_DO : IP_PMTUDISC_DONT);
+}
+
+sockaddr_in socket_address(std::uint32_t address, std::uint16_t port) {
+  sockaddr_in where{};
+  where.sin_family = AF_INET;
+  where.sin_port = htons(port);
+  where.sin_addr.s_addr = htonl(address);
+  return where;
+}
+
+Peer peer_of(const sockaddr_in& address) { return {ntohl(address.sin_addr.s_addr), ntohs(address.sin_port)}; }
+
+std::string dotted(std::uint32_t address) {
+  return std::to_string(address >> 24U) + "." + std::to_string(address >> 16U & 0xffU) + "." +
+         std::to_string(address >> 8U & 0xffU) + "." + std::to_string(address & 0xffU);
+}
+
+}  // namespace bolo::fakecam

@@ -1,0 +1,61 @@
+// Sockets and addresses of the fake camera.
+#pragma once
+
+#include <netinet/in.h>
+
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "bolo/core/result.hpp"
+#include "drivers/fakecam/command_handler.hpp"
+
+namespace bolo::fakecam {
+
+// Owns a file descriptor.
+class UniqueFd {
+ public:
+  UniqueFd() = default;
+  explicit UniqueFd(int fd) : fd_(fd) {}
+  UniqueFd(UniqueFd&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  UniqueFd& operator=(UniqueFd other) noexcept {
+    std::swap(fd_, other.fd_);
+    return *this;
+  }
+  ~UniqueFd();
+  int get() const { return fd_; }
+  explicit operator bool() const { return fd_ >= 0; }
+
+ private:
+  int fd_ = -1;
+};
+
+// The network interface that carries an address. Addresses in host byte order.
+struct LocalAddress {
+  std::uint32_t address = 0;
+  std::uint32_t netmask = 0;
+  unsigned interface_index = 0;
+};
+
+// `text`: a dotted IPv4 address of this host. Any address of the loopback network will do: the kernel serves them all.
+// Errors: not an address; no interface has it. Thread: setup.
+Result<LocalAddress> find_local_address(const std::string& text);
+
+// UDP sockets, bound. The first is for the camera's own address and never shared: a second camera on it is an error
+// that says so. The second receives broadcasts together with other cameras; without a value when it can't be had.
+// Thread: setup.
+Result<UniqueFd> bind_exclusive(std::uint32_t address, std::uint16_t port);
+UniqueFd bind_broadcast(std::uint32_t address, std::uint16_t port);
+
+// The stream's socket, on a port of the kernel's choice, with a large send buffer. Thread: setup.
+Result<UniqueFd> open_stream_socket(std::uint32_t address);
+std::uint16_t bound_port(int socket);
+
+// Whether packets larger than the link's MTU are refused or fragmented. Thread: any.
+void set_do_not_fragment(int socket, bool on) noexcept;
+
+sockaddr_in socket_address(std::uint32_t address, std::uint16_t port);
+Peer peer_of(const sockaddr_in& address);
+std::string dotted(std::uint32_t address);
+
+}  // namespace bolo::fakecam

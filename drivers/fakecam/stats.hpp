@@ -1,0 +1,47 @@
+// What the fake camera counted since it was started.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+namespace bolo::fakecam {
+
+struct FakeCameraStats {
+  std::uint64_t frames_sent = 0;
+  std::uint64_t packets_sent = 0;
+  std::uint64_t send_errors = 0;  // packets that the socket refused: they are lost
+  std::uint64_t late_frames = 0;  // sent more than 1 ms after their time
+  std::uint64_t worst_lateness_ns = 0;
+  std::uint64_t resend_requests = 0;
+  std::uint64_t resent_packets = 0;
+  std::uint64_t resend_misses = 0;     // requests for frames or packets that are gone or never were
+  std::uint64_t commands = 0;          // GVCP commands answered or obeyed
+  std::uint64_t bad_commands = 0;      // refused or not understood
+  std::uint64_t clients = 0;           // how often a client took control
+  std::uint64_t heartbeat_losses = 0;  // ... and went silent
+  std::uint64_t streams_started = 0;
+  std::uint64_t streams_finished = 0;  // ... that reached the capture's end
+  std::uint64_t nuc_actions = 0;
+  bool controlled = false;
+  bool streaming = false;
+};
+
+// The same numbers while the threads count. Each has one writing thread or is only ever added to; readers want no order
+// between them, so all accesses are relaxed.
+struct Counters {
+  using Counter = std::atomic<std::uint64_t>;
+  Counter frames_sent{0}, packets_sent{0}, send_errors{0}, late_frames{0}, worst_lateness_ns{0}, resend_requests{0},
+      resent_packets{0}, resend_misses{0}, commands{0}, bad_commands{0}, clients{0}, heartbeat_losses{0},
+      streams_started{0}, streams_finished{0}, nuc_actions{0};
+  std::atomic<bool> controlled{false};
+  std::atomic<bool> streaming{false};
+
+  static void add(Counter& counter, std::uint64_t n = 1) noexcept { counter.fetch_add(n, std::memory_order_relaxed); }
+  // Thread: the counter's only writer.
+  static void raise(Counter& counter, std::uint64_t value) noexcept {
+    if (value > counter.load(std::memory_order_relaxed)) counter.store(value, std::memory_order_relaxed);
+  }
+  FakeCameraStats read() const noexcept;
+};
+
+}  // namespace bolo::fakecam

@@ -1,0 +1,148 @@
+// A still panned along a path.
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include <Eigen/Core>
+
+#include "bolo/sim/field.hpp"
+
+namespace bolo::sim {
+namespace {
+
+class SceneField final : public Field {
+ public:
+  SceneField(capture::StillImage image, Path path, Geometry view)
+      : image_(std::move(image)), path_(std::move(path)), view_(view) {}
+
+  void sample(double t_s, int row, std::span<float> out) const noexcept override {
+    const Position at = path_.at(t_s);
+    const Tap x = tap(at.x_px, image_.width - view_.width);
+    const Tap y = tap(at.y_px, image_.height - view_.height);
+    const float* upper = image_row(row + y.index) + x.index;
+    if (y.part == 0.0) {
+      blend(upper, x.part, out);
+      return;
+    }
+    const float* lower = image_row(row + y.index + 1) + x.index;
+    blend(upper, lower, x.part, y.part, out);
+  }
+
+  // The image is bilinear and the path straight between these, so T_ss is exactly a quadratic.
+  void instants(double from_s, double to_s, double, std::vector<double>& out) const override {
+    path_.crossings(from_s, to_s, out);
+  }
+
+  Extremes extremes() const override {
+    const auto [low, high] = std::ranges::minmax(image_.kelvin);
+    return {low, high};
+  }
+
+  capture::Stimulus stimulus(double from_s, double to_s) const override {
+    capture::SceneStimulus stimulus{image_.width, image_.height, image_.kelvin, {}, {}, {}};
+    const auto add = [&stimulus](double t_s, Position p) {
+      stimulus.t_s.push_back(t_s);
+      stimulus.x_px.push_back(p.x_px);
+      stimulus.y_px.push_back(p.y_px);
+    };
+    add(from_s, path_.at(from_s));
+    for (const PathPoint& point : path_.points()) {
+      if (point.t_s > from_s && point.t_s < to_s) add(point.t_s, {point.x_px, point.y_px});
+    }
+    add(to_s, path_.at(to_s));
+    return stimulus;
+  }
+
+ private:
+  struct Tap {
+    int index = 0;
+    double part = 0.0;  // of the next pixel; 0 at the image's last one
+  };
+
+  static Tap tap(double position, int last) noexcept {
+    const double inside = std::clamp(position, 0.0, static_cast<double>(last));
+    const double whole = std::floor(inside);
+    return {static_cast<int>(whole), inside - whole};
+  }
+
+  const float* image_row(int y) const noexcept {
+    return image_.kelvin.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(image_.width);
+  }
+
+  using Pixels = Eigen::Map<const Eigen::ArrayXf>;
+
+  static void blend(const float* in, double part, std::span<float> out) noexcept {
+    const auto size = static_cast<Eigen::Index>(out.size());
+    const auto x = static_cast<float>(part);
+    // A row that ends at the image's border has no next pixel to read.
+    Eigen::Map<Eigen::ArrayXf> result(out.data(), size);
+    if (part == 0.0) {
+      result = Pixels(in, size);
+    } else {
+      result = (1.0F - x) * Pixels(in, size) + x * Pixels(in + 1, size);
+    }
+  }
+
+  static void blend(const float* upper, const float* lower, double x_part, double y_part,
+                    std::span<float> out) noexcept {
+    const auto size = static_cast<Eigen::Index>(out.size());
+    const auto x = static_cast<float>(x_part);
+    const auto y = static_cast<float>(y_part);
+    Eigen::Map<Eigen::ArrayXf> result(out.data(), size);
+    if (x_part == 0.0) {
+      result = (1.0F - y) * Pixels(upper, size) + y * Pixels(lower, size);
+    } else {
+      result = ((1.0F - x) * (1.0F - y)) * Pixels(upper, size) + (x * (1.0F - y)) * Pixels(upper + 1, size) +
+               ((1.0F - x) * y) * Pixels(lower, size) + (x * y) * Pixels(lower + 1, size);
+    }
+  }
+
+  capture::StillImage image_;
+  Path path_;
+  Geometry view_;
+};
+
+// Whole-pixel rectangle that the view sees along the path. Rounding of the path must not add a pixel.
+Region seen(const Path::Bounds& bounds, Geometry view) {
+  constexpr double kRounding = 1e-6;
+  const int left = static_cast<int>(std::floor(bounds.low.x_px + kRounding));
+  const int top = static_cast<int>(std::floor(bounds.low.y_px + kRounding));
+  const int right = static_cast<int>(std::ceil(bounds.high.x_px - kRounding)) + view.width;
+  const int bottom = static_cast<int>(std::ceil(bounds.high.y_px - kRounding)) + view.height;
+  return {left, top, right - left, bottom - top};
+}
+
+}  // namespace
+
+std::unique_ptr<const Field> make_scene(capture::StillImage image, Path path, Geometry view) {
+  return std::make_unique<SceneField>(std::move(image), std::move(path), view);
+}
+
+Position centred_origin(const Scene& scene, const Path& motion, Geometry view, double from_s, double to_s) {
+  const Path::Bounds bounds = motion.bounds(from_s, to_s);
+  const Geometry size = scene.size();
+  return {std::round((size.width - view.width - bounds.low.x_px - bounds.high.x_px) / 2.0),
+          std::round((size.height - view.height - bounds.low.y_px - bounds.high.y_px) / 2.0)};
+}
+
+Result<std::unique_ptr<const Field>> pan_over(const Scene& scene, const Path& motion, Position origin, Geometry view,
+                                              double from_s, double to_s) {
+  const Path path = motion.shifted(origin);
+  const Path::Bounds bounds = path.bounds(from_s, to_s);
+  const double pixels =
+      (bounds.high.x_px - bounds.low.x_px + view.width + 1) * (bounds.high.y_px - bounds.low.y_px + view.height + 1);
+  const double farthest = std::max(
+      {std::abs(bounds.low.x_px), std::abs(bounds.low.y_px), std::abs(bounds.high.x_px), std::abs(bounds.high.y_px)});
+  if (!(pixels <= kMaxCanvasPixels) || farthest > 1e9) {
+    return bad_input("the path runs over " + std::to_string(pixels / 1e6) + " million pixels of the scene, at most " +
+                     std::to_string(static_cast<int>(kMaxCanvasPixels / 1e6)) +
+                     " million can be held; take fewer frames or a lower speed");
+  }
+  Region region = seen(bounds, view);
+  const Geometry size = scene.size();
+  if (region.inside(size)) region = {0, 0, size.width, size.height};
+  const Position corner{static_cast<double>(-region.x), static_cast<double>(-region.y)};
+  return make_scene(scene.draw(region), path.shifted(corner), view);
+}
+
+}  // namespace bolo::sim

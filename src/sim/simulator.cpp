@@ -1,0 +1,150 @@
+#include "bolo/sim/simulator.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include <Eigen/Core>
+
+namespace bolo::sim {
+namespace {
+
+constexpr double kMemory = 14.0;  // time constants; exp(-14) is under a millionth
+
+Eigen::Map<const Eigen::ArrayXf> as_array(const std::vector<float>& row) {
+  return {row.data(), static_cast<Eigen::Index>(row.size())};
+}
+
+bool within(double value, double low, double high) { return value >= low && value <= high; }
+
+// What is wrong with the settings, or nothing.
+std::string fault(const CameraSettings& s) {
+  const ReadoutSettings& r = s.readout;
+  if (s.geometry.width < 1 || s.geometry.width > 16384) return "width must be 1 to 16384 pixels";
+  if (s.geometry.height < 1 || s.geometry.height > 16384) return "height must be 1 to 16384 pixels";
+  if (!within(s.rate_hz, 0.1, 1e5)) return "rate must be 0.1 to 100000 Hz";
+  if (!within(s.tau_s, 1e-6, 10.0)) return "tau must be 0.000001 to 10 s";
+  if (s.kind == CameraKind::kVisible && !(s.exposure_s >= 1e-7 && s.exposure_s * s.rate_hz <= 1.0 + 1e-9)) {
+    return "exposure must be 0.0000001 s to one frame period, " + std::to_string(1.0 / s.rate_hz) + " s";
+  }
+  if (!within(r.noise_k, 0.0, 1000.0)) return "noise must be 0 to 1000 K";
+  if (!within(r.quantisation_k, 0.0, 100.0)) return "quantisation must be 0 to 100 K";
+  if (r.type == PixelType::kUint16 && r.quantisation_k == 0.0) return "quantisation 0 needs the type float32";
+  if (!within(s.threads, 1, 64)) return "threads must be 1 to 64";
+  return {};
+}
+
+}  // namespace
+
+Result<CameraSettings> checked(const CameraSettings& settings) {
+  if (const std::string what = fault(settings); !what.empty()) return bad_input(what);
+  return settings;
+}
+
+double history_s(const CameraSettings& settings) {
+  return settings.kind == CameraKind::kBolometer ? kMemory * settings.tau_s : settings.exposure_s;
+}
+
+Result<std::unique_ptr<Simulator>> Simulator::create(const CameraSettings& settings,
+                                                     std::unique_ptr<const Field> field) {
+  if (const auto valid = checked(settings); !valid) return tl::unexpected(valid.error());
+  const double highest_k = 65535.0 * settings.readout.quantisation_k;
+  if (settings.readout.type == PixelType::kUint16 && field->extremes().high_k > highest_k) {
+    return bad_input("16 bits of " + std::to_string(settings.readout.quantisation_k) + " K reach only " +
+                     std::to_string(highest_k) + " K, the scene has " + std::to_string(field->extremes().high_k) +
+                     " K; take a coarser quantisation or the type float32");
+  }
+  std::unique_ptr<Simulator> simulator(new Simulator(settings, std::move(field)));
+  if (const Status& status = simulator->team_.status(); !status) return tl::unexpected(status.error());
+  return simulator;
+}
+
+Simulator::Simulator(const CameraSettings& settings, std::unique_ptr<const Field> field)
+    : settings_(settings),
+      field_(std::move(field)),
+      shown_(settings.geometry.pixels()),
+      scratch_(static_cast<std::size_t>(settings.threads)),
+      team_(settings.threads, rt::ThreadOptions{"bolo-sim", 0, {}}) {
+  const auto width = static_cast<std::size_t>(settings.geometry.width);
+  for (Scratch& scratch : scratch_) {
+    for (std::vector<float>* row : {&scratch.start, &scratch.middle, &scratch.end}) row->resize(width);
+    for (std::vector<double>* row : {&scratch.kelvin, &scratch.noise}) row->resize(width);
+  }
+}
+
+StreamFormat Simulator::format() const {
+  const ReadoutSettings& readout = settings_.readout;
+  return {settings_.geometry, readout.type, readout_scale(readout), 1.0 / settings_.rate_hz, 1};
+}
+
+void Simulator::next(void* plane, float* truth) {
+  plane_ = plane;
+  truth_ = truth;
+  plan();
+  team_.run([](void* self, int worker) { static_cast<Simulator*>(self)->work(worker); }, this);
+  ++frame_;
+}
+
+// A bolometer's pixel goes on from the frame before; an exposure begins anew.
+void Simulator::plan() {
+  const bool bolometer = settings_.kind == CameraKind::kBolometer;
+  const double to_s = static_cast<double>(frame_) / settings_.rate_hz;
+  const double before_s = (static_cast<double>(frame_) - 1.0) / settings_.rate_hz;
+  from_s_ = bolometer && frame_ > 0 ? before_s : to_s - history_s(settings_);
+  const double response_s = bolometer ? settings_.tau_s : settings_.exposure_s;
+  instants_.clear();
+  field_->instants(from_s_, to_s, response_s, instants_);
+  steps_.clear();
+  double start_s = from_s_;
+  for (const double end_s : instants_) {
+    const double h = end_s - start_s;
+    steps_.push_back({start_s + h / 2.0, end_s,
+                      bolometer ? bolometer_step(h, settings_.tau_s) : exposure_step(h, settings_.exposure_s)});
+    start_s = end_s;
+  }
+  if (!bolometer) steps_.front().weights.keep = 0.0;
+}
+
+void Simulator::work(int worker) noexcept {
+  const int first = settings_.geometry.height * worker / settings_.threads;
+  const int end = settings_.geometry.height * (worker + 1) / settings_.threads;
+  Scratch& scratch = scratch_[static_cast<std::size_t>(worker)];
+  for (int row = first; row < end; ++row) {
+    integrate(row, scratch);
+    read_out(row, scratch);
+  }
+}
+
+// Brings the row from from_s_ to the frame's time; leaves T_ss at that time in scratch.start. Sums are kept in double:
+// a float near 300 K would stand still when a short step changes it by less than its last bit.
+void Simulator::integrate(int row, Scratch& scratch) noexcept {
+  const std::size_t width = scratch.start.size();
+  Eigen::Map<Eigen::ArrayXd> shown(shown_.data() + static_cast<std::size_t>(row) * width,
+                                   static_cast<Eigen::Index>(width));
+  field_->sample(from_s_, row, scratch.start);
+  if (frame_ == 0) shown = as_array(scratch.start).cast<double>();  // steady state
+  for (const Step& step : steps_) {
+    field_->sample(step.middle_s, row, scratch.middle);
+    field_->sample(step.end_s, row, scratch.end);
+    const auto start = static_cast<float>(step.weights.start);
+    const auto middle = static_cast<float>(step.weights.middle);
+    const auto end = static_cast<float>(step.weights.end);
+    const auto input =
+        start * as_array(scratch.start) + middle * as_array(scratch.middle) + end * as_array(scratch.end);
+    shown = step.weights.keep * shown + input.cast<double>();
+    scratch.start.swap(scratch.end);
+  }
+}
+
+void Simulator::read_out(int row, Scratch& scratch) noexcept {
+  const std::size_t width = scratch.start.size();
+  const std::size_t offset = static_cast<std::size_t>(row) * width;
+  if (truth_ != nullptr) {
+    std::ranges::copy(scratch.start, truth_ + offset);
+  }
+  std::copy_n(shown_.data() + offset, width, scratch.kelvin.data());
+  read_row(settings_.readout, frame_, row, scratch.kelvin, scratch.noise,
+           static_cast<std::byte*>(plane_) + offset * bytes_of(settings_.readout.type));
+}
+
+}  // namespace bolo::sim

@@ -1,0 +1,84 @@
+// Where things stand in the street. The plane is cut into slots for each kind of thing; what stands in a slot follows
+// from the seed and the slot's number alone, so the street has no end and any part of it can be drawn by itself.
+#include <cmath>
+
+#include "bolo/sim/scene.hpp"
+#include "src/sim/street/objects.hpp"
+
+namespace bolo::sim {
+namespace street {
+namespace {
+
+enum class Kind : std::uint64_t { kHouse, kTree, kLamp, kSign, kPerson, kCar };
+
+class Street final : public Scene {
+ public:
+  Street(Geometry view, std::uint64_t seed) : view_(view), seed_(key(0, seed)) {}
+
+  Geometry size() const override { return view_; }
+
+  capture::StillImage draw(Region region) const override {
+    constexpr int kTile = 256;  // columns; the fine raster of a whole pan would be large
+    capture::StillImage image{region.width, region.height, {}};
+    image.kelvin.resize(Geometry{region.width, region.height}.pixels());
+    for (int x = 0; x < region.width; x += kTile) {
+      Painter painter({region.x + x, region.y, std::min(kTile, region.width - x), region.height}, view_.height / 120.0);
+      paint(painter);
+      painter.average(image.kelvin.data() + x, static_cast<std::size_t>(region.width));
+    }
+    return image;
+  }
+
+ private:
+  // Calls paint_one(x, random) for each slot of which something may be in sight; x is somewhere in the slot.
+  template <typename PaintOne>
+  void each(const Painter& painter, Kind kind, double pitch, double probability, PaintOne paint_one) const {
+    const std::uint64_t kind_key = key(seed_, static_cast<std::uint64_t>(kind));
+    const double last = std::floor((painter.box().right + kReach) / pitch);
+    for (double slot = std::floor((painter.box().left - kReach) / pitch); slot <= last; slot += 1.0) {
+      SplitMix random(key(kind_key, static_cast<std::uint64_t>(static_cast<std::int64_t>(slot))));
+      const double x = pitch * (slot + random.between(0.15, 0.85));
+      if (random.chance(probability)) paint_one(x, random);
+    }
+  }
+
+  // The border between house `slot - 1` and house `slot`.
+  double border(double slot) const {
+    const std::uint64_t borders = key(seed_, 100);
+    SplitMix random(key(borders, static_cast<std::uint64_t>(static_cast<std::int64_t>(slot))));
+    return kHousePitch * slot + random.between(-22.0, 22.0);
+  }
+
+  void paint(Painter& painter) const {
+    paint_sky(painter);
+    each(painter, Kind::kHouse, kHousePitch, 0.82, [&](double x, SplitMix random) {
+      const double slot = std::floor(x / kHousePitch);
+      const double gap = random.chance(0.5) ? random.between(2.0, 14.0) : 0.0;
+      paint_house(painter, border(slot) + gap, border(slot + 1.0), random);
+    });
+    paint_ground(painter);
+    const auto stand = [&painter](auto paint_one, double y) {
+      return [&painter, paint_one, y](double x, SplitMix random) {
+        paint_one(painter, Point{x, y + random.between(-1.5, 1.5)}, random);
+      };
+    };
+    each(painter, Kind::kTree, 190.0, 0.6, stand(paint_tree, 88.0));
+    each(painter, Kind::kPerson, 58.0, 0.62, stand(paint_person, 89.5));
+    each(painter, Kind::kLamp, 210.0, 0.9, stand(paint_lamp, 91.5));
+    each(painter, Kind::kSign, 160.0, 0.6, stand(paint_sign, 91.5));
+    each(painter, Kind::kCar, 168.0, 0.75, stand(paint_car, 107.5));
+  }
+
+  static constexpr double kHousePitch = 140.0;
+  Geometry view_;
+  std::uint64_t seed_;
+};
+
+}  // namespace
+}  // namespace street
+
+std::unique_ptr<const Scene> make_street(Geometry view, std::uint64_t seed) {
+  return std::make_unique<street::Street>(view, seed);
+}
+
+}  // namespace bolo::sim

@@ -1,0 +1,249 @@
+#include "bolo/deblur/window.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <set>
+#include <vector>
+
+namespace bolo::deblur {
+namespace {
+
+constexpr std::int64_t kPeriodNs = 5'000'000;
+
+// What a window showed for one frame.
+struct Shown {
+  std::uint64_t id = 0;
+  bool full = false;
+  std::uint32_t flags = 0;
+  std::vector<std::int64_t> window;  // frame ids, oldest first; -1 where a frame was lost
+};
+
+// Plays the pipeline's part, and checks on the way that memory comes back exactly once and never before its frame was
+// shown.
+class Player {
+ public:
+  explicit Player(int window = 5, int lookahead = 0) : window_(settings(window, lookahead)), planes_(4096) {}
+
+  // Frame `id` at its own time on the grid. True when the window was emptied.
+  bool frame(std::uint64_t id, bool restart = false) { return frame_at(id, static_cast<double>(id), restart); }
+
+  bool frame_at(std::uint64_t id, double periods, bool restart = false) {
+    WindowFrame f;
+    f.meta.frame_id = id;
+    f.meta.camera_ns = static_cast<std::int64_t>(periods * static_cast<double>(kPeriodNs));
+    f.token = next_token_++;
+    f.plane = &planes_[f.token];
+    ids_.push_back(static_cast<std::int64_t>(id));
+    held_.insert(f.token);
+    EXPECT_LE(held_.size(), static_cast<std::size_t>(window_.slots()));
+    const bool emptied = window_.push(f, restart);
+    collect();
+    return emptied;
+  }
+
+  void finish() {
+    window_.finish();
+    collect();
+  }
+
+  const std::vector<Shown>& shown() const { return shown_; }
+  const std::set<std::uint32_t>& held() const { return held_; }
+  std::vector<std::uint64_t> ids() const {
+    std::vector<std::uint64_t> ids;
+    for (const Shown& s : shown_) ids.push_back(s.id);
+    return ids;
+  }
+
+ private:
+  static Settings settings(int window, int lookahead) {
+    Settings s;
+    s.window = window;
+    s.lookahead = lookahead;
+    s.period_s = static_cast<double>(kPeriodNs) * 1e-9;
+    return s;
+  }
+
+  void collect() {
+    Window::Ready ready;
+    while (window_.next(ready)) {
+      EXPECT_TRUE(held_.contains(ready.frame.token)) << "shown after its memory was given back";
+      Shown s{ready.frame.meta.frame_id, ready.full, ready.frame.meta.flags, {}};
+      for (const void* plane : ready.view.planes) {
+        s.window.push_back(
+            plane == nullptr ? -1 : ids_[static_cast<std::size_t>(static_cast<const char*>(plane) - planes_.data())]);
+      }
+      EXPECT_EQ(ready.view.planes[static_cast<std::size_t>(ready.view.target)], ready.frame.plane);
+      shown_.push_back(s);
+    }
+    for (const std::uint32_t token : window_.released()) {
+      EXPECT_EQ(held_.erase(token), 1U) << "given back twice";
+    }
+  }
+
+  Window window_;
+  std::vector<char> planes_;
+  std::vector<std::int64_t> ids_;
+  std::set<std::uint32_t> held_;
+  std::vector<Shown> shown_;
+  std::uint32_t next_token_ = 0;
+};
+
+TEST(Window, WarmsUpUntilAWholeWindowLiesBehind) {
+  Player player(5);
+  for (std::uint64_t id = 10; id < 16; ++id) EXPECT_FALSE(player.frame(id));
+  ASSERT_EQ(player.shown().size(), 6U);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_FALSE(player.shown()[i].full);
+    EXPECT_EQ(player.shown()[i].flags, kFlagWarmUp);
+  }
+  EXPECT_TRUE(player.shown()[4].full);
+  EXPECT_EQ(player.shown()[4].flags, kFlagNone);
+  EXPECT_EQ(player.shown()[4].window, (std::vector<std::int64_t>{10, 11, 12, 13, 14}));
+  EXPECT_EQ(player.shown()[5].window, (std::vector<std::int64_t>{11, 12, 13, 14, 15}));
+}
+
+TEST(Window, ALostFrameLeavesItsPlaceEmptyAndShiftsNothing) {
+  Player player(5);
+  for (const std::uint64_t id : std::initializer_list<std::uint64_t>{0, 1, 2, 3, 4, 6, 7, 8, 9, 10}) player.frame(id);
+  EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 6, 7, 8, 9, 10}));
+  const Shown& after_gap = player.shown()[5];
+  EXPECT_TRUE(after_gap.full);
+  EXPECT_EQ(after_gap.flags, kFlagGap);
+  EXPECT_EQ(after_gap.window, (std::vector<std::int64_t>{2, 3, 4, -1, 6}));
+  EXPECT_EQ(player.shown()[8].window, (std::vector<std::int64_t>{-1, 6, 7, 8, 9}));
+  EXPECT_EQ(player.shown()[9].flags, kFlagNone);
+}
+
+TEST(Window, GapsCountTowardsTheSpanOfTheWindow) {
+  Player player(5);
+  for (const std::uint64_t id : std::initializer_list<std::uint64_t>{0, 1, 4}) player.frame(id);
+  ASSERT_EQ(player.shown().size(), 3U);
+  EXPECT_TRUE(player.shown()[2].full);
+  EXPECT_EQ(player.shown()[2].window, (std::vector<std::int64_t>{0, 1, -1, -1, 4}));
+}
+
+TEST(Window, EmptiesAfterAJumpAsLongAsItself) {
+  Player player(5);
+  for (std::uint64_t id = 0; id < 6; ++id) player.frame(id);
+  EXPECT_FALSE(player.frame(9));
+  EXPECT_TRUE(player.frame(14));
+  EXPECT_FALSE(player.shown().back().full);
+  EXPECT_EQ(player.held().size(), 1U);
+}
+
+TEST(Window, EmptiesWhenTimeGoesBack) {
+  Player player(5);
+  for (std::uint64_t id = 100; id < 106; ++id) player.frame(id);
+  EXPECT_TRUE(player.frame(3));
+  EXPECT_FALSE(player.frame(4));
+  EXPECT_FALSE(player.shown().back().full);
+}
+
+TEST(Window, EmptiesOnRequest) {
+  Player player(5);
+  for (std::uint64_t id = 0; id < 6; ++id) player.frame(id);
+  EXPECT_TRUE(player.frame(6, true));
+  for (std::uint64_t id = 7; id < 11; ++id) EXPECT_FALSE(player.frame(id));
+  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{6, 7, 8, 9, 10}));
+  EXPECT_TRUE(player.shown().back().full);
+}
+
+TEST(Window, ARequestBeforeTheFirstFrameEmptiesNothing) {
+  Player player(5);
+  EXPECT_FALSE(player.frame(0, true));
+  EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0}));
+}
+
+TEST(Window, TheClockIsTrustedWhenItFitsTheGrid) {
+  Player player(5);
+  for (std::uint64_t id = 0; id < 5; ++id) player.frame(id);
+  player.frame_at(5, 6.0);  // a frame was lost without a jump in the counter
+  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{2, 3, 4, -1, 5}));
+  EXPECT_EQ(player.shown().back().flags, kFlagGap);
+  player.frame_at(9, 7.0);  // the counter jumps, the clock does not
+  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{3, 4, -1, 5, 9}));
+}
+
+TEST(Window, TheCounterIsTrustedWhenTheClockIsOffTheGrid) {
+  Player player(5);
+  for (std::uint64_t id = 0; id < 5; ++id) player.frame(id);
+  player.frame_at(5, 5.4);
+  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{1, 2, 3, 4, 5}));
+  EXPECT_EQ(player.shown().back().flags, kFlagJitter);
+  player.frame_at(7, 6.95);  // 1.55 periods on by the clock, 2 by the counter
+  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{3, 4, 5, -1, 7}));
+  EXPECT_EQ(player.shown().back().flags, kFlagGap | kFlagJitter);
+}
+
+TEST(Window, SmallJitterIsNotFlagged) {
+  Player player(5);
+  for (std::uint64_t id = 0; id < 12; ++id) player.frame_at(id, static_cast<double>(id) + (id % 2 == 0 ? 0.0 : 0.09));
+  for (const Shown& s : player.shown()) EXPECT_EQ(s.flags & kFlagJitter, 0U) << s.id;
+}
+
+TEST(Window, LookAheadShowsEachFrameLaterWithWhatCameAfterIt) {
+  Player player(5, 2);
+  for (std::uint64_t id = 0; id < 8; ++id) player.frame(id);
+  EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 5}));
+  EXPECT_FALSE(player.shown()[1].full);
+  EXPECT_TRUE(player.shown()[2].full);
+  EXPECT_EQ(player.shown()[2].window, (std::vector<std::int64_t>{0, 1, 2, 3, 4}));
+  EXPECT_EQ(player.shown()[5].window, (std::vector<std::int64_t>{3, 4, 5, 6, 7}));
+}
+
+TEST(Window, LookAheadOverAGapShowsEveryWaitingFrameOnce) {
+  Player player(5, 2);
+  for (const std::uint64_t id : std::initializer_list<std::uint64_t>{0, 1, 2, 3, 4, 5, 8}) player.frame(id);
+  EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 5}));
+  EXPECT_EQ(player.shown()[4].window, (std::vector<std::int64_t>{2, 3, 4, 5, -1}));
+  EXPECT_EQ(player.shown()[5].window, (std::vector<std::int64_t>{3, 4, 5, -1, -1}));
+  player.frame(9);
+  player.frame(10);
+  EXPECT_EQ(player.shown().back().id, 8U);
+  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{-1, -1, 8, 9, 10}));
+}
+
+TEST(Window, ARestartShowsTheFramesThatWaitedFirst) {
+  Player player(5, 2);
+  for (std::uint64_t id = 0; id < 7; ++id) player.frame(id);
+  EXPECT_TRUE(player.frame(7, true));
+  EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 5, 6}));
+  EXPECT_FALSE(player.shown()[5].full);
+  EXPECT_FALSE(player.shown()[6].full);
+  EXPECT_EQ(player.held().size(), 1U);
+}
+
+TEST(Window, TheEndShowsWhatWaitedAndGivesAllMemoryBack) {
+  Player player(5, 3);
+  for (std::uint64_t id = 0; id < 9; ++id) player.frame(id);
+  player.finish();
+  EXPECT_EQ(player.ids(), (std::vector<std::uint64_t>{0, 1, 2, 3, 4, 5, 6, 7, 8}));
+  EXPECT_TRUE(player.held().empty());
+  player.finish();
+  EXPECT_EQ(player.shown().size(), 9U);
+}
+
+// Whatever happens, each frame is shown once and in order, and all memory comes back.
+TEST(Window, ShowsEveryFrameOnceWhateverIsLost) {
+  for (int lookahead = 0; lookahead <= 3; ++lookahead) {
+    Player player(5, lookahead);
+    std::uint32_t random = 12345U + static_cast<std::uint32_t>(lookahead);
+    std::vector<std::uint64_t> sent;
+    std::uint64_t id = 0;
+    for (int i = 0; i < 2000; ++i) {
+      random = random * 1664525U + 1013904223U;
+      const std::uint32_t dice = (random >> 16) % 100;
+      id += dice < 80 ? 1 : dice < 95 ? dice - 78 : 1000;
+      player.frame(id, dice == 99);
+      sent.push_back(id);
+    }
+    player.finish();
+    EXPECT_EQ(player.ids(), sent);
+    EXPECT_TRUE(player.held().empty());
+  }
+}
+
+}  // namespace
+}  // namespace bolo::deblur

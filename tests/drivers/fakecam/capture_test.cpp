@@ -1,0 +1,108 @@
+// Captures as the fake camera's frames.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+
+#include "tests/drivers/fakecam/raw_client.hpp"
+#include "tests/drivers/fakecam/synthetic.hpp"
+
+namespace bolo::fakecam {
+namespace {
+
+class TempDir {
+ public:
+  TempDir() {
+    std::string name = testing::TempDir() + "fakecam_XXXXXX";
+    path_ = mkdtemp(name.data());
+  }
+  ~TempDir() { std::filesystem::remove_all(path_); }
+  std::filesystem::path file(const char* name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+void write_kelvin_capture(const std::filesystem::path& file, std::size_t frames) {
+  capture::CaptureInfo info;
+  info.format.geometry = {8, 4};
+  info.format.type = PixelType::kFloat32;
+  info.format.scale = {Unit::kKelvin, 1.0, 0.0};
+  info.camera_serial = "63900123";
+  auto writer = capture::CaptureWriter::create(file, info);
+  ASSERT_TRUE(writer.has_value()) << writer.error().message;
+  for (std::size_t f = 0; f < frames; ++f) {
+    const std::vector<float> plane(32, 300.0F + static_cast<float>(f));
+    ASSERT_TRUE(writer->append(1.0 + 0.005 * static_cast<double>(f), 10 + f, plane.data()).has_value());
+  }
+  ASSERT_TRUE(writer->close().has_value());
+}
+
+TEST(FakeCameraCapture, KelvinCaptureGoesOutIn10mKWithTheCamerasSerial) {
+  const TempDir dir;
+  write_kelvin_capture(dir.file("a.h5"), 3);
+  auto provider = open_capture(dir.file("a.h5"));
+  ASSERT_TRUE(provider.has_value()) << provider.error().message;
+  FakeCameraOptions options;
+  options.address = test::fresh_address();
+  auto camera = FakeCamera::start(options, std::move(*provider));
+  ASSERT_TRUE(camera.has_value()) << camera.error().message;
+  EXPECT_EQ((*camera)->serial(), "63900123");
+  test::Session session(options.address);
+  session.start();
+  const auto blocks = test::receive_blocks(session.stream, 3);
+  ASSERT_EQ(blocks.size(), 3U);
+  EXPECT_EQ(blocks[2].first, 13);
+  EXPECT_EQ(blocks[2].second.pixels(), std::vector<std::uint16_t>(32, 30200));
+}
+
+TEST(FakeCameraCapture, ReadsAheadFromDiskWhatIsTooBigForMemory) {
+  const TempDir dir;
+  write_kelvin_capture(dir.file("a.h5"), 40);
+  auto from_memory = open_capture(dir.file("a.h5"));
+  auto from_disk = open_capture(dir.file("a.h5"), 1000);
+  ASSERT_TRUE(from_memory.has_value() && from_disk.has_value());
+  EXPECT_NE(dynamic_cast<MemoryFrames*>(from_memory->get()), nullptr);
+  EXPECT_EQ(dynamic_cast<MemoryFrames*>(from_disk->get()), nullptr);
+  FakeCameraOptions options;
+  options.address = test::fresh_address();
+  auto camera = FakeCamera::start(options, std::move(*from_disk));
+  ASSERT_TRUE(camera.has_value()) << camera.error().message;
+  test::Session session(options.address);
+  session.start();
+  const auto blocks = test::receive_blocks(session.stream, 40);
+  ASSERT_EQ(blocks.size(), 40U);
+  EXPECT_EQ(blocks[39].second.pixels(), std::vector<std::uint16_t>(32, 33900));
+}
+
+TEST(FakeCameraCapture, MissingFileIsBadInput) {
+  const auto provider = open_capture("/nonexistent.h5");
+  ASSERT_FALSE(provider.has_value());
+  EXPECT_EQ(provider.error().kind, ErrorKind::kBadInput);
+}
+
+TEST(FakeCameraCapture, RealDriveGoesOutAsItIs) {
+  const char* data = std::getenv("BOLO_TEST_DATA");
+  if (data == nullptr) GTEST_SKIP() << "BOLO_TEST_DATA is not set: no real captures";
+  const auto file = std::filesystem::path(data) / "captures/a65_drive_a.h5";
+  auto provider = open_capture(file);
+  ASSERT_TRUE(provider.has_value()) << provider.error().message;
+  ASSERT_EQ((*provider)->format().type, PixelType::kUint16);
+  std::vector<std::uint16_t> expected((*provider)->format().geometry.pixels());
+  ASSERT_TRUE((*provider)->read(1, expected.data()).has_value());
+  FakeCameraOptions options;
+  options.address = test::fresh_address();
+  options.burst_gap_ns = 200'000;
+  auto camera = FakeCamera::start(options, std::move(*provider));
+  ASSERT_TRUE(camera.has_value()) << camera.error().message;
+  test::Session session(options.address);
+  session.client.write(reg::kStreamPacketSize, 9000);
+  session.start();
+  const auto blocks = test::receive_blocks(session.stream, 2);
+  ASSERT_EQ(blocks.size(), 2U);
+  EXPECT_EQ(blocks[1].second.pixels(), expected);
+}
+
+}  // namespace
+}  // namespace bolo::fakecam

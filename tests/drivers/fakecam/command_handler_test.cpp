@@ -1,0 +1,252 @@
+#include "drivers/fakecam/command_handler.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+#include <vector>
+
+namespace bolo::fakecam {
+namespace {
+
+using Packet = std::vector<std::uint8_t>;
+constexpr Peer kAlice{0x7f000001, 5000};
+constexpr Peer kBob{0x7f000001, 5001};
+constexpr std::int64_t kMs = 1'000'000;
+
+void append(Packet& packet, std::uint32_t word) {
+  for (int shift = 24; shift >= 0; shift -= 8) packet.push_back(static_cast<std::uint8_t>(word >> shift));
+}
+
+Packet command(std::uint16_t code, const std::vector<std::uint32_t>& words, std::uint8_t flags = 1) {
+  Packet packet{gvcp::kKey, flags};
+  append(packet, static_cast<std::uint32_t>(code) << 16U | static_cast<std::uint32_t>(words.size() * 4));
+  packet.push_back(0x12);
+  packet.push_back(0x34);
+  for (const auto word : words) append(packet, word);
+  return packet;
+}
+
+Packet command(gvcp::Command code, const std::vector<std::uint32_t>& words, std::uint8_t flags = 1) {
+  return command(static_cast<std::uint16_t>(code), words, flags);
+}
+
+class CommandHandlerTest : public testing::Test {
+ protected:
+  CommandHandlerTest() {
+    registers.set(reg::kHeartbeatTimeout, 1000);
+    registers.set(reg::kWidth, 640);
+    registers.set(reg::kHeight, 120);
+    registers.writable_range(reg::kWidth, 1, 640);
+    registers.writable_range(reg::kHeight, 1, 120);
+    registers.writable_text(reg::kUserName, 16);
+  }
+
+  gvcp::Status send(const Packet& packet, Peer peer = kAlice, std::int64_t now_ns = 0) {
+    const ConstBytes bytes = handler.handle(packet, peer, now_ns);
+    answer.assign(bytes.begin(), bytes.end());
+    return answer.empty() ? gvcp::Status::kSuccess : static_cast<gvcp::Status>(load_u16(answer, 0));
+  }
+  gvcp::Status take_control(Peer peer, std::int64_t now_ns = 0, std::uint32_t bits = reg::kPrivilegeControl) {
+    return send(command(gvcp::Command::kWriteRegister, {reg::kPrivilege, bits}), peer, now_ns);
+  }
+  std::uint32_t word(std::size_t index) const { return load_u32(answer, gvcp::kHeaderBytes + index * 4); }
+
+  RegisterMap registers{"<xml?>"};  // 6 bytes: not whole words
+  Counters counters;
+  int control_losses = 0;
+  std::vector<ResendRequest> resends;
+  CommandHandler handler{
+      registers, counters, {[this](const ResendRequest& r) { resends.push_back(r); }, [this] { ++control_losses; }}};
+  Packet answer;
+};
+
+TEST_F(CommandHandlerTest, AcknowledgeRepeatsTheIdAndNamesItsLength) {
+  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {reg::kWidth})), gvcp::Status::kSuccess);
+  ASSERT_EQ(answer.size(), 12U);
+  EXPECT_EQ(load_u16(answer, 2), 0x81);
+  EXPECT_EQ(load_u16(answer, 4), 4);
+  EXPECT_EQ(load_u16(answer, 6), 0x1234);
+  EXPECT_EQ(word(0), 640U);
+}
+
+TEST_F(CommandHandlerTest, ReadsSeveralRegistersAtOnce) {
+  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {reg::kWidth, reg::kHeight})), gvcp::Status::kSuccess);
+  EXPECT_EQ(word(0), 640U);
+  EXPECT_EQ(word(1), 120U);
+}
+
+TEST_F(CommandHandlerTest, FailedReadEndsBeforeTheRegisterThatFailed) {
+  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {reg::kWidth, 0xfffffff0})), gvcp::Status::kInvalidAddress);
+  EXPECT_EQ(answer.size(), 12U);
+}
+
+TEST_F(CommandHandlerTest, RefusesUnalignedAndForeignAddresses) {
+  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {reg::kWidth + 2})), gvcp::Status::kBadAlignment);
+  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {reg::kRegistersEnd})), gvcp::Status::kInvalidAddress);
+  EXPECT_EQ(send(command(gvcp::Command::kReadRegister, {0xfffffffc})), gvcp::Status::kInvalidAddress);
+}
+
+TEST_F(CommandHandlerTest, ReadsTheDescriptionUpToItsPaddedEndAndNoFurther) {
+  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {reg::kDescription, 8})), gvcp::Status::kSuccess);
+  EXPECT_EQ(std::string(answer.begin() + 12, answer.end()), std::string("<xml?>\0\0", 8));
+  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {reg::kDescription, 12})), gvcp::Status::kInvalidAddress);
+  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {reg::kDescription + 8, 4})), gvcp::Status::kInvalidAddress);
+}
+
+TEST_F(CommandHandlerTest, ReadMemoryChecksItsCount) {
+  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {0, 0})), gvcp::Status::kInvalidParameter);
+  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {0, 6})), gvcp::Status::kBadAlignment);
+  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {0, 540})), gvcp::Status::kInvalidParameter);
+  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {0, 536})), gvcp::Status::kSuccess);
+  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {0})), gvcp::Status::kInvalidParameter);
+}
+
+TEST_F(CommandHandlerTest, WritesNeedControl) {
+  const Packet write = command(gvcp::Command::kWriteRegister, {reg::kWidth, 320});
+  EXPECT_EQ(send(write), gvcp::Status::kAccessDenied);
+  EXPECT_EQ(take_control(kAlice), gvcp::Status::kSuccess);
+  EXPECT_EQ(send(write, kBob), gvcp::Status::kAccessDenied);
+  EXPECT_EQ(registers.get(reg::kWidth), 640U);
+  EXPECT_EQ(send(write, kAlice), gvcp::Status::kSuccess);
+  EXPECT_EQ(registers.get(reg::kWidth), 320U);
+}
+
+TEST_F(CommandHandlerTest, WriteStopsAtTheFirstRefusalAndSaysHowFarItCame) {
+  take_control(kAlice);
+  EXPECT_EQ(send(command(gvcp::Command::kWriteRegister, {reg::kWidth, 320, reg::kHeight, 500, reg::kWidth, 10})),
+            gvcp::Status::kInvalidParameter);
+  EXPECT_EQ(word(0) & 0xffffU, 1U);
+  EXPECT_EQ(registers.get(reg::kWidth), 320U);
+}
+
+TEST_F(CommandHandlerTest, WriteProtectAndInvalidAddressAreToldApart) {
+  take_control(kAlice);
+  EXPECT_EQ(send(command(gvcp::Command::kWriteRegister, {reg::kVersion, 1})), gvcp::Status::kWriteProtect);
+  EXPECT_EQ(send(command(gvcp::Command::kWriteMemory, {reg::kDescription, 1})), gvcp::Status::kWriteProtect);
+  EXPECT_EQ(send(command(gvcp::Command::kWriteRegister, {0xfffffffc, 1})), gvcp::Status::kInvalidAddress);
+}
+
+TEST_F(CommandHandlerTest, WriteMemorySetsTheUserName) {
+  take_control(kAlice);
+  EXPECT_EQ(send(command(gvcp::Command::kWriteMemory, {reg::kUserName, 0x66726f6e, 0x74000000})),
+            gvcp::Status::kSuccess);
+  send(command(gvcp::Command::kReadMemory, {reg::kUserName, 16}));
+  EXPECT_STREQ(reinterpret_cast<const char*>(answer.data() + 12), "front");
+}
+
+TEST_F(CommandHandlerTest, OnlyOneClientControls) {
+  EXPECT_EQ(take_control(kAlice), gvcp::Status::kSuccess);
+  EXPECT_EQ(take_control(kBob), gvcp::Status::kAccessDenied);
+  EXPECT_EQ(take_control(kBob, 0, 0), gvcp::Status::kAccessDenied) << "nor can another release it";
+  EXPECT_EQ(take_control(kAlice, 0, 0), gvcp::Status::kSuccess);
+  EXPECT_EQ(control_losses, 1);
+  EXPECT_EQ(take_control(kBob), gvcp::Status::kSuccess);
+  EXPECT_EQ(counters.read().clients, 2U);
+}
+
+TEST_F(CommandHandlerTest, ExclusiveAccessShutsOthersOutOfReading) {
+  const Packet read = command(gvcp::Command::kReadRegister, {reg::kWidth});
+  take_control(kAlice);
+  EXPECT_EQ(send(read, kBob), gvcp::Status::kSuccess);
+  take_control(kAlice, 0, reg::kPrivilegeExclusive);
+  EXPECT_EQ(send(read, kBob), gvcp::Status::kAccessDenied);
+  EXPECT_EQ(send(command(gvcp::Command::kReadMemory, {0, 4}), kBob), gvcp::Status::kAccessDenied);
+  EXPECT_EQ(send(command(gvcp::Command::kDiscovery, {}), kBob), gvcp::Status::kSuccess);
+  EXPECT_EQ(send(read, kAlice), gvcp::Status::kSuccess);
+}
+
+TEST_F(CommandHandlerTest, SilenceLosesControlAndAnyCommandKeepsIt) {
+  take_control(kAlice);
+  send(command(gvcp::Command::kReadRegister, {reg::kWidth}), kAlice, 900 * kMs);
+  send(command(gvcp::Command::kReadRegister, {reg::kWidth}), kBob, 1500 * kMs);
+  handler.check_heartbeat(1900 * kMs);
+  EXPECT_TRUE(handler.controlled());
+  handler.check_heartbeat(1901 * kMs);
+  EXPECT_FALSE(handler.controlled());
+  EXPECT_EQ(control_losses, 1);
+  EXPECT_EQ(registers.get(reg::kPrivilege), 0U);
+  EXPECT_EQ(take_control(kBob, 1902 * kMs), gvcp::Status::kSuccess);
+}
+
+TEST_F(CommandHandlerTest, HeartbeatCanBeSwitchedOff) {
+  registers.set(reg::kGvcpConfig, reg::kHeartbeatOff);
+  take_control(kAlice);
+  handler.check_heartbeat(100'000 * kMs);
+  EXPECT_TRUE(handler.controlled());
+}
+
+TEST_F(CommandHandlerTest, ResendIsObeyedAndNotAcknowledged) {
+  send(command(gvcp::Command::kPacketResend, {0x0000abcd, 0xff000003, 0x00000007}));
+  EXPECT_TRUE(answer.empty());
+  ASSERT_EQ(resends.size(), 1U);
+  EXPECT_EQ(resends[0].block_id, 0xabcd);
+  EXPECT_EQ(resends[0].first_packet, 3U);
+  EXPECT_EQ(resends[0].last_packet, 7U);
+  send(command(gvcp::Command::kPacketResend, {1, 7, 3}));
+  send(command(gvcp::Command::kPacketResend, {1, 7}));
+  EXPECT_EQ(resends.size(), 1U);
+}
+
+TEST_F(CommandHandlerTest, UnknownCommandIsNotImplemented) {
+  EXPECT_EQ(send(command(0x0100, {1, 2})), gvcp::Status::kNotImplemented);
+  EXPECT_EQ(load_u16(answer, 2), 0x0101);
+  EXPECT_EQ(send(command(gvcp::Command::kForceIp, {})), gvcp::Status::kNotImplemented);
+}
+
+TEST_F(CommandHandlerTest, AnswersOnlyWhenAsked) {
+  take_control(kAlice);
+  send(command(gvcp::Command::kWriteRegister, {reg::kWidth, 12}, 0));
+  EXPECT_TRUE(answer.empty());
+  EXPECT_EQ(registers.get(reg::kWidth), 12U);
+}
+
+TEST_F(CommandHandlerTest, LengthMustBeThatOfThePacket) {
+  Packet packet = command(gvcp::Command::kReadRegister, {reg::kWidth});
+  packet[5] = 8;
+  EXPECT_EQ(send(packet), gvcp::Status::kInvalidHeader);
+  packet[5] = 0;
+  EXPECT_EQ(send(packet), gvcp::Status::kInvalidHeader);
+}
+
+TEST_F(CommandHandlerTest, IgnoresWhatIsNotACommand) {
+  Packet packet = command(gvcp::Command::kReadRegister, {reg::kWidth});
+  packet[0] = 0x00;
+  send(packet);
+  EXPECT_TRUE(answer.empty());
+  send({});
+  EXPECT_TRUE(answer.empty());
+  send({gvcp::kKey, 1, 0});
+  EXPECT_TRUE(answer.empty());
+}
+
+TEST_F(CommandHandlerTest, BroadcastsReachDiscoveryAlone) {
+  EXPECT_EQ(handler.handle_broadcast(command(gvcp::Command::kDiscovery, {}), kBob, 0).size(), 256U);
+  EXPECT_TRUE(handler.handle_broadcast(command(gvcp::Command::kReadRegister, {0}), kBob, 0).empty());
+  EXPECT_TRUE(handler.handle_broadcast(Packet{gvcp::kKey}, kBob, 0).empty());
+}
+
+// Random packets, half of them with a plausible header, from a client in control: any answer will do, but the handler
+// stays well and its answers keep to the size of a GVCP packet.
+TEST_F(CommandHandlerTest, SurvivesRandomPackets) {
+  std::mt19937 random(1);
+  const std::array<std::uint16_t, 8> codes{0x02, 0x04, 0x40, 0x80, 0x82, 0x84, 0x86, 0x100};
+  take_control(kAlice);
+  for (int i = 0; i < 50'000; ++i) {
+    Packet packet(random() % 600);
+    for (auto& byte : packet) byte = static_cast<std::uint8_t>(random());
+    if (i % 2 == 0 && packet.size() >= 12) {
+      packet[0] = gvcp::kKey;
+      packet[1] = 1;
+      store_u16(packet, 2, codes[random() % codes.size()]);
+      store_u16(packet, 4, static_cast<std::uint16_t>(packet.size() - 8));
+      store_u32(packet, 8, static_cast<std::uint32_t>(random() % 0x12000));
+    }
+    send(packet);
+    ASSERT_LE(answer.size(), gvcp::kHeaderBytes + gvcp::kMaxDataBytes);
+  }
+  registers.set(reg::kPrivilege, 0);
+  EXPECT_EQ(send(command(gvcp::Command::kDiscovery, {})), gvcp::Status::kSuccess);
+}
+
+}  // namespace
+}  // namespace bolo::fakecam

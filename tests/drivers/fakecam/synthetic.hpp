@@ -1,0 +1,47 @@
+// Frames and addresses for the fake camera's tests.
+#pragma once
+
+#include <unistd.h>
+
+#include <cstring>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "drivers/fakecam/fake_camera.hpp"
+
+namespace bolo::fakecam::test {
+
+// Another loopback address on each call, so that tests run side by side: the process id is in it.
+inline std::string fresh_address() {
+  static int last = 0;
+  const int pid = getpid();
+  return "127." + std::to_string(1 + (pid >> 8) % 254) + "." + std::to_string(pid & 255) + "." + std::to_string(++last);
+}
+
+// Every pixel of every frame is another value, as far as 16 bits go.
+inline std::uint16_t pixel_of(std::size_t frame, std::size_t pixel) {
+  return static_cast<std::uint16_t>(pixel * 7 + frame * 3001 + 20000);
+}
+
+inline MemoryFrames::Content synthetic(Geometry geometry, std::size_t frames, double period_s = 0.005) {
+  MemoryFrames::Content content;
+  content.format.geometry = geometry;
+  content.format.scale.unit = Unit::kCount;
+  content.format.frame_period_s = period_s;
+  content.planes.resize(frames * plane_bytes(geometry, PixelType::kUint16));
+  std::vector<std::uint16_t> plane(geometry.pixels());
+  for (std::size_t f = 0; f < frames; ++f) {
+    content.frame_ids.push_back(100 + f);
+    content.times_s.push_back(2.0 + static_cast<double>(f) * period_s);
+    for (std::size_t p = 0; p < plane.size(); ++p) plane[p] = pixel_of(f, p);
+    std::memcpy(content.planes.data() + f * plane.size() * 2, plane.data(), plane.size() * 2);
+  }
+  return content;
+}
+
+inline std::unique_ptr<FrameProvider> provider_of(MemoryFrames::Content content) {
+  return std::make_unique<MemoryFrames>(std::move(content));
+}
+
+}  // namespace bolo::fakecam::test

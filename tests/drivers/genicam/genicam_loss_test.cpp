@@ -1,0 +1,167 @@
+// GenicamSource: lost packets, wrong frames, resets, and cameras that disappear.
+#include <gtest/gtest.h>
+
+#include "bolo/core/clock.hpp"
+#include "tests/drivers/genicam/fake_camera.hpp"
+
+namespace bolo::genicam::test {
+namespace {
+
+class GenicamLossTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const std::string why = enter_private_network(); !why.empty()) GTEST_SKIP() << why;
+  }
+
+  Status start(CameraOptions options = options_for(), std::size_t queue = 64) {
+    source_ = std::make_unique<GenicamSource>(std::move(options));
+    const auto info = source_->open();
+    if (!info) return tl::unexpected<Error>(info.error());
+    collector_ = std::make_unique<Collector>(info->format, queue);
+    return source_->start(collector_->inlet());
+  }
+  std::uint64_t lost(LossCause cause) const { return collector_->inlet().losses().value(cause); }
+
+  std::unique_ptr<Collector> collector_;
+  std::unique_ptr<GenicamSource> source_;
+};
+
+TEST_F(GenicamLossTest, CountsEachFrameOfALossyLinkOnce) {
+  FakeCamera fake;
+  CameraOptions options = options_for();
+  options.packet_size = 576;  // several packets a frame, so that leaders, data and trailers are lost
+  const Status started = start(options);
+  ASSERT_TRUE(started) << started.error().message;
+  ASSERT_TRUE(collector_->wait_for(10));
+  fake.set_lost_packets(0.05);
+  ASSERT_TRUE(eventually([&] { return fake.sent() >= 300; }));
+  fake.set_lost_packets(0.0);
+  ASSERT_TRUE(eventually([&] { return collector_->count() + lost(LossCause::kIncomplete) >= 300; }));
+  source_->stop();
+
+  const auto& frames = collector_->finish();
+  const std::uint64_t span = frames.back().meta.frame_id - frames.front().meta.frame_id + 1;
+  EXPECT_EQ(frames.front().meta.frame_id, kFirstId);
+  EXPECT_EQ(span, frames.size() + collector_->inlet().losses().total());
+  EXPECT_GT(lost(LossCause::kIncomplete), 20U);
+  EXPECT_EQ(lost(LossCause::kOutOfOrder), 0U);
+  EXPECT_EQ(lost(LossCause::kDriver), 0U);
+  EXPECT_GE(source_->transport_stats().failures, lost(LossCause::kIncomplete));
+  for (const Received& frame : frames) {
+    const std::uint64_t n = number_of(frame);
+    ASSERT_EQ(frame.pixels[0], pixel(n, 0, 0));
+    ASSERT_EQ(frame.pixels.back(), pixel(n, kWidth - 1, kHeight - 1));
+  }
+}
+
+TEST_F(GenicamLossTest, CountsAJumpOfTheCounterAsMissing) {
+  FakeCamera fake({.address = "127.0.0.1", .xml = {}, .big_endian = false, .id = [](std::uint64_t n) {
+                     return static_cast<std::uint16_t>(n < 20 ? 100 + n : 107 + n);
+                   }});
+  ASSERT_TRUE(start());
+  ASSERT_TRUE(collector_->wait_for(60));
+  source_->stop();
+  EXPECT_EQ(lost(LossCause::kMissing), 7U);
+}
+
+TEST_F(GenicamLossTest, StartsANewWindowWhenTheCounterIsReset) {
+  FakeCamera fake({.address = "127.0.0.1", .xml = {}, .big_endian = false, .id = [](std::uint64_t n) {
+                     return static_cast<std::uint16_t>(n < 20 ? 30000 + n : n - 19);
+                   }});
+  ASSERT_TRUE(start());
+  ASSERT_TRUE(collector_->wait_for(60));
+  source_->stop();
+  const auto& frames = collector_->finish();
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    EXPECT_GT(frames[i].meta.frame_id, frames[i - 1].meta.frame_id);
+    EXPECT_EQ(frames[i].restarts_window, number_of(frames[i - 1]) < 20 && number_of(frames[i]) >= 20) << i;
+  }
+  EXPECT_EQ(frames.back().meta.frame_id - frames.front().meta.frame_id + 1,
+            frames.size() + collector_->inlet().losses().total());
+}
+
+TEST_F(GenicamLossTest, CountsFramesThatThePipelineCannotTake) {
+  FakeCamera fake;
+  source_ = std::make_unique<GenicamSource>(options_for());
+  const auto info = source_->open();
+  ASSERT_TRUE(info) << info.error().message;
+  pipeline::FrameInlet inlet(info->format, 1, 4);  // nobody takes frames out
+  ASSERT_TRUE(source_->start(inlet));
+  const rt::LossCounters& losses = inlet.losses();
+  EXPECT_TRUE(
+      eventually([&] { return losses.value(LossCause::kPoolExhausted) + losses.value(LossCause::kQueueFull) >= 10; }));
+  source_->stop();
+  EXPECT_EQ(inlet.received(), 4U);
+}
+
+TEST_F(GenicamLossTest, RefusesFramesOfAnotherSize) {
+  FakeCamera fake;
+  source_ = std::make_unique<GenicamSource>(options_for());
+  const auto info = source_->open();
+  ASSERT_TRUE(info) << info.error().message;
+  Collector collector(info->format);
+  fake.write_register(ARV_FAKE_CAMERA_REGISTER_HEIGHT, kHeight / 2);
+  ASSERT_TRUE(source_->start(collector.inlet()));
+  ASSERT_TRUE(eventually([&] { return collector.inlet().losses().value(LossCause::kBadFrame) >= 10; }));
+  source_->stop();
+  EXPECT_EQ(collector.count(), 0U);
+}
+
+TEST_F(GenicamLossTest, ReopensACameraThatComesBack) {
+  auto fake = std::make_unique<FakeCamera>();
+  CameraOptions options = options_for();
+  options.reconnect_after_ms = 300;
+  ASSERT_TRUE(start(options));
+  ASSERT_TRUE(collector_->wait_for(20));
+  fake->kill();
+  ASSERT_TRUE(eventually([&] { return source_->state() == SourceState::kLost; }));
+  const std::uint64_t before = collector_->count();
+  fake = std::make_unique<FakeCamera>();
+  ASSERT_TRUE(eventually([&] { return source_->reconnects() == 1; }));
+  ASSERT_TRUE(collector_->wait_for(before + 20));
+  source_->stop();
+  const auto& frames = collector_->finish();
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    EXPECT_GT(frames[i].meta.frame_id, frames[i - 1].meta.frame_id);
+    EXPECT_EQ(frames[i].restarts_window, i == before) << i;
+  }
+}
+
+TEST_F(GenicamLossTest, SaysThatItStallsWithoutReopeningWhenToldSo) {
+  FakeCamera fake;
+  CameraOptions options = options_for();
+  options.reconnect_after_ms = 0;
+  ASSERT_TRUE(start(options));
+  ASSERT_TRUE(collector_->wait_for(10));
+  fake.write_register(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);  // connected, but silent
+  EXPECT_TRUE(eventually([&] { return source_->state() == SourceState::kStalled; }));
+  EXPECT_EQ(source_->reconnects(), 0U);
+  source_->stop();
+}
+
+TEST_F(GenicamLossTest, TakesControlBackWhenItWasTakenAway) {
+  FakeCamera fake;
+  ASSERT_TRUE(start());
+  ASSERT_TRUE(collector_->wait_for(10));
+  fake.take_control_away();
+  ASSERT_TRUE(eventually([&] { return source_->reconnects() >= 1; }));
+  const std::uint64_t before = collector_->count();
+  EXPECT_TRUE(collector_->wait_for(before + 10));
+  source_->stop();
+}
+
+TEST_F(GenicamLossTest, StopsInBoundedTimeWhenTheCameraIsGone) {
+  FakeCamera fake;
+  ASSERT_TRUE(start());
+  ASSERT_TRUE(collector_->wait_for(10));
+  fake.kill();
+  const std::int64_t before_ns = monotonic_ns();
+  source_->stop();
+  EXPECT_LT(monotonic_ns() - before_ns, 30'000'000'000) << "a guard against hanging; the limit itself is 5 s";
+  const std::uint64_t received = collector_->inlet().received();
+  source_.reset();
+  EXPECT_EQ(collector_->inlet().received(), received);
+}
+
+}  // namespace
+}  // namespace bolo::genicam::test

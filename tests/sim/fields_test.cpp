@@ -1,0 +1,143 @@
+// What the pixels see, and when it changes.
+#include <algorithm>
+#include <cmath>
+
+#include "tests/sim/support.hpp"
+
+namespace bolo::sim {
+namespace {
+
+using testing::columns;
+
+std::vector<float> row_at(const Field& field, double t_s, int row, std::size_t width) {
+  std::vector<float> out(width);
+  field.sample(t_s, row, out);
+  return out;
+}
+
+std::vector<double> instants(const Field& field, double from_s, double to_s) {
+  std::vector<double> out;
+  field.instants(from_s, to_s, 0.011, out);
+  return out;
+}
+
+TEST(ChopperField, SwitchesTheWholeFieldAtOnce) {
+  const auto field = make_chopper({295.0, {0.1, 0.3}, {0.2, 0.4}, {305.0, 320.0}});
+  const std::vector<std::pair<double, float>> expected{{-5.0, 295}, {0.0999, 295}, {0.1, 305}, {0.1999, 305},
+                                                       {0.2, 295},  {0.35, 320},   {0.4, 295}, {9.0, 295}};
+  for (const auto& [t_s, k] : expected) EXPECT_EQ(row_at(*field, t_s, 3, 4), std::vector<float>(4, k)) << t_s;
+  EXPECT_EQ(field->extremes().low_k, 295.0);
+  EXPECT_EQ(field->extremes().high_k, 320.0);
+}
+
+TEST(ChopperField, AJumpIsTwoNeighbouringInstants) {
+  const auto field = make_chopper({295.0, {0.1, 0.3}, {0.2, 0.4}, {305.0, 320.0}});
+  const double before = std::nextafter(0.2, 0.0);
+  EXPECT_EQ(instants(*field, 0.15, 0.25), (std::vector<double>{before, 0.2, 0.25}));
+  EXPECT_EQ(instants(*field, 0.15, 0.2), (std::vector<double>{before, 0.2}));  // on the frame's time itself
+  EXPECT_EQ(instants(*field, 0.2, 0.25), std::vector<double>{0.25});
+  EXPECT_EQ(instants(*field, 0.05, 0.35).size(), 7U);
+}
+
+// The share of each pixel that the bars cover, by counting points.
+double counted(const capture::BarTarget& bars, double t_s, int row, int x) {
+  constexpr int kPoints = 20000;
+  int hot = 0;
+  for (int i = 0; i < kPoints; ++i) {
+    const double u = x - 0.5 + (i + 0.5) / kPoints - bars.slant_px_per_row * row - bars.velocity_px_s * t_s;
+    if (u - bars.period_px * std::floor(u / bars.period_px) < bars.bar_width_px) ++hot;
+  }
+  return bars.cold_k + (bars.hot_k - bars.cold_k) * hot / kPoints;
+}
+
+class BarField : public ::testing::TestWithParam<capture::BarTarget> {};
+
+TEST_P(BarField, APixelSeesTheMeanOverItsWidth) {
+  const auto field = make_bars(GetParam());
+  for (const double t_s : {-0.31, 0.0, 0.0123, 4.5}) {
+    for (const int row : {0, 7}) {
+      const auto seen = row_at(*field, t_s, row, 30);
+      for (int x = 0; x < 30; ++x) {
+        EXPECT_NEAR(seen[static_cast<std::size_t>(x)], counted(GetParam(), t_s, row, x), 0.01)
+            << "t " << t_s << " row " << row << " x " << x;
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Targets, BarField,
+                         ::testing::Values(capture::BarTarget{285, 310, 10, 5, 0.25, 300},
+                                           capture::BarTarget{285, 310, 7.3, 0.4, -1.7, -211},
+                                           capture::BarTarget{310, 285, 2.0, 1.0, 0.5, 40},
+                                           capture::BarTarget{285, 310, 500, 450, 0, 0}));
+
+TEST(BarField, AStaticTargetNeedsOneStep) {
+  EXPECT_EQ(instants(*make_bars({285, 310, 10, 5, 0.25, 0}), 0.0, 0.005), std::vector<double>{0.005});
+}
+
+TEST(SceneField, IsBilinearAtThePathsPosition) {
+  capture::StillImage image{4, 3, {0, 1, 4, 9, 10, 20, 30, 50, 100, 140, 190, 250}};
+  const auto field = make_scene(image, Path({{0, 0, 0}, {1, 1, 1}}), {3, 2});
+  EXPECT_EQ(row_at(*field, 0.0, 0, 3), (std::vector<float>{0, 1, 4}));
+  EXPECT_EQ(row_at(*field, 0.0, 1, 3), (std::vector<float>{10, 20, 30}));
+  EXPECT_EQ(row_at(*field, 1.0, 1, 3), (std::vector<float>{140, 190, 250}));
+  EXPECT_EQ(row_at(*field, 0.5, 0, 3), (std::vector<float>{7.75, 13.75, 23.25}));
+}
+
+TEST(SceneField, AnExactFitReadsNothingBeyondTheImage) {
+  const auto field = make_scene(columns(8, 4, [](int x) { return x; }), steady_pan(0.0), {8, 4});
+  EXPECT_EQ(row_at(*field, 3.0, 3, 8), (std::vector<float>{0, 1, 2, 3, 4, 5, 6, 7}));
+}
+
+TEST(PanOver, KeepsAnImageThatHoldsThePath) {
+  const auto scene = make_still_scene(columns(40, 9, [](int x) { return 280 + x; }));
+  const auto field = pan_over(*scene, steady_pan(100.0), {20, 2}, {10, 4}, -0.1, 0.2);
+  ASSERT_TRUE(field) << field.error().message;
+  const auto stimulus = std::get<capture::SceneStimulus>((*field)->stimulus(-0.1, 0.2));
+  EXPECT_EQ(stimulus.image_width, 40);
+  EXPECT_EQ(stimulus.image_height, 9);
+  EXPECT_EQ(row_at(**field, 0.1, 0, 2), (std::vector<float>{290, 291}));
+}
+
+TEST(PanOver, ContinuesByMirrorReflectionBeyondTheBorders) {
+  const auto scene = make_still_scene(columns(4, 2, [](int x) { return x; }));
+  const auto field = pan_over(*scene, steady_pan(0.0), {-5, -3}, {15, 7}, 0.0, 1.0);
+  ASSERT_TRUE(field);
+  const std::vector<float> expected{3, 3, 2, 1, 0, 0, 1, 2, 3, 3, 2, 1, 0, 0, 1};
+  EXPECT_EQ(row_at(**field, 0.0, 6, 15), expected);
+}
+
+TEST(PanOver, TheStimulusSaysWhatEveryPixelSees) {
+  const auto scene = make_street({32, 12}, 3);
+  const Path motion({{-0.1, 3, 1}, {0.0, 0, 0}, {0.1, -7.3, 2.2}, {0.3, 4.1, -1.7}});
+  const auto field = pan_over(*scene, motion, {5, 1}, {32, 12}, -0.1, 0.3);
+  ASSERT_TRUE(field);
+  const auto s = std::get<capture::SceneStimulus>((*field)->stimulus(-0.1, 0.3));
+  const auto again = make_scene({s.image_width, s.image_height, s.image_k},
+                                Path({{s.t_s[0], s.x_px[0], s.y_px[0]},
+                                      {s.t_s[1], s.x_px[1], s.y_px[1]},
+                                      {s.t_s[2], s.x_px[2], s.y_px[2]},
+                                      {s.t_s[3], s.x_px[3], s.y_px[3]}}),
+                                {32, 12});
+  for (const double t_s : {-0.1, -0.03, 0.07, 0.21, 0.3}) {
+    EXPECT_EQ(row_at(**field, t_s, 7, 32), row_at(*again, t_s, 7, 32)) << t_s;
+    for (const double x : s.x_px) EXPECT_TRUE(x >= 0.0 && x + 32 <= s.image_width) << x;
+    for (const double y : s.y_px) EXPECT_TRUE(y >= 0.0 && y + 12 <= s.image_height) << y;
+  }
+}
+
+TEST(PanOver, RefusesAPathOverTooManyPixels) {
+  const auto field = pan_over(*make_street({640, 120}, 1), steady_pan(1e5), {0, 0}, {640, 120}, 0.0, 100.0);
+  ASSERT_FALSE(field);
+  EXPECT_EQ(field.error().exit_code(), 2);
+}
+
+TEST(CentredOrigin, PutsThePathsMiddleOnTheScenesMiddle) {
+  const auto scene = make_still_scene(columns(100, 50, [](int x) { return x; }));
+  const Position origin = centred_origin(*scene, steady_pan(20.0), {40, 10}, 0.0, 1.0);
+  EXPECT_EQ(origin.x_px, 40.0);  // the view's left border goes from 40 to 20
+  EXPECT_EQ(origin.y_px, 20.0);
+}
+
+}  // namespace
+}  // namespace bolo::sim

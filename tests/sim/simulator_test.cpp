@@ -1,0 +1,242 @@
+// The simulated camera against closed forms and against brute force.
+#include "bolo/sim/simulator.hpp"
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+#include "tests/sim/support.hpp"
+
+namespace bolo::sim {
+namespace {
+
+using testing::columns;
+using testing::Frames;
+using testing::ideal_camera;
+using testing::run;
+
+constexpr double kTau = 0.011;
+constexpr double kPeriod = 0.005;
+
+// tau dT/dt + T = T_ss from steady state at from_s, in steps so short that T_ss may be taken as a straight line.
+double brute_force(const std::function<double(double)>& input, double from_s, double to_s) {
+  const auto steps = static_cast<int>((to_s - from_s) / 1e-6);
+  const double h = (to_s - from_s) / steps;
+  const double keep = std::exp(-h / kTau);
+  double t = input(from_s);
+  for (int i = 0; i < steps; ++i) {
+    const double middle = input(from_s + (i + 0.5) * h);
+    t = middle + (t - middle) * keep;
+  }
+  return t;
+}
+
+double bilinear(const capture::StillImage& image, double x, double y) {
+  const auto at = [&image](int i, int j) {
+    return static_cast<double>(image.kelvin[static_cast<std::size_t>(std::min(j, image.height - 1) * image.width +
+                                                                     std::min(i, image.width - 1))]);
+  };
+  const int i = static_cast<int>(std::floor(x));
+  const int j = static_cast<int>(std::floor(y));
+  const double u = x - i;
+  const double v = y - j;
+  return (1 - v) * ((1 - u) * at(i, j) + u * at(i + 1, j)) + v * ((1 - u) * at(i, j + 1) + u * at(i + 1, j + 1));
+}
+
+// Every pixel at one of two temperatures: as many and as hard edges as there can be.
+capture::StillImage hard_edges(int width, int height) {
+  capture::StillImage image{width, height, {}};
+  std::uint32_t state = 12345;
+  for (int i = 0; i < width * height; ++i) {
+    state = state * 1664525U + 1013904223U;
+    image.kelvin.push_back((state >> 16) % 2 == 0 ? 285.0F : 310.0F);
+  }
+  return image;
+}
+
+TEST(Simulator, AStepIsAnExponential) {
+  const double on_s = 0.0131;
+  const auto frames = run(ideal_camera({3, 2}), make_chopper({295, {on_s}, {0.0772}, {320}}), 30);
+  for (std::size_t k = 0; k < 30; ++k) {
+    const double t = kPeriod * static_cast<double>(k);
+    double expected = t <= on_s ? 295.0 : 320.0 - 25.0 * std::exp(-(std::min(t, 0.0772) - on_s) / kTau);
+    if (t > 0.0772) expected = 295.0 + (expected - 295.0) * std::exp(-(t - 0.0772) / kTau);
+    for (const float shown : frames.shown[k]) EXPECT_NEAR(shown, expected, 5e-5) << "frame " << k;
+    const float truth = t >= on_s && t < 0.0772 ? 320.0F : 295.0F;
+    EXPECT_EQ(frames.truth[k], std::vector<float>(6, truth)) << "frame " << k;
+  }
+}
+
+TEST(Simulator, AStepOnAFramesTimeIsInItsTruthButNotYetInTheFrame) {
+  const auto frames = run(ideal_camera({2, 1}), make_chopper({295, {0.01}, {0.1}, {305}}), 4);
+  EXPECT_EQ(frames.truth[2][0], 305.0F);
+  EXPECT_NEAR(frames.shown[2][0], 295.0, 5e-5);
+  EXPECT_NEAR(frames.shown[3][0], 305.0 - 10.0 * std::exp(-kPeriod / kTau), 5e-5);
+}
+
+TEST(Simulator, ARampLagsByTheTimeConstantFromTheFirstFrameOn) {
+  constexpr double kSpeed = 300.0;
+  constexpr double kSlope = 0.2;  // K a pixel
+  const auto scene = make_still_scene(columns(200, 2, [](int x) { return 280.0 + kSlope * x; }));
+  auto field = pan_over(*scene, steady_pan(kSpeed), {100, 0}, {20, 2}, -0.2, 0.1);
+  ASSERT_TRUE(field);
+  const auto frames = run(ideal_camera({20, 2}), std::move(*field), 20);
+  for (std::size_t k = 0; k < 20; ++k) {
+    for (std::size_t x = 0; x < 20; ++x) {
+      const double seen = 280.0 + kSlope * (100.0 + static_cast<double>(x) - kSpeed * kPeriod * static_cast<double>(k));
+      EXPECT_NEAR(frames.truth[k][x], seen, 1e-4);
+      EXPECT_NEAR(frames.shown[k][x], seen + kTau * kSlope * kSpeed, 1e-4) << "frame " << k << " x " << x;
+    }
+  }
+}
+
+TEST(Simulator, ASineLosesAmplitudeAndPhaseAsAFirstOrderSystem) {
+  constexpr double kWave = 400.0;  // px: the bilinear image is within 0.4 mK of the sine
+  constexpr double kSpeed = 6000.0;
+  constexpr double kOmega = 2.0 * std::numbers::pi * kSpeed / kWave;
+  const auto sine = [](double x) { return 300.0 + 10.0 * std::sin(2.0 * std::numbers::pi * x / kWave); };
+  const auto scene = make_still_scene(columns(2400, 1, sine));
+  auto field = pan_over(*scene, steady_pan(kSpeed), {1200, 0}, {10, 1}, -0.2, 0.15);
+  ASSERT_TRUE(field);
+  const auto frames = run(ideal_camera({10, 1}), std::move(*field), 30);
+  for (std::size_t k = 0; k < 30; ++k) {
+    for (std::size_t x = 0; x < 10; ++x) {
+      const double phase = kOmega * ((1200.0 + static_cast<double>(x)) / kSpeed - kPeriod * static_cast<double>(k));
+      // Time runs against the image's x.
+      const double lag = std::atan(kOmega * kTau);
+      const double answer = 300.0 + 10.0 / std::hypot(1.0, kOmega * kTau) * std::sin(phase + lag);
+      EXPECT_NEAR(frames.shown[k][x], answer, 1e-3);
+    }
+  }
+}
+
+// Frame 12 against one-microsecond steps over the whole history.
+TEST(Simulator, HardEdgesOnACrookedPathAreExactToATenthOfAMillikelvin) {
+  const auto image = hard_edges(60, 40);
+  const Path path(
+      {{-0.2, 45.0, 30.0}, {-0.05, 11.3, 3.7}, {-0.011, 18.9, 12.2}, {0.02, 14.4, 5.5}, {0.07, 33.3, 21.0}});
+  const auto frames = run(ideal_camera({8, 6}), make_scene(image, path, {8, 6}), 13);
+  double worst = 0.0;
+  for (int y = 0; y < 6; ++y) {
+    for (int x = 0; x < 8; ++x) {
+      const auto input = [&](double t) {
+        const Position at = path.at(t);
+        return bilinear(image, at.x_px + x, at.y_px + y);
+      };
+      const double expected = brute_force(input, -0.154, 12 * kPeriod);
+      worst = std::max(worst,
+                       std::abs(static_cast<double>(frames.shown[12][static_cast<std::size_t>(y * 8 + x)]) - expected));
+    }
+  }
+  EXPECT_LT(worst, 1e-4);
+  RecordProperty("worst_mk", std::to_string(1e3 * worst));
+}
+
+class MovingBars : public ::testing::TestWithParam<double> {};
+
+TEST_P(MovingBars, AreWithinTheStatedTolerance) {
+  const capture::BarTarget bars{285, 310, 17.3, 8.1, 0.27, GetParam()};
+  const auto frames = run(ideal_camera({20, 3}), make_bars(bars), 4);
+  const auto field = make_bars(bars);
+  double worst = 0.0;
+  for (const int x : {0, 1, 2, 3, 11, 12, 13, 19}) {
+    const auto input = [&](double t) {
+      std::vector<float> row(20);
+      field->sample(t, 2, row);
+      return static_cast<double>(row[static_cast<std::size_t>(x)]);
+    };
+    const double expected = brute_force(input, -0.154, 3 * kPeriod);
+    worst =
+        std::max(worst, std::abs(static_cast<double>(frames.shown[3][static_cast<std::size_t>(40 + x)]) - expected));
+  }
+  EXPECT_LT(worst, kStepToleranceK);
+  RecordProperty("worst_mk", std::to_string(1e3 * worst));
+}
+
+INSTANTIATE_TEST_SUITE_P(Speeds, MovingBars, ::testing::Values(0.0, 60.0, 300.0, -1200.0));
+
+TEST(Simulator, AVisibleFrameIsTheMeanOverItsExposure) {
+  CameraSettings camera = ideal_camera({12, 2});
+  camera.kind = CameraKind::kVisible;
+  camera.exposure_s = 0.003;
+  const auto image = hard_edges(60, 2);
+  const Path path = steady_pan(777.0).shifted({40.0, 0.0});
+  const auto frames = run(camera, make_scene(image, path, {12, 2}), 8);
+  for (const std::size_t k : {0U, 3U, 7U}) {
+    const double end = kPeriod * static_cast<double>(k);
+    for (int x = 0; x < 12; ++x) {
+      double sum = 0.0;
+      constexpr int kPoints = 3000;
+      for (int i = 0; i < kPoints; ++i) {
+        sum += bilinear(image, path.at(end - camera.exposure_s * (i + 0.5) / kPoints).x_px + x, 0.0);
+      }
+      EXPECT_NEAR(frames.shown[k][static_cast<std::size_t>(x)], sum / kPoints, 2e-3) << "frame " << k << " x " << x;
+    }
+  }
+}
+
+TEST(Simulator, AVisibleStepIsSharedOverTheFrameItFallsIn) {
+  CameraSettings camera = ideal_camera({1, 1});
+  camera.kind = CameraKind::kVisible;
+  camera.exposure_s = kPeriod;
+  const auto frames = run(camera, make_chopper({295, {0.0125}, {0.1}, {305}}), 6);
+  EXPECT_NEAR(frames.shown[2][0], 295.0, 1e-4);
+  EXPECT_NEAR(frames.shown[3][0], 300.0, 1e-4);  // half of the exposure
+  EXPECT_NEAR(frames.shown[4][0], 305.0, 1e-4);
+}
+
+TEST(Simulator, TheResultDoesNotDependOnTheThreads) {
+  CameraSettings camera;
+  camera.geometry = {50, 23};
+  std::vector<std::vector<std::uint16_t>> results;
+  for (const int threads : {1, 2, 5, 40}) {
+    camera.threads = threads;
+    const auto scene = make_street(camera.geometry, 9);
+    auto field = pan_over(*scene, steady_pan(250), {0, 0}, camera.geometry, -0.2, 0.1);
+    ASSERT_TRUE(field);
+    auto simulator = Simulator::create(camera, std::move(*field));
+    ASSERT_TRUE(simulator) << simulator.error().message;
+    std::vector<std::uint16_t> plane(camera.geometry.pixels());
+    for (int k = 0; k < 5; ++k) (*simulator)->next(plane.data(), nullptr);
+    results.push_back(plane);
+  }
+  for (const auto& plane : results) EXPECT_EQ(plane, results.front());
+}
+
+TEST(Simulator, TheSeedChangesTheNoiseOnly) {
+  CameraSettings camera = ideal_camera({40, 20});
+  camera.readout.noise_k = 0.03;
+  const auto frames = [&camera](std::uint64_t seed) {
+    camera.readout.seed = seed;
+    return run(camera, make_uniform(300.0), 3);
+  };
+  const Frames a = frames(1);
+  EXPECT_EQ(a.shown, frames(1).shown);
+  EXPECT_NE(a.shown, frames(2).shown);
+  EXPECT_EQ(a.truth, frames(2).truth);
+}
+
+TEST(Simulator, RefusesSettingsOutOfRange) {
+  const auto refused = [](auto change) {
+    CameraSettings camera;
+    change(camera);
+    const auto simulator = Simulator::create(camera, make_uniform(300.0));
+    return !simulator && simulator.error().exit_code() == 2;
+  };
+  EXPECT_FALSE(refused([](CameraSettings&) {}));
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.geometry.width = 0; }));
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.geometry.height = 20000; }));
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.rate_hz = 0.0; }));
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.tau_s = std::nan(""); }));
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.readout.noise_k = -1.0; }));
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.readout.quantisation_k = 0.0; }));
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.readout.quantisation_k = 0.001; }));  // reaches only 65 K
+  EXPECT_TRUE(refused([](CameraSettings& c) { c.threads = 0; }));
+  EXPECT_TRUE(refused([](CameraSettings& c) {
+    c.kind = CameraKind::kVisible;
+    c.exposure_s = 0.006;
+  }));
+}
+
+}  // namespace
+}  // namespace bolo::sim

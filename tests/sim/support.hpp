@@ -1,0 +1,77 @@
+// What the simulator's tests share.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "bolo/sim/simulator.hpp"
+
+namespace bolo::sim::testing {
+
+class Scratch {
+ public:
+  Scratch() {
+    std::string pattern = ::testing::TempDir() + "bolo_sim_XXXXXX";
+    folder_ = mkdtemp(pattern.data());
+  }
+  ~Scratch() {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+  Scratch(const Scratch&) = delete;
+  Scratch& operator=(const Scratch&) = delete;
+  std::filesystem::path operator/(const std::string& name) const { return folder_ / name; }
+  std::filesystem::path text(const std::string& name, const std::string& content) const {
+    std::ofstream(folder_ / name, std::ios::binary) << content;
+    return folder_ / name;
+  }
+
+ private:
+  std::filesystem::path folder_;
+};
+
+// A camera without noise or quantisation, so that the physics can be compared exactly.
+inline CameraSettings ideal_camera(Geometry geometry) {
+  CameraSettings camera;
+  camera.geometry = geometry;
+  camera.readout.noise_k = 0.0;
+  camera.readout.quantisation_k = 0.0;
+  camera.readout.type = PixelType::kFloat32;
+  return camera;
+}
+
+struct Frames {
+  std::vector<std::vector<float>> shown;
+  std::vector<std::vector<float>> truth;
+};
+
+inline Frames run(const CameraSettings& camera, std::unique_ptr<const Field> field, std::size_t frames) {
+  auto simulator = Simulator::create(camera, std::move(field));
+  EXPECT_TRUE(simulator) << simulator.error().message;
+  Frames result;
+  for (std::size_t k = 0; simulator && k < frames; ++k) {
+    result.shown.emplace_back(camera.geometry.pixels());
+    result.truth.emplace_back(camera.geometry.pixels());
+    (*simulator)->next(result.shown.back().data(), result.truth.back().data());
+  }
+  return result;
+}
+
+// An image whose columns are column(x), the same in every row.
+template <typename Column>
+capture::StillImage columns(int width, int height, Column column) {
+  capture::StillImage image{width, height, {}};
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) image.kelvin.push_back(static_cast<float>(column(x)));
+  }
+  return image;
+}
+
+}  // namespace bolo::sim::testing

@@ -1,0 +1,57 @@
+# Shared by tools/quickstart and tools/check; sourced by bash.
+# shellcheck shell=bash
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+
+say() { printf '\n== %s\n' "$*"; }
+die() {
+  printf '%s: %s\n' "$(basename "$0")" "$*" >&2
+  exit 1
+}
+
+# as_root COMMAND...: runs it as root, with sudo where the caller is not.
+as_root() {
+  if [ "$(id -u)" -eq 0 ]; then
+    "$@"
+  elif command -v sudo >/dev/null 2>&1; then
+    sudo "$@"
+  else
+    return 127
+  fi
+}
+
+# install_packages GROUP...: the Debian packages of those groups of tools/packages.txt that are missing.
+install_packages() {
+  local wanted=() missing=() group package
+  while read -r group package _; do
+    case " $* " in *" $group "*) wanted+=("$package") ;; esac
+  done < <(sed 's/#.*//' "$root/tools/packages.txt" | grep -v '^[[:space:]]*$')
+  for package in "${wanted[@]}"; do
+    [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || missing+=("$package")
+  done
+  if [ ${#missing[@]} -eq 0 ]; then
+    echo "all ${#wanted[@]} Debian packages are installed"
+    return
+  fi
+  echo "installing ${#missing[@]} of ${#wanted[@]} Debian packages: ${missing[*]}"
+  command -v apt-get >/dev/null 2>&1 || die "apt-get is missing: this script is made for Debian 12"
+  as_root apt-get update -qq || die "cannot run apt-get update as root: run as root or install sudo"
+  as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" \
+    >"${TMPDIR:-/tmp}/bolo-apt.$$.log" 2>&1 || {
+    tail -20 "${TMPDIR:-/tmp}/bolo-apt.$$.log" >&2
+    die "apt-get install failed; the whole output is in ${TMPDIR:-/tmp}/bolo-apt.$$.log"
+  }
+  rm -f "${TMPDIR:-/tmp}/bolo-apt.$$.log"
+}
+
+# build PRESET [TARGET...]
+build() {
+  local preset=$1
+  shift
+  (cd "$root" && cmake --preset "$preset" >"${TMPDIR:-/tmp}/bolo-cmake.$$.log" 2>&1) || {
+    tail -20 "${TMPDIR:-/tmp}/bolo-cmake.$$.log" >&2
+    die "configuring the preset '$preset' failed"
+  }
+  rm -f "${TMPDIR:-/tmp}/bolo-cmake.$$.log"
+  ninja -C "$root/build/$preset" -j "$(nproc)" "$@" || die "building the preset '$preset' failed"
+}

@@ -1,0 +1,358 @@
+// bolo simulate: a capture of a simulated camera, with its truth and its stimulus.
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "bolo/sim/simulator.hpp"
+#include "tools/verbs/cli.hpp"
+#include "tools/verbs/verbs.hpp"
+
+namespace bolo::tools {
+namespace {
+
+using Field = std::unique_ptr<const sim::Field>;
+using Options = cxxopts::ParseResult;
+
+enum StimulusKind : unsigned { kUniform = 1, kChopper = 2, kBars = 4, kScene = 8 };
+
+struct StimulusName {
+  std::string_view name;
+  StimulusKind kind;
+};
+constexpr std::array<StimulusName, 4> kStimuli{
+    {{"uniform", kUniform}, {"chopper", kChopper}, {"bar_target", kBars}, {"scene", kScene}}};
+
+// Which stimuli an option has a meaning for.
+struct OptionUse {
+  const char* option;
+  unsigned stimuli;
+};
+constexpr std::array<OptionUse, 14> kUses{{{"scene", kBars | kScene},
+                                           {"speed", kBars | kScene},
+                                           {"trajectory", kScene},
+                                           {"trajectory-scale", kScene},
+                                           {"trajectory-start", kScene},
+                                           {"origin", kScene},
+                                           {"cold", kChopper | kBars | kScene},
+                                           {"hot", kBars | kScene},
+                                           {"temperature", kUniform},
+                                           {"levels", kChopper},
+                                           {"pulses", kChopper},
+                                           {"gap", kChopper},
+                                           {"period", kBars},
+                                           {"slant", kBars}}};
+
+cxxopts::Options declare() {
+  cxxopts::Options options("bolo simulate", "Writes a capture of a simulated camera, with its truth and its stimulus");
+  const auto text = [](const char* value = nullptr) {
+    return value != nullptr ? cxxopts::value<std::string>()->default_value(value) : cxxopts::value<std::string>();
+  };
+  const auto number = [](const char* value) { return cxxopts::value<double>()->default_value(value); };
+  const auto list = [](const char* value) { return cxxopts::value<std::vector<double>>()->default_value(value); };
+  options.add_options("Output")("o,output", "Capture to write", text(), "OUT.h5")(
+      "no-truth", "Leave out /truth: the file shrinks to a third")("compress", "Deflate the frames (level 1)")(
+      "json", "Print the result as JSON");
+  options.add_options("Camera")("width", "Pixels", cxxopts::value<int>()->default_value("640"))(
+      "height", "Pixels", cxxopts::value<int>()->default_value("120"))("rate", "Frames a second", number("200"))(
+      "frames", "How many", cxxopts::value<std::int64_t>()->default_value("400"))(
+      "camera", "bolometer (thermal inertia) or visible (mean over the exposure)", text("bolometer"))(
+      "tau", "Thermal time constant, s (bolometer)", number("0.011"))(
+      "exposure", "s, ends at the frame's time (visible; default: the frame period, at most 5 ms)",
+      cxxopts::value<double>())("noise", "White noise, K rms", number("0.03"))(
+      "quantisation", "K a step (uint16: default 0.01; float32: default none)", cxxopts::value<double>())(
+      "type", "uint16 or float32", text("uint16"))("seed", "Of the noise and the street",
+                                                   cxxopts::value<std::uint64_t>()->default_value("1"))(
+      "threads", "The result does not depend on them", cxxopts::value<int>()->default_value("2"));
+  options.add_options("Scene")("stimulus", "uniform, chopper, bar_target or scene (default)", text())(
+      "scene", "street, bars, or a picture: PNG, JPEG, HDF5 with image_k", text("street"))(
+      "speed", "What the camera sees moves along +x, pixels/s", number("300"))(
+      "trajectory", "CSV of t_s,x_px,y_px: where pixel (0, 0) looks", text(), "FILE.csv")(
+      "trajectory-scale", "Of the trajectory's motion", number("1"))(
+      "trajectory-start", "Time in the trajectory where the capture begins, s", cxxopts::value<double>())(
+      "origin", "Scene pixel that (0, 0) looks at, at t = 0 (default: the path is centred)",
+      cxxopts::value<std::vector<double>>(),
+      "X,Y")("cold", "K: black of a picture, the bars' ground (285), the closed chopper (295)",
+             cxxopts::value<double>())("hot", "K: white of a picture, the bars", number("310"))(
+      "temperature", "K (uniform)", number("300"))("levels", "K: heights of the pulses (chopper)", list("305,320"))(
+      "pulses", "ms: lengths of the pulses (chopper)", list("12,30,60,120,300"))(
+      "gap", "ms: between two pulses (chopper)", number("83.7"))("period", "Pixels (bar_target)", number("40"))(
+      "slant", "Pixels a row (bar_target)", number("0.25"));
+  return options;
+}
+
+// The stimulus that --stimulus and --scene ask for together; every option given must have a meaning for it.
+Result<StimulusKind> stimulus_kind(const Options& given) {
+  const bool bars = given["scene"].as<std::string>() == "bars";
+  StimulusName chosen = bars ? kStimuli[2] : kStimuli[3];
+  if (given.count("stimulus") != 0) {
+    const auto name = given["stimulus"].as<std::string>();
+    const auto* const found = std::ranges::find(kStimuli, name, &StimulusName::name);
+    if (found == kStimuli.end()) {
+      return bad_input("--stimulus " + name + ": expected uniform, chopper, bar_target or scene");
+    }
+    chosen = *found;
+  }
+  for (const OptionUse& use : kUses) {
+    if (given.count(use.option) != 0 && (use.stimuli & chosen.kind) == 0) {
+      return bad_input("--" + std::string(use.option) + " has no meaning with the stimulus " +
+                       std::string(chosen.name) + "; leave it out");
+    }
+  }
+  if (given.count("scene") != 0 && bars != (chosen.kind == kBars)) {
+    return bad_input("--scene " + given["scene"].as<std::string>() + " contradicts --stimulus " +
+                     std::string(chosen.name) + "; 'bars' and 'bar_target' go together");
+  }
+  return chosen.kind;
+}
+
+Result<double> ranged(const Options& given, const std::string& option, double low, double high) {
+  const double value = given[option].as<double>();
+  if (value >= low && value <= high) return value;
+  std::ostringstream message;
+  message << "--" << option << ' ' << value << ": expected " << low << " to " << high;
+  return bad_input(message.str());
+}
+
+Result<double> kelvin(const Options& given, const std::string& option, double fallback = 0.0) {
+  if (given.count(option) == 0 && fallback > 0.0) return fallback;
+  return ranged(given, option, 1.0, 2000.0);
+}
+
+Result<Field> uniform_field(const Options& given) {
+  return kelvin(given, "temperature").map([](double k) { return sim::make_uniform(k); });
+}
+
+// Every length at every height, over and over, as many as end within the capture. The default gap is no multiple of a
+// frame, so that the pulses begin at many phases of it.
+Result<Field> chopper_field(const Options& given, double duration_s) {
+  const Result<double> cold = kelvin(given, "cold", 295.0);
+  if (!cold) return tl::unexpected(cold.error());
+  const Result<double> gap_ms = ranged(given, "gap", 0.1, 1e6);
+  if (!gap_ms) return tl::unexpected(gap_ms.error());
+  const auto levels = given["levels"].as<std::vector<double>>();
+  const auto pulses = given["pulses"].as<std::vector<double>>();
+  for (const double level : levels) {
+    if (!(level >= 1.0 && level <= 2000.0)) return bad_input("--levels: expected 1 to 2000 K each");
+  }
+  for (const double ms : pulses) {
+    if (!(ms >= 0.1 && ms <= 1e6)) return bad_input("--pulses: expected 0.1 to 1000000 ms each");
+  }
+  capture::Chopper chopper;
+  chopper.cold_k = *cold;
+  double on_s = *gap_ms / 1e3;
+  for (std::size_t i = 0;; ++i) {
+    const double off_s = on_s + pulses[i % pulses.size()] / 1e3;
+    if (off_s > duration_s) break;
+    chopper.on_s.push_back(on_s);
+    chopper.off_s.push_back(off_s);
+    chopper.level_k.push_back(levels[i / pulses.size() % levels.size()]);
+    on_s = off_s + *gap_ms / 1e3;
+  }
+  if (chopper.on_s.empty())
+    return bad_input("the capture ends before the first pulse of the chopper; take more frames");
+  return sim::make_chopper(std::move(chopper));
+}
+
+Result<Field> bars_field(const Options& given) {
+  struct Value {
+    Result<double> value;
+    double capture::BarTarget::*field;
+  };
+  const std::array<Value, 5> values{{{kelvin(given, "cold", 285.0), &capture::BarTarget::cold_k},
+                                     {kelvin(given, "hot"), &capture::BarTarget::hot_k},
+                                     {ranged(given, "period", 2.0, 1e5), &capture::BarTarget::period_px},
+                                     {ranged(given, "slant", -100.0, 100.0), &capture::BarTarget::slant_px_per_row},
+                                     {ranged(given, "speed", -1e5, 1e5), &capture::BarTarget::velocity_px_s}}};
+  capture::BarTarget target;
+  for (const Value& value : values) {
+    if (!value.value) return tl::unexpected(value.value.error());
+    target.*value.field = *value.value;
+  }
+  if (target.cold_k >= target.hot_k) return bad_input("--cold must be below --hot");
+  target.bar_width_px = target.period_px / 2.0;
+  return sim::make_bars(target);
+}
+
+Result<sim::Path> camera_motion(const Options& given, const sim::CameraSettings& camera, double from_s, double to_s) {
+  if (given.count("trajectory") == 0) {
+    for (const char* option : {"trajectory-scale", "trajectory-start"}) {
+      if (given.count(option) != 0) return bad_input("--" + std::string(option) + " needs --trajectory");
+    }
+    return ranged(given, "speed", -1e5, 1e5).map(sim::steady_pan);
+  }
+  if (given.count("speed") != 0) return bad_input("--speed contradicts --trajectory; leave one out");
+  const Result<double> scale = ranged(given, "trajectory-scale", -100.0, 100.0);
+  if (!scale) return tl::unexpected(scale.error());
+  const auto file = given["trajectory"].as<std::string>();
+  const auto points = sim::read_trajectory(file);
+  if (!points) return tl::unexpected(points.error());
+  const bool has_start = given.count("trajectory-start") != 0;
+  const double start_s = has_start ? given["trajectory-start"].as<double>() : points->front().t_s;
+  constexpr double kPointsPerFrame = 8.0;
+  auto path =
+      sim::follow_trajectory(*points, {*scale, start_s, from_s, to_s, 1.0 / (camera.rate_hz * kPointsPerFrame)});
+  if (!path) return at(file, path.error());
+  return path;
+}
+
+Result<std::unique_ptr<const sim::Scene>> scene_of(const Options& given, const sim::CameraSettings& camera) {
+  const auto name = given["scene"].as<std::string>();
+  const bool street = name == "street";
+  const bool has_span = given.count("cold") + given.count("hot") != 0;
+  const Result<bool> grey = street ? Result<bool>(false) : sim::has_grey_levels(name);
+  if (!grey) return tl::unexpected(grey.error());
+  if (has_span && !*grey)
+    return bad_input("--cold and --hot are for PNG and JPEG; " + name + " has temperatures of its own");
+  if (street) return sim::make_street(camera.geometry, camera.readout.seed);
+  const Result<double> cold = kelvin(given, "cold", 285.0);
+  if (!cold) return tl::unexpected(cold.error());
+  const Result<double> hot = kelvin(given, "hot");
+  if (!hot) return tl::unexpected(hot.error());
+  if (*cold >= *hot) return bad_input("--cold must be below --hot");
+  return sim::read_image(name, {*cold, *hot}).map(sim::make_still_scene);
+}
+
+Result<Field> scene_field(const Options& given, const sim::CameraSettings& camera, double from_s, double to_s) {
+  const auto scene = scene_of(given, camera);
+  if (!scene) return tl::unexpected(scene.error());
+  const auto motion = camera_motion(given, camera, from_s, to_s);
+  if (!motion) return tl::unexpected(motion.error());
+  sim::Position origin = sim::centred_origin(**scene, *motion, camera.geometry, from_s, to_s);
+  if (given.count("origin") != 0) {
+    const auto xy = given["origin"].as<std::vector<double>>();
+    if (xy.size() != 2) return bad_input("--origin: expected X,Y");
+    origin = {xy[0], xy[1]};
+  }
+  return sim::pan_over(**scene, *motion, origin, camera.geometry, from_s, to_s);
+}
+
+Result<sim::CameraSettings> camera_of(const Options& given) {
+  sim::CameraSettings camera;
+  camera.geometry = {given["width"].as<int>(), given["height"].as<int>()};
+  camera.rate_hz = given["rate"].as<double>();
+  camera.tau_s = given["tau"].as<double>();
+  camera.threads = given["threads"].as<int>();
+  const auto kind = given["camera"].as<std::string>();
+  if (kind != "bolometer" && kind != "visible")
+    return bad_input("--camera " + kind + ": expected bolometer or visible");
+  camera.kind = kind == "visible" ? sim::CameraKind::kVisible : sim::CameraKind::kBolometer;
+  const char* const foreign = kind == "visible" ? "tau" : "exposure";
+  if (given.count(foreign) != 0)
+    return bad_input("--" + std::string(foreign) + " has no meaning with --camera " + kind);
+  camera.exposure_s =
+      given.count("exposure") != 0 ? given["exposure"].as<double>() : std::min(0.005, 1.0 / camera.rate_hz);
+  const auto type = given["type"].as<std::string>();
+  if (type != "uint16" && type != "float32") return bad_input("--type " + type + ": expected uint16 or float32");
+  camera.readout.type = type == "uint16" ? PixelType::kUint16 : PixelType::kFloat32;
+  camera.readout.noise_k = given["noise"].as<double>();
+  camera.readout.quantisation_k = type == "uint16" ? 0.01 : 0.0;
+  if (given.count("quantisation") != 0) camera.readout.quantisation_k = given["quantisation"].as<double>();
+  camera.readout.seed = given["seed"].as<std::uint64_t>();
+  return sim::checked(camera);
+}
+
+Result<std::size_t> frames_of(const Options& given) {
+  const auto frames = given["frames"].as<std::int64_t>();
+  if (frames < 1 || frames > 100'000'000) return bad_input("--frames: expected 1 to 100000000");
+  return static_cast<std::size_t>(frames);
+}
+
+Result<Field> field_of(const Options& given, const sim::CameraSettings& camera, std::size_t frames) {
+  const Result<StimulusKind> kind = stimulus_kind(given);
+  if (!kind) return tl::unexpected(kind.error());
+  const double to_s = static_cast<double>(frames) / camera.rate_hz;
+  switch (*kind) {
+    case kUniform:
+      return uniform_field(given);
+    case kChopper:
+      return chopper_field(given, to_s);
+    case kBars:
+      return bars_field(given);
+    case kScene:
+      break;
+  }
+  return scene_field(given, camera, -sim::history_s(camera), to_s);
+}
+
+Result<std::filesystem::path> output_of(const Options& given) {
+  if (given.count("output") == 0) return bad_input("no output; give -o OUT.h5");
+  const std::filesystem::path file = given["output"].as<std::string>();
+  for (const char* input : {"scene", "trajectory"}) {
+    std::error_code ignored;
+    if (given.count(input) != 0 && std::filesystem::equivalent(file, given[input].as<std::string>(), ignored)) {
+      return bad_input(file.string() + ": is the --" + std::string(input) + " as well; write to another file");
+    }
+  }
+  return file;
+}
+
+void print_result(const Options& given, const std::filesystem::path& file, const sim::Simulator& simulator) {
+  std::error_code ignored;
+  const auto bytes = std::filesystem::file_size(file, ignored);
+  const sim::CameraSettings& camera = simulator.settings();
+  const double seconds = static_cast<double>(simulator.frames_done()) / camera.rate_hz;
+  if (given.count("json") != 0) {
+    const nlohmann::json result{{"file", file.string()},
+                                {"frames", simulator.frames_done()},
+                                {"width", camera.geometry.width},
+                                {"height", camera.geometry.height},
+                                {"seconds", seconds},
+                                {"bytes", bytes}};
+    std::puts(result.dump().c_str());
+    return;
+  }
+  std::printf("%s: %llu frames of %dx%d, %g s, %.1f MB\n", file.c_str(),
+              static_cast<unsigned long long>(simulator.frames_done()), camera.geometry.width, camera.geometry.height,
+              seconds, static_cast<double>(bytes) / 1e6);
+}
+
+Status simulate(const Options& given) {
+  const auto file = output_of(given);
+  if (!file) return tl::unexpected(file.error());
+  const auto camera = camera_of(given);
+  if (!camera) return tl::unexpected(camera.error());
+  const auto frames = frames_of(given);
+  if (!frames) return tl::unexpected(frames.error());
+  auto field = field_of(given, *camera, *frames);
+  if (!field) return tl::unexpected(field.error());
+  const auto simulator = sim::Simulator::create(*camera, std::move(*field));
+  if (!simulator) return tl::unexpected(simulator.error());
+
+  catch_interrupts();
+  const sim::CaptureOptions options{*frames, given.count("no-truth") == 0, given.count("compress") != 0 ? 1 : 0};
+  Status status;
+  {
+    Progress progress("simulate", *frames);
+    status = sim::write_capture(**simulator, *file, options, [&progress](std::size_t done) {
+      progress.update(done);
+      return !interrupted().load(std::memory_order_relaxed);
+    });
+  }
+  if (!status) return status;
+  print_result(given, *file, **simulator);
+  if ((*simulator)->frames_done() < *frames) return failed("interrupted; the capture holds the frames until then");
+  return {};
+}
+
+}  // namespace
+
+int simulate_main(int argc, char** argv) {
+  cxxopts::Options options = declare();
+  Options given;
+  if (const auto code = parse(options, argc, argv, given)) return *code;
+  try {
+    const Status status = simulate(given);
+    return status ? kExitDone : report("simulate", status.error());
+  } catch (const std::bad_alloc&) {
+    return report("simulate", Error{ErrorKind::kFailed, "not enough memory; take fewer frames or a smaller frame"});
+  }
+}
+
+}  // namespace bolo::tools
