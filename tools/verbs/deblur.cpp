@@ -1,5 +1,6 @@
 // `bolo deblur`: a capture through the same pipeline as the camera's frames, as fast as it goes.
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -45,7 +46,11 @@ struct Summary {
 
 cxxopts::Options command_line() {
   const deblur::Settings defaults;
-  const auto text = [](auto value) { return std::to_string(value); };
+  const auto text = [](double value) {
+    std::array<char, 32> digits{};
+    std::snprintf(digits.data(), digits.size(), "%g", value);
+    return std::string(digits.data());
+  };
   cxxopts::Options options("bolo deblur", "Undo the pixels' thermal inertia in a capture");
   options.positional_help("IN.h5");
   // clang-format off
@@ -58,8 +63,10 @@ cxxopts::Options command_line() {
     ("solver", "admm, exact or inverse", cxxopts::value<std::string>()->default_value("admm"))
     ("iterations", "ADMM iterations; 0: as many as the accuracy needs",
      cxxopts::value<int>()->default_value(text(defaults.iterations)), "I")
-    ("kappa", "Weight of the data in kappa ||VA - Y||^2 + lambda ||D||_1", cxxopts::value<double>(), "K")
-    ("lambda", "Weight of sparsity, K (counts for a capture without kelvin)", cxxopts::value<double>(), "L")
+    ("kappa", "Weight of the data in kappa ||VA - Y||^2 + lambda ||D||_1",
+     cxxopts::value<double>()->default_value(text(defaults.kappa)), "K")
+    ("lambda", "Weight of sparsity, K (counts for a capture without kelvin)",
+     cxxopts::value<double>()->default_value(text(defaults.lambda)), "L")
     ("lookahead", "Frames that the window reaches beyond the estimated one",
      cxxopts::value<int>()->default_value(text(defaults.lookahead)), "L")
     ("window", "Frames in the window, 2^k + 1", cxxopts::value<int>()->default_value(text(defaults.window)), "N")
@@ -89,8 +96,8 @@ Status read_settings(const cxxopts::ParseResult& args, deblur::Settings& setting
   settings.window = args["window"].as<int>();
   settings.levels = args["levels"].as<int>();
   if (args.count("tau") != 0) settings.tau_s = args["tau"].as<double>();
-  if (args.count("kappa") != 0) settings.kappa = args["kappa"].as<double>();
-  if (args.count("lambda") != 0) settings.lambda = args["lambda"].as<double>();
+  settings.kappa = args["kappa"].as<double>();
+  settings.lambda = args["lambda"].as<double>();
   return {};
 }
 
