@@ -23,6 +23,9 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
+// Bins whose Haar transform stays in registers: eight pairs where there are 32 registers, four where there are 16.
+inline constexpr int kGroup = kLanes >= 16 ? 8 : 4;
+
 // Memory of one block. `x` holds in turn v, s, x, and c.
 template <std::size_t kCapacity>
 struct Banded {
@@ -47,92 +50,139 @@ HWY_INLINE Pair load_samples(const BandedPlan& plan, const PixelRun& run, std::s
   return mean;
 }
 
-// b, and the inverse filter's x to begin with: constant over bins without a sample of their own.
-HWY_INLINE void begin(const BandedPlan& plan, int bins, const Row* y, Row* b, Row* x) {
+// b, and the inverse filter's x to begin with: constant over bins without a sample of their own. It is divided by alpha
+// and carry is 0, so that the first w is its c.
+HWY_INLINE void begin(const BandedPlan& plan, int bins, const Row* y, Row* b, Row* carry, Row* x) {
   const Pair reference = load(y[0]);
+  const Vec inverse_alpha = all(1.0F / plan.alpha);
   Pair input = pair(0.0F);
   int bin = 0;
   for (int i = 0; i < bins; ++i) store(pair(0.0F), b[i]);
+  for (int i = 0; i < bins; ++i) store(pair(0.0F), carry[i]);
   for (int i = 1; i < plan.samples; ++i) {
     const SampleCoefficients& sample = plan.sample[static_cast<std::size_t>(i)];
     const Pair value = load(y[i]);
     const Pair before = load(y[i - 1]);
     store(all(sample.weight) * fnma(all(sample.decay), reference, value), b[sample.row]);
-    input = fma(all(sample.inverse_gain), value - before, before);
+    input = inverse_alpha * fma(all(sample.inverse_gain), value - before, before);
     for (; bin <= sample.row; ++bin) store(input, x[bin]);
   }
   for (; bin < bins; ++bin) store(input, x[bin]);
 }
 
-// c = H x in place, unnormalised.
-HWY_INLINE void haar_forward(int bins, Row* x) {
-  for (int half = 1; half < bins; half *= 2) {
-    for (int i = 0; i < bins; i += 2 * half) {
-      const Pair left = load(x[i]);
-      const Pair right = load(x[i + half]);
-      store(left + right, x[i]);
-      store(left - right, x[i + half]);
-    }
-  }
-}
-
-// x = H^T c in place, for coefficients that were divided by their support.
-HWY_INLINE void haar_inverse(int bins, Row* x) {
-  for (int half = bins / 2; half > 0; half /= 2) {
-    for (int i = 0; i < bins; i += 2 * half) {
-      const Pair sum = load(x[i]);
-      const Pair difference = load(x[i + half]);
-      store(sum + difference, x[i]);
-      store(sum - difference, x[i + half]);
-    }
-  }
-}
-
-// z = soft(w), u = clip(w): leaves z - u in x and the next iteration's (1 - alpha) z + u in carry.
-HWY_INLINE void split(const BandedPlan& plan, int i, Pair w, Row* carry, Row* x) {
+// w = alpha c + (1 - alpha) z + u; z = soft(w), u = clip(w). Returns z - u; (1 - alpha) z + u = w - alpha z goes to
+// carry.
+HWY_INLINE Pair update_coefficient(const BandedPlan& plan, int i, Pair c, float* carry) {
   const RowCoefficients& row = plan.row[static_cast<std::size_t>(i)];
-  const Pair u = clip(w, all(row.threshold));
-  store(fma(all(plan.rest), w, all(plan.alpha) * u), carry[i]);
-  store(fnma(all(2.0F), u, w), x[i]);
+  const Pair w = fma(all(row.step), c, load(carry));
+  const Pair u = clip(w, row.threshold);
+  const Pair z = w - u;
+  store(fnma(all(plan.alpha), z, w), carry);
+  return z - u;
 }
 
-// w = c / support for the start: z and u of the inverse filter.
-HWY_INLINE void begin_dual(const BandedPlan& plan, int bins, Row* carry, Row* x) {
-  const float inverse_alpha = 1.0F / plan.alpha;
-  for (int i = 0; i < bins; ++i) {
-    const float scale = plan.row[static_cast<std::size_t>(i)].step * inverse_alpha;
-    split(plan, i, all(scale) * load(x[i]), carry, x);
+// The levels of the transform up to support kGroup, in registers, and z and u of all coefficients but the sum, which is
+// left in x[0] for the coarser levels.
+HWY_INLINE void update_fine(const BandedPlan& plan, int first, Row* carry, Row* x) {
+  Pair c[kGroup];
+  HWY_UNROLL(8) for (int i = 0; i < kGroup; ++i) c[i] = load(x[i]);
+  HWY_UNROLL(8) for (int half = 1; half < kGroup; half *= 2) {
+    HWY_UNROLL(8) for (int i = 0; i < kGroup; i += 2 * half) butterfly(c[i], c[i + half]);
   }
+  store(c[0], x[0]);
+  HWY_UNROLL(8) for (int i = 1; i < kGroup; ++i) store(update_coefficient(plan, first + i, c[i], carry[i]), x[i]);
 }
 
-// w = alpha c + (1 - alpha) z + u, then z and u of it.
+HWY_INLINE void inverse_fine(Row* x) {
+  Pair c[kGroup];
+  HWY_UNROLL(8) for (int i = 0; i < kGroup; ++i) c[i] = load(x[i]);
+  HWY_UNROLL(8) for (int half = kGroup / 2; half > 0; half /= 2) {
+    HWY_UNROLL(8) for (int i = 0; i < kGroup; i += 2 * half) butterfly(c[i], c[i + half]);
+  }
+  HWY_UNROLL(8) for (int i = 0; i < kGroup; ++i) store(c[i], x[i]);
+}
+
+HWY_INLINE void butterfly_rows(float* left, float* right) {
+  Pair a = load(left);
+  Pair b = load(right);
+  butterfly(a, b);
+  store(a, left);
+  store(b, right);
+}
+
+// c = H x, z and u of it, v = H^T (z - u): x becomes v. `group` bins at a time for the fine levels, then the rest.
 HWY_INLINE void update_z_and_dual(const BandedPlan& plan, int bins, Row* carry, Row* x) {
-  for (int i = 0; i < bins; ++i) {
-    const Pair w = fma(all(plan.row[static_cast<std::size_t>(i)].step), load(x[i]), load(carry[i]));
-    split(plan, i, w, carry, x);
+  const int group = bins >= kGroup ? kGroup : 1;
+  if (group > 1) {
+    for (int i = 0; i < bins; i += group) update_fine(plan, i, carry + i, x + i);
   }
+  for (int half = group; half < bins; half *= 2) {
+    for (int i = 0; i < bins; i += 2 * half) butterfly_rows(x[i], x[i + half]);
+  }
+  for (int i = 0; i < bins; i += group) store(update_coefficient(plan, i, load(x[i]), carry[i]), x[i]);
+  for (int half = bins / 2; half >= group; half /= 2) {
+    for (int i = 0; i < bins; i += 2 * half) butterfly_rows(x[i], x[i + half]);
+  }
+  if (group == 1) return;
+  for (int i = 0; i < bins; i += group) inverse_fine(x + i);
 }
 
-// (p^2/rho M + B^T B) s = b + B^T v by L D L^T, then x = B s; v and x in the same memory.
-HWY_INLINE void update_x(const BandedPlan& plan, int bins, const Row* b, Row* x) {
+// Right side of row j of (p^2/rho M + B^T B) s = b + B^T v.
+HWY_INLINE Pair right_side(const RowCoefficients& row, Pair v, Pair next_v, const float* b) {
+  return fnma(all(row.next), next_v, fma(all(row.own), v, load(b)));
+}
+
+// Eliminates from both ends to the middle row and solves that; the right sides q stay in x.
+HWY_INLINE Pair eliminate(const BandedPlan& plan, int bins, const Row* b, Row* x) {
+  const RowCoefficients* row = plan.row.data();
+  const int middle = bins / 2;
   Pair v = load(x[0]);
-  Pair q = pair(0.0F);
-  for (int j = 0; j < bins; ++j) {
-    const RowCoefficients& row = plan.row[static_cast<std::size_t>(j)];
-    const Pair next = j + 1 < bins ? load(x[j + 1]) : v;
-    q = fnma(all(row.lower), q, fnma(all(row.next_decay), next, v + load(b[j])));
-    store(q, x[j]);
-    v = next;
+  Pair below_v = pair(0.0F);  // of the row below the lower chain, before q replaced it
+  Pair upper = pair(0.0F);
+  Pair lower = pair(0.0F);
+  Vec outer_upper = all(0.0F);
+  Vec outer_lower = all(0.0F);
+  for (int j = 0; j < middle; ++j) {
+    const Pair next_v = load(x[j + 1]);
+    upper = fnma(outer_upper, upper, right_side(row[j], v, next_v, b[j]));
+    outer_upper = all(row[j].eliminate);
+    store(upper, x[j]);
+    v = next_v;
+    if (j == 0) continue;
+    const int i = bins - j;
+    const Pair lower_v = load(x[i]);
+    lower = fnma(outer_lower, lower, right_side(row[i], lower_v, below_v, b[i]));
+    outer_lower = all(row[i].eliminate);
+    store(lower, x[i]);
+    below_v = lower_v;
   }
-  Pair s = all(plan.row[static_cast<std::size_t>(bins - 1)].pivot) * q;
-  for (int j = bins - 2; j >= 0; --j) {
-    const RowCoefficients& row = plan.row[static_cast<std::size_t>(j)];
-    const Vec lower = all(plan.row[static_cast<std::size_t>(j) + 1].lower);
-    const Pair below = fnma(lower, s, all(row.pivot) * load(x[j]));
-    store(fnma(all(row.next_decay), below, s), x[j + 1]);
-    s = below;
+  const Pair q = fnma(outer_upper, upper, right_side(row[middle], v, below_v, b[middle]));
+  return fnma(outer_lower, lower, q);
+}
+
+// Substitutes from the middle to both ends and applies B: x_j = s_j - a s_{j-1}.
+HWY_INLINE void substitute(const BandedPlan& plan, int bins, Pair s, Row* x) {
+  const RowCoefficients* row = plan.row.data();
+  const int middle = bins / 2;
+  Pair upper = s;
+  Pair lower = s;
+  for (int j = 1; j <= middle; ++j) {
+    const int i = middle - j;
+    const Pair above = fnma(all(row[i].substitute), upper, load(x[i]));
+    store(fnma(all(row[i].next_decay), above, upper), x[i + 1]);
+    upper = above;
+    if (j == middle) break;
+    const int k = middle + j;
+    const Pair below = fnma(all(row[k].substitute), lower, load(x[k]));
+    store(fnma(all(row[k - 1].next_decay), lower, below), x[k]);
+    lower = below;
   }
-  store(s, x[0]);
+  store(upper, x[0]);
+}
+
+// v and x in the same memory.
+HWY_INLINE void update_x(const BandedPlan& plan, int bins, const Row* b, Row* x) {
+  substitute(plan, bins, eliminate(plan, bins, b, x), x);
 }
 
 // kBins: the number of unknowns when it is known to the compiler, 0 when it is not.
@@ -141,15 +191,9 @@ HWY_INLINE void solve_block(const BandedPlan& plan, const PixelRun& run, std::si
   const int bins = kBins > 0 ? kBins : plan.bins;
   Banded<static_cast<std::size_t>(kBins > 0 ? kBins : kMaxBins)> m;
   const Pair mean = load_samples(plan, run, at, count, m.y);
-  begin(plan, bins, m.y, m.b, m.x);
-  haar_forward(bins, m.x);
-  begin_dual(plan, bins, m.carry, m.x);
-  haar_inverse(bins, m.x);
-  update_x(plan, bins, m.b, m.x);
-  for (int k = 1; k < plan.iterations; ++k) {
-    haar_forward(bins, m.x);
+  begin(plan, bins, m.y, m.b, m.carry, m.x);
+  for (int k = 0; k < plan.iterations; ++k) {
     update_z_and_dual(plan, bins, m.carry, m.x);
-    haar_inverse(bins, m.x);
     update_x(plan, bins, m.b, m.x);
   }
   const Pair estimate = all(0.5F) * (load(m.x[plan.before]) + load(m.x[plan.after]));

@@ -52,7 +52,8 @@ HWY_INLINE Pair update_coefficient(const DensePlan& plan, const Dense& m, int i)
 HWY_INLINE void update_z(const DensePlan& plan, Dense& m) {
   for (int i = 0; i < plan.bins; ++i) {
     const Pair w = load(m.w[i]);
-    store(fnma(all(2.0F), clip(w, all(plan.threshold)), w), m.d[i]);
+    const Pair u = clip(w, plan.threshold);
+    store(w - u - u, m.d[i]);
   }
 }
 
@@ -60,7 +61,7 @@ HWY_INLINE void update_z(const DensePlan& plan, Dense& m) {
 HWY_INLINE void update_dual(const DensePlan& plan, Dense& m) {
   for (int i = 0; i < plan.bins; ++i) {
     const Pair w = load(m.w[i]);
-    const Pair z = w - clip(w, all(plan.threshold));
+    const Pair z = w - clip(w, plan.threshold);
     store(fma(all(plan.alpha), update_coefficient(plan, m, i) - z, w), m.w[i]);
   }
 }

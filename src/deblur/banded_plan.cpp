@@ -1,5 +1,6 @@
 #include "src/deblur/banded_plan.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace bolo::deblur {
@@ -8,6 +9,45 @@ namespace {
 // support of the coefficient at index i of the in-place transform
 int support(int i, int bins) { return i == 0 ? bins : 2 * (i & -i); }
 
+// The diagonal of p^2/rho M + B^T B, in row.own for now, and the decays. Rows before the reference have no sample and
+// rows after it do not depend on them: there x = v.
+void assemble(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pattern& pattern) noexcept {
+  const double p = -std::expm1(-grid.ratio / grid.parts);
+  const int start = grid.row_after(pattern.first);
+  for (int j = 0; j < plan.bins; ++j) {
+    const double next = j + 1 == plan.bins || j + 1 == start ? 0.0 : grid.bin_decay();
+    const int slot = (j + 1) / grid.parts;
+    const bool measured = j >= start && (j + 1) % grid.parts == 0 && pattern.received[static_cast<std::size_t>(slot)];
+    plan.diagonal[static_cast<std::size_t>(j)] = 1.0 + next * next + (measured ? p * p / tuning.rho : 0.0);
+    plan.row[static_cast<std::size_t>(j)].next_decay = static_cast<float>(next);
+  }
+}
+
+// Eliminates row j from its inner neighbour. The entry between rows j and j + 1 is -next_decay of row j.
+void eliminate(BandedPlan& plan, int j, int inner) noexcept {
+  const auto outer_row = static_cast<std::size_t>(j);
+  const auto inner_row = static_cast<std::size_t>(inner);
+  const double entry = -static_cast<double>(plan.row[std::min(outer_row, inner_row)].next_decay);
+  plan.diagonal[inner_row] -= entry * entry / plan.diagonal[outer_row];
+  plan.row[outer_row].eliminate = static_cast<float>(entry);
+  plan.row[outer_row].substitute = static_cast<float>(entry / plan.diagonal[outer_row]);
+}
+
+void factor(BandedPlan& plan) noexcept {
+  const int middle = plan.bins / 2;
+  for (int j = 0; j < middle; ++j) eliminate(plan, j, j + 1);
+  for (int j = plan.bins - 1; j > middle; --j) eliminate(plan, j, j - 1);
+  for (int j = 0; j < plan.bins; ++j) {
+    RowCoefficients& row = plan.row[static_cast<std::size_t>(j)];
+    const double pivot = plan.diagonal[static_cast<std::size_t>(j)];
+    const int inner = j < middle ? j + 1 : j - 1;
+    row.own = static_cast<float>(1.0 / pivot);
+    row.next = static_cast<float>(row.next_decay / pivot);
+    if (j == middle) continue;
+    row.eliminate = static_cast<float>(row.eliminate / plan.diagonal[static_cast<std::size_t>(inner)]);
+  }
+}
+
 void prepare_samples(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pattern& pattern) noexcept {
   const double p = -std::expm1(-grid.ratio / grid.parts);
   plan.samples = 0;
@@ -15,35 +55,16 @@ void prepare_samples(BandedPlan& plan, const Grid& grid, const Tuning& tuning, c
   for (int slot = 0; slot < pattern.slots; ++slot) {
     if (!pattern.received[static_cast<std::size_t>(slot)]) continue;
     SampleCoefficients& sample = plan.sample[static_cast<std::size_t>(plan.samples++)];
+    sample = SampleCoefficients();
     sample.slot = slot;
-    sample.row = slot == pattern.first ? -1 : grid.row_after(slot) - 1;
-    sample.first_row = grid.row_after(last);
-    sample.weight = static_cast<float>(p / tuning.rho);
+    sample.row = grid.row_after(slot) - 1;
+    if (slot == pattern.first) continue;
+    sample.weight = static_cast<float>(p / tuning.rho / plan.diagonal[static_cast<std::size_t>(sample.row)]);
     sample.decay = static_cast<float>(std::exp(-grid.ratio * (slot - pattern.first)));
-    sample.inverse_gain = slot == last ? 1.0F : static_cast<float>(-1.0 / std::expm1(-grid.ratio * (slot - last)));
+    sample.inverse_gain = static_cast<float>(-1.0 / std::expm1(-grid.ratio * (slot - last)));
     last = slot;
   }
   plan.inverse_count = 1.0F / static_cast<float>(plan.samples);
-}
-
-// Rows before the reference have no sample and rows after it do not depend on them: there x = v.
-void factor(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pattern& pattern) noexcept {
-  const double decay = grid.bin_decay();
-  const double p = -std::expm1(-grid.ratio / grid.parts);
-  const int start = grid.row_after(pattern.first);
-  double pivot = 0.0;
-  double lower_times_decay = 0.0;
-  for (int j = 0; j < plan.bins; ++j) {
-    RowCoefficients& row = plan.row[static_cast<std::size_t>(j)];
-    const double next = j + 1 == plan.bins || j + 1 == start ? 0.0 : decay;
-    const int slot = (j + 1) / grid.parts;
-    const bool measured = j >= start && (j + 1) % grid.parts == 0 && pattern.received[static_cast<std::size_t>(slot)];
-    pivot = 1.0 + next * next + (measured ? p * p / tuning.rho : 0.0) - lower_times_decay;
-    row.pivot = static_cast<float>(1.0 / pivot);
-    row.next_decay = static_cast<float>(next);
-    if (j + 1 < plan.bins) plan.row[static_cast<std::size_t>(j) + 1].lower = static_cast<float>(-next / pivot);
-    lower_times_decay = next * next / pivot;
-  }
 }
 
 }  // namespace
@@ -53,8 +74,8 @@ BandedPlan make_banded_plan(const Grid& grid, const Tuning& tuning) {
   plan.bins = grid.bins;
   plan.iterations = tuning.iterations;
   plan.alpha = static_cast<float>(tuning.alpha);
-  plan.rest = static_cast<float>(1.0 - tuning.alpha);
   plan.row.resize(static_cast<std::size_t>(grid.bins));
+  plan.diagonal.resize(static_cast<std::size_t>(grid.bins));
   for (int i = 0; i < grid.bins; ++i) {
     const double width = support(i, grid.bins);
     RowCoefficients& row = plan.row[static_cast<std::size_t>(i)];
@@ -68,8 +89,9 @@ void prepare(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pat
   const Published bins = published_bins(grid, pattern.slots, pattern.target);
   plan.before = bins.before;
   plan.after = bins.after;
+  assemble(plan, grid, tuning, pattern);
+  factor(plan);
   prepare_samples(plan, grid, tuning, pattern);
-  factor(plan, grid, tuning, pattern);
 }
 
 }  // namespace bolo::deblur

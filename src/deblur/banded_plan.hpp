@@ -3,7 +3,7 @@
 // With s = G x / p (p = 1 - a, a the decay over a bin) the recursion y_{j+1} = a y_j + p x_j reads x = B s, B
 // bidiagonal with 1 on and -a below the diagonal, whatever samples are missing. ADMM's x-update
 //   minimise 1/2 ||M (G x - Y)||^2 + rho/2 ||x - v||^2
-// becomes (p^2/rho M + B^T B) s = (p/rho) M Y + B^T v: a symmetric tridiagonal system, factored here as L D L^T.
+// becomes (p^2/rho M + B^T B) s = (p/rho) M Y + B^T v: a symmetric tridiagonal system, factored here (twisted L D L^T).
 #pragma once
 
 #include <array>
@@ -17,17 +17,20 @@ namespace bolo::deblur {
 // A received sample, in the order of time.
 struct SampleCoefficients {
   int slot = 0;
-  int row = 0;                // the row of G that it measures; -1 for the reference
-  int first_row = 0;          // the rows since the sample before: [first_row, row]
-  float weight = 0.0F;        // p / rho
+  int row = 0;                // the row of G that it measures; of no meaning for the reference
+  float weight = 0.0F;        // p / rho / pivot of the row
   float decay = 0.0F;         // of the reference until this sample
   float inverse_gain = 0.0F;  // the input x = y_before + inverse_gain (y - y_before), constant since the sample before
 };
 
+// Row j of the tridiagonal system, scaled so that its pivot is 1. Elimination runs from both ends to the middle row, so
+// that two chains of dependent operations run side by side; "inner" is the neighbour on the middle's side.
 struct RowCoefficients {
-  float next_decay = 0.0F;  // a of the row after, 0 for the last and where the reference starts afresh
-  float lower = 0.0F;       // L(j, j - 1)
-  float pivot = 0.0F;       // 1 / D(j)
+  float own = 0.0F;         // of v_j in the right side: 1 / pivot
+  float next = 0.0F;        // of -v_{j+1}: a / pivot
+  float eliminate = 0.0F;   // multiple of row j that is subtracted from the inner row
+  float substitute = 0.0F;  // multiple of the inner s that is subtracted from this row's
+  float next_decay = 0.0F;  // a of the row after; 0 for the last and where the reference starts afresh
   float threshold = 0.0F;   // of coefficient j, see BandedPlan
   float step = 0.0F;        // alpha / support of coefficient j
 };
@@ -42,11 +45,11 @@ struct BandedPlan {
   int before = 0;  // published: the mean of these two bins
   int after = 0;
   float alpha = 1.0F;       // over-relaxation
-  float rest = 0.0F;        // 1 - alpha
   float inverse_count = 0;  // 1 / received samples
   int samples = 0;
   std::array<SampleCoefficients, kMaxSlots> sample{};
   std::vector<RowCoefficients> row;
+  std::vector<double> diagonal;  // pivots, once factored
 };
 
 // Takes the memory for `grid`. Thread: setup.

@@ -46,10 +46,17 @@ HWY_INLINE Pair operator*(Vec k, Pair x) { return {hn::Mul(k, x.a), hn::Mul(k, x
 HWY_INLINE Pair fma(Vec k, Pair x, Pair y) { return {hn::MulAdd(k, x.a, y.a), hn::MulAdd(k, x.b, y.b)}; }
 // y - k x
 HWY_INLINE Pair fnma(Vec k, Pair x, Pair y) { return {hn::NegMulAdd(k, x.a, y.a), hn::NegMulAdd(k, x.b, y.b)}; }
+// Unnormalised Haar: sum and difference, its own inverse but for a factor of 2.
+HWY_INLINE void butterfly(Pair& x, Pair& y) {
+  const Pair sum = x + y;
+  y = x - y;
+  x = sum;
+}
 // x limited to [-limit, limit]
-HWY_INLINE Pair clip(Pair x, Vec limit) {
-  const Vec low = hn::Neg(limit);
-  return {hn::Min(hn::Max(x.a, low), limit), hn::Min(hn::Max(x.b, low), limit)};
+HWY_INLINE Pair clip(Pair x, float limit) {
+  const Vec low = all(-limit);
+  const Vec high = all(limit);
+  return {hn::Min(hn::Max(x.a, low), high), hn::Min(hn::Max(x.b, low), high)};
 }
 
 HWY_INLINE Vec widen(const std::uint16_t* from) {
