@@ -1,5 +1,6 @@
 // The whole way: a capture, bolod, shared memory, a reader; signals, names, `bolo stat`.
 #include <gtest/gtest.h>
+#include <sys/mman.h>
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -46,11 +47,15 @@ void write_capture(const std::filesystem::path& file, std::uint64_t frames) {
 class BolodRun : public testing::Test {
  protected:
   BolodRun()
-      : name_("test-bolod-" + std::to_string(getpid())),
-        folder_(testing::TempDir() + "bolod-run-" + std::to_string(getpid())) {
+      : name_(std::string("test-") + testing::UnitTest::GetInstance()->current_test_info()->name() + "-" +
+              std::to_string(getpid())),
+        folder_(testing::TempDir() + name_) {
     std::filesystem::create_directory(folder_);
   }
-  ~BolodRun() override { std::filesystem::remove_all(folder_); }
+  ~BolodRun() override {
+    std::filesystem::remove_all(folder_);
+    shm_unlink(("/bolo." + name_).c_str());  // of a daemon that was killed
+  }
 
   // A daemon that replays `frames` frames at their own rate.
   std::unique_ptr<Process> start(std::uint64_t frames, const std::string& more = "") {
@@ -215,6 +220,49 @@ TEST_F(BolodRun, StatFollowsARestart) {
   EXPECT_EQ(stat.wait(), 0);
   daemon->signal(SIGTERM);
   EXPECT_EQ(daemon->wait(), 0);
+}
+
+// Over the network, from the camera that replays: what it sends is what readers get, before it is lost and after.
+TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
+  write_capture(folder_ / "in.h5", 90);  // below kLostId: nothing is missing
+  const int pid = static_cast<int>(getpid());
+  const std::string address = "127." + std::to_string(100 + pid % 100) + "." + std::to_string(pid / 100 % 250) + ".7";
+  const std::vector<std::string> serve{BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address, "--loop"};
+  auto camera = std::make_unique<Process>(serve, folder_ / "camera");
+  ASSERT_TRUE(eventually([&] { return camera->out().find("serving") != std::string::npos; })) << camera->err();
+  std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address
+                                        << "'\nwidth = 64\nheight = 24\nreconnect_after_ms = 500\n"
+                                        << "[pipeline]\nlock_memory = false\n";
+  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
+  auto reader = attach();
+  ASSERT_TRUE(reader) << daemon.err();
+
+  ReadFrame frame;
+  const auto good_frames = [&](int wanted) {
+    int good = 0;
+    for (std::uint64_t number = reader->published(); good < wanted; ++number) {
+      const Outcome outcome = reader->read(number, frame, 60'000);
+      if (outcome == Outcome::kOverwritten) continue;
+      if (outcome != Outcome::kFrame) break;
+      EXPECT_GE(frame.raw[0], kFirstId);
+      EXPECT_LT(frame.raw[0], kFirstId + 90);
+      std::size_t wrong = 0;
+      for (std::size_t i = 1; i < frame.raw.size(); ++i) wrong += frame.raw[i] == scene(i) ? 0U : 1U;
+      EXPECT_EQ(wrong, 0U);
+      ++good;
+    }
+    return good;
+  };
+  EXPECT_EQ(good_frames(50), 50) << daemon.err();
+  camera->signal(SIGKILL);
+  ASSERT_TRUE(eventually([&] { return daemon.err().find("camera lost") != std::string::npos; })) << daemon.err();
+  EXPECT_FALSE(reader->closed()) << "a lost camera does not end the daemon";
+  camera = std::make_unique<Process>(serve, folder_ / "camera");
+  EXPECT_EQ(good_frames(50), 50) << daemon.err();
+  ASSERT_TRUE(eventually([&] { return daemon.err().find("camera opened again") != std::string::npos; }));
+  EXPECT_GT(reader->header().restarts, 0U);
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0) << daemon.err();
 }
 
 }  // namespace

@@ -86,8 +86,8 @@ std::string stat_table(const std::string& name, const StatLook& look, const Stat
   out += line("window   %u frames, look-ahead %u; ring of %u slots", h.window, h.lookahead, h.slot_count);
   out += line("frames   in %9.1f /s %12llu    out %9.1f /s %12llu", s.received_hz, Count{h.received}, s.published_hz,
               Count{h.published});
-  out += line("latency  p50 %.3f, p99 %.3f, max %.3f ms    deblur %.3f ms a frame", s.latency_p50_ms,
-              s.latency_p99_ms, s.latency_max_ms, s.deblur_ms);
+  out += line("latency  p50 %.3f, p99 %.3f, max %.3f ms    deblur %.3f ms a frame", s.latency_p50_ms, s.latency_p99_ms,
+              s.latency_max_ms, s.deblur_ms);
   out += line("windows  %llu warm-up, %llu with gaps, %llu restarts", Count{h.warm_up}, Count{h.gap_frames},
               Count{h.restarts});
   out += line("lost     %llu in all", Count{s.lost_total});
