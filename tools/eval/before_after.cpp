@@ -121,7 +121,7 @@ Status BeforeAfter::draw(const std::string& file, double rmse_before_k, double r
   const Region close_up = busiest(truth_, geometry_);
   const double panel_height = kPanelWidth * geometry_.height / geometry_.width;
   const double close_up_height = kCloseUpWidth * close_up.height / close_up.width;
-  const double height = 3 * (panel_height + kCaption) + close_up_height + kPlotHeight + 240;
+  const double height = 3 * (panel_height + kCaption) + close_up_height + kPlotHeight + 230;
   Canvas page(static_cast<int>(kPanelWidth + 2 * kMargin), static_cast<int>(height));
 
   const std::vector<Layer> layers{
@@ -143,7 +143,7 @@ Status BeforeAfter::draw(const std::string& file, double rmse_before_k, double r
   }
   y += 14;
   page.colour_bar({kMargin + kPanelWidth - 420, y, 380, 12}, range, "K");
-  y += 36;
+  y += 58;
   const std::vector<std::string> titles{"close-up: blurred", "deblurred", "truth"};
   for (std::size_t i = 0; i < layers.size(); ++i) {
     const double x = kMargin + static_cast<double>(i) * (kPanelWidth - kCloseUpWidth) / 2;
@@ -152,7 +152,7 @@ Status BeforeAfter::draw(const std::string& file, double rmse_before_k, double r
     const double line = y + close_up_height * (close_up.height / 2 + 0.5) / close_up.height;
     page.rectangle({x, line, kCloseUpWidth, 0.0}, kPaper, 1.0);
   }
-  y += close_up_height + 44;
+  y += close_up_height + 40;
   draw_profile(page, {kMargin + 44, y, kPanelWidth - 60, kPlotHeight}, layers, geometry_, close_up);
   return page.save(file);
 }
