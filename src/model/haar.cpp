@@ -12,7 +12,6 @@ namespace {
 
 constexpr double kHalf = 1.0 / std::numbers::sqrt2;
 
-
 }  // namespace
 
 Eigen::MatrixXd haar_matrix(int bins) {
