@@ -1,0 +1,295 @@
+// The writer's promises: what it refuses, what a killed process and a full disk leave behind.
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <fstream>
+#include <limits>
+
+#include "tests/capture/scratch.hpp"
+
+namespace bolo::capture {
+namespace {
+
+using namespace bolo::capture::testing;
+
+constexpr double kPeriod = 0.005;
+constexpr std::size_t kFlushFrames = 200;  // a second at 200 Hz
+
+Status append(CaptureWriter& writer, std::size_t i) {
+  const auto plane = plane_of<std::uint16_t>(i, 21);
+  return writer.append(kPeriod * static_cast<double>(i), i, plane.data());
+}
+
+// Frames 0..n-1 are there, whole.
+void expect_frames(const CaptureReader& reader) {
+  for (std::size_t i = 0; i < reader.info().frames; ++i) {
+    std::vector<std::uint16_t> plane(21);
+    ASSERT_TRUE(reader.read_frame(i, plane.data()));
+    ASSERT_EQ(plane, plane_of<std::uint16_t>(i, 21)) << "frame " << i;
+    ASSERT_EQ(reader.frame_id()[i], i);
+  }
+}
+
+template <typename T>
+T written_and_read(const T& stimulus) {
+  const Scratch scratch;
+  auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
+  EXPECT_TRUE(writer->write_stimulus(stimulus));
+  EXPECT_TRUE(append(*writer, 0));
+  EXPECT_TRUE(writer->close());
+  const auto reader = CaptureReader::open(scratch / "a.h5");
+  EXPECT_TRUE(reader) << reader.error().message;
+  const Stimulus read = reader->stimulus().value();
+  EXPECT_TRUE(std::holds_alternative<T>(read));
+  return std::get<T>(read);
+}
+
+TEST(CaptureWriterStimulus, UniformComesBack) { EXPECT_EQ(written_and_read(Uniform{300.5}).temperature_k, 300.5); }
+
+TEST(CaptureWriterStimulus, ChopperComesBack) {
+  const auto read = written_and_read(Chopper{293.0, {0.1, 0.3}, {0.2, 0.4}, {303.0, 308.0}});
+  EXPECT_EQ(read.cold_k, 293.0);
+  EXPECT_EQ(read.on_s, (std::vector<double>{0.1, 0.3}));
+  EXPECT_EQ(read.off_s, (std::vector<double>{0.2, 0.4}));
+  EXPECT_EQ(read.level_k, (std::vector<double>{303.0, 308.0}));
+}
+
+TEST(CaptureWriterStimulus, BarTargetComesBack) {
+  const auto read = written_and_read(BarTarget{293.0, 303.0, 24.0, 12.0, 0.25, -800.0});
+  EXPECT_EQ(read.cold_k, 293.0);
+  EXPECT_EQ(read.hot_k, 303.0);
+  EXPECT_EQ(read.period_px, 24.0);
+  EXPECT_EQ(read.bar_width_px, 12.0);
+  EXPECT_EQ(read.slant_px_per_row, 0.25);
+  EXPECT_EQ(read.velocity_px_s, -800.0);
+}
+
+TEST(CaptureWriterStimulus, SceneComesBack) {
+  const SceneStimulus scene{3, 2, {290, 291, 292, 293, 294, 295}, {0.0, 0.1}, {1.0, 2.0}, {3.0, 4.0}};
+  const auto read = written_and_read(scene);
+  EXPECT_EQ(read.image_width, 3);
+  EXPECT_EQ(read.image_height, 2);
+  EXPECT_EQ(read.image_k, scene.image_k);
+  EXPECT_EQ(read.t_s, scene.t_s);
+  EXPECT_EQ(read.x_px, scene.x_px);
+  EXPECT_EQ(read.y_px, scene.y_px);
+}
+
+TEST(CaptureWriterStimulus, NoneIsAFieldRecording) { written_and_read(NoStimulus{}); }
+
+TEST(CaptureWriterStimulus, WhatReadersRefuseIsNotWritten) {
+  const Scratch scratch;
+  auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
+  const Status status = writer->write_stimulus(Chopper{293.0, {0.1}, {0.2}, {}});
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(status.error().message.find("level_k"), std::string::npos) << status.error().message;
+  EXPECT_TRUE(writer->write_stimulus(Uniform{300.0})) << "the refused one must leave nothing behind";
+}
+
+TEST(CaptureWriterExtras, EventsAndAttributesComeBack) {
+  const Scratch scratch;
+  auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
+  for (std::size_t i = 0; i < 3 * kFlushFrames; ++i) {
+    ASSERT_TRUE(append(*writer, i));
+    if (i % 100 != 0) continue;
+    ASSERT_TRUE(writer->add_event({kPeriod * static_cast<double>(i), "nuc" + std::to_string(i)}));
+  }
+  ASSERT_TRUE(writer->write_attribute("lambda", 0.1));
+  ASSERT_TRUE(writer->write_attribute("solver", std::string("exact")));
+  EXPECT_FALSE(writer->write_attribute("solver", std::string("twice")));
+  EXPECT_FALSE(writer->write_attribute("unit", std::string("count"))) << "the format's own";
+  EXPECT_FALSE(writer->add_event({0.0, std::string(64, 'x')}));
+  EXPECT_FALSE(writer->add_event({std::numeric_limits<double>::quiet_NaN(), "nuc"}));
+  ASSERT_TRUE(writer->close());
+
+  const auto reader = CaptureReader::open(scratch / "a.h5");
+  ASSERT_TRUE(reader) << reader.error().message;
+  ASSERT_EQ(reader->events().size(), 6U);
+  EXPECT_EQ(reader->events()[4].kind, "nuc400");
+  EXPECT_EQ(reader->events()[4].t_s, kPeriod * 400);
+  const auto attributes = reader->attributes();
+  ASSERT_TRUE(attributes) << attributes.error().message;
+  ASSERT_EQ(attributes->size(), 2U);
+  EXPECT_EQ(attributes->at(0).name, "lambda");
+  EXPECT_EQ(std::get<double>(attributes->at(0).value), 0.1);
+  EXPECT_EQ(std::get<std::string>(attributes->at(1).value), "exact");
+}
+
+TEST(CaptureWriterRefuses, DisorderLeavesTheCaptureGood) {
+  const Scratch scratch;
+  auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
+  const std::vector<std::uint16_t> plane(21);
+  ASSERT_TRUE(writer->append(1.0, 7, plane.data()));
+  EXPECT_FALSE(writer->append(1.0, 8, plane.data()));
+  EXPECT_FALSE(writer->append(0.5, 8, plane.data()));
+  EXPECT_FALSE(writer->append(std::numeric_limits<double>::quiet_NaN(), 8, plane.data()));
+  EXPECT_FALSE(writer->append(2.0, 7, plane.data()));
+  const std::vector<float> truth(21);
+  EXPECT_FALSE(writer->append(2.0, 8, plane.data(), truth.data())) << "no truth was announced";
+  ASSERT_TRUE(writer->append(2.0, 8, plane.data()));
+  ASSERT_TRUE(writer->close());
+  EXPECT_FALSE(writer->append(3.0, 9, plane.data())) << "closed";
+  EXPECT_FALSE(writer->close());
+  const auto reader = CaptureReader::open(scratch / "a.h5");
+  ASSERT_TRUE(reader) << reader.error().message;
+  EXPECT_EQ(reader->t(), (std::vector<double>{1.0, 2.0}));
+}
+
+TEST(CaptureWriterRefuses, WhatReadersWouldRefuse) {
+  const Scratch scratch;
+  const auto refused = [&](auto change, const std::string& word) {
+    CaptureInfo info = small_info();
+    change(info.format);
+    const auto writer = CaptureWriter::create(scratch / "a.h5", info);
+    ASSERT_FALSE(writer) << word;
+    EXPECT_EQ(writer.error().kind, ErrorKind::kBadInput);
+    EXPECT_NE(writer.error().message.find(word), std::string::npos) << writer.error().message;
+    EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5.part"));
+  };
+  refused([](StreamFormat& f) { f.frame_period_s = 0; }, "frame_period_s");
+  refused([](StreamFormat& f) { f.scale.scale = 0; }, "scale");
+  refused([](StreamFormat& f) { f.row_step = 0; }, "row_step");
+  refused([](StreamFormat& f) { f.geometry.width = 0; }, "0x3");
+  const auto elsewhere = CaptureWriter::create(scratch / "no/such/folder.h5", small_info());
+  ASSERT_FALSE(elsewhere);
+  EXPECT_EQ(elsewhere.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(elsewhere.error().message.find("No such file"), std::string::npos) << elsewhere.error().message;
+}
+
+TEST(CaptureWriterName, FinalOnlyAfterClose) {
+  const Scratch scratch;
+  auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
+  ASSERT_TRUE(append(*writer, 0));
+  EXPECT_TRUE(std::filesystem::exists(scratch / "a.h5.part"));
+  EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
+  ASSERT_TRUE(writer->close());
+  EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5.part"));
+  EXPECT_TRUE(std::filesystem::exists(scratch / "a.h5"));
+}
+
+TEST(CaptureWriterName, WithoutCloseThePartIsWhole) {
+  const Scratch scratch;
+  {
+    auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
+    for (std::size_t i = 0; i < 5; ++i) ASSERT_TRUE(append(*writer, i));
+  }
+  const auto reader = CaptureReader::open(scratch / "a.h5.part");
+  ASSERT_TRUE(reader) << reader.error().message;
+  EXPECT_EQ(reader->info().frames, 5U);
+  expect_frames(*reader);
+}
+
+TEST(CaptureWriterName, EqualInputGivesEqualFiles) {
+  const Scratch scratch;
+  for (const char* name : {"a.h5", "b.h5"}) {
+    auto writer = CaptureWriter::create(scratch / name, small_info(), {false, 3});
+    for (std::size_t i = 0; i < 5; ++i) ASSERT_TRUE(append(*writer, i));
+    ASSERT_TRUE(writer->close());
+  }
+  const std::string command = "cmp " + (scratch / "a.h5").string() + " " + (scratch / "b.h5").string();
+  EXPECT_EQ(std::system(command.c_str()), 0);
+}
+
+// Another program reads the same values.
+TEST(CaptureWriterForeign, Hdf5ToolsReadTheFrames) {
+  if (std::system("h5dump --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "h5dump is not installed";
+  const Scratch scratch;
+  auto writer = CaptureWriter::create(scratch / "a.h5", small_info(), {false, 5});
+  std::vector<std::uint16_t> expected;
+  for (std::size_t i = 0; i < 3; ++i) {
+    ASSERT_TRUE(append(*writer, i));
+    const auto plane = plane_of<std::uint16_t>(i, 21);
+    expected.insert(expected.end(), plane.begin(), plane.end());
+  }
+  ASSERT_TRUE(writer->close());
+  const std::string command = "h5dump -d /frames -b NATIVE -o " + (scratch / "raw").string() + " " +
+                              (scratch / "a.h5").string() + " > /dev/null";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  std::vector<std::uint16_t> dumped(expected.size());
+  std::ifstream raw(scratch / "raw", std::ios::binary);
+  raw.read(reinterpret_cast<char*>(dumped.data()), static_cast<std::streamsize>(2 * dumped.size()));
+  EXPECT_EQ(raw.gcount(), static_cast<std::streamsize>(2 * expected.size()));
+  EXPECT_EQ(dumped, expected);
+}
+
+// Appends frames in a process of its own that ends by SIGKILL while the writer is open.
+void append_and_die(const std::filesystem::path& file, std::size_t frames, const WriterOptions& options) {
+  const pid_t pid = fork();
+  ASSERT_GE(pid, 0);
+  if (pid == 0) {
+    auto writer = CaptureWriter::create(file, small_info(), options);
+    for (std::size_t i = 0; i < frames; ++i) {
+      if (!append(*writer, i)) _exit(1);
+    }
+    kill(getpid(), SIGKILL);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(pid, &status, 0), pid);
+  ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+}
+
+TEST(CaptureWriterKilled, FlushedFramesAreThere) {
+  for (const int level : {0, 2}) {
+    const Scratch scratch;
+    append_and_die(scratch / "a.h5", 2 * kFlushFrames + 50, {false, level});
+    EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
+    const auto reader = CaptureReader::open(scratch / "a.h5.part");
+    ASSERT_TRUE(reader) << reader.error().message;
+    EXPECT_EQ(reader->info().frames, 2 * kFlushFrames) << "level " << level;
+    EXPECT_TRUE(reader->warnings().empty()) << "the file is that of the last flush";
+    expect_frames(*reader);
+  }
+}
+
+TEST(CaptureWriterKilled, BeforeTheFirstFlushIsSaid) {
+  const Scratch scratch;
+  append_and_die(scratch / "a.h5", 1, {});
+  const auto reader = CaptureReader::open(scratch / "a.h5.part");
+  ASSERT_FALSE(reader);
+  EXPECT_NE(reader.error().message.find("before its first frame"), std::string::npos) << reader.error().message;
+}
+
+// Frames large enough to pass what is reserved at once. The limit on file size stands for the end of the disk: both
+// end in the same place. In a child, because the limit is the process's.
+TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
+  const Scratch scratch;
+  constexpr rlim_t kDisk = rlim_t{8} << 20;
+  const pid_t pid = fork();
+  ASSERT_GE(pid, 0);
+  if (pid == 0) {
+    signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{kDisk, kDisk};
+    setrlimit(RLIMIT_FSIZE, &limit);
+    CaptureInfo info = small_info();
+    info.format.geometry = {640, 120};
+    auto writer = CaptureWriter::create(scratch / "a.h5", info);
+    if (!writer) _exit(10);
+    const std::vector<std::uint16_t> plane(640 * 120, 7);
+    for (std::size_t i = 0; i < 100; ++i) {
+      const Status status = writer->append(kPeriod * static_cast<double>(i), i, plane.data());
+      if (status) continue;
+      const bool named = status.error().message.find("a.h5.part: no room to write") != std::string::npos;
+      _exit(named && writer->close().has_value() ? 0 : 11);
+    }
+    _exit(12);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(pid, &status, 0), pid);
+  ASSERT_TRUE(WIFEXITED(status));
+  ASSERT_EQ(WEXITSTATUS(status), 0) << "10: not created, 11: error unnamed or not closed, 12: no error";
+  const auto reader = CaptureReader::open(scratch / "a.h5");
+  ASSERT_TRUE(reader) << reader.error().message;
+  EXPECT_GT(reader->info().frames, 40U);
+  std::vector<std::uint16_t> plane(640 * 120);
+  for (std::size_t i = 0; i < reader->info().frames; ++i) {
+    ASSERT_TRUE(reader->read_frame(i, plane.data()));
+    ASSERT_EQ(plane, std::vector<std::uint16_t>(640 * 120, 7));
+  }
+}
+
+}  // namespace
+}  // namespace bolo::capture
