@@ -15,6 +15,10 @@ struct Verb {
   VerbMain run;
 };
 
-inline constexpr std::array<Verb, 0> kVerbs{};
+int info_main(int argc, char** argv);
+
+inline constexpr std::array<Verb, 1> kVerbs{{
+    {"info", "what a capture holds and what is odd about it", info_main},
+}};
 
 }  // namespace bolo::tools
