@@ -169,6 +169,20 @@ Status check_ids(const std::vector<std::uint64_t>& id) {
   return {};
 }
 
+Status read_extras(hid_t file, bool unfinished, Contents& contents) {
+  Result<std::vector<Event>> events = read_events(file);
+  if (!events && unfinished) {
+    contents.warnings.push_back("the recording was cut off: " + events.error().message + "; they are left out");
+    events = std::vector<Event>{};
+  }
+  if (!events) return tl::unexpected<Error>(std::move(events.error()));
+  Result<Stimulus> stimulus = read_stimulus(file);
+  if (!stimulus) return tl::unexpected<Error>(std::move(stimulus.error()));
+  contents.events = std::move(*events);
+  contents.stimulus = std::move(*stimulus);
+  return {};
+}
+
 bool is_own_attribute(const std::string& name) {
   constexpr std::array<std::string_view, 9> kOwn{"format",         "version",      "unit",          "scale",   "offset",
                                                  "frame_period_s", "camera_model", "camera_serial", "row_step"};
@@ -180,8 +194,12 @@ herr_t collect_name(hid_t, const char* name, const H5A_info_t*, void* names) {
   return 0;
 }
 
+}  // namespace
+
 // Attributes beyond the format's own are for people: what cannot be read as number or string is passed over.
-std::vector<Attribute> other_attributes(const h5::Owner& root) {
+std::vector<Attribute> other_attributes(hid_t file) {
+  const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));
+  const h5::Owner root{group.get(), "root"};
   std::vector<std::string> names;
   H5Aiterate2(root.id, H5_INDEX_NAME, H5_ITER_INC, nullptr, collect_name, &names);
   std::vector<Attribute> out;
@@ -196,23 +214,6 @@ std::vector<Attribute> other_attributes(const h5::Owner& root) {
   return out;
 }
 
-Status read_extras(hid_t file, const h5::Owner& root, bool unfinished, Contents& contents) {
-  Result<std::vector<Event>> events = read_events(file);
-  if (!events && unfinished) {
-    contents.warnings.push_back("the recording was cut off: " + events.error().message + "; they are left out");
-    events = std::vector<Event>{};
-  }
-  if (!events) return tl::unexpected<Error>(std::move(events.error()));
-  Result<Stimulus> stimulus = read_stimulus(file);
-  if (!stimulus) return tl::unexpected<Error>(std::move(stimulus.error()));
-  contents.events = std::move(*events);
-  contents.stimulus = std::move(*stimulus);
-  contents.attributes = other_attributes(root);
-  return {};
-}
-
-}  // namespace
-
 Result<Contents> read_bolo_capture(hid_t file, bool unfinished) {
   const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));
   const h5::Owner root{group.get(), "root"};
@@ -226,7 +227,7 @@ Result<Contents> read_bolo_capture(hid_t file, bool unfinished) {
   if (good) good = unfinished ? cut_to_shortest(contents) : check_lengths(contents);
   if (good) good = check_times(contents.t);
   if (good) good = check_ids(contents.frame_id);
-  if (good) good = read_extras(file, root, unfinished, contents);
+  if (good) good = read_extras(file, unfinished, contents);
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
   check_plausible(contents);
   return contents;

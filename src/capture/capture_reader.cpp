@@ -38,9 +38,13 @@ FileFormat CaptureReader::file_format() const noexcept { return impl_->contents.
 const std::vector<double>& CaptureReader::t() const noexcept { return impl_->contents.t; }
 const std::vector<std::uint64_t>& CaptureReader::frame_id() const noexcept { return impl_->contents.frame_id; }
 const std::vector<Event>& CaptureReader::events() const noexcept { return impl_->contents.events; }
-const std::vector<Attribute>& CaptureReader::attributes() const noexcept { return impl_->contents.attributes; }
 const std::vector<std::string>& CaptureReader::warnings() const noexcept { return impl_->contents.warnings; }
 Result<Stimulus> CaptureReader::stimulus() const { return impl_->contents.stimulus; }
+
+Result<std::vector<Attribute>> CaptureReader::attributes() const {
+  const h5::Quiet quiet;
+  return other_attributes(impl_->file.get());
+}
 
 Status CaptureReader::read_frame(std::size_t index, void* out) const {
   const h5::Quiet quiet;

@@ -4,9 +4,9 @@
 // writes any of it when it likes. Here its cache may not evict, so structure reaches the file in H5Fflush only, once a
 // second of frames, after all datasets were brought to the same length: between flushes the file on disk is exactly
 // that of the last flush, with raw frames behind it that nothing refers to yet. The oldest file format is kept: newer
-// ones mark a file as "open for writing" and refuse it after a crash. A kill within the flush itself (well below a
-// millisecond a second) can tear the structure; SWMR mode would close that window but allows neither attributes nor
-// events to be added. A power cut loses what the kernel had not written yet; close() waits for the disk.
+// ones mark a file as "open for writing" and refuse it after a crash. A kill within the flush itself
+// can tear the index of the last frames: CaptureReader takes from a ".part" what is whole. SWMR mode would close that
+// window but allows neither attributes nor events to be added. A power cut loses what the kernel had not written yet; close() waits for the disk.
 #include <fcntl.h>
 #include <unistd.h>
 

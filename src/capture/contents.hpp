@@ -18,7 +18,6 @@ struct Contents {
   std::vector<std::uint64_t> frame_id;
   std::vector<Event> events;
   Stimulus stimulus;
-  std::vector<Attribute> attributes;
   std::vector<std::string> warnings;
   std::optional<FrameStore> frames;  // always there after open
   std::optional<FrameStore> truth;
@@ -27,6 +26,9 @@ struct Contents {
 // "bolo-capture" version 1. `unfinished`: the file is a ".part", whose datasets may differ in length; the frames that
 // all of them have are taken. Errors (kBadInput) name the item. Thread: any one at a time.
 Result<Contents> read_bolo_capture(hid_t file, bool unfinished);
+
+// Root attributes beyond the format's own.
+std::vector<Attribute> other_attributes(hid_t file);
 
 // The authors' `.mat` version 7.3: `t` and `frames`, kelvin.
 bool looks_like_matlab_capture(hid_t file);

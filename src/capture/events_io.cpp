@@ -39,6 +39,15 @@ h5::Handle member_type(hid_t compound, const char* name) {
   return index < 0 ? h5::Handle() : h5::Handle(H5Tget_member_type(compound, static_cast<unsigned>(index)));
 }
 
+// HDF5 1.10 doesn't look.
+bool member_inside(hid_t compound, const char* name) {
+  const int index = H5Tget_member_index(compound, name);
+  const std::size_t offset = H5Tget_member_offset(compound, static_cast<unsigned>(index));
+  const std::size_t size = H5Tget_size(member_type(compound, name).get());
+  const std::size_t row = H5Tget_size(compound);
+  return size <= row && offset <= row - size;
+}
+
 Status unreadable() { return bad_input(kPath + " cannot be read" + h5::because()); }
 
 Status read_variable(hid_t dataset, hid_t kind_type, std::vector<Event>& events) {
@@ -99,6 +108,9 @@ Result<std::vector<Event>> read_events(hid_t file) {
   if (!number) return bad_input(kPath + " has no number member 't'; expected compound (t float64, kind string)");
   if (!kind || H5Tget_class(kind.get()) != H5T_STRING) {
     return bad_input(kPath + " has no string member 'kind'; expected compound (t float64, kind string)");
+  }
+  if (!member_inside(type.get(), "t") || !member_inside(type.get(), "kind")) {
+    return bad_input(kPath + ": a member lies outside its row; the file is damaged");
   }
   const h5::Dims dims = h5::shape(dataset->get());
   if (dims.size() != 1) return bad_input(kPath + " has the shape " + h5::text(dims) + "; expected one dimension");

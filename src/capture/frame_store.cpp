@@ -25,6 +25,11 @@ h5::Dims chunk_shape(hid_t dataset, std::size_t rank) {
   return chunk;
 }
 
+bool is_filtered(hid_t dataset) {
+  const h5::Handle properties(H5Dget_create_plist(dataset));
+  return H5Pget_nfilters(properties.get()) != 0;
+}
+
 // Bytes of all chunks that one frame touches; 0 for data without chunks.
 std::size_t chunks_of_a_frame(const h5::Dims& dims, const h5::Dims& chunk, std::size_t frame_axis, std::size_t bytes) {
   if (chunk.empty()) return 0;
@@ -98,9 +103,14 @@ Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOr
   store.geometry_ = {static_cast<int>(dims[frame_major ? 2 : 1]), static_cast<int>(dims[frame_major ? 1 : 0])};
 
   const h5::Dims chunk = chunk_shape(dataset->get(), dims.size());
+  if (expect == h5::Expect::kPart && chunk != h5::Dims{1, dims[1], dims[2]}) {
+    return bad_input(path + " is chunked by " + h5::text(chunk) + ", not by the frame of " + h5::text(dims) +
+                     "; the unfinished file is damaged");
+  }
   const std::size_t cache = chunks_of_a_frame(dims, chunk, frame_major ? 0 : 2, H5Tget_size(type.get()));
   store.block_frames_ =
       std::clamp(block_bytes / plane_bytes(store.geometry_, store.type_), std::size_t{1}, store.frames_);
+  store.checks_chunk_ = frame_major && chunk == h5::Dims{1, dims[1], dims[2]} && !is_filtered(dataset->get());
   store.dataset_ = with_cache(file, path, cache);
   if (!store.dataset_) return bad_input(path + " cannot be opened" + h5::because());
   return store;
@@ -126,6 +136,9 @@ Status FrameStore::read(std::size_t index, void* out) {
 // A frame that a torn index doesn't lead to is read "successfully", leaving the buffer as it was: two different buffers
 // tell.
 bool FrameStore::is_stored(std::size_t index) {
+  const std::array<hsize_t, 3> corner{index, 0, 0};
+  hsize_t bytes = 0;
+  if (H5Dget_chunk_storage_size(dataset_.get(), corner.data(), &bytes) < 0 || bytes == 0) return false;
   std::vector<std::byte> plane(plane_bytes(geometry_, type_), std::byte{0x00});
   std::vector<std::byte> again(plane.size(), std::byte{0xFF});
   return read_plane(index, plane.data()) && read_plane(index, again.data()) && plane == again;
@@ -143,11 +156,22 @@ Status FrameStore::drop_missing_end() {
   return {};
 }
 
+// HDF5 1.10 believes the size that the index states and reads beyond its buffer when that is wrong.
+bool FrameStore::chunk_fits(std::size_t index) const {
+  const std::array<hsize_t, 3> corner{index, 0, 0};
+  hsize_t bytes = 0;
+  return H5Dget_chunk_storage_size(dataset_.get(), corner.data(), &bytes) >= 0 &&
+         bytes == plane_bytes(geometry_, type_);
+}
+
 Status FrameStore::read_plane(std::size_t index, void* out) {
   const auto height = static_cast<hsize_t>(geometry_.height);
   const auto width = static_cast<hsize_t>(geometry_.width);
   const std::array<hsize_t, 3> start{index, 0, 0};
   const std::array<hsize_t, 3> count{1, height, width};
+  if (checks_chunk_ && !chunk_fits(index)) {
+    return bad_input(path_ + ": frame " + std::to_string(index) + " is not whole: the file is damaged");
+  }
   const h5::Handle from(H5Dget_space(dataset_.get()));
   const h5::Handle to(H5Screate_simple(3, count.data(), nullptr));
   if (H5Sselect_hyperslab(from.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) < 0 ||

@@ -38,6 +38,7 @@ class FrameStore {
 
  private:
   Status read_plane(std::size_t index, void* out);
+  bool chunk_fits(std::size_t index) const;
   Status read_block(std::size_t index);
   bool is_stored(std::size_t index);
 
@@ -48,6 +49,7 @@ class FrameStore {
   PixelType type_ = PixelType::kUint16;
   Geometry geometry_;
   std::size_t frames_ = 0;
+  bool checks_chunk_ = false;  // one uncompressed chunk a frame: its stored size is known
 
   // MATLAB's order keeps a pixel's whole history together, so frames are read by the block and turned over.
   std::size_t block_frames_ = 1;

@@ -53,7 +53,8 @@ class CaptureReader {
   const std::vector<double>& t() const noexcept;                // s, strictly rising
   const std::vector<std::uint64_t>& frame_id() const noexcept;  // strictly rising
   const std::vector<Event>& events() const noexcept;
-  const std::vector<Attribute>& attributes() const noexcept;
+  // Root attributes beyond the format's own, by name; those that are neither number nor string are left out.
+  Result<std::vector<Attribute>> attributes() const;
   // What is odd but readable, one line each: a frame period that the times contradict, a recording that was cut off.
   const std::vector<std::string>& warnings() const noexcept;
   FileFormat file_format() const noexcept;

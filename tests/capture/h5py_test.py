@@ -1,0 +1,79 @@
+"""Captures cross h5py in both directions: argument 1 is the bolo program. Exit code 77: h5py isn't there."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+try:
+    import h5py
+    import numpy as np
+except ImportError:
+    print("skipped: python3-h5py is not installed")
+    sys.exit(77)
+
+ATTRIBUTES = {"format": "bolo-capture", "version": 1, "unit": "kelvin", "scale": 0.01, "offset": 0.0,
+              "frame_period_s": 0.005, "camera_model": "FLIR A655sc", "camera_serial": "1", "row_step": 1}
+
+
+def write_capture(path, frames, t, frame_id):
+    with h5py.File(path, "w") as f:
+        f.attrs.update(ATTRIBUTES)
+        f.create_dataset("frames", data=frames, chunks=(1, *frames.shape[1:]), compression="gzip", shuffle=True)
+        f["t"] = t
+        f["frame_id"] = frame_id
+        events = np.array([(0.001, "nuc")], dtype=[("t", "f8"), ("kind", h5py.string_dtype())])
+        f["events"] = events
+        stimulus = f.create_group("stimulus")
+        stimulus.attrs.update({"kind": "chopper", "cold_k": 293})
+        for name, value in (("on_s", 0.1), ("off_s", 0.2), ("level_k", 303)):
+            stimulus[name] = [value]
+
+
+def write_matlab(path, kelvin, t):
+    """As MATLAB stores frames (n x width x height): HDF5 lists (height, width, n)."""
+    with h5py.File(path, "w", userblock_size=512) as f:
+        f["t"] = t.reshape(-1, 1)
+        f["frames"] = kelvin.transpose(1, 2, 0)
+
+
+def info(bolo, path):
+    done = subprocess.run([bolo, "info", path, "--json"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def main(bolo):
+    random = np.random.default_rng(3)
+    frames = random.integers(29000, 31000, (6, 3, 7), dtype=np.uint16)
+    t = np.array([0, 1, 2, 5, 6, 7]) * 0.005
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "a.h5")
+        write_capture(path, frames, t, np.array([9, 10, 11, 14, 15, 16]))
+        told = info(bolo, path)
+        assert (told["width"], told["height"], told["frames"]) == (7, 3, 6), told
+        assert told["lost_frames"]["count"] == 2 and told["lost_frames"]["first"][0]["before_frame"] == 3, told
+        assert abs(told["rate"]["measured_hz"] - 200) < 1e-6, told
+        assert told["events"] == [{"kind": "nuc", "t_s": 0.001}], told
+        assert told["stimulus"]["kind"] == "chopper" and told["stimulus"]["level_k"] == [303.0], told
+        last = frames[5] * 0.01
+        values = told["values"]["last"]
+        assert abs(values["min"] - last.min()) < 1e-9 and abs(values["median"] - np.median(last)) < 1e-9, told
+
+        path = os.path.join(folder, "a.mat")
+        write_matlab(path, frames * 0.01, t)
+        told = info(bolo, path)
+        assert told["format"] == "matlab-v7.3" and told["type"] == "float32", told
+        assert (told["width"], told["height"], told["frames"]) == (7, 3, 6), told
+        assert told["lost_frames"]["count"] == 2, told
+        assert abs(told["values"]["last"]["max"] - last.max()) < 1e-4, told
+
+        path = os.path.join(folder, "bad.h5")
+        write_capture(path, frames, t[::-1], np.arange(6))
+        done = subprocess.run([bolo, "info", path], capture_output=True, text=True, check=False)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1 and "/t: value 1" in done.stderr, done
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
