@@ -136,7 +136,9 @@ std::vector<float> frame_of(const capture::CaptureReader& reader, std::size_t in
 
 template <typename T>
 std::optional<T> attribute(const capture::CaptureReader& reader, const std::string& name) {
-  for (const capture::Attribute& a : reader.attributes()) {
+  const auto attributes = reader.attributes();
+  EXPECT_TRUE(attributes);
+  for (const capture::Attribute& a : attributes.value_or(std::vector<capture::Attribute>{})) {
     if (a.name == name && std::holds_alternative<T>(a.value)) return std::get<T>(a.value);
   }
   return std::nullopt;
