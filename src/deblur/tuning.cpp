@@ -8,8 +8,8 @@ namespace {
 
 constexpr double kAlpha = 1.7;
 constexpr double kReferenceLambda = 0.5;  // half-square units, K: the authors' setting
-constexpr double kIterationsThere = 12.0;
-constexpr double kIterationsPerDecade = 3.0;
+constexpr double kIterationsThere = 16.0;
+constexpr double kIterationsPerDecade = 5.0;
 constexpr double kFewest = 6.0;
 constexpr double kMost = 40.0;
 
