@@ -20,8 +20,8 @@ constexpr double kMost = 40.0;
 // error stays below 5 mK rms and 50 mK at most. The best rho is p^2 everywhere, p = 1 - exp(-T / tau): G's columns have
 // the scale p. alpha between 1.6 and 1.8 makes no difference of more than one iteration. lambda / rho is how far a step
 // may move a coefficient that is too far from zero, so the way from the inverse filter to the optimum is shorter the
-// smaller lambda is: 10 iterations at 0.5, 6 at 0.05, 3 at 0.005; two or three more are taken here as a margin. Bins
-// shorter than a frame leave directions that no sample sees, where only lambda pulls: these need four times as many.
+// smaller lambda is: scenes want 10 iterations at 0.5, 6 at 0.05, 3 at 0.005, white noise of 20 K up to half as many
+// again. Bins shorter than a frame leave directions that no sample sees, where only lambda pulls: four times as many.
 Tuning tune(const Grid& grid, double kelvin_per_value) {
   const double p = -std::expm1(-grid.ratio / grid.parts);
   const double lambda_half = grid.lambda * std::sqrt(grid.bins / 128.0) * kelvin_per_value;
