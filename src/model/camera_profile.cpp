@@ -16,7 +16,7 @@ constexpr std::array<std::pair<std::string_view, bool>, 2> kByteOrders{{{"little
 KeyTable profile_keys(CameraProfile& profile) {
   KeyTable keys;
   keys.number("tau_s", profile.tau_s, {1e-4, 1.0, "s"},
-              "Thermal time constant of a pixel: tau of tau dy/dt + y = x. Measure it with `bolo calibrate`.");
+              "Thermal time constant of a pixel: tau of tau dy/dt + y = x. The paper measured 11 ms for the A655sc.");
   keys.number("frame_period_s", profile.frame_period_s, {1e-4, 10.0, "s"},
               "Time from frame to frame; 0.005 is the A655sc's 200 Hz at 640x120.");
   keys.number("noise_k", profile.noise_k, {0.0, 100.0, "K"}, "Temporal noise of one pixel, root mean square.");
