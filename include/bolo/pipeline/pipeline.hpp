@@ -23,7 +23,7 @@ struct PipelineOptions {
   deblur::Settings deblur;
   PixelType output = PixelType::kUint16;
   int workers = 2;           // the pipeline thread is one of them
-  int queue_frames = 16;     // frames that may wait between driver and deblurring
+  int queue_frames = 64;     // frames that may wait between driver and deblurring
   rt::ThreadOptions thread;  // of the pipeline thread and its workers
   // Told, once each, what the system refused though work goes on: a priority, a place, a worker. May be empty.
   // Thread: setup, or pipeline before the first frame.
