@@ -50,6 +50,7 @@
 #define BOLO_SHM_LATENCY_BUCKETS 192u
 #define BOLO_SHM_STALE_NS 2000000000LL /* a heartbeat older than this belongs to a dead or stopped writer */
 
+/* Names as C has them. NOLINTBEGIN(readability-identifier-naming) */
 enum bolo_shm_state { BOLO_SHM_STARTING = 0, BOLO_SHM_RUNNING = 1, BOLO_SHM_CLOSED = 2 };
 enum bolo_shm_unit { BOLO_UNIT_KELVIN = 0, BOLO_UNIT_COUNT = 1 };
 
@@ -134,5 +135,7 @@ BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, heartbeat_ns) == 336);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, lost) == 384);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, latency) == 512);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, flags) == 40);
+
+/* NOLINTEND(readability-identifier-naming) */
 
 #endif /* BOLO_SHM_LAYOUT_H */

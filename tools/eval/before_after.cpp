@@ -149,7 +149,8 @@ Status BeforeAfter::draw(const std::string& file, double rmse_before_k, double r
     const double x = kMargin + static_cast<double>(i) * (kPanelWidth - kCloseUpWidth) / 2;
     page.text(x, y - 5, titles[i], {13.0, true, layers[i].colour});
     page.thermal({x, y, kCloseUpWidth, close_up_height}, *layers[i].image, geometry_, close_up, range);
-    const double line = y + close_up_height * (close_up.height / 2 + 0.5) / close_up.height;
+    const int row = close_up.height / 2;
+    const double line = y + close_up_height * (row + 0.5) / close_up.height;
     page.rectangle({x, line, kCloseUpWidth, 0.0}, kPaper, 1.0);
   }
   y += close_up_height + 40;
