@@ -6,7 +6,8 @@
 // that of the last flush, with raw frames behind it that nothing refers to yet. The oldest file format is kept: newer
 // ones mark a file as "open for writing" and refuse it after a crash. A kill within the flush itself
 // can tear the index of the last frames: CaptureReader takes from a ".part" what is whole. SWMR mode would close that
-// window but allows neither attributes nor events to be added. A power cut loses what the kernel had not written yet; close() waits for the disk.
+// window but allows neither attributes nor events to be added. A power cut loses what the kernel had not written yet;
+// close() waits for the disk.
 #include <fcntl.h>
 #include <unistd.h>
 
