@@ -196,8 +196,8 @@ HWY_INLINE void solve_block(const BandedPlan& plan, const PixelRun& run, std::si
     update_z_and_dual(plan, bins, m.carry, m.x);
     update_x(plan, bins, m.b, m.x);
   }
-  const Pair estimate = all(0.5F) * (load(m.x[plan.before]) + load(m.x[plan.after]));
-  store_pixels(run, estimate + mean, at, count);
+  const Pair late = fma(all(run.published.weight_after), load(m.x[run.published.after]), mean);
+  store_pixels(run, fma(all(run.published.weight_before), load(m.x[run.published.before]), late), at, count);
 }
 
 template <int kBins>

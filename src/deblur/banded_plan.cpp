@@ -86,9 +86,6 @@ BandedPlan make_banded_plan(const Grid& grid, const Tuning& tuning) {
 }
 
 void prepare(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pattern& pattern) noexcept {
-  const Published bins = published_bins(grid, pattern.slots, pattern.target);
-  plan.before = bins.before;
-  plan.after = bins.after;
   assemble(plan, grid, tuning, pattern);
   factor(plan);
   prepare_samples(plan, grid, tuning, pattern);

@@ -42,8 +42,6 @@ struct RowCoefficients {
 struct BandedPlan {
   int bins = 0;
   int iterations = 0;
-  int before = 0;  // published: the mean of these two bins
-  int after = 0;
   float alpha = 1.0F;       // over-relaxation
   float inverse_count = 0;  // 1 / received samples
   int samples = 0;

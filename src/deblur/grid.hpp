@@ -48,10 +48,13 @@ struct Pattern {
 // Thread: any.
 Pattern pattern_of(const WindowView& window) noexcept;
 
-// The bins whose mean is published: both the last one, or those before and after the target's time. Thread: any.
+// What is published: weight_before * x[before] + weight_after * x[after]. Twice the last bin, or the mean of those
+// before and after the target's time. Thread: any.
 struct Published {
   int before = 0;
   int after = 0;
+  float weight_before = 0.5F;
+  float weight_after = 0.5F;
 };
 Published published_bins(const Grid& grid, int slots, int target) noexcept;
 

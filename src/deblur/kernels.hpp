@@ -24,6 +24,9 @@ struct PixelRun {
   std::size_t begin = 0;
   std::size_t end = 0;
   void* out = nullptr;
+  Published published;  // what of the estimated input is written
+  const float* lambda =
+      nullptr;  // of each pixel, indexed like the planes: lambda_half in the values' unit; null: the plan's
 };
 
 // One instruction set's kernels. NaN in a float plane makes that pixel's estimate NaN (0 as uint16) for as long as it

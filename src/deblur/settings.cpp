@@ -11,9 +11,9 @@ namespace bolo::deblur {
 namespace {
 
 constexpr std::array kNames = {
-    std::pair{Method::kAdmm, std::string_view("admm")},
-    std::pair{Method::kExact, std::string_view("exact")},
-    std::pair{Method::kInverse, std::string_view("inverse")},
+    std::pair{Method::kAdmm, std::string_view("admm")},   std::pair{Method::kDual, std::string_view("dual")},
+    std::pair{Method::kExact, std::string_view("exact")}, std::pair{Method::kInverse, std::string_view("inverse")},
+    std::pair{Method::kMmae, std::string_view("mmae")},
 };
 
 // Collects one sentence for every value out of range.
@@ -53,7 +53,7 @@ Result<Method> method_from_name(std::string_view text) {
   for (const auto& [value, known] : kNames) {
     if (known == text) return value;
   }
-  return bad_input("solver \"" + std::string(text) + "\" is unknown; use admm, exact or inverse");
+  return bad_input("solver \"" + std::string(text) + "\" is unknown; use admm, dual, exact, inverse or mmae");
 }
 
 Status validate(const Settings& settings) {
@@ -66,6 +66,8 @@ Status validate(const Settings& settings) {
   complaints.unless(settings.levels >= 1 && settings.levels <= 10, "levels", settings.levels, "1 to 10");
   complaints.unless(settings.kappa > 0.0 && std::isfinite(settings.kappa), "kappa", settings.kappa, "above 0");
   complaints.unless(settings.lambda >= 0.0 && std::isfinite(settings.lambda), "lambda", settings.lambda, "0 or more");
+  complaints.unless(settings.noise_k >= 0.0 && std::isfinite(settings.noise_k), "noise_k", settings.noise_k,
+                    "0 (measured) or more");
   complaints.unless(settings.iterations >= 0 && settings.iterations <= 1000, "iterations", settings.iterations,
                     "0 (automatic) to 1000");
   complaints.unless(settings.lookahead >= 0 && settings.lookahead <= settings.window - 2, "lookahead",

@@ -2,12 +2,11 @@
 
 #include <cmath>
 
-#include "src/deblur/solvers.hpp"
+#include "src/deblur/method.hpp"
+#include "src/deblur/plane_solver.hpp"
 
 namespace bolo::deblur {
 namespace {
-
-constexpr double kKelvinPerCount = 0.01;
 
 Status validate(const StreamFormat& input) {
   if (input.geometry.width < 1 || input.geometry.height < 1) return bad_input("deblur: the stream's frames are empty");
@@ -18,27 +17,24 @@ Status validate(const StreamFormat& input) {
   return {};
 }
 
+// Without a prior any input that explains the samples is optimal; the inverse filter is the one that is constant
+// between samples. Bins longer than a frame leave no such freedom.
+std::unique_ptr<PixelMethod> make_method(const StreamTask& task) {
+  const Settings& settings = task.settings;
+  const bool no_prior = settings.lambda == 0.0 && (1 << settings.levels) >= settings.window - 1;
+  if (settings.method == Method::kInverse || no_prior) return make_inverse(task);
+  if (settings.method == Method::kExact) return make_exact(task);
+  return make_admm(task);
+}
+
 }  // namespace
 
-double StreamTask::kelvin_per_value() const {
-  return input.scale.unit == Unit::kKelvin ? std::abs(input.scale.scale) : kKelvinPerCount;
-}
-
-double StreamTask::lambda_half() const {
-  const double unit = input.scale.unit == Unit::kKelvin ? std::abs(input.scale.scale) : 1.0;
-  return settings.half_square_lambda() / unit;
-}
-
-Result<std::unique_ptr<Solver>> Solver::create(const Settings& settings, const StreamFormat& input, PixelType output) {
+Result<std::unique_ptr<Solver>> Solver::create(const Settings& settings, const StreamFormat& input, PixelType output,
+                                               const model::PixelMaps& /*maps*/) {
   if (const Status good = deblur::validate(settings); !good) return tl::unexpected<Error>(good.error());
   if (const Status good = validate(input); !good) return tl::unexpected<Error>(good.error());
   const StreamTask task{settings, input, output};
-  // Without a prior any input that explains the samples is optimal; the inverse filter is the one that is constant
-  // between samples. Bins longer than a frame leave no such freedom.
-  const bool no_prior = settings.lambda == 0.0 && (1 << settings.levels) >= settings.window - 1;
-  if (settings.method == Method::kInverse || no_prior) return make_inverse_solver(task);
-  if (settings.method == Method::kExact) return make_exact_solver(task);
-  return make_admm_solver(task);
+  return std::make_unique<PlaneSolver>(task, make_method(task));
 }
 
 }  // namespace bolo::deblur

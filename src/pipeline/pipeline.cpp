@@ -133,12 +133,13 @@ struct Pipeline::Impl {
 // Each worker owns a contiguous band of rows, the same for every frame: its window stays in its core's cache.
 void Pipeline::Impl::work(int worker) noexcept {
   const int height = info.format.geometry.height;
-  const deblur::RowRange rows{height * worker / team.size(), height * (worker + 1) / team.size()};
+  const int first_row = height * worker / team.size();
+  const int end_row = height * (worker + 1) / team.size();
   const auto width = static_cast<std::size_t>(info.format.geometry.width);
-  const PixelRange pixels{static_cast<std::size_t>(rows.begin) * width, static_cast<std::size_t>(rows.end) * width};
+  const PixelRange pixels{static_cast<std::size_t>(first_row) * width, static_cast<std::size_t>(end_row) * width};
   if (pixels.begin == pixels.end) return;
   if (job->full) {
-    solver->solve(job->view, rows, deblurred.data());
+    solver->solve(job->view, {0, first_row, info.format.geometry.width, end_row - first_row}, deblurred.data());
   } else {
     convert(info.format, job->frame.plane, options.output, deblurred.data(), pixels);
   }

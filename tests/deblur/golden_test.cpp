@@ -29,7 +29,7 @@ double estimate(const Settings& settings, const std::vector<float>& y, const std
   const WindowView window{planes, settings.window - 1 - settings.lookahead};
   float result = 0.0F;
   (*solver)->prepare(window);
-  (*solver)->solve(window, {0, 1}, &result);
+  (*solver)->solve(window, {0, 0, 1, 1}, &result);
   return static_cast<double>(result);
 }
 

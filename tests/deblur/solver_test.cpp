@@ -102,7 +102,7 @@ TEST_P(Isas, AdmmIsTheReference) {
           EXPECT_EQ(solver->isa(), GetParam());
           std::vector<float> out(planes.geometry().pixels());
           solver->prepare(view);
-          solver->solve(view, {0, 1}, out.data());
+          solver->solve(view, {0, 0, planes.geometry().width, 1}, out.data());
           const Grid grid = reduce(s, s.half_square_lambda());
           const Tuning tuning = tune(grid, 1.0);
           const Pattern pattern = pattern_of(view);
@@ -124,7 +124,7 @@ TEST_P(Isas, AnyWidthGivesTheSameBits) {
   const auto whole = make(s, kelvin_format({70, 1}, s.period_s));
   std::vector<float> wanted(70);
   whole->prepare(all.view(16));
-  whole->solve(all.view(16), {0, 1}, wanted.data());
+  whole->solve(all.view(16), {0, 0, 70, 1}, wanted.data());
   for (int width = 1; width <= 70; ++width) {
     Planes part(s, {width, 1});
     for (std::size_t slot = 0; slot < 17; ++slot) {
@@ -133,7 +133,7 @@ TEST_P(Isas, AnyWidthGivesTheSameBits) {
     const auto solver = make(s, kelvin_format({width, 1}, s.period_s));
     std::vector<float> out(static_cast<std::size_t>(width));
     solver->prepare(part.view(16));
-    solver->solve(part.view(16), {0, 1}, out.data());
+    solver->solve(part.view(16), {0, 0, width, 1}, out.data());
     EXPECT_EQ(std::memcmp(out.data(), wanted.data(), out.size() * sizeof(float)), 0) << width;
   }
 }
@@ -144,10 +144,10 @@ TEST_P(Isas, NanStaysInItsPixel) {
   const auto solver = make(s, kelvin_format({40, 1}, s.period_s));
   std::vector<float> clean(40);
   solver->prepare(planes.view(16));
-  solver->solve(planes.view(16), {0, 1}, clean.data());
+  solver->solve(planes.view(16), {0, 0, planes.geometry().width, 1}, clean.data());
   planes.at(3, 11) = std::numeric_limits<float>::quiet_NaN();
   std::vector<float> out(40);
-  solver->solve(planes.view(16), {0, 1}, out.data());
+  solver->solve(planes.view(16), {0, 0, planes.geometry().width, 1}, out.data());
   for (std::size_t pixel = 0; pixel < 40; ++pixel) {
     if (pixel == 11) {
       EXPECT_TRUE(std::isnan(out[pixel]));
@@ -174,7 +174,8 @@ TEST_P(Parity, AdmmIsNearTheOptimum) {
     s.method = method;
     const auto solver = make(s, format);
     solver->prepare(planes.view(16));
-    solver->solve(planes.view(16), {0, 1}, method == Method::kAdmm ? fast.data() : exact.data());
+    solver->solve(planes.view(16), {0, 0, planes.geometry().width, 1},
+                  method == Method::kAdmm ? fast.data() : exact.data());
   }
   double squares = 0.0;
   double largest = 0.0;
@@ -213,7 +214,7 @@ TEST(Solver, WithoutAPriorItIsTheInverseFilter) {
     const auto solver = make(s, kelvin_format({1, 1}, s.period_s));
     float out = 0.0F;
     solver->prepare(planes.view(16));
-    solver->solve(planes.view(16), {0, 1}, &out);
+    solver->solve(planes.view(16), {0, 0, 1, 1}, &out);
     EXPECT_NEAR(static_cast<double>(out), input, 1e-3) << name(method);
   }
 }
@@ -231,7 +232,7 @@ TEST(Solver, CountsAreRoundedAndLimited) {
   const auto solver = make(s, format, PixelType::kUint16);
   std::vector<std::uint16_t> out(3);
   solver->prepare(view);
-  solver->solve(view, {0, 1}, out.data());
+  solver->solve(view, {0, 0, 3, 1}, out.data());
   EXPECT_EQ(out, (std::vector<std::uint16_t>{0, 30000, 65535}));
 }
 
@@ -241,7 +242,7 @@ TEST(Solver, OnlyItsRowsAreWritten) {
   const auto solver = make(s, kelvin_format({20, 4}, s.period_s));
   std::vector<float> out(80, -1.0F);
   solver->prepare(planes.view(16));
-  solver->solve(planes.view(16), {1, 3}, out.data());
+  solver->solve(planes.view(16), {0, 1, 20, 2}, out.data());
   for (std::size_t i = 0; i < 80; ++i) EXPECT_EQ(out[i] == -1.0F, i < 20 || i >= 60) << i;
 }
 

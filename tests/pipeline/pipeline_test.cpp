@@ -82,7 +82,8 @@ TEST(Pipeline, FullFramesAreTheSolversOwn) {
     const deblur::WindowView window{planes, kWindow - 1};
     std::vector<std::byte> expected(sink.frames[i].deblurred.size());
     (*solver)->prepare(window);
-    (*solver)->solve(window, {0, test::small_source().format.geometry.height}, expected.data());
+    const Geometry whole = test::small_source().format.geometry;
+    (*solver)->solve(window, {0, 0, whole.width, whole.height}, expected.data());
     EXPECT_EQ(sink.frames[i].deblurred, expected) << i;
   }
 }

@@ -10,8 +10,10 @@ namespace bolo::deblur {
 
 enum class Method {
   kAdmm,     // the paper's problem by fixed-iteration ADMM, single precision
+  kDual,     // the same problem by fixed sweeps of coordinate descent on its dual, single precision: the fastest
   kExact,    // the paper's problem to convergence, double precision: the reference
   kInverse,  // first-order inverse filter: x = (y_1 - a y_0) / (1 - a), a = exp(-T / tau); no prior
+  kMmae,     // multiple-model adaptive estimation: linear smoothers for many motions, weighted by how well each fits
 };
 
 // Names as the command line and configuration spell them. Thread: any.
@@ -26,9 +28,11 @@ struct Settings {
   int window = 17;  // frames; window - 1 (a power of two) constraints
   int levels = 7;   // n: 2^n bins in the window
   double kappa = 0.1;
-  double lambda = 0.001;  // in kelvin, or in counts for a capture that has no kelvin
-  int iterations = 0;     // ADMM; 0: as many as the accuracy needs at this lambda
-  int lookahead = 0;      // L: the window ends L frames after the frame that is estimated
+  double lambda = 0.001;     // in kelvin, or in counts for a capture that has no kelvin
+  bool auto_lambda = false;  // lambda follows the measured noise and motion, block by block; `lambda` is not used
+  double noise_k = 0.0;      // temporal noise for auto_lambda and kMmae, K (counts as lambda); 0: measured
+  int iterations = 0;        // ADMM, or sweeps of kDual; 0: as many as the accuracy needs at this lambda
+  int lookahead = 0;         // L: the window ends L frames after the frame that is estimated
 
   // lambda in units of 1/2 ||.||^2 + lambda ||D||_1.
   constexpr double half_square_lambda() const { return lambda / (2.0 * kappa); }

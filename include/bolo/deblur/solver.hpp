@@ -1,13 +1,16 @@
 // The pixel-wise solver. One solver serves one stream; workers call it on disjoint rows of the same window.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <span>
 
 #include "bolo/core/frame.hpp"
+#include "bolo/core/geometry.hpp"
 #include "bolo/core/plane.hpp"
 #include "bolo/core/result.hpp"
 #include "bolo/deblur/settings.hpp"
+#include "bolo/model/pixel_maps.hpp"
 
 namespace bolo::deblur {
 
@@ -17,32 +20,38 @@ struct WindowView {
   int target = 0;                       // the entry whose time is estimated: window - 1 - lookahead; never null
 };
 
-struct RowRange {
-  int begin = 0;
-  int end = 0;
-};
-
 class Solver {
  public:
   virtual ~Solver() = default;
 
   // Builds the solver named by the settings for a stream; all memory is taken here. `output` is the type of the values
   // it writes: kUint16 in the input's scale, rounded and clamped, or kFloat32 in kelvin (input values for kCount).
+  // `maps`: per-pixel corrections; a map whose size is not the frame's is bad input.
   // Thread: setup.
-  static Result<std::unique_ptr<Solver>> create(const Settings& settings, const StreamFormat& input, PixelType output);
+  static Result<std::unique_ptr<Solver>> create(const Settings& settings, const StreamFormat& input, PixelType output,
+                                                const model::PixelMaps& maps = {});
 
   // Makes ready for the pattern of lost frames in this window; cheap when it did not change. No allocation.
   // Thread: pipeline, before the workers.
   virtual void prepare(const WindowView& window) noexcept = 0;
 
-  // Estimates the rows of `window` into the same rows of `out`, a whole plane of the output type. No allocation.
-  // Thread: worker, rows disjoint between concurrent calls.
-  virtual void solve(const WindowView& window, RowRange rows, void* out) const noexcept = 0;
+  // Estimates the pixels of `part` into the same pixels of `out`, a whole plane of the output type. `part` lies
+  // inside the frame. What a pixel becomes does not depend on which part it is solved with. No allocation.
+  // Thread: worker, parts disjoint between concurrent calls.
+  virtual void solve(const WindowView& window, const Region& part, void* out) const noexcept = 0;
 
-  // Iterations a pixel; 1 for the inverse filter, 0 when it runs to convergence. Thread: any.
+  // The same for single pixels, row-major indices in any order, into pixels.size() values of `out`: bit for bit what
+  // solve() makes of them. No allocation. Thread: worker.
+  virtual void solve_points(const WindowView& window, std::span<const std::uint32_t> pixels,
+                            void* out) const noexcept = 0;
+
+  // Iterations a pixel; 1 for the filters, 0 when it runs to convergence. Thread: any.
   virtual int iterations() const noexcept = 0;
   // The instruction set chosen at run time: "AVX3", "AVX2", "SSE4", "scalar" ... Thread: any.
   virtual std::string_view isa() const noexcept = 0;
+  // Temporal noise that the last prepare() worked with, K (counts for a stream without kelvin); 0 where the method does
+  // not use it. Thread: pipeline.
+  virtual double noise_k() const noexcept { return 0.0; }
 };
 
 }  // namespace bolo::deblur

@@ -1,13 +1,12 @@
-// The solvers behind Solver::create.
+// What every method needs to know of its stream.
 #pragma once
 
-#include <memory>
-
-#include "bolo/deblur/solver.hpp"
+#include "bolo/core/frame.hpp"
+#include "bolo/core/plane.hpp"
+#include "bolo/deblur/settings.hpp"
 
 namespace bolo::deblur {
 
-// What every solver needs to know of its stream.
 struct StreamTask {
   Settings settings;
   StreamFormat input;
@@ -18,10 +17,5 @@ struct StreamTask {
   // lambda / (2 kappa) in the units of the values.
   double lambda_half() const;
 };
-
-// Settings and formats were checked. Thread: setup.
-std::unique_ptr<Solver> make_admm_solver(const StreamTask& task);
-std::unique_ptr<Solver> make_exact_solver(const StreamTask& task);
-std::unique_ptr<Solver> make_inverse_solver(const StreamTask& task);
 
 }  // namespace bolo::deblur

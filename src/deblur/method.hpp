@@ -1,0 +1,32 @@
+// The ways to estimate a pixel from its own samples. PlaneSolver brings them the samples.
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "src/deblur/grid.hpp"
+#include "src/deblur/kernels.hpp"
+#include "src/deblur/stream_task.hpp"
+
+namespace bolo::deblur {
+
+class PixelMethod {
+ public:
+  virtual ~PixelMethod() = default;
+
+  // Makes ready for a pattern of lost frames. No allocation. Thread: pipeline.
+  virtual void prepare(const Pattern& pattern) noexcept = 0;
+  // Estimates a run of pixels. What a pixel becomes depends on its own samples alone, bit for bit. Thread: worker.
+  virtual void run(const PixelRun& run) const noexcept = 0;
+
+  // As Solver's.
+  virtual int iterations() const noexcept = 0;
+  virtual std::string_view isa() const noexcept = 0;
+};
+
+// Settings and formats were checked. Thread: setup.
+std::unique_ptr<PixelMethod> make_admm(const StreamTask& task);
+std::unique_ptr<PixelMethod> make_exact(const StreamTask& task);
+std::unique_ptr<PixelMethod> make_inverse(const StreamTask& task);
+
+}  // namespace bolo::deblur
