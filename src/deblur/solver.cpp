@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "src/deblur/method.hpp"
+#include "src/deblur/mmae_solver.hpp"
 #include "src/deblur/plane_solver.hpp"
 
 namespace bolo::deblur {
@@ -34,6 +35,7 @@ Result<std::unique_ptr<Solver>> Solver::create(const Settings& settings, const S
   if (const Status good = deblur::validate(settings); !good) return tl::unexpected<Error>(good.error());
   if (const Status good = validate(input); !good) return tl::unexpected<Error>(good.error());
   const StreamTask task{settings, input, output};
+  if (settings.method == Method::kMmae) return std::make_unique<MmaeSolver>(task);
   return std::make_unique<PlaneSolver>(task, make_method(task));
 }
 
