@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "src/deblur/method.hpp"
+
 namespace bolo::deblur {
 namespace {
 
@@ -18,10 +20,7 @@ struct MmaeSolver::Columns {
 
 MmaeSolver::MmaeSolver(const StreamTask& task) : task_(task), posterior_(task, {0.0}) {}
 
-double MmaeSolver::noise_k() const noexcept {
-  const bool kelvin = task_.input.scale.unit == Unit::kKelvin;
-  return posterior_.noise() * (kelvin ? std::abs(task_.input.scale.scale) : 1.0);
-}
+double MmaeSolver::noise_k() const noexcept { return task_.in_kelvin(posterior_.noise()); }
 
 void MmaeSolver::prepare(const WindowView& window) noexcept { posterior_.prepare(window, pattern_of(window)); }
 
@@ -51,12 +50,12 @@ void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std
   const Columns columns{(part.x + kHalf) / kStatBlock - 1, (part.x + part.width - 1 + kHalf) / kStatBlock};
   const ModelTables& tables = posterior_.tables();
   const auto width = static_cast<std::size_t>(task_.input.geometry.width);
-  const bool kelvin = task_.output == PixelType::kFloat32 && task_.input.scale.unit == Unit::kKelvin;
+  const PixelRun run = run_for(task_);
   FilterRow row;
-  row.type = task_.input.type;
-  row.output = task_.output;
-  row.scale = kelvin ? static_cast<float>(task_.input.scale.scale) : 1.0F;
-  row.offset = kelvin ? static_cast<float>(task_.input.scale.offset) : 0.0F;
+  row.type = run.input;
+  row.output = run.output;
+  row.scale = run.scale;
+  row.offset = run.offset;
   row.first_column = part.x;
   row.first_block = columns.first;
   row.columns = part.width;

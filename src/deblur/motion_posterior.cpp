@@ -8,15 +8,6 @@ namespace {
 
 constexpr std::size_t kOtherPatterns = 8;
 
-Pattern whole(const Settings& settings) {
-  Pattern pattern;
-  pattern.slots = settings.window;
-  pattern.target = settings.window - 1 - settings.lookahead;
-  pattern.count = settings.window;
-  for (int s = 0; s < settings.window; ++s) pattern.received[static_cast<std::size_t>(s)] = true;
-  return pattern;
-}
-
 }  // namespace
 
 MotionPosterior::MotionPosterior(const StreamTask& task, std::vector<double> offsets_s)
@@ -25,7 +16,7 @@ MotionPosterior::MotionPosterior(const StreamTask& task, std::vector<double> off
       models_(task.settings, std::move(offsets_s)),
       noise_(task),
       kernels_(best_mmae_kernels()) {
-  const Pattern all = whole(task.settings);
+  const Pattern all = whole_pattern(task.settings);
   const auto add = [this](const Pattern& pattern) {
     tables_.push_back(models_.make_tables());
     models_.prepare(tables_.back(), pattern);
