@@ -47,6 +47,7 @@ class InverseMethod final : public PixelMethod {
 
   void prepare(const Pattern& pattern) noexcept override { plan_ = make_inverse_plan(grid_, pattern); }
   void run(const PixelRun& run) const noexcept override { kernels_.inverse(plan_, run); }
+  SlotRange needed() const noexcept override { return {plan_.before, plan_.after + 1}; }
 
   int iterations() const noexcept override { return 1; }
   std::string_view isa() const noexcept override { return kernels_.isa; }

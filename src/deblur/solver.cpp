@@ -1,6 +1,7 @@
 #include "bolo/deblur/solver.hpp"
 
 #include <cmath>
+#include <utility>
 
 #include "src/deblur/method.hpp"
 #include "src/deblur/plane_solver.hpp"
@@ -30,11 +31,13 @@ std::unique_ptr<PixelMethod> make_method(const StreamTask& task) {
 }  // namespace
 
 Result<std::unique_ptr<Solver>> Solver::create(const Settings& settings, const StreamFormat& input, PixelType output,
-                                               const model::PixelMaps& /*maps*/) {
+                                               const model::PixelMaps& maps) {
   if (const Status good = deblur::validate(settings); !good) return tl::unexpected<Error>(good.error());
   if (const Status good = validate(input); !good) return tl::unexpected<Error>(good.error());
+  auto correction = Correction::create(settings, input, maps);
+  if (!correction) return tl::unexpected<Error>(correction.error());
   const StreamTask task{settings, input, output};
-  return std::make_unique<PlaneSolver>(task, make_method(task));
+  return std::make_unique<PlaneSolver>(task, std::move(*correction), make_method(task));
 }
 
 }  // namespace bolo::deblur
