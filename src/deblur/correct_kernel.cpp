@@ -44,7 +44,7 @@ HWY_INLINE void correct_block(const CorrectRun& run, std::size_t at, std::size_t
     const Pair value = fma(gain, raw, offset);
     if (run.factors.lag != nullptr && step.gap > 0) {
       const Pair c = step.gap == 1 ? lag : lag_over(load_factors(run.factors.decay, at, 0.0F), step);
-      added = fma(c, value - before, all(step.nominal_decay) * added);
+      added = fma(all(step.nominal_decay), added, times(c, value - before));
     }
     before = value;
     store(value + added, run.out + static_cast<std::size_t>(step.slot) * run.stride + at);

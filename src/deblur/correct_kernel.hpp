@@ -11,9 +11,9 @@ namespace bolo::deblur {
 
 // A received sample: how many periods after the one before it, and the nominal pixel's decay over them.
 struct SampleStep {
-  int slot = 0;
-  int gap = 0;  // 0 for the first
-  float nominal_decay = 1.0F;
+  int slot;
+  int gap;  // 0 for the first
+  float nominal_decay;
 };
 
 // Of each pixel of a run; null: none. Readable up to the next multiple of kCorrectLanes pixels.

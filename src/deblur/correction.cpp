@@ -132,16 +132,37 @@ void Correction::set_lag(const Settings& settings, const model::PixelMaps& maps)
 
 void Correction::set_dead(Geometry geometry, const std::vector<std::uint8_t>& dead) {
   for (std::size_t pixel = 0; pixel < dead.size(); ++pixel) {
+    if (pixel % kCell == 0) dead_before_.push_back(static_cast<std::uint32_t>(dead_.size()));
     if (dead[pixel] == 0) continue;
     const int x = static_cast<int>(pixel % static_cast<std::size_t>(geometry.width));
     const int y = static_cast<int>(pixel / static_cast<std::size_t>(geometry.width));
     std::vector<std::uint32_t> ring;
     for (int radius = 1; ring.empty(); ++radius) ring = good_ring(geometry, dead, x, y, radius);
     const std::size_t step = (ring.size() + kMostSources - 1) / kMostSources;
-    const auto first = static_cast<std::uint32_t>(sources_.size());
-    for (std::size_t i = 0; i < ring.size(); i += step) sources_.push_back(ring[i]);
-    dead_.push_back({static_cast<std::uint32_t>(pixel), first, static_cast<std::uint32_t>(sources_.size()) - first});
+    std::vector<std::uint32_t> chosen;
+    for (std::size_t i = 0; i < ring.size(); i += step) chosen.push_back(ring[i]);
+    const auto first = static_cast<std::uint32_t>(groups_.size());
+    const float share = 1.0F / static_cast<float>(chosen.size());
+    for (std::size_t i = 0; i < chosen.size(); i += FillGroup::kPixels) {
+      const std::size_t count = std::min(FillGroup::kPixels, chosen.size() - i);
+      add_group(std::span<const std::uint32_t>(chosen).subspan(i, count), share);
+    }
+    dead_.push_back({static_cast<std::uint32_t>(pixel), first, static_cast<std::uint32_t>(groups_.size()) - first});
   }
+}
+
+void Correction::add_group(std::span<const std::uint32_t> pixels, float share) {
+  FillGroup group;
+  for (std::size_t k = 0; k < FillGroup::kPixels; ++k) {
+    const std::uint32_t pixel = pixels[std::min(k, pixels.size() - 1)];
+    group.pixel[k] = pixel;
+    group.gain[k] = gain_.empty() ? 1.0F : gain_[pixel];
+    group.offset[k] = gain_.empty() ? 0.0F : offset_[pixel];
+    group.lag[k] = lag_.empty() ? 0.0F : lag_[pixel];
+    group.decay[k] = lag_.empty() ? 0.0F : decay_[pixel];
+    group.share[k] = k < pixels.size() ? share : 0.0F;
+  }
+  groups_.push_back(group);
 }
 
 PixelFactors Correction::factors(std::size_t pixel) const noexcept {
@@ -150,13 +171,12 @@ PixelFactors Correction::factors(std::size_t pixel) const noexcept {
 }
 
 std::span<const DeadPixel> Correction::dead(std::size_t begin, std::size_t end) const noexcept {
-  const auto below = [](const DeadPixel& each, std::size_t pixel) { return each.pixel < pixel; };
-  const auto first = std::lower_bound(dead_.begin(), dead_.end(), begin, below);
-  return {first, std::lower_bound(first, dead_.end(), end, below)};
-}
-
-std::span<const std::uint32_t> Correction::sources(const DeadPixel& dead) const noexcept {
-  return {sources_.data() + dead.first, dead.count};
+  if (dead_.empty()) return {};
+  std::size_t first = dead_before_[begin / kCell];
+  while (first < dead_.size() && dead_[first].pixel < begin) ++first;
+  std::size_t last = first;
+  while (last < dead_.size() && dead_[last].pixel < end) ++last;
+  return {dead_.data() + first, last - first};
 }
 
 }  // namespace bolo::deblur

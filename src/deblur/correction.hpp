@@ -31,7 +31,19 @@
 
 namespace bolo::deblur {
 
-// A dead pixel and the good ones that it is filled from: sources[first, first + count).
+// Up to eight good pixels that a dead one is filled from, with their factors beside each other; the rest of the places
+// repeat the last one with a share of 0.
+struct FillGroup {
+  static constexpr std::size_t kPixels = 8;
+  std::array<std::uint32_t, kPixels> pixel;
+  std::array<float, kPixels> gain;
+  std::array<float, kPixels> offset;
+  std::array<float, kPixels> lag;
+  std::array<float, kPixels> decay;
+  std::array<float, kPixels> share;  // the sum of all groups' is 1
+};
+
+// Filled from the groups [first, first + count).
 struct DeadPixel {
   std::uint32_t pixel = 0;
   std::uint32_t first = 0;
@@ -60,13 +72,17 @@ class Correction {
   PixelFactors factors(std::size_t pixel) const noexcept;
   // The dead ones of [begin, end), rising. Thread: any.
   std::span<const DeadPixel> dead(std::size_t begin, std::size_t end) const noexcept;
-  std::span<const std::uint32_t> sources(const DeadPixel& dead) const noexcept;
+  std::span<const FillGroup> groups(const DeadPixel& dead) const noexcept { return {&groups_[dead.first], dead.count}; }
+  bool equalises() const noexcept { return !lag_.empty(); }
 
  private:
+  static constexpr std::size_t kCell = 64;
+
   Correction() = default;
   void set_scale(const StreamFormat& input, const model::PixelMaps& maps);
   void set_lag(const Settings& settings, const model::PixelMaps& maps);
   void set_dead(Geometry geometry, const std::vector<std::uint8_t>& dead);
+  void add_group(std::span<const std::uint32_t> pixels, float share);
 
   PixelType type_ = PixelType::kUint16;
   CorrectKernel kernel_ = nullptr;
@@ -75,10 +91,11 @@ class Correction {
   // Of each pixel; empty: none.
   std::vector<float> gain_;  // stored value -> gain * value + offset
   std::vector<float> offset_;
-  std::vector<float> lag_;    // c_1
-  std::vector<float> decay_;  // a
-  std::vector<DeadPixel> dead_;
-  std::vector<std::uint32_t> sources_;
+  std::vector<float> lag_;                  // c_1
+  std::vector<float> decay_;                // a
+  std::vector<DeadPixel> dead_;             // rising
+  std::vector<std::uint32_t> dead_before_;  // of each kCell pixels: dead ones before its first
+  std::vector<FillGroup> groups_;
 };
 
 }  // namespace bolo::deblur

@@ -31,7 +31,6 @@ void pick(const void* plane, std::span<const std::uint32_t> pixels, float* to) n
 }
 
 // The factors of single pixels, packed.
-template <std::size_t kCapacity>
 class PickedFactors {
  public:
   PixelFactors pick(const PixelFactors& whole, std::span<const std::uint32_t> pixels) noexcept {
@@ -44,43 +43,66 @@ class PickedFactors {
     if (whole == nullptr) return nullptr;
     float* to = values_[k].data();
     for (std::size_t i = 0; i < pixels.size(); ++i) to[i] = whole[pixels[i]];
-    std::fill(to + pixels.size(), to + kCapacity, 0.0F);
+    std::fill(to + pixels.size(), to + SampleBlock::kPixels, 0.0F);
     return to;
   }
-  std::array<std::array<float, kCapacity>, 4> values_;
+  std::array<std::array<float, SampleBlock::kPixels>, 4> values_;
 };
 
-// Single pixels, dead ones as they are. Row `slot` of `out` is out[slot * kCapacity ...].
-template <std::size_t kCapacity>
-void gather_alive(const Correction& correction, const WindowView& window, std::span<const SampleStep> steps,
-                  std::span<const std::uint32_t> pixels, float* out) noexcept {
-  std::array<const void*, kMaxSlots> rows;
-  for (const SampleStep& step : steps) {
-    const auto slot = static_cast<std::size_t>(step.slot);
-    float* to = out + slot * kCapacity;
-    rows[slot] = to;
-    correction.type() == PixelType::kUint16 ? pick<std::uint16_t>(window.planes[slot], pixels, to)
-                                            : pick<float>(window.planes[slot], pixels, to);
+using Eight = std::array<float, FillGroup::kPixels>;
+
+// c_g of correction.hpp.
+Eight lag_over(const FillGroup& group, const SampleStep& step) noexcept {
+  if (step.gap == 1) return group.lag;
+  Eight power = group.decay;
+  for (int i = 1; i < step.gap; ++i) {
+    for (std::size_t k = 0; k < power.size(); ++k) power[k] *= group.decay[k];
   }
-  PickedFactors<kCapacity> factors;
-  CorrectRun run{rows.data(), PixelType::kFloat32, 0, pixels.size(), {}, steps, out, kCapacity};
-  run.factors = factors.pick(correction.factors(0), pixels);
-  correction.kernel()(run);
+  for (float& p : power) p = (p - step.nominal_decay) / (1.0F - p);
+  return power;
 }
 
-// A dead pixel's samples into number `i` of the rows of `out`.
-void fill(const Correction& correction, const WindowView& window, std::span<const SampleStep> steps,
-          const DeadPixel& dead, std::size_t i, float* out) noexcept {
-  constexpr std::size_t kCapacity = Correction::kMostSources;
-  alignas(64) std::array<float, kMaxSlots * kCapacity> sources;
-  gather_alive<kCapacity>(correction, window, steps, correction.sources(dead), sources.data());
-  for (const SampleStep& step : steps) {
-    const auto slot = static_cast<std::size_t>(step.slot);
-    const float* from = sources.data() + slot * kCapacity;
-    float sum = 0.0F;
-    for (std::size_t k = 0; k < dead.count; ++k) sum += from[k];
-    out[slot * SampleBlock::kPixels + i] = sum / static_cast<float>(dead.count);
+// What the kernel does, for eight pixels that do not lie side by side: the mean is added to out[step.slot * kPixels].
+template <typename T>
+void add_group(const WindowView& window, std::span<const SampleStep> steps, const FillGroup& group, bool equalise,
+               float* out) noexcept {
+  std::array<Eight, kMaxSlots> raw;
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    const T* plane = static_cast<const T*>(window.planes[static_cast<std::size_t>(steps[i].slot)]);
+    for (std::size_t k = 0; k < group.pixel.size(); ++k) raw[i][k] = static_cast<float>(plane[group.pixel[k]]);
   }
+  Eight before{};
+  Eight added{};
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    Eight value;
+    for (std::size_t k = 0; k < value.size(); ++k) value[k] = group.gain[k] * raw[i][k] + group.offset[k];
+    if (equalise && steps[i].gap > 0) {
+      const Eight c = lag_over(group, steps[i]);
+      for (std::size_t k = 0; k < value.size(); ++k) {
+        added[k] = steps[i].nominal_decay * added[k] + c[k] * (value[k] - before[k]);
+      }
+    }
+    before = value;
+    for (std::size_t k = 0; k < value.size(); ++k) value[k] = group.share[k] * (value[k] + added[k]);
+    out[static_cast<std::size_t>(steps[i].slot) * SampleBlock::kPixels] +=
+        ((value[0] + value[4]) + (value[2] + value[6])) + ((value[1] + value[5]) + (value[3] + value[7]));
+  }
+}
+
+// A dead pixel's samples; `out` is its place in row 0.
+template <typename T>
+void fill(const Correction& correction, const WindowView& window, std::span<const SampleStep> steps,
+          const DeadPixel& dead, float* out) noexcept {
+  for (const SampleStep& step : steps) out[static_cast<std::size_t>(step.slot) * SampleBlock::kPixels] = 0.0F;
+  for (const FillGroup& group : correction.groups(dead)) {
+    add_group<T>(window, steps, group, correction.equalises(), out);
+  }
+}
+
+void fill(const Correction& correction, const WindowView& window, std::span<const SampleStep> steps,
+          const DeadPixel& dead, float* out) noexcept {
+  correction.type() == PixelType::kUint16 ? fill<std::uint16_t>(correction, window, steps, dead, out)
+                                          : fill<float>(correction, window, steps, dead, out);
 }
 
 }  // namespace
@@ -92,18 +114,25 @@ void SampleBlock::read(const WindowView& window, const Pattern& pattern, std::si
   correction_.kernel()(
       {window.planes.data(), correction_.type(), first, count, correction_.factors(first), steps.all(), out, kPixels});
   for (const DeadPixel& dead : correction_.dead(first, first + count)) {
-    fill(correction_, window, steps.all(), dead, dead.pixel - first, out);
+    fill(correction_, window, steps.all(), dead, out + (dead.pixel - first));
   }
 }
 
 void SampleBlock::gather(const WindowView& window, const Pattern& pattern, std::span<const std::uint32_t> pixels,
                          SlotRange slots) noexcept {
   const Steps steps(correction_, pattern, slots);
+  for (const SampleStep& step : steps.all()) {
+    const auto s = static_cast<std::size_t>(step.slot);
+    correction_.type() == PixelType::kUint16 ? pick<std::uint16_t>(window.planes[s], pixels, slot(s))
+                                             : pick<float>(window.planes[s], pixels, slot(s));
+  }
+  PickedFactors picked;
+  const PixelFactors factors = picked.pick(correction_.factors(0), pixels);
   float* out = values_[0].data();
-  gather_alive<kPixels>(correction_, window, steps.all(), pixels, out);
+  correction_.kernel()({planes_.data(), PixelType::kFloat32, 0, pixels.size(), factors, steps.all(), out, kPixels});
   for (std::size_t i = 0; i < pixels.size(); ++i) {
     for (const DeadPixel& dead : correction_.dead(pixels[i], pixels[i] + 1U)) {
-      fill(correction_, window, steps.all(), dead, i, out);
+      fill(correction_, window, steps.all(), dead, out + i);
     }
   }
 }
