@@ -20,8 +20,8 @@ class PixelMethod {
   // Estimates a run of pixels. What a pixel becomes depends on its own samples alone, bit for bit. Thread: worker.
   virtual void run(const PixelRun& run) const noexcept = 0;
 
-  // The slots whose samples the estimates depend on, of the pattern prepared. Thread: worker.
-  virtual SlotRange needed() const noexcept { return {}; }
+  // The slots whose samples the estimates of rows with this delay (PixelRun::delay) depend on. Thread: worker.
+  virtual SlotRange needed(double /*delay*/) const noexcept { return {}; }
 
   // As Solver's.
   virtual int iterations() const noexcept = 0;

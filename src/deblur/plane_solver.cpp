@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "src/deblur/row_time.hpp"
+
 namespace bolo::deblur {
 
 PlaneSolver::PlaneSolver(const StreamTask& task, Correction correction, std::unique_ptr<PixelMethod> method)
@@ -27,8 +29,8 @@ PixelRun PlaneSolver::run_into(void* out, int row) const noexcept {
   run.scale = kelvin ? static_cast<float>(task_.input.scale.scale) : 1.0F;
   run.offset = kelvin ? static_cast<float>(task_.input.scale.offset) : 0.0F;
   run.out = out;
-  run.published = published_bins(grid_, pattern_.slots, pattern_.target);
-  (void)row;
+  run.delay = correction_.row_delay(row);
+  run.published = published_bins(grid_, pattern_.slots, pattern_.target, run.delay);
   return run;
 }
 
@@ -57,10 +59,11 @@ void PlaneSolver::solve_packed(const WindowView& window, std::size_t first, std:
   PixelRun run = run_into(out, row);
   run.input = PixelType::kFloat32;
   run.planes = block.planes();
+  const SlotRange slots = method_->needed(run.delay);
   for (std::size_t done = 0; done < count; done += run.end) {
     run.end = std::min(SampleBlock::kPixels, count - done);
     run.out = static_cast<std::byte*>(out) + done * bytes_of(task_.output);
-    block.read(window, pattern_, first + done, run.end, method_->needed());
+    block.read(window, pattern_, first + done, run.end, slots);
     method_->run(run);
   }
 }
@@ -75,7 +78,7 @@ void PlaneSolver::solve_points(const WindowView& window, std::span<const std::ui
       const auto other = std::find_if(some.begin(), some.end(), [&](std::uint32_t p) { return row_of(p) != row; });
       some = some.first(static_cast<std::size_t>(other - some.begin()));
     }
-    block.gather(window, pattern_, some, method_->needed());
+    block.gather(window, pattern_, some, method_->needed(correction_.row_delay(row)));
     PixelRun run = run_into(static_cast<std::byte*>(out) + done * bytes_of(task_.output), row);
     run.input = PixelType::kFloat32;
     run.planes = block.planes();
