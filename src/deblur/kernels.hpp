@@ -26,7 +26,8 @@ struct PixelRun {
   void* out = nullptr;
   Published published;  // what of the estimated input is written
   const float* lambda =
-      nullptr;  // of each pixel, indexed like the planes: lambda_half in the values' unit; null: the plan's
+      nullptr;         // of each pixel, indexed like the planes: lambda_half in the values' unit; null: the plan's
+  double delay = 0.0;  // how much later than the frame's time the row is sampled, in periods (row_time.hpp)
 };
 
 // One instruction set's kernels. NaN in a float plane makes that pixel's estimate NaN (0 as uint16) for as long as it
