@@ -29,6 +29,7 @@ std::unique_ptr<PixelMethod> make_method(const StreamTask& task) {
   const bool no_prior = settings.lambda == 0.0 && (1 << settings.levels) >= settings.window - 1;
   if (settings.method == Method::kInverse || no_prior) return make_inverse(task);
   if (settings.method == Method::kExact) return make_exact(task);
+  if (settings.method == Method::kDual) return make_dual(task);
   return make_admm(task);
 }
 
