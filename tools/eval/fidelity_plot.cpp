@@ -19,6 +19,7 @@ constexpr std::array<Colour, kColumns.size()> kColours{{{0.40, 0.41, 0.44},     
                                                         {0.0, 0.0, 0.0},        // mmae: black
                                                         {0.941, 0.894, 0.259},  // unsharp: yellow
                                                         {0.0, 0.620, 0.451},    // spatial_wiener: bluish green
+                                                        {0.62, 0.86, 0.77},     // the same, told wrongly: pale green
                                                         {0.800, 0.475, 0.655},  // richardson_lucy: purple
                                                         {0.902, 0.624, 0.0}}};  // temporal_wiener: orange
 constexpr Colour kGrid{0.90, 0.90, 0.92};
