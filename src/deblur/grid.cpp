@@ -23,7 +23,8 @@ Grid reduce(const Settings& settings, double lambda_half) {
   }
   grid.parts = std::max(1, grid.bins / grid.frames);
   grid.frames_per_bin = std::max(1, grid.frames / grid.bins);
-  grid.lambda = lambda_half * std::sqrt(static_cast<double>(all) / grid.bins);
+  grid.lambda_scale = std::sqrt(static_cast<double>(all) / grid.bins);
+  grid.lambda = lambda_half * grid.lambda_scale;
   return grid;
 }
 
@@ -39,6 +40,15 @@ int Pattern::after(int slot) const {
     if (received[static_cast<std::size_t>(s)]) return s;
   }
   return -1;
+}
+
+Pattern whole_pattern(const Settings& settings) noexcept {
+  Pattern pattern;
+  pattern.slots = settings.window;
+  pattern.target = settings.window - 1 - settings.lookahead;
+  pattern.count = settings.window;
+  std::fill_n(pattern.received.begin(), settings.window, true);
+  return pattern;
 }
 
 Pattern pattern_of(const WindowView& window) noexcept {

@@ -28,5 +28,10 @@ class PixelMethod {
 std::unique_ptr<PixelMethod> make_admm(const StreamTask& task);
 std::unique_ptr<PixelMethod> make_exact(const StreamTask& task);
 std::unique_ptr<PixelMethod> make_inverse(const StreamTask& task);
+// The one that the settings name, or the inverse filter where lambda is 0.
+std::unique_ptr<PixelMethod> make_method(const StreamTask& task);
+
+// A run of the stream's types and scale, without pixels yet. Thread: any.
+PixelRun run_for(const StreamTask& task) noexcept;
 
 }  // namespace bolo::deblur

@@ -18,13 +18,18 @@ void PlaneSolver::prepare(const WindowView& window) noexcept {
   method_->prepare(pattern);
 }
 
-PixelRun PlaneSolver::run_into(void* out) const noexcept {
-  const bool kelvin = task_.output == PixelType::kFloat32 && task_.input.scale.unit == Unit::kKelvin;
+PixelRun run_for(const StreamTask& task) noexcept {
+  const bool kelvin = task.output == PixelType::kFloat32 && task.input.scale.unit == Unit::kKelvin;
   PixelRun run;
-  run.input = task_.input.type;
-  run.output = task_.output;
-  run.scale = kelvin ? static_cast<float>(task_.input.scale.scale) : 1.0F;
-  run.offset = kelvin ? static_cast<float>(task_.input.scale.offset) : 0.0F;
+  run.input = task.input.type;
+  run.output = task.output;
+  run.scale = kelvin ? static_cast<float>(task.input.scale.scale) : 1.0F;
+  run.offset = kelvin ? static_cast<float>(task.input.scale.offset) : 0.0F;
+  return run;
+}
+
+PixelRun PlaneSolver::run_into(void* out) const noexcept {
+  PixelRun run = run_for(task_);
   run.out = out;
   run.published = published_bins(grid_, pattern_.slots, pattern_.target);
   return run;

@@ -2,7 +2,9 @@
 
 #include <cmath>
 
+#include "src/deblur/auto_lambda_solver.hpp"
 #include "src/deblur/method.hpp"
+#include "src/deblur/mmae_solver.hpp"
 #include "src/deblur/plane_solver.hpp"
 
 namespace bolo::deblur {
@@ -17,6 +19,8 @@ Status validate(const StreamFormat& input) {
   return {};
 }
 
+}  // namespace
+
 // Without a prior any input that explains the samples is optimal; the inverse filter is the one that is constant
 // between samples. Bins longer than a frame leave no such freedom.
 std::unique_ptr<PixelMethod> make_method(const StreamTask& task) {
@@ -27,13 +31,13 @@ std::unique_ptr<PixelMethod> make_method(const StreamTask& task) {
   return make_admm(task);
 }
 
-}  // namespace
-
 Result<std::unique_ptr<Solver>> Solver::create(const Settings& settings, const StreamFormat& input, PixelType output,
                                                const model::PixelMaps& /*maps*/) {
   if (const Status good = deblur::validate(settings); !good) return tl::unexpected<Error>(good.error());
   if (const Status good = validate(input); !good) return tl::unexpected<Error>(good.error());
   const StreamTask task{settings, input, output};
+  if (settings.method == Method::kMmae) return std::make_unique<MmaeSolver>(task);
+  if (settings.auto_lambda && settings.method != Method::kInverse) return std::make_unique<AutoLambdaSolver>(task);
   return std::make_unique<PlaneSolver>(task, make_method(task));
 }
 
