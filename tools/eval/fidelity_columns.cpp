@@ -141,9 +141,10 @@ Result<Column> qp_columns(const Sequence& s, const Planes& truth, int lookahead,
 Column live_column(const Sequence& s, const Planes& truth, ColumnKind kind, int lookahead) {
   const auto settings = live_settings(kind, s, lookahead);
   if (!settings) return {kind, "", settings.error().message, {}};
-  const auto planes = estimate(s, *settings);
+  double noise_k = 0.0;
+  const auto planes = estimate(s, *settings, &noise_k);
   if (!planes) return {kind, "", planes.error().message, {}};
-  return {kind, std::string(deblur::name(settings->method)), "", measure(*planes, truth, judged_size(s))};
+  return {kind, words("noise measured %.3f K", noise_k), "", measure(*planes, truth, judged_size(s))};
 }
 
 double live_rmse(const Sequence& s, const Planes& truth, ColumnKind kind, int lookahead) {
@@ -182,7 +183,7 @@ deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda
   return settings;
 }
 
-Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings) {
+Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings, double* noise_k) {
   const auto solver = make_solver(s, settings);
   if (!solver) return tl::unexpected(solver.error());
   const CleanSequence& clean = *s.clean;
@@ -199,30 +200,20 @@ Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings) {
     out.push_back(cut(whole, clean.geometry, clean.judged));
     ++next;
   }
+  if (noise_k != nullptr) *noise_k = (*solver)->noise_k();
   return out;
 }
 
 Result<deblur::Settings> live_settings(ColumnKind kind, const Sequence& s, int lookahead) {
-  std::vector<deblur::Settings> wanted;
-  if (kind == ColumnKind::kMmae) {
-    wanted = {settings_of(deblur::Method::kMmae, lookahead)};
-  } else {
-    wanted = {settings_of(deblur::Method::kDual, lookahead), settings_of(deblur::Method::kAdmm, lookahead)};
-    for (auto& settings : wanted) settings.auto_lambda = true;
-  }
-  Error why;
-  for (const deblur::Settings& settings : wanted) {
-    const auto solver = make_solver(s, settings);
-    if (!solver) {
-      why = solver.error();
-      continue;
-    }
-    const auto planes = s.window_ending_at(kWindow - 1);
-    (*solver)->prepare({planes, kWindow - 1 - lookahead});
-    if ((*solver)->noise_k() > 0.0) return settings;
-    why = {ErrorKind::kBadInput, "this build's solver does not measure the noise"};
-  }
-  return tl::unexpected(why);
+  const bool mmae = kind == ColumnKind::kMmae;
+  deblur::Settings settings = settings_of(mmae ? deblur::Method::kMmae : deblur::Method::kAdmm, lookahead);
+  settings.auto_lambda = !mmae;
+  const auto solver = make_solver(s, settings);
+  if (!solver) return tl::unexpected(solver.error());
+  const auto planes = s.window_ending_at(kWindow - 1);
+  (*solver)->prepare({planes, kWindow - 1 - lookahead});
+  if ((*solver)->noise_k() > 0.0) return settings;
+  return bad_input("this build's solver does not measure the noise");
 }
 
 std::vector<Column> spatial_columns(const Sequence& s) {

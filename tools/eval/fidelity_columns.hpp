@@ -54,7 +54,7 @@ inline constexpr double kAuthorsLambda = 0.1;
 
 struct Column {
   ColumnKind kind = ColumnKind::kBlurred;
-  std::string setting;  // what was picked: "lambda 0.004"
+  std::string setting;  // what was picked, or measured: "lambda 0.004"
   std::string skipped;  // why there are no figures
   Measures measures;
 
@@ -83,8 +83,9 @@ struct Cell {
 deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda = kAuthorsLambda);
 
 // Estimates of every target, judged part, K. The solver sees the frames before them in order, as in a live stream.
-// kBadInput when Solver::create refuses the settings. Thread: any, several at once.
-Result<Planes> estimate(const Sequence& sequence, const deblur::Settings& settings);
+// `noise_k` (may be null) gets the noise that the solver worked with at the last target. kBadInput when Solver::create
+// refuses the settings. Thread: any, several at once.
+Result<Planes> estimate(const Sequence& sequence, const deblur::Settings& settings, double* noise_k = nullptr);
 
 // Spatial columns know only the frame itself: they are the same at every look-ahead, and made once. Thread: any,
 // several at once.
