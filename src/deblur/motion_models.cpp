@@ -27,65 +27,73 @@ constexpr double kStillPrior = 3.0;
 constexpr double kHedge = 0.3;
 constexpr double kHedgedSpeed = 300.0;  // px/s and faster
 
-// Pixel width: a triangle of half width 1 px on both sides of the autocovariance, which is a cubic B-spline.
-double spline(double u) {
-  const double a = std::abs(u);
-  if (a >= 2.0) return 0.0;
-  if (a >= 1.0) return (2.0 - a) * (2.0 - a) * (2.0 - a) / 6.0;
-  return 2.0 / 3.0 - a * a + 0.5 * a * a * a;
-}
-
-// exp(-|r| / length) smoothed by the pixel, not yet 1 at 0. Composite midpoint rule over the spline's support.
-double smoothed(double r) {
-  constexpr int kSteps = 256;
-  double sum = 0.0;
-  for (int i = 0; i < kSteps; ++i) {
-    const double u = -2.0 + 4.0 * (i + 0.5) / kSteps;
-    sum += spline(u) * std::exp(-std::abs(r - u) / kCorrelationLength);
-  }
-  return sum * 4.0 / kSteps;
-}
-
-// The scene's autocovariance at distance r, 1 at 0: from a table near 0, exponential beyond the pixel's width.
+// The scene's autocovariance at distance r, 1 at 0: exp(-|r| / length) seen through a pixel, a triangle of half width
+// 1 px on both sides. The triangle is a sum of points, so that this is an autocovariance to the last digit: variances
+// of 10^5 noises leave no room for a quadrature's error.
 class SceneCovariance {
  public:
   SceneCovariance() {
-    const double unit = smoothed(0.0);
-    for (std::size_t i = 0; i < near_.size(); ++i) near_[i] = smoothed(static_cast<double>(i) * kStep) / unit;
-    tail_ = smoothed(kTail) * std::exp(kTail / kCorrelationLength) / unit;
+    for (int i = -kSteps; i <= kSteps; ++i) {
+      for (int j = -kSteps; j <= kSteps; ++j) weight_[at(i - j)] += (kSteps - std::abs(i)) * (kSteps - std::abs(j));
+    }
+    double unit = 0.0;
+    for (int i = -2 * kSteps; i <= 2 * kSteps; ++i) unit += weight_[at(i)] * decay(i);
+    for (double& weight : weight_) weight /= unit;
+    for (int i = -2 * kSteps; i <= 2 * kSteps; ++i) tail_ += weight_[at(i)] * std::exp(place(i) / kCorrelationLength);
   }
   double operator()(double r) const {
     r = std::abs(r);
-    if (r >= kTail) return tail_ * std::exp(-r / kCorrelationLength);
-    const double place = r / kStep;
-    const auto i = static_cast<std::size_t>(place);
-    return std::lerp(near_[i], near_[i + 1], place - static_cast<double>(i));
+    if (r >= 2.0) return tail_ * std::exp(-r / kCorrelationLength);
+    double sum = 0.0;
+    for (int i = -2 * kSteps; i <= 2 * kSteps; ++i)
+      sum += weight_[at(i)] * std::exp(-std::abs(r - place(i)) / kCorrelationLength);
+    return sum;
   }
 
  private:
-  static constexpr double kStep = 1.0 / 128.0;
-  static constexpr double kTail = 2.5;
-  std::array<double, 322> near_{};
+  static constexpr int kSteps = 8;  // a pixel
+  static constexpr std::size_t at(int i) { return static_cast<std::size_t>(i + 2 * kSteps); }
+  static constexpr double place(int i) { return static_cast<double>(i) / kSteps; }
+  static double decay(int i) { return std::exp(-std::abs(place(i)) / kCorrelationLength); }
+
+  std::array<double, 4 * kSteps + 1> weight_{};
   double tail_ = 0.0;
 };
 
-// integral over a >= 0 of exp(-a / tau) / tau f(a) da; f changes over times of `scale`. Midpoint rule in the kernel's
-// own measure, so that it is exact for constants.
-template <typename F>
-double through_inertia(double tau, double scale, const F& f) {
-  const double step = std::min(tau, scale) / 24.0;
-  const int steps = static_cast<int>(14.0 * tau / step) + 1;
-  const double share = -std::expm1(-step / tau);
-  double sum = 0.0;
-  double weight = share;
-  double total = 0.0;
-  for (int i = 0; i < steps; ++i) {
-    sum += weight * f((i + 0.5) * step);
-    total += weight;
-    weight *= 1.0 - share;
+// Thermal inertia in discrete time, y(t) = sum over a of (1 - e) e^a x(t - (a + 1/2) h): again exact for a process that
+// is sampled so, whatever the step h.
+class Inertia {
+ public:
+  Inertia(double tau_s, double period_s)
+      : step_(std::min(tau_s, period_s) / 16.0),
+        decay_(std::exp(-step_ / tau_s)),
+        steps_(static_cast<int>(24.0 * tau_s / step_)) {}
+
+  // cov(x(0), y(t)) of a process with autocovariance f
+  template <typename F>
+  double response(double t, const F& f) const {
+    double sum = 0.0;
+    double weight = 1.0 - decay_;
+    for (int a = 0; a < steps_; ++a, weight *= decay_) sum += weight * f(t - (a + 0.5) * step_);
+    return sum;
   }
-  return sum / total;
-}
+  // cov(y(0), y(t)); sum over a of g_a g_{a + s} = (1 - e) / (1 + e) e^s
+  template <typename F>
+  double covariance(double t, const F& f) const {
+    double weight = (1.0 - decay_) / (1.0 + decay_);
+    double sum = weight * f(t);
+    for (int s = 1; s < steps_; ++s) {
+      weight *= decay_;
+      sum += weight * (f(t + s * step_) + f(t - s * step_));
+    }
+    return sum;
+  }
+
+ private:
+  double step_;
+  double decay_;
+  int steps_;
+};
 
 // Speed and variance of a model; model 0 is still.
 struct Kind {
@@ -111,23 +119,18 @@ MotionModels::MotionModels(const Settings& settings, std::vector<double> offsets
       decay_(std::exp(-settings.period_s / settings.tau_s)),
       offsets_s_(std::move(offsets_s)) {
   const SceneCovariance scene;
-  const double tau = settings.tau_s;
+  const Inertia inertia(settings.tau_s, settings.period_s);
   for (const double px_per_s : kSpeeds) {
+    const auto moving = [&scene, px_per_s](double t) { return scene(px_per_s * t); };
     Speed speed;
     speed.px_per_s = px_per_s;
-    const double scale = 1.0 / px_per_s;
     for (int lag = 0; lag < slots_; ++lag) {
-      const double t = lag * settings.period_s;
-      // h * h_reversed is exp(-|s| / tau) / (2 tau)
-      speed.samples[static_cast<std::size_t>(lag)] = through_inertia(
-          tau, scale, [&](double s) { return 0.5 * (scene(px_per_s * (t + s)) + scene(px_per_s * (t - s))); });
+      speed.samples[static_cast<std::size_t>(lag)] = inertia.covariance(lag * settings.period_s, moving);
     }
     for (const double offset : offsets_s_) {
       std::array<double, kMostSamples> row{};
       for (int slot = 0; slot < slots_; ++slot) {
-        const double t = (slot - target_) * settings.period_s + offset;
-        row[static_cast<std::size_t>(slot)] =
-            through_inertia(tau, scale, [&](double a) { return scene(px_per_s * (t - a)); });
+        row[static_cast<std::size_t>(slot)] = inertia.response((slot - target_) * settings.period_s + offset, moving);
       }
       speed.with_truth.push_back(row);
     }
