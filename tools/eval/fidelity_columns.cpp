@@ -14,10 +14,11 @@
 namespace bolo::tools::fidelity {
 namespace {
 
+constexpr double kWrongSpeed = 1.1;
 constexpr std::array kUnsharpSigmas{1.0, 2.0, 4.0, 8.0};
 constexpr std::array kUnsharpAmounts{0.25, 0.5, 1.0, 2.0, 4.0};
 constexpr std::array kNoiseToSignal{1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2};
-const std::vector<int> kIterations{1, 2, 4, 8, 16, 32, 64};
+const std::vector<int> kIterations{1, 2, 4, 8, 16, 32, 64, 128};
 
 std::string words(const char* format, double a, double b = 0.0) {
   char buffer[96];
@@ -83,7 +84,7 @@ Column unsharp_column(const Sequence& s, const Planes& truth, const Planes& fram
 }
 
 Column wiener_column(const Sequence& s, const Planes& truth, const Planes& frames,
-                     const std::vector<std::vector<Tap>>& kernels) {
+                     const std::vector<std::vector<Tap>>& kernels, ColumnKind kind) {
   Oracle oracle(truth);
   std::vector<SpatialWiener> wieners;
   for (std::size_t i = 0; i < frames.size(); ++i) wieners.emplace_back(frames[i], s.clean->geometry, kernels[i]);
@@ -91,7 +92,7 @@ Column wiener_column(const Sequence& s, const Planes& truth, const Planes& frame
     oracle.offer(filtered(s, [&](std::size_t i) { return wieners[i].restore(strength); }),
                  words("noise to signal %g", strength));
   }
-  return oracle.column(ColumnKind::kSpatialWiener, judged_size(s));
+  return oracle.column(kind, judged_size(s));
 }
 
 Column lucy_column(const Sequence& s, const Planes& truth, const Planes& frames,
@@ -105,6 +106,15 @@ Column lucy_column(const Sequence& s, const Planes& truth, const Planes& frames,
     oracle.offer(filtered(s, [&](std::size_t i) { return results[i][n]; }), words("%g iterations", kIterations[n]));
   }
   return oracle.column(ColumnKind::kRichardsonLucy, judged_size(s));
+}
+
+// The trail at each target for its velocity times a factor.
+std::vector<std::vector<Tap>> motion_kernels(const CleanSequence& clean, double factor) {
+  std::vector<std::vector<Tap>> kernels;
+  for (const sim::Position v : clean.content_v) {
+    kernels.push_back(motion_kernel({factor * v.x_px, factor * v.y_px}, kTauS));
+  }
+  return kernels;
 }
 
 Result<std::unique_ptr<deblur::Solver>> make_solver(const Sequence& s, const deblur::Settings& settings) {
@@ -131,9 +141,10 @@ Result<Column> qp_columns(const Sequence& s, const Planes& truth, int lookahead,
 Column live_column(const Sequence& s, const Planes& truth, ColumnKind kind, int lookahead) {
   const auto settings = live_settings(kind, s, lookahead);
   if (!settings) return {kind, "", settings.error().message, {}};
-  const auto planes = estimate(s, *settings);
+  double noise_k = 0.0;
+  const auto planes = estimate(s, *settings, &noise_k);
   if (!planes) return {kind, "", planes.error().message, {}};
-  return {kind, std::string(deblur::name(settings->method)), "", measure(*planes, truth, judged_size(s))};
+  return {kind, words("noise measured %.3f K", noise_k), "", measure(*planes, truth, judged_size(s))};
 }
 
 double live_rmse(const Sequence& s, const Planes& truth, ColumnKind kind, int lookahead) {
@@ -172,7 +183,7 @@ deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda
   return settings;
 }
 
-Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings) {
+Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings, double* noise_k) {
   const auto solver = make_solver(s, settings);
   if (!solver) return tl::unexpected(solver.error());
   const CleanSequence& clean = *s.clean;
@@ -189,42 +200,31 @@ Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings) {
     out.push_back(cut(whole, clean.geometry, clean.judged));
     ++next;
   }
+  if (noise_k != nullptr) *noise_k = (*solver)->noise_k();
   return out;
 }
 
 Result<deblur::Settings> live_settings(ColumnKind kind, const Sequence& s, int lookahead) {
-  std::vector<deblur::Settings> wanted;
-  if (kind == ColumnKind::kMmae) {
-    wanted = {settings_of(deblur::Method::kMmae, lookahead)};
-  } else {
-    wanted = {settings_of(deblur::Method::kDual, lookahead), settings_of(deblur::Method::kAdmm, lookahead)};
-    for (auto& settings : wanted) settings.auto_lambda = true;
-  }
-  Error why;
-  for (const deblur::Settings& settings : wanted) {
-    const auto solver = make_solver(s, settings);
-    if (!solver) {
-      why = solver.error();
-      continue;
-    }
-    const auto planes = s.window_ending_at(kWindow - 1);
-    (*solver)->prepare({planes, kWindow - 1 - lookahead});
-    if ((*solver)->noise_k() > 0.0) return settings;
-    why = {ErrorKind::kBadInput, "this build's solver does not measure the noise"};
-  }
-  return tl::unexpected(why);
+  const bool mmae = kind == ColumnKind::kMmae;
+  deblur::Settings settings = settings_of(mmae ? deblur::Method::kMmae : deblur::Method::kAdmm, lookahead);
+  settings.auto_lambda = !mmae;
+  const auto solver = make_solver(s, settings);
+  if (!solver) return tl::unexpected(solver.error());
+  const auto planes = s.window_ending_at(kWindow - 1);
+  (*solver)->prepare({planes, kWindow - 1 - lookahead});
+  if ((*solver)->noise_k() > 0.0) return settings;
+  return bad_input("this build's solver does not measure the noise");
 }
 
 std::vector<Column> spatial_columns(const Sequence& s) {
   const Planes truth = target_truth(*s.clean);
   Planes frames;
-  std::vector<std::vector<Tap>> kernels;
-  for (std::size_t i = 0; i < s.clean->targets.size(); ++i) {
-    frames.push_back(s.kelvin(s.clean->targets[i]));
-    kernels.push_back(motion_kernel(s.clean->content_v[i], kTauS));
-  }
-  return {unsharp_column(s, truth, frames), wiener_column(s, truth, frames, kernels),
-          lucy_column(s, truth, frames, kernels)};
+  for (const std::size_t target : s.clean->targets) frames.push_back(s.kelvin(target));
+  const auto told = motion_kernels(*s.clean, 1.0);
+  const auto told_wrongly = motion_kernels(*s.clean, kWrongSpeed);
+  return {unsharp_column(s, truth, frames), wiener_column(s, truth, frames, told, ColumnKind::kSpatialWiener),
+          wiener_column(s, truth, frames, told_wrongly, ColumnKind::kSpatialWienerOff),
+          lucy_column(s, truth, frames, told)};
 }
 
 Result<Cell> evaluate(const Sequence& s, const Sequence& training, int lookahead) {

@@ -18,8 +18,9 @@ enum class ColumnKind {
   kQpBest,     // the best of kLambdas, picked with the truth
   kAuto,
   kMmae,
-  kUnsharp,  // this one and the next two: strength picked with the truth
+  kUnsharp,  // this one and the next three: strength picked with the truth
   kSpatialWiener,
+  kSpatialWienerOff,  // told a speed that is 10 % too high
   kRichardsonLucy,
   kTemporalWiener,
 };
@@ -31,7 +32,7 @@ struct ColumnName {
   std::string_view words;  // in the picture and the help
 };
 
-inline constexpr std::array<ColumnName, 10> kColumns{{
+inline constexpr std::array<ColumnName, 11> kColumns{{
     {ColumnKind::kBlurred, "blurred", "blurred", "blurred: as the camera sends it"},
     {ColumnKind::kInverse, "inverse", "inverse", "inverse filter"},
     {ColumnKind::kQpAuthors, "qp_authors", "qp 0.1", "QP, the authors' lambda 0.1"},
@@ -40,18 +41,20 @@ inline constexpr std::array<ColumnName, 10> kColumns{{
     {ColumnKind::kMmae, "mmae", "mmae", "mmae"},
     {ColumnKind::kUnsharp, "unsharp", "unsharp", "unsharp mask (strength picked with the truth)"},
     {ColumnKind::kSpatialWiener, "spatial_wiener", "s.wiener", "spatial Wiener (told the motion; strength picked)"},
+    {ColumnKind::kSpatialWienerOff, "spatial_wiener_10", "s.wien.+10", "the same, told 10 % too much speed"},
     {ColumnKind::kRichardsonLucy, "richardson_lucy", "rich.-lucy",
      "Richardson-Lucy (told the motion; iterations picked)"},
     {ColumnKind::kTemporalWiener, "temporal_wiener", "t.wiener", "temporal filter fitted on another scene"},
 }};
 
-// kappa 0.1; in units of half squares they are 0.005 to 2.
-inline constexpr std::array<double, 11> kLambdas{0.001, 0.002, 0.004, 0.007, 0.01, 0.02, 0.04, 0.07, 0.1, 0.2, 0.4};
+// kappa 0.1; in units of half squares they are 0.001 to 2.
+inline constexpr std::array<double, 13> kLambdas{0.0002, 0.0005, 0.001, 0.002, 0.004, 0.007, 0.01,
+                                                 0.02,   0.04,   0.07,  0.1,   0.2,   0.4};
 inline constexpr double kAuthorsLambda = 0.1;
 
 struct Column {
   ColumnKind kind = ColumnKind::kBlurred;
-  std::string setting;  // what was picked: "lambda 0.004"
+  std::string setting;  // what was picked, or measured: "lambda 0.004"
   std::string skipped;  // why there are no figures
   Measures measures;
 
@@ -80,8 +83,9 @@ struct Cell {
 deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda = kAuthorsLambda);
 
 // Estimates of every target, judged part, K. The solver sees the frames before them in order, as in a live stream.
-// kBadInput when Solver::create refuses the settings. Thread: any, several at once.
-Result<Planes> estimate(const Sequence& sequence, const deblur::Settings& settings);
+// `noise_k` (may be null) gets the noise that the solver worked with at the last target. kBadInput when Solver::create
+// refuses the settings. Thread: any, several at once.
+Result<Planes> estimate(const Sequence& sequence, const deblur::Settings& settings, double* noise_k = nullptr);
 
 // Spatial columns know only the frame itself: they are the same at every look-ahead, and made once. Thread: any,
 // several at once.

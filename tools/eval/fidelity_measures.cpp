@@ -67,6 +67,7 @@ struct Edge {
 constexpr int kPlateauNear = 2;  // the level of a side: the mean of columns 2 to 4 from the edge
 constexpr int kPlateauFar = 4;
 constexpr int kLongestReach = 32;
+constexpr int kAlone = 16;  // columns on either side that hold no other edge
 
 int reach_of(Geometry g) { return std::min(kLongestReach, g.width / 4); }
 
@@ -80,8 +81,19 @@ double step(const Plane& truth, Geometry g, int x, int y) {
   return static_cast<double>(truth[at(g, x + 1, y)]) - static_cast<double>(truth[at(g, x, y)]);
 }
 
-// The steepest steps of a plane, at most one in 200 pixels, each the steepest of its neighbourhood and at least half of
-// what separates the levels on its sides.
+// Whether the truth stays within a quarter of the rise of its level on either side, so far that a trail fits in.
+bool stands_alone(const Plane& truth, Geometry g, const Edge& edge) {
+  const double tolerance = 0.25 * std::abs(edge.right_k - edge.left_k);
+  for (int d = kPlateauNear; d <= std::min(kAlone, reach_of(g)); ++d) {
+    const auto left = static_cast<double>(truth[at(g, edge.x + 1 - d, edge.y)]);
+    const auto right = static_cast<double>(truth[at(g, edge.x + d, edge.y)]);
+    if (std::abs(left - edge.left_k) > tolerance || std::abs(right - edge.right_k) > tolerance) return false;
+  }
+  return true;
+}
+
+// The steepest steps of a plane, at most one in 200 pixels: each the steepest of its neighbourhood, at least half of
+// what separates the levels on its sides, and alone.
 std::vector<Edge> strongest_edges(const Plane& truth, Geometry g) {
   const int reach = reach_of(g);
   if (reach < 2 * kPlateauFar) return {};
@@ -96,7 +108,8 @@ std::vector<Edge> strongest_edges(const Plane& truth, Geometry g) {
       if (!steepest) continue;
       const Edge edge{x, y, plateau(truth, g, x - kPlateauFar, y), plateau(truth, g, x + 1 + kPlateauNear, y)};
       const double rise = edge.right_k - edge.left_k;
-      if (rise * step(truth, g, x, y) > 0.0 && here >= 0.5 * std::abs(rise)) found.emplace_back(here, edge);
+      const bool steep = rise * step(truth, g, x, y) > 0.0 && here >= 0.5 * std::abs(rise);
+      if (steep && stands_alone(truth, g, edge)) found.emplace_back(here, edge);
     }
   }
   const std::size_t keep = std::min(found.size(), std::max<std::size_t>(1, g.pixels() / 200));

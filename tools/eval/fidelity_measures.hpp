@@ -26,8 +26,9 @@ double psnr(double rmse, double range);
 // Thread: any.
 double ssim(std::span<const float> a, std::span<const float> b, Geometry geometry, double range);
 
-// 10-90 % rise, px, of the median profile across the truth's strongest vertical edges: each edge's profile is scaled so
-// that the truth's levels on either side are 0 and 1. NaN when there is no such edge or crossing. Thread: any.
+// 10-90 % rise, px, of the median profile across the truth's strongest vertical edges that have no other edge within 16
+// columns: each edge's profile is scaled so that the truth's levels on either side are 0 and 1. NaN when there is no
+// such edge or crossing. Thread: any.
 double edge_width(const Planes& estimate, const Planes& truth, Geometry geometry);
 
 // RMSE where the truth's gradient magnitude (central differences) is in the upper 5 % of its plane. Thread: any.

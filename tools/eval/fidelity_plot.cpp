@@ -19,6 +19,7 @@ constexpr std::array<Colour, kColumns.size()> kColours{{{0.40, 0.41, 0.44},     
                                                         {0.0, 0.0, 0.0},        // mmae: black
                                                         {0.941, 0.894, 0.259},  // unsharp: yellow
                                                         {0.0, 0.620, 0.451},    // spatial_wiener: bluish green
+                                                        {0.62, 0.86, 0.77},     // the same, told wrongly: pale green
                                                         {0.800, 0.475, 0.655},  // richardson_lucy: purple
                                                         {0.902, 0.624, 0.0}}};  // temporal_wiener: orange
 constexpr Colour kGrid{0.90, 0.90, 0.92};
@@ -174,9 +175,11 @@ void draw_curves(Canvas& page, const Box& where, const LatencyCurves& curves) {
   for (const int l : curves.lookaheads) xs.push_back(l * frame_ms);
   for (std::size_t c = 0; c < kLiveColumns.size(); ++c) {
     const Colour colour = colour_of_column(kLiveColumns[c]);
-    page.curve(where, x, y, xs, curves.rmse_k[c], colour, 2.2);
+    const double wide = c == 0 ? 6.0 : 2.2;  // the first curve shows beneath another that it agrees with
+    page.curve(where, x, y, xs, curves.rmse_k[c], colour, wide);
     for (std::size_t i = 0; i < xs.size(); ++i) {
-      if (!std::isnan(curves.rmse_k[c][i])) page.disc(place_x(xs[i]), place_y(curves.rmse_k[c][i]), 3.5, colour);
+      if (!std::isnan(curves.rmse_k[c][i]))
+        page.disc(place_x(xs[i]), place_y(curves.rmse_k[c][i]), 1.3 + wide / 1.2, colour);
     }
   }
 }
@@ -184,13 +187,14 @@ void draw_curves(Canvas& page, const Box& where, const LatencyCurves& curves) {
 Status draw_latency(const std::filesystem::path& folder, const std::vector<LatencyCurves>& all) {
   if (all.empty()) return {};
   const double width = std::max(kLeastWidth, kLeft + kCurvePitch * static_cast<double>(all.size()));
-  Canvas page(static_cast<int>(width), static_cast<int>(kCurveHeight + 250));
+  Canvas page(static_cast<int>(width), static_cast<int>(kCurveHeight + 190));
   const std::string stem = std::filesystem::path(all.front().scene).stem().string();
   page.text(kLeft, 30, "Latency against quality: " + stem + ", " + all.front().motion.label(), {17.0, true});
-  page.text(kLeft, 50,
-            "Waiting for one frame more removes most of what can be gained; every estimator is judged on the same "
-            "frames against the true temperature.",
-            {12.0});
+  page.text(
+      kLeft, 50,
+      "Waiting for frames after the one that is estimated lowers the error, the first of them most. All are judged "
+      "on the same frames against the true temperature.",
+      {12.0});
   for (std::size_t c = 0; c < kLiveColumns.size(); ++c) {
     const auto kind = static_cast<std::size_t>(kLiveColumns[c]);
     const double x = kLeft + 270.0 * static_cast<double>(c);

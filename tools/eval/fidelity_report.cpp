@@ -119,7 +119,7 @@ void print_table(const std::vector<Cell>& cells, const char* title, int digits, 
 }
 
 void print_settings(const std::vector<Cell>& cells) {
-  std::printf("\nWhat the truth picked\n");
+  std::printf("\nWhat was picked with the truth, and measured without it\n");
   for (const Cell& cell : cells) {
     print_place(cell.scene, cell.motion, cell.noise_k, cell.lookahead);
     for (const Column& column : cell.columns) {

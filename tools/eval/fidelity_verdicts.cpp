@@ -11,8 +11,9 @@ namespace {
 using enum ColumnKind;
 
 const std::vector<ColumnKind> kPixelwise{kBlurred, kInverse, kQpAuthors, kQpBest};
-const std::vector<ColumnKind> kWithBaselines{kBlurred, kInverse,       kQpAuthors,      kQpBest,
-                                             kUnsharp, kSpatialWiener, kRichardsonLucy, kTemporalWiener};
+const std::vector<ColumnKind> kWithBaselines{kBlurred,          kInverse,        kQpAuthors,
+                                             kQpBest,           kUnsharp,        kSpatialWiener,
+                                             kSpatialWienerOff, kRichardsonLucy, kTemporalWiener};
 
 std::string_view name_of(ColumnKind kind) { return kColumns[static_cast<std::size_t>(kind)].name; }
 
