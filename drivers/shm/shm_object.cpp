@@ -83,7 +83,7 @@ Result<int> try_claim(const std::string& path) {
 
 Result<int> claim(const std::string& path) {
   for (int attempt = 0; attempt < kClaimAttempts; ++attempt) {
-    const Result<int> fd = try_claim(path);
+    Result<int> fd = try_claim(path);
     if (!fd || *fd >= 0) return fd;
   }
   return failed("shared memory " + path + " is unlinked and made anew by others all the time; choose another name");

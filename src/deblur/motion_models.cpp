@@ -52,7 +52,7 @@ class SceneCovariance {
 
  private:
   static constexpr int kSteps = 8;  // a pixel
-  static constexpr std::size_t at(int i) { return static_cast<std::size_t>(i + 2 * kSteps); }
+  static constexpr std::size_t at(int i) { return static_cast<std::size_t>(i) + 2 * kSteps; }
   static constexpr double place(int i) { return static_cast<double>(i) / kSteps; }
   static double decay(int i) { return std::exp(-std::abs(place(i)) / kCorrelationLength); }
 
@@ -147,9 +147,9 @@ ModelTables MotionModels::make_tables() const {
 void MotionModels::prepare(ModelTables& tables, const Pattern& pattern) const noexcept {
   tables.pattern = pattern;
   tables.samples = 0;
-  for (int s = 0; s < slots_; ++s) {
-    if (!pattern.received[static_cast<std::size_t>(window_ - slots_ + s)]) continue;
-    tables.slot[static_cast<std::size_t>(tables.samples++)] = window_ - slots_ + s;
+  for (int slot = window_ - slots_; slot < window_; ++slot) {
+    if (!pattern.received[static_cast<std::size_t>(slot)]) continue;
+    tables.slot[static_cast<std::size_t>(tables.samples++)] = slot;
   }
   for (int model = 0; model < kModels; ++model) prepare_model(tables, model);
 }

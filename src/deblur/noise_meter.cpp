@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "src/deblur/mmae_kernels.hpp"
 
@@ -41,7 +42,7 @@ NoiseMeter::NoiseMeter(const StreamTask& task) : task_(task) {
   given_ = task.settings.noise_k / unit;
   const Geometry g = task.input.geometry;
   column_.resize(static_cast<std::size_t>(g.width));
-  block_.reserve(static_cast<std::size_t>((g.width / kBlockColumns + 1) * (g.height / kRowStep + 1)));
+  block_.reserve(static_cast<std::size_t>(g.width + 1) * static_cast<std::size_t>(g.height / kRowStep + 1));
 }
 
 double NoiseMeter::noise() const noexcept {
@@ -75,8 +76,8 @@ double NoiseMeter::measure(const void* const* planes, int order) noexcept {
     kernels.add_squared_differences(task_.input.type, planes, order, static_cast<std::size_t>(row) * stride, rows,
                                     stride, g.width, column_.data());
     for (int x = 0; x + width <= g.width; x += width) {
-      float sum = 0.0F;
-      for (int i = 0; i < width; ++i) sum += column_[static_cast<std::size_t>(x + i)];
+      const auto first = column_.begin() + x;
+      const float sum = std::accumulate(first, first + width, 0.0F);
       if (sum > 0.0F) block_.push_back(sum);  // none at all: dead or saturated
     }
   }

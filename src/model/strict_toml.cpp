@@ -93,7 +93,8 @@ struct KeyTable::Reading {
       } else if (const toml::table* inner = node.as_table()) {
         walk(*inner, path + ".");
       } else {
-        problems.push_back({place(name.source()), "'" + path + "' is a section: write [" + path + "]"});
+        std::string message = "'" + path + "' is a section: write [";
+        problems.push_back({place(name.source()), message.append(path).append("]")});
       }
     }
   }

@@ -213,7 +213,8 @@ void Pipeline::Impl::take_all() noexcept {
   publish_ready();
 }
 
-Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> source, std::vector<FrameSink*> sinks,
+Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> source,
+                                                   const std::vector<FrameSink*>& sinks,
                                                    const PipelineOptions& options) {
   Result<SourceInfo> info = source->open();
   if (!info) return tl::unexpected(info.error());

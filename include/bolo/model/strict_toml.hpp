@@ -94,7 +94,7 @@ class KeyTable {
   struct Place {
     std::int64_t line = 0;
     std::int64_t column = 0;
-    auto operator<=>(const Place&) const = default;
+    auto operator<=>(const Place&) const = default;  // NOLINT(modernize-use-nullptr)
   };
   struct Problem {
     Place place;

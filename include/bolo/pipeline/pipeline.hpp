@@ -34,8 +34,8 @@ class Pipeline {
  public:
   // Opens the source and the sinks and takes all memory. The sinks outlive the pipeline, and each that was opened is
   // closed once: by run(), by the destructor, or here when something fails. Thread: setup.
-  static Result<std::unique_ptr<Pipeline>> create(std::unique_ptr<FrameSource> source, std::vector<FrameSink*> sinks,
-                                                  const PipelineOptions& options);
+  static Result<std::unique_ptr<Pipeline>> create(std::unique_ptr<FrameSource> source,
+                                                  const std::vector<FrameSink*>& sinks, const PipelineOptions& options);
   ~Pipeline();
   Pipeline(const Pipeline&) = delete;
   Pipeline& operator=(const Pipeline&) = delete;
