@@ -6,6 +6,7 @@ namespace bolo::deblur {
 namespace {
 
 constexpr double kKelvinPerCount = 0.01;
+constexpr double kLargestAutomatic = 0.5;  // K
 
 }  // namespace
 
@@ -16,6 +17,10 @@ double StreamTask::kelvin_per_value() const {
 double StreamTask::lambda_half() const {
   const double unit = input.scale.unit == Unit::kKelvin ? std::abs(input.scale.scale) : 1.0;
   return settings.half_square_lambda() / unit;
+}
+
+double lambda_to_tune(const StreamTask& task) {
+  return task.settings.auto_lambda ? kLargestAutomatic : task.lambda_half() * task.kelvin_per_value();
 }
 
 }  // namespace bolo::deblur
