@@ -19,6 +19,7 @@
 #endif
 
 #include "src/deblur/block-inl.hpp"
+#include "src/deblur/dual-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
@@ -50,24 +51,66 @@ HWY_INLINE Pair load_samples(const BandedPlan& plan, const PixelRun& run, std::s
   return mean;
 }
 
-// b, and the inverse filter's x to begin with: constant over bins without a sample of their own. It is divided by alpha
-// and carry is 0, so that the first w is its c.
-HWY_INLINE void begin(const BandedPlan& plan, int bins, const Row* y, Row* b, Row* carry, Row* x) {
+HWY_INLINE void butterfly_rows(float* left, float* right) {
+  Pair a = load(left);
+  Pair b = load(right);
+  butterfly(a, b);
+  store(a, left);
+  store(b, right);
+}
+
+// The right side's part that comes from the samples.
+HWY_INLINE void begin_b(const BandedPlan& plan, int bins, const Row* y, Row* b) {
   const Pair reference = load(y[0]);
+  for (int i = 0; i < bins; ++i) store(pair(0.0F), b[i]);
+  for (int i = 1; i < plan.samples; ++i) {
+    const SampleCoefficients& sample = plan.sample[static_cast<std::size_t>(i)];
+    store(all(sample.weight) * fnma(all(sample.decay), reference, load(y[i])), b[sample.row]);
+  }
+}
+
+// The inverse filter's x to begin with: constant over bins without a sample of their own. It is divided by alpha and
+// carry is 0, so that the first w is its c.
+HWY_INLINE void begin_x(const BandedPlan& plan, int bins, const Row* y, Row* carry, Row* x) {
   const Vec inverse_alpha = all(1.0F / plan.alpha);
   Pair input = pair(0.0F);
   int bin = 0;
-  for (int i = 0; i < bins; ++i) store(pair(0.0F), b[i]);
   for (int i = 0; i < bins; ++i) store(pair(0.0F), carry[i]);
   for (int i = 1; i < plan.samples; ++i) {
     const SampleCoefficients& sample = plan.sample[static_cast<std::size_t>(i)];
-    const Pair value = load(y[i]);
     const Pair before = load(y[i - 1]);
-    store(all(sample.weight) * fnma(all(sample.decay), reference, value), b[sample.row]);
-    input = inverse_alpha * fma(all(sample.inverse_gain), value - before, before);
+    input = inverse_alpha * fma(all(sample.inverse_gain), load(y[i]) - before, before);
     for (; bin <= sample.row; ++bin) store(input, x[bin]);
   }
   for (; bin < bins; ++bin) store(input, x[bin]);
+}
+
+// The dual's x and, as carry, its t: the first w is c + u of the dual.
+template <int kBins>
+HWY_INLINE void begin_from_dual(const BandedPlan& plan, const PixelRun& run, std::size_t at, std::size_t count,
+                                const Dual<kBins>& dual, Pair mean, Row* carry, Row* x) {
+  const Pair lambda = load(dual.lambda);
+  const Vec inverse_alpha = all(1.0F / plan.alpha);
+  const Vec gain = all(plan.start.inverse_gain);
+  for (int i = 0; i < kBins; ++i) {
+    const Pair t = load(dual.t[i]);
+    store(all(plan.scaled) * lambda * t, carry[i]);
+    store(t, x[i]);
+  }
+  for (int half = kBins / 2; half > 0; half /= 2) {
+    for (int i = 0; i < kBins; i += 2 * half) butterfly_rows(x[i], x[i + half]);
+  }
+  Pair unused = pair(0.0F);
+  Pair before = load_slot(plan.start, run, 0, at, count, unused) - mean;
+  Pair begin = load(dual.jump[0]);
+  for (int i = 0; i < kBins; ++i) {
+    const Pair y = load_slot(plan.start, run, i + 1, at, count, unused) - mean;
+    const Pair end = load(dual.jump[i + 1]);
+    const Pair bent = fma(all(plan.start.curvature), end - begin, load(x[i]));
+    store(inverse_alpha * (fma(gain, y - before, y) - lambda * bent), x[i]);
+    before = y;
+    begin = end;
+  }
 }
 
 // w = alpha c + (1 - alpha) z + u; z = soft(w), u = clip(w). Returns z - u; (1 - alpha) z + u = w - alpha z goes to
@@ -101,14 +144,6 @@ HWY_INLINE void inverse_fine(Row* x) {
     HWY_UNROLL(8) for (int i = 0; i < kGroup; i += 2 * half) butterfly(c[i], c[i + half]);
   }
   HWY_UNROLL(8) for (int i = 0; i < kGroup; ++i) store(c[i], x[i]);
-}
-
-HWY_INLINE void butterfly_rows(float* left, float* right) {
-  Pair a = load(left);
-  Pair b = load(right);
-  butterfly(a, b);
-  store(a, left);
-  store(b, right);
 }
 
 // c = H x, z and u of it, v = H^T (z - u): x becomes v. `group` bins at a time for the fine levels, then the rest.
@@ -186,39 +221,68 @@ HWY_INLINE void update_x(const BandedPlan& plan, int bins, const Row* b, Row* x)
   substitute(plan, bins, eliminate(plan, bins, b, x), x);
 }
 
-// kBins: the number of unknowns when it is known to the compiler, 0 when it is not.
-template <int kBins>
-HWY_INLINE void solve_block(const BandedPlan& plan, const PixelRun& run, std::size_t at, std::size_t count) {
-  const int bins = kBins > 0 ? kBins : plan.bins;
-  Banded<static_cast<std::size_t>(kBins > 0 ? kBins : kMaxBins)> m;
-  const Pair mean = load_samples(plan, run, at, count, m.y);
-  const Pair lambda = load_lambda(run, plan.lambda, at, count);
-  begin(plan, bins, m.y, m.b, m.carry, m.x);
+template <typename Memory>
+HWY_INLINE void iterate(const BandedPlan& plan, int bins, Pair lambda, Memory& m) {
   for (int k = 0; k < plan.iterations; ++k) {
     update_z_and_dual(plan, lambda, bins, m.carry, m.x);
     update_x(plan, bins, m.b, m.x);
   }
+}
+
+template <typename Memory>
+HWY_INLINE void publish(const PixelRun& run, const Memory& m, Pair mean, std::size_t at, std::size_t count) {
   const Pair late = fma(all(run.published.weight_after), load(m.x[run.published.after]), mean);
   store_pixels(run, fma(all(run.published.weight_before), load(m.x[run.published.before]), late), at, count);
 }
 
+// Any number of unknowns, from the inverse filter.
+void solve_any(const BandedPlan& plan, const PixelRun& run) noexcept {
+  for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR {
+    Banded<static_cast<std::size_t>(kMaxBins)> m;
+    const Pair mean = load_samples(plan, run, at, count, m.y);
+    begin_b(plan, plan.bins, m.y, m.b);
+    begin_x(plan, plan.bins, m.y, m.carry, m.x);
+    iterate(plan, plan.bins, load_lambda(run, plan.lambda, at, count), m);
+    publish(run, m, mean, at, count);
+  });
+}
+
+// One unknown a frame, from the dual.
 template <int kBins>
 void solve_run(const BandedPlan& plan, const PixelRun& run) noexcept {
-  for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR { solve_block<kBins>(plan, run, at, count); });
+  Duals<kBins> blocks;
+  std::size_t at = run.begin;
+  while (at < run.end) {
+    solve_duals(plan.start, run, at, blocks);
+    for (const Dual<kBins>& dual : blocks) {
+      const std::size_t count = std::min(kBlock, run.end - at);
+      if (count == 0) break;
+      Banded<rows_of(kBins)> m;
+      const Pair mean = load_samples(plan, run, at, count, m.y);
+      begin_b(plan, kBins, m.y, m.b);
+      begin_from_dual(plan, run, at, count, dual, mean, m.carry, m.x);
+      iterate(plan, kBins, load_lambda(run, plan.lambda, at, count), m);
+      publish(run, m, mean, at, count);
+      at += count;
+    }
+  }
 }
 
 void solve_banded(const BandedPlan& plan, const PixelRun& run) noexcept {
+  if (!plan.started) return solve_any(plan, run);
   switch (plan.bins) {
+    case 2:
+      return solve_run<2>(plan, run);
+    case 4:
+      return solve_run<4>(plan, run);
     case 8:
       return solve_run<8>(plan, run);
     case 16:
       return solve_run<16>(plan, run);
     case 32:
       return solve_run<32>(plan, run);
-    case 64:
-      return solve_run<64>(plan, run);
     default:
-      return solve_run<0>(plan, run);
+      return solve_run<64>(plan, run);
   }
 }
 

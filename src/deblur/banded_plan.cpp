@@ -9,6 +9,15 @@ namespace {
 // support of the coefficient at index i of the in-place transform
 int support(int i, int bins) { return i == 0 ? bins : 2 * (i & -i); }
 
+void prepare_coefficients(BandedPlan& plan, const Grid& grid, const Tuning& tuning) noexcept {
+  for (int i = 0; i < plan.bins; ++i) {
+    const double width = support(i, plan.bins);
+    RowCoefficients& row = plan.row[static_cast<std::size_t>(i)];
+    row.threshold = static_cast<float>(grid.lambda_scale / tuning.rho / std::sqrt(width));
+    row.step = static_cast<float>(tuning.alpha / width);
+  }
+}
+
 // The diagonal of p^2/rho M + B^T B, in row.own for now, and the decays. Rows before the reference have no sample and
 // rows after it do not depend on them: there x = v.
 void assemble(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pattern& pattern) noexcept {
@@ -69,27 +78,27 @@ void prepare_samples(BandedPlan& plan, const Grid& grid, const Tuning& tuning, c
 
 }  // namespace
 
-BandedPlan make_banded_plan(const Grid& grid, const Tuning& tuning) {
+BandedPlan make_banded_plan(const Grid& grid) {
   BandedPlan plan;
   plan.bins = grid.bins;
-  plan.iterations = tuning.iterations;
-  plan.alpha = static_cast<float>(tuning.alpha);
-  plan.lambda = static_cast<float>(grid.lambda / grid.lambda_scale);
   plan.row.resize(static_cast<std::size_t>(grid.bins));
   plan.diagonal.resize(static_cast<std::size_t>(grid.bins));
-  for (int i = 0; i < grid.bins; ++i) {
-    const double width = support(i, grid.bins);
-    RowCoefficients& row = plan.row[static_cast<std::size_t>(i)];
-    row.threshold = static_cast<float>(grid.lambda_scale / tuning.rho / std::sqrt(width));
-    row.step = static_cast<float>(tuning.alpha / width);
-  }
   return plan;
 }
 
 void prepare(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pattern& pattern) noexcept {
+  plan.iterations = tuning.iterations;
+  plan.alpha = static_cast<float>(tuning.alpha);
+  plan.lambda = static_cast<float>(grid.lambda / grid.lambda_scale);
+  plan.scaled = static_cast<float>(1.0 / tuning.rho);
+  prepare_coefficients(plan, grid, tuning);
   assemble(plan, grid, tuning, pattern);
   factor(plan);
   prepare_samples(plan, grid, tuning, pattern);
+  plan.started = dual_applies(grid);
+  if (!plan.started) return;
+  plan.start = make_dual_plan(grid, tuning.start);
+  prepare(plan.start, grid, pattern);
 }
 
 }  // namespace bolo::deblur

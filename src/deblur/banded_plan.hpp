@@ -9,8 +9,7 @@
 #include <array>
 #include <vector>
 
-#include "src/deblur/grid.hpp"
-#include "src/deblur/tuning.hpp"
+#include "src/deblur/dual_plan.hpp"
 
 namespace bolo::deblur {
 
@@ -40,6 +39,9 @@ struct RowCoefficients {
 // normalisation, divided by their support, so that the inverse transform needs no multiplication: thresholds scale by
 // 1 / sqrt(support).
 struct BandedPlan {
+  bool started = false;  // from sweeps on the dual, not from the inverse filter
+  DualPlan start;
+  float scaled = 0.0F;  // u = scaled lambda t: 1 / rho
   int bins = 0;
   int iterations = 0;
   float alpha = 1.0F;       // over-relaxation
@@ -52,7 +54,7 @@ struct BandedPlan {
 };
 
 // Takes the memory for `grid`. Thread: setup.
-BandedPlan make_banded_plan(const Grid& grid, const Tuning& tuning);
+BandedPlan make_banded_plan(const Grid& grid);
 
 // No allocation. Thread: pipeline.
 void prepare(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pattern& pattern) noexcept;

@@ -44,6 +44,19 @@ HWY_INLINE void store_h(const DualPlan& plan, int i, Pair inverse_lambda, Pair c
   store(all(plan.row[static_cast<std::size_t>(i)].gain) * c * inverse_lambda, h[i]);
 }
 
+// A slot's value; adds it to `sum` when it was received.
+HWY_INLINE Pair load_slot(const DualPlan& plan, const PixelRun& run, int slot, std::size_t at, std::size_t count,
+                          Pair& sum) {
+  const SlotValue& value = plan.value[static_cast<std::size_t>(slot)];
+  const Pair before = load_pixels(run, value.before, at, count);
+  if (HWY_LIKELY(value.before == slot)) {
+    sum = sum + before;
+    return before;
+  }
+  if (value.after == value.before) return before;
+  return fma(all(value.weight), load_pixels(run, value.after, at, count) - before, before);
+}
+
 // lambda, h and the sum of the samples.
 template <int kBins>
 HWY_INLINE void begin_dual(const DualPlan& plan, const PixelRun& run, std::size_t at, std::size_t count,
@@ -53,14 +66,13 @@ HWY_INLINE void begin_dual(const DualPlan& plan, const PixelRun& run, std::size_
   const Pair inverse_lambda = pair(1.0F) / lambda;
   store(lambda, m.lambda);
   const Vec gain = all(plan.inverse_gain);
-  Pair before = load_pixels(run, 0, at, count);
-  Pair sum = before;
+  Pair sum = pair(0.0F);
+  Pair before = load_slot(plan, run, 0, at, count, sum);
   constexpr int kNear = kBins < 4 ? kBins : 4;
   for (int i = 0; i < kBins; i += kNear) {
     Pair c[rows_of(kNear)];
     HWY_UNROLL(4) for (int k = 0; k < kNear; ++k) {
-      const Pair y = load_pixels(run, i + k + 1, at, count);
-      sum = sum + y;
+      const Pair y = load_slot(plan, run, i + k + 1, at, count, sum);
       c[k] = fma(gain, y - before, y);
       before = y;
     }
@@ -234,20 +246,29 @@ HWY_INLINE Pair estimate(const DualPlan& plan, const PixelRun& run, std::size_t 
   return fma(all(bins.weight_before), input_at(plan, run, at, count, m, bins.before), late);
 }
 
+// Brings the dual of the blocks that begin at pixel `first` near its optimum.
+template <int kBins>
+HWY_INLINE void solve_duals(const DualPlan& plan, const PixelRun& run, std::size_t first, Duals<kBins>& blocks) {
+  std::size_t at = first;
+  for (Dual<kBins>& m : blocks) {
+    begin_dual(plan, run, at, std::min(kBlock, run.end - at), m);
+    at = std::min(at + kBlock, run.end);
+  }
+  sweep<kBins, true>(plan, blocks);
+  for (int k = 1; k < plan.sweeps; ++k) sweep<kBins, false>(plan, blocks);
+  for (int k = 0; k < plan.near_sweeps; ++k) sweep_near<kBins>(plan, run.published, blocks);
+}
+
 template <int kBins>
 void dual_run(const DualPlan& plan, const PixelRun& run) {
-  constexpr std::size_t kBlocks = blocks_of(kBins);
   Duals<kBins> blocks;
-  for (std::size_t first = run.begin; first < run.end; first += kBlocks * kBlock) {
-    const auto at = [&](std::size_t i) { return std::min(first + i * kBlock, run.end); };
-    for (std::size_t i = 0; i < kBlocks; ++i)
-      begin_dual(plan, run, at(i), std::min(kBlock, run.end - at(i)), blocks[i]);
-    sweep<kBins, true>(plan, blocks);
-    for (int k = 1; k < plan.sweeps; ++k) sweep<kBins, false>(plan, blocks);
-    for (int k = 0; k < plan.near_sweeps; ++k) sweep_near<kBins>(plan, run.published, blocks);
-    for (std::size_t i = 0; i < kBlocks; ++i) {
-      const std::size_t count = std::min(kBlock, run.end - at(i));
-      store_pixels(run, estimate(plan, run, at(i), count, blocks[i]), at(i), count);
+  std::size_t at = run.begin;
+  while (at < run.end) {
+    solve_duals(plan, run, at, blocks);
+    for (const Dual<kBins>& m : blocks) {
+      const std::size_t count = std::min(kBlock, run.end - at);
+      store_pixels(run, estimate(plan, run, at, count, m), at, count);
+      at += count;
     }
   }
 }

@@ -10,13 +10,15 @@ namespace {
 class DualMethod final : public PixelMethod {
  public:
   DualMethod(const StreamTask& task, const Grid& grid, const DualTuning& tuning)
-      : plan_(make_dual_plan(grid, tuning.omega, tuning.sweeps, tuning.near_sweeps)),
-        kernels_(best_kernels()),
-        with_gaps_(admm(task)) {}
+      : grid_(grid), plan_(make_dual_plan(grid, tuning)), kernels_(best_kernels()), with_gaps_(admm(task)) {}
 
   void prepare(const Pattern& pattern) noexcept override {
     gaps_ = pattern.count < pattern.slots;
-    if (gaps_) with_gaps_->prepare(pattern);
+    if (gaps_) {
+      with_gaps_->prepare(pattern);
+    } else {
+      deblur::prepare(plan_, grid_, pattern);
+    }
   }
 
   void run(const PixelRun& run) const noexcept override {
@@ -36,6 +38,7 @@ class DualMethod final : public PixelMethod {
     return make_admm(task);
   }
 
+  Grid grid_;
   DualPlan plan_;
   const Kernels& kernels_;
   std::unique_ptr<PixelMethod> with_gaps_;
@@ -47,7 +50,7 @@ class DualMethod final : public PixelMethod {
 std::unique_ptr<PixelMethod> make_dual(const StreamTask& task) {
   const Grid grid = reduce(task.settings, task.lambda_half());
   if (!dual_applies(grid)) return make_admm(task);
-  DualTuning tuning = tune_dual(grid, task.kelvin_per_value());
+  DualTuning tuning = tune_dual(grid, lambda_to_tune(task));
   if (task.settings.iterations > 0) {
     tuning.near_sweeps = std::min(tuning.near_sweeps, task.settings.iterations - 1);
     tuning.sweeps = task.settings.iterations - tuning.near_sweeps;

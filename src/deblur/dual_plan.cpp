@@ -1,5 +1,6 @@
 #include "src/deblur/dual_plan.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 
@@ -19,16 +20,15 @@ double curvature_of(int i, int bins, double decay) {
 
 bool dual_applies(const Grid& grid) { return grid.parts == 1 && grid.frames_per_bin == 1 && grid.bins <= kMaxDualBins; }
 
-DualPlan make_dual_plan(const Grid& grid, double omega, int sweeps, int near_sweeps) {
+DualPlan make_dual_plan(const Grid& grid, const DualTuning& tuning) {
   const double a = std::exp(-grid.ratio);
   const double p = -std::expm1(-grid.ratio);
   DualPlan plan;
   plan.bins = grid.bins;
-  plan.sweeps = sweeps;
-  plan.near_sweeps = near_sweeps;
+  plan.sweeps = tuning.sweeps;
+  plan.near_sweeps = tuning.near_sweeps;
   plan.lambda = static_cast<float>(grid.lambda / grid.lambda_scale);
   plan.inverse_gain = static_cast<float>(a / p);
-  plan.inverse_count = 1.0F / static_cast<float>(grid.bins + 1);
   plan.begin_jump = static_cast<float>(p);
   plan.curvature = static_cast<float>(a / (p * p));
   for (std::size_t i = 0; i < plan.limit.size(); ++i) {
@@ -36,13 +36,30 @@ DualPlan make_dual_plan(const Grid& grid, double omega, int sweeps, int near_swe
   }
   for (int i = 0; i < plan.bins; ++i) {
     const double support = i == 0 ? plan.bins : 2 * (i & -i);
-    const double step = omega / curvature_of(i, plan.bins, a);
+    const double step = tuning.omega / curvature_of(i, plan.bins, a);
     DualCoefficients& row = plan.row[static_cast<std::size_t>(i)];
     row.gain = static_cast<float>(step / support);
     row.keep = static_cast<float>(1.0 - step);
     row.bend = static_cast<float>(step * a / (p * p) / support);
   }
   return plan;
+}
+
+void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept {
+  plan.inverse_count = 1.0F / static_cast<float>(pattern.count);
+  for (int slot = 0; slot < pattern.slots; ++slot) {
+    SlotValue& value = plan.value[static_cast<std::size_t>(slot)];
+    const int before = pattern.before(slot);
+    const int after = pattern.after(slot);
+    if (pattern.received[static_cast<std::size_t>(slot)]) {
+      value = {slot, slot, 0.0F};
+    } else if (before < 0 || after < 0) {
+      value = {std::max(before, after), std::max(before, after), 0.0F};
+    } else {
+      const double part = std::expm1(-grid.ratio * (slot - before)) / std::expm1(-grid.ratio * (after - before));
+      value = {before, after, static_cast<float>(part)};
+    }
+  }
 }
 
 void visit_order(int bins, std::array<int, kMaxDualBins>& order) {

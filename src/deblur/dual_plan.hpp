@@ -12,6 +12,7 @@
 #include <array>
 
 #include "src/deblur/grid.hpp"
+#include "src/deblur/tuning.hpp"
 
 namespace bolo::deblur {
 
@@ -25,6 +26,14 @@ struct DualCoefficients {
   float bend = 0.0F;  // c omega / Q_ii / support
 };
 
+// The value that the dual takes for a slot: the received sample itself (before == after), or, where the frame is lost,
+// what an input that is constant between its neighbours makes of them: before + weight (after - before).
+struct SlotValue {
+  int before = 0;
+  int after = 0;
+  float weight = 0.0F;
+};
+
 struct DualPlan {
   int bins = 0;
   int sweeps = 0;
@@ -33,18 +42,23 @@ struct DualPlan {
   int near_sweeps = 0;
   float lambda = 0.0F;           // lambda_half of pixels that bring none of their own, in the units of the values
   float inverse_gain = 0.0F;     // the input x_j = y_{j+1} + inverse_gain (y_{j+1} - y_j)
-  float inverse_count = 0.0F;    // 1 / samples
+  float inverse_count = 0.0F;    // 1 / received samples
   float begin_jump = 0.0F;       // 1 - a
   float curvature = 0.0F;        // c
   std::array<float, 6> limit{};  // [i]: of coefficients of support 2^(i+1) for a lambda_half of 1
   std::array<DualCoefficients, kMaxDualBins> row{};
+  std::array<SlotValue, kMaxSlots> value{};
 };
 
-// Where it applies: every frame of the window is there and bins are as long as frames. Thread: any.
+// Where it applies: bins are as long as frames. Thread: any.
 bool dual_applies(const Grid& grid);
 
 // Thread: setup.
-DualPlan make_dual_plan(const Grid& grid, double omega, int sweeps, int near_sweeps);
+DualPlan make_dual_plan(const Grid& grid, const DualTuning& tuning);
+
+// With lost frames it is the optimum for the values filled in, not of the problem without them: a start for ADMM.
+// No allocation. Thread: pipeline.
+void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept;
 
 // The order in which a sweep visits the coefficients: coarse to fine, in trees of two levels, every other tree first.
 // Fills order[0, bins). Thread: any.

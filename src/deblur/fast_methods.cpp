@@ -10,17 +10,18 @@ class AdmmMethod final : public PixelMethod {
  public:
   explicit AdmmMethod(const StreamTask& task)
       : grid_(reduce(task.settings, task.lambda_half())),
-        tuning_(tune(grid_, task.kelvin_per_value())),
+        whole_(tuning(task, false)),
+        with_lost_(tuning(task, true)),
         kernels_(best_kernels()) {
-    if (task.settings.iterations > 0) tuning_.iterations = task.settings.iterations;
-    if (grid_.frames_per_bin == 1) banded_ = make_banded_plan(grid_, tuning_);
+    if (grid_.frames_per_bin == 1) banded_ = make_banded_plan(grid_);
   }
 
   void prepare(const Pattern& pattern) noexcept override {
+    const Tuning& tuned = pattern.count == pattern.slots ? whole_ : with_lost_;
     if (grid_.frames_per_bin == 1) {
-      deblur::prepare(banded_, grid_, tuning_, pattern);
+      deblur::prepare(banded_, grid_, tuned, pattern);
     } else {
-      deblur::prepare(dense_, grid_, tuning_, pattern);
+      deblur::prepare(dense_, grid_, tuned, pattern);
     }
   }
 
@@ -32,12 +33,19 @@ class AdmmMethod final : public PixelMethod {
     }
   }
 
-  int iterations() const noexcept override { return tuning_.iterations; }
+  int iterations() const noexcept override { return whole_.iterations; }
   std::string_view isa() const noexcept override { return kernels_.isa; }
 
  private:
+  Tuning tuning(const StreamTask& task, bool lost) const {
+    Tuning tuned = tune(grid_, lambda_to_tune(task), lost);
+    if (task.settings.iterations > 0) tuned.iterations = task.settings.iterations;
+    return tuned;
+  }
+
   Grid grid_;
-  Tuning tuning_;
+  Tuning whole_;
+  Tuning with_lost_;
   const Kernels& kernels_;
   BandedPlan banded_;
   DensePlan dense_;

@@ -6,6 +6,7 @@ namespace bolo::deblur {
 namespace {
 
 constexpr double kKelvinPerCount = 0.01;
+constexpr double kLargestAutomatic = 0.5;  // K
 
 }  // namespace
 
@@ -20,6 +21,10 @@ double StreamTask::in_kelvin(double value) const {
 double StreamTask::lambda_half() const {
   const double unit = input.scale.unit == Unit::kKelvin ? std::abs(input.scale.scale) : 1.0;
   return settings.half_square_lambda() / unit;
+}
+
+double lambda_to_tune(const StreamTask& task) {
+  return task.settings.auto_lambda ? kLargestAutomatic : task.lambda_half() * task.kelvin_per_value();
 }
 
 }  // namespace bolo::deblur

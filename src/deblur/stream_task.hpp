@@ -20,4 +20,7 @@ struct StreamTask {
   double lambda_half() const;
 };
 
+// lambda_half in K for which iterations are counted: with automatic lambda, the largest that scenes get.
+double lambda_to_tune(const StreamTask& task);
+
 }  // namespace bolo::deblur

@@ -1,41 +1,83 @@
 #include "src/deblur/tuning.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace bolo::deblur {
 namespace {
 
-constexpr double kAlpha = 1.7;
-constexpr double kReferenceLambda = 0.5;  // half-square units, K: the authors' setting
-constexpr double kIterationsThere = 16.0;
-constexpr double kIterationsPerDecade = 5.0;
-constexpr double kFewest = 6.0;
-constexpr double kMost = 40.0;
+// Found by search on steps, 20 K noise, 300 K pulses, defects, pans, saturated and constant values (tests/deblur:
+// inputs), for 5 mK rms and 50 mK at most of the exact optimum in the last two bins, in the worst of the inputs.
+//  - Sweeps of the dual: 1.1 is the best over-relaxation almost everywhere, 1.0 and 1.2 cost up to one sweep in five.
+//  As
+//    many are needed for 8 to 64 frames. The last two need to reach the published bins only.
+//  - ADMM from there: its rate is the best with rho = p^2, alpha = 1.6 (p = 1 - exp(-T / tau), so that p^2 is near the
+//    smallest eigenvalue of G^T G); two iterations halve what the sweeps leave. Without such a start, where bins are
+//    longer than frames, it needs kNeeded.
+//  - Lost frames leave directions that only lambda pulls at; such windows start from values filled in and need many
+//    iterations.
+constexpr std::array kRatios = {0.05, 0.1, 0.2, 0.4545, 1.0, 2.0};              // T / tau
+constexpr std::array kLambdas = {0.0005, 0.005, 0.05, 0.5, 5.0, 50.0};          // K, half-square, 2^7 coefficients
+using Table = std::array<std::array<double, kLambdas.size()>, kRatios.size()>;  // iterations
+constexpr Table kSweeps = {{{4, 7, 11, 18, 27, 31},
+                            {3, 5, 8, 13, 19, 21},
+                            {2, 3, 5, 8, 13, 15},
+                            {1, 2, 3, 5, 7, 9},
+                            {1, 1, 2, 3, 5, 6},
+                            {1, 1, 2, 3, 4, 5}}};
+constexpr Table kNeeded = {{{17, 64, 81, 110, 92, 67},
+                            {9, 17, 48, 76, 57, 46},
+                            {4, 10, 21, 32, 39, 39},
+                            {2, 4, 7, 14, 28, 38},
+                            {1, 3, 4, 8, 18, 23},
+                            {1, 2, 2, 5, 7, 8}}};
+constexpr int kAfterSweeps = 2;
+
+// Where `value` lies between entries of an ascending axis, on a logarithmic scale; limited to the axis.
+template <std::size_t kSize>
+double place(const std::array<double, kSize>& axis, double value) {
+  for (std::size_t i = 0; i + 1 < kSize; ++i) {
+    if (value > axis[i + 1]) continue;
+    return static_cast<double>(i) + std::max(0.0, std::log(value / axis[i]) / std::log(axis[i + 1] / axis[i]));
+  }
+  return static_cast<double>(kSize - 1);
+}
+
+// Bilinear in the logarithms of ratio, lambda and count.
+double needed(const Table& table, double ratio, double lambda) {
+  const double row = place(kRatios, ratio);
+  const double column = place(kLambdas, lambda);
+  const auto i = std::min(static_cast<std::size_t>(row), kRatios.size() - 2);
+  const auto k = std::min(static_cast<std::size_t>(column), kLambdas.size() - 2);
+  const double down = row - static_cast<double>(i);
+  const double right = column - static_cast<double>(k);
+  const auto between = [&](const auto& line) {
+    return (1.0 - right) * std::log(line[k]) + right * std::log(line[k + 1]);
+  };
+  return std::exp((1.0 - down) * between(table[i]) + down * between(table[i + 1]));
+}
 
 }  // namespace
 
-// Found by search over rho 0.02..1, alpha 1..1.9 on the golden windows (tests/deblur/golden: street, steps, 300 K
-// pulses and 20 K white noise; 8, 16 and 32 frames; T / tau 0.45 and 0.9), for the fewest iterations after which the
-// error stays below 5 mK rms and 50 mK at most. The best rho is p^2 everywhere, p = 1 - exp(-T / tau): G's columns have
-// the scale p. alpha between 1.6 and 1.8 makes no difference of more than one iteration. lambda / rho is how far a step
-// may move a coefficient that is too far from zero, so the way from the inverse filter to the optimum is shorter the
-// smaller lambda is: scenes want 10 iterations at 0.5, 6 at 0.05, 3 at 0.005, white noise of 20 K up to half as many
-// again. Bins shorter than a frame leave directions that no sample sees, where only lambda pulls: four times as many.
-Tuning tune(const Grid& grid, double kelvin_per_value) {
-  const double p = -std::expm1(-grid.ratio / grid.parts);
-  const double lambda_half = grid.lambda * std::sqrt(grid.bins / 128.0) * kelvin_per_value;
-  const double decades = std::log10(std::max(lambda_half, 1e-6) / kReferenceLambda);
-  const double wanted = std::clamp(kIterationsThere + kIterationsPerDecade * decades, kFewest, kMost);
-  return {p * p, kAlpha, static_cast<int>(std::lround(grid.parts > 1 ? 4.0 * wanted : wanted))};
+DualTuning tune_dual(const Grid& grid, double lambda_half_k) {
+  const double sweeps = std::ceil(needed(kSweeps, grid.ratio, std::max(lambda_half_k, 1e-6)) - 0.05);
+  DualTuning tuning;
+  tuning.near_sweeps = sweeps > 3.0 ? 2 : sweeps > 2.0 ? 1 : 0;
+  tuning.sweeps = static_cast<int>(sweeps) - tuning.near_sweeps;
+  return tuning;
 }
 
-DualTuning tune_dual(const Grid& grid, double kelvin_per_value) {
-  const double lambda_half = grid.lambda / grid.lambda_scale * kelvin_per_value;
-  const double decades = std::log10(std::max(lambda_half, 1e-6) / kReferenceLambda);
-  const int sweeps = static_cast<int>(std::ceil(5.0 + decades));
-  const int near = sweeps >= 4 ? 2 : sweeps / 3;
-  return {1.1, sweeps - near, near};
+Tuning tune(const Grid& grid, double lambda_half_k, bool lost) {
+  const double p = -std::expm1(-grid.ratio / grid.parts);
+  const int cold = static_cast<int>(std::ceil(1.1 * needed(kNeeded, grid.ratio, std::max(lambda_half_k, 1e-6))));
+  Tuning tuning;
+  tuning.rho = p * p * grid.frames_per_bin;
+  tuning.start = tune_dual(grid, lambda_half_k);
+  const bool started = grid.parts == 1 && grid.frames_per_bin == 1;
+  tuning.iterations = started ? kAfterSweeps : cold;
+  if (lost || grid.parts > 1) tuning.iterations = 2 * cold;
+  return tuning;
 }
 
 }  // namespace bolo::deblur

@@ -1,26 +1,28 @@
-// How fast ADMM gets there: penalty, over-relaxation and the number of iterations, from lambda and T / tau.
+// How fast ADMM and the dual get there: penalty, over-relaxation and the number of iterations, from lambda and T / tau.
 #pragma once
 
 #include "src/deblur/grid.hpp"
 
 namespace bolo::deblur {
 
-struct Tuning {
-  double rho = 0.1;    // penalty
-  double alpha = 1.7;  // over-relaxation
-  int iterations = 8;
-};
-
-// `kelvin_per_value`: what one unit of the values is worth. Thread: setup.
-Tuning tune(const Grid& grid, double kelvin_per_value);
-
+// Coordinate descent on the dual.
 struct DualTuning {
   double omega = 1.1;  // over-relaxation
   int sweeps = 3;
-  int near_sweeps = 2;  // at most sweeps
+  int near_sweeps = 2;  // after those, over what reaches into the published bins
 };
 
-// As tune(), for coordinate descent on the dual. Thread: setup.
-DualTuning tune_dual(const Grid& grid, double kelvin_per_value);
+struct Tuning {
+  double rho = 0.1;    // penalty
+  double alpha = 1.6;  // over-relaxation
+  int iterations = 2;
+  DualTuning start;  // sweeps on the dual that come before; where it does not apply they are not used
+};
+
+// `lambda_half_k`: in K. Thread: setup.
+DualTuning tune_dual(const Grid& grid, double lambda_half_k);
+
+// `lost`: frames of the window are lost. Thread: setup.
+Tuning tune(const Grid& grid, double lambda_half_k, bool lost);
 
 }  // namespace bolo::deblur
