@@ -72,10 +72,10 @@ HWY_INLINE void begin(const BandedPlan& plan, int bins, const Row* y, Row* b, Ro
 
 // w = alpha c + (1 - alpha) z + u; z = soft(w), u = clip(w). Returns z - u; (1 - alpha) z + u = w - alpha z goes to
 // carry.
-HWY_INLINE Pair update_coefficient(const BandedPlan& plan, int i, Pair c, float* carry) {
+HWY_INLINE Pair update_coefficient(const BandedPlan& plan, Pair lambda, int i, Pair c, float* carry) {
   const RowCoefficients& row = plan.row[static_cast<std::size_t>(i)];
   const Pair w = fma(all(row.step), c, load(carry));
-  const Pair u = clip(w, row.threshold);
+  const Pair u = clip(w, all(row.threshold) * lambda);
   const Pair z = w - u;
   store(fnma(all(plan.alpha), z, w), carry);
   return z - u;
@@ -83,14 +83,15 @@ HWY_INLINE Pair update_coefficient(const BandedPlan& plan, int i, Pair c, float*
 
 // The levels of the transform up to support kGroup, in registers, and z and u of all coefficients but the sum, which is
 // left in x[0] for the coarser levels.
-HWY_INLINE void update_fine(const BandedPlan& plan, int first, Row* carry, Row* x) {
+HWY_INLINE void update_fine(const BandedPlan& plan, Pair lambda, int first, Row* carry, Row* x) {
   Pair c[kGroup];
   HWY_UNROLL(8) for (int i = 0; i < kGroup; ++i) c[i] = load(x[i]);
   HWY_UNROLL(8) for (int half = 1; half < kGroup; half *= 2) {
     HWY_UNROLL(8) for (int i = 0; i < kGroup; i += 2 * half) butterfly(c[i], c[i + half]);
   }
   store(c[0], x[0]);
-  HWY_UNROLL(8) for (int i = 1; i < kGroup; ++i) store(update_coefficient(plan, first + i, c[i], carry[i]), x[i]);
+  HWY_UNROLL(8)
+  for (int i = 1; i < kGroup; ++i) store(update_coefficient(plan, lambda, first + i, c[i], carry[i]), x[i]);
 }
 
 HWY_INLINE void inverse_fine(Row* x) {
@@ -111,15 +112,15 @@ HWY_INLINE void butterfly_rows(float* left, float* right) {
 }
 
 // c = H x, z and u of it, v = H^T (z - u): x becomes v. `group` bins at a time for the fine levels, then the rest.
-HWY_INLINE void update_z_and_dual(const BandedPlan& plan, int bins, Row* carry, Row* x) {
+HWY_INLINE void update_z_and_dual(const BandedPlan& plan, Pair lambda, int bins, Row* carry, Row* x) {
   const int group = bins >= kGroup ? kGroup : 1;
   if (group > 1) {
-    for (int i = 0; i < bins; i += group) update_fine(plan, i, carry + i, x + i);
+    for (int i = 0; i < bins; i += group) update_fine(plan, lambda, i, carry + i, x + i);
   }
   for (int half = group; half < bins; half *= 2) {
     for (int i = 0; i < bins; i += 2 * half) butterfly_rows(x[i], x[i + half]);
   }
-  for (int i = 0; i < bins; i += group) store(update_coefficient(plan, i, load(x[i]), carry[i]), x[i]);
+  for (int i = 0; i < bins; i += group) store(update_coefficient(plan, lambda, i, load(x[i]), carry[i]), x[i]);
   for (int half = bins / 2; half >= group; half /= 2) {
     for (int i = 0; i < bins; i += 2 * half) butterfly_rows(x[i], x[i + half]);
   }
@@ -191,9 +192,10 @@ HWY_INLINE void solve_block(const BandedPlan& plan, const PixelRun& run, std::si
   const int bins = kBins > 0 ? kBins : plan.bins;
   Banded<static_cast<std::size_t>(kBins > 0 ? kBins : kMaxBins)> m;
   const Pair mean = load_samples(plan, run, at, count, m.y);
+  const Pair lambda = load_lambda(run, plan.lambda, at, count);
   begin(plan, bins, m.y, m.b, m.carry, m.x);
   for (int k = 0; k < plan.iterations; ++k) {
-    update_z_and_dual(plan, bins, m.carry, m.x);
+    update_z_and_dual(plan, lambda, bins, m.carry, m.x);
     update_x(plan, bins, m.b, m.x);
   }
   const Pair late = fma(all(run.published.weight_after), load(m.x[run.published.after]), mean);

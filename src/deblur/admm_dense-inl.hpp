@@ -49,19 +49,19 @@ HWY_INLINE Pair update_coefficient(const DensePlan& plan, const Dense& m, int i)
   return sum;
 }
 
-HWY_INLINE void update_z(const DensePlan& plan, Dense& m) {
+HWY_INLINE void update_z(const DensePlan& plan, Pair limit, Dense& m) {
   for (int i = 0; i < plan.bins; ++i) {
     const Pair w = load(m.w[i]);
-    const Pair u = clip(w, plan.threshold);
+    const Pair u = clip(w, limit);
     store(w - u - u, m.d[i]);
   }
 }
 
 // w = alpha D + (1 - alpha) z + u = w + alpha (D - z)
-HWY_INLINE void update_dual(const DensePlan& plan, Dense& m) {
+HWY_INLINE void update_dual(const DensePlan& plan, Pair limit, Dense& m) {
   for (int i = 0; i < plan.bins; ++i) {
     const Pair w = load(m.w[i]);
-    const Pair z = w - clip(w, plan.threshold);
+    const Pair z = w - clip(w, limit);
     store(fma(all(plan.alpha), update_coefficient(plan, m, i) - z, w), m.w[i]);
   }
 }
@@ -69,14 +69,18 @@ HWY_INLINE void update_dual(const DensePlan& plan, Dense& m) {
 void solve_dense(const DensePlan& plan, const PixelRun& run) noexcept {
   for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR {
     Dense m{};
+    const Pair limit = all(plan.threshold) * load_lambda(run, plan.lambda, at, count);
     Pair estimate = begin_dense(plan, run, at, count, m);
     for (int k = 1; k < plan.iterations; ++k) {
-      update_z(plan, m);
-      update_dual(plan, m);
+      update_z(plan, limit, m);
+      update_dual(plan, limit, m);
     }
-    update_z(plan, m);
-    for (int i = 0; i < plan.bins; ++i) {
-      estimate = fma(all(plan.publish[static_cast<std::size_t>(i)]), update_coefficient(plan, m, i), estimate);
+    update_z(plan, limit, m);
+    const auto& before = plan.basis[static_cast<std::size_t>(run.published.before)];
+    const auto& after = plan.basis[static_cast<std::size_t>(run.published.after)];
+    for (std::size_t i = 0; i < static_cast<std::size_t>(plan.bins); ++i) {
+      const float weight = run.published.weight_before * before[i] + run.published.weight_after * after[i];
+      estimate = fma(all(weight), update_coefficient(plan, m, static_cast<int>(i)), estimate);
     }
     store_pixels(run, estimate, at, count);
   });

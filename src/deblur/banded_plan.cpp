@@ -74,12 +74,13 @@ BandedPlan make_banded_plan(const Grid& grid, const Tuning& tuning) {
   plan.bins = grid.bins;
   plan.iterations = tuning.iterations;
   plan.alpha = static_cast<float>(tuning.alpha);
+  plan.lambda = static_cast<float>(grid.lambda / grid.lambda_scale);
   plan.row.resize(static_cast<std::size_t>(grid.bins));
   plan.diagonal.resize(static_cast<std::size_t>(grid.bins));
   for (int i = 0; i < grid.bins; ++i) {
     const double width = support(i, grid.bins);
     RowCoefficients& row = plan.row[static_cast<std::size_t>(i)];
-    row.threshold = static_cast<float>(grid.lambda / tuning.rho / std::sqrt(width));
+    row.threshold = static_cast<float>(grid.lambda_scale / tuning.rho / std::sqrt(width));
     row.step = static_cast<float>(tuning.alpha / width);
   }
   return plan;

@@ -31,7 +31,7 @@ struct RowCoefficients {
   float eliminate = 0.0F;   // multiple of row j that is subtracted from the inner row
   float substitute = 0.0F;  // multiple of the inner s that is subtracted from this row's
   float next_decay = 0.0F;  // a of the row after; 0 for the last and where the reference starts afresh
-  float threshold = 0.0F;   // of coefficient j, see BandedPlan
+  float threshold = 0.0F;   // of coefficient j for a lambda_half of 1, see BandedPlan
   float step = 0.0F;        // alpha / support of coefficient j
 };
 
@@ -43,6 +43,7 @@ struct BandedPlan {
   int bins = 0;
   int iterations = 0;
   float alpha = 1.0F;       // over-relaxation
+  float lambda = 0.0F;      // lambda_half of pixels that bring none of their own, in the units of the values
   float inverse_count = 0;  // 1 / received samples
   int samples = 0;
   std::array<SampleCoefficients, kMaxSlots> sample{};

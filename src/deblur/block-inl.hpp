@@ -53,10 +53,8 @@ HWY_INLINE void butterfly(Pair& x, Pair& y) {
   x = sum;
 }
 // x limited to [-limit, limit]
-HWY_INLINE Pair clip(Pair x, float limit) {
-  const Vec low = all(-limit);
-  const Vec high = all(limit);
-  return {hn::Min(hn::Max(x.a, low), high), hn::Min(hn::Max(x.b, low), high)};
+HWY_INLINE Pair clip(Pair x, Pair limit) {
+  return {hn::Min(hn::Max(x.a, hn::Neg(limit.a)), limit.a), hn::Min(hn::Max(x.b, hn::Neg(limit.b)), limit.b)};
 }
 
 HWY_INLINE Vec widen(const std::uint16_t* from) {
@@ -90,6 +88,11 @@ HWY_INLINE Pair load_pixels(const PixelRun& run, int slot, std::size_t at, std::
   const void* plane = run.planes[slot];
   return run.input == PixelType::kUint16 ? load_pixels<std::uint16_t>(plane, at, count)
                                          : load_pixels<float>(plane, at, count);
+}
+
+// lambda_half of the block's pixels; `common` where they bring none of their own.
+HWY_INLINE Pair load_lambda(const PixelRun& run, float common, std::size_t at, std::size_t count) {
+  return run.lambda == nullptr ? pair(common) : load_pixels<float>(run.lambda, at, count);
 }
 
 HWY_INLINE void store_pixels(const PixelRun& run, Pair x, std::size_t at, std::size_t count) {

@@ -72,7 +72,8 @@ void prepare(DensePlan& plan, const Grid& grid, const Tuning& tuning, const Patt
   plan.bins = grid.bins;
   plan.iterations = tuning.iterations;
   plan.alpha = static_cast<float>(tuning.alpha);
-  plan.threshold = static_cast<float>(grid.lambda / tuning.rho);
+  plan.lambda = static_cast<float>(grid.lambda / grid.lambda_scale);
+  plan.threshold = static_cast<float>(grid.lambda_scale / tuning.rho);
   plan.samples = 0;
   for (int s = 0; s < pattern.slots; ++s) {
     if (pattern.received[static_cast<std::size_t>(s)]) plan.slot[static_cast<std::size_t>(plan.samples++)] = s;
@@ -82,14 +83,12 @@ void prepare(DensePlan& plan, const Grid& grid, const Tuning& tuning, const Patt
   const Square inverse = inverse_of(s, tuning.rho);
   store_columns(regularised(s, inverse), grid, pattern, plan, plan.data);
   store_columns(regularised(s, inverse_of(s, kRidge)), grid, pattern, plan, plan.start);
-  const Published bins = published_bins(grid, pattern.slots, pattern.target);
   for (int i = 0; i < grid.bins; ++i) {
     for (int k = 0; k < grid.bins; ++k) {
-      plan.feedback[static_cast<std::size_t>(k)][static_cast<std::size_t>(i)] =
-          static_cast<float>(tuning.rho * inverse(i, k));
+      const auto column = static_cast<std::size_t>(k);
+      plan.feedback[column][static_cast<std::size_t>(i)] = static_cast<float>(tuning.rho * inverse(i, k));
+      plan.basis[column][static_cast<std::size_t>(i)] = static_cast<float>(haar_at(i, k, grid.bins));
     }
-    plan.publish[static_cast<std::size_t>(i)] =
-        static_cast<float>(0.5 * (haar_at(i, bins.before, grid.bins) + haar_at(i, bins.after, grid.bins)));
   }
 }
 

@@ -16,14 +16,15 @@ struct DensePlan {
   int bins = 0;
   int iterations = 0;
   float alpha = 1.0F;
-  float threshold = 0.0F;
+  float lambda = 0.0F;     // lambda_half of pixels that bring none of their own, in the units of the values
+  float threshold = 0.0F;  // for a lambda_half of 1
   float inverse_count = 0.0F;
   int samples = 0;
   std::array<int, kMaxSlots> slot{};
   std::array<std::array<float, kMaxDenseBins>, kMaxSlots> data{};   // [sample][coefficient]
   std::array<std::array<float, kMaxDenseBins>, kMaxSlots> start{};  // least squares: where the iteration begins
   std::array<std::array<float, kMaxDenseBins>, kMaxDenseBins> feedback{};
-  std::array<float, kMaxDenseBins> publish{};  // the estimate is publish . D
+  std::array<std::array<float, kMaxDenseBins>, kMaxDenseBins> basis{};  // [bin][coefficient]: x of a bin is basis . D
 };
 
 // No allocation. Thread: pipeline.

@@ -13,6 +13,13 @@ double value_at(const void* plane, PixelType type, std::size_t pixel) {
                                     : static_cast<double>(static_cast<const float*>(plane)[pixel]);
 }
 
+double subtract_mean(std::span<double> y) {
+  double mean = 0.0;
+  for (const double value : y) mean += value / static_cast<double>(y.size());
+  for (double& value : y) value -= mean;
+  return mean;
+}
+
 class ExactMethod final : public PixelMethod {
  public:
   explicit ExactMethod(const StreamTask& task) : task_(task) {}
@@ -24,9 +31,18 @@ class ExactMethod final : public PixelMethod {
   void run(const PixelRun& run) const noexcept override {
     std::array<double, kMaxSlots> y{};
     const auto samples = static_cast<std::size_t>(plan_->samples);
+    const Coefficients weights = publish_weights(*plan_, run.published);
+    Coefficients d;
     for (std::size_t pixel = run.begin; pixel < run.end; ++pixel) {
       for (std::size_t i = 0; i < samples; ++i) y[i] = value_at(run.planes[plan_->slot[i]], run.input, pixel);
-      store(deblur::solve(*plan_, {y.data(), samples}), pixel, run);
+      const double mean = subtract_mean({y.data(), samples});
+      double estimate = mean;
+      if (std::isfinite(mean)) {
+        const double lambda = run.lambda == nullptr ? plan_->lambda : static_cast<double>(run.lambda[pixel]);
+        deblur::solve(*plan_, {y.data(), samples}, lambda, d);
+        estimate += weights.dot(d);
+      }
+      store(estimate, pixel, run);
     }
   }
 

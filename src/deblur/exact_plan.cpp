@@ -31,14 +31,6 @@ Wavelet frame_level(int k, int bins, double repeat) {
   return {begin, begin + support / 2, begin + support, 1.0 / std::sqrt(support * repeat)};
 }
 
-// The wavelet that ends with its frame and is 2^level times narrower: the only one of the frame that can be non-zero.
-struct WithinFrame {
-  bool used = false;
-  int level = 0;
-  double value = 0.0;   // amplitude
-  double effect = 0.0;  // on the sample at the end of the frame
-};
-
 WithinFrame within_frame(const Settings& settings) {
   const int frames = settings.window - 1;
   const int all = 1 << settings.levels;
@@ -56,56 +48,51 @@ WithinFrame within_frame(const Settings& settings) {
 
 class Builder {
  public:
-  Builder(const Settings& settings, const Pattern& pattern)
-      : pattern_(pattern),
-        frames_(settings.window - 1),
-        bins_(std::min(1 << settings.levels, frames_)),
-        repeat_(static_cast<double>(1 << settings.levels) / bins_),
-        ratio_(settings.period_s / settings.tau_s),
-        within_(within_frame(settings)) {}
+  Builder(const ExactPlan& plan, const Settings& settings, const Pattern& pattern)
+      : plan_(plan), pattern_(pattern), frames_(settings.window - 1), ratio_(settings.period_s / settings.tau_s) {}
 
-  int columns() const { return bins_ + (within_.used ? frames_ : 0); }
+  int columns() const { return plan_.bins + (plan_.within.used ? frames_ : 0); }
 
   // Response of the sample at `slot` to every column.
   void fill_row(int slot, Columns& z, int row) const {
     for (int frame = pattern_.first; frame < slot; ++frame) {
       const double decay = std::exp(-ratio_ * (slot - 1 - frame));
-      const int bin = frame * bins_ / frames_;
-      for (int k = 0; k < bins_; ++k) z(row, k) -= std::expm1(-ratio_) * decay * frame_level(k, bins_, repeat_).at(bin);
-      if (within_.used) z(row, bins_ + frame) = decay * within_.effect;
+      const int bin = frame * plan_.bins / frames_;
+      for (int k = 0; k < plan_.bins; ++k) {
+        z(row, k) -= std::expm1(-ratio_) * decay * frame_level(k, plan_.bins, plan_.repeat).at(bin);
+      }
+      if (plan_.within.used) z(row, plan_.bins + frame) = decay * plan_.within.effect;
     }
-  }
-
-  // The input just before and just after the target's time, each with the given weight.
-  void fill_publish(double before, double after, Coefficients& publish) const {
-    const int frame = pattern_.target - 1;
-    for (int k = 0; k < bins_; ++k) {
-      const Wavelet wavelet = frame_level(k, bins_, repeat_);
-      publish(k) = before * wavelet.at(frame * bins_ / frames_);
-      if (after > 0.0) publish(k) += after * wavelet.at((frame + 1) * bins_ / frames_);
-    }
-    if (!within_.used) return;
-    publish(bins_ + frame) = -before * within_.value;  // wavelets are negative at the end of their frame
-    if (after > 0.0 && within_.level == 0) publish(bins_ + frame + 1) = after * within_.value;
   }
 
  private:
+  const ExactPlan& plan_;
   const Pattern& pattern_;
   int frames_;
-  int bins_;
-  double repeat_;
   double ratio_;
-  WithinFrame within_;
 };
+
+// Adds `weight` times the input in a bin of the grid. A frame has 2^(level + 1) of them when its wavelet is used: that
+// is positive in the last but one and negative in the last.
+void add_input(const ExactPlan& plan, int bin, double weight, Coefficients& publish) noexcept {
+  const int parts = plan.within.used ? 2 << plan.within.level : 1;
+  const int frame = bin / parts;
+  for (int k = 0; k < plan.bins; ++k) publish(k) += weight * frame_level(k, plan.bins, plan.repeat).at(frame);
+  if (!plan.within.used) return;
+  const int from_end = parts - 1 - bin % parts;
+  if (from_end < 2) publish(plan.bins + frame) += weight * (from_end == 1 ? 1.0 : -1.0) * plan.within.value;
+}
 
 }  // namespace
 
 void prepare(ExactPlan& plan, const Settings& settings, double lambda_half, const Pattern& pattern) noexcept {
-  const Builder builder(settings, pattern);
-  plan.lambda = lambda_half;
+  plan.lambda = static_cast<double>(static_cast<float>(lambda_half));
+  plan.bins = std::min(1 << settings.levels, settings.window - 1);
+  plan.repeat = static_cast<double>(1 << settings.levels) / plan.bins;
+  plan.within = within_frame(settings);
   plan.samples = 0;
+  const Builder builder(plan, settings, pattern);
   plan.z.setZero(pattern.count - 1, builder.columns());
-  plan.publish.setZero(builder.columns());
   for (int slot = 0; slot < pattern.slots; ++slot) {
     if (!pattern.received[static_cast<std::size_t>(slot)]) continue;
     plan.slot[static_cast<std::size_t>(plan.samples)] = slot;
@@ -114,27 +101,27 @@ void prepare(ExactPlan& plan, const Settings& settings, double lambda_half, cons
     if (slot != pattern.first) builder.fill_row(slot, plan.z, plan.samples - 1);
     ++plan.samples;
   }
-  const bool last = pattern.target == pattern.slots - 1;
-  builder.fill_publish(last ? 1.0 : 0.5, last ? 0.0 : 0.5, plan.publish);
   Gram gram(builder.columns(), builder.columns());
   gram.noalias() = plan.z.transpose().lazyProduct(plan.z);
   plan.lasso.set_gram(gram);
 }
 
-double solve(const ExactPlan& plan, std::span<const double> y) noexcept {
-  double mean = 0.0;
-  for (const double value : y) mean += value / static_cast<double>(y.size());
+void solve(const ExactPlan& plan, std::span<const double> y, double lambda_half, Coefficients& d) noexcept {
   Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMaxSlots, 1> data(plan.samples - 1);
   for (int i = 1; i < plan.samples; ++i) {
     const auto at = static_cast<std::size_t>(i);
-    data(i - 1) = (y[at] - mean) - (y[0] - mean) * plan.decay[at];
+    data(i - 1) = y[at] - y[0] * plan.decay[at];
   }
   Coefficients h = Coefficients::Zero(plan.z.cols());
   if (plan.samples > 1) h.noalias() = plan.z.transpose().lazyProduct(data);
-  Coefficients d;
-  if (!std::isfinite(mean)) return mean;
-  plan.lasso.solve(h, plan.lambda, d);
-  return mean + plan.publish.dot(d);
+  plan.lasso.solve(h, lambda_half, d);
+}
+
+Coefficients publish_weights(const ExactPlan& plan, const Published& published) noexcept {
+  Coefficients weights = Coefficients::Zero(plan.z.cols());
+  add_input(plan, published.before, static_cast<double>(published.weight_before), weights);
+  add_input(plan, published.after, static_cast<double>(published.weight_after), weights);
+  return weights;
 }
 
 }  // namespace bolo::deblur

@@ -13,20 +13,33 @@ namespace bolo::deblur {
 // wavelet of each frame.
 using Columns = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxSlots, kMaxColumns>;
 
+// The wavelet that ends with its frame and is 2^level times narrower: the only one of the frame that can be non-zero.
+struct WithinFrame {
+  bool used = false;
+  int level = 0;
+  double value = 0.0;   // amplitude
+  double effect = 0.0;  // on the sample at the end of the frame
+};
+
 struct ExactPlan {
-  double lambda = 0.0;  // half-square, in the units of the values
+  double lambda = 0.0;  // lambda_half of pixels that bring none of their own, in the units of the values
+  int bins = 0;         // frame-level columns
+  double repeat = 1.0;  // bins of the full problem that one of them stands for
+  WithinFrame within;   // the columns after them, one a frame, when used
   int samples = 0;
   std::array<int, kMaxSlots> slot{};
   std::array<double, kMaxSlots> decay{};  // of the reference until the sample
   Columns z;                              // one row for each sample after the reference
-  Coefficients publish;                   // the estimate is publish . D
   Lasso lasso;
 };
 
 // lambda_half in the units of the values. No allocation. Thread: pipeline.
 void prepare(ExactPlan& plan, const Settings& settings, double lambda_half, const Pattern& pattern) noexcept;
 
-// One pixel: y holds its received samples in the order of time. Thread: worker.
-double solve(const ExactPlan& plan, std::span<const double> y) noexcept;
+// One pixel's coefficients D: y holds its received samples in the order of time, less `mean`. Thread: worker.
+void solve(const ExactPlan& plan, std::span<const double> y, double lambda_half, Coefficients& d) noexcept;
+
+// What is published is publish_weights() . D, less the mean; bins are those of reduce(). Thread: worker.
+Coefficients publish_weights(const ExactPlan& plan, const Published& published) noexcept;
 
 }  // namespace bolo::deblur

@@ -23,7 +23,8 @@ Grid reduce(const Settings& settings, double lambda_half) {
   }
   grid.parts = std::max(1, grid.bins / grid.frames);
   grid.frames_per_bin = std::max(1, grid.frames / grid.bins);
-  grid.lambda = lambda_half * std::sqrt(static_cast<double>(all) / grid.bins);
+  grid.lambda_scale = std::sqrt(static_cast<double>(all) / grid.bins);
+  grid.lambda = lambda_half * grid.lambda_scale;
   return grid;
 }
 

@@ -14,12 +14,13 @@ inline constexpr int kMaxBins = 1024;  // 2^levels
 // The bins of the reduced problem: minimise 1/2 ||M (G x - Y)||^2 + lambda ||H x||_1 over x, H orthonormal Haar of size
 // `bins`. It has exactly the optimum of the problem with 2^levels bins (design: exact reduction).
 struct Grid {
-  int frames = 16;         // N: frame intervals of the window
-  int bins = 16;           // unknowns, a power of two
-  int parts = 1;           // bins of one frame interval; 1 when a bin is longer
-  int frames_per_bin = 1;  // frame intervals of one bin; 1 when a bin is shorter
-  double lambda = 0.0;     // of the reduced problem, in the units of lambda_half
-  double ratio = 0.0;      // T / tau
+  int frames = 16;            // N: frame intervals of the window
+  int bins = 16;              // unknowns, a power of two
+  int parts = 1;              // bins of one frame interval; 1 when a bin is longer
+  int frames_per_bin = 1;     // frame intervals of one bin; 1 when a bin is shorter
+  double lambda = 0.0;        // of the reduced problem, in the units of lambda_half
+  double lambda_scale = 1.0;  // lambda = lambda_scale * lambda_half
+  double ratio = 0.0;         // T / tau
 
   // exp(-T / tau) over one bin; of use when parts >= 1.
   double bin_decay() const;

@@ -72,12 +72,16 @@ std::vector<std::string_view> available_isas() {
   return names;
 }
 
+std::string_view best_isa() { return best_kernels().isa; }
+
 bool force_isa(std::string_view isa) {
   if (isa.empty()) forced = nullptr;
   for (const Kernels* k : available()) {
-    if (k->isa == isa) forced = k;
+    if (k->isa != isa) continue;
+    forced = k;
+    return true;
   }
-  return isa.empty() || best_kernels().isa == isa;
+  return isa.empty();
 }
 
 }  // namespace bolo::deblur

@@ -4,9 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
-#include <vector>
 
 #include "bolo/core/plane.hpp"
+#include "bolo/deblur/isa.hpp"
 #include "src/deblur/banded_plan.hpp"
 #include "src/deblur/dense_plan.hpp"
 #include "src/deblur/inverse_plan.hpp"
@@ -41,12 +41,5 @@ struct Kernels {
 
 // The best this processor has, or the one forced. Thread: setup.
 const Kernels& best_kernels();
-
-// Names of the instruction sets that are built in and that this processor can run, best first. Thread: setup.
-std::vector<std::string_view> available_isas();
-
-// For tests and benchmarks: solvers created from now on use this instruction set; "" goes back to the best. False when
-// it is not available. Thread: setup.
-bool force_isa(std::string_view isa);
 
 }  // namespace bolo::deblur

@@ -24,6 +24,7 @@ class Lasso {
 
  private:
   void sweep(double lambda, Coefficients& d, Coefficients& gradient) const noexcept;
+  void follow_path(const Coefficients& h, double lambda, Coefficients& d) const noexcept;
   bool polish(const Coefficients& h, double lambda, Coefficients& d) const noexcept;
 
   Gram gram_;

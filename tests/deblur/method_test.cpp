@@ -1,0 +1,121 @@
+// What every way to estimate a pixel owes to PlaneSolver: a lambda for each pixel, and any mean of two bins.
+#include "src/deblur/method.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "tests/deblur/inputs.hpp"
+
+namespace bolo::deblur {
+namespace {
+
+using testing::Input;
+using testing::InputSource;
+
+constexpr std::size_t kPixels = 45;
+
+struct Way {
+  const char* name;
+  std::unique_ptr<PixelMethod> (*make)(const StreamTask&);
+  int levels;
+};
+
+StreamTask task_of(int levels, double lambda_half) {
+  StreamTask task;
+  task.settings.levels = levels;
+  task.settings.lambda = lambda_half * 2.0 * task.settings.kappa;
+  task.input.type = PixelType::kFloat32;
+  task.input.scale = {Unit::kKelvin, 1.0, 0.0};
+  task.output = PixelType::kFloat32;
+  return task;
+}
+
+class Methods : public ::testing::TestWithParam<Way> {
+ protected:
+  Methods() : planes_(17, std::vector<float>(kPixels)) {
+    InputSource source(17, 0.45, 3U);
+    for (std::size_t pixel = 0; pixel < kPixels; ++pixel) {
+      const std::vector<double> y = source.pixel(testing::kInputs[pixel % std::size(testing::kInputs)]);
+      for (std::size_t slot = 0; slot < y.size(); ++slot) planes_[slot][pixel] = static_cast<float>(y[slot]);
+    }
+    for (const auto& plane : planes_) pointers_.push_back(plane.data());
+    pattern_ = pattern_of({pointers_, 16});
+  }
+
+  // All pixels with a solver for `lambda_half`.
+  std::vector<float> run(double lambda_half, const Published& published, const float* lambda = nullptr) const {
+    const auto method = GetParam().make(task_of(GetParam().levels, lambda_half));
+    method->prepare(pattern_);
+    std::vector<float> out(kPixels);
+    PixelRun run;
+    run.planes = pointers_.data();
+    run.input = PixelType::kFloat32;
+    run.output = PixelType::kFloat32;
+    run.end = kPixels;
+    run.out = out.data();
+    run.published = published;
+    run.lambda = lambda;
+    method->run(run);
+    return out;
+  }
+
+  int last_bin() const { return std::min(1 << GetParam().levels, 16) - 1; }
+
+ private:
+  std::vector<std::vector<float>> planes_;
+  std::vector<const void*> pointers_;
+  Pattern pattern_;
+};
+
+TEST_P(Methods, TheSameLambdaInEveryPixelGivesTheSameBits) {
+  const Published last{last_bin(), last_bin()};
+  const std::vector<float> lambda(kPixels, 0.05F);
+  EXPECT_EQ(run(0.05, last, lambda.data()), run(0.05, last));
+}
+
+TEST_P(Methods, EachPixelHasItsOwnLambda) {
+  const Published last{last_bin(), last_bin()};
+  std::vector<float> lambda(kPixels);
+  for (std::size_t i = 0; i < kPixels; ++i) lambda[i] = i % 3 == 0 ? 0.02F : 0.2F;
+  const std::vector<float> mixed = run(0.1, last, lambda.data());
+  const std::vector<float> low(kPixels, 0.02F);
+  const std::vector<float> high(kPixels, 0.2F);
+  const std::vector<float> all_low = run(0.1, last, low.data());
+  const std::vector<float> all_high = run(0.1, last, high.data());
+  bool differs = false;
+  for (std::size_t i = 0; i < kPixels; ++i) {
+    EXPECT_EQ(mixed[i], i % 3 == 0 ? all_low[i] : all_high[i]) << i;
+    differs = differs || all_low[i] != all_high[i];
+  }
+  EXPECT_TRUE(differs);
+}
+
+TEST_P(Methods, LambdaOfPixelsIsThatOfSettings) {
+  const Published last{last_bin(), last_bin()};
+  const std::vector<float> lambda(kPixels, 0.05F);
+  const std::vector<float> by_pixel = run(0.1, last, lambda.data());
+  const std::vector<float> by_settings = run(0.05, last);
+  for (std::size_t i = 0; i < kPixels; ++i) EXPECT_NEAR(by_pixel[i], by_settings[i], 0.05F) << i;
+}
+
+TEST_P(Methods, AnyTwoBinsArePublished) {
+  const int last = last_bin();
+  const std::vector<float> first = run(0.05, {last - 2, last - 2});
+  const std::vector<float> second = run(0.05, {last, last});
+  const std::vector<float> both = run(0.05, {last - 2, last, 0.25F, 0.75F});
+  EXPECT_NE(first, second);
+  for (std::size_t i = 0; i < kPixels; ++i) {
+    EXPECT_NEAR(both[i], 0.25F * first[i] + 0.75F * second[i], 1e-3F) << i;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Method, Methods,
+                         ::testing::Values(Way{"admm", make_admm, 7}, Way{"admm_long_bins", make_admm, 3},
+                                           Way{"exact", make_exact, 7}, Way{"exact_long_bins", make_exact, 3}),
+                         [](const auto& each) { return std::string(each.param.name); });
+
+}  // namespace
+}  // namespace bolo::deblur
