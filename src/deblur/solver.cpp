@@ -18,6 +18,13 @@ Status validate(const StreamFormat& input) {
   return {};
 }
 
+// What settings may name and no method here does.
+Status available(const Settings& settings) {
+  if (settings.method == Method::kMmae) return bad_input("deblur: solver mmae is not built in; use admm or exact");
+  if (settings.auto_lambda) return bad_input("deblur: lambda = auto is not built in; give a number");
+  return {};
+}
+
 // Without a prior any input that explains the samples is optimal; the inverse filter is the one that is constant
 // between samples. Bins longer than a frame leave no such freedom.
 std::unique_ptr<PixelMethod> make_method(const StreamTask& task) {
@@ -34,6 +41,7 @@ Result<std::unique_ptr<Solver>> Solver::create(const Settings& settings, const S
                                                const model::PixelMaps& maps) {
   if (const Status good = deblur::validate(settings); !good) return tl::unexpected<Error>(good.error());
   if (const Status good = validate(input); !good) return tl::unexpected<Error>(good.error());
+  if (const Status good = available(settings); !good) return tl::unexpected<Error>(good.error());
   auto correction = Correction::create(settings, input, maps);
   if (!correction) return tl::unexpected<Error>(correction.error());
   const StreamTask task{settings, input, output};

@@ -22,6 +22,11 @@ KeyTable profile_keys(CameraProfile& profile) {
   keys.number("noise_k", profile.noise_k, {0.0, 100.0, "K"}, "Temporal noise of one pixel, root mean square.");
   keys.number("quantisation_k", profile.quantisation_k, {0.0, 100.0, "K"},
               "Temperature step of one count; 0.01 in TemperatureLinear10mK.");
+  keys.number("row_delay_s", profile.row_delay_s, {-1e-2, 1e-2, "s"},
+              "Rolling read-out: from the sample of one sensor row to that of the next; every row is published at the "
+              "time of row 0. Negative when the last row comes first.");
+  keys.file("maps", profile.maps, "a655sc-maps.h5",
+            "HDF5 file beside this one with parameters of single pixels: tau_s, gain, offset_k, dead. Left out: none.");
   keys.section("camera", "which camera this is");
   keys.text("model", profile.model, "Model, for people.");
   keys.text("serial", profile.serial, "Serial number; a camera with another one is told in the log. Empty: any.");
