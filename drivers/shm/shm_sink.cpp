@@ -55,6 +55,9 @@ Status check(const ShmOptions& options, const pipeline::SinkFormat& format) {
   }
   if (stream.geometry.width <= 0 || stream.geometry.height <= 0)
     return failed("shared memory: the frame has no pixels");
+  if (format.region || !format.points.empty()) {
+    return bad_input("shared memory carries whole frames, not a region or points of them");
+  }
   if ((options.mode & ~kModeBits) != 0 || (options.mode & kOwnerBits) != kOwnerBits) {
     return bad_input("shm.mode must be permission bits with 0600 among them, at most 0777");
   }

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "bolo/capture/capture.hpp"
@@ -6,6 +7,11 @@
 #include "src/capture/stimulus_io.hpp"
 
 namespace bolo::capture {
+namespace {
+
+constexpr double kMostPlaces = 1 << 20;  // columns or rows of any camera
+
+}  // namespace
 
 struct CaptureReader::Impl {
   std::string name;
@@ -44,6 +50,27 @@ Result<Stimulus> CaptureReader::stimulus() const { return impl_->contents.stimul
 Result<std::vector<Attribute>> CaptureReader::attributes() const {
   const h5::Quiet quiet;
   return other_attributes(impl_->file.get());
+}
+
+Result<std::vector<Point>> CaptureReader::points() const {
+  const h5::Quiet quiet;
+  std::vector<Point> points;
+  if (!h5::exists(impl_->file.get(), "/points")) return points;
+  const Result<std::vector<double>> x = h5::read_doubles(impl_->file.get(), "/points/x");
+  if (!x) return at(impl_->name, x.error());
+  const Result<std::vector<double>> y = h5::read_doubles(impl_->file.get(), "/points/y");
+  if (!y) return at(impl_->name, y.error());
+  const std::size_t pixels = impl_->contents.info.format.geometry.pixels();
+  if (x->size() != pixels || y->size() != pixels) {
+    return bad_input(impl_->name + ": /points has " + std::to_string(x->size()) + " x and " +
+                     std::to_string(y->size()) + " y for frames of " + std::to_string(pixels) + " pixels");
+  }
+  const auto off = [](double v) { return !(v >= 0.0 && v < kMostPlaces); };
+  if (std::any_of(x->begin(), x->end(), off) || std::any_of(y->begin(), y->end(), off)) {
+    return bad_input(impl_->name + ": /points has values that are no column or row");
+  }
+  for (std::size_t i = 0; i < pixels; ++i) points.push_back({static_cast<int>((*x)[i]), static_cast<int>((*y)[i])});
+  return points;
 }
 
 Status CaptureReader::read_frame(std::size_t index, void* out) const {

@@ -333,6 +333,27 @@ Status CaptureWriter::add_event(const Event& event) {
   return {};
 }
 
+Status CaptureWriter::write_points(const std::vector<Point>& points) {
+  const h5::Quiet quiet;
+  Impl& w = *impl_;
+  if (!w.file) return w.closed();
+  const Geometry g = w.info.format.geometry;
+  if (g.height != 1 || points.size() != g.pixels()) {
+    return bad_input(w.final_name.string() + ": " + std::to_string(points.size()) + " points for frames of " +
+                     std::to_string(g.width) + "x" + std::to_string(g.height) + "; give one for each pixel of one row");
+  }
+  if (Status good = w.make_room(2 * sizeof(std::int32_t) * (points.size() + kSeriesChunk)); !good) return good;
+  for (const auto& [path, member] : {std::pair{"/points/x", &Point::x}, std::pair{"/points/y", &Point::y}}) {
+    std::vector<std::int32_t> values;
+    for (const Point& point : points) values.push_back(point.*member);
+    const h5::Handle dataset = create_dataset(w.file.get(), path, H5T_NATIVE_INT32, {kSeriesChunk}, 0);
+    if (!dataset || !write_rows(dataset.get(), H5T_NATIVE_INT32, 0, values.size(), values.data())) {
+      return w.broken(std::string(path) + " cannot be written");
+    }
+  }
+  return {};
+}
+
 Status CaptureWriter::write_attribute(const std::string& name, double value) {
   const h5::Quiet quiet;
   if (!impl_->file) return impl_->closed();

@@ -5,6 +5,8 @@
 #include <string_view>
 #include <utility>
 
+#include "bolo/capture/pixel_maps_io.hpp"
+#include "bolo/deblur/isa.hpp"
 #include "bolo/model/strict_toml.hpp"
 #include "drivers/shm/shm_object.hpp"
 
@@ -30,8 +32,11 @@ constexpr Names<genicam::IrFormat, 4> kIrFormats{{{"leave", genicam::IrFormat::k
                                                   {"radiometric", genicam::IrFormat::kRadiometric},
                                                   {"100mk", genicam::IrFormat::kTemperatureLinear100mK},
                                                   {"10mk", genicam::IrFormat::kTemperatureLinear10mK}}};
-constexpr Names<deblur::Method, 3> kMethods{
-    {{"admm", deblur::Method::kAdmm}, {"exact", deblur::Method::kExact}, {"inverse", deblur::Method::kInverse}}};
+constexpr Names<deblur::Method, 5> kMethods{{{"admm", deblur::Method::kAdmm},
+                                             {"dual", deblur::Method::kDual},
+                                             {"exact", deblur::Method::kExact},
+                                             {"inverse", deblur::Method::kInverse},
+                                             {"mmae", deblur::Method::kMmae}}};
 constexpr Names<LogLevel, 4> kLevels{{{"debug", LogLevel::kDebug},
                                       {"info", LogLevel::kInfo},
                                       {"warning", LogLevel::kWarning},
@@ -90,18 +95,23 @@ void deblur_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.section("deblur", "how frames are made sharp");
   keys.choice<deblur::Method>(
       "solver", s.method, kMethods,
-      "admm: fixed iterations, for live work. exact: to convergence, slow. inverse: no prior, for little noise.");
-  keys.number("lambda", s.lambda, {0.0, 1e6, "K (counts when the source has no kelvin)"},
-              "Weight of the prior in kappa |V H^T D - Y|^2 + lambda |D|_1. More smooths more; follow the noise.");
+      "admm, dual: fixed iterations, for live work. exact: to convergence, slow. inverse: no prior, for little noise. "
+      "mmae: many motion models, weighted.");
+  keys.number_or_word(
+      "lambda", s.lambda, s.auto_lambda, "auto", {0.0, 1e6, "K (counts when the source has no kelvin)"},
+      "Weight of the prior in kappa |V H^T D - Y|^2 + lambda |D|_1. More smooths more; auto follows noise and motion.");
+  keys.number("noise_k", s.noise_k, {0.0, 1000.0, "K (counts when the source has no kelvin)"},
+              "Temporal noise that mmae and lambda = \"auto\" reckon with; 0: measured.");
   keys.number("kappa", s.kappa, {1e-9, 1e9, ""}, "Weight of the data in the same sum.");
   keys.integer("iterations", s.iterations, {0, 1000, ""},
-               "Iterations of admm; 0: as many as the accuracy needs at this lambda.");
+               "Iterations of admm and dual; 0: as many as the accuracy needs at this lambda.");
   keys.integer("window", s.window, {3, 65, "frames"}, "Frames a window: a power of two, and one.");
   keys.integer("levels", s.levels, {1, 10, ""}, "The window's time is divided into 2^levels bins.");
   keys.integer(
       "lookahead", s.lookahead, {0, 63, "frames"},
       "Frames after the estimated one that the window holds: each costs a frame of delay and lowers the error.");
   keys.integer("workers", c.pipeline.workers, {1, 64, "threads"}, "Threads that share each frame's rows.");
+  keys.text("isa", c.isa, "Instruction set of the kernels: AVX3, AVX2, SSE4 ...; auto: the best that runs here.");
   keys.number("tau_s", o.tau_s, c.profile.tau_s, {1e-4, 1.0, "s"},
               "Thermal time constant. Left out: the profile's tau_s.");
 }
@@ -148,6 +158,9 @@ Status apply_profile(DaemonConfig& config, const Overrides& overrides) {
     if (!profile) return tl::unexpected<Error>(profile.error());
     config.profile = *profile;
   }
+  Result<model::PixelMaps> maps = capture::read_profile_maps(config.profile);
+  if (!maps) return tl::unexpected<Error>(maps.error());
+  config.pipeline.maps = std::move(*maps);
   const model::CameraProfile& profile = config.profile;
   const auto order = profile.big_endian_pixels ? genicam::PixelOrder::kBigEndian : genicam::PixelOrder::kLittleEndian;
   config.camera.rate_hz = overrides.rate_hz.value_or(1.0 / profile.frame_period_s);
@@ -168,6 +181,7 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
   if (config.source == SourceType::kReplay && config.replay.file.empty()) {
     return here("source.type", "source.type = \"replay\" needs source.file, the capture to replay");
   }
+  if (const Status isa = deblur::check_isa(config.isa); !isa) return here("deblur.isa", isa.error().message);
   const deblur::Settings& settings = config.pipeline.deblur;
   if (const Status status = deblur::validate(settings); !status) return here("", status.error().message);
   const int needed = settings.window + settings.lookahead;

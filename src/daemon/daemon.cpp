@@ -14,6 +14,7 @@
 
 #include "bolo/core/clock.hpp"
 #include "bolo/daemon/health.hpp"
+#include "bolo/deblur/isa.hpp"
 #include "src/daemon/compose.hpp"
 
 namespace bolo::daemon {
@@ -73,6 +74,7 @@ Status Daemon::Impl::compose() {
   sinks = make_sinks(config);
   std::vector<pipeline::FrameSink*> lent;
   for (const auto& sink : sinks) lent.push_back(sink.get());
+  if (const Status status = deblur::choose_isa(config.isa); !status) return status;
   pipeline::PipelineOptions options = config.pipeline;
   options.warn = [log = log](const std::string& what) { log->warn(what); };
   auto made = pipeline::Pipeline::create(std::move(source->source), std::move(lent), options);

@@ -44,6 +44,12 @@ Status check_row_delay(const Settings& settings, const StreamFormat& input, cons
 
 Status check(const Settings& settings, const StreamFormat& input, const model::PixelMaps& maps) {
   const Geometry geometry = input.geometry;
+  if (maps.geometry != Geometry{} && maps.geometry != geometry) {
+    std::ostringstream text;
+    text << "maps are for frames of " << maps.geometry.width << "x" << maps.geometry.height << ", but the stream's are "
+         << geometry.width << "x" << geometry.height << "; give the maps of this frame size";
+    return bad_input(text.str());
+  }
   const auto finite = [](double v) { return std::isfinite(v); };
   const auto positive = [](double v) { return std::isfinite(v) && v > 0.0; };
   Status status = check_map("tau_s", maps.tau_s, geometry, "above 0 and below 1 s",

@@ -6,7 +6,7 @@ namespace bolo::model {
 namespace {
 
 constexpr std::string_view kHeading =
-    "# What is known of one camera. The four keys before the sections are enough; every key may be left out.\n"
+    "# What is known of one camera. The first four keys are enough; every key may be left out.\n"
     "# Keys marked 'unproven' were read in documents and programs, not measured on this camera.\n\n";
 
 constexpr std::array<std::pair<std::string_view, bool>, 2> kByteOrders{{{"little", false}, {"big", true}}};
@@ -22,6 +22,11 @@ KeyTable profile_keys(CameraProfile& profile) {
   keys.number("noise_k", profile.noise_k, {0.0, 100.0, "K"}, "Temporal noise of one pixel, root mean square.");
   keys.number("quantisation_k", profile.quantisation_k, {0.0, 100.0, "K"},
               "Temperature step of one count; 0.01 in TemperatureLinear10mK.");
+  keys.number(
+      "row_delay_s", profile.row_delay_s, {-1e-2, 1e-2, "s"},
+      "Rolling read-out: from one sensor row's sample to the next row's. All rows are published at row 0's time.");
+  keys.file("maps", profile.maps, "a655sc-maps.h5",
+            "HDF5 file with parameters of single pixels: tau_s, gain, offset_k, dead. Left out: none.");
   keys.section("camera", "which camera this is");
   keys.text("model", profile.model, "Model, for people.");
   keys.text("serial", profile.serial, "Serial number; a camera with another one is told in the log. Empty: any.");

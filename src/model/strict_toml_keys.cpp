@@ -124,6 +124,25 @@ void KeyTable::number(std::string_view key, std::optional<double>& value, double
        number_check(value, range)});
 }
 
+void KeyTable::number_or_word(std::string_view key, double& value, bool& is_word, std::string_view word, Range range,
+                              std::string_view meaning) {
+  const std::string limits = range_text(range) + ", or " + in_quotes(word);
+  const auto check = [&value, &is_word, word = std::string(word), range, limits](const Value& given) -> Checked {
+    const auto* text = std::get_if<std::string>(&given);
+    if (text != nullptr && *text == word) return [&is_word] { is_word = true; };
+    const auto* whole = std::get_if<std::int64_t>(&given);
+    const auto* real = std::get_if<double>(&given);
+    if (whole == nullptr && real == nullptr) return wrong(" must be a number: " + limits);
+    const double number = whole != nullptr ? static_cast<double>(*whole) : *real;
+    if (!inside(number, range)) return wrong(" = " + plain_text(number) + " is out of range: " + limits);
+    return [&value, &is_word, number] {
+      value = number;
+      is_word = false;
+    };
+  };
+  add({std::string(key), limits, std::string(meaning), is_word ? in_quotes(word) : float_text(value), false, check});
+}
+
 void KeyTable::integer(std::string_view key, int& value, Range range, std::string_view meaning) {
   add({std::string(key), range_text(range), std::string(meaning), std::to_string(value), false,
        integer_check(value, range)});

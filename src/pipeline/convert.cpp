@@ -1,6 +1,8 @@
 #include "src/pipeline/convert.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -43,6 +45,15 @@ void convert(const StreamFormat& input, const void* raw, PixelType output, void*
   for (std::size_t i = range.begin; i < range.end; ++i) to[i] = to_uint16(f32[i]);
 }
 
+void convert(const StreamFormat& input, const void* raw, PixelType output, void* out,
+             std::span<const std::uint32_t> pixels) noexcept {
+  const auto* from = static_cast<const std::byte*>(raw);
+  auto* to = static_cast<std::byte*>(out);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    convert(input, from + pixels[i] * bytes_of(input.type), output, to + i * bytes_of(output), PixelRange{0, 1});
+  }
+}
+
 bool saturated(PixelType type, const void* raw, PixelRange range) noexcept {
   if (type != PixelType::kUint16) return false;
   const auto* values = static_cast<const std::uint16_t*>(raw);
@@ -57,6 +68,12 @@ bool saturated(PixelType type, const void* raw, PixelRange range) noexcept {
     if (values[i] == kTop) return true;
   }
   return false;
+}
+
+bool saturated(PixelType type, const void* raw, std::span<const std::uint32_t> pixels) noexcept {
+  if (type != PixelType::kUint16) return false;
+  const auto* values = static_cast<const std::uint16_t*>(raw);
+  return std::any_of(pixels.begin(), pixels.end(), [values](std::uint32_t pixel) { return values[pixel] == kTop; });
 }
 
 }  // namespace bolo::pipeline

@@ -1,6 +1,9 @@
 // Raw planes as they are published before a window is full, and what is seen in them on the way.
 #pragma once
 
+#include <cstdint>
+#include <span>
+
 #include "bolo/core/plane.hpp"
 
 namespace bolo::pipeline {
@@ -15,7 +18,12 @@ struct PixelRange {
 // Thread: worker.
 void convert(const StreamFormat& input, const void* raw, PixelType output, void* out, PixelRange range) noexcept;
 
+// The same for single pixels, row-major indices: out[i] becomes pixel pixels[i]. Thread: worker.
+void convert(const StreamFormat& input, const void* raw, PixelType output, void* out,
+             std::span<const std::uint32_t> pixels) noexcept;
+
 // True when a value lies at the end of the 16-bit range; always false for float planes. Thread: worker.
 bool saturated(PixelType type, const void* raw, PixelRange range) noexcept;
+bool saturated(PixelType type, const void* raw, std::span<const std::uint32_t> pixels) noexcept;
 
 }  // namespace bolo::pipeline

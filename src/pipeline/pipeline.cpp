@@ -1,8 +1,11 @@
 #include "bolo/pipeline/pipeline.hpp"
 
+#include <algorithm>
+#include <cstddef>
 #include <cstring>
 #include <memory>
 #include <new>
+#include <span>
 #include <utility>
 
 #include "bolo/core/clock.hpp"
@@ -58,6 +61,28 @@ class OpenSinks {
   std::vector<FrameSink*> open_;
 };
 
+// Values of a deblurred plane. Points may be named more than once.
+std::size_t solved_pixels(Geometry geometry, const PipelineOptions& options) {
+  return options.points.empty() ? geometry.pixels() : options.points.size();
+}
+
+std::string size_text(Geometry g) { return std::to_string(g.width) + "x" + std::to_string(g.height); }
+
+Status check_pixels(const PipelineOptions& options, Geometry geometry) {
+  if (options.region && !options.points.empty()) return bad_input("give a region or points, not both");
+  if (options.region && !options.region->inside(geometry)) {
+    const Region& r = *options.region;
+    return bad_input("region " + std::to_string(r.x) + "," + std::to_string(r.y) + "," + std::to_string(r.width) + "," +
+                     std::to_string(r.height) + " (x,y,width,height) is not inside the frame of " +
+                     size_text(geometry));
+  }
+  const auto outside = [&](std::uint32_t pixel) { return pixel >= geometry.pixels(); };
+  if (std::any_of(options.points.begin(), options.points.end(), outside)) {
+    return bad_input("a point is not inside the frame of " + size_text(geometry));
+  }
+  return {};
+}
+
 Status check(const PipelineOptions& options, const StreamFormat& format) {
   if (options.workers < 1 || options.workers > kMaxWorkers) {
     return bad_input("workers = " + std::to_string(options.workers) + ": give 1 to " + std::to_string(kMaxWorkers));
@@ -67,10 +92,9 @@ Status check(const PipelineOptions& options, const StreamFormat& format) {
                      std::to_string(kMaxQueueFrames));
   }
   if (format.geometry.width < 1 || format.geometry.height < 1) {
-    return bad_input("the source has no picture: " + std::to_string(format.geometry.width) + "x" +
-                     std::to_string(format.geometry.height));
+    return bad_input("the source has no picture: " + size_text(format.geometry));
   }
-  return {};
+  return check_pixels(options, format.geometry);
 }
 
 }  // namespace
@@ -87,7 +111,7 @@ struct Pipeline::Impl {
         window(settings),
         inlet(info.format, static_cast<std::size_t>(window.slots()), static_cast<std::size_t>(options.queue_frames)),
         stats(inlet),
-        deblurred(plane_bytes(info.format.geometry, options.output)),
+        deblurred(solved_pixels(info.format.geometry, options) * bytes_of(options.output)),
         team(options.workers, options.thread),
         band_saturated(static_cast<std::size_t>(team.size())) {}
 
@@ -106,6 +130,9 @@ struct Pipeline::Impl {
 
   // --- each worker ---
   void work(int worker) noexcept;
+  bool solve_part(const Region& part) noexcept;
+  bool solve_points(std::size_t begin, std::size_t end) noexcept;
+  std::size_t workers() const noexcept { return static_cast<std::size_t>(team.size()); }
 
   std::unique_ptr<FrameSource> source;
   SourceInfo info;
@@ -132,18 +159,44 @@ struct Pipeline::Impl {
 
 // Each worker owns a contiguous band of rows, the same for every frame: its window stays in its core's cache.
 void Pipeline::Impl::work(int worker) noexcept {
-  const int height = info.format.geometry.height;
-  const int first_row = height * worker / team.size();
-  const int end_row = height * (worker + 1) / team.size();
-  const auto width = static_cast<std::size_t>(info.format.geometry.width);
-  const PixelRange pixels{static_cast<std::size_t>(first_row) * width, static_cast<std::size_t>(end_row) * width};
-  if (pixels.begin == pixels.end) return;
-  if (job->full) {
-    solver->solve(job->view, {0, first_row, info.format.geometry.width, end_row - first_row}, deblurred.data());
-  } else {
-    convert(info.format, job->frame.plane, options.output, deblurred.data(), pixels);
+  bool& saturation = band_saturated[static_cast<std::size_t>(worker)].value;
+  saturation = false;
+  if (!options.points.empty()) {
+    const auto share = [&](int w) { return options.points.size() * static_cast<std::size_t>(w) / workers(); };
+    saturation = solve_points(share(worker), share(worker + 1));
+    return;
   }
-  band_saturated[static_cast<std::size_t>(worker)].value = saturated(info.format.type, job->frame.plane, pixels);
+  const Region all = options.region.value_or(Region{0, 0, info.format.geometry.width, info.format.geometry.height});
+  const int first_row = all.height * worker / team.size();
+  const int end_row = all.height * (worker + 1) / team.size();
+  if (first_row < end_row) saturation = solve_part({all.x, all.y + first_row, all.width, end_row - first_row});
+}
+
+// True when a raw value lies at the end of the range.
+bool Pipeline::Impl::solve_part(const Region& part) noexcept {
+  const auto width = static_cast<std::size_t>(info.format.geometry.width);
+  const auto part_width = static_cast<std::size_t>(part.width);
+  const int step = part.width == info.format.geometry.width ? part.height : 1;
+  bool found = false;
+  if (job->full) solver->solve(job->view, part, deblurred.data());
+  for (int row = part.y; row < part.y + part.height; row += step) {
+    const std::size_t begin = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(part.x);
+    const PixelRange pixels{begin, begin + static_cast<std::size_t>(step) * part_width};
+    if (!job->full) convert(info.format, job->frame.plane, options.output, deblurred.data(), pixels);
+    found = saturated(info.format.type, job->frame.plane, pixels) || found;
+  }
+  return found;
+}
+
+bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
+  const std::span<const std::uint32_t> pixels(options.points.data() + begin, end - begin);
+  void* out = static_cast<std::byte*>(deblurred.data()) + begin * bytes_of(options.output);
+  if (job->full) {
+    solver->solve_points(job->view, pixels, out);
+  } else {
+    convert(info.format, job->frame.plane, options.output, out, pixels);
+  }
+  return saturated(info.format.type, job->frame.plane, pixels);
 }
 
 void Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
@@ -222,13 +275,19 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
   deblur::Settings settings = options.deblur;
   settings.period_s = info->format.frame_period_s;
   if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
-  auto solver = deblur::Solver::create(settings, info->format, options.output);
+  auto solver = deblur::Solver::create(settings, info->format, options.output, options.maps);
   if (!solver) return tl::unexpected(solver.error());
   settings.iterations = (*solver)->iterations();
 
   auto impl = std::make_unique<Impl>(std::move(source), std::move(*info), std::move(*solver), settings, options);
   impl->warn(impl->team.status());
-  const SinkFormat format{impl->info, options.output, settings, impl->text};
+  const SinkFormat format{.source = impl->info,
+                          .deblurred_type = options.output,
+                          .deblur = settings,
+                          .solver_text = impl->text,
+                          .maps = !options.maps.empty(),
+                          .region = options.region,
+                          .points = options.points};
   if (Status status = impl->sinks.open(sinks, format); !status) return tl::unexpected(status.error());
   return std::unique_ptr<Pipeline>(new Pipeline(std::move(impl)));
 }

@@ -21,8 +21,9 @@ std::string effort(const deblur::Settings& settings) {
 std::string solver_words(const deblur::Settings& settings, Unit unit, std::string_view isa) {
   std::string text(deblur::name(settings.method));
   if (settings.method != deblur::Method::kInverse) {
-    text += ", " + effort(settings) + ", lambda " + short_number(settings.lambda);
-    text += unit == Unit::kKelvin ? " K" : " counts";
+    const std::string unit_text = unit == Unit::kKelvin ? " K" : " counts";
+    const std::string lambda = settings.auto_lambda ? "auto" : short_number(settings.lambda) + unit_text;
+    text += ", " + effort(settings) + ", lambda " + lambda;
     text += ", kappa " + short_number(settings.kappa);
   }
   return text.append(", ").append(isa);

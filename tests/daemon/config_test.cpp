@@ -6,6 +6,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "bolo/capture/pixel_maps_io.hpp"
+
 namespace bolo::daemon {
 namespace {
 
@@ -134,6 +136,7 @@ TEST_F(Config, TheProfileDecidesUnlessAKeyTakesItsPlace) {
 
 TEST_F(Config, MistakesAreNamed) {
   write("bad.toml", "tau_s = 0.01\ntaus = 1\n");
+  write("maps.toml", "maps = 'none.h5'\n");
   const std::vector<std::pair<std::string, std::string>> cases{
       {"nmae = 'x'", "bolod.toml:1:1: unknown key 'nmae'; did you mean 'name'?"},
       {"name = 'a b'",
@@ -151,9 +154,15 @@ TEST_F(Config, MistakesAreNamed) {
       {"[source]\nbuffers = 1", "bolod.toml:2:11: source.buffers = 1 is out of range: 4 to 1024 frames"},
       {"[deblur]\nlamda = 1", "bolod.toml:2:1: unknown key 'deblur.lamda'; did you mean 'deblur.lambda'?"},
       {"[deblur]\nlambda = -1",
-       "bolod.toml:2:10: deblur.lambda = -1 is out of range: 0 to 1000000 K (counts when the source has no kelvin)"},
+       "bolod.toml:2:10: deblur.lambda = -1 is out of range: 0 to 1000000 K (counts when the source has no kelvin), "
+       "or \"auto\""},
+      {"[deblur]\nlambda = 'some'",
+       "bolod.toml:2:10: deblur.lambda must be a number: 0 to 1000000 K (counts when the source has no kelvin), or "
+       "\"auto\""},
       {"[deblur]\nsolver = 'magic'",
-       "bolod.toml:2:10: deblur.solver = \"magic\" is none of \"admm\" | \"exact\" | \"inverse\""},
+       "bolod.toml:2:10: deblur.solver = \"magic\" is none of \"admm\" | \"dual\" | \"exact\" | \"inverse\" | "
+       "\"mmae\""},
+      {"profile = 'maps.toml'", "none.h5: cannot be opened: No such file or directory"},
       {"[deblur]\nworkers = 0", "bolod.toml:2:11: deblur.workers = 0 is out of range: 1 to 64 threads"},
       {"[shm]\nslots = 10",
        "bolod.toml:2:9: shm.slots = 10 is less than window + lookahead = 17; give that or more, or 0"},
@@ -163,6 +172,41 @@ TEST_F(Config, MistakesAreNamed) {
       {"[logs]\nlevel = 'info'", "bolod.toml:1:2: unknown key 'logs'; did you mean 'log'?"},
   };
   for (const auto& [text, expected] : cases) EXPECT_EQ(complaint(text), expected) << text;
+}
+
+TEST_F(Config, LambdaMayBeAutomatic) {
+  auto config = read("[deblur]\nlambda = 'auto'\nnoise_k = 0.05\nsolver = 'mmae'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_TRUE(config->pipeline.deblur.auto_lambda);
+  EXPECT_EQ(config->pipeline.deblur.noise_k, 0.05);
+  EXPECT_EQ(config->pipeline.deblur.method, deblur::Method::kMmae);
+  config = read("[deblur]\nlambda = 0.25\nsolver = 'dual'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_FALSE(config->pipeline.deblur.auto_lambda);
+  EXPECT_EQ(config->pipeline.deblur.lambda, 0.25);
+  EXPECT_EQ(config->pipeline.deblur.method, deblur::Method::kDual);
+}
+
+TEST_F(Config, AnInstructionSetThatIsNotHereIsRefusedWithThoseThatAre) {
+  const std::string said = complaint("[deblur]\nisa = 'MMX'\n");
+  EXPECT_TRUE(said.starts_with("bolod.toml:2:7: ")) << said;
+  EXPECT_NE(said.find("\"MMX\" is not available here; use one of auto, "), std::string::npos) << said;
+  const auto config = read("[deblur]\nisa = 'auto'\n");
+  ASSERT_TRUE(config);
+  EXPECT_EQ(config->isa, "auto");
+}
+
+TEST_F(Config, MapsComeWithTheProfile) {
+  model::PixelMaps maps;
+  maps.geometry = {4, 2};
+  maps.gain.assign(8, 1.5F);
+  ASSERT_TRUE(capture::write_pixel_maps(folder_ / "maps.h5", maps));
+  write("cam.toml", "row_delay_s = 2e-5\nmaps = 'maps.h5'\n");
+  const auto config = read("profile = 'cam.toml'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->pipeline.maps.gain, maps.gain);
+  EXPECT_EQ(config->pipeline.maps.row_delay_s, 2e-5);
+  EXPECT_TRUE(read("")->pipeline.maps.empty());
 }
 
 TEST_F(Config, SettingsThatDoNotFitTogetherAreNamed) {

@@ -17,6 +17,8 @@ constexpr std::array<std::pair<std::string_view, Fruit>, 2> kFruits{{{"apple", F
 struct Things {
   double weight = 1.5;
   int count = 3;
+  double share = 0.5;
+  bool any_share = true;
   std::optional<double> extra;
   std::optional<int> spare;
   unsigned mode = 0644;
@@ -31,6 +33,7 @@ struct Things {
     KeyTable k;
     k.number("weight", weight, {0.0, 10.0, "kg"}, "Weight");
     k.text("label", label, "Label");
+    k.number_or_word("share", share, any_share, "any", {0.0, 1.0, ""}, "Share");
     k.section("box", "the box");
     k.integer("count", count, {1, 9, "pieces"}, "Count");
     k.number("extra", extra, 2.5, {0.0, 5.0, "kg"}, "Extra");
@@ -90,6 +93,17 @@ TEST_F(StrictToml, EveryKindOfValueIsRead) {
   EXPECT_EQ(things_.second, Fruit::kPear);
 }
 
+TEST_F(StrictToml, ANumberMayBeAWord) {
+  EXPECT_EQ(complaint("share = 1\n"), "");
+  EXPECT_EQ(things_.share, 1.0);
+  EXPECT_FALSE(things_.any_share);
+  EXPECT_NE(things_.keys().document().find("# 0 to 1, or \"any\"; default 1.0\nshare = 1.0\n"), std::string::npos);
+  EXPECT_EQ(complaint("share = 'any'\n"), "");
+  EXPECT_TRUE(things_.any_share);
+  EXPECT_EQ(things_.share, 1.0) << "the word leaves the number alone";
+  EXPECT_NE(things_.keys().document().find("share = \"any\"\n"), std::string::npos);
+}
+
 TEST_F(StrictToml, FileNamesStayAbsoluteOrEmpty) {
   EXPECT_EQ(complaint("[box]\nfile = '/a/b.h5'\n"), "");
   EXPECT_EQ(things_.file, "/a/b.h5");
@@ -105,6 +119,9 @@ TEST_F(StrictToml, WrongValuesAreNamedWithLineRangeAndUnit) {
       {"weight = inf", "1:10: weight = inf is out of range: 0 to 10 kg"},
       {"weight = '2'", "1:10: weight must be a number: 0 to 10 kg"},
       {"weight = true", "1:10: weight must be a number: 0 to 10 kg"},
+      {"share = 2", "1:9: share = 2 is out of range: 0 to 1, or \"any\""},
+      {"share = 'some'", "1:9: share must be a number: 0 to 1, or \"any\""},
+      {"share = true", "1:9: share must be a number: 0 to 1, or \"any\""},
       {"label = 3", "1:9: label must be a text in quotes"},
       {"[box]\ncount = 10", "2:9: box.count = 10 is out of range: 1 to 9 pieces"},
       {"[box]\ncount = 9223372036854775807", "2:9: box.count = 9223372036854775807 is out of range: 1 to 9 pieces"},

@@ -132,12 +132,13 @@ class MemorySink final : public FrameSink {
   }
   void publish(const PublishedFrame& frame, const PipelineStats& stats) noexcept override {
     const Geometry g = format.source.format.geometry;
+    const std::size_t solved = format.points.empty() ? g.pixels() : format.points.size();
     const auto* raw = static_cast<const std::byte*>(frame.raw);
     const auto* deblurred = static_cast<const std::byte*>(frame.deblurred);
     frames.push_back({frame.meta,
                       frame.publish_ns,
                       {raw, raw + plane_bytes(g, format.source.format.type)},
-                      {deblurred, deblurred + plane_bytes(g, format.deblurred_type)}});
+                      {deblurred, deblurred + solved * bytes_of(format.deblurred_type)}});
     if (on_publish) on_publish(frame, stats);
   }
   void idle(const PipelineStats& /*stats*/) noexcept override {

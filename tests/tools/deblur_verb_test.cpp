@@ -17,6 +17,7 @@
 #include <nlohmann/json.hpp>
 
 #include "bolo/capture/capture.hpp"
+#include "bolo/capture/pixel_maps_io.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools {
@@ -268,6 +269,82 @@ TEST_F(DeblurVerb, ARegionIsTheSamePixelsBitForBit) {
   EXPECT_EQ(seen.y_px, (std::vector<double>{1.0, 1.25}));
 }
 
+class DeblurVerbPoints : public DeblurVerb, public testing::WithParamInterface<const char*> {};
+
+TEST_P(DeblurVerbPoints, AreTheWholeFramesBits) {
+  Blurred blurred;
+  blurred.stimulus = capture::Uniform{300.0};
+  write_blurred(path("in.h5"), blurred);
+  std::ofstream(path("p.csv")) << "x,y\n# comment\n3, 1\n\n39,5\r\n0.4,0\n2.5,4.49\n3,1\n";
+  const std::vector<capture::Point> places{{3, 1}, {39, 5}, {0, 0}, {3, 4}, {3, 1}};
+  const auto whole = deblurred({"--solver", GetParam()}, "whole.h5");
+  const auto part = deblurred({"--solver", GetParam(), "--points", path("p.csv"), "--json"}, "points.h5");
+  const auto json = nlohmann::json::parse(last_.out);
+  EXPECT_EQ(json["points"], 5);
+  EXPECT_TRUE(json["roi"].is_null());
+  ASSERT_EQ(part.info().format.geometry, (Geometry{5, 1}));
+  ASSERT_EQ(part.info().frames, whole.info().frames);
+  ASSERT_TRUE(part.points());
+  EXPECT_EQ(*part.points(), places);
+  EXPECT_TRUE(whole.points()->empty());
+  EXPECT_EQ(attribute<std::string>(part, "points_file"), "p.csv");
+  std::vector<float> truth(5);
+  std::vector<float> whole_truth(static_cast<std::size_t>(kWidth * kHeight));
+  for (std::size_t n = 0; n < part.info().frames; ++n) {
+    const auto few = frame_of(part, n);
+    const auto all = frame_of(whole, n);
+    ASSERT_TRUE(part.read_truth(n, truth.data()));
+    ASSERT_TRUE(whole.read_truth(n, whole_truth.data()));
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      const auto at = static_cast<std::size_t>(places[i].y * kWidth + places[i].x);
+      ASSERT_EQ(few[i], all[at]) << "frame " << n << " point " << i;
+      ASSERT_EQ(truth[i], whole_truth[at]);
+    }
+  }
+  const Outcome info = Program(folder_, {BOLO_PROGRAM, "info", path("points.h5")}).outcome();
+  EXPECT_EQ(info.exit_code, 0) << info.err;
+  EXPECT_NE(info.out.find("5 single pixels"), std::string::npos) << info.out;
+}
+
+INSTANTIATE_TEST_SUITE_P(Solvers, DeblurVerbPoints, testing::Values("admm", "dual", "exact", "inverse"),
+                         [](const auto& each) { return std::string(each.param); });
+
+TEST_F(DeblurVerb, TakesMapsFromTheProfileAndFillsDeadPixels) {
+  write_blurred(path("in.h5"), {});
+  const auto plain = deblurred({"--solver", "inverse"}, "plain.h5");
+  model::PixelMaps maps;
+  maps.geometry = {kWidth, kHeight};
+  maps.offset.assign(maps.geometry.pixels(), 0.5F);
+  maps.dead.assign(maps.geometry.pixels(), 0);
+  maps.dead[static_cast<std::size_t>(kWidth) + 4] = 1;
+  ASSERT_TRUE(capture::write_pixel_maps(path("maps.h5"), maps));
+  std::ofstream(path("p.toml")) << "maps = \"maps.h5\"\n";
+  for (const std::vector<std::string>& words : {std::vector<std::string>{}, {"--roi", "0,0,20,3"}}) {
+    std::vector<std::string> all{"--solver", "inverse", "--profile", path("p.toml")};
+    all.insert(all.end(), words.begin(), words.end());
+    const auto mapped = deblurred(all, "mapped.h5");
+    EXPECT_EQ(attribute<std::string>(mapped, "maps"), "maps.h5");
+    const auto width = static_cast<std::size_t>(mapped.info().format.geometry.width);
+    const auto before = frame_of(plain, 3);
+    const auto after = frame_of(mapped, 3);
+    EXPECT_NEAR(after[2 * width + 7], before[2 * kWidth + 7] + 0.5F, 1e-3F);
+    float mean = 0.0F;
+    for (const int dy : {0, 1, 2}) {
+      for (const int x : {3, 4, 5}) {
+        if (dy != 1 || x != 4)
+          mean += 0.125F * after[static_cast<std::size_t>(dy) * width + static_cast<std::size_t>(x)];
+      }
+    }
+    EXPECT_NEAR(after[width + 4], mean, 2e-3F);
+  }
+}
+
+TEST_F(DeblurVerb, AnInstructionSetCanBeChosen) {
+  write_blurred(path("in.h5"), {});
+  (void)deblurred({"--isa", "SSE4", "--json"});
+  EXPECT_EQ(nlohmann::json::parse(last_.out)["settings"]["isa"], "SSE4");
+}
+
 TEST_F(DeblurVerb, Uint16OutputKeepsTheInputsScale) {
   Blurred blurred;
   blurred.scale = {Unit::kKelvin, 0.01, 100.0};
@@ -370,6 +447,14 @@ TEST_P(DeblurVerbRefuses, InOneLineWithExitCode2AndNoOutput) {
   slow.period_s = 114.0;  // milliseconds taken for seconds
   write_blurred(path("slow.h5"), slow);
   std::ofstream(path("text.h5")) << "not a capture\n";
+  std::ofstream(path("bad.csv")) << "# points\nx,y\n1,2\n3;4\n";
+  std::ofstream(path("far.csv")) << "39.5,2\n";
+  std::ofstream(path("empty.csv")) << "x,y\n# none\n";
+  model::PixelMaps turned;
+  turned.geometry = {kHeight, kWidth};
+  turned.gain.assign(turned.geometry.pixels(), 1.0F);
+  ASSERT_TRUE(capture::write_pixel_maps(path("turned-maps.h5"), turned));
+  std::ofstream(path("turned.toml")) << "maps = \"turned-maps.h5\"\n";
   {
     capture::CaptureInfo info;
     info.format.geometry = {3, 2};
@@ -403,7 +488,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Refusal{"NoInput", {"-o", "@out.h5"}, "no capture given"}, Refusal{"NoOutput", {"@in.h5"}, "-o OUT.h5"},
         Refusal{"TwoInputs", {"@in.h5", "@few.h5", "-o", "@out.h5"}, "unexpected argument"},
-        Refusal{"UnknownOption", {"@in.h5", "-o", "@out.h5", "--points", "p.csv"}, "points"},
+        Refusal{"UnknownOption", {"@in.h5", "-o", "@out.h5", "--smooth", "2"}, "smooth"},
         Refusal{"MissingFile", {"@none.h5", "-o", "@out.h5"}, "none.h5"},
         Refusal{"NotACapture", {"@text.h5", "-o", "@out.h5"}, "text.h5"},
         Refusal{"TooFewFrames", {"@few.h5", "-o", "@out.h5"}, "few.h5: 16 frames, fewer than one window of 17"},
@@ -418,6 +503,20 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"WindowNotAPowerOfTwo", {"@in.h5", "-o", "@out.h5", "--window", "16"}, "window"},
         Refusal{"TauNegative", {"@in.h5", "-o", "@out.h5", "--tau", "-0.011"}, "tau"},
         Refusal{"LambdaAuto", {"@in.h5", "-o", "@out.h5", "--lambda", "auto"}, "auto"},
+        Refusal{"LambdaWord", {"@in.h5", "-o", "@out.h5", "--lambda", "some"}, "--lambda 'some'"},
+        Refusal{"UnknownIsa",
+                {"@in.h5", "-o", "@out.h5", "--isa", "MMX"},
+                "\"MMX\" is not available here; use one of auto"},
+        Refusal{"NoPointsFile", {"@in.h5", "-o", "@out.h5", "--points", "@none.csv"}, "none.csv: cannot be opened"},
+        Refusal{
+            "PointIsNoPoint", {"@in.h5", "-o", "@out.h5", "--points", "@bad.csv"}, "bad.csv:4: '3;4' is not a point"},
+        Refusal{
+            "PointOutside", {"@in.h5", "-o", "@out.h5", "--points", "@far.csv"}, "far.csv:1: point 39.5,2 is outside"},
+        Refusal{"NoPoints", {"@in.h5", "-o", "@out.h5", "--points", "@empty.csv"}, "empty.csv: no points"},
+        Refusal{
+            "RegionAndPoints", {"@in.h5", "-o", "@out.h5", "--roi", "0,0,2,2", "--points", "@far.csv"}, "one of them"},
+        Refusal{
+            "MapsOfAnotherSize", {"@in.h5", "-o", "@out.h5", "--profile", "@turned.toml"}, "for frames of 6x40, but"},
         Refusal{"NoThreads", {"@in.h5", "-o", "@out.h5", "--threads", "0"}, "workers = 0"},
         Refusal{"RegionOfThree", {"@in.h5", "-o", "@out.h5", "--roi", "1,2,3"}, "four numbers"},
         Refusal{"RegionOutside", {"@in.h5", "-o", "@out.h5", "--roi", "30,0,11,2"}, "not inside the frame of 40x6"},
@@ -454,8 +553,9 @@ TEST_F(DeblurVerb, AnOutputThatStoodThereBeforeSurvivesAFailure) {
 TEST_F(DeblurVerb, HelpListsTheOptions) {
   const Outcome outcome = bolo({"--help"});
   EXPECT_EQ(outcome.exit_code, 0);
-  for (const char* option : {"--profile", "--solver", "--iterations", "--kappa", "--lambda", "--lookahead", "--window",
-                             "--levels", "--threads", "--tau", "--roi", "--type", "--json"}) {
+  for (const char* option :
+       {"--profile", "--solver", "--iterations", "--kappa", "--lambda", "--lookahead", "--window", "--levels",
+        "--threads", "--tau", "--roi", "--points", "--isa", "--noise", "--type", "--json"}) {
     EXPECT_NE(outcome.out.find(option), std::string::npos) << option;
   }
 }

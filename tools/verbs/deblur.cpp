@@ -1,23 +1,28 @@
 // `bolo deblur`: a capture through the same pipeline as the camera's frames, as fast as it goes.
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
 #include "bolo/capture/capture.hpp"
+#include "bolo/capture/pixel_maps_io.hpp"
 #include "bolo/core/clock.hpp"
+#include "bolo/deblur/isa.hpp"
 #include "bolo/model/camera_profile.hpp"
 #include "bolo/pipeline/pipeline.hpp"
 #include "drivers/replay/replay_source.hpp"
 #include "tools/verbs/cli.hpp"
 #include "tools/verbs/deblur_sink.hpp"
+#include "tools/verbs/pixel_choice.hpp"
 #include "tools/verbs/verbs.hpp"
 
 namespace bolo::tools {
@@ -26,7 +31,8 @@ namespace {
 struct Request {
   std::filesystem::path input;
   std::filesystem::path output;
-  std::optional<Region> region;
+  std::filesystem::path points_file;
+  std::filesystem::path maps_file;
   pipeline::PipelineOptions options;
   bool json = false;
 };
@@ -42,6 +48,9 @@ struct Summary {
   std::string isa;
   std::string solver_text;
   std::optional<Rmse> rmse;
+  std::optional<Region> region;
+  std::size_t points = 0;
+  std::string maps;
 };
 
 cxxopts::Options command_line() {
@@ -57,23 +66,28 @@ cxxopts::Options command_line() {
   options.add_options()
     ("input", "Capture to read", cxxopts::value<std::string>())
     ("o,output", "Capture to write", cxxopts::value<std::string>(), "OUT.h5")
-    ("profile", "Camera profile: gives tau", cxxopts::value<std::string>(), "P.toml")
+    ("profile", "Camera profile: gives tau, row delay and the maps of single pixels", cxxopts::value<std::string>(), "P.toml")
     ("tau", "Thermal time constant, s (default: the profile's, else " + text(defaults.tau_s) + ")",
      cxxopts::value<double>(), "S")
-    ("solver", "admm, exact or inverse", cxxopts::value<std::string>()->default_value("admm"))
+    ("solver", "admm, dual, exact, inverse or mmae", cxxopts::value<std::string>()->default_value("admm"))
     ("iterations", "ADMM iterations; 0: as many as the accuracy needs",
      cxxopts::value<int>()->default_value(text(defaults.iterations)), "I")
     ("kappa", "Weight of the data in kappa ||VA - Y||^2 + lambda ||D||_1",
      cxxopts::value<double>()->default_value(text(defaults.kappa)), "K")
-    ("lambda", "Weight of sparsity, K (counts for a capture without kelvin)",
-     cxxopts::value<double>()->default_value(text(defaults.lambda)), "L")
+    ("lambda", "Weight of sparsity, K (counts for a capture without kelvin), or auto: from noise and motion",
+     cxxopts::value<std::string>()->default_value(text(defaults.lambda)), "L")
+    ("noise", "Temporal noise for --lambda auto and mmae, K (counts as lambda); 0: measured",
+     cxxopts::value<double>()->default_value(text(defaults.noise_k)), "N")
     ("lookahead", "Frames that the window reaches beyond the estimated one",
      cxxopts::value<int>()->default_value(text(defaults.lookahead)), "L")
     ("window", "Frames in the window, 2^k + 1", cxxopts::value<int>()->default_value(text(defaults.window)), "N")
     ("levels", "Haar levels n: 2^n bins in the window",
      cxxopts::value<int>()->default_value(text(defaults.levels)), "N")
     ("threads", "Worker threads (default: one a processor)", cxxopts::value<int>(), "W")
+    ("isa", "Instruction set of the kernels, or auto: the best", cxxopts::value<std::string>()->default_value("auto"),
+     "NAME")
     ("roi", "Only this part of the frame", cxxopts::value<std::vector<int>>(), "x,y,w,h")
+    ("points", "Only these pixels: a line x,y for each", cxxopts::value<std::string>(), "P.csv")
     ("type", "float32 (kelvin) or uint16 (the input's scale)",
      cxxopts::value<std::string>()->default_value("float32"))
     ("json", "Print the summary as JSON");
@@ -82,12 +96,29 @@ cxxopts::Options command_line() {
   return options;
 }
 
+// A number, or "auto".
+Status read_lambda(const std::string& text, deblur::Settings& settings) {
+  settings.auto_lambda = text == "auto";
+  if (settings.auto_lambda) return {};
+  const char* end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, settings.lambda);
+  if (error == std::errc() && stop == end) return {};
+  return bad_input("--lambda '" + text + "': give a number of 0 or more, or auto");
+}
+
+Status read_profile(const cxxopts::ParseResult& args, Request& request) {
+  if (args.count("profile") == 0) return {};
+  const auto profile = model::read_profile(args["profile"].as<std::string>());
+  if (!profile) return tl::unexpected(profile.error());
+  request.options.deblur.tau_s = profile->tau_s;
+  request.maps_file = profile->maps;
+  auto maps = capture::read_profile_maps(*profile);
+  if (!maps) return tl::unexpected(maps.error());
+  request.options.maps = std::move(*maps);
+  return {};
+}
+
 Status read_settings(const cxxopts::ParseResult& args, deblur::Settings& settings) {
-  if (args.count("profile") != 0) {
-    const auto profile = model::read_profile(args["profile"].as<std::string>());
-    if (!profile) return tl::unexpected(profile.error());
-    settings.tau_s = profile->tau_s;
-  }
   const auto method = deblur::method_from_name(args["solver"].as<std::string>());
   if (!method) return at("--solver", method.error());
   settings.method = *method;
@@ -97,8 +128,8 @@ Status read_settings(const cxxopts::ParseResult& args, deblur::Settings& setting
   settings.levels = args["levels"].as<int>();
   if (args.count("tau") != 0) settings.tau_s = args["tau"].as<double>();
   settings.kappa = args["kappa"].as<double>();
-  settings.lambda = args["lambda"].as<double>();
-  return {};
+  settings.noise_k = args["noise"].as<double>();
+  return read_lambda(args["lambda"].as<std::string>(), settings);
 }
 
 Result<PixelType> type_from_name(const std::string& name) {
@@ -118,7 +149,9 @@ Result<Request> read_request(const cxxopts::ParseResult& args) {
   if (std::filesystem::equivalent(request.input, request.output, ignored)) {
     return bad_input(request.output.string() + ": the output is the input; give another name with -o");
   }
+  if (Status status = read_profile(args, request); !status) return tl::unexpected(status.error());
   if (Status status = read_settings(args, request.options.deblur); !status) return tl::unexpected(status.error());
+  if (Status status = deblur::choose_isa(args["isa"].as<std::string>()); !status) return at("--isa", status.error());
   const auto type = type_from_name(args["type"].as<std::string>());
   if (!type) return tl::unexpected(type.error());
   request.options.output = *type;
@@ -127,7 +160,11 @@ Result<Request> read_request(const cxxopts::ParseResult& args) {
   if (args.count("roi") != 0) {
     const auto roi = args["roi"].as<std::vector<int>>();
     if (roi.size() != 4) return bad_input("--roi takes four numbers: x,y,width,height");
-    request.region = Region{roi[0], roi[1], roi[2], roi[3]};
+    request.options.region = Region{roi[0], roi[1], roi[2], roi[3]};
+  }
+  if (args.count("points") != 0) {
+    if (request.options.region) return bad_input("--roi and --points: give one of them");
+    request.points_file = args["points"].as<std::string>();
   }
   return request;
 }
@@ -164,7 +201,15 @@ Status outcome(const Request& request, const Status& run, const Status& replay, 
   return {};
 }
 
-Result<Summary> deblur_capture(const Request& request) {
+// Root attributes of the output beyond the settings.
+std::vector<std::pair<std::string, std::string>> file_names(const Request& request) {
+  std::vector<std::pair<std::string, std::string>> names;
+  if (!request.points_file.empty()) names.emplace_back("points_file", request.points_file.filename().string());
+  if (!request.maps_file.empty()) names.emplace_back("maps", request.maps_file.filename().string());
+  return names;
+}
+
+Result<Summary> deblur_capture(Request& request) {
   auto reader = capture::CaptureReader::open(request.input);
   if (!reader) return tl::unexpected(reader.error());
   if (Status status = check_input(request, reader->info()); !status) return tl::unexpected(status.error());
@@ -176,11 +221,16 @@ Result<Summary> deblur_capture(const Request& request) {
 
   const std::size_t frames = reader->info().frames;
   const Geometry whole = reader->info().format.geometry;
+  pipeline::PipelineOptions& options = request.options;
+  if (!request.points_file.empty()) {
+    auto points = read_points(request.points_file, whole);
+    if (!points) return tl::unexpected(points.error());
+    options.points = std::move(*points);
+  }
   DeblurSink sink(request.input, std::move(*own_reader), request.output,
-                  request.region.value_or(Region{0, 0, whole.width, whole.height}));
-  auto source =
-      std::make_unique<replay::ReplaySource>(std::make_shared<const capture::CaptureReader>(std::move(*reader)),
-                                             replay::Pace::kAsFastAsPossible, request.region);
+                  PixelChoice(whole, options.region, options.points));
+  auto source = std::make_unique<replay::ReplaySource>(
+      std::make_shared<const capture::CaptureReader>(std::move(*reader)), replay::Pace::kAsFastAsPossible);
   const replay::ReplaySource& replayed = *source;
   auto pipeline = pipeline::Pipeline::create(std::move(source), {&sink}, request.options);
   if (!pipeline) return tl::unexpected(pipeline.error());
@@ -188,7 +238,8 @@ Result<Summary> deblur_capture(const Request& request) {
   const std::int64_t start_ns = monotonic_ns();
   const Status run = (*pipeline)->run(sink.stop_requested());
   if (Status status = outcome(request, run, replayed.result(), sink); !status) return tl::unexpected(status.error());
-  if (Status status = sink.finish((*pipeline)->isa()); !status) return tl::unexpected(status.error());
+  if (Status status = sink.finish((*pipeline)->isa(), file_names(request)); !status)
+    return tl::unexpected(status.error());
 
   const pipeline::PipelineStats& stats = (*pipeline)->stats();
   Summary summary;
@@ -203,6 +254,9 @@ Result<Summary> deblur_capture(const Request& request) {
   summary.isa = (*pipeline)->isa();
   summary.solver_text = (*pipeline)->solver_text();
   summary.rmse = sink.rmse();
+  summary.region = options.region;
+  summary.points = options.points.size();
+  summary.maps = request.maps_file.filename().string();
   return summary;
 }
 
@@ -217,12 +271,18 @@ void print_json(const Summary& s) {
                       {"period_s", s.settings.period_s},
                       {"kappa", s.settings.kappa},
                       {"lambda", s.settings.lambda},
+                      {"auto_lambda", s.settings.auto_lambda},
+                      {"noise_k", s.settings.noise_k},
                       {"iterations", s.settings.iterations},
                       {"window", s.settings.window},
                       {"levels", s.settings.levels},
                       {"lookahead", s.settings.lookahead},
                       {"threads", s.threads},
                       {"isa", s.isa}};
+  json["roi"] = nullptr;
+  if (s.region) json["roi"] = in_words(*s.region);
+  json["points"] = s.points;
+  json["maps"] = s.maps;
   json["rmse"] = nullptr;
   if (s.rmse) json["rmse"] = {{"blurred_k", s.rmse->blurred_k}, {"deblurred_k", s.rmse->deblurred_k}};
   std::puts(json.dump(2).c_str());
@@ -243,7 +303,7 @@ int deblur_main(int argc, char** argv) {
   cxxopts::Options options = command_line();
   cxxopts::ParseResult args;
   if (const auto code = parse(options, argc, argv, args)) return *code;
-  auto request = read_request(args);
+  Result<Request> request = read_request(args);
   if (!request) return report("deblur", request.error());
   request->options.warn = [](const std::string& line) { std::fprintf(stderr, "bolo deblur: %s\n", line.c_str()); };
   catch_interrupts();

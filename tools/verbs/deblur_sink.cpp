@@ -4,8 +4,6 @@
 #include <system_error>
 #include <utility>
 
-#include "drivers/replay/copy_region.hpp"
-
 namespace bolo::tools {
 namespace {
 
@@ -32,8 +30,13 @@ double square_error(PixelType type, const LinearScale& scale, const void* plane,
   return sum;
 }
 
-// A still seen through a region: its pixel (0, 0) is another one of the frame.
-capture::Stimulus seen_through(capture::Stimulus stimulus, const Region& region) {
+// What the chosen pixels see. Through a region the still's pixel (0, 0) is another one of the frame; points have no
+// picture, only what is the same everywhere.
+capture::Stimulus seen_through(capture::Stimulus stimulus, const PixelChoice& choice) {
+  const bool picture =
+      std::holds_alternative<capture::SceneStimulus>(stimulus) || std::holds_alternative<capture::BarTarget>(stimulus);
+  if (!choice.points().empty() && picture) return capture::NoStimulus{};
+  const Region& region = choice.region();
   if (auto* scene = std::get_if<capture::SceneStimulus>(&stimulus)) {
     for (double& x : scene->x_px) x += region.x;
     for (double& y : scene->y_px) y += region.y;
@@ -41,19 +44,14 @@ capture::Stimulus seen_through(capture::Stimulus stimulus, const Region& region)
   return stimulus;
 }
 
-std::string in_words(const Region& r) {
-  return std::to_string(r.x) + "," + std::to_string(r.y) + "," + std::to_string(r.width) + "," +
-         std::to_string(r.height);
-}
-
 }  // namespace
 
 DeblurSink::DeblurSink(std::filesystem::path input_file, capture::CaptureReader input, std::filesystem::path output,
-                       Region region)
+                       PixelChoice choice)
     : input_file_(std::move(input_file)),
       input_(std::move(input)),
       output_(std::move(output)),
-      region_(region),
+      choice_(std::move(choice)),
       progress_("deblur", input_.info().frames) {}
 
 DeblurSink::~DeblurSink() {
@@ -69,16 +67,22 @@ Status DeblurSink::open(const pipeline::SinkFormat& format) {
   output_scale_ = scale_of(in.scale, format.deblurred_type);
   capture::CaptureInfo info = input_.info();
   info.format = in;
+  info.format.geometry = choice_.geometry();
   info.format.type = format.deblurred_type;
   info.format.scale = output_scale_;
   if (info.has_truth) {
-    truth_.resize(in.geometry.pixels());
-    whole_truth_.resize(input_.info().format.geometry.pixels());
+    truth_.resize(info.format.geometry.pixels());
+    whole_truth_.resize(in.geometry.pixels());
   }
+  raw_.resize(plane_bytes(info.format.geometry, in.type));
+  deblurred_.resize(plane_bytes(info.format.geometry, format.deblurred_type));
   auto writer = capture::CaptureWriter::create(output_, info, {.truth = info.has_truth});
   if (!writer) return tl::unexpected(writer.error());
   writer_.emplace(std::move(*writer));
-  return {};
+  if (choice_.points().empty()) return {};
+  std::vector<capture::Point> points;
+  for (std::size_t i = 0; i < choice_.points().size(); ++i) points.push_back({choice_.x_of(i), choice_.y_of(i)});
+  return writer_->write_points(points);
 }
 
 void DeblurSink::publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& /*stats*/) noexcept {
@@ -90,28 +94,28 @@ void DeblurSink::publish(const pipeline::PublishedFrame& frame, const pipeline::
 }
 
 Status DeblurSink::take(const pipeline::PublishedFrame& frame) {
+  choice_.take(frame.raw, bytes_of(format_.source.format.type), raw_.data());
   if (Status status = refuse_nan(frame); !status) return status;
   if ((frame.meta.flags & kFlagWarmUp) != 0) return {};
   const std::vector<std::uint64_t>& ids = input_.frame_id();
   while (index_ < ids.size() && ids[index_] != frame.meta.frame_id) ++index_;
+  choice_.take_deblurred(frame.deblurred, bytes_of(format_.deblurred_type), deblurred_.data());
   if (!truth_.empty()) {
     if (Status status = read_truth(index_); !status) return status;
-    judge(frame);
+    judge();
   }
   ++frames_out_;
-  return writer_->append(input_.t()[index_], frame.meta.frame_id, frame.deblurred,
+  return writer_->append(input_.t()[index_], frame.meta.frame_id, deblurred_.data(),
                          truth_.empty() ? nullptr : truth_.data());
 }
 
 Status DeblurSink::refuse_nan(const pipeline::PublishedFrame& frame) const {
   if (format_.source.format.type != PixelType::kFloat32) return {};
-  const auto* values = static_cast<const float*>(frame.raw);
-  for (std::size_t i = 0; i < format_.source.format.geometry.pixels(); ++i) {
+  const auto* values = reinterpret_cast<const float*>(raw_.data());
+  for (std::size_t i = 0; i < raw_.size() / sizeof(float); ++i) {
     if (std::isfinite(values[i])) continue;
-    const auto width = static_cast<std::size_t>(region_.width);
     return bad_input(input_file_.string() + ": frame " + std::to_string(frame.meta.frame_id) + ", column " +
-                     std::to_string(i % width + static_cast<std::size_t>(region_.x)) + ", row " +
-                     std::to_string(i / width + static_cast<std::size_t>(region_.y)) + " of /frames is " +
+                     std::to_string(choice_.x_of(i)) + ", row " + std::to_string(choice_.y_of(i)) + " of /frames is " +
                      std::to_string(values[i]) + "; replace such pixels, or leave them out with --roi");
   }
   return {};
@@ -119,14 +123,14 @@ Status DeblurSink::refuse_nan(const pipeline::PublishedFrame& frame) const {
 
 Status DeblurSink::read_truth(std::size_t index) {
   if (Status status = input_.read_truth(index, whole_truth_.data()); !status) return status;
-  replay::copy_region(whole_truth_.data(), input_.info().format.geometry, sizeof(float), region_, truth_.data());
+  choice_.take(whole_truth_.data(), sizeof(float), truth_.data());
   return {};
 }
 
-void DeblurSink::judge(const pipeline::PublishedFrame& frame) {
+void DeblurSink::judge() {
   const StreamFormat& in = format_.source.format;
-  blurred_square_ += square_error(in.type, in.scale, frame.raw, truth_);
-  deblurred_square_ += square_error(format_.deblurred_type, output_scale_, frame.deblurred, truth_);
+  blurred_square_ += square_error(in.type, in.scale, raw_.data(), truth_);
+  deblurred_square_ += square_error(format_.deblurred_type, output_scale_, deblurred_.data(), truth_);
 }
 
 std::optional<Rmse> DeblurSink::rmse() const {
@@ -135,9 +139,10 @@ std::optional<Rmse> DeblurSink::rmse() const {
   return Rmse{std::sqrt(blurred_square_ / values), std::sqrt(deblurred_square_ / values)};
 }
 
-Status DeblurSink::finish(std::string_view isa) {
-  auto stimulus = input_.stimulus();
-  if (!stimulus) return tl::unexpected(stimulus.error());
+Status DeblurSink::finish(std::string_view isa, const std::vector<std::pair<std::string, std::string>>& files) {
+  auto whole = input_.stimulus();
+  if (!whole) return tl::unexpected(whole.error());
+  const capture::Stimulus stimulus = seen_through(std::move(*whole), choice_);
   Status status;
   const auto then = [&status](auto&& step) {
     if (status) status = step();
@@ -149,13 +154,14 @@ Status DeblurSink::finish(std::string_view isa) {
     then([&] { return writer_->write_attribute(name, std::string(value)); });
   };
   const deblur::Settings& settings = format_.deblur;
-  if (!std::holds_alternative<capture::NoStimulus>(*stimulus)) {
-    then([&] { return writer_->write_stimulus(seen_through(std::move(*stimulus), region_)); });
+  if (!std::holds_alternative<capture::NoStimulus>(stimulus)) {
+    then([&] { return writer_->write_stimulus(stimulus); });
   }
   for (const capture::Event& event : input_.events()) then([&] { return writer_->add_event(event); });
   text("solver", deblur::name(settings.method));
   text("isa", isa);
-  text("roi", in_words(region_));
+  if (choice_.points().empty()) text("roi", in_words(choice_.region()));
+  for (const auto& [name, value] : files) text(name.c_str(), value);
   number("tau_s", settings.tau_s);
   number("kappa", settings.kappa);
   number("lambda", settings.lambda);

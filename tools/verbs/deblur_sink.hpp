@@ -6,11 +6,14 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "bolo/capture/capture.hpp"
 #include "bolo/pipeline/sink.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/pixel_choice.hpp"
 
 namespace bolo::tools {
 
@@ -25,7 +28,7 @@ class DeblurSink final : public pipeline::FrameSink {
   // `input` (from `input_file`) is read here for /t, /frame_id and /truth: a reader of its own, not the one that
   // replays.
   DeblurSink(std::filesystem::path input_file, capture::CaptureReader input, std::filesystem::path output,
-             Region region);
+             PixelChoice choice);
   ~DeblurSink() override;
 
   Status open(const pipeline::SinkFormat& format) override;
@@ -33,8 +36,8 @@ class DeblurSink final : public pipeline::FrameSink {
   void close() noexcept override {}
 
   // Copies stimulus and events, writes the settings, and gives the output its name. Without it the destructor removes
-  // what was written. Thread: setup, after the pipeline's run().
-  Status finish(std::string_view isa);
+  // what was written. `files`: further root attributes, name and text. Thread: setup, after the pipeline's run().
+  Status finish(std::string_view isa, const std::vector<std::pair<std::string, std::string>>& files = {});
 
   // Set when nothing more can come of this run: an error, or the user's interruption. Thread: any.
   const std::atomic<bool>& stop_requested() const noexcept { return stop_requested_; }
@@ -47,18 +50,20 @@ class DeblurSink final : public pipeline::FrameSink {
   Status take(const pipeline::PublishedFrame& frame);
   Status refuse_nan(const pipeline::PublishedFrame& frame) const;
   Status read_truth(std::size_t index);
-  void judge(const pipeline::PublishedFrame& frame);
+  void judge();
 
   std::filesystem::path input_file_;
   capture::CaptureReader input_;
   std::filesystem::path output_;
-  Region region_;
+  PixelChoice choice_;
   Progress progress_;
   std::optional<capture::CaptureWriter> writer_;
   pipeline::SinkFormat format_;
   LinearScale output_scale_;
   std::vector<float> whole_truth_;
-  std::vector<float> truth_;  // of the region; empty when the input has none
+  std::vector<float> truth_;    // of the chosen pixels; empty when the input has none
+  std::vector<std::byte> raw_;  // the chosen pixels of the frame
+  std::vector<std::byte> deblurred_;
   double blurred_square_ = 0.0;
   double deblurred_square_ = 0.0;
   std::uint64_t frames_in_ = 0;

@@ -164,6 +164,8 @@ Result<json> describe(const CaptureReader& reader) {
   if (!attributes) return attributes;
   const Result<capture::Stimulus> stimulus = reader.stimulus();
   if (!stimulus) return tl::unexpected<Error>(stimulus.error());
+  const Result<std::vector<capture::Point>> points = reader.points();
+  if (!points) return tl::unexpected<Error>(points.error());
   return json{{"kind", "capture"},
               {"format", reader.file_format() == capture::FileFormat::kMatlab ? "matlab-v7.3" : "bolo-capture"},
               {"width", format.geometry.width},
@@ -182,6 +184,7 @@ Result<json> describe(const CaptureReader& reader) {
               {"values", std::move(*values)},
               {"stimulus", std::visit([](const auto& kind) { return fields(kind); }, *stimulus)},
               {"truth", info.has_truth},
+              {"points", points->size()},
               {"events", events_of(reader)},
               {"camera_model", info.camera_model},
               {"camera_serial", info.camera_serial},
@@ -271,6 +274,7 @@ void print_capture(const json& info) {
     line(name, range_text(range) + " " + unit + " (min .. median .. max of frame " + range["frame"].dump() + ")");
   }
   line("stimulus", pairs_text(info["stimulus"]));
+  if (info["points"] != 0) line("points", info["points"].dump() + " single pixels, their places in /points");
   line("truth", info["truth"].get<bool>() ? "yes" : "no");
   line("events", events_text(info["events"]));
   line("camera", info["camera_model"].get<std::string>() + " " + info["camera_serial"].get<std::string>());

@@ -21,6 +21,13 @@ struct Event {
   std::string kind;  // "nuc", "gap", "reconnect" ...
 };
 
+// A pixel of the camera's frame: column and row.
+struct Point {
+  int x = 0;
+  int y = 0;
+  bool operator==(const Point&) const = default;
+};
+
 struct CaptureInfo {
   StreamFormat format;
   std::string camera_model;
@@ -59,6 +66,8 @@ class CaptureReader {
   const std::vector<std::string>& warnings() const noexcept;
   FileFormat file_format() const noexcept;
   Result<Stimulus> stimulus() const;
+  // /points: where the pixels of a capture of single points stand in the camera's frame; empty for a picture.
+  Result<std::vector<Point>> points() const;
 
   // One frame, row-major, in the stored type: `out` has plane_bytes(info().format.geometry, info().format.type) bytes.
   Status read_frame(std::size_t index, void* out) const;
@@ -90,6 +99,8 @@ class CaptureWriter {
   Status append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth = nullptr);
   Status write_stimulus(const Stimulus& stimulus);
   Status add_event(const Event& event);
+  // /points/x and /points/y, int32: one for each pixel of the frames, which are one row. Once.
+  Status write_points(const std::vector<Point>& points);
   // A root attribute beyond the format's own: settings of a deblurring run and the like.
   Status write_attribute(const std::string& name, double value);
   Status write_attribute(const std::string& name, const std::string& value);

@@ -44,6 +44,7 @@ struct DaemonConfig {
   genicam::CameraOptions camera;
   ReplayOptions replay;
   pipeline::PipelineOptions pipeline;
+  std::string isa = "auto";  // instruction set of the solver's kernels
   bool lock_memory = true;
   bool shm_enabled = true;
   shm::ShmOptions shm;

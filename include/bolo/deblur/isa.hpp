@@ -4,6 +4,8 @@
 #include <string_view>
 #include <vector>
 
+#include "bolo/core/result.hpp"
+
 namespace bolo::deblur {
 
 // Names of the instruction sets that are built in and that this processor can run, best first: "AVX3" (AVX-512),
@@ -16,5 +18,10 @@ std::string_view best_isa();
 // Solvers created from now on use this instruction set; "" goes back to the best. False, and nothing changes, when it
 // is not available. Thread: setup.
 bool force_isa(std::string_view isa);
+
+// As force_isa(), for users: "auto" is the best; any other name than those available is refused with their list.
+// check_isa() only looks. Thread: setup.
+Status choose_isa(std::string_view name);
+Status check_isa(std::string_view name);
 
 }  // namespace bolo::deblur

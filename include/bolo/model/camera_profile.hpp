@@ -16,6 +16,8 @@ struct CameraProfile {
   double frame_period_s = 0.005;
   double noise_k = 0.03;         // temporal noise, K rms
   double quantisation_k = 0.01;  // K a count
+  double row_delay_s = 0.0;      // from the sample of one sensor row to that of the next
+  std::filesystem::path maps;    // per-pixel parameters (capture/pixel_maps_io.hpp); empty: none
 
   // How the camera sends its frames; each of these is configurable because it was not proven on every camera.
   bool big_endian_pixels = false;  // Mono16 byte order on the wire

@@ -41,6 +41,9 @@ class KeyTable {
   void number(std::string_view key, double& value, Range range, std::string_view meaning);
   void number(std::string_view key, std::optional<double>& value, double example, Range range,
               std::string_view meaning);
+  // A number, or `word` in quotes; a word leaves the number alone. The default is the word when `is_word` is set.
+  void number_or_word(std::string_view key, double& value, bool& is_word, std::string_view word, Range range,
+                      std::string_view meaning);
   void integer(std::string_view key, int& value, Range range, std::string_view meaning);
   void integer(std::string_view key, std::optional<int>& value, int example, Range range, std::string_view meaning);
   // Permission bits, printed as 0o644.

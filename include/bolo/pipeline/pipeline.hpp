@@ -2,14 +2,18 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "bolo/core/geometry.hpp"
 #include "bolo/core/result.hpp"
 #include "bolo/deblur/settings.hpp"
+#include "bolo/model/pixel_maps.hpp"
 #include "bolo/pipeline/sink.hpp"
 #include "bolo/pipeline/source.hpp"
 #include "bolo/pipeline/stats.hpp"
@@ -25,6 +29,12 @@ struct PipelineOptions {
   int workers = 2;           // the pipeline thread is one of them
   int queue_frames = 64;     // frames that may wait between driver and deblurring
   rt::ThreadOptions thread;  // of the pipeline thread and its workers
+  model::PixelMaps maps{};   // what is known of the source's single pixels; of its frame size
+  // Only these pixels are solved, with the whole frame's surroundings, bit for bit as within the whole frame. A region:
+  // the deblurred plane is a whole one of which nothing else is written. Points (row-major indices, any order): the
+  // deblurred "plane" has one value for each. Not both.
+  std::optional<Region> region{};
+  std::vector<std::uint32_t> points{};
   // Told, once each, what the system refused though work goes on: a priority, a place, a worker. May be empty.
   // Thread: setup, or pipeline before the first frame.
   std::function<void(const std::string&)> warn{};

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "bolo/core/frame.hpp"
 #include "bolo/core/plane.hpp"
@@ -18,7 +20,7 @@ struct PublishedFrame {
   FrameMeta meta;
   std::int64_t publish_ns = 0;      // CLOCK_MONOTONIC, right before the sinks get it
   const void* raw = nullptr;        // the source's pixel type
-  const void* deblurred = nullptr;  // the output pixel type
+  const void* deblurred = nullptr;  // the output pixel type; see SinkFormat::region and points
 };
 
 struct SinkFormat {
@@ -26,6 +28,11 @@ struct SinkFormat {
   PixelType deblurred_type = PixelType::kUint16;
   deblur::Settings deblur;  // as applied: with the source's own period
   std::string solver_text;  // method, iterations, lambda and instruction set in words
+  bool maps = false;        // pixels have parameters of their own
+  // As in PipelineOptions: only these pixels of the deblurred planes are solved; with points the planes hold these
+  // alone. A sink of whole frames refuses both in open().
+  std::optional<Region> region{};
+  std::vector<std::uint32_t> points{};
 };
 
 class FrameSink {

@@ -1,0 +1,193 @@
+#include "bolo/capture/pixel_maps_io.hpp"
+
+#include <cmath>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "src/capture/h5.hpp"
+#include "src/capture/open_file.hpp"
+
+namespace bolo::capture {
+namespace {
+
+constexpr int kVersion = 1;
+constexpr int kMostPixelsASide = 1 << 15;
+constexpr double kLongestTau_s = 1.0;
+
+bool good_tau(double v) { return v > 0.0 && v < kLongestTau_s; }
+bool good_gain(double v) { return std::isfinite(v) && v > 0.0; }
+bool good_offset(double v) { return std::isfinite(v); }
+bool good_flag(double v) { return v == 0.0 || v == 1.0; }
+
+// What a dataset may hold. `good` is false for NaN.
+struct Rule {
+  const char* path;
+  bool (*good)(double);
+  const char* wanted;
+};
+constexpr Rule kTau{"/tau_s", good_tau, "above 0 and below 1 s"};
+constexpr Rule kGain{"/gain", good_gain, "a number above 0"};
+constexpr Rule kOffset{"/offset_k", good_offset, "a number"};
+constexpr Rule kDead{"/dead", good_flag, "0 or 1"};
+
+template <typename T>
+Status check_values(const Rule& rule, const std::vector<T>& values, Geometry geometry) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const auto value = static_cast<double>(values[i]);
+    if (rule.good(value)) continue;
+    const auto width = static_cast<std::size_t>(geometry.width);
+    return bad_input(std::string(rule.path) + "[" + std::to_string(i / width) + ", " + std::to_string(i % width) +
+                     "] is " + h5::text(value) + "; must be " + rule.wanted);
+  }
+  return {};
+}
+
+Status check_shape(hid_t dataset, const Rule& rule, Geometry geometry) {
+  const h5::Dims wanted{static_cast<hsize_t>(geometry.height), static_cast<hsize_t>(geometry.width)};
+  if (h5::shape(dataset) != wanted) {
+    return bad_input(std::string(rule.path) + " has the shape " + h5::text(h5::shape(dataset)) + "; expected " +
+                     h5::text(wanted) + ", as 'height' and 'width' say");
+  }
+  const h5::Handle type(H5Dget_type(dataset));
+  const H5T_class_t kind = H5Tget_class(type.get());
+  if (kind != H5T_FLOAT && kind != H5T_INTEGER) {
+    return bad_input(std::string(rule.path) + " is of type " + h5::type_text(type.get()) + "; expected numbers");
+  }
+  return {};
+}
+
+// Leaves `values` empty when the dataset is not there.
+template <typename T>
+Status read_map(hid_t file, const Rule& rule, hid_t memory_type, Geometry geometry, std::vector<T>& values) {
+  if (!h5::exists(file, rule.path)) return {};
+  const Result<h5::Handle> dataset = h5::open_dataset(file, rule.path);
+  if (!dataset) return tl::unexpected<Error>(dataset.error());
+  if (Status good = check_shape(dataset->get(), rule, geometry); !good) return good;
+  values.resize(geometry.pixels());
+  if (H5Dread(dataset->get(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
+    return bad_input(std::string(rule.path) + " cannot be read" + h5::because());
+  }
+  return check_values(rule, values, geometry);
+}
+
+Result<int> side(const h5::Owner& root, const char* name) {
+  const Result<double> value = h5::number_attribute(root, name);
+  if (!value) return tl::unexpected<Error>(value.error());
+  if (*value < 1.0 || *value > kMostPixelsASide || *value != std::floor(*value)) {
+    return bad_input(std::string("root attribute '") + name + "' is " + h5::text(*value) +
+                     "; expected a whole number from 1 to " + std::to_string(kMostPixelsASide));
+  }
+  return static_cast<int>(*value);
+}
+
+Result<Geometry> read_identity(hid_t file) {
+  const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));
+  const h5::Owner root{group.get(), "root"};
+  const Result<std::string> format = h5::string_attribute(root, "format");
+  if (!format) return bad_input(format.error().message + "; expected a \"bolo-maps\" file");
+  if (*format != "bolo-maps")
+    return bad_input("root attribute 'format' is \"" + *format + "\"; expected \"bolo-maps\"");
+  const Result<double> version = h5::number_attribute(root, "version");
+  if (!version) return tl::unexpected<Error>(version.error());
+  if (*version != kVersion) {
+    return bad_input("root attribute 'version' is " + h5::text(*version) + "; this program reads version 1");
+  }
+  const Result<int> width = side(root, "width");
+  if (!width) return tl::unexpected<Error>(width.error());
+  const Result<int> height = side(root, "height");
+  if (!height) return tl::unexpected<Error>(height.error());
+  return Geometry{*width, *height};
+}
+
+Result<model::PixelMaps> read_all(hid_t file) {
+  const Result<Geometry> geometry = read_identity(file);
+  if (!geometry) return tl::unexpected<Error>(geometry.error());
+  model::PixelMaps maps;
+  maps.geometry = *geometry;
+  Status good = read_map(file, kTau, H5T_NATIVE_FLOAT, *geometry, maps.tau_s);
+  if (good) good = read_map(file, kGain, H5T_NATIVE_FLOAT, *geometry, maps.gain);
+  if (good) good = read_map(file, kOffset, H5T_NATIVE_FLOAT, *geometry, maps.offset);
+  if (good) good = read_map(file, kDead, H5T_NATIVE_UINT8, *geometry, maps.dead);
+  if (!good) return tl::unexpected<Error>(good.error());
+  return maps;
+}
+
+template <typename T>
+Status write_map(hid_t file, const Rule& rule, hid_t type, Geometry geometry, const std::vector<T>& values) {
+  if (values.empty()) return {};
+  if (values.size() != geometry.pixels()) {
+    return bad_input(std::string(rule.path) + " would have " + std::to_string(values.size()) + " values for " +
+                     std::to_string(geometry.pixels()) + " pixels");
+  }
+  if (Status good = check_values(rule, values, geometry); !good) return good;
+  const h5::Dims dims{static_cast<hsize_t>(geometry.height), static_cast<hsize_t>(geometry.width)};
+  const h5::Handle space(H5Screate_simple(2, dims.data(), nullptr));
+  const h5::Handle properties(H5Pcreate(H5P_DATASET_CREATE));
+  H5Pset_obj_track_times(properties.get(), false);
+  const h5::Handle dataset(H5Dcreate2(file, rule.path, type, space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT));
+  if (dataset && H5Dwrite(dataset.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) >= 0) return {};
+  return failed(std::string(rule.path) + " cannot be written" + h5::because());
+}
+
+Status write_all(hid_t file, const model::PixelMaps& maps) {
+  const h5::Handle root(H5Gopen2(file, "/", H5P_DEFAULT));
+  const bool named = h5::write_attribute(root.get(), "format", std::string("bolo-maps")) &&
+                     h5::write_attribute(root.get(), "version", std::int64_t{kVersion}) &&
+                     h5::write_attribute(root.get(), "width", std::int64_t{maps.geometry.width}) &&
+                     h5::write_attribute(root.get(), "height", std::int64_t{maps.geometry.height});
+  if (!named) return failed("the root attributes cannot be written" + h5::because());
+  Status good = write_map(file, kTau, H5T_NATIVE_FLOAT, maps.geometry, maps.tau_s);
+  if (good) good = write_map(file, kGain, H5T_NATIVE_FLOAT, maps.geometry, maps.gain);
+  if (good) good = write_map(file, kOffset, H5T_NATIVE_FLOAT, maps.geometry, maps.offset);
+  if (good) good = write_map(file, kDead, H5T_NATIVE_UINT8, maps.geometry, maps.dead);
+  return good;
+}
+
+Status write_file(const std::filesystem::path& file, const model::PixelMaps& maps) {
+  const h5::Handle access = file_access();
+  h5::Handle handle(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.get()));
+  if (!handle) return bad_input("cannot be created" + h5::because());
+  if (Status good = write_all(handle.get(), maps); !good) return good;
+  if (!handle.close()) return failed("cannot be closed" + h5::because());
+  return {};
+}
+
+}  // namespace
+
+Result<model::PixelMaps> read_pixel_maps(const std::filesystem::path& file) {
+  const h5::Quiet quiet;
+  const Result<h5::Handle> handle = open_hdf5(file);
+  if (!handle) return at(file.string(), handle.error());
+  Result<model::PixelMaps> maps = read_all(handle->get());
+  if (!maps) return at(file.string(), maps.error());
+  return maps;
+}
+
+Status write_pixel_maps(const std::filesystem::path& file, const model::PixelMaps& maps) {
+  const h5::Quiet quiet;
+  const Geometry g = maps.geometry;
+  if (g.width < 1 || g.height < 1) return bad_input(file.string() + ": maps without a size cannot be stored");
+  const std::filesystem::path part = file.string() + ".part";
+  std::error_code error;
+  if (Status good = write_file(part, maps); !good) {
+    std::filesystem::remove(part, error);
+    return at(file.string(), good.error());
+  }
+  std::filesystem::rename(part, file, error);
+  if (error) return failed(part.string() + ": cannot be renamed to " + file.string() + ": " + error.message());
+  return {};
+}
+
+Result<model::PixelMaps> read_profile_maps(const model::CameraProfile& profile) {
+  model::PixelMaps maps;
+  if (!profile.maps.empty()) {
+    Result<model::PixelMaps> read = read_pixel_maps(profile.maps);
+    if (!read) return read;
+    maps = std::move(*read);
+  }
+  maps.row_delay_s = profile.row_delay_s;
+  return maps;
+}
+
+}  // namespace bolo::capture

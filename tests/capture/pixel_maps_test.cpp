@@ -1,0 +1,150 @@
+// Files of per-pixel parameters: what is written is read, and what is wrong is refused by name and place.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "bolo/capture/pixel_maps_io.hpp"
+#include "tests/capture/hdf5_edit.hpp"
+#include "tests/capture/scratch.hpp"
+
+namespace bolo::capture {
+namespace {
+
+model::PixelMaps some_maps() {
+  model::PixelMaps maps;
+  maps.geometry = {3, 2};
+  maps.tau_s = {0.010F, 0.011F, 0.012F, 0.009F, 0.010F, 0.011F};
+  maps.gain = {1.0F, 1.1F, 0.9F, 1.0F, 1.0F, 1.0F};
+  maps.offset = {0.0F, -0.5F, 0.5F, 0.0F, 0.0F, 2.0F};
+  maps.dead = {0, 0, 1, 0, 0, 0};
+  return maps;
+}
+
+class PixelMapsFile : public ::testing::Test {
+ protected:
+  std::filesystem::path path(const std::string& name) const { return folder_ / name; }
+
+ private:
+  testing::Scratch folder_;
+};
+
+TEST_F(PixelMapsFile, IsReadAsWritten) {
+  ASSERT_TRUE(write_pixel_maps(path("maps.h5"), some_maps()));
+  EXPECT_FALSE(std::filesystem::exists(path("maps.h5.part")));
+  const auto maps = read_pixel_maps(path("maps.h5"));
+  ASSERT_TRUE(maps) << maps.error().message;
+  EXPECT_EQ(maps->geometry, (Geometry{3, 2}));
+  EXPECT_EQ(maps->tau_s, some_maps().tau_s);
+  EXPECT_EQ(maps->gain, some_maps().gain);
+  EXPECT_EQ(maps->offset, some_maps().offset);
+  EXPECT_EQ(maps->dead, some_maps().dead);
+  EXPECT_EQ(maps->row_delay_s, 0.0);
+}
+
+TEST_F(PixelMapsFile, MapsMayBeLeftOutAndStoredInOtherTypes) {
+  model::PixelMaps maps;
+  maps.geometry = {3, 2};
+  maps.gain = some_maps().gain;
+  ASSERT_TRUE(write_pixel_maps(path("maps.h5"), maps));
+  const std::vector<double> tau(6, 0.0125);
+  testing::edit(path("maps.h5"), [&](hid_t file) {
+    testing::set_dataset(file, "/tau_s", H5T_NATIVE_DOUBLE, {2, 3}, H5T_NATIVE_DOUBLE, tau.data());
+  });
+  const auto read = read_pixel_maps(path("maps.h5"));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->tau_s, std::vector<float>(6, 0.0125F));
+  EXPECT_TRUE(read->offset.empty());
+  EXPECT_TRUE(read->dead.empty());
+}
+
+TEST_F(PixelMapsFile, BelongsToTheProfileThatNamesIt) {
+  ASSERT_TRUE(write_pixel_maps(path("maps.h5"), some_maps()));
+  std::ofstream(path("p.toml")) << "row_delay_s = 3.0e-5\nmaps = \"maps.h5\"\n";
+  const auto profile = model::read_profile(path("p.toml"));
+  ASSERT_TRUE(profile) << profile.error().message;
+  const auto maps = read_profile_maps(*profile);
+  ASSERT_TRUE(maps) << maps.error().message;
+  EXPECT_EQ(maps->row_delay_s, 3.0e-5);
+  EXPECT_EQ(maps->gain, some_maps().gain);
+  EXPECT_TRUE(read_profile_maps(model::CameraProfile())->empty());
+}
+
+struct Damage {
+  const char* name;
+  void (*spoil)(hid_t file);
+  const char* says;
+};
+
+class PixelMapsRefused : public PixelMapsFile, public ::testing::WithParamInterface<Damage> {};
+
+void set_floats(hid_t file, const char* name, std::vector<float> values, const std::vector<hsize_t>& dims) {
+  testing::set_dataset(file, name, H5T_NATIVE_FLOAT, dims, H5T_NATIVE_FLOAT, values.data());
+}
+
+TEST_P(PixelMapsRefused, ByFileDatasetAndPlace) {
+  ASSERT_TRUE(write_pixel_maps(path("maps.h5"), some_maps()));
+  testing::edit(path("maps.h5"), GetParam().spoil);
+  const auto maps = read_pixel_maps(path("maps.h5"));
+  ASSERT_FALSE(maps);
+  EXPECT_EQ(maps.error().kind, ErrorKind::kBadInput);
+  EXPECT_EQ(maps.error().message.rfind(path("maps.h5").string() + ": ", 0), 0U) << maps.error().message;
+  EXPECT_NE(maps.error().message.find(GetParam().says), std::string::npos) << maps.error().message;
+  EXPECT_EQ(maps.error().message.find('\n'), std::string::npos);
+}
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+INSTANTIATE_TEST_SUITE_P(
+    All, PixelMapsRefused,
+    ::testing::Values(
+        Damage{"Format", [](hid_t f) { testing::set_string(f, "/", "format", "bolo-capture"); }, "\"bolo-maps\""},
+        Damage{"NoFormat", [](hid_t f) { testing::drop_attribute(f, "/", "format"); }, "'format' is missing"},
+        Damage{"Version", [](hid_t f) { testing::set_number(f, "/", "version", 2); }, "'version' is 2"},
+        Damage{"Width", [](hid_t f) { testing::set_number(f, "/", "width", 2.5); }, "'width' is 2.5"},
+        Damage{"Huge", [](hid_t f) { testing::set_number(f, "/", "height", 1e9); }, "'height' is 1e+09"},
+        Damage{"Turned",
+               [](hid_t f) {
+                 set_floats(f, "/gain", std::vector<float>(6, 1.0F), {3, 2});
+               },
+               "/gain has the shape (3, 2); expected (2, 3)"},
+        Damage{"Flat", [](hid_t f) { set_floats(f, "/tau_s", std::vector<float>(6, 0.01F), {6}); },
+               "/tau_s has the shape (6)"},
+        Damage{"Nan",
+               [](hid_t f) {
+                 set_floats(f, "/offset_k", {0, 0, 0, 0, kNan, 0}, {2, 3});
+               },
+               "/offset_k[1, 1] is nan"},
+        Damage{"Tau",
+               [](hid_t f) {
+                 set_floats(f, "/tau_s", {0.01F, 0.01F, -0.01F, 1, 1, 1}, {2, 3});
+               },
+               "/tau_s[0, 2] is -0.0"},
+        Damage{"Gain",
+               [](hid_t f) {
+                 set_floats(f, "/gain", {1, 1, 1, 0, 1, 1}, {2, 3});
+               },
+               "/gain[1, 0] is 0; must be"},
+        Damage{"Dead",
+               [](hid_t f) {
+                 const std::uint8_t flags[6] = {0, 0, 0, 0, 0, 7};
+                 testing::set_dataset(f, "/dead", H5T_NATIVE_UINT8, {2, 3}, H5T_NATIVE_UINT8, flags);
+               },
+               "/dead[1, 2] is 7; must be 0 or 1"}),
+    [](const auto& each) { return std::string(each.param.name); });
+
+TEST_F(PixelMapsFile, NoFileAndNoMapsAreToldApart) {
+  EXPECT_NE(read_pixel_maps(path("none.h5")).error().message.find("none.h5"), std::string::npos);
+  std::ofstream(path("text.h5")) << "not HDF5\n";
+  EXPECT_NE(read_pixel_maps(path("text.h5")).error().message.find("text.h5"), std::string::npos);
+  model::PixelMaps wrong = some_maps();
+  wrong.gain.pop_back();
+  EXPECT_FALSE(write_pixel_maps(path("maps.h5"), wrong));
+  EXPECT_FALSE(std::filesystem::exists(path("maps.h5")));
+  EXPECT_FALSE(std::filesystem::exists(path("maps.h5.part")));
+}
+
+}  // namespace
+}  // namespace bolo::capture

@@ -1,0 +1,190 @@
+// Rows that are read out one after the other, published at the frame's one time.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <numeric>
+#include <random>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "bolo/deblur/solver.hpp"
+#include "src/deblur/row_time.hpp"
+
+namespace bolo::deblur {
+namespace {
+
+constexpr Geometry kFrame{5, 24};
+
+StreamFormat float_kelvin(int row_step) {
+  StreamFormat format;
+  format.geometry = kFrame;
+  format.type = PixelType::kFloat32;
+  format.scale = {Unit::kKelvin, 1.0, 0.0};
+  format.row_step = row_step;
+  return format;
+}
+
+Settings settings_for(Method method, int lookahead) {
+  Settings s;
+  s.method = method;
+  s.lookahead = lookahead;
+  s.lambda = 1e-4;
+  return s;
+}
+
+// What a rolling read-out makes of an input that rises by `slope` K a second everywhere, long since: y = x(t - tau).
+class Ramp {
+ public:
+  Ramp(const Settings& s, double row_delay_s, double slope) : target_(s.window - 1 - s.lookahead) {
+    for (int slot = 0; slot < s.window; ++slot) {
+      auto& plane = planes_.emplace_back();
+      for (int row = 0; row < kFrame.height; ++row) {
+        const double t = slot * s.period_s + row * row_delay_s;
+        plane.insert(plane.end(), static_cast<std::size_t>(kFrame.width),
+                     static_cast<float>(300.0 + slope * (t - s.tau_s)));
+      }
+    }
+    for (const auto& plane : planes_) pointers_.push_back(plane.data());
+  }
+  Ramp(const Ramp&) = delete;
+  Ramp& operator=(const Ramp&) = delete;
+  void lose(std::size_t slot) { pointers_[slot] = nullptr; }
+  WindowView view() const { return {pointers_, target_}; }
+
+ private:
+  int target_;
+  std::vector<std::vector<float>> planes_;
+  std::vector<const void*> pointers_;
+};
+
+std::vector<float> solve(const Settings& s, const WindowView& view, double row_delay_s, int row_step = 1) {
+  model::PixelMaps maps;
+  maps.row_delay_s = row_delay_s;
+  auto solver = Solver::create(s, float_kelvin(row_step), PixelType::kFloat32, maps);
+  EXPECT_TRUE(solver) << solver.error().message;
+  std::vector<float> out(kFrame.pixels());
+  (*solver)->prepare(view);
+  (*solver)->solve(view, {0, 0, kFrame.width, kFrame.height}, out.data());
+  return out;
+}
+
+// How far the rows are from what row 0 shows, at most, K.
+double skew(const std::vector<float>& out) {
+  double largest = 0.0;
+  for (const float value : out) {
+    largest = std::max(largest, std::abs(static_cast<double>(value) - static_cast<double>(out.front())));
+  }
+  return largest;
+}
+
+class RowDelay : public ::testing::TestWithParam<std::tuple<Method, double>> {};
+
+// delay of the last row, in periods: below and beyond a half, one, and two.
+TEST_P(RowDelay, StraightensAMovingRamp) {
+  const auto [method, periods] = GetParam();
+  const Settings s = settings_for(method, 2);
+  const double row_delay_s = periods * s.period_s / (kFrame.height - 1);
+  const double slope = 400.0;  // K/s: 2 K a frame
+  const Ramp ramp(s, row_delay_s, slope);
+  const double before = skew(solve(s, ramp.view(), 0.0));
+  const double after = skew(solve(s, ramp.view(), row_delay_s));
+  EXPECT_GT(before, 0.9 * slope * s.period_s * std::abs(periods));
+  EXPECT_LT(after, 0.02 * before);
+}
+
+INSTANTIATE_TEST_SUITE_P(Solver, RowDelay,
+                         ::testing::Combine(::testing::Values(Method::kAdmm, Method::kExact, Method::kInverse),
+                                            ::testing::Values(0.3, 0.9, 2.4, -0.4)),
+                         [](const auto& each) {
+                           const double periods = std::get<1>(each.param);
+                           return std::string(name(std::get<0>(each.param))) + (periods < 0 ? "_before_" : "_") +
+                                  std::to_string(std::lround(std::abs(periods) * 10.0));
+                         });
+
+class RowDelayOf : public ::testing::TestWithParam<Method> {};
+
+// At the window's end rows up to half a period late have only the last bin; later ones are put right.
+TEST_P(RowDelayOf, IsLimitedToTheLastBinWithoutLookAhead) {
+  const Settings s = settings_for(GetParam(), 0);
+  const double row_delay_s = 2.0 * s.period_s / (kFrame.height - 1);
+  const double slope = 400.0;
+  const Ramp ramp(s, row_delay_s, slope);
+  const std::vector<float> out = solve(s, ramp.view(), row_delay_s);
+  const std::vector<float> plain = solve(s, ramp.view(), 0.0);
+  EXPECT_EQ(out[0], plain[0]);
+  for (int row = 0; row < kFrame.height; ++row) {
+    const auto pixel = static_cast<std::size_t>(row * kFrame.width);
+    const double late_s = row * row_delay_s;
+    const double gained = std::max(0.0, late_s - 0.5 * s.period_s) * slope;
+    EXPECT_NEAR(static_cast<double>(plain[pixel]) - static_cast<double>(out[pixel]), gained, 0.02 + 0.02 * gained)
+        << row;
+  }
+}
+
+TEST_P(RowDelayOf, CountsSensorRows) {
+  const Settings s = settings_for(GetParam(), 1);
+  const Ramp ramp(s, 80e-6, 400.0);
+  EXPECT_EQ(solve(s, ramp.view(), 40e-6, 2), solve(s, ramp.view(), 80e-6, 1));
+}
+
+TEST_P(RowDelayOf, PartsAndPointsAreTheWholeFramesBits) {
+  for (const bool mapped : {false, true}) {
+    for (const int lost : {-1, 14}) {
+      const Settings s = settings_for(GetParam(), 1);
+      Ramp ramp(s, 300e-6, 400.0);
+      if (lost >= 0) ramp.lose(static_cast<std::size_t>(lost));
+      model::PixelMaps maps;
+      maps.row_delay_s = 300e-6;
+      if (mapped) {
+        for (std::size_t i = 0; i < kFrame.pixels(); ++i) maps.tau_s.push_back(0.010F + 1e-5F * static_cast<float>(i));
+      }
+      auto solver = Solver::create(s, float_kelvin(1), PixelType::kFloat32, maps);
+      ASSERT_TRUE(solver);
+      const WindowView view = ramp.view();
+      (*solver)->prepare(view);
+      std::vector<float> whole(kFrame.pixels());
+      (*solver)->solve(view, {0, 0, kFrame.width, kFrame.height}, whole.data());
+      std::vector<float> parts(kFrame.pixels());
+      (*solver)->solve(view, {0, 0, 2, kFrame.height}, parts.data());
+      (*solver)->solve(view, {2, 0, 3, 9}, parts.data());
+      (*solver)->solve(view, {2, 9, 3, kFrame.height - 9}, parts.data());
+      EXPECT_EQ(std::memcmp(parts.data(), whole.data(), whole.size() * sizeof(float)), 0);
+      std::vector<std::uint32_t> pixels(kFrame.pixels());
+      std::iota(pixels.begin(), pixels.end(), 0U);
+      std::shuffle(pixels.begin(), pixels.end(), std::mt19937(3U));
+      std::vector<float> points(pixels.size());
+      (*solver)->solve_points(view, pixels, points.data());
+      for (std::size_t i = 0; i < pixels.size(); ++i) EXPECT_EQ(points[i], whole[pixels[i]]);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Solver, RowDelayOf, ::testing::Values(Method::kAdmm, Method::kExact, Method::kInverse),
+                         [](const auto& each) { return std::string(name(each.param)); });
+
+// Bins of every length: without delay what was published before there were delays.
+TEST(RowTime, WithoutDelayItIsTheBinsAroundTheTarget) {
+  for (const int levels : {1, 2, 3, 4, 7}) {
+    for (const double period_s : {0.005, 0.033}) {
+      Settings s;
+      s.levels = levels;
+      s.period_s = period_s;
+      const Grid grid = reduce(s, 0.0);
+      for (int target = 1; target < s.window; ++target) {
+        const Published plain = published_bins(grid, s.window, target);
+        const Published delayed = published_bins(grid, s.window, target, 0.0);
+        EXPECT_EQ(delayed.before, plain.before) << levels << " " << target;
+        EXPECT_EQ(delayed.after, plain.after) << levels << " " << target;
+        EXPECT_EQ(delayed.weight_before, 0.5F);
+        EXPECT_EQ(delayed.weight_after, 0.5F);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace bolo::deblur

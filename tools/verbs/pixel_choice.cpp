@@ -1,0 +1,101 @@
+#include "tools/verbs/pixel_choice.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <string_view>
+
+#include "drivers/replay/copy_region.hpp"
+
+namespace bolo::tools {
+namespace {
+
+std::string_view trimmed(std::string_view text) {
+  const std::size_t first = text.find_first_not_of(" \t\r");
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
+}
+
+std::optional<double> number(std::string_view text) {
+  text = trimmed(text);
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+// The index, or what is wrong with the line.
+tl::expected<std::uint32_t, std::string> parse_point(std::string_view line, Geometry frame) {
+  const std::size_t comma = line.find(',');
+  const auto x = number(line.substr(0, comma));
+  const auto y = comma == std::string_view::npos ? std::nullopt : number(line.substr(comma + 1));
+  if (!x || !y) return tl::unexpected<std::string>("'" + std::string(line) + "' is not a point; write x,y in pixels");
+  const double column = std::round(*x);
+  const double row = std::round(*y);
+  if (column < 0.0 || column >= frame.width || row < 0.0 || row >= frame.height) {
+    return tl::unexpected<std::string>("point " + std::string(line) + " is outside the frame of " +
+                                       std::to_string(frame.width) + "x" + std::to_string(frame.height));
+  }
+  return static_cast<std::uint32_t>(row) * static_cast<std::uint32_t>(frame.width) + static_cast<std::uint32_t>(column);
+}
+
+}  // namespace
+
+Result<std::vector<std::uint32_t>> read_points(const std::filesystem::path& file, Geometry frame) {
+  std::ifstream in(file);
+  if (!in) return bad_input(file.string() + ": cannot be opened for reading");
+  std::vector<std::uint32_t> points;
+  std::string whole_line;
+  bool first = true;
+  for (int at = 1; std::getline(in, whole_line); ++at) {
+    const std::string_view line = trimmed(whole_line);
+    if (line.empty() || line.front() == '#') continue;
+    const bool header = std::exchange(first, false) && (line == "x,y" || line == "x_px,y_px");
+    if (header) continue;
+    const auto point = parse_point(line, frame);
+    if (!point) return bad_input(file.string() + ":" + std::to_string(at) + ": " + point.error());
+    points.push_back(*point);
+  }
+  if (in.bad()) return failed(file.string() + ": cannot be read");
+  if (points.empty()) return bad_input(file.string() + ": no points; write one x,y in pixels a line");
+  return points;
+}
+
+PixelChoice::PixelChoice(Geometry frame, std::optional<Region> region, std::vector<std::uint32_t> points)
+    : frame_(frame), region_(region.value_or(Region{0, 0, frame.width, frame.height})), points_(std::move(points)) {}
+
+Geometry PixelChoice::geometry() const {
+  if (points_.empty()) return {region_.width, region_.height};
+  return {static_cast<int>(points_.size()), 1};
+}
+
+std::pair<int, int> PixelChoice::place(std::size_t i) const {
+  if (!points_.empty()) {
+    const auto width = static_cast<std::uint32_t>(frame_.width);
+    return {static_cast<int>(points_[i] % width), static_cast<int>(points_[i] / width)};
+  }
+  const auto width = static_cast<std::size_t>(region_.width);
+  return {region_.x + static_cast<int>(i % width), region_.y + static_cast<int>(i / width)};
+}
+
+void PixelChoice::take(const void* plane, std::size_t value_bytes, void* out) const {
+  if (points_.empty()) return replay::copy_region(plane, frame_, value_bytes, region_, out);
+  auto* to = static_cast<std::byte*>(out);
+  for (const std::uint32_t point : points_) {
+    std::memcpy(to, static_cast<const std::byte*>(plane) + point * value_bytes, value_bytes);
+    to += value_bytes;
+  }
+}
+
+void PixelChoice::take_deblurred(const void* plane, std::size_t value_bytes, void* out) const {
+  if (points_.empty()) return take(plane, value_bytes, out);
+  std::memcpy(out, plane, points_.size() * value_bytes);
+}
+
+std::string in_words(const Region& r) {
+  return std::to_string(r.x) + "," + std::to_string(r.y) + "," + std::to_string(r.width) + "," +
+         std::to_string(r.height);
+}
+
+}  // namespace bolo::tools
