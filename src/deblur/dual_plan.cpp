@@ -62,12 +62,12 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
   }
 }
 
-void visit_order(int bins, std::array<int, kMaxDualBins>& order) {
+void visit_order(int bins, std::array<Visit, kMaxDualBins>& order) {
   std::size_t count = 0;
-  order[count++] = 0;
+  order[count++] = {0, 0, bins};
   const auto visit_tree = [&](int begin, int span, int group) {
     for (int width = span; width > span / group; width /= 2) {
-      for (int at = begin; at < begin + span; at += width) order[count++] = at + width / 2;
+      for (int at = begin; at < begin + span; at += width) order[count++] = {at + width / 2, begin, begin + span};
     }
   };
   int group = std::countr_zero(static_cast<unsigned>(bins)) % 2 == 1 ? 2 : 4;
