@@ -110,7 +110,7 @@ HWY_INLINE Pair begin_from_dual(const BandedPlan& plan, const PixelRun& run, std
     const RowCoefficients& row = plan.row[static_cast<std::size_t>(i)];
     const Pair y = load_slot(plan.start, run, i + 1, at, count, unused) - mean;
     const Pair end = load(dual.jump[i + 1]);
-    const Pair bent = fma(all(plan.start.curvature), end - begin, load(m.x[i]));
+    const Pair bent = fma(all(plan.start.curvature), end - begin, load(m.x[i])) - shift_of(plan.start.gap, dual, i);
     store(inverse_alpha * (fma(gain, y - before, y) - lambda * bent), m.x[i]);
     store(all(row.weight) * fnma(all(row.decay), reference, y), m.b[i]);
     before = y;

@@ -94,7 +94,8 @@ TEST_P(Isas, AdmmIsTheReference) {
         for (const bool gap : {false, true}) {
           const Settings s = settings_for(window, 0.05, lookahead);
           Planes planes = fill(s, {37, 1}, input);
-          if (gap) planes.lose(static_cast<std::size_t>(window / 2));
+          if (gap) planes.lose(0);
+          if (gap) planes.lose(window > 5 ? static_cast<std::size_t>(window / 2) : 1);
           const WindowView view = planes.view(window - 1 - lookahead);
           const auto solver = make(s, kelvin_format(planes.geometry(), s.period_s));
           ASSERT_NE(solver, nullptr);
@@ -103,7 +104,7 @@ TEST_P(Isas, AdmmIsTheReference) {
           solver->prepare(view);
           solver->solve(view, {0, 0, planes.geometry().width, 1}, out.data());
           const Grid grid = reduce(s, s.half_square_lambda());
-          const Tuning tuning = tune(grid, 0.05, gap);
+          const Tuning tuning = tune(grid, 0.05, gap ? Lost::kMore : Lost::kNone);
           const Pattern pattern = pattern_of(view);
           for (std::size_t pixel = 0; pixel < out.size(); ++pixel) {
             const double wanted = reference_admm(grid, tuning, pattern, planes.samples(pixel));
