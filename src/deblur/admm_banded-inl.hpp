@@ -85,32 +85,38 @@ HWY_INLINE void begin_x(const BandedPlan& plan, int bins, const Row* y, Row* car
   for (; bin < bins; ++bin) store(input, x[bin]);
 }
 
-// The dual's x and, as carry, its t: the first w is c + u of the dual.
+// The dual's x and, as carry, its t: the first w is c + u of the dual. And b. Returns the samples' mean.
 template <int kBins>
-HWY_INLINE void begin_from_dual(const BandedPlan& plan, const PixelRun& run, std::size_t at, std::size_t count,
-                                const Dual<kBins>& dual, Pair mean, Row* carry, Row* x) {
+HWY_INLINE Pair begin_from_dual(const BandedPlan& plan, const PixelRun& run, std::size_t at, std::size_t count,
+                                const Dual<kBins>& dual, Banded<rows_of(kBins)>& m) {
   const Pair lambda = load(dual.lambda);
+  const Pair scaled_lambda = all(plan.scaled) * lambda;
+  const Pair mean = all(plan.inverse_count) * load(dual.sum);
   const Vec inverse_alpha = all(1.0F / plan.alpha);
   const Vec gain = all(plan.start.inverse_gain);
   for (int i = 0; i < kBins; ++i) {
     const Pair t = load(dual.t[i]);
-    store(all(plan.scaled) * lambda * t, carry[i]);
-    store(t, x[i]);
+    store(scaled_lambda * t, m.carry[i]);
+    store(t, m.x[i]);
   }
   for (int half = kBins / 2; half > 0; half /= 2) {
-    for (int i = 0; i < kBins; i += 2 * half) butterfly_rows(x[i], x[i + half]);
+    for (int i = 0; i < kBins; i += 2 * half) butterfly_rows(m.x[i], m.x[i + half]);
   }
   Pair unused = pair(0.0F);
+  const Pair reference = load_pixels(run, plan.sample[0].slot, at, count) - mean;
   Pair before = load_slot(plan.start, run, 0, at, count, unused) - mean;
   Pair begin = load(dual.jump[0]);
   for (int i = 0; i < kBins; ++i) {
+    const RowCoefficients& row = plan.row[static_cast<std::size_t>(i)];
     const Pair y = load_slot(plan.start, run, i + 1, at, count, unused) - mean;
     const Pair end = load(dual.jump[i + 1]);
-    const Pair bent = fma(all(plan.start.curvature), end - begin, load(x[i]));
-    store(inverse_alpha * (fma(gain, y - before, y) - lambda * bent), x[i]);
+    const Pair bent = fma(all(plan.start.curvature), end - begin, load(m.x[i])) - shift_of(plan.start.gap, dual, i);
+    store(inverse_alpha * (fma(gain, y - before, y) - lambda * bent), m.x[i]);
+    store(all(row.weight) * fnma(all(row.decay), reference, y), m.b[i]);
     before = y;
     begin = end;
   }
+  return mean;
 }
 
 // w = alpha c + (1 - alpha) z + u; z = soft(w), u = clip(w). Returns z - u; (1 - alpha) z + u = w - alpha z goes to
@@ -258,9 +264,7 @@ void solve_run(const BandedPlan& plan, const PixelRun& run) noexcept {
       const std::size_t count = std::min(kBlock, run.end - at);
       if (count == 0) break;
       Banded<rows_of(kBins)> m;
-      const Pair mean = load_samples(plan, run, at, count, m.y);
-      begin_b(plan, kBins, m.y, m.b);
-      begin_from_dual(plan, run, at, count, dual, mean, m.carry, m.x);
+      const Pair mean = begin_from_dual(plan, run, at, count, dual, m);
       iterate(plan, kBins, load_lambda(run, plan.lambda, at, count), m);
       publish(run, m, mean, at, count);
       at += count;

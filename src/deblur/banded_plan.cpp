@@ -60,6 +60,7 @@ void factor(BandedPlan& plan) noexcept {
 void prepare_samples(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pattern& pattern) noexcept {
   const double p = -std::expm1(-grid.ratio / grid.parts);
   plan.samples = 0;
+  for (RowCoefficients& row : plan.row) row.weight = 0.0F;
   int last = pattern.first;
   for (int slot = 0; slot < pattern.slots; ++slot) {
     if (!pattern.received[static_cast<std::size_t>(slot)]) continue;
@@ -72,6 +73,9 @@ void prepare_samples(BandedPlan& plan, const Grid& grid, const Tuning& tuning, c
     sample.decay = static_cast<float>(std::exp(-grid.ratio * (slot - pattern.first)));
     sample.inverse_gain = static_cast<float>(-1.0 / std::expm1(-grid.ratio * (slot - last)));
     last = slot;
+    RowCoefficients& row = plan.row[static_cast<std::size_t>(sample.row)];
+    row.weight = sample.weight;
+    row.decay = sample.decay;
   }
   plan.inverse_count = 1.0F / static_cast<float>(plan.samples);
 }

@@ -25,6 +25,8 @@ struct SampleCoefficients {
 // Row j of the tridiagonal system, scaled so that its pivot is 1. Elimination runs from both ends to the middle row, so
 // that two chains of dependent operations run side by side; "inner" is the neighbour on the middle's side.
 struct RowCoefficients {
+  float weight = 0.0F;      // of the row's sample in the right side; 0 where there is none
+  float decay = 0.0F;       // of the reference until that sample
   float own = 0.0F;         // of v_j in the right side: 1 / pivot
   float next = 0.0F;        // of -v_{j+1}: a / pivot
   float eliminate = 0.0F;   // multiple of row j that is subtracted from the inner row

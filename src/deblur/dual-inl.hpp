@@ -24,6 +24,7 @@ constexpr std::size_t blocks_of(int bins) { return bins > 32 ? 1 : bins > 16 || 
 
 // In the values' unit; below it the box is as good as a point.
 inline constexpr float kLeastLambda = 1e-6F;
+inline constexpr float kFar = 1e20F;
 
 constexpr int log2_of(int n) { return n <= 1 ? 0 : 1 + log2_of(n / 2); }
 constexpr std::size_t rows_of(int n) { return static_cast<std::size_t>(n); }
@@ -35,6 +36,7 @@ struct Dual {
   HWY_ALIGN Row jump[rows_of(kBins + 1)];
   HWY_ALIGN Row sum;     // of all samples
   HWY_ALIGN Row lambda;  // of each pixel, never 0
+  HWY_ALIGN Row shift;   // of a lost sample from the value filled in, in units of lambda
 };
 
 template <int kBins>
@@ -65,6 +67,7 @@ HWY_INLINE void begin_dual(const DualPlan& plan, const PixelRun& run, std::size_
   const Pair lambda = at_least(load_lambda(run, plan.lambda, at, count), kLeastLambda);
   const Pair inverse_lambda = pair(1.0F) / lambda;
   store(lambda, m.lambda);
+  store(pair(0.0F), m.shift);
   const Vec gain = all(plan.inverse_gain);
   Pair sum = pair(0.0F);
   Pair before = load_slot(plan, run, 0, at, count, sum);
@@ -225,15 +228,76 @@ HWY_INLINE Pair dual_at(const Dual<kBins>& m, int bin) {
   return v;
 }
 
+// What the shift of a lost sample adds to the inverse filter's x of a bin, in units of lambda.
+template <int kBins>
+HWY_INLINE Pair shift_of(const Gap& gap, const Dual<kBins>& m, int bin) {
+  if (gap.searches == 0 || bin < gap.bin || bin > gap.bin + 1) return pair(0.0F);
+  return all(bin == gap.bin ? gap.inverse_p : 1.0F - gap.inverse_p) * load(m.shift);
+}
+
+// Where the lost value is known to lie, and the residuals there.
+struct Bracket {
+  Pair low = pair(-kFar);
+  Pair high = pair(kFar);
+  Pair low_residual = pair(0.0F);
+  Pair high_residual = pair(0.0F);
+};
+
+HWY_INLINE Vec next_shift(Vec shift, Vec residual, float step, bool halve, Vec& low, Vec& high, Vec& low_residual,
+                          Vec& high_residual) {
+  const auto above = hn::Gt(residual, hn::Zero(Float()));
+  high = hn::IfThenElse(above, shift, high);
+  high_residual = hn::IfThenElse(above, residual, high_residual);
+  low = hn::IfThenElse(above, low, shift);
+  low_residual = hn::IfThenElse(above, low_residual, residual);
+  const Vec span = hn::Sub(high, low);
+  const Vec change = hn::Sub(high_residual, low_residual);
+  const Vec part = halve ? all(0.5F) : hn::Div(hn::Neg(low_residual), hn::Max(change, all(1e-30F)));
+  const Vec inside = hn::MulAdd(part, span, low);
+  const Vec outside = hn::NegMulAdd(all(step), residual, shift);
+  const Vec next = hn::IfThenElse(hn::Lt(span, all(kFar)), inside, outside);
+  return hn::IfThenElse(hn::Lt(hn::Abs(residual), all(1e-6F)), shift, next);
+}
+
+// Regula falsi for the lost sample, every third step a bisection; steps outwards until both signs were seen.
+template <int kBins>
+HWY_INLINE void shift_gap(const Gap& gap, float step, bool halve, Bracket& b, Dual<kBins>& m) {
+  const Pair next_v = all(1.0F - gap.inverse_p) * dual_at(m, gap.bin + 1);
+  const Pair residual = fma(all(gap.inverse_p), dual_at(m, gap.bin), next_v);
+  const Pair old = load(m.shift);
+  const Pair shift = {
+      next_shift(old.a, residual.a, step, halve, b.low.a, b.high.a, b.low_residual.a, b.high_residual.a),
+      next_shift(old.b, residual.b, step, halve, b.low.b, b.high.b, b.low_residual.b, b.high_residual.b)};
+  store(shift, m.shift);
+  for (int k = 0; k < gap.count; ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    float* const h = m.h[gap.index[at]];
+    store(fma(all(gap.weight[at]), shift - old, load(h)), h);
+  }
+}
+
+template <int kBins>
+HWY_INLINE void search_gap(const DualPlan& plan, Duals<kBins>& blocks) {
+  std::array<Bracket, blocks_of(kBins)> brackets;
+  float step = 4.0F;
+  for (int k = 0; k < plan.gap.searches; ++k) {
+    for (std::size_t i = 0; i < brackets.size(); ++i) shift_gap(plan.gap, step, k % 3 == 2, brackets[i], blocks[i]);
+    sweep<kBins, false>(plan, blocks);
+    sweep<kBins, false>(plan, blocks);
+    step *= 4.0F;
+  }
+}
+
 // x of one bin: the inverse filter's, less v + c L v.
 template <int kBins>
 HWY_INLINE Pair input_at(const DualPlan& plan, const PixelRun& run, std::size_t at, std::size_t count,
                          const Dual<kBins>& m, int bin) {
-  const Pair before = load_pixels(run, bin, at, count);
-  const Pair y = load_pixels(run, bin + 1, at, count);
+  Pair unused = pair(0.0F);
+  const Pair before = load_slot(plan, run, bin, at, count, unused);
+  const Pair y = load_slot(plan, run, bin + 1, at, count, unused);
   const Pair inverse = fma(all(plan.inverse_gain), y - before, y);
   const Pair bent = fma(all(plan.curvature), load(m.jump[bin + 1]) - load(m.jump[bin]), dual_at(m, bin));
-  return inverse - load(m.lambda) * bent;
+  return inverse - load(m.lambda) * (bent - shift_of(plan.gap, m, bin));
 }
 
 template <int kBins>
@@ -256,6 +320,7 @@ HWY_INLINE void solve_duals(const DualPlan& plan, const PixelRun& run, std::size
   }
   sweep<kBins, true>(plan, blocks);
   for (int k = 1; k < plan.sweeps; ++k) sweep<kBins, false>(plan, blocks);
+  if (plan.gap.searches > 0) search_gap<kBins>(plan, blocks);
   for (int k = 0; k < plan.near_sweeps; ++k) sweep_near<kBins>(plan, run.published, blocks);
 }
 

@@ -6,19 +6,17 @@
 namespace bolo::deblur {
 namespace {
 
-// A window with lost frames has no square response: there ADMM solves the same problem.
+// One lost frame is searched for; a window that lost more, or its oldest, has no square response: there ADMM solves the
+// same problem.
 class DualMethod final : public PixelMethod {
  public:
   DualMethod(const StreamTask& task, const Grid& grid, const DualTuning& tuning)
       : grid_(grid), plan_(make_dual_plan(grid, tuning)), kernels_(best_kernels()), with_gaps_(admm(task)) {}
 
   void prepare(const Pattern& pattern) noexcept override {
-    gaps_ = pattern.count < pattern.slots;
-    if (gaps_) {
-      with_gaps_->prepare(pattern);
-    } else {
-      deblur::prepare(plan_, grid_, pattern);
-    }
+    deblur::prepare(plan_, grid_, pattern);
+    gaps_ = pattern.count < pattern.slots && plan_.gap.searches == 0;
+    if (gaps_) with_gaps_->prepare(pattern);
   }
 
   void run(const PixelRun& run) const noexcept override {

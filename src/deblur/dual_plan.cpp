@@ -16,6 +16,37 @@ double curvature_of(int i, int bins, double decay) {
   return 1.0 + c / support * (middle + 1.0 + (first ? 1.0 - decay : 1.0));
 }
 
+constexpr int kSearches = 14;
+
+// How much bin `bin` counts in coefficient i, without normalisation: 1, -1 or 0.
+double sign_of(int i, int bin) {
+  if (i == 0) return 1.0;
+  const int half = i & -i;
+  if (bin < i - half || bin >= i + half) return 0.0;
+  return bin < i ? 1.0 : -1.0;
+}
+
+Gap gap_of(const DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept {
+  Gap gap;
+  if (pattern.count != pattern.slots - 1 || pattern.first != 0) return gap;
+  int lost = 0;
+  while (pattern.received[static_cast<std::size_t>(lost)]) ++lost;
+  if (lost == pattern.slots - 1) return gap;
+  const double a = std::exp(-grid.ratio);
+  gap.searches = kSearches;
+  gap.bin = lost - 1;
+  gap.inverse_p = static_cast<float>(1.0 / (1.0 - a));
+  for (int i = 0; i < plan.bins; ++i) {
+    const double part = sign_of(i, gap.bin) - a * sign_of(i, gap.bin + 1);
+    if (sign_of(i, gap.bin) == 0.0 && sign_of(i, gap.bin + 1) == 0.0) continue;
+    const auto at = static_cast<std::size_t>(gap.count++);
+    gap.index[at] = i;
+    gap.weight[at] =
+        static_cast<float>(static_cast<double>(plan.row[static_cast<std::size_t>(i)].gain) * part / (1.0 - a));
+  }
+  return gap;
+}
+
 }  // namespace
 
 bool dual_applies(const Grid& grid) { return grid.parts == 1 && grid.frames_per_bin == 1 && grid.bins <= kMaxDualBins; }
@@ -60,14 +91,15 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
       value = {before, after, static_cast<float>(part)};
     }
   }
+  plan.gap = gap_of(plan, grid, pattern);
 }
 
-void visit_order(int bins, std::array<int, kMaxDualBins>& order) {
+void visit_order(int bins, std::array<Visit, kMaxDualBins>& order) {
   std::size_t count = 0;
-  order[count++] = 0;
+  order[count++] = {0, 0, bins};
   const auto visit_tree = [&](int begin, int span, int group) {
     for (int width = span; width > span / group; width /= 2) {
-      for (int at = begin; at < begin + span; at += width) order[count++] = at + width / 2;
+      for (int at = begin; at < begin + span; at += width) order[count++] = {at + width / 2, begin, begin + span};
     }
   };
   int group = std::countr_zero(static_cast<unsigned>(bins)) % 2 == 1 ? 2 : 4;

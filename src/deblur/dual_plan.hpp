@@ -34,6 +34,18 @@ struct SlotValue {
   float weight = 0.0F;
 };
 
+// A window without exactly one frame, between others. Its optimum is that of the whole window for the value y of the
+// lost sample at which the whole window's optimum explains y without residual: the derivative of the whole window's
+// least objective by y is that residual, which rises with y, so that the sign tells on which side the value lies.
+struct Gap {
+  int searches = 0;  // 0: no such gap
+  int bin = 0;       // that ends with the lost sample; the next one begins with it
+  float inverse_p = 0.0F;
+  int count = 0;  // coefficients of h that y is part of: h[index] changes by weight for each unit of y
+  std::array<int, 16> index{};
+  std::array<float, 16> weight{};
+};
+
 struct DualPlan {
   int bins = 0;
   int sweeps = 0;
@@ -48,6 +60,7 @@ struct DualPlan {
   std::array<float, 6> limit{};  // [i]: of coefficients of support 2^(i+1) for a lambda_half of 1
   std::array<DualCoefficients, kMaxDualBins> row{};
   std::array<SlotValue, kMaxSlots> value{};
+  Gap gap;
 };
 
 // Where it applies: bins are as long as frames. Thread: any.
@@ -56,12 +69,19 @@ bool dual_applies(const Grid& grid);
 // Thread: setup.
 DualPlan make_dual_plan(const Grid& grid, const DualTuning& tuning);
 
-// With lost frames it is the optimum for the values filled in, not of the problem without them: a start for ADMM.
-// No allocation. Thread: pipeline.
+// One lost frame is searched for (Gap). With more it is the optimum for the values filled in, not of the problem
+// without them: a start for ADMM. No allocation. Thread: pipeline.
 void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept;
 
-// The order in which a sweep visits the coefficients: coarse to fine, in trees of two levels, every other tree first.
-// Fills order[0, bins). Thread: any.
-void visit_order(int bins, std::array<int, kMaxDualBins>& order);
+// A coefficient and the bins of the tree that it is visited with.
+struct Visit {
+  int coefficient = 0;
+  int begin = 0;
+  int end = 0;
+};
+
+// The order in which a sweep visits the coefficients: coarse to fine, in trees of two levels, every other tree first. A
+// near sweep leaves out trees without a published bin. Fills order[0, bins). Thread: any.
+void visit_order(int bins, std::array<Visit, kMaxDualBins>& order);
 
 }  // namespace bolo::deblur

@@ -10,14 +10,15 @@ class AdmmMethod final : public PixelMethod {
  public:
   explicit AdmmMethod(const StreamTask& task)
       : grid_(reduce(task.settings, task.lambda_half())),
-        whole_(tuning(task, false)),
-        with_lost_(tuning(task, true)),
+        whole_(tuning(task, Lost::kNone)),
+        without_one_(tuning(task, Lost::kOne)),
+        without_more_(tuning(task, Lost::kMore)),
         kernels_(best_kernels()) {
     if (grid_.frames_per_bin == 1) banded_ = make_banded_plan(grid_);
   }
 
   void prepare(const Pattern& pattern) noexcept override {
-    const Tuning& tuned = pattern.count == pattern.slots ? whole_ : with_lost_;
+    const Tuning& tuned = tuning_for(pattern);
     if (grid_.frames_per_bin == 1) {
       deblur::prepare(banded_, grid_, tuned, pattern);
     } else {
@@ -37,7 +38,13 @@ class AdmmMethod final : public PixelMethod {
   std::string_view isa() const noexcept override { return kernels_.isa; }
 
  private:
-  Tuning tuning(const StreamTask& task, bool lost) const {
+  const Tuning& tuning_for(const Pattern& pattern) const {
+    if (pattern.count == pattern.slots) return whole_;
+    const bool between = pattern.first == 0 && pattern.received[static_cast<std::size_t>(pattern.slots - 1)];
+    return pattern.count == pattern.slots - 1 && between && dual_applies(grid_) ? without_one_ : without_more_;
+  }
+
+  Tuning tuning(const StreamTask& task, Lost lost) const {
     Tuning tuned = tune(grid_, lambda_to_tune(task), lost);
     if (task.settings.iterations > 0) tuned.iterations = task.settings.iterations;
     return tuned;
@@ -45,7 +52,8 @@ class AdmmMethod final : public PixelMethod {
 
   Grid grid_;
   Tuning whole_;
-  Tuning with_lost_;
+  Tuning without_one_;
+  Tuning without_more_;
   const Kernels& kernels_;
   BandedPlan banded_;
   DensePlan dense_;

@@ -30,7 +30,7 @@ class PixelMethod {
 
 // Settings and formats were checked. Thread: setup.
 std::unique_ptr<PixelMethod> make_admm(const StreamTask& task);
-// ADMM where the dual does not apply: bins longer or shorter than a frame, windows with lost frames.
+// ADMM where the dual does not apply: bins longer or shorter than a frame, windows that lost more than one frame.
 std::unique_ptr<PixelMethod> make_dual(const StreamTask& task);
 std::unique_ptr<PixelMethod> make_exact(const StreamTask& task);
 std::unique_ptr<PixelMethod> make_inverse(const StreamTask& task);

@@ -1,9 +1,11 @@
 #include "src/deblur/reference.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 #include "bolo/model/haar.hpp"
+#include "src/deblur/dual_plan.hpp"
 
 namespace bolo::deblur {
 namespace {
@@ -64,7 +66,80 @@ VectorXd inverse_filter(const Grid& grid, const Pattern& pattern, std::span<cons
   return x;
 }
 
+// Samples less their mean; lost ones are what an input that is constant between their neighbours makes of them.
+VectorXd filled(const Grid& grid, const Pattern& pattern, std::span<const double> y, double mean) {
+  VectorXd result(pattern.slots);
+  for (int slot = 0; slot < pattern.slots; ++slot) {
+    const bool here = pattern.received[static_cast<std::size_t>(slot)];
+    const int before = here ? slot : pattern.before(slot);
+    const int after = here ? slot : pattern.after(slot);
+    const auto value = [&](int s) { return y[static_cast<std::size_t>(s)] - mean; };
+    if (before < 0 || after < 0 || before == after) {
+      result(slot) = value(std::max(before, after));
+    } else {
+      const double input = (value(after) - value(before) * std::exp(-grid.ratio * (after - before))) /
+                           -std::expm1(-grid.ratio * (after - before));
+      result(slot) = input + (value(before) - input) * std::exp(-grid.ratio * (slot - before));
+    }
+  }
+  return result;
+}
+
+// The wavelets in the order of the in-place butterflies.
+MatrixXd in_place_haar(int bins) {
+  MatrixXd h = MatrixXd::Constant(1, bins, 1.0 / std::sqrt(bins)).replicate(bins, 1);
+  for (int i = 1; i < bins; ++i) {
+    const int half = i & -i;
+    h.row(i).setZero();
+    h.row(i).segment(i - half, half).setConstant(1.0 / std::sqrt(2.0 * half));
+    h.row(i).segment(i, half).setConstant(-1.0 / std::sqrt(2.0 * half));
+  }
+  return h;
+}
+
+struct DualPoint {
+  VectorXd t;  // in bins: H^T t
+  VectorXd x;
+};
+
+DualPoint descend(const Grid& grid, const DualTuning& tuning, const Published& published, const VectorXd& y) {
+  const int bins = grid.bins;
+  const double a = std::exp(-grid.ratio);
+  MatrixXd inverse = MatrixXd::Identity(bins, bins);  // G^-1
+  inverse.diagonal(-1).setConstant(-a);
+  inverse /= 1.0 - a;
+  const MatrixXd h = in_place_haar(bins);
+  const MatrixXd q = h * inverse * inverse.transpose() * h.transpose();
+  VectorXd d = h * (y.tail(bins) - a * y.head(bins)) / (1.0 - a);
+  VectorXd t = VectorXd::Zero(bins);
+  std::array<Visit, kMaxDualBins> order;
+  visit_order(bins, order);
+  for (int k = 0; k < tuning.sweeps + tuning.near_sweeps; ++k) {
+    for (int n = 0; n < bins; ++n) {
+      const Visit& visit = order[static_cast<std::size_t>(n)];
+      const bool near = visit.end > published.before && visit.begin <= published.after;
+      if (k >= tuning.sweeps && !near) continue;
+      const int i = visit.coefficient;
+      const double next = std::clamp(t(i) + tuning.omega * d(i) / q(i, i), -grid.lambda, grid.lambda);
+      d -= (next - t(i)) * q.col(i);
+      t(i) = next;
+    }
+  }
+  return {h.transpose() * t, h.transpose() * d};
+}
+
+double estimate(const Published& bins, const VectorXd& x) {
+  return static_cast<double>(bins.weight_before) * x(bins.before) +
+         static_cast<double>(bins.weight_after) * x(bins.after);
+}
+
 }  // namespace
+
+double reference_dual(const Grid& grid, const DualTuning& tuning, const Pattern& pattern, std::span<const double> y) {
+  const double mean = mean_of(pattern, y);
+  const Published bins = published_bins(grid, pattern.slots, pattern.target);
+  return mean + estimate(bins, descend(grid, tuning, bins, filled(grid, pattern, y, mean)).x);
+}
 
 double reference_admm(const Grid& grid, const Tuning& tuning, const Pattern& pattern, std::span<const double> y) {
   const MatrixXd h = model::haar_matrix(grid.bins);
@@ -79,14 +154,18 @@ double reference_admm(const Grid& grid, const Tuning& tuning, const Pattern& pat
   VectorXd x = grid.frames_per_bin == 1 ? inverse_filter(grid, pattern, y, mean)
                                         : VectorXd(Eigen::LLT<MatrixXd>(gram + 1e-9 * identity).solve(gty));
   VectorXd w = h * x;
+  const Published bins = published_bins(grid, pattern.slots, pattern.target);
+  if (dual_applies(grid)) {
+    const DualPoint start = descend(grid, tuning.start, bins, filled(grid, pattern, y, mean));
+    w = h * (start.x + start.t / tuning.rho);
+  }
   for (int k = 0; k < tuning.iterations; ++k) {
     const VectorXd u = w.cwiseMax(-limit).cwiseMin(limit);
     const VectorXd z = w - u;
     x = factors.solve(gty + tuning.rho * h.transpose() * (z - u));
     w = tuning.alpha * (h * x) + (1.0 - tuning.alpha) * z + u;
   }
-  const Published bins = published_bins(grid, pattern.slots, pattern.target);
-  return mean + 0.5 * (x(bins.before) + x(bins.after));
+  return mean + estimate(bins, x);
 }
 
 }  // namespace bolo::deblur

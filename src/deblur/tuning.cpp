@@ -33,6 +33,7 @@ constexpr Table kNeeded = {{{17, 64, 81, 110, 92, 67},
                             {1, 3, 4, 8, 18, 23},
                             {1, 2, 2, 5, 7, 8}}};
 constexpr int kAfterSweeps = 2;
+constexpr int kAfterSearch = 6;
 
 // Where `value` lies between entries of an ascending axis, on a logarithmic scale; limited to the axis.
 template <std::size_t kSize>
@@ -68,7 +69,7 @@ DualTuning tune_dual(const Grid& grid, double lambda_half_k) {
   return tuning;
 }
 
-Tuning tune(const Grid& grid, double lambda_half_k, bool lost) {
+Tuning tune(const Grid& grid, double lambda_half_k, Lost lost) {
   const double p = -std::expm1(-grid.ratio / grid.parts);
   const int cold = static_cast<int>(std::ceil(1.1 * needed(kNeeded, grid.ratio, std::max(lambda_half_k, 1e-6))));
   Tuning tuning;
@@ -76,7 +77,8 @@ Tuning tune(const Grid& grid, double lambda_half_k, bool lost) {
   tuning.start = tune_dual(grid, lambda_half_k);
   const bool started = grid.parts == 1 && grid.frames_per_bin == 1;
   tuning.iterations = started ? kAfterSweeps : cold;
-  if (lost || grid.parts > 1) tuning.iterations = 2 * cold;
+  if (lost == Lost::kOne && started) tuning.iterations = kAfterSearch;
+  if (lost == Lost::kMore || grid.parts > 1) tuning.iterations = 2 * cold;
   return tuning;
 }
 

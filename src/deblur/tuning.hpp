@@ -22,7 +22,10 @@ struct Tuning {
 // `lambda_half_k`: in K. Thread: setup.
 DualTuning tune_dual(const Grid& grid, double lambda_half_k);
 
-// `lost`: frames of the window are lost. Thread: setup.
-Tuning tune(const Grid& grid, double lambda_half_k, bool lost);
+// How many frames of a window are lost. The start finds the value of one between others (dual_plan.hpp).
+enum class Lost { kNone, kOne, kMore };
+
+// Thread: setup.
+Tuning tune(const Grid& grid, double lambda_half_k, Lost lost);
 
 }  // namespace bolo::deblur

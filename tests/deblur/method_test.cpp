@@ -114,7 +114,8 @@ TEST_P(Methods, AnyTwoBinsArePublished) {
 
 INSTANTIATE_TEST_SUITE_P(Method, Methods,
                          ::testing::Values(Way{"admm", make_admm, 7}, Way{"admm_long_bins", make_admm, 3},
-                                           Way{"exact", make_exact, 7}, Way{"exact_long_bins", make_exact, 3}),
+                                           Way{"dual", make_dual, 7}, Way{"exact", make_exact, 7},
+                                           Way{"exact_long_bins", make_exact, 3}),
                          [](const auto& each) { return std::string(each.param.name); });
 
 }  // namespace

@@ -1,0 +1,84 @@
+// bolo bench through its executable: what it prints, not how fast anything is.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tests/tools/program.hpp"
+
+namespace bolo::tools::test {
+namespace {
+
+Outcome bench(std::vector<std::string> words) {
+  std::string folder = ::testing::TempDir() + "bolo_bench_XXXXXX";
+  EXPECT_NE(mkdtemp(folder.data()), nullptr);
+  words.insert(words.begin(), {BOLO_PROGRAM, "bench"});
+  const Outcome outcome = Program(folder, words).outcome();
+  std::filesystem::remove_all(folder);
+  return outcome;
+}
+
+void expect_measured(const nlohmann::json& m) {
+  for (const char* key : {"solver", "isa"}) EXPECT_TRUE(m.at(key).is_string()) << m;
+  for (const char* key : {"threads", "iterations", "repeats", "pixels"})
+    EXPECT_TRUE(m.at(key).is_number_integer()) << m;
+  for (const char* key : {"ms_per_frame", "median_ms_per_frame", "ns_per_pixel", "realtime_factor", "scaling"}) {
+    EXPECT_GT(m.at(key).get<double>(), 0.0) << key << " in " << m;
+  }
+  EXPECT_LE(m.at("ms_per_frame").get<double>(), m.at("median_ms_per_frame").get<double>());
+  EXPECT_GE(m.at("rms_error_k").get<double>(), 0.0);
+  EXPECT_GE(m.at("max_error_k").get<double>(), m.at("rms_error_k").get<double>());
+}
+
+TEST(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
+  const Outcome outcome = bench({"deblur", "--json", "--seconds", "0.1"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const nlohmann::json result = nlohmann::json::parse(outcome.out);
+  expect_measured(result);
+  EXPECT_EQ(result.at("solver"), "admm");
+  EXPECT_EQ(result.at("threads"), 1);
+  EXPECT_LE(result.at("rms_error_k").get<double>(), 5e-3);
+  EXPECT_LE(result.at("max_error_k").get<double>(), 50e-3);
+  std::set<std::string> solvers;
+  for (const nlohmann::json& variant : result.at("variants")) {
+    expect_measured(variant);
+    solvers.insert(variant.at("solver"));
+  }
+  EXPECT_EQ(solvers, (std::set<std::string>{"admm", "dual", "exact", "inverse", "naive"}));
+  EXPECT_GT(result.at("machine").at("read_gb_per_s").get<double>(), 0.0);
+  EXPECT_GT(result.at("machine").at("fma_gflop_per_s").get<double>(), 0.0);
+}
+
+TEST(BenchVerb, OptionsChooseTheMainFigures) {
+  const Outcome outcome =
+      bench({"deblur", "--json", "--seconds", "0.1", "--solver", "inverse", "--isa", "SSE4", "--threads", "2"});
+  if (outcome.exit_code == 2 && outcome.err.find("--isa SSE4") != std::string::npos) GTEST_SKIP() << outcome.err;
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const nlohmann::json result = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(result.at("solver"), "inverse");
+  EXPECT_EQ(result.at("isa"), "SSE4");
+  EXPECT_EQ(result.at("threads"), 2);
+}
+
+TEST(BenchVerb, WrongOptionsAreOneLineAndExitCode2) {
+  const std::vector<std::vector<std::string>> wrong = {{},
+                                                       {"kettle"},
+                                                       {"deblur", "--solver", "magic"},
+                                                       {"deblur", "--isa", "MMX"},
+                                                       {"deblur", "--threads", "0"},
+                                                       {"deblur", "--lambda", "-1"},
+                                                       {"deblur", "--seconds", "0"}};
+  for (const auto& words : wrong) {
+    const Outcome outcome = bench(words);
+    EXPECT_EQ(outcome.exit_code, 2) << (words.empty() ? "" : words.back());
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  }
+}
+
+}  // namespace
+}  // namespace bolo::tools::test
