@@ -23,8 +23,9 @@ frame's time. Spatial baselines are told the motion; strengths named "picked" ar
   cells      [{scene, motion, speed_px_s (null on a trajectory), trajectory (null on a pan), noise_k, lookahead,
              truth_edge_width_px, columns: {NAME: {rmse_k, psnr_db, ssim, edge_width_px, edge_rmse_k, setting}
              or {skipped: why}}, qp_grid: [{lambda, rmse_k}]}]
-  drops      with --drop: [{scene, motion, noise_k, lookahead, method, whole_rmse_k, gap_aware_rmse_k,
-             gap_blind_rmse_k, frames_judged, frames_lost}, or skipped: why]
+  drops      with --drop: [{scene, motion, noise_k, lookahead, method, frames_lost, all, near}], or skipped: why;
+             all and near (at most 2 frames from a loss) are {frames, whole_rmse_k (without losses),
+             gap_aware_rmse_k, gap_blind_rmse_k}
   latency    with --picture: [{scene, motion, noise_k, blurred_rmse_k, lookaheads, NAME: [rmse_k]}]
   verdicts   [{name, words, cells, holds, mean_ratio, worst_ratio, misses: [{cell, against, ratio}]}]; holds is null
              where no cell could be judged
