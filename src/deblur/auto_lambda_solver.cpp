@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
+
+#include "src/deblur/row_time.hpp"
 
 namespace bolo::deblur {
 namespace {
@@ -29,9 +32,11 @@ void publish_raw(const PixelRun& run, const void* plane, std::size_t pixel) noex
 
 }  // namespace
 
-AutoLambdaSolver::AutoLambdaSolver(const StreamTask& task)
+AutoLambdaSolver::AutoLambdaSolver(const StreamTask& task, Correction correction)
     : task_(planned(task)),
-      posterior_(task_, {0.0}),
+      grid_(reduce(task_.settings, 0.0)),
+      correction_(std::move(correction)),
+      posterior_(task_, correction_),
       risk_(task_, posterior_.models()),
       method_(make_method(task_)),
       run_(run_for(task_)) {}
@@ -44,7 +49,6 @@ void AutoLambdaSolver::prepare(const WindowView& window) noexcept {
   if (pattern == pattern_) return;
   pattern_ = pattern;
   method_->prepare(pattern);
-  run_.published = published_bins(reduce(task_.settings, 0.0), pattern.slots, pattern.target);
 }
 
 void AutoLambdaSolver::solve(const WindowView& window, const Region& part, void* out) const noexcept {
@@ -101,26 +105,35 @@ void AutoLambdaSolver::solve_row(const WindowView& window, const Region& part, c
   bool any = false;
   for (std::size_t i = 0; i < columns; ++i) {
     const bool raw = choice[i] == kRawChoice;
-    lambda[i] = raw ? 0.0F : noise * kLambdaSteps[static_cast<std::size_t>(choice[i])];
+    lambda[i] = noise * kLambdaSteps[raw ? 0 : static_cast<std::size_t>(choice[i])];
     any |= raw;
   }
-  const std::size_t first = static_cast<std::size_t>(part.y) * static_cast<std::size_t>(task_.input.geometry.width) +
-                            static_cast<std::size_t>(part.x);
-  std::array<const void*, kMaxSlots> planes{};
-  for (int s = 0; s < pattern_.slots; ++s) {
-    const auto slot = static_cast<std::size_t>(s);
-    if (!pattern_.received[slot]) continue;
-    planes[slot] = static_cast<const std::byte*>(window.planes[slot]) + first * bytes_of(task_.input.type);
-  }
   PixelRun run = run_;
-  run.planes = planes.data();
+  run.delay = correction_.row_delay(part.y);
+  run.published = published_bins(grid_, pattern_.slots, pattern_.target, run.delay);
   run.end = columns;
   run.out = out;
   run.lambda = lambda.data();
+  const std::size_t first = static_cast<std::size_t>(part.y) * static_cast<std::size_t>(task_.input.geometry.width) +
+                            static_cast<std::size_t>(part.x);
+  SampleBlock block(correction_);
+  std::array<const void*, kMaxSlots> planes{};
+  if (correction_.changes_samples()) {
+    block.read(window, pattern_, first, columns);
+    run.input = PixelType::kFloat32;
+    run.planes = block.planes();
+  } else {
+    for (std::size_t s = 0; s < static_cast<std::size_t>(pattern_.slots); ++s) {
+      if (!pattern_.received[s]) continue;
+      planes[s] = static_cast<const std::byte*>(window.planes[s]) + first * bytes_of(task_.input.type);
+    }
+    run.planes = planes.data();
+  }
   method_->run(run);
   if (!any) return;
+  const void* target = run.planes[static_cast<std::size_t>(pattern_.target)];
   for (std::size_t i = 0; i < columns; ++i) {
-    if (choice[i] == kRawChoice) publish_raw(run, planes[static_cast<std::size_t>(pattern_.target)], i);
+    if (choice[i] == kRawChoice) publish_raw(run, target, i);
   }
 }
 

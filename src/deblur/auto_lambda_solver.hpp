@@ -14,7 +14,7 @@ namespace bolo::deblur {
 // to be better than any lambda makes it, it is published as it is: an addition to the paper's estimator.
 class AutoLambdaSolver final : public Solver {
  public:
-  explicit AutoLambdaSolver(const StreamTask& task);
+  AutoLambdaSolver(const StreamTask& task, Correction correction);
 
   void prepare(const WindowView& window) noexcept override;
   void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
@@ -28,6 +28,8 @@ class AutoLambdaSolver final : public Solver {
   void solve_row(const WindowView& window, const Region& part, const int* choice, std::byte* out) const noexcept;
 
   StreamTask task_;
+  Grid grid_;
+  Correction correction_;
   MotionPosterior posterior_;
   LambdaRisk risk_;
   std::unique_ptr<PixelMethod> method_;

@@ -1,4 +1,6 @@
 // The methods that run on the vector kernels: ADMM and the inverse filter.
+#include <algorithm>
+
 #include "src/deblur/method.hpp"
 
 namespace bolo::deblur {
@@ -45,8 +47,24 @@ class InverseMethod final : public PixelMethod {
  public:
   explicit InverseMethod(const StreamTask& task) : grid_(reduce(task.settings, 0.0)), kernels_(best_kernels()) {}
 
-  void prepare(const Pattern& pattern) noexcept override { plan_ = make_inverse_plan(grid_, pattern); }
-  void run(const PixelRun& run) const noexcept override { kernels_.inverse(plan_, run); }
+  void prepare(const Pattern& pattern) noexcept override {
+    pattern_ = pattern;
+    plan_ = make_inverse_plan(grid_, pattern);
+  }
+
+  void run(const PixelRun& run) const noexcept override {
+    kernels_.inverse(run.delay == 0.0 ? plan_ : make_inverse_plan(grid_, pattern_, run.delay), run);
+  }
+
+  SlotRange needed(double delay) const noexcept override {
+    const InversePlan plan = delay == 0.0 ? plan_ : make_inverse_plan(grid_, pattern_, delay);
+    SlotRange slots{plan.target, plan.target + 1};
+    for (int i = 0; i < plan.taps; ++i) {
+      const int slot = plan.tap[static_cast<std::size_t>(i)].slot;
+      slots = {std::min(slots.first, slot), std::max(slots.end, slot + 1)};
+    }
+    return slots;
+  }
 
   int iterations() const noexcept override { return 1; }
   std::string_view isa() const noexcept override { return kernels_.isa; }
@@ -54,7 +72,8 @@ class InverseMethod final : public PixelMethod {
  private:
   Grid grid_;
   const Kernels& kernels_;
-  InversePlan plan_;
+  Pattern pattern_;
+  InversePlan plan_;  // of a row without delay
 };
 
 }  // namespace

@@ -10,23 +10,26 @@
 
 #include "src/deblur/admm_banded-inl.hpp"
 #include "src/deblur/admm_dense-inl.hpp"
+#include "src/deblur/dual-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
 void solve_inverse(const InversePlan& plan, const PixelRun& run) noexcept {
   for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR {
-    const Pair before = load_pixels(run, plan.before, at, count);
     const Pair target = load_pixels(run, plan.target, at, count);
-    const Pair after = load_pixels(run, plan.after, at, count);
-    const Pair back = fma(all(plan.back), target - before, target);
-    store_pixels(run, fma(all(plan.ahead), after - target, back), at, count);
+    Pair estimate = target;
+    for (int i = 0; i < plan.taps; ++i) {
+      const InversePlan::Tap& tap = plan.tap[static_cast<std::size_t>(i)];
+      estimate = fma(all(tap.weight), load_pixels(run, tap.slot, at, count) - target, estimate);
+    }
+    store_pixels(run, estimate, at, count);
   });
 }
 
 const Kernels& kernels() {
   static const Kernels table{HWY_TARGET == HWY_SCALAR ? "scalar" : hwy::TargetName(HWY_TARGET), solve_banded,
-                             solve_dense, solve_inverse};
+                             solve_dense, solve_dual, solve_inverse};
   return table;
 }
 

@@ -9,6 +9,7 @@
 #include "bolo/deblur/isa.hpp"
 #include "src/deblur/banded_plan.hpp"
 #include "src/deblur/dense_plan.hpp"
+#include "src/deblur/dual_plan.hpp"
 #include "src/deblur/inverse_plan.hpp"
 
 namespace bolo::deblur {
@@ -26,7 +27,8 @@ struct PixelRun {
   void* out = nullptr;
   Published published;  // what of the estimated input is written
   const float* lambda =
-      nullptr;  // of each pixel, indexed like the planes: lambda_half in the values' unit; null: the plan's
+      nullptr;         // of each pixel, indexed like the planes: lambda_half in the values' unit; null: the plan's
+  double delay = 0.0;  // how much later than the frame's time the row is sampled, in periods (row_time.hpp)
 };
 
 // One instruction set's kernels. NaN in a float plane makes that pixel's estimate NaN (0 as uint16) for as long as it
@@ -35,6 +37,7 @@ struct Kernels {
   std::string_view isa;
   void (*banded)(const BandedPlan& plan, const PixelRun& run) noexcept;
   void (*dense)(const DensePlan& plan, const PixelRun& run) noexcept;
+  void (*dual)(const DualPlan& plan, const PixelRun& run) noexcept;
   void (*inverse)(const InversePlan& plan, const PixelRun& run) noexcept;
 };
 

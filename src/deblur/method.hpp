@@ -6,6 +6,7 @@
 
 #include "src/deblur/grid.hpp"
 #include "src/deblur/kernels.hpp"
+#include "src/deblur/samples.hpp"
 #include "src/deblur/stream_task.hpp"
 
 namespace bolo::deblur {
@@ -19,6 +20,9 @@ class PixelMethod {
   // Estimates a run of pixels. What a pixel becomes depends on its own samples alone, bit for bit. Thread: worker.
   virtual void run(const PixelRun& run) const noexcept = 0;
 
+  // The slots whose samples the estimates of rows with this delay (PixelRun::delay) depend on. Thread: worker.
+  virtual SlotRange needed(double /*delay*/) const noexcept { return {}; }
+
   // As Solver's.
   virtual int iterations() const noexcept = 0;
   virtual std::string_view isa() const noexcept = 0;
@@ -26,6 +30,8 @@ class PixelMethod {
 
 // Settings and formats were checked. Thread: setup.
 std::unique_ptr<PixelMethod> make_admm(const StreamTask& task);
+// ADMM where the dual does not apply: bins longer or shorter than a frame, windows with lost frames.
+std::unique_ptr<PixelMethod> make_dual(const StreamTask& task);
 std::unique_ptr<PixelMethod> make_exact(const StreamTask& task);
 std::unique_ptr<PixelMethod> make_inverse(const StreamTask& task);
 // The one that the settings name, or the inverse filter where lambda is 0.

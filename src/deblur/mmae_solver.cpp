@@ -18,7 +18,8 @@ struct MmaeSolver::Columns {
   int last = 0;   // may be one too many: the frame's last block stands in
 };
 
-MmaeSolver::MmaeSolver(const StreamTask& task) : task_(task), posterior_(task, {0.0}) {}
+MmaeSolver::MmaeSolver(const StreamTask& task, Correction correction)
+    : task_(task), correction_(std::move(correction)), posterior_(task, correction_) {}
 
 double MmaeSolver::noise_k() const noexcept { return task_.in_kelvin(posterior_.noise()); }
 
@@ -48,7 +49,6 @@ void MmaeSolver::solve_points(const WindowView& window, std::span<const std::uin
 void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std::byte* out,
                                std::size_t stride) const noexcept {
   const Columns columns{(part.x + kHalf) / kStatBlock - 1, (part.x + part.width - 1 + kHalf) / kStatBlock};
-  const ModelTables& tables = posterior_.tables();
   const auto width = static_cast<std::size_t>(task_.input.geometry.width);
   const PixelRun run = run_for(task_);
   FilterRow row;
@@ -69,16 +69,34 @@ void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std
     const int end = std::min(part.y + part.height, (upper + 1) * kStatBlock + kHalf);
     for (; y < end; ++y) {
       const std::size_t pixel = static_cast<std::size_t>(y) * width + static_cast<std::size_t>(part.x);
-      for (int i = 0; i < tables.samples; ++i) {
-        const auto slot = static_cast<std::size_t>(tables.slot[static_cast<std::size_t>(i)]);
-        row.samples[i] = static_cast<const std::byte*>(window.planes[slot]) + pixel * bytes_of(row.type);
-      }
       row.down = (static_cast<float>((y + kHalf) % kStatBlock) + 0.5F) / kStatBlock;
       row.out = out + static_cast<std::size_t>(y - part.y) * stride;
-      posterior_.kernels().filter(tables.samples, row, *above, *below);
+      filter_row(window, pixel, row, *above, *below);
     }
     std::swap(above, below);
   }
+}
+
+// One row, from `pixel` on: its samples as they are, or corrected.
+void MmaeSolver::filter_row(const WindowView& window, std::size_t pixel, FilterRow& row, const BlockWeights& above,
+                            const BlockWeights& below) const noexcept {
+  const ModelTables& tables = posterior_.tables();
+  if (!correction_.changes_samples()) {
+    for (int i = 0; i < tables.samples; ++i) {
+      const auto slot = static_cast<std::size_t>(tables.slot[static_cast<std::size_t>(i)]);
+      row.samples[i] = static_cast<const std::byte*>(window.planes[slot]) + pixel * bytes_of(row.type);
+    }
+    posterior_.kernels().filter(tables.samples, row, above, below);
+    return;
+  }
+  static_assert(kCellColumns <= SampleBlock::kPixels);
+  SampleBlock block(correction_);
+  block.read(window, tables.pattern, pixel, static_cast<std::size_t>(row.columns), posterior_.slots());
+  row.type = PixelType::kFloat32;
+  for (int i = 0; i < tables.samples; ++i) {
+    row.samples[i] = block.slot(static_cast<std::size_t>(tables.slot[static_cast<std::size_t>(i)]));
+  }
+  posterior_.kernels().filter(tables.samples, row, above, below);
 }
 
 void MmaeSolver::find_weights(const WindowView& window, int block_row, const Columns& columns,
@@ -90,7 +108,8 @@ void MmaeSolver::find_weights(const WindowView& window, int block_row, const Col
   for (int block = begin; block < end; block += kStatBlocks) {
     const int count = std::min(kStatBlocks, end - block);
     posterior_.find(window, row, block, count, posteriors);
-    posterior_.kernels().mix(posterior_.tables(), 0, posteriors, count, weights, block - columns.first);
+    posterior_.kernels().mix(posterior_.tables(), posterior_.weights_of(row), posteriors, count, weights,
+                             block - columns.first);
   }
   for (int i = 0; i < posterior_.tables().samples; ++i) {
     float* tap = weights.tap[i];

@@ -11,7 +11,7 @@ namespace bolo::deblur {
 // Other pixels choose the weights, but no other pixel's value enters an estimate: nothing is smoothed in space.
 class MmaeSolver final : public Solver {
  public:
-  explicit MmaeSolver(const StreamTask& task);
+  MmaeSolver(const StreamTask& task, Correction correction);
 
   void prepare(const WindowView& window) noexcept override;
   void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
@@ -23,10 +23,13 @@ class MmaeSolver final : public Solver {
  private:
   struct Columns;
   void solve_columns(const WindowView& window, const Region& part, std::byte* out, std::size_t stride) const noexcept;
+  void filter_row(const WindowView& window, std::size_t pixel, FilterRow& row, const BlockWeights& above,
+                  const BlockWeights& below) const noexcept;
   void find_weights(const WindowView& window, int block_row, const Columns& columns,
                     BlockWeights& weights) const noexcept;
 
   StreamTask task_;
+  Correction correction_;
   MotionPosterior posterior_;
 };
 

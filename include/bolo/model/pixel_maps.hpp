@@ -7,13 +7,14 @@
 namespace bolo::model {
 
 // Maps are row-major over the whole frame; an empty one means the nominal value everywhere. Corrections apply in this
-// order: value -> gain * value + offset -> thermal inertia with the pixel's own tau_s.
+// order: value -> gain * value + offset -> thermal inertia with the pixel's own tau_s. "Value" is a temperature in K, or
+// counts for frames that have no kelvin.
 struct PixelMaps {
   std::vector<float> tau_s;        // thermal time constant, s
   std::vector<float> gain;         // 1: as the camera says
   std::vector<float> offset;       // in the unit of the frames: K, or counts where they have no kelvin
   std::vector<std::uint8_t> dead;  // 1: the pixel says nothing; it is filled from its neighbours
-  double row_delay_s = 0.0;        // row r is sampled r * row_delay_s after the frame's time
+  double row_delay_s = 0.0;        // sensor row r is sampled r * row_delay_s after the frame's time; s
 
   bool empty() const { return tau_s.empty() && gain.empty() && offset.empty() && dead.empty() && row_delay_s == 0.0; }
 };
