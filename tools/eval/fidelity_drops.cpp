@@ -4,11 +4,9 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <memory>
 #include <numeric>
 #include <random>
 
-#include "bolo/deblur/solver.hpp"
 #include "bolo/deblur/window.hpp"
 
 namespace bolo::tools::fidelity {
@@ -30,7 +28,7 @@ double mean_squared_error(const Plane& a, const Plane& b) {
 // hide what was lost. Mean squared error of each frame, K^2; NaN where there is no full window.
 Result<std::vector<double>> stream_errors(const Sequence& s, const deblur::Settings& settings,
                                           const std::vector<std::size_t>& numbers, bool closed_up) {
-  auto solver = deblur::Solver::create(settings, s.format, PixelType::kFloat32);
+  const auto solver = make_solver(s, settings);
   if (!solver) return tl::unexpected(solver.error());
   const CleanSequence& clean = *s.clean;
   deblur::Window window(settings);

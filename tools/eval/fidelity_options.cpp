@@ -15,7 +15,8 @@ constexpr const char* kSummary =
 
 A cell is a scene, a motion, a noise and a look-ahead. All columns see the same simulated frames (microbolometer with
 tau 11 ms, 200 frames/s, 10 mK steps) and are judged on the same targets against the instantaneous temperature at the
-frame's time. Spatial baselines are told the motion; strengths named "picked" are picked with the truth.
+frame's time. Spatial baselines are told the motion; strengths named "picked" are picked with the truth. The temporal
+filter is a least-squares fit on another street in the same motion and noise.
 
 --json prints one object:
   settings   crop, frames, stride, seed, tau_s, frame_period_s, window, quantisation_k, range_k (of PSNR and SSIM)
