@@ -19,8 +19,8 @@ using namespace fidelity;
 
 constexpr std::uint64_t kOtherStreet = 1000;  // away from the seeds of the judged street and noise: the training's
 constexpr int kLongestLookahead = 4;          // of the picture of latency against quality
-constexpr int kDropTargets = 360;             // frames of the streams with losses
-constexpr int kDropRows = 32;
+constexpr int kDropTargets = 720;             // frames of the streams with losses
+constexpr int kDropRows = 16;
 
 // Does independent jobs on some threads; each leaves its result in a place of its own.
 class Jobs {

@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <limits>
-#include <memory>
 #include <mutex>
 #include <optional>
 #include <utility>
 
-#include "bolo/deblur/solver.hpp"
 #include "tools/eval/fidelity_baselines.hpp"
 
 namespace bolo::tools::fidelity {
@@ -117,12 +115,6 @@ std::vector<std::vector<Tap>> motion_kernels(const CleanSequence& clean, double 
   return kernels;
 }
 
-Result<std::unique_ptr<deblur::Solver>> make_solver(const Sequence& s, const deblur::Settings& settings) {
-  static std::mutex one_at_a_time;  // set-up is no place for two threads
-  const std::lock_guard lock(one_at_a_time);
-  return deblur::Solver::create(settings, s.format, PixelType::kFloat32);
-}
-
 // The QP at every lambda of the grid.
 Result<Column> qp_columns(const Sequence& s, const Planes& truth, int lookahead, Cell& cell) {
   Oracle oracle(truth);
@@ -181,6 +173,12 @@ deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda
   settings.lambda = lambda;
   settings.lookahead = lookahead;
   return settings;
+}
+
+Result<std::unique_ptr<deblur::Solver>> make_solver(const Sequence& s, const deblur::Settings& settings) {
+  static std::mutex one_at_a_time;  // set-up is no place for two threads
+  const std::lock_guard lock(one_at_a_time);
+  return deblur::Solver::create(settings, s.format, PixelType::kFloat32);
 }
 
 Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings, double* noise_k) {

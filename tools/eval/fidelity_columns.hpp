@@ -2,11 +2,13 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "bolo/deblur/settings.hpp"
+#include "bolo/deblur/solver.hpp"
 #include "tools/eval/fidelity_measures.hpp"
 
 namespace bolo::tools::fidelity {
@@ -81,6 +83,10 @@ struct Cell {
 
 // The settings of a method as the table runs it; kAdmm for the QP.
 deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda = kAuthorsLambda);
+
+// A solver for the sequence's stream, kelvin out; one is made at a time. kBadInput when the settings are refused.
+// Thread: any, several at once.
+Result<std::unique_ptr<deblur::Solver>> make_solver(const Sequence& sequence, const deblur::Settings& settings);
 
 // Estimates of every target, judged part, K. The solver sees the frames before them in order, as in a live stream.
 // `noise_k` (may be null) gets the noise that the solver worked with at the last target. kBadInput when Solver::create

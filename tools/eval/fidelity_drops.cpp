@@ -1,13 +1,12 @@
 #include "tools/eval/fidelity_drops.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
-#include <memory>
 #include <numeric>
 #include <random>
 
-#include "bolo/deblur/solver.hpp"
 #include "bolo/deblur/window.hpp"
 
 namespace bolo::tools::fidelity {
@@ -29,7 +28,7 @@ double mean_squared_error(const Plane& a, const Plane& b) {
 // hide what was lost. Mean squared error of each frame, K^2; NaN where there is no full window.
 Result<std::vector<double>> stream_errors(const Sequence& s, const deblur::Settings& settings,
                                           const std::vector<std::size_t>& numbers, bool closed_up) {
-  auto solver = deblur::Solver::create(settings, s.format, PixelType::kFloat32);
+  const auto solver = make_solver(s, settings);
   if (!solver) return tl::unexpected(solver.error());
   const CleanSequence& clean = *s.clean;
   deblur::Window window(settings);
@@ -55,13 +54,28 @@ Result<std::vector<double>> stream_errors(const Sequence& s, const deblur::Setti
   return errors;
 }
 
-// Root of the mean over the frames that all three streams have.
+// Root of the mean over frames.
 struct Sums {
   std::array<double, 3> sum{};
   int frames = 0;
 
-  double rms(std::size_t i) const { return std::sqrt(sum[i] / frames); }
+  void add(const std::array<double, 3>& errors) {
+    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += errors[i];
+    ++frames;
+  }
+  DropErrors errors() const {
+    const auto rms = [this](std::size_t i) { return frames > 0 ? std::sqrt(sum[i] / frames) : kNone; };
+    return {rms(0), rms(1), rms(2), frames};
+  }
 };
+
+bool near_loss(const std::vector<bool>& lost, std::size_t k) {
+  const std::size_t from = k > kNearLoss ? k - kNearLoss : 0;
+  for (std::size_t i = from; i <= std::min(k + kNearLoss, lost.size() - 1); ++i) {
+    if (lost[i]) return true;
+  }
+  return false;
+}
 
 Status fill(const Sequence& s, const deblur::Settings& settings, const std::vector<bool>& lost, DropRow& row) {
   std::vector<std::size_t> all(s.frames.size());
@@ -73,17 +87,16 @@ Status fill(const Sequence& s, const deblur::Settings& settings, const std::vect
   for (const auto& stream : streams) {
     if (!stream) return tl::unexpected(stream.error());
   }
-  Sums sums;
+  Sums every;
+  Sums near;
   for (std::size_t k = kLeadIn; k < all.size(); ++k) {
-    const bool judged = std::ranges::all_of(streams, [k](const auto& stream) { return !std::isnan((*stream)[k]); });
-    if (!judged) continue;
-    for (std::size_t i = 0; i < streams.size(); ++i) sums.sum[i] += (*streams[i])[k];
-    ++sums.frames;
+    const std::array errors{(*streams[0])[k], (*streams[1])[k], (*streams[2])[k]};
+    if (std::ranges::any_of(errors, [](double e) { return std::isnan(e); })) continue;
+    every.add(errors);
+    if (near_loss(lost, k)) near.add(errors);
   }
-  row.whole_rmse_k = sums.rms(0);
-  row.gap_aware_rmse_k = sums.rms(1);
-  row.gap_blind_rmse_k = sums.rms(2);
-  row.frames_judged = sums.frames;
+  row.all = every.errors();
+  row.near = near.errors();
   row.frames_lost = static_cast<int>(std::ranges::count(lost, true));
   return {};
 }
@@ -91,14 +104,18 @@ Status fill(const Sequence& s, const deblur::Settings& settings, const std::vect
 }  // namespace
 
 std::vector<bool> losses(std::size_t frames, double share, std::uint64_t seed) {
-  std::mt19937_64 random(seed);
   constexpr std::size_t kTail = 2;
   std::vector<bool> lost(frames, false);
-  for (std::size_t k = kLeadIn; k + kTail < frames; ++k) {
-    // The generator's own bits, not a distribution: these are the same with every standard library.
-    lost[k] = static_cast<double>(random() >> 11U) * 0x1p-53 < share;
+  if (frames <= kLeadIn + kTail) return lost;
+  const std::size_t places = frames - kLeadIn - kTail;
+  const auto wanted = std::max<std::size_t>(1, static_cast<std::size_t>(share * static_cast<double>(places) + 0.5));
+  // The generator's own numbers, not a distribution: these are the same with every standard library.
+  std::mt19937_64 random(seed);
+  for (std::size_t count = 0; count < wanted;) {
+    const std::size_t place = kLeadIn + static_cast<std::size_t>(random() % places);
+    count += lost[place] ? 0U : 1U;
+    lost[place] = true;
   }
-  if (frames > kLeadIn + kTail && std::ranges::count(lost, true) == 0) lost[(kLeadIn + frames - kTail) / 2] = true;
   return lost;
 }
 
@@ -112,7 +129,7 @@ Result<std::vector<DropRow>> drop_rows(const Sequence& s, int lookahead, double 
       {"mmae", live_settings(ColumnKind::kMmae, s, lookahead)}};
   std::vector<DropRow> rows;
   for (const auto& [name, settings] : methods) {
-    DropRow row{s.clean->task.scene, s.clean->task.motion, s.noise_k, lookahead, name, "", 0, 0, 0, 0, 0};
+    DropRow row{s.clean->task.scene, s.clean->task.motion, s.noise_k, lookahead, name, "", 0, {}, {}};
     if (!settings) {
       row.skipped = settings.error().message;
     } else if (const Status filled = fill(s, *settings, lost, row); !filled) {

@@ -8,7 +8,14 @@
 
 namespace bolo::tools::fidelity {
 
-// RMSE over the frames that have a full window in both streams.
+// RMSE of one stream without losses, and of the same with them; over the frames that have a full window in all.
+struct DropErrors {
+  double whole_k = 0.0;
+  double gap_aware_k = 0.0;  // lost frames keep their place in the window, empty
+  double gap_blind_k = 0.0;  // frames are taken for consecutive
+  int frames = 0;
+};
+
 struct DropRow {
   std::string scene;
   Motion motion;
@@ -16,15 +23,15 @@ struct DropRow {
   int lookahead = 0;
   std::string method;   // "admm", "inverse", "auto", "mmae"
   std::string skipped;  // why there are no figures
-  double whole_rmse_k = 0.0;
-  double gap_aware_rmse_k = 0.0;  // lost frames keep their place in the window, empty
-  double gap_blind_rmse_k = 0.0;  // frames are taken for consecutive
-  int frames_judged = 0;
   int frames_lost = 0;
+  DropErrors all;
+  DropErrors near;  // frames at most kNearLoss from a lost one
 };
 
-// Which frames of a stream are lost: a share of them, at random, at least one. The first window and the last two frames
-// always arrive. Thread: any.
+inline constexpr int kNearLoss = 2;
+
+// Which frames of a stream are lost: a share of them, at random places, at least one. The lead-in and the last two
+// frames always arrive. Thread: any.
 std::vector<bool> losses(std::size_t frames, double share, std::uint64_t seed);
 
 // All methods at one look-ahead. Thread: any, several at once.

@@ -15,7 +15,8 @@ constexpr const char* kSummary =
 
 A cell is a scene, a motion, a noise and a look-ahead. All columns see the same simulated frames (microbolometer with
 tau 11 ms, 200 frames/s, 10 mK steps) and are judged on the same targets against the instantaneous temperature at the
-frame's time. Spatial baselines are told the motion; strengths named "picked" are picked with the truth.
+frame's time. Spatial baselines are told the motion; strengths named "picked" are picked with the truth. The temporal
+filter is a least-squares fit on another street in the same motion and noise.
 
 --json prints one object:
   settings   crop, frames, stride, seed, tau_s, frame_period_s, window, quantisation_k, range_k (of PSNR and SSIM)
@@ -23,8 +24,9 @@ frame's time. Spatial baselines are told the motion; strengths named "picked" ar
   cells      [{scene, motion, speed_px_s (null on a trajectory), trajectory (null on a pan), noise_k, lookahead,
              truth_edge_width_px, columns: {NAME: {rmse_k, psnr_db, ssim, edge_width_px, edge_rmse_k, setting}
              or {skipped: why}}, qp_grid: [{lambda, rmse_k}]}]
-  drops      with --drop: [{scene, motion, noise_k, lookahead, method, whole_rmse_k, gap_aware_rmse_k,
-             gap_blind_rmse_k, frames_judged, frames_lost}, or skipped: why]
+  drops      with --drop: [{scene, motion, noise_k, lookahead, method, frames_lost, all, near}], or skipped: why;
+             all and near (at most 2 frames from a loss) are {frames, whole_rmse_k (without losses),
+             gap_aware_rmse_k, gap_blind_rmse_k}
   latency    with --picture: [{scene, motion, noise_k, blurred_rmse_k, lookaheads, NAME: [rmse_k]}]
   verdicts   [{name, words, cells, holds, mean_ratio, worst_ratio, misses: [{cell, against, ratio}]}]; holds is null
              where no cell could be judged

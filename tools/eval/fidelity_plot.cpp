@@ -53,7 +53,7 @@ constexpr double kGroupGap = 26.0;
 constexpr double kGroup = kBar * (kColumns.size() - 1) + kGroupGap;
 constexpr double kPanelHeight = 190.0;
 constexpr double kPanelPitch = 272.0;
-constexpr double kHead = 168.0;
+constexpr double kHead = 184.0;
 constexpr double kLeastWidth = 1120.0;
 
 // One group of bars: they hang from the line of the blurred input, downwards where they are better.
@@ -137,7 +137,12 @@ Status draw_scene(const std::filesystem::path& folder, const std::string& scene,
             "RMSE against the true temperature, divided by that of the blurred frames; logarithmic. A bar below the "
             "line: better than what the camera sends. * marks the best.",
             {12.0});
-  draw_legend(page, 78);
+  page.text(
+      kLeft, 67,
+      "Green and purple are told the exact motion of the whole picture, orange has been fitted to the same motion "
+      "and noise: no live camera knows these.",
+      {12.0});
+  draw_legend(page, 94);
   double top = kHead;
   for (const int lookahead : lookaheads) {
     std::vector<const Cell*> shown;
@@ -175,7 +180,8 @@ void draw_curves(Canvas& page, const Box& where, const LatencyCurves& curves) {
   for (const int l : curves.lookaheads) xs.push_back(l * frame_ms);
   for (std::size_t c = 0; c < kLiveColumns.size(); ++c) {
     const Colour colour = colour_of_column(kLiveColumns[c]);
-    const double wide = c == 0 ? 6.0 : 2.2;  // the first curve shows beneath another that it agrees with
+    constexpr std::array<double, kLiveColumns.size()> kWide{7.5, 4.5, 1.8, 1.8};  // those below show beneath
+    const double wide = kWide[c];
     page.curve(where, x, y, xs, curves.rmse_k[c], colour, wide);
     for (std::size_t i = 0; i < xs.size(); ++i) {
       if (!std::isnan(curves.rmse_k[c][i]))
