@@ -65,9 +65,15 @@ StreamTask table_task(const StreamTask& task, int slots) {
 
 LambdaRisk::LambdaRisk(const StreamTask& task, const MotionModels& models) {
   const StreamTask table = table_task(task, models.slots());
-  const std::unique_ptr<PixelMethod> method = make_method(table);
   const Pattern pattern = whole_pattern(table.settings);
-  method->prepare(pattern);
+  // A plan of its own for each lambda: with one plan for all, those far from the plan's lambda do not converge.
+  std::vector<std::unique_ptr<PixelMethod>> methods;
+  for (const float step : kLambdaSteps) {
+    StreamTask planned = table;
+    planned.settings.lambda = 2.0 * planned.settings.kappa * static_cast<double>(step);
+    methods.push_back(make_method(planned));
+    methods.back()->prepare(pattern);
+  }
 
   std::mt19937_64 random(1);
   Draws draws(models.slots());
@@ -88,7 +94,7 @@ LambdaRisk::LambdaRisk(const StreamTask& task, const MotionModels& models) {
     risk_[model].fill(std::numeric_limits<float>::max() / kModels);
     for (std::size_t step = 0; step < kLambdaSteps.size(); ++step) {
       std::fill(lambda.begin(), lambda.end(), kLambdaSteps[step]);
-      method->run(run);
+      methods[step]->run(run);
       risk_[model][step] = static_cast<float>(mean_square(estimate, draws.truth));
     }
     risk_[model][kRawChoice] =

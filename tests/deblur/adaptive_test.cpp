@@ -176,7 +176,8 @@ TEST_P(Adaptive, IsBetterThanTheSamples) {
       const double blurred = rms_error(planes.back(), speed);
       const auto solver = make(settings_of(GetParam()));
       const double sharp = rms_error(whole_frame(*solver, {window, kWindow - 1}), speed);
-      EXPECT_LT(sharp, (speed > 0.0 && noise < 0.1 ? 0.6 : 1.02) * blurred) << noise << " K, " << speed << " px/frame";
+      const double limit = speed == 0.0 ? 0.3 : noise < 0.1 ? 0.6 : 1.02;  // still: 17 samples' mean has 0.24
+      EXPECT_LT(sharp, limit * blurred) << noise << " K, " << speed << " px/frame";
       EXPECT_GT(solver->noise_k(), 0.8 * noise);
     }
   }
