@@ -237,10 +237,10 @@ HWY_INLINE Pair shift_of(const Gap& gap, const Dual<kBins>& m, int bin) {
 
 // Where the lost value is known to lie, and the residuals there.
 struct Bracket {
-  Pair low = pair(-kFar);
-  Pair high = pair(kFar);
-  Pair low_residual = pair(0.0F);
-  Pair high_residual = pair(0.0F);
+  Pair low;
+  Pair high;
+  Pair low_residual;
+  Pair high_residual;
 };
 
 HWY_INLINE Vec next_shift(Vec shift, Vec residual, float step, bool halve, Vec& low, Vec& high, Vec& low_residual,
@@ -278,10 +278,11 @@ HWY_INLINE void shift_gap(const Gap& gap, float step, bool halve, Bracket& b, Du
 
 template <int kBins>
 HWY_INLINE void search_gap(const DualPlan& plan, Duals<kBins>& blocks) {
-  std::array<Bracket, blocks_of(kBins)> brackets;
+  Bracket brackets[blocks_of(kBins)];
+  for (Bracket& b : brackets) b = {pair(-kFar), pair(kFar), pair(0.0F), pair(0.0F)};
   float step = 4.0F;
   for (int k = 0; k < plan.gap.searches; ++k) {
-    for (std::size_t i = 0; i < brackets.size(); ++i) shift_gap(plan.gap, step, k % 3 == 2, brackets[i], blocks[i]);
+    for (std::size_t i = 0; i < blocks.size(); ++i) shift_gap(plan.gap, step, k % 3 == 2, brackets[i], blocks[i]);
     sweep<kBins, false>(plan, blocks);
     sweep<kBins, false>(plan, blocks);
     step *= 4.0F;
