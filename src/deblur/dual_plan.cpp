@@ -16,7 +16,7 @@ double curvature_of(int i, int bins, double decay) {
   return 1.0 + c / support * (middle + 1.0 + (first ? 1.0 - decay : 1.0));
 }
 
-constexpr int kSearches = 14;
+constexpr int kSearches = 16;
 
 // How much bin `bin` counts in coefficient i, without normalisation: 1, -1 or 0.
 double sign_of(int i, int bin) {

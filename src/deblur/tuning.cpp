@@ -64,7 +64,8 @@ double needed(const Table& table, double ratio, double lambda) {
 DualTuning tune_dual(const Grid& grid, double lambda_half_k) {
   const double sweeps = std::ceil(needed(kSweeps, grid.ratio, std::max(lambda_half_k, 1e-6)) - 0.05);
   DualTuning tuning;
-  tuning.near_sweeps = sweeps > 3.0 ? 2 : sweeps > 2.0 ? 1 : 0;
+  const bool near = grid.bins > 8;  // so few bins are all near
+  tuning.near_sweeps = !near ? 0 : sweeps > 3.0 ? 2 : sweeps > 2.0 ? 1 : 0;
   tuning.sweeps = static_cast<int>(sweeps) - tuning.near_sweeps;
   return tuning;
 }

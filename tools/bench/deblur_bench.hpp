@@ -34,6 +34,7 @@ struct Measured {
   double max_error_k = 0.0;
   double realtime_factor = 0.0;  // frame period / ms_per_frame
   double scaling = 1.0;          // time of one thread / (this time), where that was measured
+  double fma_fraction = 0.0;     // of the machine's multiply-adds on as many threads; 0 where they were not counted
   double read_fraction = 0.0;    // of the memory bandwidth that reading the window's planes takes
 };
 
