@@ -42,6 +42,8 @@ HWY_INLINE void store(Pair x, float* to) {
 HWY_INLINE Pair operator+(Pair x, Pair y) { return {hn::Add(x.a, y.a), hn::Add(x.b, y.b)}; }
 HWY_INLINE Pair operator-(Pair x, Pair y) { return {hn::Sub(x.a, y.a), hn::Sub(x.b, y.b)}; }
 HWY_INLINE Pair operator*(Vec k, Pair x) { return {hn::Mul(k, x.a), hn::Mul(k, x.b)}; }
+HWY_INLINE Pair operator*(Pair x, Pair y) { return {hn::Mul(x.a, y.a), hn::Mul(x.b, y.b)}; }
+HWY_INLINE Pair operator/(Pair x, Pair y) { return {hn::Div(x.a, y.a), hn::Div(x.b, y.b)}; }
 // k x + y
 HWY_INLINE Pair fma(Vec k, Pair x, Pair y) { return {hn::MulAdd(k, x.a, y.a), hn::MulAdd(k, x.b, y.b)}; }
 // y - k x
@@ -56,6 +58,11 @@ HWY_INLINE void butterfly(Pair& x, Pair& y) {
 HWY_INLINE Pair clip(Pair x, Pair limit) {
   return {hn::Min(hn::Max(x.a, hn::Neg(limit.a)), limit.a), hn::Min(hn::Max(x.b, hn::Neg(limit.b)), limit.b)};
 }
+
+HWY_INLINE Pair clip(Pair x, Vec low, Vec high) {
+  return {hn::Min(hn::Max(x.a, low), high), hn::Min(hn::Max(x.b, low), high)};
+}
+HWY_INLINE Pair at_least(Pair x, float low) { return {hn::Max(x.a, all(low)), hn::Max(x.b, all(low))}; }
 
 HWY_INLINE Vec widen(const std::uint16_t* from) {
   const hn::Rebind<std::uint16_t, Float> half;

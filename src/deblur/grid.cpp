@@ -42,6 +42,15 @@ int Pattern::after(int slot) const {
   return -1;
 }
 
+Pattern whole_pattern(const Settings& settings) noexcept {
+  Pattern pattern;
+  pattern.slots = settings.window;
+  pattern.target = settings.window - 1 - settings.lookahead;
+  pattern.count = settings.window;
+  std::fill_n(pattern.received.begin(), settings.window, true);
+  return pattern;
+}
+
 Pattern pattern_of(const WindowView& window) noexcept {
   Pattern pattern;
   pattern.slots = std::min(static_cast<int>(window.planes.size()), kMaxSlots);

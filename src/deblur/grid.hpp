@@ -46,6 +46,9 @@ struct Pattern {
   int after(int slot) const;
 };
 
+// The pattern of a window without lost frames. Thread: any.
+Pattern whole_pattern(const Settings& settings) noexcept;
+
 // Thread: any.
 Pattern pattern_of(const WindowView& window) noexcept;
 

@@ -10,6 +10,7 @@
 
 #include "src/deblur/admm_banded-inl.hpp"
 #include "src/deblur/admm_dense-inl.hpp"
+#include "src/deblur/dual-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
@@ -28,7 +29,7 @@ void solve_inverse(const InversePlan& plan, const PixelRun& run) noexcept {
 
 const Kernels& kernels() {
   static const Kernels table{HWY_TARGET == HWY_SCALAR ? "scalar" : hwy::TargetName(HWY_TARGET), solve_banded,
-                             solve_dense, solve_inverse};
+                             solve_dense, solve_dual, solve_inverse};
   return table;
 }
 

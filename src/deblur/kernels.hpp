@@ -9,6 +9,7 @@
 #include "bolo/deblur/isa.hpp"
 #include "src/deblur/banded_plan.hpp"
 #include "src/deblur/dense_plan.hpp"
+#include "src/deblur/dual_plan.hpp"
 #include "src/deblur/inverse_plan.hpp"
 
 namespace bolo::deblur {
@@ -36,6 +37,7 @@ struct Kernels {
   std::string_view isa;
   void (*banded)(const BandedPlan& plan, const PixelRun& run) noexcept;
   void (*dense)(const DensePlan& plan, const PixelRun& run) noexcept;
+  void (*dual)(const DualPlan& plan, const PixelRun& run) noexcept;
   void (*inverse)(const InversePlan& plan, const PixelRun& run) noexcept;
 };
 

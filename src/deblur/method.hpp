@@ -30,7 +30,14 @@ class PixelMethod {
 
 // Settings and formats were checked. Thread: setup.
 std::unique_ptr<PixelMethod> make_admm(const StreamTask& task);
+// ADMM where the dual does not apply: bins longer or shorter than a frame, windows with lost frames.
+std::unique_ptr<PixelMethod> make_dual(const StreamTask& task);
 std::unique_ptr<PixelMethod> make_exact(const StreamTask& task);
 std::unique_ptr<PixelMethod> make_inverse(const StreamTask& task);
+// The one that the settings name, or the inverse filter where lambda is 0.
+std::unique_ptr<PixelMethod> make_method(const StreamTask& task);
+
+// A run of the stream's types and scale, without pixels yet. Thread: any.
+PixelRun run_for(const StreamTask& task) noexcept;
 
 }  // namespace bolo::deblur

@@ -21,13 +21,18 @@ int PlaneSolver::row_of(std::size_t pixel) const noexcept {
   return static_cast<int>(pixel / static_cast<std::size_t>(task_.input.geometry.width));
 }
 
-PixelRun PlaneSolver::run_into(void* out, int row) const noexcept {
-  const bool kelvin = task_.output == PixelType::kFloat32 && task_.input.scale.unit == Unit::kKelvin;
+PixelRun run_for(const StreamTask& task) noexcept {
+  const bool kelvin = task.output == PixelType::kFloat32 && task.input.scale.unit == Unit::kKelvin;
   PixelRun run;
-  run.input = task_.input.type;
-  run.output = task_.output;
-  run.scale = kelvin ? static_cast<float>(task_.input.scale.scale) : 1.0F;
-  run.offset = kelvin ? static_cast<float>(task_.input.scale.offset) : 0.0F;
+  run.input = task.input.type;
+  run.output = task.output;
+  run.scale = kelvin ? static_cast<float>(task.input.scale.scale) : 1.0F;
+  run.offset = kelvin ? static_cast<float>(task.input.scale.offset) : 0.0F;
+  return run;
+}
+
+PixelRun PlaneSolver::run_into(void* out, int row) const noexcept {
+  PixelRun run = run_for(task_);
   run.out = out;
   run.delay = correction_.row_delay(row);
   run.published = published_bins(grid_, pattern_.slots, pattern_.target, run.delay);

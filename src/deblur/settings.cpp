@@ -16,6 +16,8 @@ constexpr std::array kNames = {
     std::pair{Method::kMmae, std::string_view("mmae")},
 };
 
+constexpr int kModelLookahead = 15;  // the models see 17 frames
+
 // Collects one sentence for every value out of range.
 class Complaints {
  public:
@@ -72,6 +74,9 @@ Status validate(const Settings& settings) {
                     "0 (automatic) to 1000");
   complaints.unless(settings.lookahead >= 0 && settings.lookahead <= settings.window - 2, "lookahead",
                     settings.lookahead, "0 to window - 2 frames");
+  const bool models = settings.auto_lambda || settings.method == Method::kMmae;
+  complaints.unless(!models || settings.lookahead <= kModelLookahead, "lookahead", settings.lookahead,
+                    "at most 15 frames with mmae or lambda auto");
   return complaints.status();
 }
 

@@ -3,7 +3,9 @@
 #include <cmath>
 #include <utility>
 
+#include "src/deblur/auto_lambda_solver.hpp"
 #include "src/deblur/method.hpp"
+#include "src/deblur/mmae_solver.hpp"
 #include "src/deblur/plane_solver.hpp"
 
 namespace bolo::deblur {
@@ -18,12 +20,7 @@ Status validate(const StreamFormat& input) {
   return {};
 }
 
-// What settings may name and no method here does.
-Status available(const Settings& settings) {
-  if (settings.method == Method::kMmae) return bad_input("deblur: solver mmae is not built in; use admm or exact");
-  if (settings.auto_lambda) return bad_input("deblur: lambda = auto is not built in; give a number");
-  return {};
-}
+}  // namespace
 
 // Without a prior any input that explains the samples is optimal; the inverse filter is the one that is constant
 // between samples. Bins longer than a frame leave no such freedom.
@@ -32,19 +29,21 @@ std::unique_ptr<PixelMethod> make_method(const StreamTask& task) {
   const bool no_prior = settings.lambda == 0.0 && (1 << settings.levels) >= settings.window - 1;
   if (settings.method == Method::kInverse || no_prior) return make_inverse(task);
   if (settings.method == Method::kExact) return make_exact(task);
+  if (settings.method == Method::kDual) return make_dual(task);
   return make_admm(task);
 }
-
-}  // namespace
 
 Result<std::unique_ptr<Solver>> Solver::create(const Settings& settings, const StreamFormat& input, PixelType output,
                                                const model::PixelMaps& maps) {
   if (const Status good = deblur::validate(settings); !good) return tl::unexpected<Error>(good.error());
   if (const Status good = validate(input); !good) return tl::unexpected<Error>(good.error());
-  if (const Status good = available(settings); !good) return tl::unexpected<Error>(good.error());
   auto correction = Correction::create(settings, input, maps);
   if (!correction) return tl::unexpected<Error>(correction.error());
   const StreamTask task{settings, input, output};
+  if (settings.method == Method::kMmae) return std::make_unique<MmaeSolver>(task, std::move(*correction));
+  if (settings.auto_lambda && settings.method != Method::kInverse) {
+    return std::make_unique<AutoLambdaSolver>(task, std::move(*correction));
+  }
   return std::make_unique<PlaneSolver>(task, std::move(*correction), make_method(task));
 }
 

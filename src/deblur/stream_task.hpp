@@ -14,6 +14,8 @@ struct StreamTask {
 
   // What one unit of the values is worth, K; camera counts are taken for 10 mK, as in the A655sc's linear modes.
   double kelvin_per_value() const;
+  // A difference of values in the unit that users see: K, or counts.
+  double in_kelvin(double value) const;
   // lambda / (2 kappa) in the units of the values.
   double lambda_half() const;
 };

@@ -30,4 +30,12 @@ Tuning tune(const Grid& grid, double kelvin_per_value) {
   return {p * p, kAlpha, static_cast<int>(std::lround(grid.parts > 1 ? 4.0 * wanted : wanted))};
 }
 
+DualTuning tune_dual(const Grid& grid, double kelvin_per_value) {
+  const double lambda_half = grid.lambda / grid.lambda_scale * kelvin_per_value;
+  const double decades = std::log10(std::max(lambda_half, 1e-6) / kReferenceLambda);
+  const int sweeps = static_cast<int>(std::ceil(5.0 + decades));
+  const int near = sweeps >= 4 ? 2 : sweeps / 3;
+  return {1.1, sweeps - near, near};
+}
+
 }  // namespace bolo::deblur

@@ -252,6 +252,12 @@ struct Wrong {
   const char* named;
 };
 
+void far_ahead(Settings& s) {
+  s.window = 65;
+  s.lookahead = 16;
+  s.method = Method::kMmae;
+}
+
 class WrongSettings : public ::testing::TestWithParam<Wrong> {};
 
 TEST_P(WrongSettings, AreNamed) {
@@ -273,6 +279,8 @@ INSTANTIATE_TEST_SUITE_P(Solver, WrongSettings,
                                            Wrong{"kappa", [](Settings& s) { s.kappa = 0.0; }, "kappa"},
                                            Wrong{"lambda", [](Settings& s) { s.lambda = -1.0; }, "lambda"},
                                            Wrong{"iterations", [](Settings& s) { s.iterations = -1; }, "iterations"},
+                                           Wrong{"noise", [](Settings& s) { s.noise_k = -1.0; }, "noise_k"},
+                                           Wrong{"lookahead_of_models", far_ahead, "mmae"},
                                            Wrong{"lookahead", [](Settings& s) { s.lookahead = 16; }, "lookahead"}),
                          [](const auto& each) { return std::string(each.param.what); });
 

@@ -126,6 +126,26 @@ void Canvas::rectangle(const Box& where, Colour colour, double line_width) {
   cairo_stroke(impl_->context.get());
 }
 
+void Canvas::fill(const Box& where, Colour colour) {
+  impl_->colour(colour);
+  cairo_rectangle(impl_->context.get(), where.x, where.y, where.width, where.height);
+  cairo_fill(impl_->context.get());
+}
+
+void Canvas::line(double from_x, double from_y, double to_x, double to_y, Colour colour, double line_width) {
+  impl_->colour(colour);
+  cairo_set_line_width(impl_->context.get(), line_width);
+  impl_->line(from_x, from_y, to_x, to_y);
+}
+
+void Canvas::disc(double x, double y, double radius, Colour colour) {
+  constexpr double kFullTurn = 6.283185307179586;
+  impl_->colour(colour);
+  cairo_new_sub_path(impl_->context.get());
+  cairo_arc(impl_->context.get(), x, y, radius, 0.0, kFullTurn);
+  cairo_fill(impl_->context.get());
+}
+
 void Canvas::axes(const Box& where, const Axis& x, const Axis& y) {
   const double bottom = where.y + where.height;
   cairo_set_line_width(impl_->context.get(), 1.0);

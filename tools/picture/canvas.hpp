@@ -56,6 +56,9 @@ class Canvas {
   void colour_bar(const Box& where, TemperatureRange range, const std::string& unit, Palette palette = Palette::kIron);
 
   void rectangle(const Box& where, Colour colour, double line_width = 1.5);
+  void fill(const Box& where, Colour colour);
+  void line(double from_x, double from_y, double to_x, double to_y, Colour colour, double line_width = 1.0);
+  void disc(double x, double y, double radius, Colour colour);
 
   // Frame, ticks at round numbers and labels of a plot area; curves go into the same box with the same axes.
   void axes(const Box& where, const Axis& x, const Axis& y);

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <string_view>
 
+#include "tools/eval/fidelity.hpp"
 #include "tools/eval/live.hpp"
 #include "tools/verbs/cli.hpp"
 #include "tools/verbs/verbs.hpp"
@@ -10,8 +11,9 @@
 namespace bolo::tools {
 namespace {
 
-constexpr std::array<Verb, 1> kEvaluations{
-    {{"live", "a running daemon against the truth of the capture that its fake camera replays", eval_live_main}}};
+constexpr std::array<Verb, 2> kEvaluations{
+    {{"live", "a running daemon against the truth of the capture that its fake camera replays", eval_live_main},
+     {"fidelity", "every estimator against the truth, over speeds, noises and look-ahead", eval_fidelity_main}}};
 
 }  // namespace
 

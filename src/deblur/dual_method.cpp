@@ -1,0 +1,58 @@
+// The dual's method, and what stands in for it where the dual does not apply.
+#include <algorithm>
+
+#include "src/deblur/method.hpp"
+
+namespace bolo::deblur {
+namespace {
+
+// A window with lost frames has no square response: there ADMM solves the same problem.
+class DualMethod final : public PixelMethod {
+ public:
+  DualMethod(const StreamTask& task, const Grid& grid, const DualTuning& tuning)
+      : plan_(make_dual_plan(grid, tuning.omega, tuning.sweeps, tuning.near_sweeps)),
+        kernels_(best_kernels()),
+        with_gaps_(admm(task)) {}
+
+  void prepare(const Pattern& pattern) noexcept override {
+    gaps_ = pattern.count < pattern.slots;
+    if (gaps_) with_gaps_->prepare(pattern);
+  }
+
+  void run(const PixelRun& run) const noexcept override {
+    if (gaps_) {
+      with_gaps_->run(run);
+    } else {
+      kernels_.dual(plan_, run);
+    }
+  }
+
+  int iterations() const noexcept override { return plan_.sweeps + plan_.near_sweeps; }
+  std::string_view isa() const noexcept override { return kernels_.isa; }
+
+ private:
+  static std::unique_ptr<PixelMethod> admm(StreamTask task) {
+    task.settings.iterations = 0;  // those that were asked for are sweeps
+    return make_admm(task);
+  }
+
+  DualPlan plan_;
+  const Kernels& kernels_;
+  std::unique_ptr<PixelMethod> with_gaps_;
+  bool gaps_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<PixelMethod> make_dual(const StreamTask& task) {
+  const Grid grid = reduce(task.settings, task.lambda_half());
+  if (!dual_applies(grid)) return make_admm(task);
+  DualTuning tuning = tune_dual(grid, task.kelvin_per_value());
+  if (task.settings.iterations > 0) {
+    tuning.near_sweeps = std::min(tuning.near_sweeps, task.settings.iterations - 1);
+    tuning.sweeps = task.settings.iterations - tuning.near_sweeps;
+  }
+  return std::make_unique<DualMethod>(task, grid, tuning);
+}
+
+}  // namespace bolo::deblur

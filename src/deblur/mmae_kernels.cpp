@@ -1,0 +1,349 @@
+#include "src/deblur/mmae_kernels.hpp"
+
+#include <algorithm>
+#include <array>
+#include <vector>
+
+#include "src/deblur/kernels.hpp"
+
+// The same sets as kernels.cpp.
+#define HWY_COMPILE_ALL_ATTAINABLE
+#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "src/deblur/mmae_kernels.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#include <hwy/contrib/math/math-inl.h>
+
+#include "src/deblur/block-inl.hpp"
+#include "src/deblur/targets.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace bolo::deblur::HWY_NAMESPACE {
+
+// Vectors that one block of 8 columns takes, and blocks that one vector holds.
+inline constexpr std::size_t kBlockColumns = kStatBlock;
+inline constexpr std::size_t kVectorsPerBlock = kLanes < kBlockColumns ? kBlockColumns / kLanes : 1;
+inline constexpr std::size_t kBlocksPerVector = kLanes > kBlockColumns ? kLanes / kBlockColumns : 1;
+inline constexpr std::size_t kUnit = kVectorsPerBlock * kLanes;  // columns: at least a block, at least a vector
+
+template <typename T>
+HWY_INLINE Vec load_values(const T* from, std::size_t count) {
+  HWY_ALIGN T padded[kLanes];
+  if (HWY_UNLIKELY(count < kLanes)) {
+    for (std::size_t i = 0; i < kLanes; ++i) padded[i] = i < count ? from[i] : T(0);
+    from = padded;
+  }
+  if constexpr (sizeof(T) == 2) {
+    return widen(from);
+  } else {
+    return hn::LoadU(Float(), from);
+  }
+}
+
+// Differences in time of one unit of columns, in units of the noise: d[row][difference][lane].
+struct Differences {
+  HWY_ALIGN float d[kStatRows][kMostSamples - 1][kUnit];
+};
+
+template <typename T>
+HWY_INLINE void load_differences(const BlockSamples& in, int samples, std::size_t column, Vec inverse_noise,
+                                 Differences& to) {
+  for (int r = 0; r < in.rows; ++r) {
+    for (std::size_t v = 0; v < kUnit; v += kLanes) {
+      const std::size_t at = column + v;
+      const auto columns = static_cast<std::size_t>(in.columns);
+      const std::size_t count = at < columns ? std::min(kLanes, columns - at) : 0;
+      Vec before = load_values(static_cast<const T*>(in.values[r][0]) + at, count);
+      for (int i = 1; i < samples; ++i) {
+        const Vec value = load_values(static_cast<const T*>(in.values[r][i]) + at, count);
+        hn::Store(hn::Mul(inverse_noise, hn::Sub(value, before)), Float(), to.d[r][i - 1] + v);
+        before = value;
+      }
+    }
+  }
+}
+
+// Eight vectors of per-column sums -> for each block of the unit its eight sums, side by side.
+HWY_INLINE void store_block_sums(const Vec* pair, float (*moments)[kMostPairs], std::size_t p) {
+#if HWY_TARGET == HWY_SCALAR
+  for (std::size_t q = 0; q < 8; ++q) moments[0][p + q] = hn::GetLane(pair[q]);
+#else
+  constexpr std::size_t kWidth = kLanes < kBlockColumns ? kLanes : kBlockColumns;
+  Vec sums[8];
+  for (std::size_t q = 0; q < 8; ++q) sums[q] = pair[q];
+  std::size_t left = 8;
+  for (std::size_t width = kWidth; width > 1; width /= 2) {
+    left /= 2;
+    for (std::size_t q = 0; q < left; ++q) {
+      sums[q] = hn::Add(hn::ConcatEven(Float(), sums[2 * q + 1], sums[2 * q]),
+                        hn::ConcatOdd(Float(), sums[2 * q + 1], sums[2 * q]));
+    }
+  }
+  HWY_ALIGN float rows[8 * kLanes];
+  for (std::size_t q = 0; q < left; ++q) hn::Store(sums[q], Float(), rows + q * kLanes);
+  for (std::size_t q = 0; q < 8; ++q) {
+    for (std::size_t b = 0; b < kBlocksPerVector; ++b) moments[b][p + q] = rows[q * kBlocksPerVector + b];
+  }
+#endif
+}
+
+// M = sum over a block's pixels of d d^T, pairs i <= j row by row.
+template <typename T>
+HWY_INLINE void add_moments(const BlockSamples& in, int samples, Vec inverse_noise, float (*moments)[kMostPairs]) {
+  Differences m;
+  const int differences = samples - 1;
+  for (std::size_t column = 0; column < static_cast<std::size_t>(in.columns); column += kUnit) {
+    load_differences<T>(in, samples, column, inverse_noise, m);
+    float(*block)[kMostPairs] = moments + column / kBlockColumns;
+    Vec pair[8];
+    std::size_t p = 0;
+    for (int i = 0; i < differences; ++i) {
+      for (int j = i; j < differences; ++j, ++p) {
+        Vec sum = hn::Zero(Float());
+        for (int r = 0; r < in.rows; ++r) {
+          for (std::size_t v = 0; v < kUnit; v += kLanes) {
+            sum = hn::MulAdd(hn::Load(Float(), m.d[r][i] + v), hn::Load(Float(), m.d[r][j] + v), sum);
+          }
+        }
+        pair[p % 8] = sum;
+        if (p % 8 == 7) store_block_sums(pair, block, p - 7);
+      }
+    }
+    if (p % 8 == 0) continue;
+    for (std::size_t q = p % 8; q < 8; ++q) pair[q] = hn::Zero(Float());
+    store_block_sums(pair, block, p - p % 8);
+  }
+}
+
+inline constexpr std::size_t kModelVectors = kModels / kLanes;
+inline constexpr std::size_t kChunk = kModelVectors < 4 ? kModelVectors : 4;  // vectors of models in registers at once
+inline constexpr int kTogether = kLanes >= 16 ? 4 : 2;                        // blocks in registers at once
+
+// Scores of `kTogether` blocks: every entry of the table is loaded once for all of them.
+HWY_INLINE void add_scores(const ModelTables& tables, int pairs, const float (*moments)[kMostPairs],
+                           float (*score)[kModels]) {
+  for (std::size_t chunk = 0; chunk < kModelVectors; chunk += kChunk) {
+    Vec sum[kTogether][kChunk];
+    for (int b = 0; b < kTogether; ++b) {
+      for (std::size_t c = 0; c < kChunk; ++c) sum[b][c] = hn::Load(Float(), score[b] + (chunk + c) * kLanes);
+    }
+    for (int p = 0; p < pairs; ++p) {
+      const float* table = tables.score[static_cast<std::size_t>(p)].data() + chunk * kLanes;
+      Vec entry[kChunk];
+      for (std::size_t c = 0; c < kChunk; ++c) entry[c] = hn::Load(Float(), table + c * kLanes);
+      for (int b = 0; b < kTogether; ++b) {
+        const Vec moment = all(moments[b][p]);
+        for (std::size_t c = 0; c < kChunk; ++c) sum[b][c] = hn::MulAdd(moment, entry[c], sum[b][c]);
+      }
+    }
+    for (int b = 0; b < kTogether; ++b) {
+      for (std::size_t c = 0; c < kChunk; ++c) hn::Store(sum[b][c], Float(), score[b] + (chunk + c) * kLanes);
+    }
+  }
+}
+
+// exp(score - highest) / sum
+HWY_INLINE void normalise(float* score) {
+  Vec highest = hn::Load(Float(), score);
+  for (std::size_t k = kLanes; k < kModels; k += kLanes) highest = hn::Max(highest, hn::Load(Float(), score + k));
+  highest = hn::MaxOfLanes(Float(), highest);
+  Vec sum = hn::Zero(Float());
+  for (std::size_t k = 0; k < kModels; k += kLanes) {
+    const Vec e = hn::Exp(Float(), hn::Max(hn::Sub(hn::Load(Float(), score + k), highest), all(-80.0F)));
+    hn::Store(e, Float(), score + k);
+    sum = hn::Add(sum, e);
+  }
+  const Vec share = hn::Div(all(1.0F), hn::SumOfLanes(Float(), sum));
+  for (std::size_t k = 0; k < kModels; k += kLanes)
+    hn::Store(hn::Mul(share, hn::Load(Float(), score + k)), Float(), score + k);
+}
+
+void find_posteriors(const ModelTables& tables, const BlockSamples& in, float inverse_noise, Posteriors& out) noexcept {
+  HWY_ALIGN float moments[kStatBlocks][kMostPairs];
+  const int blocks = (in.columns + kStatBlock - 1) / kStatBlock;
+  const int differences = tables.samples - 1;
+  if (in.type == PixelType::kUint16) {
+    add_moments<std::uint16_t>(in, tables.samples, all(inverse_noise), moments);
+  } else {
+    add_moments<float>(in, tables.samples, all(inverse_noise), moments);
+  }
+  for (int b = 0; b < kStatBlocks; ++b) {
+    const int columns = std::clamp(in.columns - b * kStatBlock, 0, kStatBlock);
+    const auto pixels = static_cast<float>(columns * in.rows);
+    for (std::size_t k = 0; k < kModels; ++k) out.of[b][k] = tables.prior[k] + pixels * tables.per_pixel[k];
+    if (b >= blocks) std::fill_n(moments[b], kMostPairs, 0.0F);
+  }
+  for (int b = 0; b < blocks; b += kTogether) {
+    add_scores(tables, differences * (differences + 1) / 2, moments + b, out.of + b);
+  }
+  for (int b = 0; b < blocks; ++b) normalise(out.of[b]);
+}
+
+void mix_weights(const ModelTables& tables, int offset, const Posteriors& posteriors, int blocks, BlockWeights& out,
+                 int at) noexcept {
+  const auto& models = tables.weights[static_cast<std::size_t>(offset)].tap;
+  constexpr std::size_t kVectors = (kMostSamples + kLanes - 1) / kLanes;
+  for (int b = 0; b < blocks; ++b) {
+    HWY_ALIGN float taps[kVectors * kLanes];
+    Vec sum[kVectors];
+    for (Vec& s : sum) s = hn::Zero(Float());
+    for (std::size_t k = 0; k < kModels; ++k) {
+      const Vec share = all(posteriors.of[b][k]);
+      for (std::size_t v = 0; v < kVectors; ++v) {
+        sum[v] = hn::MulAdd(share, hn::Load(Float(), models[k].data() + v * kLanes), sum[v]);
+      }
+    }
+    for (std::size_t v = 0; v < kVectors; ++v) hn::Store(sum[v], Float(), taps + v * kLanes);
+    for (int i = 0; i < tables.samples; ++i) out.tap[i][at + b] = taps[i];
+  }
+}
+
+HWY_INLINE void store_values(const FilterRow& row, Vec x, std::size_t at, std::size_t count) {
+  if (row.output == PixelType::kUint16) {
+    HWY_ALIGN std::uint16_t values[kLanes];
+    narrow(x, values);
+    std::copy_n(values, count, static_cast<std::uint16_t*>(row.out) + at);
+  } else {
+    HWY_ALIGN float values[kLanes];
+    hn::Store(hn::MulAdd(all(row.scale), x, all(row.offset)), Float(), values);
+    std::copy_n(values, count, static_cast<float*>(row.out) + at);
+  }
+}
+
+// Where the pixels of a vector lie between the centres of blocks, for a vector that begins `phase` pixels after one.
+struct Places {
+  HWY_ALIGN std::int32_t cell[kLanes];
+  HWY_ALIGN float share[kLanes];
+
+  Places() = default;
+  explicit Places(std::size_t phase) {
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      cell[i] = static_cast<std::int32_t>((phase + i) / kBlockColumns);
+      share[i] = (static_cast<float>((phase + i) % kBlockColumns) + 0.5F) / kBlockColumns;
+    }
+  }
+};
+
+// x = newest + sum of w_i (y_i - newest): the weights sum to 1.
+template <typename T>
+HWY_INLINE void filter_row(int samples, const FilterRow& row, const float (*weights)[kWeightStride]) {
+  const auto columns = static_cast<std::size_t>(row.columns);
+  const std::size_t phase = static_cast<std::size_t>(row.first_column) + kBlockColumns / 2;
+  Places place[kVectorsPerBlock];
+  for (std::size_t v = 0; v < kVectorsPerBlock; ++v) place[v] = Places((phase + v * kLanes) % kBlockColumns);
+  for (std::size_t at = 0; at < columns; at += kLanes) {
+    const std::size_t count = std::min(kLanes, columns - at);
+    const std::size_t from_centre = phase + at;
+    const Places& places = place[at / kLanes % kVectorsPerBlock];
+    const auto block = static_cast<std::size_t>(static_cast<int>(from_centre / kBlockColumns) - 1 - row.first_block);
+    const auto cells = hn::SetTableIndices(Float(), places.cell);
+    const Vec share = hn::Load(Float(), places.share);
+    const Vec newest = load_values(static_cast<const T*>(row.samples[samples - 1]) + at, count);
+    Vec x = newest;
+    for (int i = 0; i + 1 < samples; ++i) {
+      const Vec left = hn::TableLookupLanes(hn::LoadU(Float(), weights[i] + block), cells);
+      const Vec right = hn::TableLookupLanes(hn::LoadU(Float(), weights[i] + block + 1), cells);
+      const Vec weight = hn::MulAdd(share, hn::Sub(right, left), left);
+      const Vec value = load_values(static_cast<const T*>(row.samples[i]) + at, count);
+      x = hn::MulAdd(weight, hn::Sub(value, newest), x);
+    }
+    store_values(row, x, at, count);
+  }
+}
+
+void filter(int samples, const FilterRow& row, const BlockWeights& upper, const BlockWeights& lower) noexcept {
+  HWY_ALIGN float weights[kMostSamples][kWeightStride];
+  const int blocks = row.columns / kStatBlock + 3;
+  for (int i = 0; i + 1 < samples; ++i) {
+    for (int b = 0; b < blocks; b += static_cast<int>(kLanes)) {
+      const Vec above = hn::Load(Float(), upper.tap[i] + b);
+      const Vec below = hn::Load(Float(), lower.tap[i] + b);
+      hn::Store(hn::MulAdd(all(row.down), hn::Sub(below, above), above), Float(), weights[i] + b);
+    }
+  }
+  if (row.type == PixelType::kUint16) {
+    filter_row<std::uint16_t>(samples, row, weights);
+  } else {
+    filter_row<float>(samples, row, weights);
+  }
+}
+
+// Binomials with alternating signs.
+HWY_INLINE std::array<float, 8> difference_weights(int order) {
+  std::array<float, 8> weight{};
+  weight[0] = 1.0F;
+  for (int i = 1; i <= order; ++i) {
+    weight[static_cast<std::size_t>(i)] =
+        -weight[static_cast<std::size_t>(i - 1)] * static_cast<float>(order - i + 1) / static_cast<float>(i);
+  }
+  return weight;
+}
+
+template <typename T>
+HWY_INLINE void add_squares(const void* const* planes, int order, std::size_t first, int rows, std::size_t stride,
+                            std::size_t columns, float* out) {
+  const std::array<float, 8> weight = difference_weights(order);
+  for (std::size_t at = 0; at < columns; at += kLanes) {
+    const std::size_t count = std::min(kLanes, columns - at);
+    Vec sum = hn::Zero(Float());
+    for (int r = 0; r < rows; ++r) {
+      const std::size_t pixel = first + static_cast<std::size_t>(r) * stride + at;
+      const Vec base = load_values(static_cast<const T*>(planes[0]) + pixel, count);
+      Vec difference = hn::Zero(Float());
+      for (int i = 1; i <= order; ++i) {  // less the first sample, which the weights (sum 0) do not see
+        const Vec value = load_values(static_cast<const T*>(planes[i]) + pixel, count);
+        difference = hn::MulAdd(all(weight[static_cast<std::size_t>(i)]), hn::Sub(value, base), difference);
+      }
+      sum = hn::MulAdd(difference, difference, sum);
+    }
+    HWY_ALIGN float sums[kLanes];
+    hn::Store(sum, Float(), sums);
+    for (std::size_t i = 0; i < count; ++i) out[at + i] += sums[i];
+  }
+}
+
+void add_squared_differences(PixelType type, const void* const* planes, int order, std::size_t first, int rows,
+                             std::size_t stride, int columns, float* out) noexcept {
+  const auto width = static_cast<std::size_t>(columns);
+  if (type == PixelType::kUint16) {
+    add_squares<std::uint16_t>(planes, order, first, rows, stride, width, out);
+  } else {
+    add_squares<float>(planes, order, first, rows, stride, width, out);
+  }
+}
+
+const MmaeKernels& mmae_kernels() {
+  static const MmaeKernels table{HWY_TARGET == HWY_SCALAR ? "scalar" : hwy::TargetName(HWY_TARGET), find_posteriors,
+                                 mix_weights, filter, add_squared_differences};
+  return table;
+}
+
+}  // namespace bolo::deblur::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace bolo::deblur {
+namespace {
+
+HWY_EXPORT(mmae_kernels);
+
+std::vector<const MmaeKernels*> find_kernels() {
+  std::vector<const MmaeKernels*> found;
+  for_each_target(HWY_TARGETS, [&] { found.push_back(&HWY_DYNAMIC_DISPATCH(mmae_kernels)()); });
+  return found;
+}
+
+}  // namespace
+
+const MmaeKernels& best_mmae_kernels() {
+  static const std::vector<const MmaeKernels*> found = find_kernels();
+  for (const MmaeKernels* kernels : found) {
+    if (kernels->isa == best_kernels().isa) return *kernels;
+  }
+  return *found.back();
+}
+
+}  // namespace bolo::deblur
+#endif

@@ -1,0 +1,73 @@
+// The vector kernels of multiple-model adaptive estimation, built once for every instruction set.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+#include "bolo/core/plane.hpp"
+#include "src/deblur/motion_models.hpp"
+
+namespace bolo::deblur {
+
+inline constexpr int kStatBlock = 8;                                      // pixels a side of a block with one posterior
+inline constexpr int kStatRowStep = 2;                                    // every other row tells of its motion
+inline constexpr int kStatRows = kStatBlock / kStatRowStep;               // rows of a block that are looked at
+inline constexpr int kStatBlocks = 8;                                     // blocks side by side that are done at once
+inline constexpr std::size_t kStatColumns = kStatBlock * kStatBlocks;     // their pixels
+inline constexpr int kCellColumns = 256;                                  // pixels filtered at once
+inline constexpr int kWeightStride = kCellColumns / kStatBlock + 2 + 30;  // blocks around them, padded to whole vectors
+
+// The samples of some pixels of neighbouring rows: rows[r][i] is the first of `columns` values of sample i in row r.
+struct BlockSamples {
+  PixelType type = PixelType::kUint16;
+  int rows = 0;
+  int columns = 0;
+  const void* values[kStatRows][kMostSamples] = {};
+};
+
+// Models' posterior probabilities, one row a block.
+struct Posteriors {
+  alignas(64) float of[kStatBlocks][kModels];
+};
+
+// Weights of the samples, by block: [tap][block].
+struct BlockWeights {
+  alignas(64) float tap[kMostSamples][kWeightStride];
+};
+
+// One row of pixels to filter with weights that are bilinear between the centres of four blocks.
+struct FilterRow {
+  PixelType type = PixelType::kUint16;
+  const void* samples[kMostSamples] = {};  // of the first pixel
+  int first_column = 0;                    // of the first pixel in the frame
+  int first_block = -1;                    // the block that weights.tap[i][0] belongs to
+  int columns = 0;                         // at most kCellColumns
+  float down = 0.0F;                       // share of the lower blocks, 0 to 1
+  PixelType output = PixelType::kUint16;
+  float scale = 1.0F;  // of float output: scale * value + offset
+  float offset = 0.0F;
+  void* out = nullptr;
+};
+
+struct MmaeKernels {
+  std::string_view isa;
+  // Posteriors of the blocks that `samples` covers (the last may be narrower). Thread: worker.
+  void (*posteriors)(const ModelTables& tables, const BlockSamples& samples, float inverse_noise,
+                     Posteriors& out) noexcept;
+  // weights = sum over models of posterior * model's weights, for `blocks` blocks from column `at` of `out`. Thread:
+  // worker.
+  void (*mix)(const ModelTables& tables, int offset, const Posteriors& posteriors, int blocks, BlockWeights& out,
+              int at) noexcept;
+  // Thread: worker.
+  void (*filter)(int samples, const FilterRow& row, const BlockWeights& upper, const BlockWeights& lower) noexcept;
+  // For every column the sum over `rows` rows of the squared difference of the given order in time of `order` + 1
+  // planes; rows lie `stride` values apart. Adds to out[columns]. Thread: pipeline.
+  void (*add_squared_differences)(PixelType type, const void* const* planes, int order, std::size_t first, int rows,
+                                  std::size_t stride, int columns, float* out) noexcept;
+};
+
+// The kernels of the instruction set that best_kernels() uses. Thread: setup.
+const MmaeKernels& best_mmae_kernels();
+
+}  // namespace bolo::deblur

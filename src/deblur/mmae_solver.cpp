@@ -1,0 +1,121 @@
+#include "src/deblur/mmae_solver.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "src/deblur/method.hpp"
+
+namespace bolo::deblur {
+namespace {
+
+constexpr int kHalf = kStatBlock / 2;
+
+}  // namespace
+
+// The blocks whose weights some columns need: those at both sides of them.
+struct MmaeSolver::Columns {
+  int first = 0;  // may be -1: the frame's first block stands in for it
+  int last = 0;   // may be one too many: the frame's last block stands in
+};
+
+MmaeSolver::MmaeSolver(const StreamTask& task, Correction correction)
+    : task_(task), correction_(std::move(correction)), posterior_(task, correction_) {}
+
+double MmaeSolver::noise_k() const noexcept { return task_.in_kelvin(posterior_.noise()); }
+
+void MmaeSolver::prepare(const WindowView& window) noexcept { posterior_.prepare(window, pattern_of(window)); }
+
+void MmaeSolver::solve(const WindowView& window, const Region& part, void* out) const noexcept {
+  const std::size_t bytes = bytes_of(task_.output);
+  const std::size_t stride = static_cast<std::size_t>(task_.input.geometry.width) * bytes;
+  for (int x = part.x; x < part.x + part.width; x += kCellColumns) {
+    const Region some{x, part.y, std::min(kCellColumns, part.x + part.width - x), part.height};
+    const std::size_t first = static_cast<std::size_t>(part.y) * stride + static_cast<std::size_t>(x) * bytes;
+    solve_columns(window, some, static_cast<std::byte*>(out) + first, stride);
+  }
+}
+
+void MmaeSolver::solve_points(const WindowView& window, std::span<const std::uint32_t> pixels,
+                              void* out) const noexcept {
+  const auto width = static_cast<std::uint32_t>(task_.input.geometry.width);
+  auto* to = static_cast<std::byte*>(out);
+  for (const std::uint32_t pixel : pixels) {
+    solve_columns(window, {static_cast<int>(pixel % width), static_cast<int>(pixel / width), 1, 1}, to, 0);
+    to += bytes_of(task_.output);
+  }
+}
+
+// Rows from centre to centre of the blocks, so that each row of blocks is looked at once.
+void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std::byte* out,
+                               std::size_t stride) const noexcept {
+  const Columns columns{(part.x + kHalf) / kStatBlock - 1, (part.x + part.width - 1 + kHalf) / kStatBlock};
+  const auto width = static_cast<std::size_t>(task_.input.geometry.width);
+  const PixelRun run = run_for(task_);
+  FilterRow row;
+  row.type = run.input;
+  row.output = run.output;
+  row.scale = run.scale;
+  row.offset = run.offset;
+  row.first_column = part.x;
+  row.first_block = columns.first;
+  row.columns = part.width;
+  BlockWeights weights[2];
+  BlockWeights* above = &weights[0];
+  BlockWeights* below = &weights[1];
+  int upper = (part.y + kHalf) / kStatBlock - 1;
+  find_weights(window, upper, columns, *above);
+  for (int y = part.y; y < part.y + part.height; ++upper) {
+    find_weights(window, upper + 1, columns, *below);
+    const int end = std::min(part.y + part.height, (upper + 1) * kStatBlock + kHalf);
+    for (; y < end; ++y) {
+      const std::size_t pixel = static_cast<std::size_t>(y) * width + static_cast<std::size_t>(part.x);
+      row.down = (static_cast<float>((y + kHalf) % kStatBlock) + 0.5F) / kStatBlock;
+      row.out = out + static_cast<std::size_t>(y - part.y) * stride;
+      filter_row(window, pixel, row, *above, *below);
+    }
+    std::swap(above, below);
+  }
+}
+
+// One row, from `pixel` on: its samples as they are, or corrected.
+void MmaeSolver::filter_row(const WindowView& window, std::size_t pixel, FilterRow& row, const BlockWeights& above,
+                            const BlockWeights& below) const noexcept {
+  const ModelTables& tables = posterior_.tables();
+  if (!correction_.changes_samples()) {
+    for (int i = 0; i < tables.samples; ++i) {
+      const auto slot = static_cast<std::size_t>(tables.slot[static_cast<std::size_t>(i)]);
+      row.samples[i] = static_cast<const std::byte*>(window.planes[slot]) + pixel * bytes_of(row.type);
+    }
+    posterior_.kernels().filter(tables.samples, row, above, below);
+    return;
+  }
+  static_assert(kCellColumns <= SampleBlock::kPixels);
+  SampleBlock block(correction_);
+  block.read(window, tables.pattern, pixel, static_cast<std::size_t>(row.columns), posterior_.slots());
+  row.type = PixelType::kFloat32;
+  for (int i = 0; i < tables.samples; ++i) {
+    row.samples[i] = block.slot(static_cast<std::size_t>(tables.slot[static_cast<std::size_t>(i)]));
+  }
+  posterior_.kernels().filter(tables.samples, row, above, below);
+}
+
+void MmaeSolver::find_weights(const WindowView& window, int block_row, const Columns& columns,
+                              BlockWeights& weights) const noexcept {
+  const int row = std::clamp(block_row, 0, posterior_.blocks_down() - 1);
+  const int begin = std::max(columns.first, 0);
+  const int end = std::min(columns.last, posterior_.blocks_across() - 1) + 1;
+  Posteriors posteriors;
+  for (int block = begin; block < end; block += kStatBlocks) {
+    const int count = std::min(kStatBlocks, end - block);
+    posterior_.find(window, row, block, count, posteriors);
+    posterior_.kernels().mix(posterior_.tables(), posterior_.weights_of(row), posteriors, count, weights,
+                             block - columns.first);
+  }
+  for (int i = 0; i < posterior_.tables().samples; ++i) {
+    float* tap = weights.tap[i];
+    if (begin > columns.first) tap[0] = tap[1];
+    if (end <= columns.last) tap[columns.last - columns.first] = tap[end - 1 - columns.first];
+  }
+}
+
+}  // namespace bolo::deblur

@@ -1,0 +1,36 @@
+// Multiple-model adaptive estimation: every pixel is filtered in time with weights that suit the motion around it.
+#pragma once
+
+#include "bolo/deblur/solver.hpp"
+#include "src/deblur/motion_posterior.hpp"
+
+namespace bolo::deblur {
+
+// Each block of 8 x 8 pixels weighs the models by how well they explain its samples (MotionPosterior). Its filter is
+// the models' best linear unbiased filters so weighted; between the centres of blocks the filters are interpolated.
+// Other pixels choose the weights, but no other pixel's value enters an estimate: nothing is smoothed in space.
+class MmaeSolver final : public Solver {
+ public:
+  MmaeSolver(const StreamTask& task, Correction correction);
+
+  void prepare(const WindowView& window) noexcept override;
+  void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
+  void solve_points(const WindowView& window, std::span<const std::uint32_t> pixels, void* out) const noexcept override;
+  int iterations() const noexcept override { return 1; }
+  std::string_view isa() const noexcept override { return posterior_.kernels().isa; }
+  double noise_k() const noexcept override;
+
+ private:
+  struct Columns;
+  void solve_columns(const WindowView& window, const Region& part, std::byte* out, std::size_t stride) const noexcept;
+  void filter_row(const WindowView& window, std::size_t pixel, FilterRow& row, const BlockWeights& above,
+                  const BlockWeights& below) const noexcept;
+  void find_weights(const WindowView& window, int block_row, const Columns& columns,
+                    BlockWeights& weights) const noexcept;
+
+  StreamTask task_;
+  Correction correction_;
+  MotionPosterior posterior_;
+};
+
+}  // namespace bolo::deblur

@@ -1,0 +1,335 @@
+// Multiple-model adaptive estimation against the same in plain double precision.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include "bolo/deblur/solver.hpp"
+#include "src/deblur/kernels.hpp"
+#include "src/deblur/mmae_solver.hpp"
+#include "src/deblur/motion_models.hpp"
+
+namespace bolo::deblur {
+namespace {
+
+constexpr int kWindow = 17;
+
+StreamFormat kelvin_format(Geometry geometry) {
+  StreamFormat format;
+  format.geometry = geometry;
+  format.type = PixelType::kUint16;
+  format.scale = {Unit::kKelvin, 0.01, 0.0};
+  return format;
+}
+
+Settings settings_with(double noise_k, int lookahead = 0) {
+  Settings settings;
+  settings.method = Method::kMmae;
+  settings.noise_k = noise_k;
+  settings.lookahead = lookahead;
+  return settings;
+}
+
+// A window of a scene that moves to the right, some of it faster, through the thermal inertia, with noise.
+class Movie {
+ public:
+  Movie(Geometry geometry, double noise_k, int frames = kWindow, double px_per_frame = 0.7) : geometry_(geometry) {
+    std::mt19937 random(3);
+    std::normal_distribution<double> noise(0.0, noise_k);
+    std::vector<double> state(geometry.pixels(), 300.0);
+    const double decay = std::exp(-5.0 / 11.0 / kSteps);
+    for (int frame = -40; frame < frames; ++frame) {
+      std::vector<std::uint16_t> plane(geometry.pixels());
+      for (std::size_t i = 0; i < plane.size(); ++i) {
+        const int x = static_cast<int>(i) % geometry.width;
+        const int y = static_cast<int>(i) / geometry.width;
+        for (int step = 1; step <= kSteps; ++step) {
+          const double time = frame - 1 + (step - 0.5) / kSteps;
+          state[i] = decay * state[i] + (1.0 - decay) * scene(x - px_per_frame * time, y);
+        }
+        plane[i] = static_cast<std::uint16_t>(std::lround(100.0 * (state[i] + noise(random))));
+      }
+      if (frame >= 0) planes_.push_back(std::move(plane));
+    }
+    for (const auto& plane : planes_) pointers_.push_back(plane.data());
+  }
+
+  static double scene(double x, double y) {
+    return 300.0 + 6.0 * std::sin(0.31 * x + 0.2 * y) + (std::sin(0.05 * x - 0.11 * y) > 0.0 ? 5.0 : 0.0);
+  }
+  void lose(std::size_t slot) { pointers_[slot] = nullptr; }
+  WindowView view(int lookahead = 0) const { return {pointers_, static_cast<int>(pointers_.size()) - 1 - lookahead}; }
+  double at(std::size_t slot, int x, int y) const {
+    return planes_[slot][static_cast<std::size_t>(y * geometry_.width + x)];
+  }
+  std::vector<std::vector<std::uint16_t>>& planes() { return planes_; }
+
+ private:
+  static constexpr int kSteps = 10;  // a frame
+  Geometry geometry_;
+  std::vector<std::vector<std::uint16_t>> planes_;
+  std::vector<const void*> pointers_;
+};
+
+// The definition: posterior of each block, weights between blocks' centres, filter.
+class Reference {
+ public:
+  Reference(const Movie& movie, Geometry geometry, const ModelTables& tables, double noise)
+      : movie_(movie), geometry_(geometry), tables_(tables), noise_(noise) {}
+
+  const std::vector<double>& block_weights(int column, int row) {
+    column = std::clamp(column, 0, (geometry_.width + 7) / 8 - 1);
+    row = std::clamp(row, 0, (geometry_.height + 7) / 8 - 1);
+    std::vector<double>& weights = known_[{column, row}];
+    if (!weights.empty()) return weights;
+    std::vector<double> score(kModels);
+    for (std::size_t k = 0; k < kModels; ++k) score[k] = static_cast<double>(tables_.prior[k]);
+    for (int y = row * 8; y < std::min(row * 8 + 8, geometry_.height); y += 2) {
+      for (int x = column * 8; x < std::min(column * 8 + 8, geometry_.width); ++x) add_pixel(x, y, score);
+    }
+    const double highest = *std::max_element(score.begin(), score.end());
+    double sum = 0.0;
+    for (double& s : score) sum += s = std::exp(s - highest);
+    weights.resize(static_cast<std::size_t>(tables_.samples));
+    for (std::size_t k = 0; k < kModels; ++k) {
+      for (std::size_t i = 0; i < weights.size(); ++i) {
+        weights[i] += score[k] / sum * static_cast<double>(tables_.weights[0].tap[k][i]);
+      }
+    }
+    return weights;
+  }
+
+  double estimate(int x, int y) {
+    const double across = (x + 0.5) / 8.0 - 0.5;
+    const double down = (y + 0.5) / 8.0 - 0.5;
+    const int column = static_cast<int>(std::floor(across));
+    const int row = static_cast<int>(std::floor(down));
+    double result = 0.0;
+    for (int dy = 0; dy < 2; ++dy) {
+      for (int dx = 0; dx < 2; ++dx) {
+        const double share =
+            (dx == 1 ? across - column : 1.0 - across + column) * (dy == 1 ? down - row : 1.0 - down + row);
+        const std::vector<double>& weights = block_weights(column + dx, row + dy);
+        for (std::size_t i = 0; i < weights.size(); ++i) result += share * weights[i] * sample(i, x, y);
+      }
+    }
+    return result;
+  }
+
+ private:
+  double sample(std::size_t i, int x, int y) const {
+    return movie_.at(static_cast<std::size_t>(tables_.slot[i]), x, y);
+  }
+  void add_pixel(int x, int y, std::vector<double>& score) const {
+    std::size_t pair = 0;
+    const auto samples = static_cast<std::size_t>(tables_.samples);
+    for (std::size_t k = 0; k < kModels; ++k) score[k] += static_cast<double>(tables_.per_pixel[k]);
+    for (std::size_t i = 1; i < samples; ++i) {
+      for (std::size_t j = i; j < samples; ++j, ++pair) {
+        const double di = (sample(i, x, y) - sample(i - 1, x, y)) / noise_;
+        const double dj = (sample(j, x, y) - sample(j - 1, x, y)) / noise_;
+        for (std::size_t k = 0; k < kModels; ++k) score[k] += static_cast<double>(tables_.score[pair][k]) * di * dj;
+      }
+    }
+  }
+
+  const Movie& movie_;
+  Geometry geometry_;
+  const ModelTables& tables_;
+  double noise_;
+  std::map<std::pair<int, int>, std::vector<double>> known_;
+};
+
+std::unique_ptr<Solver> make(const Settings& settings, Geometry geometry) {
+  auto solver = Solver::create(settings, kelvin_format(geometry), PixelType::kFloat32);
+  EXPECT_TRUE(solver) << solver.error().message;
+  return std::move(*solver);
+}
+
+std::vector<float> solve(Solver& solver, const WindowView& view, Geometry geometry) {
+  std::vector<float> out(geometry.pixels());
+  solver.prepare(view);
+  solver.solve(view, {0, 0, geometry.width, geometry.height}, out.data());
+  return out;
+}
+
+class MmaeOn : public testing::TestWithParam<std::string_view> {
+ protected:
+  void SetUp() override { ASSERT_TRUE(force_isa(GetParam())); }
+  void TearDown() override { force_isa(""); }
+};
+
+TEST_P(MmaeOn, IsItsDefinition) {
+  for (const Geometry g : {Geometry{40, 24}, Geometry{37, 13}, Geometry{5, 3}, Geometry{1, 1}, Geometry{300, 9}}) {
+    for (const int lookahead : {0, 2}) {
+      for (const std::vector<std::size_t>& lost : {std::vector<std::size_t>{}, {5}, {15}, {0, 3, 4}}) {
+        if (lookahead == 0 && g.width == 300 && lost.empty()) continue;
+        if (lookahead == 2 && !lost.empty() && lost[0] == 5) continue;
+        Movie movie(g, 0.1);
+        for (const std::size_t slot : lost) movie.lose(slot);
+        const Settings settings = settings_with(0.1, lookahead);
+        if (movie.view(lookahead).planes[static_cast<std::size_t>(16 - lookahead)] == nullptr) continue;
+        const auto solver = make(settings, g);
+        EXPECT_EQ(solver->isa(), GetParam());
+        EXPECT_DOUBLE_EQ(solver->noise_k(), 0.1);
+        const std::vector<float> out = solve(*solver, movie.view(lookahead), g);
+        const MotionModels models(settings, {0.0});
+        ModelTables tables = models.make_tables();
+        models.prepare(tables, pattern_of(movie.view(lookahead)));
+        Reference reference(movie, g, tables, 10.0);
+        for (int y = 0; y<g.height; y += g.height> 10 ? 3 : 1) {
+          for (int x = 0; x<g.width; x += g.width> 100 ? 13 : 3) {
+            const double wanted = 0.01 * reference.estimate(x, y);
+            EXPECT_NEAR(static_cast<double>(out[static_cast<std::size_t>(y * g.width + x)]), wanted, 2e-3)
+                << x << ", " << y << " of " << g.width << "x" << g.height << ", lost " << lost.size();
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST_P(MmaeOn, PartsAndPointsHaveTheFramesBits) {
+  const Geometry g{300, 37};
+  const Movie movie(g, 0.05);
+  const auto solver = make(settings_with(0.0), g);
+  const std::vector<float> whole = solve(*solver, movie.view(), g);
+  for (const Region part : {Region{0, 0, 300, 20}, {13, 5, 7, 9}, {255, 30, 45, 7}, {0, 36, 300, 1}, {299, 0, 1, 37}}) {
+    std::vector<float> out(g.pixels(), -1.0F);
+    solver->solve(movie.view(), part, out.data());
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const int x = static_cast<int>(i) % g.width;
+      const int y = static_cast<int>(i) / g.width;
+      const bool inside = x >= part.x && x < part.x + part.width && y >= part.y && y < part.y + part.height;
+      ASSERT_EQ(out[i], inside ? whole[i] : -1.0F) << x << ", " << y;
+    }
+  }
+  const std::vector<std::uint32_t> points = {0, 299, 300 * 36 + 299, 4711, 5000, 17};
+  std::vector<float> out(points.size());
+  solver->solve_points(movie.view(), points, out.data());
+  for (std::size_t i = 0; i < points.size(); ++i) EXPECT_EQ(out[i], whole[points[i]]);
+}
+
+INSTANTIATE_TEST_SUITE_P(Mmae, MmaeOn, testing::ValuesIn(available_isas()),
+                         [](const auto& each) { return std::string(each.param); });
+
+TEST(MotionModels, WeightsSumToOne) {
+  const MotionModels models(settings_with(0.1), {0.0, 0.002});
+  ModelTables tables = models.make_tables();
+  Movie movie({1, 1}, 0.0);
+  movie.lose(3);
+  models.prepare(tables, pattern_of(movie.view()));
+  ASSERT_EQ(tables.samples, 16);
+  for (const ModelTables::Weights& weights : tables.weights) {
+    for (std::size_t k = 0; k < kModels; ++k) {
+      double sum = 0.0;
+      for (const float w : weights.tap[k]) sum += static_cast<double>(w);
+      EXPECT_NEAR(sum, 1.0, 2e-6) << k;
+    }
+  }
+  for (int i = 0; i < 16; ++i)
+    EXPECT_NEAR(static_cast<double>(tables.weights[0].tap[0][static_cast<std::size_t>(i)]), 1.0 / 16.0,
+                1e-6);  // still: the mean
+}
+
+// The covariances are those of a simulated process: a slow and a fast model, by drawing.
+TEST(MotionModels, SamplesHaveTheProcessCovariance) {
+  const Settings settings = settings_with(0.1);
+  const MotionModels models(settings, {0.0});
+  for (const int model : {1 + 9 * 2, 1 + 9 * 5}) {  // 80 and 1000 px/s, variance 0.1
+    const double px_per_s = model == 19 ? 80.0 : 1000.0;
+    const std::vector<double> factor = models.joint_factor(model);
+    const int n = models.slots() + 1;
+    const auto covariance = [&](int a, int b) {
+      double sum = 0.0;
+      for (int k = 0; k < n; ++k)
+        sum += factor[static_cast<std::size_t>(a * n + k)] * factor[static_cast<std::size_t>(b * n + k)];
+      return sum / 0.1;
+    };
+    // By steps of 0.1 ms: x is stationary with the scene's autocovariance (pixel width left out: it is small here).
+    const double step = 1e-4;
+    const int history = 1500;
+    std::vector<double> kernel(static_cast<std::size_t>(history));
+    double norm = 0.0;
+    for (int i = 0; i < history; ++i)
+      norm += kernel[static_cast<std::size_t>(i)] = std::exp(-(i + 0.5) * step / settings.tau_s);
+    double with_truth = 0.0;
+    double lag_three = 0.0;
+    for (int i = 0; i < history; ++i) {
+      const double a = (i + 0.5) * step;
+      with_truth += kernel[static_cast<std::size_t>(i)] / norm * std::exp(-px_per_s * a / 10.0);
+      for (int j = 0; j < history; j += 5) {
+        const double b = (j + 2.5) * step;
+        lag_three += kernel[static_cast<std::size_t>(i)] / norm * std::exp(-b / settings.tau_s) * 5.0 * step /
+                     settings.tau_s * std::exp(-px_per_s * std::abs(0.015 + b - a) / 10.0);
+      }
+    }
+    EXPECT_NEAR(covariance(16, 17), with_truth, 0.04) << px_per_s;
+    EXPECT_NEAR(covariance(10, 13), lag_three, 0.04) << px_per_s;
+    EXPECT_NEAR(covariance(10, 13), covariance(2, 5), 1e-6);
+  }
+}
+
+TEST(Mmae, IsSharperThanTheSamplesAndTheInverseFilter) {
+  const Geometry g{96, 40};
+  Settings settings = settings_with(0.0);
+  const Movie movie(g, 0.1);
+  const auto error_of = [&](Method method) {
+    settings.method = method;
+    const auto solver = make(settings, g);
+    const std::vector<float> out = solve(*solver, movie.view(), g);
+    double sum = 0.0;
+    for (int y = 0; y < g.height; ++y) {
+      for (int x = 0; x < g.width; ++x) {
+        const double truth = Movie::scene(x - 0.7 * 16, y);
+        const double error = static_cast<double>(out[static_cast<std::size_t>(y * g.width + x)]) - truth;
+        sum += error * error;
+      }
+    }
+    return std::sqrt(sum / static_cast<double>(g.pixels()));
+  };
+  const double mmae = error_of(Method::kMmae);
+  EXPECT_LT(mmae, 0.95 * error_of(Method::kInverse));
+}
+
+TEST(NoiseMeter, FindsWhiteNoiseBehindMotion) {
+  for (const double noise : {0.03, 0.1, 0.5}) {
+    const Geometry g{320, 64};
+    const auto solver = make(settings_with(0.0), g);
+    const Movie moving(g, noise);
+    solve(*solver, moving.view(), g);
+    EXPECT_NEAR(solver->noise_k(), std::hypot(noise, 0.01 / std::sqrt(12.0)), 0.2 * noise) << noise;
+    const auto still = make(settings_with(0.0), g);
+    const Movie calm(g, noise, kWindow, 0.0);
+    solve(*still, calm.view(), g);
+    EXPECT_NEAR(still->noise_k(), std::hypot(noise, 0.01 / std::sqrt(12.0)), 0.05 * noise) << noise;
+  }
+}
+
+TEST(NoiseMeter, IsNotFooledBySaturatedPixels) {
+  const Geometry g{320, 64};
+  Movie movie(g, 0.1, kWindow, 0.0);
+  for (auto& plane : movie.planes())
+    std::fill(plane.begin(), plane.begin() + static_cast<std::ptrdiff_t>(plane.size() / 2), 65535);
+  const auto solver = make(settings_with(0.0), g);
+  solve(*solver, movie.view(), g);
+  EXPECT_NEAR(solver->noise_k(), 0.1, 0.008);
+}
+
+TEST(NoiseMeter, ASyntheticPictureHasTheQuantisationsNoise) {
+  const Geometry g{64, 16};
+  Movie movie(g, 0.0, kWindow, 0.0);
+  for (auto& plane : movie.planes()) std::fill(plane.begin(), plane.end(), 30000);
+  const auto solver = make(settings_with(0.0), g);
+  const std::vector<float> out = solve(*solver, movie.view(), g);
+  EXPECT_NEAR(solver->noise_k(), 0.01 / std::sqrt(12.0), 1e-6);
+  for (const float value : out) EXPECT_NEAR(static_cast<double>(value), 300.0, 1e-4);
+}
+
+}  // namespace
+}  // namespace bolo::deblur
