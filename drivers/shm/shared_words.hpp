@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <span>
 
 #include "bolo/core/clock.hpp"
 #include "bolo/shm_layout.h"
@@ -111,6 +112,23 @@ inline bool read_slot(const std::byte* slot, const SlotLayout& layout, std::uint
   copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
   copy_out(raw, slot + layout.raw_offset, layout.plane_bytes);
   copy_out(deblurred, slot + layout.deblurred_offset, layout.plane_bytes);
+  return load_relaxed(sequence) == wanted;  // R3; the acquires of R2 keep it after them
+}
+
+// The same for single raw samples, row-major indices: out[i] becomes pixel pixels[i]. Thread: any reader.
+inline bool read_samples(const std::byte* slot, const SlotLayout& layout, std::uint64_t number, bolo_shm_slot& head,
+                         std::span<const std::uint32_t> pixels, std::uint16_t* out) noexcept {
+  const auto& sequence = *reinterpret_cast<const std::uint64_t*>(slot);
+  const std::uint64_t wanted = 2 * number + 2;
+  if (load_acquire(sequence) != wanted) return false;  // R1; partner: W3 in write_slot()
+  head.sequence = wanted;
+  copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
+  const auto* words = reinterpret_cast<const std::uint64_t*>(slot + layout.raw_offset);
+  constexpr std::size_t kSamples = kWord / sizeof(std::uint16_t);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    const std::uint64_t word = load_acquire(words[pixels[i] / kSamples]);  // R2; little-endian
+    out[i] = static_cast<std::uint16_t>(word >> (16 * (pixels[i] % kSamples)));
+  }
   return load_relaxed(sequence) == wanted;  // R3; the acquires of R2 keep it after them
 }
 

@@ -183,6 +183,25 @@ bolo_shm_header ShmReader::header() const noexcept {
   return header;
 }
 
+bool ShmReader::read_samples(std::uint64_t number, std::span<const std::uint32_t> pixels, bolo_shm_slot& head,
+                             std::uint16_t* out) const noexcept {
+  if (number >= published()) return false;
+  return shm::read_samples(impl_->slot(number), impl_->layout, number, head, pixels, out);
+}
+
+std::optional<bolo_shm_settings> ShmReader::settings() const noexcept {
+  const bolo_shm_header& h = impl_->checked;
+  const bool fits = h.settings_offset % kWord == 0 && h.settings_offset >= sizeof(bolo_shm_header) &&
+                    h.settings_offset <= h.slots_offset &&
+                    h.slots_offset - h.settings_offset >= sizeof(bolo_shm_settings);
+  if (!fits) return std::nullopt;
+  bolo_shm_settings settings{};
+  copy_out(&settings, impl_->mapping->data() + h.settings_offset, sizeof(settings));
+  if (settings.bytes < sizeof(settings)) return std::nullopt;
+  end_text(settings.isa);
+  return settings;
+}
+
 std::uint64_t ShmReader::published() const noexcept {
   return load_acquire(impl_->live().published);  // partner: W4 of ShmSink::publish
 }

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -44,6 +46,14 @@ class ShmReader {
   // worth nothing after any outcome but kFrame. Frames that are still in the ring can be read after the writer's end.
   // Thread: one at a time.
   Outcome read(std::uint64_t number, ReadFrame& frame, int timeout_ms) noexcept;
+
+  // The head of frame `number` and the raw values of single pixels of it, row-major indices inside the frame; `out` has
+  // as many values. False when the ring does not hold it, any more or yet. Thread: any.
+  bool read_samples(std::uint64_t number, std::span<const std::uint32_t> pixels, bolo_shm_slot& head,
+                    std::uint16_t* out) const noexcept;
+
+  // What the writer solves frames with; nothing when it does not tell. Thread: any.
+  std::optional<bolo_shm_settings> settings() const noexcept;
 
   // Frames published so far: the newest is published() - 1. Thread: any.
   std::uint64_t published() const noexcept;

@@ -29,12 +29,30 @@ static_assert(std::uint32_t{kFlagJitter} == std::uint32_t{BOLO_FLAG_JITTER});
 constexpr int kMinSlots = 64;       // a third of a second at 200 Hz to fetch a frame in
 constexpr int kMaxSlots = 1 << 16;  // bounds the arithmetic; memory runs out long before
 constexpr int kReadingMargin = 16;  // frames that a reader of a whole window has time for
+constexpr std::size_t kSettingsOffset = sizeof(bolo_shm_header);
+constexpr std::size_t kSlotsOffset = kSettingsOffset + sizeof(bolo_shm_settings);
 constexpr unsigned kModeBits = 0777;
 constexpr unsigned kOwnerBits = 0600;  // what the writer itself needs
 
 template <std::size_t N>
 void put_text(char (&to)[N], const std::string& text) {
   std::memcpy(to, text.data(), std::min(text.size(), N - 1));  // the rest is zero already
+}
+
+std::uint32_t method_code(deblur::Method method) {
+  switch (method) {
+    case deblur::Method::kAdmm:
+      return BOLO_METHOD_ADMM;
+    case deblur::Method::kDual:
+      return BOLO_METHOD_DUAL;
+    case deblur::Method::kExact:
+      return BOLO_METHOD_EXACT;
+    case deblur::Method::kInverse:
+      return BOLO_METHOD_INVERSE;
+    case deblur::Method::kMmae:
+      return BOLO_METHOD_MMAE;
+  }
+  return BOLO_METHOD_ADMM;
 }
 
 Result<int> choose_slots(int asked, const deblur::Settings& settings) {
@@ -72,7 +90,8 @@ void describe(bolo_shm_header& header, const pipeline::SinkFormat& format, int s
   header.height = static_cast<std::uint32_t>(stream.geometry.height);
   header.slot_count = static_cast<std::uint32_t>(slots);
   header.unit = stream.scale.unit == Unit::kKelvin ? BOLO_UNIT_KELVIN : BOLO_UNIT_COUNT;
-  header.slots_offset = sizeof(header);
+  header.settings_offset = kSettingsOffset;
+  header.slots_offset = kSlotsOffset;
   header.slot_stride = layout.stride;
   header.raw_offset = layout.raw_offset;
   header.deblurred_offset = layout.deblurred_offset;
@@ -89,6 +108,19 @@ void describe(bolo_shm_header& header, const pipeline::SinkFormat& format, int s
   put_text(header.solver, format.solver_text);
   header.start_ns = monotonic_ns();
   header.heartbeat_ns = static_cast<std::uint64_t>(header.start_ns);
+}
+
+void describe(bolo_shm_settings& settings, const pipeline::SinkFormat& format) {
+  settings.bytes = sizeof(settings);
+  settings.method = method_code(format.deblur.method);
+  if (format.deblur.auto_lambda) settings.flags |= BOLO_SETTINGS_AUTO_LAMBDA;
+  if (format.maps) settings.flags |= BOLO_SETTINGS_MAPS;
+  settings.levels = static_cast<std::uint32_t>(format.deblur.levels);
+  settings.iterations = static_cast<std::uint32_t>(format.iterations_asked);
+  settings.kappa = format.deblur.kappa;
+  settings.lambda = format.deblur.lambda;
+  settings.noise_k = format.deblur.noise_k;
+  put_text(settings.isa, format.isa);
 }
 
 // Relaxed: each counter stands alone, nothing else is published through it.
@@ -122,7 +154,7 @@ struct ShmSink::Impl {
 
   bolo_shm_header& header() const noexcept { return *reinterpret_cast<bolo_shm_header*>(object.data()); }
   std::byte* slot(std::uint64_t number) const noexcept {
-    return object.data() + sizeof(bolo_shm_header) + number % slot_count * layout.stride;
+    return object.data() + kSlotsOffset + number % slot_count * layout.stride;
   }
 };
 
@@ -139,9 +171,10 @@ Status ShmSink::open(const pipeline::SinkFormat& format) {
   self.layout = slot_layout(plane_bytes(format.source.format.geometry, PixelType::kUint16));
   self.published = 0;
   Result<OwnedObject> object =
-      OwnedObject::create(self.options.name, sizeof(bolo_shm_header) + self.slot_count * self.layout.stride);
+      OwnedObject::create(self.options.name, kSlotsOffset + self.slot_count * self.layout.stride);
   if (!object) return tl::unexpected<Error>(object.error());
   describe(*reinterpret_cast<bolo_shm_header*>(object->data()), format, *slots, self.layout);
+  describe(*reinterpret_cast<bolo_shm_settings*>(object->data() + kSettingsOffset), format);
   if (Status status = object->publish_to(self.options.mode, self.options.group); !status) return status;
   self.object = std::move(*object);
   bolo_shm_header& header = self.header();
@@ -158,6 +191,7 @@ void ShmSink::publish(const pipeline::PublishedFrame& frame, const pipeline::Pip
   head.receive_ns = frame.meta.receive_ns;
   head.publish_ns = frame.publish_ns;
   head.flags = frame.meta.flags;
+  head.noise_k = frame.noise_k;
   write_slot(self.slot(self.published), self.layout, self.published, head, frame.raw, frame.deblurred);
   bolo_shm_header& header = self.header();
   store_release(header.published, ++self.published);  // W4; partner: ShmReader's load of published

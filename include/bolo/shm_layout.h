@@ -1,6 +1,7 @@
 /* The layout of Bolo's shared memory: POSIX object "/bolo.NAME", mapped read-only by readers. C11 and C++.
  *
  *   offset 0                       struct bolo_shm_header
+ *   header.settings_offset         struct bolo_shm_settings    (0: a writer that does not tell)
  *   header.slots_offset            slot 0: struct bolo_shm_slot, raw plane, deblurred plane, padding
  *   + header.slot_stride           slot 1 ...                 (header.slot_count slots)
  *
@@ -30,13 +31,21 @@
  * name that is taken by a dead writer unlinks the old object, so a reader that sees header.heartbeat_ns grow older than
  * BOLO_SHM_STALE_NS maps the name anew. The object is never resized while it has a name.
  *
+ * Solving a pixel on demand. Frame n was estimated from the raw planes of the frames of its window, which ends
+ * lookahead frames after n: frames that the window's rules (camera_ns, frame_id, frame_period_s) place there, at most
+ * `window` of them. A reader that solves a pixel's samples in them with bolo_shm_settings gets the deblurred plane's
+ * bits (drivers/shm/point_reader.hpp does). Where BOLO_SETTINGS_MAPS is set it needs the same maps file besides: maps
+ * are not in the shared memory. For BOLO_METHOD_MMAE and BOLO_SETTINGS_AUTO_LAMBDA it needs the whole planes and the
+ * slot's noise_k: these look at a pixel's surroundings.
+ *
  * The writer holds flock(LOCK_EX) on the object for its life: that is how a second writer of the same name is refused,
  * whatever process namespace it runs in. Readers take no lock.
  *
  * For readers in other languages, the header's bytes (Python: struct.unpack_from of the first 312, then the rest live):
  *   "<QIIIIIIQQQQddddIIII64s64s64sq"  magic .. start_ns        at   0
+ *   "<Q"                              settings_offset          at 312
  *   "<QIIQQQQQQ16Q192Q"               published .. latency     at 320   (2,048 bytes in all)
- * and a slot's: "<QQqqqII16x" at 0, 64 bytes, then the planes at raw_offset and deblurred_offset.
+ * and a slot's: "<QQqqqIId8x" at 0, 64 bytes, then the planes at raw_offset and deblurred_offset.
  */
 #ifndef BOLO_SHM_LAYOUT_H
 #define BOLO_SHM_LAYOUT_H
@@ -85,8 +94,9 @@ struct bolo_shm_header {
   uint32_t writer_pid;
   char camera_model[64];
   char camera_serial[64];
-  char solver[64];  /* method, iterations, lambda, instruction set, in words; cut to fit, as the other texts */
-  int64_t start_ns; /* CLOCK_MONOTONIC, when the writer made the object */
+  char solver[64];          /* method, iterations, lambda, instruction set, in words; cut to fit, as the other texts */
+  int64_t start_ns;         /* CLOCK_MONOTONIC, when the writer made the object */
+  uint64_t settings_offset; /* of struct bolo_shm_settings, between header and slots; 0: none */
 
   /* Written while running. 64-byte aligned from here. */
   uint64_t published __attribute__((aligned(64)));
@@ -113,7 +123,36 @@ struct bolo_shm_slot {
   int64_t publish_ns; /* CLOCK_MONOTONIC */
   uint32_t flags;     /* enum bolo_shm_flag */
   uint32_t reserved;
-  uint64_t reserved2[2];
+  double noise_k; /* temporal noise that the frame was solved with, K (counts without kelvin); 0: not used */
+  uint64_t reserved2;
+};
+
+enum bolo_shm_method {
+  BOLO_METHOD_ADMM = 0,
+  BOLO_METHOD_DUAL = 1,
+  BOLO_METHOD_EXACT = 2,
+  BOLO_METHOD_INVERSE = 3,
+  BOLO_METHOD_MMAE = 4
+};
+
+enum bolo_shm_settings_flag {
+  BOLO_SETTINGS_AUTO_LAMBDA = 1u << 0, /* lambda is chosen from noise and motion */
+  BOLO_SETTINGS_MAPS = 1u << 1         /* pixels or rows have parameters of their own, which are not told here */
+};
+
+/* What the frames are solved with, besides tau_s, frame_period_s, window, lookahead and scale of the header. Written
+ * before magic, never changed. As asked for: 0 iterations are as many as the accuracy needs. */
+struct bolo_shm_settings {
+  uint32_t bytes;  /* sizeof(struct bolo_shm_settings) of the writer */
+  uint32_t method; /* enum bolo_shm_method */
+  uint32_t flags;  /* enum bolo_shm_settings_flag */
+  uint32_t levels;
+  uint32_t iterations;
+  uint32_t reserved;
+  double kappa;
+  double lambda;
+  double noise_k; /* given; 0: measured */
+  char isa[16];   /* instruction set of the kernels: others round differently */
 };
 
 #ifdef __cplusplus
@@ -123,18 +162,23 @@ struct bolo_shm_slot {
 #endif
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_slot) == 64);
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_header) == 2048);
+BOLO_SHM_ASSERT(sizeof(struct bolo_shm_settings) == 64);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, width) == 16);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, slots_offset) == 32);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, scale) == 64);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, window) == 96);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, camera_model) == 112);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, start_ns) == 304);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, settings_offset) == 312);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, published) == 320);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, wake) == 328);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, heartbeat_ns) == 336);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, lost) == 384);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, latency) == 512);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, flags) == 40);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, noise_k) == 48);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_settings, kappa) == 24);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_settings, isa) == 48);
 
 /* NOLINTEND(readability-identifier-naming) */
 

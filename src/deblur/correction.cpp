@@ -94,6 +94,7 @@ Result<Correction> Correction::create(const Settings& settings, const StreamForm
   if (const Status good = check(settings, input, maps); !good) return tl::unexpected<Error>(good.error());
   Correction correction;
   correction.type_ = input.type;
+  correction.pixels_ = input.geometry.pixels();
   correction.kernel_ = correct_kernel(best_kernels().isa);
   correction.row_delay_ = maps.row_delay_s * input.row_step / settings.period_s;
   for (std::size_t gap = 0; gap < correction.nominal_decay_.size(); ++gap) {

@@ -65,6 +65,7 @@ class Correction {
   bool delays_rows() const noexcept { return row_delay_ != 0.0; }
 
   PixelType type() const noexcept { return type_; }
+  std::size_t pixels() const noexcept { return pixels_; }
   CorrectKernel kernel() const noexcept { return kernel_; }
   // exp(-gap T / tau) of the nominal pixel. Thread: any.
   float nominal_decay(int gap) const noexcept { return nominal_decay_[static_cast<std::size_t>(gap)]; }
@@ -85,6 +86,7 @@ class Correction {
   void add_group(std::span<const std::uint32_t> pixels, float share);
 
   PixelType type_ = PixelType::kUint16;
+  std::size_t pixels_ = 0;  // of the frame
   CorrectKernel kernel_ = nullptr;
   double row_delay_ = 0.0;  // periods from a stored row to the next
   std::array<float, kMaxSlots> nominal_decay_{};

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "bolo/core/clock.hpp"
+#include "bolo/deblur/isa.hpp"
 #include "bolo/deblur/solver.hpp"
 #include "bolo/deblur/window.hpp"
 #include "bolo/rt/worker_team.hpp"
@@ -210,6 +211,7 @@ void Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
 void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
   PublishedFrame published{.meta = frame.frame.meta, .raw = frame.frame.plane, .deblurred = deblurred.data()};
   if (!frame.full) published.meta.flags |= kFlagWarmUp;
+  if (frame.full) published.noise_k = solver->noise_k();
   for (const Flag& flag : band_saturated) {
     if (flag.value) published.meta.flags |= kFlagSaturated;
   }
@@ -285,6 +287,8 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .deblurred_type = options.output,
                           .deblur = settings,
                           .solver_text = impl->text,
+                          .iterations_asked = options.deblur.iterations,
+                          .isa = std::string(deblur::best_isa()),
                           .maps = !options.maps.empty(),
                           .region = options.region,
                           .points = options.points};

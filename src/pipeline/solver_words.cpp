@@ -20,11 +20,13 @@ std::string effort(const deblur::Settings& settings) {
 
 std::string solver_words(const deblur::Settings& settings, Unit unit, std::string_view isa) {
   std::string text(deblur::name(settings.method));
-  if (settings.method != deblur::Method::kInverse) {
-    const std::string unit_text = unit == Unit::kKelvin ? " K" : " counts";
+  const std::string unit_text = unit == Unit::kKelvin ? " K" : " counts";
+  const std::string noise = settings.noise_k > 0.0 ? short_number(settings.noise_k) + unit_text : "measured";
+  if (settings.method == deblur::Method::kMmae) {
+    text += ", noise " + noise;
+  } else if (settings.method != deblur::Method::kInverse) {
     const std::string lambda = settings.auto_lambda ? "auto" : short_number(settings.lambda) + unit_text;
-    text += ", " + effort(settings) + ", lambda " + lambda;
-    text += ", kappa " + short_number(settings.kappa);
+    text += ", " + effort(settings) + ", lambda " + lambda + ", kappa " + short_number(settings.kappa);
   }
   return text.append(", ").append(isa);
 }

@@ -19,7 +19,7 @@ ALLOWED = {
     "rt": {"core"},
     "model": {"core"},
     "deblur": {"core", "model"},
-    "capture": {"core"},
+    "capture": {"core", "model"},
     "sim": {"core", "rt", "model", "capture"},
     "diagnose": {"core", "model", "capture"},
     "pipeline": {"core", "rt", "model", "deblur"},

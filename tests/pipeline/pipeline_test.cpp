@@ -179,7 +179,7 @@ TEST_P(PipelinePixels, ARegionAndPointsAreTheWholeFramesBits) {
 
 INSTANTIATE_TEST_SUITE_P(Methods, PipelinePixels,
                          testing::Values(deblur::Method::kAdmm, deblur::Method::kDual, deblur::Method::kExact,
-                                         deblur::Method::kInverse),
+                                         deblur::Method::kInverse, deblur::Method::kMmae),
                          [](const auto& each) { return std::string(deblur::name(each.param)); });
 
 TEST(Pipeline, PixelsOutsideTheFrameAreRefused) {

@@ -306,7 +306,7 @@ TEST_P(DeblurVerbPoints, AreTheWholeFramesBits) {
   EXPECT_NE(info.out.find("5 single pixels"), std::string::npos) << info.out;
 }
 
-INSTANTIATE_TEST_SUITE_P(Solvers, DeblurVerbPoints, testing::Values("admm", "dual", "exact", "inverse"),
+INSTANTIATE_TEST_SUITE_P(Solvers, DeblurVerbPoints, testing::Values("admm", "dual", "exact", "inverse", "mmae"),
                          [](const auto& each) { return std::string(each.param); });
 
 TEST_F(DeblurVerb, TakesMapsFromTheProfileAndFillsDeadPixels) {
@@ -337,6 +337,17 @@ TEST_F(DeblurVerb, TakesMapsFromTheProfileAndFillsDeadPixels) {
     }
     EXPECT_NEAR(after[width + 4], mean, 2e-3F);
   }
+}
+
+TEST_F(DeblurVerb, LambdaMayBeAutomaticAndNoiseGiven) {
+  write_blurred(path("in.h5"), {});
+  (void)deblurred({"--lambda", "auto", "--noise", "0.05", "--json"}, "a.h5");
+  const auto json = nlohmann::json::parse(last_.out);
+  EXPECT_EQ(json["settings"]["auto_lambda"], true);
+  EXPECT_EQ(json["settings"]["noise_k"], 0.05);
+  EXPECT_LT(json["rmse"]["deblurred_k"].get<double>(), 0.5 * json["rmse"]["blurred_k"].get<double>());
+  (void)deblurred({"--lambda", "auto"}, "b.h5");
+  EXPECT_NE(last_.out.find("lambda auto"), std::string::npos) << last_.out;
 }
 
 TEST_F(DeblurVerb, AnInstructionSetCanBeChosen) {
@@ -502,7 +513,6 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"FloatToUint16", {"@float.h5", "-o", "@out.h5", "--type", "uint16"}, "use --type float32"},
         Refusal{"WindowNotAPowerOfTwo", {"@in.h5", "-o", "@out.h5", "--window", "16"}, "window"},
         Refusal{"TauNegative", {"@in.h5", "-o", "@out.h5", "--tau", "-0.011"}, "tau"},
-        Refusal{"LambdaAuto", {"@in.h5", "-o", "@out.h5", "--lambda", "auto"}, "auto"},
         Refusal{"LambdaWord", {"@in.h5", "-o", "@out.h5", "--lambda", "some"}, "--lambda 'some'"},
         Refusal{"UnknownIsa",
                 {"@in.h5", "-o", "@out.h5", "--isa", "MMX"},

@@ -21,14 +21,17 @@ struct PublishedFrame {
   std::int64_t publish_ns = 0;      // CLOCK_MONOTONIC, right before the sinks get it
   const void* raw = nullptr;        // the source's pixel type
   const void* deblurred = nullptr;  // the output pixel type; see SinkFormat::region and points
+  double noise_k = 0.0;             // that it was solved with, K (counts without kelvin); 0: not used
 };
 
 struct SinkFormat {
   SourceInfo source;
   PixelType deblurred_type = PixelType::kUint16;
-  deblur::Settings deblur;  // as applied: with the source's own period
-  std::string solver_text;  // method, iterations, lambda and instruction set in words
-  bool maps = false;        // pixels have parameters of their own
+  deblur::Settings deblur;   // as applied: with the source's own period
+  std::string solver_text;   // method, iterations, lambda and instruction set in words
+  int iterations_asked = 0;  // as the options had them; deblur.iterations are those in use
+  std::string isa;           // instruction set of the kernels
+  bool maps = false;         // pixels have parameters of their own
   // As in PipelineOptions: only these pixels of the deblurred planes are solved; with points the planes hold these
   // alone. A sink of whole frames refuses both in open().
   std::optional<Region> region{};

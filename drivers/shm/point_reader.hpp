@@ -1,0 +1,50 @@
+// Solves single pixels of a live stream on demand, from the raw planes in shared memory, in the reader's own process:
+// bit for bit what the writer's deblurred plane shows there.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "bolo/core/result.hpp"
+#include "bolo/model/pixel_maps.hpp"
+
+namespace bolo::shm {
+
+class PointReader {
+ public:
+  // Maps "/bolo." + name read-only and makes a solver with the writer's settings and instruction set for `pixels`,
+  // row-major indices. A stream whose pixels have parameters of their own needs the writer's `maps`; without them, and
+  // for a writer that does not tell its settings, it is refused. Thread: setup.
+  static Result<PointReader> open(const std::string& name, std::vector<std::uint32_t> pixels,
+                                  const model::PixelMaps& maps = {});
+  PointReader(PointReader&&) noexcept;
+  PointReader& operator=(PointReader&&) noexcept;
+  ~PointReader();
+
+  enum class Outcome {
+    kSolved,       // `out` holds the estimates
+    kNotYet,       // the frame, or its look-ahead, is not published
+    kWarmUp,       // the writer had no full window for it either
+    kOverwritten,  // a frame of its window has left the ring
+  };
+  // Estimates the pixels of frame `number` (publication order) into `out`, pixels.size() values in the stream's scale.
+  // Only the samples of these pixels are copied, but the whole raw planes where the method looks at a pixel's
+  // surroundings (mmae, automatic lambda) or has maps. While the writer measures the noise, mmae and automatic lambda
+  // also make their solver anew for each frame: tens of milliseconds. Thread: one at a time.
+  Outcome solve(std::uint64_t number, std::span<std::uint16_t> out);
+
+  // Frames published so far; the last `look-ahead` of them can't be solved yet. Thread: any.
+  std::uint64_t published() const noexcept;
+  // Frames that the window reaches beyond the estimated one. Thread: any.
+  int lookahead() const noexcept;
+
+ private:
+  struct Impl;
+  explicit PointReader(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace bolo::shm

@@ -1,0 +1,158 @@
+// Points on demand: a reader's own solver against the planes that a living writer in another process publishes.
+#include "drivers/shm/point_reader.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "bolo/pipeline/pipeline.hpp"
+#include "drivers/shm/shm_reader.hpp"
+#include "drivers/shm/shm_sink.hpp"
+#include "tests/drivers/shm/shm_rig.hpp"
+#include "tests/pipeline/fakes.hpp"
+
+namespace bolo::shm {
+namespace {
+
+using deblur::Method;
+constexpr auto kPace = std::chrono::milliseconds(1);
+
+struct Case {
+  const char* name;
+  Method method = Method::kAdmm;
+  int lookahead = 0;
+  bool auto_lambda = false;
+  bool maps = false;
+};
+
+model::PixelMaps maps_of(Geometry geometry) {
+  model::PixelMaps maps;
+  for (std::size_t i = 0; i < geometry.pixels(); ++i) {
+    maps.tau_s.push_back(0.010F + 1e-5F * static_cast<float>(i % 200));
+    maps.dead.push_back(i % 13 == 6 ? 1 : 0);
+  }
+  maps.row_delay_s = 5e-5;
+  return maps;
+}
+
+// Some 500 frames at about 1000 a second, with lost ones and a restart.
+void write_stream(const std::string& name, const Case& c) {
+  pipeline::test::Script script;
+  script.frames = pipeline::test::run_of(0, 500);
+  script.frames[150].restart = true;
+  for (const std::ptrdiff_t lost : {480, 300, 299, 200, 60}) script.frames.erase(script.frames.begin() + lost);
+  script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
+    std::this_thread::sleep_for(kPace);
+    pipeline::test::fill_moving_bar(slot, format);
+  };
+  pipeline::PipelineOptions options;
+  options.workers = 1;
+  options.deblur.method = c.method;
+  options.deblur.lookahead = c.lookahead;
+  options.deblur.auto_lambda = c.auto_lambda;
+  if (c.maps) options.maps = maps_of(script.info.format.geometry);
+  ShmSink sink({name, 0, 0644, ""});
+  auto pipeline =
+      pipeline::Pipeline::create(std::make_unique<pipeline::test::ScriptedSource>(std::move(script)), {&sink}, options);
+  if (!pipeline) _exit(1);
+  const std::atomic<bool> never{false};
+  _exit((*pipeline)->run(never) ? 0 : 1);
+}
+
+class PointReaders : public ::testing::TestWithParam<Case> {
+ protected:
+  void SetUp() override {
+    child_ = fork();
+    ASSERT_GE(child_, 0);
+    if (child_ == 0) write_stream(name_, GetParam());
+  }
+  void TearDown() override {
+    int status = 0;
+    if (child_ > 0) waitpid(child_, &status, 0);
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+  }
+
+  ShmReader wait_for_writer() const {
+    for (int attempt = 0; attempt < 2000; ++attempt) {
+      if (auto reader = ShmReader::open(name_)) return std::move(*reader);
+      std::this_thread::sleep_for(kPace);
+    }
+    throw std::runtime_error("no writer");
+  }
+
+  std::string name_ = unique_name(std::string("points-") + GetParam().name);
+  pid_t child_ = -1;
+};
+
+TEST_P(PointReaders, GiveThePublishedPlanesBits) {
+  ShmReader frames = wait_for_writer();
+  const Geometry geometry{static_cast<int>(frames.header().width), static_cast<int>(frames.header().height)};
+  const std::vector<std::uint32_t> pixels{0, 100, 6, 167, 7, 24, 100};
+  if (GetParam().maps) {
+    const auto refused = PointReader::open(name_, pixels);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().message.find("give the writer's maps"), std::string::npos);
+  }
+  auto points = PointReader::open(name_, pixels, GetParam().maps ? maps_of(geometry) : model::PixelMaps{});
+  ASSERT_TRUE(points) << points.error().message;
+  EXPECT_EQ(points->lookahead(), GetParam().lookahead);
+  std::vector<std::uint16_t> out(pixels.size());
+  ReadFrame frame;
+  int solved = 0;
+  int gaps = 0;
+  std::uint64_t number = 0;
+  while (true) {
+    const auto outcome = points->solve(number, out);
+    if (outcome == PointReader::Outcome::kNotYet) {
+      if (frames.closed()) break;
+      std::this_thread::sleep_for(kPace);
+      continue;
+    }
+    if (frames.read(number, frame, 0) != ShmReader::Outcome::kFrame) {
+      number = std::max(number + 1, frames.published() - std::min<std::uint64_t>(frames.published(), 8));  // too slow
+      continue;
+    }
+    if (outcome == PointReader::Outcome::kSolved) {
+      ++solved;
+      gaps += (frame.meta.flags & kFlagGap) != 0 ? 1 : 0;
+      EXPECT_EQ(frame.meta.flags & kFlagWarmUp, 0U);
+      for (std::size_t i = 0; i < pixels.size(); ++i) {
+        ASSERT_EQ(out[i], frame.deblurred[pixels[i]]) << "frame " << number << " point " << i;
+      }
+    } else if (outcome == PointReader::Outcome::kWarmUp) {
+      EXPECT_NE(frame.meta.flags & kFlagWarmUp, 0U) << number;
+    }
+    ++number;
+  }
+  // However slow this process is, the last frames stay in the ring, and one of them was lost.
+  EXPECT_GT(solved, 0);
+  EXPECT_GT(gaps, 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, PointReaders,
+                         ::testing::Values(Case{"admm"}, Case{"dual", Method::kDual, 1},
+                                           Case{"exact", Method::kExact, 1}, Case{"inverse", Method::kInverse, 2},
+                                           Case{"mmae", Method::kMmae, 1}, Case{"automatic", Method::kAdmm, 1, true},
+                                           Case{"maps", Method::kAdmm, 1, false, true}),
+                         [](const auto& each) { return std::string(each.param.name); });
+
+TEST(PointReader, WrongPointsAndNamesAreRefused) {
+  Writer writer(unique_name("points-wrong"));
+  writer.format.deblur = deblur::Settings();
+  writer.format.isa = "auto";
+  ASSERT_TRUE(writer.open());
+  const std::string name = unique_name("points-wrong");
+  const auto outside = PointReader::open(name, {0, 33 * 7});
+  ASSERT_FALSE(outside);
+  EXPECT_NE(outside.error().message.find("not inside the frame of 33x7"), std::string::npos) << outside.error().message;
+  EXPECT_FALSE(PointReader::open(name, {}));
+  EXPECT_FALSE(PointReader::open(unique_name("points-none"), {0}));
+}
+
+}  // namespace
+}  // namespace bolo::shm
