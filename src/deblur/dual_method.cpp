@@ -27,7 +27,7 @@ class DualMethod final : public PixelMethod {
     }
   }
 
-  int iterations() const noexcept override { return plan_.sweeps + plan_.near_sweeps; }
+  int iterations() const noexcept override { return plan_.sweeps + plan_.near_sweeps_whole; }
   std::string_view isa() const noexcept override { return kernels_.isa; }
 
  private:

@@ -17,6 +17,7 @@ double curvature_of(int i, int bins, double decay) {
 }
 
 constexpr int kSearches = 16;
+constexpr int kSweepsAfterSearch = 2;
 
 // How much bin `bin` counts in coefficient i, without normalisation: 1, -1 or 0.
 double sign_of(int i, int bin) {
@@ -57,7 +58,7 @@ DualPlan make_dual_plan(const Grid& grid, const DualTuning& tuning) {
   DualPlan plan;
   plan.bins = grid.bins;
   plan.sweeps = tuning.sweeps;
-  plan.near_sweeps = tuning.near_sweeps;
+  plan.near_sweeps = plan.near_sweeps_whole = tuning.near_sweeps;
   plan.lambda = static_cast<float>(grid.lambda / grid.lambda_scale);
   plan.inverse_gain = static_cast<float>(a / p);
   plan.begin_jump = static_cast<float>(p);
@@ -92,6 +93,7 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
     }
   }
   plan.gap = gap_of(plan, grid, pattern);
+  plan.near_sweeps = plan.near_sweeps_whole + (plan.gap.searches > 0 ? kSweepsAfterSearch : 0);
 }
 
 void visit_order(int bins, std::array<Visit, kMaxDualBins>& order) {

@@ -52,6 +52,7 @@ struct DualPlan {
   // Sweeps after those over only the trees that hold the published bins and their ancestors: what is far away has
   // settled well enough for them by then.
   int near_sweeps = 0;
+  int near_sweeps_whole = 0;     // near_sweeps of a window without lost frames
   float lambda = 0.0F;           // lambda_half of pixels that bring none of their own, in the units of the values
   float inverse_gain = 0.0F;     // the input x_j = y_{j+1} + inverse_gain (y_{j+1} - y_j)
   float inverse_count = 0.0F;    // 1 / received samples

@@ -124,7 +124,7 @@ TEST(Parity, OverFrameRates) {
 }
 
 TEST(Parity, OneLostFrame) {
-  for (int slot = 1; slot < 16; ++slot) expect_parity({17, 7, 200.0, 0, {slot}, 30}, kScenes);
+  for (int slot = 1; slot < 16; ++slot) expect_parity({17, 7, 200.0, 0, {slot}}, kScenes);
 }
 
 TEST(Parity, OneLostFrameOfAnyWindow) {
