@@ -1,4 +1,5 @@
-// The fast methods, with the iterations they choose themselves, against the exact optimum: 5 mK rms, 50 mK at most.
+// The fast methods, with the iterations they choose themselves, against the exact optimum: 5 mK rms, 50 mK at most, and
+// three times that with a lost frame, whose value is searched for only as long as live work allows.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -18,6 +19,7 @@ using testing::kInputs;
 
 constexpr double kRms = 5e-3;
 constexpr double kLargest = 50e-3;
+constexpr double kWithGap = 3.0;
 
 struct Case {
   int window = 17;
@@ -99,8 +101,10 @@ void expect_parity(const Case& c, const std::vector<Input>& inputs = kAll,
       const std::vector<float> exact = solve(c, Method::kExact, lambda, planes);
       for (const Method method : {Method::kAdmm, Method::kDual}) {
         const Error error = difference(solve(c, method, lambda, planes), exact);
-        EXPECT_LE(error.rms, kRms) << name(method) << ", " << name(input) << ", lambda " << lambda << ", " << c.text();
-        EXPECT_LE(error.largest, kLargest)
+        const double slack = c.lost.empty() ? 1.0 : kWithGap;
+        EXPECT_LE(error.rms, slack * kRms)
+            << name(method) << ", " << name(input) << ", lambda " << lambda << ", " << c.text();
+        EXPECT_LE(error.largest, slack * kLargest)
             << name(method) << ", " << name(input) << ", lambda " << lambda << ", " << c.text();
       }
     }
