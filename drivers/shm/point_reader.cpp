@@ -90,7 +90,7 @@ struct PointReader::Impl {
 };
 
 Status PointReader::Impl::make_solver(double noise_k) {
-  if (const Status good = deblur::check_isa(isa); !good) return good;
+  if (Status good = deblur::check_isa(isa); !good) return good;
   const WithIsa same(isa);
   deblur::Settings with_noise = settings;
   with_noise.noise_k = noise_k;
@@ -158,7 +158,7 @@ Result<PointReader> PointReader::open(const std::string& name, std::vector<std::
     std::iota(impl->solved.begin(), impl->solved.end(), 0U);
     impl->copied = std::move(pixels);
   }
-  impl->samples.assign(static_cast<std::size_t>(settings->window + settings->lookahead),
+  impl->samples.assign(static_cast<std::size_t>(settings->window) + static_cast<std::size_t>(settings->lookahead),
                        std::vector<std::uint16_t>(impl->copied.size()));
   if (const Status good = impl->make_solver(settings->noise_k); !good) return at(where, good.error());
   return PointReader(std::move(impl));

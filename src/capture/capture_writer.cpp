@@ -345,6 +345,7 @@ Status CaptureWriter::write_points(const std::vector<Point>& points) {
   if (Status good = w.make_room(2 * sizeof(std::int32_t) * (points.size() + kSeriesChunk)); !good) return good;
   for (const auto& [path, member] : {std::pair{"/points/x", &Point::x}, std::pair{"/points/y", &Point::y}}) {
     std::vector<std::int32_t> values;
+    values.reserve(points.size());
     for (const Point& point : points) values.push_back(point.*member);
     const h5::Handle dataset = create_dataset(w.file.get(), path, H5T_NATIVE_INT32, {kSeriesChunk}, 0);
     if (!dataset || !write_rows(dataset.get(), H5T_NATIVE_INT32, 0, values.size(), values.data())) {

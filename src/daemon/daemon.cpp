@@ -74,10 +74,10 @@ Status Daemon::Impl::compose() {
   sinks = make_sinks(config);
   std::vector<pipeline::FrameSink*> lent;
   for (const auto& sink : sinks) lent.push_back(sink.get());
-  if (const Status status = deblur::choose_isa(config.isa); !status) return status;
+  if (Status status = deblur::choose_isa(config.isa); !status) return status;
   pipeline::PipelineOptions options = config.pipeline;
   options.warn = [log = log](const std::string& what) { log->warn(what); };
-  auto made = pipeline::Pipeline::create(std::move(source->source), std::move(lent), options);
+  auto made = pipeline::Pipeline::create(std::move(source->source), lent, options);
   if (!made) return tl::unexpected<Error>(made.error());
   pipeline = std::move(*made);
   const std::string& serial = pipeline->source().camera_serial;

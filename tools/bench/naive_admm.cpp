@@ -35,7 +35,8 @@ void naive_admm(const deblur::Settings& settings, int iterations, std::span<cons
   const MatrixXf z = response(settings);
   const auto frames = static_cast<Eigen::Index>(planes.size()) - 1;
   const double p = -std::expm1(-settings.period_s / settings.tau_s);
-  const auto rho = static_cast<float>(p * p / (static_cast<double>(z.cols() / frames)));
+  const double bins_a_frame = static_cast<double>(z.cols()) / static_cast<double>(frames);
+  const auto rho = static_cast<float>(p * p / bins_a_frame);
   const float limit = static_cast<float>(settings.half_square_lambda()) / rho;
   const MatrixXf inverse = (z.transpose() * z + rho * MatrixXf::Identity(z.cols(), z.cols())).inverse();
   const VectorXf last = model::haar_matrix(static_cast<int>(z.cols())).cast<float>().transpose().row(z.cols() - 1);

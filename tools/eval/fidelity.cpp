@@ -77,7 +77,7 @@ class Evaluation {
   Result<Table> run() {
     for (const std::string& scene : options_.scenes) {
       for (const Motion& motion : options_.motions) {
-        if (const Status done = run_motion(scene, motion); !done) return tl::unexpected(done.error());
+        if (Status done = run_motion(scene, motion); !done) return tl::unexpected(done.error());
       }
     }
     table_.verdicts = verdicts(table_.cells, table_.drops);
@@ -142,9 +142,9 @@ class Evaluation {
         return {};
       });
     }
-    if (const Status done = jobs.run(options_.threads, progress_, done_); !done) return done;
+    if (Status done = jobs.run(options_.threads, progress_, done_); !done) return done;
     for (Noise& noise : noises) add_jobs(jobs, noise, shows_latency(scene, motion));
-    if (const Status done = jobs.run(options_.threads, progress_, done_); !done) return done;
+    if (Status done = jobs.run(options_.threads, progress_, done_); !done) return done;
     for (Noise& noise : noises) collect(noise);
     return {};
   }

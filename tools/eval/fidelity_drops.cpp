@@ -108,7 +108,8 @@ std::vector<bool> losses(std::size_t frames, double share, std::uint64_t seed) {
   std::vector<bool> lost(frames, false);
   if (frames <= kLeadIn + kTail) return lost;
   const std::size_t places = frames - kLeadIn - kTail;
-  const auto wanted = std::max<std::size_t>(1, static_cast<std::size_t>(share * static_cast<double>(places) + 0.5));
+  const auto wanted =
+      std::max<std::size_t>(1, static_cast<std::size_t>(std::llround(share * static_cast<double>(places))));
   // The generator's own numbers, not a distribution: these are the same with every standard library.
   std::mt19937_64 random(seed);
   for (std::size_t count = 0; count < wanted;) {

@@ -19,8 +19,9 @@ std::size_t at(Geometry g, int x, int y) {
 
 std::array<double, kSsimTaps> ssim_window() {
   std::array<double, kSsimTaps> taps{};
+  constexpr int kMiddle = kSsimTaps / 2;
   for (int i = 0; i < kSsimTaps; ++i) {
-    const double d = (i - kSsimTaps / 2) / kSsimSigma;
+    const double d = (i - kMiddle) / kSsimSigma;
     taps[static_cast<std::size_t>(i)] = std::exp(-0.5 * d * d);
   }
   const double sum = std::accumulate(taps.begin(), taps.end(), 0.0);

@@ -73,6 +73,7 @@ Result<std::vector<Motion>> motions_of(const cxxopts::ParseResult& given) {
   const auto speeds = given["speeds"].as<std::vector<double>>();
   if (const Status good = within(speeds, "speeds", -5000.0, 5000.0); !good) return tl::unexpected(good.error());
   std::vector<Motion> motions;
+  motions.reserve(speeds.size());
   for (const double speed : speeds) motions.push_back({speed, {}});
   if (given.count("trajectory") == 0) return motions;
   for (const std::string& file : given["trajectory"].as<std::vector<std::string>>()) {

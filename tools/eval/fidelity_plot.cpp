@@ -114,7 +114,8 @@ void draw_legend(Canvas& page, double y) {
   constexpr double kPitch = 345.0;
   for (std::size_t c = 1; c < kColumns.size(); ++c) {
     const double x = kLeft + kPitch * static_cast<double>((c - 1) % 3);
-    const double line = y + 18.0 * static_cast<double>((c - 1) / 3);
+    const std::size_t row = (c - 1) / 3;
+    const double line = y + 18.0 * static_cast<double>(row);
     page.fill({x, line - 10, 12, 12}, kColours[c]);
     page.text(x + 18, line, std::string(kColumns[c].words), {12.0});
   }
@@ -219,7 +220,7 @@ Status draw(const std::filesystem::path& folder, const Table& table) {
   std::set<std::string> scenes;
   for (const Cell& cell : table.cells) scenes.insert(cell.scene);
   for (const std::string& scene : scenes) {
-    if (const Status done = draw_scene(folder, scene, table.cells); !done) return done;
+    if (Status done = draw_scene(folder, scene, table.cells); !done) return done;
   }
   return draw_latency(folder, table.latency);
 }
