@@ -51,7 +51,7 @@ class SceneCovariance {
   }
 
  private:
-  static constexpr int kSteps = 8;  // a pixel
+  static constexpr int kSteps = 8;            // a pixel
   static constexpr std::size_t kMiddle = 16;  // of weight_: 2 kSteps
   static constexpr std::size_t at(int i) { return static_cast<std::size_t>(i) + kMiddle; }
   static constexpr double place(int i) { return static_cast<double>(i) / kSteps; }
