@@ -42,6 +42,8 @@ HWY_INLINE Vec load_values(const T* from, std::size_t count) {
   }
 }
 
+inline constexpr float kLargestDifference = 1e7F;  // noises
+
 // Differences in time of one unit of columns, in units of the noise: d[row][difference][lane].
 struct Differences {
   HWY_ALIGN float d[kStatRows][kMostSamples - 1][kUnit];
@@ -58,7 +60,10 @@ HWY_INLINE void load_differences(const BlockSamples& in, int samples, std::size_
       Vec before = load_values(static_cast<const T*>(in.values[r][0]) + at, count);
       for (int i = 1; i < samples; ++i) {
         const Vec value = load_values(static_cast<const T*>(in.values[r][i]) + at, count);
-        hn::Store(hn::Mul(inverse_noise, hn::Sub(value, before)), Float(), to.d[r][i - 1] + v);
+        const Vec d = hn::Mul(inverse_noise, hn::Sub(value, before));
+        // A sample that is no number says nothing of its block's motion.
+        const Vec usable = hn::IfThenElseZero(hn::Lt(hn::Abs(d), all(kLargestDifference)), d);
+        hn::Store(usable, Float(), to.d[r][i - 1] + v);
         before = value;
       }
     }

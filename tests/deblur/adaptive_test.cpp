@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <numeric>
 #include <random>
@@ -165,6 +166,27 @@ TEST_P(Adaptive, RowsThatAreReadLaterAreBroughtToTheFramesTime) {
     EXPECT_LT(with, 0.9 * without);
   } else {
     EXPECT_LT(with, 1.01 * without);  // at the window's end the last bin is all there is
+  }
+}
+
+TEST_P(Adaptive, WhatIsNoNumberStaysInItsPixel) {
+  auto planes = movie(0.8, 0.05);
+  Settings settings = settings_of(GetParam());
+  settings.noise_k = 0.05;
+  std::vector<const void*> window = pointers(planes);
+  const auto solver = make(settings);
+  const std::vector<float> clean = whole_frame(*solver, {window, kWindow - 1});
+  const std::size_t broken = 20 * 150 + 70;
+  const std::size_t infinite = 10 * 150 + 31;
+  planes[12][broken] = std::numeric_limits<float>::quiet_NaN();
+  planes[13][infinite] = std::numeric_limits<float>::infinity();
+  const std::vector<float> out = whole_frame(*solver, {window, kWindow - 1});
+  EXPECT_TRUE(std::isnan(out[broken]));
+  EXPECT_FALSE(std::isfinite(out[infinite]));
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (i == broken || i == infinite) continue;
+    ASSERT_TRUE(std::isfinite(out[i])) << i;
+    EXPECT_NEAR(out[i], clean[i], 2.0F) << i;
   }
 }
 
