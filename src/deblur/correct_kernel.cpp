@@ -12,6 +12,7 @@
 #include <hwy/highway.h>
 
 #include "src/deblur/block-inl.hpp"
+#include "src/deblur/targets.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
@@ -74,14 +75,7 @@ HWY_EXPORT(named_correct);
 
 std::vector<NamedCorrect> find_corrections() {
   std::vector<NamedCorrect> found;
-  std::int64_t left = (hwy::SupportedTargets() | HWY_STATIC_TARGET) & HWY_TARGETS;
-  for (; left != 0; left &= left - 1) {
-    hwy::SetSupportedTargetsForTest(left & -left);
-    hwy::GetChosenTarget().DeInit();  // the next dispatch chooses again
-    found.push_back(HWY_DYNAMIC_DISPATCH(named_correct)());
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
+  for_each_target(HWY_TARGETS, [&] { found.push_back(HWY_DYNAMIC_DISPATCH(named_correct)()); });
   return found;
 }
 

@@ -11,6 +11,7 @@
 #include "src/deblur/admm_banded-inl.hpp"
 #include "src/deblur/admm_dense-inl.hpp"
 #include "src/deblur/dual-inl.hpp"
+#include "src/deblur/targets.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
@@ -42,17 +43,9 @@ namespace {
 
 HWY_EXPORT(kernels);
 
-// Every built instruction set that this processor runs, best first: lower target bits are better.
 std::vector<const Kernels*> find_kernels() {
   std::vector<const Kernels*> found;
-  std::int64_t left = (hwy::SupportedTargets() | HWY_STATIC_TARGET) & HWY_TARGETS;
-  for (; left != 0; left &= left - 1) {
-    hwy::SetSupportedTargetsForTest(left & -left);
-    hwy::GetChosenTarget().DeInit();  // the next dispatch chooses again
-    found.push_back(&HWY_DYNAMIC_DISPATCH(kernels)());
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
+  for_each_target(HWY_TARGETS, [&] { found.push_back(&HWY_DYNAMIC_DISPATCH(kernels)()); });
   return found;
 }
 

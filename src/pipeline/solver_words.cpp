@@ -13,7 +13,7 @@ std::string short_number(double value) {
 
 std::string effort(const deblur::Settings& settings) {
   if (settings.method == deblur::Method::kExact) return "converged";
-  return std::to_string(settings.iterations) + " iterations";
+  return std::to_string(settings.iterations) + (settings.iterations == 1 ? " iteration" : " iterations");
 }
 
 }  // namespace
