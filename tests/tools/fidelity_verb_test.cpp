@@ -120,7 +120,8 @@ TEST_F(FidelityVerb, RealScenesAndTrajectories) {
   if (scene.empty() || trajectory.empty()) GTEST_SKIP() << data << " has no street/*.png or trajectories/*.csv";
   const Outcome outcome = run_small({"--json", "--lookaheads", "1", "--scene", scene, "--trajectory", trajectory});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  for (const auto& cell : nlohmann::json::parse(outcome.out).at("cells")) {
+  const auto table = nlohmann::json::parse(outcome.out);
+  for (const auto& cell : table.at("cells")) {
     const auto& columns = cell.at("columns");
     EXPECT_GT(columns.at("blurred").at("rmse_k").get<double>(), 0.1) << cell.at("motion");
   }
