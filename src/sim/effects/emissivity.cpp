@@ -8,19 +8,17 @@ namespace {
 class Emissivity final : public Effect {
  public:
   explicit Emissivity(const EffectSetup& setup)
-      : emissivity_(setup.number("emissivity")),
-        reflected_((1.0 - emissivity_) * radiance_of(setup.number("surroundings_k"))) {}
+      : apparent_([e = setup.number("emissivity"), reflected = radiance_of(setup.number("surroundings_k"))](double k) {
+          return temperature_of(e * radiance_of(k) + (1.0 - e) * reflected);
+        }) {}
   std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel&) const override {
-    const double emissivity = emissivity_;
-    const double reflected = reflected_;
-    return point_view(std::move(inner), [emissivity, reflected](float kelvin, double, int) {
-      return static_cast<float>(temperature_of(emissivity * radiance_of(static_cast<double>(kelvin)) + reflected));
+    return point_view(std::move(inner), [this](float kelvin, double, int) {
+      return static_cast<float>(apparent_(static_cast<double>(kelvin)));
     });
   }
 
  private:
-  double emissivity_;
-  double reflected_;
+  KelvinTable apparent_;
 };
 
 }  // namespace
