@@ -15,10 +15,14 @@ class SceneField final : public Field {
   SceneField(capture::StillImage image, Path path, Geometry view)
       : image_(std::move(image)), path_(std::move(path)), view_(view) {}
 
-  void sample(double t_s, int row, std::span<float> out) const noexcept override {
+  void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept override {
     const Position at = path_.at(t_s);
     const Tap x = tap(at.x_px, image_.width - view_.width);
     const Tap y = tap(at.y_px, image_.height - view_.height);
+    if (column != 0.0 || row < 0 || row >= view_.height) {
+      beyond(x.index + x.part + column, y.index + y.part + row, out);
+      return;
+    }
     const float* upper = image_row(row + y.index) + x.index;
     if (y.part == 0.0) {
       blend(upper, x.part, out);
@@ -63,6 +67,33 @@ class SceneField final : public Field {
     const double inside = std::clamp(position, 0.0, static_cast<double>(last));
     const double whole = std::floor(inside);
     return {static_cast<int>(whole), inside - whole};
+  }
+
+  // Pixels that may lie beyond the image: its border goes on.
+  void beyond(double left, double top, std::span<float> out) const noexcept {
+    const Tap y = tap(top, image_.height - 1);
+    const float* const upper = image_row(y.index);
+    const float* const lower = image_row(std::min(y.index + 1, image_.height - 1));
+    const double whole = std::floor(left);
+    const auto x_part = static_cast<float>(left - whole);
+    const auto y_part = static_cast<float>(y.part);
+    const auto value = [&](std::ptrdiff_t i, std::ptrdiff_t next) {
+      const float above = (1.0F - x_part) * upper[i] + x_part * upper[next];
+      const float below = (1.0F - x_part) * lower[i] + x_part * lower[next];
+      return (1.0F - y_part) * above + y_part * below;
+    };
+    const auto first = static_cast<std::ptrdiff_t>(whole);
+    const auto last = static_cast<std::ptrdiff_t>(image_.width) - 1;
+    const auto size = static_cast<std::ptrdiff_t>(out.size());
+    const auto inner = std::clamp<std::ptrdiff_t>(-first, 0, size);
+    const auto inner_end = std::clamp<std::ptrdiff_t>(last - first, inner, size);
+    const auto held = [&](std::ptrdiff_t x) {
+      return value(std::clamp<std::ptrdiff_t>(first + x, 0, last), std::clamp<std::ptrdiff_t>(first + x + 1, 0, last));
+    };
+    float* const to = out.data();
+    for (std::ptrdiff_t x = 0; x < inner; ++x) to[x] = held(x);
+    for (std::ptrdiff_t x = inner; x < inner_end; ++x) to[x] = value(first + x, first + x + 1);
+    for (std::ptrdiff_t x = inner_end; x < size; ++x) to[x] = held(x);
   }
 
   const float* image_row(int y) const noexcept {
