@@ -15,10 +15,14 @@ class SceneField final : public Field {
   SceneField(capture::StillImage image, Path path, Geometry view)
       : image_(std::move(image)), path_(std::move(path)), view_(view) {}
 
-  void sample(double t_s, int row, std::span<float> out) const noexcept override {
+  void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept override {
     const Position at = path_.at(t_s);
     const Tap x = tap(at.x_px, image_.width - view_.width);
     const Tap y = tap(at.y_px, image_.height - view_.height);
+    if (column != 0.0 || row < 0 || row >= view_.height) {
+      beyond(x.index + x.part + column, y.index + y.part + row, out);
+      return;
+    }
     const float* upper = image_row(row + y.index) + x.index;
     if (y.part == 0.0) {
       blend(upper, x.part, out);
@@ -63,6 +67,24 @@ class SceneField final : public Field {
     const double inside = std::clamp(position, 0.0, static_cast<double>(last));
     const double whole = std::floor(inside);
     return {static_cast<int>(whole), inside - whole};
+  }
+
+  static double blended(float a, float b, double part) noexcept {
+    return (1.0 - part) * static_cast<double>(a) + part * static_cast<double>(b);
+  }
+
+  // Pixel by pixel, each held within the image.
+  void beyond(double left, double top, std::span<float> out) const noexcept {
+    const Tap y = tap(top, image_.height - 1);
+    const float* const upper = image_row(y.index);
+    const float* const lower = image_row(std::min(y.index + 1, image_.height - 1));
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const Tap x = tap(left + static_cast<double>(i), image_.width - 1);
+      const int next = std::min(x.index + 1, image_.width - 1);
+      const double above = blended(upper[x.index], upper[next], x.part);
+      const double below = blended(lower[x.index], lower[next], x.part);
+      out[i] = static_cast<float>(above + y.part * (below - above));
+    }
   }
 
   const float* image_row(int y) const noexcept {

@@ -12,7 +12,7 @@ class UniformField final : public Field {
  public:
   explicit UniformField(double temperature_k) : temperature_k_(temperature_k) {}
 
-  void sample(double, int, std::span<float> out) const noexcept override {
+  void sample_from(double, double, int, std::span<float> out) const noexcept override {
     std::ranges::fill(out, static_cast<float>(temperature_k_));
   }
   void instants(double, double to_s, double, std::vector<double>& out) const override { out.push_back(to_s); }
@@ -27,7 +27,7 @@ class ChopperField final : public Field {
  public:
   explicit ChopperField(capture::Chopper chopper) : chopper_(std::move(chopper)) {}
 
-  void sample(double t_s, int, std::span<float> out) const noexcept override {
+  void sample_from(double t_s, double, int, std::span<float> out) const noexcept override {
     std::ranges::fill(out, static_cast<float>(level(t_s)));
   }
 
@@ -73,10 +73,11 @@ class BarField final : public Field {
  public:
   explicit BarField(const capture::BarTarget& target) : target_(target) {}
 
-  void sample(double t_s, int row, std::span<float> out) const noexcept override {
+  void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept override {
     std::ranges::fill(out, static_cast<float>(target_.cold_k));
     const double contrast = target_.hot_k - target_.cold_k;
-    const double shift = std::fmod(target_.slant_px_per_row * row + target_.velocity_px_s * t_s, target_.period_px);
+    const double shift =
+        std::fmod(target_.slant_px_per_row * row + target_.velocity_px_s * t_s - column, target_.period_px);
     const double right_end = static_cast<double>(out.size()) - 0.5;
     for (double left = shift - 2.0 * target_.period_px; left < right_end; left += target_.period_px) {
       add_bar(left, contrast, out);

@@ -6,6 +6,8 @@
 
 #include <Eigen/Core>
 
+#include "src/sim/effect_camera.hpp"
+
 namespace bolo::sim {
 namespace {
 
@@ -31,6 +33,10 @@ std::string fault(const CameraSettings& s) {
   if (!within(r.quantisation_k, 0.0, 100.0)) return "quantisation must be 0 to 100 K";
   if (r.type == PixelType::kUint16 && r.quantisation_k == 0.0) return "quantisation 0 needs the type float32";
   if (!within(s.threads, 1, 64)) return "threads must be 1 to 64";
+  if (!within(s.session_start_s, 0.0, 1e6)) return "the session's start must be 0 to 1000000 s";
+  if (!s.effects.empty() && s.kind == CameraKind::kVisible) return "effects are a bolometer's; leave them out";
+  if (!s.effects.empty() && s.tau_s < 1e-4) return "with effects tau must be 0.0001 to 10 s";
+  if (const Status effects = check_effects(s.effects); !effects) return effects.error().message;
   return {};
 }
 
@@ -70,7 +76,10 @@ Simulator::Simulator(const CameraSettings& settings, std::unique_ptr<const Field
     for (std::vector<float>* row : {&scratch.start, &scratch.middle, &scratch.end}) row->resize(width);
     for (std::vector<double>* row : {&scratch.kelvin, &scratch.noise}) row->resize(width);
   }
+  if (!settings_.effects.empty()) effects_ = std::make_unique<EffectCamera>(settings_, *field_, team_);
 }
+
+Simulator::~Simulator() = default;
 
 StreamFormat Simulator::format() const {
   const ReadoutSettings& readout = settings_.readout;
@@ -78,10 +87,22 @@ StreamFormat Simulator::format() const {
 }
 
 void Simulator::next(void* plane, float* truth) {
+  if (effects_ != nullptr) return next_with_effects(plane, truth);
   plane_ = plane;
   truth_ = truth;
   plan();
   team_.run([](void* self, int worker) { static_cast<Simulator*>(self)->work(worker); }, this);
+  ++frame_;
+}
+
+// The truth is what there is to see at the nominal time, whatever the camera makes of it.
+void Simulator::next_with_effects(void* plane, float* truth) {
+  effects_->next(plane);
+  const auto width = static_cast<std::size_t>(settings_.geometry.width);
+  for (int row = 0; truth != nullptr && row < settings_.geometry.height; ++row) {
+    field_->sample(static_cast<double>(frame_) / settings_.rate_hz, row,
+                   {truth + static_cast<std::size_t>(row) * width, width});
+  }
   ++frame_;
 }
 

@@ -9,6 +9,7 @@
 
 #include "bolo/sim/simulator.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/simulate_effects.hpp"
 #include "tools/verbs/simulate_field.hpp"
 #include "tools/verbs/verbs.hpp"
 
@@ -38,6 +39,10 @@ cxxopts::Options declare() {
       "type", "uint16 or float32", text("uint16"))("seed", "Of the noise and the street",
                                                    cxxopts::value<std::uint64_t>()->default_value("1"))(
       "threads", "The result does not depend on them", cxxopts::value<int>()->default_value("2"));
+  options.add_options("Effects")("effect", "What the camera does beyond the nominal one; may be given again", text(),
+                                 "NAME[:key=value,...]")("list-effects", "Print all effects with their keys, and end")(
+      "camera-seed", "Of what is fixed in the camera, such as patterns (default: the seed)",
+      cxxopts::value<std::uint64_t>())("session-start", "s that the camera had been on at t = 0", number("0"));
   options.add_options("Scene")("stimulus", "uniform, chopper, bar_target or scene (default)", text())(
       "scene", "street, bars, or a picture: PNG, JPEG, HDF5 with image_k", text("street"))(
       "speed", "What the camera sees moves along +x, pixels/s", number("300"))(
@@ -53,6 +58,17 @@ cxxopts::Options declare() {
       "gap", "ms: between two pulses (chopper)", number("83.7"))("period", "Pixels (bar_target)", number("40"))(
       "slant", "Pixels a row (bar_target)", number("0.25"));
   return options;
+}
+
+Result<std::vector<sim::EffectSpec>> effects_of(const Options& given) {
+  std::vector<sim::EffectSpec> effects;
+  for (const auto& argument : given.arguments()) {  // a list would be split at the commas
+    if (argument.key() != "effect") continue;
+    auto effect = sim::parse_effect(argument.value());
+    if (!effect) return at("--effect", effect.error());
+    effects.push_back(std::move(*effect));
+  }
+  return effects;
 }
 
 Result<sim::CameraSettings> camera_of(const Options& given) {
@@ -77,6 +93,11 @@ Result<sim::CameraSettings> camera_of(const Options& given) {
   camera.readout.quantisation_k = type == "uint16" ? 0.01 : 0.0;
   if (given.count("quantisation") != 0) camera.readout.quantisation_k = given["quantisation"].as<double>();
   camera.readout.seed = given["seed"].as<std::uint64_t>();
+  auto effects = effects_of(given);
+  if (!effects) return tl::unexpected(effects.error());
+  camera.effects = std::move(*effects);
+  if (given.count("camera-seed") != 0) camera.camera_seed = given["camera-seed"].as<std::uint64_t>();
+  camera.session_start_s = given["session-start"].as<double>();
   return sim::checked(camera);
 }
 
@@ -153,6 +174,10 @@ int simulate_main(int argc, char** argv) {
   Options given;
   if (const auto code = parse(options, argc, argv, given)) return *code;
   try {
+    if (given.count("list-effects") != 0) {
+      print_effects(given.count("json") != 0);
+      return kExitDone;
+    }
     const Status status = simulate(given);
     return status ? kExitDone : report("simulate", status.error());
   } catch (const std::bad_alloc&) {

@@ -25,7 +25,11 @@ class Field {
   virtual ~Field() = default;
 
   // T_ss of the pixels (0, row), (1, row) ... at t, K; at a jump the value after it. Thread: any.
-  virtual void sample(double t_s, int row, std::span<float> out) const noexcept = 0;
+  void sample(double t_s, int row, std::span<float> out) const noexcept { sample_from(t_s, 0.0, row, out); }
+
+  // The same of pixels centred at (column, row), (column + 1, row) ..., which need not be whole or within the frame.
+  // Beyond its border a still goes on with its last pixels. Thread: any.
+  virtual void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept = 0;
 
   // Appends rising instants in (from_s, to_s], the last one to_s. Between neighbours T_ss is a quadratic of time, or so
   // near to one that the answer of a pixel which averages over about `response_s` is off by less than

@@ -5,12 +5,14 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "bolo/capture/capture.hpp"
 #include "bolo/core/plane.hpp"
 #include "bolo/core/result.hpp"
 #include "bolo/rt/worker_team.hpp"
+#include "bolo/sim/effect.hpp"
 #include "bolo/sim/field.hpp"
 #include "bolo/sim/pixel.hpp"
 #include "bolo/sim/readout.hpp"
@@ -29,7 +31,10 @@ struct CameraSettings {
   double tau_s = 0.011;       // bolometer: thermal time constant
   double exposure_s = 0.005;  // visible: the exposure ends at the frame's time; at most 1 / rate_hz
   ReadoutSettings readout;
-  int threads = 2;  // the result does not depend on them
+  int threads = 2;                           // the result does not depend on them
+  std::vector<EffectSpec> effects;           // bolometer only
+  std::optional<std::uint64_t> camera_seed;  // of what effects fix in the camera, such as patterns; else the noise's
+  double session_start_s = 0.0;              // how long the camera had been on at t = 0
 };
 
 // The settings themselves when all are in range; kBadInput names the one that is not. Thread: any.
@@ -37,6 +42,8 @@ Result<CameraSettings> checked(const CameraSettings& settings);
 
 // The time before t = 0 that a pixel still remembers, s: the field must be valid from its negative on. Thread: any.
 double history_s(const CameraSettings& settings);
+
+class EffectCamera;
 
 // Steps one camera through time. The camera was already looking, and moving, before the first frame: pixels start in
 // steady state history_s() before it, 14 time constants, where what is left of a 30 K error is 25 uK.
@@ -49,6 +56,8 @@ class Simulator {
   // The next frame: `plane` in the settings' type, `truth` (may be null) T_ss at the frame's time, K.
   // Thread: one at a time.
   void next(void* plane, float* truth);
+
+  ~Simulator();
 
   std::uint64_t frames_done() const noexcept { return frame_; }
   const CameraSettings& settings() const noexcept { return settings_; }
@@ -74,6 +83,7 @@ class Simulator {
   void work(int worker) noexcept;
   void integrate(int row, Scratch& scratch) noexcept;
   void read_out(int row, Scratch& scratch) noexcept;
+  void next_with_effects(void* plane, float* truth);
 
   CameraSettings settings_;
   std::unique_ptr<const Field> field_;
@@ -81,6 +91,7 @@ class Simulator {
   std::vector<double> shown_;  // what each pixel shows, K; rows belong to their worker
   std::vector<Scratch> scratch_;
   rt::WorkerTeam team_;
+  std::unique_ptr<EffectCamera> effects_;  // in place of the rest when there are effects
 
   // The frame in work, read by all workers.
   double from_s_ = 0.0;

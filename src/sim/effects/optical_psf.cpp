@@ -1,0 +1,181 @@
+// The optics blur what the pixels see.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "src/sim/effect_type.hpp"
+
+namespace bolo::sim::effects {
+namespace {
+
+constexpr int kPhases = 4;  // points a pixel, along x: the scene's edges are finer than its pixels
+
+// The blur in rows of weights: from row `-reach` to `reach`, points 1 / kPhases pixel apart from -reach pixels on.
+struct Kernel {
+  int reach = 0;
+  std::vector<double> down;                 // weight of each row, when all rows have one profile
+  std::vector<std::vector<float>> profile;  // along x: one, or one for each row
+};
+
+std::size_t taps(int reach) { return static_cast<std::size_t>(2 * reach * kPhases + 1); }
+
+double tap_x(std::size_t tap, int reach) { return static_cast<double>(tap) / kPhases - reach; }
+
+void normalise(Kernel& kernel) {
+  double sum = 0.0;
+  for (const auto& row : kernel.profile) {
+    for (const float weight : row) sum += static_cast<double>(weight);
+  }
+  for (auto& row : kernel.profile) {
+    for (float& weight : row) weight = static_cast<float>(static_cast<double>(weight) / sum);
+  }
+}
+
+// Rows have unit steps: a sampled Gaussian has too little variance there, so its own sigma is found for which it has
+// it.
+std::vector<double> rows_of_variance(double variance, int reach) {
+  std::vector<double> weights(static_cast<std::size_t>(2 * reach + 1));
+  double low = 1e-3;
+  double high = 2.0 * std::sqrt(variance) + 1.0;
+  for (int i = 0; i < 60; ++i) {
+    const double sigma = (low + high) / 2.0;
+    double sum = 0.0;
+    double square = 0.0;
+    for (int y = -reach; y <= reach; ++y) {
+      double& weight = weights[static_cast<std::size_t>(y + reach)];
+      weight = std::exp(-0.5 * y * y / (sigma * sigma));
+      sum += weight;
+      square += weight * y * y;
+    }
+    for (double& weight : weights) weight /= sum;
+    (square / sum < variance ? low : high) = sigma;
+  }
+  return weights;
+}
+
+Kernel gaussian(double sigma) {
+  Kernel kernel;
+  kernel.reach = static_cast<int>(std::ceil(4.0 * sigma));
+  kernel.down = rows_of_variance(sigma * sigma, kernel.reach);
+  kernel.profile.resize(1);
+  for (std::size_t i = 0; i < taps(kernel.reach); ++i) {
+    const double x = tap_x(i, kernel.reach) / sigma;
+    kernel.profile[0].push_back(static_cast<float>(std::exp(-0.5 * x * x)));
+  }
+  normalise(kernel);
+  return kernel;
+}
+
+// How much of the line at x the disc covers within the row y - 0.5 to y + 0.5.
+double chord(double radius, double x, double y) {
+  if (std::abs(x) >= radius) return 0.0;
+  const double half = std::sqrt(radius * radius - x * x);
+  return std::max(0.0, std::min(half, y + 0.5) - std::max(-half, y - 0.5));
+}
+
+Kernel disc(double radius) {
+  Kernel kernel;
+  kernel.reach = static_cast<int>(std::ceil(radius));
+  constexpr int kFine = 16;  // the weight of a tap is the mean over its width
+  for (int y = -kernel.reach; y <= kernel.reach; ++y) {
+    auto& row = kernel.profile.emplace_back();
+    for (std::size_t i = 0; i < taps(kernel.reach); ++i) {
+      double sum = 0.0;
+      for (int j = 0; j < kFine; ++j) {
+        sum += chord(radius, tap_x(i, kernel.reach) + ((j + 0.5) / kFine - 0.5) / kPhases, y);
+      }
+      row.push_back(static_cast<float>(sum));
+    }
+  }
+  normalise(kernel);
+  return kernel;
+}
+
+class BlurredView final : public View {
+ public:
+  BlurredView(std::unique_ptr<View> inner, const Kernel& kernel) : inner_(std::move(inner)), kernel_(kernel) {}
+
+  void draw(double t_s, const Patch& patch, std::span<float> out) override {
+    const int reach = kernel_.reach;
+    const Patch wide{patch.column - reach, patch.row - reach, patch.width + 2 * reach, patch.height + 2 * reach};
+    for (std::size_t phase = 0; phase < kPhases; ++phase) {
+      Patch shifted = wide;
+      shifted.column += static_cast<double>(phase) / kPhases;
+      phases_[phase].resize(wide.points());
+      inner_->draw(t_s, shifted, phases_[phase]);
+    }
+    std::ranges::fill(out, 0.0F);
+    if (kernel_.down.empty()) {
+      for (int y = 0; y < patch.height; ++y) {
+        for (int dy = 0; dy <= 2 * reach; ++dy) {
+          add_row(y + dy, kernel_.profile[static_cast<std::size_t>(dy)], row_of(out, patch, y));
+        }
+      }
+      return;
+    }
+    across_.assign(static_cast<std::size_t>(wide.height) * static_cast<std::size_t>(patch.width), 0.0F);
+    const Patch rows{0.0, 0, patch.width, wide.height};
+    for (int y = 0; y < wide.height; ++y) add_row(y, kernel_.profile[0], row_of(across_, rows, y));
+    for (int y = 0; y < patch.height; ++y) {
+      const std::span<float> target = row_of(out, patch, y);
+      for (int dy = 0; dy <= 2 * reach; ++dy) {
+        const auto weight = static_cast<float>(kernel_.down[static_cast<std::size_t>(dy)]);
+        const std::span<const float> source = row_of(across_, rows, y + dy);
+        for (std::size_t x = 0; x < target.size(); ++x) target[x] += weight * source[x];
+      }
+    }
+  }
+
+  // Edges that are blurred over a pixel bend the signal far less than bare ones.
+  double patience() const override { return 4.0 * inner_->patience(); }
+
+ private:
+  static std::span<float> row_of(std::span<float> plane, const Patch& patch, int row) {
+    const auto width = static_cast<std::size_t>(patch.width);
+    return plane.subspan(static_cast<std::size_t>(row) * width, width);
+  }
+
+  // Adds what the row `y` of the wide patch gives through one profile.
+  void add_row(int y, const std::vector<float>& profile, std::span<float> target) const {
+    const std::size_t width = target.size() + static_cast<std::size_t>(2 * kernel_.reach);
+    for (std::size_t tap = 0; tap < profile.size(); ++tap) {
+      if (profile[tap] == 0.0F) continue;
+      const float* const source = phases_[tap % kPhases].data() + static_cast<std::size_t>(y) * width + tap / kPhases;
+      for (std::size_t x = 0; x < target.size(); ++x) target[x] += profile[tap] * source[x];
+    }
+  }
+
+  std::unique_ptr<View> inner_;
+  const Kernel& kernel_;
+  std::array<std::vector<float>, kPhases> phases_;
+  std::vector<float> across_;
+};
+
+class OpticalPsf final : public Effect {
+ public:
+  explicit OpticalPsf(const EffectSetup& setup) {
+    const double sigma = setup.number("sigma_px");
+    kernel_ = setup.form("disc") ? disc(2.0 * sigma) : gaussian(sigma);
+  }
+  std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel&) const override {
+    return std::make_unique<BlurredView>(std::move(inner), kernel_);
+  }
+
+ private:
+  Kernel kernel_;
+};
+
+}  // namespace
+
+EffectType optical_psf() {
+  return {{"optical_psf",
+           Stage::kOptics,
+           true,
+           "the optics blur: a Gaussian, or a disc of radius 2 sigma, which has the same variance",
+           {{"sigma_px", "px", 0.7, {0.05, 5.0}, {{0.4, 1.1}}, "standard deviation along x and along y"}},
+           {"gaussian", "disc"}},
+          Order::kOptics,
+          maker<OpticalPsf>()};
+}
+
+}  // namespace bolo::sim::effects
