@@ -16,6 +16,7 @@ struct Verb {
 };
 
 int bench_main(int argc, char** argv);
+int blind_main(int argc, char** argv);
 int deblur_main(int argc, char** argv);
 int diagnose_main(int argc, char** argv);
 int eval_main(int argc, char** argv);
@@ -24,7 +25,7 @@ int info_main(int argc, char** argv);
 int simulate_main(int argc, char** argv);
 int stat_main(int argc, char** argv);
 
-inline constexpr std::array<Verb, 8> kVerbs{{
+inline constexpr std::array<Verb, 9> kVerbs{{
     {"simulate", "write a capture of a simulated camera that moves", simulate_main},
     {"fakecam", "serve a capture as a GigE Vision camera", fakecam_main},
     {"deblur", "undo the pixels' thermal inertia in a capture", deblur_main},
@@ -32,6 +33,7 @@ inline constexpr std::array<Verb, 8> kVerbs{{
     {"stat", "show what a running daemon does", stat_main},
     {"info", "say what is in a capture, and what is wrong with it", info_main},
     {"bench", "measure the deblurring on this machine", bench_main},
+    {"blind", "check the diagnosis on captures with hidden effects", blind_main},
     {"eval", "measure what deblurring achieves", eval_main},
 }};
 
