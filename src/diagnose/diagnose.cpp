@@ -224,6 +224,12 @@ Result<bool> Diagnosis::judge_means() {
     session_.recordings[i].kind = Kind::kField;
     raw_.recordings[i].kind = Kind::kField;
   }
+  for (const Recording& r : session_.recordings) state_.camera.clip_k = std::min(state_.camera.clip_k, find_ceiling(r));
+  if (std::isfinite(state_.camera.clip_k)) {
+    FoundEffect e = named("saturation", 0.999);
+    e.parameters["level_k"] = interval(state_.camera.clip_k, session_.recordings.front().step);
+    found(std::move(e), 20.0, "values pile up at a ceiling");
+  }
   const Transport transport = judge_transport(session_, state_, floor_k_, some);
   Fitter fitter(session_, floor_k_, options_.threads);
   FitResult base = fitter.fit(state_, {}, 4);
@@ -264,6 +270,7 @@ Result<bool> Diagnosis::judge_means() {
   nominal_ = without_transport(session_, base.state);
   nominal_.camera.response.filter = FrameFilter::kNone;
   nominal_.camera.response.alpha = 1.0;
+  nominal_.camera.clip_k = std::numeric_limits<double>::infinity();
   for (StimulusState& s : nominal_.stimuli) s.times_free = false;
   const Fitter before(raw_, floor_k_, options_.threads);
   report_.gap_before = before.score(nominal_).gap();

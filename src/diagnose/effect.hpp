@@ -24,7 +24,7 @@ struct Coordinate {
 };
 
 // Maps that an effect adds: one value a pixel, found by regression.
-enum class MapKind { kNone, kOffset, kGain, kTau };
+enum class MapKind { kNone, kOffset, kGain, kTau, kDrift };
 
 // Which physical form is meant when an effect has several.
 struct Form {

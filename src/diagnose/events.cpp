@@ -21,7 +21,12 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-bool same(const Recording& r, Index a, Index b) { return (r.values.row(a).array() == r.values.row(b).array()).all(); }
+// Identical, and not just clipped: a ceiling makes frames alike, too.
+bool same(const Recording& r, Index a, Index b) {
+  if (!(r.values.row(a).array() == r.values.row(b).array()).all()) return false;
+  const float top = r.values.maxCoeff();
+  return (r.values.row(a).array() == top).count() * 2 < r.values.cols();
+}
 
 // A pixel's used values less the frames' medians.
 struct Still {
@@ -234,6 +239,24 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
     rough.push_back((value.col(p).bottomRows(n - 1) - value.col(p).topRows(n - 1)).square().mean() / 2.0);
   }
   const double noise2 = std::max(1e-12, median(rough));
+  // A step explains most of what changes slowly, or it is no jump.
+  const auto explains = [&](Index a) {
+    const Eigen::ArrayXXd whole = value.rowwise() - value.colwise().mean();
+    const Index blocks = n / kSide;
+    double all = 0.0;
+    double by_step = 0.0;
+    const Eigen::ArrayXd before = whole.topRows(a).colwise().mean().transpose();
+    const Eigen::ArrayXd after = whole.bottomRows(n - a).colwise().mean().transpose();
+    by_step = (before.square().sum() * static_cast<double>(a) + after.square().sum() * static_cast<double>(n - a)) /
+              static_cast<double>(n);
+    for (Index b = 0; b < blocks; ++b) {
+      all += whole.middleRows(b * kSide, kSide).colwise().mean().square().sum() / static_cast<double>(blocks);
+    }
+    const auto count = static_cast<double>(value.cols());
+    all -= count * noise2 / kSide;
+    by_step -= count * 2.0 * noise2 / static_cast<double>(n);
+    return all > 0.0 ? by_step / all : 0.0;
+  };
   std::vector<Jump> jumps;
   double best = 0.0;
   Jump strongest;
@@ -255,7 +278,7 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
     });
     if (!(global_jump || pixel_jump) && !(thawed && (scatter_z > 6.0 || global_z > 6.0))) continue;
     const double strength = std::max(global_jump ? global_z : 0.0, scatter_z) + (thawed ? 1e6 : 0.0);
-    if (strength <= best) continue;
+    if (strength <= best || (!thawed && explains(a) < 0.6)) continue;
     best = strength;
     strongest = {recording, static_cast<std::size_t>(frames[static_cast<std::size_t>(a)]), global,
                  std::sqrt(std::max(0.0, scatter2)), thawed};

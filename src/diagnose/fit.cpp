@@ -14,6 +14,7 @@ namespace {
 constexpr int kFitPixels = 288;
 constexpr double kSettling_s = 0.1;  // of moving bars: what was before the first frame is not known
 constexpr int kBorder = 1;           // pixels at the sensor's edge, whose neighbours are not as the model has them
+constexpr double kLargestStep = 6.0;  // of a coordinate in one round, in units of its typical size
 constexpr double kPriorFloor = 1e-12;
 constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: below it a frame says nothing of its time
 
@@ -159,15 +160,21 @@ bool Fitter::frame_counts(std::size_t recording, std::size_t frame) const {
   return r.kind != Kind::kMovingBars || r.t[frame] >= kSettling_s;
 }
 
+float Fitter::usable_limit(const State& state) const {
+  return static_cast<float>(state.camera.clip_k - 4.0 * floor_k_);
+}
+
 Series Fitter::residual(std::size_t recording, const State& state, std::span<const int> pixels) const {
   const Recording& r = session_.recordings[recording];
   Series y = predict(session_, recording, state, pixels);
+  const float limit = usable_limit(state);
   for (Index k = 0; k < y.rows(); ++k) {
     const bool counts = frame_counts(recording, static_cast<std::size_t>(k));
     for (Index j = 0; j < y.cols(); ++j) {
       const int pixel = pixels[static_cast<std::size_t>(j)];
       const bool good = session_.good[static_cast<std::size_t>(pixel)] != 0;
-      y(k, j) = counts && good ? (r.values(k, pixel) - y(k, j)) / static_cast<float>(floor_k_) : 0.0F;
+      const bool clipped = y(k, j) > limit || r.values(k, pixel) > limit;
+      y(k, j) = counts && good && !clipped ? (r.values(k, pixel) - y(k, j)) / static_cast<float>(floor_k_) : 0.0F;
     }
   }
   return y;
@@ -183,6 +190,18 @@ Fitter::Columns Fitter::columns_of(std::size_t recording, const State& state,
   for (Index j = 0; j < base.cols(); ++j) {
     c.residual.col(j) = (r.values.col(fit_pixels_[static_cast<std::size_t>(j)]) - base.col(j)) * weight;
   }
+  // 1 where a value counts, 0 at and near a ceiling: it says no more than that it is there.
+  const float limit = usable_limit(state);
+  const bool limited = std::isfinite(state.camera.clip_k);
+  Series usable;
+  if (limited) {
+    usable.resize(base.rows(), base.cols());
+    for (Index j = 0; j < base.cols(); ++j) {
+      const auto seen = r.values.col(fit_pixels_[static_cast<std::size_t>(j)]).array();
+      usable.col(j) = (seen <= limit && base.col(j).array() <= limit).cast<float>();
+    }
+    c.residual.array() *= usable.array();
+  }
   for (const Coordinate& coordinate : coordinates) {
     Series& column = c.column.emplace_back();
     if (coordinate.step == 0.0) continue;  // not of this recording
@@ -191,6 +210,7 @@ Fitter::Columns Fitter::columns_of(std::size_t recording, const State& state,
     const double step = at + coordinate.step > coordinate.high ? -coordinate.step : coordinate.step;
     coordinate.set(moved, at + step);
     column = (predict(session_, recording, moved, fit_pixels_) - base) * (weight / static_cast<float>(step));
+    if (limited) column.array() *= usable.array();
   }
   for (Index k = 0; k < base.rows(); ++k) {
     if (frame_counts(recording, static_cast<std::size_t>(k))) continue;
@@ -281,14 +301,49 @@ VectorXd solve(const MatrixXd& normal, const VectorXd& right) {
   // Scaled to a unit diagonal, with a whisper of a ridge: columns that nothing sees come out as zero.
   const VectorXd scale = normal.diagonal().cwiseMax(kPriorFloor).cwiseSqrt().cwiseInverse();
   MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-  scaled.diagonal().array() += 1e-9;
+  scaled.diagonal().array() += 1e-13;
   return scale.asDiagonal() * scaled.ldlt().solve(scale.asDiagonal() * right);
+}
+
+// The solution within bounds: what would go beyond one stays there, and the others are solved for once more.
+VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const VectorXd& low, const VectorXd& high) {
+  const Index n = right.size();
+  std::vector<char> held(static_cast<std::size_t>(n), 0);
+  VectorXd x = VectorXd::Zero(n);
+  for (int round = 0; round < 6; ++round) {
+    std::vector<Index> free;
+    for (Index j = 0; j < n; ++j) {
+      if (held[static_cast<std::size_t>(j)] == 0) free.push_back(j);
+    }
+    const auto count = static_cast<Index>(free.size());
+    MatrixXd a(count, count);
+    VectorXd b(count);
+    for (Index r = 0; r < count; ++r) {
+      const Index i = free[static_cast<std::size_t>(r)];
+      b[r] = right[i];
+      for (Index j = 0; j < n; ++j) {
+        if (held[static_cast<std::size_t>(j)] != 0) b[r] -= normal(i, j) * x[j];
+      }
+      for (Index c = 0; c < count; ++c) a(r, c) = normal(i, free[static_cast<std::size_t>(c)]);
+    }
+    const VectorXd solved = solve(a, b);
+    bool again = false;
+    for (Index r = 0; r < count; ++r) {
+      const Index j = free[static_cast<std::size_t>(r)];
+      x[j] = std::clamp(solved[r], low[j], high[j]);
+      if (x[j] == solved[r]) continue;
+      held[static_cast<std::size_t>(j)] = 1;
+      again = true;
+    }
+    if (!again) break;
+  }
+  return x;
 }
 
 MatrixXd inverse(const MatrixXd& normal) {
   const VectorXd scale = normal.diagonal().cwiseMax(kPriorFloor).cwiseSqrt().cwiseInverse();
   MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-  scaled.diagonal().array() += 1e-9;
+  scaled.diagonal().array() += 1e-13;
   return scale.asDiagonal() * scaled.ldlt().solve(MatrixXd::Identity(normal.rows(), normal.cols())) *
          scale.asDiagonal();
 }
@@ -350,12 +405,18 @@ FitResult Fitter::fit(const State& start, const std::vector<Choice>& choices, in
     MatrixXd with_prior = normal / excess;
     VectorXd pulled = right / excess;
     add_prior(u, state, with_prior, pulled);
-    const VectorXd step = solve(with_prior, pulled);
+    VectorXd low(count);
+    VectorXd high(count);
     for (std::size_t j = 0; j < u.coordinates.size(); ++j) {
       const Coordinate& c = u.coordinates[j];
-      const double limit = 6.0 * c.step;
-      const double at = c.get(state) + std::clamp(step[static_cast<Index>(j)], -limit, limit);
-      c.set(state, std::clamp(at, c.low, c.high));
+      const double limit = kLargestStep * c.step;
+      low[static_cast<Index>(j)] = std::max(-limit, std::min(0.0, c.low - c.get(state)));
+      high[static_cast<Index>(j)] = std::min(limit, std::max(0.0, c.high - c.get(state)));
+    }
+    const VectorXd step = solve_within(with_prior, pulled, low, high);
+    for (std::size_t j = 0; j < u.coordinates.size(); ++j) {
+      const Coordinate& c = u.coordinates[j];
+      c.set(state, c.get(state) + step[static_cast<Index>(j)]);
     }
     for (std::size_t i = 0; i < columns.size(); ++i) {
       for (std::size_t k = 0; k < columns[i].shift.size(); ++k) {
@@ -404,6 +465,7 @@ Score Fitter::score(const State& state) const {
   for_each_index(parts.size(), threads_, [&](std::size_t i) {
     if (!has_model(session_.recordings[i])) return;
     const Series r = residual(i, state, all_pixels_);
+    const bool limited = std::isfinite(state.camera.clip_k);
     for (Index from = 0; from < r.rows(); from += kCellFrames) {
       double sum = 0.0;
       double count = 0.0;
@@ -412,6 +474,7 @@ Score Fitter::score(const State& state) const {
         for (std::size_t j = 0; j < all_pixels_.size(); ++j) {
           if (!held_out(session_, static_cast<std::size_t>(k), all_pixels_[j])) continue;
           const auto value = static_cast<double>(r(k, static_cast<Index>(j)));
+          if (limited && value == 0.0) continue;
           sum += value * value;
           count += 1.0;
         }
@@ -478,12 +541,14 @@ std::vector<Gain> Fitter::screen(const FitResult& base, const std::vector<Choice
       b[r] = normal(chosen[static_cast<std::size_t>(r)], all);
     }
     add_prior(u, base.state, a, b);
-    VectorXd x = solve(a, b);
+    VectorXd low(size);
+    VectorXd high(size);
     for (Index r = 0; r < size; ++r) {
       const Coordinate& c = wide[static_cast<std::size_t>(chosen[static_cast<std::size_t>(r)])];
-      const double at = c.get(base.state);
-      x[r] = std::clamp(x[r], c.low - at, c.high - at);
+      low[r] = std::min(0.0, c.low - c.get(base.state));
+      high[r] = std::max(0.0, c.high - c.get(base.state));
     }
+    const VectorXd x = solve_within(a, b, low, high);
     test.clear();
     for (const auto& of : groups) {
       for (const Group& g : of) {
@@ -503,7 +568,7 @@ std::vector<Gain> Fitter::screen(const FitResult& base, const std::vector<Choice
   part(chosen, before);
   std::vector<Gain> gains(candidates.size());
   for (std::size_t i = 0; i < candidates.size(); ++i) {
-    if (candidates[i].effect->map != MapKind::kNone) {
+    if (candidates[i].effect->map != MapKind::kNone && !candidates[i].effect->coordinates) {
       gains[i] = gain_between(base.score, map_gain(base, candidates[i].effect->map));
       continue;
     }

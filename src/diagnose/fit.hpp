@@ -71,6 +71,8 @@ class Fitter {
   bool frame_counts(std::size_t recording, std::size_t frame) const;
 
  private:
+  // Below it a value is what the camera would have shown without a ceiling.
+  float usable_limit(const State& state) const;
   struct Columns;
   struct Normal;
   Columns columns_of(std::size_t recording, const State& state, const std::vector<Coordinate>& coordinates) const;

@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Index;
 
-constexpr std::array<MapKind, 3> kKinds{MapKind::kOffset, MapKind::kGain, MapKind::kTau};
+constexpr std::array<MapKind, 4> kKinds{MapKind::kOffset, MapKind::kGain, MapKind::kTau, MapKind::kDrift};
 
 // What a change of one pixel's value does to its readings, per unit: 1, T - reference, dT / d ln tau.
 Series basis_of(const Session& session, std::size_t recording, const State& state, MapKind kind,
@@ -25,6 +25,17 @@ Series basis_of(const Session& session, std::size_t recording, const State& stat
     Series t = predict(session, recording, state, pixels);
     t.array() -= static_cast<float>(kGainReference);
     return t;
+  }
+  if (kind == MapKind::kDrift) {
+    const Recording& r = session.recordings[recording];
+    Series d(r.frames(), static_cast<Index>(pixels.size()));
+    const auto& cubic = state.camera.drift[recording];
+    for (Index k = 0; k < d.rows(); ++k) {
+      const double s = 2.0 * r.t[static_cast<std::size_t>(k)] / std::max(1e-9, r.t.back()) - 1.0;
+      d.row(k).setConstant(static_cast<float>(state.camera.drift_level[recording] + cubic[0] * s +
+                                              cubic[1] * (s * s - 1.0 / 3.0) + cubic[2] * (s * s * s - 0.6 * s)));
+    }
+    return d;
   }
   constexpr double kStep = 0.03;
   State slower = state;
@@ -38,14 +49,15 @@ Series basis_of(const Session& session, std::size_t recording, const State& stat
 
 Eigen::VectorXf& map_of(CameraModel& camera, MapKind kind) {
   if (kind == MapKind::kOffset) return camera.offset;
+  if (kind == MapKind::kDrift) return camera.drift_share;
   return kind == MapKind::kGain ? camera.gain : camera.tau;
 }
 
-double largest(MapKind kind) { return kind == MapKind::kTau ? 0.3 : kind == MapKind::kGain ? 0.3 : 1e3; }
+double largest(MapKind kind) { return kind == MapKind::kOffset ? 1e3 : kind == MapKind::kDrift ? 2.0 : 0.3; }
 
 struct PixelSums {
-  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
+  Eigen::Vector4d right = Eigen::Vector4d::Zero();
 };
 
 // Zero mean over the pixels that count, and as much of the scatter as is not noise: `noise2` is its mean variance.
@@ -64,18 +76,30 @@ void centre_and_shrink(Eigen::VectorXf& map, std::span<const int> pixels, double
 }  // namespace
 
 void Fitter::estimate_maps(State& state, const std::vector<Choice>& choices) const {
-  std::array<bool, 3> wanted{};
+  std::array<bool, 4> wanted{};
   for (std::size_t i = 0; i < kKinds.size(); ++i) {
     wanted[i] = std::ranges::any_of(choices, [&](const Choice& c) { return c.effect->map == kKinds[i]; });
     Eigen::VectorXf& map = map_of(state.camera, kKinds[i]);
     if (wanted[i] && map.size() == 0) map = Eigen::VectorXf::Zero(session_.grid.pixels());
+  }
+  if (wanted[3]) {
+    // What the levels have taken up of the drift: their errors, since nothing else explains them better.
+    const State files = nominal_state(session_, {});
+    state.camera.drift_level.assign(session_.recordings.size(), 0.0);
+    if (state.camera.drift.empty()) state.camera.drift.resize(session_.recordings.size());
+    for (std::size_t i = 0; i < session_.recordings.size(); ++i) {
+      const auto& now = state.stimuli[i].level_k;
+      for (std::size_t l = 0; l < now.size(); ++l) {
+        state.camera.drift_level[i] += (now[l] - files.stimuli[i].level_k[l]) / static_cast<double>(now.size());
+      }
+    }
   }
   std::vector<std::vector<PixelSums>> sums(session_.recordings.size());
   for_each_index(sums.size(), threads_, [&](std::size_t i) {
     if (!has_model(session_.recordings[i])) return;
     sums[i].resize(all_pixels_.size());
     const Series r = residual(i, state, all_pixels_);
-    std::array<Series, 3> basis;
+    std::array<Series, 4> basis;
     for (std::size_t b = 0; b < kKinds.size(); ++b) {
       if (wanted[b]) basis[b] = basis_of(session_, i, state, kKinds[b], all_pixels_);
     }
@@ -84,7 +108,7 @@ void Fitter::estimate_maps(State& state, const std::vector<Choice>& choices) con
       for (std::size_t j = 0; j < all_pixels_.size(); ++j) {
         if (held_out(session_, static_cast<std::size_t>(k), all_pixels_[j])) continue;
         const auto column = static_cast<Index>(j);
-        Eigen::Vector3d x = Eigen::Vector3d::Zero();
+        Eigen::Vector4d x = Eigen::Vector4d::Zero();
         for (std::size_t b = 0; b < kKinds.size(); ++b) {
           if (wanted[b]) x[static_cast<Index>(b)] = static_cast<double>(basis[b](k, column));
         }
@@ -93,7 +117,7 @@ void Fitter::estimate_maps(State& state, const std::vector<Choice>& choices) con
       }
     }
   });
-  std::array<double, 3> noise2{};
+  std::array<double, 4> noise2{};
   for (std::size_t j = 0; j < all_pixels_.size(); ++j) {
     PixelSums total;
     for (const auto& of : sums) {
@@ -105,8 +129,8 @@ void Fitter::estimate_maps(State& state, const std::vector<Choice>& choices) con
       const auto d = static_cast<Index>(b);
       if (!wanted[b] || total.normal(d, d) <= 0.0) total.normal(d, d) = 1e30;
     }
-    const Eigen::Matrix3d spread = total.normal.inverse();
-    const Eigen::Vector3d change = spread * total.right;
+    const Eigen::Matrix4d spread = total.normal.inverse();
+    const Eigen::Vector4d change = spread * total.right;
     for (std::size_t b = 0; b < kKinds.size(); ++b) {
       if (!wanted[b]) continue;
       Eigen::VectorXf& map = map_of(state.camera, kKinds[b]);

@@ -48,9 +48,8 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
   const double half_width = (session.width - 1) / 2.0;
   const double half_height = (session.height - 1) / 2.0;
   const double corner = half_width * half_width + half_height * half_height;
-  const bool plain = c.corner_gain == 0.0 && c.corner_offset == 0.0 && c.row_offset[0] == 0.0 &&
-                     c.row_offset[1] == 0.0 && c.offset.size() == 0 && c.gain.size() == 0 && c.terms.empty() &&
-                     c.drift.empty() && std::isinf(c.clip_k);
+  const bool plain = c.corner_gain == 0.0 && c.corner_offset == 0.0 && c.heating_k == 0.0 && c.offset.size() == 0 && c.gain.size() == 0 && c.terms.empty() &&
+                     c.drift.empty();
   if (c.radiance != 0.0) {
     for (float& v : y.reshaped()) v = static_cast<float>(mixed_temperature(static_cast<double>(v), c.radiance));
   }
@@ -63,8 +62,7 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
     const double radius2 = (dx * dx + dy * dy) / std::max(1.0, corner);
     const double row = session.grid.row_of(pixel) / std::max(1.0, session.height - 1.0);
     const double column = session.grid.column_of(pixel) / std::max(1.0, session.width - 1.0);
-    const double ramp = 2.0 * row - 1.0;
-    double fixed = c.corner_offset * radius2 + c.row_offset[0] * ramp + c.row_offset[1] * (ramp * ramp - 1.0 / 3.0);
+    double fixed = c.corner_offset * radius2 + c.heating_k * (1.0 - std::exp(-c.heating_rate * row));
     if (c.offset.size() > 0) fixed += static_cast<double>(c.offset[pixel]);
     double gain = c.corner_gain * radius2;
     if (c.gain.size() > 0) gain += static_cast<double>(c.gain[pixel]);
@@ -75,12 +73,16 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
       if (!c.drift.empty()) {
         const double s = 2.0 * t / length - 1.0;
         const auto& d = c.drift[index];
-        value += d[0] * s + d[1] * (s * s - 1.0 / 3.0) + d[2] * (s * s * s - 0.6 * s);
+        const double drifted = d[0] * s + d[1] * (s * s - 1.0 / 3.0) + d[2] * (s * s * s - 0.6 * s);
+        value += drifted;
+        if (c.drift_share.size() > 0) {
+          value += static_cast<double>(c.drift_share[pixel]) * (drifted + c.drift_level[index]);
+        }
       }
       for (const CameraModel::Term& term : c.terms) {
         value += term.value * term.unit({row, column, recording.start_s + t}, shown);
       }
-      y(k, static_cast<Eigen::Index>(j)) = static_cast<float>(std::min(value, c.clip_k));
+      y(k, static_cast<Eigen::Index>(j)) = static_cast<float>(value);
     }
   }
 }

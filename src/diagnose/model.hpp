@@ -30,12 +30,15 @@ struct CameraModel {
   double corner_gain = 0.0;       // added at the corners, growing with the square of the radius
   double corner_offset = 0.0;     // K
   double clock_skew = 0.0;        // the frame period is longer by this share
-  double clip_k = std::numeric_limits<double>::infinity();
-  std::array<double, 2> row_offset{};  // K: linear and quadratic in the row
+  double clip_k = std::numeric_limits<double>::infinity();  // values from here on up say nothing
+  double heating_k = 0.0;         // the offset grows with the row: heating_k (1 - exp(-heating_rate row)), row 0..1
+  double heating_rate = 3.0;
   Eigen::VectorXf offset;  // K of each pixel of the grid; empty: none
   Eigen::VectorXf gain;    // share of T - kGainReference; empty: none
   Eigen::VectorXf tau;     // share of tau; empty: none
   std::vector<std::array<double, 3>> drift;  // K of each recording: linear, quadratic, cubic in its own time
+  std::vector<double> drift_level;           // K of each recording: its mean drift, which its levels have taken up
+  Eigen::VectorXf drift_share;               // of each pixel: by how much more it drifts than the mean; empty: none
   // Terms of effects that only add: value of the coordinate and what one unit of it adds, K.
   struct Term {
     double value = 0.0;

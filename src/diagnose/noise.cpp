@@ -440,12 +440,14 @@ NoiseStatistics measure_noise(const Session& session) {
   const double own = rest.square / rest.count;
   n.sigma_tvh = std::sqrt(own);
   n.total_k = std::sqrt(total.square / total.count);
-  n.flicker = component(frame.square, frame.count, own / good, 1.0);
   n.flicker_correlation = frame.square > 0.0 ? lag / frame.square : 0.0;
   const double in_row = static_cast<double>(width) * share;
   const double in_column = static_cast<double>(height) * share;
   n.rows = component(row.square, row.count * (1.0 - 1.0 / static_cast<double>(height)), own / in_row, 1.0);
   n.columns = component(column.square, column.count * (1.0 - 1.0 / static_cast<double>(width)), own / in_column, 1.0);
+  const double stripes = n.columns.value * n.columns.value / static_cast<double>(width) +
+                         n.rows.value * n.rows.value / static_cast<double>(height);
+  n.flicker = component(frame.square, frame.count, own / good + stripes, 1.0);
   // Taking out the means of rows and columns binds neighbours by - 1/width or - 1/height.
   const auto correlation_z = [&](const Sums& s, double bias) {
     return s.count > 0.0 ? (s.square / s.count / own + bias) * std::sqrt(s.count) : 0.0;

@@ -39,7 +39,7 @@ Complex read_out(const Response& r, double omega) {
   const Complex i(0.0, 1.0);
   Complex factor = 1.0;
   const double turn = omega * r.window_s;
-  if (std::abs(turn) > 1e-9) factor *= (1.0 - std::exp(-i * turn)) / (i * turn);
+  if (std::abs(turn) > 1e-9) factor *= std::sin(turn / 2.0) / (turn / 2.0);
   const Complex back = std::exp(-i * omega * r.period_s);
   if (r.filter == FrameFilter::kRecursive) factor *= r.alpha / (1.0 - (1.0 - r.alpha) * back);
   if (r.filter == FrameFilter::kBox) factor *= r.alpha + (1.0 - r.alpha) * back;
@@ -115,7 +115,7 @@ double StepTable::integral(double t_s) const noexcept {
 
 double StepTable::at(double t_s) const noexcept {
   if (window_s_ < 1e-7) return instant(t_s);
-  return (integral(t_s) - integral(t_s - window_s_)) / window_s_;
+  return (integral(t_s + window_s_ / 2.0) - integral(t_s - window_s_ / 2.0)) / window_s_;
 }
 
 BarTable::BarTable(const Bars& bars, const Response& response) : scale_(kPhases / bars.period_px) {

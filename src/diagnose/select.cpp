@@ -1,6 +1,8 @@
 #include "select.hpp"
 
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
 #include <cmath>
 #include <random>
 
@@ -81,8 +83,9 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
                          const std::function<bool(const Effect&)>& allowed,
                          const std::function<bool(const std::string& step, double done)>& progress) {
   Selection s{base, {}};
-  const Selector selector(fitter, base.state);
   const Session& session = fitter.session();
+  const State files = nominal_state(session, {});
+  const Selector selector(fitter, files);
   while (s.chosen.size() < kMostEffects) {
     std::vector<Choice> candidates;
     for (const Effect* effect : catalogue()) {
@@ -97,6 +100,7 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
     std::vector<std::size_t> order(candidates.size());
     for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
     std::ranges::sort(order, std::greater{}, [&](std::size_t i) { return gains[i].total; });
+    if (getenv("BD")) for (auto i: order) fprintf(stderr, "  screen %s/%d %.1f z %.1f\n", candidates[i].effect->name.c_str(), candidates[i].form, gains[i].total, gains[i].z);
     std::vector<Tried> tried;
     const auto attempt = [&](const Choice& choice) {
       std::vector<Choice> choices;
@@ -106,6 +110,7 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
       for (std::size_t c = 0; c + 1 < choices.size(); ++c) choices[c].form = -1;
       Tried t{choice, selector.refit(s.fit, choices), {}};
       t.gain = selector.gain(s.fit, t.fit);
+      if (getenv("BD")) fprintf(stderr, "  try %s/%d gain %.1f z %.1f gap %.4f\n", t.choice.effect->name.c_str(), t.choice.form, t.gain.total, t.gain.z, t.fit.score.gap());
       tried.push_back(std::move(t));
     };
     std::vector<const Effect*> seen;
@@ -116,7 +121,7 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
       attempt(candidates[i]);
     }
     // Levels that are off may be the camera's doing, which a fit with free levels cannot see in the residual.
-    const auto all = nuisances(session, base.state);
+    const auto all = nuisances(session, files);
     const Effect* emissivity = find_effect("emissivity");
     if (level_spread(all, s.fit.state) > 4.0 * kLevelResolution && emissivity != nullptr && allowed(*emissivity) &&
         std::ranges::count(seen, emissivity) == 0 &&

@@ -32,6 +32,7 @@ extern const Effect drift_effect{
     .needs = "a closed shutter over a second or more",
     .told_by = [](const Session& s) { return has_kind(s, Kind::kUniform) || has_kind(s, Kind::kChopper); },
     .coordinates = cubics,
+    .map = MapKind::kDrift,
     .report =
         [](const Session&, const State& s, std::span<const double>, std::span<const double> e) {
           double largest = 0.0;

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "effect.hpp"
@@ -11,19 +12,16 @@ extern const Effect self_heating_effect{
     .needs = "a closed shutter",
     .told_by = [](const Session& s) { return has_kind(s, Kind::kUniform); },
     .coordinates =
-        [](const Session& session) {
-          static_cast<void>(session);
-          return std::vector<Coordinate>{{"linear", 0.02, -2.0, 2.0, [](const State& s) { return s.camera.row_offset[0]; },
-                [](State& s, double v) { s.camera.row_offset[0] = v; }}, {"quadratic", 0.02, -2.0, 2.0, [](const State& s) { return s.camera.row_offset[1]; },
-                [](State& s, double v) { s.camera.row_offset[1] = v; }}};
+        [](const Session&) {
+          return std::vector<Coordinate>{
+              {"heating_k", 0.02, -5.0, 5.0, [](const State& s) { return s.camera.heating_k; },
+               [](State& s, double v) { s.camera.heating_k = v; }},
+              {"log_rate", 0.1, -2.5, 2.5, [](const State& s) { return std::log(s.camera.heating_rate / 3.0); },
+               [](State& s, double v) { s.camera.heating_rate = 3.0 * std::exp(v); }}};
         },
-    .map = MapKind::kNone,
-    .forms = {},
     .report =
-        [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {
-          static_cast<void>(session);
-          static_cast<void>(s);
-          return std::map<std::string, Estimate>{{"amplitude_k", interval(std::abs(v[0]) * 2.0, e[0] * 2.0)}};
+        [](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
+          return std::map<std::string, Estimate>{{"amplitude_k", interval(std::abs(v[0]), e[0])}};
         },
 };
 
