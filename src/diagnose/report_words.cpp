@@ -1,0 +1,240 @@
+#include "bolo/diagnose/report_words.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+#include <string_view>
+
+#include "src/diagnose/report/effect_words.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+// A unit in which a value is read easily.
+struct Unit {
+  double factor = 1.0;
+  const char* text = "";
+};
+
+bool ends_with(std::string_view text, std::string_view end) { return text.ends_with(end); }
+
+bool is_share(std::string_view key) {
+  constexpr std::array<std::string_view, 10> kShares{"rms",    "share",  "fraction", "corner_loss",       "coupling",
+                                                     "spread", "alpha%", "uneven",   "velocity_relative", "reflection"};
+  return std::ranges::find(kShares, key) != kShares.end() || ends_with(key, "_share") || ends_with(key, "_fraction");
+}
+
+Unit unit_of(std::string_view key, double value, bool utf8) {
+  const double size = std::abs(value);
+  if (ends_with(key, "_s") && !ends_with(key, "px_s")) {
+    if (size > 0.0 && size < 1e-3) return {1e6, utf8 ? " \u00b5s" : " us"};
+    return size < 1.0 ? Unit{1e3, " ms"} : Unit{1.0, " s"};
+  }
+  if (ends_with(key, "_k")) return size < 0.5 ? Unit{1e3, " mK"} : Unit{1.0, " K"};
+  if (ends_with(key, "px_s")) return {1.0, " px/s"};
+  if (ends_with(key, "_hz")) return {1.0, " Hz"};
+  if (ends_with(key, "_px")) return {1.0, " px"};
+  if (key == "skew") return {1e6, " ppm"};
+  if (is_share(key)) return {100.0, " %"};
+  return {};
+}
+
+// Three significant digits, without an exponent for what a person may meet.
+std::string digits(double value) {
+  if (!std::isfinite(value)) return "?";
+  char text[48];
+  const double size = std::abs(value);
+  if (size >= 1e6 || (size > 0.0 && size < 1e-4)) {
+    std::snprintf(text, sizeof text, "%.2e", value);
+  } else if (size >= 99.95) {
+    std::snprintf(text, sizeof text, "%.0f", value);
+  } else {
+    std::snprintf(text, sizeof text, "%.3g", value);
+  }
+  return text;
+}
+
+bool known(const FoundEffect& effect, const std::string& key) {
+  const auto found = effect.parameters.find(key);
+  return found != effect.parameters.end() && std::isfinite(found->second.value);
+}
+
+// The text for what stands between the braces, or nothing when the parameter is missing.
+std::optional<std::string> place(const FoundEffect& effect, const std::string& inner, bool utf8) {
+  const std::string key = inner.substr(0, inner.find_first_of("~?%"));
+  if (!known(effect, key)) return std::nullopt;
+  const double value = effect.parameters.at(key).value;
+  const std::string rest = inner.substr(key.size());
+  if (rest == "~") return digits(100.0 * std::abs(value - 1.0)) + " %";
+  if (rest == "%") return digits(100.0 * value) + " %";
+  if (rest.starts_with('?')) {
+    const std::size_t bar = rest.find('|');
+    const double neutral = key == "scale" ? 1.0 : 0.0;
+    return value >= neutral ? rest.substr(1, bar - 1) : rest.substr(bar + 1);
+  }
+  const bool is_signless = key == "skew";
+  return quantity(key, is_signless ? std::abs(value) : value, utf8);
+}
+
+std::optional<std::string> filled(std::string_view sentence, const FoundEffect& effect, bool utf8) {
+  std::string out;
+  while (true) {
+    const std::size_t open = sentence.find('{');
+    out += sentence.substr(0, open);
+    if (open == std::string_view::npos) return out;
+    const std::size_t close = sentence.find('}', open);
+    const auto text = place(effect, std::string(sentence.substr(open + 1, close - open - 1)), utf8);
+    if (!text) return std::nullopt;
+    out += *text;
+    sentence.remove_prefix(close + 1);
+  }
+}
+
+const EffectWords* words_of(const std::string& name) {
+  const auto* const found = std::ranges::find(kEffectWords, name, &EffectWords::name);
+  return found != kEffectWords.end() ? found : nullptr;
+}
+
+std::string percent(double fraction) {
+  char text[32];
+  const double value = 100.0 * fraction;
+  std::snprintf(text, sizeof text, value > 99.5 && value < 99.95 ? "%.1f %%" : "%.0f %%", value);
+  return text;
+}
+
+bool any_signal_effect(const Report& report) {
+  return std::ranges::any_of(report.effects, [](const FoundEffect& e) { return !e.of_noise; });
+}
+
+std::string lower_first(std::string text) {
+  if (text.size() > 1 && text[0] >= 'A' && text[0] <= 'Z' && (text[1] < 'A' || text[1] > 'Z')) {
+    text[0] = static_cast<char>(text[0] - 'A' + 'a');
+  }
+  return text;
+}
+
+// What adding the effects achieves.
+std::string closing(const Report& report) {
+  const std::string these = report.effects.size() == 1 ? "this" : "these";
+  if (!any_signal_effect(report) || !(report.gap_before > 1.0)) {
+    return "adding " + these + " brings the noise's statistics from " + gap_text(report.noise_gap_before) + " to " +
+           gap_text(report.noise_gap_after) + " of what was expected";
+  }
+  return "adding " + these + " closes " + percent(report.closed_fraction) + " of the gap";
+}
+
+std::string left_over(const Report& report) {
+  std::string text = "Something is left that no effect in the catalogue explains";
+  if (!report.unexplained.where.empty()) text += ": " + lower_first(report.unexplained.where);
+  return text;
+}
+
+std::string found(const Report& report, bool utf8) {
+  const FoundEffect& first = report.effects.front();
+  if (report.effects.size() == 1) return effect_sentence(first, utf8) + "; " + closing(report);
+  std::string others;
+  for (std::size_t i = 1; i < report.effects.size(); ++i) {
+    others += (i == 1                           ? ""
+               : i + 1 == report.effects.size() ? " and "
+                                                : ", ") +
+              lower_first(effect_title(report.effects[i].name));
+  }
+  return effect_sentence(first, utf8) + "; with it come " + others + "; " + closing(report);
+}
+
+std::string sentence_end(std::string text) {
+  if (!text.empty() && text.back() != '.') text += '.';
+  return text;
+}
+
+void add_line(std::string& out, const std::string& name, const std::string& text) {
+  out += "  " + name + std::string(name.size() < 12 ? 12 - name.size() : 1, ' ') + text + '\n';
+}
+
+std::string parameters_text(const FoundEffect& effect) {
+  std::string text;
+  for (const auto& [key, estimate] : effect.parameters) {
+    text += (text.empty() ? "" : ", ") + key + ' ' + quantity(key, estimate);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string quantity(const std::string& key, double value, bool utf8) {
+  const Unit unit = unit_of(key, value, utf8);
+  return digits(value * unit.factor) + unit.text;
+}
+
+std::string quantity(const std::string& key, const Estimate& estimate, bool utf8) {
+  const Unit unit = unit_of(key, estimate.value, utf8);
+  return digits(estimate.value * unit.factor) + unit.text + " (" + digits(estimate.low * unit.factor) + " to " +
+         digits(estimate.high * unit.factor) + ")";
+}
+
+std::string effect_title(const std::string& name) {
+  if (const EffectWords* words = words_of(name)) return std::string(words->title);
+  std::string title = name;
+  std::ranges::replace(title, '_', ' ');
+  return title;
+}
+
+std::string effect_sentence(const FoundEffect& effect, bool utf8) {
+  const EffectWords* const words = words_of(effect.name);
+  if (words == nullptr) return effect_title(effect.name) + " is at work";
+  if (words->sentence.empty()) return std::string(words->plain);
+  return filled(words->sentence, effect, utf8).value_or(std::string(words->plain));
+}
+
+std::string gap_text(double gap) {
+  if (!std::isfinite(gap)) return "?";
+  char text[32];
+  std::snprintf(text, sizeof text, gap < 1.995 ? "%.2f" : gap < 99.5 ? "%.1f" : "%.0f", gap);
+  return text;
+}
+
+std::string headline(const Report& report, bool utf8) {
+  if (report.verdict == "no_gap") {
+    return "The simulator cannot be told from the camera in these captures: nothing needs to be added.";
+  }
+  if (report.effects.empty()) return sentence_end(left_over(report));
+  if (report.verdict == "unknown_effect") {
+    return sentence_end(left_over(report)) + " Beside it: " + lower_first(found(report, utf8)) + ".";
+  }
+  std::string text = found(report, utf8) + ".";
+  if (report.verdict == "partly_explained") text += ' ' + sentence_end(left_over(report));
+  return text;
+}
+
+std::string report_summary(const Report& report) {
+  std::string out = headline(report) + '\n';
+  add_line(out, "verdict", report.verdict);
+  add_line(out, "gap",
+           gap_text(report.gap_before) + " -> " + gap_text(report.gap_after) + " noise floors (1.00: none)");
+  add_line(out, "noise",
+           gap_text(report.noise_gap_before) + " -> " + gap_text(report.noise_gap_after) +
+               " of its own statistics, floor " + quantity("floor_k", report.noise_floor_k));
+  for (const FoundEffect& effect : report.effects) {
+    add_line(out, "effect",
+             effect.name + " (" + effect.stage + ", " + percent(effect.confidence) + " sure): gap " +
+                 gap_text(effect.gap_before) + " -> " + gap_text(effect.gap_after) +
+                 (effect.of_noise ? " of noise" : ""));
+    if (!effect.parameters.empty()) add_line(out, "", parameters_text(effect));
+  }
+  for (const auto& [file, errors] : report.stimulus) {
+    std::string text = file + ':';
+    for (const auto& [key, value] : errors) text += ' ' + key + ' ' + quantity(key, value) + ',';
+    text.pop_back();
+    add_line(out, "stimulus", text);
+  }
+  if (!report.unexplained.where.empty()) add_line(out, "unexplained", report.unexplained.where);
+  for (const NotIdentifiable& one : report.not_identifiable) {
+    add_line(out, "cannot tell", one.effect + (one.needs.empty() ? "" : ": needs " + one.needs));
+  }
+  for (const std::string& warning : report.warnings) add_line(out, "warning", warning);
+  return out;
+}
+
+}  // namespace bolo::diagnose

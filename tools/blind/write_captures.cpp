@@ -1,0 +1,112 @@
+#include <cstddef>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <utility>
+#include <variant>
+
+#include "bolo/sim/simulator.hpp"
+#include "tools/blind/captures.hpp"
+
+namespace bolo::tools::blind {
+namespace {
+
+constexpr double kRateHz = 200.0;
+
+// The HDF5 library is not made for two threads.
+std::mutex& hdf5_mutex() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+// Bars that stand `shift_px` further right.
+class Shifted final : public sim::Field {
+ public:
+  Shifted(std::unique_ptr<const sim::Field> field, double shift_px) : field_(std::move(field)), shift_px_(shift_px) {}
+  void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept override {
+    field_->sample_from(t_s, column - shift_px_, row, out);
+  }
+  void instants(double from_s, double to_s, double response_s, std::vector<double>& out) const override {
+    field_->instants(from_s, to_s, response_s, out);
+  }
+  sim::Extremes extremes() const override { return field_->extremes(); }
+  capture::Stimulus stimulus(double from_s, double to_s) const override { return field_->stimulus(from_s, to_s); }
+
+ private:
+  std::unique_ptr<const sim::Field> field_;
+  double shift_px_;
+};
+
+// The stimulus as it really is.
+Result<std::unique_ptr<const sim::Field>> true_field(const Session&, const CapturePlan& plan) {
+  const StimulusFaults& faults = plan.faults;
+  if (const auto* uniform = std::get_if<capture::Uniform>(&plan.stimulus)) {
+    return sim::make_uniform(uniform->temperature_k + faults.cold_error_k);
+  }
+  if (const auto* nominal = std::get_if<capture::Chopper>(&plan.stimulus)) {
+    capture::Chopper chopper = *nominal;
+    for (double& on_s : chopper.on_s) on_s += faults.start_s;
+    for (double& off_s : chopper.off_s) off_s += faults.start_s;
+    return sim::make_chopper(std::move(chopper));
+  }
+  return std::make_unique<const Shifted>(sim::make_bars(std::get<capture::BarTarget>(plan.stimulus)), faults.start_px);
+}
+
+sim::CameraSettings camera_of(const Session& session, const CapturePlan& plan) {
+  sim::CameraSettings camera;
+  camera.geometry = session.geometry;
+  camera.rate_hz = kRateHz;
+  camera.readout.seed = plan.noise_seed;
+  camera.threads = 1;
+  camera.effects = plan.effects;
+  camera.camera_seed = session.camera_seed;
+  camera.session_start_s = plan.session_start_s;
+  return camera;
+}
+
+// All frames one after another.
+std::vector<std::byte> simulated(sim::Simulator& simulator, std::size_t frames) {
+  const StreamFormat format = simulator.format();
+  const std::size_t bytes = plane_bytes(format.geometry, format.type);
+  std::vector<std::byte> planes(bytes * frames);
+  for (std::size_t k = 0; k < frames; ++k) simulator.next(planes.data() + k * bytes, nullptr);
+  return planes;
+}
+
+// Without the attributes that sim::write_capture() adds: they tell seeds.
+Status write_file(const std::filesystem::path& file, const StreamFormat& format, const CapturePlan& plan,
+                  const std::vector<std::byte>& planes) {
+  const std::lock_guard lock(hdf5_mutex());
+  capture::CaptureInfo info;
+  info.format = format;
+  info.camera_model = "camera";
+  auto writer = capture::CaptureWriter::create(file, info);
+  if (!writer) return tl::unexpected(writer.error());
+  Status status = writer->write_stimulus(plan.stimulus);
+  const std::size_t bytes = plane_bytes(format.geometry, format.type);
+  for (std::size_t k = 0; status && k < plan.frames; ++k) {
+    status = writer->append(static_cast<double>(k) / kRateHz, k, planes.data() + k * bytes);
+  }
+  return status ? writer->close() : status;
+}
+
+Status write_capture(const Session& session, const CapturePlan& plan, const std::filesystem::path& file) {
+  auto field = true_field(session, plan);
+  if (!field) return tl::unexpected(field.error());
+  const auto simulator = sim::Simulator::create(camera_of(session, plan), std::move(*field));
+  if (!simulator) return tl::unexpected(simulator.error());
+  return write_file(file, (*simulator)->format(), plan, simulated(**simulator, plan.frames));
+}
+
+}  // namespace
+
+Result<std::vector<std::filesystem::path>> write_captures(const Session& session, const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> files;
+  for (const CapturePlan& plan : session.captures) {
+    files.push_back(folder / plan.file);
+    if (Status status = write_capture(session, plan, files.back()); !status) return tl::unexpected(status.error());
+  }
+  return files;
+}
+
+}  // namespace bolo::tools::blind
