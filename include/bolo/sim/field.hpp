@@ -20,6 +20,12 @@ struct Extremes {
   double high_k = 0.0;
 };
 
+// What optics spread a point over: a Gaussian, or a disc of radius 2 sigma, which has the same variance.
+struct Blur {
+  double sigma_px = 0.0;  // along x and along y
+  bool disc = false;
+};
+
 class Field {
  public:
   virtual ~Field() = default;
@@ -38,6 +44,9 @@ class Field {
   virtual void instants(double from_s, double to_s, double response_s, std::vector<double>& out) const = 0;
 
   virtual Extremes extremes() const = 0;
+
+  // The field through a blur, when it is known in closed form; else nullptr. Thread: setup.
+  virtual std::unique_ptr<const Field> blurred(const Blur& /*blur*/) const { return nullptr; }
 
   // The `/stimulus` that describes this field from `from_s` to `to_s`. Thread: setup.
   virtual capture::Stimulus stimulus(double from_s, double to_s) const = 0;

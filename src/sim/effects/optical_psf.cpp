@@ -8,7 +8,7 @@
 namespace bolo::sim::effects {
 namespace {
 
-constexpr int kPhases = 4;  // points a pixel, along x: the scene's edges are finer than its pixels
+constexpr int kPhases = 8;  // points a pixel, along x: the scene's edges are finer than its pixels
 
 // The blur in rows of weights: from row `-reach` to `reach`, points 1 / kPhases pixel apart from -reach pixels on.
 struct Kernel {
@@ -153,15 +153,16 @@ class BlurredView final : public View {
 
 class OpticalPsf final : public Effect {
  public:
-  explicit OpticalPsf(const EffectSetup& setup) {
-    const double sigma = setup.number("sigma_px");
-    kernel_ = setup.form("disc") ? disc(2.0 * sigma) : gaussian(sigma);
-  }
+  explicit OpticalPsf(const EffectSetup& setup)
+      : blur_{setup.number("sigma_px"), setup.form("disc")},
+        kernel_(blur_.disc ? disc(2.0 * blur_.sigma_px) : gaussian(blur_.sigma_px)) {}
   std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel&) const override {
+    if (std::unique_ptr<View> exact = inner->blurred(blur_)) return exact;
     return std::make_unique<BlurredView>(std::move(inner), kernel_);
   }
 
  private:
+  Blur blur_;
   Kernel kernel_;
 };
 
