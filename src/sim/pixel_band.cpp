@@ -60,7 +60,8 @@ PixelBand::PixelBand(const CameraModel& model, std::unique_ptr<View> view, int f
   const bool slow = model.slow_share != 0.0;
   for (std::vector<float>* plane : {&seen_.start, &seen_.middle, &seen_.end}) plane->resize(size);
   if (model.coupling != 0.0) {
-    for (std::vector<float>* plane : {&driven_.start, &driven_.middle, &driven_.end, &flow_}) plane->resize(size);
+    for (std::vector<float>* plane : {&driven_.start, &driven_.middle, &driven_.end, &flow_, &flow_end_})
+      plane->resize(size);
     ahead_.resize(size);
     input_ = &driven_;
   }
@@ -128,28 +129,28 @@ void PixelBand::add_conduction(double h) {
   add(flow_);
   ahead_ = fast_;
   advance(h, 1.0, 0, ahead_.size(), ahead_.data(), nullptr, nullptr);
-  conduct(ahead_, driven_.end);
-  add(std::vector<float>(driven_.end));
+  conduct(ahead_, flow_end_);
+  add(flow_end_);
 }
 
 void PixelBand::conduct(const std::vector<double>& shown, std::vector<float>& out) const {
-  const int height = patch_.height;
-  const int width = patch_.width;
-  const bool diagonal = model_.neighbours == 8;
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const auto at = [&](int i, int j) {
-        return shown[static_cast<std::size_t>(j) * width_ + static_cast<std::size_t>(i)];
-      };
-      const double own = at(x, y);
-      double sum = 0.0;
-      for (int j = std::max(y - 1, 0); j <= std::min(y + 1, height - 1); ++j) {
-        for (int i = std::max(x - 1, 0); i <= std::min(x + 1, width - 1); ++i) {
-          if (diagonal || i == x || j == y) sum += at(i, j) - own;
-        }
-      }
-      out[static_cast<std::size_t>(y) * width_ + static_cast<std::size_t>(x)] =
-          static_cast<float>(model_.coupling * sum);
+  const auto coupling = static_cast<float>(model_.coupling);
+  const auto add = [&](int y, int dy, int dx) {
+    if (y + dy < 0 || y + dy >= patch_.height) return;
+    const double* const own = shown.data() + static_cast<std::size_t>(y) * width_;
+    const double* const other = shown.data() + static_cast<std::size_t>(y + dy) * width_;
+    float* const to = out.data() + static_cast<std::size_t>(y) * width_;
+    const int last = patch_.width - std::max(dx, 0);
+    for (int x = std::max(-dx, 0); x < last; ++x) to[x] += coupling * static_cast<float>(other[x + dx] - own[x]);
+  };
+  std::ranges::fill(out, 0.0F);
+  for (int y = 0; y < patch_.height; ++y) {
+    for (const int d : {-1, 1}) {
+      add(y, d, 0);
+      add(y, 0, d);
+      if (model_.neighbours != 8) continue;
+      add(y, d, -1);
+      add(y, d, 1);
     }
   }
 }

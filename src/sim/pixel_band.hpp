@@ -66,6 +66,7 @@ class PixelBand {
   Inputs driven_;                 // the same with conduction
   const Inputs* input_ = &seen_;  // the one that drives the pixels
   std::vector<float> flow_;       // conduction at the step's beginning
+  std::vector<float> flow_end_;   // and at its end, as far as it can be foreseen
   std::vector<double> rate_;      // 1 / tau, as it is in this step
   std::vector<double> fast_;
   std::vector<double> slow_;  // empty without a slow part

@@ -1,71 +1,102 @@
 #include "src/sim/radiance.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <vector>
 
 namespace bolo::sim {
 namespace {
 
-constexpr double kLowest = 100.0;
-constexpr double kHighest = 2000.0;
-constexpr double kStep = 0.1;
 constexpr double kReference = 300.0;
 
 // Planck's law over 7.5 to 14 um, to a factor; Simpson's rule over 26 steps is good to a millionth from 100 K on.
-double planck_band(double kelvin) {
-  constexpr double kFrom = 7.5;
-  constexpr double kTo = 14.0;
-  constexpr int kSteps = 26;
-  constexpr double kSecondRadiationUmK = 14387.769;
-  double sum = 0.0;
-  for (int i = 0; i <= kSteps; ++i) {
-    const double um = kFrom + (kTo - kFrom) * i / kSteps;
-    const double weight = i == 0 || i == kSteps ? 1.0 : (i % 2 == 1 ? 4.0 : 2.0);
-    sum += weight / (std::pow(um, 5) * std::expm1(kSecondRadiationUmK / (um * kelvin)));
-  }
-  return sum;
-}
-
-class Table {
+class PlanckBand {
  public:
-  Table() {
-    const double middle = planck_band(kReference);
-    const double slope = (planck_band(kReference + 0.05) - planck_band(kReference - 0.05)) / 0.1;
-    const auto size = static_cast<std::size_t>(std::lround((kHighest - kLowest) / kStep)) + 1;
-    values_.reserve(size);
-    for (std::size_t i = 0; i < size; ++i) {
-      const double kelvin = kLowest + kStep * static_cast<double>(i);
-      values_.push_back(kReference + (planck_band(kelvin) - middle) / slope);
+  PlanckBand() {
+    for (int i = 0; i <= kSteps; ++i) {
+      const double um = kFrom + (kTo - kFrom) * i / kSteps;
+      const double simpson = i == 0 || i == kSteps ? 1.0 : (i % 2 == 1 ? 4.0 : 2.0);
+      points_[static_cast<std::size_t>(i)] = {simpson / std::pow(um, 5), kSecondRadiationUmK / um};
     }
   }
-
-  double forward(double kelvin) const noexcept {
-    const double place = (kelvin - kLowest) / kStep;
-    const double whole = std::clamp(std::floor(place), 0.0, static_cast<double>(values_.size() - 2));
-    const auto i = static_cast<std::size_t>(whole);
-    return values_[i] + (place - whole) * (values_[i + 1] - values_[i]);
-  }
-
-  double back(double radiance) const noexcept {
-    const auto above = std::upper_bound(values_.begin() + 1, values_.end() - 1, radiance);
-    const auto i = static_cast<std::size_t>(above - values_.begin()) - 1;
-    return kLowest + kStep * (static_cast<double>(i) + (radiance - values_[i]) / (values_[i + 1] - values_[i]));
+  double operator()(double kelvin) const {
+    double sum = 0.0;
+    for (const Point& point : points_) sum += point.weight / std::expm1(point.kelvin / kelvin);
+    return sum;
   }
 
  private:
-  std::vector<double> values_;
+  struct Point {
+    double weight = 0.0;
+    double kelvin = 0.0;
+  };
+  static constexpr double kFrom = 7.5;
+  static constexpr double kTo = 14.0;
+  static constexpr int kSteps = 26;
+  static constexpr double kSecondRadiationUmK = 14387.769;
+  std::array<Point, kSteps + 1> points_;
 };
 
-const Table& table() noexcept {
-  static const Table made;
+KelvinTable straightened_planck() {
+  const PlanckBand planck;
+  const double middle = planck(kReference);
+  const double slope = (planck(kReference + 0.05) - planck(kReference - 0.05)) / 0.1;
+  return KelvinTable([&](double kelvin) { return kReference + (planck(kelvin) - middle) / slope; });
+}
+
+const KelvinTable& table() noexcept {
+  static const KelvinTable made = straightened_planck();
   return made;
 }
 
+// Where in the table a radiance is found: for each of many equal cells the last place below it.
+class Guide {
+ public:
+  Guide() : low_(table().values().front()), cell_((table().values().back() - low_) / kCells) {
+    const std::vector<double>& values = table().values();
+    std::size_t place = 0;
+    for (int i = 0; i < kCells; ++i) {
+      while (place + 2 < values.size() && values[place + 1] <= low_ + cell_ * i) ++place;
+      places_.push_back(place);
+    }
+  }
+  std::size_t place(double radiance) const noexcept {
+    const std::vector<double>& values = table().values();
+    const double cell = std::clamp((radiance - low_) / cell_, 0.0, kCells - 1.0);
+    std::size_t i = places_[static_cast<std::size_t>(cell)];
+    while (i + 2 < values.size() && values[i + 1] <= radiance) ++i;
+    return i;
+  }
+
+ private:
+  static constexpr int kCells = 20000;
+  double low_;
+  double cell_;
+  std::vector<std::size_t> places_;
+};
+
 }  // namespace
 
-double radiance_of(double kelvin) noexcept { return table().forward(kelvin); }
+KelvinTable::KelvinTable(const std::function<double(double)>& function) {
+  const auto size = static_cast<std::size_t>(std::lround((kHighest - kLowest) / kStep)) + 1;
+  values_.reserve(size);
+  for (std::size_t i = 0; i < size; ++i) values_.push_back(function(kLowest + kStep * static_cast<double>(i)));
+}
 
-double temperature_of(double radiance) noexcept { return table().back(radiance); }
+double KelvinTable::operator()(double kelvin) const noexcept {
+  const double place = (kelvin - kLowest) / kStep;
+  const auto i = static_cast<std::size_t>(std::clamp(place, 0.0, static_cast<double>(values_.size() - 2)));
+  return values_[i] + (place - static_cast<double>(i)) * (values_[i + 1] - values_[i]);
+}
+
+double radiance_of(double kelvin) noexcept { return table()(kelvin); }
+
+double temperature_of(double radiance) noexcept {
+  static const Guide guide;
+  const std::size_t i = guide.place(radiance);
+  const std::vector<double>& values = table().values();
+  const double part = (radiance - values[i]) / (values[i + 1] - values[i]);
+  return KelvinTable::kLowest + KelvinTable::kStep * (static_cast<double>(i) + part);
+}
 
 }  // namespace bolo::sim

@@ -69,22 +69,31 @@ class SceneField final : public Field {
     return {static_cast<int>(whole), inside - whole};
   }
 
-  static double blended(float a, float b, double part) noexcept {
-    return (1.0 - part) * static_cast<double>(a) + part * static_cast<double>(b);
-  }
-
-  // Pixel by pixel, each held within the image.
+  // Pixels that may lie beyond the image: its border goes on.
   void beyond(double left, double top, std::span<float> out) const noexcept {
     const Tap y = tap(top, image_.height - 1);
     const float* const upper = image_row(y.index);
     const float* const lower = image_row(std::min(y.index + 1, image_.height - 1));
-    for (std::size_t i = 0; i < out.size(); ++i) {
-      const Tap x = tap(left + static_cast<double>(i), image_.width - 1);
-      const int next = std::min(x.index + 1, image_.width - 1);
-      const double above = blended(upper[x.index], upper[next], x.part);
-      const double below = blended(lower[x.index], lower[next], x.part);
-      out[i] = static_cast<float>(above + y.part * (below - above));
-    }
+    const double whole = std::floor(left);
+    const auto x_part = static_cast<float>(left - whole);
+    const auto y_part = static_cast<float>(y.part);
+    const auto value = [&](std::ptrdiff_t i, std::ptrdiff_t next) {
+      const float above = (1.0F - x_part) * upper[i] + x_part * upper[next];
+      const float below = (1.0F - x_part) * lower[i] + x_part * lower[next];
+      return (1.0F - y_part) * above + y_part * below;
+    };
+    const auto first = static_cast<std::ptrdiff_t>(whole);
+    const auto last = static_cast<std::ptrdiff_t>(image_.width) - 1;
+    const auto size = static_cast<std::ptrdiff_t>(out.size());
+    const auto inner = std::clamp<std::ptrdiff_t>(-first, 0, size);
+    const auto inner_end = std::clamp<std::ptrdiff_t>(last - first, inner, size);
+    const auto held = [&](std::ptrdiff_t x) {
+      return value(std::clamp<std::ptrdiff_t>(first + x, 0, last), std::clamp<std::ptrdiff_t>(first + x + 1, 0, last));
+    };
+    float* const to = out.data();
+    for (std::ptrdiff_t x = 0; x < inner; ++x) to[x] = held(x);
+    for (std::ptrdiff_t x = inner; x < inner_end; ++x) to[x] = value(first + x, first + x + 1);
+    for (std::ptrdiff_t x = inner_end; x < size; ++x) to[x] = held(x);
   }
 
   const float* image_row(int y) const noexcept {

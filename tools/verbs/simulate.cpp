@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "bolo/sim/simulator.hpp"
+#include "bolo/sim/stimulus_error.hpp"
 #include "tools/verbs/cli.hpp"
 #include "tools/verbs/simulate_effects.hpp"
 #include "tools/verbs/simulate_field.hpp"
@@ -44,7 +45,10 @@ cxxopts::Options declare() {
       "camera-seed", "Of what is fixed in the camera, such as patterns (default: the seed)",
       cxxopts::value<std::uint64_t>())("session-start", "s that the camera had been on at t = 0", number("0"));
   options.add_options("Scene")("stimulus", "uniform, chopper, bar_target or scene (default)", text())(
-      "scene", "street, bars, or a picture: PNG, JPEG, HDF5 with image_k", text("street"))(
+      "stimulus-error",
+      "How the bench differs from what is written to /stimulus: sweep_s, softness_s, start_s, cold_k, "
+      "level_k, level2_k, velocity, uneven, uneven_period_s, uneven_phase, phase, edge_px, reflection, surroundings_k",
+      text(), "key=value,...")("scene", "street, bars, or a picture: PNG, JPEG, HDF5 with image_k", text("street"))(
       "speed", "What the camera sees moves along +x, pixels/s", number("300"))(
       "trajectory", "CSV of t_s,x_px,y_px: where pixel (0, 0) looks", text(), "FILE.csv")(
       "trajectory-scale", "Of the trajectory's motion", number("1"))(
@@ -139,6 +143,17 @@ void print_result(const Options& given, const std::filesystem::path& file, const
               seconds, static_cast<double>(bytes) / 1e6);
 }
 
+Result<std::unique_ptr<const sim::Field>> field_of(const Options& given, const sim::CameraSettings& camera,
+                                                   std::size_t frames) {
+  auto field = simulated_field(given, camera, frames);
+  if (!field || given.count("stimulus-error") == 0) return field;
+  const auto error = sim::parse_stimulus_error(given["stimulus-error"].as<std::string>());
+  if (!error) return at("--stimulus-error", error.error());
+  field = sim::with_errors(std::move(*field), *error, camera.geometry);
+  if (!field) return at("--stimulus-error", field.error());
+  return field;
+}
+
 Status simulate(const Options& given) {
   const auto file = output_of(given);
   if (!file) return tl::unexpected(file.error());
@@ -146,7 +161,7 @@ Status simulate(const Options& given) {
   if (!camera) return tl::unexpected(camera.error());
   const auto frames = frames_of(given);
   if (!frames) return tl::unexpected(frames.error());
-  auto field = simulated_field(given, *camera, *frames);
+  auto field = field_of(given, *camera, *frames);
   if (!field) return tl::unexpected(field.error());
   const auto simulator = sim::Simulator::create(*camera, std::move(*field));
   if (!simulator) return tl::unexpected(simulator.error());
