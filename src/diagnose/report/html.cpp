@@ -84,10 +84,10 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
-std::string tick_text(double value) {
+std::string tick_text(double value, bool powers) {
   const double size = std::abs(value);
   if (size < 1e-12) return "0";
-  if (size >= 1e5 || size < 1e-3) {
+  if (size >= (powers ? 0.99e4 : 1e5) || size < (powers ? 0.99e-2 : 1e-3)) {
     // 1e-06 reads better as 10 to a power.
     const double exponent = std::floor(std::log10(size) + 1e-9);
     const double mantissa = value / std::pow(10.0, exponent);
@@ -97,6 +97,17 @@ std::string tick_text(double value) {
   }
   std::string text = size >= 999.5 ? format("%.0f", value) : format("%.3g", value);
   if (value < 0.0) text.replace(0, 1, "\u2212");
+  return text;
+}
+
+std::string unbroken(std::string text) {
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  for (std::size_t i = text.size(); i-- > 2;) {
+    const bool unit = text[i] == '%' || text.compare(i, 2, "\u00b5") == 0 || text.compare(i, 2, "mK") == 0 ||
+                      text.compare(i, 2, "ms") == 0 || text.compare(i, 2, "s ") == 0 || text.compare(i, 2, "Hz") == 0 ||
+                      text.compare(i, 2, "px") == 0 || text.compare(i, 2, "K ") == 0;
+    if (unit && text[i - 1] == ' ' && is_digit(text[i - 2])) text.replace(i - 1, 1, "\u00a0");
+  }
   return text;
 }
 

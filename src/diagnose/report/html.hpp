@@ -12,8 +12,12 @@ namespace bolo::diagnose {
 // Text as HTML shows it; bytes that are no UTF-8 become question marks. Thread: any.
 std::string escaped(const std::string& text);
 
-// Three significant digits, without an exponent between 0.001 and 99999. Thread: any.
-std::string tick_text(double value);
+// Three significant digits, without an exponent between 0.001 and 99999; with `powers`, for a logarithmic axis, between
+// 0.01 and 9999. Thread: any.
+std::string tick_text(double value, bool powers = false);
+
+// Numbers keep their units on the same line. Thread: any.
+std::string unbroken(std::string text);
 
 // Where numbers come to stand: 0 at `low`, 1 at `high`, linear or in the logarithm.
 struct Axis {

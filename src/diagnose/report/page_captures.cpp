@@ -28,8 +28,9 @@ std::string maps_of(const CapturePlots& one) {
   return format("<div class=\"pair%s\">", is_wide ? " tall wide" : "") + before + after + "</div>";
 }
 
-std::string profiles_of(const CapturePlots& one) {
-  PlotScale in_mk{1.0, 1e3, false, false};
+// The axes reach at least a quarter of the noise floor, so that what is harmless looks harmless.
+std::string profiles_of(const CapturePlots& one, double floor_k) {
+  PlotScale in_mk{1.0, 1e3, false, false, 250.0 * floor_k};
   const std::string columns =
       line_plot({{&one.column_before, "before", "before"}, {&one.column_after, "after", "after"}},
                 {"Mean residual of each column", "column", "mK",
@@ -48,7 +49,7 @@ std::string spectrum_of(const CapturePlots& one) {
   return line_plot({{&one.spectrum_before, "before", "before"}, {&one.spectrum_after, "after", "after"}},
                    {"Spectrum of the residual", "Hz", "K<sup>2</sup>/Hz",
                     "Flat is white noise. A rise to the left is slow (drift, heat); a line is periodic."},
-                   {1.0, 1.0, true, false});
+                   {1.0, 1.0, true, false, 0.0});
 }
 
 std::string answer_of(const CapturePlots& one) {
@@ -57,7 +58,7 @@ std::string answer_of(const CapturePlots& one) {
                     {&one.measured, "measured", "camera", true}},
                    {"One pixel in time", "s", "K",
                     "The dots should lie on the solid line; how far they are from the dashed one is the gap."},
-                   {1.0, 1.0, false, false});
+                   {1.0, 1.0, false, false, 0.0});
 }
 
 const char* kind_words(const std::string& kind) {
@@ -67,12 +68,13 @@ const char* kind_words(const std::string& kind) {
   return kind == "scene" ? "known scene" : "field recording";
 }
 
-std::string capture_part(const CapturePlots& one, bool open) {
-  const std::string plots = maps_of(one) + answer_of(one) + profiles_of(one) + spectrum_of(one);
+std::string capture_part(const CapturePlots& one, double floor_k, bool open) {
+  const std::string plots = maps_of(one) + answer_of(one) + profiles_of(one, floor_k) + spectrum_of(one);
   return format("<details%s><summary>%s<span>%s, gap %s \u2192 %s</span></summary>", open ? " open" : "",
                 escaped(one.file).c_str(), kind_words(one.kind), gap_text(one.gap_before).c_str(),
                 gap_text(one.gap_after).c_str()) +
-         (plots.empty() ? "<p class=soft>Nothing was drawn of it.</p>" : "<div class=plots>" + plots + "</div>") +
+         (plots.empty() ? "<p class=soft>Nothing was drawn of it.</p>"
+                        : "<div class=\"plots six\">" + plots + "</div>") +
          "</details>";
 }
 
@@ -85,7 +87,7 @@ std::string captures_part(const Report& report) {
       "with "
       "the effects added.</p>";
   for (const CapturePlots& one : report.captures) {
-    out += capture_part(one, std::max(one.gap_before, one.gap_after) > kWorthOpening);
+    out += capture_part(one, report.noise_floor_k, std::max(one.gap_before, one.gap_after) > kWorthOpening);
   }
   return out;
 }

@@ -41,7 +41,7 @@ std::string alternatives_text(const FoundEffect& effect) {
 
 std::string effect_card(const FoundEffect& effect) {
   return "<section class=card><h3>" + escaped(effect_title(effect.name)) + " <code>" + escaped(effect.name) +
-         "</code></h3><p style=\"margin:4px 0 8px\">" + escaped(effect_sentence(effect, true)) + ".</p>" +
+         "</code></h3><p style=\"margin:4px 0 8px\">" + unbroken(escaped(effect_sentence(effect, true))) + ".</p>" +
          format(
              "<p class=soft style=\"font-size:14px\">Stage <b>%s</b> \u00b7 <b>%.3g %%</b> sure that it is this one "
              "\u00b7 "
@@ -90,12 +90,13 @@ std::string dumbbell_row(const NoiseStatistic& one, double top_k) {
          noise_number(one, one.measured) + "</div></div>";
 }
 
-std::string kelvin_scale(double top_k) {
-  const Axis axis{kLeastK, std::max(10.0 * kLeastK, 1.3 * top_k), true};
+// The numbers below the rows of an axis.
+std::string scale_row(const Axis& axis, bool kelvin) {
   std::string out = "<div class=row><div class=\"name blank\"></div><div class=scale>";
   for (const double tick : axis.ticks(4)) {
-    out += format("<span style=\"left:%.2f%%\">%s%s mK</span>", 100.0 * axis.place(tick),
-                  tick <= 1.001 * kLeastK ? "\u2264 " : "", tick_text(1e3 * tick).c_str());
+    out += format("<span style=\"left:%.2f%%\">%s%s%s</span>", 100.0 * axis.place(tick),
+                  kelvin && tick <= 1.001 * kLeastK ? "\u2264 " : "", tick_text(kelvin ? 1e3 * tick : tick).c_str(),
+                  kelvin ? " mK" : "");
   }
   return out + "</div><div class=\"value blank\"></div></div>";
 }
@@ -138,19 +139,21 @@ std::string noise_part(const Report& report) {
   std::string out =
       "<h2>The noise</h2><p class=soft>Three-dimensional noise on closed shutter and flats: sigma with an index t is "
       "new in each frame, v "
-      "differs from row to row, h from column to column. Where the dark dot stands beside the ring, the camera's noise "
+      "differs from row to row, h from column to column. Where the filled dot stands beside the ring, the camera's "
+      "noise "
       "is not the nominal one; where the diamond covers the dot, the diagnosed effects account for it.</p>"
       "<div class=legend style=\"margin-bottom:6px\"><span>\u25cb nominal</span><span>\u25cf "
       "measured</span><span>\u25c6 with the "
       "effects</span></div>";
   std::string others;
-  for (const NoiseStatistic& one : report.noise) (one.unit == "K" ? out : others) += dumbbell_row(one, top_k);
-  if (top_k > 0.0) out += kelvin_scale(top_k);
+  for (const NoiseStatistic& one : report.noise) {
+    const bool kelvin = one.unit == "K";
+    (kelvin ? out : others) += dumbbell_row(one, top_k);
+    if (!kelvin) others += scale_row(noise_axis(one, top_k), false);
+  }
+  if (top_k > 0.0) out += scale_row({kLeastK, std::max(10.0 * kLeastK, 1.3 * top_k), true}, true);
   if (others.empty()) return out;
-  return out +
-         "<h3 style=\"margin-top:16px\">Without a unit, each on its own scale (a rule at zero or at round "
-         "values)</h3>" +
-         others;
+  return out + "<h3 style=\"margin-top:16px\">Without a unit</h3>" + others;
 }
 
 std::string maps_part(const Report& report) {
@@ -161,7 +164,7 @@ std::string maps_part(const Report& report) {
     figures += map_figure(map, span_of(map), escaped(title), "Chequered where there is no value.");
   }
   if (figures.empty()) return {};
-  return "<h2>What was diagnosed of single pixels</h2><div class=plots>" + figures + "</div>";
+  return "<h2>What was diagnosed of single pixels</h2><div class=\"plots small\">" + figures + "</div>";
 }
 
 std::string limits_part(const Report& report) {

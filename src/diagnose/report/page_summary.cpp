@@ -26,7 +26,7 @@ std::string arrow(double before, double after) { return gap_text(before) + " \u2
 // The axis of gaps: from a little under the floor to a little over the largest.
 Axis gap_axis(const std::vector<double>& gaps) {
   double low = 0.9;
-  double high = 1.5;
+  double high = 2.2;
   for (const double gap : gaps) {
     if (!std::isfinite(gap) || gap <= 0.0) continue;
     low = std::min(low, std::max(0.05, 0.95 * gap));
@@ -70,6 +70,11 @@ std::string effect_rows(const Report& report, const Axis& axis, bool of_noise) {
   return out;
 }
 
+const char* left_words(const Report& report) {
+  if (report.effects.empty()) return "Left";
+  return report.effects.size() == 1 ? "Left with it" : "Left with all of them";
+}
+
 std::string span_text(double low, double high, const char* unit) {
   return tick_text(low) + " to " + tick_text(high) + ' ' + unit;
 }
@@ -101,7 +106,10 @@ std::string chain(const Report& report) {
 }  // namespace
 
 std::string head_part(const Report& report) {
-  std::string out = pill(report.verdict) + "<h1>" + escaped(headline(report, true)) + "</h1>";
+  const std::string words = unbroken(escaped(headline(report, true)));
+  const std::size_t end = words.find(". ");  // the first sentence is said louder
+  std::string out = pill(report.verdict) + "<h1>" + words.substr(0, end == std::string::npos ? end : end + 1) + "</h1>";
+  if (end != std::string::npos) out += "<p class=lead>" + words.substr(end + 2) + "</p>";
   out += format("<p class=soft>%zu captures, %zu frames, diagnosed in %s s.", report.captures.size(), report.frames,
                 tick_text(report.seconds).c_str());
   if (!report.withheld.empty()) {
@@ -127,20 +135,19 @@ std::string waterfall_part(const Report& report) {
   if (noise) gaps.insert(gaps.end(), {report.noise_gap_before, report.noise_gap_after});
   for (const FoundEffect& effect : report.effects) gaps.insert(gaps.end(), {effect.gap_before, effect.gap_after});
   const Axis axis = gap_axis(gaps);
-  std::string out =
-      "<h2>What closes the gap</h2><p class=soft>Root mean square of the residual on data that was held out, in units "
+  std::string out = report.effects.empty() ? "<h2>The gap</h2>" : "<h2>What closes the gap</h2>";
+  out +=
+      "<p class=soft>Root mean square of the residual on data that was held out, in units "
       "of the noise floor, on a logarithmic scale. At the green line the prediction cannot be told from the camera. "
       "Each bar is what one more effect takes away.</p>";
   out += bar_row(axis, "Nominal simulator", "start", 1.0, report.gap_before, gap_text(report.gap_before));
   out += effect_rows(report, axis, false);
-  out += bar_row(axis, report.effects.empty() ? "Left" : "Left with all of them", "left", 1.0, report.gap_after,
-                 gap_text(report.gap_after));
+  out += bar_row(axis, left_words(report), "left", 1.0, report.gap_after, gap_text(report.gap_after));
   if (noise) {
     out += "<h3 style=\"margin-top:14px\">The noise's own statistics</h3>";
     out += bar_row(axis, "Nominal noise", "start", 1.0, report.noise_gap_before, gap_text(report.noise_gap_before));
     out += effect_rows(report, axis, true);
-    out +=
-        bar_row(axis, "Left with all of them", "left", 1.0, report.noise_gap_after, gap_text(report.noise_gap_after));
+    out += bar_row(axis, left_words(report), "left", 1.0, report.noise_gap_after, gap_text(report.noise_gap_after));
   }
   return out + scale_row(axis) +
          "<div class=row><div class=\"name blank\"></div><div class=xlabel>gap, noise floors</div><div "
@@ -180,7 +187,7 @@ std::string unexplained_part(const Report& report) {
   if (!significant) {
     return format(
         "<h2>What is left</h2><p>Nothing that the tests can see: all of them together have a p-value of "
-        "%.2g, where under 0.01 would mean that something is left.</p>",
+        "%.2g.</p>",
         left.p_value);
   }
   std::string out =

@@ -61,12 +61,13 @@ std::string framed(const Frame& frame, const std::string& inside) {
   std::string grid;
   for (const double tick : frame.y.ticks(4)) {
     const double top = frame.y_down ? frame.y.place(tick) : 1.0 - frame.y.place(tick);
-    rows += format("<span style=\"top:%.2f%%\">%s</span>", 100.0 * top, tick_text(tick).c_str());
+    rows += format("<span style=\"top:%.2f%%\">%s</span>", 100.0 * top, tick_text(tick, frame.y.logarithmic).c_str());
     grid += format("<path class=grid d=\"M0 %.1fH1000\"/>", 1000.0 * top);
   }
   for (const double tick : frame.x.ticks(4)) {
     const double left = frame.x.place(tick);
-    columns += format("<span style=\"left:%.2f%%\">%s</span>", 100.0 * left, tick_text(tick).c_str());
+    columns +=
+        format("<span style=\"left:%.2f%%\">%s</span>", 100.0 * left, tick_text(tick, frame.x.logarithmic).c_str());
     grid += format("<path class=grid d=\"M%.1f 0V1000\"/>", 1000.0 * left);
   }
   return "<div class=ylabel>" + frame.y_label + "</div><div class=area style=\"height:" + frame.height +
@@ -94,7 +95,11 @@ std::string line_plot(const std::vector<Series>& series, const PlotText& text, c
     x.low = *std::ranges::min_element(xs);
     x.high = std::max(*std::ranges::max_element(xs), x.low + 1e-9);
   }
-  const Axis y = axis_around(ys, scale.logarithmic);
+  Axis y = axis_around(ys, scale.logarithmic);
+  if (scale.least_reach > 0.0) {
+    y.low = std::min(y.low, -scale.least_reach);
+    y.high = std::max(y.high, scale.least_reach);
+  }
   std::string inside;
   if (!scale.logarithmic && y.low < 0.0 && y.high > 0.0) {
     const double zero = 1000.0 * y.place(0.0);

@@ -29,6 +29,7 @@ struct PlotScale {
   double y_factor = 1.0;
   bool logarithmic = false;  // both axes
   bool sideways = false;     // the curve's x runs downwards, as rows do
+  double least_reach = 0.0;  // linear: values show at least this much on both sides of zero, in the axis's unit
 };
 
 // Empty when no series has two points that can be drawn. Thread: any.
