@@ -12,6 +12,9 @@ namespace {
 
 constexpr double kWorthOpening = 1.1;  // gap of a capture that is shown at once
 
+// Maps of this shape stand below one another.
+bool is_wide(const CapturePlots& one) { return one.gap_map_before.width > 3 * one.gap_map_before.height; }
+
 // Both maps in the same colours, from the floor to the largest gap of either.
 ColourSpan common_span(const CapturePlots& one) {
   const double high = std::max({1.5, span_of(one.gap_map_before).high, span_of(one.gap_map_after).high});
@@ -24,8 +27,7 @@ std::string maps_of(const CapturePlots& one) {
   const std::string after =
       map_figure(one.gap_map_after, span, "Gap after", "In the same colours: even and dark is good.");
   if (before.empty() && after.empty()) return {};
-  const bool is_wide = one.gap_map_before.width > 3 * one.gap_map_before.height;
-  return format("<div class=\"pair%s\">", is_wide ? " tall wide" : "") + before + after + "</div>";
+  return format("<div class=\"pair%s\">", is_wide(one) ? " tall wide" : "") + before + after + "</div>";
 }
 
 // The axes reach at least a quarter of the noise floor, so that what is harmless looks harmless.
@@ -73,8 +75,9 @@ std::string capture_part(const CapturePlots& one, double floor_k, bool open) {
   return format("<details%s><summary>%s<span>%s, gap %s \u2192 %s</span></summary>", open ? " open" : "",
                 escaped(one.file).c_str(), kind_words(one.kind), gap_text(one.gap_before).c_str(),
                 gap_text(one.gap_after).c_str()) +
-         (plots.empty() ? "<p class=soft>Nothing was drawn of it.</p>"
-                        : "<div class=\"plots six\">" + plots + "</div>") +
+         (plots.empty()
+              ? "<p class=soft>Nothing was drawn of it.</p>"
+              : (is_wide(one) ? "<div class=\"plots two\">" : "<div class=\"plots six\">") + plots + "</div>") +
          "</details>";
 }
 
