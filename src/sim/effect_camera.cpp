@@ -13,8 +13,8 @@ namespace {
 // Time constants that a pixel, and a slow part of it, remember; see Simulator.
 constexpr double kMemory = 14.0;
 constexpr double kSlowMemory = 8.0;
-// How much more of kStepToleranceK the steps may use, squared: 2 mK at worst, a tenth of any camera's noise.
-constexpr double kPatience = 16.0;
+// Steps are so many times longer, squared, than kStepToleranceK asks for: within 3 mK, a tenth of a camera's noise.
+constexpr double kPatience = 4.0;
 
 CameraModel nominal(const CameraSettings& settings) {
   CameraModel model;

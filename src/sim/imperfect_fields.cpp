@@ -159,6 +159,12 @@ class SoftBars final : public Field {
   Extremes extremes() const override {
     return {std::min(target_.cold_k, target_.hot_k), std::max(target_.cold_k, target_.hot_k)};
   }
+  // Across a straight edge, which is what the blur acts along, x runs sqrt(1 + slant^2) times as far.
+  std::unique_ptr<const Field> blurred(double sigma_px) const override {
+    StimulusError softer = error_;
+    softer.edge_px = std::hypot(error_.edge_px, sigma_px * std::hypot(1.0, target_.slant_px_per_row));
+    return std::make_unique<SoftBars>(target_, softer);
+  }
   capture::Stimulus stimulus(double, double) const override { return target_; }
 
  private:

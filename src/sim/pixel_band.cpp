@@ -84,6 +84,7 @@ void PixelBand::settle(double t_s) {
 }
 
 void PixelBand::run(std::span<const StepSpan> steps, std::span<const Probe> probes) {
+  if (patch_.height == 0) return;  // more workers than rows
   std::size_t next = 0;
   for (const StepSpan& span : steps) {
     const std::size_t first = next;

@@ -88,6 +88,14 @@ class Misdescribed final : public Field {
     const Extremes bare = shown().extremes();
     return {mixed(bare.low_k), mixed(bare.high_k)};
   }
+  std::unique_ptr<const Field> blurred(double sigma_px) const override {
+    std::unique_ptr<const Field> bare = shown().blurred(sigma_px);
+    if (bare == nullptr) return nullptr;
+    StimulusError mix;
+    mix.reflection = share_;
+    mix.surroundings_k = surroundings_k_;
+    return std::make_unique<Misdescribed>(std::move(bare), nullptr, mix);
+  }
   capture::Stimulus stimulus(double from_s, double to_s) const override { return nominal_->stimulus(from_s, to_s); }
 
  private:

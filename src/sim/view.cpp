@@ -6,6 +6,11 @@ namespace {
 class BareView final : public View {
  public:
   explicit BareView(const Field& field) : field_(field) {}
+  explicit BareView(std::unique_ptr<const Field> owned) : owned_(std::move(owned)), field_(*owned_) {}
+  std::unique_ptr<View> blurred(double sigma_px) const override {
+    std::unique_ptr<const Field> field = field_.blurred(sigma_px);
+    return field == nullptr ? nullptr : std::make_unique<BareView>(std::move(field));
+  }
   void draw(double t_s, const Patch& patch, std::span<float> out) override {
     const auto width = static_cast<std::size_t>(patch.width);
     for (int y = 0; y < patch.height; ++y) {
@@ -14,6 +19,7 @@ class BareView final : public View {
   }
 
  private:
+  std::unique_ptr<const Field> owned_;  // nullptr when the field is lent
   const Field& field_;
 };
 

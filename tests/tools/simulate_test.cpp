@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include <nlohmann/json.hpp>
+
 #include "tests/sim/support.hpp"
 
 namespace bolo::sim {
@@ -126,14 +128,66 @@ TEST_P(Refused, InOneLineWithExitCodeTwo) {
 
 INSTANTIATE_TEST_SUITE_P(
     Usage, Refused,
-    ::testing::Values("--stimulus nothing", "--stimulus scene --scene bars", "--stimulus bar_target --scene street",
-                      "--stimulus uniform --speed 10", "--stimulus chopper --scene street",
-                      "--stimulus chopper --frames 3", "--stimulus chopper --pulses 0", "--scene street --hot 320",
-                      "--scene bars --cold 320", "--temperature 300", "--scene /nonexistent.png", "--frames 0",
-                      "--frames x", "--rate 0", "--tau 0", "--noise -1", "--quantisation 0", "--quantisation 0.001",
-                      "--type uint8", "--camera infrared", "--camera visible --tau 0.01",
-                      "--camera visible --exposure 1", "--exposure 0.001", "--threads 0", "--speed 1e9",
-                      "--trajectory /nonexistent.csv", "--trajectory-scale 2", "--origin 1", "--unknown", "stray"));
+    ::testing::Values(
+        "--stimulus nothing", "--stimulus scene --scene bars", "--stimulus bar_target --scene street",
+        "--stimulus uniform --speed 10", "--stimulus chopper --scene street", "--stimulus chopper --frames 3",
+        "--stimulus chopper --pulses 0", "--scene street --hot 320", "--scene bars --cold 320", "--temperature 300",
+        "--scene /nonexistent.png", "--frames 0", "--frames x", "--rate 0", "--tau 0", "--noise -1", "--quantisation 0",
+        "--quantisation 0.001", "--type uint8", "--camera infrared", "--camera visible --tau 0.01",
+        "--camera visible --exposure 1", "--exposure 0.001", "--threads 0", "--speed 1e9", "--effect nothing",
+        "--effect iir:alpha=9", "--effect iir --effect iir:alpha=0.7", "--effect iir --camera visible", "--effect",
+        "--session-start -1", "--camera-seed x", "--stimulus chopper --stimulus-error sweep=1",
+        "--stimulus uniform --stimulus-error sweep_s=0.001", "--stimulus chopper --stimulus-error sweep_s=9",
+        "--trajectory /nonexistent.csv", "--trajectory-scale 2", "--origin 1", "--unknown", "stray"));
+
+std::vector<std::uint16_t> last_frame(const capture::CaptureReader& reader) {
+  std::vector<std::uint16_t> plane(reader.info().format.geometry.pixels());
+  EXPECT_TRUE(reader.read_frame(reader.t().size() - 1, plane.data()));
+  return plane;
+}
+
+// A blind check reads these files: nothing but the frames may differ.
+TEST(SimulateVerb, TheFileDoesNotSayWhichEffectsThereWere) {
+  const Scratch scratch;
+  const std::string bench = "--stimulus chopper --frames 60 --no-truth ";
+  const auto plain = simulated(scratch, bench);
+  ASSERT_TRUE(plain) << plain.error().message;
+  const Scratch other;
+  const auto hidden = simulated(other, bench +
+                                           "--effect iir:alpha=0.6,form=box --effect fpn_offset --camera-seed 9 "
+                                           "--session-start 40 --stimulus-error sweep_s=0.002,level_k=0.5");
+  ASSERT_TRUE(hidden) << hidden.error().message;
+  EXPECT_NE(last_frame(*hidden), last_frame(*plain));
+  EXPECT_EQ(hidden->t(), plain->t());
+  EXPECT_EQ(hidden->frame_id(), plain->frame_id());
+  EXPECT_EQ(hidden->info().camera_model, plain->info().camera_model);
+  EXPECT_EQ(hidden->info().camera_serial, plain->info().camera_serial);
+  const auto a = plain->attributes().value();
+  const auto b = hidden->attributes().value();
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].name, b[i].name);
+    EXPECT_EQ(a[i].value, b[i].value) << a[i].name;
+  }
+  const auto nominal = std::get<capture::Chopper>(plain->stimulus().value());
+  const auto stated = std::get<capture::Chopper>(hidden->stimulus().value());
+  EXPECT_EQ(stated.on_s, nominal.on_s);
+  EXPECT_EQ(stated.level_k, nominal.level_k);
+  EXPECT_EQ(stated.cold_k, nominal.cold_k);
+}
+
+TEST(SimulateVerb, ListsTheEffects) {
+  const Outcome table = run_bolo("--list-effects");
+  EXPECT_EQ(table.exit_code, 0);
+  EXPECT_NE(table.output.find("row_delay_s=2.8e-05 s (-0.0001 to 0.0001)"), std::string::npos) << table.output;
+  const Outcome json = run_bolo("--list-effects --json");
+  const auto effects = nlohmann::json::parse(json.output);
+  ASSERT_EQ(effects.size(), sim::effect_descriptions().size());
+  for (const auto& effect : effects) {
+    EXPECT_NE(sim::find_effect(effect.at("name").get<std::string>()), nullptr);
+    for (const char* key : {"stage", "about", "in_catalogue", "parameters", "forms"}) EXPECT_TRUE(effect.contains(key));
+  }
+}
 
 TEST(SimulateVerb, NeedsAnOutputThatIsNotAnInput) {
   const Scratch scratch;

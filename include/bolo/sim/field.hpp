@@ -39,6 +39,10 @@ class Field {
 
   virtual Extremes extremes() const = 0;
 
+  // The field through a Gaussian blur of `sigma_px` along x and along y, when it is known exactly; else nullptr.
+  // Thread: setup.
+  virtual std::unique_ptr<const Field> blurred(double /*sigma_px*/) const { return nullptr; }
+
   // The `/stimulus` that describes this field from `from_s` to `to_s`. Thread: setup.
   virtual capture::Stimulus stimulus(double from_s, double to_s) const = 0;
 };

@@ -8,7 +8,7 @@
 namespace bolo::sim::effects {
 namespace {
 
-constexpr int kPhases = 4;  // points a pixel, along x: the scene's edges are finer than its pixels
+constexpr int kPhases = 8;  // points a pixel, along x: the scene's edges are finer than its pixels
 
 // The blur in rows of weights: from row `-reach` to `reach`, points 1 / kPhases pixel apart from -reach pixels on.
 struct Kernel {
@@ -153,15 +153,19 @@ class BlurredView final : public View {
 
 class OpticalPsf final : public Effect {
  public:
-  explicit OpticalPsf(const EffectSetup& setup) {
-    const double sigma = setup.number("sigma_px");
-    kernel_ = setup.form("disc") ? disc(2.0 * sigma) : gaussian(sigma);
+  explicit OpticalPsf(const EffectSetup& setup) : sigma_(setup.number("sigma_px")), disc_(setup.form("disc")) {
+    kernel_ = disc_ ? disc(2.0 * sigma_) : gaussian(sigma_);
   }
   std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel&) const override {
+    if (!disc_) {
+      if (std::unique_ptr<View> exact = inner->blurred(sigma_)) return exact;
+    }
     return std::make_unique<BlurredView>(std::move(inner), kernel_);
   }
 
  private:
+  double sigma_;
+  bool disc_;
   Kernel kernel_;
 };
 

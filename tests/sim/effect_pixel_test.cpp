@@ -1,0 +1,288 @@
+// Effects of optics, radiometry and pixels against closed forms and brute force.
+#include <functional>
+#include <numbers>
+
+#include "tests/sim/effect_support.hpp"
+
+namespace bolo::sim {
+namespace {
+
+using namespace testing;
+
+void expect_step(std::string_view effect, const std::function<double(double)>& expected, double tolerance) {
+  const auto frames = run(with(ideal_camera({3, 2}), {effect}), one_pulse(), 40);
+  for (std::size_t k = 0; k < 40; ++k) {
+    const double t = kPeriod * static_cast<double>(k);
+    for (const float shown : frames.shown[k]) {
+      EXPECT_NEAR(static_cast<double>(shown), expected(t), tolerance) << effect << " frame " << k;
+    }
+  }
+}
+
+TEST(TauGlobal, ScalesTheExponential) {
+  expect_step(
+      "tau_global:scale=1.2", [](double t) { return chopped(t, kOn, kOff, 1.2 * kTau, 1.2 * kTau); }, 1e-4);
+  expect_step(
+      "tau_global:scale=0.5", [](double t) { return chopped(t, kOn, kOff, 0.5 * kTau, 0.5 * kTau); }, 1e-4);
+}
+
+TEST(TauAsymmetry, CoolsMoreSlowly) {
+  expect_step(
+      "tau_asymmetry:scale=1.3", [](double t) { return chopped(t, kOn, kOff, kTau, 1.3 * kTau); }, 1e-4);
+}
+
+TEST(SlowPole, AddsASecondExponential) {
+  expect_step(
+      "slow_pole:share=0.05,slow_tau_s=0.2",
+      [](double t) { return 0.95 * chopped(t, kOn, kOff) + 0.05 * chopped(t, kOn, kOff, 0.2, 0.2); }, 1e-4);
+}
+
+// The slow part, too, was already looking before the first frame: moving bars average out.
+TEST(SlowPole, StartsWithWhatItRemembers) {
+  const auto frames = run(with(ideal_camera({24, 4}), {"slow_pole:share=0.3,slow_tau_s=0.4"}),
+                          make_bars({285, 310, 12, 6, 0.0, 300}), 2);
+  const auto nominal = run(ideal_camera({24, 4}), make_bars({285, 310, 12, 6, 0.0, 300}), 2);
+  for (std::size_t x = 0; x < 24; ++x) {
+    EXPECT_NEAR(frames.shown[0][x], 0.7 * nominal.shown[0][x] + 0.3 * 297.5, 0.15) << x;
+  }
+}
+
+// A ramp lags by tau, so it shows each pixel's.
+std::vector<double> tau_map(std::string_view effect, std::uint64_t camera_seed = 1) {
+  CameraSettings camera = with(ideal_camera({40, 30}), {effect});
+  camera.camera_seed = camera_seed;
+  const auto frames = run(camera, Ramp::field(camera.geometry, 0.1), 1);
+  std::vector<double> taus;
+  for (std::size_t i = 0; i < camera.geometry.pixels(); ++i) {
+    taus.push_back(-Ramp::time_of(static_cast<double>(frames.shown[0][i]), i % 40));
+  }
+  return taus;
+}
+
+double neighbour_correlation(const std::vector<double>& plane) {
+  std::vector<double> left(plane.begin(), plane.end() - 1);
+  std::vector<double> right(plane.begin() + 1, plane.end());
+  return correlation(left, right);
+}
+
+TEST(TauSpread, HasItsWidthInEveryForm) {
+  for (const char* form : {"mixed", "white", "smooth", "gradient"}) {
+    const auto taus = tau_map("tau_spread:rms=0.05,form=" + std::string(form));
+    EXPECT_NEAR(stats(taus).mean, kTau, 0.01 * kTau) << form;
+    EXPECT_NEAR(stats(taus).rms, 0.05 * kTau, 0.005 * kTau) << form;
+  }
+  EXPECT_LT(std::abs(neighbour_correlation(tau_map("tau_spread:form=white"))), 0.15);
+  EXPECT_GT(neighbour_correlation(tau_map("tau_spread:form=smooth")), 0.9);
+  EXPECT_NEAR(neighbour_correlation(tau_map("tau_spread")), 0.5, 0.15);
+  const auto slope = tau_map("tau_spread:form=gradient");
+  EXPECT_NEAR(slope[0] + slope[2], 2.0 * slope[1], 1e-3 * kTau);
+  EXPECT_NEAR(slope[0] + slope[80], 2.0 * slope[40], 1e-3 * kTau);
+}
+
+// Static target: x = T + k * sum (T - T_n).
+TEST(Crosstalk, BalancesOnAStaticTarget) {
+  for (const int neighbours : {4, 8}) {
+    const CameraSettings camera =
+        with(ideal_camera({14, 9}), {"crosstalk:coupling=0.06,neighbours=" + std::to_string(neighbours)});
+    const auto frames = run(camera, make_bars({285, 310, 8, 4, 1.3, 0}), 2);
+    const auto& shown = frames.shown[1];
+    for (int y = 0; y < 9; ++y) {
+      for (int x = 0; x < 14; ++x) {
+        const auto value = [&](int i, int j) {
+          return at(shown, 14, static_cast<std::size_t>(i), static_cast<std::size_t>(j));
+        };
+        double out = 0.0;
+        for (int j = std::max(y - 1, 0); j <= std::min(y + 1, 8); ++j) {
+          for (int i = std::max(x - 1, 0); i <= std::min(x + 1, 13); ++i) {
+            if (neighbours == 8 || i == x || j == y) out += value(x, y) - value(i, j);
+          }
+        }
+        const double seen = at(frames.truth[1], 14, static_cast<std::size_t>(x), static_cast<std::size_t>(y));
+        EXPECT_NEAR(value(x, y) + 0.06 * out, seen, 2e-3) << x << ' ' << y;
+      }
+    }
+  }
+}
+
+// Moving bars against steps of a microsecond; the rows are read at times of their own.
+TEST(Crosstalk, MovingBarsFollowTheEquation) {
+  constexpr int kWidth = 9;
+  constexpr int kHeight = 4;
+  constexpr double kDelay = 1e-4;
+  const capture::BarTarget bars{285, 310, 7.3, 3.1, 0.7, 300};
+  const auto frames =
+      run(with(ideal_camera({kWidth, kHeight}), {"crosstalk:coupling=0.1", "row_delay:row_delay_s=1e-4"}),
+          make_bars(bars), 3);
+  const auto field = make_bars(bars);
+  constexpr double kStep = 2e-6;
+  std::vector<double> shown(kWidth * kHeight, 297.5);
+  std::vector<float> seen(kWidth * kHeight);
+  std::vector<double> expected(shown.size());
+  double now = -0.16;
+  for (int row = 0; row < kHeight; ++row) {
+    for (const double end = 2 * kPeriod + kDelay * row; now < end - kStep / 2; now += kStep) {
+      for (int y = 0; y < kHeight; ++y)
+        field->sample(now + kStep / 2, y, std::span(seen).subspan(static_cast<std::size_t>(y) * kWidth, kWidth));
+      std::vector<double> next = shown;
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          const auto i = static_cast<std::size_t>(y * kWidth + x);
+          double flow = static_cast<double>(seen[i]) - shown[i];
+          if (x > 0) flow += 0.1 * (shown[i - 1] - shown[i]);
+          if (x + 1 < kWidth) flow += 0.1 * (shown[i + 1] - shown[i]);
+          if (y > 0) flow += 0.1 * (shown[i - kWidth] - shown[i]);
+          if (y + 1 < kHeight) flow += 0.1 * (shown[i + kWidth] - shown[i]);
+          next[i] += kStep / kTau * flow;
+        }
+      }
+      shown = next;
+    }
+    for (std::size_t x = 0; x < kWidth; ++x)
+      expected[static_cast<std::size_t>(row) * kWidth + x] = shown[static_cast<std::size_t>(row) * kWidth + x];
+  }
+  for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(frames.shown[2][i], expected[i], 5e-3) << i;
+}
+
+TEST(Crosstalk, DoesNothingToAUniformField) {
+  expect_step(
+      "crosstalk", [](double t) { return chopped(t, kOn, kOff); }, 1e-4);
+}
+
+// A static edge through a blur is the integral of the blur, over the pixel as well.
+double blurred_edge(double d, double sigma) {
+  const auto risen = [sigma](double z) {
+    const double u = z / sigma;
+    return sigma *
+           (u * 0.5 * std::erfc(-u / std::numbers::sqrt2) + std::exp(-0.5 * u * u) / std::sqrt(2.0 * std::numbers::pi));
+  };
+  return risen(d + 0.5) - risen(d - 0.5);
+}
+
+TEST(OpticalPsf, AnEdgeHasTheProfileOfTheGaussian) {
+  for (const double sigma : {0.3, 0.4, 0.7, 1.1, 2.0}) {
+    const auto frames = run(with(ideal_camera({40, 8}), {"optical_psf:sigma_px=" + std::to_string(sigma)}),
+                            make_bars({285, 310, 100, 50, 0.0, 0}), 1);
+    // A bar lies over 0 to 50: the pixel at x is d = x from its left edge; the frame goes on beyond its border.
+    for (std::size_t x = 0; x < 40; ++x) {
+      const double d = static_cast<double>(x);
+      EXPECT_NEAR(at(frames.shown[0], 40, x, 4), 285.0 + 25.0 * (blurred_edge(d, sigma) - blurred_edge(d - 50, sigma)),
+                  0.02)
+          << sigma << ' ' << x;
+    }
+  }
+}
+
+TEST(OpticalPsf, BlursAcrossRowsAsMuchAsAlongThem) {
+  const Geometry view{24, 24};
+  capture::StillImage image{24, 24, std::vector<float>(view.pixels(), 1.0F)};
+  image.kelvin[12 * 24 + 12] = 101.0F;
+  for (const char* form : {"gaussian", "disc"}) {
+    const auto frames = run(with(ideal_camera(view), {"optical_psf:sigma_px=0.9,form=" + std::string(form)}),
+                            make_scene(image, steady_pan(0.0), view), 1);
+    double sum = 0.0;
+    double xx = 0.0;
+    double yy = 0.0;
+    for (std::size_t y = 0; y < 24; ++y) {
+      for (std::size_t x = 0; x < 24; ++x) {
+        const double excess = at(frames.shown[0], 24, x, y) - 1.0;
+        const double dx = static_cast<double>(x) - 12.0;
+        const double dy = static_cast<double>(y) - 12.0;
+        sum += excess;
+        xx += excess * dx * dx;
+        yy += excess * dy * dy;
+      }
+    }
+    EXPECT_NEAR(sum, 100.0, 0.1) << form;
+    // Between its pixels the still is a straight line, which is a blur of 1/6 of its own along x.
+    EXPECT_NEAR(xx / sum, 0.81 + 1.0 / 6.0, 0.03) << form;
+    EXPECT_NEAR(yy / sum, 0.81, form == std::string("disc") ? 0.1 : 0.01) << form;
+  }
+}
+
+TEST(OpticalPsf, ADiscHasACompactEdge) {
+  const auto frames = run(with(ideal_camera({40, 12}), {"optical_psf:sigma_px=1,form=disc"}),
+                          make_bars({285, 310, 100, 50, 0.0, 0}), 1);
+  const auto& shown = frames.shown[0];
+  EXPECT_NEAR(at(shown, 40, 3, 6), 310.0, 1e-3);
+  EXPECT_NEAR(at(shown, 40, 0, 6), 297.5, 0.02);
+  // The share of a disc of radius 2, over a pixel's width, to the left of d = 1.
+  double expected = 0.0;
+  for (int i = 0; i < 1000; ++i) {
+    const double d = std::min(2.0, 0.5 + (i + 0.5) / 1000.0) / 2.0;
+    expected += (0.5 + (std::asin(d) + d * std::sqrt(1.0 - d * d)) / std::numbers::pi) / 1000.0;
+  }
+  EXPECT_NEAR(at(shown, 40, 1, 6), 285.0 + 25.0 * expected, 0.05);
+}
+
+TEST(OpticalPsf, LeavesAUniformFieldAlone) {
+  for (const auto& effect : {"optical_psf", "optical_psf:form=disc"}) {
+    expect_step(
+        effect, [](double t) { return chopped(t, kOn, kOff); }, 2e-4);
+  }
+}
+
+// Planck's law over the band, by itself.
+double band(double kelvin) {
+  double sum = 0.0;
+  for (int i = 0; i < 2000; ++i) {
+    const double um = 7.5 + 6.5 * (i + 0.5) / 2000.0;
+    sum += std::pow(um, -5) / std::expm1(14387.769 / (um * kelvin));
+  }
+  return sum;
+}
+
+double band_temperature(double radiance) {
+  double low = 200.0;
+  double high = 500.0;
+  for (int i = 0; i < 60; ++i) {
+    const double middle = (low + high) / 2.0;
+    (band(middle) < radiance ? low : high) = middle;
+  }
+  return low;
+}
+
+TEST(RadiometricNonlinearity, ThePixelFollowsRadiance) {
+  const double cold = band(295.0);
+  const double hot = band(320.0);
+  expect_step(
+      "radiometric_nonlinearity",
+      [&](double t) { return band_temperature(cold + (hot - cold) * (chopped(t, kOn, kOff) - 295.0) / 25.0); }, 1e-3);
+}
+
+TEST(Emissivity, MixesTheSurroundings) {
+  for (const double kelvin : {270.0, 300.0, 350.0}) {
+    const auto frames =
+        run(with(ideal_camera({2, 2}), {"emissivity:emissivity=0.9,surroundings_k=290"}), make_uniform(kelvin), 2);
+    EXPECT_NEAR(frames.shown[1][3], band_temperature(0.9 * band(kelvin) + 0.1 * band(290.0)), 1e-3) << kelvin;
+  }
+  const auto with_radiance =
+      run(with(ideal_camera({2, 2}), {"emissivity:emissivity=0.9,surroundings_k=290", "radiometric_nonlinearity"}),
+          make_uniform(350.0), 2);
+  EXPECT_NEAR(with_radiance.shown[1][3], band_temperature(0.9 * band(350.0) + 0.1 * band(290.0)), 1e-3);
+}
+
+TEST(Vignetting, FallsWithTheSquareOfTheDistance) {
+  const auto frames = run(with(ideal_camera({21, 11}), {"vignetting:corner_loss=0.02"}), make_uniform(345.0), 1);
+  const auto gain = [&](std::size_t x, std::size_t y) { return (at(frames.shown[0], 21, x, y) - 295.0) / 50.0; };
+  EXPECT_NEAR(gain(10, 5), 1.0, 1e-5);
+  for (const std::size_t x : {0U, 20U}) {
+    for (const std::size_t y : {0U, 10U}) EXPECT_NEAR(gain(x, y), 0.98, 1e-5);
+  }
+  EXPECT_NEAR(gain(5, 5), 1.0 - 0.02 * 25.0 / 125.0, 1e-5);
+}
+
+TEST(LensGhost, ShowsAFaintCopy) {
+  const auto target = [] { return make_bars({285, 310, 100, 50, 0.0, 0}); };
+  const auto shifted =
+      run(with(ideal_camera({60, 6}), {"lens_ghost:share=0.04,form=shifted,shift_px=-7"}), target(), 1);
+  EXPECT_NEAR(at(shifted.shown[0], 60, 20, 3), 310.0, 1e-3);
+  EXPECT_NEAR(at(shifted.shown[0], 60, 46, 3), 309.0, 1e-3);
+  EXPECT_NEAR(at(shifted.shown[0], 60, 55, 3), 285.0, 1e-3);
+  const auto mirrored = run(with(ideal_camera({60, 6}), {"lens_ghost:share=0.04"}), target(), 1);
+  EXPECT_NEAR(at(mirrored.shown[0], 60, 3, 3), 309.0, 1e-3);
+  EXPECT_NEAR(at(mirrored.shown[0], 60, 30, 3), 310.0, 1e-3);
+  EXPECT_NEAR(at(mirrored.shown[0], 60, 57, 3), 286.0, 1e-3);
+}
+
+}  // namespace
+}  // namespace bolo::sim
