@@ -47,6 +47,7 @@ class Diagnosis {
   BadPixels bad_;
   NoiseStatistics noise_;
   double floor_k_ = 0.03;
+  double ceiling_k_ = std::numeric_limits<double>::infinity();
   State state_;
   State nominal_;
   std::vector<Remainder> remainders_;
@@ -79,6 +80,8 @@ void Diagnosis::judge_events() {
   raw_ = session_;
   freezes_ = find_freezes(session_, repeated_);
   bad_ = find_bad_pixels(session_);
+  const double step = find_step(session_);
+  for (const Recording& r : session_.recordings) ceiling_k_ = std::min(ceiling_k_, find_ceiling(r, step));
   // In a field recording what moves is not known, so that steps of the scene would be taken for jumps.
   for (std::size_t i = 0; i < session_.recordings.size(); ++i) {
     if (session_.recordings[i].kind != Kind::kUniform) continue;
@@ -90,7 +93,7 @@ void Diagnosis::judge_events() {
 }
 
 void Diagnosis::judge_noise() {
-  noise_ = measure_noise(session_);
+  noise_ = measure_noise(session_, ceiling_k_);
   const double nominal = nominal_noise(options_.profile);
   floor_k_ = noise_.frames > 0 && noise_.total_k > 0.0 ? noise_.total_k : nominal;
   report_.noise_floor_k = floor_k_;
@@ -224,7 +227,7 @@ Result<bool> Diagnosis::judge_means() {
     session_.recordings[i].kind = Kind::kField;
     raw_.recordings[i].kind = Kind::kField;
   }
-  for (const Recording& r : session_.recordings) state_.camera.clip_k = std::min(state_.camera.clip_k, find_ceiling(r));
+  state_.camera.clip_k = ceiling_k_;
   if (std::isfinite(state_.camera.clip_k)) {
     FoundEffect e = named("saturation", 0.999);
     e.parameters["level_k"] = interval(state_.camera.clip_k, session_.recordings.front().step);
@@ -234,7 +237,17 @@ Result<bool> Diagnosis::judge_means() {
   Fitter fitter(session_, floor_k_, options_.threads);
   FitResult base = fitter.fit(state_, {}, 4);
   correct_jumps(base.state);
-  if (!jumps_.empty()) base = fitter.fit(base.state, {}, 2);
+  if (!jumps_.empty()) {
+    // The levels had taken up a part of the jump: once more, without it.
+    base = fitter.fit(base.state, {}, 3);
+    std::vector<int> all(static_cast<std::size_t>(session_.grid.pixels()));
+    for (std::size_t p = 0; p < all.size(); ++p) all[p] = static_cast<int>(p);
+    for (const Jump& jump : jumps_) {
+      const Recording& r = session_.recordings[jump.recording];
+      if (r.kind != Kind::kUniform) remove_jump(session_, jump, r.values - predict(session_, jump.recording, base.state, all));
+    }
+    base = fitter.fit(base.state, {}, 2);
+  }
   const int repeats = [&] {
     std::size_t sum = 0;
     for (const std::size_t n : repeated_) sum += n;

@@ -42,6 +42,9 @@ struct Effect {
   // statistics of their own.
   std::function<std::vector<Coordinate>(const Session&)> coordinates{};
   MapKind map = MapKind::kNone;
+  // The first coordinate, or the map's rms, below which the effect is not worth a name: it would only stand for what
+  // the model of another effect is not exact in.
+  double least = 0.0;
   std::vector<Form> forms{};  // empty: one form
   // From the values of the coordinates and their standard errors to what is reported.
   std::function<std::map<std::string, Estimate>(const Session&, const State&, std::span<const double> value,

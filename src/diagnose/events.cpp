@@ -333,9 +333,9 @@ double find_step(const Session& session) {
   return step;
 }
 
-double find_ceiling(const Recording& recording) {
+double find_ceiling(const Recording& recording, double level_step) {
   const float top = recording.values.maxCoeff();
-  const auto step = static_cast<float>(std::max(recording.step, 1e-6));
+  const auto step = static_cast<float>(std::max({recording.step, level_step, 1e-6}));
   const auto at_top = ((recording.values.array() - top).abs() < 0.4F * step).count();
   const auto below = ((recording.values.array() - (top - step)).abs() < 0.4F * step).count() +
                      ((recording.values.array() - (top - 2.0F * step)).abs() < 0.4F * step).count();

@@ -55,6 +55,6 @@ void remove_jump(Session& session, const Jump& jump, const Series& residual);
 double find_step(const Session& session);
 
 // Level at which values pile up at the top of a recording's range; infinity: none.
-double find_ceiling(const Recording& recording);
+double find_ceiling(const Recording& recording, double level_step);
 
 }  // namespace bolo::diagnose

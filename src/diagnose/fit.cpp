@@ -13,8 +13,8 @@ namespace {
 
 constexpr int kFitPixels = 288;
 constexpr double kSettling_s = 0.1;  // of moving bars: what was before the first frame is not known
-constexpr int kBorder = 1;           // pixels at the sensor's edge, whose neighbours are not as the model has them
-constexpr double kLargestStep = 6.0;  // of a coordinate in one round, in units of its typical size
+constexpr int kBorder = 2;           // pixels at the sensor's edge, whose neighbours are not as the model has them
+constexpr double kLargestStep = 8.0;  // of a coordinate in one round, in units of its typical size
 constexpr double kPriorFloor = 1e-12;
 constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: below it a frame says nothing of its time
 
@@ -45,13 +45,19 @@ Unknowns unknowns(const Session& session, const State& nominal, const std::vecto
 bool touches(const Unknowns& u, std::size_t coordinate, std::size_t recording, const Session& session) {
   if (coordinate >= u.nuisances.size()) return true;
   const int owner = u.nuisances[coordinate].recording;
+  if (owner == -2) return true;
   if (owner >= 0) return static_cast<std::size_t>(owner) == recording;
   const Kind kind = session.recordings[recording].kind;
   return kind == Kind::kStillBars || kind == Kind::kMovingBars;
 }
 
-// A grid of state that began as nominal: levels and the like come back to their files' values.
-State nominal_of(const Session& session) { return nominal_state(session, {}); }
+// What the files say of the stimuli, with the frame filter of `state`.
+State nominal_of(const Session& session, const State& state) {
+  State nominal = nominal_state(session, {});
+  nominal.camera.response.filter = state.camera.response.filter;
+  nominal.camera.response.alpha = state.camera.response.alpha;
+  return nominal;
+}
 
 }  // namespace
 
@@ -70,10 +76,14 @@ Series slopes_of(const Session& session, std::size_t recording, const State& sta
     }
     return slopes;
   }
-  constexpr double kStep = 1e-4;
+  static_cast<void>(base);
+  constexpr double kStep = 3e-4;  // wide, so that a frame just before an edge feels it
   State later = state;
+  State earlier = state;
   for (double& late : later.stimuli[recording].late_s) late += kStep;
-  return (predict(session, recording, later, pixels) - base) * static_cast<float>(1.0 / kStep);
+  for (double& late : earlier.stimuli[recording].late_s) late -= kStep;
+  return (predict(session, recording, later, pixels) - predict(session, recording, earlier, pixels)) *
+         static_cast<float>(0.5 / kStep);
 }
 
 }  // namespace
@@ -221,7 +231,8 @@ Fitter::Columns Fitter::columns_of(std::size_t recording, const State& state,
   }
   if (r.kind != Kind::kMovingBars && !state.stimuli[recording].times_free) return c;
   // The shift of every frame is free: what lies along it is taken out of the residual and of every column.
-  const Series slopes = slopes_of(session_, recording, state, fit_pixels_, base) * weight;
+  Series slopes = slopes_of(session_, recording, state, fit_pixels_, base) * weight;
+  if (limited) slopes.array() *= usable.array();
   c.shift.assign(static_cast<std::size_t>(base.rows()), 0.0);
   c.turn.assign(c.column.size(), c.shift);
   for (Index k = 0; k < base.rows(); ++k) {
@@ -369,7 +380,7 @@ FitResult Fitter::fit(const State& start, const std::vector<Choice>& choices, in
   for (const Choice& choice : choices) {
     if (choice.form >= 0) choice.effect->forms[static_cast<std::size_t>(choice.form)].begin(result.state);
   }
-  const Unknowns u = unknowns(session_, nominal_of(session_), choices);
+  const Unknowns u = unknowns(session_, nominal_of(session_, start), choices);
   const auto count = static_cast<Index>(u.coordinates.size());
   VectorXd errors = VectorXd::Zero(count);
   const bool maps = std::ranges::any_of(choices, [](const Choice& c) { return c.effect->map != MapKind::kNone; });
@@ -428,7 +439,7 @@ FitResult Fitter::fit(const State& start, const std::vector<Choice>& choices, in
         if (session_.recordings[i].kind == Kind::kMovingBars) {
           stimulus.shift_px[k] += std::clamp(shift, -1.0, 1.0);
         } else {
-          stimulus.late_s[k] += std::clamp(shift, -0.001, 0.001);
+          stimulus.late_s[k] += std::clamp(shift, -0.0005, 0.0005);
         }
       }
     }
@@ -495,7 +506,7 @@ Score Fitter::score(const State& state) const {
 
 std::vector<Gain> Fitter::screen(const FitResult& base, const std::vector<Choice>& candidates) const {
   // All unknowns side by side: the base's, then those of each candidate about its own form.
-  const Unknowns u = unknowns(session_, nominal_of(session_), base.choices);
+  const Unknowns u = unknowns(session_, nominal_of(session_, base.state), base.choices);
   const std::size_t fixed = u.coordinates.size();
   std::vector<Coordinate> wide = u.coordinates;
   std::vector<std::pair<std::size_t, std::size_t>> range;

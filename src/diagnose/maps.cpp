@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 #include <Eigen/Dense>
 
@@ -61,9 +62,15 @@ struct PixelSums {
 };
 
 // Zero mean over the pixels that count, and as much of the scatter as is not noise: `noise2` is its mean variance.
-void centre_and_shrink(Eigen::VectorXf& map, std::span<const int> pixels, double noise2) {
+void centre_and_shrink(Eigen::VectorXf& map, std::span<const int> pixels, double noise2, MapKind kind) {
   double mean = 0.0;
-  for (const int p : pixels) mean += static_cast<double>(map[p]) / static_cast<double>(pixels.size());
+  double square = 0.0;
+  for (const int p : pixels) {
+    mean += static_cast<double>(map[p]) / static_cast<double>(pixels.size());
+    square += static_cast<double>(map[p] * map[p]) / static_cast<double>(pixels.size());
+  }
+  // A few smooth bumps need not have zero mean: a small one is theirs. Offsets' mean belongs to the levels.
+  if (kind != MapKind::kOffset && mean * mean < 0.15 * square) mean = 0.0;
   double variance = 0.0;
   for (const int p : pixels) {
     map[p] -= static_cast<float>(mean);
@@ -142,7 +149,7 @@ void Fitter::estimate_maps(State& state, const std::vector<Choice>& choices) con
     }
   }
   for (std::size_t b = 0; b < kKinds.size(); ++b) {
-    if (wanted[b]) centre_and_shrink(map_of(state.camera, kKinds[b]), all_pixels_, noise2[b]);
+    if (wanted[b]) centre_and_shrink(map_of(state.camera, kKinds[b]), all_pixels_, noise2[b], kKinds[b]);
   }
 }
 
@@ -169,27 +176,45 @@ Score Fitter::map_gain(const FitResult& base, MapKind kind) const {
       }
     }
   };
-  std::vector<double> normal(all_pixels_.size(), 0.0);
-  std::vector<double> right(all_pixels_.size(), 0.0);
-  walk([&](std::size_t, Index, std::size_t j, bool test, double r, double b) {
+  // Sums of each recording by itself: a map is tried on a recording with what the others say of it, so that what is
+  // peculiar to one recording (slow noise) is not taken for the camera's. Where one recording knows all, its own
+  // training cells must do.
+  const std::size_t pixels = all_pixels_.size();
+  std::vector<std::vector<double>> normal(kept.size(), std::vector<double>(pixels, 0.0));
+  std::vector<std::vector<double>> right = normal;
+  std::vector<double> knows(kept.size(), 0.0);
+  walk([&](std::size_t i, Index, std::size_t j, bool test, double r, double b) {
     if (test) return;
-    normal[j] += b * b;
-    right[j] += b * r;
+    normal[i][j] += b * b;
+    right[i][j] += b * r;
+    knows[i] += b * b;
   });
-  Eigen::VectorXf map = Eigen::VectorXf::Zero(session_.grid.pixels());
-  double noise2 = 0.0;
-  for (std::size_t j = 0; j < all_pixels_.size(); ++j) {
-    if (normal[j] <= 0.0) continue;
-    map[all_pixels_[j]] = static_cast<float>(right[j] / normal[j]);
-    noise2 += floor_k_ * floor_k_ / normal[j] / static_cast<double>(all_pixels_.size());
-  }
-  centre_and_shrink(map, all_pixels_, noise2);
+  const double all = std::accumulate(knows.begin(), knows.end(), 0.0);
   Score after = base.score;
   std::vector<std::size_t> first(session_.recordings.size(), 0);
   for (std::size_t g = after.recording.size(); g-- > 0;) first[after.recording[g]] = g;
+  std::vector<Eigen::VectorXf> maps(kept.size());
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    const bool by_others = knows[i] < 0.85 * all;
+    Eigen::VectorXf& map = maps[i] = Eigen::VectorXf::Zero(session_.grid.pixels());
+    double noise2 = 0.0;
+    for (std::size_t j = 0; j < pixels; ++j) {
+      double a = 0.0;
+      double b = 0.0;
+      for (std::size_t other = 0; other < kept.size(); ++other) {
+        if (by_others && other == i) continue;
+        a += normal[other][j];
+        b += right[other][j];
+      }
+      if (a <= 0.0) continue;
+      map[all_pixels_[j]] = static_cast<float>(b / a);
+      noise2 += floor_k_ * floor_k_ / a / static_cast<double>(pixels);
+    }
+    centre_and_shrink(map, all_pixels_, noise2, kind);
+  }
   walk([&](std::size_t i, Index k, std::size_t j, bool test, double r, double b) {
     if (!test) return;
-    const double change = static_cast<double>(map[all_pixels_[j]]) * b;
+    const double change = static_cast<double>(maps[i][all_pixels_[j]]) * b;
     after.sum[first[i] + static_cast<std::size_t>(k) / kCellFrames] +=
         (change * change - 2.0 * change * r) / (floor_k_ * floor_k_);
   });

@@ -51,7 +51,8 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
   const bool plain = c.corner_gain == 0.0 && c.corner_offset == 0.0 && c.heating_k == 0.0 && c.offset.size() == 0 && c.gain.size() == 0 && c.terms.empty() &&
                      c.drift.empty();
   if (c.radiance != 0.0) {
-    for (float& v : y.reshaped()) v = static_cast<float>(mixed_temperature(static_cast<double>(v), c.radiance));
+    const TemperatureTable temperature(c.radiance, static_cast<double>(y.minCoeff()), static_cast<double>(y.maxCoeff()));
+    for (float& v : y.reshaped()) v = static_cast<float>(temperature.at(static_cast<double>(v)));
   }
   if (plain) return;
   const double length = std::max(1e-9, recording.t.back());
@@ -238,6 +239,8 @@ BarsModel::BarsModel(const Session& session, std::size_t recording, const State&
   const bool moving = session.recordings[recording].kind == Kind::kMovingBars;
   if (moving) {
     for (const double v : stimulus.speed_px_s) mean_speed_ += v / static_cast<double>(stimulus.speed_px_s.size());
+    // Speeds come from the nominal clock.
+    mean_speed_ /= 1.0 + state.camera.clock_skew;
   }
   varied_ = moving;  // its speed always varies a little
   const Bars bars = bars_of(target, stimulus, mean_speed_);
@@ -253,7 +256,7 @@ void BarsModel::frame(std::size_t k, double shift_px, std::span<const int> pixel
                       float* slopes) const {
   const auto& target = std::get<capture::BarTarget>(session_.recordings[recording_].stimulus);
   const CameraModel& c = state_.camera;
-  const double speed = varied_ ? state_.stimuli[recording_].speed_px_s[k] : 0.0;
+  const double speed = varied_ ? state_.stimuli[recording_].speed_px_s[k] / (1.0 + c.clock_skew) : 0.0;
   const double log_speed = varied_ ? std::clamp(speed / mean_speed_ - 1.0, -0.1, 0.1) : 0.0;
   for (std::size_t j = 0; j < pixels.size(); ++j) {
     const int row = session_.grid.row_of(pixels[j]);

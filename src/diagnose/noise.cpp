@@ -260,15 +260,19 @@ double student_likelihood(const std::vector<double>& x, double degrees, double s
 void fit_student(const std::vector<double>& x, NoiseStatistics& n) {
   double best = -1e300;
   const auto at = [&](double degrees) {
-    // The scale that the variance asks for would trust the tails; the likelihood chooses it too.
-    double top = -1e300;
-    for (double factor = 0.4; factor < 1.15; factor += 0.05) {
-      top = std::max(top, student_likelihood(x, degrees, n.sigma_tvh * factor));
+    // The scale that the variance asks for would trust the tails; the likelihood chooses it too (golden section).
+    double low = 0.4 * n.sigma_tvh;
+    double high = 1.15 * n.sigma_tvh;
+    for (int i = 0; i < 14; ++i) {
+      const double a = high - 0.618 * (high - low);
+      const double b = low + 0.618 * (high - low);
+      (student_likelihood(x, degrees, a) > student_likelihood(x, degrees, b) ? high : low) =
+          student_likelihood(x, degrees, a) > student_likelihood(x, degrees, b) ? b : a;
     }
-    return top;
+    return student_likelihood(x, degrees, (low + high) / 2.0);
   };
   std::vector<std::pair<double, double>> tried;
-  for (double degrees = 2.2; degrees < 40.0; degrees *= 1.06) {
+  for (double degrees = 2.2; degrees < 30.0; degrees *= 1.05) {
     const double value = at(degrees);
     tried.emplace_back(degrees, value);
     if (value > best) {
@@ -341,14 +345,15 @@ bool is_still(const Session& session, const Recording& r) {
   return median(ratio) < 3.0;
 }
 
-NoiseStatistics measure_noise(const Session& session) {
+NoiseStatistics measure_noise(const Session& session, double ceiling) {
   NoiseStatistics n;
   std::vector<Block> blocks;
   for (int pass = 0; pass < 2 && blocks.empty(); ++pass) {
     for (std::size_t i = 0; i < session.recordings.size(); ++i) {
       const Recording& r = session.recordings[i];
       const bool wanted = pass == 0 ? r.kind == Kind::kUniform : r.kind == Kind::kField && is_still(session, r);
-      if (!wanted) continue;
+      const auto clipped = (r.values.array() >= static_cast<float>(ceiling)).count();
+      if (!wanted || clipped * 500 > r.values.size()) continue;
       if (auto block = longest_block(session, i)) blocks.push_back(std::move(*block));
     }
   }
@@ -417,7 +422,7 @@ NoiseStatistics measure_noise(const Session& session) {
         above.count += static_cast<double>(frames);
       }
       for (Index k = p % 7; k < frames; k += 7) {
-        if (sample.size() < 40000) sample.push_back(x[k]);
+        if (sample.size() < 30000) sample.push_back(x[k]);
       }
     }
     for (std::size_t j = 3; j + 1 < power.size(); ++j) {

@@ -51,7 +51,8 @@ struct NoiseStatistics {
 
 // Of all uniform recordings (or, when there is none, of recordings without a stimulus that are still). Jumps have been
 // taken out, bad pixels are marked.
-NoiseStatistics measure_noise(const Session& session);
+// `ceiling`: recordings with values there are left out.
+NoiseStatistics measure_noise(const Session& session, double ceiling);
 
 // Whether nothing moves in a recording without a stimulus.
 bool is_still(const Session& session, const Recording& recording);

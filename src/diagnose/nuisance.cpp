@@ -14,7 +14,7 @@ Coordinate member(std::string name, std::size_t i, Member field, double step, do
 }
 
 Coordinate level(std::size_t i, std::size_t which, double nominal) {
-  return {"level", 0.2, nominal - 30.0, nominal + 30.0,
+  return {"level", 1.0, nominal - 30.0, nominal + 30.0,
           [i, which](const State& s) { return s.stimuli[i].level_k[which]; },
           [i, which](State& s, double value) { s.stimuli[i].level_k[which] = value; }};
 }
@@ -62,6 +62,12 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
       all.push_back({member("phase", i, &StimulusState::phase_px, 0.05, 1e6), index, false, 0.0, 0.0});
     }
     bars = bars || recording.kind == Kind::kStillBars || recording.kind == Kind::kMovingBars;
+  }
+  if (nominal.camera.response.filter != FrameFilter::kNone && nominal.camera.response.alpha < 1.0) {
+    // Known from the noise to a percent; the late edges tell it better.
+    all.push_back({{"alpha", 0.02, 0.05, 1.0, [](const State& s) { return s.camera.response.alpha; },
+                    [](State& s, double value) { s.camera.response.alpha = value; }},
+                   -2, false, 1.0, 0.0});
   }
   if (bars) all.push_back({target_edge(), -1, false, 0.0, kEdgePrior});
   return all;

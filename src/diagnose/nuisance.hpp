@@ -9,7 +9,7 @@ namespace bolo::diagnose {
 
 struct Nuisance {
   Coordinate coordinate;
-  int recording = -1;    // -1: shared by all bar targets
+  int recording = -1;    // -1: shared by all bar targets, -2: by all recordings
   bool is_level = false;  // shares its prior with all other levels
   double nominal = 0.0;
   double prior = 0.0;    // standard deviation about `nominal`; 0: free. Levels: see level_spread()

@@ -78,4 +78,17 @@ double mixed_temperature(double signal, double share) noexcept {
   return temperature_k;
 }
 
+TemperatureTable::TemperatureTable(double share, double low, double high) : low_(low) {
+  constexpr int kCells = 600;
+  const double width = std::max(1e-6, (high - low) / kCells);
+  scale_ = 1.0 / width;
+  for (int i = 0; i <= kCells + 1; ++i) value_.push_back(mixed_temperature(low + width * i, share));
+}
+
+double TemperatureTable::at(double signal) const noexcept {
+  const double at = std::max(0.0, (signal - low_) * scale_);
+  const std::size_t i = std::min(static_cast<std::size_t>(at), value_.size() - 2);
+  return value_[i] + (at - static_cast<double>(i)) * (value_[i + 1] - value_[i]);
+}
+
 }  // namespace bolo::diagnose

@@ -56,6 +56,22 @@ std::string digits(double value) {
   return text;
 }
 
+// Decimals that show three digits of the value, and the first of its uncertainty.
+int decimals_for(double value, double half) {
+  const auto place = [](double size) { return -static_cast<int>(std::floor(std::log10(size))); };
+  int decimals = 0;
+  if (std::isfinite(value) && value != 0.0) decimals = place(std::abs(value)) + 2;
+  if (std::isfinite(half) && half > 0.0) decimals = std::max(decimals, place(half));
+  return std::clamp(decimals, 0, 6);
+}
+
+std::string fixed(double value, int decimals) {
+  if (!std::isfinite(value)) return "?";
+  char text[400];
+  std::snprintf(text, sizeof text, "%.*f", decimals, value);
+  return text;
+}
+
 bool known(const FoundEffect& effect, const std::string& key) {
   const auto found = effect.parameters.find(key);
   return found != effect.parameters.end() && std::isfinite(found->second.value);
@@ -170,8 +186,11 @@ std::string quantity(const std::string& key, double value, bool utf8) {
 
 std::string quantity(const std::string& key, const Estimate& estimate, bool utf8) {
   const Unit unit = unit_of(key, estimate.value, utf8);
-  return digits(estimate.value * unit.factor) + unit.text + " (" + digits(estimate.low * unit.factor) + " to " +
-         digits(estimate.high * unit.factor) + ")";
+  const double value = estimate.value * unit.factor;
+  const double half = 0.5 * unit.factor * (estimate.high - estimate.low);
+  const int decimals = decimals_for(value, half);
+  return fixed(value, decimals) + unit.text + " (" + fixed(estimate.low * unit.factor, decimals) + " to " +
+         fixed(estimate.high * unit.factor, decimals) + ")";
 }
 
 std::string effect_title(const std::string& name) {

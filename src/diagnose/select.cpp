@@ -28,6 +28,18 @@ std::vector<Choice> forms_of(const Effect& effect) {
   return all;
 }
 
+// Whether the effect is as large as one that deserves its name.
+bool worth_naming(const Session& session, const FitResult& fit, std::size_t choice) {
+  const Effect& effect = *fit.choices[choice].effect;
+  if (effect.least <= 0.0) return true;
+  if (effect.map == MapKind::kNone) return std::abs(fit.value[choice].front()) >= effect.least;
+  const CameraModel& c = fit.state.camera;
+  const MapSpread spread = spread_of(session, effect.map == MapKind::kOffset ? c.offset
+                                              : effect.map == MapKind::kGain ? c.gain
+                                                                             : c.tau);
+  return std::hypot(spread.pixel, spread.column) >= effect.least;
+}
+
 bool enough(const Gain& gain) { return gain.total > kLeastGain && gain.z > kLeastZ; }
 
 class Selector {
@@ -128,6 +140,7 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
         std::ranges::none_of(s.chosen, [&](const Chosen& c) { return c.choice.effect == emissivity; })) {
       attempt({emissivity, -1});
     }
+    std::erase_if(tried, [&](const Tried& t) { return !worth_naming(session, t.fit, t.fit.choices.size() - 1); });
     std::ranges::sort(tried, std::greater{}, [](const Tried& t) { return t.gain.total; });
     if (tried.empty() || !enough(tried.front().gain)) break;
     Tried& best = tried.front();
@@ -150,7 +163,7 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
         if (j != i) rest.push_back(s.chosen[j].choice);
       }
       const FitResult without = fitter.fit(base.state, rest, kRounds + 2);
-      if (enough(selector.gain(without, s.fit))) continue;
+      if (enough(selector.gain(without, s.fit)) && worth_naming(session, s.fit, i)) continue;
       s.fit = without;
       s.chosen.erase(s.chosen.begin() + static_cast<long>(i));
       again = s.chosen.size() > 1;

@@ -17,15 +17,15 @@ using Table = std::map<std::string, std::map<std::string, int>>;
 constexpr const char* kHead = R"(<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">
 <title>Blind check</title><style>
-:root{--paper:#fff;--ink:#1c2330;--soft:#5b6576;--line:#d9dee7;--card:#f5f7fa;--good:#0b6e99;--bad:#b5541c;--cell:11,94,150}
+:root{--paper:#fff;--ink:#1c2330;--soft:#5b6576;--line:#d9dee7;--card:#f5f7fa;--good:#0b6e99;--bad:#b5541c;--cell:11,94,150;--miss:181,84,28}
 @media(prefers-color-scheme:dark){:root{--paper:#12161d;--ink:#e6eaf1;--soft:#9aa5b8;--line:#2c3442;--card:#1a2029;
---good:#5db7e0;--bad:#f0985a;--cell:93,183,224}}
+--good:#5db7e0;--bad:#f0985a;--cell:93,183,224;--miss:240,152,90}}
 body{margin:0 auto;max-width:1100px;padding:24px 16px 64px;background:var(--paper);color:var(--ink);
 font:16px/1.5 system-ui,sans-serif}
 h1{font-size:26px;margin:0 0 4px}h2{font-size:19px;margin:36px 0 8px}p{margin:4px 0 12px;color:var(--soft)}
 .scroll{overflow-x:auto}table{border-collapse:collapse;font-size:14px;min-width:560px;width:100%}
 td,th{padding:6px 10px;border-bottom:1px solid var(--line);text-align:left;vertical-align:top}
-td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
+td.asked{min-width:190px}td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
 code{font-size:12px;word-break:break-word;color:var(--soft)}
 .bar{display:block;height:10px;background:var(--line);border-radius:3px;min-width:120px}
 .bar i{display:block;height:10px;background:var(--good);border-radius:3px}
@@ -76,7 +76,8 @@ std::string kinds_table(const Score& score) {
   for (const auto& [kind, s] : score.kinds) {
     const double share = s.sessions > 0 ? 100.0 * s.passed / s.sessions : 0.0;
     out += text(
-        "<tr><td><b>%s</b><td>%s<td class=n>%d of %d<td><span class=bar><i style=\"width:%.1f%%\"></i></span>"
+        "<tr><td><b>%s</b><td class=asked>%s<td class=n>%d of %d<td><span class=bar><i "
+        "style=\"width:%.1f%%\"></i></span>"
         "<td class=n>%d<td class=n>%d<td class=n>%.2f<td class=n>%.2f<td class=n>%.1f</tr>",
         std::string(name_of(kind)).c_str(), asked(kind), s.passed, s.sessions, share, s.false_effect, s.nothing,
         s.gap_before.median, s.gap_after.median, s.seconds.median);
@@ -97,10 +98,10 @@ std::vector<std::string> columns_of(const Table& table) {
 std::string cell(double x, double y, int count, int row_sum, bool right) {
   const double share = static_cast<double>(count) / row_sum;
   return text(
-      "<rect x=\"%.0f\" y=\"%.0f\" width=\"21\" height=\"21\" rx=\"2\" fill=\"rgba(var(--cell),%.2f)\" "
+      "<rect x=\"%.0f\" y=\"%.0f\" width=\"21\" height=\"21\" rx=\"2\" fill=\"rgba(var(--%s),%.2f)\" "
       "stroke=\"var(--%s)\" stroke-width=\"%s\"/><text x=\"%.1f\" y=\"%.0f\" text-anchor=\"middle\" "
       "style=\"font-size:11px%s\">%d</text>",
-      x, y, 0.15 + 0.85 * share, right ? "good" : "bad", right ? "1" : "2", x + 10.5, y + 15,
+      x, y, right ? "cell" : "miss", 0.15 + 0.85 * share, right ? "good" : "bad", right ? "1" : "2", x + 10.5, y + 15,
       share > 0.55 ? ";fill:var(--paper)" : "", count);
 }
 
@@ -180,7 +181,7 @@ std::string score_html(const Score& score, const Setting& setting) {
   std::string out = kHead;
   out += text("<h1>%d of %d hidden sessions came out right</h1>", passed, sessions);
   out += text(
-      "<p>Seed %llu, %dx%d pixels, effects at %g of their realistic strength, %s stimuli; %.0f s in all. "
+      "<p>Seed %llu, %dx%d pixels, effects at %g times their realistic strength, %s stimuli; %.0f s in all. "
       "The answers were sealed before the diagnosis, sha256 <code>%s</code>.</p>",
       static_cast<unsigned long long>(setting.draw.seed), setting.draw.geometry.width, setting.draw.geometry.height,
       setting.draw.magnitude, setting.draw.imperfect ? "imperfect" : "perfect", setting.seconds,

@@ -73,24 +73,27 @@ capture::Stimulus stimulus_of(std::size_t i, const Geometry& geometry, double du
 }
 
 // Where the stimulus truly starts is never known; the rest of its errors only of an imperfect bench.
-StimulusFaults draw_faults(const capture::Stimulus& stimulus, bool imperfect, Dice& dice) {
-  StimulusFaults faults;
+sim::StimulusError draw_faults(const capture::Stimulus& stimulus, bool imperfect, Dice& dice) {
+  sim::StimulusError faults;
   const bool is_chopper = std::holds_alternative<capture::Chopper>(stimulus);
   const auto* const target = std::get_if<capture::BarTarget>(&stimulus);
   if (is_chopper) faults.start_s = dice.between(-0.005, 0.005);
-  if (target != nullptr) faults.start_px = dice.between(0.0, target->period_px);
+  if (target != nullptr) faults.phase = dice.unit();
   if (!imperfect) return faults;
   constexpr double kLeastK = 0.1;
   constexpr double kMostK = 1.0;
-  faults.cold_error_k = dice.signed_between(kLeastK, kMostK);
+  faults.level_k = dice.signed_between(kLeastK, kMostK);
   faults.reflection = dice.between(0.0, 0.01);
   if (is_chopper) faults.sweep_s = dice.between(0.0, 0.004);
-  if (is_chopper || target != nullptr) faults.hot_error_k = dice.signed_between(kLeastK, kMostK);
+  if (is_chopper) faults.level2_k = dice.signed_between(kLeastK, kMostK);
+  if (is_chopper || target != nullptr) faults.cold_k = dice.signed_between(kLeastK, kMostK);
   if (target == nullptr) return faults;
   faults.edge_px = dice.between(0.0, 0.3);
   if (target->velocity_px_s == 0.0) return faults;
-  faults.velocity_error = dice.signed_between(0.0, 0.01);
+  faults.velocity = dice.signed_between(0.0, 0.01);
   faults.uneven = dice.between(0.0, 0.01);
+  faults.uneven_period_s = dice.between(0.5, 2.0);
+  faults.uneven_phase = dice.unit();
   return faults;
 }
 

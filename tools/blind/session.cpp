@@ -52,8 +52,8 @@ Status draw_effects(const DrawOptions& options, Session& session, Dice& dice) {
     std::erase_if(all, [&](const Choice& c) { return c.effect != options.only; });
   }
   if (all.empty()) {
-    return bad_input("no effect " + options.only + " for sessions of the kind " + std::string(name_of(session.kind)) +
-                     "; 'bolo simulate --list-effects' names them");
+    return bad_input("no effect " + (options.only.empty() ? "at all" : options.only) + " for sessions of the kind " +
+                     std::string(name_of(session.kind)) + "; 'bolo simulate --list-effects' names them");
   }
   std::vector<Choice> chosen{all[session.index % all.size()]};
   if (session.kind == Kind::kPair) {
@@ -98,14 +98,6 @@ nlohmann::json to_json(const std::vector<sim::EffectSpec>& effects) {
   nlohmann::json out = nlohmann::json::array();
   for (const sim::EffectSpec& effect : effects) out.push_back(to_json(effect));
   return out;
-}
-
-nlohmann::json to_json(const StimulusFaults& faults) {
-  return {{"start_s", faults.start_s},         {"start_px", faults.start_px},
-          {"sweep_s", faults.sweep_s},         {"cold_error_k", faults.cold_error_k},
-          {"hot_error_k", faults.hot_error_k}, {"velocity_error", faults.velocity_error},
-          {"uneven", faults.uneven},           {"edge_px", faults.edge_px},
-          {"reflection", faults.reflection}};
 }
 
 }  // namespace
@@ -163,7 +155,7 @@ nlohmann::json to_json(const Session& session) {
                         {"session_start_s", plan.session_start_s},
                         {"noise_seed", plan.noise_seed},
                         {"effects", to_json(plan.effects)},
-                        {"faults", to_json(plan.faults)}});
+                        {"stimulus_error", sim::stimulus_error_text(plan.faults)}});
   }
   return {{"kind", name_of(session.kind)},
           {"index", session.index},

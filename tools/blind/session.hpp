@@ -13,6 +13,7 @@
 #include "bolo/core/geometry.hpp"
 #include "bolo/core/result.hpp"
 #include "bolo/sim/effect.hpp"
+#include "bolo/sim/stimulus_error.hpp"
 
 namespace bolo::tools::blind {
 
@@ -39,19 +40,6 @@ struct DrawOptions {
   std::string only;           // the effect of every session; empty: all in turn
 };
 
-// How the true stimulus differs from what the file says.
-struct StimulusFaults {
-  double start_s = 0.0;         // chopper: all times come later by this
-  double start_px = 0.0;        // bars: where they are at t = 0
-  double sweep_s = 0.0;         // chopper: the blade needs this over the width
-  double cold_error_k = 0.0;    // also the level of a uniform stimulus
-  double hot_error_k = 0.0;     // chopper: of its highest level, the others in proportion to their height
-  double velocity_error = 0.0;  // relative
-  double uneven = 0.0;          // relative amplitude of the velocity's slow swing
-  double edge_px = 0.0;         // sigma of the bars' edges
-  double reflection = 0.0;      // share of the surroundings
-};
-
 struct CapturePlan {
   std::string file;            // says nothing of the effects
   capture::Stimulus stimulus;  // nominal, as the file has it
@@ -59,7 +47,7 @@ struct CapturePlan {
   double session_start_s = 0.0;
   std::uint64_t noise_seed = 0;
   std::vector<sim::EffectSpec> effects;  // those at work in this capture
-  StimulusFaults faults;
+  sim::StimulusError faults;             // how the true stimulus differs from the nominal one
 };
 
 // The answer to one question of the check.

@@ -1,11 +1,11 @@
 #include <cstddef>
 #include <memory>
 #include <mutex>
-#include <span>
 #include <utility>
 #include <variant>
 
 #include "bolo/sim/simulator.hpp"
+#include "bolo/sim/stimulus_error.hpp"
 #include "tools/blind/captures.hpp"
 
 namespace bolo::tools::blind {
@@ -19,37 +19,10 @@ std::mutex& hdf5_mutex() {
   return mutex;
 }
 
-// Bars that stand `shift_px` further right.
-class Shifted final : public sim::Field {
- public:
-  Shifted(std::unique_ptr<const sim::Field> field, double shift_px) : field_(std::move(field)), shift_px_(shift_px) {}
-  void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept override {
-    field_->sample_from(t_s, column - shift_px_, row, out);
-  }
-  void instants(double from_s, double to_s, double response_s, std::vector<double>& out) const override {
-    field_->instants(from_s, to_s, response_s, out);
-  }
-  sim::Extremes extremes() const override { return field_->extremes(); }
-  capture::Stimulus stimulus(double from_s, double to_s) const override { return field_->stimulus(from_s, to_s); }
-
- private:
-  std::unique_ptr<const sim::Field> field_;
-  double shift_px_;
-};
-
-// The stimulus as it really is.
-Result<std::unique_ptr<const sim::Field>> true_field(const Session&, const CapturePlan& plan) {
-  const StimulusFaults& faults = plan.faults;
-  if (const auto* uniform = std::get_if<capture::Uniform>(&plan.stimulus)) {
-    return sim::make_uniform(uniform->temperature_k + faults.cold_error_k);
-  }
-  if (const auto* nominal = std::get_if<capture::Chopper>(&plan.stimulus)) {
-    capture::Chopper chopper = *nominal;
-    for (double& on_s : chopper.on_s) on_s += faults.start_s;
-    for (double& off_s : chopper.off_s) off_s += faults.start_s;
-    return sim::make_chopper(std::move(chopper));
-  }
-  return std::make_unique<const Shifted>(sim::make_bars(std::get<capture::BarTarget>(plan.stimulus)), faults.start_px);
+std::unique_ptr<const sim::Field> nominal_field(const capture::Stimulus& stimulus) {
+  if (const auto* uniform = std::get_if<capture::Uniform>(&stimulus)) return sim::make_uniform(uniform->temperature_k);
+  if (const auto* chopper = std::get_if<capture::Chopper>(&stimulus)) return sim::make_chopper(*chopper);
+  return sim::make_bars(std::get<capture::BarTarget>(stimulus));
 }
 
 sim::CameraSettings camera_of(const Session& session, const CapturePlan& plan) {
@@ -91,7 +64,7 @@ Status write_file(const std::filesystem::path& file, const StreamFormat& format,
 }
 
 Status write_capture(const Session& session, const CapturePlan& plan, const std::filesystem::path& file) {
-  auto field = true_field(session, plan);
+  auto field = sim::with_errors(nominal_field(plan.stimulus), plan.faults, session.geometry);
   if (!field) return tl::unexpected(field.error());
   const auto simulator = sim::Simulator::create(camera_of(session, plan), std::move(*field));
   if (!simulator) return tl::unexpected(simulator.error());

@@ -17,6 +17,7 @@ extern const Effect clock_skew_effect{
                 [](State& s, double v) { s.camera.clock_skew = v; }}};
         },
     .map = MapKind::kNone,
+    .least = 1e-05,
     .forms = {},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {

@@ -17,6 +17,7 @@ extern const Effect crosstalk_effect{
                 [](State& s, double v) { s.camera.response.coupling = v; }}};
         },
     .map = MapKind::kNone,
+    .least = 0.0015,
     .forms = {},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {

@@ -18,6 +18,7 @@ extern const Effect emissivity_effect{
                 [](State& s, double v) { s.camera.surroundings = v; }}};
         },
     .map = MapKind::kNone,
+    .least = 0.003,
     .forms = {},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {

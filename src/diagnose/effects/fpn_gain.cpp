@@ -12,6 +12,7 @@ extern const Effect fpn_gain_effect{
     .needs = "flat black bodies at two temperatures",
     .told_by = [](const Session& s) { return std::ranges::count(s.recordings, Kind::kUniform, &Recording::kind) > 1 || has_kind(s, Kind::kChopper); },
     .map = MapKind::kGain,
+    .least = 0.00025,
     .report =
         [](const Session& session, const State& s, std::span<const double>, std::span<const double>) {
           const MapSpread spread = spread_of(session, s.camera.gain);

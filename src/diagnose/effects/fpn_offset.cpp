@@ -11,6 +11,7 @@ extern const Effect fpn_offset_effect{
     .needs = "a closed shutter",
     .told_by = [](const Session& s) { return has_kind(s, Kind::kUniform) || has_kind(s, Kind::kChopper) || has_kind(s, Kind::kStillBars); },
     .map = MapKind::kOffset,
+    .least = 0.0015,
     .report =
         [](const Session& session, const State& s, std::span<const double>, std::span<const double>) {
           const MapSpread spread = spread_of(session, s.camera.offset);

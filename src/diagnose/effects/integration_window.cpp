@@ -18,6 +18,7 @@ extern const Effect integration_window_effect{
                 [](State& s, double v) { s.camera.response.window_s = std::sqrt(std::max(0.0, v)); }}};
         },
     .map = MapKind::kNone,
+    .least = 4e-08,
     .forms = {},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {

@@ -17,6 +17,7 @@ extern const Effect optical_psf_effect{
                 [](State& s, double v) { s.camera.response.blur_px2 = v; }}};
         },
     .map = MapKind::kNone,
+    .least = 0.015,
     .forms = {},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {

@@ -17,6 +17,7 @@ extern const Effect radiometric_nonlinearity_effect{
                 [](State& s, double v) { s.camera.radiance = v; }}};
         },
     .map = MapKind::kNone,
+    .least = 0.15,
     .forms = {},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {

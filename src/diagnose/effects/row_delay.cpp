@@ -17,6 +17,7 @@ extern const Effect row_delay_effect{
                 [](State& s, double v) { s.camera.row_delay_s = v; }}};
         },
     .map = MapKind::kNone,
+    .least = 5e-07,
     .forms = {{"rolling", [](State& s) { s.camera.two_halves = false; }}, {"halves", [](State& s) { s.camera.two_halves = true; }}},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {

@@ -19,6 +19,7 @@ extern const Effect self_heating_effect{
               {"log_rate", 0.1, -2.5, 2.5, [](const State& s) { return std::log(s.camera.heating_rate / 3.0); },
                [](State& s, double v) { s.camera.heating_rate = 3.0 * std::exp(v); }}};
         },
+    .least = 0.001,
     .report =
         [](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
           return std::map<std::string, Estimate>{{"amplitude_k", interval(std::abs(v[0]), e[0])}};

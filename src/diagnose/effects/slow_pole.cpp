@@ -18,6 +18,7 @@ extern const Effect slow_pole_effect{
                 [](State& s, double v) { s.camera.response.slow_tau_s = 0.15 * std::exp(v); }}};
         },
     .map = MapKind::kNone,
+    .least = 0.0012,
     .forms = {{"fast", [](State& s) { s.camera.response.slow_tau_s = 0.07; }}, {"middle", [](State& s) { s.camera.response.slow_tau_s = 0.15; }}, {"slow", [](State& s) { s.camera.response.slow_tau_s = 0.35; }}},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {

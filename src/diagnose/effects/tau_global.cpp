@@ -17,6 +17,7 @@ extern const Effect tau_global_effect{
                 [](State& s, double v) { s.camera.response.tau_s = s.camera.nominal_tau_s * std::exp(v); }}};
         },
     .map = MapKind::kNone,
+    .least = 0.003,
     .forms = {},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {

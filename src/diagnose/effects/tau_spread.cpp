@@ -11,6 +11,7 @@ extern const Effect tau_spread_effect{
     .needs = "a chopper, which shows all pixels the same",
     .told_by = [](const Session& s) { return has_kind(s, Kind::kChopper) || has_kind(s, Kind::kMovingBars); },
     .map = MapKind::kTau,
+    .least = 0.002,
     .report =
         [](const Session& session, const State& s, std::span<const double>, std::span<const double>) {
           const MapSpread spread = spread_of(session, s.camera.tau);

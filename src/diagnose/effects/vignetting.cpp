@@ -18,6 +18,7 @@ extern const Effect vignetting_effect{
                 [](State& s, double v) { s.camera.corner_offset = v; }}};
         },
     .map = MapKind::kNone,
+    .least = 0.0006,
     .forms = {},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {

@@ -67,10 +67,10 @@ TEST(BlindCaptures, TheStimulusStartsWhereItWasDrawn) {
   const Folder folder;
   Session session = short_session(Kind::kEffectFree, "");
   session.captures = {session.captures[5]};  // the target that stands still
-  session.captures[0].faults.start_px = 0.0;
+  session.captures[0].faults.phase = 0.0;
   ASSERT_TRUE(write_captures(session, folder.path()));
   const auto at_zero = frame(*CaptureReader::open(folder / session.captures[0].file), 5);
-  session.captures[0].faults.start_px = 3.0;
+  session.captures[0].faults.phase = 3.0 / 20.0;  // of a period of 20 pixels
   ASSERT_TRUE(write_captures(session, folder.path()));
   const auto moved = frame(*CaptureReader::open(folder / session.captures[0].file), 5);
   for (std::size_t x = 3; x < 16; ++x) EXPECT_NEAR(moved[x], at_zero[x - 3], 40.0) << x;  // 0.4 K of noise

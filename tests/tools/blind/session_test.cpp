@@ -113,15 +113,15 @@ TEST(BlindSession, OnlyAnImperfectBenchHasErrors) {
   options.imperfect = true;
   const Session imperfect = drawn(Kind::kEffectFree, 1, options);
   for (std::size_t i = 0; i < 6; ++i) {
-    EXPECT_EQ(perfect.captures[i].faults.cold_error_k, 0.0);
-    EXPECT_EQ(perfect.captures[i].faults.velocity_error, 0.0);
-    EXPECT_GE(std::abs(imperfect.captures[i].faults.cold_error_k), 0.1);
-    EXPECT_LE(std::abs(imperfect.captures[i].faults.cold_error_k), 1.0);
+    EXPECT_EQ(perfect.captures[i].faults.level_k, 0.0);
+    EXPECT_EQ(perfect.captures[i].faults.velocity, 0.0);
+    EXPECT_GE(std::abs(imperfect.captures[i].faults.level_k), 0.1);
+    EXPECT_LE(std::abs(imperfect.captures[i].faults.level_k), 1.0);
   }
   EXPECT_NE(perfect.captures[2].faults.start_s, 0.0);
-  EXPECT_NE(perfect.captures[5].faults.start_px, 0.0);
+  EXPECT_NE(perfect.captures[5].faults.phase, 0.0);
   EXPECT_GT(imperfect.captures[2].faults.sweep_s, 0.0);
-  EXPECT_EQ(imperfect.captures[5].faults.velocity_error, 0.0);  // it stands still
+  EXPECT_EQ(imperfect.captures[5].faults.velocity, 0.0);  // it stands still
 }
 
 TEST(BlindSession, WhatHappensOnceHappensInOneOrTwoCaptures) {

@@ -1,0 +1,98 @@
+// What is drawn of each capture.
+#include <algorithm>
+#include <cmath>
+
+#include "bolo/diagnose/report_words.hpp"
+#include "src/diagnose/report/page_parts.hpp"
+#include "src/diagnose/report/picture.hpp"
+#include "src/diagnose/report/plot.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr double kWorthOpening = 1.1;  // gap of a capture that is shown at once
+
+// Maps of this shape stand below one another.
+bool is_wide(const CapturePlots& one) { return one.gap_map_before.width > 3 * one.gap_map_before.height; }
+
+// Both maps in the same colours, from the floor to the largest gap of either.
+ColourSpan common_span(const CapturePlots& one) {
+  const double high = std::max({1.5, span_of(one.gap_map_before).high, span_of(one.gap_map_after).high});
+  return {0.0, high, false};
+}
+
+std::string maps_of(const CapturePlots& one) {
+  const ColourSpan span = common_span(one);
+  const std::string before = map_figure(one.gap_map_before, span, "Gap before", "Of each pixel, over time.");
+  const std::string after =
+      map_figure(one.gap_map_after, span, "Gap after", "In the same colours: even and dark is good.");
+  if (before.empty() && after.empty()) return {};
+  return format("<div class=\"pair%s\">", is_wide(one) ? " tall wide" : "") + before + after + "</div>";
+}
+
+// The axes reach at least a quarter of the noise floor, so that what is harmless looks harmless.
+std::string profiles_of(const CapturePlots& one, double floor_k) {
+  PlotScale in_mk{1.0, 1e3, false, false, 250.0 * floor_k};
+  const std::string columns =
+      line_plot({{&one.column_before, "before", "before"}, {&one.column_after, "after", "after"}},
+                {"Mean residual of each column", "column", "mK",
+                 "A pattern here is fixed in the columns, or the stimulus moves across them."},
+                in_mk);
+  in_mk.sideways = true;
+  const std::string rows =
+      line_plot({{&one.row_before, "before", "before"}, {&one.row_after, "after", "after"}},
+                {"Mean residual of each row", "row", "mK",
+                 "A slope from top to bottom is a delay from row to row; jumps are fixed offsets."},
+                in_mk);
+  return rows + columns;
+}
+
+std::string spectrum_of(const CapturePlots& one) {
+  return line_plot({{&one.spectrum_before, "before", "before"}, {&one.spectrum_after, "after", "after"}},
+                   {"Spectrum of the residual", "Hz", "K<sup>2</sup>/Hz",
+                    "Flat is white noise. A rise to the left is slow (drift, heat); a line is periodic."},
+                   {1.0, 1.0, true, false, 0.0});
+}
+
+std::string answer_of(const CapturePlots& one) {
+  return line_plot({{&one.nominal, "nominal", "nominal simulator"},
+                    {&one.predicted, "predicted", "with the effects"},
+                    {&one.measured, "measured", "camera", true}},
+                   {"One pixel in time", "s", "K",
+                    "The dots should lie on the solid line; how far they are from the dashed one is the gap."},
+                   {1.0, 1.0, false, false, 0.0});
+}
+
+const char* kind_words(const std::string& kind) {
+  if (kind == "uniform") return "uniform";
+  if (kind == "chopper") return "chopper";
+  if (kind == "bar_target") return "bar target";
+  return kind == "scene" ? "known scene" : "field recording";
+}
+
+std::string capture_part(const CapturePlots& one, double floor_k, bool open) {
+  const std::string plots = maps_of(one) + answer_of(one) + profiles_of(one, floor_k) + spectrum_of(one);
+  return format("<details%s><summary>%s<span>%s, gap %s \u2192 %s</span></summary>", open ? " open" : "",
+                escaped(one.file).c_str(), kind_words(one.kind), gap_text(one.gap_before).c_str(),
+                gap_text(one.gap_after).c_str()) +
+         (plots.empty()
+              ? "<p class=soft>Nothing was drawn of it.</p>"
+              : (is_wide(one) ? "<div class=\"plots two\">" : "<div class=\"plots six\">") + plots + "</div>") +
+         "</details>";
+}
+
+}  // namespace
+
+std::string captures_part(const Report& report) {
+  if (report.captures.empty()) return {};
+  std::string out =
+      "<h2>Capture by capture</h2><p class=soft>Those with a gap are open. Orange is the nominal simulator, blue is "
+      "with "
+      "the effects added.</p>";
+  for (const CapturePlots& one : report.captures) {
+    out += capture_part(one, report.noise_floor_k, std::max(one.gap_before, one.gap_after) > kWorthOpening);
+  }
+  return out;
+}
+
+}  // namespace bolo::diagnose

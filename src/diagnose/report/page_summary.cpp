@@ -1,0 +1,203 @@
+// Verdict, waterfall, place, what is left.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "bolo/diagnose/report_words.hpp"
+#include "src/diagnose/report/html.hpp"
+#include "src/diagnose/report/page_parts.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+std::string pill(const std::string& verdict) {
+  if (verdict == "no_gap") return "<span class=\"pill good\">No gap</span>";
+  if (verdict == "explained") return "<span class=\"pill good\">Explained</span>";
+  if (verdict == "partly_explained") return "<span class=\"pill warn\">Partly explained</span>";
+  return "<span class=\"pill bad\">Unknown effect</span>";
+}
+
+std::string fact(const std::string& value, const std::string& name) {
+  return "<div class=fact><b>" + value + "</b><span>" + name + "</span></div>";
+}
+
+std::string arrow(double before, double after) { return gap_text(before) + " \u2192 " + gap_text(after); }
+
+// The axis of gaps: from a little under the floor to a little over the largest.
+Axis gap_axis(const std::vector<double>& gaps) {
+  double low = 0.9;
+  double high = 2.2;
+  for (const double gap : gaps) {
+    if (!std::isfinite(gap) || gap <= 0.0) continue;
+    low = std::min(low, std::max(0.05, 0.95 * gap));
+    high = std::max(high, 1.1 * gap);
+  }
+  return {low, high, true};
+}
+
+// Ticks of the axis and the line at 1.0, behind a bar.
+std::string rules(const Axis& axis) {
+  std::string out;
+  for (const double tick : axis.ticks(6)) out += format("<i style=\"left:%.2f%%\"></i>", 100.0 * axis.place(tick));
+  return out + format("<i class=floor style=\"left:%.2f%%\"></i>", 100.0 * axis.place(1.0));
+}
+
+std::string bar_row(const Axis& axis, const std::string& name, const char* look, double from, double to,
+                    const std::string& value) {
+  const double left = 100.0 * axis.place(std::min(from, to));
+  const double right = 100.0 * axis.place(std::max(from, to));
+  return "<div class=row><div class=name>" + name + "</div><div class=track>" + rules(axis) +
+         format("<b class=\"%s\" style=\"left:%.2f%%;width:%.2f%%\"></b></div><div class=value>", look, left,
+                std::max(0.0, right - left)) +
+         value + "</div></div>";
+}
+
+std::string scale_row(const Axis& axis) {
+  std::string out = "<div class=row><div class=\"name blank\"></div><div class=scale>";
+  for (const double tick : axis.ticks(6)) {
+    out += format("<span style=\"left:%.2f%%\">%s</span>", 100.0 * axis.place(tick), tick_text(tick).c_str());
+  }
+  return out + "</div><div class=\"value blank\"></div></div>";
+}
+
+std::string effect_rows(const Report& report, const Axis& axis, bool of_noise) {
+  std::string out;
+  for (const FoundEffect& effect : report.effects) {
+    if (effect.of_noise != of_noise) continue;
+    out += bar_row(axis, "with <b>" + escaped(effect_title(effect.name)) + "</b>", of_noise ? "noise" : "",
+                   effect.gap_before, effect.gap_after, arrow(effect.gap_before, effect.gap_after));
+  }
+  return out;
+}
+
+const char* left_words(const Report& report) {
+  if (report.effects.empty()) return "Left";
+  return report.effects.size() == 1 ? "Left with it" : "Left with all of them";
+}
+
+std::string span_text(double low, double high, const char* unit) {
+  return tick_text(low) + " to " + tick_text(high) + ' ' + unit;
+}
+
+std::string times_text(const Location& where) {
+  std::string text;
+  for (const auto& [from, to] : where.time_s) text += (text.empty() ? "" : ", ") + span_text(from, to, "s");
+  return text;
+}
+
+std::string chain(const Report& report) {
+  constexpr std::array<std::array<const char*, 2>, 8> kStages{{{"radiometry", "Radiometry"},
+                                                               {"optics", "Optics"},
+                                                               {"pixel", "Pixel"},
+                                                               {"package", "Package"},
+                                                               {"readout", "Read-out"},
+                                                               {"noise", "Noise"},
+                                                               {"firmware", "Firmware"},
+                                                               {"transport", "Transport"}}};
+  std::string out = "<ol class=chain aria-label=\"stages of the camera\">";
+  for (const auto& [stage, title] : kStages) {
+    const bool found = std::ranges::any_of(report.effects, [&](const FoundEffect& e) { return e.stage == stage; });
+    const bool unknown = report.unexplained.stage == stage;
+    out += format("<li class=\"%s\">%s%s</li>", unknown ? "unknown" : found ? "found" : "", title, unknown ? " ?" : "");
+  }
+  return out + "</ol>";
+}
+
+}  // namespace
+
+std::string head_part(const Report& report) {
+  const std::string words = unbroken(escaped(headline(report, true)));
+  const std::size_t end = words.find(". ");  // the first sentence is said louder
+  std::string out = pill(report.verdict) + "<h1>" + words.substr(0, end == std::string::npos ? end : end + 1) + "</h1>";
+  if (end != std::string::npos) out += "<p class=lead>" + words.substr(end + 2) + "</p>";
+  out += format("<p class=soft>%zu captures, %zu frames, diagnosed in %s s.", report.captures.size(), report.frames,
+                tick_text(report.seconds).c_str());
+  if (!report.withheld.empty()) {
+    out += " Taken out of the catalogue:";
+    for (const std::string& name : report.withheld) out += " <code>" + escaped(name) + "</code>";
+    out += '.';
+  }
+  out += "</p><div class=facts>";
+  out += fact(arrow(report.gap_before, report.gap_after), "gap of the prediction, in noise floors; 1.00 is none");
+  out += fact(report.gap_before > 1.0 && report.verdict != "no_gap"
+                  ? format("%.*f %%", report.closed_fraction > 0.995 && report.closed_fraction < 1.0 ? 1 : 0,
+                           100.0 * report.closed_fraction)
+                  : "\u2013",
+              "of the gap closed");
+  out += fact(arrow(report.noise_gap_before, report.noise_gap_after), "gap of the noise's own statistics");
+  out += fact(quantity("floor_k", report.noise_floor_k), "noise floor of a pixel");
+  return out + "</div>";
+}
+
+std::string waterfall_part(const Report& report) {
+  std::vector<double> gaps{report.gap_before, report.gap_after};
+  const bool noise = std::ranges::any_of(report.effects, [](const FoundEffect& e) { return e.of_noise; });
+  if (noise) gaps.insert(gaps.end(), {report.noise_gap_before, report.noise_gap_after});
+  for (const FoundEffect& effect : report.effects) gaps.insert(gaps.end(), {effect.gap_before, effect.gap_after});
+  const Axis axis = gap_axis(gaps);
+  std::string out = report.effects.empty() ? "<h2>The gap</h2>" : "<h2>What closes the gap</h2>";
+  out +=
+      "<p class=soft>Root mean square of the residual on data that was held out, in units "
+      "of the noise floor, on a logarithmic scale. At the green line the prediction cannot be told from the camera. "
+      "Each bar is what one more effect takes away.</p>";
+  out += bar_row(axis, "Nominal simulator", "start", 1.0, report.gap_before, gap_text(report.gap_before));
+  out += effect_rows(report, axis, false);
+  out += bar_row(axis, left_words(report), "left", 1.0, report.gap_after, gap_text(report.gap_after));
+  if (noise) {
+    out += "<h3 style=\"margin-top:14px\">The noise's own statistics</h3>";
+    out += bar_row(axis, "Nominal noise", "start", 1.0, report.noise_gap_before, gap_text(report.noise_gap_before));
+    out += effect_rows(report, axis, true);
+    out += bar_row(axis, left_words(report), "left", 1.0, report.noise_gap_after, gap_text(report.noise_gap_after));
+  }
+  return out + scale_row(axis) +
+         "<div class=row><div class=\"name blank\"></div><div class=xlabel>gap, noise floors</div><div "
+         "class=blank></div></div>";
+}
+
+std::string location_part(const Report& report) {
+  if (report.effects.empty() && report.unexplained.stage.empty()) return {};
+  const Location& where = report.location;
+  std::string out = "<h2>Where the gap is</h2>" + chain(report) + "<div class=facts>";
+  out += fact(format("%d to %d", where.row_first, where.row_last), "rows");
+  out += fact(format("%d to %d", where.column_first, where.column_last), "columns");
+  out += fact(format("%.3g %%", 100.0 * where.pixel_fraction), "of the pixels");
+  if (where.band_hz.second > 0.0) out += fact(span_text(where.band_hz.first, where.band_hz.second, "Hz"), "band");
+  if (where.temperature_k.second > 0.0) {
+    out += fact(span_text(where.temperature_k.first, where.temperature_k.second, "K"), "temperatures");
+  }
+  out += "</div>";
+  const std::string times = times_text(where);
+  if (!times.empty()) out += "<p class=soft style=\"margin-top:10px\">Times in a capture: " + times + ".</p>";
+  if (where.captures.empty()) return out;
+  std::vector<double> gaps;
+  for (const auto& [file, gap] : where.captures) gaps.push_back(gap);
+  const Axis axis = gap_axis(gaps);
+  out += "<h3 style=\"margin-top:18px\">Gap of each capture before anything was added</h3>";
+  for (const auto& [file, gap] : where.captures) {
+    out += bar_row(axis, escaped(file), "start", 1.0, gap, gap_text(gap));
+  }
+  return out + scale_row(axis) +
+         "<div class=row><div class=\"name blank\"></div><div class=xlabel>gap, noise floors</div><div "
+         "class=blank></div></div>";
+}
+
+std::string unexplained_part(const Report& report) {
+  const Unexplained& left = report.unexplained;
+  const bool significant = report.verdict == "unknown_effect" || report.verdict == "partly_explained";
+  if (!significant) {
+    return format(
+        "<h2>What is left</h2><p>Nothing that the tests can see: all of them together have a p-value of "
+        "%.2g.</p>",
+        left.p_value);
+  }
+  std::string out =
+      "<h2>What is left</h2><div class=card><span class=\"pill bad\">Unexplained</span><p style=\"margin-top:8px\">";
+  out +=
+      left.where.empty() ? "The residual is larger than chance, without a place that stands out" : escaped(left.where);
+  out += left.where.ends_with('.') ? "" : ".";
+  out += format("</p><p class=soft>p-value of all tests together: %.2g", left.p_value);
+  if (!left.stage.empty()) out += "; it looks like the camera's stage <b>" + escaped(left.stage) + "</b>";
+  return out + ".</p></div>";
+}
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,141 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "bolo/diagnose/report_files.hpp"
+#include "bolo/diagnose/report_words.hpp"
+#include "src/diagnose/report/html.hpp"
+#include "src/diagnose/report/plot.hpp"
+#include "tests/diagnose/invented.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+std::size_t count(const std::string& text, const std::string& part) {
+  std::size_t found = 0;
+  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + part.size())) ++found;
+  return found;
+}
+
+// Every element that must be closed is.
+void expect_balanced(const std::string& page) {
+  for (const std::string name : {"div", "figure", "svg", "details", "table", "section", "ul", "ol", "p", "h1", "h2",
+                                 "h3", "h4", "span", "b", "main", "body", "html"}) {
+    EXPECT_EQ(count(page, "<" + name + ">") + count(page, "<" + name + " "), count(page, "</" + name + ">")) << name;
+  }
+}
+
+TEST(ReportHtml, NeedsNothingButItself) {
+  for (const Report& report : {test::invented_row_delay(), test::invented_mixture(), test::invented_clean()}) {
+    const std::string page = report_html(report);
+    EXPECT_EQ(page.find("http"), std::string::npos);
+    EXPECT_EQ(page.find("<script"), std::string::npos);
+    EXPECT_EQ(page.find("<link"), std::string::npos);
+    EXPECT_EQ(count(page, "src="), count(page, "src=\"data:image/png;base64,"));
+    EXPECT_NE(page.find("prefers-color-scheme:dark"), std::string::npos);
+    expect_balanced(page);
+  }
+}
+
+TEST(ReportHtml, SaysTheVerdictFirstAndShowsAllOfTheReport) {
+  const Report report = test::invented_mixture();
+  const std::string page = report_html(report);
+  const std::size_t verdict = page.find("Partly explained");
+  ASSERT_NE(verdict, std::string::npos);
+  EXPECT_LT(verdict, page.find("What closes the gap"));
+  for (const FoundEffect& effect : report.effects) {
+    EXPECT_NE(page.find(effect_title(effect.name)), std::string::npos) << effect.name;
+    for (const auto& [key, value] : effect.parameters) EXPECT_NE(page.find("<code>" + key), std::string::npos) << key;
+    for (const Alternative& other : effect.alternatives) {
+      EXPECT_NE(page.find(effect_title(other.name)), std::string::npos) << other.name;
+    }
+  }
+  for (const CapturePlots& one : report.captures) EXPECT_NE(page.find(one.file), std::string::npos);
+  for (const NotIdentifiable& one : report.not_identifiable) EXPECT_NE(page.find(one.needs), std::string::npos);
+  for (const char* part : {"sweep_s", "07-field.h5", "offset_jump", "Rows 12 to 23", "sigma th", "Time constant"}) {
+    EXPECT_NE(page.find(part), std::string::npos) << part;
+  }
+  // Two maps and four plots of each capture, and one map of the time constants.
+  EXPECT_EQ(count(page, "<figure"), 6U * 6U + 1U);
+}
+
+TEST(ReportHtml, CapturesWithoutAGapAreFolded) {
+  const std::string page = report_html(test::invented_row_delay());
+  EXPECT_EQ(count(page, "<details open>"), 3U);
+  EXPECT_EQ(count(page, "<details>"), 3U);
+}
+
+TEST(ReportHtml, NamesCannotBecomeMarkup) {
+  Report report = test::invented_mixture();
+  report.captures[0].file = "<script>alert(1)</script>.h5";
+  report.warnings = {"a\"b<img src=x onerror=y>"};
+  report.effects[0].name = "<i>new</i>";
+  report.unexplained.where = "<b>here</b> \xff";
+  const std::string page = report_html(report);
+  EXPECT_EQ(page.find("<script"), std::string::npos);
+  EXPECT_EQ(page.find("<img src=x"), std::string::npos);
+  EXPECT_EQ(page.find("<i>new"), std::string::npos);
+  EXPECT_EQ(page.find("<b>here"), std::string::npos);
+  EXPECT_EQ(page.find('\xff'), std::string::npos);
+}
+
+TEST(ReportHtml, WhatCouldNotBeMeasuredDoesNotSpoilThePage) {
+  Report report = test::invented_mixture();
+  const double nan = std::nan("");
+  report.gap_before = std::numeric_limits<double>::infinity();
+  report.gap_after = nan;
+  report.noise[0].measured = nan;
+  report.effects[0].parameters["scale"].low = nan;
+  report.captures[2].row_before.y[3] = nan;
+  report.captures[2].measured = {};
+  report.captures[3].gap_map_before.values.pop_back();  // not as many as its size says
+  for (float& value : report.captures[4].gap_map_after.values) value = std::numeric_limits<float>::quiet_NaN();
+  report.captures[5] = {};
+  const std::string page = report_html(report);
+  EXPECT_EQ(page.find("nan"), std::string::npos);
+  EXPECT_EQ(page.find(":inf"), std::string::npos);
+  EXPECT_EQ(page.find("inf%"), std::string::npos);
+  expect_balanced(page);
+  expect_balanced(report_html(Report{}));
+}
+
+TEST(ReportAxis, TicksAreRoundAndInside) {
+  EXPECT_EQ((Axis{0.0, 10.0, false}.ticks(5)), (std::vector<double>{0, 2, 4, 6, 8, 10}));
+  const auto decades = Axis{1.0, 1e4, true}.ticks(4);
+  EXPECT_EQ(decades.size(), 5U);
+  const auto fine = Axis{0.9, 16.0, true}.ticks(6);
+  ASSERT_EQ(fine.size(), 4U);  // 1, 2, 5, 10
+  EXPECT_NEAR(fine[2], 5.0, 1e-9);
+  EXPECT_NEAR((Axis{1.0, 100.0, true}.place(10.0)), 0.5, 1e-12);
+  const Axis constant = axis_around({300.0, 300.0});
+  EXPECT_LT(constant.low, 300.0);
+  EXPECT_GT(constant.high, 300.0);
+}
+
+TEST(ReportPlot, LongCurvesKeepTheirExtremes) {
+  Curve curve{"long", {}, {}};
+  for (int i = 0; i < 100000; ++i) {
+    curve.x.push_back(i);
+    curve.y.push_back(i == 54321 ? 7.0 : 0.0);
+  }
+  const std::string plot = line_plot({{&curve, "before", "a", false}}, {"t", "s", "K", ""}, {});
+  EXPECT_LT(plot.size(), 60000U);
+  // The spike stands at 6 % below the upper edge: a margin of 0.06 in a span of 1.12.
+  EXPECT_NE(plot.find(" 53.6"), std::string::npos);
+}
+
+TEST(ReportText, NumbersReadEasily) {
+  EXPECT_EQ(tick_text(0.05), "0.05");
+  EXPECT_EQ(tick_text(-2.0), "\u22122");
+  EXPECT_EQ(tick_text(1e-6), "10<sup>\u22126</sup>");
+  EXPECT_EQ(tick_text(2.5e7), "2.5\u00b710<sup>7</sup>");
+  EXPECT_EQ(unbroken("closes 98 % of 12 mK"), "closes 98\u00a0% of 12\u00a0mK");
+  EXPECT_EQ(escaped("a<b> \xc2\xb5 \xc2"), "a&lt;b&gt; \xc2\xb5 ?");
+}
+
+}  // namespace
+}  // namespace bolo::diagnose
