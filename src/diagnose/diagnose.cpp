@@ -79,23 +79,30 @@ void Diagnosis::found(FoundEffect effect, double z, const std::string& where) {
 void Diagnosis::judge_events() {
   raw_ = session_;
   freezes_ = find_freezes(session_, repeated_);
-  bad_ = find_bad_pixels(session_);
+  bad_ = find_dead_pixels(session_);
   const double step = find_step(session_);
   for (const Recording& r : session_.recordings) ceiling_k_ = std::min(ceiling_k_, find_ceiling(r, step));
   // In a field recording what moves is not known, so that steps of the scene would be taken for jumps.
   for (std::size_t i = 0; i < session_.recordings.size(); ++i) {
     if (session_.recordings[i].kind != Kind::kUniform) continue;
-    for (const Jump& jump : find_jumps(session_, i, session_.recordings[i].values, freezes_)) {
+    for (Jump& jump : find_jumps(session_, i, session_.recordings[i].values, freezes_)) {
       remove_jump(session_, jump, session_.recordings[i].values);
       jumps_.push_back(jump);
     }
   }
+  find_jumping_pixels(session_, bad_);
 }
 
 void Diagnosis::judge_noise() {
   noise_ = measure_noise(session_, ceiling_k_);
   const double nominal = nominal_noise(options_.profile);
   floor_k_ = noise_.frames > 0 && noise_.total_k > 0.0 ? noise_.total_k : nominal;
+  const bool coarse = find_step(session_) > 1.5 * std::max(options_.profile.quantisation_k, 1e-9);
+  if (coarse && options_.profile.quantisation_k > 0.0) {
+    // A still field sits at one place between two steps; what moves sees the whole step.
+    const double step = find_step(session_);
+    floor_k_ = std::max(floor_k_, std::sqrt(options_.profile.noise_k * options_.profile.noise_k + step * step / 12.0));
+  }
   report_.noise_floor_k = floor_k_;
   if (noise_.frames == 0) return;
   const auto noise_effect = [&](const std::string& name, double z, std::map<std::string, Estimate> parameters,
@@ -105,7 +112,6 @@ void Diagnosis::judge_noise() {
     e.parameters = std::move(parameters);
     found(std::move(e), z, where);
   };
-  const bool coarse = find_step(session_) > 1.5 * std::max(options_.profile.quantisation_k, 1e-9);
   if (noise_.flicker.z > 8.0 && noise_.flicker.value > 0.0015) {
     noise_effect("flicker", noise_.flicker.z, {{"sigma_k", interval(noise_.flicker.value, noise_.flicker.error)}},
                  "whole frames differ by an offset");
@@ -193,7 +199,7 @@ void Diagnosis::correct_jumps(const State& state) {
     const Recording& r = session_.recordings[i];
     if (r.kind == Kind::kUniform || !has_model(r)) continue;
     const Series residual = r.values - predict(session_, i, state, all);
-    for (const Jump& jump : find_jumps(session_, i, residual, freezes_)) {
+    for (Jump& jump : find_jumps(session_, i, residual, freezes_)) {
       remove_jump(session_, jump, residual);
       jumps_.push_back(jump);
     }
@@ -242,7 +248,7 @@ Result<bool> Diagnosis::judge_means() {
     base = fitter.fit(base.state, {}, 3);
     std::vector<int> all(static_cast<std::size_t>(session_.grid.pixels()));
     for (std::size_t p = 0; p < all.size(); ++p) all[p] = static_cast<int>(p);
-    for (const Jump& jump : jumps_) {
+    for (Jump& jump : jumps_) {
       const Recording& r = session_.recordings[jump.recording];
       if (r.kind != Kind::kUniform) remove_jump(session_, jump, r.values - predict(session_, jump.recording, base.state, all));
     }

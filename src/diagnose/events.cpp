@@ -132,17 +132,14 @@ void judge_still(const Session& session, const Recording& r, BadPixels& bad, std
   }
   std::vector<double> step;
   for (const TwoLevels& t : levels) step.push_back(t.step);
-  const double typical = median(sigma);
   const double typical_rough = median(rough);
   const double typical_step = median(step);
   for (std::size_t p = 0; p < sigma.size(); ++p) {
-    const int pixel = static_cast<int>(p);
     const TwoLevels& t = levels[p];
-    if (sigma[p] > 5.0 * typical && rough[p] > 0.5 * typical_rough) {
-      bad.noisy.push_back(pixel);
-    } else if (t.step > 2.2 * typical_step && t.step > 3.2 * t.within && t.share > 0.02 && t.jumps > 0 &&
-               t.jumps < static_cast<int>(still.series[p].size()) / 8 && rough[p] < 0.75 * typical_rough) {
-      bad.jumping.push_back(pixel);
+    if (session.good[p] == 0) continue;
+    if (t.step > 2.2 * typical_step && t.step > 3.2 * t.within && t.share > 0.02 && t.jumps > 0 &&
+        t.jumps < static_cast<int>(still.series[p].size()) / 8 && rough[p] < 0.75 * typical_rough) {
+      bad.jumping.push_back(static_cast<int>(p));
       steps.push_back(t.step);
       jumps += t.jumps;
       seconds += static_cast<double>(still.series[p].size()) * session.period_s;
@@ -181,32 +178,55 @@ std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& rep
   return freezes;
 }
 
-BadPixels find_bad_pixels(Session& session) {
+BadPixels find_dead_pixels(Session& session) {
   BadPixels bad;
+  std::vector<std::size_t> still(session.good.size(), 0);
+  for (const Recording& r : session.recordings) {
+    std::vector<double> range;
+    for (Index p = 0; p < r.values.cols(); ++p) {
+      const auto column = r.values.col(p).array();
+      range.push_back(static_cast<double>(column.maxCoeff() - column.minCoeff()));
+    }
+    const double typical = median(range);
+    for (std::size_t p = 0; p < range.size(); ++p) still[p] += range[p] < 0.15 * typical || typical <= 0.0 ? 1U : 0U;
+    if (r.kind != Kind::kUniform) continue;
+    const Still steady = steady_series(r);
+    if (steady.series.front().size() < 32) continue;
+    std::vector<double> sigma;
+    std::vector<double> rough;
+    for (const auto& series : steady.series) {
+      sigma.push_back(deviation(series));
+      rough.push_back(roughness(series, sigma.back()));
+    }
+    const double usual = median(sigma);
+    const double usual_rough = median(rough);
+    for (std::size_t p = 0; p < sigma.size(); ++p) {
+      if (sigma[p] > 5.0 * usual && usual > 0.0 && rough[p] > 0.5 * usual_rough) bad.noisy.push_back(static_cast<int>(p));
+    }
+  }
+  // Stuck everywhere: where a ceiling or a frozen recording holds all pixels, a few are not told from the others.
+  for (std::size_t p = 0; p < still.size(); ++p) {
+    if (still[p] == session.recordings.size()) bad.stuck.push_back(static_cast<int>(p));
+  }
+  if (bad.stuck.size() * 2 > session.good.size()) bad.stuck.clear();
+  make_unique(bad.noisy);
+  for (const std::vector<int>* list : {&bad.stuck, &bad.noisy}) {
+    for (const int pixel : *list) session.good[static_cast<std::size_t>(pixel)] = 0;
+  }
+  return bad;
+}
+
+void find_jumping_pixels(Session& session, BadPixels& bad) {
   std::vector<double> steps;
   double jumps = 0.0;
   double seconds = 0.0;
   for (const Recording& r : session.recordings) {
-    std::vector<double> sigma;
-    for (Index p = 0; p < r.values.cols(); ++p) {
-      const auto column = r.values.col(p).array();
-      sigma.push_back(static_cast<double>(column.maxCoeff() - column.minCoeff()));
-    }
-    const double typical = median(sigma);
-    if (typical > 0.0) {
-      for (std::size_t p = 0; p < sigma.size(); ++p) {
-        if (sigma[p] < 0.15 * typical) bad.stuck.push_back(static_cast<int>(p));
-      }
-    }
     if (r.kind == Kind::kUniform) judge_still(session, r, bad, steps, jumps, seconds);
   }
-  for (std::vector<int>* list : {&bad.stuck, &bad.noisy, &bad.jumping}) make_unique(*list);
-  for (const std::vector<int>* list : {&bad.stuck, &bad.noisy, &bad.jumping}) {
-    for (const int pixel : *list) session.good[static_cast<std::size_t>(pixel)] = 0;
-  }
+  make_unique(bad.jumping);
+  for (const int pixel : bad.jumping) session.good[static_cast<std::size_t>(pixel)] = 0;
   bad.step_k = median(steps);
   bad.rate_hz = seconds > 0.0 ? jumps / seconds : 0.0;
-  return bad;
 }
 
 std::vector<Jump> find_jumps(const Session& session, std::size_t recording, const Series& residual,
@@ -280,30 +300,45 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
     const double strength = std::max(global_jump ? global_z : 0.0, scatter_z) + (thawed ? 1e6 : 0.0);
     if (strength <= best || (!thawed && explains(a) < 0.6)) continue;
     best = strength;
+    const bool pattern = scatter_z > 6.0;
     strongest = {recording, static_cast<std::size_t>(frames[static_cast<std::size_t>(a)]), global,
-                 std::sqrt(std::max(0.0, scatter2)), thawed};
+                 pattern ? std::sqrt(std::max(0.0, scatter2)) : 0.0, thawed};
   }
   if (best > 0.0) jumps.push_back(strongest);
   return jumps;
 }
 
-void remove_jump(Session& session, const Jump& jump, const Series& residual) {
+void remove_jump(Session& session, Jump& jump, const Series& residual) {
   Recording& r = session.recordings[jump.recording];
-  for (Index p = 0; p < residual.cols(); ++p) {
-    double before = 0.0;
-    double after = 0.0;
-    double n_before = 0.0;
-    double n_after = 0.0;
+  const auto pixels = static_cast<std::size_t>(residual.cols());
+  std::vector<double> step(pixels, 0.0);
+  double n_before = 0.0;
+  double n_after = 0.0;
+  for (Index k = 0; k < residual.rows(); ++k) {
+    if (r.used[static_cast<std::size_t>(k)] != 0) (static_cast<std::size_t>(k) >= jump.frame ? n_after : n_before) += 1.0;
+  }
+  if (n_before < 1.0 || n_after < 1.0) return;
+  double mean = 0.0;
+  double good = 0.0;
+  for (std::size_t p = 0; p < pixels; ++p) {
     for (Index k = 0; k < residual.rows(); ++k) {
       if (r.used[static_cast<std::size_t>(k)] == 0) continue;
       const bool later = static_cast<std::size_t>(k) >= jump.frame;
-      (later ? after : before) += static_cast<double>(residual(k, p));
-      (later ? n_after : n_before) += 1.0;
+      step[p] += static_cast<double>(residual(k, static_cast<Index>(p))) * (later ? 1.0 / n_after : -1.0 / n_before);
     }
-    if (n_before < 1.0 || n_after < 1.0) continue;
-    const auto step = static_cast<float>(after / n_after - before / n_before);
-    r.values.col(p).bottomRows(r.values.rows() - static_cast<Index>(jump.frame)).array() -= step;
+    if (session.good[p] == 0) continue;
+    mean += step[p];
+    good += 1.0;
   }
+  mean /= std::max(1.0, good);
+  // Pixels have steps of their own only when a pattern was seen; else the mean is the better estimate of each.
+  for (std::size_t p = 0; p < pixels; ++p) {
+    const double own = jump.pixel_k > 0.0 ? step[p] : mean;
+    r.values.col(static_cast<Index>(p)).bottomRows(r.values.rows() - static_cast<Index>(jump.frame)).array() -=
+        static_cast<float>(own);
+  }
+  jump.global_k += jump.removed ? mean : mean - jump.global_k;
+  jump.removed = true;
 }
 
 double find_step(const Session& session) {

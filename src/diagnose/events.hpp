@@ -20,8 +20,9 @@ struct Jump {
   std::size_t recording = 0;
   std::size_t frame = 0;     // the first one after it
   double global_k = 0.0;
-  double pixel_k = 0.0;      // rms over the pixels about the global step
+  double pixel_k = 0.0;      // rms over the pixels about the global step, 0: all the same
   bool after_freeze = false;
+  bool removed = false;      // global_k is what was taken out, not the first guess
 };
 
 struct BadPixels {
@@ -40,8 +41,10 @@ struct Quantisation {
 // not used.
 std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& repeated_frames);
 
-// Bad pixels are marked in session.good.
-BadPixels find_bad_pixels(Session& session);
+// Stuck and noisy pixels; then, once jumps have been taken out, those that jump between two levels. Marked in
+// session.good.
+BadPixels find_dead_pixels(Session& session);
+void find_jumping_pixels(Session& session, BadPixels& bad);
 
 // Steps in series of residuals (frames x pixels of `pixels`, K): of a uniform recording its own values will do.
 std::vector<Jump> find_jumps(const Session& session, std::size_t recording, const Series& residual,
@@ -49,7 +52,7 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
 
 // Takes a jump out of the recording's values, with the step of every pixel estimated from `residual` (all pixels of the
 // grid).
-void remove_jump(Session& session, const Jump& jump, const Series& residual);
+void remove_jump(Session& session, Jump& jump, const Series& residual);
 
 // The common step of all values of the recordings.
 double find_step(const Session& session);

@@ -56,6 +56,7 @@ State nominal_of(const Session& session, const State& state) {
   State nominal = nominal_state(session, {});
   nominal.camera.response.filter = state.camera.response.filter;
   nominal.camera.response.alpha = state.camera.response.alpha;
+  for (std::size_t i = 0; i < nominal.stimuli.size(); ++i) nominal.stimuli[i].times_free = state.stimuli[i].times_free;
   return nominal;
 }
 

@@ -245,11 +245,19 @@ BarsModel::BarsModel(const Session& session, std::size_t recording, const State&
   varied_ = moving;  // its speed always varies a little
   const Bars bars = bars_of(target, stimulus, mean_speed_);
   const Response& response = state.camera.response;
-  if (varied_) tables_.emplace_back(bars, scaled(response, -kTauStep));
-  tables_.emplace_back(bars, response);
-  if (varied_) tables_.emplace_back(bars, scaled(response, kTauStep));
-  cold_ = scene_signal(state.camera, stimulus.level_k[0]);
-  span_ = scene_signal(state.camera, stimulus.level_k[1]) - cold_;
+  const CameraModel& c = state.camera;
+  cold_ = scene_signal(c, stimulus.level_k[0]);
+  span_ = scene_signal(c, stimulus.level_k[1]) - cold_;
+  std::function<double(double)> signal;
+  if (c.edges_in_temperature && (c.radiance != 0.0 || c.reflected != 0.0)) {
+    signal = [this, &c, &stimulus](double share) {
+      const double kelvin = stimulus.level_k[0] + share * (stimulus.level_k[1] - stimulus.level_k[0]);
+      return (scene_signal(c, kelvin) - cold_) / span_;
+    };
+  }
+  if (varied_) tables_.emplace_back(bars, scaled(response, -kTauStep), signal);
+  tables_.emplace_back(bars, response, signal);
+  if (varied_) tables_.emplace_back(bars, scaled(response, kTauStep), signal);
 }
 
 void BarsModel::frame(std::size_t k, double shift_px, std::span<const int> pixels, float* values,

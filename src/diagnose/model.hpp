@@ -25,6 +25,7 @@ struct CameraModel {
   double row_delay_s = 0.0;       // of one sensor row
   bool two_halves = false;        // both halves of the rows are read at the same time
   double radiance = 0.0;          // 1: the pixel is of first order in radiance, 0: in temperature
+  bool edges_in_temperature = false;  // pixels average over the target's temperature, not its radiance
   double reflected = 0.0;         // 1 - emissivity
   double surroundings = 0.0;      // radiance of the surroundings times `reflected`, less that of kSurroundings
   double corner_gain = 0.0;       // added at the corners, growing with the square of the radius

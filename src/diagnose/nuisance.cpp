@@ -53,7 +53,10 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
     for (std::size_t l = 0; l < stimulus.level_k.size(); ++l) {
       all.push_back({level(i, l, stimulus.level_k[l]), index, true, stimulus.level_k[l], 0.0});
     }
-    if (recording.kind == Kind::kChopper) {
+    // Frames whose times are free tell no common delay.
+    if (recording.kind == Kind::kChopper && stimulus.times_free) {
+      all.push_back({member("sweep", i, &StimulusState::sweep_s, 0.001, 0.03), index, false, 0.0, 0.005});
+    } else if (recording.kind == Kind::kChopper) {
       all.push_back({member("delay", i, &StimulusState::delay_s, 0.0005, 0.05), index, false, 0.0, 0.0});
       all.push_back({member("sweep", i, &StimulusState::sweep_s, 0.001, 0.03), index, false, 0.0, 0.005});
       all.push_back({softness(i), index, false, 0.0, 2e-6});

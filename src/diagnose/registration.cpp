@@ -183,7 +183,8 @@ void smooth_speeds(const Session& session, State& state) {
       for (long a = from; a + half <= to; ++a) {
         const auto b = static_cast<std::size_t>(a + half);
         slopes.push_back((s.shift_px[b] - s.shift_px[static_cast<std::size_t>(a)]) /
-                         (recording.t[b] - recording.t[static_cast<std::size_t>(a)]));
+                         (recording.t[b] + s.late_s[b] - recording.t[static_cast<std::size_t>(a)] -
+                          s.late_s[static_cast<std::size_t>(a)]));
       }
       std::nth_element(slopes.begin(), slopes.begin() + static_cast<long>(slopes.size() / 2), slopes.end());
       speed[static_cast<std::size_t>(k)] = slopes[slopes.size() / 2];

@@ -118,7 +118,8 @@ double StepTable::at(double t_s) const noexcept {
   return (integral(t_s + window_s_ / 2.0) - integral(t_s - window_s_ / 2.0)) / window_s_;
 }
 
-BarTable::BarTable(const Bars& bars, const Response& response) : scale_(kPhases / bars.period_px) {
+BarTable::BarTable(const Bars& bars, const Response& response, const std::function<double(double)>& signal)
+    : scale_(kPhases / bars.period_px) {
   constexpr double kTwoPi = 2.0 * std::numbers::pi;
   std::vector<Complex> spectrum(kPhases / 2 + 1);
   spectrum[0] = bars.bar_width_px / bars.period_px * kPhases;
@@ -129,15 +130,23 @@ BarTable::BarTable(const Bars& bars, const Response& response) : scale_(kPhases 
     if (gauss > 40.0) break;
     const double turn = kTwoPi * f * bars.bar_width_px;
     const Complex bar = (1.0 - std::exp(Complex(0.0, -turn))) / Complex(0.0, kTwoPi * static_cast<double>(n));
-    const double lateral =
-        2.0 * response.coupling * (2.0 - std::cos(kTwoPi * f) - std::cos(kTwoPi * f * bars.slant_px_per_row));
-    const double omega = -kTwoPi * f * bars.velocity_px_s;
-    spectrum[n] = bar * sinc(f * bars.aperture_px) * std::exp(-gauss) * thermal(response, omega, lateral) *
-                  read_out(response, omega) * static_cast<double>(kPhases);
+    spectrum[n] = bar * sinc(f * bars.aperture_px) * std::exp(-gauss) * static_cast<double>(kPhases);
   }
   Eigen::FFT<double> fft;
   fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
   std::vector<double> phases(kPhases);
+  if (signal) {
+    fft.inv(phases, spectrum, kPhases);
+    for (double& p : phases) p = signal(p);
+    fft.fwd(spectrum, phases);
+  }
+  for (std::size_t n = 1; n < spectrum.size() - 1; ++n) {
+    const double f = static_cast<double>(n) / bars.period_px;
+    const double lateral =
+        2.0 * response.coupling * (2.0 - std::cos(kTwoPi * f) - std::cos(kTwoPi * f * bars.slant_px_per_row));
+    const double omega = -kTwoPi * f * bars.velocity_px_s;
+    spectrum[n] *= thermal(response, omega, lateral) * read_out(response, omega);
+  }
   fft.inv(phases, spectrum, kPhases);
   value_.assign(phases.begin(), phases.end());
   value_.push_back(value_.front());

@@ -2,6 +2,7 @@
 // series, whose every harmonic passes optics, pixel and read-out as a factor).
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -62,7 +63,8 @@ struct Bars {
 // What a pixel shows of bars of height 1 on 0, by the phase of the bars at the pixel.
 class BarTable {
  public:
-  BarTable(const Bars& bars, const Response& response);
+  // `signal`: from the share of a pixel that bars cover to the share of the signal that it gets; empty: the same.
+  BarTable(const Bars& bars, const Response& response, const std::function<double(double)>& signal = {});
   double at(double phase_px) const noexcept;     // phase: any number
   double slope(double phase_px) const noexcept;  // by phase, 1/px
 

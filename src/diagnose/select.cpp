@@ -138,7 +138,7 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
     if (level_spread(all, s.fit.state) > 4.0 * kLevelResolution && emissivity != nullptr && allowed(*emissivity) &&
         std::ranges::count(seen, emissivity) == 0 &&
         std::ranges::none_of(s.chosen, [&](const Chosen& c) { return c.choice.effect == emissivity; })) {
-      attempt({emissivity, -1});
+      for (const Choice& form : forms_of(*emissivity)) attempt(form);
     }
     std::erase_if(tried, [&](const Tried& t) { return !worth_naming(session, t.fit, t.fit.choices.size() - 1); });
     std::ranges::sort(tried, std::greater{}, [](const Tried& t) { return t.gain.total; });

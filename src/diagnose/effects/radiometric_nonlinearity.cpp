@@ -18,7 +18,8 @@ extern const Effect radiometric_nonlinearity_effect{
         },
     .map = MapKind::kNone,
     .least = 0.15,
-    .forms = {},
+    .forms = {{"radiance", [](State& s) { s.camera.edges_in_temperature = false; }},
+              {"temperature", [](State& s) { s.camera.edges_in_temperature = true; }}},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {
           static_cast<void>(session);
