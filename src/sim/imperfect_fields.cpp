@@ -67,6 +67,14 @@ class SweptChopper final : public Field {
     if (now_s < to_s) out.push_back(to_s);
   }
 
+  // A blur of what moves is a blur in time, here of the ramp: of the same variance, which is all that pixels that are
+  // a hundred times slower tell of it.
+  std::unique_ptr<const Field> blurred(const Blur& blur) const override {
+    auto field = std::make_unique<SweptChopper>(*this);
+    field->ramp_s_ = std::hypot(ramp_s_, std::sqrt(12.0) * blur.sigma_px * std::abs(sweep_s_) / width_);
+    return field;
+  }
+
   Extremes extremes() const override {
     Extremes extremes{chopper_.cold_k, chopper_.cold_k};
     for (const double level_k : chopper_.level_k) {
@@ -100,14 +108,14 @@ class SweptChopper final : public Field {
   double ramp_s_ = 0.0;
 };
 
-// What a pixel sees of an edge at distance d to its left: the mean over the pixel of a step blurred by a Gaussian.
+// What a pixel sees of an edge at distance d to its left: the mean over the pixel of a step that is blurred by a
+// Gaussian, and by a disc seen from its side.
 class EdgeProfile {
  public:
-  explicit EdgeProfile(double sigma) : reach_(0.5 + 5.0 * sigma) {
+  EdgeProfile(double sigma, double radius) : reach_(0.5 + 5.0 * sigma + radius) {
     const auto half = static_cast<std::ptrdiff_t>(std::ceil(reach_ * kPointsPerPixel)) + 1;
     for (std::ptrdiff_t i = -half; i <= half; ++i) {
-      const double d = static_cast<double>(i) / kPointsPerPixel;
-      values_.push_back(static_cast<float>(risen(d + 0.5, sigma) - risen(d - 0.5, sigma)));
+      values_.push_back(static_cast<float>(value(static_cast<double>(i) / kPointsPerPixel, sigma, radius)));
     }
     half_ = static_cast<double>(half);
   }
@@ -122,7 +130,19 @@ class EdgeProfile {
   }
 
  private:
-  // Integral of the blurred step up to z.
+  // A disc's chords are a semicircle, whose moments Gauss and Chebyshev's rule of the second kind has exactly.
+  static double value(double d, double sigma, double radius) {
+    if (radius <= 0.0) return risen(d + 0.5, sigma) - risen(d - 0.5, sigma);
+    constexpr int kNodes = 64;
+    double sum = 0.0;
+    for (int i = 1; i <= kNodes; ++i) {
+      const double angle = std::numbers::pi * i / (kNodes + 1);
+      const double at = d - radius * std::cos(angle);
+      sum += 2.0 / (kNodes + 1) * std::pow(std::sin(angle), 2) * (risen(at + 0.5, sigma) - risen(at - 0.5, sigma));
+    }
+    return sum;
+  }
+  // Integral of the step blurred by the Gaussian, up to z.
   static double risen(double z, double sigma) {
     if (sigma <= 0.0) return std::max(z, 0.0);
     const double u = z / sigma;
@@ -137,8 +157,8 @@ class EdgeProfile {
 
 class SoftBars final : public Field {
  public:
-  SoftBars(const capture::BarTarget& target, const StimulusError& error)
-      : target_(target), error_(error), profile_(error.edge_px) {}
+  SoftBars(const capture::BarTarget& target, const StimulusError& error, double disc_px = 0.0)
+      : target_(target), error_(error), disc_px_(disc_px), profile_(error.edge_px, disc_px) {}
 
   void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept override {
     const auto contrast = static_cast<float>(target_.hot_k - target_.cold_k);
@@ -159,11 +179,13 @@ class SoftBars final : public Field {
   Extremes extremes() const override {
     return {std::min(target_.cold_k, target_.hot_k), std::max(target_.cold_k, target_.hot_k)};
   }
-  // Across a straight edge, which is what the blur acts along, x runs sqrt(1 + slant^2) times as far.
-  std::unique_ptr<const Field> blurred(double sigma_px) const override {
+  // Across a straight edge, which is what a blur acts along, x runs sqrt(1 + slant^2) times as far. One disc at most.
+  std::unique_ptr<const Field> blurred(const Blur& blur) const override {
+    const double along_x = blur.sigma_px * std::hypot(1.0, target_.slant_px_per_row);
+    if (blur.disc) return disc_px_ > 0.0 ? nullptr : std::make_unique<SoftBars>(target_, error_, 2.0 * along_x);
     StimulusError softer = error_;
-    softer.edge_px = std::hypot(error_.edge_px, sigma_px * std::hypot(1.0, target_.slant_px_per_row));
-    return std::make_unique<SoftBars>(target_, softer);
+    softer.edge_px = std::hypot(error_.edge_px, along_x);
+    return std::make_unique<SoftBars>(target_, softer, disc_px_);
   }
   capture::Stimulus stimulus(double, double) const override { return target_; }
 
@@ -190,6 +212,7 @@ class SoftBars final : public Field {
 
   capture::BarTarget target_;
   StimulusError error_;
+  double disc_px_;  // radius of the disc that blurs the edges along x as well
   EdgeProfile profile_;
 };
 

@@ -18,7 +18,7 @@ class UniformField final : public Field {
   }
   void instants(double, double to_s, double, std::vector<double>& out) const override { out.push_back(to_s); }
   Extremes extremes() const override { return {temperature_k_, temperature_k_}; }
-  std::unique_ptr<const Field> blurred(double) const override { return std::make_unique<UniformField>(*this); }
+  std::unique_ptr<const Field> blurred(const Blur&) const override { return std::make_unique<UniformField>(*this); }
   capture::Stimulus stimulus(double, double) const override { return capture::Uniform{temperature_k_}; }
 
  private:
@@ -58,7 +58,7 @@ class ChopperField final : public Field {
     return extremes;
   }
 
-  std::unique_ptr<const Field> blurred(double) const override { return std::make_unique<ChopperField>(*this); }
+  std::unique_ptr<const Field> blurred(const Blur&) const override { return std::make_unique<ChopperField>(*this); }
   capture::Stimulus stimulus(double, double) const override { return chopper_; }
 
  private:
@@ -102,8 +102,8 @@ class BarField final : public Field {
   Extremes extremes() const override {
     return {std::min(target_.cold_k, target_.hot_k), std::max(target_.cold_k, target_.hot_k)};
   }
-  std::unique_ptr<const Field> blurred(double sigma_px) const override {
-    return make_soft_bars(target_, {})->blurred(sigma_px);
+  std::unique_ptr<const Field> blurred(const Blur& blur) const override {
+    return make_soft_bars(target_, {})->blurred(blur);
   }
   capture::Stimulus stimulus(double, double) const override { return target_; }
 

@@ -88,8 +88,8 @@ class Misdescribed final : public Field {
     const Extremes bare = shown().extremes();
     return {mixed(bare.low_k), mixed(bare.high_k)};
   }
-  std::unique_ptr<const Field> blurred(double sigma_px) const override {
-    std::unique_ptr<const Field> bare = shown().blurred(sigma_px);
+  std::unique_ptr<const Field> blurred(const Blur& blur) const override {
+    std::unique_ptr<const Field> bare = shown().blurred(blur);
     if (bare == nullptr) return nullptr;
     StimulusError mix;
     mix.reflection = share_;

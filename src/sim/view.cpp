@@ -7,8 +7,8 @@ class BareView final : public View {
  public:
   explicit BareView(const Field& field) : field_(field) {}
   explicit BareView(std::unique_ptr<const Field> owned) : owned_(std::move(owned)), field_(*owned_) {}
-  std::unique_ptr<View> blurred(double sigma_px) const override {
-    std::unique_ptr<const Field> field = field_.blurred(sigma_px);
+  std::unique_ptr<View> blurred(const Blur& blur) const override {
+    std::unique_ptr<const Field> field = field_.blurred(blur);
     return field == nullptr ? nullptr : std::make_unique<BareView>(std::move(field));
   }
   void draw(double t_s, const Patch& patch, std::span<float> out) override {

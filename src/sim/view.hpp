@@ -28,8 +28,8 @@ class View {
   virtual void draw(double t_s, const Patch& patch, std::span<float> out) = 0;
   // How many times longer than for the bare field its steps in time may be, as the eye blurs what jumps.
   virtual double patience() const { return 1.0; }
-  // This view through a Gaussian blur of sigma along x and y, when it is known exactly; else nullptr. Thread: setup.
-  virtual std::unique_ptr<View> blurred(double /*sigma_px*/) const { return nullptr; }
+  // This view through a blur, when it is known in closed form; else nullptr. Thread: setup.
+  virtual std::unique_ptr<View> blurred(const Blur& /*blur*/) const { return nullptr; }
 };
 
 // The bare field. Lends it.

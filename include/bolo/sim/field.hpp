@@ -20,6 +20,12 @@ struct Extremes {
   double high_k = 0.0;
 };
 
+// What optics spread a point over: a Gaussian, or a disc of radius 2 sigma, which has the same variance.
+struct Blur {
+  double sigma_px = 0.0;  // along x and along y
+  bool disc = false;
+};
+
 class Field {
  public:
   virtual ~Field() = default;
@@ -39,9 +45,8 @@ class Field {
 
   virtual Extremes extremes() const = 0;
 
-  // The field through a Gaussian blur of `sigma_px` along x and along y, when it is known exactly; else nullptr.
-  // Thread: setup.
-  virtual std::unique_ptr<const Field> blurred(double /*sigma_px*/) const { return nullptr; }
+  // The field through a blur, when it is known in closed form; else nullptr. Thread: setup.
+  virtual std::unique_ptr<const Field> blurred(const Blur& /*blur*/) const { return nullptr; }
 
   // The `/stimulus` that describes this field from `from_s` to `to_s`. Thread: setup.
   virtual capture::Stimulus stimulus(double from_s, double to_s) const = 0;

@@ -153,19 +153,16 @@ class BlurredView final : public View {
 
 class OpticalPsf final : public Effect {
  public:
-  explicit OpticalPsf(const EffectSetup& setup) : sigma_(setup.number("sigma_px")), disc_(setup.form("disc")) {
-    kernel_ = disc_ ? disc(2.0 * sigma_) : gaussian(sigma_);
-  }
+  explicit OpticalPsf(const EffectSetup& setup)
+      : blur_{setup.number("sigma_px"), setup.form("disc")},
+        kernel_(blur_.disc ? disc(2.0 * blur_.sigma_px) : gaussian(blur_.sigma_px)) {}
   std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel&) const override {
-    if (!disc_) {
-      if (std::unique_ptr<View> exact = inner->blurred(sigma_)) return exact;
-    }
+    if (std::unique_ptr<View> exact = inner->blurred(blur_)) return exact;
     return std::make_unique<BlurredView>(std::move(inner), kernel_);
   }
 
  private:
-  double sigma_;
-  bool disc_;
+  Blur blur_;
   Kernel kernel_;
 };
 

@@ -1,0 +1,75 @@
+// What an effect of the catalogue is to the diagnosis. Each has one file in src/diagnose/effects/, which defines
+// `extern const Effect <name>_effect`; the build finds it there.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "bolo/diagnose/report.hpp"
+#include "model.hpp"
+
+namespace bolo::diagnose {
+
+// One number that the effect adds to the model; 0 means that the effect is not there.
+struct Coordinate {
+  std::string name;
+  double step = 0.0;   // for differences, and a typical size
+  double low = 0.0;    // where the model is valid
+  double high = 0.0;
+  std::function<double(const State&)> get;
+  std::function<void(State&, double)> set;
+};
+
+// Maps that an effect adds: one value a pixel, found by regression.
+enum class MapKind { kNone, kOffset, kGain, kTau, kDrift };
+
+// Which physical form is meant when an effect has several.
+struct Form {
+  std::string name;
+  std::function<void(State&)> begin;  // called before the coordinates are used
+};
+
+struct Effect {
+  std::string name;
+  std::string stage;
+  // The captures without which it cannot be told, as a sentence; `told_by` decides.
+  std::string needs;
+  std::function<bool(const Session&)> told_by;
+  // Effects on the mean: coordinates and maps. Effects of the noise and of the transport have none, they are found from
+  // statistics of their own.
+  std::function<std::vector<Coordinate>(const Session&)> coordinates{};
+  MapKind map = MapKind::kNone;
+  // The first coordinate, or the map's rms, below which the effect is not worth a name: it would only stand for what
+  // the model of another effect is not exact in.
+  double least = 0.0;
+  std::vector<Form> forms{};  // empty: one form
+  // From the values of the coordinates and their standard errors to what is reported.
+  std::function<std::map<std::string, Estimate>(const Session&, const State&, std::span<const double> value,
+                                                std::span<const double> error)>
+      report{};
+};
+
+// All effects of the catalogue, by name.
+std::span<const Effect* const> catalogue();
+const Effect* find_effect(std::string_view name);
+
+// value +- 1.96 errors.
+Estimate interval(double value, double error);
+// The root of a coordinate that stands for a variance, with its interval.
+Estimate root_interval(double value, double error, double factor = 1.0);
+
+// Root mean square over the pixels that are not 0, and of the means of columns in it (less what chance makes of them).
+struct MapSpread {
+  double pixel = 0.0;
+  double column = 0.0;
+  double pixels = 0.0;  // that count
+};
+MapSpread spread_of(const Session& session, const Eigen::VectorXf& map);
+
+// Whether the session has a recording of the kind.
+bool has_kind(const Session& session, Kind kind);
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,347 @@
+#include "events.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace bolo::diagnose {
+namespace {
+
+using Eigen::Index;
+
+constexpr std::size_t kFreezeFrames = 12;  // shorter runs are repeated frames
+constexpr Index kSide = 12;                // frames on either side of a jump that it is judged by
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Identical, and not just clipped: a ceiling makes frames alike, too.
+bool same(const Recording& r, Index a, Index b) {
+  if (!(r.values.row(a).array() == r.values.row(b).array()).all()) return false;
+  const float top = r.values.maxCoeff();
+  return (r.values.row(a).array() == top).count() * 2 < r.values.cols();
+}
+
+// A pixel's used values less the frames' medians.
+struct Still {
+  std::vector<std::vector<float>> series;  // of each pixel of the grid
+};
+
+Still steady_series(const Recording& r) {
+  Still still;
+  still.series.resize(static_cast<std::size_t>(r.values.cols()));
+  std::vector<double> frame(static_cast<std::size_t>(r.values.cols()));
+  for (Index k = 0; k < r.values.rows(); ++k) {
+    if (r.used[static_cast<std::size_t>(k)] == 0) continue;
+    for (Index p = 0; p < r.values.cols(); ++p) frame[static_cast<std::size_t>(p)] = static_cast<double>(r.values(k, p));
+    const auto centre = static_cast<float>(median(frame));
+    for (Index p = 0; p < r.values.cols(); ++p) {
+      still.series[static_cast<std::size_t>(p)].push_back(r.values(k, p) - centre);
+    }
+  }
+  return still;
+}
+
+double deviation(const std::vector<float>& x) {
+  const double mean = std::accumulate(x.begin(), x.end(), 0.0) / static_cast<double>(x.size());
+  double sum = 0.0;
+  for (const float v : x) sum += (static_cast<double>(v) - mean) * (static_cast<double>(v) - mean);
+  return std::sqrt(sum / static_cast<double>(x.size()));
+}
+
+// Share of the squared variation that is between neighbouring frames: 2 for white noise, near 0 for slow changes.
+double roughness(const std::vector<float>& x, double sigma) {
+  double sum = 0.0;
+  for (std::size_t k = 1; k < x.size(); ++k) sum += std::pow(static_cast<double>(x[k] - x[k - 1]), 2);
+  return sigma > 0.0 ? sum / static_cast<double>(x.size() - 1) / (sigma * sigma) : 0.0;
+}
+
+std::vector<float> smooth(const std::vector<float>& x) {
+  std::vector<float> out;
+  for (std::size_t k = 2; k + 2 < x.size(); ++k) {
+    std::array<float, 5> w{x[k - 2], x[k - 1], x[k], x[k + 1], x[k + 2]};
+    std::ranges::nth_element(w, w.begin() + 2);
+    out.push_back(w[2]);
+  }
+  return out;
+}
+
+struct TwoLevels {
+  double step = 0.0;
+  double within = 0.0;  // rms about the two
+  double share = 0.0;   // of the rarer level
+  int jumps = 0;
+};
+
+// Two means (Otsu).
+TwoLevels two_levels(const std::vector<float>& x) {
+  std::vector<float> sorted = x;
+  std::ranges::sort(sorted);
+  const std::size_t n = sorted.size();
+  std::vector<double> sum(n + 1, 0.0);
+  for (std::size_t i = 0; i < n; ++i) sum[i + 1] = sum[i] + static_cast<double>(sorted[i]);
+  double best = -1.0;
+  std::size_t split = n / 2;
+  for (std::size_t i = 1; i < n; ++i) {
+    const double a = static_cast<double>(i);
+    const double b = static_cast<double>(n - i);
+    const double d = (sum[n] - sum[i]) / b - sum[i] / a;
+    if (a * b * d * d > best) {
+      best = a * b * d * d;
+      split = i;
+    }
+  }
+  TwoLevels t;
+  const double low = sum[split] / static_cast<double>(split);
+  const double high = (sum[n] - sum[split]) / static_cast<double>(n - split);
+  t.step = high - low;
+  t.share = static_cast<double>(std::min(split, n - split)) / static_cast<double>(n);
+  const double middle = (low + high) / 2.0;
+  double squares = 0.0;
+  bool up = static_cast<double>(x.front()) > middle;
+  for (const float v : x) {
+    const auto value = static_cast<double>(v);
+    squares += std::pow(value - (value > middle ? high : low), 2);
+    // With hysteresis, so that noise at the middle is not counted.
+    if (up ? value < middle - 0.2 * t.step : value > middle + 0.2 * t.step) {
+      up = !up;
+      ++t.jumps;
+    }
+  }
+  t.within = std::sqrt(squares / static_cast<double>(n));
+  return t;
+}
+
+void judge_still(const Session& session, const Recording& r, BadPixels& bad, std::vector<double>& steps,
+                 double& jumps, double& seconds) {
+  const Still still = steady_series(r);
+  if (still.series.front().size() < 32) return;
+  std::vector<double> sigma;
+  std::vector<double> rough;
+  std::vector<TwoLevels> levels;
+  for (const auto& series : still.series) {
+    sigma.push_back(deviation(series));
+    rough.push_back(roughness(series, sigma.back()));
+    levels.push_back(two_levels(smooth(series)));
+  }
+  std::vector<double> step;
+  for (const TwoLevels& t : levels) step.push_back(t.step);
+  const double typical = median(sigma);
+  const double typical_rough = median(rough);
+  const double typical_step = median(step);
+  for (std::size_t p = 0; p < sigma.size(); ++p) {
+    const int pixel = static_cast<int>(p);
+    const TwoLevels& t = levels[p];
+    if (sigma[p] > 5.0 * typical && rough[p] > 0.5 * typical_rough) {
+      bad.noisy.push_back(pixel);
+    } else if (t.step > 2.2 * typical_step && t.step > 3.2 * t.within && t.share > 0.02 && t.jumps > 0 &&
+               t.jumps < static_cast<int>(still.series[p].size()) / 8 && rough[p] < 0.75 * typical_rough) {
+      bad.jumping.push_back(pixel);
+      steps.push_back(t.step);
+      jumps += t.jumps;
+      seconds += static_cast<double>(still.series[p].size()) * session.period_s;
+    }
+  }
+}
+
+void make_unique(std::vector<int>& pixels) {
+  std::ranges::sort(pixels);
+  const auto rest = std::ranges::unique(pixels);
+  pixels.erase(rest.begin(), rest.end());
+}
+
+}  // namespace
+
+std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& repeated_frames) {
+  std::vector<Freeze> freezes;
+  repeated_frames.assign(session.recordings.size(), 0);
+  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
+    Recording& r = session.recordings[i];
+    const auto frames = static_cast<std::size_t>(r.frames());
+    for (std::size_t k = 1; k < frames;) {
+      if (!same(r, static_cast<Index>(k), static_cast<Index>(k) - 1)) {
+        ++k;
+        continue;
+      }
+      const std::size_t first = k;
+      while (k < frames && same(r, static_cast<Index>(k), static_cast<Index>(k) - 1)) r.used[k++] = 0;
+      if (k - first >= kFreezeFrames) {
+        freezes.push_back({i, first, k - 1});
+      } else {
+        repeated_frames[i] += k - first;
+      }
+    }
+  }
+  return freezes;
+}
+
+BadPixels find_bad_pixels(Session& session) {
+  BadPixels bad;
+  std::vector<double> steps;
+  double jumps = 0.0;
+  double seconds = 0.0;
+  for (const Recording& r : session.recordings) {
+    std::vector<double> sigma;
+    for (Index p = 0; p < r.values.cols(); ++p) {
+      const auto column = r.values.col(p).array();
+      sigma.push_back(static_cast<double>(column.maxCoeff() - column.minCoeff()));
+    }
+    const double typical = median(sigma);
+    if (typical > 0.0) {
+      for (std::size_t p = 0; p < sigma.size(); ++p) {
+        if (sigma[p] < 0.15 * typical) bad.stuck.push_back(static_cast<int>(p));
+      }
+    }
+    if (r.kind == Kind::kUniform) judge_still(session, r, bad, steps, jumps, seconds);
+  }
+  for (std::vector<int>* list : {&bad.stuck, &bad.noisy, &bad.jumping}) make_unique(*list);
+  for (const std::vector<int>* list : {&bad.stuck, &bad.noisy, &bad.jumping}) {
+    for (const int pixel : *list) session.good[static_cast<std::size_t>(pixel)] = 0;
+  }
+  bad.step_k = median(steps);
+  bad.rate_hz = seconds > 0.0 ? jumps / seconds : 0.0;
+  return bad;
+}
+
+std::vector<Jump> find_jumps(const Session& session, std::size_t recording, const Series& residual,
+                             const std::vector<Freeze>& freezes) {
+  const Recording& r = session.recordings[recording];
+  std::vector<Index> frames;
+  for (Index k = 0; k < residual.rows(); ++k) {
+    if (r.used[static_cast<std::size_t>(k)] != 0) frames.push_back(k);
+  }
+  const auto n = static_cast<Index>(frames.size());
+  if (n < 2 * kSide + 2) return {};
+  std::vector<Index> pixels;
+  for (Index p = 0; p < residual.cols(); ++p) {
+    if (session.good[static_cast<std::size_t>(p)] != 0) pixels.push_back(p);
+  }
+  if (pixels.size() < 8) return {};
+  // Differences of the means of kSide frames on either side of every gap between two frames.
+  Eigen::ArrayXXd value(n, static_cast<Index>(pixels.size()));
+  for (Index a = 0; a < n; ++a) {
+    for (std::size_t p = 0; p < pixels.size(); ++p) {
+      value(a, static_cast<Index>(p)) = static_cast<double>(residual(frames[static_cast<std::size_t>(a)], pixels[p]));
+    }
+  }
+  const Eigen::ArrayXd mean = value.rowwise().mean();
+  std::vector<double> steps;
+  for (Index a = 1; a < n; ++a) steps.push_back(std::abs(mean[a] - mean[a - 1]));
+  const double flicker = median(steps) / 0.954;  // of one frame's mean: |difference| has its median at 0.954 sigma
+  std::vector<double> rough;
+  for (Index p = 0; p < value.cols(); p += std::max<Index>(1, value.cols() / 64)) {
+    rough.push_back((value.col(p).bottomRows(n - 1) - value.col(p).topRows(n - 1)).square().mean() / 2.0);
+  }
+  const double noise2 = std::max(1e-12, median(rough));
+  // A step explains most of what changes slowly, or it is no jump.
+  const auto explains = [&](Index a) {
+    const Eigen::ArrayXXd whole = value.rowwise() - value.colwise().mean();
+    const Index blocks = n / kSide;
+    double all = 0.0;
+    double by_step = 0.0;
+    const Eigen::ArrayXd before = whole.topRows(a).colwise().mean().transpose();
+    const Eigen::ArrayXd after = whole.bottomRows(n - a).colwise().mean().transpose();
+    by_step = (before.square().sum() * static_cast<double>(a) + after.square().sum() * static_cast<double>(n - a)) /
+              static_cast<double>(n);
+    for (Index b = 0; b < blocks; ++b) {
+      all += whole.middleRows(b * kSide, kSide).colwise().mean().square().sum() / static_cast<double>(blocks);
+    }
+    const auto count = static_cast<double>(value.cols());
+    all -= count * noise2 / kSide;
+    by_step -= count * 2.0 * noise2 / static_cast<double>(n);
+    return all > 0.0 ? by_step / all : 0.0;
+  };
+  std::vector<Jump> jumps;
+  double best = 0.0;
+  Jump strongest;
+  for (Index a = kSide; a + kSide <= n; ++a) {
+    const Eigen::ArrayXd change = value.middleRows(a, kSide).colwise().mean().transpose() -
+                                  value.middleRows(a - kSide, kSide).colwise().mean().transpose();
+    const double global = change.mean();
+    const double scatter2 = (change - global).square().mean() - 2.0 * noise2 / kSide;
+    const double sudden = mean[a] - mean[a - 1];
+    const double global_z = std::abs(global) / (flicker * std::sqrt(2.0 / kSide) + 1e-6);
+    const bool global_jump = global_z > 9.0 && std::abs(global) > 0.02 && sudden * global > 0.0 &&
+                             std::abs(sudden) > 0.6 * std::abs(global) && std::abs(sudden) < 1.6 * std::abs(global);
+    const double scatter_z = scatter2 / (2.0 * noise2 / kSide) * std::sqrt(static_cast<double>(pixels.size()) / 2.0);
+    const Eigen::ArrayXd first = value.row(a) - value.row(a - 1);
+    const double first2 = (first - first.mean()).square().mean() - 2.0 * noise2;
+    const bool pixel_jump = scatter_z > 25.0 && scatter2 > 2.5 * noise2 / kSide && first2 > 0.5 * scatter2;
+    const bool thawed = std::ranges::any_of(freezes, [&](const Freeze& f) {
+      return f.recording == recording && static_cast<Index>(f.last) + 1 == frames[static_cast<std::size_t>(a)];
+    });
+    if (!(global_jump || pixel_jump) && !(thawed && (scatter_z > 6.0 || global_z > 6.0))) continue;
+    const double strength = std::max(global_jump ? global_z : 0.0, scatter_z) + (thawed ? 1e6 : 0.0);
+    if (strength <= best || (!thawed && explains(a) < 0.6)) continue;
+    best = strength;
+    strongest = {recording, static_cast<std::size_t>(frames[static_cast<std::size_t>(a)]), global,
+                 std::sqrt(std::max(0.0, scatter2)), thawed};
+  }
+  if (best > 0.0) jumps.push_back(strongest);
+  return jumps;
+}
+
+void remove_jump(Session& session, const Jump& jump, const Series& residual) {
+  Recording& r = session.recordings[jump.recording];
+  for (Index p = 0; p < residual.cols(); ++p) {
+    double before = 0.0;
+    double after = 0.0;
+    double n_before = 0.0;
+    double n_after = 0.0;
+    for (Index k = 0; k < residual.rows(); ++k) {
+      if (r.used[static_cast<std::size_t>(k)] == 0) continue;
+      const bool later = static_cast<std::size_t>(k) >= jump.frame;
+      (later ? after : before) += static_cast<double>(residual(k, p));
+      (later ? n_after : n_before) += 1.0;
+    }
+    if (n_before < 1.0 || n_after < 1.0) continue;
+    const auto step = static_cast<float>(after / n_after - before / n_before);
+    r.values.col(p).bottomRows(r.values.rows() - static_cast<Index>(jump.frame)).array() -= step;
+  }
+}
+
+double find_step(const Session& session) {
+  // The greatest common divisor of the distances between values, in units of the stored step.
+  double step = 0.0;
+  for (const Recording& r : session.recordings) {
+    if (r.step <= 0.0) return 0.0;
+    const auto base = static_cast<double>(r.values(0, 0));
+    std::vector<long> seen;
+    for (Index k = 0; k < r.values.rows(); k += 3) {
+      for (Index p = 0; p < r.values.cols(); p += 3) {
+        if (session.good[static_cast<std::size_t>(p)] == 0) continue;
+        seen.push_back(std::lround((static_cast<double>(r.values(k, p)) - base) / r.step));
+      }
+    }
+    // The largest step that nearly all distances are multiples of.
+    long best = 1;
+    for (long candidate = 2; candidate <= 200; ++candidate) {
+      const auto hits = std::ranges::count_if(seen, [candidate](long d) { return d % candidate == 0; });
+      if (static_cast<double>(hits) > 0.998 * static_cast<double>(seen.size())) best = candidate;
+    }
+    const bool varied = std::ranges::any_of(seen, [](long d) { return d != 0; });
+    if (!varied) continue;
+    const double found = static_cast<double>(best) * r.step;
+    step = step == 0.0 ? found : std::min(step, found);
+  }
+  return step;
+}
+
+double find_ceiling(const Recording& recording, double level_step) {
+  const float top = recording.values.maxCoeff();
+  const auto step = static_cast<float>(std::max({recording.step, level_step, 1e-6}));
+  const auto at_top = ((recording.values.array() - top).abs() < 0.4F * step).count();
+  const auto below = ((recording.values.array() - (top - step)).abs() < 0.4F * step).count() +
+                     ((recording.values.array() - (top - 2.0F * step)).abs() < 0.4F * step).count();
+  const auto all = static_cast<double>(recording.values.size());
+  if (static_cast<double>(at_top) > 0.002 * all && at_top > 8 * (below + 1)) return static_cast<double>(top);
+  return std::numeric_limits<double>::infinity();
+}
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,60 @@
+// What happens to whole frames and to single pixels: found before anything is fitted, so that it does not disturb.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "session.hpp"
+
+namespace bolo::diagnose {
+
+struct Freeze {  // frames [first, last] repeat the one before
+  std::size_t recording = 0;
+  std::size_t first = 0;
+  std::size_t last = 0;
+};
+
+// A step of the offset at one frame: global, or of each pixel.
+struct Jump {
+  std::size_t recording = 0;
+  std::size_t frame = 0;     // the first one after it
+  double global_k = 0.0;
+  double pixel_k = 0.0;      // rms over the pixels about the global step
+  bool after_freeze = false;
+};
+
+struct BadPixels {
+  std::vector<int> stuck;    // of the grid
+  std::vector<int> noisy;
+  std::vector<int> jumping;  // between two levels
+  double step_k = 0.0;       // of the jumping ones, median
+  double rate_hz = 0.0;      // jumps a second, mean
+};
+
+struct Quantisation {
+  double step = 0.0;  // K between levels in use, 0: not known
+};
+
+// Runs of identical frames: the long ones; short ones are counted in `repeated`. Marks all but the first of each run as
+// not used.
+std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& repeated_frames);
+
+// Bad pixels are marked in session.good.
+BadPixels find_bad_pixels(Session& session);
+
+// Steps in series of residuals (frames x pixels of `pixels`, K): of a uniform recording its own values will do.
+std::vector<Jump> find_jumps(const Session& session, std::size_t recording, const Series& residual,
+                             const std::vector<Freeze>& freezes);
+
+// Takes a jump out of the recording's values, with the step of every pixel estimated from `residual` (all pixels of the
+// grid).
+void remove_jump(Session& session, const Jump& jump, const Series& residual);
+
+// The common step of all values of the recordings.
+double find_step(const Session& session);
+
+// Level at which values pile up at the top of a recording's range; infinity: none.
+double find_ceiling(const Recording& recording, double level_step);
+
+}  // namespace bolo::diagnose

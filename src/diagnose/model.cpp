@@ -1,0 +1,278 @@
+#include "model.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "radiance.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr double kTauStep = 0.08;  // of the logarithm, between the three tables of pixels that differ
+
+// Weights of the tables at -h, 0 and h for a value in between (Lagrange).
+struct Three {
+  double low;
+  double middle;
+  double high;
+};
+Three lagrange(double x) {
+  const double f = x / kTauStep;
+  return {f * (f - 1.0) / 2.0, 1.0 - f * f, f * (f + 1.0) / 2.0};
+}
+
+Response scaled(Response response, double log_tau) {
+  response.tau_s *= std::exp(log_tau);
+  return response;
+}
+
+// From the temperature of a black body to the linear quantity that the pixel follows.
+double scene_signal(const CameraModel& c, double temperature_k) {
+  double t = temperature_k;
+  if (c.reflected != 0.0 || c.surroundings != 0.0) {
+    t = band_temperature((1.0 - c.reflected) * band_signal(t) + c.reflected * band_signal(kSurroundings) +
+                         c.surroundings);
+  }
+  return mixed_signal(t, c.radiance);
+}
+
+double row_time(const Session& session, const CameraModel& c, int row) {
+  const int rows = c.two_halves ? row % std::max(1, session.height / 2) : row;
+  return c.row_delay_s * rows * session.row_step;
+}
+
+// What comes after the pixel, in place; `y` holds the linear quantity.
+void read_out(const Session& session, std::size_t index, const CameraModel& c, std::span<const int> pixels, Series& y) {
+  const Recording& recording = session.recordings[index];
+  const double half_width = (session.width - 1) / 2.0;
+  const double half_height = (session.height - 1) / 2.0;
+  const double corner = half_width * half_width + half_height * half_height;
+  const bool plain = c.corner_gain == 0.0 && c.corner_offset == 0.0 && c.heating_k == 0.0 && c.offset.size() == 0 && c.gain.size() == 0 && c.terms.empty() &&
+                     c.drift.empty();
+  if (c.radiance != 0.0) {
+    const TemperatureTable temperature(c.radiance, static_cast<double>(y.minCoeff()), static_cast<double>(y.maxCoeff()));
+    for (float& v : y.reshaped()) v = static_cast<float>(temperature.at(static_cast<double>(v)));
+  }
+  if (plain) return;
+  const double length = std::max(1e-9, recording.t.back());
+  for (std::size_t j = 0; j < pixels.size(); ++j) {
+    const int pixel = pixels[j];
+    const double dx = session.grid.column_of(pixel) - half_width;
+    const double dy = session.grid.row_of(pixel) - half_height;
+    const double radius2 = (dx * dx + dy * dy) / std::max(1.0, corner);
+    const double row = session.grid.row_of(pixel) / std::max(1.0, session.height - 1.0);
+    const double column = session.grid.column_of(pixel) / std::max(1.0, session.width - 1.0);
+    double fixed = c.corner_offset * radius2 + c.heating_k * (1.0 - std::exp(-c.heating_rate * row));
+    if (c.offset.size() > 0) fixed += static_cast<double>(c.offset[pixel]);
+    double gain = c.corner_gain * radius2;
+    if (c.gain.size() > 0) gain += static_cast<double>(c.gain[pixel]);
+    for (Eigen::Index k = 0; k < y.rows(); ++k) {
+      const double t = recording.t[static_cast<std::size_t>(k)];
+      const double shown = static_cast<double>(y(k, static_cast<Eigen::Index>(j)));
+      double value = shown + gain * (shown - kGainReference) + fixed;
+      if (!c.drift.empty()) {
+        const double s = 2.0 * t / length - 1.0;
+        const auto& d = c.drift[index];
+        const double drifted = d[0] * s + d[1] * (s * s - 1.0 / 3.0) + d[2] * (s * s * s - 0.6 * s);
+        value += drifted;
+        if (c.drift_share.size() > 0) {
+          value += static_cast<double>(c.drift_share[pixel]) * (drifted + c.drift_level[index]);
+        }
+      }
+      for (const CameraModel::Term& term : c.terms) {
+        value += term.value * term.unit({row, column, recording.start_s + t}, shown);
+      }
+      y(k, static_cast<Eigen::Index>(j)) = static_cast<float>(value);
+    }
+  }
+}
+
+Bars bars_of(const capture::BarTarget& target, const StimulusState& stimulus, double velocity_px_s) {
+  return {target.period_px, target.bar_width_px, target.slant_px_per_row, velocity_px_s, stimulus.edge_px2,
+          stimulus.aperture_px};
+}
+
+std::vector<Step> steps_of(const capture::Chopper& chopper, const StimulusState& stimulus, const CameraModel& c) {
+  constexpr int kParts = 12;  // of a soft blade's edge
+  const std::vector<double> levels = levels_of(chopper);
+  std::vector<Step> steps;
+  const double cold = scene_signal(c, stimulus.level_k[0]);
+  const int parts = stimulus.softness_s > 1e-5 ? kParts : 1;
+  const auto add = [&](double t_s, double height) {
+    for (int i = 0; i < parts; ++i) {
+      const double within = parts == 1 ? 0.0 : ((i + 0.5) / parts - 0.5) * stimulus.softness_s;
+      steps.push_back({t_s + within, height / parts});
+    }
+  };
+  for (std::size_t i = 0; i < chopper.on_s.size(); ++i) {
+    const auto level = std::ranges::lower_bound(levels, chopper.level_k[i]) - levels.begin();
+    const double height = scene_signal(c, stimulus.level_k[static_cast<std::size_t>(level) + 1]) - cold;
+    add(chopper.on_s[i], height);
+    add(chopper.off_s[i], -height);
+  }
+  std::ranges::sort(steps, {}, &Step::t_s);
+  return steps;
+}
+
+// The frame filter along a pixel's time.
+void filter_frames(const Response& r, Series& y) {
+  if (r.filter == FrameFilter::kNone || r.alpha >= 1.0) return;
+  const auto alpha = static_cast<float>(r.alpha);
+  if (r.filter == FrameFilter::kRecursive) {
+    for (Eigen::Index k = 1; k < y.rows(); ++k) y.row(k) = alpha * y.row(k) + (1.0F - alpha) * y.row(k - 1);
+  } else {
+    for (Eigen::Index k = y.rows() - 1; k > 0; --k) y.row(k) = alpha * y.row(k) + (1.0F - alpha) * y.row(k - 1);
+  }
+}
+
+Series predict_chopper(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
+  const Recording& recording = session.recordings[index];
+  const auto& chopper = std::get<capture::Chopper>(recording.stimulus);
+  const StimulusState& stimulus = state.stimuli[index];
+  const CameraModel& c = state.camera;
+  const std::vector<Step> steps = steps_of(chopper, stimulus, c);
+  const double cold = scene_signal(c, stimulus.level_k[0]);
+  const bool varied = c.tau.size() > 0;
+  const double end_s = recording.t.back() + 0.2;
+  std::vector<StepTable> tables;
+  if (varied) tables.emplace_back(steps, scaled(c.response, -kTauStep), end_s);
+  tables.emplace_back(steps, c.response, end_s);
+  if (varied) tables.emplace_back(steps, scaled(c.response, kTauStep), end_s);
+  Series y(recording.frames(), static_cast<Eigen::Index>(pixels.size()));
+  // Pixels of one moment share their values when nothing tells them apart.
+  const bool together = !varied && stimulus.sweep_s == 0.0 && c.row_delay_s == 0.0;
+  for (std::size_t j = 0; j < pixels.size(); ++j) {
+    const auto column = static_cast<Eigen::Index>(j);
+    if (together && j > 0) {
+      y.col(column) = y.col(0);
+      continue;
+    }
+    const double x = session.grid.column_of(pixels[j]) / std::max(1.0, session.width - 1.0) - 0.5;
+    const double shift = row_time(session, c, session.grid.row_of(pixels[j])) - stimulus.delay_s - stimulus.sweep_s * x;
+    const Three weights = varied ? lagrange(static_cast<double>(c.tau[pixels[j]])) : Three{0.0, 1.0, 0.0};
+    for (Eigen::Index k = 0; k < y.rows(); ++k) {
+      const auto frame = static_cast<std::size_t>(k);
+      const double t = recording.t[frame] * (1.0 + c.clock_skew) + stimulus.late_s[frame] + shift;
+      const double value = varied ? weights.low * tables[0].at(t) + weights.middle * tables[1].at(t) +
+                                        weights.high * tables[2].at(t)
+                                  : tables[0].at(t);
+      y(k, column) = static_cast<float>(cold + value);
+    }
+  }
+  filter_frames(c.response, y);
+  return y;
+}
+
+Series predict_bars(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
+  const BarsModel model(session, index, state);
+  const Recording& recording = session.recordings[index];
+  Series y(recording.frames(), static_cast<Eigen::Index>(pixels.size()));
+  const StimulusState& stimulus = state.stimuli[index];
+  if (recording.kind == Kind::kStillBars) {
+    model.frame(0, stimulus.phase_px, pixels, y.row(0).data(), nullptr);
+    for (Eigen::Index k = 1; k < y.rows(); ++k) y.row(k) = y.row(0);
+    return y;
+  }
+  for (Eigen::Index k = 0; k < y.rows(); ++k) {
+    const auto frame = static_cast<std::size_t>(k);
+    model.frame(frame, stimulus.shift_px[frame], pixels, y.row(k).data(), nullptr);
+  }
+  return y;
+}
+
+}  // namespace
+
+std::vector<double> levels_of(const capture::Chopper& chopper) {
+  const std::set<double> levels(chopper.level_k.begin(), chopper.level_k.end());
+  return {levels.begin(), levels.end()};
+}
+
+State nominal_state(const Session& session, const model::CameraProfile& profile) {
+  State state;
+  state.camera.response.tau_s = profile.tau_s;
+  state.camera.nominal_tau_s = profile.tau_s;
+  state.camera.response.period_s = session.period_s;
+  state.camera.row_delay_s = profile.row_delay_s;
+  for (const Recording& recording : session.recordings) {
+    StimulusState& s = state.stimuli.emplace_back();
+    s.late_s.assign(static_cast<std::size_t>(recording.frames()), 0.0);
+    if (const auto* uniform = std::get_if<capture::Uniform>(&recording.stimulus)) s.level_k = {uniform->temperature_k};
+    if (const auto* chopper = std::get_if<capture::Chopper>(&recording.stimulus)) {
+      s.level_k = {chopper->cold_k};
+      for (const double level : levels_of(*chopper)) s.level_k.push_back(level);
+    }
+    if (const auto* bars = std::get_if<capture::BarTarget>(&recording.stimulus)) {
+      s.level_k = {bars->cold_k, bars->hot_k};
+      for (const double t : recording.t) {
+        s.shift_px.push_back(bars->velocity_px_s * t);
+        s.speed_px_s.push_back(bars->velocity_px_s);
+      }
+    }
+  }
+  return state;
+}
+
+bool has_model(const Recording& recording) {
+  return recording.kelvin && recording.kind != Kind::kScene && recording.kind != Kind::kField;
+}
+
+Series predict(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
+  const Recording& recording = session.recordings[index];
+  Series y;
+  if (recording.kind == Kind::kUniform) {
+    y.setConstant(recording.frames(), static_cast<Eigen::Index>(pixels.size()),
+                  static_cast<float>(scene_signal(state.camera, state.stimuli[index].level_k[0])));
+  } else if (recording.kind == Kind::kChopper) {
+    y = predict_chopper(session, index, state, pixels);
+  } else {
+    y = predict_bars(session, index, state, pixels);
+  }
+  read_out(session, index, state.camera, pixels, y);
+  return y;
+}
+
+BarsModel::BarsModel(const Session& session, std::size_t recording, const State& state)
+    : session_(session), state_(state), recording_(recording) {
+  const auto& target = std::get<capture::BarTarget>(session.recordings[recording].stimulus);
+  const StimulusState& stimulus = state.stimuli[recording];
+  const bool moving = session.recordings[recording].kind == Kind::kMovingBars;
+  if (moving) {
+    for (const double v : stimulus.speed_px_s) mean_speed_ += v / static_cast<double>(stimulus.speed_px_s.size());
+    // Speeds come from the nominal clock.
+    mean_speed_ /= 1.0 + state.camera.clock_skew;
+  }
+  varied_ = moving;  // its speed always varies a little
+  const Bars bars = bars_of(target, stimulus, mean_speed_);
+  const Response& response = state.camera.response;
+  if (varied_) tables_.emplace_back(bars, scaled(response, -kTauStep));
+  tables_.emplace_back(bars, response);
+  if (varied_) tables_.emplace_back(bars, scaled(response, kTauStep));
+  cold_ = scene_signal(state.camera, stimulus.level_k[0]);
+  span_ = scene_signal(state.camera, stimulus.level_k[1]) - cold_;
+}
+
+void BarsModel::frame(std::size_t k, double shift_px, std::span<const int> pixels, float* values,
+                      float* slopes) const {
+  const auto& target = std::get<capture::BarTarget>(session_.recordings[recording_].stimulus);
+  const CameraModel& c = state_.camera;
+  const double speed = varied_ ? state_.stimuli[recording_].speed_px_s[k] / (1.0 + c.clock_skew) : 0.0;
+  const double log_speed = varied_ ? std::clamp(speed / mean_speed_ - 1.0, -0.1, 0.1) : 0.0;
+  for (std::size_t j = 0; j < pixels.size(); ++j) {
+    const int row = session_.grid.row_of(pixels[j]);
+    const double u = session_.grid.column_of(pixels[j]) - target.slant_px_per_row * row - shift_px -
+                     speed * row_time(session_, c, row);
+    const double own = log_speed + (c.tau.size() > 0 ? static_cast<double>(c.tau[pixels[j]]) : 0.0);
+    if (!varied_) {
+      values[j] = static_cast<float>(cold_ + span_ * tables_[0].at(u));
+      if (slopes != nullptr) slopes[j] = static_cast<float>(-span_ * tables_[0].slope(u));
+    } else {
+      const Three w = lagrange(own);
+      const double value = w.low * tables_[0].at(u) + w.middle * tables_[1].at(u) + w.high * tables_[2].at(u);
+      values[j] = static_cast<float>(cold_ + span_ * value);
+      if (slopes != nullptr) slopes[j] = static_cast<float>(-span_ * tables_[1].slope(u));
+    }
+  }
+}
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,103 @@
+// What is believed of camera and stimulus, and what they would show.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "response.hpp"
+#include "session.hpp"
+
+namespace bolo::diagnose {
+
+// Where and when a value was read: what an effect that only adds to the read-out may depend on.
+struct Place {
+  double row = 0.0;     // 0..1 from the first to the last
+  double column = 0.0;  // 0..1
+  double t_s = 0.0;     // camera's clock
+};
+
+struct CameraModel {
+  Response response;
+  double nominal_tau_s = 0.011;   // of the profile
+  double row_delay_s = 0.0;       // of one sensor row
+  bool two_halves = false;        // both halves of the rows are read at the same time
+  double radiance = 0.0;          // 1: the pixel is of first order in radiance, 0: in temperature
+  double reflected = 0.0;         // 1 - emissivity
+  double surroundings = 0.0;      // radiance of the surroundings times `reflected`, less that of kSurroundings
+  double corner_gain = 0.0;       // added at the corners, growing with the square of the radius
+  double corner_offset = 0.0;     // K
+  double clock_skew = 0.0;        // the frame period is longer by this share
+  double clip_k = std::numeric_limits<double>::infinity();  // values from here on up say nothing
+  double heating_k = 0.0;         // the offset grows with the row: heating_k (1 - exp(-heating_rate row)), row 0..1
+  double heating_rate = 3.0;
+  Eigen::VectorXf offset;  // K of each pixel of the grid; empty: none
+  Eigen::VectorXf gain;    // share of T - kGainReference; empty: none
+  Eigen::VectorXf tau;     // share of tau; empty: none
+  std::vector<std::array<double, 3>> drift;  // K of each recording: linear, quadratic, cubic in its own time
+  std::vector<double> drift_level;           // K of each recording: its mean drift, which its levels have taken up
+  Eigen::VectorXf drift_share;               // of each pixel: by how much more it drifts than the mean; empty: none
+  // Terms of effects that only add: value of the coordinate and what one unit of it adds, K.
+  struct Term {
+    double value = 0.0;
+    std::function<double(const Place&, double temperature_k)> unit;
+  };
+  std::vector<Term> terms;
+};
+
+inline constexpr double kSurroundings = 295.0;
+inline constexpr double kGainReference = 300.0;
+
+// Errors of one recording's stimulus, and when its frames were taken.
+struct StimulusState {
+  std::vector<double> level_k;   // uniform: 1; chopper: cold, then each of levels_of(); bars: cold, hot
+  double delay_s = 0.0;          // chopper
+  double sweep_s = 0.0;          // chopper: from the first to the last column
+  double softness_s = 0.0;       // chopper: over which a pixel is covered or uncovered
+  double phase_px = 0.0;         // still bars
+  double edge_px2 = 0.0;         // bars
+  double aperture_px = 1.0;      // bars
+  std::vector<double> shift_px;  // moving bars: of the target at each frame, at row 0
+  std::vector<double> speed_px_s;  // moving bars: local
+  std::vector<double> late_s;    // each frame was taken this much later than its time says
+  bool times_free = false;       // chopper: late_s of every frame is fitted
+};
+
+struct State {
+  CameraModel camera;
+  std::vector<StimulusState> stimuli;  // one a recording
+};
+
+// Different heights of a chopper's pulses, rising.
+std::vector<double> levels_of(const capture::Chopper& chopper);
+
+// The nominal simulator and the stimuli as their files describe them.
+State nominal_state(const Session& session, const model::CameraProfile& profile);
+
+// What the pixels (of the grid) of a recording show: frames x pixels, K. Recordings without a stimulus that has a
+// forward model show nothing: has_model() is false. Thread: any.
+bool has_model(const Recording& recording);
+Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
+
+// The same for one frame of moving bars that are shifted to `shift_px`: values and their slope by the shift, K/px.
+class BarsModel {
+ public:
+  BarsModel(const Session& session, std::size_t recording, const State& state);
+  void frame(std::size_t k, double shift_px, std::span<const int> pixels, float* values, float* slopes) const;
+  double mean_speed() const { return mean_speed_; }
+
+ private:
+  const Session& session_;
+  const State& state_;
+  std::size_t recording_;
+  double mean_speed_ = 0.0;
+  double cold_ = 0.0;
+  double span_ = 0.0;
+  double tau_step_ = 0.0;  // 0: one table
+  std::vector<BarTable> tables_;
+  bool varied_ = false;
+};
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,93 @@
+#include "nuisance.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bolo::diagnose {
+namespace {
+
+using Member = double StimulusState::*;
+
+Coordinate member(std::string name, std::size_t i, Member field, double step, double limit) {
+  return {std::move(name), step, -limit, limit, [i, field](const State& s) { return s.stimuli[i].*field; },
+          [i, field](State& s, double value) { s.stimuli[i].*field = value; }};
+}
+
+Coordinate level(std::size_t i, std::size_t which, double nominal) {
+  return {"level", 1.0, nominal - 30.0, nominal + 30.0,
+          [i, which](const State& s) { return s.stimuli[i].level_k[which]; },
+          [i, which](State& s, double value) { s.stimuli[i].level_k[which] = value; }};
+}
+
+// The softness' square, s^2: a symmetric ramp changes the response to second order only.
+Coordinate softness(std::size_t i) {
+  return {"softness", 1e-6, 0.0, 2.5e-5,
+          [i](const State& s) { return s.stimuli[i].softness_s * s.stimuli[i].softness_s; },
+          [i](State& s, double value) { s.stimuli[i].softness_s = std::sqrt(std::max(0.0, value)); }};
+}
+
+Coordinate target_edge() {
+  return {"edge", 0.03, 0.0, 0.12,
+          [](const State& s) {
+            for (const StimulusState& stimulus : s.stimuli) {
+              if (stimulus.edge_px2 != 0.0) return stimulus.edge_px2;
+            }
+            return 0.0;
+          },
+          [](State& s, double value) {
+            for (StimulusState& stimulus : s.stimuli) stimulus.edge_px2 = value;
+          }};
+}
+
+}  // namespace
+
+std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
+  constexpr double kEdgePrior = 0.03;  // px^2
+  std::vector<Nuisance> all;
+  bool bars = false;
+  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
+    const Recording& recording = session.recordings[i];
+    if (!has_model(recording)) continue;
+    const StimulusState& stimulus = nominal.stimuli[i];
+    const int index = static_cast<int>(i);
+    for (std::size_t l = 0; l < stimulus.level_k.size(); ++l) {
+      all.push_back({level(i, l, stimulus.level_k[l]), index, true, stimulus.level_k[l], 0.0});
+    }
+    if (recording.kind == Kind::kChopper) {
+      all.push_back({member("delay", i, &StimulusState::delay_s, 0.0005, 0.05), index, false, 0.0, 0.0});
+      all.push_back({member("sweep", i, &StimulusState::sweep_s, 0.001, 0.03), index, false, 0.0, 0.005});
+      all.push_back({softness(i), index, false, 0.0, 2e-6});
+    }
+    if (recording.kind == Kind::kStillBars) {
+      all.push_back({member("phase", i, &StimulusState::phase_px, 0.05, 1e6), index, false, 0.0, 0.0});
+    }
+    bars = bars || recording.kind == Kind::kStillBars || recording.kind == Kind::kMovingBars;
+  }
+  if (nominal.camera.response.filter != FrameFilter::kNone && nominal.camera.response.alpha < 1.0) {
+    // Known from the noise to a percent; the late edges tell it better.
+    all.push_back({{"alpha", 0.02, 0.05, 1.0, [](const State& s) { return s.camera.response.alpha; },
+                    [](State& s, double value) { s.camera.response.alpha = value; }},
+                   -2, false, 1.0, 0.0});
+  }
+  if (bars) all.push_back({target_edge(), -1, false, 0.0, kEdgePrior});
+  return all;
+}
+
+double level_spread(const std::vector<Nuisance>& all, const State& state) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (const Nuisance& n : all) {
+    if (!n.is_level) continue;
+    const double error = n.coordinate.get(state) - n.nominal;
+    sum += error * error;
+    count += 1.0;
+  }
+  return std::sqrt(sum / std::max(1.0, count) + kLevelResolution * kLevelResolution);
+}
+
+double level_evidence(const std::vector<Nuisance>& all, const State& state) {
+  const auto count = static_cast<double>(std::ranges::count_if(all, &Nuisance::is_level));
+  return -count * std::log(level_spread(all, state) / kLevelResolution);
+}
+
+}  // namespace bolo::diagnose

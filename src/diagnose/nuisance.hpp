@@ -1,0 +1,27 @@
+// The stimulus' own errors as coordinates: always fitted, never counted as the camera's gap.
+#pragma once
+
+#include <vector>
+
+#include "effect.hpp"
+
+namespace bolo::diagnose {
+
+struct Nuisance {
+  Coordinate coordinate;
+  int recording = -1;    // -1: shared by all bar targets, -2: by all recordings
+  bool is_level = false;  // shares its prior with all other levels
+  double nominal = 0.0;
+  double prior = 0.0;    // standard deviation about `nominal`; 0: free. Levels: see level_spread()
+};
+
+std::vector<Nuisance> nuisances(const Session& session, const State& nominal);
+
+// Levels that agree with the files to a few millikelvin say so together: their spread is estimated from themselves.
+inline constexpr double kLevelResolution = 0.005;  // K
+double level_spread(const std::vector<Nuisance>& all, const State& state);
+
+// Log-likelihood (up to a constant) of the levels' errors, their common spread unknown.
+double level_evidence(const std::vector<Nuisance>& all, const State& state);
+
+}  // namespace bolo::diagnose

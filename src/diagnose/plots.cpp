@@ -1,0 +1,244 @@
+#include "plots.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+
+#include <unsupported/Eigen/FFT>
+
+namespace bolo::diagnose {
+namespace {
+
+using Eigen::ArrayXd;
+using Eigen::Index;
+
+std::vector<int> every_pixel(const Session& session) {
+  std::vector<int> all(static_cast<std::size_t>(session.grid.pixels()));
+  for (std::size_t p = 0; p < all.size(); ++p) all[p] = static_cast<int>(p);
+  return all;
+}
+
+struct Left {
+  Series residual;  // K
+  std::vector<std::size_t> frames;
+};
+
+Left left_over(const Session& session, std::size_t i, const State& state, const std::vector<int>& pixels, bool used_only) {
+  Left left{session.recordings[i].values - predict(session, i, state, pixels), {}};
+  for (std::size_t k = 0; k < session.recordings[i].used.size(); ++k) {
+    if (!used_only || session.recordings[i].used[k] != 0) left.frames.push_back(k);
+  }
+  return left;
+}
+
+Map gap_map(const Session& session, const Left& left, double floor_k, const std::string& title) {
+  Map map{title, "noise floors", static_cast<int>(session.grid.columns.size()), static_cast<int>(session.grid.rows.size()), {}};
+  for (Index p = 0; p < left.residual.cols(); ++p) {
+    double sum = 0.0;
+    for (const std::size_t k : left.frames) {
+      const auto value = static_cast<double>(left.residual(static_cast<Index>(k), p)) / floor_k;
+      sum += value * value;
+    }
+    map.values.push_back(static_cast<float>(std::sqrt(sum / std::max<double>(1.0, static_cast<double>(left.frames.size())))));
+  }
+  return map;
+}
+
+Curve profile(const Session& session, const Left& left, bool by_row, const std::string& name) {
+  const std::size_t width = session.grid.columns.size();
+  const std::vector<int>& places = by_row ? session.grid.rows : session.grid.columns;
+  Curve curve{name, {}, std::vector<double>(places.size(), 0.0)};
+  std::vector<double> count(places.size(), 0.0);
+  for (const int at : places) curve.x.push_back(at);
+  for (Index p = 0; p < left.residual.cols(); ++p) {
+    const auto pixel = static_cast<std::size_t>(p);
+    const std::size_t at = by_row ? pixel / width : pixel % width;
+    for (const std::size_t k : left.frames) curve.y[at] += static_cast<double>(left.residual(static_cast<Index>(k), p));
+    count[at] += static_cast<double>(left.frames.size());
+  }
+  for (std::size_t i = 0; i < places.size(); ++i) curve.y[i] /= std::max(1.0, count[i]);
+  return curve;
+}
+
+Curve spectrum(const Session& session, const Left& left, const std::string& name) {
+  const Index frames = left.residual.rows();
+  Curve curve{name, {}, {}};
+  std::vector<double> power;
+  Eigen::FFT<double> fft;
+  fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
+  const Index stride = std::max<Index>(1, left.residual.cols() / 96);
+  double pixels = 0.0;
+  for (Index p = 0; p < left.residual.cols(); p += stride) {
+    if (session.good[static_cast<std::size_t>(p)] == 0) continue;
+    std::vector<double> x(static_cast<std::size_t>(frames));
+    double norm = 0.0;
+    for (Index k = 0; k < frames; ++k) {
+      const double w = 0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * (static_cast<double>(k) + 0.5) / static_cast<double>(frames));
+      x[static_cast<std::size_t>(k)] = w * static_cast<double>(left.residual(k, p));
+      norm += w * w;
+    }
+    std::vector<std::complex<double>> s;
+    fft.fwd(s, x);
+    power.resize(s.size(), 0.0);
+    for (std::size_t j = 0; j < s.size(); ++j) power[j] += 2.0 * std::norm(s[j]) / norm * session.period_s;
+    pixels += 1.0;
+  }
+  for (std::size_t j = 1; j < power.size(); ++j) {
+    curve.x.push_back(static_cast<double>(j) / (static_cast<double>(frames) * session.period_s));
+    curve.y.push_back(power[j] / std::max(1.0, pixels));
+  }
+  return curve;
+}
+
+Curve trace(const Recording& r, const Series& values, Index pixel, const std::string& name) {
+  Curve curve{name, r.t, {}};
+  for (Index k = 0; k < values.rows(); ++k) curve.y.push_back(static_cast<double>(values(k, pixel)));
+  return curve;
+}
+
+Map map_of(const Session& session, const Eigen::VectorXf& values, const std::string& title, const std::string& unit,
+           float factor) {
+  Map map{title, unit, static_cast<int>(session.grid.columns.size()), static_cast<int>(session.grid.rows.size()), {}};
+  for (Index p = 0; p < values.size(); ++p) {
+    const bool good = session.good[static_cast<std::size_t>(p)] != 0;
+    map.values.push_back(good ? values[p] * factor : std::numeric_limits<float>::quiet_NaN());
+  }
+  return map;
+}
+
+// Where and when the gap before lies: cells that miss by more than half as much again as the noise.
+class Where {
+ public:
+  void add(const Session& session, std::size_t i, const Left& left, const Series& predicted, double floor_k) {
+    const Recording& r = session.recordings[i];
+    constexpr Index kBlock = 24;
+    for (Index p = 0; p < left.residual.cols(); ++p) {
+      for (Index from = 0; from < left.residual.rows(); from += kBlock) {
+        const Index length = std::min(kBlock, left.residual.rows() - from);
+        const double square =
+            static_cast<double>(left.residual.col(p).segment(from, length).squaredNorm()) / (floor_k * floor_k);
+        ++cells_;
+        if (square / static_cast<double>(length) < 2.6) continue;
+        ++bad_cells_;
+        rows_.push_back(session.grid.row_of(static_cast<int>(p)));
+        columns_.push_back(session.grid.column_of(static_cast<int>(p)));
+        times_.push_back(r.t[static_cast<std::size_t>(from)]);
+        temperatures_.push_back(static_cast<double>(predicted(from + length / 2, p)));
+        pixel_bad_.resize(static_cast<std::size_t>(left.residual.cols()), 0);
+        pixel_bad_[static_cast<std::size_t>(p)] = 1;
+      }
+    }
+  }
+  void say(const Session& session, Location& where) {
+    if (rows_.empty()) return;
+    const auto [r0, r1] = middle(rows_);
+    const auto [c0, c1] = middle(columns_);
+    const auto [t0, t1] = middle(times_);
+    where.row_first = static_cast<int>(r0);
+    where.row_last = static_cast<int>(r1);
+    where.column_first = static_cast<int>(c0);
+    where.column_last = static_cast<int>(c1);
+    where.time_s = {{t0, t1 + 24.0 * session.period_s}};
+    where.temperature_k = middle(temperatures_);
+    where.pixel_fraction = static_cast<double>(std::ranges::count(pixel_bad_, 1)) / static_cast<double>(pixel_bad_.size());
+  }
+
+ private:
+  // All but a hundredth on either side.
+  template <typename T>
+  static std::pair<double, double> middle(std::vector<T>& values) {
+    std::ranges::sort(values);
+    const std::size_t cut = values.size() / 100;
+    return {static_cast<double>(values[cut]), static_cast<double>(values[values.size() - 1 - cut])};
+  }
+  std::vector<int> rows_;
+  std::vector<int> columns_;
+  std::vector<double> times_;
+  std::vector<double> temperatures_;
+  std::vector<char> pixel_bad_;
+  std::size_t cells_ = 0;
+  std::size_t bad_cells_ = 0;
+};
+
+// The band that holds nine tenths of what a residual has above the floor.
+std::pair<double, double> band(const Curve& spectrum, double floor) {
+  double all = 0.0;
+  for (const double y : spectrum.y) all += std::max(0.0, y - 1.3 * floor);
+  if (all <= 0.0) return {0.0, 0.0};
+  double sum = 0.0;
+  std::pair<double, double> found{spectrum.x.front(), spectrum.x.back()};
+  bool low = false;
+  for (std::size_t j = 0; j < spectrum.x.size(); ++j) {
+    sum += std::max(0.0, spectrum.y[j] - 1.3 * floor);
+    if (!low && sum > 0.05 * all) {
+      found.first = spectrum.x[j];
+      low = true;
+    }
+    if (sum > 0.95 * all) {
+      found.second = spectrum.x[j];
+      break;
+    }
+  }
+  return found;
+}
+
+}  // namespace
+
+void fill_plots(const Session& raw, const Session& session, const State& nominal, const State& state, double floor_k,
+                Report& report) {
+  const std::vector<int> pixels = every_pixel(session);
+  Where where;
+  double widest = 0.0;
+  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
+    const Recording& r = session.recordings[i];
+    if (!has_model(r)) continue;
+    const Left before = left_over(raw, i, nominal, pixels, false);
+    const Left after = left_over(session, i, state, pixels, true);
+    CapturePlots plots;
+    plots.file = r.name;
+    plots.kind = std::string(name_of(r.kind));
+    plots.gap_map_before = gap_map(session, before, floor_k, "before");
+    plots.gap_map_after = gap_map(session, after, floor_k, "after");
+    const auto mean_square = [](const Map& map) {
+      double sum = 0.0;
+      for (const float v : map.values) sum += static_cast<double>(v * v);
+      return std::sqrt(sum / std::max<double>(1.0, static_cast<double>(map.values.size())));
+    };
+    plots.gap_before = mean_square(plots.gap_map_before);
+    plots.gap_after = mean_square(plots.gap_map_after);
+    plots.row_before = profile(session, before, true, "before");
+    plots.row_after = profile(session, after, true, "after");
+    plots.column_before = profile(session, before, false, "before");
+    plots.column_after = profile(session, after, false, "after");
+    plots.spectrum_before = spectrum(session, before, "before");
+    plots.spectrum_after = spectrum(session, after, "after");
+    const auto found = std::ranges::find(session.good, 1);
+    Index pixel = session.grid.pixels() / 2 + static_cast<Index>(session.grid.columns.size()) / 2;
+    if (session.good[static_cast<std::size_t>(pixel)] == 0) pixel = found - session.good.begin();
+    const Series by_nominal = predict(session, i, nominal, pixels);
+    plots.measured = trace(r, raw.recordings[i].values, pixel, "measured");
+    plots.nominal = trace(r, by_nominal, pixel, "nominal simulator");
+    plots.predicted = trace(r, predict(session, i, state, pixels), pixel, "with the diagnosed effects");
+    where.add(raw, i, before, by_nominal, floor_k);
+    if (plots.gap_before > widest) {
+      widest = plots.gap_before;
+      report.location.band_hz = band(plots.spectrum_before, 2.0 * floor_k * floor_k * session.period_s);
+    }
+    report.captures.push_back(std::move(plots));
+  }
+  where.say(session, report.location);
+  const CameraModel& c = state.camera;
+  if (c.offset.size() > 0) report.maps.push_back(map_of(session, c.offset, "Offset of each pixel", "mK", 1000.0F));
+  if (c.gain.size() > 0) report.maps.push_back(map_of(session, c.gain, "Gain of each pixel", "%", 100.0F));
+  if (c.tau.size() > 0) report.maps.push_back(map_of(session, c.tau, "Time constant of each pixel", "%", 100.0F));
+  if (std::ranges::count(session.good, 0) > 0) {
+    Map map{"Pixels left out", "1 = dead or jumping", static_cast<int>(session.grid.columns.size()),
+            static_cast<int>(session.grid.rows.size()), {}};
+    for (const char good : session.good) map.values.push_back(good != 0 ? 0.0F : 1.0F);
+    report.maps.push_back(std::move(map));
+  }
+}
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,159 @@
+#include "response.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include <Eigen/Core>
+#include <unsupported/Eigen/FFT>
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr double kFine = 25e-6;  // s between two points of a StepTable
+constexpr int kPhases = 8192;
+
+using Complex = std::complex<double>;
+
+// One exponential's answer to the input so far, and the integral of that answer.
+struct Pole {
+  double tau_s;
+  double value = 0.0;
+  double integral = 0.0;
+  void run(double dt, double input) {
+    const double decay = std::exp(-dt / tau_s);
+    integral += input * dt + (value - input) * tau_s * (1.0 - decay);
+    value = input + (value - input) * decay;
+  }
+};
+
+Complex thermal(const Response& r, double omega, double lateral) {
+  const Complex i(0.0, 1.0);
+  const Complex fast = 1.0 / (1.0 + i * omega * r.tau_s + lateral);
+  return r.slow_share == 0.0 ? fast
+                             : (1.0 - r.slow_share) * fast + r.slow_share / (1.0 + i * omega * r.slow_tau_s + lateral);
+}
+
+Complex read_out(const Response& r, double omega) {
+  const Complex i(0.0, 1.0);
+  Complex factor = 1.0;
+  const double turn = omega * r.window_s;
+  if (std::abs(turn) > 1e-9) factor *= std::sin(turn / 2.0) / (turn / 2.0);
+  const Complex back = std::exp(-i * omega * r.period_s);
+  if (r.filter == FrameFilter::kRecursive) factor *= r.alpha / (1.0 - (1.0 - r.alpha) * back);
+  if (r.filter == FrameFilter::kBox) factor *= r.alpha + (1.0 - r.alpha) * back;
+  return factor;
+}
+
+double sinc(double x) { return std::abs(x) < 1e-9 ? 1.0 : std::sin(std::numbers::pi * x) / (std::numbers::pi * x); }
+
+}  // namespace
+
+StepTable::StepTable(std::span<const Step> steps, const Response& response, double end_s)
+    : start_s_(steps.front().t_s), window_s_(response.window_s) {
+  const auto points = static_cast<std::size_t>(std::max(2.0, std::ceil((end_s - start_s_) / kFine) + 2.0));
+  value_.resize(points);
+  integral_.resize(points);
+  kink_of_.assign(points, -1);
+  Pole fast{response.tau_s};
+  Pole slow{response.slow_tau_s};
+  const double share = response.slow_share;
+  const auto mixed = [share](double a, double b) { return (1.0 - share) * a + share * b; };
+  const double fine_fast = std::exp(-kFine / response.tau_s);
+  const double fine_slow = std::exp(-kFine / response.slow_tau_s);
+  double input = 0.0;
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < points; ++i) {
+    value_[i] = mixed(fast.value, slow.value);
+    integral_[i] = mixed(fast.integral, slow.integral);
+    double now = start_s_ + static_cast<double>(i) * kFine;
+    const double end = now + kFine;
+    if (next == steps.size() || steps[next].t_s >= end) {  // the common interval: no step inside
+      for (Pole* pole : {&fast, &slow}) {
+        const double decay = pole == &fast ? fine_fast : fine_slow;
+        pole->integral += input * kFine + (pole->value - input) * pole->tau_s * (1.0 - decay);
+        pole->value = input + (pole->value - input) * decay;
+      }
+      continue;
+    }
+    while (next < steps.size() && steps[next].t_s < end) {
+      const double dt = std::max(0.0, steps[next].t_s - now);
+      fast.run(dt, input);
+      slow.run(dt, input);
+      now += dt;
+      input += steps[next++].height;
+      kink_of_[i] = kink_of_[i] == -1 ? static_cast<int>(kinks_.size()) : -2;
+      kinks_.push_back({now, mixed(fast.value, slow.value)});
+    }
+    fast.run(end - now, input);
+    slow.run(end - now, input);
+  }
+}
+
+double StepTable::instant(double t_s) const noexcept {
+  const double at = (t_s - start_s_) / kFine;
+  if (at <= 0.0) return 0.0;
+  const std::size_t i = std::min(static_cast<std::size_t>(at), value_.size() - 2);
+  const double f = at - static_cast<double>(i);
+  if (kink_of_[i] >= 0) {
+    const Kink& kink = kinks_[static_cast<std::size_t>(kink_of_[i])];
+    const double split = (kink.t_s - start_s_) / kFine - static_cast<double>(i);
+    if (f <= split) return split <= 0.0 ? kink.value : value_[i] + (kink.value - value_[i]) * f / split;
+    return kink.value + (value_[i + 1] - kink.value) * (f - split) / (1.0 - split);
+  }
+  return value_[i] + f * (value_[i + 1] - value_[i]);
+}
+
+double StepTable::integral(double t_s) const noexcept {
+  const double at = (t_s - start_s_) / kFine;
+  if (at <= 0.0) return 0.0;
+  const std::size_t i = std::min(static_cast<std::size_t>(at), value_.size() - 2);
+  const double dt = (at - static_cast<double>(i)) * kFine;
+  return integral_[i] + dt * (value_[i] + dt / (2.0 * kFine) * (value_[i + 1] - value_[i]));
+}
+
+double StepTable::at(double t_s) const noexcept {
+  if (window_s_ < 1e-7) return instant(t_s);
+  return (integral(t_s + window_s_ / 2.0) - integral(t_s - window_s_ / 2.0)) / window_s_;
+}
+
+BarTable::BarTable(const Bars& bars, const Response& response) : scale_(kPhases / bars.period_px) {
+  constexpr double kTwoPi = 2.0 * std::numbers::pi;
+  std::vector<Complex> spectrum(kPhases / 2 + 1);
+  spectrum[0] = bars.bar_width_px / bars.period_px * kPhases;
+  const double blur = response.blur_px2 * (1.0 + bars.slant_px_per_row * bars.slant_px_per_row) + bars.edge_px2;
+  for (std::size_t n = 1; n < spectrum.size() - 1; ++n) {
+    const double f = static_cast<double>(n) / bars.period_px;  // cycles a pixel
+    const double gauss = kTwoPi * kTwoPi / 2.0 * f * f * blur;
+    if (gauss > 40.0) break;
+    const double turn = kTwoPi * f * bars.bar_width_px;
+    const Complex bar = (1.0 - std::exp(Complex(0.0, -turn))) / Complex(0.0, kTwoPi * static_cast<double>(n));
+    const double lateral =
+        2.0 * response.coupling * (2.0 - std::cos(kTwoPi * f) - std::cos(kTwoPi * f * bars.slant_px_per_row));
+    const double omega = -kTwoPi * f * bars.velocity_px_s;
+    spectrum[n] = bar * sinc(f * bars.aperture_px) * std::exp(-gauss) * thermal(response, omega, lateral) *
+                  read_out(response, omega) * static_cast<double>(kPhases);
+  }
+  Eigen::FFT<double> fft;
+  fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
+  std::vector<double> phases(kPhases);
+  fft.inv(phases, spectrum, kPhases);
+  value_.assign(phases.begin(), phases.end());
+  value_.push_back(value_.front());
+}
+
+double BarTable::at(double phase_px) const noexcept {
+  const double turns = phase_px * scale_ / kPhases;
+  const double at = (turns - std::floor(turns)) * kPhases;
+  const std::size_t i = std::min(static_cast<std::size_t>(at), static_cast<std::size_t>(kPhases - 1));
+  const auto f = static_cast<float>(at - static_cast<double>(i));
+  return static_cast<double>(value_[i] + f * (value_[i + 1] - value_[i]));
+}
+
+double BarTable::slope(double phase_px) const noexcept {
+  constexpr double kHalf = 0.02;  // px
+  return (at(phase_px + kHalf) - at(phase_px - kHalf)) / (2.0 * kHalf);
+}
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,74 @@
+// Forward models in closed form: what a pixel shows of a chopper (sums of exponentials) and of moving bars (a Fourier
+// series, whose every harmonic passes optics, pixel and read-out as a factor).
+#pragma once
+
+#include <span>
+#include <vector>
+
+namespace bolo::diagnose {
+
+enum class FrameFilter { kNone, kRecursive, kBox };
+
+// All that is linear between the scene and the read-out.
+struct Response {
+  double tau_s = 0.011;
+  double slow_share = 0.0;  // of the response, with slow_tau_s
+  double slow_tau_s = 0.15;
+  double window_s = 0.0;    // the read-out is the mean over this time; its centre is the sample's time
+  double blur_px2 = 0.0;    // variance of the optics' Gaussian blur
+  double coupling = 0.0;    // to each of four neighbours, in units of the conductance to the substrate
+  FrameFilter filter = FrameFilter::kNone;
+  double alpha = 1.0;       // weight of the new frame
+  double period_s = 0.005;  // between frames
+};
+
+// A step of the input: at t_s it changes by `height`.
+struct Step {
+  double t_s = 0.0;
+  double height = 0.0;
+};
+
+// The response to steps, on a fine grid of times; zero before the first one.
+class StepTable {
+ public:
+  // Steps in order. The table reaches from the first step's time to `end_s`.
+  StepTable(std::span<const Step> steps, const Response& response, double end_s);
+  double at(double t_s) const noexcept;
+
+ private:
+  double instant(double t_s) const noexcept;
+  double integral(double t_s) const noexcept;
+  struct Kink {
+    double t_s;
+    double value;
+  };
+  double start_s_ = 0.0;
+  double window_s_ = 0.0;
+  std::vector<double> value_;
+  std::vector<double> integral_;
+  std::vector<Kink> kinks_;
+  std::vector<int> kink_of_;  // of each interval: index of its kink, -1: none, -2: several
+};
+
+struct Bars {
+  double period_px = 0.0;
+  double bar_width_px = 0.0;
+  double slant_px_per_row = 0.0;
+  double velocity_px_s = 0.0;
+  double edge_px2 = 0.0;     // variance of the target's own edges
+  double aperture_px = 1.0;  // width over which a pixel averages
+};
+
+// What a pixel shows of bars of height 1 on 0, by the phase of the bars at the pixel.
+class BarTable {
+ public:
+  BarTable(const Bars& bars, const Response& response);
+  double at(double phase_px) const noexcept;     // phase: any number
+  double slope(double phase_px) const noexcept;  // by phase, 1/px
+
+ private:
+  double scale_ = 0.0;
+  std::vector<float> value_;  // one period and one more
+};
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,166 @@
+#include "session.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "bolo/capture/capture.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr int kMaxRows = 48;
+constexpr int kMaxColumns = 64;
+constexpr double kSaturatedShare = 0.5;
+
+std::vector<int> spread(int count, int limit) {
+  std::vector<int> chosen(static_cast<std::size_t>(std::min(count, limit)));
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    chosen[i] = static_cast<int>((static_cast<double>(i) + 0.5) * count / static_cast<double>(chosen.size()));
+  }
+  return chosen;
+}
+
+Kind kind_of(const capture::Stimulus& stimulus) {
+  if (std::holds_alternative<capture::Uniform>(stimulus)) return Kind::kUniform;
+  if (std::holds_alternative<capture::Chopper>(stimulus)) return Kind::kChopper;
+  if (const auto* bars = std::get_if<capture::BarTarget>(&stimulus)) {
+    return bars->velocity_px_s == 0.0 ? Kind::kStillBars : Kind::kMovingBars;
+  }
+  return std::holds_alternative<capture::SceneStimulus>(stimulus) ? Kind::kScene : Kind::kField;
+}
+
+// What is wrong with the numbers of a stimulus, or nothing.
+std::string fault(const capture::Stimulus& stimulus) {
+  if (const auto* bars = std::get_if<capture::BarTarget>(&stimulus)) {
+    if (!(bars->period_px > 0.0 && bars->bar_width_px > 0.0 && bars->bar_width_px < bars->period_px)) {
+      return "bar_width_px must lie between 0 and period_px";
+    }
+    if (!(bars->hot_k > bars->cold_k)) return "hot_k must be above cold_k";
+  }
+  if (const auto* chopper = std::get_if<capture::Chopper>(&stimulus)) {
+    if (chopper->on_s.empty()) return "the chopper has no pulse";
+  }
+  return {};
+}
+
+Series read_grid(const capture::CaptureReader& reader, const Grid& grid, double& saturated, Status& status) {
+  const StreamFormat& format = reader.info().format;
+  const std::size_t pixels = format.geometry.pixels();
+  const auto width = static_cast<std::size_t>(format.geometry.width);
+  std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
+  Series values(static_cast<Eigen::Index>(reader.info().frames), grid.pixels());
+  const auto* counts = reinterpret_cast<const std::uint16_t*>(plane.data());
+  const auto* kelvin = reinterpret_cast<const float*>(plane.data());
+  std::size_t clipped = 0;
+  for (std::size_t k = 0; k < reader.info().frames; ++k) {
+    if (status = reader.read_frame(k, plane.data()); !status) return values;
+    if (format.type == PixelType::kUint16) {
+      for (std::size_t i = 0; i < pixels; ++i) clipped += counts[i] == 0 || counts[i] == 65535 ? 1 : 0;
+    }
+    Eigen::Index at = 0;
+    for (const int row : grid.rows) {
+      for (const int column : grid.columns) {
+        const std::size_t i = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column);
+        const double raw = format.type == PixelType::kUint16 ? static_cast<double>(counts[i])
+                                                             : static_cast<double>(kelvin[i]);
+        values(static_cast<Eigen::Index>(k), at++) = static_cast<float>(format.scale.to_physical(raw));
+      }
+    }
+  }
+  saturated = static_cast<double>(clipped) / static_cast<double>(pixels * std::max<std::size_t>(1, reader.info().frames));
+  return values;
+}
+
+// One recording, or the reason why it can't be used.
+Result<Recording> read_recording(const std::filesystem::path& file, Session& session, std::string& camera) {
+  auto reader = capture::CaptureReader::open(file);
+  if (!reader) return tl::unexpected(reader.error());
+  const capture::CaptureInfo& info = reader->info();
+  const auto refuse = [&](const std::string& what) { return bad_input(file.filename().string() + ": " + what); };
+  if (info.frames < kMinFrames) {
+    return refuse("has " + std::to_string(info.frames) + " frames, at least " + std::to_string(kMinFrames) +
+                  " are needed; left out");
+  }
+  const Geometry g = info.format.geometry;
+  const std::string identity = info.camera_model + "/" + info.camera_serial;
+  if (session.recordings.empty()) {
+    session.width = g.width;
+    session.height = g.height;
+    session.row_step = info.format.row_step;
+    session.period_s = info.format.frame_period_s;
+    session.grid = {spread(g.height, kMaxRows), spread(g.width, kMaxColumns)};
+    session.good.assign(static_cast<std::size_t>(session.grid.pixels()), 1);
+    camera = identity;
+  }
+  if (g != Geometry{session.width, session.height}) {
+    return refuse("is " + std::to_string(g.width) + "x" + std::to_string(g.height) + ", the first capture " +
+                  std::to_string(session.width) + "x" + std::to_string(session.height) +
+                  "; left out, diagnose it by itself");
+  }
+  if (identity != camera) {
+    return refuse("comes from the camera " + identity + ", the first capture from " + camera +
+                  "; left out, diagnose it by itself");
+  }
+  if (std::abs(info.format.frame_period_s / session.period_s - 1.0) > 0.01) {
+    return refuse("has another frame period than the first capture; left out, diagnose it by itself");
+  }
+  auto stimulus = reader->stimulus();
+  if (!stimulus) return tl::unexpected(stimulus.error());
+  if (const std::string what = fault(*stimulus); !what.empty()) return refuse("/stimulus: " + what + "; left out");
+  Recording recording;
+  recording.name = file.filename().string();
+  recording.kind = kind_of(*stimulus);
+  recording.stimulus = std::move(*stimulus);
+  recording.kelvin = info.format.scale.unit == Unit::kKelvin;
+  recording.step = recording.kelvin ? info.format.scale.scale : 1.0;
+  recording.start_s = reader->t().front();
+  for (const double t : reader->t()) recording.t.push_back(t - recording.start_s);
+  double saturated = 0.0;
+  Status status;
+  recording.values = read_grid(*reader, session.grid, saturated, status);
+  if (!status) return tl::unexpected(status.error());
+  if (saturated > kSaturatedShare) return refuse("most of its values are at the limit of 16 bits; left out");
+  if (!recording.values.allFinite()) return refuse("/frames has values that are no numbers; left out");
+  recording.used.assign(static_cast<std::size_t>(recording.frames()), 1);
+  return recording;
+}
+
+}  // namespace
+
+Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress) {
+  Session session;
+  std::string camera;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    if (!progress("reading", static_cast<double>(i) / static_cast<double>(files.size()))) return failed("interrupted");
+    auto recording = read_recording(files[i], session, camera);
+    if (recording) {
+      session.recordings.push_back(std::move(*recording));
+    } else {
+      session.warnings.push_back(recording.error().message);
+    }
+  }
+  if (session.recordings.empty()) {
+    return bad_input(session.warnings.empty() ? "no captures; name at least one" : session.warnings.front());
+  }
+  return session;
+}
+
+std::string_view name_of(Kind kind) {
+  switch (kind) {
+    case Kind::kUniform:
+      return "uniform";
+    case Kind::kChopper:
+      return "chopper";
+    case Kind::kMovingBars:
+    case Kind::kStillBars:
+      return "bar_target";
+    case Kind::kScene:
+      return "scene";
+    case Kind::kField:
+      break;
+  }
+  return "field";
+}
+
+}  // namespace bolo::diagnose
