@@ -6,6 +6,8 @@
 namespace bolo::tools::blind {
 namespace {
 
+constexpr double kSure = 0.95;
+
 bool hides(const Session& session, const std::string& name) {
   return std::ranges::any_of(session.effects, [&](const sim::EffectSpec& e) { return e.name == name; });
 }
@@ -89,6 +91,8 @@ void count(KindScore& kind, const Judgement& j) {
   kind.right_stage += j.flagged && j.right_stage;
   kind.blamed += j.blamed;
   kind.nothing += j.nothing;
+  kind.sure += j.sure;
+  kind.sure_right += j.sure && j.right_first;
 }
 
 void cover(std::map<std::string, Coverage>& coverage, const Session& session, const Finding& finding) {
@@ -160,6 +164,7 @@ Judgement judge(const Trial& trial) {
   j.any_right = std::ranges::any_of(hidden, is_named);
   j.all_right = !hidden.empty() && std::ranges::all_of(hidden, is_named);
   j.exact = hidden.empty() ? j.nothing : j.all_right && !j.false_effect;
+  j.sure = !finding.effects.empty() && finding.effects.front().confidence >= kSure;
   j.right_first = !finding.effects.empty() && hides(session, finding.effects.front().name);
   j.right_in_three = std::ranges::any_of(hidden, [&](const auto& effect) { return in_three(finding, effect.name); });
   j.right_stage = right_stage(session, finding);

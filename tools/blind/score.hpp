@@ -36,6 +36,7 @@ struct Judgement {
   bool flagged = false;         // it says that something unknown is left
   bool right_stage = false;     // and where
   bool blamed = false;          // explained by what was not there, and nothing unknown said
+  bool sure = false;            // confidence of at least 0.95 in the first named
   bool nothing = false;         // neither an effect nor anything unknown
 };
 
@@ -57,7 +58,7 @@ struct Spread {
 struct KindScore {
   int sessions = 0;
   int passed = 0, broken = 0, right_first = 0, right_in_three = 0, exact = 0, any_right = 0, all_right = 0;
-  int false_effect = 0, flagged = 0, right_stage = 0, blamed = 0, nothing = 0;
+  int false_effect = 0, flagged = 0, right_stage = 0, blamed = 0, nothing = 0, sure = 0, sure_right = 0;
   Spread gap_before;
   Spread gap_after;
   Spread seconds;

@@ -43,6 +43,7 @@ std::string details(Kind kind, const KindScore& s) {
       add("just the right cause", s.exact);
       add("another effect besides, or instead", s.false_effect);
       add("nothing said", s.nothing);
+      out += line("    %-44s %s\n", "of those it is sure of (0.95), right", share(s.sure_right, s.sure).c_str());
       break;
     case Kind::kPair:
       add("both named", s.all_right);
@@ -118,6 +119,8 @@ ordered_json kind_json(const KindScore& s) {
           {"flagged_right_stage", s.right_stage},
           {"blamed", s.blamed},
           {"nothing", s.nothing},
+          {"sure", s.sure},
+          {"sure_right", s.sure_right},
           {"gap_before", spread_json(s.gap_before)},
           {"gap_after", spread_json(s.gap_after)},
           {"seconds", spread_json(s.seconds)}};

@@ -1,6 +1,9 @@
 // bolo diagnose: how far the simulator is from a camera, why, and what closes the gap.
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <iostream>
 #include <new>
 #include <string>
@@ -27,8 +30,9 @@ cxxopts::Options declare() {
   options.add_options()("o,output", "Folder for report.json and report.html", cxxopts::value<std::string>(), "DIR")(
       "profile", "The camera that the simulator assumes (default: a655sc)", cxxopts::value<std::string>(), "P.toml")(
       "withhold", "Take an effect out of the catalogue; repeatable", cxxopts::value<Words>(), "EFFECT")(
-      "threads", "How many work", cxxopts::value<int>()->default_value("2"))("json", "Print report.json")(
-      "capture", "", cxxopts::value<Words>());
+      "write-profile", "Write the profile with what was diagnosed of the camera as a whole",
+      cxxopts::value<std::string>(), "P2.toml")("threads", "How many work", cxxopts::value<int>()->default_value("2"))(
+      "json", "Print report.json")("capture", "", cxxopts::value<Words>());
   options.parse_positional({"capture"});
   options.positional_help("CAPTURE.h5...");
   return options;
@@ -79,6 +83,31 @@ class Steps {
   int percent_ = -1;
 };
 
+// The camera that the simulator should assume from now on: what holds for all pixels alike.
+model::CameraProfile learned(model::CameraProfile profile, const diagnose::Report& report) {
+  const auto apply = [&report](const char* effect, const char* key, auto&& use) {
+    for (const diagnose::FoundEffect& found : report.effects) {
+      const auto parameter = found.parameters.find(key);
+      if (found.name == effect && parameter != found.parameters.end()) use(parameter->second.value);
+    }
+  };
+  apply("tau_global", "scale", [&](double scale) { profile.tau_s *= scale; });
+  apply("noise_level", "scale", [&](double scale) { profile.noise_k *= scale; });
+  apply("clock_skew", "skew", [&](double skew) { profile.frame_period_s *= 1.0 + skew; });
+  apply("row_delay", "row_delay_s", [&](double delay_s) { profile.row_delay_s = delay_s; });
+  apply("coarse_quantisation", "step_k", [&](double step_k) { profile.quantisation_k = step_k; });
+  return profile;
+}
+
+Status write_profile(const std::filesystem::path& file, const model::CameraProfile& profile) {
+  errno = 0;
+  std::ofstream out(file, std::ios::trunc);
+  out << model::document_profile(profile);
+  out.close();
+  if (out) return {};
+  return bad_input(file.string() + ": cannot be written: " + std::strerror(errno) + "; choose another place");
+}
+
 Status run(const Given& given) {
   if (given.count("output") == 0) return bad_input("no folder for the report; give -o DIR");
   const std::vector<std::filesystem::path> captures = captures_of(given);
@@ -98,6 +127,10 @@ Status run(const Given& given) {
   if (!report) return tl::unexpected(report.error());
   const std::filesystem::path folder = given["output"].as<std::string>();
   if (Status written = diagnose::write_report(*report, folder); !written) return written;
+  if (given.count("write-profile") != 0) {
+    const Status written = write_profile(given["write-profile"].as<std::string>(), learned(options->profile, *report));
+    if (!written) return written;
+  }
   if (given.count("json") != 0) {
     std::cout << diagnose::report_json(*report) << '\n';
     return {};

@@ -96,7 +96,8 @@ std::string chain(const Report& report) {
                                                                {"transport", "Transport"}}};
   std::string out = "<ol class=chain aria-label=\"stages of the camera\">";
   for (const auto& [stage, title] : kStages) {
-    const bool found = std::ranges::any_of(report.effects, [&](const FoundEffect& e) { return e.stage == stage; });
+    const bool found =
+        std::ranges::any_of(report.effects, [here = stage](const FoundEffect& e) { return e.stage == here; });
     const bool unknown = report.unexplained.stage == stage;
     out += format("<li class=\"%s\">%s%s</li>", unknown ? "unknown" : found ? "found" : "", title, unknown ? " ?" : "");
   }

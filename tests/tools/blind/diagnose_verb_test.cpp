@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "bolo/model/camera_profile.hpp"
 #include "tests/tools/blind/folder.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/blind/captures.hpp"
@@ -59,6 +60,16 @@ TEST_F(DiagnoseVerb, AFileNameMayHaveACommaAndBlanks) {
   const Outcome outcome = diagnose({"-o", folder_ / "out", "--json", file});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(json::parse(outcome.out).at("inputs"), json::array({file.string()}));
+}
+
+TEST_F(DiagnoseVerb, WritesAProfileWithWhatItFound) {
+  const auto file = folder_ / "learned.toml";
+  const Outcome outcome = diagnose({"-o", folder_ / "out", "--write-profile", file, files_[0]});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto profile = model::read_profile(file);
+  ASSERT_TRUE(profile) << profile.error().message;
+  EXPECT_EQ(profile->row_delay_s, 2.8e-5);
+  EXPECT_EQ(profile->tau_s, 0.011);
 }
 
 TEST_F(DiagnoseVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {

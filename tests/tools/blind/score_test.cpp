@@ -109,6 +109,8 @@ TEST(BlindScore, CountsIntervalsAndConfusion) {
   EXPECT_EQ(all.confusion.at("iir").at("drift"), 1);
   EXPECT_EQ(all.instead.at("iir").at(kUnknown), 1);
   EXPECT_EQ(all.kinds.at(Kind::kSingle).right_first, 2);
+  EXPECT_EQ(all.kinds.at(Kind::kSingle).sure, 3);
+  EXPECT_EQ(all.kinds.at(Kind::kSingle).sure_right, 2);
   ASSERT_EQ(all.failures.size(), 1U);
   EXPECT_EQ(all.failures[0].said, "explained: drift");
   EXPECT_EQ(all.kinds.at(Kind::kSingle).gap_before.median, 3.0);
