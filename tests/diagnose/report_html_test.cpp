@@ -69,6 +69,23 @@ TEST(ReportHtml, CapturesWithoutAGapAreFolded) {
   EXPECT_EQ(count(page, "<details>"), 3U);
 }
 
+TEST(ReportHtml, OfALongCaptureTheWorstStretchIsDrawn) {
+  Report report;
+  report.captures.resize(1);
+  CapturePlots& one = report.captures[0];
+  for (int i = 0; i < 400; ++i) {
+    for (Curve* curve : {&one.measured, &one.nominal, &one.predicted}) {
+      curve->x.push_back(i * 0.005);
+      curve->y.push_back(300.0);
+    }
+  }
+  one.measured.y[300] = 305.0;
+  const std::string page = report_html(report);
+  EXPECT_NE(page.find(">1.5</span>"), std::string::npos);
+  EXPECT_EQ(page.find(">1</span></div><div class=xlabel>s<"), std::string::npos);
+  EXPECT_NE(page.find(">304</span>"), std::string::npos);
+}
+
 TEST(ReportHtml, NamesCannotBecomeMarkup) {
   Report report = test::invented_mixture();
   report.captures[0].file = "<script>alert(1)</script>.h5";
