@@ -59,8 +59,8 @@ TEST(ReportHtml, SaysTheVerdictFirstAndShowsAllOfTheReport) {
   for (const char* part : {"sweep_s", "07-field.h5", "offset_jump", "Rows 12 to 23", "sigma th", "Time constant"}) {
     EXPECT_NE(page.find(part), std::string::npos) << part;
   }
-  // Two maps and four plots of each capture, and one map of the time constants.
-  EXPECT_EQ(count(page, "<figure"), 6U * 6U + 1U);
+  // Two maps and five plots of each capture, and one map of the time constants.
+  EXPECT_EQ(count(page, "<figure"), 6U * 7U + 1U);
 }
 
 TEST(ReportHtml, CapturesWithoutAGapAreFolded) {

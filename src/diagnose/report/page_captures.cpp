@@ -95,6 +95,25 @@ std::string answer_of(const CapturePlots& one) {
                    {1.0, 1.0, false, false, 0.0});
 }
 
+// What of the course is not predicted.
+Curve apart(const Curve& measured, const Curve& predicted, std::size_t begin) {
+  Curve out = stretch_of(measured, begin);
+  const Curve expected = stretch_of(predicted, begin);
+  if (expected.y.size() != out.y.size()) return {};
+  for (std::size_t i = 0; i < out.y.size(); ++i) out.y[i] -= expected.y[i];
+  return out;
+}
+
+std::string residual_of(const CapturePlots& one, double floor_k) {
+  const std::size_t begin = stretch_begin(one);
+  const Curve before = apart(one.measured, one.nominal, begin);
+  const Curve after = apart(one.measured, one.predicted, begin);
+  return line_plot({{&before, "before", "before"}, {&after, "after", "after"}},
+                   {"Residual of the same pixel", "s", "mK",
+                    "Camera minus prediction. What stays within the noise (most within twice the floor) is no gap."},
+                   {1.0, 1e3, false, false, 2000.0 * floor_k});
+}
+
 const char* kind_words(const std::string& kind) {
   if (kind == "uniform") return "uniform";
   if (kind == "chopper") return "chopper";
@@ -103,13 +122,13 @@ const char* kind_words(const std::string& kind) {
 }
 
 std::string capture_part(const CapturePlots& one, double floor_k, bool open) {
-  const std::string plots = maps_of(one) + answer_of(one) + profiles_of(one, floor_k) + spectrum_of(one);
+  const std::string plots =
+      maps_of(one) + answer_of(one) + residual_of(one, floor_k) + spectrum_of(one) + profiles_of(one, floor_k);
   return format("<details%s><summary>%s<span>%s, gap %s \u2192 %s</span></summary>", open ? " open" : "",
                 escaped(one.file).c_str(), kind_words(one.kind), gap_text(one.gap_before).c_str(),
                 gap_text(one.gap_after).c_str()) +
-         (plots.empty()
-              ? "<p class=soft>Nothing was drawn of it.</p>"
-              : (is_wide(one) ? "<div class=\"plots two\">" : "<div class=\"plots six\">") + plots + "</div>") +
+         (plots.empty() ? "<p class=soft>Nothing was drawn of it.</p>"
+                        : "<div class=\"plots two\">" + plots + "</div>") +
          "</details>";
 }
 
