@@ -21,8 +21,18 @@ struct Unit {
 bool ends_with(std::string_view text, std::string_view end) { return text.ends_with(end); }
 
 bool is_share(std::string_view key) {
-  constexpr std::array<std::string_view, 10> kShares{"rms",    "share",  "fraction", "corner_loss",       "coupling",
-                                                     "spread", "alpha%", "uneven",   "velocity_relative", "reflection"};
+  constexpr std::array<std::string_view, 12> kShares{"velocity_error",
+                                                     "velocity_unevenness",
+                                                     "rms",
+                                                     "share",
+                                                     "fraction",
+                                                     "corner_loss",
+                                                     "coupling",
+                                                     "spread",
+                                                     "alpha%",
+                                                     "uneven",
+                                                     "velocity_relative",
+                                                     "reflection"};
   return std::ranges::find(kShares, key) != kShares.end() || ends_with(key, "_share") || ends_with(key, "_fraction");
 }
 

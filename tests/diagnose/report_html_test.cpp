@@ -59,14 +59,31 @@ TEST(ReportHtml, SaysTheVerdictFirstAndShowsAllOfTheReport) {
   for (const char* part : {"sweep_s", "07-field.h5", "offset_jump", "Rows 12 to 23", "sigma th", "Time constant"}) {
     EXPECT_NE(page.find(part), std::string::npos) << part;
   }
-  // Two maps and four plots of each capture, and one map of the time constants.
-  EXPECT_EQ(count(page, "<figure"), 6U * 6U + 1U);
+  // Two maps and five plots of each capture, and one map of the time constants.
+  EXPECT_EQ(count(page, "<figure"), 6U * 7U + 1U);
 }
 
 TEST(ReportHtml, CapturesWithoutAGapAreFolded) {
   const std::string page = report_html(test::invented_row_delay());
   EXPECT_EQ(count(page, "<details open>"), 3U);
   EXPECT_EQ(count(page, "<details>"), 3U);
+}
+
+TEST(ReportHtml, OfALongCaptureTheWorstStretchIsDrawn) {
+  Report report;
+  report.captures.resize(1);
+  CapturePlots& one = report.captures[0];
+  for (int i = 0; i < 400; ++i) {
+    for (Curve* curve : {&one.measured, &one.nominal, &one.predicted}) {
+      curve->x.push_back(i * 0.005);
+      curve->y.push_back(300.0);
+    }
+  }
+  one.measured.y[300] = 305.0;
+  const std::string page = report_html(report);
+  EXPECT_NE(page.find(">1.5</span>"), std::string::npos);
+  EXPECT_EQ(page.find(">1</span></div><div class=xlabel>s<"), std::string::npos);
+  EXPECT_NE(page.find(">304</span>"), std::string::npos);
 }
 
 TEST(ReportHtml, NamesCannotBecomeMarkup) {

@@ -189,8 +189,8 @@ std::string score_html(const Score& score, const Setting& setting) {
   out += kinds_table(score);
   if (!score.confusion.empty()) {
     out +=
-        "<h2>Hidden effect (rows) and the first one named (columns)</h2><p>A perfect check has blue-edged cells "
-        "alone; an orange edge is a mistake. The darker a cell, the larger its share of the row. - is nothing, ? "
+        "<h2>Hidden effect (rows) and the first one named (columns)</h2><p>Blue is right, orange is a mistake. The "
+        "darker a cell, the larger its share of the row. - is nothing, ? "
         "something unknown.</p>" +
         heat_map(score.confusion);
   }

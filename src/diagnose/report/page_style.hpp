@@ -55,7 +55,6 @@ td.n,th.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
 .plots{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,320px),1fr));gap:26px 30px;margin:14px 0 6px}
 .plots.small{grid-template-columns:repeat(auto-fill,minmax(min(100%,320px),1fr))}
 .plots.two{grid-template-columns:1fr 1fr}
-.plots.six{grid-template-columns:repeat(6,1fr)}.plots.six>*{grid-column:span 2}.plots.six>:nth-child(-n+2){grid-column:span 3}
 .pair{display:grid;grid-template-columns:1fr 1fr;gap:16px}.wide{grid-column:1/-1}
 .pair.tall{grid-template-columns:1fr}
 figure{margin:0;min-width:0}
@@ -85,7 +84,7 @@ svg path{fill:none;vector-effect:non-scaling-stroke}
 details{border-top:1px solid var(--line);padding:12px 0}details:last-of-type{border-bottom:1px solid var(--line)}
 summary{cursor:pointer;font-weight:600}summary span{font-weight:400;color:var(--soft);margin-left:8px}
 ul{padding-left:20px;margin:6px 0}li{margin:3px 0}
-@media(max-width:820px){.plots.two{grid-template-columns:1fr}.plots.six{grid-template-columns:1fr}.plots.six>*,.plots.six>:nth-child(-n+2){grid-column:1}}
+@media(max-width:820px){.plots.two{grid-template-columns:1fr}}
 @media(max-width:640px){.scale span:first-child{transform:translateX(-15%)}main{padding:18px 14px 60px}.row{grid-template-columns:1fr 92px;gap:0 10px;margin-bottom:6px}
 .row .name{grid-column:1/-1;padding:2px 0 0}.row .blank{display:none}.row .xlabel{grid-column:1}.pair{gap:10px}.pair .plot{grid-template-columns:30px 1fr}
 .pair .plot .area{grid-template-columns:30px 1fr}h2{margin-top:38px}}
