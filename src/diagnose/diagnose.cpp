@@ -52,6 +52,7 @@ class Diagnosis {
   State nominal_;
   std::vector<Remainder> remainders_;
   bool fitted_ = false;
+  bool coarse_ = false;
 };
 
 double nominal_noise(const model::CameraProfile& p) {
@@ -98,6 +99,7 @@ void Diagnosis::judge_noise() {
   const double nominal = nominal_noise(options_.profile);
   floor_k_ = noise_.frames > 0 && noise_.total_k > 0.0 ? noise_.total_k : nominal;
   const bool coarse = find_step(session_) > 1.5 * std::max(options_.profile.quantisation_k, 1e-9);
+  coarse_ = coarse;
   if (coarse && options_.profile.quantisation_k > 0.0) {
     // A still field sits at one place between two steps; what moves sees the whole step.
     const double step = find_step(session_);
@@ -240,6 +242,7 @@ Result<bool> Diagnosis::judge_means() {
     found(std::move(e), 20.0, "values pile up at a ceiling");
   }
   const Transport transport = judge_transport(session_, state_, floor_k_, some);
+  smooth_speeds(session_, state_);
   Fitter fitter(session_, floor_k_, options_.threads);
   FitResult base = fitter.fit(state_, {}, 4);
   correct_jumps(base.state);
@@ -321,7 +324,16 @@ Result<bool> Diagnosis::judge_means() {
   }
   state_ = selection.fit.state;
   if (!progress_("looking at what is left", 0.85)) return failed("interrupted");
-  for (const Remainder& r : test_residual(fitter, state_)) remainders_.push_back(r);
+  Allowance allowance;
+  allowance.corrected.assign(session_.recordings.size(), 0);
+  for (const Jump& jump : jumps_) allowance.corrected[jump.recording] = 1;
+  if (noise_.corner_hz.z > 5.0) {
+    // Noise slower than a capture looks fixed in it: one decade below the capture's own frequency.
+    const double decade = 2.0 * noise_.corner_hz.value * session_.period_s * 2.3;
+    allowance.pattern = std::hypot(allowance.pattern, 1.5 * std::sqrt(decade) * noise_.white_k / floor_k_);
+  }
+  if (coarse_) allowance.pattern = 0.7;
+  for (const Remainder& r : test_residual(fitter, state_, allowance)) remainders_.push_back(r);
   fitted_ = true;
   fill_plots(raw_, session_, nominal_, state_, floor_k_, report_);
   for (std::size_t i = 0; i < session_.recordings.size(); ++i) {

@@ -444,6 +444,7 @@ FitResult Fitter::fit(const State& start, const std::vector<Choice>& choices, in
         }
       }
     }
+    fill_unseen_shifts(state);
     smooth_speeds(session_, state);
     if (maps) estimate_maps(state, choices);
     if (round + 1 == rounds) {
@@ -470,6 +471,27 @@ FitResult Fitter::fit(const State& start, const std::vector<Choice>& choices, in
   }
   result.score = score(result.state);
   return result;
+}
+
+// Frames that do not count were not fitted: their shifts follow from those of their neighbours.
+void Fitter::fill_unseen_shifts(State& state) const {
+  for (std::size_t i = 0; i < session_.recordings.size(); ++i) {
+    const Recording& r = session_.recordings[i];
+    if (r.kind != Kind::kMovingBars) continue;
+    StimulusState& s = state.stimuli[i];
+    std::vector<std::size_t> seen;
+    for (std::size_t k = 0; k < r.used.size(); ++k) {
+      if (frame_counts(i, k)) seen.push_back(k);
+    }
+    if (seen.empty()) continue;
+    const auto time = [&](std::size_t k) { return r.t[k] + s.late_s[k]; };
+    for (std::size_t k = 0; k < r.used.size(); ++k) {
+      if (frame_counts(i, k)) continue;
+      const auto next = std::ranges::lower_bound(seen, k);
+      const std::size_t near = next == seen.end() ? seen.back() : *next;
+      s.shift_px[k] = s.shift_px[near] + s.speed_px_s[near] * (time(k) - time(near));
+    }
+  }
 }
 
 Score Fitter::score(const State& state) const {

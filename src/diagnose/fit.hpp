@@ -76,6 +76,7 @@ class Fitter {
   struct Columns;
   struct Normal;
   Columns columns_of(std::size_t recording, const State& state, const std::vector<Coordinate>& coordinates) const;
+  void fill_unseen_shifts(State& state) const;
   void estimate_maps(State& state, const std::vector<Choice>& choices) const;
   Score map_gain(const FitResult& base, MapKind kind) const;
 

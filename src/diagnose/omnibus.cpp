@@ -56,7 +56,8 @@ struct Halves {
     (is_second ? second : first)[at] += value;
     (is_second ? n_second : n_first)[at] += 1.0;
   }
-  double z() const {
+  // In standard errors, 0 when what the halves share is smaller than `allowed`.
+  double z(double allowed) const {
     std::vector<double> a;
     std::vector<double> b;
     for (Index i = 0; i < first.size(); ++i) {
@@ -64,14 +65,17 @@ struct Halves {
       a.push_back(first[i] / n_first[i]);
       b.push_back(second[i] / n_second[i]);
     }
-    return shared_z(Eigen::Map<const ArrayXd>(a.data(), static_cast<Index>(a.size())),
-                    Eigen::Map<const ArrayXd>(b.data(), static_cast<Index>(b.size())));
+    const Eigen::Map<const ArrayXd> x(a.data(), static_cast<Index>(a.size()));
+    const Eigen::Map<const ArrayXd> y(b.data(), static_cast<Index>(b.size()));
+    if (a.size() < 4) return 0.0;
+    const double shared = ((x - x.mean()) * (y - y.mean())).mean();
+    return shared > allowed * allowed ? shared_z(x, y) : 0.0;
   }
 };
 
 }  // namespace
 
-std::vector<Remainder> test_residual(const Fitter& fitter, const State& state) {
+std::vector<Remainder> test_residual(const Fitter& fitter, const State& state, const Allowance& allowance) {
   const Session& session = fitter.session();
   const auto pixels = fitter.all_pixels();
   std::vector<Remainder> found;
@@ -104,7 +108,6 @@ std::vector<Remainder> test_residual(const Fitter& fitter, const State& state) {
     const double low = static_cast<double>(y.minCoeff());
     const double span = std::max(0.1, static_cast<double>(y.maxCoeff()) - low);
     std::vector<double> frame_square;
-    std::vector<double> frame_mean;
     for (Index k = 0; k < residual.rows(); ++k) {
       const auto frame = static_cast<std::size_t>(k);
       if (!fitter.frame_counts(i, frame)) continue;
@@ -147,18 +150,19 @@ std::vector<Remainder> test_residual(const Fitter& fitter, const State& state) {
           probes[b].information += basis[b] * basis[b];
         }
       }
-      frame_square.push_back(square / static_cast<double>(pixels.size()));
-      frame_mean.push_back(sum / static_cast<double>(pixels.size()));
+      const double mean_left = sum / static_cast<double>(pixels.size());
+      frame_square.push_back(square / static_cast<double>(pixels.size()) - mean_left * mean_left);
     }
     const auto say = [&](const std::string& stage, const std::string& what, double z) {
       found.push_back({stage, r.name + ": " + what, z});
     };
-    if (!moving) {
-      say("readout", "a fixed pattern of pixels is left", by_pixel.z());
+    const bool corrected = i < allowance.corrected.size() && allowance.corrected[i] != 0;
+    if (!moving && !corrected) {
+      say("readout", "a fixed pattern of pixels is left", by_pixel.z(allowance.pattern));
+      say("readout", "a fixed pattern of columns is left", by_column.z(allowance.pattern / 2.0));
     }
-    say("readout", "a fixed pattern of rows is left", by_row.z());
-    if (!moving) say("readout", "a fixed pattern of columns is left", by_column.z());
-    if (moving) say("optics", "what is left moves with the target", by_phase.z());
+    if (!corrected) say("readout", "a fixed pattern of rows is left", by_row.z(allowance.pattern / 2.0));
+    if (moving) say("optics", "what is left moves with the target", by_phase.z(allowance.pattern));
     std::vector<double> sorted = frame_square;
     std::ranges::sort(sorted);
     if (sorted.size() > 8) {
@@ -166,7 +170,7 @@ std::vector<Remainder> test_residual(const Fitter& fitter, const State& state) {
       const double spread = std::max(typical * std::sqrt(2.0 / static_cast<double>(pixels.size())),
                                      (sorted[sorted.size() * 3 / 4] - sorted[sorted.size() / 4]) / 1.35);
       const double worst = (sorted.back() - typical) / spread;
-      say("transport", "single frames do not fit", worst > 0.0 ? worst * 0.5 : 0.0);
+      say("transport", "single frames do not fit", sorted.back() > 1.4 * typical ? worst * 0.5 : 0.0);
       const double all = std::accumulate(sorted.begin(), sorted.end(), 0.0) / static_cast<double>(sorted.size());
       say("pixel", "the prediction misses by more than the noise", (std::sqrt(all) - 1.0) / 0.012);
     }

@@ -15,8 +15,14 @@ struct Remainder {
   double z = 0.0;     // in standard errors
 };
 
+// What may be left without a reason of its own, in units of the noise floor (rms).
+struct Allowance {
+  double pattern = 0.06;        // of a fixed pattern: what the forward models are off by
+  std::vector<char> corrected;  // recordings out of which a jump was taken: the estimate leaves a pattern
+};
+
 // Tests of the residual of a fit; each in standard errors, largest first.
-std::vector<Remainder> test_residual(const Fitter& fitter, const State& state);
+std::vector<Remainder> test_residual(const Fitter& fitter, const State& state, const Allowance& allowance);
 
 // Standard errors above which something is left: from sessions without any effect.
 inline constexpr double kRemainderLimit = 5.5;

@@ -167,29 +167,35 @@ std::vector<double> register_stimuli(const Session& session, State& state, std::
 }
 
 void smooth_speeds(const Session& session, State& state) {
-  constexpr long kHalf = 12;
+  const bool jittered = std::ranges::any_of(state.stimuli, &StimulusState::times_free);
+  const long half = jittered ? 20 : 12;
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     const Recording& recording = session.recordings[i];
     if (recording.kind != Kind::kMovingBars) continue;
     StimulusState& s = state.stimuli[i];
     const auto frames = static_cast<long>(recording.frames());
-    // The median of steps over several frames: a lost frame or a jumping clock does not reach it.
-    std::vector<double> speed(static_cast<std::size_t>(frames));
     for (long k = 0; k < frames; ++k) {
-      const long from = std::max(0L, std::min(k - kHalf, frames - 1 - 2 * kHalf));
-      const long to = std::min(frames - 1, from + 2 * kHalf);
-      std::vector<double> slopes;
-      const long half = (to - from) / 2;
-      for (long a = from; a + half <= to; ++a) {
-        const auto b = static_cast<std::size_t>(a + half);
-        slopes.push_back((s.shift_px[b] - s.shift_px[static_cast<std::size_t>(a)]) /
-                         (recording.t[b] + s.late_s[b] - recording.t[static_cast<std::size_t>(a)] -
-                          s.late_s[static_cast<std::size_t>(a)]));
+      // The slope of a straight line through the neighbours that were seen.
+      const long from = std::max(0L, std::min(k - half, frames - 1 - 2 * half));
+      const long to = std::min(frames - 1, from + 2 * half);
+      double n = 0.0;
+      double st = 0.0;
+      double sx = 0.0;
+      double stt = 0.0;
+      double stx = 0.0;
+      for (long a = from; a <= to; ++a) {
+        const auto frame = static_cast<std::size_t>(a);
+        if (recording.used[frame] == 0) continue;
+        const double t = recording.t[frame] + s.late_s[frame] - recording.t[static_cast<std::size_t>(k)];
+        n += 1.0;
+        st += t;
+        sx += s.shift_px[frame];
+        stt += t * t;
+        stx += t * s.shift_px[frame];
       }
-      std::nth_element(slopes.begin(), slopes.begin() + static_cast<long>(slopes.size() / 2), slopes.end());
-      speed[static_cast<std::size_t>(k)] = slopes[slopes.size() / 2];
+      const double bottom = n * stt - st * st;
+      if (n >= 4.0 && bottom > 0.0) s.speed_px_s[static_cast<std::size_t>(k)] = (n * stx - st * sx) / bottom;
     }
-    s.speed_px_s = speed;
   }
 }
 

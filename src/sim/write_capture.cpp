@@ -20,7 +20,7 @@ Status write_settings(capture::CaptureWriter& writer, const CameraSettings& sett
   }
   add("simulated_noise_k", settings.readout.noise_k);
   add("simulated_quantisation_k", settings.readout.quantisation_k);
-  if (status) status = writer.write_attribute("simulated_seed", std::to_string(settings.readout.seed));
+  if (status) status = writer.write_attribute("simulated_seed", std::to_string(settings.camera_seed.value_or(settings.readout.seed)));
   return status;
 }
 
@@ -32,7 +32,7 @@ Status write_capture(Simulator& simulator, const std::filesystem::path& file, co
   capture::CaptureInfo info;
   info.format = simulator.format();
   info.camera_model = "Bolo simulator";
-  info.camera_serial = "seed-" + std::to_string(settings.readout.seed);
+  info.camera_serial = "seed-" + std::to_string(settings.camera_seed.value_or(settings.readout.seed));
   info.has_truth = options.truth;
   auto writer = capture::CaptureWriter::create(file, info, {options.truth, options.deflate_level});
   if (!writer) return tl::unexpected(writer.error());

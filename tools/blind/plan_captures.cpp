@@ -88,7 +88,6 @@ sim::StimulusError draw_faults(const capture::Stimulus& stimulus, bool imperfect
   if (is_chopper) faults.level2_k = dice.signed_between(kLeastK, kMostK);
   if (is_chopper || target != nullptr) faults.cold_k = dice.signed_between(kLeastK, kMostK);
   if (target == nullptr) return faults;
-  faults.edge_px = dice.between(0.0, 0.3);
   if (target->velocity_px_s == 0.0) return faults;
   faults.velocity = dice.signed_between(0.0, 0.01);
   faults.uneven = dice.between(0.0, 0.01);
@@ -125,6 +124,7 @@ std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::ve
                                        Dice& dice) {
   std::vector<CapturePlan> plans;
   double start_s = 0.0;
+  const double edge_px = options.imperfect ? dice.between(0.0, 0.3) : 0.0;  // one target for all captures of bars
   for (std::size_t i = 0; i < kCaptures.size(); ++i) {
     CapturePlan plan;
     plan.file = kCaptures[i].file;
@@ -134,6 +134,7 @@ std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::ve
     plan.session_start_s = start_s;
     plan.noise_seed = dice.word() >> 1U;
     plan.faults = draw_faults(plan.stimulus, options.imperfect, dice);
+    if (std::holds_alternative<capture::BarTarget>(plan.stimulus)) plan.faults.edge_px = edge_px;
     start_s += duration_s + dice.between(1.0, 3.0);
     plans.push_back(std::move(plan));
   }
