@@ -1,8 +1,6 @@
 #include "select.hpp"
 
 #include <algorithm>
-#include <cstdio>
-#include <cstdlib>
 #include <cmath>
 #include <random>
 
@@ -112,7 +110,6 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
     std::vector<std::size_t> order(candidates.size());
     for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
     std::ranges::sort(order, std::greater{}, [&](std::size_t i) { return gains[i].total; });
-    if (getenv("BD")) for (auto i: order) fprintf(stderr, "  screen %s/%d %.1f z %.1f\n", candidates[i].effect->name.c_str(), candidates[i].form, gains[i].total, gains[i].z);
     std::vector<Tried> tried;
     const auto attempt = [&](const Choice& choice) {
       std::vector<Choice> choices;
@@ -122,7 +119,6 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
       for (std::size_t c = 0; c + 1 < choices.size(); ++c) choices[c].form = -1;
       Tried t{choice, selector.refit(s.fit, choices), {}};
       t.gain = selector.gain(s.fit, t.fit);
-      if (getenv("BD")) fprintf(stderr, "  try %s/%d gain %.1f z %.1f gap %.4f\n", t.choice.effect->name.c_str(), t.choice.form, t.gain.total, t.gain.z, t.fit.score.gap());
       tried.push_back(std::move(t));
     };
     std::vector<const Effect*> seen;

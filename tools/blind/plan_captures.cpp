@@ -72,26 +72,38 @@ capture::Stimulus stimulus_of(std::size_t i, const Geometry& geometry, double du
   }
 }
 
+// What is the same in all captures of a session: one target, one room.
+struct Bench {
+  bool imperfect = false;
+  double edge_px = 0.0;
+  double reflection = 0.0;
+};
+
+Bench draw_bench(bool imperfect, Dice& dice) {
+  return imperfect ? Bench{true, dice.between(0.0, 0.3), dice.between(0.0, 0.01)} : Bench{};
+}
+
 // Where the stimulus truly starts is never known; the rest of its errors only of an imperfect bench.
-sim::StimulusError draw_faults(const capture::Stimulus& stimulus, bool imperfect, Dice& dice) {
+sim::StimulusError draw_faults(const capture::Stimulus& stimulus, const Bench& bench, Dice& dice) {
   sim::StimulusError faults;
   const bool is_chopper = std::holds_alternative<capture::Chopper>(stimulus);
   const auto* const target = std::get_if<capture::BarTarget>(&stimulus);
   if (is_chopper) faults.start_s = dice.between(-0.005, 0.005);
   if (target != nullptr) faults.phase = dice.unit();
-  if (!imperfect) return faults;
+  if (!bench.imperfect) return faults;
   constexpr double kLeastK = 0.1;
   constexpr double kMostK = 1.0;
   faults.level_k = dice.signed_between(kLeastK, kMostK);
-  faults.reflection = dice.between(0.0, 0.01);
+  faults.reflection = bench.reflection;
   if (is_chopper) faults.sweep_s = dice.between(0.0, 0.004);
   if (is_chopper) faults.level2_k = dice.signed_between(kLeastK, kMostK);
   if (is_chopper || target != nullptr) faults.cold_k = dice.signed_between(kLeastK, kMostK);
   if (target == nullptr) return faults;
+  faults.edge_px = bench.edge_px;
   if (target->velocity_px_s == 0.0) return faults;
   faults.velocity = dice.signed_between(0.0, 0.01);
   faults.uneven = dice.between(0.0, 0.01);
-  faults.uneven_period_s = dice.between(0.5, 2.0);
+  faults.uneven_period_s = dice.between(1.0, 3.0);  // slow: a capture is about one swing
   faults.uneven_phase = dice.unit();
   return faults;
 }
@@ -123,8 +135,8 @@ void place_in_scene(sim::EffectSpec& effect, Dice& dice) {
 std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::vector<sim::EffectSpec>& effects,
                                        Dice& dice) {
   std::vector<CapturePlan> plans;
+  const Bench bench = draw_bench(options.imperfect, dice);
   double start_s = 0.0;
-  const double edge_px = options.imperfect ? dice.between(0.0, 0.3) : 0.0;  // one target for all captures of bars
   for (std::size_t i = 0; i < kCaptures.size(); ++i) {
     CapturePlan plan;
     plan.file = kCaptures[i].file;
@@ -133,8 +145,7 @@ std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::ve
     plan.stimulus = stimulus_of(i, options.geometry, duration_s);
     plan.session_start_s = start_s;
     plan.noise_seed = dice.word() >> 1U;
-    plan.faults = draw_faults(plan.stimulus, options.imperfect, dice);
-    if (std::holds_alternative<capture::BarTarget>(plan.stimulus)) plan.faults.edge_px = edge_px;
+    plan.faults = draw_faults(plan.stimulus, bench, dice);
     start_s += duration_s + dice.between(1.0, 3.0);
     plans.push_back(std::move(plan));
   }

@@ -121,7 +121,8 @@ TEST(BlindSession, OnlyAnImperfectBenchHasErrors) {
   EXPECT_NE(perfect.captures[2].faults.start_s, 0.0);
   EXPECT_NE(perfect.captures[5].faults.phase, 0.0);
   EXPECT_GT(imperfect.captures[2].faults.sweep_s, 0.0);
-  EXPECT_EQ(imperfect.captures[5].faults.velocity, 0.0);  // it stands still
+  EXPECT_EQ(imperfect.captures[3].faults.edge_px, imperfect.captures[5].faults.edge_px);  // the same target
+  EXPECT_EQ(imperfect.captures[5].faults.velocity, 0.0);                                  // it stands still
 }
 
 TEST(BlindSession, WhatHappensOnceHappensInOneOrTwoCaptures) {
