@@ -70,6 +70,26 @@ class Selector {
   std::vector<Nuisance> levels_;
 };
 
+// The state without one of its effects, as far as the others allow: its coordinates as in `base`, its map gone.
+State freed_of(const Session& session, const State& from, const State& base, const Effect& effect) {
+  State state = from;
+  if (effect.coordinates) {
+    for (const Coordinate& c : effect.coordinates(session)) c.set(state, c.get(base));
+  }
+  CameraModel& camera = state.camera;
+  if (effect.map == MapKind::kOffset) camera.offset.resize(0);
+  if (effect.map == MapKind::kGain) camera.gain.resize(0);
+  if (effect.map == MapKind::kTau) camera.tau.resize(0);
+  if (effect.map == MapKind::kDrift) camera.drift_share.resize(0);
+  return state;
+}
+
+// The same choices, their forms as they are in the state already.
+std::vector<Choice> unformed(std::vector<Choice> choices) {
+  for (Choice& c : choices) c.form = -1;
+  return choices;
+}
+
 // The share of redrawn sets of groups in which the first gains more than the second.
 double confidence_of(const Score& base, const Score& first, const Score* second) {
   std::mt19937 random(12345);
@@ -162,7 +182,8 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
       for (std::size_t j = 0; j < s.chosen.size(); ++j) {
         if (j != i) rest.push_back(s.chosen[j].choice);
       }
-      const FitResult without = fitter.fit(base.state, rest, kRounds + 2);
+      const FitResult without = fitter.fit(freed_of(session, s.fit.state, base.state, *s.chosen[i].choice.effect),
+                                           unformed(rest), kRounds);
       if (enough(selector.gain(without, s.fit)) && worth_naming(session, s.fit, i)) continue;
       s.fit = without;
       s.chosen.erase(s.chosen.begin() + static_cast<long>(i));
