@@ -330,12 +330,21 @@ Result<bool> Diagnosis::judge_means() {
   if (noise_.corner_hz.z > 5.0) {
     // Noise slower than a capture looks fixed in it: one decade below the capture's own frequency.
     const double decade = 2.0 * noise_.corner_hz.value * session_.period_s * 2.3;
+    allowance.slow_noise = 2.5;
     allowance.pattern = std::hypot(allowance.pattern, 1.5 * std::sqrt(decade) * noise_.white_k / floor_k_);
   }
+  if (state_.camera.tau.size() > 0) allowance.pattern = std::max(allowance.pattern, 0.12);
   if (coarse_) allowance.pattern = 0.7;
   for (const Remainder& r : test_residual(fitter, state_, allowance)) remainders_.push_back(r);
   fitted_ = true;
   fill_plots(raw_, session_, nominal_, state_, floor_k_, report_);
+  // The figures beside the plots are those of the held-out cells.
+  std::size_t plot = 0;
+  for (std::size_t i = 0; i < session_.recordings.size(); ++i) {
+    if (!has_model(session_.recordings[i])) continue;
+    report_.captures[plot].gap_before = first.gap_of(i);
+    report_.captures[plot++].gap_after = selection.fit.score.gap_of(i);
+  }
   for (std::size_t i = 0; i < session_.recordings.size(); ++i) {
     const Recording& r = session_.recordings[i];
     if (!has_model(r)) continue;

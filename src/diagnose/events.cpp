@@ -258,9 +258,12 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
     rough.push_back((value.col(p).bottomRows(n - 1) - value.col(p).topRows(n - 1)).square().mean() / 2.0);
   }
   const double noise2 = std::max(1e-12, median(rough));
-  // A step explains most of what changes slowly, or it is no jump.
+  // A step explains most of what changes slowly, or it is no jump. Of a still field every pixel tells; where something
+  // moves, what the model is off by changes the pixels, so that only their mean does.
+  const bool still = r.kind == Kind::kUniform;
   const auto explains = [&](Index a) {
-    const Eigen::ArrayXXd whole = value.rowwise() - value.colwise().mean();
+    Eigen::ArrayXXd whole = value.rowwise() - value.colwise().mean();
+    if (!still) whole = Eigen::ArrayXXd(whole.rowwise().mean());
     const Index blocks = n / kSide;
     double all = 0.0;
     double by_step = 0.0;
@@ -271,9 +274,10 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
     for (Index b = 0; b < blocks; ++b) {
       all += whole.middleRows(b * kSide, kSide).colwise().mean().square().sum() / static_cast<double>(blocks);
     }
-    const auto count = static_cast<double>(value.cols());
-    all -= count * noise2 / kSide;
-    by_step -= count * 2.0 * noise2 / static_cast<double>(n);
+    const double noise_of_all = still ? static_cast<double>(value.cols()) * noise2
+                                      : noise2 / static_cast<double>(value.cols()) + flicker * flicker;
+    all -= noise_of_all / kSide;
+    by_step -= 2.0 * noise_of_all / static_cast<double>(n);
     return all > 0.0 ? by_step / all : 0.0;
   };
   std::vector<Jump> jumps;
@@ -291,7 +295,7 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
     const double scatter_z = scatter2 / (2.0 * noise2 / kSide) * std::sqrt(static_cast<double>(pixels.size()) / 2.0);
     const Eigen::ArrayXd first = value.row(a) - value.row(a - 1);
     const double first2 = (first - first.mean()).square().mean() - 2.0 * noise2;
-    const bool pixel_jump = scatter_z > 25.0 && scatter2 > 2.5 * noise2 / kSide && first2 > 0.5 * scatter2;
+    const bool pixel_jump = still && scatter_z > 25.0 && scatter2 > 2.5 * noise2 / kSide && first2 > 0.5 * scatter2;
     const bool thawed = std::ranges::any_of(freezes, [&](const Freeze& f) {
       return f.recording == recording && static_cast<Index>(f.last) + 1 == frames[static_cast<std::size_t>(a)];
     });
@@ -299,7 +303,7 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
     const double strength = std::max(global_jump ? global_z : 0.0, scatter_z) + (thawed ? 1e6 : 0.0);
     if (strength <= best || (!thawed && explains(a) < 0.6)) continue;
     best = strength;
-    const bool pattern = scatter_z > 6.0;
+    const bool pattern = scatter_z > 6.0 && (still || thawed);
     strongest = {recording, static_cast<std::size_t>(frames[static_cast<std::size_t>(a)]), global,
                  pattern ? std::sqrt(std::max(0.0, scatter2)) : 0.0, thawed};
   }

@@ -26,23 +26,24 @@ Coordinate softness(std::size_t i) {
           [i](State& s, double value) { s.stimuli[i].softness_s = std::sqrt(std::max(0.0, value)); }};
 }
 
+// Of the standard deviation, not the variance: where an edge just reaches a pixel it shows to first order.
 Coordinate target_edge() {
-  return {"edge", 0.03, 0.0, 0.12,
+  return {"edge", 0.04, 0.0, 0.35,
           [](const State& s) {
             for (const StimulusState& stimulus : s.stimuli) {
-              if (stimulus.edge_px2 != 0.0) return stimulus.edge_px2;
+              if (stimulus.edge_px2 != 0.0) return std::sqrt(stimulus.edge_px2);
             }
             return 0.0;
           },
           [](State& s, double value) {
-            for (StimulusState& stimulus : s.stimuli) stimulus.edge_px2 = value;
+            for (StimulusState& stimulus : s.stimuli) stimulus.edge_px2 = value * value;
           }};
 }
 
 }  // namespace
 
 std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
-  constexpr double kEdgePrior = 0.03;  // px^2
+  constexpr double kEdgePrior = 0.2;  // px
   std::vector<Nuisance> all;
   bool bars = false;
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {

@@ -175,7 +175,7 @@ std::vector<Remainder> test_residual(const Fitter& fitter, const State& state, c
       say("pixel", "the prediction misses by more than the noise", (std::sqrt(all) - 1.0) / 0.012);
     }
   }
-  for (const Probe& probe : probes) found.push_back({probe.stage, probe.where, probe.z()});
+  for (const Probe& probe : probes) found.push_back({probe.stage, probe.where, probe.z() / allowance.slow_noise});
   std::ranges::sort(found, std::greater{}, &Remainder::z);
   return found;
 }

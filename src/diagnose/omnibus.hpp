@@ -18,6 +18,7 @@ struct Remainder {
 // What may be left without a reason of its own, in units of the noise floor (rms).
 struct Allowance {
   double pattern = 0.06;        // of a fixed pattern: what the forward models are off by
+  double slow_noise = 1.0;      // by how much noise that is correlated in time widens the tests
   std::vector<char> corrected;  // recordings out of which a jump was taken: the estimate leaves a pattern
 };
 

@@ -12,6 +12,8 @@ namespace {
 constexpr int kRounds = 4;        // of Gauss and Newton
 constexpr std::size_t kTried = 3;  // candidates that are refitted in earnest
 constexpr std::size_t kMostEffects = 8;
+constexpr double kLeastEvidence = 8.0;  // of the levels alone
+constexpr double kLeastEvidenceScattered = 13.0;
 
 struct Tried {
   Choice choice;
@@ -51,7 +53,9 @@ class Selector {
     Gain g = gain_between(before.score, after.score);
     const double evidence = level_evidence(levels_, after.state) - level_evidence(levels_, before.state);
     g.total += evidence;
-    if (evidence > 8.0 && g.total > evidence / 2.0) {
+    // Levels of an imperfect bench scatter still: then it takes more to believe that the camera explains some.
+    const double needed = level_spread(levels_, after.state) > 4.0 * kLevelResolution ? kLeastEvidenceScattered : kLeastEvidence;
+    if (evidence > needed && g.total > evidence / 2.0) {
       g.total += kLeastGain;
       g.z = std::max(g.z, evidence / 2.0);
     }

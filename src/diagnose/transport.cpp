@@ -107,7 +107,8 @@ void count_chopper_steps(const Session& session, std::size_t index, State& state
   for (std::size_t e = 0; e < edges.size(); ++e) {
     const std::size_t begin = frame_at(edges[e] + s.delay_s - late - 0.012);
     const std::size_t end = frame_at(edges[e] + s.delay_s - late + 0.04);
-    if (begin + 3 >= end) continue;
+    const auto seen_frames = std::count(r.used.begin() + static_cast<long>(begin), r.used.begin() + static_cast<long>(end), 1);
+    if (begin + 3 >= end || seen_frames < 7) continue;
     double best = 1e300;
     int best_periods = 0;
     State trial = state;

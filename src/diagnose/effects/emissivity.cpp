@@ -13,7 +13,7 @@ extern const Effect emissivity_effect{
     .coordinates =
         [](const Session& session) {
           static_cast<void>(session);
-          return std::vector<Coordinate>{{"reflected", 0.03, -0.1, 0.5, [](const State& s) { return s.camera.reflected; },
+          return std::vector<Coordinate>{{"reflected", 0.03, 0.0, 0.5, [](const State& s) { return s.camera.reflected; },
                 [](State& s, double v) { s.camera.reflected = v; }}, {"surroundings", 0.2, -5.0, 5.0, [](const State& s) { return s.camera.surroundings; },
                 [](State& s, double v) { s.camera.surroundings = v; }}};
         },
