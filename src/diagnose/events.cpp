@@ -149,8 +149,7 @@ void judge_still(const Session& session, const Recording& r, BadPixels& bad, std
 
 void make_unique(std::vector<int>& pixels) {
   std::ranges::sort(pixels);
-  const auto rest = std::ranges::unique(pixels);
-  pixels.erase(rest.begin(), rest.end());
+  pixels.erase(std::unique(pixels.begin(), pixels.end()), pixels.end());
 }
 
 }  // namespace

@@ -125,6 +125,7 @@ std::vector<double> periodogram(const ArrayXd& x) {
   std::vector<std::complex<double>> spectrum;
   fft.fwd(spectrum, windowed);
   std::vector<double> power;
+  power.reserve(spectrum.size());
   for (const auto& s : spectrum) power.push_back(std::norm(s) / norm);
   return power;  // white noise: its variance in every bin
 }

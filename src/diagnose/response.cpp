@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kFine = 25e-6;  // s between two points of a StepTable
 constexpr int kPhases = 8192;
+constexpr int kShares = 512;  // of a pixel that bars cover
 
 using Complex = std::complex<double>;
 
@@ -44,6 +45,14 @@ Complex read_out(const Response& r, double omega) {
   if (r.filter == FrameFilter::kRecursive) factor *= r.alpha / (1.0 - (1.0 - r.alpha) * back);
   if (r.filter == FrameFilter::kBox) factor *= r.alpha + (1.0 - r.alpha) * back;
   return factor;
+}
+
+// The integral of a step that a Gaussian blurs.
+double soft_ramp(double x, double sigma) {
+  if (sigma < 1e-6) return std::max(0.0, x);
+  const double z = x / sigma;
+  return x * 0.5 * std::erfc(-z / std::numbers::sqrt2) +
+         sigma * std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
 }
 
 double sinc(double x) { return std::abs(x) < 1e-9 ? 1.0 : std::sin(std::numbers::pi * x) / (std::numbers::pi * x); }
@@ -119,11 +128,12 @@ double StepTable::at(double t_s) const noexcept {
 }
 
 BarTable::BarTable(const Bars& bars, const Response& response, const std::function<double(double)>& signal)
-    : scale_(kPhases / bars.period_px) {
+    : scale_(kPhases / bars.period_px), bars_(bars), still_(bars.velocity_px_s == 0.0) {
   constexpr double kTwoPi = 2.0 * std::numbers::pi;
   std::vector<Complex> spectrum(kPhases / 2 + 1);
   spectrum[0] = bars.bar_width_px / bars.period_px * kPhases;
   const double blur = response.blur_px2 * (1.0 + bars.slant_px_per_row * bars.slant_px_per_row) + bars.edge_px2;
+  sigma_px_ = std::sqrt(std::max(0.0, blur));
   for (std::size_t n = 1; n < spectrum.size() - 1; ++n) {
     const double f = static_cast<double>(n) / bars.period_px;  // cycles a pixel
     const double gauss = kTwoPi * kTwoPi / 2.0 * f * f * blur;
@@ -145,11 +155,36 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
     const double lateral =
         2.0 * response.coupling * (2.0 - std::cos(kTwoPi * f) - std::cos(kTwoPi * f * bars.slant_px_per_row));
     const double omega = -kTwoPi * f * bars.velocity_px_s;
-    spectrum[n] *= thermal(response, omega, lateral) * read_out(response, omega);
+    const Complex factor = thermal(response, omega, lateral) * read_out(response, omega);
+    spectrum[n] *= still_ ? factor - 1.0 : factor;
+  }
+  if (still_) {
+    // The series of sharp edges ends too early for a pixel that stands right at one: only what conduction changes is
+    // taken from it.
+    spectrum.front() = 0.0;
+    spectrum.back() = 0.0;
+    for (int i = 0; signal && i <= kShares; ++i) signal_.push_back(signal(static_cast<double>(i) / kShares));
   }
   fft.inv(phases, spectrum, kPhases);
   value_.assign(phases.begin(), phases.end());
   value_.push_back(value_.front());
+}
+
+double BarTable::covered(double phase_px) const noexcept {
+  const double half = bars_.aperture_px / 2.0;
+  const double u = phase_px - bars_.period_px * std::floor(phase_px / bars_.period_px);
+  double sum = 0.0;
+  for (int m = -2; m <= 2; ++m) {
+    const double from = u - m * bars_.period_px;
+    const double to = from - bars_.bar_width_px;
+    sum += soft_ramp(from + half, sigma_px_) - soft_ramp(from - half, sigma_px_) - soft_ramp(to + half, sigma_px_) +
+           soft_ramp(to - half, sigma_px_);
+  }
+  const double share = sum / bars_.aperture_px;
+  if (signal_.empty()) return share;
+  const double at = std::clamp(share, 0.0, 1.0) * kShares;
+  const std::size_t i = std::min(static_cast<std::size_t>(at), signal_.size() - 2);
+  return signal_[i] + (at - static_cast<double>(i)) * (signal_[i + 1] - signal_[i]);
 }
 
 double BarTable::at(double phase_px) const noexcept {
@@ -157,7 +192,8 @@ double BarTable::at(double phase_px) const noexcept {
   const double at = (turns - std::floor(turns)) * kPhases;
   const std::size_t i = std::min(static_cast<std::size_t>(at), static_cast<std::size_t>(kPhases - 1));
   const auto f = static_cast<float>(at - static_cast<double>(i));
-  return static_cast<double>(value_[i] + f * (value_[i + 1] - value_[i]));
+  const auto value = static_cast<double>(value_[i] + f * (value_[i + 1] - value_[i]));
+  return still_ ? covered(phase_px) + value : value;
 }
 
 double BarTable::slope(double phase_px) const noexcept {

@@ -69,8 +69,13 @@ class BarTable {
   double slope(double phase_px) const noexcept;  // by phase, 1/px
 
  private:
+  double covered(double phase_px) const noexcept;  // the share of the signal that a still pixel gets, in closed form
   double scale_ = 0.0;
-  std::vector<float> value_;  // one period and one more
+  Bars bars_;
+  bool still_ = false;  // value_ is what conduction adds to covered()
+  double sigma_px_ = 0.0;
+  std::vector<double> signal_;  // of shares from 0 to 1; empty: the same
+  std::vector<float> value_;    // one period and one more
 };
 
 }  // namespace bolo::diagnose

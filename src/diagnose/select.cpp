@@ -24,6 +24,7 @@ struct Tried {
 std::vector<Choice> forms_of(const Effect& effect) {
   if (effect.forms.empty()) return {{&effect, -1}};
   std::vector<Choice> all;
+  all.reserve(effect.forms.size());
   for (int f = 0; f < static_cast<int>(effect.forms.size()); ++f) all.push_back({&effect, f});
   return all;
 }

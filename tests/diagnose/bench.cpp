@@ -1,0 +1,138 @@
+#include "tests/diagnose/bench.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <numeric>
+#include <utility>
+
+#include "bolo/capture/capture.hpp"
+
+namespace bolo::diagnose::testing {
+namespace {
+
+constexpr double kPeriodS = 0.005;
+
+std::unique_ptr<const sim::Field> field_of(const capture::Stimulus& stimulus) {
+  if (const auto* uniform = std::get_if<capture::Uniform>(&stimulus)) return sim::make_uniform(uniform->temperature_k);
+  if (const auto* chopper = std::get_if<capture::Chopper>(&stimulus)) return sim::make_chopper(*chopper);
+  return sim::make_bars(std::get<capture::BarTarget>(stimulus));
+}
+
+Kind kind_of(const capture::Stimulus& stimulus) {
+  if (std::holds_alternative<capture::Uniform>(stimulus)) return Kind::kUniform;
+  if (std::holds_alternative<capture::Chopper>(stimulus)) return Kind::kChopper;
+  return std::get<capture::BarTarget>(stimulus).velocity_px_s == 0.0 ? Kind::kStillBars : Kind::kMovingBars;
+}
+
+Recording blank(const capture::Stimulus& stimulus, int frames) {
+  Recording r;
+  r.kind = kind_of(stimulus);
+  r.stimulus = stimulus;
+  for (int k = 0; k < frames; ++k) r.t.push_back(k * kPeriodS);
+  r.values.resize(frames, kWidth * kHeight);
+  r.used.assign(static_cast<std::size_t>(frames), 1);
+  return r;
+}
+
+}  // namespace
+
+Scratch::Scratch() {
+  std::string pattern = ::testing::TempDir() + "bolo_diagnose_XXXXXX";
+  folder_ = mkdtemp(pattern.data());
+}
+
+Scratch::~Scratch() {
+  std::error_code ignored;
+  std::filesystem::remove_all(folder_, ignored);
+}
+
+sim::CameraSettings ideal_camera() {
+  sim::CameraSettings camera;
+  camera.geometry = {kWidth, kHeight};
+  camera.readout.noise_k = 0.0;
+  camera.readout.quantisation_k = 0.0;
+  camera.readout.type = PixelType::kFloat32;
+  camera.threads = 1;
+  return camera;
+}
+
+sim::CameraSettings noisy_camera(std::uint64_t seed) {
+  sim::CameraSettings camera = ideal_camera();
+  camera.readout.noise_k = 0.03;
+  camera.readout.quantisation_k = 0.01;
+  camera.readout.seed = seed;
+  return camera;
+}
+
+capture::Chopper odd_chopper() {
+  capture::Chopper chopper;
+  chopper.cold_k = 295.0;
+  double on_s = 0.0837;
+  for (const double level_k : {305.0, 320.0}) {
+    for (const double pulse_s : {0.012, 0.0313, 0.06, 0.1201}) {
+      chopper.on_s.push_back(on_s);
+      chopper.off_s.push_back(on_s + pulse_s);
+      chopper.level_k.push_back(level_k);
+      on_s += pulse_s + 0.0837;
+    }
+  }
+  return chopper;
+}
+
+capture::BarTarget slanted_bars(double velocity_px_s) { return {290.0, 315.0, 20.0, 10.0, 0.25, velocity_px_s}; }
+
+Recording record(const sim::CameraSettings& camera, const capture::Stimulus& stimulus, int frames,
+                 const sim::StimulusError& error) {
+  Recording r = blank(stimulus, frames);
+  auto field = sim::with_errors(field_of(stimulus), error, camera.geometry);
+  EXPECT_TRUE(field) << field.error().message;
+  auto simulator = sim::Simulator::create(camera, std::move(*field));
+  EXPECT_TRUE(simulator) << simulator.error().message;
+  for (int k = 0; simulator && k < frames; ++k) (*simulator)->next(r.values.row(k).data(), nullptr);
+  return r;
+}
+
+Session session_of(std::vector<Recording> recordings) {
+  Session session;
+  session.width = kWidth;
+  session.height = kHeight;
+  session.period_s = kPeriodS;
+  session.grid.rows.resize(kHeight);
+  session.grid.columns.resize(kWidth);
+  std::iota(session.grid.rows.begin(), session.grid.rows.end(), 0);
+  std::iota(session.grid.columns.begin(), session.grid.columns.end(), 0);
+  session.good.assign(static_cast<std::size_t>(session.grid.pixels()), 1);
+  session.recordings = std::move(recordings);
+  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
+    session.recordings[i].name = "recording-" + std::to_string(i + 1);
+  }
+  return session;
+}
+
+Recording empty_shutter(int frames) { return blank(capture::Uniform{300.0}, frames); }
+
+void write(const Recording& recording, const std::filesystem::path& file, const std::string& model) {
+  capture::CaptureInfo info;
+  info.format.geometry = {kWidth, kHeight};
+  info.format.type = PixelType::kUint16;
+  info.format.scale = {Unit::kKelvin, 0.01, 0.0};
+  info.format.frame_period_s = kPeriodS;
+  info.camera_model = model;
+  auto writer = capture::CaptureWriter::create(file, info);
+  ASSERT_TRUE(writer) << writer.error().message;
+  ASSERT_TRUE(writer->write_stimulus(recording.stimulus));
+  std::vector<std::uint16_t> counts(static_cast<std::size_t>(recording.values.cols()));
+  for (int k = 0; k < recording.frames(); ++k) {
+    for (std::size_t p = 0; p < counts.size(); ++p) {
+      const double count = std::round(static_cast<double>(recording.values(k, static_cast<Eigen::Index>(p))) / 0.01);
+      counts[p] = static_cast<std::uint16_t>(std::clamp(count, 0.0, 65535.0));
+    }
+    const auto frame = static_cast<std::uint64_t>(k);
+    ASSERT_TRUE(writer->append(recording.t[static_cast<std::size_t>(k)], frame, counts.data()));
+  }
+  ASSERT_TRUE(writer->close());
+}
+
+}  // namespace bolo::diagnose::testing

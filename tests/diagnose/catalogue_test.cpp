@@ -1,0 +1,167 @@
+// The catalogues of the simulator and of the diagnosis: two lists, made from two folders, of the same effects.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "bolo/sim/effect.hpp"
+#include "src/diagnose/effect.hpp"
+#include "tests/diagnose/bench.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+std::set<std::string> files_in(const std::string& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(std::string(BOLO_SOURCE_DIR) + "/" + folder)) {
+    if (entry.path().extension() == ".cpp") names.insert(entry.path().stem().string());
+  }
+  return names;
+}
+
+std::set<std::string> diagnosed() {
+  std::set<std::string> names;
+  for (const Effect* effect : catalogue()) names.insert(effect->name);
+  return names;
+}
+
+TEST(Catalogue, HasEveryFileOfTheFolder) {
+  EXPECT_EQ(diagnosed(), files_in("src/diagnose/effects"));
+  EXPECT_EQ(catalogue().size(), diagnosed().size());
+}
+
+TEST(Catalogue, IsWhatTheSimulatorSaysIsInIt) {
+  std::set<std::string> simulated;
+  for (const sim::EffectDescription& effect : sim::effect_descriptions()) {
+    if (effect.in_catalogue) simulated.insert(effect.name.data());
+  }
+  EXPECT_EQ(diagnosed(), simulated);
+}
+
+TEST(Catalogue, HasTheSimulatorsStages) {
+  for (const Effect* effect : catalogue()) {
+    const sim::EffectDescription* same = sim::find_effect(effect->name);
+    ASSERT_NE(same, nullptr) << effect->name;
+    EXPECT_EQ(effect->stage, sim::name_of(same->stage)) << effect->name;
+  }
+}
+
+TEST(Catalogue, FindsByName) {
+  for (const Effect* effect : catalogue()) EXPECT_EQ(find_effect(effect->name), effect);
+  EXPECT_EQ(find_effect("tau_globl"), nullptr);
+  EXPECT_EQ(find_effect(""), nullptr);
+}
+
+// A bench with everything that any effect needs.
+Session bench() {
+  const sim::CameraSettings camera = testing::noisy_camera();
+  return testing::session_of(
+      {testing::record(camera, capture::Uniform{300.0}, 24), testing::record(camera, capture::Uniform{325.0}, 24),
+       testing::record(camera, testing::odd_chopper(), 24), testing::record(camera, testing::slanted_bars(70.0), 24),
+       testing::record(camera, testing::slanted_bars(-320.0), 24),
+       testing::record(camera, testing::slanted_bars(0.0), 24)});
+}
+
+TEST(Catalogue, EveryEffectIsToldByAFullBenchAndSaysWhatItNeeds) {
+  const Session full = bench();
+  const Session nothing = testing::session_of({});
+  for (const Effect* effect : catalogue()) {
+    ASSERT_TRUE(effect->told_by) << effect->name;
+    EXPECT_TRUE(effect->told_by(full)) << effect->name;
+    EXPECT_FALSE(effect->needs.empty()) << effect->name;
+    static_cast<void>(effect->told_by(nothing));  // says no or yes, but does not break
+  }
+}
+
+TEST(Catalogue, CoordinatesReadBackWhatTheyWereSetTo) {
+  const Session full = bench();
+  for (const Effect* effect : catalogue()) {
+    if (!effect->coordinates) continue;
+    State state = nominal_state(full, {});
+    if (!effect->forms.empty() && effect->forms.front().begin) effect->forms.front().begin(state);
+    for (const Coordinate& c : effect->coordinates(full)) {
+      const std::string what = effect->name + " " + c.name;
+      EXPECT_NEAR(c.get(state), 0.0, 1e-12) << what << " is there in the nominal camera";
+      EXPECT_LE(c.low, 0.0) << what;
+      EXPECT_GT(c.high, c.step) << what;
+      c.set(state, c.step);
+      EXPECT_NEAR(c.get(state), c.step, 1e-9) << what;
+    }
+  }
+}
+
+TEST(Catalogue, AnEffectAtItsTypicalSizeChangesThePrediction) {
+  const Session full = bench();
+  std::vector<int> pixels;
+  for (int p = 0; p < full.grid.pixels(); p += 5) pixels.push_back(p);
+  for (const Effect* effect : catalogue()) {
+    if (!effect->coordinates) continue;
+    State state = nominal_state(full, {});
+    if (!effect->forms.empty() && effect->forms.front().begin) effect->forms.front().begin(state);
+    for (const Coordinate& c : effect->coordinates(full)) c.set(state, c.step);
+    const State plain = nominal_state(full, {});
+    double largest = 0.0;
+    for (std::size_t i = 0; i < full.recordings.size(); ++i) {
+      const Series change = predict(full, i, state, pixels) - predict(full, i, plain, pixels);
+      EXPECT_TRUE(change.allFinite()) << effect->name;
+      largest = std::max(largest, static_cast<double>(change.cwiseAbs().maxCoeff()));
+    }
+    EXPECT_GT(largest, 1e-4) << effect->name;
+  }
+}
+
+// The keys of the report are those of `bolo simulate --effect`, so that what was diagnosed can be simulated.
+TEST(Catalogue, ReportsParametersThatTheSimulatorKnows) {
+  const Session full = bench();
+  // A drift over a session is not told from its shape in a capture: what is reported is the change that was seen.
+  const std::set<std::string> own{"drift"};
+  for (const Effect* effect : catalogue()) {
+    if (!effect->report || own.contains(effect->name)) continue;
+    State state = nominal_state(full, {});
+    if (!effect->forms.empty() && effect->forms.front().begin) effect->forms.front().begin(state);
+    std::vector<double> value;
+    if (effect->coordinates) {
+      for (const Coordinate& c : effect->coordinates(full)) {
+        value.push_back(c.step);
+        c.set(state, c.step);
+      }
+    }
+    const std::vector<double> error(value.size(), 0.01);
+    const sim::EffectDescription* same = sim::find_effect(effect->name);
+    ASSERT_NE(same, nullptr) << effect->name;
+    for (const auto& [key, estimate] : effect->report(full, state, value, error)) {
+      const auto known = std::ranges::find(same->parameters, key, &sim::Parameter::key);
+      EXPECT_NE(known, same->parameters.end()) << effect->name << " reports " << key;
+      EXPECT_LE(estimate.low, estimate.value) << effect->name << " " << key;
+      EXPECT_GE(estimate.high, estimate.value) << effect->name << " " << key;
+    }
+  }
+}
+
+TEST(Interval, IsNinetyFivePercentWide) {
+  const Estimate e = interval(2.0, 0.5);
+  EXPECT_NEAR(e.low, 2.0 - 0.98, 1e-12);
+  EXPECT_NEAR(e.high, 2.0 + 0.98, 1e-12);
+  const Estimate root = root_interval(0.49, 0.1);
+  EXPECT_NEAR(root.value, 0.7, 1e-12);
+  EXPECT_NEAR(root.low * root.low, 0.49 - 0.196, 1e-12);
+  EXPECT_EQ(root_interval(0.01, 0.1).low, 0.0);
+}
+
+TEST(SpreadOf, TellsColumnsFromPixels) {
+  const Session full = testing::session_of({});
+  Eigen::VectorXf map(full.grid.pixels());
+  for (int p = 0; p < full.grid.pixels(); ++p) map[p] = full.grid.column_of(p) % 2 == 0 ? 0.2F : -0.2F;
+  const MapSpread columns = spread_of(full, map);
+  EXPECT_NEAR(columns.column, 0.2, 1e-3);
+  EXPECT_NEAR(columns.pixel, 0.0, 1e-3);
+  for (int p = 0; p < full.grid.pixels(); ++p)
+    map[p] = (full.grid.column_of(p) + full.grid.row_of(p)) % 2 == 0 ? 0.2F : -0.2F;
+  const MapSpread pixels = spread_of(full, map);
+  EXPECT_NEAR(pixels.column, 0.0, 1e-3);
+  EXPECT_NEAR(pixels.pixel, 0.2, 0.01);
+}
+
+}  // namespace
+}  // namespace bolo::diagnose

@@ -1,0 +1,189 @@
+// Events that are made here, and what is found of them.
+#include "src/diagnose/events.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <random>
+
+#include "tests/diagnose/bench.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+using testing::kHeight;
+using testing::kWidth;
+
+constexpr int kFrames = 240;
+constexpr double kSigma = 0.03;
+
+class Events : public ::testing::Test {
+ protected:
+  double noise(double sigma = kSigma) { return sigma * unit_(engine_); }
+  Recording quiet() {
+    return testing::shutter(kFrames, [this](int, int, int) { return noise(); });
+  }
+  template <typename Value>
+  Session shutter(Value value) {
+    return testing::session_of(
+        {testing::shutter(kFrames, [&](int k, int r, int c) { return noise() + value(k, r, c); })});
+  }
+  std::vector<Jump> jumps(const Session& session, const std::vector<Freeze>& freezes = {}) {
+    return find_jumps(session, 0, session.recordings[0].values, freezes);
+  }
+
+ private:
+  std::mt19937 engine_{1};
+  std::normal_distribution<double> unit_;
+};
+
+TEST_F(Events, NothingIsFoundInACleanSession) {
+  std::vector<Recording> all{quiet()};
+  sim::CameraSettings camera = testing::noisy_camera();
+  all.push_back(testing::record(camera, testing::odd_chopper(), kFrames));
+  all.push_back(testing::record(camera, testing::slanted_bars(70.0), kFrames));
+  all.push_back(testing::record(camera, testing::slanted_bars(0.0), kFrames));
+  Session session = testing::session_of(std::move(all));
+  std::vector<std::size_t> repeated;
+  EXPECT_TRUE(find_freezes(session, repeated).empty());
+  EXPECT_EQ(repeated, std::vector<std::size_t>(4, 0));
+  BadPixels bad = find_dead_pixels(session);
+  find_jumping_pixels(session, bad);
+  EXPECT_TRUE(bad.stuck.empty());
+  EXPECT_TRUE(bad.noisy.empty());
+  EXPECT_TRUE(bad.jumping.empty());
+  EXPECT_TRUE(jumps(session).empty());
+  EXPECT_NEAR(find_step(session), 0.01, 1e-9);
+  for (const Recording& r : session.recordings) {
+    EXPECT_EQ(find_ceiling(r, 0.01), std::numeric_limits<double>::infinity()) << r.name;
+  }
+}
+
+TEST_F(Events, ALongRunOfEqualFramesIsAFreeze) {
+  Session session = testing::session_of({quiet()});
+  Recording& r = session.recordings[0];
+  for (int k = 101; k <= 160; ++k) r.values.row(k) = r.values.row(100);
+  std::vector<std::size_t> repeated;
+  const auto freezes = find_freezes(session, repeated);
+  ASSERT_EQ(freezes.size(), 1U);
+  EXPECT_EQ(freezes[0].first, 101U);
+  EXPECT_EQ(freezes[0].last, 160U);
+  EXPECT_EQ(repeated[0], 0U);
+  EXPECT_EQ(std::ranges::count(r.used, 0), 60);
+  EXPECT_EQ(r.used[100], 1);
+  EXPECT_EQ(r.used[161], 1);
+}
+
+TEST_F(Events, FewEqualFramesAreRepeats) {
+  Session session = testing::session_of({quiet()});
+  Recording& r = session.recordings[0];
+  r.values.row(31) = r.values.row(30);
+  r.values.row(90) = r.values.row(89);
+  r.values.row(91) = r.values.row(89);
+  std::vector<std::size_t> repeated;
+  EXPECT_TRUE(find_freezes(session, repeated).empty());
+  EXPECT_EQ(repeated[0], 3U);
+  EXPECT_EQ(r.used[31] + r.used[90] + r.used[91], 0);
+}
+
+TEST_F(Events, AStepOfAllPixelsIsAJump) {
+  Session session = shutter([](int k, int, int) { return k >= 130 ? 0.4 : 0.0; });
+  auto found = jumps(session);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].frame, 130U);
+  EXPECT_NEAR(found[0].global_k, 0.4, 0.02);
+  EXPECT_EQ(found[0].pixel_k, 0.0);
+  EXPECT_FALSE(found[0].after_freeze);
+  remove_jump(session, found[0], session.recordings[0].values);
+  EXPECT_NEAR(found[0].global_k, 0.4, 0.003);
+  EXPECT_TRUE(jumps(session).empty());
+}
+
+TEST_F(Events, AStepOfEachPixelIsAJumpWithAPattern) {
+  std::vector<double> step;
+  for (int p = 0; p < kWidth * kHeight; ++p) step.push_back(noise(0.06));
+  Session session =
+      shutter([&](int k, int r, int c) { return k >= 77 ? step[static_cast<std::size_t>(r * kWidth + c)] : 0.0; });
+  auto found = jumps(session);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].frame, 77U);
+  EXPECT_NEAR(found[0].pixel_k, 0.06, 0.01);
+  remove_jump(session, found[0], session.recordings[0].values);
+  EXPECT_TRUE(jumps(session).empty());
+}
+
+TEST_F(Events, AJumpAfterAFreezeBelongsToIt) {
+  Session session = shutter([](int k, int, int) { return k >= 150 ? 0.1 : 0.0; });
+  Recording& r = session.recordings[0];
+  for (int k = 91; k < 150; ++k) r.values.row(k) = r.values.row(90);
+  std::vector<std::size_t> repeated;
+  const auto freezes = find_freezes(session, repeated);
+  const auto found = jumps(session, freezes);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_TRUE(found[0].after_freeze);
+  EXPECT_EQ(found[0].frame, 150U);
+}
+
+TEST_F(Events, ASlowChangeIsNoJump) {
+  EXPECT_TRUE(jumps(shutter([](int k, int, int) { return 0.3 * k / kFrames; })).empty());
+  EXPECT_TRUE(jumps(shutter([](int k, int, int) { return 0.2 * std::sin(0.05 * k); })).empty());
+}
+
+TEST_F(Events, FlickerIsNoJump) {
+  std::vector<double> frame;
+  for (int k = 0; k < kFrames; ++k) frame.push_back(noise(0.015));
+  EXPECT_TRUE(jumps(shutter([&](int k, int, int) { return frame[static_cast<std::size_t>(k)]; })).empty());
+}
+
+TEST_F(Events, StuckAndNoisyPixelsAreDead) {
+  Session session = testing::session_of({quiet(), quiet()});
+  const int stuck = 5 * kWidth + 7;
+  const int noisy = 11 * kWidth + 20;
+  for (Recording& r : session.recordings) {
+    r.values.col(stuck).setConstant(310.0F);
+    for (int k = 0; k < kFrames; ++k) r.values(k, noisy) += static_cast<float>(noise(0.5));
+  }
+  const BadPixels bad = find_dead_pixels(session);
+  EXPECT_EQ(bad.stuck, std::vector<int>{stuck});
+  EXPECT_EQ(bad.noisy, std::vector<int>{noisy});
+  EXPECT_EQ(session.good[static_cast<std::size_t>(stuck)], 0);
+  EXPECT_EQ(session.good[static_cast<std::size_t>(noisy)], 0);
+  EXPECT_EQ(std::ranges::count(session.good, 0), 2);
+}
+
+TEST_F(Events, APixelThatSticksInOneCaptureOnlyIsNotDead) {
+  Session session = testing::session_of({quiet(), quiet()});
+  session.recordings[0].values.col(100).setConstant(300.0F);
+  EXPECT_TRUE(find_dead_pixels(session).stuck.empty());
+}
+
+TEST_F(Events, PixelsThatJumpBetweenTwoLevelsAreFound) {
+  const std::vector<int> chosen{33, 250, 601};
+  Session session = shutter([&](int k, int r, int c) {
+    const bool telegraph = std::ranges::count(chosen, r * kWidth + c) != 0;
+    return telegraph && (k / 40) % 2 == 1 ? 0.2 : 0.0;
+  });
+  BadPixels bad = find_dead_pixels(session);
+  find_jumping_pixels(session, bad);
+  EXPECT_EQ(bad.jumping, chosen);
+  EXPECT_NEAR(bad.step_k, 0.2, 0.02);
+  EXPECT_TRUE(bad.stuck.empty());
+}
+
+TEST_F(Events, ACoarseStepIsFound) {
+  const auto coarse = [this](int, int, int) { return noise(0.08); };
+  EXPECT_NEAR(find_step(testing::session_of({testing::shutter(kFrames, coarse, 0.1)})), 0.1, 1e-6);
+}
+
+TEST_F(Events, AStepWithoutAnyChangeIsNotKnown) {
+  EXPECT_EQ(find_step(testing::session_of({testing::shutter(kFrames, [](int, int, int) { return 0.0; })})), 0.0);
+}
+
+TEST_F(Events, ValuesThatPileUpAtTheTopAreACeiling) {
+  Recording r = testing::record(testing::noisy_camera(), testing::odd_chopper(), kFrames);
+  r.values = r.values.cwiseMin(312.0F);
+  EXPECT_NEAR(find_ceiling(r, 0.01), 312.0, 1e-3);
+}
+
+}  // namespace
+}  // namespace bolo::diagnose

@@ -1,0 +1,38 @@
+#include "src/diagnose/effect.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+// What one unit (1 K) of the effect adds to a value.
+CameraModel::Term droop() {
+  return {0.0, [](const Place& place, double) { return -place.column; }};
+}
+
+CameraModel::Term& term_of(State& state) {
+  if (state.camera.terms.empty()) state.camera.terms.push_back(droop());
+  return state.camera.terms.front();
+}
+
+}  // namespace
+
+// The supply of the column amplifiers droops towards the right.
+extern const Effect column_droop_effect{
+    .name = "column_droop",
+    .stage = "readout",
+    .needs = "a closed shutter",
+    .told_by = [](const Session& s) { return has_kind(s, Kind::kUniform); },
+    .coordinates =
+        [](const Session&) {
+          return std::vector<Coordinate>{
+              {"droop_k", 0.02, -5.0, 5.0,
+               [](const State& s) { return s.camera.terms.empty() ? 0.0 : s.camera.terms.front().value; },
+               [](State& s, double v) { term_of(s).value = v; }}};
+        },
+    .least = 0.002,
+    .report =
+        [](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
+          return std::map<std::string, Estimate>{{"droop_k", interval(v[0], e[0])}};
+        },
+};
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,48 @@
+// One file in each of the two folders adds an effect. example/ has the two files that CONTRIBUTING.md shows; this
+// program's lists are made from the folders and from them, by the templates of the layers.
+#include <gtest/gtest.h>
+
+#include "bolo/diagnose/diagnose.hpp"
+#include "bolo/diagnose/report_files.hpp"
+#include "src/diagnose/effect.hpp"
+#include "tests/diagnose/bench.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr const char* kNew = "column_droop";
+
+TEST(NewEffect, IsInBothLists) {
+  ASSERT_NE(sim::find_effect(kNew), nullptr);
+  ASSERT_NE(find_effect(kNew), nullptr);
+  EXPECT_EQ(find_effect(kNew)->stage, sim::name_of(sim::find_effect(kNew)->stage));
+  EXPECT_NE(find_effect("tau_global"), nullptr) << "those of the catalogue are still there";
+}
+
+TEST(NewEffect, IsSimulatedAndDiagnosed) {
+  sim::CameraSettings camera = testing::noisy_camera();
+  const auto effect = sim::parse_effect("column_droop:droop_k=0.06");
+  ASSERT_TRUE(effect) << effect.error().message;
+  camera.effects.push_back(*effect);
+  const testing::Scratch scratch;
+  std::vector<std::filesystem::path> files;
+  const std::vector<capture::Stimulus> stimuli{capture::Uniform{300.0}, capture::Uniform{325.0}, testing::odd_chopper(),
+                                               testing::slanted_bars(70.0)};
+  for (const capture::Stimulus& stimulus : stimuli) {
+    files.push_back(scratch / ("capture-" + std::to_string(files.size()) + ".h5"));
+    camera.readout.seed = files.size();
+    testing::write(testing::record(camera, stimulus, 240), files.back());
+  }
+  const auto report = diagnose(files, {}, [](const std::string&, double) { return true; });
+  ASSERT_TRUE(report) << report.error().message;
+  ASSERT_FALSE(report->effects.empty()) << report->verdict << " " << report->unexplained.where;
+  EXPECT_EQ(report->effects.front().name, kNew);
+  EXPECT_EQ(report->effects.size(), 1U);
+  EXPECT_NEAR(report->effects.front().parameters.at("droop_k").value, 0.06, 0.004);
+  EXPECT_LT(report->gap_after, 1.05);
+  EXPECT_NE(report_json(*report).find(kNew), std::string::npos);
+  EXPECT_NE(report_html(*report).find("olumn droop"), std::string::npos) << "a title is made from the name";
+}
+
+}  // namespace
+}  // namespace bolo::diagnose

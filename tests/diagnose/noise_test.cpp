@@ -1,0 +1,226 @@
+// Noise that is made here, by the standard library's generators, and what the statistics say of it.
+#include "src/diagnose/noise.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "tests/diagnose/bench.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+using testing::kHeight;
+using testing::kWidth;
+
+constexpr double kNoNoise = std::numeric_limits<double>::infinity();  // no ceiling
+constexpr int kFrames = 400;
+constexpr double kSigma = 0.03;
+
+// Values for each frame, row and column, drawn once and in this order.
+class Draws {
+ public:
+  explicit Draws(unsigned seed) : engine_(seed) {}
+  double normal(double sigma = kSigma) { return sigma * unit_(engine_); }
+  std::vector<double> normals(int count, double sigma) {
+    std::vector<double> out;
+    for (int i = 0; i < count; ++i) out.push_back(normal(sigma));
+    return out;
+  }
+  std::mt19937& engine() { return engine_; }
+
+ private:
+  std::mt19937 engine_;
+  std::normal_distribution<double> unit_;
+};
+
+Session shutter_session(const std::function<double(int, int, int)>& value, double step = 0.01) {
+  return testing::session_of({testing::shutter(kFrames, value, step)});
+}
+
+std::size_t at(int row, int width, int column) { return static_cast<std::size_t>(row * width + column); }
+
+TEST(MeasureNoise, NominalNoiseIsNoiseAndNothingElse) {
+  Draws draws(1);
+  const NoiseStatistics n = measure_noise(shutter_session([&](int, int, int) { return draws.normal(); }), kNoNoise);
+  EXPECT_EQ(n.frames, static_cast<std::size_t>(kFrames));
+  EXPECT_NEAR(n.total_k, std::hypot(kSigma, 0.01 / std::sqrt(12.0)), 2e-4);
+  EXPECT_NEAR(n.white_k, n.total_k, 2e-4);
+  EXPECT_LT(n.flicker.z, 5.0);
+  EXPECT_LT(n.rows.z, 5.0);
+  EXPECT_LT(n.columns.z, 5.0);
+  EXPECT_EQ(n.filter, FrameFilter::kNone);
+  EXPECT_EQ(n.alpha.value, 1.0);
+  EXPECT_EQ(n.corner_hz.z, 0.0);
+  EXPECT_LT(n.excess_kurtosis.z, 5.0);
+  EXPECT_LT(n.spectrum_misfit, 5.0);
+  EXPECT_LT(std::abs(n.neighbour_row_z), 5.0);
+  EXPECT_LT(std::abs(n.neighbour_column_z), 5.0);
+  EXPECT_GT(n.line_p, 1e-4);
+  EXPECT_GT(n.drift_p, 1e-4);
+}
+
+TEST(MeasureNoise, WithoutAShutterNothingIsKnown) {
+  Session session = shutter_session([](int, int, int) { return 0.0; });
+  session.recordings[0].kind = Kind::kChopper;
+  EXPECT_EQ(measure_noise(session, kNoNoise).frames, 0U);
+}
+
+TEST(MeasureNoise, AShutterWithoutAnyNoiseIsFinite) {
+  const NoiseStatistics n = measure_noise(shutter_session([](int, int, int) { return 0.0; }), kNoNoise);
+  EXPECT_EQ(n.total_k, 0.0);
+  EXPECT_FALSE(n.flicker.z > 5.0);
+  EXPECT_FALSE(n.excess_kurtosis.z > 5.0);
+}
+
+TEST(MeasureNoise, OffsetsOfWholeFramesAreFlicker) {
+  Draws draws(2);
+  const std::vector<double> frame = draws.normals(kFrames, 0.008);
+  const NoiseStatistics n = measure_noise(
+      shutter_session([&](int k, int, int) { return draws.normal() + frame[static_cast<std::size_t>(k)]; }), kNoNoise);
+  EXPECT_GT(n.flicker.z, 20.0);
+  EXPECT_NEAR(n.flicker.value, 0.008, 4.0 * n.flicker.error);
+  EXPECT_LT(n.flicker.error, 0.0008);
+  EXPECT_LT(std::abs(n.flicker_correlation), 0.2);
+  EXPECT_LT(n.rows.z, 5.0);
+  EXPECT_LT(n.columns.z, 5.0);
+}
+
+TEST(MeasureNoise, SlowFlickerIsCorrelatedAndNoDrift) {
+  Draws draws(3);
+  std::vector<double> frame{draws.normal(0.008)};
+  for (int k = 1; k < kFrames; ++k) {
+    frame.push_back(0.7 * frame.back() + std::sqrt(1.0 - 0.49) * draws.normal(0.008));
+  }
+  const NoiseStatistics n = measure_noise(
+      shutter_session([&](int k, int, int) { return draws.normal() + frame[static_cast<std::size_t>(k)]; }), kNoNoise);
+  EXPECT_GT(n.flicker.z, 20.0);
+  EXPECT_NEAR(n.flicker_correlation, 0.7, 0.15);
+  EXPECT_GT(n.drift_p, 1e-6);
+}
+
+TEST(MeasureNoise, NewOffsetsOfColumnsAndRowsAreStripes) {
+  Draws draws(4);
+  const std::vector<double> column = draws.normals(kFrames * kWidth, 0.010);
+  const std::vector<double> row = draws.normals(kFrames * kHeight, 0.005);
+  const NoiseStatistics n = measure_noise(shutter_session([&](int k, int r, int c) {
+                                            return draws.normal() + column[at(k, kWidth, c)] + row[at(k, kHeight, r)];
+                                          }),
+                                          kNoNoise);
+  EXPECT_NEAR(n.columns.value, 0.010, 0.0005);
+  EXPECT_NEAR(n.rows.value, 0.005, 0.0005);
+  EXPECT_GT(n.columns.z, 20.0);
+  EXPECT_GT(n.rows.z, 20.0);
+  EXPECT_LT(n.flicker.z, 8.0);
+}
+
+TEST(MeasureNoise, AFixedPatternIsNoNoise) {
+  Draws draws(5);
+  const std::vector<double> pattern = draws.normals(kWidth * kHeight, 0.05);
+  const NoiseStatistics n = measure_noise(
+      shutter_session([&](int, int r, int c) { return draws.normal() + pattern[at(r, kWidth, c)]; }), kNoNoise);
+  EXPECT_NEAR(n.total_k, std::hypot(kSigma, 0.01 / std::sqrt(12.0)), 2e-4);
+  EXPECT_LT(n.columns.z, 5.0);
+}
+
+class FrameFilterOf : public ::testing::TestWithParam<double> {};
+
+TEST_P(FrameFilterOf, ARecursiveFilterIsSeenInTheColour) {
+  Draws draws(6);
+  const double alpha = GetParam();
+  std::vector<double> state(static_cast<std::size_t>(kWidth * kHeight));
+  for (double& s : state) s = draws.normal() * std::sqrt(alpha / (2.0 - alpha));
+  const NoiseStatistics n = measure_noise(shutter_session([&](int, int r, int c) {
+                                            double& s = state[at(r, kWidth, c)];
+                                            s += alpha * (draws.normal() - s);
+                                            return s;
+                                          }),
+                                          kNoNoise);
+  EXPECT_EQ(n.filter, FrameFilter::kRecursive);
+  EXPECT_NEAR(n.alpha.value, alpha, 0.02);
+  EXPECT_GT(n.alpha.z, 10.0);
+  EXPECT_EQ(n.corner_hz.z, 0.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Alphas, FrameFilterOf, ::testing::Values(0.6, 0.75, 0.9));
+
+TEST(MeasureNoise, AMeanOfTwoFramesIsABox) {
+  Draws draws(7);
+  std::vector<double> before(static_cast<std::size_t>(kWidth * kHeight));
+  for (double& b : before) b = draws.normal();
+  const NoiseStatistics n = measure_noise(shutter_session([&](int, int r, int c) {
+                                            double& b = before[at(r, kWidth, c)];
+                                            const double fresh = draws.normal();
+                                            const double shown = 0.7 * fresh + 0.3 * b;
+                                            b = fresh;
+                                            return shown;
+                                          }),
+                                          kNoNoise);
+  EXPECT_EQ(n.filter, FrameFilter::kBox);
+  EXPECT_NEAR(n.alpha.value, 0.7, 0.02);
+}
+
+TEST(MeasureNoise, LowFrequencyNoiseHasACorner) {
+  sim::CameraSettings camera = testing::noisy_camera(8);
+  camera.effects.push_back(*sim::parse_effect("one_over_f:corner_hz=3"));
+  const NoiseStatistics n =
+      measure_noise(testing::session_of({testing::record(camera, capture::Uniform{300.0}, kFrames)}), kNoNoise);
+  EXPECT_GT(n.corner_hz.z, 10.0);
+  EXPECT_NEAR(n.corner_hz.value, 3.0, 0.6);
+  EXPECT_EQ(n.filter, FrameFilter::kNone);
+}
+
+TEST(MeasureNoise, TailsAreStudents) {
+  Draws draws(9);
+  std::student_t_distribution<double> student(4.0);
+  const double scale = kSigma / std::sqrt(2.0);  // variance of t with 4 degrees: 2
+  const NoiseStatistics n =
+      measure_noise(shutter_session([&](int, int, int) { return scale * student(draws.engine()); }), kNoNoise);
+  EXPECT_GT(n.excess_kurtosis.z, 20.0);
+  EXPECT_NEAR(n.degrees, 4.0, 0.6);
+}
+
+TEST(MeasureNoise, MainsHumIsALine) {
+  Draws draws(10);
+  const NoiseStatistics n = measure_noise(shutter_session([&](int k, int r, int) {
+                                            const double hum = 0.01 * std::sin(2.0 * M_PI * 37.3 * k * 0.005);
+                                            return draws.normal() + (r < kHeight / 2 ? hum : -hum);
+                                          }),
+                                          kNoNoise);
+  EXPECT_LT(n.line_p, 1e-8);
+  EXPECT_NEAR(n.line_hz, 37.3, 1.0);
+}
+
+TEST(MeasureNoise, ASlowChangeIsDrift) {
+  Draws draws(11);
+  const NoiseStatistics n =
+      measure_noise(shutter_session([&](int k, int, int) { return draws.normal() + 0.02 * k / kFrames; }), kNoNoise);
+  EXPECT_LT(n.drift_p, 1e-12);
+  EXPECT_NEAR(n.drift_k, 0.02, 0.004);
+}
+
+TEST(MeasureNoise, ANeighbourThatSharesNoiseShows) {
+  Draws draws(12);
+  double left = 0.0;
+  const NoiseStatistics n = measure_noise(shutter_session([&](int, int, int) {
+                                            const double fresh = draws.normal();
+                                            const double shown = fresh + 0.05 * left;
+                                            left = fresh;
+                                            return shown;
+                                          }),
+                                          kNoNoise);
+  EXPECT_GT(n.neighbour_row_z, 8.0);
+  EXPECT_LT(std::abs(n.neighbour_column_z), 8.0);
+}
+
+TEST(IsStill, ToldFromMotion) {
+  Draws draws(13);
+  Session session = testing::session_of(
+      {testing::shutter(60, [&](int, int, int) { return draws.normal(); }),
+       testing::shutter(60, [&](int k, int, int c) { return draws.normal() + 2.0 * std::sin(0.3 * c + 0.2 * k); })});
+  EXPECT_TRUE(is_still(session, session.recordings[0]));
+  EXPECT_FALSE(is_still(session, session.recordings[1]));
+}
+
+}  // namespace
+}  // namespace bolo::diagnose

@@ -1,0 +1,182 @@
+// Where the stimulus is and when frames were taken, from simulated recordings whose truth is known.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+
+#include "src/diagnose/nuisance.hpp"
+#include "src/diagnose/transport.hpp"
+#include "tests/diagnose/bench.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+using testing::noisy_camera;
+using testing::odd_chopper;
+using testing::record;
+using testing::slanted_bars;
+
+constexpr double kFloorK = 0.03;
+constexpr double kPeriodPx = 20.0;
+
+std::vector<int> all_pixels() {
+  std::vector<int> pixels(static_cast<std::size_t>(testing::kWidth * testing::kHeight));
+  std::iota(pixels.begin(), pixels.end(), 0);
+  return pixels;
+}
+
+// Distance of two places of the target, whose pattern repeats.
+double apart(double a, double b) { return std::abs(a - b - kPeriodPx * std::round((a - b) / kPeriodPx)); }
+
+// The recording without frame `lost`; its times go on as if nothing had happened.
+Recording without_frame(Recording r, int lost) {
+  const Series values = r.values;
+  const int left = r.frames() - 1;
+  r.values.resize(left, values.cols());
+  r.values << values.topRows(lost), values.bottomRows(left - lost);
+  r.t.pop_back();
+  r.used.pop_back();
+  return r;
+}
+
+struct Registered {
+  State state;
+  std::vector<double> matched;
+};
+
+Registered registered(const Session& session) {
+  Registered out{nominal_state(session, {}), {}};
+  out.matched = register_stimuli(session, out.state, all_pixels());
+  return out;
+}
+
+TEST(RegisterStimuli, FindsThePhaseOfMovingBars) {
+  sim::StimulusError error;
+  error.phase = 0.37;
+  error.velocity = 0.008;
+  for (const double velocity : {70.0, -320.0}) {
+    const Session session = testing::session_of({record(noisy_camera(), slanted_bars(velocity), 120, error)});
+    const Registered r = registered(session);
+    EXPECT_GT(r.matched[0], 0.99);
+    for (std::size_t k = 0; k < 120; k += 17) {
+      const double truth = 0.37 * kPeriodPx + velocity * 1.008 * session.recordings[0].t[k];
+      EXPECT_LT(apart(r.state.stimuli[0].shift_px[k], truth), 0.03) << velocity << " px/s, frame " << k;
+      EXPECT_NEAR(r.state.stimuli[0].speed_px_s[k] / velocity, 1.008, 0.006);
+    }
+  }
+}
+
+TEST(RegisterStimuli, FindsThePhaseOfAStillTarget) {
+  sim::StimulusError error;
+  error.phase = 0.81;
+  const Session session = testing::session_of({record(noisy_camera(), slanted_bars(0.0), 60, error)});
+  const Registered r = registered(session);
+  EXPECT_GT(r.matched[0], 0.99);
+  EXPECT_LT(apart(r.state.stimuli[0].phase_px, 0.81 * kPeriodPx), 0.01);
+}
+
+TEST(RegisterStimuli, FindsTheDelayOfAChopper) {
+  for (const double start_s : {-0.0043, 0.0, 0.0049}) {
+    sim::StimulusError error;
+    error.start_s = start_s;
+    const Session session = testing::session_of({record(noisy_camera(), odd_chopper(), 240, error)});
+    const Registered r = registered(session);
+    EXPECT_GT(r.matched[0], 0.99);
+    EXPECT_NEAR(r.state.stimuli[0].delay_s, start_s, 0.0006);
+  }
+}
+
+TEST(RegisterStimuli, SaysWhenTheRecordingShowsSomethingElse) {
+  Recording wrong = record(noisy_camera(), capture::Uniform{300.0}, 120);
+  wrong.stimulus = odd_chopper();
+  wrong.kind = Kind::kChopper;
+  Recording bars = record(noisy_camera(), capture::Uniform{300.0}, 120);
+  bars.stimulus = slanted_bars(70.0);
+  bars.kind = Kind::kMovingBars;
+  const Registered r = registered(testing::session_of({std::move(wrong), std::move(bars)}));
+  EXPECT_LT(r.matched[0], 0.6);
+  EXPECT_LT(r.matched[1], 0.6);
+}
+
+TEST(JudgeTransport, FindsNothingInRegularRecordings) {
+  const Session session = testing::session_of({record(noisy_camera(1), slanted_bars(70.0), 160),
+                                               record(noisy_camera(2), slanted_bars(-320.0), 160),
+                                               record(noisy_camera(3), odd_chopper(), 240)});
+  Registered r = registered(session);
+  const Transport t = judge_transport(session, r.state, kFloorK, all_pixels());
+  EXPECT_EQ(t.lost, 0);
+  EXPECT_EQ(t.inserted, 0);
+  EXPECT_LT(t.jitter_s, 4e-5);
+}
+
+TEST(JudgeTransport, FindsALostFrameOfMovingBars) {
+  const Session session = testing::session_of({without_frame(record(noisy_camera(), slanted_bars(-320.0), 160), 83)});
+  Registered r = registered(session);
+  const Transport t = judge_transport(session, r.state, kFloorK, all_pixels());
+  EXPECT_EQ(t.lost, 1);
+  EXPECT_EQ(t.inserted, 0);
+  EXPECT_EQ(r.state.stimuli[0].late_s[82], 0.0);
+  EXPECT_NEAR(r.state.stimuli[0].late_s[83], 0.005, 1e-9);
+  EXPECT_NEAR(r.state.stimuli[0].late_s[158], 0.005, 1e-9);
+  const State plain = without_transport(session, r.state);
+  EXPECT_EQ(plain.stimuli[0].late_s[158], 0.0);
+}
+
+TEST(JudgeTransport, FindsALostFrameOfAChopper) {
+  const Session session = testing::session_of({without_frame(record(noisy_camera(), odd_chopper(), 240), 100)});
+  Registered r = registered(session);
+  const Transport t = judge_transport(session, r.state, kFloorK, all_pixels());
+  EXPECT_EQ(t.lost, 1);
+  EXPECT_EQ(t.inserted, 0);
+  EXPECT_NEAR(r.state.stimuli[0].late_s[238], 0.005, 1e-9);
+}
+
+TEST(JudgeTransport, MeasuresJitter) {
+  sim::CameraSettings camera = noisy_camera();
+  camera.effects.push_back(*sim::parse_effect("jitter:rms_s=5e-4"));
+  const Session session = testing::session_of({record(camera, slanted_bars(-320.0), 240)});
+  Registered r = registered(session);
+  const Transport t = judge_transport(session, r.state, kFloorK, all_pixels());
+  EXPECT_NEAR(t.jitter_s, 5e-4, 1e-4);
+  EXPECT_GT(t.jitter_error_s, 0.0);
+  EXPECT_EQ(t.lost + t.inserted, 0);
+}
+
+TEST(Nuisances, BelongToTheStimuliThatHaveThem) {
+  const Session session =
+      testing::session_of({record(noisy_camera(), capture::Uniform{300.0}, 20),
+                           record(noisy_camera(), odd_chopper(), 20), record(noisy_camera(), slanted_bars(0.0), 20)});
+  State state = nominal_state(session, {});
+  const auto all = nuisances(session, state);
+  const auto levels = std::ranges::count_if(all, &Nuisance::is_level);
+  EXPECT_EQ(levels, 1 + 3 + 2);
+  const auto named = [&](const std::string& name) {
+    return std::ranges::count_if(all, [&](const Nuisance& n) { return n.coordinate.name == name; });
+  };
+  EXPECT_EQ(named("sweep"), 1);
+  EXPECT_EQ(named("delay"), 1);
+  for (const Nuisance& n : all) {
+    const double before = n.coordinate.get(state);
+    n.coordinate.set(state, before + n.coordinate.step);
+    EXPECT_NEAR(n.coordinate.get(state), before + n.coordinate.step, 1e-9) << n.coordinate.name;
+    n.coordinate.set(state, before);
+  }
+}
+
+TEST(Nuisances, LevelsThatAgreeWithTheFilesSayThatTheBenchIsGood) {
+  const Session session = testing::session_of(
+      {record(noisy_camera(), capture::Uniform{300.0}, 20), record(noisy_camera(), odd_chopper(), 20)});
+  State state = nominal_state(session, {});
+  const auto all = nuisances(session, state);
+  const double good = level_spread(all, state);
+  const double evidence = level_evidence(all, state);
+  for (const Nuisance& n : all) {
+    if (n.is_level) n.coordinate.set(state, n.nominal + 0.5);
+  }
+  EXPECT_LT(good, 0.02);
+  EXPECT_GT(level_spread(all, state), 0.2);
+  EXPECT_LT(level_evidence(all, state), evidence);
+}
+
+}  // namespace
+}  // namespace bolo::diagnose

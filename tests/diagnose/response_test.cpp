@@ -1,0 +1,169 @@
+// The closed-form predictions against the simulator, which steps every pixel through time.
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <numeric>
+
+#include "src/diagnose/model.hpp"
+#include "tests/diagnose/bench.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+using testing::ideal_camera;
+
+// One camera, as the simulator and as the diagnosis describe it.
+struct Case {
+  std::string name;
+  std::vector<std::string> effects;
+  std::function<void(State&)> apply;
+  double window_s = 0.0;  // the simulator's window ends at the frame's time, the diagnosis' is centred on it
+  double tolerance_k = 0.003;
+  sim::StimulusError error{};  // of the chopper
+};
+
+std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.name; }
+
+std::vector<Case> cases() {
+  sim::StimulusError blade;
+  blade.softness_s = 0.004;
+  return {
+      {"nominal", {}, [](State&) {}},
+      {"slower", {"tau_global:scale=1.2"}, [](State& s) { s.camera.response.tau_s *= 1.2; }},
+      {"slow_pole",
+       {"slow_pole:share=0.03,slow_tau_s=0.2"},
+       [](State& s) {
+         s.camera.response.slow_share = 0.03;
+         s.camera.response.slow_tau_s = 0.2;
+       }},
+      {"blurred", {"optical_psf:sigma_px=0.8"}, [](State& s) { s.camera.response.blur_px2 = 0.64; }},
+      {"coupled", {"crosstalk:coupling=0.05"}, [](State& s) { s.camera.response.coupling = 0.05; }},
+      {"window", {"integration_window:window_s=0.003"}, [](State& s) { s.camera.response.window_s = 0.003; }, 0.003},
+      {"rows", {"row_delay:row_delay_s=4e-5"}, [](State& s) { s.camera.row_delay_s = 4e-5; }},
+      {"halves",
+       {"row_delay:row_delay_s=4e-5,form=halves"},
+       [](State& s) {
+         s.camera.row_delay_s = 4e-5;
+         s.camera.two_halves = true;
+       }},
+      {"recursive",
+       {"iir:alpha=0.7"},
+       [](State& s) {
+         s.camera.response.filter = FrameFilter::kRecursive;
+         s.camera.response.alpha = 0.7;
+       }},
+      {"box",
+       {"iir:alpha=0.7,form=box"},
+       [](State& s) {
+         s.camera.response.filter = FrameFilter::kBox;
+         s.camera.response.alpha = 0.7;
+       }},
+      {"skewed", {"clock_skew:skew=5e-4"}, [](State& s) { s.camera.clock_skew = 5e-4; }},
+      {"radiance",
+       {"radiometric_nonlinearity"},
+       [](State& s) {
+         s.camera.radiance = 1.0;
+         s.camera.edges_in_temperature = true;
+       }},
+      {"emissivity",
+       {"emissivity:emissivity=0.95,surroundings_k=295"},
+       [](State& s) {
+         s.camera.reflected = 0.05;
+         s.camera.edges_in_temperature = true;
+       }},
+      {"soft_blade", {}, [](State& s) { s.stimuli[0].softness_s = 0.004; }, 0.0, 0.003, blade},
+  };
+}
+
+class Prediction : public ::testing::TestWithParam<Case> {
+ protected:
+  // Largest difference between prediction and simulation, K, away from the frame's border: there the simulator has no
+  // neighbours, the Fourier series does.
+  double largest(const capture::Stimulus& stimulus, int frames, const sim::StimulusError& error = {}) {
+    const Case& c = GetParam();
+    sim::CameraSettings camera = ideal_camera();
+    for (const std::string& text : c.effects) {
+      auto effect = sim::parse_effect(text);
+      EXPECT_TRUE(effect) << effect.error().message;
+      camera.effects.push_back(*effect);
+    }
+    const Session session = testing::session_of({testing::record(camera, stimulus, frames, error)});
+    State state = nominal_state(session, {});
+    c.apply(state);
+    StimulusState& s = state.stimuli[0];
+    s.delay_s = c.window_s / 2.0;
+    for (std::size_t k = 0; k < s.shift_px.size(); ++k) {
+      const double t_s = session.recordings[0].t[k] * (1.0 + state.camera.clock_skew) - c.window_s / 2.0;
+      s.shift_px[k] = std::get<capture::BarTarget>(stimulus).velocity_px_s * t_s;
+      s.speed_px_s[k] *= 1.0 + state.camera.clock_skew;
+    }
+    std::vector<int> inner;
+    for (int p = 0; p < session.grid.pixels(); ++p) {
+      const int row = session.grid.row_of(p);
+      const int column = session.grid.column_of(p);
+      const bool near = row < 5 || column < 5 || row >= testing::kHeight - 5 || column >= testing::kWidth - 5;
+      if (!near) inner.push_back(p);
+    }
+    const Series predicted = predict(session, 0, state, inner);
+    double worst = 0.0;
+    for (int k = 0; k < frames; ++k) {
+      for (std::size_t j = 0; j < inner.size(); ++j) {
+        const float difference = predicted(k, static_cast<Eigen::Index>(j)) - session.recordings[0].values(k, inner[j]);
+        worst = std::max(worst, std::abs(static_cast<double>(difference)));
+      }
+    }
+    return worst;
+  }
+};
+
+TEST_P(Prediction, AgreesOnAChopperWithPulsesAtOddTimes) {
+  EXPECT_LT(largest(testing::odd_chopper(), 240, GetParam().error), GetParam().tolerance_k);
+}
+
+TEST_P(Prediction, AgreesOnBarsThatMoveSlowlyForwards) {
+  EXPECT_LT(largest(testing::slanted_bars(68.3), 60), GetParam().tolerance_k);
+}
+
+TEST_P(Prediction, AgreesOnBarsThatMoveFastBackwards) {
+  EXPECT_LT(largest(testing::slanted_bars(-317.9), 60), GetParam().tolerance_k);
+}
+
+TEST_P(Prediction, AgreesOnAStillTarget) { EXPECT_LT(largest(testing::slanted_bars(0.0), 4), GetParam().tolerance_k); }
+
+INSTANTIATE_TEST_SUITE_P(OfCameras, Prediction, ::testing::ValuesIn(cases()),
+                         [](const auto& made) { return made.param.name; });
+
+TEST(StepTable, OneStepIsOneExponential) {
+  Response response;
+  const std::vector<Step> steps{{0.0123456, 10.0}};
+  const StepTable table(steps, response, 0.3);
+  EXPECT_EQ(table.at(0.0), 0.0);
+  for (const double t : {0.0124, 0.0200001, 0.05, 0.2}) {
+    EXPECT_NEAR(table.at(t), 10.0 * (1.0 - std::exp(-(t - 0.0123456) / response.tau_s)), 2e-5) << t;
+  }
+}
+
+TEST(StepTable, SeveralStepsWithinOneCellAddUp) {
+  Response response;
+  const std::vector<Step> steps{{0.010001, 3.0}, {0.010004, 4.0}, {0.010011, -2.0}};
+  const StepTable table(steps, response, 0.1);
+  double expected = 0.0;
+  for (const Step& s : steps) expected += s.height * (1.0 - std::exp(-(0.03 - s.t_s) / response.tau_s));
+  EXPECT_NEAR(table.at(0.03), expected, 1e-5);
+}
+
+TEST(BarTable, HasTheBarsMeanAndTheirPeriod) {
+  const Bars bars{20.0, 8.0, 0.0, 150.0, 0.0, 1.0};
+  const BarTable table(bars, {});
+  double mean = 0.0;
+  for (int i = 0; i < 2000; ++i) mean += table.at(i * 0.01) / 2000.0;
+  EXPECT_NEAR(mean, 0.4, 1e-4);
+  for (const double u : {0.3, 7.9, 12.1}) {
+    EXPECT_NEAR(table.at(u), table.at(u + 20.0), 1e-6);
+    EXPECT_NEAR(table.at(u), table.at(u - 60.0), 1e-6);
+    EXPECT_NEAR(table.slope(u), (table.at(u + 0.02) - table.at(u - 0.02)) / 0.04, 1e-5);
+  }
+}
+
+}  // namespace
+}  // namespace bolo::diagnose
