@@ -100,14 +100,16 @@ void count_chopper_steps(const Session& session, std::size_t index, State& state
   std::ranges::sort(edges);
   const auto frames = static_cast<std::size_t>(r.frames());
   const auto frame_at = [&](double t_s) {
-    return static_cast<std::size_t>(std::clamp<long>(std::lround(t_s / session.period_s), 0, static_cast<long>(frames)));
+    return static_cast<std::size_t>(
+        std::clamp<long>(std::lround(t_s / session.period_s), 0, static_cast<long>(frames)));
   };
   t.frames += static_cast<double>(frames);
   double late = 0.0;
   for (std::size_t e = 0; e < edges.size(); ++e) {
     const std::size_t begin = frame_at(edges[e] + s.delay_s - late - 0.012);
     const std::size_t end = frame_at(edges[e] + s.delay_s - late + 0.04);
-    const auto seen_frames = std::count(r.used.begin() + static_cast<long>(begin), r.used.begin() + static_cast<long>(end), 1);
+    const auto seen_frames =
+        std::count(r.used.begin() + static_cast<long>(begin), r.used.begin() + static_cast<long>(end), 1);
     if (begin + 3 >= end || seen_frames < 7) continue;
     double best = 1e300;
     int best_periods = 0;
@@ -145,25 +147,37 @@ void count_chopper_steps(const Session& session, std::size_t index, State& state
 
 Transport judge_transport(const Session& session, State& state, double floor_k, std::span<const int> pixels) {
   Transport t;
-  double sum = 0.0;
-  double noise = 0.0;
-  double count = 0.0;
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     const Recording& r = session.recordings[i];
     if (!has_model(r)) continue;
     if (r.kind == Kind::kMovingBars) {
       count_steps(session, i, state, t);
-      add_jitter(session, i, state, floor_k, pixels, sum, noise, count);
     } else if (r.kind == Kind::kChopper) {
       count_chopper_steps(session, i, state, pixels, t);
     }
   }
-  if (count > 10.0) {
-    t.measured_s = std::sqrt(noise / count);
-    t.jitter_s = std::sqrt(std::max(0.0, (sum - noise) / count));
-    t.jitter_error_s = (sum / count) * std::sqrt(3.0 / count) / std::max(1e-9, 2.0 * t.jitter_s);
-  }
+  judge_jitter(session, state, floor_k, pixels, t);
   return t;
+}
+
+void judge_jitter(const Session& session, const State& state, double floor_k, std::span<const int> pixels,
+                  Transport& transport) {
+  double sum = 0.0;
+  double noise = 0.0;
+  double count = 0.0;
+  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
+    if (has_model(session.recordings[i]) && session.recordings[i].kind == Kind::kMovingBars) {
+      add_jitter(session, i, state, floor_k, pixels, sum, noise, count);
+    }
+  }
+  if (count <= 10.0) return;
+  transport.measured_s = std::sqrt(noise / count);
+  transport.jitter_s = std::sqrt(std::max(0.0, (sum - noise) / count));
+  transport.jitter_error_s = (sum / count) * std::sqrt(3.0 / count) / std::max(1e-9, 2.0 * transport.jitter_s);
+}
+
+bool is_jittered(const Transport& t) {
+  return t.jitter_s > 4e-5 && t.jitter_s > 2.0 * t.measured_s && t.jitter_s > 5.0 * t.jitter_error_s;
 }
 
 State without_transport(const Session& session, const State& state) {
