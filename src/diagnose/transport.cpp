@@ -9,6 +9,8 @@ namespace {
 
 using Eigen::Index;
 
+constexpr double kMuchBetter = 0.3;  // of the squared error without a step
+
 std::vector<std::size_t> used_frames(const Recording& r) {
   std::vector<std::size_t> frames;
   for (std::size_t k = 0; k < r.used.size(); ++k) {
@@ -67,16 +69,32 @@ void add_jitter(const Session& session, std::size_t index, const State& state, d
   }
 }
 
+// What is left of the frames [from, to) when the prediction's level and contrast are free: those may be off by tenths
+// of a kelvin, or jump.
 double predicted_error(const Session& session, std::size_t index, const State& state, const Eigen::ArrayXd& seen,
                        std::span<const int> few, std::size_t from, std::size_t to) {
   const Series y = predict(session, index, state, few);
-  double sum = 0.0;
+  double n = 0.0;
+  double sx = 0.0;
+  double sy = 0.0;
+  double sxx = 0.0;
+  double sxy = 0.0;
+  double syy = 0.0;
   for (std::size_t k = from; k < to; ++k) {
     if (session.recordings[index].used[k] == 0) continue;
-    const double error = seen[static_cast<Index>(k)] - static_cast<double>(y.row(static_cast<Index>(k)).mean());
-    sum += error * error;
+    const auto x = static_cast<double>(y.row(static_cast<Index>(k)).mean()) - kGainReference;
+    const double v = seen[static_cast<Index>(k)] - kGainReference;
+    n += 1.0;
+    sx += x;
+    sy += v;
+    sxx += x * x;
+    sxy += x * v;
+    syy += v * v;
   }
-  return sum;
+  const double xx = sxx - sx * sx / n;
+  const double xy = sxy - sx * sy / n;
+  const double yy = syy - sy * sy / n;
+  return xx > 1e-9 && xy > 0.0 ? yy - xy * xy / xx : yy;
 }
 
 // Walks from edge to edge of the chopper: when the next edge comes whole periods early or late, frames were lost or
@@ -111,13 +129,15 @@ void count_chopper_steps(const Session& session, std::size_t index, State& state
     const auto seen_frames =
         std::count(r.used.begin() + static_cast<long>(begin), r.used.begin() + static_cast<long>(end), 1);
     if (begin + 3 >= end || seen_frames < 7) continue;
-    double best = 1e300;
-    int best_periods = 0;
     State trial = state;
-    for (int periods = -3; periods <= 3; ++periods) {
+    for (std::size_t k = begin; k < frames; ++k) trial.stimuli[index].late_s[k] = late;
+    // A step must explain much better than none.
+    double best = kMuchBetter * predicted_error(session, index, trial, seen, few, begin, end);
+    int best_periods = 0;
+    for (const int periods : {-1, 1, -2, 2, -3, 3}) {
       for (std::size_t k = begin; k < frames; ++k) trial.stimuli[index].late_s[k] = late + periods * session.period_s;
       const double error = predicted_error(session, index, trial, seen, few, begin, end);
-      if (error < best * (periods == 0 ? 1.05 : 0.7)) {
+      if (error < best) {
         best = error;
         best_periods = periods;
       }
