@@ -15,9 +15,9 @@ struct Response {
   double tau_s = 0.011;
   double slow_share = 0.0;  // of the response, with slow_tau_s
   double slow_tau_s = 0.15;
-  double window_s = 0.0;    // the read-out is the mean over this time; its centre is the sample's time
-  double blur_px2 = 0.0;    // variance of the optics' Gaussian blur
-  double coupling = 0.0;    // to each of four neighbours, in units of the conductance to the substrate
+  double window_s = 0.0;  // the read-out is the mean over this time; its centre is the sample's time
+  double blur_px2 = 0.0;  // variance of the optics' Gaussian blur
+  double coupling = 0.0;  // to each of four neighbours, in units of the conductance to the substrate
   FrameFilter filter = FrameFilter::kNone;
   double alpha = 1.0;       // weight of the new frame
   double period_s = 0.005;  // between frames

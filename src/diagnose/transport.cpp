@@ -100,14 +100,16 @@ void count_chopper_steps(const Session& session, std::size_t index, State& state
   std::ranges::sort(edges);
   const auto frames = static_cast<std::size_t>(r.frames());
   const auto frame_at = [&](double t_s) {
-    return static_cast<std::size_t>(std::clamp<long>(std::lround(t_s / session.period_s), 0, static_cast<long>(frames)));
+    return static_cast<std::size_t>(
+        std::clamp<long>(std::lround(t_s / session.period_s), 0, static_cast<long>(frames)));
   };
   t.frames += static_cast<double>(frames);
   double late = 0.0;
   for (std::size_t e = 0; e < edges.size(); ++e) {
     const std::size_t begin = frame_at(edges[e] + s.delay_s - late - 0.012);
     const std::size_t end = frame_at(edges[e] + s.delay_s - late + 0.04);
-    const auto seen_frames = std::count(r.used.begin() + static_cast<long>(begin), r.used.begin() + static_cast<long>(end), 1);
+    const auto seen_frames =
+        std::count(r.used.begin() + static_cast<long>(begin), r.used.begin() + static_cast<long>(end), 1);
     if (begin + 3 >= end || seen_frames < 7) continue;
     double best = 1e300;
     int best_periods = 0;
