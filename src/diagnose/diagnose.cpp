@@ -26,7 +26,9 @@ class Diagnosis {
 
  private:
   bool allowed(const std::string& name) const { return std::ranges::count(options_.withheld, name) == 0; }
-  void remain(const std::string& stage, const std::string& where, double z) { remainders_.push_back({stage, where, z}); }
+  void remain(const std::string& stage, const std::string& where, double z) {
+    remainders_.push_back({stage, where, z});
+  }
   // An effect with statistics of its own: named, or, when it is withheld, left over.
   void found(FoundEffect effect, double z, const std::string& where);
   void judge_events();
@@ -152,8 +154,10 @@ void Diagnosis::judge_noise() {
                  "the noise is stronger than the profile says");
   }
   if (noise_.line_p < 1e-6) {
-    remain("readout", "a line at " + std::to_string(static_cast<int>(std::lround(noise_.line_hz))) +
-                          " Hz in the means of frames or of their halves", 8.0);
+    remain("readout",
+           "a line at " + std::to_string(static_cast<int>(std::lround(noise_.line_hz))) +
+               " Hz in the means of frames or of their halves",
+           8.0);
   }
   // Neighbours that share noise: what flicker and stripes leave is taken out already.
   if (std::abs(noise_.neighbour_row_z) > 8.0) {
@@ -229,8 +233,8 @@ Result<bool> Diagnosis::judge_means() {
   const std::vector<double> matched = register_stimuli(session_, state_, some);
   for (std::size_t i = 0; i < matched.size(); ++i) {
     if (matched[i] >= kLeastCorrelation) continue;
-    report_.warnings.push_back(session_.recordings[i].name +
-                               ": does not show what its /stimulus says (" + std::string(name_of(session_.recordings[i].kind)) +
+    report_.warnings.push_back(session_.recordings[i].name + ": does not show what its /stimulus says (" +
+                               std::string(name_of(session_.recordings[i].kind)) +
                                "); used for noise and events only. Check that the right file has this name");
     session_.recordings[i].kind = Kind::kField;
     raw_.recordings[i].kind = Kind::kField;
@@ -241,7 +245,7 @@ Result<bool> Diagnosis::judge_means() {
     e.parameters["level_k"] = interval(state_.camera.clip_k, session_.recordings.front().step);
     found(std::move(e), 20.0, "values pile up at a ceiling");
   }
-  const Transport transport = judge_transport(session_, state_, floor_k_, some);
+  Transport transport = judge_transport(session_, state_, floor_k_, some);
   smooth_speeds(session_, state_);
   Fitter fitter(session_, floor_k_, options_.threads);
   FitResult base = fitter.fit(state_, {}, 4);
@@ -253,7 +257,8 @@ Result<bool> Diagnosis::judge_means() {
     for (std::size_t p = 0; p < all.size(); ++p) all[p] = static_cast<int>(p);
     for (Jump& jump : jumps_) {
       const Recording& r = session_.recordings[jump.recording];
-      if (r.kind != Kind::kUniform) remove_jump(session_, jump, r.values - predict(session_, jump.recording, base.state, all));
+      if (r.kind != Kind::kUniform)
+        remove_jump(session_, jump, r.values - predict(session_, jump.recording, base.state, all));
     }
     base = fitter.fit(base.state, {}, 2);
   }
@@ -271,23 +276,36 @@ Result<bool> Diagnosis::judge_means() {
     e.parameters["per_thousand"] = interval(rate, std::sqrt(static_cast<double>(losses)) / frames * 1000.0);
     found(std::move(e), 10.0, "frames are lost or repeated without a gap in the counter");
   }
-  const bool jittered = transport.jitter_s > 4e-5 && transport.jitter_s > 2.0 * transport.measured_s &&
-                        transport.jitter_s > 5.0 * transport.jitter_error_s;
-  if (jittered) {
-    FoundEffect e = named("jitter", 0.99);
-    e.parameters["rms_s"] = interval(transport.jitter_s, transport.jitter_error_s);
-    found(std::move(e), 10.0, "the sampling time of frames varies");
-    for (std::size_t i = 0; i < session_.recordings.size(); ++i) {
-      base.state.stimuli[i].times_free = session_.recordings[i].kind == Kind::kChopper;
-    }
-    base = fitter.fit(base.state, {}, 4);
-  }
   const bool may_drift = noise_.drift_p < 1e-6 && noise_.drift_k > 0.003;
   const auto may = [&](const Effect& effect) {
     if (!allowed(effect.name)) return false;
     return effect.name != "drift" || may_drift;
   };
-  const Selection selection = select_effects(fitter, base, may, progress_);
+  const auto free_times = [&](bool free) {
+    for (std::size_t i = 0; i < session_.recordings.size(); ++i) {
+      StimulusState& stimulus = base.state.stimuli[i];
+      if (session_.recordings[i].kind != Kind::kChopper) continue;
+      stimulus.times_free = free;
+      stimulus.late_s = state_.stimuli[i].late_s;  // whole periods only
+    }
+    base = fitter.fit(base.state, {}, 4);
+  };
+  bool jittered = is_jittered(transport);
+  if (jittered) free_times(true);
+  Selection selection = select_effects(fitter, base, may, progress_);
+  judge_jitter(session_, selection.fit.state, floor_k_, some, transport);
+  if (is_jittered(transport) != jittered) {
+    jittered = !jittered;
+    free_times(jittered);
+    selection = select_effects(fitter, base, may, progress_);
+    judge_jitter(session_, selection.fit.state, floor_k_, some, transport);
+    jittered = jittered && is_jittered(transport);
+  }
+  if (jittered) {
+    FoundEffect e = named("jitter", 0.99);
+    e.parameters["rms_s"] = interval(transport.jitter_s, transport.jitter_error_s);
+    found(std::move(e), 10.0, "the sampling time of frames varies");
+  }
   // What the nominal camera leaves, with the errors of the stimuli taken out but nothing of the camera.
   nominal_ = without_transport(session_, base.state);
   nominal_.camera.response.filter = FrameFilter::kNone;
@@ -317,8 +335,8 @@ Result<bool> Diagnosis::judge_means() {
     e.gap_after = chosen.gap_after;
     e.alternatives = chosen.alternatives;
     if (chosen.choice.effect->report) {
-      e.parameters = chosen.choice.effect->report(session_, selection.fit.state, selection.fit.value[c],
-                                                  selection.fit.error[c]);
+      e.parameters =
+          chosen.choice.effect->report(session_, selection.fit.state, selection.fit.value[c], selection.fit.error[c]);
     }
     report_.effects.push_back(std::move(e));
   }
@@ -361,13 +379,15 @@ Result<bool> Diagnosis::judge_means() {
       out["delay_s"] = s.delay_s;
       out["softness_s"] = s.softness_s;
     }
-    if (r.kind == Kind::kStillBars || r.kind == Kind::kMovingBars) out["edge_px"] = std::sqrt(std::max(0.0, s.edge_px2));
+    if (r.kind == Kind::kStillBars || r.kind == Kind::kMovingBars)
+      out["edge_px"] = std::sqrt(std::max(0.0, s.edge_px2));
     if (r.kind == Kind::kStillBars) out["phase_px"] = s.phase_px;
     if (r.kind == Kind::kMovingBars) {
       double mean = 0.0;
       for (const double v : s.speed_px_s) mean += v / static_cast<double>(s.speed_px_s.size());
       double scatter = 0.0;
-      for (const double v : s.speed_px_s) scatter += (v / mean - 1.0) * (v / mean - 1.0) / static_cast<double>(s.speed_px_s.size());
+      for (const double v : s.speed_px_s)
+        scatter += (v / mean - 1.0) * (v / mean - 1.0) / static_cast<double>(s.speed_px_s.size());
       out["phase_px"] = s.shift_px.front();
       out["velocity_error"] = mean / from_files.stimuli[i].speed_px_s.front() - 1.0;
       out["velocity_unevenness"] = std::sqrt(scatter);
@@ -387,8 +407,9 @@ void Diagnosis::conclude() {
   if (noise_.frames > 0 && nominal > 0.0) {
     const auto square = [](double v) { return v * v; };
     const double measured = square(noise_.total_k);
-    const double apart = std::abs(measured - square(nominal)) / square(nominal) + square(noise_.flicker.value / nominal) +
-                         square(noise_.rows.value / nominal) + square(noise_.columns.value / nominal);
+    const double apart = std::abs(measured - square(nominal)) / square(nominal) +
+                         square(noise_.flicker.value / nominal) + square(noise_.rows.value / nominal) +
+                         square(noise_.columns.value / nominal);
     report_.noise_gap_before = std::sqrt(1.0 + apart);
     double left = 0.0;
     const auto has = [&](const std::string& name) {
@@ -396,8 +417,8 @@ void Diagnosis::conclude() {
     };
     if (!has("flicker")) left += square(noise_.flicker.value / nominal);
     if (!has("stripes")) left += square(noise_.rows.value / nominal) + square(noise_.columns.value / nominal);
-    const bool spectral = has("iir") || has("one_over_f") || has("noise_level") || has("heavy_tail") ||
-                          has("coarse_quantisation");
+    const bool spectral =
+        has("iir") || has("one_over_f") || has("noise_level") || has("heavy_tail") || has("coarse_quantisation");
     if (!spectral) left += std::abs(square(noise_.sigma_tvh) - square(nominal)) / square(nominal);
     report_.noise_gap_after = std::sqrt(1.0 + left);
     for (FoundEffect& e : report_.effects) {
@@ -405,18 +426,21 @@ void Diagnosis::conclude() {
       e.gap_before = report_.noise_gap_before;
       e.gap_after = report_.noise_gap_after;
     }
-    report_.noise = {{"total", "K", noise_.total_k, nominal, std::sqrt(std::max(0.0, measured - left * square(nominal)))},
-                     {"sigma_tvh (pixel)", "K", noise_.sigma_tvh, nominal, spectral ? noise_.sigma_tvh : nominal},
-                     {"sigma_t (frame)", "K", noise_.flicker.value, 0.0, has("flicker") ? noise_.flicker.value : 0.0},
-                     {"sigma_tv (row)", "K", noise_.rows.value, 0.0, has("stripes") ? noise_.rows.value : 0.0},
-                     {"sigma_th (column)", "K", noise_.columns.value, 0.0, has("stripes") ? noise_.columns.value : 0.0}};
+    report_.noise = {
+        {"total", "K", noise_.total_k, nominal, std::sqrt(std::max(0.0, measured - left * square(nominal)))},
+        {"sigma_tvh (pixel)", "K", noise_.sigma_tvh, nominal, spectral ? noise_.sigma_tvh : nominal},
+        {"sigma_t (frame)", "K", noise_.flicker.value, 0.0, has("flicker") ? noise_.flicker.value : 0.0},
+        {"sigma_tv (row)", "K", noise_.rows.value, 0.0, has("stripes") ? noise_.rows.value : 0.0},
+        {"sigma_th (column)", "K", noise_.columns.value, 0.0, has("stripes") ? noise_.columns.value : 0.0}};
   }
   if (!fitted_) {
     report_.gap_before = report_.noise_gap_before;
     report_.gap_after = report_.noise_gap_after;
   } else {
     // One figure: what the mean misses and what the noise's own statistics miss, in quadrature.
-    const auto both = [](double mean, double noise) { return std::sqrt(std::max(0.0, mean * mean + noise * noise - 1.0)); };
+    const auto both = [](double mean, double noise) {
+      return std::sqrt(std::max(0.0, mean * mean + noise * noise - 1.0));
+    };
     report_.gap_before = both(report_.gap_before, report_.noise_gap_before);
     report_.gap_after = both(report_.gap_after, report_.noise_gap_after);
   }
@@ -424,9 +448,10 @@ void Diagnosis::conclude() {
   std::ranges::stable_sort(report_.effects, std::greater{}, [](const FoundEffect& e) {
     return std::max(e.gap_before, 1.0) / std::max(e.gap_after, 0.5);
   });
-  report_.closed_fraction = report_.gap_before > 1.001
-                                ? std::clamp((report_.gap_before - report_.gap_after) / (report_.gap_before - 1.0), 0.0, 1.0)
-                                : 0.0;
+  report_.closed_fraction =
+      report_.gap_before > 1.001
+          ? std::clamp((report_.gap_before - report_.gap_after) / (report_.gap_before - 1.0), 0.0, 1.0)
+          : 0.0;
   std::ranges::sort(remainders_, std::greater{}, &Remainder::z);
   const double tests = std::max<double>(1.0, static_cast<double>(remainders_.size()));
   const double worst = remainders_.empty() ? 0.0 : remainders_.front().z;
@@ -490,7 +515,8 @@ Result<Report> Diagnosis::run() {
 Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, const Options& options,
                         const Progress& progress) {
   for (const std::string& name : options.withheld) {
-    if (find_effect(name) == nullptr) return bad_input("--withhold " + name + ": no effect of the catalogue has this name");
+    if (find_effect(name) == nullptr)
+      return bad_input("--withhold " + name + ": no effect of the catalogue has this name");
   }
   const auto start = std::chrono::steady_clock::now();
   auto session = read_session(captures, progress);

@@ -16,8 +16,8 @@ namespace bolo::diagnose {
 // One number that the effect adds to the model; 0 means that the effect is not there.
 struct Coordinate {
   std::string name;
-  double step = 0.0;   // for differences, and a typical size
-  double low = 0.0;    // where the model is valid
+  double step = 0.0;  // for differences, and a typical size
+  double low = 0.0;   // where the model is valid
   double high = 0.0;
   std::function<double(const State&)> get;
   std::function<void(State&, double)> set;

@@ -39,7 +39,8 @@ Still steady_series(const Recording& r) {
   std::vector<double> frame(static_cast<std::size_t>(r.values.cols()));
   for (Index k = 0; k < r.values.rows(); ++k) {
     if (r.used[static_cast<std::size_t>(k)] == 0) continue;
-    for (Index p = 0; p < r.values.cols(); ++p) frame[static_cast<std::size_t>(p)] = static_cast<double>(r.values(k, p));
+    for (Index p = 0; p < r.values.cols(); ++p)
+      frame[static_cast<std::size_t>(p)] = static_cast<double>(r.values(k, p));
     const auto centre = static_cast<float>(median(frame));
     for (Index p = 0; p < r.values.cols(); ++p) {
       still.series[static_cast<std::size_t>(p)].push_back(r.values(k, p) - centre);
@@ -118,8 +119,8 @@ TwoLevels two_levels(const std::vector<float>& x) {
   return t;
 }
 
-void judge_still(const Session& session, const Recording& r, BadPixels& bad, std::vector<double>& steps,
-                 double& jumps, double& seconds) {
+void judge_still(const Session& session, const Recording& r, BadPixels& bad, std::vector<double>& steps, double& jumps,
+                 double& seconds) {
   const Still still = steady_series(r);
   if (still.series.front().size() < 32) return;
   std::vector<double> sigma;
@@ -200,7 +201,8 @@ BadPixels find_dead_pixels(Session& session) {
     const double usual = median(sigma);
     const double usual_rough = median(rough);
     for (std::size_t p = 0; p < sigma.size(); ++p) {
-      if (sigma[p] > 5.0 * usual && usual > 0.0 && rough[p] > 0.5 * usual_rough) bad.noisy.push_back(static_cast<int>(p));
+      if (sigma[p] > 5.0 * usual && usual > 0.0 && rough[p] > 0.5 * usual_rough)
+        bad.noisy.push_back(static_cast<int>(p));
     }
   }
   // Stuck everywhere: where a ceiling or a frozen recording holds all pixels, a few are not told from the others.
@@ -318,7 +320,8 @@ void remove_jump(Session& session, Jump& jump, const Series& residual) {
   double n_before = 0.0;
   double n_after = 0.0;
   for (Index k = 0; k < residual.rows(); ++k) {
-    if (r.used[static_cast<std::size_t>(k)] != 0) (static_cast<std::size_t>(k) >= jump.frame ? n_after : n_before) += 1.0;
+    if (r.used[static_cast<std::size_t>(k)] != 0)
+      (static_cast<std::size_t>(k) >= jump.frame ? n_after : n_before) += 1.0;
   }
   if (n_before < 1.0 || n_after < 1.0) return;
   double mean = 0.0;

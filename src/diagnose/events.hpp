@@ -18,15 +18,15 @@ struct Freeze {  // frames [first, last] repeat the one before
 // A step of the offset at one frame: global, or of each pixel.
 struct Jump {
   std::size_t recording = 0;
-  std::size_t frame = 0;     // the first one after it
+  std::size_t frame = 0;  // the first one after it
   double global_k = 0.0;
-  double pixel_k = 0.0;      // rms over the pixels about the global step, 0: all the same
+  double pixel_k = 0.0;  // rms over the pixels about the global step, 0: all the same
   bool after_freeze = false;
-  bool removed = false;      // global_k is what was taken out, not the first guess
+  bool removed = false;  // global_k is what was taken out, not the first guess
 };
 
 struct BadPixels {
-  std::vector<int> stuck;    // of the grid
+  std::vector<int> stuck;  // of the grid
   std::vector<int> noisy;
   std::vector<int> jumping;  // between two levels
   double step_k = 0.0;       // of the jumping ones, median

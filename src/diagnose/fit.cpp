@@ -12,8 +12,8 @@ namespace bolo::diagnose {
 namespace {
 
 constexpr int kFitPixels = 288;
-constexpr double kSettling_s = 0.1;  // of moving bars: what was before the first frame is not known
-constexpr int kBorder = 2;           // pixels at the sensor's edge, whose neighbours are not as the model has them
+constexpr double kSettling_s = 0.1;   // of moving bars: what was before the first frame is not known
+constexpr int kBorder = 2;            // pixels at the sensor's edge, whose neighbours are not as the model has them
 constexpr double kLargestStep = 8.0;  // of a coordinate in one round, in units of its typical size
 constexpr double kPriorFloor = 1e-12;
 constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: below it a frame says nothing of its time
@@ -101,8 +101,8 @@ struct Fitter::Columns {
 struct Fitter::Normal {
   MatrixXd train;
   VectorXd right;
-  std::vector<MatrixXd> test;  // augmented with the residual as the last column
-  std::vector<VectorXd> gradient;  // of training groups, for the robust errors: filled at the solution
+  std::vector<MatrixXd> test;          // augmented with the residual as the last column
+  std::vector<VectorXd> gradient;      // of training groups, for the robust errors: filled at the solution
   std::vector<MatrixXd> train_groups;  // augmented
 };
 
@@ -152,8 +152,8 @@ Fitter::Fitter(const Session& session, double floor_k, int threads)
     const int row = session.grid.row_of(p);
     const int column = session.grid.column_of(p);
     if (session.good[static_cast<std::size_t>(p)] == 0) continue;
-    if (border && (row < kBorder || row >= session.height - kBorder || column < kBorder ||
-                   column >= session.width - kBorder)) {
+    if (border &&
+        (row < kBorder || row >= session.height - kBorder || column < kBorder || column >= session.width - kBorder)) {
       continue;
     }
     all_pixels_.push_back(p);
@@ -410,9 +410,11 @@ FitResult Fitter::fit(const State& start, const std::vector<Choice>& choices, in
       }
     }
     for (std::size_t i = 0; i < groups.size(); ++i) {
-      if (columns[i].residual.size() > 0) weights += static_cast<double>((columns[i].residual.array() != 0.0F).count()) / 2.0;
+      if (columns[i].residual.size() > 0)
+        weights += static_cast<double>((columns[i].residual.array() != 0.0F).count()) / 2.0;
     }
-    // The prior speaks in nats of a well-predicted session; where nothing fits it would be lost, so it keeps its weight.
+    // The prior speaks in nats of a well-predicted session; where nothing fits it would be lost, so it keeps its
+    // weight.
     const double excess = std::max(1.0, squares / weights);
     MatrixXd with_prior = normal / excess;
     VectorXd pulled = right / excess;
@@ -452,8 +454,7 @@ FitResult Fitter::fit(const State& start, const std::vector<Choice>& choices, in
       MatrixXd outer = MatrixXd::Zero(count, count);
       for (const auto& of : groups) {
         for (const Group& g : of) {
-          const VectorXd gradient =
-              g.train.topRightCorner(count, 1) - g.train.topLeftCorner(count, count) * step;
+          const VectorXd gradient = g.train.topRightCorner(count, 1) - g.train.topLeftCorner(count, count) * step;
           outer += gradient * gradient.transpose();
         }
       }
@@ -571,7 +572,8 @@ std::vector<Gain> Fitter::screen(const FitResult& base, const std::vector<Choice
     MatrixXd a(size, size);
     VectorXd b(size);
     for (Index r = 0; r < size; ++r) {
-      for (Index c = 0; c < size; ++c) a(r, c) = normal(chosen[static_cast<std::size_t>(r)], chosen[static_cast<std::size_t>(c)]);
+      for (Index c = 0; c < size; ++c)
+        a(r, c) = normal(chosen[static_cast<std::size_t>(r)], chosen[static_cast<std::size_t>(c)]);
       b[r] = normal(chosen[static_cast<std::size_t>(r)], all);
     }
     add_prior(u, base.state, a, b);

@@ -48,10 +48,11 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
   const double half_width = (session.width - 1) / 2.0;
   const double half_height = (session.height - 1) / 2.0;
   const double corner = half_width * half_width + half_height * half_height;
-  const bool plain = c.corner_gain == 0.0 && c.corner_offset == 0.0 && c.heating_k == 0.0 && c.offset.size() == 0 && c.gain.size() == 0 && c.terms.empty() &&
-                     c.drift.empty();
+  const bool plain = c.corner_gain == 0.0 && c.corner_offset == 0.0 && c.heating_k == 0.0 && c.offset.size() == 0 &&
+                     c.gain.size() == 0 && c.terms.empty() && c.drift.empty();
   if (c.radiance != 0.0) {
-    const TemperatureTable temperature(c.radiance, static_cast<double>(y.minCoeff()), static_cast<double>(y.maxCoeff()));
+    const TemperatureTable temperature(c.radiance, static_cast<double>(y.minCoeff()),
+                                       static_cast<double>(y.maxCoeff()));
     for (float& v : y.reshaped()) v = static_cast<float>(temperature.at(static_cast<double>(v)));
   }
   if (plain) return;
@@ -89,8 +90,8 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
 }
 
 Bars bars_of(const capture::BarTarget& target, const StimulusState& stimulus, double velocity_px_s) {
-  return {target.period_px, target.bar_width_px, target.slant_px_per_row, velocity_px_s, stimulus.edge_px2,
-          stimulus.aperture_px};
+  return {target.period_px, target.bar_width_px, target.slant_px_per_row,
+          velocity_px_s,    stimulus.edge_px2,   stimulus.aperture_px};
 }
 
 std::vector<Step> steps_of(const capture::Chopper& chopper, const StimulusState& stimulus, const CameraModel& c) {
@@ -154,9 +155,9 @@ Series predict_chopper(const Session& session, std::size_t index, const State& s
     for (Eigen::Index k = 0; k < y.rows(); ++k) {
       const auto frame = static_cast<std::size_t>(k);
       const double t = recording.t[frame] * (1.0 + c.clock_skew) + stimulus.late_s[frame] + shift;
-      const double value = varied ? weights.low * tables[0].at(t) + weights.middle * tables[1].at(t) +
-                                        weights.high * tables[2].at(t)
-                                  : tables[0].at(t);
+      const double value =
+          varied ? weights.low * tables[0].at(t) + weights.middle * tables[1].at(t) + weights.high * tables[2].at(t)
+                 : tables[0].at(t);
       y(k, column) = static_cast<float>(cold + value);
     }
   }
@@ -260,8 +261,7 @@ BarsModel::BarsModel(const Session& session, std::size_t recording, const State&
   if (varied_) tables_.emplace_back(bars, scaled(response, kTauStep), signal);
 }
 
-void BarsModel::frame(std::size_t k, double shift_px, std::span<const int> pixels, float* values,
-                      float* slopes) const {
+void BarsModel::frame(std::size_t k, double shift_px, std::span<const int> pixels, float* values, float* slopes) const {
   const auto& target = std::get<capture::BarTarget>(session_.recordings[recording_].stimulus);
   const CameraModel& c = state_.camera;
   const double speed = varied_ ? state_.stimuli[recording_].speed_px_s[k] / (1.0 + c.clock_skew) : 0.0;

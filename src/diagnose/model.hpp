@@ -21,22 +21,22 @@ struct Place {
 
 struct CameraModel {
   Response response;
-  double nominal_tau_s = 0.011;   // of the profile
-  double row_delay_s = 0.0;       // of one sensor row
-  bool two_halves = false;        // both halves of the rows are read at the same time
-  double radiance = 0.0;          // 1: the pixel is of first order in radiance, 0: in temperature
+  double nominal_tau_s = 0.011;       // of the profile
+  double row_delay_s = 0.0;           // of one sensor row
+  bool two_halves = false;            // both halves of the rows are read at the same time
+  double radiance = 0.0;              // 1: the pixel is of first order in radiance, 0: in temperature
   bool edges_in_temperature = false;  // pixels average over the target's temperature, not its radiance
-  double reflected = 0.0;         // 1 - emissivity
-  double surroundings = 0.0;      // radiance of the surroundings times `reflected`, less that of kSurroundings
-  double corner_gain = 0.0;       // added at the corners, growing with the square of the radius
-  double corner_offset = 0.0;     // K
-  double clock_skew = 0.0;        // the frame period is longer by this share
+  double reflected = 0.0;             // 1 - emissivity
+  double surroundings = 0.0;          // radiance of the surroundings times `reflected`, less that of kSurroundings
+  double corner_gain = 0.0;           // added at the corners, growing with the square of the radius
+  double corner_offset = 0.0;         // K
+  double clock_skew = 0.0;            // the frame period is longer by this share
   double clip_k = std::numeric_limits<double>::infinity();  // values from here on up say nothing
-  double heating_k = 0.0;         // the offset grows with the row: heating_k (1 - exp(-heating_rate row)), row 0..1
+  double heating_k = 0.0;  // the offset grows with the row: heating_k (1 - exp(-heating_rate row)), row 0..1
   double heating_rate = 3.0;
-  Eigen::VectorXf offset;  // K of each pixel of the grid; empty: none
-  Eigen::VectorXf gain;    // share of T - kGainReference; empty: none
-  Eigen::VectorXf tau;     // share of tau; empty: none
+  Eigen::VectorXf offset;                    // K of each pixel of the grid; empty: none
+  Eigen::VectorXf gain;                      // share of T - kGainReference; empty: none
+  Eigen::VectorXf tau;                       // share of tau; empty: none
   std::vector<std::array<double, 3>> drift;  // K of each recording: linear, quadratic, cubic in its own time
   std::vector<double> drift_level;           // K of each recording: its mean drift, which its levels have taken up
   Eigen::VectorXf drift_share;               // of each pixel: by how much more it drifts than the mean; empty: none
@@ -53,17 +53,17 @@ inline constexpr double kGainReference = 300.0;
 
 // Errors of one recording's stimulus, and when its frames were taken.
 struct StimulusState {
-  std::vector<double> level_k;   // uniform: 1; chopper: cold, then each of levels_of(); bars: cold, hot
-  double delay_s = 0.0;          // chopper
-  double sweep_s = 0.0;          // chopper: from the first to the last column
-  double softness_s = 0.0;       // chopper: over which a pixel is covered or uncovered
-  double phase_px = 0.0;         // still bars
-  double edge_px2 = 0.0;         // bars
-  double aperture_px = 1.0;      // bars
-  std::vector<double> shift_px;  // moving bars: of the target at each frame, at row 0
+  std::vector<double> level_k;     // uniform: 1; chopper: cold, then each of levels_of(); bars: cold, hot
+  double delay_s = 0.0;            // chopper
+  double sweep_s = 0.0;            // chopper: from the first to the last column
+  double softness_s = 0.0;         // chopper: over which a pixel is covered or uncovered
+  double phase_px = 0.0;           // still bars
+  double edge_px2 = 0.0;           // bars
+  double aperture_px = 1.0;        // bars
+  std::vector<double> shift_px;    // moving bars: of the target at each frame, at row 0
   std::vector<double> speed_px_s;  // moving bars: local
-  std::vector<double> late_s;    // each frame was taken this much later than its time says
-  bool times_free = false;       // chopper: late_s of every frame is fitted
+  std::vector<double> late_s;      // each frame was taken this much later than its time says
+  bool times_free = false;         // chopper: late_s of every frame is fitted
 };
 
 struct State {

@@ -62,10 +62,10 @@ std::optional<Block> longest_block(const Session& session, std::size_t index) {
 
 // What belongs to frames, rows and columns, and what is left to the pixels.
 struct Parts {
-  ArrayXd frame;       // mean of each frame
-  ArrayXXd row;        // frames x rows, about the frame
-  ArrayXXd column;     // frames x columns
-  ArrayXXd rest;       // frames x pixels
+  ArrayXd frame;    // mean of each frame
+  ArrayXXd row;     // frames x rows, about the frame
+  ArrayXXd column;  // frames x columns
+  ArrayXXd rest;    // frames x pixels
 };
 
 Parts take_apart(const Session& session, const Block& block) {
@@ -116,7 +116,8 @@ std::vector<double> periodogram(const ArrayXd& x) {
   std::vector<double> windowed(static_cast<std::size_t>(n));
   double norm = 0.0;
   for (Index k = 0; k < n; ++k) {
-    const double w = 0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * (static_cast<double>(k) + 0.5) / static_cast<double>(n));
+    const double w =
+        0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * (static_cast<double>(k) + 0.5) / static_cast<double>(n));
     windowed[static_cast<std::size_t>(k)] = w * x[k];
     norm += w * w;
   }
@@ -147,7 +148,8 @@ struct Spectrum {
 double shape(double f_hz, double rate_hz, double corner_hz, double alpha, FrameFilter filter) {
   const double c = std::cos(2.0 * std::numbers::pi * f_hz / rate_hz);
   double g = 1.0;
-  if (filter == FrameFilter::kRecursive) g = alpha * alpha / (1.0 + (1.0 - alpha) * (1.0 - alpha) - 2.0 * (1.0 - alpha) * c);
+  if (filter == FrameFilter::kRecursive)
+    g = alpha * alpha / (1.0 + (1.0 - alpha) * (1.0 - alpha) - 2.0 * (1.0 - alpha) * c);
   if (filter == FrameFilter::kBox) g = alpha * alpha + (1.0 - alpha) * (1.0 - alpha) + 2.0 * alpha * (1.0 - alpha) * c;
   return (1.0 + corner_hz / f_hz) * g;
 }
@@ -230,7 +232,8 @@ void judge_spectrum(const Spectrum& s, NoiseStatistics& n) {
   if (corner_gain < kGain) best = without_corner;
   n.filter = filter;
   n.white_k = std::sqrt(best.level);
-  n.corner_hz = {best.corner, curvature_error(s, best, filter, true), corner_gain < kGain ? 0.0 : std::sqrt(2.0 * corner_gain)};
+  n.corner_hz = {best.corner, curvature_error(s, best, filter, true),
+                 corner_gain < kGain ? 0.0 : std::sqrt(2.0 * corner_gain)};
   n.alpha = {filter == FrameFilter::kNone ? 1.0 : best.alpha, 0.0, 0.0};
   if (filter != FrameFilter::kNone) {
     n.alpha.error = curvature_error(s, best, filter, false);
@@ -325,7 +328,8 @@ void look_for_lines(const ArrayXd& x, double rate_hz, Lines& lines) {
       if (i + 2 < j || i > j + 2) around.push_back(power[i]);
     }
     const double floor = median(around) / 0.6931;
-    const double p = std::min(1.0, static_cast<double>(power.size()) * std::exp(-power[j] / std::max(1e-18, floor) * 0.9));
+    const double p =
+        std::min(1.0, static_cast<double>(power.size()) * std::exp(-power[j] / std::max(1e-18, floor) * 0.9));
     if (p >= lines.best_p) continue;
     lines = {p, static_cast<double>(j) * rate_hz / n, std::sqrt(4.0 * power[j] / n * 1.5)};
   }
@@ -392,7 +396,8 @@ NoiseStatistics measure_noise(const Session& session, double ceiling) {
     row.count += static_cast<double>(frames) * static_cast<double>(height);
     column.square += parts.column.square().sum() / freedom;
     column.count += static_cast<double>(frames) * static_cast<double>(width);
-    const double pixel_freedom = freedom * (1.0 - 1.0 / static_cast<double>(width)) * (1.0 - 1.0 / static_cast<double>(height));
+    const double pixel_freedom =
+        freedom * (1.0 - 1.0 / static_cast<double>(width)) * (1.0 - 1.0 / static_cast<double>(height));
     Spectrum spectrum;
     spectrum.rate_hz = 1.0 / session.period_s;
     std::vector<double> power;
@@ -413,12 +418,14 @@ NoiseStatistics measure_noise(const Session& session, double ceiling) {
       for (std::size_t j = 0; j < one.size(); ++j) power[j] += one[j] / pixel_freedom;
       pixels += 1.0;
       if (p % width > 0 && session.grid.columns[static_cast<std::size_t>(p % width)] -
-                                   session.grid.columns[static_cast<std::size_t>(p % width - 1)] == 1) {
+                                   session.grid.columns[static_cast<std::size_t>(p % width - 1)] ==
+                               1) {
         left.square += (x * parts.rest.col(p - 1)).sum();
         left.count += static_cast<double>(frames);
       }
       if (p >= width && session.grid.rows[static_cast<std::size_t>(p / width)] -
-                                session.grid.rows[static_cast<std::size_t>(p / width - 1)] == 1) {
+                                session.grid.rows[static_cast<std::size_t>(p / width - 1)] ==
+                            1) {
         above.square += (x * parts.rest.col(p - width)).sum();
         above.count += static_cast<double>(frames);
       }
@@ -434,12 +441,14 @@ NoiseStatistics measure_noise(const Session& session, double ceiling) {
     spectra.push_back(std::move(spectrum));
     // Slow change: what the cubic takes, against the flicker that is left (with its own correlation).
     const double own = std::max(1e-18, flicker.square().sum() / static_cast<double>(frames - 4));
-    const double bound = std::clamp((flicker.tail(frames - 1) * flicker.head(frames - 1)).sum() / flicker.square().sum(), 0.0, 0.98);
+    const double bound =
+        std::clamp((flicker.tail(frames - 1) * flicker.head(frames - 1)).sum() / flicker.square().sum(), 0.0, 0.98);
     chi2 += curve.square().sum() / own * (1.0 - bound) / (1.0 + bound);
     degrees += 3.0;
     n.drift_k = std::max(n.drift_k, curve.maxCoeff() - curve.minCoeff());
     ArrayXd halves = ArrayXd::Zero(frames);
-    for (Index r = 0; r < height; ++r) halves += parts.row.col(r) * (r < height / 2 ? 1.0 : -1.0) / static_cast<double>(height);
+    for (Index r = 0; r < height; ++r)
+      halves += parts.row.col(r) * (r < height / 2 ? 1.0 : -1.0) / static_cast<double>(height);
     look_for_lines(halves, 1.0 / session.period_s, lines);
     look_for_lines(parts.frame, 1.0 / session.period_s, lines);
   }
@@ -482,7 +491,8 @@ NoiseStatistics measure_noise(const Session& session, double ceiling) {
   const double typical = median(kurtosis);
   const double frames_each = static_cast<double>(n.frames) / static_cast<double>(blocks.size());
   // The kurtosis of a sample of n is low by about 6/n in the mean and more in the median.
-  n.excess_kurtosis = {typical + 12.0 / frames_each, 1.25 * std::sqrt(24.0 / frames_each / static_cast<double>(kurtosis.size())), 0.0};
+  n.excess_kurtosis = {typical + 12.0 / frames_each,
+                       1.25 * std::sqrt(24.0 / frames_each / static_cast<double>(kurtosis.size())), 0.0};
   n.excess_kurtosis.z = n.excess_kurtosis.value / n.excess_kurtosis.error;
   if (n.excess_kurtosis.value > 0.2) fit_student(sample, n);
   n.line_hz = lines.hz;

@@ -24,18 +24,18 @@ struct NoiseStatistics {
   std::size_t frames = 0;  // of still recordings; 0: nothing is known
   double total_k = 0.0;    // rms of a value about its pixel's mean: the noise floor
   double sigma_tvh = 0.0;
-  Measured flicker;        // sigma_t
+  Measured flicker;                  // sigma_t
   double flicker_correlation = 0.0;  // from frame to frame
-  Measured rows;           // sigma_tv
-  Measured columns;        // sigma_th
+  Measured rows;                     // sigma_tv
+  Measured columns;                  // sigma_th
   // Whittle's likelihood of the pixels' spectra.
-  double white_k = 0.0;    // of the white part, before the frame filter
-  Measured corner_hz;      // where 1/f noise equals the white noise
-  Measured alpha;          // of the frame filter; value 1: none
+  double white_k = 0.0;  // of the white part, before the frame filter
+  Measured corner_hz;    // where 1/f noise equals the white noise
+  Measured alpha;        // of the frame filter; value 1: none
   FrameFilter filter = FrameFilter::kNone;
   double spectrum_misfit = 0.0;  // largest |z| of a band of the spectrum against the fit
   // Tails.
-  Measured excess_kurtosis;  // median over the pixels
+  Measured excess_kurtosis;                                  // median over the pixels
   double degrees = std::numeric_limits<double>::infinity();  // of Student's t
   double degrees_error = 0.0;
   // What no effect of the catalogue does.

@@ -9,26 +9,39 @@ namespace {
 using Member = double StimulusState::*;
 
 Coordinate member(std::string name, std::size_t i, Member field, double step, double limit) {
-  return {std::move(name), step, -limit, limit, [i, field](const State& s) { return s.stimuli[i].*field; },
+  return {std::move(name),
+          step,
+          -limit,
+          limit,
+          [i, field](const State& s) { return s.stimuli[i].*field; },
           [i, field](State& s, double value) { s.stimuli[i].*field = value; }};
 }
 
 Coordinate level(std::size_t i, std::size_t which, double nominal) {
-  return {"level", 1.0, nominal - 30.0, nominal + 30.0,
+  return {"level",
+          1.0,
+          nominal - 30.0,
+          nominal + 30.0,
           [i, which](const State& s) { return s.stimuli[i].level_k[which]; },
           [i, which](State& s, double value) { s.stimuli[i].level_k[which] = value; }};
 }
 
 // The softness' square, s^2: a symmetric ramp changes the response to second order only.
 Coordinate softness(std::size_t i) {
-  return {"softness", 1e-6, 0.0, 2.5e-5,
+  return {"softness",
+          1e-6,
+          0.0,
+          2.5e-5,
           [i](const State& s) { return s.stimuli[i].softness_s * s.stimuli[i].softness_s; },
           [i](State& s, double value) { s.stimuli[i].softness_s = std::sqrt(std::max(0.0, value)); }};
 }
 
 // Of the standard deviation, not the variance: where an edge just reaches a pixel it shows to first order.
 Coordinate target_edge() {
-  return {"edge", 0.04, 0.0, 0.35,
+  return {"edge",
+          0.04,
+          0.0,
+          0.35,
           [](const State& s) {
             for (const StimulusState& stimulus : s.stimuli) {
               if (stimulus.edge_px2 != 0.0) return std::sqrt(stimulus.edge_px2);
@@ -71,7 +84,10 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
     // Known from the noise to a percent; the late edges tell it better.
     all.push_back({{"alpha", 0.02, 0.05, 1.0, [](const State& s) { return s.camera.response.alpha; },
                     [](State& s, double value) { s.camera.response.alpha = value; }},
-                   -2, false, 1.0, 0.0});
+                   -2,
+                   false,
+                   1.0,
+                   0.0});
   }
   if (bars) all.push_back({target_edge(), -1, false, 0.0, kEdgePrior});
   return all;

@@ -9,10 +9,10 @@ namespace bolo::diagnose {
 
 struct Nuisance {
   Coordinate coordinate;
-  int recording = -1;    // -1: shared by all bar targets, -2: by all recordings
+  int recording = -1;     // -1: shared by all bar targets, -2: by all recordings
   bool is_level = false;  // shares its prior with all other levels
   double nominal = 0.0;
-  double prior = 0.0;    // standard deviation about `nominal`; 0: free. Levels: see level_spread()
+  double prior = 0.0;  // standard deviation about `nominal`; 0: free. Levels: see level_spread()
 };
 
 std::vector<Nuisance> nuisances(const Session& session, const State& nominal);

@@ -25,7 +25,8 @@ struct Left {
   std::vector<std::size_t> frames;
 };
 
-Left left_over(const Session& session, std::size_t i, const State& state, const std::vector<int>& pixels, bool used_only) {
+Left left_over(const Session& session, std::size_t i, const State& state, const std::vector<int>& pixels,
+               bool used_only) {
   Left left{session.recordings[i].values - predict(session, i, state, pixels), {}};
   for (std::size_t k = 0; k < session.recordings[i].used.size(); ++k) {
     if (!used_only || session.recordings[i].used[k] != 0) left.frames.push_back(k);
@@ -34,14 +35,19 @@ Left left_over(const Session& session, std::size_t i, const State& state, const 
 }
 
 Map gap_map(const Session& session, const Left& left, double floor_k, const std::string& title) {
-  Map map{title, "noise floors", static_cast<int>(session.grid.columns.size()), static_cast<int>(session.grid.rows.size()), {}};
+  Map map{title,
+          "noise floors",
+          static_cast<int>(session.grid.columns.size()),
+          static_cast<int>(session.grid.rows.size()),
+          {}};
   for (Index p = 0; p < left.residual.cols(); ++p) {
     double sum = 0.0;
     for (const std::size_t k : left.frames) {
       const auto value = static_cast<double>(left.residual(static_cast<Index>(k), p)) / floor_k;
       sum += value * value;
     }
-    map.values.push_back(static_cast<float>(std::sqrt(sum / std::max<double>(1.0, static_cast<double>(left.frames.size())))));
+    map.values.push_back(
+        static_cast<float>(std::sqrt(sum / std::max<double>(1.0, static_cast<double>(left.frames.size())))));
   }
   return map;
 }
@@ -75,7 +81,8 @@ Curve spectrum(const Session& session, const Left& left, const std::string& name
     std::vector<double> x(static_cast<std::size_t>(frames));
     double norm = 0.0;
     for (Index k = 0; k < frames; ++k) {
-      const double w = 0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * (static_cast<double>(k) + 0.5) / static_cast<double>(frames));
+      const double w =
+          0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * (static_cast<double>(k) + 0.5) / static_cast<double>(frames));
       x[static_cast<std::size_t>(k)] = w * static_cast<double>(left.residual(k, p));
       norm += w * w;
     }
@@ -142,7 +149,8 @@ class Where {
     where.column_last = static_cast<int>(c1);
     where.time_s = {{t0, t1 + 24.0 * session.period_s}};
     where.temperature_k = middle(temperatures_);
-    where.pixel_fraction = static_cast<double>(std::ranges::count(pixel_bad_, 1)) / static_cast<double>(pixel_bad_.size());
+    where.pixel_fraction =
+        static_cast<double>(std::ranges::count(pixel_bad_, 1)) / static_cast<double>(pixel_bad_.size());
   }
 
  private:
@@ -234,8 +242,11 @@ void fill_plots(const Session& raw, const Session& session, const State& nominal
   if (c.gain.size() > 0) report.maps.push_back(map_of(session, c.gain, "Gain of each pixel", "%", 100.0F));
   if (c.tau.size() > 0) report.maps.push_back(map_of(session, c.tau, "Time constant of each pixel", "%", 100.0F));
   if (std::ranges::count(session.good, 0) > 0) {
-    Map map{"Pixels left out", "1 = dead or jumping", static_cast<int>(session.grid.columns.size()),
-            static_cast<int>(session.grid.rows.size()), {}};
+    Map map{"Pixels left out",
+            "1 = dead or jumping",
+            static_cast<int>(session.grid.columns.size()),
+            static_cast<int>(session.grid.rows.size()),
+            {}};
     for (const char good : session.good) map.values.push_back(good != 0 ? 0.0F : 1.0F);
     report.maps.push_back(std::move(map));
   }

@@ -71,8 +71,7 @@ double mixed_temperature(double signal, double share) noexcept {
   if (share == 0.0) return signal;
   double temperature_k = signal;
   for (int i = 0; i < 4; ++i) {
-    const double slope =
-        (mixed_signal(temperature_k + 0.05, share) - mixed_signal(temperature_k - 0.05, share)) / 0.1;
+    const double slope = (mixed_signal(temperature_k + 0.05, share) - mixed_signal(temperature_k - 0.05, share)) / 0.1;
     temperature_k += (signal - mixed_signal(temperature_k, share)) / slope;
   }
   return temperature_k;

@@ -62,9 +62,7 @@ Eigen::ArrayXf seen_at(const Recording& recording, Eigen::Index k, std::span<con
   return seen;
 }
 
-double period_of(const Recording& recording) {
-  return std::get<capture::BarTarget>(recording.stimulus).period_px;
-}
+double period_of(const Recording& recording) { return std::get<capture::BarTarget>(recording.stimulus).period_px; }
 
 Match search(FrameMatcher& matcher, const Eigen::ArrayXf& seen, std::size_t k, double period) {
   constexpr int kSteps = 96;

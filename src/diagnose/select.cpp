@@ -9,7 +9,7 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr int kRounds = 4;        // of Gauss and Newton
+constexpr int kRounds = 4;         // of Gauss and Newton
 constexpr std::size_t kTried = 3;  // candidates that are refitted in earnest
 constexpr std::size_t kMostEffects = 8;
 constexpr double kLeastEvidence = 8.0;  // of the levels alone
@@ -45,7 +45,8 @@ bool enough(const Gain& gain) { return gain.total > kLeastGain && gain.z > kLeas
 
 class Selector {
  public:
-  Selector(const Fitter& fitter, const State& nominal) : fitter_(fitter), levels_(nuisances(fitter.session(), nominal)) {}
+  Selector(const Fitter& fitter, const State& nominal)
+      : fitter_(fitter), levels_(nuisances(fitter.session(), nominal)) {}
 
   // What a fit gains over another: held-out cells, and how well the levels agree with their files. The second part has
   // few values behind it, so it counts on its own only when it is large.
@@ -54,7 +55,8 @@ class Selector {
     const double evidence = level_evidence(levels_, after.state) - level_evidence(levels_, before.state);
     g.total += evidence;
     // Levels of an imperfect bench scatter still: then it takes more to believe that the camera explains some.
-    const double needed = level_spread(levels_, after.state) > 4.0 * kLevelResolution ? kLeastEvidenceScattered : kLeastEvidence;
+    const double needed =
+        level_spread(levels_, after.state) > 4.0 * kLevelResolution ? kLeastEvidenceScattered : kLeastEvidence;
     if (evidence > needed && g.total > evidence / 2.0) {
       g.total += kLeastGain;
       g.z = std::max(g.z, evidence / 2.0);
@@ -70,6 +72,26 @@ class Selector {
   const Fitter& fitter_;
   std::vector<Nuisance> levels_;
 };
+
+// The state without one of its effects, as far as the others allow: its coordinates as in `base`, its map gone.
+State freed_of(const Session& session, const State& from, const State& base, const Effect& effect) {
+  State state = from;
+  if (effect.coordinates) {
+    for (const Coordinate& c : effect.coordinates(session)) c.set(state, c.get(base));
+  }
+  CameraModel& camera = state.camera;
+  if (effect.map == MapKind::kOffset) camera.offset.resize(0);
+  if (effect.map == MapKind::kGain) camera.gain.resize(0);
+  if (effect.map == MapKind::kTau) camera.tau.resize(0);
+  if (effect.map == MapKind::kDrift) camera.drift_share.resize(0);
+  return state;
+}
+
+// The same choices, their forms as they are in the state already.
+std::vector<Choice> unformed(std::vector<Choice> choices) {
+  for (Choice& c : choices) c.form = -1;
+  return choices;
+}
 
 // The share of redrawn sets of groups in which the first gains more than the second.
 double confidence_of(const Score& base, const Score& first, const Score* second) {
@@ -94,8 +116,7 @@ double confidence_of(const Score& base, const Score& first, const Score* second)
 
 }  // namespace
 
-Selection select_effects(const Fitter& fitter, const FitResult& base,
-                         const std::function<bool(const Effect&)>& allowed,
+Selection select_effects(const Fitter& fitter, const FitResult& base, const std::function<bool(const Effect&)>& allowed,
                          const std::function<bool(const std::string& step, double done)>& progress) {
   Selection s{base, {}};
   const Session& session = fitter.session();
@@ -149,8 +170,7 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
     for (std::size_t i = 1; i < tried.size(); ++i) {
       chosen.alternatives.push_back({tried[i].choice.effect->name, tried[i].fit.score.gap()});
     }
-    chosen.confidence =
-        confidence_of(s.fit.score, best.fit.score, tried.size() > 1 ? &tried[1].fit.score : nullptr);
+    chosen.confidence = confidence_of(s.fit.score, best.fit.score, tried.size() > 1 ? &tried[1].fit.score : nullptr);
     if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) chosen.confidence = std::max(chosen.confidence, 0.99);
     s.fit = std::move(best.fit);
     s.chosen.push_back(std::move(chosen));
@@ -163,7 +183,8 @@ Selection select_effects(const Fitter& fitter, const FitResult& base,
       for (std::size_t j = 0; j < s.chosen.size(); ++j) {
         if (j != i) rest.push_back(s.chosen[j].choice);
       }
-      const FitResult without = fitter.fit(base.state, rest, kRounds + 2);
+      const FitResult without =
+          fitter.fit(freed_of(session, s.fit.state, base.state, *s.chosen[i].choice.effect), unformed(rest), kRounds);
       if (enough(selector.gain(without, s.fit)) && worth_naming(session, s.fit, i)) continue;
       s.fit = without;
       s.chosen.erase(s.chosen.begin() + static_cast<long>(i));

@@ -28,8 +28,7 @@ inline constexpr double kLeastGain = 20.0;
 inline constexpr double kLeastZ = 2.2;
 
 // `allowed` says which effects of the catalogue may be chosen at all. `step` is told what is being tried.
-Selection select_effects(const Fitter& fitter, const FitResult& base,
-                         const std::function<bool(const Effect&)>& allowed,
+Selection select_effects(const Fitter& fitter, const FitResult& base, const std::function<bool(const Effect&)>& allowed,
                          const std::function<bool(const std::string& step, double done)>& progress);
 
 }  // namespace bolo::diagnose

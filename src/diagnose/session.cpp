@@ -62,13 +62,14 @@ Series read_grid(const capture::CaptureReader& reader, const Grid& grid, double&
     for (const int row : grid.rows) {
       for (const int column : grid.columns) {
         const std::size_t i = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column);
-        const double raw = format.type == PixelType::kUint16 ? static_cast<double>(counts[i])
-                                                             : static_cast<double>(kelvin[i]);
+        const double raw =
+            format.type == PixelType::kUint16 ? static_cast<double>(counts[i]) : static_cast<double>(kelvin[i]);
         values(static_cast<Eigen::Index>(k), at++) = static_cast<float>(format.scale.to_physical(raw));
       }
     }
   }
-  saturated = static_cast<double>(clipped) / static_cast<double>(pixels * std::max<std::size_t>(1, reader.info().frames));
+  saturated =
+      static_cast<double>(clipped) / static_cast<double>(pixels * std::max<std::size_t>(1, reader.info().frames));
   return values;
 }
 

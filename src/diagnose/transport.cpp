@@ -152,25 +152,37 @@ void count_chopper_steps(const Session& session, std::size_t index, State& state
 
 Transport judge_transport(const Session& session, State& state, double floor_k, std::span<const int> pixels) {
   Transport t;
-  double sum = 0.0;
-  double noise = 0.0;
-  double count = 0.0;
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     const Recording& r = session.recordings[i];
     if (!has_model(r)) continue;
     if (r.kind == Kind::kMovingBars) {
       count_steps(session, i, state, t);
-      add_jitter(session, i, state, floor_k, pixels, sum, noise, count);
     } else if (r.kind == Kind::kChopper) {
       count_chopper_steps(session, i, state, pixels, t);
     }
   }
-  if (count > 10.0) {
-    t.measured_s = std::sqrt(noise / count);
-    t.jitter_s = std::sqrt(std::max(0.0, (sum - noise) / count));
-    t.jitter_error_s = (sum / count) * std::sqrt(3.0 / count) / std::max(1e-9, 2.0 * t.jitter_s);
-  }
+  judge_jitter(session, state, floor_k, pixels, t);
   return t;
+}
+
+void judge_jitter(const Session& session, const State& state, double floor_k, std::span<const int> pixels,
+                  Transport& transport) {
+  double sum = 0.0;
+  double noise = 0.0;
+  double count = 0.0;
+  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
+    if (has_model(session.recordings[i]) && session.recordings[i].kind == Kind::kMovingBars) {
+      add_jitter(session, i, state, floor_k, pixels, sum, noise, count);
+    }
+  }
+  if (count <= 10.0) return;
+  transport.measured_s = std::sqrt(noise / count);
+  transport.jitter_s = std::sqrt(std::max(0.0, (sum - noise) / count));
+  transport.jitter_error_s = (sum / count) * std::sqrt(3.0 / count) / std::max(1e-9, 2.0 * transport.jitter_s);
+}
+
+bool is_jittered(const Transport& t) {
+  return t.jitter_s > 4e-5 && t.jitter_s > 2.0 * t.measured_s && t.jitter_s > 5.0 * t.jitter_error_s;
 }
 
 State without_transport(const Session& session, const State& state) {

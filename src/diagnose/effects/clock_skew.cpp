@@ -13,8 +13,9 @@ extern const Effect clock_skew_effect{
     .coordinates =
         [](const Session& session) {
           static_cast<void>(session);
-          return std::vector<Coordinate>{{"skew", 0.0002, -0.02, 0.02, [](const State& s) { return s.camera.clock_skew; },
-                [](State& s, double v) { s.camera.clock_skew = v; }}};
+          return std::vector<Coordinate>{{"skew", 0.0002, -0.02, 0.02,
+                                          [](const State& s) { return s.camera.clock_skew; },
+                                          [](State& s, double v) { s.camera.clock_skew = v; }}};
         },
     .map = MapKind::kNone,
     .least = 1e-05,

@@ -13,8 +13,9 @@ extern const Effect crosstalk_effect{
     .coordinates =
         [](const Session& session) {
           static_cast<void>(session);
-          return std::vector<Coordinate>{{"coupling", 0.02, 0.0, 0.5, [](const State& s) { return s.camera.response.coupling; },
-                [](State& s, double v) { s.camera.response.coupling = v; }}};
+          return std::vector<Coordinate>{{"coupling", 0.02, 0.0, 0.5,
+                                          [](const State& s) { return s.camera.response.coupling; },
+                                          [](State& s, double v) { s.camera.response.coupling = v; }}};
         },
     .map = MapKind::kNone,
     .least = 0.0015,

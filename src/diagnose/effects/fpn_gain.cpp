@@ -10,7 +10,10 @@ extern const Effect fpn_gain_effect{
     .name = "fpn_gain",
     .stage = "readout",
     .needs = "flat black bodies at two temperatures",
-    .told_by = [](const Session& s) { return std::ranges::count(s.recordings, Kind::kUniform, &Recording::kind) > 1 || has_kind(s, Kind::kChopper); },
+    .told_by =
+        [](const Session& s) {
+          return std::ranges::count(s.recordings, Kind::kUniform, &Recording::kind) > 1 || has_kind(s, Kind::kChopper);
+        },
     .map = MapKind::kGain,
     .least = 0.00025,
     .report =

@@ -9,7 +9,10 @@ extern const Effect fpn_offset_effect{
     .name = "fpn_offset",
     .stage = "readout",
     .needs = "a closed shutter",
-    .told_by = [](const Session& s) { return has_kind(s, Kind::kUniform) || has_kind(s, Kind::kChopper) || has_kind(s, Kind::kStillBars); },
+    .told_by =
+        [](const Session& s) {
+          return has_kind(s, Kind::kUniform) || has_kind(s, Kind::kChopper) || has_kind(s, Kind::kStillBars);
+        },
     .map = MapKind::kOffset,
     .least = 0.0015,
     .report =

@@ -13,9 +13,10 @@ extern const Effect integration_window_effect{
     .coordinates =
         [](const Session& session) {
           static_cast<void>(session);
-          return std::vector<Coordinate>{{"window_s2", 4e-6, 0.0, 4e-5,
-                [](const State& s) { return s.camera.response.window_s * s.camera.response.window_s; },
-                [](State& s, double v) { s.camera.response.window_s = std::sqrt(std::max(0.0, v)); }}};
+          return std::vector<Coordinate>{
+              {"window_s2", 4e-6, 0.0, 4e-5,
+               [](const State& s) { return s.camera.response.window_s * s.camera.response.window_s; },
+               [](State& s, double v) { s.camera.response.window_s = std::sqrt(std::max(0.0, v)); }}};
         },
     .map = MapKind::kNone,
     .least = 4e-08,

@@ -13,8 +13,9 @@ extern const Effect optical_psf_effect{
     .coordinates =
         [](const Session& session) {
           static_cast<void>(session);
-          return std::vector<Coordinate>{{"blur_px2", 0.1, 0.0, 9.0, [](const State& s) { return s.camera.response.blur_px2; },
-                [](State& s, double v) { s.camera.response.blur_px2 = v; }}};
+          return std::vector<Coordinate>{{"blur_px2", 0.1, 0.0, 9.0,
+                                          [](const State& s) { return s.camera.response.blur_px2; },
+                                          [](State& s, double v) { s.camera.response.blur_px2 = v; }}};
         },
     .map = MapKind::kNone,
     .least = 0.015,

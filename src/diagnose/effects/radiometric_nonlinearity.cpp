@@ -14,7 +14,7 @@ extern const Effect radiometric_nonlinearity_effect{
         [](const Session& session) {
           static_cast<void>(session);
           return std::vector<Coordinate>{{"share", 0.5, -0.5, 1.5, [](const State& s) { return s.camera.radiance; },
-                [](State& s, double v) { s.camera.radiance = v; }}};
+                                          [](State& s, double v) { s.camera.radiance = v; }}};
         },
     .map = MapKind::kNone,
     .least = 0.15,

@@ -13,12 +13,14 @@ extern const Effect row_delay_effect{
     .coordinates =
         [](const Session& session) {
           static_cast<void>(session);
-          return std::vector<Coordinate>{{"row_delay_s", 1e-5, -2e-4, 2e-4, [](const State& s) { return s.camera.row_delay_s; },
-                [](State& s, double v) { s.camera.row_delay_s = v; }}};
+          return std::vector<Coordinate>{{"row_delay_s", 1e-5, -2e-4, 2e-4,
+                                          [](const State& s) { return s.camera.row_delay_s; },
+                                          [](State& s, double v) { s.camera.row_delay_s = v; }}};
         },
     .map = MapKind::kNone,
     .least = 5e-07,
-    .forms = {{"rolling", [](State& s) { s.camera.two_halves = false; }}, {"halves", [](State& s) { s.camera.two_halves = true; }}},
+    .forms = {{"rolling", [](State& s) { s.camera.two_halves = false; }},
+              {"halves", [](State& s) { s.camera.two_halves = true; }}},
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {
           static_cast<void>(session);

@@ -13,9 +13,11 @@ extern const Effect vignetting_effect{
     .coordinates =
         [](const Session& session) {
           static_cast<void>(session);
-          return std::vector<Coordinate>{{"corner_gain", 0.01, -0.2, 0.2, [](const State& s) { return s.camera.corner_gain; },
-                [](State& s, double v) { s.camera.corner_gain = v; }}, {"corner_offset", 0.05, -5.0, 5.0, [](const State& s) { return s.camera.corner_offset; },
-                [](State& s, double v) { s.camera.corner_offset = v; }}};
+          return std::vector<Coordinate>{
+              {"corner_gain", 0.01, -0.2, 0.2, [](const State& s) { return s.camera.corner_gain; },
+               [](State& s, double v) { s.camera.corner_gain = v; }},
+              {"corner_offset", 0.05, -5.0, 5.0, [](const State& s) { return s.camera.corner_offset; },
+               [](State& s, double v) { s.camera.corner_offset = v; }}};
         },
     .map = MapKind::kNone,
     .least = 0.0006,
