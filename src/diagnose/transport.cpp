@@ -143,9 +143,14 @@ void count_chopper_steps(const Session& session, std::size_t index, State& state
       }
     }
     if (best_periods == 0) continue;
+    if (e == 0) {
+      // Before the first edge a lost frame and another start are the same.
+      s.delay_s -= best_periods * session.period_s;
+      continue;
+    }
     // The frame at which it happened: anywhere since the edge before.
     const double next_late = late + best_periods * session.period_s;
-    const std::size_t from = e == 0 ? 0 : frame_at(edges[e - 1] + s.delay_s - late - 0.012);
+    const std::size_t from = frame_at(edges[e - 1] + s.delay_s - late - 0.012);
     double least = 1e300;
     std::size_t where = begin;
     for (std::size_t k = from; k <= std::min(end, frames - 1); ++k) {

@@ -2,6 +2,9 @@
 // program's lists are made from the folders and from them, by the templates of the layers.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <fstream>
+
 #include "bolo/diagnose/diagnose.hpp"
 #include "bolo/diagnose/report_files.hpp"
 #include "src/diagnose/effect.hpp"
@@ -17,6 +20,24 @@ TEST(NewEffect, IsInBothLists) {
   ASSERT_NE(find_effect(kNew), nullptr);
   EXPECT_EQ(find_effect(kNew)->stage, sim::name_of(sim::find_effect(kNew)->stage));
   EXPECT_NE(find_effect("tau_global"), nullptr) << "those of the catalogue are still there";
+}
+
+std::string text_of(const std::string& file) {
+  std::ifstream in(std::string(BOLO_SOURCE_DIR) + "/" + file);
+  std::string text;
+  for (std::string line; std::getline(in, line);) {
+    text += line.substr(std::min(line.size(), line.find_first_not_of(' '))) + "\n";
+  }
+  return text;
+}
+
+TEST(NewEffect, IsTheOneThatContributingShows) {
+  const std::string page = text_of("CONTRIBUTING.md");
+  for (const char* folder : {"sim", "diagnose"}) {
+    const std::string code = text_of("tests/diagnose/example/" + std::string(folder) + "/column_droop.cpp");
+    ASSERT_FALSE(code.empty());
+    EXPECT_NE(page.find(code), std::string::npos) << "CONTRIBUTING.md differs from example/" << folder;
+  }
 }
 
 TEST(NewEffect, IsSimulatedAndDiagnosed) {

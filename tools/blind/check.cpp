@@ -129,6 +129,7 @@ Result<std::vector<Trial>> run_trials(const std::vector<Session>& sessions, cons
   Board board(sessions, done);
   {
     std::vector<std::jthread> jobs;
+    jobs.reserve(static_cast<std::size_t>(std::max(options.jobs, 0)));
     for (int i = 0; i < options.jobs; ++i) {
       jobs.emplace_back([&board, &options, &stop] { work(board, options, stop); });
     }

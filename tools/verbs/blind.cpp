@@ -53,7 +53,7 @@ Result<blind::DrawOptions> draw_of(const Given& given) {
   draw.magnitude = given["magnitude"].as<double>();
   draw.imperfect = given.count("imperfect") != 0;
   if (given.count("only") != 0) draw.only = given["only"].as<std::string>();
-  if (draw.geometry.width < 8 || draw.geometry.height < 8 || draw.geometry.pixels() > 640U * 480U) {
+  if (draw.geometry.width < 8 || draw.geometry.height < 8 || draw.geometry.pixels() > std::size_t{640} * 480) {
     return bad_input("--width, --height: expected at least 8 and at most 640x480 pixels");
   }
   if (!(draw.frames_scale >= 0.1 && draw.frames_scale <= 10.0)) return bad_input("--frames-scale: expected 0.1 to 10");

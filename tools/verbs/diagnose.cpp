@@ -128,7 +128,7 @@ Status run(const Given& given) {
   const std::filesystem::path folder = given["output"].as<std::string>();
   if (Status written = diagnose::write_report(*report, folder); !written) return written;
   if (given.count("write-profile") != 0) {
-    const Status written = write_profile(given["write-profile"].as<std::string>(), learned(options->profile, *report));
+    Status written = write_profile(given["write-profile"].as<std::string>(), learned(options->profile, *report));
     if (!written) return written;
   }
   if (given.count("json") != 0) {
