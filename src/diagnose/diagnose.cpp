@@ -98,7 +98,13 @@ void Diagnosis::judge_events() {
 
 void Diagnosis::judge_noise() {
   noise_ = measure_noise(session_, ceiling_k_);
-  const double nominal = nominal_noise(options_.profile);
+  // Counts cannot be compared with a profile in kelvin.
+  const bool kelvin = session_.recordings.front().kelvin;
+  const double nominal = kelvin ? nominal_noise(options_.profile) : noise_.white_k;
+  if (!kelvin) {
+    report_.warnings.push_back(session_.recordings.front().name +
+                               ": holds counts, not kelvin; figures in K are counts, and the noise's level is not judged");
+  }
   floor_k_ = noise_.frames > 0 && noise_.total_k > 0.0 ? noise_.total_k : nominal;
   const bool coarse = find_step(session_) > 1.5 * std::max(options_.profile.quantisation_k, 1e-9);
   coarse_ = coarse;
@@ -259,6 +265,17 @@ Result<bool> Diagnosis::judge_means() {
     return from;
   };
   FitResult base = settle(fitter.fit(state_, {}, 4));
+  const auto free_times = [&](bool free) {
+    for (std::size_t i = 0; i < session_.recordings.size(); ++i) {
+      StimulusState& stimulus = base.state.stimuli[i];
+      if (session_.recordings[i].kind != Kind::kChopper) continue;
+      stimulus.times_free = free;
+      stimulus.late_s = state_.stimuli[i].late_s;  // whole periods only
+    }
+    base = settle(fitter.fit(base.state, {}, 4));
+  };
+  bool jittered = is_jittered(transport);
+  if (jittered) free_times(true);
   correct_jumps(base.state);
   if (!jumps_.empty()) {
     // The levels had taken up a part of the jump: once more, without it.
@@ -291,17 +308,6 @@ Result<bool> Diagnosis::judge_means() {
     if (!allowed(effect.name)) return false;
     return effect.name != "drift" || may_drift;
   };
-  const auto free_times = [&](bool free) {
-    for (std::size_t i = 0; i < session_.recordings.size(); ++i) {
-      StimulusState& stimulus = base.state.stimuli[i];
-      if (session_.recordings[i].kind != Kind::kChopper) continue;
-      stimulus.times_free = free;
-      stimulus.late_s = state_.stimuli[i].late_s;  // whole periods only
-    }
-    base = settle(fitter.fit(base.state, {}, 4));
-  };
-  bool jittered = is_jittered(transport);
-  if (jittered) free_times(true);
   Selection selection = select_effects(fitter, base, may, progress_);
   judge_jitter(session_, selection.fit.state, floor_k_, some, transport);
   if (is_jittered(transport) != jittered) {
@@ -363,6 +369,7 @@ Result<bool> Diagnosis::judge_means() {
   }
   if (state_.camera.tau.size() > 0) allowance.pattern = std::max(allowance.pattern, 0.12);
   if (coarse_) allowance.pattern = 0.7;
+  for (const StimulusState& stimulus : state_.stimuli) allowance.times_free = allowance.times_free || stimulus.times_free;
   for (const Remainder& r : test_residual(fitter, state_, allowance)) remainders_.push_back(r);
   fitted_ = true;
   fill_plots(raw_, session_, nominal_, state_, floor_k_, report_);
@@ -407,7 +414,7 @@ Result<bool> Diagnosis::judge_means() {
 }
 
 void Diagnosis::conclude() {
-  const double nominal = nominal_noise(options_.profile);
+  const double nominal = session_.recordings.front().kelvin ? nominal_noise(options_.profile) : noise_.white_k;
   for (const Effect* effect : catalogue()) {
     if (!effect->told_by(session_) && allowed(effect->name)) {
       report_.not_identifiable.push_back({effect->name, effect->needs});

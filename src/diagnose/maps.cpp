@@ -89,7 +89,7 @@ void Fitter::estimate_maps(State& state, const std::vector<Choice>& choices) con
     Eigen::VectorXf& map = map_of(state.camera, kKinds[i]);
     if (wanted[i] && map.size() == 0) map = Eigen::VectorXf::Zero(session_.grid.pixels());
   }
-  if (wanted[3]) {
+  if (wanted[3] && state.camera.drift_level.empty()) {
     // What the levels have taken up of the drift: their errors, since nothing else explains them better.
     const State files = nominal_state(session_, {});
     state.camera.drift_level.assign(session_.recordings.size(), 0.0);
@@ -150,6 +150,25 @@ void Fitter::estimate_maps(State& state, const std::vector<Choice>& choices) con
   }
   for (std::size_t b = 0; b < kKinds.size(); ++b) {
     if (wanted[b]) centre_and_shrink(map_of(state.camera, kKinds[b]), all_pixels_, noise2[b], kKinds[b]);
+  }
+  if (!wanted[3]) return;
+  // Levels of an imperfect bench do not say how far each recording has drifted; the pattern of the pixels' shares does.
+  const Eigen::VectorXf& share = state.camera.drift_share;
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    if (sums[i].empty()) continue;
+    const Series r = residual(i, state, all_pixels_);
+    double product = 0.0;
+    double square = 0.0;
+    for (Index k = 0; k < r.rows(); ++k) {
+      if (!frame_counts(i, static_cast<std::size_t>(k))) continue;
+      for (std::size_t j = 0; j < all_pixels_.size(); ++j) {
+        if (held_out(session_, static_cast<std::size_t>(k), all_pixels_[j])) continue;
+        const auto s = static_cast<double>(share[all_pixels_[j]]);
+        product += s * static_cast<double>(r(k, static_cast<Index>(j))) * floor_k_;
+        square += s * s;
+      }
+    }
+    if (square > 1e-9) state.camera.drift_level[i] += product / square;
   }
 }
 

@@ -19,6 +19,7 @@ struct Remainder {
 struct Allowance {
   double pattern = 0.06;        // of a fixed pattern: what the forward models are off by
   double slow_noise = 1.0;      // by how much noise that is correlated in time widens the tests
+  bool times_free = false;      // of a chopper's frames: those at its very edges may miss
   std::vector<char> corrected;  // recordings out of which a jump was taken: the estimate leaves a pattern
 };
 
