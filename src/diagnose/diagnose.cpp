@@ -209,7 +209,8 @@ void Diagnosis::correct_jumps(const State& state) {
   for (std::size_t p = 0; p < all.size(); ++p) all[p] = static_cast<int>(p);
   for (std::size_t i = 0; i < session_.recordings.size(); ++i) {
     const Recording& r = session_.recordings[i];
-    if (r.kind == Kind::kUniform || !has_model(r)) continue;
+    // Where frames have times of their own, what they miss by is no jump.
+    if (r.kind == Kind::kUniform || !has_model(r) || state.stimuli[i].times_free) continue;
     const Series residual = r.values - predict(session_, i, state, all);
     for (Jump& jump : find_jumps(session_, i, residual, freezes_)) {
       remove_jump(session_, jump, residual);
