@@ -20,7 +20,7 @@ Status write_settings(capture::CaptureWriter& writer, const CameraSettings& sett
   }
   add("simulated_noise_k", settings.readout.noise_k);
   add("simulated_quantisation_k", settings.readout.quantisation_k);
-  if (status) status = writer.write_attribute("simulated_seed", std::to_string(settings.camera_seed.value_or(settings.readout.seed)));
+  if (status) status = writer.write_attribute("simulated_seed", std::to_string(settings.readout.seed));
   return status;
 }
 
