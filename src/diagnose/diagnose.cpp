@@ -102,8 +102,9 @@ void Diagnosis::judge_noise() {
   const bool kelvin = session_.recordings.front().kelvin;
   const double nominal = kelvin ? nominal_noise(options_.profile) : noise_.white_k;
   if (!kelvin) {
-    report_.warnings.push_back(session_.recordings.front().name +
-                               ": holds counts, not kelvin; figures in K are counts, and the noise's level is not judged");
+    report_.warnings.push_back(
+        session_.recordings.front().name +
+        ": holds counts, not kelvin; figures in K are counts, and the noise's level is not judged");
   }
   floor_k_ = noise_.frames > 0 && noise_.total_k > 0.0 ? noise_.total_k : nominal;
   const bool coarse = find_step(session_) > 1.5 * std::max(options_.profile.quantisation_k, 1e-9);
@@ -370,7 +371,8 @@ Result<bool> Diagnosis::judge_means() {
   }
   if (state_.camera.tau.size() > 0) allowance.pattern = std::max(allowance.pattern, 0.12);
   if (coarse_) allowance.pattern = 0.7;
-  for (const StimulusState& stimulus : state_.stimuli) allowance.times_free = allowance.times_free || stimulus.times_free;
+  for (const StimulusState& stimulus : state_.stimuli)
+    allowance.times_free = allowance.times_free || stimulus.times_free;
   for (const Remainder& r : test_residual(fitter, state_, allowance)) remainders_.push_back(r);
   fitted_ = true;
   fill_plots(raw_, session_, nominal_, state_, floor_k_, report_);

@@ -191,7 +191,8 @@ BadPixels find_dead_pixels(Session& session) {
     // In a field recording a part of the scene may be as still as a stuck pixel, but for the noise.
     const bool field = r.kind == Kind::kField || r.kind == Kind::kScene;
     for (std::size_t p = 0; p < range.size() && field; ++p) still[p] += range[p] <= 0.0 ? 1U : 0U;
-    for (std::size_t p = 0; p < range.size() && !field; ++p) still[p] += range[p] < 0.15 * typical || typical <= 0.0 ? 1U : 0U;
+    for (std::size_t p = 0; p < range.size() && !field; ++p)
+      still[p] += range[p] < 0.15 * typical || typical <= 0.0 ? 1U : 0U;
     if (r.kind != Kind::kUniform) continue;
     const Still steady = steady_series(r);
     if (steady.series.front().size() < 32) continue;
