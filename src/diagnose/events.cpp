@@ -132,6 +132,7 @@ void judge_still(const Session& session, const Recording& r, BadPixels& bad, std
     levels.push_back(two_levels(smooth(series)));
   }
   std::vector<double> step;
+  step.reserve(levels.size());
   for (const TwoLevels& t : levels) step.push_back(t.step);
   const double typical_rough = median(rough);
   const double typical_step = median(step);
