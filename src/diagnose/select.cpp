@@ -11,6 +11,7 @@ namespace {
 
 constexpr int kRounds = 4;         // of Gauss and Newton
 constexpr std::size_t kTried = 3;  // candidates that are refitted in earnest
+constexpr int kMostPolish = 4;
 constexpr std::size_t kMostEffects = 8;
 constexpr double kLeastEvidence = 8.0;  // of the levels alone
 constexpr double kLeastEvidenceScattered = 13.0;
@@ -166,6 +167,13 @@ Selection select_effects(const Fitter& fitter, const FitResult& base, const std:
     std::ranges::sort(tried, std::greater{}, [](const Tried& t) { return t.gain.total; });
     if (tried.empty() || !enough(tried.front().gain)) break;
     Tried& best = tried.front();
+    // The winner is fitted to the end: what it leaves is what the next effect is judged by.
+    for (int polish = 0; polish < kMostPolish; ++polish) {
+      FitResult finer = selector.refit(best.fit, unformed(best.fit.choices));
+      const bool done = std::abs(finer.score.gap() / best.fit.score.gap() - 1.0) < 3e-4;
+      best.fit = std::move(finer);
+      if (done) break;
+    }
     Chosen chosen{best.choice, s.fit.score.gap(), best.fit.score.gap(), best.gain, {}, 0.0};
     for (std::size_t i = 1; i < tried.size(); ++i) {
       chosen.alternatives.push_back({tried[i].choice.effect->name, tried[i].fit.score.gap()});

@@ -91,7 +91,7 @@ std::string tick_text(double value, bool powers) {
     // 1e-06 reads better as 10 to a power.
     const double exponent = std::floor(std::log10(size) + 1e-9);
     const double mantissa = value / std::pow(10.0, exponent);
-    const std::string power = format("10<sup>%s%.0f</sup>", exponent < 0 ? "\u2212" : "", std::abs(exponent));
+    std::string power = format("10<sup>%s%.0f</sup>", exponent < 0 ? "\u2212" : "", std::abs(exponent));
     if (std::abs(mantissa - 1.0) < 1e-6) return power;
     return format("%.3g\u00b7", mantissa) + power;
   }
