@@ -12,6 +12,8 @@ namespace {
 using Eigen::ArrayXd;
 using Eigen::Index;
 
+constexpr double kMostOfOne = 16.0;  // squared floors
+
 // Sum over groups of a product whose mean is zero when nothing is left, with its error from its scatter over groups and
 // from the noise.
 struct Probe {
@@ -124,7 +126,8 @@ std::vector<Remainder> test_residual(const Fitter& fitter, const State& state, c
       for (std::size_t j = 0; j < pixels.size(); ++j) {
         const auto c = static_cast<Index>(j);
         const auto value = static_cast<double>(residual(k, c));
-        square += value * value;
+        // One outlier of one pixel is no frame that does not fit.
+        square += std::min(value * value, kMostOfOne);
         sum += value;
         const int pixel = pixels[j];
         const bool second = (frame / kCellFrames) % 2 != 0;

@@ -145,6 +145,8 @@ Selection select_effects(const Fitter& fitter, const FitResult& base, const std:
       // Forms of what was chosen before are set already: only the new one begins.
       for (std::size_t c = 0; c + 1 < choices.size(); ++c) choices[c].form = -1;
       Tried t{choice, selector.refit(s.fit, choices), {}};
+      // Levels, and what mixes them with the surroundings, pull at each other: once more.
+      if (choice.effect->name == "emissivity") t.fit = selector.refit(t.fit, unformed(choices));
       t.gain = selector.gain(s.fit, t.fit);
       tried.push_back(std::move(t));
     };
