@@ -52,6 +52,7 @@ Status take(StimulusError& error, std::string_view item) {
   const auto* const found = std::ranges::find(kItems, name, &Item::name);
   if (found == kItems.end()) {
     std::vector<std::string_view> names;
+    names.reserve(kItems.size());
     for (const Item& known : kItems) names.push_back(known.name);
     return bad_input("there is no key '" + std::string(name) + "'; did you mean '" + nearest(name, names) + "'?");
   }
