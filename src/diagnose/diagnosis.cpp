@@ -16,7 +16,7 @@ FoundEffect named(const std::string& name, double confidence) {
 bool Diagnosis::allowed(const std::string& name) const { return std::ranges::count(options_.withheld, name) == 0; }
 
 void Diagnosis::remain(const std::string& stage, const std::string& where, double z) {
-  remainders_.push_back({stage, where, z});
+  remainders_.push_back({stage, where, z, std::nullopt, false});
 }
 
 void Diagnosis::found(FoundEffect effect, double z, const std::string& where) {

@@ -72,8 +72,9 @@ void Diagnosis::conclude_verdict() {
   const double worst = remainders_.empty() ? 0.0 : remainders_.front().z;
   report_.unexplained.p_value = std::min(1.0, tests * std::erfc(worst / std::sqrt(2.0)));
   if (worst > kRemainderLimit) {
-    report_.unexplained.stage = remainders_.front().stage;
-    report_.unexplained.where = remainders_.front().where;
+    const Remainder& first = remainders_.front();
+    report_.unexplained.stage = first.misfit ? stage_of_misfits(remainders_) : first.stage;
+    report_.unexplained.where = first.where;
     report_.verdict = "unknown_effect";
   } else if (report_.effects.empty()) {
     report_.verdict = "no_gap";

@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "diagnosis.hpp"
+#include "map_trend.hpp"
 #include "plots.hpp"
 
 namespace bolo::diagnose {
@@ -210,8 +211,17 @@ void Diagnosis::test_what_is_left(const Fitter& fitter) {
   }
   if (state_.camera.tau.size() > 0) allowance.pattern = std::max(allowance.pattern, 0.12);
   if (coarse_) allowance.pattern = 0.7;
+  allowance.flicker = noise_.flicker.value / floor_k_;
   allowance.times_free = std::ranges::any_of(state_.stimuli, &StimulusState::times_free);
   for (Remainder& r : test_residual(fitter, state_, allowance)) remainders_.push_back(std::move(r));
+  const auto test_map = [this](const Eigen::VectorXf& map, const std::string& what) {
+    const double z = row_trend_z(session_, map);
+    if (z < kClearTrend) return;
+    const double weighed = z * kRemainderLimit / kClearTrend;
+    remain("readout", "the " + what + " of pixels change smoothly from row to row", weighed);
+  };
+  test_map(state_.camera.offset, "offsets");
+  test_map(state_.camera.gain, "gains");
 }
 
 void Diagnosis::say_stimulus() {

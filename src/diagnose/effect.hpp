@@ -52,6 +52,8 @@ struct Effect {
   double least = 0.0;
   // It changes what levels look like: tried whenever levels are off, though the residual need not show it.
   bool as_levels = false;
+  // A map of single pixels takes it up whole, so that it is looked for in that map.
+  MapKind hides_in = MapKind::kNone;
   // What the noise must show before the effect is tried; empty: nothing.
   std::function<bool(const NoiseStatistics&)> suspected_by{};
   std::vector<Form> forms{};  // empty: one form

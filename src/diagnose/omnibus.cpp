@@ -114,6 +114,7 @@ std::vector<Remainder> test_residual(const Fitter& fitter, const State& state, c
     const double low = static_cast<double>(y.minCoeff());
     const double span = std::max(0.1, static_cast<double>(y.maxCoeff()) - low);
     std::vector<double> frame_square;
+    double frame_mean2 = 0.0;
     for (Index k = 0; k < residual.rows(); ++k) {
       const auto frame = static_cast<std::size_t>(k);
       if (!fitter.frame_counts(i, frame)) continue;
@@ -160,18 +161,26 @@ std::vector<Remainder> test_residual(const Fitter& fitter, const State& state, c
         }
       }
       const double mean_left = sum / static_cast<double>(pixels.size());
+      frame_mean2 += mean_left * mean_left;
       frame_square.push_back(square / static_cast<double>(pixels.size()) - mean_left * mean_left);
     }
     const auto say = [&](const std::string& stage, const std::string& what, double z) {
       found.push_back({stage, r.name + ": " + what, z});
     };
+    const auto miss = [&](const std::string& stage, const std::string& what, double z, bool at_edges = false) {
+      found.push_back({stage, r.name + ": " + what, z, r.kind, at_edges});
+    };
+    const bool still_bars = r.kind == Kind::kStillBars;
+    const auto pattern = [&](const std::string& what, double z) {
+      still_bars ? miss("readout", what, z) : say("readout", what, z);
+    };
     const bool corrected = i < allowance.corrected.size() && allowance.corrected[i] != 0;
     if (!moving && !corrected) {
-      say("readout", "a fixed pattern of pixels is left", by_pixel.z(allowance.pattern));
-      say("readout", "a fixed pattern of columns is left", by_column.z(allowance.pattern / 2.0));
+      pattern("a fixed pattern of pixels is left", by_pixel.z(allowance.pattern));
+      pattern("a fixed pattern of columns is left", by_column.z(allowance.pattern / 2.0));
     }
-    if (!corrected) say("readout", "a fixed pattern of rows is left", by_row.z(allowance.pattern / 2.0));
-    if (moving) say("optics", "what is left moves with the target", by_phase.z(allowance.pattern));
+    if (!corrected) pattern("a fixed pattern of rows is left", by_row.z(allowance.pattern / 2.0));
+    if (moving) miss("optics", "what is left moves with the target", by_phase.z(allowance.pattern), true);
     std::vector<double> sorted = frame_square;
     std::ranges::sort(sorted);
     if (sorted.size() > 8) {
@@ -182,12 +191,39 @@ std::vector<Remainder> test_residual(const Fitter& fitter, const State& state, c
       const bool edges = allowance.times_free && r.kind == Kind::kChopper;
       if (!edges) say("transport", "single frames do not fit", sorted.back() > 1.4 * typical ? worst * 0.5 : 0.0);
       const double all = std::accumulate(sorted.begin(), sorted.end(), 0.0) / static_cast<double>(sorted.size());
-      say("pixel", "the prediction misses by more than the noise", (std::sqrt(all) - 1.0) / 0.012);
+      miss("pixel", "the prediction misses by more than the noise", (std::sqrt(all) - 1.0) / 0.012);
+      // Whole frames: flicker and the pixels' noise move their means by this much.
+      const double expected = 1.3 * allowance.flicker * allowance.flicker + 2.0 / static_cast<double>(pixels.size());
+      const double excess = std::sqrt(std::max(0.0, frame_mean2 / static_cast<double>(sorted.size()) - expected));
+      if (r.kind == Kind::kChopper && !corrected && !edges) {
+        miss("pixel", "whole frames miss by more than the noise", excess / 0.03);
+      }
     }
   }
   for (const Probe& probe : probes) found.push_back({probe.stage, probe.where, probe.z() / allowance.slow_noise});
   std::ranges::sort(found, std::greater{}, &Remainder::z);
   return found;
+}
+
+std::string stage_of_misfits(std::span<const Remainder> remainders) {
+  const auto largest = [remainders](const auto& counts) {
+    double z = 0.0;
+    for (const Remainder& r : remainders) {
+      if (r.misfit && counts(r)) z = std::max(z, r.z);
+    }
+    return z;
+  };
+  const auto misses = [&](Kind kind) {
+    return largest([kind](const Remainder& r) { return *r.misfit == kind; }) > kRemainderLimit;
+  };
+  // A flat field has neither edges nor changes: what it misses is added or multiplied after the pixel.
+  if (misses(Kind::kUniform)) return "readout";
+  // A chopper changes in time but not in space, still bars the other way round.
+  if (misses(Kind::kChopper)) return misses(Kind::kStillBars) ? "readout" : "pixel";
+  if (!misses(Kind::kStillBars)) return "readout";  // rows at times of their own show in what moves only
+  // Far from the edges it is stray light; beside them the read-out smears.
+  constexpr double kAtEdges = 15.0;
+  return largest([](const Remainder& r) { return r.at_edges; }) > kAtEdges ? "readout" : "optics";
 }
 
 }  // namespace bolo::diagnose

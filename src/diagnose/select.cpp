@@ -5,6 +5,8 @@
 #include <numeric>
 #include <random>
 
+#include "map_trend.hpp"
+
 namespace bolo::diagnose {
 namespace {
 
@@ -82,6 +84,8 @@ class Selector {
 
   // Adds the effect that gains most, fitted to the end; false when none gains enough.
   bool add();
+  // Adds an effect that hides in a map of pixels; false when the maps hold none.
+  bool expose();
   // Takes out an effect that no longer pays; false when all do.
   bool drop();
   const Selection& selection() const { return selection_; }
@@ -175,7 +179,7 @@ bool Selector::add() {
   // What the winner leaves is what the next effect is judged by.
   best.fit = fitter_.settle(std::move(best.fit), kRounds, kSettled);
   const Score& before = selection_.fit.score;
-  Chosen chosen{best.choice, before.gap(), best.fit.score.gap(), best.gain, {}, 0.0};
+  Chosen chosen{best.choice, before.gap(), best.fit.score.gap(), best.gain, {}, 0.0, false};
   for (std::size_t i = 1; i < tried.size(); ++i) {
     chosen.alternatives.push_back({tried[i].choice.effect->name, tried[i].fit.score.gap()});
   }
@@ -186,9 +190,35 @@ bool Selector::add() {
   return true;
 }
 
+bool Selector::expose() {
+  const Session& session = fitter_.session();
+  for (const Effect* effect : candidates()) {
+    if (effect->hides_in == MapKind::kNone) continue;
+    const double before = row_trend_z(session, map_of(selection_.fit.state.camera, effect->hides_in));
+    if (before < kClearTrend) continue;
+    // From an empty map on, so that the effect takes its part first.
+    State start = selection_.fit.state;
+    map_of(start.camera, effect->hides_in).resize(0);
+    std::vector<Choice> choices = unformed(selection_.fit.choices);
+    choices.push_back(forms_of(*effect).front());
+    FitResult fit = fitter_.settle(fitter_.fit(start, choices, kRounds), kRounds, kSettled);
+    const double after = row_trend_z(session, map_of(fit.state.camera, effect->hides_in));
+    if (after > before / 2.0 || !worth_naming(session, fit, choices.size() - 1)) continue;
+    // The map could have taken any part of it: known as well as its trend stands out.
+    double& error = fit.error.back().front();
+    error = std::max(error, std::abs(fit.value.back().front()) / before);
+    Chosen chosen{choices.back(), selection_.fit.score.gap(), fit.score.gap(), {}, {}, 0.99, true};
+    selection_.fit = std::move(fit);
+    selection_.chosen.push_back(std::move(chosen));
+    return true;
+  }
+  return false;
+}
+
 bool Selector::drop() {
   auto& all = selection_.chosen;
   for (std::size_t i = 0; all.size() > 1 && i < all.size(); ++i) {
+    if (all[i].from_map) continue;
     std::vector<Choice> rest = unformed(selection_.fit.choices);
     rest.erase(rest.begin() + static_cast<long>(i));
     const Effect& effect = *all[i].choice.effect;
@@ -212,6 +242,8 @@ Selection select_effects(const Fitter& fitter, const FitResult& base, const std:
     if (!selector.add()) break;
   }
   while (selector.drop()) {
+  }
+  while (selector.expose()) {
   }
   return selector.selection();
 }

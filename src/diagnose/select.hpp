@@ -16,6 +16,7 @@ struct Chosen {
   Gain gain;
   std::vector<Alternative> alternatives;
   double confidence = 0.0;
+  bool from_map = false;  // seen in the map of another, which had explained it away
 };
 
 struct Selection {

@@ -126,7 +126,8 @@ TEST_P(Withheld, IsSaidToBeUnknown) {
 INSTANTIATE_TEST_SUITE_P(OfTheCatalogue, Withheld,
                          ::testing::Values(Case{"row_delay:row_delay_s=2.8e-5", "row_delay", "", 0.0, 0.0},
                                            Case{"flicker:sigma_k=0.009", "flicker", "", 0.0, 0.0},
-                                           Case{"fpn_offset:pixel_k=0.03,column_k=0.015", "fpn_offset", "", 0.0, 0.0}),
+                                           Case{"fpn_offset:pixel_k=0.03,column_k=0.015", "fpn_offset", "", 0.0, 0.0},
+                                           Case{"vignetting:corner_loss=0.04", "vignetting", "", 0.0, 0.0}),
                          [](const auto& made) { return made.param.name; });
 
 TEST_F(Diagnosis, DoesNotDependOnTheNumberOfThreads) {

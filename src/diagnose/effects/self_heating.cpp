@@ -20,6 +20,7 @@ extern const Effect self_heating_effect{
                [](State& s, double v) { s.camera.heating_rate = 3.0 * std::exp(v); }}};
         },
     .least = 0.001,
+    .hides_in = MapKind::kOffset,
     .report =
         [](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
           return std::map<std::string, Estimate>{{"amplitude_k", interval(std::abs(v[0]), e[0])}};

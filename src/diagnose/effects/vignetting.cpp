@@ -21,7 +21,7 @@ extern const Effect vignetting_effect{
         },
     .map = MapKind::kNone,
     .least = 0.0006,
-    .forms = {},
+    .hides_in = MapKind::kGain,
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {
           static_cast<void>(session);
