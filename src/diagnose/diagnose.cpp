@@ -6,6 +6,7 @@
 #include <map>
 
 #include "events.hpp"
+#include "learn.hpp"
 #include "noise.hpp"
 #include "omnibus.hpp"
 #include "plots.hpp"
@@ -23,6 +24,7 @@ class Diagnosis {
       : session_(std::move(session)), options_(options), progress_(progress) {}
 
   Result<Report> run();
+  Result<Learned> learn(const std::vector<std::filesystem::path>& captures, const Report& report) const;
 
  private:
   bool allowed(const std::string& name) const { return std::ranges::count(options_.withheld, name) == 0; }
@@ -530,6 +532,17 @@ Result<Report> Diagnosis::run() {
   return report_;
 }
 
+Result<Learned> Diagnosis::learn(const std::vector<std::filesystem::path>& captures, const Report& report) const {
+  const LearnTask task{session_, fitted_ ? &state_ : nullptr, jumps_, noise_.filter, report.effects, options_.profile};
+  Learned learned = learn_constants(task);
+  if (!options_.maps) return learned;
+  if (!progress_("every pixel", 0.95)) return failed("interrupted");
+  auto maps = learn_maps(task, captures, options_.threads);
+  if (!maps) return tl::unexpected(maps.error());
+  learned.maps = std::move(*maps);
+  return learned;
+}
+
 }  // namespace
 
 Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, const Options& options,
@@ -541,7 +554,13 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
   const auto start = std::chrono::steady_clock::now();
   auto session = read_session(captures, progress);
   if (!session) return tl::unexpected(session.error());
-  auto report = Diagnosis(std::move(*session), options, progress).run();
+  Diagnosis diagnosis(std::move(*session), options, progress);
+  auto report = diagnosis.run();
+  if (report) {
+    auto learned = diagnosis.learn(captures, *report);
+    if (!learned) return tl::unexpected(learned.error());
+    report->learned = std::move(*learned);
+  }
   if (report) report->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return report;
 }
