@@ -18,6 +18,7 @@
 #include "bolo/core/clock.hpp"
 #include "bolo/deblur/isa.hpp"
 #include "bolo/model/camera_profile.hpp"
+#include "bolo/pipeline/apply_profile.hpp"
 #include "bolo/pipeline/pipeline.hpp"
 #include "drivers/replay/replay_source.hpp"
 #include "tools/verbs/cli.hpp"
@@ -66,7 +67,7 @@ cxxopts::Options command_line() {
   options.add_options()
     ("input", "Capture to read", cxxopts::value<std::string>())
     ("o,output", "Capture to write", cxxopts::value<std::string>(), "OUT.h5")
-    ("profile", "Camera profile: gives tau, row delay and the maps of single pixels", cxxopts::value<std::string>(), "P.toml")
+    ("profile", "Camera profile: what is known of the camera and undone", cxxopts::value<std::string>(), "P.toml")
     ("tau", "Thermal time constant, s (default: the profile's, else " + text(defaults.tau_s) + ")",
      cxxopts::value<double>(), "S")
     ("solver", "admm, dual, exact, inverse or mmae", cxxopts::value<std::string>()->default_value("admm"))
@@ -110,11 +111,10 @@ Status read_profile(const cxxopts::ParseResult& args, Request& request) {
   if (args.count("profile") == 0) return {};
   const auto profile = model::read_profile(args["profile"].as<std::string>());
   if (!profile) return tl::unexpected(profile.error());
-  request.options.deblur.tau_s = profile->tau_s;
   request.maps_file = profile->maps;
   auto maps = capture::read_profile_maps(*profile);
   if (!maps) return tl::unexpected(maps.error());
-  request.options.maps = std::move(*maps);
+  pipeline::apply_profile(*profile, std::move(*maps), request.options);
   return {};
 }
 
