@@ -32,12 +32,12 @@ model::FrameFilter filter_of(FrameFilter filter) {
 void learn_undo(const LearnTask& task, model::Undo& undo) {
   undo.slow_share = std::clamp(value_of(task, "slow_pole", "share", undo.slow_share), 0.0, 0.3);
   undo.slow_tau_s = std::clamp(value_of(task, "slow_pole", "slow_tau_s", undo.slow_tau_s), 0.02, 2.0);
+  undo.coupling = std::clamp(value_of(task, "crosstalk", "coupling", undo.coupling), 0.0, 0.2);
   undo.integration_s = std::clamp(value_of(task, "integration_window", "window_s", undo.integration_s), 0.0, 0.1);
   undo.ceiling_k = value_of(task, "saturation", "level_k", undo.ceiling_k);
   undo.flicker_k = value_of(task, "flicker", "sigma_k", undo.flicker_k);
   undo.follow_jumps = undo.follow_jumps || task.found("offset_jump") != nullptr;
-  undo.drop_repeated =
-      undo.drop_repeated || task.found("frame_loss") != nullptr || task.found("nuc_freeze") != nullptr;
+  undo.drop_repeated = undo.drop_repeated || task.found("frame_loss") != nullptr || task.found("nuc_freeze") != nullptr;
   if (task.found("iir") != nullptr) {
     const double weight = value_of(task, "iir", "alpha", 1.0);
     const bool undone = task.filter != FrameFilter::kBox || weight > 0.5;

@@ -204,8 +204,7 @@ State without_maps(State state) {
 }
 
 void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted, int threads, Found& found) {
-  const std::size_t begin =
-      static_cast<std::size_t>(band.grid.rows.front()) * static_cast<std::size_t>(band.width);
+  const std::size_t begin = static_cast<std::size_t>(band.grid.rows.front()) * static_cast<std::size_t>(band.width);
   const auto pixels = static_cast<std::size_t>(band.grid.pixels());
   State state = without_maps(*task.state);
   Wanted now = wanted;
@@ -244,7 +243,8 @@ void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted
 
 // As on the grid: zero mean, which belongs to the levels or to the camera's one value, and as much of the scatter as
 // is not noise.
-void centre_and_shrink(std::vector<double>& map, const std::vector<std::uint8_t>& dead, double noise2, bool keep_small) {
+void centre_and_shrink(std::vector<double>& map, const std::vector<std::uint8_t>& dead, double noise2,
+                       bool keep_small) {
   double mean = 0.0;
   double square = 0.0;
   double count = 0.0;

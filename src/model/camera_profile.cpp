@@ -17,10 +17,13 @@ constexpr std::array<std::pair<std::string_view, FrameFilter>, 3> kFilters{
 // What `bolo diagnose --write-profile` finds beyond the first keys.
 void declare_undo(KeyTable& keys, Undo& undo) {
   keys.section("pixel", "how the pixels answer, beyond tau_s");
-  keys.number("slow_share", undo.slow_share, {0.0, 0.3, ""},
-              "Share of the answer that follows slow_tau_s: 1 / (1 + s tau) becomes (1 - share) / (1 + s tau) + share / "
-              "(1 + s slow_tau).");
+  keys.number(
+      "slow_share", undo.slow_share, {0.0, 0.3, ""},
+      "Share of the answer that follows slow_tau_s: 1 / (1 + s tau) becomes (1 - share) / (1 + s tau) + share / "
+      "(1 + s slow_tau).");
   keys.number("slow_tau_s", undo.slow_tau_s, {0.02, 2.0, "s"}, "Time constant of that share.");
+  keys.number("coupling", undo.coupling, {0.0, 0.2, ""},
+              "Heat that flows to each of a pixel's four neighbours, in units of what flows to its substrate.");
   keys.number("integration_s", undo.integration_s, {0.0, 0.1, "s"},
               "A frame is the mean of what the pixels show over this time before its own: it is half of it late.");
   keys.section("radiometry", "from what is looked at to what the frames show");
@@ -28,7 +31,8 @@ void declare_undo(KeyTable& keys, Undo& undo) {
                "The pixels follow the radiance from 7.5 to 14 um (Planck), the frames show its temperature.");
   keys.number("emissivity", undo.emissivity, {0.3, 1.0, ""},
               "Of what is looked at. Deblurred temperatures are its own, not mixed with its surroundings'.");
-  keys.number("reflected_k", undo.reflected_k, {150.0, 600.0, "K"}, "Temperature of the surroundings that it reflects.");
+  keys.number("reflected_k", undo.reflected_k, {150.0, 600.0, "K"},
+              "Temperature of the surroundings that it reflects.");
   keys.number("ceiling_k", undo.ceiling_k, {0.0, 2000.0, "K"},
               "Frames with values from here on up are flagged as saturated; 0: only those at the end of 16 bits.");
   keys.section("firmware", "what the camera does to its frames");

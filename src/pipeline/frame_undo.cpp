@@ -28,7 +28,7 @@ double undone_emissivity(const model::Undo& undo, double kelvin) {
 }  // namespace
 
 Result<std::unique_ptr<FrameUndo>> FrameUndo::create(const UndoTask& task, const StreamFormat& input) {
-  if (task.undo.after() && input.scale.unit != Unit::kKelvin) {
+  if (task.undo.curves() && input.scale.unit != Unit::kKelvin) {
     return bad_input("the profile's [radiometry] needs temperatures, but the source has only counts; take it out");
   }
   return std::unique_ptr<FrameUndo>(new FrameUndo(task, input));
@@ -45,7 +45,8 @@ FrameUndo::FrameUndo(const UndoTask& task, const StreamFormat& input) : task_(ta
       return (model::band_radiance(scale * value + shift) - shift) / scale;
     });
   }
-  if (undo.after()) {
+  if (undo.coupling != 0.0) set_sideways(task.maps);
+  if (undo.curves()) {
     to_temperature_ = ValueCurve(kColdestK, kHottestK, kPieces, [&](double shown) {
       return undone_emissivity(undo, undo.radiance ? model::band_temperature(shown) : shown);
     });
@@ -55,6 +56,7 @@ FrameUndo::FrameUndo(const UndoTask& task, const StreamFormat& input) : task_(ta
       finished_.push_back(static_cast<std::uint16_t>(std::lround(std::clamp(wanted, 0.0, 65535.0))));
     }
   }
+  task_.maps = nullptr;  // the caller's
   if (undo.drop_repeated) last_raw_.resize(plane_bytes(input.geometry, input.type));
   if (!undo.before()) return;
   format_.type = PixelType::kFloat32;
@@ -129,6 +131,11 @@ void FrameUndo::read_as(PixelRange pixels) noexcept {
   }
 }
 
+double FrameUndo::share_within(double reach, double centre) const noexcept {
+  const auto near = [&](float d) { return std::abs(static_cast<double>(d) - centre) < reach; };
+  return static_cast<double>(std::ranges::count_if(difference_, near)) / static_cast<double>(difference_.size());
+}
+
 // The common difference between this frame and the one before: from their median on, means of what is within reach.
 double FrameUndo::centre() noexcept {
   for (std::size_t i = 0; i < lattice_.size(); ++i) difference_[i] = now_[i] - sample_[i];
@@ -151,24 +158,32 @@ double FrameUndo::centre() noexcept {
   return centre;
 }
 
+// Steps are told from motion by its spread in the frame before, which motion does not change at once.
 void FrameUndo::settle() noexcept {
   if (lattice_.empty()) return;
   for (std::size_t i = 0; i < lattice_.size(); ++i) now_[i] = plane_[lattice_[i]];
   double difference = first_ ? 0.0 : centre();
   std::swap(now_, sample_);
-  if (first_) jumped_ = flicker_ = trend_ = 0.0;
-  if (task_.undo.follow_jumps && std::abs(difference) > kJump * sigma_) {
-    const auto made = std::ranges::count_if(
-        difference_, [&](float d) { return std::abs(static_cast<double>(d) - difference) < kClip * sigma_; });
-    if (static_cast<double>(made) > kJumpShare * static_cast<double>(difference_.size())) {
-      jumped_ += difference;
-      difference = 0.0;
-    }
+  if (first_) {
+    jumped_ = flicker_ = trend_ = 0.0;
+    spread_ = sigma_;
+    offset_ = 0.0F;
+    return;
   }
-  if (task_.undo.flicker_k > 0.0) {
-    flicker_ = kFlickerKept * flicker_ + difference - trend_;
-    trend_ += kTrendTaken * (difference - trend_);
+  const bool still = share_within(kClip * sigma_, difference) > kStill;
+  if (task_.undo.follow_jumps && std::abs(difference - trend_) > kJump * spread_ &&
+      share_within(kClip * spread_, difference) > kJumpShare) {
+    jumped_ += difference - trend_;
+    difference = trend_;
   }
+  // Where nearly all moves nothing is known of flicker.
+  if (task_.undo.flicker_k > 0.0) flicker_ = kFlickerKept * flicker_ + (still ? difference - trend_ : 0.0);
+  trend_ += kTrendTaken * (difference - trend_);
+  for (float& d : difference_) d = static_cast<float>(std::abs(static_cast<double>(d) - difference));
+  const auto middle = difference_.begin() + static_cast<std::ptrdiff_t>(difference_.size() / 2);
+  std::nth_element(difference_.begin(), middle, difference_.end());
+  constexpr double kSigmaOfMedian = 1.4826;
+  spread_ = std::max(sigma_, kSigmaOfMedian * static_cast<double>(*middle));
   offset_ = static_cast<float>(jumped_ + flicker_);
 }
 
@@ -197,15 +212,68 @@ void FrameUndo::write(PixelRange pixels) noexcept {
   }
 }
 
-void FrameUndo::finish(PixelType type, void* out, PixelRange values) const noexcept {
-  if (to_temperature_.empty()) return;
-  if (type == PixelType::kUint16) {
-    auto* const to = static_cast<std::uint16_t*>(out);
-    for (std::size_t i = values.begin; i < values.end; ++i) to[i] = finished_[to[i]];
-    return;
+void FrameUndo::set_sideways(const model::PixelMaps* maps) {
+  const std::size_t pixels = input_.geometry.pixels();
+  const bool kelvin = input_.scale.unit == Unit::kKelvin;
+  const double scale = kelvin ? input_.scale.scale : 1.0;
+  const double shift = kelvin ? input_.scale.offset : 0.0;
+  gain_.assign(pixels, 1.0F);
+  sideways_offset_.assign(pixels, 0.0F);
+  good_.assign(pixels, 1.0F);
+  if (maps == nullptr) return;
+  for (std::size_t p = 0; p < pixels; ++p) {  // maps of another size are the solver's to refuse
+    if (p < maps->gain.size()) gain_[p] = maps->gain[p];
+    const double offset = p < maps->offset.size() ? static_cast<double>(maps->offset[p]) : 0.0;
+    sideways_offset_[p] = static_cast<float>((static_cast<double>(gain_[p]) * shift + offset - shift) / scale);
+    if (p < maps->dead.size() && maps->dead[p] != 0) good_[p] = 0.0F;
   }
-  auto* const to = static_cast<float*>(out);
-  for (std::size_t i = values.begin; i < values.end; ++i) to[i] = to_temperature_.at(to[i]);
+}
+
+// c sum (y - y_n), in values.
+template <typename T>
+float FrameUndo::sideways(const T* plane, std::size_t pixel) const noexcept {
+  const auto width = static_cast<std::size_t>(input_.geometry.width);
+  const std::size_t x = pixel % width;
+  const std::size_t last_row = input_.geometry.pixels() - width;
+  const auto value = [&](std::size_t p) { return gain_[p] * static_cast<float>(plane[p]) + sideways_offset_[p]; };
+  const float own = value(pixel);
+  const auto from = [&](std::size_t p) { return good_[p] * (own - value(p)); };
+  float sum = from(x > 0 ? pixel - 1 : pixel) + from(x + 1 < width ? pixel + 1 : pixel);
+  sum += from(pixel >= width ? pixel - width : pixel) + from(pixel < last_row ? pixel + width : pixel);
+  return static_cast<float>(task_.undo.coupling) * good_[pixel] * sum;
+}
+
+template <typename T, typename Out>
+void FrameUndo::take_sideways(const Deblurred& frame, Out&& change) const noexcept {
+  const T* const plane = static_cast<const T*>(frame.plane);
+  const std::size_t count = frame.values.end - frame.values.begin;
+  for (std::size_t i = 0; i < count; ++i) change(frame.values.begin + i, sideways(plane, frame.first_pixel + i));
+}
+
+void FrameUndo::finish(const Deblurred& frame) const noexcept {
+  auto* const counts = static_cast<std::uint16_t*>(frame.out);
+  auto* const kelvin = static_cast<float*>(frame.out);
+  const bool as_counts = frame.type == PixelType::kUint16;
+  if (!good_.empty()) {
+    const float scale = input_.scale.unit == Unit::kKelvin ? static_cast<float>(input_.scale.scale) : 1.0F;
+    const auto change = [&](std::size_t i, float by) {
+      if (as_counts) {
+        counts[i] = static_cast<std::uint16_t>(std::clamp(static_cast<float>(counts[i]) + by, 0.0F, 65534.0F) + 0.5F);
+      } else {
+        kelvin[i] += scale * by;
+      }
+    };
+    format_.type == PixelType::kUint16 ? take_sideways<std::uint16_t>(frame, change)
+                                       : take_sideways<float>(frame, change);
+  }
+  if (to_temperature_.empty()) return;
+  for (std::size_t i = frame.values.begin; i < frame.values.end; ++i) {
+    if (as_counts) {
+      counts[i] = finished_[counts[i]];
+    } else {
+      kelvin[i] = to_temperature_.at(kelvin[i]);
+    }
+  }
 }
 
 bool FrameUndo::saturated(const void* raw, PixelRange pixels) const noexcept {

@@ -12,7 +12,10 @@
 //   radiance   from temperature to the radiance that the pixels follow, in kelvin-like units
 //   slow pole  with z the answer of tau alone and s that of slow_tau: y = (1 - a) z + a s, both to the input that is
 //              constant between samples: that input follows from y, and z goes on. Noise gain 1 / (1 - a).
-// After: from radiance back to temperature, and from the apparent temperature to that of what is looked at,
+// After, first: conduction. A pixel with the coupling c to its neighbours follows tau dy/dt + y = x + c sum (y_n - y),
+// so the solver's estimate is x + c sum (y_n - y), and x is it less that sum of the frame itself: no inversion, and
+// hardly any noise (c sqrt(20) of the frame's). Neighbours beyond the border and dead ones count as the pixel itself.
+// Then from radiance back to temperature, and from the apparent temperature to that of what is looked at,
 //   B(T) = (B(T') - (1 - e) B(T_reflected)) / e.
 // Gain and offset maps act within the solver, after this: they commute with filter and slow pole, and are small enough
 // for the curves.
@@ -27,6 +30,7 @@
 #include "bolo/core/frame.hpp"
 #include "bolo/core/plane.hpp"
 #include "bolo/core/result.hpp"
+#include "bolo/model/pixel_maps.hpp"
 #include "bolo/model/undo.hpp"
 #include "src/pipeline/convert.hpp"
 
@@ -59,8 +63,9 @@ class ValueCurve {
 struct UndoTask {
   model::Undo undo;
   double tau_s = 0.011;
-  double noise_k = 0.03;   // of one pixel, K (counts without kelvin)
-  std::size_t planes = 1;  // that must stay valid at once
+  double noise_k = 0.03;                   // of one pixel, K (counts without kelvin)
+  std::size_t planes = 1;                  // that must stay valid at once
+  const model::PixelMaps* maps = nullptr;  // of the solver, for what flows sideways; null: none
 };
 
 // Use, per frame: if (repeats(raw)) drop it; begin(); on all workers read(); settle(); on all workers write(); the
@@ -87,8 +92,16 @@ class FrameUndo {
   void settle() noexcept;
   const void* plane() const noexcept { return plane_; }
 
-  // Deblurred values in place: `out` of the output type. Thread: worker.
-  void finish(PixelType type, void* out, PixelRange values) const noexcept;
+  // Deblurred values in place: values[i] of `out`, of the output type, is pixel `first_pixel` + i of the frame whose
+  // plane, of format(), is `plane`. Thread: worker.
+  struct Deblurred {
+    PixelType type = PixelType::kUint16;
+    void* out = nullptr;
+    PixelRange values;
+    const void* plane = nullptr;
+    std::size_t first_pixel = 0;
+  };
+  void finish(const Deblurred& frame) const noexcept;
 
   // True when a raw value lies at the ceiling. Thread: worker.
   bool saturated(const void* raw, PixelRange pixels) const noexcept;
@@ -99,10 +112,20 @@ class FrameUndo {
   void read_as(PixelRange pixels) noexcept;
   void set_gap(std::uint64_t frames) noexcept;
   double centre() noexcept;
+  double share_within(double reach, double centre) const noexcept;
+  void set_sideways(const model::PixelMaps* maps);
+  template <typename T>
+  float sideways(const T* plane, std::size_t pixel) const noexcept;
+  template <typename T, typename Out>
+  void take_sideways(const Deblurred& frame, Out&& change) const noexcept;
 
   UndoTask task_;
   StreamFormat input_;
   StreamFormat format_;
+  // Conduction: what each pixel's value is for its neighbours, gain * value + offset, and whether it is one.
+  std::vector<float> gain_;
+  std::vector<float> sideways_offset_;
+  std::vector<float> good_;
   ValueCurve to_radiance_;               // of stored values
   ValueCurve to_temperature_;            // of kelvin
   std::vector<std::uint16_t> finished_;  // of each stored value, when the output is uint16
@@ -126,6 +149,7 @@ class FrameUndo {
   std::vector<float> now_;     // of this frame
   std::vector<float> difference_;
   double sigma_ = 1.0;    // of a difference, values
+  double spread_ = 1.0;   // of the differences in the frame before, at least sigma_
   double jumped_ = 0.0;   // steps so far
   double flicker_ = 0.0;  // what is taken out beyond them
   double trend_ = 0.0;    // of the differences: motion

@@ -195,7 +195,7 @@ bool Pipeline::Impl::solve_part(const Region& part) noexcept {
     const std::size_t begin = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(part.x);
     const PixelRange pixels{begin, begin + static_cast<std::size_t>(step) * part_width};
     if (!job->full) convert(undo->format(), job->frame.plane, options.output, deblurred.data(), pixels);
-    undo->finish(options.output, deblurred.data(), pixels);
+    if (undo->after()) undo->finish({options.output, deblurred.data(), pixels, job->frame.plane, pixels.begin});
     found = saturated(info.format.type, raw, pixels) || undo->saturated(raw, pixels) || found;
   }
   return found;
@@ -209,7 +209,9 @@ bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
   } else {
     convert(undo->format(), job->frame.plane, options.output, out, pixels);
   }
-  undo->finish(options.output, out, {0, pixels.size()});
+  for (std::size_t i = 0; undo->after() && i < pixels.size(); ++i) {
+    undo->finish({options.output, out, {i, i + 1}, job->frame.plane, pixels[i]});
+  }
   return saturated(info.format.type, raw, pixels) ||
          std::any_of(pixels.begin(), pixels.end(), [this](std::uint32_t pixel) {
            return undo->saturated(raw, {pixel, pixel + std::size_t{1}});
@@ -326,6 +328,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
   settings.period_s = info->format.frame_period_s;
   if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
   UndoTask task{options.undo, settings.tau_s, options.pixel_noise_k};
+  task.maps = &options.maps;
   task.planes = static_cast<std::size_t>(deblur::Window(settings).slots());
   auto undo = FrameUndo::create(task, info->format);
   if (!undo) return tl::unexpected(undo.error());

@@ -108,6 +108,7 @@ void set_constants(const sim::EffectSpec& effect, model::CameraProfile& profile)
   if (name == "coarse_quantisation") profile.quantisation_k = value("step_k");
   if (name == "slow_pole") undo.slow_share = value("share");
   if (name == "slow_pole") undo.slow_tau_s = value("slow_tau_s");
+  if (name == "crosstalk") undo.coupling = value("coupling");
   if (name == "integration_window") undo.integration_s = value("window_s");
   if (name == "emissivity") undo.emissivity = value("emissivity");
   if (name == "emissivity") undo.reflected_k = value("surroundings_k");
