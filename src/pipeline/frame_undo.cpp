@@ -14,6 +14,7 @@ constexpr double kHottestK = 650.0;
 constexpr int kPieces = 2000;  // of a quarter of a kelvin: off by less than 0.1 mK
 constexpr std::size_t kLattice = 4096;
 constexpr double kClip = 2.5;         // sigma of a difference: beyond it something moves
+constexpr double kStill = 0.6;        // of the pixels that must not move for a frame's offset to be known
 constexpr double kJump = 1.5;         // sigma of a difference: the least step of all pixels that is one
 constexpr double kJumpShare = 0.5;    // of the pixels that must have made it
 constexpr double kFlickerKept = 0.8;  // of what is taken out, from frame to frame
