@@ -261,6 +261,7 @@ PixelRange Pipeline::Impl::share_of_pixels(int worker) const noexcept {
 // The plane that the window gets.
 const void* Pipeline::Impl::undone(const rt::FrameSlot& slot, bool restart) noexcept {
   if (!undo->before()) return slot.data;
+  const std::int64_t start_ns = monotonic_ns();
   undo->begin(slot.meta, slot.data, restart);
   const auto on_all = [this](auto part) { team.run(part, this); };
   on_all([](void* self, int worker) {
@@ -272,6 +273,7 @@ const void* Pipeline::Impl::undone(const rt::FrameSlot& slot, bool restart) noex
     auto* const impl = static_cast<Impl*>(self);
     impl->undo->write(impl->share_of_pixels(worker));
   });
+  stats.deblur_ns.add(static_cast<std::uint64_t>(monotonic_ns() - start_ns));
   return undo->plane();
 }
 
@@ -345,7 +347,8 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .solver_text = impl->text,
                           .iterations_asked = options.deblur.iterations,
                           .isa = std::string(deblur::best_isa()),
-                          .maps = !options.maps.empty() || options.undo.before() || options.undo.after(),
+                          .maps = !options.maps.empty(),
+                          .undone = options.undo.before() || options.undo.after(),
                           .region = options.region,
                           .points = options.points};
   if (Status status = impl->sinks.open(sinks, format); !status) return tl::unexpected(status.error());

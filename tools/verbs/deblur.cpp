@@ -33,6 +33,7 @@ struct Request {
   std::filesystem::path input;
   std::filesystem::path output;
   std::filesystem::path points_file;
+  std::filesystem::path profile_file;
   std::filesystem::path maps_file;
   pipeline::PipelineOptions options;
   bool json = false;
@@ -109,7 +110,8 @@ Status read_lambda(const std::string& text, deblur::Settings& settings) {
 
 Status read_profile(const cxxopts::ParseResult& args, Request& request) {
   if (args.count("profile") == 0) return {};
-  const auto profile = model::read_profile(args["profile"].as<std::string>());
+  request.profile_file = args["profile"].as<std::string>();
+  const auto profile = model::read_profile(request.profile_file);
   if (!profile) return tl::unexpected(profile.error());
   request.maps_file = profile->maps;
   auto maps = capture::read_profile_maps(*profile);
@@ -205,6 +207,7 @@ Status outcome(const Request& request, const Status& run, const Status& replay, 
 std::vector<std::pair<std::string, std::string>> file_names(const Request& request) {
   std::vector<std::pair<std::string, std::string>> names;
   if (!request.points_file.empty()) names.emplace_back("points_file", request.points_file.filename().string());
+  if (!request.profile_file.empty()) names.emplace_back("profile", request.profile_file.filename().string());
   if (!request.maps_file.empty()) names.emplace_back("maps", request.maps_file.filename().string());
   return names;
 }
