@@ -230,25 +230,41 @@ void FrameUndo::set_sideways(const model::PixelMaps* maps) {
   }
 }
 
-// c sum (y - y_n), in values.
+// c sum (y - y_n), in values, of `count` pixels of one row: by `left`, `right`, `up` and `down` lie the neighbours, 0
+// where there is none.
 template <typename T>
-float FrameUndo::sideways(const T* plane, std::size_t pixel) const noexcept {
-  const auto width = static_cast<std::size_t>(input_.geometry.width);
-  const std::size_t x = pixel % width;
-  const std::size_t last_row = input_.geometry.pixels() - width;
-  const auto value = [&](std::size_t p) { return gain_[p] * static_cast<float>(plane[p]) + sideways_offset_[p]; };
-  const float own = value(pixel);
-  const auto from = [&](std::size_t p) { return good_[p] * (own - value(p)); };
-  float sum = from(x > 0 ? pixel - 1 : pixel) + from(x + 1 < width ? pixel + 1 : pixel);
-  sum += from(pixel >= width ? pixel - width : pixel) + from(pixel < last_row ? pixel + width : pixel);
-  return static_cast<float>(task_.undo.coupling) * good_[pixel] * sum;
+void FrameUndo::sideways(const T* plane, std::size_t first, std::size_t count, const Reach& to,
+                         float* out) const noexcept {
+  const float* const gain = gain_.data();
+  const float* const offset = sideways_offset_.data();
+  const float* const good = good_.data();
+  const auto coupling = static_cast<float>(task_.undo.coupling);
+  const auto value = [=](std::size_t p) { return gain[p] * static_cast<float>(plane[p]) + offset[p]; };
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t p = first + i;
+    const float own = value(p);
+    const auto from = [&](std::size_t q) { return good[q] * (own - value(q)); };
+    out[i] = coupling * good[p] * ((from(p - to.left) + from(p + to.right)) + (from(p - to.up) + from(p + to.down)));
+  }
 }
 
 template <typename T, typename Out>
 void FrameUndo::take_sideways(const Deblurred& frame, Out&& change) const noexcept {
+  constexpr std::size_t kAtOnce = 256;
+  std::array<float, kAtOnce> by;
   const T* const plane = static_cast<const T*>(frame.plane);
-  const std::size_t count = frame.values.end - frame.values.begin;
-  for (std::size_t i = 0; i < count; ++i) change(frame.values.begin + i, sideways(plane, frame.first_pixel + i));
+  const auto width = static_cast<std::size_t>(input_.geometry.width);
+  const std::size_t last_row = input_.geometry.pixels() - width;
+  const std::size_t end = frame.first_pixel + (frame.values.end - frame.values.begin);
+  for (std::size_t p = frame.first_pixel; p < end;) {
+    const std::size_t x = p % width;
+    const Reach to{x > 0 ? 1U : 0U, x + 1 < width ? 1U : 0U, p >= width ? width : 0U, p < last_row ? width : 0U};
+    const bool inner = x > 0 && x + 1 < width;  // up to the last column but one they are alike
+    const std::size_t count = inner ? std::min({kAtOnce, width - 1 - x, end - p}) : 1;
+    sideways(plane, p, count, to, by.data());
+    for (std::size_t i = 0; i < count; ++i) change(frame.values.begin + (p - frame.first_pixel) + i, by[i]);
+    p += count;
+  }
 }
 
 void FrameUndo::finish(const Deblurred& frame) const noexcept {

@@ -114,8 +114,14 @@ class FrameUndo {
   double centre() noexcept;
   double share_within(double reach, double centre) const noexcept;
   void set_sideways(const model::PixelMaps* maps);
+  struct Reach {  // how far the neighbours are, 0: there is none
+    std::size_t left;
+    std::size_t right;
+    std::size_t up;
+    std::size_t down;
+  };
   template <typename T>
-  float sideways(const T* plane, std::size_t pixel) const noexcept;
+  void sideways(const T* plane, std::size_t first, std::size_t count, const Reach& to, float* out) const noexcept;
   template <typename T, typename Out>
   void take_sideways(const Deblurred& frame, Out&& change) const noexcept;
 
