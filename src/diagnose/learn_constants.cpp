@@ -1,6 +1,9 @@
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "learn.hpp"
 #include "radiance.hpp"
@@ -29,6 +32,52 @@ model::FrameFilter filter_of(FrameFilter filter) {
   return filter == FrameFilter::kRecursive ? model::FrameFilter::kRecursive : model::FrameFilter::kNone;
 }
 
+// A grey body: emissivity and what it reflects.
+struct Grey {
+  double emissivity = 1.0;
+  double reflected_k = kSurroundings;
+};
+
+// The levels of all stimuli as they were fitted against those of their files. A bench errs in each level by itself;
+// when all lie on the line of a grey body (radiance seen = e radiance stated + rest), far beyond their scatter about
+// it, it is the emissivity, which the fit had left to the levels.
+std::optional<Grey> grey_of_levels(const LearnTask& task) {
+  constexpr std::size_t kLeastLevels = 6;
+  constexpr double kLeastT = 8.0;            // of Student's t of the slope
+  constexpr double kLeastReflected = 0.012;  // a bench may reflect a hundredth
+  const State files = nominal_state(task.session, task.profile);
+  std::vector<std::pair<double, double>> levels;  // stated, seen
+  for (std::size_t i = 0; i < files.stimuli.size(); ++i) {
+    const auto& stated = files.stimuli[i].level_k;
+    const auto& seen = task.state->stimuli[i].level_k;
+    if (!has_model(task.session.recordings[i])) continue;
+    for (std::size_t l = 0; l < std::min(stated.size(), seen.size()); ++l) {
+      levels.emplace_back(band_signal(stated[l]), band_signal(seen[l]));
+    }
+  }
+  const auto n = static_cast<double>(levels.size());
+  if (levels.size() < kLeastLevels) return std::nullopt;
+  double x = 0.0;
+  double y = 0.0;
+  for (const auto& [stated, seen] : levels) {
+    x += stated / n;
+    y += seen / n;
+  }
+  double xx = 0.0;
+  double xy = 0.0;
+  for (const auto& [stated, seen] : levels) {
+    xx += (stated - x) * (stated - x);
+    xy += (stated - x) * (seen - y);
+  }
+  if (xx <= 0.0) return std::nullopt;
+  const double slope = xy / xx;
+  double left = 0.0;
+  for (const auto& [stated, seen] : levels) left += std::pow(seen - y - slope * (stated - x), 2) / (n - 2.0);
+  const double reflected = 1.0 - slope;
+  if (reflected < kLeastReflected || reflected > 0.7 || reflected < kLeastT * std::sqrt(left / xx)) return std::nullopt;
+  return Grey{slope, std::clamp(band_temperature((y - slope * x) / reflected), 150.0, 600.0)};
+}
+
 void learn_undo(const LearnTask& task, model::Undo& undo) {
   undo.slow_share = std::clamp(value_of(task, "slow_pole", "share", undo.slow_share), 0.0, 0.3);
   undo.slow_tau_s = std::clamp(value_of(task, "slow_pole", "slow_tau_s", undo.slow_tau_s), 0.02, 2.0);
@@ -49,6 +98,9 @@ void learn_undo(const LearnTask& task, model::Undo& undo) {
   if (task.found("emissivity") != nullptr) {
     undo.emissivity = std::clamp(1.0 - camera.reflected, 0.3, 1.0);
     undo.reflected_k = reflected_temperature(camera);
+  } else if (const auto grey = grey_of_levels(task)) {
+    undo.emissivity = grey->emissivity;
+    undo.reflected_k = grey->reflected_k;
   }
   if (task.found("radiometric_nonlinearity") != nullptr) undo.radiance = camera.radiance > 0.5;
 }

@@ -15,7 +15,9 @@ constexpr int kPieces = 2000;  // of a quarter of a kelvin: off by less than 0.1
 constexpr std::size_t kLattice = 4096;
 constexpr double kClip = 2.5;         // sigma of a difference: beyond it something moves
 constexpr double kStill = 0.6;        // of the pixels that must not move for a frame's offset to be known
-constexpr double kJump = 1.5;         // sigma of a difference: the least step of all pixels that is one
+constexpr double kJump = 1.0;         // sigma of a difference: the least step of all pixels that is one
+constexpr double kFirstUsual = 0.1;   // of sigma, before anything is known
+constexpr double kUnusual = 6.0;      // times the usual change of a frame
 constexpr double kJumpShare = 0.5;    // of the pixels that must have made it
 constexpr double kFlickerKept = 0.8;  // of what is taken out, from frame to frame
 constexpr double kTrendTaken = 0.05;  // of a frame's difference
@@ -168,14 +170,18 @@ void FrameUndo::settle() noexcept {
   if (first_) {
     jumped_ = flicker_ = trend_ = 0.0;
     spread_ = sigma_;
+    usual_ = kFirstUsual * sigma_;
     offset_ = 0.0F;
     return;
   }
+  const double step = std::abs(difference - trend_);
   const bool still = share_within(kClip * sigma_, difference) > kStill;
-  if (task_.undo.follow_jumps && std::abs(difference - trend_) > kJump * spread_ &&
+  if (task_.undo.follow_jumps && step > std::max(kJump * sigma_, kUnusual * usual_) &&
       share_within(kClip * spread_, difference) > kJumpShare) {
     jumped_ += difference - trend_;
     difference = trend_;
+  } else {
+    usual_ += kTrendTaken * (step - usual_);
   }
   // Where nearly all moves nothing is known of flicker.
   if (task_.undo.flicker_k > 0.0) flicker_ = kFlickerKept * flicker_ + (still ? difference - trend_ : 0.0);

@@ -156,6 +156,7 @@ class FrameUndo {
   std::vector<float> difference_;
   double sigma_ = 1.0;    // of a difference, values
   double spread_ = 1.0;   // of the differences in the frame before, at least sigma_
+  double usual_ = 0.0;    // how far the centre goes from frame to frame
   double jumped_ = 0.0;   // steps so far
   double flicker_ = 0.0;  // what is taken out beyond them
   double trend_ = 0.0;    // of the differences: motion
