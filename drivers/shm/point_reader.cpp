@@ -126,6 +126,9 @@ Result<PointReader> PointReader::open(const std::string& name, std::vector<std::
   const bolo_shm_header header = reader->header();
   const std::optional<bolo_shm_settings> told = reader->settings();
   if (!told) return bad_input(where + ": its writer does not tell the solver's settings; restart a newer one");
+  if ((told->flags & BOLO_SETTINGS_UNDONE) != 0) {
+    return bad_input(where + ": its profile changes frames around the solver; read the deblurred planes instead");
+  }
   if ((told->flags & BOLO_SETTINGS_MAPS) != 0 && maps.empty()) {
     return bad_input(where + ": its pixels have parameters of their own; give the writer's maps");
   }

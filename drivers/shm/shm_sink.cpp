@@ -115,6 +115,7 @@ void describe(bolo_shm_settings& settings, const pipeline::SinkFormat& format) {
   settings.method = method_code(format.deblur.method);
   if (format.deblur.auto_lambda) settings.flags |= BOLO_SETTINGS_AUTO_LAMBDA;
   if (format.maps) settings.flags |= BOLO_SETTINGS_MAPS;
+  if (format.undone) settings.flags |= BOLO_SETTINGS_UNDONE;
   settings.levels = static_cast<std::uint32_t>(format.deblur.levels);
   settings.iterations = static_cast<std::uint32_t>(format.iterations_asked);
   settings.kappa = format.deblur.kappa;

@@ -34,7 +34,7 @@
  * Solving a pixel on demand. Frame n was estimated from the raw planes of the frames of its window, which ends
  * lookahead frames after n: frames that the window's rules (camera_ns, frame_id, frame_period_s) place there, at most
  * `window` of them. A reader that solves a pixel's samples in them with bolo_shm_settings gets the deblurred plane's
- * bits (drivers/shm/point_reader.hpp does). Where BOLO_SETTINGS_MAPS is set it needs the same maps file besides: maps
+ * bits (drivers/shm/point_reader.hpp does). Not where BOLO_SETTINGS_UNDONE is set. Where BOLO_SETTINGS_MAPS is set it needs the same maps file besides: maps
  * are not in the shared memory. For BOLO_METHOD_MMAE and BOLO_SETTINGS_AUTO_LAMBDA it needs the whole planes and the
  * slot's noise_k: these look at a pixel's surroundings.
  *
@@ -137,7 +137,8 @@ enum bolo_shm_method {
 
 enum bolo_shm_settings_flag {
   BOLO_SETTINGS_AUTO_LAMBDA = 1u << 0, /* lambda is chosen from noise and motion */
-  BOLO_SETTINGS_MAPS = 1u << 1         /* pixels or rows have parameters of their own, which are not told here */
+  BOLO_SETTINGS_MAPS = 1u << 1,        /* pixels or rows have parameters of their own, which are not told here */
+  BOLO_SETTINGS_UNDONE = 1u << 2       /* frames are changed before or after the solver: raw planes are not its input */
 };
 
 /* What the frames are solved with, besides tau_s, frame_period_s, window, lookahead and scale of the header. Written

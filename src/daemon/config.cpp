@@ -8,6 +8,7 @@
 #include "bolo/capture/pixel_maps_io.hpp"
 #include "bolo/deblur/isa.hpp"
 #include "bolo/model/strict_toml.hpp"
+#include "bolo/pipeline/apply_profile.hpp"
 #include "drivers/shm/shm_object.hpp"
 
 namespace bolo::daemon {
@@ -160,13 +161,13 @@ Status apply_profile(DaemonConfig& config, const Overrides& overrides) {
   }
   Result<model::PixelMaps> maps = capture::read_profile_maps(config.profile);
   if (!maps) return tl::unexpected<Error>(maps.error());
-  config.pipeline.maps = std::move(*maps);
+  pipeline::apply_profile(config.profile, std::move(*maps), config.pipeline);
   const model::CameraProfile& profile = config.profile;
   const auto order = profile.big_endian_pixels ? genicam::PixelOrder::kBigEndian : genicam::PixelOrder::kLittleEndian;
   config.camera.rate_hz = overrides.rate_hz.value_or(1.0 / profile.frame_period_s);
   config.camera.pixel_order = overrides.pixel_order.value_or(order);
   config.camera.metadata_rows = overrides.metadata_rows.value_or(profile.metadata_rows);
-  config.pipeline.deblur.tau_s = overrides.tau_s.value_or(profile.tau_s);
+  if (overrides.tau_s) config.pipeline.deblur.tau_s = *overrides.tau_s;
   config.pipeline.deblur.period_s = profile.frame_period_s;
   config.pipeline.thread.name = "bolo-deblur";
   config.shm.name = config.name;

@@ -15,7 +15,13 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
   const auto start = std::chrono::steady_clock::now();
   auto session = read_session(captures, progress);
   if (!session) return tl::unexpected(session.error());
-  auto report = Diagnosis(std::move(*session), options, progress).run();
+  Diagnosis diagnosis(std::move(*session), options, progress);
+  auto report = diagnosis.run();
+  if (report) {
+    auto learned = diagnosis.learn(captures, *report);
+    if (!learned) return tl::unexpected(learned.error());
+    report->learned = std::move(*learned);
+  }
   if (report) report->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return report;
 }

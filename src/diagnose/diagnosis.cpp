@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "learn.hpp"
+
 namespace bolo::diagnose {
 
 FoundEffect named(const std::string& name, double confidence) {
@@ -120,6 +122,17 @@ Result<Report> Diagnosis::run() {
   name_jumps();
   conclude();
   return report_;
+}
+
+Result<Learned> Diagnosis::learn(const std::vector<std::filesystem::path>& captures, const Report& report) const {
+  const LearnTask task{session_, fitted_ ? &state_ : nullptr, jumps_, noise_.filter, report.effects, options_.profile};
+  Learned learned = learn_constants(task);
+  if (!options_.maps) return learned;
+  if (!progress_("every pixel", 0.95)) return failed("interrupted");
+  auto maps = learn_maps(task, captures, options_.threads);
+  if (!maps) return tl::unexpected(maps.error());
+  learned.maps = std::move(*maps);
+  return learned;
 }
 
 }  // namespace bolo::diagnose

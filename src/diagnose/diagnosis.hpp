@@ -23,6 +23,8 @@ class Diagnosis {
       : session_(std::move(session)), options_(options), progress_(progress) {}
 
   Result<Report> run();
+  // What the pipeline can use of it, after run().
+  Result<Learned> learn(const std::vector<std::filesystem::path>& captures, const Report& report) const;
 
  private:
   bool allowed(const std::string& name) const;

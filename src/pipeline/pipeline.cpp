@@ -14,6 +14,7 @@
 #include "bolo/deblur/window.hpp"
 #include "bolo/rt/worker_team.hpp"
 #include "src/pipeline/convert.hpp"
+#include "src/pipeline/frame_undo.hpp"
 #include "src/pipeline/solver_words.hpp"
 
 namespace bolo::pipeline {
@@ -24,6 +25,7 @@ namespace {
 constexpr std::int64_t kLookNs = 100'000'000;
 
 constexpr int kMaxWorkers = 64;
+constexpr int kSlotsBeside = 2;  // of the inlet's pool, beside those of window and queue
 constexpr int kMaxQueueFrames = 4096;
 
 // An output plane, aligned for the widest vectors, zeroed so that no page fault is left for later.
@@ -101,12 +103,14 @@ Status check(const PipelineOptions& options, const StreamFormat& format) {
 }  // namespace
 
 struct Pipeline::Impl {
-  Impl(std::unique_ptr<FrameSource> source_in, SourceInfo info_in, std::unique_ptr<deblur::Solver> solver_in,
-       const deblur::Settings& settings_in, const PipelineOptions& options_in)
+  Impl(std::unique_ptr<FrameSource> source_in, SourceInfo info_in, std::unique_ptr<FrameUndo> undo_in,
+       std::unique_ptr<deblur::Solver> solver_in, const deblur::Settings& settings_in,
+       const PipelineOptions& options_in)
       : source(std::move(source_in)),
         info(std::move(info_in)),
         options(options_in),
         settings(settings_in),
+        undo(std::move(undo_in)),
         solver(std::move(solver_in)),
         text(solver_words(settings, info.format.scale.unit, solver->isa())),
         window(settings),
@@ -114,7 +118,8 @@ struct Pipeline::Impl {
         stats(inlet),
         deblurred(solved_pixels(info.format.geometry, options) * bytes_of(options.output)),
         team(options.workers, options.thread),
-        band_saturated(static_cast<std::size_t>(team.size())) {}
+        band_saturated(static_cast<std::size_t>(team.size())),
+        raw_of(static_cast<std::size_t>(window.slots() + options.queue_frames + kSlotsBeside), nullptr) {}
 
   void warn(const Status& status) const {
     if (!status && options.warn) options.warn(status.error().message);
@@ -128,8 +133,10 @@ struct Pipeline::Impl {
   void deblur(const deblur::Window::Ready& frame) noexcept;
   void publish(const deblur::Window::Ready& frame) noexcept;
   void show_life() noexcept;
+  const void* undone(const rt::FrameSlot& slot, bool restart) noexcept;
 
   // --- each worker ---
+  PixelRange share_of_pixels(int worker) const noexcept;
   void work(int worker) noexcept;
   bool solve_part(const Region& part) noexcept;
   bool solve_points(std::size_t begin, std::size_t end) noexcept;
@@ -139,6 +146,7 @@ struct Pipeline::Impl {
   SourceInfo info;
   PipelineOptions options;
   deblur::Settings settings;
+  std::unique_ptr<FrameUndo> undo;
   std::unique_ptr<deblur::Solver> solver;
   std::string text;
   deblur::Window window;
@@ -154,6 +162,9 @@ struct Pipeline::Impl {
     bool value = false;
   };
   std::vector<Flag> band_saturated;  // one a worker, written by it
+  const void* raw = nullptr;         // of the job's frame, as it came
+  std::vector<const void*> raw_of;   // of each pool slot in the window, by token
+  bool restart_next = false;         // a frame that was dropped had begun a new window
 
   std::int64_t last_sign_ns = 0;  // when the sinks were last called
 };
@@ -183,8 +194,9 @@ bool Pipeline::Impl::solve_part(const Region& part) noexcept {
   for (int row = part.y; row < part.y + part.height; row += step) {
     const std::size_t begin = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(part.x);
     const PixelRange pixels{begin, begin + static_cast<std::size_t>(step) * part_width};
-    if (!job->full) convert(info.format, job->frame.plane, options.output, deblurred.data(), pixels);
-    found = saturated(info.format.type, job->frame.plane, pixels) || found;
+    if (!job->full) convert(undo->format(), job->frame.plane, options.output, deblurred.data(), pixels);
+    if (undo->after()) undo->finish({options.output, deblurred.data(), pixels, job->frame.plane, pixels.begin});
+    found = saturated(info.format.type, raw, pixels) || undo->saturated(raw, pixels) || found;
   }
   return found;
 }
@@ -195,21 +207,28 @@ bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
   if (job->full) {
     solver->solve_points(job->view, pixels, out);
   } else {
-    convert(info.format, job->frame.plane, options.output, out, pixels);
+    convert(undo->format(), job->frame.plane, options.output, out, pixels);
   }
-  return saturated(info.format.type, job->frame.plane, pixels);
+  for (std::size_t i = 0; undo->after() && i < pixels.size(); ++i) {
+    undo->finish({options.output, out, {i, i + 1}, job->frame.plane, pixels[i]});
+  }
+  return saturated(info.format.type, raw, pixels) ||
+         std::any_of(pixels.begin(), pixels.end(), [this](std::uint32_t pixel) {
+           return undo->saturated(raw, {pixel, pixel + std::size_t{1}});
+         });
 }
 
 void Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
   const std::int64_t start_ns = monotonic_ns();
   if (frame.full) solver->prepare(frame.view);
   job = &frame;
+  raw = raw_of[frame.frame.token];
   team.run([](void* self, int worker) { static_cast<Impl*>(self)->work(worker); }, this);
   if (frame.full) stats.deblur_ns.add(static_cast<std::uint64_t>(monotonic_ns() - start_ns));
 }
 
 void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
-  PublishedFrame published{.meta = frame.frame.meta, .raw = frame.frame.plane, .deblurred = deblurred.data()};
+  PublishedFrame published{.meta = frame.frame.meta, .raw = raw_of[frame.frame.token], .deblurred = deblurred.data()};
   if (!frame.full) published.meta.flags |= kFlagWarmUp;
   if (frame.full) published.noise_k = solver->noise_k();
   for (const Flag& flag : band_saturated) {
@@ -233,12 +252,45 @@ void Pipeline::Impl::publish_ready() noexcept {
   for (const std::uint32_t slot : window.released()) inlet.give_back(slot);
 }
 
+PixelRange Pipeline::Impl::share_of_pixels(int worker) const noexcept {
+  const std::size_t pixels = info.format.geometry.pixels();
+  const auto begin = [&](int w) { return pixels * static_cast<std::size_t>(w) / workers(); };
+  return {begin(worker), begin(worker + 1)};
+}
+
+// The plane that the window gets.
+const void* Pipeline::Impl::undone(const rt::FrameSlot& slot, bool restart) noexcept {
+  if (!undo->before()) return slot.data;
+  const std::int64_t start_ns = monotonic_ns();
+  undo->begin(slot.meta, slot.data, restart);
+  const auto on_all = [this](auto part) { team.run(part, this); };
+  on_all([](void* self, int worker) {
+    auto* const impl = static_cast<Impl*>(self);
+    impl->undo->read(impl->share_of_pixels(worker));
+  });
+  undo->settle();
+  on_all([](void* self, int worker) {
+    auto* const impl = static_cast<Impl*>(self);
+    impl->undo->write(impl->share_of_pixels(worker));
+  });
+  stats.deblur_ns.add(static_cast<std::uint64_t>(monotonic_ns() - start_ns));
+  return undo->plane();
+}
+
 // False when nothing came in time.
 bool Pipeline::Impl::take_one() noexcept {
   const FrameInlet::Arrival arrival = inlet.next(kLookNs);
   if (arrival.slot == nullptr) return false;
-  const bool emptied =
-      window.push({arrival.slot->meta, arrival.slot->data, arrival.slot->index}, arrival.restarts_window);
+  rt::FrameSlot& slot = *arrival.slot;
+  if (undo->repeats(slot.data)) {
+    inlet.count_loss(LossCause::kMissing);
+    inlet.give_back(slot);
+    restart_next = restart_next || arrival.restarts_window;
+    return true;
+  }
+  const bool restart = arrival.restarts_window || std::exchange(restart_next, false);
+  raw_of[slot.index] = slot.data;
+  const bool emptied = window.push({slot.meta, undone(slot, restart), slot.index}, restart);
   if (emptied) stats.restarts.add();
   publish_ready();
   return true;
@@ -277,11 +329,17 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
   deblur::Settings settings = options.deblur;
   settings.period_s = info->format.frame_period_s;
   if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
-  auto solver = deblur::Solver::create(settings, info->format, options.output, options.maps);
+  UndoTask task{options.undo, settings.tau_s, options.pixel_noise_k};
+  task.maps = &options.maps;
+  task.planes = static_cast<std::size_t>(deblur::Window(settings).slots());
+  auto undo = FrameUndo::create(task, info->format);
+  if (!undo) return tl::unexpected(undo.error());
+  auto solver = deblur::Solver::create(settings, (*undo)->format(), options.output, options.maps);
   if (!solver) return tl::unexpected(solver.error());
   settings.iterations = (*solver)->iterations();
 
-  auto impl = std::make_unique<Impl>(std::move(source), std::move(*info), std::move(*solver), settings, options);
+  auto impl = std::make_unique<Impl>(std::move(source), std::move(*info), std::move(*undo), std::move(*solver),
+                                     settings, options);
   impl->warn(impl->team.status());
   const SinkFormat format{.source = impl->info,
                           .deblurred_type = options.output,
@@ -290,6 +348,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .iterations_asked = options.deblur.iterations,
                           .isa = std::string(deblur::best_isa()),
                           .maps = !options.maps.empty(),
+                          .undone = options.undo.before() || options.undo.after(),
                           .region = options.region,
                           .points = options.points};
   if (Status status = impl->sinks.open(sinks, format); !status) return tl::unexpected(status.error());

@@ -70,6 +70,26 @@ TEST(Profile, TheShippedProfileReadsAsTheDefaults) {
   EXPECT_EQ(profile->quantisation_k, expected.quantisation_k);
   EXPECT_EQ(profile->big_endian_pixels, expected.big_endian_pixels);
   EXPECT_EQ(profile->metadata_rows, expected.metadata_rows);
+  EXPECT_EQ(profile->undo, expected.undo);
+  EXPECT_FALSE(profile->undo.before() || profile->undo.after()) << "nothing is undone by default";
+}
+
+TEST(Profile, WhatIsUndoneReadsBackAsItWasWritten) {
+  CameraProfile profile;
+  profile.maps = "maps of one camera.h5";
+  profile.undo = {FrameFilter::kBox, 0.75, 0.02, 0.21, 0.04, 0.003, true, 0.96, 288.5, 311.25, 0.012, true, true};
+  const auto read = read_text(document_profile(profile));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->undo, profile.undo);
+  EXPECT_EQ(read->maps, std::filesystem::path(testing::TempDir()) / "maps of one camera.h5");
+}
+
+TEST(Profile, ABoxThatCannotBeUndoneIsRefused) {
+  const auto profile = read_text("[firmware]\nframe_filter = 'box'\nframe_filter_weight = 0.5\n");
+  ASSERT_FALSE(profile);
+  EXPECT_NE(profile.error().message.find(":3:23: frame_filter_weight of a box must be above 0.5"), std::string::npos)
+      << profile.error().message;
+  EXPECT_TRUE(read_text("[firmware]\nframe_filter = 'recursive'\nframe_filter_weight = 0.5\n"));
 }
 
 }  // namespace

@@ -134,6 +134,12 @@ TEST(Allocation, NoneWithAutomaticLambda) {
   }
 }
 
+TEST(Allocation, NoneWhileFramesAreUndone) {
+  PipelineOptions options = options_of(deblur::Method::kAdmm, 1, PixelType::kUint16);
+  options.undo = {model::FrameFilter::kBox, 0.75, 0.02, 0.2, 0.04, 0.002, true, 0.96, 295.0, 320.0, 0.01, true, true};
+  EXPECT_EQ(allocations_of(eventful(), options), 0U);
+}
+
 TEST(Allocation, OneOnThePipelineThreadIsSeen) {
   AllocatingSink allocating;
   EXPECT_GE(allocations_of(eventful(), options_of(deblur::Method::kAdmm, 0, PixelType::kUint16), {&allocating}), 1U);

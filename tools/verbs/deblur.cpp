@@ -18,6 +18,7 @@
 #include "bolo/core/clock.hpp"
 #include "bolo/deblur/isa.hpp"
 #include "bolo/model/camera_profile.hpp"
+#include "bolo/pipeline/apply_profile.hpp"
 #include "bolo/pipeline/pipeline.hpp"
 #include "drivers/replay/replay_source.hpp"
 #include "tools/verbs/cli.hpp"
@@ -32,6 +33,7 @@ struct Request {
   std::filesystem::path input;
   std::filesystem::path output;
   std::filesystem::path points_file;
+  std::filesystem::path profile_file;
   std::filesystem::path maps_file;
   pipeline::PipelineOptions options;
   bool json = false;
@@ -66,7 +68,7 @@ cxxopts::Options command_line() {
   options.add_options()
     ("input", "Capture to read", cxxopts::value<std::string>())
     ("o,output", "Capture to write", cxxopts::value<std::string>(), "OUT.h5")
-    ("profile", "Camera profile: gives tau, row delay and the maps of single pixels", cxxopts::value<std::string>(), "P.toml")
+    ("profile", "Camera profile: what is known of the camera and undone", cxxopts::value<std::string>(), "P.toml")
     ("tau", "Thermal time constant, s (default: the profile's, else " + text(defaults.tau_s) + ")",
      cxxopts::value<double>(), "S")
     ("solver", "admm, dual, exact, inverse or mmae", cxxopts::value<std::string>()->default_value("admm"))
@@ -108,13 +110,13 @@ Status read_lambda(const std::string& text, deblur::Settings& settings) {
 
 Status read_profile(const cxxopts::ParseResult& args, Request& request) {
   if (args.count("profile") == 0) return {};
-  const auto profile = model::read_profile(args["profile"].as<std::string>());
+  request.profile_file = args["profile"].as<std::string>();
+  const auto profile = model::read_profile(request.profile_file);
   if (!profile) return tl::unexpected(profile.error());
-  request.options.deblur.tau_s = profile->tau_s;
   request.maps_file = profile->maps;
   auto maps = capture::read_profile_maps(*profile);
   if (!maps) return tl::unexpected(maps.error());
-  request.options.maps = std::move(*maps);
+  pipeline::apply_profile(*profile, std::move(*maps), request.options);
   return {};
 }
 
@@ -205,6 +207,7 @@ Status outcome(const Request& request, const Status& run, const Status& replay, 
 std::vector<std::pair<std::string, std::string>> file_names(const Request& request) {
   std::vector<std::pair<std::string, std::string>> names;
   if (!request.points_file.empty()) names.emplace_back("points_file", request.points_file.filename().string());
+  if (!request.profile_file.empty()) names.emplace_back("profile", request.profile_file.filename().string());
   if (!request.maps_file.empty()) names.emplace_back("maps", request.maps_file.filename().string());
   return names;
 }

@@ -11,6 +11,7 @@
 
 #include <unistd.h>
 
+#include "bolo/capture/pixel_maps_io.hpp"
 #include "bolo/diagnose/diagnose.hpp"
 #include "bolo/diagnose/report_files.hpp"
 #include "bolo/diagnose/report_words.hpp"
@@ -30,7 +31,7 @@ cxxopts::Options declare() {
   options.add_options()("o,output", "Folder for report.json and report.html", cxxopts::value<std::string>(), "DIR")(
       "profile", "The camera that the simulator assumes (default: a655sc)", cxxopts::value<std::string>(), "P.toml")(
       "withhold", "Take an effect out of the catalogue; repeatable", cxxopts::value<Words>(), "EFFECT")(
-      "write-profile", "Write the profile with what was diagnosed of the camera as a whole",
+      "write-profile", "Write the profile that undoes what was diagnosed; maps of single pixels go into P2.h5",
       cxxopts::value<std::string>(), "P2.toml")("threads", "How many work", cxxopts::value<int>()->default_value("2"))(
       "json", "Print report.json")("capture", "", cxxopts::value<Words>());
   options.parse_positional({"capture"});
@@ -43,6 +44,7 @@ Result<diagnose::Options> options_of(const Given& given) {
   options.threads = given["threads"].as<int>();
   if (options.threads < 1 || options.threads > 64) return bad_input("--threads: expected 1 to 64");
   if (given.count("withhold") != 0) options.withheld = given["withhold"].as<std::vector<std::string>>();
+  options.maps = given.count("write-profile") != 0;
   if (given.count("profile") == 0) return options;
   auto profile = model::read_profile(given["profile"].as<std::string>());
   if (!profile) return tl::unexpected(profile.error());
@@ -83,23 +85,15 @@ class Steps {
   int percent_ = -1;
 };
 
-// The camera that the simulator should assume from now on: what holds for all pixels alike.
-model::CameraProfile learned(model::CameraProfile profile, const diagnose::Report& report) {
-  const auto apply = [&report](const char* effect, const char* key, auto&& use) {
-    for (const diagnose::FoundEffect& found : report.effects) {
-      const auto parameter = found.parameters.find(key);
-      if (found.name == effect && parameter != found.parameters.end()) use(parameter->second.value);
-    }
-  };
-  apply("tau_global", "scale", [&](double scale) { profile.tau_s *= scale; });
-  apply("noise_level", "scale", [&](double scale) { profile.noise_k *= scale; });
-  apply("clock_skew", "skew", [&](double skew) { profile.frame_period_s *= 1.0 + skew; });
-  apply("row_delay", "row_delay_s", [&](double delay_s) { profile.row_delay_s = delay_s; });
-  apply("coarse_quantisation", "step_k", [&](double step_k) { profile.quantisation_k = step_k; });
-  return profile;
-}
-
-Status write_profile(const std::filesystem::path& file, const model::CameraProfile& profile) {
+// Profile and, beside it, the maps of single pixels: P2.toml and P2.h5. Without maps the profile keeps those it had.
+Status write_profile(const std::filesystem::path& file, const diagnose::Learned& learned) {
+  model::CameraProfile profile = learned.profile;
+  const model::PixelMaps& maps = learned.maps;
+  if (!maps.tau_s.empty() || !maps.gain.empty() || !maps.offset.empty() || !maps.dead.empty()) {
+    profile.maps = std::filesystem::path(file).replace_extension(".h5");
+    if (Status written = capture::write_pixel_maps(profile.maps, maps); !written) return written;
+    profile.maps = profile.maps.filename();  // beside the profile
+  }
   errno = 0;
   std::ofstream out(file, std::ios::trunc);
   out << model::document_profile(profile);
@@ -128,7 +122,7 @@ Status run(const Given& given) {
   const std::filesystem::path folder = given["output"].as<std::string>();
   if (Status written = diagnose::write_report(*report, folder); !written) return written;
   if (given.count("write-profile") != 0) {
-    Status written = write_profile(given["write-profile"].as<std::string>(), learned(options->profile, *report));
+    Status written = write_profile(given["write-profile"].as<std::string>(), report->learned);
     if (!written) return written;
   }
   if (given.count("json") != 0) {

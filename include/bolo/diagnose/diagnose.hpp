@@ -16,6 +16,7 @@ struct Options {
   model::CameraProfile profile;       // the nominal simulator
   std::vector<std::string> withheld;  // effects taken out of the catalogue
   int threads = 2;
+  bool maps = false;  // measure Report::learned.maps, of every pixel of the frame: reads the captures once more
 };
 
 // A step of the work and how far it is, 0..1; false stops the diagnosis.

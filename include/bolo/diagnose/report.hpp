@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "bolo/diagnose/learned.hpp"
+
 namespace bolo::diagnose {
 
 struct Estimate {
@@ -114,6 +116,7 @@ struct Report {
   std::vector<NoiseStatistic> noise;
   std::vector<CapturePlots> captures;
   std::vector<Map> maps;  // of what was diagnosed: offsets, gains, time constants, dead pixels
+  Learned learned;        // what the pipeline can use of it
   double seconds = 0.0;   // that the diagnosis took
   std::size_t frames = 0;
 };

@@ -6,6 +6,7 @@
 
 #include "bolo/core/result.hpp"
 #include "bolo/model/strict_toml.hpp"
+#include "bolo/model/undo.hpp"
 
 namespace bolo::model {
 
@@ -18,6 +19,7 @@ struct CameraProfile {
   double quantisation_k = 0.01;  // K a count
   double row_delay_s = 0.0;      // from the sample of one sensor row to that of the next
   std::filesystem::path maps;    // per-pixel parameters (capture/pixel_maps_io.hpp); empty: none
+  Undo undo;                     // what else the camera does to its frames
 
   // How the camera sends its frames; each of these is configurable because it was not proven on every camera.
   bool big_endian_pixels = false;  // Mono16 byte order on the wire

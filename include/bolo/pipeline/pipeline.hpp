@@ -14,6 +14,7 @@
 #include "bolo/core/result.hpp"
 #include "bolo/deblur/settings.hpp"
 #include "bolo/model/pixel_maps.hpp"
+#include "bolo/model/undo.hpp"
 #include "bolo/pipeline/sink.hpp"
 #include "bolo/pipeline/source.hpp"
 #include "bolo/pipeline/stats.hpp"
@@ -30,6 +31,10 @@ struct PipelineOptions {
   int queue_frames = 64;     // frames that may wait between driver and deblurring
   rt::ThreadOptions thread;  // of the pipeline thread and its workers
   model::PixelMaps maps{};   // what is known of the source's single pixels; of its frame size
+  // What else the camera did to its frames (src/pipeline/frame_undo.hpp): undone before and after the solver. Sinks get
+  // the raw frames as they came.
+  model::Undo undo{};
+  double pixel_noise_k = 0.03;  // of one pixel, K (counts without kelvin): tells flicker and jumps from what moves
   // Only these pixels are solved, with the whole frame's surroundings, bit for bit as within the whole frame. A region:
   // the deblurred plane is a whole one of which nothing else is written. Points (row-major indices, any order): the
   // deblurred "plane" has one value for each. Not both.

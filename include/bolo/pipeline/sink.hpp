@@ -32,6 +32,7 @@ struct SinkFormat {
   int iterations_asked = 0;  // as the options had them; deblur.iterations are those in use
   std::string isa;           // instruction set of the kernels
   bool maps = false;         // pixels have parameters of their own
+  bool undone = false;       // frames are changed before or after the solver (PipelineOptions::undo)
   // As in PipelineOptions: only these pixels of the deblurred planes are solved; with points the planes hold these
   // alone. A sink of whole frames refuses both in open().
   std::optional<Region> region{};

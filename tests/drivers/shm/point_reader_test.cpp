@@ -154,5 +154,18 @@ TEST(PointReader, WrongPointsAndNamesAreRefused) {
   EXPECT_FALSE(PointReader::open(unique_name("points-none"), {0}));
 }
 
+// The raw planes in the ring are not what the solver got.
+TEST(PointReader, FramesThatAreChangedAroundTheSolverAreRefused) {
+  const std::string name = unique_name("points-undone");
+  Writer writer(name);
+  writer.format.deblur = deblur::Settings();
+  writer.format.isa = "auto";
+  writer.format.undone = true;
+  ASSERT_TRUE(writer.open());
+  const auto refused = PointReader::open(name, {0});
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("read the deblurred planes"), std::string::npos) << refused.error().message;
+}
+
 }  // namespace
 }  // namespace bolo::shm

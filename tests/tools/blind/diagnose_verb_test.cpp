@@ -1,8 +1,10 @@
 #include <fstream>
+#include <sstream>
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "bolo/capture/pixel_maps_io.hpp"
 #include "bolo/model/camera_profile.hpp"
 #include "tests/tools/blind/folder.hpp"
 #include "tests/tools/program.hpp"
@@ -14,6 +16,12 @@ namespace {
 using nlohmann::json;
 using test::Folder;
 using test::Outcome;
+
+std::string slurp(const std::filesystem::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
 
 class DiagnoseVerb : public testing::Test {
  protected:
@@ -70,6 +78,12 @@ TEST_F(DiagnoseVerb, WritesAProfileWithWhatItFound) {
   ASSERT_TRUE(profile) << profile.error().message;
   EXPECT_EQ(profile->row_delay_s, 2.8e-5);
   EXPECT_EQ(profile->tau_s, 0.011);
+  EXPECT_EQ(profile->maps, folder_ / "learned.h5") << "beside the profile";
+  const auto maps = capture::read_profile_maps(*profile);
+  ASSERT_TRUE(maps) << maps.error().message;
+  EXPECT_EQ(maps->offset, (std::vector<float>{0.25F, -0.5F}));
+  EXPECT_EQ(maps->row_delay_s, 2.8e-5);
+  EXPECT_NE(slurp(file).find("maps = \"learned.h5\""), std::string::npos) << "both files can be moved together";
 }
 
 TEST_F(DiagnoseVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {

