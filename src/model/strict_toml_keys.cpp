@@ -206,7 +206,8 @@ void KeyTable::file(std::string_view key, std::filesystem::path& value, std::str
     if (words == nullptr) return wrong(" must be a file name in quotes");
     return [&value, wanted = *words] { value = wanted; };
   };
-  add({std::string(key), "file name", std::string(meaning), in_quotes(example), true, check});
+  const std::string shown = value.empty() ? std::string(example) : value.string();
+  add({std::string(key), "file name", std::string(meaning), in_quotes(shown), value.empty(), check});
   sections_.back().keys.back().file = true;
 }
 

@@ -106,7 +106,7 @@ std::size_t count(const std::vector<DeadPixel>& pixels, DeadPixel kind) {
 
 nlohmann::ordered_json to_json(const Calibration& r, const Given& given) {
   const diagnose::PulseFit& fit = r.fit;
-  const auto dead = [&](DeadPixel kind) { return count(fit.dead, kind) + (r.still ? count(r.still->dead, kind) : 0); };
+  const auto dead = [&](DeadPixel kind) { return count(r.dead, kind); };
   nlohmann::ordered_json j{{"tau_s", fit.tau_s.value},
                            {"tau_ci95", range(fit.tau_s)},
                            {"noise_k", r.noise_k},

@@ -100,6 +100,7 @@ struct Calibration {
   double gap = 0.0;              // against that noise
   model::CameraProfile profile;  // without `maps`: where they are written is the caller's choice
   model::PixelMaps maps;         // empty ones are not known
+  std::vector<DeadPixel> dead;   // of each pixel, by any of the captures
   std::size_t dead_pixels = 0;
   std::vector<std::string> warnings;
 };

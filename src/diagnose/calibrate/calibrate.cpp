@@ -83,13 +83,6 @@ Result<std::vector<Source>> open_all(const std::vector<std::filesystem::path>& f
   return sources;
 }
 
-std::size_t mark_dead(const std::vector<DeadPixel>& found, std::vector<std::uint8_t>& dead) {
-  for (std::size_t p = 0; p < found.size(); ++p) {
-    if (found[p] != DeadPixel::kGood) dead[p] = 1;
-  }
-  return static_cast<std::size_t>(std::ranges::count(dead, std::uint8_t{1}));
-}
-
 // Several still fields: the noise of all, offsets by their mean, a pixel that one of them calls dead is dead.
 void merge(StillFit& all, const StillFit& more, double before) {
   const auto blend = [before](double a, double b) { return (a * before + b) / (before + 1.0); };
@@ -122,9 +115,13 @@ void fill_profile(const CalibrationOptions& options, const capture::CaptureInfo&
   result.maps.geometry = frames.geometry;
   result.maps.tau_s = result.fit.tau_map_s;
   if (result.still) result.maps.offset = result.still->offset_k;
-  std::vector<std::uint8_t> dead(frames.geometry.pixels(), 0);
-  result.dead_pixels = mark_dead(result.fit.dead, dead);
-  if (result.still) result.dead_pixels = mark_dead(result.still->dead, dead);
+  result.dead = result.fit.dead;
+  for (std::size_t p = 0; result.still && p < result.dead.size(); ++p) {
+    if (result.still->dead[p] != DeadPixel::kGood) result.dead[p] = result.still->dead[p];
+  }
+  std::vector<std::uint8_t> dead;
+  for (const DeadPixel pixel : result.dead) dead.push_back(pixel == DeadPixel::kGood ? 0 : 1);
+  result.dead_pixels = static_cast<std::size_t>(std::ranges::count(dead, std::uint8_t{1}));
   if (result.dead_pixels > 0) result.maps.dead = std::move(dead);
 }
 

@@ -81,7 +81,7 @@ struct Sums {
   std::vector<float> base;  // the first frame: sums are of differences from it
   std::vector<double> y, yy, ys;
   std::vector<float> low, high;
-  std::vector<std::uint32_t> at_high, near_high, at_low, near_low;
+  std::vector<std::uint32_t> at_high, near_high, at_low, near_low, repeated;
 };
 
 // Pile-ups at a limit: values at the extreme of a pixel, against those a step inside.
@@ -114,7 +114,9 @@ Result<Sums> sum_up(const FrameSeries& frames, const std::vector<double>& shape,
   sums.near_high = sums.at_high;
   sums.at_low = sums.at_high;
   sums.near_low = sums.at_high;
+  sums.repeated = sums.at_high;
   std::vector<float> frame(pixels);
+  std::vector<float> last(pixels);
   const auto step = static_cast<float>(frames.step);
   for (std::size_t k = 0; k < frames.t_s.size(); ++k) {
     if (!progress("looking at every pixel", static_cast<double>(k) / static_cast<double>(frames.t_s.size()))) {
@@ -129,18 +131,20 @@ Result<Sums> sum_up(const FrameSeries& frames, const std::vector<double>& shape,
       sums.yy[p] += y * y;
       sums.ys[p] += y * shape[k];
       count_extremes(sums, p, frame[p], step);
+      sums.repeated[p] += k > 0 && frame[p] == last[p] ? 1U : 0U;
     }
+    std::swap(last, frame);
   }
   return sums;
 }
 
-// A pixel's values pile up at its highest or lowest: many are there, few a step inside. Noise would spread them.
+// A pixel's values pile up at its highest or lowest: many are there, few a step inside, where noise would have spread
+// them. Only where there is noise to see: elsewhere values hardly ever repeat from frame to frame.
 bool piled_up(const Sums& sums, std::size_t p, double frames) {
-  const auto pile = [frames](std::uint32_t at, std::uint32_t near) {
-    return at > 0.03 * frames + 3.0 && at > 6.0 * (near + 1.0);
+  const auto pile = [&](std::uint32_t at, std::uint32_t near) {
+    return at > 0.03 * frames + 3.0 && at > 6.0 * (near + 1.0) && sums.repeated[p] < at + 0.2 * (frames - at);
   };
-  // At both ends: a signal without noise, which stays at its levels.
-  return pile(sums.at_high[p], sums.near_high[p]) != pile(sums.at_low[p], sums.near_low[p]);
+  return pile(sums.at_high[p], sums.near_high[p]) || pile(sums.at_low[p], sums.near_low[p]);
 }
 
 Status mean_of_followers(const FrameSeries& frames, CommonSignal& common, const Progress& progress) {

@@ -17,10 +17,13 @@ namespace bolo::diagnose {
 namespace {
 
 constexpr std::size_t kFewestFrames = 16;
-constexpr double kMostClipped = 0.01;     // of the pixels that follow
+constexpr double kMostClipped = 0.2;      // of the pixels that follow
 constexpr double kLeastExplained = 0.98;  // of the mean signal's variance, by curves between switches
 constexpr double kLeastUsed = 0.4;        // of the frames, in intervals long enough to tell tau
 constexpr double kWorstError = 0.1;       // of tau
+constexpr double kTooFast = 0.5;          // of a frame period: a tau below it is hardly seen
+constexpr double kMostLeft = 0.35;        // of a pixel's deviation, that curves may leave
+constexpr double kLeastGap = 0.7;         // below it, intervals follow the noise
 constexpr double kMapError = 0.05;        // median error of a pixel's tau, below which pixels are taken one by one
 constexpr double kSignificant = 4.0;      // standard errors
 
@@ -77,13 +80,55 @@ Status check(const FrameSeries& frames, const CommonSignal& common, const std::o
     return bad_input(none +
                      "what its pixels have in common changes all the time; record a chopper or a switched board");
   }
-  const double error = std::sqrt(std::max(fit->sigma * fit->sigma / fit->information, fit->interval_variance));
-  if (!(error < kWorstError)) {
+  const double variance_of_log =
+      fit->information > 0.0 ? std::max(fit->sigma * fit->sigma / fit->information, fit->interval_variance) : 1.0;
+  const bool vague = !(std::sqrt(variance_of_log) < kWorstError);
+  if (vague && fit->tau_s < kTooFast * period_s) {
     return bad_input(name + words(": a frame every %.1f ms doesn't tell tau: after a switch the next frame shows the "
                                   "new level already; record at a higher frame rate",
                                   1e3 * period_s));
   }
+  // Where tau is real, some interval lasts long enough to come near its level.
+  const auto lasting = std::ranges::count_if(fit->intervals, [&](const Interval& i) {
+    return i.count >= kLeastCount && frames.t_s[i.end() - 1] - frames.t_s[i.first] > 1.5 * fit->tau_s;
+  });
+  if (vague || lasting < 2) {
+    return bad_input(none +
+                     "what its pixels have in common decays nowhere in the same way twice; record a chopper or "
+                     "a switched board");
+  }
   return {};
+}
+
+// Whether each pixel is what the mean is.
+Status check_pixels(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus) {
+  std::vector<double> left;
+  for (std::size_t p = 0; p < common.follows.size(); ++p) {
+    if (common.follows[p] != 0) left.push_back(static_cast<double>(taus.sigma[p] / common.deviation[p]));
+  }
+  if (median(std::move(left)) < kMostLeft) return {};
+  return bad_input(frames.name +
+                   ": no rectangular pulses: its pixels have little more in common than noise; record a "
+                   "higher contrast, or hold the camera still before a chopper");
+}
+
+// A pixel's residual says what its noise is, but roughly in a short recording: the usual noise counts as so many frames
+// more.
+void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& follows, PixelTaus& taus) {
+  constexpr double kPrior = 200.0;
+  double freedom = -1.0;
+  for (const Interval& interval : table.intervals()) freedom += static_cast<double>(interval.count) - 2.0;
+  std::vector<double> sigmas;
+  for (std::size_t p = 0; p < follows.size(); ++p) {
+    if (follows[p] != 0) sigmas.push_back(static_cast<double>(taus.sigma[p]));
+  }
+  const double usual = median(std::move(sigmas));
+  for (std::size_t p = 0; p < follows.size(); ++p) {
+    const auto sigma = static_cast<double>(taus.sigma[p]);
+    if (follows[p] == 0 || !(sigma > 0.0)) continue;
+    const double settled = std::sqrt((freedom * sigma * sigma + kPrior * usual * usual) / (freedom + kPrior));
+    taus.error[p] *= static_cast<float>(settled / sigma);
+  }
 }
 
 // A plane through the pixels' delays.
@@ -382,10 +427,13 @@ Result<PulseFit> fit_pulses(const FrameSeries& frames, const Progress& progress)
   switches = between(frames, table, signal, period_s + sweep.high() - sweep.low());
   const auto again = [&](std::vector<std::int8_t> nodes) {
     taus.node = std::move(nodes);
-    return pass(frames, table, switches, common->follows, taus, progress);
+    Status done = pass(frames, table, switches, common->follows, taus, progress);
+    settle_errors(table, common->follows, taus);
+    return done;
   };
   if (Status done = again({}); !done) return tl::unexpected(done.error());
 
+  if (Status good = check_pixels(frames, *common, taus); !good) return tl::unexpected(good.error());
   fit.dead = find_dead(frames, *common, taus);
   std::vector<double> errors;
   for (std::size_t p = 0; p < taus.error.size(); ++p) {
@@ -425,6 +473,11 @@ Result<PulseFit> fit_pulses(const FrameSeries& frames, const Progress& progress)
   if (!noise_k) return tl::unexpected(noise_k.error());
   fit.noise_k = *noise_k;
   fit.gap = fit.noise_k > 0.0 ? fit.rmse_k / fit.noise_k : 1.0;
+  if (fit.gap < kLeastGap && fit.noise_k > frames.step) {
+    return bad_input(frames.name +
+                     ": no rectangular pulses: its intervals are too short for their number; record "
+                     "longer pulses");
+  }
   fit.intervals = table.intervals().size();
   fit.pixels = common->pixels;
   auto trace = trace_pixel(frames, signal, taus, pixels);

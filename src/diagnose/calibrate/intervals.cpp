@@ -174,7 +174,7 @@ void refit(std::span<const double> t_s, std::span<const double> y, SignalFit& fi
       information += scores.back().information;
     }
     fit.information = information;
-    if (!(information > 0.0)) return;
+    if (!(information > 0.0)) break;
     const double step = std::clamp(score / information, -0.2, 0.2);
     fit.tau_s *= std::exp(step);
     if (std::abs(step) < 1e-10) break;
@@ -195,7 +195,7 @@ void refit(std::span<const double> t_s, std::span<const double> y, SignalFit& fi
     information2 += s.information * s.information;
   }
   fit.sigma = freedom > 0.0 ? std::sqrt(squares / freedom) : 0.0;
-  const double m = fit.information * fit.information / information2;
+  const double m = information2 > 0.0 ? fit.information * fit.information / information2 : 0.0;
   fit.effective_intervals = m;
   // m / (m - 1): what the fit took out of the scores, whose sum it made zero.
   fit.interval_variance = m > 1.05 ? sandwich / (fit.information * fit.information) * m / (m - 1.0) : 0.0;
@@ -228,8 +228,11 @@ std::optional<SignalFit> fit_signal(std::span<const double> t_s, std::span<const
   fit.intervals = cut(t_s, y, fit.tau_s, sigma);
   refit(t_s, y, fit);
   for (int round = 0; round < 4; ++round) {
-    if (!(fit.information > 0.0)) return std::nullopt;
-    if (!(fit.tau_s > 0.05 * period_s && fit.tau_s < 200.0 * period_s)) return std::nullopt;
+    // Nothing between the last level and the next one, or nothing but a slope: no tau, but the cut may say something.
+    if (!(fit.information > 0.0) || !(fit.tau_s > 0.05 * period_s && fit.tau_s < 200.0 * period_s)) {
+      fit.information = 0.0;
+      break;
+    }
     sigma = std::max(std::min(fit.sigma, sigma), 1e-5 * fit.contrast);
     const auto before = fit.intervals.size();
     fit.intervals = cut(t_s, y, fit.tau_s, sigma);
