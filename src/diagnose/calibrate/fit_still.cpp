@@ -12,6 +12,8 @@ constexpr std::size_t kFewestFrames = 16;
 constexpr double kNoisy = 4.0;    // times the usual noise
 constexpr double kFrozen = 0.1;   // of the usual noise
 constexpr double kStill = 3.0;    // what a frame's mean may scatter by, in units of a pixel's noise
+constexpr double kSlow = 1.5;     // what a pixel's slow changes may come to, in units of its noise
+constexpr double kUneven = 3.0;   // times the usual noise: more than one pixel in twenty has it where a scene moves
 constexpr double kFarOff = 12.0;  // scatters of the fixed pattern: a pixel that says something else
 
 double median(std::vector<double> values) {
@@ -60,6 +62,21 @@ Result<Moments> moments_of(const FrameSeries& frames, const Progress& progress) 
   return m;
 }
 
+double quantile(std::vector<double> values, double share) {
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+// Whether the camera saw something move: the frames' mean, the pixels slowly, or some pixels more than others.
+// Variances of each pixel, between its neighbouring frames (`own`), and of the frames' means.
+bool moves(const std::vector<double>& variance, const std::vector<double>& own, double of_means, double least) {
+  const double usual = std::max(median(own), least * least);
+  const double slow = median(variance) - usual - of_means;
+  return of_means > kStill * kStill * usual || slow > kSlow * kSlow * usual ||
+         quantile(own, 0.95) > kUneven * kUneven * usual;
+}
+
 double rms_over(const std::vector<double>& variances, const std::vector<DeadPixel>& dead) {
   double sum = 0.0;
   double count = 0.0;
@@ -102,8 +119,8 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
   fit.dead.assign(pixels, DeadPixel::kGood);
   for (std::size_t p = 0; p < pixels; ++p) {
     if (noise[p] > kNoisy * usual && usual > 0.0) fit.dead[p] = DeadPixel::kNoisy;
-    if (noise[p] < kFrozen * usual) fit.dead[p] = DeadPixel::kFrozen;
     if (away[p] > kFarOff * scatter && usual > 0.0) fit.dead[p] = DeadPixel::kSilent;
+    if (noise[p] < kFrozen * usual) fit.dead[p] = DeadPixel::kFrozen;
   }
   fit.noise_k = rms_over(variance, fit.dead);
   fit.pixel_noise_k = rms_over(own, fit.dead);
@@ -111,10 +128,10 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
   for (const double v : moments->frame_mean) drift += v / n;
   double scatter2 = 0.0;
   for (const double v : moments->frame_mean) scatter2 += (v - drift) * (v - drift) / n;
-  if (std::sqrt(scatter2) > kStill * std::max(fit.pixel_noise_k, 0.5 * frames.step)) {
+  if (moves(variance, own, scatter2, 0.5 * frames.step)) {
     return bad_input(frames.name +
-                     ": is no still field: its mean changes by more than noise does; give a closed "
-                     "shutter or a flat black body");
+                     ": is no still field: it changes by more than noise does; give a closed shutter or a flat black "
+                     "body");
   }
 
   double mean = 0.0;
