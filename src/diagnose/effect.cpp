@@ -16,11 +16,26 @@ const Effect* find_effect(std::string_view name) {
   return found == all.end() ? nullptr : *found;
 }
 
+std::vector<Form> edge_forms() {
+  return {{"radiance", [](State& s) { s.camera.edges_in_temperature = false; }},
+          {"temperature", [](State& s) { s.camera.edges_in_temperature = true; }}};
+}
+
 Estimate interval(double value, double error) { return {value, value - 1.96 * error, value + 1.96 * error}; }
 
 Estimate root_interval(double value, double error, double factor) {
   const auto root = [factor](double v) { return factor * std::sqrt(std::max(0.0, v)); };
   return {root(value), root(value - 1.96 * error), root(value + 1.96 * error)};
+}
+
+const Eigen::VectorXf& map_of(const CameraModel& camera, MapKind kind) {
+  if (kind == MapKind::kOffset) return camera.offset;
+  if (kind == MapKind::kDrift) return camera.drift_share;
+  return kind == MapKind::kGain ? camera.gain : camera.tau;
+}
+
+Eigen::VectorXf& map_of(CameraModel& camera, MapKind kind) {
+  return const_cast<Eigen::VectorXf&>(map_of(static_cast<const CameraModel&>(camera), kind));
 }
 
 MapSpread spread_of(const Session& session, const Eigen::VectorXf& map) {

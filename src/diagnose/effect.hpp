@@ -23,8 +23,13 @@ struct Coordinate {
   std::function<void(State&, double)> set;
 };
 
+struct NoiseStatistics;
+
 // Maps that an effect adds: one value a pixel, found by regression.
 enum class MapKind { kNone, kOffset, kGain, kTau, kDrift };
+
+Eigen::VectorXf& map_of(CameraModel& camera, MapKind kind);  // not of kNone
+const Eigen::VectorXf& map_of(const CameraModel& camera, MapKind kind);
 
 // Which physical form is meant when an effect has several.
 struct Form {
@@ -45,12 +50,19 @@ struct Effect {
   // The first coordinate, or the map's rms, below which the effect is not worth a name: it would only stand for what
   // the model of another effect is not exact in.
   double least = 0.0;
+  // It changes what levels look like: tried whenever levels are off, though the residual need not show it.
+  bool as_levels = false;
+  // What the noise must show before the effect is tried; empty: nothing.
+  std::function<bool(const NoiseStatistics&)> suspected_by{};
   std::vector<Form> forms{};  // empty: one form
   // From the values of the coordinates and their standard errors to what is reported.
   std::function<std::map<std::string, Estimate>(const Session&, const State&, std::span<const double> value,
                                                 std::span<const double> error)>
       report{};
 };
+
+// Pixels at the target's edges average over radiance, or over temperature.
+std::vector<Form> edge_forms();
 
 // All effects of the catalogue, by name.
 std::span<const Effect* const> catalogue();

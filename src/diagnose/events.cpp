@@ -6,36 +6,28 @@
 #include <limits>
 #include <numeric>
 
+#include "statistics.hpp"
+
 namespace bolo::diagnose {
 namespace {
 
 using Eigen::Index;
 
 constexpr std::size_t kFreezeFrames = 12;  // shorter runs are repeated frames
+constexpr std::size_t kLeastSteady = 32;   // frames to judge a pixel by
 constexpr Index kSide = 12;                // frames on either side of a jump that it is judged by
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-// Identical, and not just clipped: a ceiling makes frames alike, too.
-bool same(const Recording& r, Index a, Index b) {
+// Identical, and not just clipped at `top`: a ceiling makes frames alike, too.
+bool same(const Recording& r, Index a, Index b, float top) {
   if (!(r.values.row(a).array() == r.values.row(b).array()).all()) return false;
-  const float top = r.values.maxCoeff();
   return (r.values.row(a).array() == top).count() * 2 < r.values.cols();
 }
 
-// A pixel's used values less the frames' medians.
-struct Still {
-  std::vector<std::vector<float>> series;  // of each pixel of the grid
-};
+// Of each pixel of the grid: its used values less the frames' medians.
+using Steady = std::vector<std::vector<float>>;
 
-Still steady_series(const Recording& r) {
-  Still still;
-  still.series.resize(static_cast<std::size_t>(r.values.cols()));
+Steady steady_series(const Recording& r) {
+  Steady steady(static_cast<std::size_t>(r.values.cols()));
   std::vector<double> frame(static_cast<std::size_t>(r.values.cols()));
   for (Index k = 0; k < r.values.rows(); ++k) {
     if (r.used[static_cast<std::size_t>(k)] == 0) continue;
@@ -43,10 +35,10 @@ Still steady_series(const Recording& r) {
       frame[static_cast<std::size_t>(p)] = static_cast<double>(r.values(k, p));
     const auto centre = static_cast<float>(median(frame));
     for (Index p = 0; p < r.values.cols(); ++p) {
-      still.series[static_cast<std::size_t>(p)].push_back(r.values(k, p) - centre);
+      steady[static_cast<std::size_t>(p)].push_back(r.values(k, p) - centre);
     }
   }
-  return still;
+  return steady;
 }
 
 double deviation(const std::vector<float>& x) {
@@ -62,6 +54,22 @@ double roughness(const std::vector<float>& x, double sigma) {
   for (std::size_t k = 1; k < x.size(); ++k) sum += std::pow(static_cast<double>(x[k] - x[k - 1]), 2);
   return sigma > 0.0 ? sum / static_cast<double>(x.size() - 1) / (sigma * sigma) : 0.0;
 }
+
+// Deviation and roughness of every pixel, with their medians.
+struct Scatter {
+  explicit Scatter(const Steady& steady) {
+    for (const auto& series : steady) {
+      sigma.push_back(deviation(series));
+      rough.push_back(roughness(series, sigma.back()));
+    }
+    usual = median(sigma);
+    usual_rough = median(rough);
+  }
+  std::vector<double> sigma;
+  std::vector<double> rough;
+  double usual = 0.0;
+  double usual_rough = 0.0;
+};
 
 std::vector<float> smooth(const std::vector<float>& x) {
   std::vector<float> out;
@@ -119,32 +127,24 @@ TwoLevels two_levels(const std::vector<float>& x) {
   return t;
 }
 
-void judge_still(const Session& session, const Recording& r, BadPixels& bad, std::vector<double>& steps, double& jumps,
-                 double& seconds) {
-  const Still still = steady_series(r);
-  if (still.series.front().size() < 32) return;
-  std::vector<double> sigma;
-  std::vector<double> rough;
+void judge_still(const Session& session, const Recording& r, BadPixels& bad, std::vector<double>& steps) {
+  const Steady steady = steady_series(r);
+  if (steady.front().size() < kLeastSteady) return;
+  const Scatter scatter(steady);
   std::vector<TwoLevels> levels;
-  for (const auto& series : still.series) {
-    sigma.push_back(deviation(series));
-    rough.push_back(roughness(series, sigma.back()));
-    levels.push_back(two_levels(smooth(series)));
-  }
   std::vector<double> step;
-  step.reserve(levels.size());
-  for (const TwoLevels& t : levels) step.push_back(t.step);
-  const double typical_rough = median(rough);
+  for (const auto& series : steady) {
+    levels.push_back(two_levels(smooth(series)));
+    step.push_back(levels.back().step);
+  }
   const double typical_step = median(step);
-  for (std::size_t p = 0; p < sigma.size(); ++p) {
+  for (std::size_t p = 0; p < levels.size(); ++p) {
     const TwoLevels& t = levels[p];
     if (session.good[p] == 0) continue;
     if (t.step > 2.2 * typical_step && t.step > 3.2 * t.within && t.share > 0.02 && t.jumps > 0 &&
-        t.jumps < static_cast<int>(still.series[p].size()) / 8 && rough[p] < 0.75 * typical_rough) {
+        t.jumps < static_cast<int>(steady[p].size()) / 8 && scatter.rough[p] < 0.75 * scatter.usual_rough) {
       bad.jumping.push_back(static_cast<int>(p));
       steps.push_back(t.step);
-      jumps += t.jumps;
-      seconds += static_cast<double>(still.series[p].size()) * session.period_s;
     }
   }
 }
@@ -162,13 +162,15 @@ std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& rep
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     Recording& r = session.recordings[i];
     const auto frames = static_cast<std::size_t>(r.frames());
+    const float top = r.values.maxCoeff();
+    const auto repeats = [&](std::size_t k) { return same(r, static_cast<Index>(k), static_cast<Index>(k) - 1, top); };
     for (std::size_t k = 1; k < frames;) {
-      if (!same(r, static_cast<Index>(k), static_cast<Index>(k) - 1)) {
+      if (!repeats(k)) {
         ++k;
         continue;
       }
       const std::size_t first = k;
-      while (k < frames && same(r, static_cast<Index>(k), static_cast<Index>(k) - 1)) r.used[k++] = 0;
+      while (k < frames && repeats(k)) r.used[k++] = 0;
       if (k - first >= kFreezeFrames) {
         freezes.push_back({i, first, k - 1});
       } else {
@@ -195,19 +197,14 @@ BadPixels find_dead_pixels(Session& session) {
     for (std::size_t p = 0; p < range.size() && !field; ++p)
       still[p] += range[p] < 0.15 * typical || typical <= 0.0 ? 1U : 0U;
     if (r.kind != Kind::kUniform) continue;
-    const Still steady = steady_series(r);
-    if (steady.series.front().size() < 32) continue;
-    std::vector<double> sigma;
-    std::vector<double> rough;
-    for (const auto& series : steady.series) {
-      sigma.push_back(deviation(series));
-      rough.push_back(roughness(series, sigma.back()));
-    }
-    const double usual = median(sigma);
-    const double usual_rough = median(rough);
-    for (std::size_t p = 0; p < sigma.size(); ++p) {
-      if (sigma[p] > 5.0 * usual && usual > 0.0 && rough[p] > 0.5 * usual_rough)
+    const Steady steady = steady_series(r);
+    if (steady.front().size() < kLeastSteady) continue;
+    const Scatter scatter(steady);
+    for (std::size_t p = 0; p < scatter.sigma.size(); ++p) {
+      if (scatter.usual > 0.0 && scatter.sigma[p] > 5.0 * scatter.usual &&
+          scatter.rough[p] > 0.5 * scatter.usual_rough) {
         bad.noisy.push_back(static_cast<int>(p));
+      }
     }
   }
   // Stuck everywhere: where a ceiling or a frozen recording holds all pixels, a few are not told from the others.
@@ -224,15 +221,12 @@ BadPixels find_dead_pixels(Session& session) {
 
 void find_jumping_pixels(Session& session, BadPixels& bad) {
   std::vector<double> steps;
-  double jumps = 0.0;
-  double seconds = 0.0;
   for (const Recording& r : session.recordings) {
-    if (r.kind == Kind::kUniform) judge_still(session, r, bad, steps, jumps, seconds);
+    if (r.kind == Kind::kUniform) judge_still(session, r, bad, steps);
   }
   make_unique(bad.jumping);
   for (const int pixel : bad.jumping) session.good[static_cast<std::size_t>(pixel)] = 0;
   bad.step_k = median(steps);
-  bad.rate_hz = seconds > 0.0 ? jumps / seconds : 0.0;
 }
 
 std::vector<Jump> find_jumps(const Session& session, std::size_t recording, const Series& residual,

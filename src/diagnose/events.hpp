@@ -30,11 +30,6 @@ struct BadPixels {
   std::vector<int> noisy;
   std::vector<int> jumping;  // between two levels
   double step_k = 0.0;       // of the jumping ones, median
-  double rate_hz = 0.0;      // jumps a second, mean
-};
-
-struct Quantisation {
-  double step = 0.0;  // K between levels in use, 0: not known
 };
 
 // Runs of identical frames: the long ones; short ones are counted in `repeated`. Marks all but the first of each run as

@@ -1,46 +1,17 @@
 // Nested least-squares fits of camera and stimulus, judged on held-out cells.
-//
-// A cell is a block of frames times a block of pixels of one recording. Every second cell is held out: it never enters
-// a fit, and gaps and gains are measured there only.
 #pragma once
 
-#include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "effect.hpp"
+#include "columns.hpp"
+#include "normal_equations.hpp"
+#include "score.hpp"
+#include "unknowns.hpp"
 
 namespace bolo::diagnose {
-
-inline constexpr int kCellFrames = 24;
-
-// Pixel: index within the grid.
-bool held_out(const Session& session, std::size_t frame, int pixel);
-
-// Squared residuals in units of the floor on held-out cells, by group: one group is a recording's block of frames.
-struct Score {
-  std::vector<double> sum;
-  std::vector<double> count;
-  std::vector<std::size_t> recording;  // of each group
-  double gap() const;                  // root of the mean
-  double gap_of(std::size_t recording) const;
-};
-
-// Gain of log-likelihood from one score to another and how consistent it is over groups.
-struct Gain {
-  double total = 0.0;
-  double z = 0.0;
-};
-Gain gain_between(const Score& before, const Score& after);
-
-// An effect in one of its forms.
-struct Choice {
-  const Effect* effect = nullptr;
-  int form = -1;
-};
 
 struct FitResult {
   State state;
@@ -55,8 +26,10 @@ class Fitter {
   // `floor_k`: noise of one value, K rms.
   Fitter(const Session& session, double floor_k, int threads);
 
-  // Fits the stimulus and the coordinates of `choices` from `start` on. `maps`: whether maps are estimated too.
+  // Fits the stimulus, and the coordinates and maps of `choices`, from `start` on.
   FitResult fit(const State& start, const std::vector<Choice>& choices, int rounds) const;
+  // Once more, `rounds` at a time, until the gap changes by no more than the share `tolerance`.
+  FitResult settle(FitResult from, int rounds, double tolerance) const;
 
   // What each candidate would gain on held-out cells, by the linear model around a fit.
   std::vector<Gain> screen(const FitResult& base, const std::vector<Choice>& candidates) const;
@@ -73,8 +46,19 @@ class Fitter {
  private:
   // Below it a value is what the camera would have shown without a ceiling.
   float usable_limit(const State& state) const;
-  struct Columns;
-  struct Normal;
+  // The linear model of all recordings around a state.
+  struct Linear {
+    std::vector<Columns> columns;
+    std::vector<std::vector<Group>> groups;
+  };
+  struct Step {
+    Eigen::VectorXd by;
+    Eigen::MatrixXd normal;  // with the prior
+    double excess = 1.0;     // of the squared residual over the noise
+  };
+  Linear linearise(const State& state, const Unknowns& u, const std::vector<Coordinate>& coordinates) const;
+  Step step_of(const Linear& linear, const Unknowns& u, const State& state) const;
+  void take(const Step& step, const Linear& linear, const Unknowns& u, State& state) const;
   Columns columns_of(std::size_t recording, const State& state, const std::vector<Coordinate>& coordinates) const;
   void fill_unseen_shifts(State& state) const;
   void estimate_maps(State& state, const std::vector<Choice>& choices) const;

@@ -30,11 +30,9 @@ Series basis_of(const Session& session, std::size_t recording, const State& stat
   if (kind == MapKind::kDrift) {
     const Recording& r = session.recordings[recording];
     Series d(r.frames(), static_cast<Index>(pixels.size()));
-    const auto& cubic = state.camera.drift[recording];
     for (Index k = 0; k < d.rows(); ++k) {
-      const double s = 2.0 * r.t[static_cast<std::size_t>(k)] / std::max(1e-9, r.t.back()) - 1.0;
-      d.row(k).setConstant(static_cast<float>(state.camera.drift_level[recording] + cubic[0] * s +
-                                              cubic[1] * (s * s - 1.0 / 3.0) + cubic[2] * (s * s * s - 0.6 * s)));
+      d.row(k).setConstant(static_cast<float>(state.camera.drift_level[recording] +
+                                              drift_at(state.camera, r, recording, r.t[static_cast<std::size_t>(k)])));
     }
     return d;
   }
@@ -46,12 +44,6 @@ Series basis_of(const Session& session, std::size_t recording, const State& stat
   Series d = predict(session, recording, slower, pixels) - predict(session, recording, faster, pixels);
   d *= static_cast<float>(0.5 / kStep);
   return d;
-}
-
-Eigen::VectorXf& map_of(CameraModel& camera, MapKind kind) {
-  if (kind == MapKind::kOffset) return camera.offset;
-  if (kind == MapKind::kDrift) return camera.drift_share;
-  return kind == MapKind::kGain ? camera.gain : camera.tau;
 }
 
 double largest(MapKind kind) { return kind == MapKind::kOffset ? 1e3 : kind == MapKind::kDrift ? 2.0 : 0.3; }

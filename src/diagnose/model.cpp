@@ -56,7 +56,6 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
     for (float& v : y.reshaped()) v = static_cast<float>(temperature.at(static_cast<double>(v)));
   }
   if (plain) return;
-  const double length = std::max(1e-9, recording.t.back());
   for (std::size_t j = 0; j < pixels.size(); ++j) {
     const int pixel = pixels[j];
     const double dx = session.grid.column_of(pixel) - half_width;
@@ -73,9 +72,7 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
       const double shown = static_cast<double>(y(k, static_cast<Eigen::Index>(j)));
       double value = shown + gain * (shown - kGainReference) + fixed;
       if (!c.drift.empty()) {
-        const double s = 2.0 * t / length - 1.0;
-        const auto& d = c.drift[index];
-        const double drifted = d[0] * s + d[1] * (s * s - 1.0 / 3.0) + d[2] * (s * s * s - 0.6 * s);
+        const double drifted = drift_at(c, recording, index, t);
         value += drifted;
         if (c.drift_share.size() > 0) {
           value += static_cast<double>(c.drift_share[pixel]) * (drifted + c.drift_level[index]);
@@ -90,8 +87,7 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
 }
 
 Bars bars_of(const capture::BarTarget& target, const StimulusState& stimulus, double velocity_px_s) {
-  return {target.period_px, target.bar_width_px, target.slant_px_per_row,
-          velocity_px_s,    stimulus.edge_px2,   stimulus.aperture_px};
+  return {target.period_px, target.bar_width_px, target.slant_px_per_row, velocity_px_s, stimulus.edge_px2};
 }
 
 std::vector<Step> steps_of(const capture::Chopper& chopper, const StimulusState& stimulus, const CameraModel& c) {
@@ -183,6 +179,12 @@ Series predict_bars(const Session& session, std::size_t index, const State& stat
 }
 
 }  // namespace
+
+double drift_at(const CameraModel& camera, const Recording& recording, std::size_t index, double t_s) {
+  const double s = 2.0 * t_s / std::max(1e-9, recording.t.back()) - 1.0;
+  const auto& d = camera.drift[index];
+  return d[0] * s + d[1] * (s * s - 1.0 / 3.0) + d[2] * (s * s * s - 0.6 * s);
+}
 
 std::vector<double> levels_of(const capture::Chopper& chopper) {
   const std::set<double> levels(chopper.level_k.begin(), chopper.level_k.end());

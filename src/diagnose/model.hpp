@@ -48,6 +48,9 @@ struct CameraModel {
   std::vector<Term> terms;
 };
 
+// The drift of a recording (its index among the session's) at a time of its own, K: a cubic about its mean.
+double drift_at(const CameraModel& camera, const Recording& recording, std::size_t index, double t_s);
+
 inline constexpr double kSurroundings = 295.0;
 inline constexpr double kGainReference = 300.0;
 
@@ -59,7 +62,6 @@ struct StimulusState {
   double softness_s = 0.0;         // chopper: over which a pixel is covered or uncovered
   double phase_px = 0.0;           // still bars
   double edge_px2 = 0.0;           // bars
-  double aperture_px = 1.0;        // bars
   std::vector<double> shift_px;    // moving bars: of the target at each frame, at row 0
   std::vector<double> speed_px_s;  // moving bars: local
   std::vector<double> late_s;      // each frame was taken this much later than its time says

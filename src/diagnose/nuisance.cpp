@@ -84,12 +84,12 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
     // Known from the noise to a percent; the late edges tell it better.
     all.push_back({{"alpha", 0.02, 0.05, 1.0, [](const State& s) { return s.camera.response.alpha; },
                     [](State& s, double value) { s.camera.response.alpha = value; }},
-                   -2,
+                   kAllRecordings,
                    false,
                    1.0,
                    0.0});
   }
-  if (bars) all.push_back({target_edge(), -1, false, 0.0, kEdgePrior});
+  if (bars) all.push_back({target_edge(), kAllBars, false, 0.0, kEdgePrior});
   return all;
 }
 

@@ -7,9 +7,13 @@
 
 namespace bolo::diagnose {
 
+// Owners of what several recordings share.
+inline constexpr int kAllBars = -1;
+inline constexpr int kAllRecordings = -2;
+
 struct Nuisance {
   Coordinate coordinate;
-  int recording = -1;     // -1: shared by all bar targets, -2: by all recordings
+  int recording = kAllBars;
   bool is_level = false;  // shares its prior with all other levels
   double nominal = 0.0;
   double prior = 0.0;  // standard deviation about `nominal`; 0: free. Levels: see level_spread()

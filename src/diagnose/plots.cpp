@@ -2,11 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <limits>
-#include <numbers>
 
-#include <unsupported/Eigen/FFT>
+#include "statistics.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -14,20 +12,16 @@ namespace {
 using Eigen::ArrayXd;
 using Eigen::Index;
 
-std::vector<int> every_pixel(const Session& session) {
-  std::vector<int> all(static_cast<std::size_t>(session.grid.pixels()));
-  for (std::size_t p = 0; p < all.size(); ++p) all[p] = static_cast<int>(p);
-  return all;
-}
-
 struct Left {
+  Series predicted;
   Series residual;  // K
   std::vector<std::size_t> frames;
 };
 
 Left left_over(const Session& session, std::size_t i, const State& state, const std::vector<int>& pixels,
                bool used_only) {
-  Left left{session.recordings[i].values - predict(session, i, state, pixels), {}};
+  Left left{predict(session, i, state, pixels), {}, {}};
+  left.residual = session.recordings[i].values - left.predicted;
   for (std::size_t k = 0; k < session.recordings[i].used.size(); ++k) {
     if (!used_only || session.recordings[i].used[k] != 0) left.frames.push_back(k);
   }
@@ -72,24 +66,13 @@ Curve spectrum(const Session& session, const Left& left, const std::string& name
   const Index frames = left.residual.rows();
   Curve curve{name, {}, {}};
   std::vector<double> power;
-  Eigen::FFT<double> fft;
-  fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
   const Index stride = std::max<Index>(1, left.residual.cols() / 96);
   double pixels = 0.0;
   for (Index p = 0; p < left.residual.cols(); p += stride) {
     if (session.good[static_cast<std::size_t>(p)] == 0) continue;
-    std::vector<double> x(static_cast<std::size_t>(frames));
-    double norm = 0.0;
-    for (Index k = 0; k < frames; ++k) {
-      const double w =
-          0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * (static_cast<double>(k) + 0.5) / static_cast<double>(frames));
-      x[static_cast<std::size_t>(k)] = w * static_cast<double>(left.residual(k, p));
-      norm += w * w;
-    }
-    std::vector<std::complex<double>> s;
-    fft.fwd(s, x);
-    power.resize(s.size(), 0.0);
-    for (std::size_t j = 0; j < s.size(); ++j) power[j] += 2.0 * std::norm(s[j]) / norm * session.period_s;
+    const std::vector<double> one = periodogram(left.residual.col(p).cast<double>().array());
+    power.resize(one.size(), 0.0);
+    for (std::size_t j = 0; j < one.size(); ++j) power[j] += 2.0 * one[j] * session.period_s;
     pixels += 1.0;
   }
   for (std::size_t j = 1; j < power.size(); ++j) {
@@ -118,7 +101,7 @@ Map map_of(const Session& session, const Eigen::VectorXf& values, const std::str
 // Where and when the gap before lies: cells that miss by more than half as much again as the noise.
 class Where {
  public:
-  void add(const Session& session, std::size_t i, const Left& left, const Series& predicted, double floor_k) {
+  void add(const Session& session, std::size_t i, const Left& left, double floor_k) {
     const Recording& r = session.recordings[i];
     constexpr Index kBlock = 24;
     for (Index p = 0; p < left.residual.cols(); ++p) {
@@ -126,13 +109,11 @@ class Where {
         const Index length = std::min(kBlock, left.residual.rows() - from);
         const double square =
             static_cast<double>(left.residual.col(p).segment(from, length).squaredNorm()) / (floor_k * floor_k);
-        ++cells_;
         if (square / static_cast<double>(length) < 2.6) continue;
-        ++bad_cells_;
         rows_.push_back(session.grid.row_of(static_cast<int>(p)));
         columns_.push_back(session.grid.column_of(static_cast<int>(p)));
         times_.push_back(r.t[static_cast<std::size_t>(from)]);
-        temperatures_.push_back(static_cast<double>(predicted(from + length / 2, p)));
+        temperatures_.push_back(static_cast<double>(left.predicted(from + length / 2, p)));
         pixel_bad_.resize(static_cast<std::size_t>(left.residual.cols()), 0);
         pixel_bad_[static_cast<std::size_t>(p)] = 1;
       }
@@ -166,8 +147,6 @@ class Where {
   std::vector<double> times_;
   std::vector<double> temperatures_;
   std::vector<char> pixel_bad_;
-  std::size_t cells_ = 0;
-  std::size_t bad_cells_ = 0;
 };
 
 // The band that holds nine tenths of what a residual has above the floor.
@@ -196,7 +175,7 @@ std::pair<double, double> band(const Curve& spectrum, double floor) {
 
 void fill_plots(const Session& raw, const Session& session, const State& nominal, const State& state, double floor_k,
                 Report& report) {
-  const std::vector<int> pixels = every_pixel(session);
+  const std::vector<int> pixels = session.grid.all();
   Where where;
   double widest = 0.0;
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
@@ -225,11 +204,10 @@ void fill_plots(const Session& raw, const Session& session, const State& nominal
     const auto found = std::ranges::find(session.good, 1);
     Index pixel = session.grid.pixels() / 2 + static_cast<Index>(session.grid.columns.size()) / 2;
     if (session.good[static_cast<std::size_t>(pixel)] == 0) pixel = found - session.good.begin();
-    const Series by_nominal = predict(session, i, nominal, pixels);
     plots.measured = trace(r, raw.recordings[i].values, pixel, "measured");
-    plots.nominal = trace(r, by_nominal, pixel, "nominal simulator");
-    plots.predicted = trace(r, predict(session, i, state, pixels), pixel, "with the diagnosed effects");
-    where.add(raw, i, before, by_nominal, floor_k);
+    plots.nominal = trace(r, before.predicted, pixel, "nominal simulator");
+    plots.predicted = trace(r, after.predicted, pixel, "with the diagnosed effects");
+    where.add(raw, i, before, floor_k);
     if (plots.gap_before > widest) {
       widest = plots.gap_before;
       report.location.band_hz = band(plots.spectrum_before, 2.0 * floor_k * floor_k * session.period_s);

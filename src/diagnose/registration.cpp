@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 
 #include "fit.hpp"
+#include "statistics.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -87,14 +88,12 @@ double follow_bars(const Session& session, std::size_t index, State& state, std:
   const Match start =
       search(matcher, seen_at(recording, static_cast<Eigen::Index>(middle), pixels), middle, period_of(recording));
   const double step = model.mean_speed() * session.period_s;
-  double worst = start.correlation;
   stimulus.shift_px[middle] = start.shift;
   const auto walk = [&](int direction) {
     double shift = start.shift;
-    double expected_step = step * direction;
     for (auto k = static_cast<long>(middle) + direction; k >= 0 && k < static_cast<long>(frames); k += direction) {
       const auto frame = static_cast<std::size_t>(k);
-      const double expected = shift + expected_step;
+      const double expected = shift + step * direction;
       if (recording.used[frame] == 0) {
         shift = expected;
         stimulus.shift_px[frame] = shift;
@@ -110,7 +109,6 @@ double follow_bars(const Session& session, std::size_t index, State& state, std:
       }
       shift = best.shift;
       stimulus.shift_px[frame] = shift;
-      worst = std::min(worst, best.correlation);
     }
   };
   walk(1);
@@ -176,23 +174,14 @@ void smooth_speeds(const Session& session, State& state) {
       // The slope of a straight line through the neighbours that were seen.
       const long from = std::max(0L, std::min(k - half, frames - 1 - 2 * half));
       const long to = std::min(frames - 1, from + 2 * half);
-      double n = 0.0;
-      double st = 0.0;
-      double sx = 0.0;
-      double stt = 0.0;
-      double stx = 0.0;
+      Line line;
       for (long a = from; a <= to; ++a) {
         const auto frame = static_cast<std::size_t>(a);
         if (recording.used[frame] == 0) continue;
         const double t = recording.t[frame] + s.late_s[frame] - recording.t[static_cast<std::size_t>(k)];
-        n += 1.0;
-        st += t;
-        sx += s.shift_px[frame];
-        stt += t * t;
-        stx += t * s.shift_px[frame];
+        line.add(t, s.shift_px[frame]);
       }
-      const double bottom = n * stt - st * st;
-      if (n >= 4.0 && bottom > 0.0) s.speed_px_s[static_cast<std::size_t>(k)] = (n * stx - st * sx) / bottom;
+      if (line.count() >= 4.0 && line.width() > 0.0) s.speed_px_s[static_cast<std::size_t>(k)] = line.slope();
     }
   }
 }

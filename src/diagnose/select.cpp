@@ -2,16 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <random>
-
-#include "nuisance.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
 constexpr int kRounds = 4;         // of Gauss and Newton
+constexpr double kSettled = 3e-4;  // share of the gap
 constexpr std::size_t kTried = 3;  // candidates that are refitted in earnest
-constexpr int kMostPolish = 4;
 constexpr std::size_t kMostEffects = 8;
 constexpr double kLeastEvidence = 8.0;  // of the levels alone
 constexpr double kLeastEvidenceScattered = 13.0;
@@ -35,44 +34,11 @@ bool worth_naming(const Session& session, const FitResult& fit, std::size_t choi
   const Effect& effect = *fit.choices[choice].effect;
   if (effect.least <= 0.0) return true;
   if (effect.map == MapKind::kNone) return std::abs(fit.value[choice].front()) >= effect.least;
-  const CameraModel& c = fit.state.camera;
-  const MapSpread spread = spread_of(session, effect.map == MapKind::kOffset ? c.offset
-                                              : effect.map == MapKind::kGain ? c.gain
-                                                                             : c.tau);
+  const MapSpread spread = spread_of(session, map_of(fit.state.camera, effect.map));
   return std::hypot(spread.pixel, spread.column) >= effect.least;
 }
 
 bool enough(const Gain& gain) { return gain.total > kLeastGain && gain.z > kLeastZ; }
-
-class Selector {
- public:
-  Selector(const Fitter& fitter, const State& nominal)
-      : fitter_(fitter), levels_(nuisances(fitter.session(), nominal)) {}
-
-  // What a fit gains over another: held-out cells, and how well the levels agree with their files. The second part has
-  // few values behind it, so it counts on its own only when it is large.
-  Gain gain(const FitResult& before, const FitResult& after) const {
-    Gain g = gain_between(before.score, after.score);
-    const double evidence = level_evidence(levels_, after.state) - level_evidence(levels_, before.state);
-    g.total += evidence;
-    // Levels of an imperfect bench scatter still: then it takes more to believe that the camera explains some.
-    const double needed =
-        level_spread(levels_, after.state) > 4.0 * kLevelResolution ? kLeastEvidenceScattered : kLeastEvidence;
-    if (evidence > needed && g.total > evidence / 2.0) {
-      g.total += kLeastGain;
-      g.z = std::max(g.z, evidence / 2.0);
-    }
-    return g;
-  }
-
-  FitResult refit(const FitResult& from, const std::vector<Choice>& choices) const {
-    return fitter_.fit(from.state, choices, kRounds);
-  }
-
- private:
-  const Fitter& fitter_;
-  std::vector<Nuisance> levels_;
-};
 
 // The state without one of its effects, as far as the others allow: its coordinates as in `base`, its map gone.
 State freed_of(const Session& session, const State& from, const State& base, const Effect& effect) {
@@ -80,18 +46,8 @@ State freed_of(const Session& session, const State& from, const State& base, con
   if (effect.coordinates) {
     for (const Coordinate& c : effect.coordinates(session)) c.set(state, c.get(base));
   }
-  CameraModel& camera = state.camera;
-  if (effect.map == MapKind::kOffset) camera.offset.resize(0);
-  if (effect.map == MapKind::kGain) camera.gain.resize(0);
-  if (effect.map == MapKind::kTau) camera.tau.resize(0);
-  if (effect.map == MapKind::kDrift) camera.drift_share.resize(0);
+  if (effect.map != MapKind::kNone) map_of(state.camera, effect.map).resize(0);
   return state;
-}
-
-// The same choices, their forms as they are in the state already.
-std::vector<Choice> unformed(std::vector<Choice> choices) {
-  for (Choice& c : choices) c.form = -1;
-  return choices;
 }
 
 // The share of redrawn sets of groups in which the first gains more than the second.
@@ -115,94 +71,149 @@ double confidence_of(const Score& base, const Score& first, const Score* second)
   return (wins + 0.5) / (kDraws + 1.0);
 }
 
+class Selector {
+ public:
+  Selector(const Fitter& fitter, const FitResult& base, const std::function<bool(const Effect&)>& allowed)
+      : fitter_(fitter),
+        base_(base),
+        allowed_(allowed),
+        levels_(nuisances(fitter.session(), nominal_state(fitter.session(), {}))),
+        selection_{base, {}} {}
+
+  // Adds the effect that gains most, fitted to the end; false when none gains enough.
+  bool add();
+  // Takes out an effect that no longer pays; false when all do.
+  bool drop();
+  const Selection& selection() const { return selection_; }
+
+ private:
+  bool levels_are_off(const State& state) const { return level_spread(levels_, state) > 4.0 * kLevelResolution; }
+  bool chosen(const Effect& effect) const {
+    return std::ranges::any_of(selection_.chosen, [&](const Chosen& c) { return c.choice.effect == &effect; });
+  }
+  Gain gain(const FitResult& before, const FitResult& after) const;
+  std::vector<const Effect*> candidates() const;
+  Tried attempt(const Choice& choice) const;
+  std::vector<Tried> attempts() const;
+
+  const Fitter& fitter_;
+  const FitResult& base_;
+  const std::function<bool(const Effect&)>& allowed_;
+  std::vector<Nuisance> levels_;
+  Selection selection_;
+};
+
+// What a fit gains over another: held-out cells, and how well the levels agree with their files. The second part has
+// few values behind it, so it counts on its own only when it is large.
+Gain Selector::gain(const FitResult& before, const FitResult& after) const {
+  Gain g = gain_between(before.score, after.score);
+  const double evidence = level_evidence(levels_, after.state) - level_evidence(levels_, before.state);
+  g.total += evidence;
+  // Levels of an imperfect bench scatter still: then it takes more to believe that the camera explains some.
+  const double needed = levels_are_off(after.state) ? kLeastEvidenceScattered : kLeastEvidence;
+  if (evidence > needed && g.total > evidence / 2.0) {
+    g.total += kLeastGain;
+    g.z = std::max(g.z, evidence / 2.0);
+  }
+  return g;
+}
+
+std::vector<const Effect*> Selector::candidates() const {
+  std::vector<const Effect*> all;
+  for (const Effect* effect : catalogue()) {
+    const bool of_mean = effect->coordinates || effect->map != MapKind::kNone;
+    if (of_mean && allowed_(*effect) && effect->told_by(fitter_.session()) && !chosen(*effect)) all.push_back(effect);
+  }
+  return all;
+}
+
+Tried Selector::attempt(const Choice& choice) const {
+  // Forms of what was chosen before are set already: only the new one begins.
+  std::vector<Choice> choices = unformed(selection_.fit.choices);
+  choices.push_back(choice);
+  Tried tried{choice, fitter_.fit(selection_.fit.state, choices, kRounds), {}};
+  // Levels, and what mixes them with the surroundings, pull at each other: once more.
+  if (choice.effect->as_levels) tried.fit = fitter_.fit(tried.fit.state, unformed(choices), kRounds);
+  tried.gain = gain(selection_.fit, tried.fit);
+  return tried;
+}
+
+// The most promising candidates, the best first.
+std::vector<Tried> Selector::attempts() const {
+  const std::vector<const Effect*> effects = candidates();
+  std::vector<Choice> choices;
+  for (const Effect* effect : effects) {
+    for (const Choice& form : forms_of(*effect)) choices.push_back(form);
+  }
+  const std::vector<Gain> gains = fitter_.screen(selection_.fit, choices);
+  std::vector<std::size_t> order(choices.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::ranges::sort(order, std::greater{}, [&](std::size_t i) { return gains[i].total; });
+  std::vector<Tried> tried;
+  std::vector<const Effect*> seen;
+  for (const std::size_t i : order) {
+    if (seen.size() >= kTried || gains[i].total < kLeastGain / 2.0) break;
+    if (std::ranges::count(seen, choices[i].effect) > 0) continue;
+    seen.push_back(choices[i].effect);
+    tried.push_back(attempt(choices[i]));
+  }
+  // Levels that are off may be the camera's doing, which a fit with free levels cannot see in the residual.
+  for (const Effect* effect : effects) {
+    if (!effect->as_levels || !levels_are_off(selection_.fit.state) || std::ranges::count(seen, effect) > 0) continue;
+    for (const Choice& form : forms_of(*effect)) tried.push_back(attempt(form));
+  }
+  std::erase_if(tried,
+                [&](const Tried& t) { return !worth_naming(fitter_.session(), t.fit, t.fit.choices.size() - 1); });
+  std::ranges::sort(tried, std::greater{}, [](const Tried& t) { return t.gain.total; });
+  return tried;
+}
+
+bool Selector::add() {
+  std::vector<Tried> tried = attempts();
+  if (tried.empty() || !enough(tried.front().gain)) return false;
+  Tried& best = tried.front();
+  // What the winner leaves is what the next effect is judged by.
+  best.fit = fitter_.settle(std::move(best.fit), kRounds, kSettled);
+  const Score& before = selection_.fit.score;
+  Chosen chosen{best.choice, before.gap(), best.fit.score.gap(), best.gain, {}, 0.0};
+  for (std::size_t i = 1; i < tried.size(); ++i) {
+    chosen.alternatives.push_back({tried[i].choice.effect->name, tried[i].fit.score.gap()});
+  }
+  chosen.confidence = confidence_of(before, best.fit.score, tried.size() > 1 ? &tried[1].fit.score : nullptr);
+  if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) chosen.confidence = std::max(chosen.confidence, 0.99);
+  selection_.fit = std::move(best.fit);
+  selection_.chosen.push_back(std::move(chosen));
+  return true;
+}
+
+bool Selector::drop() {
+  auto& all = selection_.chosen;
+  for (std::size_t i = 0; all.size() > 1 && i < all.size(); ++i) {
+    std::vector<Choice> rest = unformed(selection_.fit.choices);
+    rest.erase(rest.begin() + static_cast<long>(i));
+    const Effect& effect = *all[i].choice.effect;
+    FitResult without =
+        fitter_.fit(freed_of(fitter_.session(), selection_.fit.state, base_.state, effect), rest, kRounds);
+    if (enough(gain(without, selection_.fit)) && worth_naming(fitter_.session(), selection_.fit, i)) continue;
+    selection_.fit = std::move(without);
+    all.erase(all.begin() + static_cast<long>(i));
+    return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 Selection select_effects(const Fitter& fitter, const FitResult& base, const std::function<bool(const Effect&)>& allowed,
                          const std::function<bool(const std::string& step, double done)>& progress) {
-  Selection s{base, {}};
-  const Session& session = fitter.session();
-  const State files = nominal_state(session, {});
-  const Selector selector(fitter, files);
-  while (s.chosen.size() < kMostEffects) {
-    std::vector<Choice> candidates;
-    for (const Effect* effect : catalogue()) {
-      if (!allowed(*effect) || (!effect->coordinates && effect->map == MapKind::kNone)) continue;
-      if (!effect->told_by(session)) continue;
-      if (std::ranges::any_of(s.chosen, [&](const Chosen& c) { return c.choice.effect == effect; })) continue;
-      for (const Choice& form : forms_of(*effect)) candidates.push_back(form);
-    }
-    const std::string step = "effect " + std::to_string(s.chosen.size() + 1);
-    if (!progress(step, 0.2 + 0.08 * static_cast<double>(s.chosen.size()))) break;
-    const std::vector<Gain> gains = fitter.screen(s.fit, candidates);
-    std::vector<std::size_t> order(candidates.size());
-    for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-    std::ranges::sort(order, std::greater{}, [&](std::size_t i) { return gains[i].total; });
-    std::vector<Tried> tried;
-    const auto attempt = [&](const Choice& choice) {
-      std::vector<Choice> choices;
-      for (const Chosen& c : s.chosen) choices.push_back(c.choice);
-      choices.push_back(choice);
-      // Forms of what was chosen before are set already: only the new one begins.
-      for (std::size_t c = 0; c + 1 < choices.size(); ++c) choices[c].form = -1;
-      Tried t{choice, selector.refit(s.fit, choices), {}};
-      // Levels, and what mixes them with the surroundings, pull at each other: once more.
-      if (choice.effect->name == "emissivity") t.fit = selector.refit(t.fit, unformed(choices));
-      t.gain = selector.gain(s.fit, t.fit);
-      tried.push_back(std::move(t));
-    };
-    std::vector<const Effect*> seen;
-    for (const std::size_t i : order) {
-      if (seen.size() >= kTried || gains[i].total < kLeastGain / 2.0) break;
-      if (std::ranges::count(seen, candidates[i].effect) > 0) continue;
-      seen.push_back(candidates[i].effect);
-      attempt(candidates[i]);
-    }
-    // Levels that are off may be the camera's doing, which a fit with free levels cannot see in the residual.
-    const auto all = nuisances(session, files);
-    const Effect* emissivity = find_effect("emissivity");
-    if (level_spread(all, s.fit.state) > 4.0 * kLevelResolution && emissivity != nullptr && allowed(*emissivity) &&
-        std::ranges::count(seen, emissivity) == 0 &&
-        std::ranges::none_of(s.chosen, [&](const Chosen& c) { return c.choice.effect == emissivity; })) {
-      for (const Choice& form : forms_of(*emissivity)) attempt(form);
-    }
-    std::erase_if(tried, [&](const Tried& t) { return !worth_naming(session, t.fit, t.fit.choices.size() - 1); });
-    std::ranges::sort(tried, std::greater{}, [](const Tried& t) { return t.gain.total; });
-    if (tried.empty() || !enough(tried.front().gain)) break;
-    Tried& best = tried.front();
-    // The winner is fitted to the end: what it leaves is what the next effect is judged by.
-    for (int polish = 0; polish < kMostPolish; ++polish) {
-      FitResult finer = selector.refit(best.fit, unformed(best.fit.choices));
-      const bool done = std::abs(finer.score.gap() / best.fit.score.gap() - 1.0) < 3e-4;
-      best.fit = std::move(finer);
-      if (done) break;
-    }
-    Chosen chosen{best.choice, s.fit.score.gap(), best.fit.score.gap(), best.gain, {}, 0.0};
-    for (std::size_t i = 1; i < tried.size(); ++i) {
-      chosen.alternatives.push_back({tried[i].choice.effect->name, tried[i].fit.score.gap()});
-    }
-    chosen.confidence = confidence_of(s.fit.score, best.fit.score, tried.size() > 1 ? &tried[1].fit.score : nullptr);
-    if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) chosen.confidence = std::max(chosen.confidence, 0.99);
-    s.fit = std::move(best.fit);
-    s.chosen.push_back(std::move(chosen));
+  Selector selector(fitter, base, allowed);
+  for (std::size_t found = 0; found < kMostEffects; ++found) {
+    if (!progress("effect " + std::to_string(found + 1), 0.2 + 0.08 * static_cast<double>(found))) break;
+    if (!selector.add()) break;
   }
-  // Backward: what no longer pays goes.
-  for (bool again = s.chosen.size() > 1; again;) {
-    again = false;
-    for (std::size_t i = 0; i < s.chosen.size(); ++i) {
-      std::vector<Choice> rest;
-      for (std::size_t j = 0; j < s.chosen.size(); ++j) {
-        if (j != i) rest.push_back(s.chosen[j].choice);
-      }
-      const FitResult without =
-          fitter.fit(freed_of(session, s.fit.state, base.state, *s.chosen[i].choice.effect), unformed(rest), kRounds);
-      if (enough(selector.gain(without, s.fit)) && worth_naming(session, s.fit, i)) continue;
-      s.fit = without;
-      s.chosen.erase(s.chosen.begin() + static_cast<long>(i));
-      again = s.chosen.size() > 1;
-      break;
-    }
+  while (selector.drop()) {
   }
-  return s;
+  return selector.selection();
 }
 
 }  // namespace bolo::diagnose

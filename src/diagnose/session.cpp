@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <sstream>
 
 #include "bolo/capture/capture.hpp"
@@ -145,6 +146,12 @@ Result<Session> read_session(const std::vector<std::filesystem::path>& files, co
     return bad_input(session.warnings.empty() ? "no captures; name at least one" : session.warnings.front());
   }
   return session;
+}
+
+std::vector<int> Grid::all() const {
+  std::vector<int> pixels_of_it(static_cast<std::size_t>(pixels()));
+  std::iota(pixels_of_it.begin(), pixels_of_it.end(), 0);
+  return pixels_of_it;
 }
 
 std::string_view name_of(Kind kind) {

@@ -24,6 +24,7 @@ struct Grid {
   std::vector<int> rows;     // stored rows, rising
   std::vector<int> columns;  // rising
   int pixels() const { return static_cast<int>(rows.size() * columns.size()); }
+  std::vector<int> all() const;  // 0 .. pixels() - 1
   int row_of(int pixel) const { return rows[static_cast<std::size_t>(pixel) / columns.size()]; }
   int column_of(int pixel) const { return columns[static_cast<std::size_t>(pixel) % columns.size()]; }
 };

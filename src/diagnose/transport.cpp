@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "statistics.hpp"
+
 namespace bolo::diagnose {
 namespace {
 
@@ -44,7 +46,6 @@ void count_steps(const Session& session, std::size_t index, State& state, Transp
     }
     s.late_s[k] = late * session.period_s;
   }
-  t.frames += static_cast<double>(frames.size());
 }
 
 // Scatter of the shifts about a line through their neighbours, s, and what the noise alone makes of it.
@@ -74,26 +75,15 @@ void add_jitter(const Session& session, std::size_t index, const State& state, d
 double predicted_error(const Session& session, std::size_t index, const State& state, const Eigen::ArrayXd& seen,
                        std::span<const int> few, std::size_t from, std::size_t to) {
   const Series y = predict(session, index, state, few);
-  double n = 0.0;
-  double sx = 0.0;
-  double sy = 0.0;
-  double sxx = 0.0;
-  double sxy = 0.0;
-  double syy = 0.0;
+  Line line;
   for (std::size_t k = from; k < to; ++k) {
     if (session.recordings[index].used[k] == 0) continue;
     const auto x = static_cast<double>(y.row(static_cast<Index>(k)).mean()) - kGainReference;
-    const double v = seen[static_cast<Index>(k)] - kGainReference;
-    n += 1.0;
-    sx += x;
-    sy += v;
-    sxx += x * x;
-    sxy += x * v;
-    syy += v * v;
+    line.add(x, seen[static_cast<Index>(k)] - kGainReference);
   }
-  const double xx = sxx - sx * sx / n;
-  const double xy = sxy - sx * sy / n;
-  const double yy = syy - sy * sy / n;
+  const double xx = line.scatter_x();
+  const double xy = line.scatter_xy();
+  const double yy = line.scatter_y();
   return xx > 1e-9 && xy > 0.0 ? yy - xy * xy / xx : yy;
 }
 
@@ -121,7 +111,6 @@ void count_chopper_steps(const Session& session, std::size_t index, State& state
     return static_cast<std::size_t>(
         std::clamp<long>(std::lround(t_s / session.period_s), 0, static_cast<long>(frames)));
   };
-  t.frames += static_cast<double>(frames);
   double late = 0.0;
   for (std::size_t e = 0; e < edges.size(); ++e) {
     const std::size_t begin = frame_at(edges[e] + s.delay_s - late - 0.012);
@@ -218,21 +207,9 @@ State without_transport(const Session& session, const State& state) {
         // A straight line through the neighbours, its value in the middle.
         const long from = std::clamp(k - kHalf, 0L, std::max(0L, static_cast<long>(offset.size()) - 1 - 2 * kHalf));
         const long to = std::min(static_cast<long>(offset.size()) - 1, from + 2 * kHalf);
-        double n = 0.0;
-        double sx = 0.0;
-        double sy = 0.0;
-        double sxx = 0.0;
-        double sxy = 0.0;
-        for (long i2 = from; i2 <= to; ++i2) {
-          const auto x = static_cast<double>(i2 - k);
-          n += 1.0;
-          sx += x;
-          sy += offset[static_cast<std::size_t>(i2)];
-          sxx += x * x;
-          sxy += x * offset[static_cast<std::size_t>(i2)];
-        }
-        const double slope = (n * sxy - sx * sy) / std::max(1e-9, n * sxx - sx * sx);
-        s.shift_px[static_cast<std::size_t>(k)] = (sy - slope * sx) / n;
+        Line line;
+        for (long a = from; a <= to; ++a) line.add(static_cast<double>(a - k), offset[static_cast<std::size_t>(a)]);
+        s.shift_px[static_cast<std::size_t>(k)] = line.at(0.0);
       }
     }
     std::ranges::fill(s.late_s, 0.0);

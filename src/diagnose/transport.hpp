@@ -11,7 +11,6 @@ namespace bolo::diagnose {
 struct Transport {
   int lost = 0;           // frames, in all recordings
   int inserted = 0;       // frames that came in between, not counting identical ones
-  double frames = 0.0;    // that were looked at
   double jitter_s = 0.0;  // rms, less what the measurement itself scatters
   double jitter_error_s = 0.0;
   double measured_s = 0.0;  // scatter of the measurement

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "effect.hpp"
+#include "noise.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -33,6 +34,7 @@ extern const Effect drift_effect{
     .told_by = [](const Session& s) { return has_kind(s, Kind::kUniform) || has_kind(s, Kind::kChopper); },
     .coordinates = cubics,
     .map = MapKind::kDrift,
+    .suspected_by = [](const NoiseStatistics& n) { return n.drift_p < 1e-6 && n.drift_k > 0.003; },
     .report =
         [](const Session&, const State& s, std::span<const double>, std::span<const double> e) {
           double largest = 0.0;

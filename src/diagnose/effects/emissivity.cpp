@@ -25,8 +25,8 @@ extern const Effect emissivity_effect{
         },
     .map = MapKind::kNone,
     .least = 0.003,
-    .forms = {{"radiance", [](State& s) { s.camera.edges_in_temperature = false; }},
-              {"temperature", [](State& s) { s.camera.edges_in_temperature = true; }}},
+    .as_levels = true,
+    .forms = edge_forms(),
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {
           static_cast<void>(session);

@@ -18,8 +18,7 @@ extern const Effect radiometric_nonlinearity_effect{
         },
     .map = MapKind::kNone,
     .least = 0.15,
-    .forms = {{"radiance", [](State& s) { s.camera.edges_in_temperature = false; }},
-              {"temperature", [](State& s) { s.camera.edges_in_temperature = true; }}},
+    .forms = edge_forms(),
     .report =
         [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {
           static_cast<void>(session);
