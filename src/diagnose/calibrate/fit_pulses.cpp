@@ -1,17 +1,16 @@
 // tau from pulses: the common signal first, then pixel by pixel.
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <numeric>
-
-#include <Eigen/Dense>
 
 #include "bolo/diagnose/calibrate.hpp"
 #include "common_signal.hpp"
 #include "pixel_fit.hpp"
+#include "pixel_judgement.hpp"
+#include "pulse_sweep.hpp"
 #include "pulse_trace.hpp"
+#include "statistics.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -25,6 +24,7 @@ constexpr double kTooFast = 0.5;          // of a frame period: a tau below it i
 constexpr double kMostLeft = 0.35;        // of a pixel's deviation, that curves may leave
 constexpr double kLeastGap = 0.7;         // below it, intervals follow the noise
 constexpr double kMapError = 0.05;        // median error of a pixel's tau, below which pixels are taken one by one
+constexpr double kLeastSpread = 1e-3;     // of tau
 constexpr double kSignificant = 4.0;      // standard errors
 
 template <typename... Values>
@@ -32,13 +32,6 @@ std::string words(const char* format, Values... values) {
   char text[256];
   std::snprintf(text, sizeof text, format, values...);  // NOLINT: the formats are literals
   return text;
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return std::numeric_limits<double>::infinity();
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // Student's quantile for a two-sided 95 % interval (Cornish and Fisher's expansion; within 1 % from 3 degrees on).
@@ -112,276 +105,6 @@ Status check_pixels(const FrameSeries& frames, const CommonSignal& common, const
                    "higher contrast, or hold the camera still before a chopper");
 }
 
-// A pixel's residual says what its noise is, but roughly in a short recording: the usual noise counts as so many frames
-// more.
-void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& follows, PixelTaus& taus) {
-  constexpr double kPrior = 200.0;
-  double freedom = -1.0;
-  for (const Interval& interval : table.intervals()) freedom += static_cast<double>(interval.count) - 2.0;
-  std::vector<double> sigmas;
-  for (std::size_t p = 0; p < follows.size(); ++p) {
-    if (follows[p] != 0) sigmas.push_back(static_cast<double>(taus.sigma[p]));
-  }
-  const double usual = median(std::move(sigmas));
-  for (std::size_t p = 0; p < follows.size(); ++p) {
-    const auto sigma = static_cast<double>(taus.sigma[p]);
-    if (follows[p] == 0 || !(sigma > 0.0)) continue;
-    const double settled = std::sqrt((freedom * sigma * sigma + kPrior * usual * usual) / (freedom + kPrior));
-    taus.error[p] *= static_cast<float>(settled / sigma);
-  }
-}
-
-// A plane through the pixels' delays.
-struct Sweep {
-  Eigen::Vector3d delay = Eigen::Vector3d::Zero();  // at the middle; from edge to edge along x; along y
-  Eigen::Vector3d error = Eigen::Vector3d::Zero();
-  double low() const { return delay[0] - (std::abs(delay[1]) + std::abs(delay[2])) / 2.0; }
-  double high() const { return delay[0] + (std::abs(delay[1]) + std::abs(delay[2])) / 2.0; }
-};
-
-Sweep fit_sweep(const FrameSeries& frames, const PixelTaus& taus, double tau_s) {
-  Sweep sweep;
-  const auto width = static_cast<std::size_t>(frames.geometry.width);
-  const double across = frames.geometry.width;
-  const double down = frames.geometry.height;
-  double scatter = std::numeric_limits<double>::infinity();
-  for (int round = 0; round < 3; ++round) {  // what is far off, such as an edge taken for its neighbour, goes
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 1e-12;
-    Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    std::vector<double> squares;
-    const auto place = [&](std::size_t p) {
-      return Eigen::Vector3d(1.0, (static_cast<double>(p % width) + 0.5) / across - 0.5,
-                             (static_cast<double>(p / width) + 0.5) / down - 0.5);
-    };
-    const auto left = [&](std::size_t p) { return static_cast<double>(taus.delay_s[p]) - place(p).dot(sweep.delay); };
-    for (std::size_t p = 0; p < taus.delay_s.size(); ++p) {
-      if (!(taus.delay_weight[p] > 0.0F) || std::abs(left(p)) > 4.0 * scatter) continue;
-      normal += place(p) * place(p).transpose();
-      right += place(p) * static_cast<double>(taus.delay_s[p]);
-    }
-    sweep.delay = normal.ldlt().solve(right);
-    for (std::size_t p = 0; p < taus.delay_s.size(); ++p) {
-      if (taus.delay_weight[p] > 0.0F) squares.push_back(std::abs(left(p)));
-    }
-    scatter = std::max(1e-9 * tau_s, median(std::move(squares)) / 0.6745);
-    sweep.error = scatter * normal.inverse().diagonal().array().sqrt();
-  }
-  return sweep;
-}
-
-std::vector<SwitchBetween> between(const FrameSeries& frames, const DecayTable& table, const SignalFit& fit,
-                                   double reach_s) {
-  std::vector<SwitchBetween> switches;
-  for (std::size_t i = 0; i + 1 < table.intervals().size(); ++i) {
-    const Interval& a = table.intervals()[i];
-    const Interval& b = table.intervals()[i + 1];
-    const auto decay = [&](const Interval& interval) {
-      const auto at = std::ranges::find(fit.intervals, interval.first, &Interval::first) - fit.intervals.begin();
-      return fit.decays[static_cast<std::size_t>(at)];
-    };
-    const double from_s = frames.t_s[a.end() - 1] - reach_s;
-    const double to_s = frames.t_s[b.first] + reach_s;
-    if (const auto t_s = crossing(decay(a), decay(b), fit.tau_s, from_s, to_s)) {
-      switches.push_back({i, *t_s, from_s, to_s});
-    }
-  }
-  return switches;
-}
-
-// Samples that some pixel takes while its input is changing belong to no interval.
-void trim(const FrameSeries& frames, const std::vector<SwitchBetween>& switches, const DecayTable& table,
-          const Sweep& sweep, SignalFit& fit) {
-  const double margin_s = 1e-4 + 0.05 * (sweep.high() - sweep.low());
-  for (const SwitchBetween& at : switches) {
-    const double from_s = at.t_s + sweep.low() - margin_s;
-    const double to_s = at.t_s + sweep.high() + margin_s;
-    for (Interval& interval : fit.intervals) {
-      if (interval.first == table.intervals()[at.before].first) {
-        while (interval.count > 1 && frames.t_s[interval.end() - 1] > from_s) --interval.count;
-      }
-      if (interval.first == table.intervals()[at.before + 1].first) {
-        while (interval.count > 1 && frames.t_s[interval.first] < to_s) {
-          ++interval.first;
-          --interval.count;
-        }
-        break;
-      }
-    }
-  }
-}
-
-// Mean and spread of the pixels' taus when each has a standard error (random effects, DerSimonian and Laird 1986).
-struct Population {
-  double mean_s = 0.0;
-  double error = 0.0;        // of the mean, relative
-  double noise_error = 0.0;  // the share of it that comes from the pixels' errors
-  double spread = 0.0;       // rms, relative
-  double spread_z = 0.0;
-  std::size_t pixels = 0;
-};
-
-std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPixel>& dead) {
-  std::vector<double> errors;
-  std::vector<double> values;
-  for (std::size_t p = 0; p < taus.tau_s.size(); ++p) {
-    if (dead[p] != DeadPixel::kGood || !std::isfinite(taus.error[p]) || !std::isfinite(taus.tau_s[p])) continue;
-    errors.push_back(static_cast<double>(taus.error[p]));
-    values.push_back(static_cast<double>(taus.tau_s[p]));
-  }
-  const double usual = median(errors);
-  const double middle = median(values);
-  for (double& v : values) v = std::abs(v - middle);
-  const double scatter = std::max(median(values) / 0.6745, 1e-9 * middle);
-  std::vector<std::size_t> pixels;
-  for (std::size_t p = 0; p < taus.tau_s.size(); ++p) {
-    if (dead[p] != DeadPixel::kGood || !std::isfinite(taus.error[p]) || !std::isfinite(taus.tau_s[p])) continue;
-    const double away = std::abs(static_cast<double>(taus.tau_s[p]) - middle);
-    if (static_cast<double>(taus.error[p]) < 4.0 * usual && away < 6.0 * scatter) pixels.push_back(p);
-  }
-  return pixels;
-}
-
-Population population(const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
-  Population all;
-  all.pixels = pixels.size();
-  if (pixels.empty()) return all;
-  std::vector<double> values;
-  for (const std::size_t p : pixels) values.push_back(static_cast<double>(taus.tau_s[p]));
-  const double middle = median(std::move(values));
-  const auto mean_with = [&](double spread2, double& error) {
-    double weights = 0.0;
-    double sum = 0.0;
-    for (const std::size_t p : pixels) {
-      const double w = 1.0 / (std::pow(static_cast<double>(taus.error[p]), 2) + spread2);
-      weights += w;
-      sum += w * (static_cast<double>(taus.tau_s[p]) / middle - 1.0);
-    }
-    error = 1.0 / std::sqrt(weights);
-    return sum / weights;
-  };
-  const double fixed = mean_with(0.0, all.noise_error);
-  double q = 0.0;
-  double w1 = 0.0;
-  double w2 = 0.0;
-  for (const std::size_t p : pixels) {
-    const double w = 1.0 / std::pow(static_cast<double>(taus.error[p]), 2);
-    q += w * std::pow(static_cast<double>(taus.tau_s[p]) / middle - 1.0 - fixed, 2);
-    w1 += w;
-    w2 += w * w;
-  }
-  const double degrees = static_cast<double>(pixels.size()) - 1.0;
-  const double spread2 = std::max(0.0, (q - degrees) / (w1 - w2 / w1));
-  all.spread = std::sqrt(spread2);
-  all.spread_z = degrees > 0.0 ? (q - degrees) / std::sqrt(2.0 * degrees) : 0.0;
-  all.mean_s = middle * (1.0 + mean_with(spread2, all.error));
-  return all;
-}
-
-std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus) {
-  const std::size_t pixels = frames.geometry.pixels();
-  std::vector<DeadPixel> dead(pixels, DeadPixel::kGood);
-  std::vector<double> sigmas;
-  std::vector<double> deviations;
-  for (std::size_t p = 0; p < pixels; ++p) {
-    if (common.follows[p] == 0) continue;
-    sigmas.push_back(static_cast<double>(taus.sigma[p]));
-    deviations.push_back(static_cast<double>(common.deviation[p]));
-  }
-  const double usual = median(std::move(sigmas));
-  const double swing = median(std::move(deviations));
-  for (int y = 0; y < frames.geometry.height; ++y) {
-    for (int x = 0; x < frames.geometry.width; ++x) {
-      const auto at = [&](int column, int row) {
-        return static_cast<std::size_t>(row) * static_cast<std::size_t>(frames.geometry.width) +
-               static_cast<std::size_t>(column);
-      };
-      const std::size_t p = at(x, y);
-      if (common.follows[p] != 0) {
-        const bool noisy = static_cast<double>(taus.sigma[p]) > 4.0 * usual + 0.003 * swing;
-        const bool weak = static_cast<double>(common.deviation[p]) < 0.15 * swing;
-        dead[p] = noisy ? DeadPixel::kNoisy : weak ? DeadPixel::kSilent : DeadPixel::kGood;
-        continue;
-      }
-      // It says nothing of the pulses: dead when its neighbours do, else it looks elsewhere.
-      int seen = 0;
-      int follow = 0;
-      for (int row = std::max(0, y - 2); row <= std::min(frames.geometry.height - 1, y + 2); ++row) {
-        for (int column = std::max(0, x - 2); column <= std::min(frames.geometry.width - 1, x + 2); ++column) {
-          if (row == y && column == x) continue;
-          ++seen;
-          follow += common.follows[at(column, row)] != 0 ? 1 : 0;
-        }
-      }
-      if (4 * follow < 3 * seen) continue;
-      const double deviation = static_cast<double>(common.deviation[p]);
-      dead[p] = deviation <= 0.0          ? DeadPixel::kFrozen
-                : deviation > 0.5 * swing ? DeadPixel::kNoisy
-                                          : DeadPixel::kSilent;
-    }
-  }
-  return dead;
-}
-
-// Noise of the pixels, from what two frames say about the third: between switches L + A exp(-t / tau) leaves nothing of
-// (y2 - y1) - r (y1 - y0). In the late half of each interval, so that a small
-// error of tau doesn't count.
-Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, const PixelTaus& taus,
-                          const std::vector<std::size_t>& pixels, const Progress& progress) {
-  std::vector<std::vector<float>> last(3, std::vector<float>(frames.geometry.pixels()));
-  std::vector<double> squares(pixels.size(), 0.0);
-  double count = 0.0;
-  for (const Interval& interval : table.intervals()) {
-    const std::size_t begin = interval.count >= 8 ? interval.first + interval.count / 2 : interval.first;
-    if (!progress("noise", static_cast<double>(begin) / static_cast<double>(frames.t_s.size()))) {
-      return failed("interrupted");
-    }
-    for (std::size_t k = begin; k < interval.end(); ++k) {
-      std::rotate(last.begin(), last.begin() + 1, last.end());
-      if (Status read = frames.read(k, last[2]); !read) return tl::unexpected(read.error());
-      if (k < begin + 2) continue;
-      std::array<double, DecayTable::kNodes> ratio{};
-      for (int node = 0; node < DecayTable::kNodes; ++node) {
-        const double a1 = std::exp(-(frames.t_s[k - 1] - frames.t_s[k - 2]) / table.tau_s(node));
-        const double a2 = std::exp(-(frames.t_s[k] - frames.t_s[k - 1]) / table.tau_s(node));
-        ratio[static_cast<std::size_t>(node)] = a1 * (1.0 - a2) / (1.0 - a1);
-      }
-      for (std::size_t i = 0; i < pixels.size(); ++i) {
-        const std::size_t p = pixels[i];
-        const auto y = [&](std::size_t j) { return static_cast<double>(last[j][p]); };
-        const double r = ratio[static_cast<std::size_t>(taus.node[p])];
-        const double z = (y(2) - y(1)) - r * (y(1) - y(0));
-        squares[i] += z * z / (1.0 + (1.0 + r) * (1.0 + r) + r * r);
-      }
-      count += 1.0;
-    }
-  }
-  if (!(count > 0.0)) return 0.0;
-  double sum = 0.0;
-  for (const double s : squares) sum += s / count;
-  return std::sqrt(sum / std::max<double>(1.0, static_cast<double>(pixels.size())));
-}
-
-double rms_left(const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
-  double sum = 0.0;
-  for (const std::size_t p : pixels) sum += std::pow(static_cast<double>(taus.sigma[p]), 2);
-  return std::sqrt(sum / std::max<double>(1.0, static_cast<double>(pixels.size())));
-}
-
-std::vector<float> shrunk_map(const PixelTaus& taus, const std::vector<std::size_t>& pixels, const Population& all) {
-  std::vector<float> map(taus.tau_s.size(), static_cast<float>(all.mean_s));
-  for (const std::size_t p : pixels) {
-    const double error2 = std::pow(static_cast<double>(taus.error[p]), 2);
-    const double reliability = all.spread * all.spread / (all.spread * all.spread + error2);
-    map[p] = static_cast<float>(all.mean_s + reliability * (static_cast<double>(taus.tau_s[p]) - all.mean_s));
-  }
-  return map;
-}
-
-Estimate sweep_estimate(const Sweep& sweep, int axis) {
-  return {sweep.delay[axis], sweep.delay[axis] - 1.96 * sweep.error[axis],
-          sweep.delay[axis] + 1.96 * sweep.error[axis]};
-}
-
 // The interval of tau: what differs between pixels, and what all pixels share at a time (flicker, a level that drifts),
 // which shows as a difference between intervals.
 Estimate tau_estimate(double tau_s, double pixel_error, double noise_error, const SignalFit& fit, double bias) {
@@ -393,6 +116,132 @@ Estimate tau_estimate(double tau_s, double pixel_error, double noise_error, cons
   return {tau_s, tau_s * (1.0 - half), tau_s * (1.0 + half)};
 }
 
+// The steps of one fit, in their order; what one leaves the next ones use.
+class Fitter {
+ public:
+  Fitter(const FrameSeries& frames, CommonSignal common, SignalFit signal, const Progress& progress)
+      : frames_(frames),
+        common_(std::move(common)),
+        follows_(common_.follows),
+        signal_(std::move(signal)),
+        progress_(progress),
+        table_(frames.t_s, signal_.intervals, signal_.tau_s) {}
+
+  Result<PulseFit> run() {
+    describe_switches(frames_.t_s, signal_, fit_);
+    for (const auto step : {&Fitter::find_sweep, &Fitter::share_tau, &Fitter::take_pixels_one_by_one,
+                            &Fitter::judge_residual, &Fitter::show_pixel}) {
+      if (Status done = (this->*step)(); !done) return tl::unexpected(done.error());
+    }
+    return std::move(fit_);
+  }
+
+ private:
+  Status pass_with(std::vector<std::int8_t> nodes) {
+    taus_.node = std::move(nodes);
+    Status done = pass(frames_, table_, switches_, follows_, taus_, progress_);
+    if (done) settle_errors(table_, follows_, taus_);
+    return done;
+  }
+
+  // Where the switches run over the frame; the samples that they spoil go.
+  Status find_sweep() {
+    const double period_s = period_of(frames_);
+    switches_ = between(frames_, table_, signal_, period_s);
+    if (Status done = pass_with({}); !done) return done;
+    const Sweep sweep = fit_sweep(frames_, taus_, signal_.tau_s);
+    trim(frames_, switches_, table_, sweep, signal_);
+    refit(frames_.t_s, common_.mean, signal_);
+    table_ = DecayTable(frames_.t_s, signal_.intervals, signal_.tau_s);
+    if (table_.intervals().size() < 2) {
+      return bad_input(frames_.name +
+                       ": no rectangular pulses: the switches take as long as the pulses; record longer ones");
+    }
+    switches_ = between(frames_, table_, signal_, period_s + sweep.high() - sweep.low());
+    return {};
+  }
+
+  // All good pixels together, as if they shared one tau: no pixel's error is in it, but the curvature of their spread
+  // is.
+  Status share_tau() {
+    if (Status done = pass_with({}); !done) return done;
+    if (Status good = check_pixels(frames_, common_, taus_); !good) return good;
+    fit_.dead = find_dead(frames_, common_, taus_);
+    bool fewer = false;
+    for (std::size_t p = 0; p < follows_.size(); ++p) {
+      fewer = fewer || (follows_[p] != 0 && fit_.dead[p] != DeadPixel::kGood);
+      if (fit_.dead[p] != DeadPixel::kGood) follows_[p] = 0;
+    }
+    if (fewer) {
+      if (Status done = pass_with({}); !done) return done;
+    }
+    std::vector<double> errors;
+    for (std::size_t p = 0; p < taus_.error.size(); ++p) {
+      if (follows_[p] != 0) errors.push_back(static_cast<double>(taus_.error[p]));
+    }
+    usual_error_ = median(std::move(errors));
+    if (!(taus_.information > 0.0)) return bad_input(frames_.name + ": no pixel tells tau; record a higher contrast");
+    const double tau_s = signal_.tau_s * std::exp(std::clamp(taus_.score / taus_.information, -0.3, 0.3));
+    const double error = std::sqrt(taus_.score2) / taus_.information;
+    fit_.tau_s = tau_estimate(tau_s, error, error, signal_, 0.0);
+    return {};
+  }
+
+  Status take_pixels_one_by_one() {
+    const bool each = usual_error_ < kMapError;
+    for (int round = 0; each && round < 2; ++round) {
+      if (Status done = pass_with(nearest_nodes(table_, taus_)); !done) return done;
+    }
+    pixels_ = trusted(taus_, fit_.dead);
+    if (!each || pixels_.empty()) return {};
+    const Population all = population(taus_, pixels_);
+    fit_.spread_significant = all.spread_z > kSignificant && all.spread > kLeastSpread;
+    if (!fit_.spread_significant) return {};
+    fit_.tau_spread = all.spread;
+    fit_.tau_map_s = shrunk_map(taus_, pixels_, all);
+    // What is nonlinear in a pixel's error shifts the mean by some of its square.
+    fit_.tau_s = tau_estimate(all.mean_s, all.error, all.noise_error, signal_, 0.5 * usual_error_ * usual_error_);
+    return {};
+  }
+
+  Status judge_residual() {
+    const Sweep sweep = fit_sweep(frames_, taus_, fit_.tau_s.value);
+    fit_.sweep_x_s = sweep_estimate(sweep, 1);
+    fit_.sweep_y_s = sweep_estimate(sweep, 2);
+    fit_.rmse_k = rms_left(taus_, pixels_);
+    const auto noise_k = late_noise(frames_, table_, taus_, pixels_, progress_);
+    if (!noise_k) return tl::unexpected(noise_k.error());
+    fit_.noise_k = *noise_k;
+    fit_.gap = fit_.noise_k > 0.0 ? fit_.rmse_k / fit_.noise_k : 1.0;
+    if (fit_.gap < kLeastGap && fit_.noise_k > frames_.step) {
+      return bad_input(frames_.name +
+                       ": no rectangular pulses: its intervals are too short for their number; record longer pulses");
+    }
+    fit_.intervals = table_.intervals().size();
+    fit_.pixels = common_.pixels;
+    return {};
+  }
+
+  Status show_pixel() {
+    auto trace = trace_pixel(frames_, signal_, taus_, pixels_);
+    if (!trace) return tl::unexpected(trace.error());
+    fit_.trace = std::move(*trace);
+    return {};
+  }
+
+  const FrameSeries& frames_;
+  CommonSignal common_;
+  std::vector<std::int8_t> follows_;  // those of common_ that are not dead
+  SignalFit signal_;
+  const Progress& progress_;
+  DecayTable table_;
+  std::vector<SwitchBetween> switches_;
+  PixelTaus taus_;
+  std::vector<std::size_t> pixels_;  // that are trusted
+  double usual_error_ = 0.0;         // of a pixel's ln tau
+  PulseFit fit_;
+};
+
 }  // namespace
 
 Result<PulseFit> fit_pulses(const FrameSeries& frames, const Progress& progress) {
@@ -400,90 +249,11 @@ Result<PulseFit> fit_pulses(const FrameSeries& frames, const Progress& progress)
     return bad_input(frames.name + ": has " + std::to_string(frames.t_s.size()) + " frames; at least " +
                      std::to_string(kFewestFrames) + " with several switches are needed");
   }
-  const auto common = find_common_signal(frames, progress);
+  auto common = find_common_signal(frames, progress);
   if (!common) return tl::unexpected(common.error());
-  std::optional<SignalFit> first = fit_signal(frames.t_s, common->mean);
-  if (Status good = check(frames, *common, first); !good) return tl::unexpected(good.error());
-  SignalFit& signal = *first;
-  PulseFit fit;
-  describe_switches(frames.t_s, signal, fit);
-
-  // Where the switches run over the frame, and which samples they spoil.
-  const double period_s = period_of(frames);
-  PixelTaus taus;
-  DecayTable table(frames.t_s, signal.intervals, signal.tau_s);
-  std::vector<SwitchBetween> switches = between(frames, table, signal, period_s);
-  if (Status done = pass(frames, table, switches, common->follows, taus, progress); !done) {
-    return tl::unexpected(done.error());
-  }
-  Sweep sweep = fit_sweep(frames, taus, signal.tau_s);
-  trim(frames, switches, table, sweep, signal);
-  refit(frames.t_s, common->mean, signal);
-  table = DecayTable(frames.t_s, signal.intervals, signal.tau_s);
-  if (table.intervals().size() < 2) {
-    return bad_input(frames.name +
-                     ": no rectangular pulses: the switches take as long as the pulses; record longer ones");
-  }
-  switches = between(frames, table, signal, period_s + sweep.high() - sweep.low());
-  const auto again = [&](std::vector<std::int8_t> nodes) {
-    taus.node = std::move(nodes);
-    Status done = pass(frames, table, switches, common->follows, taus, progress);
-    settle_errors(table, common->follows, taus);
-    return done;
-  };
-  if (Status done = again({}); !done) return tl::unexpected(done.error());
-
-  if (Status good = check_pixels(frames, *common, taus); !good) return tl::unexpected(good.error());
-  fit.dead = find_dead(frames, *common, taus);
-  std::vector<double> errors;
-  for (std::size_t p = 0; p < taus.error.size(); ++p) {
-    if (common->follows[p] != 0) errors.push_back(static_cast<double>(taus.error[p]));
-  }
-  const double usual_error = median(std::move(errors));
-  // All pixels together, as if they shared one tau: no pixel's error is in it, but the curvature of their spread is.
-  const double shared_tau_s = signal.tau_s * std::exp(std::clamp(taus.score / taus.information, -0.3, 0.3));
-  const double shared_error = std::sqrt(taus.score2) / taus.information;
-  Population all;
-  std::vector<std::size_t> pixels;
-  if (usual_error < kMapError) {
-    for (int round = 0; round < 2; ++round) {
-      if (Status done = again(nearest_nodes(table, taus)); !done) return tl::unexpected(done.error());
-    }
-    fit.dead = find_dead(frames, *common, taus);
-    pixels = trusted(taus, fit.dead);
-    all = population(taus, pixels);
-    fit.spread_significant = all.spread_z > kSignificant && all.spread > 1e-3;
-    if (fit.spread_significant) {
-      fit.tau_spread = all.spread;
-      fit.tau_map_s = shrunk_map(taus, pixels, all);
-    }
-  } else {
-    pixels = trusted(taus, fit.dead);
-  }
-  if (fit.spread_significant) {  // what is nonlinear in a pixel's error shifts the mean by some of its square
-    fit.tau_s = tau_estimate(all.mean_s, all.error, all.noise_error, signal, 0.5 * usual_error * usual_error);
-  } else {
-    fit.tau_s = tau_estimate(shared_tau_s, shared_error, shared_error, signal, 0.0);
-  }
-  sweep = fit_sweep(frames, taus, fit.tau_s.value);
-  fit.sweep_x_s = sweep_estimate(sweep, 1);
-  fit.sweep_y_s = sweep_estimate(sweep, 2);
-  fit.rmse_k = rms_left(taus, pixels);
-  const auto noise_k = late_noise(frames, table, taus, pixels, progress);
-  if (!noise_k) return tl::unexpected(noise_k.error());
-  fit.noise_k = *noise_k;
-  fit.gap = fit.noise_k > 0.0 ? fit.rmse_k / fit.noise_k : 1.0;
-  if (fit.gap < kLeastGap && fit.noise_k > frames.step) {
-    return bad_input(frames.name +
-                     ": no rectangular pulses: its intervals are too short for their number; record "
-                     "longer pulses");
-  }
-  fit.intervals = table.intervals().size();
-  fit.pixels = common->pixels;
-  auto trace = trace_pixel(frames, signal, taus, pixels);
-  if (!trace) return tl::unexpected(trace.error());
-  fit.trace = std::move(*trace);
-  return fit;
+  std::optional<SignalFit> signal = fit_signal(frames.t_s, common->mean);
+  if (Status good = check(frames, *common, signal); !good) return tl::unexpected(good.error());
+  return Fitter(frames, std::move(*common), std::move(*signal), progress).run();
 }
 
 }  // namespace bolo::diagnose

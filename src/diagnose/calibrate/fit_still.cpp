@@ -1,9 +1,9 @@
 // Noise, fixed pattern and dead pixels from a still field.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "bolo/diagnose/calibrate.hpp"
+#include "statistics.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -15,13 +15,6 @@ constexpr double kStill = 3.0;    // what a frame's mean may scatter by, in unit
 constexpr double kSlow = 1.5;     // what a pixel's slow changes may come to, in units of its noise
 constexpr double kUneven = 3.0;   // times the usual noise: more than one pixel in twenty has it where a scene moves
 constexpr double kFarOff = 12.0;  // scatters of the fixed pattern: a pixel that says something else
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Sums over time; `rough` are those of differences between neighbouring frames, less the frame's own.
 struct Moments {
