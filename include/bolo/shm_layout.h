@@ -34,9 +34,9 @@
  * Solving a pixel on demand. Frame n was estimated from the raw planes of the frames of its window, which ends
  * lookahead frames after n: frames that the window's rules (camera_ns, frame_id, frame_period_s) place there, at most
  * `window` of them. A reader that solves a pixel's samples in them with bolo_shm_settings gets the deblurred plane's
- * bits (drivers/shm/point_reader.hpp does). Not where BOLO_SETTINGS_UNDONE is set. Where BOLO_SETTINGS_MAPS is set it needs the same maps file besides: maps
- * are not in the shared memory. For BOLO_METHOD_MMAE and BOLO_SETTINGS_AUTO_LAMBDA it needs the whole planes and the
- * slot's noise_k: these look at a pixel's surroundings.
+ * bits (drivers/shm/point_reader.hpp does). Not where BOLO_SETTINGS_UNDONE is set. Where BOLO_SETTINGS_MAPS is set it
+ * needs the same maps file besides: maps are not in the shared memory. For BOLO_METHOD_MMAE and
+ * BOLO_SETTINGS_AUTO_LAMBDA it needs the whole planes and the slot's noise_k: these look at a pixel's surroundings.
  *
  * The writer holds flock(LOCK_EX) on the object for its life: that is how a second writer of the same name is refused,
  * whatever process namespace it runs in. Readers take no lock.

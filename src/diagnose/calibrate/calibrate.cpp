@@ -1,0 +1,171 @@
+// Captures of one camera to its profile and maps.
+#include "bolo/diagnose/calibrate.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "bolo/capture/capture.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr std::size_t kKeptBytes = std::size_t{512} << 20U;  // a recording up to this size is read once
+
+// A capture as frames, in memory when it fits.
+Result<FrameSeries> open_series(const std::filesystem::path& file, const capture::CaptureReader& reader) {
+  const StreamFormat& format = reader.info().format;
+  FrameSeries series;
+  series.name = file.string();
+  series.geometry = format.geometry;
+  series.t_s = reader.t();
+  const bool counts = format.type == PixelType::kUint16;
+  series.step = counts ? (format.scale.unit == Unit::kKelvin ? std::abs(format.scale.scale) : 1.0) : 0.0;
+  series.sixteen_bits = counts;
+  series.lowest = std::min(format.scale.to_physical(0.0), format.scale.to_physical(65535.0));
+  series.highest = std::max(format.scale.to_physical(0.0), format.scale.to_physical(65535.0));
+  const auto read = [&reader, format, plane = std::vector<std::byte>(plane_bytes(format.geometry, format.type))](
+                        std::size_t k, std::span<float> out) mutable -> Status {
+    if (Status status = reader.read_frame(k, plane.data()); !status) return status;
+    const auto* raw16 = reinterpret_cast<const std::uint16_t*>(plane.data());
+    const auto* raw32 = reinterpret_cast<const float*>(plane.data());
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const double raw =
+          format.type == PixelType::kUint16 ? static_cast<double>(raw16[i]) : static_cast<double>(raw32[i]);
+      out[i] = static_cast<float>(format.scale.to_physical(raw));
+    }
+    return {};
+  };
+  series.read = read;
+  const std::size_t pixels = format.geometry.pixels();
+  if (series.t_s.size() * pixels > kKeptBytes / sizeof(float)) return series;
+  auto all = std::make_shared<std::vector<float>>(series.t_s.size() * pixels);
+  for (std::size_t k = 0; k < series.t_s.size(); ++k) {
+    if (Status status = series.read(k, {all->data() + k * pixels, pixels}); !status) {
+      return tl::unexpected(status.error());
+    }
+  }
+  series.read = [all, pixels](std::size_t k, std::span<float> out) -> Status {
+    std::copy_n(all->data() + k * pixels, pixels, out.begin());
+    return {};
+  };
+  return series;
+}
+
+struct Source {
+  std::filesystem::path file;
+  capture::CaptureReader reader;
+  bool still = false;  // by its /stimulus, or because it is not the first
+};
+
+Result<std::vector<Source>> open_all(const std::vector<std::filesystem::path>& files) {
+  std::vector<Source> sources;
+  for (const auto& file : files) {
+    auto reader = capture::CaptureReader::open(file);
+    if (!reader) return tl::unexpected(reader.error());
+    const auto stimulus = reader->stimulus();
+    if (!stimulus) return tl::unexpected(stimulus.error());
+    const bool chopper = std::holds_alternative<capture::Chopper>(*stimulus);
+    const bool uniform = std::holds_alternative<capture::Uniform>(*stimulus);
+    sources.push_back({file, std::move(*reader), uniform || (!chopper && !sources.empty())});
+    const capture::CaptureInfo& first = sources.front().reader.info();
+    const capture::CaptureInfo& info = sources.back().reader.info();
+    const auto differs = [&](const std::string& what) {
+      return bad_input(file.string() + ": " + what + " than in " + sources.front().file.string() +
+                       "; give captures of one camera in one mode");
+    };
+    if (info.format.geometry != first.format.geometry) return differs("another size of frames");
+    if (info.camera_model != first.camera_model || info.camera_serial != first.camera_serial) {
+      return differs("another camera");
+    }
+    if (info.format.scale.unit != first.format.scale.unit) return differs("another unit");
+  }
+  return sources;
+}
+
+// Several still fields: the noise of all, offsets by their mean, a pixel that one of them calls dead is dead.
+void merge(StillFit& all, const StillFit& more, double before) {
+  const auto blend = [before](double a, double b) { return (a * before + b) / (before + 1.0); };
+  all.noise_k = std::sqrt(blend(all.noise_k * all.noise_k, more.noise_k * more.noise_k));
+  all.pixel_noise_k = std::sqrt(blend(all.pixel_noise_k * all.pixel_noise_k, more.pixel_noise_k * more.pixel_noise_k));
+  all.offset_rms_k = std::sqrt(blend(all.offset_rms_k * all.offset_rms_k, more.offset_rms_k * more.offset_rms_k));
+  if (all.offset_k.empty()) all.offset_k.assign(all.dead.size(), 0.0F);
+  for (std::size_t p = 0; p < all.dead.size(); ++p) {
+    const double offset = more.offset_k.empty() ? 0.0 : static_cast<double>(more.offset_k[p]);
+    all.offset_k[p] = static_cast<float>(blend(static_cast<double>(all.offset_k[p]), offset));
+    if (all.dead[p] == DeadPixel::kGood) all.dead[p] = more.dead[p];
+  }
+}
+
+void fill_profile(const CalibrationOptions& options, const capture::CaptureInfo& info, const FrameSeries& frames,
+                  Calibration& result) {
+  model::CameraProfile& profile = result.profile;
+  profile = options.profile;
+  profile.tau_s = result.fit.tau_s.value;
+  profile.maps.clear();
+  if (!info.camera_model.empty()) profile.model = info.camera_model;
+  if (!info.camera_serial.empty()) profile.serial = info.camera_serial;
+  profile.frame_period_s = info.format.frame_period_s;
+  if (info.format.scale.unit == Unit::kKelvin) {
+    profile.noise_k = result.noise_k;
+    if (frames.step > 0.0) profile.quantisation_k = frames.step;
+  } else {
+    result.warnings.emplace_back("the captures have counts and no kelvin: the profile keeps its noise_k");
+  }
+  result.maps.geometry = frames.geometry;
+  result.maps.tau_s = result.fit.tau_map_s;
+  if (result.still) result.maps.offset = result.still->offset_k;
+  result.dead = result.fit.dead;
+  for (std::size_t p = 0; result.still && p < result.dead.size(); ++p) {
+    if (result.still->dead[p] != DeadPixel::kGood) result.dead[p] = result.still->dead[p];
+  }
+  std::vector<std::uint8_t> dead;
+  for (const DeadPixel pixel : result.dead) dead.push_back(pixel == DeadPixel::kGood ? 0 : 1);
+  result.dead_pixels = static_cast<std::size_t>(std::ranges::count(dead, std::uint8_t{1}));
+  if (result.dead_pixels > 0) result.maps.dead = std::move(dead);
+}
+
+}  // namespace
+
+Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures, const CalibrationOptions& options,
+                              const Progress& progress) {
+  if (captures.empty()) return bad_input("no captures; name one with pulses first");
+  auto sources = open_all(captures);
+  if (!sources) return tl::unexpected(sources.error());
+  const auto pulses = std::ranges::find(*sources, false, &Source::still);
+  if (pulses == sources->end()) {
+    return bad_input(captures.front().string() +
+                     ": no capture with pulses is given; name a recording of a chopper or a switched board");
+  }
+  Calibration result;
+  const auto frames = open_series(pulses->file, pulses->reader);
+  if (!frames) return tl::unexpected(frames.error());
+  auto fit = fit_pulses(*frames, progress);
+  if (!fit) return tl::unexpected(fit.error());
+  result.fit = std::move(*fit);
+  result.pulses.push_back(pulses->file.string());
+
+  for (const Source& source : *sources) {
+    if (&source == &*pulses) continue;
+    if (!source.still) {
+      result.warnings.push_back(source.file.string() + ": not used: one capture with pulses is enough");
+      continue;
+    }
+    const auto still = open_series(source.file, source.reader);
+    if (!still) return tl::unexpected(still.error());
+    auto found = fit_still(*still, progress);
+    if (!found) return tl::unexpected(found.error());
+    if (result.still) {
+      merge(*result.still, *found, static_cast<double>(result.stills.size()));
+    } else {
+      result.still = std::move(*found);
+    }
+    result.stills.push_back(source.file.string());
+  }
+  result.noise_k = result.still ? result.still->noise_k : result.fit.noise_k;
+  result.gap = result.noise_k > 0.0 ? result.fit.rmse_k / result.noise_k : result.fit.gap;
+  fill_profile(options, pulses->reader.info(), *frames, result);
+  return result;
+}
+
+}  // namespace bolo::diagnose

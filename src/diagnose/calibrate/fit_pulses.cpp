@@ -1,0 +1,259 @@
+// tau from pulses: the common signal first, then pixel by pixel.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+
+#include "bolo/diagnose/calibrate.hpp"
+#include "common_signal.hpp"
+#include "pixel_fit.hpp"
+#include "pixel_judgement.hpp"
+#include "pulse_sweep.hpp"
+#include "pulse_trace.hpp"
+#include "statistics.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr std::size_t kFewestFrames = 16;
+constexpr double kMostClipped = 0.2;      // of the pixels that follow
+constexpr double kLeastExplained = 0.98;  // of the mean signal's variance, by curves between switches
+constexpr double kLeastUsed = 0.4;        // of the frames, in intervals long enough to tell tau
+constexpr double kWorstError = 0.1;       // of tau
+constexpr double kTooFast = 0.5;          // of a frame period: a tau below it is hardly seen
+constexpr double kMostLeft = 0.35;        // of a pixel's deviation, that curves may leave
+constexpr double kLeastGap = 0.7;         // below it, intervals follow the noise
+constexpr double kMapError = 0.05;        // median error of a pixel's tau, below which pixels are taken one by one
+constexpr double kLeastSpread = 1e-3;     // of tau
+constexpr double kSignificant = 4.0;      // standard errors
+
+template <typename... Values>
+std::string words(const char* format, Values... values) {
+  char text[256];
+  std::snprintf(text, sizeof text, format, values...);  // NOLINT: the formats are literals
+  return text;
+}
+
+// Student's quantile for a two-sided 95 % interval (Cornish and Fisher's expansion; within 1 % from 3 degrees on).
+double student(double degrees) {
+  constexpr double z = 1.959964;
+  const double v = std::max(1.5, degrees);
+  return z + (z * z * z + z) / (4.0 * v) + (5.0 * std::pow(z, 5) + 16.0 * z * z * z + 3.0 * z) / (96.0 * v * v) +
+         (3.0 * std::pow(z, 7) + 19.0 * std::pow(z, 5) + 17.0 * z * z * z - 15.0 * z) / (384.0 * v * v * v);
+}
+
+double period_of(const FrameSeries& frames) {
+  std::vector<double> gaps;
+  for (std::size_t k = 1; k < frames.t_s.size(); ++k) gaps.push_back(frames.t_s[k] - frames.t_s[k - 1]);
+  return median(std::move(gaps));
+}
+
+// Whether curves between switches are what the mean signal is made of.
+Status check(const FrameSeries& frames, const CommonSignal& common, const std::optional<SignalFit>& fit) {
+  const double period_s = period_of(frames);
+  const std::string& name = frames.name;
+  if (common.clipped_share > kMostClipped) {
+    return bad_input(name + words(": %.0f %% of the pixels that see the pulses are clipped; lower the level, or choose "
+                                  "another temperature range",
+                                  100.0 * common.clipped_share));
+  }
+  const std::string none = name + ": no rectangular pulses: ";
+  if (!fit) return bad_input(none + "nothing in it decays as a pixel does; record a chopper or a switched board");
+  const auto telling = std::ranges::count_if(fit->intervals, [](const Interval& i) { return i.count >= kLeastCount; });
+  const auto n = static_cast<double>(frames.t_s.size());
+  if (telling < 2) {
+    return bad_input(none + "its pixels see nothing switch for " + std::to_string(kLeastCount) +
+                     " frames or more; record longer pulses");
+  }
+  const double mean = std::accumulate(common.mean.begin(), common.mean.end(), 0.0) / n;
+  double variance = 0.0;
+  for (const double y : common.mean) variance += (y - mean) * (y - mean) / n;
+  const double explained = 1.0 - fit->sigma * fit->sigma / variance;
+  if (explained < kLeastExplained || static_cast<double>(fit->informative_samples) < kLeastUsed * n) {
+    return bad_input(none +
+                     "what its pixels have in common changes all the time; record a chopper or a switched board");
+  }
+  const double variance_of_log =
+      fit->information > 0.0 ? std::max(fit->sigma * fit->sigma / fit->information, fit->interval_variance) : 1.0;
+  const bool vague = !(std::sqrt(variance_of_log) < kWorstError);
+  if (vague && fit->tau_s < kTooFast * period_s) {
+    return bad_input(name + words(": a frame every %.1f ms doesn't tell tau: after a switch the next frame shows the "
+                                  "new level already; record at a higher frame rate",
+                                  1e3 * period_s));
+  }
+  // Where tau is real, some interval lasts long enough to come near its level.
+  const auto lasting = std::ranges::count_if(fit->intervals, [&](const Interval& i) {
+    return i.count >= kLeastCount && frames.t_s[i.end() - 1] - frames.t_s[i.first] > 1.5 * fit->tau_s;
+  });
+  if (vague || lasting < 2) {
+    return bad_input(none +
+                     "what its pixels have in common decays nowhere in the same way twice; record a chopper or "
+                     "a switched board");
+  }
+  return {};
+}
+
+// Whether each pixel is what the mean is.
+Status check_pixels(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus) {
+  std::vector<double> left;
+  for (std::size_t p = 0; p < common.follows.size(); ++p) {
+    if (common.follows[p] != 0) left.push_back(static_cast<double>(taus.sigma[p] / common.deviation[p]));
+  }
+  if (median(std::move(left)) < kMostLeft) return {};
+  return bad_input(frames.name +
+                   ": no rectangular pulses: its pixels have little more in common than noise; record a "
+                   "higher contrast, or hold the camera still before a chopper");
+}
+
+// The interval of tau: what differs between pixels, and what all pixels share at a time (flicker, a level that drifts),
+// which shows as a difference between intervals.
+Estimate tau_estimate(double tau_s, double pixel_error, double noise_error, const SignalFit& fit, double bias) {
+  const double shared2 = std::max(0.0, fit.interval_variance - noise_error * noise_error);
+  const double error2 = pixel_error * pixel_error + shared2;
+  const double share = shared2 / std::max(error2, 1e-300);
+  const double degrees = share > 1e-6 ? (fit.effective_intervals - 1.0) / (share * share) : 1e9;
+  const double half = student(degrees) * std::sqrt(error2) + bias;
+  return {tau_s, tau_s * (1.0 - half), tau_s * (1.0 + half)};
+}
+
+// The steps of one fit, in their order; what one leaves the next ones use.
+class Fitter {
+ public:
+  Fitter(const FrameSeries& frames, CommonSignal common, SignalFit signal, const Progress& progress)
+      : frames_(frames),
+        common_(std::move(common)),
+        follows_(common_.follows),
+        signal_(std::move(signal)),
+        progress_(progress),
+        table_(frames.t_s, signal_.intervals, signal_.tau_s) {}
+
+  Result<PulseFit> run() {
+    describe_switches(frames_.t_s, signal_, fit_);
+    for (const auto step : {&Fitter::find_sweep, &Fitter::share_tau, &Fitter::take_pixels_one_by_one,
+                            &Fitter::judge_residual, &Fitter::show_pixel}) {
+      if (Status done = (this->*step)(); !done) return tl::unexpected(done.error());
+    }
+    return std::move(fit_);
+  }
+
+ private:
+  Status pass_with(std::vector<std::int8_t> nodes) {
+    taus_.node = std::move(nodes);
+    Status done = pass(frames_, table_, switches_, follows_, taus_, progress_);
+    if (done) settle_errors(table_, follows_, taus_);
+    return done;
+  }
+
+  // Where the switches run over the frame; the samples that they spoil go.
+  Status find_sweep() {
+    const double period_s = period_of(frames_);
+    switches_ = between(frames_, table_, signal_, period_s);
+    if (Status done = pass_with({}); !done) return done;
+    const Sweep sweep = fit_sweep(frames_, taus_, signal_.tau_s);
+    trim(frames_, switches_, table_, sweep, signal_);
+    refit(frames_.t_s, common_.mean, signal_);
+    table_ = DecayTable(frames_.t_s, signal_.intervals, signal_.tau_s);
+    if (table_.intervals().size() < 2) {
+      return bad_input(frames_.name +
+                       ": no rectangular pulses: the switches take as long as the pulses; record longer ones");
+    }
+    switches_ = between(frames_, table_, signal_, period_s + sweep.high() - sweep.low());
+    return {};
+  }
+
+  // All good pixels together, as if they shared one tau: no pixel's error is in it, but the curvature of their spread
+  // is.
+  Status share_tau() {
+    if (Status done = pass_with({}); !done) return done;
+    if (Status good = check_pixels(frames_, common_, taus_); !good) return good;
+    fit_.dead = find_dead(frames_, common_, taus_);
+    bool fewer = false;
+    for (std::size_t p = 0; p < follows_.size(); ++p) {
+      fewer = fewer || (follows_[p] != 0 && fit_.dead[p] != DeadPixel::kGood);
+      if (fit_.dead[p] != DeadPixel::kGood) follows_[p] = 0;
+    }
+    if (fewer) {
+      if (Status done = pass_with({}); !done) return done;
+    }
+    std::vector<double> errors;
+    for (std::size_t p = 0; p < taus_.error.size(); ++p) {
+      if (follows_[p] != 0) errors.push_back(static_cast<double>(taus_.error[p]));
+    }
+    usual_error_ = median(std::move(errors));
+    if (!(taus_.information > 0.0)) return bad_input(frames_.name + ": no pixel tells tau; record a higher contrast");
+    const double tau_s = signal_.tau_s * std::exp(std::clamp(taus_.score / taus_.information, -0.3, 0.3));
+    const double error = std::sqrt(taus_.score2) / taus_.information;
+    fit_.tau_s = tau_estimate(tau_s, error, error, signal_, 0.0);
+    return {};
+  }
+
+  Status take_pixels_one_by_one() {
+    const bool each = usual_error_ < kMapError;
+    for (int round = 0; each && round < 2; ++round) {
+      if (Status done = pass_with(nearest_nodes(table_, taus_)); !done) return done;
+    }
+    pixels_ = trusted(taus_, fit_.dead);
+    if (!each || pixels_.empty()) return {};
+    const Population all = population(taus_, pixels_);
+    fit_.spread_significant = all.spread_z > kSignificant && all.spread > kLeastSpread;
+    if (!fit_.spread_significant) return {};
+    fit_.tau_spread = all.spread;
+    fit_.tau_map_s = shrunk_map(taus_, pixels_, all);
+    // What is nonlinear in a pixel's error shifts the mean by some of its square.
+    fit_.tau_s = tau_estimate(all.mean_s, all.error, all.noise_error, signal_, 0.5 * usual_error_ * usual_error_);
+    return {};
+  }
+
+  Status judge_residual() {
+    const Sweep sweep = fit_sweep(frames_, taus_, fit_.tau_s.value);
+    fit_.sweep_x_s = sweep_estimate(sweep, 1);
+    fit_.sweep_y_s = sweep_estimate(sweep, 2);
+    fit_.rmse_k = rms_left(taus_, pixels_);
+    const auto noise_k = late_noise(frames_, table_, taus_, pixels_, progress_);
+    if (!noise_k) return tl::unexpected(noise_k.error());
+    fit_.noise_k = *noise_k;
+    fit_.gap = fit_.noise_k > 0.0 ? fit_.rmse_k / fit_.noise_k : 1.0;
+    if (fit_.gap < kLeastGap && fit_.noise_k > frames_.step) {
+      return bad_input(frames_.name +
+                       ": no rectangular pulses: its intervals are too short for their number; record longer pulses");
+    }
+    fit_.intervals = table_.intervals().size();
+    fit_.pixels = common_.pixels;
+    return {};
+  }
+
+  Status show_pixel() {
+    auto trace = trace_pixel(frames_, signal_, taus_, pixels_);
+    if (!trace) return tl::unexpected(trace.error());
+    fit_.trace = std::move(*trace);
+    return {};
+  }
+
+  const FrameSeries& frames_;
+  CommonSignal common_;
+  std::vector<std::int8_t> follows_;  // those of common_ that are not dead
+  SignalFit signal_;
+  const Progress& progress_;
+  DecayTable table_;
+  std::vector<SwitchBetween> switches_;
+  PixelTaus taus_;
+  std::vector<std::size_t> pixels_;  // that are trusted
+  double usual_error_ = 0.0;         // of a pixel's ln tau
+  PulseFit fit_;
+};
+
+}  // namespace
+
+Result<PulseFit> fit_pulses(const FrameSeries& frames, const Progress& progress) {
+  if (frames.t_s.size() < kFewestFrames) {
+    return bad_input(frames.name + ": has " + std::to_string(frames.t_s.size()) + " frames; at least " +
+                     std::to_string(kFewestFrames) + " with several switches are needed");
+  }
+  auto common = find_common_signal(frames, progress);
+  if (!common) return tl::unexpected(common.error());
+  std::optional<SignalFit> signal = fit_signal(frames.t_s, common->mean);
+  if (Status good = check(frames, *common, signal); !good) return tl::unexpected(good.error());
+  return Fitter(frames, std::move(*common), std::move(*signal), progress).run();
+}
+
+}  // namespace bolo::diagnose

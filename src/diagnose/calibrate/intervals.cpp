@@ -1,0 +1,257 @@
+#include "intervals.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr std::size_t kLongest = 160;  // samples an interval of the search may have; longer ones are joined later
+constexpr double kTauRatio = 1.12;     // between two taus that are tried
+constexpr double kShortestTau = 0.3;   // in frame periods
+constexpr double kLongestTau = 60.0;
+
+double quantile(std::vector<double> values, double share) {
+  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + at, values.end());
+  return values[static_cast<std::size_t>(at)];
+}
+
+// Sums of the regression of y on 1 and e = exp(-(t - t_first) / tau), sample by sample.
+struct Regression {
+  double n = 0.0, e = 0.0, ee = 0.0, y = 0.0, ey = 0.0, yy = 0.0;
+  void add(double decay, double value) {
+    n += 1.0;
+    e += decay;
+    ee += decay * decay;
+    y += value;
+    ey += decay * value;
+    yy += value * value;
+  }
+  double slope() const {
+    const double spread = ee - e * e / n;
+    return spread > 1e-12 ? (ey - e * y / n) / spread : 0.0;
+  }
+  double squares() const {
+    const double spread = ee - e * e / n;
+    const double about_mean = yy - y * y / n;
+    const double joint = ey - e * y / n;
+    return std::max(0.0, spread > 1e-12 ? about_mean - joint * joint / spread : about_mean);
+  }
+};
+
+struct Cut {
+  std::vector<Interval> intervals;
+  double cost = 0.0;
+};
+
+Cut best_cut(std::span<const double> t_s, std::span<const double> y, double tau_s, double sigma) {
+  const std::size_t n = y.size();
+  const double unit = 1.0 / (sigma * sigma);
+  std::vector<double> decay(n, 1.0);  // from the sample before
+  for (std::size_t k = 1; k < n; ++k) decay[k] = std::exp(-(t_s[k] - t_s[k - 1]) / tau_s);
+  std::vector<double> best(n + 1, std::numeric_limits<double>::infinity());
+  std::vector<std::size_t> from(n + 1, 0);
+  best[0] = 0.0;
+  for (std::size_t first = 0; first < n; ++first) {
+    Regression sums;
+    double e = 1.0;
+    for (std::size_t k = first; k < std::min(n, first + kLongest); ++k) {
+      if (k > first) e *= decay[k];
+      sums.add(e, y[k] - y[first]);
+      const double squares = sums.squares() * unit;
+      const double cost = best[first] + squares + kIntervalCost;
+      if (cost < best[k + 1]) {
+        best[k + 1] = cost;
+        from[k + 1] = first;
+      }
+      if (squares > 40.0 * kIntervalCost) break;  // cutting is cheaper from here on
+    }
+  }
+  Cut found{{}, best[n]};
+  for (std::size_t end = n; end > 0; end = from[end]) found.intervals.push_back({from[end], end - from[end]});
+  std::ranges::reverse(found.intervals);
+  return found;
+}
+
+// Neighbours that one curve explains as well.
+std::vector<Interval> joined(std::span<const double> t_s, std::span<const double> y, std::vector<Interval> intervals,
+                             double tau_s, double sigma) {
+  std::vector<Interval> out;
+  for (const Interval& next : intervals) {
+    if (!out.empty() && out.back().count > 2 && next.count > 2) {
+      const Interval both{out.back().first, out.back().count + next.count};
+      double apart = 0.0;
+      double a = 0.0;
+      double together = 0.0;
+      fit_decay(t_s, y, out.back(), tau_s, &apart);
+      fit_decay(t_s, y, next, tau_s, &a);
+      fit_decay(t_s, y, both, tau_s, &together);
+      if (together - apart - a < kIntervalCost * sigma * sigma) {
+        out.back() = both;
+        continue;
+      }
+    }
+    out.push_back(next);
+  }
+  return out;
+}
+
+// What one interval says about ln tau.
+struct Score {
+  double score = 0.0;
+  double information = 0.0;
+  double squares = 0.0;
+};
+
+Score score_of(std::span<const double> t_s, std::span<const double> y, const Interval& interval, double tau_s) {
+  const std::size_t n = interval.count;
+  std::vector<double> e(n);
+  std::vector<double> u(n);
+  double e_mean = 0.0;
+  double u_mean = 0.0;
+  double y_mean = 0.0;
+  for (std::size_t k = 0; k < n; ++k) {
+    const double age = (t_s[interval.first + k] - t_s[interval.first]) / tau_s;
+    e[k] = std::exp(-age);
+    u[k] = age * e[k];
+    e_mean += e[k] / static_cast<double>(n);
+    u_mean += u[k] / static_cast<double>(n);
+    y_mean += y[interval.first + k] / static_cast<double>(n);
+  }
+  double ee = 0.0;
+  double eu = 0.0;
+  double ey = 0.0;
+  for (std::size_t k = 0; k < n; ++k) {
+    ee += (e[k] - e_mean) * (e[k] - e_mean);
+    eu += (e[k] - e_mean) * (u[k] - u_mean);
+    ey += (e[k] - e_mean) * (y[interval.first + k] - y_mean);
+  }
+  const double amplitude = ey / ee;
+  Score s;
+  for (std::size_t k = 0; k < n; ++k) {
+    const double own = u[k] - u_mean - eu / ee * (e[k] - e_mean);
+    const double left = y[interval.first + k] - y_mean - amplitude * (e[k] - e_mean);
+    s.score += amplitude * own * left;
+    s.information += amplitude * amplitude * own * own;
+    s.squares += left * left;
+  }
+  return s;
+}
+
+}  // namespace
+
+double Decay::at(double t_s, double tau_s) const { return level + amplitude * std::exp(-(t_s - t_first_s) / tau_s); }
+
+std::vector<Interval> cut(std::span<const double> t_s, std::span<const double> y, double tau_s, double sigma) {
+  return joined(t_s, y, best_cut(t_s, y, tau_s, sigma).intervals, tau_s, sigma);
+}
+
+Decay fit_decay(std::span<const double> t_s, std::span<const double> y, const Interval& interval, double tau_s,
+                double* squares) {
+  Regression sums;
+  const double start_s = t_s[interval.first];
+  const double base = y[interval.first];
+  for (std::size_t k = interval.first; k < interval.end(); ++k) {
+    sums.add(std::exp(-(t_s[k] - start_s) / tau_s), y[k] - base);
+  }
+  if (squares != nullptr) *squares = sums.squares();
+  const double amplitude = interval.count > 1 ? sums.slope() : 0.0;
+  return {base + (sums.y - amplitude * sums.e) / sums.n, amplitude, start_s};
+}
+
+void refit(std::span<const double> t_s, std::span<const double> y, SignalFit& fit) {
+  std::vector<Score> scores;
+  for (int round = 0; round < 30; ++round) {
+    scores.clear();
+    double score = 0.0;
+    double information = 0.0;
+    for (const Interval& interval : fit.intervals) {
+      if (interval.count < kLeastCount) continue;
+      scores.push_back(score_of(t_s, y, interval, fit.tau_s));
+      score += scores.back().score;
+      information += scores.back().information;
+    }
+    fit.information = information;
+    if (!(information > 0.0)) break;
+    const double step = std::clamp(score / information, -0.2, 0.2);
+    fit.tau_s *= std::exp(step);
+    if (std::abs(step) < 1e-10) break;
+  }
+  double squares = 0.0;
+  double freedom = -1.0;
+  double sandwich = 0.0;
+  double information2 = 0.0;
+  fit.informative_samples = 0;
+  for (const Interval& interval : fit.intervals) {
+    if (interval.count < kLeastCount) continue;
+    freedom += static_cast<double>(interval.count) - 2.0;
+    fit.informative_samples += interval.count;
+  }
+  for (const Score& s : scores) {
+    squares += s.squares;
+    sandwich += s.score * s.score;
+    information2 += s.information * s.information;
+  }
+  fit.sigma = freedom > 0.0 ? std::sqrt(squares / freedom) : 0.0;
+  const double m = information2 > 0.0 ? fit.information * fit.information / information2 : 0.0;
+  fit.effective_intervals = m;
+  // m / (m - 1): what the fit took out of the scores, whose sum it made zero.
+  fit.interval_variance = m > 1.05 ? sandwich / (fit.information * fit.information) * m / (m - 1.0) : 0.0;
+  fit.decays.clear();
+  for (const Interval& interval : fit.intervals) fit.decays.push_back(fit_decay(t_s, y, interval, fit.tau_s));
+}
+
+std::optional<SignalFit> fit_signal(std::span<const double> t_s, std::span<const double> y) {
+  SignalFit fit;
+  const std::vector<double> values(y.begin(), y.end());
+  fit.contrast = quantile(values, 0.95) - quantile(values, 0.05);
+  if (!(fit.contrast > 0.0)) return std::nullopt;
+  std::vector<double> gaps;
+  for (std::size_t k = 1; k < t_s.size(); ++k) gaps.push_back(t_s[k] - t_s[k - 1]);
+  const double period_s = quantile(gaps, 0.5);
+  // Coarse first: noise and the model's own faults are unknown, so that a per cent of the contrast passes as either.
+  std::vector<double> rough;  // noise by third differences, too large where the signal decays
+  for (std::size_t k = 3; k < y.size(); ++k) {
+    rough.push_back(std::abs(y[k] - 3.0 * y[k - 1] + 3.0 * y[k - 2] - y[k - 3]));
+  }
+  double sigma = std::max(0.005 * fit.contrast, 0.3 * quantile(rough, 0.5) / (0.6745 * std::sqrt(20.0)));
+  double least = std::numeric_limits<double>::infinity();
+  for (double tau_s = kShortestTau * period_s; tau_s < kLongestTau * period_s; tau_s *= kTauRatio) {
+    const Cut found = best_cut(t_s, y, tau_s, sigma);
+    if (found.cost < least) {
+      least = found.cost;
+      fit.tau_s = tau_s;
+    }
+  }
+  fit.intervals = cut(t_s, y, fit.tau_s, sigma);
+  refit(t_s, y, fit);
+  for (int round = 0; round < 4; ++round) {
+    // Nothing between the last level and the next one, or nothing but a slope: no tau, but the cut may say something.
+    if (!(fit.information > 0.0) || !(fit.tau_s > 0.05 * period_s && fit.tau_s < 200.0 * period_s)) {
+      fit.information = 0.0;
+      break;
+    }
+    sigma = std::max(std::min(fit.sigma, sigma), 1e-5 * fit.contrast);
+    const auto before = fit.intervals.size();
+    fit.intervals = cut(t_s, y, fit.tau_s, sigma);
+    refit(t_s, y, fit);
+    if (before == fit.intervals.size() && round > 0) break;
+  }
+  return fit;
+}
+
+std::optional<double> crossing(const Decay& before, const Decay& after, double tau_s, double from_s, double to_s) {
+  // Both curves are a level and a multiple of the same exponential: where they meet has a closed form.
+  const double shift = std::exp(-(after.t_first_s - before.t_first_s) / tau_s);  // exp at t_first of `after`
+  const double amplitude = before.amplitude * shift - after.amplitude;           // both as from after.t_first_s
+  const double level = after.level - before.level;
+  const double ratio = level / amplitude;
+  if (!(ratio > 0.0) || !std::isfinite(ratio)) return std::nullopt;
+  const double t_s = after.t_first_s - tau_s * std::log(ratio);
+  if (!(t_s >= from_s && t_s <= to_s)) return std::nullopt;
+  return t_s;
+}
+
+}  // namespace bolo::diagnose

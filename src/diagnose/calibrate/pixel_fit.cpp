@@ -1,0 +1,195 @@
+#include "pixel_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr double kLongestStep = 0.3;  // of ln tau in one pass
+
+// Sums of one pixel over one interval, of values less the first one, and what is kept from interval to interval.
+struct Sums {
+  double y = 0.0, yy = 0.0, ey = 0.0, uy = 0.0;
+  float base = 0.0F;
+};
+struct Kept {
+  double score = 0.0, information = 0.0, squares = 0.0;
+  double by_noise = 0.0;  // what noise of variance 1 adds to the information
+  double delay = 0.0, weight = 0.0;
+  Decay last;
+};
+
+class Pass {
+ public:
+  Pass(const FrameSeries& frames, const DecayTable& table, const std::vector<SwitchBetween>& switches,
+       const std::vector<std::int8_t>& follows, PixelTaus& taus)
+      : frames_(frames),
+        table_(table),
+        switches_(switches),
+        taus_(taus),
+        sums_(frames.geometry.pixels()),
+        kept_(frames.geometry.pixels()) {
+    if (taus.node.empty()) taus.node.assign(frames.geometry.pixels(), DecayTable::kMiddle);
+    for (std::size_t p = 0; p < follows.size(); ++p) {
+      if (follows[p] != 0) pixels_.push_back(p);
+    }
+  }
+
+  Status run(const Progress& progress) {
+    std::vector<float> frame(frames_.geometry.pixels());
+    for (std::size_t i = 0; i < table_.intervals().size(); ++i) {
+      const Interval& interval = table_.intervals()[i];
+      if (!progress("fitting every pixel",
+                    static_cast<double>(interval.first) / static_cast<double>(frames_.t_s.size()))) {
+        return failed("interrupted");
+      }
+      for (std::size_t k = interval.first; k < interval.end(); ++k) {
+        if (Status read = frames_.read(k, frame); !read) return read;
+        add(k, frame, k == interval.first);
+      }
+      for (const std::size_t p : pixels_) end(i, p);
+    }
+    conclude();
+    return {};
+  }
+
+ private:
+  void add(std::size_t k, const std::vector<float>& frame, bool first) {
+    const DecayTable::Sample* samples = table_.samples(k);
+    for (const std::size_t p : pixels_) {
+      Sums& s = sums_[p];
+      if (first) s = {.base = frame[p]};
+      const DecayTable::Sample& at = samples[taus_.node[p]];
+      const double y = static_cast<double>(frame[p]) - static_cast<double>(s.base);
+      s.y += y;
+      s.yy += y * y;
+      s.ey += static_cast<double>(at.e) * y;
+      s.uy += static_cast<double>(at.u) * y;
+    }
+  }
+
+  // The interval's share of the pixel's fit, and its switch since the interval before.
+  void end(std::size_t i, std::size_t p) {
+    const Interval& interval = table_.intervals()[i];
+    const auto n = static_cast<double>(interval.count);
+    const DecayTable::Norm& norm = table_.norm(i, taus_.node[p]);
+    const Sums& s = sums_[p];
+    Kept& kept = kept_[p];
+    const double amplitude = s.ey / norm.ee;
+    kept.score += amplitude * s.uy;
+    kept.information += amplitude * amplitude * norm.uu;
+    kept.by_noise += norm.uu / norm.ee;
+    kept.squares += std::max(0.0, s.yy - s.y * s.y / n - s.ey * amplitude);
+    const Decay now{static_cast<double>(s.base) + s.y / n - amplitude * norm.e_mean, amplitude,
+                    frames_.t_s[interval.first]};
+    const auto at = std::ranges::find(switches_, i, [](const SwitchBetween& b) { return b.before + 1; });
+    if (i > 0 && at != switches_.end()) {
+      const double tau_s = table_.tau_s(taus_.node[p]);
+      if (const auto t_s = crossing(kept.last, now, tau_s, at->from_s, at->to_s)) {
+        const double weight = std::pow(kept.last.level - now.level, 2);  // the curves' difference in slope
+        kept.delay += weight * (*t_s - at->t_s);
+        kept.weight += weight;
+      }
+    }
+    kept.last = now;
+  }
+
+  void conclude() {
+    const std::size_t pixels = frames_.geometry.pixels();
+    double freedom = -1.0;
+    for (const Interval& interval : table_.intervals()) freedom += static_cast<double>(interval.count) - 2.0;
+    taus_.tau_s.assign(pixels, std::numeric_limits<float>::quiet_NaN());
+    taus_.error.assign(pixels, std::numeric_limits<float>::infinity());
+    taus_.sigma.assign(pixels, 0.0F);
+    taus_.delay_s.assign(pixels, 0.0F);
+    taus_.delay_weight.assign(pixels, 0.0F);
+    taus_.score = 0.0;
+    taus_.score2 = 0.0;
+    taus_.information = 0.0;
+    for (const std::size_t p : pixels_) {
+      const Kept& kept = kept_[p];
+      // What is left at the pixel's own tau, which lies between two nodes.
+      const double taken = kept.information > 0.0 ? kept.score * kept.score / kept.information : 0.0;
+      const double sigma = std::sqrt(std::max(0.0, kept.squares - taken) / std::max(1.0, freedom));
+      taus_.sigma[p] = static_cast<float>(sigma);
+      const double information = kept.information - sigma * sigma * kept.by_noise;
+      taus_.score += kept.score;
+      taus_.score2 += kept.score * kept.score;
+      taus_.information += information;
+      if (!(information > 0.05 * kept.information)) continue;
+      const double step = std::clamp(kept.score / information, -kLongestStep, kLongestStep);
+      taus_.tau_s[p] = static_cast<float>(table_.tau_s(taus_.node[p]) * std::exp(step));
+      taus_.error[p] = static_cast<float>(std::max(sigma, 1e-9) / std::sqrt(information));
+      if (kept.weight > 0.0) {
+        taus_.delay_s[p] = static_cast<float>(kept.delay / kept.weight);
+        taus_.delay_weight[p] = static_cast<float>(kept.weight);
+      }
+    }
+  }
+
+  const FrameSeries& frames_;
+  const DecayTable& table_;
+  const std::vector<SwitchBetween>& switches_;
+  PixelTaus& taus_;
+  std::vector<std::size_t> pixels_;
+  std::vector<Sums> sums_;
+  std::vector<Kept> kept_;
+};
+
+}  // namespace
+
+DecayTable::DecayTable(const std::vector<double>& t_s, const std::vector<Interval>& intervals, double middle_tau_s)
+    : middle_tau_s_(middle_tau_s), samples_(t_s.size() * kNodes, Sample{0.0F, 0.0F}) {
+  for (const Interval& interval : intervals) {
+    if (interval.count >= kLeastCount) intervals_.push_back(interval);
+  }
+  for (const Interval& interval : intervals_) {
+    for (int node = 0; node < kNodes; ++node) {
+      const auto n = static_cast<double>(interval.count);
+      const auto age = [&](std::size_t k) { return (t_s[k] - t_s[interval.first]) / tau_s(node); };
+      double e_mean = 0.0;
+      double u_mean = 0.0;
+      for (std::size_t k = interval.first; k < interval.end(); ++k) {
+        e_mean += std::exp(-age(k)) / n;
+        u_mean += age(k) * std::exp(-age(k)) / n;
+      }
+      double ee = 0.0;
+      double eu = 0.0;
+      for (std::size_t k = interval.first; k < interval.end(); ++k) {
+        const double e = std::exp(-age(k)) - e_mean;
+        ee += e * e;
+        eu += e * (age(k) * std::exp(-age(k)) - u_mean);
+      }
+      double uu = 0.0;
+      for (std::size_t k = interval.first; k < interval.end(); ++k) {
+        const double e = std::exp(-age(k)) - e_mean;
+        const double u = age(k) * std::exp(-age(k)) - u_mean - eu / ee * e;
+        uu += u * u;
+        samples_[k * kNodes + static_cast<std::size_t>(node)] = {static_cast<float>(e), static_cast<float>(u)};
+      }
+      norms_.push_back({ee, uu, e_mean});
+    }
+  }
+}
+
+double DecayTable::tau_s(int node) const { return middle_tau_s_ * std::exp(kNodeStep * (node - kMiddle)); }
+
+Status pass(const FrameSeries& frames, const DecayTable& table, const std::vector<SwitchBetween>& switches,
+            const std::vector<std::int8_t>& follows, PixelTaus& taus, const Progress& progress) {
+  return Pass(frames, table, switches, follows, taus).run(progress);
+}
+
+std::vector<std::int8_t> nearest_nodes(const DecayTable& table, const PixelTaus& taus) {
+  std::vector<std::int8_t> nodes(taus.tau_s.size(), DecayTable::kMiddle);
+  for (std::size_t p = 0; p < nodes.size(); ++p) {
+    if (!std::isfinite(taus.tau_s[p])) continue;
+    const double away = std::log(static_cast<double>(taus.tau_s[p]) / table.tau_s(DecayTable::kMiddle));
+    const double node = std::round(away / DecayTable::kNodeStep) + DecayTable::kMiddle;
+    nodes[p] = static_cast<std::int8_t>(std::clamp(node, 0.0, DecayTable::kNodes - 1.0));
+  }
+  return nodes;
+}
+
+}  // namespace bolo::diagnose
