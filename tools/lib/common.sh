@@ -44,11 +44,16 @@ install_packages() {
   rm -f "${TMPDIR:-/tmp}/bolo-apt.$$.log"
 }
 
-# build PRESET [TARGET...]
+# build PRESET [TARGET...]. Where ccache is installed, objects of the same code are taken from earlier builds, wherever
+# the project lay then.
 build() {
-  local preset=$1
+  local preset=$1 cache=()
   shift
-  (cd "$root" && cmake --preset "$preset" >"${TMPDIR:-/tmp}/bolo-cmake.$$.log" 2>&1) || {
+  if command -v ccache >/dev/null 2>&1; then
+    export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
+    cache=(-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+  fi
+  (cd "$root" && cmake --preset "$preset" "${cache[@]}" >"${TMPDIR:-/tmp}/bolo-cmake.$$.log" 2>&1) || {
     tail -20 "${TMPDIR:-/tmp}/bolo-cmake.$$.log" >&2
     die "configuring the preset '$preset' failed"
   }
