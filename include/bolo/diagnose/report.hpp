@@ -28,7 +28,7 @@ struct FoundEffect {
   std::string name;   // of the catalogue
   std::string stage;  // optics, radiometry, pixel, package, readout, firmware, transport, noise
   double confidence = 0.0;
-  double gap_before = 0.0;  // before it was added; effects are in the order in which they were found
+  double gap_before = 0.0;  // before it was added, in the order of finding; the report has the most telling first
   double gap_after = 0.0;
   bool of_noise = false;  // its gaps are those of the noise's own statistics
   std::map<std::string, Estimate> parameters;
