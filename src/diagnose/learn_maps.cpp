@@ -267,8 +267,9 @@ Added added_at(const LearnTask& task, const Found& found, std::size_t pixel) {
   const Session& session = task.session;
   const CameraModel& c = task.state->camera;
   const auto width = static_cast<std::size_t>(session.width);
-  const double x = static_cast<double>(pixel % width);
-  const double y = static_cast<double>(pixel / width);
+  const std::size_t row = pixel / width;
+  const auto x = static_cast<double>(pixel % width);
+  const auto y = static_cast<double>(row);
   const double half_width = (session.width - 1) / 2.0;
   const double half_height = (session.height - 1) / 2.0;
   const double corner = std::max(1.0, half_width * half_width + half_height * half_height);

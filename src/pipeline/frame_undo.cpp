@@ -281,7 +281,8 @@ void FrameUndo::finish(const Deblurred& frame) const noexcept {
     const float scale = input_.scale.unit == Unit::kKelvin ? static_cast<float>(input_.scale.scale) : 1.0F;
     const auto change = [&](std::size_t i, float by) {
       if (as_counts) {
-        counts[i] = static_cast<std::uint16_t>(std::clamp(static_cast<float>(counts[i]) + by, 0.0F, 65534.0F) + 0.5F);
+        counts[i] =
+            static_cast<std::uint16_t>(std::lrint(std::clamp(static_cast<float>(counts[i]) + by, 0.0F, 65534.0F)));
       } else {
         kelvin[i] += scale * by;
       }

@@ -81,8 +81,9 @@ Status draw(const std::string& file, const PixelTrial& trial, const std::vector<
     at += 110.0 + 4.0 * static_cast<double>(std::string(name).size());
   }
   for (std::size_t i = 0; i < scores.size(); ++i) {
+    const std::size_t row = i / 2;
     const double x = 60.0 + 580.0 * static_cast<double>(i % 2);
-    const double y = 120.0 + 360.0 * static_cast<double>(i / 2);
+    const double y = 120.0 + 360.0 * static_cast<double>(row);
     draw_panel(page, {x, y, kWide, kHigh}, trial, scores[i]);
   }
   return page.save(file);

@@ -14,6 +14,7 @@ namespace {
 
 std::vector<double> times_of(const PixelTrial& trial) {
   std::vector<double> t;
+  t.reserve(static_cast<std::size_t>(trial.frames));
   for (int k = 0; k < trial.frames; ++k) t.push_back(k * trial.period_s);
   return t;
 }

@@ -186,7 +186,7 @@ Status run(const Given& given) {
   if (!result) return tl::unexpected(result.error());
   if (Status written = write_profile(given, *result); !written) return written;
   if (given.count("plot") != 0) {
-    const Status drawn = draw_pulses(given["plot"].as<std::string>(), result->fit, result->noise_k);
+    Status drawn = draw_pulses(given["plot"].as<std::string>(), result->fit, result->noise_k);
     if (!drawn) return drawn;
   }
   if (given.count("json") != 0) {

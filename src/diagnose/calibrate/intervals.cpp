@@ -76,8 +76,8 @@ Cut best_cut(std::span<const double> t_s, std::span<const double> y, double tau_
 }
 
 // Neighbours that one curve explains as well.
-std::vector<Interval> joined(std::span<const double> t_s, std::span<const double> y, std::vector<Interval> intervals,
-                             double tau_s, double sigma) {
+std::vector<Interval> joined(std::span<const double> t_s, std::span<const double> y,
+                             const std::vector<Interval>& intervals, double tau_s, double sigma) {
   std::vector<Interval> out;
   for (const Interval& next : intervals) {
     if (!out.empty() && out.back().count > 2 && next.count > 2) {

@@ -51,6 +51,7 @@ Population population(const PixelTaus& taus, const std::vector<std::size_t>& pix
   all.pixels = pixels.size();
   if (pixels.empty()) return all;
   std::vector<double> values;
+  values.reserve(pixels.size());
   for (const std::size_t p : pixels) values.push_back(static_cast<double>(taus.tau_s[p]));
   const double middle = median(std::move(values));
   const auto mean_with = [&](double spread2, double& error) {
@@ -150,7 +151,7 @@ Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, co
       for (std::size_t i = 0; i < pixels.size(); ++i) {
         const std::size_t p = pixels[i];
         const auto y = [&](std::size_t j) { return static_cast<double>(last[j][p]); };
-        const double r = ratio[static_cast<std::size_t>(taus.node[p])];
+        const double r = ratio[static_cast<std::uint8_t>(taus.node[p])];
         const double z = (y(2) - y(1)) - r * (y(1) - y(0));
         squares[i] += z * z / (1.0 + (1.0 + r) * (1.0 + r) + r * r);
       }

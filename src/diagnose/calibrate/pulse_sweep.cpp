@@ -21,8 +21,9 @@ Sweep fit_sweep(const FrameSeries& frames, const PixelTaus& taus, double tau_s) 
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
     std::vector<double> squares;
     const auto place = [&](std::size_t p) {
+      const std::size_t row = p / width;
       return Eigen::Vector3d(1.0, (static_cast<double>(p % width) + 0.5) / across - 0.5,
-                             (static_cast<double>(p / width) + 0.5) / down - 0.5);
+                             (static_cast<double>(row) + 0.5) / down - 0.5);
     };
     const auto left = [&](std::size_t p) { return static_cast<double>(taus.delay_s[p]) - place(p).dot(sweep.delay); };
     for (std::size_t p = 0; p < taus.delay_s.size(); ++p) {

@@ -78,11 +78,13 @@ Result<PixelTrace> trace_pixel(const FrameSeries& frames, const SignalFit& signa
   if (pixels.empty()) return trace;
   const int width = frames.geometry.width;
   const auto distance = [&](std::size_t p) {
+    const std::size_t row = p / static_cast<std::size_t>(width);
     const double x = static_cast<double>(p % static_cast<std::size_t>(width)) - width / 2.0;
-    const double y = static_cast<double>(p / static_cast<std::size_t>(width)) - frames.geometry.height / 2.0;
+    const double y = static_cast<double>(row) - frames.geometry.height / 2.0;
     return x * x + y * y;
   };
   std::vector<float> errors;
+  errors.reserve(pixels.size());
   for (const std::size_t p : pixels) errors.push_back(taus.error[p]);
   std::ranges::nth_element(errors, errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2));
   const float usual = errors[errors.size() / 2];
