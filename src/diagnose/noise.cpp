@@ -244,7 +244,8 @@ std::vector<double> NoiseSums::add_pixel(const Block& block, const Parts& parts,
   const double m2 = square / frames;
   kurtosis_.push_back(x.square().square().mean() / std::max(1e-18, m2 * m2) - 3.0);
   for (Index k = pixel % kSampled; k < block.rows(); k += kSampled) {
-    if (sample_.size() < kMostSampled) sample_.push_back(x[k]);
+    // Less the frame only: means of rows and columns would mix a little of their neighbours into each value.
+    if (sample_.size() < kMostSampled) sample_.push_back(block(k, pixel) - parts.frame[k]);
   }
   std::vector<double> power = periodogram(x);
   for (double& p : power) p /= pixel_freedom;

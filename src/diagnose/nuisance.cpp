@@ -41,7 +41,7 @@ Coordinate target_edge() {
   return {"edge",
           0.04,
           0.0,
-          0.35,
+          kSoftestEdge_px,
           [](const State& s) {
             for (const StimulusState& stimulus : s.stimuli) {
               if (stimulus.edge_px2 != 0.0) return std::sqrt(stimulus.edge_px2);

@@ -21,6 +21,8 @@ struct Nuisance {
 
 std::vector<Nuisance> nuisances(const Session& session, const State& nominal);
 
+inline constexpr double kSoftestEdge_px = 0.35;  // of a target, standard deviation
+
 // Levels that agree with the files to a few millikelvin say so together: their spread is estimated from themselves.
 inline constexpr double kLevelResolution = 0.005;  // K
 double level_spread(const std::vector<Nuisance>& all, const State& state);

@@ -1,6 +1,8 @@
+#include <algorithm>
 #include <cmath>
 
 #include "effect.hpp"
+#include "nuisance.hpp"
 
 namespace bolo::diagnose {
 
@@ -20,12 +22,17 @@ extern const Effect optical_psf_effect{
     .map = MapKind::kNone,
     .least = 0.015,
     .forms = {},
-    .report =
-        [](const Session& session, const State& s, std::span<const double> v, std::span<const double> e) {
-          static_cast<void>(session);
-          static_cast<void>(s);
-          return std::map<std::string, Estimate>{{"sigma_px", root_interval(v[0], e[0])}};
-        },
+    .report = [](const Session&, const State& s, std::span<const double> v,
+                 std::span<const double> e) -> std::map<std::string, Estimate> {
+      // A target with soft edges looks the same: what they may be of the whole blur, the interval leaves open.
+      double edge_px2 = 0.0;
+      for (const StimulusState& stimulus : s.stimuli) edge_px2 = std::max(edge_px2, stimulus.edge_px2);
+      const double whole = v[0] + edge_px2;
+      Estimate sigma = root_interval(v[0], e[0]);
+      sigma.low = std::min(sigma.low, std::sqrt(std::max(0.0, whole - kSoftestEdge_px * kSoftestEdge_px)));
+      sigma.high = std::max(sigma.high, std::sqrt(whole + 1.96 * e[0]));
+      return {{"sigma_px", sigma}};
+    },
 };
 
 }  // namespace bolo::diagnose
