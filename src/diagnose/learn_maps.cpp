@@ -9,6 +9,7 @@
 
 #include "bolo/capture/capture.hpp"
 #include "learn.hpp"
+#include "map_basis.hpp"
 #include "parallel.hpp"
 
 namespace bolo::diagnose {
@@ -19,7 +20,7 @@ using Eigen::Index;
 constexpr int kPixelsAtOnce = 8192;
 constexpr int kTauRounds = 2;
 
-enum Basis : std::size_t { kOffset, kGain, kTau, kDrift, kBases };
+enum Basis : std::size_t { kOffset, kGain, kTau, kDrift, kBases };  // in the order of kMapKinds
 using Wanted = std::array<bool, kBases>;
 
 // What was found of every pixel, row-major over the frame: K, share of T - kGainReference, log of tau's share, share
@@ -113,43 +114,15 @@ struct Sums {
   double count = 0.0;
 };
 
-// What a change of a pixel's value does to its readings, per unit.
-Series basis_of(const Session& band, std::size_t i, const State& state, Basis kind, const std::vector<int>& pixels) {
-  const Recording& r = band.recordings[i];
-  if (kind == kOffset) return Series::Ones(r.frames(), static_cast<Index>(pixels.size()));
-  if (kind == kGain) {
-    Series t = predict(band, i, state, pixels);
-    t.array() -= static_cast<float>(kGainReference);
-    return t;
-  }
-  if (kind == kDrift) {
-    Series d(r.frames(), static_cast<Index>(pixels.size()));
-    for (Index k = 0; k < d.rows(); ++k) {
-      const double drifted = drift_at(state.camera, r, i, r.t[static_cast<std::size_t>(k)]);
-      d.row(k).setConstant(static_cast<float>(state.camera.drift_level[i] + drifted));
-    }
-    return d;
-  }
-  constexpr double kStep = 0.03;
-  State slower = state;
-  State faster = state;
-  slower.camera.response.tau_s *= std::exp(kStep);
-  faster.camera.response.tau_s *= std::exp(-kStep);
-  Series d = predict(band, i, slower, pixels) - predict(band, i, faster, pixels);
-  d *= static_cast<float>(0.5 / kStep);
-  return d;
-}
-
 std::vector<Sums> sums_of(const LearnTask& task, const Session& band, std::size_t i, const State& state,
                           const Wanted& wanted) {
-  std::vector<int> pixels(static_cast<std::size_t>(band.grid.pixels()));
-  for (std::size_t p = 0; p < pixels.size(); ++p) pixels[p] = static_cast<int>(p);
+  const std::vector<int> pixels = band.grid.all();
   std::vector<Sums> sums(pixels.size());
   const Recording& r = band.recordings[i];
   const Series predicted = predict(band, i, state, pixels);
   std::array<Series, kBases> basis;
   for (std::size_t b = 0; b < kBases; ++b) {
-    if (wanted[b]) basis[b] = basis_of(band, i, state, static_cast<Basis>(b), pixels);
+    if (wanted[b]) basis[b] = basis_of(band, i, state, kMapKinds[b], pixels);
   }
   const Index end = changed_at(task, i);
   const auto limit = static_cast<float>(state.camera.clip_k - 1.0);

@@ -7,44 +7,13 @@
 #include <Eigen/Dense>
 
 #include "fit.hpp"
+#include "map_basis.hpp"
 #include "parallel.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
 using Eigen::Index;
-
-constexpr std::array<MapKind, 4> kKinds{MapKind::kOffset, MapKind::kGain, MapKind::kTau, MapKind::kDrift};
-
-// What a change of one pixel's value does to its readings, per unit: 1, T - reference, dT / d ln tau.
-Series basis_of(const Session& session, std::size_t recording, const State& state, MapKind kind,
-                std::span<const int> pixels) {
-  if (kind == MapKind::kOffset) {
-    return Series::Ones(session.recordings[recording].frames(), static_cast<Index>(pixels.size()));
-  }
-  if (kind == MapKind::kGain) {
-    Series t = predict(session, recording, state, pixels);
-    t.array() -= static_cast<float>(kGainReference);
-    return t;
-  }
-  if (kind == MapKind::kDrift) {
-    const Recording& r = session.recordings[recording];
-    Series d(r.frames(), static_cast<Index>(pixels.size()));
-    for (Index k = 0; k < d.rows(); ++k) {
-      d.row(k).setConstant(static_cast<float>(state.camera.drift_level[recording] +
-                                              drift_at(state.camera, r, recording, r.t[static_cast<std::size_t>(k)])));
-    }
-    return d;
-  }
-  constexpr double kStep = 0.03;
-  State slower = state;
-  State faster = state;
-  slower.camera.response.tau_s *= std::exp(kStep);
-  faster.camera.response.tau_s *= std::exp(-kStep);
-  Series d = predict(session, recording, slower, pixels) - predict(session, recording, faster, pixels);
-  d *= static_cast<float>(0.5 / kStep);
-  return d;
-}
 
 double largest(MapKind kind) { return kind == MapKind::kOffset ? 1e3 : kind == MapKind::kDrift ? 2.0 : 0.3; }
 
@@ -74,11 +43,40 @@ void centre_and_shrink(Eigen::VectorXf& map, std::span<const int> pixels, double
 
 }  // namespace
 
+Series basis_of(const Session& session, std::size_t recording, const State& state, MapKind kind,
+                std::span<const int> pixels) {
+  if (kind == MapKind::kOffset) {
+    return Series::Ones(session.recordings[recording].frames(), static_cast<Index>(pixels.size()));
+  }
+  if (kind == MapKind::kGain) {
+    Series t = predict(session, recording, state, pixels);
+    t.array() -= static_cast<float>(kGainReference);
+    return t;
+  }
+  if (kind == MapKind::kDrift) {
+    const Recording& r = session.recordings[recording];
+    Series d(r.frames(), static_cast<Index>(pixels.size()));
+    for (Index k = 0; k < d.rows(); ++k) {
+      d.row(k).setConstant(static_cast<float>(state.camera.drift_level[recording] +
+                                              drift_at(state.camera, r, recording, r.t[static_cast<std::size_t>(k)])));
+    }
+    return d;
+  }
+  constexpr double kStep = 0.03;
+  State slower = state;
+  State faster = state;
+  slower.camera.response.tau_s *= std::exp(kStep);
+  faster.camera.response.tau_s *= std::exp(-kStep);
+  Series d = predict(session, recording, slower, pixels) - predict(session, recording, faster, pixels);
+  d *= static_cast<float>(0.5 / kStep);
+  return d;
+}
+
 void Fitter::estimate_maps(State& state, const std::vector<Choice>& choices) const {
   std::array<bool, 4> wanted{};
-  for (std::size_t i = 0; i < kKinds.size(); ++i) {
-    wanted[i] = std::ranges::any_of(choices, [&](const Choice& c) { return c.effect->map == kKinds[i]; });
-    Eigen::VectorXf& map = map_of(state.camera, kKinds[i]);
+  for (std::size_t i = 0; i < kMapKinds.size(); ++i) {
+    wanted[i] = std::ranges::any_of(choices, [&](const Choice& c) { return c.effect->map == kMapKinds[i]; });
+    Eigen::VectorXf& map = map_of(state.camera, kMapKinds[i]);
     if (wanted[i] && map.size() == 0) map = Eigen::VectorXf::Zero(session_.grid.pixels());
   }
   if (wanted[3] && state.camera.drift_level.empty()) {
@@ -99,8 +97,8 @@ void Fitter::estimate_maps(State& state, const std::vector<Choice>& choices) con
     sums[i].resize(all_pixels_.size());
     const Series r = residual(i, state, all_pixels_);
     std::array<Series, 4> basis;
-    for (std::size_t b = 0; b < kKinds.size(); ++b) {
-      if (wanted[b]) basis[b] = basis_of(session_, i, state, kKinds[b], all_pixels_);
+    for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
+      if (wanted[b]) basis[b] = basis_of(session_, i, state, kMapKinds[b], all_pixels_);
     }
     for (Index k = 0; k < r.rows(); ++k) {
       if (!frame_counts(i, static_cast<std::size_t>(k))) continue;
@@ -108,7 +106,7 @@ void Fitter::estimate_maps(State& state, const std::vector<Choice>& choices) con
         if (held_out(session_, static_cast<std::size_t>(k), all_pixels_[j])) continue;
         const auto column = static_cast<Index>(j);
         Eigen::Vector4d x = Eigen::Vector4d::Zero();
-        for (std::size_t b = 0; b < kKinds.size(); ++b) {
+        for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
           if (wanted[b]) x[static_cast<Index>(b)] = static_cast<double>(basis[b](k, column));
         }
         sums[i][j].normal += x * x.transpose();
@@ -124,24 +122,24 @@ void Fitter::estimate_maps(State& state, const std::vector<Choice>& choices) con
       total.normal += of[j].normal;
       total.right += of[j].right;
     }
-    for (std::size_t b = 0; b < kKinds.size(); ++b) {
+    for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
       const auto d = static_cast<Index>(b);
       if (!wanted[b] || total.normal(d, d) <= 0.0) total.normal(d, d) = 1e30;
     }
     const Eigen::Matrix4d spread = total.normal.inverse();
     const Eigen::Vector4d change = spread * total.right;
-    for (std::size_t b = 0; b < kKinds.size(); ++b) {
+    for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
       if (!wanted[b]) continue;
-      Eigen::VectorXf& map = map_of(state.camera, kKinds[b]);
+      Eigen::VectorXf& map = map_of(state.camera, kMapKinds[b]);
       float& value = map[all_pixels_[j]];
       value = std::clamp(value + static_cast<float>(change[static_cast<Index>(b)]),
-                         -static_cast<float>(largest(kKinds[b])), static_cast<float>(largest(kKinds[b])));
+                         -static_cast<float>(largest(kMapKinds[b])), static_cast<float>(largest(kMapKinds[b])));
       noise2[b] += spread(static_cast<Index>(b), static_cast<Index>(b)) * floor_k_ * floor_k_ /
                    static_cast<double>(all_pixels_.size());
     }
   }
-  for (std::size_t b = 0; b < kKinds.size(); ++b) {
-    if (wanted[b]) centre_and_shrink(map_of(state.camera, kKinds[b]), all_pixels_, noise2[b], kKinds[b]);
+  for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
+    if (wanted[b]) centre_and_shrink(map_of(state.camera, kMapKinds[b]), all_pixels_, noise2[b], kMapKinds[b]);
   }
   if (!wanted[3]) return;
   // Levels of an imperfect bench do not say how far each recording has drifted; the pattern of the pixels' shares does.
