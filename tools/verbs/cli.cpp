@@ -34,6 +34,14 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
   return std::nullopt;
 }
 
+std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option) {
+  std::vector<std::filesystem::path> files;
+  for (const auto& argument : parsed.arguments()) {
+    if (argument.key() == option) files.emplace_back(argument.value());
+  }
+  return files;
+}
+
 int report(const std::string& verb, const Error& error) {
   std::fprintf(stderr, "bolo %s: %s\n", verb.c_str(), error.message.c_str());
   return error.exit_code();

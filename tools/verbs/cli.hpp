@@ -4,8 +4,10 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <cxxopts.hpp>
 
@@ -20,6 +22,9 @@ inline constexpr int kExitUsage = 2;
 // Parses argv; adds --help. On --help prints it and returns the exit code 0; on wrong usage prints one line to stderr
 // and returns 2; otherwise returns nothing and fills `parsed`. Positional arguments beyond those declared are refused.
 std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed);
+
+// The values of an option that takes files, as they were given: a vector of cxxopts would split their names at commas.
+std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option);
 
 // Prints "bolo VERB: message" to stderr and returns the error's exit code.
 int report(const std::string& verb, const Error& error);
