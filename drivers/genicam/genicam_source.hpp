@@ -34,15 +34,18 @@ struct CameraOptions {
   int buffers = 48;
   int realtime_priority = 0;      // of Aravis's receiving thread; 0: nice level -10, as far as that is allowed
   int windowing_watch_ms = 1000;  // after another windowing, how long the camera is watched for dropping the connection
-  int stall_ms = 250;             // without a frame for this long, and for 20 frame periods: stalled
-  int reconnect_after_ms = 2000;  // stalled for this long: the camera is lost and opened again; 0: never
+  int stall_ms = 200;             // without a frame for this long, and for 20 frame periods: stalled
+  // A stalled camera that does not answer, or that another program controls, is lost and opened again at once; one that
+  // answers and only sends nothing, after this time. 0: it is never opened again.
+  int reconnect_after_ms = 2000;
 };
 
-enum class SourceState {
-  kIdle,       // not started, or stopped
-  kStreaming,  // frames arrive
-  kStalled,    // connected, but no frame for stall_ms
-  kLost,       // control lost or stalled for too long; being opened again
+using pipeline::SourceState;
+
+// Something that happened to the camera, in one line.
+struct Notice {
+  bool warning = false;
+  std::string text;
 };
 
 // Aravis's own view of the transport, summed over reconnects.
@@ -76,13 +79,17 @@ class GenicamSource final : public pipeline::FrameSource {
   // Waits for a teardown that the camera does not answer for a bounded time only. Thread: setup.
   void stop() noexcept override;
 
+  const pipeline::SourceStatus* status() const noexcept override;
   // Thread: any.
-  SourceState state() const noexcept;
+  SourceState state() const noexcept { return status()->state.value(); }
   // Times that a lost camera was opened again. Thread: any.
-  std::uint64_t reconnects() const noexcept;
+  std::uint64_t reconnects() const noexcept { return status()->reopened.value(); }
   TransportStats transport_stats() const;
-  // What the camera or the host granted less of than was asked, and why reconnecting failed; newest last. Thread: any.
+  // What the camera or the host granted less of than was asked when it was opened and started. Thread: any.
   std::vector<std::string> warnings() const;
+  // What has happened since the last call, each change of state once; newest last. The oldest of very many are left
+  // out. Thread: any.
+  std::vector<Notice> take_notices();
   // First packet of a frame received -> frame in the queue, since start(). Thread: any, not during start().
   const rt::LatencyHistogram& receive_latency() const noexcept;
 

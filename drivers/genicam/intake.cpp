@@ -8,6 +8,7 @@
 namespace bolo::genicam {
 namespace {
 
+constexpr std::int64_t kPauseNs = 100'000'000;     // without frames for this long they had stopped
 constexpr std::int64_t kOldestNs = 1'000'000'000;  // a frame takes less than this from its first packet to here
 
 std::int64_t realtime_ns() noexcept {
@@ -63,7 +64,10 @@ void Intake::take(ArvBuffer* buffer) noexcept {
   post_losses();
 }
 
-void Intake::restart() noexcept { ledger_.restart(); }
+void Intake::restart() noexcept {
+  ledger_.restart();
+  first_of_connection_ = true;
+}
 
 void Intake::settle() noexcept {
   ledger_.settle();
@@ -73,7 +77,7 @@ void Intake::settle() noexcept {
 void Intake::deliver(ArvBuffer* buffer, std::int64_t now_ns) noexcept {
   const std::uint64_t raw_id = arv_buffer_get_frame_id(buffer);
   if (!agreed(buffer)) return ledger_.broken(raw_id, LossCause::kBadFrame, now_ns);
-  last_frame_ns_.store(now_ns, std::memory_order_relaxed);
+  note_arrival(now_ns);
   const FrameLedger::Verdict verdict = ledger_.complete(raw_id, now_ns);
   if (!verdict.deliver) return;
   if (verdict.restarted) inlet_.restart_window();
@@ -94,6 +98,13 @@ void Intake::deliver(ArvBuffer* buffer, std::int64_t now_ns) noexcept {
   slot->meta.receive_ns = first_packet_ns(buffer, now_ns);
   const std::int64_t receive_ns = slot->meta.receive_ns;  // the slot is not ours after commit()
   if (inlet_.commit(*slot)) latency_.add(monotonic_ns() - receive_ns);
+}
+
+void Intake::note_arrival(std::int64_t now_ns) noexcept {
+  const std::int64_t before_ns = last_frame_ns_.load(std::memory_order_relaxed);  // written by this thread only
+  if (first_of_connection_ || now_ns - before_ns > kPauseNs) flows_since_ns_.store(now_ns, std::memory_order_relaxed);
+  first_of_connection_ = false;
+  last_frame_ns_.store(now_ns, std::memory_order_release);  // partner: last_frame_ns()
 }
 
 // The frame is what the stream was opened for.

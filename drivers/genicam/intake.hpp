@@ -33,11 +33,17 @@ class Intake {
   void settle() noexcept;
 
   // CLOCK_MONOTONIC of the last complete frame, 0 before the first. Thread: any.
-  std::int64_t last_frame_ns() const noexcept { return last_frame_ns_.load(std::memory_order_relaxed); }
+  std::int64_t last_frame_ns() const noexcept {
+    return last_frame_ns_.load(std::memory_order_acquire);  // partner: note_arrival()
+  }
+  // CLOCK_MONOTONIC of the first frame of the present connection, or of the first after frames had stopped; as known
+  // when last_frame_ns() was read. Thread: any.
+  std::int64_t flows_since_ns() const noexcept { return flows_since_ns_.load(std::memory_order_relaxed); }
   const rt::LatencyHistogram& latency() const noexcept { return latency_; }
 
  private:
   void deliver(ArvBuffer* buffer, std::int64_t now_ns) noexcept;
+  void note_arrival(std::int64_t now_ns) noexcept;
   bool agreed(ArvBuffer* buffer) const noexcept;
   void post_losses() noexcept;
 
@@ -47,7 +53,9 @@ class Intake {
   const int metadata_rows_;
   FrameLedger ledger_;
   std::array<std::uint64_t, kLossCauses> posted_{};  // of the ledger's losses, what the inlet knows
-  std::atomic<std::int64_t> last_frame_ns_{0};       // stands alone: relaxed
+  bool first_of_connection_ = true;
+  std::atomic<std::int64_t> flows_since_ns_{0};  // published by last_frame_ns_
+  std::atomic<std::int64_t> last_frame_ns_{0};
   rt::LatencyHistogram latency_;
 };
 

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <iterator>
 #include <utility>
 
 #include "bolo/core/clock.hpp"
@@ -9,15 +12,29 @@
 namespace bolo::genicam {
 namespace {
 
+using pipeline::LostCause;
 using std::chrono::milliseconds;
 
-constexpr milliseconds kTick(50);
+constexpr milliseconds kTick(20);
 constexpr milliseconds kFirstPause(100);  // between attempts to open a lost camera, doubled up to:
-constexpr milliseconds kLongestPause(2000);
+constexpr milliseconds kLongestPause(1000);
 constexpr milliseconds kStopLimit(5000);
 constexpr double kStallPeriods = 20.0;
 constexpr std::int64_t kNsPerMs = 1'000'000;
-constexpr std::size_t kMostWarnings = 64;
+constexpr std::int64_t kFirstFrameNs = 1'000'000'000;  // a camera may take this long to begin
+constexpr std::int64_t kProbePeriodNs = 200'000'000;   // from one question to a stalled camera to the next
+constexpr std::int64_t kTellPeriodNs = 200'000'000;
+constexpr std::size_t kMostNotices = 256;
+
+std::string seconds(std::int64_t ns) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f s", static_cast<double>(ns) * 1e-9);
+  return text;
+}
+
+std::int64_t stall_ns(const CameraOptions& options, double period_s) {
+  return std::max(options.stall_ms * kNsPerMs, static_cast<std::int64_t>(kStallPeriods * period_s * kNsPerSecond));
+}
 
 TransportStats sum(TransportStats a, const TransportStats& b) {
   a.completed_buffers += b.completed_buffers;
@@ -33,15 +50,21 @@ TransportStats sum(TransportStats a, const TransportStats& b) {
 
 }  // namespace
 
-Keeper::Keeper(const CameraOptions& options, pipeline::SourceInfo info, pipeline::FrameInlet& inlet)
-    : options_(options), info_(std::move(info)), intake_(inlet, options) {}
+Keeper::Keeper(const CameraOptions& options, pipeline::SourceInfo info, pipeline::FrameInlet& inlet,
+               std::shared_ptr<pipeline::SourceStatus> status)
+    : options_(options),
+      info_(std::move(info)),
+      stall_ns_(stall_ns(options_, info_.format.frame_period_s)),
+      lost_ns_(std::max(options_.reconnect_after_ms * kNsPerMs, stall_ns_)),
+      status_(std::move(status)),
+      intake_(inlet, options_) {}
 
 Status Keeper::start(std::unique_ptr<Session> session) {
   if (Status adopted = adopt(std::move(session)); !adopted) {
-    drop_session();
+    take_session();
     return adopted;
   }
-  state_.store(SourceState::kStreaming, std::memory_order_relaxed);
+  enter(SourceState::kStreaming);
   std::promise<void> done;
   watched_ = done.get_future();
   watcher_ = std::thread([self = shared_from_this(), end = std::move(done)]() mutable {
@@ -59,13 +82,16 @@ void Keeper::stop() noexcept {
   }
   wake_.notify_all();
   if (!watcher_.joinable()) return;
-  if (watched_.wait_for(kStopLimit) == std::future_status::ready) {
+  const auto deadline = std::chrono::steady_clock::now() + kStopLimit;
+  if (watched_.wait_until(deadline) == std::future_status::ready) {
     watcher_.join();
+    endings_.wait_until(deadline);
   } else {
     watcher_.detach();  // held up by a camera that does not answer
   }
   intake_.settle();
-  state_.store(SourceState::kIdle, std::memory_order_relaxed);
+  status_->since_ns.set(monotonic_ns());
+  status_->state.set(SourceState::kIdle);
 }
 
 TransportStats Keeper::transport() const {
@@ -78,21 +104,21 @@ std::vector<std::string> Keeper::warnings() const {
   return warnings_;
 }
 
+std::vector<Notice> Keeper::take_notices() {
+  const std::lock_guard lock(mutex_);
+  std::vector<Notice> taken(std::make_move_iterator(notices_.begin()), std::make_move_iterator(notices_.end()));
+  notices_.clear();
+  return taken;
+}
+
 // --- the watching thread ---
 
 void Keeper::watch() {
-  int ticks_without_control = 0;
   while (pause(kTick)) {
-    const SourceState state = judge();
-    state_.store(state, std::memory_order_relaxed);
-    if (state != SourceState::kLost || options_.reconnect_after_ms == 0) continue;
-    // The signal that tells of lost control comes on a thread of the device; one tick later it has surely returned, and
-    // the device can be destroyed without that thread waiting for itself.
-    if (++ticks_without_control < 2) continue;
-    reopen();
-    ticks_without_control = 0;
+    look();
+    tell_transport();
   }
-  drop_session();
+  take_session();
 }
 
 // Sleeps; false when it is time to stop.
@@ -101,23 +127,82 @@ bool Keeper::pause(milliseconds time) {
   return !wake_.wait_for(lock, time, [this] { return stop_.load(std::memory_order_relaxed); });
 }
 
-SourceState Keeper::judge() const {
-  const std::lock_guard lock(mutex_);
-  if (session_ == nullptr || session_->control_lost()) return SourceState::kLost;
-  const std::int64_t quiet_ns = monotonic_ns() - std::max(since_ns_, intake_.last_frame_ns());
-  const auto stall_ns = std::max(options_.stall_ms * kNsPerMs,
-                                 static_cast<std::int64_t>(kStallPeriods * info_.format.frame_period_s * kNsPerSecond));
-  const std::int64_t lost_ns = std::max(options_.reconnect_after_ms * kNsPerMs, stall_ns);
-  if (options_.reconnect_after_ms > 0 && quiet_ns > lost_ns) return SourceState::kLost;
-  return quiet_ns > stall_ns ? SourceState::kStalled : SourceState::kStreaming;
+void Keeper::look() {
+  const std::int64_t frame_ns = intake_.last_frame_ns();
+  const bool arrived = frame_ns > since_ns_;
+  const std::int64_t quiet_ns = monotonic_ns() - std::max(frame_ns, since_ns_);
+  const bool flows = quiet_ns <= (arrived ? stall_ns_ : std::max(stall_ns_, kFirstFrameNs));
+  if (flows && arrived) note_flow(frame_ns);
+  if (!flows) note_stall(quiet_ns);
+  if (options_.reconnect_after_ms == 0 || (flows && !session_->control_lost())) return;
+  // The signal that tells of lost control comes on a thread of the device; one tick later it has surely returned, and
+  // the device can be destroyed without that thread waiting for itself.
+  if (session_->control_lost() && ++ticks_without_control_ < 2) return;
+  const auto cause = find_fault(quiet_ns);
+  if (!cause) return;
+  note_loss(*cause, frame_ns);
+  reopen(*cause);
 }
 
-void Keeper::reopen() {
-  drop_session();
+// What is wrong with a camera that sends nothing; nothing, as long as it may only be pausing.
+std::optional<LostCause> Keeper::find_fault(std::int64_t quiet_ns) {
+  const std::int64_t now_ns = monotonic_ns();
+  const bool signalled = session_->control_lost();
+  if (!signalled && now_ns < next_probe_ns_) return std::nullopt;
+  next_probe_ns_ = now_ns + kProbePeriodNs;
+  if (!session_->answers()) return LostCause::kNoAnswer;
+  if (signalled || !session_->controlled()) return LostCause::kControlLost;
+  return quiet_ns > lost_ns_ ? std::optional(LostCause::kStalled) : std::nullopt;
+}
+
+void Keeper::enter(SourceState state) {
+  if (stop_.load(std::memory_order_relaxed)) return;  // the status may be another keeper's by now
+  status_->since_ns.set(monotonic_ns());
+  status_->state.set(state);
+}
+
+void Keeper::note_flow(std::int64_t frame_ns) {
+  const SourceState before = status_->state.value();
+  if (before == SourceState::kStreaming) return;
+  const std::int64_t first_ns = std::min(intake_.flows_since_ns(), frame_ns);
+  if (before == SourceState::kStalled) {
+    say(false, "frames arrive again after " + seconds(first_ns - outage_from_ns_));
+  } else if (before == SourceState::kLost) {
+    const std::int64_t outage_ns = first_ns - outage_from_ns_;
+    const double periods = static_cast<double>(outage_ns) / (info_.format.frame_period_s * kNsPerSecond);
+    const auto frames = static_cast<std::uint64_t>(std::max(0.0, std::round(periods) - 1.0));
+    status_->outage_frames.add(frames);
+    say(false, "camera opened again after " + seconds(outage_ns) + " (" + std::string(name(cause_)) + "), " +
+                   std::to_string(frames) + " frames missing");
+  }
+  enter(SourceState::kStreaming);
+}
+
+void Keeper::note_stall(std::int64_t quiet_ns) {
+  if (status_->state.value() != SourceState::kStreaming) return;
+  outage_from_ns_ = monotonic_ns() - quiet_ns;
+  status_->stalls.add();
+  enter(SourceState::kStalled);
+  say(true, "camera stalled: no frame for " + seconds(quiet_ns));
+}
+
+void Keeper::note_loss(LostCause cause, std::int64_t frame_ns) {
+  if (status_->state.value() == SourceState::kLost) return;
+  cause_ = cause;
+  outage_from_ns_ = std::max(frame_ns, since_ns_);
+  status_->lost[static_cast<std::size_t>(cause)].add();
+  enter(SourceState::kLost);
+  say(true, "camera lost (" + std::string(name(cause)) + "); opening it again until it answers");
+}
+
+void Keeper::reopen(LostCause cause) {
+  auto old = take_session();
+  if (cause == LostCause::kNoAnswer) endings_.begin(std::move(old));
+  old.reset();  // one that answers lets go of the camera before it is opened again
   milliseconds wait = kFirstPause;
   while (!stop_.load(std::memory_order_relaxed)) {
     if (try_reopen()) {
-      reconnects_.add();
+      status_->reopened.add();
       return;
     }
     if (!pause(wait)) return;
@@ -129,16 +214,16 @@ bool Keeper::try_reopen() {
   std::vector<std::string> ignored;  // said when the camera was opened first
   auto session = Session::open(options_, stop_, ignored);
   if (!session) {
-    note({"reconnecting: " + session.error().message});
+    say(true, "reconnecting: " + session.error().message);
     return false;
   }
   if ((*session)->info().format != info_.format) {
-    note({"reconnecting: the camera came back with another size, rate or unit; restart to use it so"});
+    say(true, "reconnecting: the camera came back with another size, rate or unit; restart to use it so");
     return false;
   }
   if (Status adopted = adopt(std::move(*session)); !adopted) {
-    note({"reconnecting: " + adopted.error().message});
-    drop_session();
+    say(true, "reconnecting: " + adopted.error().message);
+    take_session();
     return false;
   }
   return true;
@@ -149,11 +234,15 @@ Status Keeper::adopt(std::unique_ptr<Session> session) {
   std::vector<std::string> found;
   if (Status prepared = session->prepare(intake_, found); !prepared) return prepared;
   const bool first = since_ns_ == 0;
-  if (first) note(std::move(found));
+  if (first) {
+    for (const std::string& text : found) say(true, text);
+  }
+  ticks_without_control_ = 0;
   Session* present = session.get();
   {
     const std::lock_guard lock(mutex_);
     if (stop_.load(std::memory_order_relaxed)) return {};
+    if (first) warnings_ = std::move(found);
     if (!first) intake_.restart();
     since_ns_ = monotonic_ns();
     session_ = std::move(session);
@@ -162,24 +251,32 @@ Status Keeper::adopt(std::unique_ptr<Session> session) {
   return present->begin();
 }
 
-// Ends the connection, which takes seconds when the camera is dead; the mutex is not held meanwhile.
-void Keeper::drop_session() {
-  std::unique_ptr<Session> session;
-  {
-    const std::lock_guard lock(mutex_);
-    if (session_ == nullptr) return;
-    session_->shut();
-    past_ = sum(past_, session_->transport());
-    session = std::move(session_);
-  }
+// The present session, shut. To end it takes seconds when the camera is dead; the mutex is not held meanwhile.
+std::unique_ptr<Session> Keeper::take_session() {
+  const std::lock_guard lock(mutex_);
+  if (session_ == nullptr) return nullptr;
+  session_->shut();
+  past_ = sum(past_, session_->transport());
+  return std::move(session_);
 }
 
-void Keeper::note(std::vector<std::string> texts) {
+void Keeper::tell_transport() {
+  const std::int64_t now_ns = monotonic_ns();
+  if (now_ns < next_tell_ns_) return;
+  next_tell_ns_ = now_ns + kTellPeriodNs;
+  const TransportStats stats = transport();
+  status_->received_packets.set(stats.received_packets);
+  status_->missing_packets.set(stats.missing_packets);
+  status_->resent_packets.set(stats.resent_packets);
+}
+
+// The same thing twice in a row is said once.
+void Keeper::say(bool warning, std::string text) {
+  if (text == said_last_) return;
+  said_last_ = text;
   const std::lock_guard lock(mutex_);
-  for (std::string& text : texts) {
-    const bool again = !warnings_.empty() && warnings_.back() == text;
-    if (!again && warnings_.size() < kMostWarnings) warnings_.push_back(std::move(text));
-  }
+  if (notices_.size() == kMostNotices) notices_.pop_front();
+  notices_.push_back({warning, std::move(text)});
 }
 
 }  // namespace bolo::genicam

@@ -81,8 +81,7 @@ Session::Session(Connection connection, pipeline::SourceInfo info, const CameraO
 Session::~Session() {
   gate_.shut();
   running_.store(nullptr, std::memory_order_release);  // partner: drain(); buffers are not turned round any more
-  const bool answers = !connection_.is_gige() || answers_gvcp(connection_.address);
-  if (began_ && !control_lost() && answers) {
+  if (began_ && !control_lost() && answers()) {
     Nodes nodes(connection_.device.get());
     nodes.execute("AcquisitionStop");
     if (nodes.has("TLParamsLocked")) nodes.set_integer("TLParamsLocked", 0);

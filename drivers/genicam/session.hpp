@@ -41,6 +41,10 @@ class Session {
 
   // Aravis's heartbeat has failed, or another program took the camera. Thread: any.
   bool control_lost() const noexcept { return connection_.control_lost->load(std::memory_order_relaxed); }
+  // The camera is there: true, or false after about 0.7 s. Thread: setup.
+  bool answers() const { return !connection_.is_gige() || answers_gvcp(connection_.address); }
+  // The camera obeys this program. Blocks some seconds when it does not answer. Thread: setup.
+  bool controlled() const { return is_controlled(connection_); }
   // Since the stream was prepared. Thread: setup.
   TransportStats transport() const;
 

@@ -54,13 +54,12 @@ struct Daemon::Impl {
   std::atomic<bool> ended{false};
   Status result;  // of the pipeline; written before `ended`, read after the thread is joined
 
-  std::size_t warnings_told = 0;
-
   Status compose();
   void watch();
   bool take_signal();
   void look(Health& health);
-  void tell_camera_warnings();
+  void tell(bool warning, const std::string& text) const;
+  void tell_camera_notices() const;
   void lock_memory() const;
   void tell_end() const;
 };
@@ -80,6 +79,9 @@ Status Daemon::Impl::compose() {
   auto made = pipeline::Pipeline::create(std::move(source->source), lent, options);
   if (!made) return tl::unexpected<Error>(made.error());
   pipeline = std::move(*made);
+  if (camera != nullptr) {
+    for (const std::string& warning : camera->warnings()) log->warn(warning);
+  }
   const std::string& serial = pipeline->source().camera_serial;
   if (!config.profile.serial.empty() && !serial.empty() && serial != config.profile.serial) {
     log->warn("the profile is of camera {}, but this is camera {}", config.profile.serial, serial);
@@ -97,10 +99,13 @@ bool Daemon::Impl::take_signal() {
   return true;
 }
 
-void Daemon::Impl::tell_camera_warnings() {
+void Daemon::Impl::tell(bool warning, const std::string& text) const {
+  log->log(warning ? spdlog::level::warn : spdlog::level::info, text);
+}
+
+void Daemon::Impl::tell_camera_notices() const {
   if (camera == nullptr) return;
-  const std::vector<std::string> warnings = camera->warnings();
-  for (; warnings_told < warnings.size(); ++warnings_told) log->warn(warnings[warnings_told]);
+  for (const genicam::Notice& notice : camera->take_notices()) tell(notice.warning, notice.text);
 }
 
 // Before frames flow, for locking stalls whoever touches new memory meanwhile. What threads and drivers take later is
@@ -116,15 +121,9 @@ void Daemon::Impl::lock_memory() const {
 
 void Daemon::Impl::look(Health& health) {
   const pipeline::PipelineStats& stats = pipeline->stats();
-  Snapshot now{monotonic_ns(), stats.inlet.received(), loss_counts(stats), std::nullopt, 0};
-  if (camera != nullptr) {
-    now.camera = camera->state();
-    now.reconnects = camera->reconnects();
-  }
-  for (const Notice& notice : health.look(now)) {
-    log->log(notice.warning ? spdlog::level::warn : spdlog::level::info, notice.text);
-  }
-  tell_camera_warnings();
+  const Snapshot now{monotonic_ns(), stats.inlet.received(), loss_counts(stats), stats.source != nullptr};
+  for (const Notice& notice : health.look(now)) tell(notice.warning, notice.text);
+  tell_camera_notices();
 }
 
 void Daemon::Impl::watch() {
@@ -166,7 +165,7 @@ Status Daemon::run() {
   self.watch();
   self.stop_requested.store(true, std::memory_order_relaxed);
   runner.join();
-  self.tell_camera_warnings();
+  self.tell_camera_notices();
   self.tell_end();
   if (!self.result) return self.result;
   return self.replay != nullptr ? self.replay->result() : Status{};

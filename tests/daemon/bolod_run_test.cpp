@@ -261,6 +261,13 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   EXPECT_EQ(good_frames(50), 50) << daemon.err();
   ASSERT_TRUE(eventually([&] { return daemon.err().find("camera opened again") != std::string::npos; }));
   EXPECT_GT(reader->header().restarts, 0U);
+  Process stat({BOLO_PROGRAM, "stat", name_, "--once", "--json", "--interval", "0.1"}, folder_ / "stat");
+  ASSERT_EQ(stat.wait(), 0) << stat.err();
+  const auto told = nlohmann::json::parse(stat.out())["camera"];
+  EXPECT_EQ(told["state"], "streaming") << told;
+  EXPECT_EQ(told["lost"]["no_answer"], 1) << told;
+  EXPECT_EQ(told["reopened"], 1) << told;
+  EXPECT_GT(told["received_packets"], 100) << told;
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(), 0) << daemon.err();
 }
