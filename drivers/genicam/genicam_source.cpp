@@ -38,6 +38,7 @@ Result<pipeline::SourceInfo> GenicamSource::open() {
   impl_->opened = std::move(*session);
   impl_->info = impl_->opened->info();
   if (!impl_->opened->address().empty()) impl_->options.address = impl_->opened->address();
+  if (impl_->options.serial.empty()) impl_->options.serial = impl_->info.camera_serial;
   const std::lock_guard lock(impl_->mutex);
   impl_->warnings = std::move(found);
   return impl_->info;
@@ -82,6 +83,12 @@ std::vector<std::string> GenicamSource::warnings() const {
 std::vector<Notice> GenicamSource::take_notices() {
   const auto keeper = impl_->present();
   return keeper != nullptr ? keeper->take_notices() : std::vector<Notice>{};
+}
+
+Status GenicamSource::correct() {
+  const auto keeper = impl_->present();
+  if (keeper == nullptr) return failed("the camera is not started");
+  return keeper->correct();
 }
 
 const rt::LatencyHistogram& GenicamSource::receive_latency() const noexcept {

@@ -24,6 +24,8 @@ constexpr std::int64_t kNsPerMs = 1'000'000;
 constexpr std::int64_t kFirstFrameNs = 1'000'000'000;  // a camera may take this long to begin
 constexpr std::int64_t kProbePeriodNs = 200'000'000;   // from one question to a stalled camera to the next
 constexpr std::int64_t kTellPeriodNs = 200'000'000;
+constexpr std::int64_t kTemperaturePeriodNs = 10'000'000'000;
+constexpr milliseconds kCorrectionLimit(5000);
 constexpr std::size_t kMostNotices = 256;
 
 std::string seconds(std::int64_t ns) {
@@ -57,7 +59,8 @@ Keeper::Keeper(const CameraOptions& options, pipeline::SourceInfo info, pipeline
       stall_ns_(stall_ns(options_, info_.format.frame_period_s)),
       lost_ns_(std::max(options_.reconnect_after_ms * kNsPerMs, stall_ns_)),
       status_(std::move(status)),
-      intake_(inlet, options_) {}
+      intake_(inlet, options_, *status_),
+      schedule_(options_.nuc) {}
 
 Status Keeper::start(std::unique_ptr<Session> session) {
   if (Status adopted = adopt(std::move(session)); !adopted) {
@@ -116,6 +119,8 @@ std::vector<Notice> Keeper::take_notices() {
 void Keeper::watch() {
   while (pause(kTick)) {
     look();
+    serve_requests();
+    tell_scene();
     tell_transport();
   }
   take_session();
@@ -130,7 +135,9 @@ bool Keeper::pause(milliseconds time) {
 void Keeper::look() {
   const std::int64_t frame_ns = intake_.last_frame_ns();
   const bool arrived = frame_ns > since_ns_;
-  const std::int64_t quiet_ns = monotonic_ns() - std::max(frame_ns, since_ns_);
+  const std::int64_t now_ns = monotonic_ns();
+  if (now_ns < correcting_until_ns_ && !session_->control_lost()) return;  // the shutter may stop the stream
+  const std::int64_t quiet_ns = now_ns - std::max({frame_ns, since_ns_, correcting_until_ns_});
   const bool flows = quiet_ns <= (arrived ? stall_ns_ : std::max(stall_ns_, kFirstFrameNs));
   if (flows && arrived) note_flow(frame_ns);
   if (!flows) note_stall(quiet_ns);
@@ -179,7 +186,8 @@ void Keeper::note_flow(std::int64_t frame_ns) {
 }
 
 void Keeper::note_stall(std::int64_t quiet_ns) {
-  if (status_->state.value() != SourceState::kStreaming) return;
+  const SourceState before = status_->state.value();
+  if (before != SourceState::kStreaming && before != SourceState::kCorrecting) return;
   outage_from_ns_ = monotonic_ns() - quiet_ns;
   status_->stalls.add();
   enter(SourceState::kStalled);
@@ -221,6 +229,16 @@ bool Keeper::try_reopen() {
     say(true, "reconnecting: the camera came back with another size, rate or unit; restart to use it so");
     return false;
   }
+  if ((*session)->info().camera_serial != info_.camera_serial) {
+    say(true, "reconnecting: at " + (*session)->address() + " is now camera " + (*session)->info().camera_serial +
+                  ", not " + info_.camera_serial);
+    return false;
+  }
+  if (!(*session)->address().empty() && (*session)->address() != options_.address) {
+    say(false, "camera " + info_.camera_serial + " found again at " + (*session)->address() + ", before at " +
+                   options_.address);
+    options_.address = (*session)->address();
+  }
   if (Status adopted = adopt(std::move(*session)); !adopted) {
     say(true, "reconnecting: " + adopted.error().message);
     take_session();
@@ -235,15 +253,19 @@ Status Keeper::adopt(std::unique_ptr<Session> session) {
   if (Status prepared = session->prepare(intake_, found); !prepared) return prepared;
   const bool first = since_ns_ == 0;
   if (first) {
+    for (const std::string& text : session->negotiated().notes) say(false, text);
     for (const std::string& text : found) say(true, text);
   }
   ticks_without_control_ = 0;
+  correcting_until_ns_ = 0;
+  judged_median_ = -1;
+  intake_.hold_until(0);
   Session* present = session.get();
   {
     const std::lock_guard lock(mutex_);
     if (stop_.load(std::memory_order_relaxed)) return {};
     if (first) warnings_ = std::move(found);
-    if (!first) intake_.restart();
+    intake_.begin(session->negotiated().kelvin_table);
     since_ns_ = monotonic_ns();
     session_ = std::move(session);
     session_->admit();
@@ -268,6 +290,71 @@ void Keeper::tell_transport() {
   status_->received_packets.set(stats.received_packets);
   status_->missing_packets.set(stats.missing_packets);
   status_->resent_packets.set(stats.resent_packets);
+}
+
+// Once a connection: whether its values can be temperatures. Every 10 s: how warm the camera is.
+void Keeper::tell_scene() {
+  if (status_->state.value() != SourceState::kStreaming) return;
+  const int median = intake_.scene().median();
+  if (median >= 0 && judged_median_ < 0) {
+    judged_median_ = median;
+    if (const auto doubt = implausible(median, info_.format.scale)) say(true, *doubt);
+  }
+  const std::int64_t now_ns = monotonic_ns();
+  if (now_ns < next_temperature_ns_) return;
+  next_temperature_ns_ = now_ns + kTemperaturePeriodNs;
+  status_->temperature_k.set(session_->temperature_k());
+}
+
+// --- corrections (NUC) ---
+
+Status Keeper::correct() {
+  std::unique_lock lock(mutex_);
+  const std::uint64_t mine = ++corrections_asked_;
+  if (!corrected_.wait_for(lock, kCorrectionLimit, [&] { return corrections_served_ >= mine; })) {
+    corrections_served_ = std::max(corrections_served_, mine);  // nobody waits for it any more
+    return failed(std::string("the camera was not told to correct itself within 5 s: it is ") +
+                  std::string(name(status_->state.value())));
+  }
+  return correction_;
+}
+
+void Keeper::serve_requests() {
+  if (status_->state.value() != SourceState::kStreaming) return;
+  std::uint64_t asked = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    asked = corrections_asked_ > corrections_served_ ? corrections_asked_ : 0;
+  }
+  if (asked == 0) {
+    if (!schedule_.due(monotonic_ns(), intake_.scene().still_since_ns())) return;
+    const bool timed = options_.nuc.policy == NucPolicy::kTimed;
+    if (Status done = correct_now(timed ? "it is time" : "nothing moves"); !done) say(true, done.error().message);
+    return;
+  }
+  Status done = correct_now("asked for");
+  const std::lock_guard lock(mutex_);
+  corrections_served_ = asked;
+  correction_ = std::move(done);
+  corrected_.notify_all();
+}
+
+// Frames on their way while the command is, too, count as the shutter's.
+Status Keeper::correct_now(const std::string& why) {
+  const std::int64_t hold_ns = options_.nuc.hold_ms * kNsPerMs;
+  intake_.hold_until(monotonic_ns() + hold_ns);
+  Status done = session_->correct();
+  const std::int64_t now_ns = monotonic_ns();
+  schedule_.done(now_ns);
+  correcting_until_ns_ = done ? now_ns + hold_ns : 0;
+  intake_.hold_until(correcting_until_ns_);
+  if (!done) return done;
+  status_->corrections.add();
+  status_->correction_ns.set(now_ns);
+  enter(SourceState::kCorrecting);
+  say(false, "NUC (" + why + ")");
+  said_last_.clear();  // each one is news
+  return {};
 }
 
 // The same thing twice in a row is said once.

@@ -18,6 +18,7 @@
 #include "bolo/rt/counters.hpp"
 #include "drivers/genicam/endings.hpp"
 #include "drivers/genicam/intake.hpp"
+#include "drivers/genicam/nuc_schedule.hpp"
 #include "drivers/genicam/session.hpp"
 
 namespace bolo::genicam {
@@ -39,6 +40,7 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   TransportStats transport() const;
   std::vector<std::string> warnings() const;
   std::vector<Notice> take_notices();
+  Status correct();
   const rt::LatencyHistogram& latency() const noexcept { return intake_.latency(); }
 
  private:
@@ -55,9 +57,12 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   Status adopt(std::unique_ptr<Session> session);
   std::unique_ptr<Session> take_session();
   void tell_transport();
+  void tell_scene();
+  void serve_requests();
+  Status correct_now(const std::string& why);
   void say(bool warning, std::string text);
 
-  const CameraOptions options_;
+  CameraOptions options_;  // the address follows the camera
   const pipeline::SourceInfo info_;
   const std::int64_t stall_ns_;  // without a frame for this long: stalled
   const std::int64_t lost_ns_;   // ... and for this long: lost
@@ -70,7 +75,11 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   std::int64_t next_probe_ns_ = 0;
   std::int64_t outage_from_ns_ = 0;  // the last frame before the camera was lost
   pipeline::LostCause cause_ = pipeline::LostCause::kStalled;
+  std::int64_t correcting_until_ns_ = 0;
   int ticks_without_control_ = 0;
+  int judged_median_ = -1;
+  NucSchedule schedule_;
+  std::int64_t next_temperature_ns_ = 0;
   std::int64_t next_tell_ns_ = 0;
   std::string said_last_;
   Endings endings_;  // stop() waits for it when the watching thread has ended
@@ -81,6 +90,10 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   TransportStats past_;               // of sessions that have ended
   std::vector<std::string> warnings_;
   std::deque<Notice> notices_;
+  std::condition_variable corrected_;
+  std::uint64_t corrections_asked_ = 0;
+  std::uint64_t corrections_served_ = 0;
+  Status correction_;    // how the last one that was asked for went
   std::thread watcher_;  // setup thread only
   std::future<void> watched_;
 };

@@ -10,12 +10,17 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
+#include <string_view>
 #include <thread>
+
+#include <nlohmann/json.hpp>
 
 #include "bolo/core/clock.hpp"
 #include "bolo/daemon/health.hpp"
 #include "bolo/deblur/isa.hpp"
+#include "drivers/shm/camera_block.hpp"
 #include "src/daemon/compose.hpp"
+#include "src/daemon/control.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -54,7 +59,12 @@ struct Daemon::Impl {
   std::atomic<bool> ended{false};
   Status result;  // of the pipeline; written before `ended`, read after the thread is joined
 
+  std::unique_ptr<ControlServer> control;  // goes first: it asks the camera
+
   Status compose();
+  Status listen();
+  std::string answer(std::string_view request) const;
+  std::string answer_state() const;
   void watch();
   bool take_signal();
   void look(Health& health);
@@ -87,6 +97,37 @@ Status Daemon::Impl::compose() {
     log->warn("the profile is of camera {}, but this is camera {}", config.profile.serial, serial);
   }
   return {};
+}
+
+Status Daemon::Impl::listen() {
+  if (config.control.socket.empty()) return {};
+  auto made = ControlServer::start(config.control.socket, config.control.mode,
+                                   [this](std::string_view request) { return answer(request); });
+  if (!made) return tl::unexpected<Error>(made.error());
+  control = std::move(*made);
+  return {};
+}
+
+// On the control server's thread.
+std::string Daemon::Impl::answer(std::string_view request) const {
+  const auto refused = [](const std::string& why) { return nlohmann::json{{"ok", false}, {"error", why}}.dump(); };
+  if (request == "state") return answer_state();
+  if (request != "nuc") return refused("unknown request; there are: nuc, state");
+  if (camera == nullptr) return refused("a capture is replayed: there is no camera to correct");
+  if (const Status done = camera->correct(); !done) return refused(done.error().message);
+  return nlohmann::json{{"ok", true}, {"nucs", camera->status()->corrections.value()}}.dump();
+}
+
+std::string Daemon::Impl::answer_state() const {
+  const pipeline::PipelineStats& stats = pipeline->stats();
+  nlohmann::ordered_json json{{"ok", true},
+                              {"name", config.name},
+                              {"received", stats.inlet.received()},
+                              {"published", stats.published.value()},
+                              {"lost_total", stats.inlet.losses().total()},
+                              {"camera", nullptr}};
+  if (stats.source != nullptr) json["camera"] = shm::camera_json(shm::camera_block(*stats.source), monotonic_ns());
+  return json.dump();
 }
 
 // True when it asks for the end.
@@ -151,6 +192,7 @@ Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::
   impl->config = config;
   impl->log = std::move(log);
   if (const Status status = impl->compose(); !status) return tl::unexpected<Error>(status.error());
+  if (const Status status = impl->listen(); !status) return tl::unexpected<Error>(status.error());
   return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
 }
 

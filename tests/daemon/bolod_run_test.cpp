@@ -51,6 +51,7 @@ class BolodRun : public testing::Test {
               std::to_string(getpid())),
         folder_(testing::TempDir() + name_) {
     std::filesystem::create_directory(folder_);
+    setenv("RUNTIME_DIRECTORY", folder_.c_str(), 1);  // for the control sockets of the daemons started here
   }
   ~BolodRun() override {
     std::filesystem::remove_all(folder_);
