@@ -84,6 +84,7 @@ void Keeper::stop() noexcept {
     if (session_ != nullptr) session_->shut();
   }
   wake_.notify_all();
+  corrected_.notify_all();
   if (!watcher_.joinable()) return;
   const auto deadline = std::chrono::steady_clock::now() + kStopLimit;
   if (watched_.wait_until(deadline) == std::future_status::ready) {
@@ -311,9 +312,10 @@ void Keeper::tell_scene() {
 Status Keeper::correct() {
   std::unique_lock lock(mutex_);
   const std::uint64_t mine = ++corrections_asked_;
-  if (!corrected_.wait_for(lock, kCorrectionLimit, [&] { return corrections_served_ >= mine; })) {
+  const auto settled = [&] { return corrections_served_ >= mine || stop_.load(std::memory_order_relaxed); };
+  if (!corrected_.wait_for(lock, kCorrectionLimit, settled) || corrections_served_ < mine) {
     corrections_served_ = std::max(corrections_served_, mine);  // nobody waits for it any more
-    return failed(std::string("the camera was not told to correct itself within 5 s: it is ") +
+    return failed(std::string("the camera was not told to correct itself: it is ") +
                   std::string(name(status_->state.value())));
   }
   return correction_;
