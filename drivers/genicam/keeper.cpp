@@ -17,7 +17,8 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kTick(20);
 constexpr milliseconds kFirstPause(100);  // between attempts to open a lost camera, doubled up to:
-constexpr milliseconds kLongestPause(1000);
+constexpr milliseconds kLongestPause(500);
+constexpr int kAttemptsAtItsAddress = 5;
 constexpr milliseconds kStopLimit(5000);
 constexpr double kStallPeriods = 20.0;
 constexpr std::int64_t kNsPerMs = 1'000'000;
@@ -209,8 +210,8 @@ void Keeper::reopen(LostCause cause) {
   if (cause == LostCause::kNoAnswer) endings_.begin(std::move(old));
   old.reset();  // one that answers lets go of the camera before it is opened again
   milliseconds wait = kFirstPause;
-  while (!stop_.load(std::memory_order_relaxed)) {
-    if (try_reopen()) {
+  for (int attempt = 1; !stop_.load(std::memory_order_relaxed); ++attempt) {
+    if (try_reopen(attempt % kAttemptsAtItsAddress == 0)) {
       status_->reopened.add();
       return;
     }
@@ -219,9 +220,12 @@ void Keeper::reopen(LostCause cause) {
   }
 }
 
-bool Keeper::try_reopen() {
+// `everywhere`: looks for its serial number in the whole network, too, which takes a second.
+bool Keeper::try_reopen(bool everywhere) {
   std::vector<std::string> ignored;  // said when the camera was opened first
-  auto session = Session::open(options_, stop_, ignored);
+  CameraOptions options = options_;
+  if (!everywhere) options.serial.clear();
+  auto session = Session::open(options, stop_, ignored);
   if (!session) {
     say(true, "reconnecting: " + session.error().message);
     return false;

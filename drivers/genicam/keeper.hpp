@@ -53,7 +53,7 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   void note_loss(pipeline::LostCause cause, std::int64_t frame_ns);
   std::optional<pipeline::LostCause> find_fault(std::int64_t quiet_ns);
   void reopen(pipeline::LostCause cause);
-  bool try_reopen();
+  bool try_reopen(bool everywhere);
   Status adopt(std::unique_ptr<Session> session);
   std::unique_ptr<Session> take_session();
   void tell_transport();

@@ -274,7 +274,7 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   EXPECT_GT(told["received_packets"], 100) << told;
   Process nuc({BOLO_PROGRAM, "nuc", name_}, folder_ / "nuc");
   EXPECT_EQ(nuc.wait(), 0) << nuc.err();
-  EXPECT_NE(daemon.err().find("NUC (asked for)"), std::string::npos) << daemon.err();
+  EXPECT_TRUE(eventually([&] { return daemon.err().find("NUC (asked for)") != std::string::npos; })) << daemon.err();
   EXPECT_TRUE(eventually([&] { return reader->camera()->corrections == 1; }));
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(), 0) << daemon.err();
