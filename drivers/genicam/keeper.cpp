@@ -299,7 +299,7 @@ void Keeper::tell_transport() {
 
 // Once a connection: whether its values can be temperatures. Every 10 s: how warm the camera is.
 void Keeper::tell_scene() {
-  if (status_->state.value() != SourceState::kStreaming) return;
+  if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
   const int median = intake_.scene().median();
   if (median >= 0 && judged_median_ < 0) {
     judged_median_ = median;
@@ -326,7 +326,7 @@ Status Keeper::correct() {
 }
 
 void Keeper::serve_requests() {
-  if (status_->state.value() != SourceState::kStreaming) return;
+  if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
   std::uint64_t asked = 0;
   {
     const std::lock_guard lock(mutex_);
