@@ -95,6 +95,7 @@ Status configure_range(Nodes& nodes, const CameraOptions& options, std::vector<s
 
 void configure_nuc(Nodes& nodes, const NucOptions& nuc, std::vector<std::string>& warnings) {
   const bool itself = nuc.policy == NucPolicy::kCamera;
+  // Unproven: the entries' names; by value they are 0 and 1 in programs that use the A6xx series.
   if (nodes.has("NUCMode")) {
     nodes.choose("NUCMode", itself ? "Automatic" : "Off", itself ? 1 : 0);
   } else if (!itself) {

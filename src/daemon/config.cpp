@@ -68,8 +68,10 @@ void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
                "Camera: image rows without metadata rows; 0: as the camera has it.");
   keys.number("rate_hz", o.rate_hz, 200.0, {0.0, 10000.0, "Hz"},
               "Camera: frame rate; 0: as the camera has it. Left out: the profile's frame_period_s decides.");
-  keys.choice<genicam::IrFormat>("ir_format", c.camera.ir_format, kIrFormats,
-                                 "Camera: what a count means (FLIR's IRFormat); leave: as the camera has it.");
+  keys.choice<genicam::IrFormat>(
+      "ir_format", c.camera.ir_format, kIrFormats,
+      "Camera: what a count means (FLIR's IRFormat); leave: as the camera has it. radiometric becomes "
+      "kelvin here, by the camera's Planck constants; unproven on an A655sc.");
   keys.choice<genicam::PixelOrder>("pixel_order", o.pixel_order, kPixelOrders,
                                    "Camera: byte order of pixels on the wire. Left out: the profile's byte_order.");
   keys.integer("metadata_rows", o.metadata_rows, 3, {0, 64, "rows"},
