@@ -34,6 +34,12 @@ struct LogOptions {
   LogFormat format = LogFormat::kText;
 };
 
+struct ControlOptions {
+  bool enabled = true;
+  std::string socket;  // empty: at the default place (src/daemon/control.hpp)
+  unsigned mode = 0660;
+};
+
 struct DaemonConfig {
   DaemonConfig();  // the defaults for an A655sc at 200 Hz
 
@@ -48,6 +54,7 @@ struct DaemonConfig {
   bool lock_memory = true;
   bool shm_enabled = true;
   shm::ShmOptions shm;
+  ControlOptions control;
   LogOptions log;
 };
 
