@@ -4,7 +4,6 @@
 #include <array>
 
 #include "bolo/core/splitmix.hpp"
-#include "drivers/fakecam/gvsp.hpp"
 
 namespace bolo::fakecam {
 namespace {
@@ -27,7 +26,8 @@ PacketFaults::PacketFaults(FaultTallies& tallies, std::int64_t period_ns, std::i
     const Fault& fault = script[i];
     if (!strikes_packets(fault.kind())) continue;
     Rule rule{fault.kind(), i, frame_schedule_of(fault, period_ns), fault.value("rate"), 0, 0};
-    if (fault.kind() == FaultKind::kReorder) rule.by = static_cast<std::uint32_t>(fault.value("by"));
+    if (fault.kind() == FaultKind::kReorder) rule.amount = static_cast<std::uint32_t>(fault.value("by"));
+    if (fault.kind() == FaultKind::kGarbage) rule.amount = static_cast<std::uint32_t>(fault.value("bytes"));
     rule.key = splitmix::key(splitmix::key(static_cast<std::uint64_t>(fault.value("seed")), i), resends ? 1 : 0);
     rules_.push_back(rule);
   }
@@ -37,7 +37,7 @@ PacketFaults::PacketFaults(FaultTallies& tallies, std::int64_t period_ns, std::i
 std::span<const PlannedPacket> PacketFaults::plan(const WireFrame& frame, std::uint32_t first, std::uint32_t end) {
   plan_.clear();
   lost_ = 0;
-  for (std::uint32_t id = first; id < end; ++id) plan_.push_back({id, 0});
+  for (std::uint32_t id = first; id < end; ++id) plan_.push_back({id, 0, 0});
   const std::uint64_t attempt = resends_ ? ++attempts_ : 0;
   for (const Rule& rule : rules_) {
     if (!rule.schedule.lasts(origin_ns_ + frame.due_ns)) continue;
@@ -67,7 +67,7 @@ void PacketFaults::lose(const Rule& rule, std::uint64_t frame_key) {
 void PacketFaults::reorder(const Rule& rule, std::uint64_t frame_key) {
   std::uint64_t moved = 0;
   for (std::size_t i = plan_.size(); i-- > 0;) {
-    const std::size_t to = std::min(plan_.size() - 1, i + rule.by);
+    const std::size_t to = std::min(plan_.size() - 1, i + rule.amount);
     if (to == i || !chance(draw(frame_key, plan_[i]), rule.rate)) continue;
     const auto at = [this](std::size_t n) { return plan_.begin() + static_cast<std::ptrdiff_t>(n); };
     std::rotate(at(i), at(i + 1), at(to + 1));
@@ -84,7 +84,8 @@ void PacketFaults::insert(const Rule& rule, std::uint64_t frame_key) {
     next_.push_back(packet);
     const std::uint64_t random = draw(frame_key, packet);
     if (packet.garbage != 0 || !chance(random, rule.rate)) continue;
-    next_.push_back({packet.id, rule.kind == FaultKind::kGarbage ? random | 1U : 0});
+    const bool garbage = rule.kind == FaultKind::kGarbage;
+    next_.push_back(garbage ? PlannedPacket{packet.id, random | 1U, rule.amount} : packet);
   }
   const std::size_t added = next_.size() - plan_.size();
   plan_.swap(next_);
@@ -93,9 +94,8 @@ void PacketFaults::insert(const Rule& rule, std::uint64_t frame_key) {
 }
 
 std::size_t PacketFaults::write_garbage(const PlannedPacket& packet, Bytes out) noexcept {
-  const std::uint64_t random = splitmix::mix(packet.garbage);
-  const std::size_t longest = (random & 1U) != 0 ? gvsp::kHeaderBytes : out.size();
-  const std::size_t length = (random >> 1U) % longest;
+  const std::size_t longest = std::min<std::size_t>(packet.garbage_bytes, out.size());
+  const std::size_t length = splitmix::mix(packet.garbage) % (longest + 1);
   for (std::size_t i = 0; i < length; ++i) {
     out[i] = static_cast<std::uint8_t>(splitmix::key(packet.garbage, i) & 0xffU);
   }

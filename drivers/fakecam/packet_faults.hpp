@@ -15,6 +15,7 @@ namespace bolo::fakecam {
 struct PlannedPacket {
   std::uint32_t id = 0;
   std::uint64_t garbage = 0;  // 0: the packet; otherwise what the bytes are made from
+  std::uint32_t garbage_bytes = 0;
 };
 
 // Which packets are struck follows from the seed, the frame's place in the stream and the packet's id: runs repeat.
@@ -31,7 +32,7 @@ class PacketFaults {
   // Of the last plan: packets that were lost.
   std::uint32_t lost() const noexcept { return lost_; }
 
-  // Writes a garbage packet, at most out.size() bytes; returns its length. Half of them are shorter than a header.
+  // Writes a garbage packet, at most out.size() bytes; returns its length.
   static std::size_t write_garbage(const PlannedPacket& packet, Bytes out) noexcept;
 
  private:
@@ -40,7 +41,7 @@ class PacketFaults {
     std::size_t place = 0;  // in the script
     Schedule schedule;
     double rate = 0.0;
-    std::uint32_t by = 0;  // reorder: how many packets later
+    std::uint32_t amount = 0;  // reorder: how many packets later; garbage: the most bytes
     std::uint64_t key = 0;
   };
 
