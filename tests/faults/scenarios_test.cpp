@@ -2,14 +2,29 @@
 // is right again once a window has passed, and nothing hangs.
 #include <gtest/gtest.h>
 
+#include <cctype>
+#include <ostream>
+#include <thread>
+
 #include "tools/eval/faults_scenarios.hpp"
 
 namespace bolo::tools::faults {
+
+void PrintTo(const Scenario& scenario, std::ostream* out) { *out << scenario.faults; }
+
 namespace {
 
 const Result<Stage>& stage() {
   static const Result<Stage> kStage = make_stage();
   return kStage;
+}
+
+const Scenario& scenario(const std::string& name) {
+  for (const Scenario& s : scenarios()) {
+    if (s.name == name) return s;
+  }
+  ADD_FAILURE() << "no scenario " << name;
+  return scenarios().front();
 }
 
 class Faults : public testing::TestWithParam<Scenario> {};
@@ -18,33 +33,50 @@ TEST_P(Faults, AreCountedAndOvercome) {
   ASSERT_TRUE(stage().has_value()) << stage().error().message;
   const auto outcome = play(GetParam(), *stage());
   ASSERT_TRUE(outcome.has_value()) << outcome.error().message;
-  for (const fakecam::InjectedFault& fault : outcome->run.injected) {
-    std::printf("%s: %llu times, %llu frames, %llu packets\n", fault.fault.c_str(), (unsigned long long)fault.times,
-                (unsigned long long)fault.frames, (unsigned long long)fault.packets);
-  }
-  const Verdict& v = outcome->verdict;
-  std::printf("published %zu right %llu warm %llu gap %llu settling %llu wrong %llu strange %llu recovery %.1f ms\n",
-              outcome->run.frames.size(), (unsigned long long)v.right, (unsigned long long)v.warm_up,
-              (unsigned long long)v.gap, (unsigned long long)v.settling, (unsigned long long)v.wrong,
-              (unsigned long long)v.strange, v.recovery_ms);
   EXPECT_EQ(what_is_wrong(GetParam(), *outcome), "");
+  for (const fakecam::InjectedFault& fault : outcome->run.injected) {
+    EXPECT_GT(fault.times + fault.frames + fault.packets, 0U) << fault.fault << " never struck";
+  }
 }
 
+// "loss, resent" -> "LossResent".
 std::string name_of(const testing::TestParamInfo<Scenario>& info) {
   std::string name;
-  bool upper = true;
+  bool begins = true;
   for (const char c : info.param.name) {
-    if (std::isalnum(static_cast<unsigned char>(c)) == 0) {
-      upper = true;
-      continue;
-    }
-    name += upper ? static_cast<char>(std::toupper(static_cast<unsigned char>(c))) : c;
-    upper = false;
+    const auto letter = static_cast<unsigned char>(c);
+    if (std::isalnum(letter) != 0) name += static_cast<char>(begins ? std::toupper(letter) : letter);
+    begins = std::isalnum(letter) == 0;
   }
   return name;
 }
 
 INSTANTIATE_TEST_SUITE_P(Of, Faults, testing::ValuesIn(scenarios()), name_of);
+
+TEST(SeveralCameras, FailEachInItsOwnWay) {
+  ASSERT_TRUE(stage().has_value()) << stage().error().message;
+  const std::vector<std::string> names{"loss", "stall", "time jump"};
+  std::vector<std::string> wrong(names.size(), "not run");
+  std::vector<std::thread> threads;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    threads.emplace_back([&, i] {
+      const auto outcome = play(scenario(names[i]), *stage());
+      wrong[i] = outcome ? what_is_wrong(scenario(names[i]), *outcome) : outcome.error().message;
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (std::size_t i = 0; i < names.size(); ++i) EXPECT_EQ(wrong[i], "") << names[i];
+}
+
+TEST(AQuietCamera, LosesNothing) {
+  ASSERT_TRUE(stage().has_value()) << stage().error().message;
+  const Scenario quiet{.name = "quiet", .faults = "", .seconds = 0.4};
+  const auto outcome = play(quiet, *stage());
+  ASSERT_TRUE(outcome.has_value()) << outcome.error().message;
+  EXPECT_EQ(what_is_wrong(quiet, *outcome), "");
+  EXPECT_EQ(outcome->verdict.never_came, 0U);
+  EXPECT_EQ(outcome->verdict.gap, 0U);
+}
 
 }  // namespace
 }  // namespace bolo::tools::faults

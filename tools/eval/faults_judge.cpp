@@ -58,7 +58,7 @@ class Judge {
   // Less than a window after the disturbance, in the stream that it struck.
   bool settles(const Seen& seen, int window) const {
     const double time_s = static_cast<double>(seen.number) * scene_.format.frame_period_s;
-    const double settled_s = disturbance_.to_s + static_cast<double>(window) * scene_.format.frame_period_s;
+    const double settled_s = disturbance_.to_s + (window - 0.5) * scene_.format.frame_period_s;
     return time_s >= disturbance_.from_s && time_s < settled_s;
   }
 
@@ -81,10 +81,16 @@ Verdict judge(const RunResult& result, const Recording& scene, const std::vector
   bool disturbed = false;
   std::size_t last_number = 0;
   bool later_stream = false;
+  bool first = true;
   for (const Published& frame : result.frames) {
     const auto seen = judge.find(frame);
-    if (seen) later_stream = later_stream || seen->number < last_number;
-    if (seen) last_number = seen->number;
+    if (seen) {
+      const bool new_stream = seen->number < last_number;
+      later_stream = later_stream || new_stream;
+      if (!new_stream && !first) verdict.never_came += seen->number - last_number - 1;
+      last_number = seen->number;
+      first = false;
+    }
     const Kind kind = judge.kind_of(frame, seen);
     const bool excused = seen && !later_stream && judge.settles(*seen, window);
     verdict.right += kind == Kind::kRight ? 1U : 0U;
@@ -101,7 +107,8 @@ Verdict judge(const RunResult& result, const Recording& scene, const std::vector
     }
   }
   verdict.recovered = right_since_ns != 0;
-  if (disturbed) verdict.recovery_ms = std::max(0.0, static_cast<double>(right_since_ns - over_ns) * kMsPerNs);
+  if (disturbed && disturbance.from_s >= 0.0)
+    verdict.recovery_ms = std::max(0.0, static_cast<double>(right_since_ns - over_ns) * kMsPerNs);
   return verdict;
 }
 

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <fstream>
 #include <memory>
+#include <mutex>
 #include <sstream>
 #include <thread>
 #include <utility>
@@ -134,7 +135,11 @@ Result<RunResult> run(const RunTask& task) {
   KeepingSink sink(static_cast<std::size_t>(task.seconds / task.scene->format.frame_period_s) + kSpareFrames);
   auto source = std::make_unique<genicam::GenicamSource>(task.camera);
   const genicam::GenicamSource& camera = *source;
-  auto made = pipeline::Pipeline::create(std::move(source), {&sink}, task.pipeline);
+  static std::mutex opening;  // Aravis reads a camera's description with what the whole process shares
+  auto made = [&] {
+    const std::lock_guard lock(opening);
+    return pipeline::Pipeline::create(std::move(source), {&sink}, task.pipeline);
+  }();
   if (!made) return tl::unexpected<Error>(made.error());
   const pipeline::Pipeline& line = **made;
   std::atomic<bool> stop{false};

@@ -14,10 +14,13 @@ struct Scenario {
   std::string name;
   std::string faults;  // as parse_fault() reads them, with spaces between
   double seconds = 1.0;
-  Disturbance disturbance;
+  Disturbance disturbance{};
   bool resends = false;  // the daemon asks for lost packets, and gets them
   int least_reconnects = 0;
   int most_reconnects = 0;
+  // False: what is lost depends on more than the fault: on what the transport library makes of bytes that mean nothing,
+  // on when a camera is opened again. Then each frame that never came must be counted, and no more is asked.
+  bool exact = true;
   std::function<void(RunTask&)> prepare = nullptr;  // what else differs
 };
 
