@@ -128,7 +128,7 @@ Status take_item(Fault& fault, std::string_view item) {
 Status check_together(const Fault& fault) {
   const std::string where = "fault " + std::string(fault.type->name) + ": ";
   if (fault.given("for") && fault.given("frames")) return bad_input(where + "give for or frames, not both");
-  if (!fault.given("every") || find_key(*fault.type, "for") == nullptr || fault.given("frames")) return {};
+  if (!fault.given("every") || !fault.has("for") || fault.given("frames")) return {};
   const double lasts_s = fault.value("for");
   if (lasts_s < fault.value("every")) return {};
   return bad_input(where + "every=" + shortest(fault.value("every")) + " must be longer than a strike lasts: " +
@@ -141,6 +141,8 @@ std::int64_t to_ns(double seconds) { return std::llround(seconds * kNsPerSecond)
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max() / 4;
 
 }  // namespace
+
+bool Fault::has(std::string_view key) const { return find_key(*type, key) != nullptr; }
 
 double Fault::value(std::string_view key) const {
   const auto found = values.find(key);
@@ -185,12 +187,11 @@ std::uint64_t Schedule::begun(std::int64_t time_ns) const noexcept {
 std::uint64_t Schedule::ended(std::int64_t time_ns) const noexcept { return begun(time_ns - for_ns); }
 
 Schedule schedule_of(const Fault& fault, std::int64_t period_ns) {
-  const auto has = [&fault](std::string_view key) { return find_key(*fault.type, key) != nullptr; };
   Schedule schedule;
-  if (has("at")) schedule.at_ns = to_ns(fault.value("at"));
+  if (fault.has("at")) schedule.at_ns = to_ns(fault.value("at"));
   if (fault.given("frames")) {
     schedule.for_ns = std::llround(fault.value("frames")) * period_ns;
-  } else if (has("for")) {
+  } else if (fault.has("for")) {
     schedule.for_ns = std::isfinite(fault.value("for")) ? to_ns(fault.value("for")) : kNever;
   }
   if (fault.given("every")) schedule.every_ns = to_ns(fault.value("every"));

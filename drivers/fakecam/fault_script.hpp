@@ -54,6 +54,7 @@ struct Fault {
   std::map<std::string, double, std::less<>> values;
 
   FaultKind kind() const { return type->kind; }
+  bool has(std::string_view key) const;  // the type has this key
   bool given(std::string_view key) const { return values.contains(key); }
   double value(std::string_view key) const;  // of a key that the type has
 };

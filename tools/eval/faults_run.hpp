@@ -40,6 +40,7 @@ struct RunResult {
   Losses lost{};
   std::uint64_t received = 0;
   std::uint64_t restarts = 0;
+  double deblur_ms = 0.0;  // of a deblurred frame, mean
   std::uint64_t reconnects = 0;
   std::vector<fakecam::InjectedFault> injected;  // as in the task's script
   fakecam::FakeCameraStats camera;

@@ -143,9 +143,12 @@ Result<Stage> make_stage() {
   return stage;
 }
 
-Result<Outcome> play(const Scenario& scenario, const Stage& stage) {
+Result<Outcome> play(const Scenario& scenario, const Stage& stage, int seed) {
   auto script = script_of(scenario.faults);
   if (!script) return tl::unexpected<Error>(script.error());
+  for (fakecam::Fault& fault : *script) {
+    if (fault.has("seed")) fault.values["seed"] = seed;
+  }
   Outcome outcome;
   for (int attempt = 0; attempt < kTries; ++attempt) {
     RunTask task;

@@ -44,8 +44,8 @@ struct Outcome {
 };
 
 // Runs it on a camera of its own. Again, up to three times in all, when this computer dropped packets by itself.
-// Thread: setup.
-Result<Outcome> play(const Scenario& scenario, const Stage& stage);
+// `seed`: another one chooses other packets. Thread: any.
+Result<Outcome> play(const Scenario& scenario, const Stage& stage, int seed = 1);
 
 // What must hold and does not, in words; empty when all does. Thread: any.
 std::string what_is_wrong(const Scenario& scenario, const Outcome& outcome);
