@@ -10,7 +10,8 @@ namespace {
 
 constexpr double kRateHz = 200.0;
 constexpr double kSpeedPxS = 200.0;
-constexpr double kSpareS = 1.0;  // the run outlasts its time by what stopping takes
+constexpr double kCleanEndS = 0.1;  // without loss, so that every frame that is hit is also judged before the end
+constexpr double kSpareS = 1.0;     // the run outlasts its time by what stopping takes
 
 struct SquareSum {
   double squares = 0.0;
@@ -31,10 +32,11 @@ std::size_t number_of(const Published& frame, double period_s) {
   return static_cast<std::size_t>(std::lround(since_first_s / period_s));
 }
 
-Result<fakecam::FaultScript> script_of(double rate) {
+Result<fakecam::FaultScript> script_of(const LossTask& task) {
   auto fault = fakecam::parse_fault("loss");
   if (!fault) return tl::unexpected<Error>(fault.error());
-  fault->values["rate"] = rate;
+  fault->values["rate"] = task.rate;
+  fault->values["for"] = task.seconds - kCleanEndS;
   return fakecam::FaultScript{std::move(*fault)};
 }
 
@@ -48,7 +50,7 @@ Result<Recording> loss_scene(double seconds) {
 }
 
 Result<LossRow> try_loss(const LossTask& task, const Recording& scene, const pipeline::PipelineOptions& options) {
-  auto script = script_of(task.rate);
+  auto script = script_of(task);
   if (!script) return tl::unexpected<Error>(script.error());
   RunTask run_task;
   run_task.scene = &scene;
