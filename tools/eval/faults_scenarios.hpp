@@ -15,11 +15,12 @@ struct Scenario {
   std::string faults;  // as parse_fault() reads them, with spaces between
   double seconds = 1.0;
   Disturbance disturbance{};
-  bool resends = false;  // the daemon asks for lost packets, and gets them
+  bool resends = false;  // the daemon asks for lost packets and gets them: most frames are saved
   int least_reconnects = 0;
   int most_reconnects = 0;
-  // False: what is lost depends on more than the fault: on what the transport library makes of bytes that mean nothing,
-  // on when a camera is opened again. Then each frame that never came must be counted, and no more is asked.
+  // False: what is lost depends on more than the fault: on how fast packets are asked for and sent again, on what the
+  // transport library makes of bytes that mean nothing, on when a camera is opened again. Then each frame that never
+  // came must be counted, and no more is asked.
   bool exact = true;
   std::function<void(RunTask&)> prepare = nullptr;  // what else differs
 };
