@@ -146,7 +146,9 @@ bool Fault::has(std::string_view key) const { return find_key(*type, key) != nul
 
 double Fault::value(std::string_view key) const {
   const auto found = values.find(key);
-  return found != values.end() ? found->second : find_key(*type, key)->standard;
+  if (found != values.end()) return found->second;
+  const FaultKey* const known = find_key(*type, key);
+  return known != nullptr ? known->standard : 0.0;
 }
 
 std::span<const FaultType> fault_types() {

@@ -56,7 +56,7 @@ struct Fault {
   FaultKind kind() const { return type->kind; }
   bool has(std::string_view key) const;  // the type has this key
   bool given(std::string_view key) const { return values.contains(key); }
-  double value(std::string_view key) const;  // of a key that the type has
+  double value(std::string_view key) const;  // 0 of a key that the type does not have
 };
 
 using FaultScript = std::vector<Fault>;

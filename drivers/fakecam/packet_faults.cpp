@@ -31,7 +31,7 @@ PacketFaults::PacketFaults(FaultTallies& tallies, std::int64_t period_ns, std::i
     rule.key = splitmix::key(splitmix::key(static_cast<std::uint64_t>(fault.value("seed")), i), resends ? 1 : 0);
     rules_.push_back(rule);
   }
-  std::ranges::stable_partition(rules_, [](const Rule& rule) { return rule.kind != FaultKind::kLoss; });
+  std::stable_partition(rules_.begin(), rules_.end(), [](const Rule& rule) { return rule.kind != FaultKind::kLoss; });
 }
 
 std::span<const PlannedPacket> PacketFaults::plan(const WireFrame& frame, std::uint32_t first, std::uint32_t end) {
@@ -53,11 +53,10 @@ void PacketFaults::apply(const Rule& rule, std::uint64_t frame_key) {
 }
 
 void PacketFaults::lose(const Rule& rule, std::uint64_t frame_key) {
-  const auto gone = std::ranges::remove_if(plan_, [&](const PlannedPacket& packet) {
+  const auto goes = [&](const PlannedPacket& packet) {
     return packet.garbage == 0 && chance(draw(frame_key, packet), rule.rate);
-  });
-  const auto lost = static_cast<std::uint32_t>(gone.size());
-  plan_.erase(gone.begin(), gone.end());
+  };
+  const auto lost = static_cast<std::uint32_t>(std::erase_if(plan_, goes));
   lost_ += lost;
   tallies_.add_packets(rule.place, lost);
   if (lost > 0 && !resends_) tallies_.add_frames(rule.place);
