@@ -112,10 +112,10 @@ Status evaluate(const Request& request) {
     std::puts(nlohmann::ordered_json{{"repeats", request.repeats}, {"rows", rows}}.dump(2).c_str());
   } else {
     std::printf(
-        "%d run(s) each, 64x24 pixels at 200 Hz. Recovery: from the fault's end until every published plane is that "
-        "of\n"
-        "an undisturbed run again; a window is 17 frames, 85 ms. Garbage makes the transport library give frames up,\n"
-        "and frames that a camera does not send while it is opened again are nobody's: there 'equal' may be no.\n",
+        "%d run(s) each, 64x24 pixels at 200 Hz; a silent camera is opened again after 0.6 s. Recovery: from the\n"
+        "fault's end until every published plane is that of an undisturbed run again; a window of 17 frames is 85 ms.\n"
+        "Where 'equal' may be no: garbage, for which the transport library gives frames up, and frames that a camera\n"
+        "does not send while it is opened again, which are nobody's.\n",
         request.repeats);
   }
   return wrong.empty() ? Status{} : failed("what must hold does not: " + wrong);
