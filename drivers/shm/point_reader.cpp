@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "bolo/deblur/isa.hpp"
+#include "bolo/deblur/pixel_correction.hpp"
 #include "bolo/deblur/solver.hpp"
 #include "bolo/deblur/window.hpp"
 #include "drivers/shm/shm_reader.hpp"
@@ -75,7 +76,8 @@ struct PointReader::Impl {
   ShmReader reader;
   deblur::Settings settings;
   StreamFormat format;  // of the planes that the solver sees
-  model::PixelMaps maps;
+  double row_delay_s = 0.0;
+  std::optional<deblur::PixelCorrection> correction;  // none: nothing to correct
   std::string isa;
   std::vector<std::uint32_t> copied;  // pixels of the frame that are copied
   std::vector<std::uint32_t> solved;  // of the copied ones
@@ -83,10 +85,14 @@ struct PointReader::Impl {
   double solver_noise_k = 0.0;
   std::unique_ptr<deblur::Solver> solver;
   std::vector<std::vector<std::uint16_t>> samples;  // one a frame of the window
+  std::vector<std::vector<float>> corrected;        // of them, with a correction
+  std::uint64_t frames_before = 0;                  // that are read before the target
 
+  Status set_correction(const model::PixelMaps& maps);
   Status make_solver(double noise_k);
   Outcome fill_window(std::uint64_t first, std::uint64_t last, std::uint64_t target, deblur::Window& window,
                       deblur::Window::Ready& ready);
+  const void* corrected_plane(std::size_t place, std::uint64_t periods);
 };
 
 Status PointReader::Impl::make_solver(double noise_k) {
@@ -94,10 +100,20 @@ Status PointReader::Impl::make_solver(double noise_k) {
   const WithIsa same(isa);
   deblur::Settings with_noise = settings;
   with_noise.noise_k = noise_k;
-  auto made = deblur::Solver::create(with_noise, format, PixelType::kUint16, maps);
+  auto made = deblur::Solver::create(with_noise, format, PixelType::kUint16, row_delay_s);
   if (!made) return tl::unexpected<Error>(made.error());
   solver = std::move(*made);
   solver_noise_k = noise_k;
+  return {};
+}
+
+// Its planes are then float32, as the solver's input.
+Status PointReader::Impl::set_correction(const model::PixelMaps& maps) {
+  auto made = deblur::PixelCorrection::create(settings, format, maps);
+  if (!made) return tl::unexpected<Error>(made.error());
+  if (!made->changes_samples()) return {};
+  correction = std::move(*made);
+  format.type = PixelType::kFloat32;
   return {};
 }
 
@@ -105,17 +121,31 @@ Status PointReader::Impl::make_solver(double noise_k) {
 // one, for frame `target` had a full window.
 PointReader::Outcome PointReader::Impl::fill_window(std::uint64_t first, std::uint64_t last, std::uint64_t target,
                                                     deblur::Window& window, deblur::Window::Ready& ready) {
+  std::uint64_t last_id = 0;
   for (std::uint64_t number = first; number <= last; ++number) {
     bolo_shm_slot head{};
-    std::vector<std::uint16_t>& plane = samples[number - first];
-    if (!reader.read_samples(number, copied, head, plane.data())) return Outcome::kOverwritten;
+    const std::size_t place = number - first;
+    if (!reader.read_samples(number, copied, head, samples[place].data())) return Outcome::kOverwritten;
     const FrameMeta meta{head.frame_id, head.camera_ns, head.receive_ns, head.flags};
-    window.push({meta, plane.data(), static_cast<std::uint32_t>(number - first)}, false);
+    const bool begins = number == first || meta.frame_id <= last_id;
+    const void* plane = correction ? corrected_plane(place, begins ? 0 : meta.frame_id - last_id)
+                                   : static_cast<const void*>(samples[place].data());
+    last_id = meta.frame_id;
+    window.push({meta, plane, static_cast<std::uint32_t>(place)}, false);
     while (window.next(ready)) {
       if (ready.frame.token == target - first && ready.full) return Outcome::kSolved;
     }
   }
   return Outcome::kWarmUp;
+}
+
+const void* PointReader::Impl::corrected_plane(std::size_t place, std::uint64_t periods) {
+  std::vector<float>& plane = corrected[place];
+  plane.assign(samples[place].begin(), samples[place].end());
+  correction->begin(periods);
+  correction->correct(plane.data(), {0, plane.size()});
+  correction->fill_dead(plane.data());
+  return plane.data();
 }
 
 Result<PointReader> PointReader::open(const std::string& name, std::vector<std::uint32_t> pixels,
@@ -137,12 +167,14 @@ Result<PointReader> PointReader::open(const std::string& name, std::vector<std::
   auto impl = std::unique_ptr<Impl>(new Impl{.reader = std::move(*reader),
                                              .settings = *settings,
                                              .format = format_of(header),
-                                             .maps = maps,
+                                             .row_delay_s = maps.row_delay_s,
+                                             .correction = {},
                                              .isa = told->isa,
                                              .copied = {},
                                              .solved = {},
                                              .solver = nullptr,
-                                             .samples = {}});
+                                             .samples = {},
+                                             .corrected = {}});
   const std::size_t all = impl->format.geometry.pixels();
   if (std::any_of(pixels.begin(), pixels.end(), [all](std::uint32_t pixel) { return pixel >= all; })) {
     return bad_input(where + ": a point is not inside the frame of " + std::to_string(header.width) + "x" +
@@ -161,8 +193,16 @@ Result<PointReader> PointReader::open(const std::string& name, std::vector<std::
     std::iota(impl->solved.begin(), impl->solved.end(), 0U);
     impl->copied = std::move(pixels);
   }
-  impl->samples.assign(static_cast<std::size_t>(settings->window) + static_cast<std::size_t>(settings->lookahead),
-                       std::vector<std::uint16_t>(impl->copied.size()));
+  if (const Status good = impl->set_correction(maps); !good) return at(where, good.error());
+  const auto window = static_cast<std::uint64_t>(settings->window);
+  impl->frames_before = window - 1;
+  if (!maps.tau_s.empty()) {
+    impl->frames_before =
+        std::max<std::uint64_t>(window - 1, std::min<std::uint64_t>(2 * window, header.slot_count / 2));
+  }
+  const std::size_t frames = impl->frames_before + 1 + static_cast<std::size_t>(settings->lookahead);
+  impl->samples.assign(frames, std::vector<std::uint16_t>(impl->copied.size()));
+  if (impl->correction) impl->corrected.resize(frames);
   if (const Status good = impl->make_solver(settings->noise_k); !good) return at(where, good.error());
   return PointReader(std::move(impl));
 }
@@ -170,14 +210,13 @@ Result<PointReader> PointReader::open(const std::string& name, std::vector<std::
 PointReader::Outcome PointReader::solve(std::uint64_t number, std::span<std::uint16_t> out) {
   Impl& self = *impl_;
   const std::uint64_t last = number + static_cast<std::uint64_t>(self.settings.lookahead);
-  const auto before = static_cast<std::uint64_t>(self.settings.window - 1);
   if (last >= published()) return Outcome::kNotYet;
   bolo_shm_slot head{};
   if (!self.reader.read_samples(number, {}, head, nullptr)) return Outcome::kOverwritten;
   if ((head.flags & BOLO_FLAG_WARM_UP) != 0) return Outcome::kWarmUp;
   deblur::Window window(self.settings);
   deblur::Window::Ready ready;
-  const std::uint64_t first = number > before ? number - before : 0;
+  const std::uint64_t first = number > self.frames_before ? number - self.frames_before : 0;
   if (const Outcome filled = self.fill_window(first, last, number, window, ready); filled != Outcome::kSolved) {
     return filled;
   }

@@ -1,5 +1,6 @@
 // Solves single pixels of a live stream on demand, from the raw planes in shared memory, in the reader's own process:
-// bit for bit what the writer's deblurred plane shows there.
+// bit for bit what the writer's deblurred plane shows there. Where pixels have time constants of their own, whose
+// correction remembers all frames of the past, the reader begins a window earlier, and may differ by a count.
 #pragma once
 
 #include <cstdint>

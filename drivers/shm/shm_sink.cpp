@@ -159,6 +159,11 @@ struct ShmSink::Impl {
   }
 };
 
+std::uint64_t bytes_needed(const ShmOptions& options, const deblur::Settings& settings, Geometry frame) {
+  const int slots = choose_slots(options.slots, settings).value_or(settings.window + settings.lookahead);
+  return kSlotsOffset + static_cast<std::uint64_t>(slots) * slot_layout(plane_bytes(frame, PixelType::kUint16)).stride;
+}
+
 ShmSink::ShmSink(ShmOptions options) : impl_(std::make_unique<Impl>()) { impl_->options = std::move(options); }
 
 ShmSink::~ShmSink() { close(); }

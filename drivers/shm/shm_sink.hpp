@@ -1,6 +1,7 @@
 // Publishes frames into POSIX shared memory as include/bolo/shm_layout.h lays it out.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -14,6 +15,10 @@ struct ShmOptions {
   unsigned mode = 0644;  // permissions; readers need to read only
   std::string group;     // owner group of the object; empty: the process's
 };
+
+// Bytes of the object for such frames; those of a ring of the least size where options.slots is out of range. Thread:
+// any.
+std::uint64_t bytes_needed(const ShmOptions& options, const deblur::Settings& settings, Geometry frame);
 
 class ShmSink final : public pipeline::FrameSink {
  public:

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <utility>
 
 #include "src/deblur/row_time.hpp"
 
@@ -32,11 +31,10 @@ void publish_raw(const PixelRun& run, const void* plane, std::size_t pixel) noex
 
 }  // namespace
 
-AutoLambdaSolver::AutoLambdaSolver(const StreamTask& task, Correction correction)
+AutoLambdaSolver::AutoLambdaSolver(const StreamTask& task)
     : task_(planned(task)),
       grid_(reduce(task_.settings, 0.0)),
-      correction_(std::move(correction)),
-      posterior_(task_, correction_),
+      posterior_(task_),
       risk_(task_, posterior_.models()),
       method_(make_method(task_)),
       run_(run_for(task_)) {}
@@ -109,26 +107,19 @@ void AutoLambdaSolver::solve_row(const WindowView& window, const Region& part, c
     any |= raw;
   }
   PixelRun run = run_;
-  run.delay = correction_.row_delay(part.y);
+  run.delay = task_.row_delay(part.y);
   run.published = published_bins(grid_, pattern_.slots, pattern_.target, run.delay);
   run.end = columns;
   run.out = out;
   run.lambda = lambda.data();
   const std::size_t first = static_cast<std::size_t>(part.y) * static_cast<std::size_t>(task_.input.geometry.width) +
                             static_cast<std::size_t>(part.x);
-  SampleBlock block(correction_);
   std::array<const void*, kMaxSlots> planes{};
-  if (correction_.changes_samples()) {
-    block.read(window, pattern_, first, columns);
-    run.input = PixelType::kFloat32;
-    run.planes = block.planes();
-  } else {
-    for (std::size_t s = 0; s < static_cast<std::size_t>(pattern_.slots); ++s) {
-      if (!pattern_.received[s]) continue;
-      planes[s] = static_cast<const std::byte*>(window.planes[s]) + first * bytes_of(task_.input.type);
-    }
-    run.planes = planes.data();
+  for (std::size_t s = 0; s < static_cast<std::size_t>(pattern_.slots); ++s) {
+    if (!pattern_.received[s]) continue;
+    planes[s] = static_cast<const std::byte*>(window.planes[s]) + first * bytes_of(task_.input.type);
   }
+  run.planes = planes.data();
   method_->run(run);
   if (!any) return;
   const void* target = run.planes[static_cast<std::size_t>(pattern_.target)];

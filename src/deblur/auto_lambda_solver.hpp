@@ -14,7 +14,7 @@ namespace bolo::deblur {
 // to be better than any lambda makes it, it is published as it is: an addition to the paper's estimator.
 class AutoLambdaSolver final : public Solver {
  public:
-  AutoLambdaSolver(const StreamTask& task, Correction correction);
+  explicit AutoLambdaSolver(const StreamTask& task);
 
   void prepare(const WindowView& window) noexcept override;
   void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
@@ -29,7 +29,6 @@ class AutoLambdaSolver final : public Solver {
 
   StreamTask task_;
   Grid grid_;
-  Correction correction_;
   MotionPosterior posterior_;
   LambdaRisk risk_;
   std::unique_ptr<PixelMethod> method_;

@@ -72,16 +72,6 @@ class InverseMethod final : public PixelMethod {
     kernels_.inverse(run.delay == 0.0 ? plan_ : make_inverse_plan(grid_, pattern_, run.delay), run);
   }
 
-  SlotRange needed(double delay) const noexcept override {
-    const InversePlan plan = delay == 0.0 ? plan_ : make_inverse_plan(grid_, pattern_, delay);
-    SlotRange slots{plan.target, plan.target + 1};
-    for (int i = 0; i < plan.taps; ++i) {
-      const int slot = plan.tap[static_cast<std::size_t>(i)].slot;
-      slots = {std::min(slots.first, slot), std::max(slots.end, slot + 1)};
-    }
-    return slots;
-  }
-
   int iterations() const noexcept override { return 1; }
   std::string_view isa() const noexcept override { return kernels_.isa; }
 

@@ -6,7 +6,6 @@
 
 #include "src/deblur/grid.hpp"
 #include "src/deblur/kernels.hpp"
-#include "src/deblur/samples.hpp"
 #include "src/deblur/stream_task.hpp"
 
 namespace bolo::deblur {
@@ -19,9 +18,6 @@ class PixelMethod {
   virtual void prepare(const Pattern& pattern) noexcept = 0;
   // Estimates a run of pixels. What a pixel becomes depends on its own samples alone, bit for bit. Thread: worker.
   virtual void run(const PixelRun& run) const noexcept = 0;
-
-  // The slots whose samples the estimates of rows with this delay (PixelRun::delay) depend on. Thread: worker.
-  virtual SlotRange needed(double /*delay*/) const noexcept { return {}; }
 
   // As Solver's.
   virtual int iterations() const noexcept = 0;

@@ -1,7 +1,6 @@
 #include "src/deblur/mmae_solver.hpp"
 
 #include <algorithm>
-#include <utility>
 
 #include "src/deblur/method.hpp"
 
@@ -18,8 +17,7 @@ struct MmaeSolver::Columns {
   int last = 0;   // may be one too many: the frame's last block stands in
 };
 
-MmaeSolver::MmaeSolver(const StreamTask& task, Correction correction)
-    : task_(task), correction_(std::move(correction)), posterior_(task, correction_) {}
+MmaeSolver::MmaeSolver(const StreamTask& task) : task_(task), posterior_(task) {}
 
 double MmaeSolver::noise_k() const noexcept { return task_.in_kelvin(posterior_.noise()); }
 
@@ -77,24 +75,13 @@ void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std
   }
 }
 
-// One row, from `pixel` on: its samples as they are, or corrected.
+// One row, from `pixel` on.
 void MmaeSolver::filter_row(const WindowView& window, std::size_t pixel, FilterRow& row, const BlockWeights& above,
                             const BlockWeights& below) const noexcept {
   const ModelTables& tables = posterior_.tables();
-  if (!correction_.changes_samples()) {
-    for (int i = 0; i < tables.samples; ++i) {
-      const auto slot = static_cast<std::size_t>(tables.slot[static_cast<std::size_t>(i)]);
-      row.samples[i] = static_cast<const std::byte*>(window.planes[slot]) + pixel * bytes_of(row.type);
-    }
-    posterior_.kernels().filter(tables.samples, row, above, below);
-    return;
-  }
-  static_assert(kCellColumns <= SampleBlock::kPixels);
-  SampleBlock block(correction_);
-  block.read(window, tables.pattern, pixel, static_cast<std::size_t>(row.columns), posterior_.slots());
-  row.type = PixelType::kFloat32;
   for (int i = 0; i < tables.samples; ++i) {
-    row.samples[i] = block.slot(static_cast<std::size_t>(tables.slot[static_cast<std::size_t>(i)]));
+    const auto slot = static_cast<std::size_t>(tables.slot[static_cast<std::size_t>(i)]);
+    row.samples[i] = static_cast<const std::byte*>(window.planes[slot]) + pixel * bytes_of(row.type);
   }
   posterior_.kernels().filter(tables.samples, row, above, below);
 }

@@ -11,7 +11,7 @@ namespace bolo::deblur {
 // Other pixels choose the weights, but no other pixel's value enters an estimate: nothing is smoothed in space.
 class MmaeSolver final : public Solver {
  public:
-  MmaeSolver(const StreamTask& task, Correction correction);
+  explicit MmaeSolver(const StreamTask& task);
 
   void prepare(const WindowView& window) noexcept override;
   void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
@@ -29,7 +29,6 @@ class MmaeSolver final : public Solver {
                     BlockWeights& weights) const noexcept;
 
   StreamTask task_;
-  Correction correction_;
   MotionPosterior posterior_;
 };
 

@@ -1,19 +1,17 @@
 #include "src/deblur/motion_posterior.hpp"
 
 #include <algorithm>
-#include <array>
 
 namespace bolo::deblur {
 namespace {
 
 constexpr std::size_t kOtherPatterns = 8;
 
-std::vector<double> read_out_offsets(const StreamTask& task, const Correction& correction) {
+std::vector<double> read_out_offsets(const StreamTask& task) {
   std::vector<double> offsets;
-  const int last = correction.delays_rows() ? task.input.geometry.height : 1;
+  const int last = task.delays_rows() ? task.input.geometry.height : 1;
   for (int row = 0; row < last; row += kStatBlock) {
-    const double middle =
-        correction.row_delay(row) + 0.5 * (correction.row_delay(row + kStatBlock - 1) - correction.row_delay(row));
+    const double middle = task.row_delay(row) + 0.5 * (task.row_delay(row + kStatBlock - 1) - task.row_delay(row));
     offsets.push_back(middle * task.settings.period_s);
   }
   return offsets;
@@ -21,12 +19,11 @@ std::vector<double> read_out_offsets(const StreamTask& task, const Correction& c
 
 }  // namespace
 
-MotionPosterior::MotionPosterior(const StreamTask& task, const Correction& correction)
+MotionPosterior::MotionPosterior(const StreamTask& task)
     : geometry_(task.input.geometry),
-      type_(correction.changes_samples() ? PixelType::kFloat32 : task.input.type),
-      window_(task.settings.window),
-      correction_(correction),
-      models_(task.settings, read_out_offsets(task, correction)),
+      type_(task.input.type),
+      delays_rows_(task.delays_rows()),
+      models_(task.settings, read_out_offsets(task)),
       noise_(task),
       kernels_(best_mmae_kernels()) {
   const Pattern all = whole_pattern(task.settings);
@@ -74,13 +71,7 @@ void MotionPosterior::find(const WindowView& window, int block_row, int first, i
   samples.rows = std::min(kStatRows, (geometry_.height - top + kStatRowStep - 1) / kStatRowStep);
   const std::size_t pixel = static_cast<std::size_t>(top) * width + static_cast<std::size_t>(first * kStatBlock);
   const auto inverse_noise = static_cast<float>(1.0 / noise());
-  if (!correction_.changes_samples()) {
-    point_at_planes(window, pixel, kStatRowStep * width, samples);
-    kernels_.posteriors(tables(), samples, inverse_noise, out);
-    return;
-  }
-  SampleBlock block(correction_);
-  point_at_corrected(window, pixel, kStatRowStep * width, block, samples);
+  point_at_planes(window, pixel, kStatRowStep * width, samples);
   kernels_.posteriors(tables(), samples, inverse_noise, out);
 }
 
@@ -92,26 +83,6 @@ void MotionPosterior::point_at_planes(const WindowView& window, std::size_t firs
     for (int i = 0; i < t.samples; ++i) {
       const auto slot = static_cast<std::size_t>(t.slot[static_cast<std::size_t>(i)]);
       samples.values[r][i] = static_cast<const std::byte*>(window.planes[slot]) + at;
-    }
-  }
-}
-
-void MotionPosterior::point_at_corrected(const WindowView& window, std::size_t first, std::size_t stride,
-                                         SampleBlock& block, BlockSamples& samples) const noexcept {
-  static_assert(kStatRows * kStatColumns <= SampleBlock::kPixels);
-  const ModelTables& t = tables();
-  const auto columns = static_cast<std::size_t>(samples.columns);
-  std::array<std::uint32_t, SampleBlock::kPixels> pixels{};
-  std::size_t count = 0;
-  for (int r = 0; r < samples.rows; ++r) {
-    const std::size_t at = first + static_cast<std::size_t>(r) * stride;
-    for (std::size_t x = 0; x < columns; ++x) pixels[count++] = static_cast<std::uint32_t>(at + x);
-  }
-  block.gather(window, t.pattern, {pixels.data(), count}, slots());
-  for (int r = 0; r < samples.rows; ++r) {
-    for (int i = 0; i < t.samples; ++i) {
-      const auto slot = static_cast<std::size_t>(t.slot[static_cast<std::size_t>(i)]);
-      samples.values[r][i] = block.slot(slot) + static_cast<std::size_t>(r) * columns;
     }
   }
 }

@@ -4,21 +4,18 @@
 #include <cstdint>
 #include <vector>
 
-#include "src/deblur/correction.hpp"
 #include "src/deblur/mmae_kernels.hpp"
 #include "src/deblur/motion_models.hpp"
 #include "src/deblur/noise_meter.hpp"
-#include "src/deblur/samples.hpp"
 #include "src/deblur/stream_task.hpp"
 
 namespace bolo::deblur {
 
 class MotionPosterior {
  public:
-  // `correction` outlives it. The models' estimates are at the frame's time, for the rows in the middle of each row of
-  // blocks: tables().weights has one entry for each row of blocks, or one for all where rows are sampled together.
-  // Thread: setup.
-  MotionPosterior(const StreamTask& task, const Correction& correction);
+  // The models' estimates are at the frame's time, for the rows in the middle of each row of blocks: tables().weights
+  // has one entry for each row of blocks, or one for all where rows are sampled together. Thread: setup.
+  explicit MotionPosterior(const StreamTask& task);
 
   // Measures the noise and makes ready for the pattern of lost frames: windows with one lost frame at most are prepared
   // in advance, others cost some 0.5 ms when their pattern changes. No allocation. Thread: pipeline.
@@ -34,22 +31,17 @@ class MotionPosterior {
   int blocks_across() const noexcept { return (geometry_.width + kStatBlock - 1) / kStatBlock; }
   int blocks_down() const noexcept { return (geometry_.height + kStatBlock - 1) / kStatBlock; }
   // Which of tables().weights belongs to a row of blocks. Thread: any.
-  int weights_of(int block_row) const noexcept { return correction_.delays_rows() ? block_row : 0; }
-  // The slots that the models look at. Thread: any.
-  SlotRange slots() const noexcept { return {window_ - models_.slots(), window_}; }
+  int weights_of(int block_row) const noexcept { return delays_rows_ ? block_row : 0; }
   double noise() const noexcept { return noise_.noise(); }  // in the values' unit
 
  private:
   std::size_t place_of(const Pattern& pattern) noexcept;
   void point_at_planes(const WindowView& window, std::size_t first, std::size_t stride,
                        BlockSamples& samples) const noexcept;
-  void point_at_corrected(const WindowView& window, std::size_t first, std::size_t stride, SampleBlock& block,
-                          BlockSamples& samples) const noexcept;
 
   Geometry geometry_;
   PixelType type_;
-  int window_;
-  const Correction& correction_;
+  bool delays_rows_;
   MotionModels models_;
   NoiseMeter noise_;
   const MmaeKernels& kernels_;

@@ -1,20 +1,16 @@
-// Brings pixels and their samples to a method: parts of the frame and single points, with or without corrections.
-//
-// Without maps the method reads the planes themselves; with maps it reads packed blocks of corrected samples.
+// Brings pixels and their samples to a method: parts of the frame and single points.
 #pragma once
 
 #include <memory>
 
 #include "bolo/deblur/solver.hpp"
-#include "src/deblur/correction.hpp"
 #include "src/deblur/method.hpp"
-#include "src/deblur/samples.hpp"
 
 namespace bolo::deblur {
 
 class PlaneSolver final : public Solver {
  public:
-  PlaneSolver(const StreamTask& task, Correction correction, std::unique_ptr<PixelMethod> method);
+  PlaneSolver(const StreamTask& task, std::unique_ptr<PixelMethod> method);
 
   void prepare(const WindowView& window) noexcept override;
   void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
@@ -25,12 +21,10 @@ class PlaneSolver final : public Solver {
  private:
   // A run whose first estimate goes to `out`; pixels of `row`.
   PixelRun run_into(void* out, int row) const noexcept;
-  void solve_packed(const WindowView& window, std::size_t first, std::size_t count, int row, void* out) const noexcept;
   int row_of(std::size_t pixel) const noexcept;
 
   StreamTask task_;
   Grid grid_;
-  Correction correction_;
   std::unique_ptr<PixelMethod> method_;
   Pattern pattern_;
 };

@@ -1,7 +1,7 @@
 #include "bolo/deblur/solver.hpp"
 
 #include <cmath>
-#include <utility>
+#include <sstream>
 
 #include "src/deblur/auto_lambda_solver.hpp"
 #include "src/deblur/grid.hpp"
@@ -21,6 +21,15 @@ Status validate(const StreamFormat& input) {
   return {};
 }
 
+Status check_row_delay(const Settings& settings, const StreamFormat& input, double row_delay_s) {
+  const double span_s = row_delay_s * input.row_step * (input.geometry.height - 1);
+  if (std::isfinite(span_s) && std::abs(span_s) <= (settings.window - 1) * settings.period_s) return {};
+  std::ostringstream text;
+  text << "row_delay_s is " << row_delay_s << ": reading " << input.geometry.height
+       << " rows would take longer than the window of " << settings.window << " frames";
+  return bad_input(text.str());
+}
+
 }  // namespace
 
 // Without a prior any input that explains the samples is optimal; the inverse filter is the one that is constant
@@ -38,17 +47,18 @@ std::unique_ptr<PixelMethod> make_method(const StreamTask& task) {
 }
 
 Result<std::unique_ptr<Solver>> Solver::create(const Settings& settings, const StreamFormat& input, PixelType output,
-                                               const model::PixelMaps& maps) {
+                                               double row_delay_s) {
   if (const Status good = deblur::validate(settings); !good) return tl::unexpected<Error>(good.error());
   if (const Status good = validate(input); !good) return tl::unexpected<Error>(good.error());
-  auto correction = Correction::create(settings, input, maps);
-  if (!correction) return tl::unexpected<Error>(correction.error());
-  const StreamTask task{settings, input, output};
-  if (settings.method == Method::kMmae) return std::make_unique<MmaeSolver>(task, std::move(*correction));
-  if (settings.auto_lambda && settings.method != Method::kInverse) {
-    return std::make_unique<AutoLambdaSolver>(task, std::move(*correction));
+  if (const Status good = check_row_delay(settings, input, row_delay_s); !good) {
+    return tl::unexpected<Error>(good.error());
   }
-  return std::make_unique<PlaneSolver>(task, std::move(*correction), make_method(task));
+  const StreamTask task{settings, input, output, row_delay_s * input.row_step / settings.period_s};
+  if (settings.method == Method::kMmae) return std::make_unique<MmaeSolver>(task);
+  if (settings.auto_lambda && settings.method != Method::kInverse) {
+    return std::make_unique<AutoLambdaSolver>(task);
+  }
+  return std::make_unique<PlaneSolver>(task, make_method(task));
 }
 
 }  // namespace bolo::deblur

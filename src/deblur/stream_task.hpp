@@ -11,6 +11,11 @@ struct StreamTask {
   Settings settings;
   StreamFormat input;
   PixelType output = PixelType::kUint16;
+  double row_period = 0.0;  // from a stored row's sample to the next one's, frame periods
+
+  // How much later than the frame's time a stored row is sampled, frame periods.
+  double row_delay(int row) const { return row * row_period; }
+  bool delays_rows() const { return row_period != 0.0; }
 
   // What one unit of the values is worth, K; camera counts are taken for 10 mK, as in the A655sc's linear modes.
   double kelvin_per_value() const;

@@ -4,14 +4,10 @@
 #include <cstdint>
 #include <span>
 
+#include "bolo/core/pixel_range.hpp"
 #include "bolo/core/plane.hpp"
 
 namespace bolo::pipeline {
-
-struct PixelRange {
-  std::size_t begin = 0;
-  std::size_t end = 0;
-};
 
 // Writes raw values as output values, by the solver's own rule: kUint16 in the input's scale, rounded and clamped
 // (NaN becomes 0); kFloat32 in kelvin, or input values for Unit::kCount. Both planes whole, only `range` is touched.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "bolo/model/band_radiance.hpp"
 
@@ -34,11 +35,19 @@ Result<std::unique_ptr<FrameUndo>> FrameUndo::create(const UndoTask& task, const
   if (task.undo.curves() && input.scale.unit != Unit::kKelvin) {
     return bad_input("the profile's [radiometry] needs temperatures, but the source has only counts; take it out");
   }
-  return std::unique_ptr<FrameUndo>(new FrameUndo(task, input));
+  auto correction = deblur::PixelCorrection::create(task.settings, input, task.maps);
+  if (!correction) return tl::unexpected(correction.error());
+  return std::unique_ptr<FrameUndo>(new FrameUndo(task, input, std::move(*correction)));
 }
 
-FrameUndo::FrameUndo(const UndoTask& task, const StreamFormat& input) : task_(task), input_(input), format_(input) {
-  const model::Undo& undo = task_.undo;
+FrameUndo::FrameUndo(const UndoTask& task, const StreamFormat& input, deblur::PixelCorrection correction)
+    : undo_(task.undo),
+      tau_s_(task.settings.tau_s),
+      ring_planes_(task.planes + 1),
+      input_(input),
+      format_(input),
+      correction_(std::move(correction)) {
+  const model::Undo& undo = undo_;
   const bool kelvin = input.scale.unit == Unit::kKelvin;
   const double scale = kelvin ? input.scale.scale : 1.0;
   const double shift = kelvin ? input.scale.offset : 0.0;
@@ -48,7 +57,6 @@ FrameUndo::FrameUndo(const UndoTask& task, const StreamFormat& input) : task_(ta
       return (model::band_radiance(scale * value + shift) - shift) / scale;
     });
   }
-  if (undo.coupling != 0.0) set_sideways(task.maps);
   if (undo.curves()) {
     to_temperature_ = ValueCurve(kColdestK, kHottestK, kPieces, [&](double shown) {
       return undone_emissivity(undo, undo.radiance ? model::band_temperature(shown) : shown);
@@ -59,11 +67,10 @@ FrameUndo::FrameUndo(const UndoTask& task, const StreamFormat& input) : task_(ta
       finished_.push_back(static_cast<std::uint16_t>(std::lround(std::clamp(wanted, 0.0, 65535.0))));
     }
   }
-  task_.maps = nullptr;  // the caller's
   if (undo.drop_repeated) last_raw_.resize(plane_bytes(input.geometry, input.type));
-  if (!undo.before()) return;
+  if (!before()) return;
   format_.type = PixelType::kFloat32;
-  planes_.assign(pixels * (task.planes + 1), 0.0F);
+  planes_.assign(pixels * ring_planes_, 0.0F);
   if (undo.filter != model::FrameFilter::kNone) filtered_.assign(pixels, 0.0F);
   if (undo.slow_share != 0.0) {
     fast_state_.assign(pixels, 0.0F);
@@ -90,9 +97,9 @@ bool FrameUndo::repeats(const void* raw) noexcept {
 // Constants over `frames` periods.
 void FrameUndo::set_gap(std::uint64_t frames) noexcept {
   gap_ = static_cast<float>(frames);
-  const model::Undo& undo = task_.undo;
+  const model::Undo& undo = undo_;
   const double passed_s = static_cast<double>(frames) * input_.frame_period_s;
-  const double p = std::exp(-passed_s / task_.tau_s);
+  const double p = std::exp(-passed_s / tau_s_);
   const double q = std::exp(-passed_s / undo.slow_tau_s);
   const double per_input = (1.0 - undo.slow_share) * (1.0 - p) + undo.slow_share * (1.0 - q);
   pole_ = {static_cast<float>(p), static_cast<float>(q), static_cast<float>(1.0 / per_input)};
@@ -102,12 +109,13 @@ void FrameUndo::begin(const FrameMeta& meta, const void* raw, bool restart) noex
   raw_ = raw;
   const std::size_t pixels = input_.geometry.pixels();
   plane_ = planes_.data() + next_ * pixels;
-  next_ = (next_ + 1) % (task_.planes + 1);
+  next_ = (next_ + 1) % ring_planes_;
   first_ = restart || !begun_ || meta.frame_id <= last_id_;
   begun_ = true;
   const std::uint64_t gap = first_ ? 1 : meta.frame_id - last_id_;
   last_id_ = meta.frame_id;
   if (static_cast<float>(gap) != gap_) set_gap(gap);
+  correction_.begin(first_ ? 0 : gap);
 }
 
 void FrameUndo::read(PixelRange pixels) noexcept {
@@ -123,9 +131,9 @@ void FrameUndo::read_as(PixelRange pixels) noexcept {
     return;
   }
   float* const before = filtered_.data();
-  const bool box = task_.undo.filter == model::FrameFilter::kBox;
+  const bool box = undo_.filter == model::FrameFilter::kBox;
   // x = y + (1 - w) / w (y - before): small numbers are subtracted, not 30,000 counts.
-  const auto weight = static_cast<float>((1.0 - task_.undo.filter_weight) / task_.undo.filter_weight) / gap_;
+  const auto weight = static_cast<float>((1.0 - undo_.filter_weight) / undo_.filter_weight) / gap_;
   for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
     const auto y = static_cast<float>(from[i]);
     const float x = first_ ? y : y + weight * (y - before[i]);
@@ -176,7 +184,7 @@ void FrameUndo::settle() noexcept {
   }
   const double step = std::abs(difference - trend_);
   const bool still = share_within(kClip * sigma_, difference) > kStill;
-  if (task_.undo.follow_jumps && step > std::max(kJump * sigma_, kUnusual * usual_) &&
+  if (undo_.follow_jumps && step > std::max(kJump * sigma_, kUnusual * usual_) &&
       share_within(kClip * spread_, difference) > kJumpShare) {
     jumped_ += difference - trend_;
     difference = trend_;
@@ -184,7 +192,7 @@ void FrameUndo::settle() noexcept {
     usual_ += kTrendTaken * (step - usual_);
   }
   // Where nearly all moves nothing is known of flicker.
-  if (task_.undo.flicker_k > 0.0) flicker_ = kFlickerKept * flicker_ + (still ? difference - trend_ : 0.0);
+  if (undo_.flicker_k > 0.0) flicker_ = kFlickerKept * flicker_ + (still ? difference - trend_ : 0.0);
   trend_ += kTrendTaken * (difference - trend_);
   for (float& d : difference_) d = static_cast<float>(std::abs(static_cast<double>(d) - difference));
   const auto middle = difference_.begin() + static_cast<std::ptrdiff_t>(difference_.size() / 2);
@@ -202,8 +210,13 @@ void FrameUndo::write(PixelRange pixels) noexcept {
   if (!to_radiance_.empty()) {
     for (std::size_t i = pixels.begin; i < pixels.end; ++i) to[i] = to_radiance_.at(to[i]);
   }
-  if (fast_state_.empty()) return;
-  const auto share = static_cast<float>(task_.undo.slow_share);
+  if (!fast_state_.empty()) take_slow_pole(pixels);
+  correction_.correct(to, pixels);
+}
+
+void FrameUndo::take_slow_pole(PixelRange pixels) noexcept {
+  float* const to = plane_;
+  const auto share = static_cast<float>(undo_.slow_share);
   float* const fast = fast_state_.data();
   float* const slow = slow_state_.data();
   for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
@@ -219,38 +232,17 @@ void FrameUndo::write(PixelRange pixels) noexcept {
   }
 }
 
-void FrameUndo::set_sideways(const model::PixelMaps* maps) {
-  const std::size_t pixels = input_.geometry.pixels();
-  const bool kelvin = input_.scale.unit == Unit::kKelvin;
-  const double scale = kelvin ? input_.scale.scale : 1.0;
-  const double shift = kelvin ? input_.scale.offset : 0.0;
-  gain_.assign(pixels, 1.0F);
-  sideways_offset_.assign(pixels, 0.0F);
-  good_.assign(pixels, 1.0F);
-  if (maps == nullptr) return;
-  for (std::size_t p = 0; p < pixels; ++p) {  // maps of another size are the solver's to refuse
-    if (p < maps->gain.size()) gain_[p] = maps->gain[p];
-    const double offset = p < maps->offset.size() ? static_cast<double>(maps->offset[p]) : 0.0;
-    sideways_offset_[p] = static_cast<float>((static_cast<double>(gain_[p]) * shift + offset - shift) / scale);
-    if (p < maps->dead.size() && maps->dead[p] != 0) good_[p] = 0.0F;
-  }
-}
-
 // c sum (y - y_n), in values, of `count` pixels of one row: by `left`, `right`, `up` and `down` lie the neighbours, 0
 // where there is none.
 template <typename T>
 void FrameUndo::sideways(const T* plane, std::size_t first, std::size_t count, const Reach& to,
                          float* out) const noexcept {
-  const float* const gain = gain_.data();
-  const float* const offset = sideways_offset_.data();
-  const float* const good = good_.data();
-  const auto coupling = static_cast<float>(task_.undo.coupling);
-  const auto value = [=](std::size_t p) { return gain[p] * static_cast<float>(plane[p]) + offset[p]; };
+  const auto coupling = static_cast<float>(undo_.coupling);
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t p = first + i;
-    const float own = value(p);
-    const auto from = [&](std::size_t q) { return good[q] * (own - value(q)); };
-    out[i] = coupling * good[p] * ((from(p - to.left) + from(p + to.right)) + (from(p - to.up) + from(p + to.down)));
+    const auto own = static_cast<float>(plane[p]);
+    const auto from = [&](std::size_t q) { return own - static_cast<float>(plane[q]); };
+    out[i] = coupling * ((from(p - to.left) + from(p + to.right)) + (from(p - to.up) + from(p + to.down)));
   }
 }
 
@@ -273,11 +265,11 @@ void FrameUndo::take_sideways(const Deblurred& frame, Out&& change) const noexce
   }
 }
 
-void FrameUndo::finish(const Deblurred& frame) const noexcept {
+void FrameUndo::undo_after(const Deblurred& frame) const noexcept {
   auto* const counts = static_cast<std::uint16_t*>(frame.out);
   auto* const kelvin = static_cast<float*>(frame.out);
   const bool as_counts = frame.type == PixelType::kUint16;
-  if (!good_.empty()) {
+  if (undo_.coupling != 0.0) {
     const float scale = input_.scale.unit == Unit::kKelvin ? static_cast<float>(input_.scale.scale) : 1.0F;
     const auto change = [&](std::size_t i, float by) {
       if (as_counts) {
@@ -301,8 +293,8 @@ void FrameUndo::finish(const Deblurred& frame) const noexcept {
 }
 
 bool FrameUndo::saturated(const void* raw, PixelRange pixels) const noexcept {
-  if (task_.undo.ceiling_k <= 0.0 || input_.scale.unit != Unit::kKelvin) return false;
-  const double ceiling = (task_.undo.ceiling_k - input_.scale.offset) / input_.scale.scale - 0.5;
+  if (undo_.ceiling_k <= 0.0 || input_.scale.unit != Unit::kKelvin) return false;
+  const double ceiling = (undo_.ceiling_k - input_.scale.offset) / input_.scale.scale - 0.5;
   if (input_.type == PixelType::kFloat32) {
     const auto* values = static_cast<const float*>(raw);
     return std::any_of(values + pixels.begin, values + pixels.end,

@@ -12,13 +12,13 @@
 //   radiance   from temperature to the radiance that the pixels follow, in kelvin-like units
 //   slow pole  with z the answer of tau alone and s that of slow_tau: y = (1 - a) z + a s, both to the input that is
 //              constant between samples: that input follows from y, and z goes on. Noise gain 1 / (1 - a).
+//   maps       gain, offset, time constant of each pixel, dead ones (deblur::PixelCorrection): they commute with filter
+//              and slow pole, and are small enough for the curve.
 // After, first: conduction. A pixel with the coupling c to its neighbours follows tau dy/dt + y = x + c sum (y_n - y),
 // so the solver's estimate is x + c sum (y_n - y), and x is it less that sum of the frame itself: no inversion, and
-// hardly any noise (c sqrt(20) of the frame's). Neighbours beyond the border and dead ones count as the pixel itself.
+// hardly any noise (c sqrt(20) of the frame's). Neighbours beyond the border count as the pixel itself.
 // Then from radiance back to temperature, and from the apparent temperature to that of what is looked at,
 //   B(T) = (B(T') - (1 - e) B(T_reflected)) / e.
-// Gain and offset maps act within the solver, after this: they commute with filter and slow pole, and are small enough
-// for the curves.
 #pragma once
 
 #include <array>
@@ -30,6 +30,8 @@
 #include "bolo/core/frame.hpp"
 #include "bolo/core/plane.hpp"
 #include "bolo/core/result.hpp"
+#include "bolo/deblur/pixel_correction.hpp"
+#include "bolo/deblur/settings.hpp"
 #include "bolo/model/pixel_maps.hpp"
 #include "bolo/model/undo.hpp"
 #include "src/pipeline/convert.hpp"
@@ -62,22 +64,22 @@ class ValueCurve {
 
 struct UndoTask {
   model::Undo undo;
-  double tau_s = 0.011;
-  double noise_k = 0.03;                   // of one pixel, K (counts without kelvin)
-  std::size_t planes = 1;                  // that must stay valid at once
-  const model::PixelMaps* maps = nullptr;  // of the solver, for what flows sideways; null: none
+  deblur::Settings settings;  // period_s and the nominal tau_s
+  model::PixelMaps maps{};
+  double noise_k = 0.03;   // of one pixel, K (counts without kelvin)
+  std::size_t planes = 1;  // that must stay valid at once
 };
 
-// Use, per frame: if (repeats(raw)) drop it; begin(); on all workers read(); settle(); on all workers write(); the
-// result is plane(), of format(). Nothing is allocated after create().
+// Use, per frame: if (repeats(raw)) drop it; begin(); on all workers read(); settle(); on all workers write();
+// finish(); the result is plane(), of format(). Nothing is allocated after create().
 class FrameUndo {
  public:
-  // Curves of temperature need a stream in kelvin: else bad input. Thread: setup.
+  // Curves of temperature need a stream in kelvin, maps its size: else bad input. Thread: setup.
   static Result<std::unique_ptr<FrameUndo>> create(const UndoTask& task, const StreamFormat& input);
 
   // Frames are changed before the solver. Thread: any.
-  bool before() const noexcept { return task_.undo.before(); }
-  bool after() const noexcept { return task_.undo.after(); }
+  bool before() const noexcept { return undo_.before() || correction_.changes_samples(); }
+  bool after() const noexcept { return undo_.after(); }
   // Of the planes that the solver gets: the input's, float32 when before(). Thread: any.
   const StreamFormat& format() const noexcept { return format_; }
 
@@ -88,8 +90,11 @@ class FrameUndo {
   // Pixels of the frame, disjoint between concurrent calls. Thread: worker.
   void read(PixelRange pixels) noexcept;
   void write(PixelRange pixels) noexcept;
-  // Between the two. Thread: pipeline.
+  // Between the two; where it is not needed each worker may go on to write() what it has read. Thread: pipeline.
+  bool needs_settling() const noexcept { return !lattice_.empty(); }
   void settle() noexcept;
+  // After all of write(). Thread: pipeline.
+  void finish() noexcept { correction_.fill_dead(plane_); }
   const void* plane() const noexcept { return plane_; }
 
   // Deblurred values in place: values[i] of `out`, of the output type, is pixel `first_pixel` + i of the frame whose
@@ -101,19 +106,19 @@ class FrameUndo {
     const void* plane = nullptr;
     std::size_t first_pixel = 0;
   };
-  void finish(const Deblurred& frame) const noexcept;
+  void undo_after(const Deblurred& frame) const noexcept;
 
   // True when a raw value lies at the ceiling. Thread: worker.
   bool saturated(const void* raw, PixelRange pixels) const noexcept;
 
  private:
-  FrameUndo(const UndoTask& task, const StreamFormat& input);
+  FrameUndo(const UndoTask& task, const StreamFormat& input, deblur::PixelCorrection correction);
   template <typename T>
   void read_as(PixelRange pixels) noexcept;
   void set_gap(std::uint64_t frames) noexcept;
+  void take_slow_pole(PixelRange pixels) noexcept;
   double centre() noexcept;
   double share_within(double reach, double centre) const noexcept;
-  void set_sideways(const model::PixelMaps* maps);
   struct Reach {  // how far the neighbours are, 0: there is none
     std::size_t left;
     std::size_t right;
@@ -125,13 +130,12 @@ class FrameUndo {
   template <typename T, typename Out>
   void take_sideways(const Deblurred& frame, Out&& change) const noexcept;
 
-  UndoTask task_;
+  const model::Undo undo_;
+  const double tau_s_;
+  const std::size_t ring_planes_;
   StreamFormat input_;
   StreamFormat format_;
-  // Conduction: what each pixel's value is for its neighbours, gain * value + offset, and whether it is one.
-  std::vector<float> gain_;
-  std::vector<float> sideways_offset_;
-  std::vector<float> good_;
+  deblur::PixelCorrection correction_;
   ValueCurve to_radiance_;               // of stored values
   ValueCurve to_temperature_;            // of kelvin
   std::vector<std::uint16_t> finished_;  // of each stored value, when the output is uint16

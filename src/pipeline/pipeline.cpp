@@ -195,7 +195,7 @@ bool Pipeline::Impl::solve_part(const Region& part) noexcept {
     const std::size_t begin = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(part.x);
     const PixelRange pixels{begin, begin + static_cast<std::size_t>(step) * part_width};
     if (!job->full) convert(undo->format(), job->frame.plane, options.output, deblurred.data(), pixels);
-    if (undo->after()) undo->finish({options.output, deblurred.data(), pixels, job->frame.plane, pixels.begin});
+    if (undo->after()) undo->undo_after({options.output, deblurred.data(), pixels, job->frame.plane, pixels.begin});
     found = saturated(info.format.type, raw, pixels) || undo->saturated(raw, pixels) || found;
   }
   return found;
@@ -210,7 +210,7 @@ bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
     convert(undo->format(), job->frame.plane, options.output, out, pixels);
   }
   for (std::size_t i = 0; undo->after() && i < pixels.size(); ++i) {
-    undo->finish({options.output, out, {i, i + 1}, job->frame.plane, pixels[i]});
+    undo->undo_after({options.output, out, {i, i + 1}, job->frame.plane, pixels[i]});
   }
   return saturated(info.format.type, raw, pixels) ||
          std::any_of(pixels.begin(), pixels.end(), [this](std::uint32_t pixel) {
@@ -264,15 +264,26 @@ const void* Pipeline::Impl::undone(const rt::FrameSlot& slot, bool restart) noex
   const std::int64_t start_ns = monotonic_ns();
   undo->begin(slot.meta, slot.data, restart);
   const auto on_all = [this](auto part) { team.run(part, this); };
-  on_all([](void* self, int worker) {
+  const auto read = [](void* self, int worker) {
     auto* const impl = static_cast<Impl*>(self);
     impl->undo->read(impl->share_of_pixels(worker));
-  });
-  undo->settle();
-  on_all([](void* self, int worker) {
+  };
+  const auto write = [](void* self, int worker) {
     auto* const impl = static_cast<Impl*>(self);
     impl->undo->write(impl->share_of_pixels(worker));
-  });
+  };
+  if (undo->needs_settling()) {
+    on_all(read);
+    undo->settle();
+    on_all(write);
+  } else {
+    on_all([](void* self, int worker) {
+      auto* const impl = static_cast<Impl*>(self);
+      impl->undo->read(impl->share_of_pixels(worker));
+      impl->undo->write(impl->share_of_pixels(worker));
+    });
+  }
+  undo->finish();
   stats.deblur_ns.add(static_cast<std::uint64_t>(monotonic_ns() - start_ns));
   return undo->plane();
 }
@@ -329,12 +340,10 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
   deblur::Settings settings = options.deblur;
   settings.period_s = info->format.frame_period_s;
   if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
-  UndoTask task{options.undo, settings.tau_s, options.pixel_noise_k};
-  task.maps = &options.maps;
-  task.planes = static_cast<std::size_t>(deblur::Window(settings).slots());
-  auto undo = FrameUndo::create(task, info->format);
+  const auto planes = static_cast<std::size_t>(deblur::Window(settings).slots());
+  auto undo = FrameUndo::create({options.undo, settings, options.maps, options.pixel_noise_k, planes}, info->format);
   if (!undo) return tl::unexpected(undo.error());
-  auto solver = deblur::Solver::create(settings, (*undo)->format(), options.output, options.maps);
+  auto solver = deblur::Solver::create(settings, (*undo)->format(), options.output, options.maps.row_delay_s);
   if (!solver) return tl::unexpected(solver.error());
   settings.iterations = (*solver)->iterations();
 

@@ -73,8 +73,8 @@ std::vector<const void*> pointers(const std::vector<std::vector<float>>& planes)
   return result;
 }
 
-std::unique_ptr<Solver> make(const Settings& settings, const model::PixelMaps& maps = {}) {
-  auto solver = Solver::create(settings, kelvin_format(), PixelType::kFloat32, maps);
+std::unique_ptr<Solver> make(const Settings& settings, double row_delay_s = 0.0) {
+  auto solver = Solver::create(settings, kelvin_format(), PixelType::kFloat32, row_delay_s);
   EXPECT_TRUE(solver) << solver.error().message;
   return std::move(*solver);
 }
@@ -105,13 +105,8 @@ TEST_P(Adaptive, PartsAndPointsHaveTheFramesBits) {
   std::vector<const void*> window = pointers(planes);
   window[9] = nullptr;
   const WindowView view{window, kWindow - 1};
-  model::PixelMaps maps;
-  maps.gain.assign(kFrame.pixels(), 1.01F);
-  maps.dead.assign(kFrame.pixels(), 0);
-  for (std::size_t i = 7; i < maps.dead.size(); i += 211) maps.dead[i] = 1;
-  maps.row_delay_s = 4e-5;
-  for (const bool corrected : {false, true}) {
-    const auto solver = make(settings_of(GetParam()), corrected ? maps : model::PixelMaps());
+  for (const double row_delay_s : {0.0, 4e-5}) {
+    const auto solver = make(settings_of(GetParam()), row_delay_s);
     const std::vector<float> whole = whole_frame(*solver, view);
     for (const Region part : {Region{0, 5, 150, 11}, {63, 0, 2, 37}, {140, 30, 10, 7}}) {
       std::vector<float> out(kFrame.pixels(), -1.0F);
@@ -120,7 +115,7 @@ TEST_P(Adaptive, PartsAndPointsHaveTheFramesBits) {
         const int x = static_cast<int>(i) % kFrame.width;
         const int y = static_cast<int>(i) / kFrame.width;
         const bool inside = x >= part.x && x < part.x + part.width && y >= part.y && y < part.y + part.height;
-        ASSERT_EQ(out[i], inside ? whole[i] : -1.0F) << x << ", " << y << " corrected " << corrected;
+        ASSERT_EQ(out[i], inside ? whole[i] : -1.0F) << x << ", " << y << " delay " << row_delay_s;
       }
     }
     const std::vector<std::uint32_t> points = {0, 7, 218, 149, 5549, 2000};
@@ -130,38 +125,14 @@ TEST_P(Adaptive, PartsAndPointsHaveTheFramesBits) {
   }
 }
 
-// A camera with its own gain and offset for each pixel, and dead ones, seen through its maps is the ideal camera.
-TEST_P(Adaptive, MapsUndoWhatPixelsDo) {
-  const auto ideal = movie(0.8, 0.05);
-  auto real = ideal;
-  model::PixelMaps maps;
-  std::mt19937 random(2);
-  std::uniform_real_distribution<float> unit(-1.0F, 1.0F);
-  for (std::size_t i = 0; i < kFrame.pixels(); ++i) {
-    maps.gain.push_back(1.0F + 0.02F * unit(random));
-    maps.offset.push_back(3.0F * unit(random));
-    for (auto& plane : real) plane[i] = (plane[i] - maps.offset[i]) / maps.gain[i];
-  }
-  std::vector<const void*> ideal_pointers = pointers(ideal);
-  std::vector<const void*> real_pointers = pointers(real);
-  Settings settings = settings_of(GetParam());
-  settings.noise_k = 0.05;
-  const std::vector<float> wanted = whole_frame(*make(settings), {ideal_pointers, kWindow - 1});
-  const std::vector<float> out = whole_frame(*make(settings, maps), {real_pointers, kWindow - 1});
-  int apart = 0;  // single precision may choose another lambda where two cost the same
-  for (std::size_t i = 0; i < out.size(); ++i) apart += std::abs(out[i] - wanted[i]) > 0.005F ? 1 : 0;
-  EXPECT_LE(apart, GetParam() == Estimator::kMmae ? 0 : static_cast<int>(out.size() / 50));
-}
-
 TEST_P(Adaptive, RowsThatAreReadLaterAreBroughtToTheFramesTime) {
   const double delay_periods = 0.6 / kFrame.height;
   const auto planes = movie(1.0, 0.03, delay_periods);
   std::vector<const void*> window = pointers(planes);
   const WindowView view{window, kWindow - 1};
-  model::PixelMaps maps;
-  maps.row_delay_s = delay_periods * Settings().period_s;
   const double without = rms_error(whole_frame(*make(settings_of(GetParam())), view), 1.0);
-  const double with = rms_error(whole_frame(*make(settings_of(GetParam()), maps), view), 1.0);
+  const double with =
+      rms_error(whole_frame(*make(settings_of(GetParam()), delay_periods * Settings().period_s), view), 1.0);
   if (GetParam() == Estimator::kMmae) {
     EXPECT_LT(with, 0.9 * without);
   } else {

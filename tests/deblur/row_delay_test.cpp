@@ -62,9 +62,7 @@ class Ramp {
 };
 
 std::vector<float> solve(const Settings& s, const WindowView& view, double row_delay_s, int row_step = 1) {
-  model::PixelMaps maps;
-  maps.row_delay_s = row_delay_s;
-  auto solver = Solver::create(s, float_kelvin(row_step), PixelType::kFloat32, maps);
+  auto solver = Solver::create(s, float_kelvin(row_step), PixelType::kFloat32, row_delay_s);
   EXPECT_TRUE(solver) << solver.error().message;
   std::vector<float> out(kFrame.pixels());
   (*solver)->prepare(view);
@@ -132,35 +130,35 @@ TEST_P(RowDelayOf, CountsSensorRows) {
 }
 
 TEST_P(RowDelayOf, PartsAndPointsAreTheWholeFramesBits) {
-  for (const bool mapped : {false, true}) {
-    for (const int lost : {-1, 14}) {
-      const Settings s = settings_for(GetParam(), 1);
-      Ramp ramp(s, 300e-6, 400.0);
-      if (lost >= 0) ramp.lose(static_cast<std::size_t>(lost));
-      model::PixelMaps maps;
-      maps.row_delay_s = 300e-6;
-      if (mapped) {
-        for (std::size_t i = 0; i < kFrame.pixels(); ++i) maps.tau_s.push_back(0.010F + 1e-5F * static_cast<float>(i));
-      }
-      auto solver = Solver::create(s, float_kelvin(1), PixelType::kFloat32, maps);
-      ASSERT_TRUE(solver);
-      const WindowView view = ramp.view();
-      (*solver)->prepare(view);
-      std::vector<float> whole(kFrame.pixels());
-      (*solver)->solve(view, {0, 0, kFrame.width, kFrame.height}, whole.data());
-      std::vector<float> parts(kFrame.pixels());
-      (*solver)->solve(view, {0, 0, 2, kFrame.height}, parts.data());
-      (*solver)->solve(view, {2, 0, 3, 9}, parts.data());
-      (*solver)->solve(view, {2, 9, 3, kFrame.height - 9}, parts.data());
-      EXPECT_EQ(std::memcmp(parts.data(), whole.data(), whole.size() * sizeof(float)), 0);
-      std::vector<std::uint32_t> pixels(kFrame.pixels());
-      std::iota(pixels.begin(), pixels.end(), 0U);
-      std::shuffle(pixels.begin(), pixels.end(), std::mt19937(3U));
-      std::vector<float> points(pixels.size());
-      (*solver)->solve_points(view, pixels, points.data());
-      for (std::size_t i = 0; i < pixels.size(); ++i) EXPECT_EQ(points[i], whole[pixels[i]]);
-    }
+  for (const int lost : {-1, 14}) {
+    const Settings s = settings_for(GetParam(), 1);
+    Ramp ramp(s, 300e-6, 400.0);
+    if (lost >= 0) ramp.lose(static_cast<std::size_t>(lost));
+    auto solver = Solver::create(s, float_kelvin(1), PixelType::kFloat32, 300e-6);
+    ASSERT_TRUE(solver);
+    const WindowView view = ramp.view();
+    (*solver)->prepare(view);
+    std::vector<float> whole(kFrame.pixels());
+    (*solver)->solve(view, {0, 0, kFrame.width, kFrame.height}, whole.data());
+    std::vector<float> parts(kFrame.pixels());
+    (*solver)->solve(view, {0, 0, 2, kFrame.height}, parts.data());
+    (*solver)->solve(view, {2, 0, 3, 9}, parts.data());
+    (*solver)->solve(view, {2, 9, 3, kFrame.height - 9}, parts.data());
+    EXPECT_EQ(std::memcmp(parts.data(), whole.data(), whole.size() * sizeof(float)), 0);
+    std::vector<std::uint32_t> pixels(kFrame.pixels());
+    std::iota(pixels.begin(), pixels.end(), 0U);
+    std::shuffle(pixels.begin(), pixels.end(), std::mt19937(3U));
+    std::vector<float> points(pixels.size());
+    (*solver)->solve_points(view, pixels, points.data());
+    for (std::size_t i = 0; i < pixels.size(); ++i) EXPECT_EQ(points[i], whole[pixels[i]]);
   }
+}
+
+TEST(RowTime, LongerThanTheWindowIsRefused) {
+  const auto solver = Solver::create(Settings(), float_kelvin(1), PixelType::kFloat32, 0.01);
+  ASSERT_FALSE(solver);
+  EXPECT_EQ(solver.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(solver.error().message.find("row_delay_s"), std::string::npos) << solver.error().message;
 }
 
 INSTANTIATE_TEST_SUITE_P(Solver, RowDelayOf, ::testing::Values(Method::kAdmm, Method::kExact, Method::kInverse),

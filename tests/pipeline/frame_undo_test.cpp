@@ -38,7 +38,7 @@ StreamFormat in_counts(Geometry geometry) {
 }
 
 std::unique_ptr<FrameUndo> make(const model::Undo& undo, const StreamFormat& format = floats()) {
-  auto made = FrameUndo::create({undo, kTau, 0.03, 4}, format);
+  auto made = FrameUndo::create({undo, {}, {}, 0.03, 4}, format);
   EXPECT_TRUE(made) << made.error().message;
   return std::move(*made);
 }
@@ -248,15 +248,16 @@ TEST(FrameUndo, CurvesOfRadianceAndEmissivityAreInverted) {
   for (std::size_t p = 0; p < kSmall.pixels(); ++p) kelvin.push_back(static_cast<float>(0.01 * passed.planes[0][p]));
   std::vector<std::uint16_t> counts;
   for (const float k : kelvin) counts.push_back(static_cast<std::uint16_t>(std::lround(100.0F * k)));
-  made->finish({PixelType::kFloat32, kelvin.data(), {0, kelvin.size()}, nullptr, 0});
-  made->finish({PixelType::kUint16, counts.data(), {0, counts.size()}, nullptr, 0});
+  made->undo_after({PixelType::kFloat32, kelvin.data(), {0, kelvin.size()}, nullptr, 0});
+  made->undo_after({PixelType::kUint16, counts.data(), {0, counts.size()}, nullptr, 0});
   for (std::size_t p = 0; p < kSmall.pixels(); ++p) {
     EXPECT_NEAR(static_cast<double>(kelvin[p]), real[p], 1e-3) << p;
     EXPECT_NEAR(0.01 * counts[p], real[p], 0.0125) << p;
   }
 }
 
-// A pixel in equilibrium: y (1 + n c) = x + c sum y_n, on 4 x 3 pixels of which one is dead.
+// A pixel in equilibrium: y (1 + n c) = x + c sum y_n, on 4 x 3 pixels of which one is dead and taken for the mean of
+// its neighbours.
 TEST(FrameUndo, HeatThatFlowsSidewaysIsGivenBack) {
   constexpr Geometry kTiny{4, 3};
   constexpr double kCoupling = 0.05;
@@ -265,14 +266,15 @@ TEST(FrameUndo, HeatThatFlowsSidewaysIsGivenBack) {
   for (int p = 0; p < 12; ++p) x.push_back(300.0 + 7.0 * ((p * 5) % 12));
   std::vector<double> y = x;
   for (int round = 0; round < 200; ++round) {
+    y[kDead] = (y[0] + y[1] + y[2] + y[4] + y[6] + y[8] + y[9] + y[10]) / 8.0;
     for (int p = 0; p < 12; ++p) {
+      if (p == static_cast<int>(kDead)) continue;
       double sum = x[static_cast<std::size_t>(p)];
       double weight = 1.0;
       for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
         const int column = p % 4 + dx;
         const int row = p / 4 + dy;
         if (column < 0 || column > 3 || row < 0 || row > 2) continue;
-        if (row * 4 + column == static_cast<int>(kDead)) continue;  // as if it had the pixel's own temperature
         sum += kCoupling * y[static_cast<std::size_t>(row * 4 + column)];
         weight += kCoupling;
       }
@@ -287,36 +289,51 @@ TEST(FrameUndo, HeatThatFlowsSidewaysIsGivenBack) {
   for (const PixelType type : {PixelType::kUint16, PixelType::kFloat32}) {
     StreamFormat format = in_counts(kTiny);
     format.type = type;
-    const auto made = FrameUndo::create({{.coupling = kCoupling}, kTau, 0.03, 4, &maps}, format);
+    const auto made = FrameUndo::create({{.coupling = kCoupling}, {}, maps, 0.03, 4}, format);
     ASSERT_TRUE(made) << made.error().message;
-    EXPECT_FALSE((*made)->before());
+    FrameUndo& undo = **made;
+    ASSERT_TRUE(undo.before());
     std::vector<std::uint16_t> counts;
     std::vector<float> values;
-    std::vector<float> solved;  // what the solver makes of a still scene: the samples with their maps
     for (std::size_t p = 0; p < 12; ++p) {
       const double seen = p == kDead ? 0.0 : 100.0 * (y[p] - static_cast<double>(maps.offset[p]));
       counts.push_back(static_cast<std::uint16_t>(std::lround(seen)));
       values.push_back(static_cast<float>(seen));
-      solved.push_back(static_cast<float>(y[p]));
     }
-    const void* plane = type == PixelType::kUint16 ? static_cast<const void*>(counts.data()) : values.data();
-    (*made)->finish({PixelType::kFloat32, solved.data(), {0, 5}, plane, 0});
-    (*made)->finish({PixelType::kFloat32, solved.data(), {5, 12}, plane, 5});
+    undo.begin({}, type == PixelType::kUint16 ? static_cast<const void*>(counts.data()) : values.data(), true);
+    undo.read({0, 12});
+    undo.write({0, 12});
+    undo.finish();
+    const auto* const corrected = static_cast<const float*>(undo.plane());
+    std::vector<float> solved;  // what the solver makes of a still scene
+    for (std::size_t p = 0; p < 12; ++p) {
+      EXPECT_NEAR(static_cast<double>(corrected[p]), 100.0 * y[p], 0.6) << p;
+      solved.push_back(0.01F * corrected[p]);
+    }
+    undo.undo_after({PixelType::kFloat32, solved.data(), {0, 5}, undo.plane(), 0});
+    undo.undo_after({PixelType::kFloat32, solved.data(), {5, 12}, undo.plane(), 5});
     for (std::size_t p = 0; p < 12; ++p) {
       if (p == kDead) continue;
-      EXPECT_NEAR(static_cast<double>(solved[p]), x[p], 0.005) << p;
+      EXPECT_NEAR(static_cast<double>(solved[p]), x[p], 0.01) << p;
     }
-    EXPECT_EQ(solved[kDead], static_cast<float>(y[kDead])) << "it is filled, not measured";
   }
+}
+
+TEST(FrameUndo, MapsOfAnotherSizeAreRefused) {
+  model::PixelMaps maps;
+  maps.gain.assign(7, 1.0F);
+  const auto made = FrameUndo::create({{}, {}, maps, 0.03, 4}, floats());
+  ASSERT_FALSE(made);
+  EXPECT_EQ(made.error().kind, ErrorKind::kBadInput);
 }
 
 TEST(FrameUndo, TemperaturesAreNeededForCurves) {
   StreamFormat counts = floats();
   counts.scale.unit = Unit::kCount;
-  const auto made = FrameUndo::create({{.emissivity = 0.9}, kTau, 3.0, 4}, counts);
+  const auto made = FrameUndo::create({{.emissivity = 0.9}, {}, {}, 3.0, 4}, counts);
   ASSERT_FALSE(made);
   EXPECT_EQ(made.error().kind, ErrorKind::kBadInput);
-  EXPECT_TRUE(FrameUndo::create({{.flicker_k = 2.0}, kTau, 3.0, 4}, counts));
+  EXPECT_TRUE(FrameUndo::create({{.flicker_k = 2.0}, {}, {}, 3.0, 4}, counts));
 }
 
 TEST(FrameUndo, ValuesAtTheCeilingAreTold) {

@@ -44,11 +44,17 @@ TEST(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
   EXPECT_EQ(result.at("threads"), 1);
   EXPECT_LE(result.at("rms_error_k").get<double>(), 5e-3);
   EXPECT_LE(result.at("max_error_k").get<double>(), 50e-3);
+  int with_profile = 0;
   std::set<std::string> solvers;
   for (const nlohmann::json& variant : result.at("variants")) {
     expect_measured(variant);
     solvers.insert(variant.at("solver"));
+    if (!variant.at("profile").get<bool>()) continue;
+    ++with_profile;
+    EXPECT_GT(variant.at("throughput_of_plain").get<double>(), 0.0);
+    EXPECT_LE(variant.at("rms_error_k").get<double>(), 5e-3) << "its maps change no value";
   }
+  EXPECT_EQ(with_profile, 6);
   EXPECT_EQ(solvers, (std::set<std::string>{"admm", "dual", "exact", "inverse", "naive"}));
   EXPECT_GT(result.at("machine").at("read_gb_per_s").get<double>(), 0.0);
   EXPECT_GT(result.at("machine").at("fma_gflop_per_s").get<double>(), 0.0);

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "bolo/deblur/isa.hpp"
+#include "bolo/deblur/pixel_correction.hpp"
 #include "bolo/deblur/solver.hpp"
 #include "bolo/rt/worker_team.hpp"
 #include "bolo/sim/simulator.hpp"
@@ -27,6 +28,7 @@ constexpr std::size_t kNaivePixels = 640;  // one row
 constexpr int kExactRows = 4;
 constexpr double kLambdas[] = {0.5, 0.05, 0.005};  // lambda_half, K
 constexpr int kFewestRepeats = 3;
+constexpr double kRowDelay_s = 2e-5;
 
 // The newest window of a street that pans past the camera, 30 mK of noise, 10 mK a count.
 struct Input {
@@ -59,11 +61,50 @@ Result<Input> make_input(const deblur::Settings& settings) {
   return input;
 }
 
+// A camera's whole profile that changes no value, so that errors can be told: the work is the same for every number.
+// Dead pixels, one of 200, lie outside the rows that are compared.
+model::PixelMaps neutral_maps(const deblur::Settings& settings) {
+  model::PixelMaps maps;
+  maps.tau_s.assign(kFrame.pixels(), static_cast<float>(settings.tau_s));
+  maps.gain.assign(kFrame.pixels(), 1.0F);
+  maps.offset.assign(kFrame.pixels(), 0.0F);
+  maps.dead.assign(kFrame.pixels(), 0);
+  for (std::size_t i = 2 * kExactRows * static_cast<std::size_t>(kFrame.width); i < maps.dead.size(); i += 200) {
+    maps.dead[i] = 1;
+  }
+  return maps;
+}
+
+// What a profile adds to each frame: the newest one is brought to float and corrected.
+class Corrected {
+ public:
+  Corrected(const Input& input, deblur::PixelCorrection correction)
+      : raw_(input.frames.back()), correction_(std::move(correction)) {
+    for (const auto& frame : input.frames) frames_.emplace_back(frame.begin(), frame.end());
+    for (const auto& frame : frames_) planes_.push_back(frame.data());
+  }
+  void begin() noexcept { correction_.begin(1); }
+  void correct(PixelRange pixels) noexcept {
+    float* const to = frames_.back().data();
+    for (std::size_t i = pixels.begin; i < pixels.end; ++i) to[i] = static_cast<float>(raw_[i]);
+    correction_.correct(to, pixels);
+  }
+  void finish() noexcept { correction_.fill_dead(frames_.back().data()); }
+  deblur::WindowView window() const { return {planes_, static_cast<int>(planes_.size()) - 1}; }
+
+ private:
+  const std::vector<std::uint16_t>& raw_;
+  deblur::PixelCorrection correction_;
+  std::vector<std::vector<float>> frames_;
+  std::vector<const void*> planes_;
+};
+
 // A variant while it is measured.
 class Runner {
  public:
-  Runner(const Input& input, const deblur::Settings& settings, Measured what)
-      : input_(input), settings_(settings), what_(std::move(what)), out_(kFrame.pixels()) {}
+  // `corrected`: for a variant with a profile; the same one serves all, as one window serves those without.
+  Runner(const Input& input, Corrected& corrected, const deblur::Settings& settings, Measured what)
+      : input_(input), corrected_(corrected), settings_(settings), what_(std::move(what)), out_(kFrame.pixels()) {}
 
   Status open() {
     if (!deblur::force_isa(what_.isa)) return bad_input("--isa " + what_.isa + ": not available here");
@@ -73,10 +114,13 @@ class Runner {
       what_.iterations = kNaiveIterations;
       what_.isa = "Eigen";
     } else {
-      auto solver = deblur::Solver::create(settings_, input_.format, PixelType::kFloat32);
+      StreamFormat format = input_.format;
+      if (what_.profile) format.type = PixelType::kFloat32;
+      const double row_delay_s = what_.profile ? kRowDelay_s : 0.0;
+      auto solver = deblur::Solver::create(settings_, format, PixelType::kFloat32, row_delay_s);
       if (!solver) return tl::unexpected(solver.error());
       solver_ = std::move(*solver);
-      solver_->prepare(input_.window());
+      solver_->prepare(window());
       what_.iterations = solver_->iterations();
       what_.isa = solver_->isa();
     }
@@ -91,6 +135,11 @@ class Runner {
     if (solver_ == nullptr) {
       naive_admm(settings_, kNaiveIterations, input_.planes, input_.format.scale.scale, kNaivePixels, out_.data());
     } else {
+      if (what_.profile) {
+        corrected_.begin();
+        team_->run([](void* self, int worker) { static_cast<Runner*>(self)->correct(worker); }, this);
+        corrected_.finish();
+      }
       team_->run([](void* self, int worker) { static_cast<Runner*>(self)->work(worker); }, this);
     }
     const double ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
@@ -119,13 +168,20 @@ class Runner {
   const std::vector<float>& out() const { return out_; }
 
  private:
+  deblur::WindowView window() const { return what_.profile ? corrected_.window() : input_.window(); }
+  void correct(int worker) noexcept {
+    const auto begin = [&](int w) { return kFrame.pixels() * static_cast<std::size_t>(w) / team_threads(); };
+    corrected_.correct({begin(worker), begin(worker + 1)});
+  }
   void work(int worker) noexcept {
     const int from = rows_ * worker / what_.threads;
     const int to = rows_ * (worker + 1) / what_.threads;
-    solver_->solve(input_.window(), {0, from, kFrame.width, to - from}, out_.data());
+    solver_->solve(window(), {0, from, kFrame.width, to - from}, out_.data());
   }
+  std::size_t team_threads() const { return static_cast<std::size_t>(what_.threads); }
 
   const Input& input_;
+  Corrected& corrected_;
   deblur::Settings settings_;
   Measured what_;
   int rows_ = 0;
@@ -156,7 +212,11 @@ std::vector<Measured> list_variants(const BenchOptions& options, double lambda_h
   std::vector<Measured> list{variant(options.solver, options.isa, options.threads, lambda_half_k)};
   list.push_back(variant("naive", "", 1, kLambdas[0]));
   for (const char* solver : {"admm", "dual"}) {
-    for (const double lambda : kLambdas) list.push_back(variant(solver, options.isa, 1, lambda));
+    for (const double lambda : kLambdas) {
+      list.push_back(variant(solver, options.isa, 1, lambda));
+      list.push_back(list.back());
+      list.back().profile = true;
+    }
     if (options.isa.empty()) {
       for (const auto isa : deblur::available_isas()) {
         if (isa != deblur::best_isa()) list.push_back(variant(solver, std::string(isa), 1, kLambdas[0]));
@@ -186,11 +246,12 @@ Status check(const BenchOptions& options) {
 }
 
 // The optimum for each lambda, of the first rows.
-Result<std::map<double, std::vector<float>>> optima(const Input& input, const std::vector<Measured>& list) {
+Result<std::map<double, std::vector<float>>> optima(const Input& input, Corrected& corrected,
+                                                    const std::vector<Measured>& list) {
   std::map<double, std::vector<float>> result;
   for (const Measured& what : list) {
     if (result.count(what.lambda_half_k) != 0) continue;
-    Runner exact(input, settings_of(variant("exact", "", 1, what.lambda_half_k)),
+    Runner exact(input, corrected, settings_of(variant("exact", "", 1, what.lambda_half_k)),
                  variant("exact", "", 1, what.lambda_half_k));
     if (const Status opened = exact.open(); !opened) return tl::unexpected(opened.error());
     exact.measure();
@@ -201,12 +262,15 @@ Result<std::map<double, std::vector<float>>> optima(const Input& input, const st
   return result;
 }
 
-void compare_with_one_thread(std::vector<Measured>& results) {
+void compare_with_others(std::vector<Measured>& results) {
   for (Measured& result : results) {
-    for (const Measured& one : results) {
-      const bool same = one.solver == result.solver && one.isa == result.isa && one.threads == 1 &&
-                        one.lambda_half_k == result.lambda_half_k;
-      if (same) result.scaling = one.ms_per_frame / result.ms_per_frame;
+    for (const Measured& other : results) {
+      if (other.solver != result.solver || other.isa != result.isa || other.lambda_half_k != result.lambda_half_k) {
+        continue;
+      }
+      const double faster = other.ms_per_frame / result.ms_per_frame;
+      if (other.threads == 1 && other.profile == result.profile) result.scaling = faster;
+      if (other.threads == result.threads && result.profile && !other.profile) result.of_plain = faster;
     }
   }
 }
@@ -246,12 +310,15 @@ Result<BenchReport> bench_deblur(const BenchOptions& options) {
   const auto input = make_input(defaults);
   if (!input) return tl::unexpected(input.error());
   const auto list = list_variants(options, defaults.half_square_lambda(), report.processors);
-  const auto exact = optima(*input, list);
+  auto correction = deblur::PixelCorrection::create(defaults, input->format, neutral_maps(defaults));
+  if (!correction) return tl::unexpected(correction.error());
+  Corrected corrected(*input, std::move(*correction));
+  const auto exact = optima(*input, corrected, list);
   if (!exact) return tl::unexpected(exact.error());
 
   std::vector<std::unique_ptr<Runner>> runners;
   for (const Measured& what : list) {
-    runners.push_back(std::make_unique<Runner>(*input, settings_of(what), what));
+    runners.push_back(std::make_unique<Runner>(*input, corrected, settings_of(what), what));
     const Status opened = runners.back()->open();
     deblur::force_isa("");
     if (!opened) return tl::unexpected(opened.error());
@@ -265,7 +332,7 @@ Result<BenchReport> bench_deblur(const BenchOptions& options) {
   for (std::size_t i = 0; i < list.size(); ++i) {
     results.push_back(runners[i]->result(exact->at(list[i].lambda_half_k)));
   }
-  compare_with_one_thread(results);
+  compare_with_others(results);
   compare_with_machine(results, report.machine, defaults.window);
   report.main = results.front();
   report.variants.assign(results.begin() + 1, results.end());

@@ -23,6 +23,7 @@ struct Measured {
   std::string solver;  // as --solver, or "naive": dense ADMM on 128 unknowns
   std::string isa;
   int threads = 1;
+  bool profile = false;  // with maps of gain, offset, time constant and dead pixels, and a row delay
   int iterations = 0;
   double lambda_half_k = 0.0;
   std::size_t pixels = 0;  // measured
@@ -34,6 +35,7 @@ struct Measured {
   double max_error_k = 0.0;
   double realtime_factor = 0.0;  // frame period / ms_per_frame
   double scaling = 1.0;          // time of one thread / (this time), where that was measured
+  double of_plain = 1.0;         // frames a second with the profile / those without
   double fma_fraction = 0.0;     // of the machine's multiply-adds on as many threads; 0 where they were not counted
   double read_fraction = 0.0;    // of the memory bandwidth that reading the window's planes takes
 };

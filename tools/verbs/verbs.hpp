@@ -20,19 +20,21 @@ int blind_main(int argc, char** argv);
 int calibrate_main(int argc, char** argv);
 int deblur_main(int argc, char** argv);
 int diagnose_main(int argc, char** argv);
+int doctor_main(int argc, char** argv);
 int eval_main(int argc, char** argv);
 int fakecam_main(int argc, char** argv);
 int info_main(int argc, char** argv);
 int simulate_main(int argc, char** argv);
 int stat_main(int argc, char** argv);
 
-inline constexpr std::array<Verb, 10> kVerbs{{
+inline constexpr std::array<Verb, 11> kVerbs{{
     {"simulate", "write a capture of a simulated camera that moves", simulate_main},
     {"fakecam", "serve a capture as a GigE Vision camera", fakecam_main},
     {"deblur", "undo the pixels' thermal inertia in a capture", deblur_main},
     {"calibrate", "measure a camera's time constant, noise and pixels; write its profile", calibrate_main},
     {"diagnose", "say how far the simulator is from a camera, why, and what closes the gap", diagnose_main},
     {"stat", "show what a running daemon does", stat_main},
+    {"doctor", "check this computer for what a camera needs, and say the fixes", doctor_main},
     {"info", "say what is in a capture, and what is wrong with it", info_main},
     {"bench", "measure the deblurring on this machine", bench_main},
     {"blind", "check the diagnosis on captures with hidden effects", blind_main},

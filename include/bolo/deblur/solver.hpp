@@ -10,7 +10,6 @@
 #include "bolo/core/plane.hpp"
 #include "bolo/core/result.hpp"
 #include "bolo/deblur/settings.hpp"
-#include "bolo/model/pixel_maps.hpp"
 
 namespace bolo::deblur {
 
@@ -26,10 +25,10 @@ class Solver {
 
   // Builds the solver named by the settings for a stream; all memory is taken here. `output` is the type of the values
   // it writes: kUint16 in the input's scale, rounded and clamped, or kFloat32 in kelvin (input values for kCount).
-  // `maps`: per-pixel corrections; a map whose size is not the frame's is bad input.
-  // Thread: setup.
+  // `row_delay_s`: sensor row r is sampled r * row_delay_s after the frame's time; the estimate is at the frame's time.
+  // Rows that take longer than the window is are bad input. Thread: setup.
   static Result<std::unique_ptr<Solver>> create(const Settings& settings, const StreamFormat& input, PixelType output,
-                                                const model::PixelMaps& maps = {});
+                                                double row_delay_s = 0.0);
 
   // Makes ready for the pattern of lost frames in this window; cheap when it did not change. No allocation.
   // Thread: pipeline, before the workers.

@@ -121,8 +121,9 @@ TEST_P(PointReaders, GiveThePublishedPlanesBits) {
       ++solved;
       gaps += (frame.meta.flags & kFlagGap) != 0 ? 1 : 0;
       EXPECT_EQ(frame.meta.flags & kFlagWarmUp, 0U);
+      const int apart = GetParam().maps ? 1 : 0;  // counts: the writer's correction goes further back
       for (std::size_t i = 0; i < pixels.size(); ++i) {
-        ASSERT_EQ(out[i], frame.deblurred[pixels[i]]) << "frame " << number << " point " << i;
+        ASSERT_NEAR(out[i], frame.deblurred[pixels[i]], apart) << "frame " << number << " point " << i;
       }
     } else if (outcome == PointReader::Outcome::kWarmUp) {
       EXPECT_NE(frame.meta.flags & kFlagWarmUp, 0U) << number;

@@ -1,16 +1,18 @@
-#include "src/deblur/correction.hpp"
+#include "bolo/deblur/pixel_correction.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <sstream>
 #include <string>
-
-#include "src/deblur/kernels.hpp"
+#include <string_view>
 
 namespace bolo::deblur {
 namespace {
 
-constexpr double kLongestTau = 1.0;  // s, as in Settings
+constexpr double kLongestTau = 1.0;       // s, as in Settings
+constexpr std::uint64_t kForgotten = 64;  // periods without a frame after which it begins anew
+constexpr std::size_t kAtOnce = 1024;     // pixels: they stay in the first cache from step to step
+constexpr std::size_t kMostSources = 64;  // of a dead pixel; a ring with more is thinned out evenly
 
 // "maps: tau_s in row 3, column 17 is nan, must be ..."
 template <typename T>
@@ -33,17 +35,7 @@ Status check_map(std::string_view name, const std::vector<T>& map, Geometry geom
   return bad_input(text.str());
 }
 
-Status check_row_delay(const Settings& settings, const StreamFormat& input, const model::PixelMaps& maps) {
-  const double span_s = maps.row_delay_s * input.row_step * (input.geometry.height - 1);
-  if (std::isfinite(span_s) && std::abs(span_s) <= (settings.window - 1) * settings.period_s) return {};
-  std::ostringstream text;
-  text << "maps: row_delay_s is " << maps.row_delay_s << ": reading " << input.geometry.height
-       << " rows would take longer than the window of " << settings.window << " frames";
-  return bad_input(text.str());
-}
-
-Status check(const Settings& settings, const StreamFormat& input, const model::PixelMaps& maps) {
-  const Geometry geometry = input.geometry;
+Status check(Geometry geometry, const model::PixelMaps& maps) {
   if (maps.geometry != Geometry{} && maps.geometry != geometry) {
     std::ostringstream text;
     text << "maps are for frames of " << maps.geometry.width << "x" << maps.geometry.height << ", but the stream's are "
@@ -62,7 +54,6 @@ Status check(const Settings& settings, const StreamFormat& input, const model::P
   if (status && !maps.dead.empty() && std::find(maps.dead.begin(), maps.dead.end(), 0) == maps.dead.end()) {
     status = bad_input("maps: every pixel is dead");
   }
-  if (status) status = check_row_delay(settings, input, maps);
   return status;
 }
 
@@ -81,43 +72,28 @@ std::vector<std::uint32_t> good_ring(Geometry g, const std::vector<std::uint8_t>
   return found;
 }
 
-std::vector<float> padded(const std::vector<float>& map) {
-  std::vector<float> copy = map;
-  copy.resize(map.size() + kCorrectLanes, 0.0F);
-  return copy;
-}
-
 }  // namespace
 
-Result<Correction> Correction::create(const Settings& settings, const StreamFormat& input,
-                                      const model::PixelMaps& maps) {
-  if (const Status good = check(settings, input, maps); !good) return tl::unexpected<Error>(good.error());
-  Correction correction;
-  correction.type_ = input.type;
-  correction.pixels_ = input.geometry.pixels();
-  correction.kernel_ = correct_kernel(best_kernels().isa);
-  correction.row_delay_ = maps.row_delay_s * input.row_step / settings.period_s;
-  for (std::size_t gap = 0; gap < correction.nominal_decay_.size(); ++gap) {
-    const double periods = static_cast<double>(gap) * settings.period_s;
-    correction.nominal_decay_[gap] = static_cast<float>(std::exp(-periods / settings.tau_s));
-  }
-  correction.set_scale(input, maps);
-  correction.set_lag(settings, maps);
+Result<PixelCorrection> PixelCorrection::create(const Settings& settings, const StreamFormat& input,
+                                                const model::PixelMaps& maps) {
+  if (const Status good = check(input.geometry, maps); !good) return tl::unexpected<Error>(good.error());
+  PixelCorrection correction;
+  correction.ratio_ = settings.period_s / settings.tau_s;
+  if (!maps.gain.empty() || !maps.offset.empty()) correction.set_scale(input, maps);
+  if (!maps.tau_s.empty()) correction.set_lag(settings, maps);
   if (!maps.dead.empty()) correction.set_dead(input.geometry, maps.dead);
   return correction;
 }
 
 // kelvin = scale * value + shift becomes gain * kelvin + offset; as values: gain * value + (gain shift + offset -
 // shift) / scale. Counts have neither scale nor shift.
-void Correction::set_scale(const StreamFormat& input, const model::PixelMaps& maps) {
-  if (maps.gain.empty() && maps.offset.empty()) return;
+void PixelCorrection::set_scale(const StreamFormat& input, const model::PixelMaps& maps) {
   const bool kelvin = input.scale.unit == Unit::kKelvin;
   const double scale = kelvin ? input.scale.scale : 1.0;
   const double shift = kelvin ? input.scale.offset : 0.0;
   const std::size_t pixels = input.geometry.pixels();
   gain_ = maps.gain.empty() ? std::vector<float>(pixels, 1.0F) : maps.gain;
-  gain_ = padded(gain_);
-  offset_.assign(pixels + kCorrectLanes, 0.0F);
+  offset_.assign(pixels, 0.0F);
   for (std::size_t i = 0; i < pixels; ++i) {
     const auto gain = static_cast<double>(gain_[i]);
     const double offset = maps.offset.empty() ? 0.0 : static_cast<double>(maps.offset[i]);
@@ -125,11 +101,10 @@ void Correction::set_scale(const StreamFormat& input, const model::PixelMaps& ma
   }
 }
 
-void Correction::set_lag(const Settings& settings, const model::PixelMaps& maps) {
-  if (maps.tau_s.empty()) return;
-  const double nominal = std::exp(-settings.period_s / settings.tau_s);
-  lag_.assign(maps.tau_s.size() + kCorrectLanes, 0.0F);
-  decay_ = lag_;
+void PixelCorrection::set_lag(const Settings& settings, const model::PixelMaps& maps) {
+  const double nominal = std::exp(-ratio_);
+  lag_.assign(maps.tau_s.size(), 0.0F);
+  decay_ = before_ = added_ = lag_;
   for (std::size_t i = 0; i < maps.tau_s.size(); ++i) {
     const double decay = std::exp(-settings.period_s / static_cast<double>(maps.tau_s[i]));
     lag_[i] = static_cast<float>((decay - nominal) / (1.0 - decay));
@@ -137,53 +112,73 @@ void Correction::set_lag(const Settings& settings, const model::PixelMaps& maps)
   }
 }
 
-void Correction::set_dead(Geometry geometry, const std::vector<std::uint8_t>& dead) {
+void PixelCorrection::set_dead(Geometry geometry, const std::vector<std::uint8_t>& dead) {
   for (std::size_t pixel = 0; pixel < dead.size(); ++pixel) {
-    if (pixel % kCell == 0) dead_before_.push_back(static_cast<std::uint32_t>(dead_.size()));
     if (dead[pixel] == 0) continue;
     const int x = static_cast<int>(pixel % static_cast<std::size_t>(geometry.width));
     const int y = static_cast<int>(pixel / static_cast<std::size_t>(geometry.width));
     std::vector<std::uint32_t> ring;
     for (int radius = 1; ring.empty(); ++radius) ring = good_ring(geometry, dead, x, y, radius);
     const std::size_t step = (ring.size() + kMostSources - 1) / kMostSources;
-    std::vector<std::uint32_t> chosen;
-    for (std::size_t i = 0; i < ring.size(); i += step) chosen.push_back(ring[i]);
-    const auto first = static_cast<std::uint32_t>(groups_.size());
-    const float share = 1.0F / static_cast<float>(chosen.size());
-    for (std::size_t i = 0; i < chosen.size(); i += FillGroup::kPixels) {
-      const std::size_t count = std::min(FillGroup::kPixels, chosen.size() - i);
-      add_group(std::span<const std::uint32_t>(chosen).subspan(i, count), share);
-    }
-    dead_.push_back({static_cast<std::uint32_t>(pixel), first, static_cast<std::uint32_t>(groups_.size()) - first});
+    const auto first = static_cast<std::uint32_t>(sources_.size());
+    for (std::size_t i = 0; i < ring.size(); i += step) sources_.push_back(ring[i]);
+    dead_.push_back({static_cast<std::uint32_t>(pixel), first, static_cast<std::uint32_t>(sources_.size())});
   }
 }
 
-void Correction::add_group(std::span<const std::uint32_t> pixels, float share) {
-  FillGroup group;
-  for (std::size_t k = 0; k < FillGroup::kPixels; ++k) {
-    const std::uint32_t pixel = pixels[std::min(k, pixels.size() - 1)];
-    group.pixel[k] = pixel;
-    group.gain[k] = gain_.empty() ? 1.0F : gain_[pixel];
-    group.offset[k] = gain_.empty() ? 0.0F : offset_[pixel];
-    group.lag[k] = lag_.empty() ? 0.0F : lag_[pixel];
-    group.decay[k] = lag_.empty() ? 0.0F : decay_[pixel];
-    group.share[k] = k < pixels.size() ? share : 0.0F;
+void PixelCorrection::begin(std::uint64_t periods) noexcept {
+  periods_ = periods > kForgotten ? 0 : periods;
+  nominal_decay_ = static_cast<float>(std::exp(-ratio_ * static_cast<double>(periods_)));
+}
+
+void PixelCorrection::correct(float* values, PixelRange pixels) noexcept {
+  for (std::size_t begin = pixels.begin; begin < pixels.end; begin += kAtOnce) {
+    const PixelRange some{begin, std::min(begin + kAtOnce, pixels.end)};
+    if (!gain_.empty()) scale(values, some);
+    if (!lag_.empty()) equalise(values, some);
   }
-  groups_.push_back(group);
 }
 
-PixelFactors Correction::factors(std::size_t pixel) const noexcept {
-  const auto from = [pixel](const std::vector<float>& map) { return map.empty() ? nullptr : map.data() + pixel; };
-  return {from(gain_), from(offset_), from(lag_), from(decay_)};
+void PixelCorrection::scale(float* values, PixelRange pixels) const noexcept {
+  const float* const gain = gain_.data();
+  const float* const offset = offset_.data();
+  for (std::size_t i = pixels.begin; i < pixels.end; ++i) values[i] = gain[i] * values[i] + offset[i];
 }
 
-std::span<const DeadPixel> Correction::dead(std::size_t begin, std::size_t end) const noexcept {
-  if (dead_.empty()) return {};
-  std::size_t first = dead_before_[begin / kCell];
-  while (first < dead_.size() && dead_[first].pixel < begin) ++first;
-  std::size_t last = first;
-  while (last < dead_.size() && dead_[last].pixel < end) ++last;
-  return {dead_.data() + first, last - first};
+void PixelCorrection::equalise(float* values, PixelRange pixels) noexcept {
+  const float* const lag = lag_.data();
+  float* const before = before_.data();
+  float* const added = added_.data();
+  if (periods_ == 0) {
+    std::copy(values + pixels.begin, values + pixels.end, before + pixels.begin);
+    std::fill(added + pixels.begin, added + pixels.end, 0.0F);
+    return;
+  }
+  if (periods_ > 1) return equalise_over_gap(values, pixels);
+  for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
+    const float value = values[i];
+    added[i] = nominal_decay_ * added[i] + lag[i] * (value - before[i]);
+    before[i] = value;
+    values[i] = value + added[i];
+  }
+}
+
+void PixelCorrection::equalise_over_gap(float* values, PixelRange pixels) noexcept {
+  for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
+    const float power = std::pow(decay_[i], static_cast<float>(periods_));
+    const float value = values[i];
+    added_[i] = nominal_decay_ * added_[i] + (power - nominal_decay_) / (1.0F - power) * (value - before_[i]);
+    before_[i] = value;
+    values[i] = value + added_[i];
+  }
+}
+
+void PixelCorrection::fill_dead(float* values) const noexcept {
+  for (const Dead& dead : dead_) {
+    float sum = 0.0F;
+    for (std::uint32_t i = dead.first; i < dead.end; ++i) sum += values[sources_[i]];
+    values[dead.pixel] = sum / static_cast<float>(dead.end - dead.first);
+  }
 }
 
 }  // namespace bolo::deblur

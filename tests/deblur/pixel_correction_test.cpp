@@ -1,0 +1,306 @@
+// What is undone of single pixels: gain and offset, time constants of their own, dead pixels.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <initializer_list>
+#include <limits>
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "bolo/deblur/pixel_correction.hpp"
+#include "bolo/deblur/solver.hpp"
+#include "tests/deblur/inputs.hpp"
+
+namespace bolo::deblur {
+namespace {
+
+using testing::Input;
+using testing::InputSource;
+
+constexpr Geometry kFrame{37, 23};
+
+StreamFormat kelvin(Geometry geometry) {
+  StreamFormat format;
+  format.geometry = geometry;
+  format.type = PixelType::kFloat32;
+  format.scale = {Unit::kKelvin, 1.0, 0.0};
+  return format;
+}
+
+model::PixelMaps scattered_maps(Geometry geometry, double tau_spread) {
+  model::PixelMaps maps;
+  std::mt19937 random(11U);
+  std::uniform_real_distribution<float> unit(-1.0F, 1.0F);
+  for (std::size_t i = 0; i < geometry.pixels(); ++i) {
+    maps.tau_s.push_back(static_cast<float>(Settings().tau_s * (1.0 + tau_spread * static_cast<double>(unit(random)))));
+    maps.gain.push_back(1.0F + 0.02F * unit(random));
+    maps.offset.push_back(2.0F * unit(random));
+    maps.dead.push_back(unit(random) > 0.98F ? 1 : 0);
+  }
+  return maps;
+}
+
+PixelCorrection make(const model::PixelMaps& maps, Geometry geometry, const Settings& settings = {}) {
+  auto correction = PixelCorrection::create(settings, kelvin(geometry), maps);
+  EXPECT_TRUE(correction) << correction.error().message;
+  return std::move(*correction);
+}
+
+using Planes = std::vector<std::vector<float>>;
+
+// Frames one period apart; an empty one is lost.
+Planes correct_all(PixelCorrection& correction, Planes planes) {
+  std::uint64_t periods = 0;
+  for (auto& plane : planes) {
+    if (plane.empty()) {
+      ++periods;
+      continue;
+    }
+    correction.begin(periods);
+    correction.correct(plane.data(), {0, plane.size()});
+    correction.fill_dead(plane.data());
+    periods = 1;
+  }
+  return planes;
+}
+
+// A pan over a scene with noise, as a camera of `tau_s` gives it.
+Planes pan(int frames, double tau_s, Geometry geometry, std::uint32_t seed) {
+  Planes planes(static_cast<std::size_t>(frames), std::vector<float>(geometry.pixels()));
+  InputSource source(frames, Settings().period_s / tau_s, seed);
+  for (std::size_t pixel = 0; pixel < geometry.pixels(); ++pixel) {
+    const std::vector<double> y = source.pixel(Input::kPan);
+    for (std::size_t slot = 0; slot < y.size(); ++slot) planes[slot][pixel] = static_cast<float>(y[slot]);
+  }
+  return planes;
+}
+
+std::vector<float> solve(const Settings& settings, const Planes& planes, Geometry geometry) {
+  const auto solver = Solver::create(settings, kelvin(geometry), PixelType::kFloat32);
+  EXPECT_TRUE(solver);
+  std::vector<const void*> newest;
+  for (auto at = planes.end() - settings.window; at != planes.end(); ++at) newest.push_back(at->data());
+  const WindowView view{newest, settings.window - 1};
+  std::vector<float> out(geometry.pixels());
+  (*solver)->prepare(view);
+  (*solver)->solve(view, {0, 0, geometry.width, geometry.height}, out.data());
+  return out;
+}
+
+TEST(PixelCorrection, MapsThatSayNothingChangeNoBit) {
+  Settings settings;
+  model::PixelMaps maps;
+  EXPECT_FALSE(make(maps, kFrame).changes_samples());
+  maps.tau_s.assign(kFrame.pixels(), static_cast<float>(settings.tau_s));
+  settings.tau_s = static_cast<double>(maps.tau_s[0]);
+  maps.gain.assign(kFrame.pixels(), 1.0F);
+  maps.offset.assign(kFrame.pixels(), 0.0F);
+  maps.dead.assign(kFrame.pixels(), 0);
+  PixelCorrection correction = make(maps, kFrame, settings);
+  EXPECT_TRUE(correction.changes_samples());
+  const Planes planes = pan(20, settings.tau_s, kFrame, 3U);
+  EXPECT_EQ(correct_all(correction, planes), planes);
+}
+
+TEST(PixelCorrection, PartsAreTheWholeFramesBits) {
+  const model::PixelMaps maps = scattered_maps(kFrame, 0.2);
+  PixelCorrection whole = make(maps, kFrame);
+  PixelCorrection parts = make(maps, kFrame);
+  Planes planes = pan(8, 0.011, kFrame, 5U);
+  planes[3].clear();
+  const Planes wanted = correct_all(whole, planes);
+  std::uint64_t periods = 0;
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    if (planes[i].empty()) {
+      ++periods;
+      continue;
+    }
+    parts.begin(periods);
+    for (const PixelRange part : {PixelRange{400, kFrame.pixels()}, PixelRange{0, 37}, PixelRange{37, 400}}) {
+      parts.correct(planes[i].data(), part);
+    }
+    parts.fill_dead(planes[i].data());
+    EXPECT_EQ(planes[i], wanted[i]) << i;
+    periods = 1;
+  }
+}
+
+std::vector<double> response(const std::vector<double>& input, double decay, double start) {
+  std::vector<double> y{start};
+  for (const double x : input) y.push_back(decay * y.back() + (1.0 - decay) * x);
+  return y;
+}
+
+// The samples of a pixel of another tau become those that the nominal one gives for the same input.
+TEST(PixelCorrection, EqualisesTimeConstantsOverGaps) {
+  for (const double factor : {0.8, 0.95, 1.05, 1.2, 3.0}) {
+    for (const bool gap : {false, true}) {
+      const Settings s;
+      model::PixelMaps maps;
+      maps.tau_s = {static_cast<float>(s.tau_s * factor)};
+      PixelCorrection correction = make(maps, {1, 1});
+      std::vector<double> input;
+      for (int i = 0; i < 40; ++i) {
+        input.push_back(i >= 6 && i < 9 && gap ? input.back() : 300.0 + 25.0 * std::sin(i * i));
+      }
+      const auto tau = static_cast<double>(maps.tau_s[0]);
+      const std::vector<double> measured = response(input, std::exp(-s.period_s / tau), 290.0);
+      const std::vector<double> wanted = response(input, std::exp(-s.period_s / s.tau_s), 290.0);
+      Planes planes;
+      for (const double sample : measured) planes.push_back({static_cast<float>(sample)});
+      if (gap) planes[6] = planes[7] = planes[8] = {};
+      const Planes out = correct_all(correction, planes);
+      for (std::size_t i = 0; i < out.size(); ++i) {
+        if (out[i].empty()) continue;
+        EXPECT_NEAR(static_cast<double>(out[i][0]), wanted[i], 4e-4) << factor << " " << gap << " " << i;
+      }
+    }
+  }
+}
+
+// What it remembers of frames before a window is what the window's first sample takes out, but for the mean that the
+// prior sees: thousandths of a kelvin.
+TEST(PixelCorrection, WindowsDoNotDependOnWhenItBegan) {
+  for (const Method method : {Method::kInverse, Method::kExact}) {
+    Settings settings;
+    settings.method = method;
+    settings.lambda = 1e-4;
+    const model::PixelMaps maps = scattered_maps(kFrame, 0.2);
+    const Planes planes = pan(60, 0.011, kFrame, 17U);
+    PixelCorrection early = make(maps, kFrame);
+    PixelCorrection late = make(maps, kFrame);
+    const std::vector<float> a = solve(settings, correct_all(early, planes), kFrame);
+    const std::vector<float> b = solve(settings, correct_all(late, Planes(planes.end() - 17, planes.end())), kFrame);
+    for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 6e-3F) << name(method) << " " << i;
+  }
+}
+
+TEST(PixelCorrection, BeginsAnewAfterALongBreakAndWhenTold) {
+  const model::PixelMaps maps = scattered_maps({3, 1}, 0.2);
+  for (const std::uint64_t periods : {std::uint64_t{0}, std::uint64_t{100'000}}) {
+    PixelCorrection used = make(maps, {3, 1});
+    PixelCorrection fresh = make(maps, {3, 1});
+    Planes before{{300.0F, 310.0F, 320.0F}, {350.0F, 300.0F, 310.0F}};
+    correct_all(used, before);
+    std::vector<float> after{290.0F, 291.0F, 292.0F};
+    std::vector<float> wanted = after;
+    used.begin(periods);
+    used.correct(after.data(), {0, 3});
+    fresh.begin(0);
+    fresh.correct(wanted.data(), {0, 3});
+    EXPECT_EQ(after, wanted) << periods;
+  }
+}
+
+TEST(PixelCorrection, GainAndOffsetAreOfTheTemperature) {
+  StreamFormat format = kelvin({2, 1});
+  format.scale = {Unit::kKelvin, 0.04, 200.0};
+  model::PixelMaps maps;
+  maps.gain = {1.0F, 1.1F};
+  maps.offset = {0.5F, -20.0F};
+  auto correction = PixelCorrection::create(Settings(), format, maps);
+  ASSERT_TRUE(correction);
+  std::vector<float> plane{2500.0F, 2500.0F};  // 300 K
+  correction->begin(0);
+  correction->correct(plane.data(), {0, 2});
+  EXPECT_NEAR(static_cast<double>(plane[0]) * 0.04 + 200.0, 300.5, 1e-3);
+  EXPECT_NEAR(static_cast<double>(plane[1]) * 0.04 + 200.0, 310.0, 1e-3);
+}
+
+TEST(PixelCorrection, FillsDeadPixelsFromGoodNeighbours) {
+  model::PixelMaps maps;
+  maps.dead.assign(49, 0);
+  maps.dead[0] = 1;                // a corner
+  for (const int y : {2, 3, 4}) {  // a hole whose middle has only dead neighbours
+    for (const int x : {2, 3, 4}) maps.dead[static_cast<std::size_t>(7 * y + x)] = 1;
+  }
+  PixelCorrection correction = make(maps, {7, 7});
+  std::vector<float> plane;
+  for (int i = 0; i < 49; ++i) plane.push_back(static_cast<float>(290 + i * i % 31));
+  const std::vector<float> out = correct_all(correction, {plane})[0];
+  const auto mean = [&](std::initializer_list<std::size_t> pixels) {
+    double sum = 0.0;
+    for (const std::size_t p : pixels) sum += static_cast<double>(plane[p]);
+    return sum / static_cast<double>(pixels.size());
+  };
+  EXPECT_NEAR(static_cast<double>(out[0]), mean({1, 7, 8}), 1e-4);
+  EXPECT_NEAR(static_cast<double>(out[16]), mean({8, 9, 10, 15, 22}), 1e-4);
+  EXPECT_NEAR(static_cast<double>(out[24]), mean({8, 9, 10, 11, 12, 15, 19, 22, 26, 29, 33, 36, 37, 38, 39, 40}), 1e-4);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    EXPECT_TRUE(maps.dead[i] != 0 || out[i] == plane[i]) << i;
+  }
+}
+
+// What is lost by solving equalised samples with the nominal tau: the prior then weighs the input as it is, but the
+// residuals as the nominal pixel's. Against the exact optimum with the pixel's own tau, pan with 0.03 K of noise.
+class TauSpread : public ::testing::TestWithParam<double> {};
+
+TEST_P(TauSpread, CostsLittle) {
+  const double spread = GetParam();
+  const Geometry geometry{64, 1};
+  double squares = 0.0;
+  double largest = 0.0;
+  int count = 0;
+  for (const double factor : {1.0 - spread, 1.0 + spread}) {
+    Settings own;
+    own.method = Method::kExact;
+    own.tau_s *= factor;
+    Settings nominal = own;
+    nominal.tau_s = Settings().tau_s;
+    model::PixelMaps maps;
+    maps.tau_s.assign(geometry.pixels(), static_cast<float>(own.tau_s));
+    const Planes planes = pan(own.window, own.tau_s, geometry, 21U);
+    PixelCorrection correction = make(maps, geometry, nominal);
+    const std::vector<float> wanted = solve(own, planes, geometry);
+    const std::vector<float> got = solve(nominal, correct_all(correction, planes), geometry);
+    for (std::size_t i = 0; i < wanted.size(); ++i, ++count) {
+      const double error = static_cast<double>(got[i]) - static_cast<double>(wanted[i]);
+      squares += error * error;
+      largest = std::max(largest, std::abs(error));
+    }
+  }
+  const double rms = std::sqrt(squares / count);
+  std::printf("tau +-%g %%: %.4f K rms, %.4f K at most\n", spread * 100.0, rms, largest);
+  RecordProperty("rms_k", std::to_string(rms));
+  EXPECT_LT(rms, 0.4 * spread);  // K: 0.02 for 5 %, 0.08 for 20 %
+  EXPECT_LT(largest, 0.8 * spread);
+}
+
+INSTANTIATE_TEST_SUITE_P(PixelCorrection, TauSpread, ::testing::Values(0.05, 0.2),
+                         [](const auto& each) { return std::to_string(std::lround(100.0 * each.param)); });
+
+struct Wrong {
+  const char* what;
+  void (*change)(model::PixelMaps&);
+  const char* named;
+};
+class WrongMaps : public ::testing::TestWithParam<Wrong> {};
+
+TEST_P(WrongMaps, AreRefusedByName) {
+  model::PixelMaps maps = scattered_maps(kFrame, 0.1);
+  GetParam().change(maps);
+  const auto correction = PixelCorrection::create(Settings(), kelvin(kFrame), maps);
+  ASSERT_FALSE(correction);
+  EXPECT_EQ(correction.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(correction.error().message.find(GetParam().named), std::string::npos) << correction.error().message;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    PixelCorrection, WrongMaps,
+    ::testing::Values(Wrong{"size", [](model::PixelMaps& m) { m.gain.pop_back(); },
+                            "gain has 850 values, but the stream's frames are 37x23"},
+                      Wrong{"tau", [](model::PixelMaps& m) { m.tau_s[38] = 0.0F; }, "tau_s in row 1, column 1 is 0"},
+                      Wrong{"nan", [](model::PixelMaps& m) { m.offset[2] = std::numeric_limits<float>::quiet_NaN(); },
+                            "offset in row 0"},
+                      Wrong{"gain", [](model::PixelMaps& m) { m.gain[0] = -1.0F; }, "gain"},
+                      Wrong{"flag", [](model::PixelMaps& m) { m.dead[0] = 2; }, "dead"},
+                      Wrong{"all", [](model::PixelMaps& m) { m.dead.assign(m.dead.size(), 1); },
+                            "every pixel is dead"}),
+    [](const auto& each) { return std::string(each.param.what); });
+
+}  // namespace
+}  // namespace bolo::deblur

@@ -1,0 +1,232 @@
+// What bolo doctor reads of a host, and what it makes of it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "tools/doctor/checks.hpp"
+
+namespace bolo::tools::doctor {
+namespace {
+
+// A vehicle computer with nothing to say about.
+Facts good_host() {
+  Facts facts;
+  facts.receive_buffer_max = 16 << 20;
+  facts.backlog = 1000;
+  facts.interfaces = {{"lo", "127.0.0.1", 8, 65536, true, true}, {"eth1", "192.168.7.1", 24, 9000, false, true}};
+  facts.route_interface = "eth1";
+  facts.reverse_path_strict = false;
+  facts.processors = 4;
+  facts.governors = {"performance", "performance"};
+  facts.priority_limit = 99;
+  facts.memlock_limit = ~std::uint64_t{0};
+  facts.shared_free = std::uint64_t{1} << 30;
+  facts.loopback_module = true;
+  facts.videos = {{"/dev/video10", "v4l2 loopback", "bolo"}};
+  facts.aravis = "0.8.26";
+  facts.hdf5 = "1.10.8";
+  facts.cameras = {{"FLIR-1", "A655sc", "1", "192.168.7.2"}};
+  facts.answers = true;
+  facts.clock_synchronised = true;
+  return facts;
+}
+
+Needs live_needs() {
+  Needs needs;
+  needs.realtime_priority = 20;
+  needs.shared_bytes = 20 << 20;
+  needs.address = "192.168.7.2";
+  needs.video = true;
+  return needs;
+}
+
+Check check_of(const std::vector<Check>& checks, const std::string& name) {
+  const auto at = std::find_if(checks.begin(), checks.end(), [&](const Check& c) { return c.name == name; });
+  EXPECT_NE(at, checks.end()) << name;
+  return at != checks.end() ? *at : Check{};
+}
+
+TEST(Doctor, HasNothingToSayOfAGoodHost) {
+  for (const Check& check : judge(good_host(), live_needs())) {
+    EXPECT_EQ(check.verdict, Verdict::kGood) << check.name << ": " << check.found;
+    EXPECT_TRUE(check.fix.empty()) << check.fix;
+    EXPECT_FALSE(check.found.empty()) << check.name;
+  }
+}
+
+struct Fault {
+  const char* label;
+  const char* check;
+  Verdict verdict;
+  const char* fix;  // part of it
+  std::function<void(Facts&, Needs&)> make;
+};
+class Faults : public testing::TestWithParam<Fault> {};
+
+TEST_P(Faults, IsNamedWithItsFix) {
+  Facts facts = good_host();
+  Needs needs = live_needs();
+  GetParam().make(facts, needs);
+  for (const Check& check : judge(facts, needs)) {
+    if (check.name != GetParam().check) {
+      EXPECT_NE(check.verdict, Verdict::kProblem) << check.name << ": " << check.found;
+      continue;
+    }
+    EXPECT_EQ(check.verdict, GetParam().verdict) << check.found;
+    EXPECT_NE(check.fix.find(GetParam().fix), std::string::npos) << check.fix;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Doctor, Faults,
+    testing::Values(
+        Fault{"DebiansReceiveBuffer", "receive_buffer", Verdict::kProblem, "net.core.rmem_max=8388608",
+              [](Facts& f, Needs&) { f.receive_buffer_max = 212'992; }},
+        Fault{"ShortReceiveBuffer", "receive_buffer", Verdict::kAdvice, "rmem_max",
+              [](Facts& f, Needs&) { f.receive_buffer_max = 6 << 20; }},
+        Fault{"Backlog", "backlog", Verdict::kAdvice, "netdev_max_backlog", [](Facts& f, Needs&) { f.backlog = 300; }},
+        Fault{"SmallPackets", "mtu", Verdict::kAdvice, "eth1 mtu 9000",
+              [](Facts& f, Needs&) { f.interfaces[1].mtu = 1500; }},
+        Fault{"PacketsThatDoNotFit", "mtu", Verdict::kProblem, "mtu 8192",
+              [](Facts& f, Needs& n) {
+                f.interfaces[1].mtu = 1500;
+                n.packet_bytes = 8192;
+              }},
+        Fault{"TwoInterfacesInOneNetwork", "interfaces", Verdict::kProblem, "eth1 and wlan0",
+              [](Facts& f, Needs&) {
+                f.interfaces.push_back({"wlan0", "192.168.7.9", 16, 1500, false, true});
+              }},
+        Fault{"TwoNetworks", "interfaces", Verdict::kGood, "by its IP address",
+              [](Facts& f, Needs&) {
+                f.interfaces.push_back({"wlan0", "10.0.0.9", 8, 1500, false, true});
+              }},
+        Fault{"Ufw", "firewall", Verdict::kAdvice, "ufw allow in on eth1",
+              [](Facts& f, Needs&) { f.firewalls = {"ufw"}; }},
+        Fault{"StrictReversePath", "reverse_path", Verdict::kAdvice, "rp_filter=2",
+              [](Facts& f, Needs&) {
+                f.reverse_path_strict = true;
+                f.interfaces.push_back({"wlan0", "10.0.0.9", 8, 1500, false, true});
+              }},
+        Fault{"NoPriority", "realtime", Verdict::kProblem, "LimitRTPRIO=20",
+              [](Facts& f, Needs&) { f.priority_limit = 0; }},
+        Fault{"LittleLockedMemory", "locked_memory", Verdict::kAdvice, "LimitMEMLOCK",
+              [](Facts& f, Needs&) { f.memlock_limit = 8 << 20; }},
+        Fault{"SleepyProcessor", "governor", Verdict::kAdvice, "performance",
+              [](Facts& f, Needs&) {
+                f.governors = {"powersave", "performance"};
+              }},
+        Fault{"AProcessorThatIsNotThere", "isolation", Verdict::kProblem, "names CPU 4",
+              [](Facts&, Needs& n) {
+                n.cpus = {1, 4};
+              }},
+        Fault{"UnusedIsolation", "isolation", Verdict::kAdvice, "pipeline.cpus = [2, 3]",
+              [](Facts& f, Needs&) {
+                f.isolated = {2, 3};
+              }},
+        Fault{"ContainersSharedMemory", "shared_memory", Verdict::kProblem, "--shm-size",
+              [](Facts& f, Needs&) { f.shared_free = 10 << 20; }},
+        Fault{"NoSharedMemory", "shared_memory", Verdict::kProblem, "mount -t tmpfs",
+              [](Facts& f, Needs&) { f.shared_free.reset(); }},
+        Fault{"NoLoopbackModule", "v4l2loopback", Verdict::kProblem, "v4l2loopback-dkms",
+              [](Facts& f, Needs&) {
+                f.loopback_module = false;
+                f.videos = {{"/dev/video0", "uvcvideo", "Webcam"}};
+              }},
+        Fault{"ModuleWithoutDevice", "v4l2loopback", Verdict::kProblem, "modprobe -r",
+              [](Facts& f, Needs&) { f.videos.clear(); }},
+        Fault{"UsbWithoutPermission", "usb", Verdict::kAdvice, "udev rule",
+              [](Facts& f, Needs&) {
+                f.usb = {{"09cb:1996", "A655sc", "/dev/bus/usb/001/004", false}};
+              }},
+        Fault{"OldAravis", "aravis", Verdict::kProblem, "0.8.26", [](Facts& f, Needs&) { f.aravis = "0.8.6"; }},
+        Fault{"SilentCamera", "camera", Verdict::kProblem, "ping 192.168.7.2",
+              [](Facts& f, Needs&) { f.answers = false; }},
+        Fault{"NoCamera", "camera", Verdict::kAdvice, "bolo fakecam",
+              [](Facts& f, Needs& n) {
+                f.cameras.clear();
+                f.answers.reset();
+                n.address.clear();
+              }},
+        Fault{"FreeClock", "clock", Verdict::kAdvice, "chrony",
+              [](Facts& f, Needs&) { f.clock_synchronised = false; }}),
+    [](const auto& each) { return std::string(each.param.label); });
+
+TEST(Doctor, WhatCannotBeLookedAtIsUnknown) {
+  Facts facts = good_host();
+  facts.receive_buffer_max.reset();
+  facts.route_interface.reset();
+  facts.clock_synchronised.reset();
+  const auto checks = judge(facts, live_needs());
+  for (const char* name : {"receive_buffer", "mtu", "clock"}) {
+    EXPECT_EQ(check_of(checks, name).verdict, Verdict::kUnknown) << name;
+  }
+}
+
+// A host made of files.
+class Host : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string folder = testing::TempDir() + "bolo_host_XXXXXX";
+    ASSERT_NE(mkdtemp(folder.data()), nullptr);
+    root_ = folder;
+  }
+  void TearDown() override { std::filesystem::remove_all(root_); }
+  void write(const std::string& name, const std::string& text) const {
+    std::filesystem::create_directories((root_ / name).parent_path());
+    std::ofstream(root_ / name) << text << "\n";
+  }
+  std::filesystem::path root_;
+};
+
+TEST_F(Host, IsReadFromTheKernelsFiles) {
+  write("proc/sys/net/core/rmem_max", "212992");
+  write("proc/sys/net/core/netdev_max_backlog", "1000");
+  write("proc/sys/net/ipv4/conf/all/rp_filter", "1");
+  write("proc/modules", "snd 1 0\nv4l2loopback 49152 0 - Live 0x0");
+  write("etc/ufw/ufw.conf", "LOGLEVEL=low\nENABLED=yes");
+  write("sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "powersave");
+  write("sys/devices/system/cpu/isolated", "2-3,7");
+  write("sys/bus/usb/devices/1-2/idVendor", "09cb");
+  write("sys/bus/usb/devices/1-2/idProduct", "1996");
+  write("sys/bus/usb/devices/1-2/busnum", "1");
+  write("sys/bus/usb/devices/1-2/devnum", "4");
+  write("sys/bus/usb/devices/1-3/idVendor", "1d6b");
+  write("sys/class/video4linux/video10/name", "bolo");
+  std::filesystem::create_directories(root_ / "dev/shm");
+  const Facts facts = gather({}, root_);
+  EXPECT_EQ(facts.receive_buffer_max, 212'992);
+  EXPECT_EQ(facts.backlog, 1000);
+  EXPECT_EQ(facts.reverse_path_strict, true);
+  EXPECT_TRUE(facts.loopback_module);
+  EXPECT_EQ(facts.firewalls, std::vector<std::string>{"ufw"});
+  EXPECT_EQ(facts.governors, std::vector<std::string>{"powersave"});
+  EXPECT_EQ(facts.isolated, (std::vector<int>{2, 3, 7}));
+  ASSERT_EQ(facts.usb.size(), 1U);
+  EXPECT_EQ(facts.usb[0].id, "09cb:1996");
+  EXPECT_EQ(facts.usb[0].node, "/dev/bus/usb/001/004");
+  EXPECT_FALSE(facts.usb[0].writable);
+  ASSERT_EQ(facts.videos.size(), 1U);
+  EXPECT_EQ(facts.videos[0].path, "/dev/video10");
+  EXPECT_TRUE(facts.videos[0].driver.empty());
+  EXPECT_TRUE(facts.shared_free);
+  EXPECT_GE(facts.processors, 1);
+  EXPECT_FALSE(facts.hdf5.empty());
+  EXPECT_FALSE(facts.aravis.empty());
+}
+
+TEST_F(Host, WithoutFilesSaysNothing) {
+  const Facts facts = gather({}, root_);
+  EXPECT_FALSE(facts.receive_buffer_max);
+  EXPECT_FALSE(facts.shared_free);
+  EXPECT_TRUE(facts.governors.empty());
+  EXPECT_TRUE(facts.usb.empty());
+}
+
+}  // namespace
+}  // namespace bolo::tools::doctor

@@ -1,0 +1,77 @@
+// bolo doctor through its executable, on the machine that it runs on.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/tools/program.hpp"
+
+namespace bolo::tools::test {
+namespace {
+
+class DoctorVerb : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string folder = ::testing::TempDir() + "bolo_doctor_XXXXXX";
+    ASSERT_NE(mkdtemp(folder.data()), nullptr);
+    folder_ = folder;
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  Outcome doctor(std::vector<std::string> words) const {
+    words.insert(words.begin(), {BOLO_PROGRAM, "doctor"});
+    return Program(folder_, words).outcome();
+  }
+  std::filesystem::path folder_;
+};
+
+TEST_F(DoctorVerb, SaysWhatItFoundAndEndsByIt) {
+  const Outcome outcome = doctor({"--json", "--no-camera"});
+  ASSERT_TRUE(outcome.exit_code == 0 || outcome.exit_code == 1) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(json.at("ok").get<bool>(), outcome.exit_code == 0);
+  std::set<std::string> names;
+  bool problem = false;
+  for (const auto& check : json.at("checks")) {
+    names.insert(check.at("name").get<std::string>());
+    EXPECT_FALSE(check.at("found").get<std::string>().empty()) << check;
+    problem |= check.at("verdict") == "problem";
+    EXPECT_TRUE(check.at("verdict") != "problem" || check.at("fix").is_string()) << check;
+  }
+  EXPECT_EQ(problem, outcome.exit_code == 1);
+  for (const char* name : {"receive_buffer", "mtu", "firewall", "interfaces", "realtime", "governor", "isolation",
+                           "shared_memory", "v4l2loopback", "hdf5", "aravis", "camera", "clock"}) {
+    EXPECT_EQ(names.count(name), 1U) << name;
+  }
+}
+
+TEST_F(DoctorVerb, ASilentAddressIsAProblem) {
+  const Outcome outcome = doctor({"--address", "127.231.4.9"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_NE(outcome.out.find("127.231.4.9 does not answer"), std::string::npos) << outcome.out;
+  EXPECT_NE(outcome.out.find("ping 127.231.4.9"), std::string::npos) << outcome.out;
+}
+
+TEST_F(DoctorVerb, ReadsTheConfiguration) {
+  std::ofstream(folder_ / "bolod.toml") << "[shm]\nslots = 60000\n[pipeline]\ncpus = [4000]\n";
+  const Outcome outcome = doctor({"--no-camera", "--config", folder_ / "bolod.toml"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_NE(outcome.out.find("names CPU 4000"), std::string::npos) << outcome.out;
+  EXPECT_NE(outcome.out.find("17581.8 MiB needed"), std::string::npos) << outcome.out;  // 60000 slots of two planes
+}
+
+TEST_F(DoctorVerb, AWrongConfigurationIsOneLineAndExitCode2) {
+  std::ofstream(folder_ / "bolod.toml") << "[shm]\nslotz = 1\n";
+  const Outcome outcome = doctor({"--config", folder_ / "bolod.toml"});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+}
+
+}  // namespace
+}  // namespace bolo::tools::test

@@ -1,0 +1,258 @@
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <ifaddrs.h>
+#include <linux/videodev2.h>
+#include <net/if.h>
+#include <netinet/in.h>
+#include <sys/ioctl.h>
+#include <sys/resource.h>
+#include <sys/statvfs.h>
+#include <sys/timex.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <sstream>
+#include <thread>
+
+#include <hdf5.h>
+
+#include "bolo/rt/thread.hpp"
+#include "drivers/genicam/discovery.hpp"
+#include "drivers/genicam/network.hpp"
+#include "tools/doctor/facts.hpp"
+
+namespace bolo::tools::doctor {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kFlir = "09cb";
+
+// The first line of a small file; empty when it can't be read.
+std::string line_of(const fs::path& file) {
+  std::ifstream in(file);
+  std::string line;
+  std::getline(in, line);
+  return line;
+}
+
+std::optional<int> number_of(const fs::path& file) {
+  std::ifstream in(file);
+  int value = 0;
+  return in >> value ? std::optional(value) : std::nullopt;
+}
+
+std::vector<fs::path> entries_of(const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> found;
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    found.push_back(at->path());
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+bool starts_with(const std::string& text, const char* start) { return text.rfind(start, 0) == 0; }
+
+// "0-2,7" as the kernel writes lists of processors.
+std::vector<int> processors_of(const std::string& text) {
+  std::vector<int> list;
+  std::istringstream parts(text);
+  std::string part;
+  while (std::getline(parts, part, ',')) {
+    int first = 0;
+    int last = 0;
+    const int read = std::sscanf(part.c_str(), "%d-%d", &first, &last);
+    if (read < 1) continue;
+    for (int cpu = first; cpu <= (read == 2 ? last : first); ++cpu) list.push_back(cpu);
+  }
+  return list;
+}
+
+void look_at_processors(const fs::path& root, Facts& facts) {
+  facts.processors = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  const fs::path cpus = root / "sys/devices/system/cpu";
+  for (const fs::path& cpu : entries_of(cpus)) {
+    const std::string governor = line_of(cpu / "cpufreq/scaling_governor");
+    if (!governor.empty()) facts.governors.push_back(governor);
+  }
+  facts.isolated = processors_of(line_of(cpus / "isolated"));
+}
+
+void look_at_kernel(const fs::path& root, Facts& facts) {
+  const fs::path net = root / "proc/sys/net";
+  facts.receive_buffer_max = number_of(net / "core/rmem_max");
+  facts.backlog = number_of(net / "core/netdev_max_backlog");
+  if (const auto filter = number_of(net / "ipv4/conf/all/rp_filter")) facts.reverse_path_strict = *filter == 1;
+  std::ifstream modules(root / "proc/modules");
+  std::string line;
+  while (std::getline(modules, line)) facts.loopback_module |= starts_with(line, "v4l2loopback ");
+}
+
+// Firewalls that can be told from files; those of the kernel are asked for as root only.
+void look_at_firewalls(const fs::path& root, Facts& facts) {
+  std::ifstream ufw(root / "etc/ufw/ufw.conf");
+  std::string line;
+  while (std::getline(ufw, line)) {
+    if (line == "ENABLED=yes") facts.firewalls.emplace_back("ufw");
+  }
+  std::error_code error;
+  if (fs::exists(root / "run/firewalld", error)) facts.firewalls.emplace_back("firewalld");
+}
+
+std::string output_of(const char* command) {
+  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command, "re"), &pclose);
+  std::string text;
+  std::array<char, 4096> part{};
+  while (pipe != nullptr && std::fgets(part.data(), part.size(), pipe.get()) != nullptr) text += part.data();
+  return text;
+}
+
+void ask_for_rules(Facts& facts) {
+  if (geteuid() != 0 || !facts.firewalls.empty()) return;
+  const auto refuses = [](const std::string& rules) {
+    return rules.find("drop") != std::string::npos || rules.find("reject") != std::string::npos ||
+           rules.find("DROP") != std::string::npos || rules.find("REJECT") != std::string::npos;
+  };
+  if (refuses(output_of("nft list ruleset 2>/dev/null"))) {
+    facts.firewalls.emplace_back("nftables");
+  } else if (refuses(output_of("iptables -S INPUT 2>/dev/null"))) {
+    facts.firewalls.emplace_back("iptables");
+  }
+}
+
+void look_at_usb(const fs::path& root, Facts& facts) {
+  for (const fs::path& device : entries_of(root / "sys/bus/usb/devices")) {
+    if (line_of(device / "idVendor") != kFlir) continue;
+    char node[64];
+    std::snprintf(node, sizeof node, "/dev/bus/usb/%03d/%03d", number_of(device / "busnum").value_or(0),
+                  number_of(device / "devnum").value_or(0));
+    const fs::path file = root / fs::path(node).relative_path();
+    facts.usb.push_back({std::string(kFlir) + ":" + line_of(device / "idProduct"), line_of(device / "product"), node,
+                         access(file.c_str(), W_OK) == 0});
+  }
+}
+
+void look_at_videos(const fs::path& root, Facts& facts) {
+  for (const fs::path& entry : entries_of(root / "sys/class/video4linux")) {
+    const std::string name = entry.filename();
+    VideoDevice device{"/dev/" + name, "", line_of(entry / "name")};
+    const int descriptor = ::open((root / "dev" / name).c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    v4l2_capability answer{};
+    if (descriptor >= 0 && ioctl(descriptor, VIDIOC_QUERYCAP, &answer) == 0) {
+      device.driver = reinterpret_cast<const char*>(answer.driver);
+    }
+    if (descriptor >= 0) ::close(descriptor);
+    facts.videos.push_back(std::move(device));
+  }
+}
+
+void look_at_shared_memory(const fs::path& root, Facts& facts) {
+  struct statvfs info {};
+  if (statvfs((root / "dev/shm").c_str(), &info) != 0) return;
+  facts.shared_free = std::uint64_t{info.f_bavail} * info.f_frsize;
+}
+
+std::string dotted(const sockaddr* address) {
+  std::array<char, INET_ADDRSTRLEN> text{};
+  inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in*>(address)->sin_addr, text.data(), text.size());
+  return text.data();
+}
+
+void look_at_interfaces(Facts& facts) {
+  ifaddrs* list = nullptr;
+  if (getifaddrs(&list) != 0) return;
+  const std::unique_ptr<ifaddrs, decltype(&freeifaddrs)> owner(list, &freeifaddrs);
+  const int any = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  for (const ifaddrs* i = list; i != nullptr; i = i->ifa_next) {
+    if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET || i->ifa_netmask == nullptr) continue;
+    Interface interface { i->ifa_name, dotted(i->ifa_addr) };
+    const auto* mask = reinterpret_cast<const sockaddr_in*>(i->ifa_netmask);
+    interface.prefix = static_cast<unsigned>(std::popcount(std::uint32_t{mask->sin_addr.s_addr}));
+    interface.loopback = (i->ifa_flags & IFF_LOOPBACK) != 0;
+    interface.up = (i->ifa_flags & IFF_UP) != 0;
+    ifreq request{};
+    interface.name.copy(request.ifr_name, IFNAMSIZ - 1);
+    interface.mtu = ioctl(any, SIOCGIFMTU, &request) == 0 ? request.ifr_mtu : 0;
+    facts.interfaces.push_back(std::move(interface));
+  }
+  if (any >= 0) ::close(any);
+}
+
+// Tried on a thread of its own: limits and capabilities say less than the kernel's answer.
+void try_limits(Facts& facts) {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_RTPRIO, &limit) == 0) {
+    facts.priority_limit = static_cast<long>(std::min<rlim_t>(limit.rlim_cur, 99));
+  }
+  bool allowed = false;
+  std::thread([&allowed] {
+    allowed = rt::apply_to_this_thread({.name = "bolo-doctor", .realtime_priority = 1}).has_value();
+  }).join();
+  if (!allowed) facts.priority_limit = 0;
+  if (allowed && facts.priority_limit == 0) facts.priority_limit = 99;  // by capability
+  if (getrlimit(RLIMIT_MEMLOCK, &limit) == 0) {
+    const bool unlimited = limit.rlim_cur == RLIM_INFINITY || geteuid() == 0;
+    facts.memlock_limit = unlimited ? ~std::uint64_t{0} : limit.rlim_cur;
+  }
+}
+
+void ask_clock(Facts& facts) {
+  timex state{};
+  const int answer = adjtimex(&state);
+  if (answer >= 0) facts.clock_synchronised = answer != TIME_ERROR && (state.status & STA_UNSYNC) == 0;
+}
+
+void ask_cameras(const Question& question, Facts& facts) {
+  for (const genicam::FoundCamera& found : genicam::find_cameras()) {
+    facts.cameras.push_back({found.id, found.model, found.serial, found.address});
+  }
+  std::string address = question.address;
+  if (genicam::is_ipv4(address)) facts.answers = genicam::answers_gvcp(address);
+  if (address.empty() && facts.cameras.size() == 1) address = facts.cameras.front().address;
+  if (!genicam::is_ipv4(address)) {
+    if (address.empty()) return;
+    const auto named = [&](const CameraFound& c) { return c.id == address || c.serial == address; };
+    const auto at = std::find_if(facts.cameras.begin(), facts.cameras.end(), named);
+    facts.answers = at != facts.cameras.end();
+    if (at == facts.cameras.end()) return;
+    address = at->address;
+  }
+  if (const auto route = genicam::route_to(address)) facts.route_interface = route->interface;
+}
+
+void find_versions(Facts& facts) {
+  unsigned major = 0;
+  unsigned minor = 0;
+  unsigned release = 0;
+  H5get_libversion(&major, &minor, &release);
+  facts.hdf5 = std::to_string(major) + "." + std::to_string(minor) + "." + std::to_string(release);
+  facts.aravis = genicam::aravis_version();
+}
+
+}  // namespace
+
+Facts gather(const Question& question, const fs::path& root) {
+  Facts facts;
+  look_at_processors(root, facts);
+  look_at_kernel(root, facts);
+  look_at_firewalls(root, facts);
+  look_at_usb(root, facts);
+  look_at_videos(root, facts);
+  look_at_shared_memory(root, facts);
+  find_versions(facts);
+  if (root != "/") return facts;
+  look_at_interfaces(facts);
+  try_limits(facts);
+  ask_for_rules(facts);
+  ask_clock(facts);
+  if (question.ask_network) ask_cameras(question, facts);
+  return facts;
+}
+
+}  // namespace bolo::tools::doctor

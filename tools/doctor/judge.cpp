@@ -1,0 +1,353 @@
+#include <algorithm>
+#include <cstdio>
+#include <sstream>
+
+#include "tools/doctor/checks.hpp"
+
+namespace bolo::tools::doctor {
+namespace {
+
+constexpr int kFrameBytes = 153'600;  // 640x120
+constexpr int kJumbo = 8000;          // a link with less than this sends a frame in more than 20 packets
+constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
+constexpr std::uint64_t kLockedBytes = 256 * kMiB;  // of bolod at 640x480
+constexpr int kLeastBacklog = 1000;
+
+std::string bytes_text(std::uint64_t bytes) {
+  char text[32];
+  if (bytes >= kMiB) {
+    std::snprintf(text, sizeof text, "%.1f MiB", static_cast<double>(bytes) / static_cast<double>(kMiB));
+  } else {
+    std::snprintf(text, sizeof text, "%llu KiB", static_cast<unsigned long long>(bytes >> 10U));
+  }
+  return text;
+}
+
+template <typename T>
+std::string list(const std::vector<T>& values) {
+  std::ostringstream text;
+  for (std::size_t i = 0; i < values.size(); ++i) text << (i > 0 ? ", " : "") << values[i];
+  return text.str();
+}
+
+Check receive_buffer(const Facts& facts, const Needs& needs) {
+  Check check{"receive_buffer", "Receive buffer"};
+  if (!facts.receive_buffer_max) {
+    return {check.name, check.title, Verdict::kUnknown, "net.core.rmem_max cannot be read", ""};
+  }
+  const auto have = static_cast<std::uint64_t>(*facts.receive_buffer_max);
+  const auto want = static_cast<std::uint64_t>(needs.socket_buffer_bytes);
+  check.found = "net.core.rmem_max allows " + bytes_text(have) + ", " + bytes_text(want) + " are asked for";
+  if (have >= want) return check;
+  check.verdict = have < 4 * kMiB ? Verdict::kProblem : Verdict::kAdvice;
+  check.fix = "sysctl -w net.core.rmem_max=" + std::to_string(want) +
+              ", and the same line in /etc/sysctl.d/60-bolo.conf; with less, frames are lost whenever this computer is "
+              "busy for a few ms";
+  return check;
+}
+
+Check backlog(const Facts& facts) {
+  Check check{"backlog", "Packet backlog"};
+  if (!facts.backlog)
+    return {check.name, check.title, Verdict::kUnknown, "net.core.netdev_max_backlog is not known", ""};
+  check.found = std::to_string(*facts.backlog) + " packets may wait";
+  if (*facts.backlog >= kLeastBacklog) return check;
+  check.verdict = Verdict::kAdvice;
+  check.fix = "sysctl -w net.core.netdev_max_backlog=" + std::to_string(kLeastBacklog);
+  return check;
+}
+
+const Interface* interface_of(const Facts& facts) {
+  if (!facts.route_interface) return nullptr;
+  const auto at = std::find_if(facts.interfaces.begin(), facts.interfaces.end(),
+                               [&](const Interface& i) { return i.name == *facts.route_interface; });
+  return at != facts.interfaces.end() ? &*at : nullptr;
+}
+
+Check mtu(const Facts& facts, const Needs& needs) {
+  Check check{"mtu", "Packet size (MTU)"};
+  const Interface* leads = interface_of(facts);
+  if (leads == nullptr) {
+    return {check.name, check.title, Verdict::kUnknown, "no camera is known, so neither is the interface to it",
+            "bolo doctor --address IP, or --config FILE"};
+  }
+  const int packets = (kFrameBytes + leads->mtu - 1) / std::max(1, leads->mtu);
+  check.found = leads->name + " carries " + std::to_string(leads->mtu) + " bytes: " + std::to_string(packets) +
+                " packets for a frame of 640x120";
+  if (needs.packet_bytes > leads->mtu) {
+    check.verdict = Verdict::kProblem;
+    check.fix = "ip link set dev " + leads->name + " mtu " + std::to_string(needs.packet_bytes) +
+                ", or packet_size = 0 in the configuration: " + std::to_string(needs.packet_bytes) +
+                " bytes do not fit";
+  } else if (leads->mtu < kJumbo) {
+    check.verdict = Verdict::kAdvice;
+    check.fix = "ip link set dev " + leads->name +
+                " mtu 9000, where adapter, switch and camera can: fewer packets, a fourth of the work";
+  }
+  return check;
+}
+
+Check firewall(const Facts& facts) {
+  Check check{"firewall", "Firewall"};
+  if (facts.firewalls.empty()) {
+    check.found = "none is active";
+    return check;
+  }
+  check.found = list(facts.firewalls) + (facts.firewalls.size() == 1 ? " is active" : " are active");
+  const Interface* leads = interface_of(facts);
+  if (leads != nullptr && leads->loopback) return check;
+  check.verdict = Verdict::kAdvice;
+  const std::string name = leads != nullptr ? leads->name : "the camera's interface";
+  check.fix = "let UDP from the camera in: its stream comes to a port that changes. " + [&]() -> std::string {
+    if (facts.firewalls.front() == "ufw") return "ufw allow in on " + name + " proto udp";
+    if (facts.firewalls.front() == "firewalld") return "firewall-cmd --zone=trusted --change-interface=" + name;
+    if (facts.firewalls.front() == "nftables") return "nft add rule inet filter input iifname " + name + " udp accept";
+    return "iptables -I INPUT -i " + name + " -p udp -j ACCEPT";
+  }();
+  return check;
+}
+
+std::uint32_t number_of(const std::string& dotted) {
+  unsigned a = 0, b = 0, c = 0, d = 0;
+  if (std::sscanf(dotted.c_str(), "%u.%u.%u.%u", &a, &b, &c, &d) != 4) return 0;
+  return a << 24U | b << 16U | c << 8U | d;
+}
+
+bool overlap(const Interface& a, const Interface& b) {
+  const unsigned bits = std::min(a.prefix, b.prefix);
+  const std::uint32_t mask = bits == 0 ? 0U : ~std::uint32_t{0} << (32U - bits);
+  return (number_of(a.address) & mask) == (number_of(b.address) & mask);
+}
+
+// Two interfaces in one network: the kernel chooses one, which may not be the camera's.
+Check interfaces(const Facts& facts) {
+  Check check{"interfaces", "Network interfaces"};
+  std::vector<const Interface*> used;
+  for (const Interface& i : facts.interfaces) {
+    if (i.up && !i.loopback) used.push_back(&i);
+  }
+  std::vector<std::string> names;
+  for (const Interface* i : used) names.push_back(i->name + " " + i->address + "/" + std::to_string(i->prefix));
+  check.found = names.empty() ? "only the loopback is up" : list(names);
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    for (std::size_t k = i + 1; k < used.size(); ++k) {
+      if (used[i]->name == used[k]->name || !overlap(*used[i], *used[k])) continue;
+      check.verdict = Verdict::kProblem;
+      check.fix = used[i]->name + " and " + used[k]->name +
+                  " are in one network, and packets leave by either: give the camera's one a network of its own";
+      return check;
+    }
+  }
+  if (used.size() > 1) check.fix = "name the camera by its IP address in the configuration, not by its id";
+  return check;
+}
+
+Check reverse_path(const Facts& facts) {
+  Check check{"reverse_path", "Reverse path filter"};
+  if (!facts.reverse_path_strict) {
+    return {check.name, check.title, Verdict::kUnknown, "rp_filter cannot be read", ""};
+  }
+  check.found = *facts.reverse_path_strict ? "strict (rp_filter = 1)" : "not strict";
+  std::size_t outside = 0;
+  for (const Interface& i : facts.interfaces) outside += i.up && !i.loopback ? 1 : 0;
+  if (!*facts.reverse_path_strict || outside < 2) return check;
+  check.verdict = Verdict::kAdvice;
+  check.fix = "a camera with an address of no local network is not heard: sysctl -w net.ipv4.conf.all.rp_filter=2";
+  return check;
+}
+
+Check priority(const Facts& facts, const Needs& needs) {
+  Check check{"realtime", "Real-time priority"};
+  check.found = "SCHED_FIFO up to " + std::to_string(std::min(facts.priority_limit, 99L));
+  if (facts.priority_limit == 0) check.found = "not allowed";
+  if (facts.priority_limit >= std::max(1, needs.realtime_priority)) return check;
+  check.verdict = needs.realtime_priority > 0 ? Verdict::kProblem : Verdict::kAdvice;
+  check.fix = "LimitRTPRIO=" + std::to_string(std::max(20, needs.realtime_priority)) +
+              " in the service, or 'USER - rtprio 20' in /etc/security/limits.d/bolo.conf";
+  return check;
+}
+
+Check locked_memory(const Facts& facts) {
+  Check check{"locked_memory", "Locked memory"};
+  const bool unlimited = facts.memlock_limit == ~std::uint64_t{0};
+  check.found = unlimited ? "unlimited" : bytes_text(facts.memlock_limit) + " may be locked";
+  if (unlimited || facts.memlock_limit >= kLockedBytes) return check;
+  check.verdict = Verdict::kAdvice;
+  check.fix = "LimitMEMLOCK=infinity in the service, or 'USER - memlock unlimited' in /etc/security/limits.d/bolo.conf";
+  return check;
+}
+
+Check governor(const Facts& facts) {
+  Check check{"governor", "CPU frequency"};
+  if (facts.governors.empty()) {
+    check.found = "no scaling here";
+    return check;
+  }
+  std::vector<std::string> kinds = facts.governors;
+  std::sort(kinds.begin(), kinds.end());
+  kinds.erase(std::unique(kinds.begin(), kinds.end()), kinds.end());
+  check.found = "governor " + list(kinds);
+  if (kinds == std::vector<std::string>{"performance"}) return check;
+  check.verdict = Verdict::kAdvice;
+  check.fix = "cpupower frequency-set -g performance: a processor that sleeps between frames wakes late";
+  return check;
+}
+
+Check isolation(const Facts& facts, const Needs& needs) {
+  Check check{"isolation", "CPUs kept free"};
+  check.found =
+      std::to_string(facts.processors) + " CPUs, isolated: " + (facts.isolated.empty() ? "none" : list(facts.isolated));
+  std::vector<int> missing;
+  for (const int cpu : needs.cpus) {
+    if (cpu >= facts.processors) missing.push_back(cpu);
+  }
+  if (!missing.empty()) {
+    check.verdict = Verdict::kProblem;
+    check.fix = "pipeline.cpus names CPU " + list(missing) + ", which this computer has not";
+  } else if (facts.processors < 2) {
+    check.verdict = Verdict::kAdvice;
+    check.fix = "one CPU is little: deblurring 640x120 at 200 frames/s fills most of it";
+  } else if (!facts.isolated.empty() && needs.cpus.empty()) {
+    check.verdict = Verdict::kAdvice;
+    check.fix = "set pipeline.cpus = [" + list(facts.isolated) + "] to use them; nothing else runs there by itself";
+  }
+  return check;
+}
+
+Check shared_memory(const Facts& facts, const Needs& needs) {
+  Check check{"shared_memory", "Shared memory"};
+  if (!facts.shared_free) {
+    return {check.name, check.title, Verdict::kProblem, "/dev/shm is not there",
+            "mount -t tmpfs tmpfs /dev/shm; in a container give it --shm-size=256m"};
+  }
+  check.found = bytes_text(*facts.shared_free) + " free in /dev/shm, " + bytes_text(needs.shared_bytes) + " needed";
+  if (*facts.shared_free >= needs.shared_bytes) return check;
+  check.verdict = Verdict::kProblem;
+  check.fix = "mount -o remount,size=" + std::to_string((needs.shared_bytes >> 20U) * 2 + 64) +
+              "M /dev/shm; in a container --shm-size; or fewer shm.slots";
+  return check;
+}
+
+Check video(const Facts& facts, const Needs& needs) {
+  Check check{"v4l2loopback", "Video device"};
+  std::vector<std::string> ours;
+  std::vector<std::string> others;
+  for (const VideoDevice& device : facts.videos) {
+    const bool loopback = device.driver.find("v4l2 loopback") != std::string::npos;
+    (loopback ? ours : others).push_back(device.path + (device.driver.empty() ? "" : " (" + device.driver + ")"));
+  }
+  if (!ours.empty()) {
+    check.found = "v4l2loopback: " + list(ours);
+    return check;
+  }
+  check.found = facts.loopback_module ? "v4l2loopback is loaded, but has no device" : "v4l2loopback is not loaded";
+  if (!others.empty()) check.found += "; other devices: " + list(others);
+  check.verdict = needs.video ? Verdict::kProblem : Verdict::kAdvice;
+  check.fix = facts.loopback_module
+                  ? "modprobe -r v4l2loopback; modprobe v4l2loopback video_nr=10 exclusive_caps=1"
+                  : "apt install v4l2loopback-dkms linux-headers-amd64; modprobe v4l2loopback video_nr=10 "
+                    "exclusive_caps=1. Only for programs that want a camera device";
+  return check;
+}
+
+Check usb(const Facts& facts) {
+  Check check{"usb", "FLIR on USB"};
+  std::vector<std::string> names;
+  std::vector<std::string> closed;
+  for (const UsbFound& device : facts.usb) {
+    names.push_back(device.id + (device.product.empty() ? "" : " " + device.product));
+    if (!device.writable) closed.push_back(device.node);
+  }
+  check.found = names.empty() ? "none" : list(names);
+  if (closed.empty()) return check;
+  check.verdict = Verdict::kAdvice;
+  check.fix = list(closed) +
+              " may not be written: a udev rule with SUBSYSTEM==\"usb\", ATTR{idVendor}==\"09cb\", "
+              "GROUP=\"video\", MODE=\"0660\", then plug it in again";
+  return check;
+}
+
+// The releases that this program was tried with; older ones miss what it relies on.
+Check library(const std::string& name, const std::string& title, const std::string& version, const char* least) {
+  Check check{name, title, Verdict::kGood, version, ""};
+  int have[3] = {};
+  int want[3] = {};
+  std::sscanf(version.c_str(), "%d.%d.%d", &have[0], &have[1], &have[2]);
+  std::sscanf(least, "%d.%d.%d", &want[0], &want[1], &want[2]);
+  if (!std::lexicographical_compare(have, have + 3, want, want + 3)) return check;
+  check.verdict = Verdict::kProblem;
+  check.fix = std::string("at least ") + least + ": that of Debian 12";
+  return check;
+}
+
+Check camera(const Facts& facts, const Needs& needs) {
+  Check check{"camera", "Camera"};
+  std::vector<std::string> names;
+  for (const CameraFound& c : facts.cameras) names.push_back(c.model + " " + c.serial + " at " + c.address);
+  if (!needs.address.empty()) {
+    check.found = needs.address + (facts.answers.value_or(false) ? " answers" : " does not answer");
+    if (!names.empty()) check.found += "; found: " + list(names);
+    if (facts.answers.value_or(false)) return check;
+    check.verdict = Verdict::kProblem;
+    check.fix = "check power, cable and address: ping " + needs.address +
+                "; the camera and this computer need addresses in one network (FLIR cameras fall back to 169.254.x.x)";
+    return check;
+  }
+  check.found = names.empty() ? "none answers" : list(names);
+  if (names.empty()) {
+    check.verdict = Verdict::kAdvice;
+    check.fix = "to look for one on another network: bolo doctor --address IP; to try without: bolo fakecam";
+  } else if (names.size() > 1) {
+    check.verdict = Verdict::kAdvice;
+    check.fix = "several cameras answer: set source.address in each configuration";
+  }
+  return check;
+}
+
+Check clock(const Facts& facts) {
+  Check check{"clock", "Time synchronisation"};
+  if (!facts.clock_synchronised) return {check.name, check.title, Verdict::kUnknown, "the kernel does not say", ""};
+  check.found = *facts.clock_synchronised ? "the clock is synchronised" : "the clock runs by itself";
+  if (*facts.clock_synchronised) return check;
+  check.verdict = Verdict::kAdvice;
+  check.fix = "apt install chrony (or systemd-timesyncd): frames can then be told apart from other sensors' by time";
+  return check;
+}
+
+}  // namespace
+
+std::string_view word(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kGood:
+      return "good";
+    case Verdict::kAdvice:
+      return "advice";
+    case Verdict::kProblem:
+      return "problem";
+    case Verdict::kUnknown:
+      break;
+  }
+  return "unknown";
+}
+
+std::vector<Check> judge(const Facts& facts, const Needs& needs) {
+  return {camera(facts, needs),
+          receive_buffer(facts, needs),
+          mtu(facts, needs),
+          interfaces(facts),
+          firewall(facts),
+          reverse_path(facts),
+          backlog(facts),
+          priority(facts, needs),
+          locked_memory(facts),
+          governor(facts),
+          isolation(facts, needs),
+          shared_memory(facts, needs),
+          video(facts, needs),
+          usb(facts),
+          clock(facts),
+          library("aravis", "Aravis", facts.aravis, "0.8.26"),
+          library("hdf5", "HDF5", facts.hdf5, "1.10.8")};
+}
+
+}  // namespace bolo::tools::doctor
