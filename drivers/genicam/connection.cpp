@@ -2,6 +2,9 @@
 
 #include <cstdint>
 #include <utility>
+#include <vector>
+
+#include "drivers/genicam/discovery.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -9,48 +12,22 @@ namespace {
 constexpr std::uint64_t kPrivilegeRegister = 0x0A00;  // GigE Vision: control channel privilege
 constexpr std::uint32_t kControlled = 0x3;            // exclusive access, or control access
 
-struct Found {
-  std::string id;
-  std::string address;
-  std::string protocol;
-  std::string serial;
+std::string list_of(const std::vector<FoundCamera>& cameras) {
   std::string text;
-};
-
-std::string safe(const char* text) { return text != nullptr ? text : ""; }
-
-std::vector<Found> discover() {
-  arv_update_device_list();
-  std::vector<Found> found;
-  const unsigned count = arv_get_n_devices();
-  for (unsigned i = 0; i < count; ++i) {
-    Found f{safe(arv_get_device_id(i)),
-            safe(arv_get_device_address(i)),
-            safe(arv_get_device_protocol(i)),
-            safe(arv_get_device_serial_nbr(i)),
-            {}};
-    f.text = f.id + " at " + f.address;
-    found.push_back(std::move(f));
-  }
-  return found;
-}
-
-std::string list_of(const std::vector<Found>& cameras) {
-  std::string text;
-  for (const Found& f : cameras) text += (text.empty() ? "" : ", ") + f.text;
+  for (const FoundCamera& f : cameras) text += (text.empty() ? "" : ", ") + f.id + " at " + f.address;
   return text;
 }
 
 // The camera to open when the options do not name an IP address.
-Result<Found> choose_camera(const std::string& id, const std::string& serial) {
-  const std::vector<Found> cameras = discover();
+Result<FoundCamera> choose_camera(const std::string& id, const std::string& serial) {
+  const std::vector<FoundCamera> cameras = find_cameras();
   if (cameras.empty()) {
     return bad_input(
         "no camera answers: check its power and cable, that this computer has an address in its subnet, and that no "
         "firewall drops UDP port 3956; or give its address");
   }
   if (id.empty() && !serial.empty()) {
-    for (const Found& f : cameras) {
+    for (const FoundCamera& f : cameras) {
       if (f.serial == serial) return f;
     }
     return bad_input("no camera with serial number '" + serial + "' answers; found: " + list_of(cameras));
@@ -59,7 +36,7 @@ Result<Found> choose_camera(const std::string& id, const std::string& serial) {
     if (cameras.size() == 1) return cameras.front();
     return bad_input("several cameras answer (" + list_of(cameras) + "): give the address of one");
   }
-  for (const Found& f : cameras) {
+  for (const FoundCamera& f : cameras) {
     if (f.id == id || f.address == id) return f;
   }
   return bad_input("no camera named '" + id + "' answers; found: " + list_of(cameras));

@@ -44,7 +44,11 @@ void Intake::take(ArvBuffer* buffer) noexcept {
   const std::uint64_t raw_id = arv_buffer_get_frame_id(buffer);
   switch (arv_buffer_get_status(buffer)) {
     case ARV_BUFFER_STATUS_SUCCESS:
-      deliver(buffer, now_ns);
+      if (raw_id == kNoId) {
+        ledger_.broken_without_id();  // whole, but its leader was not: neither its number nor its shape is known
+      } else {
+        deliver(buffer, now_ns);
+      }
       break;
     case ARV_BUFFER_STATUS_UNKNOWN:
     case ARV_BUFFER_STATUS_CLEARED:
