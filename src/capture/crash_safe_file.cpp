@@ -147,6 +147,20 @@ Pages read_journal(const std::filesystem::path& file) {
   return pages;
 }
 
+bool settle(const std::filesystem::path& file) {
+  const int descriptor = ::open(file.c_str(), O_RDWR | O_CLOEXEC);
+  if (descriptor < 0) return false;
+  bool good = ::flock(descriptor, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK;
+  for (const auto& [number, page] : read_journal(file)) {
+    good = good && write_all(descriptor, number * kPageBytes, kPageBytes, page.data());
+  }
+  good = good && ::fsync(descriptor) == 0;
+  const int why = errno;
+  ::close(descriptor);
+  errno = why;
+  return good;
+}
+
 // Nothing of a file that another writer holds is touched. The journal is emptied before the file is: a record of an
 // earlier file must not be laid over this one.
 Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesystem::path& file, SurvivesCut survives) {

@@ -36,6 +36,10 @@ bool sync_folder_of(const std::filesystem::path& file);
 // The pages of the last commit's record; none when there is no journal or its record is torn. Thread: any.
 Pages read_journal(const std::filesystem::path& file);
 
+// Writes the journal's pages to the file and waits for the disk: the last commit no longer needs the journal. False on
+// failure, errno tells why. Thread: any.
+bool settle(const std::filesystem::path& file);
+
 enum class SurvivesCut { kProcess, kPower };
 
 class CrashSafeFile {
