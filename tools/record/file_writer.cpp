@@ -13,7 +13,8 @@ namespace bolo::tools {
 namespace {
 
 constexpr std::int64_t kIdle_ns = 100'000'000;
-constexpr std::int64_t kCommitAfter_ns = 400'000'000;
+// A commit waits for the disk: the less there is to write, the shorter, and what comes meanwhile waits in memory.
+constexpr std::int64_t kCommitAfter_ns = 150'000'000;
 constexpr std::size_t kFewestSlots = 16;
 
 std::size_t slots_for(const FileWriterOptions& options) {

@@ -30,7 +30,7 @@ int replay_main(int argc, char** argv);
 int simulate_main(int argc, char** argv);
 int stat_main(int argc, char** argv);
 
-inline constexpr std::array<Verb, 13> kVerbs{{
+inline constexpr std::array<Verb, 14> kVerbs{{
     {"simulate", "write a capture of a simulated camera that moves", simulate_main},
     {"fakecam", "serve a capture as a GigE Vision camera", fakecam_main},
     {"deblur", "undo the pixels' thermal inertia in a capture", deblur_main},
@@ -38,6 +38,7 @@ inline constexpr std::array<Verb, 13> kVerbs{{
     {"diagnose", "say how far the simulator is from a camera, why, and what closes the gap", diagnose_main},
     {"record", "record a running daemon's frames", record_main},
     {"recover", "save what an interrupted recording or a damaged capture holds", recover_main},
+    {"convert", "captures, pictures, raw dumps and radiometric stills into one another", convert_main},
     {"replay", "publish a capture as if its camera was live", replay_main},
     {"stat", "show what a running daemon does", stat_main},
     {"info", "say what is in a capture, and what is wrong with it", info_main},
