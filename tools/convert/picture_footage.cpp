@@ -40,9 +40,7 @@ class PictureFootage final : public Footage {
     format.geometry = first->geometry;
     format.type = first->type;
     format.frame_period_s = 1.0 / told.rate_hz;
-    format.scale = told.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
-    // Stills are computed in kelvin, and floating-point pictures are taken for it.
-    if (first->type == PixelType::kFloat32 && !told.scale) format.scale = {Unit::kKelvin, 1.0, 0.0};
+    format.scale = scale_of(format.type, told);
     footage->info_.frames = footage->places_.size();
     return footage;
   }

@@ -24,7 +24,7 @@ class RawFootage final : public Footage {
     format.geometry = layout.geometry;
     format.type = layout.type == RawLayout::Type::kF32 ? PixelType::kFloat32 : PixelType::kUint16;
     format.frame_period_s = 1.0 / told.rate_hz;
-    format.scale = told.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
+    format.scale = scale_of(format.type, told);
     info_.frames = frames;
   }
 

@@ -33,9 +33,9 @@ cxxopts::Options make_options() {
       ("in", "Files to convert, in order", cxxopts::value<std::vector<std::string>>())                  //
       ("o,output", "What to write; its ending says the format", cxxopts::value<std::string>())          //
       ("rate", "Frames a second of pictures and dumps", cxxopts::value<double>()->default_value("30"))  //
-      ("scale", "Kelvin a count of pictures and dumps; PNG from floating point (0.01 there)",
+      ("scale", "Kelvin a count of pictures and dumps of whole numbers, or of the PNG to write (0.01)",
        cxxopts::value<double>())                                                                         //
-      ("offset", "Kelvin at 0 of pictures and dumps", cxxopts::value<double>())                          //
+      ("offset", "Kelvin at count 0, likewise", cxxopts::value<double>())                                //
       ("raw", "WxH[:u16le|u16be|f32]: the files are raw frames", cxxopts::value<std::string>())          //
       ("skip", "Bytes before the first raw frame", cxxopts::value<std::uint64_t>()->default_value("0"))  //
       ("preview", "PNG: 8 bit for the eye instead of 16 linear ones");
