@@ -81,7 +81,7 @@ Status FileWriter::open_next() {
   ++files_opened_;
   frames_in_file_ = 0;
   for (const capture::Attribute& attribute : options_.attributes) {
-    const Status good = std::visit([&](const auto& value) { return capture_->write_attribute(attribute.name, value); },
+    Status good = std::visit([&](const auto& value) { return capture_->write_attribute(attribute.name, value); },
                                    attribute.value);
     if (!good) return good;
   }
