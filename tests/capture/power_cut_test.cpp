@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cstring>
@@ -214,6 +215,18 @@ TEST_P(PowerCut, LeavesWhatWasCommitted) {
 
 INSTANTIATE_TEST_SUITE_P(Compression, PowerCut, ::testing::Values(0, 1), ::testing::PrintToStringParamName());
 
+// In a process of its own, which ends without cleaning up: HDF5 forgets to free what it read of a torn file.
+bool opens_with(const std::filesystem::path& file, std::size_t least) {
+  const pid_t pid = fork();
+  if (pid == 0) {
+    const auto reader = CaptureReader::open(file);
+    _exit(reader && reader->info().frames >= least ? 0 : 1);
+  }
+  int status = 0;
+  EXPECT_EQ(waitpid(pid, &status, 0), pid);
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
 // The check itself: without syncs there are cuts that leave nothing usable.
 TEST(PowerCutCheck, FindsAWriterThatDoesNotSync) {
   const Scratch scratch;
@@ -228,8 +241,7 @@ TEST(PowerCutCheck, FindsAWriterThatDoesNotSync) {
       std::ofstream out(part, std::ios::binary | std::ios::trunc);
       out.write(content.data(), static_cast<std::streamsize>(content.size()));
     }
-    const auto reader = CaptureReader::open(part);
-    if (!reader || reader->info().frames < committed_before(log, log.size())) ++broken;
+    if (!opens_with(part, committed_before(log, log.size()))) ++broken;
   }
   EXPECT_GT(broken, 10);
 }
