@@ -82,7 +82,7 @@ Status FileWriter::open_next() {
   frames_in_file_ = 0;
   for (const capture::Attribute& attribute : options_.attributes) {
     Status good = std::visit([&](const auto& value) { return capture_->write_attribute(attribute.name, value); },
-                                   attribute.value);
+                             attribute.value);
     if (!good) return good;
   }
   return {};
