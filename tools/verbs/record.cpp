@@ -17,8 +17,8 @@ constexpr std::size_t kMostBuffer_mb = 64 * 1024;
 
 cxxopts::Options make_options() {
   cxxopts::Options options("bolo record",
-                           "Record a running daemon's frames. A killed process or a cut of power costs the last half "
-                           "second at most; see bolo recover\n");
+                           "Record a running daemon's frames. A killed process or a cut of power costs the last "
+                           "fraction of a second; see bolo recover\n");
   options.positional_help("NAME").show_positional_help();
   options.add_options()                                                                                       //
       ("name", "The daemon's name, as in its configuration", cxxopts::value<std::string>())                   //
