@@ -36,7 +36,7 @@ void catch_interrupts();
 // A line of progress on stderr, only when it is a terminal; at most ten times a second.
 class Progress {
  public:
-  Progress(std::string what, std::uint64_t total);
+  Progress(std::string what, std::uint64_t total);  // total 0: not known
   ~Progress();  // ends the line
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;

@@ -21,6 +21,7 @@ enum class SourceType {
 struct ReplayOptions {
   std::filesystem::path file;
   replay::Pace pace = replay::Pace::kRealTime;
+  replay::Laps laps = replay::Laps::kOne;
 };
 
 enum class LogLevel { kDebug, kInfo, kWarning, kError };
