@@ -4,9 +4,10 @@
 // Pages that existed at the last commit are never written before the next one: such writes wait in memory. What lies
 // beyond is written at once, for the committed state doesn't know of it. commit() goes in this order:
 //
-//   C1 the file is synced                 what is new beyond the committed pages is there, and so is C4 of the last
-//   commit C2 the waiting pages go to the journal, in one record with a checksum C3 the journal is synced <-- from here
-//   on the new state is the one that is found C4 the waiting pages are written to the file
+// - C1: the file is synced: what is new beyond the committed pages is there, and so is C4 of the last commit.
+// - C2: the waiting pages go to the journal, in one record with a checksum.
+// - C3: the journal is synced. From here on the new state is the one that is found.
+// - C4: the waiting pages are written to the file.
 //
 // A cut before C3 finds a record that is torn, or that of the last commit, which changes nothing: C1 made its C4 whole.
 // A cut after C3 finds the record whole; opening lays its pages over the file, whatever C4 had come to. Against a
