@@ -37,7 +37,7 @@ void catch_interrupts();
 class Progress {
  public:
   Progress(std::string what, std::uint64_t total);  // total 0: not known
-  ~Progress();  // ends the line
+  ~Progress();                                      // ends the line
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
   void update(std::uint64_t done);
