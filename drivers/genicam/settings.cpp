@@ -182,7 +182,8 @@ Result<Negotiated> configure(const Connection& connection, const CameraOptions& 
   format.scale = configure_ir_format(nodes, options.ir_format, warnings);
   configure_object(nodes, options.object, warnings);
   configure_nuc(nodes, options.nuc, warnings);
-  if (format.scale.unit == Unit::kCount) make_kelvin(nodes, options.object, result, warnings);
+  // Counts that were not asked for stay what the camera calls them.
+  if (options.ir_format == IrFormat::kRadiometric) make_kelvin(nodes, options.object, result, warnings);
   if (Status mono16 = configure_pixel_format(nodes); !mono16) return at(connection.name, std::move(mono16.error()));
 
   Status size;

@@ -25,7 +25,7 @@ Status copy_extras(const CaptureReader& reader, CaptureWriter& writer) {
   const Result<std::vector<Attribute>> attributes = reader.attributes();
   if (attributes) {
     for (const Attribute& attribute : *attributes) {
-      const Status good =
+      Status good =
           std::visit([&](const auto& value) { return writer.write_attribute(attribute.name, value); }, attribute.value);
       if (!good) return good;
     }
