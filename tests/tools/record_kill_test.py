@@ -66,18 +66,21 @@ def kill_one(bolo, name, folder, dice):
     newest_id, lost_before = newest(name)
     recorder.send_signal(signal.SIGKILL)
     recorder.wait()
+    told = json.loads(subprocess.run([bolo, "info", part, "--json"], capture_output=True, check=True, text=True).stdout)
+    assert told["frames"] > 0 and not told["warnings"], told
+    # Another program sees the last commit or, when the kill came while that was being written, the one before.
     with h5py.File(part, "r") as f:
-        count = min(len(f["t"]), len(f["frame_id"]), len(f["frames"]))
-        assert count > 0
-        ids = f["frame_id"][:count]
+        assert told["frames"] - RATE <= len(f["frames"]), len(f["frames"])
+    done = subprocess.run([bolo, "recover", part, "--json"], capture_output=True, check=True, text=True)
+    assert json.loads(done.stdout)["frames"] == told["frames"], done.stdout
+    with h5py.File(out, "r") as f:
+        count = len(f["frames"])
+        assert count == told["frames"] == len(f["t"]) == len(f["frame_id"])
+        ids = f["frame_id"][:]
         first = f["frames"][0, 0, 0]
         last = f["frames"][count - 1]
     assert lost_before > 0 or (np.diff(ids.astype(np.int64)) == 1).all(), "frames are missing in between"
     assert (last == 29800 + ids[-1] % 50).all() and first == 29800 + ids[0] % 50
-    told = json.loads(subprocess.run([bolo, "info", part, "--json"], capture_output=True, check=True, text=True).stdout)
-    assert told["frames"] == count and not told["warnings"], told
-    done = subprocess.run([bolo, "recover", part, "--json"], capture_output=True, check=True, text=True)
-    assert json.loads(done.stdout)["frames"] == count, done.stdout
     for name_ in (out, part, part + ".journal"):
         os.remove(name_)
     return (newest_id - int(ids[-1])) / RATE
