@@ -1,5 +1,6 @@
 #include "drivers/usb/descriptor_report.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstdarg>
 #include <cstdio>
