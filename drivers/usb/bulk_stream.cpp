@@ -213,15 +213,16 @@ void BulkStream::finish(Slot& slot) noexcept {
   slot.under_way = false;
   --under_way_;
   const libusb_transfer& done = *slot.transfer;
+  const auto bytes = static_cast<std::size_t>(done.actual_length);
   switch (done.status) {
     case LIBUSB_TRANSFER_COMPLETED:
-      intake_->take(std::as_bytes(std::span(done.buffer, static_cast<std::size_t>(done.actual_length))),
-                    done.actual_length < done.length);
+      intake_->take(std::as_bytes(std::span(done.buffer, bytes)), done.actual_length < done.length);
       break;
     case LIBUSB_TRANSFER_OVERFLOW:
       intake_->overflowed();
       break;
     case LIBUSB_TRANSFER_CANCELLED:
+      if (trouble_ == Trouble::kHalted) intake_->failed(bytes);  // else it is us who end the stream
       return;
     case LIBUSB_TRANSFER_NO_DEVICE:
       trouble_ = Trouble::kGone;
@@ -231,6 +232,7 @@ void BulkStream::finish(Slot& slot) noexcept {
     case LIBUSB_TRANSFER_ERROR:
     default:
       if (trouble_ == Trouble::kNone) trouble_ = Trouble::kHalted;
+      intake_->failed(bytes);
       return;
   }
   if (!taking_back_ && trouble_ == Trouble::kNone) submit(slot);

@@ -28,9 +28,14 @@ void Intake::overflowed() noexcept {
   lose(LossCause::kBadFrame);
 }
 
-void Intake::interrupted(bool camera_began_anew) noexcept {
+void Intake::failed(std::size_t bytes) noexcept {
+  if (assembler_.restart() || bytes > 0) lose(LossCause::kDriver);
+  numbers_.interrupted(false);
+}
+
+void Intake::reopened() noexcept {
   if (assembler_.restart()) lose(LossCause::kDriver);
-  numbers_.interrupted(camera_began_anew);
+  numbers_.interrupted(true);
 }
 
 void Intake::deliver(std::span<const std::byte> frame) noexcept {

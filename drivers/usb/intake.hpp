@@ -22,8 +22,10 @@ class Intake {
   void take(std::span<const std::byte> bytes, bool ended) noexcept;
   // More came than a transfer holds: the frame is not of the agreed size. Thread: acquire.
   void overflowed() noexcept;
-  // The stream broke off, and goes on or begins anew: a frame that had begun is lost (kDriver). Thread: acquire.
-  void interrupted(bool camera_began_anew) noexcept;
+  // A transfer failed after so many bytes: a frame that had begun is lost (kDriver). Thread: acquire.
+  void failed(std::size_t bytes) noexcept;
+  // The camera was opened again; a frame that had begun is lost (kDriver). Thread: acquire.
+  void reopened() noexcept;
 
   // Whole frames so far. Thread: acquire.
   std::uint64_t frames() const noexcept { return frames_; }

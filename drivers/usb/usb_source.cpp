@@ -108,11 +108,9 @@ void UsbBulkSource::Impl::attend() {
   const bool progress = intake->frames() != frames_at_recovery;
   recoveries_in_a_row = progress ? 1 : recoveries_in_a_row + 1;
   frames_at_recovery = intake->frames();
-  intake->interrupted(false);
   const Status recovered = recoveries_in_a_row > kMostRecoveries
                                ? Status(failed("the endpoint halts again and again without a frame"))
                                : stream->recover();
-  intake->interrupted(false);  // transfers that were taken back may have held a beginning
   if (recovered) return recoveries.add();
   note(recovered.error().message);
   recoveries_in_a_row = 0;
@@ -132,7 +130,7 @@ SourceState UsbBulkSource::Impl::judge() const {
 // Tries at once whenever a device comes, and now and then, for not every system tells.
 void UsbBulkSource::Impl::reopen() {
   drop();
-  intake->interrupted(true);
+  intake->reopened();
   std::int64_t pause_ns = kFirstPauseNs;
   std::int64_t next_ns = monotonic_ns();
   while (!stopping()) {
