@@ -112,7 +112,7 @@ Status BulkStream::claim() {
   if (code == LIBUSB_ERROR_BUSY) return bad_input(where + ": another program has it; end that one");
   if (code != 0) return bad_input(where + ": cannot be claimed: " + reason(code));
   claimed_ = true;
-  if (options_.alternate_setting == 0) return {};  // as after claiming
+  // Also where it is set already: this clears the endpoints' halts.
   const int set = libusb_set_interface_alt_setting(handle_.get(), options_.interface, options_.alternate_setting);
   if (set == 0) return {};
   return bad_input(where + ": alternate setting " + std::to_string(options_.alternate_setting) + ": " + reason(set));

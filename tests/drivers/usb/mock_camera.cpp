@@ -1,6 +1,7 @@
 #include "tests/drivers/usb/mock_camera.hpp"
 
 #include <linux/usbdevice_fs.h>
+#include <sys/ioctl.h>
 
 #include <algorithm>
 #include <array>
@@ -155,6 +156,7 @@ gboolean MockCamera::handle(UMockdevIoctlClient* client) {
       break;
     }
     case USBDEVFS_CLAIMINTERFACE:
+    case USBDEVFS_DISCONNECT_CLAIM:
       claimed_ = true;
       break;
     case USBDEVFS_RELEASEINTERFACE:
@@ -163,6 +165,7 @@ gboolean MockCamera::handle(UMockdevIoctlClient* client) {
     case USBDEVFS_SETINTERFACE: {
       const Urb set(umockdev_ioctl_data_resolve(argument, 0, sizeof(usbdevfs_setinterface), nullptr));
       alternate_setting_ = static_cast<int>(reinterpret_cast<usbdevfs_setinterface*>(set->data)->altsetting);
+      halted_ = false;
       break;
     }
     case USBDEVFS_CLEAR_HALT:
@@ -179,8 +182,8 @@ gboolean MockCamera::handle(UMockdevIoctlClient* client) {
     case USBDEVFS_DISCARDURB:
       discard(client, argument);
       return TRUE;
-    default:  // no kernel driver, which claiming would detach
-      umockdev_ioctl_client_complete(client, -1, ENODATA);
+    default:
+      umockdev_ioctl_client_complete(client, -1, ENOTTY);
       return TRUE;
   }
   umockdev_ioctl_client_complete(client, 0, 0);
