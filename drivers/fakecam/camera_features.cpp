@@ -111,6 +111,7 @@ WriteOutcome CameraFeatures::write_size(std::uint32_t offset_register, std::uint
 // Off, Half, Quarter: all columns, the middle rows.
 WriteOutcome CameraFeatures::write_windowing(std::uint32_t value) {
   if (value > 2) return refuse(gvcp::Status::kInvalidParameter);
+  if (value != registers_.get(reg::kIrWindowing)) actions_.windowing_changed();
   const auto sensor_rows = static_cast<std::uint32_t>(sensor_.height);
   const std::uint32_t rows = std::max(sensor_rows >> value, 1U);
   offset_y_given_ = false;

@@ -31,11 +31,15 @@ class CameraFeatures {
     std::function<gvcp::Status()> start;
     std::function<void()> stop;
     std::function<bool()> streaming;  // image registers are locked meanwhile
+    std::function<void()> windowing_changed;
   };
 
   // `format`: of the capture; `sensor`: its part that is served; `rate_hz`: the pace until a client writes another.
   CameraFeatures(RegisterMap& registers, Counters& counters, const StreamFormat& format, Geometry sensor,
                  double rate_hz, Actions actions);
+
+  // As at power-on, but for the registers themselves.
+  void power_on() { offset_x_given_ = offset_y_given_ = false; }
 
   // What a stream that starts now shows, in the sensor's coordinates.
   Region region() const;

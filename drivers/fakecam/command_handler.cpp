@@ -133,7 +133,7 @@ WriteOutcome CommandHandler::write_privilege(std::uint32_t value) {
   if (controlled_ && peer_ != controller_) return refuse(gvcp::Status::kAccessDenied);
   const std::uint32_t wanted = value & kPrivilegeBits;
   if (wanted == 0) {
-    if (controlled_) lose_control();
+    drop_client();
     return 0U;
   }
   if (!controlled_) Counters::add(counters_.clients);
@@ -154,6 +154,10 @@ void CommandHandler::lose_control() {
   registers_.set(reg::kPrimaryAddress, 0);
   registers_.set(reg::kPrimaryPort, 0);
   hooks_.on_control_lost();
+}
+
+void CommandHandler::drop_client() {
+  if (controlled_) lose_control();
 }
 
 void CommandHandler::check_heartbeat(std::int64_t now_ns) {

@@ -44,6 +44,9 @@ class CommandHandler {
   // Takes control away from a client that went silent. To be called now and then.
   void check_heartbeat(std::int64_t now_ns);
 
+  // Takes control away from whoever has it. The client is not told: it finds out when it asks or writes.
+  void drop_client();
+
   bool controlled() const { return controlled_; }
 
  private:

@@ -13,6 +13,7 @@ namespace {
 
 constexpr std::uint32_t kLimitedBroadcast = 0xffffffff;
 constexpr int kHeartbeatCheckMs = 100;
+constexpr int kFaultCheckMs = 2;
 constexpr std::size_t kMaxPacketBytes = 65536;
 
 // The interface that a packet came in on; 0 when the kernel didn't say.
@@ -40,18 +41,32 @@ Result<ControlServer> ControlServer::bind(const LocalAddress& local, std::uint16
   return server;
 }
 
-void ControlServer::run(CommandHandler& handler, int stop_event) {
+void ControlServer::run(CommandHandler& handler, ControlFaults& faults, int stop_event) {
   std::vector<pollfd> waits{{stop_event, POLLIN, 0}, {socket_.get(), POLLIN, 0}};
   for (const auto& fd : broadcast_sockets_) waits.push_back({fd.get(), POLLIN, 0});
+  const int look_ms = faults.any() ? kFaultCheckMs : kHeartbeatCheckMs;
+  auto hearing = ControlFaults::Hearing::kAnswers;
   while (true) {
-    const int ready = poll(waits.data(), waits.size(), kHeartbeatCheckMs);
+    const bool deaf = hearing == ControlFaults::Hearing::kDeaf;  // not even the heartbeat's clock runs
+    const int ready = poll(waits.data(), deaf ? 1 : waits.size(), look_ms);
+    if (ready > 0 && waits[0].revents != 0) return;
+    hearing = faults.update(monotonic_ns());
+    if (deaf || hearing == ControlFaults::Hearing::kDeaf) continue;
     handler.check_heartbeat(monotonic_ns());
-    if (ready <= 0) continue;
-    if (waits[0].revents != 0) return;
-    for (std::size_t i = 1; i < waits.size(); ++i) {
-      if (waits[i].revents != 0) receive(waits[i].fd, i > 1, handler);
+    for (std::size_t i = 1; i < waits.size() && ready > 0; ++i) {
+      if (waits[i].revents == 0) continue;
+      if (hearing == ControlFaults::Hearing::kOff) {
+        discard(waits[i].fd);
+      } else {
+        receive(waits[i].fd, i > 1, handler);
+      }
     }
   }
+}
+
+void ControlServer::discard(int socket) noexcept {
+  std::uint8_t byte = 0;
+  recv(socket, &byte, sizeof(byte), MSG_DONTWAIT);
 }
 
 void ControlServer::close() noexcept {

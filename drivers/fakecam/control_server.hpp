@@ -7,6 +7,7 @@
 
 #include "bolo/core/result.hpp"
 #include "drivers/fakecam/command_handler.hpp"
+#include "drivers/fakecam/control_faults.hpp"
 #include "drivers/fakecam/network.hpp"
 
 namespace bolo::fakecam {
@@ -19,8 +20,9 @@ class ControlServer {
   // Whether discovery by broadcast can find the camera; by its address it is found in any case.
   bool hears_broadcasts() const { return broadcast_sockets_.size() == 2; }
 
-  // Serves until a byte of event arrives at `stop_event`. `handler` is used by this thread alone. Thread: control.
-  void run(CommandHandler& handler, int stop_event);
+  // Serves until a byte of event arrives at `stop_event`. `handler` and `faults` are used by this thread alone.
+  // Thread: control.
+  void run(CommandHandler& handler, ControlFaults& faults, int stop_event);
 
   // Frees the address. Thread: setup, after run() has returned.
   void close() noexcept;
@@ -28,6 +30,7 @@ class ControlServer {
  private:
   ControlServer() = default;
   void receive(int socket, bool broadcast, CommandHandler& handler);
+  void discard(int socket) noexcept;
 
   LocalAddress local_;
   UniqueFd socket_;

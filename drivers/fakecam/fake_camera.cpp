@@ -11,6 +11,7 @@
 
 #include "bolo/core/clock.hpp"
 #include "drivers/fakecam/camera_features.hpp"
+#include "drivers/fakecam/control_faults.hpp"
 #include "drivers/fakecam/control_server.hpp"
 #include "drivers/fakecam/description.hpp"
 #include "drivers/fakecam/stream_session.hpp"
@@ -59,10 +60,12 @@ struct FakeCamera::Impl {
   gvcp::Status start_stream();
   void stop_stream();
   bool streaming() const { return session && session->running(); }
+  double rate_hz() const { return options.rate_hz > 0.0 ? options.rate_hz : 1.0 / provider->format().frame_period_s; }
   WriteOutcome write_packet_size(std::uint32_t value);
   WriteOutcome write_timestamp_control(std::uint32_t value);
   void fire_test_packet(std::uint32_t packet_size);
   PacketRoute route() const;
+  void reboot();
   void serve();
 
   const FakeCameraOptions options;
@@ -71,8 +74,12 @@ struct FakeCamera::Impl {
   const std::string serial;
   Counters counters;
   RegisterMap registers{description()};
+  const std::int64_t period_ns = std::llround(kNsPerSecond / rate_hz());
+  FaultTallies tallies{options.faults};
+  FrameFaults frame_faults{options.faults, period_ns};
   CameraFeatures features;
   CommandHandler handler;
+  ControlFaults control_faults{tallies, period_ns, {[this] { handler.drop_client(); }, [this] { reboot(); }}};
   ControlServer server;
   UniqueFd stream_socket;
   UniqueFd stop_event;
@@ -89,12 +96,13 @@ FakeCamera::Impl::Impl(const FakeCameraOptions& options_in, std::unique_ptr<Fram
       provider(std::move(provider_in)),
       sensor(sensor_in),
       serial(serial_of(options, *provider, local.address)),
-      features(registers, counters, provider->format(), {sensor.width, sensor.height},
-               options.rate_hz > 0.0 ? options.rate_hz : 1.0 / provider->format().frame_period_s,
-               {[this] { return start_stream(); }, [this] { stop_stream(); }, [this] { return streaming(); }}),
+      features(registers, counters, provider->format(), {sensor.width, sensor.height}, rate_hz(),
+               {[this] { return start_stream(); }, [this] { stop_stream(); }, [this] { return streaming(); },
+                [this] { control_faults.windowing_changed(monotonic_ns()); }}),
       handler(registers, counters,
               {[this](const ResendRequest& r) {
-                 if (session) session->resend(r.block_id, r.first_packet, r.last_packet);
+                 if (!session || !control_faults.answers_resend(monotonic_ns())) return;
+                 session->resend(r.block_id, r.first_packet, r.last_packet);
                },
                [this] { stop_stream(); }}),
       server(std::move(server_in)),
@@ -104,6 +112,7 @@ FakeCamera::Impl::Impl(const FakeCameraOptions& options_in, std::unique_ptr<Fram
   registers.set(reg::kStreamSourcePort, bound_port(stream_socket.get()));
   registers.writable(reg::kStreamPacketSize, [this](std::uint32_t value) { return write_packet_size(value); });
   registers.writable(reg::kTimestampControl, [this](std::uint32_t value) { return write_timestamp_control(value); });
+  registers.remember();
 }
 
 PacketRoute FakeCamera::Impl::route() const {
@@ -131,7 +140,14 @@ gvcp::Status FakeCamera::Impl::start_stream() {
   plan.frames = features.single_frame() ? 1 : options.laps * provider->frame_ids().size();
   plan.keep_frames = options.keep_frames;
   stop_stream();
-  session = std::make_unique<StreamSession>(plan, *provider, counters);
+  const std::int64_t now_ns = monotonic_ns();
+  frame_faults.begin_stream();
+  control_faults.begin(now_ns);
+  plan.fault_clock_ns = control_faults.clock_ns(now_ns);
+  std::uint64_t never = 0;
+  counters.first_stream_ns.compare_exchange_strong(never, static_cast<std::uint64_t>(now_ns),
+                                                   std::memory_order_relaxed);
+  session = std::make_unique<StreamSession>(plan, *provider, counters, StreamFaults{frame_faults, tallies, period_ns});
   return gvcp::Status::kSuccess;
 }
 
@@ -171,9 +187,17 @@ WriteOutcome FakeCamera::Impl::write_timestamp_control(std::uint32_t value) {
   return 0U;
 }
 
+void FakeCamera::Impl::reboot() {
+  handler.drop_client();
+  stop_stream();
+  session.reset();
+  registers.power_on();
+  features.power_on();
+}
+
 void FakeCamera::Impl::serve() {
   pthread_setname_np(pthread_self(), "fakecam-control");
-  server.run(handler, stop_event.get());
+  server.run(handler, control_faults, stop_event.get());
   stop_stream();
 }
 
@@ -183,6 +207,10 @@ Result<std::unique_ptr<FakeCamera>> FakeCamera::start(const FakeCameraOptions& o
   if (provider->frame_ids().empty()) return bad_input("the capture has no frames; a camera needs at least one");
   if (options.rate_hz < 0.0 || !std::isfinite(options.rate_hz)) {
     return bad_input("the rate must be a positive number of frames a second, or 0 for the capture's own");
+  }
+  if (options.faults.size() > kMaxFaults) {
+    return bad_input(std::to_string(options.faults.size()) + " faults; a camera takes at most " +
+                     std::to_string(kMaxFaults));
   }
   const auto sensor = sensor_of(options, *provider);
   if (!sensor) return tl::unexpected<Error>(sensor.error());
@@ -215,9 +243,9 @@ FakeCameraStats FakeCamera::stats() const noexcept { return impl_->counters.read
 
 Geometry FakeCamera::sensor() const { return {impl_->sensor.width, impl_->sensor.height}; }
 
-double FakeCamera::rate_hz() const {
-  return impl_->options.rate_hz > 0.0 ? impl_->options.rate_hz : 1.0 / impl_->provider->format().frame_period_s;
-}
+double FakeCamera::rate_hz() const { return impl_->rate_hz(); }
+
+const FaultTallies& FakeCamera::tallies() const noexcept { return impl_->tallies; }
 
 std::string FakeCamera::serial() const { return impl_->serial; }
 

@@ -8,6 +8,7 @@
 
 #include "bolo/core/geometry.hpp"
 #include "bolo/core/result.hpp"
+#include "drivers/fakecam/fault_tally.hpp"
 #include "drivers/fakecam/frame_provider.hpp"
 #include "drivers/fakecam/gvcp.hpp"
 #include "drivers/fakecam/stats.hpp"
@@ -23,6 +24,7 @@ struct FakeCameraOptions {
   double rate_hz = 0.0;          // frames a second until a client writes AcquisitionFrameRate; 0: the capture's own
   std::uint64_t laps = 1;        // how often the capture is served after each AcquisitionStart; 0: endlessly
   std::size_t keep_frames = 48;  // sent frames that can be asked for again
+  FaultScript faults;            // at most kMaxFaults
   std::uint32_t burst_gap_ns = 50'000;  // between the bursts of a frame, when the client asks for no packet delay
 };
 
@@ -31,7 +33,7 @@ struct FakeCameraOptions {
 class FakeCamera {
  public:
   // Serves until stop() or destruction. Errors (kBadInput): the address is not this host's or another camera has it,
-  // the crop lies outside the capture, a name is too long, the capture has no frames. Thread: setup.
+  // the crop lies outside the capture, a name is too long, the capture has no frames, too many faults. Thread: setup.
   static Result<std::unique_ptr<FakeCamera>> start(const FakeCameraOptions& options,
                                                    std::unique_ptr<FrameProvider> provider);
   ~FakeCamera();
@@ -44,6 +46,9 @@ class FakeCamera {
   // Thread: any.
   FakeCameraStats stats() const noexcept;
 
+  // What each fault of the script has done so far, in the script's order. Thread: any.
+  std::vector<InjectedFault> injected() const { return tallies().read(); }
+
   Geometry sensor() const;        // Thread: any
   double rate_hz() const;         // at the start; Thread: any
   std::string serial() const;     // Thread: any
@@ -52,6 +57,7 @@ class FakeCamera {
 
  private:
   struct Impl;
+  const FaultTallies& tallies() const noexcept;
   explicit FakeCamera(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <vector>
 
+#include "drivers/fakecam/fault_tally.hpp"
 #include "drivers/fakecam/gvsp.hpp"
 
 namespace bolo::fakecam {
@@ -14,6 +15,10 @@ namespace bolo::fakecam {
 struct WireFrame {
   gvsp::BlockInfo block;
   std::uint64_t sequence = 0;
+  std::int64_t due_ns = 0;            // after the stream's first frame
+  bool withheld = false;              // never goes out
+  FaultSet hit = 0;                   // faults that it shows
+  FaultSet struck = 0;                // faults that begin with it
   std::vector<std::uint16_t> counts;  // little-endian on the wire, as the host has them
 
   std::size_t payload_bytes() const { return counts.size() * sizeof(std::uint16_t); }

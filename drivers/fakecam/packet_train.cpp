@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <ctime>
+#include <utility>
 
 namespace bolo::fakecam {
 namespace {
@@ -15,7 +16,8 @@ void pause_ns(std::uint64_t ns) {
 
 }  // namespace
 
-PacketTrain::PacketTrain(const PacketRoute& route, Counters& counters) : route_(route), counters_(counters) {
+PacketTrain::PacketTrain(const PacketRoute& route, Counters& counters, PacketFaults faults)
+    : route_(route), counters_(counters), faults_(std::move(faults)) {
   for (std::size_t n = 0; n < kBatch; ++n) {
     parts_[n][0].iov_base = headers_[n].data();
     auto& message = messages_[n].msg_hdr;
@@ -26,10 +28,13 @@ PacketTrain::PacketTrain(const PacketRoute& route, Counters& counters) : route_(
 }
 
 std::size_t PacketTrain::prepare(std::size_t n, const WireFrame& frame, const gvsp::PacketLayout& layout,
-                                 std::uint32_t packet_id) noexcept {
+                                 const PlannedPacket& packet) noexcept {
+  const std::uint32_t packet_id = packet.id;
   auto& [head, body] = parts_[n];
   body = {nullptr, 0};
-  if (packet_id == 0) {
+  if (packet.garbage != 0) {
+    head.iov_len = PacketFaults::write_garbage(packet, headers_[n]);
+  } else if (packet_id == 0) {
     gvsp::write_leader(headers_[n], frame.block);
     head.iov_len = gvsp::kLeaderBytes;
   } else if (packet_id + 1 == layout.packets()) {
@@ -66,14 +71,15 @@ std::uint32_t PacketTrain::flush(std::size_t count) noexcept {
 std::uint32_t PacketTrain::send(const WireFrame& frame, std::uint32_t first, std::uint32_t last) noexcept {
   const auto layout = gvsp::PacketLayout::of(frame.payload_bytes(), route_.packet_size);
   const std::uint32_t end = std::min(last, layout.packets() - 1) + 1;
-  std::uint32_t taken = 0;
-  for (std::uint32_t id = first; id < end;) {
+  const auto plan = faults_.plan(frame, first, end);
+  std::uint32_t taken = faults_.lost();
+  for (std::size_t next = 0; next < plan.size();) {
     std::size_t count = 0;
-    for (std::size_t bytes = 0; id < end && count < kBatch && bytes < route_.burst_bytes; ++count, ++id) {
-      bytes += prepare(count, frame, layout, id);
+    for (std::size_t bytes = 0; next < plan.size() && count < kBatch && bytes < route_.burst_bytes; ++count, ++next) {
+      bytes += prepare(count, frame, layout, plan[next]);
     }
     taken += flush(count);
-    if (id < end) pause_ns(std::max<std::uint64_t>(route_.burst_gap_ns, count * route_.packet_delay_ns));
+    if (next < plan.size()) pause_ns(std::max<std::uint64_t>(route_.burst_gap_ns, count * route_.packet_delay_ns));
   }
   return taken;
 }

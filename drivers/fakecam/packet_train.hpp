@@ -9,6 +9,7 @@
 
 #include "drivers/fakecam/frame_ring.hpp"
 #include "drivers/fakecam/gvsp.hpp"
+#include "drivers/fakecam/packet_faults.hpp"
 #include "drivers/fakecam/stats.hpp"
 
 namespace bolo::fakecam {
@@ -23,15 +24,16 @@ struct PacketRoute {
   std::uint32_t burst_bytes = 32 << 10;  // a burst is at least one packet
 };
 
-// Thread: one at a time (the sender and the resender have one each). No allocation after construction.
+// Thread: one at a time (the sender and the resender have one each). No allocation once a frame has gone out.
 class PacketTrain {
  public:
-  PacketTrain(const PacketRoute& route, Counters& counters);
+  PacketTrain(const PacketRoute& route, Counters& counters, PacketFaults faults);
   PacketTrain(const PacketTrain&) = delete;
   PacketTrain& operator=(const PacketTrain&) = delete;
 
-  // Sends packets first..last of the frame (clipped to those it has); returns how many the socket took. Blocks between
-  // bursts, and while the socket's send buffer is full.
+  // Sends packets first..last of the frame (clipped to those it has), as the network's faults let them arrive. Returns
+  // how many the socket took, those included that a fault then lost. Blocks between bursts, and while the socket's send
+  // buffer is full.
   std::uint32_t send(const WireFrame& frame, std::uint32_t first, std::uint32_t last) noexcept;
   std::uint32_t send(const WireFrame& frame) noexcept { return send(frame, 0, gvsp::kMaxPacketId); }
 
@@ -44,11 +46,12 @@ class PacketTrain {
   // What goes out for this packet: the one place where a packet's content is decided. Fills place `n` of the batch and
   // returns the packet's bytes.
   std::size_t prepare(std::size_t n, const WireFrame& frame, const gvsp::PacketLayout& layout,
-                      std::uint32_t packet_id) noexcept;
+                      const PlannedPacket& packet) noexcept;
   std::uint32_t flush(std::size_t count) noexcept;
 
   PacketRoute route_;
   Counters& counters_;
+  PacketFaults faults_;
   std::array<std::array<std::uint8_t, gvsp::kLeaderBytes>, kBatch> headers_{};
   std::array<std::array<iovec, 2>, kBatch> parts_{};
   std::array<mmsghdr, kBatch> messages_{};

@@ -40,6 +40,10 @@ class RegisterMap {
   void set_float(std::uint32_t address, float value);
   void set_text(std::uint32_t address, std::size_t field_bytes, std::string_view text);
 
+  // Keeps all values as those at power-on; goes back to them. Rules stay.
+  void remember() { power_on_ = registers_; }
+  void power_on() { registers_ = power_on_; }
+
   // Registers without a rule are write-protected.
   void writable(std::uint32_t address, WriteRule rule);
   void writable_range(std::uint32_t address, std::uint32_t min, std::uint32_t max);
@@ -50,6 +54,7 @@ class RegisterMap {
   gvcp::Status write_word(std::uint32_t address, std::uint32_t value);
 
   std::vector<std::uint8_t> registers_;
+  std::vector<std::uint8_t> power_on_;
   std::vector<std::uint8_t> description_;
   std::map<std::uint32_t, WriteRule> rules_;
 };

@@ -20,6 +20,7 @@ FakeCameraStats Counters::read() const noexcept {
   s.streams_started = streams_started.load(kRelaxed);
   s.streams_finished = streams_finished.load(kRelaxed);
   s.nuc_actions = nuc_actions.load(kRelaxed);
+  s.first_stream_ns = first_stream_ns.load(kRelaxed);
   s.controlled = controlled.load(kRelaxed);
   s.streaming = streaming.load(kRelaxed);
   return s;

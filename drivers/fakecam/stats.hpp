@@ -22,6 +22,7 @@ struct FakeCameraStats {
   std::uint64_t streams_started = 0;
   std::uint64_t streams_finished = 0;  // ... that reached the capture's end
   std::uint64_t nuc_actions = 0;
+  std::uint64_t first_stream_ns = 0;  // CLOCK_MONOTONIC of the first start: where the faults' clock begins; 0: not yet
   bool controlled = false;
   bool streaming = false;
 };
@@ -32,7 +33,7 @@ struct Counters {
   using Counter = std::atomic<std::uint64_t>;
   Counter frames_sent{0}, packets_sent{0}, send_errors{0}, late_frames{0}, worst_lateness_ns{0}, resend_requests{0},
       resent_packets{0}, resend_misses{0}, commands{0}, bad_commands{0}, clients{0}, heartbeat_losses{0},
-      streams_started{0}, streams_finished{0}, nuc_actions{0};
+      streams_started{0}, streams_finished{0}, nuc_actions{0}, first_stream_ns{0};
   std::atomic<bool> controlled{false};
   std::atomic<bool> streaming{false};
 

@@ -15,6 +15,18 @@ constexpr std::size_t kAheadFrames = 16;
 constexpr std::int64_t kLateNs = 1'000'000;
 constexpr std::int64_t kStopCheckNs = 20'000'000;
 
+double counts_per_kelvin(IrFormat format) {
+  switch (format) {
+    case IrFormat::kTemperatureLinear10mK:
+      return 100.0;
+    case IrFormat::kTemperatureLinear100mK:
+      return 10.0;
+    case IrFormat::kRadiometric:
+      break;
+  }
+  return 1.0;
+}
+
 PacketRoute without_gaps(PacketRoute route) {
   route.burst_gap_ns = 0;
   route.packet_delay_ns = 0;
@@ -23,15 +35,18 @@ PacketRoute without_gaps(PacketRoute route) {
 
 }  // namespace
 
-StreamSession::StreamSession(const StreamPlan& plan, FrameProvider& provider, Counters& counters)
+StreamSession::StreamSession(const StreamPlan& plan, FrameProvider& provider, Counters& counters,
+                             const StreamFaults& faults)
     : plan_(plan),
       provider_(provider),
       counters_(counters),
+      faults_(faults),
       timeline_(provider.frame_ids(), provider.times_s(), provider.format().frame_period_s, plan.rate_hz),
       converter_(provider.format(), plan.ir_format, plan.region),
       ring_(kAheadFrames, plan.keep_frames, Geometry{plan.region.width, plan.region.height}.pixels()),
-      train_(plan.route, counters),
-      resend_train_(without_gaps(plan.route), counters),
+      train_(plan.route, counters, PacketFaults(faults.tallies, faults.period_ns, plan.fault_clock_ns, false)),
+      resend_train_(without_gaps(plan.route), counters,
+                    PacketFaults(faults.tallies, faults.period_ns, plan.fault_clock_ns, true)),
       first_timestamp_ns_(timeline_.at(0).timestamp_ns),
       loader_([this] { load_frames(); }),
       sender_([this] { send_frames(); }) {
@@ -59,11 +74,19 @@ void StreamSession::load_frames() {
       result_ = status;
       break;
     }
-    converter_.convert(plane.data(), frame->counts.data());
-    frame->block = {block_id_of(moment.frame_id), moment.timestamp_ns, plan_.shown};
+    fill(*frame, moment, plane.data());
     ring_.end_write();
   }
   ring_.finish();
+}
+
+void StreamSession::fill(WireFrame& frame, const Moment& moment, const std::byte* plane) {
+  converter_.convert(plane, frame.counts.data());
+  frame.block = {block_id_of(moment.frame_id), moment.timestamp_ns, plan_.shown};
+  frame.due_ns = static_cast<std::int64_t>(moment.timestamp_ns - first_timestamp_ns_);
+  faults_.of_frames.apply(
+      frame, {plan_.fault_clock_ns + frame.due_ns, moment.frame_id, Geometry{plan_.region.width, plan_.region.height},
+              counts_per_kelvin(plan_.ir_format)});
 }
 
 void StreamSession::send_frames() {
@@ -76,11 +99,14 @@ void StreamSession::send_frames() {
       start_ns = monotonic_ns();
       start_ns_.store(start_ns, std::memory_order_relaxed);
     }
-    const std::int64_t due_ns = start_ns + static_cast<std::int64_t>(frame->block.timestamp_ns - first_timestamp_ns_);
+    const std::int64_t due_ns = start_ns + frame->due_ns;
     if (!wait_until(due_ns)) break;
-    note_lateness(due_ns);
-    train_.send(*frame);
-    Counters::add(counters_.frames_sent);
+    faults_.tallies.add_frame(frame->hit, frame->struck);
+    if (!frame->withheld) {
+      note_lateness(due_ns);
+      train_.send(*frame);
+      Counters::add(counters_.frames_sent);
+    }
     ring_.end_send();
   }
   if (!stop_requested_.load(std::memory_order_relaxed)) Counters::add(counters_.streams_finished);
@@ -108,7 +134,8 @@ void StreamSession::note_lateness(std::int64_t due_ns) noexcept {
 void StreamSession::resend(std::uint16_t block_id, std::uint32_t first, std::uint32_t last) noexcept {
   Counters::add(counters_.resend_requests);
   const auto pin = ring_.find(block_id);
-  const std::uint32_t resent = pin.frame() == nullptr ? 0 : resend_train_.send(*pin.frame(), first, last);
+  const bool there = pin.frame() != nullptr && !pin.frame()->withheld;
+  const std::uint32_t resent = there ? resend_train_.send(*pin.frame(), first, last) : 0;
   Counters::add(counters_.resent_packets, resent);
   if (resent > 0) return;
   Counters::add(counters_.resend_misses);

@@ -7,6 +7,7 @@
 
 #include "bolo/core/result.hpp"
 #include "drivers/fakecam/counts.hpp"
+#include "drivers/fakecam/frame_faults.hpp"
 #include "drivers/fakecam/frame_provider.hpp"
 #include "drivers/fakecam/frame_ring.hpp"
 #include "drivers/fakecam/packet_train.hpp"
@@ -24,12 +25,20 @@ struct StreamPlan {
   double rate_hz = 0.0;      // 0: the capture's own
   std::uint64_t frames = 0;  // to send in all; 0: endless
   std::size_t keep_frames = 48;
+  std::int64_t fault_clock_ns = 0;  // what the faults' clock shows when the stream starts
+};
+
+// What a stream suffers; all outlive it.
+struct StreamFaults {
+  FrameFaults& of_frames;
+  FaultTallies& tallies;
+  std::int64_t period_ns = 0;
 };
 
 class StreamSession {
  public:
   // Frames flow from now on. Provider and counters outlive the session. Thread: control.
-  StreamSession(const StreamPlan& plan, FrameProvider& provider, Counters& counters);
+  StreamSession(const StreamPlan& plan, FrameProvider& provider, Counters& counters, const StreamFaults& faults);
   ~StreamSession();
   StreamSession(const StreamSession&) = delete;
   StreamSession& operator=(const StreamSession&) = delete;
@@ -54,10 +63,12 @@ class StreamSession {
   void send_frames();
   bool wait_until(std::int64_t due_ns) noexcept;  // false when stopped meanwhile
   void note_lateness(std::int64_t due_ns) noexcept;
+  void fill(WireFrame& frame, const Moment& moment, const std::byte* plane);
 
   StreamPlan plan_;
   FrameProvider& provider_;
   Counters& counters_;
+  StreamFaults faults_;
   Timeline timeline_;
   CountConverter converter_;
   FrameRing ring_;

@@ -2,6 +2,9 @@
 
 #include <cstdint>
 #include <utility>
+#include <vector>
+
+#include "drivers/genicam/discovery.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -9,46 +12,31 @@ namespace {
 constexpr std::uint64_t kPrivilegeRegister = 0x0A00;  // GigE Vision: control channel privilege
 constexpr std::uint32_t kControlled = 0x3;            // exclusive access, or control access
 
-struct Found {
-  std::string id;
-  std::string address;
-  std::string protocol;
+std::string list_of(const std::vector<FoundCamera>& cameras) {
   std::string text;
-};
-
-std::string safe(const char* text) { return text != nullptr ? text : ""; }
-
-std::vector<Found> discover() {
-  arv_update_device_list();
-  std::vector<Found> found;
-  const unsigned count = arv_get_n_devices();
-  for (unsigned i = 0; i < count; ++i) {
-    Found f{safe(arv_get_device_id(i)), safe(arv_get_device_address(i)), safe(arv_get_device_protocol(i)), {}};
-    f.text = f.id + " at " + f.address;
-    found.push_back(std::move(f));
-  }
-  return found;
-}
-
-std::string list_of(const std::vector<Found>& cameras) {
-  std::string text;
-  for (const Found& f : cameras) text += (text.empty() ? "" : ", ") + f.text;
+  for (const FoundCamera& f : cameras) text += (text.empty() ? "" : ", ") + f.id + " at " + f.address;
   return text;
 }
 
 // The camera to open when the options do not name an IP address.
-Result<Found> choose_camera(const std::string& id) {
-  const std::vector<Found> cameras = discover();
+Result<FoundCamera> choose_camera(const std::string& id, const std::string& serial) {
+  const std::vector<FoundCamera> cameras = find_cameras();
   if (cameras.empty()) {
     return bad_input(
         "no camera answers: check its power and cable, that this computer has an address in its subnet, and that no "
         "firewall drops UDP port 3956; or give its address");
   }
+  if (id.empty() && !serial.empty()) {
+    for (const FoundCamera& f : cameras) {
+      if (f.serial == serial) return f;
+    }
+    return bad_input("no camera with serial number '" + serial + "' answers; found: " + list_of(cameras));
+  }
   if (id.empty()) {
     if (cameras.size() == 1) return cameras.front();
     return bad_input("several cameras answer (" + list_of(cameras) + "): give the address of one");
   }
-  for (const Found& f : cameras) {
+  for (const FoundCamera& f : cameras) {
     if (f.id == id || f.address == id) return f;
   }
   return bad_input("no camera named '" + id + "' answers; found: " + list_of(cameras));
@@ -110,8 +98,13 @@ void use_legacy_register_order(ArvDevice* device) {
 }
 
 Result<Connection> open(const CameraOptions& options) {
-  if (is_ipv4(options.address)) return open_gige(options.address);
-  auto camera = choose_camera(options.address);
+  if (is_ipv4(options.address)) {
+    auto connection = open_gige(options.address);
+    if (connection || options.serial.empty() || answers_gvcp(options.address)) return connection;
+    auto moved = choose_camera({}, options.serial);  // it may have been given another address
+    return moved && is_ipv4(moved->address) ? open_gige(moved->address) : std::move(connection);
+  }
+  auto camera = choose_camera(options.address, options.serial);
   if (!camera) return tl::unexpected<Error>(std::move(camera.error()));
   return is_ipv4(camera->address) ? open_gige(camera->address) : open_by_id(camera->id);
 }

@@ -20,4 +20,9 @@ inline void copy_rows(const std::byte* from, std::size_t stride, PixelOrder orde
   }
 }
 
+// Replaces each of `count` values by its entry in a table of 65,536. Thread: any.
+inline void translate(std::uint16_t* values, std::size_t count, const std::uint16_t* table) noexcept {
+  for (std::size_t i = 0; i < count; ++i) values[i] = table[values[i]];
+}
+
 }  // namespace bolo::genicam

@@ -18,6 +18,8 @@ struct GenicamSource::Impl {
 
   CameraOptions options;  // once a camera was found, with its address
   const std::atomic<bool> never{false};
+  // Shared with the keeper, which may outlive this by a few seconds.
+  const std::shared_ptr<pipeline::SourceStatus> status = std::make_shared<pipeline::SourceStatus>();
   pipeline::SourceInfo info;
   std::unique_ptr<Session> opened;  // from open() to start()
   mutable std::mutex mutex;         // guards what follows; never taken by the acquire thread
@@ -36,6 +38,7 @@ Result<pipeline::SourceInfo> GenicamSource::open() {
   impl_->opened = std::move(*session);
   impl_->info = impl_->opened->info();
   if (!impl_->opened->address().empty()) impl_->options.address = impl_->opened->address();
+  if (impl_->options.serial.empty()) impl_->options.serial = impl_->info.camera_serial;
   const std::lock_guard lock(impl_->mutex);
   impl_->warnings = std::move(found);
   return impl_->info;
@@ -50,7 +53,7 @@ Status GenicamSource::start(pipeline::FrameInlet& inlet) {
       return failed("the camera came back with another size, rate or unit than it was opened with");
     }
   }
-  auto keeper = std::make_shared<Keeper>(impl_->options, impl_->info, inlet);
+  auto keeper = std::make_shared<Keeper>(impl_->options, impl_->info, inlet, impl_->status);
   {
     const std::lock_guard lock(impl_->mutex);
     impl_->keeper = keeper;
@@ -62,15 +65,7 @@ void GenicamSource::stop() noexcept {
   if (const auto keeper = impl_->present()) keeper->stop();
 }
 
-SourceState GenicamSource::state() const noexcept {
-  const auto keeper = impl_->present();
-  return keeper != nullptr ? keeper->state() : SourceState::kIdle;
-}
-
-std::uint64_t GenicamSource::reconnects() const noexcept {
-  const auto keeper = impl_->present();
-  return keeper != nullptr ? keeper->reconnects() : 0;
-}
+const pipeline::SourceStatus* GenicamSource::status() const noexcept { return impl_->status.get(); }
 
 TransportStats GenicamSource::transport_stats() const {
   const auto keeper = impl_->present();
@@ -83,6 +78,17 @@ std::vector<std::string> GenicamSource::warnings() const {
   const std::lock_guard lock(impl_->mutex);
   all.insert(all.begin(), impl_->warnings.begin(), impl_->warnings.end());
   return all;
+}
+
+std::vector<Notice> GenicamSource::take_notices() {
+  const auto keeper = impl_->present();
+  return keeper != nullptr ? keeper->take_notices() : std::vector<Notice>{};
+}
+
+Status GenicamSource::correct() {
+  const auto keeper = impl_->present();
+  if (keeper == nullptr) return failed("the camera is not started");
+  return keeper->correct();
 }
 
 const rt::LatencyHistogram& GenicamSource::receive_latency() const noexcept {

@@ -17,8 +17,37 @@ enum class PixelOrder { kLittleEndian, kBigEndian };
 // What FLIR calls IRFormat: what a count means.
 enum class IrFormat { kLeave, kRadiometric, kTemperatureLinear100mK, kTemperatureLinear10mK };
 
+// Who decides when the camera closes its shutter and corrects its pixels (NUC).
+enum class NucPolicy {
+  kCamera,  // the camera itself; when it does is not known here
+  kManual,  // only when asked
+  kTimed,   // at an interval
+  kStill,   // when the scene stands still, at an interval at least
+};
+
+struct NucOptions {
+  NucPolicy policy = NucPolicy::kCamera;
+  double interval_s = 300.0;  // timed, still
+  double still_s = 2.0;       // how long nothing may have moved
+  double still_k = 0.1;       // a change by less than this, on average, is none; K (counts without kelvin)
+  int hold_ms = 500;          // frames of this time after the command are taken to be those of the shutter
+};
+
+// What a camera is told of the object, or radiometric counts are corrected for. What has no value stays as it is.
+struct ObjectParameters {
+  double emissivity = 1.0;
+  double transmission = 1.0;         // of the air
+  double optics_transmission = 1.0;  // of a window before the lens
+  std::optional<double> reflected_k;
+  std::optional<double> atmosphere_k;
+  std::optional<double> optics_k;
+  std::optional<double> distance_m;
+  std::optional<double> humidity;  // 0 to 1
+};
+
 struct CameraOptions {
   std::string address;   // IP address, or Aravis device id; empty: the only camera that answers
+  std::string serial;    // empty: any. A lost camera that is not at its address any more is looked for by it
   int width = 0;         // 0: leave as the camera has it
   int height = 0;        // image rows, without metadata rows
   double rate_hz = 0.0;  // 0: leave; also the frame period when the camera does not say
@@ -34,15 +63,22 @@ struct CameraOptions {
   int buffers = 48;
   int realtime_priority = 0;      // of Aravis's receiving thread; 0: nice level -10, as far as that is allowed
   int windowing_watch_ms = 1000;  // after another windowing, how long the camera is watched for dropping the connection
-  int stall_ms = 250;             // without a frame for this long, and for 20 frame periods: stalled
-  int reconnect_after_ms = 2000;  // stalled for this long: the camera is lost and opened again; 0: never
+  int stall_ms = 200;             // without a frame for this long, and for 20 frame periods: stalled
+  // A stalled camera that does not answer, or that another program controls, is lost and opened again at once; one that
+  // answers and only sends nothing, after this time. 0: it is never opened again.
+  int reconnect_after_ms = 2000;
+  double range_low_k = 0.0;   // a range ("case") that holds these temperatures is chosen;
+  double range_high_k = 0.0;  // 0: the camera's own is left
+  NucOptions nuc;
+  ObjectParameters object;
 };
 
-enum class SourceState {
-  kIdle,       // not started, or stopped
-  kStreaming,  // frames arrive
-  kStalled,    // connected, but no frame for stall_ms
-  kLost,       // control lost or stalled for too long; being opened again
+using pipeline::SourceState;
+
+// Something that happened to the camera, in one line.
+struct Notice {
+  bool warning = false;
+  std::string text;
 };
 
 // Aravis's own view of the transport, summed over reconnects.
@@ -76,13 +112,20 @@ class GenicamSource final : public pipeline::FrameSource {
   // Waits for a teardown that the camera does not answer for a bounded time only. Thread: setup.
   void stop() noexcept override;
 
+  const pipeline::SourceStatus* status() const noexcept override;
   // Thread: any.
-  SourceState state() const noexcept;
+  SourceState state() const noexcept { return status()->state.value(); }
+  // Corrects the pixels (NUC) now. Blocks until the camera has taken the command, 5 s at most. Frames of the time after
+  // it carry kFlagNuc, and a new window begins before and after them. Thread: any.
+  Status correct();
   // Times that a lost camera was opened again. Thread: any.
-  std::uint64_t reconnects() const noexcept;
+  std::uint64_t reconnects() const noexcept { return status()->reopened.value(); }
   TransportStats transport_stats() const;
-  // What the camera or the host granted less of than was asked, and why reconnecting failed; newest last. Thread: any.
+  // What the camera or the host granted less of than was asked when it was opened and started. Thread: any.
   std::vector<std::string> warnings() const;
+  // What has happened since the last call, each change of state once; newest last. The oldest of very many are left
+  // out. Thread: any.
+  std::vector<Notice> take_notices();
   // First packet of a frame received -> frame in the queue, since start(). Thread: any, not during start().
   const rt::LatencyHistogram& receive_latency() const noexcept;
 

@@ -8,6 +8,7 @@
 namespace bolo::genicam {
 namespace {
 
+constexpr std::int64_t kPauseNs = 100'000'000;     // without frames for this long they had stopped
 constexpr std::int64_t kOldestNs = 1'000'000'000;  // a frame takes less than this from its first packet to here
 
 std::int64_t realtime_ns() noexcept {
@@ -28,19 +29,26 @@ std::int64_t first_packet_ns(ArvBuffer* buffer, std::int64_t now_ns) noexcept {
 
 }  // namespace
 
-Intake::Intake(pipeline::FrameInlet& inlet, const CameraOptions& options)
+Intake::Intake(pipeline::FrameInlet& inlet, const CameraOptions& options, pipeline::SourceStatus& status)
     : inlet_(inlet),
       format_(inlet.format()),
       order_(options.pixel_order),
       metadata_rows_(options.metadata_rows),
-      ledger_(format_.frame_period_s) {}
+      ledger_(format_.frame_period_s),
+      status_(status),
+      clock_(format_.frame_period_s),
+      scene_(format_, options.nuc.policy == NucPolicy::kStill ? options.nuc.still_k : 0.0) {}
 
 void Intake::take(ArvBuffer* buffer) noexcept {
   const std::int64_t now_ns = monotonic_ns();
   const std::uint64_t raw_id = arv_buffer_get_frame_id(buffer);
   switch (arv_buffer_get_status(buffer)) {
     case ARV_BUFFER_STATUS_SUCCESS:
-      deliver(buffer, now_ns);
+      if (raw_id == kNoId) {
+        ledger_.broken_without_id();  // whole, but its leader was not: neither its number nor its shape is known
+      } else {
+        deliver(buffer, now_ns);
+      }
       break;
     case ARV_BUFFER_STATUS_UNKNOWN:
     case ARV_BUFFER_STATUS_CLEARED:
@@ -63,7 +71,13 @@ void Intake::take(ArvBuffer* buffer) noexcept {
   post_losses();
 }
 
-void Intake::restart() noexcept { ledger_.restart(); }
+void Intake::begin(const std::vector<std::uint16_t>& kelvin_table) noexcept {
+  kelvin_table_ = kelvin_table.empty() ? nullptr : kelvin_table.data();
+  if (last_frame_ns() != 0) ledger_.restart();
+  clock_.restart();
+  scene_.restart();
+  first_of_connection_ = true;
+}
 
 void Intake::settle() noexcept {
   ledger_.settle();
@@ -73,10 +87,14 @@ void Intake::settle() noexcept {
 void Intake::deliver(ArvBuffer* buffer, std::int64_t now_ns) noexcept {
   const std::uint64_t raw_id = arv_buffer_get_frame_id(buffer);
   if (!agreed(buffer)) return ledger_.broken(raw_id, LossCause::kBadFrame, now_ns);
-  last_frame_ns_.store(now_ns, std::memory_order_relaxed);
+  note_arrival(now_ns);
   const FrameLedger::Verdict verdict = ledger_.complete(raw_id, now_ns);
   if (!verdict.deliver) return;
   if (verdict.restarted) inlet_.restart_window();
+  const auto camera_ns = static_cast<std::int64_t>(arv_buffer_get_timestamp(buffer));
+  const std::int64_t receive_ns = first_packet_ns(buffer, now_ns);
+  const std::int64_t host_ns = map_time(verdict, camera_ns, receive_ns);
+  const std::uint32_t flags = note_correction(now_ns);
   rt::FrameSlot* slot = inlet_.borrow();
   if (slot == nullptr) return;  // counted by the inlet
 
@@ -87,13 +105,46 @@ void Intake::deliver(ArvBuffer* buffer, std::int64_t now_ns) noexcept {
   std::size_t size = 0;
   const auto* pixels = static_cast<const std::byte*>(arv_buffer_get_image_data(buffer, &size));
   copy_rows(pixels, stride, order_, format_.geometry, slot->u16());
+  if (kelvin_table_ != nullptr) translate(slot->u16(), format_.geometry.pixels(), kelvin_table_);
+  scene_.look(slot->u16(), now_ns);
 
   slot->meta = {};
   slot->meta.frame_id = verdict.frame_id;
-  slot->meta.camera_ns = static_cast<std::int64_t>(arv_buffer_get_timestamp(buffer));
-  slot->meta.receive_ns = first_packet_ns(buffer, now_ns);
-  const std::int64_t receive_ns = slot->meta.receive_ns;  // the slot is not ours after commit()
+  slot->meta.camera_ns = camera_ns;
+  slot->meta.receive_ns = receive_ns;
+  slot->meta.flags = flags;
+  slot->meta.host_ns = host_ns;
   if (inlet_.commit(*slot)) latency_.add(monotonic_ns() - receive_ns);
+}
+
+void Intake::note_arrival(std::int64_t now_ns) noexcept {
+  const std::int64_t before_ns = last_frame_ns_.load(std::memory_order_relaxed);  // written by this thread only
+  if (first_of_connection_ || now_ns - before_ns > kPauseNs) flows_since_ns_.store(now_ns, std::memory_order_relaxed);
+  first_of_connection_ = false;
+  last_frame_ns_.store(now_ns, std::memory_order_release);  // partner: last_frame_ns()
+}
+
+// Frames before, during and after a NUC do not belong in one window.
+std::uint32_t Intake::note_correction(std::int64_t now_ns) noexcept {
+  const bool correcting = now_ns < hold_until_ns_.value();
+  if (correcting != correcting_) inlet_.restart_window();
+  correcting_ = correcting;
+  return correcting ? kFlagNuc : kFlagNone;
+}
+
+// The camera's time on the host's clock; says what is known of the clocks.
+std::int64_t Intake::map_time(const FrameLedger::Verdict& verdict, std::int64_t camera_ns,
+                              std::int64_t receive_ns) noexcept {
+  if (verdict.restarted) clock_.restart();
+  const HostClock::Mapped mapped = clock_.map(verdict.frame_id, camera_ns, receive_ns);
+  if (mapped.jumped) {
+    status_.clock_jumps.add();
+    inlet_.restart_window();
+  }
+  status_.clock_offset_ns.set(clock_.offset_ns());
+  status_.clock_drift_ppm.set(clock_.drift_ppm());
+  status_.clock_jitter_ns.set(clock_.jitter_ns());
+  return mapped.host_ns;
 }
 
 // The frame is what the stream was opened for.

@@ -4,13 +4,17 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <vector>
 
 #include "bolo/core/plane.hpp"
 #include "bolo/pipeline/inlet.hpp"
+#include "bolo/pipeline/source_status.hpp"
 #include "bolo/rt/counters.hpp"
 #include "drivers/genicam/frame_ledger.hpp"
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/genicam/gobject.hpp"
+#include "drivers/genicam/host_clock.hpp"
+#include "drivers/genicam/scene_watch.hpp"
 
 namespace bolo::genicam {
 
@@ -22,22 +26,34 @@ class Intake {
   static constexpr std::uint64_t kNoId = ~std::uint64_t{0};
 
   // The inlet outlives this. Thread: setup.
-  Intake(pipeline::FrameInlet& inlet, const CameraOptions& options);
+  Intake(pipeline::FrameInlet& inlet, const CameraOptions& options, pipeline::SourceStatus& status);
 
   // Takes what it needs; the buffer may be reused afterwards. Thread: acquire.
   void take(ArvBuffer* buffer) noexcept;
 
-  // A new connection's frames follow. Thread: setup, while no connection delivers.
-  void restart() noexcept;
+  // A connection's frames follow, the first or another one. kelvin_table: Negotiated's, which outlives the connection.
+  // Thread: setup, while no connection delivers.
+  void begin(const std::vector<std::uint16_t>& kelvin_table) noexcept;
+  // Frames that arrive from now on until then, CLOCK_MONOTONIC, are those of a NUC. 0: none are. Thread: any.
+  void hold_until(std::int64_t until_ns) noexcept { hold_until_ns_.set(until_ns); }
+  const SceneWatch& scene() const noexcept { return scene_; }
   // The last frame has come: counts what is still missing. Thread: setup, while no connection delivers.
   void settle() noexcept;
 
   // CLOCK_MONOTONIC of the last complete frame, 0 before the first. Thread: any.
-  std::int64_t last_frame_ns() const noexcept { return last_frame_ns_.load(std::memory_order_relaxed); }
+  std::int64_t last_frame_ns() const noexcept {
+    return last_frame_ns_.load(std::memory_order_acquire);  // partner: note_arrival()
+  }
+  // CLOCK_MONOTONIC of the first frame of the present connection, or of the first after frames had stopped; as known
+  // when last_frame_ns() was read. Thread: any.
+  std::int64_t flows_since_ns() const noexcept { return flows_since_ns_.load(std::memory_order_relaxed); }
   const rt::LatencyHistogram& latency() const noexcept { return latency_; }
 
  private:
   void deliver(ArvBuffer* buffer, std::int64_t now_ns) noexcept;
+  void note_arrival(std::int64_t now_ns) noexcept;
+  std::uint32_t note_correction(std::int64_t now_ns) noexcept;
+  std::int64_t map_time(const FrameLedger::Verdict& verdict, std::int64_t camera_ns, std::int64_t receive_ns) noexcept;
   bool agreed(ArvBuffer* buffer) const noexcept;
   void post_losses() noexcept;
 
@@ -47,7 +63,15 @@ class Intake {
   const int metadata_rows_;
   FrameLedger ledger_;
   std::array<std::uint64_t, kLossCauses> posted_{};  // of the ledger's losses, what the inlet knows
-  std::atomic<std::int64_t> last_frame_ns_{0};       // stands alone: relaxed
+  pipeline::SourceStatus& status_;
+  HostClock clock_;
+  SceneWatch scene_;
+  const std::uint16_t* kelvin_table_ = nullptr;  // null: counts stay as they are
+  rt::Gauge<std::int64_t> hold_until_ns_;
+  bool correcting_ = false;
+  bool first_of_connection_ = true;
+  std::atomic<std::int64_t> flows_since_ns_{0};  // published by last_frame_ns_
+  std::atomic<std::int64_t> last_frame_ns_{0};
   rt::LatencyHistogram latency_;
 };
 

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <iterator>
 #include <utility>
 
 #include "bolo/core/clock.hpp"
@@ -9,15 +12,32 @@
 namespace bolo::genicam {
 namespace {
 
+using pipeline::LostCause;
 using std::chrono::milliseconds;
 
-constexpr milliseconds kTick(50);
+constexpr milliseconds kTick(20);
 constexpr milliseconds kFirstPause(100);  // between attempts to open a lost camera, doubled up to:
-constexpr milliseconds kLongestPause(2000);
+constexpr milliseconds kLongestPause(500);
+constexpr int kAttemptsAtItsAddress = 5;
 constexpr milliseconds kStopLimit(5000);
 constexpr double kStallPeriods = 20.0;
 constexpr std::int64_t kNsPerMs = 1'000'000;
-constexpr std::size_t kMostWarnings = 64;
+constexpr std::int64_t kFirstFrameNs = 1'000'000'000;  // a camera may take this long to begin
+constexpr std::int64_t kProbePeriodNs = 200'000'000;   // from one question to a stalled camera to the next
+constexpr std::int64_t kTellPeriodNs = 200'000'000;
+constexpr std::int64_t kTemperaturePeriodNs = 10'000'000'000;
+constexpr milliseconds kCorrectionLimit(5000);
+constexpr std::size_t kMostNotices = 256;
+
+std::string seconds(std::int64_t ns) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f s", static_cast<double>(ns) * 1e-9);
+  return text;
+}
+
+std::int64_t stall_ns(const CameraOptions& options, double period_s) {
+  return std::max(options.stall_ms * kNsPerMs, static_cast<std::int64_t>(kStallPeriods * period_s * kNsPerSecond));
+}
 
 TransportStats sum(TransportStats a, const TransportStats& b) {
   a.completed_buffers += b.completed_buffers;
@@ -33,15 +53,22 @@ TransportStats sum(TransportStats a, const TransportStats& b) {
 
 }  // namespace
 
-Keeper::Keeper(const CameraOptions& options, pipeline::SourceInfo info, pipeline::FrameInlet& inlet)
-    : options_(options), info_(std::move(info)), intake_(inlet, options) {}
+Keeper::Keeper(const CameraOptions& options, pipeline::SourceInfo info, pipeline::FrameInlet& inlet,
+               std::shared_ptr<pipeline::SourceStatus> status)
+    : options_(options),
+      info_(std::move(info)),
+      stall_ns_(stall_ns(options_, info_.format.frame_period_s)),
+      lost_ns_(std::max(options_.reconnect_after_ms * kNsPerMs, stall_ns_)),
+      status_(std::move(status)),
+      intake_(inlet, options_, *status_),
+      schedule_(options_.nuc) {}
 
 Status Keeper::start(std::unique_ptr<Session> session) {
   if (Status adopted = adopt(std::move(session)); !adopted) {
-    drop_session();
+    take_session();
     return adopted;
   }
-  state_.store(SourceState::kStreaming, std::memory_order_relaxed);
+  enter(SourceState::kStreaming);
   std::promise<void> done;
   watched_ = done.get_future();
   watcher_ = std::thread([self = shared_from_this(), end = std::move(done)]() mutable {
@@ -58,14 +85,18 @@ void Keeper::stop() noexcept {
     if (session_ != nullptr) session_->shut();
   }
   wake_.notify_all();
+  corrected_.notify_all();
   if (!watcher_.joinable()) return;
-  if (watched_.wait_for(kStopLimit) == std::future_status::ready) {
+  const auto deadline = std::chrono::steady_clock::now() + kStopLimit;
+  if (watched_.wait_until(deadline) == std::future_status::ready) {
     watcher_.join();
+    endings_.wait_until(deadline);
   } else {
     watcher_.detach();  // held up by a camera that does not answer
   }
   intake_.settle();
-  state_.store(SourceState::kIdle, std::memory_order_relaxed);
+  status_->since_ns.set(monotonic_ns());
+  status_->state.set(SourceState::kIdle);
 }
 
 TransportStats Keeper::transport() const {
@@ -78,21 +109,23 @@ std::vector<std::string> Keeper::warnings() const {
   return warnings_;
 }
 
+std::vector<Notice> Keeper::take_notices() {
+  const std::lock_guard lock(mutex_);
+  std::vector<Notice> taken(std::make_move_iterator(notices_.begin()), std::make_move_iterator(notices_.end()));
+  notices_.clear();
+  return taken;
+}
+
 // --- the watching thread ---
 
 void Keeper::watch() {
-  int ticks_without_control = 0;
   while (pause(kTick)) {
-    const SourceState state = judge();
-    state_.store(state, std::memory_order_relaxed);
-    if (state != SourceState::kLost || options_.reconnect_after_ms == 0) continue;
-    // The signal that tells of lost control comes on a thread of the device; one tick later it has surely returned, and
-    // the device can be destroyed without that thread waiting for itself.
-    if (++ticks_without_control < 2) continue;
-    reopen();
-    ticks_without_control = 0;
+    look();
+    serve_requests();
+    tell_scene();
+    tell_transport();
   }
-  drop_session();
+  take_session();
 }
 
 // Sleeps; false when it is time to stop.
@@ -101,23 +134,85 @@ bool Keeper::pause(milliseconds time) {
   return !wake_.wait_for(lock, time, [this] { return stop_.load(std::memory_order_relaxed); });
 }
 
-SourceState Keeper::judge() const {
-  const std::lock_guard lock(mutex_);
-  if (session_ == nullptr || session_->control_lost()) return SourceState::kLost;
-  const std::int64_t quiet_ns = monotonic_ns() - std::max(since_ns_, intake_.last_frame_ns());
-  const auto stall_ns = std::max(options_.stall_ms * kNsPerMs,
-                                 static_cast<std::int64_t>(kStallPeriods * info_.format.frame_period_s * kNsPerSecond));
-  const std::int64_t lost_ns = std::max(options_.reconnect_after_ms * kNsPerMs, stall_ns);
-  if (options_.reconnect_after_ms > 0 && quiet_ns > lost_ns) return SourceState::kLost;
-  return quiet_ns > stall_ns ? SourceState::kStalled : SourceState::kStreaming;
+void Keeper::look() {
+  const std::int64_t frame_ns = intake_.last_frame_ns();
+  const bool arrived = frame_ns > since_ns_;
+  const std::int64_t now_ns = monotonic_ns();
+  if (now_ns < correcting_until_ns_ && !session_->control_lost()) return;  // the shutter may stop the stream
+  const std::int64_t quiet_ns = now_ns - std::max({frame_ns, since_ns_, correcting_until_ns_});
+  const bool flows = quiet_ns <= (arrived ? stall_ns_ : std::max(stall_ns_, kFirstFrameNs));
+  if (flows && arrived) note_flow(frame_ns);
+  if (!flows) note_stall(quiet_ns);
+  if (options_.reconnect_after_ms == 0 || (flows && !session_->control_lost())) return;
+  // The signal that tells of lost control comes on a thread of the device; one tick later it has surely returned, and
+  // the device can be destroyed without that thread waiting for itself.
+  if (session_->control_lost() && ++ticks_without_control_ < 2) return;
+  const auto cause = find_fault(quiet_ns);
+  if (!cause) return;
+  note_loss(*cause, frame_ns);
+  reopen(*cause);
 }
 
-void Keeper::reopen() {
-  drop_session();
+// What is wrong with a camera that sends nothing; nothing, as long as it may only be pausing.
+std::optional<LostCause> Keeper::find_fault(std::int64_t quiet_ns) {
+  const std::int64_t now_ns = monotonic_ns();
+  const bool signalled = session_->control_lost();
+  if (!signalled && now_ns < next_probe_ns_) return std::nullopt;
+  next_probe_ns_ = now_ns + kProbePeriodNs;
+  if (!session_->answers()) return LostCause::kNoAnswer;
+  if (signalled || !session_->controlled()) return LostCause::kControlLost;
+  return quiet_ns > lost_ns_ ? std::optional(LostCause::kStalled) : std::nullopt;
+}
+
+void Keeper::enter(SourceState state) {
+  if (stop_.load(std::memory_order_relaxed)) return;  // the status may be another keeper's by now
+  status_->since_ns.set(monotonic_ns());
+  status_->state.set(state);
+}
+
+void Keeper::note_flow(std::int64_t frame_ns) {
+  const SourceState before = status_->state.value();
+  if (before == SourceState::kStreaming) return;
+  const std::int64_t first_ns = std::min(intake_.flows_since_ns(), frame_ns);
+  if (before == SourceState::kStalled) {
+    say(false, "frames arrive again after " + seconds(first_ns - outage_from_ns_));
+  } else if (before == SourceState::kLost) {
+    const std::int64_t outage_ns = first_ns - outage_from_ns_;
+    const double periods = static_cast<double>(outage_ns) / (info_.format.frame_period_s * kNsPerSecond);
+    const auto frames = static_cast<std::uint64_t>(std::max(0.0, std::round(periods) - 1.0));
+    status_->outage_frames.add(frames);
+    say(false, "camera opened again after " + seconds(outage_ns) + " (" + std::string(name(cause_)) + "), " +
+                   std::to_string(frames) + " frames missing");
+  }
+  enter(SourceState::kStreaming);
+}
+
+void Keeper::note_stall(std::int64_t quiet_ns) {
+  const SourceState before = status_->state.value();
+  if (before != SourceState::kStreaming && before != SourceState::kCorrecting) return;
+  outage_from_ns_ = monotonic_ns() - quiet_ns;
+  status_->stalls.add();
+  enter(SourceState::kStalled);
+  say(true, "camera stalled: no frame for " + seconds(quiet_ns));
+}
+
+void Keeper::note_loss(LostCause cause, std::int64_t frame_ns) {
+  if (status_->state.value() == SourceState::kLost) return;
+  cause_ = cause;
+  outage_from_ns_ = std::max(frame_ns, since_ns_);
+  status_->lost[static_cast<std::size_t>(cause)].add();
+  enter(SourceState::kLost);
+  say(true, "camera lost (" + std::string(name(cause)) + "); opening it again until it answers");
+}
+
+void Keeper::reopen(LostCause cause) {
+  auto old = take_session();
+  if (cause == LostCause::kNoAnswer) endings_.begin(std::move(old));
+  old.reset();  // one that answers lets go of the camera before it is opened again
   milliseconds wait = kFirstPause;
-  while (!stop_.load(std::memory_order_relaxed)) {
-    if (try_reopen()) {
-      reconnects_.add();
+  for (int attempt = 1; !stop_.load(std::memory_order_relaxed); ++attempt) {
+    if (try_reopen(attempt % kAttemptsAtItsAddress == 0)) {
+      status_->reopened.add();
       return;
     }
     if (!pause(wait)) return;
@@ -125,20 +220,33 @@ void Keeper::reopen() {
   }
 }
 
-bool Keeper::try_reopen() {
+// `everywhere`: looks for its serial number in the whole network, too, which takes a second.
+bool Keeper::try_reopen(bool everywhere) {
   std::vector<std::string> ignored;  // said when the camera was opened first
-  auto session = Session::open(options_, stop_, ignored);
+  CameraOptions options = options_;
+  if (!everywhere) options.serial.clear();
+  auto session = Session::open(options, stop_, ignored);
   if (!session) {
-    note({"reconnecting: " + session.error().message});
+    say(true, "reconnecting: " + session.error().message);
     return false;
   }
   if ((*session)->info().format != info_.format) {
-    note({"reconnecting: the camera came back with another size, rate or unit; restart to use it so"});
+    say(true, "reconnecting: the camera came back with another size, rate or unit; restart to use it so");
     return false;
   }
+  if ((*session)->info().camera_serial != info_.camera_serial) {
+    say(true, "reconnecting: at " + (*session)->address() + " is now camera " + (*session)->info().camera_serial +
+                  ", not " + info_.camera_serial);
+    return false;
+  }
+  if (!(*session)->address().empty() && (*session)->address() != options_.address) {
+    say(false, "camera " + info_.camera_serial + " found again at " + (*session)->address() + ", before at " +
+                   options_.address);
+    options_.address = (*session)->address();
+  }
   if (Status adopted = adopt(std::move(*session)); !adopted) {
-    note({"reconnecting: " + adopted.error().message});
-    drop_session();
+    say(true, "reconnecting: " + adopted.error().message);
+    take_session();
     return false;
   }
   return true;
@@ -149,12 +257,20 @@ Status Keeper::adopt(std::unique_ptr<Session> session) {
   std::vector<std::string> found;
   if (Status prepared = session->prepare(intake_, found); !prepared) return prepared;
   const bool first = since_ns_ == 0;
-  if (first) note(std::move(found));
+  if (first) {
+    for (const std::string& text : session->negotiated().notes) say(false, text);
+    for (const std::string& text : found) say(true, text);
+  }
+  ticks_without_control_ = 0;
+  correcting_until_ns_ = 0;
+  judged_median_ = -1;
+  intake_.hold_until(0);
   Session* present = session.get();
   {
     const std::lock_guard lock(mutex_);
     if (stop_.load(std::memory_order_relaxed)) return {};
-    if (!first) intake_.restart();
+    if (first) warnings_ = std::move(found);
+    intake_.begin(session->negotiated().kelvin_table);
     since_ns_ = monotonic_ns();
     session_ = std::move(session);
     session_->admit();
@@ -162,24 +278,98 @@ Status Keeper::adopt(std::unique_ptr<Session> session) {
   return present->begin();
 }
 
-// Ends the connection, which takes seconds when the camera is dead; the mutex is not held meanwhile.
-void Keeper::drop_session() {
-  std::unique_ptr<Session> session;
-  {
-    const std::lock_guard lock(mutex_);
-    if (session_ == nullptr) return;
-    session_->shut();
-    past_ = sum(past_, session_->transport());
-    session = std::move(session_);
-  }
+// The present session, shut. To end it takes seconds when the camera is dead; the mutex is not held meanwhile.
+std::unique_ptr<Session> Keeper::take_session() {
+  const std::lock_guard lock(mutex_);
+  if (session_ == nullptr) return nullptr;
+  session_->shut();
+  past_ = sum(past_, session_->transport());
+  return std::move(session_);
 }
 
-void Keeper::note(std::vector<std::string> texts) {
-  const std::lock_guard lock(mutex_);
-  for (std::string& text : texts) {
-    const bool again = !warnings_.empty() && warnings_.back() == text;
-    if (!again && warnings_.size() < kMostWarnings) warnings_.push_back(std::move(text));
+void Keeper::tell_transport() {
+  const std::int64_t now_ns = monotonic_ns();
+  if (now_ns < next_tell_ns_) return;
+  next_tell_ns_ = now_ns + kTellPeriodNs;
+  const TransportStats stats = transport();
+  status_->received_packets.set(stats.received_packets);
+  status_->missing_packets.set(stats.missing_packets);
+  status_->resent_packets.set(stats.resent_packets);
+}
+
+// Once a connection: whether its values can be temperatures. Every 10 s: how warm the camera is.
+void Keeper::tell_scene() {
+  if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
+  const int median = intake_.scene().median();
+  if (median >= 0 && judged_median_ < 0) {
+    judged_median_ = median;
+    if (const auto doubt = implausible(median, info_.format.scale)) say(true, *doubt);
   }
+  const std::int64_t now_ns = monotonic_ns();
+  if (now_ns < next_temperature_ns_) return;
+  next_temperature_ns_ = now_ns + kTemperaturePeriodNs;
+  status_->temperature_k.set(session_->temperature_k());
+}
+
+// --- corrections (NUC) ---
+
+Status Keeper::correct() {
+  std::unique_lock lock(mutex_);
+  const std::uint64_t mine = ++corrections_asked_;
+  const auto settled = [&] { return corrections_served_ >= mine || stop_.load(std::memory_order_relaxed); };
+  if (!corrected_.wait_for(lock, kCorrectionLimit, settled) || corrections_served_ < mine) {
+    corrections_served_ = std::max(corrections_served_, mine);  // nobody waits for it any more
+    return failed(std::string("the camera was not told to correct itself: it is ") +
+                  std::string(name(status_->state.value())));
+  }
+  return correction_;
+}
+
+void Keeper::serve_requests() {
+  if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
+  std::uint64_t asked = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    asked = corrections_asked_ > corrections_served_ ? corrections_asked_ : 0;
+  }
+  if (asked == 0) {
+    if (!schedule_.due(monotonic_ns(), intake_.scene().still_since_ns())) return;
+    const bool timed = options_.nuc.policy == NucPolicy::kTimed;
+    if (Status done = correct_now(timed ? "it is time" : "nothing moves"); !done) say(true, done.error().message);
+    return;
+  }
+  Status done = correct_now("asked for");
+  const std::lock_guard lock(mutex_);
+  corrections_served_ = asked;
+  correction_ = std::move(done);
+  corrected_.notify_all();
+}
+
+// Frames on their way while the command is, too, count as the shutter's.
+Status Keeper::correct_now(const std::string& why) {
+  const std::int64_t hold_ns = options_.nuc.hold_ms * kNsPerMs;
+  intake_.hold_until(monotonic_ns() + hold_ns);
+  Status done = session_->correct();
+  const std::int64_t now_ns = monotonic_ns();
+  schedule_.done(now_ns);
+  correcting_until_ns_ = done ? now_ns + hold_ns : 0;
+  intake_.hold_until(correcting_until_ns_);
+  if (!done) return done;
+  status_->corrections.add();
+  status_->correction_ns.set(now_ns);
+  enter(SourceState::kCorrecting);
+  say(false, "NUC (" + why + ")");
+  said_last_.clear();  // each one is news
+  return {};
+}
+
+// The same thing twice in a row is said once.
+void Keeper::say(bool warning, std::string text) {
+  if (text == said_last_) return;
+  said_last_ = text;
+  const std::lock_guard lock(mutex_);
+  if (notices_.size() == kMostNotices) notices_.pop_front();
+  notices_.push_back({warning, std::move(text)});
 }
 
 }  // namespace bolo::genicam

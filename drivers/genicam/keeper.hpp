@@ -4,16 +4,21 @@
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
+#include <deque>
 #include <future>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "bolo/core/result.hpp"
+#include "bolo/pipeline/source_status.hpp"
 #include "bolo/rt/counters.hpp"
+#include "drivers/genicam/endings.hpp"
 #include "drivers/genicam/intake.hpp"
+#include "drivers/genicam/nuc_schedule.hpp"
 #include "drivers/genicam/session.hpp"
 
 namespace bolo::genicam {
@@ -23,7 +28,8 @@ namespace bolo::genicam {
 class Keeper : public std::enable_shared_from_this<Keeper> {
  public:
   // The inlet outlives stop(). Thread: setup.
-  Keeper(const CameraOptions& options, pipeline::SourceInfo info, pipeline::FrameInlet& inlet);
+  Keeper(const CameraOptions& options, pipeline::SourceInfo info, pipeline::FrameInlet& inlet,
+         std::shared_ptr<pipeline::SourceStatus> status);
 
   // Starts the stream and the watch. Thread: setup.
   Status start(std::unique_ptr<Session> session);
@@ -31,34 +37,63 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   void stop() noexcept;
 
   // Thread: any.
-  SourceState state() const noexcept { return state_.load(std::memory_order_relaxed); }
-  std::uint64_t reconnects() const noexcept { return reconnects_.value(); }
   TransportStats transport() const;
   std::vector<std::string> warnings() const;
+  std::vector<Notice> take_notices();
+  Status correct();
   const rt::LatencyHistogram& latency() const noexcept { return intake_.latency(); }
 
  private:
   void watch();
   bool pause(std::chrono::milliseconds time);
-  SourceState judge() const;
-  void reopen();
-  bool try_reopen();
+  void look();
+  void enter(SourceState state);
+  void note_flow(std::int64_t frame_ns);
+  void note_stall(std::int64_t quiet_ns);
+  void note_loss(pipeline::LostCause cause, std::int64_t frame_ns);
+  std::optional<pipeline::LostCause> find_fault(std::int64_t quiet_ns);
+  void reopen(pipeline::LostCause cause);
+  bool try_reopen(bool everywhere);
   Status adopt(std::unique_ptr<Session> session);
-  void drop_session();
-  void note(std::vector<std::string> texts);
+  std::unique_ptr<Session> take_session();
+  void tell_transport();
+  void tell_scene();
+  void serve_requests();
+  Status correct_now(const std::string& why);
+  void say(bool warning, std::string text);
 
-  const CameraOptions options_;
+  CameraOptions options_;  // the address follows the camera
   const pipeline::SourceInfo info_;
+  const std::int64_t stall_ns_;  // without a frame for this long: stalled
+  const std::int64_t lost_ns_;   // ... and for this long: lost
+  const std::shared_ptr<pipeline::SourceStatus> status_;
   Intake intake_;
-  std::atomic<SourceState> state_{SourceState::kIdle};  // stands alone: relaxed
-  std::atomic<bool> stop_{false};                       // written under the mutex; read without it to give up early
-  rt::Counter reconnects_;
-  std::int64_t since_ns_ = 0;  // the present session's start; watching thread only once that runs
-  mutable std::mutex mutex_;   // guards what follows
+  std::atomic<bool> stop_{false};  // written under the mutex; read without it to give up early
+
+  // The watching thread's own, once that runs.
+  std::int64_t since_ns_ = 0;  // the present session's start
+  std::int64_t next_probe_ns_ = 0;
+  std::int64_t outage_from_ns_ = 0;  // the last frame before the camera was lost
+  pipeline::LostCause cause_ = pipeline::LostCause::kStalled;
+  std::int64_t correcting_until_ns_ = 0;
+  int ticks_without_control_ = 0;
+  int judged_median_ = -1;
+  NucSchedule schedule_;
+  std::int64_t next_temperature_ns_ = 0;
+  std::int64_t next_tell_ns_ = 0;
+  std::string said_last_;
+  Endings endings_;  // stop() waits for it when the watching thread has ended
+
+  mutable std::mutex mutex_;  // guards what follows
   std::condition_variable wake_;
-  std::unique_ptr<Session> session_;
-  TransportStats past_;  // of sessions that have ended
+  std::unique_ptr<Session> session_;  // replaced by the watching thread only, which therefore reads it without
+  TransportStats past_;               // of sessions that have ended
   std::vector<std::string> warnings_;
+  std::deque<Notice> notices_;
+  std::condition_variable corrected_;
+  std::uint64_t corrections_asked_ = 0;
+  std::uint64_t corrections_served_ = 0;
+  Status correction_;    // how the last one that was asked for went
   std::thread watcher_;  // setup thread only
   std::future<void> watched_;
 };

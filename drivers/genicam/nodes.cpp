@@ -6,7 +6,7 @@
 namespace bolo::genicam {
 namespace {
 
-std::string number(double value) {
+std::string text_of(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%g", value);
   return text;
@@ -40,6 +40,12 @@ double Nodes::real(const char* name) {
   return ok() ? value : 0.0;
 }
 
+double Nodes::number(const char* name) {
+  if (!ok()) return 0.0;
+  const bool is_float = ARV_IS_GC_FLOAT(arv_device_get_feature(device_, name)) != FALSE;
+  return is_float ? real(name) : static_cast<double>(integer(name));
+}
+
 std::string Nodes::text(const char* name) {
   if (!ok()) return {};
   GlibError error;
@@ -70,7 +76,7 @@ void Nodes::set_real(const char* name, double value) {
   if (!ok()) return;
   GlibError error;
   arv_device_set_float_feature_value(device_, name, value, error.out());
-  check(error, name, number(value));
+  check(error, name, text_of(value));
 }
 
 void Nodes::set_boolean(const char* name, bool value) {

@@ -21,6 +21,7 @@ class Nodes {
 
   std::int64_t integer(const char* name);
   double real(const char* name);
+  double number(const char* name);                     // an integer or a float, whichever the camera has
   std::string text(const char* name);                  // strings, and the entry of an enumeration
   std::vector<std::string> entries(const char* name);  // that an enumeration offers now
 

@@ -60,7 +60,7 @@ Result<std::unique_ptr<Session>> Session::open(const CameraOptions& options, con
         return tl::unexpected<Error>(std::move(size.error()));
       }
       warnings.insert(warnings.end(), found.begin(), found.end());
-      return std::unique_ptr<Session>(new Session(std::move(*connection), std::move(negotiated->info), options));
+      return std::unique_ptr<Session>(new Session(std::move(*connection), std::move(*negotiated), options));
     }
     if (monotonic_ns() >= give_up_ns || stop_requested.load(std::memory_order_relaxed)) {
       if (negotiated) return failed(connection->name + " does not keep the windowing that it was given");
@@ -72,8 +72,8 @@ Result<std::unique_ptr<Session>> Session::open(const CameraOptions& options, con
   }
 }
 
-Session::Session(Connection connection, pipeline::SourceInfo info, const CameraOptions& options)
-    : options_(options), info_(std::move(info)), connection_(std::move(connection)) {
+Session::Session(Connection connection, Negotiated negotiated, const CameraOptions& options)
+    : options_(options), negotiated_(std::move(negotiated)), connection_(std::move(connection)) {
   g_signal_connect(connection_.device.get(), "control-lost", G_CALLBACK(&Session::on_control_lost),
                    connection_.control_lost.get());
 }
@@ -81,8 +81,7 @@ Session::Session(Connection connection, pipeline::SourceInfo info, const CameraO
 Session::~Session() {
   gate_.shut();
   running_.store(nullptr, std::memory_order_release);  // partner: drain(); buffers are not turned round any more
-  const bool answers = !connection_.is_gige() || answers_gvcp(connection_.address);
-  if (began_ && !control_lost() && answers) {
+  if (began_ && !control_lost() && answers()) {
     Nodes nodes(connection_.device.get());
     nodes.execute("AcquisitionStop");
     if (nodes.has("TLParamsLocked")) nodes.set_integer("TLParamsLocked", 0);
@@ -105,6 +104,25 @@ Status Session::begin() {
   nodes.execute("AcquisitionStart");
   if (!nodes.ok()) return at(connection_.name, nodes.status().error());
   return {};
+}
+
+Status Session::correct() {
+  Nodes nodes(connection_.device.get());
+  if (!nodes.has("NUCAction"))
+    return failed(connection_.name + " has no NUCAction: it cannot be told to correct itself");
+  nodes.execute("NUCAction");
+  if (!nodes.ok()) return at(connection_.name, nodes.status().error());
+  return {};
+}
+
+double Session::temperature_k() {
+  constexpr double kZeroCelsius = 273.15;
+  constexpr double kHottestCelsius = 150.0;  // above, it is kelvin. Unproven: the standard says degrees Celsius
+  Nodes nodes(connection_.device.get());
+  if (!nodes.has("DeviceTemperature")) return 0.0;
+  const double value = nodes.number("DeviceTemperature");
+  if (!nodes.ok()) return 0.0;
+  return value > kHottestCelsius ? value : value + kZeroCelsius;
 }
 
 TransportStats Session::transport() const {

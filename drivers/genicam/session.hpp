@@ -26,7 +26,8 @@ class Session {
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  const pipeline::SourceInfo& info() const { return info_; }
+  const pipeline::SourceInfo& info() const { return negotiated_.info; }
+  const Negotiated& negotiated() const { return negotiated_; }
   // The IP address of a GigE Vision camera; empty for others.
   const std::string& address() const { return connection_.address; }
 
@@ -41,11 +42,19 @@ class Session {
 
   // Aravis's heartbeat has failed, or another program took the camera. Thread: any.
   bool control_lost() const noexcept { return connection_.control_lost->load(std::memory_order_relaxed); }
+  // The camera is there: true, or false after about 0.7 s. Thread: setup.
+  bool answers() const { return !connection_.is_gige() || answers_gvcp(connection_.address); }
+  // The camera obeys this program. Blocks some seconds when it does not answer. Thread: setup.
+  bool controlled() const { return is_controlled(connection_); }
+  // Tells the camera to correct its pixels (NUC). Blocks some seconds when it does not answer. Thread: setup.
+  Status correct();
+  // Of the camera, K; 0 when it does not tell. Blocks as above. Thread: setup.
+  double temperature_k();
   // Since the stream was prepared. Thread: setup.
   TransportStats transport() const;
 
  private:
-  Session(Connection connection, pipeline::SourceInfo info, const CameraOptions& options);
+  Session(Connection connection, Negotiated negotiated, const CameraOptions& options);
 
   static void on_stream(void* self, ArvStreamCallbackType type, ArvBuffer* buffer);
   static void on_control_lost(ArvDevice* device, void* flag);
@@ -59,7 +68,7 @@ class Session {
   enum class Priority { kPending, kNotAsked, kGranted, kRefused };
 
   const CameraOptions options_;
-  const pipeline::SourceInfo info_;
+  const Negotiated negotiated_;
   std::atomic<Priority> priority_{Priority::kPending};
   bool began_ = false;
   Intake* intake_ = nullptr;

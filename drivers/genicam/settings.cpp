@@ -4,8 +4,10 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 
 #include "drivers/genicam/nodes.hpp"
+#include "drivers/genicam/object.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -64,6 +66,20 @@ LinearScale configure_ir_format(Nodes& nodes, IrFormat wanted, Warnings& warning
     if (e.value == value) return e.scale;
   }
   return {Unit::kCount, 1.0, 0.0};
+}
+
+// Radiometric counts become 10 mK on the way in, when the camera tells its constants.
+void make_kelvin(Nodes& nodes, const ObjectParameters& object, Negotiated& result, Warnings& warnings) {
+  const std::optional<Planck> planck = read_planck(nodes);
+  if (!planck) {
+    warnings.push_back("the camera does not tell its Planck constants (R, B, F, J0, J1): frames stay in counts");
+    return;
+  }
+  result.kelvin_table = kelvin_table(*planck, object);
+  result.info.format.scale = {Unit::kKelvin, 0.01, 0.0};
+  result.notes.push_back("radiometric counts become kelvin here, by R = " + number(planck->r) +
+                         ", B = " + number(planck->b) + ", F = " + number(planck->f) + ", J0 = " + number(planck->j0) +
+                         ", J1 = " + number(planck->j1));
 }
 
 // At least those of the cameras that have windowing, should SensorHeight follow the window.
@@ -160,7 +176,13 @@ Result<Negotiated> configure(const Connection& connection, const CameraOptions& 
 
   result.windowing_changed = configure_windowing(nodes, options);
   if (result.windowing_changed) return result;
+  if (Status range = configure_range(nodes, options, result.notes, warnings); !range) {
+    return at(connection.name, std::move(range.error()));
+  }
   format.scale = configure_ir_format(nodes, options.ir_format, warnings);
+  configure_object(nodes, options.object, warnings);
+  configure_nuc(nodes, options.nuc, warnings);
+  if (format.scale.unit == Unit::kCount) make_kelvin(nodes, options.object, result, warnings);
   if (Status mono16 = configure_pixel_format(nodes); !mono16) return at(connection.name, std::move(mono16.error()));
 
   Status size;

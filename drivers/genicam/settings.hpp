@@ -1,6 +1,7 @@
 // Brings the camera into the state that the options ask for, and says what it will send.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -11,7 +12,9 @@
 namespace bolo::genicam {
 
 struct Negotiated {
-  pipeline::SourceInfo info;  // geometry without metadata rows
+  pipeline::SourceInfo info;                // geometry without metadata rows
+  std::vector<std::uint16_t> kelvin_table;  // from the camera's counts to those of `info`; empty: they are the same
+  std::vector<std::string> notes;           // worth a line in the log, and no reason to worry
   // The camera was given another windowing, over which it may drop the connection; the rest is not configured yet.
   bool windowing_changed = false;
 };

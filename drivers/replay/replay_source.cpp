@@ -24,8 +24,8 @@ std::string in_words(const Region& r) {
 }  // namespace
 
 ReplaySource::ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace,
-                           std::optional<Region> region)
-    : reader_(std::move(reader)), pace_(pace) {
+                           std::optional<Region> region, Laps laps)
+    : reader_(std::move(reader)), pace_(pace), laps_(laps) {
   const Geometry whole = reader_->info().format.geometry;
   region_ = region.value_or(Region{0, 0, whole.width, whole.height});
 }
@@ -63,31 +63,52 @@ void ReplaySource::stop() noexcept {
   if (thread_.joinable()) thread_.join();
 }
 
+// What separates one lap from the next: numbers and times rise on, the first frame follows the last by a period.
+ReplaySource::Lap ReplaySource::length() const {
+  const std::vector<double>& t = reader_->t();
+  const std::vector<std::uint64_t>& id = reader_->frame_id();
+  return {id.back() - id.front() + 1,
+          std::llround((t.back() - t.front() + reader_->info().format.frame_period_s) * kNsPerSecond)};
+}
+
 void ReplaySource::feed(pipeline::FrameInlet& inlet) {
+  const std::int64_t start_ns = monotonic_ns();
+  const Lap length = this->length();
+  for (Lap lap; play(inlet, start_ns, lap) && laps_ == Laps::kForEver;) {
+    inlet.restart_window();  // the scene jumps
+    lap.frames += length.frames;
+    lap.ns += length.ns;
+  }
+}
+
+// False when it ended early: asked to, or for a read error.
+bool ReplaySource::play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap lap) {
   const std::vector<double>& t = reader_->t();
   const std::vector<std::uint64_t>& id = reader_->frame_id();
   Breaks breaks(reader_->events());
-  const std::int64_t start_ns = monotonic_ns();
-  for (std::size_t i = 0; i < t.size() && !stop_requested_.load(std::memory_order_relaxed); ++i) {
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    if (stop_requested_.load(std::memory_order_relaxed)) return false;
     if (breaks.before(t[i])) {
       inlet.restart_window();
     } else if (i > 0) {
       inlet.count_loss(LossCause::kMissing, id[i] - id[i - 1] - 1);
     }
     const bool real_time = pace_ == Pace::kRealTime;
-    if (real_time && !sleep_until(start_ns + std::llround((t[i] - t.front()) * kNsPerSecond))) return;
+    const std::int64_t due_ns = start_ns + lap.ns + std::llround((t[i] - t.front()) * kNsPerSecond);
+    if (real_time && !sleep_until(due_ns)) return false;
     rt::FrameSlot* slot = real_time ? inlet.borrow() : inlet.borrow_wait(stop_requested_);
     if (slot == nullptr) continue;  // lost and counted, or asked to stop
-    slot->meta.frame_id = id[i];
-    slot->meta.camera_ns = std::llround(t[i] * kNsPerSecond);
+    slot->meta.frame_id = id[i] + lap.frames;
+    slot->meta.camera_ns = std::llround(t[i] * kNsPerSecond) + lap.ns;
     slot->meta.receive_ns = monotonic_ns();
     result_ = read(i, slot->data);
     if (!result_) {
       inlet.cancel(*slot);
-      return;
+      return false;
     }
     inlet.commit(*slot);
   }
+  return true;
 }
 
 // False when asked to stop meanwhile.

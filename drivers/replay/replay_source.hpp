@@ -19,6 +19,11 @@ enum class Pace {
   kRealTime,          // at the capture's times; what the pipeline can't take is lost and counted
 };
 
+enum class Laps {
+  kOne,
+  kForEver,  // from the first frame again after the last: numbers and times rise on, and a new window begins
+};
+
 // Frames carry the capture's frame_id, /t in ns as camera time, and the host's time now as receive time. A jump of the
 // frame_id counts as that many frames missing. An event "nuc" or "reconnect" starts a new window with the first frame
 // at or after it; frames missing there are no loss.
@@ -26,7 +31,8 @@ class ReplaySource final : public pipeline::FrameSource {
  public:
   // With `region` only these pixels of each frame are handed in, and the source's geometry is the region's. The reader
   // is used from the source's own thread between start() and stop().
-  ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, std::optional<Region> region = {});
+  ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, std::optional<Region> region = {},
+               Laps laps = Laps::kOne);
   ~ReplaySource() override;
 
   Result<pipeline::SourceInfo> open() override;
@@ -37,12 +43,19 @@ class ReplaySource final : public pipeline::FrameSource {
   Status result() const { return result_; }
 
  private:
+  struct Lap {
+    std::uint64_t frames = 0;
+    std::int64_t ns = 0;
+  };
+  Lap length() const;
   void feed(pipeline::FrameInlet& inlet);
+  bool play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap lap);
   bool sleep_until(std::int64_t due_ns) const noexcept;
   Status read(std::size_t index, std::byte* plane);
 
   std::shared_ptr<const capture::CaptureReader> reader_;
   Pace pace_;
+  Laps laps_;
   Region region_;                      // the whole frame unless one was asked for
   std::vector<std::byte> full_frame_;  // empty when the region is the whole frame
   std::atomic<bool> stop_requested_{false};

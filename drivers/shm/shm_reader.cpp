@@ -134,7 +134,7 @@ ShmReader::Outcome ShmReader::Impl::copy(std::uint64_t number, ReadFrame& frame)
     return Outcome::kOverwritten;
   }
   frame.number = number;
-  frame.meta = {head.frame_id, head.camera_ns, head.receive_ns, head.flags};
+  frame.meta = {head.frame_id, head.camera_ns, head.receive_ns, head.flags, head.host_ns};
   frame.publish_ns = head.publish_ns;
   return Outcome::kFrame;
 }
@@ -200,6 +200,21 @@ std::optional<bolo_shm_settings> ShmReader::settings() const noexcept {
   if (settings.bytes < sizeof(settings)) return std::nullopt;
   end_text(settings.isa);
   return settings;
+}
+
+std::optional<bolo_shm_camera> ShmReader::camera() const noexcept {
+  const std::optional<bolo_shm_settings> told = settings();
+  if (!told || told->camera_offset % kWord != 0) return std::nullopt;
+  const std::uint64_t begin = told->camera_offset;
+  const bolo_shm_header& h = impl_->checked;
+  if (begin < h.settings_offset + sizeof(bolo_shm_settings) || begin + sizeof(bolo_shm_camera) > h.slots_offset) {
+    return std::nullopt;
+  }
+  bolo_shm_camera camera{};
+  copy_out(&camera, impl_->mapping->data() + begin, sizeof(camera));
+  if (camera.bytes < sizeof(camera)) return std::nullopt;
+  end_text(camera.control_socket);
+  return camera;
 }
 
 std::uint64_t ShmReader::published() const noexcept {

@@ -55,6 +55,9 @@ class ShmReader {
   // What the writer solves frames with; nothing when it does not tell. Thread: any.
   std::optional<bolo_shm_settings> settings() const noexcept;
 
+  // What the writer knows of its camera, as it is now; nothing when it does not tell. Thread: any.
+  std::optional<bolo_shm_camera> camera() const noexcept;
+
   // Frames published so far: the newest is published() - 1. Thread: any.
   std::uint64_t published() const noexcept;
 

@@ -5,12 +5,15 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <climits>
+#include <cstddef>
 #include <cstring>
 
 #include "bolo/core/clock.hpp"
 #include "bolo/shm_layout.h"
+#include "drivers/shm/camera_block.hpp"
 #include "drivers/shm/shared_words.hpp"
 #include "drivers/shm/shm_object.hpp"
 
@@ -30,7 +33,8 @@ constexpr int kMinSlots = 64;       // a third of a second at 200 Hz to fetch a 
 constexpr int kMaxSlots = 1 << 16;  // bounds the arithmetic; memory runs out long before
 constexpr int kReadingMargin = 16;  // frames that a reader of a whole window has time for
 constexpr std::size_t kSettingsOffset = sizeof(bolo_shm_header);
-constexpr std::size_t kSlotsOffset = kSettingsOffset + sizeof(bolo_shm_settings);
+constexpr std::size_t kCameraOffset = kSettingsOffset + sizeof(bolo_shm_settings);
+constexpr std::size_t kSlotsOffset = round_up(kCameraOffset + sizeof(bolo_shm_camera), rt::kCacheLine);
 constexpr unsigned kModeBits = 0777;
 constexpr unsigned kOwnerBits = 0600;  // what the writer itself needs
 
@@ -116,6 +120,7 @@ void describe(bolo_shm_settings& settings, const pipeline::SinkFormat& format) {
   if (format.deblur.auto_lambda) settings.flags |= BOLO_SETTINGS_AUTO_LAMBDA;
   if (format.maps) settings.flags |= BOLO_SETTINGS_MAPS;
   if (format.undone) settings.flags |= BOLO_SETTINGS_UNDONE;
+  settings.camera_offset = kCameraOffset;
   settings.levels = static_cast<std::uint32_t>(format.deblur.levels);
   settings.iterations = static_cast<std::uint32_t>(format.iterations_asked);
   settings.kappa = format.deblur.kappa;
@@ -138,6 +143,16 @@ void store_stats(bolo_shm_header& header, const pipeline::PipelineStats& stats) 
   for (std::size_t b = 0; b < BOLO_SHM_LATENCY_BUCKETS; ++b) store_relaxed(header.latency[b], stats.latency.count(b));
 }
 
+// Relaxed as the counters above. What is written once, the size and the socket's path, stays.
+void store_camera(bolo_shm_camera& to, const pipeline::SourceStatus& status) noexcept {
+  const bolo_shm_camera from = camera_block(status);
+  constexpr std::size_t kFirst = offsetof(bolo_shm_camera, state) / kWord;
+  constexpr std::size_t kEnd = offsetof(bolo_shm_camera, control_socket) / kWord;
+  const auto words = std::bit_cast<std::array<std::uint64_t, sizeof(bolo_shm_camera) / kWord>>(from);
+  auto* const shared = reinterpret_cast<std::uint64_t*>(&to);
+  for (std::size_t i = kFirst; i < kEnd; ++i) store_relaxed(shared[i], words[i]);
+}
+
 // Only this thread writes `wake`, so a load and a store make the increment.
 void wake_readers(bolo_shm_header& header) noexcept {
   store_release(header.wake, load_relaxed(header.wake) + 1);  // W5; partner: ShmReader's load of wake
@@ -154,6 +169,11 @@ struct ShmSink::Impl {
   std::uint64_t published = 0;
 
   bolo_shm_header& header() const noexcept { return *reinterpret_cast<bolo_shm_header*>(object.data()); }
+  void store(const pipeline::PipelineStats& stats) const noexcept {
+    store_stats(header(), stats);
+    if (stats.source == nullptr) return;
+    store_camera(*reinterpret_cast<bolo_shm_camera*>(object.data() + kCameraOffset), *stats.source);
+  }
   std::byte* slot(std::uint64_t number) const noexcept {
     return object.data() + kSlotsOffset + number % slot_count * layout.stride;
   }
@@ -181,6 +201,9 @@ Status ShmSink::open(const pipeline::SinkFormat& format) {
   if (!object) return tl::unexpected<Error>(object.error());
   describe(*reinterpret_cast<bolo_shm_header*>(object->data()), format, *slots, self.layout);
   describe(*reinterpret_cast<bolo_shm_settings*>(object->data() + kSettingsOffset), format);
+  auto& camera = *reinterpret_cast<bolo_shm_camera*>(object->data() + kCameraOffset);
+  camera.bytes = sizeof(camera);
+  put_text(camera.control_socket, self.options.control_socket);
   if (Status status = object->publish_to(self.options.mode, self.options.group); !status) return status;
   self.object = std::move(*object);
   bolo_shm_header& header = self.header();
@@ -198,14 +221,15 @@ void ShmSink::publish(const pipeline::PublishedFrame& frame, const pipeline::Pip
   head.publish_ns = frame.publish_ns;
   head.flags = frame.meta.flags;
   head.noise_k = frame.noise_k;
+  head.host_ns = frame.meta.host_ns;
   write_slot(self.slot(self.published), self.layout, self.published, head, frame.raw, frame.deblurred);
   bolo_shm_header& header = self.header();
   store_release(header.published, ++self.published);  // W4; partner: ShmReader's load of published
-  store_stats(header, stats);
+  self.store(stats);
   wake_readers(header);
 }
 
-void ShmSink::idle(const pipeline::PipelineStats& stats) noexcept { store_stats(impl_->header(), stats); }
+void ShmSink::idle(const pipeline::PipelineStats& stats) noexcept { impl_->store(stats); }
 
 void ShmSink::close() noexcept {
   if (impl_->object.data() == nullptr) return;

@@ -10,10 +10,11 @@
 namespace bolo::shm {
 
 struct ShmOptions {
-  std::string name;      // the object is "/bolo." + name: letters, digits, '-', '_', '.'
-  int slots = 0;         // 0: a window of raw planes and some time to read them
-  unsigned mode = 0644;  // permissions; readers need to read only
-  std::string group;     // owner group of the object; empty: the process's
+  std::string name;              // the object is "/bolo." + name: letters, digits, '-', '_', '.'
+  int slots = 0;                 // 0: a window of raw planes and some time to read them
+  unsigned mode = 0644;          // permissions; readers need to read only
+  std::string group;             // owner group of the object; empty: the process's
+  std::string control_socket{};  // where the daemon hears commands, told to readers; empty: nowhere
 };
 
 // Bytes of the object for such frames; those of a ring of the least size where options.slots is out of range. Thread:

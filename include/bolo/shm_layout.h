@@ -2,6 +2,7 @@
  *
  *   offset 0                       struct bolo_shm_header
  *   header.settings_offset         struct bolo_shm_settings    (0: a writer that does not tell)
+ *   settings.camera_offset         struct bolo_shm_camera      (0: a writer that does not tell)
  *   header.slots_offset            slot 0: struct bolo_shm_slot, raw plane, deblurred plane, padding
  *   + header.slot_stride           slot 1 ...                 (header.slot_count slots)
  *
@@ -45,7 +46,7 @@
  *   "<QIIIIIIQQQQddddIIII64s64s64sq"  magic .. start_ns        at   0
  *   "<Q"                              settings_offset          at 312
  *   "<QIIQQQQQQ16Q192Q"               published .. latency     at 320   (2,048 bytes in all)
- * and a slot's: "<QQqqqIId8x" at 0, 64 bytes, then the planes at raw_offset and deblurred_offset.
+ * and a slot's: "<QQqqqIIdq" at 0, 64 bytes, then the planes at raw_offset and deblurred_offset.
  */
 #ifndef BOLO_SHM_LAYOUT_H
 #define BOLO_SHM_LAYOUT_H
@@ -123,8 +124,9 @@ struct bolo_shm_slot {
   int64_t publish_ns; /* CLOCK_MONOTONIC */
   uint32_t flags;     /* enum bolo_shm_flag */
   uint32_t reserved;
-  double noise_k; /* temporal noise that the frame was solved with, K (counts without kelvin); 0: not used */
-  uint64_t reserved2;
+  double noise_k;  /* temporal noise that the frame was solved with, K (counts without kelvin); 0: not used */
+  int64_t host_ns; /* camera_ns on the host's CLOCK_MONOTONIC: when the camera took the frame; 0: not known. Its error
+                      is the shortest way from camera to host, constant and well below a frame's period */
 };
 
 enum bolo_shm_method {
@@ -149,11 +151,44 @@ struct bolo_shm_settings {
   uint32_t flags;  /* enum bolo_shm_settings_flag */
   uint32_t levels;
   uint32_t iterations;
-  uint32_t reserved;
+  uint32_t camera_offset; /* of struct bolo_shm_camera, before the slots; 0: none */
   double kappa;
   double lambda;
   double noise_k; /* given; 0: measured */
   char isa[16];   /* instruction set of the kernels: others round differently */
+};
+
+enum bolo_shm_camera_state {
+  BOLO_CAMERA_IDLE = 0,      /* none, or not watched: a capture that is replayed */
+  BOLO_CAMERA_STREAMING = 1, /* frames arrive */
+  BOLO_CAMERA_STALLED = 2,   /* connected, but frames have stopped */
+  BOLO_CAMERA_LOST = 3,      /* being opened again */
+  BOLO_CAMERA_CORRECTING = 4 /* shutter closed: NUC */
+};
+
+#define BOLO_SHM_LOST_CAUSES 8u
+
+/* What the writer knows of its camera. Live: written while running, each word for itself, with every frame and at least
+ * every 250 ms without frames. Times are CLOCK_MONOTONIC, counts are since the writer's start. */
+struct bolo_shm_camera {
+  uint64_t bytes;                      /* sizeof(struct bolo_shm_camera) of the writer */
+  uint64_t state;                      /* enum bolo_shm_camera_state */
+  int64_t since_ns;                    /* when it came to this state */
+  uint64_t lost[BOLO_SHM_LOST_CAUSES]; /* times that it was given up: control lost, no answer, stalled */
+  uint64_t reopened;
+  uint64_t stalls;
+  uint64_t outage_frames;  /* would have come while it was lost; not among header.lost */
+  uint64_t corrections;    /* NUCs that were asked for */
+  int64_t correction_ns;   /* the last one; 0: none */
+  int64_t clock_offset_ns; /* host's clock - camera's; 0: not known yet */
+  double clock_drift_ppm;  /* by how much the camera's clock is slower */
+  double clock_jitter_ns;  /* of the way from camera to host, rms over its shortest */
+  uint64_t clock_jumps;
+  uint64_t received_packets;
+  uint64_t missing_packets;
+  uint64_t resent_packets;
+  double temperature_k;     /* of the camera; 0: it does not tell */
+  char control_socket[112]; /* path of the writer's control socket; empty: none. Written before magic, never changed */
 };
 
 #ifdef __cplusplus
@@ -164,6 +199,7 @@ struct bolo_shm_settings {
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_slot) == 64);
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_header) == 2048);
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_settings) == 64);
+BOLO_SHM_ASSERT(sizeof(struct bolo_shm_camera) == 304);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, width) == 16);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, slots_offset) == 32);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, scale) == 64);
@@ -178,6 +214,10 @@ BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, lost) == 384);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, latency) == 512);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, flags) == 40);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, noise_k) == 48);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, host_ns) == 56);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_settings, camera_offset) == 20);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_camera, reopened) == 88);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_camera, control_socket) == 192);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_settings, kappa) == 24);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_settings, isa) == 48);
 

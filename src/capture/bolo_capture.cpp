@@ -16,6 +16,9 @@ using h5::text;
 constexpr double kVersion = 1.0;
 constexpr double kMostRowStep = 65536.0;
 const std::string kFormatName = "bolo-capture";
+// Frames at the end that may be missing: more than a writer leaves uncommitted; more than an hour's.
+constexpr std::size_t kMostUncommitted = 4096;
+constexpr std::size_t kMostDamaged = std::size_t{1} << 20;
 
 Status check_identity(const h5::Owner& root) {
   const Result<std::string> format = h5::string_attribute(root, "format");
@@ -79,17 +82,17 @@ Status read_attributes(const h5::Owner& root, CaptureInfo& info) {
   return {};
 }
 
-Result<FrameStore> open_frames(hid_t file, const std::string& path, bool unfinished) {
-  const h5::Expect expect = unfinished ? h5::Expect::kPart : h5::Expect::kWhole;
+Result<FrameStore> open_frames(hid_t file, const std::string& path, Trust trust) {
+  const h5::Expect expect = trust == Trust::kWhole ? h5::Expect::kWhole : h5::Expect::kPart;
   Result<FrameStore> frames = FrameStore::open(file, path, FrameOrder::kFrameMajor, expect);
-  if (!frames || !unfinished) return frames;
-  Status good = frames->drop_missing_end();
+  if (!frames || trust == Trust::kWhole) return frames;
+  Status good = frames->drop_missing_end(trust == Trust::kDamaged ? kMostDamaged : kMostUncommitted);
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
   return frames;
 }
 
-Status read_frames(hid_t file, bool unfinished, Contents& contents) {
-  Result<FrameStore> frames = open_frames(file, "/frames", unfinished);
+Status read_frames(hid_t file, Trust trust, Contents& contents) {
+  Result<FrameStore> frames = open_frames(file, "/frames", trust);
   if (!frames) return tl::unexpected<Error>(std::move(frames.error()));
   if (frames->stored_type() != "uint16" && frames->stored_type() != "float32") {
     return bad_input("/frames is of type " + frames->stored_type() + "; expected uint16 or float32");
@@ -101,9 +104,13 @@ Status read_frames(hid_t file, bool unfinished, Contents& contents) {
   return {};
 }
 
-Status read_truth(hid_t file, bool unfinished, Contents& contents) {
+Status read_truth(hid_t file, Trust trust, Contents& contents) {
   if (!h5::exists(file, "/truth")) return {};
-  Result<FrameStore> truth = open_frames(file, "/truth/frames", unfinished);
+  Result<FrameStore> truth = open_frames(file, "/truth/frames", trust);
+  if (!truth && trust == Trust::kDamaged) {
+    contents.warnings.push_back(truth.error().message + "; it is left out");
+    return {};
+  }
   if (!truth) return tl::unexpected<Error>(std::move(truth.error()));
   if (truth->stored_type() != "float32") {
     return bad_input("/truth/frames is of type " + truth->stored_type() + "; expected float32");
@@ -119,8 +126,8 @@ Status read_truth(hid_t file, bool unfinished, Contents& contents) {
   return {};
 }
 
-Status read_series(hid_t file, bool unfinished, Contents& contents) {
-  const h5::Expect expect = unfinished ? h5::Expect::kPart : h5::Expect::kWhole;
+Status read_series(hid_t file, Trust trust, Contents& contents) {
+  const h5::Expect expect = trust == Trust::kWhole ? h5::Expect::kWhole : h5::Expect::kPart;
   Result<std::vector<double>> t = h5::read_doubles(file, "/t", expect);
   if (!t) return tl::unexpected<Error>(std::move(t.error()));
   Result<std::vector<std::uint64_t>> frame_id = h5::read_counts(file, "/frame_id", expect);
@@ -148,7 +155,7 @@ Status check_lengths(const Contents& contents) {
 Status cut_to_shortest(Contents& contents) {
   std::size_t frames = std::min({contents.info.frames, contents.t.size(), contents.frame_id.size()});
   if (contents.truth) frames = std::min(frames, contents.truth->frames());
-  if (frames == 0) return bad_input("the recording was cut off before its first frame was flushed");
+  if (frames == 0) return bad_input("the recording was cut off before its first frame was stored");
   if (const std::size_t most = std::max(contents.info.frames, contents.t.size()); most > frames) {
     contents.warnings.push_back("the recording was cut off: the last " + std::to_string(most - frames) +
                                 " frames are incomplete and left out");
@@ -157,6 +164,17 @@ Status cut_to_shortest(Contents& contents) {
   contents.t.resize(frames);
   contents.frame_id.resize(frames);
   return {};
+}
+
+// Of a damaged file: up to the first time or number that doesn't rise.
+void cut_to_rising(Contents& contents) {
+  std::size_t frames = 0;
+  const auto rises = [&](std::size_t i) {
+    if (!std::isfinite(contents.t[i])) return false;
+    return i == 0 || (contents.t[i] > contents.t[i - 1] && contents.frame_id[i] > contents.frame_id[i - 1]);
+  };
+  while (frames < contents.t.size() && rises(frames)) ++frames;
+  contents.t.resize(frames);
 }
 
 Status check_ids(const std::vector<std::uint64_t>& id) {
@@ -169,14 +187,18 @@ Status check_ids(const std::vector<std::uint64_t>& id) {
   return {};
 }
 
-Status read_extras(hid_t file, bool unfinished, Contents& contents) {
+Status read_extras(hid_t file, Trust trust, Contents& contents) {
   Result<std::vector<Event>> events = read_events(file);
-  if (!events && unfinished) {
+  if (!events && trust != Trust::kWhole) {
     contents.warnings.push_back("the recording was cut off: " + events.error().message + "; they are left out");
     events = std::vector<Event>{};
   }
   if (!events) return tl::unexpected<Error>(std::move(events.error()));
   Result<Stimulus> stimulus = read_stimulus(file);
+  if (!stimulus && trust == Trust::kDamaged) {
+    contents.warnings.push_back(stimulus.error().message + "; it is left out");
+    stimulus = Stimulus{};
+  }
   if (!stimulus) return tl::unexpected<Error>(std::move(stimulus.error()));
   contents.events = std::move(*events);
   contents.stimulus = std::move(*stimulus);
@@ -214,20 +236,24 @@ std::vector<Attribute> other_attributes(hid_t file) {
   return out;
 }
 
-Result<Contents> read_bolo_capture(hid_t file, bool unfinished) {
+Result<Contents> read_bolo_capture(hid_t file, Trust trust) {
   const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));
   const h5::Owner root{group.get(), "root"};
   Contents contents;
   Status good = check_identity(root);
   if (good) good = read_attributes(root, contents.info);
   if (good) good = check_format_values(contents.info.format);
-  if (good) good = read_frames(file, unfinished, contents);
-  if (good) good = read_series(file, unfinished, contents);
-  if (good) good = read_truth(file, unfinished, contents);
-  if (good) good = unfinished ? cut_to_shortest(contents) : check_lengths(contents);
+  if (good) good = read_frames(file, trust, contents);
+  if (good) good = read_series(file, trust, contents);
+  if (good) good = read_truth(file, trust, contents);
+  if (good && trust == Trust::kDamaged) {
+    contents.t.resize(std::min(contents.t.size(), contents.frame_id.size()));
+    cut_to_rising(contents);
+  }
+  if (good) good = trust == Trust::kWhole ? check_lengths(contents) : cut_to_shortest(contents);
   if (good) good = check_times(contents.t);
   if (good) good = check_ids(contents.frame_id);
-  if (good) good = read_extras(file, unfinished, contents);
+  if (good) good = read_extras(file, trust, contents);
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
   check_plausible(contents);
   return contents;

@@ -29,12 +29,19 @@ CaptureReader::~CaptureReader() {
 }
 
 Result<CaptureReader> CaptureReader::open(const std::filesystem::path& file) {
+  return open_as(file, file.extension() == ".part" ? Trust::kUnfinished : Trust::kWhole);
+}
+
+Result<CaptureReader> CaptureReader::salvage(const std::filesystem::path& file) {
+  return open_as(file, Trust::kDamaged);
+}
+
+Result<CaptureReader> CaptureReader::open_as(const std::filesystem::path& file, Trust trust) {
   const h5::Quiet quiet;
-  Result<h5::Handle> handle = open_hdf5(file);
+  Result<h5::Handle> handle = open_hdf5(file, trust == Trust::kDamaged ? FileUse::kSalvage : FileUse::kRead);
   if (!handle) return at(file.string(), std::move(handle.error()));
-  const bool unfinished = file.extension() == ".part";
   Result<Contents> contents = looks_like_matlab_capture(handle->get()) ? read_matlab_capture(handle->get())
-                                                                       : read_bolo_capture(handle->get(), unfinished);
+                                                                       : read_bolo_capture(handle->get(), trust);
   if (!contents) return at(file.string(), std::move(contents.error()));
   return CaptureReader(std::make_unique<Impl>(Impl{file.string(), std::move(*handle), std::move(*contents)}));
 }

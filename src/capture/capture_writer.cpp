@@ -1,16 +1,10 @@
 // Writing "bolo-capture" version 1.
 //
-// What a killed process leaves behind. HDF5 keeps the file's structure (lengths, chunk index) in memory and by default
-// writes any of it when it likes. Here its cache may not evict, so structure reaches the file in H5Fflush only, once a
-// second of frames, after all datasets were brought to the same length: between flushes the file on disk is exactly
-// that of the last flush, with raw frames behind it that nothing refers to yet. The oldest file format is kept: newer
-// ones mark a file as "open for writing" and refuse it after a crash. A kill within the flush itself
-// can tear the index of the last frames: CaptureReader takes from a ".part" what is whole. SWMR mode would close that
-// window but allows neither attributes nor events to be added. A power cut loses what the kernel had not written yet;
-// close() waits for the disk.
-#include <fcntl.h>
-#include <unistd.h>
-
+// What a killed process or a cut of power leaves behind. All datasets are brought to the same length and committed
+// twice a second of frames; CrashSafeFile keeps the file at the last commit whatever HDF5 writes in between, and
+// wherever in a commit it is cut. SWMR mode keeps its order only towards readers on the same machine, not towards the
+// disk, and allows neither attributes nor events to be added. The oldest file format is kept: newer ones mark a file as
+// "open for writing" and refuse it afterwards.
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -21,32 +15,19 @@
 
 #include "bolo/capture/capture.hpp"
 #include "src/capture/contents.hpp"
+#include "src/capture/crash_safe_file.hpp"
 #include "src/capture/disk_reserve.hpp"
 #include "src/capture/events_io.hpp"
+#include "src/capture/h5_driver.hpp"
 #include "src/capture/open_file.hpp"
 #include "src/capture/stimulus_io.hpp"
 
 namespace bolo::capture {
 namespace {
 
-constexpr double kFlushEvery_s = 1.0;
-constexpr std::size_t kMostFramesUnflushed = 1000;
+constexpr double kCommitEvery_s = 0.5;
+constexpr std::size_t kMostFramesUncommitted = 1000;
 constexpr hsize_t kSeriesChunk = 1024;
-constexpr std::size_t kMostStructureBytes = std::size_t{8} << 20;  // of HDF5's cache, before it is emptied
-
-h5::Handle writing_access() {
-  h5::Handle access = file_access();
-  H5Pset_evict_on_close(access.get(), true);
-  H5AC_cache_config_t cache{};
-  cache.version = H5AC__CURR_CACHE_CONFIG_VERSION;
-  H5Pget_mdc_config(access.get(), &cache);
-  cache.evictions_enabled = false;
-  cache.incr_mode = H5C_incr__off;
-  cache.flash_incr_mode = H5C_flash_incr__off;
-  cache.decr_mode = H5C_decr__off;
-  H5Pset_mdc_config(access.get(), &cache);
-  return access;
-}
 
 h5::Handle create_dataset(hid_t file, const std::string& path, hid_t type, const h5::Dims& chunk, int deflate_level) {
   h5::Dims none = chunk;
@@ -112,8 +93,8 @@ bool write_identity(hid_t root, const CaptureInfo& info) {
          h5::write_attribute(root, "row_step", std::int64_t{info.format.row_step});
 }
 
-std::size_t frames_between_flushes(double frame_period_s) {
-  const double frames = std::clamp(kFlushEvery_s / frame_period_s, 1.0, static_cast<double>(kMostFramesUnflushed));
+std::size_t frames_between_commits(double frame_period_s) {
+  const double frames = std::clamp(kCommitEvery_s / frame_period_s, 1.0, static_cast<double>(kMostFramesUncommitted));
   return static_cast<std::size_t>(frames);
 }
 
@@ -132,7 +113,7 @@ struct CaptureWriter::Impl {
   h5::Handle frame_id;
 
   std::size_t written = 0;  // frames in /frames; those of them in /t and /frame_id are `written - pending_t.size()`
-  std::size_t flush_frames = 1;
+  std::size_t commit_frames = 1;
   std::vector<double> pending_t;
   std::vector<std::uint64_t> pending_id;
   std::vector<Event> pending_events;
@@ -144,8 +125,7 @@ struct CaptureWriter::Impl {
   Status check_order(double t_s, std::uint64_t id) const;
   Status make_room(std::uint64_t bytes);
   Status write_planes(const void* plane, const float* truth_plane);
-  Status flush();
-  void shed_structure();
+  Status commit();
   bool close_file();
   Status publish() const;
 
@@ -161,13 +141,15 @@ struct CaptureWriter::Impl {
 };
 
 Status CaptureWriter::Impl::create() {
-  const int probe = ::open(part_name.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
-  if (probe < 0) return bad_input(part_name.string() + ": cannot be created: " + std::strerror(errno));
-  ::close(probe);
-  const h5::Handle access = writing_access();
-  const h5::Handle creation(H5Pcreate(H5P_FILE_CREATE));
-  file = h5::Handle(H5Fcreate(part_name.c_str(), H5F_ACC_TRUNC, creation.get(), access.get()));
-  if (!file) return bad_input(part_name.string() + ": cannot be created" + h5::because());
+  std::error_code ignored;
+  if (std::filesystem::exists(final_name, ignored) && !std::filesystem::is_regular_file(final_name, ignored)) {
+    return bad_input(final_name.string() + ": is not a file; a capture cannot be written there");
+  }
+  const SurvivesCut survives = options.survives_power_cut ? SurvivesCut::kPower : SurvivesCut::kProcess;
+  const h5::Handle access = file_access();
+  if (!use_crash_safe_file(access.get(), FileUse::kCreate, survives)) return broken("cannot be created");
+  file = h5::Handle(H5Fcreate(part_name.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.get()));
+  if (!file) return bad_input(part_name.string() + ": " + h5::cause());
   Result<DiskReserve> opened = DiskReserve::open(part_name);
   if (!opened) return at(part_name.string(), std::move(opened.error()));
   reserve = std::move(*opened);
@@ -187,7 +169,7 @@ Status CaptureWriter::Impl::create_items() {
     truth = create_dataset(file.get(), "/truth/frames", H5T_NATIVE_FLOAT, frame, options.deflate_level);
   }
   if (!frames || !t || !frame_id || (options.truth && !truth)) return broken("the datasets cannot be created");
-  return flush();
+  return commit();
 }
 
 Status CaptureWriter::Impl::check_order(double t_s, std::uint64_t id) const {
@@ -202,7 +184,7 @@ Status CaptureWriter::Impl::check_order(double t_s, std::uint64_t id) const {
   return {};
 }
 
-// Everything that the next flush writes must fit, so that the flush cannot fail for want of room.
+// Everything that the next commit writes must fit, so that the commit cannot fail for want of room.
 Status CaptureWriter::Impl::make_room(std::uint64_t bytes) {
   hsize_t size = 0;
   if (H5Fget_filesize(file.get(), &size) < 0) return broken("its size is not known");
@@ -220,7 +202,7 @@ Status CaptureWriter::Impl::write_planes(const void* plane, const float* truth_p
   return error;
 }
 
-Status CaptureWriter::Impl::flush() {
+Status CaptureWriter::Impl::commit() {
   const hsize_t begin = written - pending_t.size();
   const hsize_t count = pending_t.size();
   if (count > 0) {
@@ -235,21 +217,8 @@ Status CaptureWriter::Impl::flush() {
     if (!append_events(file.get(), pending_events)) return broken("/events cannot be written");
     pending_events.clear();
   }
-  if (H5Fflush(file.get(), H5F_SCOPE_LOCAL) < 0) return broken("cannot be flushed");
-  shed_structure();
+  if (H5Fflush(file.get(), H5F_SCOPE_LOCAL) < 0) return broken("cannot be committed");
   return {};
-}
-
-// Long recordings: without eviction the cache would grow with the chunk index, about 80 MB an hour at 200 Hz. Closing a
-// dataset evicts what belongs to it; right after a flush all of it is clean.
-void CaptureWriter::Impl::shed_structure() {
-  std::size_t bytes = 0;
-  if (H5Fget_mdc_size(file.get(), nullptr, nullptr, &bytes, nullptr) < 0 || bytes < kMostStructureBytes) return;
-  frames.close();
-  frames = h5::Handle(H5Dopen2(file.get(), "/frames", H5P_DEFAULT));
-  if (!truth) return;
-  truth.close();
-  truth = h5::Handle(H5Dopen2(file.get(), "/truth/frames", H5P_DEFAULT));
 }
 
 bool CaptureWriter::Impl::close_file() {
@@ -263,6 +232,8 @@ Status CaptureWriter::Impl::publish() const {
   std::filesystem::rename(part_name, final_name, error);
   if (error)
     return failed(part_name.string() + ": cannot be renamed to " + final_name.string() + ": " + error.message());
+  if (options.survives_power_cut) sync_folder_of(final_name);
+  std::filesystem::remove(journal_of(part_name), error);
   return {};
 }
 
@@ -273,9 +244,12 @@ CaptureWriter& CaptureWriter::operator=(CaptureWriter&&) noexcept = default;
 CaptureWriter::~CaptureWriter() {
   if (!impl_ || !impl_->file) return;
   const h5::Quiet quiet;
-  static_cast<void>(impl_->flush());
-  impl_->close_file();
-  if (impl_->reserve) impl_->reserve->release();
+  static_cast<void>(impl_->commit());
+  const bool closed = impl_->close_file();
+  if (!impl_->reserve) return;
+  impl_->reserve->release();
+  std::error_code ignored;
+  if (closed && impl_->reserve->sync()) std::filesystem::remove(journal_of(impl_->part_name), ignored);
 }
 
 Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, const CaptureInfo& info,
@@ -287,7 +261,7 @@ Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, c
   impl->part_name = file.string() + ".part";
   impl->info = info;
   impl->options = options;
-  impl->flush_frames = frames_between_flushes(info.format.frame_period_s);
+  impl->commit_frames = frames_between_commits(info.format.frame_period_s);
   if (Status good = impl->create(); !good) return tl::unexpected<Error>(std::move(good.error()));
   return CaptureWriter(std::move(impl));
 }
@@ -307,7 +281,7 @@ Status CaptureWriter::append(double t_s, std::uint64_t frame_id, const void* pla
   w.pending_id.push_back(frame_id);
   w.last_t_s = t_s;
   w.last_id = frame_id;
-  return w.pending_t.size() >= w.flush_frames ? w.flush() : Status{};
+  return w.pending_t.size() >= w.commit_frames ? w.commit() : Status{};
 }
 
 Status CaptureWriter::write_stimulus(const Stimulus& stimulus) {
@@ -371,11 +345,16 @@ Status CaptureWriter::write_attribute(const std::string& name, const std::string
   return impl_->broken("root attribute '" + name + "' cannot be written");
 }
 
+Status CaptureWriter::commit() {
+  const h5::Quiet quiet;
+  return impl_->file ? impl_->commit() : impl_->closed();
+}
+
 Status CaptureWriter::close() {
   const h5::Quiet quiet;
   Impl& w = *impl_;
   if (!w.file) return w.closed();
-  if (Status good = w.flush(); !good) return good;
+  if (Status good = w.commit(); !good) return good;
   if (!w.close_file()) return w.broken("cannot be closed");
   w.reserve->release();
   if (!w.reserve->sync()) return failed(w.part_name.string() + ": cannot be stored: " + std::strerror(errno));

@@ -23,9 +23,9 @@ struct Contents {
   std::optional<FrameStore> truth;
 };
 
-// "bolo-capture" version 1. `unfinished`: the file is a ".part", whose datasets may differ in length; the frames that
-// all of them have are taken. Errors (kBadInput) name the item. Thread: any one at a time.
-Result<Contents> read_bolo_capture(hid_t file, bool unfinished);
+// "bolo-capture" version 1. Unless it is trusted whole its datasets may differ in length; the frames that all of them
+// have are taken. Errors (kBadInput) name the item. Thread: any one at a time.
+Result<Contents> read_bolo_capture(hid_t file, Trust trust);
 
 // Root attributes beyond the format's own.
 std::vector<Attribute> other_attributes(hid_t file);

@@ -9,7 +9,6 @@ namespace {
 
 constexpr std::size_t kMostPixels = std::size_t{1} << 26;  // 64 M: beyond any thermal camera
 constexpr std::size_t kMostCache = std::size_t{128} << 20;
-constexpr std::size_t kMostFramesMissing = 4096;  // of an unfinished file: more than a writer leaves unflushed
 
 hid_t memory_type(PixelType type) { return type == PixelType::kUint16 ? H5T_NATIVE_UINT16 : H5T_NATIVE_FLOAT; }
 
@@ -66,7 +65,7 @@ Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder ord
     return bad_input(path + " has the shape " + h5::text(dims) + "; expected three dimensions " + expected);
   }
   if (expect == h5::Expect::kPart && dims[0] == 0) {
-    return bad_input(path + " is empty: the recording was cut off before its first frame was flushed");
+    return bad_input(path + " is empty: the recording was cut off before its first frame was stored");
   }
   if (std::find(dims.begin(), dims.end(), hsize_t{0}) != dims.end()) {
     return bad_input(path + " is empty: its shape is " + h5::text(dims) + ", in the order " + expected);
@@ -144,13 +143,13 @@ bool FrameStore::is_stored(std::size_t index) {
   return read_plane(index, plane.data()) && read_plane(index, again.data()) && plane == again;
 }
 
-Status FrameStore::drop_missing_end() {
+Status FrameStore::drop_missing_end(std::size_t most) {
   const std::size_t declared = frames_;
   while (frames_ > 0 && !is_stored(frames_ - 1)) {
     --frames_;
-    if (declared - frames_ > kMostFramesMissing) {
+    if (declared - frames_ > most) {
       return bad_input(path_ + ": the recording was cut off while its index was being written; its last " +
-                       std::to_string(kMostFramesMissing) + " frames cannot be found");
+                       std::to_string(most) + " frames cannot be found");
     }
   }
   return {};

@@ -25,8 +25,9 @@ class FrameStore {
   static Result<FrameStore> open(hid_t file, const std::string& path, FrameOrder order,
                                  h5::Expect expect = h5::Expect::kWhole, std::size_t block_bytes = kBlockBytes);
 
-  // Of a dataset opened with Expect::kPart: drops the frames at the end that never reached the file.
-  Status drop_missing_end();
+  // Of a dataset opened with Expect::kPart: drops the frames at the end that never reached the file. More than `most`
+  // of them are an error.
+  Status drop_missing_end(std::size_t most);
 
   std::size_t frames() const noexcept { return frames_; }
   Geometry geometry() const noexcept { return geometry_; }

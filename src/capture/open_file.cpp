@@ -35,7 +35,7 @@ h5::Handle file_access() {
   return access;
 }
 
-Result<h5::Handle> open_hdf5(const std::filesystem::path& file) {
+Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use) {
   std::array<char, 128> head{};
   if (Status good = look(file, head); !good) return tl::unexpected<Error>(std::move(good.error()));
   if (std::string_view(head.data(), kOldMatlab.size()) == kOldMatlab) {
@@ -43,6 +43,7 @@ Result<h5::Handle> open_hdf5(const std::filesystem::path& file) {
   }
   if (H5Fis_hdf5(file.c_str()) == 0) return bad_input("is not an HDF5 file; expected a capture (.h5 or .mat v7.3)");
   const h5::Handle access = file_access();
+  if (!use_crash_safe_file(access.get(), use)) return bad_input("cannot be opened" + h5::because());
   h5::Handle handle(H5Fopen(file.c_str(), H5F_ACC_RDONLY, access.get()));
   if (handle) return handle;
   const std::string reason = h5::cause();

@@ -11,7 +11,7 @@ Result<ComposedSource> make_replay(const ReplayOptions& options) {
   ComposedSource composed;
   composed.warnings = reader->warnings();
   auto source = std::make_unique<replay::ReplaySource>(
-      std::make_shared<const capture::CaptureReader>(std::move(*reader)), options.pace);
+      std::make_shared<const capture::CaptureReader>(std::move(*reader)), options.pace, std::nullopt, options.laps);
   composed.replay = source.get();
   composed.source = std::move(source);
   return composed;

@@ -10,6 +10,8 @@
 #include "bolo/model/strict_toml.hpp"
 #include "bolo/pipeline/apply_profile.hpp"
 #include "drivers/shm/shm_object.hpp"
+#include "src/daemon/config_camera.hpp"
+#include "src/daemon/control.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -58,13 +60,18 @@ void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
                           "genicam: a GigE Vision or USB3 Vision camera. replay: a capture file.");
   keys.text("address", c.camera.address,
             "Camera: IP address or Aravis device id; empty: the only camera that answers.");
+  keys.text(
+      "serial", c.camera.serial,
+      "Camera: serial number of the one that is meant when there is no address. A lost camera is looked for by it.");
   keys.integer("width", c.camera.width, {0, 4096, "pixels"}, "Camera: columns; 0: as the camera has it.");
   keys.integer("height", c.camera.height, {0, 4096, "rows"},
                "Camera: image rows without metadata rows; 0: as the camera has it.");
   keys.number("rate_hz", o.rate_hz, 200.0, {0.0, 10000.0, "Hz"},
               "Camera: frame rate; 0: as the camera has it. Left out: the profile's frame_period_s decides.");
-  keys.choice<genicam::IrFormat>("ir_format", c.camera.ir_format, kIrFormats,
-                                 "Camera: what a count means (FLIR's IRFormat); leave: as the camera has it.");
+  keys.choice<genicam::IrFormat>(
+      "ir_format", c.camera.ir_format, kIrFormats,
+      "Camera: what a count means (FLIR's IRFormat); leave: as the camera has it. radiometric becomes "
+      "kelvin here, by the camera's Planck constants; unproven on an A655sc.");
   keys.choice<genicam::PixelOrder>("pixel_order", o.pixel_order, kPixelOrders,
                                    "Camera: byte order of pixels on the wire. Left out: the profile's byte_order.");
   keys.integer("metadata_rows", o.metadata_rows, 3, {0, 64, "rows"},
@@ -134,6 +141,12 @@ void output_keys(KeyTable& keys, DaemonConfig& c) {
                "Frames in the ring, at least window + lookahead; 0: 64, or more when the window needs more.");
   keys.octal("mode", c.shm.mode, {0600, 0777, ""}, "Permission bits; readers need to read only.");
   keys.text("group", c.shm.group, "Owner group; empty: the daemon's own.");
+  keys.section("control", "commands to the running daemon: `bolo nuc NAME`");
+  keys.boolean("enable", c.control.enabled, "Listen on a unix socket.");
+  keys.text(
+      "socket", c.control.socket,
+      "Its path; empty: NAME.sock in the runtime directory (RUNTIME_DIRECTORY, /run/bolo, XDG_RUNTIME_DIR/bolo).");
+  keys.octal("mode", c.control.mode, {0600, 0777, ""}, "Permission bits; whoever may write to it may send commands.");
   keys.section("log", "messages on standard error");
   keys.choice<LogLevel>("level", c.log.level, kLevels, "The least important messages that are written.");
   keys.choice<LogFormat>("format", c.log.format, kFormats,
@@ -146,6 +159,7 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
   keys.file("profile", config.profile_file, "a655sc.toml",
             "Camera profile. Left out: what is known of the A655sc at 200 Hz.");
   source_keys(keys, config, overrides);
+  camera_keys(keys, config.camera);
   deblur_keys(keys, config, overrides);
   pipeline_keys(keys, config);
   output_keys(keys, config);
@@ -171,6 +185,11 @@ Status apply_profile(DaemonConfig& config, const Overrides& overrides) {
   config.pipeline.deblur.period_s = profile.frame_period_s;
   config.pipeline.thread.name = "bolo-deblur";
   config.shm.name = config.name;
+  if (!config.control.enabled) config.control.socket.clear();
+  if (config.control.enabled && config.control.socket.empty()) {
+    config.control.socket = default_control_socket(config.name);
+  }
+  config.shm.control_socket = config.control.socket;
   return {};
 }
 
@@ -182,6 +201,7 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
   if (config.source == SourceType::kReplay && config.replay.file.empty()) {
     return here("source.type", "source.type = \"replay\" needs source.file, the capture to replay");
   }
+  if (const Status camera = check_camera(config.camera); !camera) return here("camera", camera.error().message);
   if (const Status isa = deblur::check_isa(config.isa); !isa) return here("deblur.isa", isa.error().message);
   const deblur::Settings& settings = config.pipeline.deblur;
   if (const Status status = deblur::validate(settings); !status) return here("", status.error().message);

@@ -10,12 +10,17 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
+#include <string_view>
 #include <thread>
+
+#include <nlohmann/json.hpp>
 
 #include "bolo/core/clock.hpp"
 #include "bolo/daemon/health.hpp"
 #include "bolo/deblur/isa.hpp"
+#include "drivers/shm/camera_block.hpp"
 #include "src/daemon/compose.hpp"
+#include "src/daemon/control.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -54,13 +59,17 @@ struct Daemon::Impl {
   std::atomic<bool> ended{false};
   Status result;  // of the pipeline; written before `ended`, read after the thread is joined
 
-  std::size_t warnings_told = 0;
+  std::unique_ptr<ControlServer> control;  // goes first: it asks the camera
 
   Status compose();
+  Status listen();
+  std::string answer(std::string_view request) const;
+  std::string answer_state() const;
   void watch();
   bool take_signal();
   void look(Health& health);
-  void tell_camera_warnings();
+  void tell(bool warning, const std::string& text) const;
+  void tell_camera_notices() const;
   void lock_memory() const;
   void tell_end() const;
 };
@@ -80,11 +89,50 @@ Status Daemon::Impl::compose() {
   auto made = pipeline::Pipeline::create(std::move(source->source), lent, options);
   if (!made) return tl::unexpected<Error>(made.error());
   pipeline = std::move(*made);
+  if (camera != nullptr) {
+    for (const std::string& warning : camera->warnings()) log->warn(warning);
+  }
   const std::string& serial = pipeline->source().camera_serial;
   if (!config.profile.serial.empty() && !serial.empty() && serial != config.profile.serial) {
     log->warn("the profile is of camera {}, but this is camera {}", config.profile.serial, serial);
   }
   return {};
+}
+
+// A place that was not asked for may fail: frames matter more than commands.
+Status Daemon::Impl::listen() {
+  if (config.control.socket.empty()) return {};
+  auto made = ControlServer::start(config.control.socket, config.control.mode,
+                                   [this](std::string_view request) { return answer(request); });
+  if (made) {
+    control = std::move(*made);
+    return {};
+  }
+  if (config.control.socket != default_control_socket(config.name)) return tl::unexpected<Error>(made.error());
+  log->warn(made.error().message);  // nobody asked for this place
+  return {};
+}
+
+// On the control server's thread.
+std::string Daemon::Impl::answer(std::string_view request) const {
+  const auto refused = [](const std::string& why) { return nlohmann::json{{"ok", false}, {"error", why}}.dump(); };
+  if (request == "state") return answer_state();
+  if (request != "nuc") return refused("unknown request; there are: nuc, state");
+  if (camera == nullptr) return refused("a capture is replayed: there is no camera to correct");
+  if (const Status done = camera->correct(); !done) return refused(done.error().message);
+  return nlohmann::json{{"ok", true}, {"nucs", camera->status()->corrections.value()}}.dump();
+}
+
+std::string Daemon::Impl::answer_state() const {
+  const pipeline::PipelineStats& stats = pipeline->stats();
+  nlohmann::ordered_json json{{"ok", true},
+                              {"name", config.name},
+                              {"received", stats.inlet.received()},
+                              {"published", stats.published.value()},
+                              {"lost_total", stats.inlet.losses().total()},
+                              {"camera", nullptr}};
+  if (stats.source != nullptr) json["camera"] = shm::camera_json(shm::camera_block(*stats.source), monotonic_ns());
+  return json.dump();
 }
 
 // True when it asks for the end.
@@ -97,10 +145,13 @@ bool Daemon::Impl::take_signal() {
   return true;
 }
 
-void Daemon::Impl::tell_camera_warnings() {
+void Daemon::Impl::tell(bool warning, const std::string& text) const {
+  log->log(warning ? spdlog::level::warn : spdlog::level::info, text);
+}
+
+void Daemon::Impl::tell_camera_notices() const {
   if (camera == nullptr) return;
-  const std::vector<std::string> warnings = camera->warnings();
-  for (; warnings_told < warnings.size(); ++warnings_told) log->warn(warnings[warnings_told]);
+  for (const genicam::Notice& notice : camera->take_notices()) tell(notice.warning, notice.text);
 }
 
 // Before frames flow, for locking stalls whoever touches new memory meanwhile. What threads and drivers take later is
@@ -116,15 +167,9 @@ void Daemon::Impl::lock_memory() const {
 
 void Daemon::Impl::look(Health& health) {
   const pipeline::PipelineStats& stats = pipeline->stats();
-  Snapshot now{monotonic_ns(), stats.inlet.received(), loss_counts(stats), std::nullopt, 0};
-  if (camera != nullptr) {
-    now.camera = camera->state();
-    now.reconnects = camera->reconnects();
-  }
-  for (const Notice& notice : health.look(now)) {
-    log->log(notice.warning ? spdlog::level::warn : spdlog::level::info, notice.text);
-  }
-  tell_camera_warnings();
+  const Snapshot now{monotonic_ns(), stats.inlet.received(), loss_counts(stats), stats.source != nullptr};
+  for (const Notice& notice : health.look(now)) tell(notice.warning, notice.text);
+  tell_camera_notices();
 }
 
 void Daemon::Impl::watch() {
@@ -152,6 +197,7 @@ Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::
   impl->config = config;
   impl->log = std::move(log);
   if (const Status status = impl->compose(); !status) return tl::unexpected<Error>(status.error());
+  if (const Status status = impl->listen(); !status) return tl::unexpected<Error>(status.error());
   return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
 }
 
@@ -166,7 +212,7 @@ Status Daemon::run() {
   self.watch();
   self.stop_requested.store(true, std::memory_order_relaxed);
   runner.join();
-  self.tell_camera_warnings();
+  self.tell_camera_notices();
   self.tell_end();
   if (!self.result) return self.result;
   return self.replay != nullptr ? self.replay->result() : Status{};

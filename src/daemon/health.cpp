@@ -47,12 +47,6 @@ std::vector<Notice> Health::look(const Snapshot& now) {
 }
 
 void Health::look_at_flow(const Snapshot& now, std::vector<Notice>& notices) {
-  const bool lost = now.camera == genicam::SourceState::kLost;
-  if (lost && !camera_lost_) notices.push_back({true, "camera lost; opening it again until it answers"});
-  if (now.reconnects != reconnects_) notices.push_back({false, "camera opened again"});
-  camera_lost_ = lost;
-  reconnects_ = now.reconnects;
-
   const std::int64_t silent_ns = now.now_ns - last_frame_ns_;
   if (now.received != received_) {
     if (flow_ == Flow::kWaiting) notices.push_back({false, "frames arrive"});
@@ -60,7 +54,7 @@ void Health::look_at_flow(const Snapshot& now, std::vector<Notice>& notices) {
     flow_ = Flow::kFlowing;
     received_ = now.received;
     last_frame_ns_ = now.now_ns;
-  } else if (flow_ != Flow::kStopped && silent_ns > patience_ns_) {
+  } else if (!now.watched && flow_ != Flow::kStopped && silent_ns > patience_ns_) {
     flow_ = Flow::kStopped;
     notices.push_back({true, "no frame for " + seconds(silent_ns)});
   }

@@ -115,7 +115,7 @@ struct Pipeline::Impl {
         text(solver_words(settings, info.format.scale.unit, solver->isa())),
         window(settings),
         inlet(info.format, static_cast<std::size_t>(window.slots()), static_cast<std::size_t>(options.queue_frames)),
-        stats(inlet),
+        stats(inlet, source->status()),
         deblurred(solved_pixels(info.format.geometry, options) * bytes_of(options.output)),
         team(options.workers, options.thread),
         band_saturated(static_cast<std::size_t>(team.size())),

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <variant>
 
+#include "bolo/core/nearest.hpp"
 #include "bolo/sim/effect.hpp"
 #include "src/sim/imperfect_fields.hpp"
-#include "src/sim/nearest.hpp"
 
 namespace bolo::sim {
 namespace {

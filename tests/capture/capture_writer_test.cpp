@@ -16,7 +16,7 @@ namespace {
 using namespace bolo::capture::testing;
 
 constexpr double kPeriod = 0.005;
-constexpr std::size_t kFlushFrames = 200;  // a second at 200 Hz
+constexpr std::size_t kCommitFrames = 100;  // half a second at 200 Hz
 
 Status append(CaptureWriter& writer, std::size_t i) {
   const auto plane = plane_of<std::uint16_t>(i, 21);
@@ -93,7 +93,7 @@ TEST(CaptureWriterStimulus, WhatReadersRefuseIsNotWritten) {
 TEST(CaptureWriterExtras, EventsAndAttributesComeBack) {
   const Scratch scratch;
   auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
-  for (std::size_t i = 0; i < 3 * kFlushFrames; ++i) {
+  for (std::size_t i = 0; i < 6 * kCommitFrames; ++i) {
     ASSERT_TRUE(append(*writer, i));
     if (i % 100 != 0) continue;
     ASSERT_TRUE(writer->add_event({kPeriod * static_cast<double>(i), "nuc" + std::to_string(i)}));
@@ -232,20 +232,20 @@ void append_and_die(const std::filesystem::path& file, std::size_t frames, const
   ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
 }
 
-TEST(CaptureWriterKilled, FlushedFramesAreThere) {
+TEST(CaptureWriterKilled, CommittedFramesAreThere) {
   for (const int level : {0, 2}) {
     const Scratch scratch;
-    append_and_die(scratch / "a.h5", 2 * kFlushFrames + 50, {false, level});
+    append_and_die(scratch / "a.h5", 2 * kCommitFrames + 50, {false, level});
     EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
     const auto reader = CaptureReader::open(scratch / "a.h5.part");
     ASSERT_TRUE(reader) << reader.error().message;
-    EXPECT_EQ(reader->info().frames, 2 * kFlushFrames) << "level " << level;
-    EXPECT_TRUE(reader->warnings().empty()) << "the file is that of the last flush";
+    EXPECT_EQ(reader->info().frames, 2 * kCommitFrames) << "level " << level;
+    EXPECT_TRUE(reader->warnings().empty()) << "the file is that of the last commit";
     expect_frames(*reader);
   }
 }
 
-TEST(CaptureWriterKilled, BeforeTheFirstFlushIsSaid) {
+TEST(CaptureWriterKilled, BeforeTheFirstCommitIsSaid) {
   const Scratch scratch;
   append_and_die(scratch / "a.h5", 1, {});
   const auto reader = CaptureReader::open(scratch / "a.h5.part");

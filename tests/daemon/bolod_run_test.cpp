@@ -51,6 +51,7 @@ class BolodRun : public testing::Test {
               std::to_string(getpid())),
         folder_(testing::TempDir() + name_) {
     std::filesystem::create_directory(folder_);
+    setenv("RUNTIME_DIRECTORY", testing::TempDir().c_str(), 1);  // for the control sockets of the daemons started here
   }
   ~BolodRun() override {
     std::filesystem::remove_all(folder_);
@@ -200,6 +201,9 @@ TEST_F(BolodRun, StatShowsARunningDaemon) {
   EXPECT_NE(table.out().find("pool_exhausted"), std::string::npos);
   Process unknown({BOLO_PROGRAM, "stat", "no-such-daemon"}, folder_ / "unknown");
   EXPECT_EQ(unknown.wait(), 2);
+  Process nuc({BOLO_PROGRAM, "nuc", name_}, folder_ / "nuc");
+  EXPECT_EQ(nuc.wait(), 1);
+  EXPECT_NE(nuc.err().find("no camera to correct"), std::string::npos) << nuc.err();
   EXPECT_NE(unknown.err().find(name_), std::string::npos) << "the names that exist: " << unknown.err();
 }
 
@@ -261,6 +265,17 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   EXPECT_EQ(good_frames(50), 50) << daemon.err();
   ASSERT_TRUE(eventually([&] { return daemon.err().find("camera opened again") != std::string::npos; }));
   EXPECT_GT(reader->header().restarts, 0U);
+  Process stat({BOLO_PROGRAM, "stat", name_, "--once", "--json", "--interval", "0.1"}, folder_ / "stat");
+  ASSERT_EQ(stat.wait(), 0) << stat.err();
+  const auto told = nlohmann::json::parse(stat.out())["camera"];
+  EXPECT_EQ(told["state"], "streaming") << told;
+  EXPECT_EQ(told["lost"]["no_answer"], 1) << told;
+  EXPECT_EQ(told["reopened"], 1) << told;
+  EXPECT_GT(told["received_packets"], 100) << told;
+  Process nuc({BOLO_PROGRAM, "nuc", name_}, folder_ / "nuc");
+  EXPECT_EQ(nuc.wait(), 0) << nuc.err();
+  EXPECT_TRUE(eventually([&] { return daemon.err().find("NUC (asked for)") != std::string::npos; })) << daemon.err();
+  EXPECT_TRUE(eventually([&] { return reader->camera()->corrections == 1; }));
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(), 0) << daemon.err();
 }

@@ -72,16 +72,14 @@ TEST(Health, LossesAreToldByCauseAndNotTooOften) {
       << "what came meanwhile adds up";
 }
 
-TEST(Health, TellsTheCamerasLossAndReturn) {
+TEST(Health, LeavesTheFlowOfAWatchedCameraToIt) {
   Clock clock;
-  clock.now.camera = genicam::SourceState::kStreaming;
-  EXPECT_EQ(clock.after(100), Texts{});
-  clock.now.camera = genicam::SourceState::kLost;
-  EXPECT_EQ(clock.after(100), Texts{"!camera lost; opening it again until it answers"});
-  EXPECT_EQ(clock.after(100), Texts{});
-  clock.now.camera = genicam::SourceState::kStreaming;
-  clock.now.reconnects = 1;
-  EXPECT_EQ(clock.after(100), Texts{"camera opened again"});
+  clock.now.watched = true;
+  clock.now.received = 10;
+  EXPECT_EQ(clock.after(100), Texts{"frames arrive"});
+  EXPECT_EQ(clock.after(60'000), Texts{});
+  clock.now.losses[static_cast<std::size_t>(LossCause::kMissing)] = 1;
+  EXPECT_EQ(clock.after(100), Texts{"!frames lost since the last notice: 1 missing"});
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <cstring>
 
+#include "bolo/pipeline/source_status.hpp"
 #include "bolo/rt/counters.hpp"
 
 namespace bolo::tools {
@@ -91,6 +92,28 @@ TEST(StatSample, JsonHasEveryCauseByName) {
   EXPECT_EQ(json["lost"].size(), kLossCauses);
   EXPECT_EQ(json["published"], 1380);
   EXPECT_EQ(json["camera_model"], "Model");
+}
+
+TEST(StatSample, TellsHowTheCameraDoes) {
+  StatLook look = second_look();
+  EXPECT_FALSE(stat_json("cam", look, compare(first_look(), look)).contains("camera"));
+  bolo_shm_camera& camera = look.camera.emplace();
+  camera.state = BOLO_CAMERA_LOST;
+  camera.since_ns = look.at_ns - 3 * kSecondNs;
+  camera.lost[static_cast<std::size_t>(pipeline::LostCause::kNoAnswer)] = 2;
+  camera.outage_frames = 84;
+  const auto json = stat_json("cam", look, compare(first_look(), look))["camera"];
+  EXPECT_EQ(json["state"], "lost");
+  EXPECT_EQ(json["state_age_s"], 3.0);
+  EXPECT_EQ(json["lost"]["no_answer"], 2);
+  EXPECT_TRUE(json["clock_drift_ppm"].is_null()) << "not known yet";
+  const std::string table = stat_table("cam", look, compare(first_look(), look));
+  EXPECT_NE(table.find("lost for 3.0 s; lost 2 (2 no answer), stalled 0; 84 frames missed"), std::string::npos)
+      << table;
+  EXPECT_EQ(table.find("clock"), std::string::npos) << table;
+  camera.clock_offset_ns = -5;
+  camera.clock_drift_ppm = -20.5;
+  EXPECT_NE(stat_table("cam", look, compare(first_look(), look)).find("drift -20.5 ppm"), std::string::npos);
 }
 
 TEST(StatSample, TableKeepsToTheTerminalsWidth) {

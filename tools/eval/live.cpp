@@ -1,6 +1,5 @@
 #include "tools/eval/live.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -12,6 +11,7 @@
 #include "bolo/core/loss.hpp"
 #include "drivers/shm/shm_reader.hpp"
 #include "tools/eval/before_after.hpp"
+#include "tools/eval/percentile.hpp"
 #include "tools/eval/truth_clock.hpp"
 #include "tools/verbs/cli.hpp"
 
@@ -128,13 +128,6 @@ Status watch(shm::ShmReader& memory, Judge& judge, double seconds, Outcome& outc
   }
   outcome.last = memory.header();
   return {};
-}
-
-double percentile(std::vector<double> values, double share) {
-  if (values.empty()) return 0.0;
-  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
 }
 
 nlohmann::ordered_json to_json(const Outcome& o) {

@@ -4,15 +4,12 @@
 #include <array>
 #include <atomic>
 #include <cmath>
-#include <cstring>
 #include <memory>
 #include <string_view>
-#include <thread>
 #include <utility>
 
 #include "bolo/pipeline/apply_profile.hpp"
 #include "bolo/pipeline/pipeline.hpp"
-#include "bolo/sim/scene.hpp"
 #include "bolo/sim/simulator.hpp"
 
 namespace bolo::tools::loop {
@@ -121,42 +118,6 @@ void set_constants(const sim::EffectSpec& effect, model::CameraProfile& profile)
   if (name == "iir") undo.filter_weight = value("alpha");
 }
 
-// A scene in memory.
-class SceneSource final : public pipeline::FrameSource {
- public:
-  explicit SceneSource(const Recording& scene) : scene_(scene) {}
-  ~SceneSource() override { SceneSource::stop(); }
-  SceneSource(const SceneSource&) = delete;
-  SceneSource& operator=(const SceneSource&) = delete;
-
-  Result<pipeline::SourceInfo> open() override { return pipeline::SourceInfo{scene_.format, "camera", ""}; }
-  Status start(pipeline::FrameInlet& inlet) override {
-    thread_ = std::thread([this, &inlet] { feed(inlet); });
-    return {};
-  }
-  void stop() noexcept override {
-    stop_ = true;
-    if (thread_.joinable()) thread_.join();
-  }
-
- private:
-  void feed(pipeline::FrameInlet& inlet) noexcept {
-    constexpr double kNsPerS = 1e9;
-    for (std::size_t k = 0; k < scene_.planes.size(); ++k) {
-      rt::FrameSlot* const slot = inlet.borrow_wait(stop_);
-      if (slot == nullptr) break;
-      std::memcpy(slot->data, scene_.planes[k].data(), scene_.planes[k].size());
-      slot->meta.frame_id = k;
-      slot->meta.camera_ns = std::llround(static_cast<double>(k) * scene_.format.frame_period_s * kNsPerS);
-      inlet.commit(*slot);
-    }
-    inlet.finish();
-  }
-  const Recording& scene_;
-  std::atomic<bool> stop_{false};
-  std::thread thread_;
-};
-
 class ErrorSink final : public pipeline::FrameSink {
  public:
   explicit ErrorSink(const Recording& scene) : scene_(scene) {}
@@ -191,23 +152,7 @@ Result<Recording> record_scene(const blind::Session& session, bool with_effects)
     if (moment) effect.values["at_s"] = 0.4 * static_cast<double>(kSceneFrames) * kPeriodS;
   }
   const sim::CameraSettings camera = camera_of(session, std::move(effects));
-  const auto street = sim::make_street(session.geometry, kStreet);
-  const sim::Path path = sim::steady_pan(kSceneSpeedPxS);
-  const double from_s = -sim::history_s(camera);
-  const double to_s = static_cast<double>(kSceneFrames + 32) * kPeriodS;  // lost frames and jitter look further
-  const sim::Position origin = sim::centred_origin(*street, path, session.geometry, from_s, to_s);
-  auto field = sim::pan_over(*street, path, origin, session.geometry, from_s, to_s);
-  if (!field) return tl::unexpected(field.error());
-  const auto simulator = sim::Simulator::create(camera, std::move(*field));
-  if (!simulator) return tl::unexpected(simulator.error());
-  Recording scene;
-  scene.format = (*simulator)->format();
-  for (std::size_t k = 0; k < kSceneFrames; ++k) {
-    scene.planes.emplace_back(plane_bytes(scene.format.geometry, scene.format.type));
-    scene.truth.emplace_back(scene.format.geometry.pixels());
-    (*simulator)->next(scene.planes.back().data(), scene.truth.back().data());
-  }
-  return scene;
+  return record_street(camera, {kStreet, kSceneSpeedPxS, kSceneFrames});
 }
 
 Result<diagnose::Learned> true_profile(const blind::Session& session) {
@@ -228,7 +173,7 @@ Result<double> deblurred_error(const Recording& scene, const diagnose::Learned& 
   options.output = PixelType::kFloat32;
   options.workers = 1;
   ErrorSink sink(scene);
-  auto made = pipeline::Pipeline::create(std::make_unique<SceneSource>(scene), {&sink}, options);
+  auto made = pipeline::Pipeline::create(std::make_unique<RecordingSource>(scene), {&sink}, options);
   if (!made) return tl::unexpected(made.error());
   const std::atomic<bool> stop{false};
   if (Status ran = (*made)->run(stop); !ran) return tl::unexpected(ran.error());

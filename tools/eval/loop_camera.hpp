@@ -9,18 +9,12 @@
 #include "bolo/core/result.hpp"
 #include "bolo/diagnose/learned.hpp"
 #include "tools/blind/session.hpp"
+#include "tools/eval/recording.hpp"
 
 namespace bolo::tools::loop {
 
 inline constexpr double kSceneSpeedPxS = 60.0;
 inline constexpr std::size_t kSceneFrames = 260;
-
-// A moving scene as a camera sees it, with the truth.
-struct Recording {
-  StreamFormat format;
-  std::vector<std::vector<std::byte>> planes;
-  std::vector<std::vector<float>> truth;  // K
-};
 
 // The camera of the session, with its effects or without, looks at a street that passes by, after the session: the same
 // noise either way. What happens at one moment does so in the middle. Thread: any.

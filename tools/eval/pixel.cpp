@@ -9,19 +9,13 @@
 
 #include "tools/eval/pixel_trial.hpp"
 #include "tools/picture/canvas.hpp"
+#include "tools/picture/words.hpp"
 #include "tools/verbs/cli.hpp"
 
 namespace bolo::tools {
 namespace {
 
 constexpr Colour kOlsColour{0.835, 0.369, 0.0};  // vermilion (Okabe and Ito)
-
-template <typename... Values>
-std::string words(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);  // NOLINT: the formats are literals
-  return text;
-}
 
 // Bins as stairs.
 struct Stairs {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tools/picture/canvas.hpp"
+#include "tools/picture/words.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -15,13 +16,6 @@ constexpr double kLeft = 70.0;
 constexpr double kWide = 1060.0;
 constexpr double kClose = 0.35;  // s that the magnified part shows
 constexpr Colour kBand{0.86, 0.90, 0.95};
-
-template <typename... Values>
-std::string words(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);  // NOLINT: the formats are literals
-  return text;
-}
 
 struct Window {
   double from_s = 0.0;

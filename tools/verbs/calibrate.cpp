@@ -1,11 +1,8 @@
 // bolo calibrate: a camera's time constant from pulses; its noise, offsets and dead pixels from still fields.
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <new>
 #include <string>
@@ -13,11 +10,11 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/capture/pixel_maps_io.hpp"
 #include "bolo/diagnose/calibrate.hpp"
 #include "bolo/diagnose/report_words.hpp"
 #include "tools/picture/pulse_picture.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/profile_file.hpp"
 #include "tools/verbs/verbs.hpp"
 
 namespace bolo::tools {
@@ -48,42 +45,17 @@ cxxopts::Options declare() {
   return options;
 }
 
-// The files as they were given: a vector of cxxopts would split their names at commas.
-std::vector<std::filesystem::path> captures_of(const Given& given) {
-  std::vector<std::filesystem::path> captures;
-  for (const auto& argument : given.arguments()) {
-    if (argument.key() == "capture") captures.emplace_back(argument.value());
-  }
-  return captures;
-}
-
 std::filesystem::path maps_beside(const std::filesystem::path& profile) {
   std::filesystem::path maps = profile;
   maps.replace_filename(profile.stem().string() + "-maps.h5");
   return maps;
 }
 
-Status write_text(const std::filesystem::path& file, const std::string& text) {
-  errno = 0;
-  std::ofstream out(file, std::ios::trunc);
-  out << text;
-  out.close();
-  if (out) return {};
-  return bad_input(file.string() + ": cannot be written: " + std::strerror(errno) + "; choose another place");
-}
-
-// Maps first, so that a profile never names a file that is not there.
 Status write_profile(const Given& given, Calibration& result) {
   const std::filesystem::path file = given["output"].as<std::string>();
-  if (!result.maps.empty()) {
-    const std::filesystem::path maps =
-        given.count("maps") != 0 ? std::filesystem::path(given["maps"].as<std::string>()) : maps_beside(file);
-    if (Status written = capture::write_pixel_maps(maps, result.maps); !written) return written;
-    std::error_code ignored;
-    const auto relative = std::filesystem::proximate(maps, std::filesystem::absolute(file).parent_path(), ignored);
-    result.profile.maps = relative.empty() ? maps : relative;
-  }
-  return write_text(file, model::document_profile(result.profile));
+  const auto maps =
+      given.count("maps") != 0 ? std::filesystem::path(given["maps"].as<std::string>()) : maps_beside(file);
+  return write_profile_files(file, maps, result.profile, result.maps);
 }
 
 nlohmann::ordered_json rounded(const std::vector<double>& values) {
@@ -166,7 +138,7 @@ void print_text(const Calibration& r, const Given& given) {
 
 Status run(const Given& given) {
   if (given.count("output") == 0) return bad_input("no profile to write; give -o PROFILE.toml");
-  const auto captures = captures_of(given);
+  const auto captures = files_of(given, "capture");
   if (captures.empty()) return bad_input("which captures? give one with pulses, then still ones");
   diagnose::CalibrationOptions options;
   if (given.count("profile") != 0) {

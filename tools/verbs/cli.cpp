@@ -34,6 +34,14 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
   return std::nullopt;
 }
 
+std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option) {
+  std::vector<std::filesystem::path> files;
+  for (const auto& argument : parsed.arguments()) {
+    if (argument.key() == option) files.emplace_back(argument.value());
+  }
+  return files;
+}
+
 int report(const std::string& verb, const Error& error) {
   std::fprintf(stderr, "bolo %s: %s\n", verb.c_str(), error.message.c_str());
   return error.exit_code();
@@ -61,10 +69,14 @@ Progress::~Progress() {
 
 void Progress::update(std::uint64_t done) {
   const auto now = std::chrono::steady_clock::now();
-  if (!terminal_ || (done < total_ && now - last_ < std::chrono::milliseconds(100))) return;
+  if (!terminal_ || ((done < total_ || total_ == 0) && now - last_ < std::chrono::milliseconds(100))) return;
   last_ = now;
   printed_ = true;
   const double seconds = std::chrono::duration<double>(now - start_).count();
+  if (total_ == 0) {
+    std::fprintf(stderr, "\r%s: %llu, %.1f s ", what_.c_str(), static_cast<unsigned long long>(done), seconds);
+    return;
+  }
   std::fprintf(stderr, "\r%s: %llu of %llu (%.0f %%), %.1f a second ", what_.c_str(),
                static_cast<unsigned long long>(done), static_cast<unsigned long long>(total_),
                total_ > 0 ? 100.0 * static_cast<double>(done) / static_cast<double>(total_) : 100.0,

@@ -4,8 +4,10 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <cxxopts.hpp>
 
@@ -21,6 +23,9 @@ inline constexpr int kExitUsage = 2;
 // and returns 2; otherwise returns nothing and fills `parsed`. Positional arguments beyond those declared are refused.
 std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed);
 
+// The values of an option that takes files, as they were given: a vector of cxxopts would split their names at commas.
+std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option);
+
 // Prints "bolo VERB: message" to stderr and returns the error's exit code.
 int report(const std::string& verb, const Error& error);
 
@@ -31,8 +36,8 @@ void catch_interrupts();
 // A line of progress on stderr, only when it is a terminal; at most ten times a second.
 class Progress {
  public:
-  Progress(std::string what, std::uint64_t total);
-  ~Progress();  // ends the line
+  Progress(std::string what, std::uint64_t total);  // total 0: not known
+  ~Progress();                                      // ends the line
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
   void update(std::uint64_t done);

@@ -1,9 +1,6 @@
 // bolo diagnose: how far the simulator is from a camera, why, and what closes the gap.
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <new>
 #include <string>
@@ -11,11 +8,11 @@
 
 #include <unistd.h>
 
-#include "bolo/capture/pixel_maps_io.hpp"
 #include "bolo/diagnose/diagnose.hpp"
 #include "bolo/diagnose/report_files.hpp"
 #include "bolo/diagnose/report_words.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/profile_file.hpp"
 #include "tools/verbs/verbs.hpp"
 
 namespace bolo::tools {
@@ -52,15 +49,6 @@ Result<diagnose::Options> options_of(const Given& given) {
   return options;
 }
 
-// The files as they were given: a vector of cxxopts would split their names at commas.
-std::vector<std::filesystem::path> captures_of(const Given& given) {
-  std::vector<std::filesystem::path> captures;
-  for (const auto& argument : given.arguments()) {
-    if (argument.key() == "capture") captures.emplace_back(argument.value());
-  }
-  return captures;
-}
-
 // A line on stderr for each step; on a terminal one line that is written over.
 class Steps {
  public:
@@ -85,26 +73,9 @@ class Steps {
   int percent_ = -1;
 };
 
-// Profile and, beside it, the maps of single pixels: P2.toml and P2.h5. Without maps the profile keeps those it had.
-Status write_profile(const std::filesystem::path& file, const diagnose::Learned& learned) {
-  model::CameraProfile profile = learned.profile;
-  const model::PixelMaps& maps = learned.maps;
-  if (!maps.tau_s.empty() || !maps.gain.empty() || !maps.offset.empty() || !maps.dead.empty()) {
-    profile.maps = std::filesystem::path(file).replace_extension(".h5");
-    if (Status written = capture::write_pixel_maps(profile.maps, maps); !written) return written;
-    profile.maps = profile.maps.filename();  // beside the profile
-  }
-  errno = 0;
-  std::ofstream out(file, std::ios::trunc);
-  out << model::document_profile(profile);
-  out.close();
-  if (out) return {};
-  return bad_input(file.string() + ": cannot be written: " + std::strerror(errno) + "; choose another place");
-}
-
 Status run(const Given& given) {
   if (given.count("output") == 0) return bad_input("no folder for the report; give -o DIR");
-  const std::vector<std::filesystem::path> captures = captures_of(given);
+  const std::vector<std::filesystem::path> captures = files_of(given, "capture");
   if (captures.empty()) return bad_input("which captures? give those of one session, CAPTURE.h5...");
   const Result<diagnose::Options> options = options_of(given);
   if (!options) return tl::unexpected(options.error());
@@ -122,8 +93,11 @@ Status run(const Given& given) {
   const std::filesystem::path folder = given["output"].as<std::string>();
   if (Status written = diagnose::write_report(*report, folder); !written) return written;
   if (given.count("write-profile") != 0) {
-    Status written = write_profile(given["write-profile"].as<std::string>(), report->learned);
-    if (!written) return written;
+    const std::filesystem::path file = given["write-profile"].as<std::string>();
+    const auto maps = std::filesystem::path(file).replace_extension(".h5");
+    if (Status written = write_profile_files(file, maps, report->learned.profile, report->learned.maps); !written) {
+      return written;
+    }
   }
   if (given.count("json") != 0) {
     std::cout << diagnose::report_json(*report) << '\n';

@@ -11,6 +11,7 @@
 
 #include "drivers/fakecam/fake_camera.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/fakecam_faults.hpp"
 #include "tools/verbs/verbs.hpp"
 
 namespace bolo::tools {
@@ -59,9 +60,23 @@ cxxopts::Options make_options() {
        cxxopts::value<std::string>()->default_value("127.0.0.1"))                                                 //
       ("serial", "Serial number, at most 15 characters (default: the capture's)", cxxopts::value<std::string>())  //
       ("crop", "x,y,w,h: the part of the capture that is the camera's sensor", cxxopts::value<std::string>())     //
+      ("fault", "What goes wrong, and when; may be given again", cxxopts::value<std::string>(),                   //
+       "NAME[:key=value,...]")                                                                                    //
+      ("list-faults", "Print all faults with their keys, and end")                                                //
       ("json", "Print the lines as JSON");
   options.parse_positional({"capture"});
   return options;
+}
+
+Result<fakecam::FaultScript> read_faults(const cxxopts::ParseResult& parsed) {
+  fakecam::FaultScript script;
+  for (const auto& argument : parsed.arguments()) {
+    if (argument.key() != "fault") continue;
+    auto fault = fakecam::parse_fault(argument.value());
+    if (!fault) return at("--fault", fault.error());
+    script.push_back(std::move(*fault));
+  }
+  return script;
 }
 
 Result<Request> read_request(const cxxopts::ParseResult& parsed) {
@@ -90,6 +105,9 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
     if (!crop) return tl::unexpected<Error>(crop.error());
     camera.crop = *crop;
   }
+  auto faults = read_faults(parsed);
+  if (!faults) return tl::unexpected<Error>(faults.error());
+  camera.faults = std::move(*faults);
   return request;
 }
 
@@ -113,7 +131,17 @@ void print_serving(const Request& request, const FakeCamera& camera) {
   std::fflush(stdout);
 }
 
-void print_summary(const Request& request, const FakeCameraStats& stats) {
+nlohmann::json to_json(const std::vector<fakecam::InjectedFault>& injected) {
+  nlohmann::json all = nlohmann::json::array();
+  for (const auto& fault : injected) {
+    all.push_back(
+        {{"fault", fault.fault}, {"times", fault.times}, {"frames", fault.frames}, {"packets", fault.packets}});
+  }
+  return all;
+}
+
+void print_summary(const Request& request, const FakeCameraStats& stats,
+                   const std::vector<fakecam::InjectedFault>& injected) {
   const double worst_ms = static_cast<double>(stats.worst_lateness_ns) * 1e-6;
   if (request.json) {
     const nlohmann::json line{{"frames_sent", stats.frames_sent},
@@ -130,7 +158,8 @@ void print_summary(const Request& request, const FakeCameraStats& stats) {
                               {"heartbeat_losses", stats.heartbeat_losses},
                               {"streams_started", stats.streams_started},
                               {"streams_finished", stats.streams_finished},
-                              {"nuc_actions", stats.nuc_actions}};
+                              {"nuc_actions", stats.nuc_actions},
+                              {"faults", to_json(injected)}};
     std::cout << line.dump() << std::endl;
     return;
   }
@@ -141,6 +170,10 @@ void print_summary(const Request& request, const FakeCameraStats& stats) {
       "socket; %llu resend requests, %llu packets sent again, %llu requests in vain\n",
       n(stats.frames_sent), n(stats.packets_sent), n(stats.clients), n(stats.late_frames), worst_ms,
       n(stats.send_errors), n(stats.resend_requests), n(stats.resent_packets), n(stats.resend_misses));
+  for (const auto& fault : injected) {
+    std::printf("fault %s: struck %llu time(s), %llu frames, %llu packets\n", fault.fault.c_str(), n(fault.times),
+                n(fault.frames), n(fault.packets));
+  }
 }
 
 void wait_for_end(const Request& request, const FakeCamera& camera) {
@@ -156,6 +189,10 @@ int fakecam_main(int argc, char** argv) {
   auto options = make_options();
   cxxopts::ParseResult parsed;
   if (const auto code = parse(options, argc, argv, parsed)) return *code;
+  if (parsed.count("list-faults") != 0) {
+    print_faults(parsed.count("json") != 0);
+    return kExitDone;
+  }
   const auto request = read_request(parsed);
   if (!request) return report(kVerb, request.error());
   catch_interrupts();
@@ -166,7 +203,7 @@ int fakecam_main(int argc, char** argv) {
   print_serving(*request, **camera);
   wait_for_end(*request, **camera);
   (*camera)->stop();
-  print_summary(*request, (*camera)->stats());
+  print_summary(*request, (*camera)->stats(), (*camera)->injected());
   if (const auto result = (*camera)->result(); !result) return report(kVerb, result.error());
   return kExitDone;
 }

@@ -28,7 +28,7 @@ struct StatOptions {
 
 StatLook look_at(const shm::ShmReader& reader) {
   const bool closed = reader.closed();
-  return {reader.header(), monotonic_ns(), closed};
+  return {reader.header(), monotonic_ns(), closed, reader.camera()};
 }
 
 // False when interrupted.

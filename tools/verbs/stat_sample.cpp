@@ -4,7 +4,9 @@
 #include <cstdio>
 #include <span>
 
+#include "bolo/pipeline/source_status.hpp"
 #include "bolo/rt/counters.hpp"
+#include "drivers/shm/camera_block.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -46,6 +48,38 @@ std::string duration(double s) {
   return text;
 }
 
+std::string lost_words(const bolo_shm_camera& camera) {
+  std::string words;
+  for (std::size_t i = 0; i < pipeline::kLostCauses; ++i) {
+    if (camera.lost[i] == 0) continue;
+    const std::string cause(pipeline::name(static_cast<pipeline::LostCause>(i)));
+    words += (words.empty() ? " (" : ", ") + std::to_string(camera.lost[i]) + " " + cause;
+  }
+  return words.empty() ? words : words + ")";
+}
+
+// How the camera does, and its clock and corrections as far as they are known.
+std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
+  std::uint64_t lost = 0;
+  for (const std::uint64_t count : camera.lost) lost += count;
+  using Count = unsigned long long;
+  std::string out = line("link     %s for %s; lost %llu%s, stalled %llu; %llu frames missed",
+                         shm::camera_state_word(camera), duration(seconds(now_ns - camera.since_ns)).c_str(),
+                         Count{lost}, lost_words(camera).c_str(), Count{camera.stalls}, Count{camera.outage_frames});
+  out += line("packets  %llu received, %llu missing, %llu sent again", Count{camera.received_packets},
+              Count{camera.missing_packets}, Count{camera.resent_packets});
+  if (camera.clock_offset_ns != 0) {
+    out += line("clock    drift %+.1f ppm, jitter %.3f ms, %llu jumps", camera.clock_drift_ppm,
+                camera.clock_jitter_ns * 1e-6, Count{camera.clock_jumps});
+  }
+  if (camera.correction_ns != 0) {
+    out += line("nuc      %llu, the last %s ago", Count{camera.corrections},
+                duration(seconds(now_ns - camera.correction_ns)).c_str());
+  }
+  if (camera.temperature_k > 0.0) out += line("inside   %.1f K", camera.temperature_k);
+  return out;
+}
+
 }  // namespace
 
 StatSample compare(const StatLook& before, const StatLook& after) {
@@ -82,6 +116,7 @@ std::string stat_table(const std::string& name, const StatLook& look, const Stat
                          duration(s.uptime_s).c_str(), s.heartbeat_age_s);
   out += line("camera   %s %s, %ux%u at %.4g Hz, tau %.4g ms", h.camera_model, h.camera_serial, h.width, h.height,
               h.frame_period_s > 0.0 ? 1.0 / h.frame_period_s : 0.0, h.tau_s * 1e3);
+  if (look.camera && look.camera->state != BOLO_CAMERA_IDLE) out += camera_lines(*look.camera, look.at_ns);
   out += line("solver   %s", h.solver);
   out += line("window   %u frames, look-ahead %u; ring of %u slots", h.window, h.lookahead, h.slot_count);
   out += line("frames   in %9.1f /s %12llu    out %9.1f /s %12llu", s.received_hz, Count{h.received}, s.published_hz,
@@ -134,6 +169,7 @@ nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, 
     json["lost"][cause] = s.lost[i];
     json["lost_hz"][cause] = s.lost_hz[i];
   }
+  if (look.camera) json["camera"] = shm::camera_json(*look.camera, look.at_ns);
   return json;
 }
 

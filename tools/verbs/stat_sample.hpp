@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include <nlohmann/json.hpp>
@@ -15,8 +16,9 @@ namespace bolo::tools {
 // One look. Thread: any.
 struct StatLook {
   bolo_shm_header header{};
-  std::int64_t at_ns = 0;  // CLOCK_MONOTONIC
-  bool closed = false;     // ended, or its heartbeat stopped
+  std::int64_t at_ns = 0;                   // CLOCK_MONOTONIC
+  bool closed = false;                      // ended, or its heartbeat stopped
+  std::optional<bolo_shm_camera> camera{};  // none: the writer does not tell
 };
 
 struct StatSample {

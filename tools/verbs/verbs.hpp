@@ -18,23 +18,33 @@ struct Verb {
 int bench_main(int argc, char** argv);
 int blind_main(int argc, char** argv);
 int calibrate_main(int argc, char** argv);
+int convert_main(int argc, char** argv);
 int deblur_main(int argc, char** argv);
 int diagnose_main(int argc, char** argv);
 int doctor_main(int argc, char** argv);
 int eval_main(int argc, char** argv);
 int fakecam_main(int argc, char** argv);
 int info_main(int argc, char** argv);
+int nuc_main(int argc, char** argv);
+int record_main(int argc, char** argv);
+int recover_main(int argc, char** argv);
+int replay_main(int argc, char** argv);
 int simulate_main(int argc, char** argv);
 int stat_main(int argc, char** argv);
 int usb_main(int argc, char** argv);
 
-inline constexpr std::array<Verb, 12> kVerbs{{
+inline constexpr std::array<Verb, 17> kVerbs{{
     {"simulate", "write a capture of a simulated camera that moves", simulate_main},
     {"fakecam", "serve a capture as a GigE Vision camera", fakecam_main},
     {"deblur", "undo the pixels' thermal inertia in a capture", deblur_main},
     {"calibrate", "measure a camera's time constant, noise and pixels; write its profile", calibrate_main},
     {"diagnose", "say how far the simulator is from a camera, why, and what closes the gap", diagnose_main},
+    {"record", "record a running daemon's frames", record_main},
+    {"recover", "save what an interrupted recording or a damaged capture holds", recover_main},
+    {"convert", "captures, pictures, raw dumps and radiometric stills into one another", convert_main},
+    {"replay", "publish a capture as if its camera was live", replay_main},
     {"stat", "show what a running daemon does", stat_main},
+    {"nuc", "have a running daemon's camera correct its pixels", nuc_main},
     {"doctor", "check this computer for what a camera needs, and say the fixes", doctor_main},
     {"usb", "list USB cameras and what they say of themselves (experimental)", usb_main},
     {"info", "say what is in a capture, and what is wrong with it", info_main},

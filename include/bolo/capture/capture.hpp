@@ -41,6 +41,13 @@ enum class FileFormat {
   kMatlab,  // the authors' `.mat`: frame_id comes from the times, frame_period_s from their median
 };
 
+// How far a file's own word about its length is believed.
+enum class Trust {
+  kWhole,       // all of it must be there
+  kUnfinished,  // a ".part": a writer's last commit, perhaps with lengths that differ by what it left open
+  kDamaged,     // anything may be missing
+};
+
 // A root attribute beyond the format's own.
 struct Attribute {
   std::string name;
@@ -52,6 +59,9 @@ struct Attribute {
 class CaptureReader {
  public:
   static Result<CaptureReader> open(const std::filesystem::path& file);
+  // Takes from a damaged file what is whole: frames from the first one up to where times, numbers and pixels are all
+  // there. Single frames in between may still fail to be read.
+  static Result<CaptureReader> salvage(const std::filesystem::path& file);
   CaptureReader(CaptureReader&&) noexcept;
   CaptureReader& operator=(CaptureReader&&) noexcept;
   ~CaptureReader();
@@ -76,6 +86,7 @@ class CaptureReader {
 
  private:
   struct Impl;
+  static Result<CaptureReader> open_as(const std::filesystem::path& file, Trust trust);
   explicit CaptureReader(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
@@ -83,10 +94,13 @@ class CaptureReader {
 struct WriterOptions {
   bool truth = false;     // a /truth/frames plane comes with every frame
   int deflate_level = 0;  // 0: no compression; 1..9 gzip with byte shuffle
+  // Commits wait for the disk, so that they survive a cut of power as well as a killed process.
+  bool survives_power_cut = false;
 };
 
-// Writes a capture frame by frame. Whatever was appended before a failure stays readable. The file is written under its
-// final name's ".part" and renamed by close(). Thread: any one at a time.
+// Writes a capture frame by frame, and commits them twice a second of frames. Whatever was appended before a failure
+// stays readable; a killed process leaves the last commit. The file is written under its final name's ".part", with a
+// ".part.journal" beside it, and renamed by close(). Thread: any one at a time.
 class CaptureWriter {
  public:
   static Result<CaptureWriter> create(const std::filesystem::path& file, const CaptureInfo& info,
@@ -105,7 +119,10 @@ class CaptureWriter {
   Status write_attribute(const std::string& name, double value);
   Status write_attribute(const std::string& name, const std::string& value);
 
-  // Flushes, closes, renames. Without it the destructor leaves the ".part" file behind, readable.
+  // Commits what was appended since the last commit: for sources that pause.
+  Status commit();
+
+  // Commits, closes, renames. Without it the destructor leaves the ".part" file behind, readable.
   Status close();
 
  private:

@@ -20,6 +20,8 @@ struct FrameMeta {
   std::int64_t camera_ns = 0;   // the camera's clock
   std::int64_t receive_ns = 0;  // host CLOCK_MONOTONIC, when the frame's first byte arrived
   std::uint32_t flags = kFlagNone;
+  std::int64_t host_ns =
+      0;  // camera_ns on the host's CLOCK_MONOTONIC, as a watched camera's source estimates it; 0: not
 };
 
 }  // namespace bolo

@@ -21,6 +21,7 @@ enum class SourceType {
 struct ReplayOptions {
   std::filesystem::path file;
   replay::Pace pace = replay::Pace::kRealTime;
+  replay::Laps laps = replay::Laps::kOne;
 };
 
 enum class LogLevel { kDebug, kInfo, kWarning, kError };
@@ -32,6 +33,12 @@ enum class LogFormat {
 struct LogOptions {
   LogLevel level = LogLevel::kInfo;
   LogFormat format = LogFormat::kText;
+};
+
+struct ControlOptions {
+  bool enabled = true;
+  std::string socket;  // empty: at the default place (src/daemon/control.hpp)
+  unsigned mode = 0660;
 };
 
 struct DaemonConfig {
@@ -48,6 +55,7 @@ struct DaemonConfig {
   bool lock_memory = true;
   bool shm_enabled = true;
   shm::ShmOptions shm;
+  ControlOptions control;
   LogOptions log;
 };
 

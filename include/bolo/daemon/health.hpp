@@ -3,13 +3,11 @@
 
 #include <array>
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "bolo/core/loss.hpp"
 #include "bolo/pipeline/stats.hpp"
-#include "drivers/genicam/genicam_source.hpp"
 
 namespace bolo::daemon {
 
@@ -26,8 +24,7 @@ struct Snapshot {
   std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
   std::uint64_t received = 0;  // frames
   LossCounts losses{};
-  std::optional<genicam::SourceState> camera;  // none for a capture
-  std::uint64_t reconnects = 0;
+  bool watched = false;  // the source tells itself when frames stop and come back
 };
 
 struct Notice {
@@ -53,9 +50,7 @@ class Health {
   std::int64_t last_frame_ns_;
   std::int64_t last_loss_notice_ns_;
   Flow flow_ = Flow::kWaiting;
-  bool camera_lost_ = false;
   std::uint64_t received_ = 0;
-  std::uint64_t reconnects_ = 0;
   LossCounts told_{};  // losses already in the log
 };
 

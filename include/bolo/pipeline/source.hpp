@@ -6,6 +6,7 @@
 #include "bolo/core/plane.hpp"
 #include "bolo/core/result.hpp"
 #include "bolo/pipeline/inlet.hpp"
+#include "bolo/pipeline/source_status.hpp"
 
 namespace bolo::pipeline {
 
@@ -28,6 +29,9 @@ class FrameSource {
 
   // No frame is handed in after it returns. Idempotent. Thread: setup.
   virtual void stop() noexcept = 0;
+
+  // Of a source that is watched, as long as the source lives; null for others. Thread: any.
+  virtual const SourceStatus* status() const noexcept { return nullptr; }
 };
 
 }  // namespace bolo::pipeline

@@ -2,15 +2,17 @@
 #pragma once
 
 #include "bolo/pipeline/inlet.hpp"
+#include "bolo/pipeline/source_status.hpp"
 #include "bolo/rt/counters.hpp"
 
 namespace bolo::pipeline {
 
 // Written by the pipeline thread, read by any.
 struct PipelineStats {
-  explicit PipelineStats(const FrameInlet& i) : inlet(i) {}
+  explicit PipelineStats(const FrameInlet& i, const SourceStatus* s = nullptr) : inlet(i), source(s) {}
 
   const FrameInlet& inlet;       // received(), losses()
+  const SourceStatus* source;    // of a camera; null for a source that is not watched
   rt::Counter published;         // frames handed to the sinks
   rt::Counter restarts;          // windows emptied: NUC, reconnect, a jump in time
   rt::Counter warm_up;           // published without a full window behind them

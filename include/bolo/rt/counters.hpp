@@ -22,6 +22,19 @@ class Counter {
   std::atomic<std::uint64_t> value_{0};
 };
 
+// A value that is replaced. Relaxed as Counter, and for the same reason. Thread: any.
+template <typename T>
+class Gauge {
+ public:
+  Gauge() = default;
+  explicit Gauge(T value) noexcept : value_(value) {}
+  void set(T value) noexcept { value_.store(value, std::memory_order_relaxed); }
+  T value() const noexcept { return value_.load(std::memory_order_relaxed); }
+
+ private:
+  std::atomic<T> value_{};
+};
+
 // Frames lost, by cause. Thread: any.
 class LossCounters {
  public:

@@ -27,9 +27,14 @@ class FeaturesTest : public testing::Test {
   bool streaming = false;
   gvcp::Status start_answer = gvcp::Status::kSuccess;
   int stops = 0;
+  int windowings = 0;
   CameraFeatures features{
-      registers,  counters, full_sensor(),
-      {640, 480}, 200.0,    {[this] { return start_answer; }, [this] { ++stops; }, [this] { return streaming; }}};
+      registers,
+      counters,
+      full_sensor(),
+      {640, 480},
+      200.0,
+      {[this] { return start_answer; }, [this] { ++stops; }, [this] { return streaming; }, [this] { ++windowings; }}};
 };
 
 TEST_F(FeaturesTest, WindowingReadsTheMiddleRows) {
@@ -37,6 +42,8 @@ TEST_F(FeaturesTest, WindowingReadsTheMiddleRows) {
   EXPECT_EQ(write(reg::kIrWindowing, 1U), gvcp::Status::kSuccess);
   EXPECT_EQ(features.region(), (Region{0, 120, 640, 240}));
   EXPECT_EQ(write(reg::kIrWindowing, 2U), gvcp::Status::kSuccess);
+  EXPECT_EQ(write(reg::kIrWindowing, 2U), gvcp::Status::kSuccess);
+  EXPECT_EQ(windowings, 2) << "writing the same again changes nothing";
   EXPECT_EQ(features.region(), (Region{0, 180, 640, 120}));
   EXPECT_EQ(registers.get(reg::kPayloadSize), 153600U);
   EXPECT_EQ(write(reg::kIrWindowing, 3U), gvcp::Status::kInvalidParameter);

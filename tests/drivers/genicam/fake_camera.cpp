@@ -56,7 +56,8 @@ std::string enter_private_network() {
 FakeCamera::FakeCamera(FakeOptions options) : options_(std::move(options)) {
   if (!options_.id) options_.id = wrapped_id;
   const char* xml = options_.xml.empty() ? nullptr : options_.xml.c_str();
-  const std::string serial = "GV0" + options_.address.substr(options_.address.rfind('.') + 1);
+  const std::string by_address = "GV0" + options_.address.substr(options_.address.rfind('.') + 1);
+  const std::string serial = options_.serial.empty() ? by_address : options_.serial;
   fake_.reset(arv_gv_fake_camera_new_full(options_.address.c_str(), serial.c_str(), xml));
   arv_fake_camera_set_fill_pattern(camera(), &FakeCamera::fill, this);
 }

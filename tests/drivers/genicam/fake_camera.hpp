@@ -35,6 +35,7 @@ struct FakeOptions {
   bool big_endian = false;
   // Called for each frame n that is sent, before it is; returns the id it is sent with.
   std::function<std::uint16_t(std::uint64_t n)> id = nullptr;
+  std::string serial{};  // empty: GV0 and the end of the address
 };
 
 class FakeCamera {

@@ -7,6 +7,8 @@
 namespace bolo::genicam::test {
 namespace {
 
+using pipeline::LostCause;
+
 class GenicamLossTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -19,6 +21,20 @@ class GenicamLossTest : public testing::Test {
     if (!info) return tl::unexpected<Error>(info.error());
     collector_ = std::make_unique<Collector>(info->format, queue);
     return source_->start(collector_->inlet());
+  }
+  std::uint64_t lost_by(LostCause cause) const {
+    return source_->status()->lost[static_cast<std::size_t>(cause)].value();
+  }
+  // The beginnings of what was told; "!" marks warnings. What the host grants less of is left out.
+  std::vector<std::string> changes() {
+    std::vector<std::string> texts;
+    for (const Notice& notice : source_->take_notices()) {
+      for (const std::string kind : {"camera stalled", "camera lost (no answer)", "camera lost (control lost)",
+                                     "camera lost (stalled)", "camera opened again", "frames arrive again"}) {
+        if (notice.text.rfind(kind, 0) == 0) texts.push_back((notice.warning ? "!" : "") + kind);
+      }
+    }
+    return texts;
   }
   std::uint64_t lost(LossCause cause) const { return collector_->inlet().losses().value(cause); }
 
@@ -115,16 +131,66 @@ TEST_F(GenicamLossTest, ReopensACameraThatComesBack) {
   ASSERT_TRUE(collector_->wait_for(20));
   fake->kill();
   ASSERT_TRUE(eventually([&] { return source_->state() == SourceState::kLost; }));
+  EXPECT_EQ(lost_by(LostCause::kNoAnswer), 1U);
+  EXPECT_EQ(source_->status()->stalls.value(), 1U) << "the silence was noticed before the absence";
   const std::uint64_t before = collector_->count();
   fake = std::make_unique<FakeCamera>();
   ASSERT_TRUE(eventually([&] { return source_->reconnects() == 1; }));
   ASSERT_TRUE(collector_->wait_for(before + 20));
+  EXPECT_TRUE(eventually([&] { return source_->state() == SourceState::kStreaming; }));
+  EXPECT_GT(source_->status()->outage_frames.value(), 20U) << "it was away for a fifth of a second at least";
+  EXPECT_EQ(changes(),
+            (std::vector<std::string>{"!camera stalled", "!camera lost (no answer)", "camera opened again"}));
   source_->stop();
   const auto& frames = collector_->finish();
   for (std::size_t i = 1; i < frames.size(); ++i) {
     EXPECT_GT(frames[i].meta.frame_id, frames[i - 1].meta.frame_id);
     EXPECT_EQ(frames[i].restarts_window, i == before) << i;
   }
+}
+
+// Rebooted within the watchdog's patience: it answers, but knows nothing of this program.
+TEST_F(GenicamLossTest, ReopensACameraThatRebootedAtOnce) {
+  auto fake = std::make_unique<FakeCamera>();
+  ASSERT_TRUE(start());
+  ASSERT_TRUE(collector_->wait_for(20));
+  fake->kill();
+  fake = std::make_unique<FakeCamera>();
+  ASSERT_TRUE(eventually([&] { return source_->reconnects() == 1; }));
+  const std::uint64_t before = collector_->count();
+  EXPECT_TRUE(collector_->wait_for(before + 20));
+  EXPECT_EQ(lost_by(LostCause::kControlLost) + lost_by(LostCause::kNoAnswer), 1U);
+  source_->stop();
+}
+
+TEST_F(GenicamLossTest, ReopensACameraThatAnswersButSendsNothing) {
+  FakeCamera fake;
+  CameraOptions options = options_for();
+  options.reconnect_after_ms = 400;
+  ASSERT_TRUE(start(options));
+  ASSERT_TRUE(collector_->wait_for(10));
+  fake.write_register(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);
+  ASSERT_TRUE(eventually([&] { return source_->reconnects() == 1; }));
+  const std::uint64_t before = collector_->count();
+  EXPECT_TRUE(collector_->wait_for(before + 10)) << "it was told to send again";
+  EXPECT_TRUE(eventually([&] { return source_->state() == SourceState::kStreaming; }));
+  EXPECT_EQ(changes(), (std::vector<std::string>{"!camera stalled", "!camera lost (stalled)", "camera opened again"}));
+  source_->stop();
+}
+
+TEST_F(GenicamLossTest, TellsThatFramesComeAgainAfterAStall) {
+  FakeCamera fake;
+  CameraOptions options = options_for();
+  options.reconnect_after_ms = 60'000;
+  ASSERT_TRUE(start(options));
+  ASSERT_TRUE(collector_->wait_for(10));
+  fake.write_register(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);
+  ASSERT_TRUE(eventually([&] { return source_->state() == SourceState::kStalled; }));
+  fake.write_register(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 1);
+  ASSERT_TRUE(eventually([&] { return source_->state() == SourceState::kStreaming; }));
+  EXPECT_EQ(changes(), (std::vector<std::string>{"!camera stalled", "frames arrive again"}));
+  EXPECT_EQ(source_->reconnects(), 0U);
+  source_->stop();
 }
 
 TEST_F(GenicamLossTest, SaysThatItStallsWithoutReopeningWhenToldSo) {
@@ -147,6 +213,7 @@ TEST_F(GenicamLossTest, TakesControlBackWhenItWasTakenAway) {
   ASSERT_TRUE(eventually([&] { return source_->reconnects() >= 1; }));
   const std::uint64_t before = collector_->count();
   EXPECT_TRUE(collector_->wait_for(before + 10));
+  EXPECT_EQ(lost_by(LostCause::kControlLost), 1U);
   source_->stop();
 }
 

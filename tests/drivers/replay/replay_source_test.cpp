@@ -102,6 +102,28 @@ TEST_F(ReplaySourceTest, HandsInEveryFrameWithItsNumberTimeAndPixels) {
   EXPECT_TRUE(source.result());
 }
 
+TEST_F(ReplaySourceTest, LapsRiseOnAndBeginANewWindow) {
+  const std::vector<std::uint64_t> ids{3, 4, 6};
+  ReplaySource source(write(ids), Pace::kAsFastAsPossible, {}, Laps::kForEver);
+  const auto info = source.open();
+  ASSERT_TRUE(info) << info.error().message;
+  pipeline::FrameInlet inlet(info->format, 1, 2);
+  ASSERT_TRUE(source.start(inlet));
+  for (std::uint64_t n = 0; n < 9; ++n) {
+    const pipeline::FrameInlet::Arrival arrival = inlet.next(kHangGuardNs);
+    ASSERT_NE(arrival.slot, nullptr);
+    const std::uint64_t id = ids[n % 3];
+    const std::uint64_t shift = 4 * (n / 3);  // 3 .. 6 are four numbers
+    EXPECT_EQ(arrival.slot->meta.frame_id, id + shift);
+    EXPECT_EQ(arrival.slot->meta.camera_ns, 10'000'000'000 + static_cast<std::int64_t>(id + shift) * 5'000'000);
+    EXPECT_EQ(arrival.slot->u16()[0], value(id, 0));
+    EXPECT_EQ(arrival.restarts_window, n > 0 && n % 3 == 0);
+    inlet.give_back(*arrival.slot);
+  }
+  source.stop();
+  EXPECT_TRUE(source.result());
+}
+
 TEST_F(ReplaySourceTest, ARegionIsTheSamePixels) {
   ReplaySource source(write({0, 1, 2}), Pace::kAsFastAsPossible, Region{2, 1, 3, 2});
   const auto info = source.open();

@@ -1,0 +1,60 @@
+// What goes wrong with the camera as a whole: deaf, off, its client forgotten, requests left unanswered.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "drivers/fakecam/fault_tally.hpp"
+
+namespace bolo::fakecam {
+
+// Thread: control.
+class ControlFaults {
+ public:
+  enum class Hearing {
+    kAnswers,
+    kDeaf,  // commands wait in the socket, as for a stopped process
+    kOff,   // commands are gone
+  };
+  struct Actions {
+    std::function<void()> drop_client;  // ends its control and its stream
+    std::function<void()> reboot;       // drops the client; all registers as at power-on
+  };
+  ControlFaults(FaultTallies& tallies, std::int64_t period_ns, Actions actions);
+
+  // The first stream starts: the faults' clock is 0 here. Later calls change nothing.
+  void begin(std::int64_t now_ns) noexcept;
+  // The faults' clock; before begin() it stands at 0.
+  std::int64_t clock_ns(std::int64_t now_ns) const noexcept { return began_ ? now_ns - start_ns_ : 0; }
+
+  // Whether anything here has to be on time.
+  bool any() const noexcept { return !rules_.empty(); }
+
+  // Lets happen what is due; says how the camera hears until the next call.
+  Hearing update(std::int64_t now_ns);
+
+  // Whether a request for packets is answered; one that is not is counted.
+  bool answers_resend(std::int64_t now_ns) noexcept;
+
+  // The client has written another IRWindowing.
+  void windowing_changed(std::int64_t now_ns);
+
+ private:
+  struct Rule {
+    FaultKind kind = FaultKind::kReboot;
+    std::size_t place = 0;  // in the script
+    Schedule schedule;
+    std::uint64_t seen = 0;  // strikes that were acted on
+  };
+  void strike(Rule& rule);
+
+  FaultTallies& tallies_;
+  Actions actions_;
+  std::vector<Rule> rules_;
+  bool began_ = false;
+  std::int64_t start_ns_ = 0;
+  std::int64_t off_until_ns_ = 0;  // after a change of windowing
+};
+
+}  // namespace bolo::fakecam

@@ -1,0 +1,209 @@
+#include "drivers/fakecam/fault_script.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include "bolo/core/clock.hpp"
+#include "bolo/core/nearest.hpp"
+
+namespace bolo::fakecam {
+namespace {
+
+constexpr double kForEver = std::numeric_limits<double>::infinity();
+constexpr double kLongest = 1e6;  // s: eleven days
+
+FaultKey at_key() {
+  return {"at", "s", 0.0, 0.0, kLongest, false, "after the first stream's start; goes on through later streams"};
+}
+FaultKey every_key() { return {"every", "s", kForEver, 0.001, kLongest, false, "from one strike to the next"}; }
+FaultKey for_key(double standard) { return {"for", "s", standard, 0.001, kLongest, false, "how long"}; }
+FaultKey frames_key() { return {"frames", "", kForEver, 1.0, 1e9, true, "how long, in frames; instead of for"}; }
+FaultKey seed_key() { return {"seed", "", 1.0, 0.0, 1e9, true, "another choice of packets"}; }
+
+// Faults that strike once, last a while, and of random packets for a while.
+std::vector<FaultKey> once(std::vector<FaultKey> own) {
+  own.insert(own.end(), {at_key(), every_key()});
+  return own;
+}
+std::vector<FaultKey> lasting(std::vector<FaultKey> own, double standard_s) {
+  own.insert(own.end(), {at_key(), for_key(standard_s), frames_key(), every_key()});
+  return own;
+}
+std::vector<FaultKey> silence(double standard_s) { return {at_key(), for_key(standard_s), every_key()}; }
+std::vector<FaultKey> of_packets(std::vector<FaultKey> own) {
+  own.insert(own.begin(), {"rate", "", 0.01, 0.0, 1.0, false, "share of the packets"});
+  own.push_back(seed_key());
+  return lasting(std::move(own), kForEver);
+}
+
+std::vector<FaultType> make_types() {
+  return {
+      {FaultKind::kLoss, "loss", "packets never arrive; resent ones neither", of_packets({})},
+      {FaultKind::kReorder, "reorder", "packets arrive after later ones of their frame",
+       of_packets({{"by", "", 1.0, 1.0, 1000.0, true, "how many packets later"}})},
+      {FaultKind::kDuplicate, "duplicate", "packets arrive twice", of_packets({})},
+      {FaultKind::kGarbage, "garbage", "packets of random bytes arrive between the camera's",
+       of_packets({{"bytes", "", 7.0, 0.0, 44.0, true, "of the longest; from 8 on a header can be read in them"}})},
+      {FaultKind::kNoResend, "resend_unanswered", "the camera claims resends and answers no request",
+       lasting({}, kForEver)},
+      {FaultKind::kIdGap, "id_gap", "the frame counter jumps, the clock does not",
+       once({{"ids", "", 1.0, 1.0, 30000.0, true, "that no frame gets"}})},
+      {FaultKind::kTimeJump, "time_jump", "the camera's clock jumps, the frame counter does not",
+       once({{"by", "s", 1.0, -1e4, 1e4, false, "ahead, or back"}})},
+      {FaultKind::kStall, "stall", "no frames, the camera answers; its counter and clock go on", lasting({}, 0.4)},
+      {FaultKind::kFreeze, "freeze", "no frames and no answers, then as if nothing had been", lasting({}, 0.4)},
+      {FaultKind::kControlLoss, "control_loss", "the client's control is taken away, its stream ends", once({})},
+      {FaultKind::kReboot, "reboot", "silent, then registers, stream and client are forgotten", silence(1.0)},
+      {FaultKind::kNuc, "nuc", "a shutter: the last frame is repeated, then all pixels are off by a little more",
+       lasting({{"offset", "K", 0.5, -100.0, 100.0, false, "of all pixels after each; counts when radiometric"}}, 0.4)},
+      {FaultKind::kByteOrder, "byte_order", "pixels come with their bytes swapped", lasting({}, kForEver)},
+      {FaultKind::kMetadataRows, "metadata_rows", "the last rows hold metadata: the frame counter in bytes 12 and 13",
+       lasting({{"rows", "", 3.0, 1.0, 16.0, true, "of each frame"}}, kForEver)},
+      {FaultKind::kWindowingDrop,
+       "windowing_drop",
+       "a change of IRWindowing drops the connection, as an A655sc does",
+       {for_key(4.0)}},
+  };
+}
+
+std::string shortest(double value) {
+  std::array<char, 32> text{};
+  const auto [end, error] = std::to_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc() ? std::string(text.data(), end) : std::string("?");
+}
+
+const FaultKey* find_key(const FaultType& type, std::string_view key) {
+  const auto found = std::ranges::find(type.keys, key, &FaultKey::key);
+  return found == type.keys.end() ? nullptr : &*found;
+}
+
+Result<const FaultType*> find_type(std::string_view name) {
+  std::vector<std::string_view> names;
+  for (const FaultType& type : fault_types()) {
+    if (type.name == name) return &type;
+    names.push_back(type.name);
+  }
+  return bad_input("there is no fault '" + std::string(name) + "'; did you mean '" + nearest(name, names) +
+                   "'? (bolo fakecam --list-faults shows all)");
+}
+
+Status check_value(const std::string& where, const FaultKey& key, double value) {
+  const bool fits = value >= key.low && value <= key.high && (!key.whole || value == std::floor(value));
+  if (fits) return {};
+  return bad_input(where + std::string(key.key) + "=" + shortest(value) + ": expected " +
+                   (key.whole ? "a whole number from " : "") + shortest(key.low) + " to " + shortest(key.high));
+}
+
+// One "key=value", put into `fault`.
+Status take_item(Fault& fault, std::string_view item) {
+  const std::string where = "fault " + std::string(fault.type->name) + ": ";
+  const std::size_t equals = item.find('=');
+  if (equals == std::string_view::npos || equals == 0) {
+    return bad_input(where + "'" + std::string(item) + "': expected key=value");
+  }
+  const std::string_view name = item.substr(0, equals);
+  const std::string_view text = item.substr(equals + 1);
+  const FaultKey* key = find_key(*fault.type, name);
+  if (key == nullptr) {
+    std::vector<std::string_view> keys;
+    for (const FaultKey& k : fault.type->keys) keys.push_back(k.key);
+    return bad_input(where + "there is no key '" + std::string(name) + "'; did you mean '" + nearest(name, keys) +
+                     "'?");
+  }
+  if (fault.given(name)) return bad_input(where + std::string(name) + " is given twice");
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) {
+    return bad_input(where + std::string(name) + "=" + std::string(text) + ": expected a number");
+  }
+  if (Status fine = check_value(where, *key, value); !fine) return fine;
+  fault.values.emplace(name, value);
+  return {};
+}
+
+// What single values cannot tell.
+Status check_together(const Fault& fault) {
+  const std::string where = "fault " + std::string(fault.type->name) + ": ";
+  if (fault.given("for") && fault.given("frames")) return bad_input(where + "give for or frames, not both");
+  if (!fault.given("every") || !fault.has("for") || fault.given("frames")) return {};
+  const double lasts_s = fault.value("for");
+  if (lasts_s < fault.value("every")) return {};
+  return bad_input(where + "every=" + shortest(fault.value("every")) + " must be longer than a strike lasts: " +
+                   (std::isfinite(lasts_s) ? shortest(lasts_s) : "for ever") + "; set for");
+}
+
+std::int64_t to_ns(double seconds) { return std::llround(seconds * kNsPerSecond); }
+
+// A time that never comes, with room to add to it.
+constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max() / 4;
+
+}  // namespace
+
+bool Fault::has(std::string_view key) const { return find_key(*type, key) != nullptr; }
+
+double Fault::value(std::string_view key) const {
+  const auto found = values.find(key);
+  if (found != values.end()) return found->second;
+  const FaultKey* const known = find_key(*type, key);
+  return known != nullptr ? known->standard : 0.0;
+}
+
+std::span<const FaultType> fault_types() {
+  static const std::vector<FaultType> kTypes = make_types();
+  return kTypes;
+}
+
+Result<Fault> parse_fault(std::string_view text) {
+  const std::size_t colon = text.find(':');
+  const auto type = find_type(text.substr(0, colon));
+  if (!type) return tl::unexpected<Error>(type.error());
+  Fault fault{*type, {}};
+  for (std::string_view rest = colon == std::string_view::npos ? "" : text.substr(colon); !rest.empty();) {
+    rest.remove_prefix(1);  // the colon, or a comma
+    const std::size_t comma = std::min(rest.find(','), rest.size());
+    if (Status taken = take_item(fault, rest.substr(0, comma)); !taken) return tl::unexpected<Error>(taken.error());
+    rest.remove_prefix(comma);
+  }
+  if (Status fine = check_together(fault); !fine) return tl::unexpected<Error>(fine.error());
+  return fault;
+}
+
+std::string fault_text(const Fault& fault) {
+  std::string text(fault.type->name);
+  char separator = ':';
+  for (const auto& [key, value] : fault.values) {
+    text += separator + key + "=" + shortest(value);
+    separator = ',';
+  }
+  return text;
+}
+
+std::uint64_t Schedule::begun(std::int64_t time_ns) const noexcept {
+  if (time_ns < at_ns) return 0;
+  return every_ns == 0 ? 1 : static_cast<std::uint64_t>((time_ns - at_ns) / every_ns) + 1;
+}
+
+std::uint64_t Schedule::ended(std::int64_t time_ns) const noexcept { return begun(time_ns - for_ns); }
+
+Schedule schedule_of(const Fault& fault, std::int64_t period_ns) {
+  Schedule schedule;
+  if (fault.has("at")) schedule.at_ns = to_ns(fault.value("at"));
+  if (fault.given("frames")) {
+    schedule.for_ns = std::llround(fault.value("frames")) * period_ns;
+  } else if (fault.has("for")) {
+    schedule.for_ns = std::isfinite(fault.value("for")) ? to_ns(fault.value("for")) : kNever;
+  }
+  if (fault.given("every")) schedule.every_ns = to_ns(fault.value("every"));
+  return schedule;
+}
+
+Schedule frame_schedule_of(const Fault& fault, std::int64_t period_ns) {
+  Schedule schedule = schedule_of(fault, period_ns);
+  schedule.at_ns -= period_ns / 2;
+  return schedule;
+}
+
+}  // namespace bolo::fakecam

@@ -1,0 +1,95 @@
+// What goes wrong with the fake camera, and when: faults as text, checked.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "bolo/core/result.hpp"
+
+namespace bolo::fakecam {
+
+enum class FaultKind {
+  kLoss,
+  kReorder,
+  kDuplicate,
+  kGarbage,
+  kNoResend,
+  kIdGap,
+  kTimeJump,
+  kStall,
+  kFreeze,
+  kControlLoss,
+  kReboot,
+  kNuc,
+  kByteOrder,
+  kMetadataRows,
+  kWindowingDrop,
+};
+
+// One number of a fault. A standard value of infinity means "to the end".
+struct FaultKey {
+  std::string_view key;
+  std::string_view unit;  // "" for ratios and counts
+  double standard = 0.0;
+  double low = 0.0;
+  double high = 0.0;
+  bool whole = false;  // only whole numbers
+  std::string_view about;
+};
+
+struct FaultType {
+  FaultKind kind = FaultKind::kLoss;
+  std::string_view name;
+  std::string_view about;
+  std::vector<FaultKey> keys;
+};
+
+// A fault with its numbers. Keys that are missing in `values` stand at their standard.
+struct Fault {
+  const FaultType* type = nullptr;
+  std::map<std::string, double, std::less<>> values;
+
+  FaultKind kind() const { return type->kind; }
+  bool has(std::string_view key) const;  // the type has this key
+  bool given(std::string_view key) const { return values.contains(key); }
+  double value(std::string_view key) const;  // 0 of a key that the type does not have
+};
+
+using FaultScript = std::vector<Fault>;
+
+inline constexpr std::size_t kMaxFaults = 32;  // of one camera
+
+// All faults. Thread: any.
+std::span<const FaultType> fault_types();
+
+// "NAME" or "NAME:key=value,...". kBadInput says what is wrong in one line and names the nearest name or key.
+// Thread: any.
+Result<Fault> parse_fault(std::string_view text);
+
+// The text that parse_fault() reads back as this. Thread: any.
+std::string fault_text(const Fault& fault);
+
+// When a fault strikes, on a clock that starts with the camera's first stream and never stops.
+struct Schedule {
+  std::int64_t at_ns = 0;
+  std::int64_t for_ns = 0;    // how long each strike lasts; 0: it is over at once
+  std::int64_t every_ns = 0;  // from one strike to the next; 0: there is one only
+
+  // How many strikes have begun, and how many of them are over. Thread: any.
+  std::uint64_t begun(std::int64_t time_ns) const noexcept;
+  std::uint64_t ended(std::int64_t time_ns) const noexcept;
+  bool lasts(std::int64_t time_ns) const noexcept { return begun(time_ns) > ended(time_ns); }
+};
+
+// The keys at, for or frames, and every. period_ns: of the frames. Thread: any.
+Schedule schedule_of(const Fault& fault, std::int64_t period_ns);
+
+// Such schedules for what happens to frames, asked for by the frames' nominal times: half a period early, so that
+// rounding moves no frame into a strike or out of it. N frames are then exactly N. Thread: any.
+Schedule frame_schedule_of(const Fault& fault, std::int64_t period_ns);
+
+}  // namespace bolo::fakecam

@@ -1,0 +1,77 @@
+// From the camera's clock to the host's: when, on CLOCK_MONOTONIC, a frame was taken.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace bolo::genicam {
+
+// A frame arrives late by the way from camera to host: at least its shortest, more when something was busy. Arrival
+// minus camera time, over camera time, therefore lies above a line whose slope is the drift of the clocks. The line is
+// the edge of the points' lower convex hull that lies over their mean time: of all lines below the points the one that
+// is closest to them (Moon, Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements",
+// INFOCOM 1999). The points are the fastest frames of each half second of the last ten. What is left of the error is
+// the shortest way itself, which cannot be told from an offset of the clocks. Thread: acquire, or setup while no
+// connection delivers. No allocation.
+class HostClock {
+ public:
+  // period_s: the frame period, for telling a jump of the clock from frames that were lost.
+  explicit HostClock(double period_s) noexcept;
+
+  struct Mapped {
+    std::int64_t host_ns = 0;  // never later than the arrival
+    bool jumped = false;  // the camera's clock jumped since the last frame: by more than both the frame counter and
+                          // the host's clock allow, and by 20 ms and four periods at least
+  };
+  // receive_ns: CLOCK_MONOTONIC of the arrival. Frame ids rise.
+  Mapped map(std::uint64_t frame_id, std::int64_t camera_ns, std::int64_t receive_ns) noexcept;
+
+  // Another connection's frames follow: the clock may have begun anew.
+  void restart() noexcept { started_ = false; }
+
+  // Host's clock - camera's, at the last frame.
+  std::int64_t offset_ns() const noexcept { return base_ns_ + static_cast<std::int64_t>(line_at(last_camera_ns_)); }
+  // By how much the camera's clock is slower, parts per million; 0 within the first two seconds.
+  double drift_ppm() const noexcept { return slope_ * 1e6; }
+  // Of arrivals over the line, root mean square in the last half second that is complete, ns.
+  double jitter_ns() const noexcept { return jitter_ns_; }
+
+ private:
+  struct Point {
+    double camera_ns = 0.0;  // since begin_ns_
+    double late_ns = 0.0;    // arrival - camera time - base_ns_
+  };
+  static constexpr std::size_t kPoints = 20;
+
+  void begin(std::int64_t camera_ns, std::int64_t receive_ns) noexcept;
+  bool has_jumped(std::uint64_t frame_id, std::int64_t camera_ns, std::int64_t receive_ns) const noexcept;
+  void collect(const Point& point) noexcept;
+  void close_bucket() noexcept;
+  void fit() noexcept;
+  double line_at(std::int64_t camera_ns) const noexcept {
+    return level_ns_ + slope_ * static_cast<double>(camera_ns - begin_ns_);
+  }
+
+  const double period_ns_;
+  bool started_ = false;
+  std::int64_t begin_ns_ = 0;  // camera's clock
+  std::int64_t base_ns_ = 0;   // of the first frame: arrival - camera time
+  std::uint64_t last_id_ = 0;
+  std::int64_t last_camera_ns_ = 0;
+  std::int64_t last_receive_ns_ = 0;
+  double level_ns_ = 0.0;  // the line
+  double slope_ = 0.0;
+  double jitter_ns_ = 0.0;
+
+  Point fastest_;  // of the present half second
+  double bucket_end_ns_ = 0.0;
+  double sum_squares_ = 0.0;
+  std::size_t frames_ = 0;
+
+  std::array<Point, kPoints> points_{};  // a ring, in time's order from first_ on
+  std::size_t first_ = 0;
+  std::size_t count_ = 0;
+};
+
+}  // namespace bolo::genicam

@@ -1,0 +1,27 @@
+// What the camera is told of what it looks at: its range, its object parameters, and when it may correct itself.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "bolo/core/result.hpp"
+#include "drivers/genicam/nodes.hpp"
+#include "drivers/genicam/radiometry.hpp"
+
+namespace bolo::genicam {
+
+// Touches only nodes that the camera has; a parameter that was asked for and is not there is a warning. Thread: setup.
+void configure_object(Nodes& nodes, const ObjectParameters& object, std::vector<std::string>& warnings);
+
+// Chooses the narrowest range ("case") that holds the temperatures asked for; kBadInput with the camera's own when none
+// does. What it offers and has is a note. Thread: setup.
+Status configure_range(Nodes& nodes, const CameraOptions& options, std::vector<std::string>& notes,
+                       std::vector<std::string>& warnings);
+
+// Whether the camera corrects itself, by NUCMode. Thread: setup.
+void configure_nuc(Nodes& nodes, const NucOptions& nuc, std::vector<std::string>& warnings);
+
+// The constants of the present range; nothing when the camera does not tell them. Thread: setup.
+std::optional<Planck> read_planck(Nodes& nodes);
+
+}  // namespace bolo::genicam

@@ -1,0 +1,53 @@
+// A cheap look at what the camera sees: whether it moves, and whether its values can be temperatures.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "bolo/core/plane.hpp"
+#include "bolo/rt/counters.hpp"
+
+namespace bolo::genicam {
+
+// Looks at some 1,000 pixels spread over the frame. Nothing is allocated.
+class SceneWatch {
+ public:
+  // still_k: a scene stands still while, from one tenth of a second to the next, its pixels change by no more than this
+  // on average; K, or counts where frames have no kelvin. 0: motion is not looked at. Thread: setup.
+  SceneWatch(const StreamFormat& format, double still_k) noexcept;
+
+  // A frame in the host's byte order, row-major. now_ns: CLOCK_MONOTONIC. Thread: acquire.
+  void look(const std::uint16_t* plane, std::int64_t now_ns) noexcept;
+  // Frames of another connection follow. Thread: setup, while no connection delivers.
+  void restart() noexcept;
+
+  // CLOCK_MONOTONIC since when nothing has moved; 0 while something does. Thread: any.
+  std::int64_t still_since_ns() const noexcept { return still_since_ns_.value(); }
+  // The median of one early frame of this connection, counts; -1 before it came. Thread: any.
+  int median() const noexcept { return median_.value(); }
+
+ private:
+  static constexpr std::size_t kMostSamples = 1024;
+  using Samples = std::array<std::uint16_t, kMostSamples>;
+
+  void take(const std::uint16_t* plane, Samples& samples) const noexcept;
+  double change(const Samples& now) const noexcept;
+
+  const std::size_t count_;
+  const std::size_t step_;
+  const double still_counts_;
+  std::uint64_t frames_ = 0;  // of this connection
+  std::int64_t compared_ns_ = 0;
+  Samples before_{};
+  rt::Gauge<std::int64_t> still_since_ns_;
+  rt::Gauge<int> median_{-1};
+};
+
+// Why the median of a frame cannot be what its scale says, and the setting to change; nothing when it can, or has no
+// kelvin. Believed are 200 to 700 K. Thread: any.
+std::optional<std::string> implausible(int median, const LinearScale& scale);
+
+}  // namespace bolo::genicam

@@ -1,0 +1,20 @@
+// A camera's status between the pipeline's form of it, shared memory's, and JSON.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "bolo/pipeline/source_status.hpp"
+#include "bolo/shm_layout.h"
+
+namespace bolo::shm {
+
+// Without the control socket's path. Thread: any.
+bolo_shm_camera camera_block(const pipeline::SourceStatus& status) noexcept;
+
+// "streaming", "lost" ...; "unknown" for a state of a later version. Thread: any.
+const char* camera_state_word(const bolo_shm_camera& camera) noexcept;
+
+// Keys in snake_case, unit in the name; what is not known is null. now_ns: CLOCK_MONOTONIC. Thread: any.
+nlohmann::ordered_json camera_json(const bolo_shm_camera& camera, std::int64_t now_ns);
+
+}  // namespace bolo::shm

@@ -1,0 +1,250 @@
+// What a FLIR is told and asked beyond its stream: corrections, range, object, calibration; and where it has gone.
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+
+#include "drivers/genicam/radiometry.hpp"
+#include "tests/drivers/genicam/fake_camera.hpp"
+
+namespace bolo::genicam::test {
+namespace {
+
+enum Register : std::uint32_t {
+  kIrFormatAt = 0x1000,
+  kNucModeAt = 0x1010,
+  kNucActionAt = 0x1014,
+  kNumCasesAt = 0x1020,
+  kQueryCaseAt = 0x1024,
+  kCurrentCaseAt = 0x1028,
+  kEmissivityAt = 0x1040,
+  kReflectedAt = 0x1044,
+  kRAt = 0x1060,
+  kBAt = 0x1064,
+  kFAt = 0x1068,
+  kJ0At = 0x106C,
+  kJ1At = 0x1070
+};
+
+std::string float_node(const std::string& name, std::uint32_t address) {
+  return "<Float Name=\"" + name + "\"><pValue>" + name + "Register</pValue></Float><FloatReg Name=\"" + name +
+         "Register\"><Address>" + std::to_string(address) +
+         "</Address><Length>4</Length><AccessMode>RW</AccessMode><pPort>Device</pPort>"
+         "<Endianess>BigEndian</Endianess></FloatReg>";
+}
+
+std::string command_node(const std::string& name, std::uint32_t address) {
+  return "<Command Name=\"" + name + "\"><pValue>" + name + "Value</pValue><CommandValue>1</CommandValue></Command>" +
+         integer_node(name + "Value", address);
+}
+
+// Ranges: case n measures from 200 + 100 n to 400 + 200 n K.
+std::string case_nodes() {
+  const auto limit = [](const std::string& name, const std::string& formula) {
+    return "<SwissKnife Name=\"" + name + "\"><pVariable Name=\"N\">QueryCase</pVariable><Formula>" + formula +
+           "</Formula></SwissKnife>";
+  };
+  return integer_node("NumCases", kNumCasesAt) + integer_node("QueryCase", kQueryCaseAt) +
+         integer_node("CurrentCase", kCurrentCaseAt) + limit("QueryCaseLowLimit", "200.0 + 100.0 * N") +
+         limit("QueryCaseHighLimit", "400.0 + 200.0 * N");
+}
+
+std::string flir_xml() {
+  static const std::string kFile = write_xml(
+      enumeration_node("IRFormat", kIrFormatAt, {"Radiometric", "TemperatureLinear100mK", "TemperatureLinear10mK"}) +
+      enumeration_node("NUCMode", kNucModeAt, {"Off", "Automatic"}) + command_node("NUCAction", kNucActionAt) +
+      case_nodes() + float_node("ObjectEmissivity", kEmissivityAt) + float_node("ReflectedTemperature", kReflectedAt) +
+      integer_node("R", kRAt) + integer_node("J0", kJ0At) + float_node("B", kBAt) + float_node("F", kFAt) +
+      float_node("J1", kJ1At));
+  return kFile;
+}
+
+class GenicamFlirTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const std::string why = enter_private_network(); !why.empty()) GTEST_SKIP() << why;
+    fake_ = make_fake("127.0.0.1");
+  }
+
+  static std::unique_ptr<FakeCamera> make_fake(const std::string& address, const std::string& serial = {}) {
+    auto fake = std::make_unique<FakeCamera>(
+        FakeOptions{.address = address, .xml = flir_xml(), .big_endian = false, .id = {}, .serial = serial});
+    fake->write_register(kNumCasesAt, 3);
+    fake->write_register(kRAt, 17000);
+    fake->write_register(kJ0At, 4000);
+    fake->write_register(kBAt, std::bit_cast<std::uint32_t>(1428.0F));
+    fake->write_register(kFAt, std::bit_cast<std::uint32_t>(1.0F));
+    fake->write_register(kJ1At, std::bit_cast<std::uint32_t>(60.0F));
+    return fake;
+  }
+
+  void start(CameraOptions options) {
+    source_ = std::make_unique<GenicamSource>(std::move(options));
+    const auto info = source_->open();
+    ASSERT_TRUE(info) << info.error().message;
+    format_ = info->format;
+    collector_ = std::make_unique<Collector>(info->format);
+    const Status started = source_->start(collector_->inlet());
+    ASSERT_TRUE(started) << started.error().message;
+  }
+  bool told(const std::string& part) {
+    for (Notice& notice : source_->take_notices()) notices_.push_back(std::move(notice.text));
+    return std::any_of(notices_.begin(), notices_.end(),
+                       [&](const std::string& text) { return text.find(part) != std::string::npos; });
+  }
+  float read_float(std::uint32_t address) const { return std::bit_cast<float>(fake_->read_register(address)); }
+
+  std::unique_ptr<FakeCamera> fake_;
+  StreamFormat format_;
+  std::unique_ptr<Collector> collector_;
+  std::unique_ptr<GenicamSource> source_;
+  std::vector<std::string> notices_;
+};
+
+TEST_F(GenicamFlirTest, CorrectsOnDemandAndKeepsThoseFramesApart) {
+  CameraOptions options = options_for();
+  options.nuc.policy = NucPolicy::kManual;
+  options.nuc.hold_ms = 150;
+  start(options);
+  EXPECT_EQ(fake_->read_register(kNucModeAt), 0U);
+  ASSERT_TRUE(collector_->wait_for(20));
+  EXPECT_EQ(fake_->read_register(kNucActionAt), 0U) << "not asked for yet";
+  ASSERT_TRUE(eventually([&] { return source_->state() == SourceState::kStreaming; }));
+  const Status done = source_->correct();
+  ASSERT_TRUE(done) << done.error().message;
+  EXPECT_EQ(fake_->read_register(kNucActionAt), 1U);
+  EXPECT_TRUE(eventually([&] { return source_->state() == SourceState::kStreaming; }));
+  const std::uint64_t after = collector_->count();
+  ASSERT_TRUE(collector_->wait_for(after + 20));
+  EXPECT_EQ(source_->status()->corrections.value(), 1U);
+  EXPECT_NE(source_->status()->correction_ns.value(), 0);
+  EXPECT_TRUE(told("NUC (asked for)"));
+  EXPECT_EQ(source_->status()->stalls.value(), 0U);
+  source_->stop();
+
+  int flagged = 0;
+  int changes = 0;
+  const auto& frames = collector_->finish();
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    const bool nuc = (frames[i].meta.flags & kFlagNuc) != 0;
+    const bool nuc_before = (frames[i - 1].meta.flags & kFlagNuc) != 0;
+    flagged += nuc ? 1 : 0;
+    changes += nuc != nuc_before ? 1 : 0;
+    EXPECT_EQ(frames[i].restarts_window, nuc != nuc_before) << i;
+  }
+  EXPECT_GT(flagged, 0);
+  EXPECT_EQ(changes, 2) << "one run of frames";
+}
+
+TEST_F(GenicamFlirTest, CorrectsByTheClock) {
+  CameraOptions options = options_for();
+  options.nuc.policy = NucPolicy::kTimed;
+  options.nuc.interval_s = 0.2;
+  options.nuc.hold_ms = 50;
+  start(options);
+  EXPECT_TRUE(eventually([&] { return source_->status()->corrections.value() >= 3; }));
+  source_->stop();
+}
+
+TEST_F(GenicamFlirTest, LeavesCorrectionsToTheCamera) {
+  start(options_for());
+  EXPECT_EQ(fake_->read_register(kNucModeAt), 1U);
+  ASSERT_TRUE(collector_->wait_for(20));
+  EXPECT_EQ(source_->status()->corrections.value(), 0U);
+  source_->stop();
+  EXPECT_FALSE(source_->correct()) << "stopped";
+}
+
+TEST_F(GenicamFlirTest, ChoosesTheNarrowestRangeThatHoldsWhatIsAskedFor) {
+  CameraOptions options = options_for();
+  options.range_low_k = 320.0;
+  options.range_high_k = 560.0;
+  start(options);
+  EXPECT_EQ(fake_->read_register(kCurrentCaseAt), 1U) << "300 to 600 K, not 400 to 800 K";
+  EXPECT_TRUE(told("the camera measures 300 to 600 K; it offers: 200 to 400 K, 300 to 600 K, 400 to 800 K"));
+  source_->stop();
+  options.range_high_k = 900.0;
+  GenicamSource other(options);
+  const auto refused = other.open();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(refused.error().message.find("it offers: 200 to 400 K"), std::string::npos) << refused.error().message;
+}
+
+TEST_F(GenicamFlirTest, SetsOnlyTheObjectParametersThatItHas) {
+  fake_->write_register(kEmissivityAt, std::bit_cast<std::uint32_t>(0.95F));
+  CameraOptions options = options_for();
+  options.object.reflected_k = 281.5;
+  options.object.humidity = 0.4;
+  GenicamSource source(options);
+  ASSERT_TRUE(source.open());
+  EXPECT_EQ(read_float(kEmissivityAt), 1.0F) << "unity unless told otherwise";
+  EXPECT_EQ(read_float(kReflectedAt), 281.5F);
+  const auto warnings = source.warnings();
+  EXPECT_TRUE(std::any_of(warnings.begin(), warnings.end(), [](const std::string& text) {
+    return text.find("no RelativeHumidity") != std::string::npos;
+  }));
+}
+
+TEST_F(GenicamFlirTest, RadiometricCountsArriveAsKelvin) {
+  CameraOptions options = options_for();
+  options.ir_format = IrFormat::kRadiometric;
+  start(options);
+  EXPECT_EQ(fake_->read_register(kIrFormatAt), 0U);
+  EXPECT_EQ(format_.scale, (LinearScale{Unit::kKelvin, 0.01, 0.0}));
+  EXPECT_TRUE(told("R = 17000, B = 1428, F = 1, J0 = 4000, J1 = 60"));
+  ASSERT_TRUE(collector_->wait_for(3));
+  source_->stop();
+  const Planck planck{17000.0, 1428.0, 1.0, 4000.0, 60.0};
+  for (const Received& frame : collector_->finish()) {
+    const double kelvin = kelvin_of(pixel(number_of(frame), 5, 7), planck, {});
+    EXPECT_NEAR(frame.pixels[7 * kWidth + 5] * 0.01, std::min(kelvin, 655.35), 0.006);
+  }
+}
+
+TEST_F(GenicamFlirTest, TellsAPictureThatIsNoTemperature) {
+  CameraOptions options = options_for();
+  options.ir_format = IrFormat::kTemperatureLinear100mK;  // any value of the fake's pictures: 3,277 K at their middle
+  start(options);
+  EXPECT_TRUE(eventually([&] { return told("no temperature of a scene"); }));
+  source_->stop();
+}
+
+TEST_F(GenicamFlirTest, MapsTheCamerasTimeToTheHosts) {
+  start(options_for());
+  ASSERT_TRUE(collector_->wait_for(60));
+  source_->stop();
+  const auto& frames = collector_->finish();
+  for (const Received& frame : frames) {
+    EXPECT_LE(frame.meta.host_ns, frame.meta.receive_ns);
+    EXPECT_NE(frame.meta.host_ns, 0);
+  }
+  EXPECT_NE(source_->status()->clock_offset_ns.value(), 0);
+}
+
+TEST_F(GenicamFlirTest, FindsALostCameraUnderAnotherAddress) {
+  fake_ = nullptr;
+  fake_ = make_fake("127.0.0.1", "WANDERER");
+  start(options_for());
+  ASSERT_TRUE(collector_->wait_for(10));
+  fake_ = nullptr;
+  fake_ = make_fake("127.0.0.2", "WANDERER");
+  ASSERT_TRUE(eventually([&] { return source_->reconnects() >= 1; }));
+  const std::uint64_t before = collector_->count();
+  EXPECT_TRUE(collector_->wait_for(before + 10));
+  EXPECT_TRUE(told("found again at 127.0.0.2, before at 127.0.0.1"));
+  source_->stop();
+}
+
+TEST_F(GenicamFlirTest, DoesNotTakeAnotherCameraForTheLostOne) {
+  start(options_for());
+  ASSERT_TRUE(collector_->wait_for(10));
+  fake_ = nullptr;
+  fake_ = make_fake("127.0.0.1", "STRANGER");
+  ASSERT_TRUE(eventually([&] { return told("is now camera STRANGER, not GV01"); }));
+  EXPECT_EQ(source_->reconnects(), 0U);
+  source_->stop();
+}
+
+}  // namespace
+}  // namespace bolo::genicam::test

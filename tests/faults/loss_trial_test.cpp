@@ -1,0 +1,44 @@
+// Lost packets at full size: what is counted, and that asking again brings them back.
+#include <gtest/gtest.h>
+
+#include "tools/eval/loss_trial.hpp"
+
+namespace bolo::tools::faults {
+namespace {
+
+constexpr double kSeconds = 0.5;
+
+class LossTrial : public testing::Test {
+ protected:
+  static const Result<Recording>& scene() {
+    static const Result<Recording> kScene = loss_scene(kSeconds);
+    return kScene;
+  }
+  // The work on the pixels is another test's: few iterations, so that a busy machine keeps up.
+  static LossRow row(double rate, bool resend) {
+    EXPECT_TRUE(scene().has_value()) << scene().error().message;
+    pipeline::PipelineOptions options;
+    options.deblur.method = deblur::Method::kInverse;
+    const auto row = try_loss({rate, resend, 9000, kSeconds}, *scene(), options);
+    EXPECT_TRUE(row.has_value()) << row.error().message;
+    return row.value_or(LossRow{});
+  }
+};
+
+TEST_F(LossTrial, EachFrameThatIsHitIsLostOnce) {
+  const LossRow lossy = row(0.02, false);
+  if (lossy.host_dropped > 0) GTEST_SKIP() << "this computer dropped packets by itself";
+  EXPECT_GT(lossy.hit, 10U);
+  EXPECT_EQ(lossy.network, lossy.hit);
+  EXPECT_LT(lossy.rmse_deblurred_k, lossy.rmse_raw_k);
+}
+
+TEST_F(LossTrial, AskingAgainBringsMostOfThemBack) {
+  const LossRow lossy = row(0.02, true);
+  if (lossy.host_dropped > 0) GTEST_SKIP() << "this computer dropped packets by itself";
+  EXPECT_GT(lossy.hit, 10U);
+  EXPECT_LT(lossy.network, lossy.hit / 2);
+}
+
+}  // namespace
+}  // namespace bolo::tools::faults

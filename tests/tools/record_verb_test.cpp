@@ -1,0 +1,274 @@
+// `bolo record` and `bolo recover` as their users meet them; the daemon is a writer of shared memory fed by the test.
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "bolo/capture/capture.hpp"
+#include "tests/drivers/shm/shm_rig.hpp"
+#include "tests/tools/program.hpp"
+
+namespace bolo::tools {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using test::Outcome;
+using test::Program;
+
+constexpr auto kHangGuard = std::chrono::seconds(60);
+
+class RecordVerb : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = testing::TempDir() + "bolo_record_XXXXXX";
+    folder_ = mkdtemp(pattern.data());
+    name_ = shm::unique_name(testing::UnitTest::GetInstance()->current_test_info()->name());
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  Program start(std::vector<std::string> words) const {
+    words.insert(words.begin(), BOLO_PROGRAM);
+    return {folder_, std::move(words)};
+  }
+  Outcome run(std::vector<std::string> words) const { return start(std::move(words)).outcome(); }
+  std::string file(const std::string& name = "a.h5") const { return (folder_ / name).string(); }
+
+  fs::path folder_;
+  std::string name_;
+};
+
+// Publishes at some 500 frames a second until `enough`.
+template <typename Enough>
+void publish_until(shm::Writer& writer, Enough enough) {
+  const auto begin = std::chrono::steady_clock::now();
+  while (!enough() && std::chrono::steady_clock::now() - begin < kHangGuard) {
+    writer.publish();
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+}
+
+bool exists(const std::string& file) { return fs::exists(file); }
+
+void expect_published(const capture::CaptureReader& reader, std::size_t plane_index) {
+  std::vector<std::uint16_t> plane(reader.info().format.geometry.pixels());
+  for (std::size_t i = 0; i < reader.info().frames; ++i) {
+    const std::uint64_t number = reader.frame_id()[i] / 2;
+    ASSERT_TRUE(reader.read_frame(i, plane.data()));
+    for (std::size_t p = 0; p < plane.size(); ++p) ASSERT_EQ(plane[p], shm::pattern(number, plane_index, p));
+    ASSERT_NEAR(reader.t()[i], static_cast<double>(number) * 0.005, 1e-9);
+  }
+}
+
+TEST_F(RecordVerb, FramesAreThePublishedOnes) {
+  shm::Writer writer(name_);
+  ASSERT_TRUE(writer.open());
+  const Program program = start({"record", name_, "-o", file(), "--frames", "300", "--json"});
+  publish_until(writer, [&] { return exists(file()); });
+  const Outcome outcome = program.outcome();
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const json told = json::parse(outcome.out);
+  EXPECT_EQ(told["frames"], 300);
+  EXPECT_EQ(told["lost"]["overwritten"], 0);
+  EXPECT_EQ(told["lost"]["no_room"], 0);
+  const auto reader = capture::CaptureReader::open(file());
+  ASSERT_TRUE(reader) << reader.error().message;
+  ASSERT_EQ(reader->info().frames, 300U);
+  EXPECT_EQ(reader->info().camera_model, "Model");
+  EXPECT_EQ(reader->info().camera_serial, "1234");
+  EXPECT_EQ(reader->info().format.scale.offset, 5.0);
+  expect_published(*reader, 0);
+  EXPECT_FALSE(exists(file() + ".part")) << "renamed";
+  EXPECT_FALSE(exists(file() + ".part.journal"));
+}
+
+TEST_F(RecordVerb, DeblurredPlanesInFilesOfAGivenLength) {
+  shm::Writer writer(name_);
+  ASSERT_TRUE(writer.open());
+  // A hundredth of a minute are 120 frames of 5 ms.
+  const Program program =
+      start({"record", name_, "-o", file(), "--frames", "300", "--planes", "deblurred", "--split-minutes", "0.01"});
+  publish_until(writer, [&] { return exists(file("a_003.h5")); });
+  ASSERT_EQ(program.outcome().exit_code, 0);
+  for (const auto& [part, frames] : {std::pair{"a_001.h5", 120U}, {"a_002.h5", 120U}, {"a_003.h5", 60U}}) {
+    const auto reader = capture::CaptureReader::open(file(part));
+    ASSERT_TRUE(reader) << reader.error().message;
+    EXPECT_EQ(reader->info().frames, frames);
+    expect_published(*reader, 1);
+  }
+}
+
+TEST_F(RecordVerb, InterruptEndsInGoodOrder) {
+  shm::Writer writer(name_);
+  ASSERT_TRUE(writer.open());
+  const Program program = start({"record", name_, "-o", file()});
+  std::uint64_t after_begin = 0;
+  publish_until(writer, [&] { return exists(file() + ".part") && ++after_begin > 50; });
+  program.signal(SIGINT);
+  const Outcome outcome = program.outcome();
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto reader = capture::CaptureReader::open(file());
+  ASSERT_TRUE(reader) << reader.error().message;
+  expect_published(*reader, 0);
+}
+
+TEST_F(RecordVerb, FollowsADaemonThatIsStartedAgain) {
+  auto writer = std::make_unique<shm::Writer>(name_);
+  ASSERT_TRUE(writer->open());
+  const Program program = start({"record", name_, "-o", file(), "--frames", "200", "--json"});
+  std::uint64_t after_begin = 0;
+  publish_until(*writer, [&] { return exists(file() + ".part") && ++after_begin > 60; });
+  writer->sink.close();
+  writer = std::make_unique<shm::Writer>(name_);  // numbers and times begin anew
+  ASSERT_TRUE(writer->open());
+  publish_until(*writer, [&] { return exists(file()); });
+  const Outcome outcome = program.outcome();
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(json::parse(outcome.out)["reconnects"], 1);
+  const auto reader = capture::CaptureReader::open(file());  // refuses numbers and times that don't rise
+  ASSERT_TRUE(reader) << reader.error().message;
+  EXPECT_EQ(reader->info().frames, 200U);
+  ASSERT_EQ(reader->events().size(), 1U);
+  EXPECT_EQ(reader->events()[0].kind, "reconnect");
+}
+
+// A ring that is turned over faster than it is read: what was overwritten is counted, and marked in the file.
+TEST_F(RecordVerb, OverwrittenFramesAreCounted) {
+  shm::Writer writer(name_);
+  ASSERT_TRUE(writer.open());
+  const Program program = start({"record", name_, "-o", file(), "--frames", "400", "--json"});
+  std::uint64_t after_begin = 0;
+  publish_until(writer, [&] { return exists(file() + ".part") && ++after_begin > 100; });
+  program.signal(SIGSTOP);
+  for (int i = 0; i < 3000; ++i) writer.publish();
+  program.signal(SIGCONT);
+  publish_until(writer, [&] { return exists(file()); });
+  const Outcome outcome = program.outcome();
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const json told = json::parse(outcome.out);
+  EXPECT_GT(told["lost"]["overwritten"], 1000);
+  const auto reader = capture::CaptureReader::open(file());
+  ASSERT_TRUE(reader) << reader.error().message;
+  expect_published(*reader, 0);
+  ASSERT_FALSE(reader->events().empty());
+  EXPECT_EQ(reader->events()[0].kind, "gap");
+}
+
+// The limit on file size stands for the end of the disk. The program inherits it from this process.
+TEST_F(RecordVerb, FullDiskEndsInAGoodCapture) {
+  shm::Writer writer(name_, {320, 240});
+  ASSERT_TRUE(writer.open());
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit limit{rlim_t{12} << 20, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  const Program program = start({"record", name_, "-o", file(), "--frames", "2000", "--json"});
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+  publish_until(writer, [&] { return exists(file()); });
+  const Outcome outcome = program.outcome();
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_NE(outcome.err.find("no room to write"), std::string::npos) << outcome.err;
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  const auto reader = capture::CaptureReader::open(file());
+  ASSERT_TRUE(reader) << reader.error().message;
+  EXPECT_GT(reader->info().frames, 20U);
+  EXPECT_EQ(json::parse(outcome.out)["frames"], reader->info().frames);
+  expect_published(*reader, 0);
+}
+
+TEST_F(RecordVerb, AKilledRecordingIsRecovered) {
+  shm::Writer writer(name_);
+  ASSERT_TRUE(writer.open());
+  const Program program = start({"record", name_, "-o", file()});
+  std::uint64_t after_begin = 0;
+  publish_until(writer, [&] { return exists(file() + ".part") && ++after_begin > 600; });
+  program.signal(SIGKILL);
+  EXPECT_EQ(program.outcome().exit_code, -1);
+  std::size_t frames = 0;
+  {
+    const auto part = capture::CaptureReader::open(file() + ".part");
+    ASSERT_TRUE(part) << part.error().message;
+    EXPECT_TRUE(part->warnings().empty());
+    expect_published(*part, 0);
+    frames = part->info().frames;
+    const Outcome early = run({"recover", file() + ".part", "--in-place"});
+    EXPECT_EQ(early.exit_code, 1);
+    EXPECT_NE(early.err.find("another program has it open"), std::string::npos) << early.err;
+  }
+
+  const Outcome again = run({"record", name_, "-o", file()});
+  EXPECT_EQ(again.exit_code, 2) << "an unfinished recording is not written over";
+  EXPECT_NE(again.err.find("bolo recover"), std::string::npos) << again.err;
+
+  const Outcome copied = run({"recover", file() + ".part", "-o", file("b.h5"), "--json"});
+  ASSERT_EQ(copied.exit_code, 0) << copied.err;
+  EXPECT_EQ(json::parse(copied.out)["frames"], frames);
+  EXPECT_TRUE(exists(file() + ".part"));
+  const Outcome finished = run({"recover", file() + ".part", "--in-place"});
+  ASSERT_EQ(finished.exit_code, 0) << finished.err;
+  EXPECT_FALSE(exists(file() + ".part"));
+  for (const std::string& saved : {file(), file("b.h5")}) {
+    const auto reader = capture::CaptureReader::open(saved);
+    ASSERT_TRUE(reader) << reader.error().message;
+    EXPECT_EQ(reader->info().frames, frames);
+    expect_published(*reader, 0);
+  }
+}
+
+TEST_F(RecordVerb, WrongUsageIsOneLine) {
+  const auto refused = [&](std::vector<std::string> words, const std::string& word) {
+    const Outcome outcome = run(std::move(words));
+    EXPECT_EQ(outcome.exit_code, 2) << word;
+    EXPECT_NE(outcome.err.find(word), std::string::npos) << outcome.err;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  };
+  refused({"record", "-o", file()}, "which daemon");
+  refused({"record", name_}, "where to");
+  refused({"record", name_, "-o", file()}, "no shared memory named");
+  refused({"record", name_, "-o", file(), "--frames", "0"}, "--frames");
+  refused({"record", name_, "-o", file(), "--seconds", "-1"}, "--seconds");
+  refused({"record", name_, "-o", file(), "--planes", "both"}, "--planes");
+  shm::Writer writer(name_);
+  ASSERT_TRUE(writer.open());
+  refused({"record", name_, "-o", file("no/such/folder.h5")}, "No such file");
+  refused({"record", name_, "-o", "/dev/full"}, "is not a file");
+  refused({"recover", file("absent.h5.part")}, "No such file");
+  refused({"recover", file("absent.h5")}, "where to");
+}
+
+// A capture that was cut off: frames up to the cut are saved, the file stays as it is.
+TEST_F(RecordVerb, ACutOffCaptureIsRecovered) {
+  capture::CaptureInfo info;
+  info.format.geometry = {64, 48};
+  info.format.frame_period_s = 0.005;
+  auto writer = capture::CaptureWriter::create(file(), info);
+  ASSERT_TRUE(writer);
+  std::vector<std::uint16_t> plane(64 * 48);
+  for (std::uint64_t i = 0; i < 400; ++i) {
+    shm::fill(plane, i, 0);
+    ASSERT_TRUE(writer->append(static_cast<double>(i) * 0.005, 2 * i, plane.data()));
+  }
+  ASSERT_TRUE(writer->close());
+  const auto size = fs::file_size(file());
+  fs::resize_file(file(), size * 6 / 10);
+  EXPECT_EQ(run({"info", file()}).exit_code, 2);
+  const Outcome outcome = run({"recover", file(), "-o", file("b.h5"), "--json"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const json told = json::parse(outcome.out);
+  EXPECT_GT(told["frames"], 150);
+  EXPECT_FALSE(told["missing"].empty());
+  EXPECT_EQ(fs::file_size(file()), size * 6 / 10);
+  const auto reader = capture::CaptureReader::open(file("b.h5"));
+  ASSERT_TRUE(reader) << reader.error().message;
+  expect_published(*reader, 0);
+}
+
+}  // namespace
+}  // namespace bolo::tools

@@ -1,0 +1,67 @@
+// What `bolo convert` reads: frames one after the other, wherever they come from.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "bolo/capture/capture.hpp"
+
+namespace bolo::tools {
+
+// One frame; the plane of the footage's pixel type is filled.
+struct Frame {
+  double t_s = 0.0;
+  std::uint64_t id = 0;
+  std::vector<std::uint16_t> u16;
+  std::vector<float> f32;
+
+  const void* plane(PixelType type) const {
+    return type == PixelType::kUint16 ? static_cast<const void*>(u16.data()) : static_cast<const void*>(f32.data());
+  }
+};
+
+class Footage {
+ public:
+  virtual ~Footage() = default;
+  const capture::CaptureInfo& info() const noexcept { return info_; }
+  // Frame `index` below info().frames, in rising order.
+  virtual Status read(std::size_t index, Frame& frame) = 0;
+  // Beyond frames, for a capture that is written: events, stimulus, attributes. Nothing for pictures.
+  virtual Status copy_extras(capture::CaptureWriter&) const { return {}; }
+
+ protected:
+  capture::CaptureInfo info_;
+};
+
+// What a user says of files that don't say it themselves.
+struct Told {
+  double rate_hz = 30.0;
+  std::optional<LinearScale> scale;  // of whole numbers; nothing: counts
+};
+
+// Values in floating point are kelvin.
+inline LinearScale scale_of(PixelType type, const Told& told) {
+  if (type == PixelType::kFloat32) return {Unit::kKelvin, 1.0, 0.0};
+  return told.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
+}
+
+struct RawLayout {
+  enum class Type { kU16Le, kU16Be, kF32 };
+  Geometry geometry;
+  Type type = Type::kU16Le;
+  std::uint64_t skip_bytes = 0;  // before the first frame
+};
+
+using Files = std::vector<std::filesystem::path>;
+
+// Errors (kBadInput) name the file and what is wrong in it. Thread: any one at a time.
+Result<std::unique_ptr<Footage>> open_capture(const std::filesystem::path& file);
+// PNG (16-bit grey), TIFF (uint16 or float32, any number of pages) and radiometric JPEG, by their extensions; all of
+// one size and type.
+Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const Told& told);
+Result<std::unique_ptr<Footage>> open_raw(const Files& files, const RawLayout& layout, const Told& told);
+
+}  // namespace bolo::tools

@@ -1,0 +1,196 @@
+#include "tools/convert/footage_sink.hpp"
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <utility>
+
+#include "tools/convert/picture.hpp"
+#include "tools/convert/preview.hpp"
+#include "tools/convert/program.hpp"
+
+namespace bolo::tools {
+namespace {
+
+std::string scale_text(const LinearScale& scale) {
+  if (scale.unit == Unit::kCount) return "counts of the camera";
+  std::array<char, 80> text{};
+  std::snprintf(text.data(), text.size(), "kelvin = %.9g * value + %.9g", scale.scale, scale.offset);
+  return text.data();
+}
+
+class CaptureSink final : public FootageSink {
+ public:
+  static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
+    capture::CaptureInfo info = footage.info();
+    info.has_truth = false;
+    auto writer = capture::CaptureWriter::create(target.file, info);
+    if (!writer) return tl::unexpected<Error>(writer.error());
+    if (Status good = footage.copy_extras(*writer); !good) return tl::unexpected<Error>(good.error());
+    return std::make_unique<CaptureSink>(std::move(*writer), info.format.type);
+  }
+  CaptureSink(capture::CaptureWriter writer, PixelType type) : writer_(std::move(writer)), type_(type) {}
+  Status write(const Frame& frame) override { return writer_.append(frame.t_s, frame.id, frame.plane(type_)); }
+  Status finish() override { return writer_.close(); }
+
+ private:
+  capture::CaptureWriter writer_;
+  PixelType type_;
+};
+
+// One file a frame: NAME_000000.png ..., or NAME.png for a single one.
+class PngSink final : public FootageSink {
+ public:
+  PngSink(Target target, const capture::CaptureInfo& info)
+      : target_(std::move(target)), info_(info), preview_(info.format) {}
+
+  Status write(const Frame& frame) override {
+    const std::filesystem::path file = name();
+    ++written_;
+    const Geometry geometry = info_.format.geometry;
+    const Status good = target_.preview ? write_png8(file, geometry, preview_.levels(frame).data())
+                                        : write_png16(file, geometry, values(frame));
+    return good ? good : at(file.string(), good.error());
+  }
+  Status finish() override { return {}; }
+
+  std::string meaning() const override {
+    if (target_.preview) return "8 bit for the eye: the scale changes from frame to frame";
+    return scale_text(is_float() ? target_.picture_scale : info_.format.scale);
+  }
+
+ private:
+  bool is_float() const { return info_.format.type == PixelType::kFloat32; }
+
+  std::filesystem::path name() const {
+    if (info_.frames == 1) return target_.file;
+    std::array<char, 32> number{};
+    std::snprintf(number.data(), number.size(), "_%06zu.png", written_);
+    return target_.file.parent_path() / (target_.file.stem().string() + number.data());
+  }
+
+  // Beyond the range of 16 bits the end of the range; not a number is 0.
+  const std::uint16_t* values(const Frame& frame) {
+    if (!is_float()) return frame.u16.data();
+    const LinearScale& from = info_.format.scale;
+    const LinearScale& to = target_.picture_scale;
+    constexpr double kMost = std::numeric_limits<std::uint16_t>::max();
+    levels_.clear();
+    for (const float v : frame.f32) {
+      const double level = std::round((from.to_physical(v) - to.offset) / to.scale);
+      levels_.push_back(level > 0.0 ? static_cast<std::uint16_t>(std::min(level, kMost)) : std::uint16_t{0});
+    }
+    return levels_.data();
+  }
+
+  Target target_;
+  capture::CaptureInfo info_;
+  Preview preview_;
+  std::vector<std::uint16_t> levels_;
+  std::size_t written_ = 0;
+};
+
+class TiffSink final : public FootageSink {
+ public:
+  static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
+    Result<TiffWriter> writer = TiffWriter::create(target.file);
+    if (!writer) return at(target.file.string(), writer.error());
+    return std::make_unique<TiffSink>(std::move(*writer), target.file.string(), footage.info().format);
+  }
+  TiffSink(TiffWriter writer, std::string name, StreamFormat format)
+      : writer_(std::move(writer)), name_(std::move(name)), format_(format) {}
+
+  // Kelvin wherever they are known: a TIFF has no place for a scale that other programs would read.
+  Status write(const Frame& frame) override {
+    return named(format_.scale.unit == Unit::kKelvin
+                     ? writer_.write(format_.geometry, PixelType::kFloat32, kelvin(frame))
+                     : writer_.write(format_.geometry, format_.type, frame.plane(format_.type)));
+  }
+  Status finish() override { return named(writer_.close()); }
+  std::string meaning() const override {
+    return format_.scale.unit == Unit::kKelvin ? "float32, kelvin" : "counts of the camera";
+  }
+
+ private:
+  Status named(Status status) const { return status ? status : at(name_, std::move(status.error())); }
+
+  const float* kelvin(const Frame& frame) {
+    const bool is_float = format_.type == PixelType::kFloat32;
+    kelvin_.resize(format_.geometry.pixels());
+    for (std::size_t i = 0; i < kelvin_.size(); ++i) {
+      const double value = is_float ? static_cast<double>(frame.f32[i]) : static_cast<double>(frame.u16[i]);
+      kelvin_[i] = static_cast<float>(format_.scale.to_physical(value));
+    }
+    return kelvin_.data();
+  }
+
+  TiffWriter writer_;
+  std::string name_;
+  StreamFormat format_;
+  std::vector<float> kelvin_;
+};
+
+class FilmSink final : public FootageSink {
+ public:
+  static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
+    const StreamFormat& format = footage.info().format;
+    std::array<char, 32> rate{};
+    std::snprintf(rate.data(), rate.size(), "%.6g", 1.0 / format.frame_period_s);
+    const std::string size = std::to_string(format.geometry.width) + "x" + std::to_string(format.geometry.height);
+    // Encoders need even sides.
+    Result<FedProgram> ffmpeg = FedProgram::start({"ffmpeg",
+                                                   "-v",
+                                                   "error",
+                                                   "-nostdin",
+                                                   "-y",
+                                                   "-f",
+                                                   "rawvideo",
+                                                   "-pix_fmt",
+                                                   "gray",
+                                                   "-s",
+                                                   size,
+                                                   "-r",
+                                                   rate.data(),
+                                                   "-i",
+                                                   "pipe:0",
+                                                   "-vf",
+                                                   "pad=ceil(iw/2)*2:ceil(ih/2)*2",
+                                                   "-pix_fmt",
+                                                   "yuv420p",
+                                                   "-c:v",
+                                                   "libx264",
+                                                   "-movflags",
+                                                   "+faststart",
+                                                   "-f",
+                                                   "mp4",
+                                                   "file:" + target.file.string()},
+                                                  "ffmpeg");
+    if (!ffmpeg) return tl::unexpected<Error>(ffmpeg.error());
+    return std::make_unique<FilmSink>(std::move(*ffmpeg), format);
+  }
+  FilmSink(FedProgram ffmpeg, StreamFormat format) : ffmpeg_(std::move(ffmpeg)), preview_(format) {}
+  Status write(const Frame& frame) override {
+    const std::vector<std::uint8_t>& levels = preview_.levels(frame);
+    return ffmpeg_.write(levels.data(), levels.size());
+  }
+  Status finish() override { return ffmpeg_.finish(); }
+  std::string meaning() const override { return "8 bit for the eye: the scale follows the scene"; }
+
+ private:
+  FedProgram ffmpeg_;
+  Preview preview_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<FootageSink>> open_sink(const Target& target, const Footage& footage) {
+  const std::string extension = target.file.extension().string();
+  if (extension == ".h5") return CaptureSink::open(target, footage);
+  if (extension == ".tif" || extension == ".tiff") return TiffSink::open(target, footage);
+  if (extension == ".mp4") return FilmSink::open(target, footage);
+  if (extension == ".png") return std::make_unique<PngSink>(target, footage.info());
+  return bad_input(target.file.string() + ": what is it to be? its name must end in .h5, .png, .tif, .tiff or .mp4");
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,30 @@
+// What `bolo convert` writes: a capture, pictures, or a film.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "tools/convert/footage.hpp"
+
+namespace bolo::tools {
+
+struct Target {
+  std::filesystem::path file;  // its extension says what is written: .h5, .png, .tif, .tiff, .mp4
+  bool preview = false;        // PNG: 8 bit for the eye instead of 16 linear ones
+  LinearScale picture_scale{Unit::kKelvin, 0.01, 0.0};  // of 16-bit pictures of footage in floating point
+};
+
+class FootageSink {
+ public:
+  virtual ~FootageSink() = default;
+  virtual Status write(const Frame& frame) = 0;
+  virtual Status finish() = 0;
+  // What a value in the files means, in words; empty when they say it themselves.
+  virtual std::string meaning() const { return {}; }
+};
+
+// Errors: an extension that is none of these (kBadInput), files that cannot be created. Thread: any one at a time.
+Result<std::unique_ptr<FootageSink>> open_sink(const Target& target, const Footage& footage);
+
+}  // namespace bolo::tools

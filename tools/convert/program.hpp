@@ -1,0 +1,38 @@
+// Other programs, started without a shell.
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "bolo/core/result.hpp"
+
+namespace bolo::tools {
+
+// words[0] is looked for in PATH. What it prints on stdout. Errors: not installed (kBadInput with `install`, the Debian
+// package), an exit code other than 0 (kFailed with its last line on stderr). Thread: any.
+Result<std::string> output_of(const std::vector<std::string>& words, const std::string& install);
+
+// A program that is fed through its standard input. SIGPIPE must be ignored. Thread: any one at a time.
+class FedProgram {
+ public:
+  static Result<FedProgram> start(const std::vector<std::string>& words, const std::string& install);
+  FedProgram(FedProgram&& other) noexcept;
+  FedProgram& operator=(FedProgram&&) = delete;
+  ~FedProgram();
+  Status write(const void* data, std::size_t bytes);
+  // Ends its input and waits for its end.
+  Status finish();
+
+ private:
+  FedProgram(std::string name, pid_t pid, int input, int errors)
+      : name_(std::move(name)), pid_(pid), input_(input), errors_(errors) {}
+  std::string name_;
+  pid_t pid_;
+  int input_;
+  int errors_;  // a file of its messages
+};
+
+}  // namespace bolo::tools

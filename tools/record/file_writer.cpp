@@ -1,0 +1,176 @@
+#include "tools/record/file_writer.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <system_error>
+#include <utility>
+
+#include "bolo/core/clock.hpp"
+#include "bolo/rt/thread.hpp"
+
+namespace bolo::tools {
+namespace {
+
+constexpr std::int64_t kIdle_ns = 100'000'000;
+// A commit waits for the disk: the less there is to write, the shorter, and what comes meanwhile waits in memory.
+constexpr std::int64_t kCommitAfter_ns = 150'000'000;
+constexpr std::size_t kFewestSlots = 16;
+
+std::size_t slots_for(const FileWriterOptions& options) {
+  const StreamFormat& format = options.info.format;
+  return std::max(kFewestSlots, options.buffer_bytes / plane_bytes(format.geometry, format.type));
+}
+
+double seconds(std::int64_t ns) { return static_cast<double>(ns) / kNsPerSecond; }
+
+}  // namespace
+
+std::filesystem::path file_of_part(const FileWriterOptions& options, std::size_t index) {
+  if (options.split_s <= 0.0) return options.file;
+  std::array<char, 16> number{};
+  std::snprintf(number.data(), number.size(), "_%03zu", index + 1);
+  std::filesystem::path name = options.file.stem();
+  name += number.data();
+  name += options.file.extension();
+  return options.file.parent_path() / name;
+}
+
+FileWriter::FileWriter(FileWriterOptions options)
+    : options_(std::move(options)), pool_(options_.info.format, slots_for(options_)), queue_(pool_.size()) {}
+
+Result<std::unique_ptr<FileWriter>> FileWriter::start(FileWriterOptions options) {
+  std::unique_ptr<FileWriter> writer;
+  try {
+    writer.reset(new FileWriter(std::move(options)));
+  } catch (const std::bad_alloc&) {
+    return bad_input("not enough memory for the buffer; make it smaller with --buffer-mb");
+  }
+  if (Status good = writer->open_next(); !good) return tl::unexpected<Error>(std::move(good.error()));
+  writer->last_commit_ns_ = monotonic_ns();
+  try {
+    writer->thread_ = std::thread([self = writer.get()] { self->run(); });
+  } catch (const std::system_error& e) {
+    return failed(std::string("the writing thread cannot be started: ") + e.what());
+  }
+  return writer;
+}
+
+FileWriter::~FileWriter() {
+  if (thread_.joinable()) finish();
+}
+
+void FileWriter::put(rt::FrameSlot& slot, std::uint32_t marks) noexcept {
+  queue_.try_push({slot.index, marks});  // never full: it has room for every slot
+}
+
+FileWriterResult FileWriter::finish() {
+  ending_.store(true, std::memory_order_release);  // partner: the load in run()
+  queue_.wake();
+  thread_.join();
+  return std::move(result_);
+}
+
+Status FileWriter::open_next() {
+  current_ = file_of_part(options_, files_opened_);
+  capture::WriterOptions how;
+  how.survives_power_cut = true;
+  auto created = capture::CaptureWriter::create(current_, options_.info, how);
+  if (!created) return tl::unexpected<Error>(created.error());
+  capture_.emplace(std::move(*created));
+  ++files_opened_;
+  frames_in_file_ = 0;
+  for (const capture::Attribute& attribute : options_.attributes) {
+    Status good = std::visit([&](const auto& value) { return capture_->write_attribute(attribute.name, value); },
+                             attribute.value);
+    if (!good) return good;
+  }
+  return {};
+}
+
+// A file without frames is no capture: nobody misses it.
+Status FileWriter::close_current() {
+  if (!capture_) return {};
+  const bool empty = frames_in_file_ == 0;
+  Status good = empty ? Status{} : capture_->close();
+  if (good && !empty) result_.files.push_back(current_);
+  capture_.reset();
+  if (empty) {
+    std::error_code ignored;
+    std::filesystem::remove(current_.string() + ".part", ignored);
+    std::filesystem::remove(current_.string() + ".part.journal", ignored);
+  }
+  return good;
+}
+
+void FileWriter::run() noexcept {
+  (void)rt::apply_to_this_thread({.name = "bolo-record"});  // a name alone is never refused
+  for (Item item{};;) {
+    const bool ending = ending_.load(std::memory_order_acquire);  // partner: the store in finish()
+    if (queue_.pop_wait(item, ending ? 0 : kIdle_ns)) {
+      rt::FrameSlot& slot = pool_.slot(item.slot);
+      write(slot, item.marks);
+      pool_.give_back(slot);
+    } else if (ending) {
+      break;
+    } else {
+      commit_if_idle();
+    }
+  }
+  if (Status good = close_current(); !good) fail(std::move(good));
+}
+
+void FileWriter::write(rt::FrameSlot& slot, std::uint32_t marks) {
+  if (broken()) {
+    ++result_.unwritten;
+    return;
+  }
+  const std::int64_t begin_ns = monotonic_ns();
+  Status good = append(slot, marks);
+  result_.longest_write_ms =
+      std::max(result_.longest_write_ms, static_cast<double>(monotonic_ns() - begin_ns) * kMsPerNs);
+  if (good) {
+    written_.store(++result_.frames, std::memory_order_relaxed);
+    return;
+  }
+  ++result_.unwritten;
+  fail(std::move(good));
+}
+
+Status FileWriter::append(const rt::FrameSlot& slot, std::uint32_t marks) {
+  const double t_s = seconds(slot.meta.camera_ns);
+  const double half_s = 0.5 * options_.info.format.frame_period_s;
+  if (options_.split_s > 0.0 && frames_in_file_ > 0 && t_s - file_begin_s_ + half_s >= options_.split_s) {
+    if (Status good = close_current(); !good) return good;
+    if (Status good = open_next(); !good) return good;
+  }
+  for (const auto& [mark, kind] : {std::pair{kMarkReconnect, "reconnect"}, {kMarkGap, "gap"}, {kMarkNuc, "nuc"}}) {
+    if ((marks & mark) == 0) continue;
+    if (Status good = capture_->add_event({t_s, kind}); !good) return good;
+  }
+  if (Status good = capture_->append(t_s, slot.meta.frame_id, slot.data); !good) return good;
+  if (frames_in_file_++ == 0) file_begin_s_ = t_s;
+  if (result_.frames == 0) result_.first_t_s = t_s;
+  result_.last_t_s = t_s;
+  result_.bytes += pool_.plane_bytes();
+  if (const std::int64_t now_ns = monotonic_ns(); now_ns - last_commit_ns_ >= kCommitAfter_ns) {
+    last_commit_ns_ = now_ns;
+    return capture_->commit();
+  }
+  return {};
+}
+
+// Frames that came before a pause of the stream are not to wait for its end.
+void FileWriter::commit_if_idle() {
+  if (broken() || monotonic_ns() - last_commit_ns_ < kCommitAfter_ns) return;
+  last_commit_ns_ = monotonic_ns();
+  if (Status good = capture_->commit(); !good) fail(std::move(good));
+}
+
+// The first failure is the one that is told; what was appended before stays and is closed orderly.
+void FileWriter::fail(Status status) {
+  if (result_.status) result_.status = std::move(status);
+  broken_.store(true, std::memory_order_relaxed);
+}
+
+}  // namespace bolo::tools

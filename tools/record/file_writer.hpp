@@ -1,0 +1,100 @@
+// Frames from a queue in memory to capture files, on a thread of their own: a slow disk fills the queue, no more.
+//
+//   taker:  take() -> fills the slot -> put()            pool and queue are lock-free, each of one producer and one
+//   writer: pops -> capture file -> gives the slot back   consumer; finish() joins
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "bolo/capture/capture.hpp"
+#include "bolo/rt/frame_pool.hpp"
+#include "bolo/rt/spsc_queue.hpp"
+
+namespace bolo::tools {
+
+struct FileWriterOptions {
+  std::filesystem::path file;
+  capture::CaptureInfo info;
+  std::vector<capture::Attribute> attributes;
+  double split_s = 0.0;  // a new file each time the frames' times have advanced by this much; 0: one file
+  std::size_t buffer_bytes = std::size_t{256} << 20;
+};
+
+// What stands before a frame, as bits.
+enum Mark : std::uint32_t {
+  kMarkNone = 0,
+  kMarkGap = 1U << 0,        // frames were lost by the recorder
+  kMarkReconnect = 1U << 1,  // the daemon or the camera was started again
+  kMarkNuc = 1U << 2,        // the camera began to correct
+};
+
+struct FileWriterResult {
+  std::vector<std::filesystem::path> files;  // closed, under their final names
+  std::uint64_t frames = 0;
+  std::uint64_t unwritten = 0;  // frames that were in the queue when writing failed
+  double longest_write_ms = 0.0;
+  std::uint64_t bytes = 0;
+  double first_t_s = 0.0;
+  double last_t_s = 0.0;
+  Status status;  // what ended the writing early
+};
+
+// The name of file number `index` from 0: FILE itself without splitting, else FILE_001.h5 ... Thread: any.
+std::filesystem::path file_of_part(const FileWriterOptions& options, std::size_t index);
+
+class FileWriter {
+ public:
+  // Creates the first file and takes all memory. Thread: setup.
+  static Result<std::unique_ptr<FileWriter>> start(FileWriterOptions options);
+  ~FileWriter();
+  FileWriter(const FileWriter&) = delete;
+  FileWriter& operator=(const FileWriter&) = delete;
+
+  // A free slot, or nullptr: the disk is behind by the whole buffer. put() hands it over. Thread: the taker.
+  rt::FrameSlot* take() noexcept { return pool_.take(); }
+  void put(rt::FrameSlot& slot, std::uint32_t marks) noexcept;
+
+  // Writing has failed; finish() says why. Thread: any.
+  bool broken() const noexcept { return broken_.load(std::memory_order_relaxed); }
+  std::uint64_t written() const noexcept { return written_.load(std::memory_order_relaxed); }
+  std::size_t slots() const noexcept { return pool_.size(); }
+
+  // Writes what is in the queue, closes the file. Once. Thread: the taker.
+  FileWriterResult finish();
+
+ private:
+  struct Item {
+    std::uint32_t slot;
+    std::uint32_t marks;
+  };
+  explicit FileWriter(FileWriterOptions options);
+  Status open_next();
+  Status close_current();
+  void run() noexcept;
+  void write(rt::FrameSlot& slot, std::uint32_t marks);
+  Status append(const rt::FrameSlot& slot, std::uint32_t marks);
+  void commit_if_idle();
+  void fail(Status status);
+
+  FileWriterOptions options_;
+  rt::FramePool pool_;
+  rt::SpscQueue<Item> queue_;
+  std::atomic<bool> ending_{false};
+  std::atomic<bool> broken_{false};
+  std::atomic<std::uint64_t> written_{0};
+  std::optional<capture::CaptureWriter> capture_;  // of the writer's thread, once it runs
+  std::filesystem::path current_;
+  std::size_t files_opened_ = 0;
+  std::uint64_t frames_in_file_ = 0;
+  double file_begin_s_ = 0.0;
+  std::int64_t last_commit_ns_ = 0;
+  FileWriterResult result_;
+  std::thread thread_;
+};
+
+}  // namespace bolo::tools

@@ -1,0 +1,46 @@
+// A recording from a daemon's shared memory: frames are taken off the ring on the calling thread and written on
+// another. The daemon doesn't know of it: its memory is mapped read-only.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+
+#include "bolo/core/result.hpp"
+#include "tools/record/file_writer.hpp"
+
+namespace bolo::tools {
+
+enum class RecordedPlane { kRaw, kDeblurred };
+
+struct RecordRequest {
+  std::string name;  // of the shared memory
+  std::filesystem::path file;
+  RecordedPlane plane = RecordedPlane::kRaw;
+  std::uint64_t frames = 0;  // 0: no limit
+  double seconds = 0.0;      // of the host's clock, from the first frame on; 0: no limit
+  double wait_s = 30.0;      // for a daemon that went away
+  double split_s = 0.0;
+  std::size_t buffer_bytes = std::size_t{256} << 20;
+};
+
+struct RecordResult {
+  FileWriterResult written;
+  std::uint64_t lost_before = 0;       // jumps of the frame number: lost by camera, network or daemon
+  std::uint64_t lost_overwritten = 0;  // the ring's writer was faster than this program
+  std::uint64_t lost_no_room = 0;      // the disk was behind by the whole buffer
+  std::uint64_t reconnects = 0;
+  std::size_t buffer_frames = 0;
+  bool complete = true;  // what was asked for is there
+  Status status;         // why it ended early
+};
+
+// Records until what was asked for is there, `stop` is set, the daemon stays away, or writing fails. `progress` is
+// called with the frames written, several times a second. An error means that nothing was begun; what happened later is
+// in RecordResult::status. Thread: setup.
+Result<RecordResult> record(const RecordRequest& request, const std::atomic<bool>& stop,
+                            const std::function<void(std::uint64_t)>& progress);
+
+}  // namespace bolo::tools
