@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdio>
 #include <fstream>
 #include <tuple>
@@ -87,6 +88,23 @@ void ask_strings(libusb_device* device, const libusb_device_descriptor& descript
 
 std::string id_text(std::uint16_t vendor, std::uint16_t product) {
   return format("%04x:%04x", static_cast<unsigned>(vendor), static_cast<unsigned>(product));
+}
+
+Result<DeviceFilter> parse_ids(std::string_view text) {
+  constexpr std::size_t kDigits = 4;
+  const auto number = [](std::string_view digits) -> std::optional<std::uint16_t> {
+    std::uint16_t value = 0;
+    const char* const end = digits.data() + digits.size();
+    const auto [read, error] = std::from_chars(digits.data(), end, value, 16);
+    return error == std::errc() && read == end ? std::optional(value) : std::nullopt;
+  };
+  DeviceFilter filter;
+  if (text.size() == 2 * kDigits + 1 && text[kDigits] == ':') {
+    filter.vendor = number(text.substr(0, kDigits));
+    filter.product = number(text.substr(kDigits + 1));
+  }
+  if (filter.vendor && filter.product) return filter;
+  return bad_input("'" + std::string(text) + "' is not VENDOR:PRODUCT, four hexadecimal digits each, as 09cb:1007");
 }
 
 bool DeviceFilter::matches(const UsbDevice& device) const {

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "bolo/core/result.hpp"
@@ -48,6 +49,9 @@ struct DeviceFilter {
 
 // "09cb:1007". Thread: any.
 std::string id_text(std::uint16_t vendor, std::uint16_t product);
+
+// From "09cb:1007". kBadInput: not two numbers of four hexadecimal digits. Thread: any.
+Result<DeviceFilter> parse_ids(std::string_view text);
 
 // What the kernel knows, which needs no permission; strings that it does not know are asked of the device where this
 // user may open it. Talks to the device: not within a callback of libusb. Thread: setup.

@@ -26,7 +26,7 @@ constexpr std::int64_t kFirstPauseNs = 100 * kNsPerMs;  // between attempts to o
 constexpr std::int64_t kLongestPauseNs = 2000 * kNsPerMs;
 constexpr double kStallPeriods = 20.0;
 constexpr int kMostRecoveries = 5;  // without a frame in between; then the camera is opened again
-constexpr std::size_t kMostWarnings = 64;
+constexpr std::size_t kMostNotices = 64;
 
 Status check_options(const UsbOptions& options) {
   constexpr int kMostTransfers = 64;
@@ -54,8 +54,10 @@ struct UsbBulkSource::Impl {
   bool try_reopen();
   void drop() noexcept;
   SourceState judge() const;
-  void set_state(SourceState now) noexcept { state.store(now, std::memory_order_relaxed); }
-  void note(std::string text);
+  std::int64_t quiet_since_ns() const { return std::max(since_ns, intake->last_frame_ns()); }
+  void enter(SourceState now);
+  void tell_lost();
+  void note(bool warning, std::string text);
   bool stopping() const { return stop.load(std::memory_order_relaxed); }
   void handle_events() const {
     timeval tick = kTick;
@@ -74,12 +76,11 @@ struct UsbBulkSource::Impl {
   std::uint64_t frames_at_recovery = 0;
 
   std::thread thread;
-  std::atomic<bool> stop{false};                       // a flag and nothing else: relaxed
-  std::atomic<SourceState> state{SourceState::kIdle};  // stands alone: relaxed
-  rt::Counter reconnects;
+  std::atomic<bool> stop{false};  // a flag and nothing else: relaxed
+  pipeline::SourceStatus status;
   rt::Counter recoveries;
-  mutable std::mutex mutex;  // guards the warnings
-  std::vector<std::string> warnings;
+  std::mutex mutex;  // guards the notices
+  std::vector<Notice> notices;
 };
 
 // Finds, opens and claims the device.
@@ -92,12 +93,12 @@ Status UsbBulkSource::Impl::connect() {
 
 void UsbBulkSource::Impl::run() {
   const rt::ThreadOptions thread_options{.name = "bolo-usb", .realtime_priority = options.realtime_priority};
-  if (Status applied = rt::apply_to_this_thread(thread_options); !applied) note(applied.error().message);
+  if (Status applied = rt::apply_to_this_thread(thread_options); !applied) note(true, applied.error().message);
   while (!stopping()) {
     handle_events();
     if (stream->trouble() == BulkStream::Trouble::kHalted) attend();
     const SourceState now = judge();
-    set_state(now);
+    enter(now);
     if (now == SourceState::kLost) reopen();
   }
   drop();
@@ -112,14 +113,14 @@ void UsbBulkSource::Impl::attend() {
                                ? Status(failed("the endpoint halts again and again without a frame"))
                                : stream->recover();
   if (recovered) return recoveries.add();
-  note(recovered.error().message);
+  note(true, recovered.error().message);
   recoveries_in_a_row = 0;
   stream->set_gone();
 }
 
 SourceState UsbBulkSource::Impl::judge() const {
   if (stream->trouble() == BulkStream::Trouble::kGone) return SourceState::kLost;
-  const std::int64_t quiet_ns = monotonic_ns() - std::max(since_ns, intake->last_frame_ns());
+  const std::int64_t quiet_ns = monotonic_ns() - quiet_since_ns();
   const auto stall_ns = std::max(options.stall_ms * kNsPerMs,
                                  static_cast<std::int64_t>(kStallPeriods * options.frame_period_s * kNsPerSecond));
   const std::int64_t lost_ns = std::max(options.reconnect_after_ms * kNsPerMs, stall_ns);
@@ -129,13 +130,19 @@ SourceState UsbBulkSource::Impl::judge() const {
 
 // Tries at once whenever a device comes, and now and then, for not every system tells.
 void UsbBulkSource::Impl::reopen() {
+  const std::int64_t quiet_ns = quiet_since_ns();
   drop();
   intake->reopened();
   std::int64_t pause_ns = kFirstPauseNs;
   std::int64_t next_ns = monotonic_ns();
   while (!stopping()) {
     if (std::exchange(arrived, false) || monotonic_ns() >= next_ns) {
-      if (try_reopen()) return reconnects.add();
+      if (try_reopen()) {
+        const double outage_s = static_cast<double>(since_ns - quiet_ns) / kNsPerSecond;
+        status.outage_frames.add(static_cast<std::uint64_t>(outage_s / options.frame_period_s));
+        status.reopened.add();
+        return note(false, "the camera was opened again");
+      }
       next_ns = monotonic_ns() + pause_ns;
       pause_ns = std::min(2 * pause_ns, kLongestPauseNs);
     }
@@ -150,17 +157,38 @@ bool UsbBulkSource::Impl::try_reopen() {
     since_ns = monotonic_ns();
     return true;
   }
-  note("reconnecting: " + opened.error().message);
+  note(true, "reconnecting: " + opened.error().message);
   drop();
   return false;
 }
 
 void UsbBulkSource::Impl::drop() noexcept { stream.reset(); }
 
-void UsbBulkSource::Impl::note(std::string text) {
+void UsbBulkSource::Impl::enter(SourceState now) {
+  const SourceState before = status.state.value();
+  if (now == before) return;
+  status.since_ns.set(monotonic_ns());
+  status.state.set(now);
+  if (now == SourceState::kLost) return tell_lost();
+  if (now == SourceState::kStalled) {
+    status.stalls.add();
+    note(true, "frames have stopped");
+  } else if (before == SourceState::kStalled) {
+    note(false, "frames come again");
+  }
+}
+
+void UsbBulkSource::Impl::tell_lost() {
+  const bool gone = stream->trouble() == BulkStream::Trouble::kGone;
+  status.lost[static_cast<std::size_t>(gone ? pipeline::LostCause::kNoAnswer : pipeline::LostCause::kStalled)].add();
+  note(true, gone ? "the camera is gone; it is opened again when it comes back"
+                  : "the camera sends nothing any more; it is opened again");
+}
+
+void UsbBulkSource::Impl::note(bool warning, std::string text) {
   const std::lock_guard lock(mutex);
-  const bool again = !warnings.empty() && warnings.back() == text;
-  if (!again && warnings.size() < kMostWarnings) warnings.push_back(std::move(text));
+  const bool again = !notices.empty() && notices.back().text == text;
+  if (!again && notices.size() < kMostNotices) notices.push_back({warning, std::move(text)});
 }
 
 UsbBulkSource::UsbBulkSource(UsbOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
@@ -200,7 +228,7 @@ Status UsbBulkSource::start(pipeline::FrameInlet& inlet) {
     return begun;
   }
   self.since_ns = monotonic_ns();
-  self.set_state(SourceState::kStreaming);
+  self.enter(SourceState::kStreaming);
   self.thread = std::thread([&self] { self.run(); });
   return {};
 }
@@ -210,18 +238,16 @@ void UsbBulkSource::stop() noexcept {
   if (impl_->thread.joinable()) impl_->thread.join();
   impl_->drop();
   impl_->signal.reset();
-  impl_->set_state(SourceState::kIdle);
+  impl_->enter(SourceState::kIdle);
 }
 
-SourceState UsbBulkSource::state() const noexcept { return impl_->state.load(std::memory_order_relaxed); }
-
-std::uint64_t UsbBulkSource::reconnects() const noexcept { return impl_->reconnects.value(); }
+const pipeline::SourceStatus* UsbBulkSource::status() const noexcept { return &impl_->status; }
 
 std::uint64_t UsbBulkSource::recoveries() const noexcept { return impl_->recoveries.value(); }
 
-std::vector<std::string> UsbBulkSource::warnings() const {
+std::vector<Notice> UsbBulkSource::take_notices() {
   const std::lock_guard lock(impl_->mutex);
-  return impl_->warnings;
+  return std::exchange(impl_->notices, {});
 }
 
 }  // namespace bolo::usb

@@ -43,11 +43,12 @@ struct UsbOptions {
   int reconnect_after_ms = 2000;  // stalled for this long: the camera is lost and opened again; 0: never
 };
 
-enum class SourceState {
-  kIdle,       // not started, or stopped
-  kStreaming,  // frames arrive
-  kStalled,    // connected, but no frame for stall_ms
-  kLost,       // unplugged, or stalled for too long; being opened again
+using pipeline::SourceState;
+
+// Something that happened to the camera, in one line.
+struct Notice {
+  bool warning = false;
+  std::string text;
 };
 
 // One thread owns the connection from start() to stop(): it handles libusb's events, copies frames, clears halts, and
@@ -74,14 +75,12 @@ class UsbBulkSource final : public pipeline::FrameSource {
   // Sends the stop requests, and waits for them a second each at most. Thread: setup.
   void stop() noexcept override;
 
-  // Thread: any.
-  SourceState state() const noexcept;
-  // Times that a lost camera was opened again. Thread: any.
-  std::uint64_t reconnects() const noexcept;
+  // Of its fields those of state, loss and reopening. Thread: any.
+  const pipeline::SourceStatus* status() const noexcept override;
   // Times that a halt of the endpoint, or another failure of transfers, was cleared. Thread: any.
   std::uint64_t recoveries() const noexcept;
-  // What was refused by the host, and why reconnecting failed; newest last. Thread: any.
-  std::vector<std::string> warnings() const;
+  // What has happened since the last call, newest last. The last of very many are left out. Thread: any.
+  std::vector<Notice> take_notices();
 
  private:
   struct Impl;

@@ -30,20 +30,14 @@ std::optional<T> number(std::string_view text, int base) {
   return value;
 }
 
-// Ids have four hexadecimal digits, buses and addresses at most three decimal ones.
+// Ids have four digits each, so that 1:4 can only be a place.
 Result<usb::DeviceFilter> parse_device(const std::string& text) {
-  constexpr std::size_t kIdDigits = 4;
+  if (auto ids = usb::parse_ids(text)) return ids;
   const std::size_t colon = text.find(':');
-  const std::string_view first = std::string_view(text).substr(0, colon);
-  const std::string_view second = colon == std::string::npos ? "" : std::string_view(text).substr(colon + 1);
-  usb::DeviceFilter filter;
-  if (first.size() == kIdDigits && second.size() == kIdDigits) {
-    filter.vendor = number<std::uint16_t>(first, 16);
-    filter.product = number<std::uint16_t>(second, 16);
-    if (filter.vendor && filter.product) return filter;
-  } else {
-    filter.bus = number<int>(first, 10);
-    filter.address = number<int>(second, 10);
+  if (colon != std::string::npos) {
+    usb::DeviceFilter filter;
+    filter.bus = number<int>(std::string_view(text).substr(0, colon), 10);
+    filter.address = number<int>(std::string_view(text).substr(colon + 1), 10);
     if (filter.bus && filter.address) return filter;
   }
   return bad_input("--device " + text + ": give BUS:ADDRESS as 1:4, or VENDOR:PRODUCT as 09cb:1007");

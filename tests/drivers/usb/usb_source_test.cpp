@@ -76,6 +76,7 @@ class Stream {
     return equal ? std::optional(meta.frame_id) : std::nullopt;
   }
 
+  SourceState state() const { return source.status()->state.value(); }
   std::uint64_t lost(LossCause cause) const { return inlet->losses().value(cause); }
   std::uint64_t lost() const {
     std::uint64_t sum = 0;
@@ -186,14 +187,14 @@ TEST_P(UsbFramesBy, ComeAgainFromACameraThatWasUnplugged) {
   send(100);
   ASSERT_EQ(stream.next_is(100), 100U);
   camera.unplug();
-  ASSERT_TRUE(wait_for([&] { return stream.source.state() == SourceState::kLost; }));
+  ASSERT_TRUE(wait_for([&] { return stream.state() == SourceState::kLost; }));
   camera.plug();
-  ASSERT_TRUE(wait_for([&] { return stream.source.state() == SourceState::kStreaming; }));
+  ASSERT_TRUE(wait_for([&] { return stream.state() == SourceState::kStreaming; }));
   EXPECT_EQ(camera.requests().size(), 1U);  // told to start, and once
   send(0);
   ASSERT_EQ(stream.next_is(0), 101U);
   EXPECT_TRUE(stream.restarted);
-  EXPECT_EQ(stream.source.reconnects(), 1U);
+  EXPECT_EQ(stream.source.status()->reopened.value(), 1U);
   EXPECT_EQ(stream.lost(), 0U);
 }
 
@@ -219,7 +220,7 @@ TEST_F(UsbSource, TellsTheCameraToStartAndToStop) {
   const std::vector<std::uint8_t> stop{0x40, kStopRequest, 0, 0, 0, 0, 0, 0};
   EXPECT_EQ(camera.requests(), Requests{start});
   stream.source.stop();
-  EXPECT_EQ(stream.source.state(), SourceState::kIdle);
+  EXPECT_EQ(stream.state(), SourceState::kIdle);
   EXPECT_EQ(camera.requests(), (Requests{start, stop}));
   EXPECT_FALSE(camera.interface_claimed());
 }
@@ -293,36 +294,39 @@ TEST_F(UsbSource, OpensACameraAgainThatFallsSilent) {
   wanted.stall_ms = 50;
   wanted.reconnect_after_ms = 100;
   Stream stream(wanted);
-  ASSERT_TRUE(wait_for([&] { return stream.source.reconnects() > 0; }));
+  ASSERT_TRUE(wait_for([&] { return stream.source.status()->reopened.value() > 0; }));
   EXPECT_GE(camera.requests().size(), 3U);  // start, stop, start
 }
 
 TEST_F(UsbSource, SaysThatASilentCameraIsStalled) {
   camera.plug();
   Stream stream(options());
-  ASSERT_TRUE(wait_for([&] { return stream.source.state() == SourceState::kStalled; }));
+  ASSERT_TRUE(wait_for([&] { return stream.state() == SourceState::kStalled; }));
   camera.send(frame(1, options().layout));
   ASSERT_EQ(stream.next_is(1), 1U);
-  EXPECT_TRUE(wait_for([&] { return stream.source.state() != SourceState::kLost; }));
+  EXPECT_TRUE(wait_for([&] { return stream.state() != SourceState::kLost; }));
 }
 
 TEST_F(UsbSource, StopsWhileTheCameraIsAway) {
   camera.plug();
   Stream stream(options());
   camera.unplug();
-  ASSERT_TRUE(wait_for([&] { return stream.source.state() == SourceState::kLost; }));
+  ASSERT_TRUE(wait_for([&] { return stream.state() == SourceState::kLost; }));
   stream.source.stop();
-  EXPECT_EQ(stream.source.state(), SourceState::kIdle);
+  EXPECT_EQ(stream.state(), SourceState::kIdle);
 }
 
 TEST_F(UsbSource, GivesUpAnEndpointThatHaltsAgainAndAgain) {
   camera.plug();
   Stream stream(options());
   for (int i = 0; i < 6; ++i) camera.fail(EPIPE);
-  ASSERT_TRUE(wait_for([&] { return stream.source.reconnects() == 1; }));
+  ASSERT_TRUE(wait_for([&] { return stream.source.status()->reopened.value() == 1; }));
   EXPECT_EQ(stream.source.recoveries(), 5U);
-  ASSERT_FALSE(stream.source.warnings().empty());
-  EXPECT_NE(stream.source.warnings().front().find("halts again and again"), std::string::npos);
+  const auto notices = stream.source.take_notices();
+  ASSERT_FALSE(notices.empty());
+  EXPECT_TRUE(notices.front().warning);
+  EXPECT_NE(notices.front().text.find("halts again and again"), std::string::npos);
+  EXPECT_EQ(stream.source.status()->lost[static_cast<std::size_t>(pipeline::LostCause::kNoAnswer)].value(), 1U);
   camera.send(frame(9, options().layout));
   ASSERT_TRUE(stream.next_is(9));
 }
