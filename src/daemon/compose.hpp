@@ -14,7 +14,8 @@ struct ComposedSource {
   std::unique_ptr<pipeline::FrameSource> source;
   genicam::GenicamSource* camera = nullptr;
   replay::ReplaySource* replay = nullptr;
-  std::vector<std::string> warnings{};  // what is odd about a capture, yet replayable
+  usb::UsbBulkSource* usb = nullptr;
+  std::vector<std::string> warnings{};  // what the user should know of this source
 };
 
 // Thread: setup.

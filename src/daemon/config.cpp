@@ -11,6 +11,7 @@
 #include "bolo/pipeline/apply_profile.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "src/daemon/config_camera.hpp"
+#include "src/daemon/config_usb.hpp"
 #include "src/daemon/control.hpp"
 
 namespace bolo::daemon {
@@ -26,7 +27,8 @@ constexpr std::string_view kHeading =
 template <typename Enum, std::size_t N>
 using Names = std::array<std::pair<std::string_view, Enum>, N>;
 
-constexpr Names<SourceType, 2> kSources{{{"genicam", SourceType::kGenicam}, {"replay", SourceType::kReplay}}};
+constexpr Names<SourceType, 3> kSources{
+    {{"genicam", SourceType::kGenicam}, {"replay", SourceType::kReplay}, {"usb", SourceType::kUsb}}};
 constexpr Names<replay::Pace, 2> kPaces{
     {{"realtime", replay::Pace::kRealTime}, {"fast", replay::Pace::kAsFastAsPossible}}};
 constexpr Names<genicam::PixelOrder, 2> kPixelOrders{
@@ -46,18 +48,21 @@ constexpr Names<LogLevel, 4> kLevels{{{"debug", LogLevel::kDebug},
                                       {"error", LogLevel::kError}}};
 constexpr Names<LogFormat, 2> kFormats{{{"text", LogFormat::kText}, {"journal", LogFormat::kJournal}}};
 
-// Keys that take a value of the profile's place when they are given.
+// Keys whose meaning others decide: those that take a value of the profile's place when they are given, and [usb].
 struct Overrides {
   std::optional<double> rate_hz;
   std::optional<genicam::PixelOrder> pixel_order;
   std::optional<int> metadata_rows;
   std::optional<double> tau_s;
+  UsbKeys usb;
 };
 
 void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.section("source", "where frames come from");
-  keys.choice<SourceType>("type", c.source, kSources,
-                          "genicam: a GigE Vision or USB3 Vision camera. replay: a capture file.");
+  keys.choice<SourceType>(
+      "type", c.source, kSources,
+      "genicam: a GigE Vision or USB3 Vision camera. replay: a capture file. usb: frames over a bulk "
+      "endpoint as [usb] describes, experimental.");
   keys.text("address", c.camera.address,
             "Camera: IP address or Aravis device id; empty: the only camera that answers.");
   keys.text(
@@ -160,6 +165,7 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
             "Camera profile. Left out: what is known of the A655sc at 200 Hz.");
   source_keys(keys, config, overrides);
   camera_keys(keys, config.camera);
+  usb_keys(keys, overrides.usb);
   deblur_keys(keys, config, overrides);
   pipeline_keys(keys, config);
   output_keys(keys, config);
@@ -226,6 +232,11 @@ Result<DaemonConfig> read_config(const std::filesystem::path& file) {
   KeyTable keys = config_keys(config, overrides);
   if (const Status status = keys.read(file); !status) return tl::unexpected<Error>(status.error());
   if (const Status status = apply_profile(config, overrides); !status) return tl::unexpected<Error>(status.error());
+  if (config.source == SourceType::kUsb) {
+    auto usb = usb_options(keys, overrides.usb, config.camera);
+    if (!usb) return tl::unexpected<Error>(usb.error());
+    config.usb = std::move(*usb);
+  }
   if (const Status status = check_together(keys, config); !status) return tl::unexpected<Error>(status.error());
   return config;
 }

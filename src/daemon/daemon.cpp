@@ -53,6 +53,7 @@ struct Daemon::Impl {
   std::vector<std::unique_ptr<pipeline::FrameSink>> sinks;  // outlive the pipeline
   genicam::GenicamSource* camera = nullptr;                 // owned by the pipeline
   replay::ReplaySource* replay = nullptr;                   // owned by the pipeline
+  usb::UsbBulkSource* usb = nullptr;                        // owned by the pipeline
   std::unique_ptr<pipeline::Pipeline> pipeline;
 
   std::atomic<bool> stop_requested{false};
@@ -80,6 +81,7 @@ Status Daemon::Impl::compose() {
   for (const std::string& warning : source->warnings) log->warn(warning);
   camera = source->camera;
   replay = source->replay;
+  usb = source->usb;
   sinks = make_sinks(config);
   std::vector<pipeline::FrameSink*> lent;
   for (const auto& sink : sinks) lent.push_back(sink.get());
@@ -118,7 +120,9 @@ std::string Daemon::Impl::answer(std::string_view request) const {
   const auto refused = [](const std::string& why) { return nlohmann::json{{"ok", false}, {"error", why}}.dump(); };
   if (request == "state") return answer_state();
   if (request != "nuc") return refused("unknown request; there are: nuc, state");
-  if (camera == nullptr) return refused("a capture is replayed: there is no camera to correct");
+  if (camera == nullptr)
+    return refused(usb != nullptr ? "a USB camera cannot be told to correct its pixels"
+                                  : "a capture is replayed: there is no camera to correct");
   if (const Status done = camera->correct(); !done) return refused(done.error().message);
   return nlohmann::json{{"ok", true}, {"nucs", camera->status()->corrections.value()}}.dump();
 }
@@ -150,6 +154,9 @@ void Daemon::Impl::tell(bool warning, const std::string& text) const {
 }
 
 void Daemon::Impl::tell_camera_notices() const {
+  if (usb != nullptr) {
+    for (const usb::Notice& notice : usb->take_notices()) tell(notice.warning, notice.text);
+  }
   if (camera == nullptr) return;
   for (const genicam::Notice& notice : camera->take_notices()) tell(notice.warning, notice.text);
 }

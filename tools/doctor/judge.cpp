@@ -262,8 +262,9 @@ Check usb(const Facts& facts) {
   if (closed.empty()) return check;
   check.verdict = Verdict::kAdvice;
   check.fix = list(closed) +
-              " may not be written: a udev rule with SUBSYSTEM==\"usb\", ATTR{idVendor}==\"09cb\", "
-              "GROUP=\"video\", MODE=\"0660\", then plug it in again";
+              " may not be written: install the udev rule: cp systemd/60-bolo-usb.rules /etc/udev/rules.d/; udevadm "
+              "control --reload; join the "
+              "group video and plug it in again";
   return check;
 }
 

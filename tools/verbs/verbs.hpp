@@ -31,8 +31,9 @@ int recover_main(int argc, char** argv);
 int replay_main(int argc, char** argv);
 int simulate_main(int argc, char** argv);
 int stat_main(int argc, char** argv);
+int usb_main(int argc, char** argv);
 
-inline constexpr std::array<Verb, 16> kVerbs{{
+inline constexpr std::array<Verb, 17> kVerbs{{
     {"simulate", "write a capture of a simulated camera that moves", simulate_main},
     {"fakecam", "serve a capture as a GigE Vision camera", fakecam_main},
     {"deblur", "undo the pixels' thermal inertia in a capture", deblur_main},
@@ -45,6 +46,7 @@ inline constexpr std::array<Verb, 16> kVerbs{{
     {"stat", "show what a running daemon does", stat_main},
     {"nuc", "have a running daemon's camera correct its pixels", nuc_main},
     {"doctor", "check this computer for what a camera needs, and say the fixes", doctor_main},
+    {"usb", "list USB cameras and what they say of themselves (experimental)", usb_main},
     {"info", "say what is in a capture, and what is wrong with it", info_main},
     {"bench", "measure the deblurring on this machine", bench_main},
     {"blind", "check the diagnosis on captures with hidden effects", blind_main},

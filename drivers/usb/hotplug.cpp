@@ -1,0 +1,95 @@
+#include "drivers/usb/hotplug.hpp"
+
+#include <sys/time.h>
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "bolo/rt/thread.hpp"
+
+namespace bolo::usb {
+namespace {
+
+constexpr timeval kTick{0, 50'000};
+constexpr std::chrono::milliseconds kPollPeriod(300);
+
+// The same device in the same place: a replugged one has another address.
+bool same(const UsbDevice& a, const UsbDevice& b) {
+  return a.bus == b.bus && a.address == b.address && a.vendor == b.vendor && a.product == b.product;
+}
+
+bool has(const std::vector<UsbDevice>& devices, const UsbDevice& device) {
+  return std::any_of(devices.begin(), devices.end(), [&](const UsbDevice& d) { return same(d, device); });
+}
+
+}  // namespace
+
+HotplugSignal::HotplugSignal(libusb_context* context, Callback callback)
+    : context_(context), callback_(std::move(callback)) {
+  if (libusb_has_capability(LIBUSB_CAP_HAS_HOTPLUG) == 0) return;
+  told_ =
+      libusb_hotplug_register_callback(context, LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED | LIBUSB_HOTPLUG_EVENT_DEVICE_LEFT,
+                                       0, LIBUSB_HOTPLUG_MATCH_ANY, LIBUSB_HOTPLUG_MATCH_ANY, LIBUSB_HOTPLUG_MATCH_ANY,
+                                       &on_change, this, &handle_) == 0;
+}
+
+HotplugSignal::~HotplugSignal() {
+  if (told_) libusb_hotplug_deregister_callback(context_, handle_);
+}
+
+int HotplugSignal::on_change(libusb_context*, libusb_device* device, libusb_hotplug_event event, void* self) {
+  static_cast<HotplugSignal*>(self)->callback_(device, event == LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED);
+  return 0;  // 1 would end the registration
+}
+
+Result<std::unique_ptr<Hotplug>> Hotplug::start(DeviceFilter filter, Callback callback, Means means) {
+  auto context = make_context();
+  if (!context) return tl::unexpected<Error>(context.error());
+  if (auto first = list_devices(context->get(), filter); !first) return tl::unexpected<Error>(first.error());
+  return std::unique_ptr<Hotplug>(new Hotplug(std::move(*context), std::move(filter), std::move(callback), means));
+}
+
+Hotplug::Hotplug(Context context, DeviceFilter filter, Callback callback, Means means)
+    : context_(std::move(context)), filter_(std::move(filter)), callback_(std::move(callback)) {
+  if (means == Means::kEvents) {
+    signal_ = std::make_unique<HotplugSignal>(context_.get(), [this](libusb_device*, bool) { changed_ = true; });
+  }
+  thread_ = std::thread([this] { watch(); });
+}
+
+Hotplug::~Hotplug() {
+  stop_.store(true, std::memory_order_relaxed);
+  thread_.join();
+}
+
+void Hotplug::watch() {
+  static_cast<void>(rt::apply_to_this_thread({.name = "bolo-usb-watch"}));
+  using Clock = std::chrono::steady_clock;
+  const bool told = signal_ != nullptr && signal_->told();
+  Clock::time_point next = Clock::now();
+  while (!stop_.load(std::memory_order_relaxed)) {
+    if (std::exchange(changed_, false) || (!told && Clock::now() >= next)) {
+      compare();
+      next = Clock::now() + kPollPeriod;
+    }
+    timeval tick = kTick;
+    libusb_handle_events_timeout(context_.get(), &tick);
+  }
+}
+
+// An event only says that something changed; what did is seen in the list. Within libusb's callback a device must not
+// be asked for its strings.
+void Hotplug::compare() {
+  auto present = list_devices(context_.get(), filter_);
+  if (!present) return;
+  for (const UsbDevice& device : known_) {
+    if (!has(*present, device)) callback_(Change::kLeft, device);
+  }
+  for (const UsbDevice& device : *present) {
+    if (!has(known_, device)) callback_(Change::kArrived, device);
+  }
+  known_ = std::move(*present);
+}
+
+}  // namespace bolo::usb

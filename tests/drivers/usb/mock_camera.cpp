@@ -1,0 +1,316 @@
+#include "tests/drivers/usb/mock_camera.hpp"
+
+#include <linux/usbdevice_fs.h>
+#include <sys/ioctl.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <stdexcept>
+#include <utility>
+
+namespace bolo::usb::testing {
+namespace {
+
+constexpr char kPath[] = "/sys/devices/usb1/1-2";
+constexpr std::size_t kSetupBytes = 8;
+constexpr unsigned kIdleUs = 500;  // a mocked node is always ready: without this libusb would ask incessantly
+
+void append(std::vector<std::uint8_t>& all, std::initializer_list<int> bytes) {
+  for (const int byte : bytes) all.push_back(static_cast<std::uint8_t>(byte));
+}
+
+std::vector<std::uint8_t> device_descriptors(std::uint16_t vendor) {
+  std::vector<std::uint8_t> all;
+  append(all, {18, 1, 0x10, 0x02, 0, 0, 0, 64, vendor & 0xFF, vendor >> 8, kProduct & 0xFF, kProduct >> 8, 0x02, 0x01,
+               1, 2, 3, 1});
+  append(all, {9, 2, 39, 0, 1, 1, 0, 0xC0, 50});         // 39 bytes, one interface, self-powered, 100 mA
+  append(all, {9, 4, kInterface, 0, 0, 0xFF, 1, 2, 4});  // no endpoint
+  append(all, {9, 4, kInterface, kStreaming, 1, 0xFF, 1, 2, 4});
+  append(all, {5, 0x24, 0xAB, 0xCD, 0xEF});  // class specific
+  append(all, {7, 5, kEndpoint, 2, kPacketBytes & 0xFF, kPacketBytes >> 8, 0});
+  return all;
+}
+
+std::vector<std::uint8_t> string_descriptor(const std::string& text) {
+  std::vector<std::uint8_t> all{static_cast<std::uint8_t>(2 + 2 * text.size()), 3};
+  for (const char c : text) append(all, {c, 0});
+  return all;
+}
+
+usbdevfs_urb& urb_of(UMockdevIoctlData* data) { return *reinterpret_cast<usbdevfs_urb*>(data->data); }
+
+}  // namespace
+
+MockCamera::MockCamera(std::string serial, std::uint16_t vendor)
+    : serial_(std::move(serial)),
+      vendor_(vendor),
+      testbed_(umockdev_testbed_new()),
+      handler_(umockdev_ioctl_base_new()) {
+  g_signal_connect(handler_.get(), "handle-ioctl", G_CALLBACK(&MockCamera::on_ioctl), this);
+}
+
+MockCamera::~MockCamera() {
+  if (plugged_) unplug();
+}
+
+void MockCamera::plug() {
+  ++address_;
+  {
+    const std::lock_guard lock(mutex_);
+    plugged_ = true;
+    halted_ = claimed_ = false;
+    alternate_setting_ = 0;
+    requests_.clear();
+    answers_.clear();
+  }
+  GError* error = nullptr;
+  umockdev_testbed_attach_ioctl(testbed_.get(), node().c_str(), handler_.get(), &error);
+  if (error == nullptr) umockdev_testbed_add_from_string(testbed_.get(), sysfs_text().c_str(), &error);
+  if (error != nullptr) throw std::runtime_error(error->message);
+}
+
+void MockCamera::unplug() {
+  {
+    const std::lock_guard lock(mutex_);
+    plugged_ = false;
+    while (!waiting_.empty()) {
+      urb_of(waiting_.front().get()).status = -ESHUTDOWN;
+      done_.push_back(std::move(waiting_.front()));
+      waiting_.pop_front();
+    }
+    filled_ = 0;
+  }
+  umockdev_testbed_uevent(testbed_.get(), kPath, "remove");
+  umockdev_testbed_remove_device(testbed_.get(), kPath);
+}
+
+void MockCamera::send(std::vector<std::byte> bytes) {
+  const std::lock_guard lock(mutex_);
+  answers_.push_back({std::move(bytes), true, 0});
+}
+
+void MockCamera::send_on(std::vector<std::byte> bytes) {
+  const std::lock_guard lock(mutex_);
+  answers_.push_back({std::move(bytes), false, 0});
+}
+
+void MockCamera::fail(int error) {
+  const std::lock_guard lock(mutex_);
+  answers_.push_back({{}, true, error});
+}
+
+void MockCamera::refuse(std::uint8_t request) {
+  const std::lock_guard lock(mutex_);
+  refused_.push_back(request);
+}
+
+int MockCamera::halts_cleared() const {
+  const std::lock_guard lock(mutex_);
+  return halts_cleared_;
+}
+
+std::vector<std::vector<std::uint8_t>> MockCamera::requests() const {
+  const std::lock_guard lock(mutex_);
+  return requests_;
+}
+
+bool MockCamera::interface_claimed() const {
+  const std::lock_guard lock(mutex_);
+  return claimed_;
+}
+
+int MockCamera::alternate_setting() const {
+  const std::lock_guard lock(mutex_);
+  return alternate_setting_;
+}
+
+bool MockCamera::idle() const {
+  const std::lock_guard lock(mutex_);
+  return answers_.empty() && done_.empty();
+}
+
+// --- the handler's thread ---
+
+gboolean MockCamera::on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, MockCamera* self) {
+  return self->handle(client);
+}
+
+gboolean MockCamera::handle(UMockdevIoctlClient* client) {
+  const std::lock_guard lock(mutex_);
+  UMockdevIoctlData* argument = umockdev_ioctl_client_get_arg(client);
+  const gulong request = umockdev_ioctl_client_get_request(client);
+  const bool reaping = request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY;
+  if (!plugged_ && !reaping) {
+    umockdev_ioctl_client_complete(client, -1, ENODEV);
+    return TRUE;
+  }
+  switch (request) {
+    case USBDEVFS_GET_CAPABILITIES: {
+      const Urb room(umockdev_ioctl_data_resolve(argument, 0, sizeof(guint32), nullptr));
+      const guint32 can = USBDEVFS_CAP_BULK_SCATTER_GATHER | USBDEVFS_CAP_BULK_CONTINUATION |
+                          USBDEVFS_CAP_NO_PACKET_SIZE_LIM | USBDEVFS_CAP_REAP_AFTER_DISCONNECT;
+      std::memcpy(room->data, &can, sizeof can);
+      break;
+    }
+    case USBDEVFS_CLAIMINTERFACE:
+    case USBDEVFS_DISCONNECT_CLAIM:
+      claimed_ = true;
+      break;
+    case USBDEVFS_RELEASEINTERFACE:
+      claimed_ = false;
+      break;
+    case USBDEVFS_SETINTERFACE: {
+      const Urb set(umockdev_ioctl_data_resolve(argument, 0, sizeof(usbdevfs_setinterface), nullptr));
+      alternate_setting_ = static_cast<int>(reinterpret_cast<usbdevfs_setinterface*>(set->data)->altsetting);
+      halted_ = false;
+      break;
+    }
+    case USBDEVFS_CLEAR_HALT:
+      halted_ = false;
+      ++halts_cleared_;
+      break;
+    case USBDEVFS_SUBMITURB:
+      submit(client, argument);
+      return TRUE;
+    case USBDEVFS_REAPURB:
+    case USBDEVFS_REAPURBNDELAY:
+      reap(client, argument);
+      return TRUE;
+    case USBDEVFS_DISCARDURB:
+      discard(client, argument);
+      return TRUE;
+    default:
+      umockdev_ioctl_client_complete(client, -1, ENOTTY);
+      return TRUE;
+  }
+  umockdev_ioctl_client_complete(client, 0, 0);
+  return TRUE;
+}
+
+void MockCamera::submit(UMockdevIoctlClient* client, UMockdevIoctlData* argument) {
+  Urb urb(umockdev_ioctl_data_resolve(argument, 0, sizeof(usbdevfs_urb), nullptr));
+  const usbdevfs_urb& asked = urb_of(urb.get());
+  const Urb buffer(umockdev_ioctl_data_resolve(urb.get(), offsetof(usbdevfs_urb, buffer),
+                                               static_cast<gsize>(asked.buffer_length), nullptr));
+  if (asked.type == USBDEVFS_URB_TYPE_CONTROL) {
+    answer_control(std::move(urb));
+  } else {
+    waiting_.push_back(std::move(urb));
+  }
+  umockdev_ioctl_client_complete(client, 0, 0);
+}
+
+void MockCamera::answer_control(Urb urb) {
+  usbdevfs_urb& asked = urb_of(urb.get());
+  auto* bytes = static_cast<std::uint8_t*>(asked.buffer);
+  const std::vector<std::uint8_t> setup(bytes, bytes + asked.buffer_length);
+  constexpr std::uint8_t kGetDescriptor = 6;
+  const bool to_host = (setup[0] & 0x80U) != 0;
+  if (setup[0] == 0x80 && setup[1] == kGetDescriptor) {
+    const auto found = descriptor(static_cast<std::uint16_t>(setup[2] | setup[3] << 8));
+    asked.actual_length = static_cast<int>(std::min(found.size(), setup.size() - kSetupBytes));
+    std::copy_n(found.begin(), asked.actual_length, bytes + kSetupBytes);
+    asked.status = found.empty() ? -EPIPE : 0;
+  } else {
+    const bool refused = std::find(refused_.begin(), refused_.end(), setup[1]) != refused_.end();
+    asked.actual_length = refused || to_host ? 0 : static_cast<int>(setup.size() - kSetupBytes);
+    asked.status = refused ? -EPIPE : 0;
+    if (!refused) requests_.push_back(setup);
+  }
+  done_.push_back(std::move(urb));
+}
+
+std::vector<std::uint8_t> MockCamera::descriptor(std::uint16_t value) const {
+  constexpr unsigned kString = 3;
+  constexpr unsigned kBos = 15;
+  if (value >> 8 == kBos) return {5, 15, 12, 0, 1, 7, 16, 2, 6, 0, 0, 0};  // USB 2.0 extension: link power management
+  if (value >> 8 != kString) return {};
+  switch (value & 0xFF) {
+    case 0:
+      return {4, 3, 0x09, 0x04};  // English
+    case 4:
+      return string_descriptor("Thermal stream");
+    default:
+      return {};
+  }
+}
+
+void MockCamera::reap(UMockdevIoctlClient* client, UMockdevIoctlData* argument) {
+  if (done_.empty() && !fill_next()) {
+    g_usleep(kIdleUs);
+    umockdev_ioctl_client_complete(client, -1, plugged_ ? EAGAIN : ENODEV);
+    return;
+  }
+  const Urb urb = std::move(done_.front());
+  done_.pop_front();
+  const Urb pointer(umockdev_ioctl_data_resolve(argument, 0, sizeof(void*), nullptr));
+  umockdev_ioctl_data_set_ptr(pointer.get(), 0, urb.get());
+  umockdev_ioctl_client_complete(client, 0, 0);
+}
+
+// Puts what is to be sent into the oldest transfer; true when that is done.
+bool MockCamera::fill_next() {
+  while (!waiting_.empty() && !answers_.empty() && !halted_) {
+    usbdevfs_urb& urb = urb_of(waiting_.front().get());
+    Answer& answer = answers_.front();
+    const auto room = static_cast<std::size_t>(urb.buffer_length) - filled_;
+    const std::size_t size = std::min(room, answer.bytes.size());
+    std::copy_n(answer.bytes.begin(), size, static_cast<std::byte*>(urb.buffer) + filled_);
+    filled_ += size;
+    answer.bytes.erase(answer.bytes.begin(), answer.bytes.begin() + static_cast<std::ptrdiff_t>(size));
+    const bool full = filled_ == static_cast<std::size_t>(urb.buffer_length);
+    const bool ends = answer.bytes.empty() && answer.ends && !full;
+    urb.status = ends ? -answer.error : 0;
+    halted_ = ends && answer.error == EPIPE;
+    if (answer.bytes.empty() && (ends || !answer.ends)) answers_.pop_front();
+    if (!full && !ends) continue;
+    urb.actual_length = static_cast<int>(std::exchange(filled_, 0));
+    done_.push_back(std::move(waiting_.front()));
+    waiting_.pop_front();
+    return true;
+  }
+  return false;
+}
+
+void MockCamera::discard(UMockdevIoctlClient* client, UMockdevIoctlData* argument) {
+  gulong address = 0;
+  std::memcpy(&address, argument->data, sizeof address);
+  const auto found =
+      std::find_if(waiting_.begin(), waiting_.end(), [&](const Urb& urb) { return urb->client_addr == address; });
+  if (found == waiting_.end()) {
+    umockdev_ioctl_client_complete(client, -1, EINVAL);
+    return;
+  }
+  usbdevfs_urb& urb = urb_of(found->get());
+  urb.status = -ENOENT;
+  urb.actual_length = found == waiting_.begin() ? static_cast<int>(std::exchange(filled_, 0)) : 0;
+  done_.push_back(std::move(*found));
+  waiting_.erase(found);
+  umockdev_ioctl_client_complete(client, 0, 0);
+}
+
+std::string MockCamera::node() const {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "/dev/bus/usb/001/%03d", address_);
+  return text.data();
+}
+
+std::string MockCamera::sysfs_text() const {
+  std::string hex;
+  for (const std::uint8_t byte : device_descriptors(vendor_)) {
+    std::array<char, 3> two{};
+    std::snprintf(two.data(), two.size(), "%02x", static_cast<unsigned>(byte));
+    hex += two.data();
+  }
+  const std::string number = node().substr(node().size() - 3);
+  return "P: /devices/usb1/1-2\nN: bus/usb/001/" + number + "\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: BUSNUM=001\n" +
+         "E: DEVNUM=" + number + "\nE: DEVNAME=" + node() + "\nE: DEVTYPE=usb_device\nA: bConfigurationValue=1\\n\n" +
+         "A: busnum=1\\n\nA: devnum=" + std::to_string(address_) +
+         "\\n\nA: speed=480\\n\nA: manufacturer=FLIR Systems\\n\n" +
+         "A: product=Mock microbolometer\\n\nA: serial=" + serial_ + "\\n\nH: descriptors=" + hex + "\n";
+}
+
+}  // namespace bolo::usb::testing
