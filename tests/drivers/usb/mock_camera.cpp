@@ -54,6 +54,11 @@ MockCamera::MockCamera(std::string serial, std::uint16_t vendor)
 
 MockCamera::~MockCamera() {
   if (plugged_) unplug();
+  testbed_.reset();
+  handler_.reset();                    // ends its thread,
+  const std::lock_guard lock(mutex_);  // which was the last to have this lock
+  waiting_.clear();
+  done_.clear();
 }
 
 void MockCamera::plug() {

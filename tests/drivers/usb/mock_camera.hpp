@@ -78,10 +78,8 @@ class MockCamera {
   const std::string serial_;
   const std::uint16_t vendor_;
   int address_ = 0;
-  std::unique_ptr<UMockdevTestbed, Unref> testbed_;
-  std::unique_ptr<UMockdevIoctlBase, Unref> handler_;
 
-  mutable std::mutex mutex_;  // guards what follows: the handler has a thread of its own
+  mutable std::mutex mutex_;  // guards what follows up to done_: the handler has a thread of its own
   bool plugged_ = false;
   bool halted_ = false;
   bool claimed_ = false;
@@ -93,6 +91,9 @@ class MockCamera {
   std::deque<Urb> waiting_;  // bulk transfers under way, oldest first
   std::size_t filled_ = 0;   // bytes of the oldest that have come
   std::deque<Urb> done_;
+
+  std::unique_ptr<UMockdevTestbed, Unref> testbed_;
+  std::unique_ptr<UMockdevIoctlBase, Unref> handler_;  // last: making it starts its thread
 };
 
 }  // namespace bolo::usb::testing
