@@ -69,7 +69,8 @@ model::PixelMaps neutral_maps(const deblur::Settings& settings) {
   maps.gain.assign(kFrame.pixels(), 1.0F);
   maps.offset.assign(kFrame.pixels(), 0.0F);
   maps.dead.assign(kFrame.pixels(), 0);
-  for (std::size_t i = 2 * kExactRows * static_cast<std::size_t>(kFrame.width); i < maps.dead.size(); i += 200) {
+  for (std::size_t i = std::size_t{2} * kExactRows * static_cast<std::size_t>(kFrame.width); i < maps.dead.size();
+       i += 200) {
     maps.dead[i] = 1;
   }
   return maps;

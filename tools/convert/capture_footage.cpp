@@ -30,7 +30,7 @@ class CaptureFootage final : public Footage {
     const auto attributes = reader_.attributes();
     if (!attributes) return tl::unexpected<Error>(attributes.error());
     for (const capture::Attribute& attribute : *attributes) {
-      const Status good =
+      Status good =
           std::visit([&](const auto& value) { return writer.write_attribute(attribute.name, value); }, attribute.value);
       if (!good) return good;
     }
