@@ -37,6 +37,7 @@ std::string last_line(std::string text) {
 // 0 as `input` is /dev/null. The program's pid.
 Result<pid_t> spawn(std::vector<std::string> words, int input, int output, int errors, const std::string& install) {
   std::vector<char*> argv;
+  argv.reserve(words.size() + 1);
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
   posix_spawn_file_actions_t actions;

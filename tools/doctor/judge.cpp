@@ -127,6 +127,7 @@ Check interfaces(const Facts& facts) {
     if (i.up && !i.loopback) used.push_back(&i);
   }
   std::vector<std::string> names;
+  names.reserve(used.size());
   for (const Interface* i : used) names.push_back(i->name + " " + i->address + "/" + std::to_string(i->prefix));
   check.found = names.empty() ? "only the loopback is up" : list(names);
   for (std::size_t i = 0; i < used.size(); ++i) {
