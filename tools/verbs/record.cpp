@@ -13,7 +13,7 @@ namespace {
 
 constexpr const char* kVerb = "record";
 constexpr double kMostSeconds = 1e8;
-constexpr std::size_t kMostBuffer_mb = 64 * 1024;
+constexpr std::size_t kMostBuffer_mb = std::size_t{64} * 1024;
 
 cxxopts::Options make_options() {
   cxxopts::Options options("bolo record",
