@@ -120,8 +120,8 @@ void KeyTable::number(std::string_view key, double& value, Range range, std::str
 
 void KeyTable::number(std::string_view key, std::optional<double>& value, double example, Range range,
                       std::string_view meaning) {
-  add({std::string(key), range_text(range), std::string(meaning), float_text(example), true,
-       number_check(value, range)});
+  add({std::string(key), range_text(range), std::string(meaning), float_text(value.value_or(example)),
+       !value.has_value(), number_check(value, range)});
 }
 
 void KeyTable::number_or_word(std::string_view key, double& value, bool& is_word, std::string_view word, Range range,
@@ -150,8 +150,8 @@ void KeyTable::integer(std::string_view key, int& value, Range range, std::strin
 
 void KeyTable::integer(std::string_view key, std::optional<int>& value, int example, Range range,
                        std::string_view meaning) {
-  add({std::string(key), range_text(range), std::string(meaning), std::to_string(example), true,
-       integer_check(value, range)});
+  add({std::string(key), range_text(range), std::string(meaning), std::to_string(value.value_or(example)),
+       !value.has_value(), integer_check(value, range)});
 }
 
 void KeyTable::octal(std::string_view key, unsigned& value, Range range, std::string_view meaning) {
@@ -227,14 +227,30 @@ void KeyTable::add_choice(std::string_view key, const std::vector<std::string>& 
        check});
 }
 
+void KeyTable::mark(std::string_view path, std::string_view word) {
+  for (Section& section : sections_) {
+    for (Key& key : section.keys) {
+      if (key.path == path) key.mark = word;
+    }
+  }
+}
+
+std::map<std::string, std::string, std::less<>> KeyTable::texts() const {
+  std::map<std::string, std::string, std::less<>> texts;
+  for (const Section& section : sections_) {
+    for (const Key& key : section.keys) texts.emplace(key.path, key.optional ? "" : key.initial);
+  }
+  return texts;
+}
+
 std::string KeyTable::document() const {
   std::string out;
   for (const Section& section : sections_) {
     if (!section.name.empty()) out += "\n[" + section.name + "]  # " + section.meaning + "\n";
     for (const Key& key : section.keys) {
       const std::string value = (key.optional ? "no default, example " : "default ") + key.initial;
-      out += "\n# " + key.meaning + "\n# " + key.limits + "; " + value + "\n" + (key.optional ? "#" : "") +
-             std::string(last_part(key.path)) + " = " + key.initial + "\n";
+      out += "\n# " + key.meaning + "\n# " + key.limits + "; " + value + (key.mark.empty() ? "" : "; " + key.mark) +
+             "\n" + (key.optional ? "#" : "") + std::string(last_part(key.path)) + " = " + key.initial + "\n";
     }
   }
   return out.empty() ? out : out.substr(1);

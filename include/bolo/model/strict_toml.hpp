@@ -66,6 +66,13 @@ class KeyTable {
   // many more there are. The variables keep their values when anything is wrong. Thread: setup.
   Status read(const std::filesystem::path& file);
 
+  // A word on a declared key that document() prints beside its default.
+  void mark(std::string_view path, std::string_view word);
+
+  // What each key had when it was declared, as TOML; empty for one without a value. Of keys declared over variables
+  // that were read: what the file says. By path.
+  std::map<std::string, std::string, std::less<>> texts() const;
+
   // "FILE:LINE:COLUMN: " of a key that the file has, "FILE: " of one that it has not: for errors between keys.
   std::string where(std::string_view path) const;
 
@@ -87,6 +94,7 @@ class KeyTable {
     std::string initial;  // the default as TOML; what is shown when there is no value, if `optional`
     bool optional = false;
     Check check;
+    std::string mark{};
     bool file = false;  // a relative name is resolved against the settings file's folder
   };
   struct Section {
@@ -135,9 +143,13 @@ template <typename Enum>
 void KeyTable::choice(std::string_view key, std::optional<Enum>& value, Choices<Enum> choices,
                       std::string_view meaning) {
   std::vector<std::string> names;
-  for (const auto& [name, entry] : choices) names.emplace_back(name);
+  std::optional<std::size_t> present;
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    names.emplace_back(choices[i].first);
+    if (value && choices[i].second == *value) present = i;
+  }
   add_choice(
-      key, names, std::nullopt, [&value, choices](std::size_t i) { value = choices[i].second; }, meaning);
+      key, names, present, [&value, choices](std::size_t i) { value = choices[i].second; }, meaning);
 }
 
 }  // namespace bolo::model

@@ -84,7 +84,12 @@ class LatencyHistogram {
     return 0.0;
   }
 
-  void add(std::int64_t ns) noexcept { counts_[bucket(ns)].add(); }
+  void add(std::int64_t ns) noexcept {
+    counts_[bucket(ns)].add();
+    sum_ns_.add(ns > 0 ? static_cast<std::uint64_t>(ns) : 0);
+  }
+  // Of all latencies. Thread: any.
+  std::uint64_t sum_ns() const noexcept { return sum_ns_.value(); }
   std::uint64_t count(std::size_t b) const noexcept { return counts_[b].value(); }
   std::array<std::uint64_t, kBuckets> counts() const noexcept {
     std::array<std::uint64_t, kBuckets> copy{};
@@ -94,6 +99,7 @@ class LatencyHistogram {
 
  private:
   std::array<Counter, kBuckets> counts_;
+  Counter sum_ns_;
 };
 
 }  // namespace bolo::rt

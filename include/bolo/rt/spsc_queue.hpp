@@ -1,6 +1,6 @@
 // Bounded lock-free queue between one producer thread and one consumer thread.
 //
-// The race, step by step. Indices only grow; a cell is index & mask.
+// The race, step by step (tests/models tries every order). Indices only grow; a cell is index & mask.
 //
 //   producer                                  consumer
 //   --------                                  --------
