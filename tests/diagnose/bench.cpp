@@ -38,16 +38,6 @@ Recording blank(const capture::Stimulus& stimulus, int frames) {
 
 }  // namespace
 
-Scratch::Scratch() {
-  std::string pattern = ::testing::TempDir() + "bolo_diagnose_XXXXXX";
-  folder_ = mkdtemp(pattern.data());
-}
-
-Scratch::~Scratch() {
-  std::error_code ignored;
-  std::filesystem::remove_all(folder_, ignored);
-}
-
 sim::CameraSettings ideal_camera() {
   sim::CameraSettings camera;
   camera.geometry = {kWidth, kHeight};

@@ -12,21 +12,9 @@
 #include "bolo/sim/simulator.hpp"
 #include "bolo/sim/stimulus_error.hpp"
 #include "src/diagnose/session.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::diagnose::testing {
-
-class Scratch {
- public:
-  Scratch();
-  ~Scratch();
-  Scratch(const Scratch&) = delete;
-  Scratch& operator=(const Scratch&) = delete;
-  const std::filesystem::path& path() const { return folder_; }
-  std::filesystem::path operator/(const std::string& name) const { return folder_ / name; }
-
- private:
-  std::filesystem::path folder_;
-};
 
 // 32x24, without noise or quantisation: the mean that a pixel shows.
 sim::CameraSettings ideal_camera();

@@ -53,7 +53,7 @@ class Diagnosis : public ::testing::Test {
     return report ? *report : Report{};
   }
 
-  testing::Scratch scratch_;
+  Scratch scratch_;
 };
 
 TEST_F(Diagnosis, FindsNothingWhereNothingIs) {

@@ -68,7 +68,7 @@ class Learning : public ::testing::Test {
   }
 
   tools::blind::Session session_;
-  testing::Scratch scratch_;
+  Scratch scratch_;
 };
 
 // A frame of more pixels than the grid of the diagnosis has.

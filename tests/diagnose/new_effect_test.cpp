@@ -45,7 +45,7 @@ TEST(NewEffect, IsSimulatedAndDiagnosed) {
   const auto effect = sim::parse_effect("column_droop:droop_k=0.06");
   ASSERT_TRUE(effect) << effect.error().message;
   camera.effects.push_back(*effect);
-  const testing::Scratch scratch;
+  const Scratch scratch;
   std::vector<std::filesystem::path> files;
   const std::vector<capture::Stimulus> stimuli{capture::Uniform{300.0}, capture::Uniform{325.0}, testing::odd_chopper(),
                                                testing::slanted_bars(70.0)};

@@ -8,6 +8,7 @@
 
 #include "bolo/diagnose/report_files.hpp"
 #include "tests/diagnose/invented.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -80,23 +81,8 @@ TEST(ReportJson, AnEmptyReportAndAnOddNameAreStillJson) {
   EXPECT_TRUE(out.at("location").at("captures").is_object());
 }
 
-class Folder {
- public:
-  Folder() : path_(testing::TempDir() + "bolo-report-XXXXXX") {
-    std::string text = path_.string();
-    path_ = mkdtemp(text.data());
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
-
 TEST(ReportFiles, WritesBothIntoAFolderThatItMakes) {
-  const Folder scratch;
+  const Scratch scratch;
   const auto folder = scratch.path() / "a" / "b";
   ASSERT_TRUE(write_report(test::invented_clean(), folder));
   const json out = json::parse(std::ifstream(folder / "report.json"));
@@ -105,7 +91,7 @@ TEST(ReportFiles, WritesBothIntoAFolderThatItMakes) {
 }
 
 TEST(ReportFiles, AFolderThatCannotBeIsBadInput) {
-  const Folder scratch;
+  const Scratch scratch;
   const auto file = scratch.path() / "file";
   std::ofstream(file) << "x";
   const Status status = write_report(test::invented_clean(), file / "sub");

@@ -63,7 +63,7 @@ class SessionFiles : public ::testing::Test {
     return scratch_ / name;
   }
 
-  testing::Scratch scratch_;
+  Scratch scratch_;
 };
 
 TEST_F(SessionFiles, ReadsWhatIsThere) {

@@ -12,29 +12,16 @@
 #include <vector>
 
 #include "bolo/sim/simulator.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::sim::testing {
 
-class Scratch {
+class Scratch : public bolo::Scratch {
  public:
-  Scratch() {
-    std::string pattern = ::testing::TempDir() + "bolo_sim_XXXXXX";
-    folder_ = mkdtemp(pattern.data());
-  }
-  ~Scratch() {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
-  Scratch(const Scratch&) = delete;
-  Scratch& operator=(const Scratch&) = delete;
-  std::filesystem::path operator/(const std::string& name) const { return folder_ / name; }
   std::filesystem::path text(const std::string& name, const std::string& content) const {
-    std::ofstream(folder_ / name, std::ios::binary) << content;
-    return folder_ / name;
+    std::ofstream(*this / name, std::ios::binary) << content;
+    return *this / name;
   }
-
- private:
-  std::filesystem::path folder_;
 };
 
 // A camera without noise or quantisation, so that the physics can be compared exactly.

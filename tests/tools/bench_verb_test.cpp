@@ -9,18 +9,16 @@
 #include <string>
 #include <vector>
 
+#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
 namespace {
 
 Outcome bench(std::vector<std::string> words) {
-  std::string folder = ::testing::TempDir() + "bolo_bench_XXXXXX";
-  EXPECT_NE(mkdtemp(folder.data()), nullptr);
+  const Scratch scratch;
   words.insert(words.begin(), {BOLO_PROGRAM, "bench"});
-  const Outcome outcome = Program(folder, words).outcome();
-  std::filesystem::remove_all(folder);
-  return outcome;
+  return Program(scratch.path(), words).outcome();
 }
 
 void expect_measured(const nlohmann::json& m) {
@@ -36,8 +34,10 @@ void expect_measured(const nlohmann::json& m) {
 }
 
 TEST(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
-  const Outcome outcome = bench({"deblur", "--json", "--seconds", "0.1"});
+  const Scratch scratch;
+  const Outcome outcome = bench({"deblur", "--json", "--seconds", "0.1", "--plot", scratch / "bench.svg"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_NE(contents(scratch / "bench.svg").find("naive"), std::string::npos);
   const nlohmann::json result = nlohmann::json::parse(outcome.out);
   expect_measured(result);
   EXPECT_EQ(result.at("solver"), "admm");
@@ -84,6 +84,28 @@ TEST(BenchVerb, WrongOptionsAreOneLineAndExitCode2) {
     EXPECT_EQ(outcome.exit_code, 2) << (words.empty() ? "" : words.back());
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   }
+}
+
+TEST(BenchVerb, ReadersOfAllKindsAreMeasured) {
+  const Outcome outcome = bench({"readers", "--json", "--seconds", "0"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const nlohmann::json result = nlohmann::json::parse(outcome.out);
+  EXPECT_NE(result.at("method").get<std::string>().find("libbolo-client"), std::string::npos);
+  std::vector<int> readers;
+  for (const nlohmann::json& each : result.at("cases")) {
+    readers.push_back(each.at("readers"));
+    EXPECT_EQ(each.at("frozen"), readers.back() >= 4 ? 1 : 0);
+    EXPECT_EQ(each.at("killed"), readers.back() >= 4 ? 1 : 0);
+    EXPECT_EQ(each.at("slow"), readers.back() >= 4 ? 1 : 0);
+    EXPECT_GT(each.at("rate_hz").get<double>(), 0.0);
+    EXPECT_GT(each.at("publish_p99_ratio").get<double>(), 0.0);
+    EXPECT_LE(each.at("publish_us_p50").get<double>(), each.at("publish_us_p99").get<double>());
+    EXPECT_LE(each.at("read_fraction").get<double>(), 1.0);
+    if (readers.back() > 0) {
+      EXPECT_GT(each.at("read_fraction").get<double>(), 0.0);
+    }
+  }
+  EXPECT_EQ(readers, (std::vector<int>{0, 1, 4, 16}));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "bolo/capture/pixel_maps_io.hpp"
 #include "bolo/model/camera_profile.hpp"
+#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
@@ -16,13 +17,6 @@ namespace fs = std::filesystem;
 
 class Calibrate : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::path(testing::TempDir()) / "bolo-calibrate-XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   Outcome bolo(std::vector<std::string> words) const {
     words.insert(words.begin(), BOLO_PROGRAM);
     return Program(folder_, std::move(words)).outcome();
@@ -37,14 +31,15 @@ class Calibrate : public testing::Test {
     ASSERT_EQ(done.exit_code, 0) << done.err;
   }
 
-  fs::path folder_;
+  const Scratch scratch_;
+  const fs::path folder_ = scratch_.path();
 };
 
 TEST_F(Calibrate, WritesProfileMapsAndPicture) {
   simulate("chopper.h5", {"--stimulus", "chopper", "--effect", "tau_spread:rms=0.05", "--tau", "0.0105"});
   simulate("shutter.h5", {"--stimulus", "uniform", "--effect", "fpn_offset", "--frames", "100"});
   const Outcome done = bolo({"calibrate", path("chopper.h5"), path("shutter.h5"), "-o", path("mine.toml"), "--plot",
-                             path("fit.png"), "--json"});
+                             path("fit.svg"), "--json"});
   ASSERT_EQ(done.exit_code, 0) << done.err;
   const auto json = nlohmann::json::parse(done.out);
   const double tau_s = json.at("tau_s");
@@ -66,7 +61,7 @@ TEST_F(Calibrate, WritesProfileMapsAndPicture) {
   ASSERT_TRUE(maps) << maps.error().message;
   EXPECT_EQ(maps->tau_s.size(), 32U * 24U);
   EXPECT_EQ(maps->offset.size(), 32U * 24U);
-  EXPECT_GT(fs::file_size(path("fit.png")), 10000U);
+  EXPECT_GT(fs::file_size(path("fit.svg")), 10000U);
 
   // What was written is what the deblurring takes.
   const Outcome sharp = bolo({"deblur", path("chopper.h5"), "-o", path("sharp.h5"), "--profile", path("mine.toml")});
@@ -119,16 +114,16 @@ TEST_F(Calibrate, SaysWhatIsWrongInOneLine) {
 }
 
 TEST_F(Calibrate, EvaluationsPrintNumbersAndDraw) {
-  const Outcome pulses = bolo({"eval", "pulses", "--seeds", "1", "--json", "--picture", path("pulses.png")});
+  const Outcome pulses = bolo({"eval", "pulses", "--seeds", "1", "--json", "--plot", path("pulses.svg")});
   ASSERT_EQ(pulses.exit_code, 0) << pulses.err;
   const auto trials = nlohmann::json::parse(pulses.out).at("trials");
   EXPECT_EQ(trials.size(), 9U);
   for (const auto& trial : trials) EXPECT_LT(trial.at("worst_error").get<double>(), 0.01);
-  EXPECT_TRUE(fs::exists(path("pulses.png")));
-  const Outcome pixel = bolo({"eval", "pixel", "--draws", "3", "--json", "--picture", path("pixel.png")});
+  EXPECT_TRUE(fs::exists(path("pulses.svg")));
+  const Outcome pixel = bolo({"eval", "pixel", "--draws", "3", "--json", "--plot", path("pixel.html")});
   ASSERT_EQ(pixel.exit_code, 0) << pixel.err;
   EXPECT_EQ(nlohmann::json::parse(pixel.out).at("cases").size(), 4U);
-  EXPECT_TRUE(fs::exists(path("pixel.png")));
+  EXPECT_TRUE(fs::exists(path("pixel.html")));
   EXPECT_EQ(bolo({"eval", "pulses", "--seeds", "0"}).exit_code, 2);
   EXPECT_EQ(bolo({"eval", "pixel", "--noise", "-1"}).exit_code, 2);
 }

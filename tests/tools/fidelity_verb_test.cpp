@@ -6,6 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
@@ -13,15 +14,6 @@ namespace {
 
 class FidelityVerb : public ::testing::Test {
  protected:
-  FidelityVerb() {
-    std::string pattern = ::testing::TempDir() + "bolo_fidelity_XXXXXX";
-    folder_ = mkdtemp(pattern.data());
-  }
-  ~FidelityVerb() override {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
-
   Outcome run(std::vector<std::string> words) const {
     words.insert(words.begin(), {BOLO_PROGRAM, "eval", "fidelity"});
     return Program(folder_, std::move(words)).outcome();
@@ -36,7 +28,8 @@ class FidelityVerb : public ::testing::Test {
     return (folder_ / name).string();
   }
 
-  std::filesystem::path folder_;
+  const Scratch scratch_;
+  const std::filesystem::path folder_ = scratch_.path();
 };
 
 TEST_F(FidelityVerb, JsonHasEveryColumnOfEveryCell) {
@@ -92,8 +85,8 @@ TEST_F(FidelityVerb, FollowsATrajectoryOverAPictureAndDraws) {
     csv += std::to_string(t) + "," + std::to_string(60 * t) + "," + std::to_string(20 * t * t) + "\n";
   }
   const std::string trajectory = text("hand.csv", csv);
-  const std::string pictures = (folder_ / "pictures").string();
-  const Outcome outcome = run_small({"--json", "--lookaheads", "0", "--trajectory", trajectory, "--picture", pictures});
+  const std::string page = (folder_ / "fidelity.html").string();
+  const Outcome outcome = run_small({"--json", "--lookaheads", "0", "--trajectory", trajectory, "--plot", page});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const auto json = nlohmann::json::parse(outcome.out);
   ASSERT_EQ(json.at("cells").size(), 2U);
@@ -101,8 +94,9 @@ TEST_F(FidelityVerb, FollowsATrajectoryOverAPictureAndDraws) {
   EXPECT_TRUE(json.at("cells")[1].at("speed_px_s").is_null());
   ASSERT_EQ(json.at("latency").size(), 1U);
   EXPECT_EQ(json.at("latency")[0].at("lookaheads").size(), 5U);
-  EXPECT_GT(std::filesystem::file_size(std::filesystem::path(pictures) / "fidelity_street.png"), 1000U);
-  EXPECT_GT(std::filesystem::file_size(std::filesystem::path(pictures) / "fidelity_latency.png"), 1000U);
+  const std::string drawn = contents(page);
+  EXPECT_NE(drawn.find("Error over latency"), std::string::npos);
+  EXPECT_NE(drawn.find("Live estimators"), std::string::npos);
 }
 
 TEST_F(FidelityVerb, RealScenesAndTrajectories) {
@@ -144,7 +138,7 @@ TEST_F(FidelityVerb, RefusesWrongInputInOneLine) {
                                                     {"--scene", "/nonexistent.png"},
                                                     {"--trajectory", "/nonexistent.csv"},
                                                     {"--trajectory", damaged},
-                                                    {"--picture", file},
+                                                    {"--plot", "fidelity.png"},
                                                     {"--seed", "x"},
                                                     {"--unknown"},
                                                     {"stray"}};

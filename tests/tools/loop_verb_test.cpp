@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
@@ -11,23 +12,16 @@ namespace {
 
 class LoopVerb : public ::testing::Test {
  protected:
-  LoopVerb() {
-    std::string pattern = ::testing::TempDir() + "bolo_loop_XXXXXX";
-    folder_ = mkdtemp(pattern.data());
-  }
-  ~LoopVerb() override {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
   Outcome run(std::vector<std::string> words) const {
     words.insert(words.begin(), {BOLO_PROGRAM, "eval", "loop"});
     return Program(folder_, std::move(words)).outcome();
   }
-  std::filesystem::path folder_;
+  const Scratch scratch_;
+  const std::filesystem::path folder_ = scratch_.path();
 };
 
 TEST_F(LoopVerb, WhatIsDiagnosedRecoversWhatTheTruthWould) {
-  const std::string picture = (folder_ / "loop.png").string();
+  const std::string picture = (folder_ / "loop.svg").string();
   const Outcome outcome = run({"--effects", "fpn_offset,tau_global", "--json", "--plot", picture});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const auto json = nlohmann::json::parse(outcome.out);

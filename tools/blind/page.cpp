@@ -1,54 +1,28 @@
 // The score as a page of its own.
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <set>
 #include <vector>
 
+#include "bolo/plot/page.hpp"
+#include "bolo/plot/text.hpp"
 #include "tools/blind/tables.hpp"
 
 namespace bolo::tools::blind {
 namespace {
 
+using plot::escaped;
+using plot::format;
 using Table = std::map<std::string, std::map<std::string, int>>;
 
-constexpr const char* kHead = R"(<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">
-<title>Blind check</title><style>
-:root{--paper:#fff;--ink:#1c2330;--soft:#5b6576;--line:#d9dee7;--card:#f5f7fa;--good:#0b6e99;--bad:#b5541c;--cell:11,94,150;--miss:181,84,28}
-@media(prefers-color-scheme:dark){:root{--paper:#12161d;--ink:#e6eaf1;--soft:#9aa5b8;--line:#2c3442;--card:#1a2029;
---good:#5db7e0;--bad:#f0985a;--cell:93,183,224;--miss:240,152,90}}
-body{margin:0 auto;max-width:1100px;padding:24px 16px 64px;background:var(--paper);color:var(--ink);
-font:16px/1.5 system-ui,sans-serif}
-h1{font-size:26px;margin:0 0 4px}h2{font-size:19px;margin:36px 0 8px}p{margin:4px 0 12px;color:var(--soft)}
-.scroll{overflow-x:auto}table{border-collapse:collapse;font-size:14px;min-width:560px;width:100%}
-td,th{padding:6px 10px;border-bottom:1px solid var(--line);text-align:left;vertical-align:top}
-td.asked{min-width:190px}td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
-code{font-size:12px;word-break:break-word;color:var(--soft)}
+// What only this page has; the rest is plot::page_style().
+constexpr const char* kScoreStyle = R"(
+:root{--cell:0,104,168;--miss:194,74,8}
+@media(prefers-color-scheme:dark){:root{--cell:93,184,238;--miss:240,144,63}}
+table{min-width:560px}td.asked{min-width:190px}code{word-break:break-word}
 .bar{display:block;height:10px;background:var(--line);border-radius:3px;min-width:120px}
-.bar i{display:block;height:10px;background:var(--good);border-radius:3px}
+.bar i{display:block;height:10px;background:var(--after);border-radius:3px}
 svg{display:block}svg text{fill:var(--ink);font:12px system-ui,sans-serif}
-</style></head><body>
 )";
-
-[[gnu::format(printf, 1, 2)]] std::string text(const char* format, ...) {
-  std::array<char, 768> out{};
-  std::va_list values;
-  va_start(values, format);
-  std::vsnprintf(out.data(), out.size(), format, values);
-  va_end(values);
-  return out.data();
-}
-
-std::string escaped(const std::string& raw) {
-  std::string out;
-  for (const char c : raw) {
-    out += c == '<' ? "&lt;" : c == '>' ? "&gt;" : c == '&' ? "&amp;" : c == '"' ? "&quot;" : std::string(1, c);
-  }
-  return out;
-}
 
 const char* asked(Kind kind) {
   switch (kind) {
@@ -75,7 +49,7 @@ std::string kinds_table(const Score& score) {
       "<th class=n>Seconds</tr>";
   for (const auto& [kind, s] : score.kinds) {
     const double share = s.sessions > 0 ? 100.0 * s.passed / s.sessions : 0.0;
-    out += text(
+    out += format(
         "<tr><td><b>%s</b><td class=asked>%s<td class=n>%d of %d<td><span class=bar><i "
         "style=\"width:%.1f%%\"></i></span>"
         "<td class=n>%d<td class=n>%d<td class=n>%.2f<td class=n>%.2f<td class=n>%.1f</tr>",
@@ -97,12 +71,12 @@ std::vector<std::string> columns_of(const Table& table) {
 
 std::string cell(double x, double y, int count, int row_sum, bool right) {
   const double share = static_cast<double>(count) / row_sum;
-  return text(
+  return format(
       "<rect x=\"%.0f\" y=\"%.0f\" width=\"21\" height=\"21\" rx=\"2\" fill=\"rgba(var(--%s),%.2f)\" "
       "stroke=\"var(--%s)\" stroke-width=\"%s\"/><text x=\"%.1f\" y=\"%.0f\" text-anchor=\"middle\" "
       "style=\"font-size:11px%s\">%d</text>",
-      x, y, right ? "cell" : "miss", 0.15 + 0.85 * share, right ? "good" : "bad", right ? "1" : "2", x + 10.5, y + 15,
-      share > 0.55 ? ";fill:var(--paper)" : "", count);
+      x, y, right ? "cell" : "miss", 0.15 + 0.85 * share, right ? "after" : "before", right ? "1" : "2", x + 10.5,
+      y + 15, share > 0.55 ? ";fill:var(--paper)" : "", count);
 }
 
 std::string heat_map(const Table& table) {
@@ -112,23 +86,23 @@ std::string heat_map(const Table& table) {
   const std::vector<std::string> columns = columns_of(table);
   const double width = kLeft + kStep * static_cast<double>(columns.size()) + 60.0;
   const double height = kTop + kStep * static_cast<double>(table.size()) + 8.0;
-  std::string out = text(
+  std::string out = format(
       "<div class=scroll><svg width=\"%.0f\" height=\"%.0f\" role=\"img\" "
       "aria-label=\"hidden effect against first named\">",
       width, height);
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const double x = kLeft + kStep * static_cast<double>(i) + 15.0;
-    out += text("<text transform=\"translate(%.0f %.0f) rotate(-60)\">%s</text>", x, kTop - 8.0, columns[i].c_str());
-    out += text("<line x1=\"%.1f\" x2=\"%.1f\" y1=\"%.0f\" y2=\"%.0f\" stroke=\"var(--line)\" stroke-width=\".5\"/>",
-                x - 4.5, x - 4.5, kTop, height);
+    out += format("<text transform=\"translate(%.0f %.0f) rotate(-60)\">%s</text>", x, kTop - 8.0, columns[i].c_str());
+    out += format("<line x1=\"%.1f\" x2=\"%.1f\" y1=\"%.0f\" y2=\"%.0f\" stroke=\"var(--line)\" stroke-width=\".5\"/>",
+                  x - 4.5, x - 4.5, kTop, height);
   }
   double y = kTop;
   for (const auto& [hidden, said] : table) {
     int sum = 0;
     for (const auto& [name, count] : said) sum += count;
-    out += text("<text x=\"%.0f\" y=\"%.0f\" text-anchor=\"end\">%s</text>", kLeft - 8.0, y + 15, hidden.c_str());
-    out += text("<line x1=\"%.0f\" x2=\"%.0f\" y1=\"%.1f\" y2=\"%.1f\" stroke=\"var(--line)\" stroke-width=\".5\"/>",
-                kLeft, width - 60.0, y + 10.5, y + 10.5);
+    out += format("<text x=\"%.0f\" y=\"%.0f\" text-anchor=\"end\">%s</text>", kLeft - 8.0, y + 15, hidden.c_str());
+    out += format("<line x1=\"%.0f\" x2=\"%.0f\" y1=\"%.1f\" y2=\"%.1f\" stroke=\"var(--line)\" stroke-width=\".5\"/>",
+                  kLeft, width - 60.0, y + 10.5, y + 10.5);
     for (const auto& [name, count] : said) {
       const auto column = std::ranges::find(columns, name) - columns.begin();
       out += cell(kLeft + kStep * static_cast<double>(column), y, count, sum, name == hidden);
@@ -144,7 +118,7 @@ std::string said_table(const Table& table) {
     std::string names;
     for (const auto& [name, count] : said) {
       const std::string word = name == kUnknown ? "flagged" : name == kNothing ? "nothing" : name;
-      names += text("%s%s %d", names.empty() ? "" : ", ", word.c_str(), count);
+      names += format("%s%s %d", names.empty() ? "" : ", ", word.c_str(), count);
     }
     out += "<tr><td>" + escaped(hidden) + "<td>" + escaped(names) + "</tr>";
   }
@@ -154,8 +128,8 @@ std::string said_table(const Table& table) {
 std::string coverage_table(const Score& score) {
   std::string out = "<div class=scroll><table><tr><th>Parameter<th class=n>Inside its interval<th></tr>";
   for (const auto& [key, one] : score.coverage) {
-    out += text("<tr><td>%s<td class=n>%d of %d<td><span class=bar><i style=\"width:%.1f%%\"></i></span></tr>",
-                key.c_str(), one.inside, one.all, 100.0 * one.inside / std::max(1, one.all));
+    out += format("<tr><td>%s<td class=n>%d of %d<td><span class=bar><i style=\"width:%.1f%%\"></i></span></tr>",
+                  key.c_str(), one.inside, one.all, 100.0 * one.inside / std::max(1, one.all));
   }
   return out + "</table></div>";
 }
@@ -178,9 +152,9 @@ std::string score_html(const Score& score, const Setting& setting) {
     sessions += s.sessions;
     passed += s.passed;
   }
-  std::string out = kHead;
-  out += text("<h1>%d of %d hidden sessions came out right</h1>", passed, sessions);
-  out += text(
+  plot::Page page(format("%d of %d hidden sessions came out right", passed, sessions));
+  page.style(kScoreStyle);
+  std::string out = format(
       "<p>Seed %llu, %dx%d pixels, effects at %g times their realistic strength, %s stimuli; %.0f s in all. "
       "The answers were sealed before the diagnosis, sha256 <code>%s</code>.</p>",
       static_cast<unsigned long long>(setting.draw.seed), setting.draw.geometry.width, setting.draw.geometry.height,
@@ -206,7 +180,8 @@ std::string score_html(const Score& score, const Setting& setting) {
   if (!score.failures.empty()) {
     out += "<h2>Sessions that failed</h2><p>Each can be drawn again alone.</p>" + failures_table(score, setting.draw);
   }
-  return out + "</body></html>\n";
+  page.html_part(out);
+  return page.html();
 }
 
 }  // namespace bolo::tools::blind

@@ -1,14 +1,17 @@
 #include "tools/eval/faults.hpp"
 
 #include <cstdio>
+#include <filesystem>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "tools/eval/faults_plot.hpp"
 #include "tools/eval/faults_scenarios.hpp"
-#include "tools/eval/percentile.hpp"
+#include "tools/percentile.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/plot_option.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -83,6 +86,7 @@ nlohmann::ordered_json to_json(const Row& row) {
 struct Request {
   int repeats = 3;
   std::string only;
+  std::filesystem::path plot;
   bool json = false;
 };
 
@@ -95,6 +99,7 @@ Status evaluate(const Request& request) {
                 "worst ms", "reconnects", "output");
   }
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  std::vector<faults::Recovery> recoveries;
   std::string wrong;
   Progress progress("faults", faults::scenarios().size());
   for (const Scenario& scenario : faults::scenarios()) {
@@ -105,6 +110,7 @@ Status evaluate(const Request& request) {
     if (!request.json) print_row(*row);
     if (!row->wrong.empty()) wrong += (wrong.empty() ? "" : ", ") + scenario.name;
     rows.push_back(to_json(*row));
+    recoveries.push_back({scenario.name, row->recovery_ms});
     progress.update(rows.size());
   }
   if (rows.empty()) return bad_input("there is no fault '" + request.only + "' here; without --only all are tried");
@@ -114,9 +120,15 @@ Status evaluate(const Request& request) {
     std::printf(
         "%d run(s) each, 64x24 pixels at 200 Hz; a silent camera is opened again after 0.6 s. Recovery: from the\n"
         "fault's end until every published plane is that of an undisturbed run again; a window of 17 frames is 85 ms.\n"
-        "Where 'equal' may be no: garbage, for which the transport library gives frames up, and frames that a camera\n"
-        "does not send while it is opened again, which are nobody's.\n",
+        "Where 'equal' may be no: frames that a camera does not send while it is opened again, which are nobody's.\n",
         request.repeats);
+  }
+  if (!request.plot.empty()) {
+    const double period_s = stage->scene.format.frame_period_s;
+    plot::Sheet sheet = faults::sheet_of(recoveries, 1e3 * stage->pipeline.deblur.window * period_s);
+    sheet.how = "bolo eval faults --repeats " + std::to_string(request.repeats) +
+                ": 64x24 pixels at 200 Hz through real packets.";
+    if (Status drawn = save(sheet, request.plot); !drawn) return drawn;
   }
   return wrong.empty() ? Status{} : failed("what must hold does not: " + wrong);
 }
@@ -131,9 +143,12 @@ int eval_faults_main(int argc, char** argv) {
   options.add_options()("repeats", "Runs of each fault", cxxopts::value<int>()->default_value("3"), "N")(
       "only", "This fault only, by its name in the table", cxxopts::value<std::string>()->default_value(""), "NAME")(
       "json", "Print the table as JSON");
+  add_plot_option(options, "Draw how long each is felt");
   cxxopts::ParseResult args;
   if (const auto code = parse(options, argc, argv, args)) return *code;
-  const Request request{args["repeats"].as<int>(), args["only"].as<std::string>(), args.count("json") != 0};
+  const auto plot = plot_file_of(args);
+  if (!plot) return report(kVerb, plot.error());
+  const Request request{args["repeats"].as<int>(), args["only"].as<std::string>(), *plot, args.count("json") != 0};
   if (request.repeats < 1 || request.repeats > kMostRepeats) {
     return report(kVerb, {ErrorKind::kBadInput, "--repeats must lie in 1 to 1000"});
   }

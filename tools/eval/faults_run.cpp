@@ -74,7 +74,7 @@ std::uint64_t host_dropped() {
   std::ifstream in("/proc/net/snmp");
   std::string names;
   for (std::string line; std::getline(in, line);) {
-    if (line.rfind("Udp:", 0) != 0) continue;
+    if (!line.starts_with("Udp:")) continue;
     if (names.empty()) {
       names = line;
       continue;

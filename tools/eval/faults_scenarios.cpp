@@ -50,11 +50,7 @@ std::vector<Scenario> of_the_network() {
        .prepare = ask_for_resends},
       {.name = "reorder", .faults = "reorder:at=0.3,for=0.2,rate=0.3,by=3", .seconds = 0.75, .disturbance = kWhile},
       {.name = "duplicate", .faults = "duplicate:at=0.3,for=0.2,rate=0.3", .seconds = 0.75, .disturbance = kWhile},
-      {.name = "garbage",
-       .faults = "garbage:at=0.3,for=0.2,rate=0.05",
-       .seconds = 0.75,
-       .disturbance = kWhile,
-       .exact = false},
+      {.name = "garbage", .faults = "garbage:at=0.3,for=0.2,rate=0.05", .seconds = 0.75, .disturbance = kWhile},
   };
 }
 

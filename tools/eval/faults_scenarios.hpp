@@ -18,9 +18,8 @@ struct Scenario {
   bool resends = false;  // the daemon asks for lost packets and gets them: most frames are saved
   int least_reconnects = 0;
   int most_reconnects = 0;
-  // False: what is lost depends on more than the fault: on how fast packets are asked for and sent again, on what the
-  // transport library makes of bytes that mean nothing, on when a camera is opened again. Then each frame that never
-  // came must be counted, and no more is asked.
+  // False: what is lost depends on more than the fault: on how fast packets are asked for and sent again, on when a
+  // camera is opened again. Then each frame that never came must be counted, and no more is asked.
   bool exact = true;
   std::function<void(RunTask&)> prepare = nullptr;  // what else differs
 };

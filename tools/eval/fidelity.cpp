@@ -8,6 +8,7 @@
 #include <optional>
 #include <thread>
 
+#include "bolo/plot/text.hpp"
 #include "tools/eval/fidelity_plot.hpp"
 #include "tools/eval/fidelity_report.hpp"
 #include "tools/verbs/cli.hpp"
@@ -106,7 +107,7 @@ class Evaluation {
     constexpr double kShownSpeed = 300.0;
     const auto distance = [](const Motion& m) { return m.is_pan() ? std::abs(m.speed_px_s - kShownSpeed) : 1e9; };
     const auto nearest = std::ranges::min_element(options_.motions, {}, distance);
-    return !options_.picture.empty() && scene == options_.scenes.front() && &*nearest == &motion;
+    return !options_.plot.empty() && scene == options_.scenes.front() && &*nearest == &motion;
   }
 
   SequenceTask task_of(const std::string& scene, const Motion& motion) const {
@@ -195,8 +196,12 @@ Status run(const Options& options) {
   } else {
     print_text(options, *table);
   }
-  if (options.picture.empty()) return {};
-  return draw(options.picture, *table);
+  if (options.plot.empty()) return {};
+  plot::Sheet sheet = sheet_of(*table);
+  sheet.how = plot::format(
+      "bolo eval fidelity --frames %d --crop %dx%d --seed %llu: simulated camera, 200 frames/s, tau 11 ms.",
+      options.frames, options.crop.width, options.crop.height, static_cast<unsigned long long>(options.seed));
+  return save(sheet, options.plot);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "bolo/sim/path.hpp"
 #include "bolo/sim/scene.hpp"
+#include "tools/verbs/plot_option.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {
@@ -27,7 +28,7 @@ filter is a least-squares fit on another street in the same motion and noise.
   drops      with --drop: [{scene, motion, noise_k, lookahead, method, frames_lost, all, near}], or skipped: why;
              all and near (at most 2 frames from a loss) are {frames, whole_rmse_k (without losses),
              gap_aware_rmse_k, gap_blind_rmse_k}
-  latency    with --picture: [{scene, motion, noise_k, blurred_rmse_k, lookaheads, NAME: [rmse_k]}]
+  latency    with --plot: [{scene, motion, noise_k, blurred_rmse_k, lookaheads, NAME: [rmse_k]}]
   verdicts   [{name, words, cells, holds, mean_ratio, worst_ratio, misses: [{cell, against, ratio}]}]; holds is null
              where no cell could be judged
 A measure that cannot be taken (no clear edge) is null.)";
@@ -83,14 +84,6 @@ Result<std::vector<Motion>> motions_of(const cxxopts::ParseResult& given) {
   return motions;
 }
 
-Status ready_folder(const std::filesystem::path& folder) {
-  if (folder.empty()) return {};
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (!error && std::filesystem::is_directory(folder)) return {};
-  return bad_input("--picture " + folder.string() + ": is no folder and cannot be made one");
-}
-
 }  // namespace
 
 cxxopts::Options declare() {
@@ -108,8 +101,8 @@ cxxopts::Options declare() {
       "drop", "Also lose this share of the frames, at random", cxxopts::value<double>(), "SHARE")(
       "seed", "Of the street, the noise and the losses", cxxopts::value<std::uint64_t>()->default_value("1"))(
       "threads", "The result does not depend on them", cxxopts::value<int>()->default_value("2"));
-  cli.add_options("Output")("json", "Print one JSON object")(
-      "picture", "Folder for fidelity_SCENE.png and fidelity_latency.png", cxxopts::value<std::string>(), "DIR");
+  cli.add_options("Output")("json", "Print one JSON object");
+  add_plot_option(cli, "Draw the table");
   return cli;
 }
 
@@ -132,11 +125,13 @@ Result<Options> options_of(const cxxopts::ParseResult& given) {
   options.json = given.count("json") != 0;
   const bool drops = given.count("drop") != 0;
   if (drops) options.drop = given["drop"].as<double>();
-  if (given.count("picture") != 0) options.picture = given["picture"].as<std::string>();
+  auto plot = plot_file_of(given);
+  if (!plot) return tl::unexpected(plot.error());
+  options.plot = std::move(*plot);
   for (const Status& good :
        {within(options.noises_k, "noises", 0.0, 100.0), within(options.lookaheads, "lookaheads", 0, kWindow - 2),
         within<int>({options.frames}, "frames", 1, 1000), within<int>({options.threads}, "threads", 1, 64),
-        drops ? within<double>({options.drop}, "drop", 0.0001, 0.5) : Status{}, ready_folder(options.picture)}) {
+        drops ? within<double>({options.drop}, "drop", 0.0001, 0.5) : Status{}}) {
     if (!good) return tl::unexpected(good.error());
   }
   return options;

@@ -1,15 +1,13 @@
-// The pictures of `bolo eval fidelity`.
+// What is drawn of `bolo eval fidelity`.
 #pragma once
 
-#include <filesystem>
-
-#include "bolo/core/result.hpp"
+#include "bolo/plot/sheet.hpp"
 #include "tools/eval/fidelity_report.hpp"
 
 namespace bolo::tools::fidelity {
 
-// Writes fidelity_SCENE.png for each scene: RMSE relative to blurred, a bar a column, a group a motion and noise, a
-// panel a look-ahead; and fidelity_latency.png: RMSE over look-ahead. Thread: setup.
-Status draw(const std::filesystem::path& folder, const Table& table);
+// RMSE over look-ahead; then for each scene and look-ahead the RMSE of each estimator relative to the blurred input.
+// Thread: any.
+plot::Sheet sheet_of(const Table& table);
 
 }  // namespace bolo::tools::fidelity

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -10,10 +11,11 @@
 #include "bolo/core/clock.hpp"
 #include "bolo/core/loss.hpp"
 #include "drivers/shm/shm_reader.hpp"
-#include "tools/eval/before_after.hpp"
-#include "tools/eval/percentile.hpp"
+#include "tools/eval/live_plot.hpp"
 #include "tools/eval/truth_clock.hpp"
+#include "tools/percentile.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/plot_option.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -23,7 +25,7 @@ constexpr int kReadTimeoutMs = 2000;
 struct Options {
   std::string name;
   std::string truth;
-  std::string picture;
+  std::filesystem::path plot;
   double seconds = 10.0;
   bool json = false;
 };
@@ -45,7 +47,7 @@ struct Outcome {
   std::uint64_t raw_differs = 0;    // raw planes that are not the capture's, value by value
   std::vector<double> latency_ms;
   ErrorSum error;
-  BeforeAfter shown;  // the frame of the picture
+  FrameChoice shown;
   bolo_shm_header first{};
   bolo_shm_header last{};
 };
@@ -205,8 +207,11 @@ Status evaluate(const Options& options) {
   } else {
     print_text(result);
   }
-  if (options.picture.empty()) return {};
-  return outcome.shown.draw(options.picture, outcome.error.rmse_before(), outcome.error.rmse_after());
+  if (options.plot.empty()) return {};
+  plot::Sheet sheet = sheet_of(outcome.shown.shown(), {outcome.error.rmse_before(), outcome.error.rmse_after(),
+                                                       header.frame_period_s, outcome.latency_ms});
+  sheet.how = std::string("bolo eval live: ") + header.solver + ". " + machine_words() + ".";
+  return save(sheet, options.plot);
 }
 
 }  // namespace
@@ -217,9 +222,8 @@ int eval_live_main(int argc, char** argv) {
                        "the capture that its fake camera replays.");
   cli.add_options()("name", "the daemon's name", cxxopts::value<std::string>())(
       "truth", "the capture with /truth", cxxopts::value<std::string>(), "FILE.h5")(
-      "seconds", "how long to read", cxxopts::value<double>()->default_value("10"))(
-      "picture", "write a before/after picture", cxxopts::value<std::string>()->default_value(""), "FILE.png")(
-      "json", "print one JSON object");
+      "seconds", "how long to read", cxxopts::value<double>()->default_value("10"))("json", "print one JSON object");
+  add_plot_option(cli, "draw one frame before and after, and the latency");
   cli.parse_positional({"name"});
   cli.positional_help("NAME");
   cxxopts::ParseResult parsed;
@@ -227,8 +231,10 @@ int eval_live_main(int argc, char** argv) {
   if (parsed.count("name") == 0 || parsed.count("truth") == 0) {
     return report("eval live", {ErrorKind::kBadInput, "a daemon's NAME and --truth FILE.h5 are needed"});
   }
-  const Options options{parsed["name"].as<std::string>(), parsed["truth"].as<std::string>(),
-                        parsed["picture"].as<std::string>(), parsed["seconds"].as<double>(), parsed.count("json") != 0};
+  const auto plot = plot_file_of(parsed);
+  if (!plot) return report("eval live", plot.error());
+  const Options options{parsed["name"].as<std::string>(), parsed["truth"].as<std::string>(), *plot,
+                        parsed["seconds"].as<double>(), parsed.count("json") != 0};
   if (!(options.seconds > 0.0 && options.seconds <= 86400.0)) {
     return report("eval live", {ErrorKind::kBadInput, "--seconds must lie in 0 to 86400"});
   }

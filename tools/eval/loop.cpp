@@ -18,6 +18,7 @@
 #include "tools/eval/loop_camera.hpp"
 #include "tools/eval/loop_plot.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/plot_option.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -29,7 +30,6 @@ struct Request {
   blind::DrawOptions draw;
   int threads = 2;
   std::filesystem::path plot;
-  std::filesystem::path keep;
   bool json = false;
 };
 
@@ -45,7 +45,8 @@ cxxopts::Options command_line() {
                                cxxopts::value<std::uint64_t>()->default_value("1"),
                                "N")("threads", "Of a diagnosis", cxxopts::value<int>()->default_value("2"), "W")(
       "frames-scale", "Of the bench captures' lengths", cxxopts::value<double>()->default_value("1"), "S")(
-      "plot", "Draw the table", cxxopts::value<std::string>(), "P.png")("json", "Print the table as JSON");
+      "json", "Print the table as JSON");
+  add_plot_option(options, "Draw the table");
   return options;
 }
 
@@ -65,7 +66,9 @@ Result<Request> read_request(const cxxopts::ParseResult& args) {
   }
   request.threads = args["threads"].as<int>();
   if (request.threads < 1 || request.threads > 64) return bad_input("--threads: expected 1 to 64");
-  if (args.count("plot") != 0) request.plot = args["plot"].as<std::string>();
+  auto plot = plot_file_of(args);
+  if (!plot) return tl::unexpected(plot.error());
+  request.plot = std::move(*plot);
   request.json = args.count("json") != 0;
   return request;
 }
@@ -182,7 +185,11 @@ Status run(const Request& request) {
         "RMSE of the deblurred scene against the truth, K. hurts: nominal against the camera without the effect;\n"
         "recovered: (nominal - diagnosed) / (nominal - true), - where true parameters gain less than 1 %.");
   }
-  return request.plot.empty() ? Status{} : loop::plot(rows, request.plot);
+  if (request.plot.empty()) return {};
+  plot::Sheet sheet = loop::sheet_of(rows);
+  sheet.how =
+      "bolo eval loop --seed " + std::to_string(request.draw.seed) + ": simulated camera, bench session and scene.";
+  return save(sheet, request.plot);
 }
 
 }  // namespace

@@ -1,13 +1,12 @@
-// The rows of `bolo eval loop`, and their picture.
+// The rows of `bolo eval loop`, and what is drawn of them.
 #pragma once
 
-#include <filesystem>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "bolo/core/result.hpp"
+#include "bolo/plot/sheet.hpp"
 
 namespace bolo::tools::loop {
 
@@ -28,7 +27,7 @@ struct Row {
   }
 };
 
-// Bars of the four errors, effect by effect. Thread: setup.
-Status plot(std::span<const Row> rows, const std::filesystem::path& file);
+// Bars of the errors, effect by effect, those that hurt most first. Thread: any.
+plot::Sheet sheet_of(std::span<const Row> rows);
 
 }  // namespace bolo::tools::loop

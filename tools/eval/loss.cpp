@@ -1,17 +1,21 @@
 #include "tools/eval/loss.hpp"
 
 #include <cstdio>
+#include <filesystem>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
-#include "tools/eval/loss_trial.hpp"
+#include "bolo/plot/text.hpp"
+#include "tools/eval/loss_plot.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/plot_option.hpp"
 
 namespace bolo::tools {
 namespace {
 
+using faults::LossOutcome;
 using faults::LossRow;
 using faults::LossTask;
 
@@ -22,6 +26,7 @@ struct Request {
   int packet_size = 1500;
   double seconds = 4.0;
   pipeline::PipelineOptions pipeline;
+  std::filesystem::path plot;
   bool json = false;
 };
 
@@ -37,6 +42,7 @@ cxxopts::Options command_line() {
       "lookahead", "Frames", cxxopts::value<int>()->default_value("0"), "L")("threads", "Of the deblurring",
                                                                              cxxopts::value<int>()->default_value("2"),
                                                                              "W")("json", "Print the table as JSON");
+  add_plot_option(options, "Draw the table");
   return options;
 }
 
@@ -48,6 +54,9 @@ Result<Request> read_request(const cxxopts::ParseResult& args) {
   request.pipeline.deblur.lookahead = args["lookahead"].as<int>();
   request.pipeline.workers = args["threads"].as<int>();
   request.json = args.count("json") != 0;
+  auto plot = plot_file_of(args);
+  if (!plot) return tl::unexpected<Error>(plot.error());
+  request.plot = std::move(*plot);
   for (const double rate : request.rates) {
     if (!(rate >= 0.0 && rate <= 1.0)) return bad_input("--rates must lie in 0 to 1");
   }
@@ -91,7 +100,7 @@ Status evaluate(const Request& request) {
   const auto scene = faults::loss_scene(request.seconds);
   if (!scene) return tl::unexpected<Error>(scene.error());
   if (!request.json) print_header();
-  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  std::vector<LossOutcome> outcomes;
   Progress progress("runs", 2 * request.rates.size());
   for (const double rate : request.rates) {
     for (const bool resend : {false, true}) {
@@ -100,11 +109,13 @@ Status evaluate(const Request& request) {
       const auto row = faults::try_loss(task, *scene, request.pipeline);
       if (!row) return tl::unexpected<Error>(row.error());
       if (!request.json) print_row(task, *row);
-      rows.push_back(to_json(task, *row));
-      progress.update(rows.size());
+      outcomes.push_back({task, *row});
+      progress.update(outcomes.size());
     }
   }
   if (request.json) {
+    nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+    for (const LossOutcome& one : outcomes) rows.push_back(to_json(one.task, one.row));
     std::puts(nlohmann::ordered_json{{"rows", rows}}.dump(2).c_str());
   } else {
     std::puts(
@@ -112,7 +123,12 @@ Status evaluate(const Request& request) {
         "could not keep up). ms each: deblurring. Latency: first packet received to published. RMSE against the truth\n"
         "over the frames that came, those with a lost one in their window included.");
   }
-  return {};
+  if (request.plot.empty()) return {};
+  plot::Sheet sheet = faults::sheet_of(outcomes);
+  sheet.how = plot::format(
+      "bolo eval loss --packet-size %d --seconds %g: 640x120 at 200 Hz from a fake camera on the same computer. %s.",
+      request.packet_size, request.seconds, machine_words().c_str());
+  return save(sheet, request.plot);
 }
 
 }  // namespace

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "bolo/core/clock.hpp"
-#include "tools/eval/percentile.hpp"
+#include "tools/percentile.hpp"
 
 namespace bolo::tools::faults {
 namespace {

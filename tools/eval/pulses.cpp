@@ -2,13 +2,15 @@
 
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "tools/eval/pulses_plot.hpp"
 #include "tools/eval/pulses_trial.hpp"
-#include "tools/picture/pulse_picture.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/plot_option.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -39,12 +41,15 @@ void print(const PulseScore& s) {
   std::fflush(stdout);
 }
 
-Status draw_first(const std::string& file, const PulseTrial& trial) {
+Status draw(const std::filesystem::path& file, const PulseTrial& trial, const std::vector<PulseScore>& scores) {
   const auto series = simulate_pulses(trial);
   if (!series) return tl::unexpected(series.error());
   const auto fit = diagnose::fit_pulses(*series, [](const std::string&, double) { return true; });
   if (!fit) return tl::unexpected(fit.error());
-  return draw_pulses(file, *fit, fit->noise_k);
+  plot::Sheet sheet = sheet_of(scores, *fit);
+  sheet.how = "bolo eval pulses: simulated choppers, 64x48 pixels, 2 s, " + std::to_string(scores.front().trials) +
+              " recordings of each kind; the fit of one below.";
+  return save(sheet, file);
 }
 
 }  // namespace
@@ -57,9 +62,9 @@ int eval_pulses_main(int argc, char** argv) {
       "residual in units of the noise (gap). 64x48 pixels, 2 s, each seed with another noise and start.");
   cli.add_options()("seeds", "recordings of each kind", cxxopts::value<int>()->default_value("20"))(
       "noise", "K rms, in all kinds (default: 0.03, and 0.5 in two more)", cxxopts::value<double>())(
-      "tau", "s, of the simulated camera", cxxopts::value<double>()->default_value("0.011"))(
-      "picture", "draw one fit: a pixel measured against simulated", cxxopts::value<std::string>()->default_value(""),
-      "FILE.png")("json", "print one JSON object");
+      "tau", "s, of the simulated camera", cxxopts::value<double>()->default_value("0.011"))("json",
+                                                                                             "print one JSON object");
+  add_plot_option(cli, "draw the table and one fit");
   cxxopts::ParseResult parsed;
   if (const auto exit = parse(cli, argc, argv, parsed)) return *exit;
   const auto refuse = [](const char* what) { return report("eval pulses", {ErrorKind::kBadInput, what}); };
@@ -72,9 +77,12 @@ int eval_pulses_main(int argc, char** argv) {
     return refuse("--noise must lie in 0 to 100 K");
   }
 
+  const auto plot = plot_file_of(parsed);
+  if (!plot) return report("eval pulses", plot.error());
+
   catch_interrupts();
   const bool json = parsed.count("json") != 0;
-  auto scores = nlohmann::ordered_json::array();
+  std::vector<PulseScore> scores;
   if (!json) print_heading();
   std::vector<PulseTrial> trials = pulse_trials();
   for (PulseTrial& trial : trials) {
@@ -83,18 +91,18 @@ int eval_pulses_main(int argc, char** argv) {
     trial.tau_s = tau_s;
     const auto score = score_pulses(trial, seeds, interrupted());
     if (!score) return report("eval pulses", score.error());
-    if (json) {
-      scores.push_back(to_json(*score));
-    } else {
-      print(*score);
-    }
+    if (!json) print(*score);
+    scores.push_back(*score);
     if (interrupted()) return report("eval pulses", {ErrorKind::kFailed, "interrupted"});
   }
-  if (json) std::printf("%s\n", nlohmann::ordered_json{{"tau_s", tau_s}, {"trials", scores}}.dump(2).c_str());
-  const auto picture = parsed["picture"].as<std::string>();
-  if (picture.empty()) return kExitDone;
-  if (const Status drawn = draw_first(picture, trials.front()); !drawn) return report("eval pulses", drawn.error());
-  return kExitDone;
+  if (json) {
+    auto rows = nlohmann::ordered_json::array();
+    for (const PulseScore& score : scores) rows.push_back(to_json(score));
+    std::printf("%s\n", nlohmann::ordered_json{{"tau_s", tau_s}, {"trials", rows}}.dump(2).c_str());
+  }
+  if (plot->empty()) return kExitDone;
+  const Status drawn = draw(*plot, trials.front(), scores);
+  return drawn ? kExitDone : report("eval pulses", drawn.error());
 }
 
 }  // namespace bolo::tools

@@ -1,28 +1,37 @@
-// bolo bench: how fast the deblurring is on this machine, and how near to the optimum.
+// bolo bench: how fast the deblurring is on this machine, and how near to the optimum; what readers cost the daemon.
 #include <cstdio>
+#include <filesystem>
 #include <new>
 #include <string>
 
 #include <nlohmann/json.hpp>
 
+#include "tools/bench/bench_plot.hpp"
 #include "tools/bench/deblur_bench.hpp"
+#include "tools/bench/readers_bench.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/plot_option.hpp"
 #include "tools/verbs/verbs.hpp"
 
 namespace bolo::tools {
 namespace {
 
 cxxopts::Options declare() {
-  cxxopts::Options options("bolo bench", "Measures the deblurring of a 640x120 frame on this machine");
-  options.positional_help("deblur");
-  options.add_options()("what", "deblur", cxxopts::value<std::string>())(
+  cxxopts::Options options(
+      "bolo bench",
+      "Measures on this machine, with 640x120 frames: deblur, the deblurring of one; readers, what\n"
+      "processes that read shared memory cost the writer of 200 frames a second\n");
+  options.positional_help("deblur|readers");
+  options.add_options()("what", "deblur or readers", cxxopts::value<std::string>())(
       "solver", "admm, dual, exact or inverse: of the main figures",
       cxxopts::value<std::string>()->default_value("admm"))(
       "isa", "Instruction set: AVX3 (AVX-512), AVX2, SSE4, SSE2 ... (default: the best)",
       cxxopts::value<std::string>())("threads", "Of the main figures", cxxopts::value<int>()->default_value("1"))(
       "lambda", "Of the main figures, kappa 0.1 (default: the solver's default)", cxxopts::value<double>())(
-      "seconds", "How long to measure", cxxopts::value<double>()->default_value("5"))("json",
-                                                                                      "Print the result as JSON");
+      "seconds", "How long to measure (default: deblur 5, readers 40)", cxxopts::value<double>())(
+      "priority", "SCHED_FIFO priority of the writer with readers; 0: the default scheduler",
+      cxxopts::value<int>()->default_value("10"))("json", "Print the result as JSON");
+  add_plot_option(options, "Draw the table");
   options.parse_positional({"what"});
   return options;
 }
@@ -82,9 +91,70 @@ void print_table(const BenchReport& report) {
   for (const Measured& variant : report.variants) print_row(variant);
 }
 
-Status bench(const cxxopts::ParseResult& given) {
-  const std::string what = given.count("what") != 0 ? given["what"].as<std::string>() : "";
-  if (what != "deblur") return bad_input("expected what to measure: bolo bench deblur");
+// How it was measured; `realtime`: whether the writer had its priority.
+std::string readers_method(const ReadersReport& report) {
+  return "one writer of 640x120 frames at 200 Hz (" +
+         std::string(report.realtime ? "SCHED_FIFO" : "default scheduler") + ", " + std::to_string(report.processors) +
+         " processors); readers are processes that copy every frame through libbolo-client. Of 4 and 16 readers one is "
+         "stopped, one killed while they read, one reads a tenth. Phases of " +
+         std::to_string(report.frames_per_phase) + " frames in turn, " + std::to_string(report.rounds) +
+         " rounds: medians; ratios within a round to its phase without readers";
+}
+
+nlohmann::json to_json(const ReadersMeasured& m) {
+  return {{"readers", m.readers},
+          {"frozen", m.frozen},
+          {"killed", m.killed},
+          {"slow", m.slow},
+          {"rate_hz", m.rate_hz},
+          {"publish_us_p50", m.publish_us_p50},
+          {"publish_us_p99", m.publish_us_p99},
+          {"due_us_p99", m.due_us_p99},
+          {"rate_ratio", m.rate_ratio},
+          {"publish_p99_ratio", m.publish_p99_ratio},
+          {"due_p99_ratio", m.due_p99_ratio},
+          {"read_fraction", m.read_fraction}};
+}
+
+void print_json(const ReadersReport& report) {
+  nlohmann::json result{{"method", readers_method(report)},
+                        {"rounds", report.rounds},
+                        {"frames_per_phase", report.frames_per_phase},
+                        {"processors", report.processors},
+                        {"realtime", report.realtime}};
+  for (const ReadersMeasured& m : report.cases) result["cases"].push_back(to_json(m));
+  std::puts(result.dump(2).c_str());
+}
+
+void print_table(const ReadersReport& report) {
+  std::printf("%s.\n", readers_method(report).c_str());
+  std::printf("publish: the call that publishes a frame. due: from when the frame was due until it was published.\n");
+  std::printf("read: of all frames, by readers that nothing was done to.\n\n");
+  std::printf("%7s %9s %11s %11s %9s | %9s %11s %9s %8s\n", "readers", "rate Hz", "publish p50", "publish p99",
+              "due p99", "rate", "publish p99", "due p99", "read");
+  for (const ReadersMeasured& m : report.cases) {
+    std::printf("%7d %9.3f %8.1f us %8.1f us %6.0f us | x %7.4f x %9.2f x %7.2f %7.1f%%\n", m.readers, m.rate_hz,
+                m.publish_us_p50, m.publish_us_p99, m.due_us_p99, m.rate_ratio, m.publish_p99_ratio, m.due_p99_ratio,
+                100.0 * m.read_fraction);
+  }
+}
+
+// Prints a report and draws it where a file is named, or passes its error on.
+template <typename Report>
+Status show(const Result<Report>& report, bool json, const std::filesystem::path& plot) {
+  if (!report) return tl::unexpected(report.error());
+  if (json) {
+    print_json(*report);
+  } else {
+    print_table(*report);
+  }
+  if (plot.empty()) return {};
+  plot::Sheet sheet = sheet_of(*report);
+  sheet.how = machine_words() + ".";
+  return save(sheet, plot);
+}
+
+Result<BenchOptions> deblur_options(const cxxopts::ParseResult& given) {
   BenchOptions options;
   options.solver = given["solver"].as<std::string>();
   if (given.count("isa") != 0) options.isa = given["isa"].as<std::string>();
@@ -93,15 +163,26 @@ Status bench(const cxxopts::ParseResult& given) {
     options.lambda = given["lambda"].as<double>();
     if (!(options.lambda >= 0.0)) return bad_input("--lambda: expected 0 or more");
   }
-  options.seconds = given["seconds"].as<double>();
-  const auto report = bench_deblur(options);
-  if (!report) return tl::unexpected(report.error());
-  if (given.count("json") != 0) {
-    print_json(*report);
-  } else {
-    print_table(*report);
-  }
-  return {};
+  if (given.count("seconds") != 0) options.seconds = given["seconds"].as<double>();
+  return options;
+}
+
+Result<ReadersOptions> readers_options(const cxxopts::ParseResult& given) {
+  ReadersOptions options;
+  options.priority = given["priority"].as<int>();
+  if (options.priority < 0 || options.priority > 99) return bad_input("--priority: expected 1 to 99, or 0 for none");
+  if (given.count("seconds") != 0) options.seconds = given["seconds"].as<double>();
+  return options;
+}
+
+Status bench(const cxxopts::ParseResult& given) {
+  const std::string what = given.count("what") != 0 ? given["what"].as<std::string>() : "";
+  const bool json = given.count("json") != 0;
+  const auto plot = plot_file_of(given);
+  if (!plot) return tl::unexpected(plot.error());
+  if (what == "deblur") return show(deblur_options(given).and_then(bench_deblur), json, *plot);
+  if (what == "readers") return show(readers_options(given).and_then(bench_readers), json, *plot);
+  return bad_input("expected what to measure: bolo bench deblur, or bolo bench readers");
 }
 
 }  // namespace

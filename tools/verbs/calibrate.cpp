@@ -12,8 +12,10 @@
 
 #include "bolo/diagnose/calibrate.hpp"
 #include "bolo/diagnose/report_words.hpp"
-#include "tools/picture/pulse_picture.hpp"
+#include "bolo/plot/sheet.hpp"
+#include "tools/eval/pulse_plots.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/plot_option.hpp"
 #include "tools/verbs/profile_file.hpp"
 #include "tools/verbs/verbs.hpp"
 
@@ -33,13 +35,13 @@ cxxopts::Options declare() {
       "temperatures nor which pixels see them has to be known; levels should last ten time constants now and then,\n"
       "and differ by 10 K or more. Still fields: closed shutter, or a flat black body. All of one camera, in one "
       "mode.\n"
-      "For one still: bolo calibrate chopper.h5 shutter.h5 -o camera.toml --plot fit.png");
+      "For one still: bolo calibrate chopper.h5 shutter.h5 -o camera.toml --plot fit.svg");
   options.add_options()("o,output", "Profile to write", cxxopts::value<std::string>(), "PROFILE.toml")(
       "profile", "The profile to start from (default: a655sc)", cxxopts::value<std::string>(), "P.toml")(
       "maps", "Where maps of single pixels go, when there are any (default: PROFILE-maps.h5 beside the profile)",
       cxxopts::value<std::string>(),
-      "FILE.h5")("plot", "Draw one pixel, measured against simulated", cxxopts::value<std::string>(), "FILE.png")(
-      "json", "Print the result as JSON")("capture", "", cxxopts::value<std::vector<std::string>>());
+      "FILE.h5")("json", "Print the result as JSON")("capture", "", cxxopts::value<std::vector<std::string>>());
+  add_plot_option(options, "Draw one pixel, measured against simulated");
   options.parse_positional({"capture"});
   options.positional_help("PULSES.h5 [STILL.h5...]");
   return options;
@@ -140,6 +142,8 @@ Status run(const Given& given) {
   if (given.count("output") == 0) return bad_input("no profile to write; give -o PROFILE.toml");
   const auto captures = files_of(given, "capture");
   if (captures.empty()) return bad_input("which captures? give one with pulses, then still ones");
+  const auto plot = plot_file_of(given);
+  if (!plot) return tl::unexpected(plot.error());
   diagnose::CalibrationOptions options;
   if (given.count("profile") != 0) {
     auto profile = model::read_profile(given["profile"].as<std::string>());
@@ -157,9 +161,10 @@ Status run(const Given& given) {
   if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted; nothing was written");
   if (!result) return tl::unexpected(result.error());
   if (Status written = write_profile(given, *result); !written) return written;
-  if (given.count("plot") != 0) {
-    Status drawn = draw_pulses(given["plot"].as<std::string>(), result->fit, result->noise_k);
-    if (!drawn) return drawn;
+  if (!plot->empty()) {
+    plot::Sheet sheet{.title = "Calibration of a camera"};
+    for (const plot::Plot& part : pulse_plots(result->fit, result->noise_k)) sheet.rows.push_back({part});
+    if (Status drawn = save(sheet, *plot); !drawn) return drawn;
   }
   if (given.count("json") != 0) {
     std::cout << to_json(*result, given).dump() << '\n';

@@ -3,55 +3,82 @@
 #include <cmath>
 
 #include "bolo/diagnose/report_words.hpp"
+#include "bolo/plot/page.hpp"
+#include "bolo/plot/text.hpp"
+#include "src/diagnose/report/map_plot.hpp"
 #include "src/diagnose/report/page_parts.hpp"
-#include "src/diagnose/report/picture.hpp"
-#include "src/diagnose/report/plot.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
+using plot::escaped;
+using plot::figure_html;
+using plot::format;
+
 constexpr double kWorthOpening = 1.1;  // gap of a capture that is shown at once
 
-// Maps of this shape stand below one another.
-bool is_wide(const CapturePlots& one) { return one.gap_map_before.width > 3 * one.gap_map_before.height; }
+constexpr double kHeight = 170.0;  // px
 
 // Both maps in the same colours, from a little below the floor to the largest gap of either.
-ColourSpan common_span(const CapturePlots& one) {
-  const double high = std::max({2.0, span_of(one.gap_map_before).high, span_of(one.gap_map_after).high});
-  return {0.8, high, false};
-}
-
 std::string maps_of(const CapturePlots& one) {
-  const ColourSpan span = common_span(one);
-  const std::string before = map_figure(one.gap_map_before, span, "Gap before", "Of each pixel, over time.");
-  const std::string after =
-      map_figure(one.gap_map_after, span, "Gap after", "In the same colours: 1 everywhere is good.");
-  if (before.empty() && after.empty()) return {};
-  return format("<div class=\"pair%s\">", is_wide(one) ? " tall wide" : "") + before + after + "</div>";
+  plot::Plot before = map_plot(one.gap_map_before);
+  before.title = "Gap before";
+  before.caption = "Of each pixel, over time.";
+  plot::Plot after = map_plot(one.gap_map_after);
+  after.title = "Gap after";
+  after.caption = "In the same colours: 1 everywhere is good.";
+  double high = 2.0;
+  for (const Map* map : {&one.gap_map_before, &one.gap_map_after}) {
+    for (const float v : map->values) high = std::isfinite(v) ? std::max(high, static_cast<double>(v)) : high;
+  }
+  for (plot::Plot* plot : {&before, &after}) {
+    plot->plane.ramp = plot::Ramp::kViridis;
+    plot->plane.low = 0.8;
+    plot->plane.high = high;
+  }
+  return figure_html(before) + figure_html(after);
 }
 
-// The axes reach at least a quarter of the noise floor, so that what is harmless looks harmless.
-std::string profiles_of(const CapturePlots& one, double floor_k) {
-  PlotScale in_mk{1.0, 1e3, false, false, 250.0 * floor_k};
-  const std::string columns =
-      line_plot({{&one.column_before, "before", "before"}, {&one.column_after, "after", "after"}},
-                {"Mean residual of each column", "column", "mK",
-                 "A pattern here is fixed in the columns, or the stimulus moves across them."},
-                in_mk);
-  in_mk.sideways = true;
-  const std::string rows =
-      line_plot({{&one.row_before, "before", "before"}, {&one.row_after, "after", "after"}},
-                {"Mean residual of each row", "row", "mK",
-                 "A slope from top to bottom is a delay from row to row; jumps are fixed offsets."},
-                in_mk);
-  return rows + columns;
+plot::Series series_of(const Curve& curve, const char* label, plot::Hue hue, double factor = 1.0) {
+  plot::Series series{.label = label, .hue = hue, .x = curve.x, .y = curve.y};
+  for (double& y : series.y) y *= factor;
+  return series;
+}
+
+// An axis that reaches at least this far on both sides of zero, so that what is harmless looks harmless.
+plot::Axis reaching(plot::Axis axis, double least, const std::vector<plot::Series>& series) {
+  double reach = least;
+  for (const plot::Series& one : series) {
+    for (const double y : one.y) reach = std::isfinite(y) ? std::max(reach, 1.05 * std::abs(y)) : reach;
+  }
+  axis.low = -reach;
+  axis.high = reach;
+  return axis;
+}
+
+std::string profile(const Curve& before, const Curve& after, double floor_k, bool rows) {
+  plot::Plot plot{.title = rows ? "Mean residual of each row" : "Mean residual of each column",
+                  .caption = rows ? "A slope from top to bottom is a delay from row to row; jumps are fixed offsets."
+                                  : "A pattern here is fixed in the columns, or the stimulus moves across them.",
+                  .x = {.name = rows ? "row" : "column"},
+                  .series = {series_of(before, "before", plot::Hue::kBlurred, 1e3),
+                             series_of(after, "after", plot::Hue::kDeblurred, 1e3)},
+                  .sideways = rows,
+                  .width = kFigureWidth,
+                  .height = kHeight};
+  plot.y = reaching({.name = "residual", .unit = "mK"}, 250.0 * floor_k, plot.series);
+  return figure_html(plot);
 }
 
 std::string spectrum_of(const CapturePlots& one) {
-  return line_plot({{&one.spectrum_before, "before", "before"}, {&one.spectrum_after, "after", "after"}},
-                   {"Spectrum of the residual", "Hz", "K<sup>2</sup>/Hz",
-                    "Flat is white noise. A rise to the left is slow (drift, heat); a line is periodic."},
-                   {1.0, 1.0, true, false, 0.0});
+  return figure_html({.title = "Spectrum of the residual",
+                      .caption = "Flat is white noise. A rise to the left is slow (drift, heat); a line is periodic.",
+                      .x = {.name = "frequency", .unit = "Hz", .logarithmic = true},
+                      .y = {.name = "power", .unit = "K\u00b2/Hz", .logarithmic = true},
+                      .series = {series_of(one.spectrum_before, "before", plot::Hue::kBlurred),
+                                 series_of(one.spectrum_after, "after", plot::Hue::kDeblurred)},
+                      .width = kFigureWidth,
+                      .height = kHeight});
 }
 
 constexpr std::size_t kStretch = 48;  // frames of a pixel's course that are drawn
@@ -87,12 +114,18 @@ std::string answer_of(const CapturePlots& one) {
   const Curve nominal = stretch_of(one.nominal, begin);
   const Curve predicted = stretch_of(one.predicted, begin);
   const Curve measured = stretch_of(one.measured, begin);
-  return line_plot({{&nominal, "nominal", "nominal simulator"},
-                    {&predicted, "predicted", "with the effects"},
-                    {&measured, "measured", "camera", true}},
-                   {"One pixel where it is furthest off", "s", "K",
-                    "The dots should lie on the solid line; how far they are from the dashed one is the gap."},
-                   {1.0, 1.0, false, false, 0.0});
+  plot::Series dashed = series_of(nominal, "nominal simulator", plot::Hue::kBlurred);
+  dashed.dashed = true;
+  plot::Series dots = series_of(measured, "camera", plot::Hue::kTruth);
+  dots.kind = plot::Kind::kPoints;
+  return figure_html(
+      {.title = "One pixel where it is furthest off",
+       .caption = "The dots should lie on the solid line; how far they are from the dashed one is the gap.",
+       .x = {.name = "time", .unit = "s"},
+       .y = {.name = "temperature", .unit = "K"},
+       .series = {dashed, series_of(predicted, "with the effects", plot::Hue::kDeblurred), dots},
+       .width = kFigureWidth,
+       .height = kHeight});
 }
 
 // What of the course is not predicted.
@@ -108,10 +141,23 @@ std::string residual_of(const CapturePlots& one, double floor_k) {
   const std::size_t begin = stretch_begin(one);
   const Curve before = apart(one.measured, one.nominal, begin);
   const Curve after = apart(one.measured, one.predicted, begin);
-  return line_plot({{&before, "before", "before"}, {&after, "after", "after"}},
-                   {"Residual of the same pixel", "s", "mK",
-                    "Camera minus prediction. What stays within the noise (most within twice the floor) is no gap."},
-                   {1.0, 1e3, false, false, 2000.0 * floor_k});
+  plot::Plot plot{.title = "Residual of the same pixel",
+                  .caption = "Camera minus prediction. What stays in the band, twice the noise floor, is no gap.",
+                  .x = {.name = "time", .unit = "s"},
+                  .series = {series_of(before, "before", plot::Hue::kBlurred, 1e3),
+                             series_of(after, "after", plot::Hue::kDeblurred, 1e3)},
+                  .width = kFigureWidth,
+                  .height = kHeight};
+  plot.y = reaching({.name = "residual", .unit = "mK"}, 2500.0 * floor_k, plot.series);
+  if (!before.x.empty()) {
+    const double noise_mk = 2e3 * floor_k;
+    plot.series.insert(plot.series.begin(), {.kind = plot::Kind::kBand,
+                                             .hue = plot::Hue::kSoft,
+                                             .x = {before.x.front(), before.x.back()},
+                                             .y = {-noise_mk, -noise_mk},
+                                             .to = {noise_mk, noise_mk}});
+  }
+  return figure_html(plot);
 }
 
 const char* kind_words(const std::string& kind) {
@@ -122,13 +168,13 @@ const char* kind_words(const std::string& kind) {
 }
 
 std::string capture_part(const CapturePlots& one, double floor_k, bool open) {
-  const std::string plots =
-      maps_of(one) + answer_of(one) + residual_of(one, floor_k) + spectrum_of(one) + profiles_of(one, floor_k);
+  const std::string plots = maps_of(one) + answer_of(one) + residual_of(one, floor_k) + spectrum_of(one) +
+                            profile(one.column_before, one.column_after, floor_k, false) +
+                            profile(one.row_before, one.row_after, floor_k, true);
   return format("<details%s><summary>%s<span>%s, gap %s \u2192 %s</span></summary>", open ? " open" : "",
                 escaped(one.file).c_str(), kind_words(one.kind), gap_text(one.gap_before).c_str(),
                 gap_text(one.gap_after).c_str()) +
-         (plots.empty() ? "<p class=soft>Nothing was drawn of it.</p>"
-                        : "<div class=\"plots two\">" + plots + "</div>") +
+         (plots.empty() ? "<p class=soft>Nothing was drawn of it.</p>" : "<div class=\"pair\">" + plots + "</div>") +
          "</details>";
 }
 

@@ -3,12 +3,20 @@
 #include <cmath>
 
 #include "bolo/diagnose/report_words.hpp"
-#include "src/diagnose/report/html.hpp"
+#include "bolo/plot/page.hpp"
+#include "bolo/plot/scale.hpp"
+#include "bolo/plot/text.hpp"
+#include "src/diagnose/report/map_plot.hpp"
 #include "src/diagnose/report/page_parts.hpp"
-#include "src/diagnose/report/picture.hpp"
 
 namespace bolo::diagnose {
 namespace {
+
+using plot::escaped;
+using plot::figure_html;
+using plot::format;
+using plot::number_text;
+using plot::unbroken;
 
 std::string parameters_table(const FoundEffect& effect) {
   if (effect.parameters.empty()) return {};
@@ -58,25 +66,31 @@ double largest(const NoiseStatistic& one) {
   return std::max({std::abs(one.measured), std::abs(one.nominal), std::abs(one.explained)});
 }
 
+plot::Scale kelvin_axis(double top_k) {
+  return {{.logarithmic = true, .low = kLeastK, .high = std::max(10.0 * kLeastK, 1.3 * top_k)}, {}, true};
+}
+
 // Of kelvin one axis for all; of anything else one that has zero on it and room on both sides.
-Axis noise_axis(const NoiseStatistic& one, double top_k) {
-  if (one.unit == "K") return {kLeastK, std::max(10.0 * kLeastK, 1.3 * top_k), true};
+plot::Scale noise_axis(const NoiseStatistic& one, double top_k) {
+  if (one.unit == "K") return kelvin_axis(top_k);
   const double reach = std::max(0.1, 1.15 * largest(one));
-  return {std::min({one.measured, one.nominal, one.explained}) < 0.0 ? -reach : 0.0, reach, false};
+  const bool both = std::min({one.measured, one.nominal, one.explained}) < 0.0;
+  return {{.low = both ? -reach : 0.0, .high = reach}, {}, true};
 }
 
 std::string noise_number(const NoiseStatistic& one, double value) {
-  return one.unit == "K" ? quantity("noise_k", value) : tick_text(value) + (one.unit.empty() ? "" : ' ' + one.unit);
+  return one.unit == "K" ? quantity("noise_k", value) : number_text(value) + (one.unit.empty() ? "" : ' ' + one.unit);
 }
 
 std::string dumbbell_row(const NoiseStatistic& one, double top_k) {
-  const Axis axis = noise_axis(one, top_k);
+  const plot::Scale axis = noise_axis(one, top_k);
   const auto place = [&](double value) {
-    return 100.0 * std::clamp(axis.place(std::isfinite(value) ? value : axis.low), 0.0, 1.0);
+    const double share = axis.place(value);
+    return std::isfinite(share) ? 100.0 * std::clamp(share, 0.0, 1.0) : 0.0;
   };
   const auto [low, high] = std::minmax({place(one.measured), place(one.nominal), place(one.explained)});
   std::string track;
-  for (const double tick : axis.ticks(4)) track += format("<i style=\"left:%.2f%%\"></i>", place(tick));
+  for (const plot::Tick& tick : axis.ticks(4)) track += format("<i style=\"left:%.2f%%\"></i>", place(tick.at));
   track += format("<b class=span style=\"left:%.2f%%;width:%.2f%%\"></b>", low, high - low);
   track += format(
       "<u class=nominal style=\"left:%.2f%%\"></u><u class=measured style=\"left:%.2f%%\"></u>"
@@ -91,12 +105,12 @@ std::string dumbbell_row(const NoiseStatistic& one, double top_k) {
 }
 
 // The numbers below the rows of an axis.
-std::string scale_row(const Axis& axis, bool kelvin) {
+std::string scale_row(const plot::Scale& axis, bool kelvin) {
   std::string out = "<div class=row><div class=\"name blank\"></div><div class=scale>";
-  for (const double tick : axis.ticks(4)) {
-    out += format("<span style=\"left:%.2f%%\">%s%s%s</span>", 100.0 * axis.place(tick),
-                  kelvin && tick <= 1.001 * kLeastK ? "\u2264 " : "", tick_text(kelvin ? 1e3 * tick : tick).c_str(),
-                  kelvin ? " mK" : "");
+  for (const plot::Tick& tick : axis.ticks(4)) {
+    out += format("<span style=\"left:%.2f%%\">%s%s%s</span>", 100.0 * axis.place(tick.at),
+                  kelvin && tick.at <= 1.001 * kLeastK ? "\u2264 " : "",
+                  number_text(kelvin ? 1e3 * tick.at : tick.at).c_str(), kelvin ? " mK" : "");
   }
   return out + "</div><div class=\"value blank\"></div></div>";
 }
@@ -151,7 +165,7 @@ std::string noise_part(const Report& report) {
     (kelvin ? out : others) += dumbbell_row(one, top_k);
     if (!kelvin) others += scale_row(noise_axis(one, top_k), false);
   }
-  if (top_k > 0.0) out += scale_row({kLeastK, std::max(10.0 * kLeastK, 1.3 * top_k), true}, true);
+  if (top_k > 0.0) out += scale_row(kelvin_axis(top_k), true);
   if (others.empty()) return out;
   return out + "<h3 style=\"margin-top:16px\">Without a unit</h3>" + others;
 }
@@ -161,10 +175,13 @@ std::string maps_part(const Report& report) {
   for (const Map& map : report.maps) {
     std::string title = map.title;
     if (!title.empty() && title[0] >= 'a' && title[0] <= 'z') title[0] = static_cast<char>(title[0] - 'a' + 'A');
-    figures += map_figure(map, span_of(map), escaped(title), "Chequered where there is no value.");
+    plot::Plot figure = map_plot(map);
+    figure.title = title;
+    figure.caption = "Blank where there is no value.";
+    figures += figure_html(figure);
   }
   if (figures.empty()) return {};
-  return "<h2>What was diagnosed of single pixels</h2><div class=\"plots small\">" + figures + "</div>";
+  return "<h2>What was diagnosed of single pixels</h2><div class=\"plots\">" + figures + "</div>";
 }
 
 std::string limits_part(const Report& report) {

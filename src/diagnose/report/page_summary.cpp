@@ -4,11 +4,17 @@
 #include <cmath>
 
 #include "bolo/diagnose/report_words.hpp"
-#include "src/diagnose/report/html.hpp"
+#include "bolo/plot/scale.hpp"
+#include "bolo/plot/text.hpp"
 #include "src/diagnose/report/page_parts.hpp"
 
 namespace bolo::diagnose {
 namespace {
+
+using plot::escaped;
+using plot::format;
+using plot::number_text;
+using plot::unbroken;
 
 std::string pill(const std::string& verdict) {
   if (verdict == "no_gap") return "<span class=\"pill good\">No gap</span>";
@@ -24,7 +30,7 @@ std::string fact(const std::string& value, const std::string& name) {
 std::string arrow(double before, double after) { return gap_text(before) + " \u2192 " + gap_text(after); }
 
 // The axis of gaps: from a little under the floor to a little over the largest.
-Axis gap_axis(const std::vector<double>& gaps) {
+plot::Scale gap_axis(const std::vector<double>& gaps) {
   double low = 0.9;
   double high = 2.2;
   for (const double gap : gaps) {
@@ -32,35 +38,41 @@ Axis gap_axis(const std::vector<double>& gaps) {
     low = std::min(low, std::max(0.05, 0.95 * gap));
     high = std::max(high, 1.1 * gap);
   }
-  return {low, high, true};
+  return {{.logarithmic = true, .low = low, .high = high}, {}, true};
+}
+
+// Percent of the way along the axis, a little beyond its ends at most.
+double percent(const plot::Scale& axis, double value) {
+  const double place = axis.place(value);
+  return std::isnan(place) ? 0.0 : 100.0 * std::clamp(place, -0.05, 1.05);
 }
 
 // Ticks of the axis and the line at 1.0, behind a bar.
-std::string rules(const Axis& axis) {
+std::string rules(const plot::Scale& axis) {
   std::string out;
-  for (const double tick : axis.ticks(6)) out += format("<i style=\"left:%.2f%%\"></i>", 100.0 * axis.place(tick));
-  return out + format("<i class=floor style=\"left:%.2f%%\"></i>", 100.0 * axis.place(1.0));
+  for (const plot::Tick& tick : axis.ticks(6)) out += format("<i style=\"left:%.2f%%\"></i>", percent(axis, tick.at));
+  return out + format("<i class=floor style=\"left:%.2f%%\"></i>", percent(axis, 1.0));
 }
 
-std::string bar_row(const Axis& axis, const std::string& name, const char* look, double from, double to,
+std::string bar_row(const plot::Scale& axis, const std::string& name, const char* look, double from, double to,
                     const std::string& value) {
-  const double left = 100.0 * axis.place(std::min(from, to));
-  const double right = 100.0 * axis.place(std::max(from, to));
+  const double left = percent(axis, std::min(from, to));
+  const double right = percent(axis, std::max(from, to));
   return "<div class=row><div class=name>" + name + "</div><div class=track>" + rules(axis) +
          format("<b class=\"%s\" style=\"left:%.2f%%;width:%.2f%%\"></b></div><div class=value>", look, left,
                 std::max(0.0, right - left)) +
          value + "</div></div>";
 }
 
-std::string scale_row(const Axis& axis) {
+std::string scale_row(const plot::Scale& axis) {
   std::string out = "<div class=row><div class=\"name blank\"></div><div class=scale>";
-  for (const double tick : axis.ticks(6)) {
-    out += format("<span style=\"left:%.2f%%\">%s</span>", 100.0 * axis.place(tick), tick_text(tick).c_str());
+  for (const plot::Tick& tick : axis.ticks(6)) {
+    out += format("<span style=\"left:%.2f%%\">%s</span>", percent(axis, tick.at), tick.text.c_str());
   }
   return out + "</div><div class=\"value blank\"></div></div>";
 }
 
-std::string effect_rows(const Report& report, const Axis& axis, bool of_noise) {
+std::string effect_rows(const Report& report, const plot::Scale& axis, bool of_noise) {
   std::string out;
   for (const FoundEffect& effect : report.effects) {
     if (effect.of_noise != of_noise) continue;
@@ -76,7 +88,7 @@ const char* left_words(const Report& report) {
 }
 
 std::string span_text(double low, double high, const char* unit) {
-  return tick_text(low) + " to " + tick_text(high) + ' ' + unit;
+  return number_text(low) + " to " + number_text(high) + ' ' + unit;
 }
 
 std::string times_text(const Location& where) {
@@ -112,7 +124,7 @@ std::string head_part(const Report& report) {
   std::string out = pill(report.verdict) + "<h1>" + words.substr(0, end == std::string::npos ? end : end + 1) + "</h1>";
   if (end != std::string::npos) out += "<p class=lead>" + words.substr(end + 2) + "</p>";
   out += format("<p class=soft>%zu captures, %zu frames, diagnosed in %s s.", report.captures.size(), report.frames,
-                tick_text(report.seconds).c_str());
+                number_text(report.seconds).c_str());
   if (!report.withheld.empty()) {
     out += " Taken out of the catalogue:";
     for (const std::string& name : report.withheld) out += " <code>" + escaped(name) + "</code>";
@@ -135,7 +147,7 @@ std::string waterfall_part(const Report& report) {
   const bool noise = std::ranges::any_of(report.effects, [](const FoundEffect& e) { return e.of_noise; });
   if (noise) gaps.insert(gaps.end(), {report.noise_gap_before, report.noise_gap_after});
   for (const FoundEffect& effect : report.effects) gaps.insert(gaps.end(), {effect.gap_before, effect.gap_after});
-  const Axis axis = gap_axis(gaps);
+  const plot::Scale axis = gap_axis(gaps);
   std::string out = report.effects.empty() ? "<h2>The gap</h2>" : "<h2>What closes the gap</h2>";
   out +=
       "<p class=soft>Root mean square of the residual on data that was held out, in units "
@@ -151,7 +163,7 @@ std::string waterfall_part(const Report& report) {
     out += bar_row(axis, left_words(report), "left", 1.0, report.noise_gap_after, gap_text(report.noise_gap_after));
   }
   return out + scale_row(axis) +
-         "<div class=row><div class=\"name blank\"></div><div class=xlabel>gap, noise floors</div><div "
+         "<div class=row><div class=\"name blank\"></div><div class=axisname>gap, noise floors</div><div "
          "class=blank></div></div>";
 }
 
@@ -172,13 +184,13 @@ std::string location_part(const Report& report) {
   if (where.captures.empty()) return out;
   std::vector<double> gaps;
   for (const auto& [file, gap] : where.captures) gaps.push_back(gap);
-  const Axis axis = gap_axis(gaps);
+  const plot::Scale axis = gap_axis(gaps);
   out += "<h3 style=\"margin-top:18px\">Gap of each capture before anything was added</h3>";
   for (const auto& [file, gap] : where.captures) {
     out += bar_row(axis, escaped(file), "start", 1.0, gap, gap_text(gap));
   }
   return out + scale_row(axis) +
-         "<div class=row><div class=\"name blank\"></div><div class=xlabel>gap, noise floors</div><div "
+         "<div class=row><div class=\"name blank\"></div><div class=axisname>gap, noise floors</div><div "
          "class=blank></div></div>";
 }
 

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "tests/tools/blind/folder.hpp"
+#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/blind/seal.hpp"
 
@@ -11,17 +11,16 @@ namespace bolo::tools {
 namespace {
 
 using nlohmann::json;
-using test::Folder;
 using test::Outcome;
 
-Outcome run_blind(const Folder& folder, const std::vector<std::string>& words) {
+Outcome run_blind(const Scratch& folder, const std::vector<std::string>& words) {
   std::vector<std::string> all{BOLO_PROGRAM, "blind", "--width", "8", "--height", "8", "--frames-scale", "0.1"};
   all.insert(all.end(), words.begin(), words.end());
   return test::Program(folder.path(), all).outcome();
 }
 
 TEST(BlindVerb, SealsDiagnosesOpensAndScores) {
-  const Folder folder;
+  const Scratch folder;
   const Outcome outcome = run_blind(folder, {"--kind", "single", "--only", "row_delay", "--sessions", "2"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const std::size_t sealed = outcome.out.find("sealed 2 answers: sha256 ");
@@ -33,7 +32,7 @@ TEST(BlindVerb, SealsDiagnosesOpensAndScores) {
 }
 
 TEST(BlindVerb, ScoresEveryKindAsJson) {
-  const Folder folder;
+  const Scratch folder;
   const Outcome outcome =
       run_blind(folder, {"--sessions", "1", "--json", "--imperfect", "--html", (folder / "page.html").string()});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
@@ -47,7 +46,7 @@ TEST(BlindVerb, ScoresEveryKindAsJson) {
 }
 
 TEST(BlindVerb, TheChildCannotSeeTheAnswers) {
-  const Folder folder;
+  const Scratch folder;
   const auto keep = folder / "kept";
   const Outcome outcome = run_blind(
       folder, {"--kind", "single", "--only", "iir", "--sessions", "1", "--seed", "424242", "--keep", keep.string()});
@@ -65,7 +64,7 @@ TEST(BlindVerb, TheChildCannotSeeTheAnswers) {
 }
 
 TEST(BlindVerb, KeptAnswersMatchTheSeal) {
-  const Folder folder;
+  const Scratch folder;
   const auto keep = folder / "kept";
   const Outcome outcome =
       run_blind(folder, {"--kind", "effect-free", "--sessions", "1", "--json", "--keep", keep.string()});
@@ -77,7 +76,7 @@ TEST(BlindVerb, KeptAnswersMatchTheSeal) {
 }
 
 TEST(BlindVerb, OneSessionDrawnAgainIsTheSame) {
-  const Folder folder;
+  const Scratch folder;
   ASSERT_EQ(run_blind(folder, {"--kind", "pair", "--sessions", "3", "--keep", (folder / "a").string()}).exit_code, 0);
   ASSERT_EQ(run_blind(folder, {"--kind", "pair", "--first", "2", "--sessions", "1", "--keep", (folder / "b").string()})
                 .exit_code,
@@ -88,7 +87,7 @@ TEST(BlindVerb, OneSessionDrawnAgainIsTheSame) {
 }
 
 TEST(BlindVerb, WrongUsageIsRefused) {
-  const Folder folder;
+  const Scratch folder;
   for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{{"--kind", "double"},
                                                                                      {"--sessions", "0"},
                                                                                      {"--jobs", "0"},

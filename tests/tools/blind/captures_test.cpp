@@ -3,13 +3,12 @@
 #include <gtest/gtest.h>
 
 #include "bolo/capture/capture.hpp"
-#include "tests/tools/blind/folder.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::tools::blind {
 namespace {
 
 using capture::CaptureReader;
-using test::Folder;
 
 Session short_session(Kind kind, const std::string& only, bool imperfect = false) {
   DrawOptions options;
@@ -27,7 +26,7 @@ std::vector<std::uint16_t> frame(const CaptureReader& reader, std::size_t index)
 }
 
 TEST(BlindCaptures, SayNothingOfWhatIsHidden) {
-  const Folder folder;
+  const Scratch folder;
   const Session session = short_session(Kind::kSingle, "row_delay", true);
   const auto files = write_captures(session, folder.path());
   ASSERT_TRUE(files) << files.error().message;
@@ -49,8 +48,8 @@ TEST(BlindCaptures, SayNothingOfWhatIsHidden) {
 }
 
 TEST(BlindCaptures, AreTheSameEachTime) {
-  const Folder first;
-  const Folder second;
+  const Scratch first;
+  const Scratch second;
   const Session session = short_session(Kind::kPair, "");
   const auto a = write_captures(session, first.path());
   const auto b = write_captures(session, second.path());
@@ -64,7 +63,7 @@ TEST(BlindCaptures, AreTheSameEachTime) {
 }
 
 TEST(BlindCaptures, TheStimulusStartsWhereItWasDrawn) {
-  const Folder folder;
+  const Scratch folder;
   Session session = short_session(Kind::kEffectFree, "");
   session.captures = {session.captures[5]};  // the target that stands still
   session.captures[0].faults.phase = 0.0;

@@ -4,15 +4,13 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/tools/blind/folder.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::tools::blind {
 namespace {
 
-using test::Folder;
-
 // A program of one shell line in `folder`.
-ChildWork work_of(const Folder& folder, const std::string& line) {
+ChildWork work_of(const Scratch& folder, const std::string& line) {
   const auto program = folder / "program";
   std::ofstream(program) << "#!/bin/sh\n" << line << '\n';
   std::filesystem::permissions(program, std::filesystem::perms::owner_all);
@@ -22,7 +20,7 @@ ChildWork work_of(const Folder& folder, const std::string& line) {
 const std::atomic<bool> kGoOn{false};
 
 TEST(BlindChild, GetsTheWordsOfADiagnosis) {
-  const Folder folder;
+  const Scratch folder;
   ChildWork work = work_of(folder, "echo \"$@\" >&2");
   work.withheld = "iir";
   ASSERT_TRUE(run_child(work, kGoOn));
@@ -33,25 +31,25 @@ TEST(BlindChild, GetsTheWordsOfADiagnosis) {
 }
 
 TEST(BlindChild, SaysWhyItFailed) {
-  const Folder folder;
+  const Scratch folder;
   const Status status = run_child(work_of(folder, "echo nonsense >&2; exit 3"), kGoOn);
   ASSERT_FALSE(status);
   EXPECT_EQ(status.error().message, "the diagnosis ended with exit code 3: nonsense");
-  const Folder other;
+  const Scratch other;
   const Status killed = run_child(work_of(other, "kill -9 $$"), kGoOn);
   ASSERT_FALSE(killed);
   EXPECT_EQ(killed.error().message, "the diagnosis ended with signal 9");
 }
 
 TEST(BlindChild, AProgramThatIsNotThereIsAnError) {
-  const Folder folder;
+  const Scratch folder;
   ChildWork work = work_of(folder, "");
   work.program = folder / "nothing";
   EXPECT_FALSE(run_child(work, kGoOn));
 }
 
 TEST(BlindChild, IsEndedWhenItTakesTooLongOrIsNotWanted) {
-  const Folder folder;
+  const Scratch folder;
   ChildWork work = work_of(folder, "exec sleep 300");
   work.limit_s = 0.2;
   const Status late = run_child(work, kGoOn);

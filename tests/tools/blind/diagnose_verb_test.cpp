@@ -6,7 +6,7 @@
 
 #include "bolo/capture/pixel_maps_io.hpp"
 #include "bolo/model/camera_profile.hpp"
-#include "tests/tools/blind/folder.hpp"
+#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/blind/captures.hpp"
 
@@ -14,7 +14,6 @@ namespace bolo::tools {
 namespace {
 
 using nlohmann::json;
-using test::Folder;
 using test::Outcome;
 
 std::string slurp(const std::filesystem::path& file) {
@@ -39,7 +38,7 @@ class DiagnoseVerb : public testing::Test {
     return test::Program(folder_.path(), all).outcome();
   }
 
-  Folder folder_;
+  Scratch folder_;
   std::vector<std::filesystem::path> files_;
 };
 
