@@ -106,6 +106,7 @@ struct CaptureWriter::Impl {
   CaptureInfo info;
   WriterOptions options;
   std::optional<DiskReserve> reserve;
+  std::unique_ptr<CrashSafeFile> stored;  // once HDF5 has closed it
   h5::Handle file;
   h5::Handle frames;
   h5::Handle truth;
@@ -127,6 +128,7 @@ struct CaptureWriter::Impl {
   Status write_planes(const void* plane, const float* truth_plane);
   Status commit();
   bool close_file();
+  bool store();
   Status publish() const;
 
   hid_t pixel_type() const { return info.format.type == PixelType::kUint16 ? H5T_NATIVE_UINT16 : H5T_NATIVE_FLOAT; }
@@ -147,7 +149,7 @@ Status CaptureWriter::Impl::create() {
   }
   const SurvivesCut survives = options.survives_power_cut ? SurvivesCut::kPower : SurvivesCut::kProcess;
   const h5::Handle access = file_access();
-  if (!use_crash_safe_file(access.get(), FileUse::kCreate, survives)) return broken("cannot be created");
+  if (!create_crash_safe(access.get(), survives, stored)) return broken("cannot be created");
   file = h5::Handle(H5Fcreate(part_name.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.get()));
   if (!file) return bad_input(part_name.string() + ": " + h5::cause());
   Result<DiskReserve> opened = DiskReserve::open(part_name);
@@ -223,7 +225,16 @@ Status CaptureWriter::Impl::commit() {
 
 bool CaptureWriter::Impl::close_file() {
   for (h5::Handle* dataset : {&frames, &truth, &t, &frame_id}) dataset->close();
-  return file.close();
+  const bool closed = file.close();
+  if (!closed) stored.reset();
+  return closed;
+}
+
+// Nothing of it is HDF5's any more.
+bool CaptureWriter::Impl::store() {
+  if (!stored || !stored->finish()) return false;
+  reserve->release();
+  return reserve->sync();
 }
 
 // Durable first, then under its final name.
@@ -233,7 +244,7 @@ Status CaptureWriter::Impl::publish() const {
   if (error)
     return failed(part_name.string() + ": cannot be renamed to " + final_name.string() + ": " + error.message());
   if (options.survives_power_cut) sync_folder_of(final_name);
-  std::filesystem::remove(journal_of(part_name), error);
+  remove_records(part_name);
   return {};
 }
 
@@ -245,11 +256,7 @@ CaptureWriter::~CaptureWriter() {
   if (!impl_ || !impl_->file) return;
   const h5::Quiet quiet;
   static_cast<void>(impl_->commit());
-  const bool closed = impl_->close_file();
-  if (!impl_->reserve) return;
-  impl_->reserve->release();
-  std::error_code ignored;
-  if (closed && impl_->reserve->sync()) std::filesystem::remove(journal_of(impl_->part_name), ignored);
+  if (impl_->close_file() && impl_->reserve && impl_->store()) remove_records(impl_->part_name);
 }
 
 Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, const CaptureInfo& info,
@@ -345,20 +352,45 @@ Status CaptureWriter::write_attribute(const std::string& name, const std::string
   return impl_->broken("root attribute '" + name + "' cannot be written");
 }
 
+Status CaptureWriter::write_attributes(const std::vector<Attribute>& attributes) {
+  for (const Attribute& attribute : attributes) {
+    Status good =
+        std::visit([&](const auto& value) { return write_attribute(attribute.name, value); }, attribute.value);
+    if (!good) return good;
+  }
+  return {};
+}
+
 Status CaptureWriter::commit() {
   const h5::Quiet quiet;
   return impl_->file ? impl_->commit() : impl_->closed();
 }
 
-Status CaptureWriter::close() {
+Status CaptureWriter::complete() {
   const h5::Quiet quiet;
   Impl& w = *impl_;
   if (!w.file) return w.closed();
   if (Status good = w.commit(); !good) return good;
-  if (!w.close_file()) return w.broken("cannot be closed");
-  w.reserve->release();
-  if (!w.reserve->sync()) return failed(w.part_name.string() + ": cannot be stored: " + std::strerror(errno));
+  return w.close_file() ? Status{} : w.broken("cannot be closed");
+}
+
+Status CaptureWriter::close() {
+  Impl& w = *impl_;
+  if (w.file) {
+    if (Status good = complete(); !good) return good;
+  }
+  if (!w.stored) return w.closed();
+  if (!w.store()) return failed(w.part_name.string() + ": cannot be stored: " + std::strerror(errno));
+  w.stored.reset();
   return w.publish();
+}
+
+void CaptureWriter::discard() {
+  const h5::Quiet quiet;
+  impl_->close_file();
+  std::error_code ignored;
+  std::filesystem::remove(impl_->part_name, ignored);
+  remove_records(impl_->part_name);
 }
 
 }  // namespace bolo::capture

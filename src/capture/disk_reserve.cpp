@@ -43,22 +43,9 @@ int allocate(int descriptor, std::uint64_t begin, std::uint64_t end) {
 }  // namespace
 
 Result<DiskReserve> DiskReserve::open(const std::filesystem::path& file) {
-  const int descriptor = ::open(file.c_str(), O_WRONLY | O_CLOEXEC);
-  if (descriptor < 0) return failed(std::string("cannot be opened: ") + std::strerror(errno));
-  return DiskReserve(descriptor);
-}
-
-DiskReserve::DiskReserve(DiskReserve&& other) noexcept
-    : descriptor_(std::exchange(other.descriptor_, -1)), reserved_(other.reserved_) {}
-
-DiskReserve& DiskReserve::operator=(DiskReserve&& other) noexcept {
-  std::swap(descriptor_, other.descriptor_);
-  std::swap(reserved_, other.reserved_);
-  return *this;
-}
-
-DiskReserve::~DiskReserve() {
-  if (descriptor_ >= 0) ::close(descriptor_);
+  UniqueFd descriptor(::open(file.c_str(), O_WRONLY | O_CLOEXEC));
+  if (!descriptor) return failed(std::string("cannot be opened: ") + std::strerror(errno));
+  return DiskReserve(std::move(descriptor));
 }
 
 Status DiskReserve::ensure(std::uint64_t end) {
@@ -67,12 +54,12 @@ Status DiskReserve::ensure(std::uint64_t end) {
   if (!within_size_limit(end)) return no_room(EFBIG);
   // A full step first; near the end of the disk or of the size limit, just what is needed.
   int error = ENOSPC;
-  if (within_size_limit(end + kStep)) error = allocate(descriptor_, reserved_, end + kStep);
+  if (within_size_limit(end + kStep)) error = allocate(file_.get(), reserved_, end + kStep);
   if (error == 0) {
     reserved_ = end + kStep;
     return {};
   }
-  error = allocate(descriptor_, reserved_, end);
+  error = allocate(file_.get(), reserved_, end);
   if (error != 0) return no_room(error);
   reserved_ = end;
   return {};
@@ -80,11 +67,11 @@ Status DiskReserve::ensure(std::uint64_t end) {
 
 void DiskReserve::release() noexcept {
   struct stat info {};
-  if (fstat(descriptor_, &info) != 0) return;
+  if (fstat(file_.get(), &info) != 0) return;
   // Truncating to the size it has frees the blocks beyond; if it fails they stay reserved, which harms nothing.
-  if (ftruncate(descriptor_, info.st_size) == 0) reserved_ = 0;
+  if (ftruncate(file_.get(), info.st_size) == 0) reserved_ = 0;
 }
 
-bool DiskReserve::sync() noexcept { return fsync(descriptor_) == 0; }
+bool DiskReserve::sync() noexcept { return fsync(file_.get()) == 0; }
 
 }  // namespace bolo::capture

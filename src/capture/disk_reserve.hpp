@@ -4,8 +4,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <utility>
 
 #include "bolo/core/result.hpp"
+#include "bolo/core/unique_fd.hpp"
 
 namespace bolo::capture {
 
@@ -13,9 +15,6 @@ class DiskReserve {
  public:
   // `file` exists already. Thread: any one at a time.
   static Result<DiskReserve> open(const std::filesystem::path& file);
-  DiskReserve(DiskReserve&& other) noexcept;
-  DiskReserve& operator=(DiskReserve&& other) noexcept;
-  ~DiskReserve();
 
   // The file may grow to `end` bytes, and by kSlack beyond for HDF5's own structures. Errors: kFailed with the cause
   // (disk full, quota, file size limit); what was reserved before stays.
@@ -28,8 +27,8 @@ class DiskReserve {
   bool sync() noexcept;
 
  private:
-  explicit DiskReserve(int descriptor) : descriptor_(descriptor) {}
-  int descriptor_ = -1;
+  explicit DiskReserve(UniqueFd file) : file_(std::move(file)) {}
+  UniqueFd file_;
   std::uint64_t reserved_ = 0;
 };
 

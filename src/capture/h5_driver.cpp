@@ -14,15 +14,16 @@ namespace {
 constexpr haddr_t kMostAddress = (haddr_t{1} << 62U) - 1;
 
 struct Access {
-  FileUse use;
-  SurvivesCut survives;
+  FileUse use = FileUse::kRead;
+  SurvivesCut survives = SurvivesCut::kProcess;
+  std::unique_ptr<CrashSafeFile>* heir = nullptr;  // of a file that is created
 };
 
 // What HDF5 holds for an open file; HDF5 knows its first member only.
 struct Driven {
   H5FD_t common;
   std::unique_ptr<CrashSafeFile> file;
-  FileUse use = FileUse::kRead;
+  Access access;
   haddr_t end = 0;  // of what HDF5 has allocated
 };
 
@@ -50,20 +51,21 @@ H5FD_t* open_file(const char* name, unsigned flags, hid_t access_list, haddr_t) 
   }
   auto* driven = new Driven{};
   driven->file = std::move(*file);
-  driven->use = access->use;
+  driven->access = *access;
   return &driven->common;
 }
 
 herr_t flush_file(H5FD_t* file, hid_t, hbool_t) {
   Driven& driven = self(file);
-  if (driven.use != FileUse::kCreate) return 0;
+  if (driven.access.use != FileUse::kCreate) return 0;
   return done_or_why(driven.file->commit(driven.end), "cannot be committed");
 }
 
 herr_t close_file(H5FD_t* file) {
   const std::unique_ptr<Driven> driven(&self(file));
-  if (driven->use != FileUse::kCreate) return 0;
-  const bool good = driven->file->commit(driven->end) && driven->file->resize(driven->end);
+  if (driven->access.use != FileUse::kCreate) return 0;
+  const bool good = driven->file->commit(driven->end);
+  *driven->access.heir = std::move(driven->file);
   return done_or_why(good, "cannot be committed");
 }
 
@@ -83,12 +85,12 @@ herr_t set_allocated_end(H5FD_t* file, H5FD_mem_t, haddr_t end) {
 
 haddr_t file_end(const H5FD_t* file, H5FD_mem_t) {
   const Driven& driven = self(file);
-  return driven.use == FileUse::kSalvage ? kMostAddress : driven.file->size();
+  return driven.access.use == FileUse::kSalvage ? kMostAddress : driven.file->size();
 }
 
 herr_t read_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t bytes, void* out) {
   const Driven& driven = self(file);
-  const bool gone = driven.use == FileUse::kSalvage && offset + bytes > driven.file->size();
+  const bool gone = driven.access.use == FileUse::kSalvage && offset + bytes > driven.file->size();
   if (gone) errno = EIO;
   return done_or_why(!gone && driven.file->read(offset, bytes, out), "cannot be read");
 }
@@ -134,13 +136,18 @@ H5FD_class_t driver_class() {
   return driver;
 }
 
-}  // namespace
-
-bool use_crash_safe_file(hid_t access, FileUse use, SurvivesCut survives) {
+bool set_driver(hid_t list, const Access& access) {
   static const H5FD_class_t driver = driver_class();
   static const hid_t id = H5FDregister(&driver);
-  const Access info{use, survives};
-  return id >= 0 && H5Pset_driver(access, id, &info) >= 0;
+  return id >= 0 && H5Pset_driver(list, id, &access) >= 0;
+}
+
+}  // namespace
+
+bool open_crash_safe(hid_t access, FileUse use) { return set_driver(access, {.use = use}); }
+
+bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& heir) {
+  return set_driver(access, {FileUse::kCreate, survives, &heir});
 }
 
 }  // namespace bolo::capture

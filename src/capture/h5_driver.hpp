@@ -1,6 +1,8 @@
 // HDF5 on a CrashSafeFile: each H5Fflush is a commit.
 #pragma once
 
+#include <memory>
+
 #include "src/capture/crash_safe_file.hpp"
 #include "src/capture/h5.hpp"
 
@@ -8,12 +10,15 @@ namespace bolo::capture {
 
 enum class FileUse {
   kCreate,   // H5Fcreate
-  kRead,     // H5Fopen, with what the journal lays over the file
+  kRead,     // H5Fopen, with what the records lay over the file
   kSalvage,  // as kRead; a file that is shorter than its structure says opens too, reading what is gone fails
 };
 
-// Makes a file that is created or opened with the access list `access` a CrashSafeFile. False on failure. Thread: any
-// one at a time.
-bool use_crash_safe_file(hid_t access, FileUse use, SurvivesCut survives = SurvivesCut::kProcess);
+// A file that is opened with the access list `access` is a CrashSafeFile. False on failure. Thread: any one at a time.
+bool open_crash_safe(hid_t access, FileUse use);
+
+// The same of a file that is created. When HDF5 closes it, it is committed and given to `heir`, who has to finish it;
+// until then `heir` stays where it is.
+bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& heir);
 
 }  // namespace bolo::capture

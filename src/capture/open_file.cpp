@@ -9,6 +9,8 @@
 #include <cstring>
 #include <string_view>
 
+#include "bolo/core/unique_fd.hpp"
+
 namespace bolo::capture {
 namespace {
 
@@ -16,12 +18,11 @@ constexpr std::string_view kOldMatlab = "MATLAB 5.0 MAT-file";
 
 // Readable and a regular file; fills `head` with the first bytes.
 Status look(const std::filesystem::path& file, std::array<char, 128>& head) {
-  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (descriptor < 0) return bad_input(std::string("cannot be opened: ") + std::strerror(errno));
+  const UniqueFd descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (!descriptor) return bad_input(std::string("cannot be opened: ") + std::strerror(errno));
   struct stat info {};
-  const bool regular = fstat(descriptor, &info) == 0 && S_ISREG(info.st_mode);
-  const bool has_bytes = regular && ::read(descriptor, head.data(), head.size()) > 0;
-  ::close(descriptor);
+  const bool regular = fstat(descriptor.get(), &info) == 0 && S_ISREG(info.st_mode);
+  const bool has_bytes = regular && ::read(descriptor.get(), head.data(), head.size()) > 0;
   if (!regular) return bad_input("is not a regular file; expected a capture");
   if (!has_bytes) return bad_input("is empty; expected a capture");
   return {};
@@ -43,7 +44,7 @@ Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use) {
   }
   if (H5Fis_hdf5(file.c_str()) == 0) return bad_input("is not an HDF5 file; expected a capture (.h5 or .mat v7.3)");
   const h5::Handle access = file_access();
-  if (!use_crash_safe_file(access.get(), use)) return bad_input("cannot be opened" + h5::because());
+  if (!open_crash_safe(access.get(), use)) return bad_input("cannot be opened" + h5::because());
   h5::Handle handle(H5Fopen(file.c_str(), H5F_ACC_RDONLY, access.get()));
   if (handle) return handle;
   const std::string reason = h5::cause();

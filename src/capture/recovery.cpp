@@ -6,7 +6,8 @@
 #include <cstring>
 
 #include "bolo/capture/capture.hpp"
-#include "src/capture/crash_safe_file.hpp"
+#include "src/capture/commit_records.hpp"
+#include "src/capture/power_commit.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -22,13 +23,8 @@ Result<CaptureReader> open_damaged(const std::filesystem::path& file, std::vecto
 }
 
 Status copy_extras(const CaptureReader& reader, CaptureWriter& writer) {
-  const Result<std::vector<Attribute>> attributes = reader.attributes();
-  if (attributes) {
-    for (const Attribute& attribute : *attributes) {
-      Status good =
-          std::visit([&](const auto& value) { return writer.write_attribute(attribute.name, value); }, attribute.value);
-      if (!good) return good;
-    }
+  if (const auto attributes = reader.attributes()) {
+    if (Status good = writer.write_attributes(*attributes); !good) return good;
   }
   if (const auto points = reader.points(); points && !points->empty()) {
     if (Status good = writer.write_points(*points); !good) return good;
@@ -118,7 +114,7 @@ Result<Recovered> recover_copy(const std::filesystem::path& damaged, const std::
     if (error) return failed(copy.string() + ": cannot be renamed to " + out.string() + ": " + error.message());
   } else {
     std::filesystem::remove(copy.string() + ".part", error);
-    std::filesystem::remove(journal_of(copy.string() + ".part"), error);
+    remove_records(copy.string() + ".part");
   }
   return done;
 }
@@ -143,7 +139,7 @@ Result<Recovered> recover_in_place(const std::filesystem::path& part, const std:
   std::filesystem::rename(part, out, error);
   if (error) return failed(part.string() + ": cannot be renamed to " + out.string() + ": " + error.message());
   sync_folder_of(out);
-  std::filesystem::remove(journal_of(part), error);
+  remove_records(part);
   return done;
 }
 

@@ -16,7 +16,7 @@
 #include <random>
 
 #include "tests/capture/hdf5_edit.hpp"
-#include "tests/capture/scratch.hpp"
+#include "tests/capture/small_captures.hpp"
 
 namespace bolo::capture {
 namespace {

@@ -3,13 +3,12 @@
 
 #include <tuple>
 
-#include "tests/capture/scratch.hpp"
+#include "tests/capture/small_captures.hpp"
 
 namespace bolo::capture {
 namespace {
 
 using testing::plane_of;
-using testing::Scratch;
 using testing::small_info;
 
 constexpr std::size_t kFrames = 5;

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "tests/capture/hdf5_edit.hpp"
-#include "tests/capture/scratch.hpp"
+#include "tests/capture/small_captures.hpp"
 
 namespace bolo::capture {
 namespace {

@@ -8,7 +8,7 @@
 #include <fstream>
 #include <limits>
 
-#include "tests/capture/scratch.hpp"
+#include "tests/capture/small_captures.hpp"
 
 namespace bolo::capture {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "bolo/capture/pixel_maps_io.hpp"
 #include "tests/capture/hdf5_edit.hpp"
-#include "tests/capture/scratch.hpp"
+#include "tests/capture/small_captures.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -28,7 +28,7 @@ class PixelMapsFile : public ::testing::Test {
   std::filesystem::path path(const std::string& name) const { return folder_ / name; }
 
  private:
-  testing::Scratch folder_;
+  Scratch folder_;
 };
 
 TEST_F(PixelMapsFile, IsReadAsWritten) {

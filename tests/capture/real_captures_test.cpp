@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "tests/capture/scratch.hpp"
+#include "tests/capture/small_captures.hpp"
 
 namespace bolo::capture {
 namespace {

@@ -13,6 +13,7 @@
 
 #include "bolo/capture/capture.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
+#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools {
@@ -27,12 +28,7 @@ constexpr auto kHangGuard = std::chrono::seconds(60);
 
 class RecordVerb : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = testing::TempDir() + "bolo_record_XXXXXX";
-    folder_ = mkdtemp(pattern.data());
-    name_ = shm::unique_name(testing::UnitTest::GetInstance()->current_test_info()->name());
-  }
-  void TearDown() override { fs::remove_all(folder_); }
+  void SetUp() override { name_ = shm::unique_name(testing::UnitTest::GetInstance()->current_test_info()->name()); }
 
   Program start(std::vector<std::string> words) const {
     words.insert(words.begin(), BOLO_PROGRAM);
@@ -41,7 +37,8 @@ class RecordVerb : public ::testing::Test {
   Outcome run(std::vector<std::string> words) const { return start(std::move(words)).outcome(); }
   std::string file(const std::string& name = "a.h5") const { return (folder_ / name).string(); }
 
-  fs::path folder_;
+  const Scratch scratch_;
+  const fs::path folder_ = scratch_.path();
   std::string name_;
 };
 
@@ -87,6 +84,7 @@ TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   expect_published(*reader, 0);
   EXPECT_FALSE(exists(file() + ".part")) << "renamed";
   EXPECT_FALSE(exists(file() + ".part.journal"));
+  EXPECT_FALSE(exists(file() + ".part.live"));
 }
 
 TEST_F(RecordVerb, DeblurredPlanesInFilesOfAGivenLength) {

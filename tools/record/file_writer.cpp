@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdio>
 #include <system_error>
 #include <utility>
@@ -13,7 +14,7 @@ namespace bolo::tools {
 namespace {
 
 constexpr std::int64_t kIdle_ns = 100'000'000;
-// A commit waits for the disk: the less there is to write, the shorter, and what comes meanwhile waits in memory.
+// How much a kill may cost.
 constexpr std::int64_t kCommitAfter_ns = 150'000'000;
 constexpr std::size_t kFewestSlots = 16;
 
@@ -80,27 +81,35 @@ Status FileWriter::open_next() {
   capture_.emplace(std::move(*created));
   ++files_opened_;
   frames_in_file_ = 0;
-  for (const capture::Attribute& attribute : options_.attributes) {
-    Status good = std::visit([&](const auto& value) { return capture_->write_attribute(attribute.name, value); },
-                             attribute.value);
-    if (!good) return good;
-  }
-  return {};
+  return capture_->write_attributes(options_.attributes);
 }
 
 // A file without frames is no capture: nobody misses it.
 Status FileWriter::close_current() {
   if (!capture_) return {};
-  const bool empty = frames_in_file_ == 0;
-  Status good = empty ? Status{} : capture_->close();
-  if (good && !empty) result_.files.push_back(current_);
-  capture_.reset();
-  if (empty) {
-    std::error_code ignored;
-    std::filesystem::remove(current_.string() + ".part", ignored);
-    std::filesystem::remove(current_.string() + ".part.journal", ignored);
+  Status good;
+  if (frames_in_file_ == 0) {
+    capture_->discard();
+  } else if (good = capture_->complete(); good) {
+    auto close = [capture = std::move(*capture_)]() mutable { return capture.close(); };
+    closing_.push_back({current_, std::async(std::launch::async, std::move(close))});
   }
+  capture_.reset();
   return good;
+}
+
+// Notes what became of the files that are closed by now, or of all of them.
+void FileWriter::take_closed(bool wait) {
+  while (!closing_.empty()) {
+    Closing& oldest = closing_.front();
+    if (!wait && oldest.outcome.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
+    if (Status good = oldest.outcome.get(); good) {
+      result_.files.push_back(std::move(oldest.file));
+    } else {
+      fail(std::move(good));
+    }
+    closing_.pop_front();
+  }
 }
 
 void FileWriter::run() noexcept {
@@ -118,6 +127,7 @@ void FileWriter::run() noexcept {
     }
   }
   if (Status good = close_current(); !good) fail(std::move(good));
+  take_closed(true);
 }
 
 void FileWriter::write(rt::FrameSlot& slot, std::uint32_t marks) {
@@ -143,6 +153,7 @@ Status FileWriter::append(const rt::FrameSlot& slot, std::uint32_t marks) {
   if (options_.split_s > 0.0 && frames_in_file_ > 0 && t_s - file_begin_s_ + half_s >= options_.split_s) {
     if (Status good = close_current(); !good) return good;
     if (Status good = open_next(); !good) return good;
+    take_closed(false);
   }
   for (const auto& [mark, kind] : {std::pair{kMarkReconnect, "reconnect"}, {kMarkGap, "gap"}, {kMarkNuc, "nuc"}}) {
     if ((marks & mark) == 0) continue;

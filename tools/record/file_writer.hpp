@@ -2,10 +2,13 @@
 //
 //   taker:  take() -> fills the slot -> put()            pool and queue are lock-free, each of one producer and one
 //   writer: pops -> capture file -> gives the slot back   consumer; finish() joins
+//   closer: waits for the disk with a file that is complete, while the writer goes on with the next one
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <filesystem>
+#include <future>
 #include <optional>
 #include <string>
 #include <thread>
@@ -72,9 +75,14 @@ class FileWriter {
     std::uint32_t slot;
     std::uint32_t marks;
   };
+  struct Closing {
+    std::filesystem::path file;
+    std::future<Status> outcome;
+  };
   explicit FileWriter(FileWriterOptions options);
   Status open_next();
   Status close_current();
+  void take_closed(bool wait);
   void run() noexcept;
   void write(rt::FrameSlot& slot, std::uint32_t marks);
   Status append(const rt::FrameSlot& slot, std::uint32_t marks);
@@ -89,6 +97,7 @@ class FileWriter {
   std::atomic<std::uint64_t> written_{0};
   std::optional<capture::CaptureWriter> capture_;  // of the writer's thread, once it runs
   std::filesystem::path current_;
+  std::deque<Closing> closing_;  // the oldest first
   std::size_t files_opened_ = 0;
   std::uint64_t frames_in_file_ = 0;
   double file_begin_s_ = 0.0;

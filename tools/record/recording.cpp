@@ -18,16 +18,6 @@ using shm::ShmReader;
 constexpr int kReadTimeout_ms = 100;
 constexpr auto kLookAgainAfter = std::chrono::milliseconds(50);
 
-StreamFormat format_of(const bolo_shm_header& header) {
-  StreamFormat format;
-  format.geometry = {static_cast<int>(header.width), static_cast<int>(header.height)};
-  format.type = PixelType::kUint16;
-  format.scale = {header.unit == BOLO_UNIT_KELVIN ? Unit::kKelvin : Unit::kCount, header.scale, header.offset};
-  format.frame_period_s = header.frame_period_s;
-  format.row_step = static_cast<int>(header.row_step);
-  return format;
-}
-
 bool same_stream(const bolo_shm_header& a, const bolo_shm_header& b) {
   return a.width == b.width && a.height == b.height && a.unit == b.unit && a.scale == b.scale && a.offset == b.offset &&
          a.row_step == b.row_step;
@@ -36,7 +26,7 @@ bool same_stream(const bolo_shm_header& a, const bolo_shm_header& b) {
 FileWriterOptions writer_options(const RecordRequest& request, const bolo_shm_header& header) {
   FileWriterOptions options;
   options.file = request.file;
-  options.info.format = format_of(header);
+  options.info.format = shm::format_of(header);
   options.info.camera_model = header.camera_model;
   options.info.camera_serial = header.camera_serial;
   options.split_s = request.split_s;

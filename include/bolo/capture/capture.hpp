@@ -94,13 +94,13 @@ class CaptureReader {
 struct WriterOptions {
   bool truth = false;     // a /truth/frames plane comes with every frame
   int deflate_level = 0;  // 0: no compression; 1..9 gzip with byte shuffle
-  // Commits wait for the disk, so that they survive a cut of power as well as a killed process.
+  // Commits go on to the disk, on a thread of their own: a cut of power finds one too, a kill always the last.
   bool survives_power_cut = false;
 };
 
 // Writes a capture frame by frame, and commits them twice a second of frames. Whatever was appended before a failure
-// stays readable; a killed process leaves the last commit. The file is written under its final name's ".part", with a
-// ".part.journal" beside it, and renamed by close(). Thread: any one at a time.
+// stays readable; a killed process leaves the last commit. The file is written under its final name's ".part", with
+// its commits beside it (".part.journal", ".part.live"), and renamed by close(). Thread: any one at a time.
 class CaptureWriter {
  public:
   static Result<CaptureWriter> create(const std::filesystem::path& file, const CaptureInfo& info,
@@ -118,12 +118,19 @@ class CaptureWriter {
   // A root attribute beyond the format's own: settings of a deblurring run and the like.
   Status write_attribute(const std::string& name, double value);
   Status write_attribute(const std::string& name, const std::string& value);
+  Status write_attributes(const std::vector<Attribute>& attributes);
 
   // Commits what was appended since the last commit: for sources that pause.
   Status commit();
 
-  // Commits, closes, renames. Without it the destructor leaves the ".part" file behind, readable.
+  // Nothing is appended after this; a killed process leaves the whole capture as a ".part" from here on. Does not wait
+  // for the disk.
+  Status complete();
+  // Completes, waits for the disk, renames. Without it the destructor leaves the ".part" file behind, readable. Thread:
+  // any once it is complete, whatever other captures do; else any one at a time.
   Status close();
+  // Closes and removes it.
+  void discard();
 
  private:
   struct Impl;

@@ -1,0 +1,62 @@
+// What lies beside a file that is being written: FILE.journal, the record of the last commit that was made durable, and
+// FILE.live, that of the last commit of all, which counts for as long as the kernel keeps what was written to the file
+// and has not reached the disk. crash_safe_file.hpp says when each is written.
+//
+// FILE.live has two pointers in its first page; each record goes where it doesn't touch the one before, then the
+// pointer of the one before that is turned to it. So a process that is killed anywhere leaves a whole record.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+
+#include "bolo/core/result.hpp"
+#include "bolo/core/unique_fd.hpp"
+#include "src/capture/pages.hpp"
+
+namespace bolo::capture {
+
+std::filesystem::path journal_of(const std::filesystem::path& file);  // FILE.journal
+std::filesystem::path live_of(const std::filesystem::path& file);     // FILE.live
+
+// The kernel's memory that holds what was written to the disk of `descriptor`: by boot, and by each time that the disk
+// was put in. Empty bytes where that is not known. Thread: any.
+using CacheName = std::array<char, 64>;
+CacheName cache_of(int descriptor);
+
+// One of two, kLivePointerStep bytes apart.
+struct LivePointer {
+  std::uint64_t magic = 0x3145564c4f4c4f42ULL;  // "BOLOLVE1"
+  std::uint64_t offset = 0;                     // of a record
+  CacheName cache{};                            // that the record counts in
+};
+inline constexpr std::uint64_t kLivePointerStep = 512;
+
+class LiveRecord {
+ public:
+  LiveRecord() = default;  // none is written
+  // Empties FILE.live or creates it. Errors: errno's cause. Thread: setup.
+  static Result<LiveRecord> create(const std::filesystem::path& file);
+
+  // Without room for it there is none at all, rather than one that is too old. Thread: any one at a time.
+  void write(const PageRecord& record);
+
+ private:
+  explicit LiveRecord(UniqueFd file);
+  UniqueFd file_;
+  CacheName cache_{};
+  std::size_t turn_ = 0;  // whose pointer is next
+  std::uint64_t begin_ = kPageBytes;
+  std::uint64_t end_ = kPageBytes;
+};
+
+// What the last commit lays over the file; nothing when there are no records, or torn ones only. Thread: any.
+Pages read_records(const std::filesystem::path& file);
+
+// Brings the last commit into the file itself and waits for the disk: the records are no longer needed. A kill or a cut
+// of power in between leaves them good. False on failure, errno tells why (EWOULDBLOCK: a writer has it). Thread: any.
+bool settle(const std::filesystem::path& file);
+
+void remove_records(const std::filesystem::path& file);
+
+}  // namespace bolo::capture
