@@ -1,5 +1,6 @@
 #include "bolo/deblur/settings.hpp"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -16,7 +17,8 @@ constexpr std::array kNames = {
     std::pair{Method::kMmae, std::string_view("mmae")},
 };
 
-constexpr int kModelLookahead = 15;  // the models see 17 frames
+constexpr double kLeastTau_s = 1e-6;  // far below any pixel's; period / tau stays a number
+constexpr int kModelLookahead = 15;   // the models see 17 frames
 
 // Collects one sentence for every value out of range.
 class Complaints {
@@ -40,7 +42,6 @@ class Complaints {
 };
 
 bool between(double value, double low, double high) { return value >= low && value <= high; }  // false for NaN
-bool positive_below(double value, double limit) { return value > 0.0 && value < limit; }
 
 }  // namespace
 
@@ -60,8 +61,9 @@ Result<Method> method_from_name(std::string_view text) {
 
 Status validate(const Settings& settings) {
   Complaints complaints;
-  const int rows = settings.window - 1;
-  complaints.unless(positive_below(settings.tau_s, 1.0), "tau_s", settings.tau_s, "above 0 and below 1 s");
+  const int rows = std::clamp(settings.window, 0, 100) - 1;  // any number may stand there, and is refused below
+  complaints.unless(settings.tau_s >= kLeastTau_s && settings.tau_s < 1.0, "tau_s", settings.tau_s,
+                    "at least 0.000001 and below 1 s");
   complaints.unless(between(settings.period_s, 1e-5, 10.0), "period_s", settings.period_s, "0.00001 to 10 s");
   complaints.unless(rows >= 2 && rows <= 64 && std::has_single_bit(static_cast<unsigned>(rows)), "window",
                     settings.window, "3, 5, 9, 17, 33 or 65 frames (a power of two and one)");
@@ -72,8 +74,8 @@ Status validate(const Settings& settings) {
                     "0 (measured) or more");
   complaints.unless(settings.iterations >= 0 && settings.iterations <= 1000, "iterations", settings.iterations,
                     "0 (automatic) to 1000");
-  complaints.unless(settings.lookahead >= 0 && settings.lookahead <= settings.window - 2, "lookahead",
-                    settings.lookahead, "0 to window - 2 frames");
+  complaints.unless(settings.lookahead >= 0 && settings.lookahead < rows, "lookahead", settings.lookahead,
+                    "0 to window - 2 frames");
   const bool models = settings.auto_lambda || settings.method == Method::kMmae;
   complaints.unless(!models || settings.lookahead <= kModelLookahead, "lookahead", settings.lookahead,
                     "at most 15 frames with mmae or lambda auto");

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "bolo/core/clock.hpp"
+
 namespace bolo::pipeline {
 namespace {
 
@@ -35,7 +37,7 @@ rt::FrameSlot* FrameInlet::borrow_wait(const std::atomic<bool>& stop_requested) 
 }
 
 bool FrameInlet::commit(rt::FrameSlot& slot) noexcept {
-  if (!queue_.try_push({slot.index, restart_pending_})) {
+  if (!queue_.try_push({slot.index, restart_pending_, monotonic_ns()})) {
     losses_.add(LossCause::kQueueFull);
     cancel(slot);
     return false;
@@ -55,7 +57,7 @@ void FrameInlet::finish() noexcept {
 FrameInlet::Arrival FrameInlet::next(std::int64_t timeout_ns) noexcept {
   Entry entry;
   if (!queue_.pop_wait(entry, finished() ? 0 : timeout_ns)) return {};
-  return {&pool_.slot(entry.slot), entry.restarts_window};
+  return {&pool_.slot(entry.slot), entry.restarts_window, entry.commit_ns};
 }
 
 }  // namespace bolo::pipeline

@@ -10,11 +10,11 @@
 
 #include "bolo/core/clock.hpp"
 #include "bolo/deblur/isa.hpp"
-#include "bolo/deblur/solver.hpp"
 #include "bolo/deblur/window.hpp"
 #include "bolo/rt/worker_team.hpp"
 #include "src/pipeline/convert.hpp"
 #include "src/pipeline/frame_undo.hpp"
+#include "src/pipeline/solver_ladder.hpp"
 #include "src/pipeline/solver_words.hpp"
 
 namespace bolo::pipeline {
@@ -104,16 +104,16 @@ Status check(const PipelineOptions& options, const StreamFormat& format) {
 
 struct Pipeline::Impl {
   Impl(std::unique_ptr<FrameSource> source_in, SourceInfo info_in, std::unique_ptr<FrameUndo> undo_in,
-       std::unique_ptr<deblur::Solver> solver_in, const deblur::Settings& settings_in,
-       const PipelineOptions& options_in)
+       SolverLadder solvers_in, const deblur::Settings& settings_in, const PipelineOptions& options_in)
       : source(std::move(source_in)),
         info(std::move(info_in)),
         options(options_in),
         settings(settings_in),
         undo(std::move(undo_in)),
-        solver(std::move(solver_in)),
-        text(solver_words(settings, info.format.scale.unit, solver->isa())),
+        solvers(std::move(solvers_in)),
+        text(solver_words(settings, info.format.scale.unit, solvers.full().isa())),
         window(settings),
+        effort_control(static_cast<std::uint64_t>(options.queue_frames)),
         inlet(info.format, static_cast<std::size_t>(window.slots()), static_cast<std::size_t>(options.queue_frames)),
         stats(inlet, source->status()),
         deblurred(solved_pixels(info.format.geometry, options) * bytes_of(options.output)),
@@ -130,6 +130,7 @@ struct Pipeline::Impl {
   bool take_one() noexcept;
   void take_all() noexcept;
   void publish_ready() noexcept;
+  Effort choose_effort() noexcept;
   void deblur(const deblur::Window::Ready& frame) noexcept;
   void publish(const deblur::Window::Ready& frame) noexcept;
   void show_life() noexcept;
@@ -138,6 +139,7 @@ struct Pipeline::Impl {
   // --- each worker ---
   PixelRange share_of_pixels(int worker) const noexcept;
   void work(int worker) noexcept;
+  bool solves() const noexcept { return job->full && effort != Effort::kRaw; }
   bool solve_part(const Region& part) noexcept;
   bool solve_points(std::size_t begin, std::size_t end) noexcept;
   std::size_t workers() const noexcept { return static_cast<std::size_t>(team.size()); }
@@ -147,9 +149,10 @@ struct Pipeline::Impl {
   PipelineOptions options;
   deblur::Settings settings;
   std::unique_ptr<FrameUndo> undo;
-  std::unique_ptr<deblur::Solver> solver;
+  SolverLadder solvers;
   std::string text;
   deblur::Window window;
+  EffortControl effort_control;
   FrameInlet inlet;
   PipelineStats stats;
   Plane deblurred;
@@ -158,6 +161,7 @@ struct Pipeline::Impl {
 
   // Written by the pipeline thread before the team runs, read by the workers; the team's barrier orders both.
   const deblur::Window::Ready* job = nullptr;
+  Effort effort = Effort::kFull;  // for the job
   struct alignas(rt::kCacheLine) Flag {
     bool value = false;
   };
@@ -166,7 +170,8 @@ struct Pipeline::Impl {
   std::vector<const void*> raw_of;   // of each pool slot in the window, by token
   bool restart_next = false;         // a frame that was dropped had begun a new window
 
-  std::int64_t last_sign_ns = 0;  // when the sinks were last called
+  std::int64_t last_sign_ns = 0;   // when the sinks were last called
+  std::int64_t work_began_ns = 0;  // on the frame that is published next: it was taken, or the last one was out
 };
 
 // Each worker owns a contiguous band of rows, the same for every frame: its window stays in its core's cache.
@@ -190,11 +195,11 @@ bool Pipeline::Impl::solve_part(const Region& part) noexcept {
   const auto part_width = static_cast<std::size_t>(part.width);
   const int step = part.width == info.format.geometry.width ? part.height : 1;
   bool found = false;
-  if (job->full) solver->solve(job->view, part, deblurred.data());
+  if (solves()) solvers.at(effort).solve(job->view, part, deblurred.data());
   for (int row = part.y; row < part.y + part.height; row += step) {
     const std::size_t begin = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(part.x);
     const PixelRange pixels{begin, begin + static_cast<std::size_t>(step) * part_width};
-    if (!job->full) convert(undo->format(), job->frame.plane, options.output, deblurred.data(), pixels);
+    if (!solves()) convert(undo->format(), job->frame.plane, options.output, deblurred.data(), pixels);
     if (undo->after()) undo->undo_after({options.output, deblurred.data(), pixels, job->frame.plane, pixels.begin});
     found = saturated(info.format.type, raw, pixels) || undo->saturated(raw, pixels) || found;
   }
@@ -204,8 +209,8 @@ bool Pipeline::Impl::solve_part(const Region& part) noexcept {
 bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
   const std::span<const std::uint32_t> pixels(options.points.data() + begin, end - begin);
   void* out = static_cast<std::byte*>(deblurred.data()) + begin * bytes_of(options.output);
-  if (job->full) {
-    solver->solve_points(job->view, pixels, out);
+  if (solves()) {
+    solvers.at(effort).solve_points(job->view, pixels, out);
   } else {
     convert(undo->format(), job->frame.plane, options.output, out, pixels);
   }
@@ -218,19 +223,35 @@ bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
          });
 }
 
+Effort Pipeline::Impl::choose_effort() noexcept {
+  if (!options.degrade) return Effort::kFull;
+  const std::uint64_t taken = stats.taken.value();  // before what it is taken from
+  return effort_control.next(inlet.received() - std::min(taken, inlet.received()), monotonic_ns());
+}
+
 void Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
   const std::int64_t start_ns = monotonic_ns();
-  if (frame.full) solver->prepare(frame.view);
   job = &frame;
+  effort = choose_effort();
   raw = raw_of[frame.frame.token];
-  team.run([](void* self, int worker) { static_cast<Impl*>(self)->work(worker); }, this);
+  if (solves()) solvers.at(effort).prepare(frame.view);
+  if (effort < Effort::kInverse) {
+    team.run([](void* self, int worker) { static_cast<Impl*>(self)->work(worker); }, this);
+  } else {
+    for (int worker = 0; worker < team.size(); ++worker) work(worker);  // whose threads may be what it waits for
+  }
   if (frame.full) stats.deblur_ns.add(static_cast<std::uint64_t>(monotonic_ns() - start_ns));
 }
 
 void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
   PublishedFrame published{.meta = frame.frame.meta, .raw = raw_of[frame.frame.token], .deblurred = deblurred.data()};
   if (!frame.full) published.meta.flags |= kFlagWarmUp;
-  if (frame.full) published.noise_k = solver->noise_k();
+  if (frame.full) {
+    published.meta.flags |= flag_of(effort);
+    stats.by_effort[static_cast<std::size_t>(effort)].add();
+    stats.effort.set(effort);
+    if (solves()) published.noise_k = solvers.at(effort).noise_k();
+  }
   for (const Flag& flag : band_saturated) {
     if (flag.value) published.meta.flags |= kFlagSaturated;
   }
@@ -239,8 +260,11 @@ void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
   stats.published.add();
   published.publish_ns = monotonic_ns();
   stats.latency.add(published.publish_ns - published.meta.receive_ns);
+  stats.stages.deblur.add(published.publish_ns - work_began_ns);
   for (FrameSink* sink : sinks) sink->publish(published, stats);
   last_sign_ns = published.publish_ns;
+  work_began_ns = monotonic_ns();
+  stats.stages.publish.add(work_began_ns - published.publish_ns);
 }
 
 void Pipeline::Impl::publish_ready() noexcept {
@@ -291,10 +315,17 @@ const void* Pipeline::Impl::undone(const rt::FrameSlot& slot, bool restart) noex
 // False when nothing came in time.
 bool Pipeline::Impl::take_one() noexcept {
   const FrameInlet::Arrival arrival = inlet.next(kLookNs);
+  const std::int64_t now_ns = monotonic_ns();
+  stats.looked_ns.set(now_ns);
   if (arrival.slot == nullptr) return false;
   rt::FrameSlot& slot = *arrival.slot;
+  stats.taken.add();
+  stats.stages.arrival.add(arrival.commit_ns - slot.meta.receive_ns);
+  stats.stages.queue.add(now_ns - arrival.commit_ns);
+  work_began_ns = now_ns;
   if (undo->repeats(slot.data)) {
     inlet.count_loss(LossCause::kMissing);
+    stats.repeats.add();
     inlet.give_back(slot);
     restart_next = restart_next || arrival.restarts_window;
     return true;
@@ -316,6 +347,7 @@ void Pipeline::Impl::show_life() noexcept {
 
 void Pipeline::Impl::loop(const std::atomic<bool>& stop_requested) noexcept {
   last_sign_ns = monotonic_ns();
+  stats.looked_ns.set(last_sign_ns);
   while (!stop_requested.load(std::memory_order_relaxed)) {
     const bool finished = inlet.finished();  // before the look: what came before finish() is then seen by it
     if (!take_one() && finished) return;
@@ -343,11 +375,12 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
   const auto planes = static_cast<std::size_t>(deblur::Window(settings).slots());
   auto undo = FrameUndo::create({options.undo, settings, options.maps, options.pixel_noise_k, planes}, info->format);
   if (!undo) return tl::unexpected(undo.error());
-  auto solver = deblur::Solver::create(settings, (*undo)->format(), options.output, options.maps.row_delay_s);
-  if (!solver) return tl::unexpected(solver.error());
-  settings.iterations = (*solver)->iterations();
+  auto solvers =
+      SolverLadder::create(settings, (*undo)->format(), options.output, options.maps.row_delay_s, options.degrade);
+  if (!solvers) return tl::unexpected(solvers.error());
+  settings.iterations = solvers->full().iterations();
 
-  auto impl = std::make_unique<Impl>(std::move(source), std::move(*info), std::move(*undo), std::move(*solver),
+  auto impl = std::make_unique<Impl>(std::move(source), std::move(*info), std::move(*undo), std::move(*solvers),
                                      settings, options);
   impl->warn(impl->team.status());
   const SinkFormat format{.source = impl->info,
@@ -379,8 +412,12 @@ Pipeline::~Pipeline() = default;
 
 const PipelineStats& Pipeline::stats() const noexcept { return impl_->stats; }
 const SourceInfo& Pipeline::source() const noexcept { return impl_->info; }
+
+std::vector<Notice> Pipeline::take_notices() { return impl_->source->take_notices(); }
+
+Status Pipeline::correct() { return impl_->source->correct(); }
 const deblur::Settings& Pipeline::settings() const noexcept { return impl_->settings; }
-std::string_view Pipeline::isa() const noexcept { return impl_->solver->isa(); }
+std::string_view Pipeline::isa() const noexcept { return impl_->solvers.full().isa(); }
 const std::string& Pipeline::solver_text() const noexcept { return impl_->text; }
 
 }  // namespace bolo::pipeline

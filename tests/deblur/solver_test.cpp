@@ -268,6 +268,7 @@ TEST_P(WrongSettings, AreNamed) {
 
 INSTANTIATE_TEST_SUITE_P(Solver, WrongSettings,
                          ::testing::Values(Wrong{"tau_zero", [](Settings& s) { s.tau_s = 0.0; }, "tau"},
+                                           Wrong{"tau_denormal", [](Settings& s) { s.tau_s = 1e-310; }, "tau"},
                                            Wrong{"tau_nan", [](Settings& s) { s.tau_s = std::nan(""); }, "tau"},
                                            Wrong{"period", [](Settings& s) { s.period_s = -1.0; }, "period"},
                                            Wrong{"window", [](Settings& s) { s.window = 16; }, "window"},

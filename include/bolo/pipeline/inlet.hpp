@@ -52,6 +52,7 @@ class FrameInlet {
   struct Arrival {
     rt::FrameSlot* slot = nullptr;
     bool restarts_window = false;
+    std::int64_t commit_ns = 0;  // CLOCK_MONOTONIC, when it came into the queue
   };
   // Waits up to timeout_ns, and not at all once the source has finished; slot is nullptr when nothing came.
   Arrival next(std::int64_t timeout_ns) noexcept;
@@ -64,6 +65,7 @@ class FrameInlet {
   struct Entry {
     std::uint32_t slot = 0;
     bool restarts_window = false;
+    std::int64_t commit_ns = 0;
   };
   StreamFormat format_;
   rt::FramePool pool_;

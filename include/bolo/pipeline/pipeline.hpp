@@ -27,8 +27,10 @@ struct PipelineOptions {
   // full of gaps. lambda is in kelvin, or in counts for a source that has no kelvin.
   deblur::Settings deblur;
   PixelType output = PixelType::kUint16;
-  int workers = 2;           // the pipeline thread is one of them
-  int queue_frames = 64;     // frames that may wait between driver and deblurring
+  int workers = 2;        // the pipeline thread is one of them
+  int queue_frames = 64;  // frames that may wait between driver and deblurring
+  // Spends less on frames while too many wait (pipeline/effort.hpp), each with its flag. Not for sources that wait.
+  bool degrade = false;
   rt::ThreadOptions thread;  // of the pipeline thread and its workers
   model::PixelMaps maps{};   // what is known of the source's single pixels; of its frame size
   // What else the camera did to its frames (src/pipeline/frame_undo.hpp): undone before and after the solver. Sinks get
@@ -63,6 +65,9 @@ class Pipeline {
   // Thread: any.
   const PipelineStats& stats() const noexcept;
   const SourceInfo& source() const noexcept;
+  // The source's own (FrameSource). Thread: any.
+  std::vector<Notice> take_notices();
+  Status correct();
   // As applied: with the source's own period and the iterations in use. Thread: any.
   const deblur::Settings& settings() const noexcept;
   // The instruction set of the solver. Thread: any.

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "bolo/core/plane.hpp"
 #include "bolo/core/result.hpp"
 #include "bolo/pipeline/inlet.hpp"
+#include "bolo/pipeline/notices.hpp"
 #include "bolo/pipeline/source_status.hpp"
 
 namespace bolo::pipeline {
@@ -32,6 +34,12 @@ class FrameSource {
 
   // Of a source that is watched, as long as the source lives; null for others. Thread: any.
   virtual const SourceStatus* status() const noexcept { return nullptr; }
+
+  // What has happened since the last call, newest last. Thread: any.
+  virtual std::vector<Notice> take_notices() { return {}; }
+
+  // Corrects the pixels (NUC) now. Blocks until the camera has taken the command. Thread: any.
+  virtual Status correct() { return failed("this source has no pixels to correct"); }
 };
 
 }  // namespace bolo::pipeline

@@ -45,6 +45,7 @@ constexpr std::string_view name(LostCause cause) {
 struct SourceStatus {
   rt::Gauge<SourceState> state{SourceState::kIdle};
   rt::Gauge<std::int64_t> since_ns;           // CLOCK_MONOTONIC, when it came to this state
+  rt::Gauge<std::int64_t> watched_ns;         // CLOCK_MONOTONIC, when the source last looked after its camera
   std::array<rt::Counter, kLostCauses> lost;  // times that the camera was given up, by cause
   rt::Counter reopened;                       // times that it was opened again
   rt::Counter stalls;                         // times that frames stopped

@@ -12,6 +12,7 @@
 
 #include "bolo/core/clock.hpp"
 #include "drivers/replay/copy_region.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::replay {
 namespace {
@@ -23,12 +24,6 @@ std::uint16_t value(std::uint64_t id, std::size_t i) { return static_cast<std::u
 
 class ReplaySourceTest : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = testing::TempDir() + "bolo_replay_XXXXXX";
-    folder_ = mkdtemp(pattern.data());
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   std::shared_ptr<const capture::CaptureReader> write(const std::vector<std::uint64_t>& ids,
                                                       const std::vector<capture::Event>& events = {},
                                                       double period_s = 0.005) {
@@ -52,7 +47,8 @@ class ReplaySourceTest : public testing::Test {
   }
   std::filesystem::path file() const { return folder_ / "in.h5"; }
 
-  std::filesystem::path folder_;
+  const Scratch scratch_;
+  const std::filesystem::path folder_ = scratch_.path();
 };
 
 struct Taken {

@@ -1,0 +1,58 @@
+// What is spent on a frame when deblurring can't keep up: less for each, in a fixed order, rather than frames lost.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+namespace bolo::pipeline {
+
+enum class Effort : std::uint8_t {
+  kFull,     // as the settings say
+  kReduced,  // one sweep of coordinate descent on the dual, at a fixed lambda
+  kInverse,  // the inverse filter, on the pipeline thread alone: it waits for no worker
+  kRaw,      // the deblurred plane is the raw one
+};
+inline constexpr std::size_t kEfforts = 4;
+
+// "full", "reduced", "inverse", "raw". Thread: any.
+std::string_view name(Effort effort);
+
+// The flag of a frame's meta that tells it (FrameFlag, shm_layout.h); 0 for kFull. Thread: any.
+constexpr std::uint32_t flag_of(Effort effort) noexcept {
+  return effort == Effort::kFull ? 0U : 16U << static_cast<unsigned>(effort);
+}
+
+// Decides before each frame, from how many wait behind it.
+//
+// Down the list: as soon as a share of the queue is filled, 1/8, 1/4 and 1/2 for the three. Whoever has to save half of
+// it has 32 frames left of the default 64, 160 ms at 200 Hz, before anything is lost.
+// Up: one step at a time, when nothing has waited for a while. When a step turns out to be too much within kTrialNs, it
+// is tried again after twice the time, up to kLongestCalmNs: on a machine that is too slow for good, quality does not
+// swing with every frame.
+//
+// Thread: one at a time.
+class EffortControl {
+ public:
+  static constexpr std::int64_t kShortestCalmNs = 50'000'000;
+  static constexpr std::int64_t kLongestCalmNs = 30'000'000'000;
+  static constexpr std::int64_t kTrialNs = 2'000'000'000;
+
+  explicit EffortControl(std::uint64_t queue_frames) noexcept;
+
+  // `waiting`: frames in the queue behind this one. `now_ns`: CLOCK_MONOTONIC.
+  Effort next(std::uint64_t waiting, std::int64_t now_ns) noexcept;
+
+ private:
+  std::int64_t& calm_for(Effort effort) noexcept { return calm_for_ns_[static_cast<std::size_t>(effort)]; }
+  Effort least_for(std::uint64_t waiting) const noexcept;
+
+  std::array<std::uint64_t, kEfforts> limits_{};  // frames that wait, from which on an effort is not exceeded
+  Effort effort_ = Effort::kFull;
+  std::int64_t calm_since_ns_ = 0;
+  std::array<std::int64_t, kEfforts> calm_for_ns_{};  // that the step up to each needs
+  std::int64_t stepped_up_ns_ = -kTrialNs;
+};
+
+}  // namespace bolo::pipeline

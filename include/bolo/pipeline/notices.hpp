@@ -1,0 +1,60 @@
+// What happened to a source, for the log: changes of state, each once.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace bolo::pipeline {
+
+// What a program that reads the log (BOLO_EVENT in the journal) finds a notice by. These names stay.
+namespace event {
+inline constexpr std::string_view kStart = "start";
+inline constexpr std::string_view kEnd = "end";
+inline constexpr std::string_view kFramesFlow = "frames_flow";        // the first, or again after a silence
+inline constexpr std::string_view kFramesStopped = "frames_stopped";  // of a source that is not watched
+inline constexpr std::string_view kFramesLost = "frames_lost";
+inline constexpr std::string_view kOverload = "overload";       // less is spent on frames than asked for
+inline constexpr std::string_view kFullEffort = "full_effort";  // no longer
+inline constexpr std::string_view kCameraStalled = "camera_stalled";
+inline constexpr std::string_view kCameraLost = "camera_lost";
+inline constexpr std::string_view kCameraReconnecting = "camera_reconnecting";  // an attempt failed
+inline constexpr std::string_view kCameraBack = "camera_back";
+inline constexpr std::string_view kNuc = "nuc";
+inline constexpr std::string_view kVideoLost = "video_lost";
+inline constexpr std::string_view kVideoBack = "video_back";
+inline constexpr std::string_view kReload = "reload";
+inline constexpr std::string_view kWatchdog = "watchdog";
+}  // namespace event
+
+// Something that happened, in one line.
+struct Notice {
+  bool warning = false;
+  std::string text;
+  std::string_view event{};  // one of those above; empty: none that a program would wait for
+  std::vector<std::pair<std::string, std::uint64_t>> counts{};  // what the text counts, by name: "lost_missing"
+};
+
+// Thread: any, but never one that brings frames: it locks and allocates.
+class Notices {
+ public:
+  // The same thing twice in a row is kept once. Of very many the oldest go.
+  void say(bool warning, std::string text, std::string_view event = {});
+  // Whatever is said next is news, also when it was said last.
+  void forget_last();
+  // What was said since the last call, newest last.
+  std::vector<Notice> take();
+
+ private:
+  static constexpr std::size_t kMost = 256;
+  std::mutex mutex_;
+  std::deque<Notice> waiting_;
+  std::string last_;
+};
+
+}  // namespace bolo::pipeline

@@ -1,0 +1,156 @@
+#include "bolo/pipeline/effort.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <vector>
+
+namespace bolo::pipeline {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+constexpr std::int64_t kPeriodNs = 5 * kMs;
+constexpr std::uint64_t kQueue = 64;
+
+// What a frame costs a machine at each effort, ms.
+using Costs = std::array<double, kEfforts>;
+
+// A camera that never waits, a queue, and one thread that solves: time passes without a clock.
+class Machine {
+ public:
+  void run(const Costs& costs, double seconds) {
+    const std::int64_t end_ns = now_ns_ + static_cast<std::int64_t>(seconds * 1e9);
+    while (now_ns_ < end_ns) {
+      arrive();
+      if (waiting_ == 0) {
+        now_ns_ = next_frame_ns_;
+        continue;
+      }
+      --waiting_;
+      const Effort effort = control_.next(waiting_, now_ns_);
+      efforts.push_back(effort);
+      now_ns_ += static_cast<std::int64_t>(costs[static_cast<std::size_t>(effort)] * 1e6);
+    }
+  }
+  void stall(double seconds) { now_ns_ += static_cast<std::int64_t>(seconds * 1e9); }
+
+  std::int64_t now_ns() const { return now_ns_; }
+  double share(Effort effort) const {
+    return static_cast<double>(std::count(efforts.begin(), efforts.end(), effort)) /
+           static_cast<double>(efforts.size());
+  }
+  // The efforts in the order in which each first appeared.
+  std::vector<Effort> order() const {
+    std::vector<Effort> seen;
+    for (const Effort effort : efforts) {
+      if (std::find(seen.begin(), seen.end(), effort) == seen.end()) seen.push_back(effort);
+    }
+    return seen;
+  }
+
+  std::vector<Effort> efforts;
+  std::uint64_t lost = 0;
+
+ private:
+  void arrive() {
+    for (; next_frame_ns_ <= now_ns_; next_frame_ns_ += kPeriodNs) {
+      waiting_ < kQueue ? ++waiting_ : ++lost;
+    }
+  }
+
+  EffortControl control_{kQueue};
+  std::int64_t now_ns_ = 0;
+  std::int64_t next_frame_ns_ = 0;
+  std::uint64_t waiting_ = 0;
+};
+
+TEST(Effort, NamesAndFlags) {
+  EXPECT_EQ(name(Effort::kFull), "full");
+  EXPECT_EQ(name(Effort::kRaw), "raw");
+  EXPECT_EQ(flag_of(Effort::kFull), 0U);
+  EXPECT_EQ(flag_of(Effort::kReduced), 32U);
+  EXPECT_EQ(flag_of(Effort::kInverse), 64U);
+  EXPECT_EQ(flag_of(Effort::kRaw), 128U);
+}
+
+TEST(EffortControl, AFastMachineSpendsAllOnEveryFrame) {
+  Machine machine;
+  machine.run({4.9, 0.5, 0.1, 0.05}, 60.0);
+  EXPECT_EQ(machine.share(Effort::kFull), 1.0);
+  EXPECT_EQ(machine.lost, 0U);
+}
+
+TEST(EffortControl, GoesDownInOrderAndNoFurtherThanNeeded) {
+  const Effort steps[] = {Effort::kFull, Effort::kReduced, Effort::kInverse, Effort::kRaw};
+  for (std::size_t affordable = 1; affordable < kEfforts; ++affordable) {
+    Costs costs{9.0, 8.0, 7.0, 0.05};
+    for (std::size_t i = affordable; i < kEfforts; ++i) costs[i] = 0.4;
+    Machine machine;
+    machine.run(costs, 120.0);
+    EXPECT_EQ(machine.lost, 0U) << affordable;
+    EXPECT_EQ(machine.order(), std::vector<Effort>(steps, steps + affordable + 1));
+  }
+}
+
+TEST(EffortControl, OnASlowMachineQualityDoesNotSwing) {
+  Machine machine;
+  machine.run({9.0, 2.0, 0.1, 0.05}, 120.0);
+  machine.efforts.clear();
+  machine.run({9.0, 2.0, 0.1, 0.05}, 120.0);
+  EXPECT_GT(machine.share(Effort::kReduced), 0.98) << "it tries the full effort now and then";
+  EXPECT_GT(machine.share(Effort::kFull), 0.0);
+  EXPECT_EQ(machine.share(Effort::kInverse), 0.0);
+}
+
+// A frame that takes a quarter of a second leaves fifty waiting: raw ones catch up, but what can be afforded comes
+// next.
+TEST(EffortControl, ATrialThatFailsBadlyDoesNotHoldTheCheaperStepsBack) {
+  Machine machine;
+  machine.run({250.0, 0.5, 0.1, 0.05}, 300.0);
+  machine.efforts.clear();
+  machine.run({250.0, 0.5, 0.1, 0.05}, 300.0);
+  EXPECT_GT(machine.share(Effort::kReduced), 0.97);
+  EXPECT_EQ(machine.lost, 0U);
+}
+
+// A frame that costs a little too much: some reduced ones make up for many.
+TEST(EffortControl, AMachineThatIsNearlyFastEnoughStaysNearlyFull) {
+  Machine machine;
+  machine.run({5.05, 1.5, 0.1, 0.05}, 120.0);
+  EXPECT_GT(machine.share(Effort::kFull), 0.9);
+  EXPECT_EQ(machine.lost, 0U);
+}
+
+TEST(EffortControl, WhatLastedTooLongIsNotForgottenAtOnceButInTheEnd) {
+  Machine machine;
+  machine.run({9.0, 2.0, 0.1, 0.05}, 300.0);  // it waits 30 s between trials by now
+  machine.run({1.5, 0.5, 0.1, 0.05}, 31.0);
+  EXPECT_EQ(machine.efforts.back(), Effort::kFull);
+  machine.stall(2.0 * 1e-9 * EffortControl::kTrialNs);
+  machine.efforts.clear();
+  machine.run({1.5, 0.5, 0.1, 0.05}, 1.0);
+  EXPECT_EQ(machine.efforts.back(), Effort::kFull) << "patience is as at the start again";
+}
+
+TEST(EffortControl, AfterAStallAllIsWellWithinHalfASecond) {
+  Machine machine;
+  machine.run({1.5, 0.5, 0.1, 0.05}, 1.0);
+  machine.stall(0.3);
+  EXPECT_EQ(machine.efforts.back(), Effort::kFull);
+  machine.efforts.clear();
+  machine.run({1.5, 0.5, 0.1, 0.05}, 0.5);
+  EXPECT_EQ(machine.efforts.front(), Effort::kRaw) << "60 frames wait";
+  EXPECT_EQ(machine.efforts.back(), Effort::kFull);
+  EXPECT_EQ(machine.lost, 0U);
+}
+
+TEST(EffortControl, AShortQueueHasItsStepsToo) {
+  EffortControl control(4);
+  EXPECT_EQ(control.next(1, 0), Effort::kFull) << "one that waits is no backlog";
+  EXPECT_EQ(control.next(2, 0), Effort::kReduced);
+  EXPECT_EQ(control.next(3, 0), Effort::kInverse);
+  EXPECT_EQ(control.next(4, 0), Effort::kRaw);
+}
+
+}  // namespace
+}  // namespace bolo::pipeline

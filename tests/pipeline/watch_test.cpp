@@ -1,0 +1,59 @@
+#include "bolo/pipeline/watch.hpp"
+
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "bolo/pipeline/notices.hpp"
+
+namespace bolo::pipeline {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+
+TEST(WatchLimits, AreWhatWasAskedFor) {
+  const WatchLimits limits = watch_limits(200, 2000, 0.005);
+  EXPECT_EQ(limits.stall_ns, 200 * kMs);
+  EXPECT_EQ(limits.lost_ns, 2000 * kMs);
+}
+
+TEST(WatchLimits, GiveASlowCameraTwentyPeriods) {
+  const WatchLimits limits = watch_limits(200, 2000, 0.25);
+  EXPECT_EQ(limits.stall_ns, 5000 * kMs);
+  EXPECT_EQ(limits.lost_ns, 5000 * kMs);
+}
+
+TEST(FramesBetween, CountsNeitherTheLastNorTheFirst) {
+  EXPECT_EQ(frames_between(0, 50 * kMs, 0.005), 9u);
+  EXPECT_EQ(frames_between(0, 52 * kMs, 0.005), 9u) << "the first may come a little late";
+  EXPECT_EQ(frames_between(0, 5 * kMs, 0.005), 0u);
+  EXPECT_EQ(frames_between(5 * kMs, 0, 0.005), 0u);
+}
+
+TEST(Notices, KeepTheSameThingOnceAlsoWhenItWasTaken) {
+  Notices notices;
+  notices.say(true, "lost");
+  notices.say(true, "lost");
+  ASSERT_EQ(notices.take().size(), 1u);
+  notices.say(true, "lost");
+  EXPECT_TRUE(notices.take().empty());
+  notices.forget_last();
+  notices.say(true, "lost");
+  notices.say(false, "back");
+  const std::vector<Notice> taken = notices.take();
+  ASSERT_EQ(taken.size(), 2u);
+  EXPECT_TRUE(taken[0].warning);
+  EXPECT_EQ(taken[1].text, "back");
+}
+
+TEST(Notices, OfVeryManyTheOldestGo) {
+  Notices notices;
+  for (int i = 0; i < 300; ++i) notices.say(false, std::to_string(i));
+  const std::vector<Notice> taken = notices.take();
+  ASSERT_EQ(taken.size(), 256u);
+  EXPECT_EQ(taken.back().text, "299");
+}
+
+}  // namespace
+}  // namespace bolo::pipeline
