@@ -18,10 +18,6 @@ static_assert(static_cast<std::uint64_t>(SourceState::kLost) == BOLO_CAMERA_LOST
 static_assert(static_cast<std::uint64_t>(SourceState::kCorrecting) == BOLO_CAMERA_CORRECTING);
 static_assert(kLostCauses <= BOLO_SHM_LOST_CAUSES);
 
-double seconds_since(std::int64_t then_ns, std::int64_t now_ns) {
-  return std::max(0.0, static_cast<double>(now_ns - then_ns) * 1e-9);
-}
-
 // "control lost" -> "control_lost"
 std::string key_of(LostCause cause) {
   std::string key(name(cause));
@@ -30,6 +26,12 @@ std::string key_of(LostCause cause) {
 }
 
 }  // namespace
+
+// The difference itself may be beyond what 64 bits hold with a sign.
+double seconds_since(std::int64_t then_ns, std::int64_t now_ns) noexcept {
+  if (then_ns >= now_ns) return 0.0;
+  return static_cast<double>(static_cast<std::uint64_t>(now_ns) - static_cast<std::uint64_t>(then_ns)) * 1e-9;
+}
 
 bolo_shm_camera camera_block(const pipeline::SourceStatus& status) noexcept {
   bolo_shm_camera block{};

@@ -1,6 +1,7 @@
 #include "drivers/shm/point_reader.hpp"
 
 #include <algorithm>
+#include <mutex>
 #include <numeric>
 #include <utility>
 
@@ -8,7 +9,6 @@
 #include "bolo/deblur/pixel_correction.hpp"
 #include "bolo/deblur/solver.hpp"
 #include "bolo/deblur/window.hpp"
-#include "drivers/shm/shm_reader.hpp"
 
 namespace bolo::shm {
 namespace {
@@ -49,24 +49,21 @@ Result<deblur::Settings> settings_of(const bolo_shm_header& header, const bolo_s
   return s;
 }
 
-StreamFormat format_of(const bolo_shm_header& header) {
-  StreamFormat format;
-  format.geometry = {static_cast<int>(header.width), static_cast<int>(header.height)};
-  format.scale = {header.unit == BOLO_UNIT_KELVIN ? Unit::kKelvin : Unit::kCount, header.scale, header.offset};
-  format.frame_period_s = header.frame_period_s;
-  format.row_step = static_cast<int>(header.row_step);
-  return format;
-}
-
-// Solvers made while it lives use one instruction set.
+// Solvers made while it lives use one instruction set. The choice is the process's: one at a time.
 class WithIsa {
  public:
-  explicit WithIsa(std::string_view isa) : before_(deblur::best_isa()) { deblur::force_isa(isa); }
+  explicit WithIsa(std::string_view isa) : alone_(mutex()), before_(deblur::best_isa()) { deblur::force_isa(isa); }
   ~WithIsa() { deblur::force_isa(before_); }
   WithIsa(const WithIsa&) = delete;
   WithIsa& operator=(const WithIsa&) = delete;
 
  private:
+  static std::mutex& mutex() {
+    static std::mutex only;
+    return only;
+  }
+
+  std::lock_guard<std::mutex> alone_;
   std::string_view before_;
 };
 
@@ -152,9 +149,14 @@ Result<PointReader> PointReader::open(const std::string& name, std::vector<std::
                                       const model::PixelMaps& maps) {
   Result<ShmReader> reader = ShmReader::open(name);
   if (!reader) return tl::unexpected<Error>(reader.error());
-  const std::string where = "shared memory '" + name + "'";
-  const bolo_shm_header header = reader->header();
-  const std::optional<bolo_shm_settings> told = reader->settings();
+  return over(std::move(*reader), std::move(pixels), maps);
+}
+
+Result<PointReader> PointReader::over(ShmReader reader, std::vector<std::uint32_t> pixels,
+                                      const model::PixelMaps& maps) {
+  const std::string where = "shared memory '" + reader.name() + "'";
+  const bolo_shm_header header = reader.header();
+  const std::optional<bolo_shm_settings> told = reader.settings();
   if (!told) return bad_input(where + ": its writer does not tell the solver's settings; restart a newer one");
   if ((told->flags & BOLO_SETTINGS_UNDONE) != 0) {
     return bad_input(where + ": its profile changes frames around the solver; read the deblurred planes instead");
@@ -164,7 +166,7 @@ Result<PointReader> PointReader::open(const std::string& name, std::vector<std::
   }
   const Result<deblur::Settings> settings = settings_of(header, *told);
   if (!settings) return at(where, settings.error());
-  auto impl = std::unique_ptr<Impl>(new Impl{.reader = std::move(*reader),
+  auto impl = std::unique_ptr<Impl>(new Impl{.reader = std::move(reader),
                                              .settings = *settings,
                                              .format = format_of(header),
                                              .row_delay_s = maps.row_delay_s,

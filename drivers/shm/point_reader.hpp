@@ -11,6 +11,7 @@
 
 #include "bolo/core/result.hpp"
 #include "bolo/model/pixel_maps.hpp"
+#include "drivers/shm/shm_reader.hpp"
 
 namespace bolo::shm {
 
@@ -20,6 +21,9 @@ class PointReader {
   // row-major indices. A stream whose pixels have parameters of their own needs the writer's `maps`; without them, and
   // for a writer that does not tell its settings, it is refused. Thread: setup.
   static Result<PointReader> open(const std::string& name, std::vector<std::uint32_t> pixels,
+                                  const model::PixelMaps& maps = {});
+  // The same over a reader that is open: of its object, whatever the name stands for by now. Thread: setup.
+  static Result<PointReader> over(ShmReader reader, std::vector<std::uint32_t> pixels,
                                   const model::PixelMaps& maps = {});
   PointReader(PointReader&&) noexcept;
   PointReader& operator=(PointReader&&) noexcept;

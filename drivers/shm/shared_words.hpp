@@ -101,27 +101,44 @@ inline void write_slot(std::byte* slot, const SlotLayout& layout, std::uint64_t 
   store_release(sequence, 2 * number + 2);  // W3; partner: R1 in read_slot()
 }
 
-// Copies frame `number` out of its slot: R1 to R3. False when the slot holds, or came to hold, another frame; what was
-// copied is then worthless. Thread: any reader.
+// R1: whether the slot holds frame `number`, whole. Thread: any reader.
+inline bool holds(const std::byte* slot, std::uint64_t number) noexcept {
+  return load_acquire(*reinterpret_cast<const std::uint64_t*>(slot)) == 2 * number + 2;  // partner: W3 in write_slot()
+}
+
+// R3: whether it still did when it was copied. Relaxed: the acquires of R2 keep it after them. Thread: any reader.
+inline bool still_holds(const std::byte* slot, std::uint64_t number) noexcept {
+  return load_relaxed(*reinterpret_cast<const std::uint64_t*>(slot)) == 2 * number + 2;
+}
+
+// R3 after plain reads of the planes, in the caller's own code, which no acquire keeps before it: x86-64 keeps loads in
+// order, other processors need the barrier. The copies of R2 need none. Thread: any reader.
+inline bool still_holds_after_plain_reads(const std::byte* slot, std::uint64_t number) noexcept {
+#if defined(__x86_64__)
+  __asm__ volatile("" ::: "memory");
+#else
+  __asm__ volatile("dmb ishld" ::: "memory");
+#endif
+  return still_holds(slot, number);
+}
+
+// Copies frame `number` out of its slot: R1 to R3. nullptr leaves a plane out. False when the slot holds, or came to
+// hold, another frame; what was copied is then worthless. Thread: any reader.
 inline bool read_slot(const std::byte* slot, const SlotLayout& layout, std::uint64_t number, bolo_shm_slot& head,
                       void* raw, void* deblurred) noexcept {
-  const auto& sequence = *reinterpret_cast<const std::uint64_t*>(slot);
-  const std::uint64_t wanted = 2 * number + 2;
-  if (load_acquire(sequence) != wanted) return false;  // R1; partner: W3 in write_slot()
-  head.sequence = wanted;
+  if (!holds(slot, number)) return false;
+  head.sequence = 2 * number + 2;
   copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
-  copy_out(raw, slot + layout.raw_offset, layout.plane_bytes);
-  copy_out(deblurred, slot + layout.deblurred_offset, layout.plane_bytes);
-  return load_relaxed(sequence) == wanted;  // R3; the acquires of R2 keep it after them
+  if (raw != nullptr) copy_out(raw, slot + layout.raw_offset, layout.plane_bytes);
+  if (deblurred != nullptr) copy_out(deblurred, slot + layout.deblurred_offset, layout.plane_bytes);
+  return still_holds(slot, number);
 }
 
 // The same for single raw samples, row-major indices: out[i] becomes pixel pixels[i]. Thread: any reader.
 inline bool read_samples(const std::byte* slot, const SlotLayout& layout, std::uint64_t number, bolo_shm_slot& head,
                          std::span<const std::uint32_t> pixels, std::uint16_t* out) noexcept {
-  const auto& sequence = *reinterpret_cast<const std::uint64_t*>(slot);
-  const std::uint64_t wanted = 2 * number + 2;
-  if (load_acquire(sequence) != wanted) return false;  // R1; partner: W3 in write_slot()
-  head.sequence = wanted;
+  if (!holds(slot, number)) return false;
+  head.sequence = 2 * number + 2;
   copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
   const auto* words = reinterpret_cast<const std::uint64_t*>(slot + layout.raw_offset);
   constexpr std::size_t kSamples = kWord / sizeof(std::uint16_t);
@@ -129,7 +146,7 @@ inline bool read_samples(const std::byte* slot, const SlotLayout& layout, std::u
     const std::uint64_t word = load_acquire(words[pixels[i] / kSamples]);  // R2; little-endian
     out[i] = static_cast<std::uint16_t>(word >> (16 * (pixels[i] % kSamples)));
   }
-  return load_relaxed(sequence) == wanted;  // R3; the acquires of R2 keep it after them
+  return still_holds(slot, number);
 }
 
 }  // namespace bolo::shm

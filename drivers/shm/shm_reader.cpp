@@ -11,8 +11,11 @@
 #include <bit>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <cstring>
+#include <limits>
 #include <thread>
+#include <utility>
 
 #include "bolo/core/clock.hpp"
 #include "drivers/shm/shared_words.hpp"
@@ -23,25 +26,43 @@ namespace {
 
 constexpr std::uint32_t kMaxSide = 1U << 15;
 constexpr std::uint32_t kMaxSlots = 1U << 20;
+constexpr double kMaxPeriod_s = 3600.0;
 constexpr std::int64_t kLongestSleepNs = 100'000'000;  // how late a stopped heartbeat may be noticed
 constexpr auto kPollPeriod = std::chrono::milliseconds(1);
 
 // Unmaps in the destructor. Read-only: nothing that a reader does reaches the writer.
 class Mapping {
  public:
-  Mapping(const std::byte* data, std::size_t bytes) : data_(data), bytes_(bytes) {}
+  Mapping(std::string name, const std::byte* data, const struct stat& object)
+      : name_(std::move(name)), data_(data), bytes_(static_cast<std::size_t>(object.st_size)), inode_(object.st_ino) {}
   ~Mapping() { munmap(const_cast<std::byte*>(data_), bytes_); }
   Mapping(const Mapping&) = delete;
   Mapping& operator=(const Mapping&) = delete;
 
+  const std::string& name() const noexcept { return name_; }
+  ino_t inode() const noexcept { return inode_; }  // stays this object's while it is mapped
   const std::byte* data() const noexcept { return data_; }
   std::size_t bytes() const noexcept { return bytes_; }
   const bolo_shm_header& header() const noexcept { return *reinterpret_cast<const bolo_shm_header*>(data_); }
 
  private:
+  std::string name_;
   const std::byte* data_;
   std::size_t bytes_;
+  ino_t inode_;
 };
+
+// An error, and what kind of refusal it is.
+struct Refused {
+  Refusal refusal = Refusal::kFailed;
+  Error error;
+};
+template <typename T>
+using Opened = tl::expected<T, Refused>;
+
+tl::unexpected<Refused> refuse(Refusal refusal, std::string message) {
+  return tl::unexpected<Refused>({refusal, {ErrorKind::kBadInput, std::move(message)}});
+}
 
 std::string existing_names() {
   std::string list;
@@ -49,27 +70,29 @@ std::string existing_names() {
   return list.empty() ? "none exists: is bolod running?" : "there is: " + list;
 }
 
-Error cannot_open(const std::string& name, int error) {
-  if (error == ENOENT) return {ErrorKind::kBadInput, "no shared memory named '" + name + "'; " + existing_names()};
+tl::unexpected<Refused> cannot_open(const std::string& name, int error) {
+  if (error == ENOENT) return refuse(Refusal::kAbsent, "no shared memory named '" + name + "'; " + existing_names());
   if (error == EACCES) {
-    return {ErrorKind::kBadInput, "no permission to read shared memory '" + name + "'; see shm.mode and shm.group"};
+    return refuse(Refusal::kDenied, "no permission to read shared memory '" + name +
+                                        "'; join the group that it belongs to, or see shm.mode and shm.group");
   }
-  return {ErrorKind::kFailed, "cannot open shared memory '" + name + "': " + std::strerror(error)};
+  return tl::unexpected<Refused>(
+      {Refusal::kFailed, {ErrorKind::kFailed, "cannot open shared memory '" + name + "': " + std::strerror(error)}});
 }
 
-Result<std::unique_ptr<Mapping>> map_object(const std::string& name) {
+Opened<std::shared_ptr<const Mapping>> map_object(const std::string& name) {
   const Result<std::string> path = object_path(name);
-  if (!path) return tl::unexpected<Error>(path.error());
+  if (!path) return refuse(Refusal::kBadName, path.error().message);
   const int fd = shm_open(path->c_str(), O_RDONLY, 0);
-  if (fd < 0) return tl::unexpected<Error>(cannot_open(name, errno));
+  if (fd < 0) return cannot_open(name, errno);
   struct stat status {};
   const bool known = fstat(fd, &status) == 0;
   const auto bytes = static_cast<std::size_t>(status.st_size);
   void* memory = MAP_FAILED;
   if (known && bytes >= sizeof(bolo_shm_header)) memory = mmap(nullptr, bytes, PROT_READ, MAP_SHARED, fd, 0);
   close(fd);
-  if (memory != MAP_FAILED) return std::make_unique<Mapping>(static_cast<const std::byte*>(memory), bytes);
-  return bad_input("shared memory '" + name + "' has no header yet; try again, or restart its daemon");
+  if (memory != MAP_FAILED) return std::make_shared<Mapping>(name, static_cast<const std::byte*>(memory), status);
+  return refuse(Refusal::kNotReady, "shared memory '" + name + "' has no header yet; try again, or restart its daemon");
 }
 
 // Copies the header by atomic words: the running part changes meanwhile.
@@ -88,6 +111,8 @@ const char* first_fault(const bolo_shm_header& h, std::size_t bytes) {
   if (h.width == 0 || h.width > kMaxSide || h.height == 0 || h.height > kMaxSide) return "impossible frame size";
   if (h.slot_count == 0 || h.slot_count > kMaxSlots) return "impossible number of slots";
   if (h.unit != BOLO_UNIT_KELVIN && h.unit != BOLO_UNIT_COUNT) return "unknown unit";
+  if (!std::isfinite(h.scale) || !std::isfinite(h.offset)) return "impossible scale";
+  if (!(h.frame_period_s > 0.0 && h.frame_period_s <= kMaxPeriod_s)) return "impossible frame period";
   const std::uint64_t plane = round_up(std::size_t{2} * h.width * h.height, kWord);  // below 2^32
   const auto aligned = [](std::uint64_t offset) { return offset % kWord == 0; };
   const auto plane_fits = [&](std::uint64_t offset) {
@@ -111,8 +136,8 @@ void end_text(char (&text)[N]) {
 }  // namespace
 
 struct ShmReader::Impl {
-  std::unique_ptr<Mapping> mapping;
-  bolo_shm_header checked;  // as validated; what says where things lie is only ever read from here
+  std::shared_ptr<const Mapping> mapping;
+  bolo_shm_header checked{};  // as validated; what says where things lie is only ever read from here
   SlotLayout layout;
   bool futex_works = true;
 
@@ -121,22 +146,27 @@ struct ShmReader::Impl {
     return mapping->data() + checked.slots_offset + number % checked.slot_count * checked.slot_stride;
   }
 
-  Outcome copy(std::uint64_t number, ReadFrame& frame) const noexcept;
+  static Opened<std::unique_ptr<Impl>> open(const std::string& name);
   void sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept;
 };
 
-ShmReader::Outcome ShmReader::Impl::copy(std::uint64_t number, ReadFrame& frame) const noexcept {
-  const std::size_t pixels = layout.plane_bytes / sizeof(std::uint16_t);
-  frame.raw.resize(pixels);
-  frame.deblurred.resize(pixels);
-  bolo_shm_slot head{};
-  if (!read_slot(slot(number), layout, number, head, frame.raw.data(), frame.deblurred.data())) {
-    return Outcome::kOverwritten;
+Opened<std::unique_ptr<ShmReader::Impl>> ShmReader::Impl::open(const std::string& name) {
+  Opened<std::shared_ptr<const Mapping>> mapping = map_object(name);
+  if (!mapping) return tl::unexpected<Refused>(std::move(mapping.error()));
+  auto impl = std::make_unique<Impl>();
+  impl->mapping = std::move(*mapping);
+  load_acquire(impl->live().magic);  // partner: the last store of ShmSink::open; the header is whole after it
+  impl->checked = snapshot(*impl->mapping);
+  if (const char* fault = first_fault(impl->checked, impl->mapping->bytes())) {
+    return refuse(impl->checked.magic == 0 ? Refusal::kNotReady : Refusal::kBadLayout,
+                  "shared memory '" + name + "' can't be read: " + fault);
   }
-  frame.number = number;
-  frame.meta = {head.frame_id, head.camera_ns, head.receive_ns, head.flags, head.host_ns};
-  frame.publish_ns = head.publish_ns;
-  return Outcome::kFrame;
+  end_text(impl->checked.camera_model);
+  end_text(impl->checked.camera_serial);
+  end_text(impl->checked.solver);
+  const std::size_t plane = std::size_t{2} * impl->checked.width * impl->checked.height;
+  impl->layout = {impl->checked.raw_offset, impl->checked.deblurred_offset, plane, impl->checked.slot_stride};
+  return impl;
 }
 
 // Sleeps until the wake word differs from what was seen, or ns have passed. A spurious wake-up only costs one more
@@ -157,23 +187,28 @@ ShmReader::ShmReader(ShmReader&&) noexcept = default;
 ShmReader& ShmReader::operator=(ShmReader&&) noexcept = default;
 ShmReader::~ShmReader() = default;
 
-Result<ShmReader> ShmReader::open(const std::string& name) {
-  Result<std::unique_ptr<Mapping>> mapping = map_object(name);
-  if (!mapping) return tl::unexpected<Error>(mapping.error());
-  auto impl = std::make_unique<Impl>();
-  impl->mapping = std::move(*mapping);
-  load_acquire(impl->live().magic);  // partner: the last store of ShmSink::open; the header is whole after it
-  impl->checked = snapshot(*impl->mapping);
-  if (const char* fault = first_fault(impl->checked, impl->mapping->bytes())) {
-    return bad_input("shared memory '" + name + "' can't be read: " + fault);
-  }
-  end_text(impl->checked.camera_model);
-  end_text(impl->checked.camera_serial);
-  end_text(impl->checked.solver);
-  const std::size_t plane = std::size_t{2} * impl->checked.width * impl->checked.height;
-  impl->layout = {impl->checked.raw_offset, impl->checked.deblurred_offset, plane, impl->checked.slot_stride};
-  return ShmReader(std::move(impl));
+StreamFormat format_of(const bolo_shm_header& header) {
+  StreamFormat format;
+  format.geometry = {static_cast<int>(header.width), static_cast<int>(header.height)};
+  format.type = PixelType::kUint16;
+  format.scale = {header.unit == BOLO_UNIT_KELVIN ? Unit::kKelvin : Unit::kCount, header.scale, header.offset};
+  format.frame_period_s = header.frame_period_s;
+  format.row_step = static_cast<int>(header.row_step);
+  return format;
 }
+
+Result<ShmReader> ShmReader::open(const std::string& name, Refusal* refusal) {
+  Opened<std::unique_ptr<Impl>> impl = Impl::open(name);
+  if (refusal != nullptr) *refusal = impl ? Refusal::kNone : impl.error().refusal;
+  if (!impl) return tl::unexpected<Error>(std::move(impl.error().error));
+  return ShmReader(std::move(*impl));
+}
+
+ShmReader ShmReader::share() const { return ShmReader(std::make_unique<Impl>(*impl_)); }
+
+std::shared_ptr<const void> ShmReader::hold() const noexcept { return impl_->mapping; }
+
+const std::string& ShmReader::name() const noexcept { return impl_->mapping->name(); }
 
 std::vector<std::string> ShmReader::names() { return object_names(); }
 
@@ -226,21 +261,49 @@ bool ShmReader::closed() const noexcept {
   return state == BOLO_SHM_CLOSED || heartbeat_stale(load_relaxed(impl_->live().heartbeat_ns));
 }
 
-ShmReader::Outcome ShmReader::read(std::uint64_t number, ReadFrame& frame, int timeout_ms) noexcept {
+bool ShmReader::replaced() const noexcept {
+  const Result<std::string> path = object_path(name());
+  struct stat status {};
+  return path && stat(("/dev/shm" + *path).c_str(), &status) == 0 && status.st_ino != impl_->mapping->inode();
+}
+
+ShmReader::Outcome ShmReader::wait(std::uint64_t number, int timeout_ms) noexcept {
   Impl& self = *impl_;
-  const std::int64_t deadline_ns = monotonic_ns() + std::int64_t{timeout_ms} * 1'000'000;
+  const std::int64_t deadline_ns =
+      timeout_ms < 0 ? std::numeric_limits<std::int64_t>::max() : monotonic_ns() + std::int64_t{timeout_ms} * 1'000'000;
   while (true) {
     const bool ended = closed();  // before `published`: a writer publishes its last frame, then closes
     const std::uint32_t wake_seen = load_acquire(self.live().wake);  // partner: W5; before `published` too
     const std::uint64_t newest = published();
-    if (number < newest) {
-      return newest - number > self.checked.slot_count ? Outcome::kOverwritten : self.copy(number, frame);
-    }
+    if (number < newest) return newest - number > self.checked.slot_count ? Outcome::kOverwritten : Outcome::kFrame;
     if (ended) return Outcome::kClosed;
     const std::int64_t left_ns = deadline_ns - monotonic_ns();
     if (left_ns <= 0) return Outcome::kTimeout;
     self.sleep(wake_seen, std::min(left_ns, kLongestSleepNs));
   }
+}
+
+std::optional<BorrowedFrame> ShmReader::borrow(std::uint64_t number) const noexcept {
+  if (number >= published()) return std::nullopt;
+  BorrowedFrame frame{number, {}, impl_->slot(number), impl_->layout};
+  if (!read_slot(frame.slot, frame.layout, number, frame.head, nullptr, nullptr)) return std::nullopt;
+  return frame;
+}
+
+ShmReader::Outcome ShmReader::read(std::uint64_t number, ReadFrame& frame, int timeout_ms) noexcept {
+  if (const Outcome outcome = wait(number, timeout_ms); outcome != Outcome::kFrame) return outcome;
+  const Impl& self = *impl_;
+  const std::size_t pixels = self.layout.plane_bytes / sizeof(std::uint16_t);
+  frame.raw.resize(pixels);
+  frame.deblurred.resize(pixels);
+  bolo_shm_slot head{};
+  if (!read_slot(self.slot(number), self.layout, number, head, frame.raw.data(), frame.deblurred.data())) {
+    return Outcome::kOverwritten;
+  }
+  frame.number = number;
+  frame.meta = {head.frame_id, head.camera_ns, head.receive_ns, head.flags, head.host_ns};
+  frame.publish_ns = head.publish_ns;
+  return Outcome::kFrame;
 }
 
 }  // namespace bolo::shm

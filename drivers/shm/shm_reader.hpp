@@ -9,8 +9,10 @@
 #include <vector>
 
 #include "bolo/core/frame.hpp"
+#include "bolo/core/plane.hpp"
 #include "bolo/core/result.hpp"
 #include "bolo/shm_layout.h"
+#include "drivers/shm/shared_words.hpp"
 
 namespace bolo::shm {
 
@@ -22,16 +24,56 @@ struct ReadFrame {
   std::vector<std::uint16_t> deblurred;
 };
 
+// What a frame of this writer is. Thread: any.
+StreamFormat format_of(const bolo_shm_header& header);
+
+// A frame where it lies in the ring, nothing copied but its head. The writer may overwrite the planes at any time: what
+// was made of them counts only if still_there() says so afterwards. Good as long as the reader that gave it, or a
+// hold() of that, lives.
+struct BorrowedFrame {
+  std::uint64_t number = 0;  // publication order
+  bolo_shm_slot head{};
+  const std::byte* slot = nullptr;
+  SlotLayout layout;
+
+  // Row-major, layout.plane_bytes long.
+  const std::uint16_t* raw() const noexcept { return plane(layout.raw_offset); }
+  const std::uint16_t* deblurred() const noexcept { return plane(layout.deblurred_offset); }
+  const std::uint16_t* plane(std::size_t offset) const noexcept {
+    return reinterpret_cast<const std::uint16_t*>(slot + offset);
+  }
+
+  // Whether the slot held this frame while all reads before this call were made. Thread: any.
+  bool still_there() const noexcept { return still_holds_after_plain_reads(slot, number); }
+};
+
+// Why an object was not opened, where the caller does something about it; the Error says it in words.
+enum class Refusal {
+  kNone,
+  kBadName,    // no name for shared memory
+  kAbsent,     // there is no such object
+  kNotReady,   // it is being set up
+  kDenied,     // this user may not read it
+  kBadLayout,  // another version, or its header contradicts itself
+  kFailed,     // the system refused
+};
+
 class ShmReader {
  public:
   // Maps "/bolo." + name read-only and checks magic, version and every offset against the object's size. Thread: setup.
-  static Result<ShmReader> open(const std::string& name);
+  static Result<ShmReader> open(const std::string& name, Refusal* refusal = nullptr);
   // The names that exist now, sorted: "cam" for the object "/bolo.cam", whether its writer lives or not. Thread: any.
   static std::vector<std::string> names();
 
   ShmReader(ShmReader&&) noexcept;
   ShmReader& operator=(ShmReader&&) noexcept;
   ~ShmReader();
+
+  // Another reader of the same object, whatever its name stands for by now. Thread: any.
+  ShmReader share() const;
+  // As long as this lives the object stays mapped, and pointers of its frames good. Thread: any.
+  std::shared_ptr<const void> hold() const noexcept;
+  const std::string& name() const noexcept;
 
   // A copy of the header: geometry and texts as checked by open(), counters and histogram as they are now. Thread: any.
   bolo_shm_header header() const noexcept;
@@ -42,10 +84,16 @@ class ShmReader {
     kTimeout,      // not published in time
     kClosed,       // the writer ended, or its heartbeat stopped
   };
-  // Copies frame `number` (publication order), waiting for it up to timeout_ms. The vectors of `frame` are reused, and
-  // worth nothing after any outcome but kFrame. Frames that are still in the ring can be read after the writer's end.
-  // Thread: one at a time.
+  // Copies frame `number` (publication order), waiting for it up to timeout_ms (below 0: as long as it takes). The
+  // vectors of `frame` are reused, and worth nothing after any outcome but kFrame. Frames that are still in the ring
+  // can be read after the writer's end. Thread: one at a time.
   Outcome read(std::uint64_t number, ReadFrame& frame, int timeout_ms) noexcept;
+
+  // As read(), without copying: whether frame `number` can be borrowed. It may be gone when borrow() is called. Below 0
+  // it waits as long as it takes. Thread: one at a time.
+  Outcome wait(std::uint64_t number, int timeout_ms) noexcept;
+  // Frame `number` in place; nothing when the ring does not hold it, any more or yet. Thread: any.
+  std::optional<BorrowedFrame> borrow(std::uint64_t number) const noexcept;
 
   // The head of frame `number` and the raw values of single pixels of it, row-major indices inside the frame; `out` has
   // as many values. False when the ring does not hold it, any more or yet. Thread: any.
@@ -63,6 +111,9 @@ class ShmReader {
 
   // The writer ended, or its heartbeat stopped; open() finds its successor. Thread: any.
   bool closed() const noexcept;
+
+  // The name stands for another object by now: the writer's successor has begun. Thread: any.
+  bool replaced() const noexcept;
 
  private:
   struct Impl;

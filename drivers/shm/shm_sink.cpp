@@ -1,21 +1,20 @@
 #include "drivers/shm/shm_sink.hpp"
 
-#include <linux/futex.h>
-#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <climits>
 #include <cstddef>
 #include <cstring>
+#include <optional>
 
 #include "bolo/core/clock.hpp"
 #include "bolo/shm_layout.h"
 #include "drivers/shm/camera_block.hpp"
 #include "drivers/shm/shared_words.hpp"
 #include "drivers/shm/shm_object.hpp"
+#include "drivers/shm/waker.hpp"
 
 namespace bolo::shm {
 namespace {
@@ -28,6 +27,10 @@ static_assert(std::uint32_t{kFlagWarmUp} == std::uint32_t{BOLO_FLAG_WARM_UP});
 static_assert(std::uint32_t{kFlagNuc} == std::uint32_t{BOLO_FLAG_NUC});
 static_assert(std::uint32_t{kFlagSaturated} == std::uint32_t{BOLO_FLAG_SATURATED});
 static_assert(std::uint32_t{kFlagJitter} == std::uint32_t{BOLO_FLAG_JITTER});
+static_assert(flag_of(pipeline::Effort::kFull) == 0);
+static_assert(flag_of(pipeline::Effort::kReduced) == std::uint32_t{BOLO_FLAG_REDUCED});
+static_assert(flag_of(pipeline::Effort::kInverse) == std::uint32_t{BOLO_FLAG_INVERSE});
+static_assert(flag_of(pipeline::Effort::kRaw) == std::uint32_t{BOLO_FLAG_RAW});
 
 constexpr int kMinSlots = 64;       // a third of a second at 200 Hz to fetch a frame in
 constexpr int kMaxSlots = 1 << 16;  // bounds the arithmetic; memory runs out long before
@@ -36,7 +39,8 @@ constexpr std::size_t kSettingsOffset = sizeof(bolo_shm_header);
 constexpr std::size_t kCameraOffset = kSettingsOffset + sizeof(bolo_shm_settings);
 constexpr std::size_t kSlotsOffset = round_up(kCameraOffset + sizeof(bolo_shm_camera), rt::kCacheLine);
 constexpr unsigned kModeBits = 0777;
-constexpr unsigned kOwnerBits = 0600;  // what the writer itself needs
+constexpr unsigned kOwnerBits = 0600;    // what the writer itself needs
+constexpr unsigned kOthersWrite = 0022;  // readers must not be able to disturb the writer or each other
 
 template <std::size_t N>
 void put_text(char (&to)[N], const std::string& text) {
@@ -82,6 +86,9 @@ Status check(const ShmOptions& options, const pipeline::SinkFormat& format) {
   }
   if ((options.mode & ~kModeBits) != 0 || (options.mode & kOwnerBits) != kOwnerBits) {
     return bad_input("shm.mode must be permission bits with 0600 among them, at most 0777");
+  }
+  if ((options.mode & kOthersWrite) != 0) {
+    return bad_input("shm.mode lets others write into the frames; use 0640 for a group's readers, 0644 for everyone");
   }
   return {};
 }
@@ -154,9 +161,8 @@ void store_camera(bolo_shm_camera& to, const pipeline::SourceStatus& status) noe
 }
 
 // Only this thread writes `wake`, so a load and a store make the increment.
-void wake_readers(bolo_shm_header& header) noexcept {
+void change_wake(bolo_shm_header& header) noexcept {
   store_release(header.wake, load_relaxed(header.wake) + 1);  // W5; partner: ShmReader's load of wake
-  syscall(SYS_futex, &header.wake, FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
 }
 
 }  // namespace
@@ -164,6 +170,7 @@ void wake_readers(bolo_shm_header& header) noexcept {
 struct ShmSink::Impl {
   ShmOptions options;
   OwnedObject object;
+  std::optional<Waker> waker;  // of the object's futex word
   SlotLayout layout;
   std::uint64_t slot_count = 0;
   std::uint64_t published = 0;
@@ -207,6 +214,7 @@ Status ShmSink::open(const pipeline::SinkFormat& format) {
   if (Status status = object->publish_to(self.options.mode, self.options.group); !status) return status;
   self.object = std::move(*object);
   bolo_shm_header& header = self.header();
+  self.waker.emplace(header.wake);
   store_release(header.state, static_cast<std::uint32_t>(BOLO_SHM_RUNNING));
   store_release(header.magic, static_cast<std::uint64_t>(BOLO_SHM_MAGIC));  // partner: ShmReader::open
   return {};
@@ -226,7 +234,8 @@ void ShmSink::publish(const pipeline::PublishedFrame& frame, const pipeline::Pip
   bolo_shm_header& header = self.header();
   store_release(header.published, ++self.published);  // W4; partner: ShmReader's load of published
   self.store(stats);
-  wake_readers(header);
+  change_wake(header);
+  self.waker->wake();
 }
 
 void ShmSink::idle(const pipeline::PipelineStats& stats) noexcept { impl_->store(stats); }
@@ -235,7 +244,8 @@ void ShmSink::close() noexcept {
   if (impl_->object.data() == nullptr) return;
   bolo_shm_header& header = impl_->header();
   store_release(header.state, static_cast<std::uint32_t>(BOLO_SHM_CLOSED));  // partner: ShmReader's load of state
-  wake_readers(header);
+  change_wake(header);
+  impl_->waker.reset();  // its last act is to wake them all
   impl_->object = OwnedObject();
 }
 

@@ -12,7 +12,7 @@
  * Frame number n (0, 1, 2 ...: publication order, not the camera's frame id) lies in slot n % slot_count.
  * header.published is the count of frames published: the newest is published - 1.
  *
- * Reading frame n without locks. The writer never waits:
+ * Reading frame n without locks (tests/models tries every order of it). The writer never waits:
  *
  *   writer                                             reader
  *   ------                                             ------
@@ -35,7 +35,8 @@
  * Solving a pixel on demand. Frame n was estimated from the raw planes of the frames of its window, which ends
  * lookahead frames after n: frames that the window's rules (camera_ns, frame_id, frame_period_s) place there, at most
  * `window` of them. A reader that solves a pixel's samples in them with bolo_shm_settings gets the deblurred plane's
- * bits (drivers/shm/point_reader.hpp does). Not where BOLO_SETTINGS_UNDONE is set. Where BOLO_SETTINGS_MAPS is set it
+ * bits (drivers/shm/point_reader.hpp does): better ones where the slot's flags tell that less was spent on the frame.
+ * Not where BOLO_SETTINGS_UNDONE is set. Where BOLO_SETTINGS_MAPS is set it
  * needs the same maps file besides: maps are not in the shared memory. For BOLO_METHOD_MMAE and
  * BOLO_SETTINGS_AUTO_LAMBDA it needs the whole planes and the slot's noise_k: these look at a pixel's surroundings.
  *
@@ -69,7 +70,11 @@ enum bolo_shm_flag {
   BOLO_FLAG_WARM_UP = 1u << 1,   /* no full window yet: the deblurred plane is the raw one */
   BOLO_FLAG_NUC = 1u << 2,       /* the camera was correcting */
   BOLO_FLAG_SATURATED = 1u << 3, /* raw values at the end of the range */
-  BOLO_FLAG_JITTER = 1u << 4     /* camera timestamp off the frame grid */
+  BOLO_FLAG_JITTER = 1u << 4,    /* camera timestamp off the frame grid */
+  /* Less was spent on this frame, for too many were waiting; at most one of these: */
+  BOLO_FLAG_REDUCED = 1u << 5, /* solved with a single sweep */
+  BOLO_FLAG_INVERSE = 1u << 6, /* by the inverse filter, which knows no prior: noisier */
+  BOLO_FLAG_RAW = 1u << 7      /* not at all: the deblurred plane is the raw one */
 };
 
 struct bolo_shm_header {

@@ -1,40 +1,16 @@
 // Objects that another program made, or damaged: the reader refuses them and never reads outside.
-#include <fcntl.h>
 #include <gtest/gtest.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <random>
 
+#include "tests/drivers/shm/foreign_object.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 
 namespace bolo::shm {
 namespace {
-
-// An object of the test's own making.
-class ForeignObject {
- public:
-  explicit ForeignObject(std::string name) : name_(std::move(name)) {}
-  ~ForeignObject() { shm_unlink(("/bolo." + name_).c_str()); }
-  ForeignObject(const ForeignObject&) = delete;
-  ForeignObject& operator=(const ForeignObject&) = delete;
-
-  const std::string& name() const { return name_; }
-
-  void fill(const void* data, std::size_t bytes, std::size_t total) const {
-    shm_unlink(("/bolo." + name_).c_str());
-    const int fd = shm_open(("/bolo." + name_).c_str(), O_RDWR | O_CREAT, 0600);
-    ASSERT_GE(fd, 0);
-    ASSERT_EQ(ftruncate(fd, static_cast<off_t>(total)), 0);
-    ASSERT_EQ(pwrite(fd, data, std::min(bytes, total), 0), static_cast<ssize_t>(std::min(bytes, total)));
-    close(fd);
-  }
-
- private:
-  std::string name_;
-};
 
 // A header that a reader must accept, for an object of kBytes.
 constexpr std::size_t kBytes = sizeof(bolo_shm_header) + 4 * (64 + 2 * 64);
@@ -46,6 +22,8 @@ bolo_shm_header good_header() {
   h.width = 5;
   h.height = 5;
   h.slot_count = 4;
+  h.scale = 0.01;
+  h.frame_period_s = 0.005;
   h.slots_offset = sizeof(h);
   h.slot_stride = 64 + 2 * 64;
   h.raw_offset = 64;
@@ -82,6 +60,10 @@ TEST(ShmHostile, EachImpossibleFieldIsRefused) {
       {"slot_count + 1", [](auto& h) { h.slot_count = 5; }},
       {"slot_count huge", [](auto& h) { h.slot_count = 0xffffffff; }},
       {"unit", [](auto& h) { h.unit = 7; }},
+      {"scale", [](auto& h) { h.scale = std::nan(""); }},
+      {"offset", [](auto& h) { h.offset = HUGE_VAL; }},
+      {"period 0", [](auto& h) { h.frame_period_s = 0.0; }},
+      {"period", [](auto& h) { h.frame_period_s = std::nan(""); }},
       {"slots_offset in header", [](auto& h) { h.slots_offset = 64; }},
       {"slots_offset odd", [](auto& h) { h.slots_offset += 1; }},
       {"slots_offset past end", [](auto& h) { h.slots_offset += 8; }},

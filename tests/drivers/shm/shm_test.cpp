@@ -106,6 +106,63 @@ TEST(ShmReader, SaysThatAFrameIsGone) {
   EXPECT_TRUE(intact(frame, 1));
 }
 
+TEST(ShmReader, LendsAFrameInPlaceUntilItIsOverwritten) {
+  const std::string name = unique_name("lends");
+  Writer writer(name);
+  ASSERT_TRUE(writer.open());
+  auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  EXPECT_FALSE(reader->borrow(0)) << "not published";
+  writer.publish();
+  const auto frame = reader->borrow(0);
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->head.frame_id, 0U);
+  for (std::size_t i = 0; i < writer.raw.size(); ++i) {
+    ASSERT_EQ(frame->raw()[i], pattern(0, 0, i));
+    ASSERT_EQ(frame->deblurred()[i], pattern(0, 1, i));
+  }
+  EXPECT_EQ(frame->raw(), reader->borrow(0)->raw()) << "nothing was copied";
+  for (std::uint64_t n = 1; n < reader->header().slot_count; ++n) writer.publish();
+  EXPECT_TRUE(frame->still_there());
+  writer.publish();
+  EXPECT_FALSE(frame->still_there());
+  EXPECT_FALSE(reader->borrow(0));
+}
+
+TEST(ShmReader, AHoldOutlivesTheReaderAndItsWriter) {
+  const std::string name = unique_name("hold");
+  auto writer = std::make_unique<Writer>(name);
+  ASSERT_TRUE(writer->open());
+  writer->publish();
+  std::shared_ptr<const void> hold;
+  std::optional<BorrowedFrame> frame;
+  {
+    auto reader = ShmReader::open(name);
+    ASSERT_TRUE(reader);
+    const ShmReader other = reader->share();
+    frame = other.borrow(0);
+    hold = reader->hold();
+  }
+  writer = nullptr;
+  ASSERT_TRUE(frame);
+  EXPECT_TRUE(frame->still_there());
+  EXPECT_EQ(frame->raw()[5], pattern(0, 0, 5));
+}
+
+TEST(ShmReader, SeesThatItsNameStandsForAnotherObject) {
+  const std::string name = unique_name("replaced");
+  auto first = std::make_unique<Writer>(name);
+  ASSERT_TRUE(first->open());
+  const auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  EXPECT_FALSE(reader->replaced());
+  first = nullptr;
+  EXPECT_FALSE(reader->replaced()) << "gone, but nobody took its place";
+  Writer second(name);
+  ASSERT_TRUE(second.open());
+  EXPECT_TRUE(reader->replaced());
+}
+
 TEST(ShmReader, TimesOutWithoutAFrameAndWakesWithOne) {
   const std::string name = unique_name("wait");
   Writer writer(name);

@@ -147,6 +147,8 @@ TEST(ShmWriters, BadOptionsAreNamed) {
   EXPECT_EQ(message({name, 17, 0644, ""}), "opened");
   EXPECT_TRUE(contains(message({name, 0, 0444, ""}), "shm.mode"));
   EXPECT_TRUE(contains(message({name, 0, 04644, ""}), "shm.mode"));
+  EXPECT_TRUE(contains(message({name, 0, 0664, ""}), "shm.mode lets others write"));
+  EXPECT_TRUE(contains(message({name, 0, 0646, ""}), "shm.mode lets others write"));
   EXPECT_TRUE(contains(message({name, 0, 0644, "no-such-group-here"}), "no group 'no-such-group-here'"));
   EXPECT_TRUE(contains(message({"a/b", 0, 0644, ""}), "is no name"));
   format.format.source.format.type = PixelType::kFloat32;

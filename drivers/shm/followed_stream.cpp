@@ -1,0 +1,120 @@
+#include "drivers/shm/followed_stream.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <thread>
+#include <utility>
+
+#include "bolo/core/clock.hpp"
+
+namespace bolo::shm {
+namespace {
+
+constexpr int kLookAgainAfter_ms = 10;  // for a writer that is not there
+constexpr int kSilence_ms = 100;        // of a writer after which its name is looked at: it may be dead
+constexpr int kAttempts = 3;            // to catch a frame of a ring that is overwritten all the time
+
+class Deadline {
+ public:
+  explicit Deadline(int timeout_ms)
+      : ns_(timeout_ms < 0 ? std::numeric_limits<std::int64_t>::max()
+                           : monotonic_ns() + std::int64_t{timeout_ms} * 1'000'000) {}
+
+  bool passed() const noexcept { return monotonic_ns() >= ns_; }
+  // What is left, rounded up, but at most `most`.
+  int left_ms(int most) const noexcept {
+    const std::int64_t left_ns = ns_ - monotonic_ns();
+    return static_cast<int>(std::clamp<std::int64_t>((left_ns - 1) / 1'000'000 + 1, 0, most));
+  }
+  void pause() const { std::this_thread::sleep_for(std::chrono::milliseconds(left_ms(kLookAgainAfter_ms))); }
+
+ private:
+  std::int64_t ns_;
+};
+
+// That the object is not to be read now says nothing about the next moment: its writer may be starting.
+bool may_pass(Refusal refusal) {
+  return refusal == Refusal::kAbsent || refusal == Refusal::kNotReady || refusal == Refusal::kDenied;
+}
+
+}  // namespace
+
+FollowedStream::FollowedStream(ShmReader reader) : reader_(std::move(reader)) {
+  slot_count_ = reader_.header().slot_count;
+  next_ = reader_.published();
+  if (next_ > 0) --next_;
+}
+
+Result<FollowedStream> FollowedStream::open(const std::string& name, int timeout_ms, Refusal* refusal) {
+  const Deadline deadline(timeout_ms);
+  while (true) {
+    Refusal why = Refusal::kNone;
+    Result<ShmReader> reader = ShmReader::open(name, &why);
+    if (refusal != nullptr) *refusal = why;
+    if (reader) return FollowedStream(std::move(*reader));
+    if (!may_pass(why) || deadline.passed()) return tl::unexpected<Error>(reader.error());
+    deadline.pause();
+  }
+}
+
+FollowedStream::Outcome FollowedStream::next(BorrowedFrame& frame, std::uint64_t& missed, int timeout_ms) {
+  return give(Order::kNext, frame, missed, timeout_ms);
+}
+
+FollowedStream::Outcome FollowedStream::latest(BorrowedFrame& frame, std::uint64_t& missed, int timeout_ms) {
+  return give(Order::kLatest, frame, missed, timeout_ms);
+}
+
+FollowedStream::Outcome FollowedStream::give(Order order, BorrowedFrame& frame, std::uint64_t& missed, int timeout_ms) {
+  const Deadline deadline(timeout_ms);
+  while (true) {
+    const ShmReader::Outcome found = reader_.wait(next_, deadline.left_ms(kSilence_ms));
+    const bool there = found == ShmReader::Outcome::kFrame || found == ShmReader::Outcome::kOverwritten;
+    if (there && take(order, frame, missed)) return Outcome::kFrame;
+    if (follow()) return Outcome::kRestarted;
+    if (deadline.passed()) return found == ShmReader::Outcome::kClosed ? Outcome::kEnded : Outcome::kTimeout;
+    if (found != ShmReader::Outcome::kTimeout) deadline.pause();
+  }
+}
+
+// From the ring's tail the writer would chase the reader again, so a reader that fell behind goes on in its middle.
+bool FollowedStream::take(Order order, BorrowedFrame& frame, std::uint64_t& missed) {
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    const std::uint64_t published = reader_.published();
+    std::uint64_t number = next_;
+    if (order == Order::kLatest) {
+      number = std::max(number, published - 1);
+    } else if (attempt > 0 || published - number > slot_count_) {
+      number = std::max(number, published - std::min(published, slot_count_ / 2 + 1));
+    }
+    if (const auto lent = reader_.borrow(number)) {
+      frame = *lent;
+      missed = number - next_;
+      next_ = number + 1;
+      return true;
+    }
+  }
+  return false;
+}
+
+// Whether another writer has taken the name. Called where no frame comes, so none of the old one's is lost.
+bool FollowedStream::follow() {
+  obstacle_.clear();
+  if (!reader_.replaced()) {
+    if (reader_.closed()) obstacle_ = "shared memory '" + reader_.name() + "': its writer has ended or stands still";
+    return false;
+  }
+  Result<ShmReader> successor = ShmReader::open(reader_.name());
+  if (!successor) {
+    obstacle_ = successor.error().message;
+    return false;
+  }
+  reader_ = std::move(*successor);
+  slot_count_ = reader_.header().slot_count;
+  next_ = 0;
+  ++restarts_;
+  return true;
+}
+
+}  // namespace bolo::shm

@@ -1,0 +1,485 @@
+"""Frames of a running Bolo daemon, as numpy arrays in its own shared memory: nothing is copied.
+
+    import bolo
+
+    with bolo.Camera("front", timeout=5) as camera:
+        for frame in camera:                       # every frame, in order, across restarts of the daemon
+            hottest = frame.deblurred.max()        # uint16, height x width, read-only
+            kelvin = frame.kelvin()                # float32, a new array
+            points = camera.points([(320, 60)])    # kelvin, solved here, of the newest frame that can be
+            if not frame.valid():                  # the ring came round while we looked: throw the work away
+                continue
+
+One file; it needs numpy and libbolo-client.so.0 (BOLO_CLIENT_LIBRARY names another one). A camera is for one thread at
+a time; arrays may go anywhere, and keep the memory they lie in alive, even after the camera was closed. Times are
+seconds of time.monotonic() where not said otherwise.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import enum
+import os
+import time
+import weakref
+from dataclasses import dataclass
+from typing import Iterable, Iterator, Optional, Sequence, Tuple
+
+import numpy as np
+
+__all__ = ["Camera", "Flag", "Frame", "Info", "State", "Error", "NotFound", "Denied", "Unavailable", "streams", "version"]
+
+_SLICE_MS = 100  # of a wait: how long Ctrl-C may take
+
+
+class Flag(enum.IntFlag):
+    """What is special about a frame; enum bolo_shm_flag."""
+
+    GAP = 1  # a frame of its window was lost
+    WARM_UP = 2  # no full window yet: the deblurred plane is the raw one
+    NUC = 4  # the camera was correcting
+    SATURATED = 8  # raw values at the end of the range
+    JITTER = 16  # camera timestamp off the frame grid
+    REDUCED = 32  # too many were waiting: solved with a single sweep
+    INVERSE = 64  # the same: by the inverse filter
+    RAW = 128  # the same: not solved, the deblurred plane is the raw one
+
+
+class Error(RuntimeError):
+    """One line that says what is wrong and what to do; `result` is of enum bolo_client_result."""
+
+    def __init__(self, result: int, text: str):
+        super().__init__(text)
+        self.result = result
+
+
+class NotFound(Error):
+    """There is no such stream."""
+
+
+class Denied(Error):
+    """This user may not read the stream."""
+
+
+class Unavailable(Error):
+    """Points of this frame can't be solved now: it is not published, has no full window, or has left the ring."""
+
+
+_OK, _TIMEOUT, _RESTARTED, _ENDED, _OVERWRITTEN, _NOT_YET, _WARM_UP = range(7)
+_ERRORS = {-1: NotFound, -2: Denied}
+_UNAVAILABLE = {
+    _OVERWRITTEN: "the frame, or one of its window, has left the ring",
+    _NOT_YET: "the frames of its look-ahead are not published",
+    _WARM_UP: "the daemon had no full window for it",
+}
+
+
+class _Settings(ctypes.Structure):  # struct bolo_shm_settings
+    _fields_ = [(name, ctypes.c_uint32) for name in ("bytes", "method", "flags", "levels", "iterations", "camera_offset")]
+    _fields_ += [(name, ctypes.c_double) for name in ("kappa", "lambda_", "noise_k")]
+    _fields_ += [("isa", ctypes.c_char * 16)]
+
+
+class _Camera(ctypes.Structure):  # struct bolo_shm_camera
+    _fields_ = [("bytes", ctypes.c_uint64), ("state", ctypes.c_uint64), ("since_ns", ctypes.c_int64)]
+    _fields_ += [("lost", ctypes.c_uint64 * 8)]
+    _fields_ += [(name, ctypes.c_uint64) for name in ("reopened", "stalls", "outage_frames", "corrections")]
+    _fields_ += [("correction_ns", ctypes.c_int64), ("clock_offset_ns", ctypes.c_int64)]
+    _fields_ += [("clock_drift_ppm", ctypes.c_double), ("clock_jitter_ns", ctypes.c_double)]
+    _fields_ += [(name, ctypes.c_uint64) for name in ("clock_jumps", "received_packets", "missing_packets")]
+    _fields_ += [("resent_packets", ctypes.c_uint64), ("temperature_k", ctypes.c_double)]
+    _fields_ += [("control_socket", ctypes.c_char * 112)]
+
+
+class _Info(ctypes.Structure):  # struct bolo_client_info
+    _fields_ = [(name, ctypes.c_uint32) for name in ("width", "height", "unit", "row_step")]
+    _fields_ += [(name, ctypes.c_double) for name in ("scale", "offset", "frame_period_s", "tau_s")]
+    _fields_ += [(name, ctypes.c_uint32) for name in ("window", "lookahead", "slot_count", "writer_pid")]
+    _fields_ += [("start_ns", ctypes.c_int64), ("restarts", ctypes.c_uint64)]
+    _fields_ += [(name, ctypes.c_char_p) for name in ("camera_model", "camera_serial", "solver")]
+    _fields_ += [("settings", ctypes.POINTER(_Settings)), ("control_socket", ctypes.c_char_p)]
+
+
+class _Frame(ctypes.Structure):  # struct bolo_client_frame
+    _fields_ = [(name, ctypes.c_uint64) for name in ("number", "missed", "frame_id")]
+    _fields_ += [(name, ctypes.c_int64) for name in ("camera_ns", "host_ns", "receive_ns", "publish_ns")]
+    _fields_ += [("noise_k", ctypes.c_double)]
+    _fields_ += [(name, ctypes.c_uint32) for name in ("flags", "width", "height", "reserved_0")]
+    _fields_ += [(name, ctypes.c_void_p) for name in ("raw", "deblurred", "slot")]
+    _fields_ += [("reserved", ctypes.c_uint64 * 4)]
+
+
+class _State(ctypes.Structure):  # struct bolo_client_state
+    _fields_ = [("alive", ctypes.c_uint32), ("reserved_0", ctypes.c_uint32), ("heartbeat_age_ns", ctypes.c_int64)]
+    _fields_ += [(name, ctypes.c_uint64) for name in ("published", "received", "restarts", "warm_up", "gap_frames")]
+    _fields_ += [("lost_frames", ctypes.c_uint64), ("lost", ctypes.c_uint64 * 16), ("camera", ctypes.POINTER(_Camera))]
+
+
+def _load() -> ctypes.CDLL:
+    path = os.environ.get("BOLO_CLIENT_LIBRARY", "libbolo-client.so.0")
+    try:
+        library = ctypes.CDLL(path)
+    except OSError as error:
+        raise ImportError(f"{path}: {error}; install the package libbolo-client, or set BOLO_CLIENT_LIBRARY") from error
+    handle, frame = ctypes.c_void_p, ctypes.POINTER(_Frame)
+    for name, result, arguments in (
+        ("version", ctypes.c_char_p, []),
+        ("streams", ctypes.c_int, [ctypes.c_char_p, ctypes.c_size_t]),
+        ("open", ctypes.c_int, [ctypes.c_char_p, ctypes.c_int, ctypes.POINTER(handle)]),
+        ("close", None, [handle]),
+        ("error", ctypes.c_char_p, [handle]),
+        ("get_info", ctypes.POINTER(_Info), [handle]),
+        ("get_state", ctypes.POINTER(_State), [handle]),
+        ("next", ctypes.c_int, [handle, ctypes.c_int, frame]),
+        ("latest", ctypes.c_int, [handle, ctypes.c_int, frame]),
+        ("valid", ctypes.c_int, [frame]),
+        ("copy", ctypes.c_int, [frame, ctypes.c_void_p, ctypes.c_void_p]),
+        ("points", ctypes.c_int, [handle, ctypes.c_uint64, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p]),
+        ("hold_new", handle, [handle]),
+        ("hold_free", None, [handle]),
+    ):
+        function = getattr(library, "bolo_client_" + name)
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+_library = _load()
+
+
+def _call(name: str, *arguments):
+    return getattr(_library, "bolo_client_" + name)(*arguments)
+
+
+def _error(result: int, handle=None) -> Error:
+    return _ERRORS.get(result, Error)(result, _call("error", handle).decode())
+
+
+def version() -> str:
+    """The library's version."""
+    return _call("version").decode()
+
+
+def streams() -> list[str]:
+    """The names of the streams that exist now, of dead daemons too."""
+    room = 1 << 16
+    while True:
+        text = ctypes.create_string_buffer(room)
+        needed = _call("streams", text, room)
+        if needed < 0:
+            raise _error(needed)
+        if needed <= room:
+            return text.value.decode().split()
+        room = needed
+
+
+@dataclass(frozen=True)
+class Info:
+    """What a stream is; bolo/client.h has each field's meaning."""
+
+    width: int
+    height: int
+    kelvin: bool  # kelvin = scale * value + offset; otherwise values are counts
+    scale: float
+    offset: float
+    row_step: int
+    frame_period_s: float
+    tau_s: float
+    window: int
+    lookahead: int
+    slot_count: int
+    writer_pid: int
+    camera_model: str
+    camera_serial: str
+    solver: str
+    control_socket: str
+    lambda_: Optional[float]  # None: the daemon does not tell
+    kappa: Optional[float]
+
+    @staticmethod
+    def _of(info: _Info) -> "Info":
+        settings = info.settings.contents if info.settings else None
+        return Info(
+            width=info.width,
+            height=info.height,
+            kelvin=info.unit == 0,
+            scale=info.scale,
+            offset=info.offset,
+            row_step=info.row_step,
+            frame_period_s=info.frame_period_s,
+            tau_s=info.tau_s,
+            window=info.window,
+            lookahead=info.lookahead,
+            slot_count=info.slot_count,
+            writer_pid=info.writer_pid,
+            camera_model=info.camera_model.decode(errors="replace"),
+            camera_serial=info.camera_serial.decode(errors="replace"),
+            solver=info.solver.decode(errors="replace"),
+            control_socket=os.fsdecode(info.control_socket),
+            lambda_=settings.lambda_ if settings else None,
+            kappa=settings.kappa if settings else None,
+        )
+
+
+_CAMERA_STATES = ("idle", "streaming", "stalled", "lost", "correcting")
+_LOSS_CAUSES = ("incomplete", "missing", "pool_exhausted", "queue_full", "bad_frame", "driver", "out_of_order")
+
+
+@dataclass(frozen=True)
+class State:
+    """What daemon and camera do, as they did when it was asked for."""
+
+    alive: bool
+    heartbeat_age_s: float
+    published: int
+    received: int
+    restarts: int  # windows emptied
+    warm_up: int
+    gap_frames: int
+    lost: dict[str, int]  # frames, by cause
+    camera: Optional[str]  # "streaming", "lost" ...; None: the daemon does not tell
+    reopened: int
+    temperature_k: Optional[float]
+
+    @staticmethod
+    def _of(state: _State) -> "State":
+        camera = state.camera.contents if state.camera else None
+        known = camera is not None and camera.state < len(_CAMERA_STATES)
+        return State(
+            alive=bool(state.alive),
+            heartbeat_age_s=state.heartbeat_age_ns * 1e-9,
+            published=state.published,
+            received=state.received,
+            restarts=state.restarts,
+            warm_up=state.warm_up,
+            gap_frames=state.gap_frames,
+            lost=dict(zip(_LOSS_CAUSES, state.lost)),
+            camera=_CAMERA_STATES[camera.state] if known else None,
+            reopened=camera.reopened if camera else 0,
+            temperature_k=camera.temperature_k if camera and camera.temperature_k > 0 else None,
+        )
+
+
+class _Ring:
+    """Keeps a ring mapped as long as arrays lie in it."""
+
+    def __init__(self, handle):
+        hold = _call("hold_new", handle)
+        if not hold:
+            raise MemoryError("bolo: no memory to hold a ring")
+        weakref.finalize(self, _library.bolo_client_hold_free, hold)
+
+    def view(self, address: int, height: int, width: int) -> np.ndarray:
+        words = (ctypes.c_uint16 * (height * width)).from_address(address)
+        words.ring = self  # the array's base keeps it
+        return np.frombuffer(memoryview(words).toreadonly(), np.uint16).reshape(height, width)
+
+
+class Frame:
+    """A frame where it lies in the ring. What is made of it counts only if valid() holds afterwards."""
+
+    def __init__(self, lent: _Frame, ring: _Ring, info: Info, restarted: bool):
+        self._lent = lent
+        self._ring = ring
+        self.info = info
+        self.restarted = restarted  # the first one of another daemon: info may differ
+        self._raw: Optional[np.ndarray] = None
+        self._deblurred: Optional[np.ndarray] = None
+        self._own = False
+
+    @property
+    def raw(self) -> np.ndarray:
+        """uint16, height x width, as the camera gave it: a read-only view."""
+        if self._raw is None:
+            self._raw = self._ring.view(self._lent.raw, self.info.height, self.info.width)
+        return self._raw
+
+    @property
+    def deblurred(self) -> np.ndarray:
+        """uint16, height x width, with the pixels' inertia undone: a read-only view."""
+        if self._deblurred is None:
+            self._deblurred = self._ring.view(self._lent.deblurred, self.info.height, self.info.width)
+        return self._deblurred
+
+    def kelvin(self, plane: Optional[np.ndarray] = None) -> np.ndarray:
+        """float32, height x width: of the deblurred plane, or of `plane`."""
+        if not self.info.kelvin:
+            raise ValueError("this stream is in counts, which nothing says how to make kelvin of")
+        plane = self.deblurred if plane is None else plane
+        return plane * np.float32(self.info.scale) + np.float32(self.info.offset)
+
+    def valid(self) -> bool:
+        """Whether the planes were this frame's during all that was read of them until now."""
+        return self._own or _call("valid", self._lent) == 1
+
+    def copy(self) -> Optional["Frame"]:
+        """The same with planes of its own, always valid; None when it was overwritten."""
+        other = Frame(self._lent, self._ring, self.info, self.restarted)
+        if self._own:
+            other._raw, other._deblurred = self.raw.copy(), self.deblurred.copy()
+        else:
+            other._raw = np.empty((self.info.height, self.info.width), np.uint16)
+            other._deblurred = np.empty_like(other._raw)
+            if _call("copy", self._lent, other._raw.ctypes.data, other._deblurred.ctypes.data) != _OK:
+                return None
+        other._own = True
+        return other
+
+    @property
+    def number(self) -> int:
+        """Publication order of its daemon, from 0."""
+        return self._lent.number
+
+    @property
+    def missed(self) -> int:
+        """Frames published between this and the one given before it that were not given."""
+        return self._lent.missed
+
+    @property
+    def frame_id(self) -> int:
+        """The camera's counter."""
+        return self._lent.frame_id
+
+    @property
+    def camera_time(self) -> float:
+        """When it was taken, s of the camera's clock."""
+        return self._lent.camera_ns * 1e-9
+
+    @property
+    def host_time(self) -> Optional[float]:
+        """When it was taken; None: not known."""
+        return self._lent.host_ns * 1e-9 if self._lent.host_ns else None
+
+    @property
+    def receive_time(self) -> float:
+        """When its first byte came in."""
+        return self._lent.receive_ns * 1e-9
+
+    @property
+    def publish_time(self) -> float:
+        """When it was put into the ring."""
+        return self._lent.publish_ns * 1e-9
+
+    @property
+    def flags(self) -> Flag:
+        return Flag(self._lent.flags)
+
+
+class Camera:
+    """A daemon's stream, followed across its restarts. Iterate, or call next() and latest()."""
+
+    def __init__(self, name: str, timeout: Optional[float] = 0.0, follow: bool = True):
+        """Opens the stream of the daemon with [shm] name = `name`, waiting up to `timeout` seconds for it (None: as long
+        as it takes). follow=False: iteration ends with the daemon, instead of waiting for the next one."""
+        self.name = name
+        self.follow = follow
+        self.restarts = 0  # daemons followed after the first one
+        self._handle = ctypes.c_void_p()
+        self._ended = False
+        self._restarted = False
+        end = _end(timeout)
+        while True:
+            result = _call("open", os.fsencode(name), _slice_ms(end), ctypes.byref(self._handle))
+            if result == _OK:
+                break
+            if result not in (-1, -2, -3) or _passed(end):
+                raise _error(result)
+        self._close = weakref.finalize(self, _library.bolo_client_close, self._handle)
+        self._look()
+
+    def _look(self) -> None:
+        self.info = Info._of(_call("get_info", self._handle).contents)
+        self._ring = _Ring(self._handle)
+
+    def __enter__(self) -> "Camera":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Frames and arrays that were given stay good."""
+        self._close()
+        self._handle = None
+
+    def _open_handle(self):
+        if self._handle is None:
+            raise ValueError(f"the camera '{self.name}' is closed")
+        return self._handle
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Every frame in order, waiting for each as long as it takes."""
+        while True:
+            frame = self.next()
+            if frame is None:
+                return
+            yield frame
+
+    def next(self, timeout: Optional[float] = None) -> Optional[Frame]:
+        """The next frame in order; None when none came within `timeout` seconds (None: as long as it takes), or when the
+        daemon ended and is not to be followed. Frames overwritten before it are counted in frame.missed."""
+        return self._wait("next", timeout)
+
+    def latest(self, timeout: Optional[float] = None) -> Optional[Frame]:
+        """The newest frame that was not given yet; those before it count as missed."""
+        return self._wait("latest", timeout)
+
+    def _wait(self, function: str, timeout: Optional[float]) -> Optional[Frame]:
+        handle, end = self._open_handle(), _end(timeout)
+        while True:
+            lent = _Frame()
+            result = _call(function, handle, _slice_ms(end), lent)
+            if result == _OK:
+                restarted, self._restarted = self._restarted, False
+                return Frame(lent, self._ring, self.info, restarted)
+            if result < 0:
+                raise _error(result, handle)
+            if result == _RESTARTED:
+                self._look()
+                self.restarts += 1
+                self._restarted = True
+            if (result in (_ENDED, _RESTARTED) and not self.follow) or _passed(end):
+                return None
+
+    def points(self, points: Sequence[Tuple[int, int]], frame: Optional[Frame] = None) -> np.ndarray:
+        """float32: kelvin (counts without kelvin) at each (x, y) of `frame`, or of the newest frame that can be solved,
+        from the raw planes of its window, here: the bits of the deblurred plane. Raises Unavailable when the ring does
+        not hold the window."""
+        handle = self._open_handle()
+        number = self._newest_solvable() if frame is None else frame.number
+        asked = np.ascontiguousarray(points)
+        if asked.size == 0:
+            return np.empty(0, np.float32)
+        if asked.ndim != 2 or asked.shape[1] != 2 or (asked < 0).any() or (asked >= 1 << 31).any():
+            raise ValueError("points: expected pairs (x, y) of pixels inside the frame")
+        asked = np.ascontiguousarray(asked, dtype=np.uint32)
+        values = np.empty(len(asked), np.float32)
+        result = _call("points", handle, number, asked.ctypes.data, len(asked), values.ctypes.data)
+        if result < 0:
+            raise _error(result, handle)
+        if result != _OK:
+            raise Unavailable(result, f"no points of frame {number}: {_UNAVAILABLE[result]}")
+        return values
+
+    def _newest_solvable(self) -> int:
+        newest = self.state().published - 1 - self.info.lookahead
+        if newest < 0:
+            raise Unavailable(_NOT_YET, "no frame is published that could be solved")
+        return newest
+
+    def state(self) -> State:
+        """What daemon and camera do now."""
+        return State._of(_call("get_state", self._open_handle()).contents)
+
+
+def _end(timeout: Optional[float]) -> Optional[float]:
+    return None if timeout is None else time.monotonic() + timeout
+
+
+def _passed(end: Optional[float]) -> bool:
+    return end is not None and time.monotonic() >= end
+
+
+def _slice_ms(end: Optional[float]) -> int:
+    if end is None:
+        return _SLICE_MS
+    return max(0, min(_SLICE_MS, round((end - time.monotonic()) * 1000)))

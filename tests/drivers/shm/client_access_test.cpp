@@ -1,0 +1,103 @@
+// Who may read: a reader in the stream's group, one outside it, and what neither can do.
+#include <fcntl.h>
+#include <grp.h>
+#include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <functional>
+
+#include "tests/drivers/shm/client_rig.hpp"
+#include "tests/drivers/shm/shm_rig.hpp"
+
+namespace bolo::shm {
+namespace {
+
+constexpr uid_t kNobody = 65534;
+constexpr gid_t kNoGroup = 65534;
+constexpr const char* kGroup = "video";
+
+// Runs `work` in a child without privileges, member of `groups`; what it returns. -1: it did not get there.
+int unprivileged(const std::vector<gid_t>& groups, const std::function<int()>& work) {
+  const pid_t child = fork();
+  if (child == 0) {
+    const bool dropped = setgroups(groups.size(), groups.data()) == 0 && setgid(kNoGroup) == 0 && setuid(kNobody) == 0;
+    _exit(dropped ? work() : 99);
+  }
+  int status = 0;
+  return waitpid(child, &status, 0) == child && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+class ClientAccess : public testing::Test {
+ protected:
+  void SetUp() override {
+    const group* found = getgrnam(kGroup);
+    if (geteuid() != 0 || found == nullptr) GTEST_SKIP() << "needs root, to become other users, and a group " << kGroup;
+    group_ = found->gr_gid;
+    ASSERT_TRUE(sink_.open(format_.format));
+  }
+
+  std::string name_ = unique_name("access");
+  std::string path_ = "/bolo." + name_;
+  Writer format_{name_ + "-unused"};
+  ShmSink sink_{{name_, 0, 0640, kGroup}};
+  gid_t group_ = 0;
+};
+
+TEST_F(ClientAccess, AMemberOfTheGroupReads) {
+  const std::vector<std::uint16_t> plane(33 * 7, 1234);
+  sink_.publish({FrameMeta{}, 0, plane.data(), plane.data()}, format_.stats);
+  const int result = unprivileged({group_}, [&] {
+    const Client client = open_client(name_);
+    bolo_client_frame frame{};
+    if (!client || bolo_client_next(client.get(), 0, &frame) != BOLO_CLIENT_OK) return 1;
+    return frame.raw[5] == 1234 && bolo_client_valid(&frame) == 1 ? 0 : 2;
+  });
+  EXPECT_EQ(result, 0);
+}
+
+TEST_F(ClientAccess, OthersAreRefusedInOneLine) {
+  const int result = unprivileged({}, [&] {
+    bolo_client* client = nullptr;
+    if (bolo_client_open(name_.c_str(), 0, &client) != BOLO_CLIENT_DENIED || client != nullptr) return 1;
+    const std::string text = bolo_client_error(nullptr);
+    const bool clear = text.find("no permission to read shared memory '" + name_ + "'") != std::string::npos &&
+                       text.find("shm.group") != std::string::npos && text.find('\n') == std::string::npos;
+    return clear ? 0 : 2;
+  });
+  EXPECT_EQ(result, 0);
+}
+
+TEST_F(ClientAccess, AMemberGetsNoWriteAccess) {
+  const int result = unprivileged({group_}, [&] {
+    if (shm_open(path_.c_str(), O_RDWR, 0) >= 0 || errno != EACCES) return 1;
+    const int fd = shm_open(path_.c_str(), O_RDONLY, 0);
+    if (fd < 0) return 2;
+    if (mmap(nullptr, 4096, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0) != MAP_FAILED) return 3;
+    void* memory = mmap(nullptr, 4096, PROT_READ, MAP_SHARED, fd, 0);
+    if (memory == MAP_FAILED) return 4;
+    if (mprotect(memory, 4096, PROT_READ | PROT_WRITE) == 0 || errno != EACCES) return 5;
+    if (ftruncate(fd, 0) == 0) return 6;
+    if (shm_unlink(path_.c_str()) == 0) return 7;
+    return open(("/proc/self/fd/" + std::to_string(fd)).c_str(), O_RDWR) < 0 ? 0 : 8;
+  });
+  EXPECT_EQ(result, 0) << "the number of the first thing that should have been refused";
+}
+
+// What the library maps is read-only even for those who may write: the owner itself, and root.
+TEST_F(ClientAccess, TheLibraryMapsReadOnly) {
+  const std::vector<std::uint16_t> plane(33 * 7, 1234);
+  sink_.publish({FrameMeta{}, 0, plane.data(), plane.data()}, format_.stats);
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  bolo_client_frame frame{};
+  ASSERT_EQ(bolo_client_next(client.get(), 0, &frame), BOLO_CLIENT_OK);
+  const auto page = reinterpret_cast<std::uintptr_t>(frame.raw) & ~std::uintptr_t{4095};
+  EXPECT_NE(mprotect(reinterpret_cast<void*>(page), 4096, PROT_READ | PROT_WRITE), 0);  // NOLINT
+  EXPECT_EQ(errno, EACCES);
+}
+
+}  // namespace
+}  // namespace bolo::shm

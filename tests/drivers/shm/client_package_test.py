@@ -1,0 +1,111 @@
+"""What is installed of libbolo-client: files, then the examples built against it and run on a live stream.
+
+usage: client_package_test.py CMAKE BUILD_FOLDER BOLO EXAMPLES
+"""
+
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+CMAKE, BUILD, BOLO, EXAMPLES = sys.argv[1:5]
+COMPONENTS = ("libbolo-client", "libbolo-client-dev", "python3-bolo")
+STRICT = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+
+
+def run(*words, **options):
+    done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=300, **options)
+    if done.returncode != 0:
+        raise AssertionError(f"{words[0]} ended with {done.returncode}: {done.stdout}{done.stderr}")
+    return done.stdout
+
+
+class Installed(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory()
+        cls.folder = pathlib.Path(cls.scratch.name)
+        cls.prefix = cls.folder / "prefix"
+        for component in COMPONENTS:
+            run(CMAKE, "--install", BUILD, "--prefix", cls.prefix, "--component", component)
+        library = next(cls.prefix.rglob("libbolo-client.so.0"))
+        cls.environment = dict(os.environ, LD_LIBRARY_PATH=str(library.parent), PYTHONDONTWRITEBYTECODE="1",
+                               PKG_CONFIG_PATH=str(library.parent / "pkgconfig"),
+                               PYTHONPATH=str(next(cls.prefix.rglob("bolo.py")).parent))
+        cls.environment.pop("BOLO_CLIENT_LIBRARY", None)
+        cls.name = f"test-package-{os.getpid()}"
+        capture = cls.folder / "in.h5"
+        run(BOLO, "simulate", "-o", capture, "--width", "64", "--height", "24", "--frames", "200")
+        cls.daemon = subprocess.Popen([BOLO, "replay", capture, "--name", cls.name, "--loop"],
+                                      stderr=subprocess.DEVNULL)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.daemon.terminate()
+        cls.daemon.wait()
+        cls.scratch.cleanup()
+
+    def run_here(self, *words):
+        return run(*words, env=self.environment)
+
+    def check_viewer(self, program):
+        lines = self.run_here(program, self.name, 3).splitlines()
+        self.assertRegex(lines[0], r"64x24 at 200 Hz: ")
+        self.assertEqual(len(lines), 4)
+        for line in lines[1:]:
+            self.assertRegex(line, r"^frame \d+: -?\d+\.\d\d C at \(\d+, \d+\), \d+ missed$")
+
+    def check_points(self, program):
+        lines = self.run_here(program, self.name, 5, "0,0", "63,23").splitlines()
+        self.assertEqual(len(lines), 5)
+        for line in lines:
+            self.assertRegex(line, r"^frame \d+: \d{3}\.\d{3} \d{3}\.\d{3}$")
+
+    def test_files_are_where_they_are_looked_for(self):
+        files = {str(path.relative_to(self.prefix)) for path in self.prefix.rglob("*") if not path.is_dir()}
+        for ending in ("include/bolo/client.h", "include/bolo/shm_layout.h", "/libbolo-client.so",
+                       "/libbolo-client.so.0", "/pkgconfig/bolo-client.pc", "/bolo-client/bolo-clientConfig.cmake",
+                       "/bolo-client/bolo-clientConfigVersion.cmake", "lib/python3/dist-packages/bolo.py",
+                       "/examples/viewer.c"):
+            self.assertTrue(any(file.endswith(ending) for file in files), f"{ending} in {sorted(files)}")
+
+    def test_soname_has_the_abis_number(self):
+        library = next(self.prefix.rglob("libbolo-client.so.0"))
+        self.assertIn("Library soname: [libbolo-client.so.0]", run("readelf", "-d", library))
+
+    def test_examples_build_and_run_by_pkg_config(self):
+        flags = self.run_here("pkg-config", "--cflags", "--libs", "bolo-client").split()
+        viewer, points = self.folder / "viewer", self.folder / "points"
+        run("cc", "-std=c11", *STRICT, pathlib.Path(EXAMPLES, "viewer.c"), "-o", viewer, *flags)
+        run("c++", "-std=c++17", *STRICT, pathlib.Path(EXAMPLES, "points.cpp"), "-o", points, *flags)
+        self.check_viewer(viewer)
+        self.check_points(points)
+
+    def test_examples_build_and_run_by_find_package(self):
+        build = self.folder / "build"
+        run(CMAKE, "-S", EXAMPLES, "-B", build, f"-DCMAKE_PREFIX_PATH={self.prefix}")
+        run(CMAKE, "--build", build)
+        self.check_viewer(build / "viewer")
+        self.check_points(build / "points")
+
+    def test_the_python_example_runs_without_opencv(self):
+        hidden = self.folder / "no-opencv"
+        hidden.mkdir()
+        (hidden / "cv2.py").write_text("raise ImportError\n")
+        environment = dict(self.environment, PYTHONPATH=f"{hidden}:{self.environment['PYTHONPATH']}")
+        example = pathlib.Path(EXAMPLES, "opencv_view.py")
+        lines = run("/usr/bin/python3", example, self.name, 60, env=environment).splitlines()
+        self.assertGreater(len(lines), 0)
+        for line in lines:
+            self.assertRegex(line, r"^frame \d+: \d+\.\d\d to \d+\.\d\d K$")
+
+    def test_a_wrong_name_is_one_clear_line(self):
+        done = subprocess.run(["/usr/bin/python3", "-c", "import bolo; bolo.Camera('no-such-camera')"],
+                              env=self.environment, capture_output=True, text=True)
+        self.assertIn("bolo.NotFound: no shared memory named 'no-such-camera'", done.stderr.splitlines()[-1])
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1], verbosity=2)

@@ -1,0 +1,336 @@
+// libbolo-client by its C functions, as other programs call them: one writer, fed by hand, and handles on it.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdio>
+#include <thread>
+
+#include "tests/drivers/shm/client_rig.hpp"
+#include "tests/drivers/shm/shm_rig.hpp"
+
+namespace bolo::shm {
+namespace {
+
+bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+class ClientTest : public testing::Test {
+ protected:
+  ClientTest() : name_(unique_name(testing::UnitTest::GetInstance()->current_test_info()->name())) {}
+
+  void SetUp() override { write_anew({33, 7}); }
+  void write_anew(Geometry geometry) {
+    writer_ = nullptr;
+    writer_ = std::make_unique<Writer>(name_, geometry);
+    writer_->format.deblur = deblur::Settings();
+    writer_->format.isa = "auto";
+    ASSERT_TRUE(writer_->open());
+  }
+  void publish(int count) {
+    for (int i = 0; i < count; ++i) writer_->publish();
+  }
+
+  std::string name_;
+  std::unique_ptr<Writer> writer_;
+  bolo_client_frame frame_{};
+};
+
+bool intact(const bolo_client_frame& frame, std::uint64_t number) {
+  if (frame.number != number || frame.frame_id != 2 * number) return false;
+  for (std::size_t i = 0; i < std::size_t{frame.width} * frame.height; ++i) {
+    if (frame.raw[i] != pattern(number, 0, i) || frame.deblurred[i] != pattern(number, 1, i)) return false;
+  }
+  return bolo_client_valid(&frame) == 1;
+}
+
+TEST_F(ClientTest, InfoSaysWhatTheStreamIs) {
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client) << bolo_client_error(nullptr);
+  const auto* info = bolo_client_get_info(client.get());
+  EXPECT_EQ(info->width, 33U);
+  EXPECT_EQ(info->height, 7U);
+  EXPECT_EQ(info->unit, std::uint32_t{BOLO_UNIT_KELVIN});
+  EXPECT_DOUBLE_EQ(info->scale, 0.01);
+  EXPECT_DOUBLE_EQ(info->offset, 5.0);
+  EXPECT_DOUBLE_EQ(info->frame_period_s, 0.005);
+  EXPECT_STREQ(info->camera_model, "Model");
+  EXPECT_STREQ(info->camera_serial, "1234");
+  EXPECT_STREQ(info->solver, "admm");
+  EXPECT_EQ(info->writer_pid, static_cast<std::uint32_t>(getpid()));
+  EXPECT_EQ(info->restarts, 0U);
+  ASSERT_NE(info->settings, nullptr);
+  EXPECT_EQ(info->settings->method, std::uint32_t{BOLO_METHOD_ADMM});
+  EXPECT_STREQ(info->control_socket, "");
+}
+
+TEST_F(ClientTest, FramesComeInOrderInPlace) {
+  publish(3);
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
+  EXPECT_TRUE(intact(frame_, 2)) << "a stream begins with its newest frame";
+  EXPECT_EQ(frame_.missed, 0U);
+  EXPECT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_TIMEOUT);
+  EXPECT_EQ(frame_.number, 2U) << "without a frame the structure stays as it was";
+  publish(2);
+  for (std::uint64_t n = 3; n < 5; ++n) {
+    ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
+    EXPECT_TRUE(intact(frame_, n));
+    EXPECT_EQ(frame_.missed, 0U);
+    EXPECT_EQ(frame_.camera_ns, static_cast<std::int64_t>(n) * 5'000'000);
+    EXPECT_EQ(frame_.receive_ns, static_cast<std::int64_t>(1000 + n));
+    EXPECT_EQ(frame_.publish_ns, static_cast<std::int64_t>(2000 + n));
+    EXPECT_EQ(frame_.flags, 0U);
+  }
+  publish(1);
+  ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
+  EXPECT_EQ(frame_.flags, std::uint32_t{BOLO_FLAG_GAP});
+}
+
+TEST_F(ClientTest, TheLatestFrameCountsThoseBeforeItAsMissed) {
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  publish(10);
+  ASSERT_EQ(bolo_client_latest(client.get(), 0, &frame_), BOLO_CLIENT_OK);
+  EXPECT_TRUE(intact(frame_, 9));
+  EXPECT_EQ(frame_.missed, 9U);
+  EXPECT_EQ(bolo_client_latest(client.get(), 0, &frame_), BOLO_CLIENT_TIMEOUT);
+}
+
+TEST_F(ClientTest, AReaderThatFellBehindGoesOnInTheRingsMiddle) {
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  const std::uint64_t slots = bolo_client_get_info(client.get())->slot_count;
+  publish(static_cast<int>(3 * slots));
+  ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
+  EXPECT_TRUE(intact(frame_, frame_.number));
+  EXPECT_EQ(frame_.missed, frame_.number);
+  EXPECT_GT(frame_.number, 2 * slots + slots / 4);
+  EXPECT_LT(frame_.number, 3 * slots - slots / 4);
+}
+
+TEST_F(ClientTest, AFrameIsNoLongerValidOnceTheRingHasComeRound) {
+  publish(1);
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
+  std::vector<std::uint16_t> raw(frame_.width * frame_.height);
+  std::vector<std::uint16_t> deblurred(raw.size());
+  ASSERT_EQ(bolo_client_copy(&frame_, raw.data(), deblurred.data()), BOLO_CLIENT_OK);
+  for (std::size_t i = 0; i < raw.size(); ++i) {
+    ASSERT_EQ(raw[i], pattern(0, 0, i));
+    ASSERT_EQ(deblurred[i], pattern(0, 1, i));
+  }
+  publish(static_cast<int>(bolo_client_get_info(client.get())->slot_count) - 1);
+  EXPECT_EQ(bolo_client_valid(&frame_), 1);
+  publish(1);
+  EXPECT_EQ(bolo_client_valid(&frame_), 0);
+  EXPECT_EQ(bolo_client_copy(&frame_, raw.data(), nullptr), BOLO_CLIENT_OVERWRITTEN);
+  EXPECT_EQ(bolo_client_valid(nullptr), 0);
+  const bolo_client_frame none{};
+  EXPECT_EQ(bolo_client_valid(&none), 0);
+  EXPECT_EQ(bolo_client_copy(&none, nullptr, nullptr), BOLO_CLIENT_BAD_ARGUMENT);
+}
+
+TEST_F(ClientTest, ValuesBecomeKelvinAndCountsDoNot) {
+  Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  const std::uint16_t values[] = {0, 1, 29'500, 65'535};
+  float kelvin[4] = {};
+  ASSERT_EQ(bolo_client_kelvin(client.get(), values, 4, kelvin), BOLO_CLIENT_OK);
+  for (int i = 0; i < 4; ++i) EXPECT_FLOAT_EQ(kelvin[i], static_cast<float>(0.01 * values[i] + 5.0));
+  client = nullptr;
+  writer_->sink.close();
+  writer_->format.source.format.scale.unit = Unit::kCount;
+  ASSERT_TRUE(writer_->open());
+  client = open_client(name_);
+  ASSERT_TRUE(client);
+  EXPECT_EQ(bolo_client_kelvin(client.get(), values, 4, kelvin), BOLO_CLIENT_UNSUPPORTED);
+  EXPECT_TRUE(contains(bolo_client_error(client.get()), "in counts"));
+}
+
+TEST_F(ClientTest, StateTellsLossesAndLife) {
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  writer_->inlet.count_loss(LossCause::kMissing, 3);
+  writer_->inlet.count_loss(LossCause::kOutOfOrder, 2);
+  writer_->stats.gap_frames.add(6);
+  publish(2);
+  const auto* state = bolo_client_get_state(client.get());
+  EXPECT_EQ(state->alive, 1U);
+  EXPECT_EQ(state->published, 2U);
+  EXPECT_EQ(state->lost[static_cast<std::size_t>(LossCause::kMissing)], 3U);
+  EXPECT_EQ(state->lost_frames, 5U);
+  EXPECT_EQ(state->gap_frames, 6U);
+  EXPECT_GE(state->heartbeat_age_ns, 0);
+  ASSERT_NE(state->camera, nullptr);
+  EXPECT_EQ(state->camera->state, std::uint64_t{BOLO_CAMERA_IDLE});
+  writer_ = nullptr;
+  EXPECT_EQ(bolo_client_get_state(client.get())->alive, 0U);
+}
+
+TEST_F(ClientTest, ARestartIsToldOnceAndFollowed) {
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  publish(2);
+  write_anew({16, 4});
+  publish(3);
+  for (std::uint64_t n = 0; n < 2; ++n) {
+    ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK) << "what is left of the old ring comes first";
+    EXPECT_TRUE(intact(frame_, n));
+  }
+  ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_RESTARTED);
+  EXPECT_EQ(bolo_client_get_info(client.get())->width, 16U);
+  EXPECT_EQ(bolo_client_get_info(client.get())->height, 4U);
+  EXPECT_EQ(bolo_client_get_info(client.get())->restarts, 1U);
+  for (std::uint64_t n = 0; n < 3; ++n) {
+    ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
+    EXPECT_TRUE(intact(frame_, n)) << "none of the new ring is left out";
+    EXPECT_EQ(frame_.width, 16U);
+  }
+}
+
+TEST_F(ClientTest, AnEndIsToldUntilAnotherWriterComes) {
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  writer_ = nullptr;
+  EXPECT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_ENDED);
+  EXPECT_EQ(bolo_client_next(client.get(), 5, &frame_), BOLO_CLIENT_ENDED);
+  EXPECT_TRUE(contains(bolo_client_error(client.get()), "its writer has ended")) << bolo_client_error(client.get());
+  std::thread later([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    write_anew({33, 7});
+    publish(1);
+  });
+  EXPECT_EQ(bolo_client_next(client.get(), 60'000, &frame_), BOLO_CLIENT_RESTARTED);
+  EXPECT_EQ(bolo_client_next(client.get(), 60'000, &frame_), BOLO_CLIENT_OK);
+  later.join();
+}
+
+TEST_F(ClientTest, AHoldKeepsOldFramesReadableAcrossARestart) {
+  publish(1);
+  Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
+  bolo_client_hold* hold = bolo_client_hold_new(client.get());
+  ASSERT_NE(hold, nullptr);
+  write_anew({16, 4});
+  bolo_client_frame other{};
+  ASSERT_EQ(bolo_client_next(client.get(), 0, &other), BOLO_CLIENT_RESTARTED);
+  EXPECT_TRUE(intact(frame_, 0));
+  client = nullptr;
+  EXPECT_TRUE(intact(frame_, 0)) << "and after the handle's end";
+  bolo_client_hold_free(hold);
+}
+
+TEST_F(ClientTest, OpenWaitsForAStreamThatIsToCome) {
+  const std::string later_name = unique_name("to-come");
+  std::unique_ptr<Writer> later_writer;
+  std::thread later([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    later_writer = std::make_unique<Writer>(later_name);
+    ASSERT_TRUE(later_writer->open());
+  });
+  EXPECT_TRUE(open_client(later_name, 60'000));
+  later.join();
+}
+
+TEST_F(ClientTest, ManyHandlesReadAtTheSameTime) {
+  constexpr int kEnough = 50;
+  std::atomic<int> reading{4};
+  std::atomic<int> torn{0};
+  const auto read = [&] {
+    const Client client = open_client(name_);
+    bolo_client_frame frame{};
+    std::vector<std::uint16_t> raw(std::size_t{33} * 7);
+    for (int good = 0; client && good < kEnough;) {
+      if (bolo_client_next(client.get(), 60'000, &frame) != BOLO_CLIENT_OK) break;
+      if (bolo_client_copy(&frame, raw.data(), nullptr) != BOLO_CLIENT_OK) continue;
+      for (std::size_t i = 0; i < raw.size(); ++i) torn += raw[i] != pattern(frame.number, 0, i) ? 1 : 0;
+      ++good;
+    }
+    --reading;
+  };
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 4; ++i) threads.emplace_back(read);
+  while (reading > 0) {
+    publish(1);
+    std::this_thread::sleep_for(std::chrono::microseconds(200));
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(torn, 0);
+}
+
+TEST_F(ClientTest, WrongArgumentsAreAnswersNotCrashes) {
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  bolo_client* none = client.get();
+  EXPECT_EQ(bolo_client_open(nullptr, 0, &none), BOLO_CLIENT_BAD_ARGUMENT);
+  EXPECT_EQ(none, nullptr);
+  EXPECT_EQ(bolo_client_open("x", 0, nullptr), BOLO_CLIENT_BAD_ARGUMENT);
+  EXPECT_EQ(bolo_client_open("a/b", 0, &none), BOLO_CLIENT_BAD_ARGUMENT);
+  EXPECT_TRUE(contains(bolo_client_error(nullptr), "is no name"));
+  EXPECT_EQ(bolo_client_open("no-such-camera", 0, &none), BOLO_CLIENT_ABSENT);
+  EXPECT_TRUE(contains(bolo_client_error(nullptr), "no shared memory named 'no-such-camera'"));
+  EXPECT_EQ(bolo_client_next(nullptr, 0, &frame_), BOLO_CLIENT_BAD_ARGUMENT);
+  EXPECT_EQ(bolo_client_next(client.get(), 0, nullptr), BOLO_CLIENT_BAD_ARGUMENT);
+  EXPECT_EQ(bolo_client_latest(client.get(), 0, nullptr), BOLO_CLIENT_BAD_ARGUMENT);
+  EXPECT_EQ(bolo_client_kelvin(client.get(), nullptr, 1, nullptr), BOLO_CLIENT_BAD_ARGUMENT);
+  EXPECT_EQ(bolo_client_points(client.get(), 0, nullptr, 1, nullptr), BOLO_CLIENT_BAD_ARGUMENT);
+  float value = 0.0F;
+  const bolo_client_point outside{33, 0};
+  EXPECT_EQ(bolo_client_points(client.get(), 0, &outside, 1, &value), BOLO_CLIENT_BAD_ARGUMENT);
+  EXPECT_TRUE(contains(bolo_client_error(client.get()), "(33, 0) is not inside the frame of 33x7"));
+  EXPECT_EQ(bolo_client_points(client.get(), 0, nullptr, 0, nullptr), BOLO_CLIENT_OK) << "no points, nothing to do";
+  const bolo_client_point inside{32, 6};
+  EXPECT_EQ(bolo_client_points(client.get(), 0, &inside, 1, &value), BOLO_CLIENT_NOT_YET);
+  EXPECT_EQ(bolo_client_hold_new(nullptr), nullptr);
+  bolo_client_hold_free(nullptr);
+  bolo_client_close(nullptr);
+}
+
+TEST_F(ClientTest, PointsOfChangedFramesAreRefused) {
+  writer_->sink.close();
+  writer_->format.undone = true;
+  ASSERT_TRUE(writer_->open());
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  publish(20);
+  const bolo_client_point point{1, 1};
+  float value = 0.0F;
+  EXPECT_EQ(bolo_client_points(client.get(), 18, &point, 1, &value), BOLO_CLIENT_UNSUPPORTED);
+  EXPECT_TRUE(contains(bolo_client_error(client.get()), "read the deblurred planes"));
+}
+
+TEST_F(ClientTest, StreamsAreListedAndCutToFit) {
+  std::vector<char> text(1 << 16);
+  const int all = bolo_client_streams(text.data(), text.size());
+  ASSERT_GT(all, 0);
+  EXPECT_TRUE(contains(std::string("\n") + text.data(), "\n" + name_ + "\n"));
+  char few[4] = {'x', 'x', 'x', 'x'};
+  EXPECT_GT(bolo_client_streams(few, sizeof(few)), 4);
+  EXPECT_EQ(few[3], '\0');
+  EXPECT_GT(bolo_client_streams(nullptr, 0), 0);
+  EXPECT_EQ(bolo_client_streams(nullptr, 1), BOLO_CLIENT_BAD_ARGUMENT);
+}
+
+// The dynamic symbols, as another program's linker sees them.
+TEST(ClientLibrary, ExportsItsFunctionsAndNothingElse) {
+  FILE* symbols = popen("nm -D --defined-only " BOLO_CLIENT_LIBRARY, "r");
+  ASSERT_NE(symbols, nullptr);
+  char address[64];
+  char kind[8];
+  char symbol[256];
+  int functions = 0;
+  while (std::fscanf(symbols, "%63s %7s %255s", address, kind, symbol) == 3) {
+    const std::string name = symbol;
+    if (name == "BOLO_CLIENT_0") continue;  // the version itself
+    EXPECT_EQ(name.rfind("bolo_client_", 0), 0U) << name;
+    EXPECT_TRUE(contains(name, "@@BOLO_CLIENT_0")) << name;
+    ++functions;
+  }
+  EXPECT_EQ(pclose(symbols), 0);
+  EXPECT_EQ(functions, 15);
+}
+
+}  // namespace
+}  // namespace bolo::shm

@@ -1,0 +1,259 @@
+"""The Python module against a daemon in another process.
+
+usage: python_module_test.py BOLO MODULE_FOLDER LIBRARY. Exit code 77: numpy isn't there.
+"""
+
+import ctypes
+import gc
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+try:
+    import numpy as np
+except ImportError:
+    print("skipped: python3-numpy is not installed")
+    sys.exit(77)
+
+BOLO, MODULE_FOLDER, LIBRARY = sys.argv[1:4]
+os.environ["BOLO_CLIENT_LIBRARY"] = LIBRARY
+sys.path.insert(0, MODULE_FOLDER)
+
+import bolo  # noqa: E402
+
+HANG_S = 60
+
+
+def mapped_ranges(name):
+    """Where this process has the stream mapped."""
+    ranges = []
+    with open("/proc/self/maps") as maps:
+        for line in maps:
+            if line.split()[-1:] == [f"/dev/shm/bolo.{name}"]:
+                ranges.append(tuple(int(end, 16) for end in line.split()[0].split("-")))
+    return ranges
+
+
+def address(array):
+    return array.__array_interface__["data"][0]
+
+
+class WithDaemon(unittest.TestCase):
+    """A daemon that replays a small capture for ever."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.capture = os.path.join(cls.folder.name, "in.h5")
+        subprocess.run([BOLO, "simulate", "-o", cls.capture, "--width", "64", "--height", "24", "--frames", "200"],
+                       check=True, capture_output=True)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def setUp(self):
+        self.name = f"test-python-{os.getpid()}-{self._testMethodName[:40]}"
+        self.daemons = []
+        self.start()
+
+    def tearDown(self):
+        for daemon in self.daemons:
+            daemon.terminate()
+            daemon.wait()
+        if os.path.exists(f"/dev/shm/bolo.{self.name}"):
+            os.unlink(f"/dev/shm/bolo.{self.name}")
+
+    def start(self):
+        self.daemons.append(subprocess.Popen([BOLO, "replay", self.capture, "--name", self.name, "--loop"],
+                                             stderr=subprocess.DEVNULL))
+
+    def open(self, **options):
+        return bolo.Camera(self.name, timeout=HANG_S, **options)
+
+    def whole_frame(self, camera):
+        """A frame of its own that had a full window; a busy machine may take some attempts."""
+        while True:
+            copy = camera.next(HANG_S).copy()
+            if copy is not None and bolo.Flag.WARM_UP not in copy.flags:
+                return copy
+
+    def newest_points(self, camera, points):
+        while True:
+            try:
+                return camera.points(points)
+            except bolo.Unavailable:
+                time.sleep(0.01)
+
+    def test_frames_come_in_order_with_their_metadata(self):
+        with self.open() as camera:
+            self.assertEqual((camera.info.width, camera.info.height), (64, 24))
+            self.assertTrue(camera.info.kelvin)
+            before = None
+            for frame in camera:
+                self.assertEqual(frame.raw.shape, (24, 64))
+                self.assertEqual(frame.deblurred.dtype, np.uint16)
+                self.assertGreaterEqual(frame.publish_time, frame.receive_time)
+                self.assertLess(abs(time.monotonic() - frame.publish_time), HANG_S)
+                if before is not None:
+                    self.assertEqual(frame.number, before.number + 1 + frame.missed)
+                    self.assertGreater(frame.camera_time, before.camera_time)
+                before = frame
+                if frame.number > 40:
+                    break
+            self.assertIsInstance(frame.flags, bolo.Flag)
+
+    def test_planes_are_the_shared_memory_itself(self):
+        with self.open() as camera:
+            frame = camera.next()
+            for plane in (frame.raw, frame.deblurred):
+                begin = address(plane)
+                self.assertTrue(any(a <= begin and begin + plane.nbytes <= b for a, b in mapped_ranges(self.name)))
+                self.assertFalse(plane.flags.owndata)
+                self.assertFalse(plane.flags.writeable)
+                with self.assertRaises(ValueError):
+                    plane[0, 0] = 1
+                with self.assertRaises(ValueError):
+                    plane.flags.writeable = True
+            self.assertTrue(np.shares_memory(frame.raw, frame.raw))
+            self.assertFalse(np.shares_memory(frame.raw, frame.deblurred))
+            again = frame.raw
+            deadline = time.monotonic() + HANG_S
+            while frame.valid() and time.monotonic() < deadline:
+                time.sleep(0.01)
+            self.assertFalse(frame.valid(), "the ring comes round")
+            self.assertTrue(np.shares_memory(again, frame.raw))
+
+    def test_a_copy_stays_what_it_was(self):
+        with self.open() as camera:
+            copies = [copy for copy in (camera.next().copy() for _ in range(20)) if copy is not None]
+            self.assertGreater(len(copies), 0)
+            for copy in copies:
+                self.assertTrue(copy.raw.flags.owndata)
+                self.assertTrue(copy.valid())
+                np.testing.assert_array_equal(copy.copy().deblurred, copy.deblurred)
+
+    def test_kelvin_is_scale_and_offset(self):
+        with self.open() as camera:
+            frame = self.whole_frame(camera)
+            self.assertEqual(frame.kelvin().dtype, np.float32)
+            np.testing.assert_allclose(
+                frame.kelvin(), frame.deblurred * camera.info.scale + camera.info.offset, rtol=1e-6)
+            np.testing.assert_allclose(frame.kelvin(frame.raw), frame.raw * camera.info.scale + camera.info.offset,
+                                       rtol=1e-6)
+
+    def test_points_are_the_deblurred_planes_values(self):
+        points = [(0, 0), (63, 23), (17, 5)]
+        compared = 0
+        with self.open() as camera:
+            while compared < 10:
+                frame = self.whole_frame(camera)
+                if frame.flags & (bolo.Flag.REDUCED | bolo.Flag.INVERSE | bolo.Flag.RAW):
+                    continue  # of a busy machine: points are better
+                try:
+                    camera.next(HANG_S)  # its look-ahead
+                    values = camera.points(points, frame)
+                except bolo.Unavailable:
+                    continue
+                expected = [frame.deblurred[y, x] * camera.info.scale + camera.info.offset for x, y in points]
+                np.testing.assert_allclose(values, expected, rtol=1e-6)
+                compared += 1
+            with self.assertRaisesRegex(bolo.Unavailable, "left the ring"):
+                first = self.whole_frame(camera)
+                while first.number + camera.info.slot_count > camera.state().published:
+                    camera.next(HANG_S)
+                camera.points(points, first)
+            self.assertEqual(len(self.newest_points(camera, points)), 3)
+            self.assertEqual(len(camera.points([])), 0)
+            for wrong in ([(64, 0)], [(0, 24)]):
+                with self.assertRaisesRegex(bolo.Error, "not inside the frame of 64x24"):
+                    camera.points(wrong)
+            for wrong in ([(-1, 0)], [1, 2], [(1, 2, 3)]):
+                with self.assertRaises(ValueError):
+                    camera.points(wrong)
+
+    def test_a_killed_daemons_successor_is_followed(self):
+        with self.open() as camera:
+            old = camera.next()
+            old_plane = old.raw
+            self.daemons[0].send_signal(signal.SIGKILL)
+            self.daemons[0].wait()
+            kept = old_plane.copy()
+            killed = time.monotonic()
+            self.start()
+            for frame in camera:
+                if frame.restarted:
+                    break
+            print(f"{time.monotonic() - killed:.2f} s from kill to frame", file=sys.stderr)
+            self.assertEqual(camera.restarts, 1)
+            self.assertEqual(camera.info.writer_pid, self.daemons[1].pid)
+            self.assertGreater(camera.next(HANG_S).number, frame.number)
+            np.testing.assert_array_equal(old_plane, kept, "arrays keep the ring they lie in")
+            self.assertEqual(len(mapped_ranges(self.name)), 1)
+            del old, old_plane
+            gc.collect()
+
+    def test_arrays_outlive_their_camera(self):
+        camera = self.open()
+        plane = camera.next().raw
+        camera.close()
+        self.assertEqual(plane.shape, (24, 64))
+        self.assertGreater(int(plane.max()), 0)
+        self.assertEqual(len(mapped_ranges(self.name)), 1)
+        with self.assertRaisesRegex(ValueError, "is closed"):
+            camera.next()
+        camera.close()
+        del plane, camera
+        gc.collect()
+        self.assertEqual(mapped_ranges(self.name), [], "and nothing stays when they are gone")
+
+    def test_iteration_ends_with_the_daemon_when_asked_to(self):
+        with self.open(follow=False) as camera:
+            frames = 0
+            for _ in camera:
+                frames += 1
+                if frames == 5:
+                    self.daemons[0].terminate()
+            self.assertGreaterEqual(frames, 5)
+            self.assertFalse(camera.state().alive)
+
+    def test_state_and_timeouts(self):
+        with self.open() as camera:
+            camera.next()
+            state = camera.state()
+            self.assertTrue(state.alive)
+            self.assertGreater(state.published, 0)
+            self.assertEqual(state.lost["out_of_order"], 0)
+            self.daemons[0].send_signal(signal.SIGSTOP)
+            try:
+                while camera.next(timeout=0.2) is not None:
+                    pass
+                self.assertIsNone(camera.latest(timeout=0.01))
+            finally:
+                self.daemons[0].send_signal(signal.SIGCONT)
+            self.assertIsNotNone(camera.latest(timeout=HANG_S))
+
+
+class Alone(unittest.TestCase):
+    def test_an_absent_stream_is_one_clear_line(self):
+        with self.assertRaisesRegex(bolo.NotFound, "no shared memory named 'no-such-camera'"):
+            bolo.Camera("no-such-camera")
+        with self.assertRaisesRegex(bolo.Error, "is no name"):
+            bolo.Camera("a/b", timeout=None)
+
+    def test_streams_are_names(self):
+        self.assertIsInstance(bolo.streams(), list)
+        self.assertRegex(bolo.version(), r"^\d+\.\d+\.\d+$")
+
+    def test_structures_are_as_long_as_the_librarys(self):
+        # client.cpp asserts the same numbers.
+        sizes = [ctypes.sizeof(s) for s in (bolo._Info, bolo._Frame, bolo._State, bolo._Settings, bolo._Camera)]
+        self.assertEqual(sizes, [120, 136, 200, 64, 304])
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1], verbosity=2)
