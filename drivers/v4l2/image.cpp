@@ -1,0 +1,69 @@
+#include "drivers/v4l2/image.hpp"
+
+#include <linux/videodev2.h>
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+
+namespace bolo::v4l2 {
+namespace {
+
+constexpr double kMaxCount = 65535.0;
+constexpr std::byte kNeutral{128};  // chroma of a grey
+
+double kelvin_of(Y16Unit unit) { return unit == Y16Unit::k10mK ? 0.01 : 0.1; }
+
+}  // namespace
+
+std::uint32_t fourcc(PixelFormat format) noexcept {
+  if (format == PixelFormat::kY16) return V4L2_PIX_FMT_Y16;
+  return format == PixelFormat::kGrey ? V4L2_PIX_FMT_GREY : V4L2_PIX_FMT_YUYV;
+}
+
+std::string_view name(PixelFormat format) noexcept {
+  if (format == PixelFormat::kY16) return "y16";
+  return format == PixelFormat::kGrey ? "grey" : "yuyv";
+}
+
+std::size_t line_bytes(PixelFormat format, int width) noexcept {
+  return static_cast<std::size_t>(width) * (format == PixelFormat::kGrey ? 1U : 2U);
+}
+
+Result<ImageMaker> ImageMaker::create(PixelFormat format, Y16Unit unit, Geometry geometry, const LinearScale& scale,
+                                      const ToneOptions& tone) {
+  if (format == PixelFormat::kYuyv && geometry.width % 2 != 0) {
+    return bad_input("yuyv needs an even width, not " + std::to_string(geometry.width) + "; use grey");
+  }
+  return ImageMaker(format, unit, geometry, scale, tone);
+}
+
+ImageMaker::ImageMaker(PixelFormat format, Y16Unit unit, Geometry geometry, const LinearScale& scale,
+                       const ToneOptions& tone)
+    : format_(format),
+      tone_(scale, tone),
+      image_(line_bytes(format, geometry.width) * static_cast<std::size_t>(geometry.height), kNeutral) {
+  if (scale.unit != Unit::kKelvin) return;
+  gain_ = scale.scale / kelvin_of(unit);
+  offset_ = scale.offset / kelvin_of(unit);
+}
+
+std::span<const std::byte> ImageMaker::make(std::span<const std::uint16_t> plane, double dt_s, bool judge) noexcept {
+  if (format_ == PixelFormat::kY16) {
+    if (gain_ == 1.0 && offset_ == 0.0) {
+      std::memcpy(image_.data(), plane.data(), plane.size_bytes());
+      return image_;
+    }
+    auto* const out = reinterpret_cast<std::uint16_t*>(image_.data());
+    for (std::size_t i = 0; i < plane.size(); ++i) {
+      out[i] = static_cast<std::uint16_t>(std::clamp(gain_ * plane[i] + offset_ + 0.5, 0.0, kMaxCount));
+    }
+    return image_;
+  }
+  const CountRange range = tone_.next(plane, dt_s, judge);
+  const std::size_t step = format_ == PixelFormat::kGrey ? 1 : 2;  // the bytes between are chroma
+  for (std::size_t i = 0; i < plane.size(); ++i) image_[step * i] = std::byte{grey(plane[i], range)};
+  return image_;
+}
+
+}  // namespace bolo::v4l2

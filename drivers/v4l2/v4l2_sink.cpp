@@ -1,0 +1,203 @@
+#include "drivers/v4l2/v4l2_sink.hpp"
+
+#include <semaphore.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "bolo/core/clock.hpp"
+#include "bolo/core/duration_text.hpp"
+#include "bolo/rt/thread.hpp"
+#include "drivers/v4l2/loopback_port.hpp"
+#include "drivers/v4l2/newest_frame.hpp"
+
+namespace bolo::v4l2 {
+namespace {
+
+constexpr std::int64_t kFirstPauseNs = 500'000'000;  // between attempts to open a lost device, doubled up to:
+constexpr std::int64_t kLongestPauseNs = 5'000'000'000;
+constexpr std::chrono::seconds kStopLimit(2);
+
+struct Frame {
+  std::vector<std::uint16_t> plane;
+  std::int64_t publish_ns = 0;
+  bool of_shutter = false;
+};
+
+Status check(const V4l2Options& options, const pipeline::SinkFormat& format) {
+  const PixelType type = options.plane == Plane::kRaw ? format.source.format.type : format.deblurred_type;
+  if (type != PixelType::kUint16) return bad_input(options.device + ": video carries 16-bit planes, not float32");
+  if (format.region || !format.points.empty()) {
+    return bad_input(options.device + ": video carries whole frames, not a region or points of them");
+  }
+  return {};
+}
+
+}  // namespace
+
+struct V4l2Sink::Impl {
+  Impl(V4l2Options o, std::unique_ptr<VideoPort> p) : options(std::move(o)), port(std::move(p)) {
+    sem_init(&wake, 0, 0);
+  }
+  ~Impl() { sem_destroy(&wake); }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  // --- the sink's thread ---
+  void run();
+  void serve(const Frame& frame);
+  bool ready(std::int64_t now_ns);
+  void let_go(int code, std::int64_t now_ns);
+  void follow_tone();
+
+  const V4l2Options options;
+  const std::unique_ptr<VideoPort> port;  // the thread's while it runs
+  V4l2Stats stats;
+  pipeline::Notices notices;
+  std::optional<NewestFrame<Frame>> newest;
+  sem_t wake{};
+  std::atomic<bool> stop{false};  // a flag and nothing else: relaxed
+
+  // The thread's own.
+  VideoFormat format;
+  std::optional<ImageMaker> images;
+  std::int64_t before_ns = 0;  // when the last frame that was shown was published
+  bool open = true;
+  std::int64_t lost_ns = 0;
+  std::int64_t next_attempt_ns = 0;
+  std::int64_t pause_ns = kFirstPauseNs;
+
+  std::mutex mutex;  // guards what follows; never taken by the pipeline
+  std::optional<ToneOptions> new_tone;
+};
+
+void V4l2Sink::Impl::run() {
+  // Nothing depends on it being granted: the name is for ps.
+  (void)rt::apply_to_this_thread({.name = "bolo-v4l2"});
+  while (!stop.load(std::memory_order_relaxed)) {
+    if (sem_wait(&wake) != 0) continue;  // a signal
+    if (const Frame* frame = newest->take(); frame != nullptr) serve(*frame);
+  }
+  port->close();
+}
+
+void V4l2Sink::Impl::serve(const Frame& frame) {
+  const std::int64_t now_ns = monotonic_ns();
+  follow_tone();
+  if (!ready(now_ns)) return stats.dropped.add();
+  const double dt_s = static_cast<double>(frame.publish_ns - std::exchange(before_ns, frame.publish_ns)) / kNsPerSecond;
+  const int code = port->write(images->make(frame.plane, dt_s, !frame.of_shutter));
+  if (code == 0) return stats.written.add();
+  stats.dropped.add();
+  if (code != EAGAIN) let_go(code, now_ns);
+}
+
+// Opens a device that was lost, when it is time to try again.
+bool V4l2Sink::Impl::ready(std::int64_t now_ns) {
+  if (open) return true;
+  if (now_ns < next_attempt_ns) return false;
+  const Status opened = port->open(format);
+  if (!opened) {
+    next_attempt_ns = now_ns + pause_ns;
+    pause_ns = std::min(2 * pause_ns, kLongestPauseNs);
+    return false;
+  }
+  open = true;
+  stats.open.set(true);
+  notices.say(false, port->path() + " is back after " + seconds_text(now_ns - lost_ns), pipeline::event::kVideoBack);
+  return true;
+}
+
+void V4l2Sink::Impl::let_go(int code, std::int64_t now_ns) {
+  port->close();
+  open = false;
+  lost_ns = now_ns;
+  pause_ns = kFirstPauseNs;
+  next_attempt_ns = now_ns + pause_ns;
+  stats.open.set(false);
+  stats.failures.add();
+  notices.say(true,
+              port->path() + " takes no more frames (" + std::strerror(code) + "); opening it again until it does",
+              pipeline::event::kVideoLost);
+}
+
+void V4l2Sink::Impl::follow_tone() {
+  const std::lock_guard lock(mutex);
+  if (new_tone) images->follow(*new_tone);
+  new_tone.reset();
+}
+
+V4l2Sink::V4l2Sink(V4l2Options options) {
+  auto port = std::make_unique<LoopbackPort>(options.device);
+  impl_ = std::make_shared<Impl>(std::move(options), std::move(port));
+}
+
+V4l2Sink::V4l2Sink(V4l2Options options, std::unique_ptr<VideoPort> port)
+    : impl_(std::make_shared<Impl>(std::move(options), std::move(port))) {}
+
+V4l2Sink::~V4l2Sink() { close(); }
+
+Status V4l2Sink::open(const pipeline::SinkFormat& format) {
+  Impl& self = *impl_;
+  const StreamFormat& stream = format.source.format;
+  if (Status good = check(self.options, format); !good) return good;
+  auto images =
+      ImageMaker::create(self.options.format, self.options.y16_unit, stream.geometry, stream.scale, self.options.tone);
+  if (!images) return at(self.options.device, images.error());
+  self.images = std::move(*images);
+  self.newest.emplace(Frame{std::vector<std::uint16_t>(stream.geometry.pixels())});
+  self.format = {self.options.format, stream.geometry, stream.frame_period_s};
+  if (Status opened = self.port->open(self.format); !opened) return opened;
+  std::promise<void> done;
+  ended_ = done.get_future();
+  thread_ = std::thread([shared = impl_, end = std::move(done)]() mutable {
+    shared->run();
+    end.set_value();
+  });
+  return {};
+}
+
+void V4l2Sink::publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& /*stats*/) noexcept {
+  Impl& self = *impl_;
+  Frame& next = self.newest->filling();
+  const void* plane = self.options.plane == Plane::kRaw ? frame.raw : frame.deblurred;
+  std::memcpy(next.plane.data(), plane, next.plane.size() * sizeof(std::uint16_t));
+  next.publish_ns = frame.publish_ns;
+  next.of_shutter = (frame.meta.flags & kFlagNuc) != 0;
+  if (self.newest->hand_over()) {
+    self.stats.dropped.add();
+  } else {
+    sem_post(&self.wake);
+  }
+}
+
+void V4l2Sink::close() noexcept {
+  if (!thread_.joinable()) return;
+  impl_->stop.store(true, std::memory_order_relaxed);
+  sem_post(&impl_->wake);
+  if (ended_.wait_for(kStopLimit) == std::future_status::ready) {
+    thread_.join();
+  } else {
+    thread_.detach();  // stuck in the device
+  }
+}
+
+const V4l2Options& V4l2Sink::options() const noexcept { return impl_->options; }
+
+const V4l2Stats& V4l2Sink::stats() const noexcept { return impl_->stats; }
+
+void V4l2Sink::follow(const ToneOptions& tone) {
+  const std::lock_guard lock(impl_->mutex);
+  impl_->new_tone = tone;
+}
+
+std::vector<pipeline::Notice> V4l2Sink::take_notices() { return impl_->notices.take(); }
+
+}  // namespace bolo::v4l2

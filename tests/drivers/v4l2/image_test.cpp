@@ -1,0 +1,81 @@
+// The bytes that a video device is given.
+#include "drivers/v4l2/image.hpp"
+
+#include <gtest/gtest.h>
+#include <linux/videodev2.h>
+
+namespace bolo::v4l2 {
+namespace {
+
+constexpr Geometry kGeometry{4, 2};
+constexpr LinearScale k10mK{Unit::kKelvin, 0.01, 0.0};
+constexpr LinearScale k100mK{Unit::kKelvin, 0.1, 0.0};
+constexpr LinearScale kCounts{Unit::kCount, 1.0, 0.0};
+constexpr ToneOptions kFixed{.gain = Gain::kFixed, .low_k = 290.0, .high_k = 310.0};
+const std::vector<std::uint16_t> kPlane{28000, 29000, 29500, 30000, 30500, 31000, 32000, 65535};
+
+std::vector<int> image(PixelFormat format, Y16Unit unit, const LinearScale& scale,
+                       const std::vector<std::uint16_t>& plane = kPlane) {
+  auto maker = ImageMaker::create(format, unit, kGeometry, scale, kFixed);
+  EXPECT_TRUE(maker) << maker.error().message;
+  std::vector<int> bytes;
+  for (const std::byte b : maker->make(plane, 0.005, true)) bytes.push_back(std::to_integer<int>(b));
+  return bytes;
+}
+
+std::vector<int> words(const std::vector<int>& bytes) {
+  std::vector<int> values;
+  for (std::size_t i = 0; i + 1 < bytes.size(); i += 2) values.push_back(bytes[i] | bytes[i + 1] << 8);
+  return values;
+}
+
+TEST(Image, Y16OfTheSourcesOwnUnitIsThePlane) {
+  const std::vector<int> same(kPlane.begin(), kPlane.end());
+  EXPECT_EQ(words(image(PixelFormat::kY16, Y16Unit::k10mK, k10mK)), same);
+  EXPECT_EQ(words(image(PixelFormat::kY16, Y16Unit::k100mK, k100mK)), same);
+}
+
+TEST(Image, Y16InAnotherUnitIsRounded) {
+  EXPECT_EQ(words(image(PixelFormat::kY16, Y16Unit::k100mK, k10mK, {30004, 30006, 0, 4, 6, 65534, 1, 9})),
+            (std::vector<int>{3000, 3001, 0, 0, 1, 6553, 0, 1}));
+}
+
+TEST(Image, Y16StaysWithin16Bits) {
+  EXPECT_EQ(words(image(PixelFormat::kY16, Y16Unit::k10mK, k100mK, {2932, 6553, 6554, 65535, 0, 0, 0, 0}))[0], 29320);
+  EXPECT_EQ(words(image(PixelFormat::kY16, Y16Unit::k10mK, k100mK, {2932, 6553, 6554, 65535, 0, 0, 0, 0}))[3], 65535);
+}
+
+TEST(Image, Y16HonoursAnOffset) {
+  const LinearScale celsius{Unit::kKelvin, 0.01, 273.15};
+  EXPECT_EQ(words(image(PixelFormat::kY16, Y16Unit::k10mK, celsius, {0, 1, 2, 3, 4, 5, 6, 2000}))[0], 27315);
+  EXPECT_EQ(words(image(PixelFormat::kY16, Y16Unit::k10mK, celsius, {0, 1, 2, 3, 4, 5, 6, 2000}))[7], 29315);
+}
+
+TEST(Image, Y16WithoutKelvinIsThePlane) {
+  EXPECT_EQ(words(image(PixelFormat::kY16, Y16Unit::k100mK, kCounts)), std::vector<int>(kPlane.begin(), kPlane.end()));
+}
+
+TEST(Image, GreyIsOneByteAPixel) {
+  EXPECT_EQ(image(PixelFormat::kGrey, Y16Unit::k10mK, k10mK), (std::vector<int>{0, 0, 64, 128, 191, 255, 255, 255}));
+}
+
+TEST(Image, YuyvIsTheGreyWithNeutralColour) {
+  EXPECT_EQ(image(PixelFormat::kYuyv, Y16Unit::k10mK, k10mK),
+            (std::vector<int>{0, 128, 0, 128, 64, 128, 128, 128, 191, 128, 255, 128, 255, 128, 255, 128}));
+}
+
+TEST(Image, YuyvNeedsAnEvenWidth) {
+  const auto maker = ImageMaker::create(PixelFormat::kYuyv, Y16Unit::k10mK, {3, 2}, k10mK, kFixed);
+  ASSERT_FALSE(maker);
+  EXPECT_EQ(maker.error().kind, ErrorKind::kBadInput);
+  EXPECT_TRUE(ImageMaker::create(PixelFormat::kGrey, Y16Unit::k10mK, {3, 2}, k10mK, kFixed));
+}
+
+TEST(Image, CodesAreThoseOfV4l2) {
+  EXPECT_EQ(fourcc(PixelFormat::kY16), std::uint32_t{V4L2_PIX_FMT_Y16});
+  EXPECT_EQ(fourcc(PixelFormat::kGrey), std::uint32_t{V4L2_PIX_FMT_GREY});
+  EXPECT_EQ(fourcc(PixelFormat::kYuyv), std::uint32_t{V4L2_PIX_FMT_YUYV});
+}
+
+}  // namespace
+}  // namespace bolo::v4l2

@@ -1,0 +1,235 @@
+// The sink's life with a device that works, is busy, goes away, comes back, or never returns from a write.
+#include "drivers/v4l2/v4l2_sink.hpp"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+
+namespace bolo::v4l2 {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Geometry kGeometry{64, 24};
+
+// What a device does, and what it was given; shared by the test and the port, which the sink owns.
+struct FakeDevice {
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool there = true;
+  bool stuck = false;
+  int answer = 0;  // to a write
+  int opened = 0;
+  int closed = 0;
+  std::uint64_t writes = 0;
+  std::vector<std::byte> last;
+
+  template <typename Change>
+  void set(Change change) {
+    const std::lock_guard lock(mutex);
+    change();
+    changed.notify_all();
+  }
+  template <typename Condition>
+  bool await(Condition condition) {
+    std::unique_lock lock(mutex);
+    return changed.wait_for(lock, 60s, condition);
+  }
+};
+
+class FakePort final : public VideoPort {
+ public:
+  explicit FakePort(std::shared_ptr<FakeDevice> device) : device_(std::move(device)) {}
+
+  Status open(const VideoFormat& /*format*/) override {
+    const std::lock_guard lock(device_->mutex);
+    if (!device_->there) return bad_input(path_ + " is not there");
+    ++device_->opened;
+    device_->changed.notify_all();
+    return {};
+  }
+  int write(std::span<const std::byte> image) noexcept override {
+    std::unique_lock lock(device_->mutex);
+    ++device_->writes;
+    device_->changed.notify_all();
+    device_->changed.wait(lock, [this] { return !device_->stuck; });
+    if (!device_->there) return ENODEV;
+    if (device_->answer == 0) device_->last.assign(image.begin(), image.end());
+    device_->changed.notify_all();
+    return device_->answer;
+  }
+  void close() noexcept override {
+    device_->set([this] { ++device_->closed; });
+  }
+  const std::string& path() const noexcept override { return path_; }
+
+ private:
+  std::shared_ptr<FakeDevice> device_;
+  std::string path_ = "/dev/video10";
+};
+
+pipeline::SinkFormat format() {
+  pipeline::SinkFormat format;
+  format.source.format.geometry = kGeometry;
+  format.source.format.scale = {Unit::kKelvin, 0.01, 0.0};
+  return format;
+}
+
+class V4l2SinkTest : public testing::Test {
+ protected:
+  V4l2SinkTest() : stats_(inlet_), raw_(kGeometry.pixels()), sharp_(kGeometry.pixels()) {}
+
+  void make(const V4l2Options& options = {}) {
+    sink_ = std::make_unique<V4l2Sink>(options, std::make_unique<FakePort>(device_));
+  }
+  // Frame `value`: raw planes hold it, sharp ones twice that.
+  void publish(std::uint16_t value) {
+    std::fill(raw_.begin(), raw_.end(), value);
+    std::fill(sharp_.begin(), sharp_.end(), static_cast<std::uint16_t>(2 * value));
+    pipeline::PublishedFrame frame;
+    frame.raw = raw_.data();
+    frame.deblurred = sharp_.data();
+    frame.publish_ns = ++time_ns_;
+    sink_->publish(frame, stats_);
+  }
+  bool shows(std::uint16_t value) {
+    return device_->await([&] {
+      return device_->last.size() == kGeometry.pixels() * 2 &&
+             device_->last[0] == std::byte{static_cast<std::uint8_t>(value & 0xFF)} &&
+             device_->last[1] == std::byte{static_cast<std::uint8_t>(value >> 8)};
+    });
+  }
+  // Publishes until the condition holds, as a camera does that does not stop.
+  template <typename Condition>
+  bool publish_until(Condition condition) {
+    for (int i = 0; i < 12'000; ++i) {
+      publish(1);
+      if (condition()) return true;
+      std::this_thread::sleep_for(5ms);
+    }
+    return false;
+  }
+
+  std::shared_ptr<FakeDevice> device_ = std::make_shared<FakeDevice>();
+  pipeline::FrameInlet inlet_{format().source.format, 4, 4};
+  pipeline::PipelineStats stats_;
+  std::vector<std::uint16_t> raw_;
+  std::vector<std::uint16_t> sharp_;
+  std::int64_t time_ns_ = 0;
+  std::unique_ptr<V4l2Sink> sink_;
+};
+
+TEST_F(V4l2SinkTest, ShowsThePlaneThatWasAskedFor) {
+  make();
+  ASSERT_TRUE(sink_->open(format()));
+  publish(1000);
+  EXPECT_TRUE(shows(2000));
+  sink_->close();
+  EXPECT_EQ(sink_->stats().written.value(), 1U);
+  EXPECT_EQ(sink_->stats().dropped.value(), 0U);
+
+  make({.plane = Plane::kRaw});
+  ASSERT_TRUE(sink_->open(format()));
+  publish(1000);
+  EXPECT_TRUE(shows(1000));
+}
+
+TEST_F(V4l2SinkTest, RefusesWhatIsNoWholeFrameOf16Bits) {
+  make();
+  pipeline::SinkFormat part = format();
+  part.region = Region{0, 0, 8, 8};
+  EXPECT_FALSE(sink_->open(part));
+  pipeline::SinkFormat wide = format();
+  wide.deblurred_type = PixelType::kFloat32;
+  EXPECT_FALSE(sink_->open(wide));
+  EXPECT_EQ(device_->opened, 0);
+}
+
+TEST_F(V4l2SinkTest, IsNotOpenedWithoutItsDevice) {
+  device_->there = false;
+  make();
+  const Status opened = sink_->open(format());
+  ASSERT_FALSE(opened);
+  EXPECT_EQ(opened.error().message, "/dev/video10 is not there");
+}
+
+TEST_F(V4l2SinkTest, ABusyDeviceCostsFramesAndNothingElse) {
+  device_->answer = EAGAIN;
+  make();
+  ASSERT_TRUE(sink_->open(format()));
+  EXPECT_TRUE(publish_until([&] { return sink_->stats().dropped.value() >= 3; }));
+  device_->set([&] { device_->answer = 0; });
+  EXPECT_TRUE(publish_until([&] { return sink_->stats().written.value() >= 3; }));
+  EXPECT_EQ(sink_->stats().failures.value(), 0U);
+  EXPECT_TRUE(sink_->take_notices().empty());
+}
+
+TEST_F(V4l2SinkTest, AStuckDeviceHoldsUpNobodyAndGetsTheNewestFrameAfterwards) {
+  make();
+  ASSERT_TRUE(sink_->open(format()));
+  device_->set([&] { device_->stuck = true; });
+  publish(1);
+  ASSERT_TRUE(device_->await([&] { return device_->writes == 1; }));
+  for (std::uint16_t value = 2; value <= 500; ++value) publish(value);  // returns, though the device does not
+  EXPECT_EQ(sink_->stats().dropped.value(), 498U) << "frames 2 to 499";
+  device_->set([&] { device_->stuck = false; });
+  EXPECT_TRUE(shows(1000));
+  sink_->close();
+  EXPECT_EQ(sink_->stats().written.value(), 2U);
+}
+
+TEST_F(V4l2SinkTest, ADeviceThatNeverReturnsDoesNotHoldUpTheEnd) {
+  make();
+  ASSERT_TRUE(sink_->open(format()));
+  device_->set([&] { device_->stuck = true; });
+  publish(1);
+  ASSERT_TRUE(device_->await([&] { return device_->writes == 1; }));
+  sink_->close();
+  sink_.reset();
+  device_->set([&] { device_->stuck = false; });
+  EXPECT_TRUE(device_->await([&] { return device_->closed > 0; })) << "its thread ends once it can";
+}
+
+TEST_F(V4l2SinkTest, ADeviceThatVanishesIsOpenedAgainWhenItIsBack) {
+  make();
+  ASSERT_TRUE(sink_->open(format()));
+  publish(1);
+  ASSERT_TRUE(shows(2));
+  device_->set([&] { device_->there = false; });
+  ASSERT_TRUE(publish_until([&] { return sink_->stats().failures.value() == 1; }));
+  EXPECT_FALSE(sink_->stats().open.value());
+  const std::uint64_t dropped = sink_->stats().dropped.value();
+  ASSERT_TRUE(publish_until([&] { return sink_->stats().dropped.value() > dropped + 2; }));
+  device_->set([&] { device_->there = true; });
+  ASSERT_TRUE(publish_until([&] { return sink_->stats().open.value(); }));
+  const std::uint64_t written = sink_->stats().written.value();
+  EXPECT_TRUE(publish_until([&] { return sink_->stats().written.value() > written; }));
+  EXPECT_EQ(sink_->stats().failures.value(), 1U);
+  const auto notices = sink_->take_notices();
+  ASSERT_EQ(notices.size(), 2U) << "one line each change";
+  EXPECT_TRUE(notices[0].warning);
+  EXPECT_NE(notices[0].text.find("/dev/video10 takes no more frames (No such device)"), std::string::npos);
+  EXPECT_FALSE(notices[1].warning);
+  EXPECT_NE(notices[1].text.find("/dev/video10 is back after"), std::string::npos);
+}
+
+TEST_F(V4l2SinkTest, TakesUpOtherTonesWhileItRuns) {
+  make({.format = PixelFormat::kGrey, .tone = {.gain = Gain::kFixed, .low_k = 0.0, .high_k = 100.0}});
+  ASSERT_TRUE(sink_->open(format()));
+  const auto grey_is = [&](int grey) {
+    return publish_until([&] {
+      const std::lock_guard lock(device_->mutex);
+      return device_->last.size() == kGeometry.pixels() && std::to_integer<int>(device_->last[0]) == grey;
+    });
+  };
+  EXPECT_TRUE(grey_is(0)) << "20 mK of 100 K";
+  sink_->follow({.gain = Gain::kFixed, .low_k = 0.0, .high_k = 0.02});
+  EXPECT_TRUE(grey_is(255));
+}
+
+}  // namespace
+}  // namespace bolo::v4l2
