@@ -5,6 +5,7 @@
 #include <cmath>
 #include <string_view>
 
+#include "bolo/core/byte_order.hpp"
 #include "bolo/core/clock.hpp"
 #include "drivers/fakecam/timeline.hpp"
 
@@ -83,7 +84,7 @@ void FrameFaults::strike(const Rule& rule, WireFrame& frame, const Nominal& nomi
       return;
     case FaultKind::kByteOrder:
       if (!lasts) return;
-      for (std::uint16_t& count : frame.counts) count = static_cast<std::uint16_t>(count << 8U | count >> 8U);
+      for (std::uint16_t& count : frame.counts) count = swap_bytes(count);
       return;
     case FaultKind::kIdGap:
       frame.block.block_id = block_id_of(nominal.frame_id + static_cast<std::uint64_t>(strikes * rule.amount));

@@ -32,10 +32,6 @@ bool bind_to(int fd, std::uint32_t address, std::uint16_t port) {
 
 }  // namespace
 
-UniqueFd::~UniqueFd() {
-  if (fd_ >= 0) close(fd_);
-}
-
 Result<LocalAddress> find_local_address(const std::string& text) {
   in_addr parsed{};
   if (inet_pton(AF_INET, text.c_str(), &parsed) != 1) {

@@ -8,27 +8,10 @@
 #include <utility>
 
 #include "bolo/core/result.hpp"
+#include "bolo/core/unique_fd.hpp"
 #include "drivers/fakecam/command_handler.hpp"
 
 namespace bolo::fakecam {
-
-// Owns a file descriptor.
-class UniqueFd {
- public:
-  UniqueFd() = default;
-  explicit UniqueFd(int fd) : fd_(fd) {}
-  UniqueFd(UniqueFd&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  UniqueFd& operator=(UniqueFd other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  ~UniqueFd();
-  int get() const { return fd_; }
-  explicit operator bool() const { return fd_ >= 0; }
-
- private:
-  int fd_ = -1;
-};
 
 // The network interface that carries an address. Addresses in host byte order.
 struct LocalAddress {

@@ -21,6 +21,10 @@ FakeCameraStats Counters::read() const noexcept {
   s.streams_finished = streams_finished.load(kRelaxed);
   s.nuc_actions = nuc_actions.load(kRelaxed);
   s.first_stream_ns = first_stream_ns.load(kRelaxed);
+  {
+    const std::lock_guard lock(position_mutex_);
+    s.position = position_;
+  }
   s.controlled = controlled.load(kRelaxed);
   s.streaming = streaming.load(kRelaxed);
   return s;

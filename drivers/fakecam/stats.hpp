@@ -3,8 +3,15 @@
 
 #include <atomic>
 #include <cstdint>
+#include <mutex>
 
 namespace bolo::fakecam {
+
+// How far the camera has come: frames whose turn has come, sent or withheld by a fault, and the time stamp of the last.
+struct StreamPosition {
+  std::uint64_t turns = 0;  // of all streams
+  std::uint64_t timestamp_ns = 0;
+};
 
 struct FakeCameraStats {
   std::uint64_t frames_sent = 0;
@@ -23,6 +30,7 @@ struct FakeCameraStats {
   std::uint64_t streams_finished = 0;  // ... that reached the capture's end
   std::uint64_t nuc_actions = 0;
   std::uint64_t first_stream_ns = 0;  // CLOCK_MONOTONIC of the first start: where the faults' clock begins; 0: not yet
+  StreamPosition position;
   bool controlled = false;
   bool streaming = false;
 };
@@ -42,7 +50,17 @@ struct Counters {
   static void raise(Counter& counter, std::uint64_t value) noexcept {
     if (value > counter.load(std::memory_order_relaxed)) counter.store(value, std::memory_order_relaxed);
   }
+  // Thread: sender. One lock a frame, which keeps the pair together.
+  void pass(std::uint64_t timestamp_ns) noexcept {
+    const std::lock_guard lock(position_mutex_);
+    ++position_.turns;
+    position_.timestamp_ns = timestamp_ns;
+  }
   FakeCameraStats read() const noexcept;
+
+ private:
+  mutable std::mutex position_mutex_;
+  StreamPosition position_;
 };
 
 }  // namespace bolo::fakecam

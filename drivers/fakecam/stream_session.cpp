@@ -107,6 +107,7 @@ void StreamSession::send_frames() {
       train_.send(*frame);
       Counters::add(counters_.frames_sent);
     }
+    counters_.pass(frame->block.timestamp_ns);
     ring_.end_send();
   }
   if (!stop_requested_.load(std::memory_order_relaxed)) Counters::add(counters_.streams_finished);

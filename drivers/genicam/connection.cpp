@@ -42,6 +42,22 @@ Result<FoundCamera> choose_camera(const std::string& id, const std::string& seri
   return bad_input("no camera named '" + id + "' answers; found: " + list_of(cameras));
 }
 
+// Opens the device at the connection's address: as its controller, unless another program is.
+Status take_device(Connection& connection) {
+  const Ref<GInetAddress> local(g_inet_address_new_from_string(connection.route.local_address.c_str()));
+  const Ref<GInetAddress> remote(g_inet_address_new_from_string(connection.address.c_str()));
+  GlibError error;
+  connection.device.reset();
+  connection.device.reset(arv_gv_device_new(local.get(), remote.get(), error.out()));
+  if (!error && connection.device != nullptr) return {};
+  connection.device.reset();
+  return failed(connection.name + " answers but cannot be opened (" + error.message() + ")");
+}
+
+bool is_controller(const Connection& connection) {
+  return arv_gv_device_is_controller(ARV_GV_DEVICE(connection.device.get())) == TRUE;
+}
+
 Result<Connection> open_gige(const std::string& ipv4) {
   Connection connection;
   connection.name = "camera " + ipv4;
@@ -54,15 +70,11 @@ Result<Connection> open_gige(const std::string& ipv4) {
                      connection.route.local_address +
                      "): check its power and cable, its address, and that no firewall drops UDP port 3956");
   }
-  const Ref<GInetAddress> local(g_inet_address_new_from_string(connection.route.local_address.c_str()));
-  const Ref<GInetAddress> remote(g_inet_address_new_from_string(ipv4.c_str()));
-  GlibError error;
-  connection.device.reset(arv_gv_device_new(local.get(), remote.get(), error.out()));
-  if (error || connection.device == nullptr) {
-    connection.device.reset();
-    return failed("camera " + ipv4 + " answers but cannot be opened (" + error.message() + ")");
+  if (Status opened = take_device(connection); !opened) return tl::unexpected<Error>(std::move(opened.error()));
+  if (!is_controller(connection) && free_from_dead_program(ipv4, connection.route.local_address)) {
+    if (Status opened = take_device(connection); !opened) return tl::unexpected<Error>(std::move(opened.error()));
   }
-  if (arv_gv_device_is_controller(ARV_GV_DEVICE(connection.device.get())) == FALSE) {
+  if (!is_controller(connection)) {
     return bad_input("camera " + ipv4 +
                      " is controlled by another program: end that program; a crashed one lets go after about 3 s");
   }

@@ -50,9 +50,12 @@ void FrameLedger::broken(std::uint64_t raw_id, LossCause cause, std::int64_t arr
   if (place(raw_id, arrival_ns) != Place::kDuplicate) count(cause);
 }
 
-void FrameLedger::broken_without_id() noexcept {
-  count(LossCause::kIncomplete);
-  ++unplaced_;
+void FrameLedger::broken_without_id() noexcept { ++unplaced_; }
+
+// The first of those without an id are these frames; the rest were none of the camera's.
+void FrameLedger::place_broken(std::uint64_t frames) noexcept {
+  count(LossCause::kIncomplete, frames);
+  unplaced_ = 0;
 }
 
 void FrameLedger::settle() noexcept {
@@ -61,7 +64,7 @@ void FrameLedger::settle() noexcept {
     lowest_ = 1;  // highest_ is 0: the frames without id are all there is
   }
   highest_ += unplaced_;
-  unplaced_ = 0;
+  place_broken(unplaced_);
   close_window();
 }
 
@@ -94,13 +97,13 @@ void FrameLedger::start(std::uint64_t raw_id, std::int64_t arrival_ns) noexcept 
   highest_ = highest_raw_ = raw_id;
   highest_ns_ = arrival_ns;
   lowest_ = raw_id - std::min(unplaced_, raw_id);
-  unplaced_ = 0;
+  place_broken(raw_id - lowest_);
 }
 
 void FrameLedger::reset_counter() noexcept {
   close_window();
   highest_ += unplaced_ + 1;
-  unplaced_ = 0;
+  place_broken(unplaced_);
   restart_next_ = false;
   restarted_ = true;
   ++restarts_;
@@ -110,7 +113,7 @@ void FrameLedger::reset_counter() noexcept {
 void FrameLedger::advance(std::uint64_t frames) noexcept {
   const std::uint64_t gap = frames - 1;
   const std::uint64_t broken_in_gap = std::min(unplaced_, gap);
-  unplaced_ = 0;
+  place_broken(broken_in_gap);
   highest_ += frames;
   if (frames >= kReorderFrames) {
     const auto open_before = static_cast<std::uint64_t>(std::popcount(~settled_ & kWindowMask));

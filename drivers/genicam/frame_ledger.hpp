@@ -35,7 +35,8 @@ class FrameLedger {
   void broken(std::uint64_t raw_id, LossCause cause, std::int64_t arrival_ns) noexcept;
 
   // As broken(kIncomplete), of a frame whose first packet, and with it the counter, was lost. It takes the place of one
-  // of the frames that the next known counter shows to be missing.
+  // of the frames that the next known counter shows to be missing, and is counted then. Where none is missing it was no
+  // frame of the camera's: the transport library takes any bytes on the stream's port for the rest of one.
   void broken_without_id() noexcept;
 
   // The stream was opened anew: the counter says nothing about the frames before. The next frame's id follows the last.
@@ -62,6 +63,7 @@ class FrameLedger {
   void reset_counter() noexcept;
   void advance(std::uint64_t frames) noexcept;
   void close_window() noexcept;
+  void place_broken(std::uint64_t frames) noexcept;
   std::int64_t steps_from_highest(std::uint64_t raw_id) const noexcept;
   bool is_reset(std::int64_t steps, std::int64_t arrival_ns) const noexcept;
   void count(LossCause cause, std::uint64_t frames = 1) noexcept {

@@ -80,15 +80,19 @@ std::vector<std::string> GenicamSource::warnings() const {
   return all;
 }
 
-std::vector<Notice> GenicamSource::take_notices() {
+std::vector<pipeline::Notice> GenicamSource::take_notices() {
   const auto keeper = impl_->present();
-  return keeper != nullptr ? keeper->take_notices() : std::vector<Notice>{};
+  return keeper != nullptr ? keeper->take_notices() : std::vector<pipeline::Notice>{};
 }
 
 Status GenicamSource::correct() {
   const auto keeper = impl_->present();
   if (keeper == nullptr) return failed("the camera is not started");
   return keeper->correct();
+}
+
+void GenicamSource::set_nuc(const NucOptions& nuc) {
+  if (const auto keeper = impl_->present(); keeper != nullptr) keeper->set_nuc(nuc);
 }
 
 const rt::LatencyHistogram& GenicamSource::receive_latency() const noexcept {

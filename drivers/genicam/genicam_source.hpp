@@ -75,12 +75,6 @@ struct CameraOptions {
 
 using pipeline::SourceState;
 
-// Something that happened to the camera, in one line.
-struct Notice {
-  bool warning = false;
-  std::string text;
-};
-
 // Aravis's own view of the transport, summed over reconnects.
 struct TransportStats {
   std::uint64_t completed_buffers = 0;
@@ -115,17 +109,16 @@ class GenicamSource final : public pipeline::FrameSource {
   const pipeline::SourceStatus* status() const noexcept override;
   // Thread: any.
   SourceState state() const noexcept { return status()->state.value(); }
-  // Corrects the pixels (NUC) now. Blocks until the camera has taken the command, 5 s at most. Frames of the time after
-  // it carry kFlagNuc, and a new window begins before and after them. Thread: any.
-  Status correct();
+  // Blocks 5 s at most. Frames of the time after it carry kFlagNuc, and a new window begins before and after them.
+  Status correct() override;
+  // Another policy for the corrections of a camera that was started; warnings are notices. Thread: any.
+  void set_nuc(const NucOptions& nuc);
   // Times that a lost camera was opened again. Thread: any.
   std::uint64_t reconnects() const noexcept { return status()->reopened.value(); }
   TransportStats transport_stats() const;
   // What the camera or the host granted less of than was asked when it was opened and started. Thread: any.
   std::vector<std::string> warnings() const;
-  // What has happened since the last call, each change of state once; newest last. The oldest of very many are left
-  // out. Thread: any.
-  std::vector<Notice> take_notices();
+  std::vector<pipeline::Notice> take_notices() override;
   // First packet of a frame received -> frame in the queue, since start(). Thread: any, not during start().
   const rt::LatencyHistogram& receive_latency() const noexcept;
 

@@ -37,7 +37,7 @@ Intake::Intake(pipeline::FrameInlet& inlet, const CameraOptions& options, pipeli
       ledger_(format_.frame_period_s),
       status_(status),
       clock_(format_.frame_period_s),
-      scene_(format_, options.nuc.policy == NucPolicy::kStill ? options.nuc.still_k : 0.0) {}
+      scene_(format_, watched_still_k(options.nuc)) {}
 
 void Intake::take(ArvBuffer* buffer) noexcept {
   const std::int64_t now_ns = monotonic_ns();

@@ -37,6 +37,8 @@ class Intake {
   // Frames that arrive from now on until then, CLOCK_MONOTONIC, are those of a NUC. 0: none are. Thread: any.
   void hold_until(std::int64_t until_ns) noexcept { hold_until_ns_.set(until_ns); }
   const SceneWatch& scene() const noexcept { return scene_; }
+  // What counts as a scene that stands still. Thread: any.
+  void follow(const NucOptions& nuc) noexcept { scene_.set_still_k(watched_still_k(nuc)); }
   // The last frame has come: counts what is still missing. Thread: setup, while no connection delivers.
   void settle() noexcept;
 
@@ -50,6 +52,9 @@ class Intake {
   const rt::LatencyHistogram& latency() const noexcept { return latency_; }
 
  private:
+  static double watched_still_k(const NucOptions& nuc) noexcept {
+    return nuc.policy == NucPolicy::kStill ? nuc.still_k : 0.0;
+  }
   void deliver(ArvBuffer* buffer, std::int64_t now_ns) noexcept;
   void note_arrival(std::int64_t now_ns) noexcept;
   std::uint32_t note_correction(std::int64_t now_ns) noexcept;

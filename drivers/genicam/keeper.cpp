@@ -2,16 +2,15 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <cstdio>
-#include <iterator>
 #include <utility>
 
 #include "bolo/core/clock.hpp"
+#include "bolo/core/duration_text.hpp"
 
 namespace bolo::genicam {
 namespace {
 
+namespace event = pipeline::event;
 using pipeline::LostCause;
 using std::chrono::milliseconds;
 
@@ -20,24 +19,12 @@ constexpr milliseconds kFirstPause(100);  // between attempts to open a lost cam
 constexpr milliseconds kLongestPause(500);
 constexpr int kAttemptsAtItsAddress = 5;
 constexpr milliseconds kStopLimit(5000);
-constexpr double kStallPeriods = 20.0;
 constexpr std::int64_t kNsPerMs = 1'000'000;
 constexpr std::int64_t kFirstFrameNs = 1'000'000'000;  // a camera may take this long to begin
 constexpr std::int64_t kProbePeriodNs = 200'000'000;   // from one question to a stalled camera to the next
 constexpr std::int64_t kTellPeriodNs = 200'000'000;
 constexpr std::int64_t kTemperaturePeriodNs = 10'000'000'000;
 constexpr milliseconds kCorrectionLimit(5000);
-constexpr std::size_t kMostNotices = 256;
-
-std::string seconds(std::int64_t ns) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.2f s", static_cast<double>(ns) * 1e-9);
-  return text;
-}
-
-std::int64_t stall_ns(const CameraOptions& options, double period_s) {
-  return std::max(options.stall_ms * kNsPerMs, static_cast<std::int64_t>(kStallPeriods * period_s * kNsPerSecond));
-}
 
 TransportStats sum(TransportStats a, const TransportStats& b) {
   a.completed_buffers += b.completed_buffers;
@@ -57,8 +44,7 @@ Keeper::Keeper(const CameraOptions& options, pipeline::SourceInfo info, pipeline
                std::shared_ptr<pipeline::SourceStatus> status)
     : options_(options),
       info_(std::move(info)),
-      stall_ns_(stall_ns(options_, info_.format.frame_period_s)),
-      lost_ns_(std::max(options_.reconnect_after_ms * kNsPerMs, stall_ns_)),
+      limits_(pipeline::watch_limits(options_.stall_ms, options_.reconnect_after_ms, info_.format.frame_period_s)),
       status_(std::move(status)),
       intake_(inlet, options_, *status_),
       schedule_(options_.nuc) {}
@@ -109,13 +95,6 @@ std::vector<std::string> Keeper::warnings() const {
   return warnings_;
 }
 
-std::vector<Notice> Keeper::take_notices() {
-  const std::lock_guard lock(mutex_);
-  std::vector<Notice> taken(std::make_move_iterator(notices_.begin()), std::make_move_iterator(notices_.end()));
-  notices_.clear();
-  return taken;
-}
-
 // --- the watching thread ---
 
 void Keeper::watch() {
@@ -130,6 +109,7 @@ void Keeper::watch() {
 
 // Sleeps; false when it is time to stop.
 bool Keeper::pause(milliseconds time) {
+  status_->watched_ns.set(monotonic_ns());
   std::unique_lock lock(mutex_);
   return !wake_.wait_for(lock, time, [this] { return stop_.load(std::memory_order_relaxed); });
 }
@@ -140,7 +120,7 @@ void Keeper::look() {
   const std::int64_t now_ns = monotonic_ns();
   if (now_ns < correcting_until_ns_ && !session_->control_lost()) return;  // the shutter may stop the stream
   const std::int64_t quiet_ns = now_ns - std::max({frame_ns, since_ns_, correcting_until_ns_});
-  const bool flows = quiet_ns <= (arrived ? stall_ns_ : std::max(stall_ns_, kFirstFrameNs));
+  const bool flows = quiet_ns <= (arrived ? limits_.stall_ns : std::max(limits_.stall_ns, kFirstFrameNs));
   if (flows && arrived) note_flow(frame_ns);
   if (!flows) note_stall(quiet_ns);
   if (options_.reconnect_after_ms == 0 || (flows && !session_->control_lost())) return;
@@ -161,7 +141,7 @@ std::optional<LostCause> Keeper::find_fault(std::int64_t quiet_ns) {
   next_probe_ns_ = now_ns + kProbePeriodNs;
   if (!session_->answers()) return LostCause::kNoAnswer;
   if (signalled || !session_->controlled()) return LostCause::kControlLost;
-  return quiet_ns > lost_ns_ ? std::optional(LostCause::kStalled) : std::nullopt;
+  return quiet_ns > limits_.lost_ns ? std::optional(LostCause::kStalled) : std::nullopt;
 }
 
 void Keeper::enter(SourceState state) {
@@ -175,14 +155,14 @@ void Keeper::note_flow(std::int64_t frame_ns) {
   if (before == SourceState::kStreaming) return;
   const std::int64_t first_ns = std::min(intake_.flows_since_ns(), frame_ns);
   if (before == SourceState::kStalled) {
-    say(false, "frames arrive again after " + seconds(first_ns - outage_from_ns_));
+    say(false, "frames arrive again after " + seconds_text(first_ns - outage_from_ns_, 2), event::kFramesFlow);
   } else if (before == SourceState::kLost) {
-    const std::int64_t outage_ns = first_ns - outage_from_ns_;
-    const double periods = static_cast<double>(outage_ns) / (info_.format.frame_period_s * kNsPerSecond);
-    const auto frames = static_cast<std::uint64_t>(std::max(0.0, std::round(periods) - 1.0));
+    const std::uint64_t frames = pipeline::frames_between(outage_from_ns_, first_ns, info_.format.frame_period_s);
     status_->outage_frames.add(frames);
-    say(false, "camera opened again after " + seconds(outage_ns) + " (" + std::string(name(cause_)) + "), " +
-                   std::to_string(frames) + " frames missing");
+    say(false,
+        "camera opened again after " + seconds_text(first_ns - outage_from_ns_, 2) + " (" + std::string(name(cause_)) +
+            "), " + std::to_string(frames) + " frames missing",
+        event::kCameraBack);
   }
   enter(SourceState::kStreaming);
 }
@@ -193,7 +173,7 @@ void Keeper::note_stall(std::int64_t quiet_ns) {
   outage_from_ns_ = monotonic_ns() - quiet_ns;
   status_->stalls.add();
   enter(SourceState::kStalled);
-  say(true, "camera stalled: no frame for " + seconds(quiet_ns));
+  say(true, "camera stalled: no frame for " + seconds_text(quiet_ns, 2), event::kCameraStalled);
 }
 
 void Keeper::note_loss(LostCause cause, std::int64_t frame_ns) {
@@ -202,7 +182,7 @@ void Keeper::note_loss(LostCause cause, std::int64_t frame_ns) {
   outage_from_ns_ = std::max(frame_ns, since_ns_);
   status_->lost[static_cast<std::size_t>(cause)].add();
   enter(SourceState::kLost);
-  say(true, "camera lost (" + std::string(name(cause)) + "); opening it again until it answers");
+  say(true, "camera lost (" + std::string(name(cause)) + "); opening it again until it answers", event::kCameraLost);
 }
 
 void Keeper::reopen(LostCause cause) {
@@ -227,11 +207,12 @@ bool Keeper::try_reopen(bool everywhere) {
   if (!everywhere) options.serial.clear();
   auto session = Session::open(options, stop_, ignored);
   if (!session) {
-    say(true, "reconnecting: " + session.error().message);
+    say(true, "reconnecting: " + session.error().message, event::kCameraReconnecting);
     return false;
   }
   if ((*session)->info().format != info_.format) {
-    say(true, "reconnecting: the camera came back with another size, rate or unit; restart to use it so");
+    say(true, "reconnecting: the camera came back with another size, rate or unit; restart to use it so",
+        event::kCameraReconnecting);
     return false;
   }
   if ((*session)->info().camera_serial != info_.camera_serial) {
@@ -245,7 +226,7 @@ bool Keeper::try_reopen(bool everywhere) {
     options_.address = (*session)->address();
   }
   if (Status adopted = adopt(std::move(*session)); !adopted) {
-    say(true, "reconnecting: " + adopted.error().message);
+    say(true, "reconnecting: " + adopted.error().message, event::kCameraReconnecting);
     take_session();
     return false;
   }
@@ -325,7 +306,31 @@ Status Keeper::correct() {
   return correction_;
 }
 
+void Keeper::set_nuc(const NucOptions& nuc) {
+  const std::lock_guard lock(mutex_);
+  new_nuc_ = nuc;
+}
+
+// A camera that is lost is told when it is opened again.
+void Keeper::follow_policy() {
+  std::optional<NucOptions> nuc;
+  {
+    const std::lock_guard lock(mutex_);
+    nuc = std::exchange(new_nuc_, std::nullopt);
+  }
+  if (!nuc) return;
+  const bool told = nuc->policy != options_.nuc.policy;
+  options_.nuc = *nuc;
+  schedule_.follow(*nuc);
+  intake_.follow(*nuc);
+  if (!told || session_ == nullptr) return;
+  std::vector<std::string> warnings;
+  if (Status done = session_->follow(*nuc, warnings); !done) warnings.push_back(done.error().message);
+  for (std::string& warning : warnings) say(true, std::move(warning));
+}
+
 void Keeper::serve_requests() {
+  follow_policy();
   if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
   std::uint64_t asked = 0;
   {
@@ -358,18 +363,9 @@ Status Keeper::correct_now(const std::string& why) {
   status_->corrections.add();
   status_->correction_ns.set(now_ns);
   enter(SourceState::kCorrecting);
-  say(false, "NUC (" + why + ")");
-  said_last_.clear();  // each one is news
+  say(false, "NUC (" + why + ")", event::kNuc);
+  notices_.forget_last();  // each one is news
   return {};
-}
-
-// The same thing twice in a row is said once.
-void Keeper::say(bool warning, std::string text) {
-  if (text == said_last_) return;
-  said_last_ = text;
-  const std::lock_guard lock(mutex_);
-  if (notices_.size() == kMostNotices) notices_.pop_front();
-  notices_.push_back({warning, std::move(text)});
 }
 
 }  // namespace bolo::genicam

@@ -4,17 +4,20 @@
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
-#include <deque>
 #include <future>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "bolo/core/result.hpp"
+#include "bolo/pipeline/notices.hpp"
 #include "bolo/pipeline/source_status.hpp"
+#include "bolo/pipeline/watch.hpp"
 #include "bolo/rt/counters.hpp"
 #include "drivers/genicam/endings.hpp"
 #include "drivers/genicam/intake.hpp"
@@ -39,8 +42,9 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   // Thread: any.
   TransportStats transport() const;
   std::vector<std::string> warnings() const;
-  std::vector<Notice> take_notices();
+  std::vector<pipeline::Notice> take_notices() { return notices_.take(); }
   Status correct();
+  void set_nuc(const NucOptions& nuc);
   const rt::LatencyHistogram& latency() const noexcept { return intake_.latency(); }
 
  private:
@@ -59,15 +63,18 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   void tell_transport();
   void tell_scene();
   void serve_requests();
+  void follow_policy();
   Status correct_now(const std::string& why);
-  void say(bool warning, std::string text);
+  void say(bool warning, std::string text, std::string_view event = {}) {
+    notices_.say(warning, std::move(text), event);
+  }
 
   CameraOptions options_;  // the address follows the camera
   const pipeline::SourceInfo info_;
-  const std::int64_t stall_ns_;  // without a frame for this long: stalled
-  const std::int64_t lost_ns_;   // ... and for this long: lost
+  const pipeline::WatchLimits limits_;
   const std::shared_ptr<pipeline::SourceStatus> status_;
   Intake intake_;
+  pipeline::Notices notices_;
   std::atomic<bool> stop_{false};  // written under the mutex; read without it to give up early
 
   // The watching thread's own, once that runs.
@@ -81,7 +88,6 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   NucSchedule schedule_;
   std::int64_t next_temperature_ns_ = 0;
   std::int64_t next_tell_ns_ = 0;
-  std::string said_last_;
   Endings endings_;  // stop() waits for it when the watching thread has ended
 
   mutable std::mutex mutex_;  // guards what follows
@@ -89,10 +95,10 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   std::unique_ptr<Session> session_;  // replaced by the watching thread only, which therefore reads it without
   TransportStats past_;               // of sessions that have ended
   std::vector<std::string> warnings_;
-  std::deque<Notice> notices_;
   std::condition_variable corrected_;
   std::uint64_t corrections_asked_ = 0;
   std::uint64_t corrections_served_ = 0;
+  std::optional<NucOptions> new_nuc_;
   Status correction_;    // how the last one that was asked for went
   std::thread watcher_;  // setup thread only
   std::future<void> watched_;

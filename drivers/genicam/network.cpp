@@ -2,35 +2,42 @@
 
 #include <arpa/inet.h>
 #include <ifaddrs.h>
+#include <linux/filter.h>
 #include <net/if.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
-#include <fstream>
+#include <filesystem>
+#include <initializer_list>
+#include <limits>
 #include <memory>
 #include <optional>
+#include <vector>
+
+#include "bolo/core/unique_fd.hpp"
 
 namespace bolo::genicam {
 namespace {
 
 constexpr std::uint16_t kGvcpPort = 3956;
 
+// Registers that every GigE Vision camera has (kPrivilege), or may have: who controls it.
+constexpr std::uint32_t kPrivilege = 0x0A00;
+constexpr std::uint32_t kPrimaryPort = 0x0A04;
+constexpr std::uint32_t kPrimaryAddress = 0x0A14;
+
+enum class Command : std::uint16_t { kDiscovery = 0x0002, kReadRegister = 0x0080, kWriteRegister = 0x0082 };
+
 class UdpSocket {
  public:
-  UdpSocket() : fd_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {}
-  ~UdpSocket() {
-    if (fd_ >= 0) close(fd_);
-  }
-  UdpSocket(const UdpSocket&) = delete;
-  UdpSocket& operator=(const UdpSocket&) = delete;
-
-  int fd() const { return fd_; }
+  int fd() const { return fd_.get(); }
 
   // 0, or errno.
   int connect_to(const std::string& ipv4) const {
@@ -38,12 +45,53 @@ class UdpSocket {
     peer.sin_family = AF_INET;
     peer.sin_port = htons(kGvcpPort);
     inet_pton(AF_INET, ipv4.c_str(), &peer.sin_addr);
-    return connect(fd_, reinterpret_cast<const sockaddr*>(&peer), sizeof peer) == 0 ? 0 : errno;
+    return connect(fd_.get(), reinterpret_cast<const sockaddr*>(&peer), sizeof peer) == 0 ? 0 : errno;
+  }
+
+  // False when another socket has the port.
+  bool bind_to(in_addr address, std::uint16_t port) const {
+    sockaddr_in own{};
+    own.sin_family = AF_INET;
+    own.sin_port = htons(port);
+    own.sin_addr = address;
+    return bind(fd_.get(), reinterpret_cast<const sockaddr*>(&own), sizeof own) == 0;
   }
 
  private:
-  int fd_;
+  UniqueFd fd_{socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)};
 };
+
+void append(std::vector<unsigned char>& bytes, std::uint32_t value, int size) {
+  for (int shift = 8 * (size - 1); shift >= 0; shift -= 8) bytes.push_back(static_cast<unsigned char>(value >> shift));
+}
+
+// Sends a GVCP command of 32-bit words and waits for its acknowledgement, three times at most, 0.7 s in all: the first
+// word of the answer, or nothing when the camera refuses or is silent.
+std::optional<std::uint32_t> ask(const UdpSocket& socket, Command command, std::initializer_list<std::uint32_t> words) {
+  constexpr int kTries = 3;
+  constexpr int kWaitMs = 230;
+  constexpr std::uint16_t kRequest = 1;
+  std::vector<unsigned char> message{0x42, 0x01};  // key; flag: acknowledge
+  append(message, static_cast<std::uint32_t>(command), 2);
+  append(message, static_cast<std::uint32_t>(4 * words.size()), 2);
+  append(message, kRequest, 2);
+  for (const std::uint32_t word : words) append(message, word, 4);
+  for (int i = 0; i < kTries; ++i) {
+    if (send(socket.fd(), message.data(), message.size(), 0) < 0 && errno != ECONNREFUSED) return std::nullopt;
+    pollfd event{socket.fd(), POLLIN, 0};
+    if (poll(&event, 1, kWaitMs) <= 0) continue;
+    std::array<unsigned char, 576> answer{};
+    const ssize_t bytes = recv(socket.fd(), answer.data(), answer.size(), 0);
+    if (bytes < 12) continue;
+    const auto word = [&answer](std::size_t at) {
+      return static_cast<std::uint32_t>(answer[at] << 8 | answer[at + 1]);
+    };
+    if (word(2) != static_cast<std::uint32_t>(command) + 1) continue;
+    if (word(0) != 0) return std::nullopt;
+    return word(8) << 16 | word(10);
+  }
+  return std::nullopt;
+}
 
 int mtu_of(const UdpSocket& socket, const std::string& interface) {
   ifreq request{};
@@ -59,6 +107,26 @@ std::optional<ifaddrs> find_interface(const ifaddrs* list, const in_addr& addres
     if (own->sin_addr.s_addr == address.s_addr) return *i;
   }
   return std::nullopt;
+}
+
+// The descriptors of this process's UDP sockets on the port, whatever their addresses: for a library's socket that it
+// does not give away.
+std::vector<int> own_udp_sockets(std::uint16_t port) {
+  std::vector<int> found;
+  std::error_code error;
+  for (std::filesystem::directory_iterator at("/proc/self/fd", error), end; !error && at != end; at.increment(error)) {
+    const int fd = std::atoi(at->path().filename().c_str());
+    sockaddr_in address{};
+    socklen_t size = sizeof address;
+    int type = 0;
+    socklen_t type_size = sizeof type;
+    if (getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size) == 0 && address.sin_family == AF_INET &&
+        address.sin_port == htons(port) && getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &type_size) == 0 &&
+        type == SOCK_DGRAM) {
+      found.push_back(fd);
+    }
+  }
+  return found;
 }
 
 }  // namespace
@@ -98,25 +166,48 @@ Result<Route> route_to(const std::string& ipv4) {
 bool answers_gvcp(const std::string& ipv4) {
   const UdpSocket socket;
   if (socket.connect_to(ipv4) != 0) return false;
-  // Key 0x42, flag "acknowledge", DISCOVERY_CMD, no payload, request 1; the answer is DISCOVERY_ACK.
-  constexpr std::array<unsigned char, 8> kDiscovery{0x42, 0x01, 0x00, 0x02, 0x00, 0x00, 0x00, 0x01};
-  constexpr int kTries = 3;
-  constexpr int kWaitMs = 230;
-  for (int i = 0; i < kTries; ++i) {
-    if (send(socket.fd(), kDiscovery.data(), kDiscovery.size(), 0) < 0 && errno != ECONNREFUSED) return false;
-    pollfd event{socket.fd(), POLLIN, 0};
-    if (poll(&event, 1, kWaitMs) <= 0) continue;
-    std::array<unsigned char, 512> answer{};
-    const ssize_t bytes = recv(socket.fd(), answer.data(), answer.size(), 0);
-    if (bytes >= 8 && answer[2] == 0x00 && answer[3] == 0x03) return true;
-  }
-  return false;
+  return ask(socket, Command::kDiscovery, {}).has_value();
+}
+
+bool free_from_dead_program(const std::string& ipv4, const std::string& own_address) {
+  const UdpSocket living;
+  if (living.connect_to(ipv4) != 0) return false;
+  const auto address = ask(living, Command::kReadRegister, {kPrimaryAddress});
+  const auto port = ask(living, Command::kReadRegister, {kPrimaryPort});
+  in_addr own{};
+  inet_pton(AF_INET, own_address.c_str(), &own);
+  if (!address || !port || *port == 0 || *address != ntohl(own.s_addr)) return false;
+  const UdpSocket dead;
+  if (!dead.bind_to(own, static_cast<std::uint16_t>(*port))) return false;
+  return dead.connect_to(ipv4) == 0 && ask(dead, Command::kWriteRegister, {kPrivilege, 0}).has_value();
+}
+
+bool drop_short_packets(std::uint16_t port) {
+  // A socket's filter sees the UDP header, too: 8 bytes. GVSP's header has 8, with extended ids 20.
+  constexpr std::uint32_t kShortest = 8 + 8;
+  constexpr std::uint32_t kShortestExtended = 8 + 20;
+  constexpr std::uint32_t kFormat = 8 + 4;  // the byte whose highest bit says that ids are extended
+  constexpr std::uint32_t kExtended = 0x80;
+  constexpr std::uint32_t kWhole = 0xffffffff;
+  std::array<sock_filter, 8> steps{
+      {BPF_STMT(BPF_LD | BPF_W | BPF_LEN, 0), BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, kShortest, 0, 5),
+       BPF_STMT(BPF_LD | BPF_B | BPF_ABS, kFormat), BPF_JUMP(BPF_JMP | BPF_JSET | BPF_K, kExtended, 0, 2),
+       BPF_STMT(BPF_LD | BPF_W | BPF_LEN, 0), BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, kShortestExtended, 0, 1),
+       BPF_STMT(BPF_RET | BPF_K, kWhole), BPF_STMT(BPF_RET | BPF_K, 0)}};
+  const sock_fprog filter{static_cast<unsigned short>(steps.size()), steps.data()};
+  const std::vector<int> sockets = own_udp_sockets(port);
+  return !sockets.empty() && std::ranges::all_of(sockets, [&filter](int socket) {
+    return setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof filter) == 0;
+  });
 }
 
 int largest_socket_buffer() {
-  std::ifstream file("/proc/sys/net/core/rmem_max");
-  int bytes = 0;
-  return file >> bytes ? bytes : 0;
+  const UdpSocket socket;
+  int bytes = std::numeric_limits<int>::max() / 2;
+  socklen_t length = sizeof bytes;
+  if (setsockopt(socket.fd(), SOL_SOCKET, SO_RCVBUF, &bytes, length) != 0) return 0;
+  if (getsockopt(socket.fd(), SOL_SOCKET, SO_RCVBUF, &bytes, &length) != 0) return 0;
+  return bytes / 2;  // the kernel doubles what it grants, for its own bookkeeping: socket(7)
 }
 
 }  // namespace bolo::genicam

@@ -1,6 +1,7 @@
 // What the host's network says about the way to a camera.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "bolo/core/result.hpp"
@@ -23,6 +24,17 @@ Result<Route> route_to(const std::string& ipv4);
 // Asks the address with GigE Vision's discovery command whether a camera listens there: true, or false after about
 // 0.7 s. Much sooner than the library's own time-out of several seconds. Thread: setup.
 bool answers_gvcp(const std::string& ipv4);
+
+// Takes control of the camera away from a program on this computer that died: a camera holds on to it until no
+// heartbeat came for some 3 s, and tells its address and port where it has these registers. Only when no process has
+// that port any more, from which the camera then hears that control is given back. True when it was. Thread: setup.
+bool free_from_dead_program(const std::string& ipv4, const std::string& own_address);
+
+// Has the kernel drop datagrams to this process's UDP port that are shorter than the header they must have. The
+// transport library (Aravis 0.8.26) takes what is left in its memory for the rest of one, reckons its length from that
+// and reads far beyond: a single stray datagram would end the process. False when there is no such socket, or the
+// kernel refuses. Thread: setup.
+bool drop_short_packets(std::uint16_t port);
 
 // The largest socket buffer that the kernel grants, bytes; 0 when it does not say. Thread: setup.
 int largest_socket_buffer();

@@ -19,13 +19,15 @@ class NucSchedule {
     if (options_.policy == NucPolicy::kTimed) return true;
     return still_since_ns != 0 && now_ns - still_since_ns >= ns(options_.still_s);
   }
+  // Another policy; when the last one was done is not forgotten.
+  void follow(const NucOptions& options) { options_ = options; }
   // One was done, or could not be: the next is an interval away.
   void done(std::int64_t now_ns) { last_ns_ = now_ns; }
 
  private:
   static std::int64_t ns(double seconds) { return static_cast<std::int64_t>(seconds * 1e9); }
 
-  const NucOptions options_;
+  NucOptions options_;
   std::int64_t last_ns_ = 0;
 };
 

@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "bolo/core/byte_order.hpp"
+
 namespace bolo::genicam {
 namespace {
 
@@ -22,16 +24,18 @@ bool plausible(double count, const LinearScale& scale) {
 SceneWatch::SceneWatch(const StreamFormat& format, double still_k) noexcept
     : count_(std::min(format.geometry.pixels(), kMostSamples)),
       step_(format.geometry.pixels() / std::max<std::size_t>(count_, 1)),
-      still_counts_(format.scale.unit == Unit::kKelvin ? still_k / format.scale.scale : still_k) {}
+      kelvin_a_count_(format.scale.unit == Unit::kKelvin ? format.scale.scale : 1.0),
+      still_counts_(still_k / kelvin_a_count_) {}
 
 void SceneWatch::look(const std::uint16_t* plane, std::int64_t now_ns) noexcept {
-  const bool compares = still_counts_ > 0.0 && now_ns - compared_ns_ >= kComparePeriodNs;
+  const double still_counts = still_counts_.value();
+  const bool compares = still_counts > 0.0 && now_ns - compared_ns_ >= kComparePeriodNs;
   const bool first = frames_++ == 0;
   if (!compares && frames_ != kMedianFrame) return;
   Samples now;
   take(plane, now);
   if (compares) {
-    const bool still = !first && change(now) <= still_counts_;
+    const bool still = !first && change(now) <= still_counts;
     if (!still) still_since_ns_.set(0);
     if (still && still_since_ns_.value() == 0) still_since_ns_.set(compared_ns_);
     before_ = now;
@@ -65,7 +69,7 @@ std::optional<std::string> implausible(int median, const LinearScale& scale) {
   if (scale.unit != Unit::kKelvin || plausible(median, scale)) return std::nullopt;
   char what[96];
   std::snprintf(what, sizeof what, "half of the picture is above %.1f K and half below", scale.to_physical(median));
-  const int swapped = (median & 0xFF) << 8 | median >> 8;
+  const int swapped = swap_bytes(static_cast<std::uint16_t>(median));
   std::string advice = "the camera's range or IRFormat is not what was asked for: check source.ir_format";
   if (plausible(swapped, scale)) advice = "with bytes swapped it makes sense: set source.pixel_order to the other one";
   if (plausible(median * 10.0, scale)) advice = "ten times as much makes sense: set source.ir_format = \"100mk\"";

@@ -18,6 +18,8 @@ class SceneWatch {
   // still_k: a scene stands still while, from one tenth of a second to the next, its pixels change by no more than this
   // on average; K, or counts where frames have no kelvin. 0: motion is not looked at. Thread: setup.
   SceneWatch(const StreamFormat& format, double still_k) noexcept;
+  // Another still_k from now on. Thread: any.
+  void set_still_k(double still_k) noexcept { still_counts_.set(still_k / kelvin_a_count_); }
 
   // A frame in the host's byte order, row-major. now_ns: CLOCK_MONOTONIC. Thread: acquire.
   void look(const std::uint16_t* plane, std::int64_t now_ns) noexcept;
@@ -38,7 +40,8 @@ class SceneWatch {
 
   const std::size_t count_;
   const std::size_t step_;
-  const double still_counts_;
+  const double kelvin_a_count_;  // 1 where frames have no kelvin
+  rt::Gauge<double> still_counts_;
   std::uint64_t frames_ = 0;  // of this connection
   std::int64_t compared_ns_ = 0;
   Samples before_{};

@@ -7,6 +7,7 @@
 
 #include "bolo/core/clock.hpp"
 #include "drivers/genicam/nodes.hpp"
+#include "drivers/genicam/object.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -115,6 +116,12 @@ Status Session::correct() {
   return {};
 }
 
+Status Session::follow(const NucOptions& nuc, std::vector<std::string>& warnings) {
+  Nodes nodes(connection_.device.get());
+  configure_nuc(nodes, nuc, warnings);
+  return nodes.status();
+}
+
 double Session::temperature_k() {
   constexpr double kZeroCelsius = 273.15;
   constexpr double kHottestCelsius = 150.0;  // above, it is kelvin. Unproven: the standard says degrees Celsius
@@ -195,6 +202,9 @@ Status Session::create_stream(std::vector<std::string>& warnings) {
   stream_.reset(arv_device_create_stream(connection_.device.get(), &Session::on_stream, this, error.out()));
   if (error || stream_ == nullptr) {
     return failed(connection_.name + ": no stream (" + error.message() + ")");
+  }
+  if (ARV_IS_GV_STREAM(stream_.get()) && !drop_short_packets(arv_gv_stream_get_port(ARV_GV_STREAM(stream_.get())))) {
+    warnings.push_back("stray datagrams to the stream's port are not kept away: they can end this program");
   }
   running_.store(stream_.get(), std::memory_order_release);  // partner: drain()
   return {};

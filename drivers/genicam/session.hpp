@@ -48,6 +48,8 @@ class Session {
   bool controlled() const { return is_controlled(connection_); }
   // Tells the camera to correct its pixels (NUC). Blocks some seconds when it does not answer. Thread: setup.
   Status correct();
+  // Tells it whether to correct itself. Blocks as correct(). Thread: setup.
+  Status follow(const NucOptions& nuc, std::vector<std::string>& warnings);
   // Of the camera, K; 0 when it does not tell. Blocks as above. Thread: setup.
   double temperature_k();
   // Since the stream was prepared. Thread: setup.

@@ -5,11 +5,12 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <mutex>
 #include <thread>
 #include <utility>
 
 #include "bolo/core/clock.hpp"
+#include "bolo/pipeline/notices.hpp"
+#include "bolo/pipeline/watch.hpp"
 #include "bolo/rt/counters.hpp"
 #include "bolo/rt/thread.hpp"
 #include "drivers/usb/bulk_stream.hpp"
@@ -20,13 +21,13 @@
 namespace bolo::usb {
 namespace {
 
+namespace event = pipeline::event;
+
 constexpr timeval kTick{0, 50'000};
 constexpr std::int64_t kNsPerMs = 1'000'000;
 constexpr std::int64_t kFirstPauseNs = 100 * kNsPerMs;  // between attempts to open a lost camera, doubled up to:
 constexpr std::int64_t kLongestPauseNs = 2000 * kNsPerMs;
-constexpr double kStallPeriods = 20.0;
 constexpr int kMostRecoveries = 5;  // without a frame in between; then the camera is opened again
-constexpr std::size_t kMostNotices = 64;
 
 Status check_options(const UsbOptions& options) {
   constexpr int kMostTransfers = 64;
@@ -45,7 +46,9 @@ Status check_options(const UsbOptions& options) {
 }  // namespace
 
 struct UsbBulkSource::Impl {
-  explicit Impl(UsbOptions given) : options(std::move(given)) {}
+  explicit Impl(UsbOptions given)
+      : options(std::move(given)),
+        limits(pipeline::watch_limits(options.stall_ms, options.reconnect_after_ms, options.frame_period_s)) {}
 
   Status connect();
   void run();
@@ -57,14 +60,18 @@ struct UsbBulkSource::Impl {
   std::int64_t quiet_since_ns() const { return std::max(since_ns, intake->last_frame_ns()); }
   void enter(SourceState now);
   void tell_lost();
-  void note(bool warning, std::string text);
+  void note(bool warning, std::string text, std::string_view event = {}) {
+    notices.say(warning, std::move(text), event);
+  }
   bool stopping() const { return stop.load(std::memory_order_relaxed); }
-  void handle_events() const {
+  void handle_events() {
+    status.watched_ns.set(monotonic_ns());
     timeval tick = kTick;
     libusb_handle_events_timeout_completed(context.get(), &tick, nullptr);
   }
 
   const UsbOptions options;
+  const pipeline::WatchLimits limits;
   // From start() to stop() these belong to the thread, else to the setup thread.
   Context context;
   std::unique_ptr<HotplugSignal> signal;
@@ -79,8 +86,7 @@ struct UsbBulkSource::Impl {
   std::atomic<bool> stop{false};  // a flag and nothing else: relaxed
   pipeline::SourceStatus status;
   rt::Counter recoveries;
-  std::mutex mutex;  // guards the notices
-  std::vector<Notice> notices;
+  pipeline::Notices notices;
 };
 
 // Finds, opens and claims the device.
@@ -121,11 +127,8 @@ void UsbBulkSource::Impl::attend() {
 SourceState UsbBulkSource::Impl::judge() const {
   if (stream->trouble() == BulkStream::Trouble::kGone) return SourceState::kLost;
   const std::int64_t quiet_ns = monotonic_ns() - quiet_since_ns();
-  const auto stall_ns = std::max(options.stall_ms * kNsPerMs,
-                                 static_cast<std::int64_t>(kStallPeriods * options.frame_period_s * kNsPerSecond));
-  const std::int64_t lost_ns = std::max(options.reconnect_after_ms * kNsPerMs, stall_ns);
-  if (options.reconnect_after_ms > 0 && quiet_ns > lost_ns) return SourceState::kLost;
-  return quiet_ns > stall_ns ? SourceState::kStalled : SourceState::kStreaming;
+  if (options.reconnect_after_ms > 0 && quiet_ns > limits.lost_ns) return SourceState::kLost;
+  return quiet_ns > limits.stall_ns ? SourceState::kStalled : SourceState::kStreaming;
 }
 
 // Tries at once whenever a device comes, and now and then, for not every system tells.
@@ -138,10 +141,9 @@ void UsbBulkSource::Impl::reopen() {
   while (!stopping()) {
     if (std::exchange(arrived, false) || monotonic_ns() >= next_ns) {
       if (try_reopen()) {
-        const double outage_s = static_cast<double>(since_ns - quiet_ns) / kNsPerSecond;
-        status.outage_frames.add(static_cast<std::uint64_t>(outage_s / options.frame_period_s));
+        status.outage_frames.add(pipeline::frames_between(quiet_ns, since_ns, options.frame_period_s));
         status.reopened.add();
-        return note(false, "the camera was opened again");
+        return note(false, "the camera was opened again", event::kCameraBack);
       }
       next_ns = monotonic_ns() + pause_ns;
       pause_ns = std::min(2 * pause_ns, kLongestPauseNs);
@@ -157,7 +159,7 @@ bool UsbBulkSource::Impl::try_reopen() {
     since_ns = monotonic_ns();
     return true;
   }
-  note(true, "reconnecting: " + opened.error().message);
+  note(true, "reconnecting: " + opened.error().message, event::kCameraReconnecting);
   drop();
   return false;
 }
@@ -172,23 +174,19 @@ void UsbBulkSource::Impl::enter(SourceState now) {
   if (now == SourceState::kLost) return tell_lost();
   if (now == SourceState::kStalled) {
     status.stalls.add();
-    note(true, "frames have stopped");
+    note(true, "frames have stopped", event::kCameraStalled);
   } else if (before == SourceState::kStalled) {
-    note(false, "frames come again");
+    note(false, "frames come again", event::kFramesFlow);
   }
 }
 
 void UsbBulkSource::Impl::tell_lost() {
   const bool gone = stream->trouble() == BulkStream::Trouble::kGone;
   status.lost[static_cast<std::size_t>(gone ? pipeline::LostCause::kNoAnswer : pipeline::LostCause::kStalled)].add();
-  note(true, gone ? "the camera is gone; it is opened again when it comes back"
-                  : "the camera sends nothing any more; it is opened again");
-}
-
-void UsbBulkSource::Impl::note(bool warning, std::string text) {
-  const std::lock_guard lock(mutex);
-  const bool again = !notices.empty() && notices.back().text == text;
-  if (!again && notices.size() < kMostNotices) notices.push_back({warning, std::move(text)});
+  note(true,
+       gone ? "the camera is gone; it is opened again when it comes back"
+            : "the camera sends nothing any more; it is opened again",
+       event::kCameraLost);
 }
 
 UsbBulkSource::UsbBulkSource(UsbOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
@@ -245,9 +243,8 @@ const pipeline::SourceStatus* UsbBulkSource::status() const noexcept { return &i
 
 std::uint64_t UsbBulkSource::recoveries() const noexcept { return impl_->recoveries.value(); }
 
-std::vector<Notice> UsbBulkSource::take_notices() {
-  const std::lock_guard lock(impl_->mutex);
-  return std::exchange(impl_->notices, {});
-}
+std::vector<pipeline::Notice> UsbBulkSource::take_notices() { return impl_->notices.take(); }
+
+Status UsbBulkSource::correct() { return failed("a USB camera cannot be told to correct its pixels"); }
 
 }  // namespace bolo::usb

@@ -45,12 +45,6 @@ struct UsbOptions {
 
 using pipeline::SourceState;
 
-// Something that happened to the camera, in one line.
-struct Notice {
-  bool warning = false;
-  std::string text;
-};
-
 // One thread owns the connection from start() to stop(): it handles libusb's events, copies frames, clears halts, and
 // opens a lost camera again. Nothing of ours allocates while frames flow; libusb does for each transfer.
 //
@@ -79,8 +73,9 @@ class UsbBulkSource final : public pipeline::FrameSource {
   const pipeline::SourceStatus* status() const noexcept override;
   // Times that a halt of the endpoint, or another failure of transfers, was cleared. Thread: any.
   std::uint64_t recoveries() const noexcept;
-  // What has happened since the last call, newest last. The last of very many are left out. Thread: any.
-  std::vector<Notice> take_notices();
+  std::vector<pipeline::Notice> take_notices() override;
+  // Fails: no way is known. Thread: any.
+  Status correct() override;
 
  private:
   struct Impl;

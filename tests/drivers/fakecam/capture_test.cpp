@@ -7,22 +7,10 @@
 
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::fakecam {
 namespace {
-
-class TempDir {
- public:
-  TempDir() {
-    std::string name = testing::TempDir() + "fakecam_XXXXXX";
-    path_ = mkdtemp(name.data());
-  }
-  ~TempDir() { std::filesystem::remove_all(path_); }
-  std::filesystem::path file(const char* name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
 
 void write_kelvin_capture(const std::filesystem::path& file, std::size_t frames) {
   capture::CaptureInfo info;
@@ -40,9 +28,9 @@ void write_kelvin_capture(const std::filesystem::path& file, std::size_t frames)
 }
 
 TEST(FakeCameraCapture, KelvinCaptureGoesOutIn10mKWithTheCamerasSerial) {
-  const TempDir dir;
-  write_kelvin_capture(dir.file("a.h5"), 3);
-  auto provider = open_capture(dir.file("a.h5"));
+  const Scratch dir;
+  write_kelvin_capture(dir / "a.h5", 3);
+  auto provider = open_capture(dir / "a.h5");
   ASSERT_TRUE(provider.has_value()) << provider.error().message;
   FakeCameraOptions options;
   options.address = test::fresh_address();
@@ -58,10 +46,10 @@ TEST(FakeCameraCapture, KelvinCaptureGoesOutIn10mKWithTheCamerasSerial) {
 }
 
 TEST(FakeCameraCapture, ReadsAheadFromDiskWhatIsTooBigForMemory) {
-  const TempDir dir;
-  write_kelvin_capture(dir.file("a.h5"), 40);
-  auto from_memory = open_capture(dir.file("a.h5"));
-  auto from_disk = open_capture(dir.file("a.h5"), 1000);
+  const Scratch dir;
+  write_kelvin_capture(dir / "a.h5", 40);
+  auto from_memory = open_capture(dir / "a.h5");
+  auto from_disk = open_capture(dir / "a.h5", 1000);
   ASSERT_TRUE(from_memory.has_value() && from_disk.has_value());
   EXPECT_NE(dynamic_cast<MemoryFrames*>(from_memory->get()), nullptr);
   EXPECT_EQ(dynamic_cast<MemoryFrames*>(from_disk->get()), nullptr);

@@ -75,6 +75,7 @@ void FakeCamera::write_register(std::uint32_t address, std::uint32_t value) {
 void FakeCamera::fill(ArvBuffer* buffer, void* self, guint32, guint32, ArvPixelFormat) {
   auto* fake = static_cast<FakeCamera*>(self);
   const std::uint64_t n = fake->sent_.load();
+  const std::uint64_t shown = fake->moves_.load() ? n : 0;
   const int width = arv_buffer_get_image_width(buffer);
   const int height = arv_buffer_get_image_height(buffer);
   std::size_t size = 0;  // of what was received so far: says nothing here
@@ -84,7 +85,7 @@ void FakeCamera::fill(ArvBuffer* buffer, void* self, guint32, guint32, ArvPixelF
     for (int x = 0; x < width; ++x) {
       const std::size_t i =
           (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)) * 2;
-      const std::uint16_t value = pixel(n, x, y);
+      const std::uint16_t value = pixel(shown, x, y);
       bytes[i + high] = static_cast<unsigned char>(value >> 8);
       bytes[i + 1 - high] = static_cast<unsigned char>(value & 0xFF);
     }

@@ -53,6 +53,8 @@ class FakeCamera {
   std::uint32_t read_register(std::uint32_t address) const;
   void write_register(std::uint32_t address, std::uint32_t value);
   std::uint64_t sent() const { return sent_.load(); }
+  // From now on every frame shows frame 0's picture.
+  void stand_still() { moves_.store(false); }
 
  private:
   ArvFakeCamera* camera() const { return arv_gv_fake_camera_get_fake_camera(fake_.get()); }
@@ -60,6 +62,7 @@ class FakeCamera {
 
   FakeOptions options_;
   std::atomic<std::uint64_t> sent_{0};
+  std::atomic<bool> moves_{true};
   Ref<ArvGvFakeCamera> fake_;
 };
 

@@ -159,6 +159,18 @@ TEST_F(FrameLedgerTest, PlacesFramesWithoutIdInTheNextGap) {
   EXPECT_EQ(lost(LossCause::kMissing), 1U);
 }
 
+// Foreign bytes on the stream's port look like a frame that lost its first packet.
+TEST_F(FrameLedgerTest, WhatFillsNoGapWasNoFrame) {
+  complete(1);
+  ledger_.broken_without_id();
+  complete(2);
+  for (int i = 0; i < 3; ++i) ledger_.broken_without_id();
+  complete(4);  // 3 is missing, or one of those
+  complete(5);
+  expect_all_accounted();
+  EXPECT_EQ(ledger_.lost(), 1U);
+}
+
 TEST_F(FrameLedgerTest, PlacesFramesWithoutIdInALongGap) {
   complete(1);
   for (int i = 0; i < 30; ++i) ledger_.broken_without_id();

@@ -88,7 +88,7 @@ class GenicamFlirTest : public testing::Test {
     ASSERT_TRUE(started) << started.error().message;
   }
   bool told(const std::string& part) {
-    for (Notice& notice : source_->take_notices()) notices_.push_back(std::move(notice.text));
+    for (pipeline::Notice& notice : source_->take_notices()) notices_.push_back(std::move(notice.text));
     return std::any_of(notices_.begin(), notices_.end(),
                        [&](const std::string& text) { return text.find(part) != std::string::npos; });
   }
@@ -143,6 +143,24 @@ TEST_F(GenicamFlirTest, CorrectsByTheClock) {
   options.nuc.hold_ms = 50;
   start(options);
   EXPECT_TRUE(eventually([&] { return source_->status()->corrections.value() >= 3; }));
+  source_->stop();
+}
+
+TEST_F(GenicamFlirTest, CorrectsWhenNothingMoves) {
+  CameraOptions options = options_for();
+  options.nuc.policy = NucPolicy::kStill;
+  options.nuc.interval_s = 0.2;
+  options.nuc.still_s = 0.3;
+  options.nuc.hold_ms = 50;
+  start(options);
+  ASSERT_TRUE(collector_->wait_for(60));
+  ASSERT_TRUE(eventually([&] { return source_->state() == SourceState::kStreaming; }));
+  EXPECT_EQ(source_->status()->corrections.value(), 0U) << "the picture moves";
+  EXPECT_EQ(fake_->read_register(kNucActionAt), 0U);
+  fake_->stand_still();
+  EXPECT_TRUE(eventually([&] { return source_->status()->corrections.value() >= 2; }));
+  EXPECT_EQ(fake_->read_register(kNucActionAt), 1U);
+  EXPECT_TRUE(told("NUC (nothing moves)"));
   source_->stop();
 }
 

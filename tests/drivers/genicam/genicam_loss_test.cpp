@@ -28,7 +28,7 @@ class GenicamLossTest : public testing::Test {
   // The beginnings of what was told; "!" marks warnings. What the host grants less of is left out.
   std::vector<std::string> changes() {
     std::vector<std::string> texts;
-    for (const Notice& notice : source_->take_notices()) {
+    for (const pipeline::Notice& notice : source_->take_notices()) {
       for (const std::string kind : {"camera stalled", "camera lost (no answer)", "camera lost (control lost)",
                                      "camera lost (stalled)", "camera opened again", "frames arrive again"}) {
         if (notice.text.rfind(kind, 0) == 0) texts.push_back((notice.warning ? "!" : "") + kind);

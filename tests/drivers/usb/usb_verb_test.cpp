@@ -1,0 +1,81 @@
+// `bolo usb` as its users meet it, with an emulated camera that it finds in another process.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/drivers/usb/mock_camera.hpp"
+#include "tests/scratch.hpp"
+#include "tests/tools/program.hpp"
+
+namespace bolo::usb {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::MockCamera;
+using tools::test::Outcome;
+using tools::test::Program;
+
+class UsbVerb : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    setenv("LD_PRELOAD", UMOCKDEV_PRELOAD, 1);              // the program itself knows nothing of it
+    setenv("ASAN_OPTIONS", "verify_asan_link_order=0", 1);  // it then comes before the sanitizer's library
+  }
+  void TearDown() override {
+    unsetenv("LD_PRELOAD");
+    unsetenv("ASAN_OPTIONS");
+  }
+  Outcome run(std::vector<std::string> words) const {
+    words.insert(words.begin(), {BOLO_PROGRAM, "usb"});
+    return Program(folder_, std::move(words)).outcome();
+  }
+
+  const Scratch scratch_;
+  const fs::path folder_ = scratch_.path();
+  MockCamera camera_{"SN-77"};
+};
+
+TEST_F(UsbVerb, ListsTheCamera) {
+  camera_.plug();
+  const Outcome outcome = run({"--json"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const json devices = json::parse(outcome.out)["devices"];
+  ASSERT_EQ(devices.size(), 1U) << outcome.out;
+  EXPECT_EQ(devices[0]["id"], "09cb:1007");
+  EXPECT_EQ(devices[0]["serial"], "SN-77");
+  EXPECT_EQ(devices[0]["allowed"], true);
+}
+
+TEST_F(UsbVerb, SaysThatThereIsNone) {
+  const Outcome outcome = run({});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(outcome.out.rfind("no ", 0), 0U) << outcome.out;
+}
+
+TEST_F(UsbVerb, ReportsDescriptorsForSupport) {
+  camera_.plug();
+  const Outcome outcome = run({"--report", "--device", "09cb:1007"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  for (const char* word : {"09cb:1007", "SN-77", "0x81", "bulk", "512"}) {
+    EXPECT_NE(outcome.out.find(word), std::string::npos) << word << " in\n" << outcome.out;
+  }
+}
+
+TEST_F(UsbVerb, BadInputIsOneLine) {
+  for (const auto& words : {std::vector<std::string>{"--vendor", "flir"},
+                            {"--device", "first"},
+                            {"--report", "--watch"},
+                            {"--report", "--device", "09cb:0001"}}) {
+    const Outcome outcome = run(words);
+    EXPECT_EQ(outcome.exit_code, 2) << words.back();
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  }
+}
+
+}  // namespace
+}  // namespace bolo::usb
