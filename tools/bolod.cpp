@@ -1,5 +1,6 @@
 // `bolod`: the daemon. One instance a camera.
 #include <cstdio>
+#include <cstdlib>
 #include <iostream>
 #include <string>
 
@@ -8,15 +9,24 @@
 #include "bolo/daemon/config.hpp"
 #include "bolo/daemon/daemon.hpp"
 #include "bolo/daemon/log.hpp"
+#include "tools/bolod_options.hpp"
 
 namespace {
 
 constexpr int kExitDone = 0;
+constexpr int kExitFailed = 1;
 constexpr int kExitUsage = 2;
 
 int report(const bolo::Error& error) {
   std::fprintf(stderr, "bolod: %s\n", error.message.c_str());
   return error.exit_code();
+}
+
+// The file is right, but what it names is not there, or another program has it. That may pass: to a service manager it
+// is no bad input (2), after which it would not try again.
+int report_start(const bolo::Error& error) {
+  const int exit_code = report(error);
+  return std::getenv("NOTIFY_SOCKET") == nullptr ? exit_code : kExitFailed;
 }
 
 int usage(const std::string& what) {
@@ -32,8 +42,8 @@ int run(const std::string& file, bool check_only) {
     std::printf("%s: ok\n", file.c_str());
     return kExitDone;
   }
-  const auto daemon = bolo::daemon::Daemon::create(*config, bolo::daemon::make_log(config->log));
-  if (!daemon) return report(daemon.error());
+  const auto daemon = bolo::daemon::Daemon::create(*config, bolo::daemon::make_log(config->log, config->name));
+  if (!daemon) return report_start(daemon.error());
   const bolo::Status status = (*daemon)->run();
   return status ? kExitDone : report(status.error());
 }
@@ -41,11 +51,7 @@ int run(const std::string& file, bool check_only) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  cxxopts::Options options("bolod", "Deblurs a thermal camera's frames and hands them to other programs.");
-  options.add_options()("config", "The configuration to run", cxxopts::value<std::string>(), "FILE")(
-      "check-config", "Say whether the configuration is right, and end")(
-      "print-config", "Print the complete default configuration with its documentation, and end")(
-      "version", "Print the version")("h,help", "Print this help");
+  cxxopts::Options options = bolo::tools::bolod_options();
   try {
     const cxxopts::ParseResult parsed = options.parse(argc, argv);
     if (!parsed.unmatched().empty()) return usage("unexpected argument '" + parsed.unmatched().front() + "'");

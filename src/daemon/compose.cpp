@@ -23,9 +23,7 @@ Result<ComposedSource> make_source(const DaemonConfig& config) {
   if (config.source == SourceType::kReplay) return make_replay(config.replay);
   ComposedSource composed;
   if (config.source == SourceType::kUsb) {
-    auto source = std::make_unique<usb::UsbBulkSource>(config.usb);
-    composed.usb = source.get();
-    composed.source = std::move(source);
+    composed.source = std::make_unique<usb::UsbBulkSource>(config.usb);
     composed.warnings.emplace_back("USB cameras are experimental: none whose protocol is known was tried");
     return composed;
   }
@@ -35,11 +33,36 @@ Result<ComposedSource> make_source(const DaemonConfig& config) {
   return composed;
 }
 
-std::vector<std::unique_ptr<pipeline::FrameSink>> make_sinks(const DaemonConfig& config) {
-  std::vector<std::unique_ptr<pipeline::FrameSink>> sinks;
-  if (config.shm_enabled) sinks.push_back(std::make_unique<shm::ShmSink>(config.shm));
+bool waits_for_frames(const DaemonConfig& config) {
+  return config.source == SourceType::kReplay && config.replay.pace == replay::Pace::kAsFastAsPossible;
+}
+
+ComposedSinks make_sinks(const DaemonConfig& config) {
+  ComposedSinks sinks;
+  if (config.shm_enabled) sinks.all.push_back(std::make_unique<shm::ShmSink>(config.shm));
+  for (std::size_t i = 0; i < kVideoDevices; ++i) {
+    if (!config.video[i].enabled) continue;
+    auto sink = std::make_unique<v4l2::V4l2Sink>(config.video[i].sink);
+    sinks.video[i] = sink.get();
+    sinks.all.push_back(std::move(sink));
+  }
   return sinks;
 }
+
+namespace {
+
+std::string sink_words(const DaemonConfig& config) {
+  std::string words = config.shm_enabled ? "shared memory /bolo." + config.name : "";
+  for (const VideoOptions& video : config.video) {
+    if (!video.enabled) continue;
+    words += (words.empty() ? "" : ", ") + video.sink.device + " (" +
+             (video.sink.plane == v4l2::Plane::kRaw ? "raw" : "deblurred") + ", " +
+             std::string(v4l2::name(video.sink.format)) + ")";
+  }
+  return words.empty() ? "nowhere: shm.enable is false" : words;
+}
+
+}  // namespace
 
 std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipeline) {
   const pipeline::SourceInfo& source = pipeline.source();
@@ -53,7 +76,7 @@ std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipel
   std::snprintf(window, sizeof window, "window %d, look-ahead %d, tau %.4g ms, %d workers", settings.window,
                 settings.lookahead, settings.tau_s * 1e3, config.pipeline.workers);
   return from + " " + source.camera_model + serial + ", " + frame + " -> " + pipeline.solver_text() + ", " + window +
-         " -> " + (config.shm_enabled ? "shared memory /bolo." + config.name : "nowhere: shm.enable is false");
+         " -> " + sink_words(config);
 }
 
 }  // namespace bolo::daemon

@@ -1,6 +1,8 @@
 #include "bolo/daemon/config.hpp"
 
 #include <array>
+#include <fstream>
+#include <iterator>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -12,7 +14,10 @@
 #include "drivers/shm/shm_object.hpp"
 #include "src/daemon/config_camera.hpp"
 #include "src/daemon/config_usb.hpp"
+#include "src/daemon/config_video.hpp"
 #include "src/daemon/control.hpp"
+#include "src/daemon/metrics_server.hpp"
+#include "src/daemon/reload.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -22,7 +27,8 @@ using model::KeyTable;
 constexpr std::string_view kHeading =
     "# Configuration of bolod, one file a camera. Every key may be left out; the values here are the defaults.\n"
     "# Relative file names are meant from this file's folder. `bolod --check-config --config FILE` tells what is "
-    "wrong.\n\n";
+    "wrong.\n"
+    "# Keys marked \"live\" are taken up by a running daemon on SIGHUP (systemctl reload); others need a restart.\n\n";
 
 template <typename Enum, std::size_t N>
 using Names = std::array<std::pair<std::string_view, Enum>, N>;
@@ -46,7 +52,8 @@ constexpr Names<LogLevel, 4> kLevels{{{"debug", LogLevel::kDebug},
                                       {"info", LogLevel::kInfo},
                                       {"warning", LogLevel::kWarning},
                                       {"error", LogLevel::kError}}};
-constexpr Names<LogFormat, 2> kFormats{{{"text", LogFormat::kText}, {"journal", LogFormat::kJournal}}};
+constexpr Names<LogFormat, 3> kFormats{
+    {{"auto", LogFormat::kAuto}, {"text", LogFormat::kText}, {"journal", LogFormat::kJournal}}};
 
 // Keys whose meaning others decide: those that take a value of the profile's place when they are given, and [usb].
 struct Overrides {
@@ -133,6 +140,10 @@ void pipeline_keys(KeyTable& keys, DaemonConfig& c) {
   keys.section("pipeline", "threads and memory");
   keys.integer("queue_frames", c.pipeline.queue_frames, {1, 4096, "frames"},
                "Frames that may wait between camera and deblurring.");
+  keys.boolean(
+      "degrade", c.pipeline.degrade,
+      "When deblurring can't keep up, spend less on frames rather than lose them: from 1/8 of the queue on one "
+      "sweep, from 1/4 the inverse filter, from 1/2 the raw frame. Each such frame carries a flag.");
   keys.integer("realtime_priority", c.pipeline.thread.realtime_priority, {0, 99, ""},
                "SCHED_FIFO priority of the deblurring threads; 0: the default scheduler.");
   keys.integers("cpus", c.pipeline.thread.cpus, {0, 4095, ""}, "CPUs that the deblurring threads keep to; []: any.");
@@ -146,16 +157,24 @@ void output_keys(KeyTable& keys, DaemonConfig& c) {
                "Frames in the ring, at least window + lookahead; 0: 64, or more when the window needs more.");
   keys.octal("mode", c.shm.mode, {0600, 0777, ""}, "Permission bits; readers need to read only.");
   keys.text("group", c.shm.group, "Owner group; empty: the daemon's own.");
+  video_keys(keys, c.video);
   keys.section("control", "commands to the running daemon: `bolo nuc NAME`");
   keys.boolean("enable", c.control.enabled, "Listen on a unix socket.");
   keys.text(
       "socket", c.control.socket,
       "Its path; empty: NAME.sock in the runtime directory (RUNTIME_DIRECTORY, /run/bolo, XDG_RUNTIME_DIR/bolo).");
   keys.octal("mode", c.control.mode, {0600, 0777, ""}, "Permission bits; whoever may write to it may send commands.");
-  keys.section("log", "messages on standard error");
+  keys.section("metrics", "numbers for Prometheus, at http://LISTEN/metrics");
+  keys.boolean("enable", c.metrics.enabled, "Answer scrapes.");
+  keys.text("listen", c.metrics.listen, "Address and port.");
+  keys.boolean("allow_remote", c.metrics.allow_remote,
+               "Let `listen` be an address that other computers reach. Who reaches it may read; nothing is asked.");
+  keys.section("log", "messages");
   keys.choice<LogLevel>("level", c.log.level, kLevels, "The least important messages that are written.");
-  keys.choice<LogFormat>("format", c.log.format, kFormats,
-                         "text: time, level, message. journal: the level as systemd's journal reads it.");
+  keys.choice<LogFormat>(
+      "format", c.log.format, kFormats,
+      "text: time, level, message on standard error. journal: to systemd's journal, with fields (BOLO_EVENT "
+      "...). auto: journal for a service whose standard error is the journal.");
 }
 
 KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
@@ -169,7 +188,29 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
   deblur_keys(keys, config, overrides);
   pipeline_keys(keys, config);
   output_keys(keys, config);
+  for (const std::string_view key : live_keys()) keys.mark(key, "live");
   return keys;
+}
+
+// Tells another content of a file from this one.
+std::string content(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+// Maps are large, and replaced as a whole.
+std::string stamp(const std::filesystem::path& file) {
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(file, error);
+  const auto time = std::filesystem::last_write_time(file, error);
+  return error ? "" : std::to_string(bytes) + " " + std::to_string(time.time_since_epoch().count());
+}
+
+// Files that the configuration names change the daemon, too.
+void note_profile(DaemonConfig& config) {
+  if (config.profile_file.empty()) return;
+  config.texts.emplace("what the profile says", content(config.profile_file));
+  if (!config.profile.maps.empty()) config.texts.emplace("the profile's maps", stamp(config.profile.maps));
 }
 
 // Profile first, then the keys that take its place.
@@ -209,6 +250,9 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
   }
   if (const Status camera = check_camera(config.camera); !camera) return here("camera", camera.error().message);
   if (const Status isa = deblur::check_isa(config.isa); !isa) return here("deblur.isa", isa.error().message);
+  if (Status video = check_video(keys, config.video); !video) return video;
+  if (const Status listen = check_listen(config.metrics); !listen)
+    return here("metrics.listen", listen.error().message);
   const deblur::Settings& settings = config.pipeline.deblur;
   if (const Status status = deblur::validate(settings); !status) return here("", status.error().message);
   const int needed = settings.window + settings.lookahead;
@@ -222,6 +266,9 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
 }  // namespace
 
 DaemonConfig::DaemonConfig() {
+  video[1].sink.device = "/dev/video11";
+  video[1].sink.plane = v4l2::Plane::kRaw;
+  pipeline.degrade = true;
   camera.width = 640;
   camera.height = 120;
 }
@@ -231,6 +278,8 @@ Result<DaemonConfig> read_config(const std::filesystem::path& file) {
   Overrides overrides;
   KeyTable keys = config_keys(config, overrides);
   if (const Status status = keys.read(file); !status) return tl::unexpected<Error>(status.error());
+  config.file = file;
+  config.texts = config_keys(config, overrides).texts();
   if (const Status status = apply_profile(config, overrides); !status) return tl::unexpected<Error>(status.error());
   if (config.source == SourceType::kUsb) {
     auto usb = usb_options(keys, overrides.usb, config.camera);
@@ -238,6 +287,7 @@ Result<DaemonConfig> read_config(const std::filesystem::path& file) {
     config.usb = std::move(*usb);
   }
   if (const Status status = check_together(keys, config); !status) return tl::unexpected<Error>(status.error());
+  note_profile(config);
   return config;
 }
 

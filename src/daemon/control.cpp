@@ -17,6 +17,7 @@
 #include <thread>
 
 #include "bolo/core/clock.hpp"
+#include "bolo/core/unique_fd.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -24,20 +25,6 @@ namespace {
 constexpr std::size_t kLongestRequest = 256;
 constexpr std::int64_t kPatienceNs = 1'000'000'000;  // with a client that does not end its line
 constexpr int kBacklog = 8;
-
-class Descriptor {
- public:
-  explicit Descriptor(int fd = -1) : fd_(fd) {}
-  ~Descriptor() {
-    if (fd_ >= 0) close(fd_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 bool readable(int fd, std::int64_t timeout_ns) {
   pollfd event{fd, POLLIN, 0};
@@ -61,7 +48,7 @@ std::optional<std::string> read_line(int client) {
 }
 
 bool is_listening(const sockaddr_un& address) {
-  const Descriptor probe(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  const UniqueFd probe(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   return connect(probe.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
 }
 
@@ -82,8 +69,8 @@ struct ControlServer::Impl {
       if (poll(events.data(), events.size(), -1) < 0 && errno != EINTR) return;
       if ((events[1].revents & POLLIN) != 0) return;
       if ((events[0].revents & POLLIN) == 0) continue;
-      const Descriptor client(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC));
-      if (client.get() >= 0) reply(client.get());
+      const UniqueFd client(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC));
+      if (client) reply(client.get());
     }
   }
   void reply(int client) const {
@@ -98,8 +85,8 @@ struct ControlServer::Impl {
     }
   }
 
-  Descriptor listener;
-  Descriptor stop;
+  UniqueFd listener;
+  UniqueFd stop;
   std::string path;
   Answer answer;
   std::thread thread;

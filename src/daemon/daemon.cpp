@@ -1,5 +1,6 @@
 #include "bolo/daemon/daemon.hpp"
 
+#include <malloc.h>
 #include <pthread.h>
 #include <signal.h>
 #include <sys/mman.h>
@@ -10,20 +11,28 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
+#include <optional>
 #include <string_view>
 #include <thread>
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/daemon/health.hpp"
+#include "bolo/daemon/log.hpp"
 #include "bolo/deblur/isa.hpp"
-#include "drivers/shm/camera_block.hpp"
 #include "src/daemon/compose.hpp"
 #include "src/daemon/control.hpp"
+#include "src/daemon/journal_sink.hpp"
+#include "src/daemon/metrics.hpp"
+#include "src/daemon/metrics_server.hpp"
+#include "src/daemon/reload.hpp"
+#include "src/daemon/service_manager.hpp"
+#include "src/daemon/state.hpp"
+#include "src/daemon/supervisor.hpp"
 
 namespace bolo::daemon {
 namespace {
+
+namespace event = pipeline::event;
 
 constexpr timespec kLookPeriod{0, 100'000'000};  // how late a signal's or the source's end may be noticed
 
@@ -32,6 +41,23 @@ sigset_t our_signals() {
   sigemptyset(&signals);
   for (const int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&signals, signal);
   return signals;
+}
+
+// Memory that is locked is there whether it is used or not.
+void keep_memory_small() {
+  // Large blocks, such as a connection's frame buffers, go back to the system when they are freed. By itself the C
+  // library would keep them from the second connection on.
+  constexpr int kLargeBytes = 128 << 10;
+  mallopt(M_MMAP_THRESHOLD, kLargeBytes);
+  // A connection's threads would each be given an arena of their own, which stays. Nothing allocates while frames flow,
+  // so one is enough for all.
+  mallopt(M_ARENA_MAX, 1);
+  // Of all threads from now on, the libraries' too: none uses a tenth of the system's usual 8 MiB.
+  constexpr std::size_t kStackBytes = std::size_t{512} << 10U;
+  pthread_attr_t attributes;
+  if (pthread_attr_init(&attributes) != 0) return;
+  if (pthread_attr_setstacksize(&attributes, kStackBytes) == 0) pthread_setattr_default_np(&attributes);
+  pthread_attr_destroy(&attributes);
 }
 
 rlim_t memory_limit() {
@@ -50,29 +76,28 @@ void block_signals() {
 struct Daemon::Impl {
   DaemonConfig config;
   std::shared_ptr<spdlog::logger> log;
-  std::vector<std::unique_ptr<pipeline::FrameSink>> sinks;  // outlive the pipeline
-  genicam::GenicamSource* camera = nullptr;                 // owned by the pipeline
-  replay::ReplaySource* replay = nullptr;                   // owned by the pipeline
-  usb::UsbBulkSource* usb = nullptr;                        // owned by the pipeline
+  ComposedSinks sinks;                       // outlive the pipeline
+  genicam::GenicamSource* camera = nullptr;  // owned by the pipeline
+  replay::ReplaySource* replay = nullptr;    // owned by the pipeline
   std::unique_ptr<pipeline::Pipeline> pipeline;
 
   std::atomic<bool> stop_requested{false};
   std::atomic<bool> ended{false};
   Status result;  // of the pipeline; written before `ended`, read after the thread is joined
 
-  std::unique_ptr<ControlServer> control;  // goes first: it asks the camera
+  std::optional<Supervisor> supervisor;    // from create() on
+  std::unique_ptr<ControlServer> control;  // goes first, with the next: they ask all others
+  std::unique_ptr<MetricsServer> metrics;
 
   Status compose();
   Status listen();
+  Status serve_metrics();
   std::string answer(std::string_view request) const;
-  std::string answer_state() const;
   void watch();
   bool take_signal();
-  void look(Health& health);
-  void tell(bool warning, const std::string& text) const;
-  void tell_camera_notices() const;
+  void reload();
+  void apply(const DaemonConfig& read);
   void lock_memory() const;
-  void tell_end() const;
 };
 
 Status Daemon::Impl::compose() {
@@ -81,12 +106,12 @@ Status Daemon::Impl::compose() {
   for (const std::string& warning : source->warnings) log->warn(warning);
   camera = source->camera;
   replay = source->replay;
-  usb = source->usb;
   sinks = make_sinks(config);
   std::vector<pipeline::FrameSink*> lent;
-  for (const auto& sink : sinks) lent.push_back(sink.get());
+  for (const auto& sink : sinks.all) lent.push_back(sink.get());
   if (Status status = deblur::choose_isa(config.isa); !status) return status;
   pipeline::PipelineOptions options = config.pipeline;
+  options.degrade = options.degrade && !waits_for_frames(config);
   options.warn = [log = log](const std::string& what) { log->warn(what); };
   auto made = pipeline::Pipeline::create(std::move(source->source), lent, options);
   if (!made) return tl::unexpected<Error>(made.error());
@@ -115,50 +140,34 @@ Status Daemon::Impl::listen() {
   return {};
 }
 
+Status Daemon::Impl::serve_metrics() {
+  if (!config.metrics.enabled) return {};
+  auto made = MetricsServer::start(config.metrics, [this] {
+    return collect_metrics({config.name, *pipeline, sinks.video, supervisor->flows()});
+  });
+  if (!made) return tl::unexpected<Error>(made.error());
+  metrics = std::move(*made);
+  return {};
+}
+
 // On the control server's thread.
 std::string Daemon::Impl::answer(std::string_view request) const {
   const auto refused = [](const std::string& why) { return nlohmann::json{{"ok", false}, {"error", why}}.dump(); };
-  if (request == "state") return answer_state();
+  if (request == "state") return state_json(config.name, pipeline->stats(), sinks.video).dump();
   if (request != "nuc") return refused("unknown request; there are: nuc, state");
-  if (camera == nullptr)
-    return refused(usb != nullptr ? "a USB camera cannot be told to correct its pixels"
-                                  : "a capture is replayed: there is no camera to correct");
-  if (const Status done = camera->correct(); !done) return refused(done.error().message);
-  return nlohmann::json{{"ok", true}, {"nucs", camera->status()->corrections.value()}}.dump();
-}
-
-std::string Daemon::Impl::answer_state() const {
-  const pipeline::PipelineStats& stats = pipeline->stats();
-  nlohmann::ordered_json json{{"ok", true},
-                              {"name", config.name},
-                              {"received", stats.inlet.received()},
-                              {"published", stats.published.value()},
-                              {"lost_total", stats.inlet.losses().total()},
-                              {"camera", nullptr}};
-  if (stats.source != nullptr) json["camera"] = shm::camera_json(shm::camera_block(*stats.source), monotonic_ns());
-  return json.dump();
+  if (const Status done = pipeline->correct(); !done) return refused(done.error().message);
+  const pipeline::SourceStatus* status = pipeline->stats().source;
+  return nlohmann::json{{"ok", true}, {"nucs", status != nullptr ? status->corrections.value() : 0}}.dump();
 }
 
 // True when it asks for the end.
 bool Daemon::Impl::take_signal() {
   const sigset_t signals = our_signals();
   const int signal = sigtimedwait(&signals, nullptr, &kLookPeriod);
-  if (signal == SIGHUP) log->info("SIGHUP: the configuration is read at start only; restart to apply a new one");
+  if (signal == SIGHUP) reload();
   if (signal != SIGTERM && signal != SIGINT) return false;
   log->info("{}: stopping", signal == SIGTERM ? "SIGTERM" : "SIGINT");
   return true;
-}
-
-void Daemon::Impl::tell(bool warning, const std::string& text) const {
-  log->log(warning ? spdlog::level::warn : spdlog::level::info, text);
-}
-
-void Daemon::Impl::tell_camera_notices() const {
-  if (usb != nullptr) {
-    for (const usb::Notice& notice : usb->take_notices()) tell(notice.warning, notice.text);
-  }
-  if (camera == nullptr) return;
-  for (const genicam::Notice& notice : camera->take_notices()) tell(notice.warning, notice.text);
 }
 
 // Before frames flow, for locking stalls whoever touches new memory meanwhile. What threads and drivers take later is
@@ -172,45 +181,64 @@ void Daemon::Impl::lock_memory() const {
       std::strerror(errno), memory_limit() >> 10);
 }
 
-void Daemon::Impl::look(Health& health) {
-  const pipeline::PipelineStats& stats = pipeline->stats();
-  const Snapshot now{monotonic_ns(), stats.inlet.received(), loss_counts(stats), stats.source != nullptr};
-  for (const Notice& notice : health.look(now)) tell(notice.warning, notice.text);
-  tell_camera_notices();
-}
-
 void Daemon::Impl::watch() {
-  Health health(pipeline->source().format.frame_period_s, monotonic_ns());
   while (!ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
     if (take_signal()) break;
-    look(health);
+    supervisor->look();
   }
+  service::tell_stopping();
 }
 
-void Daemon::Impl::tell_end() const {
-  const pipeline::PipelineStats& stats = pipeline->stats();
-  const auto counts = stats.latency.counts();
-  const auto percentile = [&counts](double fraction) { return rt::LatencyHistogram::percentile_ms(counts, fraction); };
-  log->info("ended: {} frames in, {} out, lost: {}; latency p50 {:.2f} ms, p99 {:.2f} ms, max {:.2f} ms",
-            stats.inlet.received(), stats.published.value(), loss_words(loss_counts(stats)), percentile(0.5),
-            percentile(0.99), percentile(1.0));
+// A file that is wrong changes nothing.
+void Daemon::Impl::reload() {
+  service::tell_reloading();
+  const Result<DaemonConfig> read =
+      config.file.empty() ? bad_input("there is no file that could have changed") : read_config(config.file);
+  if (read) {
+    apply(*read);
+  } else {
+    const std::string text = "reload: " + read.error().message + "; all stays as it was";
+    log_notice(*log, spdlog::level::err, {true, text, event::kReload});
+  }
+  service::tell_ready(read ? "read its file again" : "could not read its file again");
+}
+
+void Daemon::Impl::apply(const DaemonConfig& read) {
+  const ConfigChange change = compare(config, read);
+  set_level(*log, read.log.level);
+  if (camera != nullptr) camera->set_nuc(read.camera.nuc);
+  for (std::size_t i = 0; i < kVideoDevices; ++i) {
+    if (sinks.video[i] != nullptr) sinks.video[i]->follow(read.video[i].sink.tone);
+  }
+  for (const std::string& key : change.live) config.texts[key] = read.texts.at(key);
+  if (!change.restart.empty()) {
+    const std::string text = "reload: needs a restart: " + key_list(change.restart);
+    log_notice(*log, spdlog::level::warn, {true, text, event::kReload});
+  }
+  const std::string taken = change.live.empty() ? "nothing to take up" : "took up " + key_list(change.live);
+  log_notice(*log, spdlog::level::info, {false, "reload: " + taken, event::kReload});
 }
 
 Daemon::Daemon(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Daemon::~Daemon() = default;
 
 Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::shared_ptr<spdlog::logger> log) {
+  if (config.lock_memory) keep_memory_small();
   auto impl = std::make_unique<Impl>();
   impl->config = config;
   impl->log = std::move(log);
   if (const Status status = impl->compose(); !status) return tl::unexpected<Error>(status.error());
+  const int stall_ms = config.source == SourceType::kUsb ? config.usb.stall_ms : config.camera.stall_ms;
+  impl->supervisor.emplace(Supervisor::Subject{*impl->log, *impl->pipeline, impl->sinks.video, stall_ms});
   if (const Status status = impl->listen(); !status) return tl::unexpected<Error>(status.error());
+  if (const Status status = impl->serve_metrics(); !status) return tl::unexpected<Error>(status.error());
   return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
 }
 
 Status Daemon::run() {
   Impl& self = *impl_;
-  self.log->info("{}: {}", self.config.name, describe(self.config, *self.pipeline));
+  log_notice(*self.log, spdlog::level::info,
+             {false, self.config.name + ": " + describe(self.config, *self.pipeline), event::kStart});
   self.lock_memory();
   std::thread runner([&self] {
     self.result = self.pipeline->run(self.stop_requested);
@@ -219,8 +247,7 @@ Status Daemon::run() {
   self.watch();
   self.stop_requested.store(true, std::memory_order_relaxed);
   runner.join();
-  self.tell_camera_notices();
-  self.tell_end();
+  self.supervisor->tell_end();
   if (!self.result) return self.result;
   return self.replay != nullptr ? self.replay->result() : Status{};
 }

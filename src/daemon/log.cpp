@@ -1,9 +1,12 @@
 #include "bolo/daemon/log.hpp"
 
-#include <spdlog/pattern_formatter.h>
+#include <sys/uio.h>
+
+#include <vector>
+
 #include <spdlog/sinks/stdout_sinks.h>
 
-#include <string_view>
+#include "src/daemon/journal_sink.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -22,37 +25,29 @@ spdlog::level::level_enum spdlog_level(LogLevel level) {
   return spdlog::level::err;
 }
 
-// The prefixes of sd-daemon(3): syslog's level in angle brackets.
-class JournalLevel final : public spdlog::custom_flag_formatter {
- public:
-  void format(const spdlog::details::log_msg& message, const std::tm& /*time*/, spdlog::memory_buf_t& out) override {
-    const std::string_view prefix = prefix_of(message.level);
-    out.append(prefix.data(), prefix.data() + prefix.size());
-  }
-  std::unique_ptr<spdlog::custom_flag_formatter> clone() const override { return std::make_unique<JournalLevel>(); }
+spdlog::sink_ptr text_sink() {
+  auto sink = std::make_shared<spdlog::sinks::stderr_sink_mt>();
+  sink->set_pattern("%Y-%m-%d %H:%M:%S.%e %l: %v");
+  return sink;
+}
 
- private:
-  static std::string_view prefix_of(spdlog::level::level_enum level) {
-    if (level >= spdlog::level::err) return "<3>";
-    if (level == spdlog::level::warn) return "<4>";
-    return level == spdlog::level::info ? "<6>" : "<7>";
-  }
-};
+// Where no journal listens nobody takes the message, and the sink writes it to standard error.
+spdlog::sink_ptr journal_sink(const std::string& name) {
+  if (journal_listens()) return make_journal_sink(name, send_to_journal);
+  return make_journal_sink(name, [](const std::vector<iovec>&) { return -1; });
+}
 
 }  // namespace
 
-std::shared_ptr<spdlog::logger> make_log(const LogOptions& options) {
-  auto log = std::make_shared<spdlog::logger>("bolod", std::make_shared<spdlog::sinks::stderr_sink_mt>());
-  auto formatter = std::make_unique<spdlog::pattern_formatter>();
-  if (options.format == LogFormat::kJournal) {
-    formatter->add_flag<JournalLevel>('*').set_pattern("%*%v");
-  } else {
-    formatter->set_pattern("%Y-%m-%d %H:%M:%S.%e %l: %v");
-  }
-  log->set_formatter(std::move(formatter));
-  log->set_level(spdlog_level(options.level));
+std::shared_ptr<spdlog::logger> make_log(const LogOptions& options, const std::string& name) {
+  const bool journal = options.format == LogFormat::kJournal ||
+                       (options.format == LogFormat::kAuto && stderr_is_journal() && journal_listens());
+  auto log = std::make_shared<spdlog::logger>("bolod", journal ? journal_sink(name) : text_sink());
+  set_level(*log, options.level);
   log->flush_on(spdlog::level::trace);
   return log;
 }
+
+void set_level(spdlog::logger& log, LogLevel level) { log.set_level(spdlog_level(level)); }
 
 }  // namespace bolo::daemon

@@ -92,6 +92,17 @@ TEST_F(Bolod, AnAbsentCameraIsOneLine) {
   EXPECT_NE(ended.err.find("192.0.2.1"), std::string::npos) << ended.err;
 }
 
+// systemd restarts after 1 and leaves 2 alone (bolod@.service).
+TEST_F(Bolod, AsAServiceItAsksToBeTriedAgainForAnAbsentCameraOnly) {
+  ASSERT_EQ(setenv("NOTIFY_SOCKET", "@bolo-test-nobody", 1), 0);
+  const Ended absent = run({"--config", write("[source]\naddress = '192.0.2.1'\n")});
+  const Ended wrong = run({"--config", write("[source]\nadress = '192.0.2.1'\n")});
+  unsetenv("NOTIFY_SOCKET");
+  EXPECT_EQ(absent.code, 1);
+  EXPECT_TRUE(one_line(absent.err)) << absent.err;
+  EXPECT_EQ(wrong.code, 2);
+}
+
 TEST_F(Bolod, AnAbsentCaptureIsOneLine) {
   const Ended ended = run({"--config", write("[source]\ntype = 'replay'\nfile = 'none.h5'\n")});
   EXPECT_EQ(ended.code, 2);

@@ -168,6 +168,17 @@ TEST_F(Config, MistakesAreNamed) {
       {"[shm]\nslots = 10",
        "bolod.toml:2:9: shm.slots = 10 is less than window + lookahead = 17; give that or more, or 0"},
       {"[shm]\nmode = 0o444", "bolod.toml:2:8: shm.mode = 0o444 is out of range: 0o600 to 0o777"},
+      {"[v4l2]\ngain = 'fixed'\nlow_k = 300\nhigh_k = 300", "bolod.toml:4:10: v4l2: low_k must be below high_k"},
+      {"[v4l2_second]\nlow_percent = 60\nhigh_percent = 50",
+       "bolod.toml: v4l2_second: low_percent must be below high_percent"},
+      {"[v4l2]\nenable = true\n[v4l2_second]\nenable = true\ndevice = '/dev/video10'",
+       "bolod.toml:5:10: v4l2 and v4l2_second have the same device /dev/video10"},
+      {"[v4l2]\nformat = 'gray'", "bolod.toml:2:10: v4l2.format = \"gray\" is none of \"y16\" | \"grey\" | \"yuyv\""},
+      {"[metrics]\nlisten = '9464'",
+       "bolod.toml:2:10: metrics.listen = \"9464\" is no ADDRESS:PORT such as 127.0.0.1:9464"},
+      {"[metrics]\nlisten = '0.0.0.0:9464'",
+       "bolod.toml:2:10: metrics.listen = \"0.0.0.0:9464\" is within other computers' reach: use 127.0.0.1, or set "
+       "metrics.allow_remote = true"},
       {"[log]\nlevel = 'loud'",
        "bolod.toml:2:9: log.level = \"loud\" is none of \"debug\" | \"info\" | \"warning\" | \"error\""},
       {"[logs]\nlevel = 'info'", "bolod.toml:1:2: unknown key 'logs'; did you mean 'log'?"},
@@ -268,6 +279,38 @@ TEST_F(Config, MistakesInUsbKeysAreNamed) {
 TEST_F(Config, SettingsThatDoNotFitTogetherAreNamed) {
   EXPECT_NE(complaint("[deblur]\nwindow = 16\n").find("window"), std::string::npos);
   EXPECT_NE(complaint("[deblur]\nwindow = 5\nlookahead = 4\n").find("lookahead"), std::string::npos);
+}
+
+TEST_F(Config, VideoKeysReachTheirDevices) {
+  const auto config = read(
+      "[v4l2]\nenable = true\nformat = 'grey'\nplane = 'raw'\ngain = 'fixed'\nlow_k = 290\nhigh_k = 310\n"
+      "[v4l2_second]\nenable = true\ny16_unit = '100mk'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  const v4l2::V4l2Options& first = config->video[0].sink;
+  const v4l2::V4l2Options& second = config->video[1].sink;
+  EXPECT_TRUE(config->video[0].enabled);
+  EXPECT_EQ(first.device, "/dev/video10");
+  EXPECT_EQ(first.plane, v4l2::Plane::kRaw);
+  EXPECT_EQ(first.format, v4l2::PixelFormat::kGrey);
+  EXPECT_EQ(first.tone.gain, v4l2::Gain::kFixed);
+  EXPECT_EQ(first.tone.low_k, 290.0);
+  EXPECT_EQ(first.tone.high_k, 310.0);
+  EXPECT_TRUE(config->video[1].enabled);
+  EXPECT_EQ(second.device, "/dev/video11");
+  EXPECT_EQ(second.y16_unit, v4l2::Y16Unit::k100mK);
+  EXPECT_EQ(second.tone.gain, v4l2::Gain::kAuto) << "the first device's keys are its own";
+}
+
+TEST_F(Config, MetricsAreForThisComputerUnlessAllowed) {
+  EXPECT_FALSE(DaemonConfig().metrics.enabled);
+  for (const char* listen : {"127.0.0.1:9464", "127.1.2.3:1", "[::1]:65535"}) {
+    EXPECT_EQ(complaint(std::string("[metrics]\nlisten = '") + listen + "'\n"), "") << listen;
+  }
+  EXPECT_EQ(complaint("[metrics]\nlisten = '0.0.0.0:9464'\nallow_remote = true\n"), "");
+  for (const char* listen :
+       {"10.0.0.1:9464", "[::]:9464", "localhost:9464", "127.0.0.1:0", "127.0.0.1:99999", ":9464"}) {
+    EXPECT_NE(complaint(std::string("[metrics]\nlisten = '") + listen + "'\n"), "") << listen;
+  }
 }
 
 TEST_F(Config, TheShippedFileIsTheDocumentedDefault) {

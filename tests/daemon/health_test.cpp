@@ -15,7 +15,7 @@ struct Clock {
   std::vector<std::string> after(std::int64_t ms) {
     now.now_ns += ms * kMs;
     std::vector<std::string> texts;
-    for (const Notice& notice : health.look(now)) texts.push_back((notice.warning ? "!" : "") + notice.text);
+    for (const pipeline::Notice& notice : health.look(now)) texts.push_back((notice.warning ? "!" : "") + notice.text);
     return texts;
   }
 };
@@ -70,6 +70,26 @@ TEST(Health, LossesAreToldByCauseAndNotTooOften) {
   }
   EXPECT_EQ(texts, Texts{"!frames lost since the last notice: 4 missing, 1 queue_full"})
       << "what came meanwhile adds up";
+}
+
+TEST(Health, OverloadIsToldNowAndThenAndItsEndOnce) {
+  Clock clock;
+  const auto look = [&](std::uint64_t reduced, std::uint64_t raw, std::int64_t ms) {
+    clock.now.received += 1;
+    clock.now.by_effort[0] += 100;
+    clock.now.by_effort[1] += reduced;
+    clock.now.by_effort[3] += raw;
+    return clock.after(ms);
+  };
+  const std::string told = "!deblurring can't keep up; frames on which less was spent since the last notice: ";
+  EXPECT_EQ(look(0, 0, 100), Texts{"frames arrive"});
+  EXPECT_EQ(look(7, 0, 100), Texts{told + "7 reduced"});
+  EXPECT_EQ(look(5, 2, 900), Texts{}) << "not within ten seconds";
+  Texts texts;
+  for (int i = 0; i < 40; ++i) {
+    for (std::string& text : look(0, 0, 950)) texts.push_back(std::move(text));
+  }
+  EXPECT_EQ(texts, (Texts{told + "5 reduced, 2 raw", "deblurring keeps up again"}));
 }
 
 TEST(Health, LeavesTheFlowOfAWatchedCameraToIt) {

@@ -1,7 +1,11 @@
 // What `bolod` is asked to do, read from one TOML file (config/bolod.toml documents every key).
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <filesystem>
+#include <functional>
+#include <map>
 #include <string>
 
 #include "bolo/core/result.hpp"
@@ -11,6 +15,7 @@
 #include "drivers/replay/replay_source.hpp"
 #include "drivers/shm/shm_sink.hpp"
 #include "drivers/usb/usb_source.hpp"
+#include "drivers/v4l2/v4l2_sink.hpp"
 
 namespace bolo::daemon {
 
@@ -28,13 +33,14 @@ struct ReplayOptions {
 
 enum class LogLevel { kDebug, kInfo, kWarning, kError };
 enum class LogFormat {
+  kAuto,     // kJournal when standard error leads to the journal, else kText
   kText,     // time, level, message
-  kJournal,  // "<6>message": the journal reads the level and adds the time itself
+  kJournal,  // to the journal, with fields; "<6>message" on standard error where there is none
 };
 
 struct LogOptions {
   LogLevel level = LogLevel::kInfo;
-  LogFormat format = LogFormat::kText;
+  LogFormat format = LogFormat::kAuto;
 };
 
 struct ControlOptions {
@@ -43,8 +49,23 @@ struct ControlOptions {
   unsigned mode = 0660;
 };
 
+struct VideoOptions {
+  bool enabled = false;
+  v4l2::V4l2Options sink;
+};
+inline constexpr std::size_t kVideoDevices = 2;
+
+struct MetricsOptions {
+  bool enabled = false;
+  std::string listen = "127.0.0.1:9464";
+  bool allow_remote = false;  // an address that other computers reach
+};
+
 struct DaemonConfig {
   DaemonConfig();  // the defaults for an A655sc at 200 Hz
+
+  std::filesystem::path file;                             // that it was read from
+  std::map<std::string, std::string, std::less<>> texts;  // what that says for each key; of the profile's files, too
 
   std::string name = "camera";         // of the shared memory and in the log
   std::filesystem::path profile_file;  // empty: `profile` as built in
@@ -58,7 +79,9 @@ struct DaemonConfig {
   bool lock_memory = true;
   bool shm_enabled = true;
   shm::ShmOptions shm;
+  std::array<VideoOptions, kVideoDevices> video;
   ControlOptions control;
+  MetricsOptions metrics;
   LogOptions log;
 };
 

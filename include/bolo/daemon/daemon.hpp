@@ -24,7 +24,8 @@ class Daemon {
   Daemon& operator=(const Daemon&) = delete;
 
   // Runs the pipeline on a thread of its own until SIGTERM, SIGINT or the source's end; meanwhile logs changes of state
-  // from the calling thread. Called once, after block_signals(). Thread: setup.
+  // and tells the service manager (sd_notify) from the calling thread, and on SIGHUP reads the configuration again.
+  // Called once, after block_signals(). Thread: setup.
   Status run();
 
  private:

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "bolo/core/loss.hpp"
+#include "bolo/pipeline/notices.hpp"
 #include "bolo/pipeline/stats.hpp"
 
 namespace bolo::daemon {
@@ -19,17 +20,21 @@ LossCounts loss_counts(const pipeline::PipelineStats& stats);
 // "3 missing, 1 queue_full"; "none" when there is none. Thread: any.
 std::string loss_words(const LossCounts& losses);
 
+// Adds those that are not zero to the notice's counts, as "lost_missing". Thread: any.
+void add_loss_counts(const LossCounts& losses, pipeline::Notice& notice);
+
+using EffortCounts = std::array<std::uint64_t, pipeline::kEfforts>;
+
+// Thread: any.
+EffortCounts effort_counts(const pipeline::PipelineStats& stats);
+
 // What the daemon sees of itself at one moment.
 struct Snapshot {
   std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
   std::uint64_t received = 0;  // frames
   LossCounts losses{};
   bool watched = false;  // the source tells itself when frames stop and come back
-};
-
-struct Notice {
-  bool warning = false;
-  std::string text;
+  EffortCounts by_effort{};
 };
 
 // Turns a series of snapshots into notices. Thread: one at a time.
@@ -38,12 +43,14 @@ class Health {
   // `frame_period_s` decides how long without a frame is too long.
   explicit Health(double frame_period_s, std::int64_t start_ns);
 
-  // At a few calls a second. Lost frames are told at most every 10 s, so that a bad link does not flood the log.
-  std::vector<Notice> look(const Snapshot& now);
+  // At a few calls a second. Lost frames and overload are told at most every 10 s, so that a bad link or a slow
+  // machine does not flood the log.
+  std::vector<pipeline::Notice> look(const Snapshot& now);
 
  private:
-  void look_at_flow(const Snapshot& now, std::vector<Notice>& notices);
-  void look_at_losses(const Snapshot& now, std::vector<Notice>& notices);
+  void look_at_flow(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+  void look_at_losses(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+  void look_at_effort(const Snapshot& now, std::vector<pipeline::Notice>& notices);
 
   enum class Flow { kWaiting, kFlowing, kStopped };
   std::int64_t patience_ns_;
@@ -52,6 +59,9 @@ class Health {
   Flow flow_ = Flow::kWaiting;
   std::uint64_t received_ = 0;
   LossCounts told_{};  // losses already in the log
+  EffortCounts told_efforts_{};
+  std::int64_t last_effort_notice_ns_;
+  bool overloaded_ = false;
 };
 
 }  // namespace bolo::daemon

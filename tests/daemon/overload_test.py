@@ -1,0 +1,118 @@
+"""Overload by stolen processor time: nothing is lost that is not counted, and each frame tells what was done to it.
+
+usage: overload_test.py BOLO MODULE_FOLDER LIBRARY [SECONDS]. A daemon of 640x120 pixels at 200 Hz is kept on one processor,
+where more and more programs compete with it, for SECONDS each. Prints a table. Exit code 77: numpy or a second processor is
+not there.
+"""
+
+import collections
+import json
+import multiprocessing
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+try:
+    import numpy  # noqa: F401 (the module needs it)
+except ImportError:
+    print("skipped: python3-numpy is not installed")
+    sys.exit(77)
+
+BOLO, MODULE_FOLDER, LIBRARY = sys.argv[1:4]
+SECONDS = float(sys.argv[4]) if len(sys.argv) > 4 else 3.0
+os.environ["BOLO_CLIENT_LIBRARY"] = LIBRARY
+sys.path.insert(0, MODULE_FOLDER)
+
+import bolo  # noqa: E402
+
+QUEUE_FRAMES = 64  # the default
+COMPETITORS = (0, 1, 3, 8, 20, 40, 0)
+EFFORTS = {bolo.Flag.REDUCED: "reduced", bolo.Flag.INVERSE: "inverse", bolo.Flag.RAW: "raw"}
+ANY_EFFORT = bolo.Flag.REDUCED | bolo.Flag.INVERSE | bolo.Flag.RAW
+
+
+def burn(processor, seconds):
+    os.sched_setaffinity(0, {processor})
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        pass
+
+
+def follow(name, seen, stop):
+    """Counts frames by what their flags tell; runs until nothing comes any more."""
+    with bolo.Camera(name, timeout=30) as camera:
+        while not stop.is_set():
+            frame = camera.next(1.0)
+            if frame is None:
+                continue
+            seen["missed"] += frame.missed
+            assert bin(frame.flags & ANY_EFFORT).count("1") <= 1, frame.flags
+            if not frame.flags & bolo.Flag.WARM_UP:
+                seen[EFFORTS.get(frame.flags & ANY_EFFORT, "full")] += 1
+
+
+def look(name):
+    done = subprocess.run([BOLO, "stat", name, "--once", "--json", "--interval", "0.1"], capture_output=True, check=True)
+    return json.loads(done.stdout)
+
+
+def main():
+    processors = sorted(os.sched_getaffinity(0))
+    if len(processors) < 2:
+        print("skipped: one processor only")
+        return 77
+    os.sched_setaffinity(0, set(processors[:-1]))
+    name = f"test-overload-{os.getpid()}"
+    seen, stop = collections.Counter(), threading.Event()
+    with tempfile.TemporaryDirectory() as folder:
+        capture = os.path.join(folder, "in.h5")
+        subprocess.run([BOLO, "simulate", "-o", capture, "--frames", "60"], check=True, capture_output=True)
+        os.environ["RUNTIME_DIRECTORY"] = folder  # for the daemon's control socket
+        config = os.path.join(folder, "overload.toml")
+        with open(config, "w") as f:
+            f.write(f"name = '{name}'\n")
+        daemon = subprocess.Popen(["taskset", "-c", str(processors[-1]), BOLO, "replay", capture, "--config", config, "--loop"],
+                                  stderr=subprocess.DEVNULL)
+        try:
+            reader = threading.Thread(target=follow, args=(name, seen, stop))
+            reader.start()
+            time.sleep(2.0)
+            print(f"{'competitors':>11} {'in /s':>7} {'out /s':>7} {'lost':>6} {'full':>6} {'reduced':>8} {'inverse':>8} {'raw':>6}")
+            for competitors in COMPETITORS:
+                rivals = [multiprocessing.Process(target=burn, args=(processors[-1], SECONDS + 1))
+                          for _ in range(competitors)]
+                for rival in rivals:
+                    rival.start()
+                before, begin = look(name), time.monotonic()
+                time.sleep(SECONDS)
+                after, took = look(name), time.monotonic() - begin
+                for rival in rivals:
+                    rival.join()
+                rise = {e: after["effort"]["frames"][e] - before["effort"]["frames"][e] for e in after["effort"]["frames"]}
+                print(f"{competitors:11} {(after['received'] - before['received']) / took:7.1f} "
+                      f"{(after['published'] - before['published']) / took:7.1f} {after['lost_total'] - before['lost_total']:6} "
+                      f"{rise['full']:6} {rise['reduced']:8} {rise['inverse']:8} {rise['raw']:6}", flush=True)
+            limit = time.monotonic() + 60  # a machine that others use may need its time
+            while look(name)["effort"]["now"] != "full":
+                assert time.monotonic() < limit, "all is not spent again"
+            stop.set()
+            reader.join()
+            last = look(name)
+        finally:
+            daemon.terminate()
+            daemon.wait()
+    told, lost = last["effort"]["frames"], {cause: n for cause, n in last["lost"].items() if n}
+    print(f"flags seen: {dict(seen)}; counted by the daemon: {told}; lost: {lost or 'none'}")
+    assert told["reduced"] + told["inverse"] + told["raw"] > 0, "nothing was spared"
+    for effort in EFFORTS.values():
+        assert seen[effort] <= told[effort] <= seen[effort] + seen["missed"], effort
+    assert lost.keys() <= {"pool_exhausted", "queue_full"}, lost
+    assert last["published"] <= last["received"] <= last["published"] + QUEUE_FRAMES, last
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
