@@ -1,0 +1,283 @@
+// What the view's server refuses, what it lets through, and that its bounds hold.
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "bolo/core/unique_fd.hpp"
+#include "tools/view/access.hpp"
+#include "tools/view/page_files.hpp"
+#include "tools/view/site.hpp"
+
+namespace bolo::view {
+namespace {
+
+constexpr const char* kToken = "0123456789abcdef-_XY";
+
+UniqueFd connected(std::uint16_t port) {
+  UniqueFd fd(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(port);
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  const timeval patience{30, 0};  // a guard against hanging
+  setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  EXPECT_EQ(connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  return fd;
+}
+
+void send_text(const UniqueFd& fd, const std::string& text) {
+  EXPECT_EQ(send(fd.get(), text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
+}
+
+std::string receive_all(const UniqueFd& fd) {
+  std::string all;
+  std::array<char, 4096> part;
+  for (ssize_t got = 0; (got = recv(fd.get(), part.data(), part.size(), 0)) > 0;) {
+    all.append(part.data(), static_cast<std::size_t>(got));
+  }
+  return all;
+}
+
+// A view of a daemon that is not there.
+class ViewServer : public testing::Test {
+ protected:
+  void serve(Access access, HttpServer::Limits limits = {}) {
+    auto server = HttpServer::listen({"127.0.0.1"}, 0, limits, Site::headers());
+    ASSERT_TRUE(server) << server.error().message;
+    server_ = std::move(*server);
+    access.port = server_->port();
+    stream_ = std::make_unique<LiveStream>("test-view-none-" + std::to_string(getpid()), [] {});
+    const auto ask = [this]() -> Status {
+      ++nucs_;
+      while (hold_nuc_.load()) std::this_thread::yield();
+      return failed("the camera does not answer");
+    };
+    site_ = std::make_unique<Site>(access, *stream_, ask, "");
+    thread_ =
+        std::thread([this] { server_->run([this](const Request& request) { return site_->answer(request); }, end_); });
+  }
+
+  void TearDown() override {
+    hold_nuc_ = false;
+    end_ = true;
+    if (server_) server_->wake();
+    if (thread_.joinable()) thread_.join();
+  }
+
+  // The whole answer to a request line and headers; the connection is closed after it.
+  std::string ask(const std::string& request, const std::string& headers = "", const std::string& host = "localhost") {
+    const UniqueFd fd = connected(server_->port());
+    send_text(fd, request + " HTTP/1.1\r\nHost: " + host + "\r\nConnection: close\r\n" + headers + "\r\n");
+    return receive_all(fd);
+  }
+  int status(const std::string& request, const std::string& headers = "", const std::string& host = "localhost") {
+    const std::string answer = ask(request, headers, host);
+    return answer.starts_with("HTTP/1.1 ") ? std::stoi(answer.substr(9, 3)) : 0;
+  }
+
+  std::unique_ptr<HttpServer> server_;
+  std::unique_ptr<LiveStream> stream_;
+  std::unique_ptr<Site> site_;
+  std::atomic<int> nucs_{0};
+  std::atomic<bool> hold_nuc_{false};
+  std::atomic<bool> end_{false};
+  std::thread thread_;
+};
+
+TEST_F(ViewServer, ServesThePageAndOnlyIt) {
+  serve({});
+  const std::string page = ask("GET /");
+  EXPECT_TRUE(page.starts_with("HTTP/1.1 200")) << page.substr(0, 200);
+  EXPECT_NE(page.find("Content-Security-Policy: default-src 'self'"), std::string::npos);
+  EXPECT_NE(page.find("X-Content-Type-Options: nosniff"), std::string::npos);
+  EXPECT_EQ(page.find("Access-Control-Allow"), std::string::npos);
+  for (const PageFile& file : page_files()) {
+    const std::string answer = ask("GET /" + std::string(file.name));
+    EXPECT_TRUE(answer.ends_with(file.content)) << file.name;
+  }
+  for (const char* path : {"/nothing", "/../../../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "//etc/passwd", "/api",
+                           "/api/", "/page", "/index.html/"}) {
+    EXPECT_EQ(status(std::string("GET ") + path), 404) << path;
+  }
+}
+
+TEST_F(ViewServer, RefusesOtherMethods) {
+  serve({});
+  for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", "HEAD", "PATCH", "TRACE", "BREW"}) {
+    EXPECT_EQ(status(std::string(method) + " /", "Origin: http://localhost\r\n"), 405) << method;
+  }
+  EXPECT_EQ(status("GET /api/nuc"), 405);
+  EXPECT_EQ(nucs_, 0);
+}
+
+TEST_F(ViewServer, RefusesNamesThatAreNotThisComputer) {
+  serve({});
+  for (const char* host : {"localhost", "localhost:8640", "LOCALHOST", "127.0.0.1:1", "127.9.9.9", "[::1]:8640"}) {
+    EXPECT_EQ(status("GET /", "", host), 200) << host;
+  }
+  for (const char* host : {"example.com", "localhost.example.com", "127.0.0.1.example.com", "192.168.1.5", "[::2]", "",
+                           "[", "localhost@example.com", "0.0.0.0"}) {
+    EXPECT_EQ(status("GET /", "", host), 403) << host;
+    EXPECT_EQ(status("GET /api/status", "", host), 403) << host;
+  }
+}
+
+TEST(ViewAccess, BeyondLoopbackAddressesAndTheHostNameAreThisComputer) {
+  const Access access{.token = kToken, .beyond_loopback = true, .host_name = "truck", .port = 8640};
+  for (const char* host : {"192.168.1.5:8640", "[fe80::1]", "truck:8640", "Truck.local", "localhost"}) {
+    EXPECT_TRUE(is_this_computer(access, host)) << host;
+  }
+  for (const char* host : {"example.com", "truck.example.com", "local", ""}) {
+    EXPECT_FALSE(is_this_computer(access, host)) << host;
+  }
+}
+
+TEST_F(ViewServer, EachRequestNeedsTheToken) {
+  serve({.token = kToken});
+  const std::string cookie = "bolo_view_" + std::to_string(server_->port()) + "=";
+  const std::string good = kToken;
+  for (const char* path : {"/", "/app.js", "/api/status", "/api/frame?epoch=0&after=0"}) {
+    EXPECT_EQ(status(std::string("GET ") + path), 401) << path;
+    EXPECT_EQ(status(std::string("GET ") + path, "Cookie: " + cookie + "wrong\r\n"), 401) << path;
+    EXPECT_EQ(status(std::string("GET ") + path, "Cookie: " + cookie + good + "0\r\n"), 401) << path;
+  }
+  EXPECT_EQ(status("GET /?token="), 401);
+  EXPECT_EQ(status("GET /?token=0123456789abcdef-_XZ"), 401);
+  const std::string entered = ask("GET /?token=" + good);
+  EXPECT_NE(entered.find("Set-Cookie: " + cookie + good + "; Path=/; HttpOnly; SameSite=Strict"), std::string::npos);
+  EXPECT_EQ(status("GET /api/status", "Cookie: other=1; " + cookie + good + "\r\n"), 200);
+  EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\n"), 401);
+}
+
+TEST_F(ViewServer, OtherSitesGetNothing) {
+  serve({});
+  for (const char* site : {"cross-site", "same-site"}) {
+    const std::string header = std::string("Sec-Fetch-Site: ") + site + "\r\n";
+    EXPECT_EQ(status("GET /api/status", header), 403) << site;
+    EXPECT_EQ(status("GET /app.js", header), 403) << site;
+    EXPECT_EQ(status("GET /", header), 200) << site;  // a link to the page
+  }
+  EXPECT_EQ(status("GET /api/status", "Sec-Fetch-Site: same-origin\r\n"), 200);
+}
+
+TEST_F(ViewServer, ANucNeedsThePagesOwnOrigin) {
+  serve({});
+  EXPECT_EQ(status("POST /api/nuc"), 403);
+  EXPECT_EQ(status("POST /api/nuc", "Origin: null\r\n"), 403);
+  EXPECT_EQ(status("POST /api/nuc", "Origin: http://example.com\r\n"), 403);
+  EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost:1\r\n"), 403);
+  EXPECT_EQ(status("POST /api/nuc", "Origin: https://localhost\r\n"), 403);
+  EXPECT_EQ(nucs_, 0);
+  hold_nuc_ = true;
+  EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\n"), 202);
+  EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\n"), 409) << "one at a time";
+  EXPECT_NE(ask("GET /api/status").find("\"nuc_asking\":true"), std::string::npos);
+  hold_nuc_ = false;
+  std::string told;
+  do {
+    told = ask("GET /api/status");
+  } while (told.find("\"nuc_asking\":true") != std::string::npos);
+  EXPECT_NE(told.find("the camera does not answer"), std::string::npos) << told;
+  EXPECT_EQ(nucs_, 1);
+}
+
+TEST_F(ViewServer, RefusesBodiesAndNonsense) {
+  serve({});
+  EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\nContent-Length: 5\r\n"), 413);
+  EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\nTransfer-Encoding: chunked\r\n"), 413);
+  EXPECT_EQ(status("GET /", "Content-Length: 99999999999\r\n"), 413);
+  EXPECT_EQ(nucs_, 0);
+  for (const char* query : {"", "?epoch=1", "?epoch=1&after=x", "?epoch=-1&after=0", "?epoch=1&after=1e3",
+                            "?epoch=&after=", "?epoch=1&after=99999999999999999999999"}) {
+    EXPECT_EQ(status(std::string("GET /api/frame") + query), 400) << query;
+    EXPECT_EQ(status(std::string("GET /api/trace") + query), 400) << query;
+  }
+  EXPECT_EQ(status("GET /api/trace?x=0&y=0&epoch=0&after=0"), 404) << "no stream";
+  const std::string long_path = "GET /" + std::string(40000, 'a');
+  EXPECT_NE(status(long_path), 200);
+  const UniqueFd fd = connected(server_->port());
+  send_text(fd, "GET / HTTP/1.1\r\n\r\n");  // without a Host
+  EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 400"));
+}
+
+TEST_F(ViewServer, AFrameThatDoesNotComeIsNoContent) {
+  serve({});
+  EXPECT_EQ(status("GET /api/frame?epoch=0&after=0"), 204);
+}
+
+TEST_F(ViewServer, RequestsThatWaitAreBounded) {
+  serve({}, {.connections = 20, .waiting = 3});
+  std::vector<UniqueFd> asked;
+  for (int i = 0; i < 5; ++i) {
+    asked.push_back(connected(server_->port()));
+    send_text(asked.back(), "GET /api/frame?epoch=0&after=0 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+  }
+  int refused = 0;
+  int without_frame = 0;
+  for (const UniqueFd& fd : asked) {
+    const std::string answer = receive_all(fd);
+    refused += answer.starts_with("HTTP/1.1 503") ? 1 : 0;
+    without_frame += answer.starts_with("HTTP/1.1 204") ? 1 : 0;
+  }
+  EXPECT_GE(refused, 1);
+  EXPECT_GE(without_frame, 3);
+  EXPECT_EQ(refused + without_frame, 5);
+}
+
+TEST_F(ViewServer, ConnectionsAreBoundedAndComeFree) {
+  serve({}, {.connections = 4});
+  std::vector<UniqueFd> idle;
+  for (int i = 0; i < 12; ++i) idle.push_back(connected(server_->port()));
+  for (const UniqueFd& fd : idle) {
+    const std::string request = "GET /icon.svg HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
+    send(fd.get(), request.data(), request.size(), MSG_NOSIGNAL);  // those beyond the bound are closed or wait
+  }
+  idle.clear();
+  int served = 0;
+  for (int attempt = 0; attempt < 500 && served != 200; ++attempt) served = status("GET /icon.svg");
+  EXPECT_EQ(served, 200);
+}
+
+TEST(ViewListen, SaysWhyAnAddressCannotBeListenedOn) {
+  const auto first = HttpServer::listen({"127.0.0.1"}, 0, {}, {});
+  ASSERT_TRUE(first);
+  const auto second = HttpServer::listen({"127.0.0.1", "::1"}, (*first)->port(), {}, {});
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(second.error().message.find("another program does"), std::string::npos);
+  for (const char* address : {"localhost", "", "192.0.2.1", "1.2.3"}) {
+    const auto none = HttpServer::listen({address}, 0, {}, {});
+    ASSERT_FALSE(none) << address;
+    EXPECT_EQ(none.error().kind, ErrorKind::kBadInput) << address;
+  }
+  EXPECT_TRUE(HttpServer::listen({"192.0.2.1", "127.0.0.1"}, 0, {}, {})) << "an address that is not there is left out";
+}
+
+TEST(ViewToken, IsLongEnoughAndOnlyItsOwnersToRead) {
+  EXPECT_TRUE(check_token(kToken));
+  for (const std::string bad : {"", "short", "0123456789abcde", "0123456789abcdef;", "0123456789 abcdef"}) {
+    EXPECT_FALSE(check_token(bad)) << bad;
+  }
+  EXPECT_FALSE(check_token(std::string(129, 'a')));
+  const std::string file = testing::TempDir() + "view_token_" + std::to_string(getpid());
+  EXPECT_FALSE(read_token(file)) << "no such file";
+  std::ofstream(file) << kToken << "\n";
+  chmod(file.c_str(), 0644);
+  EXPECT_FALSE(read_token(file)) << "others may read it";
+  chmod(file.c_str(), 0600);
+  EXPECT_EQ(read_token(file).value_or(""), kToken);
+  std::filesystem::remove(file);
+}
+
+}  // namespace
+}  // namespace bolo::view

@@ -1,0 +1,348 @@
+"""The live page in a browser, against a daemon on the fake camera: what people see, and where requests go.
+
+usage: view_test.py BOLO BOLOD [FOLDER]. Screenshots go to FOLDER, where one is given. BOLO_VIEW_FORMAT: the camera's
+width,height,rate.
+Exit code 77: chromium or chromedriver isn't there.
+"""
+
+import array
+import glob
+import http.client
+import json
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.parse
+import zlib
+
+import browser
+
+if browser.missing():
+    print(f"skipped: {browser.missing()} is not installed")
+    sys.exit(77)
+
+WIDTH, HEIGHT, RATE = (int(v) for v in os.environ.get("BOLO_VIEW_FORMAT", "160,48,100").split(","))
+PATIENCE_S = 60  # a guard against hanging, not an expectation
+HEAD = struct.Struct("<4sHHIIddQQQqdII")  # FrameHead of tools/view/live_stream.hpp
+
+
+def wait_for(condition, what):
+    end = time.monotonic() + PATIENCE_S
+    while not (value := condition()):
+        if time.monotonic() > end:
+            raise AssertionError(f"{what} did not come")
+        time.sleep(0.05)
+    return value
+
+
+class Programs:
+    """The fake camera, the daemon and the view, in a folder of their own."""
+
+    def __init__(self, bolo, bolod, folder, name):
+        self.bolo, self.bolod, self.folder, self.name = bolo, bolod, folder, name
+        self.address = f"127.{os.getpid() >> 16 & 127 | 64}.{os.getpid() >> 8 & 255}.{os.getpid() & 255 | 1}"
+        self.running = []
+        self.config = os.path.join(folder, "bolod.toml")
+        with open(self.config, "w", encoding="utf-8") as f:
+            f.write(f'name = "{self.name}"\n[source]\naddress = "{self.address}"\nwidth = {WIDTH}\nheight = {HEIGHT}\n'
+                    f'rate_hz = {RATE}\n[control]\nsocket = "{folder}/control.sock"\n')
+
+    def begin(self):
+        capture = os.path.join(self.folder, "street.h5")
+        subprocess.run([self.bolo, "simulate", "-o", capture, "--no-truth", f"--width={WIDTH}", f"--height={HEIGHT}",
+                        f"--rate={RATE}", f"--frames={RATE}", f"--speed={WIDTH / 2}"],
+                       check=True, stdout=subprocess.DEVNULL)
+        self.start(self.bolo, "fakecam", capture, "--loop", "--interface", self.address,
+                   "--fault", "loss:rate=0.002,at=5")
+        wait_for(lambda: b"serving" in self.output(), "the camera")
+        self.daemon = self.start(self.bolod, "--config", self.config)
+        self.view = self.start(self.bolo, "view", self.name, "--port", "0", "--json")
+        self.url = json.loads(wait_for(lambda: re.search(rb'{"url".*}', self.output()), "the view").group())["url"]
+
+    def start(self, *words):
+        with open(os.path.join(self.folder, "programs.log"), "ab") as log:
+            self.running.append(subprocess.Popen(words, stdout=log, stderr=log))
+        return self.running[-1]
+
+    def output(self):
+        with open(os.path.join(self.folder, "programs.log"), "rb") as log:
+            return log.read()
+
+    def get(self, path):
+        place = urllib.parse.urlsplit(self.url)
+        connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=PATIENCE_S)
+        connection.request("GET", path, headers={"Host": place.netloc})
+        answer = connection.getresponse()
+        body = answer.read()
+        connection.close()
+        assert answer.status == 200, (path, answer.status, body)
+        return body
+
+    def end(self):
+        for program in reversed(self.running):
+            program.terminate()
+            program.wait()
+
+
+def figure(page, selector):
+    words = page.run("return document.querySelector(arguments[0])?.firstChild.textContent ?? ''", selector)
+    return int(re.sub(r"\D", "", words) or 0)
+
+
+def box_of(page, name):
+    return page.run("const b = document.getElementById(arguments[0]).getBoundingClientRect();"
+                    "return [b.x, b.y, b.width, b.height]", name)
+
+
+def picture_hash(page):
+    return page.run("""
+        const canvas = document.getElementById("picture");
+        const {data} = canvas.getContext("2d").getImageData(0, 30, canvas.width, canvas.height - 30);
+        return data.reduce((sum, value) => (sum * 31 + value) % 2147483647, 0);""")
+
+
+def check_frames_move(page):
+    before = (picture_hash(page), figure(page, "#frame-id"))
+    wait_for(lambda: picture_hash(page) != before[0] and figure(page, "#frame-id") > before[1], "another frame")
+
+
+def check_divider(page):
+    x, y, width, _ = box_of(page, "divider")
+    box = (x + width / 2, y + 20)
+    width = page.run("return document.getElementById('picture').clientWidth")
+    now = lambda: int(page.run("return document.getElementById('divider').getAttribute('aria-valuenow')"))
+    page.mouse(box, "down", (box[0] + width / 4, box[1]), "up")
+    wait_for(lambda: 74 <= now() <= 76, "the divider by the mouse")
+    page.run("document.getElementById('divider').focus()")
+    page.keys("\ue012", "\ue012")  # left
+    assert 72 <= now() <= 74, now()
+    # With the frame held: all of one plane is what the view of that plane alone shows.
+    page.keys(" ")
+    shown = {}
+    for key, mode in (("\ue012", "sharp"), ("\ue014", "raw")):
+        page.click(f'#modes [data-value="{mode}"]')
+        shown[mode] = picture_hash(page)
+        page.click('#modes [data-value="divider"]')
+        page.run("document.getElementById('divider').focus()")
+        page.keys(*(key,) * 101)
+        wait_for(lambda: picture_hash(page) == shown[mode], f"all of {mode} by the divider")
+    assert shown["raw"] != shown["sharp"], "deblurring changed nothing"
+    page.keys(*("[",) * 25)
+    page.click("#pause")
+
+
+def check_trace(page, programs):
+    box = box_of(page, "picture")
+    page.mouse((box[0] + box[2] * 0.25, box[1] + box[3] * 0.5), "down", "up")
+    title = wait_for(lambda: re.search(r"Pixel (\d+), (\d+)", page.text("#trace-title")), "the pixel")
+    x, y = int(title.group(1)), int(title.group(2))
+    assert abs(x - WIDTH / 4) <= 1, (x, y)
+    wait_for(lambda: "°C" in page.text("#trace-sharp"), "a value of the pixel")
+    follow = f"/api/trace?x={x}&y={y}&epoch=0&after=0"
+    programs.get(follow)
+    body = programs.get("/api/frame?epoch=0&after=0")
+    head = HEAD.unpack_from(body)
+    planes = array.array("H", body[HEAD.size:])
+    at = y * WIDTH + x
+    wanted = (planes[at], planes[WIDTH * HEIGHT + at])
+    later = lambda: (t := json.loads(programs.get(follow)))["t_s"][-1] > head[10] * 1e-9 + 0.1 and t
+    trace = wait_for(later, "samples")
+    times = trace["t_s"]
+    nearest = min(range(len(times)), key=lambda i: abs(times[i] - head[10] * 1e-9))
+    assert abs(times[nearest] - head[10] * 1e-9) < 1e-4
+    assert (trace["raw"][nearest], trace["deblurred"][nearest]) == wanted
+    steps = [b - a for a, b in zip(times, times[1:])]
+    frames = [round(step * RATE) for step in steps]  # more than one where the daemon lost some
+    assert all(n >= 1 and abs(step - n / RATE) < 1e-4 for n, step in zip(frames, steps)), steps
+    return sum(n == 1 for n in frames), len(steps)
+
+
+def check_choices(page):
+    page.click('#ranges [data-value="fixed"]')
+    page.run("const i = document.getElementById('low'); i.value = '-5'; i.dispatchEvent(new Event('change'))")
+    low = lambda: page.run("return document.getElementById('low-thumb').getAttribute('aria-valuenow')")
+    wait_for(lambda: low() == "-5.0", "-5 °C")
+    page.click("#unit")
+    wait_for(lambda: page.run("return document.getElementById('low').value") == "268.1", "kelvin")
+    page.click("#unit")
+    page.click('#ranges [data-value="auto"]')
+    page.click("#zoom-in")
+    wait_for(lambda: page.text("#zoom-fit") == "150 %", "zoom")
+    page.click("#zoom-fit")
+    page.keys("?")
+    wait_for(lambda: page.run("return document.getElementById('help').open"), "the keys")
+    page.keys("\ue00c")  # escape
+
+
+def check_nuc(page):
+    before = figure(page, "#nucs")
+    page.click("#nuc")
+    wait_for(lambda: figure(page, "#nucs") > before, "a correction")
+
+
+def check_faults_are_counted(page):
+    before = wait_for(lambda: figure(page, "#lost-incomplete dd"), "a lost frame")
+    wait_for(lambda: figure(page, "#lost-incomplete dd") > before, "another lost frame")
+
+
+def grey_png(file):
+    """Width, height and values of a 16-bit PNG whose rows have no filter."""
+    with open(file, "rb") as f:
+        data = f.read()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    at, chunks = 8, {}
+    while at < len(data):
+        length, kind = struct.unpack_from(">I4s", data, at)
+        chunks[kind] = data[at + 8:at + 8 + length]
+        assert zlib.crc32(data[at + 4:at + 8 + length]) == struct.unpack_from(">I", data, at + 8 + length)[0]
+        at += 12 + length
+    width, height, depth, colour = struct.unpack_from(">IIBB", chunks[b"IHDR"])
+    assert (depth, colour) == (16, 0)
+    rows = zlib.decompress(chunks[b"IDAT"])
+    stride = 1 + 2 * width
+    return [struct.unpack_from(f">{width}H", rows, y * stride + 1) for y in range(height)]
+
+
+def check_saving(page, folder):
+    def saved(what, pattern):
+        page.run("document.getElementById('save').open = true")
+        page.click(f'[data-save="{what}"]')
+        return wait_for(lambda: glob.glob(os.path.join(folder, pattern)), pattern)[0]
+
+    page.keys("\ue00c")
+    page.click("#pause")
+    values = grey_png(saved("sharp16", "*-sharp-16bit.png"))
+    assert (len(values[0]), len(values)) == (WIDTH, HEIGHT)
+    with open(saved("sharpcsv", "*-sharp-kelvin.csv"), encoding="ascii") as f:
+        kelvin = [[float(v) for v in line.split(",")] for line in f]
+    assert all(abs(k - 0.01 * v) < 6e-4 for a, b in zip(kelvin, values) for k, v in zip(a, b))
+    saved("picture", "*-divider.png")
+    page.click("#pause")
+
+
+def check_restart(page, programs):
+    """The daemon dies, the page says so, and goes on with the next one."""
+    programs.daemon.kill()
+    programs.daemon.wait()
+    wait_for(lambda: page.text("#pill") == "the daemon is gone", "the words of its end")
+    assert page.run("return !document.getElementById('notice').hidden")
+    programs.daemon = programs.start(programs.bolod, "--config", programs.config)
+    wait_for(lambda: page.text("#pill") == "live", "the next daemon's frames")
+    check_frames_move(page)
+    wait_for(lambda: figure(page, "#followed") == 1, "the restart")
+
+
+def check_token(page, programs):
+    """With a token the page opens by it once; the address forgets it, the browser doesn't."""
+    token = "e2e-0123456789abcdef"
+    programs.start(programs.bolo, "view", programs.name, "--port", "0", "--json", "--token", token)
+    said = wait_for(lambda: re.search(rb'{"url":"([^"]*)".*"token":true}', programs.output()), "the view")
+    url = said.group(1).decode()
+    page.open(url)
+    assert "a token is needed" in page.run("return document.body.textContent")
+    page.open(f"{url}?token={token}")
+    wait_for(lambda: page.text("#pill") == "live", "the page by its token")
+    assert page.run("return location.href") == url
+    page.open(url)
+    wait_for(lambda: page.text("#pill") == "live", "the page by its cookie")
+    page.log("browser")  # the refusal
+
+
+def check_usage(programs):
+    """What `bolo view` does not begin with: exit code 2 and one line that says what to do."""
+    port = str(urllib.parse.urlsplit(programs.url).port)
+    for words, told in ((["--listen", "0.0.0.0"], "--token"), (["--port", port], "another program"),
+                        (["--token", "short"], "16 to 128"), (["--token-file", "/nowhere"], "/nowhere"),
+                        (["--listen", "localhost", "--token", "0123456789abcdef"], "numeric"), (["--port", "70000"], "70000")):
+        done = subprocess.run([programs.bolo, "view", programs.name, *words], capture_output=True, text=True,
+                              timeout=PATIENCE_S, check=False)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1 and told in done.stderr, (words, done)
+
+
+def take_pictures(page, folder):
+    page.click('#spans [data-value="2"]')
+    wait_for(lambda: page.run("return getComputedStyle(document.getElementById('toast')).opacity") == "0", "quiet")
+    for scheme, mode in (("light", "both"), ("dark", "divider")):
+        page.size(1280, 960)
+        page.scheme(scheme)
+        page.click(f'#modes [data-value="{mode}"]')
+        time.sleep(2.5)  # a trace of its whole length
+        page.screenshot(os.path.join(folder, f"view_{scheme}.png"))
+    page.size(390, 844, 2, True)
+    page.run("scrollTo(0, 0)")
+    page.click('#modes [data-value="both"]')
+    time.sleep(1)
+    page.screenshot(os.path.join(folder, "view_phone.png"))
+    page.size(1366, 900)
+    page.click('#modes [data-value="divider"]')
+
+
+def check_requests(page):
+    """Where the page's requests went, and what its files weigh."""
+    weight, kinds = 0, {}
+    for entry in page.log("performance"):
+        event = json.loads(entry["message"])["message"]
+        told = event["params"]
+        if event["method"] == "Network.requestWillBeSent":
+            url = urllib.parse.urlsplit(told["request"]["url"])
+            if url.scheme in ("blob", "data"):
+                continue
+            assert url.scheme == "http" and url.hostname == "localhost", told["request"]["url"]
+            kinds[told["requestId"]] = url.path
+        if event["method"] == "Network.loadingFinished" and not kinds.get(told["requestId"], "/api").startswith("/api"):
+            weight += told["encodedDataLength"]
+    # A warning of rendering: this test reads canvases back.
+    bad = [entry["message"] for entry in page.log("browser") if not entry["message"].startswith("rendering ")]
+    assert not bad, bad
+    return weight
+
+
+def main(bolo, bolod, pictures):
+    with tempfile.TemporaryDirectory() as folder:
+        programs = Programs(bolo, bolod, folder, "front" if pictures else f"test-view-{os.getpid()}")
+        page = None
+        try:
+            programs.begin()
+            page = browser.Browser(folder)
+            page.open("about:blank")
+            page.log("performance")  # the browser's own first page
+            page.open(programs.url)
+            wait_for(lambda: page.text("#pill") == "live", "the page")
+            weight = check_requests(page)
+            check_frames_move(page)
+            check_divider(page)
+            traced = check_trace(page, programs)
+            check_choices(page)
+            check_nuc(page)
+            check_saving(page, folder)
+            check_faults_are_counted(page)
+            time.sleep(3)  # of pictures without a pause, for the figure
+            shown = page.text("#shown")
+            check_restart(page, programs)
+            if pictures:
+                take_pictures(page, pictures)
+            check_requests(page)
+            check_token(page, programs)
+            check_usage(programs)
+            programs.view.send_signal(signal.SIGTERM)
+            assert programs.view.wait() == 0
+        except BaseException:
+            sys.stderr.write(programs.output().decode()[-3000:])
+            if page:
+                page.screenshot(os.path.join(tempfile.gettempdir(), "view_failed.png"))
+            raise
+        finally:
+            if page:
+                page.close()
+            programs.end()
+    print(f"page {weight / 1024:.0f} KiB; {shown} frames/s shown of {WIDTH}x{HEIGHT} at {RATE} Hz; "
+          f"trace: {traced[0]} of {traced[1]} steps one frame long")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], sys.argv[3] if len(sys.argv) > 3 else None)

@@ -1,0 +1,212 @@
+#include "tools/view/http.hpp"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+namespace bolo::view {
+namespace {
+
+constexpr int kAskAgain_ms = 50;                 // requests that wait may have waited long enough
+constexpr std::size_t kConnectionBytes = 16384;  // request line and headers; more is refused with 431
+constexpr int kBacklog = 16;
+
+struct Address {
+  sockaddr_storage place{};
+  socklen_t bytes = 0;
+};
+
+Result<Address> parse_address(const std::string& text, std::uint16_t port) {
+  Address address;
+  auto* v4 = reinterpret_cast<sockaddr_in*>(&address.place);
+  auto* v6 = reinterpret_cast<sockaddr_in6*>(&address.place);
+  if (inet_pton(AF_INET, text.c_str(), &v4->sin_addr) == 1) {
+    v4->sin_family = AF_INET;
+    v4->sin_port = htons(port);
+    address.bytes = sizeof(sockaddr_in);
+    return address;
+  }
+  if (inet_pton(AF_INET6, text.c_str(), &v6->sin6_addr) == 1) {
+    v6->sin6_family = AF_INET6;
+    v6->sin6_port = htons(port);
+    address.bytes = sizeof(sockaddr_in6);
+    return address;
+  }
+  return bad_input("address '" + text + "' is not a numeric IP address such as 192.168.1.10 or ::1");
+}
+
+std::string why_not(const std::string& address, std::uint16_t port) {
+  const std::string where = "cannot listen on " + address + " port " + std::to_string(port) + ": ";
+  if (errno == EADDRINUSE) return where + "another program does; choose another --port";
+  if (errno == EACCES) return where + "ports below 1024 are for root; choose another --port";
+  if (errno == EADDRNOTAVAIL) return where + "this computer has no such address; see `ip address`";
+  return where + std::strerror(errno);
+}
+
+// `absent`: the host does not have this address, or not this family of addresses.
+Result<UniqueFd> listening_socket(const std::string& text, std::uint16_t port, bool& absent) {
+  const Result<Address> address = parse_address(text, port);
+  if (!address) return tl::unexpected<Error>(address.error());
+  UniqueFd fd(socket(address->place.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  const int on = 1;
+  if (fd) setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  if (fd && address->place.ss_family == AF_INET6) setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &on, sizeof on);
+  if (!fd || bind(fd.get(), reinterpret_cast<const sockaddr*>(&address->place), address->bytes) != 0 ||
+      ::listen(fd.get(), kBacklog) != 0) {
+    absent = errno == EADDRNOTAVAIL || errno == EAFNOSUPPORT;
+    return bad_input(why_not(text, port));
+  }
+  return fd;
+}
+
+std::uint16_t port_of(int fd) {
+  sockaddr_storage place{};
+  socklen_t bytes = sizeof place;
+  getsockname(fd, reinterpret_cast<sockaddr*>(&place), &bytes);
+  return place.ss_family == AF_INET6 ? ntohs(reinterpret_cast<sockaddr_in6*>(&place)->sin6_port)
+                                     : ntohs(reinterpret_cast<sockaddr_in*>(&place)->sin_port);
+}
+
+// The library's own words about clients that misbehave.
+void ignore(void*, const char*, va_list) {}
+
+void release_body(void* body) { delete static_cast<std::shared_ptr<const std::string>*>(body); }
+
+}  // namespace
+
+Answer line(unsigned status, const std::string& words) {
+  return {.status = status, .body = std::make_shared<const std::string>(words + "\n")};
+}
+
+struct HttpServer::Exchange {
+  Request request;
+  bool waits = false;
+};
+
+HttpServer::HttpServer(const Limits& limits, std::vector<std::pair<std::string, std::string>> headers)
+    : limits_(limits), headers_(std::move(headers)), woken_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {}
+
+HttpServer::~HttpServer() {
+  resume_waiting();  // the library wants none suspended
+  for (MHD_Daemon* listener : listeners_) MHD_stop_daemon(listener);
+}
+
+Result<std::unique_ptr<HttpServer>> HttpServer::listen(const std::vector<std::string>& addresses, std::uint16_t port,
+                                                       const Limits& limits,
+                                                       std::vector<std::pair<std::string, std::string>> headers) {
+  std::unique_ptr<HttpServer> server(new HttpServer(limits, std::move(headers)));
+  server->port_ = port;
+  Status last;
+  for (const std::string& address : addresses) {
+    bool absent = false;
+    last = server->add_listener(address, absent);
+    if (!last && !absent) break;
+    if (last || !server->listeners_.empty()) last = {};
+  }
+  if (!last) return tl::unexpected<Error>(last.error());
+  return server;
+}
+
+Status HttpServer::add_listener(const std::string& address, bool& absent) {
+  const Result<UniqueFd> fd = listening_socket(address, port_, absent);
+  if (!fd) return tl::unexpected<Error>(fd.error());
+  if (port_ == 0) port_ = port_of(fd->get());
+  const int copy = fcntl(fd->get(), F_DUPFD_CLOEXEC, 0);  // which the library closes
+  MHD_Daemon* listener =
+      MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME, 0, nullptr, nullptr, &HttpServer::on_request, this,
+                       MHD_OPTION_EXTERNAL_LOGGER, &ignore, nullptr, MHD_OPTION_LISTEN_SOCKET, copy,
+                       MHD_OPTION_CONNECTION_LIMIT, limits_.connections, MHD_OPTION_CONNECTION_TIMEOUT, limits_.idle_s,
+                       MHD_OPTION_CONNECTION_MEMORY_LIMIT, kConnectionBytes, MHD_OPTION_STRICT_FOR_CLIENT, 1,
+                       MHD_OPTION_NOTIFY_COMPLETED, &HttpServer::on_completed, this, MHD_OPTION_END);
+  if (listener == nullptr) {
+    ::close(copy);
+    return failed("cannot serve on " + address);
+  }
+  listeners_.push_back(listener);
+  return {};
+}
+
+void HttpServer::run(const Handler& handler, const std::atomic<bool>& end) {
+  handler_ = &handler;
+  while (!end.load(std::memory_order_relaxed)) {
+    wait_for_work();
+    resume_waiting();
+    for (MHD_Daemon* listener : listeners_) MHD_run(listener);
+  }
+}
+
+// Sleeps until a socket is ready, wake() was called, or a request that waits is to be asked again.
+void HttpServer::wait_for_work() const {
+  std::vector<pollfd> fds{{woken_.get(), POLLIN, 0}};
+  MHD_UNSIGNED_LONG_LONG wait_ms = waiting_.empty() ? 250 : kAskAgain_ms;
+  for (MHD_Daemon* listener : listeners_) {
+    fds.push_back({MHD_get_daemon_info(listener, MHD_DAEMON_INFO_EPOLL_FD)->epoll_fd, POLLIN, 0});
+    MHD_UNSIGNED_LONG_LONG theirs_ms = 0;
+    if (MHD_get_timeout(listener, &theirs_ms) == MHD_YES) wait_ms = std::min(wait_ms, theirs_ms);
+  }
+  poll(fds.data(), fds.size(), static_cast<int>(wait_ms));
+  eventfd_t count = 0;
+  eventfd_read(woken_.get(), &count);
+}
+
+void HttpServer::resume_waiting() {
+  for (MHD_Connection* connection : waiting_) MHD_resume_connection(connection);
+  waiting_.clear();
+}
+
+void HttpServer::wake() const noexcept { eventfd_write(woken_.get(), 1); }
+
+MHD_Result HttpServer::on_request(void* self, MHD_Connection* connection, const char* path, const char* method,
+                                  const char* /*version*/, const char* /*body*/, std::size_t* body_bytes,
+                                  void** exchange) {
+  auto& server = *static_cast<HttpServer*>(self);
+  if (*exchange == nullptr) return server.begin(connection, path, method, exchange);
+  if (*body_bytes != 0) return MHD_NO;  // begin() has refused it
+  return server.answer_or_wait(connection, *static_cast<Exchange*>(*exchange));
+}
+
+MHD_Result HttpServer::begin(MHD_Connection* connection, const char* path, const char* method, void** exchange) {
+  auto made = std::make_unique<Exchange>(Exchange{.request = Request(connection, method, path)});
+  const std::string length = made->request.header(MHD_HTTP_HEADER_CONTENT_LENGTH).value_or("0");
+  if (length != "0" || made->request.header(MHD_HTTP_HEADER_TRANSFER_ENCODING)) {
+    return send(connection, line(413, "no request here has a body"));
+  }
+  *exchange = made.release();  // until on_completed()
+  return MHD_YES;
+}
+
+MHD_Result HttpServer::answer_or_wait(MHD_Connection* connection, Exchange& exchange) {
+  const std::optional<Answer> answer = (*handler_)(exchange.request);
+  if (answer) return send(connection, *answer);
+  if (waiting_.size() >= limits_.waiting) return send(connection, line(503, "too many requests are waiting"));
+  waiting_.push_back(connection);
+  MHD_suspend_connection(connection);
+  return MHD_YES;
+}
+
+void HttpServer::on_completed(void* self, MHD_Connection* connection, void** exchange, MHD_RequestTerminationCode) {
+  std::erase(static_cast<HttpServer*>(self)->waiting_, connection);
+  delete static_cast<Exchange*>(*exchange);
+  *exchange = nullptr;
+}
+
+MHD_Result HttpServer::send(MHD_Connection* connection, const Answer& answer) const {
+  auto* keeper = new std::shared_ptr<const std::string>(answer.body);
+  MHD_Response* response = MHD_create_response_from_buffer_with_free_callback_cls(
+      answer.body->size(), const_cast<char*>(answer.body->data()), &release_body, keeper);
+  MHD_add_response_header(response, MHD_HTTP_HEADER_CONTENT_TYPE, answer.type.c_str());
+  for (const auto* headers : {&headers_, &answer.headers}) {
+    for (const auto& [name, value] : *headers) MHD_add_response_header(response, name.c_str(), value.c_str());
+  }
+  const MHD_Result queued = MHD_queue_response(connection, answer.status, response);
+  MHD_destroy_response(response);
+  return queued;
+}
+
+}  // namespace bolo::view

@@ -1,0 +1,79 @@
+// Fetches what the page shows. Frames are pulled: one that is slow sees fewer of them, and nobody waits for it.
+
+import { parseFrame } from "./frame.js";
+
+const LEAST_MS = 1000 / 30;  // from frame to frame
+const STATUS_MS = 1000;
+const TRACE_MS = 80;
+const RETRY_MS = 700;
+
+const pause = (ms) => new Promise((done) => setTimeout(done, Math.max(0, ms)));
+const visible = () => document.hidden
+  ? new Promise((done) => document.addEventListener("visibilitychange", done, { once: true })) : null;
+
+async function get(path) {
+  const answer = await fetch(path, { signal: AbortSignal.timeout(8000) });
+  if (!answer.ok) throw new Error((await answer.text()).trim() || `answer ${answer.status}`);
+  return answer;
+}
+
+// onFrame(frame); onTrouble(words), null when it is over. `stopped()`: frames are not wanted now.
+export async function followFrames({ onFrame, onTrouble, stopped }) {
+  let seen = { epoch: 0, number: 0 };
+  for (;;) {
+    await visible();
+    if (stopped()) { await pause(100); continue; }
+    const begun = performance.now();
+    try {
+      const answer = await get(`/api/frame?epoch=${seen.epoch}&after=${seen.number}`);
+      if (answer.status === 200) {
+        const frame = parseFrame(await answer.arrayBuffer());
+        seen = frame;
+        if (!stopped()) onFrame(frame);
+      }
+      onTrouble(null);
+      await pause(LEAST_MS - (performance.now() - begun));
+    } catch (error) {
+      onTrouble(error.message);
+      await pause(RETRY_MS);
+    }
+  }
+}
+
+export async function followStatus({ onStatus }) {
+  for (;;) {
+    await visible();
+    try {
+      onStatus(await (await get("/api/status")).json());
+    } catch { /* followFrames tells */ }
+    await pause(STATUS_MS);
+  }
+}
+
+// onSamples({epoch, next, t_s, raw, deblurred}, fresh) of the pixel that `pixel()` gives.
+export async function followTrace({ pixel, onSamples, stopped }) {
+  let of = null;
+  let place = { epoch: 0, next: 0 };
+  for (;;) {
+    await visible();
+    await pause(TRACE_MS);
+    const wanted = pixel();
+    if (!wanted || stopped()) continue;
+    if (wanted !== of) place = { epoch: 0, next: 0 };
+    of = wanted;
+    try {
+      const path = `/api/trace?x=${of.x}&y=${of.y}&epoch=${place.epoch}&after=${place.next}`;
+      const samples = await (await get(path)).json();
+      if (pixel() === of) onSamples(samples, place.epoch !== samples.epoch);
+      place = samples;
+    } catch {
+      await pause(RETRY_MS);
+    }
+  }
+}
+
+// Asks for a NUC; the status says what came of it.
+export async function askForNuc() {
+  const answer = await fetch("/api/nuc", { method: "POST" });
+  if (!answer.ok) throw new Error((await answer.text()).trim());
+}

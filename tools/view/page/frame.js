@@ -1,0 +1,51 @@
+// A frame as /api/frame sends it, and what its counts mean.
+
+const KELVIN = 0;
+export const FLAGS = { gap: 1, warmUp: 2, nuc: 4, saturated: 8, jitter: 16, reduced: 32, inverse: 64, raw: 128 };
+
+export function parseFrame(buffer) {
+  const head = new DataView(buffer);
+  if (head.getUint32(0, true) !== 0x464c4f42) throw new Error("not a frame");
+  const width = head.getUint32(8, true);
+  const height = head.getUint32(12, true);
+  const bytes = head.getUint16(4, true);
+  return {
+    kelvin: head.getUint16(6, true) === KELVIN,
+    width, height,
+    scale: head.getFloat64(16, true),
+    offset: head.getFloat64(24, true),
+    epoch: Number(head.getBigUint64(32, true)),
+    number: Number(head.getBigUint64(40, true)),
+    id: Number(head.getBigUint64(48, true)),
+    age_ms: head.getFloat64(64, true),
+    flags: head.getUint32(72, true),
+    rowStep: head.getUint32(76, true),
+    raw: new Uint16Array(buffer, bytes, width * height),
+    sharp: new Uint16Array(buffer, bytes + 2 * width * height, width * height),
+    at: new Date(),
+  };
+}
+
+const ZERO_CELSIUS = 273.15;
+
+// Turns counts into the unit that is shown, and back.
+export class Unit {
+  constructor(frame, celsius) {
+    this.kelvin = frame.kelvin;
+    this.scale = frame.kelvin ? frame.scale : 1;
+    this.offset = frame.kelvin ? frame.offset - (celsius ? ZERO_CELSIUS : 0) : 0;
+    this.name = frame.kelvin ? (celsius ? "°C" : "K") : "counts";
+    this.digits = frame.kelvin ? 2 : 0;
+  }
+  value(count) { return count * this.scale + this.offset; }
+  count(value) { return (value - this.offset) / this.scale; }
+  span(kelvin) { return this.kelvin ? kelvin / this.scale : kelvin * 100; }
+  words(count, digits = this.digits) { return `${this.value(count).toFixed(digits)} ${this.name}`; }
+}
+
+// Both units, for what is read off one place.
+export function bothUnits(frame, count) {
+  if (!frame.kelvin) return `${count} counts`;
+  const kelvin = count * frame.scale + frame.offset;
+  return `${(kelvin - ZERO_CELSIUS).toFixed(2)} °C  ${kelvin.toFixed(2)} K`;
+}
