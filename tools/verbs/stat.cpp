@@ -1,16 +1,18 @@
 // `bolo stat`: what a running daemon does, from its shared memory.
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <thread>
 
 #include "bolo/core/clock.hpp"
 #include "drivers/shm/shm_reader.hpp"
 #include "tools/verbs/cli.hpp"
+#include "tools/verbs/control_client.hpp"
+#include "tools/verbs/stat_history.hpp"
 #include "tools/verbs/stat_sample.hpp"
+#include "tools/verbs/stat_screen.hpp"
 #include "tools/verbs/verbs.hpp"
 
 namespace bolo::tools {
@@ -26,64 +28,75 @@ struct StatOptions {
   bool once = false;
 };
 
-StatLook look_at(const shm::ShmReader& reader) {
+// Shared memory has what every reader needs; the rest only the daemon tells.
+nlohmann::ordered_json ask_state(const shm::ShmReader& reader, const std::string& name) {
+  const auto path = control_socket_of(reader, name);
+  if (!path) return {};
+  const auto answer = ask_daemon(*path, "state");
+  return answer ? nlohmann::ordered_json::parse(*answer, nullptr, false) : nlohmann::ordered_json();
+}
+
+StatLook look_at(const shm::ShmReader& reader, const StatOptions& options) {
   const bool closed = reader.closed();
-  return {reader.header(), monotonic_ns(), closed, reader.camera()};
+  StatLook look{reader.header(), monotonic_ns(), closed, reader.camera()};
+  if (!closed) look.told = ask_state(reader, options.name);
+  return look;
 }
 
-// False when interrupted.
-bool pause(double interval_s) {
-  const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(interval_s * kNsPerSecond);
-  for (std::int64_t left_ns = end_ns - monotonic_ns(); left_ns > 0; left_ns = end_ns - monotonic_ns()) {
-    if (interrupted().load(std::memory_order_relaxed)) return false;
-    std::this_thread::sleep_for(std::chrono::nanoseconds(std::min<std::int64_t>(left_ns, 50'000'000)));
-  }
-  return !interrupted().load(std::memory_order_relaxed);
-}
-
-// Prints samples one below the other, or on a terminal one over the other.
-class Screen {
+// Shows samples: JSON a line each, tables one below the other, or on a terminal one over the other with their history.
+class Display {
  public:
-  explicit Screen(const StatOptions& options) : options_(options), terminal_(isatty(STDOUT_FILENO) == 1) {}
+  explicit Display(const StatOptions& options) : options_(options), history_(options.interval_s) {
+    if (!options.json && !options.once && StatScreen::is_there()) screen_.emplace();
+  }
 
   void show(const StatLook& look, const StatSample& sample) {
+    history_.add(sample);
     if (options_.json) {
       std::puts(stat_json(options_.name, look, sample).dump(-1, ' ', true, kReplace).c_str());
+    } else if (screen_) {
+      screen_->show(stat_table(options_.name, look, sample), history_);
     } else {
-      table(stat_table(options_.name, look, sample));
+      std::printf("%s%s", shown_ ? "\n" : "", stat_table(options_.name, look, sample).c_str());
     }
     std::fflush(stdout);
+    shown_ = true;
+  }
+
+  // False when interrupted.
+  bool pause() {
+    const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(options_.interval_s * kNsPerSecond);
+    for (std::int64_t left_ns = end_ns - monotonic_ns(); left_ns > 0; left_ns = end_ns - monotonic_ns()) {
+      if (interrupted().load(std::memory_order_relaxed)) return false;
+      std::this_thread::sleep_for(std::chrono::nanoseconds(std::min<std::int64_t>(left_ns, 50'000'000)));
+      if (screen_) screen_->follow_size(history_);
+    }
+    return !interrupted().load(std::memory_order_relaxed);
   }
 
  private:
   // Texts in shared memory may be cut within a letter.
   static constexpr auto kReplace = nlohmann::ordered_json::error_handler_t::replace;
 
-  void table(const std::string& text) {
-    if (terminal_ && lines_ > 0) std::printf("\x1b[%dA\x1b[J", lines_);
-    if (!terminal_ && lines_ > 0) std::putchar('\n');
-    std::fputs(text.c_str(), stdout);
-    lines_ = static_cast<int>(std::count(text.begin(), text.end(), '\n'));
-  }
-
   const StatOptions& options_;
-  bool terminal_;
-  int lines_ = 0;
+  StatHistory history_;
+  std::optional<StatScreen> screen_;
+  bool shown_ = false;
 };
 
-// Shows a sample an interval; when the daemon ends, waits for its successor.
+// Shows a sample an interval, of whichever daemon has the name.
 int follow(const StatOptions& options, shm::ShmReader reader) {
-  Screen screen(options);
-  StatLook before = look_at(reader);
-  while (pause(options.interval_s)) {
-    const StatLook now = look_at(reader);
-    screen.show(now, compare(before, now));
+  Display display(options);
+  StatLook before = look_at(reader, options);
+  while (display.pause()) {
+    const StatLook now = look_at(reader, options);
+    display.show(now, compare(before, now));
     if (options.once) break;
     before = now;
-    if (!now.closed) continue;
+    if (!reader.replaced()) continue;
     if (auto successor = shm::ShmReader::open(options.name); successor) {
       reader = std::move(*successor);
-      before = look_at(reader);
+      before = look_at(reader, options);
     }
   }
   return kExitDone;

@@ -64,7 +64,7 @@ std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
   for (const std::uint64_t count : camera.lost) lost += count;
   using Count = unsigned long long;
   std::string out = line("link     %s for %s; lost %llu%s, stalled %llu; %llu frames missed",
-                         shm::camera_state_word(camera), duration(seconds(now_ns - camera.since_ns)).c_str(),
+                         shm::camera_state_word(camera), duration(shm::seconds_since(camera.since_ns, now_ns)).c_str(),
                          Count{lost}, lost_words(camera).c_str(), Count{camera.stalls}, Count{camera.outage_frames});
   out += line("packets  %llu received, %llu missing, %llu sent again", Count{camera.received_packets},
               Count{camera.missing_packets}, Count{camera.resent_packets});
@@ -74,7 +74,7 @@ std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
   }
   if (camera.correction_ns != 0) {
     out += line("nuc      %llu, the last %s ago", Count{camera.corrections},
-                duration(seconds(now_ns - camera.correction_ns)).c_str());
+                duration(shm::seconds_since(camera.correction_ns, now_ns)).c_str());
   }
   if (camera.temperature_k > 0.0) out += line("inside   %.1f K", camera.temperature_k);
   return out;
@@ -103,8 +103,8 @@ StatSample compare(const StatLook& before, const StatLook& after) {
   const std::uint64_t solved = rise(rise(a.warm_up, b.warm_up), rise(a.published, b.published));
   if (solved > 0)
     s.deblur_ms = static_cast<double>(rise(a.deblur_ns, b.deblur_ns)) * 1e-6 / static_cast<double>(solved);
-  s.uptime_s = std::max(0.0, seconds(after.at_ns - b.start_ns));
-  s.heartbeat_age_s = std::max(0.0, seconds(after.at_ns - static_cast<std::int64_t>(b.heartbeat_ns)));
+  s.uptime_s = shm::seconds_since(b.start_ns, after.at_ns);
+  s.heartbeat_age_s = shm::seconds_since(static_cast<std::int64_t>(b.heartbeat_ns), after.at_ns);
   s.state = state_word(after);
   return s;
 }
@@ -123,6 +123,17 @@ std::string stat_table(const std::string& name, const StatLook& look, const Stat
               Count{h.published});
   out += line("latency  p50 %.3f, p99 %.3f, max %.3f ms    deblur %.3f ms a frame", s.latency_p50_ms, s.latency_p99_ms,
               s.latency_max_ms, s.deblur_ms);
+  if (look.told.contains("stages")) {
+    const auto p50 = [&](const char* stage) { return look.told["stages"][stage].value("p50_ms", 0.0); };
+    out += line("stages   arrival %.3f, queue %.3f, deblur %.3f, publish %.3f ms (p50 since the start)", p50("arrival"),
+                p50("queue"), p50("deblur"), p50("publish"));
+  }
+  if (look.told.contains("effort")) {
+    const auto frames = [&](const char* effort) { return Count{look.told["effort"]["frames"].value(effort, 0ULL)}; };
+    out +=
+        line("effort   %s; %llu frames reduced, %llu inverse, %llu raw",
+             look.told["effort"].value("now", "unknown").c_str(), frames("reduced"), frames("inverse"), frames("raw"));
+  }
   out += line("windows  %llu warm-up, %llu with gaps, %llu restarts", Count{h.warm_up}, Count{h.gap_frames},
               Count{h.restarts});
   out += line("lost     %llu in all", Count{s.lost_total});
@@ -170,6 +181,7 @@ nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, 
     json["lost_hz"][cause] = s.lost_hz[i];
   }
   if (look.camera) json["camera"] = shm::camera_json(*look.camera, look.at_ns);
+  for (const char* key : {"effort", "stages", "video"}) json[key] = look.told.contains(key) ? look.told[key] : nullptr;
   return json;
 }
 

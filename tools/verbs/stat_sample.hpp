@@ -19,6 +19,8 @@ struct StatLook {
   std::int64_t at_ns = 0;                   // CLOCK_MONOTONIC
   bool closed = false;                      // ended, or its heartbeat stopped
   std::optional<bolo_shm_camera> camera{};  // none: the writer does not tell
+  // What the daemon answers to `state` on its control socket; null when it has none, or does not answer.
+  nlohmann::ordered_json told{};
 };
 
 struct StatSample {

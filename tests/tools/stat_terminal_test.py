@@ -1,0 +1,116 @@
+"""`bolo stat` in a real terminal (tmux): bars of latency, its size followed, a daemon that is started anew followed.
+
+usage: stat_terminal_test.py BOLO. `bolo replay` is the daemon. Exit code 77: tmux isn't there.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+if shutil.which("tmux") is None:
+    print("skipped: tmux is not installed")
+    sys.exit(77)
+
+BLOCKS = "▁▂▃▄▅▆▇█"
+
+
+class Terminal:
+    """A terminal that runs a command, shows its exit code, and stays. `name`: of its server, which is its own."""
+
+    def __init__(self, folder, name, width, height, command):
+        self.tmux = ["tmux", "-u", "-S", f"{folder}/{name}", "-f", "/dev/null"]
+        command = f"trap : INT; {command}; code=$?; echo; echo ended $code; exec sleep 1000"
+        subprocess.run([*self.tmux, "new-session", "-d", "-x", str(width), "-y", str(height), command], check=True)
+
+    def run(self, *command):
+        return subprocess.run([*self.tmux, *command], check=True, capture_output=True, text=True).stdout
+
+    def lines(self, *options):
+        return self.run("capture-pane", "-p", *options).split("\n")[:-1]
+
+    def close(self):
+        subprocess.run([*self.tmux, "kill-server"], check=False, capture_output=True)
+
+
+def wait_for(look, what):
+    end = time.monotonic() + 60
+    while not (found := look()):
+        if time.monotonic() > end:
+            raise AssertionError(f"{what} did not come")
+        time.sleep(0.05)
+    return found
+
+
+def bars(lines, row):
+    """What stands behind `row`: the bars' last line."""
+    return next((line[9:] for line in lines if line.startswith(f"  {row} ")), "")
+
+
+def columns(terminal, row="p50"):
+    return sum(bars(terminal.lines(), row).count(block) for block in BLOCKS)
+
+
+def state(terminal):
+    found = re.match(r"\S+  (\w+), process (\d+)", terminal.lines()[0])
+    return found.groups() if found else ("", "")
+
+
+def replay(bolo, capture, name):
+    return subprocess.Popen([bolo, "replay", capture, "--name", name, "--loop"], stdout=subprocess.DEVNULL,
+                            stderr=subprocess.DEVNULL)
+
+
+def main(bolo):
+    name = f"stat-terminal-{os.getpid()}"
+    with tempfile.TemporaryDirectory() as folder:
+        capture = f"{folder}/street.h5"
+        subprocess.run([bolo, "simulate", "-o", capture, "--width", "64", "--height", "24", "--frames", "100"],
+                       check=True, stdout=subprocess.DEVNULL)
+        daemon = replay(bolo, capture, name)
+        wait_for(lambda: os.path.exists(f"/dev/shm/bolo.{name}"), "the daemon")
+        terminal = Terminal(folder, "first", 100, 40, f"{bolo} stat {name} --interval 0.1")
+        try:
+            wait_for(lambda: state(terminal)[0] == "running" and columns(terminal) >= 8, "bars")
+            shown = terminal.lines()
+            assert sum(line.startswith("history ") for line in shown) == 1, "drawn over, not below\n" + "\n".join(shown)
+            assert re.search(r"bars from 0 to [\d.]+ ms", "\n".join(shown))
+            assert "\x1b[34m" in "".join(terminal.lines("-e")), "colour on a terminal"
+
+            terminal.run("resize-window", "-x", "40", "-y", "12")
+            small = wait_for(lambda: (now := terminal.lines()) and columns(terminal) == 31 and now, "the smaller picture")
+            assert len(small) == 12 and all(len(line) <= 40 for line in small), "\n".join(small)
+            assert state(terminal)[0] == "running", "the first line stays"
+            terminal.run("resize-window", "-x", "100", "-y", "40")
+            wait_for(lambda: columns(terminal) > 31, "the larger picture")
+
+            daemon.kill()
+            daemon.wait()
+            wait_for(lambda: state(terminal)[0] == "stopped", "the end of the daemon")
+            daemon = replay(bolo, capture, name)
+            wait_for(lambda: state(terminal) == ("running", str(daemon.pid)), "the second daemon")
+            wait_for(lambda: re.search(f"[{BLOCKS}] +[{BLOCKS}]+$", bars(terminal.lines(), "p50")), "bars after the gap")
+
+            terminal.run("send-keys", "C-c")
+            wait_for(lambda: any(line.startswith("ended") for line in terminal.lines()), "the end")
+            assert "ended 0" in terminal.lines(), "\n".join(terminal.lines())
+            terminal.close()
+            terminal = Terminal(folder, "second", 80, 40, f"NO_COLOR=1 {bolo} stat {name} --interval 0.1")
+            wait_for(lambda: columns(terminal) >= 2, "bars without colour")
+            assert "\x1b[3" not in "".join(terminal.lines("-e"))
+            for output in ([], ["--json"]):
+                plain = subprocess.run([bolo, "stat", name, "--interval", "0.1", "--once", *output], check=True,
+                                       capture_output=True, text=True).stdout
+                assert "\x1b" not in plain and not any(block in plain for block in BLOCKS)
+        finally:
+            terminal.close()
+            daemon.terminate()
+            daemon.wait()
+    print("bolo stat drew its bars, followed the terminal's size and the daemon")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
