@@ -1,0 +1,88 @@
+/* A reader that waits for the next frame of the shared-memory ring by a futex (ShmReader::wait, ShmSink::publish): it never
+ * sleeps on while a frame is there. Without timeouts; a reader that is never woken is a deadlock, which the checker
+ * reports. The kernel compares the word with what the reader saw and puts it to sleep in one step, and FUTEX_WAKE comes
+ * after the caller's earlier stores.
+ *
+ * READER may wait for any frame; Waker's rest (more than four readers) is woken by a thread, later. What can be defined
+ * breaks the protocol in one place. */
+#ifndef FRAMES
+#define FRAMES 3
+#endif
+#define READERS 2
+#define PUBLISHED 0
+#define WAKE 1
+#define LOCATIONS 2
+#define VALUES (FRAMES + 1)
+
+#include "memory.pml"
+
+View writer;
+bool asleep[READERS];
+byte asked = 0, served = 0;
+bool ended = false;
+
+active proctype Writer() {
+  byte n = 0;
+  do
+  :: n < FRAMES ->
+#ifdef WAKE_FIRST
+    store(writer, WAKE, n + 1, ORDERED);
+    store(writer, PUBLISHED, n + 1, ORDERED);
+#else
+    store(writer, PUBLISHED, n + 1, ORDERED); /* W4 */
+    store(writer, WAKE, n + 1, ORDERED);      /* W5 */
+#endif
+    atomic { /* FUTEX_WAKE of one; the others are left to the waker's thread */
+      if
+      :: asleep[0] -> asleep[0] = false
+      :: asleep[1] -> asleep[1] = false
+      :: !asleep[0] && !asleep[1]
+      fi;
+      asked++
+    };
+    n++
+  :: else -> break
+  od;
+  ended = true
+}
+
+active proctype Rest() {
+  do
+  :: served < asked -> served = asked;
+#ifndef FORGETS_THE_REST
+    atomic { asleep[0] = false; asleep[1] = false }
+#endif
+  :: ended && served == asked -> break
+  od
+}
+
+active [READERS] proctype Reader() {
+  View me;
+  byte wanted = 0, wake_seen, published;
+  byte id = _pid - 2; /* behind Writer and Rest */
+  do /* any frame */
+  :: wanted < FRAMES - 1 -> wanted++
+  :: break
+  od;
+  do
+  :: 1 ->
+#ifdef PUBLISHED_FIRST
+    load(me, PUBLISHED, published, ORDERED);
+    load(me, WAKE, wake_seen, ORDERED);
+#else
+    load(me, WAKE, wake_seen, ORDERED);
+    load(me, PUBLISHED, published, ORDERED);
+#endif
+    if
+    :: published > wanted -> break
+    :: else
+    fi;
+    atomic { /* FUTEX_WAIT */
+      if
+      :: memory[WAKE].written[memory[WAKE].count].value == wake_seen -> asleep[id] = true
+      :: else
+      fi
+    };
+    !asleep[id]
+  od
+}
