@@ -1,0 +1,13 @@
+// The calibration that a camera tells, and the parameters that go with it: the table of temperatures made of them.
+#include "drivers/genicam/radiometry.hpp"
+#include "tests/fuzz/input.hpp"
+
+using namespace bolo::genicam;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t bytes) {
+  bolo::fuzz::Input input(data, bytes);
+  Planck planck;
+  for (double* value : {&planck.r, &planck.b, &planck.f, &planck.j0, &planck.j1}) *value = input.take<double>();
+  if (kelvin_table(planck, {}).size() != 65536) std::abort();
+  return 0;
+}

@@ -1,0 +1,16 @@
+// A picture for a scene or to convert: PNG, JPEG, TIFF. The libraries' own parsing is theirs; what is made of it is
+// ours.
+#include "bolo/sim/scene.hpp"
+#include "tests/fuzz/input.hpp"
+#include "tools/convert/picture.hpp"
+
+using namespace bolo;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t bytes) {
+  const fuzz::InputFile file({data, bytes});
+  static_cast<void>(sim::read_image(file.name(), {}));
+  static_cast<void>(tools::read_png_picture(file.name()));
+  const auto pages = tools::count_tiff_pages(file.name());
+  if (pages && *pages > 0) static_cast<void>(tools::read_tiff_page(file.name(), *pages - 1));
+  return 0;
+}
