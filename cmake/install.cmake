@@ -1,0 +1,33 @@
+# What is installed where. Each component is one Debian package (cmake/packaging.cmake); the client's libraries and the
+# Python module install themselves from drivers/shm. Units, rules and settings have their places below the prefix,
+# configuration in /etc.
+include(GNUInstallDirs)
+
+install(TARGETS bolo bolod RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT bolo)
+
+install(FILES config/a655sc.toml config/bolod.toml config/demo.toml
+  DESTINATION ${CMAKE_INSTALL_FULL_SYSCONFDIR}/bolo COMPONENT bolo)
+
+set(systemd_files ${PROJECT_SOURCE_DIR}/systemd)
+install(FILES ${systemd_files}/bolod@.service ${systemd_files}/bolo-fakecam.service
+  DESTINATION lib/systemd/system COMPONENT bolo)
+install(FILES ${systemd_files}/sysusers.conf DESTINATION lib/sysusers.d RENAME bolo.conf COMPONENT bolo)
+install(FILES ${systemd_files}/sysctl.conf DESTINATION lib/sysctl.d RENAME 60-bolo.conf COMPONENT bolo)
+install(FILES ${systemd_files}/modprobe.conf DESTINATION ${CMAKE_INSTALL_FULL_SYSCONFDIR}/modprobe.d
+  RENAME bolo-v4l2loopback.conf COMPONENT bolo)
+install(FILES ${systemd_files}/60-bolo-usb.rules DESTINATION lib/udev/rules.d COMPONENT bolo)
+
+if(TARGET manual)  # left out under sanitizers
+  install(DIRECTORY ${BOLO_MANUAL}/man DESTINATION ${CMAKE_INSTALL_DATAROOTDIR} COMPONENT bolo
+    FILES_MATCHING PATTERN "*.gz")
+  set(completion ${BOLO_MANUAL}/completion)
+  foreach(program bolo bolod)  # bash looks for a file of the program's name
+    install(FILES ${completion}/bolo.bash
+      DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/bash-completion/completions RENAME ${program} COMPONENT bolo)
+  endforeach()
+  install(FILES ${completion}/_bolo DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/zsh/vendor-completions COMPONENT bolo)
+  install(FILES ${completion}/bolo.fish ${completion}/bolod.fish
+    DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/fish/vendor_completions.d COMPONENT bolo)
+endif()
+
+install(FILES README.md ARCHITECTURE.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT bolo)

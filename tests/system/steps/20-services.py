@@ -1,0 +1,59 @@
+"""A fake camera and a daemon come up as units, as they would in the vehicle, and frames flow.
+
+Everything is small here, since the machine is slow: 64x24 pixels, 12.5 frames a second, the camera's least.
+"""
+
+import pathlib
+import time
+
+from frames import published
+from guest import CONFIG, check, is_active, run, saw, stat, wait_until
+
+CAMERA_SETTINGS = """[Service]
+ExecStartPre=
+ExecStartPre=/bin/sh -c 'test -s %S/bolo-fakecam/street.h5 || exec /usr/bin/bolo simulate \
+  -o %S/bolo-fakecam/street.h5 --no-truth --width 64 --height 24 --rate 12.5 --tau 0.06 --frames 150'
+ExecStart=
+ExecStart=/usr/bin/bolo fakecam %S/bolo-fakecam/street.h5 --rate 12.5 --loop
+"""
+CONFIGURATION = """name = "test"
+
+[source]
+address = "127.0.0.1"
+width = 64
+height = 24
+rate_hz = 12.5
+
+[deblur]
+tau_s = 0.06
+window = 9
+workers = 1
+
+[shm]
+slots = 1024
+mode = 0o640
+
+[v4l2]
+enable = true
+
+[metrics]
+enable = true
+"""
+
+settings = pathlib.Path("/etc/systemd/system/bolo-fakecam.service.d/small.conf")
+settings.parent.mkdir(parents=True)
+settings.write_text(CAMERA_SETTINGS)
+(CONFIG / "test.toml").write_text(CONFIGURATION)
+run("systemctl", "daemon-reload")
+run("bolod", "--check-config", "--config", str(CONFIG / "test.toml"))
+
+start = time.monotonic()
+run("systemctl", "start", "bolo-fakecam")
+run("systemctl", "enable", "--now", "bolod@test")
+check(is_active("bolo-fakecam") and is_active("bolod@test"), "the units are not active")
+wait_until("30 frames published", lambda: published("test") >= 30)
+saw(f"30 frames {time.monotonic() - start:.1f} s after the start of both units")
+now = stat("test")
+check(now["lost_total"] == 0, f"frames were lost: {now['lost']}")
+check(now["camera"]["state"] == "streaming", f"the camera is {now['camera']['state']}")
+saw(f"{now['published_hz']:.1f} frames/s, none lost, {now['solver']}")

@@ -1,0 +1,162 @@
+"""Manual pages and completion say what --help says: manual_test.py BOLO BOLOD MANUAL (the folder of both)."""
+
+import os
+import pathlib
+import pty
+import re
+import select
+import shutil
+import subprocess
+import sys
+import time
+import unittest
+
+BOLO, BOLOD, MANUAL = (pathlib.Path(path) for path in sys.argv[1:4])
+COMPLETION = MANUAL / "completion" / "bolo.bash"
+PATH = f"{BOLO.parent}:{os.environ['PATH']}"
+
+
+def help_of(*command):
+    return subprocess.run([*map(str, command), "--help"], capture_output=True, text=True, check=True).stdout
+
+
+def verbs_in(text):
+    return re.findall(r"^  (\w+) +\S", text, re.MULTILINE)
+
+
+def options_in(text):
+    return re.findall(r"^ +(?:-\w, )?--([\w-]+)", text, re.MULTILINE)
+
+
+VERBS = verbs_in(help_of(BOLO))
+EVALUATIONS = verbs_in(help_of(BOLO, "eval"))
+# What is typed, and what its --help says. `bolo eval` only names its evaluations.
+COMMANDS = {("bolo", verb): help_of(BOLO, verb) for verb in VERBS if verb != "eval"}
+COMMANDS |= {("bolo", "eval", what): help_of(BOLO, "eval", what) for what in EVALUATIONS}
+COMMANDS[("bolod",)] = help_of(BOLOD)
+
+
+def page_of(command):
+    if command == ("bolod",):
+        return (MANUAL / "man/man8/bolod.8").read_text()
+    return (MANUAL / "man/man1" / ("-".join(command[:2]) + ".1")).read_text()
+
+
+def complete(*words):
+    """What bash offers for the last of the words."""
+    script = 'source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _bolo; printf "%s\\n" "${COMPREPLY[@]}"'
+    run = ["bash", "--norc", "-uc", script, "bash", str(COMPLETION), *words]
+    done = subprocess.run(run, capture_output=True, text=True, env={**os.environ, "PATH": PATH})
+    if done.returncode != 0 or done.stderr:
+        raise AssertionError(f"{words}: {done.stderr}")
+    return done.stdout.split()
+
+
+class Pages(unittest.TestCase):
+    def test_every_verb_has_a_page(self):
+        self.assertGreater(len(VERBS), 10)
+        overview = (MANUAL / "man/man1/bolo.1").read_text()
+        for verb in VERBS:
+            self.assertTrue((MANUAL / "man/man1" / f"bolo-{verb}.1").is_file(), verb)
+            self.assertIn(f"bolo\\-{verb}", overview)
+
+    def test_every_option_is_in_the_page(self):
+        for command, text in COMMANDS.items():
+            options = options_in(text)
+            self.assertIn("help", options, command)
+            page = page_of(command)
+            for option in options:
+                escaped = option.replace("-", "\\-")
+                self.assertIn(f"\\-\\-{escaped}\\fR", page, (command, option))
+
+    def test_every_key_of_the_configuration_is_in_its_page(self):
+        document = subprocess.run([BOLOD, "--print-config"], capture_output=True, text=True, check=True).stdout
+        page = (MANUAL / "man/man5/bolod.toml.5").read_text()
+        keys = re.findall(r"^#?(\w+) = ", document, re.MULTILINE)
+        self.assertGreater(len(keys), 50)
+        for key in keys:
+            self.assertIn(f".TP\n\\fB{key}\\fR\n", page)
+        for section in re.findall(r"^\[(\w+)\]", document, re.MULTILINE):
+            self.assertIn(f".SS [{section}]\n", page)
+
+    @unittest.skipUnless(shutil.which("mandoc"), "mandoc is not installed")
+    def test_mandoc_finds_nothing(self):
+        for page in sorted((MANUAL / "man").glob("man?/*.[158]")):
+            lint = subprocess.run(["mandoc", "-T", "lint", "-W", "warning", page], capture_output=True, text=True)
+            self.assertEqual(lint.stdout + lint.stderr, "")
+
+    @unittest.skipUnless(shutil.which("man"), "man is not installed")
+    def test_man_warns_of_nothing(self):
+        for page in sorted((MANUAL / "man").glob("man?/*.[158]")):
+            run = ["man", "--warnings", "--encoding=UTF-8", "--local-file", "-Tutf8", "--ditroff", page]
+            shown = subprocess.run(run, capture_output=True, text=True, env={**os.environ, "MANWIDTH": "80"})
+            self.assertEqual(shown.stderr, "", page)
+
+
+class Completion(unittest.TestCase):
+    def test_offers_every_verb(self):
+        self.assertEqual(set(complete("bolo", "")), {*VERBS, "--help"})
+        self.assertEqual(complete("bolo", "diag"), ["diagnose"])
+        self.assertEqual(set(complete("bolo", "eval", "")), {*EVALUATIONS, "--help"})
+
+    def test_offers_every_option(self):
+        for command, text in COMMANDS.items():
+            self.assertEqual(set(complete(*command, "--")), {f"--{option}" for option in options_in(text)}, command)
+
+    def test_offers_the_words_that_a_value_may_be(self):
+        self.assertEqual(complete("bolo", "deblur", "--solver", ""), ["admm", "dual", "exact", "inverse", "mmae"])
+        self.assertEqual(complete("bolo", "deblur", "--solver", "=", "ex"), ["exact"])
+        self.assertEqual(complete("bolo", "deblur", "--tau", ""), [])
+
+    def test_offers_files_and_folders(self):
+        folder = str(MANUAL) + "/"
+        self.assertEqual(set(complete("bolo", "info", folder)), {folder + "man", folder + "completion"})
+        self.assertEqual(complete("bolod", "--config", folder + "m"), [folder + "man"])
+        self.assertEqual(complete("bolo", "diagnose", "-o", str(COMPLETION)), [])
+
+    def test_offers_daemons_that_run(self):
+        name = f"manual-test-{os.getpid()}"
+        segment = pathlib.Path("/dev/shm") / f"bolo.{name}"
+        segment.touch()
+        try:
+            self.assertEqual(complete("bolo", "stat", "manual-test-"), [name])
+        finally:
+            segment.unlink()
+
+    def test_works_in_an_interactive_bash(self):
+        child, terminal = pty.fork()
+        if child == 0:
+            os.execvpe("bash", ["bash", "--norc", "--noprofile", "-i"], {**os.environ, "PS1": "$ ", "TERM": "dumb"})
+        os.write(terminal, f"bind 'set bell-style none'; source '{COMPLETION}'\n".encode())
+        os.write(terminal, b"bolo diagn\t--withh\tX\n")
+        seen, end = b"", time.monotonic() + 30
+        while b"bolo diagnose --withhold X" not in seen and time.monotonic() < end:
+            if select.select([terminal], [], [], 1.0)[0]:
+                seen += os.read(terminal, 4096)
+        os.write(terminal, b"exit\n")
+        os.close(terminal)
+        os.waitpid(child, 0)
+        self.assertIn(b"bolo diagnose --withhold X", seen)
+
+    @unittest.skipUnless(shutil.which("fish"), "fish is not installed")
+    def test_fish_offers_the_same(self):
+        def offers(line):
+            script = f"source {MANUAL}/completion/bolo.fish; complete -C '{line}'"
+            done = subprocess.run(["fish", "--no-config", "-c", script], capture_output=True, text=True, check=True)
+            return {entry.split("\t")[0] for entry in done.stdout.splitlines()}
+
+        self.assertEqual(offers("bolo "), set(VERBS))
+        self.assertEqual(offers("bolo eval "), set(EVALUATIONS))
+        self.assertEqual(offers("bolo deblur --solver "), {"admm", "dual", "exact", "inverse", "mmae"})
+        for command, text in COMMANDS.items():
+            if command[0] == "bolo":
+                self.assertEqual(offers(" ".join(command) + " --"), {f"--{option}" for option in options_in(text)})
+
+    @unittest.skipUnless(shutil.which("zsh"), "zsh is not installed")
+    def test_zsh_reads_it(self):
+        done = subprocess.run(["zsh", "-n", MANUAL / "completion" / "_bolo"], capture_output=True, text=True)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1], verbosity=2)
