@@ -12,7 +12,7 @@ import sys
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-LAYERS = ["core", "rt", "model", "deblur", "capture", "sim", "diagnose", "pipeline", "daemon"]
+LAYERS = ["core", "rt", "model", "deblur", "capture", "plot", "sim", "diagnose", "pipeline", "daemon"]
 # The only edges that may exist, whatever the CMake files say.
 ALLOWED = {
     "core": set(),
@@ -21,7 +21,8 @@ ALLOWED = {
     "deblur": {"core", "model"},
     "capture": {"core", "model"},
     "sim": {"core", "rt", "model", "capture"},
-    "diagnose": {"core", "model", "capture"},
+    "plot": {"core"},
+    "diagnose": {"core", "model", "capture", "plot"},
     "pipeline": {"core", "rt", "model", "deblur"},
 }
 DRIVER_MAY_USE = {"core", "rt", "model", "deblur", "capture", "pipeline"}

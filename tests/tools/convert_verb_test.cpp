@@ -12,6 +12,7 @@
 #include <iterator>
 
 #include "bolo/capture/capture.hpp"
+#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/convert/flir_still.hpp"
 #include "tools/convert/picture.hpp"
@@ -34,12 +35,6 @@ std::uint16_t value_at(std::size_t frame, std::size_t pixel) {
 
 class ConvertVerb : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = testing::TempDir() + "bolo_convert_XXXXXX";
-    folder_ = mkdtemp(pattern.data());
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   Outcome run(std::vector<std::string> words) const {
     words.insert(words.begin(), {BOLO_PROGRAM, "convert"});
     return Program(folder_, std::move(words)).outcome();
@@ -90,7 +85,8 @@ class ConvertVerb : public ::testing::Test {
     }
   }
 
-  fs::path folder_;
+  const Scratch scratch_;
+  const fs::path folder_ = scratch_.path();
 };
 
 TEST_F(ConvertVerb, PicturesOf16BitsAndBackAreTheSameCounts) {
@@ -159,6 +155,33 @@ TEST_F(ConvertVerb, ACaptureKeepsNumbersTimesAndEvents) {
   EXPECT_EQ(a.frame_id(), b.frame_id());
   ASSERT_EQ(b.events().size(), 1U);
   EXPECT_EQ(b.events()[0].kind, "nuc");
+}
+
+// As MATLAB writes frames(n, x, y): dimensions in reverse, 512 bytes of its own before HDF5's.
+TEST_F(ConvertVerb, TheAuthorsMatlabFileBecomesACapture) {
+  const std::string script = R"(
+import h5py, numpy, sys
+with h5py.File(sys.argv[1], 'w', userblock_size=512) as f:
+    n, y, x = numpy.meshgrid(numpy.arange(6), numpy.arange(24), numpy.arange(40), indexing='ij')
+    f['frames'] = numpy.ascontiguousarray((290 + n + 0.25 * y + 0.5 * x).astype('f4').transpose(1, 2, 0))
+    f['t'] = (0.005 * numpy.arange(6)).reshape(6, 1)
+with open(sys.argv[1], 'r+b') as f:
+    f.write(b'MATLAB 7.3 MAT-file')
+)";
+  const Outcome made = Program(folder_, {"/usr/bin/python3", "-c", script, file("a.mat")}).outcome();
+  if (made.err.find("No module named") != std::string::npos) GTEST_SKIP() << "python3-h5py is not installed";
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  done({file("a.mat"), "-o", file("b.h5")});
+  const capture::CaptureReader reader = open("b.h5");
+  ASSERT_EQ(reader.info().frames, 6U);
+  ASSERT_EQ(reader.info().format.geometry, (Geometry{kWidth, kHeight}));
+  ASSERT_EQ(reader.info().format.type, PixelType::kFloat32);
+  EXPECT_NEAR(reader.t()[5], 0.025, 1e-9);
+  std::vector<float> plane(kPixels);
+  ASSERT_TRUE(reader.read_frame(3, plane.data()));
+  for (std::size_t i = 0; i < kPixels; ++i) {
+    ASSERT_EQ(plane[i], 293.0F + 0.25F * static_cast<float>(i / kWidth) + 0.5F * static_cast<float>(i % kWidth));
+  }
 }
 
 TEST_F(ConvertVerb, AFilmHasAllFrames) {

@@ -18,6 +18,7 @@
 
 #include "bolo/capture/capture.hpp"
 #include "bolo/capture/pixel_maps_io.hpp"
+#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools {
@@ -93,12 +94,6 @@ void write_blurred(const fs::path& file, const Blurred& b) {
 
 class DeblurVerb : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = testing::TempDir() + "bolo_deblur_XXXXXX";
-    folder_ = mkdtemp(pattern.data());
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
 
   Outcome bolo(std::vector<std::string> words) const {
@@ -118,7 +113,8 @@ class DeblurVerb : public testing::Test {
     return std::move(*reader);
   }
 
-  fs::path folder_;
+  const Scratch scratch_;
+  const fs::path folder_ = scratch_.path();
   Outcome last_;
 };
 

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/scratch.hpp"
 #include "tools/doctor/checks.hpp"
 
 namespace bolo::tools::doctor {
@@ -171,17 +172,12 @@ TEST(Doctor, WhatCannotBeLookedAtIsUnknown) {
 // A host made of files.
 class Host : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string folder = testing::TempDir() + "bolo_host_XXXXXX";
-    ASSERT_NE(mkdtemp(folder.data()), nullptr);
-    root_ = folder;
-  }
-  void TearDown() override { std::filesystem::remove_all(root_); }
   void write(const std::string& name, const std::string& text) const {
     std::filesystem::create_directories((root_ / name).parent_path());
     std::ofstream(root_ / name) << text << "\n";
   }
-  std::filesystem::path root_;
+  const Scratch scratch_;
+  const std::filesystem::path root_ = scratch_.path();
 };
 
 TEST_F(Host, IsReadFromTheKernelsFiles) {

@@ -11,6 +11,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
@@ -18,17 +19,12 @@ namespace {
 
 class DoctorVerb : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string folder = ::testing::TempDir() + "bolo_doctor_XXXXXX";
-    ASSERT_NE(mkdtemp(folder.data()), nullptr);
-    folder_ = folder;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   Outcome doctor(std::vector<std::string> words) const {
     words.insert(words.begin(), {BOLO_PROGRAM, "doctor"});
     return Program(folder_, words).outcome();
   }
-  std::filesystem::path folder_;
+  const Scratch scratch_;
+  const std::filesystem::path folder_ = scratch_.path();
 };
 
 TEST_F(DoctorVerb, SaysWhatItFoundAndEndsByIt) {

@@ -29,11 +29,7 @@ class CaptureFootage final : public Footage {
     }
     const auto attributes = reader_.attributes();
     if (!attributes) return tl::unexpected<Error>(attributes.error());
-    for (const capture::Attribute& attribute : *attributes) {
-      Status good =
-          std::visit([&](const auto& value) { return writer.write_attribute(attribute.name, value); }, attribute.value);
-      if (!good) return good;
-    }
+    if (Status good = writer.write_attributes(*attributes); !good) return good;
     const auto stimulus = reader_.stimulus();
     if (!stimulus) return tl::unexpected<Error>(stimulus.error());
     return writer.write_stimulus(*stimulus);

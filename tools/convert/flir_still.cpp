@@ -9,6 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "bolo/core/byte_order.hpp"
 #include "tools/convert/program.hpp"
 
 namespace bolo::tools {
@@ -18,8 +19,6 @@ using nlohmann::json;
 
 constexpr double kZeroCelsius_k = 273.15;
 constexpr const char* kPackage = "libimage-exiftool-perl";
-
-std::uint16_t swapped(std::uint16_t v) { return static_cast<std::uint16_t>(v << 8U | v >> 8U); }
 
 double radiation(double kelvin, const FlirConstants& c) {
   return c.planck_r1 / (c.planck_r2 * (std::exp(c.planck_b / kelvin) - c.planck_f)) - c.planck_o;
@@ -130,7 +129,7 @@ Result<Picture> read_raw(const std::filesystem::path& file, const std::string& t
   if (type != "PNG") return read_tiff_page(image.name(), 0);
   Result<Picture> picture = read_png_picture(image.name());
   if (picture && looks_swapped(picture->geometry, picture->u16)) {
-    for (std::uint16_t& value : picture->u16) value = swapped(value);
+    for (std::uint16_t& value : picture->u16) value = swap_bytes(value);
   }
   return picture;
 }
@@ -160,7 +159,7 @@ bool looks_swapped(Geometry geometry, std::span<const std::uint16_t> values) {
   for (std::size_t i = 1; i < values.size(); ++i) {
     if (i % width == 0) continue;
     as_is += std::abs(static_cast<int>(values[i]) - static_cast<int>(values[i - 1]));
-    other += std::abs(static_cast<int>(swapped(values[i])) - static_cast<int>(swapped(values[i - 1])));
+    other += std::abs(static_cast<int>(swap_bytes(values[i])) - static_cast<int>(swap_bytes(values[i - 1])));
   }
   return other < as_is;
 }

@@ -4,6 +4,7 @@
 #include <system_error>
 #include <utility>
 
+#include "bolo/core/byte_order.hpp"
 #include "tools/convert/footage.hpp"
 
 namespace bolo::tools {
@@ -43,7 +44,7 @@ class RawFootage final : public Footage {
       return bad_input(dumps_[next_ - 1].file.string() + ": frame " + std::to_string(index) + " cannot be read");
     }
     if (layout_.type == RawLayout::Type::kU16Be) {
-      for (std::uint16_t& v : frame.u16) v = static_cast<std::uint16_t>(v << 8U | v >> 8U);
+      for (std::uint16_t& v : frame.u16) v = swap_bytes(v);
     }
     return {};
   }

@@ -21,6 +21,7 @@
 
 #include <hdf5.h>
 
+#include "bolo/core/unique_fd.hpp"
 #include "bolo/rt/thread.hpp"
 #include "drivers/genicam/discovery.hpp"
 #include "drivers/genicam/network.hpp"
@@ -57,8 +58,6 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
   return found;
 }
 
-bool starts_with(const std::string& text, const char* start) { return text.rfind(start, 0) == 0; }
-
 // "0-2,7" as the kernel writes lists of processors.
 std::vector<int> processors_of(const std::string& text) {
   std::vector<int> list;
@@ -91,7 +90,7 @@ void look_at_kernel(const fs::path& root, Facts& facts) {
   if (const auto filter = number_of(net / "ipv4/conf/all/rp_filter")) facts.reverse_path_strict = *filter == 1;
   std::ifstream modules(root / "proc/modules");
   std::string line;
-  while (std::getline(modules, line)) facts.loopback_module |= starts_with(line, "v4l2loopback ");
+  while (std::getline(modules, line)) facts.loopback_module |= line.starts_with("v4l2loopback ");
 }
 
 // Firewalls that can be told from files; those of the kernel are asked for as root only.
@@ -142,12 +141,11 @@ void look_at_videos(const fs::path& root, Facts& facts) {
   for (const fs::path& entry : entries_of(root / "sys/class/video4linux")) {
     const std::string name = entry.filename();
     VideoDevice device{"/dev/" + name, "", line_of(entry / "name")};
-    const int descriptor = ::open((root / "dev" / name).c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    const UniqueFd descriptor(::open((root / "dev" / name).c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
     v4l2_capability answer{};
-    if (descriptor >= 0 && ioctl(descriptor, VIDIOC_QUERYCAP, &answer) == 0) {
+    if (descriptor && ioctl(descriptor.get(), VIDIOC_QUERYCAP, &answer) == 0) {
       device.driver = reinterpret_cast<const char*>(answer.driver);
     }
-    if (descriptor >= 0) ::close(descriptor);
     facts.videos.push_back(std::move(device));
   }
 }
@@ -168,7 +166,7 @@ void look_at_interfaces(Facts& facts) {
   ifaddrs* list = nullptr;
   if (getifaddrs(&list) != 0) return;
   const std::unique_ptr<ifaddrs, decltype(&freeifaddrs)> owner(list, &freeifaddrs);
-  const int any = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  const UniqueFd any(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   for (const ifaddrs* i = list; i != nullptr; i = i->ifa_next) {
     if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET || i->ifa_netmask == nullptr) continue;
     Interface interface { i->ifa_name, dotted(i->ifa_addr) };
@@ -178,10 +176,9 @@ void look_at_interfaces(Facts& facts) {
     interface.up = (i->ifa_flags & IFF_UP) != 0;
     ifreq request{};
     interface.name.copy(request.ifr_name, IFNAMSIZ - 1);
-    interface.mtu = ioctl(any, SIOCGIFMTU, &request) == 0 ? request.ifr_mtu : 0;
+    interface.mtu = ioctl(any.get(), SIOCGIFMTU, &request) == 0 ? request.ifr_mtu : 0;
     facts.interfaces.push_back(std::move(interface));
   }
-  if (any >= 0) ::close(any);
 }
 
 // Tried on a thread of its own: limits and capabilities say less than the kernel's answer.

@@ -1,4 +1,4 @@
-# Shared by tools/quickstart and tools/check; sourced by bash.
+# Shared by tools/quickstart, tools/package and tools/check; sourced by bash.
 # shellcheck shell=bash
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)

@@ -9,6 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "bolo/core/clock.hpp"
 #include "drivers/fakecam/fake_camera.hpp"
 #include "tools/verbs/cli.hpp"
 #include "tools/verbs/fakecam_faults.hpp"
@@ -22,10 +23,12 @@ using fakecam::FakeCameraOptions;
 using fakecam::FakeCameraStats;
 
 constexpr const char* kVerb = "fakecam";
+constexpr double kShortestTell_s = 0.05;
 
 struct Request {
   std::string capture;
   FakeCameraOptions camera;
+  double tell_every_s = 0.0;  // 0: only at the end
   bool once = false;
   bool json = false;
 };
@@ -63,6 +66,8 @@ cxxopts::Options make_options() {
       ("fault", "What goes wrong, and when; may be given again", cxxopts::value<std::string>(),                   //
        "NAME[:key=value,...]")                                                                                    //
       ("list-faults", "Print all faults with their keys, and end")                                                //
+      ("tell-every", "Print what was sent and done so far, every S seconds",                                      //
+       cxxopts::value<double>(), "S")                                                                             //
       ("json", "Print the lines as JSON");
   options.parse_positional({"capture"});
   return options;
@@ -91,6 +96,10 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("rate") != 0) {
     camera.rate_hz = parsed["rate"].as<double>();
     if (!(camera.rate_hz > 0.0)) return bad_input("--rate must be above 0 frames a second");
+  }
+  if (parsed.count("tell-every") != 0) {
+    request.tell_every_s = parsed["tell-every"].as<double>();
+    if (!(request.tell_every_s >= kShortestTell_s)) return bad_input("--tell-every must be at least 0.05 s");
   }
   const bool loops = parsed.count("loop") != 0;
   if (parsed.count("repeat") != 0) {
@@ -144,7 +153,11 @@ void print_summary(const Request& request, const FakeCameraStats& stats,
                    const std::vector<fakecam::InjectedFault>& injected) {
   const double worst_ms = static_cast<double>(stats.worst_lateness_ns) * 1e-6;
   if (request.json) {
-    const nlohmann::json line{{"frames_sent", stats.frames_sent},
+    const nlohmann::json line{{"time_ns", monotonic_ns()},
+                              {"first_stream_ns", stats.first_stream_ns},
+                              {"frames_passed", stats.position.turns},
+                              {"last_timestamp_ns", stats.position.timestamp_ns},
+                              {"frames_sent", stats.frames_sent},
                               {"packets_sent", stats.packets_sent},
                               {"send_errors", stats.send_errors},
                               {"late_frames", stats.late_frames},
@@ -177,7 +190,13 @@ void print_summary(const Request& request, const FakeCameraStats& stats,
 }
 
 void wait_for_end(const Request& request, const FakeCamera& camera) {
+  const auto period_ns = static_cast<std::int64_t>(request.tell_every_s * kNsPerSecond);
+  std::int64_t next_tell_ns = monotonic_ns() + period_ns;
   while (!interrupted().load(std::memory_order_relaxed)) {
+    if (period_ns > 0 && monotonic_ns() >= next_tell_ns) {
+      print_summary(request, camera.stats(), camera.injected());
+      next_tell_ns += period_ns;
+    }
     if (request.once && camera.stats().streams_finished > 0) return;
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }

@@ -59,7 +59,7 @@ int replay_main(int argc, char** argv) {
   const auto config = read_request(parsed);
   if (!config) return report(kVerb, config.error());
   daemon::block_signals();
-  auto made = daemon::Daemon::create(*config, daemon::make_log(config->log));
+  auto made = daemon::Daemon::create(*config, daemon::make_log(config->log, config->name));
   if (!made) return report(kVerb, made.error());
   if (const Status status = (*made)->run(); !status) return report(kVerb, status.error());
   return kExitDone;

@@ -30,10 +30,12 @@ int record_main(int argc, char** argv);
 int recover_main(int argc, char** argv);
 int replay_main(int argc, char** argv);
 int simulate_main(int argc, char** argv);
+int soak_main(int argc, char** argv);
 int stat_main(int argc, char** argv);
 int usb_main(int argc, char** argv);
+int view_main(int argc, char** argv);
 
-inline constexpr std::array<Verb, 17> kVerbs{{
+inline constexpr std::array<Verb, 19> kVerbs{{
     {"simulate", "write a capture of a simulated camera that moves", simulate_main},
     {"fakecam", "serve a capture as a GigE Vision camera", fakecam_main},
     {"deblur", "undo the pixels' thermal inertia in a capture", deblur_main},
@@ -44,12 +46,14 @@ inline constexpr std::array<Verb, 17> kVerbs{{
     {"convert", "captures, pictures, raw dumps and radiometric stills into one another", convert_main},
     {"replay", "publish a capture as if its camera was live", replay_main},
     {"stat", "show what a running daemon does", stat_main},
+    {"view", "show a running daemon's frames on a live page in the browser", view_main},
     {"nuc", "have a running daemon's camera correct its pixels", nuc_main},
     {"doctor", "check this computer for what a camera needs, and say the fixes", doctor_main},
     {"usb", "list USB cameras and what they say of themselves (experimental)", usb_main},
     {"info", "say what is in a capture, and what is wrong with it", info_main},
     {"bench", "measure the deblurring on this machine", bench_main},
     {"blind", "check the diagnosis on captures with hidden effects", blind_main},
+    {"soak", "run camera, daemon and readers for hours while everything goes wrong", soak_main},
     {"eval", "measure what deblurring achieves", eval_main},
 }};
 
