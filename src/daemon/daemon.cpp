@@ -43,7 +43,7 @@ sigset_t our_signals() {
   return signals;
 }
 
-// Memory that is locked is there whether it is used or not.
+// What is locked stays in memory for good.
 void keep_memory_small() {
   // Large blocks, such as a connection's frame buffers, go back to the system when they are freed. By itself the C
   // library would keep them from the second connection on.
@@ -52,13 +52,11 @@ void keep_memory_small() {
   // A connection's threads would each be given an arena of their own, which stays. Nothing allocates while frames flow,
   // so one is enough for all.
   mallopt(M_ARENA_MAX, 1);
-  // Of all threads from now on, the libraries' too: none uses a tenth of the system's usual 8 MiB.
-  constexpr std::size_t kStackBytes = std::size_t{512} << 10U;
-  pthread_attr_t attributes;
-  if (pthread_attr_init(&attributes) != 0) return;
-  if (pthread_attr_setstacksize(&attributes, kStackBytes) == 0) pthread_setattr_default_np(&attributes);
-  pthread_attr_destroy(&attributes);
 }
+
+// The program and its libraries whole, before other threads have stacks, which would be locked whole too. Where it is
+// refused, lock_memory() says so.
+void lock_program() { mlockall(MCL_CURRENT); }
 
 rlim_t memory_limit() {
   rlimit limit{};
@@ -170,12 +168,12 @@ bool Daemon::Impl::take_signal() {
   return true;
 }
 
-// Before frames flow, for locking stalls whoever touches new memory meanwhile. What threads and drivers take later is
-// locked too, unless a limit could then make their allocations fail.
+// What was used so far, before frames flow; and what threads and drivers take later as they first use it, unless a
+// limit could then make their allocations fail.
 void Daemon::Impl::lock_memory() const {
   if (!config.lock_memory) return;
   const bool unlimited = memory_limit() == RLIM_INFINITY || geteuid() == 0;
-  if (mlockall(unlimited ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0) return;
+  if (mlockall(MCL_CURRENT | MCL_ONFAULT | (unlimited ? MCL_FUTURE : 0)) == 0) return;
   log->warn(
       "memory is not locked ({}): raise LimitMEMLOCK (ulimit -l, now {} KiB), or set pipeline.lock_memory = false",
       std::strerror(errno), memory_limit() >> 10);
@@ -223,7 +221,10 @@ Daemon::Daemon(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Daemon::~Daemon() = default;
 
 Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::shared_ptr<spdlog::logger> log) {
-  if (config.lock_memory) keep_memory_small();
+  if (config.lock_memory) {
+    keep_memory_small();
+    lock_program();
+  }
   auto impl = std::make_unique<Impl>();
   impl->config = config;
   impl->log = std::move(log);
