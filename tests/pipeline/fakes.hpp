@@ -1,6 +1,8 @@
 // A source that plays a script and a sink that remembers, for tests of the pipeline.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <atomic>
 #include <cstdint>
 #include <cstring>
@@ -12,6 +14,7 @@
 #include <vector>
 
 #include "bolo/core/clock.hpp"
+#include "bolo/pipeline/pipeline.hpp"
 #include "bolo/pipeline/sink.hpp"
 #include "bolo/pipeline/source.hpp"
 
@@ -156,5 +159,16 @@ class MemorySink final : public FrameSink {
   int closed = 0;
   int idled = 0;
 };
+
+// Runs the script to its end; fails the test when the pipeline does not come up.
+inline void play(Script script, MemorySink& sink, const PipelineOptions& options,
+                 const std::function<void(const Pipeline&)>& afterwards = {}) {
+  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(std::move(script)), {&sink}, options);
+  ASSERT_TRUE(pipeline) << pipeline.error().message;
+  const std::atomic<bool> never{false};
+  const Status status = (*pipeline)->run(never);
+  ASSERT_TRUE(status) << status.error().message;
+  if (afterwards) afterwards(**pipeline);
+}
 
 }  // namespace bolo::pipeline::test

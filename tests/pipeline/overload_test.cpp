@@ -12,9 +12,9 @@ namespace bolo::pipeline {
 namespace {
 
 using test::MemorySink;
+using test::play;
 using test::run_of;
 using test::Script;
-using test::ScriptedSource;
 
 constexpr int kWindow = 17;
 constexpr std::uint32_t kEffortFlags = flag_of(Effort::kReduced) | flag_of(Effort::kInverse) | flag_of(Effort::kRaw);
@@ -83,10 +83,14 @@ TEST(Overload, IsMetInOrderAndEachFrameTellsIt) {
   };
   PipelineOptions options;
   options.degrade = true;
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(gate.script(60)), {&sink}, options);
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
-  const std::atomic<bool> never{false};
-  ASSERT_TRUE((*pipeline)->run(never));
+  play(gate.script(60), sink, options, [](const Pipeline& pipeline) {
+    const PipelineStats& stats = pipeline.stats();
+    EXPECT_EQ(stats.by_effort[0].value(), 2U);
+    EXPECT_EQ(stats.by_effort[1].value(), 1U);
+    EXPECT_EQ(stats.by_effort[2].value(), 1U);
+    EXPECT_EQ(stats.by_effort[3].value(), 40U);
+    EXPECT_EQ(stats.inlet.losses().total(), 0U);
+  });
   ASSERT_EQ(sink.frames.size(), 60U);
   const auto flags = [&](std::size_t i) { return sink.frames[i].meta.flags & kEffortFlags; };
   for (std::size_t i = 0; i <= 17; ++i) EXPECT_EQ(flags(i), 0U) << i;
@@ -97,12 +101,6 @@ TEST(Overload, IsMetInOrderAndEachFrameTellsIt) {
   EXPECT_EQ(sink.frames[18].deblurred, solved(sink.frames, 18, one_sweep()));
   EXPECT_EQ(sink.frames[19].deblurred, solved(sink.frames, 19, inverse()));
   EXPECT_EQ(sink.frames[20].deblurred, sink.frames[20].raw);
-  const PipelineStats& stats = (*pipeline)->stats();
-  EXPECT_EQ(stats.by_effort[0].value(), 2U);
-  EXPECT_EQ(stats.by_effort[1].value(), 1U);
-  EXPECT_EQ(stats.by_effort[2].value(), 1U);
-  EXPECT_EQ(stats.by_effort[3].value(), 40U);
-  EXPECT_EQ(stats.inlet.losses().total(), 0U);
 }
 
 TEST(Overload, PassesAndAllIsSpentAgain) {
@@ -120,10 +118,7 @@ TEST(Overload, PassesAndAllIsSpentAgain) {
   };
   PipelineOptions options;
   options.degrade = true;
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(gate.script(2000)), {&sink}, options);
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
-  const std::atomic<bool> never{false};
-  ASSERT_TRUE((*pipeline)->run(never));
+  play(gate.script(2000), sink, options);
   ASSERT_GE(order.size(), 5U);
   order.resize(5);
   EXPECT_EQ(order,
@@ -138,10 +133,7 @@ TEST(Overload, NothingIsSparedUnlessAsked) {
     if (frame.meta.frame_id == 17) gate.let_wait(stats, 40);
     if (frame.meta.frame_id == 18) gate.let_all();
   };
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(gate.script(60)), {&sink}, {});
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
-  const std::atomic<bool> never{false};
-  ASSERT_TRUE((*pipeline)->run(never));
+  play(gate.script(60), sink, {});
   for (const auto& frame : sink.frames) EXPECT_EQ(frame.meta.flags & kEffortFlags, 0U) << frame.meta.frame_id;
 }
 

@@ -14,6 +14,7 @@ namespace bolo::pipeline {
 namespace {
 
 using test::MemorySink;
+using test::play;
 using test::run_of;
 using test::Script;
 using test::ScriptedSource;
@@ -25,17 +26,6 @@ PipelineOptions with_workers(int workers) {
   PipelineOptions options;
   options.workers = workers;
   return options;
-}
-
-// Runs the script to its end; fails the test when the pipeline does not come up.
-void play(Script script, MemorySink& sink, const PipelineOptions& options,
-          const std::function<void(const Pipeline&)>& afterwards = {}) {
-  auto pipeline = Pipeline::create(std::make_unique<ScriptedSource>(std::move(script)), {&sink}, options);
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
-  const std::atomic<bool> never{false};
-  const Status status = (*pipeline)->run(never);
-  ASSERT_TRUE(status) << status.error().message;
-  if (afterwards) afterwards(**pipeline);
 }
 
 TEST(Pipeline, PublishesEachFrameOnceInOrder) {
