@@ -1,6 +1,5 @@
 #include "src/daemon/metrics.hpp"
 
-#include <algorithm>
 #include <string_view>
 #include <utility>
 
@@ -104,9 +103,7 @@ void add_frames(const pipeline::PipelineStats& stats, Families& to) {
     to.value(stats.effort.value() == effort ? 1.0 : 0.0, {{"effort", std::string(name(effort))}});
   }
   to.counter("bolo_window_restarts_total", "Windows emptied: NUC, reconnect, a jump in time", stats.restarts.value());
-  const std::uint64_t taken = stats.taken.value();  // before what it is taken from
-  to.gauge("bolo_queue_frames", "Frames that wait for the pipeline",
-           static_cast<double>(stats.inlet.received() - std::min(taken, stats.inlet.received())));
+  to.gauge("bolo_queue_frames", "Frames that wait for the pipeline", static_cast<double>(stats.waiting()));
 }
 
 void add_latencies(const pipeline::PipelineStats& stats, Families& to) {

@@ -225,8 +225,7 @@ bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
 
 Effort Pipeline::Impl::choose_effort() noexcept {
   if (!options.degrade) return Effort::kFull;
-  const std::uint64_t taken = stats.taken.value();  // before what it is taken from
-  return effort_control.next(inlet.received() - std::min(taken, inlet.received()), monotonic_ns());
+  return effort_control.next(stats.waiting(), monotonic_ns());
 }
 
 void Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {

@@ -1,7 +1,9 @@
 // What the pipeline knows of itself, readable while it runs.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
 
 #include "bolo/pipeline/effort.hpp"
 #include "bolo/pipeline/inlet.hpp"
@@ -23,13 +25,20 @@ struct StageLatencies {
 struct PipelineStats {
   explicit PipelineStats(const FrameInlet& i, const SourceStatus* s = nullptr) : inlet(i), source(s) {}
 
-  const FrameInlet& inlet;     // received(), losses()
-  const SourceStatus* source;  // of a camera; null for a source that is not watched
-  rt::Counter taken;           // frames taken out of the queue; what was received beyond them waits in it
-  rt::Counter published;       // frames handed to the sinks
-  rt::Counter restarts;        // windows emptied: NUC, reconnect, a jump in time
-  rt::Counter warm_up;         // published without a full window behind them
-  rt::Counter gap_frames;      // published with a lost frame in their window
+  // Frames that were received and not yet taken. Thread: any.
+  std::uint64_t waiting() const noexcept {
+    const std::uint64_t gone = taken.value();  // before what it is taken from
+    const std::uint64_t come = inlet.received();
+    return come - std::min(gone, come);  // a frame is counted only after it was put where it may be taken
+  }
+
+  const FrameInlet& inlet;                      // received(), losses()
+  const SourceStatus* source;                   // of a camera; null for a source that is not watched
+  rt::Counter taken;                            // frames taken out of the queue
+  rt::Counter published;                        // frames handed to the sinks
+  rt::Counter restarts;                         // windows emptied: NUC, reconnect, a jump in time
+  rt::Counter warm_up;                          // published without a full window behind them
+  rt::Counter gap_frames;                       // published with a lost frame in their window
   std::array<rt::Counter, kEfforts> by_effort;  // of the frames with a full window; their sum is published - warm_up
   rt::Gauge<Effort> effort;                     // of the last one
   rt::Counter deblur_ns;                        // time spent solving, summed over frames
