@@ -11,8 +11,6 @@
 namespace bolo::tools::soak {
 namespace {
 
-std::uint64_t total(const faults::Losses& lost) { return std::accumulate(lost.begin(), lost.end(), std::uint64_t{0}); }
-
 std::string n(std::uint64_t value) { return std::to_string(value); }
 
 bool unanswered_at(const std::vector<fakecam::Fault>& script, double at_s) {
@@ -22,6 +20,8 @@ bool unanswered_at(const std::vector<fakecam::Fault>& script, double at_s) {
 }
 
 }  // namespace
+
+std::uint64_t total(const faults::Losses& lost) { return std::accumulate(lost.begin(), lost.end(), std::uint64_t{0}); }
 
 std::uint64_t CameraAccount::skipped_ids() const {
   std::uint64_t ids = 0;

@@ -14,6 +14,9 @@
 
 namespace bolo::tools::soak {
 
+// Of all causes. Thread: any.
+std::uint64_t total(const faults::Losses& lost);
+
 // What a fake camera says of itself (bolo fakecam --json --tell-every).
 struct CameraAccount {
   std::int64_t time_ns = 0;

@@ -66,9 +66,10 @@ bool recovered(const RecordingJob& job, Findings& findings) {
   const bool saved =
       findings.require(Invariant::kRecordings, code == 0,
                        "bolo recover of a killed recording: " + contents(job.file.string() + ".recover.err"));
-  std::error_code ignored;
-  std::filesystem::remove(part, ignored);
-  std::filesystem::remove(part.string() + ".journal", ignored);
+  for (const char* const end : {"", ".journal", ".live"}) {
+    std::error_code ignored;
+    std::filesystem::remove(part.string() + end, ignored);
+  }
   return saved;
 }
 

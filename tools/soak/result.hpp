@@ -16,6 +16,8 @@
 
 namespace bolo::tools::soak {
 
+inline constexpr double kSample_s = 1.0;  // from one look at the processes to the next
+
 // A disturbance as it came to pass. Times: s since the soak's beginning.
 struct Struck {
   Disturbance disturbance;

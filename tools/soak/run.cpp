@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <limits>
 #include <map>
-#include <numeric>
 #include <thread>
 #include <utility>
 
@@ -28,14 +27,12 @@ constexpr auto kTick = std::chrono::milliseconds(20);
 constexpr double kFirstFrame_s = 40.0;  // a camera's first stream comes within this
 constexpr double kRestart_s = 0.3;      // from the end of a daemon to the next one's start, as a service manager's
 constexpr double kStillness_s = 5.0;    // from what makes a daemon stand still to its telling so, at most
-constexpr double kSample_s = 1.0;
-constexpr double kLastMark_s = 5.0;  // to wait for it
-constexpr double kTell_s = 5.0;      // from one line of progress to the next
+constexpr double kLastMark_s = 5.0;     // to wait for it
+constexpr double kTell_s = 5.0;         // from one line of progress to the next
 constexpr double kBeforeAndAfter_s =
     1.5;  // what a camera shows may come so much earlier or later than its schedule says
 constexpr double kCountsPerKelvin = 100.0;
 constexpr double kCalm_s = 0.3;  // after a recovery, before a time counts as quiet
-// thread.
 constexpr int kMostStarts = 50;  // of a daemon that ends by itself
 
 class Run {
@@ -88,7 +85,7 @@ class Run {
   int starts_ = 0;
   int refused_reloads_ = 0;
   int taken_reloads_ = 0;
-  double next_sample_s_ = 1.0;
+  double next_sample_s_ = kSample_s;
   double next_tell_s_ = kTell_s;
   double calm_since_s_ = 0.0;
   std::map<pid_t, unsigned long long> read_;  // frames of each reader, at the last look
@@ -386,7 +383,6 @@ void Run::tell() {
     frames += timeline[i].frames;
     p99_ms = std::max(p99_ms, timeline[i].p99_ms);
   }
-  const faults::Losses lost = watcher_->counters().lost;
   int holding = 0;
   for (std::size_t i = 0; i < kInvariants; ++i) {
     if (findings_.tally(static_cast<Invariant>(i)).broken == 0) ++holding;
@@ -394,7 +390,7 @@ void Run::tell() {
   char text[200];
   std::snprintf(text, sizeof text, "%7.1f s  %6.1f Hz  p99 %6.1f ms  lost %6llu  %d of %d hold  %s", now_s(),
                 static_cast<double>(frames) / std::max<double>(1.0, static_cast<double>(seconds)), p99_ms,
-                static_cast<unsigned long long>(std::accumulate(lost.begin(), lost.end(), std::uint64_t{0})), holding,
+                static_cast<unsigned long long>(total(watcher_->counters().lost)), holding,
                 static_cast<int>(kInvariants), what_happens().c_str());
   progress_(text);
 }

@@ -9,7 +9,6 @@
 namespace bolo::tools::soak {
 namespace {
 
-constexpr double kSample_s = 1.0;
 constexpr double kSettle_s = 60.0;  // of a daemon, before its memory is looked at
 // What libraries open once and keep: a camera that is looked for everywhere starts libusb, with four files and a
 // thread.

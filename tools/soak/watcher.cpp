@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <numeric>
 #include <utility>
 
 #include "bolo/core/clock.hpp"
+#include "tools/soak/account.hpp"
 
 namespace bolo::tools::soak {
 namespace {
@@ -16,8 +16,6 @@ constexpr std::size_t kKept = 1200;              // frames
 constexpr std::size_t kBefore = 20;              // frames; more than the daemon's ledger holds open for late ones
 constexpr std::int64_t kAfterNs = 400'000'000;   // more than its queue holds
 constexpr std::int64_t kNearNs = 1'500'000'000;  // streams begin with the same camera times again
-
-std::uint64_t total(const faults::Losses& lost) { return std::accumulate(lost.begin(), lost.end(), std::uint64_t{0}); }
 
 }  // namespace
 
