@@ -1,16 +1,14 @@
 // bolo blind: hides effects in simulated captures, diagnoses them without knowing, and scores.
-#include <cerrno>
 #include <chrono>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <new>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "bolo/plot/sheet.hpp"
 #include "tools/blind/check.hpp"
 #include "tools/blind/tables.hpp"
 #include "tools/verbs/cli.hpp"
@@ -92,15 +90,6 @@ Result<std::vector<blind::Session>> sessions_of(const Given& given, const blind:
   return sessions;
 }
 
-Status write_text(const std::filesystem::path& file, const std::string& text) {
-  errno = 0;
-  std::ofstream out(file, std::ios::binary | std::ios::trunc);
-  out << text;
-  out.close();
-  if (out) return {};
-  return bad_input(file.string() + ": cannot be written: " + std::strerror(errno) + "; choose another place");
-}
-
 Result<blind::CheckOptions> check_options(const Given& given) {
   blind::CheckOptions options;
   options.jobs = given["jobs"].as<int>();
@@ -117,9 +106,10 @@ Result<blind::CheckOptions> check_options(const Given& given) {
 
 Status keep_answers(const std::filesystem::path& folder, const blind::Opened& opened) {
   if (folder.empty()) return {};
-  Status status = write_text(folder / "answers.json", opened.answers);
-  if (status) status = write_text(folder / "nonce.txt", opened.nonce);
-  return status ? write_text(folder / "seal.txt", opened.digest + "  sha256 of answers.json and nonce.txt\n") : status;
+  Status status = plot::write_text(folder / "answers.json", opened.answers);
+  if (status) status = plot::write_text(folder / "nonce.txt", opened.nonce);
+  return status ? plot::write_text(folder / "seal.txt", opened.digest + "  sha256 of answers.json and nonce.txt\n")
+                : status;
 }
 
 // The answers are sealed and the seal shown before anything is diagnosed.
@@ -166,7 +156,7 @@ Status run(const Given& given) {
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - started;
   const blind::Setting setting{*draw, seal->digest(), took.count()};
   if (given.count("html") != 0) {
-    if (Status page = write_text(given["html"].as<std::string>(), score_html(score, setting)); !page) return page;
+    if (Status page = plot::write_text(given["html"].as<std::string>(), score_html(score, setting)); !page) return page;
   }
   if (json) {
     std::cout << score_json(score, setting).dump(2) << '\n';

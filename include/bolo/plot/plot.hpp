@@ -5,11 +5,11 @@
 //                      .caption = "Asking again for lost packets costs a few milliseconds.",
 //                      .x = {.name = "time", .unit = "s"},
 //                      .y = {.name = "latency", .unit = "ms", .logarithmic = true}};
-//   latency.series.push_back({.kind = plot::Kind::kLine, .label = "p50", .hue = plot::Hue::kDeblurred, .x = t, .y =
-//   p50}); latency.series.push_back({.kind = plot::Kind::kSteps, .label = "p99", .hue = plot::Hue::kPurple, .x = t, .y
-//   = p99}); latency.marks.push_back({.at = 12.0, .until = 14.0, .label = "camera off"}); latency.levels.push_back({.at
-//   = 5.0, .label = "frame period"}); write(plot::to_svg(latency));            // a file; plot::Page (page.hpp) takes
-//   the same Plot
+//   latency.series.push_back({.kind = plot::Kind::kLine, .label = "p50", .x = t, .y = p50});
+//   latency.series.push_back({.kind = plot::Kind::kSteps, .label = "p99", .x = t, .y = p99});
+//   latency.marks.push_back({.at = 12.0, .until = 14.0, .label = "camera off"});
+//   latency.levels.push_back({.at = 5.0, .label = "frame period"});
+//   write(plot::to_svg(latency));  // plot::Page (page.hpp) takes the same Plot
 //
 // Thread of all functions: any.
 #pragma once
