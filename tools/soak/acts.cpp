@@ -3,6 +3,7 @@
 #include <time.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <fstream>
@@ -11,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "bolo/core/clock.hpp"
 #include "tools/soak/reader.hpp"
 
 namespace bolo::tools::soak {
@@ -18,6 +20,7 @@ namespace {
 
 constexpr int kSlowReader_ms = 50;
 constexpr double kHelperEnd_s = 20.0;
+constexpr double kReaderBegin_s = 20.0;
 constexpr double kFullAfter_s = 0.8;                // of frames, on the disk that gets full
 constexpr std::uint64_t kLeastDisk = 2U << 20U;     // bytes: what a capture takes before its first frame, and more
 constexpr std::uint64_t kMostMemory = 1ULL << 29U;  // bytes
@@ -31,6 +34,14 @@ std::uint64_t available_memory() {
     if (key == "MemAvailable:") return kib << 10U;
   }
   return 0;
+}
+
+// Or until it has taken too long.
+void wait_for_first_frame(Process& reader) {
+  const std::int64_t limit_ns = monotonic_ns() + static_cast<std::int64_t>(kReaderBegin_s * kNsPerSecond);
+  while (monotonic_ns() < limit_ns && !reader.ended() && last_account(reader.log().string() + ".out").frames == 0) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
 }
 
 }  // namespace
@@ -138,10 +149,11 @@ void Acts::start_helper(const Command& command) {
   helper_.emplace(std::move(*started));
 }
 
-// How long it takes to end must not hold up the schedule.
+// How long it takes to end must not hold up the schedule; nor, on a busy machine, how long a reader takes to begin.
 void Acts::end_helper(bool must_be_well) {
   if (!helper_) return;
   jobs_.add([this, must_be_well, helper = std::make_shared<Process>(std::move(*helper_))] {
+    if (must_be_well) wait_for_first_frame(*helper);
     helper->signal(SIGTERM);
     const auto code = helper->wait(kHelperEnd_s);
     if (!must_be_well) return;
