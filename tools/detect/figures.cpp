@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "bolo/plot/text.hpp"
-#include "tools/detect/report.hpp"
 
 namespace bolo::tools::detect {
 namespace {

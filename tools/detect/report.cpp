@@ -99,10 +99,6 @@ void print_contests(const Table& table) {
 
 }  // namespace
 
-std::string motion_words(const Table& table, std::size_t motion) {
-  return plot::format("%s (median %.0f px/s)", table.motions[motion].c_str(), table.speeds[motion].p50);
-}
-
 nlohmann::ordered_json to_json(const Options& options, const Table& table) {
   Json columns = Json::array();
   for (const Column& column : table.columns) columns.push_back({{"name", column.name}, {"words", column.words}});

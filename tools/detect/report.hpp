@@ -1,8 +1,6 @@
 // The result of `bolo eval detect`, as text and as JSON.
 #pragma once
 
-#include <string>
-
 #include <nlohmann/json.hpp>
 
 #include "tools/detect/options.hpp"
@@ -15,8 +13,5 @@ nlohmann::ordered_json to_json(const Options& options, const Table& table);
 
 // To stdout. Thread: one at a time.
 void print_text(const Options& options, const Table& table);
-
-// "slow_indoor (median 118 px/s)". Thread: any.
-std::string motion_words(const Table& table, std::size_t motion);
 
 }  // namespace bolo::tools::detect

@@ -93,7 +93,10 @@ class Runner {
     for (int i = 0; i < options_.threads; ++i) {
       auto networks = open_networks(options_);
       if (!networks) return tl::unexpected(networks.error());
-      if (i == 0) describe(*networks);
+      if (i == 0) {
+        describe(*networks);
+        if (Status good = try_out(*networks); !good) return good;
+      }
       lender_.add(std::move(*networks));
     }
     for (const std::filesystem::path& file : options_.scenes) {
@@ -117,6 +120,18 @@ class Runner {
         knows.push_back(detector.knows(static_cast<int>(label)));
       }
     }
+  }
+
+  // What does not fit is told before minutes of simulation.
+  Status try_out(Networks& networks) const {
+    const Levels grey(options_.picture.pixels(), 128.0F);
+    for (Detector& detector : networks.detectors) {
+      if (auto boxes = detector.detect(grey, options_.picture); !boxes) return tl::unexpected(boxes.error());
+    }
+    for (LearnedDeblurring& model : networks.models) {
+      if (auto made = model.apply(grey, options_.picture); !made) return tl::unexpected(made.error());
+    }
+    return {};
   }
 
   // Of each motion the first look at a still with the most labels.

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <optional>
 
+#include "bolo/plot/text.hpp"
 #include "tools/percentile.hpp"
 
 namespace bolo::tools::detect {
@@ -192,6 +193,10 @@ std::vector<Truth> truth_of(const Look& look, bool labelled, std::size_t detecto
     if (one.score >= truth_score) truth.push_back({one.label, one.box});
   }
   return truth;
+}
+
+std::string motion_words(const Table& table, std::size_t motion) {
+  return plot::format("%s (median %.0f px/s)", table.motions[motion].c_str(), table.speeds[motion].p50);
 }
 
 Table table_of(const Found& found, const Options& options) {

@@ -59,6 +59,9 @@ struct Table {
 // Thread: any.
 Table table_of(const Found& found, const Options& options);
 
+// "slow_indoor (median 118 px/s)". Thread: any.
+std::string motion_words(const Table& table, std::size_t motion);
+
 // What a detector had to find in a look: people's labels of classes that it knows, or, where there are none, its own
 // boxes on the sharp frame from `truth_score` on. Thread: any.
 std::vector<Truth> truth_of(const Look& look, bool labelled, std::size_t detector, double truth_score,
