@@ -23,7 +23,7 @@ std::vector<Offered> offered_of(const ImageBoxes& image, int label, const ApSett
     const bool fits = size >= settings.least_area_px2 && size <= settings.most_area_px2;
     offered.push_back({truth.box, truth.kind != TruthKind::kObject || !fits, truth.kind == TruthKind::kCrowd});
   }
-  std::ranges::stable_partition(offered, [](const Offered& o) { return !o.ignored; });
+  std::stable_partition(offered.begin(), offered.end(), [](const Offered& o) { return !o.ignored; });
   return offered;
 }
 

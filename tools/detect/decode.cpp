@@ -79,8 +79,10 @@ void add_places(const GflPair& pair, int cells_across, int stride, int bins, dou
   for (std::size_t i = 0; i < pair.scores.rows; ++i) {
     const std::span<const float> scores = pair.scores.row(i);
     if (static_cast<double>(*std::ranges::max_element(scores)) < least_score) continue;
-    const double x = (static_cast<double>(i % static_cast<std::size_t>(cells_across)) + 0.5) * stride;
-    const double y = (static_cast<double>(i / static_cast<std::size_t>(cells_across)) + 0.5) * stride;
+    const std::size_t column = i % static_cast<std::size_t>(cells_across);
+    const std::size_t row = i / static_cast<std::size_t>(cells_across);
+    const double x = (static_cast<double>(column) + 0.5) * stride;
+    const double y = (static_cast<double>(row) + 0.5) * stride;
     std::array<double, 4> to{};  // left, upper, right, lower side
     for (std::size_t side = 0; side < to.size(); ++side) {
       to[side] = stride * expected_bin(pair.distances.row(i).subspan(side * length, length));
