@@ -65,6 +65,28 @@ TEST(FidelityMotionKernel, FollowsTheDirectionAndStandsStill) {
   EXPECT_NEAR(mean_y, 1.5, 0.05);
 }
 
+// Over a steady pan both ways of telling the blur are the same; over a bend only the path itself is right.
+TEST(FidelityPathKernel, FollowsTheWay) {
+  const auto told = motion_kernel({-300.0, 0.0}, kTauS);
+  const auto gone = path_kernel(sim::steady_pan(-300.0), 0.4, kTauS);
+  ASSERT_EQ(told.size(), gone.size());
+  for (std::size_t i = 0; i < told.size(); ++i) {
+    EXPECT_EQ(told[i].dx, gone[i].dx);
+    EXPECT_NEAR(told[i].weight, gone[i].weight, 1e-5F);
+  }
+  const sim::Path bend({{-1.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.01, 8.0, 0.0}, {0.02, 8.0, 6.0}});
+  double along = 0.0;
+  double across = 0.0;
+  for (const Tap& tap : path_kernel(bend, 0.02, 0.01)) {
+    EXPECT_TRUE(tap.dx == 0 || tap.dy == -6) << tap.dx << ' ' << tap.dy;  // first down, then, further back, aside
+    (tap.dy == -6 && tap.dx < 0 ? across : along) += static_cast<double>(tap.weight);
+  }
+  EXPECT_GT(along, 0.6);  // what is younger than 0.01 s: 1 - 1/e
+  EXPECT_NEAR(along + across, 1.0, 1e-6);
+  const auto longer = path_kernel(bend, 0.02, 0.01, 1.5);
+  EXPECT_EQ(std::ranges::min_element(longer, {}, &Tap::dx)->dx, -12);
+}
+
 TEST(FidelityBlur, TransposeIsTheAdjointAwayFromBorders) {
   const auto kernel = motion_kernel({300.0, -120.0}, 0.005);
   Plane a(kSize.pixels(), 0.0F);

@@ -5,6 +5,7 @@
 
 #include "tests/plot/markup.hpp"
 #include "tools/bench/bench_plot.hpp"
+#include "tools/detect/figures.hpp"
 #include "tools/eval/faults_plot.hpp"
 #include "tools/eval/fidelity_plot.hpp"
 #include "tools/eval/live_plot.hpp"
@@ -190,6 +191,65 @@ TEST(Figures, OfBenchesNameEveryVariant) {
     readers.cases.push_back(one);
   }
   expect_good(sheet_of(readers));
+}
+
+// Two stills, one of them labelled, looked at twice by two detectors; in the blurred column everything is missed but in
+// the second look, in the others found.
+detect::Found found_boxes(const detect::Options& options) {
+  using detect::Detection;
+  detect::Found found;
+  found.stills = {{"a.png", {64, 48}, true, {}}, {"b.png", {64, 48}, false, {}}};
+  found.columns = detect::own_columns();
+  found.knows = {{true, true}, {true, false}};
+  for (std::size_t i = 0; i < 4; ++i) {
+    detect::Look& look = found.looks.emplace_back();
+    look.view.still = i % 2;
+    look.speed_px_s = 100.0 * static_cast<double>(i + 1);
+    if (i % 2 == 0) look.labels = {{0, {4, 4, 20, 20}}, {1, {30, 4, 20, 20}}};
+    const std::vector<Detection> sure{{0, 0.9, {4, 4, 20, 20}}, {1, 0.8, {30, 4, 20, 20}}};
+    look.found.assign(options.detectors.size(), {found.columns.size(), sure});
+    look.found[1].assign(found.columns.size(), {sure.front()});
+    if (i < 2) {
+      for (auto& columns : look.found) columns[detect::kBlurredColumn].clear();
+    }
+  }
+  const detect::Levels grey(options.picture.pixels(), 90.0F);
+  found.exhibits = {{0, std::vector<detect::Levels>(found.columns.size(), grey)}};
+  return found;
+}
+
+TEST(Figures, OfDetectorsCompareColumnsWithTheBlurredOne) {
+  detect::Options options;
+  options.picture = {64, 48};
+  options.classes = {{"person", 1}, {"car", 3}};
+  options.trajectories = {"hand.csv"};
+  options.detectors.resize(2);
+  options.detectors[0].name = "first";
+  options.detectors[1].name = "second";
+  options.resamples = 20;
+  const detect::Found found = found_boxes(options);
+  const detect::Table table = table_of(found, options);
+  ASSERT_EQ(table.rows.size(), 6U);  // of labels and of own boxes: each detector, and their mean
+  EXPECT_EQ(table.speeds[0].p50, 200.0);
+  for (const detect::Row& row : table.rows) {
+    EXPECT_EQ(row.looks, 2);
+    EXPECT_EQ(row.stills, 1);
+    EXPECT_NEAR(row.cells[detect::kSharpColumn].ap.value, 100.0, 1e-9) << row.detector;
+    // One of two pictures: the recalls 0 to 0.5 of 101.
+    EXPECT_NEAR(row.cells[detect::kBlurredColumn].ap.value, 100.0 * 51.0 / 101.0, 1e-9) << row.detector;
+    EXPECT_NEAR(row.cells[4].delta.value, 100.0 * 50.0 / 101.0, 1e-9);
+    EXPECT_NEAR(row.cells[4].recovered.value, 1.0, 1e-9);
+    EXPECT_NEAR(row.contest.delta.value, 0.0, 1e-9);
+  }
+  EXPECT_EQ(table.rows[0].cells[0].score.total.objects, 4.0);
+  EXPECT_EQ(table.rows[1].cells[0].score.total.objects, 2.0);  // it does not know cars
+  EXPECT_TRUE(table.rows[2].is_mean());
+  EXPECT_TRUE(table.rows[0].labelled);
+  EXPECT_FALSE(table.rows[3].labelled);
+  const plot::Sheet sheet = sheet_of(table, found, options);
+  expect_good(sheet);
+  EXPECT_EQ(plots_of(sheet), 2U + found.columns.size());
+  EXPECT_EQ(sheet.tables.size(), 2U);
 }
 
 }  // namespace

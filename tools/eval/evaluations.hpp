@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include "tools/eval/detect.hpp"
 #include "tools/eval/faults.hpp"
 #include "tools/eval/fidelity.hpp"
 #include "tools/eval/live.hpp"
@@ -14,11 +15,12 @@
 
 namespace bolo::tools {
 
-inline constexpr std::array<Verb, 7> kEvaluations{
+inline constexpr std::array<Verb, 8> kEvaluations{
     {{"live", "a running daemon against the truth of the capture that its fake camera replays", eval_live_main},
      {"pulses", "tau from pulses, with its interval, over many simulated recordings", eval_pulses_main},
      {"pixel", "one pixel: least squares against the quadratic programme", eval_pixel_main},
      {"fidelity", "every estimator against the truth, over speeds, noises and look-ahead", eval_fidelity_main},
+     {"detect", "what deblurring is worth to object detectors, against baselines", eval_detect_main},
      {"loop", "each effect diagnosed, and undone as diagnosed: what that is worth", eval_loop_main},
      {"faults", "a camera that fails: what is lost, what is counted, how long it takes to recover", eval_faults_main},
      {"loss", "lost packets: frame rate, latency and error, with and without asking again", eval_loss_main}}};

@@ -2,15 +2,13 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <functional>
-#include <mutex>
 #include <new>
 #include <optional>
-#include <thread>
 
 #include "bolo/plot/text.hpp"
 #include "tools/eval/fidelity_plot.hpp"
 #include "tools/eval/fidelity_report.hpp"
+#include "tools/eval/jobs.hpp"
 #include "tools/verbs/cli.hpp"
 
 namespace bolo::tools {
@@ -22,51 +20,6 @@ constexpr std::uint64_t kOtherStreet = 1000;  // away from the seeds of the judg
 constexpr int kLongestLookahead = 4;          // of the picture of latency against quality
 constexpr int kDropTargets = 720;             // frames of the streams with losses
 constexpr int kDropRows = 16;
-
-// Does independent jobs on some threads; each leaves its result in a place of its own.
-class Jobs {
- public:
-  using Job = std::function<Status()>;
-  void add(Job job) { jobs_.push_back(std::move(job)); }
-
-  // The error of the first job that failed, in the order they were added.
-  Status run(int threads, Progress& progress, std::uint64_t& done) {
-    std::vector<Status> outcomes(jobs_.size());
-    std::atomic<std::size_t> next{0};
-    std::mutex progress_lock;
-    const auto work = [&] {
-      for (std::size_t i = next.fetch_add(1, std::memory_order_relaxed); i < jobs_.size();
-           i = next.fetch_add(1, std::memory_order_relaxed)) {
-        outcomes[i] = interrupted().load(std::memory_order_relaxed) ? Status(failed("interrupted")) : jobs_[i]();
-        const std::lock_guard lock(progress_lock);
-        progress.update(++done);
-      }
-    };
-    std::vector<std::thread> team;
-    for (int t = 1; t < threads; ++t) team.emplace_back(work);
-    work();
-    for (std::thread& thread : team) thread.join();
-    jobs_.clear();
-    for (const Status& outcome : outcomes) {
-      if (!outcome) return outcome;
-    }
-    return {};
-  }
-
- private:
-  std::vector<Job> jobs_;
-};
-
-// Runs a job that makes a Result and keeps its value.
-template <typename T, typename Make>
-Jobs::Job keep(std::optional<T>& place, Make make) {
-  return [&place, make]() -> Status {
-    auto made = make();
-    if (!made) return tl::unexpected(made.error());
-    place = std::move(*made);
-    return {};
-  };
-}
 
 class Evaluation {
  public:

@@ -79,24 +79,22 @@ double ramp(int i, int length, int padded) {
   return i < length ? 0.0 : static_cast<double>(i - length + 1) / (padded - length + 1);
 }
 
-}  // namespace
+int steps_along(double length_px) { return std::max(1, static_cast<int>(std::ceil(length_px / kStepPx))); }
 
-std::vector<Tap> motion_kernel(sim::Position content_px_s, double tau_s) {
-  const double speed = std::hypot(content_px_s.x_px, content_px_s.y_px);
-  const int steps = std::max(1, static_cast<int>(std::ceil(speed * kTrail * tau_s / kStepPx)));
+// The integral of exp(-age / tau) over what the pixels looked at: `shown_at(age_s)` is how far from the pixel, now.
+template <typename ShownAt>
+std::vector<Tap> trail_kernel(int steps, double tau_s, ShownAt&& shown_at) {
   std::map<std::pair<int, int>, double> sum;
   double whole = 0.0;
   for (int i = 0; i < steps; ++i) {
     const double from = kTrail * i / steps;
     const double to = kTrail * (i + 1) / steps;
     const double weight = std::exp(-from) - std::exp(-to);
-    const double age_s = tau_s * (from + to) / 2.0;
-    const double x = content_px_s.x_px * age_s;
-    const double y = content_px_s.y_px * age_s;
-    const int ix = static_cast<int>(std::floor(x));
-    const int iy = static_cast<int>(std::floor(y));
-    const double fx = x - ix;
-    const double fy = y - iy;
+    const sim::Position shown = shown_at(tau_s * (from + to) / 2.0);
+    const int ix = static_cast<int>(std::floor(shown.x_px));
+    const int iy = static_cast<int>(std::floor(shown.y_px));
+    const double fx = shown.x_px - ix;
+    const double fy = shown.y_px - iy;
     sum[{iy, ix}] += weight * (1 - fx) * (1 - fy);
     sum[{iy, ix + 1}] += weight * fx * (1 - fy);
     sum[{iy + 1, ix}] += weight * (1 - fx) * fy;
@@ -108,6 +106,31 @@ std::vector<Tap> motion_kernel(sim::Position content_px_s, double tau_s) {
     if (weight > 1e-9) kernel.push_back({place.second, place.first, static_cast<float>(weight / whole)});
   }
   return kernel;
+}
+
+}  // namespace
+
+std::vector<Tap> motion_kernel(sim::Position content_px_s, double tau_s) {
+  const double speed = std::hypot(content_px_s.x_px, content_px_s.y_px);
+  return trail_kernel(steps_along(speed * kTrail * tau_s), tau_s, [&](double age_s) {
+    return sim::Position{content_px_s.x_px * age_s, content_px_s.y_px * age_s};
+  });
+}
+
+std::vector<Tap> path_kernel(const sim::Path& path, double t_s, double tau_s, double factor) {
+  constexpr int kPieces = 64;
+  const sim::Position now = path.at(t_s);
+  const auto shown_at = [&](double age_s) {
+    const sim::Position then = path.at(t_s - age_s);
+    return sim::Position{factor * (then.x_px - now.x_px), factor * (then.y_px - now.y_px)};
+  };
+  double length_px = 0.0;
+  for (int i = 0; i < kPieces; ++i) {
+    const sim::Position from = shown_at(kTrail * tau_s * i / kPieces);
+    const sim::Position to = shown_at(kTrail * tau_s * (i + 1) / kPieces);
+    length_px += std::hypot(to.x_px - from.x_px, to.y_px - from.y_px);
+  }
+  return trail_kernel(std::max(kPieces, steps_along(length_px)), tau_s, shown_at);
 }
 
 Plane blur(const Plane& image, Geometry g, const std::vector<Tap>& kernel) {

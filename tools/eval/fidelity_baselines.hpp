@@ -19,6 +19,10 @@ struct Tap {
 // the picture linear between pixels. Thread: any.
 std::vector<Tap> motion_kernel(sim::Position content_px_s, double tau_s);
 
+// The same for the way that the camera really went before `t_s`; `factor` stretches the trail: 1.1 for a speed that is
+// thought 10 % too high. The path must go back 6 tau_s before. Thread: any.
+std::vector<Tap> path_kernel(const sim::Path& path, double t_s, double tau_s, double factor = 1.0);
+
 // The blur itself, and its transpose; the borders' pixels go on outwards. Thread: any.
 Plane blur(const Plane& image, Geometry geometry, const std::vector<Tap>& kernel);
 Plane blur_transposed(const Plane& image, Geometry geometry, const std::vector<Tap>& kernel);

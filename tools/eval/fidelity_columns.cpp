@@ -8,102 +8,29 @@
 #include <utility>
 
 #include "tools/eval/fidelity_baselines.hpp"
+#include "tools/eval/fidelity_picked.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {
 
 constexpr double kWrongSpeed = 1.1;
-constexpr std::array kUnsharpSigmas{1.0, 2.0, 4.0, 8.0};
-constexpr std::array kUnsharpAmounts{0.25, 0.5, 1.0, 2.0, 4.0};
-constexpr std::array kNoiseToSignal{1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2};
-const std::vector<int> kIterations{1, 2, 4, 8, 16, 32, 64, 128};
 
-std::string words(const char* format, double a, double b = 0.0) {
+std::string words(const char* format, double value) {
   char buffer[96];
-  std::snprintf(buffer, sizeof buffer, format, a, b);
+  std::snprintf(buffer, sizeof buffer, format, value);
   return buffer;
 }
 
-// Keeps the best of several tries; the truth picks.
-class Oracle {
- public:
-  explicit Oracle(const Planes& truth) : truth_(truth) {}
-
-  double offer(Planes tried, std::string setting) {
-    const double error = rmse(tried, truth_);
-    if (best_.empty() || error < error_) {
-      error_ = error;
-      best_ = std::move(tried);
-      setting_ = std::move(setting);
-    }
-    return error;
-  }
-
-  Column column(ColumnKind kind, Geometry geometry) const {
-    return {kind, setting_, "", measure(best_, truth_, geometry)};
-  }
-  double rmse_k() const { return error_; }
-
- private:
-  const Planes& truth_;
-  Planes best_;
-  std::string setting_;
-  double error_ = 0.0;
-};
-
 Geometry judged_size(const Sequence& s) { return {s.clean->judged.width, s.clean->judged.height}; }
+
+Column column_of(ColumnKind kind, const Picked& picked, const Planes& truth, const Sequence& s) {
+  return {kind, picked.setting, "", measure(picked.planes, truth, judged_size(s))};
+}
 
 Planes blurred(const Sequence& s) {
   Planes planes;
   for (const std::size_t k : s.clean->targets) planes.push_back(cut(s.kelvin(k), s.clean->geometry, s.clean->judged));
   return planes;
-}
-
-// Applies a filter of whole frames to every target.
-template <typename Filter>
-Planes filtered(const Sequence& s, Filter&& filter) {
-  Planes planes;
-  for (std::size_t i = 0; i < s.clean->targets.size(); ++i) {
-    planes.push_back(cut(filter(i), s.clean->geometry, s.clean->judged));
-  }
-  return planes;
-}
-
-Column unsharp_column(const Sequence& s, const Planes& truth, const Planes& frames) {
-  Oracle oracle(truth);
-  for (const double sigma : kUnsharpSigmas) {
-    for (const double amount : kUnsharpAmounts) {
-      oracle.offer(
-          filtered(s, [&](std::size_t i) { return unsharp_mask(frames[i], s.clean->geometry, sigma, amount); }),
-          words("sigma %g px, amount %g", sigma, amount));
-    }
-  }
-  return oracle.column(ColumnKind::kUnsharp, judged_size(s));
-}
-
-Column wiener_column(const Sequence& s, const Planes& truth, const Planes& frames,
-                     const std::vector<std::vector<Tap>>& kernels, ColumnKind kind) {
-  Oracle oracle(truth);
-  std::vector<SpatialWiener> wieners;
-  for (std::size_t i = 0; i < frames.size(); ++i) wieners.emplace_back(frames[i], s.clean->geometry, kernels[i]);
-  for (const double strength : kNoiseToSignal) {
-    oracle.offer(filtered(s, [&](std::size_t i) { return wieners[i].restore(strength); }),
-                 words("noise to signal %g", strength));
-  }
-  return oracle.column(kind, judged_size(s));
-}
-
-Column lucy_column(const Sequence& s, const Planes& truth, const Planes& frames,
-                   const std::vector<std::vector<Tap>>& kernels) {
-  Oracle oracle(truth);
-  std::vector<std::vector<Plane>> results;
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    results.push_back(richardson_lucy(frames[i], s.clean->geometry, kernels[i], kIterations));
-  }
-  for (std::size_t n = 0; n < kIterations.size(); ++n) {
-    oracle.offer(filtered(s, [&](std::size_t i) { return results[i][n]; }), words("%g iterations", kIterations[n]));
-  }
-  return oracle.column(ColumnKind::kRichardsonLucy, judged_size(s));
 }
 
 // The trail at each target for its velocity times a factor.
@@ -127,7 +54,7 @@ Result<Column> qp_columns(const Sequence& s, const Planes& truth, int lookahead,
     const double error = oracle.offer(std::move(*planes), words("lambda %g", lambda));
     cell.grid.push_back({lambda, error});
   }
-  return oracle.column(ColumnKind::kQpBest, judged_size(s));
+  return column_of(ColumnKind::kQpBest, oracle.best(), truth, s);
 }
 
 Column live_column(const Sequence& s, const Planes& truth, ColumnKind kind, int lookahead) {
@@ -220,9 +147,11 @@ std::vector<Column> spatial_columns(const Sequence& s) {
   for (const std::size_t target : s.clean->targets) frames.push_back(s.kelvin(target));
   const auto told = motion_kernels(*s.clean, 1.0);
   const auto told_wrongly = motion_kernels(*s.clean, kWrongSpeed);
-  return {unsharp_column(s, truth, frames), wiener_column(s, truth, frames, told, ColumnKind::kSpatialWiener),
-          wiener_column(s, truth, frames, told_wrongly, ColumnKind::kSpatialWienerOff),
-          lucy_column(s, truth, frames, told)};
+  const SpatialTask task{s, truth, frames, told};
+  return {column_of(ColumnKind::kUnsharp, picked_unsharp(s, truth, frames), truth, s),
+          column_of(ColumnKind::kSpatialWiener, picked_wiener(task), truth, s),
+          column_of(ColumnKind::kSpatialWienerOff, picked_wiener({s, truth, frames, told_wrongly}), truth, s),
+          column_of(ColumnKind::kRichardsonLucy, picked_lucy(task), truth, s)};
 }
 
 Result<Cell> evaluate(const Sequence& s, const Sequence& training, int lookahead) {

@@ -16,14 +16,14 @@ Result<std::unique_ptr<const sim::Scene>> scene_of(const SequenceTask& task, Geo
   return sim::read_image(task.scene, {kColdK, kColdK + kContrastK}).map(sim::make_still_scene);
 }
 
-// The middle of a trajectory's file: where hand-held recordings are neither being started nor put away.
+// By default from the middle of a trajectory's file: where hand-held recordings are neither being started nor put away.
 Result<sim::Path> path_of(const Motion& motion, double from_s, double to_s) {
   if (motion.is_pan()) return sim::steady_pan(motion.speed_px_s);
   const auto points = sim::read_trajectory(motion.trajectory);
   if (!points) return tl::unexpected(points.error());
-  const double middle_s = (points->front().t_s + points->back().t_s) / 2.0;
+  const double start_s = motion.start_s.value_or((points->front().t_s + points->back().t_s) / 2.0);
   constexpr double kPointsPerFrame = 8.0;
-  auto path = sim::follow_trajectory(*points, {1.0, middle_s, from_s, to_s, kPeriodS / kPointsPerFrame});
+  auto path = sim::follow_trajectory(*points, {1.0, start_s, from_s, to_s, kPeriodS / kPointsPerFrame});
   if (!path) return at(motion.trajectory.string(), path.error());
   return path;
 }
@@ -33,6 +33,14 @@ sim::Position content_velocity(const sim::Path& path, double t_s) {
   const sim::Position before = path.at(t_s - kPeriodS / 2.0);
   const sim::Position after = path.at(t_s + kPeriodS / 2.0);
   return {(before.x_px - after.x_px) / kPeriodS, (before.y_px - after.y_px) / kPeriodS};
+}
+
+// The scene position of the whole frame's pixel (0, 0) at motion (0, 0).
+sim::Position origin_of(const SequenceTask& task, const CleanSequence& made, const sim::Scene& scene,
+                        const sim::Path& path, double from_s, double to_s) {
+  if (!task.looks_at) return sim::centred_origin(scene, path, made.geometry, from_s, to_s);
+  const sim::Position moved = path.at(kLeadIn * kPeriodS);
+  return {task.looks_at->x_px - made.judged.x - moved.x_px, task.looks_at->y_px - made.judged.y - moved.y_px};
 }
 
 sim::CameraSettings camera_of(Geometry geometry, int threads) {
@@ -68,7 +76,8 @@ Result<CleanSequence> simulate(const SequenceTask& task) {
   const double to_s = static_cast<double>(frames) * kPeriodS;
   const auto path = path_of(task.motion, from_s, to_s);
   if (!path) return tl::unexpected(path.error());
-  const sim::Position origin = sim::centred_origin(**scene, *path, made.geometry, from_s, to_s);
+  made.path = *path;
+  const sim::Position origin = origin_of(task, made, **scene, *path, from_s, to_s);
   auto field = sim::pan_over(**scene, *path, origin, made.geometry, from_s, to_s);
   if (!field) return tl::unexpected(field.error());
   const auto simulator = sim::Simulator::create(camera, std::move(*field));

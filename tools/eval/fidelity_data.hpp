@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,7 @@ using Planes = std::vector<Plane>;
 struct Motion {
   double speed_px_s = 0.0;           // along +x; of use when there is no trajectory
   std::filesystem::path trajectory;  // empty: a pan at constant speed
+  std::optional<double> start_s{};   // time in the trajectory's file of the first frame; empty: its middle
 
   bool is_pan() const { return trajectory.empty(); }
   std::string label() const;  // "300 px/s", or the trajectory file's stem
@@ -40,6 +42,9 @@ struct SequenceTask {
   int lookahead = 2;       // frames that follow the last target
   std::uint64_t seed = 1;  // of the street
   int threads = 2;         // the result does not depend on them
+  // What the judged pixel (0, 0) looks at in the scene at the first target; empty: the middle of all that the path sees
+  // is the middle of the scene.
+  std::optional<sim::Position> looks_at{};
 };
 
 // Pixels around the judged ones that estimators may use, so that spatial filters do not suffer from a border.
@@ -56,6 +61,7 @@ struct CleanSequence {
   Planes truth;                          // T_ss at each frame's time, judged part, K
   std::vector<std::size_t> targets;      // rising indices of frames
   std::vector<sim::Position> content_v;  // at each target: how fast the picture moves over the pixels, px/s
+  std::optional<sim::Path> path;         // the motion, over the time that the pixels remember
 };
 
 // kBadInput names the scene or trajectory that cannot be used. Thread: any.
