@@ -52,9 +52,9 @@ void ControlFaults::strike(Rule& rule) {
   if (rule.kind == FaultKind::kReboot) actions_.reboot();
 }
 
-bool ControlFaults::answers_resend(std::int64_t now_ns) noexcept {
+bool ControlFaults::answers_resend(std::int64_t due_ns) noexcept {
   for (const Rule& rule : rules_) {
-    if (rule.kind != FaultKind::kNoResend || !rule.schedule.lasts(clock_ns(now_ns))) continue;
+    if (rule.kind != FaultKind::kNoResend || !rule.schedule.lasts(clock_ns(due_ns))) continue;
     tallies_.add_packets(rule.place);
     return false;
   }

@@ -34,8 +34,9 @@ class ControlFaults {
   // Lets happen what is due; says how the camera hears until the next call.
   Hearing update(std::int64_t now_ns);
 
-  // Whether a request for packets is answered; one that is not is counted.
-  bool answers_resend(std::int64_t now_ns) noexcept;
+  // Whether a request for packets of a frame that was due at `due_ns` is answered; one that is not is counted. The
+  // frame's time, so that on a busy machine too all packets are asked for in vain that another fault took meanwhile.
+  bool answers_resend(std::int64_t due_ns) noexcept;
 
   // The client has written another IRWindowing.
   void windowing_changed(std::int64_t now_ns);

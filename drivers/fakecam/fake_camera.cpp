@@ -101,7 +101,7 @@ FakeCamera::Impl::Impl(const FakeCameraOptions& options_in, std::unique_ptr<Fram
                 [this] { control_faults.windowing_changed(monotonic_ns()); }}),
       handler(registers, counters,
               {[this](const ResendRequest& r) {
-                 if (!session || !control_faults.answers_resend(monotonic_ns())) return;
+                 if (!session || !control_faults.answers_resend(session->due_ns(r.block_id, monotonic_ns()))) return;
                  session->resend(r.block_id, r.first_packet, r.last_packet);
                },
                [this] { stop_stream(); }}),

@@ -143,6 +143,11 @@ void StreamSession::resend(std::uint16_t block_id, std::uint32_t first, std::uin
   resend_train_.send_unavailable(block_id, first);
 }
 
+std::int64_t StreamSession::due_ns(std::uint16_t block_id, std::int64_t now_ns) noexcept {
+  const auto pin = ring_.find(block_id);
+  return pin.frame() != nullptr ? start_ns_.load(std::memory_order_relaxed) + pin.frame()->due_ns : now_ns;
+}
+
 std::uint64_t StreamSession::camera_time_ns(std::int64_t now_ns) const noexcept {
   const std::int64_t start_ns = start_ns_.load(std::memory_order_relaxed);
   return first_timestamp_ns_ + (start_ns == 0 ? 0 : static_cast<std::uint64_t>(now_ns - start_ns));

@@ -52,6 +52,9 @@ class StreamSession {
   // Sends packets of a recent frame again. Thread: control.
   void resend(std::uint16_t block_id, std::uint32_t first, std::uint32_t last) noexcept;
 
+  // CLOCK_MONOTONIC, when a recent frame was due; of any other `now_ns`. Thread: control.
+  std::int64_t due_ns(std::uint16_t block_id, std::int64_t now_ns) noexcept;
+
   // The camera's clock while the stream runs: the time stamp that a frame taken now would bear. Thread: control.
   std::uint64_t camera_time_ns(std::int64_t now_ns) const noexcept;
 

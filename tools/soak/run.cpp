@@ -63,6 +63,8 @@ class Run {
   std::string what_happens() const;
   bool is_quiet() const;
   bool struck_now(Kind kind, double margin_s) const;
+  bool shows(Kind kind) const;
+  double camera_lag_s() const;
   double now_s() const { return static_cast<double>(monotonic_ns() - start_ns_) / kNsPerSecond; }
   double at_s(std::int64_t ns) const { return static_cast<double>(ns - start_ns_) / kNsPerSecond; }
 
@@ -261,16 +263,27 @@ bool Run::struck_now(Kind kind, double margin_s) const {
   return false;
 }
 
+// How far the camera is behind its schedule, as far as it has told: on a machine at its limit its frames come late.
+double Run::camera_lag_s() const {
+  const auto& told = rig_->book().present();
+  if (!told || told->first_stream_ns == 0) return 0.0;
+  const double played_s = static_cast<double>(told->passed) / request_.rig.rate_hz;
+  return std::max(0.0, now_s() - at_s(told->first_stream_ns) - played_s);
+}
+
+// Whether frames may arrive now that show this fault of the camera's.
+bool Run::shows(Kind kind) const { return struck_now(kind, kBeforeAndAfter_s + camera_lag_s()); }
+
 // A shutter's offset stays until its camera is replaced, whose last frames may still be on their way.
 Allowed Run::allowed() const {
   Allowed out;
-  out.swapped = struck_now(Kind::kByteOrder, kBeforeAndAfter_s);
-  out.metadata = struck_now(Kind::kMetadataRows, kBeforeAndAfter_s);
+  out.swapped = shows(Kind::kByteOrder);
+  out.metadata = shows(Kind::kMetadataRows);
   const bool shut = std::ranges::any_of(result_.struck, [this](const Struck& s) {
     return s.disturbance.kind == Kind::kShutter && s.begin_s >= 0.0 &&
            (s.round == result_.struck.back().round || now_s() < round_origin_s_ + kBeforeAndAfter_s);
   });
-  if (shut || struck_now(Kind::kShutter, kBeforeAndAfter_s)) {
+  if (shut || shows(Kind::kShutter)) {
     out.offset = static_cast<int>(std::lround(kShutterOffset_k * kCountsPerKelvin));
   }
   return out;
