@@ -96,6 +96,7 @@ void Evaluator::match(const ImageBoxes& image, std::size_t index, int label) {
   const std::vector<Offered> offered = offered_of(image, label, settings_);
   const std::vector<Detection> found = best_detections(image, label, settings_.most_detections);
   std::vector<Ranked> ranked;
+  ranked.reserve(found.size());
   for (const Detection& detection : found) ranked.push_back({detection.score, index, 0, 0});
   for (std::size_t t = 0; t < settings_.ious.size(); ++t) {
     const std::uint32_t bit = 1U << t;

@@ -68,7 +68,8 @@ Result<std::vector<JudgedClass>> classes_of(const std::string& text) {
     }
     const auto same = [&](const JudgedClass& other) { return other.name == one.name || other.number == one.number; };
     if (std::ranges::any_of(classes, same)) {
-      return bad_input("classes '" + text + "': '" + part + "' repeats a number or a name");
+      return bad_input(
+          std::string("classes '").append(text).append("': '").append(part).append("' repeats a number or a name"));
     }
     classes.push_back(std::move(one));
   }

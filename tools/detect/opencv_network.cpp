@@ -62,8 +62,8 @@ Tensor tensor_of(const cv::Mat& mat) {
 
 class OpencvNetwork final : public Network {
  public:
-  OpencvNetwork(cv::dnn::Net net, std::filesystem::path file)
-      : net_(std::move(net)), file_(std::move(file)), outputs_(net_.getUnconnectedOutLayersNames()) {
+  OpencvNetwork(const cv::dnn::Net& net, std::filesystem::path file)
+      : net_(net), file_(std::move(file)), outputs_(net_.getUnconnectedOutLayersNames()) {
     net_.setPreferableBackend(cv::dnn::DNN_BACKEND_OPENCV);
   }
 
@@ -110,7 +110,7 @@ Result<std::unique_ptr<Network>> open(const NetworkFiles& files) {
     auto net = read_net(files);
     if (!net) return tl::unexpected(net.error());
     if (net->empty()) return bad_input(files.graph.string() + ": is not " + kind + "; give one");
-    return std::make_unique<OpencvNetwork>(std::move(*net), files.graph);
+    return std::make_unique<OpencvNetwork>(*net, files.graph);
   } catch (const cv::Exception& e) {
     return bad_input(files.graph.string() + ": is not " + kind + " that OpenCV " + CV_VERSION +
                      " understands: " + reason_of(e) + "; give another or export it again");
