@@ -1,0 +1,117 @@
+"""A small archive of captures, what one process makes of it, and how far others are with it."""
+
+import filecmp
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+CAPTURES, BLOCKS, BLOCK = 2, 6, 40
+TOTAL = CAPTURES * BLOCKS
+# Slow enough that a run can be met in its middle.
+SOLVER = ["--solver", "exact"]
+
+
+def run(*command, **options):
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120, **options)
+    if done.returncode != 0:
+        raise AssertionError(f"{' '.join(map(str, command))}: exit code {done.returncode}: {done.stderr.strip()[-2000:]}")
+    return done.stdout
+
+
+def wait_for(condition, what, seconds=60):
+    end = time.monotonic() + seconds
+    while not (found := condition()):
+        if time.monotonic() > end:
+            raise AssertionError(f"{what} did not come in {seconds} s")
+        time.sleep(0.02)
+    return found
+
+
+def skip(why):
+    print(f"skipped: {why}")
+    sys.exit(77)
+
+
+def set_up(*command):
+    """Runs what makes a cluster, or skips where it says that it can't."""
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=60)
+    if done.returncode == 77:
+        skip(done.stderr.strip())
+    if done.returncode != 0:
+        raise SystemExit(f"{command[0]}: exit code {done.returncode}: {done.stderr.strip()}")
+    return done.stdout.split()
+
+
+class Archive:
+    """captures/*.h5 and, in expected/, the outputs of one process for each."""
+
+    def __init__(self, bolo):
+        self.temporary = tempfile.TemporaryDirectory(prefix="bolo-cluster-")
+        self.folder = pathlib.Path(self.temporary.name)
+        self.captures = [self.folder / "captures" / f"{i}.h5" for i in range(CAPTURES)]
+        self.expected = self.folder / "expected"
+        # Hosts with a /tmp of their own could not see it where it was built, if that was there.
+        self.bolo = shutil.copy(bolo, self.folder / "bolo")
+        for folder in (self.folder / "captures", self.expected):
+            folder.mkdir()
+        for seed, capture in enumerate(self.captures):
+            run(self.bolo, "simulate", "-o", capture, "--frames", BLOCKS * BLOCK, "--width", 64, "--height", 32, "--no-truth",
+                "--seed", seed)
+            run(self.bolo, "deblur", capture, "-o", self.expected / capture.name, *SOLVER)
+
+    def close(self):
+        self.temporary.cleanup()
+
+
+class Work:
+    """One way of doing the archive: its outputs and its job folder."""
+
+    def __init__(self, archive, name):
+        self.archive = archive
+        self.out = archive.folder / name / "sharp"
+        self.job = archive.folder / name / "job"
+        self.out.mkdir(parents=True)
+        self.options = [*SOLVER, "--block", str(BLOCK)]
+        self.command = [archive.bolo, "deblur", *archive.captures, "-o", self.out, "--job", self.job, "--threads", 1,
+                        *self.options]
+
+    def records(self):
+        """The finished blocks: file and what changes when it is written again."""
+        if not self.job.exists():
+            return {}
+        return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in self.job.rglob("*.block")}
+
+    def wait_for_the_middle(self, ended=lambda: False, least=1):
+        """Some blocks are finished, some are not. `ended` says whether those that do them have ended."""
+        wait_for(lambda: len(self.records()) >= least or ended(), f"{least} finished blocks of {self.job}")
+        done = len(self.records())
+        assert done >= least, "it ended without any block"
+        assert done < TOTAL, f"all {done} blocks were finished before anything could be killed: make them slower"
+        return done
+
+    def differences(self):
+        """What one process made otherwise, or what is too much or missing."""
+        names = sorted(p.name for p in self.archive.expected.glob("*.h5"))
+        there = sorted(p.name for p in self.out.iterdir())
+        if names != there:
+            return f"{there} instead of {names}"
+        return [n for n in names if not filecmp.cmp(self.archive.expected / n, self.out / n, shallow=False)]
+
+    def processes(self, variable):
+        """Processes that work at it, by the value of a variable of their environment."""
+        found = {}
+        for process in pathlib.Path("/proc").glob("[0-9]*"):
+            try:
+                words = (process / "cmdline").read_bytes().split(b"\0")
+                variables = dict(v.split(b"=", 1) for v in (process / "environ").read_bytes().split(b"\0") if b"=" in v)
+            except OSError:
+                continue  # ended, or another user's
+            # The program itself, not the launcher that has it among its arguments.
+            program = os.path.basename(self.archive.bolo).encode()
+            if program in [os.path.basename(w) for w in words[:2]] and str(self.out).encode() in words:
+                found[variables.get(variable.encode(), b"").decode()] = int(process.name)
+        return found

@@ -1,0 +1,95 @@
+"""The script for Slurm on a real Slurm of one node, whose tasks are killed: slurm_test.py BOLO SLURM SCRIPT.
+
+Whatever is killed, the last job makes, byte for byte, what one process makes. Exit code 77: Slurm is not installed.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import unittest
+
+from archive import TOTAL, Archive, Work, run, set_up, wait_for
+
+BOLO, SLURM, SCRIPT = (os.path.abspath(path) for path in sys.argv[1:4])
+
+
+class Slurm(unittest.TestCase):
+    def setUp(self):
+        self.work = Work(ARCHIVE, self.id().rsplit(".")[-1])
+        self.logs = self.work.job.parent
+        self.environment = {k: v for k, v in os.environ.items() if not k.startswith("SLURM_")}
+        self.environment.update(SLURM_CONF=f"{ARCHIVE.folder}/slurm/slurm.conf", BOLO=str(ARCHIVE.bolo),
+                                CAPTURES=str(ARCHIVE.captures[0].parent), OUT=str(self.work.out), JOB=str(self.work.job),
+                                OPTIONS=" ".join(self.work.options), OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
+        self.addCleanup(self.slurm, "scancel", "--user", str(os.getuid()))
+
+    def slurm(self, *command):
+        return run(*command, env=self.environment, cwd=self.logs).strip()
+
+    def submit(self, *options):
+        return self.slurm("sbatch", "--parsable", "--cpus-per-task=1", *options, SCRIPT)
+
+    def jobs(self):
+        return self.slurm("squeue", "--noheader", "--array", "--format=%i %T").splitlines()
+
+    def log(self):
+        return "\n".join(f"{path.name}:\n{path.read_text()[-1500:]}" for path in sorted(self.logs.glob("*.log")))
+
+    def wait_for_the_middle(self):
+        try:
+            self.work.wait_for_the_middle(lambda: not self.jobs())
+        except AssertionError as error:
+            self.fail(f"{error}\n{self.log()}")
+
+    def expect_done(self):
+        wait_for(lambda: not self.jobs(), f"the end of {self.jobs()}")
+        self.assertFalse(self.work.differences(), self.log())
+        self.assertEqual(len(self.work.records()), TOTAL)
+
+    def test_the_last_job_does_what_killed_tasks_left(self):
+        array = self.submit("--array=0-2")
+        last = self.submit("--array=0", f"--dependency=afterany:{array}")
+        self.wait_for_the_middle()
+        self.slurm("scancel", f"{array}_1")
+        wait_for(lambda: [job for job in self.jobs() if job.startswith(array)] == [], f"the end of array {array}")
+        left = TOTAL - len(self.work.records())
+        self.assertGreater(left, 0, "nothing is left for the last job")
+        before = self.work.records()
+        self.expect_done()
+        self.assertEqual({path: self.work.records()[path] for path in before}, before)
+        self.assertIn("part 0 of 1", (self.logs / f"bolo-deblur-{last}_0.log").read_text())
+
+    def test_a_killed_program_is_started_again_within_its_task(self):
+        job = self.submit("--array=0")
+        self.wait_for_the_middle()
+        os.kill(self.work.processes("SLURM_JOB_ID")[job], signal.SIGKILL)
+        self.expect_done()
+        self.assertIn("start 0.2", self.log())
+
+    def test_out_of_time_a_task_queues_again(self):
+        job = self.submit("--array=0")
+        self.wait_for_the_middle()
+        self.slurm("scancel", "--batch", "--signal=USR1", job)
+        wait_for(lambda: self.jobs() == [f"{job}_0 PENDING"], "the job back in the queue")
+        before = self.work.records()
+        self.assertLess(len(before), TOTAL)
+        self.slurm("scontrol", "update", f"JobId={job}", "StartTime=now")  # Slurm would wait for two minutes
+        self.expect_done()
+        self.assertEqual({path: self.work.records()[path] for path in before}, before)
+        self.assertIn("start 1.1", self.log())
+
+    def test_ranks_in_one_job(self):
+        self.submit("--array=0", "--ntasks=2")
+        self.expect_done()
+        self.assertIn("2 ranks", self.log())
+
+
+if __name__ == "__main__":
+    ARCHIVE = Archive(BOLO)
+    try:
+        set_up(SLURM, "up", ARCHIVE.folder / "slurm")
+        unittest.main(argv=sys.argv[:1], verbosity=2)
+    finally:
+        subprocess.run([SLURM, "down", ARCHIVE.folder / "slurm"], check=False)
+        ARCHIVE.close()
