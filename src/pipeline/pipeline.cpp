@@ -16,6 +16,7 @@
 #include "src/pipeline/frame_undo.hpp"
 #include "src/pipeline/solver_ladder.hpp"
 #include "src/pipeline/solver_words.hpp"
+#include "src/pipeline/stream_state.hpp"
 
 namespace bolo::pipeline {
 namespace {
@@ -378,9 +379,15 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
       SolverLadder::create(settings, (*undo)->format(), options.output, options.maps.row_delay_s, options.degrade);
   if (!solvers) return tl::unexpected(solvers.error());
   settings.iterations = solvers->full().iterations();
+  bool restart_next = false;
+  if (!options.resume.empty()) {
+    StreamState state{**undo, solvers->at(Effort::kFull), restart_next};
+    if (Status status = restore(options.resume, state); !status) return tl::unexpected(status.error());
+  }
 
   auto impl = std::make_unique<Impl>(std::move(source), std::move(*info), std::move(*undo), std::move(*solvers),
                                      settings, options);
+  impl->restart_next = restart_next;
   impl->warn(impl->team.status());
   const SinkFormat format{.source = impl->info,
                           .deblurred_type = options.output,

@@ -1,6 +1,6 @@
 // Single pixels for `bolo deblur --points` (CSV).
 #include "tests/fuzz/input.hpp"
-#include "tools/verbs/pixel_choice.hpp"
+#include "tools/deblur/pixel_choice.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t bytes) {
   constexpr bolo::Geometry kFrame{64, 24};

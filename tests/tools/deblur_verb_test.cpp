@@ -494,7 +494,7 @@ INSTANTIATE_TEST_SUITE_P(
     All, DeblurVerbRefuses,
     testing::Values(
         Refusal{"NoInput", {"-o", "@out.h5"}, "no capture given"}, Refusal{"NoOutput", {"@in.h5"}, "-o OUT.h5"},
-        Refusal{"TwoInputs", {"@in.h5", "@few.h5", "-o", "@out.h5"}, "unexpected argument"},
+        Refusal{"TwoInputs", {"@in.h5", "@few.h5", "-o", "@out.h5"}, "need a folder"},
         Refusal{"UnknownOption", {"@in.h5", "-o", "@out.h5", "--smooth", "2"}, "smooth"},
         Refusal{"MissingFile", {"@none.h5", "-o", "@out.h5"}, "none.h5"},
         Refusal{"NotACapture", {"@text.h5", "-o", "@out.h5"}, "text.h5"},

@@ -65,9 +65,10 @@ void catch_interrupts() {
   sigaction(SIGTERM, &action, nullptr);
 }
 
-Progress::Progress(std::string what, std::uint64_t total)
+Progress::Progress(std::string what, std::uint64_t total, double log_every_s)
     : what_(std::move(what)),
       total_(total),
+      log_every_s_(log_every_s),
       terminal_(isatty(STDERR_FILENO) == 1),
       start_(std::chrono::steady_clock::now()),
       last_(start_) {}
@@ -78,7 +79,11 @@ Progress::~Progress() {
 
 void Progress::update(std::uint64_t done) {
   const auto now = std::chrono::steady_clock::now();
-  if (!terminal_ || ((done < total_ || total_ == 0) && now - last_ < std::chrono::milliseconds(100))) return;
+  if (!terminal_) {
+    log(done, now);
+    return;
+  }
+  if ((done < total_ || total_ == 0) && now - last_ < std::chrono::milliseconds(100)) return;
   last_ = now;
   printed_ = true;
   const double seconds = std::chrono::duration<double>(now - start_).count();
@@ -90,6 +95,16 @@ void Progress::update(std::uint64_t done) {
                static_cast<unsigned long long>(done), static_cast<unsigned long long>(total_),
                total_ > 0 ? 100.0 * static_cast<double>(done) / static_cast<double>(total_) : 100.0,
                seconds > 0 ? static_cast<double>(done) / seconds : 0.0);
+}
+
+void Progress::log(std::uint64_t done, std::chrono::steady_clock::time_point now) {
+  if (log_every_s_ <= 0.0 || std::chrono::duration<double>(now - last_).count() < log_every_s_) return;
+  last_ = now;
+  const double seconds = std::chrono::duration<double>(now - start_).count();
+  std::fprintf(stderr, "%s: %llu of %llu (%.0f %%), %.0f a second, %.0f s\n", what_.c_str(),
+               static_cast<unsigned long long>(done), static_cast<unsigned long long>(total_),
+               total_ > 0 ? 100.0 * static_cast<double>(done) / static_cast<double>(total_) : 100.0,
+               static_cast<double>(done) / seconds, seconds);
 }
 
 }  // namespace bolo::tools

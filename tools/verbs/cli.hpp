@@ -39,18 +39,22 @@ int report(const std::string& verb, const Error& error);
 const std::atomic<bool>& interrupted();
 void catch_interrupts();
 
-// A line of progress on stderr, only when it is a terminal; at most ten times a second.
+// A line of progress on stderr: on a terminal one that changes, at most ten times a second; elsewhere a new one each
+// `log_every_s`, for the logs of long work (0: none).
 class Progress {
  public:
-  Progress(std::string what, std::uint64_t total);  // total 0: not known
-  ~Progress();                                      // ends the line
+  explicit Progress(std::string what, std::uint64_t total, double log_every_s = 0.0);  // total 0: not known
+  ~Progress();                                                                         // ends the line
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
   void update(std::uint64_t done);
 
  private:
+  void log(std::uint64_t done, std::chrono::steady_clock::time_point now);
+
   std::string what_;
   std::uint64_t total_;
+  double log_every_s_;
   bool terminal_;
   bool printed_ = false;
   std::chrono::steady_clock::time_point start_;

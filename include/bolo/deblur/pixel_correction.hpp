@@ -22,6 +22,7 @@
 #include "bolo/core/pixel_range.hpp"
 #include "bolo/core/plane.hpp"
 #include "bolo/core/result.hpp"
+#include "bolo/core/state_bytes.hpp"
 #include "bolo/deblur/settings.hpp"
 #include "bolo/model/pixel_maps.hpp"
 
@@ -44,6 +45,12 @@ class PixelCorrection {
   void correct(float* values, PixelRange pixels) noexcept;
   // After all of the frame's pixels. Thread: pipeline.
   void fill_dead(float* values) const noexcept;
+
+  // Pixels of their own inertia remember the frames before. Thread: any.
+  bool remembers() const noexcept { return !lag_.empty(); }
+  // What they remember. Thread: pipeline, between frames.
+  void save(StateWriter& out) const;
+  void restore(StateReader& in);
 
  private:
   PixelCorrection() = default;

@@ -1,4 +1,4 @@
-#include "tools/verbs/pixel_choice.hpp"
+#include "tools/deblur/pixel_choice.hpp"
 
 #include <charconv>
 #include <cmath>

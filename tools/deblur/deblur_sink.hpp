@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -12,8 +13,7 @@
 
 #include "bolo/capture/capture.hpp"
 #include "bolo/pipeline/sink.hpp"
-#include "tools/verbs/cli.hpp"
-#include "tools/verbs/pixel_choice.hpp"
+#include "tools/deblur/chosen_frames.hpp"
 
 namespace bolo::tools {
 
@@ -25,15 +25,20 @@ struct Rmse {
 
 class DeblurSink final : public pipeline::FrameSink {
  public:
-  // `input` (from `input_file`) is read here for /t, /frame_id and /truth: a reader of its own, not the one that
-  // replays.
-  DeblurSink(std::filesystem::path input_file, capture::CaptureReader input, std::filesystem::path output,
-             PixelChoice choice);
+  // Called with each frame that came, and while none comes: how many there were; false ends the run.
+  using Beat = std::function<bool(std::uint64_t)>;
+
+  DeblurSink(ChosenFrames frames, std::filesystem::path output, Beat beat);
   ~DeblurSink() override;
 
   Status open(const pipeline::SinkFormat& format) override;
   void publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& stats) noexcept override;
+  void idle(const pipeline::PipelineStats& stats) noexcept override;
   void close() noexcept override {}
+
+  // A frame that was deblurred elsewhere: `plane` as ChosenFrames has it, `errors` when there is a truth. In rising
+  // order; open() went before. Thread: setup.
+  Status write(std::size_t index, const void* plane, const SquareErrors& errors);
 
   // Copies stimulus and events, writes the settings, and gives the output its name. Without it the destructor removes
   // what was written. `files`: further root attributes, name and text. Thread: setup, after the pipeline's run().
@@ -48,27 +53,15 @@ class DeblurSink final : public pipeline::FrameSink {
 
  private:
   Status take(const pipeline::PublishedFrame& frame);
-  Status refuse_nan(const pipeline::PublishedFrame& frame) const;
-  Status read_truth(std::size_t index);
-  void judge();
+  void beat() noexcept;
 
-  std::filesystem::path input_file_;
-  capture::CaptureReader input_;
+  ChosenFrames frames_;
   std::filesystem::path output_;
-  PixelChoice choice_;
-  Progress progress_;
+  Beat beat_;
   std::optional<capture::CaptureWriter> writer_;
-  pipeline::SinkFormat format_;
-  LinearScale output_scale_;
-  std::vector<float> whole_truth_;
-  std::vector<float> truth_;    // of the chosen pixels; empty when the input has none
-  std::vector<std::byte> raw_;  // the chosen pixels of the frame
-  std::vector<std::byte> deblurred_;
-  double blurred_square_ = 0.0;
-  double deblurred_square_ = 0.0;
+  SquareErrors squares_;
   std::uint64_t frames_in_ = 0;
   std::uint64_t frames_out_ = 0;
-  std::size_t index_ = 0;  // of the next input frame that may come
   bool finished_ = false;
   Status status_;
   std::atomic<bool> stop_requested_{false};

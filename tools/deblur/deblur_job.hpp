@@ -1,0 +1,39 @@
+// `bolo deblur` in blocks: alone, as a shard, or as one of MPI's ranks.
+#pragma once
+
+#include <optional>
+
+#include "bolo/core/result.hpp"
+#include "tools/cluster/job.hpp"
+#include "tools/deblur/deblur_work.hpp"
+#include "tools/deblur/report.hpp"
+#include "tools/deblur/request.hpp"
+
+namespace bolo::tools {
+
+class DeblurJob final : public cluster::Job {
+ public:
+  // The request outlives it.
+  explicit DeblurJob(DeblurRequest& request) : request_(request) {}
+
+  // The instruction sets of this host.
+  nlohmann::json here() const override;
+  // The one that all hosts have; the same that was used before when the job goes on. So all bits are the same, wherever
+  // a block is done.
+  Result<nlohmann::json> decide(const std::vector<nlohmann::json>& others) override;
+  Result<cluster::Work*> prepare(const nlohmann::json& decision, int local) override;
+
+  // Does the request's shard, or all. Thread: setup.
+  Result<JobSummary> run_alone();
+  // Takes part as a rank; nothing for all but rank 0. Thread: setup.
+  Result<std::optional<JobSummary>> run_ranks();
+
+ private:
+  JobSummary summary(double seconds) const;
+
+  DeblurRequest& request_;
+  std::optional<cluster::JobFolder> folder_;
+  std::optional<DeblurWork> work_;
+};
+
+}  // namespace bolo::tools

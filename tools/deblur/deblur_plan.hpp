@@ -1,0 +1,41 @@
+// Captures cut into blocks: the plan that all processes of a job share.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "bolo/core/result.hpp"
+#include "tools/deblur/request.hpp"
+
+namespace bolo::tools {
+
+struct PlannedCapture {
+  DeblurFile file;
+  std::size_t frames = 0;
+  double first_t_s = 0.0;
+  double last_t_s = 0.0;
+  bool walked = false;  // its blocks need states of CaptureRun::walk()
+};
+
+struct DeblurPlan {
+  std::vector<PlannedCapture> captures;
+  std::size_t block_frames = 0;  // 0: captures whole
+  std::string isa;
+
+  std::size_t blocks_of(const PlannedCapture& capture) const;
+
+  // Everything that the bits of the outputs depend on, beside the captures' pixels: two jobs with the same text do the
+  // same work. The digests are those of profile, maps and points.
+  nlohmann::json text(const DeblurRequest& request, const nlohmann::json& digests) const;
+};
+
+// Opens each capture once and checks it. Thread: setup.
+Result<DeblurPlan> plan_deblurring(const DeblurRequest& request);
+
+// SHA-256 of the files that the settings came from. Thread: setup.
+Result<nlohmann::json> digests_of(const DeblurRequest& request);
+
+}  // namespace bolo::tools

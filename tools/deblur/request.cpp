@@ -1,0 +1,269 @@
+#include "tools/deblur/request.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdio>
+#include <set>
+#include <system_error>
+#include <thread>
+
+#include "bolo/capture/pixel_maps_io.hpp"
+#include "bolo/deblur/isa.hpp"
+#include "bolo/model/camera_profile.hpp"
+#include "bolo/pipeline/apply_profile.hpp"
+#include "tools/deblur/pixel_choice.hpp"
+#include "tools/verbs/cli.hpp"
+
+namespace bolo::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kBlockFrames = 12'000;  // a minute at 200 Hz: some 20 s of work for a core
+constexpr std::size_t kMostBlockFrames = 100'000'000;
+
+// A number, or "auto".
+Status read_lambda(const std::string& text, deblur::Settings& settings) {
+  settings.auto_lambda = text == "auto";
+  if (settings.auto_lambda) return {};
+  const char* end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, settings.lambda);
+  if (error == std::errc() && stop == end) return {};
+  return bad_input("--lambda '" + text + "': give a number of 0 or more, or auto");
+}
+
+Status read_profile(const cxxopts::ParseResult& args, DeblurRequest& request) {
+  if (args.count("profile") == 0) return {};
+  request.profile_file = args["profile"].as<std::string>();
+  const auto profile = model::read_profile(request.profile_file);
+  if (!profile) return tl::unexpected(profile.error());
+  request.maps_file = profile->maps;
+  auto maps = capture::read_profile_maps(*profile);
+  if (!maps) return tl::unexpected(maps.error());
+  pipeline::apply_profile(*profile, std::move(*maps), request.options);
+  return {};
+}
+
+Status read_settings(const cxxopts::ParseResult& args, deblur::Settings& settings) {
+  const auto method = deblur::method_from_name(args["solver"].as<std::string>());
+  if (!method) return at("--solver", method.error());
+  settings.method = *method;
+  settings.iterations = args["iterations"].as<int>();
+  settings.lookahead = args["lookahead"].as<int>();
+  settings.window = args["window"].as<int>();
+  settings.levels = args["levels"].as<int>();
+  if (args.count("tau") != 0) settings.tau_s = args["tau"].as<double>();
+  settings.kappa = args["kappa"].as<double>();
+  settings.noise_k = args["noise"].as<double>();
+  return read_lambda(args["lambda"].as<std::string>(), settings);
+}
+
+Result<PixelType> type_from_name(const std::string& name) {
+  if (name == "float32") return PixelType::kFloat32;
+  if (name == "uint16") return PixelType::kUint16;
+  return bad_input("--type '" + name + "': give float32 or uint16");
+}
+
+Status read_pixels(const cxxopts::ParseResult& args, DeblurRequest& request) {
+  if (args.count("roi") != 0) {
+    const auto roi = args["roi"].as<std::vector<int>>();
+    if (roi.size() != 4) return bad_input("--roi takes four numbers: x,y,width,height");
+    request.options.region = Region{roi[0], roi[1], roi[2], roi[3]};
+  }
+  if (args.count("points") != 0) {
+    if (request.options.region) return bad_input("--roi and --points: give one of them");
+    request.points_file = args["points"].as<std::string>();
+  }
+  return {};
+}
+
+bool is_capture_name(const fs::path& file) { return file.extension() == ".h5" || file.extension() == ".mat"; }
+
+// A folder stands for the captures in it, by name.
+Result<std::vector<fs::path>> captures_in(const fs::path& given) {
+  std::error_code error;
+  if (!fs::is_directory(given, error)) return std::vector<fs::path>{given};
+  std::vector<fs::path> captures;
+  for (const fs::directory_entry& entry : fs::directory_iterator(given, error)) {
+    if (entry.is_regular_file() && is_capture_name(entry.path())) captures.push_back(entry.path());
+  }
+  if (error) return bad_input(given.string() + ": cannot be read: " + error.message());
+  if (captures.empty()) return bad_input(given.string() + ": no captures (.h5, .mat) in this folder");
+  std::ranges::sort(captures);
+  return captures;
+}
+
+// Several captures, or one of a folder, go into a folder under their own names.
+Status name_outputs(std::vector<fs::path> inputs, bool into_folder, DeblurRequest& request) {
+  if (!into_folder) {
+    std::error_code ignored;
+    if (fs::equivalent(inputs.front(), request.output, ignored)) {
+      return bad_input(request.output.string() + ": the output is the input; give another name with -o");
+    }
+    request.files.push_back({std::move(inputs.front()), request.output});
+    return {};
+  }
+  std::error_code error;
+  const bool named_as_file = is_capture_name(request.output) || fs::exists(request.output, error);
+  if (named_as_file && !fs::is_directory(request.output, error)) {
+    return bad_input(request.output.string() + ": several captures need a folder, this is a file; give -o FOLDER");
+  }
+  std::set<fs::path> names;
+  for (fs::path& input : inputs) {
+    const fs::path output = request.output / input.filename().replace_extension(".h5");
+    if (!names.insert(output).second) {
+      return bad_input(input.string() + ": another capture would also become " + output.string() +
+                       "; rename one, or deblur them into two folders");
+    }
+    if (fs::equivalent(input, output, error)) {
+      return bad_input(output.string() + ": the output is the input; give another folder with -o");
+    }
+    request.files.push_back({std::move(input), output});
+  }
+  return {};
+}
+
+Status read_files(const cxxopts::ParseResult& args, DeblurRequest& request) {
+  const std::vector<fs::path> given = files_of(args, "input");
+  if (given.empty()) return bad_input("no capture given; usage: bolo deblur IN.h5 -o OUT.h5");
+  if (args.count("output") == 0) return bad_input("no output given; add -o OUT.h5");
+  request.output = args["output"].as<std::string>();
+  std::vector<fs::path> inputs;
+  std::error_code ignored;
+  bool into_folder = given.size() > 1 || fs::is_directory(request.output, ignored);
+  for (const fs::path& one : given) {
+    into_folder = into_folder || fs::is_directory(one, ignored);
+    auto captures = captures_in(one);
+    if (!captures) return tl::unexpected(captures.error());
+    inputs.insert(inputs.end(), captures->begin(), captures->end());
+  }
+  request.in_blocks = inputs.size() > 1;
+  return name_outputs(std::move(inputs), into_folder, request);
+}
+
+Status read_blocks(const cxxopts::ParseResult& args, DeblurRequest& request) {
+  const auto frames = args["block"].as<std::int64_t>();
+  if (frames < 0 || static_cast<std::uint64_t>(frames) > kMostBlockFrames) {
+    return bad_input("--block " + std::to_string(frames) + ": give the frames of a block, or 0 for whole captures");
+  }
+  request.block_frames = static_cast<std::size_t>(frames);
+  request.rank_timeout_s = args["rank-timeout"].as<double>();
+  if (!(request.rank_timeout_s > 0.0)) return bad_input("--rank-timeout: give seconds above 0");
+  fs::path folder = request.output;
+  if (!folder.has_filename()) folder = folder.parent_path();
+  request.job = args.count("job") != 0 ? fs::path(args["job"].as<std::string>()) : folder += ".job";
+  if (args.count("shard") != 0) {
+    const auto shard = cluster::shard_named(args["shard"].as<std::string>());
+    if (!shard) return tl::unexpected(shard.error());
+    request.shard = *shard;
+    request.sharded = true;
+  }
+  for (const char* option : {"block", "job", "shard"}) request.in_blocks = request.in_blocks || args.count(option) != 0;
+  return {};
+}
+
+}  // namespace
+
+cxxopts::Options deblur_command_line() {
+  const deblur::Settings defaults;
+  const auto text = [](double value) {
+    std::array<char, 32> digits{};
+    std::snprintf(digits.data(), digits.size(), "%g", value);
+    return std::string(digits.data());
+  };
+  cxxopts::Options options("bolo deblur",
+                           "Undo the pixels' thermal inertia in captures.\n"
+                           "Several captures, or one in blocks, can be shared by processes: ranks that mpirun or srun "
+                           "starts,\nor shards. What is done is recorded, and done once.");
+  options.positional_help("IN.h5...");
+  // clang-format off
+  options.add_options()
+    ("input", "Captures to read, or folders of them", cxxopts::value<std::vector<std::string>>())
+    ("o,output", "Capture to write; of several captures, the folder for them", cxxopts::value<std::string>(), "OUT.h5")
+    ("profile", "Camera profile: what is known of the camera and undone", cxxopts::value<std::string>(), "P.toml")
+    ("tau", "Thermal time constant, s (default: the profile's, else " + text(defaults.tau_s) + ")",
+     cxxopts::value<double>(), "S")
+    ("solver", "admm, dual, exact, inverse or mmae", cxxopts::value<std::string>()->default_value("admm"))
+    ("iterations", "ADMM iterations; 0: as many as the accuracy needs",
+     cxxopts::value<int>()->default_value(text(defaults.iterations)), "I")
+    ("kappa", "Weight of the data in kappa ||VA - Y||^2 + lambda ||D||_1",
+     cxxopts::value<double>()->default_value(text(defaults.kappa)), "K")
+    ("lambda", "Weight of sparsity, K (counts for a capture without kelvin), or auto: from noise and motion",
+     cxxopts::value<std::string>()->default_value(text(defaults.lambda)), "L")
+    ("noise", "Temporal noise for --lambda auto and mmae, K (counts as lambda); 0: measured",
+     cxxopts::value<double>()->default_value(text(defaults.noise_k)), "N")
+    ("lookahead", "Frames that the window reaches beyond the estimated one",
+     cxxopts::value<int>()->default_value(text(defaults.lookahead)), "L")
+    ("window", "Frames in the window, 2^k + 1", cxxopts::value<int>()->default_value(text(defaults.window)), "N")
+    ("levels", "Haar levels n: 2^n bins in the window",
+     cxxopts::value<int>()->default_value(text(defaults.levels)), "N")
+    ("threads", "Worker threads (default: one a processor, shared by the ranks of a host)", cxxopts::value<int>(), "W")
+    ("isa", "Instruction set of the kernels, or auto: the best", cxxopts::value<std::string>()->default_value("auto"),
+     "NAME")
+    ("roi", "Only this part of the frame", cxxopts::value<std::vector<int>>(), "x,y,w,h")
+    ("points", "Only these pixels: a line x,y for each", cxxopts::value<std::string>(), "P.csv")
+    ("type", "float32 (kelvin) or uint16 (the input's scale)",
+     cxxopts::value<std::string>()->default_value("float32"))
+    ("json", "Print the summary as JSON");
+  options.add_options("Sharing")
+    ("block", "Frames of a block, the piece of a capture that is done at once; 0: whole captures",
+     cxxopts::value<std::int64_t>()->default_value(std::to_string(kBlockFrames)), "FRAMES")
+    ("shard", "Do the I-th of N parts of the blocks, counted from 0 or from 1", cxxopts::value<std::string>(), "I/N")
+    ("job", "Folder, seen by all, that records what is done (default: the output's name and .job)",
+     cxxopts::value<std::string>(), "FOLDER")
+    ("rank-timeout", "Silence after which a rank is taken for dead, s",
+     cxxopts::value<double>()->default_value("60"), "S");
+  // clang-format on
+  options.parse_positional({"input"});
+  return options;
+}
+
+Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args) {
+  DeblurRequest request;
+  request.json = args.count("json") != 0;
+  if (Status status = read_files(args, request); !status) return tl::unexpected(status.error());
+  if (Status status = read_profile(args, request); !status) return tl::unexpected(status.error());
+  if (Status status = read_settings(args, request.options.deblur); !status) return tl::unexpected(status.error());
+  if (Status status = deblur::choose_isa(args["isa"].as<std::string>()); !status) return at("--isa", status.error());
+  request.isa_given = args["isa"].as<std::string>() != "auto";
+  const auto type = type_from_name(args["type"].as<std::string>());
+  if (!type) return tl::unexpected(type.error());
+  request.options.output = *type;
+  request.threads_given = args.count("threads") != 0;
+  const int processors = static_cast<int>(std::thread::hardware_concurrency());
+  request.options.workers = request.threads_given ? args["threads"].as<int>() : std::max(1, processors);
+  if (Status status = read_pixels(args, request); !status) return tl::unexpected(status.error());
+  if (Status status = read_blocks(args, request); !status) return tl::unexpected(status.error());
+  return request;
+}
+
+Status check_capture(const DeblurRequest& request, const fs::path& file, const capture::CaptureInfo& info) {
+  deblur::Settings settings = request.options.deblur;
+  if (Status status = deblur::validate(settings); !status) return status;
+  settings.period_s = info.format.frame_period_s;
+  if (Status status = deblur::validate(settings); !status) return at(file.string(), status.error());
+  if (info.frames < static_cast<std::size_t>(settings.window)) {
+    return bad_input(file.string() + ": " + std::to_string(info.frames) + " frames, fewer than one window of " +
+                     std::to_string(settings.window) + "; record longer or give a smaller --window");
+  }
+  if (request.options.output == PixelType::kUint16 && info.format.type != PixelType::kUint16) {
+    return bad_input(file.string() + ": /frames is float32, which has no uint16 scale; use --type float32");
+  }
+  return {};
+}
+
+Result<std::vector<std::uint32_t>> points_of(const DeblurRequest& request, Geometry frame) {
+  if (request.points_file.empty()) return std::vector<std::uint32_t>{};
+  return read_points(request.points_file, frame);
+}
+
+std::vector<std::pair<std::string, std::string>> files_behind(const DeblurRequest& request) {
+  std::vector<std::pair<std::string, std::string>> names;
+  if (!request.points_file.empty()) names.emplace_back("points_file", request.points_file.filename().string());
+  if (!request.profile_file.empty()) names.emplace_back("profile", request.profile_file.filename().string());
+  if (!request.maps_file.empty()) names.emplace_back("maps", request.maps_file.filename().string());
+  return names;
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,59 @@
+// What `bolo deblur` is asked to do.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <cxxopts.hpp>
+
+#include "bolo/capture/capture.hpp"
+#include "bolo/core/result.hpp"
+#include "bolo/pipeline/pipeline.hpp"
+#include "tools/cluster/shard.hpp"
+
+namespace bolo::tools {
+
+// A capture and what it becomes.
+struct DeblurFile {
+  std::filesystem::path input;
+  std::filesystem::path output;
+};
+
+struct DeblurRequest {
+  std::vector<DeblurFile> files;
+  std::filesystem::path output;  // as it was given: a file, or a folder for several captures
+  std::filesystem::path points_file;
+  std::filesystem::path profile_file;
+  std::filesystem::path maps_file;
+  pipeline::PipelineOptions options;  // points are of a capture (points_of)
+  bool threads_given = false;
+  bool isa_given = false;
+  bool json = false;
+  // Work in blocks, recorded in a job folder.
+  bool in_blocks = false;
+  std::size_t block_frames = 0;  // 0: captures whole
+  cluster::Shard shard;
+  bool sharded = false;
+  std::filesystem::path job;  // the folder
+  double rank_timeout_s = 60.0;
+};
+
+cxxopts::Options deblur_command_line();
+
+// Settings and files as the words say; of captures only that they are there is looked at. Errors name the option.
+// Thread: setup.
+Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args);
+
+// What can be said of a capture before any work. Thread: setup.
+Status check_capture(const DeblurRequest& request, const std::filesystem::path& file, const capture::CaptureInfo& info);
+
+// The pixels of --points in this frame; none without it. Thread: setup.
+Result<std::vector<std::uint32_t>> points_of(const DeblurRequest& request, Geometry frame);
+
+// Root attributes of the output beyond the settings: which files they came from.
+std::vector<std::pair<std::string, std::string>> files_behind(const DeblurRequest& request);
+
+}  // namespace bolo::tools
