@@ -55,13 +55,15 @@ class Archive:
         self.captures = [self.folder / "captures" / f"{i}.h5" for i in range(CAPTURES)]
         self.expected = self.folder / "expected"
         # Hosts with a /tmp of their own could not see it where it was built, if that was there.
-        self.bolo = shutil.copy(bolo, self.folder / "bolo")
+        self.bolo = shutil.copy(bolo, self.folder)
+        if os.path.exists(library := os.path.join(os.path.dirname(bolo), "bolo-mpi.so")):
+            shutil.copy(library, self.folder)
         for folder in (self.folder / "captures", self.expected):
             folder.mkdir()
         for seed, capture in enumerate(self.captures):
-            run(self.bolo, "simulate", "-o", capture, "--frames", BLOCKS * BLOCK, "--width", 64, "--height", 32, "--no-truth",
+            run(self.bolo, "simulate", "-o", capture, "--frames", BLOCKS * BLOCK, "--width", 64, "--height", 48, "--no-truth",
                 "--seed", seed)
-            run(self.bolo, "deblur", capture, "-o", self.expected / capture.name, *SOLVER)
+            run(self.bolo, "deblur", capture, "-o", self.expected / capture.name, *SOLVER, "--threads", 1)
 
     def close(self):
         self.temporary.cleanup()
@@ -83,7 +85,7 @@ class Work:
         """The finished blocks: file and what changes when it is written again."""
         if not self.job.exists():
             return {}
-        return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in self.job.rglob("*.block")}
+        return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in self.job.glob("done/*-block-*.json")}
 
     def wait_for_the_middle(self, ended=lambda: False, least=1):
         """Some blocks are finished, some are not. `ended` says whether those that do them have ended."""

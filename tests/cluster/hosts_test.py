@@ -29,7 +29,7 @@ class Hosts(unittest.TestCase):
     def start(self, ranks, *flags):
         log = open(self.work.job.parent / "log", "a+")
         self.addCleanup(log.close)
-        command = [HOSTS, "mpirun", *flags, "-np", ranks, *self.work.command]
+        command = [HOSTS, "mpirun", *flags, "-np", ranks, *self.work.command, "--rank-timeout", 3]
         self.running = subprocess.Popen([str(c) for c in command], stdout=log, stderr=subprocess.STDOUT)
 
     def end(self, seconds=60):
