@@ -100,7 +100,7 @@ class Hosts(unittest.TestCase):
 
     def test_without_recovery_the_same_command_goes_on(self):
         self.start(2)
-        self.kill_rank(1)
+        self.kill_rank(0)
         self.assertNotEqual(self.end(), 0)
         self.expect_the_rest_is_done_once(2)
 

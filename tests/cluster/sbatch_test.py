@@ -76,7 +76,7 @@ class Script(unittest.TestCase):
         self.program("srun", PRINTS)
         path = f"{self.folder}:{os.environ['PATH']}"
         _, arguments, _ = self.run_script(SLURM_NTASKS=4, PATH=path)
-        self.assertEqual(arguments[:4], ["--enable-recovery", "--bind-to", "none", str(self.folder / "bolo")])
+        self.assertEqual(arguments[:3], ["--bind-to", "none", str(self.folder / "bolo")])
         self.assertNotIn("--shard", arguments)
         _, arguments, _ = self.run_script(SLURM_NTASKS=4, PATH=path, LAUNCH="srun --mpi=pmix", SLURM_CPUS_PER_TASK=2)
         self.assertEqual(arguments[:3], ["--mpi=pmix", "--cpus-per-task=2", str(self.folder / "bolo")])
