@@ -73,6 +73,7 @@ class Hosts(unittest.TestCase):
     def test_two_hosts(self):
         self.start(2)
         self.expect_done()
+        self.assertIn("2 ranks on 2 hosts", self.log())
 
     def test_four_hosts_that_share_nothing_but_a_folder(self):
         self.start(4)
@@ -82,6 +83,7 @@ class Hosts(unittest.TestCase):
         for kind in ("net", "mnt", "uts", "ipc", "pid"):
             self.assertEqual(len({os.readlink(f"/proc/{pid}/ns/{kind}") for pid in ranks.values()}), 4, kind)
         self.expect_done()
+        self.assertIn("4 ranks on 4 hosts", self.log())
 
     def test_others_go_on_when_a_rank_is_killed(self):
         self.start(4, "--enable-recovery")
