@@ -45,6 +45,13 @@ cluster::Told progress_of(const cluster::Work& work) {
   return [progress](std::uint64_t frames) { progress->update(frames); };
 }
 
+// Of a job that was begun; "" for none.
+std::string planned_isa(const fs::path& job) {
+  const auto plan = cluster::JobFolder::plan_in(job);
+  const nlohmann::json::json_pointer place("/settings/isa");
+  return plan && plan->contains(place) && plan->at(place).is_string() ? plan->at(place).get<std::string>() : "";
+}
+
 double seconds_since(std::int64_t start_ns) { return static_cast<double>(monotonic_ns() - start_ns) / kNsPerSecond; }
 
 }  // namespace
@@ -59,9 +66,7 @@ Result<nlohmann::json> DeblurJob::decide(const std::vector<nlohmann::json>& othe
       return std::ranges::find(isas, isa) != isas.end();
     });
   };
-  const auto planned = cluster::JobFolder::plan_in(request_.job);
-  const nlohmann::json none = nlohmann::json::object();
-  const std::string before = (planned ? planned->value("settings", none) : none).value("isa", "");
+  const std::string before = planned_isa(request_.job);
   std::optional<std::string_view> best;
   for (const std::string_view isa : deblur::available_isas()) {
     if (!everywhere(isa)) continue;
