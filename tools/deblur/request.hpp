@@ -34,7 +34,7 @@ struct DeblurRequest {
   bool json = false;
   // Work in blocks, recorded in a job folder.
   bool in_blocks = false;
-  std::size_t block_frames = 0;  // 0: captures whole
+  std::optional<std::size_t> block_frames;  // 0: captures whole; none: DeblurJob decides (automatic_block())
   cluster::Shard shard;
   bool sharded = false;
   std::filesystem::path job;  // the folder

@@ -49,7 +49,8 @@ int deblur_in_blocks(DeblurRequest& request, bool ranks) {
     return summary ? end_of(request, *summary) : report("deblur", summary.error());
   }
   const auto summary = job.run_ranks();
-  if (!summary) return report("deblur", summary.error());
+  const bool ended_by_user = interrupted().load(std::memory_order_relaxed) && cluster::mpi_launch().rank != 0;
+  if (!summary) return ended_by_user ? summary.error().exit_code() : report("deblur", summary.error());
   return *summary ? end_of(request, **summary) : kExitDone;
 }
 
@@ -64,7 +65,12 @@ int deblur_main(int argc, char** argv) {
   if (!request) return launch.rank == 0 ? report("deblur", request.error()) : request.error().exit_code();
   request->options.warn = [](const std::string& line) { std::fprintf(stderr, "bolo deblur: %s\n", line.c_str()); };
   catch_interrupts();
-  const bool ranks = cluster::launched_by_mpi() && !request->sharded;
+  const bool ranks = cluster::launched_by_mpi();
+  if (ranks && request->sharded) {
+    const Error error{ErrorKind::kBadInput,
+                      "--shard: ranks share the work already; start one process, or leave it out"};
+    return launch.rank == 0 ? report("deblur", error) : error.exit_code();
+  }
   if (ranks || request->in_blocks) return deblur_in_blocks(*request, ranks);
   const Status status = deblur_at_once(*request);
   return status ? kExitDone : report("deblur", status.error());
