@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tools/deblur/deblur_plan.hpp"
+
 namespace bolo::tools {
 namespace {
 
@@ -88,6 +90,13 @@ TEST(ClusterModel, SmallPiecesCostMore) {
   task.block_frames = 200.0;
   const ClusterTime time = calculate(costs, task, boundless(1));
   EXPECT_NEAR(time.seconds, 7.2e6 * 2e-3 + 36'000 * 0.1, 1e-3);
+}
+
+TEST(AutomaticBlock, GivesEachProcessSeveralPieces) {
+  EXPECT_EQ(automatic_block(16, 16 * 720'000, 4), 0U) << "captures whole";
+  EXPECT_EQ(automatic_block(15, 15 * 720'000, 4), 12'000U) << "a minute at most";
+  EXPECT_EQ(automatic_block(1, 16'000, 2), 2'000U);
+  EXPECT_EQ(automatic_block(1, 600, 2), 500U) << "what is shorter costs more than it is worth";
 }
 
 }  // namespace

@@ -269,7 +269,8 @@ Result<ClusterReport> bench_cluster(const ClusterBenchOptions& options) {
     ClusterTask task = options.task;
     const auto captures = static_cast<std::size_t>(std::ceil(task.hours / task.capture_hours));
     const auto ranks = static_cast<std::size_t>(std::ceil(count * machines.cores));
-    if (options.automatic_block) task.block_frames = static_cast<double>(automatic_block(captures, ranks));
+    const auto frames = static_cast<std::size_t>(task.hours * 3600.0 * task.rate_hz);
+    if (options.automatic_block) task.block_frames = static_cast<double>(automatic_block(captures, frames, ranks));
     report.machines.push_back(machines);
     report.block_frames.push_back(task.block_frames);
     report.times.push_back(calculate(report.costs, task, machines));

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <chrono>
 #include <map>
@@ -14,6 +13,7 @@
 
 #include "bolo/core/clock.hpp"
 #include "tools/cluster/coordinator.hpp"
+#include "tools/cluster/job_folder.hpp"
 
 namespace bolo::tools::cluster {
 namespace {
@@ -33,11 +33,6 @@ bool stopped(const CrewOptions& options) {
 
 Error interruption() {
   return {ErrorKind::kFailed, "interrupted; what is done stays done, the same command goes on from there"};
-}
-
-std::string own_host() {
-  std::array<char, 256> host{};
-  return ::gethostname(host.data(), host.size() - 1) == 0 ? host.data() : "host";
 }
 
 // A word is JSON of our own making; anything else is nobody's.

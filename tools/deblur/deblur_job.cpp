@@ -52,6 +52,16 @@ nlohmann::json planned(const fs::path& job, const char* place) {
   return plan && plan->contains(pointer) ? plan->at(pointer) : nlohmann::json();
 }
 
+Result<std::size_t> frames_of(const DeblurRequest& request) {
+  std::size_t frames = 0;
+  for (const DeblurFile& file : request.files) {
+    const auto run = CaptureRun::open(request, file.input, true);
+    if (!run) return tl::unexpected(run.error());
+    frames += run->info().frames;
+  }
+  return frames;
+}
+
 double seconds_since(std::int64_t start_ns) { return static_cast<double>(monotonic_ns() - start_ns) / kNsPerSecond; }
 
 }  // namespace
@@ -63,9 +73,13 @@ Result<nlohmann::json> DeblurJob::decide(const std::vector<nlohmann::json>& othe
   if (!isa) return tl::unexpected(isa.error());
   const std::size_t processes = std::max(request_.shard.count, others.size() + 1);
   const nlohmann::json before = planned(request_.job, "/block_frames");
-  const std::size_t block =
-      before.is_number_unsigned() ? before.get<std::size_t>() : automatic_block(request_.files.size(), processes);
-  return nlohmann::json{{"isa", *isa}, {"block_frames", request_.block_frames.value_or(block)}};
+  if (!request_.block_frames && before.is_number_unsigned()) request_.block_frames = before.get<std::size_t>();
+  if (!request_.block_frames) {
+    const auto frames = frames_of(request_);
+    if (!frames) return tl::unexpected(frames.error());
+    request_.block_frames = automatic_block(request_.files.size(), *frames, processes);
+  }
+  return nlohmann::json{{"isa", *isa}, {"block_frames", *request_.block_frames}};
 }
 
 Result<std::string> DeblurJob::common_isa(const std::vector<nlohmann::json>& others) const {

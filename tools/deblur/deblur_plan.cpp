@@ -10,10 +10,12 @@
 
 namespace bolo::tools {
 
-std::size_t automatic_block(std::size_t captures, std::size_t processes) {
-  constexpr std::size_t kBlockFrames = 12'000;
-  constexpr std::size_t kCapturesEach = 4;
-  return captures >= kCapturesEach * processes ? 0 : kBlockFrames;
+std::size_t automatic_block(std::size_t captures, std::size_t frames, std::size_t processes) {
+  constexpr std::size_t kMost = 12'000;
+  constexpr std::size_t kLeast = 500;
+  constexpr std::size_t kPiecesEach = 4;
+  if (captures >= kPiecesEach * processes) return 0;
+  return std::clamp(frames / (kPiecesEach * processes), kLeast, kMost);
 }
 
 std::size_t DeblurPlan::blocks_of(const PlannedCapture& capture) const {

@@ -216,7 +216,7 @@ cxxopts::Options deblur_command_line() {
     ("json", "Print the summary as JSON");
   options.add_options("Sharing")
     ("block", "Frames of a block, the piece of a capture that is done at once; 0: whole captures; auto: whole ones "
-     "where each process gets several, else 12000", cxxopts::value<std::string>()->default_value("auto"), "FRAMES")
+     "where each process gets several, else 500 to 12000", cxxopts::value<std::string>()->default_value("auto"), "FRAMES")
     ("shard", "Do the I-th of N parts of the blocks, counted from 0 or from 1", cxxopts::value<std::string>(), "I/N")
     ("job", "Folder, seen by all, that records what is done (default: the output's name and .job)",
      cxxopts::value<std::string>(), "FOLDER")
