@@ -31,10 +31,6 @@ bool stopped(const CrewOptions& options) {
   return options.stop != nullptr && options.stop->load(std::memory_order_relaxed);
 }
 
-Error interruption() {
-  return {ErrorKind::kFailed, "interrupted; what is done stays done, the same command goes on from there"};
-}
-
 std::string own_host() {
   std::array<char, 256> host{};
   return ::gethostname(host.data(), host.size() - 1) == 0 ? host.data() : "host";

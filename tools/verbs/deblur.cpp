@@ -5,8 +5,10 @@
 #include <cstdio>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "bolo/core/clock.hpp"
+#include "tools/cluster/job_run.hpp"
 #include "tools/cluster/mpi.hpp"
 #include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/deblur_job.hpp"
@@ -45,12 +47,12 @@ int end_of(const DeblurRequest& request, const JobSummary& summary) {
 int deblur_in_blocks(DeblurRequest& request, bool ranks) {
   DeblurJob job(request);
   if (!ranks) {
-    const auto summary = job.run_alone();
-    return summary ? end_of(request, *summary) : report("deblur", summary.error());
+    auto result = cluster::run_alone(job, request.sharing, "deblur");
+    return result ? end_of(request, job.finish(std::move(*result))) : report("deblur", result.error());
   }
-  const auto summary = job.run_ranks();
-  if (!summary) return report("deblur", summary.error());
-  return *summary ? end_of(request, **summary) : kExitDone;
+  auto result = cluster::run_ranks(job, request.sharing, "deblur");
+  if (!result) return report("deblur", result.error());
+  return *result ? end_of(request, job.finish(std::move(**result))) : kExitDone;
 }
 
 }  // namespace
@@ -64,7 +66,7 @@ int deblur_main(int argc, char** argv) {
   if (!request) return launch.rank == 0 ? report("deblur", request.error()) : request.error().exit_code();
   request->options.warn = [](const std::string& line) { std::fprintf(stderr, "bolo deblur: %s\n", line.c_str()); };
   catch_interrupts();
-  const bool ranks = cluster::launched_by_mpi() && !request->sharded;
+  const bool ranks = cluster::launched_by_mpi() && !request->sharing.sharded;
   if (ranks || request->in_blocks) return deblur_in_blocks(*request, ranks);
   const Status status = deblur_at_once(*request);
   return status ? kExitDone : report("deblur", status.error());
