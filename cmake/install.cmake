@@ -1,9 +1,20 @@
 # What is installed where. Each component is one Debian package (cmake/packaging.cmake); the client's libraries and the
 # Python module install themselves from drivers/shm. Units, rules and settings have their places below the prefix,
 # configuration in /etc.
-include(GNUInstallDirs)
 
 install(TARGETS bolo bolod RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT bolo)
+
+if(TARGET bolo_mpi)
+  install(TARGETS bolo_mpi LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/bolo COMPONENT bolo-mpi)
+endif()
+
+# Everything that packages are made of.
+add_custom_target(shipped DEPENDS bolo bolod bolo_client)
+foreach(target manual bolo_mpi)
+  if(TARGET ${target})
+    add_dependencies(shipped ${target})
+  endif()
+endforeach()
 
 install(FILES config/a655sc.toml config/bolod.toml config/demo.toml
   DESTINATION ${CMAKE_INSTALL_FULL_SYSCONFDIR}/bolo COMPONENT bolo)

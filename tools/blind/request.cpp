@@ -4,6 +4,8 @@
 #include <system_error>
 #include <utility>
 
+#include "tools/cluster/job_run.hpp"
+
 namespace bolo::tools::blind {
 namespace {
 
@@ -69,14 +71,17 @@ Status read_check(const Given& given, CheckOptions& options) {
 
 // Whoever starts shards and ranks starts as many as there are processors: each does one session at a time, a shard more
 // if it is told to.
-Status read_sharing(const Given& given, bool ranks, BlindRequest& request) {
+Status read_sharing(const Given& given, BlindRequest& request) {
   auto sharing = cluster::read_sharing(given);
   if (!sharing) return tl::unexpected(sharing.error());
   request.sharing = std::move(*sharing);
-  const bool many = ranks || request.sharing.sharded;
+  const auto ranks = cluster::shared_by_ranks(request.sharing);
+  if (!ranks) return tl::unexpected(ranks.error());
+  request.ranks = *ranks;
+  const bool many = request.ranks || request.sharing.sharded;
   if (many && request.sharing.job.empty()) return bad_input("shards and ranks: give --job FOLDER, which all see");
   if (many && given.count("jobs") == 0) request.check.jobs = 1;
-  if (!ranks || request.sharing.sharded || request.check.jobs == 1) return {};
+  if (!request.ranks || request.check.jobs == 1) return {};
   return bad_input("--jobs " + std::to_string(request.check.jobs) +
                    ": a rank does one session at a time; leave it out and start as many ranks");
 }
@@ -109,13 +114,13 @@ cxxopts::Options blind_command_line() {
   return options;
 }
 
-Result<BlindRequest> read_blind_request(const cxxopts::ParseResult& args, bool ranks) {
+Result<BlindRequest> read_blind_request(const cxxopts::ParseResult& args) {
   BlindRequest request;
   request.json = args.count("json") != 0;
   if (args.count("html") != 0) request.html = args["html"].as<std::string>();
   Status status = read_draw(args, request.draw);
   if (status) status = read_check(args, request.check);
-  if (status) status = read_sharing(args, ranks, request);
+  if (status) status = read_sharing(args, request);
   if (status) status = draw_sessions(args, request);
   if (!status) return tl::unexpected(status.error());
   return request;

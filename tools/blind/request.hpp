@@ -24,12 +24,12 @@ struct BlindRequest {
   std::filesystem::path html;  // empty: no page
   bool json = false;
   cluster::Sharing sharing;
+  bool ranks = false;  // this process is one of several that share the work
 };
 
 cxxopts::Options blind_command_line();
 
-// Draws the sessions. `ranks`: this process is one of several that share the work. Errors name the option. Thread:
-// setup.
-Result<BlindRequest> read_blind_request(const cxxopts::ParseResult& args, bool ranks);
+// Draws the sessions. Errors name the option. Thread: setup.
+Result<BlindRequest> read_blind_request(const cxxopts::ParseResult& args);
 
 }  // namespace bolo::tools::blind

@@ -23,11 +23,28 @@ Coordinator::Coordinator(Work& work, int ranks, double silence_s)
   ranks_.front().present = true;
   std::iota(order_.begin(), order_.end(), std::size_t{0});
   std::ranges::stable_sort(order_, {}, [this](std::size_t i) { return urgency(work_.pieces()[i].role); });
+  left_ = states_.size();
   for (std::size_t i = 0; i < states_.size(); ++i) {
-    if (!work_.done(i)) continue;
-    states_[i] = State::kDone;
-    ++before_;
+    if (work_.done(i)) end(i, State::kDone);
   }
+  before_ = states_.size() - left_;
+}
+
+bool Coordinator::over(std::size_t piece) const {
+  return states_[piece] == State::kDone || states_[piece] == State::kFailed;
+}
+
+void Coordinator::end(std::size_t piece, State state) {
+  if (!over(piece)) --left_;
+  states_[piece] = state;
+  searched_ = false;
+}
+
+void Coordinator::open(std::size_t piece) {
+  if (over(piece)) ++left_;
+  states_[piece] = State::kOpen;
+  searched_ = false;
+  first_ = 0;
 }
 
 void Coordinator::heard(int rank, double now_s) {
@@ -38,7 +55,7 @@ void Coordinator::heard(int rank, double now_s) {
 
 void Coordinator::did(int rank, std::size_t piece, double now_s) {
   heard(rank, now_s);
-  states_[piece] = State::kDone;
+  end(piece, State::kDone);
   Rank& r = ranks_[static_cast<std::size_t>(rank)];
   if (r.piece == piece) r.piece.reset();
 }
@@ -76,10 +93,10 @@ std::vector<int> Coordinator::look(double now_s) {
 // Open again, with those of its needs that are no longer done: a file may have been damaged meanwhile.
 void Coordinator::give_back(std::size_t piece, const Error& error) {
   if (attempts_[piece] >= kAttempts) return drop_group(piece, error);
-  states_[piece] = State::kOpen;
+  open(piece);
   ++again_;
   for (const std::size_t need : work_.pieces()[piece].needs) {
-    if (states_[need] == State::kDone && !work_.done(need)) states_[need] = State::kOpen;
+    if (states_[need] == State::kDone && !work_.done(need)) open(need);
   }
 }
 
@@ -87,7 +104,7 @@ void Coordinator::drop_group(std::size_t piece, const Error& error) {
   failures_.push_back({piece, error});
   const std::size_t group = work_.pieces()[piece].group;
   for (std::size_t i = 0; i < states_.size(); ++i) {
-    if (work_.pieces()[i].group == group && states_[i] != State::kDone) states_[i] = State::kFailed;
+    if (work_.pieces()[i].group == group && states_[i] != State::kDone) end(i, State::kFailed);
   }
 }
 
@@ -99,17 +116,16 @@ bool Coordinator::ready(std::size_t piece) const {
 
 std::optional<std::size_t> Coordinator::next(int rank) {
   Rank& r = ranks_[static_cast<std::size_t>(rank)];
-  if (r.piece || !r.present) return std::nullopt;
-  const auto found = std::ranges::find_if(order_, [this](std::size_t piece) { return ready(piece); });
-  if (found == order_.end()) return std::nullopt;
+  if (r.piece || !r.present || searched_) return std::nullopt;
+  while (first_ < order_.size() && over(order_[first_])) ++first_;
+  const auto found = std::find_if(order_.begin() + static_cast<std::ptrdiff_t>(first_), order_.end(),
+                                  [this](std::size_t piece) { return ready(piece); });
+  searched_ = found == order_.end();
+  if (searched_) return std::nullopt;
   states_[*found] = State::kRunning;
   ++attempts_[*found];
   r.piece = *found;
   return *found;
-}
-
-bool Coordinator::finished() const {
-  return std::ranges::all_of(states_, [](State s) { return s == State::kDone || s == State::kFailed; });
 }
 
 }  // namespace bolo::tools::cluster

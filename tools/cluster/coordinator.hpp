@@ -34,7 +34,7 @@ class Coordinator {
   bool idle(int rank) const { return !ranks_[static_cast<std::size_t>(rank)].piece; }
   bool present(int rank) const { return ranks_[static_cast<std::size_t>(rank)].present; }
   // Nothing is left that could be done.
-  bool finished() const;
+  bool finished() const { return left_ == 0; }
 
   const std::vector<Failure>& failures() const { return failures_; }
   std::size_t before() const { return before_; }  // pieces that were done when it began
@@ -51,6 +51,9 @@ class Coordinator {
     std::optional<std::size_t> piece;
   };
 
+  bool over(std::size_t piece) const;
+  void end(std::size_t piece, State state);
+  void open(std::size_t piece);
   bool ready(std::size_t piece) const;
   void give_back(std::size_t piece, const Error& error);
   void drop_group(std::size_t piece, const Error& error);
@@ -60,6 +63,9 @@ class Coordinator {
   std::vector<State> states_;
   std::vector<int> attempts_;
   std::vector<std::size_t> order_;  // closing pieces first: they make room; then preludes: others wait for them
+  std::size_t first_ = 0;           // in order_; all before are over
+  bool searched_ = false;           // nothing was ready, and nothing has changed since
+  std::size_t left_ = 0;            // pieces that are not over
   std::vector<Rank> ranks_;
   std::vector<Failure> failures_;
   std::size_t before_ = 0;

@@ -183,7 +183,10 @@ Result<std::vector<Json>> Leader::gather() {
   const double start = now_s();
   const auto missing = [this] { return std::ranges::count_if(here_, [](const Json& here) { return here.is_null(); }); };
   while (missing() > 0 && now_s() - start < options_.silence_s) {
-    if (stopped(options_)) return tl::unexpected(interruption());
+    if (stopped(options_)) {
+      all_present_ = false;
+      return tl::unexpected(interruption());
+    }
     const auto message = messenger_.receive();
     if (!message) {
       std::this_thread::sleep_for(kPause);
@@ -192,6 +195,7 @@ Result<std::vector<Json>> Leader::gather() {
     const auto word = parsed(message->text);
     if (word && word->contains("here")) here_[static_cast<std::size_t>(message->from)] = word->at("here");
   }
+  all_present_ = missing() == 0;
   std::vector<Json> others;
   for (std::size_t rank = 1; rank < here_.size(); ++rank) {
     if (!here_[rank].is_null()) others.push_back(here_[rank]);
@@ -204,15 +208,15 @@ void Leader::announce(const Json& plan) {
   send_all({{"plan", plan}});
 }
 
-void Leader::end(bool well) {
-  all_present_ = all_present_ && well;
-  send_all({{"end", all_present_}});
-}
+void Leader::end() { send_all({{"end", all_present_}}); }
 
 Result<CrewResult> Leader::lead(Work& work, const Told& told) {
   Run run(*this, work, told);
   while (!run.coordinator.finished()) {
-    if (stopped(options_)) return tl::unexpected(interruption());
+    if (stopped(options_)) {
+      all_present_ = false;  // the others were told to end too
+      return tl::unexpected(interruption());
+    }
     run.look();
     const auto own = run.coordinator.next(0);
     if (own) {

@@ -59,8 +59,8 @@ class Leader {
   void announce(const nlohmann::json& plan);
   // Until nothing is left. kFailed when interrupted.
   Result<CrewResult> lead(Work& work, const Told& told);
-  // Tells the others that it is over; the last word. `well`: it came to its end.
-  void end(bool well);
+  // Tells the others that it is over; the last word.
+  void end();
   // After end(): nobody was lost, so that all can take leave of each other.
   bool all_present() const { return all_present_; }
 

@@ -41,7 +41,7 @@ Result<std::optional<CrewResult>> take_part(Job& job, Messenger& messenger, cons
   }
   Leader leader(messenger, options);
   auto result = lead(job, leader, messenger.local(), progress);
-  leader.end(result.has_value());
+  leader.end();
   messenger.leave(leader.all_present());
   if (!result) return tl::unexpected(result.error());
   return std::optional<CrewResult>(std::move(*result));

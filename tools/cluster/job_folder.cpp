@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -20,6 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kVersion = 1;
+constexpr const char* kCheck = "sha256";  // of the record without it
 
 Status flushed(const fs::path& path, int flags) {
   const UniqueFd file(::open(path.c_str(), flags | O_CLOEXEC));
@@ -115,11 +117,18 @@ Result<JobFolder> JobFolder::open(const fs::path& folder, const nlohmann::json& 
                    "; give the same options, another --job, or remove the folder to begin anew");
 }
 
-fs::path JobFolder::unfinished(const std::string& name) const { return folder_ / "data" / (own_name() + "-" + name); }
+fs::path JobFolder::unfinished(const std::string& name) const {
+  static std::atomic<unsigned> count{0};
+  return folder_ / "data" / (own_name() + "-" + std::to_string(count.fetch_add(1)) + "-" + name);
+}
 
 std::optional<nlohmann::json> JobFolder::record(const std::string& piece) const {
   auto json = json_in(record_file(piece));
-  if (!json || json->value("version", 0) != kVersion || json->value("plan", "") != digest_) return std::nullopt;
+  if (!json || !json->contains(kCheck)) return std::nullopt;
+  const nlohmann::json check = std::move((*json)[kCheck]);
+  json->erase(kCheck);
+  const bool whole = check == sha256(json->dump());
+  if (!whole || json->at("version") != kVersion || json->at("plan") != digest_) return std::nullopt;
   return json;
 }
 
@@ -127,6 +136,7 @@ Status JobFolder::add_record(const std::string& piece, nlohmann::json record) co
   record["version"] = kVersion;
   record["plan"] = digest_;
   record["by"] = own_name();
+  record[kCheck] = sha256(record.dump());
   const fs::path own = unfinished(piece + ".json");
   if (Status status = written(own, record.dump() + "\n"); !status) return status;
   return publish(own, record_file(piece));

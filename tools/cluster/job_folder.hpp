@@ -5,7 +5,7 @@
 //   data/            what pieces leave for others, and what is being written, under names of host and process
 //
 // Files get their names whole: written under another name, flushed to the disk, then renamed. So a record is there or
-// is not, and two that write the same one do no harm.
+// is not, and two that write the same one do no harm. Each has the digest of its plan and its own.
 #pragma once
 
 #include <filesystem>
@@ -41,11 +41,11 @@ class JobFolder {
   static std::optional<nlohmann::json> plan_in(const std::filesystem::path& folder);
 
   const std::filesystem::path& path() const { return folder_; }
-  // A piece's data under its final name, and the name under which this process may write it.
+  // A piece's data under its final name, and a name under which the caller alone may write it: another one each time.
   std::filesystem::path data(const std::string& name) const { return folder_ / "data" / name; }
   std::filesystem::path unfinished(const std::string& name) const;
 
-  // Nothing when there is none, or when it is torn or of another plan.
+  // Nothing when there is none, or when it is torn, changed, or of another plan: what is given is what was added.
   std::optional<nlohmann::json> record(const std::string& piece) const;
   Status add_record(const std::string& piece, nlohmann::json record) const;
   // What was done counts no more.

@@ -67,6 +67,20 @@ Result<std::optional<JobResult>> run_ranks(Job& job, const Sharing& sharing, con
                    seconds_since(start_ns)};
 }
 
+Result<bool> shared_by_ranks(const Sharing& sharing) {
+  const bool ranks = launched_by_mpi();
+  if (!ranks || !sharing.sharded) return ranks;
+  return bad_input("--shard: ranks share the work already; start one process, or leave it out");
+}
+
+int report_once(const std::string& verb, const Error& error) {
+  return mpi_launch().rank == 0 ? report(verb, error) : error.exit_code();
+}
+
+int report_rank(const std::string& verb, const Error& error) {
+  return interrupted().load(std::memory_order_relaxed) ? report_once(verb, error) : report(verb, error);
+}
+
 double busy_s(const JobResult& result) {
   double busy = 0.0;
   for (const RankShare& rank : result.ranks) busy += rank.busy_s;

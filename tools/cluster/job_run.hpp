@@ -31,6 +31,14 @@ Result<JobResult> run_alone(Job& job, const Sharing& sharing, const std::string&
 // Takes part as one of MPI's ranks; nothing for all but rank 0. Thread: setup.
 Result<std::optional<JobResult>> run_ranks(Job& job, const Sharing& sharing, const std::string& verb);
 
+// Whether this process is one of several ranks; kBadInput when it is a shard too. Thread: setup.
+Result<bool> shared_by_ranks(const Sharing& sharing);
+
+// What every rank finds alike, as wrong usage, is told by rank 0; what happened to a rank by itself, but for the user's
+// interruption. Both return the exit code. Thread: setup.
+int report_once(const std::string& verb, const Error& error);
+int report_rank(const std::string& verb, const Error& error);
+
 // Seconds of work of all ranks.
 double busy_s(const JobResult& result);
 

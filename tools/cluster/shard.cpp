@@ -32,8 +32,16 @@ class ShardRun {
   bool close(std::size_t piece) {
     if (work_.done(piece)) return true;
     const auto& needs = work_.pieces()[piece].needs;
-    const bool ready = std::ranges::all_of(needs, [this](std::size_t need) { return work_.done(need); });
-    return !ready || run(piece);
+    const auto ready = [&] {
+      return std::ranges::all_of(needs, [this](std::size_t need) { return work_.done(need); });
+    };
+    if (!ready()) return true;
+    if (!run(piece)) return false;
+    if (work_.done(piece) || ready()) return true;
+    // What a need had left was damaged: it is done again, and this once more.
+    result.failures.pop_back();
+    broken_.erase(work_.pieces()[piece].group);
+    return with_needs(piece);
   }
 
  private:

@@ -45,7 +45,8 @@ Status BlockSink::take(const pipeline::PublishedFrame& frame) {
   }
   block_.crc =
       static_cast<std::uint32_t>(crc32_z(block_.crc, static_cast<const Bytef*>(chosen_.deblurred()), chosen_.bytes()));
-  block_.written.push_back(static_cast<std::uint32_t>(index));
+  if (block_.written.empty() || block_.written.back().end != index) block_.written.push_back({index, index});
+  block_.written.back().end = index + 1;
   if (chosen_.written().has_truth) block_.errors.push_back(*errors);
   return {};
 }

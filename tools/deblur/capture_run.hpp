@@ -45,9 +45,9 @@ class CaptureRun {
   // Deblurs frames [first, end) into the file `planes`: those that have a window, as they stand in a frame of the
   // output, one after the other. `state`: of StreamWalk where the block does not begin the capture, else empty.
   struct Block {
-    std::vector<std::uint32_t> written;  // places in the capture, of each plane in the file
-    std::vector<SquareErrors> errors;    // of each, when there is a truth
-    std::uint32_t crc = 0;               // CRC-32 of the file
+    std::vector<replay::FrameRange> written;  // places in the capture of the planes in the file
+    std::vector<SquareErrors> errors;         // of each, when there is a truth
+    std::uint32_t crc = 0;                    // CRC-32 of the file
     std::uint64_t lost = 0;
     double deblur_ms = 0.0;
   };

@@ -26,6 +26,13 @@ Status check_folders(const DeblurRequest& request, const fs::path& job) {
   return bad_input("--job " + job.string() + ": must be on the same file system as the output, " + outputs.string());
 }
 
+// Of a job that was begun; "" for none.
+std::string planned_isa(const fs::path& job) {
+  const auto plan = cluster::JobFolder::plan_in(job);
+  const nlohmann::json::json_pointer place("/settings/isa");
+  return plan && plan->contains(place) && plan->at(place).is_string() ? plan->at(place).get<std::string>() : "";
+}
+
 }  // namespace
 
 nlohmann::json DeblurJob::here() const { return {{"isas", deblur::available_isas()}}; }
@@ -38,9 +45,7 @@ Result<nlohmann::json> DeblurJob::decide(const std::vector<nlohmann::json>& othe
       return std::ranges::find(isas, isa) != isas.end();
     });
   };
-  const auto planned = cluster::JobFolder::plan_in(request_.sharing.job);
-  const nlohmann::json none = nlohmann::json::object();
-  const std::string before = (planned ? planned->value("settings", none) : none).value("isa", "");
+  const std::string before = planned_isa(request_.sharing.job);
   std::optional<std::string_view> best;
   for (const std::string_view isa : deblur::available_isas()) {
     if (!everywhere(isa)) continue;

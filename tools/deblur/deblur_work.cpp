@@ -1,14 +1,12 @@
 #include "tools/deblur/deblur_work.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <fstream>
 #include <sstream>
-#include <string_view>
 #include <system_error>
 #include <utility>
 
-#include <zlib.h>
+#include "tools/deblur/block_planes.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -27,10 +25,6 @@ std::uint64_t size_of(const fs::path& file) {
   return error ? 0 : size;
 }
 
-std::uint32_t crc_of(std::string_view bytes, std::uint32_t before = 0) {
-  return static_cast<std::uint32_t>(crc32_z(before, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
-}
-
 // Removes what was being written when it is not wanted any more.
 class Unfinished {
  public:
@@ -45,63 +39,6 @@ class Unfinished {
 
  private:
   fs::path file_;
-};
-
-// The planes of one block after the other, with a look whether they are still those that were written.
-class BlockPlanes {
- public:
-  struct Source {
-    fs::path file;
-    nlohmann::json record;
-  };
-  // `damaged` is told the place of a block that is not what it was.
-  BlockPlanes(std::vector<Source> sources, std::size_t plane_size, std::function<void(std::size_t)> damaged)
-      : sources_(std::move(sources)), plane_(plane_size), damaged_(std::move(damaged)) {}
-
-  Result<std::optional<CaptureRun::Plane>> next() {
-    while (at_ < sources_.size()) {
-      const auto& written = sources_[at_].record.at("written");
-      if (plane_of_block_ == 0) {
-        in_.open(sources_[at_].file, std::ios::binary);
-        crc_ = 0;
-      }
-      if (plane_of_block_ < written.size()) return plane(written);
-      in_.close();
-      if (crc_ != sources_[at_].record.value("crc", std::uint32_t{0})) return tl::unexpected(damage().error());
-      ++at_;
-      plane_of_block_ = 0;
-    }
-    return std::nullopt;
-  }
-
- private:
-  Result<std::optional<CaptureRun::Plane>> plane(const nlohmann::json& written) {
-    in_.read(plane_.data(), static_cast<std::streamsize>(plane_.size()));
-    if (!in_) return tl::unexpected(damage().error());
-    crc_ = crc_of({plane_.data(), plane_.size()}, crc_);
-    CaptureRun::Plane plane{written[plane_of_block_].get<std::size_t>(), plane_.data(), {}};
-    const nlohmann::json& record = sources_[at_].record;
-    if (record.contains("errors")) {
-      const auto& errors = record.at("errors")[plane_of_block_];
-      plane.errors = {errors[0].get<double>(), errors[1].get<double>()};
-    }
-    ++plane_of_block_;
-    return plane;
-  }
-
-  Status damage() {
-    in_.close();
-    damaged_(at_);
-    return failed(sources_[at_].file.string() + ": was damaged after it had been written; the block is done again");
-  }
-
-  std::vector<Source> sources_;
-  std::vector<char> plane_;
-  std::function<void(std::size_t)> damaged_;
-  std::size_t at_ = 0;
-  std::size_t plane_of_block_ = 0;
-  std::ifstream in_;
-  std::uint32_t crc_ = 0;
 };
 
 }  // namespace
@@ -157,7 +94,7 @@ replay::FrameRange DeblurWork::frames_of(const Task& task) const {
 
 bool DeblurWork::output_there(std::size_t capture) const {
   const auto record = folder_.record(pieces_[last_[capture]].name);
-  return record && size_of(plan_.captures[capture].file.output) == record->value("bytes", std::uint64_t{0});
+  return record && size_of(plan_.captures[capture].file.output) == record->at("bytes");
 }
 
 // With the output there, all before it is done, though its data are gone.
@@ -168,7 +105,7 @@ bool DeblurWork::done(std::size_t piece) const {
   if (!record) return false;
   const fs::path data = data_of(task);
   std::error_code ignored;
-  if (fs::exists(data, ignored) && size_of(data) == record->value("bytes", std::uint64_t{0})) return true;
+  if (fs::exists(data, ignored) && size_of(data) == record->at("bytes")) return true;
   return output_there(task.capture);
 }
 
@@ -237,7 +174,7 @@ Result<std::string> DeblurWork::state_for(const Task& task) const {
   if (in) bytes << in.rdbuf();
   const std::string state = bytes.str();
   const auto record = folder_.record(name_of(walk));
-  if (in && record && record->value("crc", std::uint32_t{0}) == crc_of(state)) return state;
+  if (in && record && record->at("crc") == crc_of(state)) return state;
   folder_.forget(name_of(walk));
   return failed(data_of(walk).string() + ": was damaged after it had been written; it is made again");
 }
@@ -272,7 +209,8 @@ Status DeblurWork::run_block(const Task& task, const cluster::Beat& beat) {
                         {"crc", block->crc},
                         {"lost", block->lost},
                         {"deblur_ms", block->deblur_ms},
-                        {"written", block->written}};
+                        {"written", nlohmann::json::array()}};
+  for (const replay::FrameRange& frames : block->written) record["written"].push_back({frames.first, frames.end});
   for (const SquareErrors& errors : block->errors) record["errors"].push_back({errors.blurred, errors.deblurred});
   if (Status status = cluster::publish(written.path(), data_of(task)); !status) return status;
   return folder_.add_record(name_of(task), std::move(record));
@@ -287,8 +225,8 @@ Status DeblurWork::run_output(const Task& task, const cluster::Beat& beat) {
   for (const std::size_t block : blocks) {
     auto record = folder_.record(pieces_[block].name);
     if (!record) return failed(pieces_[block].name + ": its record is gone; the block is done again");
-    sums["lost"] = sums["lost"].get<std::uint64_t>() + record->value("lost", std::uint64_t{0});
-    sums["deblur_ms"] = sums["deblur_ms"].get<double>() + record->value("deblur_ms", 0.0);
+    sums["lost"] = sums["lost"].get<std::uint64_t>() + record->at("lost").get<std::uint64_t>();
+    sums["deblur_ms"] = sums["deblur_ms"].get<double>() + record->at("deblur_ms").get<double>();
     sources.push_back({data_of(tasks_[block]), std::move(*record)});
   }
   BlockPlanes planes(std::move(sources), (*run)->plane_size(),

@@ -130,14 +130,14 @@ JobSummary summarise(const DeblurRequest& request, const DeblurWork& work) {
     const auto record = work.record(work.last_of(i));
     if (!record || !work.done(work.last_of(i))) continue;
     RunFacts facts;
-    facts.frames_out = record->value("frames_out", std::uint64_t{0});
-    facts.lost = record->value("lost", std::uint64_t{0});
-    facts.deblur_ms = record->value("deblur_ms", 0.0);
+    facts.frames_out = record->at("frames_out").get<std::uint64_t>();
+    facts.lost = record->at("lost").get<std::uint64_t>();
+    facts.deblur_ms = record->at("deblur_ms").get<double>();
     facts.settings = request.options.deblur;
-    facts.settings.iterations = record->value("iterations", 0);
-    facts.settings.period_s = record->value("period_s", 0.0);
-    facts.isa = record->value("isa", "");
-    facts.solver_text = record->value("solver_text", "");
+    facts.settings.iterations = record->at("iterations").get<int>();
+    facts.settings.period_s = record->at("period_s").get<double>();
+    facts.isa = record->at("isa").get<std::string>();
+    facts.solver_text = record->at("solver_text").get<std::string>();
     if (record->contains("rmse")) {
       const auto& rmse = record->at("rmse");
       facts.rmse = Rmse{rmse[0].get<double>(), rmse[1].get<double>()};

@@ -15,7 +15,6 @@
 #include "tools/blind/request.hpp"
 #include "tools/blind/tables.hpp"
 #include "tools/cluster/job_run.hpp"
-#include "tools/cluster/mpi.hpp"
 #include "tools/verbs/cli.hpp"
 #include "tools/verbs/verbs.hpp"
 
@@ -131,24 +130,22 @@ int end_of(const BlindRequest& request, const blind::BlindJob& job, const cluste
   return status ? code : report("blind", status.error());
 }
 
-int run_in_job(const BlindRequest& request, bool ranks) {
+int run_in_job(const BlindRequest& request) {
   blind::BlindJob job(request, [&request](const blind::Seal& seal) { publish(request, seal); });
-  if (!ranks) {
+  if (!request.ranks) {
     const auto result = cluster::run_alone(job, request.sharing, "blind", request.check.jobs);
     return result ? end_of(request, job, *result) : report("blind", result.error());
   }
   const auto result = cluster::run_ranks(job, request.sharing, "blind");
-  if (!result) return report("blind", result.error());
+  if (!result) return cluster::report_rank("blind", result.error());
   return *result ? end_of(request, job, **result) : kExitDone;
 }
 
 int run(const cxxopts::ParseResult& args) {
-  const cluster::Launch launch = cluster::mpi_launch();
-  const bool ranks = cluster::launched_by_mpi() && args.count("shard") == 0;
-  const auto request = blind::read_blind_request(args, ranks);
-  if (!request) return launch.rank == 0 ? report("blind", request.error()) : request.error().exit_code();
+  const auto request = blind::read_blind_request(args);
+  if (!request) return cluster::report_once("blind", request.error());
   catch_interrupts();
-  if (!request->sharing.job.empty()) return run_in_job(*request, ranks);
+  if (!request->sharing.job.empty()) return run_in_job(*request);
   const Status status = run_at_once(*request);
   return status ? kExitDone : report("blind", status.error());
 }

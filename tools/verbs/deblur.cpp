@@ -9,7 +9,6 @@
 
 #include "bolo/core/clock.hpp"
 #include "tools/cluster/job_run.hpp"
-#include "tools/cluster/mpi.hpp"
 #include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/deblur_job.hpp"
 #include "tools/deblur/report.hpp"
@@ -51,7 +50,7 @@ int deblur_in_blocks(DeblurRequest& request, bool ranks) {
     return result ? end_of(request, job.finish(std::move(*result))) : report("deblur", result.error());
   }
   auto result = cluster::run_ranks(job, request.sharing, "deblur");
-  if (!result) return report("deblur", result.error());
+  if (!result) return cluster::report_rank("deblur", result.error());
   return *result ? end_of(request, job.finish(std::move(**result))) : kExitDone;
 }
 
@@ -62,12 +61,12 @@ int deblur_main(int argc, char** argv) {
   cxxopts::ParseResult args;
   if (const auto code = parse(options, argc, argv, args)) return *code;
   Result<DeblurRequest> request = read_deblur_request(args);
-  const cluster::Launch launch = cluster::mpi_launch();
-  if (!request) return launch.rank == 0 ? report("deblur", request.error()) : request.error().exit_code();
+  if (!request) return cluster::report_once("deblur", request.error());
   request->options.warn = [](const std::string& line) { std::fprintf(stderr, "bolo deblur: %s\n", line.c_str()); };
   catch_interrupts();
-  const bool ranks = cluster::launched_by_mpi() && !request->sharing.sharded;
-  if (ranks || request->in_blocks) return deblur_in_blocks(*request, ranks);
+  const auto ranks = cluster::shared_by_ranks(request->sharing);
+  if (!ranks) return cluster::report_once("deblur", ranks.error());
+  if (*ranks || request->in_blocks) return deblur_in_blocks(*request, *ranks);
   const Status status = deblur_at_once(*request);
   return status ? kExitDone : report("deblur", status.error());
 }
