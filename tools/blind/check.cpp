@@ -113,7 +113,10 @@ Result<Trial> run_trial(const Session& session, const CheckOptions& options, con
     ended = ended || !go_on();
     return !ended;
   };
-  auto folder = PrivateFolder::make(options.keep.empty() ? std::filesystem::temp_directory_path() : options.keep);
+  std::error_code error;
+  const auto parent = options.keep.empty() ? std::filesystem::temp_directory_path(error) : options.keep;
+  if (error) return failed("TMPDIR: is no folder: " + error.message());
+  auto folder = PrivateFolder::make(parent);
   if (!folder) return tl::unexpected(folder.error());
   auto captures = write_captures(session, folder->path(), wanted);
   if (!captures) return ended ? failed(kInterrupted) : tl::unexpected(captures.error());
