@@ -2,6 +2,7 @@
 #pragma once
 
 #include "bolo/plot/sheet.hpp"
+#include "tools/bench/cluster_bench.hpp"
 #include "tools/bench/deblur_bench.hpp"
 #include "tools/bench/readers_bench.hpp"
 
@@ -12,5 +13,8 @@ plot::Sheet sheet_of(const BenchReport& report);
 
 // What publishing a frame takes, over the number of readers. Thread: any.
 plot::Sheet sheet_of(const ReadersReport& report);
+
+// How much faster machines together are, and what an hour of captures then costs. Thread: any.
+plot::Sheet sheet_of(const ClusterReport& report);
 
 }  // namespace bolo::tools

@@ -26,11 +26,11 @@ Status check_folders(const DeblurRequest& request, const fs::path& job) {
   return bad_input("--job " + job.string() + ": must be on the same file system as the output, " + outputs.string());
 }
 
-// Of a job that was begun; "" for none.
-std::string planned_isa(const fs::path& job) {
+// What a job that was begun has decided; null for none.
+nlohmann::json planned(const fs::path& job, const char* place) {
   const auto plan = cluster::JobFolder::plan_in(job);
-  const nlohmann::json::json_pointer place("/settings/isa");
-  return plan && plan->contains(place) && plan->at(place).is_string() ? plan->at(place).get<std::string>() : "";
+  const nlohmann::json::json_pointer pointer(place);
+  return plan && plan->contains(pointer) ? plan->at(pointer) : nlohmann::json();
 }
 
 }  // namespace
@@ -38,26 +38,37 @@ std::string planned_isa(const fs::path& job) {
 nlohmann::json DeblurJob::here() const { return {{"isas", deblur::available_isas()}}; }
 
 Result<nlohmann::json> DeblurJob::decide(const std::vector<nlohmann::json>& others) {
-  if (request_.isa_given) return nlohmann::json{{"isa", deblur::best_isa()}};
+  const auto isa = common_isa(others);
+  if (!isa) return tl::unexpected(isa.error());
+  const std::size_t processes = std::max(request_.shard.count, others.size() + 1);
+  const nlohmann::json before = planned(request_.sharing.job, "/block_frames");
+  const std::size_t block =
+      before.is_number_unsigned() ? before.get<std::size_t>() : automatic_block(request_.files.size(), processes);
+  return nlohmann::json{{"isa", *isa}, {"block_frames", request_.block_frames.value_or(block)}};
+}
+
+Result<std::string> DeblurJob::common_isa(const std::vector<nlohmann::json>& others) const {
+  if (request_.isa_given) return std::string(deblur::best_isa());
   const auto everywhere = [&](std::string_view isa) {
     return std::ranges::all_of(others, [&](const nlohmann::json& other) {
       const auto isas = other.value("isas", std::vector<std::string>());
       return std::ranges::find(isas, isa) != isas.end();
     });
   };
-  const std::string before = planned_isa(request_.sharing.job);
+  const nlohmann::json before = planned(request_.sharing.job, "/settings/isa");
   std::optional<std::string_view> best;
   for (const std::string_view isa : deblur::available_isas()) {
     if (!everywhere(isa)) continue;
-    if (isa == before) return nlohmann::json{{"isa", isa}};
+    if (before == isa) return std::string(isa);
     if (!best) best = isa;
   }
   if (!best) return bad_input("the hosts have no instruction set in common; start bolo on hosts of one kind");
-  return nlohmann::json{{"isa", *best}};
+  return std::string(*best);
 }
 
 Result<cluster::Work*> DeblurJob::prepare(const nlohmann::json& decision, int local) {
-  const std::string isa = decision.value("isa", "");
+  const std::string isa = decision.at("isa");
+  request_.block_frames = decision.at("block_frames").get<std::size_t>();
   if (Status status = deblur::choose_isa(isa); !status) return at("--isa " + isa, status.error());
   if (!request_.threads_given) request_.options.workers = std::max(1, request_.options.workers / std::max(1, local));
   auto plan = plan_deblurring(request_);

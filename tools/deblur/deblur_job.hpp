@@ -19,8 +19,8 @@ class DeblurJob final : public cluster::Job {
 
   // The instruction sets of this host.
   nlohmann::json here() const override;
-  // The one that all hosts have; the same that was used before when the job goes on. So all bits are the same, wherever
-  // a block is done.
+  // An instruction set that all hosts have, so that all bits are the same wherever a block is done, and the length of a
+  // block; both as before when the job goes on.
   Result<nlohmann::json> decide(const std::vector<nlohmann::json>& others) override;
   Result<cluster::Work*> prepare(const nlohmann::json& decision, int local) override;
 
@@ -28,6 +28,8 @@ class DeblurJob final : public cluster::Job {
   JobSummary finish(cluster::JobResult result) const;
 
  private:
+  Result<std::string> common_isa(const std::vector<nlohmann::json>& others) const;
+
   DeblurRequest& request_;
   std::optional<cluster::JobFolder> folder_;
   std::optional<DeblurWork> work_;

@@ -10,6 +10,12 @@
 
 namespace bolo::tools {
 
+std::size_t automatic_block(std::size_t captures, std::size_t processes) {
+  constexpr std::size_t kBlockFrames = 12'000;
+  constexpr std::size_t kCapturesEach = 4;
+  return captures >= kCapturesEach * processes ? 0 : kBlockFrames;
+}
+
 std::size_t DeblurPlan::blocks_of(const PlannedCapture& capture) const {
   if (block_frames == 0) return 1;
   return std::max<std::size_t>(1, (capture.frames + block_frames - 1) / block_frames);
@@ -44,7 +50,7 @@ nlohmann::json DeblurPlan::text(const DeblurRequest& request, const nlohmann::js
 
 Result<DeblurPlan> plan_deblurring(const DeblurRequest& request) {
   DeblurPlan plan;
-  plan.block_frames = request.block_frames;
+  plan.block_frames = request.block_frames.value_or(0);
   plan.isa = deblur::best_isa();
   for (const DeblurFile& file : request.files) {
     auto run = CaptureRun::open(request, file.input, true);

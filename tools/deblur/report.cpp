@@ -95,7 +95,7 @@ Json job_json(const DeblurRequest& request, const JobSummary& s) {
         {{"input", failed.file.string()}, {"piece", failed.piece}, {"error", failed.error.message}});
   }
   json["job"] = {{"folder", request.sharing.job.string()},
-                 {"block_frames", request.block_frames},
+                 {"block_frames", request.block_frames.value_or(0)},
                  {"captures", s.planned},
                  {"pieces_before", s.run.before},
                  {"pieces_done", s.run.did},

@@ -20,7 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kBlockFrames = 12'000;  // a minute at 200 Hz: some 20 s of work for a core
 constexpr std::size_t kMostBlockFrames = 100'000'000;
 
 // A number, or "auto".
@@ -142,12 +141,21 @@ Status read_files(const cxxopts::ParseResult& args, DeblurRequest& request) {
   return name_outputs(std::move(inputs), into_folder, request);
 }
 
-Status read_blocks(const cxxopts::ParseResult& args, DeblurRequest& request) {
-  const auto frames = args["block"].as<std::int64_t>();
-  if (frames < 0 || static_cast<std::uint64_t>(frames) > kMostBlockFrames) {
-    return bad_input("--block " + std::to_string(frames) + ": give the frames of a block, or 0 for whole captures");
+// A number of frames, or "auto".
+Status read_block(const std::string& text, std::optional<std::size_t>& block) {
+  if (text == "auto") return {};
+  std::size_t frames = 0;
+  const char* end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, frames);
+  if (error != std::errc() || stop != end || frames > kMostBlockFrames) {
+    return bad_input("--block " + text + ": give the frames of a block, 0 for whole captures, or auto");
   }
-  request.block_frames = static_cast<std::size_t>(frames);
+  block = frames;
+  return {};
+}
+
+Status read_blocks(const cxxopts::ParseResult& args, DeblurRequest& request) {
+  if (Status status = read_block(args["block"].as<std::string>(), request.block_frames); !status) return status;
   auto sharing = cluster::read_sharing(args);
   if (!sharing) return tl::unexpected(sharing.error());
   request.sharing = std::move(*sharing);
@@ -203,8 +211,8 @@ cxxopts::Options deblur_command_line() {
      cxxopts::value<std::string>()->default_value("float32"))
     ("json", "Print the summary as JSON");
   options.add_options("Sharing")
-    ("block", "Frames of a block, the piece of a capture that is done at once; 0: whole captures",
-     cxxopts::value<std::int64_t>()->default_value(std::to_string(kBlockFrames)), "FRAMES");
+    ("block", "Frames of a block, the piece of a capture that is done at once; 0: whole captures; auto: whole ones "
+     "where each process gets several, else 12000", cxxopts::value<std::string>()->default_value("auto"), "FRAMES");
   // clang-format on
   cluster::add_sharing_options(options, "blocks", "default: the output's name and .job");
   options.parse_positional({"input"});

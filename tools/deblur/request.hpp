@@ -34,8 +34,8 @@ struct DeblurRequest {
   bool json = false;
   // Work in blocks, recorded in a job folder.
   bool in_blocks = false;
-  std::size_t block_frames = 0;  // 0: captures whole
-  cluster::Sharing sharing;      // its folder is always named
+  std::optional<std::size_t> block_frames;  // 0: captures whole; none: DeblurJob decides (automatic_block())
+  cluster::Sharing sharing;                 // its folder is always named
 };
 
 cxxopts::Options deblur_command_line();
