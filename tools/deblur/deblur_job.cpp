@@ -40,7 +40,7 @@ nlohmann::json DeblurJob::here() const { return {{"isas", deblur::available_isas
 Result<nlohmann::json> DeblurJob::decide(const std::vector<nlohmann::json>& others) {
   const auto isa = common_isa(others);
   if (!isa) return tl::unexpected(isa.error());
-  const std::size_t processes = std::max(request_.shard.count, others.size() + 1);
+  const std::size_t processes = std::max(request_.sharing.shard.count, others.size() + 1);
   const nlohmann::json before = planned(request_.sharing.job, "/block_frames");
   const std::size_t block =
       before.is_number_unsigned() ? before.get<std::size_t>() : automatic_block(request_.files.size(), processes);
