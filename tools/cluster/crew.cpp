@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <chrono>
 #include <map>
@@ -14,6 +13,7 @@
 
 #include "bolo/core/clock.hpp"
 #include "tools/cluster/coordinator.hpp"
+#include "tools/cluster/job_folder.hpp"
 
 namespace bolo::tools::cluster {
 namespace {
@@ -29,11 +29,6 @@ double now_s() { return static_cast<double>(monotonic_ns()) / kNsPerSecond; }
 
 bool stopped(const CrewOptions& options) {
   return options.stop != nullptr && options.stop->load(std::memory_order_relaxed);
-}
-
-std::string own_host() {
-  std::array<char, 256> host{};
-  return ::gethostname(host.data(), host.size() - 1) == 0 ? host.data() : "host";
 }
 
 // A word is JSON of our own making; anything else is nobody's.

@@ -61,11 +61,12 @@ std::string first_difference(const nlohmann::json& there, const nlohmann::json& 
 
 }  // namespace
 
-std::string own_name() {
+std::string own_host() {
   std::array<char, 256> host{};
-  if (::gethostname(host.data(), host.size() - 1) != 0) std::strcpy(host.data(), "host");
-  return std::string(host.data()) + "-" + std::to_string(::getpid());
+  return ::gethostname(host.data(), host.size() - 1) == 0 ? host.data() : "host";
 }
+
+std::string own_name() { return own_host() + "-" + std::to_string(::getpid()); }
 
 Status flush(const fs::path& file) {
   if (Status status = flushed(file, O_RDONLY); !status) return status;

@@ -18,6 +18,9 @@
 
 namespace bolo::tools::cluster {
 
+// This host's name. Thread: any.
+std::string own_host();
+
 // This process among all that use a folder: "HOST-PID". Thread: any.
 std::string own_name();
 
