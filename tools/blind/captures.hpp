@@ -6,6 +6,7 @@
 
 #include "bolo/core/result.hpp"
 #include "tools/blind/dice.hpp"
+#include "tools/blind/go_on.hpp"
 #include "tools/blind/session.hpp"
 
 namespace bolo::tools::blind {
@@ -19,7 +20,8 @@ std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::ve
                                        Dice& dice);
 
 // Simulates all captures of a session and writes them to `folder`; the files say nothing of effects, seeds, or how
-// the stimulus really was. Returns the files. Thread: any; writing is serialised inside.
-Result<std::vector<std::filesystem::path>> write_captures(const Session& session, const std::filesystem::path& folder);
+// the stimulus really was. Returns the files; kFailed when `go_on` says no. Thread: any; writing is serialised inside.
+Result<std::vector<std::filesystem::path>> write_captures(
+    const Session& session, const std::filesystem::path& folder, const GoOn& go_on = [] { return true; });
 
 }  // namespace bolo::tools::blind

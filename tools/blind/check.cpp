@@ -3,10 +3,13 @@
 #include <cstdlib>
 
 #include <chrono>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
+
+#include <glib.h>
 
 #include "tools/blind/captures.hpp"
 #include "tools/blind/child.hpp"
@@ -14,11 +17,13 @@
 namespace bolo::tools::blind {
 namespace {
 
+constexpr const char* kInterrupted = "interrupted; nothing was scored";
+
 // A folder that only this user can enter, named after nothing; removed with all in it.
 class PrivateFolder {
  public:
   static Result<PrivateFolder> make(const std::filesystem::path& parent) {
-    std::string name = (parent / "bolo-XXXXXX").string();
+    std::string name = (std::filesystem::absolute(parent) / "bolo-XXXXXX").string();
     if (mkdtemp(name.data()) == nullptr) {
       return failed(parent.string() + ": no folder can be made there; choose another with TMPDIR or --keep");
     }
@@ -37,6 +42,8 @@ class PrivateFolder {
     std::error_code error;
     std::filesystem::remove_all(target, error);
     std::filesystem::rename(path_, target, error);
+    // Somebody else has just kept the same session there, which is as good.
+    if (error == std::errc::directory_not_empty || error == std::errc::file_exists) return {};
     if (error) return failed(target.string() + ": cannot be made: " + error.message());
     path_.clear();
     return {};
@@ -86,34 +93,56 @@ class Board {
   std::optional<Error> error_;
 };
 
-Result<Trial> run_one(const Session& session, const CheckOptions& options, const std::atomic<bool>& stop) {
+// What the score can hold: a broken diagnosis may have said anything.
+std::string readable(const std::string& text) {
+  const std::unique_ptr<char, decltype(&g_free)> valid(g_utf8_make_valid(text.data(), static_cast<gssize>(text.size())),
+                                                       &g_free);
+  return valid.get();
+}
+
+}  // namespace
+
+std::filesystem::path kept_folder(const Session& session, const CheckOptions& options) {
+  return options.keep / (std::string(name_of(session.kind)) + '-' + std::to_string(session.index));
+}
+
+Result<Trial> run_trial(const Session& session, const CheckOptions& options, const GoOn& go_on) {
   const auto started = std::chrono::steady_clock::now();
-  auto folder = PrivateFolder::make(options.keep.empty() ? std::filesystem::temp_directory_path() : options.keep);
+  bool ended = false;
+  const GoOn wanted = [&] {
+    ended = ended || !go_on();
+    return !ended;
+  };
+  std::error_code error;
+  const auto parent = options.keep.empty() ? std::filesystem::temp_directory_path(error) : options.keep;
+  if (error) return failed("TMPDIR: is no folder: " + error.message());
+  auto folder = PrivateFolder::make(parent);
   if (!folder) return tl::unexpected(folder.error());
-  auto captures = write_captures(session, folder->path());
-  if (!captures) return tl::unexpected(captures.error());
+  auto captures = write_captures(session, folder->path(), wanted);
+  if (!captures) return ended ? failed(kInterrupted) : tl::unexpected(captures.error());
   const ChildWork work{options.program, std::move(*captures), folder->path() / "report", session.withheld};
+  const Status ran = run_child(work, wanted);
+  if (!wanted()) return failed(kInterrupted);
   Trial trial{session, std::nullopt, {}, 0.0};
-  const Status ran = run_child(work, stop);
-  if (stop.load(std::memory_order_relaxed)) return failed("interrupted; nothing was scored");
   auto finding = ran ? read_finding(work.folder / "report.json") : tl::unexpected(ran.error());
   if (finding) {
     trial.finding = std::move(*finding);
   } else {
-    trial.error = finding.error().message;
+    trial.error = readable(finding.error().message);
   }
   trial.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   if (options.keep.empty()) return trial;
-  const std::string name = std::string(name_of(session.kind)) + '-' + std::to_string(session.index);
-  const Status kept = folder->keep_as(options.keep / name);
+  const Status kept = folder->keep_as(kept_folder(session, options));
   if (!kept) return tl::unexpected(kept.error());
   return trial;
 }
 
+namespace {
+
 void work(Board& board, const CheckOptions& options, const std::atomic<bool>& stop) {
   std::size_t place = 0;
   while (const Session* session = board.next(place)) {
-    auto trial = run_one(*session, options, stop);
+    auto trial = run_trial(*session, options, [&stop] { return !stop.load(std::memory_order_relaxed); });
     if (trial) {
       board.add(place, std::move(*trial));
     } else {

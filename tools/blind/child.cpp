@@ -47,6 +47,7 @@ Result<pid_t> start(const ChildWork& work, const std::filesystem::path& log) {
   posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
   posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+  posix_spawn_file_actions_addchdir_np(&actions, work.folder.parent_path().c_str());
   posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
   pid_t pid = 0;
   const int error =
@@ -74,7 +75,7 @@ void end(pid_t pid) {
 
 }  // namespace
 
-Status run_child(const ChildWork& work, const std::atomic<bool>& stop) {
+Status run_child(const ChildWork& work, const GoOn& go_on) {
   const std::filesystem::path log = work.folder.parent_path() / "diagnose.log";
   const auto pid = start(work, log);
   if (!pid) return tl::unexpected(pid.error());
@@ -85,7 +86,7 @@ Status run_child(const ChildWork& work, const std::atomic<bool>& stop) {
     if (ended == *pid) break;
     if (ended < 0) return failed("the diagnosis was lost: " + std::string(std::strerror(errno)));
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - started;
-    if (stop.load(std::memory_order_relaxed) || took.count() > work.limit_s) {
+    if (!go_on() || took.count() > work.limit_s) {
       end(*pid);
       return failed(took.count() > work.limit_s ? "the diagnosis took too long" : "interrupted");
     }

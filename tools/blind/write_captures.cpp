@@ -38,11 +38,14 @@ sim::CameraSettings camera_of(const Session& session, const CapturePlan& plan) {
 }
 
 // All frames one after another.
-std::vector<std::byte> simulated(sim::Simulator& simulator, std::size_t frames) {
+Result<std::vector<std::byte>> simulated(sim::Simulator& simulator, std::size_t frames, const GoOn& go_on) {
   const StreamFormat format = simulator.format();
   const std::size_t bytes = plane_bytes(format.geometry, format.type);
   std::vector<std::byte> planes(bytes * frames);
-  for (std::size_t k = 0; k < frames; ++k) simulator.next(planes.data() + k * bytes, nullptr);
+  for (std::size_t k = 0; k < frames; ++k) {
+    if (!go_on()) return failed("interrupted");
+    simulator.next(planes.data() + k * bytes, nullptr);
+  }
   return planes;
 }
 
@@ -63,21 +66,26 @@ Status write_file(const std::filesystem::path& file, const StreamFormat& format,
   return status ? writer->close() : status;
 }
 
-Status write_capture(const Session& session, const CapturePlan& plan, const std::filesystem::path& file) {
+Status write_capture(const Session& session, const CapturePlan& plan, const std::filesystem::path& file,
+                     const GoOn& go_on) {
   auto field = sim::with_errors(nominal_field(plan.stimulus), plan.faults, session.geometry);
   if (!field) return tl::unexpected(field.error());
   const auto simulator = sim::Simulator::create(camera_of(session, plan), std::move(*field));
   if (!simulator) return tl::unexpected(simulator.error());
-  return write_file(file, (*simulator)->format(), plan, simulated(**simulator, plan.frames));
+  const auto planes = simulated(**simulator, plan.frames, go_on);
+  if (!planes) return tl::unexpected(planes.error());
+  return write_file(file, (*simulator)->format(), plan, *planes);
 }
 
 }  // namespace
 
-Result<std::vector<std::filesystem::path>> write_captures(const Session& session, const std::filesystem::path& folder) {
+Result<std::vector<std::filesystem::path>> write_captures(const Session& session, const std::filesystem::path& folder,
+                                                          const GoOn& go_on) {
   std::vector<std::filesystem::path> files;
   for (const CapturePlan& plan : session.captures) {
     files.push_back(folder / plan.file);
-    if (Status status = write_capture(session, plan, files.back()); !status) return tl::unexpected(status.error());
+    const Status status = write_capture(session, plan, files.back(), go_on);
+    if (!status) return tl::unexpected(status.error());
   }
   return files;
 }

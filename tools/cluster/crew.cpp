@@ -31,10 +31,6 @@ bool stopped(const CrewOptions& options) {
   return options.stop != nullptr && options.stop->load(std::memory_order_relaxed);
 }
 
-Error interruption() {
-  return {ErrorKind::kFailed, "interrupted; what is done stays done, the same command goes on from there"};
-}
-
 // A word is JSON of our own making; anything else is nobody's.
 std::optional<Json> parsed(const std::string& text) {
   Json word = Json::parse(text, nullptr, false);

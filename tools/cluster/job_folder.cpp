@@ -81,6 +81,16 @@ Status publish(const fs::path& written, const fs::path& file) {
   return flushed(fs::absolute(file).parent_path(), O_RDONLY | O_DIRECTORY);
 }
 
+Status publish_first(const fs::path& written, const fs::path& file) {
+  if (Status status = flushed(written, O_RDONLY); !status) return status;
+  std::error_code error;
+  fs::create_hard_link(written, file, error);  // unlike a rename, it replaces nothing
+  std::error_code ignored;
+  if (error && !fs::exists(file, ignored)) return publish(written, file);
+  fs::remove(written, ignored);
+  return flushed(fs::absolute(file).parent_path(), O_RDONLY | O_DIRECTORY);
+}
+
 JobFolder::JobFolder(fs::path folder, std::string digest) : folder_(std::move(folder)), digest_(std::move(digest)) {}
 
 std::optional<nlohmann::json> JobFolder::plan_in(const fs::path& folder) { return json_in(folder / "plan.json"); }
@@ -96,12 +106,8 @@ Result<JobFolder> JobFolder::open(const fs::path& folder, const nlohmann::json& 
   if (!fs::exists(file, error)) {
     const fs::path own = job.unfinished("plan.json");
     Status status = written(own, plan.dump(1) + "\n");
-    if (status) status = flush(own);
+    if (status) status = publish_first(own, file);
     if (!status) return tl::unexpected(status.error());
-    // Unlike a rename, a link leaves the plan of somebody who was faster as it is.
-    fs::create_hard_link(own, file, error);
-    if (error && !fs::exists(file)) fs::rename(own, file, error);
-    fs::remove(own, error);
   }
   const auto there = plan_in(folder);
   if (!there) {

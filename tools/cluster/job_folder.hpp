@@ -31,6 +31,9 @@ Status flush(const std::filesystem::path& file);
 // flush() of `written`, then gives it the name `file`, in whose folder it must lie. Thread: any.
 Status publish(const std::filesystem::path& written, const std::filesystem::path& file);
 
+// Like publish(), but leaves the file of somebody who was faster as it is; `written` is gone then. Thread: any.
+Status publish_first(const std::filesystem::path& written, const std::filesystem::path& file);
+
 // Thread: any one at a time.
 class JobFolder {
  public:

@@ -92,24 +92,40 @@ Result<Shard> shard_named(const std::string& text) {
   return shard;
 }
 
+std::vector<std::size_t> shares_of(const Work& work, const Shard& shard) {
+  std::vector<std::size_t> shares;
+  for (std::size_t i = 0; i < work.pieces().size(); ++i) {
+    if (work.pieces()[i].role == Role::kShare) shares.push_back(i);
+  }
+  const auto bound = [&](std::size_t index) {
+    return shares.begin() + static_cast<std::ptrdiff_t>(shares.size() * index / shard.count);
+  };
+  return {bound(shard.index), bound(shard.index + 1)};
+}
+
+std::size_t pieces_left(const Work& work) {
+  std::size_t left = 0;
+  for (std::size_t i = 0; i < work.pieces().size(); ++i) {
+    if (work.pieces()[i].role != Role::kPrelude && !work.done(i)) ++left;
+  }
+  return left;
+}
+
+Error interruption() {
+  return {ErrorKind::kFailed, "interrupted; what is done stays done, the same command goes on from there"};
+}
+
 Result<ShardResult> run_shard(Work& work, const Shard& shard, const Beat& beat,
                               const std::function<void(std::size_t)>& told) {
-  std::vector<std::size_t> shares;
-  std::vector<std::size_t> closing;
-  for (std::size_t i = 0; i < work.pieces().size(); ++i) {
-    const Role role = work.pieces()[i].role;
-    if (role == Role::kShare) shares.push_back(i);
-    if (role == Role::kClosing) closing.push_back(i);
-  }
+  const std::vector<std::size_t> shares = shares_of(work, shard);
   ShardRun run(work, beat, told);
-  const auto bound = [&](std::size_t index) { return shares.size() * index / shard.count; };
   bool going = true;
-  for (std::size_t i = bound(shard.index); going && i < bound(shard.index + 1); ++i) going = run.share(shares[i]);
-  for (std::size_t i = 0; going && i < closing.size(); ++i) going = run.close(closing[i]);
-  if (!going) return failed("interrupted; what is done stays done, the same command goes on from there");
-  for (std::size_t i = 0; i < work.pieces().size(); ++i) {
-    if (work.pieces()[i].role != Role::kPrelude && !work.done(i)) ++run.result.left;
+  for (std::size_t i = 0; going && i < shares.size(); ++i) going = run.share(shares[i]);
+  for (std::size_t i = 0; going && i < work.pieces().size(); ++i) {
+    if (work.pieces()[i].role == Role::kClosing) going = run.close(i);
   }
+  if (!going) return tl::unexpected(interruption());
+  run.result.left = pieces_left(work);
   return std::move(run.result);
 }
 

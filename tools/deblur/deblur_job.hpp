@@ -5,6 +5,7 @@
 
 #include "bolo/core/result.hpp"
 #include "tools/cluster/job.hpp"
+#include "tools/cluster/job_run.hpp"
 #include "tools/deblur/deblur_work.hpp"
 #include "tools/deblur/report.hpp"
 #include "tools/deblur/request.hpp"
@@ -23,14 +24,11 @@ class DeblurJob final : public cluster::Job {
   Result<nlohmann::json> decide(const std::vector<nlohmann::json>& others) override;
   Result<cluster::Work*> prepare(const nlohmann::json& decision, int local) override;
 
-  // Does the request's shard, or all. Thread: setup.
-  Result<JobSummary> run_alone();
-  // Takes part as a rank; nothing for all but rank 0. Thread: setup.
-  Result<std::optional<JobSummary>> run_ranks();
+  // After its run: from the records, and removes what the job needs no more. Thread: setup.
+  JobSummary finish(cluster::JobResult result) const;
 
  private:
   Result<std::string> common_isa(const std::vector<nlohmann::json>& others) const;
-  JobSummary summary(double seconds) const;
 
   DeblurRequest& request_;
   std::optional<cluster::JobFolder> folder_;

@@ -1,7 +1,6 @@
 #include "tools/deblur/report.hpp"
 
 #include <cstdio>
-#include <set>
 
 #include <nlohmann/json.hpp>
 
@@ -65,15 +64,9 @@ Json common_json(const DeblurRequest& request, const std::vector<CaptureSummary>
   return json;
 }
 
-double busy_s(const JobSummary& s) {
-  double busy = 0.0;
-  for (const cluster::RankShare& rank : s.ranks) busy += rank.busy_s;
-  return busy;
-}
-
-Json ranks_json(const JobSummary& s) {
+Json ranks_json(const cluster::JobResult& run) {
   Json ranks = Json::array();
-  for (const cluster::RankShare& rank : s.ranks) {
+  for (const cluster::RankShare& rank : run.ranks) {
     ranks.push_back({{"host", rank.host},
                      {"pid", rank.pid},
                      {"pieces", rank.pieces},
@@ -85,7 +78,7 @@ Json ranks_json(const JobSummary& s) {
 }
 
 Json job_json(const DeblurRequest& request, const JobSummary& s) {
-  Json json = common_json(request, s.captures, s.points, s.seconds);
+  Json json = common_json(request, s.captures, s.points, s.run.seconds);
   json["captures"] = Json::array();
   for (const CaptureSummary& capture : s.captures) {
     json["captures"].push_back({{"input", capture.file.input.string()},
@@ -101,29 +94,16 @@ Json job_json(const DeblurRequest& request, const JobSummary& s) {
     json["failed"].push_back(
         {{"input", failed.file.string()}, {"piece", failed.piece}, {"error", failed.error.message}});
   }
-  json["job"] = {{"folder", request.job.string()},
+  json["job"] = {{"folder", request.sharing.job.string()},
                  {"block_frames", request.block_frames.value_or(0)},
                  {"captures", s.planned},
-                 {"pieces_before", s.before},
-                 {"pieces_done", s.did},
-                 {"pieces_again", s.again},
-                 {"pieces_left", s.left},
-                 {"ranks", ranks_json(s)},
-                 {"busy_s", busy_s(s)}};
+                 {"pieces_before", s.run.before},
+                 {"pieces_done", s.run.did},
+                 {"pieces_again", s.run.again},
+                 {"pieces_left", s.run.left},
+                 {"ranks", ranks_json(s.run)},
+                 {"busy_s", cluster::busy_s(s.run)}};
   return json;
-}
-
-void print_ranks(const JobSummary& s) {
-  if (s.ranks.empty()) return;
-  std::set<std::string> hosts;
-  std::size_t lost = 0;
-  for (const cluster::RankShare& rank : s.ranks) {
-    hosts.insert(rank.host);
-    lost += rank.lost ? 1 : 0;
-  }
-  const auto ranks = static_cast<double>(s.ranks.size());
-  std::printf("%zu ranks on %zu hosts, busy %.0f %% of the time; %zu lost, %zu pieces done again\n", s.ranks.size(),
-              hosts.size(), 100.0 * busy_s(s) / (ranks * s.seconds), lost, s.again);
 }
 
 }  // namespace
@@ -193,9 +173,10 @@ void print_job(const DeblurRequest& request, const JobSummary& s) {
                 capture.facts.rmse->deblurred_k);
   }
   std::printf("%zu of %zu captures, %llu frames; %zu pieces done in %.1f s, %zu done before\n", s.captures.size(),
-              s.planned, count(frames), s.did, s.seconds, s.before);
-  print_ranks(s);
-  if (s.left > 0) std::printf("%zu pieces are left to other shards; %s has the records\n", s.left, request.job.c_str());
+              s.planned, count(frames), s.run.did, s.run.seconds, s.run.before);
+  if (!s.run.ranks.empty()) std::puts(cluster::ranks_text(s.run).c_str());
+  if (s.run.left > 0)
+    std::printf("%zu pieces are left to other shards; %s has the records\n", s.run.left, request.sharing.job.c_str());
 }
 
 }  // namespace bolo::tools

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "bolo/deblur/settings.hpp"
-#include "tools/cluster/crew.hpp"
+#include "tools/cluster/job_run.hpp"
 #include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/deblur_work.hpp"
 #include "tools/deblur/request.hpp"
@@ -36,12 +36,7 @@ struct JobSummary {
   std::vector<CaptureSummary> captures;  // those that are done
   std::size_t planned = 0;               // captures
   std::size_t points = 0;
-  double seconds = 0.0;
-  std::size_t before = 0;  // pieces that were done when it began
-  std::size_t did = 0;
-  std::size_t again = 0;
-  std::size_t left = 0;                   // to other shards
-  std::vector<cluster::RankShare> ranks;  // empty: no ranks
+  cluster::JobResult run;
   std::vector<FailedCapture> failed;
 };
 

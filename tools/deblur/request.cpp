@@ -156,16 +156,12 @@ Status read_block(const std::string& text, std::optional<std::size_t>& block) {
 
 Status read_blocks(const cxxopts::ParseResult& args, DeblurRequest& request) {
   if (Status status = read_block(args["block"].as<std::string>(), request.block_frames); !status) return status;
-  request.rank_timeout_s = args["rank-timeout"].as<double>();
-  if (!(request.rank_timeout_s > 0.0)) return bad_input("--rank-timeout: give seconds above 0");
-  fs::path folder = request.output;
-  if (!folder.has_filename()) folder = folder.parent_path();
-  request.job = args.count("job") != 0 ? fs::path(args["job"].as<std::string>()) : folder += ".job";
-  if (args.count("shard") != 0) {
-    const auto shard = cluster::shard_named(args["shard"].as<std::string>());
-    if (!shard) return tl::unexpected(shard.error());
-    request.shard = *shard;
-    request.sharded = true;
+  auto sharing = cluster::read_sharing(args);
+  if (!sharing) return tl::unexpected(sharing.error());
+  request.sharing = std::move(*sharing);
+  if (request.sharing.job.empty()) {
+    request.sharing.job = request.output.has_filename() ? request.output : request.output.parent_path();
+    request.sharing.job += ".job";
   }
   for (const char* option : {"block", "job", "shard"}) request.in_blocks = request.in_blocks || args.count(option) != 0;
   return {};
@@ -216,13 +212,9 @@ cxxopts::Options deblur_command_line() {
     ("json", "Print the summary as JSON");
   options.add_options("Sharing")
     ("block", "Frames of a block, the piece of a capture that is done at once; 0: whole captures; auto: whole ones "
-     "where each process gets several, else 500 to 12000", cxxopts::value<std::string>()->default_value("auto"), "FRAMES")
-    ("shard", "Do the I-th of N parts of the blocks, counted from 0 or from 1", cxxopts::value<std::string>(), "I/N")
-    ("job", "Folder, seen by all, that records what is done (default: the output's name and .job)",
-     cxxopts::value<std::string>(), "FOLDER")
-    ("rank-timeout", "Silence after which a rank is taken for dead, s",
-     cxxopts::value<double>()->default_value("60"), "S");
+     "where each process gets several, else 500 to 12000", cxxopts::value<std::string>()->default_value("auto"), "FRAMES");
   // clang-format on
+  cluster::add_sharing_options(options, "blocks", "default: the output's name and .job");
   options.parse_positional({"input"});
   return options;
 }

@@ -12,7 +12,7 @@
 #include "bolo/capture/capture.hpp"
 #include "bolo/core/result.hpp"
 #include "bolo/pipeline/pipeline.hpp"
-#include "tools/cluster/shard.hpp"
+#include "tools/cluster/sharing.hpp"
 
 namespace bolo::tools {
 
@@ -35,10 +35,7 @@ struct DeblurRequest {
   // Work in blocks, recorded in a job folder.
   bool in_blocks = false;
   std::optional<std::size_t> block_frames;  // 0: captures whole; none: DeblurJob decides (automatic_block())
-  cluster::Shard shard;
-  bool sharded = false;
-  std::filesystem::path job;  // the folder
-  double rank_timeout_s = 60.0;
+  cluster::Sharing sharing;                 // its folder is always named
 };
 
 cxxopts::Options deblur_command_line();

@@ -5,9 +5,10 @@
 #include <cstdio>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "bolo/core/clock.hpp"
-#include "tools/cluster/mpi.hpp"
+#include "tools/cluster/job_run.hpp"
 #include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/deblur_job.hpp"
 #include "tools/deblur/report.hpp"
@@ -45,13 +46,12 @@ int end_of(const DeblurRequest& request, const JobSummary& summary) {
 int deblur_in_blocks(DeblurRequest& request, bool ranks) {
   DeblurJob job(request);
   if (!ranks) {
-    const auto summary = job.run_alone();
-    return summary ? end_of(request, *summary) : report("deblur", summary.error());
+    auto result = cluster::run_alone(job, request.sharing, "deblur");
+    return result ? end_of(request, job.finish(std::move(*result))) : report("deblur", result.error());
   }
-  const auto summary = job.run_ranks();
-  const bool ended_by_user = interrupted().load(std::memory_order_relaxed) && cluster::mpi_launch().rank != 0;
-  if (!summary) return ended_by_user ? summary.error().exit_code() : report("deblur", summary.error());
-  return *summary ? end_of(request, **summary) : kExitDone;
+  auto result = cluster::run_ranks(job, request.sharing, "deblur");
+  if (!result) return cluster::report_rank("deblur", result.error());
+  return *result ? end_of(request, job.finish(std::move(**result))) : kExitDone;
 }
 
 }  // namespace
@@ -61,17 +61,12 @@ int deblur_main(int argc, char** argv) {
   cxxopts::ParseResult args;
   if (const auto code = parse(options, argc, argv, args)) return *code;
   Result<DeblurRequest> request = read_deblur_request(args);
-  const cluster::Launch launch = cluster::mpi_launch();
-  if (!request) return launch.rank == 0 ? report("deblur", request.error()) : request.error().exit_code();
+  if (!request) return cluster::report_once("deblur", request.error());
   request->options.warn = [](const std::string& line) { std::fprintf(stderr, "bolo deblur: %s\n", line.c_str()); };
   catch_interrupts();
-  const bool ranks = cluster::launched_by_mpi();
-  if (ranks && request->sharded) {
-    const Error error{ErrorKind::kBadInput,
-                      "--shard: ranks share the work already; start one process, or leave it out"};
-    return launch.rank == 0 ? report("deblur", error) : error.exit_code();
-  }
-  if (ranks || request->in_blocks) return deblur_in_blocks(*request, ranks);
+  const auto ranks = cluster::shared_by_ranks(request->sharing);
+  if (!ranks) return cluster::report_once("deblur", ranks.error());
+  if (*ranks || request->in_blocks) return deblur_in_blocks(*request, *ranks);
   const Status status = deblur_at_once(*request);
   return status ? kExitDone : report("deblur", status.error());
 }

@@ -17,7 +17,7 @@ ChildWork work_of(const Scratch& folder, const std::string& line) {
   return {program, {folder / "capture-1.h5"}, folder / "report", "", 60.0};
 }
 
-const std::atomic<bool> kGoOn{false};
+const GoOn kGoOn = [] { return true; };
 
 TEST(BlindChild, GetsTheWordsOfADiagnosis) {
   const Scratch folder;
@@ -55,9 +55,8 @@ TEST(BlindChild, IsEndedWhenItTakesTooLongOrIsNotWanted) {
   const Status late = run_child(work, kGoOn);
   ASSERT_FALSE(late);
   EXPECT_EQ(late.error().message, "the diagnosis took too long");
-  const std::atomic<bool> stop{true};
   work.limit_s = 300.0;
-  const Status stopped = run_child(work, stop);
+  const Status stopped = run_child(work, [] { return false; });
   ASSERT_FALSE(stopped);
   EXPECT_EQ(stopped.error().message, "interrupted");
 }

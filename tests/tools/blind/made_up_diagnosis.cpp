@@ -1,7 +1,10 @@
-// A diagnosis that always says the same, and writes down what its process can see.
+// A diagnosis that always says the same, and writes down what its process can see. While TMPDIR has a file "hold", one
+// with something withheld waits; while it has a file "break", that one breaks, and says something that is no text.
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 #include "bolo/capture/capture.hpp"
 #include "bolo/diagnose/diagnose.hpp"
@@ -19,6 +22,7 @@ std::string contents(const char* file) {
 void write_down(const std::filesystem::path& folder) {
   std::ofstream out(folder / "seen.txt");
   out << contents("/proc/self/cmdline") << '\n' << contents("/proc/self/environ") << '\n';
+  out << "cwd " << std::filesystem::current_path().string() << '\n';
   for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
     std::error_code gone;
     const auto target = std::filesystem::read_symlink(entry.path(), gone);
@@ -42,6 +46,9 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
   }
   write_down(captures.front().parent_path());
   const bool unknown = !options.withheld.empty();
+  const auto orders = std::filesystem::temp_directory_path();
+  while (unknown && std::filesystem::exists(orders / "hold")) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  if (unknown && std::filesystem::exists(orders / "break")) return bad_input("made up \xff\xfe");
   report.verdict = unknown ? "unknown_effect" : "explained";
   report.gap_before = 3.0;
   report.gap_after = unknown ? 3.0 : 1.0;
