@@ -41,4 +41,5 @@ if(TARGET manual)  # left out under sanitizers
     DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/fish/vendor_completions.d COMPONENT bolo)
 endif()
 
-install(FILES README.md ARCHITECTURE.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT bolo)
+install(FILES README.md ARCHITECTURE.md CLUSTER.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT bolo)
+install(FILES tools/slurm/bolo-deblur.sbatch DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT bolo)

@@ -122,7 +122,9 @@ struct Leader::Run {
     if (now - alive_s >= kLeaderAliveEvery_s) {
       alive_s = now;
       look_at_processes();
-      leader.send_all({{"alive", 0}});
+      for (int rank = 1; rank < leader.messenger_.size(); ++rank) {
+        if (coordinator.present(rank)) leader.send(rank, {{"alive", 0}});
+      }
       std::uint64_t frames = 0;
       for (const std::uint64_t of : done_of) frames += of;
       if (told) told(frames);
@@ -276,7 +278,9 @@ Status Follower::follow(Work& work) {
       all_present_ = word->at("end").get<bool>();
       return {};
     }
-    if (word->contains("piece")) work_on(work, word->at("piece").get<std::size_t>());
+    if (!word->contains("piece")) continue;
+    work_on(work, word->at("piece").get<std::size_t>());
+    heard_s_ = now_s();  // nothing was listened to meanwhile
   }
 }
 

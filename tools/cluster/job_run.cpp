@@ -37,7 +37,11 @@ Result<JobResult> run_alone(Job& job, const Sharing& sharing, const std::string&
   const std::int64_t start_ns = monotonic_ns();
   const auto decision = job.decide({});
   if (!decision) return tl::unexpected(decision.error());
-  const auto prepared = job.prepare(*decision, 1);
+  auto prepared = job.prepare(*decision, 1);
+  if (!prepared) {  // another shard may have decided at the same moment, otherwise, and been faster
+    const auto now = job.decide({});
+    if (now && *now != *decision) prepared = job.prepare(*now, 1);
+  }
   if (!prepared) return tl::unexpected(prepared.error());
   Work& work = **prepared;
   const Told told = progress_of(verb, work);
