@@ -13,8 +13,8 @@
 namespace bolo::tools {
 
 // Frames of a block when nobody says: 0, captures whole, where each process gets several, so that nothing has to be put
-// together; else so many that each process gets several blocks, but a minute at 200 Hz (some 20 s of work for a core) at
-// most and 500 at least. `frames`: of all captures. Thread: any.
+// together; else so many that each process gets several blocks, but a minute at 200 Hz (some 20 s of work for a core)
+// at most and 500 at least. `frames`: of all captures. Thread: any.
 std::size_t automatic_block(std::size_t captures, std::size_t frames, std::size_t processes);
 
 struct PlannedCapture {
