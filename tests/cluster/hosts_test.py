@@ -120,6 +120,8 @@ class Hosts(unittest.TestCase):
 if __name__ == "__main__":
     if shutil.which("mpirun") is None:
         skip("mpirun is not installed")
+    if not os.path.exists(os.path.join(os.path.dirname(BOLO), "bolo-mpi.so")):
+        skip("bolo was built without MPI")
     ARCHIVE = Archive(BOLO)
     try:
         NAMES = set_up(HOSTS, "up", 4, ARCHIVE.folder)
