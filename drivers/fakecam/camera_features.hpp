@@ -5,10 +5,10 @@
 #include <functional>
 #include <string>
 
-#include "bolo/core/plane.hpp"
 #include "drivers/fakecam/counts.hpp"
 #include "drivers/fakecam/register_map.hpp"
 #include "drivers/fakecam/stats.hpp"
+#include "src/core/plane.hpp"
 
 namespace bolo::fakecam {
 

@@ -5,10 +5,10 @@
 #include <thread>
 #include <vector>
 
-#include "bolo/core/result.hpp"
 #include "drivers/fakecam/command_handler.hpp"
 #include "drivers/fakecam/control_faults.hpp"
 #include "drivers/fakecam/network.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::fakecam {
 

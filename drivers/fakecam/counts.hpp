@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "bolo/core/geometry.hpp"
-#include "bolo/core/plane.hpp"
+#include "src/core/geometry.hpp"
+#include "src/core/plane.hpp"
 
 namespace bolo::fakecam {
 

@@ -9,12 +9,12 @@
 #include <cstdio>
 #include <thread>
 
-#include "bolo/core/clock.hpp"
 #include "drivers/fakecam/camera_features.hpp"
 #include "drivers/fakecam/control_faults.hpp"
 #include "drivers/fakecam/control_server.hpp"
 #include "drivers/fakecam/description.hpp"
 #include "drivers/fakecam/stream_session.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::fakecam {
 namespace {

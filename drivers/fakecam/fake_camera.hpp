@@ -6,12 +6,12 @@
 #include <optional>
 #include <string>
 
-#include "bolo/core/geometry.hpp"
-#include "bolo/core/result.hpp"
 #include "drivers/fakecam/fault_tally.hpp"
 #include "drivers/fakecam/frame_provider.hpp"
 #include "drivers/fakecam/gvcp.hpp"
 #include "drivers/fakecam/stats.hpp"
+#include "src/core/geometry.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::fakecam {
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/core/nearest.hpp"
+#include "src/core/clock.hpp"
+#include "src/core/nearest.hpp"
 
 namespace bolo::fakecam {
 namespace {

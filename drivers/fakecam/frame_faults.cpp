@@ -5,9 +5,9 @@
 #include <cmath>
 #include <string_view>
 
-#include "bolo/core/byte_order.hpp"
-#include "bolo/core/clock.hpp"
 #include "drivers/fakecam/timeline.hpp"
+#include "src/core/byte_order.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::fakecam {
 namespace {

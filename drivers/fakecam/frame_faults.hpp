@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "bolo/core/geometry.hpp"
 #include "drivers/fakecam/fault_tally.hpp"
 #include "drivers/fakecam/frame_ring.hpp"
+#include "src/core/geometry.hpp"
 
 namespace bolo::fakecam {
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
-#include "bolo/core/plane.hpp"
-#include "bolo/core/result.hpp"
+#include "src/capture/capture.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::fakecam {
 

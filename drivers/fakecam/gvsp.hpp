@@ -6,9 +6,9 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "bolo/core/geometry.hpp"
 #include "drivers/fakecam/gvcp.hpp"
 #include "drivers/fakecam/wire.hpp"
+#include "src/core/geometry.hpp"
 
 namespace bolo::fakecam::gvsp {
 

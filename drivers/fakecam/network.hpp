@@ -7,9 +7,9 @@
 #include <string>
 #include <utility>
 
-#include "bolo/core/result.hpp"
-#include "bolo/core/unique_fd.hpp"
 #include "drivers/fakecam/command_handler.hpp"
+#include "src/core/result.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::fakecam {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "bolo/core/splitmix.hpp"
+#include "src/core/splitmix.hpp"
 
 namespace bolo::fakecam {
 namespace {

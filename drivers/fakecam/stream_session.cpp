@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <ctime>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::fakecam {
 namespace {

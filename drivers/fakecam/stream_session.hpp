@@ -5,7 +5,6 @@
 #include <string>
 #include <thread>
 
-#include "bolo/core/result.hpp"
 #include "drivers/fakecam/counts.hpp"
 #include "drivers/fakecam/frame_faults.hpp"
 #include "drivers/fakecam/frame_provider.hpp"
@@ -13,6 +12,7 @@
 #include "drivers/fakecam/packet_train.hpp"
 #include "drivers/fakecam/stats.hpp"
 #include "drivers/fakecam/timeline.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::fakecam {
 

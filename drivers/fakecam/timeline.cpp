@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::fakecam {
 namespace {

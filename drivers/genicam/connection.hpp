@@ -5,10 +5,10 @@
 #include <memory>
 #include <string>
 
-#include "bolo/core/result.hpp"
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/genicam/gobject.hpp"
 #include "drivers/genicam/network.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::genicam {
 

@@ -4,9 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "bolo/core/byte_order.hpp"
-#include "bolo/core/geometry.hpp"
 #include "drivers/genicam/genicam_source.hpp"
+#include "src/core/byte_order.hpp"
+#include "src/core/geometry.hpp"
 
 namespace bolo::genicam {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::genicam {
 namespace {

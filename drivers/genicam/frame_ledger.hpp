@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 
-#include "bolo/core/loss.hpp"
+#include "src/core/loss.hpp"
 
 namespace bolo::genicam {
 

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "bolo/pipeline/source.hpp"
-#include "bolo/rt/counters.hpp"
+#include "src/pipeline/source.hpp"
+#include "src/rt/counters.hpp"
 
 namespace bolo::genicam {
 

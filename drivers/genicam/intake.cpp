@@ -2,8 +2,8 @@
 
 #include <ctime>
 
-#include "bolo/core/clock.hpp"
 #include "drivers/genicam/copy_rows.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::genicam {
 namespace {

@@ -6,15 +6,15 @@
 #include <cstdint>
 #include <vector>
 
-#include "bolo/core/plane.hpp"
-#include "bolo/pipeline/inlet.hpp"
-#include "bolo/pipeline/source_status.hpp"
-#include "bolo/rt/counters.hpp"
 #include "drivers/genicam/frame_ledger.hpp"
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/genicam/gobject.hpp"
 #include "drivers/genicam/host_clock.hpp"
 #include "drivers/genicam/scene_watch.hpp"
+#include "src/core/plane.hpp"
+#include "src/pipeline/inlet.hpp"
+#include "src/pipeline/source_status.hpp"
+#include "src/rt/counters.hpp"
 
 namespace bolo::genicam {
 

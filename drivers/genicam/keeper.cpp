@@ -4,8 +4,8 @@
 #include <chrono>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/core/duration_text.hpp"
+#include "src/core/clock.hpp"
+#include "src/core/duration_text.hpp"
 
 namespace bolo::genicam {
 namespace {

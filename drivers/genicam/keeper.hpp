@@ -14,15 +14,15 @@
 #include <utility>
 #include <vector>
 
-#include "bolo/core/result.hpp"
-#include "bolo/pipeline/notices.hpp"
-#include "bolo/pipeline/source_status.hpp"
-#include "bolo/pipeline/watch.hpp"
-#include "bolo/rt/counters.hpp"
 #include "drivers/genicam/endings.hpp"
 #include "drivers/genicam/intake.hpp"
 #include "drivers/genicam/nuc_schedule.hpp"
 #include "drivers/genicam/session.hpp"
+#include "src/core/result.hpp"
+#include "src/pipeline/notices.hpp"
+#include "src/pipeline/source_status.hpp"
+#include "src/pipeline/watch.hpp"
+#include "src/rt/counters.hpp"
 
 namespace bolo::genicam {
 

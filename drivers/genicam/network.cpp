@@ -21,7 +21,7 @@
 #include <optional>
 #include <vector>
 
-#include "bolo/core/unique_fd.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::genicam {
 namespace {

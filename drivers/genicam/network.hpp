@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::genicam {
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/result.hpp"
 #include "drivers/genicam/gobject.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::genicam {
 

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/result.hpp"
 #include "drivers/genicam/nodes.hpp"
 #include "drivers/genicam/radiometry.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::genicam {
 

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "bolo/core/byte_order.hpp"
+#include "src/core/byte_order.hpp"
 
 namespace bolo::genicam {
 namespace {

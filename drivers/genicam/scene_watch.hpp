@@ -7,8 +7,8 @@
 #include <optional>
 #include <string>
 
-#include "bolo/core/plane.hpp"
-#include "bolo/rt/counters.hpp"
+#include "src/core/plane.hpp"
+#include "src/rt/counters.hpp"
 
 namespace bolo::genicam {
 

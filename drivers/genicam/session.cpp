@@ -5,9 +5,9 @@
 #include <thread>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
 #include "drivers/genicam/nodes.hpp"
 #include "drivers/genicam/object.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::genicam {
 namespace {

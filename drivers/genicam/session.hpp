@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/result.hpp"
 #include "drivers/genicam/connection.hpp"
 #include "drivers/genicam/gate.hpp"
 #include "drivers/genicam/intake.hpp"
 #include "drivers/genicam/settings.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::genicam {
 

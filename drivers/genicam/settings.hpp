@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/result.hpp"
-#include "bolo/pipeline/source.hpp"
 #include "drivers/genicam/connection.hpp"
+#include "src/core/result.hpp"
+#include "src/pipeline/source.hpp"
 
 namespace bolo::genicam {
 

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 
 namespace bolo::replay {
 

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstring>
 
-#include "bolo/core/geometry.hpp"
+#include "src/core/geometry.hpp"
 
 namespace bolo::replay {
 

@@ -5,10 +5,10 @@
 #include <system_error>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/rt/thread.hpp"
 #include "drivers/replay/breaks.hpp"
 #include "drivers/replay/copy_region.hpp"
+#include "src/core/clock.hpp"
+#include "src/rt/thread.hpp"
 
 namespace bolo::replay {
 namespace {

@@ -9,8 +9,8 @@
 #include <thread>
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
-#include "bolo/pipeline/source.hpp"
+#include "src/capture/capture.hpp"
+#include "src/pipeline/source.hpp"
 
 namespace bolo::replay {
 

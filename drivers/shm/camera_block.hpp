@@ -3,8 +3,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/pipeline/source_status.hpp"
 #include "bolo/shm_layout.h"
+#include "src/pipeline/source_status.hpp"
 
 namespace bolo::shm {
 

@@ -6,7 +6,7 @@
 #include <thread>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::shm {
 namespace {

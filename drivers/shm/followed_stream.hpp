@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <string>
 
-#include "bolo/core/result.hpp"
 #include "drivers/shm/shm_reader.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::shm {
 

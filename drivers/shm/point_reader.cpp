@@ -5,10 +5,10 @@
 #include <numeric>
 #include <utility>
 
-#include "bolo/deblur/isa.hpp"
-#include "bolo/deblur/pixel_correction.hpp"
-#include "bolo/deblur/solver.hpp"
-#include "bolo/deblur/window.hpp"
+#include "src/deblur/isa.hpp"
+#include "src/deblur/pixel_correction.hpp"
+#include "src/deblur/solver.hpp"
+#include "src/deblur/window.hpp"
 
 namespace bolo::shm {
 namespace {

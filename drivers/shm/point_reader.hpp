@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/result.hpp"
-#include "bolo/model/pixel_maps.hpp"
 #include "drivers/shm/shm_reader.hpp"
+#include "src/core/result.hpp"
+#include "src/model/pixel_maps.hpp"
 
 namespace bolo::shm {
 

@@ -9,8 +9,8 @@
 #include <cstring>
 #include <span>
 
-#include "bolo/core/clock.hpp"
 #include "bolo/shm_layout.h"
+#include "src/core/clock.hpp"
 
 namespace bolo::shm {
 

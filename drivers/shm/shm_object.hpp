@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::shm {
 

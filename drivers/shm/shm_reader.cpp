@@ -17,9 +17,9 @@
 #include <thread>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
 #include "drivers/shm/shared_words.hpp"
 #include "drivers/shm/shm_object.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::shm {
 namespace {

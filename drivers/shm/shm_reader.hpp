@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/frame.hpp"
-#include "bolo/core/plane.hpp"
-#include "bolo/core/result.hpp"
 #include "bolo/shm_layout.h"
 #include "drivers/shm/shared_words.hpp"
+#include "src/core/frame.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::shm {
 

@@ -9,12 +9,12 @@
 #include <cstring>
 #include <optional>
 
-#include "bolo/core/clock.hpp"
 #include "bolo/shm_layout.h"
 #include "drivers/shm/camera_block.hpp"
 #include "drivers/shm/shared_words.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "drivers/shm/waker.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::shm {
 namespace {

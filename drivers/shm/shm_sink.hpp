@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "bolo/pipeline/sink.hpp"
+#include "src/pipeline/sink.hpp"
 
 namespace bolo::shm {
 

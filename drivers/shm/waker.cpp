@@ -7,7 +7,7 @@
 #include <climits>
 #include <system_error>
 
-#include "bolo/rt/thread.hpp"
+#include "src/rt/thread.hpp"
 
 namespace bolo::shm {
 namespace {

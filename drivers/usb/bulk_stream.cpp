@@ -7,7 +7,7 @@
 #include <span>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::usb {
 namespace {

@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/result.hpp"
 #include "drivers/usb/devices.hpp"
 #include "drivers/usb/handles.hpp"
 #include "drivers/usb/intake.hpp"
 #include "drivers/usb/usb_source.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::usb {
 

@@ -5,8 +5,8 @@
 
 #include <string>
 
-#include "bolo/core/result.hpp"
 #include "drivers/usb/devices.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::usb {
 

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::usb {
 

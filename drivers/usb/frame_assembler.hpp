@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "bolo/core/loss.hpp"
 #include "drivers/usb/frame_layout.hpp"
+#include "src/core/loss.hpp"
 
 namespace bolo::usb {
 

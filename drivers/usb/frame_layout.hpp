@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "bolo/core/geometry.hpp"
-#include "bolo/core/result.hpp"
+#include "src/core/geometry.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::usb {
 

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::usb {
 namespace {

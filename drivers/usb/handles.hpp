@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::usb {
 

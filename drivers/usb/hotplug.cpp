@@ -6,7 +6,7 @@
 #include <chrono>
 #include <utility>
 
-#include "bolo/rt/thread.hpp"
+#include "src/rt/thread.hpp"
 
 namespace bolo::usb {
 namespace {

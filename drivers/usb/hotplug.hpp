@@ -9,9 +9,9 @@
 #include <thread>
 #include <vector>
 
-#include "bolo/core/result.hpp"
 #include "drivers/usb/devices.hpp"
 #include "drivers/usb/handles.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::usb {
 

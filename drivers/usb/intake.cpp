@@ -1,7 +1,7 @@
 #include "drivers/usb/intake.hpp"
 
-#include "bolo/core/byte_order.hpp"
-#include "bolo/core/clock.hpp"
+#include "src/core/byte_order.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::usb {
 

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <span>
 
-#include "bolo/pipeline/inlet.hpp"
 #include "drivers/usb/frame_assembler.hpp"
 #include "drivers/usb/frame_layout.hpp"
 #include "drivers/usb/frame_numbers.hpp"
+#include "src/pipeline/inlet.hpp"
 
 namespace bolo::usb {
 

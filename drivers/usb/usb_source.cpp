@@ -8,15 +8,15 @@
 #include <thread>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/pipeline/notices.hpp"
-#include "bolo/pipeline/watch.hpp"
-#include "bolo/rt/counters.hpp"
-#include "bolo/rt/thread.hpp"
 #include "drivers/usb/bulk_stream.hpp"
 #include "drivers/usb/handles.hpp"
 #include "drivers/usb/hotplug.hpp"
 #include "drivers/usb/intake.hpp"
+#include "src/core/clock.hpp"
+#include "src/pipeline/notices.hpp"
+#include "src/pipeline/watch.hpp"
+#include "src/rt/counters.hpp"
+#include "src/rt/thread.hpp"
 
 namespace bolo::usb {
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "bolo/pipeline/source.hpp"
 #include "drivers/usb/devices.hpp"
 #include "drivers/usb/frame_layout.hpp"
+#include "src/pipeline/source.hpp"
 
 namespace bolo::usb {
 

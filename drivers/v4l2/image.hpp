@@ -7,10 +7,10 @@
 #include <string_view>
 #include <vector>
 
-#include "bolo/core/geometry.hpp"
-#include "bolo/core/plane.hpp"
-#include "bolo/core/result.hpp"
 #include "drivers/v4l2/tone.hpp"
+#include "src/core/geometry.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::v4l2 {
 

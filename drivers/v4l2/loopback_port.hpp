@@ -4,8 +4,8 @@
 #include <string>
 #include <utility>
 
-#include "bolo/core/unique_fd.hpp"
 #include "drivers/v4l2/video_port.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::v4l2 {
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "bolo/core/plane.hpp"
+#include "src/core/plane.hpp"
 
 namespace bolo::v4l2 {
 

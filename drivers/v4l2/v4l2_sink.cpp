@@ -12,11 +12,11 @@
 #include <span>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/core/duration_text.hpp"
-#include "bolo/rt/thread.hpp"
 #include "drivers/v4l2/loopback_port.hpp"
 #include "drivers/v4l2/newest_frame.hpp"
+#include "src/core/clock.hpp"
+#include "src/core/duration_text.hpp"
+#include "src/rt/thread.hpp"
 
 namespace bolo::v4l2 {
 namespace {

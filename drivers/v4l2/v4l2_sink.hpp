@@ -7,11 +7,11 @@
 #include <thread>
 #include <vector>
 
-#include "bolo/pipeline/notices.hpp"
-#include "bolo/pipeline/sink.hpp"
-#include "bolo/rt/counters.hpp"
 #include "drivers/v4l2/image.hpp"
 #include "drivers/v4l2/video_port.hpp"
+#include "src/pipeline/notices.hpp"
+#include "src/pipeline/sink.hpp"
+#include "src/rt/counters.hpp"
 
 namespace bolo::v4l2 {
 

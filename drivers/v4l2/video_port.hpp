@@ -5,9 +5,9 @@
 #include <span>
 #include <string>
 
-#include "bolo/core/geometry.hpp"
-#include "bolo/core/result.hpp"
 #include "drivers/v4l2/image.hpp"
+#include "src/core/geometry.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::v4l2 {
 

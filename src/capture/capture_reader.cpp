@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 #include "src/capture/contents.hpp"
 #include "src/capture/open_file.hpp"
 #include "src/capture/stimulus_io.hpp"

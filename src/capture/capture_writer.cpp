@@ -13,7 +13,7 @@
 #include <cstring>
 #include <limits>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 #include "src/capture/contents.hpp"
 #include "src/capture/crash_safe_file.hpp"
 #include "src/capture/disk_reserve.hpp"

@@ -10,9 +10,9 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "bolo/core/result.hpp"
-#include "bolo/core/unique_fd.hpp"
 #include "src/capture/pages.hpp"
+#include "src/core/result.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::capture {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 #include "src/capture/frame_store.hpp"
 
 namespace bolo::capture {

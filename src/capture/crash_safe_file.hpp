@@ -32,11 +32,11 @@
 #include <memory>
 #include <utility>
 
-#include "bolo/core/result.hpp"
-#include "bolo/core/unique_fd.hpp"
 #include "src/capture/commit_records.hpp"
 #include "src/capture/pages.hpp"
 #include "src/capture/power_commit.hpp"
+#include "src/core/result.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::capture {
 

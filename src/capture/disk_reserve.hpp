@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <utility>
 
-#include "bolo/core/result.hpp"
-#include "bolo/core/unique_fd.hpp"
+#include "src/core/result.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::capture {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 #include "src/capture/h5.hpp"
 
 namespace bolo::capture {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/plane.hpp"
 #include "src/capture/h5.hpp"
+#include "src/core/plane.hpp"
 
 namespace bolo::capture {
 

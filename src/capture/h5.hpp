@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::capture::h5 {
 

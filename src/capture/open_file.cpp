@@ -9,7 +9,7 @@
 #include <cstring>
 #include <string_view>
 
-#include "bolo/core/unique_fd.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::capture {
 namespace {

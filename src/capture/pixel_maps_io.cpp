@@ -1,4 +1,4 @@
-#include "bolo/capture/pixel_maps_io.hpp"
+#include "src/capture/pixel_maps_io.hpp"
 
 #include <cmath>
 #include <string>

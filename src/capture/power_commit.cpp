@@ -6,7 +6,7 @@
 #include <cerrno>
 #include <utility>
 
-#include "bolo/core/unique_fd.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::capture {
 namespace {

@@ -1,11 +1,11 @@
-#include "bolo/capture/recovery.hpp"
+#include "src/capture/recovery.hpp"
 
 #include <algorithm>
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 #include "src/capture/commit_records.hpp"
 #include "src/capture/power_commit.hpp"
 

@@ -1,8 +1,8 @@
 // The `/stimulus` group: one row of the table in ARCHITECTURE.md a kind.
 #pragma once
 
-#include "bolo/capture/stimulus.hpp"
 #include "src/capture/h5.hpp"
+#include "src/capture/stimulus.hpp"
 
 namespace bolo::capture {
 

@@ -3,9 +3,9 @@
 
 #include <memory>
 
-#include "bolo/deblur/solver.hpp"
 #include "src/deblur/lambda_risk.hpp"
 #include "src/deblur/motion_posterior.hpp"
+#include "src/deblur/solver.hpp"
 
 namespace bolo::deblur {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bolo/model/bolometer.hpp"
+#include "src/model/bolometer.hpp"
 
 namespace bolo::deblur {
 

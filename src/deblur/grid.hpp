@@ -3,8 +3,8 @@
 
 #include <array>
 
-#include "bolo/deblur/settings.hpp"
-#include "bolo/deblur/solver.hpp"
+#include "src/deblur/settings.hpp"
+#include "src/deblur/solver.hpp"
 
 namespace bolo::deblur {
 

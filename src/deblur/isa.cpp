@@ -1,4 +1,4 @@
-#include "bolo/deblur/isa.hpp"
+#include "src/deblur/isa.hpp"
 
 #include <algorithm>
 #include <string>

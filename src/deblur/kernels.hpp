@@ -5,12 +5,12 @@
 #include <cstdint>
 #include <string_view>
 
-#include "bolo/core/plane.hpp"
-#include "bolo/deblur/isa.hpp"
+#include "src/core/plane.hpp"
 #include "src/deblur/banded_plan.hpp"
 #include "src/deblur/dense_plan.hpp"
 #include "src/deblur/dual_plan.hpp"
 #include "src/deblur/inverse_plan.hpp"
+#include "src/deblur/isa.hpp"
 
 namespace bolo::deblur {
 

@@ -1,8 +1,8 @@
 // Multiple-model adaptive estimation: every pixel is filtered in time with weights that suit the motion around it.
 #pragma once
 
-#include "bolo/deblur/solver.hpp"
 #include "src/deblur/motion_posterior.hpp"
+#include "src/deblur/solver.hpp"
 
 namespace bolo::deblur {
 

@@ -1,4 +1,4 @@
-#include "bolo/deblur/pixel_correction.hpp"
+#include "src/deblur/pixel_correction.hpp"
 
 #include <algorithm>
 #include <cmath>

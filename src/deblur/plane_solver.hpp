@@ -3,8 +3,8 @@
 
 #include <memory>
 
-#include "bolo/deblur/solver.hpp"
 #include "src/deblur/method.hpp"
+#include "src/deblur/solver.hpp"
 
 namespace bolo::deblur {
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bolo/model/haar.hpp"
 #include "src/deblur/dual_plan.hpp"
+#include "src/model/haar.hpp"
 
 namespace bolo::deblur {
 namespace {

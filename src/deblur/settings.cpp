@@ -1,4 +1,4 @@
-#include "bolo/deblur/settings.hpp"
+#include "src/deblur/settings.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "bolo/deblur/solver.hpp"
+#include "src/deblur/solver.hpp"
 
 #include <cmath>
 #include <sstream>

@@ -1,9 +1,9 @@
 // What every method needs to know of its stream.
 #pragma once
 
-#include "bolo/core/frame.hpp"
-#include "bolo/core/plane.hpp"
-#include "bolo/deblur/settings.hpp"
+#include "src/core/frame.hpp"
+#include "src/core/plane.hpp"
+#include "src/deblur/settings.hpp"
 
 namespace bolo::deblur {
 

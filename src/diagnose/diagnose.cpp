@@ -1,4 +1,4 @@
-#include "bolo/diagnose/diagnose.hpp"
+#include "src/diagnose/diagnose.hpp"
 
 #include <chrono>
 

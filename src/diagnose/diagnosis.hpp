@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-#include "bolo/diagnose/diagnose.hpp"
 #include "events.hpp"
 #include "fit.hpp"
 #include "noise.hpp"
 #include "omnibus.hpp"
 #include "select.hpp"
+#include "src/diagnose/diagnose.hpp"
 #include "transport.hpp"
 
 namespace bolo::diagnose {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "bolo/diagnose/report.hpp"
 #include "model.hpp"
+#include "src/diagnose/report.hpp"
 
 namespace bolo::diagnose {
 

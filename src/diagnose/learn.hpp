@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <vector>
 
-#include "bolo/diagnose/report.hpp"
 #include "events.hpp"
 #include "model.hpp"
+#include "src/diagnose/report.hpp"
 
 namespace bolo::diagnose {
 

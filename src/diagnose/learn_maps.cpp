@@ -7,10 +7,10 @@
 
 #include <Eigen/Dense>
 
-#include "bolo/capture/capture.hpp"
 #include "learn.hpp"
 #include "map_basis.hpp"
 #include "parallel.hpp"
+#include "src/capture/capture.hpp"
 
 namespace bolo::diagnose {
 namespace {

@@ -1,9 +1,9 @@
 // What the report draws.
 #pragma once
 
-#include "bolo/diagnose/report.hpp"
 #include "model.hpp"
 #include "session.hpp"
+#include "src/diagnose/report.hpp"
 
 namespace bolo::diagnose {
 

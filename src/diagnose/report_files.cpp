@@ -1,6 +1,6 @@
-#include "bolo/diagnose/report_files.hpp"
+#include "src/diagnose/report_files.hpp"
 
-#include "bolo/plot/sheet.hpp"
+#include "src/report/sheet.hpp"
 
 namespace bolo::diagnose {
 Status write_report(const Report& report, const std::filesystem::path& folder) {

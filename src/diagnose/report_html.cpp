@@ -1,8 +1,8 @@
 // report.html: the parts in the order in which a person wants to know them.
-#include "bolo/diagnose/report_files.hpp"
-#include "bolo/plot/page.hpp"
 #include "src/diagnose/report/page_parts.hpp"
 #include "src/diagnose/report/page_style.hpp"
+#include "src/diagnose/report_files.hpp"
+#include "src/report/page.hpp"
 
 namespace bolo::diagnose {
 

@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/diagnose/report_files.hpp"
+#include "src/diagnose/report_files.hpp"
 
 namespace bolo::diagnose {
 namespace {

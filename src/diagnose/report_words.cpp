@@ -1,4 +1,4 @@
-#include "bolo/diagnose/report_words.hpp"
+#include "src/diagnose/report_words.hpp"
 
 #include <algorithm>
 #include <array>

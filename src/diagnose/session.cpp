@@ -5,7 +5,7 @@
 #include <numeric>
 #include <sstream>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 
 namespace bolo::diagnose {
 namespace {

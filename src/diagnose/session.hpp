@@ -8,9 +8,9 @@
 
 #include <Eigen/Core>
 
-#include "bolo/capture/stimulus.hpp"
-#include "bolo/core/result.hpp"
-#include "bolo/diagnose/diagnose.hpp"
+#include "src/capture/stimulus.hpp"
+#include "src/core/result.hpp"
+#include "src/diagnose/diagnose.hpp"
 
 namespace bolo::diagnose {
 

@@ -1,4 +1,4 @@
-#include "bolo/model/band_radiance.hpp"
+#include "src/model/band_radiance.hpp"
 
 #include <algorithm>
 #include <cmath>

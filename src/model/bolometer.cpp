@@ -1,4 +1,4 @@
-#include "bolo/model/bolometer.hpp"
+#include "src/model/bolometer.hpp"
 
 #include <algorithm>
 #include <cassert>

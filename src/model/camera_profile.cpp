@@ -1,4 +1,4 @@
-#include "bolo/model/camera_profile.hpp"
+#include "src/model/camera_profile.hpp"
 
 #include <array>
 

@@ -1,4 +1,4 @@
-#include "bolo/model/haar.hpp"
+#include "src/model/haar.hpp"
 
 #include <algorithm>
 #include <bit>

@@ -1,4 +1,4 @@
-#include "bolo/model/strict_toml.hpp"
+#include "src/model/strict_toml.hpp"
 
 #include <toml++/toml.h>
 

@@ -1,5 +1,5 @@
 // What a table of keys may hold, and how it documents itself; strict_toml.cpp reads files.
-#include "bolo/model/strict_toml.hpp"
+#include "src/model/strict_toml.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "bolo/pipeline/apply_profile.hpp"
+#include "src/pipeline/apply_profile.hpp"
 
 #include <utility>
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <span>
 
-#include "bolo/core/pixel_range.hpp"
-#include "bolo/core/plane.hpp"
+#include "src/core/pixel_range.hpp"
+#include "src/core/plane.hpp"
 
 namespace bolo::pipeline {
 

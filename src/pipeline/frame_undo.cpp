@@ -5,7 +5,7 @@
 #include <cstring>
 #include <utility>
 
-#include "bolo/model/band_radiance.hpp"
+#include "src/model/band_radiance.hpp"
 
 namespace bolo::pipeline {
 namespace {

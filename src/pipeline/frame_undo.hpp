@@ -27,14 +27,14 @@
 #include <span>
 #include <vector>
 
-#include "bolo/core/frame.hpp"
-#include "bolo/core/plane.hpp"
-#include "bolo/core/result.hpp"
-#include "bolo/core/state_bytes.hpp"
-#include "bolo/deblur/pixel_correction.hpp"
-#include "bolo/deblur/settings.hpp"
-#include "bolo/model/pixel_maps.hpp"
-#include "bolo/model/undo.hpp"
+#include "src/core/frame.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
+#include "src/core/state_bytes.hpp"
+#include "src/deblur/pixel_correction.hpp"
+#include "src/deblur/settings.hpp"
+#include "src/model/pixel_maps.hpp"
+#include "src/model/undo.hpp"
 #include "src/pipeline/convert.hpp"
 
 namespace bolo::pipeline {

@@ -1,8 +1,8 @@
-#include "bolo/pipeline/inlet.hpp"
+#include "src/pipeline/inlet.hpp"
 
 #include <utility>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::pipeline {
 namespace {

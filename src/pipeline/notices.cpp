@@ -1,4 +1,4 @@
-#include "bolo/pipeline/notices.hpp"
+#include "src/pipeline/notices.hpp"
 
 #include <iterator>
 #include <utility>

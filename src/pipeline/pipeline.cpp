@@ -1,4 +1,4 @@
-#include "bolo/pipeline/pipeline.hpp"
+#include "src/pipeline/pipeline.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -8,15 +8,15 @@
 #include <span>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/deblur/isa.hpp"
-#include "bolo/deblur/window.hpp"
-#include "bolo/rt/worker_team.hpp"
+#include "src/core/clock.hpp"
+#include "src/deblur/isa.hpp"
+#include "src/deblur/window.hpp"
 #include "src/pipeline/convert.hpp"
 #include "src/pipeline/frame_undo.hpp"
 #include "src/pipeline/solver_ladder.hpp"
 #include "src/pipeline/solver_words.hpp"
 #include "src/pipeline/stream_state.hpp"
+#include "src/rt/worker_team.hpp"
 
 namespace bolo::pipeline {
 namespace {

@@ -4,8 +4,8 @@
 #include <array>
 #include <memory>
 
-#include "bolo/deblur/solver.hpp"
-#include "bolo/pipeline/effort.hpp"
+#include "src/deblur/solver.hpp"
+#include "src/pipeline/effort.hpp"
 
 namespace bolo::pipeline {
 

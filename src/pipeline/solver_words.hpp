@@ -4,8 +4,8 @@
 #include <string>
 #include <string_view>
 
-#include "bolo/core/geometry.hpp"
-#include "bolo/deblur/settings.hpp"
+#include "src/core/geometry.hpp"
+#include "src/deblur/settings.hpp"
 
 namespace bolo::pipeline {
 

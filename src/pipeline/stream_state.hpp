@@ -4,8 +4,8 @@
 #include <string>
 #include <string_view>
 
-#include "bolo/core/result.hpp"
-#include "bolo/deblur/solver.hpp"
+#include "src/core/result.hpp"
+#include "src/deblur/solver.hpp"
 #include "src/pipeline/frame_undo.hpp"
 
 namespace bolo::pipeline {

@@ -1,4 +1,4 @@
-#include "bolo/pipeline/stream_walk.hpp"
+#include "src/pipeline/stream_walk.hpp"
 
 #include <cstddef>
 #include <cstring>
@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "bolo/deblur/window.hpp"
+#include "src/deblur/window.hpp"
 #include "src/pipeline/frame_undo.hpp"
 #include "src/pipeline/stream_state.hpp"
 

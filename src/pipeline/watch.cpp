@@ -1,9 +1,9 @@
-#include "bolo/pipeline/watch.hpp"
+#include "src/pipeline/watch.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::pipeline {
 namespace {

@@ -1,4 +1,4 @@
-#include "bolo/rt/frame_pool.hpp"
+#include "src/rt/frame_pool.hpp"
 
 #include <cstring>
 #include <new>

@@ -1,4 +1,4 @@
-#include "bolo/rt/thread.hpp"
+#include "src/rt/thread.hpp"
 
 #include <pthread.h>
 #include <sched.h>

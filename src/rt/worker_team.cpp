@@ -1,4 +1,4 @@
-#include "bolo/rt/worker_team.hpp"
+#include "src/rt/worker_team.hpp"
 
 #include <system_error>
 

@@ -5,10 +5,10 @@
 #include <deque>
 #include <vector>
 
-#include "bolo/rt/worker_team.hpp"
-#include "bolo/sim/simulator.hpp"
+#include "src/rt/worker_team.hpp"
 #include "src/sim/effect_type.hpp"
 #include "src/sim/pixel_band.hpp"
+#include "src/sim/simulator.hpp"
 
 namespace bolo::sim {
 

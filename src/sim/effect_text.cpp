@@ -6,8 +6,8 @@
 #include <numeric>
 #include <optional>
 
-#include "bolo/core/nearest.hpp"
-#include "bolo/sim/effect.hpp"
+#include "src/core/nearest.hpp"
+#include "src/sim/effect.hpp"
 #include "src/sim/random.hpp"
 
 namespace bolo::sim {

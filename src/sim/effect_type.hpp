@@ -8,9 +8,9 @@
 #include <string_view>
 #include <vector>
 
-#include "bolo/sim/effect.hpp"
-#include "bolo/sim/simulator.hpp"
+#include "src/sim/effect.hpp"
 #include "src/sim/random.hpp"
+#include "src/sim/simulator.hpp"
 #include "src/sim/view.hpp"
 
 namespace bolo::sim {

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::sim {
 

@@ -6,8 +6,8 @@
 #include <memory>
 #include <string>
 
-#include "bolo/sim/scene.hpp"
 #include "src/sim/grey_image.hpp"
+#include "src/sim/scene.hpp"
 
 namespace bolo::sim {
 namespace {

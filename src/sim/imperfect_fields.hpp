@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "bolo/sim/stimulus_error.hpp"
+#include "src/sim/stimulus_error.hpp"
 
 namespace bolo::sim {
 

@@ -1,4 +1,4 @@
-#include "bolo/sim/pixel.hpp"
+#include "src/sim/pixel.hpp"
 
 #include <array>
 #include <cmath>

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "bolo/core/geometry.hpp"
-#include "bolo/sim/readout.hpp"
+#include "src/core/geometry.hpp"
+#include "src/sim/readout.hpp"
 #include "src/sim/splitmix.hpp"
 
 namespace bolo::sim {

@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "bolo/sim/field.hpp"
+#include "src/sim/field.hpp"
 
 namespace bolo::sim {
 namespace {

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "bolo/sim/field.hpp"
+#include "src/sim/field.hpp"
 #include "src/sim/imperfect_fields.hpp"
 
 namespace bolo::sim {

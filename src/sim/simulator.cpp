@@ -1,4 +1,4 @@
-#include "bolo/sim/simulator.hpp"
+#include "src/sim/simulator.hpp"
 
 #include <algorithm>
 #include <cmath>

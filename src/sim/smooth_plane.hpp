@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "bolo/core/geometry.hpp"
+#include "src/core/geometry.hpp"
 
 namespace bolo::sim {
 

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "bolo/core/splitmix.hpp"
+#include "src/core/splitmix.hpp"
 
 namespace bolo::sim {
 

@@ -1,4 +1,4 @@
-#include "bolo/sim/scene.hpp"
+#include "src/sim/scene.hpp"
 
 namespace bolo::sim {
 namespace {

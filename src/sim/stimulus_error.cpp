@@ -1,4 +1,4 @@
-#include "bolo/sim/stimulus_error.hpp"
+#include "src/sim/stimulus_error.hpp"
 
 #include <algorithm>
 #include <array>
@@ -6,8 +6,8 @@
 #include <cmath>
 #include <variant>
 
-#include "bolo/core/nearest.hpp"
-#include "bolo/sim/effect.hpp"
+#include "src/core/nearest.hpp"
+#include "src/sim/effect.hpp"
 #include "src/sim/imperfect_fields.hpp"
 
 namespace bolo::sim {

@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "bolo/sim/path.hpp"
+#include "src/sim/path.hpp"
 
 namespace bolo::sim {
 namespace {

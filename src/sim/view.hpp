@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "bolo/core/geometry.hpp"
-#include "bolo/sim/field.hpp"
+#include "src/core/geometry.hpp"
+#include "src/sim/field.hpp"
 
 namespace bolo::sim {
 

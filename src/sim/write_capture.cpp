@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <string>
 
-#include "bolo/sim/simulator.hpp"
+#include "src/sim/simulator.hpp"
 
 namespace bolo::sim {
 namespace {

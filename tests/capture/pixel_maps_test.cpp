@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "bolo/capture/pixel_maps_io.hpp"
+#include "src/capture/pixel_maps_io.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
 

@@ -24,8 +24,8 @@
 #include <random>
 #include <thread>
 
-#include "bolo/capture/recovery.hpp"
 #include "src/capture/commit_records.hpp"
+#include "src/capture/recovery.hpp"
 #include "tests/capture/small_captures.hpp"
 
 namespace {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 #include "tests/scratch.hpp"
 
 namespace bolo::capture::testing {

@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "bolo/deblur/solver.hpp"
 #include "src/deblur/lambda_risk.hpp"
+#include "src/deblur/solver.hpp"
 
 namespace bolo::deblur {
 namespace {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "bolo/deblur/solver.hpp"
+#include "src/deblur/solver.hpp"
 
 namespace bolo::deblur {
 namespace {

@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
-#include "bolo/deblur/solver.hpp"
 #include "src/deblur/kernels.hpp"
 #include "src/deblur/mmae_solver.hpp"
 #include "src/deblur/motion_models.hpp"
+#include "src/deblur/solver.hpp"
 
 namespace bolo::deblur {
 namespace {

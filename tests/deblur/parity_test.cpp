@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "bolo/deblur/solver.hpp"
+#include "src/deblur/solver.hpp"
 #include "tests/deblur/inputs.hpp"
 
 namespace bolo::deblur {

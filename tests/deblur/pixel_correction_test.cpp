@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "bolo/deblur/pixel_correction.hpp"
-#include "bolo/deblur/solver.hpp"
+#include "src/deblur/pixel_correction.hpp"
+#include "src/deblur/solver.hpp"
 #include "tests/deblur/inputs.hpp"
 
 namespace bolo::deblur {

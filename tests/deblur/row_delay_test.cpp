@@ -11,8 +11,8 @@
 #include <tuple>
 #include <vector>
 
-#include "bolo/deblur/solver.hpp"
 #include "src/deblur/row_time.hpp"
+#include "src/deblur/solver.hpp"
 
 namespace bolo::deblur {
 namespace {

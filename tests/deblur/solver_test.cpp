@@ -1,5 +1,5 @@
 // The vector kernels of every instruction set against the plain reference, on scenes and on what no scene shows.
-#include "bolo/deblur/solver.hpp"
+#include "src/deblur/solver.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "bolo/deblur/window.hpp"
+#include "src/deblur/window.hpp"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <utility>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 
 namespace bolo::diagnose::testing {
 namespace {

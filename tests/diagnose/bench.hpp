@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "bolo/capture/stimulus.hpp"
-#include "bolo/sim/simulator.hpp"
-#include "bolo/sim/stimulus_error.hpp"
+#include "src/capture/stimulus.hpp"
 #include "src/diagnose/session.hpp"
+#include "src/sim/simulator.hpp"
+#include "src/sim/stimulus_error.hpp"
 #include "tests/scratch.hpp"
 
 namespace bolo::diagnose::testing {

@@ -1,5 +1,5 @@
 // The fit of pulses on signals that are made here, by the closed form, and of still fields.
-#include "bolo/diagnose/calibrate.hpp"
+#include "src/diagnose/calibrate.hpp"
 
 #include <gtest/gtest.h>
 

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <set>
 
-#include "bolo/sim/effect.hpp"
 #include "src/diagnose/effect.hpp"
+#include "src/sim/effect.hpp"
 #include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose {

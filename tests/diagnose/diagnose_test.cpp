@@ -1,5 +1,5 @@
 // Whole diagnoses of small simulated sessions of the blind check's bench, and of real captures.
-#include "bolo/diagnose/diagnose.hpp"
+#include "src/diagnose/diagnose.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <cstdlib>
 
 #include "tests/diagnose/bench.hpp"
-#include "tools/blind/captures.hpp"
-#include "tools/blind/session.hpp"
+#include "tools/lab/blind/captures.hpp"
+#include "tools/lab/blind/session.hpp"
 
 namespace bolo::diagnose {
 namespace {

@@ -1,7 +1,7 @@
 // Reports of invented but plausible content, for the tests of what is made of a report.
 #pragma once
 
-#include "bolo/diagnose/report.hpp"
+#include "src/diagnose/report.hpp"
 
 namespace bolo::diagnose::test {
 

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bolo/diagnose/diagnose.hpp"
+#include "src/diagnose/diagnose.hpp"
 #include "tests/diagnose/bench.hpp"
-#include "tools/blind/captures.hpp"
-#include "tools/blind/session.hpp"
+#include "tools/lab/blind/captures.hpp"
+#include "tools/lab/blind/session.hpp"
 
 namespace bolo::diagnose {
 namespace {

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <fstream>
 
-#include "bolo/diagnose/diagnose.hpp"
-#include "bolo/diagnose/report_files.hpp"
+#include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/effect.hpp"
+#include "src/diagnose/report_files.hpp"
 #include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose {

@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "bolo/diagnose/report_files.hpp"
-#include "bolo/diagnose/report_words.hpp"
+#include "src/diagnose/report_files.hpp"
+#include "src/diagnose/report_words.hpp"
 #include "tests/diagnose/invented.hpp"
 
 namespace bolo::diagnose {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <fstream>
 
-#include "bolo/capture/capture.hpp"
-#include "bolo/diagnose/diagnose.hpp"
+#include "src/capture/capture.hpp"
+#include "src/diagnose/diagnose.hpp"
 #include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose {

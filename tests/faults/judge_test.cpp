@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "tools/eval/faults_judge.hpp"
+#include "tools/lab/eval/faults_judge.hpp"
 
 namespace bolo::tools::faults {
 namespace {

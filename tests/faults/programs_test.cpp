@@ -9,12 +9,12 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/capture/capture.hpp"
-#include "bolo/core/loss.hpp"
 #include "drivers/fakecam/fault_script.hpp"
 #include "drivers/shm/shm_reader.hpp"
-#include "tests/daemon/process.hpp"
-#include "tools/eval/faults_run.hpp"
+#include "src/capture/capture.hpp"
+#include "src/core/loss.hpp"
+#include "tests/tools/bolod/process.hpp"
+#include "tools/lab/eval/faults_run.hpp"
 
 namespace bolo::tools::faults {
 namespace {

@@ -1,5 +1,5 @@
 // A camera's profile.
-#include "bolo/model/camera_profile.hpp"
+#include "src/model/camera_profile.hpp"
 #include "tests/fuzz/input.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t bytes) {

@@ -1,6 +1,6 @@
 // A capture, a still or pixel maps (.h5, .mat): any HDF5 file, whole or damaged.
-#include "bolo/capture/capture.hpp"
-#include "bolo/capture/pixel_maps_io.hpp"
+#include "src/capture/capture.hpp"
+#include "src/capture/pixel_maps_io.hpp"
 #include "tests/fuzz/input.hpp"
 #include "tests/fuzz/use_capture.hpp"
 

@@ -1,7 +1,7 @@
 // The daemon's configuration.
-#include "bolo/daemon/config.hpp"
-#include "bolo/deblur/isa.hpp"
+#include "src/deblur/isa.hpp"
 #include "tests/fuzz/input.hpp"
+#include "tools/bolod/config.hpp"
 
 // In place of the solver's kernels, which take ten minutes to compile as a fuzzer.
 std::vector<std::string_view> bolo::deblur::available_isas() { return {"SSE2"}; }

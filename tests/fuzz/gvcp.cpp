@@ -1,8 +1,8 @@
 // Packets to the fake camera's control server, from two peers, over time.
-#include "bolo/core/geometry.hpp"
 #include "drivers/fakecam/camera_features.hpp"
 #include "drivers/fakecam/command_handler.hpp"
 #include "drivers/fakecam/description.hpp"
+#include "src/core/geometry.hpp"
 #include "tests/fuzz/input.hpp"
 
 using namespace bolo;

@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/core/unique_fd.hpp"
 #include "bolo/shm_layout.h"
+#include "src/core/clock.hpp"
+#include "src/core/unique_fd.hpp"
 #include "tests/fuzz/input.hpp"
 
 namespace bolo::fuzz {

@@ -13,7 +13,7 @@
 #include <string>
 #include <string_view>
 
-#include "bolo/core/unique_fd.hpp"
+#include "src/core/unique_fd.hpp"
 
 // libFuzzer calls it for every input, run_corpus.cpp for the kept ones.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t bytes);

@@ -1,5 +1,5 @@
 // A trajectory (CSV), and the path that a camera makes of it.
-#include "bolo/sim/path.hpp"
+#include "src/sim/path.hpp"
 #include "tests/fuzz/input.hpp"
 
 using namespace bolo::sim;

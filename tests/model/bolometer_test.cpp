@@ -1,11 +1,11 @@
-#include "bolo/model/bolometer.hpp"
+#include "src/model/bolometer.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <vector>
 
-#include "bolo/model/haar.hpp"
+#include "src/model/haar.hpp"
 
 namespace bolo::model {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "bolo/model/strict_toml.hpp"
+#include "src/model/strict_toml.hpp"
 
 namespace bolo::model {
 namespace {

@@ -4,7 +4,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "bolo/model/camera_profile.hpp"
+#include "src/model/camera_profile.hpp"
 
 namespace bolo::model {
 namespace {

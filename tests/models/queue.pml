@@ -1,4 +1,4 @@
-/* The cells of rt::SpscQueue (include/bolo/rt/spsc_queue.hpp): no cell is touched by both sides at once, although they are
+/* The cells of rt::SpscQueue (src/rt/spsc_queue.hpp): no cell is touched by both sides at once, although they are
  * plain values, and items come out whole and in order. P1 to P3 and C1 to C3 are the drawing's.
  *
  * READ is no memory of the queue: it stands for the consumer's look at a cell, which the producer's next write to that

@@ -1,4 +1,4 @@
-/* The sleeping consumer of rt::SpscQueue (include/bolo/rt/spsc_queue.hpp): no item, and no wake(), is left behind one that
+/* The sleeping consumer of rt::SpscQueue (src/rt/spsc_queue.hpp): no item, and no wake(), is left behind one that
  * sleeps, and bells do not pile up. P3 to P5 and S1 to S4 are the drawing's. Time does not pass: a timeout would hide a
  * wake-up that was lost, so there is none, and a consumer that waits for ever is a deadlock, which the checker reports.
  *

@@ -9,7 +9,7 @@
 #include <memory>
 #include <vector>
 
-#include "bolo/pipeline/pipeline.hpp"
+#include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/count_allocations.hpp"
 #include "tests/pipeline/fakes.hpp"
 

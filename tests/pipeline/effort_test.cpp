@@ -1,4 +1,4 @@
-#include "bolo/pipeline/effort.hpp"
+#include "src/pipeline/effort.hpp"
 
 #include <gtest/gtest.h>
 

@@ -13,10 +13,10 @@
 #include <utility>
 #include <vector>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/pipeline/pipeline.hpp"
-#include "bolo/pipeline/sink.hpp"
-#include "bolo/pipeline/source.hpp"
+#include "src/core/clock.hpp"
+#include "src/pipeline/pipeline.hpp"
+#include "src/pipeline/sink.hpp"
+#include "src/pipeline/source.hpp"
 
 namespace bolo::pipeline::test {
 

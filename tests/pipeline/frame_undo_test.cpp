@@ -10,8 +10,8 @@
 #include <functional>
 #include <random>
 
-#include "bolo/model/band_radiance.hpp"
-#include "bolo/pipeline/pipeline.hpp"
+#include "src/model/band_radiance.hpp"
+#include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/fakes.hpp"
 
 namespace bolo::pipeline {

@@ -1,4 +1,4 @@
-#include "bolo/pipeline/inlet.hpp"
+#include "src/pipeline/inlet.hpp"
 
 #include <gtest/gtest.h>
 

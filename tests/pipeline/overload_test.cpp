@@ -4,8 +4,8 @@
 #include <chrono>
 #include <thread>
 
-#include "bolo/deblur/solver.hpp"
-#include "bolo/pipeline/pipeline.hpp"
+#include "src/deblur/solver.hpp"
+#include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/fakes.hpp"
 
 namespace bolo::pipeline {

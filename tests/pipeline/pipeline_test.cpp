@@ -1,4 +1,4 @@
-#include "bolo/pipeline/pipeline.hpp"
+#include "src/pipeline/pipeline.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <numeric>
 #include <thread>
 
-#include "bolo/deblur/solver.hpp"
+#include "src/deblur/solver.hpp"
 #include "tests/pipeline/fakes.hpp"
 
 namespace bolo::pipeline {

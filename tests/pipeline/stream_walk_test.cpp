@@ -1,6 +1,6 @@
 // Pieces of a stream, each deblurred by a pipeline of its own, are the whole stream deblurred by one: every bit of
 // every frame, and its flags, whatever is lost, repeated, or begins anew, and wherever the cuts are.
-#include "bolo/pipeline/stream_walk.hpp"
+#include "src/pipeline/stream_walk.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "bolo/pipeline/pipeline.hpp"
+#include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/fakes.hpp"
 
 namespace bolo::pipeline {

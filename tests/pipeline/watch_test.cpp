@@ -1,11 +1,11 @@
-#include "bolo/pipeline/watch.hpp"
+#include "src/pipeline/watch.hpp"
 
 #include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
 
-#include "bolo/pipeline/notices.hpp"
+#include "src/pipeline/notices.hpp"
 
 namespace bolo::pipeline {
 namespace {

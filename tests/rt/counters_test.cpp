@@ -1,4 +1,4 @@
-#include "bolo/rt/counters.hpp"
+#include "src/rt/counters.hpp"
 
 #include <gtest/gtest.h>
 

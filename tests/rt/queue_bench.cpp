@@ -11,8 +11,8 @@
 #include <thread>
 #include <vector>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/rt/spsc_queue.hpp"
+#include "src/core/clock.hpp"
+#include "src/rt/spsc_queue.hpp"
 
 namespace {
 

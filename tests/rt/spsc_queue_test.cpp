@@ -1,11 +1,11 @@
-#include "bolo/rt/spsc_queue.hpp"
+#include "src/rt/spsc_queue.hpp"
 
 #include <gtest/gtest.h>
 
 #include <thread>
 #include <vector>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::rt {
 namespace {

@@ -1,4 +1,4 @@
-#include "bolo/rt/thread.hpp"
+#include "src/rt/thread.hpp"
 
 #include <gtest/gtest.h>
 

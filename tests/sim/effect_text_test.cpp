@@ -1,5 +1,5 @@
 // Effects as text: what is read, what is refused and how, what is drawn.
-#include "bolo/sim/effect.hpp"
+#include "src/sim/effect.hpp"
 
 #include <gtest/gtest.h>
 

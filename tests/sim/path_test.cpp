@@ -1,4 +1,4 @@
-#include "bolo/sim/path.hpp"
+#include "src/sim/path.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // One step of a pixel against plain numerical integration.
-#include "bolo/sim/pixel.hpp"
+#include "src/sim/pixel.hpp"
 
 #include <gtest/gtest.h>
 

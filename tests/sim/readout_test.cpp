@@ -1,4 +1,4 @@
-#include "bolo/sim/readout.hpp"
+#include "src/sim/readout.hpp"
 
 #include <gtest/gtest.h>
 

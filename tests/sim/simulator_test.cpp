@@ -1,5 +1,5 @@
 // The simulated camera against closed forms and against brute force.
-#include "bolo/sim/simulator.hpp"
+#include "src/sim/simulator.hpp"
 
 #include <cmath>
 #include <functional>

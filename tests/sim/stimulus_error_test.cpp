@@ -1,5 +1,5 @@
 // A bench that differs from what it says.
-#include "bolo/sim/stimulus_error.hpp"
+#include "src/sim/stimulus_error.hpp"
 
 #include <numbers>
 

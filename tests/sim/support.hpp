@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "bolo/sim/simulator.hpp"
+#include "src/sim/simulator.hpp"
 #include "tests/scratch.hpp"
 
 namespace bolo::sim::testing {

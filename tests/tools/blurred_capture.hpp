@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 
 namespace bolo::tools::test {
 

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "bolo/capture/pixel_maps_io.hpp"
-#include "bolo/model/camera_profile.hpp"
+#include "src/capture/pixel_maps_io.hpp"
+#include "src/model/camera_profile.hpp"
 #include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 

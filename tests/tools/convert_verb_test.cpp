@@ -11,7 +11,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 #include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/convert/flir_still.hpp"

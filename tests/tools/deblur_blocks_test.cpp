@@ -16,7 +16,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/capture/pixel_maps_io.hpp"
+#include "src/capture/pixel_maps_io.hpp"
 #include "tests/scratch.hpp"
 #include "tests/tools/blurred_capture.hpp"
 #include "tests/tools/program.hpp"

@@ -16,8 +16,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/capture/capture.hpp"
-#include "bolo/capture/pixel_maps_io.hpp"
+#include "src/capture/capture.hpp"
+#include "src/capture/pixel_maps_io.hpp"
 #include "tests/scratch.hpp"
 #include "tests/tools/blurred_capture.hpp"
 #include "tests/tools/program.hpp"

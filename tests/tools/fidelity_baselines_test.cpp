@@ -7,11 +7,11 @@
 #include <numeric>
 #include <random>
 
-#include "tools/eval/fidelity_baselines.hpp"
-#include "tools/eval/fidelity_columns.hpp"
-#include "tools/eval/fidelity_drops.hpp"
-#include "tools/eval/fidelity_measures.hpp"
-#include "tools/eval/fidelity_verdicts.hpp"
+#include "tools/lab/eval/fidelity_baselines.hpp"
+#include "tools/lab/eval/fidelity_columns.hpp"
+#include "tools/lab/eval/fidelity_drops.hpp"
+#include "tools/lab/eval/fidelity_measures.hpp"
+#include "tools/lab/eval/fidelity_verdicts.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {

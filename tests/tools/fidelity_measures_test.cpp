@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "tools/eval/fidelity_measures.hpp"
+#include "tools/lab/eval/fidelity_measures.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {

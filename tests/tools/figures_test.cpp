@@ -3,17 +3,17 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/plot/markup.hpp"
+#include "tests/report/markup.hpp"
 #include "tools/bench/bench_plot.hpp"
-#include "tools/detect/figures.hpp"
-#include "tools/eval/faults_plot.hpp"
-#include "tools/eval/fidelity_plot.hpp"
-#include "tools/eval/live_plot.hpp"
-#include "tools/eval/loop_plot.hpp"
-#include "tools/eval/loss_plot.hpp"
-#include "tools/eval/pixel_plot.hpp"
-#include "tools/eval/pulse_plots.hpp"
-#include "tools/eval/pulses_plot.hpp"
+#include "tools/lab/detect/figures.hpp"
+#include "tools/lab/eval/faults_plot.hpp"
+#include "tools/lab/eval/fidelity_plot.hpp"
+#include "tools/lab/eval/live_plot.hpp"
+#include "tools/lab/eval/loop_plot.hpp"
+#include "tools/lab/eval/loss_plot.hpp"
+#include "tools/lab/eval/pixel_plot.hpp"
+#include "tools/lab/eval/pulse_plots.hpp"
+#include "tools/lab/eval/pulses_plot.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -11,7 +11,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"

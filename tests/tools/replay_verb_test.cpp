@@ -9,7 +9,7 @@
 #include <optional>
 #include <thread>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"

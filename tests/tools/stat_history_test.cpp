@@ -1,10 +1,10 @@
-#include "tools/verbs/stat_history.hpp"
+#include "tools/bolo/stat_history.hpp"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-#include "tools/verbs/stat_screen.hpp"
+#include "tools/bolo/stat_screen.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -1,11 +1,11 @@
-#include "tools/verbs/stat_sample.hpp"
+#include "tools/bolo/stat_sample.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cstring>
 
-#include "bolo/pipeline/source_status.hpp"
-#include "bolo/rt/counters.hpp"
+#include "src/pipeline/source_status.hpp"
+#include "src/rt/counters.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -4,9 +4,9 @@
 #include <atomic>
 #include <cmath>
 
-#include "bolo/deblur/solver.hpp"
-#include "tools/eval/pixel_trial.hpp"
-#include "tools/eval/pulses_trial.hpp"
+#include "src/deblur/solver.hpp"
+#include "tools/lab/eval/pixel_trial.hpp"
+#include "tools/lab/eval/pulses_trial.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/eval/truth_clock.hpp"
+#include "tools/lab/eval/truth_clock.hpp"
 
 #include <gtest/gtest.h>
 

@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "bolo/core/unique_fd.hpp"
+#include "src/core/unique_fd.hpp"
 #include "tools/view/access.hpp"
 #include "tools/view/page_files.hpp"
 #include "tools/view/site.hpp"

@@ -1,6 +1,6 @@
 #include "tools/bench/bench_plot.hpp"
 
-#include "bolo/plot/text.hpp"
+#include "src/report/text.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -1,7 +1,7 @@
 // What is drawn of `bolo bench`.
 #pragma once
 
-#include "bolo/plot/sheet.hpp"
+#include "src/report/sheet.hpp"
 #include "tools/bench/cluster_bench.hpp"
 #include "tools/bench/deblur_bench.hpp"
 #include "tools/bench/readers_bench.hpp"

@@ -15,15 +15,15 @@
 #include <system_error>
 #include <utility>
 
-#include "bolo/capture/capture.hpp"
-#include "bolo/core/clock.hpp"
-#include "bolo/core/unique_fd.hpp"
+#include "src/capture/capture.hpp"
+#include "src/core/clock.hpp"
+#include "src/core/unique_fd.hpp"
 #include "tools/cluster/coordinator.hpp"
 #include "tools/cluster/job_folder.hpp"
 #include "tools/deblur/block_planes.hpp"
 #include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/deblur_plan.hpp"
-#include "tools/eval/recording.hpp"
+#include "tools/lab/eval/recording.hpp"
 
 namespace bolo::tools {
 namespace {

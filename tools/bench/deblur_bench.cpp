@@ -9,11 +9,11 @@
 #include <thread>
 #include <utility>
 
-#include "bolo/deblur/isa.hpp"
-#include "bolo/deblur/pixel_correction.hpp"
-#include "bolo/deblur/solver.hpp"
-#include "bolo/rt/worker_team.hpp"
-#include "bolo/sim/simulator.hpp"
+#include "src/deblur/isa.hpp"
+#include "src/deblur/pixel_correction.hpp"
+#include "src/deblur/solver.hpp"
+#include "src/rt/worker_team.hpp"
+#include "src/sim/simulator.hpp"
 #include "tools/bench/naive_admm.hpp"
 
 namespace bolo::tools {

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/result.hpp"
-#include "bolo/deblur/settings.hpp"
+#include "src/core/result.hpp"
+#include "src/deblur/settings.hpp"
 #include "tools/bench/machine.hpp"
 
 namespace bolo::tools {

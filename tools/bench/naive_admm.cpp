@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
-#include "bolo/model/bolometer.hpp"
-#include "bolo/model/haar.hpp"
+#include "src/model/bolometer.hpp"
+#include "src/model/haar.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <span>
 
-#include "bolo/deblur/settings.hpp"
+#include "src/deblur/settings.hpp"
 
 namespace bolo::tools {
 

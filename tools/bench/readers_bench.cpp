@@ -14,11 +14,11 @@
 #include <thread>
 
 #include "bolo/client.h"
-#include "bolo/core/clock.hpp"
-#include "bolo/pipeline/inlet.hpp"
-#include "bolo/pipeline/stats.hpp"
-#include "bolo/rt/thread.hpp"
 #include "drivers/shm/shm_sink.hpp"
+#include "src/core/clock.hpp"
+#include "src/pipeline/inlet.hpp"
+#include "src/pipeline/stats.hpp"
+#include "src/rt/thread.hpp"
 #include "tools/percentile.hpp"
 
 namespace bolo::tools {

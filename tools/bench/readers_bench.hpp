@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::tools {
 

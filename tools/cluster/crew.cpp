@@ -11,7 +11,7 @@
 #include <thread>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 #include "tools/cluster/coordinator.hpp"
 #include "tools/cluster/job_folder.hpp"
 

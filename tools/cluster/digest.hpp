@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::tools::cluster {
 

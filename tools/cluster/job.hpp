@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 #include "tools/cluster/crew.hpp"
 #include "tools/cluster/messenger.hpp"
 #include "tools/cluster/work.hpp"

@@ -12,7 +12,7 @@
 #include <system_error>
 #include <utility>
 
-#include "bolo/core/unique_fd.hpp"
+#include "src/core/unique_fd.hpp"
 #include "tools/cluster/digest.hpp"
 
 namespace bolo::tools::cluster {

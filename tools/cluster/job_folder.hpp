@@ -14,7 +14,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::tools::cluster {
 

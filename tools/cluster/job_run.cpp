@@ -6,10 +6,10 @@
 #include <set>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
+#include "tools/bolo/cli.hpp"
 #include "tools/cluster/at_once.hpp"
 #include "tools/cluster/mpi.hpp"
-#include "tools/verbs/cli.hpp"
 
 namespace bolo::tools::cluster {
 namespace {

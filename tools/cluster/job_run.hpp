@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 #include "tools/cluster/crew.hpp"
 #include "tools/cluster/job.hpp"
 #include "tools/cluster/shard.hpp"

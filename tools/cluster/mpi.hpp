@@ -5,7 +5,7 @@
 
 #include <memory>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 #include "tools/cluster/messenger.hpp"
 
 namespace bolo::tools::cluster {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 #include "tools/cluster/work.hpp"
 
 namespace bolo::tools::cluster {

@@ -6,7 +6,7 @@
 
 #include <cxxopts.hpp>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 #include "tools/cluster/shard.hpp"
 
 namespace bolo::tools::cluster {

@@ -9,7 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/core/byte_order.hpp"
+#include "src/core/byte_order.hpp"
 #include "tools/convert/program.hpp"
 
 namespace bolo::tools {

@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 #include "tools/convert/picture.hpp"
 
 namespace bolo::tools {

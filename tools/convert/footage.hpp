@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 
 namespace bolo::tools {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/plane.hpp"
-#include "bolo/core/result.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::tools {
 

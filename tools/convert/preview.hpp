@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "bolo/core/plane.hpp"
+#include "src/core/plane.hpp"
 #include "tools/convert/footage.hpp"
 
 namespace bolo::tools {

@@ -4,7 +4,7 @@
 #include <system_error>
 #include <utility>
 
-#include "bolo/core/byte_order.hpp"
+#include "src/core/byte_order.hpp"
 #include "tools/convert/footage.hpp"
 
 namespace bolo::tools {

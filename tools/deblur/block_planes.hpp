@@ -12,7 +12,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 #include "tools/deblur/capture_run.hpp"
 
 namespace bolo::tools {

@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <memory>
 
-#include "bolo/pipeline/sink.hpp"
 #include "drivers/replay/replay_source.hpp"
+#include "src/pipeline/sink.hpp"
 #include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/chosen_frames.hpp"
 

@@ -5,10 +5,10 @@
 #include <cstdio>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/pipeline/pipeline.hpp"
-#include "bolo/pipeline/stream_walk.hpp"
 #include "drivers/replay/breaks.hpp"
+#include "src/core/clock.hpp"
+#include "src/pipeline/pipeline.hpp"
+#include "src/pipeline/stream_walk.hpp"
 #include "tools/deblur/block_sink.hpp"
 
 namespace bolo::tools {

@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
-#include "bolo/core/result.hpp"
-#include "bolo/deblur/settings.hpp"
 #include "drivers/replay/replay_source.hpp"
+#include "src/capture/capture.hpp"
+#include "src/core/result.hpp"
+#include "src/deblur/settings.hpp"
 #include "tools/deblur/deblur_sink.hpp"
 #include "tools/deblur/request.hpp"
 

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
-#include "bolo/pipeline/sink.hpp"
+#include "src/capture/capture.hpp"
+#include "src/pipeline/sink.hpp"
 #include "tools/deblur/pixel_choice.hpp"
 
 namespace bolo::tools {

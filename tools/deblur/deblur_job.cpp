@@ -7,7 +7,7 @@
 #include <system_error>
 #include <utility>
 
-#include "bolo/deblur/isa.hpp"
+#include "src/deblur/isa.hpp"
 
 namespace bolo::tools {
 namespace {

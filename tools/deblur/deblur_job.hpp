@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 #include "tools/cluster/job.hpp"
 #include "tools/cluster/job_run.hpp"
 #include "tools/deblur/deblur_work.hpp"

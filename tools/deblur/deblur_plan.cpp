@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "bolo/deblur/isa.hpp"
+#include "src/deblur/isa.hpp"
 #include "tools/cluster/digest.hpp"
 #include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/pixel_choice.hpp"

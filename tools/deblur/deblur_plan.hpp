@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 #include "tools/deblur/request.hpp"
 
 namespace bolo::tools {

@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
-#include "bolo/pipeline/sink.hpp"
+#include "src/capture/capture.hpp"
+#include "src/pipeline/sink.hpp"
 #include "tools/deblur/chosen_frames.hpp"
 
 namespace bolo::tools {

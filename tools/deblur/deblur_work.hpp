@@ -13,7 +13,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 #include "tools/cluster/job_folder.hpp"
 #include "tools/cluster/work.hpp"
 #include "tools/deblur/capture_run.hpp"

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/geometry.hpp"
-#include "bolo/core/result.hpp"
+#include "src/core/geometry.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::tools {
 

@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 #include "tools/deblur/pixel_choice.hpp"
 
 namespace bolo::tools {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "bolo/deblur/settings.hpp"
+#include "src/deblur/settings.hpp"
 #include "tools/cluster/job_run.hpp"
 #include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/deblur_work.hpp"

@@ -8,12 +8,12 @@
 #include <system_error>
 #include <thread>
 
-#include "bolo/capture/pixel_maps_io.hpp"
-#include "bolo/deblur/isa.hpp"
-#include "bolo/model/camera_profile.hpp"
-#include "bolo/pipeline/apply_profile.hpp"
+#include "src/capture/pixel_maps_io.hpp"
+#include "src/deblur/isa.hpp"
+#include "src/model/camera_profile.hpp"
+#include "src/pipeline/apply_profile.hpp"
+#include "tools/bolo/cli.hpp"
 #include "tools/deblur/pixel_choice.hpp"
-#include "tools/verbs/cli.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -9,9 +9,9 @@
 
 #include <cxxopts.hpp>
 
-#include "bolo/capture/capture.hpp"
-#include "bolo/core/result.hpp"
-#include "bolo/pipeline/pipeline.hpp"
+#include "src/capture/capture.hpp"
+#include "src/core/result.hpp"
+#include "src/pipeline/pipeline.hpp"
 #include "tools/cluster/sharing.hpp"
 
 namespace bolo::tools {

@@ -21,10 +21,10 @@
 
 #include <hdf5.h>
 
-#include "bolo/core/unique_fd.hpp"
-#include "bolo/rt/thread.hpp"
 #include "drivers/genicam/discovery.hpp"
 #include "drivers/genicam/network.hpp"
+#include "src/core/unique_fd.hpp"
+#include "src/rt/thread.hpp"
 #include "tools/doctor/facts.hpp"
 
 namespace bolo::tools::doctor {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <utility>
 
-#include "tools/verbs/cli.hpp"
+#include "tools/bolo/cli.hpp"
 
 namespace bolo::tools {
 namespace {

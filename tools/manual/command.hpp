@@ -8,7 +8,7 @@
 
 #include <cxxopts.hpp>
 
-#include "tools/verbs/verbs.hpp"
+#include "tools/bolo/verbs.hpp"
 
 namespace bolo::tools {
 

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "bolo/daemon/config.hpp"
-#include "bolo/model/camera_profile.hpp"
-#include "tools/bolod_options.hpp"
-#include "tools/eval/evaluations.hpp"
+#include "src/model/camera_profile.hpp"
+#include "tools/bolod/config.hpp"
+#include "tools/bolod/options.hpp"
+#include "tools/lab/eval/evaluations.hpp"
 #include "tools/manual/command.hpp"
 #include "tools/manual/completion.hpp"
 #include "tools/manual/man_page.hpp"

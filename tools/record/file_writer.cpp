@@ -7,8 +7,8 @@
 #include <system_error>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/rt/thread.hpp"
+#include "src/core/clock.hpp"
+#include "src/rt/thread.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -14,9 +14,9 @@
 #include <thread>
 #include <vector>
 
-#include "bolo/capture/capture.hpp"
-#include "bolo/rt/frame_pool.hpp"
-#include "bolo/rt/spsc_queue.hpp"
+#include "src/capture/capture.hpp"
+#include "src/rt/frame_pool.hpp"
+#include "src/rt/spsc_queue.hpp"
 
 namespace bolo::tools {
 

@@ -6,8 +6,8 @@
 #include <thread>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
 #include "drivers/shm/shm_reader.hpp"
+#include "src/core/clock.hpp"
 #include "tools/record/rising_stream.hpp"
 
 namespace bolo::tools {

@@ -8,7 +8,7 @@
 #include <functional>
 #include <string>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 #include "tools/record/file_writer.hpp"
 
 namespace bolo::tools {

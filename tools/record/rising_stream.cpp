@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::tools {
 namespace {

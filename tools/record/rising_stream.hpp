@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "bolo/core/frame.hpp"
+#include "src/core/frame.hpp"
 
 namespace bolo::tools {
 

@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "bolo/core/result.hpp"
-#include "bolo/core/unique_fd.hpp"
+#include "src/core/result.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::view {
 

@@ -4,8 +4,8 @@
 #include <cstring>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/rt/thread.hpp"
+#include "src/core/clock.hpp"
+#include "src/rt/thread.hpp"
 
 namespace bolo::view {
 namespace {

@@ -16,7 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/shm/followed_stream.hpp"
-#include "tools/verbs/stat_sample.hpp"
+#include "tools/bolo/stat_sample.hpp"
 
 namespace bolo::view {
 

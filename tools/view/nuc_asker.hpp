@@ -8,7 +8,7 @@
 #include <thread>
 #include <utility>
 
-#include "bolo/core/result.hpp"
+#include "src/core/result.hpp"
 
 namespace bolo::view {
 

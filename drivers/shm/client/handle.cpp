@@ -4,7 +4,7 @@
 #include <numeric>
 #include <utility>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 
 namespace bolo::shm {
 

@@ -1,11 +1,11 @@
 // Captures of one camera to its profile and maps.
-#include "bolo/diagnose/calibrate.hpp"
+#include "src/diagnose/calibrate.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
 
-#include "bolo/capture/capture.hpp"
+#include "src/capture/capture.hpp"
 
 namespace bolo::diagnose {
 namespace {

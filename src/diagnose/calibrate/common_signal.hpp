@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "bolo/diagnose/calibrate.hpp"
+#include "src/diagnose/calibrate.hpp"
 
 namespace bolo::diagnose {
 

@@ -4,12 +4,12 @@
 #include <cstdio>
 #include <numeric>
 
-#include "bolo/diagnose/calibrate.hpp"
 #include "common_signal.hpp"
 #include "pixel_fit.hpp"
 #include "pixel_judgement.hpp"
 #include "pulse_sweep.hpp"
 #include "pulse_trace.hpp"
+#include "src/diagnose/calibrate.hpp"
 #include "statistics.hpp"
 
 namespace bolo::diagnose {

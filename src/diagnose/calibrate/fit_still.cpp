@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bolo/diagnose/calibrate.hpp"
+#include "src/diagnose/calibrate.hpp"
 #include "statistics.hpp"
 
 namespace bolo::diagnose {

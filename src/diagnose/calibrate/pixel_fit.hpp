@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "bolo/diagnose/calibrate.hpp"
 #include "intervals.hpp"
+#include "src/diagnose/calibrate.hpp"
 
 namespace bolo::diagnose {
 

@@ -4,9 +4,9 @@
 #include <cstddef>
 #include <vector>
 
-#include "bolo/diagnose/calibrate.hpp"
 #include "intervals.hpp"
 #include "pixel_fit.hpp"
+#include "src/diagnose/calibrate.hpp"
 
 namespace bolo::diagnose {
 

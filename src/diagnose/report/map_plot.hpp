@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bolo/diagnose/report.hpp"
-#include "bolo/plot/plot.hpp"
+#include "src/diagnose/report.hpp"
+#include "src/report/plot.hpp"
 
 namespace bolo::diagnose {
 

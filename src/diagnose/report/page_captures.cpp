@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bolo/diagnose/report_words.hpp"
-#include "bolo/plot/page.hpp"
-#include "bolo/plot/text.hpp"
 #include "src/diagnose/report/map_plot.hpp"
 #include "src/diagnose/report/page_parts.hpp"
+#include "src/diagnose/report_words.hpp"
+#include "src/report/page.hpp"
+#include "src/report/text.hpp"
 
 namespace bolo::diagnose {
 namespace {

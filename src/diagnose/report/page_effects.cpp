@@ -2,12 +2,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bolo/diagnose/report_words.hpp"
-#include "bolo/plot/page.hpp"
-#include "bolo/plot/scale.hpp"
-#include "bolo/plot/text.hpp"
 #include "src/diagnose/report/map_plot.hpp"
 #include "src/diagnose/report/page_parts.hpp"
+#include "src/diagnose/report_words.hpp"
+#include "src/report/page.hpp"
+#include "src/report/scale.hpp"
+#include "src/report/text.hpp"
 
 namespace bolo::diagnose {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "bolo/diagnose/report.hpp"
+#include "src/diagnose/report.hpp"
 
 namespace bolo::diagnose {
 

@@ -3,10 +3,10 @@
 #include <array>
 #include <cmath>
 
-#include "bolo/diagnose/report_words.hpp"
-#include "bolo/plot/scale.hpp"
-#include "bolo/plot/text.hpp"
 #include "src/diagnose/report/page_parts.hpp"
+#include "src/diagnose/report_words.hpp"
+#include "src/report/scale.hpp"
+#include "src/report/text.hpp"
 
 namespace bolo::diagnose {
 namespace {

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "bolo/core/geometry.hpp"
+#include "src/core/geometry.hpp"
 
 namespace bolo::sim::street {
 

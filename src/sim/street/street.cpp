@@ -2,7 +2,7 @@
 // from the seed and the slot's number alone, so the street has no end and any part of it can be drawn by itself.
 #include <cmath>
 
-#include "bolo/sim/scene.hpp"
+#include "src/sim/scene.hpp"
 #include "src/sim/street/objects.hpp"
 
 namespace bolo::sim {

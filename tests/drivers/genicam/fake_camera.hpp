@@ -8,9 +8,9 @@
 #include <thread>
 #include <vector>
 
-#include "bolo/pipeline/inlet.hpp"
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/genicam/gobject.hpp"
+#include "src/pipeline/inlet.hpp"
 
 namespace bolo::genicam::test {
 

@@ -1,7 +1,7 @@
 // GenicamSource: lost packets, wrong frames, resets, and cameras that disappear.
 #include <gtest/gtest.h>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 
 namespace bolo::genicam::test {

@@ -1,7 +1,7 @@
 // GenicamSource: what arrives, and stopping.
 #include <gtest/gtest.h>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 
 namespace bolo::genicam::test {

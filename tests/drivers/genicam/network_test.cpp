@@ -7,7 +7,7 @@
 #include <array>
 #include <vector>
 
-#include "bolo/core/unique_fd.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::genicam {
 namespace {

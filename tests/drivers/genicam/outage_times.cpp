@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "bolo/core/clock.hpp"
+#include "src/core/clock.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 
 namespace bolo::genicam::test {

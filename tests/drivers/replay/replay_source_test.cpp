@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/clock.hpp"
 #include "drivers/replay/copy_region.hpp"
+#include "src/core/clock.hpp"
 #include "tests/scratch.hpp"
 
 namespace bolo::replay {

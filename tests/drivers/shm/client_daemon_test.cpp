@@ -5,10 +5,10 @@
 #include <chrono>
 #include <filesystem>
 
-#include "bolo/capture/capture.hpp"
-#include "tests/daemon/process.hpp"
+#include "src/capture/capture.hpp"
 #include "tests/drivers/shm/client_rig.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
+#include "tests/tools/bolod/process.hpp"
 
 namespace bolo::shm {
 namespace {

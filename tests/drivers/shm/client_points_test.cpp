@@ -5,8 +5,8 @@
 #include <chrono>
 #include <thread>
 
-#include "bolo/pipeline/pipeline.hpp"
 #include "drivers/shm/shm_sink.hpp"
+#include "src/pipeline/pipeline.hpp"
 #include "tests/drivers/shm/client_rig.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/pipeline/fakes.hpp"

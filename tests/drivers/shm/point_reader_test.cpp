@@ -10,9 +10,9 @@
 #include <thread>
 #include <vector>
 
-#include "bolo/pipeline/pipeline.hpp"
 #include "drivers/shm/shm_reader.hpp"
 #include "drivers/shm/shm_sink.hpp"
+#include "src/pipeline/pipeline.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/pipeline/fakes.hpp"
 

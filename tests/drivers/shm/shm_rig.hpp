@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "bolo/core/clock.hpp"
-#include "bolo/pipeline/inlet.hpp"
-#include "bolo/pipeline/stats.hpp"
 #include "drivers/shm/shm_reader.hpp"
 #include "drivers/shm/shm_sink.hpp"
+#include "src/core/clock.hpp"
+#include "src/pipeline/inlet.hpp"
+#include "src/pipeline/stats.hpp"
 
 namespace bolo::shm {
 

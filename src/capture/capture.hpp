@@ -1,0 +1,149 @@
+// Captures: HDF5 files of raw frames ("bolo-capture" version 1, ARCHITECTURE.md has the table), and the authors' `.mat`
+// version 7.3 files, read through the same interface.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "src/capture/stimulus.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
+
+namespace bolo::capture {
+
+struct Event {
+  double t_s = 0.0;  // on the clock of /t
+  std::string kind;  // "nuc", "gap", "reconnect" ...
+};
+
+// A pixel of the camera's frame: column and row.
+struct Point {
+  int x = 0;
+  int y = 0;
+  bool operator==(const Point&) const = default;
+};
+
+struct CaptureInfo {
+  StreamFormat format;
+  std::string camera_model;
+  std::string camera_serial;
+  std::size_t frames = 0;
+  bool has_truth = false;
+};
+
+enum class FileFormat {
+  kBoloCapture,
+  kMatlab,  // the authors' `.mat`: frame_id comes from the times, frame_period_s from their median
+};
+
+// How far a file's own word about its length is believed.
+enum class Trust {
+  kWhole,       // all of it must be there
+  kUnfinished,  // a ".part": a writer's last commit, perhaps with lengths that differ by what it left open
+  kDamaged,     // anything may be missing
+};
+
+// A root attribute beyond the format's own.
+struct Attribute {
+  std::string name;
+  std::variant<double, std::string> value;
+};
+
+// Reads one capture. Every item is checked on open; the error names the file, the item and what is expected there.
+// Thread: any one at a time (the HDF5 library is serialised).
+class CaptureReader {
+ public:
+  static Result<CaptureReader> open(const std::filesystem::path& file);
+  // Takes from a damaged file what is whole: frames from the first one up to where times, numbers and pixels are all
+  // there. Single frames in between may still fail to be read.
+  static Result<CaptureReader> salvage(const std::filesystem::path& file);
+  CaptureReader(CaptureReader&&) noexcept;
+  CaptureReader& operator=(CaptureReader&&) noexcept;
+  ~CaptureReader();
+
+  const CaptureInfo& info() const noexcept;
+  const std::vector<double>& t() const noexcept;                // s, strictly rising
+  const std::vector<std::uint64_t>& frame_id() const noexcept;  // strictly rising
+  const std::vector<Event>& events() const noexcept;
+  // Root attributes beyond the format's own, by name; those that are neither number nor string are left out.
+  Result<std::vector<Attribute>> attributes() const;
+  // What is odd but readable, one line each: a frame period that the times contradict, a recording that was cut off.
+  const std::vector<std::string>& warnings() const noexcept;
+  FileFormat file_format() const noexcept;
+  Result<Stimulus> stimulus() const;
+  // /points: where the pixels of a capture of single points stand in the camera's frame; empty for a picture.
+  Result<std::vector<Point>> points() const;
+
+  // One frame, row-major, in the stored type: `out` has plane_bytes(info().format.geometry, info().format.type) bytes.
+  Status read_frame(std::size_t index, void* out) const;
+  // One frame of /truth/frames, K; info().has_truth. `out` has geometry.pixels() values.
+  Status read_truth(std::size_t index, float* out) const;
+
+ private:
+  struct Impl;
+  static Result<CaptureReader> open_as(const std::filesystem::path& file, Trust trust);
+  explicit CaptureReader(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+struct WriterOptions {
+  bool truth = false;     // a /truth/frames plane comes with every frame
+  int deflate_level = 0;  // 0: no compression; 1..9 gzip with byte shuffle
+  // Commits go on to the disk, on a thread of their own: a cut of power finds one too, a kill always the last.
+  bool survives_power_cut = false;
+};
+
+// Writes a capture frame by frame, and commits them twice a second of frames. Whatever was appended before a failure
+// stays readable; a killed process leaves the last commit. The file is written under its final name's ".part", with
+// its commits beside it (".part.journal", ".part.live"), and renamed by close(). Thread: any one at a time.
+class CaptureWriter {
+ public:
+  static Result<CaptureWriter> create(const std::filesystem::path& file, const CaptureInfo& info,
+                                      const WriterOptions& options = {});
+  CaptureWriter(CaptureWriter&&) noexcept;
+  CaptureWriter& operator=(CaptureWriter&&) noexcept;
+  ~CaptureWriter();
+
+  // `plane` in info.format.type; `truth` (K) exactly when options.truth. t_s and frame_id must rise.
+  Status append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth = nullptr);
+  Status write_stimulus(const Stimulus& stimulus);
+  Status add_event(const Event& event);
+  // /points/x and /points/y, int32: one for each pixel of the frames, which are one row. Once.
+  Status write_points(const std::vector<Point>& points);
+  // A root attribute beyond the format's own: settings of a deblurring run and the like.
+  Status write_attribute(const std::string& name, double value);
+  Status write_attribute(const std::string& name, const std::string& value);
+  Status write_attributes(const std::vector<Attribute>& attributes);
+
+  // Commits what was appended since the last commit: for sources that pause.
+  Status commit();
+
+  // Nothing is appended after this; a killed process leaves the whole capture as a ".part" from here on. Does not wait
+  // for the disk.
+  Status complete();
+  // Completes, waits for the disk, renames. Without it the destructor leaves the ".part" file behind, readable. Thread:
+  // any once it is complete, whatever other captures do; else any one at a time.
+  Status close();
+  // Closes and removes it.
+  void discard();
+
+ private:
+  struct Impl;
+  explicit CaptureWriter(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+// A lone still: dataset `image_k` (H, W) float32, kelvin, as the scene files have it.
+struct StillImage {
+  int width = 0;
+  int height = 0;
+  std::vector<float> kelvin;  // row-major
+};
+Result<StillImage> read_still(const std::filesystem::path& file);
+
+}  // namespace bolo::capture

@@ -1,0 +1,44 @@
+// What the deblurring is asked to do; the same for live and offline work.
+#pragma once
+
+#include <string_view>
+
+#include "src/core/result.hpp"
+#include "src/model/a655sc.hpp"
+
+namespace bolo::deblur {
+
+enum class Method {
+  kAdmm,     // the paper's problem by fixed-iteration ADMM, single precision
+  kDual,     // the same problem by fixed sweeps of coordinate descent on its dual, single precision: the fastest
+  kExact,    // the paper's problem to convergence, double precision: the reference
+  kInverse,  // first-order inverse filter: x = (y_1 - a y_0) / (1 - a), a = exp(-T / tau); no prior
+  kMmae,     // multiple-model adaptive estimation: linear smoothers for many motions, weighted by how well each fits
+};
+
+// Names as the command line and configuration spell them. Thread: any.
+std::string_view name(Method method);
+Result<Method> method_from_name(std::string_view name);
+
+// Objective, as in the authors' program: kappa ||V H^T D - Y||^2 + lambda ||D||_1 after subtracting the window's mean.
+struct Settings {
+  Method method = Method::kAdmm;
+  double tau_s = model::kA655scTau;
+  double period_s = model::kA655scPeriod;
+  int window = 17;  // frames; window - 1 (a power of two) constraints
+  int levels = 7;   // n: 2^n bins in the window
+  double kappa = 0.1;
+  double lambda = 0.001;     // in kelvin, or in counts for a capture that has no kelvin
+  bool auto_lambda = false;  // lambda follows the measured noise and motion, block by block; `lambda` is not used
+  double noise_k = 0.0;      // temporal noise for auto_lambda and kMmae, K (counts as lambda); 0: measured
+  int iterations = 0;        // ADMM, or sweeps of kDual; 0: as many as the accuracy needs at this lambda
+  int lookahead = 0;         // L: the window ends L frames after the frame that is estimated
+
+  // lambda in units of 1/2 ||.||^2 + lambda ||D||_1.
+  constexpr double half_square_lambda() const { return lambda / (2.0 * kappa); }
+};
+
+// Every wrong value is named with its range. Thread: setup.
+Status validate(const Settings& settings);
+
+}  // namespace bolo::deblur

@@ -1,0 +1,60 @@
+// The pixel-wise solver. One solver serves one stream; workers call it on disjoint rows of the same window.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "src/core/frame.hpp"
+#include "src/core/geometry.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
+#include "src/deblur/settings.hpp"
+
+namespace bolo::deblur {
+
+// The frames of one window, oldest first, at t = i * period. A lost frame is a null plane: a missing row of V.
+struct WindowView {
+  std::span<const void* const> planes;  // settings.window entries, each a whole plane of the stream's format
+  int target = 0;                       // the entry whose time is estimated: window - 1 - lookahead; never null
+};
+
+class Solver {
+ public:
+  virtual ~Solver() = default;
+
+  // Builds the solver named by the settings for a stream; all memory is taken here. `output` is the type of the values
+  // it writes: kUint16 in the input's scale, rounded and clamped, or kFloat32 in kelvin (input values for kCount).
+  // `row_delay_s`: sensor row r is sampled r * row_delay_s after the frame's time; the estimate is at the frame's time.
+  // Rows that take longer than the window is are bad input. Thread: setup.
+  static Result<std::unique_ptr<Solver>> create(const Settings& settings, const StreamFormat& input, PixelType output,
+                                                double row_delay_s = 0.0);
+
+  // Makes ready for the pattern of lost frames in this window; cheap when it did not change. No allocation.
+  // Thread: pipeline, before the workers.
+  virtual void prepare(const WindowView& window) noexcept = 0;
+
+  // Estimates the pixels of `part` into the same pixels of `out`, a whole plane of the output type. `part` lies
+  // inside the frame. What a pixel becomes does not depend on which part it is solved with. No allocation.
+  // Thread: worker, parts disjoint between concurrent calls.
+  virtual void solve(const WindowView& window, const Region& part, void* out) const noexcept = 0;
+
+  // The same for single pixels, row-major indices in any order, into pixels.size() values of `out`: bit for bit what
+  // solve() makes of them. No allocation. Thread: worker.
+  virtual void solve_points(const WindowView& window, std::span<const std::uint32_t> pixels,
+                            void* out) const noexcept = 0;
+
+  // Iterations a pixel; 1 for the filters, 0 when it runs to convergence. Thread: any.
+  virtual int iterations() const noexcept = 0;
+  // The instruction set chosen at run time: "AVX3", "AVX2", "SSE4", "scalar" ... Thread: any.
+  virtual std::string_view isa() const noexcept = 0;
+  // Temporal noise that the last prepare() worked with, K (counts for a stream without kelvin); 0 where the method does
+  // not use it. Thread: pipeline.
+  virtual double noise_k() const noexcept { return 0.0; }
+  // All that one window leaves to the next: where the noise is measured, what prepare() has learned of it, in the
+  // values' unit. A solver that is given it goes on as the other one would have. Thread: pipeline, between windows.
+  virtual double noise_state() const noexcept { return 0.0; }
+  virtual void set_noise_state(double /*state*/) noexcept {}
+};
+
+}  // namespace bolo::deblur

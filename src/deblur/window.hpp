@@ -1,0 +1,81 @@
+// The sliding window: places frames on the grid of frame times, leaves lost ones empty, and starts again after a break.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "src/core/frame.hpp"
+#include "src/deblur/settings.hpp"
+#include "src/deblur/solver.hpp"
+
+namespace bolo::deblur {
+
+// A frame in the window. `token` is the owner's handle of the plane's memory; the window never looks at it.
+struct WindowFrame {
+  FrameMeta meta;
+  const void* plane = nullptr;
+  std::uint32_t token = 0;
+};
+
+// Use, all on the pipeline thread:
+//   window.push(frame, restart);
+//   while (window.next(ready)) { solve or copy ready; publish; }
+//   for (token of window.released()) give the memory back.
+// Nothing is allocated after construction.
+class Window {
+ public:
+  // Thread: setup.
+  explicit Window(const Settings& settings);
+
+  struct Ready {
+    WindowFrame frame;  // the frame to publish; meta.flags has gap and warm-up set as they apply
+    WindowView view;    // valid when `full`; otherwise publish the raw plane
+    bool full = false;  // a whole window lies behind (and `lookahead` frames before) this frame
+  };
+
+  // Places a frame by its counter and its camera time. With `restart`, or when the frame is further from the last one
+  // than the window is long, or goes back in time, the window is emptied first; frames that still waited for their
+  // look-ahead become ready without it. Returns true when the window was emptied. Thread: pipeline.
+  bool push(const WindowFrame& frame, bool restart) noexcept;
+
+  // The source has ended: frames that wait for their look-ahead become ready without it. Thread: pipeline.
+  void finish() noexcept;
+
+  // The next frame to publish, oldest first; false when none is ready. Thread: pipeline.
+  bool next(Ready& ready) noexcept;
+
+  // Tokens of the planes that left the window since the last push() or finish(), complete once next() returned false;
+  // valid until the next push() or finish(). Thread: pipeline.
+  std::span<const std::uint32_t> released() const noexcept { return released_; }
+
+  // The most planes it ever holds at once: the window and the frame on its way in.
+  int slots() const noexcept { return static_cast<int>(places_.size()) + 1; }
+
+ private:
+  struct Place {
+    WindowFrame frame;
+    bool taken = false;
+  };
+
+  std::int64_t steps_to(const FrameMeta& meta, bool& off_grid) const noexcept;
+  void finish_window() noexcept;
+  void advance() noexcept;
+  void clear() noexcept;
+  bool show_target(Ready& ready, bool full) noexcept;
+  Place& place(std::size_t from_oldest) noexcept { return places_[(oldest_ + from_oldest) % places_.size()]; }
+
+  std::size_t target_;  // the place that is estimated, counted from the oldest
+  double period_ns_;
+  std::vector<Place> places_;  // a ring, one place a period; the oldest is places_[oldest_]
+  std::size_t oldest_ = 0;
+  std::size_t covered_ = 0;  // periods since the window was emptied, at most places_.size()
+  FrameMeta last_;           // of the newest frame in the window
+  WindowFrame incoming_;
+  std::int64_t steps_left_ = 0;      // until incoming_ stands in the newest place
+  std::size_t drain_left_ = 0;       // steps until no frame waits for its look-ahead any more; then the window empties
+  std::vector<const void*> planes_;  // what Ready::view shows
+  std::vector<std::uint32_t> released_;
+};
+
+}  // namespace bolo::deblur

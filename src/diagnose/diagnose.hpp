@@ -1,0 +1,31 @@
+// From captures to a diagnosis of the sim-to-real gap.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "src/core/result.hpp"
+#include "src/diagnose/report.hpp"
+#include "src/model/camera_profile.hpp"
+
+namespace bolo::diagnose {
+
+struct Options {
+  model::CameraProfile profile;       // the nominal simulator
+  std::vector<std::string> withheld;  // effects taken out of the catalogue
+  int threads = 2;
+  bool maps = false;  // measure Report::learned.maps, of every pixel of the frame: reads the captures once more
+};
+
+// A step of the work and how far it is, 0..1; false stops the diagnosis.
+using Progress = std::function<bool(const std::string& step, double done)>;
+
+// Diagnoses one session: captures of one camera, with or without stimuli. A capture that cannot be used is left out
+// with one line in `warnings`; kBadInput when none is left, when a name to withhold is not in the catalogue, or when
+// the progress stopped it. Thread: setup.
+Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, const Options& options,
+                        const Progress& progress);
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,124 @@
+// What a diagnosis of the sim-to-real gap says. ARCHITECTURE.md has the table of report.json.
+//
+// A gap is the root mean square of the residual on held-out cells in units of the noise floor: 1.0 means that the
+// prediction cannot be told from the camera.
+#pragma once
+
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "src/diagnose/learned.hpp"
+
+namespace bolo::diagnose {
+
+struct Estimate {
+  double value = 0.0;
+  double low = 0.0;  // 95 % confidence interval
+  double high = 0.0;
+};
+
+struct Alternative {
+  std::string name;
+  double gap_after = 0.0;  // had this effect been chosen instead
+};
+
+struct FoundEffect {
+  std::string name;   // of the catalogue
+  std::string stage;  // optics, radiometry, pixel, package, readout, firmware, transport, noise
+  double confidence = 0.0;
+  double gap_before = 0.0;  // before it was added, in the order of finding; the report has the most telling first
+  double gap_after = 0.0;
+  bool of_noise = false;  // its gaps are those of the noise's own statistics
+  std::map<std::string, Estimate> parameters;
+  std::vector<Alternative> alternatives;
+};
+
+struct Location {
+  std::string stage;
+  std::map<std::string, double> captures;  // gap before, by file name
+  int row_first = 0;
+  int row_last = 0;
+  int column_first = 0;
+  int column_last = 0;
+  double pixel_fraction = 0.0;  // of pixels with a gap
+  std::vector<std::pair<double, double>> time_s;
+  std::pair<double, double> band_hz{0.0, 0.0};
+  std::pair<double, double> temperature_k{0.0, 0.0};
+};
+
+struct Unexplained {
+  double p_value = 1.0;  // of all omnibus tests together, corrected for their number
+  std::string stage;     // empty when nothing is left
+  std::string where;     // one sentence
+};
+
+struct NotIdentifiable {
+  std::string effect;
+  std::string needs;  // the capture that would tell
+};
+
+// One statistic of the noise: 3-D noise (NVESD's sigma_tvh and its like), colour, tails.
+struct NoiseStatistic {
+  std::string name;
+  std::string unit;
+  double measured = 0.0;
+  double nominal = 0.0;    // of the nominal simulator
+  double explained = 0.0;  // with the diagnosed effects
+};
+
+// A picture of values, row-major; one value may stand for several pixels.
+struct Map {
+  std::string title;
+  std::string unit;
+  int width = 0;
+  int height = 0;
+  std::vector<float> values;  // NaN where there is none
+};
+
+struct Curve {
+  std::string name;
+  std::vector<double> x;
+  std::vector<double> y;
+};
+
+// What is drawn of one capture.
+struct CapturePlots {
+  std::string file;  // name without folders
+  std::string kind;  // uniform, chopper, bar_target, scene, field
+  double gap_before = 0.0;
+  double gap_after = 0.0;
+  Map gap_map_before;  // rms of the residual over time, in units of the floor
+  Map gap_map_after;
+  Curve row_before, row_after;            // mean residual of each row, K
+  Curve column_before, column_after;      // mean residual of each column, K
+  Curve spectrum_before, spectrum_after;  // of the mean residual in time, Hz and K^2/Hz
+  Curve measured, nominal, predicted;     // one pixel in time, s and K
+};
+
+struct Report {
+  std::vector<std::string> inputs;
+  double gap_before = 1.0;
+  double gap_after = 1.0;
+  double closed_fraction = 0.0;    // (before - after) / (before - 1), 0 when there was no gap
+  std::string verdict = "no_gap";  // no_gap, explained, partly_explained, unknown_effect
+  std::vector<FoundEffect> effects;
+  Location location;
+  std::map<std::string, std::map<std::string, double>> stimulus;  // by file name: errors of the stimulus
+  Unexplained unexplained;
+  std::vector<NotIdentifiable> not_identifiable;
+  std::vector<std::string> warnings;  // captures left out, and why
+  std::vector<std::string> withheld;  // effects taken out of the catalogue
+  double noise_floor_k = 0.0;
+  double noise_gap_before = 1.0;  // of the noise's own statistics
+  double noise_gap_after = 1.0;
+  std::vector<NoiseStatistic> noise;
+  std::vector<CapturePlots> captures;
+  std::vector<Map> maps;  // of what was diagnosed: offsets, gains, time constants, dead pixels
+  Learned learned;        // what the pipeline can use of it
+  double seconds = 0.0;   // that the diagnosis took
+  std::size_t frames = 0;
+};
+
+}  // namespace bolo::diagnose

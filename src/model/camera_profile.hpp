@@ -1,0 +1,39 @@
+// All that is known of one camera, read from a TOML file (config/a655sc.toml documents every key).
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "src/core/result.hpp"
+#include "src/model/strict_toml.hpp"
+#include "src/model/undo.hpp"
+
+namespace bolo::model {
+
+struct CameraProfile {
+  std::string model = "FLIR A655sc";
+  std::string serial;
+  double tau_s = 0.011;  // thermal time constant of a pixel
+  double frame_period_s = 0.005;
+  double noise_k = 0.03;         // temporal noise, K rms
+  double quantisation_k = 0.01;  // K a count
+  double row_delay_s = 0.0;      // from the sample of one sensor row to that of the next
+  std::filesystem::path maps;    // per-pixel parameters (capture/pixel_maps_io.hpp); empty: none
+  Undo undo;                     // what else the camera does to its frames
+
+  // How the camera sends its frames; each of these is configurable because it was not proven on every camera.
+  bool big_endian_pixels = false;  // Mono16 byte order on the wire
+  int metadata_rows = 0;           // rows at the end of each frame that are not image
+};
+
+// Declares the keys of a profile, bound to `profile`, which must outlive the table. Thread: any.
+KeyTable profile_keys(CameraProfile& profile);
+
+// Reads a profile. Unknown keys, wrong types and values out of range are refused with file, line and the nearest valid
+// key. Only the keys given replace the defaults. Thread: setup.
+Result<CameraProfile> read_profile(const std::filesystem::path& file);
+
+// A complete commented profile with the present values of `profile`. Thread: any.
+std::string document_profile(CameraProfile profile);
+
+}  // namespace bolo::model

@@ -1,0 +1,87 @@
+// From a source to the sinks: inlet -> window -> workers -> publish, on one thread and its worker team.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "src/core/geometry.hpp"
+#include "src/core/result.hpp"
+#include "src/deblur/settings.hpp"
+#include "src/model/pixel_maps.hpp"
+#include "src/model/undo.hpp"
+#include "src/pipeline/sink.hpp"
+#include "src/pipeline/source.hpp"
+#include "src/pipeline/stats.hpp"
+#include "src/rt/thread.hpp"
+
+namespace bolo::pipeline {
+
+struct PipelineOptions {
+  // period_s is not looked at: the source's own frame period takes its place, for on any other grid a window would be
+  // full of gaps. lambda is in kelvin, or in counts for a source that has no kelvin.
+  deblur::Settings deblur;
+  PixelType output = PixelType::kUint16;
+  int workers = 2;        // the pipeline thread is one of them
+  int queue_frames = 64;  // frames that may wait between driver and deblurring
+  // Spends less on frames while too many wait (pipeline/effort.hpp), each with its flag. Not for sources that wait.
+  bool degrade = false;
+  rt::ThreadOptions thread;  // of the pipeline thread and its workers
+  model::PixelMaps maps{};   // what is known of the source's single pixels; of its frame size
+  // What else the camera did to its frames (src/pipeline/frame_undo.hpp): undone before and after the solver. Sinks get
+  // the raw frames as they came.
+  model::Undo undo{};
+  double pixel_noise_k = 0.03;  // of one pixel, K (counts without kelvin): tells flicker and jumps from what moves
+  // Only these pixels are solved, with the whole frame's surroundings, bit for bit as within the whole frame. A region:
+  // the deblurred plane is a whole one of which nothing else is written. Points (row-major indices, any order): the
+  // deblurred "plane" has one value for each. Not both.
+  std::optional<Region> region{};
+  std::vector<std::uint32_t> points{};
+  // The stream goes on from here (pipeline/stream_walk.hpp); empty: it begins. Of other options or another stream: bad
+  // input.
+  std::string resume{};
+  // Told, once each, what the system refused though work goes on: a priority, a place, a worker. May be empty.
+  // Thread: setup, or pipeline before the first frame.
+  std::function<void(const std::string&)> warn{};
+};
+
+class Pipeline {
+ public:
+  // Opens the source and the sinks and takes all memory. The sinks outlive the pipeline, and each that was opened is
+  // closed once: by run(), by the destructor, or here when something fails. Thread: setup.
+  static Result<std::unique_ptr<Pipeline>> create(std::unique_ptr<FrameSource> source,
+                                                  const std::vector<FrameSink*>& sinks, const PipelineOptions& options);
+  ~Pipeline();
+  Pipeline(const Pipeline&) = delete;
+  Pipeline& operator=(const Pipeline&) = delete;
+
+  // Runs until the source ends or stop_requested; then stops the source, publishes what had already come and closes the
+  // sinks. The calling thread becomes the pipeline thread. Nothing is allocated after the first frame. Called once;
+  // Thread: setup.
+  Status run(const std::atomic<bool>& stop_requested);
+
+  // Thread: any.
+  const PipelineStats& stats() const noexcept;
+  const SourceInfo& source() const noexcept;
+  // The source's own (FrameSource). Thread: any.
+  std::vector<Notice> take_notices();
+  Status correct();
+  // As applied: with the source's own period and the iterations in use. Thread: any.
+  const deblur::Settings& settings() const noexcept;
+  // The instruction set of the solver. Thread: any.
+  std::string_view isa() const noexcept;
+  // Method, iterations, lambda and instruction set in words, for people. Thread: any.
+  const std::string& solver_text() const noexcept;
+
+ private:
+  struct Impl;
+  explicit Pipeline(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace bolo::pipeline

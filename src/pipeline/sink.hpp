@@ -1,0 +1,60 @@
+// What the pipeline asks of a taker of sharp frames: shared memory, a video device, a recorder, a file.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "src/core/frame.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
+#include "src/deblur/settings.hpp"
+#include "src/pipeline/source.hpp"
+#include "src/pipeline/stats.hpp"
+
+namespace bolo::pipeline {
+
+// One published frame; valid only during publish().
+struct PublishedFrame {
+  FrameMeta meta;
+  std::int64_t publish_ns = 0;      // CLOCK_MONOTONIC, right before the sinks get it
+  const void* raw = nullptr;        // the source's pixel type
+  const void* deblurred = nullptr;  // the output pixel type; see SinkFormat::region and points
+  double noise_k = 0.0;             // that it was solved with, K (counts without kelvin); 0: not used
+};
+
+struct SinkFormat {
+  SourceInfo source;
+  PixelType deblurred_type = PixelType::kUint16;
+  deblur::Settings deblur;   // as applied: with the source's own period
+  std::string solver_text;   // method, iterations, lambda and instruction set in words
+  int iterations_asked = 0;  // as the options had them; deblur.iterations are those in use
+  std::string isa;           // instruction set of the kernels
+  bool maps = false;         // pixels have parameters of their own
+  bool undone = false;       // frames are changed before or after the solver (PipelineOptions::undo)
+  // As in PipelineOptions: only these pixels of the deblurred planes are solved; with points the planes hold these
+  // alone. A sink of whole frames refuses both in open().
+  std::optional<Region> region{};
+  std::vector<std::uint32_t> points{};
+};
+
+class FrameSink {
+ public:
+  virtual ~FrameSink() = default;
+
+  // Allocates all it will ever need. Thread: setup.
+  virtual Status open(const SinkFormat& format) = 0;
+
+  // Takes a copy and returns. Never waits for a reader, never allocates, never logs; what it could not take it counts
+  // itself. Thread: pipeline.
+  virtual void publish(const PublishedFrame& frame, const PipelineStats& stats) noexcept = 0;
+
+  // Called at least every 250 ms while no frame flows, so that readers see a living writer. Thread: pipeline.
+  virtual void idle(const PipelineStats& /*stats*/) noexcept {}
+
+  // Thread: setup, after the last publish().
+  virtual void close() noexcept = 0;
+};
+
+}  // namespace bolo::pipeline

@@ -1,0 +1,369 @@
+#include "src/report/plot_area.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "src/report/data_picture.hpp"
+#include "src/report/text.hpp"
+
+namespace bolo::plot {
+namespace {
+
+constexpr double kText = 12.0;     // px, of ticks and names
+constexpr double kLine = 17.0;     // px, from one line of text to the next
+constexpr double kEndGap = 15.0;   // px, from one curve's name to the next
+constexpr double kNameRise = 9.0;  // px, of the upright axis's name above the area
+constexpr double kMarkLine = 14.0;
+constexpr std::size_t kMarkRows = 4;
+constexpr double kKey = 22.0;     // px, the sample before a key's words
+constexpr double kKeyGap = 18.0;  // px, from key to key
+constexpr double kRampWidth = 130.0;
+constexpr double kRoomOfNumber = 0.12;  // at the end of a bar, of its length
+
+std::string label_of(const Axis& axis) {
+  return axis.unit.empty() ? axis.name : axis.name.empty() ? axis.unit : axis.name + ", " + axis.unit;
+}
+
+bool is_curve(const Series& series) { return series.kind == Kind::kLine || series.kind == Kind::kSteps; }
+
+std::vector<double> values_of_x(const Plot& plot) {
+  std::vector<double> values;
+  for (const Series& series : plot.series) {
+    values.insert(values.end(), series.x.begin(), series.x.end());
+    if (series.kind == Kind::kSpans) values.insert(values.end(), series.to.begin(), series.to.end());
+    if (series.kind != Kind::kBars || series.x.empty()) continue;
+    const double half = 0.6 * bar_places(plot).width * static_cast<double>(bar_places(plot).series);
+    const auto [low, high] = std::ranges::minmax(series.x);
+    values.insert(values.end(), {low - half, high + half});
+  }
+  if (plot.plane.width > 0) values.insert(values.end(), {-0.5, plot.plane.width - 0.5});
+  return values;
+}
+
+// Numbers at the ends of bars want room beyond them.
+double with_room(const Plot& plot, double y, double base, double least, double most) {
+  return plot.y.logarithmic ? y * std::pow(most / least, kRoomOfNumber) : y + kRoomOfNumber * (y - base);
+}
+
+std::vector<double> values_of_y(const Plot& plot) {
+  std::vector<double> values;
+  for (const Series& series : plot.series) {
+    values.insert(values.end(), series.y.begin(), series.y.end());
+    if (series.kind == Kind::kBand) values.insert(values.end(), series.to.begin(), series.to.end());
+    if (series.kind == Kind::kBars) values.push_back(series.base);
+  }
+  for (const Level& level : plot.levels) values.push_back(level.at);
+  if (plot.plane.height > 0) values.insert(values.end(), {-0.5, plot.plane.height - 0.5});
+  const Scale bare(plot.y, values, true);
+  for (const Series& series : plot.series) {
+    if (series.kind != Kind::kBars || !series.numbers) continue;
+    for (const double y : series.y) values.push_back(with_room(plot, y, series.base, bare.low(), bare.high()));
+  }
+  return values;
+}
+
+// Points alone keep away from the area's edges.
+bool is_tight_in_x(const Plot& plot) {
+  return plot.series.empty() ||
+         !std::ranges::all_of(plot.series, [](const Series& s) { return s.kind == Kind::kPoints; });
+}
+
+std::string text_at(const char* look, double x, double y, const std::string& words) {
+  return format("<text class=\"%s\" x=\"%.1f\" y=\"%.1f\">", look, x, y) + escaped(words) + "</text>";
+}
+
+// Moves values apart to at least `gap`, as little as may be, within 0 .. `most`.
+void spread(std::vector<double>& sorted, double gap, double most) {
+  for (std::size_t i = 0; i < sorted.size(); ++i) {
+    sorted[i] = std::max(sorted[i], i == 0 ? 0.0 : sorted[i - 1] + gap);
+  }
+  double limit = most;
+  for (std::size_t i = sorted.size(); i-- > 0;) {
+    sorted[i] = std::min(sorted[i], limit);
+    limit = sorted[i] - gap;
+  }
+}
+
+std::string sample(Kind kind, Hue hue, bool dashed) {
+  const char* name = colours_of(hue).name;
+  if (kind == Kind::kPoints) return format("<circle class=\"f-%s\" cx=\"8\" cy=\"-4\" r=\"3.6\"/>", name);
+  if (kind == Kind::kLine || kind == Kind::kSteps) {
+    return format("<path class=\"line s-%s%s\" stroke-width=\"2.5\" d=\"M0 -4H16\"/>", name, dashed ? " dashed" : "");
+  }
+  return format("<rect class=\"%sf-%s\" x=\"2\" y=\"-10\" width=\"12\" height=\"12\"/>",
+                kind == Kind::kBand ? "band " : "", name);
+}
+
+}  // namespace
+
+PlotArea::PlotArea(const Plot& plot)
+    : plot_(plot),
+      x_(plot.x, values_of_x(plot), is_tight_in_x(plot)),
+      y_(plot.y, values_of_y(plot), plot.plane.width > 0) {}
+
+bool PlotArea::names_ends() const {
+  const auto curves = static_cast<double>(
+      std::ranges::count_if(plot_.series, [](const Series& s) { return is_curve(s) && !s.label.empty(); }));
+  return !plot_.sideways && kEndGap * (curves + static_cast<double>(plot_.levels.size())) <= plot_.height;
+}
+
+std::vector<PlotArea::Key> PlotArea::keyed() const {
+  std::vector<Key> out;
+  for (const Series& series : plot_.series) {
+    const bool named = is_curve(series) && names_ends();
+    if (!series.label.empty() && !named) out.push_back({series.label, series.kind, series.hue, series.dashed});
+  }
+  for (const Level& level : plot_.levels) {
+    if (!level.label.empty() && !names_ends()) out.push_back({level.label, Kind::kLine, level.hue, true});
+  }
+  return out;
+}
+
+std::vector<std::vector<PlotArea::Key>> PlotArea::key_rows(double width) const {
+  std::vector<std::vector<Key>> rows;
+  double x = 0.0;
+  for (const Key& key : keyed()) {
+    const double wide = kKey + text_width(key.label, kText) + kKeyGap;
+    if (rows.empty() || x + wide - kKeyGap > width) {
+      rows.emplace_back();
+      x = 0.0;
+    }
+    rows.back().push_back(key);
+    x += wide;
+  }
+  return rows;
+}
+
+std::vector<Tick> PlotArea::ticks(const Scale& scale, int wanted) const {
+  std::vector<Tick> ticks = scale.ticks(wanted);
+  if (plot_.plane.width > 0) std::erase_if(ticks, [](const Tick& tick) { return tick.at != std::round(tick.at); });
+  return ticks;
+}
+
+std::vector<Tick> PlotArea::upright_ticks() const {
+  return ticks(upright_scale(), std::max(2, static_cast<int>(plot_.height / 42.0)));
+}
+
+// As many as stand beside each other without touching.
+std::vector<Tick> PlotArea::across_ticks(double width) const {
+  const Scale& scale = across_scale();
+  for (int wanted = std::max(2, static_cast<int>(width / 70.0)); wanted > 1; --wanted) {
+    std::vector<Tick> found = ticks(scale, wanted);
+    double last = -1e9;
+    bool touching = false;
+    for (const Tick& tick : found) {
+      const double half = text_width(tick.text, kText) / 2;
+      const double middle = scale.place(tick.at) * width;
+      touching = touching || middle - half < last + 8.0;
+      last = middle + half;
+    }
+    if (!touching) return found;
+  }
+  return ticks(scale, 1);
+}
+
+Placing PlotArea::placing(const Margins& margins) const {
+  const bool down = plot_.sideways || plot_.plane.height > 0 || !plot_.y.categories.empty();
+  return {x_, y_, plot_.width - margins.left - margins.right, plot_.height, plot_.sideways, down};
+}
+
+Margins PlotArea::needed() const {
+  Margins margins{14.0, 14.0, 8.0, 24.0};
+  for (const Tick& tick : upright_ticks()) margins.left = std::max(margins.left, text_width(tick.text, kText) + 10.0);
+  const auto room_for = [&](const std::string& words) {
+    margins.right = std::max(margins.right, text_width(words, kText) + 16.0);
+  };
+  if (names_ends()) {
+    for (const Series& series : plot_.series) {
+      if (is_curve(series)) room_for(series.label);
+    }
+    for (const Level& level : plot_.levels) room_for(level.label);
+  }
+  if (!label_of(across()).empty()) margins.bottom += kLine;
+  if (!label_of(upright()).empty() || plot_.plane.width > 0) margins.top += kLine + 2.0;
+  margins.top += kLine * static_cast<double>(key_rows(plot_.width - margins.left).size());
+  std::size_t rows = 0;
+  for (const MarkLabel& label : mark_labels(placing(margins))) rows = std::max(rows, label.row + 1);
+  margins.top += kMarkLine * static_cast<double>(rows);
+  return margins;
+}
+
+std::vector<PlotArea::EndLabel> PlotArea::end_labels(const Placing& placing) const {
+  std::vector<EndLabel> labels;
+  if (!names_ends()) return labels;
+  const auto add = [&](Point end, const std::string& text, Hue hue) {
+    if (!text.empty() && std::isfinite(end.y)) {
+      labels.push_back({std::clamp(end.y, 0.0, placing.height), std::min(end.x, placing.width), text, hue});
+    }
+  };
+  for (const Series& series : plot_.series) {
+    if (is_curve(series)) add(end_of(series, placing), series.label, series.hue);
+  }
+  for (const Level& level : plot_.levels) add(placing.at(x_.high(), level.at), level.label, level.hue);
+  std::ranges::stable_sort(labels, {}, &EndLabel::y);
+  return labels;
+}
+
+// Words of marks stand above the area, each in the first row that has room for them; those without room are only said
+// when the mouse rests on the mark.
+std::vector<PlotArea::MarkLabel> PlotArea::mark_labels(const Placing& placing) const {
+  std::vector<MarkLabel> labels;
+  if (plot_.sideways) return labels;
+  std::vector<const Mark*> sorted;
+  for (const Mark& mark : plot_.marks) sorted.push_back(&mark);
+  std::ranges::stable_sort(sorted, {}, &Mark::at);
+  std::vector<double> taken(kMarkRows, -1e9);
+  for (const Mark* mark : sorted) {
+    const double at = placing.at(mark->at, y_.low()).x;
+    if (mark->label.empty() || !std::isfinite(at) || at < -0.5 || at > placing.width + 0.5) continue;
+    const double wide = text_width(mark->label, kText - 1.0);
+    const double x = std::clamp(at, 0.0, std::max(0.0, placing.width - wide));
+    const auto row = std::ranges::find_if(taken, [&](double end) { return end + 8.0 <= x; });
+    if (row == taken.end()) continue;
+    *row = x + wide;
+    labels.push_back({mark, x, static_cast<std::size_t>(row - taken.begin())});
+  }
+  return labels;
+}
+
+std::string PlotArea::grid(const Placing& placing) const {
+  std::string path;
+  const Scale& down = upright_scale();
+  for (const Tick& tick : upright_ticks()) {
+    const double place = down.place(tick.at);
+    path += format("M0 %.1fH%.1f", (placing.down ? place : 1.0 - place) * placing.height, placing.width);
+  }
+  for (const Tick& tick : across_ticks(placing.width)) {
+    path += format("M%.1f 0V%.1f", across_scale().place(tick.at) * placing.width, placing.height);
+  }
+  return plot_.plane.width > 0 ? std::string() : "<path class=\"grid\" d=\"" + path + "\"/>";
+}
+
+std::string PlotArea::inside(const Placing& placing) const {
+  std::string out = plane_svg(plot_.plane, placing);
+  for (const Mark& mark : plot_.marks) {
+    const Point a = placing.at(mark.at, y_.low());
+    const Point b = placing.at(std::isnan(mark.until) ? mark.at : mark.until, y_.high());
+    if (!std::isfinite(a.x + a.y + b.x + b.y)) continue;
+    const char* hue = colours_of(mark.hue).name;
+    const std::string title = "<title>" + escaped(mark.label) + "</title>";
+    if (!std::isnan(mark.until)) {
+      out += format("<rect class=\"during f-%s\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\">", hue,
+                    std::min(a.x, b.x), std::min(a.y, b.y), std::abs(b.x - a.x), std::abs(b.y - a.y)) +
+             title + "</rect>";
+    }
+    out += format("<path class=\"mark s-%s\" d=\"M%.1f %.1fL%.1f %.1f\">", hue, a.x, a.y, placing.sideways ? b.x : a.x,
+                  placing.sideways ? a.y : b.y) +
+           title + "</path>";
+  }
+  for (const Level& level : plot_.levels) {
+    const Point a = placing.at(x_.low(), level.at);
+    const Point b = placing.at(x_.high(), level.at);
+    if (!std::isfinite(a.x + a.y + b.x + b.y)) continue;
+    out += format("<path class=\"level s-%s\" d=\"M%.1f %.1fL%.1f %.1f\"/>", colours_of(level.hue).name, a.x, a.y, b.x,
+                  b.y);
+  }
+  std::size_t bar = 0;
+  for (const Series& series : plot_.series) {
+    out += series_svg(plot_, series, bar, placing);
+    if (series.kind == Kind::kBars) ++bar;
+  }
+  return out;
+}
+
+std::string PlotArea::axis_words(const Margins& margins, const Placing& placing) const {
+  std::string out;
+  const double bottom = margins.top + placing.height;
+  for (const Tick& tick : upright_ticks()) {
+    const double place = upright_scale().place(tick.at);
+    const double y = margins.top + (placing.down ? place : 1.0 - place) * placing.height;
+    out += text_at("tick end", margins.left - 7.0, y + 4.0, tick.text);
+  }
+  for (const Tick& tick : across_ticks(placing.width)) {
+    out +=
+        text_at("tick middle", margins.left + across_scale().place(tick.at) * placing.width, bottom + 17.0, tick.text);
+  }
+  if (const std::string name = label_of(across()); !name.empty()) {
+    out += text_at("name middle", margins.left + placing.width / 2, bottom + 17.0 + kLine, name);
+  }
+  if (const std::string name = label_of(upright()); !name.empty()) {
+    out += text_at("name", std::max(2.0, margins.left - 30.0), margins.top - kNameRise, name);
+  }
+  return out + format("<path class=\"axis\" d=\"M%.1f %.1fV%.1fH%.1f\"/>", margins.left, margins.top, bottom,
+                      margins.left + placing.width);
+}
+
+std::string PlotArea::keys(const Margins& margins) const {
+  std::string out;
+  double y = 12.0;
+  for (const auto& row : key_rows(plot_.width - margins.left)) {
+    double x = margins.left;
+    for (const Key& key : row) {
+      out += format("<g transform=\"translate(%.1f %.1f)\">", x, y) + sample(key.kind, key.hue, key.dashed) + "</g>";
+      out += text_at("key", x + kKey, y, key.label);
+      x += kKey + text_width(key.label, kText) + kKeyGap;
+    }
+    y += kLine;
+  }
+  return out;
+}
+
+// The ramp of the plane with the values of its ends, at the right above the area.
+std::string PlotArea::ramp(const Margins& margins, const Placing& placing) const {
+  if (plot_.plane.width < 1) return {};
+  const PlaneSpan span = span_of(plot_.plane);
+  const std::string high = number_text(span.high) + (plot_.plane.unit.empty() ? "" : " " + plot_.plane.unit);
+  const double right = margins.left + placing.width;
+  const double left = right - text_width(high, kText) - 6.0 - kRampWidth;
+  const double y = margins.top - kNameRise;
+  std::string out = text_at("tick end", left - 6.0, y, number_text(span.low)) + text_at("tick end", right, y, high);
+  constexpr int kParts = 26;
+  for (int i = 0; i < kParts; ++i) {
+    const Rgb rgb = colour_at(plot_.plane.ramp, (i + 0.5) / kParts);
+    out += format("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"9\" fill=\"#%02x%02x%02x\"/>",
+                  left + i * kRampWidth / kParts, y - 9.0, kRampWidth / kParts + 0.4, rgb.red, rgb.green, rgb.blue);
+  }
+  return out;
+}
+
+std::string PlotArea::ends(const Margins& margins, const Placing& placing) const {
+  const std::vector<EndLabel> labels = end_labels(placing);
+  std::vector<double> ys;
+  ys.reserve(labels.size());
+  for (const EndLabel& label : labels) ys.push_back(label.y);
+  spread(ys, kEndGap, placing.height);
+  std::string out;
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    const EndLabel& label = labels[i];
+    const double x = margins.left + placing.width;
+    const double y = margins.top + ys[i];
+    if (std::abs(ys[i] - label.y) > 4.0 || placing.width - label.from_x > 12.0) {
+      out += format("<path class=\"lead s-%s\" d=\"M%.1f %.1fL%.1f %.1f\"/>", colours_of(label.hue).name,
+                    margins.left + label.from_x + 2.0, margins.top + label.y, x + 6.0, y);
+    }
+    out += format("<text class=\"name f-%s\" x=\"%.1f\" y=\"%.1f\">", colours_of(label.hue).name, x + 8.0, y + 4.0) +
+           escaped(label.text) + "</text>";
+  }
+  return out;
+}
+
+std::string PlotArea::marks(const Margins& margins, const Placing& placing) const {
+  std::string out;
+  const double lowest = margins.top - (label_of(upright()).empty() ? 0.0 : kLine) - 8.0;
+  for (const MarkLabel& label : mark_labels(placing)) {
+    out += format("<text class=\"event f-%s\" x=\"%.1f\" y=\"%.1f\">", colours_of(label.mark->hue).name,
+                  margins.left + label.x, lowest - kMarkLine * static_cast<double>(label.row)) +
+           escaped(label.mark->label) + "</text>";
+  }
+  return out;
+}
+
+std::string PlotArea::drawing(const Margins& margins) const {
+  const Placing placed = placing(margins);
+  return keys(margins) + ramp(margins, placed) + marks(margins, placed) +
+         format("<svg x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\">", margins.left, margins.top, placed.width,
+                placed.height) +
+         grid(placed) + inside(placed) + "</svg>" + axis_words(margins, placed) + ends(margins, placed);
+}
+
+}  // namespace bolo::plot

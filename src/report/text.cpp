@@ -1,0 +1,138 @@
+#include "src/report/text.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+namespace bolo::plot {
+namespace {
+
+// Bytes of the character that begins with `lead`; 0 when none does.
+std::size_t utf8_length(unsigned char lead) {
+  if (lead < 0x80) return 1;
+  if (lead >= 0xC2 && lead < 0xE0) return 2;
+  if (lead >= 0xE0 && lead < 0xF0) return 3;
+  return lead >= 0xF0 && lead < 0xF5 ? 4 : 0;
+}
+
+// Whether the bytes after the first of `length` are those of a character.
+bool continues(std::string_view text, std::size_t at, std::size_t length) {
+  if (length == 0 || at + length > text.size()) return false;
+  for (std::size_t i = 1; i < length; ++i) {
+    if ((static_cast<unsigned char>(text[at + i]) & 0xC0U) != 0x80U) return false;
+  }
+  return true;
+}
+
+// Control characters are none of XML's.
+bool is_control(std::string_view one) {
+  return one.size() == 1 && static_cast<unsigned char>(one[0]) < 0x20 && one != "\n" && one != "\t";
+}
+
+std::string superscript(int exponent) {
+  constexpr std::array<const char*, 10> kDigits{"\u2070", "\u00b9", "\u00b2", "\u00b3", "\u2074",
+                                                "\u2075", "\u2076", "\u2077", "\u2078", "\u2079"};
+  std::string out = exponent < 0 ? "\u207b" : "";
+  for (const char digit : std::to_string(std::abs(exponent))) out += kDigits[static_cast<std::size_t>(digit - '0')];
+  return out;
+}
+
+// Of DejaVu Sans, the widest of the usual letters, in ems.
+double letter_width(unsigned char c) {
+  if (std::string_view("iljI.,:;'|! ").find(static_cast<char>(c)) != std::string_view::npos) return 0.34;
+  if (std::string_view("frt()[]-/").find(static_cast<char>(c)) != std::string_view::npos) return 0.42;
+  if (std::string_view("mwMW%@").find(static_cast<char>(c)) != std::string_view::npos) return 0.95;
+  if (c >= 'A' && c <= 'Z') return 0.71;
+  return 0.63;
+}
+
+}  // namespace
+
+std::string format(const char* pattern, ...) {
+  std::va_list values;
+  va_start(values, pattern);
+  std::va_list again;
+  va_copy(again, values);
+  const int size = std::vsnprintf(nullptr, 0, pattern, values);
+  std::string out(static_cast<std::size_t>(std::max(0, size)), '\0');
+  std::vsnprintf(out.data(), out.size() + 1, pattern, again);
+  va_end(again);
+  va_end(values);
+  return out;
+}
+
+std::string escaped(std::string_view text) {
+  std::string out;
+  for (std::size_t i = 0; i < text.size();) {
+    const std::size_t length = utf8_length(static_cast<unsigned char>(text[i]));
+    const bool whole = continues(text, i, length);
+    const std::string_view one = text.substr(i, whole ? length : 1);
+    i += one.size();
+    if (!whole || is_control(one)) {
+      out += '?';
+    } else {
+      out += one == "<" ? "&lt;" : one == ">" ? "&gt;" : one == "&" ? "&amp;" : one == "\"" ? "&quot;" : one;
+    }
+  }
+  return out;
+}
+
+std::string number_text(double value, bool powers) {
+  const double size = std::abs(value);
+  if (std::isnan(value)) return "\u2013";
+  if (std::isinf(value)) return value < 0.0 ? "\u2212\u221e" : "\u221e";
+  if (size < 1e-12) return "0";
+  if (size >= (powers ? 0.99e4 : 1e5) || size < (powers ? 0.99e-2 : 1e-3)) {
+    // 1e-06 reads better as 10 to a power.
+    const double exponent = std::floor(std::log10(size) + 1e-9);
+    const double mantissa = value / std::pow(10.0, exponent);
+    const std::string power = "10" + superscript(static_cast<int>(exponent));
+    return std::abs(mantissa - 1.0) < 1e-6 ? power : format("%.3g\u00b7", mantissa) + power;
+  }
+  std::string text = size >= 999.5 ? format("%.0f", value) : format("%.3g", value);
+  if (value < 0.0) text.replace(0, 1, "\u2212");
+  return text;
+}
+
+std::string unbroken(std::string text) {
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  for (std::size_t i = text.size(); i-- > 2;) {
+    const bool unit = text[i] == '%' || text.compare(i, 2, "\u00b5") == 0 || text.compare(i, 2, "mK") == 0 ||
+                      text.compare(i, 2, "ms") == 0 || text.compare(i, 2, "s ") == 0 || text.compare(i, 2, "Hz") == 0 ||
+                      text.compare(i, 2, "px") == 0 || text.compare(i, 2, "K ") == 0;
+    if (unit && text[i - 1] == ' ' && is_digit(text[i - 2])) text.replace(i - 1, 1, "\u00a0");
+  }
+  return text;
+}
+
+double text_width(std::string_view text, double size) {
+  double ems = 0.0;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if ((byte & 0xC0U) != 0x80U) ems += letter_width(byte);
+  }
+  return ems * size;
+}
+
+std::vector<std::string> wrapped(std::string_view text, double size, double width) {
+  std::vector<std::string> lines;
+  std::string line;
+  while (!text.empty()) {
+    const std::size_t blank = std::min(text.find(' '), text.size());
+    const std::string word(text.substr(0, blank));
+    text.remove_prefix(std::min(text.size(), blank + 1));
+    if (word.empty()) continue;
+    if (!line.empty() && text_width(line, size) + text_width(" ", size) + text_width(word, size) > width) {
+      lines.push_back(std::move(line));
+      line.clear();
+    }
+    if (!line.empty()) line += ' ';
+    line += word;
+  }
+  if (!line.empty()) lines.push_back(std::move(line));
+  return lines;
+}
+
+}  // namespace bolo::plot

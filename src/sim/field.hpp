@@ -1,0 +1,83 @@
+// What the pixels see: the steady-state temperature T_ss of each pixel at any time. A field knows its own structure in
+// time, so that it is integrated exactly, or to a stated error, with few steps.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "src/capture/stimulus.hpp"
+#include "src/core/geometry.hpp"
+#include "src/core/result.hpp"
+#include "src/sim/path.hpp"
+#include "src/sim/scene.hpp"
+
+namespace bolo::sim {
+
+// Lowest and highest T_ss of any pixel at any time, K.
+struct Extremes {
+  double low_k = 0.0;
+  double high_k = 0.0;
+};
+
+// What optics spread a point over: a Gaussian, or a disc of radius 2 sigma, which has the same variance.
+struct Blur {
+  double sigma_px = 0.0;  // along x and along y
+  bool disc = false;
+};
+
+class Field {
+ public:
+  virtual ~Field() = default;
+
+  // T_ss of the pixels (0, row), (1, row) ... at t, K; at a jump the value after it. Thread: any.
+  void sample(double t_s, int row, std::span<float> out) const noexcept { sample_from(t_s, 0.0, row, out); }
+
+  // The same of pixels centred at (column, row), (column + 1, row) ..., which need not be whole or within the frame.
+  // Beyond its border a still goes on with its last pixels. Thread: any.
+  virtual void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept = 0;
+
+  // Appends rising instants in (from_s, to_s], the last one to_s. Between neighbours T_ss is a quadratic of time, or so
+  // near to one that the answer of a pixel which averages over about `response_s` is off by less than
+  // kStepToleranceK. A jump is two neighbouring doubles: the last instant before it, and its own.
+  // Thread: any.
+  virtual void instants(double from_s, double to_s, double response_s, std::vector<double>& out) const = 0;
+
+  virtual Extremes extremes() const = 0;
+
+  // The field through a blur, when it is known in closed form; else nullptr. Thread: setup.
+  virtual std::unique_ptr<const Field> blurred(const Blur& /*blur*/) const { return nullptr; }
+
+  // The `/stimulus` that describes this field from `from_s` to `to_s`. Thread: setup.
+  virtual capture::Stimulus stimulus(double from_s, double to_s) const = 0;
+};
+
+inline constexpr double kStepToleranceK = 0.0005;
+
+// A flat black body or closed shutter.
+std::unique_ptr<const Field> make_uniform(double temperature_k);
+
+// The whole field switches between levels at once. on_s, off_s and level_k of one length, pulses in order and apart.
+std::unique_ptr<const Field> make_chopper(capture::Chopper chopper);
+
+// Hot bars on cold. The bars cover phases [0, bar_width_px) of x - slant_px_per_row * row - velocity_px_s * t, modulo
+// period_px; a pixel sees the mean over its own width, [x - 0.5, x + 0.5], along its middle line.
+std::unique_ptr<const Field> make_bars(const capture::BarTarget& target);
+
+// A still panned along a path: the pixel (0, 0) of a frame looks at image (x, y) = path.at(t), bilinear between the
+// centres of the image's pixels. The image must cover the path from `from_s` to `to_s`; beyond these times the view
+// stops at the image's borders.
+std::unique_ptr<const Field> make_scene(capture::StillImage image, Path path, Geometry view);
+
+// Draws the part of the scene that a view of size `view` sees between the two times and makes a field of it. `motion`
+// is relative: its position is added to `origin`, the scene position that pixel (0, 0) looks at for motion (0, 0).
+// kBadInput when the path runs over more than kMaxCanvasPixels. Thread: setup.
+Result<std::unique_ptr<const Field>> pan_over(const Scene& scene, const Path& motion, Position origin, Geometry view,
+                                              double from_s, double to_s);
+
+inline constexpr double kMaxCanvasPixels = 256e6;
+
+// The origin that puts the middle of what the path sees on the middle of the scene, rounded to whole pixels.
+Position centred_origin(const Scene& scene, const Path& motion, Geometry view, double from_s, double to_s);
+
+}  // namespace bolo::sim

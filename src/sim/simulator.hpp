@@ -1,0 +1,116 @@
+// The simulated camera: field -> pixel -> read-out, frame by frame.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "src/capture/capture.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
+#include "src/rt/worker_team.hpp"
+#include "src/sim/effect.hpp"
+#include "src/sim/field.hpp"
+#include "src/sim/pixel.hpp"
+#include "src/sim/readout.hpp"
+
+namespace bolo::sim {
+
+enum class CameraKind {
+  kBolometer,  // thermal inertia (paper eq. 7)
+  kVisible,    // mean over the exposure (paper eq. 1)
+};
+
+struct CameraSettings {
+  CameraKind kind = CameraKind::kBolometer;
+  Geometry geometry{640, 120};
+  double rate_hz = 200.0;     // frame k is read at t = k / rate_hz
+  double tau_s = 0.011;       // bolometer: thermal time constant
+  double exposure_s = 0.005;  // visible: the exposure ends at the frame's time; at most 1 / rate_hz
+  ReadoutSettings readout;
+  int threads = 2;                           // the result does not depend on them
+  std::vector<EffectSpec> effects;           // bolometer only
+  std::optional<std::uint64_t> camera_seed;  // of what effects fix in the camera, such as patterns; else the noise's
+  double session_start_s = 0.0;              // how long the camera had been on at t = 0
+};
+
+// The settings themselves when all are in range; kBadInput names the one that is not. Thread: any.
+Result<CameraSettings> checked(const CameraSettings& settings);
+
+// The time before t = 0 that a pixel still remembers, s: the field must be valid from its negative on. Thread: any.
+double history_s(const CameraSettings& settings);
+
+class EffectCamera;
+
+// Steps one camera through time. The camera was already looking, and moving, before the first frame: pixels start in
+// steady state history_s() before it, 14 time constants, where what is left of a 30 K error is 25 uK.
+class Simulator {
+ public:
+  // kBadInput when checked() refuses the settings, or when the field is hotter than the stored values can say.
+  // Thread: setup.
+  static Result<std::unique_ptr<Simulator>> create(const CameraSettings& settings, std::unique_ptr<const Field> field);
+
+  // The next frame: `plane` in the settings' type, `truth` (may be null) T_ss at the frame's time, K.
+  // Thread: one at a time.
+  void next(void* plane, float* truth);
+
+  ~Simulator();
+
+  std::uint64_t frames_done() const noexcept { return frame_; }
+  const CameraSettings& settings() const noexcept { return settings_; }
+  const Field& field() const noexcept { return *field_; }
+  StreamFormat format() const;
+
+ private:
+  struct Step {  // of every pixel, from the end of the step before
+    double middle_s = 0.0;
+    double end_s = 0.0;
+    StepWeights weights;
+  };
+  struct Scratch {  // one a worker: rows of T_ss, and of the read-out
+    std::vector<float> start;
+    std::vector<float> middle;
+    std::vector<float> end;
+    std::vector<double> kelvin;
+    std::vector<double> noise;
+  };
+
+  Simulator(const CameraSettings& settings, std::unique_ptr<const Field> field);
+  void plan();
+  void work(int worker) noexcept;
+  void integrate(int row, Scratch& scratch) noexcept;
+  void read_out(int row, Scratch& scratch) noexcept;
+  void next_with_effects(void* plane, float* truth);
+
+  CameraSettings settings_;
+  std::unique_ptr<const Field> field_;
+  std::uint64_t frame_ = 0;
+  std::vector<double> shown_;  // what each pixel shows, K; rows belong to their worker
+  std::vector<Scratch> scratch_;
+  rt::WorkerTeam team_;
+  std::unique_ptr<EffectCamera> effects_;  // in place of the rest when there are effects
+
+  // The frame in work, read by all workers.
+  double from_s_ = 0.0;
+  std::vector<double> instants_;
+  std::vector<Step> steps_;
+  void* plane_ = nullptr;
+  float* truth_ = nullptr;
+};
+
+struct CaptureOptions {
+  std::size_t frames = 400;
+  bool truth = true;
+  int deflate_level = 0;
+};
+
+// Writes `options.frames` frames with `/t` = k / rate, `/frame_id` = k, `/truth` and `/stimulus`. `progress` is called
+// after each frame with the number done; when it returns false the capture ends there, in good order.
+// Thread: setup.
+Status write_capture(Simulator& simulator, const std::filesystem::path& file, const CaptureOptions& options,
+                     const std::function<bool(std::size_t)>& progress);
+
+}  // namespace bolo::sim

@@ -1,0 +1,53 @@
+// How the bench differs from what /stimulus says. Not an effect of the camera.
+#pragma once
+
+#include <limits>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "src/core/geometry.hpp"
+#include "src/core/result.hpp"
+#include "src/sim/field.hpp"
+
+namespace bolo::sim {
+
+// All zero: as stated.
+struct StimulusError {
+  // Chopper: the blade sweeps over the columns, column x + 1/2 of W is reached after sweep_s * (x + 1/2) / W; negative:
+  // from the right. A point goes from one level to the other in softness_s, centred on that time.
+  double sweep_s = 0.0;
+  double softness_s = 0.0;
+  double start_s = 0.0;  // chopper, moving target: everything happens so much later
+
+  // Added to the stated temperatures: the cold level; the first level (also of the flat field and the hot bars), and
+  // all others, of the chopper. NaN: the same error as the first.
+  double cold_k = 0.0;
+  double level_k = 0.0;
+  double level2_k = std::numeric_limits<double>::quiet_NaN();
+
+  // Bar target. Velocity is stated * (1 + velocity) * (1 + uneven * sin(2 pi (t / uneven_period_s + uneven_phase))).
+  double velocity = 0.0;
+  double uneven = 0.0;
+  double uneven_period_s = 1.0;
+  double uneven_phase = 0.0;
+  double phase = 0.0;    // shift along +x at t = 0, in periods of the target
+  double edge_px = 0.0;  // sigma of the Gaussian that blurs the target's edges along x
+
+  // Everything: so much of what is seen is a reflection of the surroundings.
+  double reflection = 0.0;
+  double surroundings_k = 295.0;
+};
+
+// "key=value,..." with the names above. kBadInput names the nearest key, or the range. Thread: any.
+Result<StimulusError> parse_stimulus_error(std::string_view text);
+
+// The text that parse_stimulus_error() reads back as this; empty when there is no error. Thread: any.
+std::string stimulus_error_text(const StimulusError& error);
+
+// The field as it really is; its stimulus() stays that of `nominal`. `view` is the frame that sees it. kBadInput when
+// an error that is not zero has no meaning for this stimulus. Thread: setup.
+Result<std::unique_ptr<const Field>> with_errors(std::unique_ptr<const Field> nominal, const StimulusError& error,
+                                                 Geometry view);
+
+}  // namespace bolo::sim

@@ -1,0 +1,224 @@
+// The whole way: a capture, bolod, shared memory, a reader; signals, names, `bolo stat`.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "drivers/shm/shm_reader.hpp"
+#include "src/core/frame.hpp"
+#include "src/core/loss.hpp"
+#include "tests/tools/bolod/bolod_run.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+TEST_F(BolodRun, FramesOfACaptureReachAReader) {
+  const auto daemon = start(300);
+  auto reader = attach();
+  ASSERT_TRUE(reader) << reader.error().message << daemon->err();
+  EXPECT_EQ(reader->header().width, 64U);
+  EXPECT_EQ(reader->header().height, 24U);
+  EXPECT_STREQ(reader->header().camera_model, "Test camera");
+
+  ReadFrame frame;
+  std::uint64_t seen = 0;
+  std::uint64_t sharp = 0;
+  std::uint64_t with_gap = 0;
+  std::uint64_t number = 0;
+  for (Outcome outcome = Outcome::kFrame; outcome != Outcome::kClosed; ++number) {
+    outcome = reader->read(number, frame, 60'000);
+    ASSERT_NE(outcome, Outcome::kTimeout);
+    if (outcome != Outcome::kFrame) continue;
+    ++seen;
+    EXPECT_EQ(frame.raw[0], static_cast<std::uint16_t>(frame.meta.frame_id));
+    EXPECT_EQ(frame.meta.camera_ns, static_cast<std::int64_t>(frame.meta.frame_id) * 5'000'000);
+    EXPECT_GE(frame.publish_ns, frame.meta.receive_ns);
+    std::size_t wrong = 0;
+    const bool warm_up = (frame.meta.flags & kFlagWarmUp) != 0;
+    for (std::size_t i = 1; i < frame.raw.size(); ++i) {
+      if (frame.raw[i] != scene(i) || std::abs(int{frame.deblurred[i]} - int{scene(i)}) > (warm_up ? 0 : 1)) ++wrong;
+    }
+    EXPECT_EQ(wrong, 0U) << "frame " << frame.meta.frame_id;
+    if (!warm_up) ++sharp;
+    if ((frame.meta.flags & kFlagGap) != 0) ++with_gap;
+  }
+  EXPECT_GT(seen, 0U);
+  EXPECT_GT(sharp, 0U);
+  EXPECT_EQ(daemon->wait(), 0) << daemon->err();
+  const std::string log = daemon->err();
+  EXPECT_NE(log.find("in.h5 Test camera 42, 64x24 at 200 Hz"), std::string::npos) << log;
+  EXPECT_NE(log.find("frames arrive"), std::string::npos) << log;
+  EXPECT_NE(log.find("ended: "), std::string::npos) << log;
+  EXPECT_NE(log.find("1 missing"), std::string::npos) << log;
+  const bolo_shm_header header = reader->header();
+  EXPECT_EQ(header.lost[static_cast<std::size_t>(LossCause::kMissing)], 1U);
+  EXPECT_LE(with_gap, header.gap_frames);
+  EXPECT_GT(header.gap_frames, 0U);
+}
+
+TEST_F(BolodRun, SigtermEndsItInGoodOrder) {
+  const auto daemon = start(100'000 / 5);  // 100 s: it can only end by the signal
+  auto reader = attach();
+  ASSERT_TRUE(reader) << daemon->err();
+  ReadFrame frame;
+  ASSERT_NE(reader->read(5, frame, 60'000), Outcome::kTimeout);
+  daemon->signal(SIGHUP);
+  ASSERT_TRUE(eventually([&] { return daemon->err().find("reload: nothing to take up") != std::string::npos; }));
+  const std::uint64_t before = reader->published();
+  EXPECT_NE(reader->read(before + 5, frame, 60'000), Outcome::kClosed) << "SIGHUP does not end it";
+  daemon->signal(SIGTERM);
+  EXPECT_EQ(daemon->wait(), 0) << daemon->err();
+  EXPECT_TRUE(reader->closed());
+  EXPECT_EQ(reader->header().state, std::uint32_t{BOLO_SHM_CLOSED});
+  EXPECT_FALSE(ShmReader::open(name_)) << "the name is free again";
+  EXPECT_NE(daemon->err().find("SIGTERM: stopping"), std::string::npos) << daemon->err();
+}
+
+TEST_F(BolodRun, ASecondDaemonOfTheSameNameIsRefused) {
+  const auto first = start(20'000);
+  auto reader = attach();
+  ASSERT_TRUE(reader) << first->err();
+  const auto second = start_again("", "second");
+  EXPECT_EQ(second->wait(), 2);
+  EXPECT_NE(second->err().find("is written by process"), std::string::npos) << second->err();
+  ReadFrame frame;
+  EXPECT_NE(reader->read(reader->published() + 5, frame, 60'000), Outcome::kClosed) << "the first one goes on";
+  first->signal(SIGINT);
+  EXPECT_EQ(first->wait(), 0) << first->err();
+}
+
+TEST_F(BolodRun, AKilledDaemonIsFollowedByAnother) {
+  const auto first = start(20'000);
+  ASSERT_TRUE(attach());
+  first->signal(SIGKILL);
+  EXPECT_EQ(first->wait(), 128 + SIGKILL);
+  const auto second = start_again("", "second");
+  ReadFrame frame;
+  ASSERT_TRUE(eventually([&] {
+    auto reader = ShmReader::open(name_);
+    return reader && reader->header().writer_pid == second->pid() && reader->read(0, frame, 100) == Outcome::kFrame;
+  })) << second->err();
+  second->signal(SIGTERM);
+  EXPECT_EQ(second->wait(), 0);
+}
+
+TEST_F(BolodRun, AFastReplayLosesNothing) {
+  write_capture(folder_ / "in.h5", 400);
+  std::ofstream(folder_ / "fast.toml") << "name = '" << name_
+                                       << "'\n[source]\ntype = 'replay'\nfile = 'in.h5'\npace = 'fast'\n"
+                                       << "[deblur]\nsolver = 'inverse'\nlookahead = 1\n";
+  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "fast.toml"}, folder_ / "fast");
+  EXPECT_EQ(daemon.wait(), 0);
+  EXPECT_NE(daemon.err().find(" info: ended: 399 frames in, 399 out, lost: 1 missing;"), std::string::npos)
+      << daemon.err();
+}
+
+TEST_F(BolodRun, StatShowsARunningDaemon) {
+  const auto daemon = start(20'000);
+  auto reader = attach();
+  ASSERT_TRUE(reader) << daemon->err();
+  ReadFrame frame;
+  ASSERT_NE(reader->read(20, frame, 60'000), Outcome::kTimeout);
+  Process json({BOLO_PROGRAM, "stat", name_, "--once", "--json", "--interval", "0.3"}, folder_ / "json");
+  ASSERT_EQ(json.wait(), 0) << json.err();
+  const auto object = nlohmann::json::parse(json.out());
+  EXPECT_EQ(object["name"], name_);
+  EXPECT_EQ(object["state"], "running");
+  EXPECT_EQ(object["width"], 64);
+  EXPECT_GT(object["published_hz"], 0.0);
+  EXPECT_GT(object["latency_max_ms"], 0.0);
+  EXPECT_GT(object["stages"]["deblur"]["p50_ms"], 0.0) << object;
+  EXPECT_GE(object["stages"]["total"]["max_ms"], object["stages"]["deblur"]["p50_ms"]);
+  const auto& efforts = object["effort"]["frames"];
+  EXPECT_GT(efforts["full"].get<int>() + efforts["reduced"].get<int>() + efforts["inverse"].get<int>() +
+                efforts["raw"].get<int>(),
+            0)
+      << object;
+  Process table({BOLO_PROGRAM, "stat", name_, "--once", "--interval", "0.1"}, folder_ / "table");
+  ASSERT_EQ(table.wait(), 0) << table.err();
+  EXPECT_NE(table.out().find("Test camera 42, 64x24 at 200 Hz"), std::string::npos) << table.out();
+  EXPECT_NE(table.out().find("pool_exhausted"), std::string::npos);
+  EXPECT_NE(table.out().find("effort   "), std::string::npos) << table.out();
+  EXPECT_NE(table.out().find("stages   arrival"), std::string::npos) << table.out();
+  Process unknown({BOLO_PROGRAM, "stat", "no-such-daemon"}, folder_ / "unknown");
+  EXPECT_EQ(unknown.wait(), 2);
+  Process nuc({BOLO_PROGRAM, "nuc", name_}, folder_ / "nuc");
+  EXPECT_EQ(nuc.wait(), 1);
+  EXPECT_NE(nuc.err().find("no camera to correct"), std::string::npos) << nuc.err();
+  EXPECT_NE(unknown.err().find(name_), std::string::npos) << "the names that exist: " << unknown.err();
+}
+
+TEST_F(BolodRun, StatFollowsARestart) {
+  auto daemon = start(20'000);
+  ASSERT_TRUE(attach());
+  Process stat({BOLO_PROGRAM, "stat", name_, "--json", "--interval", "0.1"}, folder_ / "stat");
+  ASSERT_TRUE(eventually([&] { return stat.out().find("\"running\"") != std::string::npos; })) << stat.err();
+  daemon->signal(SIGTERM);
+  EXPECT_EQ(daemon->wait(), 0);
+  ASSERT_TRUE(eventually([&] { return stat.out().find("\"closed\"") != std::string::npos; }));
+  daemon = start_again();
+  ASSERT_TRUE(eventually([&] {
+    const std::string out = stat.out();
+    return out.find("\"running\"", out.rfind("\"closed\"")) != std::string::npos;
+  })) << stat.out();
+  stat.signal(SIGINT);
+  EXPECT_EQ(stat.wait(), 0);
+  daemon->signal(SIGTERM);
+  EXPECT_EQ(daemon->wait(), 0);
+}
+
+// Over the network, from the camera that replays: what it sends is what readers get, before it is lost and after.
+TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
+  write_capture(folder_ / "in.h5", 90);  // below kLostId: nothing is missing
+  const int pid = static_cast<int>(getpid());
+  const std::string address = "127." + std::to_string(100 + pid % 100) + "." + std::to_string(pid / 100 % 250) + ".7";
+  const std::vector<std::string> serve{BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address, "--loop"};
+  auto camera = std::make_unique<Process>(serve, folder_ / "camera");
+  ASSERT_TRUE(eventually([&] { return camera->out().find("serving") != std::string::npos; })) << camera->err();
+  std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address
+                                        << "'\nwidth = 64\nheight = 24\nreconnect_after_ms = 500\n"
+                                        << "[pipeline]\nlock_memory = false\n";
+  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
+  auto reader = attach();
+  ASSERT_TRUE(reader) << daemon.err();
+
+  ReadFrame frame;
+  const auto good_frames = [&](int wanted) {
+    int good = 0;
+    for (std::uint64_t number = reader->published(); good < wanted; ++number) {
+      const Outcome outcome = reader->read(number, frame, 60'000);
+      if (outcome == Outcome::kOverwritten) continue;
+      if (outcome != Outcome::kFrame) break;
+      EXPECT_GE(frame.raw[0], kFirstId);
+      EXPECT_LT(frame.raw[0], kFirstId + 90);
+      std::size_t wrong = 0;
+      for (std::size_t i = 1; i < frame.raw.size(); ++i) wrong += frame.raw[i] == scene(i) ? 0U : 1U;
+      EXPECT_EQ(wrong, 0U);
+      ++good;
+    }
+    return good;
+  };
+  EXPECT_EQ(good_frames(50), 50) << daemon.err();
+  camera->signal(SIGKILL);
+  ASSERT_TRUE(eventually([&] { return daemon.err().find("camera lost") != std::string::npos; })) << daemon.err();
+  EXPECT_FALSE(reader->closed()) << "a lost camera does not end the daemon";
+  camera = std::make_unique<Process>(serve, folder_ / "camera");
+  EXPECT_EQ(good_frames(50), 50) << daemon.err();
+  ASSERT_TRUE(eventually([&] { return daemon.err().find("camera opened again") != std::string::npos; }));
+  EXPECT_GT(reader->header().restarts, 0U);
+  Process stat({BOLO_PROGRAM, "stat", name_, "--once", "--json", "--interval", "0.1"}, folder_ / "stat");
+  ASSERT_EQ(stat.wait(), 0) << stat.err();
+  const auto told = nlohmann::json::parse(stat.out())["camera"];
+  EXPECT_EQ(told["state"], "streaming") << told;
+  EXPECT_EQ(told["lost"]["no_answer"], 1) << told;
+  EXPECT_EQ(told["reopened"], 1) << told;
+  EXPECT_GT(told["received_packets"], 100) << told;
+  Process nuc({BOLO_PROGRAM, "nuc", name_}, folder_ / "nuc");
+  EXPECT_EQ(nuc.wait(), 0) << nuc.err();
+  EXPECT_TRUE(eventually([&] { return daemon.err().find("NUC (asked for)") != std::string::npos; })) << daemon.err();
+  EXPECT_TRUE(eventually([&] { return reader->camera()->corrections == 1; }));
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0) << daemon.err();
+}
+
+}  // namespace
+}  // namespace bolo::daemon

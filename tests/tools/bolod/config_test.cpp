@@ -1,0 +1,326 @@
+#include "tools/bolod/config.hpp"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "src/capture/pixel_maps_io.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+const std::string kShipped = std::string(BOLO_SOURCE_DIR) + "/config/bolod.toml";
+
+class Config : public testing::Test {
+ protected:
+  Config() : folder_(testing::TempDir() + "config-" + std::to_string(getpid())) {
+    std::filesystem::create_directory(folder_);
+  }
+  ~Config() override { std::filesystem::remove_all(folder_); }
+
+  void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
+
+  Result<DaemonConfig> read(const std::string& text) const {
+    write("bolod.toml", text);
+    return read_config(folder_ / "bolod.toml");
+  }
+
+  // The message without the folder; "" when the text is right.
+  std::string complaint(const std::string& text) const {
+    const auto config = read(text);
+    if (config) return "";
+    EXPECT_EQ(config.error().kind, ErrorKind::kBadInput);
+    EXPECT_EQ(config.error().message.find('\n'), std::string::npos);
+    EXPECT_TRUE(config.error().message.starts_with(folder_.string())) << config.error().message;
+    return config.error().message.substr(folder_.string().size() + 1);
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(Config, AnEmptyFileIsAnA655scAt200Hz) {
+  const auto config = read("");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->source, SourceType::kGenicam);
+  EXPECT_EQ(config->camera.width, 640);
+  EXPECT_EQ(config->camera.height, 120);
+  EXPECT_DOUBLE_EQ(config->camera.rate_hz, 200.0);
+  EXPECT_DOUBLE_EQ(config->pipeline.deblur.tau_s, 0.011);
+  EXPECT_DOUBLE_EQ(config->pipeline.deblur.period_s, 0.005);
+  EXPECT_EQ(config->shm.name, "camera");
+  EXPECT_TRUE(config->shm_enabled);
+}
+
+TEST_F(Config, KeysReachTheirPlaces) {
+  const auto config = read(
+      "name = 'front'\n"
+      "[source]\ntype = 'replay'\nfile = 'a.h5'\npace = 'fast'\n"
+      "[deblur]\nsolver = 'inverse'\nlambda = 0.5\nkappa = 2\niterations = 9\nwindow = 9\nlevels = 5\nlookahead = 1\n"
+      "workers = 3\ntau_s = 0.008\n"
+      "[pipeline]\nqueue_frames = 5\nrealtime_priority = 20\ncpus = [0, 1]\nlock_memory = false\n"
+      "[shm]\nslots = 100\nmode = 0o640\ngroup = 'video'\n"
+      "[log]\nlevel = 'debug'\nformat = 'journal'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->source, SourceType::kReplay);
+  EXPECT_EQ(config->replay.file, folder_ / "a.h5") << "relative to the configuration";
+  EXPECT_EQ(config->replay.pace, replay::Pace::kAsFastAsPossible);
+  const deblur::Settings& settings = config->pipeline.deblur;
+  EXPECT_EQ(settings.method, deblur::Method::kInverse);
+  EXPECT_EQ(settings.lambda, 0.5);
+  EXPECT_EQ(settings.kappa, 2.0);
+  EXPECT_EQ(settings.iterations, 9);
+  EXPECT_EQ(settings.window, 9);
+  EXPECT_EQ(settings.levels, 5);
+  EXPECT_EQ(settings.lookahead, 1);
+  EXPECT_EQ(settings.tau_s, 0.008);
+  EXPECT_EQ(config->pipeline.workers, 3);
+  EXPECT_EQ(config->pipeline.queue_frames, 5);
+  EXPECT_EQ(config->pipeline.thread.realtime_priority, 20);
+  EXPECT_EQ(config->pipeline.thread.cpus, (std::vector<int>{0, 1}));
+  EXPECT_FALSE(config->lock_memory);
+  EXPECT_EQ(config->shm.name, "front");
+  EXPECT_EQ(config->shm.slots, 100);
+  EXPECT_EQ(config->shm.mode, 0640U);
+  EXPECT_EQ(config->shm.group, "video");
+  EXPECT_EQ(config->log.level, LogLevel::kDebug);
+  EXPECT_EQ(config->log.format, LogFormat::kJournal);
+}
+
+TEST_F(Config, CameraKeysReachTheCamera) {
+  const auto config = read(
+      "[source]\naddress = '10.0.0.2'\nwidth = 320\nheight = 0\nir_format = '100mk'\npixel_order = 'big'\n"
+      "metadata_rows = 3\npacket_size = 1400\nsocket_buffer_bytes = 1000000\nresend = true\npacket_timeout_us = 300\n"
+      "frame_retention_us = 4000\nbuffers = 20\nrealtime_priority = 10\nrate_hz = 50\nstall_ms = 100\n"
+      "reconnect_after_ms = 0\n");
+  ASSERT_TRUE(config) << config.error().message;
+  const genicam::CameraOptions& camera = config->camera;
+  EXPECT_EQ(camera.address, "10.0.0.2");
+  EXPECT_EQ(camera.width, 320);
+  EXPECT_EQ(camera.height, 0);
+  EXPECT_EQ(camera.ir_format, genicam::IrFormat::kTemperatureLinear100mK);
+  EXPECT_EQ(camera.pixel_order, genicam::PixelOrder::kBigEndian);
+  EXPECT_EQ(camera.metadata_rows, 3);
+  EXPECT_EQ(camera.packet_size, 1400);
+  EXPECT_EQ(camera.socket_buffer_bytes, 1000000);
+  EXPECT_TRUE(camera.resend);
+  EXPECT_EQ(camera.packet_timeout_us, 300);
+  EXPECT_EQ(camera.frame_retention_us, 4000);
+  EXPECT_EQ(camera.buffers, 20);
+  EXPECT_EQ(camera.realtime_priority, 10);
+  EXPECT_EQ(camera.rate_hz, 50.0);
+  EXPECT_EQ(camera.stall_ms, 100);
+  EXPECT_EQ(camera.reconnect_after_ms, 0);
+}
+
+TEST_F(Config, TheProfileDecidesUnlessAKeyTakesItsPlace) {
+  write("cam.toml",
+        "tau_s = 0.009\nframe_period_s = 0.01\nnoise_k = 0.05\nquantisation_k = 0.01\n[transport]\nbyte_order = "
+        "'big'\nmetadata_rows = 3\n");
+  auto config = read("profile = 'cam.toml'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_DOUBLE_EQ(config->pipeline.deblur.tau_s, 0.009);
+  EXPECT_DOUBLE_EQ(config->camera.rate_hz, 100.0);
+  EXPECT_EQ(config->camera.pixel_order, genicam::PixelOrder::kBigEndian);
+  EXPECT_EQ(config->camera.metadata_rows, 3);
+  config = read(
+      "profile = 'cam.toml'\n[source]\npixel_order = 'little'\nmetadata_rows = 0\nrate_hz = 0\n[deblur]\n"
+      "tau_s = 0.012\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_DOUBLE_EQ(config->pipeline.deblur.tau_s, 0.012);
+  EXPECT_DOUBLE_EQ(config->camera.rate_hz, 0.0);
+  EXPECT_EQ(config->camera.pixel_order, genicam::PixelOrder::kLittleEndian);
+  EXPECT_EQ(config->camera.metadata_rows, 0);
+}
+
+TEST_F(Config, MistakesAreNamed) {
+  write("bad.toml", "tau_s = 0.01\ntaus = 1\n");
+  write("maps.toml", "maps = 'none.h5'\n");
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {"nmae = 'x'", "bolod.toml:1:1: unknown key 'nmae'; did you mean 'name'?"},
+      {"name = 'a b'",
+       "bolod.toml:1:8: name: 'a b' is no name for shared memory; use 1 to 200 letters, digits, '-', "
+       "'_', '.'"},
+      {"name = ''",
+       "bolod.toml:1:8: name: '' is no name for shared memory; use 1 to 200 letters, digits, '-', '_', "
+       "'.'"},
+      {"profile = 'none.toml'", "none.toml: no such file"},
+      {"profile = 'bad.toml'", "bad.toml:2:1: unknown key 'taus'; did you mean 'tau_s'?"},
+      {"[source]\ntype = 'disk'",
+       "bolod.toml:2:8: source.type = \"disk\" is none of \"genicam\" | \"replay\" | \"usb\""},
+      {"[source]\ntype = 'replay'",
+       "bolod.toml:2:8: source.type = \"replay\" needs source.file, the capture to replay"},
+      {"[source]\nwidth = 5000", "bolod.toml:2:9: source.width = 5000 is out of range: 0 to 4096 pixels"},
+      {"[source]\nbuffers = 1", "bolod.toml:2:11: source.buffers = 1 is out of range: 4 to 1024 frames"},
+      {"[deblur]\nlamda = 1", "bolod.toml:2:1: unknown key 'deblur.lamda'; did you mean 'deblur.lambda'?"},
+      {"[deblur]\nlambda = -1",
+       "bolod.toml:2:10: deblur.lambda = -1 is out of range: 0 to 1000000 K (counts when the source has no kelvin), "
+       "or \"auto\""},
+      {"[deblur]\nlambda = 'some'",
+       "bolod.toml:2:10: deblur.lambda must be a number: 0 to 1000000 K (counts when the source has no kelvin), or "
+       "\"auto\""},
+      {"[deblur]\nsolver = 'magic'",
+       "bolod.toml:2:10: deblur.solver = \"magic\" is none of \"admm\" | \"dual\" | \"exact\" | \"inverse\" | "
+       "\"mmae\""},
+      {"profile = 'maps.toml'", "none.h5: cannot be opened: No such file or directory"},
+      {"[deblur]\nworkers = 0", "bolod.toml:2:11: deblur.workers = 0 is out of range: 1 to 64 threads"},
+      {"[shm]\nslots = 10",
+       "bolod.toml:2:9: shm.slots = 10 is less than window + lookahead = 17; give that or more, or 0"},
+      {"[shm]\nmode = 0o444", "bolod.toml:2:8: shm.mode = 0o444 is out of range: 0o600 to 0o777"},
+      {"[v4l2]\ngain = 'fixed'\nlow_k = 300\nhigh_k = 300", "bolod.toml:4:10: v4l2: low_k must be below high_k"},
+      {"[v4l2_second]\nlow_percent = 60\nhigh_percent = 50",
+       "bolod.toml: v4l2_second: low_percent must be below high_percent"},
+      {"[v4l2]\nenable = true\n[v4l2_second]\nenable = true\ndevice = '/dev/video10'",
+       "bolod.toml:5:10: v4l2 and v4l2_second have the same device /dev/video10"},
+      {"[v4l2]\nformat = 'gray'", "bolod.toml:2:10: v4l2.format = \"gray\" is none of \"y16\" | \"grey\" | \"yuyv\""},
+      {"[metrics]\nlisten = '9464'",
+       "bolod.toml:2:10: metrics.listen = \"9464\" is no ADDRESS:PORT such as 127.0.0.1:9464"},
+      {"[metrics]\nlisten = '0.0.0.0:9464'",
+       "bolod.toml:2:10: metrics.listen = \"0.0.0.0:9464\" is within other computers' reach: use 127.0.0.1, or set "
+       "metrics.allow_remote = true"},
+      {"[log]\nlevel = 'loud'",
+       "bolod.toml:2:9: log.level = \"loud\" is none of \"debug\" | \"info\" | \"warning\" | \"error\""},
+      {"[logs]\nlevel = 'info'", "bolod.toml:1:2: unknown key 'logs'; did you mean 'log'?"},
+  };
+  for (const auto& [text, expected] : cases) EXPECT_EQ(complaint(text), expected) << text;
+}
+
+TEST_F(Config, LambdaMayBeAutomatic) {
+  auto config = read("[deblur]\nlambda = 'auto'\nnoise_k = 0.05\nsolver = 'mmae'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_TRUE(config->pipeline.deblur.auto_lambda);
+  EXPECT_EQ(config->pipeline.deblur.noise_k, 0.05);
+  EXPECT_EQ(config->pipeline.deblur.method, deblur::Method::kMmae);
+  config = read("[deblur]\nlambda = 0.25\nsolver = 'dual'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_FALSE(config->pipeline.deblur.auto_lambda);
+  EXPECT_EQ(config->pipeline.deblur.lambda, 0.25);
+  EXPECT_EQ(config->pipeline.deblur.method, deblur::Method::kDual);
+}
+
+TEST_F(Config, AnInstructionSetThatIsNotHereIsRefusedWithThoseThatAre) {
+  const std::string said = complaint("[deblur]\nisa = 'MMX'\n");
+  EXPECT_TRUE(said.starts_with("bolod.toml:2:7: ")) << said;
+  EXPECT_NE(said.find("\"MMX\" is not available here; use one of auto, "), std::string::npos) << said;
+  const auto config = read("[deblur]\nisa = 'auto'\n");
+  ASSERT_TRUE(config);
+  EXPECT_EQ(config->isa, "auto");
+}
+
+TEST_F(Config, MapsComeWithTheProfile) {
+  model::PixelMaps maps;
+  maps.geometry = {4, 2};
+  maps.gain.assign(8, 1.5F);
+  ASSERT_TRUE(capture::write_pixel_maps(folder_ / "maps.h5", maps));
+  write("cam.toml", "row_delay_s = 2e-5\nmaps = 'maps.h5'\n");
+  const auto config = read("profile = 'cam.toml'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->pipeline.maps.gain, maps.gain);
+  EXPECT_EQ(config->pipeline.maps.row_delay_s, 2e-5);
+  EXPECT_TRUE(read("")->pipeline.maps.empty());
+}
+
+TEST_F(Config, UsbKeysReachTheCamera) {
+  const auto config = read(
+      "[source]\ntype = 'usb'\nserial = 'A1'\nwidth = 64\nheight = 24\nrate_hz = 50\npixel_order = 'big'\n"
+      "stall_ms = 300\nreconnect_after_ms = 700\nrealtime_priority = 5\n"
+      "[usb]\ndevice = '09cb:1007'\ninterface = 2\nalternate_setting = 1\nendpoint = 130\ntransfers = 4\n"
+      "start = '40 51 0102 0304 0a0b; c0 52 0 0'\nstop = '40 53 0 0'\nframing = 'packed'\nheader_bytes = 16\n"
+      "magic = 'B010'\ncounter_offset = 4\ncounter_bytes = 2\ncounter_big_endian = true\ntrailer_bytes = 3\n"
+      "unit = 'kelvin'\nscale = 0.04\noffset = 100\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->source, SourceType::kUsb);
+  const usb::UsbOptions& usb = config->usb;
+  EXPECT_EQ(usb.vendor, 0x09cb);
+  EXPECT_EQ(usb.product, 0x1007);
+  EXPECT_EQ(usb.serial, "A1");
+  EXPECT_EQ(usb.interface, 2);
+  EXPECT_EQ(usb.alternate_setting, 1);
+  EXPECT_EQ(usb.endpoint, 130);
+  EXPECT_EQ(usb.transfers, 4);
+  ASSERT_EQ(usb.start.size(), 2U);
+  EXPECT_EQ(usb.start[0].request_type, 0x40);
+  EXPECT_EQ(usb.start[0].request, 0x51);
+  EXPECT_EQ(usb.start[0].value, 0x0102);
+  EXPECT_EQ(usb.start[0].index, 0x0304);
+  EXPECT_EQ(usb.start[0].data, (std::vector<std::uint8_t>{0x0a, 0x0b}));
+  EXPECT_EQ(usb.start[1].request_type, 0xc0);
+  ASSERT_EQ(usb.stop.size(), 1U);
+  EXPECT_EQ(usb.layout.framing, usb::Framing::kPacked);
+  EXPECT_EQ(usb.layout.geometry, (Geometry{64, 24}));
+  EXPECT_EQ(usb.layout.header_bytes, 16U);
+  EXPECT_EQ(usb.layout.magic, (std::vector{std::byte{0xb0}, std::byte{0x10}}));
+  ASSERT_TRUE(usb.layout.counter);
+  EXPECT_EQ(usb.layout.counter->offset, 4U);
+  EXPECT_EQ(usb.layout.counter->bytes, 2U);
+  EXPECT_TRUE(usb.layout.counter->big_endian);
+  EXPECT_TRUE(usb.layout.big_endian_pixels);
+  EXPECT_EQ(usb.layout.trailer_bytes, 3U);
+  EXPECT_EQ(usb.scale, (LinearScale{Unit::kKelvin, 0.04, 100.0}));
+  EXPECT_DOUBLE_EQ(usb.frame_period_s, 0.02);
+  EXPECT_EQ(usb.realtime_priority, 5);
+  EXPECT_EQ(usb.stall_ms, 300);
+  EXPECT_EQ(usb.reconnect_after_ms, 700);
+}
+
+TEST_F(Config, MistakesInUsbKeysAreNamed) {
+  const std::string head = "[source]\ntype = 'usb'\n[usb]\n";
+  EXPECT_NE(complaint(head).find("usb.device"), std::string::npos);
+  EXPECT_TRUE(complaint(head + "device = '9cb:1'\n").starts_with("bolod.toml:4:")) << complaint(head);
+  const std::string good = head + "device = '09cb:1007'\n";
+  EXPECT_EQ(complaint(good), "");
+  EXPECT_NE(complaint(good + "start = '40 51 0'\n").find("usb.start"), std::string::npos);
+  EXPECT_NE(complaint(good + "stop = '40 51 0 0 0'\n").find("usb.stop"), std::string::npos);
+  EXPECT_NE(complaint(good + "magic = 'xy'\n").find("usb.magic"), std::string::npos);
+  EXPECT_NE(complaint(good + "counter_bytes = 3\n").find("1, 2, 4 or 8"), std::string::npos);
+}
+
+TEST_F(Config, SettingsThatDoNotFitTogetherAreNamed) {
+  EXPECT_NE(complaint("[deblur]\nwindow = 16\n").find("window"), std::string::npos);
+  EXPECT_NE(complaint("[deblur]\nwindow = 5\nlookahead = 4\n").find("lookahead"), std::string::npos);
+}
+
+TEST_F(Config, VideoKeysReachTheirDevices) {
+  const auto config = read(
+      "[v4l2]\nenable = true\nformat = 'grey'\nplane = 'raw'\ngain = 'fixed'\nlow_k = 290\nhigh_k = 310\n"
+      "[v4l2_second]\nenable = true\ny16_unit = '100mk'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  const v4l2::V4l2Options& first = config->video[0].sink;
+  const v4l2::V4l2Options& second = config->video[1].sink;
+  EXPECT_TRUE(config->video[0].enabled);
+  EXPECT_EQ(first.device, "/dev/video10");
+  EXPECT_EQ(first.plane, v4l2::Plane::kRaw);
+  EXPECT_EQ(first.format, v4l2::PixelFormat::kGrey);
+  EXPECT_EQ(first.tone.gain, v4l2::Gain::kFixed);
+  EXPECT_EQ(first.tone.low_k, 290.0);
+  EXPECT_EQ(first.tone.high_k, 310.0);
+  EXPECT_TRUE(config->video[1].enabled);
+  EXPECT_EQ(second.device, "/dev/video11");
+  EXPECT_EQ(second.y16_unit, v4l2::Y16Unit::k100mK);
+  EXPECT_EQ(second.tone.gain, v4l2::Gain::kAuto) << "the first device's keys are its own";
+}
+
+TEST_F(Config, MetricsAreForThisComputerUnlessAllowed) {
+  EXPECT_FALSE(DaemonConfig().metrics.enabled);
+  for (const char* listen : {"127.0.0.1:9464", "127.1.2.3:1", "[::1]:65535"}) {
+    EXPECT_EQ(complaint(std::string("[metrics]\nlisten = '") + listen + "'\n"), "") << listen;
+  }
+  EXPECT_EQ(complaint("[metrics]\nlisten = '0.0.0.0:9464'\nallow_remote = true\n"), "");
+  for (const char* listen :
+       {"10.0.0.1:9464", "[::]:9464", "localhost:9464", "127.0.0.1:0", "127.0.0.1:99999", ":9464"}) {
+    EXPECT_NE(complaint(std::string("[metrics]\nlisten = '") + listen + "'\n"), "") << listen;
+  }
+}
+
+TEST_F(Config, TheShippedFileIsTheDocumentedDefault) {
+  std::ifstream in(kShipped);
+  std::stringstream text;
+  text << in.rdbuf();
+  EXPECT_EQ(text.str(), document_config()) << "config/bolod.toml is out of date: bolod --print-config > it";
+  const auto config = read_config(kShipped);
+  EXPECT_TRUE(config) << config.error().message;
+}
+
+}  // namespace
+}  // namespace bolo::daemon

@@ -1,0 +1,122 @@
+// What a real daemon sends to the journal: a socket of ours stands in the journal's place, in a /run of our own.
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/mount.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <functional>
+#include <thread>
+
+#include "src/core/unique_fd.hpp"
+#include "tests/tools/bolod/bolod_run.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+constexpr const char* kSocket = "/run/systemd/journal/socket";
+
+// Calls `action` on a thread, and in processes that this starts, whose /run is empty. Empty, or why that cannot be.
+std::string with_own_run(const std::function<void()>& action) {
+  std::string problem;
+  std::thread([&] {
+    if (unshare(CLONE_FS | CLONE_NEWNS) != 0 || mount("", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
+        mount("tmpfs", "/run", "tmpfs", 0, nullptr) != 0) {
+      problem = std::strerror(errno);
+      return;
+    }
+    action();
+  }).join();
+  return problem;
+}
+
+UniqueFd listen_as_journal() {
+  mkdir("/run/systemd", 0755);
+  mkdir("/run/systemd/journal", 0755);
+  UniqueFd fd(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::strcpy(address.sun_path, kSocket);
+  EXPECT_EQ(bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0) << std::strerror(errno);
+  return fd;
+}
+
+class Journal : public BolodRun {
+ protected:
+  // All entries so far, in the journal's own form: a line a field, entries apart by an empty line.
+  const std::string& entries() {
+    std::array<char, 65536> buffer;
+    for (;;) {
+      const ssize_t got = recv(journal_.get(), buffer.data(), buffer.size(), MSG_DONTWAIT);
+      if (got < 0) return entries_;
+      entries_.append(buffer.data(), static_cast<std::size_t>(got)).append("\n");
+    }
+  }
+  // The entry of this event; empty: there was none.
+  std::string entry_of(const std::string& event) {
+    const std::size_t at = entries().find("BOLO_EVENT=" + event + "\n");
+    if (at == std::string::npos) return {};
+    const std::size_t before = entries_.rfind("\n\n", at);
+    const std::size_t begin = before == std::string::npos ? 0 : before + 2;
+    return entries_.substr(begin, entries_.find("\n\n", at) - begin);
+  }
+  void configure(const std::string& log) {
+    write_capture(folder_ / "in.h5", 200);
+    std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\ntype = 'replay'\nfile = 'in.h5'\n"
+                                          << "[pipeline]\nlock_memory = false\n"
+                                          << log;
+  }
+  std::unique_ptr<Process> run() const {
+    return std::make_unique<Process>(std::vector<std::string>{BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"},
+                                     folder_ / "log");
+  }
+
+  UniqueFd journal_;
+  std::string entries_;
+};
+
+TEST_F(Journal, GetsEventsWithTheirCounts) {
+  configure("[log]\nformat = 'journal'\n");
+  std::unique_ptr<Process> daemon;
+  const std::string problem = with_own_run([&] {
+    journal_ = listen_as_journal();
+    daemon = run();
+  });
+  if (!problem.empty()) GTEST_SKIP() << "no /run of our own can be had here: " << problem;
+  ASSERT_TRUE(eventually([&] { return !entry_of("end").empty(); })) << entries() << daemon->err();
+  EXPECT_EQ(daemon->wait(), 0);
+  const std::string end = entry_of("end");
+  for (const std::string field :
+       {"PRIORITY=6\n", "SYSLOG_IDENTIFIER=bolod\n", "BOLO_LOST_MISSING=1", "MESSAGE=ended: ", "BOLO_RECEIVED=199"}) {
+    EXPECT_NE(end.find(field), std::string::npos) << field << " in\n" << end;
+  }
+  EXPECT_NE(end.find("BOLO_NAME=" + name_), std::string::npos) << end;
+  EXPECT_NE(entry_of("start").find("in.h5 Test camera 42"), std::string::npos) << entries();
+  EXPECT_NE(entry_of("frames_flow"), "");
+  EXPECT_EQ(daemon->err(), "") << "nothing on standard error beside";
+}
+
+TEST_F(Journal, WithoutAJournalStandardErrorGetsItsForm) {
+  configure("[log]\nformat = 'journal'\n");
+  std::unique_ptr<Process> daemon;
+  const std::string problem = with_own_run([&] { daemon = run(); });
+  if (!problem.empty()) GTEST_SKIP() << "no /run of our own can be had here: " << problem;
+  EXPECT_EQ(daemon->wait(), 0);
+  EXPECT_NE(daemon->err().find("<6>ended: 199 frames in"), std::string::npos) << daemon->err();
+}
+
+TEST_F(Journal, AProgramOfATerminalWritesText) {
+  configure("");
+  setenv("JOURNAL_STREAM", "8:1", 1);  // inherited from a service that is not this program's
+  const auto daemon = run();
+  EXPECT_EQ(daemon->wait(), 0);
+  unsetenv("JOURNAL_STREAM");
+  EXPECT_NE(daemon->err().find(" info: ended: 199 frames in"), std::string::npos) << daemon->err();
+}
+
+}  // namespace
+}  // namespace bolo::daemon

@@ -1,0 +1,124 @@
+// A real daemon's metrics, scraped over HTTP.
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <cstdlib>
+
+#include "src/core/unique_fd.hpp"
+#include "tests/tools/bolod/bolod_run.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+constexpr std::uint16_t kPort = 9464;
+
+// The body of what http://ADDRESS:9464/metrics answers; empty when nobody does.
+std::string scrape(const std::string& address) {
+  sockaddr_in to{};
+  to.sin_family = AF_INET;
+  to.sin_port = htons(kPort);
+  inet_pton(AF_INET, address.c_str(), &to.sin_addr);
+  const UniqueFd fd(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  const std::string request = "GET /metrics HTTP/1.1\r\nHost: bolo\r\nConnection: close\r\n\r\n";
+  if (connect(fd.get(), reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0) return {};
+  if (send(fd.get(), request.data(), request.size(), MSG_NOSIGNAL) < 0) return {};
+  std::string answer;
+  std::array<char, 65536> buffer;
+  for (ssize_t got = 0; (got = recv(fd.get(), buffer.data(), buffer.size(), 0)) > 0;) {
+    answer.append(buffer.data(), static_cast<std::size_t>(got));
+  }
+  const std::size_t body = answer.find("\r\n\r\n");
+  return body == std::string::npos ? "" : answer.substr(body + 4);
+}
+
+// The value of "NAME{LABELS}"; -1 when it is not there.
+double value(const std::string& text, const std::string& series) {
+  const std::size_t at = text.find("\n" + series + " ");
+  return at == std::string::npos ? -1.0 : std::strtod(text.c_str() + at + series.size() + 2, nullptr);
+}
+
+class Metrics : public BolodRun {
+ protected:
+  Metrics() {
+    const int pid = static_cast<int>(getpid());
+    address_ = "127." + std::to_string(100 + pid % 100) + "." + std::to_string(pid / 100 % 250) + ".9";
+  }
+  std::string section() const { return "[metrics]\nenable = true\nlisten = '" + address_ + ":9464'\n"; }
+
+  std::string address_;
+};
+
+TEST_F(Metrics, TellWhatBecameOfTheFrames) {
+  const auto daemon = start(20'000, section());
+  std::string text;
+  ASSERT_TRUE(eventually([&] {
+    text = scrape(address_);
+    return value(text, "bolo_frames_published_total") > 150.0;
+  })) << daemon->err()
+      << text;
+  const double published = value(text, "bolo_frames_published_total");
+  EXPECT_GE(value(text, "bolo_frames_received_total"), published);
+  EXPECT_EQ(value(text, "bolo_frames_lost_total{cause=\"missing\"}"), 1.0);
+  EXPECT_EQ(value(text, "bolo_frames_lost_total{cause=\"queue_full\"}"), 0.0);
+  EXPECT_GE(value(text, "bolo_latency_seconds_count"), published);
+  EXPECT_GE(value(text, "bolo_latency_seconds_bucket{le=\"+Inf\"}"), published);
+  EXPECT_GT(value(text, "bolo_latency_seconds_sum"), 0.0);
+  for (const char* stage : {"arrival", "queue", "deblur", "publish"}) {
+    const std::string labels = std::string("{stage=\"") + stage + "\"}";
+    EXPECT_GE(value(text, "bolo_stage_latency_seconds_count" + labels), 150.0) << stage;
+  }
+  EXPECT_GT(value(text, "bolo_stage_latency_seconds_sum{stage=\"deblur\"}"), 0.0);
+  EXPECT_EQ(value(text, "bolo_flowing"), 1.0);
+  EXPECT_NEAR(value(text, "bolo_frame_period_seconds"), 0.005, 1e-6);
+  EXPECT_NE(text.find("camera_serial=\"42\""), std::string::npos);
+  EXPECT_EQ(text.find("bolo_camera_state"), std::string::npos) << "a replay has no camera";
+
+  std::ofstream(folder_ / "metrics.txt") << text;
+  const std::string lint = "promtool check metrics < '" + (folder_ / "metrics.txt").string() + "' > '" +
+                           (folder_ / "lint.txt").string() + "' 2>&1";
+  daemon->signal(SIGTERM);
+  EXPECT_EQ(daemon->wait(), 0) << daemon->err();
+  if (std::system("command -v promtool > /dev/null") != 0) GTEST_SKIP() << "promtool (package prometheus) is missing";
+  EXPECT_EQ(std::system(lint.c_str()), 0)
+      << (std::ostringstream() << std::ifstream(folder_ / "lint.txt").rdbuf()).str();
+}
+
+TEST_F(Metrics, TellOfTheCamera) {
+  write_capture(folder_ / "in.h5", 90);
+  Process camera({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address_, "--loop"}, folder_ / "camera");
+  ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();
+  std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address_
+                                        << "'\nwidth = 64\nheight = 24\nreconnect_after_ms = 500\n"
+                                        << "[pipeline]\nlock_memory = false\n"
+                                        << section();
+  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
+  const auto told = [&](const std::string& series, double wanted) {
+    return eventually([&] { return value(scrape(address_), series) == wanted; });
+  };
+  EXPECT_TRUE(told("bolo_camera_state{state=\"streaming\"}", 1.0)) << daemon.err();
+  const std::string text = scrape(address_);
+  EXPECT_EQ(value(text, "bolo_camera_state{state=\"lost\"}"), 0.0) << text;
+  EXPECT_EQ(value(text, "bolo_camera_lost_total{cause=\"no_answer\"}"), 0.0);
+  EXPECT_EQ(value(text, "bolo_camera_reconnects_total"), 0.0);
+  EXPECT_TRUE(eventually([&] { return value(scrape(address_), "bolo_camera_packets_received_total") > 0.0; }));
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0) << daemon.err();
+}
+
+TEST_F(Metrics, ATakenPortIsBadInput) {
+  const auto first = start(20'000, section());
+  ASSERT_TRUE(eventually([&] { return !scrape(address_).empty(); })) << first->err();
+  std::ofstream(folder_ / "second.toml") << "name = '" << name_
+                                         << "-second'\n[source]\ntype = 'replay'\nfile = 'in.h5'\n"
+                                         << "[pipeline]\nlock_memory = false\n"
+                                         << section();
+  Process second({BOLOD_PROGRAM, "--config", folder_ / "second.toml"}, folder_ / "second");
+  EXPECT_EQ(second.wait(), 2);
+  EXPECT_NE(second.err().find("cannot listen at " + address_ + ":9464"), std::string::npos) << second.err();
+}
+
+}  // namespace
+}  // namespace bolo::daemon

@@ -1,0 +1,111 @@
+// Real recordings, the whole way: fake camera, GigE Vision packets, bolod, shared memory, a reader. Every raw plane
+// that arrives is the recording's, pixel by pixel.
+#include <gtest/gtest.h>
+#include <sys/mman.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <set>
+
+#include "drivers/shm/shm_reader.hpp"
+#include "src/capture/capture.hpp"
+#include "tests/tools/bolod/process.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+using testing_tools::eventually;
+using testing_tools::Process;
+using Outcome = shm::ShmReader::Outcome;
+
+struct Recording {
+  const char* file;
+  Region crop;  // of the recording's frames; the camera's sensor
+};
+
+class RealCaptures : public testing::TestWithParam<Recording> {
+ protected:
+  void SetUp() override {
+    const char* data = std::getenv("BOLO_TEST_DATA");
+    if (data == nullptr) GTEST_SKIP() << "BOLO_TEST_DATA is unset: no real captures";
+    capture_ = std::filesystem::path(data) / "captures" / GetParam().file;
+    name_ = "real-" + std::to_string(getpid());
+    folder_ = testing::TempDir() + name_;
+    std::filesystem::create_directory(folder_);
+  }
+  void TearDown() override {
+    if (name_.empty()) return;
+    std::filesystem::remove_all(folder_);
+    shm_unlink(("/bolo." + name_).c_str());
+  }
+
+  // The recording's planes, cropped, row-major.
+  std::set<std::vector<std::uint16_t>> planes() const {
+    const auto reader = capture::CaptureReader::open(capture_);
+    EXPECT_TRUE(reader) << reader.error().message;
+    const Geometry g = reader->info().format.geometry;
+    const Region& crop = GetParam().crop;
+    std::set<std::vector<std::uint16_t>> all;
+    std::vector<std::uint16_t> whole(g.pixels());
+    for (std::size_t i = 0; i < reader->info().frames; ++i) {
+      EXPECT_TRUE(reader->read_frame(i, whole.data()));
+      std::vector<std::uint16_t> part;
+      for (int y = crop.y; y < crop.y + crop.height; ++y) {
+        const auto row = whole.begin() + static_cast<std::ptrdiff_t>(y) * g.width + crop.x;
+        part.insert(part.end(), row, row + crop.width);
+      }
+      all.insert(std::move(part));
+    }
+    return all;
+  }
+
+  std::string name_;
+  std::filesystem::path capture_;
+  std::filesystem::path folder_;
+};
+
+TEST_P(RealCaptures, ReachAReaderPixelByPixel) {
+  const Region crop = GetParam().crop;
+  const int pid = static_cast<int>(getpid());
+  const std::string address = "127." + std::to_string(1 + pid % 90) + "." + std::to_string(pid / 90 % 250) + ".9";
+  const std::string region = std::to_string(crop.x) + "," + std::to_string(crop.y) + "," + std::to_string(crop.width) +
+                             "," + std::to_string(crop.height);
+  Process camera(
+      {BOLO_PROGRAM, "fakecam", capture_, "--interface", address, "--rate", "100", "--loop", "--crop", region},
+      folder_ / "camera");
+  ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();
+  std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address
+                                        << "'\nwidth = 0\nheight = 0\nrate_hz = 100.0\nir_format = 'leave'\n"
+                                        << "[pipeline]\nlock_memory = false\n";
+  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
+  Result<shm::ShmReader> reader = shm::ShmReader::open(name_);
+  ASSERT_TRUE(eventually([&] { return (reader = shm::ShmReader::open(name_)).has_value(); })) << daemon.err();
+  EXPECT_EQ(reader->header().width, static_cast<std::uint32_t>(crop.width));
+  EXPECT_EQ(reader->header().height, static_cast<std::uint32_t>(crop.height));
+
+  const auto recorded = planes();
+  std::set<std::vector<std::uint16_t>> seen;
+  shm::ReadFrame frame;
+  std::size_t good = 0;
+  std::size_t wrong = 0;
+  for (std::uint64_t number = reader->published(); good + wrong < 200; ++number) {
+    const Outcome outcome = reader->read(number, frame, 60'000);
+    if (outcome == Outcome::kOverwritten) continue;
+    ASSERT_EQ(outcome, Outcome::kFrame) << daemon.err();
+    recorded.contains(frame.raw) ? ++good : ++wrong;
+    seen.insert(frame.raw);
+  }
+  EXPECT_EQ(wrong, 0U);
+  EXPECT_GT(seen.size(), recorded.size() / 2) << "frames repeat";
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0) << daemon.err();
+}
+
+INSTANTIATE_TEST_SUITE_P(Captures, RealCaptures,
+                         testing::Values(Recording{"a65_drive_a.h5", {0, 196, 640, 120}},
+                                         Recording{"lepton_hand_fast.h5", {0, 0, 160, 120}},
+                                         Recording{"atto320_blackbody_25C.h5", {0, 0, 320, 240}}),
+                         [](const auto& each) { return std::filesystem::path(each.param.file).stem().string(); });
+
+}  // namespace
+}  // namespace bolo::daemon

@@ -1,0 +1,11 @@
+// `bolo` with two verbs.
+#include <string_view>
+
+#include "tools/bolo/verbs.hpp"
+
+int main(int argc, char** argv) {
+  const std::string_view verb = argc > 1 ? argv[1] : "";
+  if (verb == "diagnose") return bolo::tools::diagnose_main(argc - 1, argv + 1);
+  if (verb == "blind") return bolo::tools::blind_main(argc - 1, argv + 1);
+  return 2;
+}

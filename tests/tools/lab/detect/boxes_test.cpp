@@ -1,0 +1,124 @@
+// Boxes, label files, labels as a moving camera sees them, and the bootstrap.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <numeric>
+
+#include "tests/scratch.hpp"
+#include "tools/lab/detect/bootstrap.hpp"
+#include "tools/lab/detect/labels.hpp"
+#include "tools/lab/detect/view_truth.hpp"
+
+namespace bolo::tools::detect {
+namespace {
+
+TEST(Boxes, OverlapAsByHand) {
+  EXPECT_DOUBLE_EQ(iou({0, 0, 10, 10}, {5, 0, 10, 10}), 50.0 / 150.0);
+  EXPECT_DOUBLE_EQ(iou({0, 0, 10, 10}, {10, 0, 10, 10}), 0.0);
+  EXPECT_DOUBLE_EQ(iou({0, 0, 0, 10}, {0, 0, 0, 10}), 0.0);
+  EXPECT_DOUBLE_EQ(share_within({0, 0, 10, 10}, {5, 0, 100, 100}), 0.5);
+  EXPECT_EQ(clipped({-5, 470, 20, 20}, 640, 480), (Box{0, 470, 15, 10}));
+  EXPECT_DOUBLE_EQ(area(clipped({700, 0, 20, 20}, 640, 480)), 0.0);
+}
+
+TEST(Classes, AreNumbersAndNames) {
+  const auto classes = classes_of(" 1:person , 3:car");
+  ASSERT_TRUE(classes) << classes.error().message;
+  ASSERT_EQ(classes->size(), 2U);
+  EXPECT_EQ((*classes)[1].name, "car");
+  EXPECT_EQ((*classes)[1].number, 3);
+  for (const char* wrong : {"", "person", "1:", ":car", "1:a,1:b", "1:a,2:a", "-1:a", "1;a"}) {
+    const auto refused = classes_of(wrong);
+    ASSERT_FALSE(refused) << wrong;
+    EXPECT_EQ(refused.error().kind, ErrorKind::kBadInput);
+  }
+}
+
+class Labels : public ::testing::Test {
+ protected:
+  std::filesystem::path file(const std::string& text) const {
+    std::ofstream(scratch_ / "labels.txt") << text;
+    return scratch_ / "labels.txt";
+  }
+  const Scratch scratch_;
+  const std::vector<JudgedClass> classes_{{"person", 1}, {"car", 3}};
+};
+
+TEST_F(Labels, AreSharesOfThePicture) {
+  const auto truth =
+      read_labels(file("3 0.5 0.25 0.1 0.5\n\n17 0.5 0.5 0.1 0.1\n1 0.05 0.9 0.1 0.2\r\n"), {640, 480}, classes_);
+  ASSERT_TRUE(truth) << truth.error().message;
+  ASSERT_EQ(truth->size(), 2U);
+  EXPECT_EQ((*truth)[0].label, 1);
+  EXPECT_NEAR((*truth)[0].box.x, 288.0, 1e-9);
+  EXPECT_NEAR((*truth)[0].box.y, 0.0, 1e-9);
+  EXPECT_NEAR((*truth)[0].box.width, 64.0, 1e-9);
+  EXPECT_NEAR((*truth)[0].box.height, 240.0, 1e-9);
+  EXPECT_EQ((*truth)[1].label, 0);
+}
+
+TEST_F(Labels, RefuseWhatIsWrongWithFileAndLine) {
+  for (const char* wrong : {"1 0.5 0.5 0.1\n", "1 0.5 0.5 0.1 0.1 0.1\n", "1 0.5 0.5 0.1 1.5\n", "1 0.5 nan 0.1 0.1\n",
+                            "1 0.5 0.5 0 0.1\n", "-1 0.5 0.5 0.1 0.1\n", "person 0.5 0.5 0.1 0.1\n"}) {
+    const auto refused = read_labels(file("1 0.5 0.5 0.1 0.1\n" + std::string(wrong)), {640, 480}, classes_);
+    ASSERT_FALSE(refused) << wrong;
+    EXPECT_NE(refused.error().message.find("labels.txt:2: expected"), std::string::npos) << refused.error().message;
+  }
+  EXPECT_FALSE(read_labels(scratch_ / "none.txt", {640, 480}, classes_));
+  EXPECT_FALSE(read_names(scratch_ / "none.txt"));
+  EXPECT_FALSE(read_names(file("\n\n")));
+  EXPECT_EQ(read_names(file("person\ntraffic light\n\n"))->size(), 2U);
+}
+
+TEST(ViewTruth, MovesAgainstTheView) {
+  const std::vector<Truth> labels{{0, {100, 50, 20, 40}}};
+  const auto seen = truth_in_view(labels, 2, {640, 512}, {320, 240}, {30.5, 10.25});
+  ASSERT_EQ(seen.size(), 1U);
+  EXPECT_EQ(seen[0].box, (Box{69.5, 39.75, 20, 40}));
+  EXPECT_EQ(seen[0].kind, TruthKind::kObject);
+}
+
+TEST(ViewTruth, CutsAtTheBorderAndIgnoresWhatIsMostlyOutside) {
+  const std::vector<Truth> labels{{0, {100, 50, 20, 40}}, {1, {0, 50, 20, 40}}};
+  const auto most = truth_in_view(labels, 2, {640, 512}, {320, 240}, {105.0, 0.0});
+  ASSERT_EQ(most.size(), 1U);  // the other one is outside
+  EXPECT_EQ(most[0].box, (Box{0, 50, 15, 40}));
+  EXPECT_EQ(most[0].kind, TruthKind::kObject);
+  const auto little = truth_in_view(labels, 2, {640, 512}, {320, 240}, {111.0, 0.0});
+  EXPECT_EQ(little[0].kind, TruthKind::kIgnored);
+}
+
+TEST(ViewTruth, WhatLiesBeyondTheStillIsACrowdOfEveryClass) {
+  const auto seen = truth_in_view({}, 2, {640, 512}, {320, 240}, {-10.0, 300.0});
+  ASSERT_EQ(seen.size(), 4U);  // a band to the left and one below, for two classes
+  for (const Truth& one : seen) EXPECT_EQ(one.kind, TruthKind::kCrowd);
+  EXPECT_EQ(seen[0].box, (Box{0, 0, 10, 240}));
+  EXPECT_EQ(seen[2].box, (Box{0, 212, 320, 28}));
+  EXPECT_EQ(seen[3].label, 1);
+}
+
+TEST(Bootstrap, DrawsAsManyScenesAsThereAreAllAlikeOften) {
+  std::vector<int> often(5, 0);
+  for (std::uint64_t draw = 0; draw < 2000; ++draw) {
+    const std::vector<int> times = drawn_scenes(5, 7, draw);
+    EXPECT_EQ(std::accumulate(times.begin(), times.end(), 0), 5);
+    for (std::size_t i = 0; i < often.size(); ++i) often[i] += times[i];
+  }
+  for (const int times : often) EXPECT_NEAR(times, 2000, 200);  // 5 standard deviations of 40
+  EXPECT_EQ(drawn_scenes(5, 7, 3), drawn_scenes(5, 7, 3));
+  EXPECT_NE(drawn_scenes(50, 7, 3), drawn_scenes(50, 8, 3));
+}
+
+TEST(Bootstrap, TheIntervalIsTheMiddleOfTheNumbers) {
+  std::vector<double> values(1001);
+  std::iota(values.begin(), values.end(), 0.0);
+  const Interval interval = interval_95(values);
+  EXPECT_DOUBLE_EQ(interval.low, 25.0);
+  EXPECT_DOUBLE_EQ(interval.high, 975.0);
+  EXPECT_DOUBLE_EQ(interval_95({3.0, std::nan("")}).high, 3.0);
+  EXPECT_TRUE(std::isnan(interval_95({std::nan("")}).low));
+}
+
+}  // namespace
+}  // namespace bolo::tools::detect

@@ -1,0 +1,131 @@
+// The schedule: repeats, holds everything, and leaves room to recover.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/fakecam/fault_script.hpp"
+#include "tools/lab/soak/schedule.hpp"
+
+namespace bolo::tools::soak {
+namespace {
+
+std::set<Kind> all_kinds() {
+  std::set<Kind> all;
+  for (const KindInfo& info : kinds()) all.insert(info.kind);
+  return all;
+}
+
+ScheduleRequest request(double seconds, std::uint64_t seed = 1) { return {seed, seconds, all_kinds()}; }
+
+std::size_t times(const Schedule& schedule, Kind kind) {
+  std::size_t n = 0;
+  for (const Round& round : schedule.rounds) {
+    n += static_cast<std::size_t>(std::ranges::count(round.disturbances, kind, &Disturbance::kind));
+  }
+  return n;
+}
+
+std::string text_of(const Schedule& schedule) {
+  std::string text;
+  for (const Round& round : schedule.rounds) {
+    for (const Disturbance& d : round.disturbances) {
+      text += std::string(info_of(d.kind).name) + " " + std::to_string(d.at_s) + " " + std::to_string(d.for_s) + " " +
+              d.faults + "\n";
+    }
+  }
+  return text;
+}
+
+TEST(SoakKinds, StandInTheirOwnOrder) {
+  for (const KindInfo& info : kinds()) {
+    EXPECT_EQ(info_of(info.kind).name, info.name);
+    EXPECT_EQ(kind_named(info.name), info.kind);
+  }
+  EXPECT_EQ(kind_named("reboots"), std::nullopt);
+}
+
+TEST(SoakKinds, HoldEveryFaultOfTheFakeCamera) {
+  for (const fakecam::FaultType& type : fakecam::fault_types()) {
+    const auto kind = kind_named(type.name);
+    ASSERT_TRUE(kind.has_value()) << type.name;
+    EXPECT_TRUE(info_of(*kind).of_camera) << type.name;
+  }
+}
+
+TEST(SoakSchedule, RepeatsForASeedAndDiffersForAnother) {
+  EXPECT_EQ(text_of(draw_schedule(request(1800, 7))), text_of(draw_schedule(request(1800, 7))));
+  EXPECT_NE(text_of(draw_schedule(request(1800, 7))), text_of(draw_schedule(request(1800, 8))));
+}
+
+TEST(SoakSchedule, HasEachKindInTwoMinutes) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const Schedule schedule = draw_schedule(request(120, seed));
+    EXPECT_TRUE(schedule.no_room.empty()) << "seed " << seed;
+    for (const KindInfo& info : kinds()) {
+      if (info.kind == Kind::kCameraReplaced) continue;  // between rounds, and this is one
+      EXPECT_EQ(times(schedule, info.kind), 1U) << info.name << ", seed " << seed;
+    }
+  }
+}
+
+TEST(SoakSchedule, LeavesRoomAfterEach) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const Schedule schedule = draw_schedule(request(1800, seed));
+    for (const Round& round : schedule.rounds) {
+      double free_from_s = 0.0;
+      for (const Disturbance& d : round.disturbances) {
+        EXPECT_GE(d.at_s, free_from_s - 1e-3) << info_of(d.kind).name << ", seed " << seed;
+        if (d.at_s > 0.0) free_from_s = d.at_s + info_of(d.kind).room_s - info_of(d.kind).longest_s;
+        EXPECT_LE(d.at_s + d.for_s, schedule.round_s);
+      }
+    }
+  }
+}
+
+TEST(SoakSchedule, IsAScriptThatTheFakeCameraTakes) {
+  for (const double seconds : {120.0, 1800.0}) {
+    const Schedule schedule = draw_schedule(request(seconds));
+    for (const Round& round : schedule.rounds) {
+      EXPECT_LE(round.faults().size(), fakecam::kMaxFaults);
+      for (const std::string& fault : round.faults()) {
+        const auto parsed = fakecam::parse_fault(fault);
+        EXPECT_TRUE(parsed.has_value()) << fault << ": " << (parsed ? "" : parsed.error().message);
+      }
+    }
+  }
+}
+
+TEST(SoakSchedule, JumpsByNoWholeFrames) {
+  const Schedule schedule = draw_schedule(request(3600.0));
+  std::size_t jumps = 0;
+  for (const Round& round : schedule.rounds) {
+    for (const Disturbance& d : round.disturbances) {
+      if (d.kind != Kind::kTimeJump) continue;
+      const auto fault = fakecam::parse_fault(d.faults);
+      ASSERT_TRUE(fault) << d.faults;
+      const double ms = std::abs(fault->value("by")) * 1e3;
+      EXPECT_GT(std::abs(ms - std::round(ms)), 0.2) << d.faults;
+      ++jumps;
+    }
+  }
+  EXPECT_GT(jumps, 10U);
+}
+
+TEST(SoakSchedule, LetsDaemonsLiveInALongRun) {
+  const Schedule schedule = draw_schedule(request(1800));
+  EXPECT_EQ(schedule.rounds.size(), 12U);
+  EXPECT_EQ(times(schedule, Kind::kDaemonKilled), 4U);
+  EXPECT_EQ(times(schedule, Kind::kCameraReplaced), 11U);
+  EXPECT_EQ(times(schedule, Kind::kReboot), 12U);
+}
+
+TEST(SoakSchedule, SaysWhatFoundNoRoom) {
+  const Schedule schedule = draw_schedule(request(20));
+  EXPECT_FALSE(schedule.no_room.empty());
+  for (const Kind kind : schedule.no_room) EXPECT_EQ(times(schedule, kind), 0U) << info_of(kind).name;
+  EXPECT_FALSE(schedule.rounds.front().disturbances.empty());
+}
+
+}  // namespace
+}  // namespace bolo::tools::soak

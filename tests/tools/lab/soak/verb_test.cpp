@@ -1,0 +1,98 @@
+// `bolo soak` as its users meet it, for a few seconds.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include <nlohmann/json.hpp>
+
+#include "drivers/shm/shm_reader.hpp"
+#include "tests/scratch.hpp"
+#include "tests/tools/bolod/process.hpp"
+#include "tests/tools/program.hpp"
+
+namespace bolo::tools::test {
+namespace {
+
+using nlohmann::json;
+
+class SoakVerb : public testing::Test {
+ protected:
+  Outcome run(std::vector<std::string> words) const {
+    words.insert(words.begin(), {BOLO_PROGRAM, "soak"});
+    return Program(folder_.path(), std::move(words)).outcome();
+  }
+  // A small camera, and a daemon that locks no memory: sanitizers reserve more than any computer has.
+  std::vector<std::string> small(std::vector<std::string> more) const {
+    const std::string config = folder_ / "base.toml";
+    std::ofstream(config) << "[pipeline]\nlock_memory = false\n";
+    more.insert(more.begin(), {"--size", "64x24", "--config", config, "--json"});
+    return more;
+  }
+  Scratch folder_;
+};
+
+TEST_F(SoakVerb, HoldsThroughAKilledDaemonAndAFailingCamera) {
+  const std::filesystem::path report = folder_ / "report";
+  const Outcome outcome = run(
+      small({"--seconds", "17", "--only", "daemon_killed", "--only", "loss", "--only", "stall", "--report", report}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
+  const json told = json::parse(outcome.out);
+  EXPECT_TRUE(told.at("holds").get<bool>());
+  EXPECT_EQ(told.at("disturbances").size(), 3U);
+  EXPECT_TRUE(told.at("breaches").empty());
+  EXPECT_GT(told.at("frames").at("balances").get<int>(), 0);
+  EXPECT_GT(told.at("frames").at("lost").at("missing").get<int>(), 10);
+  const json written = json::parse(contents(report / "report.json"));
+  EXPECT_GT(written.at("timeline").size(), 10U);
+  EXPECT_TRUE(std::filesystem::exists(report / "bolod.log"));
+  const std::string page = contents(report / "report.html");
+  EXPECT_NE(page.find("All held"), std::string::npos);
+  EXPECT_NE(page.find("<svg"), std::string::npos);
+  EXPECT_EQ(page.find("src="), std::string::npos) << "needs something beside itself";
+}
+
+// By another's hand, not by the schedule.
+TEST_F(SoakVerb, NamesADaemonThatDies) {
+  std::vector<std::string> words = small({"--seconds", "10", "--only", "reload"});
+  words.insert(words.begin(), {BOLO_PROGRAM, "soak"});
+  testing_tools::Process soak(words, folder_ / "log");
+  const std::string name = "soak-" + std::to_string(soak.pid());
+  auto reader = shm::ShmReader::open(name);
+  constexpr std::uint64_t kUnderWay = 400;  // frames
+  ASSERT_TRUE(testing_tools::eventually([&] {
+    if (!reader) reader = shm::ShmReader::open(name);
+    return reader && reader->published() > kUnderWay;
+  })) << soak.err();
+  kill(static_cast<pid_t>(reader->header().writer_pid), SIGKILL);
+  EXPECT_EQ(soak.wait(), 1) << soak.err();
+  const json told = json::parse(soak.out());
+  EXPECT_FALSE(told.at("holds").get<bool>());
+  ASSERT_FALSE(told.at("breaches").empty());
+  EXPECT_EQ(told.at("breaches")[0].at("invariant"), "processes");
+  EXPECT_EQ(told.at("breaches")[0].at("what"), "bolod ended by itself with exit code 137");
+}
+
+TEST_F(SoakVerb, PrintsTheSameScheduleForASeed) {
+  const Outcome first = run({"--schedule", "--seed", "5"});
+  EXPECT_EQ(first.exit_code, 0);
+  EXPECT_NE(first.out.find("daemon_killed"), std::string::npos);
+  EXPECT_EQ(first.out, run({"--schedule", "--seed", "5"}).out);
+  EXPECT_NE(first.out, run({"--schedule", "--seed", "6"}).out);
+}
+
+TEST_F(SoakVerb, RefusesWhatMakesNoSense) {
+  const auto refused = [this](std::vector<std::string> words, const std::string& why) {
+    const Outcome outcome = run(std::move(words));
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_NE(outcome.err.find(why), std::string::npos) << outcome.err;
+  };
+  refused({"--size", "640"}, "WIDTHxHEIGHT");
+  refused({"--seconds", "1"}, "10 s to 24 hours");
+  refused({"--seconds", "20", "--minutes", "1"}, "not both");
+  refused({"--only", "reboots"}, "no kind");
+  refused({"--seconds", "20", "--config", "no.toml"}, "no.toml");
+}
+
+}  // namespace
+}  // namespace bolo::tools::test

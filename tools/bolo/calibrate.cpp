@@ -1,0 +1,191 @@
+// bolo calibrate: a camera's time constant from pulses; its noise, offsets and dead pixels from still fields.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <new>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "src/diagnose/calibrate.hpp"
+#include "src/diagnose/report_words.hpp"
+#include "src/report/sheet.hpp"
+#include "tools/bolo/cli.hpp"
+#include "tools/bolo/plot_option.hpp"
+#include "tools/bolo/profile_file.hpp"
+#include "tools/bolo/verbs.hpp"
+#include "tools/lab/eval/pulse_plots.hpp"
+
+namespace bolo::tools {
+namespace {
+
+using Given = cxxopts::ParseResult;
+using diagnose::Calibration;
+using diagnose::DeadPixel;
+
+cxxopts::Options declare() {
+  cxxopts::Options options(
+      "bolo calibrate",
+      "Measures a camera: the time constant of its pixels from rectangular pulses, noise, offsets and dead pixels\n"
+      "from still fields; writes its profile.\n\n"
+      "Pulses: a chopper before a black body, or a board before a monitor. Neither when they switch nor between which\n"
+      "temperatures nor which pixels see them has to be known; levels should last ten time constants now and then,\n"
+      "and differ by 10 K or more. Still fields: closed shutter, or a flat black body. All of one camera, in one "
+      "mode.\n"
+      "For one still: bolo calibrate chopper.h5 shutter.h5 -o camera.toml --plot fit.svg");
+  options.add_options()("o,output", "Profile to write", cxxopts::value<std::string>(), "PROFILE.toml")(
+      "profile", "The profile to start from (default: a655sc)", cxxopts::value<std::string>(), "P.toml")(
+      "maps", "Where maps of single pixels go, when there are any (default: PROFILE-maps.h5 beside the profile)",
+      cxxopts::value<std::string>(),
+      "FILE.h5")("json", "Print the result as JSON")("capture", "", cxxopts::value<std::vector<std::string>>());
+  add_plot_option(options, "Draw one pixel, measured against simulated");
+  options.parse_positional({"capture"});
+  options.positional_help("PULSES.h5 [STILL.h5...]");
+  return options;
+}
+
+std::filesystem::path maps_beside(const std::filesystem::path& profile) {
+  std::filesystem::path maps = profile;
+  maps.replace_filename(profile.stem().string() + "-maps.h5");
+  return maps;
+}
+
+Status write_profile(const Given& given, Calibration& result) {
+  const std::filesystem::path file = given["output"].as<std::string>();
+  const auto maps =
+      given.count("maps") != 0 ? std::filesystem::path(given["maps"].as<std::string>()) : maps_beside(file);
+  return write_profile_files(file, maps, result.profile, result.maps);
+}
+
+nlohmann::ordered_json rounded(const std::vector<double>& values) {
+  auto list = nlohmann::ordered_json::array();
+  for (const double v : values) {
+    if (std::isfinite(v)) {
+      list.push_back(std::round(v * 1e7) / 1e7);
+    } else {
+      list.push_back(nullptr);
+    }
+  }
+  return list;
+}
+
+nlohmann::ordered_json range(const diagnose::Estimate& e) { return {e.low, e.high}; }
+
+std::size_t count(const std::vector<DeadPixel>& pixels, DeadPixel kind) {
+  return static_cast<std::size_t>(std::ranges::count(pixels, kind));
+}
+
+nlohmann::ordered_json to_json(const Calibration& r, const Given& given) {
+  const diagnose::PulseFit& fit = r.fit;
+  const auto dead = [&](DeadPixel kind) { return count(r.dead, kind); };
+  nlohmann::ordered_json j{{"tau_s", fit.tau_s.value},
+                           {"tau_ci95", range(fit.tau_s)},
+                           {"noise_k", r.noise_k},
+                           {"rmse_k", fit.rmse_k},
+                           {"edges", fit.switches_s.size()},
+                           {"gap", r.gap},
+                           {"pixels", fit.pixels},
+                           {"intervals", fit.intervals},
+                           {"switches_s", rounded(fit.switches_s)},
+                           {"levels_k", rounded(fit.levels_k)},
+                           {"sweep_s", fit.sweep_x_s.value},
+                           {"sweep_ci95", range(fit.sweep_x_s)},
+                           {"row_sweep_s", fit.sweep_y_s.value},
+                           {"row_sweep_ci95", range(fit.sweep_y_s)},
+                           {"tau_spread", fit.tau_spread},
+                           {"dead_pixels", r.dead_pixels},
+                           {"dead",
+                            {{"silent", dead(DeadPixel::kSilent)},
+                             {"frozen", dead(DeadPixel::kFrozen)},
+                             {"noisy", dead(DeadPixel::kNoisy)}}}};
+  if (r.still) {
+    j["pixel_noise_k"] = r.still->pixel_noise_k;
+    j["offset_rms_k"] = r.still->offset_rms_k;
+  }
+  j["profile"] = given["output"].as<std::string>();
+  j["maps"] =
+      r.profile.maps.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(r.profile.maps.string());
+  j["warnings"] = r.warnings;
+  return j;
+}
+
+void print_text(const Calibration& r, const Given& given) {
+  using diagnose::quantity;
+  const diagnose::PulseFit& fit = r.fit;
+  std::printf("tau          %.4f ms   95 %%: %.4f to %.4f\n", 1e3 * fit.tau_s.value, 1e3 * fit.tau_s.low,
+              1e3 * fit.tau_s.high);
+  std::printf("pulses       %zu switches, %zu intervals fitted, seen by %zu pixels\n", fit.switches_s.size(),
+              fit.intervals, fit.pixels);
+  std::printf("residual     %.4f, noise %.4f: gap %.3f noise floors (1: nothing left)\n", fit.rmse_k, r.noise_k, r.gap);
+  std::printf("sweep        %.3f ms over the columns, %.3f ms over the rows: of the blade, or of the read-out\n",
+              1e3 * fit.sweep_x_s.value, 1e3 * fit.sweep_y_s.value);
+  if (fit.spread_significant) {
+    std::printf("tau spread   %.2f %% rms over the pixels; their map is written\n", 100.0 * fit.tau_spread);
+  } else {
+    std::printf("tau spread   none beyond noise\n");
+  }
+  if (r.still) {
+    std::printf("still field  noise %.4f (%.4f a pixel's own), fixed pattern %.4f rms\n", r.still->noise_k,
+                r.still->pixel_noise_k, r.still->offset_rms_k);
+  }
+  std::printf("dead pixels  %zu\n", r.dead_pixels);
+  for (const std::string& warning : r.warnings) std::printf("warning      %s\n", warning.c_str());
+  std::printf("profile      %s", given["output"].as<std::string>().c_str());
+  if (!r.profile.maps.empty()) std::printf(", maps in %s", r.profile.maps.c_str());
+  std::printf("\n");
+}
+
+Status run(const Given& given) {
+  if (given.count("output") == 0) return bad_input("no profile to write; give -o PROFILE.toml");
+  const auto captures = files_of(given, "capture");
+  if (captures.empty()) return bad_input("which captures? give one with pulses, then still ones");
+  const auto plot = plot_file_of(given);
+  if (!plot) return tl::unexpected(plot.error());
+  diagnose::CalibrationOptions options;
+  if (given.count("profile") != 0) {
+    auto profile = model::read_profile(given["profile"].as<std::string>());
+    if (!profile) return tl::unexpected(profile.error());
+    options.profile = std::move(*profile);
+  }
+  catch_interrupts();
+  auto result = [&] {
+    Progress progress("calibrate", 100);
+    return diagnose::calibrate(captures, options, [&progress](const std::string&, double done) {
+      progress.update(static_cast<std::uint64_t>(100.0 * done));
+      return !interrupted().load(std::memory_order_relaxed);
+    });
+  }();
+  if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted; nothing was written");
+  if (!result) return tl::unexpected(result.error());
+  if (Status written = write_profile(given, *result); !written) return written;
+  if (!plot->empty()) {
+    plot::Sheet sheet{.title = "Calibration of a camera"};
+    for (const plot::Plot& part : pulse_plots(result->fit, result->noise_k)) sheet.rows.push_back({part});
+    if (Status drawn = save(sheet, *plot); !drawn) return drawn;
+  }
+  if (given.count("json") != 0) {
+    std::cout << to_json(*result, given).dump() << '\n';
+  } else {
+    print_text(*result, given);
+  }
+  return {};
+}
+
+}  // namespace
+
+int calibrate_main(int argc, char** argv) {
+  cxxopts::Options options = declare();
+  Given given;
+  if (const auto code = parse(options, argc, argv, given)) return *code;
+  try {
+    const Status status = run(given);
+    return status ? kExitDone : report("calibrate", status.error());
+  } catch (const std::bad_alloc&) {
+    return report("calibrate", Error{ErrorKind::kFailed, "not enough memory; take shorter captures"});
+  }
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,24 @@
+// Asks a running daemon over its control socket.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "drivers/shm/shm_reader.hpp"
+#include "src/core/result.hpp"
+
+namespace bolo::tools {
+
+// Where the daemon hears that writes this shared memory. Thread: any.
+Result<std::string> control_socket_of(const shm::ShmReader& reader, const std::string& name);
+
+// Sends one request line, returns the answer without its end. Blocks ten seconds at most. Thread: any.
+Result<std::string> ask_daemon(const std::string& socket_path, std::string_view request);
+
+// The same to the daemon whose shared memory has this name. Thread: any.
+Result<std::string> ask_daemon_named(const std::string& name, std::string_view request);
+
+// Whether an answer says that what was asked for was done; if not, why. Thread: any.
+Status judge_answer(const std::string& answer);
+
+}  // namespace bolo::tools

@@ -1,0 +1,157 @@
+// `bolo convert`: captures, pictures, raw dumps, radiometric stills and films into one another.
+#include <charconv>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <string_view>
+
+#include "tools/bolo/cli.hpp"
+#include "tools/bolo/verbs.hpp"
+#include "tools/convert/footage.hpp"
+#include "tools/convert/footage_sink.hpp"
+
+namespace bolo::tools {
+namespace {
+
+constexpr const char* kVerb = "convert";
+constexpr int kMostSide = 1 << 15;
+
+struct Request {
+  Files in;
+  Target out;
+  Told told;
+  std::optional<RawLayout> raw;
+};
+
+cxxopts::Options make_options() {
+  cxxopts::Options options("bolo convert",
+                           "From captures (.h5, .part, the authors' .mat), PNG and TIFF pictures, FLIR radiometric "
+                           "JPEG stills and raw dumps\n"
+                           "to a capture (.h5), PNG or TIFF pictures, or a film for the eye (.mp4)\n");
+  options.positional_help("IN...").show_positional_help();
+  options.add_options()                                                                                 //
+      ("in", "Files to convert, in order", cxxopts::value<std::vector<std::string>>())                  //
+      ("o,output", "What to write; its ending says the format", cxxopts::value<std::string>())          //
+      ("rate", "Frames a second of pictures and dumps", cxxopts::value<double>()->default_value("30"))  //
+      ("scale", "Kelvin a count of pictures and dumps of whole numbers, or of the PNG to write (0.01)",
+       cxxopts::value<double>())                                                                         //
+      ("offset", "Kelvin at count 0, likewise", cxxopts::value<double>())                                //
+      ("raw", "WxH[:u16le|u16be|f32]: the files are raw frames", cxxopts::value<std::string>())          //
+      ("skip", "Bytes before the first raw frame", cxxopts::value<std::uint64_t>()->default_value("0"))  //
+      ("preview", "PNG: 8 bit for the eye instead of 16 linear ones");
+  options.parse_positional({"in"});
+  return options;
+}
+
+Result<RawLayout> parse_raw(const std::string& text) {
+  RawLayout layout;
+  const std::size_t colon = text.find(':');
+  const std::string_view size = std::string_view(text).substr(0, colon);
+  const std::string type = colon == std::string::npos ? "u16le" : text.substr(colon + 1);
+  const char* end = size.data() + size.size();
+  const auto [x, no_width] = std::from_chars(size.data(), end, layout.geometry.width);
+  const bool has_x = no_width == std::errc() && x != end && *x == 'x';
+  const auto [rest, no_height] = std::from_chars(has_x ? x + 1 : end, end, layout.geometry.height);
+  const auto side = [](int v) { return v >= 1 && v <= kMostSide; };
+  if (!has_x || no_height != std::errc() || rest != end || !side(layout.geometry.width) ||
+      !side(layout.geometry.height)) {
+    return bad_input("--raw '" + text + "' is not WIDTHxHEIGHT[:u16le|u16be|f32], for example 640x120:u16be");
+  }
+  if (type == "u16be") {
+    layout.type = RawLayout::Type::kU16Be;
+  } else if (type == "f32") {
+    layout.type = RawLayout::Type::kF32;
+  } else if (type != "u16le") {
+    return bad_input("--raw: '" + type + "' is none of u16le, u16be, f32");
+  }
+  return layout;
+}
+
+Status read_scale(const cxxopts::ParseResult& parsed, Request& request) {
+  if (parsed.count("scale") == 0 && parsed.count("offset") == 0) return {};
+  LinearScale scale{Unit::kKelvin, 1.0, 0.0};
+  if (parsed.count("scale") != 0) scale.scale = parsed["scale"].as<double>();
+  if (parsed.count("offset") != 0) scale.offset = parsed["offset"].as<double>();
+  if (!std::isfinite(scale.scale) || scale.scale == 0.0 || !std::isfinite(scale.offset)) {
+    return bad_input("--scale must be a number other than 0, --offset a number");
+  }
+  request.told.scale = scale;
+  request.out.picture_scale = scale;
+  return {};
+}
+
+Result<Request> read_request(const cxxopts::ParseResult& parsed) {
+  if (parsed.count("in") == 0) return bad_input("which files? usage: bolo convert IN... -o OUT");
+  if (parsed.count("output") == 0) return bad_input("where to? usage: bolo convert IN... -o OUT");
+  Request request;
+  for (const std::string& file : parsed["in"].as<std::vector<std::string>>()) request.in.emplace_back(file);
+  request.out.file = parsed["output"].as<std::string>();
+  request.out.preview = parsed.count("preview") != 0;
+  request.told.rate_hz = parsed["rate"].as<double>();
+  if (!(request.told.rate_hz > 0.0 && request.told.rate_hz <= 1e6))
+    return bad_input("--rate must be above 0 frames a second");
+  if (Status good = read_scale(parsed, request); !good) return tl::unexpected<Error>(good.error());
+  if (parsed.count("raw") != 0) {
+    Result<RawLayout> layout = parse_raw(parsed["raw"].as<std::string>());
+    if (!layout) return tl::unexpected<Error>(layout.error());
+    layout->skip_bytes = parsed["skip"].as<std::uint64_t>();
+    request.raw = *layout;
+  }
+  for (const std::filesystem::path& file : request.in) {
+    std::error_code ignored;
+    if (std::filesystem::equivalent(file, request.out.file, ignored)) {
+      return bad_input(file.string() + " is both read and written; choose another name");
+    }
+  }
+  return request;
+}
+
+bool is_capture(const std::filesystem::path& file) {
+  const std::string extension = file.extension().string();
+  return extension == ".h5" || extension == ".mat" || extension == ".part" || extension == ".hdf5";
+}
+
+Result<std::unique_ptr<Footage>> open_footage(const Request& request) {
+  if (request.raw) return open_raw(request.in, *request.raw, request.told);
+  if (!is_capture(request.in.front())) return open_pictures(request.in, request.told);
+  if (request.in.size() > 1)
+    return bad_input("one capture at a time; " + std::to_string(request.in.size()) + " files were given");
+  return open_capture(request.in.front());
+}
+
+Status convert(Footage& footage, FootageSink& sink) {
+  Progress progress("converting", footage.info().frames);
+  Frame frame;
+  for (std::size_t i = 0; i < footage.info().frames; ++i) {
+    if (interrupted().load(std::memory_order_relaxed))
+      return failed("interrupted after " + std::to_string(i) + " frames");
+    if (Status good = footage.read(i, frame); !good) return good;
+    if (Status good = sink.write(frame); !good) return good;
+    progress.update(i + 1);
+  }
+  return sink.finish();
+}
+
+}  // namespace
+
+int convert_main(int argc, char** argv) {
+  auto options = make_options();
+  cxxopts::ParseResult parsed;
+  if (const auto code = parse(options, argc, argv, parsed)) return *code;
+  const auto request = read_request(parsed);
+  if (!request) return report(kVerb, request.error());
+  catch_interrupts();
+  std::signal(SIGPIPE, SIG_IGN);  // an encoder that ends is an error, not the end
+  const auto footage = open_footage(*request);
+  if (!footage) return report(kVerb, footage.error());
+  const auto sink = open_sink(request->out, **footage);
+  if (!sink) return report(kVerb, sink.error());
+  if (Status good = convert(**footage, **sink); !good) return report(kVerb, good.error());
+  const Geometry size = (*footage)->info().format.geometry;
+  std::printf("%s: %zu frames of %dx%d\n", request->out.file.c_str(), (*footage)->info().frames, size.width,
+              size.height);
+  if (const std::string meaning = (*sink)->meaning(); !meaning.empty()) std::printf("values: %s\n", meaning.c_str());
+  return kExitDone;
+}
+
+}  // namespace bolo::tools

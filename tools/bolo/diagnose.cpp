@@ -1,0 +1,124 @@
+// bolo diagnose: how far the simulator is from a camera, why, and what closes the gap.
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <new>
+#include <string>
+#include <vector>
+
+#include <unistd.h>
+
+#include "src/diagnose/diagnose.hpp"
+#include "src/diagnose/report_files.hpp"
+#include "src/diagnose/report_words.hpp"
+#include "tools/bolo/cli.hpp"
+#include "tools/bolo/profile_file.hpp"
+#include "tools/bolo/verbs.hpp"
+
+namespace bolo::tools {
+namespace {
+
+using Given = cxxopts::ParseResult;
+
+cxxopts::Options declare() {
+  using Words = std::vector<std::string>;
+  cxxopts::Options options("bolo diagnose",
+                           "Says how far the simulator is from a camera, why, and what closes the gap.\n"
+                           "Give all captures of one bench session together: shutter, flats, chopper, pans, target.");
+  options.add_options()("o,output", "Folder for report.json and report.html", cxxopts::value<std::string>(), "DIR")(
+      "profile", "The camera that the simulator assumes (default: a655sc)", cxxopts::value<std::string>(), "P.toml")(
+      "withhold", "Take an effect out of the catalogue; repeatable", cxxopts::value<Words>(), "EFFECT")(
+      "write-profile", "Write the profile that undoes what was diagnosed; maps of single pixels go into P2.h5",
+      cxxopts::value<std::string>(), "P2.toml")("threads", "How many work", cxxopts::value<int>()->default_value("2"))(
+      "json", "Print report.json")("capture", "", cxxopts::value<Words>());
+  options.parse_positional({"capture"});
+  options.positional_help("CAPTURE.h5...");
+  return options;
+}
+
+Result<diagnose::Options> options_of(const Given& given) {
+  diagnose::Options options;
+  options.threads = given["threads"].as<int>();
+  if (options.threads < 1 || options.threads > 64) return bad_input("--threads: expected 1 to 64");
+  if (given.count("withhold") != 0) options.withheld = given["withhold"].as<std::vector<std::string>>();
+  options.maps = given.count("write-profile") != 0;
+  if (given.count("profile") == 0) return options;
+  auto profile = model::read_profile(given["profile"].as<std::string>());
+  if (!profile) return tl::unexpected(profile.error());
+  options.profile = std::move(*profile);
+  return options;
+}
+
+// A line on stderr for each step; on a terminal one line that is written over.
+class Steps {
+ public:
+  Steps() : terminal_(isatty(STDERR_FILENO) == 1) {}
+  ~Steps() {
+    if (terminal_ && !step_.empty()) std::fputc('\n', stderr);
+  }
+  Steps(const Steps&) = delete;
+  Steps& operator=(const Steps&) = delete;
+
+  void update(const std::string& step, double done) {
+    const int percent = static_cast<int>(100.0 * done);
+    if (step == step_ && (!terminal_ || percent == percent_)) return;
+    step_ = step;
+    percent_ = percent;
+    std::fprintf(stderr, terminal_ ? "\r\033[Kdiagnose: %3d %%  %s" : "diagnose: %3d %%  %s\n", percent, step.c_str());
+  }
+
+ private:
+  bool terminal_;
+  std::string step_;
+  int percent_ = -1;
+};
+
+Status run(const Given& given) {
+  if (given.count("output") == 0) return bad_input("no folder for the report; give -o DIR");
+  const std::vector<std::filesystem::path> captures = files_of(given, "capture");
+  if (captures.empty()) return bad_input("which captures? give those of one session, CAPTURE.h5...");
+  const Result<diagnose::Options> options = options_of(given);
+  if (!options) return tl::unexpected(options.error());
+
+  catch_interrupts();
+  Result<diagnose::Report> report = [&] {
+    Steps steps;
+    return diagnose::diagnose(captures, *options, [&steps](const std::string& step, double done) {
+      steps.update(step, done);
+      return !interrupted().load(std::memory_order_relaxed);
+    });
+  }();
+  if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted; no report was written");
+  if (!report) return tl::unexpected(report.error());
+  const std::filesystem::path folder = given["output"].as<std::string>();
+  if (Status written = diagnose::write_report(*report, folder); !written) return written;
+  if (given.count("write-profile") != 0) {
+    const std::filesystem::path file = given["write-profile"].as<std::string>();
+    const auto maps = std::filesystem::path(file).replace_extension(".h5");
+    if (Status written = write_profile_files(file, maps, report->learned.profile, report->learned.maps); !written) {
+      return written;
+    }
+  }
+  if (given.count("json") != 0) {
+    std::cout << diagnose::report_json(*report) << '\n';
+    return {};
+  }
+  std::cout << diagnose::report_summary(*report) << "  report      " << (folder / "report.html").string() << '\n';
+  return {};
+}
+
+}  // namespace
+
+int diagnose_main(int argc, char** argv) {
+  cxxopts::Options options = declare();
+  Given given;
+  if (const auto code = parse(options, argc, argv, given)) return *code;
+  try {
+    const Status status = run(given);
+    return status ? kExitDone : report("diagnose", status.error());
+  } catch (const std::bad_alloc&) {
+    return report("diagnose", Error{ErrorKind::kFailed, "not enough memory; take fewer or shorter captures"});
+  }
+}
+
+}  // namespace bolo::tools

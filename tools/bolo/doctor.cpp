@@ -1,0 +1,91 @@
+// bolo doctor: what of this host stands between a camera and sharp frames, and the fix for each.
+#include <algorithm>
+#include <cstdio>
+#include <string>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "drivers/shm/shm_sink.hpp"
+#include "tools/bolo/cli.hpp"
+#include "tools/bolo/verbs.hpp"
+#include "tools/bolod/config.hpp"
+#include "tools/doctor/checks.hpp"
+
+namespace bolo::tools {
+namespace {
+
+using doctor::Check;
+using doctor::Verdict;
+
+Result<doctor::Needs> needs_of(const cxxopts::ParseResult& given) {
+  daemon::DaemonConfig config;
+  if (given.count("config") != 0) {
+    auto read = daemon::read_config(given["config"].as<std::string>());
+    if (!read) return tl::unexpected<Error>(read.error());
+    config = std::move(*read);
+  }
+  doctor::Needs needs;
+  needs.socket_buffer_bytes = config.camera.socket_buffer_bytes;
+  needs.packet_bytes = config.camera.packet_size;
+  needs.realtime_priority = std::max(config.camera.realtime_priority, config.pipeline.thread.realtime_priority);
+  needs.cpus = config.pipeline.thread.cpus;
+  needs.address = config.source == daemon::SourceType::kGenicam ? config.camera.address : "";
+  if (given.count("address") != 0) needs.address = given["address"].as<std::string>();
+  const Geometry frame{config.camera.width, config.camera.height};
+  if (config.shm_enabled) needs.shared_bytes = shm::bytes_needed(config.shm, config.pipeline.deblur, frame);
+  return needs;
+}
+
+nlohmann::ordered_json to_json(const std::vector<Check>& checks) {
+  nlohmann::ordered_json json{{"ok", true}, {"checks", nlohmann::ordered_json::array()}};
+  for (const Check& check : checks) {
+    if (check.verdict == Verdict::kProblem) json["ok"] = false;
+    nlohmann::ordered_json one{{"name", check.name}, {"verdict", doctor::word(check.verdict)}, {"found", check.found}};
+    one["fix"] = nullptr;
+    if (!check.fix.empty()) one["fix"] = check.fix;
+    json["checks"].push_back(std::move(one));
+  }
+  return json;
+}
+
+void print(const std::vector<Check>& checks) {
+  for (const Check& check : checks) {
+    std::printf("%-8s %-22s %s\n", std::string(doctor::word(check.verdict)).c_str(), check.title.c_str(),
+                check.found.c_str());
+    if (!check.fix.empty()) std::printf("%-8s %-22s -> %s\n", "", "", check.fix.c_str());
+  }
+  const auto count = [&](Verdict v) {
+    return std::count_if(checks.begin(), checks.end(), [v](const Check& c) { return c.verdict == v; });
+  };
+  std::printf("%td problems, %td pieces of advice in %zu checks\n", count(Verdict::kProblem), count(Verdict::kAdvice),
+              checks.size());
+}
+
+}  // namespace
+
+int doctor_main(int argc, char** argv) {
+  cxxopts::Options options("bolo doctor",
+                           "Check this computer for what a camera at 200 frames/s needs, and say the fix for each.\n"
+                           "Exit code 1 when there is a problem.");
+  options.add_options()("config", "bolod.toml whose camera and settings are meant", cxxopts::value<std::string>(),
+                        "FILE")("address", "The camera's IP address or id (default: whichever answers)",
+                                cxxopts::value<std::string>())("no-camera", "Don't ask the network for cameras")(
+      "json", "Print the result as JSON");
+  cxxopts::ParseResult given;
+  if (const auto code = parse(options, argc, argv, given)) return *code;
+  const auto needs = needs_of(given);
+  if (!needs) return report("doctor", needs.error());
+  const std::vector<Check> checks =
+      doctor::judge(doctor::gather({needs->address, given.count("no-camera") == 0}), *needs);
+  if (given.count("json") != 0) {
+    std::puts(to_json(checks).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+  } else {
+    print(checks);
+  }
+  const bool problem =
+      std::any_of(checks.begin(), checks.end(), [](const Check& c) { return c.verdict == Verdict::kProblem; });
+  return problem ? kExitFailed : kExitDone;
+}
+
+}  // namespace bolo::tools

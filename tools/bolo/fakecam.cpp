@@ -1,0 +1,230 @@
+// `bolo fakecam`: serves a capture as a GigE Vision camera.
+#include <array>
+#include <charconv>
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <string_view>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "drivers/fakecam/fake_camera.hpp"
+#include "src/core/clock.hpp"
+#include "tools/bolo/cli.hpp"
+#include "tools/bolo/fakecam_faults.hpp"
+#include "tools/bolo/verbs.hpp"
+
+namespace bolo::tools {
+namespace {
+
+using fakecam::FakeCamera;
+using fakecam::FakeCameraOptions;
+using fakecam::FakeCameraStats;
+
+constexpr const char* kVerb = "fakecam";
+constexpr double kShortestTell_s = 0.05;
+
+struct Request {
+  std::string capture;
+  FakeCameraOptions camera;
+  double tell_every_s = 0.0;  // 0: only at the end
+  bool once = false;
+  bool json = false;
+};
+
+// "x,y,width,height", whole numbers.
+Result<Region> parse_region(std::string_view text) {
+  std::array<int, 4> numbers{};
+  const char* at = text.data();
+  const char* end = text.data() + text.size();
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    const auto [next, error] = std::from_chars(at, end, numbers[i]);
+    const bool separated = i + 1 == numbers.size() ? next == end : next != end && *next == ',';
+    if (error != std::errc() || !separated) {
+      return bad_input("--crop '" + std::string(text) + "' is not x,y,width,height, for example 0,196,640,120");
+    }
+    at = next + 1;
+  }
+  return Region{numbers[0], numbers[1], numbers[2], numbers[3]};
+}
+
+cxxopts::Options make_options() {
+  cxxopts::Options options("bolo fakecam", "Serve a capture as a GigE Vision camera (a FLIR A655sc's features)\n");
+  options.positional_help("CAPTURE").show_positional_help();
+  options.add_options()                                                                                           //
+      ("capture", "The capture to replay (.h5, or the authors' .mat)", cxxopts::value<std::string>())             //
+      ("rate", "Frames a second; time stamps are then spaced 1/RATE (default: the capture's own times)",          //
+       cxxopts::value<double>())                                                                                  //
+      ("loop", "Go on for ever: ids and times rise on, one frame apart at the seam")                              //
+      ("repeat", "Serve the capture N times after each start", cxxopts::value<std::uint64_t>())                   //
+      ("once", "End after the first stream that reached its last frame")                                          //
+      ("interface", "The camera's IP address, any of 127.0.0.0/8 too",                                            //
+       cxxopts::value<std::string>()->default_value("127.0.0.1"))                                                 //
+      ("serial", "Serial number, at most 15 characters (default: the capture's)", cxxopts::value<std::string>())  //
+      ("crop", "x,y,w,h: the part of the capture that is the camera's sensor", cxxopts::value<std::string>())     //
+      ("fault", "What goes wrong, and when; may be given again", cxxopts::value<std::string>(),                   //
+       "NAME[:key=value,...]")                                                                                    //
+      ("list-faults", "Print all faults with their keys, and end")                                                //
+      ("tell-every", "Print what was sent and done so far, every S seconds",                                      //
+       cxxopts::value<double>(), "S")                                                                             //
+      ("json", "Print the lines as JSON");
+  options.parse_positional({"capture"});
+  return options;
+}
+
+Result<fakecam::FaultScript> read_faults(const cxxopts::ParseResult& parsed) {
+  fakecam::FaultScript script;
+  for (const auto& argument : parsed.arguments()) {
+    if (argument.key() != "fault") continue;
+    auto fault = fakecam::parse_fault(argument.value());
+    if (!fault) return at("--fault", fault.error());
+    script.push_back(std::move(*fault));
+  }
+  return script;
+}
+
+Result<Request> read_request(const cxxopts::ParseResult& parsed) {
+  Request request;
+  if (parsed.count("capture") == 0) return bad_input("no CAPTURE given; see bolo fakecam --help");
+  request.capture = parsed["capture"].as<std::string>();
+  request.once = parsed.count("once") != 0;
+  request.json = parsed.count("json") != 0;
+  auto& camera = request.camera;
+  camera.address = parsed["interface"].as<std::string>();
+  if (parsed.count("serial") != 0) camera.serial = parsed["serial"].as<std::string>();
+  if (parsed.count("rate") != 0) {
+    camera.rate_hz = parsed["rate"].as<double>();
+    if (!(camera.rate_hz > 0.0)) return bad_input("--rate must be above 0 frames a second");
+  }
+  if (parsed.count("tell-every") != 0) {
+    request.tell_every_s = parsed["tell-every"].as<double>();
+    if (!(request.tell_every_s >= kShortestTell_s)) return bad_input("--tell-every must be at least 0.05 s");
+  }
+  const bool loops = parsed.count("loop") != 0;
+  if (parsed.count("repeat") != 0) {
+    if (loops) return bad_input("--loop and --repeat exclude each other; --loop repeats for ever");
+    camera.laps = parsed["repeat"].as<std::uint64_t>();
+    if (camera.laps == 0) return bad_input("--repeat must be at least 1; --loop repeats for ever");
+  }
+  if (loops && request.once) return bad_input("--loop never ends, so --once can't end it; use --repeat N --once");
+  if (loops) camera.laps = 0;
+  if (parsed.count("crop") != 0) {
+    const auto crop = parse_region(parsed["crop"].as<std::string>());
+    if (!crop) return tl::unexpected<Error>(crop.error());
+    camera.crop = *crop;
+  }
+  auto faults = read_faults(parsed);
+  if (!faults) return tl::unexpected<Error>(faults.error());
+  camera.faults = std::move(*faults);
+  return request;
+}
+
+void print_serving(const Request& request, const FakeCamera& camera) {
+  const Geometry sensor = camera.sensor();
+  if (request.json) {
+    const nlohmann::json line{{"serving", request.camera.address},
+                              {"port", request.camera.port},
+                              {"serial", camera.serial()},
+                              {"width", sensor.width},
+                              {"height", sensor.height},
+                              {"rate_hz", camera.rate_hz()},
+                              {"broadcast", camera.hears_broadcasts()}};
+    std::cout << line.dump() << std::endl;
+    return;
+  }
+  std::printf("serving %s as camera %s at %s:%u, %dx%d, %g frames/s%s\n", request.capture.c_str(),
+              camera.serial().c_str(), request.camera.address.c_str(), request.camera.port, sensor.width, sensor.height,
+              camera.rate_hz(),
+              camera.hears_broadcasts() ? "" : " (found by its address only: another program holds the broadcasts)");
+  std::fflush(stdout);
+}
+
+nlohmann::json to_json(const std::vector<fakecam::InjectedFault>& injected) {
+  nlohmann::json all = nlohmann::json::array();
+  for (const auto& fault : injected) {
+    all.push_back(
+        {{"fault", fault.fault}, {"times", fault.times}, {"frames", fault.frames}, {"packets", fault.packets}});
+  }
+  return all;
+}
+
+void print_summary(const Request& request, const FakeCameraStats& stats,
+                   const std::vector<fakecam::InjectedFault>& injected) {
+  const double worst_ms = static_cast<double>(stats.worst_lateness_ns) * 1e-6;
+  if (request.json) {
+    const nlohmann::json line{{"time_ns", monotonic_ns()},
+                              {"first_stream_ns", stats.first_stream_ns},
+                              {"frames_passed", stats.position.turns},
+                              {"last_timestamp_ns", stats.position.timestamp_ns},
+                              {"frames_sent", stats.frames_sent},
+                              {"packets_sent", stats.packets_sent},
+                              {"send_errors", stats.send_errors},
+                              {"late_frames", stats.late_frames},
+                              {"worst_lateness_ms", worst_ms},
+                              {"resend_requests", stats.resend_requests},
+                              {"resent_packets", stats.resent_packets},
+                              {"resend_misses", stats.resend_misses},
+                              {"commands", stats.commands},
+                              {"bad_commands", stats.bad_commands},
+                              {"clients", stats.clients},
+                              {"heartbeat_losses", stats.heartbeat_losses},
+                              {"streams_started", stats.streams_started},
+                              {"streams_finished", stats.streams_finished},
+                              {"nuc_actions", stats.nuc_actions},
+                              {"faults", to_json(injected)}};
+    std::cout << line.dump() << std::endl;
+    return;
+  }
+  const auto n = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
+  std::printf(
+      "sent %llu frames in %llu packets to %llu client(s); %llu frames late (worst %.1f ms), %llu packets refused by "
+      "the "
+      "socket; %llu resend requests, %llu packets sent again, %llu requests in vain\n",
+      n(stats.frames_sent), n(stats.packets_sent), n(stats.clients), n(stats.late_frames), worst_ms,
+      n(stats.send_errors), n(stats.resend_requests), n(stats.resent_packets), n(stats.resend_misses));
+  for (const auto& fault : injected) {
+    std::printf("fault %s: struck %llu time(s), %llu frames, %llu packets\n", fault.fault.c_str(), n(fault.times),
+                n(fault.frames), n(fault.packets));
+  }
+}
+
+void wait_for_end(const Request& request, const FakeCamera& camera) {
+  const auto period_ns = static_cast<std::int64_t>(request.tell_every_s * kNsPerSecond);
+  std::int64_t next_tell_ns = monotonic_ns() + period_ns;
+  while (!interrupted().load(std::memory_order_relaxed)) {
+    if (period_ns > 0 && monotonic_ns() >= next_tell_ns) {
+      print_summary(request, camera.stats(), camera.injected());
+      next_tell_ns += period_ns;
+    }
+    if (request.once && camera.stats().streams_finished > 0) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+}
+
+}  // namespace
+
+int fakecam_main(int argc, char** argv) {
+  auto options = make_options();
+  cxxopts::ParseResult parsed;
+  if (const auto code = parse(options, argc, argv, parsed)) return *code;
+  if (parsed.count("list-faults") != 0) {
+    print_faults(parsed.count("json") != 0);
+    return kExitDone;
+  }
+  const auto request = read_request(parsed);
+  if (!request) return report(kVerb, request.error());
+  catch_interrupts();
+  auto provider = fakecam::open_capture(request->capture);
+  if (!provider) return report(kVerb, provider.error());
+  auto camera = FakeCamera::start(request->camera, std::move(*provider));
+  if (!camera) return report(kVerb, camera.error());
+  print_serving(*request, **camera);
+  wait_for_end(*request, **camera);
+  (*camera)->stop();
+  print_summary(*request, (*camera)->stats(), (*camera)->injected());
+  if (const auto result = (*camera)->result(); !result) return report(kVerb, result.error());
+  return kExitDone;
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,317 @@
+// bolo info: what a capture or a still holds, and what is odd about it.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <span>
+
+#include <nlohmann/json.hpp>
+
+#include "src/capture/capture.hpp"
+#include "tools/bolo/cli.hpp"
+#include "tools/bolo/verbs.hpp"
+
+namespace bolo::tools {
+namespace {
+
+using capture::CaptureReader;
+using nlohmann::json;
+
+constexpr std::size_t kPlacesShown = 5;
+constexpr double kIrregular = 0.2;  // of a period, off the frame grid
+
+// Interval before each frame in periods' worth: dt divided by the jump of the frame number.
+std::vector<double> steps_s(const CaptureReader& reader) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < reader.t().size(); ++i) {
+    const auto jump = static_cast<double>(reader.frame_id()[i] - reader.frame_id()[i - 1]);
+    steps.push_back((reader.t()[i] - reader.t()[i - 1]) / jump);
+  }
+  return steps;
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+json rate_of(const CaptureReader& reader) {
+  const double stated_s = reader.info().format.frame_period_s;
+  const double measured_s = median(steps_s(reader));
+  json rate{{"stated_hz", 1.0 / stated_s}, {"measured_hz", nullptr}};
+  if (measured_s > 0.0) rate["measured_hz"] = 1.0 / measured_s;
+  return rate;
+}
+
+json lost_frames(const CaptureReader& reader) {
+  json first = json::array();
+  std::uint64_t lost = 0;
+  std::size_t places = 0;
+  const auto& id = reader.frame_id();
+  for (std::size_t i = 1; i < id.size(); ++i) {
+    const std::uint64_t here = id[i] - id[i - 1] - 1;
+    if (here == 0) continue;
+    lost += here;
+    if (++places <= kPlacesShown) {
+      first.push_back({{"before_frame", i}, {"lost", here}, {"t_s", reader.t()[i] - reader.t()[0]}});
+    }
+  }
+  return {{"count", lost}, {"places", places}, {"first", first}};
+}
+
+json irregular_times(const CaptureReader& reader) {
+  json first = json::array();
+  std::size_t count = 0;
+  const std::vector<double> steps = steps_s(reader);
+  const double period_s = median(steps);
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    const auto jump = static_cast<double>(reader.frame_id()[i + 1] - reader.frame_id()[i]);
+    if (std::abs(steps[i] - period_s) * jump <= kIrregular * period_s) continue;
+    if (++count <= kPlacesShown) first.push_back({{"frame", i + 1}, {"interval_s", steps[i] * jump}});
+  }
+  return {{"count", count}, {"tolerance_of_period", kIrregular}, {"first", first}};
+}
+
+json range_of(std::vector<double> values) {
+  const std::size_t before = values.size();
+  std::erase_if(values, [](double v) { return !std::isfinite(v); });
+  json range{{"non_finite", before - values.size()}, {"min", nullptr}, {"median", nullptr}, {"max", nullptr}};
+  if (values.empty()) return range;
+  const auto [low, high] = std::minmax_element(values.begin(), values.end());
+  range["min"] = *low;
+  range["max"] = *high;
+  range["median"] = median(values);
+  return range;
+}
+
+Result<json> range_of_frame(const CaptureReader& reader, std::size_t index) {
+  const StreamFormat& format = reader.info().format;
+  std::vector<std::uint16_t> counts(format.geometry.pixels());
+  std::vector<float> floats(format.geometry.pixels());
+  const bool is_uint16 = format.type == PixelType::kUint16;
+  void* plane = is_uint16 ? static_cast<void*>(counts.data()) : static_cast<void*>(floats.data());
+  if (Status good = reader.read_frame(index, plane); !good) return tl::unexpected<Error>(std::move(good.error()));
+  std::vector<double> values(format.geometry.pixels());
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    values[i] = format.scale.to_physical(is_uint16 ? counts[i] : static_cast<double>(floats[i]));
+  }
+  json range = range_of(std::move(values));
+  range["frame"] = index;
+  return range;
+}
+
+Result<json> values_of(const CaptureReader& reader) {
+  json values{{"unit", reader.info().format.scale.unit == Unit::kKelvin ? "kelvin" : "count"}};
+  const std::size_t last = reader.info().frames - 1;
+  for (const auto& [name, index] : {std::pair{"first", std::size_t{0}}, {"middle", last / 2}, {"last", last}}) {
+    Result<json> range = range_of_frame(reader, index);
+    if (!range) return range;
+    values[name] = std::move(*range);
+  }
+  return values;
+}
+
+json fields(const capture::NoStimulus&) { return {{"kind", "none"}}; }
+json fields(const capture::Uniform& u) { return {{"kind", "uniform"}, {"temperature_k", u.temperature_k}}; }
+json fields(const capture::Chopper& c) {
+  return {{"kind", "chopper"}, {"cold_k", c.cold_k}, {"on_s", c.on_s}, {"off_s", c.off_s}, {"level_k", c.level_k}};
+}
+json fields(const capture::BarTarget& b) {
+  return {{"kind", "bar_target"},
+          {"cold_k", b.cold_k},
+          {"hot_k", b.hot_k},
+          {"period_px", b.period_px},
+          {"bar_width_px", b.bar_width_px},
+          {"slant_px_per_row", b.slant_px_per_row},
+          {"velocity_px_s", b.velocity_px_s}};
+}
+json fields(const capture::SceneStimulus& s) {
+  const auto [left, right] = std::minmax_element(s.x_px.begin(), s.x_px.end());
+  const auto [top, bottom] = std::minmax_element(s.y_px.begin(), s.y_px.end());
+  return {{"kind", "scene"},
+          {"image_width", s.image_width},
+          {"image_height", s.image_height},
+          {"trajectory_points", s.t_s.size()},
+          {"trajectory_t_s", {s.t_s.front(), s.t_s.back()}},
+          {"trajectory_x_px", {*left, *right}},
+          {"trajectory_y_px", {*top, *bottom}}};
+}
+
+json events_of(const CaptureReader& reader) {
+  json events = json::array();
+  for (const auto& event : reader.events()) events.push_back({{"t_s", event.t_s}, {"kind", event.kind}});
+  return events;
+}
+
+Result<json> attributes_of(const CaptureReader& reader) {
+  const Result<std::vector<capture::Attribute>> attributes = reader.attributes();
+  if (!attributes) return tl::unexpected<Error>(attributes.error());
+  json out = json::object();
+  for (const auto& attribute : *attributes) {
+    std::visit([&](const auto& value) { out[attribute.name] = value; }, attribute.value);
+  }
+  return out;
+}
+
+Result<json> describe(const CaptureReader& reader) {
+  const capture::CaptureInfo& info = reader.info();
+  const StreamFormat& format = info.format;
+  Result<json> values = values_of(reader);
+  if (!values) return values;
+  Result<json> attributes = attributes_of(reader);
+  if (!attributes) return attributes;
+  const Result<capture::Stimulus> stimulus = reader.stimulus();
+  if (!stimulus) return tl::unexpected<Error>(stimulus.error());
+  const Result<std::vector<capture::Point>> points = reader.points();
+  if (!points) return tl::unexpected<Error>(points.error());
+  return json{{"kind", "capture"},
+              {"format", reader.file_format() == capture::FileFormat::kMatlab ? "matlab-v7.3" : "bolo-capture"},
+              {"width", format.geometry.width},
+              {"height", format.geometry.height},
+              {"row_step", format.row_step},
+              {"type", format.type == PixelType::kUint16 ? "uint16" : "float32"},
+              {"unit", format.scale.unit == Unit::kKelvin ? "kelvin" : "count"},
+              {"scale", format.scale.scale},
+              {"offset", format.scale.offset},
+              {"frames", info.frames},
+              {"frame_period_s", format.frame_period_s},
+              {"duration_s", reader.t().back() - reader.t().front()},
+              {"rate", rate_of(reader)},
+              {"lost_frames", lost_frames(reader)},
+              {"irregular_times", irregular_times(reader)},
+              {"values", std::move(*values)},
+              {"stimulus", std::visit([](const auto& kind) { return fields(kind); }, *stimulus)},
+              {"truth", info.has_truth},
+              {"points", points->size()},
+              {"events", events_of(reader)},
+              {"camera_model", info.camera_model},
+              {"camera_serial", info.camera_serial},
+              {"attributes", std::move(*attributes)},
+              {"warnings", reader.warnings()}};
+}
+
+json describe(const capture::StillImage& still) {
+  json values = range_of({still.kelvin.begin(), still.kelvin.end()});
+  values["unit"] = "kelvin";
+  return {{"kind", "still"}, {"width", still.width}, {"height", still.height}, {"values", std::move(values)}};
+}
+
+Result<json> describe_file(const std::string& file) {
+  const Result<CaptureReader> reader = CaptureReader::open(file);
+  if (reader) return describe(*reader);
+  if (const Result<capture::StillImage> still = capture::read_still(file)) return describe(*still);
+  return tl::unexpected<Error>(reader.error());
+}
+
+void line(const char* name, const std::string& text) { std::printf("  %-10s %s\n", name, text.c_str()); }
+
+std::string number(const json& value, int digits = 6) {
+  if (!value.is_number()) return "none";
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.*g", digits, value.get<double>());
+  return buffer;
+}
+
+std::string range_text(const json& range) {
+  std::string text = number(range["min"]) + " .. " + number(range["median"]) + " .. " + number(range["max"]);
+  if (range["non_finite"] != 0) text += ", " + range["non_finite"].dump() + " not finite";
+  return text;
+}
+
+std::string lost_text(const json& lost) {
+  if (lost["count"] == 0) return "none";
+  std::string text = lost["count"].dump() + " in " + lost["places"].dump() + " places:";
+  for (const json& gap : lost["first"]) {
+    text +=
+        " " + gap["lost"].dump() + " before frame " + gap["before_frame"].dump() + " (" + number(gap["t_s"]) + " s)";
+  }
+  return text;
+}
+
+std::string irregular_text(const json& irregular) {
+  if (irregular["count"] == 0) return "none";
+  std::string text = irregular["count"].dump() + " off the frame grid by more than a fifth of a period:";
+  for (const json& step : irregular["first"]) {
+    text += " frame " + step["frame"].dump() + " (after " + number(step["interval_s"]) + " s)";
+  }
+  return text;
+}
+
+// One line of "name value" pairs; long lists are counted.
+std::string pairs_text(const json& object) {
+  std::string text;
+  for (const auto& [name, value] : object.items()) {
+    if (!text.empty()) text += ", ";
+    const bool is_long = value.is_array() && value.size() > kPlacesShown;
+    text += name + " " + (is_long ? "of " + std::to_string(value.size()) + " values" : value.dump());
+  }
+  return text.empty() ? "none" : text;
+}
+
+std::string events_text(const json& events) {
+  std::string text = std::to_string(events.size());
+  for (std::size_t i = 0; i < std::min(events.size(), kPlacesShown); ++i) {
+    text += (i == 0 ? ": " : ", ") + events[i]["kind"].get<std::string>() + " at " + number(events[i]["t_s"], 9) + " s";
+  }
+  return text;
+}
+
+void print_capture(const json& info) {
+  const std::string unit = info["values"]["unit"];
+  line("format", info["format"]);
+  line("frames", info["frames"].dump() + " of " + info["width"].dump() + "x" + info["height"].dump() + " " +
+                     info["type"].get<std::string>() + ", " + number(info["duration_s"]) + " s, row step " +
+                     info["row_step"].dump());
+  line("unit", unit == "kelvin" ? "kelvin = " + number(info["scale"]) + " * value + " + number(info["offset"]) : unit);
+  line("rate",
+       number(info["rate"]["measured_hz"]) + " Hz measured, " + number(info["rate"]["stated_hz"]) + " Hz stated");
+  line("lost", lost_text(info["lost_frames"]));
+  line("irregular", irregular_text(info["irregular_times"]));
+  for (const char* name : {"first", "middle", "last"}) {
+    const json& range = info["values"][name];
+    line(name, range_text(range) + " " + unit + " (min .. median .. max of frame " + range["frame"].dump() + ")");
+  }
+  line("stimulus", pairs_text(info["stimulus"]));
+  if (info["points"] != 0) line("points", info["points"].dump() + " single pixels, their places in /points");
+  line("truth", info["truth"].get<bool>() ? "yes" : "no");
+  line("events", events_text(info["events"]));
+  line("camera", info["camera_model"].get<std::string>() + " " + info["camera_serial"].get<std::string>());
+  line("attributes", pairs_text(info["attributes"]));
+  for (const json& warning : info["warnings"]) line("warning", warning);
+}
+
+void print_still(const json& info) {
+  line("format", "a still image, not a capture");
+  line("size", info["width"].dump() + "x" + info["height"].dump());
+  line("values", range_text(info["values"]) + " kelvin (min .. median .. max)");
+}
+
+}  // namespace
+
+int info_main(int argc, char** argv) {
+  cxxopts::Options options("bolo info",
+                           "What a capture (.h5, the authors' .mat) or a still holds, and what is odd about it");
+  options.add_options()("json", "One JSON object on standard output")("file", "", cxxopts::value<std::string>());
+  options.parse_positional({"file"});
+  options.positional_help("FILE");
+  cxxopts::ParseResult parsed;
+  if (const std::optional<int> code = parse(options, argc, argv, parsed)) return *code;
+  if (parsed.count("file") != 1) {
+    return report("info", Error{ErrorKind::kBadInput, "which file? usage: bolo info FILE [--json]"});
+  }
+  const std::string file = parsed["file"].as<std::string>();
+  Result<json> info = describe_file(file);
+  if (!info) return report("info", info.error());
+  (*info)["file"] = file;
+  if (parsed.count("json") != 0) {
+    std::cout << info->dump(2, ' ', false, json::error_handler_t::replace) << '\n';
+    return kExitDone;
+  }
+  std::printf("%s\n", file.c_str());
+  (*info)["kind"] == "still" ? print_still(*info) : print_capture(*info);
+  return kExitDone;
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,158 @@
+// `bolo record`: a running daemon's frames into a capture file.
+#include <cstdio>
+#include <iostream>
+
+#include <nlohmann/json.hpp>
+
+#include "tools/bolo/cli.hpp"
+#include "tools/bolo/verbs.hpp"
+#include "tools/record/recording.hpp"
+
+namespace bolo::tools {
+namespace {
+
+constexpr const char* kVerb = "record";
+constexpr double kMostSeconds = 1e8;
+constexpr std::size_t kMostBuffer_mb = std::size_t{64} * 1024;
+
+cxxopts::Options make_options() {
+  cxxopts::Options options("bolo record",
+                           "Record a running daemon's frames. A killed process or a cut of power costs the last "
+                           "fraction of a second; see bolo recover\n");
+  options.positional_help("NAME").show_positional_help();
+  options.add_options()                                                                                       //
+      ("name", "The daemon's name, as in its configuration", cxxopts::value<std::string>())                   //
+      ("o,output", "Capture file to write (.h5)", cxxopts::value<std::string>())                              //
+      ("seconds", "End after so many seconds", cxxopts::value<double>())                                      //
+      ("frames", "End after so many frames", cxxopts::value<std::uint64_t>())                                 //
+      ("planes", "raw or deblurred", cxxopts::value<std::string>()->default_value("raw"))                     //
+      ("split-minutes", "Begin a new file so often: FILE_001.h5 ...", cxxopts::value<double>())               //
+      ("buffer-mb", "Memory for frames that the disk is behind by",                                           //
+       cxxopts::value<std::size_t>()->default_value("256"))                                                   //
+      ("wait", "Seconds to wait for a daemon that went away", cxxopts::value<double>()->default_value("30"))  //
+      ("overwrite", "Replace an existing file, or what is left of an unfinished recording of the same name")  //
+      ("json", "Print the outcome as JSON");
+  options.parse_positional({"name"});
+  return options;
+}
+
+bool in_range(double value, double low, double high) { return value >= low && value <= high; }
+
+// A recording must not cost an earlier one.
+Status check_output(const RecordRequest& request) {
+  FileWriterOptions options;
+  options.file = request.file;
+  options.split_s = request.split_s;
+  const std::filesystem::path first = file_of_part(options, 0);
+  const std::filesystem::path part = first.string() + ".part";
+  std::error_code ignored;
+  if (std::filesystem::exists(part, ignored)) {
+    return bad_input(part.string() +
+                     " is there: an unfinished recording; save it with bolo recover, or --overwrite it");
+  }
+  if (std::filesystem::is_regular_file(first, ignored)) {
+    return bad_input(first.string() + " is there already; choose another name, or --overwrite it");
+  }
+  return {};
+}
+
+Result<RecordRequest> read_request(const cxxopts::ParseResult& parsed) {
+  if (parsed.count("name") == 0) return bad_input("which daemon? usage: bolo record NAME -o FILE.h5");
+  if (parsed.count("output") == 0) return bad_input("where to? usage: bolo record NAME -o FILE.h5");
+  RecordRequest request;
+  request.name = parsed["name"].as<std::string>();
+  request.file = parsed["output"].as<std::string>();
+  if (parsed.count("frames") != 0) {
+    request.frames = parsed["frames"].as<std::uint64_t>();
+    if (request.frames == 0) return bad_input("--frames must be at least 1");
+  }
+  const auto seconds_of = [&](const char* name, double unit_s, double least, double& out) -> Status {
+    if (parsed.count(name) == 0) return {};
+    out = parsed[name].as<double>() * unit_s;
+    if (in_range(out, least, kMostSeconds)) return {};
+    return bad_input(std::string("--") + name + " must be a number above 0");
+  };
+  Status good = seconds_of("seconds", 1.0, 1e-3, request.seconds);
+  if (good) good = seconds_of("split-minutes", 60.0, 0.1, request.split_s);
+  if (!good) return tl::unexpected<Error>(good.error());
+  request.wait_s = parsed["wait"].as<double>();
+  if (!in_range(request.wait_s, 0.0, kMostSeconds)) return bad_input("--wait must be a number of seconds from 0 on");
+  const std::size_t buffer_mb = parsed["buffer-mb"].as<std::size_t>();
+  if (buffer_mb < 1 || buffer_mb > kMostBuffer_mb) return bad_input("--buffer-mb must be from 1 to 65536");
+  request.buffer_bytes = buffer_mb << 20U;
+  const std::string plane = parsed["planes"].as<std::string>();
+  if (plane != "raw" && plane != "deblurred") return bad_input("--planes '" + plane + "' is neither raw nor deblurred");
+  request.plane = plane == "raw" ? RecordedPlane::kRaw : RecordedPlane::kDeblurred;
+  if (parsed.count("overwrite") == 0) good = check_output(request);
+  if (!good) return tl::unexpected<Error>(good.error());
+  return request;
+}
+
+std::string files_text(const FileWriterResult& written) {
+  if (written.files.empty()) return "nothing";
+  std::string text = written.files.front().string();
+  if (written.files.size() > 1) text += " to " + written.files.back().string();
+  return text;
+}
+
+nlohmann::json to_json(const RecordResult& result) {
+  const FileWriterResult& w = result.written;
+  nlohmann::json files = nlohmann::json::array();
+  for (const auto& file : w.files) files.push_back(file.string());
+  const double seconds = w.last_t_s - w.first_t_s;
+  return {{"files", files},
+          {"frames", w.frames},
+          {"seconds", seconds},
+          {"complete", result.complete},
+          {"lost",
+           {{"before", result.lost_before},
+            {"overwritten", result.lost_overwritten},
+            {"no_room", result.lost_no_room},
+            {"unwritten", w.unwritten}}},
+          {"reconnects", result.reconnects},
+          {"mb_per_s", seconds > 0.0 ? static_cast<double>(w.bytes) * 1e-6 / seconds : 0.0},
+          {"longest_write_ms", w.longest_write_ms},
+          {"buffer_frames", result.buffer_frames},
+          {"error", result.status ? nlohmann::json(nullptr) : nlohmann::json(result.status.error().message)}};
+}
+
+void print(const RecordResult& result) {
+  const FileWriterResult& w = result.written;
+  const auto n = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
+  const double seconds = w.last_t_s - w.first_t_s;
+  std::printf("%s: %llu frames, %.3f s, %.1f MB/s, longest write %.1f ms\n", files_text(w).c_str(), n(w.frames),
+              seconds, seconds > 0.0 ? static_cast<double>(w.bytes) * 1e-6 / seconds : 0.0, w.longest_write_ms);
+  std::printf(
+      "lost: %llu before the daemon published them, %llu overwritten before they were read, %llu without room\n",
+      n(result.lost_before), n(result.lost_overwritten), n(result.lost_no_room + w.unwritten));
+  if (result.reconnects > 0) std::printf("the daemon was started again %llu times\n", n(result.reconnects));
+}
+
+}  // namespace
+
+int record_main(int argc, char** argv) {
+  auto options = make_options();
+  cxxopts::ParseResult parsed;
+  if (const auto code = parse(options, argc, argv, parsed)) return *code;
+  const auto request = read_request(parsed);
+  if (!request) return report(kVerb, request.error());
+  catch_interrupts();
+  Result<RecordResult> result = failed("");
+  {
+    Progress progress("recording", request->frames);
+    result = record(*request, interrupted(), [&](std::uint64_t frames) { progress.update(frames); });
+  }
+  if (!result) return report(kVerb, result.error());
+  if (parsed.count("json") != 0) {
+    std::cout << to_json(*result).dump() << '\n';
+  } else {
+    print(*result);
+  }
+  if (result->status) return kExitDone;
+  const std::string saved =
+      "; " + std::to_string(result->written.frames) + " frames are in " + files_text(result->written);
+  report(kVerb, Error{ErrorKind::kFailed, result->status.error().message + saved});
+  return kExitFailed;
+}
+
+}  // namespace bolo::tools

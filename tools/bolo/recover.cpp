@@ -1,0 +1,107 @@
+// `bolo recover`: what an interrupted recording or a damaged capture holds, as a good capture.
+#include <cstdio>
+#include <iostream>
+#include <memory>
+
+#include <nlohmann/json.hpp>
+
+#include "src/capture/recovery.hpp"
+#include "tools/bolo/cli.hpp"
+#include "tools/bolo/verbs.hpp"
+
+namespace bolo::tools {
+namespace {
+
+constexpr const char* kVerb = "recover";
+
+struct Request {
+  std::filesystem::path damaged;
+  std::filesystem::path out;
+  bool in_place = false;
+};
+
+cxxopts::Options make_options() {
+  cxxopts::Options options("bolo recover",
+                           "Save what an interrupted recording (FILE.h5.part) or a damaged capture holds. The file "
+                           "itself stays as it is unless --in-place\n");
+  options.positional_help("FILE").show_positional_help();
+  options.add_options()                                                                                           //
+      ("file", "The .part that was left behind, or a capture that does not open", cxxopts::value<std::string>())  //
+      ("o,output", "Capture to write; left out: FILE without .part", cxxopts::value<std::string>())               //
+      ("in-place", "Finish the .part itself and rename it: no copy, no further room on the disk")                 //
+      ("json", "Print the outcome as JSON");
+  options.parse_positional({"file"});
+  return options;
+}
+
+Result<Request> read_request(const cxxopts::ParseResult& parsed) {
+  if (parsed.count("file") == 0) return bad_input("which file? usage: bolo recover FILE.h5.part [-o OUT.h5]");
+  Request request;
+  request.damaged = parsed["file"].as<std::string>();
+  request.in_place = parsed.count("in-place") != 0;
+  const bool part = request.damaged.extension() == ".part";
+  if (request.in_place && !part) return bad_input("--in-place is for a .part; save this file to another one with -o");
+  if (parsed.count("output") != 0) {
+    request.out = parsed["output"].as<std::string>();
+  } else if (part) {
+    request.out = request.damaged.parent_path() / request.damaged.stem();
+  } else {
+    return bad_input("where to? usage: bolo recover " + request.damaged.string() + " -o OUT.h5");
+  }
+  std::error_code ignored;
+  if (std::filesystem::exists(request.out, ignored)) {
+    return bad_input(request.out.string() + " is there already; name another file with -o");
+  }
+  return request;
+}
+
+nlohmann::json to_json(const Request& request, const capture::Recovered& done) {
+  return {{"file", request.damaged.string()},
+          {"output", request.out.string()},
+          {"frames", done.frames},
+          {"seconds", done.last_t_s - done.first_t_s},
+          {"last_t_s", done.last_t_s},
+          {"unreadable", done.unreadable},
+          {"missing", done.remarks}};
+}
+
+void print(const Request& request, const capture::Recovered& done) {
+  std::printf("%s: %llu frames saved, %.3f s, the last at %.6f s\n", request.out.c_str(),
+              static_cast<unsigned long long>(done.frames), done.last_t_s - done.first_t_s, done.last_t_s);
+  if (done.unreadable > 0) {
+    std::printf("missing: %llu frames in between cannot be read\n", static_cast<unsigned long long>(done.unreadable));
+  }
+  for (const std::string& remark : done.remarks) std::printf("missing: %s\n", remark.c_str());
+  if (!request.in_place) std::printf("%s is as it was\n", request.damaged.c_str());
+}
+
+Result<capture::Recovered> recover(const Request& request) {
+  if (request.in_place) return capture::recover_in_place(request.damaged, request.out);
+  std::unique_ptr<Progress> progress;
+  return capture::recover_copy(request.damaged, request.out, [&](std::uint64_t frames, std::uint64_t of) {
+    if (!progress) progress = std::make_unique<Progress>("recovering", of);
+    progress->update(frames);
+    return !interrupted().load(std::memory_order_relaxed);
+  });
+}
+
+}  // namespace
+
+int recover_main(int argc, char** argv) {
+  auto options = make_options();
+  cxxopts::ParseResult parsed;
+  if (const auto code = parse(options, argc, argv, parsed)) return *code;
+  const auto request = read_request(parsed);
+  if (!request) return report(kVerb, request.error());
+  catch_interrupts();
+  const Result<capture::Recovered> done = recover(*request);
+  if (!done) return report(kVerb, done.error());
+  if (parsed.count("json") != 0) {
+    std::cout << to_json(*request, *done).dump() << '\n';
+  } else {
+    print(*request, *done);
+  }
+  return kExitDone;
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,49 @@
+// The last minute of `bolo stat` as bars of characters: latency and losses, a column an interval.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tools/bolo/stat_sample.hpp"
+
+namespace bolo::tools {
+
+// What one interval adds.
+struct StatColumn {
+  double p50_ms = 0.0;  // not a number when no frame came
+  double p99_ms = 0.0;
+  std::uint64_t lost = 0;  // frames, by all causes
+};
+StatColumn column_of(const StatSample& sample);
+
+// At most a minute, and at least sixty columns. Thread: one at a time.
+class StatHistory {
+ public:
+  explicit StatHistory(double interval_s);
+  void add(const StatSample& sample);
+  const std::deque<StatColumn>& columns() const noexcept { return columns_; }
+  double interval_s() const noexcept { return interval_s_; }
+
+ private:
+  double interval_s_;
+  std::size_t most_;
+  std::deque<StatColumn> columns_;
+};
+
+// Bars of eighths of a character from 0 to `top`, `rows` lines from the top down: no bar where a value is not finite,
+// at least an eighth where it is; those above the top end there. Thread: any.
+std::vector<std::string> character_bars(std::span<const double> values, double top, int rows);
+
+struct TextSpace {
+  int columns = 80;
+  int rows = 24;
+};
+
+// p99, p50 and losses with the scale of both, the newest at the right: lines of at most `columns` characters, at most
+// `rows` of them. Nothing where there is no room. Thread: any.
+std::vector<std::string> history_lines(const StatHistory& history, TextSpace space, bool colour);
+
+}  // namespace bolo::tools

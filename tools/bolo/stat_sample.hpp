@@ -1,0 +1,52 @@
+// What `bolo stat` shows: the difference of two looks at a daemon's shared memory, in numbers, words and JSON.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "bolo/shm_layout.h"
+#include "src/core/loss.hpp"
+
+namespace bolo::tools {
+
+// One look. Thread: any.
+struct StatLook {
+  bolo_shm_header header{};
+  std::int64_t at_ns = 0;                   // CLOCK_MONOTONIC
+  bool closed = false;                      // ended, or its heartbeat stopped
+  std::optional<bolo_shm_camera> camera{};  // none: the writer does not tell
+  // What the daemon answers to `state` on its control socket; null when it has none, or does not answer.
+  nlohmann::ordered_json told{};
+};
+
+struct StatSample {
+  double interval_s = 0.0;
+  double received_hz = 0.0;
+  double published_hz = 0.0;
+  std::array<std::uint64_t, kLossCauses> lost{};  // since the daemon's start
+  std::array<double, kLossCauses> lost_hz{};      // in the interval
+  std::uint64_t lost_total = 0;
+  std::uint64_t latency_frames = 0;  // frames behind the percentiles: those of the interval
+  double latency_p50_ms = 0.0;
+  double latency_p99_ms = 0.0;
+  double latency_max_ms = 0.0;
+  double deblur_ms = 0.0;  // a frame, over those of the interval that had a full window; 0 when none had
+  double uptime_s = 0.0;
+  double heartbeat_age_s = 0.0;
+  const char* state = "";  // starting, running, closed (ended in good order), stopped (killed or frozen)
+};
+
+// Both looks at the same object, `before` first. Thread: any.
+StatSample compare(const StatLook& before, const StatLook& after);
+
+// A table of lines of at most 79 characters, each ended. Thread: any.
+std::string stat_table(const std::string& name, const StatLook& look, const StatSample& sample);
+
+// Keys in snake_case, unit in the name. Thread: any.
+nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, const StatSample& sample);
+
+}  // namespace bolo::tools

@@ -1,0 +1,142 @@
+// `bolo usb`: which USB cameras are there, what they say of themselves, and when they come and go.
+#include <charconv>
+#include <chrono>
+#include <cstdio>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "drivers/usb/descriptor_report.hpp"
+#include "drivers/usb/devices.hpp"
+#include "drivers/usb/hotplug.hpp"
+#include "tools/bolo/cli.hpp"
+#include "tools/bolo/verbs.hpp"
+
+namespace bolo::tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using usb::UsbDevice;
+
+template <typename T>
+std::optional<T> number(std::string_view text, int base) {
+  T value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
+  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+// Ids have four digits each, so that 1:4 can only be a place.
+Result<usb::DeviceFilter> parse_device(const std::string& text) {
+  if (auto ids = usb::parse_ids(text)) return ids;
+  const std::size_t colon = text.find(':');
+  if (colon != std::string::npos) {
+    usb::DeviceFilter filter;
+    filter.bus = number<int>(std::string_view(text).substr(0, colon), 10);
+    filter.address = number<int>(std::string_view(text).substr(colon + 1), 10);
+    if (filter.bus && filter.address) return filter;
+  }
+  return bad_input("--device " + text + ": give BUS:ADDRESS as 1:4, or VENDOR:PRODUCT as 09cb:1007");
+}
+
+Result<usb::DeviceFilter> filter_of(const cxxopts::ParseResult& given) {
+  if (given.count("device") != 0) return parse_device(given["device"].as<std::string>());
+  usb::DeviceFilter filter;
+  const auto vendor = given["vendor"].as<std::string>();
+  if (vendor == "any") return filter;
+  filter.vendor = number<std::uint16_t>(vendor, 16);
+  if (!filter.vendor) return bad_input("--vendor " + vendor + ": give four hexadecimal digits as 09cb, or any");
+  return filter;
+}
+
+Json to_json(const UsbDevice& device) {
+  return {{"bus", device.bus},
+          {"address", device.address},
+          {"port", device.port_path},
+          {"id", usb::id_text(device.vendor, device.product)},
+          {"speed", device.speed},
+          {"manufacturer", device.manufacturer},
+          {"product", device.product_name},
+          {"serial", device.serial},
+          {"node", device.node},
+          {"allowed", device.allowed}};
+}
+
+// Strings come from devices, and need not be UTF-8.
+std::string text_of(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string line_of(const UsbDevice& device) {
+  std::string line = std::to_string(device.bus) + ":" + std::to_string(device.address) + "  port " + device.port_path +
+                     "  " + usb::id_text(device.vendor, device.product) + "  " + device.speed;
+  for (const std::string* text : {&device.manufacturer, &device.product_name}) {
+    if (!text->empty()) line += "  " + *text;
+  }
+  if (!device.serial.empty()) line += "  serial " + device.serial;
+  if (!device.allowed) line += "  (not allowed to open " + device.node + ": see systemd/60-bolo-usb.rules)";
+  return line;
+}
+
+int list(const usb::DeviceFilter& filter, bool json) {
+  const auto devices = usb::list_devices(filter);
+  if (!devices) return report("usb", devices.error());
+  if (json) {
+    Json all = Json::array();
+    for (const UsbDevice& device : *devices) all.push_back(to_json(device));
+    std::puts(text_of({{"devices", std::move(all)}}, 2).c_str());
+    return kExitDone;
+  }
+  for (const UsbDevice& device : *devices) std::puts(line_of(device).c_str());
+  if (devices->empty()) std::printf("no %s is connected\n", filter.text().c_str());
+  return kExitDone;
+}
+
+int print_report(const usb::DeviceFilter& filter, bool json) {
+  const auto text = usb::descriptor_report(filter);
+  if (!text) return report("usb", text.error());
+  std::fputs((json ? text_of({{"report", *text}}, 2) + "\n" : *text).c_str(), stdout);
+  return kExitDone;
+}
+
+int watch(const usb::DeviceFilter& filter, bool json) {
+  catch_interrupts();
+  const auto say = [json](usb::Hotplug::Change change, const UsbDevice& device) {
+    const bool arrived = change == usb::Hotplug::Change::kArrived;
+    const Json event{{"event", arrived ? "arrived" : "left"}, {"device", to_json(device)}};
+    std::puts(json ? text_of(event, -1).c_str() : ((arrived ? "arrived  " : "left     ") + line_of(device)).c_str());
+    std::fflush(stdout);
+  };
+  const auto hotplug = usb::Hotplug::start(filter, say);
+  if (!hotplug) return report("usb", hotplug.error());
+  while (!interrupted().load(std::memory_order_relaxed)) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  return kExitDone;
+}
+
+}  // namespace
+
+int usb_main(int argc, char** argv) {
+  cxxopts::Options options("bolo usb", "List USB devices of FLIR, and say what they tell of themselves. Experimental.");
+  options.add_options()("vendor", "Vendor id instead, four hexadecimal digits, or any",
+                        cxxopts::value<std::string>()->default_value("09cb"),
+                        "ID")("device", "One device, by place or by ids", cxxopts::value<std::string>(),
+                              "BUS:ADDRESS|VENDOR:PRODUCT")("report", "Print all descriptors, for support")(
+      "watch", "Print arrivals and departures until interrupted")("json", "Print as JSON");
+  cxxopts::ParseResult given;
+  if (const auto code = parse(options, argc, argv, given)) return *code;
+  const bool json = given.count("json") != 0;
+  if (given.count("report") != 0 && given.count("watch") != 0) {
+    return report("usb", {ErrorKind::kBadInput, "--report and --watch exclude each other; give one"});
+  }
+  const auto filter = filter_of(given);
+  if (!filter) return report("usb", filter.error());
+  if (given.count("report") != 0) return print_report(*filter, json);
+  if (given.count("watch") != 0) return watch(*filter, json);
+  return list(*filter, json);
+}
+
+}  // namespace bolo::tools

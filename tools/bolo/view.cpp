@@ -1,0 +1,131 @@
+// `bolo view`: a live page of a running daemon's frames.
+#include <unistd.h>
+
+#include <climits>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "drivers/shm/shm_object.hpp"
+#include "tools/bolo/cli.hpp"
+#include "tools/bolo/control_client.hpp"
+#include "tools/bolo/verbs.hpp"
+#include "tools/view/site.hpp"
+
+namespace bolo::tools {
+namespace {
+
+struct ViewOptions {
+  std::string name;
+  std::uint16_t port = 8640;
+  std::string listen;
+  std::string token;
+  std::string token_file;
+  std::string page;
+  bool json = false;
+};
+
+// The one daemon that there is, where none was named.
+Result<std::string> choose_daemon(const std::string& named) {
+  if (!named.empty()) {
+    const Result<std::string> good = shm::object_path(named);
+    return good ? Result<std::string>(named) : tl::unexpected<Error>(good.error());
+  }
+  const std::vector<std::string> names = shm::ShmReader::names();
+  if (names.size() == 1) return names.front();
+  if (names.empty()) return bad_input("no daemon runs here; start bolod, or name the one to wait for: bolo view NAME");
+  std::string all;
+  for (const std::string& name : names) all += " " + name;
+  return bad_input("several daemons run here; name one of them:" + all);
+}
+
+Result<view::Access> access_of(const ViewOptions& options) {
+  view::Access access;
+  access.beyond_loopback = !options.listen.empty() && !view::is_loopback(options.listen);
+  access.token = options.token;
+  if (!options.token.empty() && !options.token_file.empty()) {
+    return bad_input("--token and --token-file exclude each other");
+  }
+  if (!options.token_file.empty()) {
+    Result<std::string> token = view::read_token(options.token_file);
+    if (!token) return tl::unexpected<Error>(token.error());
+    access.token = std::move(*token);
+  }
+  if (!access.token.empty()) {
+    if (const Status good = view::check_token(access.token); !good) return tl::unexpected<Error>(good.error());
+  }
+  if (access.beyond_loopback && access.token.empty()) {
+    return bad_input("--listen " + options.listen +
+                     " lets other computers in: give --token TOKEN or --token-file FILE");
+  }
+  char host_name[HOST_NAME_MAX + 1] = {};
+  if (gethostname(host_name, sizeof host_name - 1) == 0) access.host_name = host_name;
+  return access;
+}
+
+std::string url_of(const ViewOptions& options, const view::Access& access) {
+  std::string host = options.listen.empty() ? "localhost" : options.listen;
+  if (host == "0.0.0.0" || host == "::") host = access.host_name;
+  if (host.find(':') != std::string::npos) host = "[" + host + "]";
+  return "http://" + host + ":" + std::to_string(access.port) + "/";
+}
+
+// The token itself is not printed: output ends up in logs.
+void say_where(const ViewOptions& options, const std::string& name, const std::string& url, bool token) {
+  if (options.json) {
+    std::puts(nlohmann::ordered_json{{"url", url}, {"name", name}, {"token", token}}.dump().c_str());
+  } else {
+    std::printf("%s at %s%s\nCtrl-C ends it\n", name.c_str(), url.c_str(), token ? "?token=TOKEN" : "");
+  }
+  std::fflush(stdout);
+}
+
+Status view_daemon(const ViewOptions& options) {
+  const Result<std::string> name = choose_daemon(options.name);
+  if (!name) return tl::unexpected<Error>(name.error());
+  Result<view::Access> access = access_of(options);
+  if (!access) return tl::unexpected<Error>(access.error());
+  const auto addresses =
+      options.listen.empty() ? std::vector<std::string>{"127.0.0.1", "::1"} : std::vector<std::string>{options.listen};
+  const auto server = view::HttpServer::listen(addresses, options.port, {}, view::Site::headers());
+  if (!server) return tl::unexpected<Error>(server.error());
+  access->port = (*server)->port();
+  catch_interrupts();
+  view::LiveStream stream(*name, [&server] { (*server)->wake(); });
+  const auto ask_for_nuc = [&name]() -> Status {
+    const Result<std::string> answer = ask_daemon_named(*name, "nuc");
+    return answer ? judge_answer(*answer) : tl::unexpected<Error>(answer.error());
+  };
+  view::Site site(*access, stream, ask_for_nuc, options.page);
+  say_where(options, *name, url_of(options, *access), !access->token.empty());
+  (*server)->run([&site](const view::Request& request) { return site.answer(request); }, interrupted());
+  return {};
+}
+
+}  // namespace
+
+int view_main(int argc, char** argv) {
+  cxxopts::Options cli("bolo view",
+                       "Serve a live page of a running daemon: blurred, deblurred, traces, rates, losses.");
+  ViewOptions options;
+  auto add = cli.add_options();
+  add("name", "The daemon's name; may be left out where only one runs", cxxopts::value(options.name));
+  add("port", "TCP port; 0: any that is free", cxxopts::value(options.port)->default_value("8640"));
+  add("listen", "IP address to serve on instead of 127.0.0.1 and ::1; one that other computers reach needs a token",
+      cxxopts::value(options.listen), "ADDRESS");
+  add("token", "What the page is opened with, as ?token=TOKEN (other users of this computer can see it)",
+      cxxopts::value(options.token), "TOKEN");
+  add("token-file", "The same, from the first line of a file", cxxopts::value(options.token_file), "FILE");
+  add("json", "Print {\"url\": ...} once it serves", cxxopts::value(options.json));
+  add("page", "Serve the page's files from this folder, for work on the page", cxxopts::value(options.page), "FOLDER");
+  cli.parse_positional({"name"});
+  cli.positional_help("[NAME]");
+  cxxopts::ParseResult parsed;
+  if (const auto code = parse(cli, argc, argv, parsed)) return *code;
+  const Status done = view_daemon(options);
+  return done ? kExitDone : report("view", done.error());
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,300 @@
+#include "tools/bolod/config.hpp"
+
+#include <array>
+#include <fstream>
+#include <iterator>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "drivers/shm/shm_object.hpp"
+#include "src/capture/pixel_maps_io.hpp"
+#include "src/deblur/isa.hpp"
+#include "src/model/strict_toml.hpp"
+#include "src/pipeline/apply_profile.hpp"
+#include "tools/bolod/config_camera.hpp"
+#include "tools/bolod/config_usb.hpp"
+#include "tools/bolod/config_video.hpp"
+#include "tools/bolod/control.hpp"
+#include "tools/bolod/metrics_server.hpp"
+#include "tools/bolod/reload.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+using model::KeyTable;
+
+constexpr std::string_view kHeading =
+    "# Configuration of bolod, one file a camera. Every key may be left out; the values here are the defaults.\n"
+    "# Relative file names are meant from this file's folder. `bolod --check-config --config FILE` tells what is "
+    "wrong.\n"
+    "# Keys marked \"live\" are taken up by a running daemon on SIGHUP (systemctl reload); others need a restart.\n\n";
+
+template <typename Enum, std::size_t N>
+using Names = std::array<std::pair<std::string_view, Enum>, N>;
+
+constexpr Names<SourceType, 3> kSources{
+    {{"genicam", SourceType::kGenicam}, {"replay", SourceType::kReplay}, {"usb", SourceType::kUsb}}};
+constexpr Names<replay::Pace, 2> kPaces{
+    {{"realtime", replay::Pace::kRealTime}, {"fast", replay::Pace::kAsFastAsPossible}}};
+constexpr Names<genicam::PixelOrder, 2> kPixelOrders{
+    {{"little", genicam::PixelOrder::kLittleEndian}, {"big", genicam::PixelOrder::kBigEndian}}};
+constexpr Names<genicam::IrFormat, 4> kIrFormats{{{"leave", genicam::IrFormat::kLeave},
+                                                  {"radiometric", genicam::IrFormat::kRadiometric},
+                                                  {"100mk", genicam::IrFormat::kTemperatureLinear100mK},
+                                                  {"10mk", genicam::IrFormat::kTemperatureLinear10mK}}};
+constexpr Names<deblur::Method, 5> kMethods{{{"admm", deblur::Method::kAdmm},
+                                             {"dual", deblur::Method::kDual},
+                                             {"exact", deblur::Method::kExact},
+                                             {"inverse", deblur::Method::kInverse},
+                                             {"mmae", deblur::Method::kMmae}}};
+constexpr Names<LogLevel, 4> kLevels{{{"debug", LogLevel::kDebug},
+                                      {"info", LogLevel::kInfo},
+                                      {"warning", LogLevel::kWarning},
+                                      {"error", LogLevel::kError}}};
+constexpr Names<LogFormat, 3> kFormats{
+    {{"auto", LogFormat::kAuto}, {"text", LogFormat::kText}, {"journal", LogFormat::kJournal}}};
+
+// Keys whose meaning others decide: those that take a value of the profile's place when they are given, and [usb].
+struct Overrides {
+  std::optional<double> rate_hz;
+  std::optional<genicam::PixelOrder> pixel_order;
+  std::optional<int> metadata_rows;
+  std::optional<double> tau_s;
+  UsbKeys usb;
+};
+
+void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
+  keys.section("source", "where frames come from");
+  keys.choice<SourceType>(
+      "type", c.source, kSources,
+      "genicam: a GigE Vision or USB3 Vision camera. replay: a capture file. usb: frames over a bulk "
+      "endpoint as [usb] describes, experimental.");
+  keys.text("address", c.camera.address,
+            "Camera: IP address or Aravis device id; empty: the only camera that answers.");
+  keys.text(
+      "serial", c.camera.serial,
+      "Camera: serial number of the one that is meant when there is no address. A lost camera is looked for by it.");
+  keys.integer("width", c.camera.width, {0, 4096, "pixels"}, "Camera: columns; 0: as the camera has it.");
+  keys.integer("height", c.camera.height, {0, 4096, "rows"},
+               "Camera: image rows without metadata rows; 0: as the camera has it.");
+  keys.number("rate_hz", o.rate_hz, 200.0, {0.0, 10000.0, "Hz"},
+              "Camera: frame rate; 0: as the camera has it. Left out: the profile's frame_period_s decides.");
+  keys.choice<genicam::IrFormat>(
+      "ir_format", c.camera.ir_format, kIrFormats,
+      "Camera: what a count means (FLIR's IRFormat); leave: as the camera has it. radiometric becomes "
+      "kelvin here, by the camera's Planck constants; unproven on an A655sc.");
+  keys.choice<genicam::PixelOrder>("pixel_order", o.pixel_order, kPixelOrders,
+                                   "Camera: byte order of pixels on the wire. Left out: the profile's byte_order.");
+  keys.integer("metadata_rows", o.metadata_rows, 3, {0, 64, "rows"},
+               "Camera: rows after the image that are dropped. Left out: the profile's metadata_rows.");
+  keys.integer("packet_size", c.camera.packet_size, {0, 65536, "bytes"},
+               "Camera: size of a network packet; 0: the largest that the link carries.");
+  keys.integer("socket_buffer_bytes", c.camera.socket_buffer_bytes, {65536, 1 << 30, "bytes"},
+               "Camera: receive buffer; the system's limit is net.core.rmem_max.");
+  keys.boolean("resend", c.camera.resend, "Camera: ask for lost packets again; only for cameras that answer.");
+  keys.integer("packet_timeout_us", c.camera.packet_timeout_us, {100, 1000000, "us"},
+               "Camera: how long to wait for a packet before asking again.");
+  keys.integer("frame_retention_us", c.camera.frame_retention_us, {1000, 10000000, "us"},
+               "Camera: how long an incomplete frame may hold up the ones behind it.");
+  keys.integer("buffers", c.camera.buffers, {4, 1024, "frames"}, "Camera: frames that the receiver may fill ahead.");
+  keys.integer("realtime_priority", c.camera.realtime_priority, {0, 99, ""},
+               "Camera: SCHED_FIFO priority of the receiving thread; 0: the default scheduler.");
+  keys.integer("stall_ms", c.camera.stall_ms, {10, 60000, "ms"},
+               "Camera: without a frame for this long the stream counts as stalled.");
+  keys.integer("reconnect_after_ms", c.camera.reconnect_after_ms, {0, 600000, "ms"},
+               "Camera: stalled for this long it is opened again; 0: never.");
+  keys.file("file", c.replay.file, "capture.h5", "Replay: the capture.");
+  keys.choice<replay::Pace>(
+      "pace", c.replay.pace, kPaces,
+      "Replay: realtime keeps the capture's times and may lose frames; fast waits for everything.");
+}
+
+void deblur_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
+  deblur::Settings& s = c.pipeline.deblur;
+  keys.section("deblur", "how frames are made sharp");
+  keys.choice<deblur::Method>(
+      "solver", s.method, kMethods,
+      "admm, dual: fixed iterations, for live work. exact: to convergence, slow. inverse: no prior, for little noise. "
+      "mmae: many motion models, weighted.");
+  keys.number_or_word(
+      "lambda", s.lambda, s.auto_lambda, "auto", {0.0, 1e6, "K (counts when the source has no kelvin)"},
+      "Weight of the prior in kappa |V H^T D - Y|^2 + lambda |D|_1. More smooths more; auto follows noise and motion.");
+  keys.number("noise_k", s.noise_k, {0.0, 1000.0, "K (counts when the source has no kelvin)"},
+              "Temporal noise that mmae and lambda = \"auto\" reckon with; 0: measured.");
+  keys.number("kappa", s.kappa, {1e-9, 1e9, ""}, "Weight of the data in the same sum.");
+  keys.integer("iterations", s.iterations, {0, 1000, ""},
+               "Iterations of admm and dual; 0: as many as the accuracy needs at this lambda.");
+  keys.integer("window", s.window, {3, 65, "frames"}, "Frames a window: a power of two, and one.");
+  keys.integer("levels", s.levels, {1, 10, ""}, "The window's time is divided into 2^levels bins.");
+  keys.integer(
+      "lookahead", s.lookahead, {0, 63, "frames"},
+      "Frames after the estimated one that the window holds: each costs a frame of delay and lowers the error.");
+  keys.integer("workers", c.pipeline.workers, {1, 64, "threads"}, "Threads that share each frame's rows.");
+  keys.text("isa", c.isa, "Instruction set of the kernels: AVX3, AVX2, SSE4 ...; auto: the best that runs here.");
+  keys.number("tau_s", o.tau_s, c.profile.tau_s, {1e-4, 1.0, "s"},
+              "Thermal time constant. Left out: the profile's tau_s.");
+}
+
+void pipeline_keys(KeyTable& keys, DaemonConfig& c) {
+  keys.section("pipeline", "threads and memory");
+  keys.integer("queue_frames", c.pipeline.queue_frames, {1, 4096, "frames"},
+               "Frames that may wait between camera and deblurring.");
+  keys.boolean(
+      "degrade", c.pipeline.degrade,
+      "When deblurring can't keep up, spend less on frames rather than lose them: from 1/8 of the queue on one "
+      "sweep, from 1/4 the inverse filter, from 1/2 the raw frame. Each such frame carries a flag.");
+  keys.integer("realtime_priority", c.pipeline.thread.realtime_priority, {0, 99, ""},
+               "SCHED_FIFO priority of the deblurring threads; 0: the default scheduler.");
+  keys.integers("cpus", c.pipeline.thread.cpus, {0, 4095, ""}, "CPUs that the deblurring threads keep to; []: any.");
+  keys.boolean("lock_memory", c.lock_memory, "Keep all memory from being swapped out (mlockall), when allowed.");
+}
+
+void output_keys(KeyTable& keys, DaemonConfig& c) {
+  keys.section("shm", "frames for other programs: shared memory /bolo.NAME");
+  keys.boolean("enable", c.shm_enabled, "Publish into shared memory.");
+  keys.integer("slots", c.shm.slots, {0, 65536, "frames"},
+               "Frames in the ring, at least window + lookahead; 0: 64, or more when the window needs more.");
+  keys.octal("mode", c.shm.mode, {0600, 0777, ""}, "Permission bits; readers need to read only.");
+  keys.text("group", c.shm.group, "Owner group; empty: the daemon's own.");
+  video_keys(keys, c.video);
+  keys.section("control", "commands to the running daemon: `bolo nuc NAME`");
+  keys.boolean("enable", c.control.enabled, "Listen on a unix socket.");
+  keys.text(
+      "socket", c.control.socket,
+      "Its path; empty: NAME.sock in the runtime directory (RUNTIME_DIRECTORY, /run/bolo, XDG_RUNTIME_DIR/bolo).");
+  keys.octal("mode", c.control.mode, {0600, 0777, ""}, "Permission bits; whoever may write to it may send commands.");
+  keys.section("metrics", "numbers for Prometheus, at http://LISTEN/metrics");
+  keys.boolean("enable", c.metrics.enabled, "Answer scrapes.");
+  keys.text("listen", c.metrics.listen, "Address and port.");
+  keys.boolean("allow_remote", c.metrics.allow_remote,
+               "Let `listen` be an address that other computers reach. Who reaches it may read; nothing is asked.");
+  keys.section("log", "messages");
+  keys.choice<LogLevel>("level", c.log.level, kLevels, "The least important messages that are written.");
+  keys.choice<LogFormat>(
+      "format", c.log.format, kFormats,
+      "text: time, level, message on standard error. journal: to systemd's journal, with fields (BOLO_EVENT "
+      "...). auto: journal for a service whose standard error is the journal.");
+}
+
+KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
+  KeyTable keys;
+  keys.text("name", config.name, "Name of this daemon's shared memory, /bolo.NAME: letters, digits, '-', '_', '.'.");
+  keys.file("profile", config.profile_file, "a655sc.toml",
+            "Camera profile. Left out: what is known of the A655sc at 200 Hz.");
+  source_keys(keys, config, overrides);
+  camera_keys(keys, config.camera);
+  usb_keys(keys, overrides.usb);
+  deblur_keys(keys, config, overrides);
+  pipeline_keys(keys, config);
+  output_keys(keys, config);
+  for (const std::string_view key : live_keys()) keys.mark(key, "live");
+  return keys;
+}
+
+// Tells another content of a file from this one.
+std::string content(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+// Maps are large, and replaced as a whole.
+std::string stamp(const std::filesystem::path& file) {
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(file, error);
+  const auto time = std::filesystem::last_write_time(file, error);
+  return error ? "" : std::to_string(bytes) + " " + std::to_string(time.time_since_epoch().count());
+}
+
+// Files that the configuration names change the daemon, too.
+void note_profile(DaemonConfig& config) {
+  if (config.profile_file.empty()) return;
+  config.texts.emplace("what the profile says", content(config.profile_file));
+  if (!config.profile.maps.empty()) config.texts.emplace("the profile's maps", stamp(config.profile.maps));
+}
+
+// Profile first, then the keys that take its place.
+Status apply_profile(DaemonConfig& config, const Overrides& overrides) {
+  if (!config.profile_file.empty()) {
+    Result<model::CameraProfile> profile = model::read_profile(config.profile_file);
+    if (!profile) return tl::unexpected<Error>(profile.error());
+    config.profile = *profile;
+  }
+  Result<model::PixelMaps> maps = capture::read_profile_maps(config.profile);
+  if (!maps) return tl::unexpected<Error>(maps.error());
+  pipeline::apply_profile(config.profile, std::move(*maps), config.pipeline);
+  const model::CameraProfile& profile = config.profile;
+  const auto order = profile.big_endian_pixels ? genicam::PixelOrder::kBigEndian : genicam::PixelOrder::kLittleEndian;
+  config.camera.rate_hz = overrides.rate_hz.value_or(1.0 / profile.frame_period_s);
+  config.camera.pixel_order = overrides.pixel_order.value_or(order);
+  config.camera.metadata_rows = overrides.metadata_rows.value_or(profile.metadata_rows);
+  if (overrides.tau_s) config.pipeline.deblur.tau_s = *overrides.tau_s;
+  config.pipeline.deblur.period_s = profile.frame_period_s;
+  config.pipeline.thread.name = "bolo-deblur";
+  config.shm.name = config.name;
+  if (!config.control.enabled) config.control.socket.clear();
+  if (config.control.enabled && config.control.socket.empty()) {
+    config.control.socket = default_control_socket(config.name);
+  }
+  config.shm.control_socket = config.control.socket;
+  return {};
+}
+
+Status check_together(const KeyTable& keys, const DaemonConfig& config) {
+  const auto here = [&keys](std::string_view path, const std::string& message) {
+    return bad_input(keys.where(path) + message);
+  };
+  if (const auto path = shm::object_path(config.name); !path) return here("name", "name: " + path.error().message);
+  if (config.source == SourceType::kReplay && config.replay.file.empty()) {
+    return here("source.type", "source.type = \"replay\" needs source.file, the capture to replay");
+  }
+  if (const Status camera = check_camera(config.camera); !camera) return here("camera", camera.error().message);
+  if (const Status isa = deblur::check_isa(config.isa); !isa) return here("deblur.isa", isa.error().message);
+  if (Status video = check_video(keys, config.video); !video) return video;
+  if (const Status listen = check_listen(config.metrics); !listen)
+    return here("metrics.listen", listen.error().message);
+  const deblur::Settings& settings = config.pipeline.deblur;
+  if (const Status status = deblur::validate(settings); !status) return here("", status.error().message);
+  const int needed = settings.window + settings.lookahead;
+  if (config.shm.slots != 0 && config.shm.slots < needed) {
+    return here("shm.slots", "shm.slots = " + std::to_string(config.shm.slots) + " is less than window + lookahead = " +
+                                 std::to_string(needed) + "; give that or more, or 0");
+  }
+  return {};
+}
+
+}  // namespace
+
+DaemonConfig::DaemonConfig() {
+  video[1].sink.device = "/dev/video11";
+  video[1].sink.plane = v4l2::Plane::kRaw;
+  pipeline.degrade = true;
+  camera.width = 640;
+  camera.height = 120;
+}
+
+Result<DaemonConfig> read_config(const std::filesystem::path& file) {
+  DaemonConfig config;
+  Overrides overrides;
+  KeyTable keys = config_keys(config, overrides);
+  if (const Status status = keys.read(file); !status) return tl::unexpected<Error>(status.error());
+  config.file = file;
+  config.texts = config_keys(config, overrides).texts();
+  if (const Status status = apply_profile(config, overrides); !status) return tl::unexpected<Error>(status.error());
+  if (config.source == SourceType::kUsb) {
+    auto usb = usb_options(keys, overrides.usb, config.camera);
+    if (!usb) return tl::unexpected<Error>(usb.error());
+    config.usb = std::move(*usb);
+  }
+  if (const Status status = check_together(keys, config); !status) return tl::unexpected<Error>(status.error());
+  note_profile(config);
+  return config;
+}
+
+std::string document_config() {
+  DaemonConfig config;
+  Overrides overrides;
+  return std::string(kHeading) + config_keys(config, overrides).document();
+}
+
+}  // namespace bolo::daemon

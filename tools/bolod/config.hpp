@@ -1,0 +1,95 @@
+// What `bolod` is asked to do, read from one TOML file (config/bolod.toml documents every key).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+
+#include "drivers/genicam/genicam_source.hpp"
+#include "drivers/replay/replay_source.hpp"
+#include "drivers/shm/shm_sink.hpp"
+#include "drivers/usb/usb_source.hpp"
+#include "drivers/v4l2/v4l2_sink.hpp"
+#include "src/core/result.hpp"
+#include "src/model/camera_profile.hpp"
+#include "src/pipeline/pipeline.hpp"
+
+namespace bolo::daemon {
+
+enum class SourceType {
+  kGenicam,  // a camera, or its fake, on the network
+  kReplay,   // a capture file, in process
+  kUsb,      // a camera that sends its frames over a bulk endpoint: experimental
+};
+
+struct ReplayOptions {
+  std::filesystem::path file;
+  replay::Pace pace = replay::Pace::kRealTime;
+  replay::Laps laps = replay::Laps::kOne;
+};
+
+enum class LogLevel { kDebug, kInfo, kWarning, kError };
+enum class LogFormat {
+  kAuto,     // kJournal when standard error leads to the journal, else kText
+  kText,     // time, level, message
+  kJournal,  // to the journal, with fields; "<6>message" on standard error where there is none
+};
+
+struct LogOptions {
+  LogLevel level = LogLevel::kInfo;
+  LogFormat format = LogFormat::kAuto;
+};
+
+struct ControlOptions {
+  bool enabled = true;
+  std::string socket;  // empty: at the default place (tools/bolod/control.hpp)
+  unsigned mode = 0660;
+};
+
+struct VideoOptions {
+  bool enabled = false;
+  v4l2::V4l2Options sink;
+};
+inline constexpr std::size_t kVideoDevices = 2;
+
+struct MetricsOptions {
+  bool enabled = false;
+  std::string listen = "127.0.0.1:9464";
+  bool allow_remote = false;  // an address that other computers reach
+};
+
+struct DaemonConfig {
+  DaemonConfig();  // the defaults for an A655sc at 200 Hz
+
+  std::filesystem::path file;                             // that it was read from
+  std::map<std::string, std::string, std::less<>> texts;  // what that says for each key; of the profile's files, too
+
+  std::string name = "camera";         // of the shared memory and in the log
+  std::filesystem::path profile_file;  // empty: `profile` as built in
+  model::CameraProfile profile;
+  SourceType source = SourceType::kGenicam;
+  genicam::CameraOptions camera;
+  ReplayOptions replay;
+  usb::UsbOptions usb;
+  pipeline::PipelineOptions pipeline;
+  std::string isa = "auto";  // instruction set of the solver's kernels
+  bool lock_memory = true;
+  bool shm_enabled = true;
+  shm::ShmOptions shm;
+  std::array<VideoOptions, kVideoDevices> video;
+  ControlOptions control;
+  MetricsOptions metrics;
+  LogOptions log;
+};
+
+// Reads a configuration and the profile that it names, and checks what the keys say together. Anything wrong is bad
+// input: file, line and item. Thread: setup.
+Result<DaemonConfig> read_config(const std::filesystem::path& file);
+
+// The complete commented default configuration. Thread: any.
+std::string document_config();
+
+}  // namespace bolo::daemon

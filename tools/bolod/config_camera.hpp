@@ -1,0 +1,15 @@
+// The keys of what a camera is told beyond its stream: range, corrections, object.
+#pragma once
+
+#include "drivers/genicam/genicam_source.hpp"
+#include "src/model/strict_toml.hpp"
+
+namespace bolo::daemon {
+
+// Declares [camera], [nuc] and [object], bound to `camera`, which outlives the table. Thread: any.
+void camera_keys(model::KeyTable& keys, genicam::CameraOptions& camera);
+
+// What these keys say together. Thread: any.
+Status check_camera(const genicam::CameraOptions& camera);
+
+}  // namespace bolo::daemon

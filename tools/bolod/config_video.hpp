@@ -1,0 +1,21 @@
+// The keys of the video devices that frames are shown on.
+#pragma once
+
+#include <array>
+#include <string_view>
+
+#include "src/model/strict_toml.hpp"
+#include "tools/bolod/config.hpp"
+
+namespace bolo::daemon {
+
+// Sections of the devices' keys.
+inline constexpr std::array<std::string_view, kVideoDevices> kVideoSections{"v4l2", "v4l2_second"};
+
+// Declares them, bound to `video`, which outlives the table. Thread: any.
+void video_keys(model::KeyTable& keys, std::array<VideoOptions, kVideoDevices>& video);
+
+// What the keys say together; errors begin with the place in the file. Thread: any.
+Status check_video(const model::KeyTable& keys, const std::array<VideoOptions, kVideoDevices>& video);
+
+}  // namespace bolo::daemon

@@ -1,0 +1,37 @@
+// The daemon's control socket: one line in, one line of JSON out.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "src/core/result.hpp"
+
+namespace bolo::daemon {
+
+// Where a daemon of this name hears commands unless told otherwise: NAME.sock in systemd's RUNTIME_DIRECTORY, else in
+// /run/bolo (root), else in bolo below XDG_RUNTIME_DIR, else in /tmp/bolo-UID. Thread: any.
+std::string default_control_socket(const std::string& name);
+
+// Serves one client after the other on a thread of its own, which touches nothing that frames pass.
+class ControlServer {
+ public:
+  // The answer to a request, without the line's end. Thread: the server's.
+  using Answer = std::function<std::string(std::string_view request)>;
+
+  // Makes the socket, and its folder when that is missing; what a dead daemon left there is replaced. `mode`:
+  // permission bits. A path that cannot be used, or where a living daemon listens, is bad input. Thread: setup.
+  static Result<std::unique_ptr<ControlServer>> start(const std::string& path, unsigned mode, Answer answer);
+  // Ends the thread, once it has answered, and removes the socket.
+  ~ControlServer();
+  ControlServer(const ControlServer&) = delete;
+  ControlServer& operator=(const ControlServer&) = delete;
+
+ private:
+  struct Impl;
+  explicit ControlServer(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace bolo::daemon

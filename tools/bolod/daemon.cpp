@@ -1,0 +1,256 @@
+#include "tools/bolod/daemon.hpp"
+
+#include <malloc.h>
+#include <pthread.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <ctime>
+#include <optional>
+#include <string_view>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "src/deblur/isa.hpp"
+#include "tools/bolod/compose.hpp"
+#include "tools/bolod/control.hpp"
+#include "tools/bolod/journal_sink.hpp"
+#include "tools/bolod/log.hpp"
+#include "tools/bolod/metrics.hpp"
+#include "tools/bolod/metrics_server.hpp"
+#include "tools/bolod/reload.hpp"
+#include "tools/bolod/service_manager.hpp"
+#include "tools/bolod/state.hpp"
+#include "tools/bolod/supervisor.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+namespace event = pipeline::event;
+
+constexpr timespec kLookPeriod{0, 100'000'000};  // how late a signal's or the source's end may be noticed
+
+sigset_t our_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (const int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&signals, signal);
+  return signals;
+}
+
+// What is locked stays in memory for good.
+void keep_memory_small() {
+  // Large blocks, such as a connection's frame buffers, go back to the system when they are freed. By itself the C
+  // library would keep them from the second connection on.
+  constexpr int kLargeBytes = 128 << 10;
+  mallopt(M_MMAP_THRESHOLD, kLargeBytes);
+  // A connection's threads would each be given an arena of their own, which stays. Nothing allocates while frames flow,
+  // so one is enough for all.
+  mallopt(M_ARENA_MAX, 1);
+}
+
+// The program and its libraries whole, before other threads have stacks, which would be locked whole too. Where it is
+// refused, lock_memory() says so.
+void lock_program() { mlockall(MCL_CURRENT); }
+
+rlim_t memory_limit() {
+  rlimit limit{};
+  getrlimit(RLIMIT_MEMLOCK, &limit);
+  return limit.rlim_cur;
+}
+
+}  // namespace
+
+void block_signals() {
+  const sigset_t signals = our_signals();
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+}
+
+struct Daemon::Impl {
+  DaemonConfig config;
+  std::shared_ptr<spdlog::logger> log;
+  ComposedSinks sinks;                       // outlive the pipeline
+  genicam::GenicamSource* camera = nullptr;  // owned by the pipeline
+  replay::ReplaySource* replay = nullptr;    // owned by the pipeline
+  std::unique_ptr<pipeline::Pipeline> pipeline;
+
+  std::atomic<bool> stop_requested{false};
+  std::atomic<bool> ended{false};
+  Status result;  // of the pipeline; written before `ended`, read after the thread is joined
+
+  std::optional<Supervisor> supervisor;    // from create() on
+  std::unique_ptr<ControlServer> control;  // goes first, with the next: they ask all others
+  std::unique_ptr<MetricsServer> metrics;
+
+  Status compose();
+  Status listen();
+  Status serve_metrics();
+  std::string answer(std::string_view request) const;
+  void watch();
+  bool take_signal();
+  void reload();
+  void apply(const DaemonConfig& read);
+  void lock_memory() const;
+};
+
+Status Daemon::Impl::compose() {
+  Result<ComposedSource> source = make_source(config);
+  if (!source) return tl::unexpected<Error>(source.error());
+  for (const std::string& warning : source->warnings) log->warn(warning);
+  camera = source->camera;
+  replay = source->replay;
+  sinks = make_sinks(config);
+  std::vector<pipeline::FrameSink*> lent;
+  for (const auto& sink : sinks.all) lent.push_back(sink.get());
+  if (Status status = deblur::choose_isa(config.isa); !status) return status;
+  pipeline::PipelineOptions options = config.pipeline;
+  options.degrade = options.degrade && !waits_for_frames(config);
+  options.warn = [log = log](const std::string& what) { log->warn(what); };
+  auto made = pipeline::Pipeline::create(std::move(source->source), lent, options);
+  if (!made) return tl::unexpected<Error>(made.error());
+  pipeline = std::move(*made);
+  if (camera != nullptr) {
+    for (const std::string& warning : camera->warnings()) log->warn(warning);
+  }
+  const std::string& serial = pipeline->source().camera_serial;
+  if (!config.profile.serial.empty() && !serial.empty() && serial != config.profile.serial) {
+    log->warn("the profile is of camera {}, but this is camera {}", config.profile.serial, serial);
+  }
+  return {};
+}
+
+// A place that was not asked for may fail: frames matter more than commands.
+Status Daemon::Impl::listen() {
+  if (config.control.socket.empty()) return {};
+  auto made = ControlServer::start(config.control.socket, config.control.mode,
+                                   [this](std::string_view request) { return answer(request); });
+  if (made) {
+    control = std::move(*made);
+    return {};
+  }
+  if (config.control.socket != default_control_socket(config.name)) return tl::unexpected<Error>(made.error());
+  log->warn(made.error().message);  // nobody asked for this place
+  return {};
+}
+
+Status Daemon::Impl::serve_metrics() {
+  if (!config.metrics.enabled) return {};
+  auto made = MetricsServer::start(config.metrics, [this] {
+    return collect_metrics({config.name, *pipeline, sinks.video, supervisor->flows()});
+  });
+  if (!made) return tl::unexpected<Error>(made.error());
+  metrics = std::move(*made);
+  return {};
+}
+
+// On the control server's thread.
+std::string Daemon::Impl::answer(std::string_view request) const {
+  const auto refused = [](const std::string& why) { return nlohmann::json{{"ok", false}, {"error", why}}.dump(); };
+  if (request == "state") return state_json(config.name, pipeline->stats(), sinks.video).dump();
+  if (request != "nuc") return refused("unknown request; there are: nuc, state");
+  if (const Status done = pipeline->correct(); !done) return refused(done.error().message);
+  const pipeline::SourceStatus* status = pipeline->stats().source;
+  return nlohmann::json{{"ok", true}, {"nucs", status != nullptr ? status->corrections.value() : 0}}.dump();
+}
+
+// True when it asks for the end.
+bool Daemon::Impl::take_signal() {
+  const sigset_t signals = our_signals();
+  const int signal = sigtimedwait(&signals, nullptr, &kLookPeriod);
+  if (signal == SIGHUP) reload();
+  if (signal != SIGTERM && signal != SIGINT) return false;
+  log->info("{}: stopping", signal == SIGTERM ? "SIGTERM" : "SIGINT");
+  return true;
+}
+
+// What was used so far, before frames flow; and what threads and drivers take later as they first use it, unless a
+// limit could then make their allocations fail.
+void Daemon::Impl::lock_memory() const {
+  if (!config.lock_memory) return;
+  const bool unlimited = memory_limit() == RLIM_INFINITY || geteuid() == 0;
+  if (mlockall(MCL_CURRENT | MCL_ONFAULT | (unlimited ? MCL_FUTURE : 0)) == 0) return;
+  log->warn(
+      "memory is not locked ({}): raise LimitMEMLOCK (ulimit -l, now {} KiB), or set pipeline.lock_memory = false",
+      std::strerror(errno), memory_limit() >> 10);
+}
+
+void Daemon::Impl::watch() {
+  while (!ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
+    if (take_signal()) break;
+    supervisor->look();
+  }
+  service::tell_stopping();
+}
+
+// A file that is wrong changes nothing.
+void Daemon::Impl::reload() {
+  service::tell_reloading();
+  const Result<DaemonConfig> read =
+      config.file.empty() ? bad_input("there is no file that could have changed") : read_config(config.file);
+  if (read) {
+    apply(*read);
+  } else {
+    const std::string text = "reload: " + read.error().message + "; all stays as it was";
+    log_notice(*log, spdlog::level::err, {true, text, event::kReload});
+  }
+  service::tell_ready(read ? "read its file again" : "could not read its file again");
+}
+
+void Daemon::Impl::apply(const DaemonConfig& read) {
+  const ConfigChange change = compare(config, read);
+  set_level(*log, read.log.level);
+  if (camera != nullptr) camera->set_nuc(read.camera.nuc);
+  for (std::size_t i = 0; i < kVideoDevices; ++i) {
+    if (sinks.video[i] != nullptr) sinks.video[i]->follow(read.video[i].sink.tone);
+  }
+  for (const std::string& key : change.live) config.texts[key] = read.texts.at(key);
+  if (!change.restart.empty()) {
+    const std::string text = "reload: needs a restart: " + key_list(change.restart);
+    log_notice(*log, spdlog::level::warn, {true, text, event::kReload});
+  }
+  const std::string taken = change.live.empty() ? "nothing to take up" : "took up " + key_list(change.live);
+  log_notice(*log, spdlog::level::info, {false, "reload: " + taken, event::kReload});
+}
+
+Daemon::Daemon(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Daemon::~Daemon() = default;
+
+Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::shared_ptr<spdlog::logger> log) {
+  if (config.lock_memory) {
+    keep_memory_small();
+    lock_program();
+  }
+  auto impl = std::make_unique<Impl>();
+  impl->config = config;
+  impl->log = std::move(log);
+  if (const Status status = impl->compose(); !status) return tl::unexpected<Error>(status.error());
+  const int stall_ms = config.source == SourceType::kUsb ? config.usb.stall_ms : config.camera.stall_ms;
+  impl->supervisor.emplace(Supervisor::Subject{*impl->log, *impl->pipeline, impl->sinks.video, stall_ms});
+  if (const Status status = impl->listen(); !status) return tl::unexpected<Error>(status.error());
+  if (const Status status = impl->serve_metrics(); !status) return tl::unexpected<Error>(status.error());
+  return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
+}
+
+Status Daemon::run() {
+  Impl& self = *impl_;
+  log_notice(*self.log, spdlog::level::info,
+             {false, self.config.name + ": " + describe(self.config, *self.pipeline), event::kStart});
+  self.lock_memory();
+  std::thread runner([&self] {
+    self.result = self.pipeline->run(self.stop_requested);
+    self.ended.store(true, std::memory_order_release);  // partner: the load in watch()
+  });
+  self.watch();
+  self.stop_requested.store(true, std::memory_order_relaxed);
+  runner.join();
+  self.supervisor->tell_end();
+  if (!self.result) return self.result;
+  return self.replay != nullptr ? self.replay->result() : Status{};
+}
+
+}  // namespace bolo::daemon

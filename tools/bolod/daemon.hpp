@@ -1,0 +1,37 @@
+// The daemon: source, pipeline and sinks put together from a configuration, run until a signal or the source's end.
+#pragma once
+
+#include <memory>
+
+#include <spdlog/logger.h>
+
+#include "src/core/result.hpp"
+#include "tools/bolod/config.hpp"
+
+namespace bolo::daemon {
+
+// Keeps SIGTERM, SIGINT and SIGHUP for Daemon::run(): blocked in this thread and all that it starts. To be called
+// before any thread exists. Thread: setup.
+void block_signals();
+
+class Daemon {
+ public:
+  // Opens the source and the sinks and takes all memory. An absent camera, a taken name and a full /dev/shm are bad
+  // input. Thread: setup.
+  static Result<std::unique_ptr<Daemon>> create(const DaemonConfig& config, std::shared_ptr<spdlog::logger> log);
+  ~Daemon();
+  Daemon(const Daemon&) = delete;
+  Daemon& operator=(const Daemon&) = delete;
+
+  // Runs the pipeline on a thread of its own until SIGTERM, SIGINT or the source's end; meanwhile logs changes of state
+  // and tells the service manager (sd_notify) from the calling thread, and on SIGHUP reads the configuration again.
+  // Called once, after block_signals(). Thread: setup.
+  Status run();
+
+ private:
+  struct Impl;
+  explicit Daemon(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace bolo::daemon

@@ -1,0 +1,107 @@
+#include "tools/bolod/health.hpp"
+
+#include <algorithm>
+
+#include "src/core/duration_text.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+namespace event = pipeline::event;
+
+constexpr std::int64_t kSecondNs = 1'000'000'000;
+constexpr std::int64_t kLossNoticeNs = 10 * kSecondNs;
+constexpr double kPatiencePeriods = 20.0;
+
+}  // namespace
+
+LossCounts loss_counts(const pipeline::PipelineStats& stats) {
+  LossCounts losses{};
+  for (std::size_t i = 0; i < kLossCauses; ++i) losses[i] = stats.inlet.losses().value(static_cast<LossCause>(i));
+  return losses;
+}
+
+std::string loss_words(const LossCounts& losses) {
+  std::string words;
+  for (std::size_t i = 0; i < kLossCauses; ++i) {
+    if (losses[i] == 0) continue;
+    words +=
+        (words.empty() ? "" : ", ") + std::to_string(losses[i]) + " " + std::string(name(static_cast<LossCause>(i)));
+  }
+  return words.empty() ? "none" : words;
+}
+
+void add_loss_counts(const LossCounts& losses, pipeline::Notice& notice) {
+  for (std::size_t i = 0; i < kLossCauses; ++i) {
+    if (losses[i] > 0) notice.counts.emplace_back("lost_" + std::string(name(static_cast<LossCause>(i))), losses[i]);
+  }
+}
+
+EffortCounts effort_counts(const pipeline::PipelineStats& stats) {
+  EffortCounts counts{};
+  for (std::size_t i = 0; i < pipeline::kEfforts; ++i) counts[i] = stats.by_effort[i].value();
+  return counts;
+}
+
+Health::Health(double frame_period_s, std::int64_t start_ns)
+    : patience_ns_(std::max(kSecondNs, static_cast<std::int64_t>(kPatiencePeriods * frame_period_s * 1e9))),
+      last_frame_ns_(start_ns),
+      last_loss_notice_ns_(start_ns - kLossNoticeNs),
+      last_effort_notice_ns_(start_ns - kLossNoticeNs) {}
+
+std::vector<pipeline::Notice> Health::look(const Snapshot& now) {
+  std::vector<pipeline::Notice> notices;
+  look_at_flow(now, notices);
+  look_at_losses(now, notices);
+  look_at_effort(now, notices);
+  return notices;
+}
+
+void Health::look_at_flow(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
+  const std::int64_t silent_ns = now.now_ns - last_frame_ns_;
+  if (now.received != received_) {
+    if (flow_ == Flow::kWaiting) notices.push_back({false, "frames arrive", event::kFramesFlow});
+    if (flow_ == Flow::kStopped)
+      notices.push_back({false, "frames arrive again after " + seconds_text(silent_ns), event::kFramesFlow});
+    flow_ = Flow::kFlowing;
+    received_ = now.received;
+    last_frame_ns_ = now.now_ns;
+  } else if (!now.watched && flow_ != Flow::kStopped && silent_ns > patience_ns_) {
+    flow_ = Flow::kStopped;
+    notices.push_back({true, "no frame for " + seconds_text(silent_ns), event::kFramesStopped});
+  }
+}
+
+void Health::look_at_losses(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
+  if (now.losses == told_ || now.now_ns - last_loss_notice_ns_ < kLossNoticeNs) return;
+  LossCounts fresh{};
+  for (std::size_t i = 0; i < kLossCauses; ++i) fresh[i] = now.losses[i] - told_[i];
+  pipeline::Notice notice{true, "frames lost since the last notice: " + loss_words(fresh), event::kFramesLost};
+  add_loss_counts(fresh, notice);
+  notices.push_back(std::move(notice));
+  told_ = now.losses;
+  last_loss_notice_ns_ = now.now_ns;
+}
+
+// The end of an overload is told once nothing of it was seen for as long as its notices are apart.
+void Health::look_at_effort(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
+  if (now.now_ns - last_effort_notice_ns_ < kLossNoticeNs) return;
+  std::string words;
+  pipeline::Notice notice{true, "", event::kOverload};
+  for (std::size_t i = 1; i < pipeline::kEfforts; ++i) {
+    const std::uint64_t fresh = now.by_effort[i] - told_efforts_[i];
+    if (fresh == 0) continue;
+    const std::string effort(name(static_cast<pipeline::Effort>(i)));
+    words += (words.empty() ? "" : ", ") + std::to_string(fresh) + " " + effort;
+    notice.counts.emplace_back("effort_" + effort, fresh);
+  }
+  if (words.empty() && !overloaded_) return;
+  notice.text = "deblurring can't keep up; frames on which less was spent since the last notice: " + words;
+  if (words.empty()) notice = {false, "deblurring keeps up again", event::kFullEffort};
+  notices.push_back(std::move(notice));
+  overloaded_ = !words.empty();
+  told_efforts_ = now.by_effort;
+  last_effort_notice_ns_ = now.now_ns;
+}
+
+}  // namespace bolo::daemon

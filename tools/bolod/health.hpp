@@ -1,0 +1,67 @@
+// What is worth a line in the log: changes of state, not frames.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "src/core/loss.hpp"
+#include "src/pipeline/notices.hpp"
+#include "src/pipeline/stats.hpp"
+
+namespace bolo::daemon {
+
+using LossCounts = std::array<std::uint64_t, kLossCauses>;
+
+// Thread: any.
+LossCounts loss_counts(const pipeline::PipelineStats& stats);
+
+// "3 missing, 1 queue_full"; "none" when there is none. Thread: any.
+std::string loss_words(const LossCounts& losses);
+
+// Adds those that are not zero to the notice's counts, as "lost_missing". Thread: any.
+void add_loss_counts(const LossCounts& losses, pipeline::Notice& notice);
+
+using EffortCounts = std::array<std::uint64_t, pipeline::kEfforts>;
+
+// Thread: any.
+EffortCounts effort_counts(const pipeline::PipelineStats& stats);
+
+// What the daemon sees of itself at one moment.
+struct Snapshot {
+  std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
+  std::uint64_t received = 0;  // frames
+  LossCounts losses{};
+  bool watched = false;  // the source tells itself when frames stop and come back
+  EffortCounts by_effort{};
+};
+
+// Turns a series of snapshots into notices. Thread: one at a time.
+class Health {
+ public:
+  // `frame_period_s` decides how long without a frame is too long.
+  explicit Health(double frame_period_s, std::int64_t start_ns);
+
+  // At a few calls a second. Lost frames and overload are told at most every 10 s, so that a bad link or a slow
+  // machine does not flood the log.
+  std::vector<pipeline::Notice> look(const Snapshot& now);
+
+ private:
+  void look_at_flow(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+  void look_at_losses(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+  void look_at_effort(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+
+  enum class Flow { kWaiting, kFlowing, kStopped };
+  std::int64_t patience_ns_;
+  std::int64_t last_frame_ns_;
+  std::int64_t last_loss_notice_ns_;
+  Flow flow_ = Flow::kWaiting;
+  std::uint64_t received_ = 0;
+  LossCounts told_{};  // losses already in the log
+  EffortCounts told_efforts_{};
+  std::int64_t last_effort_notice_ns_;
+  bool overloaded_ = false;
+};
+
+}  // namespace bolo::daemon

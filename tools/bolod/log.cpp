@@ -1,0 +1,53 @@
+#include "tools/bolod/log.hpp"
+
+#include <sys/uio.h>
+
+#include <vector>
+
+#include <spdlog/sinks/stdout_sinks.h>
+
+#include "tools/bolod/journal_sink.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+spdlog::level::level_enum spdlog_level(LogLevel level) {
+  switch (level) {
+    case LogLevel::kDebug:
+      return spdlog::level::debug;
+    case LogLevel::kInfo:
+      return spdlog::level::info;
+    case LogLevel::kWarning:
+      return spdlog::level::warn;
+    case LogLevel::kError:
+      break;
+  }
+  return spdlog::level::err;
+}
+
+spdlog::sink_ptr text_sink() {
+  auto sink = std::make_shared<spdlog::sinks::stderr_sink_mt>();
+  sink->set_pattern("%Y-%m-%d %H:%M:%S.%e %l: %v");
+  return sink;
+}
+
+// Where no journal listens nobody takes the message, and the sink writes it to standard error.
+spdlog::sink_ptr journal_sink(const std::string& name) {
+  if (journal_listens()) return make_journal_sink(name, send_to_journal);
+  return make_journal_sink(name, [](const std::vector<iovec>&) { return -1; });
+}
+
+}  // namespace
+
+std::shared_ptr<spdlog::logger> make_log(const LogOptions& options, const std::string& name) {
+  const bool journal = options.format == LogFormat::kJournal ||
+                       (options.format == LogFormat::kAuto && stderr_is_journal() && journal_listens());
+  auto log = std::make_shared<spdlog::logger>("bolod", journal ? journal_sink(name) : text_sink());
+  set_level(*log, options.level);
+  log->flush_on(spdlog::level::trace);
+  return log;
+}
+
+void set_level(spdlog::logger& log, LogLevel level) { log.set_level(spdlog_level(level)); }
+
+}  // namespace bolo::daemon

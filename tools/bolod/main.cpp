@@ -1,0 +1,75 @@
+// `bolod`: the daemon. One instance a camera.
+#include <cstdio>
+#include <cstdlib>
+#include <iostream>
+#include <string>
+
+#include <cxxopts.hpp>
+
+#include "tools/bolod/config.hpp"
+#include "tools/bolod/daemon.hpp"
+#include "tools/bolod/log.hpp"
+#include "tools/bolod/options.hpp"
+
+namespace {
+
+constexpr int kExitDone = 0;
+constexpr int kExitFailed = 1;
+constexpr int kExitUsage = 2;
+
+int report(const bolo::Error& error) {
+  std::fprintf(stderr, "bolod: %s\n", error.message.c_str());
+  return error.exit_code();
+}
+
+// The file is right, but what it names is not there, or another program has it. That may pass: to a service manager it
+// is no bad input (2), after which it would not try again.
+int report_start(const bolo::Error& error) {
+  const int exit_code = report(error);
+  return std::getenv("NOTIFY_SOCKET") == nullptr ? exit_code : kExitFailed;
+}
+
+int usage(const std::string& what) {
+  std::fprintf(stderr, "bolod: %s; see bolod --help\n", what.c_str());
+  return kExitUsage;
+}
+
+int run(const std::string& file, bool check_only) {
+  bolo::daemon::block_signals();  // a signal during set-up waits for the watch, and still ends in good order
+  const bolo::Result<bolo::daemon::DaemonConfig> config = bolo::daemon::read_config(file);
+  if (!config) return report(config.error());
+  if (check_only) {
+    std::printf("%s: ok\n", file.c_str());
+    return kExitDone;
+  }
+  const auto daemon = bolo::daemon::Daemon::create(*config, bolo::daemon::make_log(config->log, config->name));
+  if (!daemon) return report_start(daemon.error());
+  const bolo::Status status = (*daemon)->run();
+  return status ? kExitDone : report(status.error());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  cxxopts::Options options = bolo::tools::bolod_options();
+  try {
+    const cxxopts::ParseResult parsed = options.parse(argc, argv);
+    if (!parsed.unmatched().empty()) return usage("unexpected argument '" + parsed.unmatched().front() + "'");
+    if (parsed.count("help") != 0) {
+      std::cout << options.help();
+      return kExitDone;
+    }
+    if (parsed.count("version") != 0) {
+      std::puts("bolod " BOLO_VERSION);
+      return kExitDone;
+    }
+    if (parsed.count("print-config") != 0) {
+      std::cout << bolo::daemon::document_config();
+      return kExitDone;
+    }
+    if (parsed.count("config") == 0) return usage("--config FILE is missing");
+    return run(parsed["config"].as<std::string>(), parsed.count("check-config") != 0);
+  } catch (const cxxopts::exceptions::exception& e) {
+    return usage(e.what());
+  }
+}

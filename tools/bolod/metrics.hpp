@@ -1,0 +1,27 @@
+// The daemon's numbers as Prometheus knows them; names and units follow its conventions.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include <prometheus/metric_family.h>
+
+#include "src/pipeline/pipeline.hpp"
+#include "src/rt/counters.hpp"
+#include "tools/bolod/compose.hpp"
+
+namespace bolo::daemon {
+
+// What a scrape reads; outlives it.
+struct MetricsView {
+  const std::string& name;
+  const pipeline::Pipeline& pipeline;
+  const std::array<v4l2::V4l2Sink*, kVideoDevices>& video;
+  const rt::Gauge<bool>& flows;  // as the watchdog is told
+};
+
+// Reads counters that are kept anyway: nothing is spent on it between scrapes. Thread: any.
+std::vector<prometheus::MetricFamily> collect_metrics(const MetricsView& view);
+
+}  // namespace bolo::daemon

@@ -1,0 +1,79 @@
+// Sessions of the blind check: what is hidden in them, drawn from a seed.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "src/capture/stimulus.hpp"
+#include "src/core/geometry.hpp"
+#include "src/core/result.hpp"
+#include "src/sim/effect.hpp"
+#include "src/sim/stimulus_error.hpp"
+
+namespace bolo::tools::blind {
+
+enum class Kind {
+  kEffectFree,
+  kSingle,    // one effect of the catalogue, each in turn
+  kPair,      // two of them
+  kOutside,   // one that is not in the catalogue
+  kWithheld,  // one of the catalogue, which the diagnosis may not use
+  kForms,     // one of the catalogue in another physical form than the standard one
+};
+inline constexpr std::size_t kKinds = 6;
+
+// "effect-free", "single" ... Thread: any.
+std::string_view name_of(Kind kind);
+std::optional<Kind> kind_named(std::string_view name);
+
+struct DrawOptions {
+  std::uint64_t seed = 1;
+  Geometry geometry{32, 24};
+  double frames_scale = 1.0;  // of the captures' lengths
+  double magnitude = 1.0;     // of the effects' strength, 1: realistic
+  bool imperfect = false;     // the stimuli have errors
+  std::string only;           // the effect of every session; empty: all in turn
+};
+
+struct CapturePlan {
+  std::string file;            // says nothing of the effects
+  capture::Stimulus stimulus;  // nominal, as the file has it
+  std::size_t frames = 0;
+  double session_start_s = 0.0;
+  std::uint64_t noise_seed = 0;
+  std::vector<sim::EffectSpec> effects;  // those at work in this capture
+  sim::StimulusError faults;             // how the true stimulus differs from the nominal one
+};
+
+// The answer to one question of the check.
+struct Session {
+  Kind kind = Kind::kEffectFree;
+  std::size_t index = 0;   // among its kind
+  std::uint64_t seed = 0;  // of everything in it
+  std::vector<sim::EffectSpec> effects;
+  std::string withheld;
+  Geometry geometry;
+  std::uint64_t camera_seed = 0;
+  std::vector<CapturePlan> captures;
+};
+
+// The names among which the sessions of a kind go in turn. Thread: any.
+std::vector<std::string> effects_of(Kind kind);
+
+// Six captures: closed shutter, hot flat, chopper, slow pan, fast pan the other way, static target; 10 mK a count.
+// The same options, kind and index give the same session, whatever others are drawn. kBadInput when `only` names no
+// effect of the kind. Thread: any.
+Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index);
+
+// The effect with its strength times `magnitude` (1: unchanged), within what the simulator accepts. Thread: any.
+sim::EffectSpec weakened(sim::EffectSpec effect, double magnitude);
+
+// Everything that was drawn. Thread: any.
+nlohmann::json to_json(const Session& session);
+
+}  // namespace bolo::tools::blind

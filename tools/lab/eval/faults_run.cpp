@@ -1,0 +1,190 @@
+#include "tools/lab/eval/faults_run.hpp"
+
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstring>
+#include <fstream>
+#include <memory>
+#include <mutex>
+#include <sstream>
+#include <thread>
+#include <utility>
+
+#include "src/core/clock.hpp"
+
+namespace bolo::tools::faults {
+namespace {
+
+constexpr std::uint64_t kFirstId = 100;
+constexpr double kOpenLimitS = 20.0;  // to the first stream; a camera that drops the connection first takes a while
+constexpr std::size_t kSpareFrames = 256;
+constexpr int kManyPackets = 576;  // bytes: a frame of 64x24 pixels then has eight packets
+
+// Keeps a copy of each frame, in memory taken beforehand.
+class KeepingSink final : public pipeline::FrameSink {
+ public:
+  explicit KeepingSink(std::size_t frames) : most_(frames) {}
+
+  Status open(const pipeline::SinkFormat& format) override {
+    const std::size_t pixels = format.source.format.geometry.pixels();
+    frames_.assign(most_, {{}, 0, Counts(pixels), Counts(pixels)});
+    return {};
+  }
+  void publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats&) noexcept override {
+    if (count_ == frames_.size()) return;
+    Published& kept = frames_[count_++];
+    kept.meta = frame.meta;
+    kept.publish_ns = frame.publish_ns;
+    std::memcpy(kept.raw.data(), frame.raw, kept.raw.size() * sizeof(std::uint16_t));
+    std::memcpy(kept.deblurred.data(), frame.deblurred, kept.deblurred.size() * sizeof(std::uint16_t));
+  }
+  void close() noexcept override {}
+
+  std::vector<Published> take() {
+    frames_.resize(count_);
+    return std::move(frames_);
+  }
+
+ private:
+  std::size_t most_;
+  std::vector<Published> frames_;
+  std::size_t count_ = 0;
+};
+
+fakecam::MemoryFrames::Content content_of(const Recording& scene, int rows_below) {
+  fakecam::MemoryFrames::Content content;
+  content.format = scene.format;
+  content.format.geometry.height += rows_below;
+  content.serial = "FAULTS";
+  const std::size_t stride = plane_bytes(content.format.geometry, content.format.type);
+  content.planes.resize(stride * scene.planes.size());
+  for (std::size_t k = 0; k < scene.planes.size(); ++k) {
+    content.frame_ids.push_back(kFirstId + k);
+    content.times_s.push_back(static_cast<double>(kFirstCameraNs) / kNsPerSecond +
+                              static_cast<double>(k) * scene.format.frame_period_s);
+    std::memcpy(content.planes.data() + k * stride, scene.planes[k].data(), scene.planes[k].size());
+  }
+  return content;
+}
+
+// RcvbufErrors of this network namespace: the kernel's own count, two lines of names and values.
+std::uint64_t host_dropped() {
+  std::ifstream in("/proc/net/snmp");
+  std::string names;
+  for (std::string line; std::getline(in, line);) {
+    if (!line.starts_with("Udp:")) continue;
+    if (names.empty()) {
+      names = line;
+      continue;
+    }
+    std::istringstream name_words(names);
+    std::istringstream value_words(line);
+    for (std::string name, value; name_words >> name && value_words >> value;) {
+      if (name == "RcvbufErrors") return std::stoull(value);
+    }
+  }
+  return 0;
+}
+
+Status wait_for_end(const fakecam::FakeCamera& camera, double seconds, const std::atomic<bool>& ended) {
+  const std::int64_t give_up_ns = monotonic_ns() + static_cast<std::int64_t>(kOpenLimitS * kNsPerSecond);
+  const auto length_ns = static_cast<std::int64_t>(seconds * kNsPerSecond);
+  while (!ended.load(std::memory_order_relaxed)) {
+    const auto start_ns = static_cast<std::int64_t>(camera.stats().first_stream_ns);
+    if (start_ns != 0 && monotonic_ns() >= start_ns + length_ns) break;
+    if (start_ns == 0 && monotonic_ns() >= give_up_ns) return failed("the camera was never told to stream");
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return {};
+}
+
+}  // namespace
+
+genicam::CameraOptions camera_options(const Recording& scene, const std::string& address) {
+  genicam::CameraOptions options;
+  options.address = address;
+  options.width = scene.format.geometry.width;
+  options.height = scene.format.geometry.height;
+  options.rate_hz = 1.0 / scene.format.frame_period_s;
+  options.packet_size = kManyPackets;
+  options.windowing_watch_ms = 50;
+  options.stall_ms = 150;
+  options.reconnect_after_ms = 600;
+  return options;
+}
+
+std::string fresh_address() {
+  static std::atomic<int> last{0};
+  const int pid = getpid();
+  return "127." + std::to_string(1 + (pid >> 8) % 254) + "." + std::to_string(pid & 255) + "." +
+         std::to_string(100 + last++ % 150);
+}
+
+Result<RunResult> run(const RunTask& task) {
+  fakecam::FakeCameraOptions fake_options;
+  fake_options.address = task.camera.address;
+  fake_options.laps = 0;
+  fake_options.faults = task.faults;
+  auto fake = fakecam::FakeCamera::start(
+      fake_options, std::make_unique<fakecam::MemoryFrames>(content_of(*task.scene, task.rows_below)));
+  if (!fake) return tl::unexpected<Error>(fake.error());
+  const std::uint64_t dropped_before = host_dropped();
+
+  KeepingSink sink(static_cast<std::size_t>(task.seconds / task.scene->format.frame_period_s) + kSpareFrames);
+  auto source = std::make_unique<genicam::GenicamSource>(task.camera);
+  const genicam::GenicamSource& camera = *source;
+  static std::mutex opening;  // Aravis reads a camera's description with what the whole process shares
+  auto made = [&] {
+    const std::lock_guard lock(opening);
+    return pipeline::Pipeline::create(std::move(source), {&sink}, task.pipeline);
+  }();
+  if (!made) return tl::unexpected<Error>(made.error());
+  const pipeline::Pipeline& line = **made;
+  std::atomic<bool> stop{false};
+  std::atomic<bool> ended{false};
+  Status ran;
+  std::thread runner([&] {
+    ran = (*made)->run(stop);
+    ended.store(true, std::memory_order_relaxed);  // what it wrote is read after the join
+  });
+  const Status waited = wait_for_end(**fake, task.seconds, ended);
+  RunResult result;
+  result.injected = (*fake)->injected();
+  result.transport = camera.transport_stats();
+  result.reconnects = camera.reconnects();
+  stop.store(true, std::memory_order_relaxed);
+  runner.join();
+  if (!ran) return tl::unexpected<Error>(ran.error());
+  if (!waited) return tl::unexpected<Error>(waited.error());
+
+  result.frames = sink.take();
+  const pipeline::PipelineStats& stats = line.stats();
+  for (std::size_t c = 0; c < kLossCauses; ++c) result.lost[c] = stats.inlet.losses().value(static_cast<LossCause>(c));
+  result.received = stats.inlet.received();
+  result.restarts = stats.restarts.value();
+  const auto deblurred = static_cast<double>(stats.published.value() - stats.warm_up.value());
+  if (deblurred > 0.0) result.deblur_ms = static_cast<double>(stats.deblur_ns.value()) * kMsPerNs / deblurred;
+  result.camera = (*fake)->stats();
+  for (const Published& frame : result.frames) {
+    result.latency_ms.push_back(static_cast<double>(frame.publish_ns - frame.meta.receive_ns) * kMsPerNs);
+  }
+  result.host_dropped = host_dropped() - dropped_before;
+  return result;
+}
+
+Result<std::vector<Counts>> undisturbed(const Recording& scene, const pipeline::PipelineOptions& options) {
+  KeepingSink sink(scene.planes.size());
+  auto line = pipeline::Pipeline::create(std::make_unique<RecordingSource>(scene), {&sink}, options);
+  if (!line) return tl::unexpected<Error>(line.error());
+  const std::atomic<bool> never{false};
+  if (Status ran = (*line)->run(never); !ran) return tl::unexpected<Error>(ran.error());
+  std::vector<Counts> planes(scene.planes.size());
+  for (Published& frame : sink.take()) {
+    if ((frame.meta.flags & kFlagWarmUp) == 0) planes[frame.meta.frame_id] = std::move(frame.deblurred);
+  }
+  return planes;
+}
+
+}  // namespace bolo::tools::faults

@@ -1,0 +1,72 @@
+// One run of the daemon's own way, from a camera that fails, through real packets on the loopback, to a sink.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "drivers/fakecam/fake_camera.hpp"
+#include "drivers/genicam/genicam_source.hpp"
+#include "src/core/frame.hpp"
+#include "src/core/loss.hpp"
+#include "src/core/result.hpp"
+#include "src/pipeline/pipeline.hpp"
+#include "tools/lab/eval/recording.hpp"
+
+namespace bolo::tools::faults {
+
+using Counts = std::vector<std::uint16_t>;
+using Losses = std::array<std::uint64_t, kLossCauses>;  // frames, by cause
+
+struct RunTask {
+  const Recording* scene = nullptr;  // uint16 in kelvin at 10 mK; long enough for the run
+  int rows_below = 0;                // blank rows of the sensor below the scene
+  fakecam::FaultScript faults;
+  genicam::CameraOptions camera;  // the address is the fake camera's too
+  pipeline::PipelineOptions pipeline;
+  double seconds = 1.0;  // from the first stream's start
+};
+
+struct Published {
+  FrameMeta meta;
+  std::int64_t publish_ns = 0;
+  Counts raw;
+  Counts deblurred;
+};
+
+struct RunResult {
+  std::vector<Published> frames;
+  Losses lost{};
+  std::uint64_t received = 0;
+  std::uint64_t restarts = 0;
+  double deblur_ms = 0.0;  // of a deblurred frame, mean
+  std::uint64_t reconnects = 0;
+  std::vector<fakecam::InjectedFault> injected;  // as in the task's script
+  fakecam::FakeCameraStats camera;
+  genicam::TransportStats transport;
+  std::vector<double> latency_ms;  // first packet received to published, of each frame
+  // UDP packets that this computer dropped meanwhile for want of room in a socket, whosever they were: when there are
+  // any, frames may be missing that no fault took.
+  std::uint64_t host_dropped = 0;
+};
+
+// The first frame of each stream of the fake camera; the others follow by periods and ones.
+inline constexpr std::int64_t kFirstCameraNs = 1'000'000'000;
+
+// Options for a fake camera at an address: the scene's size and rate, packets so small that frames have several,
+// nothing that waits for what a fake does not need. Thread: any.
+genicam::CameraOptions camera_options(const Recording& scene, const std::string& address);
+
+// A loopback address that no other call has had; the process id is in it, so that programs run side by side.
+// Thread: any.
+std::string fresh_address();
+
+// Errors: those of camera, source and pipeline; the camera that never began to stream. Thread: setup.
+Result<RunResult> run(const RunTask& task);
+
+// What the pipeline makes of the scene when nothing goes wrong: the deblurred plane of each frame, by its number. Empty
+// for frames without a full window. Thread: setup.
+Result<std::vector<Counts>> undisturbed(const Recording& scene, const pipeline::PipelineOptions& options);
+
+}  // namespace bolo::tools::faults

@@ -1,0 +1,265 @@
+#include "tools/lab/eval/fidelity_measures.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace bolo::tools::fidelity {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr int kSsimTaps = 11;
+constexpr double kSsimSigma = 1.5;
+
+std::size_t at(Geometry g, int x, int y) {
+  return static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width) + static_cast<std::size_t>(x);
+}
+
+std::array<double, kSsimTaps> ssim_window() {
+  std::array<double, kSsimTaps> taps{};
+  constexpr int kMiddle = kSsimTaps / 2;
+  for (int i = 0; i < kSsimTaps; ++i) {
+    const double d = (i - kMiddle) / kSsimSigma;
+    taps[static_cast<std::size_t>(i)] = std::exp(-0.5 * d * d);
+  }
+  const double sum = std::accumulate(taps.begin(), taps.end(), 0.0);
+  for (double& tap : taps) tap /= sum;
+  return taps;
+}
+
+// Windowed means at every place where the window fits: (width - 10) x (height - 10).
+std::vector<double> windowed(const std::vector<double>& values, Geometry g) {
+  static const auto taps = ssim_window();
+  const auto width = static_cast<std::size_t>(g.width - kSsimTaps + 1);
+  const auto height = static_cast<std::size_t>(g.height - kSsimTaps + 1);
+  std::vector<double> rows(width * static_cast<std::size_t>(g.height), 0.0);
+  for (std::size_t y = 0; y < static_cast<std::size_t>(g.height); ++y) {
+    for (std::size_t k = 0; k < taps.size(); ++k) {
+      const double* from = values.data() + y * static_cast<std::size_t>(g.width) + k;
+      for (std::size_t x = 0; x < width; ++x) rows[y * width + x] += taps[k] * from[x];
+    }
+  }
+  std::vector<double> out(width * height, 0.0);
+  for (std::size_t y = 0; y < height; ++y) {
+    for (std::size_t k = 0; k < taps.size(); ++k) {
+      const double* from = rows.data() + (y + k) * width;
+      for (std::size_t x = 0; x < width; ++x) out[y * width + x] += taps[k] * from[x];
+    }
+  }
+  return out;
+}
+
+std::vector<double> products(const std::vector<double>& a, const std::vector<double>& b) {
+  std::vector<double> out(a.size());
+  std::transform(a.begin(), a.end(), b.begin(), out.begin(), std::multiplies<>());
+  return out;
+}
+
+// A place where the truth steps from one level to another along a row.
+struct Edge {
+  int x = 0;  // between columns x and x + 1
+  int y = 0;
+  double left_k = 0.0;
+  double right_k = 0.0;
+};
+
+constexpr int kPlateauNear = 2;  // the level of a side: the mean of columns 2 to 4 from the edge
+constexpr int kPlateauFar = 4;
+constexpr int kLongestReach = 32;
+constexpr int kAlone = 16;  // columns on either side that hold no other edge
+
+int reach_of(Geometry g) { return std::min(kLongestReach, g.width / 4); }
+
+double plateau(const Plane& truth, Geometry g, int from_x, int y) {
+  double sum = 0.0;
+  for (int x = from_x; x <= from_x + kPlateauFar - kPlateauNear; ++x) sum += static_cast<double>(truth[at(g, x, y)]);
+  return sum / (kPlateauFar - kPlateauNear + 1);
+}
+
+double step(const Plane& truth, Geometry g, int x, int y) {
+  return static_cast<double>(truth[at(g, x + 1, y)]) - static_cast<double>(truth[at(g, x, y)]);
+}
+
+// Whether the truth stays within a quarter of the rise of its level on either side, so far that a trail fits in.
+bool stands_alone(const Plane& truth, Geometry g, const Edge& edge) {
+  const double tolerance = 0.25 * std::abs(edge.right_k - edge.left_k);
+  for (int d = kPlateauNear; d <= std::min(kAlone, reach_of(g)); ++d) {
+    const auto left = static_cast<double>(truth[at(g, edge.x + 1 - d, edge.y)]);
+    const auto right = static_cast<double>(truth[at(g, edge.x + d, edge.y)]);
+    if (std::abs(left - edge.left_k) > tolerance || std::abs(right - edge.right_k) > tolerance) return false;
+  }
+  return true;
+}
+
+// The steepest steps of a plane, at most one in 200 pixels: each the steepest of its neighbourhood, at least half of
+// what separates the levels on its sides, and alone.
+std::vector<Edge> strongest_edges(const Plane& truth, Geometry g) {
+  const int reach = reach_of(g);
+  if (reach < 2 * kPlateauFar) return {};
+  std::vector<std::pair<double, Edge>> found;
+  for (int y = 0; y < g.height; ++y) {
+    for (int x = reach; x + 1 + reach < g.width; ++x) {
+      const double here = std::abs(step(truth, g, x, y));
+      bool steepest = here > 0.0;
+      for (int d = -kPlateauFar; steepest && d <= kPlateauFar; ++d) {
+        if (d != 0 && std::abs(step(truth, g, x + d, y)) > here) steepest = false;
+      }
+      if (!steepest) continue;
+      const Edge edge{x, y, plateau(truth, g, x - kPlateauFar, y), plateau(truth, g, x + 1 + kPlateauNear, y)};
+      const double rise = edge.right_k - edge.left_k;
+      const bool steep = rise * step(truth, g, x, y) > 0.0 && here >= 0.5 * std::abs(rise);
+      if (steep && stands_alone(truth, g, edge)) found.emplace_back(here, edge);
+    }
+  }
+  const std::size_t keep = std::min(found.size(), std::max<std::size_t>(1, g.pixels() / 200));
+  std::partial_sort(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(keep), found.end(),
+                    [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<Edge> edges;
+  for (std::size_t i = 0; i < keep; ++i) edges.push_back(found[i].second);
+  return edges;
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Where a profile passes `level` between two of its entries, px; from entry `from` in direction `step`.
+double crossing(const std::vector<double>& profile, int from, int direction, double level) {
+  const bool upwards = direction > 0;
+  for (int i = from; i + direction >= 0 && i + direction < static_cast<int>(profile.size()); i += direction) {
+    const double here = profile[static_cast<std::size_t>(i)];
+    const double next = profile[static_cast<std::size_t>(i + direction)];
+    if (upwards ? (here < level && next >= level) : (here > level && next <= level)) {
+      return i + direction * (level - here) / (next - here);
+    }
+  }
+  return kNan;
+}
+
+// The rise around the half-way crossing that is nearest to the edge itself.
+double rise_of(const std::vector<double>& profile, int centre) {
+  int best = -1;
+  for (int i = 0; i + 1 < static_cast<int>(profile.size()); ++i) {
+    const bool passes = profile[static_cast<std::size_t>(i)] < 0.5 && profile[static_cast<std::size_t>(i + 1)] >= 0.5;
+    if (passes && (best < 0 || std::abs(i - centre) < std::abs(best - centre))) best = i;
+  }
+  if (best < 0) return kNan;
+  return crossing(profile, best, 1, 0.9) - crossing(profile, best + 1, -1, 0.1);
+}
+
+double gradient_squared(const Plane& truth, Geometry g, int x, int y) {
+  const auto value = [&](int px, int py) {
+    return static_cast<double>(truth[at(g, std::clamp(px, 0, g.width - 1), std::clamp(py, 0, g.height - 1))]);
+  };
+  const double dx = value(x + 1, y) - value(x - 1, y);
+  const double dy = value(x, y + 1) - value(x, y - 1);
+  return dx * dx + dy * dy;
+}
+
+// SSIM expects an image's values from 0 up: kelvin above the coldest true pixel.
+double ssim_of_all(const Planes& estimate, const Planes& truth, Geometry g) {
+  float cold = std::numeric_limits<float>::max();
+  for (const Plane& plane : truth) cold = std::min(cold, *std::ranges::min_element(plane));
+  const auto above = [cold](Plane plane) {
+    for (float& value : plane) value -= cold;
+    return plane;
+  };
+  double sum = 0.0;
+  for (std::size_t k = 0; k < truth.size(); ++k) sum += ssim(above(estimate[k]), above(truth[k]), g, kContrastK);
+  return sum / static_cast<double>(truth.size());
+}
+
+}  // namespace
+
+double rmse(const Planes& estimate, const Planes& truth) {
+  double sum = 0.0;
+  std::size_t values = 0;
+  for (std::size_t k = 0; k < truth.size(); ++k) {
+    for (std::size_t i = 0; i < truth[k].size(); ++i) {
+      const double d = static_cast<double>(estimate[k][i]) - static_cast<double>(truth[k][i]);
+      sum += d * d;
+    }
+    values += truth[k].size();
+  }
+  return values > 0 ? std::sqrt(sum / static_cast<double>(values)) : 0.0;
+}
+
+double psnr(double rmse, double range) {
+  return rmse > 0.0 ? 20.0 * std::log10(range / rmse) : std::numeric_limits<double>::infinity();
+}
+
+double ssim(std::span<const float> a, std::span<const float> b, Geometry g, double range) {
+  if (g.width < kSsimTaps || g.height < kSsimTaps) return kNan;
+  const std::vector<double> x(a.begin(), a.end());
+  const std::vector<double> y(b.begin(), b.end());
+  const auto mean_x = windowed(x, g);
+  const auto mean_y = windowed(y, g);
+  const auto xx = windowed(products(x, x), g);
+  const auto yy = windowed(products(y, y), g);
+  const auto xy = windowed(products(x, y), g);
+  const double c1 = std::pow(0.01 * range, 2);
+  const double c2 = std::pow(0.03 * range, 2);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < mean_x.size(); ++i) {
+    const double mx = mean_x[i];
+    const double my = mean_y[i];
+    const double spread = xx[i] - mx * mx + yy[i] - my * my + c2;
+    const double common = 2.0 * (xy[i] - mx * my) + c2;
+    sum += (2.0 * mx * my + c1) * common / ((mx * mx + my * my + c1) * spread);
+  }
+  return sum / static_cast<double>(mean_x.size());
+}
+
+double edge_width(const Planes& estimate, const Planes& truth, Geometry g) {
+  const int reach = reach_of(g);
+  std::vector<std::vector<double>> values(static_cast<std::size_t>(2 * reach + 2));
+  for (std::size_t k = 0; k < truth.size(); ++k) {
+    for (const Edge& edge : strongest_edges(truth[k], g)) {
+      for (int i = 0; i < 2 * reach + 2; ++i) {
+        const double v = static_cast<double>(estimate[k][at(g, edge.x - reach + i, edge.y)]);
+        values[static_cast<std::size_t>(i)].push_back((v - edge.left_k) / (edge.right_k - edge.left_k));
+      }
+    }
+  }
+  if (values.front().empty()) return kNan;
+  std::vector<double> profile(values.size());
+  std::ranges::transform(values, profile.begin(), median);
+  return rise_of(profile, reach);
+}
+
+double edge_rmse(const Planes& estimate, const Planes& truth, Geometry g) {
+  double sum = 0.0;
+  std::size_t values = 0;
+  std::vector<std::pair<double, std::size_t>> order(g.pixels());
+  for (std::size_t k = 0; k < truth.size(); ++k) {
+    for (int y = 0; y < g.height; ++y) {
+      for (int x = 0; x < g.width; ++x) order[at(g, x, y)] = {gradient_squared(truth[k], g, x, y), at(g, x, y)};
+    }
+    const std::size_t steep = std::max<std::size_t>(1, order.size() / 20);
+    std::nth_element(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(steep - 1), order.end(),
+                     std::greater<>());
+    for (std::size_t i = 0; i < steep; ++i) {
+      const std::size_t p = order[i].second;
+      const double d = static_cast<double>(estimate[k][p]) - static_cast<double>(truth[k][p]);
+      sum += d * d;
+    }
+    values += steep;
+  }
+  return values > 0 ? std::sqrt(sum / static_cast<double>(values)) : 0.0;
+}
+
+Measures measure(const Planes& estimate, const Planes& truth, Geometry g) {
+  Measures m;
+  m.rmse_k = rmse(estimate, truth);
+  m.psnr_db = psnr(m.rmse_k, kContrastK);
+  m.ssim = ssim_of_all(estimate, truth, g);
+  m.edge_width_px = edge_width(estimate, truth, g);
+  m.edge_rmse_k = edge_rmse(estimate, truth, g);
+  return m;
+}
+
+}  // namespace bolo::tools::fidelity

@@ -1,0 +1,199 @@
+#include "tools/lab/soak/rig.hpp"
+
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <fstream>
+#include <sstream>
+#include <thread>
+#include <utility>
+
+#include "src/deblur/isa.hpp"
+#include "tools/bolod/config.hpp"
+
+namespace bolo::tools::soak {
+namespace {
+
+constexpr double kEndLimit_s = 5.0;
+constexpr auto kServeLimit = std::chrono::seconds(30);
+constexpr std::size_t kReaders = 2;
+constexpr std::size_t kSmallFrame = 20'000;  // pixels: below, packets are so small that a frame has several
+constexpr int kSmallPacket = 576;            // bytes
+constexpr double kLap_s = 1.2;               // of the scene
+
+std::string contents(const std::filesystem::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+std::string rate_text(double hz) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", hz);
+  return text;
+}
+
+}  // namespace
+
+Result<Programs> find_programs() {
+  std::error_code error;
+  Programs programs;
+  programs.bolo = std::filesystem::read_symlink("/proc/self/exe", error);
+  programs.bolod = programs.bolo.parent_path() / "bolod";
+  if (access(programs.bolod.c_str(), X_OK) != 0) programs.bolod = find_program("bolod");
+  if (programs.bolod.empty()) {
+    return bad_input("there is no bolod beside " + programs.bolo.string() + " or in PATH; build or install it");
+  }
+  programs.stress = find_program("stress-ng");
+  return programs;
+}
+
+void CameraBook::add(const CameraAccount& account) {
+  const auto same = [](const fakecam::InjectedFault& a, const fakecam::InjectedFault& b) {
+    return a.times == b.times && a.frames == b.frames && a.packets == b.packets;
+  };
+  quiet_ = present_ && std::equal(account.injected.begin(), account.injected.end(), present_->injected.begin(),
+                                  present_->injected.end(), same);
+  present_ = account;
+}
+
+void CameraBook::end() {
+  if (!present_) return;
+  past_ = mark();
+  past_sent_ += present_->sent;
+  ended_.insert(ended_.end(), present_->injected.begin(), present_->injected.end());
+  present_.reset();
+  quiet_ = false;
+}
+
+Mark CameraBook::mark() const {
+  Mark mark = past_;
+  mark.camera = camera_;
+  if (!present_) return mark;
+  mark.passed += present_->passed;
+  mark.skipped_ids += present_->skipped_ids();
+  mark.streams += present_->streams;
+  mark.must_be_lost += must_be_lost(present_->injected);
+  return mark;
+}
+
+std::uint64_t CameraBook::sent() const { return past_sent_ + (present_ ? present_->sent : 0); }
+
+Result<std::unique_ptr<Rig>> Rig::set_up(const Programs& programs, const RigRequest& request) {
+  std::unique_ptr<Rig> rig(new Rig(programs, request));
+  if (Status made = rig->make_files(); !made) return tl::unexpected<Error>(made.error());
+  return rig;
+}
+
+Rig::~Rig() {
+  readers_.clear();
+  daemon_.reset();
+  camera_.reset();
+  shm_unlink(("/bolo." + file_.name).c_str());  // of a daemon that was killed
+}
+
+Status Rig::make_files() {
+  file_.base = request_.base_config;
+  file_.folder = request_.folder;
+  file_.name = "soak-" + std::to_string(getpid());
+  file_.address = faults::fresh_address();
+  file_.geometry = request_.geometry;
+  file_.rate_hz = request_.rate_hz;
+  file_.packet_size = request_.geometry.pixels() < kSmallFrame ? kSmallPacket : 0;
+  if (Status written = write_daemon_file(file_); !written) return written;
+  const auto config = daemon::read_config(config_of(file_));
+  if (!config) return tl::unexpected<Error>(config.error());
+  if (Status chosen = deblur::choose_isa(config->isa); !chosen) return chosen;
+  degrades_ = config->pipeline.degrade;
+  SceneRequest scene;
+  scene.geometry = request_.geometry;
+  scene.rate_hz = request_.rate_hz;
+  scene.frames = static_cast<std::size_t>(std::max(50.0, kLap_s * request_.rate_hz));
+  auto truth = make_scene(scene, config->pipeline, file("scene.h5"));
+  if (!truth) return tl::unexpected<Error>(truth.error());
+  truth_.emplace(std::move(*truth));
+  return {};
+}
+
+Status Rig::start_camera(const Round& round) {
+  Command command;
+  command.words = {
+      programs_.bolo, "fakecam",     file("scene.h5"), "--loop",       "--rate", rate_text(request_.rate_hz),
+      "--interface",  file_.address, "--json",         "--tell-every", "0.25"};
+  for (const std::string& fault : round.faults()) {
+    command.words.emplace_back("--fault");
+    command.words.push_back(fault);
+  }
+  book_.begin();
+  command.log = file("camera-" + std::to_string(book_.camera()));
+  camera_lines_.emplace(command.log.string() + ".out");
+  auto started = Process::start(command);
+  if (!started) return tl::unexpected<Error>(started.error());
+  camera_.emplace(std::move(*started));
+  return {};
+}
+
+bool Rig::wait_for_camera() {
+  const auto deadline = std::chrono::steady_clock::now() + kServeLimit;
+  while (std::chrono::steady_clock::now() < deadline && !camera_->ended()) {
+    if (contents(camera_->log().string() + ".out").find("\"serving\"") != std::string::npos) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return false;
+}
+
+std::string Rig::camera_error() const { return contents(camera_->log().string() + ".err"); }
+
+std::string Rig::daemon_error() const { return contents(daemon_log()); }
+
+Status Rig::end_camera() {
+  camera_->signal(SIGCONT);
+  camera_->signal(SIGTERM);
+  const auto code = camera_->wait(kEndLimit_s);
+  read_camera();
+  book_.end();
+  std::error_code ignored;  // of a file that goes on for megabytes
+  std::filesystem::remove(camera_->log().string() + ".out", ignored);
+  camera_.reset();
+  if (!code) return failed("the camera did not end within " + std::to_string(static_cast<int>(kEndLimit_s)) + " s");
+  return *code == 0 ? Status{} : failed("the camera ended with exit code " + std::to_string(*code));
+}
+
+Status Rig::start_daemon() {
+  auto started = Process::start({{programs_.bolod, "--config", config_of(file_)}, file("bolod")});
+  if (!started) return tl::unexpected<Error>(started.error());
+  daemon_.emplace(std::move(*started));
+  return {};
+}
+
+Command Rig::reader(const std::string& log, int slow_ms) const {
+  Command command{{programs_.bolo, "soak", "--read", file_.name}, file(log)};
+  if (slow_ms > 0) command.words.insert(command.words.end(), {"--slow-ms", std::to_string(slow_ms)});
+  return command;
+}
+
+Status Rig::start_readers() {
+  while (readers_.size() < kReaders) {
+    auto started = Process::start(reader("reader-" + std::to_string(started_readers_++), 0));
+    if (!started) return tl::unexpected<Error>(started.error());
+    readers_.push_back(std::move(*started));
+  }
+  return {};
+}
+
+Status Rig::replace_reader() {
+  readers_.erase(readers_.begin());
+  return start_readers();
+}
+
+void Rig::read_camera() {
+  for (const std::string& line : camera_lines_->take()) {
+    if (const auto account = parse_account(line)) book_.add(*account);
+  }
+}
+
+}  // namespace bolo::tools::soak

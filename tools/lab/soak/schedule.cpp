@@ -1,0 +1,164 @@
+#include "tools/lab/soak/schedule.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "src/core/splitmix.hpp"
+
+namespace bolo::tools::soak {
+namespace {
+
+constexpr double kFirstQuiet_s = 2.5;  // before the first disturbance of a round: the camera has just begun
+constexpr double kChange_s = 4.5;      // from one round's camera to the next one's first frame
+constexpr double kUsualRound_s = 150.0;
+constexpr std::size_t kRoundsPerKill = 3;
+constexpr double kLongStall_s = 2.4;  // longer than bolod waits before it opens a stalled camera again (2 s)
+
+// What a round begins with, in no place of the order.
+bool opens_round(Kind kind) { return kind == Kind::kWindowingDrop || kind == Kind::kCameraReplaced; }
+
+class Dice {
+ public:
+  explicit Dice(std::uint64_t key) : key_(key) {}
+  std::uint64_t next() { return splitmix::key(key_, count_++); }
+  double between(double low, double high) { return low + (high - low) * splitmix::unit(next()); }
+  std::size_t below(std::size_t n) { return static_cast<std::size_t>(next() % n); }
+
+ private:
+  std::uint64_t key_;
+  std::uint64_t count_ = 0;
+};
+
+std::string text(const char* format, double a, double b = 0.0, double c = 0.0) {
+  char out[160];
+  std::snprintf(out, sizeof out, format, a, b, c);
+  return out;
+}
+
+// By how much the camera's clock jumps, s: never whole frames, else two of them carry the same time, by which the books
+// are compared.
+double jump(Dice& dice) { return std::floor(dice.between(0.2, 2.0) * 100.0) / 100.0 + 0.0013; }
+
+// The camera's script for one of its kinds.
+std::string faults_of(const Disturbance& d, Dice& dice) {
+  const std::string name(info_of(d.kind).name);
+  const std::string at = text("at=%.3f", d.at_s);
+  const std::string lasting = ":" + at + text(",for=%.3f", d.for_s);
+  const std::string seed = ",seed=" + std::to_string(d.seed % 1'000'000);
+  switch (d.kind) {
+    case Kind::kLoss:
+    case Kind::kReorder:
+    case Kind::kDuplicate:
+    case Kind::kGarbage:
+      return name + lasting + text(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
+    case Kind::kNoResend:  // requests come after the packets: unanswered a little longer
+      return name + ":" + at + text(",for=%.3f", d.for_s + 0.3) + " loss" + lasting +
+             text(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
+    case Kind::kIdGap:
+      return name + ":" + at + text(",ids=%.0f", 1.0 + static_cast<double>(dice.below(40)));
+    case Kind::kTimeJump:
+      return name + ":" + at + text(",by=%.4f", (dice.below(2) == 0 ? 1.0 : -1.0) * jump(dice));
+    case Kind::kShutter:
+      return name + lasting + text(",offset=%.1f", 0.5);
+    case Kind::kByteOrder:
+    case Kind::kStall:
+    case Kind::kFreeze:
+    case Kind::kReboot:
+      return name + lasting;
+    case Kind::kMetadataRows:
+      return name + lasting + ",rows=3";
+    case Kind::kControlLoss:
+      return name + ":" + at;
+    case Kind::kWindowingDrop:
+      return name + text(":for=%.3f", d.for_s);
+    default:
+      return {};
+  }
+}
+
+Disturbance make(Kind kind, double at_s, std::size_t round, Dice& dice) {
+  const KindInfo& info = info_of(kind);
+  Disturbance d;
+  d.kind = kind;
+  d.at_s = std::round(at_s * 1000.0) / 1000.0;
+  d.for_s = std::round(dice.between(info.shortest_s, info.longest_s) * 1000.0) / 1000.0;
+  if (kind == Kind::kStall && round % 2 == 1) d.for_s = kLongStall_s;
+  d.seed = dice.next();
+  if (info.of_camera) d.faults = faults_of(d, dice);
+  return d;
+}
+
+double room_of(Kind kind, std::size_t round) {
+  return info_of(kind).room_s + (kind == Kind::kStall && round % 2 == 1 ? kLongStall_s : 0.0);
+}
+
+bool drawn(Kind kind, std::size_t round) {
+  return !opens_round(kind) && (kind != Kind::kDaemonKilled || round % kRoundsPerKill == 0);
+}
+
+std::vector<Kind> shuffled(const std::set<Kind>& kinds, std::size_t round, Dice& dice) {
+  std::vector<Kind> order;
+  for (const Kind kind : kinds) {
+    if (drawn(kind, round)) order.push_back(kind);
+  }
+  for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[dice.below(i)]);
+  return order;
+}
+
+// All kinds that fit, spread over the time that they leave.
+Round draw_round(const ScheduleRequest& request, std::size_t round, double round_s, std::vector<Kind>& no_room) {
+  Dice dice(splitmix::key(request.seed, round));
+  Round out;
+  if (round > 0) out.disturbances.push_back(make(Kind::kCameraReplaced, 0.0, round, dice));
+  if (round % 2 == 0 && request.kinds.contains(Kind::kWindowingDrop)) {
+    out.disturbances.push_back(make(Kind::kWindowingDrop, 0.0, round, dice));
+  }
+  double left_s = round_s - kFirstQuiet_s - kChange_s;
+  std::vector<Kind> taken;
+  for (const Kind kind : shuffled(request.kinds, round, dice)) {
+    const double room_s = room_of(kind, round);
+    if (room_s <= left_s) {
+      left_s -= room_s;
+      taken.push_back(kind);
+    } else {
+      no_room.push_back(kind);
+    }
+  }
+  const double slack_s = taken.empty() ? 0.0 : left_s / static_cast<double>(taken.size());
+  double at_s = kFirstQuiet_s;
+  for (const Kind kind : taken) {
+    out.disturbances.push_back(make(kind, at_s + 0.3 * slack_s * dice.between(0.0, 1.0), round, dice));
+    at_s += room_of(kind, round) + slack_s;
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<std::string> Round::faults() const {
+  std::vector<std::string> all;
+  for (const Disturbance& d : disturbances) {
+    for (std::size_t begin = 0; begin < d.faults.size();) {
+      const std::size_t end = std::min(d.faults.find(' ', begin), d.faults.size());
+      all.push_back(d.faults.substr(begin, end - begin));
+      begin = end + 1;
+    }
+  }
+  return all;
+}
+
+Schedule draw_schedule(const ScheduleRequest& request) {
+  Schedule schedule;
+  schedule.seed = request.seed;
+  const auto rounds = static_cast<std::size_t>(std::max(1.0, std::floor(request.seconds / kUsualRound_s)));
+  schedule.round_s = request.seconds / static_cast<double>(rounds);
+  for (std::size_t r = 0; r < rounds; ++r) {
+    std::vector<Kind> no_room;
+    schedule.rounds.push_back(draw_round(request, r, schedule.round_s, no_room));
+    if (r == 0) schedule.no_room = no_room;
+  }
+  return schedule;
+}
+
+}  // namespace bolo::tools::soak

@@ -1,0 +1,112 @@
+// Follows the daemon's shared memory, frame by frame, on a thread of its own, and judges what it sees.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "drivers/shm/followed_stream.hpp"
+#include "tools/lab/eval/faults_run.hpp"
+#include "tools/lab/soak/frame_judge.hpp"
+
+namespace bolo::tools::soak {
+
+// A frame in the daemon's books.
+struct Position {
+  std::int64_t camera_ns = 0;
+  std::int64_t receive_ns = 0;
+  std::int64_t publish_ns = 0;
+  std::uint64_t number = 0;
+  std::uint64_t frame_id = 0;
+  int life = 0;                 // of the daemon: 0, 1 ...
+  std::uint64_t published = 0;  // frames up to this one, all lives
+  std::uint64_t lost = 0;       // when it was read, all lives, all causes
+  double silence_s = 0.0;       // sum of the times above kSilence_s without a frame
+};
+inline constexpr double kSilence_s = 0.05;
+
+// The frames between which and which no frame is missing, and that long enough ago that nothing of it is still under
+// way: only there both books can be compared.
+bool settled(const std::deque<Position>& seen, std::size_t at);
+
+// What was seen since the last look.
+struct Flow {
+  std::array<std::uint64_t, kGrades> grades{};  // frames, by Grade
+  std::array<std::uint64_t, 32> flags{};        // frames, by the flag's bit
+  std::vector<double> latency_ms;               // received to published
+  std::uint64_t missed = 0;
+};
+
+// Where the present run of frames began that are as they should be, as far as there was time for each. A frame with
+// another flag ends it, a wrong one, and a silence.
+struct GoodRun {
+  std::int64_t since_ns = 0;
+  std::int64_t last_ns = 0;
+  std::uint64_t frames = 0;
+};
+
+// What the daemon counts.
+struct Counters {
+  int life = 0;
+  faults::Losses lost{};  // all lives
+  std::uint64_t published = 0;
+  std::uint64_t reopened = 0;  // of this life, as the next
+  std::uint64_t outage_frames = 0;
+  std::uint64_t window_restarts = 0;
+};
+
+class Watcher {
+ public:
+  // Waits for the stream; `truth` and `findings` outlive this. Thread: setup.
+  static Result<std::unique_ptr<Watcher>> start(const std::string& name, const Truth& truth, Findings& findings);
+  ~Watcher();
+  Watcher(const Watcher&) = delete;
+  Watcher& operator=(const Watcher&) = delete;
+
+  // Thread: any.
+  void allow(const Allowed& allowed);
+  Flow take_flow();
+  GoodRun good_run() const;
+  Counters counters() const;
+  // The frame with this camera time that was received about then; nothing as long as it is not settled.
+  std::optional<Position> find(std::int64_t camera_ns, std::int64_t about_ns) const;
+  const bolo_shm_header& first_header() const noexcept { return first_header_; }
+
+ private:
+  Watcher(shm::FollowedStream stream, const Truth& truth, Findings& findings);
+  void run();
+  void look();
+  void take(const shm::BorrowedFrame& frame, std::uint64_t missed);
+  void begin_life();
+  void count(const shm::ShmReader& reader);
+  void note_good(Grade grade, std::int64_t publish_ns);
+
+  shm::FollowedStream stream_;
+  bolo_shm_header first_header_;
+  std::optional<shm::ShmReader> present_;  // the object of the present life: its counters outlast its writer
+  std::vector<std::uint16_t> raw_;
+  std::vector<std::uint16_t> deblurred_;
+  std::atomic<bool> stop_{false};
+
+  mutable std::mutex mutex_;
+  FrameJudge judge_;
+  std::deque<Position> seen_;
+  Flow flow_;
+  GoodRun good_;
+  Counters counters_;
+  faults::Losses lost_before_{};  // in lives that are over
+  std::uint64_t published_ = 0;
+  std::uint64_t unread_ = 0;  // frames that were overwritten since the last one judged
+  double silence_s_ = 0.0;
+  std::int64_t last_publish_ns_ = 0;
+
+  std::thread thread_;
+};
+
+}  // namespace bolo::tools::soak
