@@ -19,7 +19,7 @@ pkg_check_modules(LIBUSB REQUIRED IMPORTED_TARGET libusb-1.0)
 pkg_check_modules(SYSTEMD REQUIRED IMPORTED_TARGET libsystemd)
 pkg_check_modules(PROMETHEUS REQUIRED IMPORTED_TARGET prometheus-cpp-pull prometheus-cpp-core)
 pkg_check_modules(MICROHTTPD REQUIRED IMPORTED_TARGET libmicrohttpd)
-# Neural networks of `bolo eval detect`; optional. Debian's package with OpenCV's own CMake files (libopencv-dev) brings
+# Neural networks of `bolo-lab eval detect`; optional. Debian's package with OpenCV's own CMake files (libopencv-dev) brings
 # all of OpenCV along: what is needed is found without them.
 find_path(OPENCV_INCLUDE opencv2/dnn.hpp PATH_SUFFIXES opencv4)
 find_library(OPENCV_DNN opencv_dnn)
@@ -29,9 +29,9 @@ if(OPENCV_INCLUDE AND OPENCV_DNN AND OPENCV_CORE)
   target_include_directories(opencv SYSTEM INTERFACE ${OPENCV_INCLUDE})
   target_link_libraries(opencv INTERFACE ${OPENCV_DNN} ${OPENCV_CORE})
 else()
-  message(STATUS "OpenCV (libopencv-dnn-dev) is missing: bolo eval detect is built without networks")
+  message(STATUS "OpenCV (libopencv-dnn-dev) is missing: bolo-lab eval detect is built without networks")
 endif()
-# Ranks of `bolo deblur` and `bolo blind` on a cluster; optional.
+# Ranks of `bolo deblur` and `bolo-lab blind` on a cluster; optional.
 find_package(MPI QUIET COMPONENTS CXX)
 if(NOT MPI_CXX_FOUND)
   message(STATUS "MPI (libopenmpi-dev) is missing: bolo shares work by shards alone")

@@ -1,123 +1,155 @@
 #!/usr/bin/env python3
-"""Refuses an #include that no link edge allows.
+"""Refuses an #include against the direction of dependency, in every folder.
 
-The edges are the DEPENDS lists of bolo_layer() in the CMake files, so what links and what is included cannot drift
-apart. Two more rules stand beside them: the edges themselves must point downwards in the order of ARCHITECTURE.md, and
-only daemon and tools may name a concrete driver.
+For src, drivers and bolod the edges are the DEPENDS lists of bolo_layer() in the CMake files, so what links and what is
+included cannot drift apart; the lists themselves may hold nothing but what ALLOWED has. The other folders of tools may
+use what stands before them in TOOLS and no other.
 """
 
 import pathlib
 import re
+import shutil
 import sys
+import tempfile
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-LAYERS = ["core", "rt", "model", "deblur", "capture", "report", "sim", "diagnose", "pipeline", "daemon"]
+PIPELINE = {"core", "rt", "model", "deblur", "corrections", "motion", "capture", "pipeline"}
 # The only edges that may exist, whatever the CMake files say.
 ALLOWED = {
     "core": set(),
     "rt": {"core"},
     "model": {"core"},
     "deblur": {"core", "model"},
+    "motion": {"core", "model", "deblur"},
+    "corrections": {"core", "model", "deblur"},
     "capture": {"core", "model"},
     "sim": {"core", "rt", "model", "capture"},
     "report": {"core"},
     "diagnose": {"core", "model", "capture", "report"},
-    "pipeline": {"core", "rt", "model", "deblur"},
+    "pipeline": {"core", "rt", "model", "deblur", "corrections", "motion"},
+    "daemon": PIPELINE | {"genicam", "replay", "shm", "usb", "v4l2"},
 }
-DRIVER_MAY_USE = {"core", "rt", "model", "deblur", "capture", "pipeline"}
+# Folders of tools, each below the next. Nothing but the laboratory may use the laboratory.
+TOOLS = ["cli", "cluster", "record", "convert", "doctor", "view", "deblur", "demo", "bolod", "bolo", "manual", "lab"]
+LAB = ["", "bench", "blind", "eval", "detect", "soak"]
+SUFFIXES = {".hpp", ".cpp", ".h", ".c"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.M)
 
 
 def drivers(root):
-    return sorted(p.name for p in (root / "drivers").iterdir() if p.is_dir())
+    return {p.name for p in (root / "drivers").iterdir() if p.is_dir()}
 
 
 def link_edges(root):
     """{layer: set of layers} from every bolo_layer() call."""
     edges = {}
-    for cmake in [*root.glob("src/**/CMakeLists.txt"), *root.glob("drivers/**/CMakeLists.txt"), *root.glob("tools/bolod/CMakeLists.txt")]:
+    for cmake in [*root.glob("src/**/CMakeLists.txt"), *root.glob("drivers/**/CMakeLists.txt"), root / "tools/bolod/CMakeLists.txt"]:
         for name, body in re.findall(r"bolo_layer\((\w+)([^)]*)\)", cmake.read_text()):
             depends = re.search(r"DEPENDS\s+((?:(?!SOURCES|LIBRARIES|DEPENDS)\w+\s*)+)", body)
             edges[name] = set(depends.group(1).split()) if depends else set()
     return edges
 
 
-def owner(path, root):
-    """The layer, driver or folder that a source file belongs to."""
-    parts = path.relative_to(root).parts
-    if parts[0] == "include":
-        return parts[2] if len(parts) > 3 else "core"  # include/bolo/shm_layout.h stands alone
-    if parts[0] in ("src", "drivers"):
-        return parts[1]
-    return parts[0]
+def includes(root, folder):
+    for path in sorted((root / folder).rglob("*")):
+        if path.suffix in SUFFIXES:
+            for include in INCLUDE.findall(path.read_text()):
+                yield path.relative_to(root), include
 
 
-def target(include):
-    """The layer or driver that an #include names, or None when it is not ours."""
-    parts = include.split("/")
-    if parts[0] == "bolo" and len(parts) == 3:
+def layer_of(name):
+    """The layer or driver that a path belongs to, or None."""
+    parts = name.split("/")
+    if parts[0] in ("src", "drivers") and len(parts) > 2:
         return parts[1]
-    if parts[0] in ("src", "drivers") and len(parts) >= 3:
-        return parts[1]
-    return None
+    return "daemon" if name.startswith("tools/bolod/") else None
+
+
+def layer_violations(root):
+    edges = link_edges(root)
+    for name, depends in sorted(edges.items()):
+        allowed = PIPELINE if name in drivers(root) else ALLOWED.get(name, set())
+        yield from (f"CMake: {name} may not depend on {wrong}" for wrong in sorted(depends - allowed))
+    for folder in ("src", "drivers", "tools/bolod"):
+        for path, include in includes(root, folder):
+            here, there = layer_of(str(path)), layer_of(include)
+            if include.startswith("tools/") and there != "daemon":
+                yield f"{path}: {here} includes {include}"
+            elif there not in (None, here) and there not in edges.get(here, set()):
+                yield f"{path}: {here} includes {include}, but does not depend on {there}"
+
+
+def place_of(name):
+    """(tool, folder of the laboratory) that a path in tools belongs to."""
+    parts = name.split("/")
+    return parts[1], parts[2] if parts[1] == "lab" and len(parts) > 3 else ""
+
+
+def tool_violations(root):
+    for path, include in includes(root, "tools"):
+        if not include.startswith("tools/"):
+            continue
+        here, there = place_of(str(path)), place_of(include)
+        if here[0] == there[0] == "lab":
+            # The laboratory's own main files stand above its folders, but for the list of verbs.
+            wrong = here[1] != there[1] and here[1] and LAB.index(there[1]) > LAB.index(here[1])
+        else:
+            wrong = there[0] not in TOOLS or TOOLS.index(there[0]) > TOOLS.index(here[0])
+        if wrong:
+            yield f"{path}: {'/'.join(here).rstrip('/')} includes {include}"
 
 
 def violations(root):
-    edges = link_edges(root)
-    known_drivers = drivers(root)
-    found = []
-    for name, depends in sorted(edges.items()):
-        if name in known_drivers:
-            wrong = depends - DRIVER_MAY_USE
-        elif name == "daemon":
-            wrong = depends - set(LAYERS) - set(known_drivers) - {"sim", "diagnose"}
-        else:
-            wrong = depends - ALLOWED.get(name, set())
-        found += [f"CMake: {name} may not depend on {w}" for w in sorted(wrong)]
-    for folder in ("include", "src", "drivers"):
-        for path in sorted((root / folder).rglob("*")):
-            if path.suffix not in (".hpp", ".cpp", ".h", ".c"):
-                continue
-            here = owner(path, root)
-            for include in INCLUDE.findall(path.read_text()):
-                there = target(include)
-                if there is None or there == here or there in edges.get(here, set()):
-                    continue
-                found.append(f"{path.relative_to(root)}: {here} includes {include}, but does not depend on {there}")
-    return found
+    return [*layer_violations(root), *tool_violations(root)]
 
 
 class Layers(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory()
+        for folder in ("src", "drivers", "tools"):
+            shutil.copytree(ROOT / folder, pathlib.Path(cls.scratch.name) / folder)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.scratch.cleanup()
+
+    def refuses(self, file, line, message):
+        """Whether a copy of the tree with this line in front of this file is refused."""
+        copy = pathlib.Path(self.scratch.name)
+        victim = copy / file
+        before = victim.read_text()
+        victim.write_text(line + "\n" + before)
+        found = violations(copy)
+        victim.write_text(before)
+        self.assertTrue([v for v in found if message in v], found)
+
     def test_every_include_follows_a_link_edge(self):
         self.assertEqual(violations(ROOT), [])
 
-    def test_every_layer_is_known(self):
-        self.assertLessEqual({"core", "rt", "model", "deblur", "capture", "pipeline"}, set(link_edges(ROOT)))
+    def test_every_folder_is_known(self):
+        self.assertEqual({p.name for p in (ROOT / "src").iterdir() if p.is_dir()} - set(ALLOWED), set())
+        folders = {p.name for p in (ROOT / "tools").iterdir() if any(f.suffix in SUFFIXES for f in p.rglob("*"))}
+        self.assertEqual(folders - set(TOOLS), set())
 
     def test_a_wrong_include_is_refused(self):
-        import shutil
-        import tempfile
-
-        with tempfile.TemporaryDirectory() as scratch:
-            copy = pathlib.Path(scratch)
-            for folder in ("include", "src", "drivers"):
-                shutil.copytree(ROOT / folder, copy / folder)
-            victim = copy / "src" / "rt" / "frame_pool.cpp"
-            victim.write_text('#include "src/pipeline/pipeline.hpp"\n' + victim.read_text())
-            self.assertTrue(any("rt includes src/pipeline" in v for v in violations(copy)))
+        self.refuses("src/rt/frame_pool.cpp", '#include "src/pipeline/pipeline.hpp"', "rt includes src/pipeline")
 
     def test_a_layer_that_names_a_driver_is_refused(self):
-        import shutil
-        import tempfile
+        self.refuses("src/pipeline/pipeline.cpp", '#include "drivers/shm/shm_sink.hpp"', "pipeline includes drivers/shm")
 
-        with tempfile.TemporaryDirectory() as scratch:
-            copy = pathlib.Path(scratch)
-            for folder in ("include", "src", "drivers"):
-                shutil.copytree(ROOT / folder, copy / folder)
-            cmake = copy / "src" / "pipeline" / "CMakeLists.txt"
-            cmake.write_text(cmake.read_text().replace("DEPENDS core", "DEPENDS core shm"))
-            self.assertIn("CMake: pipeline may not depend on shm", violations(copy))
+    def test_a_layer_that_links_a_driver_is_refused(self):
+        self.refuses("src/rt/CMakeLists.txt", "bolo_layer(invented DEPENDS core shm)", "CMake: invented may not depend on shm")
+
+    def test_the_laboratory_is_used_by_nobody(self):
+        self.refuses("tools/bolo/deblur.cpp", '#include "tools/lab/eval/recording.hpp"', "bolo includes tools/lab")
+
+    def test_the_daemon_has_no_simulator(self):
+        self.refuses("tools/bolod/config.cpp", '#include "src/sim/simulator.hpp"', "daemon includes src/sim")
+
+    def test_tools_look_down_only(self):
+        self.refuses("tools/view/site.cpp", '#include "tools/bolo/verbs.hpp"', "view includes tools/bolo")
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ Page example() {
   page.heading("Latency & more");
   page.paragraph("Words.");
   page.quiet("Grey words.");
-  page.code("bolo soak\n  --seed 7");
+  page.code("bolo-lab soak\n  --seed 7");
   const Plot plot{.title = "Rate", .caption = "Flat is good.", .series = {{.x = {0, 1}, .y = {0, 200}}}};
   page.plot(plot);
   page.plot({.title = "Empty"});

@@ -113,20 +113,5 @@ TEST_F(Calibrate, SaysWhatIsWrongInOneLine) {
   EXPECT_FALSE(fs::exists(out));
 }
 
-TEST_F(Calibrate, EvaluationsPrintNumbersAndDraw) {
-  const Outcome pulses = bolo({"eval", "pulses", "--seeds", "1", "--json", "--plot", path("pulses.svg")});
-  ASSERT_EQ(pulses.exit_code, 0) << pulses.err;
-  const auto trials = nlohmann::json::parse(pulses.out).at("trials");
-  EXPECT_EQ(trials.size(), 9U);
-  for (const auto& trial : trials) EXPECT_LT(trial.at("worst_error").get<double>(), 0.01);
-  EXPECT_TRUE(fs::exists(path("pulses.svg")));
-  const Outcome pixel = bolo({"eval", "pixel", "--draws", "3", "--json", "--plot", path("pixel.html")});
-  ASSERT_EQ(pixel.exit_code, 0) << pixel.err;
-  EXPECT_EQ(nlohmann::json::parse(pixel.out).at("cases").size(), 4U);
-  EXPECT_TRUE(fs::exists(path("pixel.html")));
-  EXPECT_EQ(bolo({"eval", "pulses", "--seeds", "0"}).exit_code, 2);
-  EXPECT_EQ(bolo({"eval", "pixel", "--noise", "-1"}).exit_code, 2);
-}
-
 }  // namespace
 }  // namespace bolo::tools::test

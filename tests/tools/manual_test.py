@@ -29,10 +29,8 @@ def options_in(text):
 
 
 VERBS = verbs_in(help_of(BOLO))
-EVALUATIONS = verbs_in(help_of(BOLO, "eval"))
-# What is typed, and what its --help says. `bolo eval` only names its evaluations.
-COMMANDS = {("bolo", verb): help_of(BOLO, verb) for verb in VERBS if verb != "eval"}
-COMMANDS |= {("bolo", "eval", what): help_of(BOLO, "eval", what) for what in EVALUATIONS}
+# What is typed, and what its --help says.
+COMMANDS = {("bolo", verb): help_of(BOLO, verb) for verb in VERBS}
 COMMANDS[("bolod",)] = help_of(BOLOD)
 
 
@@ -97,7 +95,6 @@ class Completion(unittest.TestCase):
     def test_offers_every_verb(self):
         self.assertEqual(set(complete("bolo", "")), {*VERBS, "--help"})
         self.assertEqual(complete("bolo", "diag"), ["diagnose"])
-        self.assertEqual(set(complete("bolo", "eval", "")), {*EVALUATIONS, "--help"})
 
     def test_offers_every_option(self):
         for command, text in COMMANDS.items():
@@ -146,7 +143,7 @@ class Completion(unittest.TestCase):
             return {entry.split("\t")[0] for entry in done.stdout.splitlines()}
 
         self.assertEqual(offers("bolo "), set(VERBS))
-        self.assertEqual(offers("bolo eval "), set(EVALUATIONS))
+        self.assertEqual(offers("bolo-lab eval "), set(EVALUATIONS))
         self.assertEqual(offers("bolo deblur --solver "), {"admm", "dual", "exact", "inverse", "mmae"})
         for command, text in COMMANDS.items():
             if command[0] == "bolo":

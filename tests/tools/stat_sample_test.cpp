@@ -1,4 +1,4 @@
-#include "tools/bolo/stat_sample.hpp"
+#include "tools/view/stat_sample.hpp"
 
 #include <gtest/gtest.h>
 

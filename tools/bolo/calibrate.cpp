@@ -13,11 +13,11 @@
 #include "src/diagnose/calibrate.hpp"
 #include "src/diagnose/report_words.hpp"
 #include "src/report/sheet.hpp"
-#include "tools/bolo/cli.hpp"
-#include "tools/bolo/plot_option.hpp"
 #include "tools/bolo/profile_file.hpp"
+#include "tools/bolo/pulse_plots.hpp"
 #include "tools/bolo/verbs.hpp"
-#include "tools/lab/eval/pulse_plots.hpp"
+#include "tools/cli/cli.hpp"
+#include "tools/cli/plot_option.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -5,8 +5,8 @@
 #include <cstdio>
 #include <string_view>
 
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/convert/footage.hpp"
 #include "tools/convert/footage_sink.hpp"
 

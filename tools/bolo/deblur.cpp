@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/cluster/job_run.hpp"
 #include "tools/deblur/capture_run.hpp"
 #include "tools/deblur/deblur_job.hpp"

@@ -11,9 +11,9 @@
 #include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/report_files.hpp"
 #include "src/diagnose/report_words.hpp"
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/profile_file.hpp"
 #include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/shm/shm_sink.hpp"
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/bolod/config.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/doctor/checks.hpp"
 
 namespace bolo::tools {

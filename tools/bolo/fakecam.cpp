@@ -11,9 +11,9 @@
 
 #include "drivers/fakecam/fake_camera.hpp"
 #include "src/core/clock.hpp"
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/fakecam_faults.hpp"
 #include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "src/capture/capture.hpp"
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 namespace {

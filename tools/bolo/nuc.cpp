@@ -2,9 +2,9 @@
 #include <cstdio>
 #include <string>
 
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/control_client.hpp"
 #include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "src/capture/recovery.hpp"
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -3,10 +3,10 @@
 #include <utility>
 
 #include "drivers/shm/shm_object.hpp"
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/bolod/daemon.hpp"
 #include "tools/bolod/log.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 namespace {

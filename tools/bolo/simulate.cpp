@@ -9,10 +9,10 @@
 
 #include "src/sim/simulator.hpp"
 #include "src/sim/stimulus_error.hpp"
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/simulate_effects.hpp"
 #include "tools/bolo/simulate_field.hpp"
 #include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -8,12 +8,12 @@
 
 #include "drivers/shm/shm_reader.hpp"
 #include "src/core/clock.hpp"
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/control_client.hpp"
 #include "tools/bolo/stat_history.hpp"
-#include "tools/bolo/stat_sample.hpp"
 #include "tools/bolo/stat_screen.hpp"
 #include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
+#include "tools/view/stat_sample.hpp"
 
 namespace bolo::tools {
 namespace {

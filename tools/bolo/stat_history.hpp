@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/bolo/stat_sample.hpp"
+#include "tools/view/stat_sample.hpp"
 
 namespace bolo::tools {
 

@@ -13,8 +13,8 @@
 #include "drivers/usb/descriptor_report.hpp"
 #include "drivers/usb/devices.hpp"
 #include "drivers/usb/hotplug.hpp"
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -2,27 +2,18 @@
 #pragma once
 
 #include <array>
-#include <string_view>
+
+#include "tools/cli/verb.hpp"
 
 namespace bolo::tools {
 
-// argv[0] is the verb itself. Returns the exit code.
-using VerbMain = int (*)(int argc, char** argv);
-
-struct Verb {
-  std::string_view name;
-  std::string_view summary;
-  VerbMain run;
-};
-
 int bench_main(int argc, char** argv);
-int blind_main(int argc, char** argv);
 int calibrate_main(int argc, char** argv);
 int convert_main(int argc, char** argv);
 int deblur_main(int argc, char** argv);
+int demo_main(int argc, char** argv);
 int diagnose_main(int argc, char** argv);
 int doctor_main(int argc, char** argv);
-int eval_main(int argc, char** argv);
 int fakecam_main(int argc, char** argv);
 int info_main(int argc, char** argv);
 int nuc_main(int argc, char** argv);
@@ -30,12 +21,12 @@ int record_main(int argc, char** argv);
 int recover_main(int argc, char** argv);
 int replay_main(int argc, char** argv);
 int simulate_main(int argc, char** argv);
-int soak_main(int argc, char** argv);
 int stat_main(int argc, char** argv);
 int usb_main(int argc, char** argv);
 int view_main(int argc, char** argv);
 
-inline constexpr std::array<Verb, 19> kVerbs{{
+inline constexpr std::array<Verb, 17> kVerbs{{
+    {"demo", "simulated camera, daemon and live page at once: what Bolo does", demo_main},
     {"simulate", "write a capture of a simulated camera that moves", simulate_main},
     {"fakecam", "serve a capture as a GigE Vision camera", fakecam_main},
     {"deblur", "undo the pixels' thermal inertia in a capture", deblur_main},
@@ -51,10 +42,7 @@ inline constexpr std::array<Verb, 19> kVerbs{{
     {"doctor", "check this computer for what a camera needs, and say the fixes", doctor_main},
     {"usb", "list USB cameras and what they say of themselves (experimental)", usb_main},
     {"info", "say what is in a capture, and what is wrong with it", info_main},
-    {"bench", "measure the deblurring on this machine", bench_main},
-    {"blind", "check the diagnosis on captures with hidden effects", blind_main},
-    {"soak", "run camera, daemon and readers for hours while everything goes wrong", soak_main},
-    {"eval", "measure what deblurring achieves", eval_main},
+    {"bench", "say how many times faster than the camera this computer deblurs", bench_main},
 }};
 
 }  // namespace bolo::tools

@@ -9,9 +9,9 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/shm/shm_object.hpp"
-#include "tools/bolo/cli.hpp"
 #include "tools/bolo/control_client.hpp"
 #include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/view/site.hpp"
 
 namespace bolo::tools {

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
-#include "tools/bolo/cli.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/cluster/at_once.hpp"
 #include "tools/cluster/mpi.hpp"
 

@@ -12,7 +12,7 @@
 #include "src/deblur/isa.hpp"
 #include "src/model/camera_profile.hpp"
 #include "src/pipeline/apply_profile.hpp"
-#include "tools/bolo/cli.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/deblur/pixel_choice.hpp"
 
 namespace bolo::tools {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <utility>
 
-#include "tools/bolo/cli.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 namespace {

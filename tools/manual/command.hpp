@@ -8,7 +8,7 @@
 
 #include <cxxopts.hpp>
 
-#include "tools/bolo/verbs.hpp"
+#include "tools/cli/verb.hpp"
 
 namespace bolo::tools {
 
@@ -44,7 +44,7 @@ struct Command {
 Command read_command(const cxxopts::Options& options, std::string summary);
 
 // Runs the verb without doing its work; of a verb with parts all of them. `program` stands before the verb's name:
-// "bolo", "bolo eval". Thread: setup.
+// "bolo", "bolo-lab eval". Thread: setup.
 Command read_verb(const Verb& verb, std::span<const Verb> parts, const std::string& program);
 
 }  // namespace bolo::tools

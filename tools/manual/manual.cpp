@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "src/model/camera_profile.hpp"
+#include "tools/bolo/verbs.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/bolod/options.hpp"
-#include "tools/lab/eval/evaluations.hpp"
 #include "tools/manual/command.hpp"
 #include "tools/manual/completion.hpp"
 #include "tools/manual/man_page.hpp"
@@ -43,11 +43,7 @@ const std::array<PageSection, 5> kDaemonSections{{
 
 std::vector<Command> read_verbs() {
   std::vector<Command> verbs;
-  for (const Verb& verb : kVerbs) {
-    const std::span<const Verb> parts =
-        verb.run == eval_main ? std::span<const Verb>(kEvaluations) : std::span<const Verb>();
-    verbs.push_back(read_verb(verb, parts, "bolo"));
-  }
+  for (const Verb& verb : kVerbs) verbs.push_back(read_verb(verb, {}, "bolo"));
   return verbs;
 }
 

@@ -16,7 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/shm/followed_stream.hpp"
-#include "tools/bolo/stat_sample.hpp"
+#include "tools/view/stat_sample.hpp"
 
 namespace bolo::view {
 

@@ -4,6 +4,7 @@
 #include <system_error>
 #include <utility>
 
+#include "tools/cli/process.hpp"
 #include "tools/cluster/job_run.hpp"
 
 namespace bolo::tools::blind {
@@ -60,8 +61,13 @@ Status read_check(const Given& given, CheckOptions& options) {
   options.jobs = given["jobs"].as<int>();
   if (options.jobs < 1 || options.jobs > 64) return bad_input("--jobs: expected 1 to 64");
   std::error_code error;
-  options.program = std::filesystem::read_symlink("/proc/self/exe", error);
-  if (error) return failed("/proc/self/exe: " + error.message());
+  if (given.count("bolo") != 0) {
+    options.program = std::filesystem::absolute(given["bolo"].as<std::string>(), error);
+  } else {
+    auto found = find_own_program("bolo");
+    if (!found) return tl::unexpected(found.error());
+    options.program = std::move(*found);
+  }
   if (given.count("keep") == 0) return {};
   options.keep = std::filesystem::absolute(given["keep"].as<std::string>());
   std::filesystem::create_directories(options.keep, error);
@@ -90,7 +96,7 @@ Status read_sharing(const Given& given, BlindRequest& request) {
 
 cxxopts::Options blind_command_line() {
   cxxopts::Options options(
-      "bolo blind",
+      "bolo-lab blind",
       "Draws bench sessions with hidden effects, seals the answers, diagnoses the captures in processes that cannot\n"
       "read them, opens the answers and scores. A session is six captures of about 2,000 frames in all. With --job it\n"
       "goes on where it was interrupted, and can be shared by ranks that mpirun or srun starts, or by shards.");
@@ -106,9 +112,11 @@ cxxopts::Options blind_command_line() {
       "width", "Pixels", cxxopts::value<int>()->default_value("32"))(
       "height", "Pixels", cxxopts::value<int>()->default_value("24"))("frames-scale", "Of the captures' lengths",
                                                                       number("1"));
-  options.add_options("Run")("jobs", "Sessions at the same time; one in each shard or rank where it is not given",
-                             cxxopts::value<int>()->default_value("2"))(
-      "keep", "Keep captures, reports and answers here", cxxopts::value<std::string>(), "DIR")(
+  options.add_options("Run")("bolo", "Whose diagnosis is checked (default: the one beside this program)",
+                             cxxopts::value<std::string>(), "PROGRAM")(
+      "jobs", "Sessions at the same time; one in each shard or rank where it is not given",
+      cxxopts::value<int>()->default_value("2"))("keep", "Keep captures, reports and answers here",
+                                                 cxxopts::value<std::string>(), "DIR")(
       "html", "Write the score as a page", cxxopts::value<std::string>(), "FILE")("json", "Print the score as JSON");
   cluster::add_sharing_options(options, "sessions", "without it nothing is recorded; shards and ranks need it");
   return options;

@@ -1,4 +1,4 @@
-// What `bolo blind` is asked to do.
+// What `bolo-lab blind` is asked to do.
 #pragma once
 
 #include <cstdint>

@@ -130,7 +130,7 @@ ordered_json kind_json(const KindScore& s) {
 
 std::string rerun_words(const Failure& failure, const DrawOptions& draw) {
   std::string words =
-      line("bolo blind --kind %s --seed %llu --first %zu --sessions 1", std::string(name_of(failure.kind)).c_str(),
+      line("bolo-lab blind --kind %s --seed %llu --first %zu --sessions 1", std::string(name_of(failure.kind)).c_str(),
            static_cast<unsigned long long>(draw.seed), failure.index);
   if (draw.imperfect) words += " --imperfect";
   if (draw.magnitude != 1.0) words += line(" --magnitude %g", draw.magnitude);

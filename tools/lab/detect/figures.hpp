@@ -1,4 +1,4 @@
-// What is drawn of `bolo eval detect`.
+// What is drawn of `bolo-lab eval detect`.
 #pragma once
 
 #include "src/report/sheet.hpp"

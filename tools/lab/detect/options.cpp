@@ -5,7 +5,7 @@
 #include <sstream>
 #include <system_error>
 
-#include "tools/bolo/plot_option.hpp"
+#include "tools/cli/plot_option.hpp"
 
 namespace bolo::tools::detect {
 namespace {
@@ -122,7 +122,7 @@ Status check(const Options& o) {
 }  // namespace
 
 cxxopts::Options declare() {
-  cxxopts::Options cli("bolo eval detect", kSummary);
+  cxxopts::Options cli("bolo-lab eval detect", kSummary);
   const auto texts = [] { return cxxopts::value<std::vector<std::string>>(); };
   cli.add_options("What is looked at")(
       "data",

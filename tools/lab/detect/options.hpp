@@ -1,4 +1,4 @@
-// What `bolo eval detect` is asked for.
+// What `bolo-lab eval detect` is asked for.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// The result of `bolo eval detect`, as text and as JSON.
+// The result of `bolo-lab eval detect`, as text and as JSON.
 #pragma once
 
 #include <nlohmann/json.hpp>

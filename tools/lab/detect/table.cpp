@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "src/report/text.hpp"
-#include "tools/percentile.hpp"
+#include "tools/cli/percentile.hpp"
 
 namespace bolo::tools::detect {
 namespace {

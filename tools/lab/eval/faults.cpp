@@ -7,11 +7,11 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tools/bolo/cli.hpp"
-#include "tools/bolo/plot_option.hpp"
+#include "tools/cli/cli.hpp"
+#include "tools/cli/percentile.hpp"
+#include "tools/cli/plot_option.hpp"
 #include "tools/lab/eval/faults_plot.hpp"
 #include "tools/lab/eval/faults_scenarios.hpp"
-#include "tools/percentile.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -126,7 +126,7 @@ Status evaluate(const Request& request) {
   if (!request.plot.empty()) {
     const double period_s = stage->scene.format.frame_period_s;
     plot::Sheet sheet = faults::sheet_of(recoveries, 1e3 * stage->pipeline.deblur.window * period_s);
-    sheet.how = "bolo eval faults --repeats " + std::to_string(request.repeats) +
+    sheet.how = "bolo-lab eval faults --repeats " + std::to_string(request.repeats) +
                 ": 64x24 pixels at 200 Hz through real packets.";
     if (Status drawn = save(sheet, request.plot); !drawn) return drawn;
   }
@@ -136,7 +136,7 @@ Status evaluate(const Request& request) {
 }  // namespace
 
 int eval_faults_main(int argc, char** argv) {
-  cxxopts::Options options("bolo eval faults",
+  cxxopts::Options options("bolo-lab eval faults",
                            "Runs the daemon's pipeline against a fake camera that fails, one fault after the other,\n"
                            "through real packets, and compares what it counts with what was injected and what it\n"
                            "publishes with an undisturbed run.\n");

@@ -1,4 +1,4 @@
-// `bolo eval faults`: a camera that fails in every way that its fake knows.
+// `bolo-lab eval faults`: a camera that fails in every way that its fake knows.
 #pragma once
 
 namespace bolo::tools {

@@ -1,6 +1,6 @@
 #include "tools/lab/eval/faults_plot.hpp"
 
-#include "tools/percentile.hpp"
+#include "tools/cli/percentile.hpp"
 
 namespace bolo::tools::faults {
 

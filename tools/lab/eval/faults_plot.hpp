@@ -1,4 +1,4 @@
-// What is drawn of `bolo eval faults`.
+// What is drawn of `bolo-lab eval faults`.
 #pragma once
 
 #include <span>

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "src/report/text.hpp"
-#include "tools/bolo/cli.hpp"
+#include "tools/cli/cli.hpp"
 #include "tools/lab/eval/fidelity_plot.hpp"
 #include "tools/lab/eval/fidelity_report.hpp"
 #include "tools/lab/eval/jobs.hpp"
@@ -152,7 +152,7 @@ Status run(const Options& options) {
   if (options.plot.empty()) return {};
   plot::Sheet sheet = sheet_of(*table);
   sheet.how = plot::format(
-      "bolo eval fidelity --frames %d --crop %dx%d --seed %llu: simulated camera, 200 frames/s, tau 11 ms.",
+      "bolo-lab eval fidelity --frames %d --crop %dx%d --seed %llu: simulated camera, 200 frames/s, tau 11 ms.",
       options.frames, options.crop.width, options.crop.height, static_cast<unsigned long long>(options.seed));
   return save(sheet, options.plot);
 }

@@ -1,4 +1,4 @@
-// `bolo eval fidelity`: which estimator is good where.
+// `bolo-lab eval fidelity`: which estimator is good where.
 #pragma once
 
 namespace bolo::tools {

@@ -1,4 +1,4 @@
-// Sequences for `bolo eval fidelity`: a scene seen by a moving microbolometer, made in memory with its truth.
+// Sequences for `bolo-lab eval fidelity`: a scene seen by a moving microbolometer, made in memory with its truth.
 #pragma once
 
 #include <cstdint>

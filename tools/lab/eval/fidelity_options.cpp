@@ -6,7 +6,7 @@
 
 #include "src/sim/path.hpp"
 #include "src/sim/scene.hpp"
-#include "tools/bolo/plot_option.hpp"
+#include "tools/cli/plot_option.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {
@@ -87,7 +87,7 @@ Result<std::vector<Motion>> motions_of(const cxxopts::ParseResult& given) {
 }  // namespace
 
 cxxopts::Options declare() {
-  cxxopts::Options cli("bolo eval fidelity", kSummary);
+  cxxopts::Options cli("bolo-lab eval fidelity", kSummary);
   const auto texts = [](const char* value) { return cxxopts::value<std::vector<std::string>>()->default_value(value); };
   const auto numbers = [](const char* value) { return cxxopts::value<std::vector<double>>()->default_value(value); };
   cli.add_options("What is compared")(

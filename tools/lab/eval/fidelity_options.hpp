@@ -1,4 +1,4 @@
-// What `bolo eval fidelity` is asked for.
+// What `bolo-lab eval fidelity` is asked for.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What is drawn of `bolo eval fidelity`.
+// What is drawn of `bolo-lab eval fidelity`.
 #pragma once
 
 #include "src/report/sheet.hpp"

@@ -1,4 +1,4 @@
-// The result of `bolo eval fidelity`, as text and as JSON.
+// The result of `bolo-lab eval fidelity`, as text and as JSON.
 #pragma once
 
 #include <string>

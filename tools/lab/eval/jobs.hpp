@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "src/core/result.hpp"
-#include "tools/bolo/cli.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 

@@ -1,26 +1,20 @@
 #include "tools/lab/eval/live.hpp"
 
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
-#include <vector>
 
-#include "drivers/shm/shm_reader.hpp"
-#include "src/capture/capture.hpp"
-#include "src/core/clock.hpp"
-#include "src/core/loss.hpp"
-#include "tools/bolo/cli.hpp"
-#include "tools/bolo/plot_option.hpp"
-#include "tools/lab/eval/live_plot.hpp"
-#include "tools/lab/eval/truth_clock.hpp"
-#include "tools/percentile.hpp"
+#include <nlohmann/json.hpp>
+
+#include "tools/cli/cli.hpp"
+#include "tools/cli/plot_option.hpp"
+#include "tools/demo/live_check.hpp"
 
 namespace bolo::tools {
 namespace {
 
-constexpr int kReadTimeoutMs = 2000;
+constexpr const char* kVerb = "eval live";
+constexpr double kLongest_s = 86400.0;
 
 struct Options {
   std::string name;
@@ -30,194 +24,22 @@ struct Options {
   bool json = false;
 };
 
-// Squared errors over all pixels of the judged frames, K.
-struct ErrorSum {
-  double before = 0.0;
-  double after = 0.0;
-  std::uint64_t values = 0;
-
-  double rmse_before() const { return values > 0 ? std::sqrt(before / static_cast<double>(values)) : 0.0; }
-  double rmse_after() const { return values > 0 ? std::sqrt(after / static_cast<double>(values)) : 0.0; }
-};
-
-struct Outcome {
-  std::uint64_t frames_read = 0;
-  std::uint64_t overwritten = 0;    // published, but this reader was too slow for them
-  std::uint64_t frames_judged = 0;  // had a full window and a truth
-  std::uint64_t raw_differs = 0;    // raw planes that are not the capture's, value by value
-  std::vector<double> latency_ms;
-  ErrorSum error;
-  FrameChoice shown;
-  bolo_shm_header first{};
-  bolo_shm_header last{};
-};
-
-double kelvin(const bolo_shm_header& header, double count) { return header.scale * count + header.offset; }
-
-// Thread-free helper of judge(): one frame's planes as kelvin next to its truth.
-void add_errors(const bolo_shm_header& header, const shm::ReadFrame& frame, const std::vector<float>& truth,
-                ErrorSum& sum) {
-  for (std::size_t i = 0; i < truth.size(); ++i) {
-    const double before = kelvin(header, frame.raw[i]) - static_cast<double>(truth[i]);
-    const double after = kelvin(header, frame.deblurred[i]) - static_cast<double>(truth[i]);
-    sum.before += before * before;
-    sum.after += after * after;
-  }
-  sum.values += truth.size();
-}
-
-// What the reader compares a live frame with; buffers are reused from frame to frame.
-class Judge {
- public:
-  Judge(const capture::CaptureReader& reader, const bolo_shm_header& header)
-      : reader_(reader),
-        clock_(reader.t(), reader.info().format.frame_period_s),
-        window_(header.window),
-        raw_(reader.info().format.geometry.pixels()),
-        truth_(reader.info().format.geometry.pixels()) {}
-
-  Status judge(const bolo_shm_header& header, const shm::ReadFrame& frame, Outcome& outcome) {
-    const auto index = clock_.frame_at(frame.meta.camera_ns);
-    if (!index) return {};
-    if (reader_.info().format.type == PixelType::kUint16) {
-      if (auto read = reader_.read_frame(*index, raw_.data()); !read) return read;
-      if (raw_ != frame.raw) ++outcome.raw_differs;
-    }
-    // A window that reaches over the seam of two laps sees a jump that no camera would: those frames are not judged.
-    if (*index + 1 < window_ || (frame.meta.flags & kFlagWarmUp) != 0) return {};
-    if (auto read = reader_.read_truth(*index, truth_.data()); !read) return read;
-    add_errors(header, frame, truth_, outcome.error);
-    ++outcome.frames_judged;
-    outcome.shown.take(header, frame, truth_);
-    return {};
-  }
-
- private:
-  const capture::CaptureReader& reader_;
-  TruthClock clock_;
-  std::size_t window_;
-  std::vector<std::uint16_t> raw_;
-  std::vector<float> truth_;
-};
-
-Status watch(shm::ShmReader& memory, Judge& judge, double seconds, Outcome& outcome) {
-  const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(seconds * kNsPerSecond);
-  shm::ReadFrame frame;
-  Progress progress("reading", static_cast<std::uint64_t>(seconds * 1000));
-  std::uint64_t number = memory.published();
-  outcome.first = memory.header();
-  while (monotonic_ns() < end_ns && !interrupted()) {
-    switch (memory.read(number, frame, kReadTimeoutMs)) {
-      case shm::ShmReader::Outcome::kFrame:
-        break;
-      case shm::ShmReader::Outcome::kOverwritten: {
-        const std::uint64_t newest = memory.published();
-        outcome.overwritten += newest - number;
-        number = newest;
-        continue;
-      }
-      case shm::ShmReader::Outcome::kTimeout:
-        return failed("no frame came for " + std::to_string(kReadTimeoutMs) +
-                      " ms: look at 'bolo stat' for what the camera does");
-      case shm::ShmReader::Outcome::kClosed:
-        return failed("the daemon ended while its frames were read");
-    }
-    ++number;
-    ++outcome.frames_read;
-    outcome.latency_ms.push_back(static_cast<double>(frame.publish_ns - frame.meta.receive_ns) * kMsPerNs);
-    if (auto judged = judge.judge(outcome.first, frame, outcome); !judged) return judged;
-    progress.update(static_cast<std::uint64_t>((seconds - static_cast<double>(end_ns - monotonic_ns()) * 1e-9) * 1000));
-  }
-  outcome.last = memory.header();
-  return {};
-}
-
-nlohmann::ordered_json to_json(const Outcome& o) {
-  const double deblurred = static_cast<double>(o.last.published - o.first.published);
-  nlohmann::ordered_json lost;
-  for (std::size_t c = 0; c < kLossCauses; ++c) {
-    lost[std::string(name(static_cast<LossCause>(c)))] = o.last.lost[c];
-  }
-  return {{"frames_in", o.last.received - o.first.received},
-          {"frames_out", o.last.published - o.first.published},
-          {"frames_read", o.frames_read},
-          {"frames_overwritten", o.overwritten},
-          {"frames_judged", o.frames_judged},
-          {"raw_frames_not_exact", o.raw_differs},
-          {"lost_since_start", lost},
-          {"latency_ms",
-           {{"p50", percentile(o.latency_ms, 0.5)},
-            {"p99", percentile(o.latency_ms, 0.99)},
-            {"max", percentile(o.latency_ms, 1.0)}}},
-          {"deblur_ms_per_frame",
-           deblurred > 0 ? static_cast<double>(o.last.deblur_ns - o.first.deblur_ns) * kMsPerNs / deblurred : 0.0},
-          {"solver", std::string(o.last.solver)},
-          {"rmse_before_k", o.error.rmse_before()},
-          {"rmse_after_k", o.error.rmse_after()}};
-}
-
-void print_text(const nlohmann::ordered_json& j) {
-  const auto count = [&](const char* key) { return j.at(key).get<unsigned long long>(); };
-  std::printf("frames in            %llu   received whole from the camera while watching\n", count("frames_in"));
-  std::printf("frames out           %llu   published to shared memory, %llu read by this process, %llu missed by it\n",
-              count("frames_out"), count("frames_read"), count("frames_overwritten"));
-  std::printf("lost, by cause      ");
-  for (const auto& [cause, frames] : j.at("lost_since_start").items()) {
-    std::printf(" %s %llu", cause.c_str(), frames.get<unsigned long long>());
-  }
-  std::printf("   since the daemon's start\n");
-  std::printf("raw planes           %llu differ from the capture\n", count("raw_frames_not_exact"));
-  const auto& latency = j.at("latency_ms");
-  std::printf("latency, ms          p50 %.2f  p99 %.2f  max %.2f   first packet received to published\n",
-              latency.at("p50").get<double>(), latency.at("p99").get<double>(), latency.at("max").get<double>());
-  std::printf("deblurring           %.2f ms a frame   %s\n", j.at("deblur_ms_per_frame").get<double>(),
-              j.at("solver").get<std::string>().c_str());
-  std::printf("RMSE against truth   before %.3f K, after %.3f K   %llu frames, every pixel\n",
-              j.at("rmse_before_k").get<double>(), j.at("rmse_after_k").get<double>(), count("frames_judged"));
-}
-
-Status check_match(const capture::CaptureInfo& info, const bolo_shm_header& header) {
-  if (!info.has_truth) return bad_input("the capture has no /truth: give the one that 'bolo simulate' wrote");
-  const Geometry live{static_cast<int>(header.width), static_cast<int>(header.height)};
-  if (info.format.geometry == live) return {};
-  return bad_input("the capture has " + std::to_string(info.format.geometry.width) + "x" +
-                   std::to_string(info.format.geometry.height) + " pixels, the daemon publishes " +
-                   std::to_string(live.width) + "x" + std::to_string(live.height) +
-                   ": give the capture that the fake camera replays");
-}
-
 Status evaluate(const Options& options) {
-  auto reader = capture::CaptureReader::open(options.truth);
-  if (!reader) return tl::unexpected(reader.error());
-  auto memory = shm::ShmReader::open(options.name);
-  if (!memory) return tl::unexpected(memory.error());
-  const bolo_shm_header header = memory->header();
-  if (auto match = check_match(reader->info(), header); !match) return at(options.truth, match.error());
-
-  Outcome outcome;
-  Judge judge(*reader, header);
-  if (auto watched = watch(*memory, judge, options.seconds, outcome); !watched) return watched;
-  if (outcome.frames_judged == 0) {
-    return failed("none of " + std::to_string(outcome.frames_read) + " frames could be matched with the truth in " +
-                  options.truth + ": is it the capture that the fake camera replays?");
-  }
-  const nlohmann::ordered_json result = to_json(outcome);
+  const auto outcome = check_live(options.name, options.truth, options.seconds);
+  if (!outcome) return tl::unexpected(outcome.error());
+  const nlohmann::ordered_json figures = to_json(*outcome);
   if (options.json) {
-    std::printf("%s\n", result.dump(2).c_str());
+    std::printf("%s\n", figures.dump(2).c_str());
   } else {
-    print_text(result);
+    print_text(figures);
   }
-  if (options.plot.empty()) return {};
-  plot::Sheet sheet = sheet_of(outcome.shown.shown(), {outcome.error.rmse_before(), outcome.error.rmse_after(),
-                                                       header.frame_period_s, outcome.latency_ms});
-  sheet.how = std::string("bolo eval live: ") + header.solver + ". " + machine_words() + ".";
-  return save(sheet, options.plot);
+  return options.plot.empty() ? Status{} : save(live_sheet(*outcome, "bolo-lab eval live"), options.plot);
 }
 
 }  // namespace
 
 int eval_live_main(int argc, char** argv) {
-  cxxopts::Options cli("bolo eval live",
+  cxxopts::Options cli("bolo-lab eval live",
                        "Reads a running daemon's shared memory and compares raw and deblurred planes with the truth of "
                        "the capture that its fake camera replays.");
   cli.add_options()("name", "the daemon's name", cxxopts::value<std::string>())(
@@ -229,17 +51,17 @@ int eval_live_main(int argc, char** argv) {
   cxxopts::ParseResult parsed;
   if (const auto exit = parse(cli, argc, argv, parsed)) return *exit;
   if (parsed.count("name") == 0 || parsed.count("truth") == 0) {
-    return report("eval live", {ErrorKind::kBadInput, "a daemon's NAME and --truth FILE.h5 are needed"});
+    return report(kVerb, {ErrorKind::kBadInput, "a daemon's NAME and --truth FILE.h5 are needed"});
   }
   const auto plot = plot_file_of(parsed);
-  if (!plot) return report("eval live", plot.error());
+  if (!plot) return report(kVerb, plot.error());
   const Options options{parsed["name"].as<std::string>(), parsed["truth"].as<std::string>(), *plot,
                         parsed["seconds"].as<double>(), parsed.count("json") != 0};
-  if (!(options.seconds > 0.0 && options.seconds <= 86400.0)) {
-    return report("eval live", {ErrorKind::kBadInput, "--seconds must lie in 0 to 86400"});
+  if (!(options.seconds > 0.0 && options.seconds <= kLongest_s)) {
+    return report(kVerb, {ErrorKind::kBadInput, "--seconds must lie in 0 to 86400"});
   }
   catch_interrupts();
-  if (const auto done = evaluate(options); !done) return report("eval live", done.error());
+  if (const auto done = evaluate(options); !done) return report(kVerb, done.error());
   return kExitDone;
 }
 

@@ -1,4 +1,4 @@
-// `bolo eval live`: judges a running daemon by what a reader of its shared memory sees.
+// `bolo-lab eval live`: judges a running daemon by what a reader of its shared memory sees.
 #pragma once
 
 namespace bolo::tools {

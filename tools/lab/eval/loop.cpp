@@ -14,8 +14,8 @@
 #include <nlohmann/json.hpp>
 
 #include "src/diagnose/diagnose.hpp"
-#include "tools/bolo/cli.hpp"
-#include "tools/bolo/plot_option.hpp"
+#include "tools/cli/cli.hpp"
+#include "tools/cli/plot_option.hpp"
 #include "tools/lab/blind/captures.hpp"
 #include "tools/lab/eval/loop_camera.hpp"
 #include "tools/lab/eval/loop_plot.hpp"
@@ -35,7 +35,7 @@ struct Request {
 
 cxxopts::Options command_line() {
   cxxopts::Options options(
-      "bolo eval loop",
+      "bolo-lab eval loop",
       "For each effect: simulates a bench session and a moving scene of one camera, diagnoses the session without "
       "being\n"
       "told, and deblurs the scene with the nominal profile, the diagnosed one, and the true one.");
@@ -188,7 +188,7 @@ Status run(const Request& request) {
   if (request.plot.empty()) return {};
   plot::Sheet sheet = loop::sheet_of(rows);
   sheet.how =
-      "bolo eval loop --seed " + std::to_string(request.draw.seed) + ": simulated camera, bench session and scene.";
+      "bolo-lab eval loop --seed " + std::to_string(request.draw.seed) + ": simulated camera, bench session and scene.";
   return save(sheet, request.plot);
 }
 

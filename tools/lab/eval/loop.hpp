@@ -1,4 +1,4 @@
-// `bolo eval loop`: what a diagnosis is worth to the deblurring: camera -> diagnosis -> profile -> pipeline.
+// `bolo-lab eval loop`: what a diagnosis is worth to the deblurring: camera -> diagnosis -> profile -> pipeline.
 #pragma once
 
 namespace bolo::tools {

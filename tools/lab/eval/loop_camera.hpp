@@ -1,4 +1,4 @@
-// The cameras of `bolo eval loop`: one with an effect, the same without, and what would undo the effect if it were
+// The cameras of `bolo-lab eval loop`: one with an effect, the same without, and what would undo the effect if it were
 // known exactly.
 #pragma once
 

@@ -1,4 +1,4 @@
-// The rows of `bolo eval loop`, and what is drawn of them.
+// The rows of `bolo-lab eval loop`, and what is drawn of them.
 #pragma once
 
 #include <optional>

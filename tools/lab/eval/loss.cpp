@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "src/report/text.hpp"
-#include "tools/bolo/cli.hpp"
-#include "tools/bolo/plot_option.hpp"
+#include "tools/cli/cli.hpp"
+#include "tools/cli/plot_option.hpp"
 #include "tools/lab/eval/loss_plot.hpp"
 
 namespace bolo::tools {
@@ -31,7 +31,7 @@ struct Request {
 };
 
 cxxopts::Options command_line() {
-  cxxopts::Options options("bolo eval loss",
+  cxxopts::Options options("bolo-lab eval loss",
                            "Streams a street of 640x120 pixels at 200 Hz from a fake camera that loses packets, once\n"
                            "without and once with asking for them again, and judges what is published.\n");
   options.add_options()("rates", "Shares of the packets that are lost, separated by commas",
@@ -126,7 +126,8 @@ Status evaluate(const Request& request) {
   if (request.plot.empty()) return {};
   plot::Sheet sheet = faults::sheet_of(outcomes);
   sheet.how = plot::format(
-      "bolo eval loss --packet-size %d --seconds %g: 640x120 at 200 Hz from a fake camera on the same computer. %s.",
+      "bolo-lab eval loss --packet-size %d --seconds %g: 640x120 at 200 Hz from a fake camera on the same computer. "
+      "%s.",
       request.packet_size, request.seconds, machine_words().c_str());
   return save(sheet, request.plot);
 }

@@ -1,4 +1,4 @@
-// `bolo eval loss`: what lost packets cost.
+// `bolo-lab eval loss`: what lost packets cost.
 #pragma once
 
 namespace bolo::tools {

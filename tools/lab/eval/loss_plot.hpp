@@ -1,4 +1,4 @@
-// What is drawn of `bolo eval loss`.
+// What is drawn of `bolo-lab eval loss`.
 #pragma once
 
 #include <span>

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "src/core/clock.hpp"
-#include "tools/percentile.hpp"
+#include "tools/cli/percentile.hpp"
 
 namespace bolo::tools::faults {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "tools/bolo/cli.hpp"
-#include "tools/bolo/plot_option.hpp"
+#include "tools/cli/cli.hpp"
+#include "tools/cli/plot_option.hpp"
 #include "tools/lab/eval/pixel_plot.hpp"
 #include "tools/lab/eval/pixel_trial.hpp"
 
@@ -31,7 +31,7 @@ nlohmann::ordered_json to_json(const PixelTrial& trial, const std::vector<PixelS
 }  // namespace
 
 int eval_pixel_main(int argc, char** argv) {
-  cxxopts::Options cli("bolo eval pixel",
+  cxxopts::Options cli("bolo-lab eval pixel",
                        "One pixel whose input jumps four times within a window of 17 frames (80 ms): ordinary least\n"
                        "squares against the paper's quadratic programme, without noise and with 0.5 K (the paper's\n"
                        "Fig. 4), at the authors' lambda and at this project's.");

@@ -1,4 +1,4 @@
-// `bolo eval pixel`: one pixel, least squares against the quadratic programme (the paper's Fig. 4).
+// `bolo-lab eval pixel`: one pixel, least squares against the quadratic programme (the paper's Fig. 4).
 #pragma once
 
 namespace bolo::tools {

@@ -1,4 +1,4 @@
-// What is drawn of `bolo eval pixel`.
+// What is drawn of `bolo-lab eval pixel`.
 #pragma once
 
 #include <span>

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "tools/bolo/cli.hpp"
-#include "tools/bolo/plot_option.hpp"
+#include "tools/cli/cli.hpp"
+#include "tools/cli/plot_option.hpp"
 #include "tools/lab/eval/pulses_plot.hpp"
 #include "tools/lab/eval/pulses_trial.hpp"
 
@@ -47,7 +47,7 @@ Status draw(const std::filesystem::path& file, const PulseTrial& trial, const st
   const auto fit = diagnose::fit_pulses(*series, [](const std::string&, double) { return true; });
   if (!fit) return tl::unexpected(fit.error());
   plot::Sheet sheet = sheet_of(scores, *fit);
-  sheet.how = "bolo eval pulses: simulated choppers, 64x48 pixels, 2 s, " + std::to_string(scores.front().trials) +
+  sheet.how = "bolo-lab eval pulses: simulated choppers, 64x48 pixels, 2 s, " + std::to_string(scores.front().trials) +
               " recordings of each kind; the fit of one below.";
   return save(sheet, file);
 }
@@ -56,7 +56,7 @@ Status draw(const std::filesystem::path& file, const PulseTrial& trial, const st
 
 int eval_pulses_main(int argc, char** argv) {
   cxxopts::Options cli(
-      "bolo eval pulses",
+      "bolo-lab eval pulses",
       "Simulates choppers before a camera of tau 11 ms and fits tau from the frames alone, as 'bolo\n"
       "calibrate' does (the paper's Fig. 3): errors, how often the 95 % interval has the truth, and the\n"
       "residual in units of the noise (gap). 64x48 pixels, 2 s, each seed with another noise and start.");

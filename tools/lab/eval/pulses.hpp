@@ -1,4 +1,4 @@
-// `bolo eval pulses`: how well tau comes out of pulses (the paper's Fig. 3), over many simulated recordings.
+// `bolo-lab eval pulses`: how well tau comes out of pulses (the paper's Fig. 3), over many simulated recordings.
 #pragma once
 
 namespace bolo::tools {

@@ -1,6 +1,6 @@
 #include "tools/lab/eval/pulses_plot.hpp"
 
-#include "tools/lab/eval/pulse_plots.hpp"
+#include "tools/bolo/pulse_plots.hpp"
 
 namespace bolo::tools {
 namespace {

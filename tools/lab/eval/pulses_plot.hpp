@@ -1,4 +1,4 @@
-// What is drawn of `bolo eval pulses`.
+// What is drawn of `bolo-lab eval pulses`.
 #pragma once
 
 #include <span>

@@ -1,4 +1,4 @@
-// A simulated chopper before a simulated camera, in memory, for `bolo eval pulses` and its tests.
+// A simulated chopper before a simulated camera, in memory, for `bolo-lab eval pulses` and its tests.
 #pragma once
 
 #include <atomic>
@@ -35,7 +35,7 @@ struct PulseTrial {
 // Simulates the trial. Thread: setup.
 Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial);
 
-// The trials that `bolo eval pulses` goes through. Thread: any.
+// The trials that `bolo-lab eval pulses` goes through. Thread: any.
 std::vector<PulseTrial> pulse_trials();
 
 // What many seeds of one trial came to.

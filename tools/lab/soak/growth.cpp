@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "tools/percentile.hpp"
+#include "tools/cli/percentile.hpp"
 
 namespace bolo::tools::soak {
 namespace {

@@ -5,9 +5,9 @@
 
 #include "src/report/page.hpp"
 #include "src/report/text.hpp"
+#include "tools/cli/percentile.hpp"
 #include "tools/lab/soak/frame_judge.hpp"
 #include "tools/lab/soak/report.hpp"
-#include "tools/percentile.hpp"
 
 namespace bolo::tools::soak {
 namespace {

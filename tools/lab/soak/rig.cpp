@@ -40,13 +40,13 @@ std::string rate_text(double hz) {
 }  // namespace
 
 Result<Programs> find_programs() {
-  std::error_code error;
   Programs programs;
-  programs.bolo = std::filesystem::read_symlink("/proc/self/exe", error);
-  programs.bolod = programs.bolo.parent_path() / "bolod";
-  if (access(programs.bolod.c_str(), X_OK) != 0) programs.bolod = find_program("bolod");
-  if (programs.bolod.empty()) {
-    return bad_input("there is no bolod beside " + programs.bolo.string() + " or in PATH; build or install it");
+  std::error_code error;
+  programs.lab = std::filesystem::read_symlink("/proc/self/exe", error);
+  for (const auto& [name, path] : {std::pair{"bolo", &programs.bolo}, std::pair{"bolod", &programs.bolod}}) {
+    auto found = find_own_program(name);
+    if (!found) return tl::unexpected<Error>(found.error());
+    *path = std::move(*found);
   }
   programs.stress = find_program("stress-ng");
   return programs;
@@ -171,7 +171,7 @@ Status Rig::start_daemon() {
 }
 
 Command Rig::reader(const std::string& log, int slow_ms) const {
-  Command command{{programs_.bolo, "soak", "--read", file_.name}, file(log)};
+  Command command{{programs_.lab, "soak", "--read", file_.name}, file(log)};
   if (slow_ms > 0) command.words.insert(command.words.end(), {"--slow-ms", std::to_string(slow_ms)});
   return command;
 }

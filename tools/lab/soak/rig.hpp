@@ -8,20 +8,21 @@
 #include <string>
 #include <vector>
 
+#include "tools/cli/process.hpp"
 #include "tools/lab/soak/account.hpp"
 #include "tools/lab/soak/daemon_file.hpp"
-#include "tools/lab/soak/process.hpp"
 #include "tools/lab/soak/scene.hpp"
 #include "tools/lab/soak/schedule.hpp"
 
 namespace bolo::tools::soak {
 
 struct Programs {
+  std::filesystem::path lab;  // this program
   std::filesystem::path bolo;
   std::filesystem::path bolod;
   std::filesystem::path stress;  // stress-ng; empty: not installed
 };
-// This program, and bolod beside it or in PATH. kBadInput: there is no bolod. Thread: any.
+// bolo and bolod are beside this program or in PATH. kBadInput: one is not there. Thread: any.
 Result<Programs> find_programs();
 
 struct RigRequest {

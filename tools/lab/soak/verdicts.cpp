@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <map>
 
-#include "tools/percentile.hpp"
+#include "tools/cli/percentile.hpp"
 
 namespace bolo::tools::soak {
 namespace {

@@ -1,4 +1,4 @@
-// `bolo blind` in a job folder: interrupted, in shards, as ranks; against one process that does it all.
+// `bolo-lab blind` in a job folder: interrupted, in shards, as ranks; against one process that does it all.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -51,8 +51,8 @@ class BlindShared : public testing::Test {
 
   // Two sessions of each kind; its temporary files are under tmp_, and it stands in the scratch folder.
   Words blind(const Words& more) const {
-    Words words{BOLO_PROGRAM,     "blind", "--width",    "8", "--height", "8",
-                "--frames-scale", "0.1",   "--sessions", "2", "--json"};
+    Words words{BOLO_PROGRAM, "blind",          "--bolo", BOLO_PROGRAM, "--width", "8",     "--height",
+                "8",          "--frames-scale", "0.1",    "--sessions", "2",       "--json"};
     words.insert(words.end(), more.begin(), more.end());
     return words;
   }
@@ -219,7 +219,7 @@ TEST_F(BlindShared, WordsThatDoNotGoTogetherAreRefused) {
                                                {"--job", "job", "--rank-timeout", "0"}}) {
     const Outcome outcome = run(words);
     EXPECT_EQ(outcome.exit_code, 2) << words[0] << ' ' << words[1];
-    EXPECT_NE(outcome.err.find("bolo blind: "), std::string::npos) << outcome.err;
+    EXPECT_NE(outcome.err.find("bolo-lab blind: "), std::string::npos) << outcome.err;
   }
   ASSERT_EQ(run({"--job", "job", "--kind", "single"}).exit_code, 0);
   const Outcome other = run({"--job", "job", "--kind", "single", "--magnitude", "0.5"});

@@ -15,7 +15,8 @@ using nlohmann::json;
 using test::Outcome;
 
 Outcome run_blind(const Scratch& folder, const std::vector<std::string>& words) {
-  std::vector<std::string> all{BOLO_PROGRAM, "blind", "--width", "8", "--height", "8", "--frames-scale", "0.1"};
+  std::vector<std::string> all{BOLO_PROGRAM, "blind",    "--bolo", BOLO_PROGRAM,     "--width",
+                               "8",          "--height", "8",      "--frames-scale", "0.1"};
   all.insert(all.end(), words.begin(), words.end());
   return test::Program(folder.path(), all).outcome();
 }
@@ -97,7 +98,7 @@ TEST(BlindVerb, WrongUsageIsRefused) {
                                                                                      {"--only", "nothing"}}) {
     const Outcome outcome = run_blind(folder, words);
     EXPECT_EQ(outcome.exit_code, 2) << words[0];
-    EXPECT_NE(outcome.err.find("bolo blind: "), std::string::npos) << outcome.err;
+    EXPECT_NE(outcome.err.find("bolo-lab blind: "), std::string::npos) << outcome.err;
   }
 }
 

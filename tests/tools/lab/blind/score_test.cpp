@@ -132,7 +132,7 @@ TEST(BlindScore, AFailureCanBeDrawnAgain) {
   draw.imperfect = true;
   draw.magnitude = 0.33;
   EXPECT_EQ(rerun_words(failure, draw),
-            "bolo blind --kind withheld --seed 5 --first 17 --sessions 1 --imperfect --magnitude 0.33");
+            "bolo-lab blind --kind withheld --seed 5 --first 17 --sessions 1 --imperfect --magnitude 0.33");
 }
 
 TEST(BlindScore, ThePageShowsEachCellOnce) {

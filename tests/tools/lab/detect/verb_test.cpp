@@ -1,4 +1,4 @@
-// bolo eval detect through its executable.
+// bolo-lab eval detect through its executable.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -15,7 +15,7 @@ namespace {
 class DetectVerb : public ::testing::Test {
  protected:
   Outcome run(std::vector<std::string> words) const {
-    words.insert(words.begin(), {BOLO_PROGRAM, "eval", "detect"});
+    words.insert(words.begin(), {BOLO_LAB_PROGRAM, "eval", "detect"});
     return Program(folder_, std::move(words)).outcome();
   }
   std::string text(const std::string& name, const std::string& content) const {
@@ -82,7 +82,7 @@ TEST_F(DetectVerb, JudgesRealStills) {
   const std::filesystem::path data = set != nullptr ? set : "";
   const auto still = data / "street" / "FLIR_05573.png";
   if (!std::filesystem::exists(still)) GTEST_SKIP() << "BOLO_TEST_DATA has no street frames and detectors";
-  if (!std::filesystem::exists(std::filesystem::path(BOLO_PROGRAM).parent_path() / "bolo-networks.so")) {
+  if (!std::filesystem::exists(std::filesystem::path(BOLO_LAB_PROGRAM).parent_path() / "bolo-networks.so")) {
     GTEST_SKIP() << "this build has no networks (libopencv-dnn-dev)";
   }
   const std::string page = (folder_ / "detect.html").string();

@@ -1,4 +1,4 @@
-// `bolo soak` as its users meet it, for a few seconds.
+// `bolo-lab soak` as its users meet it, for a few seconds.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -19,7 +19,7 @@ using nlohmann::json;
 class SoakVerb : public testing::Test {
  protected:
   Outcome run(std::vector<std::string> words) const {
-    words.insert(words.begin(), {BOLO_PROGRAM, "soak"});
+    words.insert(words.begin(), {BOLO_LAB_PROGRAM, "soak"});
     return Program(folder_.path(), std::move(words)).outcome();
   }
   // A small camera, and a daemon that locks no memory: sanitizers reserve more than any computer has.
@@ -55,7 +55,7 @@ TEST_F(SoakVerb, HoldsThroughAKilledDaemonAndAFailingCamera) {
 // By another's hand, not by the schedule.
 TEST_F(SoakVerb, NamesADaemonThatDies) {
   std::vector<std::string> words = small({"--seconds", "10", "--only", "reload"});
-  words.insert(words.begin(), {BOLO_PROGRAM, "soak"});
+  words.insert(words.begin(), {BOLO_LAB_PROGRAM, "soak"});
   testing_tools::Process soak(words, folder_ / "log");
   const std::string name = "soak-" + std::to_string(soak.pid());
   auto reader = shm::ShmReader::open(name);

@@ -5,10 +5,10 @@
 #include <fstream>
 
 #include "tests/scratch.hpp"
+#include "tools/cli/process.hpp"
 #include "tools/lab/soak/findings.hpp"
 #include "tools/lab/soak/growth.hpp"
 #include "tools/lab/soak/log_watch.hpp"
-#include "tools/lab/soak/process.hpp"
 #include "tools/lab/soak/reader.hpp"
 #include "tools/lab/soak/usage.hpp"
 

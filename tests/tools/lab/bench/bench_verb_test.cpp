@@ -1,0 +1,112 @@
+// bolo bench through its executable: what it prints, not how fast anything is.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tests/scratch.hpp"
+#include "tests/tools/program.hpp"
+
+namespace bolo::tools::test {
+namespace {
+
+Outcome bench(std::vector<std::string> words) {
+  const Scratch scratch;
+  words.insert(words.begin(), {BOLO_LAB_PROGRAM, "bench"});
+  return Program(scratch.path(), words).outcome();
+}
+
+void expect_measured(const nlohmann::json& m) {
+  for (const char* key : {"solver", "isa"}) EXPECT_TRUE(m.at(key).is_string()) << m;
+  for (const char* key : {"threads", "iterations", "repeats", "pixels"})
+    EXPECT_TRUE(m.at(key).is_number_integer()) << m;
+  for (const char* key : {"ms_per_frame", "median_ms_per_frame", "ns_per_pixel", "realtime_factor", "scaling"}) {
+    EXPECT_GT(m.at(key).get<double>(), 0.0) << key << " in " << m;
+  }
+  EXPECT_LE(m.at("ms_per_frame").get<double>(), m.at("median_ms_per_frame").get<double>());
+  EXPECT_GE(m.at("rms_error_k").get<double>(), 0.0);
+  EXPECT_GE(m.at("max_error_k").get<double>(), m.at("rms_error_k").get<double>());
+}
+
+TEST(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
+  const Scratch scratch;
+  const Outcome outcome = bench({"deblur", "--json", "--seconds", "0.1", "--plot", scratch / "bench.svg"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_NE(contents(scratch / "bench.svg").find("naive"), std::string::npos);
+  const nlohmann::json result = nlohmann::json::parse(outcome.out);
+  expect_measured(result);
+  EXPECT_EQ(result.at("solver"), "admm");
+  EXPECT_EQ(result.at("threads"), 1);
+  EXPECT_LE(result.at("rms_error_k").get<double>(), 5e-3);
+  EXPECT_LE(result.at("max_error_k").get<double>(), 50e-3);
+  int with_profile = 0;
+  std::set<std::string> solvers;
+  for (const nlohmann::json& variant : result.at("variants")) {
+    expect_measured(variant);
+    solvers.insert(variant.at("solver"));
+    if (!variant.at("profile").get<bool>()) continue;
+    ++with_profile;
+    EXPECT_GT(variant.at("throughput_of_plain").get<double>(), 0.0);
+    EXPECT_LE(variant.at("rms_error_k").get<double>(), 5e-3) << "its maps change no value";
+  }
+  EXPECT_EQ(with_profile, 6);
+  EXPECT_EQ(solvers, (std::set<std::string>{"admm", "dual", "exact", "inverse", "naive"}));
+  EXPECT_GT(result.at("machine").at("read_gb_per_s").get<double>(), 0.0);
+  EXPECT_GT(result.at("machine").at("fma_gflop_per_s").get<double>(), 0.0);
+}
+
+TEST(BenchVerb, OptionsChooseTheMainFigures) {
+  const Outcome outcome =
+      bench({"deblur", "--json", "--seconds", "0.1", "--solver", "inverse", "--isa", "SSE4", "--threads", "2"});
+  if (outcome.exit_code == 2 && outcome.err.find("--isa SSE4") != std::string::npos) GTEST_SKIP() << outcome.err;
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const nlohmann::json result = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(result.at("solver"), "inverse");
+  EXPECT_EQ(result.at("isa"), "SSE4");
+  EXPECT_EQ(result.at("threads"), 2);
+}
+
+TEST(BenchVerb, WrongOptionsAreOneLineAndExitCode2) {
+  const std::vector<std::vector<std::string>> wrong = {{},
+                                                       {"kettle"},
+                                                       {"deblur", "--solver", "magic"},
+                                                       {"deblur", "--isa", "MMX"},
+                                                       {"deblur", "--threads", "0"},
+                                                       {"deblur", "--lambda", "-1"},
+                                                       {"deblur", "--seconds", "0"}};
+  for (const auto& words : wrong) {
+    const Outcome outcome = bench(words);
+    EXPECT_EQ(outcome.exit_code, 2) << (words.empty() ? "" : words.back());
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  }
+}
+
+TEST(BenchVerb, ReadersOfAllKindsAreMeasured) {
+  const Outcome outcome = bench({"readers", "--json", "--seconds", "0"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const nlohmann::json result = nlohmann::json::parse(outcome.out);
+  EXPECT_NE(result.at("method").get<std::string>().find("libbolo-client"), std::string::npos);
+  std::vector<int> readers;
+  for (const nlohmann::json& each : result.at("cases")) {
+    readers.push_back(each.at("readers"));
+    EXPECT_EQ(each.at("frozen"), readers.back() >= 4 ? 1 : 0);
+    EXPECT_EQ(each.at("killed"), readers.back() >= 4 ? 1 : 0);
+    EXPECT_EQ(each.at("slow"), readers.back() >= 4 ? 1 : 0);
+    EXPECT_GT(each.at("rate_hz").get<double>(), 0.0);
+    EXPECT_GT(each.at("publish_p99_ratio").get<double>(), 0.0);
+    EXPECT_LE(each.at("publish_us_p50").get<double>(), each.at("publish_us_p99").get<double>());
+    EXPECT_LE(each.at("read_fraction").get<double>(), 1.0);
+    if (readers.back() > 0) {
+      EXPECT_GT(each.at("read_fraction").get<double>(), 0.0);
+    }
+  }
+  EXPECT_EQ(readers, (std::vector<int>{0, 1, 4, 16}));
+}
+
+}  // namespace
+}  // namespace bolo::tools::test

@@ -1,0 +1,256 @@
+// What the verbs draw, of figures made up: well-formed, without numbers that are none, no word on another one.
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "tests/report/markup.hpp"
+#include "tools/bolo/pulse_plots.hpp"
+#include "tools/demo/live_plot.hpp"
+#include "tools/lab/bench/bench_plot.hpp"
+#include "tools/lab/detect/figures.hpp"
+#include "tools/lab/eval/faults_plot.hpp"
+#include "tools/lab/eval/fidelity_plot.hpp"
+#include "tools/lab/eval/loop_plot.hpp"
+#include "tools/lab/eval/loss_plot.hpp"
+#include "tools/lab/eval/pixel_plot.hpp"
+#include "tools/lab/eval/pulses_plot.hpp"
+
+namespace bolo::tools {
+namespace {
+
+std::size_t plots_of(const plot::Sheet& sheet) {
+  std::size_t plots = 0;
+  for (const auto& row : sheet.rows) {
+    for (const plot::Plot& one : row) {
+      EXPECT_TRUE(plot::has_content(one)) << one.title;
+      ++plots;
+    }
+  }
+  return plots;
+}
+
+void expect_good(const plot::Sheet& sheet) {
+  const std::string svg = plot::to_svg(sheet.rows, sheet.title);
+  const auto elements = plot::test::elements_of(svg);
+  EXPECT_FALSE(elements.empty()) << sheet.title;
+  const auto found = plot::test::overlaps(plot::test::text_boxes(elements));
+  EXPECT_TRUE(found.empty()) << sheet.title << ": " << (found.empty() ? "" : found.front());
+  for (const auto& element : elements) {
+    for (const auto& [key, value] : element.attributes) {
+      if (key == "href" || key == "aria-label") continue;
+      EXPECT_EQ(value.find("nan"), std::string::npos) << element.name << ' ' << key << ' ' << value;
+      EXPECT_EQ(value.find("inf"), std::string::npos) << element.name << ' ' << key << ' ' << value;
+    }
+  }
+}
+
+TEST(Figures, OfTheLoopSortByWhatHurts) {
+  const std::vector<loop::Row> rows{{"iir", 0.099, 0.22, 0.101, 0.099, {}},
+                                    {"dead_pixels", 0.099, 1.2, 0.122, 0.122, {}},
+                                    {"stripes", 0.099, 0.099, 0.099, 0.099, {}}};
+  const plot::Sheet sheet = loop::sheet_of(rows);
+  expect_good(sheet);
+  EXPECT_EQ(sheet.rows[0][0].x.categories.front(), "dead_pixels");
+}
+
+TEST(Figures, OfLossesLeaveOutTheLatencyOfNoFrame) {
+  std::vector<faults::LossOutcome> outcomes;
+  for (const double rate : {0.0, 0.001, 0.05}) {
+    for (const bool resend : {false, true}) {
+      const double hz = rate > 0.01 && !resend ? 0.0 : 200.0;
+      outcomes.push_back({{rate, resend, 1500, 4.0},
+                          {.frames_per_s = hz,
+                           .latency_p50_ms = hz > 0.0 ? 3.0 : 0.0,
+                           .latency_p99_ms = 9.0,
+                           .rmse_deblurred_k = 0.722}});
+    }
+  }
+  const plot::Sheet sheet = faults::sheet_of(outcomes);
+  expect_good(sheet);
+  EXPECT_EQ(plots_of(sheet), 4U);
+  EXPECT_TRUE(std::isnan(sheet.rows[1][0].series[0].y[2]));
+}
+
+TEST(Figures, OfFaultsShowMedianAndWorst) {
+  const std::vector<faults::Recovery> recoveries{{"packet_loss", {70.0, 76.0, 79.0}}, {"reorder", {0.0, 0.0}}};
+  const plot::Sheet sheet = faults::sheet_of(recoveries, 85.0);
+  expect_good(sheet);
+  EXPECT_EQ(sheet.rows[0][0].series[0].y[0], 76.0);
+  EXPECT_EQ(sheet.rows[0][0].series[1].y[0], 79.0);
+}
+
+TEST(Figures, OfPulsesHaveTheTableAndAFit) {
+  diagnose::PulseFit fit;
+  fit.noise_k = 0.03;
+  fit.switches_s = {0.1, 0.2, 0.9};
+  for (int i = 0; i < 400; ++i) {
+    fit.trace.t_s.push_back(0.005 * i);
+    fit.trace.measured_k.push_back(300.0 + i % 20);
+    fit.trace.simulated_k.push_back(i % 50 == 0 ? NAN : 300.0 + i % 20);
+    fit.trace.fine_t_s.push_back(0.005 * i);
+    fit.trace.fine_k.push_back(300.0 + i % 20);
+  }
+  PulseScore score;
+  score.name = "nominal";
+  score.trials = 20;
+  score.inside = 19;
+  score.worst_error = 5e-5;
+  const std::vector<PulseScore> scores(3, score);
+  const plot::Sheet sheet = sheet_of(scores, fit);
+  expect_good(sheet);
+  EXPECT_EQ(plots_of(sheet), 5U);
+  EXPECT_EQ(sheet.rows[0][1].series[0].y[0], 95.0);
+  EXPECT_TRUE(pulse_plots({}, 0.03).empty()) << "a fit without a pixel";
+}
+
+TEST(Figures, OfOnePixelStandTwoBesideEachOther) {
+  PixelTrial trial;
+  std::vector<PixelScore> scores;
+  for (const double noise : {0.0, 0.5, 1.0}) scores.push_back(score_pixel(trial, noise, 1, 1));
+  const plot::Sheet sheet = sheet_of(trial, scores);
+  expect_good(sheet);
+  ASSERT_EQ(sheet.rows.size(), 2U);
+  EXPECT_EQ(sheet.rows[0].size(), 2U);
+}
+
+TEST(Figures, OfFidelityHaveLatencyAndAPanelForEachLookAhead) {
+  using namespace fidelity;
+  Table table;
+  for (const int lookahead : {0, 1}) {
+    for (const double noise : {0.03, 0.5}) {
+      Cell cell;
+      cell.scene = "street";
+      cell.motion.speed_px_s = 300.0;
+      cell.noise_k = noise;
+      cell.lookahead = lookahead;
+      for (const ColumnName& name : kColumns) {
+        Column column;
+        column.kind = name.kind;
+        column.measures.rmse_k = 0.5 + 0.2 * static_cast<double>(name.kind);
+        if (name.kind == ColumnKind::kUnsharp) column.skipped = "not here";
+        cell.columns.push_back(column);
+      }
+      table.cells.push_back(cell);
+    }
+  }
+  LatencyCurves curves;
+  curves.scene = "street";
+  curves.motion.speed_px_s = 300.0;
+  curves.noise_k = 0.03;
+  curves.blurred_rmse_k = 1.9;
+  curves.lookaheads = {0, 1, 2};
+  for (auto& line : curves.rmse_k) line = {1.1, 0.7, 0.65};
+  curves.rmse_k[0] = {NAN, NAN, NAN};
+  table.latency = {curves, curves};
+  const plot::Sheet sheet = sheet_of(table);
+  expect_good(sheet);
+  EXPECT_EQ(plots_of(sheet), 2U + 4U);
+}
+
+TEST(Figures, OfTheLiveStreamShowTheFrameWithMostToSee) {
+  const Geometry g{160, 80};
+  bolo_shm_header header{};
+  header.width = 160;
+  header.height = 80;
+  header.scale = 0.01;
+  header.offset = 100.0;
+  shm::ReadFrame frame;
+  frame.raw.assign(g.pixels(), 20000);
+  frame.deblurred.assign(g.pixels(), 20100);
+  std::vector<float> flat(g.pixels(), 300.0F);
+  std::vector<float> edges = flat;
+  for (std::size_t i = 0; i < edges.size(); i += 7) edges[i] = 310.0F;
+  FrameChoice choice;
+  choice.take(header, frame, flat);
+  choice.take(header, frame, edges);
+  choice.take(header, frame, flat);
+  EXPECT_EQ(choice.shown().truth, edges);
+  EXPECT_FLOAT_EQ(choice.shown().blurred[0], 300.0F);
+  const plot::Sheet sheet = sheet_of(choice.shown(), {1.7, 0.9, 0.005, {2.0, 3.0, 2.5}});
+  expect_good(sheet);
+  EXPECT_EQ(plots_of(sheet), 3U + 3U + 2U);
+}
+
+TEST(Figures, OfBenchesNameEveryVariant) {
+  Measured m;
+  m.solver = "admm";
+  m.isa = "AVX3";
+  m.lambda_half_k = 0.005;
+  m.median_ms_per_frame = 1.3;
+  BenchReport deblur;
+  deblur.main = m;
+  deblur.variants = {m, m, m};
+  deblur.variants[1].median_ms_per_frame = 1400.0;
+  expect_good(sheet_of(deblur));
+  ReadersReport readers;
+  for (const int n : {0, 1, 4, 16}) {
+    ReadersMeasured one;
+    one.readers = n;
+    one.publish_us_p50 = 40.0 + n;
+    one.publish_us_p99 = 98.0 + n;
+    readers.cases.push_back(one);
+  }
+  expect_good(sheet_of(readers));
+}
+
+// Two stills, one of them labelled, looked at twice by two detectors; in the blurred column everything is missed but in
+// the second look, in the others found.
+detect::Found found_boxes(const detect::Options& options) {
+  using detect::Detection;
+  detect::Found found;
+  found.stills = {{"a.png", {64, 48}, true, {}}, {"b.png", {64, 48}, false, {}}};
+  found.columns = detect::own_columns();
+  found.knows = {{true, true}, {true, false}};
+  for (std::size_t i = 0; i < 4; ++i) {
+    detect::Look& look = found.looks.emplace_back();
+    look.view.still = i % 2;
+    look.speed_px_s = 100.0 * static_cast<double>(i + 1);
+    if (i % 2 == 0) look.labels = {{0, {4, 4, 20, 20}}, {1, {30, 4, 20, 20}}};
+    const std::vector<Detection> sure{{0, 0.9, {4, 4, 20, 20}}, {1, 0.8, {30, 4, 20, 20}}};
+    look.found.assign(options.detectors.size(), {found.columns.size(), sure});
+    look.found[1].assign(found.columns.size(), {sure.front()});
+    if (i < 2) {
+      for (auto& columns : look.found) columns[detect::kBlurredColumn].clear();
+    }
+  }
+  const detect::Levels grey(options.picture.pixels(), 90.0F);
+  found.exhibits = {{0, std::vector<detect::Levels>(found.columns.size(), grey)}};
+  return found;
+}
+
+TEST(Figures, OfDetectorsCompareColumnsWithTheBlurredOne) {
+  detect::Options options;
+  options.picture = {64, 48};
+  options.classes = {{"person", 1}, {"car", 3}};
+  options.trajectories = {"hand.csv"};
+  options.detectors.resize(2);
+  options.detectors[0].name = "first";
+  options.detectors[1].name = "second";
+  options.resamples = 20;
+  const detect::Found found = found_boxes(options);
+  const detect::Table table = table_of(found, options);
+  ASSERT_EQ(table.rows.size(), 6U);  // of labels and of own boxes: each detector, and their mean
+  EXPECT_EQ(table.speeds[0].p50, 200.0);
+  for (const detect::Row& row : table.rows) {
+    EXPECT_EQ(row.looks, 2);
+    EXPECT_EQ(row.stills, 1);
+    EXPECT_NEAR(row.cells[detect::kSharpColumn].ap.value, 100.0, 1e-9) << row.detector;
+    // One of two pictures: the recalls 0 to 0.5 of 101.
+    EXPECT_NEAR(row.cells[detect::kBlurredColumn].ap.value, 100.0 * 51.0 / 101.0, 1e-9) << row.detector;
+    EXPECT_NEAR(row.cells[4].delta.value, 100.0 * 50.0 / 101.0, 1e-9);
+    EXPECT_NEAR(row.cells[4].recovered.value, 1.0, 1e-9);
+    EXPECT_NEAR(row.contest.delta.value, 0.0, 1e-9);
+  }
+  EXPECT_EQ(table.rows[0].cells[0].score.total.objects, 4.0);
+  EXPECT_EQ(table.rows[1].cells[0].score.total.objects, 2.0);  // it does not know cars
+  EXPECT_TRUE(table.rows[2].is_mean());
+  EXPECT_TRUE(table.rows[0].labelled);
+  EXPECT_FALSE(table.rows[3].labelled);
+  const plot::Sheet sheet = sheet_of(table, found, options);
+  expect_good(sheet);
+  EXPECT_EQ(plots_of(sheet), 2U + found.columns.size());
+  EXPECT_EQ(sheet.tables.size(), 2U);
+}
+
+}  // namespace
+}  // namespace bolo::tools

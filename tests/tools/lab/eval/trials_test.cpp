@@ -1,0 +1,92 @@
+// The numbers behind `bolo-lab eval pulses` and `bolo-lab eval pixel`.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+
+#include "src/deblur/solver.hpp"
+#include "tools/lab/eval/pixel_trial.hpp"
+#include "tools/lab/eval/pulses_trial.hpp"
+
+namespace bolo::tools {
+namespace {
+
+TEST(PulseTrials, AllKindsComeOutWithinAPerCent) {
+  const std::atomic<bool> stop{false};
+  for (PulseTrial trial : pulse_trials()) {
+    trial.width = 32;
+    trial.height = 24;
+    const auto score = score_pulses(trial, 2, stop);
+    ASSERT_TRUE(score) << score.error().message;
+    EXPECT_EQ(score->failed, 0) << trial.name;
+    EXPECT_LT(score->worst_error, 0.01) << trial.name;
+    EXPECT_NEAR(score->gap, 1.0, 0.02) << trial.name;
+    EXPECT_NEAR(score->sweep_ms, 1e3 * trial.sweep_s, trial.noise_k > 0.1 ? 0.1 : 0.02) << trial.name;
+    EXPECT_NEAR(score->spread, trial.tau_spread, 0.005) << trial.name;
+  }
+}
+
+TEST(PulseTrials, StopWhenAsked) {
+  const std::atomic<bool> stop{true};
+  const auto score = score_pulses({}, 5, stop);
+  ASSERT_TRUE(score);
+  EXPECT_EQ(score->trials, 0);
+}
+
+TEST(PixelTrial, SamplesFollowTheInputExactly) {
+  const PixelTrial trial;
+  const auto samples = sample_pixel(trial);
+  ASSERT_EQ(samples.size(), 17U);
+  EXPECT_EQ(samples[0], 300.0);
+  EXPECT_EQ(samples[2], 300.0);  // 10 ms: before the first jump at 13.5
+  EXPECT_NEAR(samples[3], 300.0 + 15.0 * (1.0 - std::exp(-0.0015 / 0.011)), 1e-9);
+  const auto truth = truth_of(trial);
+  ASSERT_EQ(truth.size(), 128U);
+  EXPECT_EQ(truth.front(), 300.0);
+  EXPECT_EQ(truth[32], 315.0);  // 20 ms
+}
+
+// With next to no prior, both explain the samples of an input that is constant in each frame, and find it.
+TEST(PixelTrial, BothFindAnInputThatJumpsAtFramesOnly) {
+  PixelTrial trial;
+  trial.levels = 4;
+  trial.switch_s = {0.010, 0.030, 0.045, 0.060};
+  trial.lambda = 1e-7;
+  const auto samples = sample_pixel(trial);
+  EXPECT_LT(rmse(least_squares(trial, samples), truth_of(trial)), 1e-6);
+  EXPECT_LT(rmse(quadratic_programme(trial, samples), truth_of(trial)), 1e-3);
+}
+
+// The window's last bin is what the project's reference solver publishes.
+TEST(PixelTrial, TheQuadraticProgrammeIsTheSolvers) {
+  const PixelTrial trial;
+  std::vector<double> samples = sample_pixel(trial);
+  for (std::size_t k = 0; k < samples.size(); ++k) samples[k] += 0.4 * std::sin(5.0 * static_cast<double>(k * k));
+  deblur::Settings settings;
+  settings.method = deblur::Method::kExact;
+  settings.lambda = trial.lambda;
+  const StreamFormat format{{1, 1}, PixelType::kFloat32, {Unit::kKelvin, 1.0, 0.0}, trial.period_s, 1};
+  const auto solver = deblur::Solver::create(settings, format, PixelType::kFloat32);
+  ASSERT_TRUE(solver) << solver.error().message;
+  std::vector<float> values(samples.begin(), samples.end());
+  std::vector<double> rounded(values.begin(), values.end());
+  std::vector<const void*> planes;
+  for (const float& v : values) planes.push_back(&v);
+  const deblur::WindowView window{planes, 16};
+  (*solver)->prepare(window);
+  float last = 0.0F;
+  (*solver)->solve(window, {0, 0, 1, 1}, &last);
+  EXPECT_NEAR(static_cast<double>(last), quadratic_programme(trial, rounded).back(), 1e-3);
+}
+
+TEST(PixelTrial, NoiseCostsLeastSquaresMore) {
+  const PixelTrial trial;
+  const PixelScore clean = score_pixel(trial, 0.0, 5, 1);
+  const PixelScore noisy = score_pixel(trial, 0.5, 20, 1);
+  EXPECT_GT(noisy.ols_rmse_k - clean.ols_rmse_k, 5.0 * (noisy.qp_rmse_k - clean.qp_rmse_k));
+  EXPECT_EQ(noisy.samples.size(), 17U);
+  EXPECT_EQ(noisy.qp.size(), 128U);
+}
+
+}  // namespace
+}  // namespace bolo::tools

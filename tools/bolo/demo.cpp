@@ -1,0 +1,223 @@
+// `bolo demo`: simulated camera, daemon and live page in one command, judged by the simulation's truth.
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "src/report/sheet.hpp"
+#include "tools/bolo/verbs.hpp"
+#include "tools/cli/cli.hpp"
+#include "tools/cli/process.hpp"
+#include "tools/demo/live_check.hpp"
+
+namespace bolo::tools {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+
+constexpr const char* kVerb = "demo";
+constexpr auto kStartLimit = 30s;
+constexpr double kEndLimit_s = 10.0;
+constexpr double kLongest_s = 86400.0;
+
+struct Request {
+  fs::path folder;  // of capture, logs and picture; empty: one that goes with the demonstration
+  double seconds = 10.0;
+  bool page = true;
+};
+
+// A folder that is gone afterwards, or the one that the user named.
+class Folder {
+ public:
+  static Result<Folder> make(const fs::path& named) {
+    std::error_code error;
+    if (!named.empty()) {
+      fs::create_directories(named, error);
+      if (error) return bad_input("-o " + named.string() + ": " + error.message());
+      return Folder(fs::absolute(named), false);
+    }
+    std::string pattern = (fs::temp_directory_path(error) / "bolo-demo-XXXXXX").string();
+    if (error || mkdtemp(pattern.data()) == nullptr)
+      return failed("cannot make a folder for the demonstration's files");
+    return Folder(pattern, true);
+  }
+  Folder(Folder&& other) noexcept : path_(std::move(other.path_)), mine_(std::exchange(other.mine_, false)) {}
+  ~Folder() {
+    std::error_code ignored;
+    if (mine_) fs::remove_all(path_, ignored);
+  }
+  fs::path operator/(const std::string& name) const { return path_ / name; }
+  bool stays() const { return !mine_; }
+
+ private:
+  Folder(fs::path path, bool mine) : path_(std::move(path)), mine_(mine) {}
+  fs::path path_;
+  bool mine_;
+};
+
+std::string contents(const fs::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+class Demonstration {
+ public:
+  explicit Demonstration(Folder folder) : folder_(std::move(folder)) {}
+
+  Status run(const Request& request) {
+    for (const auto& [name, path] : {std::pair{"bolo", &bolo_}, std::pair{"bolod", &bolod_}}) {
+      auto found = find_own_program(name);
+      if (!found) return tl::unexpected(found.error());
+      *path = std::move(*found);
+    }
+    if (Status done = simulate(); !done) return done;
+    if (Status done = start_camera(); !done) return done;
+    if (Status done = start_daemon(); !done) return done;
+    if (Status done = measure(request.seconds); !done) return done;
+    return request.page ? show_page() : end_daemon();
+  }
+
+ private:
+  Status simulate() {
+    std::puts("simulating a street that a 640x120 microbolometer pans along at 300 px/s, 200 frames/s");
+    std::fflush(stdout);
+    auto simulation = start({bolo_, "simulate", "-o", capture(), "--scene", "street", "--width", "640", "--height",
+                             "120", "--rate", "200", "--frames", "800", "--speed", "300"},
+                            "simulate");
+    if (!simulation) return tl::unexpected(simulation.error());
+    while (!simulation->ended()) {
+      if (interrupted()) return failed("interrupted");
+      std::this_thread::sleep_for(20ms);
+    }
+    return *simulation->ended() == 0 ? Status{} : ended_early("bolo simulate", *simulation);
+  }
+
+  Status start_camera() {
+    auto camera = start({bolo_, "fakecam", capture(), "--rate", "200", "--loop", "--interface", address()}, "fakecam");
+    if (!camera) return tl::unexpected(camera.error());
+    camera_.emplace(std::move(*camera));
+    return wait_for(*camera_, "fakecam.out", "serving", "the fake camera");
+  }
+
+  Status start_daemon() {
+    std::ofstream(folder_ / "bolod.toml") << "name = \"" << name() << "\"\n\n[source]\ntype = \"genicam\"\naddress = \""
+                                          << address() << "\"\nwidth = 640\nheight = 120\nrate_hz = 200.0\n";
+    auto daemon = start({bolod_, "--config", folder_ / "bolod.toml"}, "bolod");
+    if (!daemon) return tl::unexpected(daemon.error());
+    daemon_.emplace(std::move(*daemon));
+    return wait_for(*daemon_, "bolod.err", "frames arrive", "bolod");
+  }
+
+  Status measure(double seconds) {
+    std::printf("camera at %s as GigE Vision packets; %s deblurs it live into shared memory \"%s\"\n",
+                address().c_str(), "bolod", name().c_str());
+    std::fflush(stdout);
+    const auto outcome = check_live(name(), capture(), seconds);
+    if (!outcome) return tl::unexpected(outcome.error());
+    print_text(to_json(*outcome));
+    std::fflush(stdout);
+    if (!folder_.stays()) return {};
+    const fs::path picture = folder_ / "before_after.svg";
+    if (Status saved = save(live_sheet(*outcome, "bolo demo"), picture); !saved) return saved;
+    std::printf("before and after     %s\n", picture.c_str());
+    return {};
+  }
+
+  Status show_page() {
+    auto page = start({bolo_, "view", name(), "--port", "0"}, "view");
+    if (!page) return tl::unexpected(page.error());
+    if (Status serving = wait_for(*page, "view.out", "http://", "bolo view"); !serving) return serving;
+    std::printf("\n%s", contents(folder_ / "view.out").c_str());
+    std::fflush(stdout);
+    while (!interrupted()) {
+      if (page->ended()) return ended_early("bolo view", *page);
+      if (camera_->ended()) return ended_early("the fake camera", *camera_);
+      if (daemon_->ended()) return ended_early("bolod", *daemon_);
+      std::this_thread::sleep_for(50ms);
+    }
+    return end_daemon();
+  }
+
+  Status end_daemon() {
+    daemon_->signal(SIGTERM);
+    const auto code = daemon_->wait(kEndLimit_s);
+    if (code && *code == 0) return {};
+    return failed("bolod did not end cleanly:\n" + contents(folder_ / "bolod.err"));
+  }
+
+  Result<Process> start(std::vector<std::string> words, const std::string& log) {
+    std::error_code ignored;  // logs are written on from where they end
+    fs::remove(folder_ / (log + ".out"), ignored);
+    fs::remove(folder_ / (log + ".err"), ignored);
+    return Process::start({std::move(words), folder_ / log});
+  }
+
+  Status wait_for(Process& process, const std::string& log, const std::string& word, const std::string& what) {
+    const auto deadline = std::chrono::steady_clock::now() + kStartLimit;
+    while (contents(folder_ / log).find(word) == std::string::npos) {
+      if (interrupted()) return failed("interrupted");
+      if (process.ended()) return ended_early(what, process);
+      if (std::chrono::steady_clock::now() > deadline) {
+        return failed(what + " did not start within 30 s:\n" + contents(process.log().string() + ".err"));
+      }
+      std::this_thread::sleep_for(20ms);
+    }
+    return {};
+  }
+
+  static Status ended_early(const std::string& what, const Process& process) {
+    return failed(what + " ended early:\n" + contents(process.log().string() + ".err"));
+  }
+
+  // Of this process's own, so that two demonstrations do not meet.
+  static std::string name() { return "demo-" + std::to_string(getpid()); }
+  static std::string address() { return "127.0.77." + std::to_string(1 + getpid() % 250); }
+  fs::path capture() const { return folder_ / "street.h5"; }
+
+  Folder folder_;
+  fs::path bolo_;
+  fs::path bolod_;
+  std::optional<Process> camera_;
+  std::optional<Process> daemon_;
+};
+
+}  // namespace
+
+int demo_main(int argc, char** argv) {
+  cxxopts::Options options("bolo demo",
+                           "Bolo without hardware: a simulated camera sends real GigE Vision packets, bolod deblurs "
+                           "them live, and the frames are compared with the simulation's truth. Then a live page "
+                           "shows them until Ctrl-C.");
+  Request request;
+  std::string folder;
+  options.add_options()("seconds", "How long to compare", cxxopts::value(request.seconds)->default_value("10"), "S")(
+      "o,output", "Keep capture, logs and a picture in this folder", cxxopts::value(folder), "FOLDER")(
+      "no-page", "End after the comparison, without the live page");
+  cxxopts::ParseResult given;
+  if (const auto code = parse(options, argc, argv, given)) return *code;
+  request.folder = folder;
+  request.page = given.count("no-page") == 0;
+  if (!(request.seconds > 0.0 && request.seconds <= kLongest_s)) {
+    return report(kVerb, {ErrorKind::kBadInput, "--seconds must lie in 0 to 86400"});
+  }
+  auto place = Folder::make(request.folder);
+  if (!place) return report(kVerb, place.error());
+  catch_interrupts();
+  Demonstration demonstration(std::move(*place));
+  const Status done = demonstration.run(request);
+  return done ? kExitDone : report(kVerb, done.error());
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,114 @@
+#include "tools/cli/cli.hpp"
+
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <iostream>
+#include <utility>
+
+namespace bolo::tools {
+namespace {
+
+std::atomic<bool> g_interrupted{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "the signal handler stores to it");
+
+OptionsReader g_options_reader;
+std::string g_program = "bolo";
+
+}  // namespace
+
+void set_program_name(std::string name) { g_program = std::move(name); }
+
+void read_options_with(OptionsReader reader) { g_options_reader = std::move(reader); }
+
+std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed) {
+  options.add_options()("h,help", "Print this help");
+  if (g_options_reader) {
+    g_options_reader(options);
+    return kExitDone;
+  }
+  try {
+    parsed = options.parse(argc, argv);
+    if (parsed.count("help") != 0) {
+      std::cout << options.help();
+      return kExitDone;
+    }
+    if (!parsed.unmatched().empty()) {
+      std::fprintf(stderr, "%s %s: unexpected argument '%s'; see %s %s --help\n", g_program.c_str(), argv[0],
+                   parsed.unmatched().front().c_str(), g_program.c_str(), argv[0]);
+      return kExitUsage;
+    }
+  } catch (const cxxopts::exceptions::exception& e) {
+    std::fprintf(stderr, "%s %s: %s; see %s %s --help\n", g_program.c_str(), argv[0], e.what(), g_program.c_str(),
+                 argv[0]);
+    return kExitUsage;
+  }
+  return std::nullopt;
+}
+
+std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option) {
+  std::vector<std::filesystem::path> files;
+  for (const auto& argument : parsed.arguments()) {
+    if (argument.key() == option) files.emplace_back(argument.value());
+  }
+  return files;
+}
+
+int report(const std::string& verb, const Error& error) {
+  std::fprintf(stderr, "%s %s: %s\n", g_program.c_str(), verb.c_str(), error.message.c_str());
+  return error.exit_code();
+}
+
+const std::atomic<bool>& interrupted() { return g_interrupted; }
+
+void catch_interrupts() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { g_interrupted.store(true, std::memory_order_relaxed); };
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+Progress::Progress(std::string what, std::uint64_t total, double log_every_s)
+    : what_(std::move(what)),
+      total_(total),
+      log_every_s_(log_every_s),
+      terminal_(isatty(STDERR_FILENO) == 1),
+      start_(std::chrono::steady_clock::now()),
+      last_(start_) {}
+
+Progress::~Progress() {
+  if (printed_) std::fputc('\n', stderr);
+}
+
+void Progress::update(std::uint64_t done) {
+  const auto now = std::chrono::steady_clock::now();
+  if (!terminal_) {
+    log(done, now);
+    return;
+  }
+  if ((done < total_ || total_ == 0) && now - last_ < std::chrono::milliseconds(100)) return;
+  last_ = now;
+  printed_ = true;
+  const double seconds = std::chrono::duration<double>(now - start_).count();
+  if (total_ == 0) {
+    std::fprintf(stderr, "\r%s: %llu, %.1f s ", what_.c_str(), static_cast<unsigned long long>(done), seconds);
+    return;
+  }
+  std::fprintf(stderr, "\r%s: %llu of %llu (%.0f %%), %.1f a second ", what_.c_str(),
+               static_cast<unsigned long long>(done), static_cast<unsigned long long>(total_),
+               total_ > 0 ? 100.0 * static_cast<double>(done) / static_cast<double>(total_) : 100.0,
+               seconds > 0 ? static_cast<double>(done) / seconds : 0.0);
+}
+
+void Progress::log(std::uint64_t done, std::chrono::steady_clock::time_point now) {
+  if (log_every_s_ <= 0.0 || std::chrono::duration<double>(now - last_).count() < log_every_s_) return;
+  last_ = now;
+  const double seconds = std::chrono::duration<double>(now - start_).count();
+  std::fprintf(stderr, "%s: %llu of %llu (%.0f %%), %.0f a second, %.0f s\n", what_.c_str(),
+               static_cast<unsigned long long>(done), static_cast<unsigned long long>(total_),
+               total_ > 0 ? 100.0 * static_cast<double>(done) / static_cast<double>(total_) : 100.0,
+               static_cast<double>(done) / seconds, seconds);
+}
+
+}  // namespace bolo::tools

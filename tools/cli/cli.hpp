@@ -1,0 +1,67 @@
+// What the verbs share: options, exit codes, errors, progress and interruption.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <cxxopts.hpp>
+
+#include "src/core/result.hpp"
+
+namespace bolo::tools {
+
+inline constexpr int kExitDone = 0;
+inline constexpr int kExitFailed = 1;
+inline constexpr int kExitUsage = 2;
+
+// What messages begin with: "bolo", or another program that uses these functions. Thread: setup.
+void set_program_name(std::string name);
+
+// Parses argv; adds --help. On --help prints it and returns the exit code 0; on wrong usage prints one line to stderr
+// and returns 2; otherwise returns nothing and fills `parsed`. Positional arguments beyond those declared are refused.
+std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed);
+
+// From now on parse() shows the options to `reader`, parses nothing and ends the verb with 0: for programs that
+// document the verbs (tools/manual). An empty one ends that. Thread: setup.
+using OptionsReader = std::function<void(const cxxopts::Options&)>;
+void read_options_with(OptionsReader reader);
+
+// The values of an option that takes files, as they were given: a vector of cxxopts would split their names at commas.
+std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option);
+
+// Prints "bolo VERB: message" to stderr and returns the error's exit code.
+int report(const std::string& verb, const Error& error);
+
+// Set by SIGINT and SIGTERM once catch_interrupts() was called; long work looks at it and ends in good order.
+const std::atomic<bool>& interrupted();
+void catch_interrupts();
+
+// A line of progress on stderr: on a terminal one that changes, at most ten times a second; elsewhere a new one each
+// `log_every_s`, for the logs of long work (0: none).
+class Progress {
+ public:
+  explicit Progress(std::string what, std::uint64_t total, double log_every_s = 0.0);  // total 0: not known
+  ~Progress();                                                                         // ends the line
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  void update(std::uint64_t done);
+
+ private:
+  void log(std::uint64_t done, std::chrono::steady_clock::time_point now);
+
+  std::string what_;
+  std::uint64_t total_;
+  double log_every_s_;
+  bool terminal_;
+  bool printed_ = false;
+  std::chrono::steady_clock::time_point start_;
+  std::chrono::steady_clock::time_point last_;
+};
+
+}  // namespace bolo::tools

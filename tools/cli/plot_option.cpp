@@ -1,0 +1,34 @@
+#include "tools/cli/plot_option.hpp"
+
+#include <fstream>
+#include <thread>
+
+#include "src/report/sheet.hpp"
+
+namespace bolo::tools {
+
+void add_plot_option(cxxopts::Options& options, const std::string& what) {
+  options.add_options()("plot", what + ": a drawing (.svg) or a page with figures (.html)",
+                        cxxopts::value<std::string>(), "FILE");
+}
+
+Result<std::filesystem::path> plot_file_of(const cxxopts::ParseResult& given) {
+  if (given.count("plot") == 0) return std::filesystem::path();
+  const std::filesystem::path file = given["plot"].as<std::string>();
+  if (const Status good = plot::check_sheet_file(file); !good) return bad_input("--plot " + good.error().message);
+  return file;
+}
+
+std::string machine_words() {
+  std::string name = "unknown processor";
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);) {
+    const std::size_t colon = line.find(": ");
+    if (!line.starts_with("model name") || colon == std::string::npos) continue;
+    name = line.substr(colon + 2);
+    break;
+  }
+  return name + ", " + std::to_string(std::thread::hardware_concurrency()) + " threads";
+}
+
+}  // namespace bolo::tools

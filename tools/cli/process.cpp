@@ -1,0 +1,128 @@
+#include "tools/cli/process.hpp"
+
+#include <fcntl.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+#include <thread>
+#include <utility>
+
+namespace bolo::tools {
+namespace {
+
+void lead(int descriptor, const char* file) {
+  const int fd = open(file, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  if (fd >= 0) dup2(fd, descriptor);
+}
+
+// In the child: nothing that allocates.
+[[noreturn]] void become(char* const* words, const char* out, const char* err, std::uint64_t most_file_bytes) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  lead(STDOUT_FILENO, out);
+  lead(STDERR_FILENO, err);
+  if (const int null = open("/dev/null", O_RDONLY | O_CLOEXEC); null >= 0) dup2(null, STDIN_FILENO);
+  if (most_file_bytes > 0) {
+    ::signal(SIGXFSZ, SIG_IGN);  // writes fail then, as on a full disk
+    const rlimit limit{most_file_bytes, most_file_bytes};
+    setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  execv(words[0], words);
+  _exit(127);
+}
+
+}  // namespace
+
+Result<Process> Process::start(const Command& command) {
+  std::vector<char*> words;
+  for (const std::string& word : command.words) words.push_back(const_cast<char*>(word.c_str()));
+  words.push_back(nullptr);
+  const std::string out = command.log.string() + ".out";
+  const std::string err = command.log.string() + ".err";
+  const pid_t pid = fork();
+  if (pid == 0) become(words.data(), out.c_str(), err.c_str(), command.most_file_bytes);
+  if (pid < 0) return failed("cannot start " + command.words.front() + ": " + std::strerror(errno));
+  return Process(pid, command.log);
+}
+
+Process::Process(Process&& other) noexcept
+    : pid_(std::exchange(other.pid_, -1)), log_(std::move(other.log_)), code_(other.code_) {}
+
+Process& Process::operator=(Process&& other) noexcept {
+  if (this == &other) return *this;
+  kill_it();
+  pid_ = std::exchange(other.pid_, -1);
+  log_ = std::move(other.log_);
+  code_ = other.code_;
+  return *this;
+}
+
+Process::~Process() { kill_it(); }
+
+void Process::kill_it() noexcept {
+  if (pid_ <= 0 || ended()) return;
+  kill(pid_, SIGKILL);
+  int ignored = 0;
+  waitpid(pid_, &ignored, 0);
+  pid_ = -1;
+}
+
+void Process::signal(int number) const noexcept {
+  if (pid_ > 0 && !code_) kill(pid_, number);
+}
+
+std::optional<int> Process::ended() noexcept {
+  int status = 0;
+  if (!code_ && pid_ > 0 && waitpid(pid_, &status, WNOHANG) == pid_) {
+    code_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  }
+  return code_;
+}
+
+std::optional<int> Process::wait(double seconds) noexcept {
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (!ended() && std::chrono::steady_clock::now() < deadline) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return code_;
+}
+
+std::vector<std::string> LineTail::take() {
+  std::ifstream in(file_);
+  in.seekg(static_cast<std::streamoff>(at_));
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line) && !in.eof();) {
+    at_ += line.size() + 1;
+    lines.push_back(std::move(line));
+  }
+  return lines;
+}
+
+std::filesystem::path find_program(const std::string& name) {
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path != nullptr ? path : "");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    std::filesystem::path file = std::filesystem::path(folder) / name;
+    if (access(file.c_str(), X_OK) == 0) return file;
+  }
+  return {};
+}
+
+Result<std::filesystem::path> find_own_program(const std::string& name) {
+  std::error_code error;
+  const std::filesystem::path here = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
+  if (access((here / name).c_str(), X_OK) == 0) return here / name;
+  std::filesystem::path elsewhere = find_program(name);
+  if (!elsewhere.empty()) return elsewhere;
+  return bad_input("there is no " + name + " in " + here.string() + " or in PATH; build or install it");
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,51 @@
+// A running daemon's frames against the truth of the capture that its fake camera replays.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "bolo/shm_layout.h"
+#include "src/core/result.hpp"
+#include "tools/demo/live_plot.hpp"
+
+namespace bolo::tools {
+
+// Squared errors over all pixels of the judged frames, K.
+struct ErrorSum {
+  double before = 0.0;
+  double after = 0.0;
+  std::uint64_t values = 0;
+
+  double rmse_before() const { return values > 0 ? std::sqrt(before / static_cast<double>(values)) : 0.0; }
+  double rmse_after() const { return values > 0 ? std::sqrt(after / static_cast<double>(values)) : 0.0; }
+};
+
+struct LiveOutcome {
+  std::uint64_t frames_read = 0;
+  std::uint64_t overwritten = 0;    // published, but this reader was too slow for them
+  std::uint64_t frames_judged = 0;  // had a full window and a truth
+  std::uint64_t raw_differs = 0;    // raw planes that are not the capture's, value by value
+  std::vector<double> latency_ms;
+  ErrorSum error;
+  FrameChoice shown;
+  bolo_shm_header first{};
+  bolo_shm_header last{};
+};
+
+// Reads the daemon's shared memory for `seconds`, or until interrupted(). kBadInput when the capture has no truth or
+// another size; kFailed when frames stop. Thread: one at a time.
+Result<LiveOutcome> check_live(const std::string& name, const std::filesystem::path& truth, double seconds);
+
+// The figures, as `bolo-lab eval live --json` and its text have them. Thread: any.
+nlohmann::ordered_json to_json(const LiveOutcome& outcome);
+void print_text(const nlohmann::ordered_json& figures);
+
+// One frame before and after beside the truth; `command` made it. Thread: any.
+plot::Sheet live_sheet(const LiveOutcome& outcome, const std::string& command);
+
+}  // namespace bolo::tools

@@ -1,0 +1,343 @@
+#include "tools/lab/bench/deblur_bench.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <thread>
+#include <utility>
+
+#include "src/deblur/isa.hpp"
+#include "src/deblur/pixel_correction.hpp"
+#include "src/deblur/solver.hpp"
+#include "src/rt/worker_team.hpp"
+#include "src/sim/simulator.hpp"
+#include "tools/lab/bench/naive_admm.hpp"
+
+namespace bolo::tools {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr Geometry kFrame{640, 120};
+constexpr double kSpeed = 300.0;           // px/s
+constexpr int kNaiveIterations = 16;       // what ADMM without a start needs at lambda_half 0.5
+constexpr std::size_t kNaivePixels = 640;  // one row
+constexpr int kExactRows = 4;
+constexpr double kLambdas[] = {0.5, 0.05, 0.005};  // lambda_half, K
+constexpr int kFewestRepeats = 3;
+constexpr double kRowDelay_s = 2e-5;
+
+// The newest window of a street that pans past the camera, 30 mK of noise, 10 mK a count.
+struct Input {
+  StreamFormat format;
+  std::vector<std::vector<std::uint16_t>> frames;
+  std::vector<const void*> planes;
+
+  deblur::WindowView window() const { return {planes, static_cast<int>(planes.size()) - 1}; }
+};
+
+Result<Input> make_input(const deblur::Settings& settings) {
+  sim::CameraSettings camera;
+  camera.geometry = kFrame;
+  const double from_s = -sim::history_s(camera);
+  const double to_s = settings.window * settings.period_s;
+  const auto scene = sim::make_street(kFrame, 1);
+  const sim::Path path = sim::steady_pan(kSpeed);
+  auto field =
+      sim::pan_over(*scene, path, sim::centred_origin(*scene, path, kFrame, from_s, to_s), kFrame, from_s, to_s);
+  if (!field) return tl::unexpected(field.error());
+  const auto simulator = sim::Simulator::create(camera, std::move(*field));
+  if (!simulator) return tl::unexpected(simulator.error());
+  Input input;
+  input.format = (*simulator)->format();
+  for (int i = 0; i < settings.window; ++i) {
+    input.frames.emplace_back(kFrame.pixels());
+    (*simulator)->next(input.frames.back().data(), nullptr);
+  }
+  for (const auto& frame : input.frames) input.planes.push_back(frame.data());
+  return input;
+}
+
+// A camera's whole profile that changes no value, so that errors can be told: the work is the same for every number.
+// Dead pixels, one of 200, lie outside the rows that are compared.
+model::PixelMaps neutral_maps(const deblur::Settings& settings) {
+  model::PixelMaps maps;
+  maps.tau_s.assign(kFrame.pixels(), static_cast<float>(settings.tau_s));
+  maps.gain.assign(kFrame.pixels(), 1.0F);
+  maps.offset.assign(kFrame.pixels(), 0.0F);
+  maps.dead.assign(kFrame.pixels(), 0);
+  for (std::size_t i = std::size_t{2} * kExactRows * static_cast<std::size_t>(kFrame.width); i < maps.dead.size();
+       i += 200) {
+    maps.dead[i] = 1;
+  }
+  return maps;
+}
+
+// What a profile adds to each frame: the newest one is brought to float and corrected.
+class Corrected {
+ public:
+  Corrected(const Input& input, deblur::PixelCorrection correction)
+      : raw_(input.frames.back()), correction_(std::move(correction)) {
+    for (const auto& frame : input.frames) frames_.emplace_back(frame.begin(), frame.end());
+    for (const auto& frame : frames_) planes_.push_back(frame.data());
+  }
+  void begin() noexcept { correction_.begin(1); }
+  void correct(PixelRange pixels) noexcept {
+    float* const to = frames_.back().data();
+    for (std::size_t i = pixels.begin; i < pixels.end; ++i) to[i] = static_cast<float>(raw_[i]);
+    correction_.correct(to, pixels);
+  }
+  void finish() noexcept { correction_.fill_dead(frames_.back().data()); }
+  deblur::WindowView window() const { return {planes_, static_cast<int>(planes_.size()) - 1}; }
+
+ private:
+  const std::vector<std::uint16_t>& raw_;
+  deblur::PixelCorrection correction_;
+  std::vector<std::vector<float>> frames_;
+  std::vector<const void*> planes_;
+};
+
+// A variant while it is measured.
+class Runner {
+ public:
+  // `corrected`: for a variant with a profile; the same one serves all, as one window serves those without.
+  Runner(const Input& input, Corrected& corrected, const deblur::Settings& settings, Measured what)
+      : input_(input), corrected_(corrected), settings_(settings), what_(std::move(what)), out_(kFrame.pixels()) {}
+
+  Status open() {
+    if (!deblur::force_isa(what_.isa)) return bad_input("--isa " + what_.isa + ": not available here");
+    rows_ = what_.solver == "exact" ? kExactRows : kFrame.height;
+    if (what_.solver == "naive") {
+      rows_ = static_cast<int>(kNaivePixels) / kFrame.width;
+      what_.iterations = kNaiveIterations;
+      what_.isa = "Eigen";
+    } else {
+      StreamFormat format = input_.format;
+      if (what_.profile) format.type = PixelType::kFloat32;
+      const double row_delay_s = what_.profile ? kRowDelay_s : 0.0;
+      auto solver = deblur::Solver::create(settings_, format, PixelType::kFloat32, row_delay_s);
+      if (!solver) return tl::unexpected(solver.error());
+      solver_ = std::move(*solver);
+      solver_->prepare(window());
+      what_.iterations = solver_->iterations();
+      what_.isa = solver_->isa();
+    }
+    what_.pixels = static_cast<std::size_t>(rows_ * kFrame.width);
+    team_ = std::make_unique<rt::WorkerTeam>(what_.threads, rt::ThreadOptions{"bolo-bench"});
+    if (team_->size() < what_.threads) return failed("cannot start " + std::to_string(what_.threads) + " threads");
+    return {};
+  }
+
+  void measure() {
+    const auto start = Clock::now();
+    if (solver_ == nullptr) {
+      naive_admm(settings_, kNaiveIterations, input_.planes, input_.format.scale.scale, kNaivePixels, out_.data());
+    } else {
+      if (what_.profile) {
+        corrected_.begin();
+        team_->run([](void* self, int worker) { static_cast<Runner*>(self)->correct(worker); }, this);
+        corrected_.finish();
+      }
+      team_->run([](void* self, int worker) { static_cast<Runner*>(self)->work(worker); }, this);
+    }
+    const double ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+    times_.push_back(ms * static_cast<double>(kFrame.pixels()) / static_cast<double>(what_.pixels));
+  }
+
+  // Against the optimum of the first pixels.
+  Measured result(const std::vector<float>& exact) {
+    std::sort(times_.begin(), times_.end());
+    what_.repeats = static_cast<int>(times_.size());
+    what_.ms_per_frame = times_.front();
+    what_.median_ms_per_frame = times_[times_.size() / 2];
+    what_.ns_per_pixel = 1e6 * what_.ms_per_frame / static_cast<double>(kFrame.pixels());
+    what_.realtime_factor = 1e3 * settings_.period_s / what_.ms_per_frame;
+    const std::size_t common = std::min(exact.size(), what_.pixels);
+    double squares = 0.0;
+    for (std::size_t i = 0; i < common; ++i) {
+      const double error = std::abs(static_cast<double>(out_[i]) - static_cast<double>(exact[i]));
+      squares += error * error;
+      what_.max_error_k = std::max(what_.max_error_k, error);
+    }
+    what_.rms_error_k = std::sqrt(squares / static_cast<double>(common));
+    return what_;
+  }
+
+  const std::vector<float>& out() const { return out_; }
+
+ private:
+  deblur::WindowView window() const { return what_.profile ? corrected_.window() : input_.window(); }
+  void correct(int worker) noexcept {
+    const auto begin = [&](int w) { return kFrame.pixels() * static_cast<std::size_t>(w) / team_threads(); };
+    corrected_.correct({begin(worker), begin(worker + 1)});
+  }
+  void work(int worker) noexcept {
+    const int from = rows_ * worker / what_.threads;
+    const int to = rows_ * (worker + 1) / what_.threads;
+    solver_->solve(window(), {0, from, kFrame.width, to - from}, out_.data());
+  }
+  std::size_t team_threads() const { return static_cast<std::size_t>(what_.threads); }
+
+  const Input& input_;
+  Corrected& corrected_;
+  deblur::Settings settings_;
+  Measured what_;
+  int rows_ = 0;
+  std::unique_ptr<deblur::Solver> solver_;
+  std::unique_ptr<rt::WorkerTeam> team_;
+  std::vector<float> out_;
+  std::vector<double> times_;
+};
+
+deblur::Settings settings_of(const Measured& what) {
+  deblur::Settings settings;
+  if (what.solver != "naive") settings.method = *deblur::method_from_name(what.solver);
+  settings.lambda = what.lambda_half_k * 2.0 * settings.kappa;
+  return settings;
+}
+
+Measured variant(std::string solver, std::string isa, int threads, double lambda_half_k) {
+  Measured what;
+  what.solver = std::move(solver);
+  what.isa = std::move(isa);
+  what.threads = threads;
+  what.lambda_half_k = lambda_half_k;
+  return what;
+}
+
+// The main one first.
+std::vector<Measured> list_variants(const BenchOptions& options, double lambda_half_k, int processors) {
+  std::vector<Measured> list{variant(options.solver, options.isa, options.threads, lambda_half_k)};
+  list.push_back(variant("naive", "", 1, kLambdas[0]));
+  for (const char* solver : {"admm", "dual"}) {
+    for (const double lambda : kLambdas) {
+      list.push_back(variant(solver, options.isa, 1, lambda));
+      list.push_back(list.back());
+      list.back().profile = true;
+    }
+    if (options.isa.empty()) {
+      for (const auto isa : deblur::available_isas()) {
+        if (isa != deblur::best_isa()) list.push_back(variant(solver, std::string(isa), 1, kLambdas[0]));
+      }
+    }
+    for (int threads = 2; threads < 2 * processors; threads *= 2) {
+      list.push_back(variant(solver, options.isa, std::min(threads, processors), kLambdas[0]));
+    }
+  }
+  list.push_back(variant("inverse", options.isa, 1, 0.0));
+  for (const double lambda : kLambdas) list.push_back(variant("exact", "", 1, lambda));
+  return list;
+}
+
+Status check(const BenchOptions& options) {
+  const auto method = deblur::method_from_name(options.solver);
+  if (!method) return tl::unexpected(method.error());
+  if (options.threads < 1 || options.threads > 256) return bad_input("--threads: expected 1 to 256");
+  if (!(options.seconds > 0.0 && options.seconds <= 3600.0)) return bad_input("--seconds: expected above 0, to 3600");
+  const auto isas = deblur::available_isas();
+  if (!options.isa.empty() && std::find(isas.begin(), isas.end(), options.isa) == isas.end()) {
+    std::string names;
+    for (const auto isa : isas) names += (names.empty() ? "" : ", ") + std::string(isa);
+    return bad_input("--isa " + options.isa + ": this program and processor have " + names);
+  }
+  return {};
+}
+
+// The optimum for each lambda, of the first rows.
+Result<std::map<double, std::vector<float>>> optima(const Input& input, Corrected& corrected,
+                                                    const std::vector<Measured>& list) {
+  std::map<double, std::vector<float>> result;
+  for (const Measured& what : list) {
+    if (result.count(what.lambda_half_k) != 0) continue;
+    Runner exact(input, corrected, settings_of(variant("exact", "", 1, what.lambda_half_k)),
+                 variant("exact", "", 1, what.lambda_half_k));
+    if (const Status opened = exact.open(); !opened) return tl::unexpected(opened.error());
+    exact.measure();
+    std::vector<float> rows = exact.out();
+    rows.resize(static_cast<std::size_t>(kExactRows * kFrame.width));
+    result.emplace(what.lambda_half_k, std::move(rows));
+  }
+  return result;
+}
+
+void compare_with_others(std::vector<Measured>& results) {
+  for (Measured& result : results) {
+    for (const Measured& other : results) {
+      if (other.solver != result.solver || other.isa != result.isa || other.lambda_half_k != result.lambda_half_k) {
+        continue;
+      }
+      const double faster = other.ms_per_frame / result.ms_per_frame;
+      if (other.threads == 1 && other.profile == result.profile) result.scaling = faster;
+      if (other.threads == result.threads && result.profile && !other.profile) result.of_plain = faster;
+    }
+  }
+}
+
+// Floating point operations of a pixel, counted in the algorithms (a limit to a range as two; near sweeps as whole
+// ones). ADMM begins with the sweeps that the dual needs at the same lambda.
+double operations(const Measured& what, int sweeps, int bins) {
+  const double levels = std::log2(bins);
+  const double dual = bins * (5.0 + levels) + 14.0 * bins * sweeps;
+  if (what.solver == "dual") return dual;
+  return what.solver == "admm" ? dual + bins * (18.0 + 2.0 * levels) * what.iterations : 0.0;
+}
+
+void compare_with_machine(std::vector<Measured>& results, const MachinePeaks& machine, int window) {
+  const double window_bytes = static_cast<double>(kFrame.pixels() * sizeof(std::uint16_t)) * window;
+  for (Measured& result : results) {
+    int sweeps = 0;
+    for (const Measured& other : results) {
+      if (other.solver == "dual" && other.lambda_half_k == result.lambda_half_k) sweeps = other.iterations;
+    }
+    const double seconds = 1e-3 * result.ms_per_frame;
+    const double done = operations(result, sweeps, window - 1) * static_cast<double>(kFrame.pixels());
+    if (sweeps > 0) result.fma_fraction = 1e-9 * done / seconds / machine.fma_gflop_per_s / result.threads;
+    result.read_fraction = 1e-9 * window_bytes / seconds / machine.read_gb_per_s;
+  }
+}
+
+}  // namespace
+
+Result<BenchReport> bench_deblur(const BenchOptions& options) {
+  if (const Status good = check(options); !good) return tl::unexpected(good.error());
+  deblur::Settings defaults;
+  if (options.lambda >= 0.0) defaults.lambda = options.lambda;
+  if (const Status good = deblur::validate(defaults); !good) return tl::unexpected(good.error());
+  BenchReport report;
+  report.processors = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const auto input = make_input(defaults);
+  if (!input) return tl::unexpected(input.error());
+  const auto list = list_variants(options, defaults.half_square_lambda(), report.processors);
+  auto correction = deblur::PixelCorrection::create(defaults, input->format, neutral_maps(defaults));
+  if (!correction) return tl::unexpected(correction.error());
+  Corrected corrected(*input, std::move(*correction));
+  const auto exact = optima(*input, corrected, list);
+  if (!exact) return tl::unexpected(exact.error());
+
+  std::vector<std::unique_ptr<Runner>> runners;
+  for (const Measured& what : list) {
+    runners.push_back(std::make_unique<Runner>(*input, corrected, settings_of(what), what));
+    const Status opened = runners.back()->open();
+    deblur::force_isa("");
+    if (!opened) return tl::unexpected(opened.error());
+  }
+  report.machine = measure_peaks();
+  const auto end = Clock::now() + std::chrono::duration<double>(options.seconds);
+  for (int repeat = 0; repeat < kFewestRepeats || Clock::now() < end; ++repeat) {
+    for (const auto& runner : runners) runner->measure();
+  }
+  std::vector<Measured> results;
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    results.push_back(runners[i]->result(exact->at(list[i].lambda_half_k)));
+  }
+  compare_with_others(results);
+  compare_with_machine(results, report.machine, defaults.window);
+  report.main = results.front();
+  report.variants.assign(results.begin() + 1, results.end());
+  return report;
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,8 @@
+// `bolo-lab`: measures and tries Bolo itself; never installed, never needed by bolo or bolod.
+#include "tools/cli/dispatch.hpp"
+#include "tools/lab/verbs.hpp"
+
+int main(int argc, char** argv) {
+  return bolo::tools::dispatch({"bolo-lab", "the laboratory: what Bolo achieves, measured"}, bolo::tools::kLabVerbs,
+                               argc, argv);
+}

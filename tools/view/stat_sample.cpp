@@ -1,0 +1,188 @@
+#include "tools/view/stat_sample.hpp"
+
+#include <algorithm>
+#include <cstdio>
+#include <span>
+
+#include "drivers/shm/camera_block.hpp"
+#include "src/pipeline/source_status.hpp"
+#include "src/rt/counters.hpp"
+
+namespace bolo::tools {
+namespace {
+
+using Latency = std::array<std::uint64_t, BOLO_SHM_LATENCY_BUCKETS>;
+
+double seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
+
+// Counters only rise; a difference below zero would be a half-written look, and counts as nothing.
+std::uint64_t rise(std::uint64_t before, std::uint64_t after) { return after > before ? after - before : 0; }
+
+const char* state_word(const StatLook& look) {
+  if (look.header.state == BOLO_SHM_CLOSED) return "closed";
+  if (look.closed) return "stopped";
+  return look.header.state == BOLO_SHM_RUNNING ? "running" : "starting";
+}
+
+Latency latency_between(const bolo_shm_header& before, const bolo_shm_header& after) {
+  Latency counts{};
+  for (std::size_t b = 0; b < counts.size(); ++b) counts[b] = rise(before.latency[b], after.latency[b]);
+  return counts;
+}
+
+template <typename... Values>
+std::string line(const char* format, Values... values) {
+  char text[512];
+  std::snprintf(text, sizeof text, format, values...);
+  return std::string(text).substr(0, 79) + "\n";
+}
+
+std::string duration(double s) {
+  char text[48];
+  const auto whole = static_cast<long long>(s);
+  if (whole < 60) {
+    std::snprintf(text, sizeof text, "%.1f s", s);
+  } else {
+    std::snprintf(text, sizeof text, "%lld:%02lld:%02lld", whole / 3600, whole / 60 % 60, whole % 60);
+  }
+  return text;
+}
+
+std::string lost_words(const bolo_shm_camera& camera) {
+  std::string words;
+  for (std::size_t i = 0; i < pipeline::kLostCauses; ++i) {
+    if (camera.lost[i] == 0) continue;
+    const std::string cause(pipeline::name(static_cast<pipeline::LostCause>(i)));
+    words += (words.empty() ? " (" : ", ") + std::to_string(camera.lost[i]) + " " + cause;
+  }
+  return words.empty() ? words : words + ")";
+}
+
+// How the camera does, and its clock and corrections as far as they are known.
+std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
+  std::uint64_t lost = 0;
+  for (const std::uint64_t count : camera.lost) lost += count;
+  using Count = unsigned long long;
+  std::string out = line("link     %s for %s; lost %llu%s, stalled %llu; %llu frames missed",
+                         shm::camera_state_word(camera), duration(shm::seconds_since(camera.since_ns, now_ns)).c_str(),
+                         Count{lost}, lost_words(camera).c_str(), Count{camera.stalls}, Count{camera.outage_frames});
+  out += line("packets  %llu received, %llu missing, %llu sent again", Count{camera.received_packets},
+              Count{camera.missing_packets}, Count{camera.resent_packets});
+  if (camera.clock_offset_ns != 0) {
+    out += line("clock    drift %+.1f ppm, jitter %.3f ms, %llu jumps", camera.clock_drift_ppm,
+                camera.clock_jitter_ns * 1e-6, Count{camera.clock_jumps});
+  }
+  if (camera.correction_ns != 0) {
+    out += line("nuc      %llu, the last %s ago", Count{camera.corrections},
+                duration(shm::seconds_since(camera.correction_ns, now_ns)).c_str());
+  }
+  if (camera.temperature_k > 0.0) out += line("inside   %.1f K", camera.temperature_k);
+  return out;
+}
+
+}  // namespace
+
+StatSample compare(const StatLook& before, const StatLook& after) {
+  const bolo_shm_header& a = before.header;
+  const bolo_shm_header& b = after.header;
+  StatSample s;
+  s.interval_s = seconds(after.at_ns - before.at_ns);
+  const double per_s = s.interval_s > 0.0 ? 1.0 / s.interval_s : 0.0;
+  s.received_hz = static_cast<double>(rise(a.received, b.received)) * per_s;
+  s.published_hz = static_cast<double>(rise(a.published, b.published)) * per_s;
+  for (std::size_t i = 0; i < kLossCauses; ++i) {
+    s.lost[i] = b.lost[i];
+    s.lost_hz[i] = static_cast<double>(rise(a.lost[i], b.lost[i])) * per_s;
+    s.lost_total += b.lost[i];
+  }
+  const Latency latency = latency_between(a, b);
+  for (const std::uint64_t count : latency) s.latency_frames += count;
+  s.latency_p50_ms = rt::LatencyHistogram::percentile_ms(latency, 0.5);
+  s.latency_p99_ms = rt::LatencyHistogram::percentile_ms(latency, 0.99);
+  s.latency_max_ms = rt::LatencyHistogram::percentile_ms(latency, 1.0);
+  const std::uint64_t solved = rise(rise(a.warm_up, b.warm_up), rise(a.published, b.published));
+  if (solved > 0)
+    s.deblur_ms = static_cast<double>(rise(a.deblur_ns, b.deblur_ns)) * 1e-6 / static_cast<double>(solved);
+  s.uptime_s = shm::seconds_since(b.start_ns, after.at_ns);
+  s.heartbeat_age_s = shm::seconds_since(static_cast<std::int64_t>(b.heartbeat_ns), after.at_ns);
+  s.state = state_word(after);
+  return s;
+}
+
+std::string stat_table(const std::string& name, const StatLook& look, const StatSample& s) {
+  using Count = unsigned long long;
+  const bolo_shm_header& h = look.header;
+  std::string out = line("%s  %s, process %u, up %s, heartbeat %.1f s ago", name.c_str(), s.state, h.writer_pid,
+                         duration(s.uptime_s).c_str(), s.heartbeat_age_s);
+  out += line("camera   %s %s, %ux%u at %.4g Hz, tau %.4g ms", h.camera_model, h.camera_serial, h.width, h.height,
+              h.frame_period_s > 0.0 ? 1.0 / h.frame_period_s : 0.0, h.tau_s * 1e3);
+  if (look.camera && look.camera->state != BOLO_CAMERA_IDLE) out += camera_lines(*look.camera, look.at_ns);
+  out += line("solver   %s", h.solver);
+  out += line("window   %u frames, look-ahead %u; ring of %u slots", h.window, h.lookahead, h.slot_count);
+  out += line("frames   in %9.1f /s %12llu    out %9.1f /s %12llu", s.received_hz, Count{h.received}, s.published_hz,
+              Count{h.published});
+  out += line("latency  p50 %.3f, p99 %.3f, max %.3f ms    deblur %.3f ms a frame", s.latency_p50_ms, s.latency_p99_ms,
+              s.latency_max_ms, s.deblur_ms);
+  if (look.told.contains("stages")) {
+    const auto p50 = [&](const char* stage) { return look.told["stages"][stage].value("p50_ms", 0.0); };
+    out += line("stages   arrival %.3f, queue %.3f, deblur %.3f, publish %.3f ms (p50 since the start)", p50("arrival"),
+                p50("queue"), p50("deblur"), p50("publish"));
+  }
+  if (look.told.contains("effort")) {
+    const auto frames = [&](const char* effort) { return Count{look.told["effort"]["frames"].value(effort, 0ULL)}; };
+    out +=
+        line("effort   %s; %llu frames reduced, %llu inverse, %llu raw",
+             look.told["effort"].value("now", "unknown").c_str(), frames("reduced"), frames("inverse"), frames("raw"));
+  }
+  out += line("windows  %llu warm-up, %llu with gaps, %llu restarts", Count{h.warm_up}, Count{h.gap_frames},
+              Count{h.restarts});
+  out += line("lost     %llu in all", Count{s.lost_total});
+  for (std::size_t i = 0; i < kLossCauses; ++i) {
+    const std::string cause(bolo::name(static_cast<LossCause>(i)));
+    out += line("  %-16s %12llu %9.1f /s", cause.c_str(), Count{s.lost[i]}, s.lost_hz[i]);
+  }
+  return out;
+}
+
+nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, const StatSample& s) {
+  const bolo_shm_header& h = look.header;
+  nlohmann::ordered_json json{{"name", name},
+                              {"state", s.state},
+                              {"pid", h.writer_pid},
+                              {"uptime_s", s.uptime_s},
+                              {"heartbeat_age_s", s.heartbeat_age_s},
+                              {"camera_model", h.camera_model},
+                              {"camera_serial", h.camera_serial},
+                              {"width", h.width},
+                              {"height", h.height},
+                              {"frame_period_s", h.frame_period_s},
+                              {"tau_s", h.tau_s},
+                              {"window", h.window},
+                              {"lookahead", h.lookahead},
+                              {"slots", h.slot_count},
+                              {"solver", h.solver},
+                              {"interval_s", s.interval_s},
+                              {"received", h.received},
+                              {"published", h.published},
+                              {"received_hz", s.received_hz},
+                              {"published_hz", s.published_hz},
+                              {"latency_p50_ms", s.latency_p50_ms},
+                              {"latency_p99_ms", s.latency_p99_ms},
+                              {"latency_max_ms", s.latency_max_ms},
+                              {"latency_frames", s.latency_frames},
+                              {"deblur_ms_per_frame", s.deblur_ms},
+                              {"warm_up", h.warm_up},
+                              {"gap_frames", h.gap_frames},
+                              {"restarts", h.restarts},
+                              {"lost_total", s.lost_total}};
+  for (std::size_t i = 0; i < kLossCauses; ++i) {
+    const std::string cause(bolo::name(static_cast<LossCause>(i)));
+    json["lost"][cause] = s.lost[i];
+    json["lost_hz"][cause] = s.lost_hz[i];
+  }
+  if (look.camera) json["camera"] = shm::camera_json(*look.camera, look.at_ns);
+  for (const char* key : {"effort", "stages", "video"}) json[key] = look.told.contains(key) ? look.told[key] : nullptr;
+  return json;
+}
+
+}  // namespace bolo::tools
