@@ -29,17 +29,16 @@ install(FILES ${systemd_files}/modprobe.conf DESTINATION ${CMAKE_INSTALL_FULL_SY
 install(FILES ${systemd_files}/60-bolo-usb.rules DESTINATION lib/udev/rules.d COMPONENT bolo)
 
 if(TARGET manual)  # left out under sanitizers
-  install(DIRECTORY ${BOLO_MANUAL}/man DESTINATION ${CMAKE_INSTALL_DATAROOTDIR} COMPONENT bolo
+  install(DIRECTORY ${BOLO_MANUAL}/ DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/man COMPONENT bolo
     FILES_MATCHING PATTERN "*.gz")
-  set(completion ${BOLO_MANUAL}/completion)
-  foreach(program bolo bolod)  # bash looks for a file of the program's name
-    install(FILES ${completion}/bolo.bash
-      DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/bash-completion/completions RENAME ${program} COMPONENT bolo)
-  endforeach()
-  install(FILES ${completion}/_bolo DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/zsh/vendor-completions COMPONENT bolo)
-  install(FILES ${completion}/bolo.fish ${completion}/bolod.fish
-    DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/fish/vendor_completions.d COMPONENT bolo)
 endif()
+set(completion ${PROJECT_SOURCE_DIR}/tools/manual)
+foreach(program bolo bolod)  # bash looks for a file of the program's name
+  install(FILES ${completion}/bolo.bash
+    DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/bash-completion/completions RENAME ${program} COMPONENT bolo)
+endforeach()
+install(FILES ${completion}/_bolo DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/zsh/vendor-completions COMPONENT bolo)
+install(FILES ${completion}/bolo.fish DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/fish/vendor_completions.d COMPONENT bolo)
 
 install(FILES README.md ARCHITECTURE.md CLUSTER.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT bolo)
 install(FILES tools/slurm/bolo-deblur.sbatch DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT bolo)

@@ -13,21 +13,14 @@ namespace {
 std::atomic<bool> g_interrupted{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "the signal handler stores to it");
 
-OptionsReader g_options_reader;
 std::string g_program = "bolo";
 
 }  // namespace
 
 void set_program_name(std::string name) { g_program = std::move(name); }
 
-void read_options_with(OptionsReader reader) { g_options_reader = std::move(reader); }
-
 std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed) {
   options.add_options()("h,help", "Print this help");
-  if (g_options_reader) {
-    g_options_reader(options);
-    return kExitDone;
-  }
   try {
     parsed = options.parse(argc, argv);
     if (parsed.count("help") != 0) {

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -26,11 +25,6 @@ void set_program_name(std::string name);
 // Parses argv; adds --help. On --help prints it and returns the exit code 0; on wrong usage prints one line to stderr
 // and returns 2; otherwise returns nothing and fills `parsed`. Positional arguments beyond those declared are refused.
 std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxopts::ParseResult& parsed);
-
-// From now on parse() shows the options to `reader`, parses nothing and ends the verb with 0: for programs that
-// document the verbs (tools/manual). An empty one ends that. Thread: setup.
-using OptionsReader = std::function<void(const cxxopts::Options&)>;
-void read_options_with(OptionsReader reader);
 
 // The values of an option that takes files, as they were given: a vector of cxxopts would split their names at commas.
 std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option);

@@ -1,0 +1,51 @@
+# Completion of bolo and bolod for bash. What is offered is read from the programs' own --help.
+
+_bolo_words() { mapfile -t COMPREPLY < <(compgen -W "$1" -- "$cur"); }
+_bolo_files() {
+  compopt -o filenames 2>/dev/null
+  mapfile -t COMPREPLY < <(compgen "$1" -- "$cur")
+}
+
+_bolo() {
+  local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD - 1]} command=("${COMP_WORDS[0]}") help line
+  # bash takes "--option=value" for three words.
+  if [ "$cur" = = ]; then
+    cur=
+  elif [ "$prev" = = ]; then
+    prev=${COMP_WORDS[COMP_CWORD - 2]}
+  fi
+  COMPREPLY=()
+  if [ "${COMP_WORDS[0]##*/}" = bolo ]; then
+    if [ "$COMP_CWORD" -eq 1 ]; then
+      _bolo_words "$(bolo --help 2>/dev/null | sed -nE 's/^  ([a-z]+) +[^ ].*/\1/p') --help"
+      return
+    fi
+    command+=("${COMP_WORDS[1]}")
+  fi
+  help=$("${command[@]}" --help 2>/dev/null) || return 0
+  if [[ $prev == -?* ]]; then
+    # The line of the option before: what its value is, and where the text begins with a list of words, these.
+    line=$(grep -E -- "(^|[ ,])$prev( |\$)" <<<"$help" | head -1)
+    case $line in
+      *"$prev"\ [!\ ]*FILE* | *"$prev"\ [!\ ]*.* | *"$prev"\ IN* | *"$prev"\ OUT* | *"$prev"\ FILE*) _bolo_files -f && return ;;
+      *"$prev"\ DIR* | *"$prev"\ FOLDER*) _bolo_files -d && return ;;
+      *"$prev"\ [!\ ]*)
+        _bolo_words "$(sed -nE "s/.*$prev [^ ]+( \(=[^)]*\))? +([a-z0-9]+(, [a-z0-9]+)+( or [a-z0-9]+)?).*/\2/p" <<<"$line" |
+          sed -E 's/, | or / /g')"
+        return
+        ;;
+    esac
+  fi
+  case $cur in
+    -*) _bolo_words "$(sed -nE 's/^ +(-[A-Za-z], )? *(--[a-z0-9-]+).*/\2/p' <<<"$help")" ;;
+    *)
+      case $(sed -nE '/^Usage:/{n;p}' <<<"$help") in
+        *NAME*) _bolo_words "$(for f in /dev/shm/bolo.*; do [ -e "$f" ] && echo "${f#/dev/shm/bolo.}"; done)" ;;
+        *\] | *"[OPTION...]") ;;
+        *) _bolo_files -f ;;
+      esac
+      ;;
+  esac
+}
+
+complete -F _bolo bolo bolod
