@@ -17,6 +17,11 @@ if(BOLO_SANITIZE)
   target_compile_options(bolo_options INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
 endif()
 
+# Files that are compiled together parse what they include once: a third of the time to build everything.
+option(BOLO_UNITY "Compile the files of a library or test together" OFF)
+set(CMAKE_UNITY_BUILD ${BOLO_UNITY})
+set(CMAKE_UNITY_BUILD_BATCH_SIZE 12)
+
 # bolo_layer(NAME SOURCES file... DEPENDS layer... LIBRARIES target...)
 # DEPENDS: layers of ours (without the bolo_ prefix). LIBRARIES: libraries that the layer's headers or sources use.
 function(bolo_layer name)

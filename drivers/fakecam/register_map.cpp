@@ -6,10 +6,10 @@
 namespace bolo::fakecam {
 namespace {
 
-constexpr std::size_t kWordBytes = 4;
+constexpr std::size_t kRegisterBytes = 4;
 
 bool whole_words(std::uint32_t address, std::size_t bytes) {
-  return address % kWordBytes == 0 && bytes % kWordBytes == 0;
+  return address % kRegisterBytes == 0 && bytes % kRegisterBytes == 0;
 }
 
 // Where [address, address + bytes) lies inside `memory` that starts at `base`; empty when it doesn't.
@@ -22,7 +22,7 @@ ConstBytes window(ConstBytes memory, std::uint32_t base, std::uint32_t address, 
 
 RegisterMap::RegisterMap(std::string_view description)
     : registers_(reg::kRegistersEnd, 0), description_(description.begin(), description.end()) {
-  description_.resize((description_.size() + kWordBytes - 1) / kWordBytes * kWordBytes, 0);
+  description_.resize((description_.size() + kRegisterBytes - 1) / kRegisterBytes * kRegisterBytes, 0);
 }
 
 gvcp::Status RegisterMap::read(std::uint32_t address, Bytes out) const {
@@ -36,7 +36,7 @@ gvcp::Status RegisterMap::read(std::uint32_t address, Bytes out) const {
 
 gvcp::Status RegisterMap::write(std::uint32_t address, ConstBytes in) {
   if (!whole_words(address, in.size())) return gvcp::Status::kBadAlignment;
-  for (std::size_t at = 0; at < in.size(); at += kWordBytes) {
+  for (std::size_t at = 0; at < in.size(); at += kRegisterBytes) {
     const auto status = write_word(address + static_cast<std::uint32_t>(at), load_u32(in, at));
     if (status != gvcp::Status::kSuccess) return status;
   }
@@ -44,8 +44,8 @@ gvcp::Status RegisterMap::write(std::uint32_t address, ConstBytes in) {
 }
 
 gvcp::Status RegisterMap::write_word(std::uint32_t address, std::uint32_t value) {
-  const bool known = !window(registers_, 0, address, kWordBytes).empty() ||
-                     !window(description_, reg::kDescription, address, kWordBytes).empty();
+  const bool known = !window(registers_, 0, address, kRegisterBytes).empty() ||
+                     !window(description_, reg::kDescription, address, kRegisterBytes).empty();
   if (!known) return gvcp::Status::kInvalidAddress;
   const auto rule = rules_.find(address);
   if (rule == rules_.end()) return gvcp::Status::kWriteProtect;
@@ -88,7 +88,7 @@ void RegisterMap::writable_float(std::uint32_t address, float min, float max) {
 }
 
 void RegisterMap::writable_text(std::uint32_t address, std::size_t field_bytes) {
-  for (std::uint32_t at = 0; at < field_bytes; at += kWordBytes) {
+  for (std::uint32_t at = 0; at < field_bytes; at += kRegisterBytes) {
     writable(address + at, [](std::uint32_t value) -> WriteOutcome { return value; });
   }
 }

@@ -33,7 +33,7 @@ static_assert(flag_of(pipeline::Effort::kInverse) == std::uint32_t{BOLO_FLAG_INV
 static_assert(flag_of(pipeline::Effort::kRaw) == std::uint32_t{BOLO_FLAG_RAW});
 
 constexpr int kMinSlots = 64;       // a third of a second at 200 Hz to fetch a frame in
-constexpr int kMaxSlots = 1 << 16;  // bounds the arithmetic; memory runs out long before
+constexpr int kMostSlots = 1 << 16;  // bounds the arithmetic; memory runs out long before
 constexpr int kReadingMargin = 16;  // frames that a reader of a whole window has time for
 constexpr std::size_t kSettingsOffset = sizeof(bolo_shm_header);
 constexpr std::size_t kCameraOffset = kSettingsOffset + sizeof(bolo_shm_settings);
@@ -68,9 +68,9 @@ Result<int> choose_slots(int asked, const deblur::Settings& settings) {
   if (asked == 0) {
     return std::max(kMinSlots, static_cast<int>(std::bit_ceil(static_cast<unsigned>(needed + kReadingMargin))));
   }
-  if (asked >= needed && asked <= kMaxSlots) return asked;
+  if (asked >= needed && asked <= kMostSlots) return asked;
   return bad_input("shm.slots = " + std::to_string(asked) + " is out of range: " + std::to_string(needed) +
-                   " (window and look-ahead) to " + std::to_string(kMaxSlots) + ", or 0 for enough");
+                   " (window and look-ahead) to " + std::to_string(kMostSlots) + ", or 0 for enough");
 }
 
 Status check(const ShmOptions& options, const pipeline::SinkFormat& format) {

@@ -11,7 +11,7 @@
 namespace bolo::capture {
 namespace {
 
-constexpr int kVersion = 1;
+constexpr int kMapsVersion = 1;
 constexpr int kMostPixelsASide = 1 << 15;
 constexpr double kLongestTau_s = 1.0;
 
@@ -90,7 +90,7 @@ Result<Geometry> read_identity(hid_t file) {
     return bad_input("root attribute 'format' is \"" + *format + "\"; expected \"bolo-maps\"");
   const Result<double> version = h5::number_attribute(root, "version");
   if (!version) return tl::unexpected<Error>(version.error());
-  if (*version != kVersion) {
+  if (*version != kMapsVersion) {
     return bad_input("root attribute 'version' is " + h5::text(*version) + "; this program reads version 1");
   }
   const Result<int> width = side(root, "width");
@@ -130,10 +130,10 @@ Status write_map(hid_t file, const Rule& rule, hid_t type, Geometry geometry, co
   return failed(std::string(rule.path) + " cannot be written" + h5::because());
 }
 
-Status write_all(hid_t file, const model::PixelMaps& maps) {
+Status write_maps(hid_t file, const model::PixelMaps& maps) {
   const h5::Handle root(H5Gopen2(file, "/", H5P_DEFAULT));
   const bool named = h5::write_attribute(root.get(), "format", std::string("bolo-maps")) &&
-                     h5::write_attribute(root.get(), "version", std::int64_t{kVersion}) &&
+                     h5::write_attribute(root.get(), "version", std::int64_t{kMapsVersion}) &&
                      h5::write_attribute(root.get(), "width", std::int64_t{maps.geometry.width}) &&
                      h5::write_attribute(root.get(), "height", std::int64_t{maps.geometry.height});
   if (!named) return failed("the root attributes cannot be written" + h5::because());
@@ -148,7 +148,7 @@ Status write_file(const std::filesystem::path& file, const model::PixelMaps& map
   const h5::Handle access = file_access();
   h5::Handle handle(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.get()));
   if (!handle) return bad_input("cannot be created" + h5::because());
-  if (Status good = write_all(handle.get(), maps); !good) return good;
+  if (Status good = write_maps(handle.get(), maps); !good) return good;
   if (!handle.close()) return failed("cannot be closed" + h5::because());
   return {};
 }

@@ -1,8 +1,8 @@
 #include "src/deblur/kernels.hpp"
 
 // Built in: AVX3 (AVX-512), AVX2, SSE4 and plain scalar code. Sets between them would only lengthen the build.
-#define HWY_COMPILE_ALL_ATTAINABLE
-#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
+#include "src/deblur/built_targets.hpp"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "src/deblur/kernels.cpp"
 #include <hwy/foreach_target.h>

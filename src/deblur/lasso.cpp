@@ -10,7 +10,7 @@ namespace {
 constexpr int kFirstSweeps = 8;
 constexpr int kSweepsBeforePath = 64;
 constexpr int kMaxSweeps = 1 << 16;
-constexpr double kRidge = 1e-9;      // relative: keeps the start defined where frames are lost
+constexpr double kStartRidge = 1e-9;      // relative: keeps the start defined where frames are lost
 constexpr double kRounding = 1e-10;  // relative to the largest |h|: what double precision leaves of the conditions
 
 constexpr Eigen::Index kPathSteps = 20;  // times the number of columns: far more than paths of real data have
@@ -90,7 +90,7 @@ void Lasso::set_gram(const Gram& gram) noexcept {
   gram_ = gram;
   start_ = Gram::Identity(gram.rows(), gram.cols());
   Gram regular = gram;
-  regular.diagonal().array() += kRidge * (gram.diagonal().maxCoeff() + 1e-300);
+  regular.diagonal().array() += kStartRidge * (gram.diagonal().maxCoeff() + 1e-300);
   Eigen::LLT<Eigen::Ref<Gram>> factors(regular);
   factors.solveInPlace(start_);
 }

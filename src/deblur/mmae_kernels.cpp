@@ -6,9 +6,8 @@
 
 #include "src/deblur/kernels.hpp"
 
-// The same sets as kernels.cpp.
-#define HWY_COMPILE_ALL_ATTAINABLE
-#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
+#include "src/deblur/built_targets.hpp"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "src/deblur/mmae_kernels.cpp"
 #include <hwy/foreach_target.h>

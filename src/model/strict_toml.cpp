@@ -27,12 +27,6 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-// "key" of "section.key".
-std::string_view last_part(std::string_view path) {
-  const std::size_t dot = path.rfind('.');
-  return dot == std::string_view::npos ? path : path.substr(dot + 1);
-}
-
 std::string position(const std::filesystem::path& file, std::int64_t line, std::int64_t column) {
   return file.string() + ":" + std::to_string(line) + ":" + std::to_string(column) + ": ";
 }
@@ -51,6 +45,11 @@ Result<std::string> slurp(const std::filesystem::path& file) {
 }
 
 }  // namespace
+
+std::string_view last_part(std::string_view path) {
+  const std::size_t dot = path.rfind('.');
+  return dot == std::string_view::npos ? path : path.substr(dot + 1);
+}
 
 // What one read() has found so far. Values are stored only when the whole file is right.
 struct KeyTable::Reading {

@@ -29,6 +29,9 @@ struct Range {
   std::string_view unit;
 };
 
+// "key" of "section.key". Thread: any.
+std::string_view last_part(std::string_view path);
+
 // Binds dotted key paths ("section.key", or "key" before any section) to variables. The variables must outlive the
 // table; their values when a key is declared are its default. Thread: one at a time.
 class KeyTable {

@@ -62,12 +62,6 @@ std::string octal_text(unsigned value) {
   return out.str();
 }
 
-// "key" of "section.key".
-std::string_view last_part(std::string_view path) {
-  const std::size_t dot = path.rfind('.');
-  return dot == std::string_view::npos ? path : path.substr(dot + 1);
-}
-
 using Value = KeyTable::Value;
 using Checked = KeyTable::Checked;
 using Check = KeyTable::Check;

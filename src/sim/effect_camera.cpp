@@ -11,7 +11,7 @@ namespace bolo::sim {
 namespace {
 
 // Time constants that a pixel, and a slow part of it, remember; see Simulator.
-constexpr double kMemory = 14.0;
+constexpr double kTimeConstants = 14.0;
 constexpr double kSlowMemory = 8.0;
 // Steps are so many times longer, squared, than kStepToleranceK asks for: within 3 mK, a tenth of a camera's noise.
 constexpr double kPatience = 4.0;
@@ -122,7 +122,7 @@ void EffectCamera::plan_flight() {
 // The camera was already looking. What a slow part remembers from long ago is taken in coarse steps.
 void EffectCamera::settle(double first_s) {
   const double slowest_s = *std::ranges::max_element(model_.tau_s) * std::max(1.0, model_.falling_scale);
-  const double fine_s = first_s - kMemory * slowest_s;
+  const double fine_s = first_s - kTimeConstants * slowest_s;
   const double begin_s =
       model_.slow_share != 0.0 ? std::min(fine_s, first_s - kSlowMemory * model_.slow_tau_s) : fine_s;
   now_s_ = begin_s;

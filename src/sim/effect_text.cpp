@@ -9,15 +9,10 @@
 #include "src/core/nearest.hpp"
 #include "src/sim/effect.hpp"
 #include "src/sim/random.hpp"
+#include "src/sim/shortest.hpp"
 
 namespace bolo::sim {
 namespace {
-
-std::string shortest(double value) {
-  std::array<char, 32> text{};
-  const auto [end, error] = std::to_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() ? std::string(text.data(), end) : std::string("?");
-}
 
 std::string span_text(const Range& range) { return shortest(range.low) + " to " + shortest(range.high); }
 

@@ -9,6 +9,7 @@
 #include "src/core/nearest.hpp"
 #include "src/sim/effect.hpp"
 #include "src/sim/imperfect_fields.hpp"
+#include "src/sim/shortest.hpp"
 
 namespace bolo::sim {
 namespace {
@@ -38,12 +39,6 @@ constexpr std::array<Item, 14> kItems{{{"sweep_s", &StimulusError::sweep_s, {-1.
                                        {"surroundings_k", &StimulusError::surroundings_k, {1.0, 2000.0}, kAll}}};
 
 bool same(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
-
-std::string shortest(double value) {
-  std::array<char, 32> text{};
-  const auto [end, error] = std::to_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() ? std::string(text.data(), end) : std::string("?");
-}
 
 Status take(StimulusError& error, std::string_view item) {
   const std::size_t equals = item.find('=');

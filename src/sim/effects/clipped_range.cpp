@@ -8,14 +8,14 @@
 namespace bolo::sim::effects {
 namespace {
 
-constexpr double kCut = 0.15;  // of the scene's span, by default
+constexpr double kCutBelow = 0.15;  // of the scene's span, by default
 
 class ClippedRange final : public Effect {
  public:
   explicit ClippedRange(const EffectSetup& setup) : level_k_(setup.number("level_k")) {
     const Extremes scene = setup.extremes();
     const double span_k = scene.high_k - scene.low_k;
-    if (std::isnan(level_k_) && span_k > 0.0) level_k_ = scene.low_k + kCut * span_k;
+    if (std::isnan(level_k_) && span_k > 0.0) level_k_ = scene.low_k + kCutBelow * span_k;
   }
   void row(const FrameInstant&, int, std::span<double> kelvin) noexcept override {
     if (std::isnan(level_k_)) return;

@@ -8,14 +8,14 @@
 namespace bolo::sim::effects {
 namespace {
 
-constexpr double kCut = 0.15;  // of the scene's span, by default
+constexpr double kCutAbove = 0.15;  // of the scene's span, by default
 
 class Saturation final : public Effect {
  public:
   explicit Saturation(const EffectSetup& setup) : level_k_(setup.number("level_k")) {
     const Extremes scene = setup.extremes();
     const double span_k = scene.high_k - scene.low_k;
-    if (std::isnan(level_k_) && span_k > 0.0) level_k_ = scene.high_k - kCut * span_k;
+    if (std::isnan(level_k_) && span_k > 0.0) level_k_ = scene.high_k - kCutAbove * span_k;
   }
   void row(const FrameInstant&, int, std::span<double> kelvin) noexcept override {
     if (std::isnan(level_k_)) return;

@@ -9,7 +9,7 @@ namespace bolo::sim {
 namespace street {
 namespace {
 
-enum class Kind : std::uint64_t { kHouse, kTree, kLamp, kSign, kPerson, kCar };
+enum class Thing : std::uint64_t { kHouse, kTree, kLamp, kSign, kPerson, kCar };
 
 class Street final : public Scene {
  public:
@@ -32,7 +32,7 @@ class Street final : public Scene {
  private:
   // Calls paint_one(x, random) for each slot of which something may be in sight; x is somewhere in the slot.
   template <typename PaintOne>
-  void each(const Painter& painter, Kind kind, double pitch, double probability, PaintOne paint_one) const {
+  void each(const Painter& painter, Thing kind, double pitch, double probability, PaintOne paint_one) const {
     const std::uint64_t kind_key = key(seed_, static_cast<std::uint64_t>(kind));
     const double last = std::floor((painter.box().right + kReach) / pitch);
     for (double slot = std::floor((painter.box().left - kReach) / pitch); slot <= last; slot += 1.0) {
@@ -51,7 +51,7 @@ class Street final : public Scene {
 
   void paint(Painter& painter) const {
     paint_sky(painter);
-    each(painter, Kind::kHouse, kHousePitch, 0.82, [&](double x, SplitMix random) {
+    each(painter, Thing::kHouse, kHousePitch, 0.82, [&](double x, SplitMix random) {
       const double slot = std::floor(x / kHousePitch);
       const double gap = random.chance(0.5) ? random.between(2.0, 14.0) : 0.0;
       paint_house(painter, border(slot) + gap, border(slot + 1.0), random);
@@ -62,11 +62,11 @@ class Street final : public Scene {
         paint_one(painter, Point{x, y + random.between(-1.5, 1.5)}, random);
       };
     };
-    each(painter, Kind::kTree, 190.0, 0.6, stand(paint_tree, 88.0));
-    each(painter, Kind::kPerson, 58.0, 0.62, stand(paint_person, 89.5));
-    each(painter, Kind::kLamp, 210.0, 0.9, stand(paint_lamp, 91.5));
-    each(painter, Kind::kSign, 160.0, 0.6, stand(paint_sign, 91.5));
-    each(painter, Kind::kCar, 168.0, 0.75, stand(paint_car, 107.5));
+    each(painter, Thing::kTree, 190.0, 0.6, stand(paint_tree, 88.0));
+    each(painter, Thing::kPerson, 58.0, 0.62, stand(paint_person, 89.5));
+    each(painter, Thing::kLamp, 210.0, 0.9, stand(paint_lamp, 91.5));
+    each(painter, Thing::kSign, 160.0, 0.6, stand(paint_sign, 91.5));
+    each(painter, Thing::kCar, 168.0, 0.75, stand(paint_car, 107.5));
   }
 
   static constexpr double kHousePitch = 140.0;
