@@ -23,9 +23,8 @@ set(systemd_files ${PROJECT_SOURCE_DIR}/systemd)
 install(FILES ${systemd_files}/bolod@.service ${systemd_files}/bolo-fakecam.service
   DESTINATION lib/systemd/system COMPONENT bolo)
 install(FILES ${systemd_files}/sysusers.conf DESTINATION lib/sysusers.d RENAME bolo.conf COMPONENT bolo)
-install(FILES ${systemd_files}/sysctl.conf DESTINATION lib/sysctl.d RENAME 60-bolo.conf COMPONENT bolo)
-install(FILES ${systemd_files}/modprobe.conf DESTINATION ${CMAKE_INSTALL_FULL_SYSCONFDIR}/modprobe.d
-  RENAME bolo-v4l2loopback.conf COMPONENT bolo)
+install(FILES ${systemd_files}/sysctl.conf DESTINATION lib/sysctl.d RENAME 00-bolo.conf COMPONENT bolo)
+install(FILES ${systemd_files}/bolo-v4l2loopback.conf DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/bolo COMPONENT bolo)
 install(FILES ${systemd_files}/60-bolo-usb.rules DESTINATION lib/udev/rules.d COMPONENT bolo)
 
 if(TARGET manual)  # left out under sanitizers

@@ -84,13 +84,7 @@ Status check(const ShmOptions& options, const pipeline::SinkFormat& format) {
   if (format.region || !format.points.empty()) {
     return bad_input("shared memory carries whole frames, not a region or points of them");
   }
-  if ((options.mode & ~kModeBits) != 0 || (options.mode & kOwnerBits) != kOwnerBits) {
-    return bad_input("shm.mode must be permission bits with 0600 among them, at most 0777");
-  }
-  if ((options.mode & kOthersWrite) != 0) {
-    return bad_input("shm.mode lets others write into the frames; use 0640 for a group's readers, 0644 for everyone");
-  }
-  return {};
+  return check_mode(options);
 }
 
 void describe(bolo_shm_header& header, const pipeline::SinkFormat& format, int slots, const SlotLayout& layout) {
@@ -166,6 +160,16 @@ void change_wake(bolo_shm_header& header) noexcept {
 }
 
 }  // namespace
+
+Status check_mode(const ShmOptions& options) {
+  if ((options.mode & ~kModeBits) != 0 || (options.mode & kOwnerBits) != kOwnerBits) {
+    return bad_input("shm.mode must be permission bits with 0600 among them, at most 0777");
+  }
+  if ((options.mode & kOthersWrite) != 0) {
+    return bad_input("shm.mode lets others write into the frames; use 0640 for a group's readers, 0644 for everyone");
+  }
+  return {};
+}
 
 struct ShmSink::Impl {
   ShmOptions options;

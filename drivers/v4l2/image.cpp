@@ -30,11 +30,14 @@ std::size_t line_bytes(PixelFormat format, int width) noexcept {
   return static_cast<std::size_t>(width) * (format == PixelFormat::kGrey ? 1U : 2U);
 }
 
+Status check_width(PixelFormat format, int width) {
+  if (format != PixelFormat::kYuyv || width % 2 == 0) return {};
+  return bad_input("yuyv needs an even width, not " + std::to_string(width) + "; use grey");
+}
+
 Result<ImageMaker> ImageMaker::create(PixelFormat format, Y16Unit unit, Geometry geometry, const LinearScale& scale,
                                       const ToneOptions& tone) {
-  if (format == PixelFormat::kYuyv && geometry.width % 2 != 0) {
-    return bad_input("yuyv needs an even width, not " + std::to_string(geometry.width) + "; use grey");
-  }
+  if (Status fits = check_width(format, geometry.width); !fits) return tl::unexpected<Error>(fits.error());
   return ImageMaker(format, unit, geometry, scale, tone);
 }
 

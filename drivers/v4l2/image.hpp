@@ -27,6 +27,9 @@ enum class Y16Unit { k10mK, k100mK };
 std::uint32_t fourcc(PixelFormat format) noexcept;
 std::string_view name(PixelFormat format) noexcept;
 
+// Whether the format has pictures so wide. Thread: any.
+Status check_width(PixelFormat format, int width);
+
 // Bytes of a line, without padding. Thread: any.
 std::size_t line_bytes(PixelFormat format, int width) noexcept;
 

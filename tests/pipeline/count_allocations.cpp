@@ -1,8 +1,12 @@
 #include "tests/pipeline/count_allocations.hpp"
 
+#include <dlfcn.h>
+
+#include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdlib>
+#include <cstring>
 #include <new>
 
 // The sanitizers own malloc; without them glibc's is reached under its other name.
@@ -22,12 +26,26 @@ namespace {
 std::atomic<bool> g_armed{false};
 std::atomic<std::uint64_t> g_allocations{0};
 
-void note() noexcept {
-  if (g_armed.load(std::memory_order_relaxed)) g_allocations.fetch_add(1, std::memory_order_relaxed);
+std::atomic<std::uint64_t> g_of_libraries{0};
+
+bool of_a_library_of_the_camera(const void* caller) noexcept {
+  constexpr std::array<const char*, 4> kLibraries{"/libaravis-", "/libglib-", "/libgobject-", "/libgio-"};
+  Dl_info info{};
+  if (dladdr(caller, &info) == 0 || info.dli_fname == nullptr) return false;
+  for (const char* library : kLibraries) {
+    if (std::strstr(info.dli_fname, library) != nullptr) return true;
+  }
+  return false;
 }
 
-void* take(std::size_t size, std::size_t alignment) {
-  note();
+void note(const void* caller) noexcept {
+  if (!g_armed.load(std::memory_order_relaxed)) return;
+  auto& count = of_a_library_of_the_camera(caller) ? g_of_libraries : g_allocations;
+  count.fetch_add(1, std::memory_order_relaxed);
+}
+
+void* take(std::size_t size, std::size_t alignment, const void* caller) {
+  note(caller);
   void* p = nullptr;
   if (posix_memalign(&p, alignment, size < 1 ? 1 : size) != 0) throw std::bad_alloc();
   return p;
@@ -40,15 +58,23 @@ namespace bolo::test {
 void arm_allocation_count() noexcept { g_armed.store(true); }
 void disarm_allocation_count() noexcept { g_armed.store(false); }
 std::uint64_t allocation_count() noexcept { return g_allocations.load(); }
-void reset_allocation_count() noexcept { g_allocations.store(0); }
+std::uint64_t library_allocation_count() noexcept { return g_of_libraries.load(); }
+void reset_allocation_count() noexcept {
+  g_allocations.store(0);
+  g_of_libraries.store(0);
+}
 bool counts_malloc() noexcept { return BOLO_COUNTS_MALLOC != 0; }
 
 }  // namespace bolo::test
 
-void* operator new(std::size_t size) { return take(size, alignof(std::max_align_t)); }
-void* operator new[](std::size_t size) { return take(size, alignof(std::max_align_t)); }
-void* operator new(std::size_t size, std::align_val_t align) { return take(size, static_cast<std::size_t>(align)); }
-void* operator new[](std::size_t size, std::align_val_t align) { return take(size, static_cast<std::size_t>(align)); }
+void* operator new(std::size_t size) { return take(size, alignof(std::max_align_t), __builtin_return_address(0)); }
+void* operator new[](std::size_t size) { return take(size, alignof(std::max_align_t), __builtin_return_address(0)); }
+void* operator new(std::size_t size, std::align_val_t align) {
+  return take(size, static_cast<std::size_t>(align), __builtin_return_address(0));
+}
+void* operator new[](std::size_t size, std::align_val_t align) {
+  return take(size, static_cast<std::size_t>(align), __builtin_return_address(0));
+}
 void operator delete(void* p) noexcept { std::free(p); }
 void operator delete[](void* p) noexcept { std::free(p); }
 void operator delete(void* p, std::size_t) noexcept { std::free(p); }
@@ -65,15 +91,15 @@ void* __libc_calloc(std::size_t count, std::size_t size);
 void* __libc_realloc(void* p, std::size_t size);
 
 void* malloc(std::size_t size) {
-  note();
+  note(__builtin_return_address(0));
   return __libc_malloc(size);
 }
 void* calloc(std::size_t count, std::size_t size) {
-  note();
+  note(__builtin_return_address(0));
   return __libc_calloc(count, size);
 }
 void* realloc(void* p, std::size_t size) {
-  note();
+  note(__builtin_return_address(0));
   return __libc_realloc(p, size);
 }
 }

@@ -9,8 +9,10 @@ namespace bolo::test {
 void arm_allocation_count() noexcept;
 void disarm_allocation_count() noexcept;
 
-// Counted so far while armed; reset sets it to zero.
+// Counted so far while armed, but for what Aravis and GLib take for themselves, which is the second; reset sets both to
+// zero.
 std::uint64_t allocation_count() noexcept;
+std::uint64_t library_allocation_count() noexcept;
 void reset_allocation_count() noexcept;
 
 // Whether a malloc outside operator new is seen.

@@ -46,12 +46,96 @@ class Installed(unittest.TestCase):
             for page, chapter in re.findall(r"man:([\w.-]+)\((\d)\)", text):
                 self.assertTrue((self.root / f"usr/share/man/man{chapter}/{page}.{chapter}.gz").is_file(), page)
 
+    def test_no_setting_of_the_kernel_is_anybodys_but_ours(self):
+        self.assertFalse(list(self.root.rglob("modprobe.d")), "v4l2loopback's options are those of all its users")
+        self.assertTrue((self.root / "usr/share/bolo/bolo-v4l2loopback.conf").is_file())
+        settings = [f.name for f in (self.root / "usr/lib/sysctl.d").iterdir()]
+        self.assertEqual(settings, ["00-bolo.conf"], "an administrator's file is read later, and holds")
+
     @unittest.skipUnless(shutil.which("systemd-analyze"), "systemd-analyze is not installed")
     def test_units_are_confined(self):
         for unit in sorted((self.root / "usr/lib/systemd/system").glob("*.service")):
             run = ["systemd-analyze", "security", "--offline=true", "--threshold=15", "--no-pager", unit]
             done = subprocess.run(run, capture_output=True, text=True)
             self.assertEqual(done.returncode, 0, done.stdout[-500:] + done.stderr)
+
+
+class Scripts(unittest.TestCase):
+    """What dpkg runs, in a root of our own with stand-ins for what changes the system."""
+
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory(prefix="bolo-scripts-")
+        self.addCleanup(self.folder.cleanup)
+        self.root = pathlib.Path(self.folder.name)
+        for name in ("usr", "dev/shm", "etc/systemd/system", "proc/sys/net/core", "run/systemd/system", "stand-ins"):
+            (self.root / name).mkdir(parents=True)
+        for name in ("bin", "lib", "lib64", "sbin"):
+            (self.root / name).symlink_to(f"usr/{name}")
+        for name in ("getent", "systemctl", "systemd-sysusers", "deb-systemd-invoke", "userdel", "groupdel"):
+            self.stand_in(name, f'echo "{name} $*" >>/called')
+
+    def stand_in(self, name, text):
+        script = self.root / "stand-ins" / name
+        script.write_text(f"#!/bin/sh\n{text}\n")
+        script.chmod(0o755)
+
+    def write(self, name, text=""):
+        file = self.root / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+        return file
+
+    def run_script(self, name, *arguments):
+        """The system's programs are there to read; /usr/lib/sysctl.d has our file only."""
+        shutil.copy(SOURCE / "cmake/packaging/bolo" / name, self.root / "script")
+        shutil.copy(SOURCE / "systemd/sysctl.conf", self.root / "00-bolo.conf")
+        into_it = """set -e
+            mount --rbind /usr "$0/usr"
+            mount -t tmpfs none "$0/usr/lib/sysctl.d"
+            cp "$0/00-bolo.conf" "$0/usr/lib/sysctl.d"
+            exec chroot "$0" /usr/bin/env PATH=/stand-ins:/usr/sbin:/usr/bin sh /script "$@\""""
+        run = ["unshare", "--mount", *([] if os.geteuid() == 0 else ["--map-root-user"]), "sh", "-c", into_it]
+        return subprocess.run([*run, self.root, *arguments], capture_output=True, text=True)
+
+    def receive_buffer_after_install(self, before):
+        limit = self.write("proc/sys/net/core/rmem_max", f"{before}\n")
+        done = self.run_script("postinst", "configure")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return int(limit.read_text())
+
+    def test_the_receive_buffer_is_raised_and_never_lowered(self):
+        self.assertEqual(self.receive_buffer_after_install(212992), 8388608)
+        self.assertEqual(self.receive_buffer_after_install(16777216), 16777216)
+
+    def test_purging_leaves_nothing_that_the_manual_tells_to_make(self):
+        system = "etc/systemd/system"
+        ours = [
+            self.write(name)
+            for name in (
+                "etc/bolo/front.toml",
+                "etc/modprobe.d/bolo-v4l2loopback.conf",
+                f"{system}/bolod@front.service.d/override.conf",
+                f"{system}/bolod@.service.d/override.conf",
+                f"{system}/bolo-fakecam.service.d/override.conf",
+                f"{system}/multi-user.target.wants/bolod@front.service",
+            )
+        ]
+        others = [self.write(f"{system}/other.service.d/override.conf"), self.write("etc/modprobe.d/other.conf")]
+        self.assertEqual(self.run_script("postrm", "remove").returncode, 0)
+        self.assertTrue(all(file.exists() for file in ours), "removing is not purging")
+        done = self.run_script("postrm", "purge")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual([str(file) for file in ours if file.exists()], [])
+        self.assertFalse((self.root / system / "bolod@front.service.d").exists())
+        self.assertTrue(all(file.exists() for file in others))
+
+    def test_a_user_that_stays_does_not_break_purging(self):
+        self.stand_in("userdel", "echo 'user bolo is used by process 1' >&2; exit 8")
+        self.stand_in("groupdel", "exit 8")
+        done = self.run_script("postrm", "purge")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("userdel bolo failed: user bolo is used by process 1", done.stderr)
+        self.assertIn("systemctl daemon-reload", (self.root / "called").read_text())
 
 
 if __name__ == "__main__":

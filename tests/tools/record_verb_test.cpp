@@ -106,15 +106,20 @@ TEST_F(RecordVerb, DeblurredPlanesInFilesOfAGivenLength) {
 TEST_F(RecordVerb, InterruptEndsInGoodOrder) {
   shm::Writer writer(name_);
   ASSERT_TRUE(writer.open());
-  const Program program = start({"record", name_, "-o", file()});
-  std::uint64_t after_begin = 0;
-  publish_until(writer, [&] { return exists(file() + ".part") && ++after_begin > 50; });
-  program.signal(SIGINT);
-  const Outcome outcome = program.outcome();
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  const auto reader = capture::CaptureReader::open(file());
-  ASSERT_TRUE(reader) << reader.error().message;
-  expect_published(*reader, 0);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {  // the last: the terminal is closed
+    SCOPED_TRACE(signal);
+    const std::string name = file(std::to_string(signal) + ".h5");
+    const Program program = start({"record", name_, "-o", name});
+    std::uint64_t after_begin = 0;
+    publish_until(writer, [&] { return exists(name + ".part") && ++after_begin > 50; });
+    program.signal(signal);
+    const Outcome outcome = program.outcome();
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_FALSE(exists(name + ".part"));
+    const auto reader = capture::CaptureReader::open(name);
+    ASSERT_TRUE(reader) << reader.error().message;
+    expect_published(*reader, 0);
+  }
 }
 
 TEST_F(RecordVerb, FollowsADaemonThatIsStartedAgain) {

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <optional>
 #include <thread>
 
@@ -89,6 +90,21 @@ TEST_F(ReplayVerb, LoopedCaptureIsPublishedFrameByFrameUntilInterrupted) {
   program.signal(SIGINT);
   const Outcome outcome = program.outcome();
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+}
+
+TEST_F(ReplayVerb, EndsWhenItsTerminalIsClosed) {
+  const std::string config = folder_ / "replay.toml";
+  std::ofstream(config) << "[pipeline]\nlock_memory = false\n";  // a file that it could read again, as bolod would
+  const Program program = start({write_capture(), "--name", name_, "--config", config, "--loop"});
+  auto reader = attach();
+  ASSERT_TRUE(reader);
+  shm::ReadFrame frame;
+  ASSERT_EQ(reader->read(0, frame, 60'000), shm::ShmReader::Outcome::kFrame);
+  program.signal(SIGHUP);
+  const Outcome outcome = program.outcome();
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_NE(outcome.err.find("SIGHUP: stopping"), std::string::npos) << outcome.err;
+  EXPECT_TRUE(reader->closed());
 }
 
 TEST_F(ReplayVerb, EndsWithTheCapture) {

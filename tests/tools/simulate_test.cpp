@@ -1,12 +1,16 @@
 // bolo simulate through its executable.
 #include <sys/wait.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
+#include <thread>
 
 #include <nlohmann/json.hpp>
 
 #include "tests/sim/support.hpp"
+#include "tests/tools/program.hpp"
 
 namespace bolo::sim {
 namespace {
@@ -54,6 +58,23 @@ TEST(SimulateVerb, TheDefaultsAreThoseOfTheA655sc) {
   ASSERT_TRUE(stimulus);
   const auto& scene = std::get<capture::SceneStimulus>(*stimulus);
   EXPECT_NEAR(std::abs((scene.x_px.back() - scene.x_px.front()) / (scene.t_s.back() - scene.t_s.front())), 300.0, 1e-6);
+}
+
+TEST(SimulateVerb, KeepsItsFramesWhenItsTerminalIsClosed) {
+  const Scratch scratch;
+  const std::string file = (scratch / "a.h5").string();
+  const tools::test::Program program(
+      scratch / "", {BOLO_PROGRAM, "simulate", "-o", file, "--width", "32", "--height", "12", "--frames", "1000000"});
+  for (int i = 0; i < 3000 && !std::filesystem::exists(file + ".part"); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));  // some frames
+  program.signal(SIGHUP);
+  const tools::test::Outcome outcome = program.outcome();
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  EXPECT_NE(outcome.err.find("the capture holds the frames until then"), std::string::npos) << outcome.err;
+  EXPECT_FALSE(std::filesystem::exists(file + ".part"));
+  EXPECT_TRUE(capture::CaptureReader::open(file));
 }
 
 TEST(SimulateVerb, EveryStimulusIsWrittenAsWhatItIs) {

@@ -61,7 +61,7 @@ int replay_main(int argc, char** argv) {
   daemon::block_signals();
   auto made = daemon::Daemon::create(*config, daemon::make_log(config->log, config->name));
   if (!made) return report(kVerb, made.error());
-  if (const Status status = (*made)->run(); !status) return report(kVerb, status.error());
+  if (const Status status = (*made)->run(daemon::OnHangup::kEnd); !status) return report(kVerb, status.error());
   return kExitDone;
 }
 

@@ -248,11 +248,25 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
   if (config.source == SourceType::kReplay && config.replay.file.empty()) {
     return here("source.type", "source.type = \"replay\" needs source.file, the capture to replay");
   }
+  if (config.source == SourceType::kReplay && !std::filesystem::exists(config.replay.file)) {
+    return here("source.file", "source.file: there is no " + config.replay.file.string());
+  }
+  if (const Status address = check_address(config.camera.address); !address) {
+    return here("source.address", address.error().message);
+  }
   if (const Status camera = check_camera(config.camera); !camera) return here("camera", camera.error().message);
   if (const Status isa = deblur::check_isa(config.isa); !isa) return here("deblur.isa", isa.error().message);
-  if (Status video = check_video(keys, config.video); !video) return video;
+  if (Status video = check_video(keys, config.video, config.source == SourceType::kReplay ? 0 : config.camera.width);
+      !video)
+    return video;
   if (const Status listen = check_listen(config.metrics); !listen)
     return here("metrics.listen", listen.error().message);
+  if (config.shm_enabled) {
+    if (const Status mode = shm::check_mode(config.shm); !mode) return here("shm.mode", mode.error().message);
+  }
+  if (const std::string& socket = config.control.socket; socket != default_control_socket(config.name)) {
+    if (const Status path = check_control_socket(socket); !path) return here("control.socket", path.error().message);
+  }
   const deblur::Settings& settings = config.pipeline.deblur;
   if (const Status status = deblur::validate(settings); !status) return here("", status.error().message);
   const int needed = settings.window + settings.lookahead;

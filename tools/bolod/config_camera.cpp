@@ -1,5 +1,7 @@
 #include "tools/bolod/config_camera.hpp"
 
+#include <arpa/inet.h>
+
 #include <array>
 #include <string_view>
 #include <utility>
@@ -61,6 +63,13 @@ Status check_camera(const genicam::CameraOptions& camera) {
     return bad_input("camera.range_low_k must be below camera.range_high_k");
   }
   return {};
+}
+
+Status check_address(const std::string& address) {
+  in_addr parsed{};
+  if (address.empty() || address.find_first_not_of("0123456789.") != std::string::npos) return {};
+  if (inet_pton(AF_INET, address.c_str(), &parsed) == 1) return {};
+  return bad_input("source.address = \"" + address + "\" is no IPv4 address such as 192.168.2.5");
 }
 
 }  // namespace bolo::daemon

@@ -1,6 +1,8 @@
 // The keys of what a camera is told beyond its stream: range, corrections, object.
 #pragma once
 
+#include <string>
+
 #include "drivers/genicam/genicam_source.hpp"
 #include "src/model/strict_toml.hpp"
 
@@ -11,5 +13,8 @@ void camera_keys(model::KeyTable& keys, genicam::CameraOptions& camera);
 
 // What these keys say together. Thread: any.
 Status check_camera(const genicam::CameraOptions& camera);
+
+// Digits and dots that are no IPv4 address; other words are device ids. Thread: any.
+Status check_address(const std::string& address);
 
 }  // namespace bolo::daemon

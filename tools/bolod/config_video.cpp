@@ -58,11 +58,15 @@ void video_keys(model::KeyTable& keys, std::array<VideoOptions, kVideoDevices>& 
   device_keys(keys, video[1]);
 }
 
-Status check_video(const model::KeyTable& keys, const std::array<VideoOptions, kVideoDevices>& video) {
+Status check_video(const model::KeyTable& keys, const std::array<VideoOptions, kVideoDevices>& video, int width) {
   for (std::size_t i = 0; i < kVideoDevices; ++i) {
     const std::string section(kVideoSections[i]);
     if (const Status tone = check_tone(video[i].sink.tone); !tone) {
       return at(keys.where(section + ".high_k").append(section), tone.error());
+    }
+    if (!video[i].enabled) continue;
+    if (const Status fits = v4l2::check_width(video[i].sink.format, width); !fits) {
+      return at(keys.where(section + ".format").append(section), fits.error());
     }
   }
   if (video[0].enabled && video[1].enabled && video[0].sink.device == video[1].sink.device) {

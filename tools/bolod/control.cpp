@@ -104,13 +104,17 @@ std::string default_control_socket(const std::string& name) {
   return folder + "/" + name + ".sock";
 }
 
+Status check_control_socket(const std::string& path) {
+  constexpr std::size_t kLongest = sizeof(sockaddr_un::sun_path) - 1;
+  if (path.size() <= kLongest) return {};
+  return bad_input("control socket " + path + ": longer than " + std::to_string(kLongest) +
+                   " letters; set control.socket to a shorter path");
+}
+
 Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& path, unsigned mode, Answer answer) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
-  if (path.size() >= sizeof address.sun_path) {
-    return bad_input("control socket " + path + ": longer than " + std::to_string(sizeof address.sun_path - 1) +
-                     " letters; set control.socket to a shorter path");
-  }
+  if (Status status = check_control_socket(path); !status) return tl::unexpected<Error>(status.error());
   path.copy(address.sun_path, path.size());
   std::error_code folder_error;
   const auto folder = std::filesystem::path(path).parent_path();

@@ -14,6 +14,9 @@ namespace bolo::daemon {
 // /run/bolo (root), else in bolo below XDG_RUNTIME_DIR, else in /tmp/bolo-UID. Thread: any.
 std::string default_control_socket(const std::string& name);
 
+// A path that no socket can have is bad input. Thread: any.
+Status check_control_socket(const std::string& path);
+
 // Serves one client after the other on a thread of its own, which touches nothing that frames pass.
 class ControlServer {
  public:

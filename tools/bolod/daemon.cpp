@@ -43,6 +43,16 @@ sigset_t our_signals() {
   return signals;
 }
 
+bool ignored(int signal) {
+  struct sigaction action {};
+  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
+std::string_view name_of(int signal) {
+  if (signal == SIGHUP) return "SIGHUP";
+  return signal == SIGTERM ? "SIGTERM" : "SIGINT";
+}
+
 // What is locked stays in memory for good.
 void keep_memory_small() {
   // Large blocks, such as a connection's frame buffers, go back to the system when they are freed. By itself the C
@@ -91,8 +101,8 @@ struct Daemon::Impl {
   Status listen();
   Status serve_metrics();
   std::string answer(std::string_view request) const;
-  void watch();
-  bool take_signal();
+  void watch(OnHangup on_hangup);
+  bool take_signal(OnHangup on_hangup);
   void reload();
   void apply(const DaemonConfig& read);
   void lock_memory() const;
@@ -159,12 +169,13 @@ std::string Daemon::Impl::answer(std::string_view request) const {
 }
 
 // True when it asks for the end.
-bool Daemon::Impl::take_signal() {
+bool Daemon::Impl::take_signal(OnHangup on_hangup) {
   const sigset_t signals = our_signals();
   const int signal = sigtimedwait(&signals, nullptr, &kLookPeriod);
-  if (signal == SIGHUP) reload();
-  if (signal != SIGTERM && signal != SIGINT) return false;
-  log->info("{}: stopping", signal == SIGTERM ? "SIGTERM" : "SIGINT");
+  if (signal < 0) return false;
+  if (signal == SIGHUP && on_hangup == OnHangup::kReload) reload();
+  if (signal == SIGHUP && (on_hangup == OnHangup::kReload || ignored(SIGHUP))) return false;
+  log->info("{}: stopping", name_of(signal));
   return true;
 }
 
@@ -179,9 +190,9 @@ void Daemon::Impl::lock_memory() const {
       std::strerror(errno), memory_limit() >> 10);
 }
 
-void Daemon::Impl::watch() {
+void Daemon::Impl::watch(OnHangup on_hangup) {
   while (!ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
-    if (take_signal()) break;
+    if (take_signal(on_hangup)) break;
     supervisor->look();
   }
   service::tell_stopping();
@@ -236,7 +247,7 @@ Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::
   return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
 }
 
-Status Daemon::run() {
+Status Daemon::run(OnHangup on_hangup) {
   Impl& self = *impl_;
   log_notice(*self.log, spdlog::level::info,
              {false, self.config.name + ": " + describe(self.config, *self.pipeline), event::kStart});
@@ -245,7 +256,7 @@ Status Daemon::run() {
     self.result = self.pipeline->run(self.stop_requested);
     self.ended.store(true, std::memory_order_release);  // partner: the load in watch()
   });
-  self.watch();
+  self.watch(on_hangup);
   self.stop_requested.store(true, std::memory_order_relaxed);
   runner.join();
   self.supervisor->tell_end();

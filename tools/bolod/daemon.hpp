@@ -14,6 +14,9 @@ namespace bolo::daemon {
 // before any thread exists. Thread: setup.
 void block_signals();
 
+// What SIGHUP asks for: of a service to read its file again, of a program of a terminal to end with it.
+enum class OnHangup { kReload, kEnd };
+
 class Daemon {
  public:
   // Opens the source and the sinks and takes all memory. An absent camera, a taken name and a full /dev/shm are bad
@@ -24,9 +27,9 @@ class Daemon {
   Daemon& operator=(const Daemon&) = delete;
 
   // Runs the pipeline on a thread of its own until SIGTERM, SIGINT or the source's end; meanwhile logs changes of state
-  // and tells the service manager (sd_notify) from the calling thread, and on SIGHUP reads the configuration again.
-  // Called once, after block_signals(). Thread: setup.
-  Status run();
+  // and tells the service manager (sd_notify) from the calling thread, and does on SIGHUP what is asked for; kEnd
+  // leaves alone one that is ignored (nohup). Called once, after block_signals(). Thread: setup.
+  Status run(OnHangup on_hangup);
 
  private:
   struct Impl;

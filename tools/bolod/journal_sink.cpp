@@ -91,10 +91,14 @@ int send_to_journal(const std::vector<iovec>& fields) {
   return sd_journal_sendv(fields.data(), static_cast<int>(fields.size()));
 }
 
+NoticeOnThisThread::NoticeOnThisThread(const pipeline::Notice* notice) { current_notice = notice; }
+NoticeOnThisThread::~NoticeOnThisThread() { current_notice = nullptr; }
+
+const pipeline::Notice* notice_on_this_thread() { return current_notice; }
+
 void log_notice(spdlog::logger& log, spdlog::level::level_enum level, const pipeline::Notice& notice) {
-  current_notice = &notice;
+  const NoticeOnThisThread current(&notice);
   log.log(level, notice.text);
-  current_notice = nullptr;
 }
 
 }  // namespace bolo::daemon

@@ -31,6 +31,17 @@ std::shared_ptr<spdlog::sinks::sink> make_journal_sink(std::string name, SendFie
 // sd_journal_sendv(3). Thread: any.
 int send_to_journal(const std::vector<iovec>& fields);
 
+// While it lives, the notice, or none, is what this thread logs. spdlog itself carries text only. Thread: any.
+class NoticeOnThisThread {
+ public:
+  explicit NoticeOnThisThread(const pipeline::Notice* notice);
+  ~NoticeOnThisThread();
+  NoticeOnThisThread(const NoticeOnThisThread&) = delete;
+  NoticeOnThisThread& operator=(const NoticeOnThisThread&) = delete;
+};
+// Null: none.
+const pipeline::Notice* notice_on_this_thread();
+
 // Logs a notice; sinks that know fields write its event and counts, too. Thread: any.
 void log_notice(spdlog::logger& log, spdlog::level::level_enum level, const pipeline::Notice& notice);
 

@@ -7,6 +7,7 @@
 #include <spdlog/sinks/stdout_sinks.h>
 
 #include "tools/bolod/journal_sink.hpp"
+#include "tools/bolod/queued_sink.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -42,7 +43,7 @@ spdlog::sink_ptr journal_sink(const std::string& name) {
 std::shared_ptr<spdlog::logger> make_log(const LogOptions& options, const std::string& name) {
   const bool journal = options.format == LogFormat::kJournal ||
                        (options.format == LogFormat::kAuto && stderr_is_journal() && journal_listens());
-  auto log = std::make_shared<spdlog::logger>("bolod", journal ? journal_sink(name) : text_sink());
+  auto log = std::make_shared<spdlog::logger>("bolod", make_queued_sink(journal ? journal_sink(name) : text_sink()));
   set_level(*log, options.level);
   log->flush_on(spdlog::level::trace);
   return log;

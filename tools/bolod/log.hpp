@@ -10,8 +10,8 @@
 
 namespace bolo::daemon {
 
-// A logger that writes at once, one line or one entry of the journal a message. `name`: of the daemon, a field in the
-// journal. Thread: setup; the logger: any, but never the hot path.
+// A logger that writes one line or one entry of the journal a message, on a thread of its own: who logs never waits.
+// `name`: of the daemon, a field in the journal. Thread: setup; the logger: any, but never the hot path.
 std::shared_ptr<spdlog::logger> make_log(const LogOptions& options, const std::string& name);
 
 // Thread: any.

@@ -44,7 +44,7 @@ int run(const std::string& file, bool check_only) {
   }
   const auto daemon = bolo::daemon::Daemon::create(*config, bolo::daemon::make_log(config->log, config->name));
   if (!daemon) return report_start(daemon.error());
-  const bolo::Status status = (*daemon)->run();
+  const bolo::Status status = (*daemon)->run(bolo::daemon::OnHangup::kReload);
   return status ? kExitDone : report(status.error());
 }
 

@@ -60,6 +60,9 @@ void catch_interrupts() {
   action.sa_handler = [](int) { g_interrupted.store(true, std::memory_order_relaxed); };
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  struct sigaction before {};
+  sigaction(SIGHUP, nullptr, &before);
+  if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);  // nohup wants it to go on
 }
 
 Progress::Progress(std::string what, std::uint64_t total, double log_every_s)

@@ -32,7 +32,8 @@ std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, 
 // Prints "bolo VERB: message" to stderr and returns the error's exit code.
 int report(const std::string& verb, const Error& error);
 
-// Set by SIGINT and SIGTERM once catch_interrupts() was called; long work looks at it and ends in good order.
+// Set by SIGINT, SIGTERM and SIGHUP (the terminal is closed; not under nohup) once catch_interrupts() was called; long
+// work looks at it and ends in good order.
 const std::atomic<bool>& interrupted();
 void catch_interrupts();
 

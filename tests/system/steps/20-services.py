@@ -7,7 +7,7 @@ import pathlib
 import time
 
 from frames import published
-from guest import CONFIG, check, is_active, run, saw, stat, wait_until
+from guest import CONFIG, check, is_active, restarts, run, saw, show, stat, wait_until
 
 CAMERA_SETTINGS = """[Service]
 ExecStartPre=
@@ -46,6 +46,16 @@ settings.write_text(CAMERA_SETTINGS)
 (CONFIG / "test.toml").write_text(CONFIGURATION)
 run("systemctl", "daemon-reload")
 run("bolod", "--check-config", "--config", str(CONFIG / "test.toml"))
+
+# A file that a start refuses is refused by the check, too, and is not tried again.
+(CONFIG / "wrong.toml").write_text('name = "wrong"\n[shm]\nmode = 0o666\n')
+run("bolod", "--check-config", "--config", str(CONFIG / "wrong.toml"), expect=2)
+run("systemctl", "start", "bolod@wrong", expect=1)
+time.sleep(3.0)  # longer than RestartSec
+check(show("bolod@wrong", "ActiveState")["ActiveState"] == "failed", "a wrong file is tried again")
+check(restarts("bolod@wrong") == 0, f"a wrong file was tried {restarts('bolod@wrong')} times more")
+run("systemctl", "reset-failed", "bolod@wrong")
+(CONFIG / "wrong.toml").unlink()
 
 start = time.monotonic()
 run("systemctl", "start", "bolo-fakecam")

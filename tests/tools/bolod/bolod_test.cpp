@@ -103,6 +103,23 @@ TEST_F(Bolod, AsAServiceItAsksToBeTriedAgainForAnAbsentCameraOnly) {
   EXPECT_EQ(wrong.code, 2);
 }
 
+// What a start refuses for the file's sake, the check refuses, in the same words, and no service manager tries again.
+TEST_F(Bolod, AStartRefusesWhatTheCheckRefuses) {
+  for (const char* text :
+       {"[shm]\nmode = 0o666\n", "[source]\naddress = '999.1.2.3'\n", "[source]\ntype = 'replay'\nfile = 'none.h5'\n",
+        "[source]\nwidth = 321\n[v4l2]\nenable = true\nformat = 'yuyv'\n"}) {
+    const std::string file = write(text);
+    const Ended checked = run({"--check-config", "--config", file});
+    ASSERT_EQ(setenv("NOTIFY_SOCKET", "@bolo-test-nobody", 1), 0);
+    const Ended started = run({"--config", file});
+    unsetenv("NOTIFY_SOCKET");
+    EXPECT_EQ(checked.code, 2) << text;
+    EXPECT_EQ(started.code, 2) << text;
+    EXPECT_TRUE(one_line(checked.err)) << checked.err;
+    EXPECT_EQ(started.err, checked.err);
+  }
+}
+
 TEST_F(Bolod, AnAbsentCaptureIsOneLine) {
   const Ended ended = run({"--config", write("[source]\ntype = 'replay'\nfile = 'none.h5'\n")});
   EXPECT_EQ(ended.code, 2);

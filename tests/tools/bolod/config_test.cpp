@@ -54,6 +54,7 @@ TEST_F(Config, AnEmptyFileIsAnA655scAt200Hz) {
 }
 
 TEST_F(Config, KeysReachTheirPlaces) {
+  write("a.h5", "");
   const auto config = read(
       "name = 'front'\n"
       "[source]\ntype = 'replay'\nfile = 'a.h5'\npace = 'fast'\n"
@@ -167,6 +168,19 @@ TEST_F(Config, MistakesAreNamed) {
       {"[deblur]\nworkers = 0", "bolod.toml:2:11: deblur.workers = 0 is out of range: 1 to 64 threads"},
       {"[shm]\nslots = 10",
        "bolod.toml:2:9: shm.slots = 10 is less than window + lookahead = 17; give that or more, or 0"},
+      {"[source]\ntype = 'replay'\nfile = 'none.h5'",
+       "bolod.toml:3:8: source.file: there is no " + (folder_ / "none.h5").string()},
+      {"[source]\naddress = '999.1.2.3'",
+       "bolod.toml:2:11: source.address = \"999.1.2.3\" is no IPv4 address such as 192.168.2.5"},
+      {"[source]\naddress = '192.168.2'",
+       "bolod.toml:2:11: source.address = \"192.168.2\" is no IPv4 address such as 192.168.2.5"},
+      {"[shm]\nmode = 0o666",
+       "bolod.toml:2:8: shm.mode lets others write into the frames; use 0640 for a group's readers, 0644 for everyone"},
+      {"[control]\nsocket = '/run/" + std::string(200, 'x') + "'",
+       "bolod.toml:2:10: control socket /run/" + std::string(200, 'x') +
+           ": longer than 107 letters; set control.socket to a shorter path"},
+      {"[source]\nwidth = 321\n[v4l2]\nenable = true\nformat = 'yuyv'",
+       "bolod.toml:5:10: v4l2: yuyv needs an even width, not 321; use grey"},
       {"[shm]\nmode = 0o444", "bolod.toml:2:8: shm.mode = 0o444 is out of range: 0o600 to 0o777"},
       {"[v4l2]\ngain = 'fixed'\nlow_k = 300\nhigh_k = 300", "bolod.toml:4:10: v4l2: low_k must be below high_k"},
       {"[v4l2_second]\nlow_percent = 60\nhigh_percent = 50",

@@ -3,12 +3,12 @@
 #include <sched.h>
 #include <sys/mount.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <sys/un.h>
 
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <functional>
 #include <thread>
 
@@ -34,28 +34,31 @@ std::string with_own_run(const std::function<void()>& action) {
   return problem;
 }
 
-UniqueFd listen_as_journal() {
-  mkdir("/run/systemd", 0755);
-  mkdir("/run/systemd/journal", 0755);
+UniqueFd listen_at(const std::string& path) {
+  std::filesystem::create_directories(std::filesystem::path(path).parent_path());
   UniqueFd fd(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
-  std::strcpy(address.sun_path, kSocket);
+  path.copy(address.sun_path, sizeof address.sun_path - 1);
   EXPECT_EQ(bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0) << std::strerror(errno);
   return fd;
+}
+
+// All that lies there, with an empty line after each datagram that ends with a line's end.
+std::string received(int socket) {
+  std::array<char, 65536> buffer;
+  std::string text;
+  for (;;) {
+    const ssize_t got = recv(socket, buffer.data(), buffer.size(), MSG_DONTWAIT);
+    if (got < 0) return text;
+    text.append(buffer.data(), static_cast<std::size_t>(got)).append("\n");
+  }
 }
 
 class Journal : public BolodRun {
  protected:
   // All entries so far, in the journal's own form: a line a field, entries apart by an empty line.
-  const std::string& entries() {
-    std::array<char, 65536> buffer;
-    for (;;) {
-      const ssize_t got = recv(journal_.get(), buffer.data(), buffer.size(), MSG_DONTWAIT);
-      if (got < 0) return entries_;
-      entries_.append(buffer.data(), static_cast<std::size_t>(got)).append("\n");
-    }
-  }
+  const std::string& entries() { return entries_ += received(journal_.get()); }
   // The entry of this event; empty: there was none.
   std::string entry_of(const std::string& event) {
     const std::size_t at = entries().find("BOLO_EVENT=" + event + "\n");
@@ -83,7 +86,7 @@ TEST_F(Journal, GetsEventsWithTheirCounts) {
   configure("[log]\nformat = 'journal'\n");
   std::unique_ptr<Process> daemon;
   const std::string problem = with_own_run([&] {
-    journal_ = listen_as_journal();
+    journal_ = listen_at(kSocket);
     daemon = run();
   });
   if (!problem.empty()) GTEST_SKIP() << "no /run of our own can be had here: " << problem;
@@ -98,6 +101,46 @@ TEST_F(Journal, GetsEventsWithTheirCounts) {
   EXPECT_NE(entry_of("start").find("in.h5 Test camera 42"), std::string::npos) << entries();
   EXPECT_NE(entry_of("frames_flow"), "");
   EXPECT_EQ(daemon->err(), "") << "nothing on standard error beside";
+}
+
+// Each reload is a message; the journal's socket holds a few that nobody takes. Signs of life are no messages: they go
+// on.
+TEST_F(Journal, OneThatHangsKeepsNoSignOfLifeBack) {
+  configure("[log]\nformat = 'journal'\n");
+  write_capture(folder_ / "in.h5", 40'000);  // 200 s
+  const std::string manager_path = folder_ / "notify";
+  const UniqueFd manager = listen_at(manager_path);
+  setenv("NOTIFY_SOCKET", manager_path.c_str(), 1);
+  setenv("WATCHDOG_USEC", "400000", 1);
+  std::unique_ptr<Process> daemon;
+  const std::string problem = with_own_run([&] {
+    journal_ = listen_at(kSocket);
+    daemon = run();
+  });
+  unsetenv("NOTIFY_SOCKET");
+  unsetenv("WATCHDOG_USEC");
+  if (!problem.empty()) GTEST_SKIP() << "no /run of our own can be had here: " << problem;
+  std::string told;
+  const auto hears = [&](const std::string& word) {
+    return eventually([&] {
+      told += received(manager.get());
+      return told.find(word) != std::string::npos;
+    });
+  };
+  ASSERT_TRUE(hears("WATCHDOG=1")) << daemon->err();
+  int held = 0;
+  std::ifstream("/proc/sys/net/unix/max_dgram_qlen") >> held;
+  for (int i = 0; i < held + 10; ++i) {
+    told.clear();
+    daemon->signal(SIGHUP);
+    ASSERT_TRUE(hears("RELOADING=1")) << "at message " << i;
+  }
+  for (int i = 0; i < 3; ++i) {
+    told.clear();
+    ASSERT_TRUE(hears("WATCHDOG=1"));
+  }
+  daemon->signal(SIGTERM);
+  EXPECT_EQ(daemon->wait(), 0);
 }
 
 TEST_F(Journal, WithoutAJournalStandardErrorGetsItsForm) {

@@ -32,8 +32,9 @@ constexpr double kTell_s = 5.0;         // from one line of progress to the next
 constexpr double kBeforeAndAfter_s =
     1.5;  // what a camera shows may come so much earlier or later than its schedule says
 constexpr double kCountsPerKelvin = 100.0;
-constexpr double kCalm_s = 0.3;  // after a recovery, before a time counts as quiet
-constexpr int kMostStarts = 50;  // of a daemon that ends by itself
+constexpr double kCalm_s = 0.3;       // after a recovery, before a time counts as quiet
+constexpr double kPatience_s = 30.0;  // with what does not recover on a machine that others use
+constexpr int kMostStarts = 50;       // of a daemon that ends by itself
 
 class Run {
  public:
@@ -316,14 +317,14 @@ void Run::look_at_recoveries() {
     const KindInfo& info = info_of(struck.disturbance.kind);
     // Longer than what is under way to the daemon, so that a disturbance has shown what it does.
     const bool seen = run.frames >= window && at_s(run.last_ns) > struck.end_s + kCalm_s;
-    const bool given_up = now_s() > struck.end_s + 4.0 * info.recovers_within_s;
+    const bool given_up = now_s() > struck.end_s + std::max(kPatience_s, 4.0 * info.recovers_within_s);
     if (!seen && !given_up) continue;
     struck.recovery_s = seen ? std::max(0.0, at_s(run.since_ns) - struck.end_s) : now_s() - struck.end_s;
     calm_since_s_ = now_s();
     // A machine at its limit recovers when it can; but it does.
     if (seen && others_since(sampler_->timeline(), struck.end_s) > kMostOthers) continue;
     char text[120];
-    std::snprintf(text, sizeof text, "%s: right again %.2f s after its end, limit %.0f s",
+    std::snprintf(text, sizeof text, "%s: right again %.2f s after its end, limit %.1f s",
                   std::string(info.name).c_str(), *struck.recovery_s, info.recovers_within_s);
     findings_.require(Invariant::kRecovery, *struck.recovery_s <= info.recovers_within_s, text);
   }

@@ -7,6 +7,7 @@ namespace bolo::tools::faults {
 namespace {
 
 constexpr double kSeconds = 0.5;
+constexpr int kTries = 10;  // a busy computer drops packets by itself
 
 class LossTrial : public testing::Test {
  protected:
@@ -19,15 +20,18 @@ class LossTrial : public testing::Test {
     EXPECT_TRUE(scene().has_value()) << scene().error().message;
     pipeline::PipelineOptions options;
     options.deblur.method = deblur::Method::kInverse;
-    const auto row = try_loss({rate, resend, 9000, kSeconds}, *scene(), options);
-    EXPECT_TRUE(row.has_value()) << row.error().message;
-    return row.value_or(LossRow{});
+    for (int i = 0; i < kTries; ++i) {
+      const auto row = try_loss({rate, resend, 9000, kSeconds}, *scene(), options);
+      EXPECT_TRUE(row.has_value()) << row.error().message;
+      if (!row || row->host_dropped == 0) return row.value_or(LossRow{});
+    }
+    ADD_FAILURE() << "this computer dropped packets by itself, " << kTries << " times";
+    return {};
   }
 };
 
 TEST_F(LossTrial, EachFrameThatIsHitIsLostOnce) {
   const LossRow lossy = row(0.02, false);
-  if (lossy.host_dropped > 0) GTEST_SKIP() << "this computer dropped packets by itself";
   EXPECT_GT(lossy.hit, 10U);
   EXPECT_EQ(lossy.network, lossy.hit);
   EXPECT_LT(lossy.rmse_deblurred_k, lossy.rmse_raw_k);
@@ -35,7 +39,6 @@ TEST_F(LossTrial, EachFrameThatIsHitIsLostOnce) {
 
 TEST_F(LossTrial, AskingAgainBringsMostOfThemBack) {
   const LossRow lossy = row(0.02, true);
-  if (lossy.host_dropped > 0) GTEST_SKIP() << "this computer dropped packets by itself";
   EXPECT_GT(lossy.hit, 10U);
   EXPECT_LT(lossy.network, lossy.hit / 2);
 }

@@ -1,0 +1,141 @@
+// Counts what the daemon's parts allocate while frames flow from a camera's packets to shared memory and a video
+// device. A program of its own, for its allocator is replaced; the camera is another one, for its allocations are not
+// counted.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "drivers/genicam/genicam_source.hpp"
+#include "drivers/shm/shm_reader.hpp"
+#include "drivers/shm/shm_sink.hpp"
+#include "drivers/v4l2/v4l2_sink.hpp"
+#include "src/pipeline/pipeline.hpp"
+#include "tests/drivers/fakecam/synthetic.hpp"
+#include "tests/pipeline/count_allocations.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+constexpr Geometry kGeometry{64, 24};
+constexpr std::uint64_t kFirstArmed = 100;
+constexpr std::uint64_t kLastArmed = 500;
+constexpr std::uint64_t kLast = 520;
+
+class CameraProcess {
+ public:
+  explicit CameraProcess(const std::string& address) {
+    int ready[2] = {-1, -1};
+    if (pipe(ready) != 0) return;
+    pid_ = fork();
+    if (pid_ == 0) serve(address, ready[1]);
+    close(ready[1]);
+    char byte = 0;
+    serves_ = read(ready[0], &byte, 1) == 1;
+    close(ready[0]);
+  }
+  ~CameraProcess() {
+    if (pid_ <= 0) return;
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+  CameraProcess(const CameraProcess&) = delete;
+  CameraProcess& operator=(const CameraProcess&) = delete;
+  bool serves() const { return serves_; }
+
+ private:
+  [[noreturn]] static void serve(const std::string& address, int ready) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    fakecam::FakeCameraOptions options;
+    options.address = address;
+    options.laps = 0;
+    const auto camera =
+        fakecam::FakeCamera::start(options, fakecam::test::provider_of(fakecam::test::synthetic(kGeometry, 40)));
+    if (!camera || write(ready, "r", 1) != 1) _exit(1);
+    for (;;) pause();
+  }
+
+  pid_t pid_ = -1;
+  bool serves_ = false;
+};
+
+// Takes every image.
+class TakingPort final : public v4l2::VideoPort {
+ public:
+  Status open(const v4l2::VideoFormat& /*format*/) override { return {}; }
+  int write(std::span<const std::byte> /*image*/) noexcept override { return 0; }
+  void close() noexcept override {}
+  const std::string& path() const noexcept override { return path_; }
+
+ private:
+  const std::string path_ = "/dev/none";
+};
+
+std::unique_ptr<int> g_kept;  // seen by the whole program: the compiler cannot leave the allocation out
+
+// Arms the counter while all threads are at work, and ends the run.
+class ArmingSink final : public pipeline::FrameSink {
+ public:
+  explicit ArmingSink(bool allocates) : allocates_(allocates) {}
+  Status open(const pipeline::SinkFormat& /*format*/) override { return {}; }
+  void publish(const pipeline::PublishedFrame& /*frame*/, const pipeline::PipelineStats& /*stats*/) noexcept override {
+    ++frames_;
+    if (frames_ == kFirstArmed) test::arm_allocation_count();
+    if (frames_ == kFirstArmed + 1 && allocates_) g_kept = std::make_unique<int>(1);
+    if (frames_ == kLastArmed) test::disarm_allocation_count();
+    if (frames_ == kLast) stop_.store(true);
+  }
+  void close() noexcept override { test::disarm_allocation_count(); }
+  const std::atomic<bool>& stop() const { return stop_; }
+  std::uint64_t frames() const { return frames_; }
+
+ private:
+  const bool allocates_;
+  std::uint64_t frames_ = 0;
+  std::atomic<bool> stop_{false};
+};
+
+std::uint64_t allocations_of_a_run(bool one_is_made) {
+  const std::string address = fakecam::test::fresh_address();
+  const CameraProcess camera(address);
+  EXPECT_TRUE(camera.serves());
+  genicam::CameraOptions options;
+  options.address = address;
+  options.width = kGeometry.width;
+  options.height = kGeometry.height;
+  options.rate_hz = 200.0;
+  shm::ShmOptions ring;
+  ring.name = "test-allocation-" + std::to_string(getpid());
+  ring.mode = 0600;
+  shm::ShmSink shared(ring);
+  v4l2::V4l2Sink video({}, std::make_unique<TakingPort>());
+  ArmingSink arming(one_is_made);
+  pipeline::PipelineOptions how;
+  how.workers = 2;
+  how.degrade = true;
+  const std::vector<pipeline::FrameSink*> sinks{&arming, &shared, &video};
+  auto pipeline = pipeline::Pipeline::create(std::make_unique<genicam::GenicamSource>(options), sinks, how);
+  EXPECT_TRUE(pipeline) << pipeline.error().message;
+  if (!pipeline) return 0;
+  test::reset_allocation_count();
+  const Status ended = (*pipeline)->run(arming.stop());
+  EXPECT_TRUE(ended) << ended.error().message;
+  EXPECT_GE(arming.frames(), kLast);
+  EXPECT_GT(video.stats().written.value(), 0U);
+  testing::Test::RecordProperty("allocations_of_Aravis", std::to_string(test::library_allocation_count()));
+  return test::allocation_count();
+}
+
+TEST(Allocation, NoneFromACamerasPacketsToSharedMemoryAndVideo) { EXPECT_EQ(allocations_of_a_run(false), 0U); }
+
+TEST(Allocation, OneIsSeen) { EXPECT_EQ(allocations_of_a_run(true), 1U); }
+
+}  // namespace
+}  // namespace bolo::daemon

@@ -1,0 +1,265 @@
+"""Promises that need a whole daemon, its camera and time: PROMISES.md names them.
+
+usage: promises_test.py BOLO BOLOD restart
+       promises_test.py BOLO BOLOD latency MODULE_FOLDER LIBRARY
+       promises_test.py BOLO BOLOD memory LEAK_LIBRARY [SECONDS]
+
+restart: frames flow again within 2 s after kill -9, each of five times.
+latency: p99 from a frame's first packet until it is published is within the camera's period, 640x120 at 200 Hz.
+memory:  the private memory of one life of SECONDS (60) grows by less than 64 KiB, or 256 KiB an hour, after the first third
+         or minute; beside it the same daemon, in which LEAK_LIBRARY loses 24 bytes a frame's period, is found.
+Where other programs take the computer's time, latency is judged by the processor time that a frame takes, and says so.
+Exit code 77: numpy is not there.
+"""
+
+import os
+import pathlib
+import signal
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+
+try:
+    import numpy  # noqa: F401 (the modules need it)
+except ImportError:
+    print("skipped: python3-numpy is not installed")
+    sys.exit(77)
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "system" / "guest"))
+from frames import open_ring  # noqa: E402
+
+BOLO, BOLOD, WHAT = sys.argv[1:4]
+PERIOD_S = 0.005
+HANG_GUARD_S = 120.0
+MOST_OTHERS = 0.15  # of the processors' time, as in bolo-lab soak
+
+
+class Programs:
+    """A fake camera and a daemon of their own, in `folder`."""
+
+    def __init__(self, folder, name, size=(160, 48), more="", number=0):
+        self.folder, self.name = pathlib.Path(folder), name
+        self.width, self.height = size
+        pid = os.getpid()
+        self.address = f"127.{pid >> 16 & 63 | 64}.{pid >> 8 & 255}.{(pid & 63) * 4 + 1 + number}"
+        self.config = self.folder / f"{name}.toml"
+        self.config.write_text(
+            f'name = "{name}"\n[source]\naddress = "{self.address}"\nwidth = {self.width}\nheight = {self.height}\n'
+            f'[control]\nsocket = "{self.folder}/{name}.sock"\n{more}')
+        self.running = {}
+
+    def begin(self, preload=None):
+        capture = self.folder / f"{self.name}.h5"
+        subprocess.run([BOLO, "simulate", "-o", capture, "--no-truth", f"--width={self.width}",
+                        f"--height={self.height}", "--frames=200"], check=True, stdout=subprocess.DEVNULL)
+        log = self.start("camera", BOLO, "fakecam", capture, "--rate", "200", "--loop", "--interface", self.address)
+        wait_until(lambda: "serving" in log.read_text(), "the fake camera")
+        self.start_daemon(preload)
+
+    def start_daemon(self, preload=None):
+        environment = {**os.environ, **({"LD_PRELOAD": preload} if preload else {})}
+        self.start("daemon", BOLOD, "--config", self.config, environment=environment)
+
+    def start(self, name, *command, environment=None):
+        log = self.folder / f"{self.name}-{name}.log"
+        with open(log, "w", encoding="utf-8") as out:
+            self.running[name] = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, env=environment)
+        return log
+
+    def daemon_log(self):
+        return (self.folder / f"{self.name}-daemon.log").read_text()
+
+    def pid(self, name="daemon"):
+        return self.running[name].pid
+
+    def end(self):
+        for process in reversed(self.running.values()):
+            process.terminate()
+        for process in self.running.values():
+            process.wait()
+        pathlib.Path(f"/dev/shm/bolo.{self.name}").unlink(missing_ok=True)
+
+
+def wait_until(condition, what):
+    end = time.monotonic() + HANG_GUARD_S
+    while not condition():
+        assert time.monotonic() < end, f"{what} did not come"
+        time.sleep(0.01)
+
+
+class Others:
+    """How much of the processors' time other programs take, from now on."""
+
+    def __init__(self, pids):
+        self._pids = pids
+        self._before = self._look()
+
+    def _look(self):
+        tick = os.sysconf("SC_CLK_TCK")
+        fields = [int(word) for word in pathlib.Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
+        busy = sum(fields) - fields[3] - fields[4]  # all but idle and iowait
+        own = sum(os.times()[:4])
+        for pid in self._pids:
+            words = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+            own += (int(words[11]) + int(words[12])) / tick
+        return time.monotonic(), busy / tick, own
+
+    def share(self):
+        then, now = self._before, self._look()
+        return max(0.0, (now[1] - then[1] - (now[2] - then[2])) / ((now[0] - then[0]) * os.cpu_count()))
+
+
+def first_frame(programs, start_ns, not_inode):
+    """s from start_ns until the present daemon published its first frame, and its shared memory."""
+    ring = open_ring(programs.name, HANG_GUARD_S, not_inode)
+    assert ring.writer_pid == programs.pid(), programs.daemon_log()
+    frame = ring.frame(0)
+    return ((frame["publish_ns"] if frame else time.monotonic_ns()) - start_ns) * 1e-9, ring.inode
+
+
+def restart(folder):
+    programs = Programs(folder, f"test-restart-{os.getpid()}")
+    limit_s, kills, late = 2.0, 5, []
+    try:
+        start_ns = time.monotonic_ns()
+        programs.begin()
+        _, inode = first_frame(programs, start_ns, 0)
+        for i in range(kills):
+            time.sleep(1.0)
+            start_ns = time.monotonic_ns()
+            programs.running["daemon"].send_signal(signal.SIGKILL)
+            programs.running["daemon"].wait()
+            programs.start_daemon()
+            seconds, inode = first_frame(programs, start_ns, inode)
+            print(f"kill {i + 1}: frames after {seconds:.2f} s", flush=True)
+            if seconds > limit_s:
+                late.append(seconds)
+    finally:
+        programs.end()
+    assert not late, f"frames came late: {late}"
+
+
+def latency(folder, module_folder, library):
+    os.environ["BOLO_CLIENT_LIBRARY"] = library
+    sys.path.insert(0, module_folder)
+    import bolo  # pylint: disable=import-outside-toplevel
+
+    programs = Programs(folder, f"test-latency-{os.getpid()}", size=(640, 120))
+    window_s, wanted, tries, p99s, p99_everywhere = 3.0, 3, 10, [], []
+    try:
+        programs.begin()
+        with bolo.Camera(programs.name, timeout=HANG_GUARD_S) as camera:
+            cpu_before, frames = None, 0
+            for _ in range(tries):
+                others, end, took = Others([programs.pid("camera"), programs.pid()]), time.monotonic() + window_s, []
+                cpu_before = cpu_before or cpu_s(programs.pid())
+                while time.monotonic() < end:
+                    frame = camera.next(10.0)
+                    assert frame is not None, programs.daemon_log()
+                    frames += 1 + frame.missed
+                    if not frame.flags & bolo.Flag.WARM_UP:
+                        took.append(frame.publish_time - frame.receive_time)
+                took.sort()
+                p50, p99, share = took[len(took) // 2], took[len(took) * 99 // 100], others.share()
+                print(f"p50 {p50 * 1e3:.2f}, p99 {p99 * 1e3:.2f}, max {took[-1] * 1e3:.2f} ms of {len(took)} frames; "
+                      f"others take {share:.0%}", flush=True)
+                p99_everywhere.append(p99)
+                if share <= MOST_OTHERS:
+                    p99s.append(p99)
+                if len(p99s) == wanted:
+                    break
+            cpu_a_frame = (cpu_s(programs.pid()) - cpu_before) / frames
+    finally:
+        programs.end()
+    print(f"processor time: {cpu_a_frame * 1e3:.2f} ms a frame")
+    assert cpu_a_frame <= PERIOD_S, "one processor would not have the time, busy or not"
+    if len(p99s) < wanted:
+        print("other programs take the processors: the wait for them is not judged")
+        return
+    assert statistics.median(p99s) <= PERIOD_S, f"p99 {statistics.median(p99s) * 1e3:.2f} ms is more than a period"
+
+
+def cpu_s(pid):
+    words = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def private_kib(pid):
+    """Memory that is nobody else's."""
+    for line in pathlib.Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
+        if line.startswith("Pss_Anon:"):
+            return int(line.split()[1])
+    raise AssertionError("no Pss_Anon in smaps_rollup")
+
+
+def growth_kib(readings):
+    """The median of the slopes of all pairs (Theil and Sen), over the readings' whole time."""
+    step = max(1, len(readings) // 200)
+    chosen = readings[::step]
+    slopes = [(b[1] - a[1]) / (b[0] - a[0]) for i, a in enumerate(chosen) for b in chosen[i + 1:]]
+    return statistics.median(slopes) * (readings[-1][0] - readings[0][0])
+
+
+def use(programs, port, second):
+    """What other programs ask of a daemon in its life, besides frames."""
+    urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=HANG_GUARD_S).read()
+    if second % 2 == 0:
+        subprocess.run([BOLO, "stat", programs.name, "--once", "--json", "--interval", "0.1"], check=True,
+                       stdout=subprocess.DEVNULL)
+    if second % 5 == 0:
+        programs.running["daemon"].send_signal(signal.SIGHUP)
+
+
+def free_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+def memory(folder, leak_library, seconds=60.0):
+    limit_kib, settle_s = 64.0, min(60.0, seconds / 3)
+    lives = []
+    try:
+        for i, preload in enumerate((None, leak_library)):
+            port = free_port()
+            programs = Programs(folder, f"test-memory-{i}-{os.getpid()}", number=i,
+                                more=f'[metrics]\nenable = true\nlisten = "127.0.0.1:{port}"\n')
+            lives.append((programs, port, []))
+            programs.begin(preload)
+            open_ring(programs.name, HANG_GUARD_S)
+        start, second = time.monotonic(), 0
+        while time.monotonic() - start < seconds:
+            for programs, port, readings in lives:
+                if len(lives) == 2 and programs is lives[1][0] and time.monotonic() - start > 120.0:
+                    continue  # the leak was long enough
+                use(programs, port, second)
+                if time.monotonic() - start >= settle_s:
+                    readings.append((time.monotonic() - start, private_kib(programs.pid())))
+            second += 1
+            time.sleep(max(0.0, start + second - time.monotonic()))
+    finally:
+        for programs, _, _ in lives:
+            programs.end()
+    grown, leaked = (growth_kib(readings) for _, _, readings in lives)
+    first, last = lives[0][2][0], lives[0][2][-1]
+    print(f"private memory {first[1]} KiB at {first[0]:.0f} s, {last[1]} KiB at {last[0]:.0f} s: "
+          f"a slope of {grown:.0f} KiB over that time; with the leak {leaked:.0f} KiB")
+    assert leaked >= limit_kib, "a leak was not found"
+    assert grown < max(limit_kib, 256.0 * seconds / 3600.0), "memory grows"
+
+
+def main():
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = sys.argv[4:]
+        if WHAT == "memory":
+            memory(folder, arguments[0], float(arguments[1]) if len(arguments) > 1 else 60.0)
+        else:
+            {"restart": restart, "latency": latency}[WHAT](folder, *arguments)
+
+
+if __name__ == "__main__":
+    main()

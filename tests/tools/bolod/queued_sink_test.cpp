@@ -1,0 +1,109 @@
+// Logging into a place that takes nothing for a while.
+#include "tools/bolod/queued_sink.hpp"
+
+#include <gtest/gtest.h>
+
+#include <condition_variable>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <spdlog/logger.h>
+#include <spdlog/sinks/base_sink.h>
+
+#include "tools/bolod/journal_sink.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+// Takes messages while it is open.
+class Gate {
+ public:
+  void open() {
+    const std::scoped_lock lock(mutex_);
+    open_ = true;
+    changed_.notify_all();
+  }
+  void take(std::string text) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return open_; });
+    taken_.push_back(std::move(text));
+    changed_.notify_all();
+  }
+  std::vector<std::string> taken(std::size_t at_least) {
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, std::chrono::minutes(1), [&] { return taken_.size() >= at_least; });
+    return taken_;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool open_ = false;
+  std::vector<std::string> taken_;
+};
+
+class GateSink final : public spdlog::sinks::base_sink<std::mutex> {
+ public:
+  explicit GateSink(std::shared_ptr<Gate> gate) : gate_(std::move(gate)) {}
+
+ protected:
+  void sink_it_(const spdlog::details::log_msg& message) override {
+    const pipeline::Notice* const notice = notice_on_this_thread();
+    gate_->take(std::string(message.payload.data(), message.payload.size()) +
+                (notice != nullptr ? " " + std::string(notice->event) : ""));
+  }
+  void flush_() override {}
+
+ private:
+  const std::shared_ptr<Gate> gate_;
+};
+
+TEST(QueuedSink, LoggingNeverWaitsAndTellsWhatWasDropped) {
+  const auto gate = std::make_shared<Gate>();
+  constexpr std::size_t kMost = 4;
+  spdlog::logger log("test", make_queued_sink(std::make_shared<GateSink>(gate), kMost));
+  for (int i = 0; i < 100; ++i) log.info("message {}", i);  // returns, though nobody takes one
+  EXPECT_TRUE(gate->taken(0).empty());
+  gate->open();
+  std::vector<std::string> taken = gate->taken(kMost + 1);
+  // Those that the thread had taken out already may be more than wait.
+  ASSERT_GE(taken.size(), kMost + 1);
+  for (std::size_t i = 0; i + 1 < kMost; ++i) EXPECT_EQ(taken[i], "message " + std::to_string(i));
+  const std::string& last = taken.back();
+  EXPECT_NE(last.find(" messages were dropped"), std::string::npos) << last;
+  EXPECT_EQ(std::stoul(last) + taken.size() - 1, 100U) << "each is written or counted";
+}
+
+TEST(QueuedSink, ANoticeGoesWithItsMessage) {
+  const auto gate = std::make_shared<Gate>();
+  gate->open();
+  spdlog::logger log("test", make_queued_sink(std::make_shared<GateSink>(gate)));
+  log_notice(log, spdlog::level::warn, {true, "gone", pipeline::event::kCameraLost});
+  log.info("the next");
+  EXPECT_EQ(gate->taken(2), (std::vector<std::string>{"gone camera_lost", "the next"}));
+}
+
+TEST(QueuedSink, ItsEndWritesWhatIsLeft) {
+  const auto gate = std::make_shared<Gate>();
+  gate->open();
+  {
+    spdlog::logger log("test", make_queued_sink(std::make_shared<GateSink>(gate), 1000, std::chrono::minutes(1)));
+    for (int i = 0; i < 500; ++i) log.info("{}", i);
+  }
+  EXPECT_EQ(gate->taken(0).size(), 500U);
+}
+
+TEST(QueuedSink, ItsEndDoesNotWaitForEver) {
+  const auto gate = std::make_shared<Gate>();
+  {
+    spdlog::logger log("test", make_queued_sink(std::make_shared<GateSink>(gate), 10, std::chrono::milliseconds(20)));
+    log.info("into nothing");
+  }
+  gate->open();  // the thread may end
+  EXPECT_EQ(gate->taken(1).size(), 1U);
+}
+
+}  // namespace
+}  // namespace bolo::daemon

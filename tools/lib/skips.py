@@ -1,0 +1,79 @@
+"""Runs ctest and tells which tests were skipped, and why; fails unless each of them waits for data that may be absent.
+
+usage: skips.py [--allow WORDS]... BUILD [CTEST OPTION...]
+
+A skip is one of a whole test (gtest's GTEST_SKIP, ctest's SKIP_RETURN_CODE) or of a part that Python's unittest leaves out.
+Its reason must have "BOLO_TEST_DATA" in it, or the words of an --allow. The last lines are ctest's own summary.
+Exit code: ctest's, or 1 for a skip that is not allowed.
+"""
+
+import argparse
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import xml.etree.ElementTree
+
+ALLOWED = "BOLO_TEST_DATA"
+MOST_BYTES = str(1 << 20)  # of a test's output, of which ctest would keep one KiB
+SUMMARY = re.compile(r"^\d+% tests passed")
+# A line of gtest "file:line: Skipped" stands before the reason; Python prints "test_x (...) ... skipped 'reason'".
+GTEST = re.compile(r"^.*: Skipped\n(.*)$", re.MULTILINE)
+UNITTEST = re.compile(r"^(\w+) \(.*\.\.\. skipped (['\"])(.*)\2$", re.MULTILINE)
+PROGRAM = re.compile(r"^skipped:? *(.*)$", re.MULTILINE | re.IGNORECASE)
+
+
+def reason_of(output: str, told: str) -> str:
+    """Of a test that was skipped as a whole."""
+    found = GTEST.search(output) or PROGRAM.search(output)
+    return (found.group(1).strip() if found else "") or told or "no reason is told"
+
+
+def skips_of(junit: pathlib.Path) -> list[tuple[str, str]]:
+    """Names and reasons, from ctest's JUnit file."""
+    skips = []
+    for case in xml.etree.ElementTree.parse(junit).getroot().iter("testcase"):
+        name, output = case.get("name", "?"), case.findtext("system-out") or ""
+        skipped = case.find("skipped")
+        if skipped is not None:
+            skips.append((name, reason_of(output, skipped.get("message", ""))))
+        skips += [(f"{name}: {part}", reason) for part, _, reason in UNITTEST.findall(output)]
+    return skips
+
+
+def run_ctest(build: str, options: list[str]) -> tuple[int, str, list[tuple[str, str]]]:
+    """Shows ctest's output but for its summary, which comes last. Returns exit code, summary and skips."""
+    with tempfile.TemporaryDirectory(prefix="bolo-skips-") as folder:
+        junit = pathlib.Path(folder) / "junit.xml"
+        command = ["ctest", "--test-dir", build, "--output-junit", str(junit), *options]
+        for outcome in ("passed", "failed"):
+            command += [f"--test-output-size-{outcome}", MOST_BYTES]
+        summary = ""
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, errors="replace") as ctest:
+            for line in ctest.stdout:
+                if summary or SUMMARY.match(line):
+                    summary += line
+                else:
+                    print(line, end="", flush=True)
+        return ctest.returncode, summary, skips_of(junit) if junit.exists() else []
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(usage=__doc__.split("usage: ")[1].splitlines()[0], description=__doc__.splitlines()[0])
+    parser.add_argument("--allow", action="append", default=[ALLOWED])
+    parser.add_argument("build")
+    arguments, options = parser.parse_known_args()
+    code, summary, skips = run_ctest(arguments.build, options)
+    bad = [skip for skip in skips if not any(words in skip[1] for words in arguments.allow)]
+    print(f"{len(skips)} skipped" + (":" if skips else ""))
+    for name, reason in skips:
+        print(f"  {name}: {reason}" + (" (NOT ALLOWED)" if (name, reason) in bad else ""))
+    print(summary, end="", flush=True)
+    if bad:
+        print(f"skips.py: {len(bad)} of these skips must not be: install or allow what they need", file=sys.stderr)
+    return code or (1 if bad else 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
