@@ -7,6 +7,8 @@
 #include <iostream>
 #include <utility>
 
+#include "src/core/printable.hpp"
+
 namespace bolo::tools {
 namespace {
 
@@ -33,11 +35,11 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
     }
     if (!parsed.unmatched().empty()) {
       std::fprintf(stderr, "bolo %s: unexpected argument '%s'; see bolo %s --help\n", argv[0],
-                   parsed.unmatched().front().c_str(), argv[0]);
+                   printable(parsed.unmatched().front()).c_str(), argv[0]);
       return kExitUsage;
     }
   } catch (const cxxopts::exceptions::exception& e) {
-    std::fprintf(stderr, "bolo %s: %s; see bolo %s --help\n", argv[0], e.what(), argv[0]);
+    std::fprintf(stderr, "bolo %s: %s; see bolo %s --help\n", argv[0], printable(e.what()).c_str(), argv[0]);
     return kExitUsage;
   }
   return std::nullopt;
@@ -52,7 +54,7 @@ std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, 
 }
 
 int report(const std::string& verb, const Error& error) {
-  std::fprintf(stderr, "bolo %s: %s\n", verb.c_str(), error.message.c_str());
+  std::fprintf(stderr, "bolo %s: %s\n", verb.c_str(), printable(error.message).c_str());
   return error.exit_code();
 }
 

@@ -16,6 +16,8 @@
 
 #include <spdlog/sinks/base_sink.h>
 
+#include "src/core/printable.hpp"
+
 namespace bolo::daemon {
 namespace {
 
@@ -49,7 +51,7 @@ class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
 
  protected:
   void sink_it_(const spdlog::details::log_msg& message) override {
-    const std::string_view text(message.payload.data(), message.payload.size());
+    const std::string text = printable({message.payload.data(), message.payload.size()});
     std::vector<std::string> fields{field("MESSAGE", text), std::string("PRIORITY=") + priority(message.level),
                                     "SYSLOG_IDENTIFIER=bolod", field("BOLO_NAME", name_)};
     if (current_notice != nullptr) {
