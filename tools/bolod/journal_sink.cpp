@@ -51,7 +51,7 @@ class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
 
  protected:
   void sink_it_(const spdlog::details::log_msg& message) override {
-    const std::string text = printable({message.payload.data(), message.payload.size()});
+    const std::string_view text(message.payload.data(), message.payload.size());
     std::vector<std::string> fields{field("MESSAGE", text), std::string("PRIORITY=") + priority(message.level),
                                     "SYSLOG_IDENTIFIER=bolod", field("BOLO_NAME", name_)};
     if (current_notice != nullptr) {
@@ -62,7 +62,7 @@ class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
     vectors.reserve(fields.size());
     for (std::string& one : fields) vectors.push_back({one.data(), one.size()});
     if (send_(vectors) >= 0) return;
-    std::fprintf(stderr, "<%c>%.*s\n", priority(message.level), static_cast<int>(text.size()), text.data());
+    std::fprintf(stderr, "<%c>%s\n", priority(message.level), printable(text).c_str());
   }
   void flush_() override {}
 
