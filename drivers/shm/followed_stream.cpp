@@ -12,7 +12,7 @@ namespace bolo::shm {
 namespace {
 
 constexpr int kLookAgainAfter_ms = 10;  // for a writer that is not there
-constexpr int kSilence_ms = 100;        // of a writer after which its name is looked at: it may be dead
+constexpr int kMostSilence_ms = 100;    // of a writer after which its name is looked at: it may be dead
 constexpr int kAttempts = 3;            // to catch a frame of a ring that is overwritten all the time
 
 class Deadline {
@@ -35,15 +35,24 @@ class Deadline {
 
 // That the object is not to be read now says nothing about the next moment: its writer may be starting.
 bool may_pass(Refusal refusal) {
-  return refusal == Refusal::kAbsent || refusal == Refusal::kNotReady || refusal == Refusal::kDenied;
+  return refusal == Refusal::kAbsent || refusal == Refusal::kNotReady || refusal == Refusal::kDenied ||
+         refusal == Refusal::kForeign;
 }
 
 }  // namespace
 
 FollowedStream::FollowedStream(ShmReader reader) : reader_(std::move(reader)) {
-  slot_count_ = reader_.header().slot_count;
+  begin();
   next_ = reader_.published();
   if (next_ > 0) --next_;
+}
+
+// The successor's ring must not come round before it is noticed, at whatever rate.
+void FollowedStream::begin() {
+  const bolo_shm_header header = reader_.header();
+  slot_count_ = header.slot_count;
+  const double quarter_ms = 250.0 * static_cast<double>(slot_count_) * header.frame_period_s;
+  silence_ms_ = static_cast<int>(std::clamp<double>(quarter_ms, 1, kMostSilence_ms));
 }
 
 Result<FollowedStream> FollowedStream::open(const std::string& name, int timeout_ms, Refusal* refusal) {
@@ -69,7 +78,7 @@ FollowedStream::Outcome FollowedStream::latest(BorrowedFrame& frame, std::uint64
 FollowedStream::Outcome FollowedStream::give(Order order, BorrowedFrame& frame, std::uint64_t& missed, int timeout_ms) {
   const Deadline deadline(timeout_ms);
   while (true) {
-    const ShmReader::Outcome found = reader_.wait(next_, deadline.left_ms(kSilence_ms));
+    const ShmReader::Outcome found = reader_.wait(next_, deadline.left_ms(silence_ms_));
     const bool there = found == ShmReader::Outcome::kFrame || found == ShmReader::Outcome::kOverwritten;
     if (there && take(order, frame, missed)) return Outcome::kFrame;
     if (follow()) return Outcome::kRestarted;
@@ -98,7 +107,6 @@ bool FollowedStream::take(Order order, BorrowedFrame& frame, std::uint64_t& miss
   return false;
 }
 
-// Whether another writer has taken the name. Called where no frame comes, so none of the old one's is lost.
 bool FollowedStream::follow() {
   obstacle_.clear();
   if (!reader_.replaced()) {
@@ -111,7 +119,7 @@ bool FollowedStream::follow() {
     return false;
   }
   reader_ = std::move(*successor);
-  slot_count_ = reader_.header().slot_count;
+  begin();
   next_ = 0;
   ++restarts_;
   return true;

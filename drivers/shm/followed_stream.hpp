@@ -28,6 +28,11 @@ class FollowedStream {
   // The newest frame that was not given yet. Thread: one at a time.
   Outcome latest(BorrowedFrame& frame, std::uint64_t& missed, int timeout_ms);
 
+  // Goes to another writer that has taken the name, whatever of the old one's frames was not read. next() and latest()
+  // do it where no frame comes, so that none is lost. False: there is none, or not yet to be read. Thread: one at a
+  // time.
+  bool follow();
+
   const ShmReader& reader() const noexcept { return reader_; }
   // Writers followed after the first one.
   std::uint64_t restarts() const noexcept { return restarts_; }
@@ -38,11 +43,12 @@ class FollowedStream {
   explicit FollowedStream(ShmReader reader);
   Outcome give(Order order, BorrowedFrame& frame, std::uint64_t& missed, int timeout_ms);
   bool take(Order order, BorrowedFrame& frame, std::uint64_t& missed);
-  bool follow();
+  void begin();
 
   ShmReader reader_;
   std::uint64_t next_ = 0;  // publication number
   std::uint64_t slot_count_ = 1;
+  int silence_ms_ = 1;
   std::uint64_t restarts_ = 0;
   std::string obstacle_;
 };

@@ -3,25 +3,33 @@
 #include <dirent.h>
 #include <fcntl.h>
 #include <grp.h>
+#include <pwd.h>
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
+#include <charconv>
+#include <cstdlib>
 #include <cstring>
+#include <fstream>
+#include <optional>
 #include <string_view>
 #include <utility>
 
 #include "bolo/shm_layout.h"
 #include "drivers/shm/shared_words.hpp"
+#include "src/core/printable.hpp"
 
 namespace bolo::shm {
 namespace {
 
 constexpr std::string_view kPrefix = "bolo.";
+constexpr std::string_view kLockPrefix = "bolo-lock.";  // no stream's
+constexpr const char* kFolder = "/dev/shm";
+constexpr const char* kPackagedUser = "bolo";
 constexpr std::size_t kMaxName = 200;
 constexpr int kClaimAttempts = 20;
 
@@ -31,62 +39,101 @@ bool valid_character(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_' || c == '.';
 }
 
-// What can be said of an object whose lock another process holds.
-enum class Holder { kLiving, kStarting, kStopped };
+bool valid_name(std::string_view name) {
+  return !name.empty() && name.size() <= kMaxName && std::all_of(name.begin(), name.end(), valid_character);
+}
 
-struct HolderState {
-  Holder holder = Holder::kStarting;
-  std::uint32_t pid = 0;
-};
+std::optional<uid_t> uid_of(const std::string& user) {
+  uid_t number = 0;
+  const char* const end = user.data() + user.size();
+  if (const auto [rest, error] = std::from_chars(user.data(), end, number); error == std::errc() && rest == end) {
+    return number;
+  }
+  std::vector<char> buffer(16384);
+  struct passwd entry {};
+  struct passwd* found = nullptr;
+  getpwnam_r(user.c_str(), &entry, buffer.data(), buffer.size(), &found);
+  return found != nullptr ? std::optional<uid_t>(found->pw_uid) : std::nullopt;
+}
 
-HolderState inspect(int fd) {
+// What an object says of its writer; nothing when it says nothing yet, or can't be read.
+std::optional<bolo_shm_header> told_by(const std::string& path) {
+  const UniqueFd fd(shm_open(path.c_str(), O_RDONLY, 0));
   bolo_shm_header header{};
-  const ssize_t got = pread(fd, &header, sizeof(header), 0);
-  if (got != static_cast<ssize_t>(sizeof(header)) || header.magic != BOLO_SHM_MAGIC) return {Holder::kStarting, 0};
-  return {heartbeat_stale(header.heartbeat_ns) ? Holder::kStopped : Holder::kLiving, header.writer_pid};
+  const ssize_t got = fd ? pread(fd.get(), &header, sizeof(header), 0) : -1;
+  if (got != static_cast<ssize_t>(sizeof(header)) || header.magic != BOLO_SHM_MAGIC) return std::nullopt;
+  return header;
 }
 
-Error taken(const std::string& path, const HolderState& state) {
-  if (state.holder == Holder::kStarting) {
-    return {ErrorKind::kBadInput,
-            "shared memory " + path + " is being set up by another process; try again, or choose " + "another name"};
-  }
-  return {ErrorKind::kBadInput, "shared memory " + path + " is written by process " + std::to_string(state.pid) +
-                                    "; stop it, or choose another name"};
-}
-
-Error cannot_open(const std::string& path, int error) {
-  if (error == EACCES || error == EPERM) {
-    return {ErrorKind::kBadInput,
-            "shared memory " + path + " belongs to another user; run as that user, or remove " + "/dev/shm" + path};
-  }
-  return {ErrorKind::kFailed, "cannot create shared memory " + path + ": " + errno_text(error)};
-}
-
-// One try to become the owner of the name. Returns the locked descriptor of an empty object, or -1 to try again.
-//
-// The kernel drops the lock when its holder dies, so a lock that can be had is a dead writer's (size > 0) or a new
-// object (size 0); an object whose last link is gone was unlinked between open and lock.
-Result<int> try_claim(const std::string& path) {
-  const int fd = shm_open(path.c_str(), O_RDWR | O_CREAT, 0600);
-  if (fd < 0) return tl::unexpected<Error>(cannot_open(path, errno));
-  const bool locked = flock(fd, LOCK_EX | LOCK_NB) == 0;
+// ", process 123 (bolod)": the writer that the object names, if that user has such a process.
+std::string process_words(const std::string& path, uid_t owner) {
+  const auto header = told_by(path);
+  const std::string process = header ? "/proc/" + std::to_string(header->writer_pid) : "";
   struct stat status {};
-  const bool linked = fstat(fd, &status) == 0 && status.st_nlink > 0;
-  if (locked && linked && status.st_size == 0) return fd;
-  const HolderState state = locked ? HolderState{Holder::kStopped, 0} : inspect(fd);
-  if (linked && state.holder == Holder::kStopped) shm_unlink(path.c_str());
-  close(fd);
-  if (linked && state.holder != Holder::kStopped) return tl::unexpected<Error>(taken(path, state));
-  return -1;
+  if (!header || stat(process.c_str(), &status) != 0 || status.st_uid != owner) return "";
+  std::string command;
+  std::getline(std::ifstream(process + "/comm"), command);
+  return ", process " + std::to_string(header->writer_pid) + " (" + printable(command) + ")";
 }
 
-Result<int> claim(const std::string& path) {
-  for (int attempt = 0; attempt < kClaimAttempts; ++attempt) {
-    Result<int> fd = try_claim(path);
-    if (!fd || *fd >= 0) return fd;
+tl::unexpected<Error> living(const std::string& path, const std::optional<bolo_shm_header>& told) {
+  if (!told) {
+    return bad_input("shared memory " + path +
+                     " is being set up by another process; try again, or choose another name");
   }
-  return failed("shared memory " + path + " is unlinked and made anew by others all the time; choose another name");
+  return bad_input("shared memory " + path + " is written by process " + std::to_string(told->writer_pid) +
+                   "; stop it, or choose another name");
+}
+
+// Why `file`, the object or its lock, can't be had.
+tl::unexpected<Error> in_the_way(const std::string& file, const std::string& object, int error) {
+  const std::string place = kFolder + file;
+  struct stat status {};
+  if (lstat(place.c_str(), &status) != 0 || status.st_uid == geteuid()) {
+    return failed("cannot create shared memory " + file + ": " + errno_text(error));
+  }
+  return failed(place + " is in the way: it belongs to " + user_words(status.st_uid) +
+                process_words(object, status.st_uid) + "; have them end what made it, remove it as root, or choose " +
+                "another name");
+}
+
+// One try to become the only writer of the name: the locked descriptor of its lock, or an empty one to try again.
+//
+// The lock is a file of its own, for whoever can open a file can lock it, and readers open the object. The kernel drops
+// it when its holder dies. A lock whose last link is gone was unlinked between open and flock. A writer that stands
+// still keeps its lock, so that one is left to it without a name.
+Result<UniqueFd> try_lock(const std::string& lock, const std::string& object) {
+  UniqueFd fd(shm_open(lock.c_str(), O_RDWR | O_CREAT, 0600));
+  struct stat status {};
+  if (!fd || fstat(fd.get(), &status) != 0) return in_the_way(lock, object, errno);
+  if (status.st_uid != geteuid()) return in_the_way(lock, object, EACCES);
+  const bool locked = flock(fd.get(), LOCK_EX | LOCK_NB) == 0;
+  const bool linked = fstat(fd.get(), &status) == 0 && status.st_nlink > 0;
+  if (!linked) return UniqueFd();
+  if (locked) return fd;
+  const auto told = told_by(object);
+  if (!told || !heartbeat_stale(told->heartbeat_ns)) return living(object, told);
+  shm_unlink(lock.c_str());
+  return UniqueFd();
+}
+
+Result<UniqueFd> lock_name(const std::string& lock, const std::string& object) {
+  for (int attempt = 0; attempt < kClaimAttempts; ++attempt) {
+    Result<UniqueFd> fd = try_lock(lock, object);
+    if (!fd || *fd) return fd;
+  }
+  return failed("shared memory " + lock + " is unlinked and made anew by others all the time; choose another name");
+}
+
+// An empty object in the place of what the name's last writer left.
+Result<UniqueFd> make_object(const std::string& path) {
+  for (int attempt = 0; attempt < kClaimAttempts; ++attempt) {
+    UniqueFd fd(shm_open(path.c_str(), O_RDWR | O_CREAT | O_EXCL, 0600));
+    if (fd) return fd;
+    if (errno != EEXIST) return in_the_way(path, path, errno);
+    if (shm_unlink(path.c_str()) != 0 && errno != ENOENT) return in_the_way(path, path, errno);
+  }
+  return failed("shared memory " + path + " is made by others all the time; choose another name");
 }
 
 // All pages are taken now: a full /dev/shm would otherwise kill the writer with SIGBUS at its first touch.
@@ -116,36 +163,57 @@ Result<gid_t> group_id(const std::string& group) {
 }  // namespace
 
 Result<std::string> object_path(const std::string& name) {
-  if (name.empty() || name.size() > kMaxName || !std::all_of(name.begin(), name.end(), valid_character)) {
-    return bad_input("'" + name.substr(0, 80) + "' is no name for shared memory; use 1 to " + std::to_string(kMaxName) +
-                     " letters, digits, '-', '_', '.'");
+  if (!valid_name(name)) {
+    return bad_input("'" + printable(name.substr(0, 80)) + "' is no name for shared memory; use 1 to " +
+                     std::to_string(kMaxName) + " letters, digits, '-', '_', '.'");
   }
   return "/" + std::string(kPrefix) + name;
 }
 
 std::vector<std::string> object_names() {
   std::vector<std::string> names;
-  DIR* folder = opendir("/dev/shm");
+  DIR* folder = opendir(kFolder);
   if (folder == nullptr) return names;
   while (const dirent* entry = readdir(folder)) {
     const std::string_view file = entry->d_name;
-    if (file.starts_with(kPrefix) && file.size() > kPrefix.size()) names.emplace_back(file.substr(kPrefix.size()));
+    if (!file.starts_with(kPrefix)) continue;
+    if (const std::string_view name = file.substr(kPrefix.size()); valid_name(name)) names.emplace_back(name);
   }
   closedir(folder);
   std::sort(names.begin(), names.end());
   return names;
 }
 
+bool is_believed(uid_t owner) {
+  if (owner == 0 || owner == geteuid() || uid_of(kPackagedUser) == owner) return true;
+  const char* const named = std::getenv("BOLO_USER");  // NOLINT(concurrency-mt-unsafe): nothing here sets it
+  return named != nullptr && *named != '\0' && uid_of(named) == owner;
+}
+
+std::string user_words(uid_t user) {
+  std::vector<char> buffer(16384);
+  struct passwd entry {};
+  struct passwd* found = nullptr;
+  getpwuid_r(user, &entry, buffer.data(), buffer.size(), &found);
+  const std::string number = std::to_string(user);
+  return found != nullptr ? "user " + printable(found->pw_name) + " (uid " + number + ")" : "user " + number;
+}
+
 Result<OwnedObject> OwnedObject::create(const std::string& name, std::size_t bytes) {
   const Result<std::string> path = object_path(name);
   if (!path) return tl::unexpected<Error>(path.error());
-  const Result<int> fd = claim(*path);
-  if (!fd) return tl::unexpected<Error>(fd.error());
+  Result<UniqueFd> lock = lock_name("/" + std::string(kLockPrefix) + name, *path);
+  if (!lock) return tl::unexpected<Error>(lock.error());
   OwnedObject object;
   object.path_ = *path;
-  object.fd_ = *fd;
-  if (const Status status = reserve(*fd, *path, bytes); !status) return tl::unexpected<Error>(status.error());
-  void* memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, *fd, 0);
+  object.lock_path_ = "/" + std::string(kLockPrefix) + name;
+  object.lock_ = std::move(*lock);
+  Result<UniqueFd> made = make_object(*path);
+  if (!made) return tl::unexpected<Error>(made.error());
+  object.object_ = std::move(*made);
+  const int fd = object.object_.get();
+  if (const Status status = reserve(fd, *path, bytes); !status) return tl::unexpected<Error>(status.error());
+  void* memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd, 0);
   if (memory == MAP_FAILED) return failed("cannot map shared memory " + *path + ": " + errno_text(errno));
   object.data_ = static_cast<std::byte*>(memory);
   object.bytes_ = bytes;
@@ -156,31 +224,35 @@ OwnedObject::OwnedObject(OwnedObject&& other) noexcept { *this = std::move(other
 
 OwnedObject& OwnedObject::operator=(OwnedObject&& other) noexcept {
   std::swap(path_, other.path_);
-  std::swap(fd_, other.fd_);
+  std::swap(lock_path_, other.lock_path_);
+  std::swap(object_, other.object_);
+  std::swap(lock_, other.lock_);
   std::swap(data_, other.data_);
   std::swap(bytes_, other.bytes_);
   return *this;
 }
 
+// A successor that thought this writer dead has the names by now: then they are not ours to unlink.
 OwnedObject::~OwnedObject() {
   if (data_ != nullptr) munmap(data_, bytes_);
-  if (fd_ < 0) return;
-  // A successor that thought this writer dead has the name by now: then it is not ours to unlink.
-  struct stat status {};
-  if (fstat(fd_, &status) == 0 && status.st_nlink > 0) shm_unlink(path_.c_str());
-  close(fd_);
+  const auto unlink_ours = [](const UniqueFd& fd, const std::string& path) {
+    struct stat status {};
+    if (fd && fstat(fd.get(), &status) == 0 && status.st_nlink > 0) shm_unlink(path.c_str());
+  };
+  unlink_ours(object_, path_);
+  unlink_ours(lock_, lock_path_);
 }
 
 Status OwnedObject::publish_to(unsigned mode, const std::string& group) {
   if (!group.empty()) {
     const Result<gid_t> gid = group_id(group);
     if (!gid) return tl::unexpected<Error>(gid.error());
-    if (fchown(fd_, static_cast<uid_t>(-1), *gid) != 0) {
+    if (fchown(object_.get(), static_cast<uid_t>(-1), *gid) != 0) {
       return bad_input("cannot give shared memory " + path_ + " to group '" + group + "': " + errno_text(errno) +
-                       "; the daemon's user must be a member of it");
+                       "; make the daemon's user a member of it (adduser USER " + group + ") and start it again");
     }
   }
-  if (fchmod(fd_, static_cast<mode_t>(mode)) != 0) {
+  if (fchmod(object_.get(), static_cast<mode_t>(mode)) != 0) {
     return bad_input("cannot set the mode of shared memory " + path_ + ": " + errno_text(errno));
   }
   return {};

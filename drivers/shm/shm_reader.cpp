@@ -20,6 +20,7 @@
 #include "drivers/shm/shared_words.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::shm {
 namespace {
@@ -27,7 +28,8 @@ namespace {
 constexpr std::uint32_t kMaxSide = 1U << 15;
 constexpr std::uint32_t kMaxSlots = 1U << 20;
 constexpr double kMaxPeriod_s = 3600.0;
-constexpr std::int64_t kLongestSleepNs = 100'000'000;  // how late a stopped heartbeat may be noticed
+constexpr double kShortestSleepNs = 1e6;
+constexpr double kLongestSleepNs = 1e8;  // how late a stopped heartbeat may be noticed
 constexpr auto kPollPeriod = std::chrono::milliseconds(1);
 
 // Unmaps in the destructor. Read-only: nothing that a reader does reaches the writer.
@@ -80,17 +82,24 @@ tl::unexpected<Refused> cannot_open(const std::string& name, int error) {
       {Refusal::kFailed, {ErrorKind::kFailed, "cannot open shared memory '" + name + "': " + std::strerror(error)}});
 }
 
+tl::unexpected<Refused> not_believed(const std::string& name, uid_t owner) {
+  return refuse(Refusal::kForeign,
+                "shared memory '" + name + "' belongs to " + user_words(owner) +
+                    ", not to bolo, root or this user; if it is your daemon's, set BOLO_USER to that "
+                    "user's name or number");
+}
+
 Opened<std::shared_ptr<const Mapping>> map_object(const std::string& name) {
   const Result<std::string> path = object_path(name);
   if (!path) return refuse(Refusal::kBadName, path.error().message);
-  const int fd = shm_open(path->c_str(), O_RDONLY, 0);
-  if (fd < 0) return cannot_open(name, errno);
+  const UniqueFd fd(shm_open(path->c_str(), O_RDONLY, 0));
+  if (!fd) return cannot_open(name, errno);
   struct stat status {};
-  const bool known = fstat(fd, &status) == 0;
+  if (fstat(fd.get(), &status) != 0) return cannot_open(name, errno);
+  if (!is_believed(status.st_uid)) return not_believed(name, status.st_uid);
   const auto bytes = static_cast<std::size_t>(status.st_size);
   void* memory = MAP_FAILED;
-  if (known && bytes >= sizeof(bolo_shm_header)) memory = mmap(nullptr, bytes, PROT_READ, MAP_SHARED, fd, 0);
-  close(fd);
+  if (bytes >= sizeof(bolo_shm_header)) memory = mmap(nullptr, bytes, PROT_READ, MAP_SHARED, fd.get(), 0);
   if (memory != MAP_FAILED) return std::make_shared<Mapping>(name, static_cast<const std::byte*>(memory), status);
   return refuse(Refusal::kNotReady, "shared memory '" + name + "' has no header yet; try again, or restart its daemon");
 }
@@ -169,9 +178,14 @@ Opened<std::unique_ptr<ShmReader::Impl>> ShmReader::Impl::open(const std::string
   return impl;
 }
 
-// Sleeps until the wake word differs from what was seen, or ns have passed. A spurious wake-up only costs one more
-// look.
+// Sleeps until the wake word differs from what was seen, or ns have passed, and little longer than to the next frame:
+// any reader can move the others to a futex that nobody wakes (FUTEX_REQUEUE), and then only their own clock does. A
+// spurious wake-up only costs one more look.
 void ShmReader::Impl::sleep(std::uint32_t wake_seen, std::int64_t ns) noexcept {
+  constexpr double kPeriods = 1.25;  // frames in time come before it
+  const double most_ns =
+      std::clamp(kPeriods * checked.frame_period_s * kNsPerSecond, kShortestSleepNs, kLongestSleepNs);
+  ns = std::min(ns, static_cast<std::int64_t>(most_ns));
   if (!futex_works) {
     std::this_thread::sleep_for(std::min<std::chrono::nanoseconds>(kPollPeriod, std::chrono::nanoseconds(ns)));
     return;
@@ -279,7 +293,7 @@ ShmReader::Outcome ShmReader::wait(std::uint64_t number, int timeout_ms) noexcep
     if (ended) return Outcome::kClosed;
     const std::int64_t left_ns = deadline_ns - monotonic_ns();
     if (left_ns <= 0) return Outcome::kTimeout;
-    self.sleep(wake_seen, std::min(left_ns, kLongestSleepNs));
+    self.sleep(wake_seen, left_ns);
   }
 }
 

@@ -54,13 +54,15 @@ enum class Refusal {
   kAbsent,     // there is no such object
   kNotReady,   // it is being set up
   kDenied,     // this user may not read it
+  kForeign,    // it belongs to a user who is not believed
   kBadLayout,  // another version, or its header contradicts itself
   kFailed,     // the system refused
 };
 
 class ShmReader {
  public:
-  // Maps "/bolo." + name read-only and checks magic, version and every offset against the object's size. Thread: setup.
+  // Maps "/bolo." + name read-only and checks its owner (is_believed()), magic, version and every offset against the
+  // object's size. Thread: setup.
   static Result<ShmReader> open(const std::string& name, Refusal* refusal = nullptr);
   // The names that exist now, sorted: "cam" for the object "/bolo.cam", whether its writer lives or not. Thread: any.
   static std::vector<std::string> names();

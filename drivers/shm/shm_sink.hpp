@@ -12,7 +12,7 @@ namespace bolo::shm {
 struct ShmOptions {
   std::string name;              // the object is "/bolo." + name: letters, digits, '-', '_', '.'
   int slots = 0;                 // 0: a window of raw planes and some time to read them
-  unsigned mode = 0644;          // permissions; readers need to read only
+  unsigned mode = 0640;          // permissions; readers need to read only
   std::string group;             // owner group of the object; empty: the process's
   std::string control_socket{};  // where the daemon hears commands, told to readers; empty: nowhere
 };

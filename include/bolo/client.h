@@ -28,8 +28,10 @@
  * Planes are row-major uint16, width * height of them: kelvin = scale * value + offset, or counts; see
  * bolo_client_kelvin(). What lies in the shared memory itself is in bolo/shm_layout.h.
  *
- * A daemon's segment is believed only after its header was checked. Only the user that owns it could still shrink it
- * under its readers, which would end them with SIGBUS; Bolo never does.
+ * A daemon's segment is believed only if it belongs to root, to the reader's own user, to "bolo", as which the packaged
+ * daemon runs, or to the user that the environment's BOLO_USER names or numbers: anybody may make one of any name. Then
+ * its header is checked. Only the user that owns it could still shrink it under its readers, which would end them with
+ * SIGBUS; Bolo never does.
  *
  * Compatible: structures grow at their end or in `reserved` only, and are filled or owned by the library, so a program
  * goes on with every later libbolo-client.so.0.
@@ -64,7 +66,7 @@ enum bolo_client_result {
   BOLO_CLIENT_WARM_UP = 6,     /* the frame had no full window: its deblurred plane is the raw one */
 
   BOLO_CLIENT_ABSENT = -1,       /* there is no such stream: is the daemon running? */
-  BOLO_CLIENT_DENIED = -2,       /* this user may not read it */
+  BOLO_CLIENT_DENIED = -2,       /* this user may not read it, or should not believe it: see below */
   BOLO_CLIENT_BAD_STREAM = -3,   /* of another version, or damaged */
   BOLO_CLIENT_BAD_ARGUMENT = -4, /* of this call */
   BOLO_CLIENT_UNSUPPORTED = -5,  /* this stream can't do that */

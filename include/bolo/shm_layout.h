@@ -26,11 +26,12 @@
  * higher sequence there, and throws the copy away. On x86-64 and with 64-bit words acquire and release cost nothing.
  *
  * To wait for a frame: read header.wake, look at published, and FUTEX_WAIT (shared, not private) on header.wake with
- * the value read. A process that can't use futexes polls published.
+ * the value read, for a frame's period or so: whoever maps the object can move its waiters to a futex of his own, where
+ * nobody wakes them. A process that can't use futexes polls published.
  *
  * A writer that ends orderly stores BOLO_SHM_CLOSED in header.state and unlinks the name. A writer that starts under a
- * name that is taken by a dead writer unlinks the old object, so a reader that sees header.heartbeat_ns grow older than
- * BOLO_SHM_STALE_NS maps the name anew. The object is never resized while it has a name.
+ * name that is taken by a dead writer unlinks the old object, so a reader to whom no frame comes looks whether the name
+ * stands for another object by now (stat: its inode), and maps that. The object is never resized while it has a name.
  *
  * Solving a pixel on demand. Frame n was estimated from the raw planes of the frames of its window, which ends
  * lookahead frames after n: frames that the window's rules (camera_ns, frame_id, frame_period_s) place there, at most
@@ -40,8 +41,11 @@
  * needs the same maps file besides: maps are not in the shared memory. For BOLO_METHOD_MMAE and
  * BOLO_SETTINGS_AUTO_LAMBDA it needs the whole planes and the slot's noise_k: these look at a pixel's surroundings.
  *
- * The writer holds flock(LOCK_EX) on the object for its life: that is how a second writer of the same name is refused,
- * whatever process namespace it runs in. Readers take no lock.
+ * The writer holds flock(LOCK_EX) on /dev/shm/bolo-lock.NAME for its life: that is how a second writer of the same name
+ * is refused, whatever process namespace it runs in. Only its user can open that file: a reader's lock would keep the
+ * next writer out. Readers take no lock.
+ *
+ * Anybody may make a file of any name in /dev/shm: a reader looks who owns the object (fstat) before it believes it.
  *
  * For readers in other languages, the header's bytes (Python: struct.unpack_from of the first 312, then the rest live):
  *   "<QIIIIIIQQQQddddIIII64s64s64sq"  magic .. start_ns        at   0

@@ -29,8 +29,8 @@ MODELS = {
         ["ASKS_FIRST", "LOOKS_FIRST", "IGNORES_WAKE"],
     ),
     "futex": (
-        [""],
-        ["PUBLISHED_FIRST", "WAKE_FIRST", "FORGETS_THE_REST"],
+        ["", "THIEF"],
+        ["PUBLISHED_FIRST", "WAKE_FIRST", "FORGETS_THE_REST", "THIEF SLEEPS_ON"],
     ),
 }
 

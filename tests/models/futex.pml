@@ -1,6 +1,7 @@
 /* A reader that waits for the next frame of the shared-memory ring by a futex (ShmReader::wait, ShmSink::publish): it never
- * sleeps on while a frame is there. Without timeouts; a reader that is never woken is a deadlock, which the checker
- * reports. The kernel compares the word with what the reader saw and puts it to sleep in one step, and FUTEX_WAKE comes
+ * sleeps on while a frame is there. A reader that is never woken is a deadlock, which the checker reports; timeouts would
+ * hide it, so readers have none here but against THIEF, a hostile reader that moves sleepers to another futex
+ * (FUTEX_REQUEUE), where the writer does not wake them. The kernel compares the word with what the reader saw and puts it to sleep in one step, and FUTEX_WAKE comes
  * after the caller's earlier stores.
  *
  * READER may wait for any frame; Waker's rest (more than four readers) is woken by a thread, later. What can be defined
@@ -17,6 +18,7 @@
 #include "memory.pml"
 
 View writer;
+bool stolen[READERS];
 bool asleep[READERS];
 byte asked = 0, served = 0;
 bool ended = false;
@@ -83,6 +85,21 @@ active [READERS] proctype Reader() {
       :: else
       fi
     };
-    !asleep[id]
+    if
+    :: !asleep[id] && !stolen[id]
+#ifndef SLEEPS_ON
+    :: stolen[id] -> stolen[id] = false /* its own clock wakes it */
+#endif
+    fi
   od
 }
+
+#ifdef THIEF
+active proctype Thief() {
+end:
+  do
+  :: atomic { asleep[0] -> asleep[0] = false; stolen[0] = true }
+  :: atomic { asleep[1] -> asleep[1] = false; stolen[1] = true }
+  od
+}
+#endif

@@ -1,6 +1,8 @@
 // `bolo record` and `bolo recover` as their users meet them; the daemon is a writer of shared memory fed by the test.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <chrono>
@@ -140,6 +142,42 @@ TEST_F(RecordVerb, FollowsADaemonThatIsStartedAgain) {
   EXPECT_EQ(reader->info().frames, 200U);
   ASSERT_EQ(reader->events().size(), 1U);
   EXPECT_EQ(reader->events()[0].kind, "reconnect");
+}
+
+// A killed daemon's heartbeat looks alive for two seconds. Its successor's ring is shorter than that here, so that
+// frames would be overwritten if the recorder waited for it to grow old.
+TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
+  constexpr int kSlots = 256;  // 1.3 s
+  const pid_t killed = fork();
+  if (killed == 0) {
+    auto* writer = new shm::Writer(name_, {33, 7}, kSlots);
+    if (!writer->open()) _exit(1);
+    for (;;) {
+      writer->publish();
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  }
+  const auto begin = std::chrono::steady_clock::now();
+  const auto waits = [&] { return std::chrono::steady_clock::now() - begin < kHangGuard; };
+  while (!shm::ShmReader::open(name_) && waits()) std::this_thread::yield();
+  const Program program = start({"record", name_, "-o", file(), "--json"});
+  while (!exists(file() + ".part") && waits()) std::this_thread::yield();
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  kill(killed, SIGKILL);
+  ASSERT_EQ(waitpid(killed, nullptr, 0), killed);
+  shm::Writer successor(name_, {33, 7}, kSlots);
+  ASSERT_TRUE(successor.open());
+  for (int i = 0; i < 3 * kSlots; ++i) {
+    successor.publish();
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  program.signal(SIGINT);
+  const Outcome outcome = program.outcome();
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const json told = json::parse(outcome.out);
+  EXPECT_EQ(told["reconnects"], 1);
+  EXPECT_EQ(told["lost"]["overwritten"], 0);
+  EXPECT_GT(told["frames"], 2 * kSlots);
 }
 
 // A ring that is turned over faster than it is read: what was overwritten is counted, and marked in the file.

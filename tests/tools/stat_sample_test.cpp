@@ -116,6 +116,17 @@ TEST(StatSample, TellsHowTheCameraDoes) {
   EXPECT_NE(stat_table("cam", look, compare(first_look(), look)).find("drift -20.5 ppm"), std::string::npos);
 }
 
+// What a camera calls itself is no order to the terminal.
+TEST(StatSample, TableShowsWhatIsNotPrintableAsQuestionMarks) {
+  StatLook look = second_look();
+  std::strcpy(look.header.camera_model, "A655\x1b[2J\xff\r\n\xc2\x9b");
+  std::strcpy(look.header.solver, "\xcf\x84 = 11 ms");
+  const std::string table = stat_table("a\x1b]0;b\a", look, compare(first_look(), look));
+  EXPECT_NE(table.find("A655?[2J????? "), std::string::npos) << table;
+  EXPECT_NE(table.find("\xcf\x84 = 11 ms"), std::string::npos) << "what is text stays: " << table;
+  EXPECT_EQ(table.find_first_of("\x1b\r\a\x7f"), std::string::npos);
+}
+
 TEST(StatSample, TableKeepsToTheTerminalsWidth) {
   StatLook look = second_look();
   std::memset(look.header.camera_model, 'm', sizeof(look.header.camera_model) - 1);

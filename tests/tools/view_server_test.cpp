@@ -51,7 +51,8 @@ std::string receive_all(const UniqueFd& fd) {
 // A view of a daemon that is not there.
 class ViewServer : public testing::Test {
  protected:
-  void serve(Access access, HttpServer::Limits limits = {}) {
+  void serve(HttpServer::Limits limits = {}) {
+    Access access{.token = kToken};
     auto server = HttpServer::listen({"127.0.0.1"}, 0, limits, Site::headers());
     ASSERT_TRUE(server) << server.error().message;
     server_ = std::move(*server);
@@ -75,13 +76,23 @@ class ViewServer : public testing::Test {
   }
 
   // The whole answer to a request line and headers; the connection is closed after it.
-  std::string ask(const std::string& request, const std::string& headers = "", const std::string& host = "localhost") {
+  std::string ask_bare(const std::string& request, const std::string& headers, const std::string& host) {
     const UniqueFd fd = connected(server_->port());
     send_text(fd, request + " HTTP/1.1\r\nHost: " + host + "\r\nConnection: close\r\n" + headers + "\r\n");
     return receive_all(fd);
   }
+  // The same by a browser that was let in.
+  std::string ask(const std::string& request, const std::string& headers = "", const std::string& host = "localhost") {
+    return ask_bare(request, cookie() + headers, host);
+  }
+  std::string cookie() const { return "Cookie: bolo_view_" + std::to_string(server_->port()) + "=" + kToken + "\r\n"; }
   int status(const std::string& request, const std::string& headers = "", const std::string& host = "localhost") {
-    const std::string answer = ask(request, headers, host);
+    return status_of(ask(request, headers, host));
+  }
+  int status_without_cookie(const std::string& request, const std::string& headers = "") {
+    return status_of(ask_bare(request, headers, "localhost"));
+  }
+  static int status_of(const std::string& answer) {
     return answer.starts_with("HTTP/1.1 ") ? std::stoi(answer.substr(9, 3)) : 0;
   }
 
@@ -95,7 +106,7 @@ class ViewServer : public testing::Test {
 };
 
 TEST_F(ViewServer, ServesThePageAndOnlyIt) {
-  serve({});
+  serve();
   const std::string page = ask("GET /");
   EXPECT_TRUE(page.starts_with("HTTP/1.1 200")) << page.substr(0, 200);
   EXPECT_NE(page.find("Content-Security-Policy: default-src 'self'"), std::string::npos);
@@ -112,7 +123,7 @@ TEST_F(ViewServer, ServesThePageAndOnlyIt) {
 }
 
 TEST_F(ViewServer, RefusesOtherMethods) {
-  serve({});
+  serve();
   for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", "HEAD", "PATCH", "TRACE", "BREW"}) {
     EXPECT_EQ(status(std::string(method) + " /", "Origin: http://localhost\r\n"), 405) << method;
   }
@@ -121,7 +132,7 @@ TEST_F(ViewServer, RefusesOtherMethods) {
 }
 
 TEST_F(ViewServer, RefusesNamesThatAreNotThisComputer) {
-  serve({});
+  serve();
   for (const char* host : {"localhost", "localhost:8640", "LOCALHOST", "127.0.0.1:1", "127.9.9.9", "[::1]:8640"}) {
     EXPECT_EQ(status("GET /", "", host), 200) << host;
   }
@@ -143,24 +154,24 @@ TEST(ViewAccess, BeyondLoopbackAddressesAndTheHostNameAreThisComputer) {
 }
 
 TEST_F(ViewServer, EachRequestNeedsTheToken) {
-  serve({.token = kToken});
+  serve();
   const std::string cookie = "bolo_view_" + std::to_string(server_->port()) + "=";
   const std::string good = kToken;
   for (const char* path : {"/", "/app.js", "/api/status", "/api/frame?epoch=0&after=0"}) {
-    EXPECT_EQ(status(std::string("GET ") + path), 401) << path;
-    EXPECT_EQ(status(std::string("GET ") + path, "Cookie: " + cookie + "wrong\r\n"), 401) << path;
-    EXPECT_EQ(status(std::string("GET ") + path, "Cookie: " + cookie + good + "0\r\n"), 401) << path;
+    EXPECT_EQ(status_without_cookie(std::string("GET ") + path), 401) << path;
+    EXPECT_EQ(status_without_cookie(std::string("GET ") + path, "Cookie: " + cookie + "wrong\r\n"), 401) << path;
+    EXPECT_EQ(status_without_cookie(std::string("GET ") + path, "Cookie: " + cookie + good + "0\r\n"), 401) << path;
   }
-  EXPECT_EQ(status("GET /?token="), 401);
-  EXPECT_EQ(status("GET /?token=0123456789abcdef-_XZ"), 401);
-  const std::string entered = ask("GET /?token=" + good);
+  EXPECT_EQ(status_without_cookie("GET /?token="), 401);
+  EXPECT_EQ(status_without_cookie("GET /?token=0123456789abcdef-_XZ"), 401);
+  const std::string entered = ask_bare("GET /?token=" + good, "", "localhost");
   EXPECT_NE(entered.find("Set-Cookie: " + cookie + good + "; Path=/; HttpOnly; SameSite=Strict"), std::string::npos);
-  EXPECT_EQ(status("GET /api/status", "Cookie: other=1; " + cookie + good + "\r\n"), 200);
-  EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\n"), 401);
+  EXPECT_EQ(status_without_cookie("GET /api/status", "Cookie: other=1; " + cookie + good + "\r\n"), 200);
+  EXPECT_EQ(status_without_cookie("POST /api/nuc", "Origin: http://localhost\r\n"), 401);
 }
 
 TEST_F(ViewServer, OtherSitesGetNothing) {
-  serve({});
+  serve();
   for (const char* site : {"cross-site", "same-site"}) {
     const std::string header = std::string("Sec-Fetch-Site: ") + site + "\r\n";
     EXPECT_EQ(status("GET /api/status", header), 403) << site;
@@ -171,7 +182,7 @@ TEST_F(ViewServer, OtherSitesGetNothing) {
 }
 
 TEST_F(ViewServer, ANucNeedsThePagesOwnOrigin) {
-  serve({});
+  serve();
   EXPECT_EQ(status("POST /api/nuc"), 403);
   EXPECT_EQ(status("POST /api/nuc", "Origin: null\r\n"), 403);
   EXPECT_EQ(status("POST /api/nuc", "Origin: http://example.com\r\n"), 403);
@@ -192,7 +203,7 @@ TEST_F(ViewServer, ANucNeedsThePagesOwnOrigin) {
 }
 
 TEST_F(ViewServer, RefusesBodiesAndNonsense) {
-  serve({});
+  serve();
   EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\nContent-Length: 5\r\n"), 413);
   EXPECT_EQ(status("POST /api/nuc", "Origin: http://localhost\r\nTransfer-Encoding: chunked\r\n"), 413);
   EXPECT_EQ(status("GET /", "Content-Length: 99999999999\r\n"), 413);
@@ -211,16 +222,17 @@ TEST_F(ViewServer, RefusesBodiesAndNonsense) {
 }
 
 TEST_F(ViewServer, AFrameThatDoesNotComeIsNoContent) {
-  serve({});
+  serve();
   EXPECT_EQ(status("GET /api/frame?epoch=0&after=0"), 204);
 }
 
 TEST_F(ViewServer, RequestsThatWaitAreBounded) {
-  serve({}, {.connections = 20, .waiting = 3});
+  serve({.connections = 20, .waiting = 3});
   std::vector<UniqueFd> asked;
   for (int i = 0; i < 5; ++i) {
     asked.push_back(connected(server_->port()));
-    send_text(asked.back(), "GET /api/frame?epoch=0&after=0 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+    send_text(asked.back(), "GET /api/frame?epoch=0&after=0 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" +
+                                cookie() + "\r\n");
   }
   int refused = 0;
   int without_frame = 0;
@@ -235,7 +247,7 @@ TEST_F(ViewServer, RequestsThatWaitAreBounded) {
 }
 
 TEST_F(ViewServer, ConnectionsAreBoundedAndComeFree) {
-  serve({}, {.connections = 4});
+  serve({.connections = 4});
   std::vector<UniqueFd> idle;
   for (int i = 0; i < 12; ++i) idle.push_back(connected(server_->port()));
   for (const UniqueFd& fd : idle) {
@@ -261,6 +273,33 @@ TEST(ViewListen, SaysWhyAnAddressCannotBeListenedOn) {
     EXPECT_EQ(none.error().kind, ErrorKind::kBadInput) << address;
   }
   EXPECT_TRUE(HttpServer::listen({"192.0.2.1", "127.0.0.1"}, 0, {}, {})) << "an address that is not there is left out";
+}
+
+// Whoever forgets the token lets nobody in.
+TEST(ViewToken, AnEmptyOneOpensNothing) {
+  auto server = HttpServer::listen({"127.0.0.1"}, 0, {}, {});
+  ASSERT_TRUE(server);
+  std::atomic<bool> end{false};
+  Access none;
+  none.port = (*server)->port();
+  std::thread serving([&] { (*server)->run([&](const Request& request) { return refusal(none, request); }, end); });
+  for (const char* path : {"/", "/?token=", "/?token"}) {
+    const UniqueFd fd = connected((*server)->port());
+    send_text(fd, std::string("GET ") + path + " HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+    EXPECT_TRUE(receive_all(fd).starts_with("HTTP/1.1 401")) << path;
+  }
+  end = true;
+  (*server)->wake();
+  serving.join();
+}
+
+TEST(ViewToken, RandomOnesAreGoodAndDiffer) {
+  const auto one = random_token();
+  const auto other = random_token();
+  ASSERT_TRUE(one && other);
+  EXPECT_TRUE(check_token(*one));
+  EXPECT_EQ(one->size(), 32U);
+  EXPECT_NE(*one, *other);
 }
 
 TEST(ViewToken, IsLongEnoughAndOnlyItsOwnersToRead) {

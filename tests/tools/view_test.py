@@ -62,7 +62,9 @@ class Programs:
         wait_for(lambda: b"serving" in self.output(), "the camera")
         self.daemon = self.start(self.bolod, "--config", self.config)
         self.view = self.start(self.bolo, "view", self.name, "--port", "0", "--json")
-        self.url = json.loads(wait_for(lambda: re.search(rb'{"url".*}', self.output()), "the view").group())["url"]
+        told = json.loads(wait_for(lambda: re.search(rb'{"url".*}', self.output()), "the view").group())
+        self.entry = told["url"]  # with the token that was made for this run
+        self.url, self.token = re.fullmatch(r"(.*/)\?token=([0-9a-f]{32})", self.entry).groups()
 
     def start(self, *words):
         with open(os.path.join(self.folder, "programs.log"), "ab") as log:
@@ -73,15 +75,18 @@ class Programs:
         with open(os.path.join(self.folder, "programs.log"), "rb") as log:
             return log.read()
 
-    def get(self, path):
+    def get(self, path, expected=200):
         place = urllib.parse.urlsplit(self.url)
         connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=PATIENCE_S)
-        connection.request("GET", path, headers={"Host": place.netloc})
+        connection.request("GET", path, headers={"Host": place.netloc, **self.cookie()})
         answer = connection.getresponse()
         body = answer.read()
         connection.close()
-        assert answer.status == 200, (path, answer.status, body)
+        assert answer.status == expected, (path, answer.status, body)
         return body
+
+    def cookie(self):
+        return {"Cookie": f"bolo_view_{urllib.parse.urlsplit(self.url).port}={self.token}"}
 
     def end(self):
         for program in reversed(self.running):
@@ -241,7 +246,8 @@ def check_token(page, programs):
     """With a token the page opens by it once; the address forgets it, the browser doesn't."""
     token = "e2e-0123456789abcdef"
     programs.start(programs.bolo, "view", programs.name, "--port", "0", "--json", "--token", token)
-    said = wait_for(lambda: re.search(rb'{"url":"([^"]*)".*"token":true}', programs.output()), "the view")
+    said = wait_for(lambda: re.search(rb'{"url":"([^"]*)[?]token=TOKEN"', programs.output()), "the view")
+    assert token.encode() not in programs.output(), "a token that was given is printed"
     url = said.group(1).decode()
     page.open(url)
     assert "a token is needed" in page.run("return document.body.textContent")
@@ -251,6 +257,14 @@ def check_token(page, programs):
     page.open(url)
     wait_for(lambda: page.text("#pill") == "live", "the page by its cookie")
     page.log("browser")  # the refusal
+
+
+def check_strangers(programs):
+    """Another user of this computer, who can connect but has not seen the address, gets nothing."""
+    known, programs.token = programs.token, "0" * 32
+    for path in ("/", "/api/status", "/api/frame?epoch=0&after=0", "/api/trace?x=0&y=0&epoch=0&after=0"):
+        programs.get(path, expected=401)
+    programs.token = known
 
 
 def check_usage(programs):
@@ -311,8 +325,9 @@ def main(bolo, bolod, pictures):
             page = browser.Browser(folder)
             page.open("about:blank")
             page.log("performance")  # the browser's own first page
-            page.open(programs.url)
+            page.open(programs.entry)
             wait_for(lambda: page.text("#pill") == "live", "the page")
+            check_strangers(programs)
             weight = check_requests(page)
             check_frames_move(page)
             check_divider(page)

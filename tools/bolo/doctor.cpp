@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/shm/shm_sink.hpp"
+#include "src/core/printable.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/cli/cli.hpp"
@@ -52,8 +53,8 @@ nlohmann::ordered_json to_json(const std::vector<Check>& checks) {
 void print(const std::vector<Check>& checks) {
   for (const Check& check : checks) {
     std::printf("%-8s %-22s %s\n", std::string(doctor::word(check.verdict)).c_str(), check.title.c_str(),
-                check.found.c_str());
-    if (!check.fix.empty()) std::printf("%-8s %-22s -> %s\n", "", "", check.fix.c_str());
+                printable(check.found).c_str());
+    if (!check.fix.empty()) std::printf("%-8s %-22s -> %s\n", "", "", printable(check.fix).c_str());
   }
   const auto count = [&](Verdict v) {
     return std::count_if(checks.begin(), checks.end(), [v](const Check& c) { return c.verdict == v; });

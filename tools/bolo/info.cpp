@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/capture/capture.hpp"
+#include "src/core/printable.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 
@@ -205,7 +206,7 @@ Result<json> describe_file(const std::string& file) {
   return tl::unexpected<Error>(reader.error());
 }
 
-void line(const char* name, const std::string& text) { std::printf("  %-10s %s\n", name, text.c_str()); }
+void line(const char* name, const std::string& text) { std::printf("  %-10s %s\n", name, printable(text).c_str()); }
 
 std::string number(const json& value, int digits = 6) {
   if (!value.is_number()) return "none";
@@ -309,7 +310,7 @@ int info_main(int argc, char** argv) {
     std::cout << info->dump(2, ' ', false, json::error_handler_t::replace) << '\n';
     return kExitDone;
   }
-  std::printf("%s\n", file.c_str());
+  std::printf("%s\n", printable(file).c_str());
   (*info)["kind"] == "still" ? print_still(*info) : print_capture(*info);
   return kExitDone;
 }

@@ -6,7 +6,7 @@
 #include <string>
 #include <thread>
 
-#include "drivers/shm/shm_reader.hpp"
+#include "drivers/shm/followed_stream.hpp"
 #include "src/core/clock.hpp"
 #include "tools/bolo/control_client.hpp"
 #include "tools/bolo/stat_history.hpp"
@@ -85,19 +85,14 @@ class Display {
 };
 
 // Shows a sample an interval, of whichever daemon has the name.
-int follow(const StatOptions& options, shm::ShmReader reader) {
+int follow(const StatOptions& options, shm::FollowedStream stream) {
   Display display(options);
-  StatLook before = look_at(reader, options);
+  StatLook before = look_at(stream.reader(), options);
   while (display.pause()) {
-    const StatLook now = look_at(reader, options);
+    const StatLook now = look_at(stream.reader(), options);
     display.show(now, compare(before, now));
     if (options.once) break;
-    before = now;
-    if (!reader.replaced()) continue;
-    if (auto successor = shm::ShmReader::open(options.name); successor) {
-      reader = std::move(*successor);
-      before = look_at(reader, options);
-    }
+    before = stream.follow() ? look_at(stream.reader(), options) : now;
   }
   return kExitDone;
 }
@@ -121,10 +116,10 @@ int stat_main(int argc, char** argv) {
   if (!(options.interval_s >= kMinInterval && options.interval_s <= kMaxInterval)) {
     return report("stat", {ErrorKind::kBadInput, "--interval is out of range: 0.05 to 3600 s"});
   }
-  auto reader = shm::ShmReader::open(options.name);
-  if (!reader) return report("stat", reader.error());
+  auto stream = shm::FollowedStream::open(options.name, 0);
+  if (!stream) return report("stat", stream.error());
   catch_interrupts();
-  return follow(options, std::move(*reader));
+  return follow(options, std::move(*stream));
 }
 
 }  // namespace bolo::tools

@@ -13,6 +13,7 @@
 #include "drivers/usb/descriptor_report.hpp"
 #include "drivers/usb/devices.hpp"
 #include "drivers/usb/hotplug.hpp"
+#include "src/core/printable.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 
@@ -79,7 +80,7 @@ std::string line_of(const UsbDevice& device) {
   }
   if (!device.serial.empty()) line += "  serial " + device.serial;
   if (!device.allowed) line += "  (not allowed to open " + device.node + ": see systemd/60-bolo-usb.rules)";
-  return line;
+  return printable(line);
 }
 
 int list(const usb::DeviceFilter& filter, bool json) {

@@ -60,6 +60,11 @@ Result<view::Access> access_of(const ViewOptions& options) {
     return bad_input("--listen " + options.listen +
                      " lets other computers in: give --token TOKEN or --token-file FILE");
   }
+  if (access.token.empty()) {
+    Result<std::string> token = view::random_token();
+    if (!token) return tl::unexpected<Error>(token.error());
+    access.token = std::move(*token);
+  }
   char host_name[HOST_NAME_MAX + 1] = {};
   if (gethostname(host_name, sizeof host_name - 1) == 0) access.host_name = host_name;
   return access;
@@ -69,15 +74,17 @@ std::string url_of(const ViewOptions& options, const view::Access& access) {
   std::string host = options.listen.empty() ? "localhost" : options.listen;
   if (host == "0.0.0.0" || host == "::") host = access.host_name;
   if (host.find(':') != std::string::npos) host = "[" + host + "]";
-  return "http://" + host + ":" + std::to_string(access.port) + "/";
+  // A token that was given is not printed, for it is good for longer: output ends up in logs. One made for this run is
+  // known by nobody else.
+  const bool given = !options.token.empty() || !options.token_file.empty();
+  return "http://" + host + ":" + std::to_string(access.port) + "/?token=" + (given ? "TOKEN" : access.token);
 }
 
-// The token itself is not printed: output ends up in logs.
-void say_where(const ViewOptions& options, const std::string& name, const std::string& url, bool token) {
+void say_where(const ViewOptions& options, const std::string& name, const std::string& url) {
   if (options.json) {
-    std::puts(nlohmann::ordered_json{{"url", url}, {"name", name}, {"token", token}}.dump().c_str());
+    std::puts(nlohmann::ordered_json{{"url", url}, {"name", name}}.dump().c_str());
   } else {
-    std::printf("%s at %s%s\nCtrl-C ends it\n", name.c_str(), url.c_str(), token ? "?token=TOKEN" : "");
+    std::printf("%s at %s\nCtrl-C ends it\n", name.c_str(), url.c_str());
   }
   std::fflush(stdout);
 }
@@ -99,7 +106,7 @@ Status view_daemon(const ViewOptions& options) {
     return answer ? judge_answer(*answer) : tl::unexpected<Error>(answer.error());
   };
   view::Site site(*access, stream, ask_for_nuc, options.page);
-  say_where(options, *name, url_of(options, *access), !access->token.empty());
+  say_where(options, *name, url_of(options, *access));
   (*server)->run([&site](const view::Request& request) { return site.answer(request); }, interrupted());
   return {};
 }
@@ -113,9 +120,9 @@ int view_main(int argc, char** argv) {
   auto add = cli.add_options();
   add("name", "The daemon's name; may be left out where only one runs", cxxopts::value(options.name));
   add("port", "TCP port; 0: any that is free", cxxopts::value(options.port)->default_value("8640"));
-  add("listen", "IP address to serve on instead of 127.0.0.1 and ::1; one that other computers reach needs a token",
+  add("listen", "IP address to serve on instead of 127.0.0.1 and ::1; where other computers reach it, give a token",
       cxxopts::value(options.listen), "ADDRESS");
-  add("token", "What the page is opened with, as ?token=TOKEN (other users of this computer can see it)",
+  add("token", "What the page is opened with, as ?token=TOKEN (other users can see it); else a random one is printed",
       cxxopts::value(options.token), "TOKEN");
   add("token-file", "The same, from the first line of a file", cxxopts::value(options.token_file), "FILE");
   add("json", "Print {\"url\": ...} once it serves", cxxopts::value(options.json));

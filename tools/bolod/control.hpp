@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "src/core/result.hpp"
+#include "tools/bolod/request_server.hpp"
 
 namespace bolo::daemon {
 
@@ -17,14 +18,15 @@ std::string default_control_socket(const std::string& name);
 // A path that no socket can have is bad input. Thread: any.
 Status check_control_socket(const std::string& path);
 
-// Serves one client after the other on a thread of its own, which touches nothing that frames pass.
+// Serves clients as RequestServer does.
 class ControlServer {
  public:
   // The answer to a request, without the line's end. Thread: the server's.
   using Answer = std::function<std::string(std::string_view request)>;
 
   // Makes the socket, and its folder when that is missing; what a dead daemon left there is replaced. `mode`:
-  // permission bits. A path that cannot be used, or where a living daemon listens, is bad input. Thread: setup.
+  // permission bits. A path that cannot be used, in a folder whose owner or others could put another socket in its
+  // place, or where a living daemon listens, is bad input. Thread: setup.
   static Result<std::unique_ptr<ControlServer>> start(const std::string& path, unsigned mode, Answer answer);
   // Ends the thread, once it has answered, and removes the socket.
   ~ControlServer();
@@ -32,9 +34,10 @@ class ControlServer {
   ControlServer& operator=(const ControlServer&) = delete;
 
  private:
-  struct Impl;
-  explicit ControlServer(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  ControlServer(std::string path, UniqueFd listener, Answer answer);
+
+  std::string path_;
+  RequestServer server_;
 };
 
 }  // namespace bolo::daemon

@@ -14,9 +14,11 @@
 #include <optional>
 #include <string_view>
 #include <thread>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
+#include "src/core/clock.hpp"
 #include "src/deblur/isa.hpp"
 #include "tools/bolod/compose.hpp"
 #include "tools/bolod/control.hpp"
@@ -34,6 +36,7 @@ namespace {
 
 namespace event = pipeline::event;
 
+constexpr std::int64_t kMetricsRetryNs = 2'000'000'000;
 constexpr timespec kLookPeriod{0, 100'000'000};  // how late a signal's or the source's end may be noticed
 
 sigset_t our_signals() {
@@ -96,10 +99,11 @@ struct Daemon::Impl {
   std::optional<Supervisor> supervisor;    // from create() on
   std::unique_ptr<ControlServer> control;  // goes first, with the next: they ask all others
   std::unique_ptr<MetricsServer> metrics;
+  std::int64_t next_metrics_try_ns = 0;
 
   Status compose();
   Status listen();
-  Status serve_metrics();
+  void serve_metrics();
   std::string answer(std::string_view request) const;
   void watch(OnHangup on_hangup);
   bool take_signal(OnHangup on_hangup);
@@ -148,14 +152,19 @@ Status Daemon::Impl::listen() {
   return {};
 }
 
-Status Daemon::Impl::serve_metrics() {
-  if (!config.metrics.enabled) return {};
+// Who has the port may go: frames matter more than numbers.
+void Daemon::Impl::serve_metrics() {
+  if (!config.metrics.enabled || metrics != nullptr || monotonic_ns() < next_metrics_try_ns) return;
+  const bool first = std::exchange(next_metrics_try_ns, monotonic_ns() + kMetricsRetryNs) == 0;
   auto made = MetricsServer::start(config.metrics, [this] {
     return collect_metrics({config.name, *pipeline, sinks.video, supervisor->flows()});
   });
-  if (!made) return tl::unexpected<Error>(made.error());
-  metrics = std::move(*made);
-  return {};
+  if (made) {
+    metrics = std::move(*made);
+    if (!first) log->info("metrics are served at {}", config.metrics.listen);
+  } else if (first) {
+    log->warn("{}; it is tried again all the time", made.error().message);
+  }
 }
 
 // On the control server's thread.
@@ -194,6 +203,7 @@ void Daemon::Impl::watch(OnHangup on_hangup) {
   while (!ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
     if (take_signal(on_hangup)) break;
     supervisor->look();
+    serve_metrics();
   }
   service::tell_stopping();
 }
@@ -243,7 +253,7 @@ Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::
   const int stall_ms = config.source == SourceType::kUsb ? config.usb.stall_ms : config.camera.stall_ms;
   impl->supervisor.emplace(Supervisor::Subject{*impl->log, *impl->pipeline, impl->sinks.video, stall_ms});
   if (const Status status = impl->listen(); !status) return tl::unexpected<Error>(status.error());
-  if (const Status status = impl->serve_metrics(); !status) return tl::unexpected<Error>(status.error());
+  impl->serve_metrics();
   return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
 }
 

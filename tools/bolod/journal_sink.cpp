@@ -16,6 +16,8 @@
 
 #include <spdlog/sinks/base_sink.h>
 
+#include "src/core/printable.hpp"
+
 namespace bolo::daemon {
 namespace {
 
@@ -60,7 +62,7 @@ class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
     vectors.reserve(fields.size());
     for (std::string& one : fields) vectors.push_back({one.data(), one.size()});
     if (send_(vectors) >= 0) return;
-    std::fprintf(stderr, "<%c>%.*s\n", priority(message.level), static_cast<int>(text.size()), text.data());
+    std::fprintf(stderr, "<%c>%s\n", priority(message.level), printable(text).c_str());
   }
   void flush_() override {}
 

@@ -2,10 +2,16 @@
 
 #include <sys/uio.h>
 
+#include <ctime>
+#include <memory>
+#include <string>
+#include <utility>
 #include <vector>
 
+#include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_sinks.h>
 
+#include "src/core/printable.hpp"
 #include "tools/bolod/journal_sink.hpp"
 #include "tools/bolod/queued_sink.hpp"
 
@@ -26,9 +32,21 @@ spdlog::level::level_enum spdlog_level(LogLevel level) {
   return spdlog::level::err;
 }
 
+// A message as it may be shown: cameras and files have a say in it.
+class PrintableText final : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& to) override {
+    const std::string text = printable({message.payload.data(), message.payload.size()});
+    to.append(text.data(), text.data() + text.size());
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<PrintableText>(); }
+};
+
 spdlog::sink_ptr text_sink() {
   auto sink = std::make_shared<spdlog::sinks::stderr_sink_mt>();
-  sink->set_pattern("%Y-%m-%d %H:%M:%S.%e %l: %v");
+  auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  formatter->add_flag<PrintableText>('*').set_pattern("%Y-%m-%d %H:%M:%S.%e %l: %*");
+  sink->set_formatter(std::move(formatter));
   return sink;
 }
 

@@ -6,6 +6,7 @@
 
 #include <cxxopts.hpp>
 
+#include "src/core/printable.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/bolod/daemon.hpp"
 #include "tools/bolod/log.hpp"
@@ -18,7 +19,7 @@ constexpr int kExitFailed = 1;
 constexpr int kExitUsage = 2;
 
 int report(const bolo::Error& error) {
-  std::fprintf(stderr, "bolod: %s\n", error.message.c_str());
+  std::fprintf(stderr, "bolod: %s\n", bolo::printable(error.message).c_str());
   return error.exit_code();
 }
 
@@ -30,7 +31,7 @@ int report_start(const bolo::Error& error) {
 }
 
 int usage(const std::string& what) {
-  std::fprintf(stderr, "bolod: %s; see bolod --help\n", what.c_str());
+  std::fprintf(stderr, "bolod: %s; see bolod --help\n", bolo::printable(what).c_str());
   return kExitUsage;
 }
 

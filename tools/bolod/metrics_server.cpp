@@ -2,15 +2,16 @@
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
+#include <sys/socket.h>
 
+#include <cerrno>
 #include <charconv>
-#include <exception>
+#include <cstring>
 #include <optional>
 #include <string>
 #include <utility>
 
-#include <prometheus/collectable.h>
-#include <prometheus/exposer.h>
+#include <prometheus/text_serializer.h>
 
 namespace bolo::daemon {
 namespace {
@@ -47,21 +48,51 @@ Address classify(const std::string& host) {
   return {true, IN6_IS_ADDR_LOOPBACK(&v6) != 0};
 }
 
-class Collector final : public prometheus::Collectable {
- public:
-  explicit Collector(MetricsServer::Collect collect) : collect_(std::move(collect)) {}
-  std::vector<prometheus::MetricFamily> Collect() const override { return collect_(); }
+constexpr RequestServer::Limits kLimits{.clients = 16, .patience_ms = 2000, .longest_request = 8192};
+constexpr int kBacklog = 64;
 
- private:
-  MetricsServer::Collect collect_;
-};
+// Of an address that check_listen() let pass.
+Result<UniqueFd> listen_at(const Listen& listen) {
+  sockaddr_storage place{};
+  auto& v4 = reinterpret_cast<sockaddr_in&>(place);
+  auto& v6 = reinterpret_cast<sockaddr_in6&>(place);
+  const bool is_v6 = listen.host.starts_with('[');
+  place.ss_family = is_v6 ? AF_INET6 : AF_INET;
+  if (is_v6) {
+    inet_pton(AF_INET6, listen.host.substr(1, listen.host.size() - 2).c_str(), &v6.sin6_addr);
+    v6.sin6_port = htons(static_cast<std::uint16_t>(listen.port));
+  } else {
+    inet_pton(AF_INET, listen.host.c_str(), &v4.sin_addr);
+    v4.sin_port = htons(static_cast<std::uint16_t>(listen.port));
+  }
+  const socklen_t bytes = is_v6 ? sizeof v6 : sizeof v4;
+  UniqueFd fd(socket(place.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  const int on = 1;
+  setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);  // after a daemon that has just ended
+  if (fd && bind(fd.get(), reinterpret_cast<const sockaddr*>(&place), bytes) == 0 &&
+      ::listen(fd.get(), kBacklog) == 0) {
+    return fd;
+  }
+  const std::string port = std::to_string(listen.port);
+  return failed("metrics.listen: cannot listen at " + listen.host + ":" + port + " (" + std::strerror(errno) +
+                "); who has it: ss -ltnp 'sport = :" + port + "'; end that, or set metrics.listen to a free port");
+}
+
+std::string http_answer(const std::string& status, const std::string& body) {
+  return "HTTP/1.1 " + status + "\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\nContent-Length: " +
+         std::to_string(body.size()) + "\r\nConnection: close\r\n\r\n" + body;
+}
+
+// Nothing: the headers have not ended yet.
+std::optional<std::string> answer_to(std::string_view received, const MetricsServer::Collect& collect) {
+  if (received.find("\r\n\r\n") == std::string_view::npos) return std::nullopt;
+  if (!received.starts_with("GET ")) return http_answer("405 Method Not Allowed", "only GET is understood\n");
+  const std::string_view path = received.substr(4, received.find_first_of(" ?\r", 4) - 4);
+  if (path != "/metrics") return http_answer("404 Not Found", "what is here is /metrics\n");
+  return http_answer("200 OK", prometheus::TextSerializer().Serialize(collect()));
+}
 
 }  // namespace
-
-struct MetricsServer::Impl {
-  std::shared_ptr<Collector> collector;
-  std::unique_ptr<prometheus::Exposer> exposer;
-};
 
 Status check_listen(const MetricsOptions& options) {
   const auto listen = parse(options.listen);
@@ -75,20 +106,14 @@ Status check_listen(const MetricsOptions& options) {
 }
 
 Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const MetricsOptions& options, Collect collect) {
-  constexpr std::size_t kThreads = 2;
-  auto impl = std::make_unique<Impl>();
-  impl->collector = std::make_shared<Collector>(std::move(collect));
-  try {
-    impl->exposer = std::make_unique<prometheus::Exposer>(options.listen, kThreads);
-    impl->exposer->RegisterCollectable(impl->collector);
-  } catch (const std::exception&) {  // it does not say why
-    return bad_input("metrics.listen: cannot listen at " + options.listen +
-                     "; another program may: set metrics.listen to a free port");
-  }
-  return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(impl)));
+  if (const Status good = check_listen(options); !good) return tl::unexpected<Error>(good.error());
+  Result<UniqueFd> listener = listen_at(*parse(options.listen));
+  if (!listener) return tl::unexpected<Error>(listener.error());
+  return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(*listener), std::move(collect)));
 }
 
-MetricsServer::MetricsServer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
-MetricsServer::~MetricsServer() = default;
+MetricsServer::MetricsServer(UniqueFd listener, Collect collect)
+    : server_(std::move(listener), kLimits,
+              [collect = std::move(collect)](std::string_view received) { return answer_to(received, collect); }) {}
 
 }  // namespace bolo::daemon

@@ -9,28 +9,26 @@
 
 #include "src/core/result.hpp"
 #include "tools/bolod/config.hpp"
+#include "tools/bolod/request_server.hpp"
 
 namespace bolo::daemon {
 
 // An address and port; of another computer's reach only where that is allowed. Thread: any.
 Status check_listen(const MetricsOptions& options);
 
-// Serves /metrics on threads of its own, which touch nothing that frames pass.
+// Serves /metrics as RequestServer does.
 class MetricsServer {
  public:
   // What a scrape gets. Thread: the server's.
   using Collect = std::function<std::vector<prometheus::MetricFamily>()>;
 
-  // An address that cannot be had is bad input. Thread: setup.
+  // That the address can't be had now, for another program has it or no interface does, is a failure. Thread: setup.
   static Result<std::unique_ptr<MetricsServer>> start(const MetricsOptions& options, Collect collect);
-  ~MetricsServer();
-  MetricsServer(const MetricsServer&) = delete;
-  MetricsServer& operator=(const MetricsServer&) = delete;
 
  private:
-  struct Impl;
-  explicit MetricsServer(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  MetricsServer(UniqueFd listener, Collect collect);
+
+  RequestServer server_;
 };
 
 }  // namespace bolo::daemon

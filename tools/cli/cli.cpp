@@ -7,6 +7,8 @@
 #include <iostream>
 #include <utility>
 
+#include "src/core/printable.hpp"
+
 namespace bolo::tools {
 namespace {
 
@@ -29,11 +31,11 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
     }
     if (!parsed.unmatched().empty()) {
       std::fprintf(stderr, "%s %s: unexpected argument '%s'; see %s %s --help\n", g_program.c_str(), argv[0],
-                   parsed.unmatched().front().c_str(), g_program.c_str(), argv[0]);
+                   printable(parsed.unmatched().front()).c_str(), g_program.c_str(), argv[0]);
       return kExitUsage;
     }
   } catch (const cxxopts::exceptions::exception& e) {
-    std::fprintf(stderr, "%s %s: %s; see %s %s --help\n", g_program.c_str(), argv[0], e.what(), g_program.c_str(),
+    std::fprintf(stderr, "%s %s: %s; see %s %s --help\n", g_program.c_str(), argv[0], printable(e.what()).c_str(), g_program.c_str(),
                  argv[0]);
     return kExitUsage;
   }
@@ -49,7 +51,7 @@ std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, 
 }
 
 int report(const std::string& verb, const Error& error) {
-  std::fprintf(stderr, "%s %s: %s\n", g_program.c_str(), verb.c_str(), error.message.c_str());
+  std::fprintf(stderr, "%s %s: %s\n", g_program.c_str(), verb.c_str(), printable(error.message).c_str());
   return error.exit_code();
 }
 

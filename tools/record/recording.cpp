@@ -1,22 +1,18 @@
 #include "tools/record/recording.hpp"
 
 #include <algorithm>
-#include <chrono>
-#include <cstring>
-#include <thread>
 #include <utility>
 
-#include "drivers/shm/shm_reader.hpp"
+#include "drivers/shm/followed_stream.hpp"
 #include "src/core/clock.hpp"
 #include "tools/record/rising_stream.hpp"
 
 namespace bolo::tools {
 namespace {
 
-using shm::ShmReader;
+using shm::FollowedStream;
 
 constexpr int kReadTimeout_ms = 100;
-constexpr auto kLookAgainAfter = std::chrono::milliseconds(50);
 
 bool same_stream(const bolo_shm_header& a, const bolo_shm_header& b) {
   return a.width == b.width && a.height == b.height && a.unit == b.unit && a.scale == b.scale && a.offset == b.offset &&
@@ -39,15 +35,15 @@ FileWriterOptions writer_options(const RecordRequest& request, const bolo_shm_he
 
 class Recording {
  public:
-  Recording(const RecordRequest& request, ShmReader reader, std::unique_ptr<FileWriter> writer,
+  Recording(const RecordRequest& request, FollowedStream stream, std::unique_ptr<FileWriter> writer,
             const std::atomic<bool>& stop)
       : request_(request),
-        reader_(std::move(reader)),
-        header_(reader_.header()),
+        stream_(std::move(stream)),
+        header_(stream_.reader().header()),
         writer_(std::move(writer)),
         stop_(stop),
-        stream_(header_.frame_period_s),
-        next_(reader_.published()) {
+        rising_(header_.frame_period_s),
+        published_before_(stream_.reader().published()) {
     result_.buffer_frames = writer_->slots();
   }
 
@@ -72,50 +68,57 @@ class Recording {
 
   // Takes the next frame, if one comes. False: there is no more to come.
   bool look() {
-    switch (reader_.read(next_, frame_, kReadTimeout_ms)) {
-      case ShmReader::Outcome::kFrame:
-        take();
-        ++next_;
+    shm::BorrowedFrame frame;
+    std::uint64_t missed = 0;
+    const FollowedStream::Outcome outcome = stream_.next(frame, missed, kReadTimeout_ms);
+    if (outcome != FollowedStream::Outcome::kEnded) ended_ns_ = 0;
+    switch (outcome) {
+      case FollowedStream::Outcome::kFrame:
+        if (stream_.restarts() == 0 && frame.number < published_before_) return true;
+        skip_overwritten(missed);
+        take(frame);
         return true;
-      case ShmReader::Outcome::kOverwritten:
-        skip_overwritten();
+      case FollowedStream::Outcome::kTimeout:
         return true;
-      case ShmReader::Outcome::kTimeout:
-        return true;
-      case ShmReader::Outcome::kClosed:
-        return find_again();
+      case FollowedStream::Outcome::kEnded:
+        return wait_for_another();
+      case FollowedStream::Outcome::kRestarted:
+        return go_on();
     }
     return true;
   }
 
-  // To the middle of the ring: at its tail the writer would be faster again.
-  void skip_overwritten() {
-    const std::uint64_t published = reader_.published();
-    const std::uint64_t middle = published - std::min<std::uint64_t>(published, header_.slot_count / 2);
-    const std::uint64_t to = std::max(next_ + 1, middle);
-    result_.lost_overwritten += to - next_;
-    lost_here_ += to - next_;
+  void skip_overwritten(std::uint64_t frames) {
+    if (frames == 0) return;
+    result_.lost_overwritten += frames;
+    lost_here_ += frames;
     marks_ |= kMarkGap;
-    next_ = to;
   }
 
-  void take() {
-    const FrameMeta meta = stream_.place(frame_.meta, std::exchange(restarted_, false));
-    if (stream_.shifted()) marks_ |= kMarkReconnect;
+  void take(const shm::BorrowedFrame& frame) {
+    if (slot_ == nullptr) slot_ = writer_->take();
+    void* const plane = slot_ != nullptr ? slot_->data : nullptr;
+    const bool raw = request_.plane == RecordedPlane::kRaw;
+    bolo_shm_slot head = frame.head;
+    if (plane != nullptr &&
+        !shm::read_slot(frame.slot, frame.layout, frame.number, head, raw ? plane : nullptr, raw ? nullptr : plane)) {
+      return skip_overwritten(1);
+    }
+    const FrameMeta meta =
+        rising_.place({head.frame_id, head.camera_ns, head.receive_ns, head.flags, head.host_ns}, restarted_);
+    restarted_ = false;
+    if (rising_.shifted()) marks_ |= kMarkReconnect;
     count_jump(meta);
     const bool nuc = (meta.flags & kFlagNuc) != 0;
     if (nuc && !nuc_) marks_ |= kMarkNuc;
     nuc_ = nuc;
-    rt::FrameSlot* slot = writer_->take();
-    if (slot == nullptr) {
+    if (slot_ == nullptr) {
       ++result_.lost_no_room;
       marks_ |= kMarkGap;
       return;
     }
-    const auto& plane = request_.plane == RecordedPlane::kRaw ? frame_.raw : frame_.deblurred;
-    std::memcpy(slot->data, plane.data(), plane.size() * sizeof(plane[0]));
-    slot->meta = meta;
-    writer_->put(*slot, std::exchange(marks_, kMarkNone));
+    slot_->meta = meta;
+    writer_->put(*std::exchange(slot_, nullptr), std::exchange(marks_, kMarkNone));
     if (taken_++ == 0) first_ns_ = monotonic_ns();
   }
 
@@ -130,33 +133,24 @@ class Recording {
     any_ = true;
   }
 
-  // Waits for a daemon under the same name, or for this one to go on.
-  bool find_again() {
-    const std::int64_t until_ns = monotonic_ns() + static_cast<std::int64_t>(request_.wait_s * kNsPerSecond);
-    while (!done() && monotonic_ns() < until_ns) {
-      if (!reader_.closed()) return true;
-      if (Result<ShmReader> found = ShmReader::open(request_.name);
-          found && !found->closed() && found->header().start_ns != header_.start_ns) {
-        return follow(std::move(*found));
-      }
-      std::this_thread::sleep_for(kLookAgainAfter);
-    }
-    if (!done() && (request_.frames > 0 || request_.seconds > 0.0)) {
-      result_.status = failed("the daemon '" + request_.name + "' ended and did not come back in time");
+  // For a daemon under the same name, or for this one to go on. False: it has been too long.
+  bool wait_for_another() {
+    const std::int64_t now_ns = monotonic_ns();
+    if (ended_ns_ == 0) ended_ns_ = now_ns;
+    if (static_cast<double>(now_ns - ended_ns_) < request_.wait_s * kNsPerSecond) return true;
+    if (request_.frames > 0 || request_.seconds > 0.0) {
+      result_.status =
+          failed("the daemon '" + request_.name + "' ended and did not come back in time: " + stream_.obstacle());
     }
     return false;
   }
 
-  bool follow(ShmReader found) {
-    const bolo_shm_header header = found.header();
-    if (!same_stream(header, header_)) {
+  bool go_on() {
+    if (!same_stream(stream_.reader().header(), header_)) {
       result_.status = failed("the daemon '" + request_.name +
                               "' came back with frames of another size or scale; record them to another file");
       return false;
     }
-    reader_ = std::move(found);
-    header_ = header;
-    next_ = 0;
     marks_ |= kMarkReconnect;
     restarted_ = true;
     ++result_.reconnects;
@@ -164,16 +158,17 @@ class Recording {
   }
 
   const RecordRequest& request_;
-  ShmReader reader_;
-  bolo_shm_header header_;
+  FollowedStream stream_;
+  const bolo_shm_header header_;  // of the first daemon
   std::unique_ptr<FileWriter> writer_;
   const std::atomic<bool>& stop_;
-  RisingStream stream_;
-  shm::ReadFrame frame_;
+  RisingStream rising_;
+  const std::uint64_t published_before_;  // by the first daemon: not asked for
   RecordResult result_;
-  std::uint64_t next_;  // publication number
+  rt::FrameSlot* slot_ = nullptr;  // to be filled next; the writer's end takes it back
   std::uint64_t taken_ = 0;
   std::int64_t first_ns_ = 0;
+  std::int64_t ended_ns_ = 0;  // since when there is no living daemon; 0: there is one
   std::uint64_t last_id_ = 0;
   std::uint64_t lost_here_ = 0;  // overwritten since the last frame taken
   std::uint32_t marks_ = kMarkNone;
@@ -187,11 +182,11 @@ class Recording {
 
 Result<RecordResult> record(const RecordRequest& request, const std::atomic<bool>& stop,
                             const std::function<void(std::uint64_t)>& progress) {
-  Result<ShmReader> reader = ShmReader::open(request.name);
-  if (!reader) return tl::unexpected<Error>(reader.error());
-  auto writer = FileWriter::start(writer_options(request, reader->header()));
+  Result<FollowedStream> stream = FollowedStream::open(request.name, 0);
+  if (!stream) return tl::unexpected<Error>(stream.error());
+  auto writer = FileWriter::start(writer_options(request, stream->reader().header()));
   if (!writer) return tl::unexpected<Error>(writer.error());
-  return Recording(request, std::move(*reader), std::move(*writer), stop).run(progress);
+  return Recording(request, std::move(*stream), std::move(*writer), stop).run(progress);
 }
 
 }  // namespace bolo::tools

@@ -2,9 +2,11 @@
 
 #include <arpa/inet.h>
 #include <strings.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <fstream>
 #include <string_view>
@@ -39,6 +41,7 @@ bool is_numeric(const std::string& address) {
 bool equal_names(const std::string& a, const std::string& b) { return strcasecmp(a.c_str(), b.c_str()) == 0; }
 
 bool has_token(const Access& access, const Request& request) {
+  if (access.token.empty()) return false;
   return same(request.cookie(cookie_name(access).c_str()).value_or(""), access.token) ||
          same(request.argument("token").value_or(""), access.token);
 }
@@ -56,6 +59,20 @@ Status check_token(const std::string& token) {
                                  [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; });
   if (clean && token.size() >= kShortestToken && token.size() <= kLongestToken) return {};
   return bad_input("the token must have 16 to 128 letters, digits, '-' or '_'; make one: openssl rand -hex 16");
+}
+
+Result<std::string> random_token() {
+  std::array<unsigned char, 16> bytes{};
+  if (getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) {
+    return failed("the system has no random numbers: give --token-file FILE");
+  }
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string token;
+  for (const unsigned char byte : bytes) {
+    token += kDigits[byte >> 4U];
+    token += kDigits[byte & 15U];
+  }
+  return token;
 }
 
 Result<std::string> read_token(const std::string& file) {
@@ -88,8 +105,8 @@ std::optional<Answer> refusal(const Access& access, const Request& request) {
   const auto host = request.header("Host");
   if (!host) return line(400, "the Host header is missing");
   if (!is_this_computer(access, *host)) return line(403, "this address does not belong to the view: use localhost");
-  if (!access.token.empty() && !has_token(access, request)) {
-    return line(401, "a token is needed: open the address with ?token=TOKEN, as bolo view was started with");
+  if (!has_token(access, request)) {
+    return line(401, "a token is needed: open the address that bolo view printed, or with the ?token= it was given");
   }
   const bool page = request.path() == "/";  // may be reached by a link
   if (!page && from_another_site(request)) return line(403, "only the view's own page may ask for this");
@@ -100,7 +117,7 @@ std::optional<Answer> refusal(const Access& access, const Request& request) {
 }
 
 std::optional<std::string> cookie_for(const Access& access, const Request& request) {
-  if (access.token.empty() || !request.argument("token")) return std::nullopt;
+  if (!request.argument("token")) return std::nullopt;
   return cookie_name(access) + "=" + access.token + "; Path=/; HttpOnly; SameSite=Strict; Max-Age=604800";
 }
 

@@ -1,5 +1,6 @@
-// Who may ask the view for what. A browser sends requests to loopback on behalf of any page that it shows, so what is
-// local is not trusted for being local.
+// Who may ask the view for what. A browser sends requests to loopback on behalf of any page that it shows, and any user
+// of this computer can connect, whatever he may read of shared memory and control socket: what is local is not trusted
+// for being local.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +13,7 @@
 namespace bolo::view {
 
 struct Access {
-  std::string token;             // empty: none is asked for
+  std::string token;             // that every request has to bring; an empty one lets nobody in
   bool beyond_loopback = false;  // other computers may connect: they name this one by its address or its host name
   std::string host_name{};
   std::uint16_t port = 0;
@@ -20,6 +21,8 @@ struct Access {
 
 // Good tokens have 16 to 128 letters, digits, '-' and '_'. Thread: any.
 Status check_token(const std::string& token);
+// 32 letters that nobody can guess. Thread: setup.
+Result<std::string> random_token();
 // The first line of a file that only its owner may read. Thread: setup.
 Result<std::string> read_token(const std::string& file);
 

@@ -5,6 +5,7 @@
 #include <span>
 
 #include "drivers/shm/camera_block.hpp"
+#include "src/core/printable.hpp"
 #include "src/pipeline/source_status.hpp"
 #include "src/rt/counters.hpp"
 
@@ -34,7 +35,7 @@ template <typename... Values>
 std::string line(const char* format, Values... values) {
   char text[512];
   std::snprintf(text, sizeof text, format, values...);
-  return std::string(text).substr(0, 79) + "\n";
+  return printable(std::string_view(text).substr(0, 79)) + "\n";
 }
 
 std::string duration(double s) {

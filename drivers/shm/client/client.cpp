@@ -61,6 +61,7 @@ int result_of(Refusal refusal) {
     case Refusal::kAbsent:
       return BOLO_CLIENT_ABSENT;
     case Refusal::kDenied:
+    case Refusal::kForeign:
       return BOLO_CLIENT_DENIED;
     case Refusal::kNotReady:
     case Refusal::kBadLayout:

@@ -3,32 +3,21 @@
 #include <grp.h>
 #include <gtest/gtest.h>
 #include <sys/mman.h>
-#include <sys/wait.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
-#include <functional>
+#include <cstdlib>
 
 #include "tests/drivers/shm/client_rig.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
+#include "tests/drivers/shm/unprivileged.hpp"
 
 namespace bolo::shm {
 namespace {
 
-constexpr uid_t kNobody = 65534;
-constexpr gid_t kNoGroup = 65534;
+constexpr uid_t kStranger = 4321;
 constexpr const char* kGroup = "video";
-
-// Runs `work` in a child without privileges, member of `groups`; what it returns. -1: it did not get there.
-int unprivileged(const std::vector<gid_t>& groups, const std::function<int()>& work) {
-  const pid_t child = fork();
-  if (child == 0) {
-    const bool dropped = setgroups(groups.size(), groups.data()) == 0 && setgid(kNoGroup) == 0 && setuid(kNobody) == 0;
-    _exit(dropped ? work() : 99);
-  }
-  int status = 0;
-  return waitpid(child, &status, 0) == child && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
 
 class ClientAccess : public testing::Test {
  protected:
@@ -84,6 +73,40 @@ TEST_F(ClientAccess, AMemberGetsNoWriteAccess) {
     return open(("/proc/self/fd/" + std::to_string(fd)).c_str(), O_RDWR) < 0 ? 0 : 8;
   });
   EXPECT_EQ(result, 0) << "the number of the first thing that should have been refused";
+}
+
+// Anybody may make shared memory of any name: a reader looks whose it is.
+TEST_F(ClientAccess, AStrangersObjectIsNotBelieved) {
+  ASSERT_EQ(chown(("/dev/shm" + path_).c_str(), kStranger, group_), 0);
+  ASSERT_EQ(chmod(("/dev/shm" + path_).c_str(), 0644), 0);
+  const auto look = [&](const char* believed) {
+    setenv("BOLO_USER", believed, 1);
+    bolo_client* client = nullptr;
+    const int result = bolo_client_open(name_.c_str(), 0, &client);
+    bolo_client_close(client);
+    return result;
+  };
+  const int as_nobody = unprivileged({}, [&] {
+    if (look("") != BOLO_CLIENT_DENIED || look("65534") != BOLO_CLIENT_DENIED) return 1;
+    const std::string text = bolo_client_error(nullptr);
+    if (text.find("belongs to user 4321, not to bolo") == std::string::npos) return 2;
+    if (look("no such user") != BOLO_CLIENT_DENIED || look("4321x") != BOLO_CLIENT_DENIED) return 3;
+    return look("4321") == BOLO_CLIENT_OK ? 0 : 4;
+  });
+  EXPECT_EQ(as_nobody, 0) << "the number of the first thing that was wrong";
+  EXPECT_EQ(unprivileged(
+                {}, [&] { return look(""); }, kStranger),
+            BOLO_CLIENT_OK)
+      << "his own";
+  EXPECT_EQ(look(""), BOLO_CLIENT_DENIED) << "by root";
+  ASSERT_EQ(chown(("/dev/shm" + path_).c_str(), kNobody, group_), 0);
+  EXPECT_EQ(unprivileged(
+                {}, [&] { return look("nobody"); }, kStranger),
+            BOLO_CLIENT_OK)
+      << "named";
+  ASSERT_EQ(chown(("/dev/shm" + path_).c_str(), 0, group_), 0);
+  EXPECT_EQ(unprivileged({}, [&] { return look(""); }), BOLO_CLIENT_OK) << "root's";
+  unsetenv("BOLO_USER");
 }
 
 // What the library maps is read-only even for those who may write: the owner itself, and root.

@@ -28,7 +28,7 @@ inline void fill(std::vector<std::uint16_t>& plane, std::uint64_t frame, std::si
 
 // A sink, its format, and the statistics that a pipeline would give it.
 struct Writer {
-  explicit Writer(const std::string& name, Geometry geometry = {33, 7}) : sink({name, 0, 0644, ""}) {
+  explicit Writer(const std::string& name, Geometry geometry = {33, 7}, int slots = 0) : sink({name, slots, 0644, ""}) {
     format.source.format.geometry = geometry;
     format.source.format.scale = {Unit::kKelvin, 0.01, 5.0};
     format.source.format.frame_period_s = 0.005;

@@ -1,6 +1,13 @@
 // A frame's way through shared memory: one writer, one reader, everything in order.
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <linux/futex.h>
+#include <sys/mman.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <climits>
 #include <thread>
 
 #include "tests/drivers/shm/shm_rig.hpp"
@@ -199,6 +206,38 @@ TEST(ShmReader, ReadsWhatIsLeftAndThenSaysClosed) {
   EXPECT_TRUE(reader->closed());
   EXPECT_EQ(reader->read(0, frame, 0), Outcome::kFrame);
   EXPECT_TRUE(intact(frame, 0));
+}
+
+// A read-only mapping is enough to move all that wait on its futex to another one, where the writer does not wake them.
+TEST(ShmReader, AnotherReaderDelaysItByLittleMoreThanAPeriod) {
+  const std::string name = unique_name("requeue");
+  Writer writer(name);
+  ASSERT_TRUE(writer.open());
+  auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  const int fd = shm_open(("/bolo." + name).c_str(), O_RDONLY, 0);
+  void* const memory = mmap(nullptr, sizeof(bolo_shm_header), PROT_READ, MAP_SHARED, fd, 0);
+  close(fd);
+  ASSERT_NE(memory, MAP_FAILED);
+  const std::uint32_t& wake = static_cast<const bolo_shm_header*>(memory)->wake;
+  std::uint32_t elsewhere = 0;
+  constexpr std::size_t kRounds = 21;
+  std::vector<double> late_ms;
+  for (std::uint64_t round = 0; round < kRounds; ++round) {
+    std::int64_t seen_ns = 0;
+    std::thread waiting([&] {
+      EXPECT_EQ(reader->wait(round, 60'000), Outcome::kFrame);
+      seen_ns = monotonic_ns();
+    });
+    while (syscall(SYS_futex, &wake, FUTEX_REQUEUE, 0, INT_MAX, &elsewhere, 0) < 1) std::this_thread::yield();
+    const std::int64_t published_ns = monotonic_ns();
+    writer.publish();
+    waiting.join();
+    late_ms.push_back(static_cast<double>(seen_ns - published_ns) * 1e-6);
+  }
+  munmap(memory, sizeof(bolo_shm_header));
+  std::nth_element(late_ms.begin(), late_ms.begin() + kRounds / 2, late_ms.end());
+  EXPECT_LT(late_ms[kRounds / 2], 50.0) << "of a period of 5 ms; without a bound of its own it sleeps for 100";
 }
 
 TEST(ShmReader, NamesWhatExistsWhenTheNameIsUnknown) {

@@ -1,6 +1,7 @@
 // Who may write under a name: options, permissions, two writers, dead and stopped ones.
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
@@ -11,6 +12,7 @@
 
 #include "drivers/shm/shm_object.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
+#include "tests/drivers/shm/unprivileged.hpp"
 
 namespace bolo::shm {
 namespace {
@@ -59,18 +61,23 @@ TEST(ShmWriters, OnlyOneOfManyStartersWins) {
   }
 }
 
-TEST(ShmWriters, AKilledWritersObjectIsReplaced) {
-  const std::string name = unique_name("killed");
+// A writer that published a frame and was killed: its object and its lock's file stay.
+void leave_a_dead_writer(const std::string& name) {
   const pid_t child = fork();
   if (child == 0) {
     auto* writer = new Writer(name, {8, 8});
     if (!writer->open()) _exit(1);
     writer->publish();
-    _exit(0);  // no destructor: the object stays
+    _exit(0);  // no destructor
   }
   int status = 0;
   ASSERT_EQ(waitpid(child, &status, 0), child);
   ASSERT_EQ(status, 0);
+}
+
+TEST(ShmWriters, AKilledWritersObjectIsReplaced) {
+  const std::string name = unique_name("killed");
+  leave_a_dead_writer(name);
   auto old = ShmReader::open(name);
   ASSERT_TRUE(old) << "a dead writer's frames are still there";
   ReadFrame frame;
@@ -82,6 +89,58 @@ TEST(ShmWriters, AKilledWritersObjectIsReplaced) {
   ASSERT_TRUE(reader);
   EXPECT_EQ(reader->header().width, 16U);
   EXPECT_EQ(old->read(0, frame, 0), Outcome::kFrame) << "an old mapping keeps its old object";
+}
+
+// Whoever can open a file can lock it.
+TEST(ShmWriters, AReadersLockKeepsNoWriterOut) {
+  const std::string name = unique_name("locked");
+  leave_a_dead_writer(name);
+  const int fd = shm_open(("/bolo." + name).c_str(), O_RDONLY, 0);
+  ASSERT_GE(fd, 0);
+  ASSERT_EQ(flock(fd, LOCK_EX | LOCK_NB), 0);
+  Writer next(name);
+  const Status status = next.open();
+  EXPECT_TRUE(status) << status.error().message;
+  close(fd);
+  struct stat lock {};
+  ASSERT_EQ(stat(("/dev/shm/bolo-lock." + name).c_str(), &lock), 0);
+  EXPECT_EQ(lock.st_mode & 0777U, 0600U) << "readers can't open what the writer locks";
+  next.sink.close();
+  EXPECT_NE(stat(("/dev/shm/bolo-lock." + name).c_str(), &lock), 0) << "and it goes with him";
+}
+
+// Only root can take away what others made in /dev/shm; a daemon is told who they are, and may try again.
+TEST(ShmWriters, WhatOthersMadeIsInTheWayAndSaysWhose) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root, to become another user";
+  const auto told_of = [](const std::string& file) {
+    const std::string name = unique_name("squatted");
+    const std::string path = "/" + file + name;
+    const int fd = shm_open(path.c_str(), O_RDWR | O_CREAT | O_EXCL, 0666);
+    EXPECT_GE(fd, 0);
+    fchmod(fd, 0666);  // whatever the umask is
+    close(fd);
+    const int result = unprivileged({}, [&] {
+      Writer writer(name);
+      const Status status = writer.open();
+      if (status || status.error().kind != ErrorKind::kFailed) return 1;
+      const std::string wanted = "/dev/shm" + path + " is in the way: it belongs to user root (uid 0)";
+      return contains(status.error().message, wanted) ? 0 : 2;
+    });
+    shm_unlink(path.c_str());
+    return result;
+  };
+  EXPECT_EQ(told_of("bolo."), 0);
+  EXPECT_EQ(told_of("bolo-lock."), 0);
+}
+
+TEST(ShmWriters, NamesThatAreNoneAreNotListed) {
+  const std::string evil = "/dev/shm/bolo.\x1b[31m" + unique_name("red");
+  close(open(evil.c_str(), O_RDWR | O_CREAT, 0600));
+  for (const std::string& name : ShmReader::names()) EXPECT_EQ(name.find('\x1b'), std::string::npos);
+  const auto none = ShmReader::open("a\x1b[31m\nb");
+  unlink(evil.c_str());
+  ASSERT_FALSE(none);
+  EXPECT_TRUE(contains(none.error().message, "'a?[31m?b' is no name")) << none.error().message;
 }
 
 TEST(ShmWriters, AStoppedWritersNameIsTakenOver) {

@@ -31,7 +31,7 @@ workers = 1
 
 [shm]
 slots = 1024
-mode = 0o640
+group = "readers"
 
 [v4l2]
 enable = true
@@ -44,6 +44,8 @@ settings = pathlib.Path("/etc/systemd/system/bolo-fakecam.service.d/small.conf")
 settings.parent.mkdir(parents=True)
 settings.write_text(CAMERA_SETTINGS)
 (CONFIG / "test.toml").write_text(CONFIGURATION)
+run("groupadd", "--system", "readers")
+run("usermod", "--append", "--groups", "readers", "bolo")
 run("systemctl", "daemon-reload")
 run("bolod", "--check-config", "--config", str(CONFIG / "test.toml"))
 

@@ -5,7 +5,7 @@ import re
 from guest import check, run, saw
 
 UNITS = ("bolod@test.service", "bolo-fakecam.service")
-MOST_EXPOSED = 1.5
+MOST_EXPOSED = 1.7  # 0.2 each: other users exist, and fchown is allowed, for [shm] group
 
 check(run("systemd-analyze", "verify", "--man=no", *UNITS) == "", "systemd-analyze verify has something to say")
 for unit in UNITS:

@@ -1,5 +1,7 @@
-"""Frames lie in shared memory, for the daemon's group and nobody else."""
+"""Frames lie in shared memory, for the group that the configuration names and nobody else."""
 
+import pathlib
+import stat
 import subprocess
 import time
 
@@ -28,7 +30,13 @@ with bolo.Camera("test", timeout=5) as camera:
         check(frame.valid(), f"frame {frame.number} is gone at once")
 saw("python3-bolo reads the same 20 frames")
 
-run("useradd", "--system", "--groups", "bolo", "viewer")
+place = pathlib.Path("/dev/shm/bolo.test")
+is_for = (place.owner(), place.group(), stat.filemode(place.stat().st_mode))
+check(is_for == ("bolo", "readers", "-rw-r-----"), f"shared memory is {is_for}")
+lock = pathlib.Path("/dev/shm/bolo-lock.test")
+check(stat.filemode(lock.stat().st_mode) == "-rw-------", "readers can open what the daemon locks")
+
+run("useradd", "--system", "--groups", "readers", "viewer")
 run("useradd", "--system", "stranger")
 for user, expected in (("viewer", 0), ("stranger", None)):
     as_user = ["setpriv", f"--reuid={user}", f"--regid={user}", "--init-groups"]

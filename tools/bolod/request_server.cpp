@@ -1,0 +1,137 @@
+#include "tools/bolod/request_server.hpp"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdint>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "src/core/clock.hpp"
+
+namespace bolo::daemon {
+namespace {
+
+constexpr int kNsPerMs = 1'000'000;
+constexpr int kNoRoomPause_ms = 100;  // where the process has no descriptor left for a client
+
+struct Client {
+  UniqueFd socket;
+  std::int64_t deadline_ns;
+  std::string received{};
+  std::string answer{};  // what is left of it to be sent
+};
+
+bool passing(int error) { return error == EAGAIN || error == EINTR || error == ECONNABORTED; }
+
+// False: the client has all, or takes no more.
+bool send_rest(Client& client) {
+  const ssize_t sent = send(client.socket.get(), client.answer.data(), client.answer.size(), MSG_NOSIGNAL);
+  if (sent < 0) return passing(errno);
+  client.answer.erase(0, static_cast<std::size_t>(sent));
+  return !client.answer.empty();
+}
+
+}  // namespace
+
+struct RequestServer::Impl {
+  Impl(UniqueFd l, const Limits& m, Answer a)
+      : listener(std::move(l)), stop(eventfd(0, EFD_CLOEXEC)), limits(m), answer(std::move(a)) {}
+
+  std::int64_t deadline() const { return monotonic_ns() + std::int64_t{limits.patience_ms} * kNsPerMs; }
+
+  void serve() {
+    std::vector<pollfd> events;
+    for (;;) {
+      list(events);
+      if (poll(events.data(), events.size(), wait_ms()) < 0 && errno != EINTR) return;
+      if ((events[0].revents & POLLIN) != 0) return;
+      attend(events);
+      if ((events[1].revents & POLLIN) != 0) accept_all();
+    }
+  }
+
+  // What is waited for: the end, somebody new, and each client in the order of `clients`.
+  void list(std::vector<pollfd>& events) const {
+    const bool full = monotonic_ns() < no_room_until_ns;
+    events.assign({{stop.get(), POLLIN, 0}, {full ? -1 : listener.get(), POLLIN, 0}});
+    for (const Client& client : clients) {
+      events.push_back({client.socket.get(), static_cast<short>(client.answer.empty() ? POLLIN : POLLOUT), 0});
+    }
+  }
+
+  // Until the first client's time is over, or there may be descriptors again.
+  int wait_ms() const {
+    std::int64_t until_ns = monotonic_ns() < no_room_until_ns ? no_room_until_ns : INT64_MAX;
+    for (const Client& client : clients) until_ns = std::min(until_ns, client.deadline_ns);
+    if (until_ns == INT64_MAX) return -1;
+    return static_cast<int>(std::max<std::int64_t>(0, until_ns - monotonic_ns()) / kNsPerMs + 1);
+  }
+
+  // Who has something to say is heard before those are let go whose time is over: an answer to another may have taken
+  // it.
+  void attend(const std::vector<pollfd>& events) {
+    std::vector<Client> stay;
+    for (std::size_t i = 0; i < clients.size(); ++i) {
+      Client& client = clients[i];
+      const bool ready = events[i + 2].revents != 0;
+      const bool wanted = ready ? proceed(client) : monotonic_ns() < client.deadline_ns;
+      if (wanted && monotonic_ns() < client.deadline_ns) stay.push_back(std::move(client));
+    }
+    clients = std::move(stay);
+  }
+
+  // False: done with the client, or it is gone.
+  bool proceed(Client& client) {
+    if (!client.answer.empty()) return send_rest(client);
+    std::array<char, 4096> part;
+    const ssize_t got = recv(client.socket.get(), part.data(), part.size(), 0);
+    if (got <= 0) return got < 0 && passing(errno);
+    client.received.append(part.data(), static_cast<std::size_t>(got));
+    std::optional<std::string> text = answer(client.received);
+    if (!text) return client.received.size() < limits.longest_request;
+    client.answer = std::move(*text);
+    client.deadline_ns = deadline();
+    return send_rest(client);
+  }
+
+  void accept_all() {
+    for (std::size_t i = 0; i < limits.clients; ++i) {
+      UniqueFd socket(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+      if (!socket) {
+        // The listener stays readable meanwhile: without a pause this would turn for ever.
+        if (!passing(errno)) no_room_until_ns = monotonic_ns() + std::int64_t{kNoRoomPause_ms} * kNsPerMs;
+        return;
+      }
+      if (clients.size() >= limits.clients) clients.erase(clients.begin());
+      clients.push_back({std::move(socket), deadline()});
+    }
+  }
+
+  UniqueFd listener;
+  UniqueFd stop;
+  Limits limits;
+  Answer answer;
+  std::vector<Client> clients{};  // who came first, first
+  std::int64_t no_room_until_ns = 0;
+  std::thread thread{};
+};
+
+RequestServer::RequestServer(UniqueFd listener, const Limits& limits, Answer answer)
+    : impl_(std::make_unique<Impl>(std::move(listener), limits, std::move(answer))) {
+  impl_->thread = std::thread([self = impl_.get()] { self->serve(); });
+}
+
+RequestServer::~RequestServer() {
+  const std::uint64_t one = 1;
+  [[maybe_unused]] const ssize_t written = write(impl_->stop.get(), &one, sizeof one);
+  impl_->thread.join();
+}
+
+}  // namespace bolo::daemon
