@@ -12,11 +12,11 @@ constexpr std::int64_t kFirstTimeoutNs = 1'000'000;  // until a packet that othe
 constexpr std::uint32_t kMostAskedPart = 4;          // of a frame's packets no more than this part is asked for again
 constexpr std::int64_t kLateFrames = 100;  // this far behind a packet is late; further, the counter began anew
 
-// A jump ahead of the counter by this many frames is believed, and by what the time that has passed allows: as the
-// ledger of frames does it.
-constexpr std::int64_t kBelievedFrames = 64;
+// The counter can be ahead by this many frames, and by what the time that has passed allows, with a margin.
+constexpr std::int64_t kAheadFrames = 4;
 constexpr std::int64_t kTimeMargin = 2;
-constexpr std::uint64_t kOthers = 4;  // frames that are whole after an incomplete one began, and were not before it
+constexpr std::int64_t kNearFrames = 64;  // so far before a whole frame an incomplete one belongs to the same count
+constexpr std::uint64_t kOthers = 4;      // frames that are whole after an incomplete one began, and were not before it
 
 }  // namespace
 
@@ -49,9 +49,10 @@ void Assembler::take(std::span<const std::byte> datagram, std::int64_t now_ns) n
     return;
   }
   PacketState& state = frame->states[packet->packet_id];
-  if (state.received) return;
+  // One that comes again takes the place of the first, which may have been forged: ahead of its time, as a rule.
   if (!store(*frame, *packet)) return counts_.ignored.add();
   frame->last_ns = now_ns;
+  if (state.received) return;
   state.received = true;
   ++frame->received;
   if (state.requested) counts_.resent.add();
@@ -84,11 +85,14 @@ Assembler::Frame* Assembler::find(const Packet& packet, std::int64_t now_ns) noe
   const auto is_it = [&packet](const Frame& frame) {
     return frame.open && frame.id == packet.frame_id && frame.extended == packet.extended;
   };
-  if (latest_ != nullptr && is_it(*latest_)) return latest_;
-  const auto at = std::ranges::find_if(frames_, is_it);
-  Frame* frame = at != frames_.end() ? &*at : packet.refused ? nullptr : place_for(packet, now_ns);
-  if (frame != nullptr) latest_ = frame;
-  return frame;
+  Frame* frame = latest_ != nullptr && is_it(*latest_) ? latest_ : nullptr;
+  if (frame == nullptr) {
+    const auto at = std::ranges::find_if(frames_, is_it);
+    frame = at != frames_.end() ? &*at : packet.refused ? nullptr : place_for(packet, now_ns);
+  }
+  if (frame == nullptr) return nullptr;
+  if (frame->too_early && !frame->whole && within_reach(*frame, now_ns)) begin(*frame, packet, now_ns);
+  return latest_ = frame;
 }
 
 // Begins a frame; null when its number says that it is over, or when there is no room for it.
@@ -100,16 +104,21 @@ Assembler::Frame* Assembler::place_for(const Packet& packet, std::int64_t now_ns
   Frame* place = choose_place(within_reach(packet.frame_id, packet.extended, now_ns), now_ns);
   if (place == nullptr) return nullptr;
   if (place->open) give_up(*place);
-  place->open = true;
-  place->whole = place->has_trailer = place->no_resend = false;
-  place->extended = packet.extended;
-  place->id = packet.frame_id;
-  place->packets = layout(packet.extended).packets;
-  place->received = place->prefix = place->asked = 0;
-  place->emitted_before = emitted_;
-  place->first_ns = place->last_ns = now_ns;
-  std::ranges::fill(place->states, PacketState{});
+  begin(*place, packet, now_ns);
   return place;
+}
+
+void Assembler::begin(Frame& frame, const Packet& packet, std::int64_t now_ns) noexcept {
+  frame.open = true;
+  frame.whole = frame.has_trailer = frame.no_resend = false;
+  frame.extended = packet.extended;
+  frame.id = packet.frame_id;
+  frame.too_early = !within_reach(frame, now_ns);
+  frame.packets = layout(packet.extended).packets;
+  frame.received = frame.prefix = frame.asked = 0;
+  frame.emitted_before = emitted_;
+  frame.first_ns = frame.last_ns = now_ns;
+  std::ranges::fill(frame.states, PacketState{});
 }
 
 // A free one; or the quietest of those whose numbers nothing speaks for; or, for a likely frame, the quietest.
@@ -137,7 +146,8 @@ bool Assembler::store(Frame& frame, const Packet& packet) noexcept {
   }
   if (id >= frame.packets) return false;  // behind the trailer
   if (packet.content == Content::kTrailer) {
-    if (frame.has_trailer || frame.prefix > id) return false;
+    if (frame.has_trailer) return id + 1 == frame.packets;
+    if (frame.prefix > id) return false;
     frame.has_trailer = true;
     frame.packets = id + 1;  // a camera may send less than its frames can hold
     return true;
@@ -232,7 +242,7 @@ bool Assembler::within_reach(std::uint64_t id, bool extended, std::int64_t now_n
   if (extended != extended_) return false;
   const std::int64_t ahead = steps(newest_, id, extended);
   const std::int64_t passed = (now_ns - newest_ns_) / std::max<std::int64_t>(plan_.period_ns, 1);
-  return ahead > 0 && ahead <= kBelievedFrames + kTimeMargin * passed;
+  return ahead > 0 && ahead <= kAheadFrames + kTimeMargin * passed;
 }
 
 // The frame was sent before the whole one was.
@@ -243,7 +253,7 @@ bool Assembler::precedes(const Frame& frame, const Frame& whole, std::int64_t no
     // Before a counter that began anew, all that the old one had come to.
     return !within_reach(whole, now_ns) || behind > 0;
   }
-  return behind > 0 && behind < kBelievedFrames;
+  return behind > 0 && behind < kNearFrames;
 }
 
 void Assembler::deliver(std::int64_t now_ns) noexcept {

@@ -80,6 +80,7 @@ class Assembler {
     bool open = false;
     bool whole = false;
     bool extended = false;
+    bool too_early = false;  // for what the stream had come to when it began
     bool no_resend = false;  // the camera cannot, or too much was asked for
     std::uint64_t id = 0;
     std::uint32_t packets = 0;  // expected; the trailer can say fewer
@@ -103,6 +104,7 @@ class Assembler {
   bool possible(const Packet& packet) const noexcept;
   Frame* find(const Packet& packet, std::int64_t now_ns) noexcept;
   Frame* place_for(const Packet& packet, std::int64_t now_ns) noexcept;
+  void begin(Frame& frame, const Packet& packet, std::int64_t now_ns) noexcept;
   Frame* choose_place(bool likely, std::int64_t now_ns) noexcept;
   bool store(Frame& frame, const Packet& packet) noexcept;
   void request_missing(Frame& frame, std::uint32_t last, std::int64_t now_ns) noexcept;

@@ -218,6 +218,21 @@ TEST_P(GvspAssembler, AForgedLeaderAheadLosesNoOtherFrame) {
   EXPECT_EQ(out_.take(), expected);
 }
 
+// Its packets come after the forged ones, and take their place.
+TEST_P(GvspAssembler, WhatTheCameraSendsLaterReplacesWhatWasForged) {
+  send_frame(1);
+  for (const std::uint64_t ahead : {2U, 3U, 10U}) {
+    give(test::leader(ahead, extended(), 1, kWidth, kHeight));
+    give(datagram({ahead, 3, 1, extended()}, 7));
+  }
+  for (std::uint64_t frame = 2; frame <= 10; ++frame) {
+    send_frame(frame);
+    EXPECT_EQ(out_.last.id, frame);
+    EXPECT_EQ(out_.last.camera_ns, static_cast<std::int64_t>(frame) * 5'000'000);
+    EXPECT_EQ(out_.pixels.size(), kBytes);
+  }
+}
+
 TEST_P(GvspAssembler, AShortFrameIsWholeWithWhatItHas) {
   give(test::leader(9, extended(), 1, kWidth, 1));
   give(datagram({9, 3, 1, extended()}, block()));
