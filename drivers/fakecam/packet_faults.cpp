@@ -13,6 +13,8 @@ bool strikes_packets(FaultKind kind) {
   return std::ranges::find(kKinds, kind) != kKinds.end();
 }
 
+constexpr std::size_t kMostGarbage = 44;
+
 std::uint64_t draw(std::uint64_t frame_key, const PlannedPacket& packet) { return splitmix::key(frame_key, packet.id); }
 
 bool chance(std::uint64_t random, double rate) { return splitmix::unit(random) < rate; }
@@ -92,12 +94,28 @@ void PacketFaults::insert(const Rule& rule, std::uint64_t frame_key) {
   if (added > 0 && !resends_) tallies_.add_frames(rule.place);
 }
 
-std::size_t PacketFaults::write_garbage(const PlannedPacket& packet, Bytes out) noexcept {
+std::size_t PacketFaults::write_garbage(const PlannedPacket& packet, std::uint16_t block_id, Bytes out) noexcept {
   const std::size_t longest = std::min<std::size_t>(packet.garbage_bytes, out.size());
-  const std::size_t length = splitmix::mix(packet.garbage) % (longest + 1);
-  for (std::size_t i = 0; i < length; ++i) {
-    out[i] = static_cast<std::uint8_t>(splitmix::key(packet.garbage, i) & 0xffU);
+  const std::uint64_t random = splitmix::mix(packet.garbage);
+  const std::size_t length = random % (longest + 1);
+  std::array<std::uint8_t, kMostGarbage> bytes{};
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    bytes[i] = static_cast<std::uint8_t>(splitmix::key(packet.garbage, i) & 0xffU);
   }
+  const std::uint64_t how = random >> 32U;
+  const auto far = static_cast<std::uint16_t>(block_id + 0x4000U + (how >> 4U) % 0x8000U);
+  const auto ids = static_cast<std::uint32_t>(how >> 20U);
+  if ((how & 1U) != 0) {
+    const auto content = static_cast<std::uint32_t>(1 + (how >> 1U & 3U)) << 24U;  // the three, and ALL_IN
+    const bool extended = (how & 8U) != 0;
+    store_u16(bytes, 0, 0);
+    store_u16(bytes, 2, far);
+    store_u32(bytes, 4, extended ? content | 0x80000000U : content | (ids & 0xffU));
+    if (extended) store_u32(bytes, 16, (ids & 1U) != 0 ? ids | 0x70000000U : ids & 0xffU);
+  } else {
+    store_u16(bytes, 2, far);
+  }
+  std::copy_n(bytes.begin(), length, out.begin());
   return length;
 }
 

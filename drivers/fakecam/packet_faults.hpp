@@ -32,8 +32,9 @@ class PacketFaults {
   // Of the last plan: packets that were lost.
   std::uint32_t lost() const noexcept { return lost_; }
 
-  // Writes a garbage packet, at most out.size() bytes; returns its length.
-  static std::size_t write_garbage(const PlannedPacket& packet, Bytes out) noexcept;
+  // Writes a garbage packet, at most out.size() bytes; returns its length. Half of them have a header, as far as they
+  // reach, with 16-bit or extended ids, for a frame far from block_id: a frame near it would be the camera's own.
+  static std::size_t write_garbage(const PlannedPacket& packet, std::uint16_t block_id, Bytes out) noexcept;
 
  private:
   struct Rule {

@@ -33,7 +33,7 @@ std::size_t PacketTrain::prepare(std::size_t n, const WireFrame& frame, const gv
   auto& [head, body] = parts_[n];
   body = {nullptr, 0};
   if (packet.garbage != 0) {
-    head.iov_len = PacketFaults::write_garbage(packet, headers_[n]);
+    head.iov_len = PacketFaults::write_garbage(packet, frame.block.block_id, headers_[n]);
   } else if (packet_id == 0) {
     gvsp::write_leader(headers_[n], frame.block);
     head.iov_len = gvsp::kLeaderBytes;

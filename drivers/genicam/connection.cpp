@@ -1,16 +1,20 @@
 #include "drivers/genicam/connection.hpp"
 
+#include <array>
 #include <cstdint>
 #include <utility>
 #include <vector>
 
 #include "drivers/genicam/discovery.hpp"
+#include "drivers/genicam/nodes.hpp"
 
 namespace bolo::genicam {
 namespace {
 
 constexpr std::uint64_t kPrivilegeRegister = 0x0A00;  // GigE Vision: control channel privilege
 constexpr std::uint32_t kControlled = 0x3;            // exclusive access, or control access
+constexpr std::uint64_t kSerialRegister = 0x00D8;     // the same: serial number, text
+constexpr std::uint32_t kSerialBytes = 16;
 
 std::string list_of(const std::vector<FoundCamera>& cameras) {
   std::string text;
@@ -109,27 +113,63 @@ void use_legacy_register_order(ArvDevice* device) {
   arv_dom_element_set_attribute(root, "SchemaMinorVersion", "0");
 }
 
-Result<Connection> open(const CameraOptions& options) {
-  if (is_ipv4(options.address)) {
-    auto connection = open_gige(options.address);
-    if (connection || options.serial.empty() || answers_gvcp(options.address)) return connection;
-    auto moved = choose_camera({}, options.serial);  // it may have been given another address
-    return moved && is_ipv4(moved->address) ? open_gige(moved->address) : std::move(connection);
-  }
-  auto camera = choose_camera(options.address, options.serial);
+Result<Connection> open_by_serial(const std::string& serial) {
+  auto camera = choose_camera({}, serial);
   if (!camera) return tl::unexpected<Error>(std::move(camera.error()));
   return is_ipv4(camera->address) ? open_gige(camera->address) : open_by_id(camera->id);
 }
 
-}  // namespace
+Result<Connection> open(const CameraOptions& options, bool search) {
+  if (is_ipv4(options.address)) {
+    auto connection = open_gige(options.address);
+    if (connection || !search || options.serial.empty() || answers_gvcp(options.address)) return connection;
+    auto moved = open_by_serial(options.serial);  // it may have been given another address
+    return moved ? std::move(moved) : std::move(connection);
+  }
+  if (options.address.empty() && !options.serial.empty()) return open_by_serial(options.serial);
+  auto camera = choose_camera(options.address, {});
+  if (!camera) return tl::unexpected<Error>(std::move(camera.error()));
+  return is_ipv4(camera->address) ? open_gige(camera->address) : open_by_id(camera->id);
+}
 
-Result<Connection> connect(const CameraOptions& options) {
-  auto connection = open(options);
+// Opens, by `how`, and settles the byte order of the registers.
+template <typename Open>
+Result<Connection> open_in_order(const Open& how) {
+  auto connection = how();
   if (!connection || !registers_look_swapped(connection->device.get())) return connection;
   connection->device.reset();  // lets go of control first
-  connection = open(options);
+  connection = how();
   if (connection) use_legacy_register_order(connection->device.get());
   return connection;
+}
+
+// As the description tells it, or else as discovery does: some cameras write them differently.
+std::string serial_of(const Connection& connection) {
+  Nodes nodes(connection.device.get());
+  return read_serial(nodes);
+}
+
+bool has_serial(const Connection& connection, const std::string& serial) {
+  if (serial_of(connection) == serial) return true;
+  if (!connection.is_gige()) return false;
+  std::array<char, kSerialBytes + 1> text{};
+  GlibError error;
+  arv_device_read_memory(connection.device.get(), kSerialRegister, kSerialBytes, text.data(), error.out());
+  return !error && serial == text.data();
+}
+
+}  // namespace
+
+Result<Connection> connect(const CameraOptions& options, bool search) {
+  auto connection = open_in_order([&] { return open(options, search); });
+  if (!connection || options.serial.empty() || has_serial(*connection, options.serial)) return connection;
+  const std::string other = serial_of(*connection);
+  const std::string name = connection->name;
+  connection->device.reset();  // nothing of it was changed
+  auto moved = open_in_order([&] { return open_by_serial(options.serial); });
+  if (moved) return moved;
+  return bad_input(name + " has the serial number '" + other + "', not '" + options.serial +
+                   "': it is another camera, and that one answers nowhere");
 }
 
 bool is_controlled(const Connection& connection) {

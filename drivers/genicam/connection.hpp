@@ -25,8 +25,10 @@ struct Connection {
 };
 
 // Opens by IP whenever an address is known: opening by device id may choose an interface that the stream never reaches.
-// Errors as GenicamSource::open(). Thread: setup.
-Result<Connection> connect(const CameraOptions& options);
+// A serial number in the options must be the camera's: another camera at the address is let go of unchanged, and the
+// number looked for elsewhere, which takes a second; also where nothing answers at the address, when `search`. Errors
+// as GenicamSource::open(). Thread: setup.
+Result<Connection> connect(const CameraOptions& options, bool search);
 
 // The camera says that a program controls it, and it answers us. Blocks some seconds when it is silent. Thread: setup.
 bool is_controlled(const Connection& connection);

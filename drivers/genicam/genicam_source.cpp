@@ -33,7 +33,7 @@ GenicamSource::~GenicamSource() { stop(); }
 
 Result<pipeline::SourceInfo> GenicamSource::open() {
   std::vector<std::string> found;
-  auto session = Session::open(impl_->options, impl_->never, found);
+  auto session = Session::open(impl_->options, true, impl_->never, found);
   if (!session) return tl::unexpected<Error>(std::move(session.error()));
   impl_->opened = std::move(*session);
   impl_->info = impl_->opened->info();

@@ -45,23 +45,27 @@ struct ObjectParameters {
   std::optional<double> humidity;  // 0 to 1
 };
 
+// Bytes, with IP and UDP headers: every camera and every link carries as many.
+inline constexpr int kSmallestPacket = 576;
+
 struct CameraOptions {
-  std::string address;   // IP address, or Aravis device id; empty: the only camera that answers
-  std::string serial;    // empty: any. A lost camera that is not at its address any more is looked for by it
-  int width = 0;         // 0: leave as the camera has it
-  int height = 0;        // image rows, without metadata rows
-  double rate_hz = 0.0;  // 0: leave; also the frame period when the camera does not say
+  std::string address;        // IP address, or Aravis device id; empty: the only camera that answers
+  std::string serial;         // empty: any. A lost camera that is not at its address any more is looked for by it
+  int width = 0;              // 0: leave as the camera has it
+  int height = 0;             // image rows, without metadata rows
+  double rate_hz = 0.0;       // 0: leave; also the frame period when the camera does not say
+  double true_rate_hz = 0.0;  // what it really is, where the camera says something else; 0: as the camera says
   IrFormat ir_format = IrFormat::kTemperatureLinear10mK;
   PixelOrder pixel_order = PixelOrder::kLittleEndian;
   int metadata_rows = 0;  // rows after the image that are dropped
-  int packet_size = 0;    // bytes, 0: the largest that the link carries
+  int packet_size = 0;    // bytes, kSmallestPacket or more; 0: the largest that the link carries
   int socket_buffer_bytes = 8 << 20;
   bool resend = false;  // ask for lost packets again
   int packet_timeout_us = 2000;
   // How long an incomplete frame may hold up the ones behind it. Without resends it holds up none, and waits 100 ms.
   int frame_retention_us = 10000;
   int buffers = 48;
-  int realtime_priority = 0;      // of Aravis's receiving thread; 0: nice level -10, as far as that is allowed
+  int realtime_priority = 0;      // SCHED_FIFO, of the receiving thread; 0: nice level -10, as far as that is allowed
   int windowing_watch_ms = 1000;  // after another windowing, how long the camera is watched for dropping the connection
   int stall_ms = 200;             // without a frame for this long, and for 20 frame periods: stalled
   // A stalled camera that does not answer, or that another program controls, is lost and opened again at once; one that
@@ -75,16 +79,16 @@ struct CameraOptions {
 
 using pipeline::SourceState;
 
-// Aravis's own view of the transport, summed over reconnects.
+// The transport's own view, summed over reconnects.
 struct TransportStats {
   std::uint64_t completed_buffers = 0;
-  std::uint64_t failures = 0;   // frames that Aravis gave up
-  std::uint64_t underruns = 0;  // packets without a buffer to put them into
+  std::uint64_t failures = 0;   // frames that were given up
+  std::uint64_t underruns = 0;  // USB3 Vision: packets without a buffer to put them into
   std::uint64_t received_packets = 0;
   std::uint64_t missing_packets = 0;
   std::uint64_t resend_requests = 0;
   std::uint64_t resent_packets = 0;
-  std::uint64_t ignored_packets = 0;  // of frames that were already closed
+  std::uint64_t ignored_packets = 0;  // of frames that were already closed, and forged ones
 };
 
 class GenicamSource final : public pipeline::FrameSource {
@@ -99,7 +103,7 @@ class GenicamSource final : public pipeline::FrameSource {
   // refuses a setting that the stream depends on. Settings that were rounded are in warnings(). Thread: setup.
   Result<pipeline::SourceInfo> open() override;
 
-  // After stop() it connects again. Frames come on Aravis's receiving thread; a camera that is lost is opened again in
+  // After stop() it connects again. Frames come on the receiving thread; a camera that is lost is opened again in
   // the background until stop(), and its first frame then starts a new window. Thread: setup.
   Status start(pipeline::FrameInlet& inlet) override;
 

@@ -1,4 +1,4 @@
-// What happens to each buffer of the camera: judged, copied into a pool slot, handed in; or counted as lost.
+// What happens to each frame of the camera: judged, copied into a pool slot, handed in; or counted as lost.
 #pragma once
 
 #include <array>
@@ -6,10 +6,11 @@
 #include <cstdint>
 #include <vector>
 
+#include "drivers/genicam/camera_frame.hpp"
 #include "drivers/genicam/frame_ledger.hpp"
 #include "drivers/genicam/genicam_source.hpp"
-#include "drivers/genicam/gobject.hpp"
 #include "drivers/genicam/host_clock.hpp"
+#include "drivers/genicam/period_meter.hpp"
 #include "drivers/genicam/scene_watch.hpp"
 #include "src/core/plane.hpp"
 #include "src/pipeline/inlet.hpp"
@@ -21,15 +22,11 @@ namespace bolo::genicam {
 // Outlives the connections of one start() to stop(): after a reconnect ids and losses go on.
 class Intake {
  public:
-  // The frame id that a buffer carries into Aravis. It is overwritten by the frame's first packet only, so a frame that
-  // comes back with it has lost that packet.
-  static constexpr std::uint64_t kNoId = ~std::uint64_t{0};
-
   // The inlet outlives this. Thread: setup.
   Intake(pipeline::FrameInlet& inlet, const CameraOptions& options, pipeline::SourceStatus& status);
 
-  // Takes what it needs; the buffer may be reused afterwards. Thread: acquire.
-  void take(ArvBuffer* buffer) noexcept;
+  // Takes what it needs; its pixels may be reused afterwards. Thread: acquire.
+  void take(const CameraFrame& frame) noexcept;
 
   // A connection's frames follow, the first or another one. kelvin_table: Negotiated's, which outlives the connection.
   // Thread: setup, while no connection delivers.
@@ -55,11 +52,11 @@ class Intake {
   static double watched_still_k(const NucOptions& nuc) noexcept {
     return nuc.policy == NucPolicy::kStill ? nuc.still_k : 0.0;
   }
-  void deliver(ArvBuffer* buffer, std::int64_t now_ns) noexcept;
+  void deliver(const CameraFrame& frame, std::int64_t now_ns) noexcept;
   void note_arrival(std::int64_t now_ns) noexcept;
   std::uint32_t note_correction(std::int64_t now_ns) noexcept;
   std::int64_t map_time(const FrameLedger::Verdict& verdict, std::int64_t camera_ns, std::int64_t receive_ns) noexcept;
-  bool agreed(ArvBuffer* buffer) const noexcept;
+  bool agreed(const CameraFrame& frame) const noexcept;
   void post_losses() noexcept;
 
   pipeline::FrameInlet& inlet_;
@@ -70,6 +67,7 @@ class Intake {
   std::array<std::uint64_t, kLossCauses> posted_{};  // of the ledger's losses, what the inlet knows
   pipeline::SourceStatus& status_;
   HostClock clock_;
+  PeriodMeter period_;
   SceneWatch scene_;
   const std::uint16_t* kelvin_table_ = nullptr;  // null: counts stay as they are
   rt::Gauge<std::int64_t> hold_until_ns_;

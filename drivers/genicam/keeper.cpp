@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <cstdio>
 #include <utility>
 
 #include "src/core/clock.hpp"
@@ -25,6 +27,7 @@ constexpr std::int64_t kProbePeriodNs = 200'000'000;   // from one question to a
 constexpr std::int64_t kTellPeriodNs = 200'000'000;
 constexpr std::int64_t kTemperaturePeriodNs = 10'000'000'000;
 constexpr milliseconds kCorrectionLimit(5000);
+constexpr double kSamePeriod = 0.005;  // relative: what the sharp frames do not feel
 
 TransportStats sum(TransportStats a, const TransportStats& b) {
   a.completed_buffers += b.completed_buffers;
@@ -103,6 +106,7 @@ void Keeper::watch() {
     serve_requests();
     tell_scene();
     tell_transport();
+    tell_period();
   }
   take_session();
 }
@@ -203,9 +207,7 @@ void Keeper::reopen(LostCause cause) {
 // `everywhere`: looks for its serial number in the whole network, too, which takes a second.
 bool Keeper::try_reopen(bool everywhere) {
   std::vector<std::string> ignored;  // said when the camera was opened first
-  CameraOptions options = options_;
-  if (!everywhere) options.serial.clear();
-  auto session = Session::open(options, stop_, ignored);
+  auto session = Session::open(options_, everywhere, stop_, ignored);
   if (!session) {
     say(true, "reconnecting: " + session.error().message, event::kCameraReconnecting);
     return false;
@@ -213,11 +215,6 @@ bool Keeper::try_reopen(bool everywhere) {
   if ((*session)->info().format != info_.format) {
     say(true, "reconnecting: the camera came back with another size, rate or unit; restart to use it so",
         event::kCameraReconnecting);
-    return false;
-  }
-  if ((*session)->info().camera_serial != info_.camera_serial) {
-    say(true, "reconnecting: at " + (*session)->address() + " is now camera " + (*session)->info().camera_serial +
-                  ", not " + info_.camera_serial);
     return false;
   }
   if (!(*session)->address().empty() && (*session)->address() != options_.address) {
@@ -276,6 +273,21 @@ void Keeper::tell_transport() {
   status_->received_packets.set(stats.received_packets);
   status_->missing_packets.set(stats.missing_packets);
   status_->resent_packets.set(stats.resent_packets);
+}
+
+// Once: that the camera's clock has another period than its settings.
+void Keeper::tell_period() {
+  const double measured_s = status_->measured_period_s.value();
+  const double assumed_s = info_.format.frame_period_s;
+  if (told_period_ || measured_s <= 0.0 || std::abs(measured_s / assumed_s - 1.0) < kSamePeriod) return;
+  told_period_ = true;
+  char text[200];
+  std::snprintf(
+      text, sizeof text,
+      "by the camera's clock %.5g frames come a second, not %.5g: sharp frames are wrong; set source.true_rate_hz "
+      "= %.5g, or find out why",
+      1.0 / measured_s, 1.0 / assumed_s, 1.0 / measured_s);
+  say(true, text);
 }
 
 // Once a connection: whether its values can be temperatures. Every 10 s: how warm the camera is.

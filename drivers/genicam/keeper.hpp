@@ -61,6 +61,7 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   Status adopt(std::unique_ptr<Session> session);
   std::unique_ptr<Session> take_session();
   void tell_transport();
+  void tell_period();
   void tell_scene();
   void serve_requests();
   void follow_policy();
@@ -85,6 +86,7 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   std::int64_t correcting_until_ns_ = 0;
   int ticks_without_control_ = 0;
   int judged_median_ = -1;
+  bool told_period_ = false;
   NucSchedule schedule_;
   std::int64_t next_temperature_ns_ = 0;
   std::int64_t next_tell_ns_ = 0;

@@ -12,9 +12,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <initializer_list>
 #include <limits>
 #include <memory>
@@ -25,8 +23,6 @@
 
 namespace bolo::genicam {
 namespace {
-
-constexpr std::uint16_t kGvcpPort = 3956;
 
 // Registers that every GigE Vision camera has (kPrivilege), or may have: who controls it.
 constexpr std::uint32_t kPrivilege = 0x0A00;
@@ -109,26 +105,6 @@ std::optional<ifaddrs> find_interface(const ifaddrs* list, const in_addr& addres
   return std::nullopt;
 }
 
-// The descriptors of this process's UDP sockets on the port, whatever their addresses: for a library's socket that it
-// does not give away.
-std::vector<int> own_udp_sockets(std::uint16_t port) {
-  std::vector<int> found;
-  std::error_code error;
-  for (std::filesystem::directory_iterator at("/proc/self/fd", error), end; !error && at != end; at.increment(error)) {
-    const int fd = std::atoi(at->path().filename().c_str());
-    sockaddr_in address{};
-    socklen_t size = sizeof address;
-    int type = 0;
-    socklen_t type_size = sizeof type;
-    if (getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size) == 0 && address.sin_family == AF_INET &&
-        address.sin_port == htons(port) && getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &type_size) == 0 &&
-        type == SOCK_DGRAM) {
-      found.push_back(fd);
-    }
-  }
-  return found;
-}
-
 }  // namespace
 
 bool is_ipv4(const std::string& text) {
@@ -182,23 +158,25 @@ bool free_from_dead_program(const std::string& ipv4, const std::string& own_addr
   return dead.connect_to(ipv4) == 0 && ask(dead, Command::kWriteRegister, {kPrivilege, 0}).has_value();
 }
 
-bool drop_short_packets(std::uint16_t port) {
-  // A socket's filter sees the UDP header, too: 8 bytes. GVSP's header has 8, with extended ids 20.
+bool filter_stream(int socket, const std::string& camera_address, std::uint16_t source_port) {
+  constexpr auto kSourceAddress = static_cast<std::uint32_t>(SKF_NET_OFF + 12);  // in the IP header
+  constexpr std::uint32_t kSourcePort = 0;  // the filter of a socket begins at the UDP header: 8 bytes
+  constexpr std::uint32_t kContent = 8 + 4;
+  constexpr std::uint32_t kContentBits = 0x7f;  // the highest says that ids are extended
   constexpr std::uint32_t kShortest = 8 + 8;
-  constexpr std::uint32_t kShortestExtended = 8 + 20;
-  constexpr std::uint32_t kFormat = 8 + 4;  // the byte whose highest bit says that ids are extended
-  constexpr std::uint32_t kExtended = 0x80;
   constexpr std::uint32_t kWhole = 0xffffffff;
-  std::array<sock_filter, 8> steps{
-      {BPF_STMT(BPF_LD | BPF_W | BPF_LEN, 0), BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, kShortest, 0, 5),
-       BPF_STMT(BPF_LD | BPF_B | BPF_ABS, kFormat), BPF_JUMP(BPF_JMP | BPF_JSET | BPF_K, kExtended, 0, 2),
-       BPF_STMT(BPF_LD | BPF_W | BPF_LEN, 0), BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, kShortestExtended, 0, 1),
-       BPF_STMT(BPF_RET | BPF_K, kWhole), BPF_STMT(BPF_RET | BPF_K, 0)}};
+  in_addr camera{};
+  if (inet_pton(AF_INET, camera_address.c_str(), &camera) != 1) return false;
+  const auto other_port = static_cast<std::uint8_t>(source_port == 0 ? 0 : 7);
+  std::array<sock_filter, 12> steps{
+      {BPF_STMT(BPF_LD | BPF_W | BPF_ABS, kSourceAddress),
+       BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, ntohl(camera.s_addr), 0, 9), BPF_STMT(BPF_LD | BPF_H | BPF_ABS, kSourcePort),
+       BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, source_port, 0, other_port), BPF_STMT(BPF_LD | BPF_W | BPF_LEN, 0),
+       BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, kShortest, 0, 5), BPF_STMT(BPF_LD | BPF_B | BPF_ABS, kContent),
+       BPF_STMT(BPF_ALU | BPF_AND | BPF_K, kContentBits), BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, 0, 2, 0),
+       BPF_JUMP(BPF_JMP | BPF_JGT | BPF_K, 3, 1, 0), BPF_STMT(BPF_RET | BPF_K, kWhole), BPF_STMT(BPF_RET | BPF_K, 0)}};
   const sock_fprog filter{static_cast<unsigned short>(steps.size()), steps.data()};
-  const std::vector<int> sockets = own_udp_sockets(port);
-  return !sockets.empty() && std::ranges::all_of(sockets, [&filter](int socket) {
-    return setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof filter) == 0;
-  });
+  return setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof filter) == 0;
 }
 
 int largest_socket_buffer() {

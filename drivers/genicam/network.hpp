@@ -8,6 +8,8 @@
 
 namespace bolo::genicam {
 
+inline constexpr std::uint16_t kGvcpPort = 3956;
+
 struct Route {
   std::string local_address;  // of the interface that leads to the camera
   std::string interface;      // its name
@@ -30,11 +32,10 @@ bool answers_gvcp(const std::string& ipv4);
 // that port any more, from which the camera then hears that control is given back. True when it was. Thread: setup.
 bool free_from_dead_program(const std::string& ipv4, const std::string& own_address);
 
-// Has the kernel drop datagrams to this process's UDP port that are shorter than the header they must have. The
-// transport library (Aravis 0.8.26) takes what is left in its memory for the rest of one, reckons its length from that
-// and reads far beyond: a single stray datagram would end the process. False when there is no such socket, or the
-// kernel refuses. Thread: setup.
-bool drop_short_packets(std::uint16_t port);
+// Has the kernel drop what comes to a stream's socket from another address than the camera's, or from another port when
+// source_port is not 0, and what is no leader, payload or trailer. Keeps strangers out of the socket's buffer; who
+// forges the camera's address is left to gvsp::Assembler. False when the kernel refuses. Thread: setup.
+bool filter_stream(int socket, const std::string& camera_address, std::uint16_t source_port);
 
 // The largest socket buffer that the kernel grants, bytes; 0 when it does not say. Thread: setup.
 int largest_socket_buffer();

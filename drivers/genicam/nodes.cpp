@@ -120,4 +120,11 @@ void Nodes::check(const GlibError& error, const char* name, const std::string& a
   }
 }
 
+std::string read_serial(Nodes& nodes) {
+  for (const char* name : {"DeviceSerialNumber", "DeviceID"}) {
+    if (nodes.has(name)) return nodes.text(name);
+  }
+  return {};
+}
+
 }  // namespace bolo::genicam

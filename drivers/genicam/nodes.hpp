@@ -45,4 +45,7 @@ class Nodes {
   Status status_;
 };
 
+// As the camera's description tells it; empty when it does not. Thread: setup.
+std::string read_serial(Nodes& nodes);
+
 }  // namespace bolo::genicam

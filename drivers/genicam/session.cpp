@@ -1,7 +1,10 @@
 #include "drivers/genicam/session.hpp"
 
+#include <arpa/inet.h>
+
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <thread>
 #include <utility>
 
@@ -15,11 +18,20 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr std::int64_t kReopenLimitNs = 8'000'000'000;  // FLIR's A6xx come back 3.5 to 5 s after a new windowing
-constexpr int kFewestBuffers = 40;
-// Without resends Aravis gives a frame up when the next one begins. The retention then only decides how long a sender
-// may pause within a frame, and a short one loses frames for nothing on a busy machine.
+constexpr int kFewestFrames = 40;                       // that may be under way at once
+// Without resends an incomplete frame is given up when a later one is whole. The retention then only decides how long a
+// sender may pause within a frame, and a short one loses frames for nothing on a busy machine.
 constexpr int kPauseWithoutResendUs = 100'000;
-constexpr int kNiceLevel = -10;  // of the receiving thread when no real-time priority is asked for
+constexpr std::int64_t kNsPerUs = 1000;
+
+// Registers that every GigE Vision camera has, of its first stream channel.
+constexpr std::uint64_t kStreamCapability = 0x092c;
+constexpr std::uint32_t kTellsSourcePort = 0x80000000;
+constexpr std::uint64_t kCapabilities = 0x0934;
+constexpr std::uint32_t kResends = 1U << 2U;
+constexpr std::uint64_t kStreamPort = 0x0d00;
+constexpr std::uint64_t kStreamAddress = 0x0d18;
+constexpr std::uint64_t kStreamSourcePort = 0x0d1c;
 
 void sleep_unless(const std::atomic<bool>& stop_requested, milliseconds time) {
   const auto until = std::chrono::steady_clock::now() + time;
@@ -41,13 +53,14 @@ bool stays(const Connection& connection, int watch_ms, const std::atomic<bool>& 
 
 }  // namespace
 
-Result<std::unique_ptr<Session>> Session::open(const CameraOptions& options, const std::atomic<bool>& stop_requested,
+Result<std::unique_ptr<Session>> Session::open(const CameraOptions& options, bool search,
+                                               const std::atomic<bool>& stop_requested,
                                                std::vector<std::string>& warnings) {
   std::int64_t give_up_ns = 0;  // set once the camera may drop the connection
   milliseconds pause(250);
   for (;;) {
     std::vector<std::string> found;
-    auto connection = connect(options);
+    auto connection = connect(options, search);
     auto negotiated = connection ? configure(*connection, options, found)
                                  : Result<Negotiated>(tl::unexpected<Error>(connection.error()));
     if (negotiated && negotiated->windowing_changed) {
@@ -81,20 +94,25 @@ Session::Session(Connection connection, Negotiated negotiated, const CameraOptio
 
 Session::~Session() {
   gate_.shut();
-  running_.store(nullptr, std::memory_order_release);  // partner: drain(); buffers are not turned round any more
   if (began_ && !control_lost() && answers()) {
     Nodes nodes(connection_.device.get());
     nodes.execute("AcquisitionStop");
     if (nodes.has("TLParamsLocked")) nodes.set_integer("TLParamsLocked", 0);
+    GlibError ignored;
+    if (gvsp_ != nullptr) arv_device_write_register(connection_.device.get(), kStreamPort, 0, ignored.out());
   }
 }
 
 Status Session::prepare(Intake& intake, std::vector<std::string>& warnings) {
   intake_ = &intake;
-  if (Status made = create_stream(warnings); !made) return made;
-  tune_stream(warnings);
-  await_priority(warnings);
-  return push_buffers();
+  auto payload = payload_bytes();
+  if (!payload) return tl::unexpected<Error>(std::move(payload.error()));
+  if (connection_.is_gige()) return start_gvsp(*payload, warnings);
+  auto stream = AravisStream::start(
+      connection_, options_, *payload, [this](const CameraFrame& frame) { take(frame); }, warnings);
+  if (!stream) return tl::unexpected<Error>(std::move(stream.error()));
+  other_ = std::move(*stream);
+  return {};
 }
 
 Status Session::begin() {
@@ -133,27 +151,18 @@ double Session::temperature_k() {
 }
 
 TransportStats Session::transport() const {
+  if (other_ != nullptr) return other_->counts();
   TransportStats stats;
-  if (stream_ == nullptr) return stats;
-  const auto value = [&](const char* name) { return arv_stream_get_info_uint64_by_name(stream_.get(), name); };
-  stats.completed_buffers = value("n_completed_buffers");
-  stats.failures = value("n_failures");
-  stats.underruns = value("n_underruns");
-  if (!connection_.is_gige()) return stats;
-  stats.received_packets = value("n_received_packets");
-  stats.missing_packets = value("n_missing_packets");
-  stats.resend_requests = value("n_resend_requests");
-  stats.resent_packets = value("n_resent_packets");
-  stats.ignored_packets = value("n_ignored_packets");
+  if (gvsp_ == nullptr) return stats;
+  const gvsp::StreamCounts& counts = gvsp_->counts();
+  stats.completed_buffers = counts.whole.value();
+  stats.failures = counts.broken.value();
+  stats.received_packets = counts.packets.value();
+  stats.missing_packets = counts.missing.value();
+  stats.resend_requests = counts.asked.value();
+  stats.resent_packets = counts.resent.value();
+  stats.ignored_packets = counts.ignored.value();
   return stats;
-}
-
-// --- Aravis's threads ---
-
-void Session::on_stream(void* self, ArvStreamCallbackType type, ArvBuffer*) {
-  auto* session = static_cast<Session*>(self);
-  if (type == ARV_STREAM_CALLBACK_TYPE_INIT) session->set_priority();
-  if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) session->drain();
 }
 
 // On the heartbeat's thread, which the device's end waits for: nothing but the flag.
@@ -161,101 +170,92 @@ void Session::on_control_lost(ArvDevice*, void* flag) {
   static_cast<std::atomic<bool>*>(flag)->store(true, std::memory_order_relaxed);
 }
 
-void Session::set_priority() noexcept {
-  Priority result = Priority::kNotAsked;
-  if (options_.realtime_priority > 0) {
-    result = arv_make_thread_realtime(options_.realtime_priority) != FALSE ? Priority::kGranted : Priority::kRefused;
-  } else {
-    arv_make_thread_high_priority(kNiceLevel);  // as far as it is allowed
-  }
-  priority_.store(result, std::memory_order_release);  // partner: await_priority()
-}
-
-// The buffer that is done is in the output queue already: take it, use it, give it back at once.
-void Session::drain() noexcept {
-  ArvStream* stream = running_.load(std::memory_order_acquire);  // partner: create_stream()
-  if (stream == nullptr) return;
-  while (ArvBuffer* buffer = arv_stream_try_pop_buffer(stream)) {
-    if (gate_.enter()) {
-      intake_->take(buffer);
-      gate_.leave();
-    }
-    arv_buffer_set_frame_id(buffer, Intake::kNoId);
-    arv_stream_push_buffer(stream, buffer);
-  }
-}
-
 // --- making the stream ---
 
-Status Session::create_stream(std::vector<std::string>& warnings) {
-  if (connection_.is_gige()) {
-    // Never the packet socket: its kernel ring hands packets over in blocks, up to 5 ms (a whole frame) late, it needs
-    // CAP_NET_RAW, and it fails on the loopback.
-    arv_gv_device_set_stream_options(ARV_GV_DEVICE(connection_.device.get()),
-                                     ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
-    GlibError error;
-    const guint64 ticks =
-        arv_gv_device_get_timestamp_tick_frequency(ARV_GV_DEVICE(connection_.device.get()), error.out());
-    if (error || ticks == 0) warnings.push_back("the camera has no clock: this computer's stands in for it");
+Result<std::size_t> Session::payload_bytes() {
+  constexpr std::int64_t kMost = 64 << 20;
+  Nodes nodes(connection_.device.get());
+  const std::int64_t bytes = nodes.integer("PayloadSize");
+  if (!nodes.ok()) return at(connection_.name, nodes.status().error());
+  if (bytes <= 0) return failed(connection_.name + " says that its frames are empty (PayloadSize 0)");
+  if (bytes > kMost) {
+    return failed(connection_.name + " says that its frames have " + std::to_string(bytes) +
+                  " bytes (PayloadSize): " + std::to_string(kMost) + " at most are taken");
   }
+  return static_cast<std::size_t>(bytes);
+}
+
+Status Session::start_gvsp(std::size_t payload_bytes, std::vector<std::string>& warnings) {
+  auto receiver =
+      gvsp::Receiver::open(connection_.route.local_address, connection_.address, options_.socket_buffer_bytes);
+  if (!receiver) return at(connection_.name, std::move(receiver.error()));
+  gvsp_ = std::move(*receiver);
+  ArvDevice* device = connection_.device.get();
   GlibError error;
-  stream_.reset(arv_device_create_stream(connection_.device.get(), &Session::on_stream, this, error.out()));
-  if (error || stream_ == nullptr) {
-    return failed(connection_.name + ": no stream (" + error.message() + ")");
+  in_addr own{};
+  inet_pton(AF_INET, connection_.route.local_address.c_str(), &own);
+  arv_device_write_register(device, kStreamAddress, ntohl(own.s_addr), error.out());
+  if (!error) arv_device_write_register(device, kStreamPort, gvsp_->port(), error.out());
+  if (error) return failed(connection_.name + ": it is not told where to send its stream (" + error.message() + ")");
+  auto plan = plan_stream(payload_bytes, warnings);
+  if (!plan) return tl::unexpected<Error>(std::move(plan.error()));
+  if (!gvsp_->start(*plan, source_port(), options_.realtime_priority,
+                    [this](const CameraFrame& frame) { take(frame); })) {
+    warnings.push_back(gvsp::refused_priority(options_.realtime_priority));
   }
-  if (ARV_IS_GV_STREAM(stream_.get()) && !drop_short_packets(arv_gv_stream_get_port(ARV_GV_STREAM(stream_.get())))) {
-    warnings.push_back("stray datagrams to the stream's port are not kept away: they can end this program");
-  }
-  running_.store(stream_.get(), std::memory_order_release);  // partner: drain()
   return {};
 }
 
-void Session::tune_stream(std::vector<std::string>& warnings) {
-  if (!ARV_IS_GV_STREAM(stream_.get())) return;
+Result<gvsp::StreamPlan> Session::plan_stream(std::size_t payload_bytes, std::vector<std::string>& warnings) {
   const int largest = largest_socket_buffer();
   if (largest > 0 && options_.socket_buffer_bytes > largest) {
     warnings.push_back("asked for a socket buffer of " + std::to_string(options_.socket_buffer_bytes) +
                        " bytes, the kernel grants " + std::to_string(largest) +
                        ": sysctl -w net.core.rmem_max=" + std::to_string(options_.socket_buffer_bytes));
   }
-  ArvGvStreamPacketResend able = ARV_GV_STREAM_PACKET_RESEND_NEVER;
-  g_object_get(stream_.get(), "packet-resend", &able, nullptr);
-  const bool resend = options_.resend && able == ARV_GV_STREAM_PACKET_RESEND_ALWAYS;
-  if (options_.resend && !resend) warnings.push_back("asked for resends, the camera cannot send packets again");
+  ArvGvDevice* device = ARV_GV_DEVICE(connection_.device.get());
+  GlibError error;
+  gvsp::StreamPlan plan;
+  plan.payload_bytes = payload_bytes;
+  plan.packet_bytes = arv_gv_device_get_packet_size(device, error.out());
+  if (error || plan.packet_bytes < std::size_t{kSmallestPacket}) {
+    return failed(connection_.name + " sends packets of " + std::to_string(plan.packet_bytes) +
+                  " bytes: " + std::to_string(kSmallestPacket) + " is the least");
+  }
+  plan.frames = static_cast<std::size_t>(std::max(options_.buffers, kFewestFrames));
+  plan.period_ns = std::llround(negotiated_.info.format.frame_period_s * kNsPerSecond);
+  plan.ticks_per_s = arv_gv_device_get_timestamp_tick_frequency(device, error.out());
+  if (error || plan.ticks_per_s > gvsp::kMostTicksPerSecond) plan.ticks_per_s = 0;
+  if (plan.ticks_per_s == 0) warnings.push_back("the camera has no clock: this computer's stands in for it");
+  plan.resend = options_.resend && (read_register(kCapabilities) & kResends) != 0;
+  if (options_.resend && !plan.resend) warnings.push_back("asked for resends, the camera cannot send packets again");
   const int retention_us =
-      resend ? options_.frame_retention_us : std::max(options_.frame_retention_us, kPauseWithoutResendUs);
-  g_object_set(stream_.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
-               options_.socket_buffer_bytes, "packet-resend",
-               resend ? ARV_GV_STREAM_PACKET_RESEND_ALWAYS : ARV_GV_STREAM_PACKET_RESEND_NEVER, "packet-timeout",
-               static_cast<guint>(options_.packet_timeout_us), "frame-retention", static_cast<guint>(retention_us),
-               nullptr);
+      plan.resend ? options_.frame_retention_us : std::max(options_.frame_retention_us, kPauseWithoutResendUs);
+  plan.packet_timeout_ns = options_.packet_timeout_us * kNsPerUs;
+  plan.retention_ns = retention_us * kNsPerUs;
+  return plan;
 }
 
-// The receiving thread sets its priority first thing; waits for that so that a refusal is known.
-void Session::await_priority(std::vector<std::string>& warnings) const {
-  constexpr int kTries = 1000;
-  for (int i = 0; i < kTries; ++i) {
-    if (priority_.load(std::memory_order_acquire) != Priority::kPending) break;  // partner: set_priority()
-    std::this_thread::sleep_for(milliseconds(1));
-  }
-  if (priority_.load(std::memory_order_acquire) == Priority::kRefused) {  // partner: set_priority()
-    warnings.push_back("asked for real-time priority " + std::to_string(options_.realtime_priority) +
-                       " of the receiving thread, refused: raise LimitRTPRIO (systemd) or ulimit -r");
-  }
+// From which the camera says that it sends; 0 when it does not.
+std::uint16_t Session::source_port() {
+  return (read_register(kStreamCapability) & kTellsSourcePort) != 0
+             ? static_cast<std::uint16_t>(read_register(kStreamSourcePort))
+             : std::uint16_t{0};
 }
 
-Status Session::push_buffers() {
-  Nodes nodes(connection_.device.get());
-  const std::int64_t bytes = nodes.integer("PayloadSize");
-  if (!nodes.ok()) return at(connection_.name, nodes.status().error());
-  if (bytes <= 0) return failed(connection_.name + " says that its frames are empty (PayloadSize 0)");
-  const int count = std::max(options_.buffers, kFewestBuffers);
-  for (int i = 0; i < count; ++i) {
-    ArvBuffer* buffer = arv_buffer_new_allocate(static_cast<std::size_t>(bytes));
-    arv_buffer_set_frame_id(buffer, Intake::kNoId);
-    arv_stream_push_buffer(stream_.get(), buffer);
-  }
-  return {};
+// 0 when the camera has none.
+std::uint32_t Session::read_register(std::uint64_t address) {
+  GlibError error;
+  std::uint32_t value = 0;
+  arv_device_read_register(connection_.device.get(), address, &value, error.out());
+  return error ? 0 : value;
+}
+
+// Thread: acquire.
+void Session::take(const CameraFrame& frame) noexcept {
+  if (!gate_.enter()) return;
+  intake_->take(frame);
+  gate_.leave();
 }
 
 }  // namespace bolo::genicam

@@ -6,8 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "drivers/genicam/aravis_stream.hpp"
 #include "drivers/genicam/connection.hpp"
 #include "drivers/genicam/gate.hpp"
+#include "drivers/genicam/gvsp_receiver.hpp"
 #include "drivers/genicam/intake.hpp"
 #include "drivers/genicam/settings.hpp"
 #include "src/core/result.hpp"
@@ -17,8 +19,9 @@ namespace bolo::genicam {
 class Session {
  public:
   // Connects and configures; again, for about 8 s, when the camera drops the connection over its new windowing.
-  // stop_requested ends that early. Thread: setup.
-  static Result<std::unique_ptr<Session>> open(const CameraOptions& options, const std::atomic<bool>& stop_requested,
+  // stop_requested ends that early. search: as connect(). Thread: setup.
+  static Result<std::unique_ptr<Session>> open(const CameraOptions& options, bool search,
+                                               const std::atomic<bool>& stop_requested,
                                                std::vector<std::string>& warnings);
 
   // Waits for the camera's answers: several seconds when it is dead.
@@ -31,7 +34,7 @@ class Session {
   // The IP address of a GigE Vision camera; empty for others.
   const std::string& address() const { return connection_.address; }
 
-  // Makes Aravis's stream, its thread and its buffers; nothing flows yet. The intake outlives shut(). Thread: setup.
+  // Makes the stream, its thread and its buffers; nothing flows yet. The intake outlives shut(). Thread: setup.
   Status prepare(Intake& intake, std::vector<std::string>& warnings);
   // From now on the intake is given the frames that come. Thread: setup.
   void admit() noexcept { gate_.open(); }
@@ -58,26 +61,23 @@ class Session {
  private:
   Session(Connection connection, Negotiated negotiated, const CameraOptions& options);
 
-  static void on_stream(void* self, ArvStreamCallbackType type, ArvBuffer* buffer);
   static void on_control_lost(ArvDevice* device, void* flag);
-  void set_priority() noexcept;
-  void drain() noexcept;
-  Status create_stream(std::vector<std::string>& warnings);
-  void tune_stream(std::vector<std::string>& warnings);
-  Status push_buffers();
-  void await_priority(std::vector<std::string>& warnings) const;
-
-  enum class Priority { kPending, kNotAsked, kGranted, kRefused };
+  Result<std::size_t> payload_bytes();
+  Status start_gvsp(std::size_t payload_bytes, std::vector<std::string>& warnings);
+  Result<gvsp::StreamPlan> plan_stream(std::size_t payload_bytes, std::vector<std::string>& warnings);
+  std::uint16_t source_port();
+  std::uint32_t read_register(std::uint64_t address);
+  void take(const CameraFrame& frame) noexcept;
 
   const CameraOptions options_;
   const Negotiated negotiated_;
-  std::atomic<Priority> priority_{Priority::kPending};
   bool began_ = false;
   Intake* intake_ = nullptr;
   Gate gate_;
-  std::atomic<ArvStream*> running_{nullptr};  // stream_, for the thread that Aravis starts while making it
   Connection connection_;
-  Ref<ArvStream> stream_;  // goes before the device
+  // One of them, by the camera's transport; goes before the device.
+  std::unique_ptr<gvsp::Receiver> gvsp_;
+  std::unique_ptr<AravisStream> other_;
 };
 
 }  // namespace bolo::genicam

@@ -158,21 +158,14 @@ double configure_rate(Nodes& nodes, double rate_hz, Warnings& warnings) {
   return rate_hz;
 }
 
-std::string first_text(Nodes& nodes, std::initializer_list<const char*> names) {
-  for (const char* name : names) {
-    if (nodes.has(name)) return nodes.text(name);
-  }
-  return {};
-}
-
 }  // namespace
 
 Result<Negotiated> configure(const Connection& connection, const CameraOptions& options, Warnings& warnings) {
   Nodes nodes(connection.device.get());
   Negotiated result;
   StreamFormat& format = result.info.format;
-  result.info.camera_model = first_text(nodes, {"DeviceModelName"});
-  result.info.camera_serial = first_text(nodes, {"DeviceSerialNumber", "DeviceID"});
+  if (nodes.has("DeviceModelName")) result.info.camera_model = nodes.text("DeviceModelName");
+  result.info.camera_serial = read_serial(nodes);
 
   result.windowing_changed = configure_windowing(nodes, options);
   if (result.windowing_changed) return result;
@@ -202,7 +195,7 @@ Result<Negotiated> configure(const Connection& connection, const CameraOptions& 
                      std::to_string(options.metadata_rows) + " metadata rows");
   }
   if (!(rate_hz > 0.0)) return bad_input(connection.name + " does not say its frame rate: set the rate");
-  format.frame_period_s = 1.0 / rate_hz;
+  format.frame_period_s = 1.0 / (options.true_rate_hz > 0.0 ? options.true_rate_hz : rate_hz);
   return result;
 }
 
@@ -210,6 +203,10 @@ Status configure_packet_size(const Connection& connection, const CameraOptions& 
   if (!connection.is_gige()) return {};
   ArvGvDevice* device = ARV_GV_DEVICE(connection.device.get());
   const Route& route = connection.route;
+  if (options.packet_size > 0 && options.packet_size < kSmallestPacket) {
+    return bad_input("packet size " + std::to_string(options.packet_size) + " is too small: give " +
+                     std::to_string(kSmallestPacket) + " or more, or 0 for the largest that the link carries");
+  }
   if (options.packet_size > route.mtu) {
     return bad_input("packet size " + std::to_string(options.packet_size) + " does not fit the MTU of " +
                      route.interface + ", " + std::to_string(route.mtu) + ": lower it, or ip link set dev " +

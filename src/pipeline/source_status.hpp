@@ -56,6 +56,7 @@ struct SourceStatus {
   rt::Gauge<double> clock_drift_ppm;          // by how much the camera's clock is slower than the host's
   rt::Gauge<double> clock_jitter_ns;          // of the way from camera to host, rms over its shortest
   rt::Counter clock_jumps;                    // of the camera's clock
+  rt::Gauge<double> measured_period_s;        // from frame to frame by the camera's clock; 0: not known yet
   rt::Gauge<std::uint64_t> received_packets;  // as the transport counts them
   rt::Gauge<std::uint64_t> missing_packets;   //
   rt::Gauge<std::uint64_t> resent_packets;    //

@@ -80,6 +80,8 @@ void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
                "Camera: image rows without metadata rows; 0: as the camera has it.");
   keys.number("rate_hz", o.rate_hz, 200.0, {0.0, 10000.0, "Hz"},
               "Camera: frame rate; 0: as the camera has it. Left out: the profile's frame_period_s decides.");
+  keys.number("true_rate_hz", c.camera.true_rate_hz, {0.0, 10000.0, "Hz"},
+              "Camera: the rate by its own clock, where it says another (the log warns of that); 0: as it says.");
   keys.choice<genicam::IrFormat>(
       "ir_format", c.camera.ir_format, kIrFormats,
       "Camera: what a count means (FLIR's IRFormat); leave: as the camera has it. radiometric becomes "
@@ -89,7 +91,7 @@ void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.integer("metadata_rows", o.metadata_rows, 3, {0, 64, "rows"},
                "Camera: rows after the image that are dropped. Left out: the profile's metadata_rows.");
   keys.integer("packet_size", c.camera.packet_size, {0, 65536, "bytes"},
-               "Camera: size of a network packet; 0: the largest that the link carries.");
+               "Camera: size of a network packet, 576 or more; 0: the largest that the link carries.");
   keys.integer("socket_buffer_bytes", c.camera.socket_buffer_bytes, {65536, 1 << 30, "bytes"},
                "Camera: receive buffer; the system's limit is net.core.rmem_max.");
   keys.boolean("resend", c.camera.resend, "Camera: ask for lost packets again; only for cameras that answer.");
@@ -245,6 +247,12 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
     return bad_input(keys.where(path) + message);
   };
   if (const auto path = shm::object_path(config.name); !path) return here("name", "name: " + path.error().message);
+  const int packet = config.camera.packet_size;
+  if (packet != 0 && packet < genicam::kSmallestPacket) {
+    return here("source.packet_size", "source.packet_size = " + std::to_string(packet) + " is too small: give " +
+                                          std::to_string(genicam::kSmallestPacket) +
+                                          " bytes or more, or 0 for the largest that the link carries");
+  }
   if (config.source == SourceType::kReplay && config.replay.file.empty()) {
     return here("source.type", "source.type = \"replay\" needs source.file, the capture to replay");
   }

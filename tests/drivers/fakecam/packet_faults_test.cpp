@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <set>
 
 #include "drivers/fakecam/gvsp.hpp"
 #include "drivers/fakecam/packet_faults.hpp"
@@ -122,12 +123,32 @@ TEST(PacketFaults, GarbageIsAddedAndTakesNothingAway) {
   std::size_t short_ones = 0;
   for (const PlannedPacket& packet : plan) {
     if (packet.garbage == 0) continue;
-    const std::size_t length = PacketFaults::write_garbage(packet, bytes);
+    const std::size_t length = PacketFaults::write_garbage(packet, 1, bytes);
     EXPECT_LE(length, 20U);
     short_ones += length < gvsp::kHeaderBytes ? 1U : 0U;
   }
   EXPECT_GT(short_ones, 2U);
   EXPECT_EQ(line.tally().packets, kPackets);
+}
+
+TEST(PacketFaults, GarbageIsAMixtureOfSizesAndHeadersByDefault) {
+  Line line({"garbage:rate=1"});
+  std::set<std::size_t> lengths;
+  std::set<unsigned> contents;
+  for (std::uint64_t s = 0; s < 100; ++s) {
+    for (const PlannedPacket& packet : line.faults.plan(frame_at(s), 0, kPackets)) {
+      std::array<std::uint8_t, gvsp::kLeaderBytes> bytes{};
+      if (packet.garbage == 0) continue;
+      const std::size_t length = PacketFaults::write_garbage(packet, 7, bytes);
+      lengths.insert(length);
+      if (length >= gvsp::kHeaderBytes) contents.insert(bytes[4]);
+      const auto away = static_cast<std::uint16_t>(load_u16(bytes, 2) - 7);
+      EXPECT_TRUE(length < 4 || (away >= 0x4000 && away < 0xc000)) << away;
+    }
+  }
+  EXPECT_EQ(lengths.size(), gvsp::kLeaderBytes + 1);
+  for (const unsigned content : {1U, 2U, 3U, 4U, 0x81U, 0x82U, 0x83U})
+    EXPECT_TRUE(contents.contains(content)) << content;
 }
 
 TEST(PacketFaults, LossActsLastSoThatWhatIsLostIsLost) {

@@ -240,6 +240,16 @@ TEST_F(GenicamFlirTest, MapsTheCamerasTimeToTheHosts) {
   EXPECT_NE(source_->status()->clock_offset_ns.value(), 0);
 }
 
+TEST_F(GenicamFlirTest, TellsARateThatTheCamerasClockDoesNotKeep) {
+  CameraOptions options = options_for();
+  options.true_rate_hz = 185.0;
+  start(options);
+  EXPECT_NEAR(format_.frame_period_s, 1.0 / 185.0, 1e-9);
+  EXPECT_TRUE(eventually([&] { return told("200 frames come a second, not 185"); }));
+  EXPECT_NEAR(source_->status()->measured_period_s.value(), 0.005, 1e-6);
+  source_->stop();
+}
+
 TEST_F(GenicamFlirTest, FindsALostCameraUnderAnotherAddress) {
   fake_ = nullptr;
   fake_ = make_fake("127.0.0.1", "WANDERER");
@@ -255,12 +265,37 @@ TEST_F(GenicamFlirTest, FindsALostCameraUnderAnotherAddress) {
 }
 
 TEST_F(GenicamFlirTest, DoesNotTakeAnotherCameraForTheLostOne) {
-  start(options_for());
+  CameraOptions options = options_for();
+  options.nuc.policy = NucPolicy::kManual;
+  options.object.emissivity = 0.5;
+  start(options);
   ASSERT_TRUE(collector_->wait_for(10));
   fake_ = nullptr;
   fake_ = make_fake("127.0.0.1", "STRANGER");
-  ASSERT_TRUE(eventually([&] { return told("is now camera STRANGER, not GV01"); }));
+  fake_->write_register(kNucModeAt, 1);
+  fake_->write_register(kIrFormatAt, 0);
+  fake_->write_register(kEmissivityAt, std::bit_cast<std::uint32_t>(0.75F));
+  ASSERT_TRUE(eventually([&] { return told("has the serial number 'STRANGER', not 'GV01'"); }));
   EXPECT_EQ(source_->reconnects(), 0U);
+  source_->stop();
+  EXPECT_EQ(fake_->read_register(kNucModeAt), 1U) << "it was not configured";
+  EXPECT_EQ(fake_->read_register(kIrFormatAt), 0U);
+  EXPECT_EQ(read_float(kEmissivityAt), 0.75F);
+}
+
+TEST_F(GenicamFlirTest, FindsTheLostCameraWhenAnotherHasItsAddress) {
+  fake_ = nullptr;
+  fake_ = make_fake("127.0.0.1", "WANDERER");
+  start(options_for());
+  ASSERT_TRUE(collector_->wait_for(10));
+  fake_ = nullptr;
+  const auto stranger = make_fake("127.0.0.1", "STRANGER");
+  fake_ = make_fake("127.0.0.2", "WANDERER");
+  ASSERT_TRUE(eventually([&] { return source_->reconnects() >= 1; }));
+  const std::uint64_t before = collector_->count();
+  EXPECT_TRUE(collector_->wait_for(before + 10));
+  EXPECT_TRUE(told("found again at 127.0.0.2, before at 127.0.0.1"));
+  EXPECT_EQ(stranger->sent(), 0U);
   source_->stop();
 }
 

@@ -162,6 +162,19 @@ TEST_F(GenicamOpenTest, RefusesPacketsThatTheLinkCannotCarry) {
   EXPECT_TRUE(contains(info.error().message, "MTU")) << info.error().message;
 }
 
+TEST_F(GenicamOpenTest, RefusesPacketsTooSmallForAFrame) {
+  FakeCamera fake;
+  for (const int size : {1, 36, 60, 575}) {
+    CameraOptions options = options_for();
+    options.packet_size = size;
+    GenicamSource source(options);
+    const auto info = source.open();
+    ASSERT_FALSE(info) << size;
+    EXPECT_EQ(info.error().kind, ErrorKind::kBadInput);
+    EXPECT_TRUE(contains(info.error().message, "576 or more")) << info.error().message;
+  }
+}
+
 TEST_F(GenicamOpenTest, WarnsWhenTheRateIsAnother) {
   FakeCamera fake({.address = "127.0.0.1",
                    .xml = write_xml("", [](std::string& xml) { replace(xml, "(1000000 / FROM)", "(2000000 / FROM)"); }),

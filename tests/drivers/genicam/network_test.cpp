@@ -31,42 +31,49 @@ TEST(NetworkTest, FindsTheLoopback) {
 
 TEST(NetworkTest, NothingAnswersWhereNoCameraListens) { EXPECT_FALSE(answers_gvcp("127.93.81.7")); }
 
-// Bytes of a GVSP header that begin a datagram of this length; the fifth has the highest bit where ids are extended.
-std::vector<std::uint8_t> datagram(std::size_t length, bool extended) {
-  std::vector<std::uint8_t> bytes(length, 0x11);
-  if (extended && length > 4) bytes[4] |= 0x80;
-  return bytes;
-}
-
-TEST(NetworkTest, DropsDatagramsThatAreShorterThanTheirHeader) {
-  const UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  sockaddr_in address{};
+UniqueFd socket_at(const char* ipv4, sockaddr_in& address) {
+  UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  address = {};
   address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  inet_pton(AF_INET, ipv4, &address.sin_addr);
   socklen_t size = sizeof address;
-  ASSERT_EQ(bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), size), 0);
-  ASSERT_EQ(getsockname(fd.get(), reinterpret_cast<sockaddr*>(&address), &size), 0);
-  ASSERT_TRUE(drop_short_packets(ntohs(address.sin_port)));
-  struct Case {
-    std::size_t length;
-    bool extended;
-    bool arrives;
-  };
-  for (const Case& c : {Case{0, false, false}, Case{1, false, false}, Case{7, false, false}, Case{8, false, true},
-                        Case{19, false, true}, Case{8, true, false}, Case{19, true, false}, Case{20, true, true},
-                        Case{1480, false, true}, Case{1480, true, true}}) {
-    const auto bytes = datagram(c.length, c.extended);
-    const auto length = static_cast<ssize_t>(c.length);
-    ASSERT_EQ(
-        sendto(fd.get(), bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&address), sizeof address),
-        length);
-    std::array<std::uint8_t, 2000> got{};
-    EXPECT_EQ(recv(fd.get(), got.data(), got.size(), MSG_DONTWAIT), c.arrives ? length : -1)
-        << c.length << (c.extended ? ", extended" : "");
-  }
+  if (bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), size) != 0) return {};
+  getsockname(fd.get(), reinterpret_cast<sockaddr*>(&address), &size);
+  return fd;
 }
 
-TEST(NetworkTest, FindsNoSocketThatIsNotThere) { EXPECT_FALSE(drop_short_packets(1)); }
+bool passes(const UniqueFd& from, const UniqueFd& to, const sockaddr_in& to_address, std::size_t length, int content) {
+  std::vector<std::uint8_t> bytes(length, 0x11);
+  if (length > 4) bytes[4] = static_cast<std::uint8_t>(content);
+  sendto(from.get(), bytes.data(), length, 0, reinterpret_cast<const sockaddr*>(&to_address), sizeof to_address);
+  std::array<std::uint8_t, 2000> got{};
+  return recv(to.get(), got.data(), got.size(), MSG_DONTWAIT) == static_cast<ssize_t>(length);
+}
+
+TEST(NetworkTest, LetsOnlyTheCamerasStreamIn) {
+  sockaddr_in own{};
+  sockaddr_in camera_at{};
+  sockaddr_in other{};
+  const UniqueFd stream = socket_at("127.0.0.1", own);
+  const UniqueFd camera = socket_at("127.0.61.2", camera_at);
+  const UniqueFd same_address = socket_at("127.0.61.2", other);
+  const UniqueFd stranger = socket_at("127.0.61.3", other);
+  ASSERT_TRUE(stream && camera && same_address && stranger);
+  ASSERT_TRUE(filter_stream(stream.get(), "127.0.61.2", 0));
+  EXPECT_FALSE(passes(stranger, stream, own, 100, 3));
+  EXPECT_TRUE(passes(same_address, stream, own, 100, 3));
+  for (const int content : {1, 2, 3, 0x81, 0x82, 0x83}) {
+    EXPECT_TRUE(passes(camera, stream, own, 1472, content));
+    EXPECT_TRUE(passes(camera, stream, own, 8, content));
+    EXPECT_FALSE(passes(camera, stream, own, 7, content));
+  }
+  for (const int content : {0, 4, 5, 7, 8, 0x7f, 0x80, 0x85, 0xff}) {
+    EXPECT_FALSE(passes(camera, stream, own, 100, content)) << content;
+  }
+  ASSERT_TRUE(filter_stream(stream.get(), "127.0.61.2", ntohs(camera_at.sin_port)));
+  EXPECT_FALSE(passes(same_address, stream, own, 100, 3));
+  EXPECT_TRUE(passes(camera, stream, own, 100, 3));
+}
 
 TEST(NetworkTest, ReadsTheKernelsLimit) { EXPECT_GT(largest_socket_buffer(), 0); }
 

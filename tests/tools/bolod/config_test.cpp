@@ -89,11 +89,21 @@ TEST_F(Config, KeysReachTheirPlaces) {
   EXPECT_EQ(config->log.format, LogFormat::kJournal);
 }
 
+TEST_F(Config, PacketsTooSmallForAFrameAreRefused) {
+  for (const char* size : {"1", "60", "575"}) {
+    const auto config = read("[source]\npacket_size = " + std::string(size) + "\n");
+    ASSERT_FALSE(config) << size;
+    EXPECT_NE(config.error().message.find("576 bytes or more, or 0"), std::string::npos) << config.error().message;
+  }
+  EXPECT_TRUE(read("[source]\npacket_size = 576\n"));
+}
+
 TEST_F(Config, CameraKeysReachTheCamera) {
   const auto config = read(
       "[source]\naddress = '10.0.0.2'\nwidth = 320\nheight = 0\nir_format = '100mk'\npixel_order = 'big'\n"
       "metadata_rows = 3\npacket_size = 1400\nsocket_buffer_bytes = 1000000\nresend = true\npacket_timeout_us = 300\n"
-      "frame_retention_us = 4000\nbuffers = 20\nrealtime_priority = 10\nrate_hz = 50\nstall_ms = 100\n"
+      "frame_retention_us = 4000\nbuffers = 20\nrealtime_priority = 10\nrate_hz = 50\ntrue_rate_hz = 49.5\n"
+      "stall_ms = 100\n"
       "reconnect_after_ms = 0\n");
   ASSERT_TRUE(config) << config.error().message;
   const genicam::CameraOptions& camera = config->camera;
@@ -104,6 +114,7 @@ TEST_F(Config, CameraKeysReachTheCamera) {
   EXPECT_EQ(camera.pixel_order, genicam::PixelOrder::kBigEndian);
   EXPECT_EQ(camera.metadata_rows, 3);
   EXPECT_EQ(camera.packet_size, 1400);
+  EXPECT_EQ(camera.true_rate_hz, 49.5);
   EXPECT_EQ(camera.socket_buffer_bytes, 1000000);
   EXPECT_TRUE(camera.resend);
   EXPECT_EQ(camera.packet_timeout_us, 300);

@@ -1,0 +1,325 @@
+#include "drivers/genicam/gvsp_assembler.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+namespace bolo::genicam::gvsp {
+namespace {
+
+// As Aravis has them, whose behaviour towards cameras this keeps.
+constexpr std::int64_t kFirstTimeoutNs = 1'000'000;  // until a packet that others overtook is asked for
+constexpr std::uint32_t kMostAskedPart = 4;          // of a frame's packets no more than this part is asked for again
+constexpr std::int64_t kLateFrames = 100;  // this far behind a packet is late; further, the counter began anew
+
+// The counter can be ahead by this many frames, and by what the time that has passed allows, with a margin.
+constexpr std::int64_t kAheadFrames = 4;
+constexpr std::int64_t kTimeMargin = 2;
+constexpr std::int64_t kNearFrames = 64;  // so far before a whole frame an incomplete one belongs to the same count
+constexpr std::uint64_t kOthers = 4;      // frames that are whole after an incomplete one began, and were not before it
+
+}  // namespace
+
+Assembler::Assembler(const StreamPlan& plan, FrameOutput& output)
+    : plan_(plan),
+      output_(output),
+      frames_held_(
+          plan.resend ? static_cast<std::uint64_t>(plan.retention_ns / std::max<std::int64_t>(plan.period_ns, 1)) : 0),
+      patience_ns_(std::max(plan.retention_ns, static_cast<std::int64_t>(2 * kOthers + frames_held_) * plan.period_ns)),
+      frames_(plan.frames) {
+  for (const bool extended : {false, true}) {
+    Layout& layout = layouts_[extended ? 1 : 0];
+    const std::size_t overhead = kNetworkBytes + (extended ? kExtendedHeaderBytes : kHeaderBytes);
+    layout.block_bytes = plan.packet_bytes > overhead ? plan.packet_bytes - overhead : 1;
+    layout.packets = static_cast<std::uint32_t>((plan.payload_bytes + layout.block_bytes - 1) / layout.block_bytes + 2);
+  }
+  for (Frame& frame : frames_) {
+    frame.states.resize(layouts_[1].packets);  // whose headers are longer
+    frame.data.resize(plan.payload_bytes);
+  }
+}
+
+void Assembler::take(std::span<const std::byte> datagram, std::int64_t now_ns) noexcept {
+  counts_.packets.add();
+  const std::optional<Packet> packet = parse(datagram);
+  Frame* frame = packet && possible(*packet) ? find(*packet, now_ns) : nullptr;
+  if (frame == nullptr) return counts_.ignored.add();
+  if (packet->refused) {
+    frame->no_resend = true;
+    return;
+  }
+  PacketState& state = frame->states[packet->packet_id];
+  // One that comes again takes the place of the first, which may have been forged: ahead of its time, as a rule.
+  if (!store(*frame, *packet)) return counts_.ignored.add();
+  frame->last_ns = now_ns;
+  if (state.received) return;
+  state.received = true;
+  ++frame->received;
+  if (state.requested) counts_.resent.add();
+  while (frame->prefix < frame->packets && frame->states[frame->prefix].received) ++frame->prefix;
+  if (frame->prefix == frame->packets && frame->has_trailer) {
+    frame->whole = true;
+    deliver(now_ns);
+  } else {
+    request_missing(*frame, packet->packet_id, now_ns);
+  }
+}
+
+// A frame of the agreed size can have this packet.
+bool Assembler::possible(const Packet& packet) const noexcept {
+  const std::uint32_t id = packet.packet_id;
+  const std::uint32_t last = layout(packet.extended).packets - 1;
+  if (packet.refused) return id <= last;
+  switch (packet.content) {
+    case Content::kLeader:
+      return id == 0;
+    case Content::kPayload:
+      return id >= 1 && id < last;
+    case Content::kTrailer:
+      return id >= 1 && id <= last;
+  }
+  return false;
+}
+
+Assembler::Frame* Assembler::find(const Packet& packet, std::int64_t now_ns) noexcept {
+  const auto is_it = [&packet](const Frame& frame) {
+    return frame.open && frame.id == packet.frame_id && frame.extended == packet.extended;
+  };
+  Frame* frame = latest_ != nullptr && is_it(*latest_) ? latest_ : nullptr;
+  if (frame == nullptr) {
+    const auto at = std::ranges::find_if(frames_, is_it);
+    frame = at != frames_.end() ? &*at : packet.refused ? nullptr : place_for(packet, now_ns);
+  }
+  if (frame == nullptr) return nullptr;
+  if (frame->too_early && !frame->whole && within_reach(*frame, now_ns)) begin(*frame, packet, now_ns);
+  return latest_ = frame;
+}
+
+// Begins a frame; null when its number says that it is over, or when there is no room for it.
+Assembler::Frame* Assembler::place_for(const Packet& packet, std::int64_t now_ns) noexcept {
+  if (started_ && packet.extended == extended_) {
+    const std::int64_t ahead = steps(newest_, packet.frame_id, extended_);
+    if (ahead <= 0 && ahead > -kLateFrames) return nullptr;
+  }
+  Frame* place = choose_place(within_reach(packet.frame_id, packet.extended, now_ns), now_ns);
+  if (place == nullptr) return nullptr;
+  if (place->open) give_up(*place);
+  begin(*place, packet, now_ns);
+  return place;
+}
+
+void Assembler::begin(Frame& frame, const Packet& packet, std::int64_t now_ns) noexcept {
+  frame.open = true;
+  frame.whole = frame.has_trailer = frame.no_resend = false;
+  frame.extended = packet.extended;
+  frame.id = packet.frame_id;
+  frame.too_early = !within_reach(frame, now_ns);
+  frame.packets = layout(packet.extended).packets;
+  frame.received = frame.prefix = frame.asked = 0;
+  frame.emitted_before = emitted_;
+  frame.first_ns = frame.last_ns = now_ns;
+  std::ranges::fill(frame.states, PacketState{});
+}
+
+// A free one; or the quietest of those whose numbers nothing speaks for; or, for a likely frame, the quietest.
+Assembler::Frame* Assembler::choose_place(bool likely, std::int64_t now_ns) noexcept {
+  Frame* quietest = nullptr;
+  Frame* unlikely = nullptr;
+  for (Frame& frame : frames_) {
+    if (!frame.open) return &frame;
+    if (frame.whole) continue;
+    if (quietest == nullptr || frame.last_ns < quietest->last_ns) quietest = &frame;
+    if (within_reach(frame, now_ns)) continue;
+    if (unlikely == nullptr || frame.last_ns < unlikely->last_ns) unlikely = &frame;
+  }
+  return unlikely != nullptr ? unlikely : likely ? quietest : nullptr;
+}
+
+// Keeps what the packet brings. False when it fits nowhere.
+bool Assembler::store(Frame& frame, const Packet& packet) noexcept {
+  const std::uint32_t id = packet.packet_id;
+  if (packet.content == Content::kLeader) {
+    const std::optional<Leader> leader = parse_leader(packet.body);
+    if (!leader) return false;
+    frame.leader = *leader;
+    return true;
+  }
+  if (id >= frame.packets) return false;  // behind the trailer
+  if (packet.content == Content::kTrailer) {
+    if (frame.has_trailer) return id + 1 == frame.packets;
+    if (frame.prefix > id) return false;
+    frame.has_trailer = true;
+    frame.packets = id + 1;  // a camera may send less than its frames can hold
+    return true;
+  }
+  const Layout& expected = layout(frame.extended);
+  if (packet.body.size() > expected.block_bytes) return false;
+  const std::size_t from = (id - 1) * expected.block_bytes;
+  const std::size_t bytes = std::min(packet.body.size(), frame.data.size() - from);  // the last one may be filled up
+  if (bytes > 0) std::memcpy(frame.data.data() + from, packet.body.data(), bytes);
+  frame.states[id].bytes = static_cast<std::uint32_t>(bytes);
+  return true;
+}
+
+// Of a whole frame, the bytes that came without a hole between them.
+std::span<const std::byte> Assembler::contents(const Frame& frame) const noexcept {
+  std::size_t bytes = 0;
+  for (std::uint32_t id = 1; id + 1 < frame.packets; ++id) {
+    bytes += frame.states[id].bytes;
+    if (frame.states[id].bytes != layout(frame.extended).block_bytes) break;
+  }
+  return std::span(frame.data).first(bytes);
+}
+
+// --- packets that did not come ---
+
+// Asks for those up to `last` whose time is over; a first look only notes them.
+void Assembler::request_missing(Frame& frame, std::uint32_t last, std::int64_t now_ns) noexcept {
+  if (!plan_.resend || frame.no_resend || frame.packets < kMostAskedPart) return;
+  std::uint32_t first = 0;  // of a run that is due
+  std::uint32_t run = 0;
+  for (std::uint32_t id = frame.prefix; id <= last && id < frame.packets; ++id) {
+    PacketState& state = frame.states[id];
+    if (!state.received && state.due_ns == 0) state.due_ns = now_ns + kFirstTimeoutNs;
+    if (!state.received && now_ns > state.due_ns) {
+      if (run++ == 0) first = id;
+      continue;
+    }
+    if (run > 0 && !request(frame, first, first + run - 1, now_ns)) return;
+    run = 0;
+  }
+  if (run > 0) request(frame, first, first + run - 1, now_ns);
+}
+
+// False when that is more than may be asked of a frame.
+bool Assembler::request(Frame& frame, std::uint32_t first, std::uint32_t last, std::int64_t now_ns) noexcept {
+  const std::uint32_t count = last - first + 1;
+  frame.asked += count;
+  if (frame.asked > frame.packets / kMostAskedPart) {
+    frame.no_resend = true;
+    return false;
+  }
+  counts_.asked.add(count);
+  for (std::uint32_t id = first; id <= last; ++id) {
+    frame.states[id].due_ns = now_ns + plan_.packet_timeout_ns;
+    frame.states[id].requested = true;
+  }
+  output_.ask_again({frame.id, first, last, frame.extended});
+  return true;
+}
+
+void Assembler::expire(std::int64_t now_ns) noexcept {
+  for (Frame& frame : frames_) {
+    if (!frame.open || frame.whole || now_ns - frame.last_ns < plan_.packet_timeout_ns) continue;
+    request_missing(frame, frame.packets - 1, now_ns);
+  }
+  if (plan_.resend) deliver(now_ns);
+  for (;;) {
+    Frame* oldest = nullptr;
+    for (Frame& frame : frames_) {
+      if (!frame.open || frame.whole || now_ns - frame.last_ns < patience_ns_) continue;
+      if (oldest == nullptr || frame.first_ns < oldest->first_ns) oldest = &frame;
+    }
+    if (oldest == nullptr) return;
+    give_up(*oldest);
+  }
+}
+
+bool Assembler::busy() const noexcept {
+  return std::ranges::any_of(frames_, [](const Frame& frame) { return frame.open; });
+}
+
+// --- the order of frames ---
+
+std::int64_t Assembler::steps(std::uint64_t from, std::uint64_t to, bool extended) const noexcept {
+  if (extended) return static_cast<std::int64_t>(to - from);
+  return static_cast<std::int16_t>(static_cast<std::uint16_t>(to - from));
+}
+
+// The stream can have come to this number by now.
+bool Assembler::within_reach(std::uint64_t id, bool extended, std::int64_t now_ns) const noexcept {
+  if (!started_) return true;
+  if (extended != extended_) return false;
+  const std::int64_t ahead = steps(newest_, id, extended);
+  const std::int64_t passed = (now_ns - newest_ns_) / std::max<std::int64_t>(plan_.period_ns, 1);
+  return ahead > 0 && ahead <= kAheadFrames + kTimeMargin * passed;
+}
+
+// The frame was sent before the whole one was.
+bool Assembler::precedes(const Frame& frame, const Frame& whole, std::int64_t now_ns) const noexcept {
+  if (&frame == &whole || !frame.open || frame.extended != whole.extended) return false;
+  const std::int64_t behind = steps(frame.id, whole.id, frame.extended);
+  if (started_ && within_reach(frame, now_ns)) {
+    // Before a counter that began anew, all that the old one had come to.
+    return !within_reach(whole, now_ns) || behind > 0;
+  }
+  return behind > 0 && behind < kNearFrames;
+}
+
+void Assembler::deliver(std::int64_t now_ns) noexcept {
+  while (Frame* frame = next_whole(now_ns)) {
+    if (held_up(*frame, now_ns)) return;
+    emit(*frame, now_ns);
+  }
+}
+
+Assembler::Frame* Assembler::next_whole(std::int64_t now_ns) noexcept {
+  Frame* next = nullptr;
+  for (Frame& frame : frames_) {
+    if (frame.open && frame.whole && (next == nullptr || precedes(frame, *next, now_ns))) next = &frame;
+  }
+  return next;
+}
+
+// A frame before it may still be completed.
+bool Assembler::held_up(const Frame& whole, std::int64_t now_ns) const noexcept {
+  return plan_.resend && std::ranges::any_of(frames_, [&](const Frame& frame) {
+           return precedes(frame, whole, now_ns) && !frame.whole && now_ns - frame.last_ns < plan_.retention_ns;
+         });
+}
+
+void Assembler::emit(Frame& whole, std::int64_t now_ns) noexcept {
+  for (;;) {  // those before it, first to last
+    Frame* before = nullptr;
+    for (Frame& frame : frames_) {
+      if (!precedes(frame, whole, now_ns) || frame.whole) continue;
+      if (before == nullptr || precedes(frame, *before, now_ns)) before = &frame;
+    }
+    if (before == nullptr) break;
+    lose(*before);
+  }
+  counts_.whole.add();
+  ++emitted_;
+  started_ = true;
+  extended_ = whole.extended;
+  newest_ = whole.id;
+  newest_ns_ = now_ns;
+  whole.open = false;
+  const Leader& leader = whole.leader;
+  output_.take_frame({.end = FrameEnd::kWhole,
+                      .id = whole.id,
+                      .camera_ns = plan_.ticks_per_s > 0 ? to_ns(leader.ticks, plan_.ticks_per_s) : whole.first_ns,
+                      .receive_ns = whole.first_ns,
+                      .mono16 = leader.mono16,
+                      .width = leader.width,
+                      .height = leader.height,
+                      .x_padding = leader.x_padding,
+                      .pixels = contents(whole)});
+}
+
+// No more is expected of it. While other frames become whole it was none of the camera's, or a later one of them will
+// tell that it is lost; when none does, it is lost.
+void Assembler::give_up(Frame& frame) noexcept {
+  if (emitted_ - frame.emitted_before < kOthers + frames_held_ && within_reach(frame, frame.last_ns))
+    return lose(frame);
+  frame.open = false;
+}
+
+void Assembler::lose(Frame& frame) noexcept {
+  frame.open = false;
+  counts_.broken.add();
+  counts_.missing.add(frame.packets - std::min(frame.received, frame.packets));
+  output_.take_frame({.end = FrameEnd::kIncomplete, .id = frame.id});
+}
+
+}  // namespace bolo::genicam::gvsp

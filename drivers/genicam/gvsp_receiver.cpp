@@ -1,0 +1,160 @@
+#include "drivers/genicam/gvsp_receiver.hpp"
+
+#include <arpa/inet.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <future>
+#include <utility>
+
+#include "drivers/genicam/network.hpp"
+#include "src/core/clock.hpp"
+#include "src/rt/thread.hpp"
+
+namespace bolo::genicam::gvsp {
+namespace {
+
+constexpr std::size_t kBatch = 32;  // datagrams a system call
+constexpr std::int64_t kIdleNs = 1'000'000'000;
+constexpr int kNiceLevel = -10;
+
+sockaddr_in address_of(const std::string& ipv4, std::uint16_t port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(port);
+  inet_pton(AF_INET, ipv4.c_str(), &address.sin_addr);
+  return address;
+}
+
+class GvcpWords {
+ public:
+  void add16(unsigned value) noexcept {
+    bytes_[size_++] = static_cast<std::uint8_t>(value >> 8U & 0xffU);
+    bytes_[size_++] = static_cast<std::uint8_t>(value & 0xffU);
+  }
+  void add32(std::uint32_t value) noexcept {
+    add16(value >> 16U);
+    add16(value & 0xffffU);
+  }
+  const std::uint8_t* data() const noexcept { return bytes_.data(); }
+  std::size_t size() const noexcept { return size_; }
+
+ private:
+  std::array<std::uint8_t, 28> bytes_{};
+  std::size_t size_ = 0;
+};
+
+}  // namespace
+
+Status raise_priority(const std::string& name, int realtime_priority) {
+  if (realtime_priority == 0) setpriority(PRIO_PROCESS, 0, kNiceLevel);  // Linux: of this thread
+  return rt::apply_to_this_thread({name, realtime_priority});
+}
+
+std::string refused_priority(int realtime_priority) {
+  return "asked for real-time priority " + std::to_string(realtime_priority) +
+         " of the receiving thread, refused: raise LimitRTPRIO (systemd) or ulimit -r";
+}
+
+Result<std::unique_ptr<Receiver>> Receiver::open(const std::string& own_address, const std::string& camera_address,
+                                                 int socket_buffer_bytes) {
+  UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  sockaddr_in own = address_of(own_address, 0);
+  socklen_t size = sizeof own;
+  // The filter first: what comes before it would stay in the socket.
+  if (!fd || !filter_stream(fd.get(), camera_address, 0) ||
+      bind(fd.get(), reinterpret_cast<const sockaddr*>(&own), size) != 0 ||
+      getsockname(fd.get(), reinterpret_cast<sockaddr*>(&own), &size) != 0) {
+    return failed("no socket for the stream on " + own_address + " (" + std::strerror(errno) + ")");
+  }
+  setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUF, &socket_buffer_bytes, sizeof socket_buffer_bytes);
+  std::unique_ptr<Receiver> receiver(new Receiver(std::move(fd), address_of(camera_address, kGvcpPort)));
+  receiver->port_ = ntohs(own.sin_port);
+  receiver->wake_ = UniqueFd(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  return receiver;
+}
+
+Receiver::~Receiver() {
+  if (!thread_.joinable()) return;
+  stop_.store(true, std::memory_order_release);  // partner: run()
+  eventfd_write(wake_.get(), 1);
+  thread_.join();
+}
+
+Status Receiver::start(const StreamPlan& plan, std::uint16_t source_port, int realtime_priority,
+                       std::function<void(const CameraFrame&)> take) {
+  if (source_port != 0) {
+    std::array<char, INET_ADDRSTRLEN> text{};
+    inet_ntop(AF_INET, &camera_.sin_addr, text.data(), text.size());
+    filter_stream(socket_.get(), text.data(), source_port);
+  }
+  plan_ = plan;
+  take_ = std::move(take);
+  FrameOutput& output = *this;
+  assembler_ = std::make_unique<Assembler>(plan, output);
+  bytes_.resize(kBatch * plan.packet_bytes);
+  std::promise<Status> granted;
+  std::future<Status> answer = granted.get_future();
+  thread_ = std::thread([this, realtime_priority, granted = std::move(granted)]() mutable {
+    granted.set_value(raise_priority("gvsp", realtime_priority));
+    run();
+  });
+  return answer.get();
+}
+
+void Receiver::run() noexcept {
+  std::array<iovec, kBatch> parts{};
+  std::array<mmsghdr, kBatch> messages{};
+  for (std::size_t i = 0; i < kBatch; ++i) {
+    parts[i] = {bytes_.data() + i * plan_.packet_bytes, plan_.packet_bytes};
+    messages[i].msg_hdr.msg_iov = &parts[i];
+    messages[i].msg_hdr.msg_iovlen = 1;
+  }
+  while (!stop_.load(std::memory_order_acquire)) {  // partner: ~Receiver()
+    std::array<pollfd, 2> events{{{socket_.get(), POLLIN, 0}, {wake_.get(), POLLIN, 0}}};
+    const std::int64_t wait_ns = assembler_->busy() ? std::min(plan_.packet_timeout_ns, kIdleNs) : kIdleNs;
+    const timespec wait{static_cast<time_t>(wait_ns / 1'000'000'000), static_cast<long>(wait_ns % 1'000'000'000)};
+    ppoll(events.data(), events.size(), &wait, nullptr);
+    const int count = recvmmsg(socket_.get(), messages.data(), kBatch, MSG_DONTWAIT, nullptr);
+    const std::int64_t now_ns = monotonic_ns();
+    for (int i = 0; i < count; ++i) {
+      const mmsghdr& message = messages[static_cast<std::size_t>(i)];
+      const auto* bytes = static_cast<const std::byte*>(message.msg_hdr.msg_iov->iov_base);
+      // A longer one than agreed is cut off: what is left is nothing that a frame can have.
+      const bool cut = (message.msg_hdr.msg_flags & MSG_TRUNC) != 0;
+      assembler_->take({bytes, cut ? 0 : message.msg_len}, now_ns);
+    }
+    assembler_->expire(now_ns);
+  }
+}
+
+// GVCP's PACKETRESEND command, from the stream's own port, without an answer.
+void Receiver::ask_again(const ResendRequest& request) noexcept {
+  constexpr unsigned kKey = 0x42;
+  constexpr unsigned kExtendedIds = 0x10;
+  constexpr unsigned kPacketResend = 0x0040;
+  constexpr std::uint32_t kShortPacketId = 0x00ffffff;
+  request_id_ = request_id_ == 0xffff ? std::uint16_t{1} : static_cast<std::uint16_t>(request_id_ + 1);
+  GvcpWords words;
+  words.add16(kKey << 8U | (request.extended ? kExtendedIds : 0U));
+  words.add16(kPacketResend);
+  words.add16(request.extended ? 20 : 12);
+  words.add16(request_id_);
+  words.add16(0);  // stream channel
+  words.add16(request.extended ? 0U : static_cast<unsigned>(request.frame_id));
+  words.add32(request.extended ? request.first : request.first & kShortPacketId);
+  words.add32(request.extended ? request.last : request.last & kShortPacketId);
+  if (request.extended) {
+    words.add32(static_cast<std::uint32_t>(request.frame_id >> 32U));
+    words.add32(static_cast<std::uint32_t>(request.frame_id));
+  }
+  sendto(socket_.get(), words.data(), words.size(), MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&camera_),
+         sizeof camera_);
+}
+
+}  // namespace bolo::genicam::gvsp

@@ -1,0 +1,67 @@
+// The socket of a GigE Vision stream and the thread that empties it.
+#pragma once
+
+#include <netinet/in.h>
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "drivers/genicam/gvsp_assembler.hpp"
+#include "src/core/result.hpp"
+#include "src/core/unique_fd.hpp"
+
+namespace bolo::genicam::gvsp {
+
+// Asks for SCHED_FIFO at this priority, or, at 0, for a nice level of -10 as far as that is allowed, which is no error.
+// Thread: the thread concerned.
+Status raise_priority(const std::string& name, int realtime_priority);
+
+// What to say when it was refused. Thread: any.
+std::string refused_priority(int realtime_priority);
+
+class Receiver final : private FrameOutput {
+ public:
+  // Binds a socket that takes what comes from the camera's address only. Addresses in dotted form. Thread: setup.
+  static Result<std::unique_ptr<Receiver>> open(const std::string& own_address, const std::string& camera_address,
+                                                int socket_buffer_bytes);
+  // Ends the thread, which takes no longer than one frame's work. Thread: setup.
+  ~Receiver();
+  Receiver(const Receiver&) = delete;
+  Receiver& operator=(const Receiver&) = delete;
+
+  // Where the camera is to send to.
+  std::uint16_t port() const noexcept { return port_; }
+
+  // Frames go to `take` from now on, on the thread of the receiver. source_port: that the camera says it sends from; 0:
+  // it does not say. The result is whether the priority was granted: frames flow also without. Thread: setup, once.
+  Status start(const StreamPlan& plan, std::uint16_t source_port, int realtime_priority,
+               std::function<void(const CameraFrame&)> take);
+
+  // After start(). Thread: any.
+  const StreamCounts& counts() const noexcept { return assembler_->counts(); }
+
+ private:
+  explicit Receiver(UniqueFd socket, const sockaddr_in& camera) : socket_(std::move(socket)), camera_(camera) {}
+
+  void run() noexcept;
+  void take_frame(const CameraFrame& frame) noexcept override { take_(frame); }
+  void ask_again(const ResendRequest& request) noexcept override;
+
+  const UniqueFd socket_;
+  const sockaddr_in camera_;  // its control port
+  std::uint16_t port_ = 0;
+  UniqueFd wake_;
+  std::uint16_t request_id_ = 0;
+  StreamPlan plan_;
+  std::function<void(const CameraFrame&)> take_;
+  std::unique_ptr<Assembler> assembler_;
+  std::vector<std::byte> bytes_;  // of a batch of datagrams
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+}  // namespace bolo::genicam::gvsp
