@@ -58,30 +58,4 @@ plot::Sheet sheet_of(const ReadersReport& report) {
   return {.title = "Readers of shared memory", .rows = {{publish}}};
 }
 
-plot::Sheet sheet_of(const ClusterReport& report) {
-  plot::Plot speed{.title = "How much faster machines together are",
-                   .caption =
-                       "Calculated from what one core and one disk were measured to do. Dashed: every core as fast "
-                       "as one alone.",
-                   .x = {.name = "machines", .logarithmic = true},
-                   .y = {.name = "times one core", .logarithmic = true}};
-  plot::Plot price{.title = "What an hour of captures costs",
-                   .caption = "Cores are paid while they wait.",
-                   .x = {.name = "machines", .logarithmic = true},
-                   .y = {.name = "price", .logarithmic = true}};
-  plot::Series ideal{.label = "ideal", .hue = plot::Hue::kSoft, .dashed = true};
-  plot::Series real{.label = "calculated", .hue = plot::Hue::kDeblurred};
-  plot::Series cost{.hue = plot::Hue::kPurple};
-  for (std::size_t i = 0; i < report.times.size(); ++i) {
-    const ClusterMachines& machines = report.machines[i];
-    for (plot::Series* series : {&ideal, &real, &cost}) series->x.push_back(machines.machines);
-    ideal.y.push_back(machines.machines * machines.cores);
-    real.y.push_back(report.times[i].speed_up);
-    cost.y.push_back(report.times[i].price_per_hour);
-  }
-  speed.series = {ideal, real};
-  price.series = {cost};
-  return {.title = "A cluster of machines like this one", .rows = {{speed}, {price}}};
-}
-
 }  // namespace bolo::tools

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "src/report/sheet.hpp"
-#include "tools/bench/cluster_bench.hpp"
 #include "tools/bench/deblur_bench.hpp"
 #include "tools/bench/readers_bench.hpp"
 
@@ -13,8 +12,5 @@ plot::Sheet sheet_of(const BenchReport& report);
 
 // What publishing a frame takes, over the number of readers. Thread: any.
 plot::Sheet sheet_of(const ReadersReport& report);
-
-// How much faster machines together are, and what an hour of captures then costs. Thread: any.
-plot::Sheet sheet_of(const ClusterReport& report);
 
 }  // namespace bolo::tools

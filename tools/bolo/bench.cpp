@@ -1,5 +1,4 @@
 // bolo bench: how fast the deblurring is on this machine, and how near to the optimum; what readers cost the daemon.
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <new>
@@ -9,7 +8,6 @@
 
 #include "src/deblur/isa.hpp"
 #include "tools/bench/bench_plot.hpp"
-#include "tools/bench/cluster_bench.hpp"
 #include "tools/bench/deblur_bench.hpp"
 #include "tools/bench/readers_bench.hpp"
 #include "tools/bolo/cli.hpp"
@@ -23,26 +21,17 @@ cxxopts::Options declare() {
   cxxopts::Options options(
       "bolo bench",
       "Measures on this machine, with 640x120 frames: deblur, the deblurring of one; readers, what\n"
-      "processes that read shared memory cost the writer of 200 frames a second; cluster, the pieces that\n"
-      "machines would share, and from them how long many machines take for many hours of captures\n");
-  options.positional_help("deblur|readers|cluster");
-  options.add_options()("what", "deblur, readers or cluster", cxxopts::value<std::string>())(
-      "solver", "admm, dual, exact or inverse: of the main figures; cluster: mmae too",
+      "processes that read shared memory cost the writer of 200 frames a second\n");
+  options.positional_help("deblur|readers");
+  options.add_options()("what", "deblur or readers", cxxopts::value<std::string>())(
+      "solver", "admm, dual, exact or inverse: of the main figures",
       cxxopts::value<std::string>()->default_value("admm"))(
       "isa", "Instruction set: AVX3 (AVX-512), AVX2, SSE4, SSE2 ... (default: the best)",
       cxxopts::value<std::string>())("threads", "Of the main figures", cxxopts::value<int>()->default_value("1"))(
       "lambda", "Of the main figures, kappa 0.1 (default: the solver's default)", cxxopts::value<double>())(
-      "seconds", "How long to measure (default: deblur 5, readers 40, cluster 20)", cxxopts::value<double>())(
+      "seconds", "How long to measure (default: deblur 5, readers 40)", cxxopts::value<double>())(
       "priority", "SCHED_FIFO priority of the writer with readers; 0: the default scheduler",
       cxxopts::value<int>()->default_value("10"))("json", "Print the result as JSON");
-  const auto number = [](const char* value) { return cxxopts::value<double>()->default_value(value); };
-  options.add_options("Cluster")("hours", "Of captures, in all", number("1000"))("capture-hours", "Of one capture",
-                                                                                 number("1"))(
-      "block", "Frames of a block; 0: captures whole (default: as bolo deblur chooses)", cxxopts::value<double>())(
-      "cores", "Of a machine", number("32"))("network", "Of a machine, GB/s", number("3"))(
-      "storage", "Reading and writing of all machines together, GB/s", number("20"))(
-      "price", "Of a core for an hour", number("0.04"))("scratch", "Folder on the disk that is measured",
-                                                        cxxopts::value<std::string>()->default_value("."), "FOLDER");
   add_plot_option(options, "Draw the table");
   options.parse_positional({"what"});
   return options;
@@ -151,75 +140,6 @@ void print_table(const ReadersReport& report) {
   }
 }
 
-std::string cluster_method(const ClusterReport& report) {
-  return "one thread, " + std::to_string(report.frames) + " frames of a street, 640x120, in a file; medians of " +
-         std::to_string(report.repeats) +
-         " rounds. Frames in processor time, a piece from the capture's name to the record on the disk by the clock; "
-         "machines by calculation: see CLUSTER.md";
-}
-
-void print_json(const ClusterReport& r) {
-  nlohmann::json result{{"method", cluster_method(r)},
-                        {"solver", r.solver_text},
-                        {"repeats", r.repeats},
-                        {"deblur_ms", 1e3 * r.costs.deblur_s},
-                        {"walk_ms", 1e3 * r.costs.walk_s},
-                        {"together_ms", 1e3 * r.costs.together_s},
-                        {"piece_ms", 1e3 * r.costs.piece_s},
-                        {"rank_zero_us", 1e6 * r.costs.word_s},
-                        {"raw_bytes", r.costs.raw_bytes},
-                        {"sharp_bytes", r.costs.sharp_bytes},
-                        {"disk_write_gb_s", r.write_gb_s},
-                        {"disk_read_gb_s", r.read_gb_s},
-                        {"hours", r.task.hours},
-                        {"capture_hours", r.task.capture_hours}};
-  for (std::size_t i = 0; i < r.times.size(); ++i) {
-    const ClusterTime& time = r.times[i];
-    const ClusterMachines& machines = r.machines[i];
-    result["machines"].push_back({{"machines", machines.machines},
-                                  {"cores", machines.cores},
-                                  {"block_frames", r.block_frames[i]},
-                                  {"terabytes", time.terabytes},
-                                  {"seconds", time.seconds},
-                                  {"compute_s", time.compute_s},
-                                  {"storage_s", time.storage_s},
-                                  {"walk_s", time.walk_s},
-                                  {"rank_zero_s", time.rank_zero_s},
-                                  {"together_s", time.together_s},
-                                  {"speed_up", time.speed_up},
-                                  {"efficiency", time.efficiency},
-                                  {"price_per_hour", time.price_per_hour},
-                                  {"limit", time.limit}});
-  }
-  std::puts(result.dump(2).c_str());
-}
-
-void print_table(const ClusterReport& r) {
-  const PieceCosts& c = r.costs;
-  std::printf("%s.\n\n", cluster_method(r).c_str());
-  std::printf("%s: %.3f ms a frame", r.solver_text.c_str(), 1e3 * c.deblur_s);
-  if (c.walk_s > 0.0) std::printf(", walk %.3f ms", 1e3 * c.walk_s);
-  std::printf(", put together %.3f ms; %.0f ms a piece; %.1f us of rank 0 a piece\n", 1e3 * c.together_s,
-              1e3 * c.piece_s, 1e6 * c.word_s);
-  std::printf("an hour of capture is %.1f core hours; this disk writes %.2f GB/s and reads %.2f GB/s\n\n",
-              3600.0 * r.task.rate_hz * (c.deblur_s + c.walk_s + c.together_s) / 3600.0, r.write_gb_s, r.read_gb_s);
-  if (r.times.empty()) return;
-  const ClusterMachines& m = r.machines.front();
-  std::printf(
-      "%g hours in captures of %g; machines of %g cores and %g GB/s of network, storage of %g GB/s in all, %g a core "
-      "hour\n",
-      r.task.hours, r.task.capture_hours, m.cores, m.network_gb_s, m.storage_gb_s, m.price_core_hour);
-  std::printf("%8s %10s %8s %12s %10s %10s %10s  %s\n", "machines", "block", "TB", "hours", "speed-up", "efficiency",
-              "an hour", "waits for");
-  for (std::size_t i = 0; i < r.times.size(); ++i) {
-    const ClusterTime& time = r.times[i];
-    const std::string block = r.block_frames[i] == 0.0 ? "whole" : std::to_string(std::lround(r.block_frames[i]));
-    std::printf("%8g %10s %8.0f %12.3f %10.0f %9.1f%% %10.4f  %s\n", r.machines[i].machines, block.c_str(),
-                time.terabytes, time.seconds / 3600.0, time.speed_up, 100.0 * time.efficiency, time.price_per_hour,
-                time.limit.c_str());
-  }
-}
-
 // Prints a report and draws it where a file is named, or passes its error on.
 template <typename Report>
 Status show(const Result<Report>& report, bool json, const std::filesystem::path& plot) {
@@ -256,39 +176,6 @@ Result<ReadersOptions> readers_options(const cxxopts::ParseResult& given) {
   return options;
 }
 
-// A positive number, or 0 where that means something.
-Status read_number(const cxxopts::ParseResult& given, const char* option, bool zero, double& value) {
-  value = given[option].as<double>();
-  if (value > 0.0 || (zero && value == 0.0)) return {};
-  return bad_input(std::string("--") + option + ": expected a number above 0");
-}
-
-Result<ClusterBenchOptions> cluster_options(const cxxopts::ParseResult& given) {
-  ClusterBenchOptions options;
-  deblur::Settings& settings = options.request.options.deblur;
-  const auto method = deblur::method_from_name(given["solver"].as<std::string>());
-  if (!method) return at("--solver", method.error());
-  settings.method = *method;
-  if (given.count("lambda") != 0) settings.lambda = given["lambda"].as<double>();
-  if (given.count("isa") != 0) {
-    if (Status status = deblur::choose_isa(given["isa"].as<std::string>()); !status) return at("--isa", status.error());
-  }
-  options.request.options.workers = 1;
-  options.request.options.output = PixelType::kFloat32;
-  options.scratch = given["scratch"].as<std::string>();
-  if (given.count("seconds") != 0) options.seconds = given["seconds"].as<double>();
-  Status status = read_number(given, "hours", false, options.task.hours);
-  if (status) status = read_number(given, "capture-hours", false, options.task.capture_hours);
-  options.automatic_block = given.count("block") == 0;
-  if (status && !options.automatic_block) status = read_number(given, "block", true, options.task.block_frames);
-  if (status) status = read_number(given, "cores", false, options.machines.cores);
-  if (status) status = read_number(given, "network", false, options.machines.network_gb_s);
-  if (status) status = read_number(given, "storage", false, options.machines.storage_gb_s);
-  if (status) status = read_number(given, "price", true, options.machines.price_core_hour);
-  if (!status) return tl::unexpected(status.error());
-  return options;
-}
-
 Status bench(const cxxopts::ParseResult& given) {
   const std::string what = given.count("what") != 0 ? given["what"].as<std::string>() : "";
   const bool json = given.count("json") != 0;
@@ -296,8 +183,7 @@ Status bench(const cxxopts::ParseResult& given) {
   if (!plot) return tl::unexpected(plot.error());
   if (what == "deblur") return show(deblur_options(given).and_then(bench_deblur), json, *plot);
   if (what == "readers") return show(readers_options(given).and_then(bench_readers), json, *plot);
-  if (what == "cluster") return show(cluster_options(given).and_then(bench_cluster), json, *plot);
-  return bad_input("expected what to measure: bolo bench deblur, bolo bench readers, or bolo bench cluster");
+  return bad_input("expected what to measure: bolo bench deblur or bolo bench readers");
 }
 
 }  // namespace
