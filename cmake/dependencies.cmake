@@ -31,8 +31,3 @@ if(OPENCV_INCLUDE AND OPENCV_DNN AND OPENCV_CORE)
 else()
   message(STATUS "OpenCV (libopencv-dnn-dev) is missing: bolo-lab eval detect is built without networks")
 endif()
-# Ranks of `bolo deblur` and `bolo-lab blind` on a cluster; optional.
-find_package(MPI QUIET COMPONENTS CXX)
-if(NOT MPI_CXX_FOUND)
-  message(STATUS "MPI (libopenmpi-dev) is missing: bolo shares work by shards alone")
-endif()

@@ -4,17 +4,11 @@
 
 install(TARGETS bolo bolod RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT bolo)
 
-if(TARGET bolo_mpi)
-  install(TARGETS bolo_mpi LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/bolo COMPONENT bolo-mpi)
-endif()
-
 # Everything that packages are made of.
 add_custom_target(shipped DEPENDS bolo bolod bolo_client)
-foreach(target manual bolo_mpi)
-  if(TARGET ${target})
-    add_dependencies(shipped ${target})
-  endif()
-endforeach()
+if(TARGET manual)
+  add_dependencies(shipped manual)
+endif()
 
 install(FILES config/a655sc.toml config/bolod.toml config/demo.toml
   DESTINATION ${CMAKE_INSTALL_FULL_SYSCONFDIR}/bolo COMPONENT bolo)
@@ -39,5 +33,5 @@ endforeach()
 install(FILES ${completion}/_bolo DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/zsh/vendor-completions COMPONENT bolo)
 install(FILES ${completion}/bolo.fish DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/fish/vendor_completions.d COMPONENT bolo)
 
-install(FILES README.md ARCHITECTURE.md CLUSTER.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT bolo)
+install(FILES README.md ARCHITECTURE.md docs/clusters.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT bolo)
 install(FILES tools/slurm/bolo-deblur.sbatch DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT bolo)

@@ -74,14 +74,6 @@ bolo_package(bolo
   SUGGESTS v4l2loopback-dkms ffmpeg libimage-exiftool-perl python3-bolo
   CONTROL ${packaging}/bolo/postinst ${packaging}/bolo/prerm ${packaging}/bolo/postrm ${packaging}/bolo/conffiles)
 
-bolo_package(bolo-mpi
-  SECTION science
-  SUMMARY "sharp frames from moving thermal cameras (ranks of a cluster)"
-  TEXT "With this package the ranks that mpirun or srun starts of bolo deblur and bolo"
-       "blind share their work; without it, shards do."
-  DEPENDS "bolo ${this_version}"
-  SUGGESTS openmpi-bin)
-
 bolo_package(libbolo-client
   SECTION libs
   SUMMARY "frames of a thermal camera from bolod (library)"

@@ -24,9 +24,8 @@ std::string in_words(const Region& r) {
 }  // namespace
 
 ReplaySource::ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace,
-                           std::optional<Region> region, Laps laps, std::optional<FrameRange> frames)
+                           std::optional<Region> region, Laps laps)
     : reader_(std::move(reader)), pace_(pace), laps_(laps) {
-  frames_ = frames.value_or(FrameRange{0, reader_->info().frames});
   const Geometry whole = reader_->info().format.geometry;
   region_ = region.value_or(Region{0, 0, whole.width, whole.height});
 }
@@ -68,11 +67,9 @@ void ReplaySource::stop() noexcept {
 ReplaySource::Lap ReplaySource::length() const {
   const std::vector<double>& t = reader_->t();
   const std::vector<std::uint64_t>& id = reader_->frame_id();
-  if (frames_.first >= frames_.end) return {};
-  const std::size_t first = frames_.first;
-  const std::size_t last = frames_.end - 1;
-  return {id[last] - id[first] + 1,
-          std::llround((t[last] - t[first] + reader_->info().format.frame_period_s) * kNsPerSecond)};
+  if (t.empty()) return {};
+  return {id.back() - id.front() + 1,
+          std::llround((t.back() - t.front() + reader_->info().format.frame_period_s) * kNsPerSecond)};
 }
 
 void ReplaySource::feed(pipeline::FrameInlet& inlet) {
@@ -90,16 +87,15 @@ bool ReplaySource::play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap 
   const std::vector<double>& t = reader_->t();
   const std::vector<std::uint64_t>& id = reader_->frame_id();
   Breaks breaks(reader_->events());
-  if (frames_.first > 0) breaks.before(t[frames_.first - 1]);  // those of before are past
-  for (std::size_t i = frames_.first; i < frames_.end; ++i) {
+  for (std::size_t i = 0; i < t.size(); ++i) {
     if (stop_requested_.load(std::memory_order_relaxed)) return false;
     if (breaks.before(t[i])) {
       inlet.restart_window();
-    } else if (i > frames_.first) {
+    } else if (i > 0) {
       inlet.count_loss(LossCause::kMissing, id[i] - id[i - 1] - 1);
     }
     const bool real_time = pace_ == Pace::kRealTime;
-    const std::int64_t due_ns = start_ns + lap.ns + std::llround((t[i] - t[frames_.first]) * kNsPerSecond);
+    const std::int64_t due_ns = start_ns + lap.ns + std::llround((t[i] - t.front()) * kNsPerSecond);
     if (real_time && !sleep_until(due_ns)) return false;
     rt::FrameSlot* slot = real_time ? inlet.borrow() : inlet.borrow_wait(stop_requested_);
     if (slot == nullptr) continue;  // lost and counted, or asked to stop

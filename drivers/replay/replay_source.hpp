@@ -24,22 +24,15 @@ enum class Laps {
   kForEver,  // from the first frame again after the last: numbers and times rise on, and a new window begins
 };
 
-// Frames of a capture by their places in it: from `first` to before `end`.
-struct FrameRange {
-  std::size_t first = 0;
-  std::size_t end = 0;
-};
-
 // Frames carry the capture's frame_id, /t in ns as camera time, and the host's time now as receive time. A jump of the
 // frame_id counts as that many frames missing. An event "nuc" or "reconnect" starts a new window with the first frame
 // at or after it; frames missing there are no loss.
 class ReplaySource final : public pipeline::FrameSource {
  public:
   // With `region` only these pixels of each frame are handed in, and the source's geometry is the region's. The reader
-  // is used from the source's own thread between start() and stop(). With `frames`, which lie inside the capture, only
-  // these are played, as they are in the whole: frames missing before the first are no loss of it.
+  // is used from the source's own thread between start() and stop().
   ReplaySource(std::shared_ptr<const capture::CaptureReader> reader, Pace pace, std::optional<Region> region = {},
-               Laps laps = Laps::kOne, std::optional<FrameRange> frames = {});
+               Laps laps = Laps::kOne);
   ~ReplaySource() override;
 
   Result<pipeline::SourceInfo> open() override;
@@ -66,7 +59,6 @@ class ReplaySource final : public pipeline::FrameSource {
   std::shared_ptr<const capture::CaptureReader> reader_;
   Pace pace_;
   Laps laps_;
-  FrameRange frames_;                  // all unless some were asked for
   Region region_;                      // the whole frame unless one was asked for
   std::vector<std::byte> full_frame_;  // empty when the region is the whole frame
   std::atomic<bool> stop_requested_{false};

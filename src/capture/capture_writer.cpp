@@ -381,8 +381,9 @@ Status CaptureWriter::close() {
   }
   if (!w.stored) return w.closed();
   if (!w.store()) return failed(w.part_name.string() + ": cannot be stored: " + std::strerror(errno));
-  w.stored.reset();
-  return w.publish();
+  Status published = w.publish();
+  w.stored.reset();  // and with it the lock: who gets it finds that the name is gone
+  return published;
 }
 
 void CaptureWriter::discard() {

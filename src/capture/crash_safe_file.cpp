@@ -44,6 +44,14 @@ UniqueFd create_journal(const std::filesystem::path& file, bool power) {
   return emptied ? std::move(journal) : UniqueFd{};
 }
 
+// The writer that held the lock until now may have given the file its final name.
+bool still_named(int descriptor, const std::filesystem::path& file) {
+  struct stat opened {};
+  struct stat named {};
+  return ::fstat(descriptor, &opened) == 0 && ::stat(file.c_str(), &named) == 0 && opened.st_dev == named.st_dev &&
+         opened.st_ino == named.st_ino;
+}
+
 }  // namespace
 
 // Nothing of a file that another writer holds is touched. The records are emptied before the file is.
@@ -51,7 +59,8 @@ Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesyst
   UniqueFd descriptor(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
   if (!descriptor) return not_opened("created");
   std::unique_ptr<CrashSafeFile> made(new CrashSafeFile(std::move(descriptor)));
-  if (::flock(made->descriptor(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+  const bool held = ::flock(made->descriptor(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  if (held || !still_named(made->descriptor(), file)) {
     return bad_input("is being written by another program; choose another name");
   }
   const bool power = survives == SurvivesCut::kPower;

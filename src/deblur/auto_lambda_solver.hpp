@@ -22,8 +22,6 @@ class AutoLambdaSolver final : public Solver {
   int iterations() const noexcept override { return method_->iterations(); }
   std::string_view isa() const noexcept override { return method_->isa(); }
   double noise_k() const noexcept override;
-  double noise_state() const noexcept override { return posterior_.noise_state(); }
-  void set_noise_state(double state) noexcept override { posterior_.set_noise_state(state); }
 
  private:
   void solve_blocks(const WindowView& window, const Region& part, std::byte* out, std::size_t stride) const noexcept;

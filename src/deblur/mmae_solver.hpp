@@ -19,8 +19,6 @@ class MmaeSolver final : public Solver {
   int iterations() const noexcept override { return 1; }
   std::string_view isa() const noexcept override { return posterior_.kernels().isa; }
   double noise_k() const noexcept override;
-  double noise_state() const noexcept override { return posterior_.noise_state(); }
-  void set_noise_state(double state) noexcept override { posterior_.set_noise_state(state); }
 
  private:
   struct Columns;

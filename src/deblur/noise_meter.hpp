@@ -25,8 +25,6 @@ class NoiseMeter {
   double noise() const noexcept;
 
   // What the looks so far have left, for a meter that goes on elsewhere; 0: nothing. Thread: pipeline.
-  double state() const noexcept { return measured_; }
-  void set_state(double state) noexcept { measured_ = state; }
 
  private:
   double measure(const void* const* planes, int order) noexcept;

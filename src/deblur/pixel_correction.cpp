@@ -181,14 +181,4 @@ void PixelCorrection::fill_dead(float* values) const noexcept {
   }
 }
 
-void PixelCorrection::save(StateWriter& out) const {
-  out(before_);
-  out(added_);
-}
-
-void PixelCorrection::restore(StateReader& in) {
-  in(before_);
-  in(added_);
-}
-
 }  // namespace bolo::deblur

@@ -22,7 +22,6 @@
 #include "src/core/pixel_range.hpp"
 #include "src/core/plane.hpp"
 #include "src/core/result.hpp"
-#include "src/core/state_bytes.hpp"
 #include "src/deblur/settings.hpp"
 #include "src/model/pixel_maps.hpp"
 
@@ -45,12 +44,6 @@ class PixelCorrection {
   void correct(float* values, PixelRange pixels) noexcept;
   // After all of the frame's pixels. Thread: pipeline.
   void fill_dead(float* values) const noexcept;
-
-  // Pixels of their own inertia remember the frames before. Thread: any.
-  bool remembers() const noexcept { return !lag_.empty(); }
-  // What they remember. Thread: pipeline, between frames.
-  void save(StateWriter& out) const;
-  void restore(StateReader& in);
 
  private:
   PixelCorrection() = default;

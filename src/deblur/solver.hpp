@@ -51,10 +51,6 @@ class Solver {
   // Temporal noise that the last prepare() worked with, K (counts for a stream without kelvin); 0 where the method does
   // not use it. Thread: pipeline.
   virtual double noise_k() const noexcept { return 0.0; }
-  // All that one window leaves to the next: where the noise is measured, what prepare() has learned of it, in the
-  // values' unit. A solver that is given it goes on as the other one would have. Thread: pipeline, between windows.
-  virtual double noise_state() const noexcept { return 0.0; }
-  virtual void set_noise_state(double /*state*/) noexcept {}
 };
 
 }  // namespace bolo::deblur

@@ -292,40 +292,6 @@ void FrameUndo::undo_after(const Deblurred& frame) const noexcept {
   }
 }
 
-bool FrameUndo::remembers() const noexcept {
-  return undo_.filter != model::FrameFilter::kNone || undo_.slow_share != 0.0 || !lattice_.empty() ||
-         correction_.remembers();
-}
-
-// What one frame leaves to the next, in a fixed order; saved and restored by the same words.
-template <typename Self, typename Archive>
-void FrameUndo::memory(Self& self, Archive& archive) {
-  archive(self.last_raw_);
-  archive(self.has_raw_);
-  archive(self.last_id_);
-  archive(self.begun_);
-  archive(self.filtered_);
-  archive(self.sample_);
-  archive(self.spread_);
-  archive(self.usual_);
-  archive(self.jumped_);
-  archive(self.flicker_);
-  archive(self.trend_);
-  archive(self.offset_);
-  archive(self.fast_state_);
-  archive(self.slow_state_);
-}
-
-void FrameUndo::save(StateWriter& out) const {
-  memory(*this, out);
-  correction_.save(out);
-}
-
-void FrameUndo::restore(StateReader& in) {
-  memory(*this, in);
-  correction_.restore(in);
-}
-
 bool FrameUndo::saturated(const void* raw, PixelRange pixels) const noexcept {
   if (undo_.ceiling_k <= 0.0 || input_.scale.unit != Unit::kKelvin) return false;
   const double ceiling = (undo_.ceiling_k - input_.scale.offset) / input_.scale.scale - 0.5;

@@ -30,7 +30,6 @@
 #include "src/core/frame.hpp"
 #include "src/core/plane.hpp"
 #include "src/core/result.hpp"
-#include "src/core/state_bytes.hpp"
 #include "src/deblur/pixel_correction.hpp"
 #include "src/deblur/settings.hpp"
 #include "src/model/pixel_maps.hpp"
@@ -109,20 +108,11 @@ class FrameUndo {
   };
   void undo_after(const Deblurred& frame) const noexcept;
 
-  // Frames from long before have an influence on the coming ones; that of the one before alone, which a repeated frame
-  // is compared with, is none. Thread: any.
-  bool remembers() const noexcept;
-  // What it remembers of them; the same task and stream can go on from it. Thread: pipeline, between frames.
-  void save(StateWriter& out) const;
-  void restore(StateReader& in);
-
   // True when a raw value lies at the ceiling. Thread: worker.
   bool saturated(const void* raw, PixelRange pixels) const noexcept;
 
  private:
   FrameUndo(const UndoTask& task, const StreamFormat& input, deblur::PixelCorrection correction);
-  template <typename Self, typename Archive>
-  static void memory(Self& self, Archive& archive);
   template <typename T>
   void read_as(PixelRange pixels) noexcept;
   void set_gap(std::uint64_t frames) noexcept;

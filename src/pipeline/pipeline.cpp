@@ -15,7 +15,6 @@
 #include "src/pipeline/frame_undo.hpp"
 #include "src/pipeline/solver_ladder.hpp"
 #include "src/pipeline/solver_words.hpp"
-#include "src/pipeline/stream_state.hpp"
 #include "src/rt/worker_team.hpp"
 
 namespace bolo::pipeline {
@@ -26,7 +25,8 @@ namespace {
 constexpr std::int64_t kLookNs = 100'000'000;
 
 constexpr int kMaxWorkers = 64;
-constexpr int kSlotsBeside = 2;  // of the inlet's pool, beside those of window and queue
+constexpr std::size_t kPixelsBetweenLooks = 4096;  // solved before a worker looks whether they are given up
+constexpr int kSlotsBeside = 2;                    // of the inlet's pool, beside those of window and queue
 constexpr int kMaxQueueFrames = 4096;
 
 // An output plane, aligned for the widest vectors, zeroed so that no page fault is left for later.
@@ -141,8 +141,13 @@ struct Pipeline::Impl {
   PixelRange share_of_pixels(int worker) const noexcept;
   void work(int worker) noexcept;
   bool solves() const noexcept { return job->full && effort != Effort::kRaw; }
+  bool given_up() const noexcept {
+    return options.give_up != nullptr && options.give_up->load(std::memory_order_relaxed);
+  }
   bool solve_part(const Region& part) noexcept;
+  bool solve_rows(const Region& part) noexcept;
   bool solve_points(std::size_t begin, std::size_t end) noexcept;
+  bool solve_some(std::size_t begin, std::size_t end) noexcept;
   std::size_t workers() const noexcept { return static_cast<std::size_t>(team.size()); }
 
   std::unique_ptr<FrameSource> source;
@@ -190,8 +195,18 @@ void Pipeline::Impl::work(int worker) noexcept {
   if (first_row < end_row) saturation = solve_part({all.x, all.y + first_row, all.width, end_row - first_row});
 }
 
-// True when a raw value lies at the end of the range.
+// True when a raw value lies at the end of the range. What may be given up is solved in strips.
 bool Pipeline::Impl::solve_part(const Region& part) noexcept {
+  if (options.give_up == nullptr) return solve_rows(part);
+  const int rows = std::max(1, static_cast<int>(kPixelsBetweenLooks) / part.width);
+  bool found = false;
+  for (int row = 0; row < part.height && !given_up(); row += rows) {
+    found = solve_rows({part.x, part.y + row, part.width, std::min(rows, part.height - row)}) || found;
+  }
+  return found;
+}
+
+bool Pipeline::Impl::solve_rows(const Region& part) noexcept {
   const auto width = static_cast<std::size_t>(info.format.geometry.width);
   const auto part_width = static_cast<std::size_t>(part.width);
   const int step = part.width == info.format.geometry.width ? part.height : 1;
@@ -208,6 +223,13 @@ bool Pipeline::Impl::solve_part(const Region& part) noexcept {
 }
 
 bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
+  const std::size_t step = options.give_up == nullptr ? end - begin : kPixelsBetweenLooks;
+  bool found = false;
+  for (; begin < end && !given_up(); begin += step) found = solve_some(begin, std::min(end, begin + step)) || found;
+  return found;
+}
+
+bool Pipeline::Impl::solve_some(std::size_t begin, std::size_t end) noexcept {
   const std::span<const std::uint32_t> pixels(options.points.data() + begin, end - begin);
   void* out = static_cast<std::byte*>(deblurred.data()) + begin * bytes_of(options.output);
   if (solves()) {
@@ -271,6 +293,7 @@ void Pipeline::Impl::publish_ready() noexcept {
   deblur::Window::Ready ready;
   while (window.next(ready)) {
     deblur(ready);
+    if (given_up()) return;  // perhaps in the middle of it
     publish(ready);
   }
   for (const std::uint32_t slot : window.released()) inlet.give_back(slot);
@@ -348,7 +371,7 @@ void Pipeline::Impl::show_life() noexcept {
 void Pipeline::Impl::loop(const std::atomic<bool>& stop_requested) noexcept {
   last_sign_ns = monotonic_ns();
   stats.looked_ns.set(last_sign_ns);
-  while (!stop_requested.load(std::memory_order_relaxed)) {
+  while (!stop_requested.load(std::memory_order_relaxed) && !given_up()) {
     const bool finished = inlet.finished();  // before the look: what came before finish() is then seen by it
     if (!take_one() && finished) return;
     show_life();
@@ -358,7 +381,8 @@ void Pipeline::Impl::loop(const std::atomic<bool>& stop_requested) noexcept {
 // What the source had handed in when it was stopped.
 void Pipeline::Impl::take_all() noexcept {
   inlet.finish();  // the look at an empty queue then returns at once
-  while (take_one()) continue;
+  while (!given_up() && take_one()) continue;
+  if (given_up()) return;
   window.finish();
   publish_ready();
 }
@@ -379,15 +403,9 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
       SolverLadder::create(settings, (*undo)->format(), options.output, options.maps.row_delay_s, options.degrade);
   if (!solvers) return tl::unexpected(solvers.error());
   settings.iterations = solvers->full().iterations();
-  bool restart_next = false;
-  if (!options.resume.empty()) {
-    StreamState state{**undo, solvers->at(Effort::kFull), restart_next};
-    if (Status status = restore(options.resume, state); !status) return tl::unexpected(status.error());
-  }
 
   auto impl = std::make_unique<Impl>(std::move(source), std::move(*info), std::move(*undo), std::move(*solvers),
                                      settings, options);
-  impl->restart_next = restart_next;
   impl->warn(impl->team.status());
   const SinkFormat format{.source = impl->info,
                           .deblurred_type = options.output,

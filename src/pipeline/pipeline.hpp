@@ -42,9 +42,9 @@ struct PipelineOptions {
   // deblurred "plane" has one value for each. Not both.
   std::optional<Region> region{};
   std::vector<std::uint32_t> points{};
-  // The stream goes on from here (pipeline/stream_walk.hpp); empty: it begins. Of other options or another stream: bad
-  // input.
-  std::string resume{};
+  // Set once nothing more is wanted: the run then ends at once, and gives up what waits and the frame in work. Null:
+  // never. Outlives the pipeline.
+  const std::atomic<bool>* give_up = nullptr;
   // Told, once each, what the system refused though work goes on: a priority, a place, a worker. May be empty.
   // Thread: setup, or pipeline before the first frame.
   std::function<void(const std::string&)> warn{};

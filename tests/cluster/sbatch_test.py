@@ -38,26 +38,10 @@ class Script(unittest.TestCase):
         said = [line for line in done.stdout.splitlines() if not line.startswith("bolo-deblur.sbatch:")]
         return done.returncode, said, done.stderr
 
-    def shard(self, task, numbers, step=1):
-        """The part of a task of an array, as Slurm describes it: it says step 1 of an array with gaps."""
-        code, arguments, _ = self.run_script(SLURM_ARRAY_TASK_ID=task, SLURM_ARRAY_TASK_MIN=min(numbers),
-                                             SLURM_ARRAY_TASK_MAX=max(numbers), SLURM_ARRAY_TASK_STEP=step,
-                                             SLURM_ARRAY_TASK_COUNT=len(numbers))
-        self.assertEqual(code, 0)
-        return arguments[arguments.index("--shard") + 1]
-
-    def test_every_part_has_a_task(self):
-        for numbers, step in ((range(0, 4), 1), (range(1, 4), 1), (range(7, 14, 3), 3), (range(5, 6), 1)):
-            with self.subTest(numbers=numbers):
-                shards = [self.shard(task, numbers, step) for task in numbers]
-                self.assertEqual(shards, [f"{i}/{len(numbers)}" for i in range(len(numbers))])
-
-    def test_tasks_of_an_array_with_gaps_have_parts_of_their_own(self):
-        self.assertEqual([self.shard(task, (1, 3, 7)) for task in (1, 3, 7)], ["0/7", "2/7", "6/7"])
-
-    def test_a_job_without_array_does_everything(self):
-        _, arguments, _ = self.run_script()
-        self.assertEqual(arguments[arguments.index("--shard") + 1], "0/1")
+    def test_the_part_is_left_to_bolo(self):
+        _, arguments, _ = self.run_script(SLURM_ARRAY_TASK_ID=3, SLURM_ARRAY_TASK_MIN=0, SLURM_ARRAY_TASK_MAX=3,
+                                          SLURM_ARRAY_TASK_COUNT=4)
+        self.assertEqual(arguments, ["deblur", str(self.folder), "-o", "sharp", "--threads", "1"])
 
     def test_captures_are_a_folder_a_list_or_one(self):
         (self.folder / "list.txt").write_text("a b.h5\n\nb.h5\n")
@@ -65,26 +49,20 @@ class Script(unittest.TestCase):
             _, arguments, _ = self.run_script(CAPTURES=given)
             self.assertEqual(arguments[:len(captures) + 3], ["deblur", *captures, "-o", "sharp"])
 
-    def test_options_threads_and_job_folder(self):
-        _, arguments, _ = self.run_script(JOB="a job", OPTIONS="--solver exact", SLURM_CPUS_PER_TASK=3)
+    def test_options_and_threads(self):
+        _, arguments, _ = self.run_script(OPTIONS="--solver exact", SLURM_CPUS_PER_TASK=3)
         text = "|".join(arguments)
-        for part in ("--threads|3", "--job|a job", "--solver|exact"):
+        for part in ("--threads|3", "--solver|exact"):
             self.assertIn(part, text)
 
-    def test_ranks_are_launched_and_have_no_part(self):
-        self.program("mpirun", PRINTS)
+    def test_tasks_of_a_job_are_started_by_srun(self):
         self.program("srun", PRINTS)
-        path = f"{self.folder}:{os.environ['PATH']}"
-        _, arguments, _ = self.run_script(SLURM_NTASKS=4, PATH=path)
-        self.assertEqual(arguments[:3], ["--bind-to", "none", str(self.folder / "bolo")])
-        self.assertNotIn("--shard", arguments)
-        _, arguments, _ = self.run_script(SLURM_NTASKS=4, PATH=path, LAUNCH="srun --mpi=pmix", SLURM_CPUS_PER_TASK=2)
-        self.assertEqual(arguments[:3], ["--mpi=pmix", "--cpus-per-task=2", str(self.folder / "bolo")])
+        _, arguments, _ = self.run_script(SLURM_NTASKS=4, PATH=f"{self.folder}:{os.environ['PATH']}", SLURM_CPUS_PER_TASK=2)
+        self.assertEqual(arguments[:3], ["--cpus-per-task=2", str(self.folder / "bolo"), "deblur"])
 
     def test_bad_input_is_one_line_and_exit_code_2(self):
-        gap = {"SLURM_NTASKS": 4, "SLURM_ARRAY_TASK_COUNT": 2, "SLURM_ARRAY_TASK_MAX": 1}
         for variables, word in (({"CAPTURES": None}, "CAPTURES"), ({"OUT": None}, "OUT"), ({"CAPTURES": "none.txt"}, "none.txt"),
-                                ({"CAPTURES": "none.h5"}, "none.h5"), (gap, "--array=0")):
+                                ({"CAPTURES": "none.h5"}, "none.h5")):
             with self.subTest(word=word):
                 code, arguments, said = self.run_script(**variables)
                 self.assertEqual((code, arguments), (2, []))

@@ -1,57 +1,91 @@
-// `bolo deblur`: captures through the same pipeline as the camera's frames, as fast as it goes; one at once, or many in
-// blocks that processes share.
+// `bolo deblur`: captures through the same pipeline as the camera's frames, as fast as it goes.
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
-#include <optional>
+#include <filesystem>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "src/core/clock.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cluster/job_run.hpp"
 #include "tools/deblur/capture_run.hpp"
-#include "tools/deblur/deblur_job.hpp"
+#include "tools/deblur/made_from.hpp"
 #include "tools/deblur/report.hpp"
 #include "tools/deblur/request.hpp"
 
 namespace bolo::tools {
 namespace {
 
-Status deblur_at_once(const DeblurRequest& request) {
+constexpr const char* kVerb = "deblur";
+
+double seconds_since(std::int64_t start_ns) { return static_cast<double>(monotonic_ns() - start_ns) / kNsPerSecond; }
+
+// With a line of progress under the name `what`.
+Result<CaptureSummary> deblur(CaptureRun& run, const DeblurFile& file, const std::string& made_from,
+                              const std::string& what) {
+  Progress progress(what, run.info().frames);
+  auto facts = run.run(file.output, made_from, [&progress](std::uint64_t frames, bool solved) {
+    if (!solved) progress.start_rate(frames);
+    progress.update(frames);
+  });
+  if (!facts) return tl::unexpected(facts.error());
+  return CaptureSummary{file, run.info().frames, run.options().points.size(), std::move(*facts)};
+}
+
+Status deblur_one(const DeblurRequest& request) {
   const DeblurFile& file = request.files.front();
   auto run = CaptureRun::open(request, file.input);
   if (!run) return tl::unexpected(run.error());
   const std::int64_t start_ns = monotonic_ns();
-  Progress progress("deblur", run->info().frames);
-  const auto facts = run->whole(file.output, [&progress](std::uint64_t frames) {
-    progress.update(frames);
-    return !interrupted().load(std::memory_order_relaxed);
-  });
-  if (!facts) return tl::unexpected(facts.error());
-  const double seconds = static_cast<double>(monotonic_ns() - start_ns) / kNsPerSecond;
-  print_capture(request, {file, run->info().frames, *facts}, run->options().points.size(), seconds);
+  const auto capture = deblur(*run, file, "", kVerb);
+  if (!capture) return tl::unexpected(capture.error());
+  print_capture(request, *capture, seconds_since(start_ns));
   return {};
 }
 
-// The exit code: of the worst that happened to a capture.
-int end_of(const DeblurRequest& request, const JobSummary& summary) {
-  print_job(request, summary);
-  int code = kExitDone;
-  for (const FailedCapture& failed : summary.failed) code = std::max(code, failed.error.exit_code());
-  return code;
+// One capture of many: what is done stays, and what another process is at is left to it.
+Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, FolderSummary& summary) {
+  auto run = CaptureRun::open(request, file.input);
+  if (!run) return tl::unexpected(run.error());
+  const auto source = made_from(request, run->reader());
+  if (!source) return tl::unexpected(source.error());
+  if (is_made(file.output, file.input, *source)) {
+    summary.skipped.push_back(file.output);
+    return {};
+  }
+  auto capture = deblur(*run, file, *source, kVerb + (" " + file.input.filename().string()));
+  if (capture) {
+    summary.captures.push_back(std::move(*capture));
+  } else if (is_being_made(file.output)) {
+    summary.elsewhere.push_back(file.output);
+  } else {
+    return tl::unexpected(capture.error());
+  }
+  return {};
 }
 
-int deblur_in_blocks(DeblurRequest& request, bool ranks) {
-  DeblurJob job(request);
-  if (!ranks) {
-    auto result = cluster::run_alone(job, request.sharing, "deblur");
-    return result ? end_of(request, job.finish(std::move(*result))) : report("deblur", result.error());
+// A capture that fails keeps nobody from the others. The exit code is that of the worst.
+int deblur_many(const DeblurRequest& request) {
+  std::error_code error;
+  std::filesystem::create_directories(request.output, error);
+  if (error) {
+    const std::string why = request.output.string() + ": cannot be made a folder: " + error.message();
+    return report(kVerb, Error{ErrorKind::kBadInput, why});
   }
-  auto result = cluster::run_ranks(job, request.sharing, "deblur");
-  if (!result) return cluster::report_rank("deblur", result.error());
-  return *result ? end_of(request, job.finish(std::move(**result))) : kExitDone;
+  const std::int64_t start_ns = monotonic_ns();
+  FolderSummary summary;
+  for (std::size_t i = 0; i < request.files.size() && !interrupted().load(std::memory_order_relaxed); ++i) {
+    if (!request.share.has(i)) continue;
+    const Status status = deblur_into_folder(request, request.files[i], summary);
+    if (!status) summary.failed.push_back({request.files[i].input, status.error()});
+  }
+  summary.seconds = seconds_since(start_ns);
+  print_folder(request, summary);
+  int code = interrupted().load(std::memory_order_relaxed) ? kExitFailed : kExitDone;
+  for (const FailedCapture& failed : summary.failed) code = std::max(code, failed.error.exit_code());
+  return code;
 }
 
 }  // namespace
@@ -61,14 +95,14 @@ int deblur_main(int argc, char** argv) {
   cxxopts::ParseResult args;
   if (const auto code = parse(options, argc, argv, args)) return *code;
   Result<DeblurRequest> request = read_deblur_request(args);
-  if (!request) return cluster::report_once("deblur", request.error());
+  if (!request) return report(kVerb, request.error());
   request->options.warn = [](const std::string& line) { std::fprintf(stderr, "bolo deblur: %s\n", line.c_str()); };
   catch_interrupts();
-  const auto ranks = cluster::shared_by_ranks(request->sharing);
-  if (!ranks) return cluster::report_once("deblur", ranks.error());
-  if (*ranks || request->in_blocks) return deblur_in_blocks(*request, *ranks);
-  const Status status = deblur_at_once(*request);
-  return status ? kExitDone : report("deblur", status.error());
+  request->options.give_up = &interrupted();
+  if (request->into_folder) return deblur_many(*request);
+  if (!request->share.has(0)) return kExitDone;  // another rank's
+  const Status status = deblur_one(*request);
+  return status ? kExitDone : report(kVerb, status.error());
 }
 
 }  // namespace bolo::tools

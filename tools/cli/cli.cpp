@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <array>
 #include <csignal>
 #include <cstdio>
 #include <iostream>
@@ -73,10 +74,30 @@ Progress::Progress(std::string what, std::uint64_t total, double log_every_s)
       log_every_s_(log_every_s),
       terminal_(isatty(STDERR_FILENO) == 1),
       start_(std::chrono::steady_clock::now()),
+      rate_start_(start_),
       last_(start_) {}
 
 Progress::~Progress() {
   if (printed_) std::fputc('\n', stderr);
+}
+
+void Progress::start_rate(std::uint64_t done) {
+  rate_start_ = std::chrono::steady_clock::now();
+  rate_from_ = done;
+}
+
+// ", 12.5 a second, 3 s left"; nothing while neither is known.
+std::string Progress::rate(std::uint64_t done, std::chrono::steady_clock::time_point now) const {
+  const double seconds = std::chrono::duration<double>(now - rate_start_).count();
+  if (done <= rate_from_ || seconds <= 0.0) return {};
+  const double a_second = static_cast<double>(done - rate_from_) / seconds;
+  std::array<char, 80> text{};
+  const int length = std::snprintf(text.data(), text.size(), ", %.1f a second", a_second);
+  if (done < total_) {
+    const double left_s = static_cast<double>(total_ - done) / a_second;
+    std::snprintf(text.data() + length, text.size() - static_cast<std::size_t>(length), ", %.0f s left", left_s);
+  }
+  return text.data();
 }
 
 void Progress::update(std::uint64_t done) {
@@ -88,15 +109,15 @@ void Progress::update(std::uint64_t done) {
   if ((done < total_ || total_ == 0) && now - last_ < std::chrono::milliseconds(100)) return;
   last_ = now;
   printed_ = true;
-  const double seconds = std::chrono::duration<double>(now - start_).count();
   if (total_ == 0) {
+    const double seconds = std::chrono::duration<double>(now - start_).count();
     std::fprintf(stderr, "\r%s: %llu, %.1f s ", what_.c_str(), static_cast<unsigned long long>(done), seconds);
     return;
   }
-  std::fprintf(stderr, "\r%s: %llu of %llu (%.0f %%), %.1f a second ", what_.c_str(),
-               static_cast<unsigned long long>(done), static_cast<unsigned long long>(total_),
-               total_ > 0 ? 100.0 * static_cast<double>(done) / static_cast<double>(total_) : 100.0,
-               seconds > 0 ? static_cast<double>(done) / seconds : 0.0);
+  // Spaces wipe out what is left of a longer line.
+  std::fprintf(stderr, "\r%s: %llu of %llu (%.0f %%)%s    ", what_.c_str(), static_cast<unsigned long long>(done),
+               static_cast<unsigned long long>(total_), 100.0 * static_cast<double>(done) / static_cast<double>(total_),
+               rate(done, now).c_str());
 }
 
 void Progress::log(std::uint64_t done, std::chrono::steady_clock::time_point now) {

@@ -46,8 +46,11 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
   void update(std::uint64_t done);
+  // What was done up to here took no work, or other work: the rate and the time left are those of what follows.
+  void start_rate(std::uint64_t done);
 
  private:
+  std::string rate(std::uint64_t done, std::chrono::steady_clock::time_point now) const;
   void log(std::uint64_t done, std::chrono::steady_clock::time_point now);
 
   std::string what_;
@@ -56,6 +59,8 @@ class Progress {
   bool terminal_;
   bool printed_ = false;
   std::chrono::steady_clock::time_point start_;
+  std::chrono::steady_clock::time_point rate_start_;
+  std::uint64_t rate_from_ = 0;
   std::chrono::steady_clock::time_point last_;
 };
 

@@ -4,6 +4,8 @@
 #include <system_error>
 #include <utility>
 
+#include "tools/deblur/made_from.hpp"
+
 namespace bolo::tools {
 namespace {
 
@@ -25,11 +27,11 @@ capture::Stimulus seen_through(capture::Stimulus stimulus, const PixelChoice& ch
 
 }  // namespace
 
-DeblurSink::DeblurSink(ChosenFrames frames, std::filesystem::path output, Beat beat)
-    : frames_(std::move(frames)), output_(std::move(output)), beat_(std::move(beat)) {}
+DeblurSink::DeblurSink(ChosenFrames frames, std::filesystem::path output, Heard heard)
+    : frames_(std::move(frames)), output_(std::move(output)), heard_(std::move(heard)) {}
 
 DeblurSink::~DeblurSink() {
-  if (!writer_ || finished_) return;
+  if (!writer_ || kept_) return;
   writer_.reset();
   std::error_code ignored;
   std::filesystem::remove(part_of(output_), ignored);
@@ -52,30 +54,20 @@ void DeblurSink::publish(const pipeline::PublishedFrame& frame, const pipeline::
   ++frames_in_;
   if (status_) status_ = take(frame);
   if (!status_) stop_requested_.store(true, std::memory_order_relaxed);
-  beat();
-}
-
-void DeblurSink::idle(const pipeline::PipelineStats& /*stats*/) noexcept { beat(); }
-
-void DeblurSink::beat() noexcept {
-  if (!beat_(frames_in_)) stop_requested_.store(true, std::memory_order_relaxed);
+  heard_(frames_in_, status_ && frames_.sharp());
 }
 
 Status DeblurSink::take(const pipeline::PublishedFrame& frame) {
   if (Status status = frames_.take(frame); !status || !frames_.sharp()) return status;
   const auto errors = frames_.errors();
   if (!errors) return tl::unexpected(errors.error());
-  return write(frames_.index(), frames_.deblurred(), *errors);
-}
-
-Status DeblurSink::write(std::size_t index, const void* plane, const SquareErrors& errors) {
-  const auto truth = frames_.truth(index);
+  const auto truth = frames_.truth(frames_.index());
   if (!truth) return tl::unexpected(truth.error());
-  squares_.blurred += errors.blurred;
-  squares_.deblurred += errors.deblurred;
+  squares_.blurred += errors->blurred;
+  squares_.deblurred += errors->deblurred;
   ++frames_out_;
   const capture::CaptureReader& input = frames_.input();
-  return writer_->append(input.t()[index], input.frame_id()[index], plane, *truth);
+  return writer_->append(input.t()[frames_.index()], input.frame_id()[frames_.index()], frames_.deblurred(), *truth);
 }
 
 std::optional<Rmse> DeblurSink::rmse() const {
@@ -85,7 +77,7 @@ std::optional<Rmse> DeblurSink::rmse() const {
   return Rmse{std::sqrt(squares_.blurred / values), std::sqrt(squares_.deblurred / values)};
 }
 
-Status DeblurSink::finish(std::string_view isa, const std::vector<std::pair<std::string, std::string>>& files) {
+Status DeblurSink::write_settings(std::string_view isa, const Files& files) {
   const PixelChoice& choice = frames_.choice();
   auto whole = frames_.input().stimulus();
   if (!whole) return tl::unexpected(whole.error());
@@ -116,9 +108,21 @@ Status DeblurSink::finish(std::string_view isa, const std::vector<std::pair<std:
   number("window", settings.window);
   number("levels", settings.levels);
   number("lookahead", settings.lookahead);
-  then([&] { return writer_->close(); });
-  finished_ = status.has_value();
   return status;
+}
+
+Status DeblurSink::finish(std::string_view isa, const Files& files, const std::string& made_from) {
+  Status status = write_settings(isa, files);
+  if (status && !made_from.empty()) status = writer_->write_attribute(kMadeFrom, made_from);
+  if (status) status = writer_->close();
+  kept_ = status.has_value();
+  return status;
+}
+
+Status DeblurSink::keep_part(std::string_view isa, const Files& files) {
+  kept_ = true;
+  Status status = write_settings(isa, files);
+  return status ? writer_->complete() : status;
 }
 
 }  // namespace bolo::tools

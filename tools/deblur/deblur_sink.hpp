@@ -25,26 +25,25 @@ struct Rmse {
 
 class DeblurSink final : public pipeline::FrameSink {
  public:
-  // Called with each frame that came, and while none comes: how many there were; false ends the run.
-  using Beat = std::function<bool(std::uint64_t)>;
+  // Told of each frame that came: how many there were, and whether this one was solved.
+  using Heard = std::function<void(std::uint64_t, bool)>;
 
-  DeblurSink(ChosenFrames frames, std::filesystem::path output, Beat beat);
+  DeblurSink(ChosenFrames frames, std::filesystem::path output, Heard heard);
   ~DeblurSink() override;
 
   Status open(const pipeline::SinkFormat& format) override;
   void publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& stats) noexcept override;
-  void idle(const pipeline::PipelineStats& stats) noexcept override;
   void close() noexcept override {}
 
-  // A frame that was deblurred elsewhere: `plane` as ChosenFrames has it, `errors` when there is a truth. In rising
-  // order; open() went before. Thread: setup.
-  Status write(std::size_t index, const void* plane, const SquareErrors& errors);
-
   // Copies stimulus and events, writes the settings, and gives the output its name. Without it the destructor removes
-  // what was written. `files`: further root attributes, name and text. Thread: setup, after the pipeline's run().
-  Status finish(std::string_view isa, const std::vector<std::pair<std::string, std::string>>& files = {});
+  // what was written. `files`: further root attributes, name and text; `made_from`: the last one, none when empty.
+  // Thread: setup, after the pipeline's run().
+  using Files = std::vector<std::pair<std::string, std::string>>;
+  Status finish(std::string_view isa, const Files& files, const std::string& made_from);
+  // The same for what was written so far, which stays a ".part" and has no `made_from`. Does not wait for the disk.
+  Status keep_part(std::string_view isa, const Files& files);
 
-  // Set when nothing more can come of this run: an error, or the user's interruption. Thread: any.
+  // Set when nothing more can come of this run: an error. Thread: any.
   const std::atomic<bool>& stop_requested() const noexcept { return stop_requested_; }
   // The error that stopped it, if any. Thread: setup, after the pipeline's run().
   const Status& status() const noexcept { return status_; }
@@ -53,16 +52,16 @@ class DeblurSink final : public pipeline::FrameSink {
 
  private:
   Status take(const pipeline::PublishedFrame& frame);
-  void beat() noexcept;
+  Status write_settings(std::string_view isa, const Files& files);
 
   ChosenFrames frames_;
   std::filesystem::path output_;
-  Beat beat_;
+  Heard heard_;
   std::optional<capture::CaptureWriter> writer_;
   SquareErrors squares_;
   std::uint64_t frames_in_ = 0;
   std::uint64_t frames_out_ = 0;
-  bool finished_ = false;
+  bool kept_ = false;  // finished, or left as a ".part"
   Status status_;
   std::atomic<bool> stop_requested_{false};
 };

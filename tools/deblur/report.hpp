@@ -3,47 +3,37 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "src/deblur/settings.hpp"
-#include "tools/cluster/job_run.hpp"
 #include "tools/deblur/capture_run.hpp"
-#include "tools/deblur/deblur_work.hpp"
 #include "tools/deblur/request.hpp"
 
 namespace bolo::tools {
 
-// A capture that is done.
+// A capture that was deblurred.
 struct CaptureSummary {
   DeblurFile file;
   std::uint64_t frames_in = 0;
+  std::size_t points = 0;
   RunFacts facts;
 };
 
-// One capture, at once.
-void print_capture(const DeblurRequest& request, const CaptureSummary& capture, std::size_t points, double seconds);
-
 struct FailedCapture {
   std::filesystem::path file;
-  std::string piece;
   Error error;
 };
 
-// Captures in blocks.
-struct JobSummary {
-  std::vector<CaptureSummary> captures;  // those that are done
-  std::size_t planned = 0;               // captures
-  std::size_t points = 0;
-  cluster::JobResult run;
+// Captures that go into a folder: of this process' share.
+struct FolderSummary {
+  std::vector<CaptureSummary> captures;
   std::vector<FailedCapture> failed;
+  std::vector<std::filesystem::path> skipped;    // outputs that were there
+  std::vector<std::filesystem::path> elsewhere;  // outputs that another process is writing
+  double seconds = 0.0;
 };
 
-// From the records of what is done. Thread: setup.
-JobSummary summarise(const DeblurRequest& request, const DeblurWork& work);
-void take_failures(const std::vector<cluster::Failure>& failures, const DeblurWork& work, JobSummary& summary);
-
-void print_job(const DeblurRequest& request, const JobSummary& summary);
+void print_capture(const DeblurRequest& request, const CaptureSummary& capture, double seconds);
+void print_folder(const DeblurRequest& request, const FolderSummary& summary);
 
 }  // namespace bolo::tools

@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 #include <cstdio>
+#include <cstdlib>
 #include <set>
 #include <system_error>
 #include <thread>
@@ -19,8 +20,6 @@ namespace bolo::tools {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr std::size_t kMostBlockFrames = 100'000'000;
 
 // A number, or "auto".
 Status read_lambda(const std::string& text, deblur::Settings& settings) {
@@ -94,8 +93,8 @@ Result<std::vector<fs::path>> captures_in(const fs::path& given) {
 }
 
 // Several captures, or one of a folder, go into a folder under their own names.
-Status name_outputs(std::vector<fs::path> inputs, bool into_folder, DeblurRequest& request) {
-  if (!into_folder) {
+Status name_outputs(std::vector<fs::path> inputs, DeblurRequest& request) {
+  if (!request.into_folder) {
     std::error_code ignored;
     if (fs::equivalent(inputs.front(), request.output, ignored)) {
       return bad_input(request.output.string() + ": the output is the input; give another name with -o");
@@ -137,33 +136,16 @@ Status read_files(const cxxopts::ParseResult& args, DeblurRequest& request) {
     if (!captures) return tl::unexpected(captures.error());
     inputs.insert(inputs.end(), captures->begin(), captures->end());
   }
-  request.in_blocks = inputs.size() > 1;
-  return name_outputs(std::move(inputs), into_folder, request);
+  request.into_folder = into_folder;
+  return name_outputs(std::move(inputs), request);
 }
 
-// A number of frames, or "auto".
-Status read_block(const std::string& text, std::optional<std::size_t>& block) {
-  if (text == "auto") return {};
-  std::size_t frames = 0;
-  const char* end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, frames);
-  if (error != std::errc() || stop != end || frames > kMostBlockFrames) {
-    return bad_input("--block " + text + ": give the frames of a block, 0 for whole captures, or auto");
-  }
-  block = frames;
-  return {};
-}
+const char* variable(const char* name) { return std::getenv(name); }
 
-Status read_blocks(const cxxopts::ParseResult& args, DeblurRequest& request) {
-  if (Status status = read_block(args["block"].as<std::string>(), request.block_frames); !status) return status;
-  auto sharing = cluster::read_sharing(args);
-  if (!sharing) return tl::unexpected(sharing.error());
-  request.sharing = std::move(*sharing);
-  if (request.sharing.job.empty()) {
-    request.sharing.job = request.output.has_filename() ? request.output : request.output.parent_path();
-    request.sharing.job += ".job";
-  }
-  for (const char* option : {"block", "job", "shard"}) request.in_blocks = request.in_blocks || args.count(option) != 0;
+Status read_share(const cxxopts::ParseResult& args, DeblurRequest& request) {
+  auto share = args.count("shard") != 0 ? share_named(args["shard"].as<std::string>()) : share_of(variable);
+  if (!share) return tl::unexpected(share.error());
+  request.share = std::move(*share);
   return {};
 }
 
@@ -178,8 +160,8 @@ cxxopts::Options deblur_command_line() {
   };
   cxxopts::Options options("bolo deblur",
                            "Undo the pixels' thermal inertia in captures.\n"
-                           "Several captures, or one in blocks, can be shared by processes: ranks that mpirun or srun "
-                           "starts,\nor shards. What is done is recorded, and done once.");
+                           "Many go into a folder; what is done there is not done again, and processes can share "
+                           "them:\nshards, or those that mpirun, srun or a Slurm array starts.");
   options.positional_help("IN.h5...");
   // clang-format off
   options.add_options()
@@ -209,12 +191,10 @@ cxxopts::Options deblur_command_line() {
     ("points", "Only these pixels: a line x,y for each", cxxopts::value<std::string>(), "P.csv")
     ("type", "float32 (kelvin) or uint16 (the input's scale)",
      cxxopts::value<std::string>()->default_value("float32"))
+    ("shard", "Do the I-th of N parts of the captures (default: as the variables of mpirun, srun or a Slurm array say)",
+     cxxopts::value<std::string>(), "I/N")
     ("json", "Print the summary as JSON");
-  options.add_options("Sharing")
-    ("block", "Frames of a block, the piece of a capture that is done at once; 0: whole captures; auto: whole ones "
-     "where each process gets several, else 500 to 12000", cxxopts::value<std::string>()->default_value("auto"), "FRAMES");
   // clang-format on
-  cluster::add_sharing_options(options, "blocks", "default: the output's name and .job");
   options.parse_positional({"input"});
   return options;
 }
@@ -230,11 +210,10 @@ Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args) {
   const auto type = type_from_name(args["type"].as<std::string>());
   if (!type) return tl::unexpected(type.error());
   request.options.output = *type;
-  request.threads_given = args.count("threads") != 0;
   const int processors = static_cast<int>(std::thread::hardware_concurrency());
-  request.options.workers = request.threads_given ? args["threads"].as<int>() : std::max(1, processors);
+  request.options.workers = args.count("threads") != 0 ? args["threads"].as<int>() : threads_of(variable, processors);
   if (Status status = read_pixels(args, request); !status) return tl::unexpected(status.error());
-  if (Status status = read_blocks(args, request); !status) return tl::unexpected(status.error());
+  if (Status status = read_share(args, request); !status) return tl::unexpected(status.error());
   return request;
 }
 

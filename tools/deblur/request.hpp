@@ -12,7 +12,7 @@
 #include "src/capture/capture.hpp"
 #include "src/core/result.hpp"
 #include "src/pipeline/pipeline.hpp"
-#include "tools/cluster/sharing.hpp"
+#include "tools/deblur/share.hpp"
 
 namespace bolo::tools {
 
@@ -29,13 +29,10 @@ struct DeblurRequest {
   std::filesystem::path profile_file;
   std::filesystem::path maps_file;
   pipeline::PipelineOptions options;  // points are of a capture (points_of)
-  bool threads_given = false;
   bool isa_given = false;
   bool json = false;
-  // Work in blocks, recorded in a job folder.
-  bool in_blocks = false;
-  std::optional<std::size_t> block_frames;  // 0: captures whole; none: DeblurJob decides (automatic_block())
-  cluster::Sharing sharing;                 // its folder is always named
+  bool into_folder = false;  // what is done there already is not done again
+  Share share;               // of the files
 };
 
 cxxopts::Options deblur_command_line();

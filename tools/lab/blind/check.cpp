@@ -13,6 +13,7 @@
 
 #include "tools/lab/blind/captures.hpp"
 #include "tools/lab/blind/child.hpp"
+#include "tools/lab/blind/go_on.hpp"
 
 namespace bolo::tools::blind {
 namespace {
@@ -100,12 +101,13 @@ std::string readable(const std::string& text) {
   return valid.get();
 }
 
-}  // namespace
-
+// The folder of a session in `keep`.
 std::filesystem::path kept_folder(const Session& session, const CheckOptions& options) {
   return options.keep / (std::string(name_of(session.kind)) + '-' + std::to_string(session.index));
 }
 
+// Simulates and diagnoses one session in a private folder. A diagnosis that broke is a trial without a finding;
+// kFailed: the disk, the simulator, or `go_on` said no.
 Result<Trial> run_trial(const Session& session, const CheckOptions& options, const GoOn& go_on) {
   const auto started = std::chrono::steady_clock::now();
   bool ended = false;
@@ -136,8 +138,6 @@ Result<Trial> run_trial(const Session& session, const CheckOptions& options, con
   if (!kept) return tl::unexpected(kept.error());
   return trial;
 }
-
-namespace {
 
 void work(Board& board, const CheckOptions& options, const std::atomic<bool>& stop) {
   std::size_t place = 0;

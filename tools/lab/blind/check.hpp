@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "src/core/result.hpp"
-#include "tools/lab/blind/go_on.hpp"
 #include "tools/lab/blind/score.hpp"
 #include "tools/lab/blind/session.hpp"
 
@@ -18,13 +17,6 @@ struct CheckOptions {
   std::filesystem::path keep;     // empty: captures and reports are deleted
   int jobs = 2;
 };
-
-// The folder of a session in `keep`.
-std::filesystem::path kept_folder(const Session& session, const CheckOptions& options);
-
-// Simulates and diagnoses one session in a private folder. A diagnosis that broke is a trial without a finding;
-// kFailed: the disk, the simulator, or `go_on` said no. Thread: any.
-Result<Trial> run_trial(const Session& session, const CheckOptions& options, const GoOn& go_on);
 
 // Simulates and diagnoses every session, `jobs` at a time, each in a private folder. `done` is called with the number
 // of finished sessions, one call at a time. A session whose diagnosis broke is a trial without a finding; an error ends

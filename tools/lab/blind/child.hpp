@@ -20,8 +20,7 @@ struct ChildWork {
 
 // Runs `program diagnose CAPTURES -o FOLDER --threads 1 [--withhold EFFECT]` to its end. The child gets these words, an
 // environment of PATH, HOME, TMPDIR and the sanitizers' options alone, no open file of this process, and the folder
-// above FOLDER as its working directory. So it is not told of a job folder either, where the seed and the nonce are;
-// nothing but that keeps it from them: it is the same user's process. All names must be absolute. kFailed with what it
+// above FOLDER as its working directory. All names must be absolute. kFailed with what it
 // said when it does not end with 0; kFailed when `go_on` says no, then the child is ended. Thread: any.
 Status run_child(const ChildWork& work, const GoOn& go_on);
 

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "tools/cli/process.hpp"
-#include "tools/cluster/job_run.hpp"
 
 namespace bolo::tools::blind {
 namespace {
@@ -75,31 +74,13 @@ Status read_check(const Given& given, CheckOptions& options) {
   return {};
 }
 
-// Whoever starts shards and ranks starts as many as there are processors: each does one session at a time, a shard more
-// if it is told to.
-Status read_sharing(const Given& given, BlindRequest& request) {
-  auto sharing = cluster::read_sharing(given);
-  if (!sharing) return tl::unexpected(sharing.error());
-  request.sharing = std::move(*sharing);
-  const auto ranks = cluster::shared_by_ranks(request.sharing);
-  if (!ranks) return tl::unexpected(ranks.error());
-  request.ranks = *ranks;
-  const bool many = request.ranks || request.sharing.sharded;
-  if (many && request.sharing.job.empty()) return bad_input("shards and ranks: give --job FOLDER, which all see");
-  if (many && given.count("jobs") == 0) request.check.jobs = 1;
-  if (!request.ranks || request.check.jobs == 1) return {};
-  return bad_input("--jobs " + std::to_string(request.check.jobs) +
-                   ": a rank does one session at a time; leave it out and start as many ranks");
-}
-
 }  // namespace
 
 cxxopts::Options blind_command_line() {
   cxxopts::Options options(
       "bolo-lab blind",
       "Draws bench sessions with hidden effects, seals the answers, diagnoses the captures in processes that cannot\n"
-      "read them, opens the answers and scores. A session is six captures of about 2,000 frames in all. With --job it\n"
-      "goes on where it was interrupted, and can be shared by ranks that mpirun or srun starts, or by shards.");
+      "read them, opens the answers and scores. A session is six captures of about 2,000 frames in all.");
   const auto number = [](const char* value) { return cxxopts::value<double>()->default_value(value); };
   const auto count = [](const char* value) { return cxxopts::value<std::int64_t>()->default_value(value); };
   options.add_options("Sessions")("kind", "effect-free, single, pair, outside, withheld, forms, or all; repeatable",
@@ -114,11 +95,9 @@ cxxopts::Options blind_command_line() {
                                                                       number("1"));
   options.add_options("Run")("bolo", "Whose diagnosis is checked (default: the one beside this program)",
                              cxxopts::value<std::string>(), "PROGRAM")(
-      "jobs", "Sessions at the same time; one in each shard or rank where it is not given",
-      cxxopts::value<int>()->default_value("2"))("keep", "Keep captures, reports and answers here",
-                                                 cxxopts::value<std::string>(), "DIR")(
+      "jobs", "Sessions at the same time", cxxopts::value<int>()->default_value("2"))(
+      "keep", "Keep captures, reports and answers here", cxxopts::value<std::string>(), "DIR")(
       "html", "Write the score as a page", cxxopts::value<std::string>(), "FILE")("json", "Print the score as JSON");
-  cluster::add_sharing_options(options, "sessions", "without it nothing is recorded; shards and ranks need it");
   return options;
 }
 
@@ -128,7 +107,6 @@ Result<BlindRequest> read_blind_request(const cxxopts::ParseResult& args) {
   if (args.count("html") != 0) request.html = args["html"].as<std::string>();
   Status status = read_draw(args, request.draw);
   if (status) status = read_check(args, request.check);
-  if (status) status = read_sharing(args, request);
   if (status) status = draw_sessions(args, request);
   if (!status) return tl::unexpected(status.error());
   return request;

@@ -8,7 +8,6 @@
 #include <cxxopts.hpp>
 
 #include "src/core/result.hpp"
-#include "tools/cluster/sharing.hpp"
 #include "tools/lab/blind/check.hpp"
 #include "tools/lab/blind/session.hpp"
 
@@ -23,8 +22,6 @@ struct BlindRequest {
   CheckOptions check;
   std::filesystem::path html;  // empty: no page
   bool json = false;
-  cluster::Sharing sharing;
-  bool ranks = false;  // this process is one of several that share the work
 };
 
 cxxopts::Options blind_command_line();

@@ -11,10 +11,9 @@
 
 #include "src/report/sheet.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cluster/job_run.hpp"
-#include "tools/lab/blind/blind_job.hpp"
 #include "tools/lab/blind/check.hpp"
 #include "tools/lab/blind/request.hpp"
+#include "tools/lab/blind/seal.hpp"
 #include "tools/lab/blind/tables.hpp"
 #include "tools/lab/verbs.hpp"
 
@@ -63,7 +62,7 @@ Status open_and_score(const BlindRequest& request, const blind::Seal& seal, cons
 
 bool broke(const blind::Trial& trial) { return !trial.finding; }
 
-Status run_at_once(const BlindRequest& request) {
+Status draw_and_score(const BlindRequest& request) {
   const auto started = std::chrono::steady_clock::now();
   const auto seal = blind::Seal::close(request.sessions);
   if (!seal) return tl::unexpected(seal.error());
@@ -80,73 +79,11 @@ Status run_at_once(const BlindRequest& request) {
   return failed("some diagnoses broke; they are listed among the failed");
 }
 
-// Of a process that leaves sessions to others, or to another time.
-void print_left(const BlindRequest& request, const blind::BlindJob& job, std::size_t left) {
-  if (request.json) {
-    const nlohmann::ordered_json json{{"bolo_blind", 1},
-                                      {"sealed_sha256", job.seal().digest()},
-                                      {"sessions", request.sessions.size()},
-                                      {"left", left},
-                                      {"job", request.sharing.job.string()}};
-    std::puts(json.dump(2).c_str());
-    return;
-  }
-  std::printf("%zu of %zu sessions are left; %s has the records, and the answers stay sealed until all are there\n",
-              left, request.sessions.size(), request.sharing.job.c_str());
-}
-
-// Broken diagnoses have records too, and stay as they are.
-Status broken_ones(const BlindRequest& request, const blind::BlindJob& job, const std::vector<blind::Trial>& trials) {
-  std::string first;
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < trials.size(); ++i) {
-    if (!broke(trials[i])) continue;
-    if (count++ == 0) first = job.work().pieces()[i].name;
-  }
-  if (count == 0) return {};
-  return failed(std::to_string(count) +
-                " diagnoses broke; they are listed among the failed; to try one again remove "
-                "its record (" +
-                (request.sharing.job / "done" / (first + ".json")).string() + ") and start again");
-}
-
-int end_of(const BlindRequest& request, const blind::BlindJob& job, const cluster::JobResult& result) {
-  int code = kExitDone;
-  for (const cluster::Failure& failure : result.failures) {
-    const std::string& name = job.work().pieces()[failure.piece].name;
-    code = std::max(code, report("blind", {failure.error.kind, failure.error.message + " (" + name + ")"}));
-  }
-  std::fprintf(words_of(request), "%zu sessions done in %.1f s, %zu done before\n", result.did, result.seconds,
-               result.before);
-  if (!result.ranks.empty()) std::fprintf(words_of(request), "%s\n", cluster::ranks_text(result).c_str());
-  std::fflush(words_of(request));
-  const std::vector<blind::Trial> trials = job.finish();
-  if (trials.size() < request.sessions.size()) {
-    print_left(request, job, request.sessions.size() - trials.size());
-    return code;
-  }
-  Status status = open_and_score(request, job.seal(), trials, result.seconds);
-  if (status) status = broken_ones(request, job, trials);
-  return status ? code : report("blind", status.error());
-}
-
-int run_in_job(const BlindRequest& request) {
-  blind::BlindJob job(request, [&request](const blind::Seal& seal) { publish(request, seal); });
-  if (!request.ranks) {
-    const auto result = cluster::run_alone(job, request.sharing, "blind", request.check.jobs);
-    return result ? end_of(request, job, *result) : report("blind", result.error());
-  }
-  const auto result = cluster::run_ranks(job, request.sharing, "blind");
-  if (!result) return cluster::report_rank("blind", result.error());
-  return *result ? end_of(request, job, **result) : kExitDone;
-}
-
 int run(const cxxopts::ParseResult& args) {
   const auto request = blind::read_blind_request(args);
-  if (!request) return cluster::report_once("blind", request.error());
+  if (!request) return report("blind", request.error());
   catch_interrupts();
-  if (!request->sharing.job.empty()) return run_in_job(*request);
-  const Status status = run_at_once(*request);
+  const Status status = draw_and_score(*request);
   return status ? kExitDone : report("blind", status.error());
 }
 

@@ -5,7 +5,7 @@
 
 #include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
-#include "tools/cluster/digest.hpp"
+#include "tools/lab/blind/seal.hpp"
 #include "tools/lab/blind/session.hpp"
 
 namespace bolo::tools {
@@ -72,7 +72,7 @@ TEST(BlindVerb, KeptAnswersMatchTheSeal) {
       run_blind(folder, {"--kind", "effect-free", "--sessions", "1", "--json", "--keep", keep.string()});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const std::string digest = json::parse(outcome.out).at("sealed_sha256");
-  EXPECT_EQ(cluster::sha256(test::contents(keep / "answers.json") + test::contents(keep / "nonce.txt")), digest);
+  EXPECT_EQ(blind::sha256(test::contents(keep / "answers.json") + test::contents(keep / "nonce.txt")), digest);
   EXPECT_NE(outcome.err.find(digest), std::string::npos);  // shown before
   EXPECT_TRUE(std::filesystem::exists(keep / "effect-free-0" / "report" / "report.html"));
 }

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "tools/cluster/digest.hpp"
-
 namespace bolo::tools::blind {
 namespace {
 
@@ -12,8 +10,8 @@ std::vector<Session> two_sessions() {
 }
 
 TEST(BlindSeal, DigestsAsTheStandardSays) {  // FIPS 180-4, examples of NIST
-  EXPECT_EQ(cluster::sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
-  EXPECT_EQ(cluster::sha256(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+  EXPECT_EQ(sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(sha256(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
 }
 
 TEST(BlindSeal, OpensForTheSameAnswers) {
@@ -22,7 +20,7 @@ TEST(BlindSeal, OpensForTheSameAnswers) {
   ASSERT_TRUE(seal);
   const auto opened = seal->open(two_sessions());
   ASSERT_TRUE(opened) << opened.error().message;
-  EXPECT_EQ(cluster::sha256(opened->answers + opened->nonce), seal->digest());
+  EXPECT_EQ(sha256(opened->answers + opened->nonce), seal->digest());
   EXPECT_EQ(opened->nonce.size(), 64U);
   EXPECT_EQ(nlohmann::json::parse(opened->answers).at(1).at("kind"), "pair");
 }

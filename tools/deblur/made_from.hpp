@@ -1,0 +1,27 @@
+// What an output was made from, so that it is known later whether it is still what would be made.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "src/capture/capture.hpp"
+#include "src/core/result.hpp"
+#include "tools/deblur/request.hpp"
+
+namespace bolo::tools {
+
+// Root attribute of outputs in a folder, written last of all: what has it is whole.
+inline constexpr const char* kMadeFrom = "made_from";
+
+// The settings, checksums of profile, maps and points, and of the input its size, times, numbers, first and last frame;
+// the same text for the same work. A change of other pixels alone is seen by the input's being newer (is_made()).
+// kBadInput when a file cannot be read. Thread: any one at a time.
+Result<std::string> made_from(const DeblurRequest& request, const capture::CaptureReader& input);
+
+// `output` is there, whole, made from that, and not older than `input`. Thread: any one at a time.
+bool is_made(const std::filesystem::path& output, const std::filesystem::path& input, const std::string& made_from);
+
+// Another process is writing `output`. Thread: any.
+bool is_being_made(const std::filesystem::path& output);
+
+}  // namespace bolo::tools
