@@ -11,7 +11,7 @@
 namespace bolo::usb {
 namespace {
 
-constexpr timeval kTick{0, 50'000};
+constexpr timeval kWatchTick{0, 50'000};
 constexpr std::chrono::milliseconds kPollPeriod(300);
 
 // The same device in the same place: a replugged one has another address.
@@ -73,7 +73,7 @@ void Hotplug::watch() {
       compare();
       next = Clock::now() + kPollPeriod;
     }
-    timeval tick = kTick;
+    timeval tick = kWatchTick;
     libusb_handle_events_timeout(context_.get(), &tick);
   }
 }

@@ -23,7 +23,7 @@ namespace {
 
 namespace event = pipeline::event;
 
-constexpr timeval kTick{0, 50'000};
+constexpr timeval kSourceTick{0, 50'000};
 constexpr std::int64_t kNsPerMs = 1'000'000;
 constexpr std::int64_t kFirstPauseNs = 100 * kNsPerMs;  // between attempts to open a lost camera, doubled up to:
 constexpr std::int64_t kLongestPauseNs = 2000 * kNsPerMs;
@@ -66,7 +66,7 @@ struct UsbBulkSource::Impl {
   bool stopping() const { return stop.load(std::memory_order_relaxed); }
   void handle_events() {
     status.watched_ns.set(monotonic_ns());
-    timeval tick = kTick;
+    timeval tick = kSourceTick;
     libusb_handle_events_timeout_completed(context.get(), &tick, nullptr);
   }
 
