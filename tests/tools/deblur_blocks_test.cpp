@@ -345,7 +345,7 @@ TEST_F(DeblurMany, WhatCannotBeIsRefusedInOneLine) {
   const Refusal refusals[] = {
       {{a, path("archive/b.h5"), "-o", path("out.h5")}, "need a folder"},
       {{a, path("more/a.h5"), "-o", path("sharp")}, "another capture would also become"},
-      {{path("archive"), "-o", path("archive")}, "the output is the input"},
+      {{path("archive"), "-o", path("archive")}, "both read and written"},
       {{path("empty"), "-o", path("sharp")}, "no captures"},
       {{a, "-o", path("out.h5"), "--block", "-1"}, "--block -1"},
       {{a, "-o", path("out.h5"), "--shard", "2"}, "--shard '2'"},

@@ -15,6 +15,39 @@ static_assert(std::atomic<bool>::is_always_lock_free, "the signal handler stores
 
 OptionsReader g_options_reader;
 
+// What stands in file names must not break a message into lines, nor reach the terminal as a command to it.
+std::string one_line(std::string_view text) {
+  std::string line;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte >= 0x20 && byte != 0x7F) {
+      line += c;
+    } else if (c == '\n') {
+      line += "\\n";
+    } else {
+      constexpr std::string_view kDigits = "0123456789abcdef";
+      line += {'\\', 'x', kDigits[byte >> 4U], kDigits[byte & 15U]};
+    }
+  }
+  return line;
+}
+
+// cxxopts says which value it cannot read, not of which option: "--frames: ", of the one before it.
+std::string option_of(const std::string& message, int argc, char** argv) {
+  const std::string before = "Argument " + cxxopts::LQUOTE;
+  const std::string after = cxxopts::RQUOTE + " failed to parse";
+  if (!message.starts_with(before) || !message.ends_with(after)) return {};
+  const std::string value = message.substr(before.size(), message.size() - before.size() - after.size());
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const std::size_t equals = word.find('=');
+    const bool both = word.starts_with("--") && equals != std::string::npos;
+    if (both && word.find(value, equals) != std::string::npos) return word.substr(0, equals) + ": ";
+    if (!both && word.find(value) != std::string::npos && argv[i - 1][0] == '-') return argv[i - 1] + std::string(": ");
+  }
+  return {};
+}
+
 }  // namespace
 
 void read_options_with(OptionsReader reader) { g_options_reader = std::move(reader); }
@@ -33,11 +66,12 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
     }
     if (!parsed.unmatched().empty()) {
       std::fprintf(stderr, "bolo %s: unexpected argument '%s'; see bolo %s --help\n", argv[0],
-                   parsed.unmatched().front().c_str(), argv[0]);
+                   one_line(parsed.unmatched().front()).c_str(), argv[0]);
       return kExitUsage;
     }
   } catch (const cxxopts::exceptions::exception& e) {
-    std::fprintf(stderr, "bolo %s: %s; see bolo %s --help\n", argv[0], e.what(), argv[0]);
+    std::fprintf(stderr, "bolo %s: %s%s; see bolo %s --help\n", argv[0], option_of(e.what(), argc, argv).c_str(),
+                 one_line(e.what()).c_str(), argv[0]);
     return kExitUsage;
   }
   return std::nullopt;
@@ -51,8 +85,16 @@ std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, 
   return files;
 }
 
+void add_overwrite_option(cxxopts::Options& options) {
+  options.add_options()("overwrite", "Replace files that are there already");
+}
+
+Replace replace_of(const cxxopts::ParseResult& parsed) {
+  return parsed.count("overwrite") != 0 ? Replace::kExisting : Replace::kNothing;
+}
+
 int report(const std::string& verb, const Error& error) {
-  std::fprintf(stderr, "bolo %s: %s\n", verb.c_str(), error.message.c_str());
+  std::fprintf(stderr, "bolo %s: %s\n", verb.c_str(), one_line(error.message).c_str());
   return error.exit_code();
 }
 

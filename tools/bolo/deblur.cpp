@@ -25,7 +25,7 @@ Status deblur_at_once(const DeblurRequest& request) {
   if (!run) return tl::unexpected(run.error());
   const std::int64_t start_ns = monotonic_ns();
   Progress progress("deblur", run->info().frames);
-  const auto facts = run->whole(file.output, [&progress](std::uint64_t frames) {
+  const auto facts = run->whole({file.output, request.replace}, [&progress](std::uint64_t frames) {
     progress.update(frames);
     return !interrupted().load(std::memory_order_relaxed);
   });

@@ -57,7 +57,7 @@ std::size_t CaptureRun::plane_size() const {
   return plane_bytes(PixelChoice(info().format.geometry, options_.region, options_.points).geometry(), options_.output);
 }
 
-Result<RunFacts> CaptureRun::whole(const std::filesystem::path& output, const DeblurSink::Beat& beat) {
+Result<RunFacts> CaptureRun::whole(const OutputFile& output, const DeblurSink::Beat& beat) {
   auto chosen = this->chosen();
   if (!chosen) return tl::unexpected(chosen.error());
   bool told_to_end = false;
@@ -73,7 +73,7 @@ Result<RunFacts> CaptureRun::whole(const std::filesystem::path& output, const De
   for (const Status& status : {run, replayed.result(), sink.status()}) {
     if (!status) return tl::unexpected(status.error());
   }
-  if (told_to_end) return failed("interrupted; " + output.string() + " was not written");
+  if (told_to_end) return failed("interrupted; " + output.path.string() + " was not written");
   if (sink.frames_out() == 0) return tl::unexpected(no_window(file_, *request_).error());
   if (Status status = sink.finish((*pipeline)->isa(), files_behind(*request_)); !status) {
     return tl::unexpected(status.error());

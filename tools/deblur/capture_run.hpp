@@ -40,7 +40,7 @@ class CaptureRun {
   const pipeline::PipelineOptions& options() const { return options_; }
 
   // Deblurs all of it into a capture `output`.
-  Result<RunFacts> whole(const std::filesystem::path& output, const DeblurSink::Beat& beat);
+  Result<RunFacts> whole(const OutputFile& output, const DeblurSink::Beat& beat);
 
   // Deblurs frames [first, end) into the file `planes`: those that have a window, as they stand in a frame of the
   // output, one after the other. `state`: of StreamWalk where the block does not begin the capture, else empty.

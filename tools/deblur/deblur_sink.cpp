@@ -25,20 +25,23 @@ capture::Stimulus seen_through(capture::Stimulus stimulus, const PixelChoice& ch
 
 }  // namespace
 
-DeblurSink::DeblurSink(ChosenFrames frames, std::filesystem::path output, Beat beat)
+DeblurSink::DeblurSink(ChosenFrames frames, OutputFile output, Beat beat)
     : frames_(std::move(frames)), output_(std::move(output)), beat_(std::move(beat)) {}
 
 DeblurSink::~DeblurSink() {
   if (!writer_ || finished_) return;
   writer_.reset();
   std::error_code ignored;
-  std::filesystem::remove(part_of(output_), ignored);
+  std::filesystem::remove(part_of(output_.path), ignored);
 }
 
 Status DeblurSink::open(const pipeline::SinkFormat& format) {
   frames_.open(format);
   const capture::CaptureInfo& info = frames_.written();
-  auto writer = capture::CaptureWriter::create(output_, info, {.truth = info.has_truth});
+  capture::WriterOptions how;
+  how.truth = info.has_truth;
+  how.replace = output_.replace;
+  auto writer = capture::CaptureWriter::create(output_.path, info, how);
   if (!writer) return tl::unexpected(writer.error());
   writer_.emplace(std::move(*writer));
   const PixelChoice& choice = frames_.choice();
@@ -87,9 +90,8 @@ std::optional<Rmse> DeblurSink::rmse() const {
 
 Status DeblurSink::finish(std::string_view isa, const std::vector<std::pair<std::string, std::string>>& files) {
   const PixelChoice& choice = frames_.choice();
-  auto whole = frames_.input().stimulus();
-  if (!whole) return tl::unexpected(whole.error());
-  const capture::Stimulus stimulus = seen_through(std::move(*whole), choice);
+  // A stimulus that is wrong is left out; opening the input has said so.
+  const capture::Stimulus stimulus = seen_through(frames_.input().stimulus().value_or(capture::NoStimulus{}), choice);
   Status status;
   const auto then = [&status](auto&& step) {
     if (status) status = step();
@@ -116,9 +118,9 @@ Status DeblurSink::finish(std::string_view isa, const std::vector<std::pair<std:
   number("window", settings.window);
   number("levels", settings.levels);
   number("lookahead", settings.lookahead);
-  then([&] { return writer_->close(); });
-  finished_ = status.has_value();
-  return status;
+  if (!status) return status;
+  finished_ = true;  // whole: where it cannot get its name, it stays under that of the ".part"
+  return writer_->close();
 }
 
 }  // namespace bolo::tools

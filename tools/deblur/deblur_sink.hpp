@@ -28,7 +28,7 @@ class DeblurSink final : public pipeline::FrameSink {
   // Called with each frame that came, and while none comes: how many there were; false ends the run.
   using Beat = std::function<bool(std::uint64_t)>;
 
-  DeblurSink(ChosenFrames frames, std::filesystem::path output, Beat beat);
+  DeblurSink(ChosenFrames frames, OutputFile output, Beat beat);
   ~DeblurSink() override;
 
   Status open(const pipeline::SinkFormat& format) override;
@@ -56,7 +56,7 @@ class DeblurSink final : public pipeline::FrameSink {
   void beat() noexcept;
 
   ChosenFrames frames_;
-  std::filesystem::path output_;
+  OutputFile output_;
   Beat beat_;
   std::optional<capture::CaptureWriter> writer_;
   SquareErrors squares_;

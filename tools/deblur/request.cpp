@@ -96,10 +96,6 @@ Result<std::vector<fs::path>> captures_in(const fs::path& given) {
 // Several captures, or one of a folder, go into a folder under their own names.
 Status name_outputs(std::vector<fs::path> inputs, bool into_folder, DeblurRequest& request) {
   if (!into_folder) {
-    std::error_code ignored;
-    if (fs::equivalent(inputs.front(), request.output, ignored)) {
-      return bad_input(request.output.string() + ": the output is the input; give another name with -o");
-    }
     request.files.push_back({std::move(inputs.front()), request.output});
     return {};
   }
@@ -114,9 +110,6 @@ Status name_outputs(std::vector<fs::path> inputs, bool into_folder, DeblurReques
     if (!names.insert(output).second) {
       return bad_input(input.string() + ": another capture would also become " + output.string() +
                        "; rename one, or deblur them into two folders");
-    }
-    if (fs::equivalent(input, output, error)) {
-      return bad_input(output.string() + ": the output is the input; give another folder with -o");
     }
     request.files.push_back({std::move(input), output});
   }
@@ -167,6 +160,19 @@ Status read_blocks(const cxxopts::ParseResult& args, DeblurRequest& request) {
   return {};
 }
 
+// A job goes on with what it has made.
+Status check_files(const DeblurRequest& request) {
+  std::vector<fs::path> outputs;
+  std::vector<fs::path> inputs{request.points_file, request.profile_file, request.maps_file};
+  for (const DeblurFile& file : request.files) {
+    outputs.push_back(file.output);
+    inputs.push_back(file.input);
+  }
+  std::error_code ignored;
+  const bool goes_on = request.in_blocks && fs::exists(request.sharing.job, ignored);
+  return check_outputs(outputs, inputs, goes_on ? Replace::kExisting : request.replace);
+}
+
 }  // namespace
 
 cxxopts::Options deblur_command_line() {
@@ -210,6 +216,7 @@ cxxopts::Options deblur_command_line() {
     ("type", "float32 (kelvin) or uint16 (the input's scale)",
      cxxopts::value<std::string>()->default_value("float32"))
     ("json", "Print the summary as JSON");
+  add_overwrite_option(options);
   options.add_options("Sharing")
     ("block", "Frames of a block, the piece of a capture that is done at once; 0: whole captures; auto: whole ones "
      "where each process gets several, else 500 to 12000", cxxopts::value<std::string>()->default_value("auto"), "FRAMES");
@@ -235,6 +242,8 @@ Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args) {
   request.options.workers = request.threads_given ? args["threads"].as<int>() : std::max(1, processors);
   if (Status status = read_pixels(args, request); !status) return tl::unexpected(status.error());
   if (Status status = read_blocks(args, request); !status) return tl::unexpected(status.error());
+  request.replace = replace_of(args);
+  if (Status status = check_files(request); !status) return tl::unexpected(status.error());
   return request;
 }
 

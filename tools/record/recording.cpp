@@ -31,6 +31,8 @@ FileWriterOptions writer_options(const RecordRequest& request, const bolo_shm_he
   options.info.camera_serial = header.camera_serial;
   options.split_s = request.split_s;
   options.buffer_bytes = request.buffer_bytes;
+  options.replace = request.replace;
+  options.tell = request.tell;
   if (request.plane == RecordedPlane::kDeblurred) {
     options.attributes = {{"plane", std::string("deblurred")}, {"solver", std::string(header.solver)}};
   }
@@ -183,11 +185,24 @@ class Recording {
   bool reached_ = false;
 };
 
+// The daemon's memory; of one that is not there yet after a while, where that is asked for.
+Result<ShmReader> open_daemon(const RecordRequest& request, const std::atomic<bool>& stop) {
+  Result<ShmReader> reader = ShmReader::open(request.name);
+  const std::int64_t until_ns = monotonic_ns() + static_cast<std::int64_t>(request.wait_s * kNsPerSecond);
+  const bool waits = !reader && request.wait_at_start;
+  if (waits) request.tell("waiting for the daemon '" + request.name + "': " + reader.error().message);
+  while (waits && !reader && !stop.load(std::memory_order_relaxed) && monotonic_ns() < until_ns) {
+    std::this_thread::sleep_for(kLookAgainAfter);
+    reader = ShmReader::open(request.name);
+  }
+  return reader;
+}
+
 }  // namespace
 
 Result<RecordResult> record(const RecordRequest& request, const std::atomic<bool>& stop,
                             const std::function<void(std::uint64_t)>& progress) {
-  Result<ShmReader> reader = ShmReader::open(request.name);
+  Result<ShmReader> reader = open_daemon(request, stop);
   if (!reader) return tl::unexpected<Error>(reader.error());
   auto writer = FileWriter::start(writer_options(request, reader->header()));
   if (!writer) return tl::unexpected<Error>(writer.error());

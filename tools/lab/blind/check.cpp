@@ -38,9 +38,9 @@ class PrivateFolder {
   const std::filesystem::path& path() const { return path_; }
 
   // Gives it a name instead of removing it.
-  Status keep_as(const std::filesystem::path& target) {
+  Status keep_as(const std::filesystem::path& target, Replace replace) {
     std::error_code error;
-    std::filesystem::remove_all(target, error);
+    if (replace == Replace::kExisting) std::filesystem::remove_all(target, error);
     std::filesystem::rename(path_, target, error);
     // Somebody else has just kept the same session there, which is as good.
     if (error == std::errc::directory_not_empty || error == std::errc::file_exists) return {};
@@ -106,6 +106,10 @@ std::filesystem::path kept_folder(const Session& session, const CheckOptions& op
   return options.keep / (std::string(name_of(session.kind)) + '-' + std::to_string(session.index));
 }
 
+KeptAnswers kept_answers(const CheckOptions& options) {
+  return {options.keep / "answers.json", options.keep / "nonce.txt", options.keep / "seal.txt"};
+}
+
 Result<Trial> run_trial(const Session& session, const CheckOptions& options, const GoOn& go_on) {
   const auto started = std::chrono::steady_clock::now();
   bool ended = false;
@@ -132,7 +136,7 @@ Result<Trial> run_trial(const Session& session, const CheckOptions& options, con
   }
   trial.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   if (options.keep.empty()) return trial;
-  const Status kept = folder->keep_as(kept_folder(session, options));
+  const Status kept = folder->keep_as(kept_folder(session, options), options.replace);
   if (!kept) return tl::unexpected(kept.error());
   return trial;
 }

@@ -6,6 +6,7 @@
 #include <functional>
 #include <vector>
 
+#include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 #include "tools/lab/blind/go_on.hpp"
 #include "tools/lab/blind/score.hpp"
@@ -17,10 +18,17 @@ struct CheckOptions {
   std::filesystem::path program;  // whose `diagnose` is checked
   std::filesystem::path keep;     // empty: captures and reports are deleted
   int jobs = 2;
+  Replace replace = Replace::kNothing;  // of what is kept
 };
 
-// The folder of a session in `keep`.
+// The folder of a session in `keep`, and the files of the answers.
 std::filesystem::path kept_folder(const Session& session, const CheckOptions& options);
+struct KeptAnswers {
+  std::filesystem::path answers;
+  std::filesystem::path nonce;
+  std::filesystem::path seal;
+};
+KeptAnswers kept_answers(const CheckOptions& options);
 
 // Simulates and diagnoses one session in a private folder. A diagnosis that broke is a trial without a finding;
 // kFailed: the disk, the simulator, or `go_on` said no. Thread: any.

@@ -4,6 +4,7 @@
 #include <system_error>
 #include <utility>
 
+#include "tools/bolo/cli.hpp"
 #include "tools/cluster/job_run.hpp"
 
 namespace bolo::tools::blind {
@@ -86,6 +87,26 @@ Status read_sharing(const Given& given, BlindRequest& request) {
                    ": a rank does one session at a time; leave it out and start as many ranks");
 }
 
+// A job goes on with what it has kept.
+Status check_kept(const BlindRequest& request) {
+  const CheckOptions& check = request.check;
+  std::vector<std::filesystem::path> files{request.html.path};
+  if (!check.keep.empty()) {
+    const KeptAnswers kept = kept_answers(check);
+    files.insert(files.end(), {kept.answers, kept.nonce, kept.seal});
+  }
+  if (Status good = check_outputs(files, {}, check.replace); !good) return good;
+  if (check.keep.empty() || !request.sharing.job.empty() || check.replace == Replace::kExisting) return {};
+  for (const Session& session : request.sessions) {
+    const std::filesystem::path folder = kept_folder(session, check);
+    std::error_code ignored;
+    if (std::filesystem::exists(folder, ignored)) {
+      return bad_input(folder.string() + " is there already; choose another folder, or --overwrite it");
+    }
+  }
+  return {};
+}
+
 }  // namespace
 
 cxxopts::Options blind_command_line() {
@@ -110,6 +131,7 @@ cxxopts::Options blind_command_line() {
                              cxxopts::value<int>()->default_value("2"))(
       "keep", "Keep captures, reports and answers here", cxxopts::value<std::string>(), "DIR")(
       "html", "Write the score as a page", cxxopts::value<std::string>(), "FILE")("json", "Print the score as JSON");
+  add_overwrite_option(options);
   cluster::add_sharing_options(options, "sessions", "without it nothing is recorded; shards and ranks need it");
   return options;
 }
@@ -117,11 +139,13 @@ cxxopts::Options blind_command_line() {
 Result<BlindRequest> read_blind_request(const cxxopts::ParseResult& args) {
   BlindRequest request;
   request.json = args.count("json") != 0;
-  if (args.count("html") != 0) request.html = args["html"].as<std::string>();
+  request.check.replace = replace_of(args);
+  if (args.count("html") != 0) request.html = {args["html"].as<std::string>(), request.check.replace};
   Status status = read_draw(args, request.draw);
   if (status) status = read_check(args, request.check);
   if (status) status = read_sharing(args, request);
   if (status) status = draw_sessions(args, request);
+  if (status) status = check_kept(request);
   if (!status) return tl::unexpected(status.error());
   return request;
 }

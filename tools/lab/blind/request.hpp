@@ -21,7 +21,7 @@ struct BlindRequest {
   std::int64_t count = 0;         // sessions of each kind
   std::vector<Session> sessions;  // drawn
   CheckOptions check;
-  std::filesystem::path html;  // empty: no page
+  OutputFile html;  // empty: no page
   bool json = false;
   cluster::Sharing sharing;
   bool ranks = false;  // this process is one of several that share the work

@@ -25,7 +25,7 @@ constexpr int kReadTimeoutMs = 2000;
 struct Options {
   std::string name;
   std::string truth;
-  std::filesystem::path plot;
+  OutputFile plot;
   double seconds = 10.0;
   bool json = false;
 };
