@@ -229,7 +229,7 @@ Status CaptureWriter::Impl::commit() {
 bool CaptureWriter::Impl::close_file() {
   last.begun = true;
   for (h5::Handle* dataset : {&frames, &truth, &t, &frame_id}) dataset->close();
-  const bool closed = file.close() && !last.failed;
+  const bool closed = file.close() && last.error == 0;
   if (!closed) stored.reset();
   return closed;
 }
@@ -266,6 +266,7 @@ CaptureWriter::~CaptureWriter() {
     impl_->discard();
     return;
   }
+  impl_->last.begun = true;
   static_cast<void>(impl_->commit());
   if (impl_->close_file() && impl_->reserve && impl_->store()) remove_records(impl_->part_name);
 }
@@ -384,8 +385,11 @@ Status CaptureWriter::complete() {
   const h5::Quiet quiet;
   Impl& w = *impl_;
   if (!w.file) return w.closed();
+  w.last.begun = true;
   if (Status good = w.commit(); !good) return good;
-  return w.close_file() ? Status{} : w.broken("cannot be closed");
+  if (w.close_file()) return {};
+  if (w.last.error == 0) return w.broken("cannot be closed");
+  return failed(w.part_name.string() + ": cannot be closed: " + std::strerror(w.last.error));
 }
 
 Status CaptureWriter::close() {

@@ -41,13 +41,13 @@ herr_t done_or_why(bool good, const char* what) {
 // The outcome as HDF5 is to see it.
 bool told(const Access& access, bool good) {
   if (good || access.last == nullptr || !access.last->begun) return good;
-  access.last->failed = true;
+  access.last->error = errno != 0 ? errno : EIO;
   return true;
 }
 
 bool commit(Driven& driven) {
   const Access& access = driven.access;
-  return access.last->failed || told(access, driven.file->commit(driven.end));
+  return access.last->error != 0 || told(access, driven.file->commit(driven.end));
 }
 
 // HDF5 first asks for a file to create as if it was there, to see whether it is open already: it never is.

@@ -22,7 +22,7 @@ bool open_crash_safe(hid_t access, FileUse use);
 // before.
 struct LastWrites {
   bool begun = false;
-  bool failed = false;
+  int error = 0;  // errno of the one that failed
 };
 
 // The same of a file that is created. When HDF5 closes it, it is committed and given to `heir`, who has to finish it;

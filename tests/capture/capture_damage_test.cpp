@@ -15,6 +15,7 @@
 #include <iterator>
 #include <random>
 
+#include "src/capture/h5.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
 
