@@ -32,9 +32,9 @@ static_assert(flag_of(pipeline::Effort::kReduced) == std::uint32_t{BOLO_FLAG_RED
 static_assert(flag_of(pipeline::Effort::kInverse) == std::uint32_t{BOLO_FLAG_INVERSE});
 static_assert(flag_of(pipeline::Effort::kRaw) == std::uint32_t{BOLO_FLAG_RAW});
 
-constexpr int kMinSlots = 64;       // a third of a second at 200 Hz to fetch a frame in
+constexpr int kMinSlots = 64;        // a third of a second at 200 Hz to fetch a frame in
 constexpr int kMostSlots = 1 << 16;  // bounds the arithmetic; memory runs out long before
-constexpr int kReadingMargin = 16;  // frames that a reader of a whole window has time for
+constexpr int kReadingMargin = 16;   // frames that a reader of a whole window has time for
 constexpr std::size_t kSettingsOffset = sizeof(bolo_shm_header);
 constexpr std::size_t kCameraOffset = kSettingsOffset + sizeof(bolo_shm_settings);
 constexpr std::size_t kSlotsOffset = round_up(kCameraOffset + sizeof(bolo_shm_camera), rt::kCacheLine);

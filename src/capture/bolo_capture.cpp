@@ -194,14 +194,9 @@ Status read_extras(hid_t file, Trust trust, Contents& contents) {
     events = std::vector<Event>{};
   }
   if (!events) return tl::unexpected<Error>(std::move(events.error()));
-  Result<Stimulus> stimulus = read_stimulus(file);
-  if (!stimulus && trust == Trust::kDamaged) {
-    contents.warnings.push_back(stimulus.error().message + "; it is left out");
-    stimulus = Stimulus{};
-  }
-  if (!stimulus) return tl::unexpected<Error>(std::move(stimulus.error()));
   contents.events = std::move(*events);
-  contents.stimulus = std::move(*stimulus);
+  contents.stimulus = read_stimulus(file);
+  if (!contents.stimulus) contents.warnings.push_back(contents.stimulus.error().message + "; it is left out");
   return {};
 }
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "src/capture/stimulus.hpp"
+#include "src/core/output_file.hpp"
 #include "src/core/plane.hpp"
 #include "src/core/result.hpp"
 
@@ -75,6 +76,7 @@ class CaptureReader {
   // What is odd but readable, one line each: a frame period that the times contradict, a recording that was cut off.
   const std::vector<std::string>& warnings() const noexcept;
   FileFormat file_format() const noexcept;
+  // Errors (kBadInput): what is wrong with /stimulus; warnings() has it too.
   Result<Stimulus> stimulus() const;
   // /points: where the pixels of a capture of single points stand in the camera's frame; empty for a picture.
   Result<std::vector<Point>> points() const;
@@ -96,11 +98,13 @@ struct WriterOptions {
   int deflate_level = 0;  // 0: no compression; 1..9 gzip with byte shuffle
   // Commits go on to the disk, on a thread of their own: a cut of power finds one too, a kill always the last.
   bool survives_power_cut = false;
+  Replace replace = Replace::kNothing;  // of the file of the final name, and of a ".part" that somebody left there
 };
 
 // Writes a capture frame by frame, and commits them twice a second of frames. Whatever was appended before a failure
 // stays readable; a killed process leaves the last commit. The file is written under its final name's ".part", with
-// its commits beside it (".part.journal", ".part.live"), and renamed by close(). Thread: any one at a time.
+// its commits beside it (".part.journal", ".part.live"), and renamed by close(). Without a frame nothing of it stays.
+// Thread: any one at a time.
 class CaptureWriter {
  public:
   static Result<CaptureWriter> create(const std::filesystem::path& file, const CaptureInfo& info,

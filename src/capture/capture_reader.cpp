@@ -52,7 +52,10 @@ const std::vector<double>& CaptureReader::t() const noexcept { return impl_->con
 const std::vector<std::uint64_t>& CaptureReader::frame_id() const noexcept { return impl_->contents.frame_id; }
 const std::vector<Event>& CaptureReader::events() const noexcept { return impl_->contents.events; }
 const std::vector<std::string>& CaptureReader::warnings() const noexcept { return impl_->contents.warnings; }
-Result<Stimulus> CaptureReader::stimulus() const { return impl_->contents.stimulus; }
+Result<Stimulus> CaptureReader::stimulus() const {
+  const Result<Stimulus>& stimulus = impl_->contents.stimulus;
+  return stimulus ? stimulus : at(impl_->name, stimulus.error());
+}
 
 Result<std::vector<Attribute>> CaptureReader::attributes() const {
   const h5::Quiet quiet;

@@ -46,7 +46,10 @@ h5::Handle create_dataset(hid_t file, const std::string& path, hid_t type, const
   }
   const h5::Handle links(H5Pcreate(H5P_LINK_CREATE));
   H5Pset_create_intermediate_group(links.get(), 1);
-  return h5::Handle(H5Dcreate2(file, path.c_str(), type, space.get(), links.get(), properties.get(), H5P_DEFAULT));
+  // Frames are whole chunks: kept in HDF5's cache they would take room on the disk that nobody has asked for.
+  const h5::Handle access(H5Pcreate(H5P_DATASET_ACCESS));
+  if (rank > 1) H5Pset_chunk_cache(access.get(), 0, 0, 1.0);
+  return h5::Handle(H5Dcreate2(file, path.c_str(), type, space.get(), links.get(), properties.get(), access.get()));
 }
 
 // Writes `count` rows from row `begin` on; the dataset grows to hold them.
@@ -107,6 +110,7 @@ struct CaptureWriter::Impl {
   WriterOptions options;
   std::optional<DiskReserve> reserve;
   std::unique_ptr<CrashSafeFile> stored;  // once HDF5 has closed it
+  LastWrites last;
   h5::Handle file;
   h5::Handle frames;
   h5::Handle truth;
@@ -130,6 +134,7 @@ struct CaptureWriter::Impl {
   bool close_file();
   bool store();
   Status publish() const;
+  void discard();
 
   hid_t pixel_type() const { return info.format.type == PixelType::kUint16 ? H5T_NATIVE_UINT16 : H5T_NATIVE_FLOAT; }
   std::uint64_t frame_bytes() const {
@@ -143,14 +148,12 @@ struct CaptureWriter::Impl {
 };
 
 Status CaptureWriter::Impl::create() {
-  std::error_code ignored;
-  if (std::filesystem::exists(final_name, ignored) && !std::filesystem::is_regular_file(final_name, ignored)) {
-    return bad_input(final_name.string() + ": is not a file; a capture cannot be written there");
-  }
+  if (Status good = check_output({final_name, options.replace}); !good) return good;
   const SurvivesCut survives = options.survives_power_cut ? SurvivesCut::kPower : SurvivesCut::kProcess;
   const h5::Handle access = file_access();
-  if (!create_crash_safe(access.get(), survives, stored)) return broken("cannot be created");
-  file = h5::Handle(H5Fcreate(part_name.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.get()));
+  if (!create_crash_safe(access.get(), survives, stored, last)) return broken("cannot be created");
+  const unsigned flags = options.replace == Replace::kExisting ? H5F_ACC_TRUNC : H5F_ACC_EXCL;
+  file = h5::Handle(H5Fcreate(part_name.c_str(), flags, H5P_DEFAULT, access.get()));
   if (!file) return bad_input(part_name.string() + ": " + h5::cause());
   Result<DiskReserve> opened = DiskReserve::open(part_name);
   if (!opened) return at(part_name.string(), std::move(opened.error()));
@@ -224,8 +227,9 @@ Status CaptureWriter::Impl::commit() {
 }
 
 bool CaptureWriter::Impl::close_file() {
+  last.begun = true;
   for (h5::Handle* dataset : {&frames, &truth, &t, &frame_id}) dataset->close();
-  const bool closed = file.close();
+  const bool closed = file.close() && last.error == 0;
   if (!closed) stored.reset();
   return closed;
 }
@@ -239,13 +243,16 @@ bool CaptureWriter::Impl::store() {
 
 // Durable first, then under its final name.
 Status CaptureWriter::Impl::publish() const {
-  std::error_code error;
-  std::filesystem::rename(part_name, final_name, error);
-  if (error)
-    return failed(part_name.string() + ": cannot be renamed to " + final_name.string() + ": " + error.message());
-  if (options.survives_power_cut) sync_folder_of(final_name);
+  Status good = bolo::publish(part_name, {final_name, options.replace});
+  if (good) remove_records(part_name);
+  return good;
+}
+
+void CaptureWriter::Impl::discard() {
+  close_file();
+  std::error_code ignored;
+  std::filesystem::remove(part_name, ignored);
   remove_records(part_name);
-  return {};
 }
 
 CaptureWriter::CaptureWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -255,6 +262,11 @@ CaptureWriter& CaptureWriter::operator=(CaptureWriter&&) noexcept = default;
 CaptureWriter::~CaptureWriter() {
   if (!impl_ || !impl_->file) return;
   const h5::Quiet quiet;
+  if (impl_->written == 0) {
+    impl_->discard();
+    return;
+  }
+  impl_->last.begun = true;
   static_cast<void>(impl_->commit());
   if (impl_->close_file() && impl_->reserve && impl_->store()) remove_records(impl_->part_name);
 }
@@ -269,7 +281,10 @@ Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, c
   impl->info = info;
   impl->options = options;
   impl->commit_frames = frames_between_commits(info.format.frame_period_s);
-  if (Status good = impl->create(); !good) return tl::unexpected<Error>(std::move(good.error()));
+  if (Status good = impl->create(); !good) {
+    if (impl->file) impl->discard();
+    return tl::unexpected<Error>(std::move(good.error()));
+  }
   return CaptureWriter(std::move(impl));
 }
 
@@ -370,8 +385,11 @@ Status CaptureWriter::complete() {
   const h5::Quiet quiet;
   Impl& w = *impl_;
   if (!w.file) return w.closed();
+  w.last.begun = true;
   if (Status good = w.commit(); !good) return good;
-  return w.close_file() ? Status{} : w.broken("cannot be closed");
+  if (w.close_file()) return {};
+  if (w.last.error == 0) return w.broken("cannot be closed");
+  return failed(w.part_name.string() + ": cannot be closed: " + std::strerror(w.last.error));
 }
 
 Status CaptureWriter::close() {
@@ -388,10 +406,7 @@ Status CaptureWriter::close() {
 
 void CaptureWriter::discard() {
   const h5::Quiet quiet;
-  impl_->close_file();
-  std::error_code ignored;
-  std::filesystem::remove(impl_->part_name, ignored);
-  remove_records(impl_->part_name);
+  impl_->discard();
 }
 
 }  // namespace bolo::capture

@@ -17,7 +17,7 @@ struct Contents {
   std::vector<double> t;
   std::vector<std::uint64_t> frame_id;
   std::vector<Event> events;
-  Stimulus stimulus;
+  Result<Stimulus> stimulus = Stimulus{};  // an error is for those who ask for it: frames are good without
   std::vector<std::string> warnings;
   std::optional<FrameStore> frames;  // always there after open
   std::optional<FrameStore> truth;

@@ -21,6 +21,16 @@ tl::unexpected<Error> not_opened(const char* what) {
   return bad_input(std::string("cannot be ") + what + ": " + std::strerror(errno));
 }
 
+constexpr const char* kIsBeingWritten = "is being written by another program; choose another name";
+
+bool held_by_another(int descriptor) { return ::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK; }
+
+tl::unexpected<Error> is_there(const std::filesystem::path& file) {
+  const UniqueFd there(::open(file.c_str(), O_RDWR | O_CLOEXEC));
+  if (there && held_by_another(there.get())) return bad_input(kIsBeingWritten);
+  return bad_input("is there: an unfinished recording; save it with bolo recover, or --overwrite it");
+}
+
 // Calls use(page number, offset inside it, bytes, place in the buffer) for each page that the range touches.
 template <typename Use>
 bool for_each_page(std::uint64_t offset, std::size_t bytes, Use use) {
@@ -55,14 +65,14 @@ bool still_named(int descriptor, const std::filesystem::path& file) {
 }  // namespace
 
 // Nothing of a file that another writer holds is touched. The records are emptied before the file is.
-Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesystem::path& file, SurvivesCut survives) {
-  UniqueFd descriptor(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
+Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesystem::path& file, SurvivesCut survives,
+                                                             Replace replace) {
+  const int exclusive = replace == Replace::kNothing ? O_EXCL : 0;
+  UniqueFd descriptor(::open(file.c_str(), O_RDWR | O_CREAT | exclusive | O_CLOEXEC, 0666));
+  if (!descriptor && errno == EEXIST) return is_there(file);
   if (!descriptor) return not_opened("created");
   std::unique_ptr<CrashSafeFile> made(new CrashSafeFile(std::move(descriptor)));
-  const bool held = ::flock(made->descriptor(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-  if (held || !still_named(made->descriptor(), file)) {
-    return bad_input("is being written by another program; choose another name");
-  }
+  if (held_by_another(made->descriptor()) || !still_named(made->descriptor(), file)) return bad_input(kIsBeingWritten);
   const bool power = survives == SurvivesCut::kPower;
   made->journal_ = create_journal(file, power);
   if (!made->journal_) return not_opened("created with its journal");

@@ -35,6 +35,7 @@
 #include "src/capture/commit_records.hpp"
 #include "src/capture/pages.hpp"
 #include "src/capture/power_commit.hpp"
+#include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 #include "src/core/unique_fd.hpp"
 
@@ -42,8 +43,10 @@ namespace bolo::capture {
 
 class CrashSafeFile {
  public:
-  // Empties the file, or creates it and its records, and locks it. Errors: kBadInput with the cause. Thread: setup.
-  static Result<std::unique_ptr<CrashSafeFile>> create(const std::filesystem::path& file, SurvivesCut survives);
+  // Creates the file and its records, or empties one that may be replaced, and locks it. Errors: kBadInput with the
+  // cause. Thread: setup.
+  static Result<std::unique_ptr<CrashSafeFile>> create(const std::filesystem::path& file, SurvivesCut survives,
+                                                       Replace replace);
   // For reading, as the last commit left it. Thread: setup.
   static Result<std::unique_ptr<CrashSafeFile>> open(const std::filesystem::path& file);
   CrashSafeFile(const CrashSafeFile&) = delete;

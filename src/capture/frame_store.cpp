@@ -102,7 +102,8 @@ Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOr
   store.geometry_ = {static_cast<int>(dims[frame_major ? 2 : 1]), static_cast<int>(dims[frame_major ? 1 : 0])};
 
   const h5::Dims chunk = chunk_shape(dataset->get(), dims.size());
-  if (expect == h5::Expect::kPart && chunk != h5::Dims{1, dims[1], dims[2]}) {
+  store.contiguous_ = chunk.empty();
+  if (expect == h5::Expect::kPart && !chunk.empty() && chunk != h5::Dims{1, dims[1], dims[2]}) {
     return bad_input(path + " is chunked by " + h5::text(chunk) + ", not by the frame of " + h5::text(dims) +
                      "; the unfinished file is damaged");
   }
@@ -137,7 +138,8 @@ Status FrameStore::read(std::size_t index, void* out) {
 bool FrameStore::is_stored(std::size_t index) {
   const std::array<hsize_t, 3> corner{index, 0, 0};
   hsize_t bytes = 0;
-  if (H5Dget_chunk_storage_size(dataset_.get(), corner.data(), &bytes) < 0 || bytes == 0) return false;
+  if (!contiguous_ && (H5Dget_chunk_storage_size(dataset_.get(), corner.data(), &bytes) < 0 || bytes == 0))
+    return false;
   std::vector<std::byte> plane(plane_bytes(geometry_, type_), std::byte{0x00});
   std::vector<std::byte> again(plane.size(), std::byte{0xFF});
   return read_plane(index, plane.data()) && read_plane(index, again.data()) && plane == again;

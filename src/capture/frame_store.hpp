@@ -50,6 +50,7 @@ class FrameStore {
   PixelType type_ = PixelType::kUint16;
   Geometry geometry_;
   std::size_t frames_ = 0;
+  bool contiguous_ = false;
   bool checks_chunk_ = false;  // one uncompressed chunk a frame: its stored size is known
 
   // MATLAB's order keeps a pixel's whole history together, so frames are read by the block and turned over.

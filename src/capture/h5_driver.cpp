@@ -16,7 +16,8 @@ constexpr haddr_t kMostAddress = (haddr_t{1} << 62U) - 1;
 struct Access {
   FileUse use = FileUse::kRead;
   SurvivesCut survives = SurvivesCut::kProcess;
-  std::unique_ptr<CrashSafeFile>* heir = nullptr;  // of a file that is created
+  std::unique_ptr<CrashSafeFile>* heir = nullptr;  // of a file that is created, as is `last`
+  LastWrites* last = nullptr;
 };
 
 // What HDF5 holds for an open file; HDF5 knows its first member only.
@@ -37,13 +38,26 @@ herr_t done_or_why(bool good, const char* what) {
   return -1;
 }
 
+// The outcome as HDF5 is to see it.
+bool told(const Access& access, bool good) {
+  if (good || access.last == nullptr || !access.last->begun) return good;
+  access.last->error = errno != 0 ? errno : EIO;
+  return true;
+}
+
+bool commit(Driven& driven) {
+  const Access& access = driven.access;
+  return access.last->error != 0 || told(access, driven.file->commit(driven.end));
+}
+
 // HDF5 first asks for a file to create as if it was there, to see whether it is open already: it never is.
 H5FD_t* open_file(const char* name, unsigned flags, hid_t access_list, haddr_t) {
   const auto* access = static_cast<const Access*>(H5Pget_driver_info(access_list));
   if (access == nullptr) return nullptr;
   const bool creates = (flags & H5F_ACC_CREAT) != 0;
   if (creates != (access->use == FileUse::kCreate)) return nullptr;
-  auto file = creates ? CrashSafeFile::create(name, access->survives) : CrashSafeFile::open(name);
+  const Replace replace = (flags & H5F_ACC_EXCL) != 0 ? Replace::kNothing : Replace::kExisting;
+  auto file = creates ? CrashSafeFile::create(name, access->survives, replace) : CrashSafeFile::open(name);
   if (!file) {
     H5Epush2(H5E_DEFAULT, __FILE__, __func__, __LINE__, H5E_ERR_CLS, H5E_IO, H5E_CANTOPENFILE, "%s",
              file.error().message.c_str());
@@ -58,13 +72,13 @@ H5FD_t* open_file(const char* name, unsigned flags, hid_t access_list, haddr_t) 
 herr_t flush_file(H5FD_t* file, hid_t, hbool_t) {
   Driven& driven = self(file);
   if (driven.access.use != FileUse::kCreate) return 0;
-  return done_or_why(driven.file->commit(driven.end), "cannot be committed");
+  return done_or_why(commit(driven), "cannot be committed");
 }
 
 herr_t close_file(H5FD_t* file) {
   const std::unique_ptr<Driven> driven(&self(file));
   if (driven->access.use != FileUse::kCreate) return 0;
-  const bool good = driven->file->commit(driven->end);
+  const bool good = commit(*driven);
   *driven->access.heir = std::move(driven->file);
   return done_or_why(good, "cannot be committed");
 }
@@ -96,7 +110,8 @@ herr_t read_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t by
 }
 
 herr_t write_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t bytes, const void* data) {
-  return done_or_why(self(file).file->write(offset, bytes, data), "cannot be written");
+  Driven& driven = self(file);
+  return done_or_why(told(driven.access, driven.file->write(offset, bytes, data)), "cannot be written");
 }
 
 // Until the end: a later commit only grows the file.
@@ -146,8 +161,8 @@ bool set_driver(hid_t list, const Access& access) {
 
 bool open_crash_safe(hid_t access, FileUse use) { return set_driver(access, {.use = use}); }
 
-bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& heir) {
-  return set_driver(access, {FileUse::kCreate, survives, &heir});
+bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& heir, LastWrites& last) {
+  return set_driver(access, {FileUse::kCreate, survives, &heir, &last});
 }
 
 }  // namespace bolo::capture

@@ -17,8 +17,16 @@ enum class FileUse {
 // A file that is opened with the access list `access` is a CrashSafeFile. False on failure. Thread: any one at a time.
 bool open_crash_safe(hid_t access, FileUse use);
 
+// HDF5 ends in a crash after a file that it could not close. So, while the last writes of a file are made, one that
+// fails (a full disk) is noted here and not told HDF5; nothing is committed any more: the file stays at the commit
+// before.
+struct LastWrites {
+  bool begun = false;
+  int error = 0;  // errno of the one that failed
+};
+
 // The same of a file that is created. When HDF5 closes it, it is committed and given to `heir`, who has to finish it;
-// until then `heir` stays where it is.
-bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& heir);
+// until then `heir` and `last` stay where they are.
+bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& heir, LastWrites& last);
 
 }  // namespace bolo::capture

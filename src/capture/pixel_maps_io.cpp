@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <string>
-#include <system_error>
 #include <utility>
 
 #include "src/capture/h5.hpp"
@@ -144,13 +143,18 @@ Status write_maps(hid_t file, const model::PixelMaps& maps) {
   return good;
 }
 
-Status write_file(const std::filesystem::path& file, const model::PixelMaps& maps) {
-  const h5::Handle access = file_access();
-  h5::Handle handle(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.get()));
-  if (!handle) return bad_input("cannot be created" + h5::because());
-  if (Status good = write_maps(handle.get(), maps); !good) return good;
-  if (!handle.close()) return failed("cannot be closed" + h5::because());
-  return {};
+// Made in memory: HDF5 does not survive a disk that is full.
+Result<std::string> to_bytes(const model::PixelMaps& maps) {
+  constexpr std::size_t kStep = std::size_t{1} << 20;
+  const h5::Handle access(H5Pcreate(H5P_FILE_ACCESS));
+  if (H5Pset_fapl_core(access.get(), kStep, 0) < 0) return failed("cannot be made in memory" + h5::because());
+  const h5::Handle file(H5Fcreate("bolo-maps in memory", H5F_ACC_TRUNC, H5P_DEFAULT, access.get()));
+  if (!file) return failed("cannot be made in memory" + h5::because());
+  if (Status good = write_maps(file.get(), maps); !good) return tl::unexpected(good.error());
+  const ssize_t size = H5Fflush(file.get(), H5F_SCOPE_LOCAL) < 0 ? -1 : H5Fget_file_image(file.get(), nullptr, 0);
+  std::string bytes(size > 0 ? static_cast<std::size_t>(size) : 0, '\0');
+  if (size > 0 && H5Fget_file_image(file.get(), bytes.data(), bytes.size()) == size) return bytes;
+  return failed("cannot be made in memory" + h5::because());
 }
 
 }  // namespace
@@ -164,19 +168,12 @@ Result<model::PixelMaps> read_pixel_maps(const std::filesystem::path& file) {
   return maps;
 }
 
-Status write_pixel_maps(const std::filesystem::path& file, const model::PixelMaps& maps) {
+Status write_pixel_maps(const OutputFile& file, const model::PixelMaps& maps) {
   const h5::Quiet quiet;
   const Geometry g = maps.geometry;
-  if (g.width < 1 || g.height < 1) return bad_input(file.string() + ": maps without a size cannot be stored");
-  const std::filesystem::path part = file.string() + ".part";
-  std::error_code error;
-  if (Status good = write_file(part, maps); !good) {
-    std::filesystem::remove(part, error);
-    return at(file.string(), good.error());
-  }
-  std::filesystem::rename(part, file, error);
-  if (error) return failed(part.string() + ": cannot be renamed to " + file.string() + ": " + error.message());
-  return {};
+  if (g.width < 1 || g.height < 1) return bad_input(file.path.string() + ": maps without a size cannot be stored");
+  const Result<std::string> bytes = to_bytes(maps);
+  return bytes ? write_file(file, *bytes) : at(file.path.string(), bytes.error());
 }
 
 Result<model::PixelMaps> read_profile_maps(const model::CameraProfile& profile) {

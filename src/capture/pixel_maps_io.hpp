@@ -6,6 +6,7 @@
 
 #include <filesystem>
 
+#include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 #include "src/model/camera_profile.hpp"
 #include "src/model/pixel_maps.hpp"
@@ -16,9 +17,8 @@ namespace bolo::capture {
 // dataset, and place. `geometry` is set, row_delay_s is not in the file. Thread: any one at a time.
 Result<model::PixelMaps> read_pixel_maps(const std::filesystem::path& file);
 
-// Writes the maps that are not empty; `geometry` must be set. Replaces the file when all of it is written. Thread: any
-// one at a time.
-Status write_pixel_maps(const std::filesystem::path& file, const model::PixelMaps& maps);
+// Writes the maps that are not empty; `geometry` must be set. Thread: any one at a time.
+Status write_pixel_maps(const OutputFile& file, const model::PixelMaps& maps);
 
 // What the profile knows of single pixels and rows: its maps file, when it names one, and its row delay. Thread: any
 // one at a time.

@@ -6,7 +6,7 @@
 #include <cerrno>
 #include <utility>
 
-#include "src/core/unique_fd.hpp"
+#include "src/core/output_file.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -20,12 +20,6 @@ bool write_journal(int journal, const PageRecord& record, bool power) {
 }
 
 }  // namespace
-
-bool sync_folder_of(const std::filesystem::path& file) {
-  const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
-  const UniqueFd descriptor(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  return descriptor && ::fsync(descriptor.get()) == 0;
-}
 
 int commit_pages(const CommitFiles& files, const PageRecord& record, std::uint64_t end, SurvivesCut survives) {
   const bool power = survives == SurvivesCut::kPower;

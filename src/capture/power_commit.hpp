@@ -16,9 +16,6 @@
 
 namespace bolo::capture {
 
-// Makes names durable that were given or taken in the file's folder. False on failure. Thread: any.
-bool sync_folder_of(const std::filesystem::path& file);
-
 enum class SurvivesCut { kProcess, kPower };
 
 struct CommitFiles {

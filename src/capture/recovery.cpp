@@ -1,13 +1,15 @@
 #include "src/capture/recovery.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
+#include <string>
 
 #include "src/capture/capture.hpp"
 #include "src/capture/commit_records.hpp"
-#include "src/capture/power_commit.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -97,29 +99,32 @@ Result<Recovered> write_copy(const std::filesystem::path& damaged, const std::fi
   return done;
 }
 
-// Beside `out` and not under its name: the ".part" of that name may be the damaged file.
+// Beside `out` and not under its name: the ".part" of that name may be the damaged file. Of this process alone, so that
+// what another one left is not in the way.
 std::filesystem::path copy_name(const std::filesystem::path& out) {
-  return out.parent_path() / (out.stem().string() + ".recovering" + out.extension().string());
+  const std::string process = std::to_string(::getpid());
+  return out.parent_path() / (out.stem().string() + ".recovering-" + process + out.extension().string());
 }
 
 }  // namespace
 
-Result<Recovered> recover_copy(const std::filesystem::path& damaged, const std::filesystem::path& out,
+Result<Recovered> recover_copy(const std::filesystem::path& damaged, const OutputFile& out,
                                const std::function<bool(std::uint64_t, std::uint64_t)>& progress) {
-  const std::filesystem::path copy = copy_name(out);
+  if (Status good = check_output(out); !good) return tl::unexpected(good.error());
+  const std::filesystem::path copy = copy_name(out.path);
   Result<Recovered> done = write_copy(damaged, copy, progress);
-  std::error_code error;
-  if (done) {
-    std::filesystem::rename(copy, out, error);
-    if (error) return failed(copy.string() + ": cannot be renamed to " + out.string() + ": " + error.message());
-  } else {
-    std::filesystem::remove(copy.string() + ".part", error);
+  if (!done) {
+    std::error_code ignored;
+    std::filesystem::remove(copy.string() + ".part", ignored);
     remove_records(copy.string() + ".part");
+    return done;
   }
+  if (Status good = publish(copy, out); !good) return tl::unexpected(good.error());
   return done;
 }
 
-Result<Recovered> recover_in_place(const std::filesystem::path& part, const std::filesystem::path& out) {
+Result<Recovered> recover_in_place(const std::filesystem::path& part, const OutputFile& out) {
+  if (Status good = check_output(out); !good) return tl::unexpected(good.error());
   Recovered done;
   {
     const Result<CaptureReader> reader = CaptureReader::open(part);
@@ -135,10 +140,7 @@ Result<Recovered> recover_in_place(const std::filesystem::path& part, const std:
     const std::string why = errno == EWOULDBLOCK ? "another program has it open" : std::strerror(errno);
     return failed(part.string() + ": cannot be finished: " + why);
   }
-  std::error_code error;
-  std::filesystem::rename(part, out, error);
-  if (error) return failed(part.string() + ": cannot be renamed to " + out.string() + ": " + error.message());
-  sync_folder_of(out);
+  if (Status good = publish(part, out); !good) return tl::unexpected(good.error());
   remove_records(part);
   return done;
 }

@@ -1,8 +1,5 @@
 #include "src/report/sheet.hpp"
 
-#include <cerrno>
-#include <cstring>
-#include <fstream>
 #include <utility>
 #include <vector>
 
@@ -36,22 +33,12 @@ Status check_sheet_file(const std::filesystem::path& file) {
   return bad_input(file.string() + ": a plot is written as .svg or .html");
 }
 
-Status save(const Sheet& sheet, const std::filesystem::path& file) {
-  if (Status good = check_sheet_file(file); !good) return good;
-  if (file.extension() == ".html") return write_text(file, page_of(sheet));
+Status save(const Sheet& sheet, const OutputFile& file) {
+  if (Status good = check_sheet_file(file.path); !good) return good;
+  if (file.path.extension() == ".html") return write_file(file, page_of(sheet));
   Rows drawn = sheet.rows;
   for (std::vector<Plot>& row : drawn) std::erase_if(row, [](const Plot& plot) { return !has_content(plot); });
-  return write_text(file, to_svg(drawn, sheet.title));
-}
-
-Status write_text(const std::filesystem::path& file, const std::string& text) {
-  errno = 0;
-  std::ofstream out(file, std::ios::binary | std::ios::trunc);
-  out << text;
-  out.close();
-  if (out) return {};
-  const std::string why = errno != 0 ? std::strerror(errno) : "the disk took only a part";
-  return bad_input(file.string() + ": cannot be written: " + why + "; choose another folder");
+  return write_file(file, to_svg(drawn, sheet.title));
 }
 
 }  // namespace bolo::plot

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 #include "src/report/page.hpp"
 #include "src/report/plot.hpp"
@@ -21,10 +22,7 @@ struct Sheet {
 // kBadInput unless the name ends with .svg or .html: for verbs that run long, to be asked first. Thread: any.
 Status check_sheet_file(const std::filesystem::path& file);
 
-// kBadInput when it cannot be written. Thread: any.
-Status save(const Sheet& sheet, const std::filesystem::path& file);
-
-// For pages and drawings that are made otherwise. kBadInput when it cannot be written. Thread: any.
-Status write_text(const std::filesystem::path& file, const std::string& text);
+// Errors: as of write_file(). Thread: any.
+Status save(const Sheet& sheet, const OutputFile& file);
 
 }  // namespace bolo::plot

@@ -26,7 +26,7 @@ Status write_settings(capture::CaptureWriter& writer, const CameraSettings& sett
 
 }  // namespace
 
-Status write_capture(Simulator& simulator, const std::filesystem::path& file, const CaptureOptions& options,
+Status write_capture(Simulator& simulator, const OutputFile& file, const CaptureOptions& options,
                      const std::function<bool(std::size_t)>& progress) {
   const CameraSettings& settings = simulator.settings();
   capture::CaptureInfo info;
@@ -34,7 +34,11 @@ Status write_capture(Simulator& simulator, const std::filesystem::path& file, co
   info.camera_model = "Bolo simulator";
   info.camera_serial = "seed-" + std::to_string(settings.camera_seed.value_or(settings.readout.seed));
   info.has_truth = options.truth;
-  auto writer = capture::CaptureWriter::create(file, info, {options.truth, options.deflate_level});
+  capture::WriterOptions how;
+  how.truth = options.truth;
+  how.deflate_level = options.deflate_level;
+  how.replace = file.replace;
+  auto writer = capture::CaptureWriter::create(file.path, info, how);
   if (!writer) return tl::unexpected(writer.error());
   const double last_s = static_cast<double>(std::max<std::size_t>(options.frames, 2) - 1) / settings.rate_hz;
   Status status = writer->write_stimulus(simulator.field().stimulus(-history_s(settings), last_s));

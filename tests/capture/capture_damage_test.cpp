@@ -15,6 +15,7 @@
 #include <iterator>
 #include <random>
 
+#include "src/capture/h5.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
 
@@ -155,6 +156,38 @@ TEST_P(CaptureDamage, CutOffAnywhereNeverCrashes) {
 
 INSTANTIATE_TEST_SUITE_P(Names, CaptureDamage, ::testing::Values("damaged.h5", "damaged.h5.part"),
                          [](const auto& row) { return std::string(row.param).size() > 10 ? "part" : "whole"; });
+
+// Frames in one piece, as other programs write them, are none the less whole, also to those who look for damage.
+TEST(CaptureDamageLayout, ContiguousFramesAreWhole) {
+  const Scratch scratch;
+  const auto file = scratch / "a.h5";
+  constexpr std::size_t kFrames = 5;
+  auto writer = CaptureWriter::create(file, small_info());
+  ASSERT_TRUE(writer);
+  std::vector<std::uint16_t> all;
+  for (std::size_t i = 0; i < kFrames; ++i) {
+    const auto plane = plane_of<std::uint16_t>(i, 21);
+    ASSERT_TRUE(writer->append(0.005 * static_cast<double>(i), i, plane.data()));
+    all.insert(all.end(), plane.begin(), plane.end());
+  }
+  ASSERT_TRUE(writer->close());
+  edit(file, [&](hid_t f) {
+    const h5::Dims dims = h5::shape(h5::Handle(H5Dopen2(f, "/frames", H5P_DEFAULT)).get());
+    H5Ldelete(f, "/frames", H5P_DEFAULT);
+    const h5::Handle space(H5Screate_simple(3, dims.data(), nullptr));
+    const h5::Handle frames(
+        H5Dcreate2(f, "/frames", H5T_NATIVE_UINT16, space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
+    H5Dwrite(frames.get(), H5T_NATIVE_UINT16, H5S_ALL, H5S_ALL, H5P_DEFAULT, all.data());
+  });
+  std::filesystem::copy_file(file, scratch / "a.h5.part");
+  Result<CaptureReader> readers[] = {CaptureReader::open(file), CaptureReader::open(scratch / "a.h5.part"),
+                                     CaptureReader::salvage(file)};
+  for (const auto& reader : readers) {
+    ASSERT_TRUE(reader) << reader.error().message;
+    EXPECT_EQ(reader->info().frames, kFrames);
+    EXPECT_TRUE(reader->warnings().empty());
+  }
+}
 
 }  // namespace
 }  // namespace bolo::capture

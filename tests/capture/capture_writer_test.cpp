@@ -291,5 +291,87 @@ TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
   }
 }
 
+// Planes with a truth, so that two kinds of large chunks want room. Ends the process: HDF5's last steps are at exit.
+[[noreturn]] void write_until_the_disk_is_full(const std::filesystem::path& file, rlim_t disk, bool sudden) {
+  signal(SIGXFSZ, SIG_IGN);
+  const rlimit limit{disk, RLIM_INFINITY};
+  if (!sudden) setrlimit(RLIMIT_FSIZE, &limit);
+  CaptureInfo info = small_info();
+  info.format.geometry = {640, 120};
+  info.has_truth = true;
+  WriterOptions options;
+  options.truth = true;
+  auto writer = CaptureWriter::create(file, info, options);
+  if (!writer) exit(10);
+  const std::vector<std::uint16_t> plane(640 * 120, 7);
+  const std::vector<float> truth(640 * 120, 300.0F);
+  Status status;
+  for (std::size_t i = 0; status && i < 30; ++i) {
+    status = writer->append(kPeriod * static_cast<double>(i), i, plane.data(), truth.data());
+  }
+  if (sudden) setrlimit(RLIMIT_FSIZE, &limit);  // after all that was asked for had room
+  const bool ended = sudden ? !writer->close() : !status;
+  writer = tl::unexpected<Error>(Error{});  // gives up
+  exit(ended ? 0 : 11);
+}
+
+int exit_code_of(pid_t pid) {
+  int status = 0;
+  EXPECT_EQ(waitpid(pid, &status, 0), pid);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+}
+
+TEST(CaptureWriterDisk, GivingUpOnAFullDiskIsNoCrash) {
+  for (const bool sudden : {false, true}) {
+    const Scratch scratch;
+    const pid_t pid = fork();
+    ASSERT_GE(pid, 0);
+    if (pid == 0) write_until_the_disk_is_full(scratch / "a.h5", rlim_t{6} << 20, sudden);
+    EXPECT_EQ(exit_code_of(pid), 0) << (sudden ? "within what was asked for" : "at a frame");
+    EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
+  }
+}
+
+TEST(CaptureWriterNames, NothingThatExistsIsReplaced) {
+  const Scratch scratch;
+  const auto file = scratch / "a.h5";
+  const auto part = scratch / "a.h5.part";
+  for (const auto& there : {file, part}) {
+    std::ofstream(there) << "there";
+    const auto refused = CaptureWriter::create(file, small_info());
+    ASSERT_FALSE(refused) << there;
+    EXPECT_NE(refused.error().message.find("--overwrite it"), std::string::npos) << refused.error().message;
+    EXPECT_EQ(std::filesystem::file_size(there), 5U);
+    std::filesystem::remove(there);
+  }
+  std::ofstream(file) << "there";
+  WriterOptions options;
+  options.replace = Replace::kExisting;
+  auto writer = CaptureWriter::create(file, small_info(), options);
+  ASSERT_TRUE(writer);
+  EXPECT_EQ(std::filesystem::file_size(file), 5U) << "until the new one is whole";
+  ASSERT_TRUE(append(*writer, 0));
+  ASSERT_TRUE(writer->close());
+  EXPECT_TRUE(CaptureReader::open(file));
+}
+
+// A name that somebody takes while a capture is written: both stay.
+TEST(CaptureWriterNames, ANameThatIsTakenMeanwhileStays) {
+  const Scratch scratch;
+  auto writer = CaptureWriter::create(scratch / "a.h5", small_info());
+  ASSERT_TRUE(writer);
+  ASSERT_TRUE(append(*writer, 0));
+  std::ofstream(scratch / "a.h5") << "theirs";
+  EXPECT_FALSE(writer->close());
+  EXPECT_EQ(std::filesystem::file_size(scratch / "a.h5"), 6U);
+  EXPECT_TRUE(CaptureReader::open(scratch / "a.h5.part"));
+}
+
+TEST(CaptureWriterNames, WithoutAFrameNothingStays) {
+  const Scratch scratch;
+  { ASSERT_TRUE(CaptureWriter::create(scratch / "a.h5", small_info())); }
+  EXPECT_TRUE(std::filesystem::is_empty(scratch.path()));
+}
+
 }  // namespace
 }  // namespace bolo::capture

@@ -137,7 +137,7 @@ TEST_F(ConvertVerb, RawDumpsInEitherByteOrder) {
       }
     }
     out.close();
-    done({file("dump.bin"), "--raw", big ? "40x24:u16be" : "40x24", "--skip", "16", "-o", file("a.h5")});
+    done({file("dump.bin"), "--raw", big ? "40x24:u16be" : "40x24", "--skip", "16", "-o", file("a.h5"), "--overwrite"});
     expect_values("a.h5", 3);
   }
   refused({file("dump.bin"), "--raw", "41x24", "-o", file("b.h5")}, "not whole frames");
@@ -208,7 +208,7 @@ TEST_F(ConvertVerb, WrongUsageIsOneLine) {
   refused({"-o", file("b.h5")}, "which files");
   refused({file("a.h5")}, "where to");
   refused({file("a.h5"), "-o", file("b.gif")}, "must end in");
-  refused({file("a.h5"), "-o", file("a.h5")}, "both read and written");
+  refused({file("a.h5"), "-o", file("a.h5"), "--overwrite"}, "both read and written");
   refused({file("a.h5"), file("a.h5"), "-o", file("b.h5")}, "one capture at a time");
   refused({file("absent.h5"), "-o", file("b.h5")}, "No such file");
   refused({file("absent.png"), "-o", file("b.h5")}, "absent.png");

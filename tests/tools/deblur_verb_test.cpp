@@ -52,7 +52,7 @@ class DeblurVerb : public testing::Test {
 
   // Runs on in.h5 with `more` options, expects success, and opens the output.
   capture::CaptureReader deblurred(const std::vector<std::string>& more = {}, const std::string& name = "out.h5") {
-    std::vector<std::string> words{path("in.h5"), "-o", path(name)};
+    std::vector<std::string> words{path("in.h5"), "-o", path(name), "--overwrite"};
     words.insert(words.end(), more.begin(), more.end());
     last_ = bolo(words);
     EXPECT_EQ(last_.exit_code, 0) << last_.err;
@@ -452,7 +452,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"PeriodOfMinutes", {"@slow.h5", "-o", "@out.h5"}, "slow.h5: deblur settings: period_s is 114"},
         Refusal{"NotANumber", {"@nan.h5", "-o", "@out.h5"}, "nan.h5: frame 25, column 1, row 1 of /frames is nan"},
         Refusal{"OutputFolderMissing", {"@in.h5", "-o", "@none/out.h5"}, "none/out.h5"},
-        Refusal{"OutputIsInput", {"@in.h5", "-o", "@in.h5"}, "the output is the input"},
+        Refusal{"OutputIsInput", {"@in.h5", "-o", "@in.h5", "--overwrite"}, "both read and written"},
         Refusal{"UnknownSolver", {"@in.h5", "-o", "@out.h5", "--solver", "magic"}, "magic"},
         Refusal{"UnknownType", {"@in.h5", "-o", "@out.h5", "--type", "int8"}, "float32 or uint16"},
         Refusal{"FloatToUint16", {"@float.h5", "-o", "@out.h5", "--type", "uint16"}, "use --type float32"},
@@ -536,8 +536,10 @@ TEST_F(DeblurVerb, AnOutputThatStoodThereBeforeSurvivesAFailure) {
   few.frames = 5;
   write_blurred(path("in.h5"), few);
   std::ofstream(path("out.h5")) << "older";
-  EXPECT_EQ(bolo({path("in.h5"), "-o", path("out.h5")}).exit_code, 2);
-  EXPECT_EQ(test::contents(path("out.h5")), "older");
+  for (const char* how : {"--json", "--overwrite"}) {
+    EXPECT_EQ(bolo({path("in.h5"), "-o", path("out.h5"), how}).exit_code, 2);
+    EXPECT_EQ(test::contents(path("out.h5")), "older");
+  }
 }
 
 TEST_F(DeblurVerb, HelpListsTheOptions) {

@@ -9,6 +9,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <thread>
 
 #include <nlohmann/json.hpp>
@@ -103,6 +104,51 @@ TEST_F(RecordVerb, DeblurredPlanesInFilesOfAGivenLength) {
     EXPECT_EQ(reader->info().frames, frames);
     expect_published(*reader, 1);
   }
+}
+
+// Recordings of earlier drives, whole and cut off: their numbers are passed over, and no frame is lost for them.
+TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
+  shm::Writer writer(name_);
+  ASSERT_TRUE(writer.open());
+  std::ofstream(file("a_002.h5")) << "earlier";
+  std::ofstream(file("a_003.h5.part")) << "unrecovered";
+  const Program program =
+      start({"record", name_, "-o", file(), "--frames", "300", "--split-minutes", "0.01", "--json"});
+  publish_until(writer, [&] { return exists(file("a_005.h5")); });
+  const Outcome outcome = program.outcome();
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(test::contents(file("a_002.h5")), "earlier");
+  EXPECT_EQ(test::contents(file("a_003.h5.part")), "unrecovered");
+  EXPECT_NE(outcome.err.find("a_002.h5 is there already, and stays: going on with a_004.h5"), std::string::npos)
+      << outcome.err;
+  const json told = json::parse(outcome.out);
+  EXPECT_EQ(told["frames"], 300);
+  EXPECT_EQ(told["lost"]["unwritten"], 0);
+  for (const auto& [part, frames] : {std::pair{"a_001.h5", 120U}, {"a_004.h5", 120U}, {"a_005.h5", 60U}}) {
+    const auto reader = capture::CaptureReader::open(file(part));
+    ASSERT_TRUE(reader) << reader.error().message;
+    EXPECT_EQ(reader->info().frames, frames);
+    expect_published(*reader, 0);
+  }
+}
+
+TEST_F(RecordVerb, WaitsForADaemonThatIsNotThereYet) {
+  const Program program = start({"record", name_, "-o", file(), "--frames", "20", "--wait", "60"});
+  while (test::contents(folder_ / "stderr").find("waiting for the daemon") == std::string::npos) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  shm::Writer writer(name_);
+  ASSERT_TRUE(writer.open());
+  publish_until(writer, [&] { return exists(file()); });
+  EXPECT_EQ(program.outcome().exit_code, 0);
+}
+
+// What is printed goes to a full disk: that is not done.
+TEST_F(RecordVerb, OutputThatCannotBePrintedIsAFailure) {
+  const std::string full =
+      "'" + std::string(BOLO_PROGRAM) + "' simulate --list-effects >/dev/full 2>'" + file("err") + "'";
+  EXPECT_EQ(WEXITSTATUS(std::system(full.c_str())), 1);
+  EXPECT_NE(test::contents(file("err")).find("standard output cannot be written"), std::string::npos);
 }
 
 TEST_F(RecordVerb, InterruptEndsInGoodOrder) {
@@ -273,13 +319,17 @@ TEST_F(RecordVerb, WrongUsageIsOneLine) {
   refused({"record", "-o", file()}, "which daemon");
   refused({"record", name_}, "where to");
   refused({"record", name_, "-o", file()}, "no shared memory named");
+  refused({"record", name_, "-o", file("a.avi")}, "ends in .h5");
+  refused({"record", name_, "-o", file(), "--frames", "nan"}, "--frames: ");
+  refused({"record", name_, "-o", file(), "--frames=nan"}, "--frames: ");
+  refused({"info", file("two\nlines.h5")}, "two\\nlines.h5");
   refused({"record", name_, "-o", file(), "--frames", "0"}, "--frames");
   refused({"record", name_, "-o", file(), "--seconds", "-1"}, "--seconds");
   refused({"record", name_, "-o", file(), "--planes", "both"}, "--planes");
   shm::Writer writer(name_);
   ASSERT_TRUE(writer.open());
   refused({"record", name_, "-o", file("no/such/folder.h5")}, "No such file");
-  refused({"record", name_, "-o", "/dev/full"}, "is not a file");
+  refused({"record", name_, "-o", "/dev/full"}, "ends in .h5");
   refused({"recover", file("absent.h5.part")}, "No such file");
   refused({"recover", file("absent.h5")}, "where to");
 }

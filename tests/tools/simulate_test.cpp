@@ -37,7 +37,7 @@ Outcome run_bolo(const std::string& arguments) {
 // A small capture, written and opened again.
 Result<capture::CaptureReader> simulated(const Scratch& scratch, const std::string& arguments) {
   const auto file = scratch / "a.h5";
-  const Outcome outcome = run_bolo("-o '" + file.string() + "' --width 32 --height 12 " + arguments);
+  const Outcome outcome = run_bolo("-o '" + file.string() + "' --overwrite --width 32 --height 12 " + arguments);
   EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
   return capture::CaptureReader::open(file);
 }
@@ -217,6 +217,10 @@ TEST(SimulateVerb, NeedsAnOutputThatIsNotAnInput) {
   const auto size = std::filesystem::file_size(csv);
   const Outcome outcome = run_bolo("-o '" + csv.string() + "' --frames 2 --trajectory '" + csv.string() + "'");
   EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+  EXPECT_EQ(std::filesystem::file_size(csv), size);
+  const Outcome overwritten =
+      run_bolo("-o '" + csv.string() + "' --overwrite --frames 2 --trajectory '" + csv.string() + "'");
+  EXPECT_EQ(overwritten.exit_code, 2) << overwritten.output;
   EXPECT_EQ(std::filesystem::file_size(csv), size);
 }
 

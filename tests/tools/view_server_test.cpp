@@ -302,6 +302,12 @@ TEST(ViewToken, RandomOnesAreGoodAndDiffer) {
   EXPECT_NE(*one, *other);
 }
 
+TEST(ViewListen, OnlyAnAddressIsOne) {
+  for (const char* address : {"127.0.0.1", "0.0.0.0", "::1", "192.0.2.1"}) EXPECT_TRUE(is_numeric(address)) << address;
+  for (const char* word : {"banana", "", "127.0.0.1:8640", "[::1]:8640", "1.2.3"})
+    EXPECT_FALSE(is_numeric(word)) << word;
+}
+
 TEST(ViewToken, IsLongEnoughAndOnlyItsOwnersToRead) {
   EXPECT_TRUE(check_token(kToken));
   for (const std::string bad : {"", "short", "0123456789abcde", "0123456789abcdef;", "0123456789 abcdef"}) {

@@ -53,11 +53,16 @@ std::filesystem::path maps_beside(const std::filesystem::path& profile) {
   return maps;
 }
 
-Status write_profile(const Given& given, Calibration& result) {
-  const std::filesystem::path file = given["output"].as<std::string>();
+struct ProfileFiles {
+  OutputFile profile;
+  std::filesystem::path maps;
+};
+
+ProfileFiles files_to_write(const Given& given) {
+  const std::filesystem::path profile = given["output"].as<std::string>();
   const auto maps =
-      given.count("maps") != 0 ? std::filesystem::path(given["maps"].as<std::string>()) : maps_beside(file);
-  return write_profile_files(file, maps, result.profile, result.maps);
+      given.count("maps") != 0 ? std::filesystem::path(given["maps"].as<std::string>()) : maps_beside(profile);
+  return {{profile, replace_of(given)}, maps};
 }
 
 nlohmann::ordered_json rounded(const std::vector<double>& values) {
@@ -144,11 +149,17 @@ Status run(const Given& given) {
   if (captures.empty()) return bad_input("which captures? give one with pulses, then still ones");
   const auto plot = plot_file_of(given);
   if (!plot) return tl::unexpected(plot.error());
+  const ProfileFiles files = files_to_write(given);
+  std::vector<std::filesystem::path> inputs = captures;
   diagnose::CalibrationOptions options;
   if (given.count("profile") != 0) {
     auto profile = model::read_profile(given["profile"].as<std::string>());
     if (!profile) return tl::unexpected(profile.error());
     options.profile = std::move(*profile);
+    inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options.profile.maps});
+  }
+  if (Status good = check_outputs({files.profile.path, files.maps, plot->path}, inputs, files.profile.replace); !good) {
+    return good;
   }
   catch_interrupts();
   auto result = [&] {
@@ -160,7 +171,9 @@ Status run(const Given& given) {
   }();
   if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted; nothing was written");
   if (!result) return tl::unexpected(result.error());
-  if (Status written = write_profile(given, *result); !written) return written;
+  if (Status written = write_profile_files(files.profile, files.maps, result->profile, result->maps); !written) {
+    return written;
+  }
   if (!plot->empty()) {
     plot::Sheet sheet{.title = "Calibration of a camera"};
     for (const plot::Plot& part : pulse_plots(result->fit, result->noise_k)) sheet.rows.push_back({part});

@@ -39,6 +39,7 @@ cxxopts::Options make_options() {
       ("raw", "WxH[:u16le|u16be|f32]: the files are raw frames", cxxopts::value<std::string>())          //
       ("skip", "Bytes before the first raw frame", cxxopts::value<std::uint64_t>()->default_value("0"))  //
       ("preview", "PNG: 8 bit for the eye instead of 16 linear ones");
+  add_overwrite_option(options);
   options.parse_positional({"in"});
   return options;
 }
@@ -85,7 +86,8 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("output") == 0) return bad_input("where to? usage: bolo convert IN... -o OUT");
   Request request;
   for (const std::string& file : parsed["in"].as<std::vector<std::string>>()) request.in.emplace_back(file);
-  request.out.file = parsed["output"].as<std::string>();
+  request.out.file = {parsed["output"].as<std::string>(), replace_of(parsed)};
+  request.out.inputs = request.in;
   request.out.preview = parsed.count("preview") != 0;
   request.told.rate_hz = parsed["rate"].as<double>();
   if (!(request.told.rate_hz > 0.0 && request.told.rate_hz <= 1e6))
@@ -97,12 +99,10 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
     layout->skip_bytes = parsed["skip"].as<std::uint64_t>();
     request.raw = *layout;
   }
-  for (const std::filesystem::path& file : request.in) {
-    std::error_code ignored;
-    if (std::filesystem::equivalent(file, request.out.file, ignored)) {
-      return bad_input(file.string() + " is both read and written; choose another name");
-    }
-  }
+  // The files of a series of pictures are looked at when their number is known.
+  if (request.out.file.path.extension() == ".png") return request;
+  Status good = check_outputs({request.out.file.path}, request.in, request.out.file.replace);
+  if (!good) return tl::unexpected<Error>(good.error());
   return request;
 }
 
@@ -148,7 +148,7 @@ int convert_main(int argc, char** argv) {
   if (!sink) return report(kVerb, sink.error());
   if (Status good = convert(**footage, **sink); !good) return report(kVerb, good.error());
   const Geometry size = (*footage)->info().format.geometry;
-  std::printf("%s: %zu frames of %dx%d\n", request->out.file.c_str(), (*footage)->info().frames, size.width,
+  std::printf("%s: %zu frames of %dx%d\n", request->out.file.path.c_str(), (*footage)->info().frames, size.width,
               size.height);
   if (const std::string meaning = (*sink)->meaning(); !meaning.empty()) std::printf("values: %s\n", meaning.c_str());
   return kExitDone;

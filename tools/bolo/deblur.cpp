@@ -23,10 +23,10 @@ constexpr const char* kVerb = "deblur";
 double seconds_since(std::int64_t start_ns) { return static_cast<double>(monotonic_ns() - start_ns) / kNsPerSecond; }
 
 // With a line of progress under the name `what`.
-Result<CaptureSummary> deblur(CaptureRun& run, const DeblurFile& file, const std::string& made_from,
+Result<CaptureSummary> deblur(CaptureRun& run, const DeblurFile& file, Replace replace, const std::string& made_from,
                               const std::string& what) {
   Progress progress(what, run.info().frames);
-  auto facts = run.run(file.output, made_from, [&progress](std::uint64_t frames, bool solved) {
+  auto facts = run.run({file.output, replace}, made_from, [&progress](std::uint64_t frames, bool solved) {
     if (!solved) progress.start_rate(frames);
     progress.update(frames);
   });
@@ -39,7 +39,7 @@ Status deblur_one(const DeblurRequest& request) {
   auto run = CaptureRun::open(request, file.input);
   if (!run) return tl::unexpected(run.error());
   const std::int64_t start_ns = monotonic_ns();
-  const auto capture = deblur(*run, file, "", kVerb);
+  const auto capture = deblur(*run, file, request.replace, "", kVerb);
   if (!capture) return tl::unexpected(capture.error());
   print_capture(request, *capture, seconds_since(start_ns));
   return {};
@@ -55,7 +55,13 @@ Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, 
     summary.skipped.push_back(file.output);
     return {};
   }
-  auto capture = deblur(*run, file, *source, kVerb + (" " + file.input.filename().string()));
+  std::error_code ignored;
+  if (request.replace == Replace::kNothing && std::filesystem::exists(file.output, ignored)) {
+    return bad_input(file.output.string() +
+                     " is there already, made otherwise; choose another folder, or --overwrite it");
+  }
+  // What a run that was killed has left under the output's ".part" is begun again.
+  auto capture = deblur(*run, file, Replace::kExisting, *source, kVerb + (" " + file.input.filename().string()));
   if (capture) {
     summary.captures.push_back(std::move(*capture));
   } else if (is_being_made(file.output)) {

@@ -35,6 +35,7 @@ struct Request {
   fs::path folder;  // of capture, logs and picture; empty: one that goes with the demonstration
   double seconds = 10.0;
   bool page = true;
+  Replace replace = Replace::kNothing;
 };
 
 // A folder that is gone afterwards, or the one that the user named.
@@ -74,9 +75,10 @@ std::string contents(const fs::path& file) {
 
 class Demonstration {
  public:
-  explicit Demonstration(Folder folder) : folder_(std::move(folder)) {}
+  Demonstration(Folder folder, Replace replace) : folder_(std::move(folder)), replace_(replace) {}
 
   Status run(const Request& request) {
+    if (Status good = check_outputs({capture(), picture()}, {}, replace_); !good) return good;
     for (const auto& [name, path] : {std::pair{"bolo", &bolo_}, std::pair{"bolod", &bolod_}}) {
       auto found = find_own_program(name);
       if (!found) return tl::unexpected(found.error());
@@ -93,6 +95,8 @@ class Demonstration {
   Status simulate() {
     std::puts("simulating a street that a 640x120 microbolometer pans along at 300 px/s, 200 frames/s");
     std::fflush(stdout);
+    std::error_code ignored;
+    fs::remove(capture(), ignored);  // one of an earlier demonstration, which may be replaced
     auto simulation = start({bolo_, "simulate", "-o", capture(), "--scene", "street", "--width", "640", "--height",
                              "120", "--rate", "200", "--frames", "800", "--speed", "300"},
                             "simulate");
@@ -129,9 +133,8 @@ class Demonstration {
     print_text(to_json(*outcome));
     std::fflush(stdout);
     if (!folder_.stays()) return {};
-    const fs::path picture = folder_ / "before_after.svg";
-    if (Status saved = save(live_sheet(*outcome, "bolo demo"), picture); !saved) return saved;
-    std::printf("before and after     %s\n", picture.c_str());
+    if (Status saved = save(live_sheet(*outcome, "bolo demo"), {picture(), replace_}); !saved) return saved;
+    std::printf("before and after     %s\n", picture().c_str());
     return {};
   }
 
@@ -185,8 +188,10 @@ class Demonstration {
   static std::string name() { return "demo-" + std::to_string(getpid()); }
   static std::string address() { return "127.0.77." + std::to_string(1 + getpid() % 250); }
   fs::path capture() const { return folder_ / "street.h5"; }
+  fs::path picture() const { return folder_ / "before_after.svg"; }
 
   Folder folder_;
+  Replace replace_;
   fs::path bolo_;
   fs::path bolod_;
   std::optional<Process> camera_;
@@ -205,17 +210,19 @@ int demo_main(int argc, char** argv) {
   options.add_options()("seconds", "How long to compare", cxxopts::value(request.seconds)->default_value("10"), "S")(
       "o,output", "Keep capture, logs and a picture in this folder", cxxopts::value(folder), "FOLDER")(
       "no-page", "End after the comparison, without the live page");
+  add_overwrite_option(options);
   cxxopts::ParseResult given;
   if (const auto code = parse(options, argc, argv, given)) return *code;
   request.folder = folder;
   request.page = given.count("no-page") == 0;
+  request.replace = replace_of(given);
   if (!(request.seconds > 0.0 && request.seconds <= kLongest_s)) {
     return report(kVerb, {ErrorKind::kBadInput, "--seconds must lie in 0 to 86400"});
   }
   auto place = Folder::make(request.folder);
   if (!place) return report(kVerb, place.error());
   catch_interrupts();
-  Demonstration demonstration(std::move(*place));
+  Demonstration demonstration(std::move(*place), request.replace);
   const Status done = demonstration.run(request);
   return done ? kExitDone : report(kVerb, done.error());
 }

@@ -31,6 +31,7 @@ cxxopts::Options declare() {
       "write-profile", "Write the profile that undoes what was diagnosed; maps of single pixels go into P2.h5",
       cxxopts::value<std::string>(), "P2.toml")("threads", "How many work", cxxopts::value<int>()->default_value("2"))(
       "json", "Print report.json")("capture", "", cxxopts::value<Words>());
+  add_overwrite_option(options);
   options.parse_positional({"capture"});
   options.positional_help("CAPTURE.h5...");
   return options;
@@ -47,6 +48,28 @@ Result<diagnose::Options> options_of(const Given& given) {
   if (!profile) return tl::unexpected(profile.error());
   options.profile = std::move(*profile);
   return options;
+}
+
+// What is written; empty: no profile.
+struct Files {
+  std::filesystem::path folder;
+  std::filesystem::path profile;
+  std::filesystem::path maps;
+  Replace replace = Replace::kNothing;
+};
+
+Files files_to_write(const Given& given) {
+  Files files{given["output"].as<std::string>(), {}, {}, replace_of(given)};
+  if (given.count("write-profile") == 0) return files;
+  files.profile = given["write-profile"].as<std::string>();
+  files.maps = std::filesystem::path(files.profile).replace_extension(".h5");
+  return files;
+}
+
+Status check(const Files& files, const std::vector<std::filesystem::path>& inputs) {
+  std::vector<std::filesystem::path> outputs = diagnose::report_files(files.folder);
+  outputs.insert(outputs.end(), {files.profile, files.maps});
+  return check_outputs(outputs, inputs, files.replace);
 }
 
 // A line on stderr for each step; on a terminal one line that is written over.
@@ -80,6 +103,13 @@ Status run(const Given& given) {
   const Result<diagnose::Options> options = options_of(given);
   if (!options) return tl::unexpected(options.error());
 
+  const Files files = files_to_write(given);
+  std::vector<std::filesystem::path> inputs = captures;
+  if (given.count("profile") != 0) {
+    inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options->profile.maps});
+  }
+  if (Status good = check(files, inputs); !good) return good;
+
   catch_interrupts();
   Result<diagnose::Report> report = [&] {
     Steps steps;
@@ -90,14 +120,11 @@ Status run(const Given& given) {
   }();
   if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted; no report was written");
   if (!report) return tl::unexpected(report.error());
-  const std::filesystem::path folder = given["output"].as<std::string>();
-  if (Status written = diagnose::write_report(*report, folder); !written) return written;
-  if (given.count("write-profile") != 0) {
-    const std::filesystem::path file = given["write-profile"].as<std::string>();
-    const auto maps = std::filesystem::path(file).replace_extension(".h5");
-    if (Status written = write_profile_files(file, maps, report->learned.profile, report->learned.maps); !written) {
-      return written;
-    }
+  const auto& [folder, profile, maps, replace] = files;
+  if (Status written = diagnose::write_report(*report, folder, replace); !written) return written;
+  if (!profile.empty()) {
+    Status written = write_profile_files({profile, replace}, maps, report->learned.profile, report->learned.maps);
+    if (!written) return written;
   }
   if (given.count("json") != 0) {
     std::cout << diagnose::report_json(*report) << '\n';

@@ -163,8 +163,8 @@ Result<json> describe(const CaptureReader& reader) {
   if (!values) return values;
   Result<json> attributes = attributes_of(reader);
   if (!attributes) return attributes;
-  const Result<capture::Stimulus> stimulus = reader.stimulus();
-  if (!stimulus) return tl::unexpected<Error>(stimulus.error());
+  const capture::Stimulus stimulus =
+      reader.stimulus().value_or(capture::NoStimulus{});  // warnings() says what is wrong
   const Result<std::vector<capture::Point>> points = reader.points();
   if (!points) return tl::unexpected<Error>(points.error());
   return json{{"kind", "capture"},
@@ -183,7 +183,7 @@ Result<json> describe(const CaptureReader& reader) {
               {"lost_frames", lost_frames(reader)},
               {"irregular_times", irregular_times(reader)},
               {"values", std::move(*values)},
-              {"stimulus", std::visit([](const auto& kind) { return fields(kind); }, *stimulus)},
+              {"stimulus", std::visit([](const auto& kind) { return fields(kind); }, stimulus)},
               {"truth", info.has_truth},
               {"points", points->size()},
               {"events", events_of(reader)},

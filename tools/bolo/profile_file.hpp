@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 #include "src/model/camera_profile.hpp"
 #include "src/model/pixel_maps.hpp"
@@ -11,8 +12,8 @@ namespace bolo::tools {
 
 // Writes `maps`, when there are any of single pixels, to `maps_file`, and then the profile, which names them from its
 // own folder; without new ones it keeps those it had. Maps first, so that a profile never names a file that is not
-// there. Sets profile.maps. Thread: setup.
-Status write_profile_files(const std::filesystem::path& file, const std::filesystem::path& maps_file,
+// there. Both replace what `file` may. Sets profile.maps. Thread: setup.
+Status write_profile_files(const OutputFile& file, const std::filesystem::path& maps_file,
                            model::CameraProfile& profile, const model::PixelMaps& maps);
 
 }  // namespace bolo::tools

@@ -20,18 +20,19 @@ cxxopts::Options make_options() {
                            "Record a running daemon's frames. A killed process or a cut of power costs the last "
                            "fraction of a second; see bolo recover\n");
   options.positional_help("NAME").show_positional_help();
-  options.add_options()                                                                                       //
-      ("name", "The daemon's name, as in its configuration", cxxopts::value<std::string>())                   //
-      ("o,output", "Capture file to write (.h5)", cxxopts::value<std::string>())                              //
-      ("seconds", "End after so many seconds", cxxopts::value<double>())                                      //
-      ("frames", "End after so many frames", cxxopts::value<std::uint64_t>())                                 //
-      ("planes", "raw or deblurred", cxxopts::value<std::string>()->default_value("raw"))                     //
-      ("split-minutes", "Begin a new file so often: FILE_001.h5 ...", cxxopts::value<double>())               //
-      ("buffer-mb", "Memory for frames that the disk is behind by",                                           //
-       cxxopts::value<std::size_t>()->default_value("256"))                                                   //
-      ("wait", "Seconds to wait for a daemon that went away", cxxopts::value<double>()->default_value("30"))  //
-      ("overwrite", "Replace an existing file, or what is left of an unfinished recording of the same name")  //
+  options.add_options()                                                                                  //
+      ("name", "The daemon's name, as in its configuration", cxxopts::value<std::string>())              //
+      ("o,output", "Capture file to write (.h5)", cxxopts::value<std::string>())                         //
+      ("seconds", "End after so many seconds", cxxopts::value<double>())                                 //
+      ("frames", "End after so many frames", cxxopts::value<std::uint64_t>())                            //
+      ("planes", "raw or deblurred", cxxopts::value<std::string>()->default_value("raw"))                //
+      ("split-minutes", "Begin a new file so often: FILE_001.h5 ...", cxxopts::value<double>())          //
+      ("buffer-mb", "Memory for frames that the disk is behind by",                                      //
+       cxxopts::value<std::size_t>()->default_value("256"))                                              //
+      ("wait", "Seconds to wait for a daemon that went away; where it is given, also for one to start",  //
+       cxxopts::value<double>()->default_value("30"))                                                    //
       ("json", "Print the outcome as JSON");
+  add_overwrite_option(options);
   options.parse_positional({"name"});
   return options;
 }
@@ -39,21 +40,15 @@ cxxopts::Options make_options() {
 bool in_range(double value, double low, double high) { return value >= low && value <= high; }
 
 // A recording must not cost an earlier one.
-Status check_output(const RecordRequest& request) {
+Status check_output_of(const RecordRequest& request) {
+  if (request.file.extension() != ".h5") {
+    return bad_input(request.file.string() + ": a capture is written, and its name ends in .h5");
+  }
   FileWriterOptions options;
   options.file = request.file;
   options.split_s = request.split_s;
-  const std::filesystem::path first = file_of_part(options, 0);
-  const std::filesystem::path part = first.string() + ".part";
-  std::error_code ignored;
-  if (std::filesystem::exists(part, ignored)) {
-    return bad_input(part.string() +
-                     " is there: an unfinished recording; save it with bolo recover, or --overwrite it");
-  }
-  if (std::filesystem::is_regular_file(first, ignored)) {
-    return bad_input(first.string() + " is there already; choose another name, or --overwrite it");
-  }
-  return {};
+  options.replace = request.replace;
+  return check_first_file(options);
 }
 
 Result<RecordRequest> read_request(const cxxopts::ParseResult& parsed) {
@@ -76,6 +71,7 @@ Result<RecordRequest> read_request(const cxxopts::ParseResult& parsed) {
   if (good) good = seconds_of("split-minutes", 60.0, 0.1, request.split_s);
   if (!good) return tl::unexpected<Error>(good.error());
   request.wait_s = parsed["wait"].as<double>();
+  request.wait_at_start = parsed.count("wait") != 0;
   if (!in_range(request.wait_s, 0.0, kMostSeconds)) return bad_input("--wait must be a number of seconds from 0 on");
   const std::size_t buffer_mb = parsed["buffer-mb"].as<std::size_t>();
   if (buffer_mb < 1 || buffer_mb > kMostBuffer_mb) return bad_input("--buffer-mb must be from 1 to 65536");
@@ -83,13 +79,15 @@ Result<RecordRequest> read_request(const cxxopts::ParseResult& parsed) {
   const std::string plane = parsed["planes"].as<std::string>();
   if (plane != "raw" && plane != "deblurred") return bad_input("--planes '" + plane + "' is neither raw nor deblurred");
   request.plane = plane == "raw" ? RecordedPlane::kRaw : RecordedPlane::kDeblurred;
-  if (parsed.count("overwrite") == 0) good = check_output(request);
+  request.replace = replace_of(parsed);
+  request.tell = [](const std::string& line) { std::fprintf(stderr, "bolo record: %s\n", line.c_str()); };
+  good = check_output_of(request);
   if (!good) return tl::unexpected<Error>(good.error());
   return request;
 }
 
 std::string files_text(const FileWriterResult& written) {
-  if (written.files.empty()) return "nothing";
+  if (written.files.empty()) return "no file";
   std::string text = written.files.front().string();
   if (written.files.size() > 1) text += " to " + written.files.back().string();
   return text;
@@ -149,8 +147,10 @@ int record_main(int argc, char** argv) {
     print(*result);
   }
   if (result->status) return kExitDone;
-  const std::string saved =
-      "; " + std::to_string(result->written.frames) + " frames are in " + files_text(result->written);
+  const FileWriterResult& written = result->written;
+  const std::string saved = written.files.empty()
+                                ? "; no file was finished"
+                                : "; " + std::to_string(written.frames) + " frames are in " + files_text(written);
   report(kVerb, Error{ErrorKind::kFailed, result->status.error().message + saved});
   return kExitFailed;
 }

@@ -16,7 +16,7 @@ constexpr const char* kVerb = "recover";
 
 struct Request {
   std::filesystem::path damaged;
-  std::filesystem::path out;
+  OutputFile out;
   bool in_place = false;
 };
 
@@ -30,6 +30,7 @@ cxxopts::Options make_options() {
       ("o,output", "Capture to write; left out: FILE without .part", cxxopts::value<std::string>())               //
       ("in-place", "Finish the .part itself and rename it: no copy, no further room on the disk")                 //
       ("json", "Print the outcome as JSON");
+  add_overwrite_option(options);
   options.parse_positional({"file"});
   return options;
 }
@@ -42,22 +43,24 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
   const bool part = request.damaged.extension() == ".part";
   if (request.in_place && !part) return bad_input("--in-place is for a .part; save this file to another one with -o");
   if (parsed.count("output") != 0) {
-    request.out = parsed["output"].as<std::string>();
+    request.out.path = parsed["output"].as<std::string>();
   } else if (part) {
-    request.out = request.damaged.parent_path() / request.damaged.stem();
+    request.out.path = request.damaged.parent_path() / request.damaged.stem();
   } else {
     return bad_input("where to? usage: bolo recover " + request.damaged.string() + " -o OUT.h5");
   }
-  std::error_code ignored;
-  if (std::filesystem::exists(request.out, ignored)) {
-    return bad_input(request.out.string() + " is there already; name another file with -o");
-  }
+  request.out.replace = replace_of(parsed);
+  // The damaged file itself may lie under the output's name and ".part": it stays as it is, or is what gets the name.
+  const bool itself = request.damaged == std::filesystem::path(request.out.path.string() + ".part");
+  const std::vector<std::filesystem::path> inputs{itself ? std::filesystem::path() : request.damaged};
+  Status good = check_outputs({request.out.path}, inputs, request.out.replace);
+  if (!good) return tl::unexpected<Error>(good.error());
   return request;
 }
 
 nlohmann::json to_json(const Request& request, const capture::Recovered& done) {
   return {{"file", request.damaged.string()},
-          {"output", request.out.string()},
+          {"output", request.out.path.string()},
           {"frames", done.frames},
           {"seconds", done.last_t_s - done.first_t_s},
           {"last_t_s", done.last_t_s},
@@ -66,7 +69,7 @@ nlohmann::json to_json(const Request& request, const capture::Recovered& done) {
 }
 
 void print(const Request& request, const capture::Recovered& done) {
-  std::printf("%s: %llu frames saved, %.3f s, the last at %.6f s\n", request.out.c_str(),
+  std::printf("%s: %llu frames saved, %.3f s, the last at %.6f s\n", request.out.path.c_str(),
               static_cast<unsigned long long>(done.frames), done.last_t_s - done.first_t_s, done.last_t_s);
   if (done.unreadable > 0) {
     std::printf("missing: %llu frames in between cannot be read\n", static_cast<unsigned long long>(done.unreadable));

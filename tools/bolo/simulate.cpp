@@ -29,6 +29,7 @@ cxxopts::Options declare() {
   options.add_options("Output")("o,output", "Capture to write", text(), "OUT.h5")(
       "no-truth", "Leave out /truth: the file shrinks to a third")("compress", "Deflate the frames (level 1)")(
       "json", "Print the result as JSON");
+  add_overwrite_option(options);
   options.add_options("Camera")("width", "Pixels", cxxopts::value<int>()->default_value("640"))(
       "height", "Pixels", cxxopts::value<int>()->default_value("120"))("rate", "Frames a second", number("200"))(
       "frames", "How many", cxxopts::value<std::int64_t>()->default_value("400"))(
@@ -111,15 +112,14 @@ Result<std::size_t> frames_of(const Options& given) {
   return static_cast<std::size_t>(frames);
 }
 
-Result<std::filesystem::path> output_of(const Options& given) {
+Result<OutputFile> output_of(const Options& given) {
   if (given.count("output") == 0) return bad_input("no output; give -o OUT.h5");
-  const std::filesystem::path file = given["output"].as<std::string>();
+  OutputFile file(given["output"].as<std::string>(), replace_of(given));
+  std::vector<std::filesystem::path> inputs;
   for (const char* input : {"scene", "trajectory"}) {
-    std::error_code ignored;
-    if (given.count(input) != 0 && std::filesystem::equivalent(file, given[input].as<std::string>(), ignored)) {
-      return bad_input(file.string() + ": is the --" + std::string(input) + " as well; write to another file");
-    }
+    if (given.count(input) != 0) inputs.emplace_back(given[input].as<std::string>());
   }
+  if (Status good = check_outputs({file.path}, inputs, file.replace); !good) return tl::unexpected(good.error());
   return file;
 }
 
@@ -177,7 +177,7 @@ Status simulate(const Options& given) {
     });
   }
   if (!status) return status;
-  print_result(given, *file, **simulator);
+  print_result(given, file->path, **simulator);
   if ((*simulator)->frames_done() < *frames) return failed("interrupted; the capture holds the frames until then");
   return {};
 }

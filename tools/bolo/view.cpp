@@ -43,6 +43,10 @@ Result<std::string> choose_daemon(const std::string& named) {
 
 Result<view::Access> access_of(const ViewOptions& options) {
   view::Access access;
+  if (!options.listen.empty() && !view::is_numeric(options.listen)) {
+    return bad_input("--listen '" + options.listen +
+                     "': give an IP address of this computer, such as 127.0.0.1; the port is --port");
+  }
   access.beyond_loopback = !options.listen.empty() && !view::is_loopback(options.listen);
   access.token = options.token;
   if (!options.token.empty() && !options.token_file.empty()) {

@@ -157,7 +157,8 @@ void output_keys(KeyTable& keys, DaemonConfig& c) {
   keys.boolean("enable", c.shm_enabled, "Publish into shared memory.");
   keys.integer("slots", c.shm.slots, {0, 65536, "frames"},
                "Frames in the ring, at least window + lookahead; 0: 64, or more when the window needs more.");
-  keys.octal("mode", c.shm.mode, {0600, 0777, ""}, "Permission bits; readers need to read only: 0o640 for the group's members, 0o644 for everybody.");
+  keys.octal("mode", c.shm.mode, {0600, 0777, ""},
+             "Permission bits; readers need to read only: 0o640 for the group's members, 0o644 for everybody.");
   keys.text("group", c.shm.group, "Owner group, of which the daemon's user must be a member; empty: the daemon's own.");
   video_keys(keys, c.video);
   keys.section("control", "commands to the running daemon: `bolo nuc NAME`");

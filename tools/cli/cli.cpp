@@ -18,6 +18,22 @@ static_assert(std::atomic<bool>::is_always_lock_free, "the signal handler stores
 
 std::string g_program = "bolo";
 
+// cxxopts says which value it cannot read, not of which option: "--frames: ", of the one before it.
+std::string option_of(const std::string& message, int argc, char** argv) {
+  const std::string before = "Argument " + cxxopts::LQUOTE;
+  const std::string after = cxxopts::RQUOTE + " failed to parse";
+  if (!message.starts_with(before) || !message.ends_with(after)) return {};
+  const std::string value = message.substr(before.size(), message.size() - before.size() - after.size());
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const std::size_t equals = word.find('=');
+    const bool both = word.starts_with("--") && equals != std::string::npos;
+    if (both && word.find(value, equals) != std::string::npos) return word.substr(0, equals) + ": ";
+    if (!both && word.find(value) != std::string::npos && argv[i - 1][0] == '-') return argv[i - 1] + std::string(": ");
+  }
+  return {};
+}
+
 }  // namespace
 
 void set_program_name(std::string name) { g_program = std::move(name); }
@@ -36,8 +52,8 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
       return kExitUsage;
     }
   } catch (const cxxopts::exceptions::exception& e) {
-    std::fprintf(stderr, "%s %s: %s; see %s %s --help\n", g_program.c_str(), argv[0], printable(e.what()).c_str(), g_program.c_str(),
-                 argv[0]);
+    std::fprintf(stderr, "%s %s: %s%s; see %s %s --help\n", g_program.c_str(), argv[0],
+                 option_of(e.what(), argc, argv).c_str(), printable(e.what()).c_str(), g_program.c_str(), argv[0]);
     return kExitUsage;
   }
   return std::nullopt;
@@ -49,6 +65,14 @@ std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, 
     if (argument.key() == option) files.emplace_back(argument.value());
   }
   return files;
+}
+
+void add_overwrite_option(cxxopts::Options& options) {
+  options.add_options()("overwrite", "Replace files that are there already");
+}
+
+Replace replace_of(const cxxopts::ParseResult& parsed) {
+  return parsed.count("overwrite") != 0 ? Replace::kExisting : Replace::kNothing;
 }
 
 int report(const std::string& verb, const Error& error) {

@@ -11,6 +11,7 @@
 
 #include <cxxopts.hpp>
 
+#include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 
 namespace bolo::tools {
@@ -28,6 +29,10 @@ std::optional<int> parse(cxxopts::Options& options, int argc, char** argv, cxxop
 
 // The values of an option that takes files, as they were given: a vector of cxxopts would split their names at commas.
 std::vector<std::filesystem::path> files_of(const cxxopts::ParseResult& parsed, const std::string& option);
+
+// --overwrite, of every verb that writes files. Thread: setup.
+void add_overwrite_option(cxxopts::Options& options);
+Replace replace_of(const cxxopts::ParseResult& parsed);
 
 // Prints "bolo VERB: message" to stderr and returns the error's exit code.
 int report(const std::string& verb, const Error& error);

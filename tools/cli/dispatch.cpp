@@ -1,6 +1,10 @@
 #include "tools/cli/dispatch.hpp"
 
+#include <cerrno>
+#include <csignal>
 #include <cstdio>
+#include <cstring>
+#include <iostream>
 #include <string>
 
 #include "tools/cli/cli.hpp"
@@ -16,6 +20,15 @@ void print_usage(const Program& program, std::span<const Verb> verbs, std::FILE*
     std::fprintf(out, "  %-10.*s %.*s\n", static_cast<int>(verb.name.size()), verb.name.data(),
                  static_cast<int>(verb.summary.size()), verb.summary.data());
   }
+}
+
+// What was printed may have gone to a file on a full disk: that is a failure, too.
+int printed(const std::string& program, std::string_view verb, int code) {
+  std::cout.flush();
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good()) return code;
+  std::fprintf(stderr, "%s %s: standard output cannot be written: %s\n", program.c_str(), std::string(verb).c_str(),
+               errno != 0 ? std::strerror(errno) : "the disk took only a part");
+  return code == kExitDone ? kExitFailed : code;
 }
 
 }  // namespace
@@ -37,7 +50,9 @@ int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char
     return kExitDone;
   }
   for (const Verb& verb : verbs) {
-    if (verb.name == word) return verb.run(argc - 1, argv + 1);
+    if (verb.name != word) continue;
+    std::signal(SIGXFSZ, SIG_IGN);  // a limit on files is then a full disk: an error of the write, which is told
+    return printed(name, verb.name, verb.run(argc - 1, argv + 1));
   }
   std::fprintf(stderr, "%s: no verb '%s'; '%s --help' lists them\n", name.c_str(), argv[1], name.c_str());
   return kExitUsage;

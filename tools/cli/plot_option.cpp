@@ -4,18 +4,22 @@
 #include <thread>
 
 #include "src/report/sheet.hpp"
+#include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 
 void add_plot_option(cxxopts::Options& options, const std::string& what) {
   options.add_options()("plot", what + ": a drawing (.svg) or a page with figures (.html)",
                         cxxopts::value<std::string>(), "FILE");
+  add_overwrite_option(options);
 }
 
-Result<std::filesystem::path> plot_file_of(const cxxopts::ParseResult& given) {
-  if (given.count("plot") == 0) return std::filesystem::path();
-  const std::filesystem::path file = given["plot"].as<std::string>();
-  if (const Status good = plot::check_sheet_file(file); !good) return bad_input("--plot " + good.error().message);
+Result<OutputFile> plot_file_of(const cxxopts::ParseResult& given) {
+  if (given.count("plot") == 0) return OutputFile();
+  OutputFile file(given["plot"].as<std::string>(), replace_of(given));
+  Status good = plot::check_sheet_file(file.path);
+  if (good) good = check_output(file);
+  if (!good) return bad_input("--plot " + good.error().message);
   return file;
 }
 

@@ -6,15 +6,17 @@
 
 #include <cxxopts.hpp>
 
+#include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 
 namespace bolo::tools {
 
-// `what`: as in "Draw the table". Thread: setup.
+// With --overwrite. `what`: as in "Draw the table". Thread: setup.
 void add_plot_option(cxxopts::Options& options, const std::string& what);
 
-// The file that was asked for, or none. kBadInput when it ends neither with .svg nor with .html. Thread: any.
-Result<std::filesystem::path> plot_file_of(const cxxopts::ParseResult& given);
+// The file that was asked for, or none. kBadInput when it ends neither with .svg nor with .html, or may not be written.
+// Thread: any.
+Result<OutputFile> plot_file_of(const cxxopts::ParseResult& given);
 
 // Processor and its number of threads, for what depends on the machine. Thread: any.
 std::string machine_words();

@@ -31,8 +31,7 @@ class CaptureFootage final : public Footage {
     if (!attributes) return tl::unexpected<Error>(attributes.error());
     if (Status good = writer.write_attributes(*attributes); !good) return good;
     const auto stimulus = reader_.stimulus();
-    if (!stimulus) return tl::unexpected<Error>(stimulus.error());
-    return writer.write_stimulus(*stimulus);
+    return stimulus ? writer.write_stimulus(*stimulus) : Status{};
   }
 
  private:

@@ -25,7 +25,9 @@ class CaptureSink final : public FootageSink {
   static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
     capture::CaptureInfo info = footage.info();
     info.has_truth = false;
-    auto writer = capture::CaptureWriter::create(target.file, info);
+    capture::WriterOptions how;
+    how.replace = target.file.replace;
+    auto writer = capture::CaptureWriter::create(target.file.path, info, how);
     if (!writer) return tl::unexpected<Error>(writer.error());
     if (Status good = footage.copy_extras(*writer); !good) return tl::unexpected<Error>(good.error());
     return std::make_unique<CaptureSink>(std::move(*writer), info.format.type);
@@ -42,16 +44,27 @@ class CaptureSink final : public FootageSink {
 // One file a frame: NAME_000000.png ..., or NAME.png for a single one.
 class PngSink final : public FootageSink {
  public:
+  // Nothing is in the way of any frame.
+  static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
+    auto sink = std::make_unique<PngSink>(target, footage.info());
+    Files files;
+    for (std::size_t i = 0; i < footage.info().frames; ++i) files.push_back(sink->file_of(i).path);
+    if (Status good = check_outputs(files, target.inputs, target.file.replace); !good) {
+      return tl::unexpected<Error>(good.error());
+    }
+    return sink;
+  }
   PngSink(Target target, const capture::CaptureInfo& info)
       : target_(std::move(target)), info_(info), preview_(info.format) {}
 
   Status write(const Frame& frame) override {
-    const std::filesystem::path file = name();
-    ++written_;
+    const OutputFile output = file_of(written_++);
+    Result<FileBeside> file = FileBeside::create(output);
+    if (!file) return tl::unexpected<Error>(file.error());
     const Geometry geometry = info_.format.geometry;
-    const Status good = target_.preview ? write_png8(file, geometry, preview_.levels(frame).data())
-                                        : write_png16(file, geometry, values(frame));
-    return good ? good : at(file.string(), good.error());
+    const Status good = target_.preview ? write_png8(file->path(), geometry, preview_.levels(frame).data())
+                                        : write_png16(file->path(), geometry, values(frame));
+    return good ? file->publish() : at(output.path.string(), good.error());
   }
   Status finish() override { return {}; }
 
@@ -63,11 +76,12 @@ class PngSink final : public FootageSink {
  private:
   bool is_float() const { return info_.format.type == PixelType::kFloat32; }
 
-  std::filesystem::path name() const {
+  OutputFile file_of(std::size_t frame) const {
     if (info_.frames == 1) return target_.file;
     std::array<char, 32> number{};
-    std::snprintf(number.data(), number.size(), "_%06zu.png", written_);
-    return target_.file.parent_path() / (target_.file.stem().string() + number.data());
+    std::snprintf(number.data(), number.size(), "_%06zu.png", frame);
+    const std::filesystem::path& given = target_.file.path;
+    return {given.parent_path() / (given.stem().string() + number.data()), target_.file.replace};
   }
 
   // Beyond the range of 16 bits the end of the range; not a number is 0.
@@ -94,12 +108,15 @@ class PngSink final : public FootageSink {
 class TiffSink final : public FootageSink {
  public:
   static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
-    Result<TiffWriter> writer = TiffWriter::create(target.file);
-    if (!writer) return at(target.file.string(), writer.error());
-    return std::make_unique<TiffSink>(std::move(*writer), target.file.string(), footage.info().format);
+    Result<FileBeside> file = FileBeside::create(target.file);
+    if (!file) return tl::unexpected<Error>(file.error());
+    Result<TiffWriter> writer = TiffWriter::create(file->path());
+    if (!writer) return at(target.file.path.string(), writer.error());
+    return std::make_unique<TiffSink>(std::move(*file), std::move(*writer), target.file.path.string(),
+                                      footage.info().format);
   }
-  TiffSink(TiffWriter writer, std::string name, StreamFormat format)
-      : writer_(std::move(writer)), name_(std::move(name)), format_(format) {}
+  TiffSink(FileBeside file, TiffWriter writer, std::string name, StreamFormat format)
+      : file_(std::move(file)), writer_(std::move(writer)), name_(std::move(name)), format_(format) {}
 
   // Kelvin wherever they are known: a TIFF has no place for a scale that other programs would read.
   Status write(const Frame& frame) override {
@@ -107,7 +124,10 @@ class TiffSink final : public FootageSink {
                      ? writer_.write(format_.geometry, PixelType::kFloat32, kelvin(frame))
                      : writer_.write(format_.geometry, format_.type, frame.plane(format_.type)));
   }
-  Status finish() override { return named(writer_.close()); }
+  Status finish() override {
+    const Status closed = named(writer_.close());
+    return closed ? file_.publish() : closed;
+  }
   std::string meaning() const override {
     return format_.scale.unit == Unit::kKelvin ? "float32, kelvin" : "counts of the camera";
   }
@@ -125,7 +145,8 @@ class TiffSink final : public FootageSink {
     return kelvin_.data();
   }
 
-  TiffWriter writer_;
+  FileBeside file_;
+  TiffWriter writer_;  // closed before the file goes
   std::string name_;
   StreamFormat format_;
   std::vector<float> kelvin_;
@@ -135,6 +156,8 @@ class FilmSink final : public FootageSink {
  public:
   static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
     const StreamFormat& format = footage.info().format;
+    Result<FileBeside> file = FileBeside::create(target.file);
+    if (!file) return tl::unexpected<Error>(file.error());
     std::array<char, 32> rate{};
     std::snprintf(rate.data(), rate.size(), "%.6g", 1.0 / format.frame_period_s);
     const std::string size = std::to_string(format.geometry.width) + "x" + std::to_string(format.geometry.height);
@@ -164,33 +187,39 @@ class FilmSink final : public FootageSink {
                                                    "+faststart",
                                                    "-f",
                                                    "mp4",
-                                                   "file:" + target.file.string()},
+                                                   "file:" + file->path().string()},
                                                   "ffmpeg");
     if (!ffmpeg) return tl::unexpected<Error>(ffmpeg.error());
-    return std::make_unique<FilmSink>(std::move(*ffmpeg), format);
+    return std::make_unique<FilmSink>(std::move(*file), std::move(*ffmpeg), format);
   }
-  FilmSink(FedProgram ffmpeg, StreamFormat format) : ffmpeg_(std::move(ffmpeg)), preview_(format) {}
+  FilmSink(FileBeside file, FedProgram ffmpeg, StreamFormat format)
+      : file_(std::move(file)), ffmpeg_(std::move(ffmpeg)), preview_(format) {}
   Status write(const Frame& frame) override {
     const std::vector<std::uint8_t>& levels = preview_.levels(frame);
     return ffmpeg_.write(levels.data(), levels.size());
   }
-  Status finish() override { return ffmpeg_.finish(); }
+  Status finish() override {
+    Status ended = ffmpeg_.finish();
+    return ended ? file_.publish() : ended;
+  }
   std::string meaning() const override { return "8 bit for the eye: the scale follows the scene"; }
 
  private:
-  FedProgram ffmpeg_;
+  FileBeside file_;
+  FedProgram ffmpeg_;  // ends before the file goes
   Preview preview_;
 };
 
 }  // namespace
 
 Result<std::unique_ptr<FootageSink>> open_sink(const Target& target, const Footage& footage) {
-  const std::string extension = target.file.extension().string();
+  const std::string extension = target.file.path.extension().string();
   if (extension == ".h5") return CaptureSink::open(target, footage);
   if (extension == ".tif" || extension == ".tiff") return TiffSink::open(target, footage);
   if (extension == ".mp4") return FilmSink::open(target, footage);
-  if (extension == ".png") return std::make_unique<PngSink>(target, footage.info());
-  return bad_input(target.file.string() + ": what is it to be? its name must end in .h5, .png, .tif, .tiff or .mp4");
+  if (extension == ".png") return PngSink::open(target, footage);
+  return bad_input(target.file.path.string() +
+                   ": what is it to be? its name must end in .h5, .png, .tif, .tiff or .mp4");
 }
 
 }  // namespace bolo::tools

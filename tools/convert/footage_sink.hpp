@@ -5,13 +5,15 @@
 #include <memory>
 #include <string>
 
+#include "src/core/output_file.hpp"
 #include "tools/convert/footage.hpp"
 
 namespace bolo::tools {
 
 struct Target {
-  std::filesystem::path file;  // its extension says what is written: .h5, .png, .tif, .tiff, .mp4
-  bool preview = false;        // PNG: 8 bit for the eye instead of 16 linear ones
+  OutputFile file;       // its extension says what is written: .h5, .png, .tif, .tiff, .mp4
+  Files inputs;          // that it must not be
+  bool preview = false;  // PNG: 8 bit for the eye instead of 16 linear ones
   LinearScale picture_scale{Unit::kKelvin, 0.01, 0.0};  // of 16-bit pictures of footage in floating point
 };
 
@@ -24,7 +26,8 @@ class FootageSink {
   virtual std::string meaning() const { return {}; }
 };
 
-// Errors: an extension that is none of these (kBadInput), files that cannot be created. Thread: any one at a time.
+// Errors: an output that may not be written (kBadInput), an extension that is none of these (kBadInput), files that
+// cannot be created. Thread: any one at a time.
 Result<std::unique_ptr<FootageSink>> open_sink(const Target& target, const Footage& footage);
 
 }  // namespace bolo::tools

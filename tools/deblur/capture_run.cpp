@@ -56,7 +56,7 @@ Result<ChosenFrames> CaptureRun::chosen() const {
   return ChosenFrames(file_, std::move(*own_reader), std::move(choice));
 }
 
-Result<RunFacts> CaptureRun::run(const std::filesystem::path& output, const std::string& made_from,
+Result<RunFacts> CaptureRun::run(const OutputFile& output, const std::string& made_from,
                                  const DeblurSink::Heard& heard) {
   auto chosen = this->chosen();
   if (!chosen) return tl::unexpected(chosen.error());
@@ -70,7 +70,7 @@ Result<RunFacts> CaptureRun::run(const std::filesystem::path& output, const std:
     if (!status) return tl::unexpected(status.error());
   }
   if (options_.give_up != nullptr && options_.give_up->load(std::memory_order_relaxed)) {
-    return tl::unexpected(interruption(sink, **pipeline, *request_, output));
+    return tl::unexpected(interruption(sink, **pipeline, *request_, output.path));
   }
   if (sink.frames_out() == 0) return tl::unexpected(no_window(file_, *request_).error());
   if (Status status = sink.finish((*pipeline)->isa(), files_behind(*request_), made_from); !status) {

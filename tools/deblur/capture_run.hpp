@@ -39,8 +39,7 @@ class CaptureRun {
   // Deblurs all of it into a capture `output`; `made_from` becomes an attribute of it unless it is empty. Where the
   // options' give_up ends it, what was solved is kept as the output's ".part", which `bolo recover` finishes: an output
   // under its own name is always whole.
-  Result<RunFacts> run(const std::filesystem::path& output, const std::string& made_from,
-                       const DeblurSink::Heard& heard);
+  Result<RunFacts> run(const OutputFile& output, const std::string& made_from, const DeblurSink::Heard& heard);
 
  private:
   CaptureRun(const DeblurRequest& request, std::filesystem::path file,

@@ -27,20 +27,23 @@ capture::Stimulus seen_through(capture::Stimulus stimulus, const PixelChoice& ch
 
 }  // namespace
 
-DeblurSink::DeblurSink(ChosenFrames frames, std::filesystem::path output, Heard heard)
+DeblurSink::DeblurSink(ChosenFrames frames, OutputFile output, Heard heard)
     : frames_(std::move(frames)), output_(std::move(output)), heard_(std::move(heard)) {}
 
 DeblurSink::~DeblurSink() {
   if (!writer_ || kept_) return;
   writer_.reset();
   std::error_code ignored;
-  std::filesystem::remove(part_of(output_), ignored);
+  std::filesystem::remove(part_of(output_.path), ignored);
 }
 
 Status DeblurSink::open(const pipeline::SinkFormat& format) {
   frames_.open(format);
   const capture::CaptureInfo& info = frames_.written();
-  auto writer = capture::CaptureWriter::create(output_, info, {.truth = info.has_truth});
+  capture::WriterOptions how;
+  how.truth = info.has_truth;
+  how.replace = output_.replace;
+  auto writer = capture::CaptureWriter::create(output_.path, info, how);
   if (!writer) return tl::unexpected(writer.error());
   writer_.emplace(std::move(*writer));
   const PixelChoice& choice = frames_.choice();
@@ -79,9 +82,8 @@ std::optional<Rmse> DeblurSink::rmse() const {
 
 Status DeblurSink::write_settings(std::string_view isa, const Files& files) {
   const PixelChoice& choice = frames_.choice();
-  auto whole = frames_.input().stimulus();
-  if (!whole) return tl::unexpected(whole.error());
-  const capture::Stimulus stimulus = seen_through(std::move(*whole), choice);
+  // A stimulus that is wrong is left out; opening the input has said so.
+  const capture::Stimulus stimulus = seen_through(frames_.input().stimulus().value_or(capture::NoStimulus{}), choice);
   Status status;
   const auto then = [&status](auto&& step) {
     if (status) status = step();

@@ -28,7 +28,7 @@ class DeblurSink final : public pipeline::FrameSink {
   // Told of each frame that came: how many there were, and whether this one was solved.
   using Heard = std::function<void(std::uint64_t, bool)>;
 
-  DeblurSink(ChosenFrames frames, std::filesystem::path output, Heard heard);
+  DeblurSink(ChosenFrames frames, OutputFile output, Heard heard);
   ~DeblurSink() override;
 
   Status open(const pipeline::SinkFormat& format) override;
@@ -55,7 +55,7 @@ class DeblurSink final : public pipeline::FrameSink {
   Status write_settings(std::string_view isa, const Files& files);
 
   ChosenFrames frames_;
-  std::filesystem::path output_;
+  OutputFile output_;
   Heard heard_;
   std::optional<capture::CaptureWriter> writer_;
   SquareErrors squares_;

@@ -95,10 +95,6 @@ Result<std::vector<fs::path>> captures_in(const fs::path& given) {
 // Several captures, or one of a folder, go into a folder under their own names.
 Status name_outputs(std::vector<fs::path> inputs, DeblurRequest& request) {
   if (!request.into_folder) {
-    std::error_code ignored;
-    if (fs::equivalent(inputs.front(), request.output, ignored)) {
-      return bad_input(request.output.string() + ": the output is the input; give another name with -o");
-    }
     request.files.push_back({std::move(inputs.front()), request.output});
     return {};
   }
@@ -113,9 +109,6 @@ Status name_outputs(std::vector<fs::path> inputs, DeblurRequest& request) {
     if (!names.insert(output).second) {
       return bad_input(input.string() + ": another capture would also become " + output.string() +
                        "; rename one, or deblur them into two folders");
-    }
-    if (fs::equivalent(input, output, error)) {
-      return bad_input(output.string() + ": the output is the input; give another folder with -o");
     }
     request.files.push_back({std::move(input), output});
   }
@@ -147,6 +140,17 @@ Status read_share(const cxxopts::ParseResult& args, DeblurRequest& request) {
   if (!share) return tl::unexpected(share.error());
   request.share = std::move(*share);
   return {};
+}
+
+// In a folder what is there already is looked at when its turn comes.
+Status check_files(const DeblurRequest& request) {
+  std::vector<fs::path> outputs;
+  std::vector<fs::path> inputs{request.points_file, request.profile_file, request.maps_file};
+  for (const DeblurFile& file : request.files) {
+    outputs.push_back(file.output);
+    inputs.push_back(file.input);
+  }
+  return check_outputs(outputs, inputs, request.into_folder ? Replace::kExisting : request.replace);
 }
 
 }  // namespace
@@ -194,6 +198,7 @@ cxxopts::Options deblur_command_line() {
     ("shard", "Do the I-th of N parts of the captures (default: as the variables of mpirun, srun or a Slurm array say)",
      cxxopts::value<std::string>(), "I/N")
     ("json", "Print the summary as JSON");
+  add_overwrite_option(options);
   // clang-format on
   options.parse_positional({"input"});
   return options;
@@ -214,6 +219,8 @@ Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args) {
   request.options.workers = args.count("threads") != 0 ? args["threads"].as<int>() : threads_of(variable, processors);
   if (Status status = read_pixels(args, request); !status) return tl::unexpected(status.error());
   if (Status status = read_share(args, request); !status) return tl::unexpected(status.error());
+  request.replace = replace_of(args);
+  if (Status status = check_files(request); !status) return tl::unexpected(status.error());
   return request;
 }
 

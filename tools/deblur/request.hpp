@@ -29,6 +29,7 @@ struct DeblurRequest {
   std::filesystem::path profile_file;
   std::filesystem::path maps_file;
   pipeline::PipelineOptions options;  // points are of a capture (points_of)
+  Replace replace = Replace::kNothing;
   bool isa_given = false;
   bool json = false;
   bool into_folder = false;  // what is done there already is not done again

@@ -23,6 +23,14 @@ std::size_t slots_for(const FileWriterOptions& options) {
   return std::max(kFewestSlots, options.buffer_bytes / plane_bytes(format.geometry, format.type));
 }
 
+bool is_taken(const std::filesystem::path& file) {
+  std::error_code ignored;
+  const auto there = [&](const std::filesystem::path& name) {
+    return std::filesystem::exists(std::filesystem::symlink_status(name, ignored));
+  };
+  return there(file) || there(file.string() + ".part");
+}
+
 double seconds(std::int64_t ns) { return static_cast<double>(ns) / kNsPerSecond; }
 
 }  // namespace
@@ -35,6 +43,15 @@ std::filesystem::path file_of_part(const FileWriterOptions& options, std::size_t
   name += number.data();
   name += options.file.extension();
   return options.file.parent_path() / name;
+}
+
+Status check_first_file(const FileWriterOptions& options) {
+  const std::filesystem::path file = file_of_part(options, 0);
+  if (Status good = check_output({file, options.replace}); !good) return good;
+  const std::string part = file.string() + ".part";
+  std::error_code ignored;
+  if (options.replace == Replace::kExisting || !std::filesystem::exists(part, ignored)) return {};
+  return bad_input(part + " is there: an unfinished recording; save it with bolo recover, or --overwrite it");
 }
 
 FileWriter::FileWriter(FileWriterOptions options)
@@ -72,16 +89,28 @@ FileWriterResult FileWriter::finish() {
   return std::move(result_);
 }
 
+// Of a file that is there the name is passed over: no frame is lost for it.
 Status FileWriter::open_next() {
-  current_ = file_of_part(options_, files_opened_);
-  capture::WriterOptions how;
-  how.survives_power_cut = true;
-  auto created = capture::CaptureWriter::create(current_, options_.info, how);
+  std::size_t part = next_part_;
+  auto created = create(part);
+  while (!created && part > 0 && is_taken(file_of_part(options_, part))) created = create(++part);
   if (!created) return tl::unexpected<Error>(created.error());
+  current_ = file_of_part(options_, part);
+  if (part != next_part_) {
+    options_.tell(file_of_part(options_, next_part_).string() + " is there already, and stays: going on with " +
+                  current_.filename().string());
+  }
   capture_.emplace(std::move(*created));
-  ++files_opened_;
+  next_part_ = part + 1;
   frames_in_file_ = 0;
   return capture_->write_attributes(options_.attributes);
+}
+
+Result<capture::CaptureWriter> FileWriter::create(std::size_t part) const {
+  capture::WriterOptions how;
+  how.survives_power_cut = true;
+  how.replace = options_.replace;
+  return capture::CaptureWriter::create(file_of_part(options_, part), options_.info, how);
 }
 
 // A file without frames is no capture: nobody misses it.
@@ -105,8 +134,8 @@ void FileWriter::take_closed(bool wait) {
     if (!wait && oldest.outcome.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
     if (Status good = oldest.outcome.get(); good) {
       result_.files.push_back(std::move(oldest.file));
-    } else {
-      fail(std::move(good));
+    } else if (result_.status) {  // its frames are in its ".part"; those to come have files of their own
+      result_.status = std::move(good);
     }
     closing_.pop_front();
   }

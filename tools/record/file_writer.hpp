@@ -8,6 +8,7 @@
 #include <atomic>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <future>
 #include <optional>
 #include <string>
@@ -26,6 +27,9 @@ struct FileWriterOptions {
   std::vector<capture::Attribute> attributes;
   double split_s = 0.0;  // a new file each time the frames' times have advanced by this much; 0: one file
   std::size_t buffer_bytes = std::size_t{256} << 20;
+  Replace replace = Replace::kNothing;
+  // A line for the user while it goes on. Thread: the writer's.
+  std::function<void(const std::string&)> tell = [](const std::string&) {};
 };
 
 // What stands before a frame, as bits.
@@ -50,9 +54,13 @@ struct FileWriterResult {
 // The name of file number `index` from 0: FILE itself without splitting, else FILE_001.h5 ... Thread: any.
 std::filesystem::path file_of_part(const FileWriterOptions& options, std::size_t index);
 
+// That of the first file may be written: neither a recording nor an unfinished one is there. Thread: setup.
+Status check_first_file(const FileWriterOptions& options);
+
 class FileWriter {
  public:
-  // Creates the first file and takes all memory. Thread: setup.
+  // Creates the first file and takes all memory. Later ones pass over the numbers of files that are there: frames are
+  // not lost for a name. Thread: setup.
   static Result<std::unique_ptr<FileWriter>> start(FileWriterOptions options);
   ~FileWriter();
   FileWriter(const FileWriter&) = delete;
@@ -81,6 +89,7 @@ class FileWriter {
   };
   explicit FileWriter(FileWriterOptions options);
   Status open_next();
+  Result<capture::CaptureWriter> create(std::size_t part) const;
   Status close_current();
   void take_closed(bool wait);
   void run() noexcept;
@@ -98,7 +107,7 @@ class FileWriter {
   std::optional<capture::CaptureWriter> capture_;  // of the writer's thread, once it runs
   std::filesystem::path current_;
   std::deque<Closing> closing_;  // the oldest first
-  std::size_t files_opened_ = 0;
+  std::size_t next_part_ = 0;
   std::uint64_t frames_in_file_ = 0;
   double file_begin_s_ = 0.0;
   std::int64_t last_commit_ns_ = 0;

@@ -27,6 +27,8 @@ FileWriterOptions writer_options(const RecordRequest& request, const bolo_shm_he
   options.info.camera_serial = header.camera_serial;
   options.split_s = request.split_s;
   options.buffer_bytes = request.buffer_bytes;
+  options.replace = request.replace;
+  options.tell = request.tell;
   if (request.plane == RecordedPlane::kDeblurred) {
     options.attributes = {{"plane", std::string("deblurred")}, {"solver", std::string(header.solver)}};
   }
@@ -178,11 +180,24 @@ class Recording {
   bool reached_ = false;
 };
 
+// The daemon's memory; of one that is not there yet after a while, where that is asked for.
+Result<FollowedStream> open_daemon(const RecordRequest& request, const std::atomic<bool>& stop) {
+  Result<FollowedStream> stream = FollowedStream::open(request.name, 0);
+  const std::int64_t until_ns = monotonic_ns() + static_cast<std::int64_t>(request.wait_s * kNsPerSecond);
+  const bool waits = !stream && request.wait_at_start;
+  if (waits) request.tell("waiting for the daemon '" + request.name + "': " + stream.error().message);
+  while (waits && !stream && !stop.load(std::memory_order_relaxed) && monotonic_ns() < until_ns) {
+    std::this_thread::sleep_for(kLookAgainAfter);
+    stream = FollowedStream::open(request.name, 0);
+  }
+  return stream;
+}
+
 }  // namespace
 
 Result<RecordResult> record(const RecordRequest& request, const std::atomic<bool>& stop,
                             const std::function<void(std::uint64_t)>& progress) {
-  Result<FollowedStream> stream = FollowedStream::open(request.name, 0);
+  Result<FollowedStream> stream = open_daemon(request, stop);
   if (!stream) return tl::unexpected<Error>(stream.error());
   auto writer = FileWriter::start(writer_options(request, stream->reader().header()));
   if (!writer) return tl::unexpected<Error>(writer.error());

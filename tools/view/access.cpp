@@ -33,11 +33,6 @@ std::string without_port(const std::string& host) {
   return host.substr(0, host.find(':'));
 }
 
-bool is_numeric(const std::string& address) {
-  in6_addr place{};
-  return inet_pton(AF_INET, address.c_str(), &place) == 1 || inet_pton(AF_INET6, address.c_str(), &place) == 1;
-}
-
 bool equal_names(const std::string& a, const std::string& b) { return strcasecmp(a.c_str(), b.c_str()) == 0; }
 
 bool has_token(const Access& access, const Request& request) {
@@ -84,6 +79,11 @@ Result<std::string> read_token(const std::string& file) {
   std::getline(in, token);
   if (const Status good = check_token(token); !good) return at(file, good.error());
   return token;
+}
+
+bool is_numeric(const std::string& address) {
+  in6_addr place{};
+  return inet_pton(AF_INET, address.c_str(), &place) == 1 || inet_pton(AF_INET6, address.c_str(), &place) == 1;
 }
 
 bool is_loopback(const std::string& address) {

@@ -36,6 +36,9 @@ std::optional<std::string> cookie_for(const Access& access, const Request& reque
 // Whether a Host header ("localhost:8640", "[::1]") names this computer. Thread: any.
 bool is_this_computer(const Access& access, const std::string& host);
 
+// Whether it is an IP address, and no more than that. Thread: any.
+bool is_numeric(const std::string& address);
+
 // Whether a numeric address is of the loopback interface. Thread: any.
 bool is_loopback(const std::string& address);
 

@@ -39,9 +39,9 @@ class PrivateFolder {
   const std::filesystem::path& path() const { return path_; }
 
   // Gives it a name instead of removing it.
-  Status keep_as(const std::filesystem::path& target) {
+  Status keep_as(const std::filesystem::path& target, Replace replace) {
     std::error_code error;
-    std::filesystem::remove_all(target, error);
+    if (replace == Replace::kExisting) std::filesystem::remove_all(target, error);
     std::filesystem::rename(path_, target, error);
     // Somebody else has just kept the same session there, which is as good.
     if (error == std::errc::directory_not_empty || error == std::errc::file_exists) return {};
@@ -101,11 +101,6 @@ std::string readable(const std::string& text) {
   return valid.get();
 }
 
-// The folder of a session in `keep`.
-std::filesystem::path kept_folder(const Session& session, const CheckOptions& options) {
-  return options.keep / (std::string(name_of(session.kind)) + '-' + std::to_string(session.index));
-}
-
 // Simulates and diagnoses one session in a private folder. A diagnosis that broke is a trial without a finding;
 // kFailed: the disk, the simulator, or `go_on` said no.
 Result<Trial> run_trial(const Session& session, const CheckOptions& options, const GoOn& go_on) {
@@ -134,7 +129,7 @@ Result<Trial> run_trial(const Session& session, const CheckOptions& options, con
   }
   trial.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   if (options.keep.empty()) return trial;
-  const Status kept = folder->keep_as(kept_folder(session, options));
+  const Status kept = folder->keep_as(kept_folder(session, options), options.replace);
   if (!kept) return tl::unexpected(kept.error());
   return trial;
 }
@@ -152,6 +147,14 @@ void work(Board& board, const CheckOptions& options, const std::atomic<bool>& st
 }
 
 }  // namespace
+
+std::filesystem::path kept_folder(const Session& session, const CheckOptions& options) {
+  return options.keep / (std::string(name_of(session.kind)) + '-' + std::to_string(session.index));
+}
+
+KeptAnswers kept_answers(const CheckOptions& options) {
+  return {options.keep / "answers.json", options.keep / "nonce.txt", options.keep / "seal.txt"};
+}
 
 Result<std::vector<Trial>> run_trials(const std::vector<Session>& sessions, const CheckOptions& options,
                                       const std::function<void(std::size_t)>& done, const std::atomic<bool>& stop) {

@@ -74,6 +74,25 @@ Status read_check(const Given& given, CheckOptions& options) {
   return {};
 }
 
+Status check_kept(const BlindRequest& request) {
+  const CheckOptions& check = request.check;
+  std::vector<std::filesystem::path> files{request.html.path};
+  if (!check.keep.empty()) {
+    const KeptAnswers kept = kept_answers(check);
+    files.insert(files.end(), {kept.answers, kept.nonce, kept.seal});
+  }
+  if (Status good = check_outputs(files, {}, check.replace); !good) return good;
+  if (check.keep.empty() || check.replace == Replace::kExisting) return {};
+  for (const Session& session : request.sessions) {
+    const std::filesystem::path folder = kept_folder(session, check);
+    std::error_code ignored;
+    if (std::filesystem::exists(folder, ignored)) {
+      return bad_input(folder.string() + " is there already; choose another folder, or --overwrite it");
+    }
+  }
+  return {};
+}
+
 }  // namespace
 
 cxxopts::Options blind_command_line() {
@@ -94,20 +113,23 @@ cxxopts::Options blind_command_line() {
       "height", "Pixels", cxxopts::value<int>()->default_value("24"))("frames-scale", "Of the captures' lengths",
                                                                       number("1"));
   options.add_options("Run")("bolo", "Whose diagnosis is checked (default: the one beside this program)",
-                             cxxopts::value<std::string>(), "PROGRAM")(
-      "jobs", "Sessions at the same time", cxxopts::value<int>()->default_value("2"))(
+                             cxxopts::value<std::string>(),
+                             "PROGRAM")("jobs", "Sessions at the same time", cxxopts::value<int>()->default_value("2"))(
       "keep", "Keep captures, reports and answers here", cxxopts::value<std::string>(), "DIR")(
       "html", "Write the score as a page", cxxopts::value<std::string>(), "FILE")("json", "Print the score as JSON");
+  add_overwrite_option(options);
   return options;
 }
 
 Result<BlindRequest> read_blind_request(const cxxopts::ParseResult& args) {
   BlindRequest request;
   request.json = args.count("json") != 0;
-  if (args.count("html") != 0) request.html = args["html"].as<std::string>();
+  request.check.replace = replace_of(args);
+  if (args.count("html") != 0) request.html = {args["html"].as<std::string>(), request.check.replace};
   Status status = read_draw(args, request.draw);
   if (status) status = read_check(args, request.check);
   if (status) status = draw_sessions(args, request);
+  if (status) status = check_kept(request);
   if (!status) return tl::unexpected(status.error());
   return request;
 }

@@ -20,7 +20,7 @@ struct BlindRequest {
   std::int64_t count = 0;         // sessions of each kind
   std::vector<Session> sessions;  // drawn
   CheckOptions check;
-  std::filesystem::path html;  // empty: no page
+  OutputFile html;  // empty: no page
   bool json = false;
 };
 

@@ -22,12 +22,13 @@ namespace {
 
 using blind::BlindRequest;
 
-Status keep_answers(const std::filesystem::path& folder, const blind::Opened& opened) {
-  if (folder.empty()) return {};
-  Status status = plot::write_text(folder / "answers.json", opened.answers);
-  if (status) status = plot::write_text(folder / "nonce.txt", opened.nonce);
-  return status ? plot::write_text(folder / "seal.txt", opened.digest + "  sha256 of answers.json and nonce.txt\n")
-                : status;
+Status keep_answers(const blind::CheckOptions& check, const blind::Opened& opened) {
+  if (check.keep.empty()) return {};
+  const blind::KeptAnswers files = blind::kept_answers(check);
+  Status status = write_file({files.answers, check.replace}, opened.answers);
+  if (status) status = write_file({files.nonce, check.replace}, opened.nonce);
+  if (!status) return status;
+  return write_file({files.seal, check.replace}, opened.digest + "  sha256 of answers.json and nonce.txt\n");
 }
 
 // Where people read: beside the JSON, which is alone on stdout.
@@ -45,11 +46,11 @@ Status open_and_score(const BlindRequest& request, const blind::Seal& seal, cons
                       double seconds) {
   const auto opened = seal.open(request.sessions);
   if (!opened) return tl::unexpected(opened.error());
-  if (Status kept = keep_answers(request.check.keep, *opened); !kept) return kept;
+  if (Status kept = keep_answers(request.check, *opened); !kept) return kept;
   const blind::Score score = blind::score(trials);
   const blind::Setting setting{request.draw, seal.digest(), seconds};
   if (!request.html.empty()) {
-    if (Status page = plot::write_text(request.html, score_html(score, setting)); !page) return page;
+    if (Status page = write_file(request.html, score_html(score, setting)); !page) return page;
   }
   if (request.json) {
     std::cout << score_json(score, setting).dump(2) << '\n';

@@ -28,7 +28,7 @@ struct Options {
   int resamples = 1000;
   std::uint64_t seed = 1;
   int threads = 2;
-  std::filesystem::path plot;  // empty: none
+  OutputFile plot;  // empty: none
   bool json = false;
 };
 

@@ -86,7 +86,7 @@ nlohmann::ordered_json to_json(const Row& row) {
 struct Request {
   int repeats = 3;
   std::string only;
-  std::filesystem::path plot;
+  OutputFile plot;
   bool json = false;
 };
 

@@ -24,7 +24,7 @@ struct Options {
   double drop = 0.0;  // share of frames lost; 0: that part is left out
   std::uint64_t seed = 1;
   int threads = 2;
-  std::filesystem::path plot;  // empty: none
+  OutputFile plot;  // empty: none
   bool json = false;
 };
 

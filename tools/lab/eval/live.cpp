@@ -19,7 +19,7 @@ constexpr double kLongest_s = 86400.0;
 struct Options {
   std::string name;
   std::string truth;
-  std::filesystem::path plot;
+  OutputFile plot;
   double seconds = 10.0;
   bool json = false;
 };

@@ -29,7 +29,7 @@ struct Request {
   std::vector<std::string> effects;
   blind::DrawOptions draw;
   int threads = 2;
-  std::filesystem::path plot;
+  OutputFile plot;
   bool json = false;
 };
 

@@ -26,7 +26,7 @@ struct Request {
   int packet_size = 1500;
   double seconds = 4.0;
   pipeline::PipelineOptions pipeline;
-  std::filesystem::path plot;
+  OutputFile plot;
   bool json = false;
 };
 

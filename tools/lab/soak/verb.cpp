@@ -26,6 +26,7 @@ constexpr double kDefault_s = 120.0;
 struct Request {
   soak::SoakRequest soak;
   fs::path report;
+  Replace replace = Replace::kNothing;
   bool json = false;
   bool only_schedule = false;
 };
@@ -58,6 +59,7 @@ cxxopts::Options make_options() {
       ("json", "Print the report as JSON, without the timeline")                                           //
       ("read", "Be one of the readers of a soak: a daemon's name", cxxopts::value<std::string>(), "NAME")  //
       ("slow-ms", "With --read: take so long for each frame", cxxopts::value<int>()->default_value("0"), "MS");
+  add_overwrite_option(options);
   return options;
 }
 
@@ -102,6 +104,7 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
   request.json = parsed.count("json") != 0;
   request.only_schedule = parsed.count("schedule") != 0;
   request.report = parsed["report"].as<std::string>();
+  request.replace = replace_of(parsed);
   const auto size = read_size(shortened && parsed.count("size") == 0 ? "64x24" : parsed["size"].as<std::string>());
   if (!size) return tl::unexpected<Error>(size.error());
   request.soak.rig.geometry = *size;
@@ -145,16 +148,31 @@ std::string command_text(int argc, char** argv) {
   return text;
 }
 
+struct ReportFiles {
+  OutputFile page;
+  OutputFile numbers;
+  OutputFile log;
+};
+
+ReportFiles report_files(const Request& request) {
+  const fs::path& folder = request.report;
+  return {{folder / "report.html", request.replace},
+          {folder / "report.json", request.replace},
+          {folder / "bolod.log", request.replace}};
+}
+
 Status write_report(const Request& request, const soak::Circumstances& circumstances, const soak::SoakResult& result,
                     const soak::Findings& findings) {
-  const fs::path& folder = request.report;
-  std::error_code error;
-  fs::copy_file(request.soak.rig.folder / "bolod.err", folder / "bolod.log", fs::copy_options::overwrite_existing,
-                error);
+  const auto [page, numbers, log] = report_files(request);
+  if (auto copy = FileBeside::create(log)) {
+    std::error_code error;
+    fs::copy_file(request.soak.rig.folder / "bolod.err", copy->path(), fs::copy_options::overwrite_existing, error);
+    if (!error) (void)copy->publish();  // a log is no reason to do without the report
+  }
   const auto json = soak::report_json(request.soak, circumstances, result, findings, true);
-  Status written = plot::write_text(folder / "report.json", json.dump(1) + "\n");
+  Status written = write_file(numbers, json.dump(1) + "\n");
   if (!written) return written;
-  return plot::write_text(folder / "report.html", soak::report_page(request.soak, circumstances, result, findings));
+  return write_file(page, soak::report_page(request.soak, circumstances, result, findings));
 }
 
 Result<bool> soak_and_report(Request& request, const std::string& command) {
@@ -166,6 +184,9 @@ Result<bool> soak_and_report(Request& request, const std::string& command) {
     std::error_code error;
     fs::create_directories(request.report, error);
     if (error) return bad_input("--report " + request.report.string() + ": " + error.message());
+    const auto [page, numbers, log] = report_files(request);
+    Status good = check_outputs({page.path, numbers.path, log.path}, {}, request.replace);
+    if (!good) return tl::unexpected<Error>(good.error());
   }
   request.soak.rig.folder = folder.path();
   const soak::Circumstances circumstances =

@@ -1,0 +1,163 @@
+#include "src/core/output_file.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <optional>
+#include <set>
+#include <system_error>
+
+namespace bolo {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMostNames = 1000;
+
+fs::path folder_of(const fs::path& file) { return file.has_parent_path() ? file.parent_path() : fs::path("."); }
+
+// Device and inode; the same through every name and link. Nothing where there is no such file.
+using FileId = std::pair<dev_t, ino_t>;
+std::optional<FileId> id_of(const fs::path& file) {
+  struct stat info {};
+  if (::stat(file.c_str(), &info) != 0) return std::nullopt;
+  return FileId{info.st_dev, info.st_ino};
+}
+
+bool is_one_of(const std::set<FileId>& files, const fs::path& file) {
+  const auto id = id_of(file);
+  return id && files.contains(*id);
+}
+
+// What the user can put right by another name, or what broke.
+tl::unexpected<Error> not_written(const fs::path& file, int error) {
+  const std::string line = file.string() + ": cannot be written: " + std::strerror(error);
+  for (const int place : {ENOENT, ENOTDIR, EACCES, EPERM, EROFS, ENAMETOOLONG, ELOOP, EISDIR, EINVAL}) {
+    if (error == place) return bad_input(line + "; choose another place");
+  }
+  return failed(line);
+}
+
+Status write_all(int descriptor, std::string_view content) {
+  while (!content.empty()) {
+    const ssize_t done = ::write(descriptor, content.data(), content.size());
+    if (done < 0 && errno == EINTR) continue;
+    if (done < 0) return failed(std::strerror(errno));
+    content.remove_prefix(static_cast<std::size_t>(done));
+  }
+  return {};
+}
+
+// Some file systems and folders cannot be flushed (EINVAL): there is nothing more to do then.
+bool flush(int descriptor) { return descriptor >= 0 && (::fsync(descriptor) == 0 || errno == EINVAL); }
+
+// Network file systems that cannot rename so give a second name, which replaces nothing either.
+int rename_to_free_name(const fs::path& from, const fs::path& to) {
+  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
+  if (errno != EINVAL && errno != ENOSYS) return errno;
+  if (::link(from.c_str(), to.c_str()) != 0) return errno;
+  return ::unlink(from.c_str()) == 0 ? 0 : errno;
+}
+
+// 0, or an errno; EEXIST where the name was taken meanwhile.
+int give_name(const fs::path& written, const OutputFile& output) {
+  const UniqueFd file(::open(written.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!flush(file.get())) return errno;
+  int error = 0;
+  if (output.replace == Replace::kNothing) {
+    error = rename_to_free_name(written, output.path);
+  } else if (::rename(written.c_str(), output.path.c_str()) != 0) {
+    error = errno;
+  }
+  if (error == 0) sync_folder_of(output.path);
+  return error;
+}
+
+Status told(int error, const fs::path& written, const OutputFile& output) {
+  if (error == EEXIST) {
+    return failed(output.path.string() +
+                  " was made by another program meanwhile and stays; what was written is whole in " + written.string());
+  }
+  if (error == 0) return {};
+  return failed(output.path.string() + ": cannot be made from " + written.string() + ": " + std::strerror(error));
+}
+
+}  // namespace
+
+Status check_output(const OutputFile& output) {
+  std::error_code error;
+  const fs::file_status there = fs::symlink_status(output.path, error);
+  const std::string name = output.path.string();
+  if (!fs::status_known(there) || !fs::exists(there)) return {};
+  if (!fs::is_regular_file(there) && !fs::is_symlink(there)) {
+    return bad_input(name + ": is not a file; nothing can be written there");
+  }
+  if (output.replace == Replace::kExisting) return {};
+  return bad_input(name + " is there already; choose another name, or --overwrite it");
+}
+
+Status check_outputs(const std::vector<fs::path>& outputs, const std::vector<fs::path>& inputs, Replace replace) {
+  std::set<FileId> read;
+  for (const fs::path& input : inputs) {
+    if (const auto id = id_of(input)) read.insert(*id);
+  }
+  std::set<std::pair<std::optional<FileId>, std::string>> names;  // with their folders
+  for (const fs::path& output : outputs) {
+    if (output.empty()) continue;
+    const std::string name = output.string();
+    if (is_one_of(read, output)) return bad_input(name + ": is both read and written; choose another name");
+    if (is_one_of(read, name + ".part")) {
+      return bad_input(name + ".part: is read, and written while " + name + " is made; choose another name");
+    }
+    if (!names.emplace(id_of(folder_of(output)), output.filename()).second) {
+      return bad_input(name + ": would be written twice; choose another name");
+    }
+    if (Status good = check_output({output, replace}); !good) return good;
+  }
+  return {};
+}
+
+bool sync_folder_of(const fs::path& file) {
+  const UniqueFd folder(::open(folder_of(file).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  return flush(folder.get());
+}
+
+Status publish(const fs::path& written, const OutputFile& output) {
+  return told(give_name(written, output), written, output);
+}
+
+Result<FileBeside> FileBeside::create(OutputFile output) {
+  if (Status good = check_output(output); !good) return tl::unexpected(good.error());
+  for (int i = 0; i < kMostNames; ++i) {
+    fs::path beside = output.path.string() + ".new-" + std::to_string(::getpid()) + "-" + std::to_string(i);
+    UniqueFd file(::open(beside.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+    if (file) return FileBeside(std::move(output), std::move(beside), std::move(file));
+    if (errno != EEXIST) break;
+  }
+  return not_written(output.path, errno);
+}
+
+FileBeside::~FileBeside() {
+  if (file_) ::unlink(path_.c_str());
+}
+
+Status FileBeside::publish() {
+  const int error = give_name(path_, output_);
+  if (error == 0 || error == EEXIST) file_ = UniqueFd();  // it is whole, and stays
+  return told(error, path_, output_);
+}
+
+Status write_file(const OutputFile& output, std::string_view content) {
+  Result<FileBeside> file = FileBeside::create(output);
+  if (!file) return tl::unexpected(file.error());
+  if (Status good = write_all(file->descriptor(), content); !good) {
+    return failed(output.path.string() + ": cannot be written: " + good.error().message);
+  }
+  return file->publish();
+}
+
+}  // namespace bolo

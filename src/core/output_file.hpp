@@ -1,0 +1,76 @@
+// One rule for every file that a program of ours writes: no output is an input, nothing that exists is replaced unless
+// the user said so, and a file gets its name only when it is whole and on the disk. So neither a kill nor a full disk
+// costs a file that was there before.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "src/core/result.hpp"
+#include "src/core/unique_fd.hpp"
+
+namespace bolo {
+
+enum class Replace {
+  kNothing,
+  kExisting,  // --overwrite
+};
+
+struct OutputFile {
+  OutputFile() = default;
+  OutputFile(std::filesystem::path file, Replace what = Replace::kNothing)  // NOLINT(google-explicit-constructor)
+      : path(std::move(file)), replace(what) {}
+  bool empty() const { return path.empty(); }
+
+  std::filesystem::path path;
+  Replace replace = Replace::kNothing;
+};
+
+// Nothing stands in the way of `output`: no folder or device has its name, and no file that is not to be replaced.
+// Errors: kBadInput. Thread: any.
+Status check_output(const OutputFile& output);
+
+// For a verb, before any work: each output may be written, is none of the inputs (by inode, so through links too) and
+// none of the others; neither is what is written meanwhile under an output's name and ".part". Empty names are passed
+// over. Errors: kBadInput. Thread: any.
+Status check_outputs(const std::vector<std::filesystem::path>& outputs,
+                     const std::vector<std::filesystem::path>& inputs, Replace replace);
+
+// Gives `written` (closed, in the same folder) the name of `output` once it is on the disk. A name that was taken
+// meanwhile is left alone unless it may be replaced: `written` then stays, whole, and the error says so. Thread: any.
+Status publish(const std::filesystem::path& written, const OutputFile& output);
+
+// Makes names durable that were given or taken in the file's folder. False on failure. Thread: any.
+bool sync_folder_of(const std::filesystem::path& file);
+
+// A file beside an output, to be filled through its name or its descriptor. Without publish() it is gone at the end.
+// Thread: any one at a time.
+class FileBeside {
+ public:
+  // Errors: check_output()'s; a folder that takes no file (kBadInput); a full disk (kFailed).
+  static Result<FileBeside> create(OutputFile output);
+  FileBeside(FileBeside&&) noexcept = default;
+  FileBeside& operator=(FileBeside&&) = delete;
+  ~FileBeside();
+
+  const std::filesystem::path& path() const { return path_; }
+  int descriptor() const { return file_.get(); }
+  // Once; whatever else has it open has closed it.
+  Status publish();
+
+ private:
+  FileBeside(OutputFile output, std::filesystem::path path, UniqueFd file)
+      : output_(std::move(output)), path_(std::move(path)), file_(std::move(file)) {}
+
+  OutputFile output_;
+  std::filesystem::path path_;
+  UniqueFd file_;  // none once it was published
+};
+
+// A whole file at once. Errors as of FileBeside; kFailed when the disk takes only a part. Thread: any.
+Status write_file(const OutputFile& output, std::string_view content);
+
+}  // namespace bolo

@@ -1,0 +1,121 @@
+// The one rule of what is written, on real files: an input, a file that exists, a disk that takes nothing.
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+#include <string>
+
+#include "src/core/output_file.hpp"
+#include "tests/scratch.hpp"
+
+namespace bolo {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string content_of(const fs::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+std::ptrdiff_t files_in(const fs::path& folder) {
+  return std::distance(fs::directory_iterator(folder), fs::directory_iterator());
+}
+
+class OutputFileTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::ofstream(input_) << "input";
+    std::ofstream(there_) << "there";
+  }
+  void expect_refused(const Status& status, const std::string& word) const {
+    ASSERT_FALSE(status) << word;
+    EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
+    EXPECT_NE(status.error().message.find(word), std::string::npos) << status.error().message;
+    EXPECT_EQ(content_of(input_), "input");
+    EXPECT_EQ(content_of(there_), "there");
+  }
+
+  const Scratch scratch_;
+  const fs::path input_ = scratch_ / "input.h5";
+  const fs::path there_ = scratch_ / "there.h5";
+  const fs::path free_ = scratch_ / "free.h5";
+};
+
+TEST_F(OutputFileTest, NoOutputIsAnInput) {
+  const fs::path soft = scratch_ / "soft.h5";
+  const fs::path hard = scratch_ / "hard.h5";
+  fs::create_symlink(input_, soft);
+  fs::create_hard_link(input_, hard);
+  for (const fs::path& name : {input_, soft, hard, scratch_ / "." / "input.h5"}) {
+    expect_refused(check_outputs({free_, name}, {there_, input_}, Replace::kExisting), "both read and written");
+  }
+  const fs::path part = scratch_ / "free.h5.part";
+  std::ofstream(part) << "unfinished";
+  expect_refused(check_outputs({free_}, {part}, Replace::kExisting), "is read, and written while");
+}
+
+TEST_F(OutputFileTest, NothingThatExistsIsReplaced) {
+  expect_refused(check_outputs({free_, there_}, {input_}, Replace::kNothing), "--overwrite it");
+  expect_refused(write_file(there_, "new"), "--overwrite it");
+  fs::create_symlink("nowhere", free_);
+  expect_refused(check_outputs({free_}, {}, Replace::kNothing), "--overwrite it");
+  EXPECT_TRUE(check_outputs({there_}, {input_}, Replace::kExisting));
+  ASSERT_TRUE(write_file({there_, Replace::kExisting}, "new"));
+  EXPECT_EQ(content_of(there_), "new");
+}
+
+TEST_F(OutputFileTest, OutputsAreFilesAndDifferent) {
+  expect_refused(check_outputs({free_, scratch_ / "." / "free.h5"}, {}, Replace::kExisting), "written twice");
+  expect_refused(check_output({scratch_.path(), Replace::kExisting}), "is not a file");
+  expect_refused(check_output({"/dev/null", Replace::kExisting}), "is not a file");
+  expect_refused(write_file(scratch_ / "no" / "folder.svg", "new"), "choose another place");
+  EXPECT_TRUE(check_outputs({free_, {}}, {{}, input_}, Replace::kNothing)) << "empty names are none";
+}
+
+// Another program takes the name while the file is written: neither is lost.
+TEST_F(OutputFileTest, ANameThatIsTakenMeanwhileStays) {
+  auto file = FileBeside::create(free_);
+  ASSERT_TRUE(file);
+  std::ofstream(file->path()) << "whole";
+  std::ofstream(free_) << "theirs";
+  const Status status = file->publish();
+  ASSERT_FALSE(status);
+  EXPECT_EQ(content_of(free_), "theirs");
+  EXPECT_EQ(content_of(file->path()), "whole");
+  EXPECT_NE(status.error().message.find(file->path().string()), std::string::npos) << status.error().message;
+}
+
+TEST_F(OutputFileTest, WithoutPublishNothingStays) {
+  const auto before = files_in(scratch_.path());
+  { ASSERT_TRUE(FileBeside::create({there_, Replace::kExisting})); }
+  EXPECT_EQ(files_in(scratch_.path()), before);
+  EXPECT_EQ(content_of(there_), "there");
+}
+
+// The limit on the size of files stands for a full disk.
+TEST_F(OutputFileTest, AFullDiskCostsNothing) {
+  const pid_t child = fork();
+  if (child == 0) {
+    signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{1000, 1000};
+    setrlimit(RLIMIT_FSIZE, &limit);
+    const Status status = write_file({there_, Replace::kExisting}, std::string(100'000, 'x'));
+    _exit(!status && status.error().kind == ErrorKind::kFailed ? 0 : 1);
+  }
+  int status = -1;
+  waitpid(child, &status, 0);
+  EXPECT_EQ(status, 0);
+  EXPECT_EQ(content_of(there_), "there");
+  EXPECT_EQ(files_in(scratch_.path()), 2);
+}
+
+}  // namespace
+}  // namespace bolo
