@@ -39,7 +39,20 @@ double Diagnosis::nominal_noise() const {
   return std::sqrt(p.noise_k * p.noise_k + p.quantisation_k * p.quantisation_k / 12.0);
 }
 
+// A frozen stream tells nothing of the camera, whatever it looks at.
+void Diagnosis::leave_out_frozen() {
+  for (Recording& r : session_.recordings) {
+    const std::size_t distinct = r.statistics.distinct_frames();
+    if (!has_model(r) || distinct >= kMinFrames) continue;
+    report_.warnings.push_back(r.name + ": is frozen: " + std::to_string(distinct) + " of its " +
+                               std::to_string(r.statistics.frames()) +
+                               " frames differ from the one before; used for events only");
+    r.kind = Kind::kField;
+  }
+}
+
 void Diagnosis::judge_events() {
+  leave_out_frozen();
   raw_ = session_;
   freezes_ = find_freezes(session_, repeated_);
   bad_ = find_dead_pixels(session_);
@@ -59,11 +72,12 @@ void Diagnosis::judge_events() {
 
 // Effects that show in the values themselves.
 void Diagnosis::judge_values() {
-  const auto pixels = static_cast<double>(session_.good.size());
+  const auto pixels = static_cast<double>(session_.width) * static_cast<double>(session_.height);
   if (!bad_.jumping.empty() && (bad_.jumping.size() > 1 || bad_.step_k > 8.0 * floor_k_)) {
     FoundEffect e = named("rts", 0.99);
     const auto count = static_cast<double>(bad_.jumping.size());
-    e.parameters["fraction"] = interval(count / pixels, std::sqrt(count) / pixels);
+    const auto seen = static_cast<double>(session_.good.size());
+    e.parameters["fraction"] = interval(count / seen, std::sqrt(count) / seen);
     e.parameters["step_k"] = interval(bad_.step_k, bad_.step_k / std::sqrt(count) * 0.4);
     found(std::move(e), 10.0, "some pixels jump between two levels");
   }
@@ -97,8 +111,12 @@ void Diagnosis::name_jumps() {
     const double size = std::abs(jump->global_k);
     add("offset_jump", 0.99, {{"jump_k", interval(size, 0.01 * size + 0.003)}}, "the offset jumps at one frame");
   }
-  if (freezes_.empty()) return;
-  const Freeze& freeze = freezes_.front();
+  // A stream that is frozen to its end is no shutter that opened again.
+  const auto over = std::ranges::find_if(freezes_, [this](const Freeze& f) {
+    return f.last + 1 < static_cast<std::size_t>(session_.recordings[f.recording].frames());
+  });
+  if (over == freezes_.end()) return;
+  const Freeze& freeze = *over;
   std::map<std::string, Estimate> parameters;
   parameters["freeze_frames"] = interval(static_cast<double>(freeze.last - freeze.first + 1), 1.0);
   for (const Jump& thawed : jumps_) {
@@ -125,7 +143,8 @@ Result<Report> Diagnosis::run() {
 }
 
 Result<Learned> Diagnosis::learn(const std::vector<std::filesystem::path>& captures, const Report& report) const {
-  const LearnTask task{session_, fitted_ ? &state_ : nullptr, jumps_, noise_.filter, report.effects, options_.profile};
+  const LearnTask task{session_,        fitted_ ? &state_ : nullptr, jumps_, bad_, noise_.filter, report.effects,
+                       options_.profile};
   Learned learned = learn_constants(task);
   if (!options_.maps) return learned;
   if (!progress_("every pixel", 0.95)) return failed("interrupted");

@@ -35,6 +35,7 @@ class Diagnosis {
   double nominal_noise() const;  // of one value, K rms; what was measured where there is no kelvin
 
   // What happens to frames and pixels.
+  void leave_out_frozen();
   void judge_events();
   void judge_values();
   void name_jumps();
@@ -66,6 +67,8 @@ class Diagnosis {
   void conclude_noise();
   void conclude_gap();
   void conclude_verdict();
+  bool testable() const;
+  void observe_rest();
 
   Session session_;
   Session raw_;  // before anything was taken out

@@ -3,11 +3,21 @@
 #include <cmath>
 
 #include "diagnosis.hpp"
+#include "observations.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
 double square(double v) { return v * v; }
+
+// What would test the simulator, where nothing does.
+std::string needs_of(const Session& session) {
+  return std::string(
+             "captures of a known stimulus: a closed shutter or a flat black body for noise and offsets, a chopper or "
+             "a "
+             "pan over bars for the time constant") +
+         (session.recordings.front().kelvin ? "" : "; in kelvin, not in counts");
+}
 
 }  // namespace
 
@@ -20,6 +30,7 @@ void Diagnosis::conclude() {
   conclude_noise();
   conclude_gap();
   conclude_verdict();
+  observe_rest();
   report_.withheld = options_.withheld;
 }
 
@@ -49,6 +60,30 @@ void Diagnosis::conclude_noise() {
                    {"sigma_t (frame)", "K", noise_.flicker.value, 0.0, has("flicker") ? noise_.flicker.value : 0.0},
                    {"sigma_tv (row)", "K", noise_.rows.value, 0.0, has("stripes") ? noise_.rows.value : 0.0},
                    {"sigma_th (column)", "K", noise_.columns.value, 0.0, has("stripes") ? noise_.columns.value : 0.0}};
+}
+
+bool Diagnosis::testable() const { return std::ranges::any_of(session_.recordings, has_model); }
+
+void Diagnosis::observe_rest() {
+  for (const int pixel : bad_.stuck) {
+    report_.defects.stuck.push_back(place_of(static_cast<std::size_t>(pixel), session_.width));
+  }
+  for (const int pixel : bad_.noisy) {
+    report_.defects.noisy.push_back(place_of(static_cast<std::size_t>(pixel), session_.width));
+  }
+  for (const Recording& r : session_.recordings) {
+    if (!has_model(r)) report_.observations.push_back(observe(r));
+  }
+  if (testable()) return;
+  report_.verdict = "not_testable";
+  report_.needs = needs_of(session_);
+  // Nothing was predicted, so that nothing can be said of how well.
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  report_.gap_before = report_.gap_after = report_.closed_fraction = kUnknown;
+  if (noise_.frames == 0) report_.noise_gap_before = report_.noise_gap_after = report_.noise_floor_k = kUnknown;
+  for (FoundEffect& e : report_.effects) {
+    if (!e.of_noise) e.gap_before = e.gap_after = kUnknown;
+  }
 }
 
 void Diagnosis::conclude_gap() {

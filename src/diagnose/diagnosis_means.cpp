@@ -101,7 +101,7 @@ void Diagnosis::name_losses(const Transport& transport) {
 }
 
 Status Diagnosis::judge_means() {
-  if (std::ranges::none_of(session_.recordings, has_model)) return {};
+  if (!testable()) return {};
   state_ = nominal_state(session_, options_.profile);
   if (noise_.filter != FrameFilter::kNone) {
     // Known from the noise; the mean passes the same filter.
@@ -112,6 +112,7 @@ Status Diagnosis::judge_means() {
   if (some.empty()) return bad_input("fewer than 16 pixels are neither dead nor jumping; nothing can be judged");
   if (!progress_("finding the stimuli", 0.1)) return failed("interrupted");
   match_stimuli(some);
+  if (!testable()) return {};
   judge_ceiling();
   Transport transport = judge_transport(session_, state_, floor_k_, some);
   smooth_speeds(session_, state_);

@@ -13,13 +13,16 @@ namespace {
 
 using Eigen::Index;
 
-constexpr std::size_t kFreezeFrames = 12;  // shorter runs are repeated frames
-constexpr std::size_t kLeastSteady = 32;   // frames to judge a pixel by
-constexpr Index kSide = 12;                // frames on either side of a jump that it is judged by
+constexpr std::size_t kLeastSteady = 32;  // frames to judge a pixel by
+constexpr double kStuckRange = 0.15;      // of what the pixels change by
+constexpr double kNoiseSteps = 1.5;       // between values: what changes by more is not held by rounding alone
+constexpr double kNoisySigma = 5.0;       // of the pixels' median
+constexpr Index kSide = 12;               // frames on either side of a jump that it is judged by
 
-// Identical, and not just clipped at `top`: a ceiling makes frames alike, too.
+// Identical, and not just clipped at `top`: a ceiling makes frames alike, too, but not all of them.
 bool same(const Recording& r, Index a, Index b, float top) {
   if (!(r.values.row(a).array() == r.values.row(b).array()).all()) return false;
+  if (r.statistics.frames() > 0 && r.statistics.distinct_frames() == 1) return true;
   return (r.values.row(a).array() == top).count() * 2 < r.values.cols();
 }
 
@@ -149,6 +152,20 @@ void judge_still(const Session& session, const Recording& r, BadPixels& bad, std
   }
 }
 
+// In a field recording a part of the scene may be as still as a stuck pixel, but for the noise: where that shows in the
+// pixels around, a pixel that never changes is stuck.
+bool neighbours_vary(const FrameStatistics& s, std::size_t pixel, double step) {
+  const PixelPlace at = place_of(pixel, s.width);
+  std::vector<double> ranges;
+  for (int y = std::max(0, at.y - 1); y <= std::min(s.height - 1, at.y + 1); ++y) {
+    for (int x = std::max(0, at.x - 1); x <= std::min(s.width - 1, at.x + 1); ++x) {
+      if (x != at.x || y != at.y)
+        ranges.push_back(static_cast<double>(s.range[static_cast<std::size_t>(y * s.width + x)]));
+    }
+  }
+  return median(ranges) > kNoiseSteps * step;
+}
+
 void make_unique(std::vector<int>& pixels) {
   std::ranges::sort(pixels);
   pixels.erase(std::unique(pixels.begin(), pixels.end()), pixels.end());
@@ -183,38 +200,36 @@ std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& rep
 
 BadPixels find_dead_pixels(Session& session) {
   BadPixels bad;
-  std::vector<std::size_t> still(session.good.size(), 0);
+  const auto pixels = static_cast<std::size_t>(session.width) * static_cast<std::size_t>(session.height);
+  std::vector<std::size_t> still(pixels, 0);
   for (const Recording& r : session.recordings) {
-    std::vector<double> range;
-    for (Index p = 0; p < r.values.cols(); ++p) {
-      const auto column = r.values.col(p).array();
-      range.push_back(static_cast<double>(column.maxCoeff() - column.minCoeff()));
+    const FrameStatistics& s = r.statistics;
+    const double typical = median({s.range.begin(), s.range.end()});
+    const bool scene = r.kind == Kind::kField || r.kind == Kind::kScene;
+    for (std::size_t p = 0; p < pixels; ++p) {
+      const auto range = static_cast<double>(s.range[p]);
+      const bool stuck =
+          typical <= 0.0 || (scene ? range <= 0.0 && neighbours_vary(s, p, r.step) : range < kStuckRange * typical);
+      still[p] += stuck ? 1U : 0U;
     }
-    const double typical = median(range);
-    // In a field recording a part of the scene may be as still as a stuck pixel, but for the noise.
-    const bool field = r.kind == Kind::kField || r.kind == Kind::kScene;
-    for (std::size_t p = 0; p < range.size() && field; ++p) still[p] += range[p] <= 0.0 ? 1U : 0U;
-    for (std::size_t p = 0; p < range.size() && !field; ++p)
-      still[p] += range[p] < 0.15 * typical || typical <= 0.0 ? 1U : 0U;
-    if (r.kind != Kind::kUniform) continue;
-    const Steady steady = steady_series(r);
-    if (steady.front().size() < kLeastSteady) continue;
-    const Scatter scatter(steady);
-    for (std::size_t p = 0; p < scatter.sigma.size(); ++p) {
-      if (scatter.usual > 0.0 && scatter.sigma[p] > 5.0 * scatter.usual &&
-          scatter.rough[p] > 0.5 * scatter.usual_rough) {
-        bad.noisy.push_back(static_cast<int>(p));
-      }
+    if (r.kind != Kind::kUniform || s.distinct_frames() < kLeastSteady) continue;
+    const double usual = median({s.sigma.begin(), s.sigma.end()});
+    const double usual_rough = median({s.roughness.begin(), s.roughness.end()});
+    for (std::size_t p = 0; p < pixels && usual > 0.0; ++p) {
+      const bool noisy = static_cast<double>(s.sigma[p]) > kNoisySigma * usual;
+      if (noisy && static_cast<double>(s.roughness[p]) > 0.5 * usual_rough) bad.noisy.push_back(static_cast<int>(p));
     }
   }
   // Stuck everywhere: where a ceiling or a frozen recording holds all pixels, a few are not told from the others.
   for (std::size_t p = 0; p < still.size(); ++p) {
     if (still[p] == session.recordings.size()) bad.stuck.push_back(static_cast<int>(p));
   }
-  if (bad.stuck.size() * 2 > session.good.size()) bad.stuck.clear();
+  if (bad.stuck.size() * 2 > pixels) bad.stuck.clear();
   make_unique(bad.noisy);
-  for (const std::vector<int>* list : {&bad.stuck, &bad.noisy}) {
-    for (const int pixel : *list) session.good[static_cast<std::size_t>(pixel)] = 0;
+  for (std::size_t p = 0; p < session.good.size(); ++p) {
+    const int at =
+        session.grid.row_of(static_cast<int>(p)) * session.width + session.grid.column_of(static_cast<int>(p));
+    if (std::ranges::binary_search(bad.stuck, at) || std::ranges::binary_search(bad.noisy, at)) session.good[p] = 0;
   }
   return bad;
 }

@@ -1,4 +1,5 @@
 // report.json: the table in ARCHITECTURE.md, key for key.
+#include <algorithm>
 #include <cmath>
 
 #include <nlohmann/json.hpp>
@@ -89,6 +90,39 @@ ordered_json captures_of(const Report& report) {
   return out;
 }
 
+// Places [x, y]: not more than tell where to look, beside their number.
+ordered_json pixels_of(const std::vector<PixelPlace>& pixels) {
+  constexpr std::size_t kMostPlaces = 256;
+  ordered_json places = ordered_json::array();
+  for (std::size_t i = 0; i < std::min(kMostPlaces, pixels.size()); ++i) {
+    places.push_back(ordered_json::array({pixels[i].x, pixels[i].y}));
+  }
+  return {{"count", pixels.size()}, {"places", std::move(places)}};
+}
+
+ordered_json observations_of(const Report& report) {
+  ordered_json out = ordered_json::object();
+  for (const Observation& one : report.observations) {
+    ordered_json jumps = ordered_json::array();
+    for (const Observation::Jump& jump : one.jumps) {
+      jumps.push_back({{"frame", jump.frame}, {"size", number(jump.size)}});
+    }
+    ordered_json freezes = ordered_json::array();
+    for (const auto& [first, last] : one.freezes) freezes.push_back(ordered_json::array({first, last}));
+    out[one.file] = {{"unit", one.unit},
+                     {"frames", one.frames},
+                     {"jumps", std::move(jumps)},
+                     {"freezes", std::move(freezes)},
+                     {"repeated_frames", one.repeated_frames},
+                     {"noise", number(one.noise)},
+                     {"flicker", number(one.flicker)},
+                     {"column_pattern", number(one.column_pattern)},
+                     {"row_pattern", number(one.row_pattern)},
+                     {"outliers", pixels_of(one.outliers)}};
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string report_json(const Report& report) {
@@ -98,30 +132,34 @@ std::string report_json(const Report& report) {
     names.push_back(one.effect);
     needs[one.effect] = one.needs;
   }
-  const ordered_json out{{"bolo_report", 1},
-                         {"inputs", report.inputs},
-                         {"gap",
-                          {{"before", number(report.gap_before)},
-                           {"after", number(report.gap_after)},
-                           {"closed_fraction", number(report.closed_fraction)}}},
-                         {"noise_gap_before", number(report.noise_gap_before)},
-                         {"noise_gap_after", number(report.noise_gap_after)},
-                         {"verdict", report.verdict},
-                         {"effects", effects_of(report)},
-                         {"location", location_of(report.location)},
-                         {"stimulus", stimulus_of(report)},
-                         {"unexplained",
-                          {{"p_value", number(report.unexplained.p_value)},
-                           {"stage", report.unexplained.stage},
-                           {"where", report.unexplained.where}}},
-                         {"not_identifiable", std::move(names)},
-                         {"not_identifiable_needs", std::move(needs)},
-                         {"withheld", report.withheld},
-                         {"warnings", report.warnings},
-                         {"captures", captures_of(report)},
-                         {"noise", noise_of(report)},
-                         {"frames", report.frames},
-                         {"seconds", number(report.seconds)}};
+  const ordered_json out{
+      {"bolo_report", 1},
+      {"inputs", report.inputs},
+      {"gap",
+       {{"before", number(report.gap_before)},
+        {"after", number(report.gap_after)},
+        {"closed_fraction", number(report.closed_fraction)}}},
+      {"noise_gap_before", number(report.noise_gap_before)},
+      {"noise_gap_after", number(report.noise_gap_after)},
+      {"verdict", report.verdict},
+      {"needs", report.needs},
+      {"effects", effects_of(report)},
+      {"location", location_of(report.location)},
+      {"stimulus", stimulus_of(report)},
+      {"unexplained",
+       {{"p_value", number(report.unexplained.p_value)},
+        {"stage", report.unexplained.stage},
+        {"where", report.unexplained.where}}},
+      {"not_identifiable", std::move(names)},
+      {"not_identifiable_needs", std::move(needs)},
+      {"withheld", report.withheld},
+      {"warnings", report.warnings},
+      {"captures", captures_of(report)},
+      {"noise", noise_of(report)},
+      {"pixels", {{"stuck", pixels_of(report.defects.stuck)}, {"noisy", pixels_of(report.defects.noisy)}}},
+      {"observations", observations_of(report)},
+      {"frames", report.frames},
+      {"seconds", number(report.seconds)}};
   // File names need not be UTF-8.
   return out.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }

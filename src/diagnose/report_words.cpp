@@ -187,7 +187,56 @@ std::string parameters_text(const FoundEffect& effect) {
   return text;
 }
 
+// Of K or counts.
+std::string amount(double value, const std::string& unit) {
+  return unit == "K" ? quantity("size_k", value) : digits(value) + " counts";
+}
+
+std::string jumps_text(const Observation& one) {
+  constexpr std::size_t kMost = 12;
+  std::string text = one.jumps.size() == 1 ? "1 jump of the whole picture: "
+                                           : std::to_string(one.jumps.size()) + " jumps of the whole picture: ";
+  for (std::size_t i = 0; i < std::min(kMost, one.jumps.size()); ++i) {
+    text +=
+        (i == 0 ? "" : ", ") + amount(one.jumps[i].size, one.unit) + " at frame " + std::to_string(one.jumps[i].frame);
+  }
+  return text + (one.jumps.size() > kMost ? ", ..." : "");
+}
+
+std::string pattern_text(const Observation& one) {
+  std::string text;
+  if (one.column_pattern > 0.0) text += "columns by " + amount(one.column_pattern, one.unit);
+  if (one.row_pattern > 0.0) text += (text.empty() ? "" : ", ") + ("rows by " + amount(one.row_pattern, one.unit));
+  return text.empty() ? text : "a fixed pattern (or lines of the scene): " + text + " rms";
+}
+
 }  // namespace
+
+std::string describe(const std::vector<PixelPlace>& pixels, const std::string& what) {
+  constexpr std::size_t kMost = 8;
+  std::string text = std::to_string(pixels.size()) + ' ' + what + ':';
+  for (std::size_t i = 0; i < std::min(kMost, pixels.size()); ++i) {
+    text += " (" + std::to_string(pixels[i].x) + ", " + std::to_string(pixels[i].y) + ')';
+  }
+  return text + (pixels.size() > kMost ? " ..." : "");
+}
+
+std::vector<std::string> describe(const Observation& one) {
+  std::vector<std::string> all;
+  if (!one.jumps.empty()) all.push_back(jumps_text(one));
+  for (const auto& [first, last] : one.freezes) {
+    all.push_back("frozen from frame " + std::to_string(first) + " to " + std::to_string(last) + " of " +
+                  std::to_string(one.frames));
+  }
+  if (one.repeated_frames > 0) all.push_back(std::to_string(one.repeated_frames) + " repeated frames");
+  if (std::isfinite(one.noise)) {
+    all.push_back("noise of a pixel " + amount(one.noise, one.unit) + ", of whole frames " +
+                  amount(one.flicker, one.unit) + " (motion adds to both)");
+  }
+  if (std::string pattern = pattern_text(one); !pattern.empty()) all.push_back(std::move(pattern));
+  if (!one.outliers.empty()) all.push_back(describe(one.outliers, "pixels stand out of all their neighbours"));
+  return all;
+}
 
 std::string quantity(const std::string& key, double value, bool utf8) {
   const Unit unit = unit_of(key, value, utf8);
@@ -225,6 +274,10 @@ std::string gap_text(double gap) {
 }
 
 std::string headline(const Report& report, bool utf8) {
+  if (report.verdict == "not_testable") {
+    return "The simulator was not tested: nothing in these captures is known well enough to be predicted. Needed: " +
+           sentence_end(report.needs);
+  }
   if (report.verdict == "no_gap") {
     return "The simulator cannot be told from the camera in these captures: nothing needs to be added.";
   }
@@ -240,18 +293,29 @@ std::string headline(const Report& report, bool utf8) {
 std::string report_summary(const Report& report) {
   std::string out = headline(report) + '\n';
   add_line(out, "verdict", report.verdict);
-  add_line(out, "gap",
-           gap_text(report.gap_before) + " -> " + gap_text(report.gap_after) + " noise floors (1.00: none)");
-  add_line(out, "noise",
-           gap_text(report.noise_gap_before) + " -> " + gap_text(report.noise_gap_after) +
-               " of its own statistics, floor " + quantity("floor_k", report.noise_floor_k));
+  if (report.verdict != "not_testable") {
+    add_line(out, "gap",
+             gap_text(report.gap_before) + " -> " + gap_text(report.gap_after) + " noise floors (1.00: none)");
+  }
+  if (std::isfinite(report.noise_gap_before)) {
+    add_line(out, "noise",
+             gap_text(report.noise_gap_before) + " -> " + gap_text(report.noise_gap_after) +
+                 " of its own statistics, floor " + quantity("floor_k", report.noise_floor_k));
+  }
   for (const FoundEffect& effect : report.effects) {
-    add_line(out, "effect",
-             effect.name + " (" + effect.stage + ", " + percent(effect.confidence) + " sure): gap " +
-                 gap_text(effect.gap_before) + " -> " + gap_text(effect.gap_after) +
-                 (effect.of_noise ? " of noise" : ""));
+    std::string text = effect.name + " (" + effect.stage + ", " + percent(effect.confidence) + " sure)";
+    if (std::isfinite(effect.gap_before)) {
+      text += ": gap " + gap_text(effect.gap_before) + " -> " + gap_text(effect.gap_after);
+      text += effect.of_noise ? " of noise" : "";
+    }
+    add_line(out, "effect", text);
     if (!effect.parameters.empty()) add_line(out, "", parameters_text(effect));
   }
+  for (const Observation& one : report.observations) {
+    for (const std::string& sentence : describe(one)) add_line(out, "seen", one.file + ": " + sentence);
+  }
+  if (!report.defects.stuck.empty()) add_line(out, "pixels", describe(report.defects.stuck, "stuck"));
+  if (!report.defects.noisy.empty()) add_line(out, "pixels", describe(report.defects.noisy, "noisy"));
   for (const auto& [file, errors] : report.stimulus) {
     std::string text = file + ':';
     for (const auto& [key, value] : errors) text += ' ' + key + ' ' + quantity(key, value) + ',';

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "src/diagnose/report.hpp"
 
@@ -25,6 +26,13 @@ std::string headline(const Report& report, bool utf8 = false);
 
 // A gap in words: "7.9", "1.02". Thread: any.
 std::string gap_text(double gap);
+
+// What a capture tells without a model, one sentence each: jumps with their frames, freezes, noise, patterns, outliers.
+// Thread: any.
+std::vector<std::string> describe(const Observation& observation);
+
+// "3 stuck: (12, 5), (100, 40), (7, 81)": the first few places. Thread: any.
+std::string describe(const std::vector<PixelPlace>& pixels, const std::string& what);
 
 // Some lines of text for a terminal: verdict, effects, gap, stimulus, what cannot be told, warnings. Thread: any.
 std::string report_summary(const Report& report);

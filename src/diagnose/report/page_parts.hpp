@@ -16,6 +16,7 @@ std::string stimulus_part(const Report& report);  // errors of the bench
 std::string captures_part(const Report& report);  // maps, profiles, spectra, answers in time
 std::string noise_part(const Report& report);     // statistics as dumbbells
 std::string maps_part(const Report& report);      // what was diagnosed of single pixels
+std::string observed_part(const Report& report);  // what frames and pixels tell without a model
 std::string limits_part(const Report& report);    // what cannot be told, warnings, inputs
 
 }  // namespace bolo::diagnose

@@ -17,6 +17,7 @@ using plot::number_text;
 using plot::unbroken;
 
 std::string pill(const std::string& verdict) {
+  if (verdict == "not_testable") return "<span class=\"pill warn\">Not testable</span>";
   if (verdict == "no_gap") return "<span class=\"pill good\">No gap</span>";
   if (verdict == "explained") return "<span class=\"pill good\">Explained</span>";
   if (verdict == "partly_explained") return "<span class=\"pill warn\">Partly explained</span>";
@@ -131,18 +132,23 @@ std::string head_part(const Report& report) {
     out += '.';
   }
   out += "</p><div class=facts>";
-  out += fact(arrow(report.gap_before, report.gap_after), "gap of the prediction, in noise floors; 1.00 is none");
-  out += fact(report.gap_before > 1.0 && report.verdict != "no_gap"
-                  ? format("%.*f %%", report.closed_fraction > 0.995 && report.closed_fraction < 1.0 ? 1 : 0,
-                           100.0 * report.closed_fraction)
-                  : "\u2013",
-              "of the gap closed");
+  const bool tested = report.verdict != "not_testable";
+  if (!tested && !std::isfinite(report.noise_gap_before)) return out + "</div>";
+  if (tested)
+    out += fact(arrow(report.gap_before, report.gap_after), "gap of the prediction, in noise floors; 1.00 is none");
+  if (tested)
+    out += fact(report.gap_before > 1.0 && report.verdict != "no_gap"
+                    ? format("%.*f %%", report.closed_fraction > 0.995 && report.closed_fraction < 1.0 ? 1 : 0,
+                             100.0 * report.closed_fraction)
+                    : "\u2013",
+                "of the gap closed");
   out += fact(arrow(report.noise_gap_before, report.noise_gap_after), "gap of the noise's own statistics");
   out += fact(quantity("floor_k", report.noise_floor_k), "noise floor of a pixel");
   return out + "</div>";
 }
 
 std::string waterfall_part(const Report& report) {
+  if (report.verdict == "not_testable") return {};
   std::vector<double> gaps{report.gap_before, report.gap_after};
   const bool noise = std::ranges::any_of(report.effects, [](const FoundEffect& e) { return e.of_noise; });
   if (noise) gaps.insert(gaps.end(), {report.noise_gap_before, report.noise_gap_after});
@@ -168,7 +174,7 @@ std::string waterfall_part(const Report& report) {
 }
 
 std::string location_part(const Report& report) {
-  if (report.effects.empty() && report.unexplained.stage.empty()) return {};
+  if (report.verdict == "not_testable" || (report.effects.empty() && report.unexplained.stage.empty())) return {};
   const Location& where = report.location;
   std::string out = "<h2>Where the gap is</h2>" + chain(report) + "<div class=facts>";
   out += fact(format("%d to %d", where.row_first, where.row_last), "rows");
@@ -196,7 +202,9 @@ std::string location_part(const Report& report) {
 
 std::string unexplained_part(const Report& report) {
   const Unexplained& left = report.unexplained;
-  const bool significant = report.verdict == "unknown_effect" || report.verdict == "partly_explained";
+  if (report.verdict == "not_testable" && left.stage.empty()) return {};
+  const bool significant =
+      report.verdict == "not_testable" || report.verdict == "unknown_effect" || report.verdict == "partly_explained";
   if (!significant) {
     return format(
         "<h2>What is left</h2><p>Nothing that the tests can see: all of them together have a p-value of "
