@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "session.hpp"
+#include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
 

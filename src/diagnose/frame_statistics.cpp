@@ -1,4 +1,4 @@
-#include "frame_statistics.hpp"
+#include "src/diagnose/frame_statistics.hpp"
 
 #include <algorithm>
 #include <cmath>

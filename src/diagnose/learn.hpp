@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <vector>
 
-#include "events.hpp"
-#include "model.hpp"
-#include "src/diagnose/report.hpp"
+#include "src/diagnose/diagnose.hpp"
+#include "src/diagnose/events.hpp"
+#include "src/diagnose/model.hpp"
 
 namespace bolo::diagnose {
 
@@ -22,8 +22,9 @@ struct LearnTask {
   const FoundEffect* found(const char* name) const;
 };
 
-// Learned::profile: what holds for all pixels alike. Thread: any.
-Learned learn_constants(const LearnTask& task);
+// What holds for all pixels alike, and, where the options ask for them, the maps. Thread: setup.
+Result<Learned> learn(const LearnTask& task, const std::vector<std::filesystem::path>& captures, const Options& options,
+                      const Progress& progress);
 
 // Learned::maps. Offset, gain and time constant of each pixel by regression on all frames that have a model, with the
 // fitted stimuli; smooth effects (vignetting, heating) from their fitted shapes; dead pixels as found. `files`: the

@@ -7,10 +7,9 @@
 
 #include <Eigen/Dense>
 
-#include "learn.hpp"
-#include "map_basis.hpp"
-#include "parallel.hpp"
 #include "src/capture/capture.hpp"
+#include "src/diagnose/learn.hpp"
+#include "src/diagnose/pixel_maps.hpp"
 
 namespace bolo::diagnose {
 namespace {

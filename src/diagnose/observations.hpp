@@ -1,8 +1,8 @@
 // What a recording tells without a model of what it looks at: from single pixels and whole frames alone.
 #pragma once
 
-#include "report.hpp"
-#include "session.hpp"
+#include "src/diagnose/report.hpp"
+#include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
 

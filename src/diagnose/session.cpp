@@ -1,4 +1,4 @@
-#include "session.hpp"
+#include "src/diagnose/session.hpp"
 
 #include <algorithm>
 #include <cmath>

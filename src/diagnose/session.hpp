@@ -8,10 +8,10 @@
 
 #include <Eigen/Core>
 
-#include "frame_statistics.hpp"
 #include "src/capture/stimulus.hpp"
 #include "src/core/result.hpp"
 #include "src/diagnose/diagnose.hpp"
+#include "src/diagnose/frame_statistics.hpp"
 
 namespace bolo::diagnose {
 

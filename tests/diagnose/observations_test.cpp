@@ -12,8 +12,7 @@
 
 #include "src/capture/capture.hpp"
 #include "src/diagnose/diagnose.hpp"
-#include "src/diagnose/report_files.hpp"
-#include "src/diagnose/report_words.hpp"
+#include "src/diagnose/report_output.hpp"
 #include "src/sim/path.hpp"
 #include "src/sim/scene.hpp"
 #include "src/sim/simulator.hpp"

@@ -2,9 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "src/diagnose/report/map_plot.hpp"
 #include "src/diagnose/report/page_parts.hpp"
-#include "src/diagnose/report_words.hpp"
+#include "src/diagnose/report_output.hpp"
 #include "src/report/page.hpp"
 #include "src/report/scale.hpp"
 #include "src/report/text.hpp"
