@@ -2,7 +2,8 @@
 
 #include <chrono>
 
-#include "diagnosis.hpp"
+#include "src/diagnose/learn.hpp"
+#include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 
@@ -15,14 +16,24 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
   const auto start = std::chrono::steady_clock::now();
   auto session = read_session(captures, progress);
   if (!session) return tl::unexpected(session.error());
-  Diagnosis diagnosis(std::move(*session), options, progress);
-  auto report = diagnosis.run();
-  if (report) {
-    auto learned = diagnosis.learn(captures, *report);
-    if (!learned) return tl::unexpected(learned.error());
-    report->learned = std::move(*learned);
+  if (!progress("events and pixels", 0.03)) return failed("interrupted");
+  const Events events = find_events(std::move(*session), options);
+  if (!progress("noise", 0.06)) return failed("interrupted");
+  const Noise noise = judge_noise(events, options);
+  const auto fit = fit_means(events, noise, options, progress);
+  if (!fit) return tl::unexpected(fit.error());
+  std::vector<Remainder> left;
+  if (fit->done) {
+    if (!progress("looking at what is left", 0.85)) return failed("interrupted");
+    left = test_remainder(events, noise, *fit, options.threads);
   }
-  if (report) report->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  Report report = make_report(events, noise, *fit, left, options);
+  auto learned = learn({fit->session, fit->done ? &fit->state : nullptr, fit->jumps, events.bad,
+                        noise.statistics.filter, report.effects, options.profile},
+                       captures, options, progress);
+  if (!learned) return tl::unexpected(learned.error());
+  report.learned = std::move(*learned);
+  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return report;
 }
 

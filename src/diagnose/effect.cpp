@@ -1,19 +1,64 @@
-#include "effect.hpp"
+#include "src/diagnose/effect.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "effect_list.hpp"  // made by the build from the files in effects/
 
 namespace bolo::diagnose {
 
-std::span<const Effect* const> catalogue() { return kEffects; }
+std::span<const Effect> catalogue() {
+  static const std::vector<Effect> all = [] {
+    std::vector<Effect> list;
+    for (const auto& effects : kEffectLists) {
+      for (Effect& effect : effects()) list.push_back(std::move(effect));
+    }
+    std::ranges::sort(list, {}, &Effect::name);
+    return list;
+  }();
+  return all;
+}
 
 const Effect* find_effect(std::string_view name) {
   const auto all = catalogue();
-  const auto found = std::ranges::find_if(all, [&](const Effect* e) { return e->name == name; });
-  return found == all.end() ? nullptr : *found;
+  const auto found = std::ranges::find(all, name, &Effect::name);
+  return found == all.end() ? nullptr : &*found;
+}
+
+bool has_kind(const Session& session, Kind kind) {
+  return std::ranges::any_of(session.recordings, [kind](const Recording& r) { return r.kind == kind; });
+}
+
+Predicate any_capture() {
+  return [](const Session& s) { return !s.recordings.empty(); };
+}
+
+Predicate any_of(std::initializer_list<Kind> kinds) {
+  return [wanted = std::vector<Kind>(kinds)](const Session& session) {
+    return std::ranges::any_of(wanted, [&session](Kind kind) { return has_kind(session, kind); });
+  };
+}
+
+Parameter number_of(std::string name, double step, double low, double high, double CameraModel::*member) {
+  return {std::move(name),
+          step,
+          low,
+          high,
+          [member](const State& s) { return s.camera.*member; },
+          [member](State& s, double v) { s.camera.*member = v; }};
+}
+
+Parameter number_of(std::string name, double step, double low, double high, double Response::*member) {
+  return {std::move(name),
+          step,
+          low,
+          high,
+          [member](const State& s) { return s.camera.response.*member; },
+          [member](State& s, double v) { s.camera.response.*member = v; }};
+}
+
+std::function<std::vector<Parameter>(const Session&)> always(std::vector<Parameter> parameters) {
+  return [all = std::move(parameters)](const Session&) { return all; };
 }
 
 std::vector<Form> edge_forms() {
@@ -28,6 +73,24 @@ Estimate root_interval(double value, double error, double factor) {
   return {root(value), root(value - 1.96 * error), root(value + 1.96 * error)};
 }
 
+Estimate exp_interval(double factor, double value, double error) {
+  return {factor * std::exp(value), factor * std::exp(value - 1.96 * error), factor * std::exp(value + 1.96 * error)};
+}
+
+EffectReport first_as(const std::string& key) {
+  return [key](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
+    return std::map<std::string, Estimate>{{key, interval(v[0], e[0])}};
+  };
+}
+
+EffectReport rms_of(MapKind map) {
+  return [map](const Session& session, const State& s, std::span<const double>, std::span<const double>) {
+    const MapSpread spread = spread_of(session, map_of(s.camera, map));
+    const double rms = std::hypot(spread.pixel, spread.column);
+    return std::map<std::string, Estimate>{{"rms", interval(rms, 2.0 * spread.relative_error() * rms)}};
+  };
+}
+
 const Eigen::VectorXf& map_of(const CameraModel& camera, MapKind kind) {
   if (kind == MapKind::kOffset) return camera.offset;
   if (kind == MapKind::kDrift) return camera.drift_share;
@@ -37,6 +100,8 @@ const Eigen::VectorXf& map_of(const CameraModel& camera, MapKind kind) {
 Eigen::VectorXf& map_of(CameraModel& camera, MapKind kind) {
   return const_cast<Eigen::VectorXf&>(map_of(static_cast<const CameraModel&>(camera), kind));
 }
+
+double MapSpread::relative_error() const { return 0.71 / std::sqrt(std::max(1.0, pixels)); }
 
 MapSpread spread_of(const Session& session, const Eigen::VectorXf& map) {
   const std::size_t width = session.grid.columns.size();
@@ -67,10 +132,6 @@ MapSpread spread_of(const Session& session, const Eigen::VectorXf& map) {
   spread.pixel = std::sqrt(pixel2);
   spread.column = std::sqrt(std::max(0.0, between / columns - pixel2 * columns / spread.pixels));
   return spread;
-}
-
-bool has_kind(const Session& session, Kind kind) {
-  return std::ranges::any_of(session.recordings, [kind](const Recording& r) { return r.kind == kind; });
 }
 
 }  // namespace bolo::diagnose

@@ -1,20 +1,21 @@
-// What an effect of the catalogue is to the diagnosis. Each has one file in src/diagnose/effects/, which defines
-// `extern const Effect <name>_effect`; the build finds it there.
+// An effect of the catalogue, as the diagnosis knows it. A file in src/diagnose/effects/ defines a list of them,
+// `std::vector<Effect> NAME_effects()` in NAME.cpp; the build finds it there.
 #pragma once
 
 #include <functional>
+#include <initializer_list>
 #include <map>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "model.hpp"
+#include "src/diagnose/model.hpp"
 #include "src/diagnose/report.hpp"
 
 namespace bolo::diagnose {
 
 // One number that the effect adds to the model; 0 means that the effect is not there.
-struct Coordinate {
+struct Parameter {
   std::string name;
   double step = 0.0;  // for differences, and a typical size
   double low = 0.0;   // where the model is valid
@@ -34,20 +35,24 @@ const Eigen::VectorXf& map_of(const CameraModel& camera, MapKind kind);
 // Which physical form is meant when an effect has several.
 struct Form {
   std::string name;
-  std::function<void(State&)> begin;  // called before the coordinates are used
+  std::function<void(State&)> begin;  // called before the parameters are used
 };
+
+using Predicate = std::function<bool(const Session&)>;
+// From the parameters' values and their standard errors to what is reported.
+using EffectReport = std::function<std::map<std::string, Estimate>(
+    const Session&, const State&, std::span<const double> value, std::span<const double> error)>;
 
 struct Effect {
   std::string name;
   std::string stage;
-  // The captures without which it cannot be told, as a sentence; `told_by` decides.
-  std::string needs;
-  std::function<bool(const Session&)> told_by;
-  // Effects on the mean: coordinates and maps. Effects of the noise and of the transport have none, they are found from
+  std::string needs;  // the captures without which it cannot be told
+  Predicate told_by;  // whether a session has them
+  // Effects on the mean: parameters and maps. Effects of the noise and of the transport have none, they are found from
   // statistics of their own.
-  std::function<std::vector<Coordinate>(const Session&)> coordinates{};
+  std::function<std::vector<Parameter>(const Session&)> parameters{};
   MapKind map = MapKind::kNone;
-  // The first coordinate, or the map's rms, below which the effect is not worth a name: it would only stand for what
+  // The first parameter, or the map's rms, below which the effect is not worth a name: it would only stand for what
   // the model of another effect is not exact in.
   double least = 0.0;
   // It changes what levels look like: tried whenever levels are off, though the residual need not show it.
@@ -57,33 +62,44 @@ struct Effect {
   // What the noise must show before the effect is tried; empty: nothing.
   std::function<bool(const NoiseStatistics&)> suspected_by{};
   std::vector<Form> forms{};  // empty: one form
-  // From the values of the coordinates and their standard errors to what is reported.
-  std::function<std::map<std::string, Estimate>(const Session&, const State&, std::span<const double> value,
-                                                std::span<const double> error)>
-      report{};
+  EffectReport report{};
 };
 
+// All effects of the catalogue, by name. Thread: any.
+std::span<const Effect> catalogue();
+const Effect* find_effect(std::string_view name);
+
+// What the files in effects/ are written with. Thread: any.
+
+bool has_kind(const Session& session, Kind kind);
+Predicate any_capture();
+Predicate any_of(std::initializer_list<Kind> kinds);  // a recording of one of these kinds
+// A parameter that is a number of the camera's model, and one of what is linear in it.
+Parameter number_of(std::string name, double step, double low, double high, double CameraModel::*member);
+Parameter number_of(std::string name, double step, double low, double high, double Response::*member);
+// The same parameters in every session.
+std::function<std::vector<Parameter>(const Session&)> always(std::vector<Parameter> parameters);
 // Pixels at the target's edges average over radiance, or over temperature.
 std::vector<Form> edge_forms();
 
-// All effects of the catalogue, by name.
-std::span<const Effect* const> catalogue();
-const Effect* find_effect(std::string_view name);
-
 // value +- 1.96 errors.
 Estimate interval(double value, double error);
-// The root of a coordinate that stands for a variance, with its interval.
+// The root of a parameter that stands for a variance, with its interval.
 Estimate root_interval(double value, double error, double factor = 1.0);
+// factor exp(value).
+Estimate exp_interval(double factor, double value, double error);
+// Reports the first parameter under this name.
+EffectReport first_as(const std::string& key);
+// Reports the rms over the pixels of a map.
+EffectReport rms_of(MapKind map);
 
 // Root mean square over the pixels that are not 0, and of the means of columns in it (less what chance makes of them).
 struct MapSpread {
   double pixel = 0.0;
   double column = 0.0;
-  double pixels = 0.0;  // that count
+  double pixels = 0.0;            // that count
+  double relative_error() const;  // of a standard deviation over these pixels
 };
 MapSpread spread_of(const Session& session, const Eigen::VectorXf& map);
-
-// Whether the session has a recording of the kind.
-bool has_kind(const Session& session, Kind kind);
 
 }  // namespace bolo::diagnose

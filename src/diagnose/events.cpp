@@ -1,4 +1,4 @@
-#include "events.hpp"
+#include "src/diagnose/events.hpp"
 
 #include <algorithm>
 #include <array>
@@ -6,20 +6,23 @@
 #include <limits>
 #include <numeric>
 
-#include "statistics.hpp"
+#include "src/core/statistics.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
 using Eigen::Index;
 
-constexpr std::size_t kFreezeFrames = 12;  // shorter runs are repeated frames
-constexpr std::size_t kLeastSteady = 32;   // frames to judge a pixel by
-constexpr Index kSide = 12;                // frames on either side of a jump that it is judged by
+constexpr std::size_t kLeastSteady = 32;  // frames to judge a pixel by
+constexpr double kStuckRange = 0.15;      // of what the pixels change by
+constexpr double kNoiseSteps = 1.5;       // between values: what changes by more is not held by rounding alone
+constexpr double kNoisySigma = 5.0;       // of the pixels' median
+constexpr Index kSide = 12;               // frames on either side of a jump that it is judged by
 
-// Identical, and not just clipped at `top`: a ceiling makes frames alike, too.
+// Identical, and not just clipped at `top`: a ceiling makes frames alike, too, but not all of them.
 bool same(const Recording& r, Index a, Index b, float top) {
   if (!(r.values.row(a).array() == r.values.row(b).array()).all()) return false;
+  if (r.statistics.frames() > 0 && r.statistics.distinct_frames() == 1) return true;
   return (r.values.row(a).array() == top).count() * 2 < r.values.cols();
 }
 
@@ -81,6 +84,32 @@ std::vector<float> smooth(const std::vector<float>& x) {
   return out;
 }
 
+// Two levels of a pixel: set by effect-free shutters of 160 to 240 frames.
+constexpr double kStepOverTypical = 2.2;  // times that of a usual pixel, whose two means differ by noise
+constexpr double kStepOverWithin = 3.2;   // times the scatter about the two
+constexpr double kLeastShare = 0.02;      // of the frames at the rarer level
+constexpr int kFramesAJump = 8;           // at least, on average
+constexpr double kSlower = 0.75;          // of the usual roughness
+constexpr double kHysteresis = 0.2;       // of the step, about the middle
+
+// A jump of the whole frame: set by the same.
+constexpr double kJumpZ = 9.0;
+constexpr double kLeastJump_k = 0.02;
+constexpr double kSuddenLeast = 0.6;  // of the jump, between the two frames
+constexpr double kSuddenMost = 1.6;
+constexpr double kPatternZ = 25.0;  // of a jump of each pixel by itself
+constexpr double kPatternOverNoise = 2.5;
+constexpr double kPatternAtOnce = 0.5;  // of the pattern, between the two frames
+constexpr double kThawZ = 6.0;          // after a freeze, where a jump is expected
+constexpr double kExplains = 0.6;       // of what changes slowly, by a step and nothing else
+constexpr double kMedianStep = 0.954;   // median of |a - b| of two Gaussian values, in sigmas
+
+// Steps between values, and values that pile up at the top.
+constexpr double kMultiples = 0.998;  // of the distances between values, that a step must divide
+constexpr long kLargestStep = 200;    // in stored steps
+constexpr double kPiled = 0.002;      // of all values
+constexpr long kPileOverBelow = 8;    // times those of the two steps below
+
 struct TwoLevels {
   double step = 0.0;
   double within = 0.0;  // rms about the two
@@ -118,7 +147,7 @@ TwoLevels two_levels(const std::vector<float>& x) {
     const auto value = static_cast<double>(v);
     squares += std::pow(value - (value > middle ? high : low), 2);
     // With hysteresis, so that noise at the middle is not counted.
-    if (up ? value < middle - 0.2 * t.step : value > middle + 0.2 * t.step) {
+    if (up ? value < middle - kHysteresis * t.step : value > middle + kHysteresis * t.step) {
       up = !up;
       ++t.jumps;
     }
@@ -141,12 +170,27 @@ void judge_still(const Session& session, const Recording& r, BadPixels& bad, std
   for (std::size_t p = 0; p < levels.size(); ++p) {
     const TwoLevels& t = levels[p];
     if (session.good[p] == 0) continue;
-    if (t.step > 2.2 * typical_step && t.step > 3.2 * t.within && t.share > 0.02 && t.jumps > 0 &&
-        t.jumps < static_cast<int>(steady[p].size()) / 8 && scatter.rough[p] < 0.75 * scatter.usual_rough) {
+    if (t.step > kStepOverTypical * typical_step && t.step > kStepOverWithin * t.within && t.share > kLeastShare &&
+        t.jumps > 0 && t.jumps < static_cast<int>(steady[p].size()) / kFramesAJump &&
+        scatter.rough[p] < kSlower * scatter.usual_rough) {
       bad.jumping.push_back(static_cast<int>(p));
       steps.push_back(t.step);
     }
   }
+}
+
+// In a field recording a part of the scene may be as still as a stuck pixel, but for the noise: where that shows in the
+// pixels around, a pixel that never changes is stuck.
+bool neighbours_vary(const FrameStatistics& s, std::size_t pixel, double step) {
+  const PixelPlace at = place_of(pixel, s.width);
+  std::vector<double> ranges;
+  for (int y = std::max(0, at.y - 1); y <= std::min(s.height - 1, at.y + 1); ++y) {
+    for (int x = std::max(0, at.x - 1); x <= std::min(s.width - 1, at.x + 1); ++x) {
+      if (x != at.x || y != at.y)
+        ranges.push_back(static_cast<double>(s.range[static_cast<std::size_t>(y * s.width + x)]));
+    }
+  }
+  return median(ranges) > kNoiseSteps * step;
 }
 
 void make_unique(std::vector<int>& pixels) {
@@ -183,38 +227,36 @@ std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& rep
 
 BadPixels find_dead_pixels(Session& session) {
   BadPixels bad;
-  std::vector<std::size_t> still(session.good.size(), 0);
+  const auto pixels = static_cast<std::size_t>(session.width) * static_cast<std::size_t>(session.height);
+  std::vector<std::size_t> still(pixels, 0);
   for (const Recording& r : session.recordings) {
-    std::vector<double> range;
-    for (Index p = 0; p < r.values.cols(); ++p) {
-      const auto column = r.values.col(p).array();
-      range.push_back(static_cast<double>(column.maxCoeff() - column.minCoeff()));
+    const FrameStatistics& s = r.statistics;
+    const double typical = median(std::vector<double>(s.range.begin(), s.range.end()));
+    const bool scene = r.kind == Kind::kField || r.kind == Kind::kScene;
+    for (std::size_t p = 0; p < pixels; ++p) {
+      const auto range = static_cast<double>(s.range[p]);
+      const bool stuck =
+          typical <= 0.0 || (scene ? range <= 0.0 && neighbours_vary(s, p, r.step) : range < kStuckRange * typical);
+      still[p] += stuck ? 1U : 0U;
     }
-    const double typical = median(range);
-    // In a field recording a part of the scene may be as still as a stuck pixel, but for the noise.
-    const bool field = r.kind == Kind::kField || r.kind == Kind::kScene;
-    for (std::size_t p = 0; p < range.size() && field; ++p) still[p] += range[p] <= 0.0 ? 1U : 0U;
-    for (std::size_t p = 0; p < range.size() && !field; ++p)
-      still[p] += range[p] < 0.15 * typical || typical <= 0.0 ? 1U : 0U;
-    if (r.kind != Kind::kUniform) continue;
-    const Steady steady = steady_series(r);
-    if (steady.front().size() < kLeastSteady) continue;
-    const Scatter scatter(steady);
-    for (std::size_t p = 0; p < scatter.sigma.size(); ++p) {
-      if (scatter.usual > 0.0 && scatter.sigma[p] > 5.0 * scatter.usual &&
-          scatter.rough[p] > 0.5 * scatter.usual_rough) {
-        bad.noisy.push_back(static_cast<int>(p));
-      }
+    if (r.kind != Kind::kUniform || s.distinct_frames() < kLeastSteady) continue;
+    const double usual = median(std::vector<double>(s.sigma.begin(), s.sigma.end()));
+    const double usual_rough = median(std::vector<double>(s.roughness.begin(), s.roughness.end()));
+    for (std::size_t p = 0; p < pixels && usual > 0.0; ++p) {
+      const bool noisy = static_cast<double>(s.sigma[p]) > kNoisySigma * usual;
+      if (noisy && static_cast<double>(s.roughness[p]) > 0.5 * usual_rough) bad.noisy.push_back(static_cast<int>(p));
     }
   }
   // Stuck everywhere: where a ceiling or a frozen recording holds all pixels, a few are not told from the others.
   for (std::size_t p = 0; p < still.size(); ++p) {
     if (still[p] == session.recordings.size()) bad.stuck.push_back(static_cast<int>(p));
   }
-  if (bad.stuck.size() * 2 > session.good.size()) bad.stuck.clear();
+  if (bad.stuck.size() * 2 > pixels) bad.stuck.clear();
   make_unique(bad.noisy);
-  for (const std::vector<int>* list : {&bad.stuck, &bad.noisy}) {
-    for (const int pixel : *list) session.good[static_cast<std::size_t>(pixel)] = 0;
+  for (std::size_t p = 0; p < session.good.size(); ++p) {
+    const int at =
+        session.grid.row_of(static_cast<int>(p)) * session.width + session.grid.column_of(static_cast<int>(p));
+    if (std::ranges::binary_search(bad.stuck, at) || std::ranges::binary_search(bad.noisy, at)) session.good[p] = 0;
   }
   return bad;
 }
@@ -253,7 +295,7 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
   const Eigen::ArrayXd mean = value.rowwise().mean();
   std::vector<double> steps;
   for (Index a = 1; a < n; ++a) steps.push_back(std::abs(mean[a] - mean[a - 1]));
-  const double flicker = median(steps) / 0.954;  // of one frame's mean: |difference| has its median at 0.954 sigma
+  const double flicker = median(steps) / kMedianStep;  // of one frame's mean
   std::vector<double> rough;
   for (Index p = 0; p < value.cols(); p += std::max<Index>(1, value.cols() / 64)) {
     rough.push_back((value.col(p).bottomRows(n - 1) - value.col(p).topRows(n - 1)).square().mean() / 2.0);
@@ -291,20 +333,22 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
     const double scatter2 = (change - global).square().mean() - 2.0 * noise2 / kSide;
     const double sudden = mean[a] - mean[a - 1];
     const double global_z = std::abs(global) / (flicker * std::sqrt(2.0 / kSide) + 1e-6);
-    const bool global_jump = global_z > 9.0 && std::abs(global) > 0.02 && sudden * global > 0.0 &&
-                             std::abs(sudden) > 0.6 * std::abs(global) && std::abs(sudden) < 1.6 * std::abs(global);
+    const bool global_jump = global_z > kJumpZ && std::abs(global) > kLeastJump_k && sudden * global > 0.0 &&
+                             std::abs(sudden) > kSuddenLeast * std::abs(global) &&
+                             std::abs(sudden) < kSuddenMost * std::abs(global);
     const double scatter_z = scatter2 / (2.0 * noise2 / kSide) * std::sqrt(static_cast<double>(pixels.size()) / 2.0);
     const Eigen::ArrayXd first = value.row(a) - value.row(a - 1);
     const double first2 = (first - first.mean()).square().mean() - 2.0 * noise2;
-    const bool pixel_jump = still && scatter_z > 25.0 && scatter2 > 2.5 * noise2 / kSide && first2 > 0.5 * scatter2;
+    const bool pixel_jump = still && scatter_z > kPatternZ && scatter2 > kPatternOverNoise * noise2 / kSide &&
+                            first2 > kPatternAtOnce * scatter2;
     const bool thawed = std::ranges::any_of(freezes, [&](const Freeze& f) {
       return f.recording == recording && static_cast<Index>(f.last) + 1 == frames[static_cast<std::size_t>(a)];
     });
-    if (!(global_jump || pixel_jump) && !(thawed && (scatter_z > 6.0 || global_z > 6.0))) continue;
+    if (!(global_jump || pixel_jump) && !(thawed && (scatter_z > kThawZ || global_z > kThawZ))) continue;
     const double strength = std::max(global_jump ? global_z : 0.0, scatter_z) + (thawed ? 1e6 : 0.0);
-    if (strength <= best || (!thawed && explains(a) < 0.6)) continue;
+    if (strength <= best || (!thawed && explains(a) < kExplains)) continue;
     best = strength;
-    const bool pattern = scatter_z > 6.0 && (still || thawed);
+    const bool pattern = scatter_z > kThawZ && (still || thawed);
     strongest = {recording, static_cast<std::size_t>(frames[static_cast<std::size_t>(a)]), global,
                  pattern ? std::sqrt(std::max(0.0, scatter2)) : 0.0, thawed};
   }
@@ -361,9 +405,9 @@ double find_step(const Session& session) {
     }
     // The largest step that nearly all distances are multiples of.
     long best = 1;
-    for (long candidate = 2; candidate <= 200; ++candidate) {
+    for (long candidate = 2; candidate <= kLargestStep; ++candidate) {
       const auto hits = std::ranges::count_if(seen, [candidate](long d) { return d % candidate == 0; });
-      if (static_cast<double>(hits) > 0.998 * static_cast<double>(seen.size())) best = candidate;
+      if (static_cast<double>(hits) > kMultiples * static_cast<double>(seen.size())) best = candidate;
     }
     const bool varied = std::ranges::any_of(seen, [](long d) { return d != 0; });
     if (!varied) continue;
@@ -380,7 +424,8 @@ double find_ceiling(const Recording& recording, double level_step) {
   const auto below = ((recording.values.array() - (top - step)).abs() < 0.4F * step).count() +
                      ((recording.values.array() - (top - 2.0F * step)).abs() < 0.4F * step).count();
   const auto all = static_cast<double>(recording.values.size());
-  if (static_cast<double>(at_top) > 0.002 * all && at_top > 8 * (below + 1)) return static_cast<double>(top);
+  if (static_cast<double>(at_top) > kPiled * all && at_top > kPileOverBelow * (below + 1))
+    return static_cast<double>(top);
   return std::numeric_limits<double>::infinity();
 }
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "session.hpp"
+#include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
 
@@ -26,18 +26,20 @@ struct Jump {
 };
 
 struct BadPixels {
-  std::vector<int> stuck;  // of the grid
+  std::vector<int> stuck;  // of the frame, row-major
   std::vector<int> noisy;
-  std::vector<int> jumping;  // between two levels
+  std::vector<int> jumping;  // of the grid: between two levels
   double step_k = 0.0;       // of the jumping ones, median
 };
+
+inline constexpr std::size_t kFreezeFrames = 12;  // shorter runs are repeated frames
 
 // Runs of identical frames: the long ones; short ones are counted in `repeated`. Marks all but the first of each run as
 // not used.
 std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& repeated_frames);
 
-// Stuck and noisy pixels; then, once jumps have been taken out, those that jump between two levels. Marked in
-// session.good.
+// Stuck and noisy pixels of the whole frame; then, once jumps have been taken out, those that jump between two levels.
+// Marked in session.good.
 BadPixels find_dead_pixels(Session& session);
 void find_jumping_pixels(Session& session, BadPixels& bad);
 

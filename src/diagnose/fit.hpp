@@ -1,15 +1,13 @@
 // Nested least-squares fits of camera and stimulus, judged on held-out cells.
 #pragma once
 
+#include <functional>
 #include <span>
+#include <string>
 #include <vector>
 
-#include <Eigen/Core>
-
-#include "columns.hpp"
-#include "normal_equations.hpp"
-#include "score.hpp"
-#include "unknowns.hpp"
+#include "src/diagnose/equations.hpp"
+#include "src/diagnose/unknowns.hpp"
 
 namespace bolo::diagnose {
 
@@ -17,65 +15,42 @@ struct FitResult {
   State state;
   Score score;
   std::vector<Choice> choices;
-  std::vector<std::vector<double>> value;  // of each choice's coordinates
+  std::vector<std::vector<double>> value;  // of each choice's parameters
   std::vector<std::vector<double>> error;
 };
 
-class Fitter {
- public:
-  // `floor_k`: noise of one value, K rms.
-  Fitter(const Session& session, double floor_k, int threads);
+// Fits the stimulus, and the parameters and maps of `choices`, from `start` on.
+FitResult fit(const FitData& data, const State& start, const std::vector<Choice>& choices, int rounds);
 
-  // Fits the stimulus, and the coordinates and maps of `choices`, from `start` on.
-  FitResult fit(const State& start, const std::vector<Choice>& choices, int rounds) const;
-  // Once more, `rounds` at a time, until the gap changes by no more than the share `tolerance`.
-  FitResult settle(FitResult from, int rounds, double tolerance) const;
+// Once more, `rounds` at a time, until the gap changes by no more than the share `tolerance`.
+FitResult settle(const FitData& data, FitResult from, int rounds, double tolerance);
 
-  // What each candidate would gain on held-out cells, by the linear model around a fit.
-  std::vector<Gain> screen(const FitResult& base, const std::vector<Choice>& candidates) const;
+// What each candidate would gain on held-out cells, by the linear model around a fit: cheap, so that only the best are
+// fitted in earnest.
+std::vector<Gain> screen(const FitData& data, const FitResult& base, const std::vector<Choice>& candidates);
 
-  Score score(const State& state) const;
-  // Residual of a recording in units of the floor, on `pixels`; unused frames and bad pixels are 0.
-  Series residual(std::size_t recording, const State& state, std::span<const int> pixels) const;
-
-  const Session& session() const { return session_; }
-  std::span<const int> all_pixels() const { return all_pixels_; }
-  double floor_k() const { return floor_k_; }
-  bool frame_counts(std::size_t recording, std::size_t frame) const;
-
- private:
-  // Below it a value is what the camera would have shown without a ceiling.
-  float usable_limit(const State& state) const;
-  // The linear model of all recordings around a state.
-  struct Linear {
-    std::vector<Columns> columns;
-    std::vector<std::vector<Group>> groups;
-  };
-  struct Step {
-    Eigen::VectorXd by;
-    Eigen::MatrixXd normal;  // with the prior
-    double excess = 1.0;     // of the squared residual over the noise
-  };
-  Linear linearise(const State& state, const Unknowns& u, const std::vector<Coordinate>& coordinates) const;
-  Step step_of(const Linear& linear, const Unknowns& u, const State& state) const;
-  void take(const Step& step, const Linear& linear, const Unknowns& u, State& state) const;
-  Columns columns_of(std::size_t recording, const State& state, const std::vector<Coordinate>& coordinates) const;
-  void fill_unseen_shifts(State& state) const;
-  void estimate_maps(State& state, const std::vector<Choice>& choices) const;
-  Score map_gain(const FitResult& base, MapKind kind) const;
-
-  const Session& session_;
-  double floor_k_;
-  int threads_;
-  std::vector<int> fit_pixels_;
-  std::vector<int> all_pixels_;
+// Forward selection of effects with nested refits, then backward.
+struct Chosen {
+  Choice choice;
+  double gap_before = 0.0;
+  double gap_after = 0.0;
+  Gain gain;
+  std::vector<Alternative> alternatives;
+  double confidence = 0.0;
+  bool from_map = false;  // seen in the map of another, which had explained it away
 };
 
-// Brings the recordings' phases and delays near enough for a fit: moving bars frame by frame, still bars, choppers.
-// Returns for each recording how well its stimulus correlates with it, 1 for those without a pattern.
-std::vector<double> register_stimuli(const Session& session, State& state, std::span<const int> pixels);
+struct Selection {
+  FitResult fit;
+  std::vector<Chosen> chosen;  // in the order of finding; gaps are nested
+};
 
-// The local speed of moving bars from their shifts: straight lines over some 20 frames.
-void smooth_speeds(const Session& session, State& state);
+// What an effect must gain on held-out cells, in units of log-likelihood, and how even over groups.
+inline constexpr double kLeastGain = 20.0;
+inline constexpr double kLeastZ = 2.2;
+
+// `allowed` says which effects of the catalogue may be chosen at all. `progress` is told what is being tried.
+Selection select_effects(const FitData& data, const FitResult& base, const std::function<bool(const Effect&)>& allowed,
+                         const std::function<bool(const std::string& step, double done)>& progress);
 
 }  // namespace bolo::diagnose

@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <vector>
 
-#include "events.hpp"
-#include "model.hpp"
-#include "src/diagnose/report.hpp"
+#include "src/diagnose/diagnose.hpp"
+#include "src/diagnose/events.hpp"
+#include "src/diagnose/model.hpp"
 
 namespace bolo::diagnose {
 
@@ -14,6 +14,7 @@ struct LearnTask {
   const Session& session;
   const State* state = nullptr;  // as fitted; null: there was nothing to fit
   const std::vector<Jump>& jumps;
+  const BadPixels& bad;
   FrameFilter filter = FrameFilter::kNone;
   const std::vector<FoundEffect>& effects;
   const model::CameraProfile& profile;
@@ -21,12 +22,13 @@ struct LearnTask {
   const FoundEffect* found(const char* name) const;
 };
 
-// Learned::profile: what holds for all pixels alike. Thread: any.
-Learned learn_constants(const LearnTask& task);
+// What holds for all pixels alike, and, where the options ask for them, the maps. Thread: setup.
+Result<Learned> learn(const LearnTask& task, const std::vector<std::filesystem::path>& captures, const Options& options,
+                      const Progress& progress);
 
 // Learned::maps. Offset, gain and time constant of each pixel by regression on all frames that have a model, with the
-// fitted stimuli; smooth effects (vignetting, heating) from their fitted shapes; dead pixels by the same test as on
-// the grid. `files`: the session's captures, read a second time. Thread: setup.
+// fitted stimuli; smooth effects (vignetting, heating) from their fitted shapes; dead pixels as found. `files`: the
+// session's captures, read a second time. Thread: setup.
 Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std::filesystem::path>& files,
                                     int threads);
 

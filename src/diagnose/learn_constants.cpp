@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "learn.hpp"
-#include "radiance.hpp"
+#include "src/diagnose/learn.hpp"
+#include "src/diagnose/response.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -112,7 +112,8 @@ const FoundEffect* LearnTask::found(const char* name) const {
   return at == effects.end() ? nullptr : &*at;
 }
 
-Learned learn_constants(const LearnTask& task) {
+Result<Learned> learn(const LearnTask& task, const std::vector<std::filesystem::path>& captures, const Options& options,
+                      const Progress& progress) {
   Learned learned{task.profile, {}};
   model::CameraProfile& profile = learned.profile;
   profile.tau_s *= value_of(task, "tau_global", "scale", 1.0);
@@ -122,6 +123,11 @@ Learned learn_constants(const LearnTask& task) {
   profile.quantisation_k = value_of(task, "coarse_quantisation", "step_k", profile.quantisation_k);
   learn_undo(task, profile.undo);
   learned.maps.row_delay_s = profile.row_delay_s;
+  if (!options.maps) return learned;
+  if (!progress("every pixel", 0.95)) return failed("interrupted");
+  auto maps = learn_maps(task, captures, options.threads);
+  if (!maps) return tl::unexpected(maps.error());
+  learned.maps = std::move(*maps);
   return learned;
 }
 

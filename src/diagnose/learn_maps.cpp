@@ -7,10 +7,9 @@
 
 #include <Eigen/Dense>
 
-#include "learn.hpp"
-#include "map_basis.hpp"
-#include "parallel.hpp"
 #include "src/capture/capture.hpp"
+#include "src/diagnose/learn.hpp"
+#include "src/diagnose/pixel_maps.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -303,21 +302,20 @@ Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std
                       task.found("drift") != nullptr && task.state != nullptr && !task.state->camera.drift.empty() &&
                           !task.state->camera.drift_level.empty()};
   Found found(maps.geometry.pixels());
+  if (task.found("dead_pixels") != nullptr) {
+    for (const std::vector<int>* list : {&task.bad.stuck, &task.bad.noisy}) {
+      for (const int pixel : *list) found.dead[static_cast<std::size_t>(pixel)] = 1;
+    }
+  }
   const int rows_at_once = std::max(1, kPixelsAtOnce / session.width);
   std::array<double, kBases> noise2{};
-  for (int row = 0; row < session.height; row += rows_at_once) {
+  const bool any = task.state != nullptr && std::ranges::count(wanted, true) != 0;
+  for (int row = 0; any && row < session.height; row += rows_at_once) {
     Session band = band_of(session, row, std::min(session.height, row + rows_at_once));
     for (std::size_t i = 0; i < readers->size(); ++i) {
       if (Status status = read_band((*readers)[i], band, band.recordings[i].values); !status)
         return tl::unexpected(status.error());
     }
-    if (task.found("dead_pixels") != nullptr) {
-      const BadPixels bad = find_dead_pixels(band);
-      const std::size_t begin = static_cast<std::size_t>(row) * static_cast<std::size_t>(session.width);
-      for (const int pixel : bad.stuck) found.dead[begin + static_cast<std::size_t>(pixel)] = 1;
-      for (const int pixel : bad.noisy) found.dead[begin + static_cast<std::size_t>(pixel)] = 1;
-    }
-    if (task.state == nullptr || std::ranges::count(wanted, true) == 0) continue;
     found.noise2 = {};
     solve_band(task, band, wanted, threads, found);
     for (std::size_t b = 0; b < kBases; ++b) noise2[b] += found.noise2[b];

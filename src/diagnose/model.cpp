@@ -1,10 +1,10 @@
-#include "model.hpp"
+#include "src/diagnose/model.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <set>
 
-#include "radiance.hpp"
+#include "src/diagnose/response.hpp"
 
 namespace bolo::diagnose {
 namespace {

@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "response.hpp"
-#include "session.hpp"
+#include "src/diagnose/response.hpp"
+#include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
 
@@ -40,7 +40,7 @@ struct CameraModel {
   std::vector<std::array<double, 3>> drift;  // K of each recording: linear, quadratic, cubic in its own time
   std::vector<double> drift_level;           // K of each recording: its mean drift, which its levels have taken up
   Eigen::VectorXf drift_share;               // of each pixel: by how much more it drifts than the mean; empty: none
-  // Terms of effects that only add: value of the coordinate and what one unit of it adds, K.
+  // Terms of effects that only add: value of the parameter and what one unit of it adds, K.
   struct Term {
     double value = 0.0;
     std::function<double(const Place&, double temperature_k)> unit;

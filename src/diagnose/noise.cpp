@@ -1,4 +1,4 @@
-#include "noise.hpp"
+#include "src/diagnose/noise.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,9 +7,7 @@
 
 #include <Eigen/Dense>
 
-#include "noise_spectrum.hpp"
-#include "noise_tails.hpp"
-#include "statistics.hpp"
+#include "src/core/statistics.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -20,6 +18,14 @@ using Eigen::Index;
 
 constexpr Index kSampled = 7;  // every seventh value of a pixel goes into the sample for the tails
 constexpr std::size_t kMostSampled = 30000;
+constexpr Index kLeastBlock = 24;          // frames in a row, of a block to judge noise by
+constexpr std::size_t kLineReach = 18;     // bins on either side that a line must stand out of
+constexpr double kMedianOfPower = 0.6931;  // ln 2: median of an exponential distribution over its mean
+constexpr double kWindowLoss = 0.9;        // Hann's window: the tail of a bin's power is a little longer
+constexpr double kWindowGain = 1.5;        // the same: equivalent width in bins
+constexpr double kStillRatio = 3.0;        // variance over the whole recording to that between two frames
+constexpr Index kMostClipped = 500;        // one value in so many may be clipped
+constexpr double kTails = 0.2;             // excess kurtosis, from which on tails are fitted
 
 // Frames x pixels of the grid, pixel means taken out; bad pixels are 0.
 using Block = ArrayXXd;
@@ -41,7 +47,7 @@ std::optional<Block> longest_block(const Session& session, std::size_t index) {
       best_from = from;
     }
   }
-  if (best_length < 24) return std::nullopt;
+  if (best_length < kLeastBlock) return std::nullopt;
   Block block = r.values.middleRows(best_from, best_length).cast<double>().array();
   for (Index p = 0; p < block.cols(); ++p) {
     if (session.good[static_cast<std::size_t>(p)] == 0) {
@@ -139,19 +145,19 @@ struct Lines {
 };
 
 // A bin that stands out of its neighbourhood.
-void look_for_lines(const ArrayXd& x, double rate_hz, Lines& lines) {
+void find_lines(const ArrayXd& x, double rate_hz, Lines& lines) {
   const std::vector<double> power = periodogram(without_cubic(x));
   const auto n = static_cast<double>(x.size());
   for (std::size_t j = 4; j + 2 < power.size(); ++j) {
     std::vector<double> around;
-    for (std::size_t i = j > 18 ? j - 18 : 2; i < std::min(power.size(), j + 19); ++i) {
+    for (std::size_t i = j > kLineReach ? j - kLineReach : 2; i < std::min(power.size(), j + kLineReach + 1); ++i) {
       if (i + 2 < j || i > j + 2) around.push_back(power[i]);
     }
-    const double floor = median(around) / 0.6931;
+    const double floor = median(around) / kMedianOfPower;
     const double p =
-        std::min(1.0, static_cast<double>(power.size()) * std::exp(-power[j] / std::max(1e-18, floor) * 0.9));
+        std::min(1.0, static_cast<double>(power.size()) * std::exp(-power[j] / std::max(1e-18, floor) * kWindowLoss));
     if (p >= lines.best_p) continue;
-    lines = {p, static_cast<double>(j) * rate_hz / n, std::sqrt(4.0 * power[j] / n * 1.5)};
+    lines = {p, static_cast<double>(j) * rate_hz / n, std::sqrt(4.0 * power[j] / n * kWindowGain)};
   }
 }
 
@@ -178,7 +184,7 @@ class NoiseSums {
   std::vector<double> add_pixel(const Block& block, const Parts& parts, Index pixel);
   void add_neighbours(const Parts& parts, Index pixel);
   void add_spectrum(const std::vector<double>& power, double pixels, Index frames);
-  void say_components(NoiseStatistics& n) const;
+  void fill_components(NoiseStatistics& n) const;
 
   const Session& session_;
   Index width_;
@@ -226,8 +232,8 @@ void NoiseSums::add_frames(const Block& block, const Parts& parts) {
   for (Index r = 0; r < height_; ++r) {
     halves += parts.row.col(r) * (r < height_ / 2 ? 1.0 : -1.0) / static_cast<double>(height_);
   }
-  look_for_lines(halves, 1.0 / session_.period_s, lines_);
-  look_for_lines(parts.frame, 1.0 / session_.period_s, lines_);
+  find_lines(halves, 1.0 / session_.period_s, lines_);
+  find_lines(parts.frame, 1.0 / session_.period_s, lines_);
 }
 
 // One pixel's own; its power in each bin.
@@ -287,7 +293,7 @@ void NoiseSums::add(const Block& block) {
   add_spectrum(power, good_, block.rows());
 }
 
-void NoiseSums::say_components(NoiseStatistics& n) const {
+void NoiseSums::fill_components(NoiseStatistics& n) const {
   const double own = rest_.square / rest_.count;
   n.sigma_tvh = std::sqrt(own);
   n.total_k = std::sqrt(total_.square / total_.count);
@@ -310,7 +316,7 @@ void NoiseSums::say_components(NoiseStatistics& n) const {
 NoiseStatistics NoiseSums::statistics() const {
   NoiseStatistics n;
   n.frames = frames_;
-  say_components(n);
+  fill_components(n);
   auto bins = bins_;
   std::ranges::stable_sort(bins, {}, &Bin::frequency);
   Spectrum spectrum;
@@ -326,7 +332,7 @@ NoiseStatistics NoiseSums::statistics() const {
   n.excess_kurtosis = {median(kurtosis_) + 12.0 / frames_each,
                        1.25 * std::sqrt(24.0 / frames_each / static_cast<double>(kurtosis_.size())), 0.0};
   n.excess_kurtosis.z = n.excess_kurtosis.value / n.excess_kurtosis.error;
-  if (n.excess_kurtosis.value > 0.2) fit_student(sample_, n);
+  if (n.excess_kurtosis.value > kTails) fit_student(sample_, n);
   n.line_hz = lines_.hz;
   n.line_k = lines_.amplitude_k;
   n.line_p = lines_.best_p;
@@ -347,7 +353,7 @@ bool is_still(const Session& session, const Recording& r) {
     const double step = (x.tail(x.size() - 1) - x.head(x.size() - 1)).square().mean() / 2.0;
     ratio.push_back(variance / std::max(1e-12, step));
   }
-  return median(ratio) < 3.0;
+  return median(ratio) < kStillRatio;
 }
 
 NoiseStatistics measure_noise(const Session& session, double ceiling) {
@@ -358,7 +364,7 @@ NoiseStatistics measure_noise(const Session& session, double ceiling) {
       const Recording& r = session.recordings[i];
       const bool wanted = uniform ? r.kind == Kind::kUniform : r.kind == Kind::kField && is_still(session, r);
       const auto clipped = (r.values.array() >= static_cast<float>(ceiling)).count();
-      if (!wanted || clipped * 500 > r.values.size()) continue;
+      if (!wanted || clipped * kMostClipped > r.values.size()) continue;
       if (const auto block = longest_block(session, i)) {
         sums.add(*block);
         any = true;

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "response.hpp"
-#include "session.hpp"
+#include "src/diagnose/response.hpp"
+#include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
 
@@ -56,5 +56,22 @@ NoiseStatistics measure_noise(const Session& session, double ceiling);
 
 // Whether nothing moves in a recording without a stimulus.
 bool is_still(const Session& session, const Recording& recording);
+
+struct Spectrum {
+  double rate_hz = 200.0;
+  std::vector<double> frequency;  // Hz
+  std::vector<double> power;      // mean over pixels
+  std::vector<double> weight;     // half the degrees of freedom
+};
+
+// Fits the spectrum (in order of frequency) by Whittle's likelihood and writes what it says of white noise, corner,
+// filter and misfit.
+void judge_spectrum(const Spectrum& spectrum, NoiseStatistics& noise);
+
+// Fits degrees of freedom and scale by likelihood to values without their means; n.sigma_tvh is known.
+void fit_student(const std::vector<double>& x, NoiseStatistics& n);
+
+// Power in each bin from 0 to half the sampling rate through Hann's window; white noise has its variance in every bin.
+std::vector<double> periodogram(const Eigen::ArrayXd& x);
 
 }  // namespace bolo::diagnose

@@ -1,10 +1,9 @@
-#include "plots.hpp"
-
+// What the report draws.
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "statistics.hpp"
+#include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -103,13 +102,14 @@ class Where {
  public:
   void add(const Session& session, std::size_t i, const Left& left, double floor_k) {
     const Recording& r = session.recordings[i];
-    constexpr Index kBlock = 24;
+    constexpr Index kBlock = kCellFrames;
+    constexpr double kMuch = 2.6;  // squared floors: half as much again as the noise, and a little
     for (Index p = 0; p < left.residual.cols(); ++p) {
       for (Index from = 0; from < left.residual.rows(); from += kBlock) {
         const Index length = std::min(kBlock, left.residual.rows() - from);
         const double square =
             static_cast<double>(left.residual.col(p).segment(from, length).squaredNorm()) / (floor_k * floor_k);
-        if (square / static_cast<double>(length) < 2.6) continue;
+        if (square / static_cast<double>(length) < kMuch) continue;
         rows_.push_back(session.grid.row_of(static_cast<int>(p)));
         columns_.push_back(session.grid.column_of(static_cast<int>(p)));
         times_.push_back(r.t[static_cast<std::size_t>(from)]);
@@ -119,7 +119,7 @@ class Where {
       }
     }
   }
-  void say(const Session& session, Location& where) {
+  void fill(const Session& session, Location& where) {
     if (rows_.empty()) return;
     const auto [r0, r1] = middle(rows_);
     const auto [c0, c1] = middle(columns_);
@@ -128,7 +128,7 @@ class Where {
     where.row_last = static_cast<int>(r1);
     where.column_first = static_cast<int>(c0);
     where.column_last = static_cast<int>(c1);
-    where.time_s = {{t0, t1 + 24.0 * session.period_s}};
+    where.time_s = {{t0, t1 + static_cast<double>(kCellFrames) * session.period_s}};
     where.temperature_k = middle(temperatures_);
     where.pixel_fraction =
         static_cast<double>(std::ranges::count(pixel_bad_, 1)) / static_cast<double>(pixel_bad_.size());
@@ -151,14 +151,15 @@ class Where {
 
 // The band that holds nine tenths of what a residual has above the floor.
 std::pair<double, double> band(const Curve& spectrum, double floor) {
+  constexpr double kAboveFloor = 1.3;
   double all = 0.0;
-  for (const double y : spectrum.y) all += std::max(0.0, y - 1.3 * floor);
+  for (const double y : spectrum.y) all += std::max(0.0, y - kAboveFloor * floor);
   if (all <= 0.0) return {0.0, 0.0};
   double sum = 0.0;
   std::pair<double, double> found{spectrum.x.front(), spectrum.x.back()};
   bool low = false;
   for (std::size_t j = 0; j < spectrum.x.size(); ++j) {
-    sum += std::max(0.0, spectrum.y[j] - 1.3 * floor);
+    sum += std::max(0.0, spectrum.y[j] - kAboveFloor * floor);
     if (!low && sum > 0.05 * all) {
       found.first = spectrum.x[j];
       low = true;
@@ -173,8 +174,11 @@ std::pair<double, double> band(const Curve& spectrum, double floor) {
 
 }  // namespace
 
-void fill_plots(const Session& raw, const Session& session, const State& nominal, const State& state, double floor_k,
-                Report& report) {
+void fill_plots(const Fit& fit, double floor_k, Report& report) {
+  const Session& raw = fit.raw;
+  const Session& session = fit.session;
+  const State& nominal = fit.nominal;
+  const State& state = fit.state;
   const std::vector<int> pixels = session.grid.all();
   Where where;
   double widest = 0.0;
@@ -214,7 +218,7 @@ void fill_plots(const Session& raw, const Session& session, const State& nominal
     }
     report.captures.push_back(std::move(plots));
   }
-  where.say(session, report.location);
+  where.fill(session, report.location);
   const CameraModel& c = state.camera;
   if (c.offset.size() > 0) report.maps.push_back(map_of(session, c.offset, "Offset of each pixel", "mK", 1000.0F));
   if (c.gain.size() > 0) report.maps.push_back(map_of(session, c.gain, "Gain of each pixel", "%", 100.0F));

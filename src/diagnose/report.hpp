@@ -9,7 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "src/diagnose/learned.hpp"
+#include "src/model/camera_profile.hpp"
+#include "src/model/pixel_maps.hpp"
 
 namespace bolo::diagnose {
 
@@ -68,6 +69,39 @@ struct NoiseStatistic {
   double explained = 0.0;  // with the diagnosed effects
 };
 
+// A pixel of the camera's frame.
+struct PixelPlace {
+  int x = 0;
+  int y = 0;
+  bool operator==(const PixelPlace&) const = default;
+};
+
+// Pixels that do not do their work, of the whole frame.
+struct PixelDefects {
+  std::vector<PixelPlace> stuck;  // hardly change, in no capture
+  std::vector<PixelPlace> noisy;  // nothing but noise
+};
+
+// What single pixels and whole frames of a capture tell that no model predicts: without a stimulus, or in counts.
+// Frames count from 0, sizes are in `unit`.
+struct Observation {
+  struct Jump {
+    std::size_t frame = 0;  // the first one after it
+    double size = 0.0;
+  };
+  std::string file;
+  std::string unit;  // K, count
+  std::size_t frames = 0;
+  std::vector<Jump> jumps;                                   // of all pixels at once
+  std::vector<std::pair<std::size_t, std::size_t>> freezes;  // first and last frame that repeats the one before
+  std::size_t repeated_frames = 0;                           // outside of these
+  double noise = 0.0;                                        // of one pixel from frame to frame, sigma
+  double flicker = 0.0;         // of whole frames, sigma; what moves in the scene adds to it
+  double column_pattern = 0.0;  // fixed, sigma; 0: none that both halves of the frame show
+  double row_pattern = 0.0;
+  std::vector<PixelPlace> outliers;  // hotter or colder than all their neighbours, by more than these differ
+};
+
 // A picture of values, row-major; one value may stand for several pixels.
 struct Map {
   std::string title;
@@ -97,12 +131,25 @@ struct CapturePlots {
   Curve measured, nominal, predicted;     // one pixel in time, s and K
 };
 
+// What a diagnosis has learned of a camera, in the terms of the pipeline that undoes it.
+struct Learned {
+  // The profile that the diagnosis began with, and what was found of the camera as a whole. `maps` in it is as before.
+  model::CameraProfile profile;
+  // What undoes the rest, of the full frame, when Options::maps asked for it: the camera shows
+  // (1 + g) T - g 300 K + o of a temperature T, so gain = 1 / (1 + g) and offset = (300 K g - o) / (1 + g). An empty
+  // map: nothing of its kind was found. row_delay_s is the profile's.
+  model::PixelMaps maps;
+};
+
 struct Report {
   std::vector<std::string> inputs;
   double gap_before = 1.0;
   double gap_after = 1.0;
-  double closed_fraction = 0.0;    // (before - after) / (before - 1), 0 when there was no gap
-  std::string verdict = "no_gap";  // no_gap, explained, partly_explained, unknown_effect
+  double closed_fraction = 0.0;  // (before - after) / (before - 1), 0 when there was no gap
+  // no_gap, explained, partly_explained, unknown_effect; not_testable: no capture that a model predicts, so that gaps
+  // are NaN and `needs` says what would do.
+  std::string verdict = "no_gap";
+  std::string needs;
   std::vector<FoundEffect> effects;
   Location location;
   std::map<std::string, std::map<std::string, double>> stimulus;  // by file name: errors of the stimulus
@@ -114,6 +161,8 @@ struct Report {
   double noise_gap_before = 1.0;  // of the noise's own statistics
   double noise_gap_after = 1.0;
   std::vector<NoiseStatistic> noise;
+  PixelDefects defects;
+  std::vector<Observation> observations;  // of the captures that no model predicts
   std::vector<CapturePlots> captures;
   std::vector<Map> maps;  // of what was diagnosed: offsets, gains, time constants, dead pixels
   Learned learned;        // what the pipeline can use of it

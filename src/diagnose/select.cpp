@@ -1,11 +1,11 @@
-#include "select.hpp"
-
+// Which effects are chosen: forward with nested refits, then backward.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <random>
 
-#include "map_trend.hpp"
+#include "src/diagnose/fit.hpp"
+#include "src/diagnose/pixel_maps.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -16,6 +16,8 @@ constexpr std::size_t kTried = 3;  // candidates that are refitted in earnest
 constexpr std::size_t kMostEffects = 8;
 constexpr double kLeastEvidence = 8.0;  // of the levels alone
 constexpr double kLeastEvidenceScattered = 13.0;
+constexpr double kLevelsOff = 4.0;        // times what levels that agree scatter by
+constexpr double kSoleConfidence = 0.99;  // of an effect beside which no other gains anything
 
 struct Tried {
   Choice choice;
@@ -42,11 +44,11 @@ bool worth_naming(const Session& session, const FitResult& fit, std::size_t choi
 
 bool enough(const Gain& gain) { return gain.total > kLeastGain && gain.z > kLeastZ; }
 
-// The state without one of its effects, as far as the others allow: its coordinates as in `base`, its map gone.
-State freed_of(const Session& session, const State& from, const State& base, const Effect& effect) {
+// The state without one of its effects, as far as the others allow: its parameters as in `base`, its map gone.
+State without_effect(const Session& session, const State& from, const State& base, const Effect& effect) {
   State state = from;
-  if (effect.coordinates) {
-    for (const Coordinate& c : effect.coordinates(session)) c.set(state, c.get(base));
+  if (effect.parameters) {
+    for (const Parameter& c : effect.parameters(session)) c.set(state, c.get(base));
   }
   if (effect.map != MapKind::kNone) map_of(state.camera, effect.map).resize(0);
   return state;
@@ -75,23 +77,23 @@ double confidence_of(const Score& base, const Score& first, const Score* second)
 
 class Selector {
  public:
-  Selector(const Fitter& fitter, const FitResult& base, const std::function<bool(const Effect&)>& allowed)
-      : fitter_(fitter),
+  Selector(const FitData& data, const FitResult& base, const std::function<bool(const Effect&)>& allowed)
+      : data_(data),
         base_(base),
         allowed_(allowed),
-        levels_(nuisances(fitter.session(), nominal_state(fitter.session(), {}))),
+        levels_(nuisances(data.session, nominal_state(data.session, {}))),
         selection_{base, {}} {}
 
   // Adds the effect that gains most, fitted to the end; false when none gains enough.
   bool add();
   // Adds an effect that hides in a map of pixels; false when the maps hold none.
-  bool expose();
+  bool add_hidden();
   // Takes out an effect that no longer pays; false when all do.
   bool drop();
   const Selection& selection() const { return selection_; }
 
  private:
-  bool levels_are_off(const State& state) const { return level_spread(levels_, state) > 4.0 * kLevelResolution; }
+  bool levels_are_off(const State& state) const { return level_spread(levels_, state) > kLevelsOff * kLevelResolution; }
   bool chosen(const Effect& effect) const {
     return std::ranges::any_of(selection_.chosen, [&](const Chosen& c) { return c.choice.effect == &effect; });
   }
@@ -100,7 +102,7 @@ class Selector {
   Tried attempt(const Choice& choice) const;
   std::vector<Tried> attempts() const;
 
-  const Fitter& fitter_;
+  const FitData& data_;
   const FitResult& base_;
   const std::function<bool(const Effect&)>& allowed_;
   std::vector<Nuisance> levels_;
@@ -124,9 +126,9 @@ Gain Selector::gain(const FitResult& before, const FitResult& after) const {
 
 std::vector<const Effect*> Selector::candidates() const {
   std::vector<const Effect*> all;
-  for (const Effect* effect : catalogue()) {
-    const bool of_mean = effect->coordinates || effect->map != MapKind::kNone;
-    if (of_mean && allowed_(*effect) && effect->told_by(fitter_.session()) && !chosen(*effect)) all.push_back(effect);
+  for (const Effect& effect : catalogue()) {
+    const bool of_mean = effect.parameters || effect.map != MapKind::kNone;
+    if (of_mean && allowed_(effect) && effect.told_by(data_.session) && !chosen(effect)) all.push_back(&effect);
   }
   return all;
 }
@@ -135,9 +137,9 @@ Tried Selector::attempt(const Choice& choice) const {
   // Forms of what was chosen before are set already: only the new one begins.
   std::vector<Choice> choices = unformed(selection_.fit.choices);
   choices.push_back(choice);
-  Tried tried{choice, fitter_.fit(selection_.fit.state, choices, kRounds), {}};
+  Tried tried{choice, fit(data_, selection_.fit.state, choices, kRounds), {}};
   // Levels, and what mixes them with the surroundings, pull at each other: once more.
-  if (choice.effect->as_levels) tried.fit = fitter_.fit(tried.fit.state, unformed(choices), kRounds);
+  if (choice.effect->as_levels) tried.fit = fit(data_, tried.fit.state, unformed(choices), kRounds);
   tried.gain = gain(selection_.fit, tried.fit);
   return tried;
 }
@@ -149,7 +151,7 @@ std::vector<Tried> Selector::attempts() const {
   for (const Effect* effect : effects) {
     for (const Choice& form : forms_of(*effect)) choices.push_back(form);
   }
-  const std::vector<Gain> gains = fitter_.screen(selection_.fit, choices);
+  const std::vector<Gain> gains = screen(data_, selection_.fit, choices);
   std::vector<std::size_t> order(choices.size());
   std::iota(order.begin(), order.end(), 0U);
   std::ranges::sort(order, std::greater{}, [&](std::size_t i) { return gains[i].total; });
@@ -166,8 +168,7 @@ std::vector<Tried> Selector::attempts() const {
     if (!effect->as_levels || !levels_are_off(selection_.fit.state) || std::ranges::count(seen, effect) > 0) continue;
     for (const Choice& form : forms_of(*effect)) tried.push_back(attempt(form));
   }
-  std::erase_if(tried,
-                [&](const Tried& t) { return !worth_naming(fitter_.session(), t.fit, t.fit.choices.size() - 1); });
+  std::erase_if(tried, [&](const Tried& t) { return !worth_naming(data_.session, t.fit, t.fit.choices.size() - 1); });
   std::ranges::sort(tried, std::greater{}, [](const Tried& t) { return t.gain.total; });
   return tried;
 }
@@ -177,21 +178,22 @@ bool Selector::add() {
   if (tried.empty() || !enough(tried.front().gain)) return false;
   Tried& best = tried.front();
   // What the winner leaves is what the next effect is judged by.
-  best.fit = fitter_.settle(std::move(best.fit), kRounds, kSettled);
+  best.fit = settle(data_, std::move(best.fit), kRounds, kSettled);
   const Score& before = selection_.fit.score;
   Chosen chosen{best.choice, before.gap(), best.fit.score.gap(), best.gain, {}, 0.0, false};
   for (std::size_t i = 1; i < tried.size(); ++i) {
     chosen.alternatives.push_back({tried[i].choice.effect->name, tried[i].fit.score.gap()});
   }
   chosen.confidence = confidence_of(before, best.fit.score, tried.size() > 1 ? &tried[1].fit.score : nullptr);
-  if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) chosen.confidence = std::max(chosen.confidence, 0.99);
+  if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1)
+    chosen.confidence = std::max(chosen.confidence, kSoleConfidence);
   selection_.fit = std::move(best.fit);
   selection_.chosen.push_back(std::move(chosen));
   return true;
 }
 
-bool Selector::expose() {
-  const Session& session = fitter_.session();
+bool Selector::add_hidden() {
+  const Session& session = data_.session;
   for (const Effect* effect : candidates()) {
     if (effect->hides_in == MapKind::kNone) continue;
     const double before = row_trend_z(session, map_of(selection_.fit.state.camera, effect->hides_in));
@@ -201,14 +203,14 @@ bool Selector::expose() {
     map_of(start.camera, effect->hides_in).resize(0);
     std::vector<Choice> choices = unformed(selection_.fit.choices);
     choices.push_back(forms_of(*effect).front());
-    FitResult fit = fitter_.settle(fitter_.fit(start, choices, kRounds), kRounds, kSettled);
-    const double after = row_trend_z(session, map_of(fit.state.camera, effect->hides_in));
-    if (after > before / 2.0 || !worth_naming(session, fit, choices.size() - 1)) continue;
+    FitResult fitted = settle(data_, fit(data_, start, choices, kRounds), kRounds, kSettled);
+    const double after = row_trend_z(session, map_of(fitted.state.camera, effect->hides_in));
+    if (after > before / 2.0 || !worth_naming(session, fitted, choices.size() - 1)) continue;
     // The map could have taken any part of it: known as well as its trend stands out.
-    double& error = fit.error.back().front();
-    error = std::max(error, std::abs(fit.value.back().front()) / before);
-    Chosen chosen{choices.back(), selection_.fit.score.gap(), fit.score.gap(), {}, {}, 0.99, true};
-    selection_.fit = std::move(fit);
+    double& error = fitted.error.back().front();
+    error = std::max(error, std::abs(fitted.value.back().front()) / before);
+    Chosen chosen{choices.back(), selection_.fit.score.gap(), fitted.score.gap(), {}, {}, kSoleConfidence, true};
+    selection_.fit = std::move(fitted);
     selection_.chosen.push_back(std::move(chosen));
     return true;
   }
@@ -223,8 +225,8 @@ bool Selector::drop() {
     rest.erase(rest.begin() + static_cast<long>(i));
     const Effect& effect = *all[i].choice.effect;
     FitResult without =
-        fitter_.fit(freed_of(fitter_.session(), selection_.fit.state, base_.state, effect), rest, kRounds);
-    if (enough(gain(without, selection_.fit)) && worth_naming(fitter_.session(), selection_.fit, i)) continue;
+        fit(data_, without_effect(data_.session, selection_.fit.state, base_.state, effect), rest, kRounds);
+    if (enough(gain(without, selection_.fit)) && worth_naming(data_.session, selection_.fit, i)) continue;
     selection_.fit = std::move(without);
     all.erase(all.begin() + static_cast<long>(i));
     return true;
@@ -234,16 +236,16 @@ bool Selector::drop() {
 
 }  // namespace
 
-Selection select_effects(const Fitter& fitter, const FitResult& base, const std::function<bool(const Effect&)>& allowed,
+Selection select_effects(const FitData& data, const FitResult& base, const std::function<bool(const Effect&)>& allowed,
                          const std::function<bool(const std::string& step, double done)>& progress) {
-  Selector selector(fitter, base, allowed);
+  Selector selector(data, base, allowed);
   for (std::size_t found = 0; found < kMostEffects; ++found) {
     if (!progress("effect " + std::to_string(found + 1), 0.2 + 0.08 * static_cast<double>(found))) break;
     if (!selector.add()) break;
   }
   while (selector.drop()) {
   }
-  while (selector.expose()) {
+  while (selector.add_hidden()) {
   }
   return selector.selection();
 }

@@ -1,4 +1,4 @@
-#include "session.hpp"
+#include "src/diagnose/session.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -45,33 +45,47 @@ std::string fault(const capture::Stimulus& stimulus) {
   return {};
 }
 
-Series read_grid(const capture::CaptureReader& reader, const Grid& grid, double& saturated, Status& status) {
+struct Frames {
+  Series values;  // of the grid
+  FrameStatistics statistics;
+  double saturated = 0.0;  // share of the values at the limits of 16 bits
+  bool numbers = true;     // every value is one
+};
+
+Result<Frames> read_frames(const capture::CaptureReader& reader, const Grid& grid) {
   const StreamFormat& format = reader.info().format;
   const std::size_t pixels = format.geometry.pixels();
   const auto width = static_cast<std::size_t>(format.geometry.width);
   std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
-  Series values(static_cast<Eigen::Index>(reader.info().frames), grid.pixels());
+  std::vector<float> frame(pixels);
+  Frames out{Series(static_cast<Eigen::Index>(reader.info().frames), grid.pixels()), {}, 0.0, true};
+  FrameStatisticsSum statistics(format.geometry.width, format.geometry.height);
   const auto* counts = reinterpret_cast<const std::uint16_t*>(plane.data());
   const auto* kelvin = reinterpret_cast<const float*>(plane.data());
   std::size_t clipped = 0;
   for (std::size_t k = 0; k < reader.info().frames; ++k) {
-    if (status = reader.read_frame(k, plane.data()); !status) return values;
-    if (format.type == PixelType::kUint16) {
-      for (std::size_t i = 0; i < pixels; ++i) clipped += counts[i] == 0 || counts[i] == 65535 ? 1 : 0;
+    if (Status status = reader.read_frame(k, plane.data()); !status) return tl::unexpected(status.error());
+    for (std::size_t i = 0; i < pixels; ++i) {
+      const double raw =
+          format.type == PixelType::kUint16 ? static_cast<double>(counts[i]) : static_cast<double>(kelvin[i]);
+      frame[i] = static_cast<float>(format.scale.to_physical(raw));
+      if (format.type == PixelType::kUint16) clipped += counts[i] == 0 || counts[i] == 65535 ? 1 : 0;
     }
+    out.numbers = Eigen::Map<const Eigen::ArrayXf>(frame.data(), static_cast<Eigen::Index>(pixels)).allFinite();
+    if (!out.numbers) return out;
+    statistics.add(frame);
     Eigen::Index at = 0;
     for (const int row : grid.rows) {
       for (const int column : grid.columns) {
-        const std::size_t i = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column);
-        const double raw =
-            format.type == PixelType::kUint16 ? static_cast<double>(counts[i]) : static_cast<double>(kelvin[i]);
-        values(static_cast<Eigen::Index>(k), at++) = static_cast<float>(format.scale.to_physical(raw));
+        out.values(static_cast<Eigen::Index>(k), at++) =
+            frame[static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column)];
       }
     }
   }
-  saturated =
+  out.statistics = statistics.statistics();
+  out.saturated =
       static_cast<double>(clipped) / static_cast<double>(pixels * std::max<std::size_t>(1, reader.info().frames));
-  return values;
+  return out;
 }
 
 // One recording, or the reason why it can't be used.
@@ -115,15 +129,15 @@ Result<Recording> read_recording(const std::filesystem::path& file, Session& ses
   recording.kind = kind_of(*stimulus);
   recording.stimulus = std::move(*stimulus);
   recording.kelvin = info.format.scale.unit == Unit::kKelvin;
-  recording.step = recording.kelvin ? info.format.scale.scale : 1.0;
+  if (info.format.type == PixelType::kUint16) recording.step = recording.kelvin ? info.format.scale.scale : 1.0;
   recording.start_s = reader->t().front();
   for (const double t : reader->t()) recording.t.push_back(t - recording.start_s);
-  double saturated = 0.0;
-  Status status;
-  recording.values = read_grid(*reader, session.grid, saturated, status);
-  if (!status) return tl::unexpected(status.error());
-  if (saturated > kSaturatedShare) return refuse("most of its values are at the limit of 16 bits; left out");
-  if (!recording.values.allFinite()) return refuse("/frames has values that are no numbers; left out");
+  auto frames = read_frames(*reader, session.grid);
+  if (!frames) return tl::unexpected(frames.error());
+  if (frames->saturated > kSaturatedShare) return refuse("most of its values are at the limit of 16 bits; left out");
+  if (!frames->numbers) return refuse("/frames has values that are no numbers; left out");
+  recording.values = std::move(frames->values);
+  recording.statistics = std::move(frames->statistics);
   recording.used.assign(static_cast<std::size_t>(recording.frames()), 1);
   return recording;
 }

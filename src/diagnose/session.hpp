@@ -11,6 +11,7 @@
 #include "src/capture/stimulus.hpp"
 #include "src/core/result.hpp"
 #include "src/diagnose/diagnose.hpp"
+#include "src/diagnose/frame_statistics.hpp"
 
 namespace bolo::diagnose {
 
@@ -34,11 +35,12 @@ struct Recording {
   Kind kind = Kind::kField;
   capture::Stimulus stimulus;
   bool kelvin = true;
-  double step = 0.01;      // K (or counts) between two stored values
-  double start_s = 0.0;    // /t[0], the camera's clock
-  std::vector<double> t;   // s from start_s
-  Series values;           // of the grid
-  std::vector<char> used;  // of each frame: 0 for a repeated, frozen or torn one
+  double step = 0.0;           // K (or counts) between two stored values; 0: floating point
+  double start_s = 0.0;        // /t[0], the camera's clock
+  std::vector<double> t;       // s from start_s
+  Series values;               // of the grid
+  FrameStatistics statistics;  // of all pixels of the frame
+  std::vector<char> used;      // of each frame: 0 for a repeated, frozen or torn one
   int frames() const { return static_cast<int>(values.rows()); }
 };
 
@@ -54,6 +56,12 @@ struct Session {
 };
 
 inline constexpr int kMinFrames = 16;
+
+// A pixel of the frame, by its row-major index.
+inline PixelPlace place_of(std::size_t pixel, int width) {
+  const auto index = static_cast<int>(pixel);
+  return {index % width, index / width};
+}
 
 // Reads the captures that belong together. The first one says which camera it is; a capture of another camera or size,
 // an empty one and a saturated one are left out with a line in `warnings`. kBadInput when none is left. Thread: setup.

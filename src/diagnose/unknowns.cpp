@@ -1,7 +1,57 @@
-#include "unknowns.hpp"
+#include "src/diagnose/unknowns.hpp"
+
+#include <algorithm>
+#include <cmath>
 
 namespace bolo::diagnose {
 namespace {
+
+using Member = double StimulusState::*;
+
+Parameter member(std::string name, std::size_t i, Member field, double step, double limit) {
+  return {std::move(name),
+          step,
+          -limit,
+          limit,
+          [i, field](const State& s) { return s.stimuli[i].*field; },
+          [i, field](State& s, double value) { s.stimuli[i].*field = value; }};
+}
+
+Parameter level(std::size_t i, std::size_t which, double nominal) {
+  return {"level",
+          1.0,
+          nominal - 30.0,
+          nominal + 30.0,
+          [i, which](const State& s) { return s.stimuli[i].level_k[which]; },
+          [i, which](State& s, double value) { s.stimuli[i].level_k[which] = value; }};
+}
+
+// The softness' square, s^2: a symmetric ramp changes the response to second order only.
+Parameter softness(std::size_t i) {
+  return {"softness",
+          1e-6,
+          0.0,
+          2.5e-5,
+          [i](const State& s) { return s.stimuli[i].softness_s * s.stimuli[i].softness_s; },
+          [i](State& s, double value) { s.stimuli[i].softness_s = std::sqrt(std::max(0.0, value)); }};
+}
+
+// Of the standard deviation, not the variance: where an edge just reaches a pixel it shows to first order.
+Parameter target_edge() {
+  return {"edge",
+          0.04,
+          0.0,
+          kSoftestEdge_px,
+          [](const State& s) {
+            for (const StimulusState& stimulus : s.stimuli) {
+              if (stimulus.edge_px2 != 0.0) return std::sqrt(stimulus.edge_px2);
+            }
+            return 0.0;
+          },
+          [](State& s, double value) {
+            for (StimulusState& stimulus : s.stimuli) stimulus.edge_px2 = value * value;
+          }};
+}
 
 bool touches(int owner, const Session& session, std::size_t recording) {
   if (owner == kAllRecordings) return true;
@@ -12,6 +62,61 @@ bool touches(int owner, const Session& session, std::size_t recording) {
 
 }  // namespace
 
+std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
+  constexpr double kEdgePrior = 0.2;  // px
+  std::vector<Nuisance> all;
+  bool bars = false;
+  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
+    const Recording& recording = session.recordings[i];
+    if (!has_model(recording)) continue;
+    const StimulusState& stimulus = nominal.stimuli[i];
+    const int index = static_cast<int>(i);
+    for (std::size_t l = 0; l < stimulus.level_k.size(); ++l) {
+      all.push_back({level(i, l, stimulus.level_k[l]), index, true, stimulus.level_k[l], 0.0});
+    }
+    // Frames whose times are free tell no common delay.
+    if (recording.kind == Kind::kChopper && stimulus.times_free) {
+      all.push_back({member("sweep", i, &StimulusState::sweep_s, 0.001, 0.03), index, false, 0.0, 0.005});
+    } else if (recording.kind == Kind::kChopper) {
+      all.push_back({member("delay", i, &StimulusState::delay_s, 0.0005, 0.05), index, false, 0.0, 0.0});
+      all.push_back({member("sweep", i, &StimulusState::sweep_s, 0.001, 0.03), index, false, 0.0, 0.005});
+      all.push_back({softness(i), index, false, 0.0, 2e-6});
+    }
+    if (recording.kind == Kind::kStillBars) {
+      all.push_back({member("phase", i, &StimulusState::phase_px, 0.05, 1e6), index, false, 0.0, 0.0});
+    }
+    bars = bars || recording.kind == Kind::kStillBars || recording.kind == Kind::kMovingBars;
+  }
+  if (nominal.camera.response.filter != FrameFilter::kNone && nominal.camera.response.alpha < 1.0) {
+    // Known from the noise to a percent; the late edges tell it better.
+    all.push_back({{"alpha", 0.02, 0.05, 1.0, [](const State& s) { return s.camera.response.alpha; },
+                    [](State& s, double value) { s.camera.response.alpha = value; }},
+                   kAllRecordings,
+                   false,
+                   1.0,
+                   0.0});
+  }
+  if (bars) all.push_back({target_edge(), kAllBars, false, 0.0, kEdgePrior});
+  return all;
+}
+
+double level_spread(const std::vector<Nuisance>& all, const State& state) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (const Nuisance& n : all) {
+    if (!n.is_level) continue;
+    const double error = n.parameter.get(state) - n.nominal;
+    sum += error * error;
+    count += 1.0;
+  }
+  return std::sqrt(sum / std::max(1.0, count) + kLevelResolution * kLevelResolution);
+}
+
+double level_evidence(const std::vector<Nuisance>& all, const State& state) {
+  const auto count = static_cast<double>(std::ranges::count_if(all, &Nuisance::is_level));
+  return -count * std::log(level_spread(all, state) / kLevelResolution);
+}
+
 std::vector<Choice> unformed(std::vector<Choice> choices) {
   for (Choice& c : choices) c.form = -1;
   return choices;
@@ -19,17 +124,17 @@ std::vector<Choice> unformed(std::vector<Choice> choices) {
 
 Unknowns::Unknowns(const Session& session, const State& nominal, std::span<const Choice> choices)
     : nuisances(diagnose::nuisances(session, nominal)) {
-  for (const Nuisance& n : nuisances) coordinates.push_back(n.coordinate);
+  for (const Nuisance& n : nuisances) parameters.push_back(n.parameter);
   for (const Choice& choice : choices) {
-    first.push_back(coordinates.size());
-    if (!choice.effect->coordinates) continue;
-    for (Coordinate& c : choice.effect->coordinates(session)) coordinates.push_back(std::move(c));
+    first.push_back(parameters.size());
+    if (!choice.effect->parameters) continue;
+    for (Parameter& c : choice.effect->parameters(session)) parameters.push_back(std::move(c));
   }
-  first.push_back(coordinates.size());
+  first.push_back(parameters.size());
 }
 
-std::vector<Coordinate> Unknowns::touching(const Session& session, std::size_t recording,
-                                           std::vector<Coordinate> of) const {
+std::vector<Parameter> Unknowns::touching(const Session& session, std::size_t recording,
+                                          std::vector<Parameter> of) const {
   for (std::size_t j = 0; j < nuisances.size(); ++j) {
     if (!touches(nuisances[j].recording, session, recording)) of[j].step = 0.0;
   }
@@ -44,7 +149,7 @@ void Unknowns::add_prior(const State& state, Eigen::MatrixXd& normal, Eigen::Vec
     if (width <= 0.0) continue;
     const auto j = static_cast<Eigen::Index>(i);
     normal(j, j) += 1.0 / (width * width);
-    right[j] += (n.nominal - n.coordinate.get(state)) / (width * width);
+    right[j] += (n.nominal - n.parameter.get(state)) / (width * width);
   }
 }
 

@@ -29,6 +29,7 @@ Kind kind_of(const capture::Stimulus& stimulus) {
 Recording blank(const capture::Stimulus& stimulus, int frames) {
   Recording r;
   r.kind = kind_of(stimulus);
+  r.step = 0.01;
   r.stimulus = stimulus;
   for (int k = 0; k < frames; ++k) r.t.push_back(k * kPeriodS);
   r.values.resize(frames, kWidth * kHeight);
@@ -98,7 +99,18 @@ Session session_of(std::vector<Recording> recordings) {
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     session.recordings[i].name = "recording-" + std::to_string(i + 1);
   }
+  measure(session);
   return session;
+}
+
+void measure(Session& session) {
+  for (Recording& r : session.recordings) {
+    FrameStatisticsSum sum(session.width, session.height);
+    for (Eigen::Index k = 0; k < r.values.rows(); ++k) {
+      sum.add({r.values.row(k).data(), static_cast<std::size_t>(r.values.cols())});
+    }
+    r.statistics = sum.statistics();
+  }
 }
 
 Recording empty_shutter(int frames) { return blank(capture::Uniform{300.0}, frames); }

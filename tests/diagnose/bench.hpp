@@ -33,6 +33,9 @@ Recording record(const sim::CameraSettings& camera, const capture::Stimulus& sti
 // One camera's recordings, named recording-1 and so on.
 Session session_of(std::vector<Recording> recordings);
 
+// Their statistics once more, after values were changed.
+void measure(Session& session);
+
 // A closed shutter at 300 K: `value(frame, row, column)` is added, the sum rounded to 10 mK (`step`).
 template <typename Value>
 Recording shutter(int frames, Value value, double step = 0.01);

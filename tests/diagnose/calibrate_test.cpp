@@ -9,7 +9,7 @@
 #include <memory>
 #include <random>
 
-#include "src/diagnose/calibrate/intervals.hpp"
+#include "src/diagnose/calibrate/pulses.hpp"
 
 namespace bolo::diagnose {
 namespace {

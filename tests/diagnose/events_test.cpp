@@ -143,6 +143,7 @@ TEST_F(Events, StuckAndNoisyPixelsAreDead) {
     r.values.col(stuck).setConstant(310.0F);
     for (int k = 0; k < kFrames; ++k) r.values(k, noisy) += static_cast<float>(noise(0.5));
   }
+  testing::measure(session);
   const BadPixels bad = find_dead_pixels(session);
   EXPECT_EQ(bad.stuck, std::vector<int>{stuck});
   EXPECT_EQ(bad.noisy, std::vector<int>{noisy});
@@ -154,6 +155,7 @@ TEST_F(Events, StuckAndNoisyPixelsAreDead) {
 TEST_F(Events, APixelThatSticksInOneCaptureOnlyIsNotDead) {
   Session session = testing::session_of({quiet(), quiet()});
   session.recordings[0].values.col(100).setConstant(300.0F);
+  testing::measure(session);
   EXPECT_TRUE(find_dead_pixels(session).stuck.empty());
 }
 

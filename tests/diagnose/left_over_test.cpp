@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "src/diagnose/map_trend.hpp"
-#include "src/diagnose/omnibus.hpp"
+#include "src/diagnose/pixel_maps.hpp"
+#include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/effect.hpp"
-#include "src/diagnose/report_files.hpp"
+#include "src/diagnose/report_output.hpp"
 #include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose {

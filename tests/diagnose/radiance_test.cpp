@@ -1,4 +1,4 @@
-#include "src/diagnose/radiance.hpp"
+#include "src/diagnose/response.hpp"
 
 #include <gtest/gtest.h>
 

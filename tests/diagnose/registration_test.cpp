@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "src/diagnose/nuisance.hpp"
-#include "src/diagnose/transport.hpp"
+#include "src/diagnose/timing.hpp"
+#include "src/diagnose/unknowns.hpp"
 #include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose {
@@ -151,15 +151,15 @@ TEST(Nuisances, BelongToTheStimuliThatHaveThem) {
   const auto levels = std::ranges::count_if(all, &Nuisance::is_level);
   EXPECT_EQ(levels, 1 + 3 + 2);
   const auto named = [&](const std::string& name) {
-    return std::ranges::count_if(all, [&](const Nuisance& n) { return n.coordinate.name == name; });
+    return std::ranges::count_if(all, [&](const Nuisance& n) { return n.parameter.name == name; });
   };
   EXPECT_EQ(named("sweep"), 1);
   EXPECT_EQ(named("delay"), 1);
   for (const Nuisance& n : all) {
-    const double before = n.coordinate.get(state);
-    n.coordinate.set(state, before + n.coordinate.step);
-    EXPECT_NEAR(n.coordinate.get(state), before + n.coordinate.step, 1e-9) << n.coordinate.name;
-    n.coordinate.set(state, before);
+    const double before = n.parameter.get(state);
+    n.parameter.set(state, before + n.parameter.step);
+    EXPECT_NEAR(n.parameter.get(state), before + n.parameter.step, 1e-9) << n.parameter.name;
+    n.parameter.set(state, before);
   }
 }
 
@@ -171,7 +171,7 @@ TEST(Nuisances, LevelsThatAgreeWithTheFilesSayThatTheBenchIsGood) {
   const double good = level_spread(all, state);
   const double evidence = level_evidence(all, state);
   for (const Nuisance& n : all) {
-    if (n.is_level) n.coordinate.set(state, n.nominal + 0.5);
+    if (n.is_level) n.parameter.set(state, n.nominal + 0.5);
   }
   EXPECT_LT(good, 0.02);
   EXPECT_GT(level_spread(all, state), 0.2);

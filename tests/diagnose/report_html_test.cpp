@@ -6,8 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "src/diagnose/report_files.hpp"
-#include "src/diagnose/report_words.hpp"
+#include "src/diagnose/report_output.hpp"
 #include "tests/diagnose/invented.hpp"
 
 namespace bolo::diagnose {

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "src/diagnose/report_files.hpp"
+#include "src/diagnose/report_output.hpp"
 #include "tests/diagnose/invented.hpp"
 #include "tests/scratch.hpp"
 

@@ -1,4 +1,4 @@
-#include "src/diagnose/report_words.hpp"
+#include "src/diagnose/report_output.hpp"
 
 #include <gtest/gtest.h>
 

@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/diagnose/calibrate.hpp"
-#include "src/diagnose/report_words.hpp"
+#include "src/diagnose/report_output.hpp"
 #include "src/report/sheet.hpp"
 #include "tools/bolo/profile_file.hpp"
 #include "tools/bolo/pulse_plots.hpp"

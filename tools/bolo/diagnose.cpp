@@ -9,8 +9,7 @@
 #include <unistd.h>
 
 #include "src/diagnose/diagnose.hpp"
-#include "src/diagnose/report_files.hpp"
-#include "src/diagnose/report_words.hpp"
+#include "src/diagnose/report_output.hpp"
 #include "tools/bolo/profile_file.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"

@@ -1,10 +1,11 @@
-#include "common_signal.hpp"
-
+// What the pixels of a recording have in common.
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include <Eigen/Core>
+
+#include "src/diagnose/calibrate/pulses.hpp"
 
 namespace bolo::diagnose {
 namespace {

@@ -1,8 +1,10 @@
-#include "intervals.hpp"
-
+// Cuts one signal into intervals, and fits what they have in common.
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "src/core/statistics.hpp"
+#include "src/diagnose/calibrate/pulses.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -11,12 +13,6 @@ constexpr std::size_t kLongest = 160;  // samples an interval of the search may 
 constexpr double kTauRatio = 1.12;     // between two taus that are tried
 constexpr double kShortestTau = 0.3;   // in frame periods
 constexpr double kLongestTau = 60.0;
-
-double quantile(std::vector<double> values, double share) {
-  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
-}
 
 // Sums of the regression of y on 1 and e = exp(-(t - t_first) / tau), sample by sample.
 struct Regression {
@@ -216,7 +212,7 @@ std::optional<SignalFit> fit_signal(std::span<const double> t_s, std::span<const
   for (std::size_t k = 3; k < y.size(); ++k) {
     rough.push_back(std::abs(y[k] - 3.0 * y[k - 1] + 3.0 * y[k - 2] - y[k - 3]));
   }
-  double sigma = std::max(0.005 * fit.contrast, 0.3 * quantile(rough, 0.5) / (0.6745 * std::sqrt(20.0)));
+  double sigma = std::max(0.005 * fit.contrast, 0.3 * quantile(rough, 0.5) / (kMadOfSigma * std::sqrt(20.0)));
   double least = std::numeric_limits<double>::infinity();
   for (double tau_s = kShortestTau * period_s; tau_s < kLongestTau * period_s; tau_s *= kTauRatio) {
     const Cut found = best_cut(t_s, y, tau_s, sigma);

@@ -1,8 +1,9 @@
-#include "pixel_fit.hpp"
-
+// The time constant of every pixel, in passes over the frames.
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "src/diagnose/calibrate/pulses.hpp"
 
 namespace bolo::diagnose {
 namespace {

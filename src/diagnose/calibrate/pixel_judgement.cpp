@@ -1,15 +1,32 @@
-#include "pixel_judgement.hpp"
-
+// Judging the pixels of a fit, and how the switches run over the frame.
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
-#include "statistics.hpp"
+#include <Eigen/Dense>
+
+#include "src/core/statistics.hpp"
+#include "src/diagnose/calibrate/pulses.hpp"
 
 namespace bolo::diagnose {
+namespace {
+
+// All limits are set by simulated choppers with and without dead pixels and spread (tests/diagnose/calibrate_test.cpp).
+constexpr double kPrior = 200.0;          // frames, as which the usual noise counts beside a pixel's own
+constexpr double kMostError = 4.0;        // times the usual standard error of a pixel that is trusted
+constexpr double kMostScatters = 6.0;     // of the taus, that a trusted one may lie off the middle
+constexpr double kNoisyPixel = 4.0;       // times the usual residual, and
+constexpr double kNoisySwing = 0.003;     // of the usual deviation, for what the model is off by
+constexpr double kWeakPixel = 0.15;       // of the usual deviation
+constexpr double kLoudPixel = 0.5;        // the same, of a pixel that does not follow
+constexpr double kFarDelay = 4.0;         // scatters: an edge that was taken for its neighbour
+constexpr double kSwitchMargin_s = 1e-4;  // beyond the sweep, that samples must keep from a switch, and
+constexpr double kSweepMargin = 0.05;     // of the sweep
+
+}  // namespace
 
 void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& follows, PixelTaus& taus) {
-  constexpr double kPrior = 200.0;
   double freedom = -1.0;
   for (const Interval& interval : table.intervals()) freedom += static_cast<double>(interval.count) - 2.0;
   std::vector<double> sigmas;
@@ -36,12 +53,12 @@ std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPi
   const double usual = median(errors);
   const double middle = median(values);
   for (double& v : values) v = std::abs(v - middle);
-  const double scatter = std::max(median(values) / 0.6745, 1e-9 * middle);
+  const double scatter = std::max(median(values) / kMadOfSigma, 1e-9 * middle);
   std::vector<std::size_t> pixels;
   for (std::size_t p = 0; p < taus.tau_s.size(); ++p) {
     if (dead[p] != DeadPixel::kGood || !std::isfinite(taus.error[p]) || !std::isfinite(taus.tau_s[p])) continue;
     const double away = std::abs(static_cast<double>(taus.tau_s[p]) - middle);
-    if (static_cast<double>(taus.error[p]) < 4.0 * usual && away < 6.0 * scatter) pixels.push_back(p);
+    if (static_cast<double>(taus.error[p]) < kMostError * usual && away < kMostScatters * scatter) pixels.push_back(p);
   }
   return pixels;
 }
@@ -103,8 +120,8 @@ std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& 
       };
       const std::size_t p = at(x, y);
       if (common.follows[p] != 0) {
-        const bool noisy = static_cast<double>(taus.sigma[p]) > 4.0 * usual + 0.003 * swing;
-        const bool weak = static_cast<double>(common.deviation[p]) < 0.15 * swing;
+        const bool noisy = static_cast<double>(taus.sigma[p]) > kNoisyPixel * usual + kNoisySwing * swing;
+        const bool weak = static_cast<double>(common.deviation[p]) < kWeakPixel * swing;
         dead[p] = noisy ? DeadPixel::kNoisy : weak ? DeadPixel::kSilent : DeadPixel::kGood;
         continue;
       }
@@ -120,9 +137,9 @@ std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& 
       }
       if (4 * follow < 3 * seen) continue;
       const double deviation = static_cast<double>(common.deviation[p]);
-      dead[p] = deviation <= 0.0          ? DeadPixel::kFrozen
-                : deviation > 0.5 * swing ? DeadPixel::kNoisy
-                                          : DeadPixel::kSilent;
+      dead[p] = deviation <= 0.0                 ? DeadPixel::kFrozen
+                : deviation > kLoudPixel * swing ? DeadPixel::kNoisy
+                                                 : DeadPixel::kSilent;
     }
   }
   return dead;
@@ -178,6 +195,82 @@ std::vector<float> shrunk_map(const PixelTaus& taus, const std::vector<std::size
     map[p] = static_cast<float>(all.mean_s + reliability * (static_cast<double>(taus.tau_s[p]) - all.mean_s));
   }
   return map;
+}
+
+Sweep fit_sweep(const FrameSeries& frames, const PixelTaus& taus, double tau_s) {
+  Sweep sweep;
+  const auto width = static_cast<std::size_t>(frames.geometry.width);
+  const double across = frames.geometry.width;
+  const double down = frames.geometry.height;
+  double scatter = std::numeric_limits<double>::infinity();
+  for (int round = 0; round < 3; ++round) {  // what is far off, such as an edge taken for its neighbour, goes
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 1e-12;
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    std::vector<double> squares;
+    const auto place = [&](std::size_t p) {
+      const std::size_t row = p / width;
+      return Eigen::Vector3d(1.0, (static_cast<double>(p % width) + 0.5) / across - 0.5,
+                             (static_cast<double>(row) + 0.5) / down - 0.5);
+    };
+    const auto left = [&](std::size_t p) { return static_cast<double>(taus.delay_s[p]) - place(p).dot(sweep.delay); };
+    for (std::size_t p = 0; p < taus.delay_s.size(); ++p) {
+      if (!(taus.delay_weight[p] > 0.0F) || std::abs(left(p)) > kFarDelay * scatter) continue;
+      normal += place(p) * place(p).transpose();
+      right += place(p) * static_cast<double>(taus.delay_s[p]);
+    }
+    sweep.delay = normal.ldlt().solve(right);
+    for (std::size_t p = 0; p < taus.delay_s.size(); ++p) {
+      if (taus.delay_weight[p] > 0.0F) squares.push_back(std::abs(left(p)));
+    }
+    scatter = std::max(1e-9 * tau_s, median(std::move(squares)) / kMadOfSigma);
+    sweep.error = scatter * normal.inverse().diagonal().array().sqrt();
+  }
+  return sweep;
+}
+
+std::vector<SwitchBetween> between(const FrameSeries& frames, const DecayTable& table, const SignalFit& fit,
+                                   double reach_s) {
+  std::vector<SwitchBetween> switches;
+  for (std::size_t i = 0; i + 1 < table.intervals().size(); ++i) {
+    const Interval& a = table.intervals()[i];
+    const Interval& b = table.intervals()[i + 1];
+    const auto decay = [&](const Interval& interval) {
+      const auto at = std::ranges::find(fit.intervals, interval.first, &Interval::first) - fit.intervals.begin();
+      return fit.decays[static_cast<std::size_t>(at)];
+    };
+    const double from_s = frames.t_s[a.end() - 1] - reach_s;
+    const double to_s = frames.t_s[b.first] + reach_s;
+    if (const auto t_s = crossing(decay(a), decay(b), fit.tau_s, from_s, to_s)) {
+      switches.push_back({i, *t_s, from_s, to_s});
+    }
+  }
+  return switches;
+}
+
+void trim(const FrameSeries& frames, const std::vector<SwitchBetween>& switches, const DecayTable& table,
+          const Sweep& sweep, SignalFit& fit) {
+  const double margin_s = kSwitchMargin_s + kSweepMargin * (sweep.high() - sweep.low());
+  for (const SwitchBetween& at : switches) {
+    const double from_s = at.t_s + sweep.low() - margin_s;
+    const double to_s = at.t_s + sweep.high() + margin_s;
+    for (Interval& interval : fit.intervals) {
+      if (interval.first == table.intervals()[at.before].first) {
+        while (interval.count > 1 && frames.t_s[interval.end() - 1] > from_s) --interval.count;
+      }
+      if (interval.first == table.intervals()[at.before + 1].first) {
+        while (interval.count > 1 && frames.t_s[interval.first] < to_s) {
+          ++interval.first;
+          --interval.count;
+        }
+        break;
+      }
+    }
+  }
+}
+
+Estimate sweep_estimate(const Sweep& sweep, int axis) {
+  return {sweep.delay[axis], sweep.delay[axis] - 1.96 * sweep.error[axis],
+          sweep.delay[axis] + 1.96 * sweep.error[axis]};
 }
 
 }  // namespace bolo::diagnose

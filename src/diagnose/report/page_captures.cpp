@@ -2,9 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "src/diagnose/report/map_plot.hpp"
 #include "src/diagnose/report/page_parts.hpp"
-#include "src/diagnose/report_words.hpp"
+#include "src/diagnose/report_output.hpp"
 #include "src/report/page.hpp"
 #include "src/report/text.hpp"
 
@@ -160,7 +159,7 @@ std::string residual_of(const CapturePlots& one, double floor_k) {
   return figure_html(plot);
 }
 
-const char* kind_words(const std::string& kind) {
+const char* describe_kind(const std::string& kind) {
   if (kind == "uniform") return "uniform";
   if (kind == "chopper") return "chopper";
   if (kind == "bar_target") return "bar target";
@@ -172,7 +171,7 @@ std::string capture_part(const CapturePlots& one, double floor_k, bool open) {
                             profile(one.column_before, one.column_after, floor_k, false) +
                             profile(one.row_before, one.row_after, floor_k, true);
   return format("<details%s><summary>%s<span>%s, gap %s \u2192 %s</span></summary>", open ? " open" : "",
-                escaped(one.file).c_str(), kind_words(one.kind), gap_text(one.gap_before).c_str(),
+                escaped(one.file).c_str(), describe_kind(one.kind), gap_text(one.gap_before).c_str(),
                 gap_text(one.gap_after).c_str()) +
          (plots.empty() ? "<p class=soft>Nothing was drawn of it.</p>" : "<div class=\"pair\">" + plots + "</div>") +
          "</details>";

@@ -2,9 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "src/diagnose/report/map_plot.hpp"
 #include "src/diagnose/report/page_parts.hpp"
-#include "src/diagnose/report_words.hpp"
+#include "src/diagnose/report_output.hpp"
 #include "src/report/page.hpp"
 #include "src/report/scale.hpp"
 #include "src/report/text.hpp"
@@ -47,15 +46,19 @@ std::string alternatives_text(const FoundEffect& effect) {
   return out + "</table>";
 }
 
+std::string gaps_text(const FoundEffect& effect) {
+  if (!std::isfinite(effect.gap_before)) return {};
+  return format(" \u00b7 gap%s %s \u2192 %s", effect.of_noise ? " of the noise" : "",
+                gap_text(effect.gap_before).c_str(), gap_text(effect.gap_after).c_str());
+}
+
 std::string effect_card(const FoundEffect& effect) {
   return "<section class=card><h3>" + escaped(effect_title(effect.name)) + " <code>" + escaped(effect.name) +
          "</code></h3><p style=\"margin:4px 0 8px\">" + unbroken(escaped(effect_sentence(effect, true))) + ".</p>" +
          format(
-             "<p class=soft style=\"font-size:14px\">Stage <b>%s</b> \u00b7 <b>%.3g %%</b> sure that it is this one "
-             "\u00b7 "
-             "gap%s %s \u2192 %s</p>",
-             escaped(effect.stage).c_str(), 100.0 * effect.confidence, effect.of_noise ? " of the noise" : "",
-             gap_text(effect.gap_before).c_str(), gap_text(effect.gap_after).c_str()) +
+             "<p class=soft style=\"font-size:14px\">Stage <b>%s</b> \u00b7 <b>%.3g %%</b> sure that it is this "
+             "one%s</p>",
+             escaped(effect.stage).c_str(), 100.0 * effect.confidence, gaps_text(effect).c_str()) +
          parameters_table(effect) + alternatives_text(effect) + "</section>";
 }
 
@@ -182,6 +185,23 @@ std::string maps_part(const Report& report) {
   }
   if (figures.empty()) return {};
   return "<h2>What was diagnosed of single pixels</h2><div class=\"plots\">" + figures + "</div>";
+}
+
+std::string observed_part(const Report& report) {
+  std::string out;
+  for (const Observation& one : report.observations) {
+    std::vector<std::string> items;
+    for (const std::string& sentence : describe(one)) items.push_back(escaped(sentence));
+    if (!items.empty()) out += "<h3>" + escaped(one.file) + "</h3>" + list_of(items);
+  }
+  std::vector<std::string> items;
+  if (!report.defects.stuck.empty()) items.push_back(describe(report.defects.stuck, "stuck"));
+  if (!report.defects.noisy.empty()) items.push_back(describe(report.defects.noisy, "noisy"));
+  if (!items.empty()) out += "<h3>Pixels that do not work</h3>" + list_of(items);
+  if (out.empty()) return {};
+  return "<h2>What frames and pixels tell by themselves</h2><p class=soft>Without a model of what the camera looked "
+         "at; frames count from 0, pixels are (column, row).</p>" +
+         out;
 }
 
 std::string limits_part(const Report& report) {

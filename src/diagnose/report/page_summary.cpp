@@ -1,15 +1,48 @@
-// Verdict, waterfall, place, what is left.
+// report.html: its parts in the order in which a person wants to know them; here verdict, waterfall, place, what is
+// left.
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "src/diagnose/report/page_parts.hpp"
-#include "src/diagnose/report_words.hpp"
+#include "src/diagnose/report_output.hpp"
+#include "src/report/page.hpp"
 #include "src/report/scale.hpp"
 #include "src/report/text.hpp"
 
 namespace bolo::diagnose {
 namespace {
+
+// How the parts look that only this page has; the rest is plot::page_style().
+constexpr const char* kReportStyle = R"(
+.card{background:var(--card);border-radius:10px;padding:16px 18px;margin:12px 0}
+.cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,430px),1fr));gap:12px;margin-top:12px}
+.cards .card{margin:0}
+.row{display:grid;grid-template-columns:minmax(150px,230px) 1fr 104px;gap:0 14px;align-items:center;font-size:14px}
+.row .name{padding:5px 0;line-height:1.3;overflow-wrap:anywhere}.row .value{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
+.track{position:relative;height:34px;overflow:visible}
+.track i{position:absolute;top:0;bottom:0;width:1px;background:var(--line)}
+.track i.floor{width:2px;margin-left:-1px;background:var(--good);opacity:.75}
+.track b{position:absolute;top:8px;height:18px;border-radius:3px;min-width:3px;background:var(--after)}
+.track b.start{background:var(--before)}.track b.noise{background:var(--noise)}.track b.left{background:var(--soft)}
+.track b.span{top:15px;height:4px;background:var(--line);border-radius:2px}
+.track u{position:absolute;top:11px;width:12px;height:12px;margin-left:-6px;border-radius:6px;text-decoration:none}
+.track u.nominal{border:2px solid var(--before);background:var(--paper)}
+.track u.measured{background:var(--ink)}
+.track u.explained{background:var(--after);border-radius:0;transform:rotate(45deg) scale(.72)}
+.scale{position:relative;height:20px;font-size:12px;color:var(--soft)}
+.scale span{position:absolute;transform:translateX(-50%);white-space:nowrap}
+.chain{display:flex;flex-wrap:wrap;gap:6px;margin:14px 0;font-size:14px;align-items:center;padding:0;list-style:none}
+.chain li{border:1px solid var(--line);border-radius:8px;padding:3px 11px;color:var(--soft)}
+.chain li.found{background:var(--after);border-color:var(--after);color:var(--paper);font-weight:600}
+.chain li.unknown{background:var(--bad-back);border-color:var(--bad);color:var(--bad);font-weight:600}
+sup{font-size:.75em;line-height:0}.axisname{text-align:center;font-size:12px;color:var(--soft)}
+.legend{display:flex;flex-wrap:wrap;gap:2px 14px;font-size:13px;color:var(--soft)}
+.pair{display:grid;grid-template-columns:1fr 1fr;gap:26px 30px;margin-top:12px}.pair figure{margin:0}
+@media(max-width:820px){.pair{grid-template-columns:1fr}}
+@media(max-width:640px){.scale span:first-child{transform:translateX(-15%)}.row{grid-template-columns:1fr 92px;gap:0 10px;margin-bottom:6px}
+.row .name{grid-column:1/-1;padding:2px 0 0}.row .blank{display:none}.row .axisname{grid-column:1}}
+)";
 
 using plot::escaped;
 using plot::format;
@@ -17,6 +50,7 @@ using plot::number_text;
 using plot::unbroken;
 
 std::string pill(const std::string& verdict) {
+  if (verdict == "not_testable") return "<span class=\"pill warn\">Not testable</span>";
   if (verdict == "no_gap") return "<span class=\"pill good\">No gap</span>";
   if (verdict == "explained") return "<span class=\"pill good\">Explained</span>";
   if (verdict == "partly_explained") return "<span class=\"pill warn\">Partly explained</span>";
@@ -82,7 +116,7 @@ std::string effect_rows(const Report& report, const plot::Scale& axis, bool of_n
   return out;
 }
 
-const char* left_words(const Report& report) {
+const char* describe_left(const Report& report) {
   if (report.effects.empty()) return "Left";
   return report.effects.size() == 1 ? "Left with it" : "Left with all of them";
 }
@@ -131,18 +165,23 @@ std::string head_part(const Report& report) {
     out += '.';
   }
   out += "</p><div class=facts>";
-  out += fact(arrow(report.gap_before, report.gap_after), "gap of the prediction, in noise floors; 1.00 is none");
-  out += fact(report.gap_before > 1.0 && report.verdict != "no_gap"
-                  ? format("%.*f %%", report.closed_fraction > 0.995 && report.closed_fraction < 1.0 ? 1 : 0,
-                           100.0 * report.closed_fraction)
-                  : "\u2013",
-              "of the gap closed");
+  const bool tested = report.verdict != "not_testable";
+  if (!tested && !std::isfinite(report.noise_gap_before)) return out + "</div>";
+  if (tested)
+    out += fact(arrow(report.gap_before, report.gap_after), "gap of the prediction, in noise floors; 1.00 is none");
+  if (tested)
+    out += fact(report.gap_before > 1.0 && report.verdict != "no_gap"
+                    ? format("%.*f %%", report.closed_fraction > 0.995 && report.closed_fraction < 1.0 ? 1 : 0,
+                             100.0 * report.closed_fraction)
+                    : "\u2013",
+                "of the gap closed");
   out += fact(arrow(report.noise_gap_before, report.noise_gap_after), "gap of the noise's own statistics");
   out += fact(quantity("floor_k", report.noise_floor_k), "noise floor of a pixel");
   return out + "</div>";
 }
 
 std::string waterfall_part(const Report& report) {
+  if (report.verdict == "not_testable") return {};
   std::vector<double> gaps{report.gap_before, report.gap_after};
   const bool noise = std::ranges::any_of(report.effects, [](const FoundEffect& e) { return e.of_noise; });
   if (noise) gaps.insert(gaps.end(), {report.noise_gap_before, report.noise_gap_after});
@@ -155,12 +194,12 @@ std::string waterfall_part(const Report& report) {
       "Each bar is what one more effect takes away.</p>";
   out += bar_row(axis, "Nominal simulator", "start", 1.0, report.gap_before, gap_text(report.gap_before));
   out += effect_rows(report, axis, false);
-  out += bar_row(axis, left_words(report), "left", 1.0, report.gap_after, gap_text(report.gap_after));
+  out += bar_row(axis, describe_left(report), "left", 1.0, report.gap_after, gap_text(report.gap_after));
   if (noise) {
     out += "<h3 style=\"margin-top:14px\">The noise's own statistics</h3>";
     out += bar_row(axis, "Nominal noise", "start", 1.0, report.noise_gap_before, gap_text(report.noise_gap_before));
     out += effect_rows(report, axis, true);
-    out += bar_row(axis, left_words(report), "left", 1.0, report.noise_gap_after, gap_text(report.noise_gap_after));
+    out += bar_row(axis, describe_left(report), "left", 1.0, report.noise_gap_after, gap_text(report.noise_gap_after));
   }
   return out + scale_row(axis) +
          "<div class=row><div class=\"name blank\"></div><div class=axisname>gap, noise floors</div><div "
@@ -168,7 +207,7 @@ std::string waterfall_part(const Report& report) {
 }
 
 std::string location_part(const Report& report) {
-  if (report.effects.empty() && report.unexplained.stage.empty()) return {};
+  if (report.verdict == "not_testable" || (report.effects.empty() && report.unexplained.stage.empty())) return {};
   const Location& where = report.location;
   std::string out = "<h2>Where the gap is</h2>" + chain(report) + "<div class=facts>";
   out += fact(format("%d to %d", where.row_first, where.row_last), "rows");
@@ -196,7 +235,9 @@ std::string location_part(const Report& report) {
 
 std::string unexplained_part(const Report& report) {
   const Unexplained& left = report.unexplained;
-  const bool significant = report.verdict == "unknown_effect" || report.verdict == "partly_explained";
+  if (report.verdict == "not_testable" && left.stage.empty()) return {};
+  const bool significant =
+      report.verdict == "not_testable" || report.verdict == "unknown_effect" || report.verdict == "partly_explained";
   if (!significant) {
     return format(
         "<h2>What is left</h2><p>Nothing that the tests can see: all of them together have a p-value of "
@@ -211,6 +252,20 @@ std::string unexplained_part(const Report& report) {
   out += format("</p><p class=soft>p-value of all tests together: %.2g", left.p_value);
   if (!left.stage.empty()) out += "; it looks like the camera's stage <b>" + escaped(left.stage) + "</b>";
   return out + ".</p></div>";
+}
+
+std::string report_html(const Report& report) {
+  std::string out =
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" "
+      "content=\"width=device-width,initial-scale=1\"><title>Simulator and camera</title><style>";
+  out += plot::page_style() + kReportStyle;
+  out += "</style></head><body><main>\n";
+  for (const auto part : {head_part, waterfall_part, effects_part, location_part, unexplained_part, observed_part,
+                          captures_part, noise_part, maps_part, stimulus_part, limits_part}) {
+    out += part(report);
+    out += '\n';
+  }
+  return out + "</main></body></html>\n";
 }
 
 }  // namespace bolo::diagnose

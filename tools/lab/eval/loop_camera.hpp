@@ -7,7 +7,7 @@
 
 #include "src/core/plane.hpp"
 #include "src/core/result.hpp"
-#include "src/diagnose/learned.hpp"
+#include "src/diagnose/report.hpp"
 #include "tools/lab/blind/session.hpp"
 #include "tools/lab/eval/recording.hpp"
 

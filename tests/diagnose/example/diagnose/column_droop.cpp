@@ -16,23 +16,17 @@ CameraModel::Term& term_of(State& state) {
 }  // namespace
 
 // The supply of the column amplifiers droops towards the right.
-extern const Effect column_droop_effect{
-    .name = "column_droop",
-    .stage = "readout",
-    .needs = "a closed shutter",
-    .told_by = [](const Session& s) { return has_kind(s, Kind::kUniform); },
-    .coordinates =
-        [](const Session&) {
-          return std::vector<Coordinate>{
-              {"droop_k", 0.02, -5.0, 5.0,
-               [](const State& s) { return s.camera.terms.empty() ? 0.0 : s.camera.terms.front().value; },
-               [](State& s, double v) { term_of(s).value = v; }}};
-        },
-    .least = 0.002,
-    .report =
-        [](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
-          return std::map<std::string, Estimate>{{"droop_k", interval(v[0], e[0])}};
-        },
-};
+std::vector<Effect> column_droop_effects() {
+  return {{.name = "column_droop",
+           .stage = "readout",
+           .needs = "a closed shutter",
+           .told_by = any_of({Kind::kUniform}),
+           .parameters =
+               always({{"droop_k", 0.02, -5.0, 5.0,
+                        [](const State& s) { return s.camera.terms.empty() ? 0.0 : s.camera.terms.front().value; },
+                        [](State& s, double v) { term_of(s).value = v; }}}),
+           .least = 0.002,
+           .report = first_as("droop_k")}};
+}
 
 }  // namespace bolo::diagnose

@@ -1,0 +1,210 @@
+// tau from pulses, step by step: one signal cut into intervals, the signal that pixels have in common, every pixel's
+// own fit, judgements of these, and what is shown of it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "src/diagnose/calibrate.hpp"
+
+namespace bolo::diagnose {
+
+// Samples [first, first + count) between two switches.
+struct Interval {
+  std::size_t first = 0;
+  std::size_t count = 0;
+  std::size_t end() const { return first + count; }
+};
+
+// The curve of one interval: level + amplitude * exp(-(t - t_first_s) / tau).
+struct Decay {
+  double level = 0.0;
+  double amplitude = 0.0;
+  double t_first_s = 0.0;
+  double at(double t_s, double tau_s) const;
+};
+
+// The least number of samples that say something about tau.
+inline constexpr std::size_t kLeastCount = 4;
+
+// The best cut for a known tau, by dynamic programming: an interval more must pay kIntervalCost in squared residuals
+// over sigma^2. A sample that is taken while the input changes ends up in an interval of its own. Thread: any.
+std::vector<Interval> cut(std::span<const double> t_s, std::span<const double> y, double tau_s, double sigma);
+
+inline constexpr double kIntervalCost = 25.0;
+
+// Least squares in one interval. One sample: the level alone. `squares`, when asked for, gets the residual's sum.
+Decay fit_decay(std::span<const double> t_s, std::span<const double> y, const Interval& interval, double tau_s,
+                double* squares = nullptr);
+
+struct SignalFit {
+  double tau_s = 0.0;
+  double sigma = 0.0;              // rms of the residual, corrected for the fit's freedom
+  double information = 0.0;        // of ln tau, in units of 1 / y^2: the variance of ln tau is sigma^2 / information
+  double interval_variance = 0.0;  // of ln tau, from how much the intervals differ (a sandwich)
+  double effective_intervals = 0.0;
+  std::vector<Interval> intervals;  // all, in order
+  std::vector<Decay> decays;        // of each
+  double contrast = 0.0;            // between the 5th and the 95th percentile of the signal
+  std::size_t informative_samples = 0;
+};
+
+// Cut and tau of a signal of which neither is known. Nothing when no tau makes sense of it. Thread: any.
+std::optional<SignalFit> fit_signal(std::span<const double> t_s, std::span<const double> y);
+
+// tau, and what is known of it, with the cut held fixed, by Gauss and Newton (variable projection). Thread: any.
+void refit(std::span<const double> t_s, std::span<const double> y, SignalFit& fit);
+
+// When the input switched between two curves that follow one another: where they meet, in [from_s, to_s]. Nothing when
+// they don't. Thread: any.
+std::optional<double> crossing(const Decay& before, const Decay& after, double tau_s, double from_s, double to_s);
+
+struct CommonSignal {
+  std::vector<double> shape;         // one value a frame, mean 0, variance 1
+  std::vector<std::int8_t> follows;  // of each pixel of the frame: 1, or -1 where it is upside down, 0: does not follow
+  std::vector<double> mean;          // one value a frame: the mean of the pixels that follow (signs taken out)
+  std::vector<float> deviation;      // of each pixel: rms about its own mean
+  std::size_t pixels = 0;            // that follow
+  double clipped_share = 0.0;  // of the values of pixels that follow: at the end of 16 bits, or piled up at one level
+};
+
+// The strongest common shape on a grid of pixels, each scaled to its own deviation so that no single one rules (power
+// iteration), then every pixel of the frame by its correlation with it. kBadInput when nothing is in common, or frames
+// have values that are no numbers. Thread: setup.
+Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progress& progress);
+
+inline constexpr double kLeastCorrelation = 0.5;
+
+// What 1 and exp(-t / tau) leave in each interval, for taus near a middle one: the regressors of amplitude and ln tau.
+class DecayTable {
+ public:
+  static constexpr int kNodes = 61;
+  static constexpr int kMiddle = kNodes / 2;
+  static constexpr double kNodeStep = 0.02;  // of ln tau
+
+  // Intervals of at least kLeastCount samples.
+  DecayTable(const std::vector<double>& t_s, const std::vector<Interval>& intervals, double middle_tau_s);
+
+  struct Sample {
+    float e;  // exp(-t / tau), less its mean
+    float u;  // its derivative by ln tau, less what 1 and e explain
+  };
+  struct Norm {
+    double ee;      // sum of e^2
+    double uu;      // sum of u^2
+    double e_mean;  // of exp(-t / tau)
+  };
+  const Sample* samples(std::size_t frame) const { return &samples_[frame * kNodes]; }
+  const Norm& norm(std::size_t interval, int node) const {
+    return norms_[interval * kNodes + static_cast<std::size_t>(node)];
+  }
+  double tau_s(int node) const;
+  const std::vector<Interval>& intervals() const { return intervals_; }
+
+ private:
+  double middle_tau_s_;
+  std::vector<Interval> intervals_;
+  std::vector<Sample> samples_;
+  std::vector<Norm> norms_;
+};
+
+// What is known of each pixel of the frame after a pass.
+struct PixelTaus {
+  std::vector<std::int8_t> node;  // of DecayTable, that the pass was made with
+  std::vector<float> tau_s;
+  std::vector<float> error;    // standard error of ln tau; infinite where nothing is known
+  std::vector<float> sigma;    // rms of the residual
+  std::vector<float> delay_s;  // how much later than the mean the pixel's input switches
+  std::vector<float> delay_weight;
+  // Of ln tau, when all pixels share one: the step to it is score / information, its variance score2 / information^2.
+  double score = 0.0;
+  double score2 = 0.0;
+  double information = 0.0;
+};
+
+// A switch of the mean signal between intervals `before` and `before` + 1 of the table.
+struct SwitchBetween {
+  std::size_t before = 0;
+  double t_s = 0.0;
+  double from_s = 0.0;  // where a pixel's own switch is looked for
+  double to_s = 0.0;
+};
+
+// One pass. `taus.node` says which node each pixel uses (empty: the middle one); the next pass' nodes are
+// nearest_nodes(). Thread: setup.
+Status pass(const FrameSeries& frames, const DecayTable& table, const std::vector<SwitchBetween>& switches,
+            const std::vector<std::int8_t>& follows, PixelTaus& taus, const Progress& progress);
+
+std::vector<std::int8_t> nearest_nodes(const DecayTable& table, const PixelTaus& taus);
+
+// A pixel's residual says what its noise is, but roughly in a short recording: the usual noise counts as so many frames
+// more.
+void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& follows, PixelTaus& taus);
+
+// Pixels that follow too noisily or weakly, and those that don't although their neighbours do.
+std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus);
+
+// Pixels that are good, as well known as most, and not far off the others.
+std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPixel>& dead);
+
+// Mean and spread of the pixels' taus when each has a standard error (random effects, DerSimonian and Laird 1986).
+struct Population {
+  double mean_s = 0.0;
+  double error = 0.0;        // of the mean, relative
+  double noise_error = 0.0;  // the share of it that comes from the pixels' errors
+  double spread = 0.0;       // rms, relative
+  double spread_z = 0.0;
+  std::size_t pixels = 0;
+};
+
+Population population(const PixelTaus& taus, const std::vector<std::size_t>& pixels);
+
+// Each trusted pixel's tau, s, shrunk to the mean by its reliability; the mean elsewhere.
+std::vector<float> shrunk_map(const PixelTaus& taus, const std::vector<std::size_t>& pixels, const Population& all);
+
+// Rms of the residuals of these pixels.
+double rms_left(const PixelTaus& taus, const std::vector<std::size_t>& pixels);
+
+// Noise of the pixels, from what two frames say about the third: between switches L + A exp(-t / tau) leaves nothing of
+// (y2 - y1) - r (y1 - y0). In the late half of each interval, so that a small
+// error of tau doesn't count.
+Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, const PixelTaus& taus,
+                          const std::vector<std::size_t>& pixels, const Progress& progress);
+
+// A plane through the pixels' delays, s.
+struct Sweep {
+  Eigen::Vector3d delay = Eigen::Vector3d::Zero();  // at the middle; from edge to edge along x; along y
+  Eigen::Vector3d error = Eigen::Vector3d::Zero();
+  double low() const { return delay[0] - (std::abs(delay[1]) + std::abs(delay[2])) / 2.0; }
+  double high() const { return delay[0] + (std::abs(delay[1]) + std::abs(delay[2])) / 2.0; }
+};
+
+// Delays of the last pass. Thread: any.
+Sweep fit_sweep(const FrameSeries& frames, const PixelTaus& taus, double tau_s);
+
+// By axis: 1 along x, 2 along y, edge to edge. Thread: any.
+Estimate sweep_estimate(const Sweep& sweep, int axis);
+
+// Switches of the mean signal between neighbouring intervals of the table; a pixel's own is looked for up to `reach_s`
+// beyond the samples on either side. Thread: any.
+std::vector<SwitchBetween> between(const FrameSeries& frames, const DecayTable& table, const SignalFit& fit,
+                                   double reach_s);
+
+// Samples that some pixel takes while its input is changing belong to no interval. Thread: any.
+void trim(const FrameSeries& frames, const std::vector<SwitchBetween>& switches, const DecayTable& table,
+          const Sweep& sweep, SignalFit& fit);
+
+// When the mean signal's input switched, and to which levels: fit.switches_s and fit.levels_k.
+void describe_switches(std::span<const double> t_s, const SignalFit& signal, PulseFit& fit);
+
+// Measured and simulated values of the pixel nearest to the middle of the frame among those whose tau is known as well
+// as that of most. `signal` has the intervals; levels and amplitudes are the pixel's own. Thread: setup.
+Result<PixelTrace> trace_pixel(const FrameSeries& frames, const SignalFit& signal, const PixelTaus& taus,
+                               const std::vector<std::size_t>& pixels);
+
+}  // namespace bolo::diagnose

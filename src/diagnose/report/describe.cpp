@@ -1,0 +1,400 @@
+// The report in sentences and numbers that a person would say.
+#include "src/diagnose/report_output.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+#include <string_view>
+
+namespace bolo::diagnose {
+namespace {
+
+// `sentence` has places for parameters: {key} is the value with its unit, {key~} how far it is from 1 in percent,
+// {key?more|less} the first word when it is above its neutral value (1 for scales, 0 else), the second below.
+// `plain` is said when a parameter is missing.
+struct EffectDescription {
+  std::string_view name;
+  std::string_view title;
+  std::string_view plain;
+  std::string_view sentence;
+};
+
+constexpr std::array<EffectDescription, 29> kEffectDescriptions{{
+    {"tau_global", "Time constant", "All pixels answer with another time constant than the profile says",
+     "All pixels answer {scale~} {scale?slower|faster} than the profile says"},
+    {"tau_spread", "Spread of time constants", "Pixels differ in their time constant",
+     "Pixels differ in their time constant by {rms} rms"},
+    {"slow_pole", "Slow tail", "A part of the answer comes late, through a second, slower heat path",
+     "{share} of the answer comes late, with a second time constant of {slow_tau_s}"},
+    {"row_delay", "Row delay", "Rows are sampled one after another, not at once",
+     "Rows are sampled {row_delay_s} after one another, not at once"},
+    {"iir", "Frame filter", "The camera averages frames before it sends them",
+     "The camera averages frames before it sends them: a new frame counts {alpha%}"},
+    {"fpn_offset", "Fixed offsets", "Pixels and columns carry a fixed offset",
+     "Pixels carry a fixed offset of {pixel_k} rms and columns one of {column_k}"},
+    {"fpn_gain", "Fixed gains", "Pixels differ in gain", "Pixels differ in gain by {rms} rms"},
+    {"drift", "Drift", "The whole picture drifts slowly with the camera's own temperature",
+     "The whole picture drifts by {amplitude_k} over about {time_s}"},
+    {"stripes", "Stripes", "Columns or rows get a new offset in each frame",
+     "In each frame columns get a new offset of {column_k} and rows one of {row_k}"},
+    {"flicker", "Flicker", "The whole frame gets a new offset each time",
+     "Each frame as a whole gets a new offset of {sigma_k} rms"},
+    {"one_over_f", "1/f noise", "The noise grows towards low frequencies",
+     "Below {corner_hz} the noise grows towards low frequencies"},
+    {"rts", "Telegraph noise", "Some pixels jump between two levels",
+     "{fraction} of the pixels jump by {step_k}, {rate_hz} times a second"},
+    {"dead_pixels", "Dead pixels", "Some pixels are stuck or show only noise",
+     "{fraction} of the pixels are stuck or show only noise"},
+    {"optical_psf", "Optical blur", "The optics blur the picture", "The optics blur the picture by {sigma_px} (sigma)"},
+    {"crosstalk", "Crosstalk", "Heat flows between neighbouring pixels",
+     "Heat flows between neighbouring pixels, {coupling} of what leaves each"},
+    {"radiometric_nonlinearity", "Radiometric nonlinearity",
+     "Pixels warm with radiance, not with temperature: rise and fall differ at large contrast", ""},
+    {"emissivity", "Emissivity", "The target is no perfect black body and mirrors its surroundings",
+     "The target's emissivity is {emissivity}; the rest is its surroundings at {surroundings_k}"},
+    {"vignetting", "Vignetting", "Corners receive less than the middle",
+     "Corners receive {corner_loss} less than the middle"},
+    {"coarse_quantisation", "Coarse quantisation", "Values come in steps coarser than the profile says",
+     "Values come in steps of {step_k}"},
+    {"saturation", "Saturation", "The hottest values are clipped", "Values are clipped at {level_k}"},
+    {"frame_loss", "Lost frames", "Frames are lost or repeated although the counter runs on",
+     "{per_thousand} frames in 1,000 are lost or repeated although the counter runs on"},
+    {"jitter", "Jitter", "The time at which a frame is sampled varies",
+     "The time at which a frame is sampled varies by {rms_s} rms"},
+    {"clock_skew", "Clock skew", "The true frame period is not the nominal one",
+     "The true frame period is {skew?longer|shorter} than the nominal one by {skew}"},
+    {"nuc_freeze", "Shutter freeze", "The camera closed its shutter in between: frozen frames, then new offsets",
+     "The camera closed its shutter in between: {freeze_frames} frozen frames, then new offsets of {offset_k}"},
+    {"offset_jump", "Offset jump", "At one moment the offset jumps, without a freeze",
+     "At one moment the offset jumps by {jump_k}, without a freeze"},
+    {"heavy_tail", "Heavy tails", "The noise has more outliers than a Gaussian",
+     "The noise has more outliers than a Gaussian: Student's t with {degrees} degrees of freedom"},
+    {"noise_level", "Noise level", "The noise is not as strong as the profile says",
+     "The noise is {scale~} {scale?stronger|weaker} than the profile says"},
+    {"integration_window", "Integration window", "A value is a mean over a part of the frame, not a moment",
+     "A value is the mean over {window_s}, not a moment"},
+    {"self_heating", "Self-heating", "The read-out heats the pixels, later rows more",
+     "The read-out heats the pixels, by up to {amplitude_k} in later rows"},
+}};
+
+// A unit in which a value is read easily.
+struct Unit {
+  double factor = 1.0;
+  const char* text = "";
+};
+
+bool ends_with(std::string_view text, std::string_view end) { return text.ends_with(end); }
+
+bool is_share(std::string_view key) {
+  constexpr std::array<std::string_view, 12> kShares{"velocity_error",
+                                                     "velocity_unevenness",
+                                                     "rms",
+                                                     "share",
+                                                     "fraction",
+                                                     "corner_loss",
+                                                     "coupling",
+                                                     "spread",
+                                                     "alpha%",
+                                                     "uneven",
+                                                     "velocity_relative",
+                                                     "reflection"};
+  return std::ranges::find(kShares, key) != kShares.end() || ends_with(key, "_share") || ends_with(key, "_fraction");
+}
+
+Unit unit_of(std::string_view key, double value, bool utf8) {
+  const double size = std::abs(value);
+  if (ends_with(key, "_s") && !ends_with(key, "px_s")) {
+    if (size > 0.0 && size < 1e-3) return {1e6, utf8 ? " \u00b5s" : " us"};
+    return size < 1.0 ? Unit{1e3, " ms"} : Unit{1.0, " s"};
+  }
+  if (ends_with(key, "_k")) return size < 0.5 ? Unit{1e3, " mK"} : Unit{1.0, " K"};
+  if (ends_with(key, "px_s")) return {1.0, " px/s"};
+  if (ends_with(key, "_hz")) return {1.0, " Hz"};
+  if (ends_with(key, "_px")) return {1.0, " px"};
+  if (key == "skew") return {1e6, " ppm"};
+  if (is_share(key)) return {100.0, " %"};
+  return {};
+}
+
+// Three significant digits, without an exponent for what a person may meet.
+std::string digits(double value) {
+  if (!std::isfinite(value)) return "?";
+  char text[48];
+  const double size = std::abs(value);
+  if (size >= 1e6 || (size > 0.0 && size < 1e-4)) {
+    std::snprintf(text, sizeof text, "%.2e", value);
+  } else if (size >= 99.95) {
+    std::snprintf(text, sizeof text, "%.0f", value);
+  } else {
+    std::snprintf(text, sizeof text, "%.3g", value);
+  }
+  return text;
+}
+
+// Decimals that show three digits of the value, and the first of its uncertainty.
+int decimals_for(double value, double half) {
+  const auto place = [](double size) { return -static_cast<int>(std::floor(std::log10(size))); };
+  int decimals = 0;
+  if (std::isfinite(value) && value != 0.0) decimals = place(std::abs(value)) + 2;
+  if (std::isfinite(half) && half > 0.0) decimals = std::max(decimals, place(half));
+  return std::clamp(decimals, 0, 6);
+}
+
+std::string fixed(double value, int decimals) {
+  if (!std::isfinite(value)) return "?";
+  char text[400];
+  std::snprintf(text, sizeof text, "%.*f", decimals, value);
+  return text;
+}
+
+bool known(const FoundEffect& effect, const std::string& key) {
+  const auto found = effect.parameters.find(key);
+  return found != effect.parameters.end() && std::isfinite(found->second.value);
+}
+
+// The text for what stands between the braces, or nothing when the parameter is missing.
+std::optional<std::string> place(const FoundEffect& effect, const std::string& inner, bool utf8) {
+  const std::string key = inner.substr(0, inner.find_first_of("~?%"));
+  if (!known(effect, key)) return std::nullopt;
+  const double value = effect.parameters.at(key).value;
+  const std::string rest = inner.substr(key.size());
+  if (rest == "~") return digits(100.0 * std::abs(value - 1.0)) + " %";
+  if (rest == "%") return digits(100.0 * value) + " %";
+  if (rest.starts_with('?')) {
+    const std::size_t bar = rest.find('|');
+    const double neutral = key == "scale" ? 1.0 : 0.0;
+    return value >= neutral ? rest.substr(1, bar - 1) : rest.substr(bar + 1);
+  }
+  const bool is_signless = key == "skew";
+  return quantity(key, is_signless ? std::abs(value) : value, utf8);
+}
+
+std::optional<std::string> filled(std::string_view sentence, const FoundEffect& effect, bool utf8) {
+  std::string out;
+  while (true) {
+    const std::size_t open = sentence.find('{');
+    out += sentence.substr(0, open);
+    if (open == std::string_view::npos) return out;
+    const std::size_t close = sentence.find('}', open);
+    const auto text = place(effect, std::string(sentence.substr(open + 1, close - open - 1)), utf8);
+    if (!text) return std::nullopt;
+    out += *text;
+    sentence.remove_prefix(close + 1);
+  }
+}
+
+const EffectDescription* description_of(const std::string& name) {
+  const auto* const found = std::ranges::find(kEffectDescriptions, name, &EffectDescription::name);
+  return found != kEffectDescriptions.end() ? found : nullptr;
+}
+
+std::string percent(double fraction) {
+  char text[32];
+  const double value = 100.0 * fraction;
+  std::snprintf(text, sizeof text, value > 99.5 && value < 99.95 ? "%.1f %%" : "%.0f %%", value);
+  return text;
+}
+
+bool any_signal_effect(const Report& report) {
+  return std::ranges::any_of(report.effects, [](const FoundEffect& e) { return !e.of_noise; });
+}
+
+std::string lower_first(std::string text) {
+  if (text.size() > 1 && text[0] >= 'A' && text[0] <= 'Z' && (text[1] < 'A' || text[1] > 'Z')) {
+    text[0] = static_cast<char>(text[0] - 'A' + 'a');
+  }
+  return text;
+}
+
+// What adding the effects achieves.
+std::string closing(const Report& report) {
+  const std::string these = report.effects.size() == 1 ? "this" : "these";
+  if (!any_signal_effect(report) || !(report.gap_before > 1.0)) {
+    return "adding " + these + " brings the noise's statistics from " + gap_text(report.noise_gap_before) + " to " +
+           gap_text(report.noise_gap_after) + " of what was expected";
+  }
+  return "adding " + these + " closes " + percent(report.closed_fraction) + " of the gap";
+}
+
+std::string left_over(const Report& report) {
+  std::string text = "Something is left that no effect in the catalogue explains";
+  if (!report.unexplained.where.empty()) text += ": " + lower_first(report.unexplained.where);
+  return text;
+}
+
+std::string found(const Report& report, bool utf8) {
+  const FoundEffect& first = report.effects.front();
+  if (report.effects.size() == 1) return effect_sentence(first, utf8) + "; " + closing(report);
+  std::string others;
+  for (std::size_t i = 1; i < report.effects.size(); ++i) {
+    others += (i == 1                           ? ""
+               : i + 1 == report.effects.size() ? " and "
+                                                : ", ") +
+              lower_first(effect_title(report.effects[i].name));
+  }
+  return effect_sentence(first, utf8) + "; with it come " + others + "; " + closing(report);
+}
+
+std::string sentence_end(std::string text) {
+  if (!text.empty() && text.back() != '.') text += '.';
+  return text;
+}
+
+void add_line(std::string& out, const std::string& name, const std::string& text) {
+  out += "  " + name + std::string(name.size() < 12 ? 12 - name.size() : 1, ' ') + text + '\n';
+}
+
+std::string parameters_text(const FoundEffect& effect) {
+  std::string text;
+  for (const auto& [key, estimate] : effect.parameters) {
+    text += (text.empty() ? "" : ", ") + key + ' ' + quantity(key, estimate);
+  }
+  return text;
+}
+
+// Of K or counts.
+std::string amount(double value, const std::string& unit) {
+  return unit == "K" ? quantity("size_k", value) : digits(value) + " counts";
+}
+
+std::string jumps_text(const Observation& one) {
+  constexpr std::size_t kMost = 12;
+  std::string text = one.jumps.size() == 1 ? "1 jump of the whole picture: "
+                                           : std::to_string(one.jumps.size()) + " jumps of the whole picture: ";
+  for (std::size_t i = 0; i < std::min(kMost, one.jumps.size()); ++i) {
+    text +=
+        (i == 0 ? "" : ", ") + amount(one.jumps[i].size, one.unit) + " at frame " + std::to_string(one.jumps[i].frame);
+  }
+  return text + (one.jumps.size() > kMost ? ", ..." : "");
+}
+
+std::string pattern_text(const Observation& one) {
+  std::string text;
+  if (one.column_pattern > 0.0) text += "columns by " + amount(one.column_pattern, one.unit);
+  if (one.row_pattern > 0.0) text += (text.empty() ? "" : ", ") + ("rows by " + amount(one.row_pattern, one.unit));
+  return text.empty() ? text : "a fixed pattern (or lines of the scene): " + text + " rms";
+}
+
+}  // namespace
+
+std::string describe(const std::vector<PixelPlace>& pixels, const std::string& what) {
+  constexpr std::size_t kMost = 8;
+  std::string text = std::to_string(pixels.size()) + ' ' + what + ':';
+  for (std::size_t i = 0; i < std::min(kMost, pixels.size()); ++i) {
+    text += " (" + std::to_string(pixels[i].x) + ", " + std::to_string(pixels[i].y) + ')';
+  }
+  return text + (pixels.size() > kMost ? " ..." : "");
+}
+
+std::vector<std::string> describe(const Observation& one) {
+  std::vector<std::string> all;
+  if (!one.jumps.empty()) all.push_back(jumps_text(one));
+  for (const auto& [first, last] : one.freezes) {
+    all.push_back("frozen from frame " + std::to_string(first) + " to " + std::to_string(last) + " of " +
+                  std::to_string(one.frames));
+  }
+  if (one.repeated_frames > 0) all.push_back(std::to_string(one.repeated_frames) + " repeated frames");
+  if (std::isfinite(one.noise)) {
+    all.push_back("noise of a pixel " + amount(one.noise, one.unit) + ", of whole frames " +
+                  amount(one.flicker, one.unit) + " (motion adds to both)");
+  }
+  if (std::string pattern = pattern_text(one); !pattern.empty()) all.push_back(std::move(pattern));
+  if (!one.outliers.empty()) all.push_back(describe(one.outliers, "pixels stand out of all their neighbours"));
+  return all;
+}
+
+std::string quantity(const std::string& key, double value, bool utf8) {
+  const Unit unit = unit_of(key, value, utf8);
+  return digits(value * unit.factor) + unit.text;
+}
+
+std::string quantity(const std::string& key, const Estimate& estimate, bool utf8) {
+  const Unit unit = unit_of(key, estimate.value, utf8);
+  const double value = estimate.value * unit.factor;
+  const double half = 0.5 * unit.factor * (estimate.high - estimate.low);
+  const int decimals = decimals_for(value, half);
+  return fixed(value, decimals) + unit.text + " (" + fixed(estimate.low * unit.factor, decimals) + " to " +
+         fixed(estimate.high * unit.factor, decimals) + ")";
+}
+
+std::string effect_title(const std::string& name) {
+  if (const EffectDescription* description = description_of(name)) return std::string(description->title);
+  std::string title = name;
+  std::ranges::replace(title, '_', ' ');
+  return title;
+}
+
+std::string effect_sentence(const FoundEffect& effect, bool utf8) {
+  const EffectDescription* const description = description_of(effect.name);
+  if (description == nullptr) return effect_title(effect.name) + " is at work";
+  if (description->sentence.empty()) return std::string(description->plain);
+  return filled(description->sentence, effect, utf8).value_or(std::string(description->plain));
+}
+
+std::string gap_text(double gap) {
+  if (!std::isfinite(gap)) return "?";
+  char text[32];
+  std::snprintf(text, sizeof text, gap < 1.995 ? "%.2f" : gap < 99.5 ? "%.1f" : "%.0f", gap);
+  return text;
+}
+
+std::string headline(const Report& report, bool utf8) {
+  if (report.verdict == "not_testable") {
+    return "The simulator was not tested: nothing in these captures is known well enough to be predicted. Needed: " +
+           sentence_end(report.needs);
+  }
+  if (report.verdict == "no_gap") {
+    return "The simulator cannot be told from the camera in these captures: nothing needs to be added.";
+  }
+  if (report.effects.empty()) return sentence_end(left_over(report));
+  if (report.verdict == "unknown_effect") {
+    return sentence_end(left_over(report)) + " Beside it: " + lower_first(found(report, utf8)) + ".";
+  }
+  std::string text = found(report, utf8) + ".";
+  if (report.verdict == "partly_explained") text += ' ' + sentence_end(left_over(report));
+  return text;
+}
+
+std::string report_summary(const Report& report) {
+  std::string out = headline(report) + '\n';
+  add_line(out, "verdict", report.verdict);
+  if (report.verdict != "not_testable") {
+    add_line(out, "gap",
+             gap_text(report.gap_before) + " -> " + gap_text(report.gap_after) + " noise floors (1.00: none)");
+  }
+  if (std::isfinite(report.noise_gap_before)) {
+    add_line(out, "noise",
+             gap_text(report.noise_gap_before) + " -> " + gap_text(report.noise_gap_after) +
+                 " of its own statistics, floor " + quantity("floor_k", report.noise_floor_k));
+  }
+  for (const FoundEffect& effect : report.effects) {
+    std::string text = effect.name + " (" + effect.stage + ", " + percent(effect.confidence) + " sure)";
+    if (std::isfinite(effect.gap_before)) {
+      text += ": gap " + gap_text(effect.gap_before) + " -> " + gap_text(effect.gap_after);
+      text += effect.of_noise ? " of noise" : "";
+    }
+    add_line(out, "effect", text);
+    if (!effect.parameters.empty()) add_line(out, "", parameters_text(effect));
+  }
+  for (const Observation& one : report.observations) {
+    for (const std::string& sentence : describe(one)) add_line(out, "seen", one.file + ": " + sentence);
+  }
+  if (!report.defects.stuck.empty()) add_line(out, "pixels", describe(report.defects.stuck, "stuck"));
+  if (!report.defects.noisy.empty()) add_line(out, "pixels", describe(report.defects.noisy, "noisy"));
+  for (const auto& [file, errors] : report.stimulus) {
+    std::string text = file + ':';
+    for (const auto& [key, value] : errors) text += ' ' + key + ' ' + quantity(key, value) + ',';
+    text.pop_back();
+    add_line(out, "stimulus", text);
+  }
+  if (!report.unexplained.where.empty()) add_line(out, "unexplained", report.unexplained.where);
+  for (const NotIdentifiable& one : report.not_identifiable) {
+    add_line(out, "cannot tell", one.effect + (one.needs.empty() ? "" : ": needs " + one.needs));
+  }
+  for (const std::string& warning : report.warnings) add_line(out, "warning", warning);
+  return out;
+}
+
+}  // namespace bolo::diagnose

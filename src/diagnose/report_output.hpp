@@ -1,0 +1,55 @@
+// The report as files, as a page, and in sentences. Thread of all but write_report: any.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "src/core/output_file.hpp"
+#include "src/core/result.hpp"
+#include "src/diagnose/report.hpp"
+
+namespace bolo::diagnose {
+
+// report.json as one line of text.
+std::string report_json(const Report& report);
+
+// A page that needs nothing but itself.
+std::string report_html(const Report& report);
+
+// The files of a report in `folder`: report.json and report.html.
+std::vector<std::filesystem::path> report_files(const std::filesystem::path& folder);
+
+// Writes report_files(); makes the folder. Thread: setup.
+Status write_report(const Report& report, const std::filesystem::path& folder, Replace replace);
+
+// A value of the parameter `key` with its unit: "27.9 us", "12 %". The unit follows from the key's ending (_s, _k, _hz,
+// _px) or, for shares and the like, from the key. `utf8`: with a micro sign.
+std::string quantity(const std::string& key, double value, bool utf8 = false);
+
+// Value and 95 % interval in one unit: "27.9 us (26.0 to 30.1)".
+std::string quantity(const std::string& key, const Estimate& estimate, bool utf8 = false);
+
+// "tau_global" -> "Time constant". A name that is not known is returned with blanks for underscores.
+std::string effect_title(const std::string& name);
+
+// What the effect does, with its numbers: "Rows are sampled 27.9 us after one another".
+std::string effect_sentence(const FoundEffect& effect, bool utf8 = false);
+
+// The verdict in one or two sentences.
+std::string headline(const Report& report, bool utf8 = false);
+
+// A gap in words: "7.9", "1.02".
+std::string gap_text(double gap);
+
+// What a capture tells without a model, one sentence each: jumps with their frames, freezes, noise, patterns, outliers.
+//
+std::vector<std::string> describe(const Observation& observation);
+
+// "3 stuck: (12, 5), (100, 40), (7, 81)": the first few places.
+std::string describe(const std::vector<PixelPlace>& pixels, const std::string& what);
+
+// Some lines of text for a terminal: verdict, effects, gap, stimulus, what cannot be told, warnings.
+std::string report_summary(const Report& report);
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,177 @@
+// From events and noise to the fit: the stimuli's places in time, transport, and the effects that the mean shows.
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "src/diagnose/stages.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr double kLeastCorrelation = 0.6;  // of a recording with its stimulus
+constexpr std::size_t kLeastPixels = 16;
+constexpr std::size_t kSomePixels = 256;
+constexpr double kSettled = 5e-4;  // share of the gap
+constexpr int kRounds = 4;         // of a first fit: levels and edges of an imperfect bench take a while
+constexpr int kMoreRounds = 3;     // at a time, until it is settled
+
+// A scattered part of the pixels that are neither dead nor jumping; empty when there are too few.
+std::vector<int> some_pixels(const Session& session) {
+  std::vector<int> good;
+  for (const int p : session.grid.all()) {
+    if (session.good[static_cast<std::size_t>(p)] != 0) good.push_back(p);
+  }
+  if (good.size() < kLeastPixels) return {};
+  std::vector<int> some;
+  for (std::size_t i = 0; i < good.size(); i += std::max<std::size_t>(1, good.size() / kSomePixels)) {
+    some.push_back(good[i]);
+  }
+  return some;
+}
+
+// Registers the stimuli; a recording that does not show its own becomes a field recording.
+void match_stimuli(std::span<const int> some, Fit& fit) {
+  const std::vector<double> matched = register_stimuli(fit.session, fit.state, some);
+  for (std::size_t i = 0; i < matched.size(); ++i) {
+    if (matched[i] >= kLeastCorrelation) continue;
+    Recording& r = fit.session.recordings[i];
+    fit.findings.warnings.push_back(r.name + ": does not show what its /stimulus says (" +
+                                    std::string(name_of(r.kind)) +
+                                    "); used for noise and events only. Check that the right file has this name");
+    r.kind = fit.raw.recordings[i].kind = Kind::kField;
+  }
+}
+
+void correct_jumps(const std::vector<Freeze>& freezes, const State& state, Fit& fit) {
+  const std::vector<int> all = fit.session.grid.all();
+  for (std::size_t i = 0; i < fit.session.recordings.size(); ++i) {
+    const Recording& r = fit.session.recordings[i];
+    // Where frames have times of their own, what they miss by is no jump.
+    if (r.kind == Kind::kUniform || !has_model(r) || state.stimuli[i].times_free) continue;
+    const Series residual = r.values - predict(fit.session, i, state, all);
+    for (Jump& jump : find_jumps(fit.session, i, residual, freezes)) {
+      remove_jump(fit.session, jump, residual);
+      fit.jumps.push_back(jump);
+    }
+  }
+}
+
+// The levels had taken up a part of each jump: once more, without it.
+void correct_jumps_again(const State& state, Fit& fit) {
+  const std::vector<int> all = fit.session.grid.all();
+  for (Jump& jump : fit.jumps) {
+    const Recording& r = fit.session.recordings[jump.recording];
+    if (r.kind == Kind::kUniform) continue;
+    remove_jump(fit.session, jump, r.values - predict(fit.session, jump.recording, state, all));
+  }
+}
+
+FitResult settled(const FitData& data, const State& start, int rounds) {
+  return settle(data, fit(data, start, {}, rounds), kMoreRounds, kSettled);
+}
+
+// The fit with the frames' times of choppers free, or as their files have them; `registered` knows whole periods.
+FitResult with_times(const FitData& data, const FitResult& base, const State& registered, bool free) {
+  State state = base.state;
+  for (std::size_t i = 0; i < data.session.recordings.size(); ++i) {
+    if (data.session.recordings[i].kind != Kind::kChopper) continue;
+    state.stimuli[i].times_free = free;
+    state.stimuli[i].late_s = registered.stimuli[i].late_s;
+  }
+  return settled(data, state, kRounds);
+}
+
+FoundEffect frame_loss(const Transport& transport, const std::vector<std::size_t>& repeated, const Session& session) {
+  const auto repeats = std::accumulate(repeated.begin(), repeated.end(), std::size_t{0});
+  const int losses = transport.lost + transport.inserted + static_cast<int>(repeats);
+  std::size_t frames = 0;
+  for (const Recording& r : session.recordings) frames += static_cast<std::size_t>(r.frames());
+  FoundEffect e = named("frame_loss", 0.999);
+  const double per_thousand = 1000.0 / static_cast<double>(frames);
+  if (losses > 0) {
+    e.parameters["per_thousand"] =
+        interval(losses * per_thousand, std::sqrt(static_cast<double>(losses)) * per_thousand);
+  }
+  return e;
+}
+
+// The stimuli and nothing else: jumps taken out, frames' times as they turn out to be.
+FitResult fit_stimuli(const FitData& data, const Events& events, bool jittered, Fit& out) {
+  FitResult base = settled(data, out.state, kRounds);
+  if (jittered) base = with_times(data, base, out.state, true);
+  correct_jumps(events.freezes, base.state, out);
+  if (out.jumps.empty()) return base;
+  base = fit(data, base.state, {}, kMoreRounds);
+  correct_jumps_again(base.state, out);
+  return settled(data, base.state, 2);
+}
+
+// What the nominal camera leaves, with the errors of the stimuli taken out but nothing of the camera.
+State nominal_camera(const Session& session, const State& base) {
+  State nominal = without_transport(session, base);
+  nominal.camera.response.filter = FrameFilter::kNone;
+  nominal.camera.response.alpha = 1.0;
+  nominal.camera.clip_k = std::numeric_limits<double>::infinity();
+  for (StimulusState& s : nominal.stimuli) s.times_free = false;
+  return nominal;
+}
+
+}  // namespace
+
+Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& options, const Progress& progress) {
+  Fit out;
+  out.session = events.session;
+  out.raw = events.raw;
+  out.jumps = events.jumps;
+  const auto testable = [&out] { return std::ranges::any_of(out.session.recordings, has_model); };
+  if (!testable()) return out;
+  out.state = nominal_state(out.session, options.profile);
+  if (noise.statistics.filter != FrameFilter::kNone) {
+    // Known from the noise; the mean passes the same filter.
+    out.state.camera.response.filter = noise.statistics.filter;
+    out.state.camera.response.alpha = noise.statistics.alpha.value;
+  }
+  const std::vector<int> some = some_pixels(out.session);
+  if (some.empty()) return bad_input("fewer than 16 pixels are neither dead nor jumping; nothing can be judged");
+  if (!progress("finding the stimuli", 0.1)) return failed("interrupted");
+  match_stimuli(some, out);
+  if (!testable()) return out;
+  out.state.camera.clip_k = events.ceiling_k;
+  if (std::isfinite(events.ceiling_k)) {
+    FoundEffect e = named("saturation", 0.999);
+    e.parameters["level_k"] = interval(events.ceiling_k, out.session.recordings.front().step);
+    add(out.findings, options, std::move(e), 20.0, "values pile up at a ceiling");
+  }
+  Transport transport = judge_transport(out.session, out.state, noise.floor_k, some);
+  smooth_speeds(out.session, out.state);
+  const FitData data(out.session, noise.floor_k, options.threads);
+  bool jittered = is_jittered(transport);
+  out.base = fit_stimuli(data, events, jittered, out);
+  if (FoundEffect e = frame_loss(transport, events.repeated, out.session); !e.parameters.empty()) {
+    add(out.findings, options, std::move(e), 10.0, "frames are lost or repeated without a gap in the counter");
+  }
+  const auto may = [&](const Effect& effect) {
+    return allowed(options, effect.name) && (!effect.suspected_by || effect.suspected_by(noise.statistics));
+  };
+  out.selection = select_effects(data, out.base, may, progress);
+  judge_jitter(out.session, out.selection.fit.state, noise.floor_k, some, transport);
+  if (is_jittered(transport) != jittered) {
+    jittered = !jittered;
+    out.base = with_times(data, out.base, out.state, jittered);
+    out.selection = select_effects(data, out.base, may, progress);
+    judge_jitter(out.session, out.selection.fit.state, noise.floor_k, some, transport);
+    jittered = jittered && is_jittered(transport);
+  }
+  if (jittered) {
+    FoundEffect e = named("jitter", 0.99);
+    e.parameters["rms_s"] = interval(transport.jitter_s, transport.jitter_error_s);
+    add(out.findings, options, std::move(e), 10.0, "the sampling time of frames varies");
+  }
+  out.state = out.selection.fit.state;
+  out.nominal = nominal_camera(out.session, out.base.state);
+  out.before = FitData(out.raw, noise.floor_k, options.threads).score(out.nominal);
+  out.done = true;
+  return out;
+}
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,370 @@
+// From the fit to what is left: tests of the residual that name no effect, only the place.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "src/diagnose/pixel_maps.hpp"
+#include "src/diagnose/stages.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+using Eigen::ArrayXd;
+using Eigen::Index;
+
+// All weights and limits below are set so that sessions without any effect stay under kRemainderLimit (the blind
+// check's effect-free sessions: at most 1 % of them in all).
+
+constexpr double kMostOfOne = 16.0;        // squared floors that one value counts for in its frame
+constexpr double kLeastAmplitude = 0.008;  // rms of what follows a basis, in floors: forward models are off by as much
+constexpr double kScatterWeight = 2.2;     // of a z from the groups' scatter, against one from the noise
+constexpr double kTauStep = 0.03;          // of tau, for the derivative
+constexpr double kMeanOfSquare = 0.33;     // of a row's place, -1..1: 1/3, so that the middle tells from the ends
+constexpr double kColdest = 0.02;          // of the span of temperatures
+constexpr double kLeastSpan_k = 0.1;
+constexpr double kMeanOfParabola = 1.0 / 8.0;  // of the span, about which a curve in temperature is centred
+constexpr Index kPhases = 48;                  // of the target's period
+constexpr double kQuartilesOfSigma = 1.35;     // distance of a Gaussian's quartiles
+constexpr std::size_t kLeastFrames = 9;
+constexpr double kWorseFrame = 1.4;  // times the usual squared residual, from which on a frame does not fit
+constexpr double kFrameWeight = 0.5;
+constexpr double kMissError = 0.012;    // of a capture's rms residual, in floors
+constexpr double kFrameError = 0.03;    // of whole frames' rms residual, in floors
+constexpr double kFlickerMargin = 1.3;  // times the flicker's variance, that whole frames may move by
+constexpr double kPixelMargin = 2.0;    // the same of what the pixels' noise leaves in a frame's mean
+
+// What may be left without a reason of its own, in floors (rms).
+constexpr double kPattern = 0.06;        // a fixed pattern: what the forward models are off by
+constexpr double kPatternOfTaus = 0.12;  // the same where each pixel has its own tau
+constexpr double kPatternOfSteps = 0.7;  // the same where values come in coarse steps
+constexpr double kClearCorner = 5.0;     // standard errors of 1/f noise
+constexpr double kSlowWidening = 2.5;    // of all tests, where noise is correlated over a capture
+constexpr double kDecade = 2.3;          // ln 10: of 1/f noise, one decade below a capture's own frequency looks fixed
+constexpr double kSlowMargin = 1.5;
+
+struct Allowance {
+  double pattern = kPattern;
+  double slow_noise = 1.0;      // by how much noise that is correlated in time widens the tests
+  bool times_free = false;      // of a chopper's frames: those at its very edges may miss
+  double flicker = 0.0;         // of whole frames
+  std::vector<char> corrected;  // recordings out of which a jump was taken: the estimate leaves a pattern
+};
+
+Allowance allowance_of(const Events& events, const Noise& noise, const Fit& fit) {
+  const NoiseStatistics& n = noise.statistics;
+  Allowance a;
+  a.corrected.assign(fit.session.recordings.size(), 0);
+  for (const Jump& jump : fit.jumps) a.corrected[jump.recording] = 1;
+  if (n.corner_hz.z > kClearCorner) {
+    // Noise slower than a capture looks fixed in it.
+    const double decade = 2.0 * n.corner_hz.value * fit.session.period_s * kDecade;
+    a.slow_noise = kSlowWidening;
+    a.pattern = std::hypot(a.pattern, kSlowMargin * std::sqrt(decade) * n.white_k / noise.floor_k);
+  }
+  if (fit.state.camera.tau.size() > 0) a.pattern = std::max(a.pattern, kPatternOfTaus);
+  if (events.coarse) a.pattern = kPatternOfSteps;
+  a.flicker = n.flicker.value / noise.floor_k;
+  a.times_free = std::ranges::any_of(fit.state.stimuli, &StimulusState::times_free);
+  return a;
+}
+
+// Sum over groups of a product whose mean is zero when nothing is left, with its error from its scatter over groups and
+// from the noise.
+struct Probe {
+  std::string stage;
+  std::string where;
+  std::vector<double> product{};  // of each group
+  double information = 0.0;       // sum of the squared basis
+  double values = 0.0;            // that were looked at
+
+  void add(double basis, double value) {
+    product.back() += value * basis;
+    information += basis * basis;
+    values += basis != 0.0 ? 1.0 : 0.0;
+  }
+  double z() const {
+    double sum = 0.0;
+    double squares = 0.0;
+    for (const double p : product) {
+      sum += p;
+      squares += p * p;
+    }
+    // Group scatter is the honest error when frames share noise; the noise's own when few groups carry all.
+    const double own = std::sqrt(std::max(information, 1e-12));
+    const double between = std::sqrt(squares);
+    if (information <= 0.0 || std::abs(sum) < kLeastAmplitude * own * std::sqrt(values)) return 0.0;
+    return std::min(std::abs(sum) / own, kScatterWeight * std::abs(sum) / std::max(own, between));
+  }
+};
+
+constexpr std::size_t kProbes = 9;
+using Probes = std::array<Probe, kProbes>;
+
+Probes all_probes() {
+  return {{{"pixel", "the residual follows dT/dt: the pixels' answer in time is not as modelled"},
+           {"pixel", "the residual follows dT/dt where it falls, not where it rises"},
+           {"readout", "rows are late by different times: grows with the row"},
+           {"readout", "rows are late by different times: the two halves differ"},
+           {"readout", "rows are late by different times: the middle differs from the ends"},
+           {"readout", "the contrast is not as modelled"},
+           {"readout", "the contrast changes in the course of a capture"},
+           {"radiometry", "the residual is curved in temperature"},
+           {"readout", "the residual is one-sided at the coldest values"}}};
+}
+
+// Covariance over places of two independent means: what they share is fixed.
+double shared_z(const ArrayXd& a, const ArrayXd& b) {
+  const ArrayXd x = a - a.mean();
+  const ArrayXd y = b - b.mean();
+  const double scale = std::sqrt(x.square().sum() * y.square().sum());
+  if (scale <= 0.0) return 0.0;
+  const double r = (x * y).sum() / scale;
+  return std::atanh(std::clamp(r, -0.9999, 0.9999)) * std::sqrt(std::max(1.0, static_cast<double>(a.size()) - 3.0));
+}
+
+// Means over the first and over the second half of the cells, of each place.
+struct Halves {
+  explicit Halves(Index n)
+      : first(ArrayXd::Zero(n)), second(ArrayXd::Zero(n)), n_first(ArrayXd::Zero(n)), n_second(ArrayXd::Zero(n)) {}
+  void add(Index at, bool is_second, double value) {
+    (is_second ? second : first)[at] += value;
+    (is_second ? n_second : n_first)[at] += 1.0;
+  }
+  // In standard errors, 0 when what the halves share is smaller than `allowed`.
+  double z(double allowed) const {
+    std::vector<double> a;
+    std::vector<double> b;
+    for (Index i = 0; i < first.size(); ++i) {
+      if (n_first[i] < 1.0 || n_second[i] < 1.0) continue;
+      a.push_back(first[i] / n_first[i]);
+      b.push_back(second[i] / n_second[i]);
+    }
+    const Eigen::Map<const ArrayXd> x(a.data(), static_cast<Index>(a.size()));
+    const Eigen::Map<const ArrayXd> y(b.data(), static_cast<Index>(b.size()));
+    if (a.size() < 4) return 0.0;
+    const double shared = ((x - x.mean()) * (y - y.mean())).mean();
+    return shared > allowed * allowed ? shared_z(x, y) : 0.0;
+  }
+  ArrayXd first;
+  ArrayXd second;
+  ArrayXd n_first;
+  ArrayXd n_second;
+};
+
+// One recording's residual, and what its tests need of the prediction.
+struct Examined {
+  const FitData& data;
+  const Recording& recording;
+  const StimulusState& stimulus;
+  Series residual;
+  Series predicted;
+  Series by_tau;  // derivative of the prediction, per unit of ln tau
+  bool moving = false;
+  bool dynamic = false;
+  double mean = 0.0;  // of the prediction
+  double low = 0.0;
+  double span = 0.0;
+};
+
+Examined examine(const FitData& data, const State& state, std::size_t i) {
+  const Recording& r = data.session.recordings[i];
+  Examined x{data, r, state.stimuli[i], data.residual(i, state, data.all_pixels), {}, {}};
+  State slower = state;
+  slower.camera.response.tau_s *= 1.0 + kTauStep;
+  x.predicted = predict(data.session, i, state, data.all_pixels);
+  x.by_tau = (predict(data.session, i, slower, data.all_pixels) - x.predicted) / static_cast<float>(kTauStep);
+  x.moving = r.kind == Kind::kMovingBars;
+  x.dynamic = x.moving || r.kind == Kind::kChopper;
+  x.mean = static_cast<double>(x.predicted.mean());
+  x.low = static_cast<double>(x.predicted.minCoeff());
+  x.span = std::max(kLeastSpan_k, static_cast<double>(x.predicted.maxCoeff()) - x.low);
+  return x;
+}
+
+// What each probe looks for at one value, in floors.
+std::array<double, kProbes> basis_at(const Examined& x, Index frame, Index column, int sensor_row) {
+  const Session& session = x.data.session;
+  const double s = 2.0 * x.recording.t[static_cast<std::size_t>(frame)] / std::max(1e-9, x.recording.t.back()) - 1.0;
+  const double about = static_cast<double>(x.predicted(frame, column)) - x.mean;
+  const double weight = 1.0 / x.data.floor_k;
+  const double d = static_cast<double>(x.by_tau(frame, column)) * weight;
+  const double row = 2.0 * sensor_row / std::max(1.0, session.height - 1.0) - 1.0;
+  return {x.dynamic ? d : 0.0,
+          x.dynamic && d > 0.0 ? d : 0.0,
+          x.moving ? d * row : 0.0,
+          x.moving ? d * (row > 0.0 ? 1.0 : -1.0) : 0.0,
+          x.moving ? d * (row * row - kMeanOfSquare) : 0.0,
+          about * weight,
+          about * s * weight,
+          (about * about / x.span - x.span * kMeanOfParabola) * weight,
+          about + x.mean < x.low + kColdest * x.span ? 1.0 : 0.0};
+}
+
+// Means of the residual by place, and by frame.
+struct Tallies {
+  Halves pixel;
+  Halves row;
+  Halves column;
+  Halves phase{kPhases};
+  std::vector<double> frame_square{};  // of each frame, about its mean
+  double frame_mean2 = 0.0;            // summed over the frames
+};
+
+void add_frame(const Examined& x, Index k, Probes& probes, Tallies& tallies) {
+  const Session& session = x.data.session;
+  const auto columns = static_cast<int>(session.grid.columns.size());
+  const auto frame = static_cast<std::size_t>(k);
+  const bool second = (frame / kCellFrames) % 2 != 0;
+  const auto* bars = std::get_if<capture::BarTarget>(&x.recording.stimulus);
+  double square = 0.0;
+  double sum = 0.0;
+  for (std::size_t j = 0; j < x.data.all_pixels.size(); ++j) {
+    const auto c = static_cast<Index>(j);
+    const auto value = static_cast<double>(x.residual(k, c));
+    // One outlier of one pixel is no frame that does not fit.
+    square += std::min(value * value, kMostOfOne);
+    sum += value;
+    const int pixel = x.data.all_pixels[j];
+    tallies.pixel.add(pixel, second, value);
+    tallies.row.add(pixel / columns, second, value);
+    tallies.column.add(pixel % columns, second, value);
+    const int row = session.grid.row_of(pixel);
+    if (x.moving) {
+      const double u =
+          (session.grid.column_of(pixel) - bars->slant_px_per_row * row - x.stimulus.shift_px[frame]) / bars->period_px;
+      const auto phase = static_cast<Index>((u - std::floor(u)) * static_cast<double>(kPhases));
+      tallies.phase.add(std::clamp<Index>(phase, 0, kPhases - 1), second, value);
+    }
+    const auto basis = basis_at(x, k, c, row);
+    for (std::size_t b = 0; b < kProbes; ++b) probes[b].add(basis[b], value);
+  }
+  const double mean_left = sum / static_cast<double>(x.data.all_pixels.size());
+  tallies.frame_mean2 += mean_left * mean_left;
+  tallies.frame_square.push_back(square / static_cast<double>(x.data.all_pixels.size()) - mean_left * mean_left);
+}
+
+// Collects what one recording's tests find.
+struct Collector {
+  const Recording& recording;
+  std::vector<Remainder>& found;
+  void add(const std::string& stage, const std::string& what, double z) const {
+    found.push_back({stage, recording.name + ": " + what, z});
+  }
+  void misfit(const std::string& stage, const std::string& what, double z, bool at_edges = false) const {
+    found.push_back({stage, recording.name + ": " + what, z, recording.kind, at_edges});
+  }
+};
+
+void test_patterns(const Examined& x, const Tallies& tallies, const Allowance& allowance, bool corrected,
+                   const Collector& out) {
+  const auto pattern = [&](const std::string& what, double z) {
+    if (x.recording.kind == Kind::kStillBars) {
+      out.misfit("readout", what, z);
+    } else {
+      out.add("readout", what, z);
+    }
+  };
+  if (!x.moving && !corrected) {
+    pattern("a fixed pattern of pixels is left", tallies.pixel.z(allowance.pattern));
+    pattern("a fixed pattern of columns is left", tallies.column.z(allowance.pattern / 2.0));
+  }
+  if (!corrected) pattern("a fixed pattern of rows is left", tallies.row.z(allowance.pattern / 2.0));
+  if (x.moving) out.misfit("optics", "what is left moves with the target", tallies.phase.z(allowance.pattern), true);
+}
+
+void test_frames(const Examined& x, const Tallies& tallies, const Allowance& allowance, bool corrected,
+                 const Collector& out) {
+  std::vector<double> sorted = tallies.frame_square;
+  std::ranges::sort(sorted);
+  if (sorted.size() < kLeastFrames) return;
+  const auto pixels = static_cast<double>(x.data.all_pixels.size());
+  const auto frames = static_cast<double>(sorted.size());
+  const double typical = sorted[sorted.size() / 2];
+  const double quartiles = sorted[sorted.size() * 3 / 4] - sorted[sorted.size() / 4];
+  const double spread = std::max(typical * std::sqrt(2.0 / pixels), quartiles / kQuartilesOfSigma);
+  const double worst = (sorted.back() - typical) / spread;
+  const bool chopper = x.recording.kind == Kind::kChopper;
+  const bool edges = allowance.times_free && chopper;
+  if (!edges) {
+    out.add("transport", "single frames do not fit",
+            sorted.back() > kWorseFrame * typical ? worst * kFrameWeight : 0.0);
+  }
+  const double all = std::accumulate(sorted.begin(), sorted.end(), 0.0) / frames;
+  out.misfit("pixel", "the prediction misses by more than the noise", (std::sqrt(all) - 1.0) / kMissError);
+  // Whole frames: flicker and the pixels' noise move their means by this much.
+  const double expected = kFlickerMargin * allowance.flicker * allowance.flicker + kPixelMargin / pixels;
+  const double excess = std::sqrt(std::max(0.0, tallies.frame_mean2 / frames - expected));
+  if (chopper && !corrected && !edges) {
+    out.misfit("pixel", "whole frames miss by more than the noise", excess / kFrameError);
+  }
+}
+
+void test_recording(const FitData& data, const State& state, const Allowance& allowance, std::size_t i, Probes& probes,
+                    std::vector<Remainder>& found) {
+  const Session& session = data.session;
+  const Examined x = examine(data, state, i);
+  Tallies tallies{Halves(session.grid.pixels()), Halves(static_cast<Index>(session.grid.rows.size())),
+                  Halves(static_cast<Index>(session.grid.columns.size()))};
+  for (Index k = 0; k < x.residual.rows(); ++k) {
+    const auto frame = static_cast<std::size_t>(k);
+    if (!data.frame_counts(i, frame)) continue;
+    if (frame % kCellFrames == 0 || probes[0].product.empty()) {
+      for (Probe& probe : probes) probe.product.push_back(0.0);
+    }
+    add_frame(x, k, probes, tallies);
+  }
+  const bool corrected = allowance.corrected[i] != 0;
+  const Collector out{x.recording, found};
+  test_patterns(x, tallies, allowance, corrected, out);
+  test_frames(x, tallies, allowance, corrected, out);
+}
+
+// A map of pixels that changes smoothly from row to row has another cause than pixels that differ.
+void test_map(const Session& session, const Eigen::VectorXf& map, const std::string& what,
+              std::vector<Remainder>& found) {
+  const double z = row_trend_z(session, map);
+  if (z < kClearTrend) return;
+  found.push_back({"readout", "the " + what + " of pixels change smoothly from row to row",
+                   z * kRemainderLimit / kClearTrend, std::nullopt, false});
+}
+
+}  // namespace
+
+std::vector<Remainder> test_remainder(const Events& events, const Noise& noise, const Fit& fit, int threads) {
+  const FitData data(fit.session, noise.floor_k, threads);
+  const Allowance allowance = allowance_of(events, noise, fit);
+  std::vector<Remainder> found;
+  Probes probes = all_probes();
+  for (std::size_t i = 0; i < fit.session.recordings.size(); ++i) {
+    if (has_model(fit.session.recordings[i])) test_recording(data, fit.state, allowance, i, probes, found);
+  }
+  for (const Probe& probe : probes) found.push_back({probe.stage, probe.where, probe.z() / allowance.slow_noise});
+  std::ranges::sort(found, std::greater{}, &Remainder::z);
+  test_map(fit.session, fit.state.camera.offset, "offsets", found);
+  test_map(fit.session, fit.state.camera.gain, "gains", found);
+  return found;
+}
+
+std::string stage_of_misfits(std::span<const Remainder> remainders) {
+  const auto largest = [remainders](const auto& counts) {
+    double z = 0.0;
+    for (const Remainder& r : remainders) {
+      if (r.misfit && counts(r)) z = std::max(z, r.z);
+    }
+    return z;
+  };
+  const auto misses = [&](Kind kind) {
+    return largest([kind](const Remainder& r) { return *r.misfit == kind; }) > kRemainderLimit;
+  };
+  // A flat field has neither edges nor changes: what it misses is added or multiplied after the pixel.
+  if (misses(Kind::kUniform)) return "readout";
+  // A chopper changes in time but not in space, still bars the other way round.
+  if (misses(Kind::kChopper)) return misses(Kind::kStillBars) ? "readout" : "pixel";
+  if (!misses(Kind::kStillBars)) return "readout";  // rows at times of their own show in what moves only
+  // Far from the edges it is stray light; beside them the read-out smears.
+  constexpr double kAtEdges = 15.0;
+  return largest([](const Remainder& r) { return r.at_edges; }) > kAtEdges ? "readout" : "optics";
+}
+
+}  // namespace bolo::diagnose

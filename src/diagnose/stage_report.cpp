@@ -1,0 +1,296 @@
+// From all stages to the report's figures and its verdict.
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "src/diagnose/observations.hpp"
+#include "src/diagnose/stages.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr double kPartly = 1.2;       // a gap above it is not explained
+constexpr double kNoGap = 1.001;      // below it there is nothing to close
+constexpr double kLargeStep = 8.0;    // in noise floors: of a lone pixel that jumps
+constexpr double kStepScatter = 0.4;  // of the jumping pixels' steps, relative
+constexpr double kJumpError_k = 0.003;
+
+double square(double v) { return v * v; }
+
+bool has(const Report& report, const std::string& effect) {
+  return std::ranges::any_of(report.effects, [&](const FoundEffect& e) { return e.name == effect; });
+}
+
+// Effects that show in the values themselves.
+Findings judge_values(const Events& events, const Noise& noise, const Options& options) {
+  Findings out;
+  const Session& session = events.session;
+  const BadPixels& bad = events.bad;
+  if (!bad.jumping.empty() && (bad.jumping.size() > 1 || bad.step_k > kLargeStep * noise.floor_k)) {
+    FoundEffect e = named("rts", 0.99);
+    const auto count = static_cast<double>(bad.jumping.size());
+    const auto seen = static_cast<double>(session.good.size());
+    e.parameters["fraction"] = interval(count / seen, std::sqrt(count) / seen);
+    e.parameters["step_k"] = interval(bad.step_k, bad.step_k / std::sqrt(count) * kStepScatter);
+    add(out, options, std::move(e), 10.0, "some pixels jump between two levels");
+  }
+  if (const std::size_t dead = bad.stuck.size() + bad.noisy.size(); dead > 0) {
+    FoundEffect e = named("dead_pixels", 0.999);
+    const auto pixels = static_cast<double>(session.width) * static_cast<double>(session.height);
+    const auto count = static_cast<double>(dead);
+    e.parameters["fraction"] = interval(count / pixels, std::sqrt(count) / pixels);
+    add(out, options, std::move(e), 10.0, "some pixels are stuck or nothing but noise");
+  }
+  if (events.coarse && options.profile.quantisation_k > 0.0 && session.recordings.front().kelvin) {
+    FoundEffect e = named("coarse_quantisation", 0.999);
+    e.of_noise = true;
+    e.parameters["step_k"] = interval(events.step_k, 0.001 * events.step_k);
+    add(out, options, std::move(e), 10.0, "values are multiples of a coarser step");
+  }
+  return out;
+}
+
+// Jumps and freezes were taken out before the fits; they lie between the nominal camera and what is left.
+Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const Report& report,
+                     const Options& options) {
+  Findings out;
+  const auto found = [&](const std::string& name, double confidence, std::map<std::string, Estimate> parameters,
+                         const std::string& where) {
+    FoundEffect e = named(name, confidence);
+    e.gap_before = report.gap_before;
+    e.gap_after = report.gap_after;
+    e.parameters = std::move(parameters);
+    add(out, options, std::move(e), 20.0, where);
+  };
+  const auto jump = std::ranges::find(jumps, false, &Jump::after_freeze);
+  if (jump != jumps.end()) {
+    const double size = std::abs(jump->global_k);
+    found("offset_jump", 0.99, {{"jump_k", interval(size, 0.01 * size + kJumpError_k)}},
+          "the offset jumps at one frame");
+  }
+  // A stream that is frozen to its end is no shutter that opened again.
+  const auto freeze = std::ranges::find_if(events.freezes, [&events](const Freeze& f) {
+    return f.last + 1 < static_cast<std::size_t>(events.session.recordings[f.recording].frames());
+  });
+  if (freeze == events.freezes.end()) return out;
+  std::map<std::string, Estimate> parameters;
+  parameters["freeze_frames"] = interval(static_cast<double>(freeze->last - freeze->first + 1), 1.0);
+  for (const Jump& thawed : jumps) {
+    if (thawed.after_freeze) parameters["offset_k"] = interval(thawed.pixel_k, 0.05 * thawed.pixel_k);
+  }
+  found("nuc_freeze", 0.999, std::move(parameters), "frames are frozen for a while");
+  return out;
+}
+
+// The gaps of what was found, in the order of finding.
+void add_chosen(const Fit& fit, Report& report) {
+  // Effects that were found by themselves lie between the nominal camera and the fit.
+  double gap = report.gap_before;
+  for (FoundEffect& e : report.effects) {
+    if (e.of_noise) continue;
+    e.gap_before = gap;
+    gap = fit.base.score.gap();
+    e.gap_after = gap;
+  }
+  const Selection& selection = fit.selection;
+  for (std::size_t c = 0; c < selection.chosen.size(); ++c) {
+    const Chosen& chosen = selection.chosen[c];
+    const Effect& effect = *chosen.choice.effect;
+    FoundEffect e = named(effect.name, chosen.confidence);
+    e.gap_before = chosen.gap_before;
+    e.gap_after = chosen.gap_after;
+    e.alternatives = chosen.alternatives;
+    if (effect.report) {
+      e.parameters = effect.report(fit.session, selection.fit.state, selection.fit.value[c], selection.fit.error[c]);
+    }
+    report.effects.push_back(std::move(e));
+  }
+}
+
+std::map<std::string, double> stimulus_errors(const Recording& r, const StimulusState& s, const StimulusState& file) {
+  std::map<std::string, double> out;
+  double worst = 0.0;
+  for (std::size_t l = 0; l < s.level_k.size(); ++l) {
+    const double error = s.level_k[l] - file.level_k[l];
+    if (std::abs(error) > std::abs(worst)) worst = error;
+  }
+  out["level_error_k"] = worst;
+  if (r.kind == Kind::kChopper) {
+    out["sweep_s"] = s.sweep_s;
+    out["delay_s"] = s.delay_s;
+    out["softness_s"] = s.softness_s;
+  }
+  if (r.kind == Kind::kStillBars || r.kind == Kind::kMovingBars) {
+    out["edge_px"] = std::sqrt(std::max(0.0, s.edge_px2));
+  }
+  if (r.kind == Kind::kStillBars) out["phase_px"] = s.phase_px;
+  if (r.kind == Kind::kMovingBars) {
+    const double mean =
+        std::accumulate(s.speed_px_s.begin(), s.speed_px_s.end(), 0.0) / static_cast<double>(s.speed_px_s.size());
+    double scatter = 0.0;
+    for (const double v : s.speed_px_s) scatter += (v / mean - 1.0) * (v / mean - 1.0);
+    out["phase_px"] = s.shift_px.front();
+    out["velocity_error"] = mean / file.speed_px_s.front() - 1.0;
+    out["velocity_unevenness"] = std::sqrt(scatter / static_cast<double>(s.speed_px_s.size()));
+  }
+  return out;
+}
+
+void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
+  const Score& after = fit.selection.fit.score;
+  report.gap_before = fit.before.gap();
+  report.gap_after = after.gap();
+  add_chosen(fit, report);
+  fill_plots(fit, noise.floor_k, report);
+  const State files = nominal_state(fit.session, {});
+  // The figures beside the plots are those of the held-out cells.
+  auto plots = report.captures.begin();
+  for (std::size_t i = 0; i < fit.session.recordings.size(); ++i) {
+    const Recording& r = fit.session.recordings[i];
+    if (!has_model(r)) continue;
+    report.location.captures[r.name] = fit.before.gap_of(i);
+    plots->gap_before = fit.before.gap_of(i);
+    (plots++)->gap_after = after.gap_of(i);
+    report.stimulus[r.name] = stimulus_errors(r, fit.state.stimuli[i], files.stimuli[i]);
+  }
+}
+
+// By how much the noise's variance, and its parts, differ from what is expected.
+void fill_noise(const Noise& noise, Report& report) {
+  const NoiseStatistics& n = noise.statistics;
+  const double nominal = noise.nominal_k;
+  report.noise_floor_k = noise.floor_k;
+  if (n.frames == 0 || nominal <= 0.0) return;
+  const auto share = [nominal](double sigma) { return square(sigma / nominal); };
+  const double stripes = share(n.rows.value) + share(n.columns.value);
+  report.noise_gap_before = std::sqrt(1.0 + std::abs(share(n.total_k) - 1.0) + share(n.flicker.value) + stripes);
+  const bool flicker = has(report, "flicker");
+  const bool striped = has(report, "stripes");
+  double left = 0.0;
+  if (!flicker) left += share(n.flicker.value);
+  if (!striped) left += stripes;
+  const bool spectral = has(report, "iir") || has(report, "one_over_f") || has(report, "noise_level") ||
+                        has(report, "heavy_tail") || has(report, "coarse_quantisation");
+  if (!spectral) left += std::abs(share(n.sigma_tvh) - 1.0);
+  report.noise_gap_after = std::sqrt(1.0 + left);
+  for (FoundEffect& e : report.effects) {
+    if (!e.of_noise) continue;
+    e.gap_before = report.noise_gap_before;
+    e.gap_after = report.noise_gap_after;
+  }
+  const double explained = std::sqrt(std::max(0.0, square(n.total_k) - left * square(nominal)));
+  report.noise = {{"total", "K", n.total_k, nominal, explained},
+                  {"sigma_tvh (pixel)", "K", n.sigma_tvh, nominal, spectral ? n.sigma_tvh : nominal},
+                  {"sigma_t (frame)", "K", n.flicker.value, 0.0, flicker ? n.flicker.value : 0.0},
+                  {"sigma_tv (row)", "K", n.rows.value, 0.0, striped ? n.rows.value : 0.0},
+                  {"sigma_th (column)", "K", n.columns.value, 0.0, striped ? n.columns.value : 0.0}};
+}
+
+// One figure: what the mean misses and what the noise's own statistics miss, in quadrature.
+void join_gaps(bool fitted, Report& report) {
+  const auto both = [fitted](double mean, double noise) {
+    return fitted ? std::sqrt(std::max(0.0, mean * mean + noise * noise - 1.0)) : noise;
+  };
+  report.gap_before = both(report.gap_before, report.noise_gap_before);
+  report.gap_after = both(report.gap_after, report.noise_gap_after);
+  // The most telling effect first.
+  std::ranges::stable_sort(report.effects, std::greater{}, [](const FoundEffect& e) {
+    return std::max(e.gap_before, 1.0) / std::max(e.gap_after, 0.5);
+  });
+  if (report.gap_before <= kNoGap) return;
+  report.closed_fraction = std::clamp((report.gap_before - report.gap_after) / (report.gap_before - 1.0), 0.0, 1.0);
+}
+
+void judge(std::vector<Remainder> left, Report& report) {
+  std::ranges::sort(left, std::greater{}, &Remainder::z);
+  const double tests = std::max<double>(1.0, static_cast<double>(left.size()));
+  const double worst = left.empty() ? 0.0 : left.front().z;
+  report.unexplained.p_value = std::min(1.0, tests * std::erfc(worst / std::sqrt(2.0)));
+  if (worst > kRemainderLimit) {
+    const Remainder& first = left.front();
+    report.unexplained.stage = first.misfit ? stage_of_misfits(left) : first.stage;
+    report.unexplained.where = first.where;
+    report.verdict = "unknown_effect";
+  } else if (report.effects.empty()) {
+    report.verdict = "no_gap";
+  } else {
+    report.verdict = report.gap_after > kPartly ? "partly_explained" : "explained";
+  }
+  report.location.stage = report.effects.empty() ? report.unexplained.stage : report.effects.front().stage;
+}
+
+// What would test the simulator, where nothing does.
+std::string needs_of(const Session& session) {
+  return std::string(
+             "captures of a known stimulus: a closed shutter or a flat black body for noise and offsets, a chopper or "
+             "a "
+             "pan over bars for the time constant") +
+         (session.recordings.front().kelvin ? "" : "; in kelvin, not in counts");
+}
+
+// Nothing was predicted, so that nothing can be said of how well.
+void mark_not_testable(const Session& session, const Noise& noise, Report& report) {
+  report.verdict = "not_testable";
+  report.needs = needs_of(session);
+  report.gap_before = report.gap_after = report.closed_fraction = kUnknown;
+  if (noise.statistics.frames == 0) {
+    report.noise_gap_before = report.noise_gap_after = report.noise_floor_k = kUnknown;
+  }
+  for (FoundEffect& e : report.effects) {
+    if (!e.of_noise) e.gap_before = e.gap_after = kUnknown;
+  }
+}
+
+std::vector<PixelPlace> places_of(const std::vector<int>& pixels, int width) {
+  std::vector<PixelPlace> places;
+  for (const int pixel : pixels) places.push_back(place_of(static_cast<std::size_t>(pixel), width));
+  return places;
+}
+
+template <typename T>
+void append(std::vector<T>& to, const std::vector<T>& from) {
+  to.insert(to.end(), from.begin(), from.end());
+}
+
+}  // namespace
+
+Report make_report(const Events& events, const Noise& noise, const Fit& fit, const std::vector<Remainder>& left,
+                   const Options& options) {
+  const Session& session = fit.session;
+  Report report;
+  for (const Recording& r : session.recordings) {
+    report.inputs.push_back(r.name);
+    report.frames += static_cast<std::size_t>(r.frames());
+  }
+  const Findings values = judge_values(events, noise, options);
+  for (const Findings* of : {&noise.findings, &values, &fit.findings}) append(report.effects, of->effects);
+  if (fit.done) fill_fit(fit, noise, report);
+  const Findings jumps = judge_jumps(events, fit.jumps, report, options);
+  append(report.effects, jumps.effects);
+  for (const auto* warnings : {&session.warnings, &events.warnings, &noise.findings.warnings, &fit.findings.warnings}) {
+    append(report.warnings, *warnings);
+  }
+  for (const Effect& effect : catalogue()) {
+    if (!effect.told_by(session) && allowed(options, effect.name)) {
+      report.not_identifiable.push_back({effect.name, effect.needs});
+    }
+  }
+  fill_noise(noise, report);
+  join_gaps(fit.done, report);
+  std::vector<Remainder> all;
+  for (const auto* of :
+       {&noise.findings.remainders, &values.remainders, &fit.findings.remainders, &left, &jumps.remainders}) {
+    append(all, *of);
+  }
+  judge(std::move(all), report);
+  report.defects = {places_of(events.bad.stuck, session.width), places_of(events.bad.noisy, session.width)};
+  for (const Recording& r : session.recordings) {
+    if (!has_model(r)) report.observations.push_back(observe(r));
+  }
+  if (std::ranges::none_of(session.recordings, has_model)) mark_not_testable(session, noise, report);
+  report.withheld = options.withheld;
+  return report;
+}
+
+}  // namespace bolo::diagnose

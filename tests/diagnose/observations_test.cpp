@@ -1,0 +1,298 @@
+// What is told of captures that no model predicts, simulated and real, and of every pixel of a large frame.
+#include "src/diagnose/observations.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <random>
+
+#include <nlohmann/json.hpp>
+
+#include "src/capture/capture.hpp"
+#include "src/diagnose/diagnose.hpp"
+#include "src/diagnose/report_output.hpp"
+#include "src/sim/path.hpp"
+#include "src/sim/scene.hpp"
+#include "src/sim/simulator.hpp"
+#include "tests/scratch.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+using Frame = std::vector<std::uint16_t>;
+
+constexpr double kStepK = 0.01;
+
+Report diagnosed(const std::vector<std::filesystem::path>& files, bool maps = false) {
+  Options options;
+  options.maps = maps;
+  auto report = diagnose(files, options, [](const std::string&, double) { return true; });
+  EXPECT_TRUE(report) << report.error().message;
+  return report ? std::move(*report) : Report{};
+}
+
+class Observations : public ::testing::Test {
+ protected:
+  // `frame(k, out)` in counts of 10 mK.
+  template <typename Fill>
+  std::filesystem::path write(const std::string& name, Geometry geometry, int frames, Fill frame,
+                              const capture::Stimulus& stimulus = capture::NoStimulus{}) {
+    capture::CaptureInfo info;
+    info.format.geometry = geometry;
+    info.format.scale = {Unit::kKelvin, kStepK, 0.0};
+    auto writer = capture::CaptureWriter::create(scratch_ / name, info);
+    EXPECT_TRUE(writer) << writer.error().message;
+    EXPECT_TRUE(writer->write_stimulus(stimulus));
+    Frame plane(geometry.pixels());
+    for (int k = 0; k < frames; ++k) {
+      frame(k, plane);
+      EXPECT_TRUE(writer->append(0.005 * k, static_cast<std::uint64_t>(k), plane.data()));
+    }
+    EXPECT_TRUE(writer->close());
+    return scratch_ / name;
+  }
+
+  // A real capture with `change(k)` counts added to every pixel of frame k; empty where there is no test data.
+  template <typename Change>
+  std::filesystem::path altered(const std::string& name, Change change) {
+    const char* folder = std::getenv("BOLO_TEST_DATA");
+    if (folder == nullptr) return {};
+    auto reader = capture::CaptureReader::open(std::filesystem::path(folder) / "captures" / name);
+    EXPECT_TRUE(reader) << reader.error().message;
+    auto writer = capture::CaptureWriter::create(scratch_ / name, reader->info());
+    EXPECT_TRUE(writer) << writer.error().message;
+    Frame plane(reader->info().format.geometry.pixels());
+    for (std::size_t k = 0; k < reader->info().frames; ++k) {
+      EXPECT_TRUE(reader->read_frame(k, plane.data()));
+      for (std::uint16_t& count : plane) count = static_cast<std::uint16_t>(count + change(k));
+      EXPECT_TRUE(writer->append(reader->t()[k], reader->frame_id()[k], plane.data()));
+    }
+    EXPECT_TRUE(writer->close());
+    return scratch_ / name;
+  }
+
+  int noise(double counts = 3.0) { return static_cast<int>(std::lround(counts * unit_(engine_))); }
+  void flat(int, Frame& plane) {
+    for (std::uint16_t& count : plane) count = static_cast<std::uint16_t>(30000 + noise());
+  }
+
+  Scratch scratch_;
+
+ private:
+  std::mt19937 engine_{7};
+  std::normal_distribution<double> unit_;
+};
+
+const Observation& only(const Report& report) {
+  EXPECT_EQ(report.observations.size(), 1U);
+  static const Observation kNone;
+  return report.observations.empty() ? kNone : report.observations.front();
+}
+
+// All three forms of the report.
+void expect_said(const Report& report, const std::string& text) {
+  EXPECT_NE(report_summary(report).find(text), std::string::npos) << text << " in\n" << report_summary(report);
+  EXPECT_NE(report_html(report).find(text), std::string::npos) << text;
+}
+
+TEST_F(Observations, AStreetWithAJumpOfFiveKelvinIsNotTestableAndShowsTheJump) {
+  constexpr Geometry kView{96, 64};
+  constexpr int kFrames = 120;
+  constexpr int kJumpAt = 70;
+  const auto street = sim::make_street(kView, 3);
+  const sim::Path path = sim::steady_pan(200.0);
+  const auto origin = sim::centred_origin(*street, path, kView, -0.5, 0.005 * kFrames);
+  auto field = sim::pan_over(*street, path, origin, kView, -0.5, 0.005 * kFrames);
+  ASSERT_TRUE(field) << field.error().message;
+  sim::CameraSettings camera;
+  camera.geometry = kView;
+  camera.threads = 1;
+  camera.effects.push_back(sim::parse_effect("offset_jump:jump_k=5,at_s=" + std::to_string(0.005 * kJumpAt)).value());
+  auto simulator = sim::Simulator::create(camera, std::move(*field));
+  ASSERT_TRUE(simulator) << simulator.error().message;
+  const auto file =
+      write("street.h5", kView, kFrames, [&](int, Frame& plane) { (*simulator)->next(plane.data(), nullptr); });
+  const Report report = diagnosed({file});
+  EXPECT_EQ(report.verdict, "not_testable");
+  EXPECT_NE(report.needs.find("shutter"), std::string::npos);
+  const Observation& seen = only(report);
+  ASSERT_EQ(seen.jumps.size(), 1U);
+  EXPECT_EQ(seen.jumps[0].frame, static_cast<std::size_t>(kJumpAt));
+  EXPECT_NEAR(seen.jumps[0].size, 5.0, 0.1);
+  EXPECT_TRUE(seen.freezes.empty());
+  expect_said(report, "1 jump of the whole picture: 5 K at frame 70");
+  expect_said(report, "closed shutter");
+  const auto json = nlohmann::json::parse(report_json(report));
+  EXPECT_EQ(json.at("verdict"), "not_testable");
+  EXPECT_TRUE(json.at("gap").at("before").is_null());
+  EXPECT_EQ(json.at("observations").at("street.h5").at("jumps").at(0).at("frame"), kJumpAt);
+}
+
+TEST_F(Observations, AFrozenStreamIsNotTestable) {
+  Frame first(32 * 24);
+  flat(0, first);
+  const auto frozen = [&](int, Frame& plane) { plane = first; };
+  const std::vector<capture::Stimulus> stimuli{capture::NoStimulus{}, capture::Uniform{300.0}};
+  for (const capture::Stimulus& stimulus : stimuli) {
+    const std::string name = "frozen-" + std::to_string(stimulus.index()) + ".h5";
+    const Report report = diagnosed({write(name, {32, 24}, 100, frozen, stimulus)});
+    EXPECT_EQ(report.verdict, "not_testable");
+    EXPECT_TRUE(report.effects.empty());
+    const Observation& seen = only(report);
+    ASSERT_EQ(seen.freezes.size(), 1U);
+    EXPECT_EQ(seen.freezes[0], (std::pair<std::size_t, std::size_t>{1, 99}));
+    EXPECT_TRUE(std::isnan(seen.noise));
+    EXPECT_TRUE(report.defects.stuck.empty());
+    expect_said(report, "frozen from frame 1 to 99 of 100");
+  }
+}
+
+// Of a stream that shows one value everywhere, as a camera without power may send.
+TEST_F(Observations, AnEmptyPictureIsNotTestable) {
+  const auto file = write(
+      "empty.h5", {32, 24}, 60, [](int, Frame& plane) { std::ranges::fill(plane, 30000); }, capture::Uniform{300.0});
+  const Report report = diagnosed({file});
+  EXPECT_EQ(report.verdict, "not_testable");
+  EXPECT_EQ(only(report).freezes.size(), 1U);
+}
+
+TEST_F(Observations, AFlatThatIsFrozenInTheEndIsStillTested) {
+  Frame last(32 * 24);
+  const auto file = write(
+      "ends.h5", {32, 24}, 200,
+      [&](int k, Frame& plane) {
+        if (k < 120) flat(k, last);
+        plane = last;
+      },
+      capture::Uniform{300.0});
+  const Report report = diagnosed({file});
+  EXPECT_NE(report.verdict, "not_testable");
+  EXPECT_TRUE(report.observations.empty());
+}
+
+TEST_F(Observations, ThreeStuckPixelsOfALargeFrameAreFound) {
+  constexpr Geometry kSize{320, 240};
+  const std::vector<PixelPlace> places{{17, 3}, {201, 119}, {318, 238}};
+  const auto stuck = [&](double kelvin) {
+    return [this, &places, kelvin](int k, Frame& plane) {
+      flat(k, plane);
+      for (std::uint16_t& count : plane)
+        count = static_cast<std::uint16_t>(count - 30000 + std::lround(100.0 * kelvin));
+      for (const PixelPlace& p : places) plane[static_cast<std::size_t>(p.y * kSize.width + p.x)] = 31234;
+    };
+  };
+  const auto shutter = write("shutter.h5", kSize, 40, stuck(300.0), capture::Uniform{300.0});
+  const auto hot = write("hot.h5", kSize, 40, stuck(325.0), capture::Uniform{325.0});
+  const Report report = diagnosed({shutter, hot}, true);
+  EXPECT_EQ(report.defects.stuck, places);
+  EXPECT_TRUE(report.defects.noisy.empty());
+  EXPECT_EQ(std::ranges::count(report.effects, "dead_pixels", &FoundEffect::name), 1);
+  const std::vector<std::uint8_t>& dead = report.learned.maps.dead;
+  ASSERT_EQ(dead.size(), kSize.pixels());
+  EXPECT_EQ(std::ranges::count(dead, 1), 3);
+  for (const PixelPlace& p : places) EXPECT_EQ(dead[static_cast<std::size_t>(p.y * kSize.width + p.x)], 1);
+  expect_said(report, "3 stuck: (17, 3) (201, 119) (318, 238)");
+  // The same without any stimulus.
+  const Report field = diagnosed({write("field.h5", kSize, 40, stuck(300.0))});
+  EXPECT_EQ(field.verdict, "not_testable");
+  EXPECT_EQ(field.defects.stuck, places);
+}
+
+TEST_F(Observations, PatternsOutliersFlickerAndNoiseOfAField) {
+  constexpr Geometry kSize{80, 60};
+  std::vector<int> column;
+  for (int x = 0; x < kSize.width; ++x) column.push_back(noise(12.0));
+  const auto file = write("field.h5", kSize, 200, [&](int k, Frame& plane) {
+    flat(k, plane);
+    const int frame = noise(6.0);
+    for (std::size_t p = 0; p < plane.size(); ++p) {
+      plane[p] = static_cast<std::uint16_t>(plane[p] + frame + column[p % static_cast<std::size_t>(kSize.width)]);
+    }
+    plane[static_cast<std::size_t>(30 * kSize.width + 40)] += 300;
+  });
+  const Report report = diagnosed({file});
+  const Observation& seen = only(report);
+  EXPECT_TRUE(seen.jumps.empty());
+  EXPECT_NEAR(seen.noise, 0.03, 0.003);
+  EXPECT_NEAR(seen.flicker, 0.06, 0.015);
+  EXPECT_NEAR(seen.column_pattern, 0.12, 0.03);
+  EXPECT_EQ(seen.row_pattern, 0.0);
+  EXPECT_EQ(seen.outliers, (std::vector<PixelPlace>{{40, 30}}));
+}
+
+constexpr const char* kNoData = "BOLO_TEST_DATA is not set";
+
+TEST_F(Observations, OfARealDriveItSaysWhatThePixelsTell) {
+  const auto file = altered("a65_drive_a.h5", [](std::size_t) { return 0; });
+  if (file.empty()) GTEST_SKIP() << kNoData;
+  const Report report = diagnosed({file});
+  EXPECT_EQ(report.verdict, "not_testable");
+  EXPECT_NE(report.needs.find("kelvin"), std::string::npos);
+  const Observation& seen = only(report);
+  EXPECT_TRUE(seen.jumps.empty());
+  EXPECT_EQ(seen.unit, "count");
+  EXPECT_NEAR(seen.column_pattern, 3.3, 1.0);
+  EXPECT_GT(seen.outliers.size(), 100U);
+  EXPECT_LT(seen.outliers.size(), 1000U);
+  expect_said(report, "counts rms");
+}
+
+TEST_F(Observations, OfARealBlackBodyInCounts) {
+  const auto file = altered("atto320_blackbody_25C.h5", [](std::size_t) { return 0; });
+  if (file.empty()) GTEST_SKIP() << kNoData;
+  const Report report = diagnosed({file});
+  EXPECT_EQ(report.verdict, "not_testable");
+  const Observation& seen = only(report);
+  EXPECT_NEAR(seen.noise, 2.1, 0.2);
+  EXPECT_GT(seen.column_pattern, 0.5);
+  EXPECT_EQ(report.defects.stuck.size(), 2U);
+}
+
+TEST_F(Observations, OfRealRecordingsWithoutAnEventThereIsNone) {
+  for (const char* name : {"lepton_cat.h5", "lepton_hand_fast.h5", "lepton_noise_01.h5", "lepton_possum.h5"}) {
+    const auto file = altered(name, [](std::size_t) { return 0; });
+    if (file.empty()) GTEST_SKIP() << kNoData;
+    const Report report = diagnosed({file});
+    EXPECT_EQ(report.verdict, "not_testable") << name;
+    EXPECT_TRUE(only(report).jumps.empty()) << name << describe(only(report)).front();
+    EXPECT_TRUE(only(report).freezes.empty()) << name;
+    EXPECT_TRUE(report.defects.stuck.empty()) << name;
+    EXPECT_LT(only(report).outliers.size(), 10U) << name;
+  }
+}
+
+TEST_F(Observations, TenResetsOfTheOffsetInARealRecording) {
+  std::vector<int> level(200, 0);
+  std::vector<std::pair<std::size_t, int>> truth;
+  int sum = 0;
+  for (std::size_t i = 0; i < 10; ++i) {
+    const std::size_t at = 9 + 15 * i;
+    const int size = (i % 2 == 0 ? 1 : -1) * (78 + 11 * static_cast<int>(i));
+    truth.emplace_back(at, size);
+    sum += size;
+    std::fill(level.begin() + static_cast<long>(at), level.end(), sum);
+  }
+  const auto file = altered("lepton_possum.h5", [&](std::size_t k) { return level[k]; });
+  if (file.empty()) GTEST_SKIP() << kNoData;
+  const Report report = diagnosed({file});
+  const Observation& seen = only(report);
+  ASSERT_EQ(seen.jumps.size(), truth.size()) << report_summary(report);
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    EXPECT_EQ(seen.jumps[i].frame, truth[i].first);
+    EXPECT_NEAR(seen.jumps[i].size, truth[i].second, 3.0);
+  }
+}
+
+TEST_F(Observations, AFlatFieldEventInARealRecording) {
+  const auto file = altered("lepton_cat.h5", [](std::size_t k) { return k >= 40 ? -31 : 0; });
+  if (file.empty()) GTEST_SKIP() << kNoData;
+  const Observation seen = only(diagnosed({file}));
+  ASSERT_EQ(seen.jumps.size(), 1U);
+  EXPECT_EQ(seen.jumps[0].frame, 40U);
+  EXPECT_NEAR(seen.jumps[0].size, -31.0, 2.0);
+}
+
+}  // namespace
+}  // namespace bolo::diagnose
