@@ -5,7 +5,7 @@
 namespace bolo::pipeline {
 namespace {
 
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 
 }  // namespace
 
