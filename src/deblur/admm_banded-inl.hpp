@@ -28,28 +28,12 @@ namespace bolo::deblur::HWY_NAMESPACE {
 inline constexpr int kGroup = kLanes >= 16 ? 8 : 4;
 
 // Memory of one block. `x` holds in turn v, s, x, and c.
-template <std::size_t kCapacity>
+template <int kBins>
 struct Banded {
-  HWY_ALIGN Row x[kCapacity];
-  HWY_ALIGN Row b[kCapacity];
-  HWY_ALIGN Row carry[kCapacity];
-  HWY_ALIGN Row y[kMaxSlots];
+  HWY_ALIGN Row x[rows_of(kBins)];
+  HWY_ALIGN Row b[rows_of(kBins)];
+  HWY_ALIGN Row carry[rows_of(kBins)];
 };
-
-// Samples less their mean; returns the mean. There is always a first one: the target's, at the latest.
-HWY_INLINE Pair load_samples(const BandedPlan& plan, const PixelRun& run, std::size_t at, std::size_t count, Row* y) {
-  Pair sum = load_pixels(run, plan.sample[0].slot, at, count);
-  store(sum, y[0]);
-  for (int i = 1; i < plan.samples; ++i) {
-    const Pair value = load_pixels(run, plan.sample[static_cast<std::size_t>(i)].slot, at, count);
-    sum = sum + value;
-    store(value, y[i]);
-  }
-  const Pair mean = all(plan.inverse_count) * sum;
-  store(load(y[0]) - mean, y[0]);
-  for (int i = 1; i < plan.samples; ++i) store(load(y[i]) - mean, y[i]);
-  return mean;
-}
 
 HWY_INLINE void butterfly_rows(float* left, float* right) {
   Pair a = load(left);
@@ -59,36 +43,10 @@ HWY_INLINE void butterfly_rows(float* left, float* right) {
   store(b, right);
 }
 
-// The right side's part that comes from the samples.
-HWY_INLINE void begin_b(const BandedPlan& plan, int bins, const Row* y, Row* b) {
-  const Pair reference = load(y[0]);
-  for (int i = 0; i < bins; ++i) store(pair(0.0F), b[i]);
-  for (int i = 1; i < plan.samples; ++i) {
-    const SampleCoefficients& sample = plan.sample[static_cast<std::size_t>(i)];
-    store(all(sample.weight) * fnma(all(sample.decay), reference, load(y[i])), b[sample.row]);
-  }
-}
-
-// The inverse filter's x to begin with: constant over bins without a sample of their own. It is divided by alpha and
-// carry is 0, so that the first w is its c.
-HWY_INLINE void begin_x(const BandedPlan& plan, int bins, const Row* y, Row* carry, Row* x) {
-  const Vec inverse_alpha = all(1.0F / plan.alpha);
-  Pair input = pair(0.0F);
-  int bin = 0;
-  for (int i = 0; i < bins; ++i) store(pair(0.0F), carry[i]);
-  for (int i = 1; i < plan.samples; ++i) {
-    const SampleCoefficients& sample = plan.sample[static_cast<std::size_t>(i)];
-    const Pair before = load(y[i - 1]);
-    input = inverse_alpha * fma(all(sample.inverse_gain), load(y[i]) - before, before);
-    for (; bin <= sample.row; ++bin) store(input, x[bin]);
-  }
-  for (; bin < bins; ++bin) store(input, x[bin]);
-}
-
 // The dual's x and, as carry, its t: the first w is c + u of the dual. And b. Returns the samples' mean.
 template <int kBins>
 HWY_INLINE Pair begin_from_dual(const BandedPlan& plan, const PixelRun& run, std::size_t at, std::size_t count,
-                                const Dual<kBins>& dual, Banded<rows_of(kBins)>& m) {
+                                const Dual<kBins>& dual, Banded<kBins>& m) {
   const Pair lambda = load(dual.lambda);
   const Pair scaled_lambda = all(plan.scaled) * lambda;
   const Pair mean = all(plan.inverse_count) * load(dual.sum);
@@ -103,7 +61,7 @@ HWY_INLINE Pair begin_from_dual(const BandedPlan& plan, const PixelRun& run, std
     for (int i = 0; i < kBins; i += 2 * half) butterfly_rows(m.x[i], m.x[i + half]);
   }
   Pair unused = pair(0.0F);
-  const Pair reference = load_pixels(run, plan.sample[0].slot, at, count) - mean;
+  const Pair reference = load_pixels(run, plan.reference, at, count) - mean;
   Pair before = load_slot(plan.start, run, 0, at, count, unused) - mean;
   Pair begin = load(dual.jump[0]);
   for (int i = 0; i < kBins; ++i) {
@@ -241,19 +199,6 @@ HWY_INLINE void publish(const PixelRun& run, const Memory& m, Pair mean, std::si
   store_pixels(run, fma(all(run.published.weight_before), load(m.x[run.published.before]), late), at, count);
 }
 
-// Any number of unknowns, from the inverse filter.
-void solve_any(const BandedPlan& plan, const PixelRun& run) noexcept {
-  for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR {
-    Banded<static_cast<std::size_t>(kMaxBins)> m;
-    const Pair mean = load_samples(plan, run, at, count, m.y);
-    begin_b(plan, plan.bins, m.y, m.b);
-    begin_x(plan, plan.bins, m.y, m.carry, m.x);
-    iterate(plan, plan.bins, load_lambda(run, plan.lambda, at, count), m);
-    publish(run, m, mean, at, count);
-  });
-}
-
-// One unknown a frame, from the dual.
 template <int kBins>
 void solve_run(const BandedPlan& plan, const PixelRun& run) noexcept {
   Duals<kBins> blocks;
@@ -263,7 +208,7 @@ void solve_run(const BandedPlan& plan, const PixelRun& run) noexcept {
     for (const Dual<kBins>& dual : blocks) {
       const std::size_t count = std::min(kBlock, run.end - at);
       if (count == 0) break;
-      Banded<rows_of(kBins)> m;
+      Banded<kBins> m;
       const Pair mean = begin_from_dual(plan, run, at, count, dual, m);
       iterate(plan, kBins, load_lambda(run, plan.lambda, at, count), m);
       publish(run, m, mean, at, count);
@@ -273,7 +218,6 @@ void solve_run(const BandedPlan& plan, const PixelRun& run) noexcept {
 }
 
 void solve_banded(const BandedPlan& plan, const PixelRun& run) noexcept {
-  if (!plan.started) return solve_any(plan, run);
   switch (plan.bins) {
     case 2:
       return solve_run<2>(plan, run);

@@ -21,12 +21,12 @@ void prepare_coefficients(BandedPlan& plan, const Grid& grid, const Tuning& tuni
 // The diagonal of p^2/rho M + B^T B, in row.own for now, and the decays. Rows before the reference have no sample and
 // rows after it do not depend on them: there x = v.
 void assemble(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pattern& pattern) noexcept {
-  const double p = -std::expm1(-grid.ratio / grid.parts);
-  const int start = grid.row_after(pattern.first);
+  const double p = -std::expm1(-grid.ratio);
+  const int start = pattern.first;
+  const double a = std::exp(-grid.ratio);
   for (int j = 0; j < plan.bins; ++j) {
-    const double next = j + 1 == plan.bins || j + 1 == start ? 0.0 : grid.bin_decay();
-    const int slot = (j + 1) / grid.parts;
-    const bool measured = j >= start && (j + 1) % grid.parts == 0 && pattern.received[static_cast<std::size_t>(slot)];
+    const double next = j + 1 == plan.bins || j + 1 == start ? 0.0 : a;
+    const bool measured = j >= start && pattern.received[static_cast<std::size_t>(j + 1)];
     plan.diagonal[static_cast<std::size_t>(j)] = 1.0 + next * next + (measured ? p * p / tuning.rho : 0.0);
     plan.row[static_cast<std::size_t>(j)].next_decay = static_cast<float>(next);
   }
@@ -58,26 +58,16 @@ void factor(BandedPlan& plan) noexcept {
 }
 
 void prepare_samples(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pattern& pattern) noexcept {
-  const double p = -std::expm1(-grid.ratio / grid.parts);
-  plan.samples = 0;
+  const double p = -std::expm1(-grid.ratio);
   for (RowCoefficients& row : plan.row) row.weight = 0.0F;
-  int last = pattern.first;
-  for (int slot = 0; slot < pattern.slots; ++slot) {
+  for (int slot = pattern.first + 1; slot < pattern.slots; ++slot) {
     if (!pattern.received[static_cast<std::size_t>(slot)]) continue;
-    SampleCoefficients& sample = plan.sample[static_cast<std::size_t>(plan.samples++)];
-    sample = SampleCoefficients();
-    sample.slot = slot;
-    sample.row = grid.row_after(slot) - 1;
-    if (slot == pattern.first) continue;
-    sample.weight = static_cast<float>(p / tuning.rho / plan.diagonal[static_cast<std::size_t>(sample.row)]);
-    sample.decay = static_cast<float>(std::exp(-grid.ratio * (slot - pattern.first)));
-    sample.inverse_gain = static_cast<float>(-1.0 / std::expm1(-grid.ratio * (slot - last)));
-    last = slot;
-    RowCoefficients& row = plan.row[static_cast<std::size_t>(sample.row)];
-    row.weight = sample.weight;
-    row.decay = sample.decay;
+    const auto j = static_cast<std::size_t>(slot - 1);
+    plan.row[j].weight = static_cast<float>(p / tuning.rho / plan.diagonal[j]);
+    plan.row[j].decay = static_cast<float>(std::exp(-grid.ratio * (slot - pattern.first)));
   }
-  plan.inverse_count = 1.0F / static_cast<float>(plan.samples);
+  plan.reference = pattern.first;
+  plan.inverse_count = 1.0F / static_cast<float>(pattern.count);
 }
 
 }  // namespace
@@ -99,8 +89,6 @@ void prepare(BandedPlan& plan, const Grid& grid, const Tuning& tuning, const Pat
   assemble(plan, grid, tuning, pattern);
   factor(plan);
   prepare_samples(plan, grid, tuning, pattern);
-  plan.started = dual_applies(grid);
-  if (!plan.started) return;
   plan.start = make_dual_plan(grid, tuning.start);
   prepare(plan.start, grid, pattern);
 }

@@ -13,15 +13,6 @@
 
 namespace bolo::deblur {
 
-// A received sample, in the order of time.
-struct SampleCoefficients {
-  int slot = 0;
-  int row = 0;                // the row of G that it measures; of no meaning for the reference
-  float weight = 0.0F;        // p / rho / pivot of the row
-  float decay = 0.0F;         // of the reference until this sample
-  float inverse_gain = 0.0F;  // the input x = y_before + inverse_gain (y - y_before), constant since the sample before
-};
-
 // Row j of the tridiagonal system, scaled so that its pivot is 1. Elimination runs from both ends to the middle row, so
 // that two chains of dependent operations run side by side; "inner" is the neighbour on the middle's side.
 struct RowCoefficients {
@@ -41,16 +32,14 @@ struct RowCoefficients {
 // normalisation, divided by their support, so that the inverse transform needs no multiplication: thresholds scale by
 // 1 / sqrt(support).
 struct BandedPlan {
-  bool started = false;  // from sweeps on the dual, not from the inverse filter
-  DualPlan start;
+  DualPlan start;       // sweeps on the dual, from which it goes on
   float scaled = 0.0F;  // u = scaled lambda t: 1 / rho
+  int reference = 0;    // slot of y_0
   int bins = 0;
   int iterations = 0;
   float alpha = 1.0F;       // over-relaxation
   float lambda = 0.0F;      // lambda_half of pixels that bring none of their own, in the units of the values
   float inverse_count = 0;  // 1 / received samples
-  int samples = 0;
-  std::array<SampleCoefficients, kMaxSlots> sample{};
   std::vector<RowCoefficients> row;
   std::vector<double> diagonal;  // pivots, once factored
 };

@@ -78,10 +78,9 @@ DualPlan make_dual_plan(const Grid& grid, const DualTuning& tuning) {
   return plan;
 }
 
-void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept {
-  plan.inverse_count = 1.0F / static_cast<float>(pattern.count);
+void fill_lost(const Grid& grid, const Pattern& pattern, std::array<SlotValue, kMaxSlots>& values) noexcept {
   for (int slot = 0; slot < pattern.slots; ++slot) {
-    SlotValue& value = plan.value[static_cast<std::size_t>(slot)];
+    SlotValue& value = values[static_cast<std::size_t>(slot)];
     const int before = pattern.before(slot);
     const int after = pattern.after(slot);
     if (pattern.received[static_cast<std::size_t>(slot)]) {
@@ -93,6 +92,11 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
       value = {before, after, static_cast<float>(part)};
     }
   }
+}
+
+void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept {
+  plan.inverse_count = 1.0F / static_cast<float>(pattern.count);
+  fill_lost(grid, pattern, plan.value);
   plan.gap = gap_of(plan, grid, pattern);
   plan.near_sweeps = plan.near_sweeps_whole + (plan.gap.searches > 0 ? kSweepsAfterSearch : 0);
 }

@@ -64,6 +64,9 @@ struct DualPlan {
   Gap gap;
 };
 
+// What stands in for the samples of lost frames. Thread: pipeline.
+void fill_lost(const Grid& grid, const Pattern& pattern, std::array<SlotValue, kMaxSlots>& values) noexcept;
+
 // Where it applies: bins are as long as frames. Thread: any.
 bool dual_applies(const Grid& grid);
 

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "src/model/bolometer.hpp"
-
 namespace bolo::deblur {
 namespace {
 
@@ -29,21 +27,6 @@ Wavelet frame_level(int k, int bins, double repeat) {
   const int support = bins / first;
   const int begin = (k - first) * support;
   return {begin, begin + support / 2, begin + support, 1.0 / std::sqrt(support * repeat)};
-}
-
-WithinFrame within_frame(const Settings& settings) {
-  const int frames = settings.window - 1;
-  const int all = 1 << settings.levels;
-  if (all <= frames || model::fine_column_bound(frames, settings.period_s, settings.tau_s) < 1.0) return {};
-  const int deepest = static_cast<int>(std::lround(std::log2(all / frames))) - 1;
-  WithinFrame w;
-  w.used = true;
-  w.level = std::min(model::strongest_wavelet_level(settings.period_s, settings.tau_s), deepest);
-  const double parts = std::exp2(w.level);
-  w.value = 1.0 / std::sqrt(all / (frames * parts));
-  const double edge = std::expm1(-settings.period_s / (2.0 * parts * settings.tau_s));
-  w.effect = -edge * edge * w.value;
-  return w;
 }
 
 class Builder {

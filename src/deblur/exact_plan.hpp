@@ -13,14 +13,6 @@ namespace bolo::deblur {
 // wavelet of each frame.
 using Columns = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxSlots, kMaxColumns>;
 
-// The wavelet that ends with its frame and is 2^level times narrower: the only one of the frame that can be non-zero.
-struct WithinFrame {
-  bool used = false;
-  int level = 0;
-  double value = 0.0;   // amplitude
-  double effect = 0.0;  // on the sample at the end of the frame
-};
-
 struct ExactPlan {
   double lambda = 0.0;  // lambda_half of pixels that bring none of their own, in the units of the values
   int bins = 0;         // frame-level columns

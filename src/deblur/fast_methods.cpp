@@ -1,6 +1,7 @@
-// The methods that run on the vector kernels: ADMM and the inverse filter.
+// The methods that run on the vector kernels: ADMM, the interior point and the inverse filter.
 #include <algorithm>
 
+#include "src/deblur/interior_kernel.hpp"
 #include "src/deblur/method.hpp"
 
 namespace bolo::deblur {
@@ -59,6 +60,24 @@ class AdmmMethod final : public PixelMethod {
   DensePlan dense_;
 };
 
+class InteriorMethod final : public PixelMethod {
+ public:
+  explicit InteriorMethod(const StreamTask& task)
+      : grid_(reduce(task.settings, task.lambda_half())),
+        plan_(make_interior_plan(task.settings, grid_)),
+        kernel_(best_interior_kernel()) {}
+
+  void prepare(const Pattern& pattern) noexcept override { deblur::prepare(plan_, grid_, pattern); }
+  void run(const PixelRun& run) const noexcept override { kernel_.solve(plan_, run); }
+  int iterations() const noexcept override { return plan_.steps; }
+  std::string_view isa() const noexcept override { return kernel_.isa; }
+
+ private:
+  Grid grid_;
+  InteriorPlan plan_;
+  const InteriorKernel& kernel_;
+};
+
 class InverseMethod final : public PixelMethod {
  public:
   explicit InverseMethod(const StreamTask& task) : grid_(reduce(task.settings, 0.0)), kernels_(best_kernels()) {}
@@ -85,6 +104,7 @@ class InverseMethod final : public PixelMethod {
 }  // namespace
 
 std::unique_ptr<PixelMethod> make_admm(const StreamTask& task) { return std::make_unique<AdmmMethod>(task); }
+std::unique_ptr<PixelMethod> make_interior(const StreamTask& task) { return std::make_unique<InteriorMethod>(task); }
 std::unique_ptr<PixelMethod> make_inverse(const StreamTask& task) { return std::make_unique<InverseMethod>(task); }
 
 }  // namespace bolo::deblur

@@ -7,8 +7,6 @@
 
 namespace bolo::deblur {
 
-double Grid::bin_decay() const { return std::exp(-ratio / parts); }
-
 // ||D||_1 over K coefficients is sqrt(K / bins) times that over `bins`, because a step function has the same norm in
 // both bases but its values are repeated K / bins times.
 Grid reduce(const Settings& settings, double lambda_half) {
@@ -26,6 +24,21 @@ Grid reduce(const Settings& settings, double lambda_half) {
   grid.lambda_scale = std::sqrt(static_cast<double>(all) / grid.bins);
   grid.lambda = lambda_half * grid.lambda_scale;
   return grid;
+}
+
+WithinFrame within_frame(const Settings& settings) {
+  const int frames = settings.window - 1;
+  const int all = 1 << settings.levels;
+  if (all <= frames || model::fine_column_bound(frames, settings.period_s, settings.tau_s) < 1.0) return {};
+  const int deepest = static_cast<int>(std::lround(std::log2(all / frames))) - 1;
+  WithinFrame w;
+  w.used = true;
+  w.level = std::min(model::strongest_wavelet_level(settings.period_s, settings.tau_s), deepest);
+  const double parts = std::exp2(w.level);
+  w.value = 1.0 / std::sqrt(all / (frames * parts));
+  const double edge = std::expm1(-settings.period_s / (2.0 * parts * settings.tau_s));
+  w.effect = -edge * edge * w.value;
+  return w;
 }
 
 int Pattern::before(int slot) const {

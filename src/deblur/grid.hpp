@@ -8,8 +8,7 @@
 
 namespace bolo::deblur {
 
-inline constexpr int kMaxSlots = 65;   // frames of a window
-inline constexpr int kMaxBins = 1024;  // 2^levels
+inline constexpr int kMaxSlots = 65;  // frames of a window
 
 // The bins of the reduced problem: minimise 1/2 ||M (G x - Y)||^2 + lambda ||H x||_1 over x, H orthonormal Haar of size
 // `bins`. It has exactly the optimum of the problem with 2^levels bins (design: exact reduction).
@@ -21,16 +20,22 @@ struct Grid {
   double lambda = 0.0;        // of the reduced problem, in the units of lambda_half
   double lambda_scale = 1.0;  // lambda = lambda_scale * lambda_half
   double ratio = 0.0;         // T / tau
-
-  // exp(-T / tau) over one bin; of use when parts >= 1.
-  double bin_decay() const;
-  // The grid step (of `parts` a frame) at which the interval that ends at `slot` ends.
-  int row_after(int slot) const { return slot * parts; }
 };
 
 // lambda_half: the weight in 1/2 ||.||^2 + lambda_half ||D||_1 over 2^levels coefficients, in the units of the values.
 // Thread: setup.
 Grid reduce(const Settings& settings, double lambda_half);
+
+// The wavelet that ends with its frame and is 2^level times narrower: the only one of the frame that can be non-zero.
+struct WithinFrame {
+  bool used = false;
+  int level = 0;
+  double value = 0.0;   // amplitude
+  double effect = 0.0;  // on the sample at the end of the frame
+};
+
+// Thread: any.
+WithinFrame within_frame(const Settings& settings);
 
 // Which slots of a window hold a frame.
 struct Pattern {

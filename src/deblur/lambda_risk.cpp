@@ -9,7 +9,6 @@
 namespace bolo::deblur {
 namespace {
 
-constexpr int kSlowIterations = 100;
 constexpr std::size_t kDraws = 2048;  // of each model: its risks are known to some 3 %
 
 // Samples of one model in packed planes, noise of variance 1, and the truth.
@@ -55,9 +54,7 @@ StreamTask table_task(const StreamTask& task, int slots) {
   result.input.type = PixelType::kFloat32;
   result.input.scale = {Unit::kKelvin, 1.0, 0.0};
   result.output = PixelType::kFloat32;
-  const bool slow = reduce(result.settings, 1.0).parts > 1;  // solved exactly: too long for a million of draws
-  if (result.settings.method == Method::kExact || slow) result.settings.method = Method::kAdmm;
-  if (slow) result.settings.iterations = kSlowIterations;
+  if (result.settings.method == Method::kExact) result.settings.method = Method::kAdmm;  // too long
   return result;
 }
 

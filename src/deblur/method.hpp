@@ -26,6 +26,8 @@ class PixelMethod {
 
 // Settings and formats were checked. Thread: setup.
 std::unique_ptr<PixelMethod> make_admm(const StreamTask& task);
+// The interior point where wavelets within a frame interval can be used (interior_plan.hpp).
+std::unique_ptr<PixelMethod> make_interior(const StreamTask& task);
 // ADMM where the dual does not apply: bins longer or shorter than a frame, windows that lost more than one frame.
 std::unique_ptr<PixelMethod> make_dual(const StreamTask& task);
 std::unique_ptr<PixelMethod> make_exact(const StreamTask& task);

@@ -18,6 +18,7 @@ constexpr std::array kNames = {
 };
 
 constexpr double kLeastTau_s = 1e-6;  // far below any pixel's; period / tau stays a number
+constexpr double kLittleLeft = 0.05;  // of a frame in the next one
 constexpr int kModelLookahead = 15;   // the models see 17 frames
 
 // Collects one sentence for every value out of range.
@@ -76,10 +77,24 @@ Status validate(const Settings& settings) {
                     "0 (automatic) to 1000");
   complaints.unless(settings.lookahead >= 0 && settings.lookahead < rows, "lookahead", settings.lookahead,
                     "0 to window - 2 frames");
+  // The models reckon with what happens between frames themselves.
+  const bool far_apart = settings.period_s > kLongestRatioToLookAhead * settings.tau_s;
+  complaints.unless(!far_apart || settings.lookahead == 0 || settings.method == Method::kMmae, "lookahead",
+                    settings.lookahead, "0 where frames are more than 2 tau apart: it would show two frames in one");
   const bool models = settings.auto_lambda || settings.method == Method::kMmae;
   complaints.unless(!models || settings.lookahead <= kModelLookahead, "lookahead", settings.lookahead,
                     "at most 15 frames with mmae or lambda auto");
   return complaints.status();
+}
+
+std::string little_to_undo(const Settings& settings) {
+  const double left = std::exp(-settings.period_s / settings.tau_s);
+  if (left > kLittleLeft) return {};
+  std::ostringstream text;
+  text.precision(2);
+  text << "frames come every " << settings.period_s * 1e3 << " ms, " << settings.period_s / settings.tau_s
+       << " times tau: only " << 100.0 * left << " % of a frame is left in the next, there is next to nothing to undo";
+  return text.str();
 }
 
 }  // namespace bolo::deblur

@@ -1,6 +1,7 @@
 // What the deblurring is asked to do; the same for live and offline work.
 #pragma once
 
+#include <string>
 #include <string_view>
 
 #include "src/core/result.hpp"
@@ -40,5 +41,13 @@ struct Settings {
 
 // Every wrong value is named with its range. Thread: setup.
 Status validate(const Settings& settings);
+
+// T / tau above which a look-ahead is refused: what lies before and after a frame's time then has little in common, and
+// its mean would show both (a hand twice).
+inline constexpr double kLongestRatioToLookAhead = 2.0;
+
+// A sentence for people where so little of a frame is left in the next that there is next to nothing to undo; empty
+// where there is. Thread: setup.
+std::string little_to_undo(const Settings& settings);
 
 }  // namespace bolo::deblur

@@ -38,10 +38,8 @@ std::unique_ptr<PixelMethod> make_method(const StreamTask& task) {
   const Settings& settings = task.settings;
   const bool no_prior = settings.lambda == 0.0 && (1 << settings.levels) >= settings.window - 1;
   if (settings.method == Method::kInverse || no_prior) return make_inverse(task);
-  // Where wavelets within a frame can be used (T / tau above 2.1: slow cameras), columns depend on each other and fixed
-  // iterations are too few; following the path to convergence is faster. A count that was asked for is kept.
-  const bool fast_is_slow = reduce(settings, 1.0).parts > 1 && settings.iterations == 0;
-  if (settings.method == Method::kExact || fast_is_slow) return make_exact(task);
+  if (settings.method == Method::kExact) return make_exact(task);
+  if (reduce(settings, 1.0).parts > 1) return make_interior(task);
   if (settings.method == Method::kDual) return make_dual(task);
   return make_admm(task);
 }

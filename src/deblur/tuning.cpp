@@ -71,15 +71,15 @@ DualTuning tune_dual(const Grid& grid, double lambda_half_k) {
 }
 
 Tuning tune(const Grid& grid, double lambda_half_k, Lost lost) {
-  const double p = -std::expm1(-grid.ratio / grid.parts);
+  const double p = -std::expm1(-grid.ratio);
   const int cold = static_cast<int>(std::ceil(1.1 * needed(kNeeded, grid.ratio, std::max(lambda_half_k, 1e-6))));
   Tuning tuning;
   tuning.rho = p * p * grid.frames_per_bin;
   tuning.start = tune_dual(grid, lambda_half_k);
-  const bool started = grid.parts == 1 && grid.frames_per_bin == 1;
+  const bool started = grid.frames_per_bin == 1;
   tuning.iterations = started ? kAfterSweeps : cold;
   if (lost == Lost::kOne && started) tuning.iterations = kAfterSearch;
-  if (lost == Lost::kMore || grid.parts > 1) tuning.iterations = 2 * cold;
+  if (lost == Lost::kMore) tuning.iterations = 2 * cold;
   return tuning;
 }
 

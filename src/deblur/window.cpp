@@ -9,28 +9,28 @@ namespace {
 // A camera's time stamps jitter by its clock's steps and its firmware's haste. A tenth of a period moves a sample by
 // less than the error that one frame of noise makes at 10 K of contrast; beyond it the frame is flagged.
 constexpr double kGridTolerance = 0.1;
+constexpr double kMostJitter = 1.0;  // periods by which a clock may err: stamps of a busy host
 
 }  // namespace
 
+std::int64_t periods_between(const FrameMeta& from, const FrameMeta& to, double period_s, bool& off_grid) noexcept {
+  const double passed_ns = static_cast<double>(to.camera_ns) - static_cast<double>(from.camera_ns);
+  const double periods = passed_ns / (period_s * 1e9);
+  const double nearest = std::clamp(std::round(periods), -1.0, 1e9);
+  const bool clock_fits = nearest >= 1.0 && std::abs(periods - nearest) <= kGridTolerance;
+  const auto counted = static_cast<std::int64_t>(to.frame_id - from.frame_id);
+  const bool pause = nearest >= 1.0 && std::abs(periods - static_cast<double>(counted)) > kMostJitter;
+  const std::int64_t steps = clock_fits || pause || periods < 0.0 ? static_cast<std::int64_t>(nearest) : counted;
+  off_grid = std::abs(periods - static_cast<double>(steps)) > kGridTolerance;
+  return steps;
+}
+
 Window::Window(const Settings& settings)
     : target_(static_cast<std::size_t>(settings.window - 1 - settings.lookahead)),
-      period_ns_(settings.period_s * 1e9),
+      period_s_(settings.period_s),
       places_(static_cast<std::size_t>(settings.window)),
       planes_(static_cast<std::size_t>(settings.window)) {
   released_.reserve(static_cast<std::size_t>(slots()));
-}
-
-// Periods from the last frame to this one. Two witnesses: the camera's clock and its counter. When they disagree the
-// clock is right as long as it shows a whole number of periods (cameras lose frames without a jump in the counter);
-// off the grid it is the clock that is doubtful.
-std::int64_t Window::steps_to(const FrameMeta& meta, bool& off_grid) const noexcept {
-  const double periods = (static_cast<double>(meta.camera_ns) - static_cast<double>(last_.camera_ns)) / period_ns_;
-  const double nearest = std::clamp(std::round(periods), -1.0, 1e9);
-  const bool clock_fits = nearest >= 1.0 && std::abs(periods - nearest) <= kGridTolerance;
-  const auto counted = static_cast<std::int64_t>(meta.frame_id - last_.frame_id);
-  const std::int64_t steps = clock_fits || periods < 0.0 ? static_cast<std::int64_t>(nearest) : counted;
-  off_grid = std::abs(periods - static_cast<double>(steps)) > kGridTolerance;
-  return steps;
 }
 
 bool Window::push(const WindowFrame& frame, bool restart) noexcept {
@@ -40,7 +40,7 @@ bool Window::push(const WindowFrame& frame, bool restart) noexcept {
   bool emptied = false;
   if (covered_ > 0) {
     bool off_grid = false;
-    const std::int64_t steps = steps_to(frame.meta, off_grid);
+    const std::int64_t steps = periods_between(last_, frame.meta, period_s_, off_grid);
     emptied = restart || steps < 1 || steps >= static_cast<std::int64_t>(places_.size());
     if (!emptied) {
       steps_left_ = steps;

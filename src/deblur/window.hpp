@@ -11,6 +11,13 @@
 
 namespace bolo::deblur {
 
+// Periods from one frame to a later one; below 1 where time does not go on. Two witnesses: the camera's clock and its
+// counter. When they disagree, the clock is right as long as it shows a whole number of periods (cameras lose frames
+// without a jump in the counter), or a longer pause than counter and jitter explain (NUC, reconnect: frames that never
+// were are not counted); else it is the clock that is doubtful. `off_grid`: the clock shows no whole number of periods
+// as taken. Thread: any.
+std::int64_t periods_between(const FrameMeta& from, const FrameMeta& to, double period_s, bool& off_grid) noexcept;
+
 // A frame in the window. `token` is the owner's handle of the plane's memory; the window never looks at it.
 struct WindowFrame {
   FrameMeta meta;
@@ -34,10 +41,14 @@ class Window {
     bool full = false;  // a whole window lies behind (and `lookahead` frames before) this frame
   };
 
-  // Places a frame by its counter and its camera time. With `restart`, or when the frame is further from the last one
-  // than the window is long, or goes back in time, the window is emptied first; frames that still waited for their
+  // Places a frame by its counter and its camera time (periods_between()); flagged as jitter where it stands off the
+  // grid. With `restart`, or when the frame is further from the last one than the window is long, or goes back in time,
+  // the window is emptied first; frames that still waited for their
   // look-ahead become ready without it. Returns true when the window was emptied. Thread: pipeline.
   bool push(const WindowFrame& frame, bool restart) noexcept;
+
+  // The source's true period. For frames pushed from now on: give the next one with `restart`. Thread: pipeline.
+  void set_period(double period_s) noexcept { period_s_ = period_s; }
 
   // The source has ended: frames that wait for their look-ahead become ready without it. Thread: pipeline.
   void finish() noexcept;
@@ -58,7 +69,6 @@ class Window {
     bool taken = false;
   };
 
-  std::int64_t steps_to(const FrameMeta& meta, bool& off_grid) const noexcept;
   void finish_window() noexcept;
   void advance() noexcept;
   void clear() noexcept;
@@ -66,7 +76,7 @@ class Window {
   Place& place(std::size_t from_oldest) noexcept { return places_[(oldest_ + from_oldest) % places_.size()]; }
 
   std::size_t target_;  // the place that is estimated, counted from the oldest
-  double period_ns_;
+  double period_s_;
   std::vector<Place> places_;  // a ring, one place a period; the oldest is places_[oldest_]
   std::size_t oldest_ = 0;
   std::size_t covered_ = 0;  // periods since the window was emptied, at most places_.size()

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <utility>
 
+#include "src/deblur/window.hpp"
 #include "src/model/band_radiance.hpp"
 
 namespace bolo::pipeline {
@@ -110,10 +111,12 @@ void FrameUndo::begin(const FrameMeta& meta, const void* raw, bool restart) noex
   const std::size_t pixels = input_.geometry.pixels();
   plane_ = planes_.data() + next_ * pixels;
   next_ = (next_ + 1) % ring_planes_;
-  first_ = restart || !begun_ || meta.frame_id <= last_id_;
+  bool off_grid = false;
+  const std::int64_t periods = deblur::periods_between(last_, meta, input_.frame_period_s, off_grid);
+  first_ = restart || !begun_ || periods < 1;
   begun_ = true;
-  const std::uint64_t gap = first_ ? 1 : meta.frame_id - last_id_;
-  last_id_ = meta.frame_id;
+  const std::uint64_t gap = first_ ? 1 : static_cast<std::uint64_t>(periods);
+  last_ = meta;
   if (static_cast<float>(gap) != gap_) set_gap(gap);
   correction_.begin(first_ ? 0 : gap);
 }

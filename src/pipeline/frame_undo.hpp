@@ -146,7 +146,7 @@ class FrameUndo {
   std::size_t next_ = 0;
   float* plane_ = nullptr;
   const void* raw_ = nullptr;
-  std::uint64_t last_id_ = 0;
+  FrameMeta last_;
   bool begun_ = false;
   bool first_ = true;  // nothing is known of before
 

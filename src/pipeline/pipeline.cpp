@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdio>
 #include <cstring>
 #include <memory>
 #include <new>
@@ -24,9 +25,16 @@ namespace {
 // as this at the next look: after twice the time at most.
 constexpr std::int64_t kLookNs = 100'000'000;
 
+// How long frames go on being solved once the end was asked for, and how much is solved between two looks at the clock:
+// enough to cost nothing, little enough for half a second even where a pixel takes 0.2 ms (exact).
+constexpr std::int64_t kEndNs = 300'000'000;
+constexpr int kRowsAtOnce = 64;
+constexpr int kExactRowsAtOnce = 1;
+constexpr std::size_t kPointsAtOnce = 4096;
+constexpr std::size_t kExactPointsAtOnce = 512;
+
 constexpr int kMaxWorkers = 64;
-constexpr std::size_t kPixelsBetweenLooks = 4096;  // solved before a worker looks whether they are given up
-constexpr int kSlotsBeside = 2;                    // of the inlet's pool, beside those of window and queue
+constexpr int kSlotsBeside = 2;  // of the inlet's pool, beside those of window and queue
 constexpr int kMaxQueueFrames = 4096;
 
 // An output plane, aligned for the widest vectors, zeroed so that no page fault is left for later.
@@ -103,15 +111,35 @@ Status check(const PipelineOptions& options, const StreamFormat& format) {
 
 }  // namespace
 
+// What depends on the source's period.
+struct Pipeline::Timed {
+  deblur::Settings settings;
+  std::unique_ptr<FrameUndo> undo;
+  SolverLadder solvers;
+
+  static Result<Timed> create(const PipelineOptions& options, const StreamFormat& format) {
+    deblur::Settings settings = options.deblur;
+    settings.period_s = format.frame_period_s;
+    if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
+    const auto planes = static_cast<std::size_t>(deblur::Window(settings).slots());
+    auto undo = FrameUndo::create({options.undo, settings, options.maps, options.pixel_noise_k, planes}, format);
+    if (!undo) return tl::unexpected(undo.error());
+    auto solvers =
+        SolverLadder::create(settings, (*undo)->format(), options.output, options.maps.row_delay_s, options.degrade);
+    if (!solvers) return tl::unexpected(solvers.error());
+    settings.iterations = solvers->full().iterations();
+    return Timed{settings, std::move(*undo), std::move(*solvers)};
+  }
+};
+
 struct Pipeline::Impl {
-  Impl(std::unique_ptr<FrameSource> source_in, SourceInfo info_in, std::unique_ptr<FrameUndo> undo_in,
-       SolverLadder solvers_in, const deblur::Settings& settings_in, const PipelineOptions& options_in)
+  Impl(std::unique_ptr<FrameSource> source_in, SourceInfo info_in, Timed timed, const PipelineOptions& options_in)
       : source(std::move(source_in)),
         info(std::move(info_in)),
         options(options_in),
-        settings(settings_in),
-        undo(std::move(undo_in)),
-        solvers(std::move(solvers_in)),
+        settings(timed.settings),
+        undo(std::move(timed.undo)),
+        solvers(std::move(timed.solvers)),
         text(solver_words(settings, info.format.scale.unit, solvers.full().isa())),
         window(settings),
         effort_control(static_cast<std::uint64_t>(options.queue_frames)),
@@ -126,28 +154,34 @@ struct Pipeline::Impl {
     if (!status && options.warn) options.warn(status.error().message);
   }
 
+  Status keep_up();
+
   // --- the pipeline thread ---
+  void take_period() noexcept;
+  bool out_of_time() noexcept;
+  bool told_to_give_up() const noexcept {
+    return options.give_up != nullptr && options.give_up->load(std::memory_order_relaxed);
+  }
   void loop(const std::atomic<bool>& stop_requested) noexcept;
   bool take_one() noexcept;
   void take_all() noexcept;
   void publish_ready() noexcept;
   Effort choose_effort() noexcept;
-  void deblur(const deblur::Window::Ready& frame) noexcept;
+  bool deblur(const deblur::Window::Ready& frame) noexcept;
   void publish(const deblur::Window::Ready& frame) noexcept;
   void show_life() noexcept;
   const void* undone(const rt::FrameSlot& slot, bool restart) noexcept;
 
   // --- each worker ---
   PixelRange share_of_pixels(int worker) const noexcept;
+  void work_alone() noexcept;
   void work(int worker) noexcept;
+  bool converges() const noexcept { return effort == Effort::kFull && settings.method == deblur::Method::kExact; }
   bool solves() const noexcept { return job->full && effort != Effort::kRaw; }
-  bool given_up() const noexcept {
-    return options.give_up != nullptr && options.give_up->load(std::memory_order_relaxed);
-  }
+  template <typename Solve>
+  void solve_stretches(std::size_t begin, std::size_t end, std::size_t at_once, const Solve& solve) noexcept;
   bool solve_part(const Region& part) noexcept;
-  bool solve_rows(const Region& part) noexcept;
   bool solve_points(std::size_t begin, std::size_t end) noexcept;
-  bool solve_some(std::size_t begin, std::size_t end) noexcept;
   std::size_t workers() const noexcept { return static_cast<std::size_t>(team.size()); }
 
   std::unique_ptr<FrameSource> source;
@@ -168,6 +202,10 @@ struct Pipeline::Impl {
   // Written by the pipeline thread before the team runs, read by the workers; the team's barrier orders both.
   const deblur::Window::Ready* job = nullptr;
   Effort effort = Effort::kFull;  // for the job
+  Effort least = Effort::kFull;   // no frame gets more
+  const std::atomic<bool>* stop = nullptr;
+  std::atomic<std::int64_t> stop_seen_ns{0};  // CLOCK_MONOTONIC; 0: nobody has
+  std::atomic<bool> given_up{false};          // of the job: no time was left for all of it
   struct alignas(rt::kCacheLine) Flag {
     bool value = false;
   };
@@ -175,6 +213,15 @@ struct Pipeline::Impl {
   const void* raw = nullptr;         // of the job's frame, as it came
   std::vector<const void*> raw_of;   // of each pool slot in the window, by token
   bool restart_next = false;         // a frame that was dropped had begun a new window
+
+  std::atomic<Timed*> next_timed{nullptr};  // set_period() -> the pipeline thread, which exchanges the contents ...
+  std::atomic<Timed*> spent{nullptr};       // ... and gives them back a frame later, when no plane of theirs is left
+  Timed* spending = nullptr;                // until then
+  ~Impl() {
+    delete next_timed.load();
+    delete spent.load();
+    delete spending;
+  }
 
   std::int64_t last_sign_ns = 0;   // when the sinks were last called
   std::int64_t work_began_ns = 0;  // on the frame that is published next: it was taken, or the last one was out
@@ -195,23 +242,39 @@ void Pipeline::Impl::work(int worker) noexcept {
   if (first_row < end_row) saturation = solve_part({all.x, all.y + first_row, all.width, end_row - first_row});
 }
 
-// True when a raw value lies at the end of the range. What may be given up is solved in strips.
-bool Pipeline::Impl::solve_part(const Region& part) noexcept {
-  if (options.give_up == nullptr) return solve_rows(part);
-  const int rows = std::max(1, static_cast<int>(kPixelsBetweenLooks) / part.width);
-  bool found = false;
-  for (int row = 0; row < part.height && !given_up(); row += rows) {
-    found = solve_rows({part.x, part.y + row, part.width, std::min(rows, part.height - row)}) || found;
-  }
-  return found;
+// Also on the workers.
+bool Pipeline::Impl::out_of_time() noexcept {
+  if (told_to_give_up()) return true;
+  if (stop == nullptr || !stop->load(std::memory_order_relaxed)) return false;
+  const std::int64_t now_ns = monotonic_ns();
+  std::int64_t seen_ns = 0;  // the first to see it decides: all others then find its time
+  if (stop_seen_ns.compare_exchange_strong(seen_ns, now_ns, std::memory_order_relaxed)) seen_ns = now_ns;
+  return now_ns - seen_ns > kEndNs;
 }
 
-bool Pipeline::Impl::solve_rows(const Region& part) noexcept {
+// In stretches of `at_once` units, as long as there is time.
+template <typename Solve>
+void Pipeline::Impl::solve_stretches(std::size_t begin, std::size_t end, std::size_t at_once,
+                                     const Solve& solve) noexcept {
+  for (; begin < end; begin += at_once) {
+    if (out_of_time()) return given_up.store(true, std::memory_order_relaxed);
+    solve(begin, std::min(begin + at_once, end));
+  }
+}
+
+// True when a raw value lies at the end of the range.
+bool Pipeline::Impl::solve_part(const Region& part) noexcept {
   const auto width = static_cast<std::size_t>(info.format.geometry.width);
   const auto part_width = static_cast<std::size_t>(part.width);
   const int step = part.width == info.format.geometry.width ? part.height : 1;
   bool found = false;
-  if (solves()) solvers.at(effort).solve(job->view, part, deblurred.data());
+  if (solves()) {
+    const auto rows = static_cast<std::size_t>(part.height);
+    solve_stretches(0, rows, converges() ? kExactRowsAtOnce : kRowsAtOnce, [&](std::size_t first, std::size_t after) {
+      const Region some{part.x, part.y + static_cast<int>(first), part.width, static_cast<int>(after - first)};
+      solvers.at(effort).solve(job->view, some, deblurred.data());
+    });
+  }
   for (int row = part.y; row < part.y + part.height; row += step) {
     const std::size_t begin = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(part.x);
     const PixelRange pixels{begin, begin + static_cast<std::size_t>(step) * part_width};
@@ -223,17 +286,14 @@ bool Pipeline::Impl::solve_rows(const Region& part) noexcept {
 }
 
 bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
-  const std::size_t step = options.give_up == nullptr ? end - begin : kPixelsBetweenLooks;
-  bool found = false;
-  for (; begin < end && !given_up(); begin += step) found = solve_some(begin, std::min(end, begin + step)) || found;
-  return found;
-}
-
-bool Pipeline::Impl::solve_some(std::size_t begin, std::size_t end) noexcept {
   const std::span<const std::uint32_t> pixels(options.points.data() + begin, end - begin);
   void* out = static_cast<std::byte*>(deblurred.data()) + begin * bytes_of(options.output);
   if (solves()) {
-    solvers.at(effort).solve_points(job->view, pixels, out);
+    const std::size_t at_once = converges() ? kExactPointsAtOnce : kPointsAtOnce;
+    solve_stretches(0, pixels.size(), at_once, [&](std::size_t first, std::size_t after) {
+      solvers.at(effort).solve_points(job->view, pixels.subspan(first, after - first),
+                                      static_cast<std::byte*>(out) + first * bytes_of(options.output));
+    });
   } else {
     convert(undo->format(), job->frame.plane, options.output, out, pixels);
   }
@@ -248,21 +308,39 @@ bool Pipeline::Impl::solve_some(std::size_t begin, std::size_t end) noexcept {
 
 Effort Pipeline::Impl::choose_effort() noexcept {
   if (!options.degrade) return Effort::kFull;
-  return effort_control.next(stats.waiting(), monotonic_ns());
+  return std::max(effort_control.next(stats.waiting(), monotonic_ns()), least);
 }
 
-void Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
+// False when no time was left for it and nothing may stand in for it.
+bool Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
   const std::int64_t start_ns = monotonic_ns();
   job = &frame;
   effort = choose_effort();
   raw = raw_of[frame.frame.token];
-  if (solves()) solvers.at(effort).prepare(frame.view);
-  if (effort < Effort::kInverse) {
-    team.run([](void* self, int worker) { static_cast<Impl*>(self)->work(worker); }, this);
-  } else {
-    for (int worker = 0; worker < team.size(); ++worker) work(worker);  // whose threads may be what it waits for
+  given_up.store(frame.full && out_of_time(), std::memory_order_relaxed);
+  if (!given_up.load(std::memory_order_relaxed)) {
+    if (solves()) solvers.at(effort).prepare(frame.view);
+    if (effort < Effort::kInverse) {
+      team.run([](void* self, int worker) { static_cast<Impl*>(self)->work(worker); }, this);
+    } else {
+      work_alone();
+    }
+  }
+  if (given_up.load(std::memory_order_relaxed)) {
+    if (!options.degrade) {
+      if (options.must_keep_up) inlet.count_loss(LossCause::kPoolExhausted);
+      return false;
+    }
+    effort = Effort::kRaw;
+    work_alone();
   }
   if (frame.full) stats.deblur_ns.add(static_cast<std::uint64_t>(monotonic_ns() - start_ns));
+  return true;
+}
+
+// Without the other workers, whose threads may be what it waits for.
+void Pipeline::Impl::work_alone() noexcept {
+  for (int worker = 0; worker < team.size(); ++worker) work(worker);
 }
 
 void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
@@ -292,9 +370,7 @@ void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
 void Pipeline::Impl::publish_ready() noexcept {
   deblur::Window::Ready ready;
   while (window.next(ready)) {
-    deblur(ready);
-    if (given_up()) return;  // perhaps in the middle of it
-    publish(ready);
+    if (deblur(ready)) publish(ready);
   }
   for (const std::uint32_t slot : window.released()) inlet.give_back(slot);
 }
@@ -335,6 +411,18 @@ const void* Pipeline::Impl::undone(const rt::FrameSlot& slot, bool restart) noex
   return undo->plane();
 }
 
+// The old undoing's planes may still be shown for their look-ahead: it is given back with the frame after.
+void Pipeline::Impl::take_period() noexcept {
+  if (spending != nullptr) spent.store(std::exchange(spending, nullptr), std::memory_order_release);  // partner:
+  Timed* const timed = next_timed.exchange(nullptr, std::memory_order_acquire);                       // set_period()
+  if (timed == nullptr) return;
+  std::swap(undo, timed->undo);
+  std::swap(solvers, timed->solvers);
+  window.set_period(timed->settings.period_s);
+  restart_next = true;
+  spending = timed;
+}
+
 // False when nothing came in time.
 bool Pipeline::Impl::take_one() noexcept {
   const FrameInlet::Arrival arrival = inlet.next(kLookNs);
@@ -346,6 +434,7 @@ bool Pipeline::Impl::take_one() noexcept {
   stats.stages.arrival.add(arrival.commit_ns - slot.meta.receive_ns);
   stats.stages.queue.add(now_ns - arrival.commit_ns);
   work_began_ns = now_ns;
+  take_period();
   if (undo->repeats(slot.data)) {
     inlet.count_loss(LossCause::kMissing);
     stats.repeats.add();
@@ -371,7 +460,7 @@ void Pipeline::Impl::show_life() noexcept {
 void Pipeline::Impl::loop(const std::atomic<bool>& stop_requested) noexcept {
   last_sign_ns = monotonic_ns();
   stats.looked_ns.set(last_sign_ns);
-  while (!stop_requested.load(std::memory_order_relaxed) && !given_up()) {
+  while (!stop_requested.load(std::memory_order_relaxed) && !told_to_give_up()) {
     const bool finished = inlet.finished();  // before the look: what came before finish() is then seen by it
     if (!take_one() && finished) return;
     show_life();
@@ -381,10 +470,25 @@ void Pipeline::Impl::loop(const std::atomic<bool>& stop_requested) noexcept {
 // What the source had handed in when it was stopped.
 void Pipeline::Impl::take_all() noexcept {
   inlet.finish();  // the look at an empty queue then returns at once
-  while (!given_up() && take_one()) continue;
-  if (given_up()) return;
+  while (!told_to_give_up() && take_one()) continue;
+  if (told_to_give_up()) return;
   window.finish();
   publish_ready();
+}
+
+// Tries the solver once where the source does not wait for it.
+Status Pipeline::Impl::keep_up() {
+  if (!options.must_keep_up) return {};
+  const Pace pace = solvers.measure(settings, undo->format(), options.output, team.size());
+  if (pace.least == Effort::kFull) return {};
+  char times[96];
+  std::snprintf(times, sizeof times, " takes some %.0f ms a frame of %s, but frames come every %.0f ms",
+                pace.full_s * 1e3, size_text(info.format.geometry).c_str(), settings.period_s * 1e3);
+  const std::string slow = text + times;
+  if (!options.degrade) return bad_input(slow + "; choose a faster solver, give it more workers, or let it degrade");
+  least = pace.least;
+  if (options.warn) options.warn(slow + ": effort is \"" + std::string(name(least)) + "\" from the start");
+  return {};
 }
 
 Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> source,
@@ -393,23 +497,18 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
   Result<SourceInfo> info = source->open();
   if (!info) return tl::unexpected(info.error());
   if (Status status = check(options, info->format); !status) return tl::unexpected(status.error());
-  deblur::Settings settings = options.deblur;
-  settings.period_s = info->format.frame_period_s;
-  if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
-  const auto planes = static_cast<std::size_t>(deblur::Window(settings).slots());
-  auto undo = FrameUndo::create({options.undo, settings, options.maps, options.pixel_noise_k, planes}, info->format);
-  if (!undo) return tl::unexpected(undo.error());
-  auto solvers =
-      SolverLadder::create(settings, (*undo)->format(), options.output, options.maps.row_delay_s, options.degrade);
-  if (!solvers) return tl::unexpected(solvers.error());
-  settings.iterations = solvers->full().iterations();
+  auto timed = Timed::create(options, info->format);
+  if (!timed) return tl::unexpected(timed.error());
 
-  auto impl = std::make_unique<Impl>(std::move(source), std::move(*info), std::move(*undo), std::move(*solvers),
-                                     settings, options);
+  auto impl = std::make_unique<Impl>(std::move(source), std::move(*info), std::move(*timed), options);
   impl->warn(impl->team.status());
+  if (const std::string little = deblur::little_to_undo(impl->settings); !little.empty() && options.warn) {
+    options.warn(little);
+  }
+  if (Status status = impl->keep_up(); !status) return tl::unexpected(status.error());
   const SinkFormat format{.source = impl->info,
                           .deblurred_type = options.output,
-                          .deblur = settings,
+                          .deblur = impl->settings,
                           .solver_text = impl->text,
                           .iterations_asked = options.deblur.iterations,
                           .isa = std::string(deblur::best_isa()),
@@ -423,12 +522,24 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
 
 Status Pipeline::run(const std::atomic<bool>& stop_requested) {
   impl_->warn(rt::apply_to_this_thread(impl_->options.thread));
+  impl_->stop = &stop_requested;
   Status started = impl_->source->start(impl_->inlet);
   if (started) impl_->loop(stop_requested);
   impl_->source->stop();
   impl_->take_all();
   impl_->sinks.close();
+  impl_->stop = nullptr;
   return started;
+}
+
+Status Pipeline::set_period(double period_s) {
+  StreamFormat format = impl_->info.format;
+  format.frame_period_s = period_s;
+  auto timed = Timed::create(impl_->options, format);
+  if (!timed) return tl::unexpected(timed.error());
+  delete impl_->spent.exchange(nullptr, std::memory_order_acquire);  // partners: take_period()
+  delete impl_->next_timed.exchange(new Timed(std::move(*timed)), std::memory_order_acq_rel);
+  return {};
 }
 
 Pipeline::Pipeline(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

@@ -31,6 +31,9 @@ struct PipelineOptions {
   int queue_frames = 64;  // frames that may wait between driver and deblurring
   // Spends less on frames while too many wait (pipeline/effort.hpp), each with its flag. Not for sources that wait.
   bool degrade = false;
+  // The source does not wait: the solver is tried once at the start. Is it too slow for the frame rate, then with
+  // `degrade` no frame gets more than what keeps up, and without it is bad input.
+  bool must_keep_up = false;
   rt::ThreadOptions thread;  // of the pipeline thread and its workers
   model::PixelMaps maps{};   // what is known of the source's single pixels; of its frame size
   // What else the camera did to its frames (src/pipeline/frame_undo.hpp): undone before and after the solver. Sinks get
@@ -61,9 +64,15 @@ class Pipeline {
   Pipeline& operator=(const Pipeline&) = delete;
 
   // Runs until the source ends or stop_requested; then stops the source, publishes what had already come and closes the
-  // sinks. The calling thread becomes the pipeline thread. Nothing is allocated after the first frame. Called once;
-  // Thread: setup.
+  // sinks. Once told to stop it ends within half a second, however long a frame takes: what is not solved by then is
+  // published as raw planes with `degrade`, and else not at all (with
+  // `must_keep_up` counted as pool_exhausted). The calling thread becomes
+  // the pipeline thread. Nothing is allocated after the first frame. Called once; Thread: setup.
   Status run(const std::atomic<bool>& stop_requested);
+
+  // The source's period was measured to be another one: from the next frame on, in a new window. settings() go on to
+  // tell how it began. Errors: as create(); nothing changes then. Thread: any, one at a time.
+  Status set_period(double period_s);
 
   // Thread: any.
   const PipelineStats& stats() const noexcept;
@@ -79,6 +88,7 @@ class Pipeline {
   const std::string& solver_text() const noexcept;
 
  private:
+  struct Timed;
   struct Impl;
   explicit Pipeline(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;

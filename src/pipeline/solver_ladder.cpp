@@ -1,9 +1,28 @@
 #include "src/pipeline/solver_ladder.hpp"
 
+#include <time.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <random>
 #include <utility>
+#include <vector>
+
+#include "src/deblur/grid.hpp"
 
 namespace bolo::pipeline {
 namespace {
+
+// Where wavelets within a frame can be used, leaving them out is the cheap way; the same weight on those that are left.
+void constant_within_frames(deblur::Settings& settings) {
+  const int levels = std::countr_zero(static_cast<unsigned>(settings.window - 1));
+  settings.lambda *= std::exp2(0.5 * (settings.levels - levels));
+  settings.levels = levels;
+}
 
 // For comparison, a frame of 640x120 with one thread (tools/bench): admm 1.55 ms, with automatic lambda 3.4, mmae 1.25;
 // reduced 0.45; inverse 0.02.
@@ -14,8 +33,60 @@ deblur::Settings cheaper(deblur::Settings settings, Effort effort) {
   } else if (settings.method != deblur::Method::kInverse) {
     settings.method = deblur::Method::kDual;
     settings.iterations = 1;
+    if (deblur::within_frame(settings).used) constant_within_frames(settings);
   }
   return settings;
+}
+
+constexpr double kMeasured_s = 0.05;  // CPU time
+
+double thread_seconds() noexcept {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+// Frames in which every pixel changes, so that no solver has less to do than a scene gives it.
+std::vector<std::byte> changing_plane(const StreamFormat& input, unsigned seed) {
+  std::minstd_rand random(seed);
+  const std::size_t pixels = input.geometry.pixels();
+  std::vector<std::byte> plane(plane_bytes(input.geometry, input.type));
+  for (std::size_t i = 0; i < pixels; ++i) {
+    const auto value = static_cast<std::uint16_t>(29'000U + random() % 2'000U);
+    if (input.type == PixelType::kUint16) {
+      std::memcpy(plane.data() + i * sizeof value, &value, sizeof value);
+    } else {
+      const auto kelvin = static_cast<float>(value) * 0.01F;
+      std::memcpy(plane.data() + i * sizeof kelvin, &kelvin, sizeof kelvin);
+    }
+  }
+  return plane;
+}
+
+// What a whole frame costs one thread. Looks at whole rows until kMeasured_s have passed.
+double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings, const StreamFormat& input,
+                       PixelType output) {
+  constexpr unsigned kPlanes = 3;
+  std::vector<std::vector<std::byte>> planes;
+  for (unsigned i = 0; i < kPlanes; ++i) planes.push_back(changing_plane(input, i + 1));
+  std::vector<const void*> window;
+  for (int i = 0; i < settings.window; ++i) window.push_back(planes[static_cast<unsigned>(i) % kPlanes].data());
+  std::vector<std::byte> out(input.geometry.pixels() * bytes_of(output));
+  const deblur::WindowView view{window, settings.window - 1 - settings.lookahead};
+  const double learned = solver.noise_state();
+  const double begin = thread_seconds();
+  solver.prepare(view);
+  const double prepared = thread_seconds();
+  int rows = 0;
+  double passed = 0.0;
+  for (int step = 1; rows < input.geometry.height && passed < kMeasured_s; step = 8) {
+    step = std::min(step, input.geometry.height - rows);
+    solver.solve(view, {0, rows, input.geometry.width, step}, out.data());
+    rows += step;
+    passed = thread_seconds() - prepared;
+  }
+  solver.set_noise_state(learned);
+  return prepared - begin + passed * input.geometry.height / rows;
 }
 
 }  // namespace
@@ -31,6 +102,19 @@ Result<SolverLadder> SolverLadder::create(const deblur::Settings& settings, cons
     ladder.solvers_[static_cast<std::size_t>(effort)] = std::move(*made);
   }
   return ladder;
+}
+
+Pace SolverLadder::measure(const deblur::Settings& settings, const StreamFormat& input, PixelType output, int workers) {
+  Pace pace;
+  for (; pace.least != Effort::kRaw; pace.least = static_cast<Effort>(static_cast<int>(pace.least) + 1)) {
+    deblur::Solver* const solver = solvers_[static_cast<std::size_t>(pace.least)].get();
+    if (solver == nullptr) continue;
+    const int threads = pace.least == Effort::kInverse ? 1 : workers;
+    const double frame_s = seconds_a_frame(*solver, settings, input, output) / threads;
+    if (pace.least == Effort::kFull) pace.full_s = frame_s;
+    if (frame_s <= settings.period_s) break;
+  }
+  return pace;
 }
 
 }  // namespace bolo::pipeline

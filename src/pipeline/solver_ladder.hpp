@@ -9,11 +9,21 @@
 
 namespace bolo::pipeline {
 
+// What the solvers need of this processor.
+struct Pace {
+  Effort least = Effort::kFull;  // the first of which a frame takes no longer than a period
+  double full_s = 0.0;           // a frame of the full one
+};
+
 class SolverLadder {
  public:
   // As Solver::create(). Without `degrade` there is only the full one. Thread: setup.
   static Result<SolverLadder> create(const deblur::Settings& settings, const StreamFormat& input, PixelType output,
                                      double row_delay_s, bool degrade);
+
+  // Solves a frame of noise, or as much of it as 50 ms allow. Solvers that were not made are passed over. Thread:
+  // setup.
+  Pace measure(const deblur::Settings& settings, const StreamFormat& input, PixelType output, int workers);
 
   const deblur::Solver& full() const noexcept { return *solvers_.front(); }
   // Not for kRaw, which solves nothing. Thread: pipeline.

@@ -282,5 +282,30 @@ INSTANTIATE_TEST_SUITE_P(Solver, WrongSettings,
                                            Wrong{"lookahead", [](Settings& s) { s.lookahead = 16; }, "lookahead"}),
                          [](const auto& each) { return std::string(each.param.what); });
 
+// The mean of what lies before and after a frame's time shows a moving hand twice.
+TEST(SolverSettings, FramesFarApartHaveNoLookAhead) {
+  Settings settings;
+  settings.lookahead = 1;
+  EXPECT_TRUE(validate(settings));
+  settings.period_s = 0.04;
+  const Status refused = validate(settings);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(refused.error().message.find("lookahead is 1, must be 0 where frames are more than 2 tau apart"),
+            std::string::npos)
+      << refused.error().message;
+  settings.method = Method::kMmae;
+  EXPECT_TRUE(validate(settings));
+}
+
+TEST(SolverSettings, TellWhereThereIsNextToNothingToUndo) {
+  Settings settings;
+  EXPECT_EQ(little_to_undo(settings), "");
+  settings.period_s = 0.04;
+  EXPECT_EQ(little_to_undo(settings),
+            "frames come every 40 ms, 3.6 times tau: only 2.6 % of a frame is left in the next, there is next to "
+            "nothing to undo");
+}
+
 }  // namespace
 }  // namespace bolo::deblur

@@ -177,6 +177,37 @@ TEST(Window, TheCounterIsTrustedWhenTheClockIsOffTheGrid) {
   EXPECT_EQ(player.shown().back().flags, kFlagGap | kFlagJitter);
 }
 
+// A shutter, a reconnect: the counter goes on as if nothing had been, and the camera's next frame is off the old grid.
+TEST(Window, APauseLongerThanTheWindowEmptiesItWhateverTheCounterSays) {
+  for (const double pause : {40.4, 240.4, 7.6}) {
+    Player player(5);
+    for (std::uint64_t id = 0; id < 6; ++id) player.frame(id);
+    EXPECT_TRUE(player.frame_at(6, 5.0 + pause)) << pause;
+    EXPECT_FALSE(player.shown().back().full);
+    EXPECT_EQ(player.shown().back().flags, kFlagWarmUp);
+    EXPECT_FALSE(player.frame_at(7, 6.0 + pause)) << "the grid goes on from there";
+    EXPECT_EQ(player.shown().back().flags, kFlagWarmUp);
+  }
+}
+
+TEST(Window, AShorterPauseIsAGapAtTheNearestPlace) {
+  Player player(5);
+  for (std::uint64_t id = 0; id < 5; ++id) player.frame(id);
+  EXPECT_FALSE(player.frame_at(5, 4.0 + 2.4));
+  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{2, 3, 4, -1, 5}));
+  EXPECT_EQ(player.shown().back().flags, kFlagGap | kFlagJitter);
+  player.frame_at(6, 5.0 + 2.4);
+  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{3, 4, -1, 5, 6}));
+  EXPECT_EQ(player.shown().back().flags, kFlagGap);
+}
+
+// Without a clock, or with one that stands still, only the counter is left.
+TEST(Window, AClockThatStandsStillIsNoWitness) {
+  Player player(5);
+  for (const std::uint64_t id : std::initializer_list<std::uint64_t>{0, 1, 2, 3, 4, 7}) player.frame_at(id, 0.0);
+  EXPECT_EQ(player.shown().back().window, (std::vector<std::int64_t>{3, 4, -1, -1, 7}));
+}
+
 TEST(Window, SmallJitterIsNotFlagged) {
   Player player(5);
   for (std::uint64_t id = 0; id < 12; ++id) player.frame_at(id, static_cast<double>(id) + (id % 2 == 0 ? 0.0 : 0.09));

@@ -1,8 +1,11 @@
 // Overload in a real pipeline: what is done to a frame is what its flag says.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "src/deblur/solver.hpp"
 #include "src/pipeline/pipeline.hpp"
@@ -134,6 +137,100 @@ TEST(Overload, NothingIsSparedUnlessAsked) {
     if (frame.meta.frame_id == 18) gate.let_all();
   };
   play(gate.script(60), sink, {});
+  for (const auto& frame : sink.frames) EXPECT_EQ(frame.meta.flags & kEffortFlags, 0U) << frame.meta.frame_id;
+}
+
+// A second of work a frame, and more, on any processor.
+Script slow_camera(std::uint64_t frames) {
+  Script script;
+  script.info = test::small_source(800, 480);
+  script.frames = run_of(0, frames);
+  script.waits_for_slots = false;
+  script.ends = false;
+  return script;
+}
+
+PipelineOptions exactly() {
+  PipelineOptions options;
+  options.deblur.method = deblur::Method::kExact;
+  options.deblur.lambda = 0.01;
+  options.workers = 1;
+  return options;
+}
+
+// Runs a camera of 17 frames, the last of which is the first with a whole window, and stops in the midst of that one.
+void stop_amidst(const PipelineOptions& options, MemorySink& sink) {
+  auto pipeline = Pipeline::create(std::make_unique<test::ScriptedSource>(slow_camera(kWindow)), {&sink}, options);
+  ASSERT_TRUE(pipeline) << pipeline.error().message;
+  std::atomic<bool> stop{false};
+  std::thread stopper([&] {
+    while ((*pipeline)->stats().taken.value() < kWindow) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    stop.store(true);
+  });
+  EXPECT_TRUE((*pipeline)->run(stop));
+  stopper.join();
+}
+
+TEST(Overload, TheEndDoesNotWaitForASlowFrame) {
+  PipelineOptions options = exactly();
+  options.degrade = true;
+  MemorySink sink;
+  stop_amidst(options, sink);
+  ASSERT_EQ(sink.frames.size(), std::size_t{kWindow});
+  EXPECT_EQ(sink.frames.back().meta.flags & kEffortFlags, flag_of(Effort::kRaw));
+  EXPECT_EQ(sink.frames.back().deblurred, sink.frames.back().raw);
+}
+
+// What a file gets is solved as asked, or not there.
+TEST(Overload, TheEndLeavesOutWhatIsNotSolvedUnlessItMayDegrade) {
+  MemorySink sink;
+  stop_amidst(exactly(), sink);
+  ASSERT_EQ(sink.frames.size(), std::size_t{kWindow - 1});
+  EXPECT_EQ(sink.frames.back().meta.flags & kEffortFlags, 0U);
+}
+
+TEST(Overload, ASolverThatCannotKeepUpIsReplacedFromTheStart) {
+  Script script = slow_camera(40);
+  script.ends = true;
+  script.waits_for_slots = true;
+  PipelineOptions options = exactly();
+  options.must_keep_up = options.degrade = true;
+  std::vector<std::string> warnings;
+  options.warn = [&](const std::string& text) { warnings.push_back(text); };
+  MemorySink sink;
+  play(script, sink, options);
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].find("exact"), std::string::npos) << warnings[0];
+  EXPECT_NE(warnings[0].find("a frame of 800x480, but frames come every 5 ms: effort is \""), std::string::npos)
+      << warnings[0];
+  ASSERT_EQ(sink.frames.size(), 40U);
+  for (std::size_t i = kWindow - 1; i < 40; ++i) EXPECT_NE(sink.frames[i].meta.flags & kEffortFlags, 0U) << i;
+}
+
+TEST(Overload, ASolverThatCannotKeepUpIsRefusedWhereNothingMayReplaceIt) {
+  PipelineOptions options = exactly();
+  options.must_keep_up = true;
+  MemorySink sink;
+  const auto pipeline = Pipeline::create(std::make_unique<test::ScriptedSource>(slow_camera(20)), {&sink}, options);
+  ASSERT_FALSE(pipeline);
+  EXPECT_EQ(pipeline.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(pipeline.error().message.find("choose a faster solver"), std::string::npos) << pipeline.error().message;
+}
+
+TEST(Overload, ASolverThatKeepsUpIsLeftAlone) {
+  Gate gate;
+  Script script = gate.script(20);
+  script.info.format.frame_period_s = 1.0 / 60.0;
+  PipelineOptions options;
+  options.must_keep_up = options.degrade = true;
+  options.warn = [&](const std::string& text) { ADD_FAILURE() << text; };
+  MemorySink sink;
+  sink.on_publish = [&](const PublishedFrame&, const PipelineStats& stats) {
+    stats.taken.value() < 19 ? gate.let_wait(stats, 0) : gate.let_all();
+  };
+  play(script, sink, options);
+  ASSERT_EQ(sink.frames.size(), 20U);
   for (const auto& frame : sink.frames) EXPECT_EQ(frame.meta.flags & kEffortFlags, 0U) << frame.meta.frame_id;
 }
 

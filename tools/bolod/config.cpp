@@ -292,6 +292,7 @@ DaemonConfig::DaemonConfig() {
   video[1].sink.device = "/dev/video11";
   video[1].sink.plane = v4l2::Plane::kRaw;
   pipeline.degrade = true;
+  pipeline.deblur.auto_lambda = true;
   camera.width = 640;
   camera.height = 120;
 }

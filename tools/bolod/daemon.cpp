@@ -123,7 +123,8 @@ Status Daemon::Impl::compose() {
   for (const auto& sink : sinks.all) lent.push_back(sink.get());
   if (Status status = deblur::choose_isa(config.isa); !status) return status;
   pipeline::PipelineOptions options = config.pipeline;
-  options.degrade = options.degrade && !waits_for_frames(config);
+  options.must_keep_up = !waits_for_frames(config);
+  options.degrade = options.degrade && options.must_keep_up;
   options.warn = [log = log](const std::string& what) { log->warn(what); };
   auto made = pipeline::Pipeline::create(std::move(source->source), lent, options);
   if (!made) return tl::unexpected<Error>(made.error());

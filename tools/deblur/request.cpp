@@ -180,7 +180,7 @@ cxxopts::Options deblur_command_line() {
     ("kappa", "Weight of the data in kappa ||VA - Y||^2 + lambda ||D||_1",
      cxxopts::value<double>()->default_value(text(defaults.kappa)), "K")
     ("lambda", "Weight of sparsity, K (counts for a capture without kelvin), or auto: from noise and motion",
-     cxxopts::value<std::string>()->default_value(text(defaults.lambda)), "L")
+     cxxopts::value<std::string>()->default_value("auto"), "L")
     ("noise", "Temporal noise for --lambda auto and mmae, K (counts as lambda); 0: measured",
      cxxopts::value<double>()->default_value(text(defaults.noise_k)), "N")
     ("lookahead", "Frames that the window reaches beyond the estimated one",

@@ -211,7 +211,9 @@ TEST_F(Config, MistakesAreNamed) {
   for (const auto& [text, expected] : cases) EXPECT_EQ(complaint(text), expected) << text;
 }
 
-TEST_F(Config, LambdaMayBeAutomatic) {
+TEST_F(Config, LambdaIsAutomaticUnlessGiven) {
+  EXPECT_TRUE(DaemonConfig().pipeline.deblur.auto_lambda);
+  EXPECT_EQ(DaemonConfig().pipeline.deblur.method, deblur::Method::kAdmm);
   auto config = read("[deblur]\nlambda = 'auto'\nnoise_k = 0.05\nsolver = 'mmae'\n");
   ASSERT_TRUE(config) << config.error().message;
   EXPECT_TRUE(config->pipeline.deblur.auto_lambda);

@@ -71,6 +71,8 @@ Status write_daemon_file(const DaemonFile& file) {
   source.insert_or_assign("ir_format", "10mk");
   source.insert_or_assign("packet_size", file.packet_size);
   source.insert_or_assign("resend", true);
+  // Planes are compared bit for bit; what lambda = "auto" measures goes on from before each fault.
+  section(table, "deblur").insert("lambda", 0.001);
   section(table, "nuc").insert_or_assign("policy", "camera");
   section(table, "nuc").insert_or_assign("interval_s", file.nuc_interval_s);
   section(table, "shm").insert_or_assign("slots", kRingFrames);
