@@ -479,7 +479,10 @@ void Pipeline::Impl::take_all() noexcept {
 // Tries the solver once where the source does not wait for it.
 Status Pipeline::Impl::keep_up() {
   if (!options.must_keep_up) return {};
-  const Pace pace = solvers.measure(settings, undo->format(), options.output, team.size());
+  auto trial =
+      SolverLadder::create(settings, undo->format(), options.output, options.maps.row_delay_s, options.degrade);
+  if (!trial) return tl::unexpected(trial.error());
+  const Pace pace = trial->measure(settings, undo->format(), options.output, team.size());
   if (pace.least == Effort::kFull) return {};
   char times[96];
   std::snprintf(times, sizeof times, " takes some %.0f ms a frame of %s, but frames come every %.0f ms",

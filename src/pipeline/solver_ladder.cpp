@@ -73,7 +73,6 @@ double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings,
   for (int i = 0; i < settings.window; ++i) window.push_back(planes[static_cast<unsigned>(i) % kPlanes].data());
   std::vector<std::byte> out(input.geometry.pixels() * bytes_of(output));
   const deblur::WindowView view{window, settings.window - 1 - settings.lookahead};
-  const double learned = solver.noise_state();
   const double begin = thread_seconds();
   solver.prepare(view);
   const double prepared = thread_seconds();
@@ -85,7 +84,6 @@ double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings,
     rows += step;
     passed = thread_seconds() - prepared;
   }
-  solver.set_noise_state(learned);
   return prepared - begin + passed * input.geometry.height / rows;
 }
 

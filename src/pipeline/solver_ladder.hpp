@@ -21,8 +21,8 @@ class SolverLadder {
   static Result<SolverLadder> create(const deblur::Settings& settings, const StreamFormat& input, PixelType output,
                                      double row_delay_s, bool degrade);
 
-  // Solves a frame of noise, or as much of it as 50 ms allow. Solvers that were not made are passed over. Thread:
-  // setup.
+  // Solves a frame of noise, or as much of it as 50 ms allow. Solvers that were not made are passed over. They have
+  // learned of noise that is none: frames take a ladder of their own. Thread: setup.
   Pace measure(const deblur::Settings& settings, const StreamFormat& input, PixelType output, int workers);
 
   const deblur::Solver& full() const noexcept { return *solvers_.front(); }
