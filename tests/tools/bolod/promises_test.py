@@ -1,4 +1,4 @@
-"""Promises that need a whole daemon, its camera and time: PROMISES.md names them.
+"""Promises that need a whole daemon, its camera and time: docs/guarantees.md names them.
 
 usage: promises_test.py BOLO BOLOD restart
        promises_test.py BOLO BOLOD latency MODULE_FOLDER LIBRARY
