@@ -140,7 +140,7 @@ TEST_F(DeblurBlocks, WhatAProfileUndoesGoesOnFromBlockToBlock) {
   for (int i = 0; i < test::kWidth * test::kHeight; ++i) {
     maps.tau_s.push_back(0.010F + 2e-5F * static_cast<float>(i % 90));
   }
-  ASSERT_TRUE(capture::write_pixel_maps(path("maps.h5"), maps));
+  ASSERT_TRUE(capture::write_pixel_maps({path("maps.h5")}, maps));
   std::ofstream(path("p.toml")) << "tau_s = 0.011\nmaps = \"maps.h5\"\n";
   (void)whole({"--profile", path("p.toml")});
   (void)done(in_blocks({"--profile", path("p.toml")}));
