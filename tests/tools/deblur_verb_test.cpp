@@ -262,7 +262,7 @@ TEST_F(DeblurVerb, TakesMapsFromTheProfileAndFillsDeadPixels) {
   maps.offset.assign(maps.geometry.pixels(), 0.5F);
   maps.dead.assign(maps.geometry.pixels(), 0);
   maps.dead[static_cast<std::size_t>(kWidth) + 4] = 1;
-  ASSERT_TRUE(capture::write_pixel_maps(path("maps.h5"), maps));
+  ASSERT_TRUE(capture::write_pixel_maps({path("maps.h5")}, maps));
   std::ofstream(path("p.toml")) << "maps = \"maps.h5\"\n";
   for (const std::vector<std::string>& words : {std::vector<std::string>{}, {"--roi", "0,0,20,3"}}) {
     std::vector<std::string> all{"--solver", "inverse", "--profile", path("p.toml")};
@@ -409,7 +409,7 @@ TEST_P(DeblurVerbRefuses, InOneLineWithExitCode2AndNoOutput) {
   model::PixelMaps turned;
   turned.geometry = {kHeight, kWidth};
   turned.gain.assign(turned.geometry.pixels(), 1.0F);
-  ASSERT_TRUE(capture::write_pixel_maps(path("turned-maps.h5"), turned));
+  ASSERT_TRUE(capture::write_pixel_maps({path("turned-maps.h5")}, turned));
   std::ofstream(path("turned.toml")) << "maps = \"turned-maps.h5\"\n";
   {
     capture::CaptureInfo info;

@@ -9,6 +9,7 @@
 #include <cxxopts.hpp>
 
 #include "src/core/geometry.hpp"
+#include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 #include "tools/lab/eval/fidelity_data.hpp"
 

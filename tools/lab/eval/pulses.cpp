@@ -41,7 +41,7 @@ void print(const PulseScore& s) {
   std::fflush(stdout);
 }
 
-Status draw(const std::filesystem::path& file, const PulseTrial& trial, const std::vector<PulseScore>& scores) {
+Status draw(const OutputFile& file, const PulseTrial& trial, const std::vector<PulseScore>& scores) {
   const auto series = simulate_pulses(trial);
   if (!series) return tl::unexpected(series.error());
   const auto fit = diagnose::fit_pulses(*series, [](const std::string&, double) { return true; });
