@@ -53,7 +53,7 @@ build() {
     export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
     cache=(-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
   fi
-  (cd "$root" && cmake --preset "$preset" "${cache[@]}" >"${TMPDIR:-/tmp}/bolo-cmake.$$.log" 2>&1) || {
+  (cd "$root" && cmake --preset "$preset" -DBOLO_UNITY=ON "${cache[@]}" >"${TMPDIR:-/tmp}/bolo-cmake.$$.log" 2>&1) || {
     tail -20 "${TMPDIR:-/tmp}/bolo-cmake.$$.log" >&2
     die "configuring the preset '$preset' failed"
   }
