@@ -42,10 +42,6 @@ Result<CaptureRun> CaptureRun::open(const DeblurRequest& request, const std::fil
     std::fprintf(stderr, "bolo deblur: %s: %s\n", file.c_str(), line.c_str());
   }
   pipeline::PipelineOptions options = request.options;
-  deblur::Settings settings = options.deblur;
-  settings.period_s = reader->info().format.frame_period_s;
-  const std::string little = deblur::little_to_undo(settings);
-  if (!quiet && !little.empty()) std::fprintf(stderr, "bolo deblur: %s: %s\n", file.c_str(), little.c_str());
   auto points = points_of(request, reader->info().format.geometry);
   if (!points) return tl::unexpected(points.error());
   options.points = std::move(*points);

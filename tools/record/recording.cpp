@@ -10,6 +10,8 @@
 namespace bolo::tools {
 namespace {
 
+constexpr auto kLookAgainAfter = std::chrono::milliseconds(50);
+
 using shm::FollowedStream;
 
 constexpr int kReadTimeout_ms = 100;
