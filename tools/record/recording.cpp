@@ -1,6 +1,8 @@
 #include "tools/record/recording.hpp"
 
 #include <algorithm>
+#include <chrono>
+#include <thread>
 #include <utility>
 
 #include "drivers/shm/followed_stream.hpp"
