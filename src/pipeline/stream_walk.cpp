@@ -20,8 +20,8 @@ deblur::Settings settings_for(const PipelineOptions& options, const StreamFormat
 }
 
 bool measures_noise(const deblur::Settings& settings) {
-  const bool adapts =
-      settings.method == deblur::Method::kMmae || (settings.auto_lambda && settings.method != deblur::Method::kInverse);
+  const bool models = settings.method == deblur::Method::kMmae || settings.method == deblur::Method::kMotion;
+  const bool adapts = models || (settings.auto_lambda && settings.method != deblur::Method::kInverse);
   return adapts && settings.noise_k <= 0.0;
 }
 
@@ -33,8 +33,12 @@ Result<std::unique_ptr<FrameUndo>> undo_for(const PipelineOptions& options, cons
 
 }  // namespace
 
+// Where the noise is measured, motions that were found with earlier frames' noise are remembered for some frames.
+constexpr int kRememberedMotions = 9;
+
 int halo_frames(const PipelineOptions& options) {
-  const int window = options.deblur.window - 1;
+  const bool motions = options.deblur.method == deblur::Method::kMotion && measures_noise(options.deblur);
+  const int window = options.deblur.window - 1 + (motions ? kRememberedMotions : 0);
   return options.undo.drop_repeated ? 2 * window : window;
 }
 
@@ -111,7 +115,10 @@ Result<std::unique_ptr<StreamWalk>> StreamWalk::create(const PipelineOptions& op
   if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
   auto undo = undo_for(options, settings, format);
   if (!undo) return tl::unexpected(undo.error());
-  auto solver = deblur::Solver::create(settings, (*undo)->format(), options.output, options.maps.row_delay_s);
+  // Of the solver only what it learns of the noise is needed: motion's is that of mmae, which takes less.
+  deblur::Settings cheap = settings;
+  if (cheap.method == deblur::Method::kMotion) cheap.method = deblur::Method::kMmae;
+  auto solver = deblur::Solver::create(cheap, (*undo)->format(), options.output, options.maps.row_delay_s);
   if (!solver) return tl::unexpected(solver.error());
   auto impl = std::make_unique<Impl>(format, settings, std::move(*undo), std::move(*solver));
   if (!options.resume.empty()) {

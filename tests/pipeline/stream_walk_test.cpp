@@ -65,6 +65,7 @@ const std::vector<Case>& cases() {
          o.deblur.method = Method::kMmae;
          o.deblur.lookahead = 1;
        }},
+      {"motion", true, [](PipelineOptions& o) { o.deblur.method = Method::kMotion; }},
       {"recursive_filter", true,
        [](PipelineOptions& o) {
          o.undo.filter = model::FrameFilter::kRecursive;
