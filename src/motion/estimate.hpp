@@ -22,6 +22,7 @@ struct EstimateInputs {
   const PaddedPlane* ahead = nullptr;            // the frame after; null without look-ahead
   Path path;
   const VectorField* deviation = nullptr;  // of the blocks from the path, px a frame
+  const ScalarField* misfit = nullptr;     // LocalMotion::misfit()
   double noise = 0.0;                      // standard deviation, in the values' unit
   // How much later than the frame's time the middle of each row of blocks is sampled, periods; empty: with it.
   std::span<const float> row_delay{};
@@ -46,6 +47,7 @@ class Estimator {
   void align_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void choose_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void check(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
+  void check_other(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   const PaddedPlane& at_frame_time(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   template <typename T>
   std::array<const T*, 3> rows_around(const BlockField<T>& field, int row) const noexcept;

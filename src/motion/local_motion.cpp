@@ -16,8 +16,9 @@ constexpr float kTextureLimit = 0.1F;  // of the texture's energy
 constexpr double kFewPoor = 0.004;     // of the blocks: not worth a search
 constexpr float kWorthALook = 0.8F;    // of the cost near the global motion
 constexpr float kWorthTaking = 0.4F;
-constexpr float kSearched = 1.1F;  // a searched displacement is whole pixels: its cost is a little less reliable
-constexpr int kCompanions = 3;     // blocks of 9 that must agree
+constexpr float kSearched = 1.1F;   // a searched displacement is whole pixels: its cost is a little less reliable
+constexpr float kUnmatched = 1.0F;  // of the texture's energy: what is left where nothing matches is twice it
+constexpr int kCompanions = 3;      // blocks of 9 that must agree
 
 }  // namespace
 
@@ -154,7 +155,8 @@ const VectorField& LocalMotion::find(const Kernels& kernels, const Inertia& iner
   refine(task, large_, kTight, small_);
   costs(task, small_, cost_small_);
   find_poor(task);
-  for (std::size_t i = 0; i < misfit_.size(); ++i) misfit_[i] = cost_small_[i] / (2.0F * task.noise + 1e-30F);
+  const auto allowed = [&](std::size_t i) { return kNoiseLimit * task.noise + kUnmatched * energy_[i] + 1e-30F; };
+  for (std::size_t i = 0; i < misfit_.size(); ++i) misfit_[i] = cost_small_[i] / allowed(i);
   const auto poor = std::count(poor_.begin(), poor_.end(), 1);
   if (static_cast<double>(poor) < kFewPoor * static_cast<double>(poor_.size())) return small_;
   search(task);
@@ -175,7 +177,8 @@ const VectorField& LocalMotion::find(const Kernels& kernels, const Inertia& iner
       const bool take = taken_.at(c, r) != 0 && together >= kCompanions;
       if (!take) continue;
       small_.at(c, r) = found_.at(c, r);
-      misfit_.at(c, r) = cost_large_.at(c, r) / (2.0F * task.noise + 1e-30F);
+      const auto at = static_cast<std::size_t>(r * taken_.across() + c);
+      misfit_[at] = cost_large_[at] / allowed(at);
     }
   }
   return small_;
