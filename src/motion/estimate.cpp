@@ -21,6 +21,7 @@ constexpr float kLeastError = 1e-3F;            // noise variances
 constexpr float kMeanAge = 0.5F * (kPast + 1);  // of the past's frames, periods
 
 float power4(float v) { return v * v * v * v; }
+float power8(float v) { return power4(v) * power4(v); }
 
 }  // namespace
 
@@ -125,10 +126,8 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
   for_rows(crew, weights_.down(), [&](int row) {
     kernels.check(x_, *in.innovation, *in.now, trail_.row(row), ratio, row, left_, raw_[0].row(row), raw_[1].row(row));
   });
-  check_other(kernels, in, crew);
   gauss_of_9(raw_[0], smooth_[0]);
   gauss_of_9(raw_[1], smooth_[1]);
-  gauss_of_9(raw_[2], smooth_[2]);
   const auto noise = static_cast<float>(in.noise * in.noise);
   const auto of_innovation = kMargin * static_cast<float>(inertia_.noise()) * noise;
   const auto of_change = static_cast<float>(inertia_.change_noise()) * noise;
@@ -143,31 +142,9 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
     const float times = std::clamp(kTimesOther * (0.4F + 2.0F * speed_[i]), 1.0F, kMostTimesOther);
     const float others = in.other_error[i] * noise * times;
     const float mine4 = power4(mine / others);
-    // After a stop or a cut the other estimate explains the innovation better, whatever both promise.
-    const float others_left = std::max(smooth_[2][i] - of_innovation, 0.0F) + kLeastChange * noise;
-    const float against = left / others_left;
-    share_[i] = 1.0F / (1.0F + mine4) / (1.0F + relative * relative) / (1.0F + against * against) /
-                (1.0F + power4((*in.misfit)[i]));
+    share_[i] = 1.0F / (1.0F + mine4) / (1.0F + relative * relative) / (1.0F + power8((*in.misfit)[i]));
     if (!std::isfinite(share_[i]) || !std::isfinite(step_[i])) share_[i] = step_[i] = 0.0F;
   }
-}
-
-// What the other estimate leaves of the innovation, by block, into raw_[2]. The planes that it takes are free by now.
-void Estimator::check_other(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
-  const auto width = static_cast<std::size_t>(geometry_.width);
-  for_rows(crew, weights_.down(), [&](int row) {
-    const int end = std::min((row + 1) * kBlock, geometry_.height);
-    for (int y = row * kBlock; y < end; ++y) {
-      std::copy_n(in.other + static_cast<std::size_t>(y) * width, width, mean_.at(0, y));
-    }
-    mean_.extend_sides(row * kBlock, end);
-  });
-  mean_.extend_ends();
-  const auto ratio = static_cast<float>(1.0 / inertia_.tau);
-  for_rows(crew, weights_.down(), [&](int row) {
-    kernels.check(mean_, *in.innovation, *in.now, trail_.row(row), ratio, row, ahead_, raw_[2].row(row),
-                  raw_[1].row(row));
-  });
 }
 
 void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& crew, float* out) noexcept {

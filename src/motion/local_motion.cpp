@@ -17,7 +17,7 @@ constexpr double kFewPoor = 0.004;     // of the blocks: not worth a search
 constexpr float kWorthALook = 0.8F;    // of the cost near the global motion
 constexpr float kWorthTaking = 0.4F;
 constexpr float kSearched = 1.1F;   // a searched displacement is whole pixels: its cost is a little less reliable
-constexpr float kUnmatched = 1.0F;  // of the texture's energy: what is left where nothing matches is twice it
+constexpr float kUnmatched = 1.3F;  // of the texture's energy: what is left where nothing matches is twice it
 constexpr int kCompanions = 3;      // blocks of 9 that must agree
 
 }  // namespace

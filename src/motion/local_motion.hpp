@@ -20,9 +20,9 @@ class LocalMotion {
   const VectorField& find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                           const VectorField& global, double noise, float cap, Crew& crew) noexcept;
 
-  // Mean square difference over 24 x 24 pixels that the found motion leaves, over what noise and the texture's
-  // energy make: well above 1 where the two innovations have nothing to do with each other. Of the last find().
-  // Thread: pipeline.
+  // Mean square difference over 24 x 24 pixels that the found motion leaves, over what noise and 1.3 times the
+  // texture's energy make: well above 1 where the two innovations have nothing to do with each other. Of the last
+  // find(). Thread: pipeline.
   const ScalarField& misfit() const noexcept { return misfit_; }
 
  private:
