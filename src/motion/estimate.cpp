@@ -10,12 +10,14 @@ constexpr float kMargin = 1.25F;            // of what noise alone makes of a me
 constexpr float kLeastGradient = 0.3F;      // of the noise in the past's mean
 constexpr float kLeastUncertainty = 0.02F;  // px a frame
 constexpr float kOfSpeed = 0.01F;
-constexpr float kSlowest = 0.05F;     // px a frame, that an uncertainty is relative to
-constexpr float kStill = 1e-3F;       // px a frame: any direction will do
-constexpr float kLeastChange = 0.3F;  // noise variances
-constexpr float kOfError = 0.3F;      // of the estimate's error, in how far the check is trusted
-constexpr float kAcceptable = 0.3F;   // of the change, that the check may leave
-constexpr float kTimesOther = 2.5F;   // how much worse the other estimate is than it thinks, by speed
+constexpr float kSlowest = 0.05F;         // px a frame, that an uncertainty is relative to
+constexpr float kStill = 1e-3F;           // px a frame: any direction will do
+constexpr float kLeastChange = 0.3F;      // noise variances
+constexpr float kOfError = 0.3F;          // of the estimate's error, in how far the check is trusted
+constexpr float kAcceptable = 0.3F;       // of the change, that the check may leave
+constexpr float kTimesOther = 2.5F;       // how much worse the other estimate is than it thinks, by speed
+constexpr float kTimesOtherAhead = 1.3F;  // the same where it has nothing to extrapolate
+constexpr float kTimesUnseen = 4.0F;      // this estimate, where there is no past to go by
 constexpr float kMostTimesOther = 8.0F;
 constexpr float kLeastError = 1e-3F;            // noise variances
 constexpr float kMeanAge = 0.5F * (kPast + 1);  // of the past's frames, periods
@@ -119,6 +121,15 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
   });
 }
 
+// Whether the frame before saw what is in the middle of a block now; what has just come in has no past to go by.
+bool Estimator::seen_before(int block) const noexcept {
+  const Vec2 d = past_[0][static_cast<std::size_t>(block)];
+  const float x = static_cast<float>(block % share_.across() * kBlock) + 0.5F * kBlock - d.x;
+  const float y = static_cast<float>(block / share_.across() * kBlock) + 0.5F * kBlock - d.y;
+  return x >= 0.0F && y >= 0.0F && x <= static_cast<float>(geometry_.width) &&
+         y <= static_cast<float>(geometry_.height);
+}
+
 // The innovation is the scene seen along one frame's trail, whatever came before. What the estimate leaves of it is put
 // back where it is more than noise, and tells how far to trust the estimate.
 void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
@@ -138,8 +149,11 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
     const float change = std::max(smooth_[1][i] - of_change, 0.0F) + kLeastChange * noise;
     step_[i] = left / (left + of_innovation + kOfError * error + 1e-30F);
     const float relative = left / change / kAcceptable;
-    const float mine = std::max(error, kLeastError * noise) + unexplained_[i] * age * age;
-    const float times = std::clamp(kTimesOther * (0.4F + 2.0F * speed_[i]), 1.0F, kMostTimesOther);
+    const bool seen = seen_before(static_cast<int>(i));
+    const float promised = std::max(error, kLeastError * noise) + unexplained_[i] * age * age;
+    const float mine = seen ? promised : kTimesUnseen * promised;
+    const float faster = (in.ahead != nullptr ? kTimesOtherAhead : kTimesOther) * (0.4F + 2.0F * speed_[i]);
+    const float times = seen ? std::clamp(faster, 1.0F, kMostTimesOther) : 1.0F;
     const float others = in.other_error[i] * noise * times;
     const float mine4 = power4(mine / others);
     share_[i] = 1.0F / (1.0F + mine4) / (1.0F + relative * relative) / (1.0F + power8((*in.misfit)[i]));
