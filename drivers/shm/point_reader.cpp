@@ -25,6 +25,8 @@ Result<deblur::Method> method_of(std::uint32_t code) {
       return deblur::Method::kInverse;
     case BOLO_METHOD_MMAE:
       return deblur::Method::kMmae;
+    case BOLO_METHOD_MOTION:
+      return deblur::Method::kMotion;
     default:
       return bad_input("its solver is unknown here: use the same release on both sides");
   }
@@ -183,7 +185,8 @@ Result<PointReader> PointReader::over(ShmReader reader, std::vector<std::uint32_
                      std::to_string(header.height));
   }
   if (pixels.empty()) return bad_input(where + ": no points to solve");
-  const bool models = settings->auto_lambda || settings->method == deblur::Method::kMmae;
+  const bool models = settings->auto_lambda || settings->method == deblur::Method::kMmae ||
+                      settings->method == deblur::Method::kMotion;
   impl->measured_noise = models && settings->noise_k == 0.0;
   if (models || !maps.empty()) {
     impl->copied.resize(all);

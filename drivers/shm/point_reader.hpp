@@ -37,7 +37,7 @@ class PointReader {
   };
   // Estimates the pixels of frame `number` (publication order) into `out`, pixels.size() values in the stream's scale.
   // Only the samples of these pixels are copied, but the whole raw planes where the method looks at a pixel's
-  // surroundings (mmae, automatic lambda) or has maps. While the writer measures the noise, mmae and automatic lambda
+  // surroundings (mmae, motion, automatic lambda) or has maps. While the writer measures the noise, these
   // also make their solver anew for each frame: tens of milliseconds. Thread: one at a time.
   Outcome solve(std::uint64_t number, std::span<std::uint16_t> out);
 

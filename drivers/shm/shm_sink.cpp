@@ -59,6 +59,8 @@ std::uint32_t method_code(deblur::Method method) {
       return BOLO_METHOD_INVERSE;
     case deblur::Method::kMmae:
       return BOLO_METHOD_MMAE;
+    case deblur::Method::kMotion:
+      return BOLO_METHOD_MOTION;
   }
   return BOLO_METHOD_ADMM;
 }

@@ -38,8 +38,9 @@
  * `window` of them. A reader that solves a pixel's samples in them with bolo_shm_settings gets the deblurred plane's
  * bits (drivers/shm/point_reader.hpp does): better ones where the slot's flags tell that less was spent on the frame.
  * Not where BOLO_SETTINGS_UNDONE is set. Where BOLO_SETTINGS_MAPS is set it
- * needs the same maps file besides: maps are not in the shared memory. For BOLO_METHOD_MMAE and
+ * needs the same maps file besides: maps are not in the shared memory. For BOLO_METHOD_MMAE, BOLO_METHOD_MOTION and
  * BOLO_SETTINGS_AUTO_LAMBDA it needs the whole planes and the slot's noise_k: these look at a pixel's surroundings.
+ * (BOLO_METHOD_MOTION with measured noise: to a count, for motions are found with the noise of their own frames.)
  *
  * The writer holds flock(LOCK_EX) on /dev/shm/bolo-lock.NAME for its life: that is how a second writer of the same name
  * is refused, whatever process namespace it runs in. Only its user can open that file: a reader's lock would keep the
@@ -143,7 +144,8 @@ enum bolo_shm_method {
   BOLO_METHOD_DUAL = 1,
   BOLO_METHOD_EXACT = 2,
   BOLO_METHOD_INVERSE = 3,
-  BOLO_METHOD_MMAE = 4
+  BOLO_METHOD_MMAE = 4,
+  BOLO_METHOD_MOTION = 5
 };
 
 enum bolo_shm_settings_flag {

@@ -188,7 +188,7 @@ void find_posteriors(const ModelTables& tables, const BlockSamples& in, float in
 void mix_weights(const ModelTables& tables, int offset, const Posteriors& posteriors, int blocks, BlockWeights& out,
                  int at) noexcept {
   const auto& models = tables.weights[static_cast<std::size_t>(offset)].tap;
-  constexpr std::size_t kVectors = (kMostSamples + kLanes - 1) / kLanes;
+  constexpr std::size_t kVectors = (kMostSamples + 1 + kLanes - 1) / kLanes;
   for (int b = 0; b < blocks; ++b) {
     HWY_ALIGN float taps[kVectors * kLanes];
     Vec sum[kVectors];
@@ -201,6 +201,7 @@ void mix_weights(const ModelTables& tables, int offset, const Posteriors& poster
     }
     for (std::size_t v = 0; v < kVectors; ++v) hn::Store(sum[v], Float(), taps + v * kLanes);
     for (int i = 0; i < tables.samples; ++i) out.tap[i][at + b] = taps[i];
+    out.tap[kMostSamples][at + b] = taps[kMostSamples];
   }
 }
 

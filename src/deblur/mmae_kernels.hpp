@@ -31,9 +31,9 @@ struct Posteriors {
   alignas(64) float of[kStatBlocks][kModels];
 };
 
-// Weights of the samples, by block: [tap][block].
+// Weights of the samples, by block: [tap][block]; at the end the mean square errors (ModelTables::Weights).
 struct BlockWeights {
-  alignas(64) float tap[kMostSamples][kWeightStride];
+  alignas(64) float tap[kMostSamples + 1][kWeightStride];
 };
 
 // One row of pixels to filter with weights that are bilinear between the centres of four blocks.

@@ -24,12 +24,16 @@ double MmaeSolver::noise_k() const noexcept { return task_.in_kelvin(posterior_.
 void MmaeSolver::prepare(const WindowView& window) noexcept { posterior_.prepare(window, pattern_of(window)); }
 
 void MmaeSolver::solve(const WindowView& window, const Region& part, void* out) const noexcept {
+  solve(window, part, out, nullptr);
+}
+
+void MmaeSolver::solve(const WindowView& window, const Region& part, void* out, float* errors) const noexcept {
   const std::size_t bytes = bytes_of(task_.output);
   const std::size_t stride = static_cast<std::size_t>(task_.input.geometry.width) * bytes;
   for (int x = part.x; x < part.x + part.width; x += kCellColumns) {
     const Region some{x, part.y, std::min(kCellColumns, part.x + part.width - x), part.height};
     const std::size_t first = static_cast<std::size_t>(part.y) * stride + static_cast<std::size_t>(x) * bytes;
-    solve_columns(window, some, static_cast<std::byte*>(out) + first, stride);
+    solve_columns(window, some, static_cast<std::byte*>(out) + first, stride, errors);
   }
 }
 
@@ -38,14 +42,14 @@ void MmaeSolver::solve_points(const WindowView& window, std::span<const std::uin
   const auto width = static_cast<std::uint32_t>(task_.input.geometry.width);
   auto* to = static_cast<std::byte*>(out);
   for (const std::uint32_t pixel : pixels) {
-    solve_columns(window, {static_cast<int>(pixel % width), static_cast<int>(pixel / width), 1, 1}, to, 0);
+    solve_columns(window, {static_cast<int>(pixel % width), static_cast<int>(pixel / width), 1, 1}, to, 0, nullptr);
     to += bytes_of(task_.output);
   }
 }
 
 // Rows from centre to centre of the blocks, so that each row of blocks is looked at once.
-void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std::byte* out,
-                               std::size_t stride) const noexcept {
+void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std::byte* out, std::size_t stride,
+                               float* errors) const noexcept {
   const Columns columns{(part.x + kHalf) / kStatBlock - 1, (part.x + part.width - 1 + kHalf) / kStatBlock};
   const auto width = static_cast<std::size_t>(task_.input.geometry.width);
   const PixelRun run = run_for(task_);
@@ -64,6 +68,13 @@ void MmaeSolver::solve_columns(const WindowView& window, const Region& part, std
   find_weights(window, upper, columns, *above);
   for (int y = part.y; y < part.y + part.height; ++upper) {
     find_weights(window, upper + 1, columns, *below);
+    const int top = (upper + 1) * kStatBlock;
+    if (errors != nullptr && top >= part.y && top < part.y + part.height) {
+      const int own = std::max(columns.first, 0);
+      const int blocks = std::min(columns.last, posterior_.blocks_across() - 1) - own + 1;
+      const int at = (upper + 1) * posterior_.blocks_across() + own;
+      std::copy_n(below->tap[kMostSamples] + own - columns.first, blocks, errors + at);
+    }
     const int end = std::min(part.y + part.height, (upper + 1) * kStatBlock + kHalf);
     for (; y < end; ++y) {
       const std::size_t pixel = static_cast<std::size_t>(y) * width + static_cast<std::size_t>(part.x);

@@ -16,13 +16,18 @@ class MmaeSolver final : public Solver {
   void prepare(const WindowView& window) noexcept override;
   void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
   void solve_points(const WindowView& window, std::span<const std::uint32_t> pixels, void* out) const noexcept override;
+  // As solve(); also the mean square errors that the estimate should have, in units of the noise's variance, of the
+  // blocks of 8 x 8 pixels whose first row is in `part`: errors[row of blocks * blocks across + column].
+  void solve(const WindowView& window, const Region& part, void* out, float* errors) const noexcept;
   int iterations() const noexcept override { return 1; }
   std::string_view isa() const noexcept override { return posterior_.kernels().isa; }
+  double noise() const noexcept { return posterior_.noise(); }  // in the values' unit
   double noise_k() const noexcept override;
 
  private:
   struct Columns;
-  void solve_columns(const WindowView& window, const Region& part, std::byte* out, std::size_t stride) const noexcept;
+  void solve_columns(const WindowView& window, const Region& part, std::byte* out, std::size_t stride,
+                     float* errors) const noexcept;
   void filter_row(const WindowView& window, std::size_t pixel, FilterRow& row, const BlockWeights& above,
                   const BlockWeights& below) const noexcept;
   void find_weights(const WindowView& window, int block_row, const Columns& columns,

@@ -164,7 +164,10 @@ void MotionModels::prepare_model(ModelTables& tables, int model) const noexcept 
   const Speed* speed = kind.speed < 0 ? nullptr : &speeds_[static_cast<std::size_t>(kind.speed)];
 
   if (m < 2) {
-    for (ModelTables::Weights& weights : tables.weights) weights.tap[k] = {1.0F};
+    for (ModelTables::Weights& weights : tables.weights) {
+      weights.tap[k] = {1.0F};
+      weights.tap[k][kMostSamples] = static_cast<float>(1.0 + kind.variance);
+    }
     return;
   }
   Matrix y = Matrix::Identity(m, m);
@@ -224,6 +227,7 @@ void MotionModels::prepare_model(ModelTables& tables, int model) const noexcept 
     auto& taps = tables.weights[o].tap[k];
     taps.fill(0.0F);
     for (int i = 0; i < m; ++i) taps[static_cast<std::size_t>(i)] = static_cast<float>(w(i));
+    taps[kMostSamples] = static_cast<float>(kind.variance - 2.0 * w.dot(truth) + w.dot(y.lazyProduct(w)));
   }
 }
 

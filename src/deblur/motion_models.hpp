@@ -36,6 +36,8 @@ struct ModelTables {
   alignas(64) std::array<std::array<float, kModels>, kMostPairs> score{};
   alignas(64) std::array<float, kModels> per_pixel{};
   alignas(64) std::array<float, kModels> prior{};
+  // Of each model the weights, and in place kMostSamples the mean square error that they have, in units of the noise's
+  // variance.
   struct Weights {
     alignas(64) std::array<std::array<float, kTapStride>, kModels> tap{};
   };

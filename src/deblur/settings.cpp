@@ -14,7 +14,7 @@ namespace {
 constexpr std::array kNames = {
     std::pair{Method::kAdmm, std::string_view("admm")},   std::pair{Method::kDual, std::string_view("dual")},
     std::pair{Method::kExact, std::string_view("exact")}, std::pair{Method::kInverse, std::string_view("inverse")},
-    std::pair{Method::kMmae, std::string_view("mmae")},
+    std::pair{Method::kMmae, std::string_view("mmae")},   std::pair{Method::kMotion, std::string_view("motion")},
 };
 
 constexpr double kLeastTau_s = 1e-6;  // far below any pixel's; period / tau stays a number
@@ -57,7 +57,7 @@ Result<Method> method_from_name(std::string_view text) {
   for (const auto& [value, known] : kNames) {
     if (known == text) return value;
   }
-  return bad_input("solver \"" + std::string(text) + "\" is unknown; use admm, dual, exact, inverse or mmae");
+  return bad_input("solver \"" + std::string(text) + "\" is unknown; use admm, dual, exact, inverse, mmae or motion");
 }
 
 Status validate(const Settings& settings) {
@@ -84,6 +84,9 @@ Status validate(const Settings& settings) {
   const bool models = settings.auto_lambda || settings.method == Method::kMmae;
   complaints.unless(!models || settings.lookahead <= kModelLookahead, "lookahead", settings.lookahead,
                     "at most 15 frames with mmae or lambda auto");
+  const bool motion = settings.method == Method::kMotion;
+  complaints.unless(!motion || settings.lookahead <= 1, "lookahead", settings.lookahead, "0 or 1 with motion");
+  complaints.unless(!motion || settings.window >= 17, "window", settings.window, "17 frames or more with motion");
   return complaints.status();
 }
 

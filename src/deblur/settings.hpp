@@ -15,6 +15,7 @@ enum class Method {
   kExact,    // the paper's problem to convergence, double precision: the reference
   kInverse,  // first-order inverse filter: x = (y_1 - a y_0) / (1 - a), a = exp(-T / tau); no prior
   kMmae,     // multiple-model adaptive estimation: linear smoothers for many motions, weighted by how well each fits
+  kMotion,   // along the scene's own motion, estimated from the frames; kMmae where that does not explain them
 };
 
 // Names as the command line and configuration spell them. Thread: any.
@@ -31,7 +32,7 @@ struct Settings {
   double kappa = 0.1;
   double lambda = 0.001;     // in kelvin, or in counts for a capture that has no kelvin
   bool auto_lambda = false;  // lambda follows the measured noise and motion, block by block; `lambda` is not used
-  double noise_k = 0.0;      // temporal noise for auto_lambda and kMmae, K (counts as lambda); 0: measured
+  double noise_k = 0.0;      // temporal noise for auto_lambda, kMmae and kMotion, K (counts as lambda); 0: measured
   int iterations = 0;        // ADMM, or sweeps of kDual; 0: as many as the accuracy needs at this lambda
   int lookahead = 0;         // L: the window ends L frames after the frame that is estimated
 

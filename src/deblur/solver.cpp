@@ -7,6 +7,7 @@
 #include "src/deblur/grid.hpp"
 #include "src/deblur/method.hpp"
 #include "src/deblur/mmae_solver.hpp"
+#include "src/deblur/motion_solver.hpp"
 #include "src/deblur/plane_solver.hpp"
 
 namespace bolo::deblur {
@@ -53,6 +54,7 @@ Result<std::unique_ptr<Solver>> Solver::create(const Settings& settings, const S
   }
   const StreamTask task{settings, input, output, row_delay_s * input.row_step / settings.period_s};
   if (settings.method == Method::kMmae) return std::make_unique<MmaeSolver>(task);
+  if (settings.method == Method::kMotion) return std::make_unique<MotionSolver>(task);
   if (settings.auto_lambda && settings.method != Method::kInverse) {
     return std::make_unique<AutoLambdaSolver>(task);
   }

@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 
+#include "src/core/crew.hpp"
 #include "src/core/frame.hpp"
 #include "src/core/geometry.hpp"
 #include "src/core/plane.hpp"
@@ -17,6 +18,9 @@ namespace bolo::deblur {
 struct WindowView {
   std::span<const void* const> planes;  // settings.window entries, each a whole plane of the stream's format
   int target = 0;                       // the entry whose time is estimated: window - 1 - lookahead; never null
+  // Counts the periods of one stream: that of the newest entry, so that a solver can tell how far the window went on.
+  // 0: not known, nothing of earlier windows can be used.
+  std::uint64_t newest = 0;
 };
 
 class Solver {
@@ -33,6 +37,8 @@ class Solver {
   // Makes ready for the pattern of lost frames in this window; cheap when it did not change. No allocation.
   // Thread: pipeline, before the workers.
   virtual void prepare(const WindowView& window) noexcept = 0;
+  // The same with a crew's help, which changes no bit. Thread: pipeline, before the workers.
+  virtual void prepare(const WindowView& window, Crew& /*crew*/) noexcept { prepare(window); }
 
   // Estimates the pixels of `part` into the same pixels of `out`, a whole plane of the output type. `part` lies
   // inside the frame. What a pixel becomes does not depend on which part it is solved with. No allocation.

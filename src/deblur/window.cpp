@@ -85,6 +85,7 @@ void Window::advance() noexcept {
   if (oldest.taken) released_.push_back(oldest.frame.token);
   oldest.taken = false;
   oldest_ = (oldest_ + 1) % places_.size();
+  ++periods_;
 }
 
 void Window::clear() noexcept {
@@ -102,7 +103,7 @@ bool Window::show_target(Ready& ready, bool full) noexcept {
     gap |= !p.taken;
   }
   ready.frame = target.frame;
-  ready.view = {planes_, static_cast<int>(target_)};
+  ready.view = {planes_, static_cast<int>(target_), periods_};
   ready.full = full;
   if (!full) ready.frame.meta.flags |= kFlagWarmUp;
   if (full && gap) ready.frame.meta.flags |= kFlagGap;

@@ -10,7 +10,7 @@ namespace bolo::pipeline {
 
 enum class Effort : std::uint8_t {
   kFull,     // as the settings say
-  kReduced,  // one sweep of coordinate descent on the dual, at a fixed lambda
+  kReduced,  // one sweep of coordinate descent on the dual, at a fixed lambda; mmae in place of motion
   kInverse,  // the inverse filter, on the pipeline thread alone: it waits for no worker
   kRaw,      // the deblurred plane is the raw one
 };

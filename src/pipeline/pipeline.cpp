@@ -51,6 +51,32 @@ class Plane {
   void* data_;
 };
 
+// The team as what helps a solver to prepare. Thread: pipeline.
+class TeamCrew final : public Crew {
+ public:
+  explicit TeamCrew(rt::WorkerTeam& team) : team_(team) {}
+  void run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept override {
+    const int parts = team_.size();
+    struct Call {
+      void (*work)(void*, int, int) noexcept;
+      void* self;
+      int rows;
+      int parts;
+    } call{work, self, rows, parts};
+    if (parts == 1 || rows < kFewestRows) return work(self, 0, rows);
+    team_.run(
+        [](void* context, int worker) {
+          const Call& c = *static_cast<const Call*>(context);
+          c.work(c.self, c.rows * worker / c.parts, c.rows * (worker + 1) / c.parts);
+        },
+        &call);
+  }
+
+ private:
+  static constexpr int kFewestRows = 8;  // less is done before the others are awake
+  rt::WorkerTeam& team_;
+};
+
 // The sinks that are open; closes each once.
 class OpenSinks {
  public:
@@ -167,6 +193,7 @@ struct Pipeline::Impl {
   void take_all() noexcept;
   void publish_ready() noexcept;
   Effort choose_effort() noexcept;
+  void prepare(const deblur::WindowView& view) noexcept;
   bool deblur(const deblur::Window::Ready& frame) noexcept;
   void publish(const deblur::Window::Ready& frame) noexcept;
   void show_life() noexcept;
@@ -311,6 +338,15 @@ Effort Pipeline::Impl::choose_effort() noexcept {
   return std::max(effort_control.next(stats.waiting(), monotonic_ns()), least);
 }
 
+void Pipeline::Impl::prepare(const deblur::WindowView& view) noexcept {
+  if (effort < Effort::kInverse) {
+    TeamCrew crew(team);
+    solvers.at(effort).prepare(view, crew);
+  } else {
+    solvers.at(effort).prepare(view);
+  }
+}
+
 // False when no time was left for it and nothing may stand in for it.
 bool Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
   const std::int64_t start_ns = monotonic_ns();
@@ -319,7 +355,7 @@ bool Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
   raw = raw_of[frame.frame.token];
   given_up.store(frame.full && out_of_time(), std::memory_order_relaxed);
   if (!given_up.load(std::memory_order_relaxed)) {
-    if (solves()) solvers.at(effort).prepare(frame.view);
+    if (solves()) prepare(frame.view);
     if (effort < Effort::kInverse) {
       team.run([](void* self, int worker) { static_cast<Impl*>(self)->work(worker); }, this);
     } else {

@@ -22,7 +22,7 @@ std::string solver_words(const deblur::Settings& settings, Unit unit, std::strin
   std::string text(deblur::name(settings.method));
   const std::string unit_text = unit == Unit::kKelvin ? " K" : " counts";
   const std::string noise = settings.noise_k > 0.0 ? short_number(settings.noise_k) + unit_text : "measured";
-  if (settings.method == deblur::Method::kMmae) {
+  if (settings.method == deblur::Method::kMmae || settings.method == deblur::Method::kMotion) {
     text += ", noise " + noise;
   } else if (settings.method != deblur::Method::kInverse) {
     const std::string lambda = settings.auto_lambda ? "auto" : short_number(settings.lambda) + unit_text;

@@ -228,7 +228,7 @@ TEST(MotionModels, WeightsSumToOne) {
   for (const ModelTables::Weights& weights : tables.weights) {
     for (std::size_t k = 0; k < kModels; ++k) {
       double sum = 0.0;
-      for (const float w : weights.tap[k]) sum += static_cast<double>(w);
+      for (int i = 0; i < kMostSamples; ++i) sum += static_cast<double>(weights.tap[k][static_cast<std::size_t>(i)]);
       EXPECT_NEAR(sum, 1.0, 2e-6) << k;
     }
   }

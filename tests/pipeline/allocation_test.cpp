@@ -126,6 +126,14 @@ TEST(Allocation, NoneWhileFramesFlow) {
   }
 }
 
+TEST(Allocation, NoneAlongTheMotion) {
+  for (const int lookahead : {0, 1}) {
+    Script script = eventful();
+    script.info = test::small_source(96, 72);  // smaller pictures show no motion
+    EXPECT_EQ(allocations_of(script, options_of(deblur::Method::kMotion, lookahead, PixelType::kUint16)), 0U);
+  }
+}
+
 TEST(Allocation, NoneWithAutomaticLambda) {
   for (const auto method : {deblur::Method::kAdmm, deblur::Method::kDual, deblur::Method::kExact}) {
     PipelineOptions options = options_of(method, 1, PixelType::kUint16);

@@ -169,8 +169,27 @@ TEST_P(PipelinePixels, ARegionAndPointsAreTheWholeFramesBits) {
 
 INSTANTIATE_TEST_SUITE_P(Methods, PipelinePixels,
                          testing::Values(deblur::Method::kAdmm, deblur::Method::kDual, deblur::Method::kExact,
-                                         deblur::Method::kInverse, deblur::Method::kMmae),
+                                         deblur::Method::kInverse, deblur::Method::kMmae, deblur::Method::kMotion),
                          [](const auto& each) { return std::string(deblur::name(each.param)); });
+
+// Its picture is large enough for workers to share what is done before they solve.
+TEST(Pipeline, MotionGivesTheSameBitsWithAnyWorkers) {
+  Script script;
+  script.info = test::small_source(96, 72);
+  PipelineOptions options = with_workers(1);
+  options.deblur.method = deblur::Method::kMotion;
+  MemorySink alone;
+  play(script, alone, options);
+  for (const int workers : {2, 3, 5}) {
+    options.workers = workers;
+    MemorySink together;
+    play(script, together, options);
+    ASSERT_EQ(together.frames.size(), alone.frames.size());
+    for (std::size_t n = 0; n < alone.frames.size(); ++n) {
+      ASSERT_EQ(together.frames[n].deblurred, alone.frames[n].deblurred) << workers << " workers, frame " << n;
+    }
+  }
+}
 
 TEST(Pipeline, PixelsOutsideTheFrameAreRefused) {
   for (const Region& region : {Region{0, 0, 25, 1}, Region{-1, 0, 3, 3}, Region{0, 5, 3, 3}, Region{0, 0, 0, 1}}) {

@@ -101,7 +101,7 @@ class Completion(unittest.TestCase):
             self.assertEqual(set(complete(*command, "--")), {f"--{option}" for option in options_in(text)}, command)
 
     def test_offers_the_words_that_a_value_may_be(self):
-        self.assertEqual(complete("bolo", "deblur", "--solver", ""), ["admm", "dual", "exact", "inverse", "mmae"])
+        self.assertEqual(complete("bolo", "deblur", "--solver", ""), ["admm", "dual", "exact", "inverse", "mmae", "motion"])
         self.assertEqual(complete("bolo", "deblur", "--solver", "=", "ex"), ["exact"])
         self.assertEqual(complete("bolo", "deblur", "--tau", ""), [])
 

@@ -43,11 +43,12 @@ constexpr Names<genicam::IrFormat, 4> kIrFormats{{{"leave", genicam::IrFormat::k
                                                   {"radiometric", genicam::IrFormat::kRadiometric},
                                                   {"100mk", genicam::IrFormat::kTemperatureLinear100mK},
                                                   {"10mk", genicam::IrFormat::kTemperatureLinear10mK}}};
-constexpr Names<deblur::Method, 5> kMethods{{{"admm", deblur::Method::kAdmm},
+constexpr Names<deblur::Method, 6> kMethods{{{"admm", deblur::Method::kAdmm},
                                              {"dual", deblur::Method::kDual},
                                              {"exact", deblur::Method::kExact},
                                              {"inverse", deblur::Method::kInverse},
-                                             {"mmae", deblur::Method::kMmae}}};
+                                             {"mmae", deblur::Method::kMmae},
+                                             {"motion", deblur::Method::kMotion}}};
 constexpr Names<LogLevel, 4> kLevels{{{"debug", LogLevel::kDebug},
                                       {"info", LogLevel::kInfo},
                                       {"warning", LogLevel::kWarning},
@@ -118,12 +119,12 @@ void deblur_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.choice<deblur::Method>(
       "solver", s.method, kMethods,
       "admm, dual: fixed iterations, for live work. exact: to convergence, slow. inverse: no prior, for little noise. "
-      "mmae: many motion models, weighted.");
+      "mmae: many motion models, weighted. motion: along the scene's own motion, the sharpest.");
   keys.number_or_word(
       "lambda", s.lambda, s.auto_lambda, "auto", {0.0, 1e6, "K (counts when the source has no kelvin)"},
       "Weight of the prior in kappa |V H^T D - Y|^2 + lambda |D|_1. More smooths more; auto follows noise and motion.");
   keys.number("noise_k", s.noise_k, {0.0, 1000.0, "K (counts when the source has no kelvin)"},
-              "Temporal noise that mmae and lambda = \"auto\" reckon with; 0: measured.");
+              "Temporal noise that mmae, motion and lambda = \"auto\" reckon with; 0: measured.");
   keys.number("kappa", s.kappa, {1e-9, 1e9, ""}, "Weight of the data in the same sum.");
   keys.integer("iterations", s.iterations, {0, 1000, ""},
                "Iterations of admm and dual; 0: as many as the accuracy needs at this lambda.");

@@ -174,14 +174,14 @@ cxxopts::Options deblur_command_line() {
     ("profile", "Camera profile: what is known of the camera and undone", cxxopts::value<std::string>(), "P.toml")
     ("tau", "Thermal time constant, s (default: the profile's, else " + text(defaults.tau_s) + ")",
      cxxopts::value<double>(), "S")
-    ("solver", "admm, dual, exact, inverse or mmae", cxxopts::value<std::string>()->default_value("admm"))
+    ("solver", "admm, dual, exact, inverse, mmae or motion", cxxopts::value<std::string>()->default_value("admm"))
     ("iterations", "ADMM iterations; 0: as many as the accuracy needs",
      cxxopts::value<int>()->default_value(text(defaults.iterations)), "I")
     ("kappa", "Weight of the data in kappa ||VA - Y||^2 + lambda ||D||_1",
      cxxopts::value<double>()->default_value(text(defaults.kappa)), "K")
     ("lambda", "Weight of sparsity, K (counts for a capture without kelvin), or auto: from noise and motion",
      cxxopts::value<std::string>()->default_value("auto"), "L")
-    ("noise", "Temporal noise for --lambda auto and mmae, K (counts as lambda); 0: measured",
+    ("noise", "Temporal noise for --lambda auto, mmae and motion, K (counts as lambda); 0: measured",
      cxxopts::value<double>()->default_value(text(defaults.noise_k)), "N")
     ("lookahead", "Frames that the window reaches beyond the estimated one",
      cxxopts::value<int>()->default_value(text(defaults.lookahead)), "L")

@@ -174,7 +174,7 @@ TEST_F(Config, MistakesAreNamed) {
        "\"auto\""},
       {"[deblur]\nsolver = 'magic'",
        "bolod.toml:2:10: deblur.solver = \"magic\" is none of \"admm\" | \"dual\" | \"exact\" | \"inverse\" | "
-       "\"mmae\""},
+       "\"mmae\" | \"motion\""},
       {"profile = 'maps.toml'", "none.h5: cannot be opened: No such file or directory"},
       {"[deblur]\nworkers = 0", "bolod.toml:2:11: deblur.workers = 0 is out of range: 1 to 64 threads"},
       {"[shm]\nslots = 10",

@@ -118,7 +118,7 @@ Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings, dou
   auto next = clean.targets.begin();
   for (std::size_t k = kWindow - 1; next != clean.targets.end(); ++k) {
     const auto planes = s.window_ending_at(k + lookahead);
-    const deblur::WindowView window{planes, kWindow - 1 - settings.lookahead};
+    const deblur::WindowView window{planes, kWindow - 1 - settings.lookahead, k + lookahead + 1};
     (*solver)->prepare(window);
     if (k != *next) continue;
     (*solver)->solve(window, clean.judged, whole.data());
@@ -130,9 +130,11 @@ Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings, dou
 }
 
 Result<deblur::Settings> live_settings(ColumnKind kind, const Sequence& s, int lookahead) {
-  const bool mmae = kind == ColumnKind::kMmae;
-  deblur::Settings settings = settings_of(mmae ? deblur::Method::kMmae : deblur::Method::kAdmm, lookahead);
-  settings.auto_lambda = !mmae;
+  const auto method = kind == ColumnKind::kMmae     ? deblur::Method::kMmae
+                      : kind == ColumnKind::kMotion ? deblur::Method::kMotion
+                                                    : deblur::Method::kAdmm;
+  deblur::Settings settings = settings_of(method, lookahead);
+  settings.auto_lambda = kind == ColumnKind::kAuto;
   const auto solver = make_solver(s, settings);
   if (!solver) return tl::unexpected(solver.error());
   const auto planes = s.window_ending_at(kWindow - 1);
@@ -167,6 +169,7 @@ Result<Cell> evaluate(const Sequence& s, const Sequence& training, int lookahead
   cell.columns.push_back(*best);
   cell.columns.push_back(live_column(s, truth, ColumnKind::kAuto, lookahead));
   cell.columns.push_back(live_column(s, truth, ColumnKind::kMmae, lookahead));
+  cell.columns.push_back(live_column(s, truth, ColumnKind::kMotion, lookahead));
   const Planes fitted = TemporalWiener(training, lookahead).apply(s);
   cell.columns.push_back({ColumnKind::kTemporalWiener, "", "", measure(fitted, truth, size)});
   return cell;

@@ -20,6 +20,7 @@ enum class ColumnKind {
   kQpBest,     // the best of kLambdas, picked with the truth
   kAuto,
   kMmae,
+  kMotion,
   kUnsharp,  // this one and the next three: strength picked with the truth
   kSpatialWiener,
   kSpatialWienerOff,  // told a speed that is 10 % too high
@@ -34,13 +35,14 @@ struct ColumnName {
   std::string_view words;  // in the picture and the help
 };
 
-inline constexpr std::array<ColumnName, 11> kColumns{{
+inline constexpr std::array<ColumnName, 12> kColumns{{
     {ColumnKind::kBlurred, "blurred", "blurred", "blurred: as the camera sends it"},
     {ColumnKind::kInverse, "inverse", "inverse", "inverse filter"},
     {ColumnKind::kQpAuthors, "qp_authors", "qp 0.1", "QP, the authors' lambda 0.1"},
     {ColumnKind::kQpBest, "qp_best", "qp best", "QP, best lambda (picked with the truth)"},
     {ColumnKind::kAuto, "auto", "auto", "QP, lambda auto"},
     {ColumnKind::kMmae, "mmae", "mmae", "mmae"},
+    {ColumnKind::kMotion, "motion", "motion", "motion, estimated live"},
     {ColumnKind::kUnsharp, "unsharp", "unsharp", "unsharp mask (strength picked with the truth)"},
     {ColumnKind::kSpatialWiener, "spatial_wiener", "s.wiener", "spatial Wiener (told the motion; strength picked)"},
     {ColumnKind::kSpatialWienerOff, "spatial_wiener_10", "s.wien.+10", "the same, told 10 % too much speed"},
@@ -115,7 +117,7 @@ struct LatencyCurves {
 };
 Result<LatencyCurves> latency_curves(const Sequence& sequence, int longest);
 
-// Settings of `auto` or `mmae` that this build can run; kBadInput says why there are none. Both work from the measured
+// Settings of `auto`, `mmae` or `motion` that this build can run; kBadInput says why there are none. They work from the measured
 // noise, so that a solver which does not measure it is not the one asked for. Thread: any.
 Result<deblur::Settings> live_settings(ColumnKind kind, const Sequence& sequence, int lookahead);
 

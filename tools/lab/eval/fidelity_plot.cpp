@@ -23,7 +23,8 @@ constexpr std::array kLive{Look{ColumnKind::kInverse, "inverse filter", Hue::kAm
                            Look{ColumnKind::kQpAuthors, "QP, the authors' lambda", Hue::kSoft},
                            Look{ColumnKind::kQpBest, "QP, best lambda (picked with the truth)", Hue::kPurple},
                            Look{ColumnKind::kAuto, "QP, lambda auto", Hue::kDeblurred},
-                           Look{ColumnKind::kMmae, "mmae", Hue::kGreen}};
+                           Look{ColumnKind::kMmae, "mmae", Hue::kGreen},
+                           Look{ColumnKind::kMotion, "motion, estimated live", Hue::kBad}};
 // What a person would try, told what no live camera knows.
 constexpr std::array kTold{Look{ColumnKind::kUnsharp, "unsharp mask", Hue::kSoft},
                            Look{ColumnKind::kSpatialWiener, "spatial Wiener", Hue::kPurple},

@@ -134,6 +134,11 @@ std::vector<Verdict> verdicts(const std::vector<Cell>& cells, const std::vector<
       against_best(cells, kAuto, {kBlurred}, "auto_not_worse_than_blurred", "auto never worse than blurred", 1.0));
   all.push_back(
       against_best(cells, kMmae, {kBlurred}, "mmae_not_worse_than_blurred", "mmae never worse than blurred", 1.0));
+  all.push_back(against_best(cells, kMotion, {kBlurred}, "motion_not_worse_than_blurred",
+                             "motion never worse than blurred", 1.0));
+  all.push_back(against_best(cells, kMotion, {kMmae}, "motion_not_worse_than_mmae", "motion within 3 % of mmae", 1.03));
+  all.push_back(against_best(cells, kMotion, {kSpatialWiener}, "motion_better_than_told",
+                             "motion better than the spatial Wiener filter that is told the motion", 1.0));
   std::vector<ColumnKind> others = kWithBaselines;
   others.push_back(kAuto);
   all.push_back(against_best(cells, kMmae, others, "mmae_best", "mmae better than the best other column", 1.0));

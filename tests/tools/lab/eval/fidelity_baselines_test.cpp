@@ -270,9 +270,9 @@ const Verdict& named(const std::vector<Verdict>& all, std::string_view name) {
 }
 
 TEST(FidelityVerdicts, AreComputedFromTheTable) {
-  //                                 blurred inverse qp.1 best auto mmae unsharp wiener +10 lucy temporal
-  const std::vector<Cell> cells{cell_of(0, {2.0, 1.0, 2.5, 0.9, 0.91, 0.8, 2.0, 3.0, 3.0, 3.0, 0.95}),
-                                cell_of(1, {2.0, 0.5, 2.1, 0.5, 0.60, 0.4, 2.0, 0.3, 0.4, 0.4, 0.55})};
+  //                                 blurred inverse qp.1 best auto mmae motion unsharp wiener +10 lucy temporal
+  const std::vector<Cell> cells{cell_of(0, {2.0, 1.0, 2.5, 0.9, 0.91, 0.8, 0.3, 2.0, 3.0, 3.0, 3.0, 0.95}),
+                                cell_of(1, {2.0, 0.5, 2.1, 0.5, 0.60, 0.4, 0.35, 2.0, 0.3, 0.4, 0.4, 0.55})};
   const auto all = verdicts(cells, {});
   const Verdict& near = named(all, "auto_near_best_pixelwise");
   ASSERT_EQ(near.misses.size(), 1U);
@@ -283,13 +283,15 @@ TEST(FidelityVerdicts, AreComputedFromTheTable) {
   EXPECT_TRUE(named(all, "auto_not_worse_than_blurred").holds());
   EXPECT_TRUE(named(all, "mmae_best_pixelwise").holds());
   EXPECT_FALSE(named(all, "mmae_best").holds());
+  EXPECT_TRUE(named(all, "motion_not_worse_than_mmae").holds());
+  EXPECT_FALSE(named(all, "motion_better_than_told").holds());
   EXPECT_TRUE(named(all, "lookahead_gain_inverse").holds());
   EXPECT_FALSE(named(all, "lookahead_gain_auto").holds());
   EXPECT_NEAR(named(all, "lookahead_gain_auto").worst_ratio, 0.60 / 0.91, 1e-9);
 }
 
 TEST(FidelityVerdicts, SayNothingOfAColumnThatIsNotThere) {
-  Cell cell = cell_of(0, {2.0, 1.0, 2.5, 0.9, 0.91, 0.8, 2.0, 3.0, 3.0, 3.0, 0.95});
+  Cell cell = cell_of(0, {2.0, 1.0, 2.5, 0.9, 0.91, 0.8, 0.3, 2.0, 3.0, 3.0, 3.0, 0.95});
   cell.columns[static_cast<std::size_t>(ColumnKind::kMmae)].skipped = "not built";
   const Verdict verdict = named(verdicts({cell}, {}), "mmae_not_worse_than_blurred");
   EXPECT_EQ(verdict.cells, 0);

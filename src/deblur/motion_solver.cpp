@@ -1,0 +1,209 @@
+#include "src/deblur/motion_solver.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "src/deblur/method.hpp"
+#include "src/deblur/plane_solver.hpp"
+
+namespace bolo::deblur {
+namespace {
+
+constexpr int kSmallestSide = 24;            // px: less shows no motion
+constexpr double kLargestDifference = 31.6;  // K, of innovations that are matched: what is more counts no more
+constexpr float kLargestValue = 1e7F;
+
+// As the task, in the values' own unit and float.
+StreamTask in_values(StreamTask task) {
+  task.settings.noise_k /= task.input.scale.unit == Unit::kKelvin ? std::abs(task.input.scale.scale) : 1.0;
+  task.settings.method = Method::kMmae;
+  task.input.scale = {};
+  task.input.scale.unit = Unit::kCount;
+  task.output = PixelType::kFloat32;
+  return task;
+}
+
+template <typename T>
+void load_row(const T* from, int width, float* to) noexcept {
+  if constexpr (std::is_integral_v<T>) {
+    for (int x = 0; x < width; ++x) to[x] = static_cast<float>(from[x]);
+  } else {
+    float last = 0.0F;  // stands in for what is no number
+    for (int x = 0; x < width; ++x) {
+      last = std::abs(from[x]) < kLargestValue ? from[x] : last;
+      to[x] = last;
+    }
+  }
+}
+
+}  // namespace
+
+MotionSolver::MotionSolver(const StreamTask& task)
+    : task_(task),
+      mmae_(in_values(task)),
+      kernels_(motion::best_kernels(mmae_.isa())),
+      inertia_(task.settings.tau_s / task.settings.period_s),
+      global_(task.input.geometry),
+      local_(task.input.geometry) {
+  const Geometry g = task.input.geometry;
+  for (int ahead = 0; usable() && ahead <= task.settings.lookahead; ++ahead)
+    estimators_.emplace_back(g, inertia_, ahead);
+  for (Frame& f : frames_) f.values = motion::PaddedPlane(g);
+  for (int i = 0; i < 3; ++i) innovations_.push_back({false, motion::PaddedPlane(g), motion::Pyramid(g)});
+  field_ = motion::VectorField(motion::blocks_over(g.width), motion::blocks_over(g.height));
+  for (int row = 0; task.delays_rows() && row < field_.down(); ++row) {
+    const int middle = std::min(row * motion::kBlock + motion::kBlock / 2, g.height - 1);
+    row_delay_.push_back(static_cast<float>(task.row_delay(middle)));
+  }
+  per_pixel_.resize(g.pixels());
+  estimate_.resize(g.pixels());
+  per_pixel_error_.resize(field_.size());
+}
+
+bool MotionSolver::usable() const noexcept {
+  return std::min(task_.input.geometry.width, task_.input.geometry.height) >= kSmallestSide;
+}
+
+double MotionSolver::noise_k() const noexcept { return task_.in_kelvin(mmae_.noise()); }
+
+void MotionSolver::forget() noexcept {
+  for (Frame& f : frames_) f.there = false;
+  for (Innovation& i : innovations_) i.there = false;
+  for (Displacement& d : displacements_) d.there = false;
+}
+
+void MotionSolver::load(const void* plane, motion::PaddedPlane& to) const noexcept {
+  const Geometry g = to.geometry();
+  const auto width = static_cast<std::size_t>(g.width);
+  for (int y = 0; y < g.height; ++y) {
+    const std::size_t row = static_cast<std::size_t>(y) * width;
+    if (task_.input.type == PixelType::kUint16) {
+      load_row(static_cast<const std::uint16_t*>(plane) + row, g.width, to.at(0, y));
+    } else {
+      load_row(static_cast<const float*>(plane) + row, g.width, to.at(0, y));
+    }
+  }
+  to.extend();
+}
+
+// The next period's frame; null: lost.
+void MotionSolver::take(const void* plane, Crew& crew) noexcept {
+  ++taken_;
+  Frame& now = frame(0);
+  Innovation& z = innovation(0);
+  Displacement& d = displacement(0);
+  now.there = plane != nullptr;
+  z.there = now.there && frame(1).there;
+  d.there = z.there && innovation(1).there;
+  if (now.there) load(plane, now.values);
+  if (z.there) find_innovation(kernels_, inertia_, now.values, frame(1).values, crew, z.values, z.smoothed);
+  if (d.there) {
+    d.motion = global_.find(kernels_, inertia_, innovation(1).smoothed, z.smoothed, mmae_.noise(), crew);
+  }
+}
+
+// False when the estimated frame's own displacement is not known.
+bool MotionSolver::find_path(motion::Path& path, bool& ahead) noexcept {
+  const int target = task_.settings.lookahead;
+  if (!displacement(target).there) return false;
+  ahead = target == 1 && displacement(0).there;
+  std::array<motion::Affine, motion::kHistory> history;
+  motion::Affine last = displacement(target).motion;
+  for (std::size_t i = 0; i < history.size(); ++i) {
+    const Displacement& d = displacement(static_cast<int>(i) + (ahead ? 0 : target));
+    if (d.there) last = d.motion;
+    history[i] = last;
+  }
+  path = motion::path_of(inertia_, history, ahead);
+  return true;
+}
+
+// In parts of whole rows of blocks, so that each block's error is written once.
+void MotionSolver::solve_per_pixel(const WindowView& window, Crew& crew) noexcept {
+  const Geometry g = task_.input.geometry;
+  for_parts(crew, field_.down(), [&](int begin, int end) {
+    const int top = begin * motion::kBlock;
+    const int bottom = std::min(end * motion::kBlock, g.height);
+    mmae_.solve(window, {0, top, g.width, bottom - top}, per_pixel_.data(), per_pixel_error_.data());
+  });
+}
+
+void MotionSolver::prepare(const WindowView& window) noexcept {
+  Alone alone;
+  prepare(window, alone);
+}
+
+void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
+  mmae_.prepare(window);
+  solve_per_pixel(window, crew);
+  const auto slots = static_cast<std::uint64_t>(window.planes.size());
+  if (usable()) {
+    const std::uint64_t steps = window.newest - newest_;  // wraps round when time went back
+    const bool follows = newest_ != 0 && window.newest > newest_ && steps <= kFirst;
+    if (!follows) forget();
+    const std::uint64_t first = slots - (follows ? steps : std::min<std::uint64_t>(kFirst, slots));
+    for (std::uint64_t i = first; i < slots; ++i) take(window.planes[i], crew);
+    newest_ = window.newest;
+  }
+  motion::Path path;
+  bool ahead = false;
+  if (!usable() || !find_path(path, ahead)) {
+    estimate_ = per_pixel_;
+    return;
+  }
+  const int target = task_.settings.lookahead;
+  motion::spread(displacement(target).motion, task_.input.geometry, 1, field_);
+  const auto cap = static_cast<float>(kLargestDifference / task_.kelvin_per_value());
+  const motion::VectorField& deviation =
+      local_.find(kernels_, inertia_, innovation(target + 1).smoothed, innovation(target).smoothed, field_,
+                  mmae_.noise(), cap * cap, crew);
+  motion::EstimateInputs in;
+  in.now = &frame(target).values;
+  in.innovation = &innovation(target).values;
+  for (int j = 0; j < motion::kPast; ++j) {
+    Frame& past = frame(target + 1 + j);
+    in.past[static_cast<std::size_t>(j)] = past.there ? &past.values : nullptr;
+  }
+  in.ahead = ahead ? &frame(0).values : nullptr;
+  in.path = path;
+  in.deviation = &deviation;
+  in.misfit = &local_.misfit();
+  in.row_delay = row_delay_;
+  in.noise = mmae_.noise();
+  in.other = per_pixel_.data();
+  in.other_error = per_pixel_error_.data();
+  estimators_[ahead ? 1 : 0].find(kernels_, in, crew, estimate_.data());
+}
+
+void MotionSolver::solve(const WindowView& /*window*/, const Region& part, void* out) const noexcept {
+  const PixelRun run = run_for(task_);
+  const auto width = static_cast<std::size_t>(task_.input.geometry.width);
+  for (int y = part.y; y < part.y + part.height; ++y) {
+    const std::size_t begin = static_cast<std::size_t>(y) * width + static_cast<std::size_t>(part.x);
+    for (std::size_t i = begin; i < begin + static_cast<std::size_t>(part.width); ++i) {
+      const float v = estimate_[i];
+      if (run.output == PixelType::kUint16) {
+        const float limited = v > 0.0F ? std::min(v, 65535.0F) : 0.0F;
+        static_cast<std::uint16_t*>(out)[i] = static_cast<std::uint16_t>(std::lrint(limited));
+      } else {
+        static_cast<float*>(out)[i] = run.scale * v + run.offset;
+      }
+    }
+  }
+}
+
+void MotionSolver::solve_points(const WindowView& /*window*/, std::span<const std::uint32_t> pixels,
+                                void* out) const noexcept {
+  const PixelRun run = run_for(task_);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    const float v = estimate_[pixels[i]];
+    if (run.output == PixelType::kUint16) {
+      const float limited = v > 0.0F ? std::min(v, 65535.0F) : 0.0F;
+      static_cast<std::uint16_t*>(out)[i] = static_cast<std::uint16_t>(std::lrint(limited));
+    } else {
+      static_cast<float*>(out)[i] = run.scale * v + run.offset;
+    }
+  }
+}
+
+}  // namespace bolo::deblur

@@ -1,0 +1,87 @@
+// Deblurring along the motion of the scene, which is estimated from the frames themselves (src/motion).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "src/deblur/mmae_solver.hpp"
+#include "src/deblur/solver.hpp"
+#include "src/motion/estimate.hpp"
+#include "src/motion/global_motion.hpp"
+#include "src/motion/innovation.hpp"
+#include "src/motion/local_motion.hpp"
+
+namespace bolo::deblur {
+
+// Every estimate is of the whole frame, made by prepare(); solve() hands it out. Beside it stands the one of mmae,
+// which is taken, pixel by pixel, where the motion does not explain what is seen, and for whole frames where no motion
+// can be had: the frame before is lost, or the picture is too small.
+//
+// What is remembered of earlier windows is only what this one would give again: each displacement is that of three
+// frames, all of them in the window (and, where it is measured, the noise, as in mmae).
+class MotionSolver final : public Solver {
+ public:
+  explicit MotionSolver(const StreamTask& task);
+
+  void prepare(const WindowView& window) noexcept override;
+  void prepare(const WindowView& window, Crew& crew) noexcept override;
+  void solve(const WindowView& window, const Region& part, void* out) const noexcept override;
+  void solve_points(const WindowView& window, std::span<const std::uint32_t> pixels, void* out) const noexcept override;
+  int iterations() const noexcept override { return 1; }
+  std::string_view isa() const noexcept override { return mmae_.isa(); }
+  double noise_k() const noexcept override;
+  double noise_state() const noexcept override { return mmae_.noise_state(); }
+  void set_noise_state(double state) noexcept override { mmae_.set_noise_state(state); }
+
+ private:
+  static constexpr int kFrames = motion::kPast + 2;    // that an estimate looks at: with the one after it
+  static constexpr int kFirst = motion::kHistory + 3;  // frames before the newest that its path is made of
+  struct Frame {
+    bool there = false;
+    motion::PaddedPlane values;
+  };
+  struct Innovation {
+    bool there = false;
+    motion::PaddedPlane values;
+    motion::Pyramid smoothed;
+  };
+  struct Displacement {
+    bool there = false;
+    motion::Affine motion;
+  };
+
+  bool usable() const noexcept;
+  void forget() noexcept;
+  void take(const void* plane, Crew& crew) noexcept;
+  void load(const void* plane, motion::PaddedPlane& to) const noexcept;
+  bool find_path(motion::Path& path, bool& ahead) noexcept;
+  void solve_per_pixel(const WindowView& window, Crew& crew) noexcept;
+  // Of `back` periods before the newest.
+  Frame& frame(int back) noexcept { return frames_[place(back, frames_.size())]; }
+  Innovation& innovation(int back) noexcept { return innovations_[place(back, innovations_.size())]; }
+  Displacement& displacement(int back) noexcept { return displacements_[place(back, displacements_.size())]; }
+  std::size_t place(int back, std::size_t size) const noexcept {
+    return static_cast<std::size_t>(taken_ + size * 4 - static_cast<std::uint64_t>(back)) % size;
+  }
+
+  StreamTask task_;
+  MmaeSolver mmae_;
+  const motion::Kernels& kernels_;
+  motion::Inertia inertia_;
+  motion::GlobalMotion global_;
+  motion::LocalMotion local_;
+  std::vector<motion::Estimator> estimators_;  // without look-ahead, and with it
+  std::array<Frame, kFrames> frames_;
+  std::vector<Innovation> innovations_;
+  std::array<Displacement, motion::kHistory + 1> displacements_;
+  motion::VectorField field_;
+  std::uint64_t taken_ = 0;       // periods taken in
+  std::uint64_t newest_ = 0;      // WindowView::newest of the last of them; 0: none
+  std::vector<float> row_delay_;  // of the middle of each row of blocks; empty: none
+  std::vector<float> per_pixel_;
+  std::vector<float> per_pixel_error_;
+  std::vector<float> estimate_;
+};
+
+}  // namespace bolo::deblur

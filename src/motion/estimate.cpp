@@ -1,0 +1,196 @@
+#include "src/motion/estimate.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bolo::motion {
+namespace {
+
+constexpr float kMargin = 1.25F;            // of what noise alone makes of a mean square
+constexpr float kLeastGradient = 0.3F;      // of the noise in the past's mean
+constexpr float kLeastUncertainty = 0.02F;  // px a frame
+constexpr float kOfSpeed = 0.01F;
+constexpr float kSlowest = 0.05F;         // px a frame, that an uncertainty is relative to
+constexpr float kStill = 1e-3F;           // px a frame: any direction will do
+constexpr float kLeastChange = 0.3F;      // noise variances
+constexpr float kOfError = 0.3F;          // of the estimate's error, in how far the check is trusted
+constexpr float kAcceptable = 0.3F;       // of the change, that the check may leave
+constexpr float kTimesOther = 2.5F;       // how much worse the other estimate is than it thinks, by speed
+constexpr float kTimesOtherAhead = 1.3F;  // the same where it has nothing to extrapolate
+constexpr float kTimesUnseen = 4.0F;      // this estimate, where there is no past to go by
+constexpr float kMostTimesOther = 8.0F;
+constexpr float kLeastError = 1e-3F;            // noise variances
+constexpr float kMeanAge = 0.5F * (kPast + 1);  // of the past's frames, periods
+
+float power4(float v) { return v * v * v * v; }
+float power8(float v) { return power4(v) * power4(v); }
+
+}  // namespace
+
+Estimator::Estimator(Geometry geometry, const Inertia& inertia, int ahead)
+    : geometry_(geometry),
+      inertia_(inertia),
+      table_(WeightTable::of(inertia.tau, ahead)),
+      mean_(geometry),
+      ahead_(geometry),
+      x_(geometry),
+      left_(geometry) {
+  const int across = blocks_over(geometry.width);
+  const int down = blocks_over(geometry.height);
+  for (VectorField& f : past_) f = VectorField(across, down);
+  for (VectorField* f : {&next_, &trail_, &direction_}) *f = VectorField(across, down);
+  for (ScalarField* f : {&speed_, &lag_, &unexplained_, &step_, &share_}) *f = ScalarField(across, down);
+  for (std::size_t i = 0; i < raw_.size(); ++i) raw_[i] = smooth_[i] = ScalarField(across, down);
+  fit_ = BlockField<FitSums>(across, down);
+  weights_ = BlockField<FilterWeights>(across, down);
+}
+
+template <typename T>
+std::array<const T*, 3> Estimator::rows_around(const BlockField<T>& field, int row) const noexcept {
+  return {field.row(std::max(row - 1, 0)), field.row(row), field.row(std::min(row + 1, field.down() - 1))};
+}
+
+// Displacements and velocities of the blocks.
+void Estimator::set_fields(const EstimateInputs& in) noexcept {
+  const VectorField& deviation = *in.deviation;
+  spread(in.path.trail, geometry_, 1, trail_);
+  spread(in.path.velocity, geometry_, 1, direction_);
+  spread(in.path.ahead, geometry_, 1, next_);
+  for (std::size_t j = 0; j < past_.size(); ++j) {
+    spread(in.path.past[j], geometry_, 1, past_[j]);
+    const auto frames = static_cast<float>(j + 1);
+    for (std::size_t i = 0; i < deviation.size(); ++i) past_[j][i] = past_[j][i] + deviation[i] * frames;
+  }
+  for (std::size_t i = 0; i < deviation.size(); ++i) {
+    trail_[i] = trail_[i] + deviation[i];
+    next_[i] = next_[i] - deviation[i];
+    const Vec2 v = direction_[i] + deviation[i];
+    const float speed = std::sqrt(v.x * v.x + v.y * v.y);
+    speed_[i] = speed;
+    lag_[i] = WeightTable::lag_of(speed);
+    direction_[i] = speed < kStill ? Vec2{1.0F, 0.0F} : v * (1.0F / speed);
+  }
+}
+
+void Estimator::align_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
+  for_rows(crew, weights_.down(), [&](int row) {
+    std::array<const PaddedPlane*, kPast> planes{};
+    std::array<const Vec2*, kPast> displacements{};
+    int count = 0;
+    for (std::size_t j = 0; j < in.past.size(); ++j) {
+      if (in.past[j] == nullptr) continue;
+      planes[static_cast<std::size_t>(count)] = in.past[j];
+      displacements[static_cast<std::size_t>(count++)] = past_[j].row(row);
+    }
+    kernels.align(planes.data(), displacements.data(), count, *in.now, row, mean_);
+    mean_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+    if (in.ahead == nullptr) return;
+    const Vec2* ahead = next_.row(row);
+    kernels.align(&in.ahead, &ahead, 1, *in.now, row, ahead_);
+    ahead_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+  });
+  mean_.extend_ends();
+  if (in.ahead != nullptr) ahead_.extend_ends();
+}
+
+void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
+  for_rows(crew, weights_.down(),
+           [&](int row) { kernels.fit(*in.now, mean_, direction_.row(row), lag_.row(row), row, fit_.row(row)); });
+  for (std::size_t i = 0; i < fit_.size(); ++i) {
+    raw_[0][i] = fit_[i].error;
+    raw_[1][i] = fit_[i].gradient;
+    raw_[2][i] = fit_[i].structure;
+  }
+  gauss_of_9(raw_[0], smooth_[0]);
+  gauss_of_9(raw_[1], smooth_[1]);
+  mean_of_9(raw_[2], smooth_[2]);
+  const auto noise = static_cast<float>(in.noise * in.noise);
+  const float of_mean = noise / kPast;
+  for_rows(crew, weights_.down(), [&](int row) {
+    for (int c = 0; c < weights_.across(); ++c) {
+      const float unexplained = std::max(smooth_[0].at(c, row) - kMargin * (noise + of_mean), 0.0F);
+      const float gradient = std::max(smooth_[1].at(c, row) - 0.5F * of_mean, 0.0F) + kLeastGradient * of_mean;
+      const float structure = std::max(0.5F * smooth_[2].at(c, row) - of_mean, 0.0F);
+      const float speed = speed_.at(c, row);
+      const float from_fit = unexplained / gradient / (kMeanAge * kMeanAge);
+      const float sigma =
+          std::sqrt(from_fit + kLeastUncertainty * kLeastUncertainty + kOfSpeed * kOfSpeed * speed * speed);
+      unexplained_.at(c, row) = unexplained;
+      table_->find(speed, structure / noise, sigma / std::max(speed, kSlowest), weights_.at(c, row));
+    }
+  });
+}
+
+// Whether the frame before saw what is in the middle of a block now; what has just come in has no past to go by.
+bool Estimator::seen_before(int block) const noexcept {
+  const Vec2 d = past_[0][static_cast<std::size_t>(block)];
+  const float x = static_cast<float>(block % share_.across() * kBlock) + 0.5F * kBlock - d.x;
+  const float y = static_cast<float>(block / share_.across() * kBlock) + 0.5F * kBlock - d.y;
+  return x >= 0.0F && y >= 0.0F && x <= static_cast<float>(geometry_.width) &&
+         y <= static_cast<float>(geometry_.height);
+}
+
+// The innovation is the scene seen along one frame's trail, whatever came before. What the estimate leaves of it is put
+// back where it is more than noise, and tells how far to trust the estimate.
+void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
+  const auto ratio = static_cast<float>(1.0 / inertia_.tau);
+  for_rows(crew, weights_.down(), [&](int row) {
+    kernels.check(x_, *in.innovation, *in.now, trail_.row(row), ratio, row, left_, raw_[0].row(row), raw_[1].row(row));
+  });
+  gauss_of_9(raw_[0], smooth_[0]);
+  gauss_of_9(raw_[1], smooth_[1]);
+  const auto noise = static_cast<float>(in.noise * in.noise);
+  const auto of_innovation = kMargin * static_cast<float>(inertia_.noise()) * noise;
+  const auto of_change = static_cast<float>(inertia_.change_noise()) * noise;
+  const auto age = static_cast<float>(inertia_.tau) / kMeanAge;
+  for (std::size_t i = 0; i < step_.size(); ++i) {
+    const float error = std::max(weights_[i].w[FilterWeights::kError], 0.0F) * noise;
+    const float left = std::max(smooth_[0][i] - of_innovation, 0.0F);
+    const float change = std::max(smooth_[1][i] - of_change, 0.0F) + kLeastChange * noise;
+    step_[i] = left / (left + of_innovation + kOfError * error + 1e-30F);
+    const float relative = left / change / kAcceptable;
+    const bool seen = seen_before(static_cast<int>(i));
+    const float promised = std::max(error, kLeastError * noise) + unexplained_[i] * age * age;
+    const float mine = seen ? promised : kTimesUnseen * promised;
+    const float faster = (in.ahead != nullptr ? kTimesOtherAhead : kTimesOther) * (0.4F + 2.0F * speed_[i]);
+    const float times = seen ? std::clamp(faster, 1.0F, kMostTimesOther) : 1.0F;
+    const float others = in.other_error[i] * noise * times;
+    const float mine4 = power4(mine / others);
+    share_[i] = 1.0F / (1.0F + mine4) / (1.0F + relative * relative) / (1.0F + power8((*in.misfit)[i]));
+    if (!std::isfinite(share_[i]) || !std::isfinite(step_[i])) share_[i] = step_[i] = 0.0F;
+  }
+}
+
+void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& crew, float* out) noexcept {
+  set_fields(in);
+  align_past(kernels, in, crew);
+  choose_weights(kernels, in, crew);
+  const FilterInputs inputs{in.now,
+                            &mean_,
+                            in.ahead != nullptr ? &ahead_ : nullptr,
+                            {in.past[0], in.past[1] != nullptr ? in.past[1] : in.past[0]}};
+  for_rows(crew, weights_.down(), [&](int row) {
+    kernels.filter(inputs, direction_.row(row), rows_around(weights_, row).data(), row, x_);
+    x_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+  });
+  x_.extend_ends();
+  check(kernels, in, crew);
+  for_rows(crew, weights_.down(), [&](int row) { kernels.correct(left_, rows_around(step_, row).data(), row, x_); });
+  const PaddedPlane& sharp = in.row_delay.empty() ? x_ : at_frame_time(kernels, in, crew);
+  for_rows(crew, weights_.down(),
+           [&](int row) { kernels.blend(sharp, in.other, rows_around(share_, row).data(), row, out); });
+}
+
+// What rows that are sampled later show, moved back to where it was at the frame's time.
+const PaddedPlane& Estimator::at_frame_time(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
+  for_rows(crew, weights_.down(), [&](int row) {
+    x_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+    const float delay = in.row_delay[static_cast<std::size_t>(row)];
+    for (int c = 0; c < trail_.across(); ++c) trail_.at(c, row) = trail_.at(c, row) * -delay;
+  });
+  x_.extend_ends();
+  for_rows(crew, weights_.down(), [&](int row) { kernels.shift(x_, trail_.row(row), row, left_); });
+  return left_;
+}
+
+}  // namespace bolo::motion

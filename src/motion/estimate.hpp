@@ -1,0 +1,77 @@
+// The sharp picture: what the frame, the past moved onto it and the pixel's own past make of each pixel, checked
+// against the innovation, and blended with a per-pixel estimate where that is better.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <span>
+
+#include "src/core/crew.hpp"
+#include "src/motion/block_field.hpp"
+#include "src/motion/innovation.hpp"
+#include "src/motion/kernels.hpp"
+#include "src/motion/path.hpp"
+#include "src/motion/weights.hpp"
+
+namespace bolo::motion {
+
+struct EstimateInputs {
+  const PaddedPlane* now = nullptr;              // all extended
+  const PaddedPlane* innovation = nullptr;       // of this frame
+  std::array<const PaddedPlane*, kPast> past{};  // 1, 2 and 3 frames before; null: lost, but for the first
+  const PaddedPlane* ahead = nullptr;            // the frame after; null without look-ahead
+  Path path;
+  const VectorField* deviation = nullptr;  // of the blocks from the path, px a frame
+  const ScalarField* misfit = nullptr;     // LocalMotion::misfit()
+  double noise = 0.0;                      // standard deviation, in the values' unit
+  // How much later than the frame's time the middle of each row of blocks is sampled, periods; empty: with it.
+  std::span<const float> row_delay{};
+  // The per-pixel estimate of the whole frame and its mean square error by block, in units of the noise's variance.
+  const float* other = nullptr;
+  const float* other_error = nullptr;
+};
+
+class Estimator {
+ public:
+  // `ahead`: 1 with one frame of look-ahead. Thread: setup.
+  Estimator(Geometry geometry, const Inertia& inertia, int ahead);
+
+  // Into `out`, a plane of the frame's size. No allocation. Thread: pipeline.
+  void find(const Kernels& kernels, const EstimateInputs& in, Crew& crew, float* out) noexcept;
+
+  // How much of each block was taken from the estimate along the motion, 0 to 1. Of the last find(). Thread: pipeline.
+  const ScalarField& confidence() const noexcept { return share_; }
+
+ private:
+  void set_fields(const EstimateInputs& in) noexcept;
+  void align_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
+  void choose_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
+  void check(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
+  bool seen_before(int block) const noexcept;
+  const PaddedPlane& at_frame_time(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
+  template <typename T>
+  std::array<const T*, 3> rows_around(const BlockField<T>& field, int row) const noexcept;
+
+  Geometry geometry_;
+  Inertia inertia_;
+  std::shared_ptr<const WeightTable> table_;
+  PaddedPlane mean_;
+  PaddedPlane ahead_;
+  PaddedPlane x_;
+  PaddedPlane left_;
+  std::array<VectorField, kPast> past_;
+  VectorField next_;
+  VectorField trail_;
+  VectorField direction_;
+  ScalarField speed_;
+  ScalarField lag_;
+  BlockField<FitSums> fit_;
+  BlockField<FilterWeights> weights_;
+  std::array<ScalarField, 3> raw_;
+  std::array<ScalarField, 3> smooth_;
+  ScalarField unexplained_;
+  ScalarField step_;  // how much of what is left is added
+  ScalarField share_;
+};
+
+}  // namespace bolo::motion

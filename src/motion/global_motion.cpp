@@ -1,0 +1,201 @@
+#include "src/motion/global_motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bolo::motion {
+namespace {
+
+constexpr int kSearch = 8;  // px of the smallest level in each direction
+constexpr float kPrefersStill = 0.97F;
+constexpr double kPixels = kBlock * kBlock;
+constexpr double kSeen = 0.3;     // of a block, or it does not count
+constexpr double kFewest = 0.15;  // of the picture
+constexpr double kRidge = 1e-4;   // of the mean diagonal
+
+// Solves the symmetric positive definite n x n system in place by Cholesky's factors; false when it is not.
+bool solve(std::array<std::array<double, 6>, 6>& m, std::array<double, 6>& v, std::size_t n) noexcept {
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = 0; j <= i; ++j) {
+      double s = m[i][j];
+      for (std::size_t k = 0; k < j; ++k) s -= m[i][k] * m[j][k];
+      if (i == j) {
+        if (!(s > 0.0)) return false;
+        m[i][i] = std::sqrt(s);
+      } else {
+        m[i][j] = s / m[j][j];
+      }
+    }
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < i; ++k) v[i] -= m[i][k] * v[k];
+    v[i] /= m[i][i];
+  }
+  for (std::size_t i = n; i-- > 0;) {
+    for (std::size_t k = i + 1; k < n; ++k) v[i] -= m[k][i] * v[k];
+    v[i] /= m[i][i];
+  }
+  return true;
+}
+
+// Column and row of a block's centre in halves of the frame's width.
+struct Centre {
+  double x;
+  double y;
+};
+Centre centre_of(Geometry frame, int scale, int column, int row) noexcept {
+  const double half = 0.5 * frame.width;
+  return {((column + 0.5) * kBlock * scale - half) / half, ((row + 0.5) * kBlock * scale - 0.5 * frame.height) / half};
+}
+
+}  // namespace
+
+Affine Affine::operator+(const Affine& o) const noexcept {
+  Affine sum = *this;
+  for (std::size_t i = 0; i < p.size(); ++i) sum.p[i] += o.p[i];
+  return sum;
+}
+
+Affine Affine::operator*(double k) const noexcept {
+  Affine scaled = *this;
+  for (double& v : scaled.p) v *= k;
+  return scaled;
+}
+
+void spread(const Affine& motion, Geometry frame, int scale, VectorField& out) noexcept {
+  const float to_level = 1.0F / static_cast<float>(scale);
+  for (int r = 0; r < out.down(); ++r) {
+    for (int c = 0; c < out.across(); ++c) {
+      const Centre centre = centre_of(frame, scale, c, r);
+      out.at(c, r) = motion.at(centre.x, centre.y) * to_level;
+    }
+  }
+}
+
+GlobalMotion::GlobalMotion(Geometry geometry) : geometry_(geometry) {
+  const Pyramid like(geometry);
+  for (const PaddedPlane& plane : like.level) {
+    levels_.push_back({VectorField(plane.blocks_across(), plane.blocks_down()),
+                       BlockField<MatchSums>(plane.blocks_across(), plane.blocks_down())});
+  }
+  errors_.resize(levels_.front().sums.size());
+}
+
+// The whole displacement of the smallest level that fits best, refined by one at each larger level but the full one.
+Affine GlobalMotion::start(const Kernels& kernels, const Pyramid& a, const Pyramid& b) const noexcept {
+  const int top = a.levels() - 1;
+  int x = 0;
+  int y = 0;
+  for (int i = top; i >= std::min(2, top); --i) {
+    const PaddedPlane& from = a.level[static_cast<std::size_t>(i)];
+    const PaddedPlane& to = b.level[static_cast<std::size_t>(i)];
+    const int reach = i == top ? kSearch : 1;
+    if (i != top) {
+      x *= 2;
+      y *= 2;
+    }
+    float best = kPrefersStill * kernels.mean_difference(from, to, 0, 0);
+    int best_x = 0;
+    int best_y = 0;
+    for (int dy = y - reach; dy <= y + reach; ++dy) {
+      for (int dx = x - reach; dx <= x + reach; ++dx) {
+        const float error = kernels.mean_difference(from, to, dx, dy);
+        if (error >= best) continue;
+        best = error;
+        best_x = dx;
+        best_y = dy;
+      }
+    }
+    x = best_x;
+    y = best_y;
+  }
+  const double scale = 1 << std::min(2, top);
+  Affine motion;
+  motion.p[0] = scale * x;
+  motion.p[3] = scale * y;
+  return motion;
+}
+
+// The median of the mean square errors of the blocks that are seen; negative when these are too few.
+float GlobalMotion::typical_error(const Level& level) noexcept {
+  std::size_t seen = 0;
+  double pixels = 0.0;
+  for (const MatchSums& s : level.sums) {
+    pixels += s.count;
+    if (s.count > kSeen * kPixels) errors_[seen++] = s.ee / s.count;
+  }
+  if (seen < 4 || pixels < kFewest * kPixels * static_cast<double>(level.sums.size())) return -1.0F;
+  const auto middle = errors_.begin() + static_cast<std::ptrdiff_t>(seen / 2);
+  std::nth_element(errors_.begin(), middle, errors_.begin() + static_cast<std::ptrdiff_t>(seen));
+  return *middle;
+}
+
+// One step of Gauss and Newton on blocks that are weighed by how well they fit. False when too little is seen.
+bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
+                           int level, bool affine, double variance, Crew& crew, Affine& motion) noexcept {
+  Level& work = levels_[static_cast<std::size_t>(level)];
+  const PaddedPlane& from = a.level[static_cast<std::size_t>(level)];
+  const PaddedPlane& to = b.level[static_cast<std::size_t>(level)];
+  const int scale = 1 << level;
+  spread(motion, geometry_, scale, work.displacement);
+  for_rows(crew, work.sums.down(),
+           [&](int row) { kernels.match(from, to, work.displacement.row(row), row, 1.0F, work.sums.row(row)); });
+  const float typical = typical_error(work);
+  if (typical < 0.0F) return false;
+  std::array<std::array<double, 6>, 6> m{};
+  std::array<double, 6> v{};
+  const std::size_t each = affine ? 3 : 1;
+  for (int r = 0; r < work.sums.down(); ++r) {
+    for (int c = 0; c < work.sums.across(); ++c) {
+      const MatchSums& s = work.sums.at(c, r);
+      if (s.count <= kSeen * kPixels) continue;
+      const double relative = s.ee / s.count / (3.0 * typical + 1e-9);
+      const double weight = 1.0 / ((1.0 + relative) * (1.0 + relative));
+      const Vec2 d = work.displacement.at(c, r);
+      const Vec2 pull = variance > 0.0 ? pull_of_noise(inertia, d) : Vec2{};
+      const double bx = -s.xe - variance * s.count * pull.x;
+      const double by = -s.ye - variance * s.count * pull.y;
+      const Centre centre = centre_of(geometry_, scale, c, r);
+      const std::array<double, 3> at{1.0, centre.x, centre.y};
+      for (std::size_t i = 0; i < each; ++i) {
+        for (std::size_t j = 0; j < each; ++j) {
+          const double q = weight * at[i] * at[j];
+          m[i][j] += q * s.xx;
+          m[i][each + j] += q * s.xy;
+          m[each + i][j] += q * s.xy;
+          m[each + i][each + j] += q * s.yy;
+        }
+        v[i] += weight * at[i] * bx;
+        v[each + i] += weight * at[i] * by;
+      }
+    }
+  }
+  double trace = 0.0;
+  for (std::size_t i = 0; i < 2 * each; ++i) trace += m[i][i];
+  for (std::size_t i = 0; i < 2 * each; ++i) m[i][i] += kRidge * trace / (2.0 * static_cast<double>(each));
+  if (!solve(m, v, 2 * each)) return false;
+  for (std::size_t i = 0; i < each; ++i) {
+    motion.p[i] += scale * v[i];
+    motion.p[3 + i] += scale * v[each + i];
+  }
+  return true;
+}
+
+Affine GlobalMotion::find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
+                          double noise, Crew& crew) noexcept {
+  Affine motion = start(kernels, a, b);
+  constexpr std::array kSteps = {Step{2, 3, false}, Step{1, 2, true}, Step{0, 3, true}};
+  for (const Step& step : kSteps) {
+    if (step.level >= a.levels()) continue;
+    for (int i = 0; i < step.count; ++i) {
+      const double variance = step.level == 0 ? noise * noise : 0.0;
+      if (!improve(kernels, inertia, a, b, step.level, step.affine, variance, crew, motion)) break;
+    }
+  }
+  for (const double p : motion.p) {
+    if (!std::isfinite(p)) return {};
+  }
+  return motion;
+}
+
+}  // namespace bolo::motion

@@ -1,0 +1,60 @@
+// The motion of the whole picture from one innovation to the next: an affine field of displacements.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "src/core/crew.hpp"
+#include "src/core/geometry.hpp"
+#include "src/motion/block_field.hpp"
+#include "src/motion/innovation.hpp"
+#include "src/motion/kernels.hpp"
+
+namespace bolo::motion {
+
+// Displacement (px a frame) at column x and row y, counted from the frame's centre in halves of its width:
+// (p0 + p1 x + p2 y, p3 + p4 x + p5 y).
+struct Affine {
+  std::array<double, 6> p{};
+
+  Vec2 at(double x, double y) const noexcept {
+    return {static_cast<float>(p[0] + p[1] * x + p[2] * y), static_cast<float>(p[3] + p[4] * x + p[5] * y)};
+  }
+  Affine operator+(const Affine& o) const noexcept;
+  Affine operator*(double k) const noexcept;
+};
+
+// The field at the centres of `scale` times 8 pixels, as of a level of a pyramid, in that level's pixels.
+void spread(const Affine& motion, Geometry frame, int scale, VectorField& out) noexcept;
+
+class GlobalMotion {
+ public:
+  // Thread: setup.
+  explicit GlobalMotion(Geometry geometry);
+
+  // The motion from `a` to `b`, of the two alone: nothing is remembered. `noise`: standard deviation of a frame's
+  // noise, in the values' unit. No allocation. Thread: pipeline.
+  Affine find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, double noise,
+              Crew& crew) noexcept;
+
+ private:
+  struct Level {
+    VectorField displacement;
+    BlockField<MatchSums> sums;
+  };
+  struct Step {
+    int level;
+    int count;
+    bool affine;
+  };
+  Affine start(const Kernels& kernels, const Pyramid& a, const Pyramid& b) const noexcept;
+  bool improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, int level,
+               bool affine, double variance, Crew& crew, Affine& motion) noexcept;
+  float typical_error(const Level& level) noexcept;
+
+  Geometry geometry_;
+  std::vector<Level> levels_;
+  std::vector<float> errors_;
+};
+
+}  // namespace bolo::motion

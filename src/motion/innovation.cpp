@@ -1,0 +1,75 @@
+#include "src/motion/innovation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace bolo::motion {
+namespace {
+
+constexpr int kSmallestSide = 12;  // px of the smallest level
+
+int rows_of(int block_row, int height, int& begin) {
+  begin = block_row * kBlock;
+  return std::min(begin + kBlock, height);
+}
+
+}  // namespace
+
+Inertia::Inertia(double tau_periods) : tau(tau_periods), rho(std::exp(-1.0 / tau_periods)) {}
+
+// With s^2 the smoothing's variance, the shared noise has the autocovariance of a Gaussian of variance 2 s^2, which the
+// matching widens: by moving (linear between pixels) and by its gradient, that of a mean over 2 pixels along and
+// (1 2 1) / 4 across. Its derivative at d is what stands in the sum.
+Vec2 pull_of_noise(const Inertia& inertia, Vec2 d) noexcept {
+  constexpr float kFar = 50.0F;  // px^2: nothing is left there
+  if (d.x * d.x + d.y * d.y > kFar) return {};
+  const auto shared = static_cast<float>(inertia.rho * inertia.gain() * inertia.gain() / (2.0 * std::numbers::pi));
+  const auto moved = [](float v) {
+    const float part = v - std::floor(v);
+    return part * (1.0F - part);
+  };
+  const auto along_axis = [&](float along, float across) {
+    const float a = 2.0F * kSmoothing + 1.0F / 3.0F + moved(along);
+    const float b = 2.0F * kSmoothing + 1.0F / 2.0F + moved(across);
+    const float height = shared / (std::sqrt(a * b) * a);
+    return height * along * std::exp(-0.5F * (along * along / a + across * across / b));
+  };
+  return {along_axis(d.x, d.y), along_axis(d.y, d.x)};
+}
+
+Pyramid::Pyramid(Geometry geometry) {
+  for (int i = 0; i < kMostLevels; ++i) {
+    level.emplace_back(geometry);
+    geometry = {geometry.width / 2, geometry.height / 2};
+    if (std::min(geometry.width, geometry.height) < kSmallestSide) break;
+  }
+}
+
+void find_innovation(const Kernels& kernels, const Inertia& inertia, const PaddedPlane& now, const PaddedPlane& before,
+                     Crew& crew, PaddedPlane& z, Pyramid& smoothed) noexcept {
+  const auto gain = static_cast<float>(inertia.gain());
+  for_rows(crew, z.blocks_down(), [&](int block_row) {
+    int begin = 0;
+    const int end = rows_of(block_row, z.geometry().height, begin);
+    kernels.innovate(now, before, gain, begin, end, z);
+    z.extend_sides(begin, end);
+  });
+  z.extend_ends();
+  for (int i = 0; i < smoothed.levels(); ++i) {
+    PaddedPlane& to = smoothed.level[static_cast<std::size_t>(i)];
+    for_rows(crew, to.blocks_down(), [&](int block_row) {
+      int begin = 0;
+      const int end = rows_of(block_row, to.geometry().height, begin);
+      if (i == 0) {
+        kernels.smooth(z, begin, end, to);
+      } else {
+        kernels.halve(smoothed.level[static_cast<std::size_t>(i) - 1], begin, end, to);
+      }
+      to.extend_sides(begin, end);
+    });
+    to.extend_ends();
+  }
+}
+
+}  // namespace bolo::motion

@@ -1,0 +1,54 @@
+// The innovation: what the scene showed during one frame, which the frame before does not explain.
+//
+// A pixel of time constant tau that sees x goes from y_{k-1} to y_k = rho y_{k-1} + (1 - rho) x, rho = exp(-T / tau).
+// z_k = (y_k - rho y_{k-1}) / (1 - rho) is the mean of x over the frame, its newest part weighing most: the blur of one
+// frame instead of the whole past's, which is what makes motion visible.
+#pragma once
+
+#include <vector>
+
+#include "src/core/crew.hpp"
+#include "src/motion/block_field.hpp"
+#include "src/motion/kernels.hpp"
+#include "src/motion/padded_plane.hpp"
+
+namespace bolo::motion {
+
+// Thermal inertia at a frame rate.
+struct Inertia {
+  double tau = 2.2;  // periods
+  double rho = 0.635;
+
+  explicit Inertia(double tau_periods);
+  double gain() const { return 1.0 / (1.0 - rho); }
+  // How old the innovation's centre of mass is, periods.
+  double age() const { return tau - rho / (1.0 - rho); }
+  // Variance of the innovation's noise, and of innovation less frame, in units of the frame's.
+  double noise() const { return gain() * gain() * (1.0 + rho * rho); }
+  double change_noise() const { return 2.0 * rho * rho * gain() * gain(); }
+};
+
+// Variance of the Gaussian that innovations are smoothed with before they are matched, px^2.
+inline constexpr float kSmoothing = 1.0F;
+// What is left of the variance of white noise.
+inline constexpr double kSmoothedNoise = 1.0 / (12.566370614359172 * static_cast<double>(kSmoothing));
+
+// The noise of the frame between two innovations stands in both, with opposite signs. For what is matched that is a
+// pattern which is best matched anywhere but where it is: of the sum of gradient times difference (MatchSums, a pixel)
+// at a displacement of d px it makes this much, in units of a frame's noise variance. Thread: any.
+Vec2 pull_of_noise(const Inertia& inertia, Vec2 d) noexcept;
+
+// A smoothed innovation at full size, halved, and so on while there is something to see.
+struct Pyramid {
+  static constexpr int kMostLevels = 4;
+  std::vector<PaddedPlane> level;
+
+  explicit Pyramid(Geometry geometry);
+  int levels() const noexcept { return static_cast<int>(level.size()); }
+};
+
+// z, extended, and its pyramid. No allocation. Thread: pipeline.
+void find_innovation(const Kernels& kernels, const Inertia& inertia, const PaddedPlane& now, const PaddedPlane& before,
+                     Crew& crew, PaddedPlane& z, Pyramid& smoothed) noexcept;
+
+}  // namespace bolo::motion

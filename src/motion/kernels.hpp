@@ -1,0 +1,104 @@
+// The pixel loops, built once for every instruction set (Highway) and chosen at run time; kernels of a row of blocks
+// may run at the same time for different rows. Displacements d follow the scene: what was at p - d is now at p.
+#pragma once
+
+#include <cstddef>
+#include <string_view>
+
+#include "src/motion/block_field.hpp"
+#include "src/motion/padded_plane.hpp"
+
+namespace bolo::motion {
+
+// Sums over a block's pixels whose source lies inside the frame, of a = earlier plane moved by d, its gradient g and
+// what is left, e = b - a.
+struct MatchSums {
+  float xx = 0.0F;  // g_x g_x
+  float xy = 0.0F;
+  float yy = 0.0F;
+  float xe = 0.0F;  // g_x e
+  float ye = 0.0F;
+  float ee = 0.0F;
+  float count = 0.0F;
+};
+
+// Weights of the estimate of one block: of the newest frame along the motion, of the past's mean along the motion, of
+// the pixel itself one and two frames before; the mean square error that they should have, in units of the noise's
+// variance.
+inline constexpr int kReach = 5;
+inline constexpr int kTaps = 2 * kReach + 1;
+inline constexpr int kPast = 3;  // frames in the past's mean
+struct alignas(64) FilterWeights {
+  static constexpr int kMean = kTaps;
+  static constexpr int kBefore = 2 * kTaps;
+  static constexpr int kAhead = 2 * kTaps + 2;
+  static constexpr int kError = 3 * kTaps + 2;
+  static constexpr int kStride = 40;
+  float w[kStride] = {};
+};
+
+// Sums over a block.
+struct FitSums {
+  float error = 0.0F;      // (y - M)^2
+  float gradient = 0.0F;   // of M along the motion, squared
+  float structure = 0.0F;  // (M(p + lag e) - M(p))^2
+};
+
+struct FilterInputs {
+  const PaddedPlane* now = nullptr;
+  const PaddedPlane* mean = nullptr;
+  const PaddedPlane* ahead = nullptr;  // null without look-ahead
+  const PaddedPlane* before[2] = {};
+};
+
+struct Kernels {
+  std::string_view isa;
+  // out = gain now - (gain - 1) before, whole rows [begin, end).
+  void (*innovate)(const PaddedPlane& now, const PaddedPlane& before, float gain, int begin, int end,
+                   PaddedPlane& out) noexcept;
+  // A Gaussian of 1 px, rows [begin, end) of `out`; `from` is extended.
+  void (*smooth)(const PaddedPlane& from, int begin, int end, PaddedPlane& out) noexcept;
+  // Means of 2 x 2, rows [begin, end) of `out`.
+  void (*halve)(const PaddedPlane& from, int begin, int end, PaddedPlane& out) noexcept;
+  // Mean |b(p) - a(p - d)| over the pixels that both see, for a whole d; a large number where these are too few.
+  float (*mean_difference)(const PaddedPlane& a, const PaddedPlane& b, int dx, int dy) noexcept;
+  // A row of blocks; `margin`: pixels inside the frame's border that a source must keep.
+  void (*match)(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_row, float margin,
+                MatchSums* out) noexcept;
+  // Mean over the block of min(e^2, cap).
+  void (*cost)(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_row, float cap,
+               float* out) noexcept;
+  // The whole displacement (up to 9 across, 5 down) beyond `d` for which 12 x 12 pixels of half-size planes around a
+  // block's centre match best; `price` a squared pixel of displacement, as a mean square difference. Returned is what
+  // goes beyond d.
+  Vec2 (*search)(const PaddedPlane& a, const PaddedPlane& b, int column, int row, Vec2 d, float price) noexcept;
+  // Means of b, and of its square about it, over blocks.
+  void (*energy)(const PaddedPlane& b, int block_row, float* mean, float* square) noexcept;
+  // Mean of the planes moved by their displacements (bicubic), of those that see a pixel; `now` where none does.
+  void (*align)(const PaddedPlane* const* planes, const Vec2* const* d, int count, const PaddedPlane& now,
+                int block_row, PaddedPlane& out) noexcept;
+  // One bicubic shift of a row of blocks: out(p) = from(p - d).
+  void (*shift)(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& out) noexcept;
+  void (*fit)(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction, const float* lag, int block_row,
+              FitSums* out) noexcept;
+  // x = sum of weights; `weights` holds the rows of blocks above, of and below `block_row`.
+  void (*filter)(const FilterInputs& in, const Vec2* direction, const FilterWeights* const* weights, int block_row,
+                 PaddedPlane& out) noexcept;
+  // left = z - (x averaged along the trail d of one frame, share(f) ~ exp(-f ratio)); sums over blocks of left^2 and
+  // (z - y)^2.
+  void (*check)(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, const Vec2* d, float ratio,
+                int block_row, PaddedPlane& left, float* left_square, float* change_square) noexcept;
+  // x += w left, w interpolated between blocks; rows of w as in filter.
+  void (*correct)(const PaddedPlane& left, const float* const* w, int block_row, PaddedPlane& x) noexcept;
+  // out = c x + (1 - c) other, whole rows of the frame. `other` and `out` are planes of the frame's width.
+  void (*blend)(const PaddedPlane& x, const float* other, const float* const* c, int block_row, float* out) noexcept;
+  // Sum over i of share[i] c(r_i), r_i the length of (at + along t_i, across t_i), t_i = back + time[i]; c is the
+  // scene's autocovariance (weights.hpp). Thread: setup.
+  double (*covariance)(const double* time, const double* share, std::size_t count, double back, double at, double along,
+                       double across) noexcept;
+};
+
+// The best this processor has, or the one forced: "" is the best. Thread: setup.
+const Kernels& best_kernels(std::string_view isa = {});
+
+}  // namespace bolo::motion

@@ -1,0 +1,187 @@
+#include "src/motion/local_motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bolo::motion {
+namespace {
+
+constexpr float kPixels = kBlock * kBlock;
+constexpr float kTight = 0.05F;    // px that a block may deviate when its window tells nothing
+constexpr float kLoose = 0.5F;     // the same once it is known to go its own way
+constexpr float kSamples = 36.0F;  // independent ones in a window of 24 x 24 smoothed pixels, by the matching's scale
+constexpr float kLongestStep = 1.0F;   // px
+constexpr float kNoiseLimit = 6.0F;    // variances of the smoothed innovation: a good match has 2
+constexpr float kTextureLimit = 0.1F;  // of the texture's energy
+constexpr double kFewPoor = 0.004;     // of the blocks: not worth a search
+constexpr float kWorthALook = 0.8F;    // of the cost near the global motion
+constexpr float kWorthTaking = 0.4F;
+constexpr float kSearched = 1.1F;   // a searched displacement is whole pixels: its cost is a little less reliable
+constexpr float kUnmatched = 1.3F;  // of the texture's energy: what is left where nothing matches is twice it
+constexpr int kCompanions = 3;      // blocks of 9 that must agree
+
+}  // namespace
+
+struct LocalMotion::Task {
+  const Kernels& kernels;
+  const Inertia& inertia;
+  const PaddedPlane& a;
+  const PaddedPlane& b;
+  const PaddedPlane* half_a;
+  const PaddedPlane* half_b;
+  const VectorField& global;
+  float noise;        // variance of the smoothed innovations
+  float frame_noise;  // variance
+  float cap;          // of a squared difference
+  Crew& crew;
+};
+
+LocalMotion::LocalMotion(Geometry geometry) {
+  const int across = blocks_over(geometry.width);
+  const int down = blocks_over(geometry.height);
+  for (VectorField* f : {&total_, &small_, &large_, &found_, &unsmoothed_, &offered_}) *f = VectorField(across, down);
+  sums_ = BlockField<MatchSums>(across, down);
+  for (std::size_t i = 0; i < mean_.size(); ++i) mean_[i] = raw_[i] = ScalarField(across, down);
+  for (ScalarField* f : {&cost_small_, &cost_large_, &cost_now_, &energy_, &misfit_}) *f = ScalarField(across, down);
+  poor_ = taken_ = BlockField<unsigned char>(across, down);
+}
+
+// Two steps of Lucas and Kanade from `base`, which holds d back as much as `looseness` says.
+void LocalMotion::refine(const Task& task, const VectorField& base, float looseness, VectorField& d) noexcept {
+  unsmoothed_ = base;
+  for (int step = 0; step < 2; ++step) {
+    for (std::size_t i = 0; i < total_.size(); ++i) total_[i] = task.global[i] + unsmoothed_[i];
+    for_rows(task.crew, total_.down(),
+             [&](int row) { task.kernels.match(task.a, task.b, total_.row(row), row, 0.0F, sums_.row(row)); });
+    for (std::size_t i = 0; i < sums_.size(); ++i) {
+      const MatchSums& s = sums_[i];
+      const Vec2 v = total_[i];
+      const Vec2 pull = pull_of_noise(task.inertia, v) * (task.frame_noise * s.count);
+      const std::array values{s.xx, s.xy, s.yy, -s.xe - pull.x, -s.ye - pull.y, s.ee};
+      for (std::size_t k = 0; k < values.size(); ++k) raw_[k][i] = values[k] / kPixels;
+    }
+    for (std::size_t k = 0; k < mean_.size(); ++k) mean_of_9(raw_[k], mean_[k]);
+    for (std::size_t i = 0; i < total_.size(); ++i) {
+      const float hold = std::max(mean_[5][i], 2.0F * task.noise) / kSamples / (looseness * looseness);
+      const Vec2 back = (base[i] - unsmoothed_[i]) * hold;
+      const float xx = mean_[0][i] + hold;
+      const float xy = mean_[1][i];
+      const float yy = mean_[2][i] + hold;
+      const float bx = mean_[3][i] + back.x;
+      const float by = mean_[4][i] + back.y;
+      const float det = xx * yy - xy * xy;
+      if (!(det > 0.0F)) continue;
+      unsmoothed_[i].x += std::clamp((yy * bx - xy * by) / det, -kLongestStep, kLongestStep);
+      unsmoothed_[i].y += std::clamp((xx * by - xy * bx) / det, -kLongestStep, kLongestStep);
+    }
+  }
+  median_of_9(unsmoothed_, d);
+}
+
+void LocalMotion::costs(const Task& task, const VectorField& d, ScalarField& out) noexcept {
+  for (std::size_t i = 0; i < total_.size(); ++i) total_[i] = task.global[i] + d[i];
+  for_rows(task.crew, total_.down(),
+           [&](int row) { task.kernels.cost(task.a, task.b, total_.row(row), row, task.cap, raw_[0].row(row)); });
+  mean_of_9(raw_[0], out);
+}
+
+// Blocks that the global motion does not explain.
+void LocalMotion::find_poor(const Task& task) noexcept {
+  for_rows(task.crew, energy_.down(),
+           [&](int row) { task.kernels.energy(task.b, row, raw_[0].row(row), raw_[1].row(row)); });
+  for (std::size_t i = 0; i < energy_.size(); ++i) raw_[2][i] = raw_[1][i] + raw_[0][i] * raw_[0][i];
+  mean_of_9(raw_[0], mean_[0]);
+  mean_of_9(raw_[2], mean_[2]);
+  for (std::size_t i = 0; i < energy_.size(); ++i) {
+    energy_[i] = std::max(mean_[2][i] - mean_[0][i] * mean_[0][i], 0.0F);
+    poor_[i] = cost_small_[i] > kNoiseLimit * task.noise + kTextureLimit * energy_[i] ? 1 : 0;
+  }
+}
+
+// Whole displacements at half size, for poor blocks.
+void LocalMotion::search(const Task& task) noexcept {
+  for_rows(task.crew, poor_.down(), [&](int row) {
+    for (int c = 0; c < poor_.across(); ++c) {
+      offered_.at(c, row) = {};
+      if (poor_.at(c, row) == 0 || task.half_a == nullptr) continue;
+      const Vec2 found =
+          task.kernels.search(*task.half_a, *task.half_b, c, row, task.global.at(c, row) * 0.5F, 1e-3F * task.noise);
+      offered_.at(c, row) = found * 2.0F;
+    }
+  });
+}
+
+// The cheapest of: at rest, what the search found here, and what it found beside.
+void LocalMotion::choose(const Task& task) noexcept {
+  for (std::size_t i = 0; i < large_.size(); ++i) large_[i] = Vec2{} - task.global[i];
+  found_ = large_;
+  costs(task, large_, cost_large_);
+  constexpr std::array<std::array<int, 2>, 5> kFrom = {{{0, 0}, {0, 1}, {0, -1}, {1, 0}, {-1, 0}}};
+  for (const auto& [dy, dx] : kFrom) {
+    for (int r = 0; r < found_.down(); ++r) {
+      for (int c = 0; c < found_.across(); ++c) {
+        found_.at(c, r) =
+            offered_.at(std::clamp(c + dx, 0, found_.across() - 1), std::clamp(r + dy, 0, found_.down() - 1));
+      }
+    }
+    costs(task, found_, cost_now_);
+    for (std::size_t i = 0; i < large_.size(); ++i) {
+      if (kSearched * cost_now_[i] >= cost_large_[i]) continue;
+      cost_large_[i] = kSearched * cost_now_[i];
+      large_[i] = found_[i];
+    }
+  }
+  for (std::size_t i = 0; i < large_.size(); ++i) {
+    if (poor_[i] == 0 || cost_large_[i] >= kWorthALook * cost_small_[i]) large_[i] = small_[i];
+  }
+}
+
+const VectorField& LocalMotion::find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
+                                     const VectorField& global, double noise, float cap, Crew& crew) noexcept {
+  const double variance = inertia.noise() * noise * noise * kSmoothedNoise;
+  const bool halved = a.levels() > 1;
+  const Task task{kernels,
+                  inertia,
+                  a.level[0],
+                  b.level[0],
+                  halved ? &a.level[1] : nullptr,
+                  halved ? &b.level[1] : nullptr,
+                  global,
+                  static_cast<float>(variance),
+                  static_cast<float>(noise * noise),
+                  cap,
+                  crew};
+  std::fill(large_.begin(), large_.end(), Vec2{});
+  refine(task, large_, kTight, small_);
+  costs(task, small_, cost_small_);
+  find_poor(task);
+  const auto allowed = [&](std::size_t i) { return kNoiseLimit * task.noise + kUnmatched * energy_[i] + 1e-30F; };
+  for (std::size_t i = 0; i < misfit_.size(); ++i) misfit_[i] = cost_small_[i] / allowed(i);
+  const auto poor = std::count(poor_.begin(), poor_.end(), 1);
+  if (static_cast<double>(poor) < kFewPoor * static_cast<double>(poor_.size())) return small_;
+  search(task);
+  choose(task);
+  refine(task, large_, kLoose, found_);
+  costs(task, found_, cost_large_);
+  for (std::size_t i = 0; i < taken_.size(); ++i) {
+    taken_[i] = poor_[i] != 0 && cost_large_[i] < kWorthTaking * cost_small_[i] ? 1 : 0;
+  }
+  for (int r = 0; r < taken_.down(); ++r) {
+    for (int c = 0; c < taken_.across(); ++c) {
+      int together = 0;
+      for (int i = -1; i <= 1; ++i) {
+        for (int j = -1; j <= 1; ++j) {
+          together += taken_.at(std::clamp(c + j, 0, taken_.across() - 1), std::clamp(r + i, 0, taken_.down() - 1));
+        }
+      }
+      const bool take = taken_.at(c, r) != 0 && together >= kCompanions;
+      if (!take) continue;
+      small_.at(c, r) = found_.at(c, r);
+      const auto at = static_cast<std::size_t>(r * taken_.across() + c);
+      misfit_[at] = cost_large_[at] / allowed(at);
+    }
+  }
+  return small_;
+}
+
+}  // namespace bolo::motion

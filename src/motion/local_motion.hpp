@@ -1,0 +1,54 @@
+// What blocks of 8 x 8 pixels do beyond the motion of the whole picture.
+#pragma once
+
+#include <array>
+
+#include "src/core/crew.hpp"
+#include "src/motion/block_field.hpp"
+#include "src/motion/innovation.hpp"
+#include "src/motion/kernels.hpp"
+
+namespace bolo::motion {
+
+class LocalMotion {
+ public:
+  // Thread: setup.
+  explicit LocalMotion(Geometry geometry);
+
+  // The deviations of the blocks' displacements from `global`, of the two innovations alone. Blocks that follow the
+  // picture are let deviate a little; where that fails, larger ones are looked for. No allocation. Thread: pipeline.
+  const VectorField& find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
+                          const VectorField& global, double noise, float cap, Crew& crew) noexcept;
+
+  // Mean square difference over 24 x 24 pixels that the found motion leaves, over what noise and 1.3 times the
+  // texture's energy make: well above 1 where the two innovations have nothing to do with each other. Of the last
+  // find(). Thread: pipeline.
+  const ScalarField& misfit() const noexcept { return misfit_; }
+
+ private:
+  struct Task;
+  void refine(const Task& task, const VectorField& base, float looseness, VectorField& d) noexcept;
+  void costs(const Task& task, const VectorField& d, ScalarField& out) noexcept;
+  void find_poor(const Task& task) noexcept;
+  void search(const Task& task) noexcept;
+  void choose(const Task& task) noexcept;
+
+  VectorField total_;
+  VectorField small_;  // near the global motion
+  VectorField large_;  // anywhere
+  VectorField found_;
+  VectorField unsmoothed_;
+  VectorField offered_;
+  BlockField<MatchSums> sums_;
+  std::array<ScalarField, 6> mean_;
+  std::array<ScalarField, 6> raw_;
+  ScalarField cost_small_;
+  ScalarField cost_large_;
+  ScalarField cost_now_;
+  ScalarField energy_;
+  ScalarField misfit_;
+  BlockField<unsigned char> poor_;
+  BlockField<unsigned char> taken_;
+};
+
+}  // namespace bolo::motion

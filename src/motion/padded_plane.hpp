@@ -1,0 +1,52 @@
+// A plane of floats with a rim around it, so that kernels may read beyond the frame.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "src/core/geometry.hpp"
+
+namespace bolo::motion {
+
+inline constexpr int kBlock = 8;  // pixels a side of what has one motion
+inline constexpr int kRim = 16;  // at least two blocks: a displaced block of 10 x 10 never leaves it (displaced_origin)
+
+// Blocks that cover so many pixels.
+constexpr int blocks_over(int pixels) { return (pixels + kBlock - 1) / kBlock; }
+
+// Rows and columns are counted from the frame's first pixel; from -kRim to whole blocks + kRim they can be read.
+class PaddedPlane {
+ public:
+  PaddedPlane() = default;
+  explicit PaddedPlane(Geometry geometry)
+      : geometry_(geometry),
+        stride_(static_cast<std::size_t>(blocks_over(geometry.width) * kBlock + 2 * kRim)),
+        values_(stride_ * static_cast<std::size_t>(blocks_over(geometry.height) * kBlock + 2 * kRim)) {}
+
+  Geometry geometry() const noexcept { return geometry_; }
+  int blocks_across() const noexcept { return blocks_over(geometry_.width); }
+  int blocks_down() const noexcept { return blocks_over(geometry_.height); }
+  std::ptrdiff_t stride() const noexcept { return static_cast<std::ptrdiff_t>(stride_); }
+  float* at(int x, int y) noexcept { return values_.data() + offset(x, y); }
+  const float* at(int x, int y) const noexcept { return values_.data() + offset(x, y); }
+
+  // Repeats the frame's border beyond it: to the sides of rows [begin, end), and above and below the frame where these
+  // are its first and last. Thread: worker.
+  void extend_sides(int begin, int end) noexcept;
+  void extend_ends() noexcept;
+  void extend() noexcept {
+    extend_sides(0, geometry_.height);
+    extend_ends();
+  }
+
+ private:
+  std::size_t offset(int x, int y) const noexcept {
+    return static_cast<std::size_t>(y + kRim) * stride_ + static_cast<std::size_t>(x + kRim);
+  }
+
+  Geometry geometry_{};
+  std::size_t stride_ = 0;
+  std::vector<float> values_;
+};
+
+}  // namespace bolo::motion

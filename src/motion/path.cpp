@@ -1,0 +1,60 @@
+#include "src/motion/path.hpp"
+
+#include <algorithm>
+
+namespace bolo::motion {
+namespace {
+
+constexpr double kExtrapolated = 0.8;  // of what the last two displacements say of the next
+constexpr double kOfThePast = 0.25;    // the past's mean has its share in the weights' velocity
+constexpr int kSpans = kHistory - 1;
+
+using Spans = std::array<Affine, kSpans>;  // u_i, the newest first
+
+Spans spans_of(const Inertia& inertia, std::span<const Affine> d) noexcept {
+  Spans u;
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    const Affine change = i == 0 ? (d[0] + d[1] * -1.0) * kExtrapolated : d[i - 1] + d[i] * -1.0;
+    u[i] = d[i] + change * inertia.age();
+  }
+  return u;
+}
+
+// The velocity that blurred the frame at the end of span `first`: later spans count for less by rho each.
+Affine blurring(const Inertia& inertia, const Spans& u, std::size_t first) noexcept {
+  Affine sum;
+  double weight = 1.0;
+  double total = 0.0;
+  for (std::size_t i = first; i + 1 < u.size(); ++i, weight *= inertia.rho) {
+    sum = sum + u[i] * weight;
+    total += weight;
+  }
+  return sum * (1.0 / total);
+}
+
+}  // namespace
+
+Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool ahead) noexcept {
+  const Spans u = spans_of(inertia, displacements);
+  const std::size_t now = ahead ? 1 : 0;  // the span that ends at the estimated frame
+  const Affine v0 = blurring(inertia, u, now);
+  // Frames blurred at other velocities have their scene elsewhere on their trails, whose mean age is tau.
+  const auto aligned = [&](const Affine& moved, const Affine& v) {
+    return moved + (v0 + v * -1.0) * (-0.5 * inertia.tau);
+  };
+  Path path;
+  path.trail = u[now];
+  Affine moved;
+  Affine before;
+  for (std::size_t j = 0; j < path.past.size(); ++j) {
+    moved = moved + u[now + j];
+    const Affine v = blurring(inertia, u, now + j + 1);
+    path.past[j] = aligned(moved, v);
+    before = before + v * (1.0 / kPast);
+  }
+  path.velocity = v0 * (1.0 - kOfThePast) + before * kOfThePast;
+  if (ahead) path.ahead = aligned(u[0] * -1.0, blurring(inertia, u, 0));
+  return path;
+}
+
+}  // namespace bolo::motion

@@ -1,0 +1,29 @@
+// How the scene moved over the frames that blur a picture, and between them.
+//
+// Innovations are centred `age` before their frames, so that their displacements d_k are those of an earlier time; what
+// the scene did over [t_{k-i-1}, t_{k-i}] is u_i = d_{k-i} + age (d_{k-i+1} - d_{k-i}), and, where the next
+// displacement is not known yet, extrapolated from the last two.
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "src/motion/global_motion.hpp"
+#include "src/motion/innovation.hpp"
+
+namespace bolo::motion {
+
+inline constexpr int kHistory = 8;  // displacements that a path is made of
+
+struct Path {
+  Affine trail;                      // u_0: during the estimated frame
+  Affine velocity;                   // that its weights are for: mostly the one that blurred the frame
+  std::array<Affine, kPast> past{};  // moves the frames 1, 2 and 3 before onto it
+  Affine ahead;                      // moves the frame after onto it
+};
+
+// `displacements`: of the newest frame, the one before it and so on, at least kHistory; with `ahead` the first belongs
+// to the frame after the estimated one. Thread: any.
+Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool ahead) noexcept;
+
+}  // namespace bolo::motion

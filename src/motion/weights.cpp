@@ -1,0 +1,257 @@
+#include "src/motion/weights.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <utility>
+
+#include <Eigen/Dense>
+
+namespace bolo::motion {
+namespace {
+
+constexpr double kFixedPattern = 0.5;       // noises
+constexpr double kModelError = 1e-6;        // of the scene's variance: interpolation, and what the model leaves out
+constexpr double kSmallestContrast = 1e-4;  // noise variances; a decade a step
+constexpr std::array kUncertain = {0.03, 0.1, 0.3, 1.0};  // of the speed
+constexpr float kLargestIndex = 1e-4F;                    // below the last, so that there is one above
+
+// Gauss-Hermite nodes of the standard normal: 5 along the motion, 3 across, of which two see the same.
+struct Node {
+  double at;
+  double weight;
+};
+constexpr std::array kAlong = {Node{-2.8569700138728, 0.0112574113277}, Node{-1.3556261799742, 0.2220759220056},
+                               Node{0.0, 0.5333333333333}, Node{1.3556261799742, 0.2220759220056},
+                               Node{2.8569700138728, 0.0112574113277}};
+constexpr std::array kAcross = {Node{0.0, 2.0 / 3.0}, Node{1.7320508075689, 1.0 / 3.0}};
+
+double scene(double r) {
+  const double distance = std::sqrt(r * r + 0.36) - 0.6;
+  return 0.5 * std::exp(-distance / 5.0) + 0.5 * std::exp(-distance / 30.0);
+}
+
+// A value that enters weights: of the frame `back` periods ago, `at` pixels along the motion.
+struct Raw {
+  int back = 0;
+  double at = 0.0;
+};
+
+// Weighted sums of raw values that get one weight together.
+struct Taps {
+  std::vector<Raw> raw;
+  Eigen::MatrixXd rows;
+};
+
+int count_of(int ahead) { return 2 * kTaps + 2 + (ahead > 0 ? kTaps : 0); }
+
+// In the order of FilterWeights.
+Taps taps_at(double speed, int ahead) {
+  std::vector<std::vector<std::pair<Raw, double>>> rows;
+  for (int j = -kReach; j <= kReach; ++j) rows.push_back({{{0, static_cast<double>(j)}, 1.0}});
+  for (int j = -kReach; j <= kReach; ++j) {
+    rows.emplace_back();
+    for (int k = 1; k <= kPast; ++k) rows.back().push_back({{k, j - speed * k}, 1.0 / kPast});
+  }
+  for (int k = 1; k <= 2; ++k) rows.push_back({{{k, 0.0}, 1.0}});
+  for (int j = -kReach; ahead > 0 && j <= kReach; ++j) rows.push_back({{{-1, j + speed}, 1.0}});
+  Taps taps;
+  for (const auto& row : rows) {
+    for (const auto& [raw, weight] : row) taps.raw.push_back(raw);
+  }
+  taps.rows = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(rows.size()), static_cast<Eigen::Index>(taps.raw.size()));
+  Eigen::Index column = 0;
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    for (const auto& entry : rows[r]) taps.rows(static_cast<Eigen::Index>(r), column++) = entry.second;
+  }
+  return taps;
+}
+
+// Thermal inertia in steps of time, the same for both covariances.
+struct Inertia {
+  std::vector<double> age;  // of y's inputs, periods
+  std::vector<double> share;
+  std::vector<double> lag;  // between those of two values
+  std::vector<double> lag_share;
+
+  Inertia(double tau, double fastest) {
+    const double longest = std::min(tau / 22.0, 0.25 / std::max(fastest, 1e-3));
+    const double step = 1.0 / std::ceil(1.0 / longest);
+    const int n = static_cast<int>(9.0 * tau / step);
+    const double e = std::exp(-step / tau);
+    const double first = (1.0 - e) / (1.0 - std::pow(e, n));
+    for (int a = 0; a < n; ++a) {
+      age.push_back((a + 0.5) * step);
+      share.push_back(first * std::pow(e, a));
+    }
+    double total = 0.0;
+    for (int s = 1 - n; s < n; ++s) {
+      const int apart = std::abs(s);
+      const double weight = first * first * std::pow(e, apart) * (1.0 - std::pow(e, 2 * (n - apart))) / (1.0 - e * e);
+      if (weight <= 1e-7) continue;
+      lag.push_back(s * step);
+      lag_share.push_back(weight);
+      total += weight;
+    }
+    for (double& weight : lag_share) weight /= total;
+  }
+};
+
+// Covariances of a scene of variance 1 that moves at `speed`, uncertain by `sigma` in both directions.
+class Covariances {
+ public:
+  Covariances(double tau, double speed, double sigma)
+      : speed_(speed), sigma_(sigma), inertia_(tau, speed + 2.0 * sigma), kernels_(best_kernels()) {}
+
+  double of(const Raw& a, const Raw& b) {
+    Raw apart{a.back - b.back, a.at - b.at};
+    if (apart.back < 0 || (apart.back == 0 && apart.at < 0.0)) apart = {-apart.back, -apart.at};
+    const auto key = std::pair(apart.back, std::llround(apart.at * 4096.0));
+    const auto known = known_.find(key);
+    if (known != known_.end()) return known->second;
+    return known_[key] = mean(apart, inertia_.lag, inertia_.lag_share);
+  }
+  double with_truth(const Raw& a) const { return mean(a, inertia_.age, inertia_.share); }
+
+ private:
+  double mean(const Raw& apart, const std::vector<double>& time, const std::vector<double>& share) const {
+    double sum = 0.0;
+    for (const Node& along : kAlong) {
+      for (const Node& across : kAcross) {
+        sum += along.weight * across.weight *
+               kernels_.covariance(time.data(), share.data(), time.size(), apart.back, apart.at,
+                                   speed_ + along.at * sigma_, across.at * sigma_);
+      }
+    }
+    return sum;
+  }
+
+  double speed_;
+  double sigma_;
+  Inertia inertia_;
+  const Kernels& kernels_;
+  std::map<std::pair<int, long long>, double> known_;
+};
+
+// What noise and pattern share between two values that are interpolated from pixels.
+double overlap(const Raw& a, const Raw& b) { return std::clamp(1.0 - std::abs(a.at - b.at), 0.0, 1.0); }
+
+float index_in(const float* grid, int size, float value) {
+  int i = 0;
+  while (i + 2 < size && value >= grid[i + 1]) ++i;
+  const float share = (value - grid[i]) / (grid[i + 1] - grid[i]);
+  return static_cast<float>(i) + std::clamp(share, 0.0F, 1.0F - kLargestIndex);
+}
+
+}  // namespace
+
+WeightTable::WeightTable(double tau_periods, int ahead)
+    : tau_(tau_periods), ahead_(ahead), cells_(kSpeeds * kContrasts * kUncertainties) {
+  constexpr std::array kSlow = {0.02, 0.05, 0.1};
+  for (std::size_t i = 0; i < kSpeeds; ++i) {
+    const double decades = -0.8 + 2.4 * (static_cast<double>(i) - 3.0) / 18.0;
+    speed_[i] = i < kSlow.size() ? kSlow[i] : std::pow(10.0, decades);
+    log_speed_[i] = static_cast<float>(std::log(speed_[i]));
+    const double lag = lag_of(static_cast<float>(speed_[i]));
+    lag_factor_[i] = static_cast<float>(structure(speed_[i], 2.0) / structure(speed_[i], lag));
+  }
+  for (int s = 0; s < kSpeeds; ++s) {
+    for (int u = 0; u < kUncertainties; ++u) fill(s, u);
+  }
+}
+
+std::shared_ptr<const WeightTable> WeightTable::of(double tau_periods, int ahead) {
+  static std::mutex alone;
+  static std::map<std::pair<double, int>, std::shared_ptr<const WeightTable>> made;
+  const std::lock_guard lock(alone);
+  std::shared_ptr<const WeightTable>& table = made[{tau_periods, ahead}];
+  if (table == nullptr) table = std::make_shared<const WeightTable>(tau_periods, ahead);
+  return table;
+}
+
+FilterWeights& WeightTable::cell(int speed, int contrast, int uncertainty) noexcept {
+  return cells_[static_cast<std::size_t>((speed * kContrasts + contrast) * kUncertainties + uncertainty)];
+}
+
+// Half the mean square difference of y over `lag` pixels, for a scene of variance 1: 96 equally likely differences of
+// two values' ages.
+double WeightTable::structure(double speed, double lag) const {
+  constexpr int kNodes = 48;
+  double sum = 0.0;
+  for (int i = 0; i < kNodes; ++i) {
+    const double t = -std::log(1.0 - (i + 0.5) / kNodes) * tau_;
+    for (const double s : {t, -t}) sum += scene(speed * s) - scene(lag + speed * s);
+  }
+  return sum / (2 * kNodes);
+}
+
+void WeightTable::fill(int speed, int uncertainty) {
+  const double v = speed_[static_cast<std::size_t>(speed)];
+  const Taps taps = taps_at(v, ahead_);
+  const auto n = static_cast<Eigen::Index>(taps.raw.size());
+  Covariances covariances(tau_, v, kUncertain[static_cast<std::size_t>(uncertainty)] * v);
+  Eigen::MatrixXd y(n, n);
+  Eigen::MatrixXd noise(n, n);
+  Eigen::VectorXd truth(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Raw& a = taps.raw[static_cast<std::size_t>(i)];
+    truth(i) = covariances.with_truth(a);
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const Raw& b = taps.raw[static_cast<std::size_t>(j)];
+      y(i, j) = covariances.of(a, b);
+      noise(i, j) = overlap(a, b) * ((a.back == b.back ? 1.0 : 0.0) + kFixedPattern * kFixedPattern);
+    }
+  }
+  const Eigen::MatrixXd scene_part = taps.rows * y * taps.rows.transpose();
+  const Eigen::MatrixXd noise_part = taps.rows * noise * taps.rows.transpose();
+  const Eigen::VectorXd truth_part = taps.rows * truth;
+  const Eigen::VectorXd sums = taps.rows.rowwise().sum();
+  const double unit = structure(v, 2.0);
+  for (int c = 0; c < kContrasts; ++c) {
+    const double variance = kSmallestContrast * std::pow(10.0, c) / unit;
+    Eigen::MatrixXd all = variance * scene_part + noise_part;
+    all.diagonal().array() += kModelError * variance + 1e-9;
+    const Eigen::LDLT<Eigen::MatrixXd> factors(all);
+    const Eigen::VectorXd a = factors.solve(variance * truth_part);
+    const Eigen::VectorXd b = factors.solve(sums);
+    const Eigen::VectorXd w = a + (1.0 - sums.dot(a)) / sums.dot(b) * b;
+    FilterWeights& out = cell(speed, c, uncertainty);
+    for (int i = 0; i < count_of(ahead_); ++i) out.w[i] = static_cast<float>(w(i));
+    out.w[FilterWeights::kError] = static_cast<float>(variance - 2.0 * variance * w.dot(truth_part) + w.dot(all * w));
+  }
+}
+
+float WeightTable::lag_of(float speed) noexcept { return std::clamp(2.0F + 0.8F * (speed - 1.0F), 2.0F, 24.0F); }
+
+void WeightTable::find(float speed, float structure, float uncertainty, FilterWeights& out) const noexcept {
+  static const std::array<float, kUncertainties> kLogUncertain = [] {
+    std::array<float, kUncertainties> logs{};
+    for (std::size_t i = 0; i < kUncertainties; ++i) logs[i] = static_cast<float>(std::log(kUncertain[i]));
+    return logs;
+  }();
+  const float a = index_in(log_speed_.data(), kSpeeds, std::log(std::max(speed, 1e-6F)));
+  const int ia = static_cast<int>(a);
+  const float fa = a - static_cast<float>(ia);
+  const auto at = static_cast<std::size_t>(ia);
+  const float contrast = structure * (lag_factor_[at] + fa * (lag_factor_[at + 1] - lag_factor_[at]));
+  const float decades = std::log10(std::max(contrast, 1e-6F)) - static_cast<float>(std::log10(kSmallestContrast));
+  const float b = std::clamp(decades, 0.0F, kContrasts - 1.0F - kLargestIndex);
+  const int ib = static_cast<int>(b);
+  const float fb = b - static_cast<float>(ib);
+  const float c = index_in(kLogUncertain.data(), kUncertainties, std::log(std::max(uncertainty, 1e-6F)));
+  const int ic = static_cast<int>(c);
+  const float fc = c - static_cast<float>(ic);
+  out = {};
+  for (int corner = 0; corner < 8; ++corner) {
+    const int da = corner & 1;
+    const int db = (corner >> 1) & 1;
+    const int dc = corner >> 2;
+    const float weight = (da != 0 ? fa : 1.0F - fa) * (db != 0 ? fb : 1.0F - fb) * (dc != 0 ? fc : 1.0F - fc);
+    const FilterWeights& from =
+        cells_[static_cast<std::size_t>(((ia + da) * kContrasts + ib + db) * kUncertainties + ic + dc)];
+    for (int i = 0; i < FilterWeights::kStride; ++i) out.w[i] += weight * from.w[i];
+  }
+}
+
+}  // namespace bolo::motion

@@ -1,0 +1,51 @@
+// The table of weights of the estimate: what to make of a pixel from its frame, from the past along the motion and from
+// its own past, for how fast the scene moves, how much it has to show and how surely the motion is known.
+//
+// They are linear minimum-mean-square weights with unit sum. The model, in pixels and frame periods: the scene has the
+// autocovariance c(R) = var (exp(-R / 5) + exp(-R / 30)) / 2, R = sqrt(r^2 + 0.6^2) - 0.6. Pixel p of frame k shows
+//   y_k(p) = mean over a of x_k(p + v a), a ~ exp(-a T / tau),
+// plus white noise of variance 1 and a fixed pattern of 1/2. The velocity is uncertain along and across: covariances
+// are means over it, both with the same nodes, or they would not be covariances.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <vector>
+
+#include "src/motion/kernels.hpp"
+
+namespace bolo::motion {
+
+class WeightTable {
+ public:
+  // `tau_periods`: tau / T. `ahead`: 1 when the frame after the estimated one is known too. Made once a process
+  // for the same arguments, and kept (150 kB). Thread: setup.
+  static std::shared_ptr<const WeightTable> of(double tau_periods, int ahead);
+
+  WeightTable(double tau_periods, int ahead);
+
+  // Weights at a speed (px a frame), with half the mean square difference of the past's mean over lag_of(speed),
+  // less its noise, in units of the noise's variance, and the speed's standard deviation over the speed. Thread: any.
+  void find(float speed, float structure, float uncertainty, FilterWeights& out) const noexcept;
+
+  // Over how many pixels the contrast is measured: along a long trail neighbours are alike. Thread: any.
+  static float lag_of(float speed) noexcept;
+
+ private:
+  static constexpr int kSpeeds = 22;
+  static constexpr int kContrasts = 11;
+  static constexpr int kUncertainties = 4;
+
+  double structure(double speed, double lag) const;
+  void fill(int speed, int uncertainty);
+  FilterWeights& cell(int speed, int contrast, int uncertainty) noexcept;
+
+  double tau_;
+  int ahead_;
+  std::array<double, kSpeeds> speed_{};
+  std::array<float, kSpeeds> log_speed_{};
+  std::array<float, kSpeeds> lag_factor_{};  // of the contrast at lag_of(speed) to that at two pixels
+  std::vector<FilterWeights> cells_;
+};
+
+}  // namespace bolo::motion

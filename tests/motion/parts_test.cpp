@@ -1,0 +1,222 @@
+// The parts of the motion estimate, each on scenes whose motion is known.
+#include <gtest/gtest.h>
+
+#include "src/motion/global_motion.hpp"
+#include "src/motion/local_motion.hpp"
+#include "src/motion/path.hpp"
+#include "src/motion/weights.hpp"
+#include "tests/motion/scenes.hpp"
+
+namespace bolo::motion {
+namespace {
+
+using testing::add_noise;
+using testing::padded;
+using testing::Scene;
+using testing::Texture;
+using testing::watch;
+
+constexpr double kTau = 2.2;
+constexpr Geometry kFrame{160, 96};
+
+// The last two innovations of a scene.
+struct Pair {
+  Pyramid a{kFrame};
+  Pyramid b{kFrame};
+
+  Pair(const Scene& scene, double noise, std::uint32_t seed = 1) {
+    auto frames = watch(scene, kFrame, kTau, 3);
+    add_noise(frames, noise, seed);
+    const Inertia inertia(kTau);
+    Alone alone;
+    PaddedPlane z(kFrame);
+    const auto innovation = [&](std::size_t k, Pyramid& to) {
+      find_innovation(best_kernels(), inertia, padded(frames[k], kFrame), padded(frames[k - 1], kFrame), alone, z, to);
+    };
+    innovation(1, a);
+    innovation(2, b);
+  }
+};
+
+Scene pan(double vx, double vy, std::uint32_t seed = 3) {
+  return [texture = Texture(seed), vx, vy](double x, double y, double t) { return texture(x - vx * t, y - vy * t); };
+}
+
+Affine global_of(const Pair& pair, double noise) {
+  GlobalMotion global(kFrame);
+  Alone alone;
+  return global.find(best_kernels(), Inertia(kTau), pair.a, pair.b, noise, alone);
+}
+
+TEST(Innovation, IsTheSceneOfOneFrame) {
+  // Constant input: what the frame before knew does not matter.
+  PaddedPlane before(kFrame);
+  PaddedPlane now(kFrame);
+  const Inertia inertia(kTau);
+  for (int y = 0; y < kFrame.height; ++y) {
+    for (int x = 0; x < kFrame.width; ++x) {
+      *before.at(x, y) = static_cast<float>(x % 7);
+      *now.at(x, y) = static_cast<float>(inertia.rho * (x % 7) + (1.0 - inertia.rho) * y);
+    }
+  }
+  before.extend();
+  now.extend();
+  PaddedPlane z(kFrame);
+  Pyramid smoothed(kFrame);
+  Alone alone;
+  find_innovation(best_kernels(), inertia, now, before, alone, z, smoothed);
+  for (int y = 0; y < kFrame.height; ++y) ASSERT_NEAR(*z.at(31, y), y, 1e-3);
+  EXPECT_EQ(smoothed.levels(), 4);
+  EXPECT_NEAR(inertia.age(), 0.4623, 1e-3);  // 2.30 ms at 200 Hz and tau 11 ms
+}
+
+TEST(GlobalMotion, FindsPansOfAnySpeed) {
+  for (const auto& [vx, vy] : {std::pair{0.0, 0.0}, {0.3, -0.2}, {2.9, 0.4}, {-9.8, 3.1}, {17.0, -6.0}, {-40.0, 8.0}}) {
+    const Affine found = global_of(Pair(pan(vx, vy), 0.01), 0.01);
+    EXPECT_NEAR(found.at(0, 0).x, vx, 0.03 + 0.01 * std::abs(vx)) << vx << " " << vy;
+    EXPECT_NEAR(found.at(0, 0).y, vy, 0.03 + 0.01 * std::abs(vy)) << vx << " " << vy;
+  }
+}
+
+TEST(GlobalMotion, FindsRotationAndZoom) {
+  const Texture texture(5);
+  const Scene turning = [&](double x, double y, double t) {
+    const double cx = x - 80.0;
+    const double cy = y - 48.0;
+    const double a = 0.02 * t;
+    const double s = 1.0 + 0.015 * t;
+    return texture((std::cos(a) * cx + std::sin(a) * cy) / s, (-std::sin(a) * cx + std::cos(a) * cy) / s);
+  };
+  const Affine found = global_of(Pair(turning, 0.01), 0.01);
+  // Half a width out the scene moves by 80 px times rate: outwards by the zoom, along y by the rotation.
+  EXPECT_NEAR(found.p[1], 80 * 0.015, 0.1);
+  EXPECT_NEAR(found.p[4], 80 * 0.02, 0.1);
+  EXPECT_NEAR(found.p[2], -80 * 0.02, 0.1);
+}
+
+// The noise of the frame between two innovations stands in both with opposite signs: without the correction it pulls
+// the motion towards a value that is wrong by 0.1 px.
+TEST(GlobalMotion, NoiseDoesNotPullIt) {
+  double sum = 0.0;
+  double uncorrected = 0.0;
+  constexpr int kRuns = 8;
+  for (std::uint32_t seed = 0; seed < kRuns; ++seed) {
+    const Pair pair(pan(0.8, 0.0, 11), 0.5, seed);
+    sum += global_of(pair, 0.5).at(0, 0).x / kRuns;
+    uncorrected += global_of(pair, 0.0).at(0, 0).x / kRuns;
+  }
+  EXPECT_NEAR(sum, 0.8, 0.06);
+  EXPECT_GT(std::abs(uncorrected - 0.8), 2.0 * std::abs(sum - 0.8));
+}
+
+TEST(GlobalMotion, IsFiniteWhereThereIsNothingToSee) {
+  const Affine found = global_of(Pair([](double, double, double) { return 300.0; }, 0.0), 0.03);
+  for (const double p : found.p) EXPECT_NEAR(p, 0.0, 1e-6);
+}
+
+TEST(LocalMotion, FindsAMoverAgainstThePan) {
+  const Texture back(3);
+  const Texture front(8, 6.0);
+  const auto in_mover = [](double x, double y, double t) {
+    return std::abs(x - 80.0 + 3.0 * t) < 24.0 && std::abs(y - 48.0) < 24.0;
+  };
+  const Scene scene = [&](double x, double y, double t) {
+    return in_mover(x, y, t) ? 2.0 + front(x + 3.0 * t, y) : back(x - 3.0 * t, y);
+  };
+  const Pair pair(scene, 0.03);
+  const Affine global = global_of(pair, 0.03);
+  EXPECT_NEAR(global.at(0, 0).x, 3.0, 0.3);
+  VectorField field(blocks_over(kFrame.width), blocks_over(kFrame.height));
+  spread(global, kFrame, 1, field);
+  LocalMotion local(kFrame);
+  Alone alone;
+  const VectorField& found = local.find(best_kernels(), Inertia(kTau), pair.a, pair.b, field, 0.03, 1e3F, alone);
+  const Vec2 inside = field.at(9, 6) + found.at(9, 6);
+  const Vec2 outside = field.at(2, 6) + found.at(2, 6);
+  EXPECT_NEAR(inside.x, -3.0, 0.4);
+  EXPECT_NEAR(outside.x, 3.0, 0.2);
+  EXPECT_NEAR(inside.y, 0.0, 0.3);
+}
+
+TEST(LocalMotion, StaysWithTheGlobalMotionInNoise) {
+  const Pair pair(pan(1.5, 0.0), 0.5);
+  VectorField field(blocks_over(kFrame.width), blocks_over(kFrame.height));
+  spread(global_of(pair, 0.5), kFrame, 1, field);
+  LocalMotion local(kFrame);
+  Alone alone;
+  double largest = 0.0;
+  for (const Vec2& d : local.find(best_kernels(), Inertia(kTau), pair.a, pair.b, field, 0.5, 1e3F, alone)) {
+    largest = std::max<double>(largest, std::hypot(d.x, d.y));
+  }
+  EXPECT_LT(largest, 0.5);
+}
+
+std::array<Affine, kHistory> history_of(const std::function<double(double)>& place) {
+  std::array<Affine, kHistory> d;
+  const double age = Inertia(kTau).age();
+  for (std::size_t i = 0; i < d.size(); ++i) {
+    const double t = -static_cast<double>(i) - age;
+    d[i].p[0] = place(t) - place(t - 1.0);
+  }
+  return d;
+}
+
+TEST(Path, ConstantVelocity) {
+  const auto d = history_of([](double t) { return 2.5 * t; });
+  for (const bool ahead : {false, true}) {
+    const Path path = path_of(Inertia(kTau), d, ahead);
+    EXPECT_NEAR(path.trail.p[0], 2.5, 1e-9);
+    EXPECT_NEAR(path.velocity.p[0], 2.5, 1e-9);
+    for (std::size_t j = 0; j < path.past.size(); ++j)
+      EXPECT_NEAR(path.past[j].p[0], 2.5 * (static_cast<double>(j) + 1), 1e-9);
+    if (ahead) {
+      EXPECT_NEAR(path.ahead.p[0], -2.5, 1e-9);
+    }
+  }
+}
+
+// A frame later everything that was extrapolated is known.
+TEST(Path, AccelerationIsFollowed) {
+  const auto place = [](double t) { return 2.0 * t + 0.15 * t * t; };
+  const Path late = path_of(Inertia(kTau), history_of(place), true);  // of the frame at -1
+  EXPECT_NEAR(late.trail.p[0], place(-1) - place(-2), 0.03);
+  const Path live = path_of(Inertia(kTau), history_of(place), false);
+  EXPECT_NEAR(live.trail.p[0], place(0) - place(-1), 0.06);
+}
+
+TEST(Weights, SumToOneAndPromiseLessErrorWithLookahead) {
+  for (const double tau : {2.2, 0.33}) {  // 200 and 30 Hz at 11 ms
+    const WeightTable live(tau, 0);
+    const WeightTable late(tau, 1);
+    for (const float speed : {0.01F, 0.5F, 3.0F, 12.0F, 39.0F}) {
+      for (const float contrast : {1e-3F, 1.0F, 1e3F, 1e5F}) {
+        FilterWeights a;
+        FilterWeights b;
+        live.find(speed, contrast, 0.05F, a);
+        late.find(speed, contrast, 0.05F, b);
+        double sum = 0.0;
+        double sum_late = 0.0;
+        for (int i = 0; i < FilterWeights::kError; ++i) sum += a.w[i];
+        for (int i = 0; i < FilterWeights::kError; ++i) sum_late += b.w[i];
+        EXPECT_NEAR(sum, 1.0, 2e-3) << speed << " " << contrast;
+        EXPECT_NEAR(sum_late, 1.0, 2e-3) << speed << " " << contrast;
+        EXPECT_GT(a.w[FilterWeights::kError], 0.0F) << speed << " " << contrast;
+        EXPECT_LE(b.w[FilterWeights::kError], 1.02F * a.w[FilterWeights::kError]) << speed << " " << contrast;
+      }
+    }
+  }
+}
+
+TEST(Weights, ErrorsGrowWithUncertainty) {
+  const auto table = WeightTable::of(kTau, 0);
+  float before = 0.0F;
+  for (const float uncertainty : {0.03F, 0.1F, 0.3F, 1.0F}) {
+    FilterWeights w;
+    table->find(3.0F, 1e3F, uncertainty, w);
+    EXPECT_GT(w.w[FilterWeights::kError], before);
+    before = w.w[FilterWeights::kError];
+  }
+}
+
+}  // namespace
+}  // namespace bolo::motion

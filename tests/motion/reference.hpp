@@ -1,0 +1,92 @@
+// The kernels of src/motion/kernels.hpp as their definitions read: one pixel at a time, double precision, every source
+// looked up with the frame's border repeated.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "src/motion/kernels.hpp"
+
+namespace bolo::motion::reference {
+
+struct Point {
+  double x;
+  double y;
+
+  Point(Vec2 v) : x(v.x), y(v.y) {}  // NOLINT(google-explicit-constructor): as wide a number as the rest
+};
+
+inline double value(const PaddedPlane& p, int x, int y) {
+  const Geometry g = p.geometry();
+  return *p.at(std::clamp(x, 0, g.width - 1), std::clamp(y, 0, g.height - 1));
+}
+
+inline double bilinear(const PaddedPlane& p, double x, double y) {
+  const int ix = static_cast<int>(std::floor(x));
+  const int iy = static_cast<int>(std::floor(y));
+  const double fx = x - ix;
+  const double fy = y - iy;
+  return (1 - fy) * ((1 - fx) * value(p, ix, iy) + fx * value(p, ix + 1, iy)) +
+         fy * ((1 - fx) * value(p, ix, iy + 1) + fx * value(p, ix + 1, iy + 1));
+}
+
+inline double keys(double t) {
+  constexpr double a = -0.75;
+  t = std::abs(t);
+  if (t <= 1) return ((a + 2) * t - (a + 3)) * t * t + 1;
+  if (t < 2) return ((a * t - 5 * a) * t + 8 * a) * t - 4 * a;
+  return 0.0;
+}
+
+inline double bicubic(const PaddedPlane& p, double x, double y) {
+  const int ix = static_cast<int>(std::floor(x));
+  const int iy = static_cast<int>(std::floor(y));
+  double sum = 0.0;
+  for (int j = -1; j <= 2; ++j) {
+    for (int i = -1; i <= 2; ++i) sum += keys(x - (ix + i)) * keys(y - (iy + j)) * value(p, ix + i, iy + j);
+  }
+  return sum;
+}
+
+inline bool inside(Geometry g, double x, double y, double margin) {
+  return x >= margin && x <= g.width - 1 - margin && y >= margin && y <= g.height - 1 - margin;
+}
+
+// Calls use(x, y) for the pixels of a block that are in the frame.
+template <typename Use>
+void for_block(Geometry g, int column, int row, const Use& use) {
+  for (int y = row * kBlock; y < std::min((row + 1) * kBlock, g.height); ++y) {
+    for (int x = column * kBlock; x < std::min((column + 1) * kBlock, g.width); ++x) use(x, y);
+  }
+}
+
+inline std::array<double, 7> match(const PaddedPlane& a, const PaddedPlane& b, Point d, int column, int row,
+                                   double margin) {
+  std::array<double, 7> s{};
+  for_block(a.geometry(), column, row, [&](int x, int y) {
+    if (!inside(a.geometry(), x - d.x, y - d.y, margin)) return;
+    const auto at = [&](int i, int j) { return bilinear(a, x + i - d.x, y + j - d.y); };
+    const double gx = (at(1, -1) - at(-1, -1) + 2 * (at(1, 0) - at(-1, 0)) + at(1, 1) - at(-1, 1)) / 8;
+    const double gy = (at(-1, 1) - at(-1, -1) + 2 * (at(0, 1) - at(0, -1)) + at(1, 1) - at(1, -1)) / 8;
+    const double e = value(b, x, y) - at(0, 0);
+    const std::array<double, 7> each{gx * gx, gx * gy, gy * gy, gx * e, gy * e, e * e, 1.0};
+    for (std::size_t i = 0; i < s.size(); ++i) s[i] += each[i];
+  });
+  return s;
+}
+
+// A block field at a pixel, interpolated between the blocks' centres; at(column, row) within the field.
+template <typename At>
+double between(Geometry g, int x, int y, const At& at) {
+  const double cx = std::clamp((x + 0.5) / kBlock - 0.5, 0.0, blocks_over(g.width) - 1.0);
+  const double cy = std::clamp((y + 0.5) / kBlock - 0.5, 0.0, blocks_over(g.height) - 1.0);
+  const int c = static_cast<int>(cx);
+  const int r = static_cast<int>(cy);
+  const int right = std::min(c + 1, blocks_over(g.width) - 1);
+  const int below = std::min(r + 1, blocks_over(g.height) - 1);
+  return (1 - (cy - r)) * ((1 - (cx - c)) * at(c, r) + (cx - c) * at(right, r)) +
+         (cy - r) * ((1 - (cx - c)) * at(c, below) + (cx - c) * at(right, below));
+}
+
+}  // namespace bolo::motion::reference

@@ -1,0 +1,102 @@
+// Scenes that move, seen through thermal inertia: for tests.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <random>
+#include <vector>
+
+#include "src/core/geometry.hpp"
+#include "src/motion/padded_plane.hpp"
+
+namespace bolo::motion::testing {
+
+// A smooth random texture without a period: some waves of each length. K.
+class Texture {
+ public:
+  explicit Texture(std::uint32_t seed, double contrast_k = 3.0) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> unit(0.0, 1.0);
+    for (int i = 0; i < kWaves; ++i) {
+      const double length = 6.0 * std::pow(20.0, unit(random));  // 6 to 120 px
+      const double angle = 6.283185 * unit(random);
+      waves_.push_back({std::cos(angle) * 6.283185 / length, std::sin(angle) * 6.283185 / length,
+                        6.283185 * unit(random), contrast_k * std::sqrt(length / 60.0) / std::sqrt(kWaves / 2.0)});
+    }
+  }
+  double operator()(double x, double y) const {
+    double sum = 0.0;
+    for (const Wave& w : waves_) sum += w.amplitude * std::sin(w.x * x + w.y * y + w.phase);
+    return sum;
+  }
+
+ private:
+  static constexpr int kWaves = 24;
+  struct Wave {
+    double x;
+    double y;
+    double phase;
+    double amplitude;
+  };
+  std::vector<Wave> waves_;
+};
+
+// What is at a pixel at a time (in frames).
+using Scene = std::function<double(double x, double y, double t)>;
+
+using Picture = std::vector<double>;
+
+inline Picture picture_of(const Scene& scene, Geometry g, double t) {
+  Picture p;
+  p.reserve(g.pixels());
+  for (int y = 0; y < g.height; ++y) {
+    for (int x = 0; x < g.width; ++x) p.push_back(scene(x, y, t));
+  }
+  return p;
+}
+
+// Frames 0 .. count - 1 of pixels of time constant tau (periods) without noise.
+inline constexpr int kLead = 3;  // frames before the first, of which the first was at rest
+
+inline std::vector<Picture> watch(const Scene& scene, Geometry g, double tau, int count, int steps = 8) {
+  Picture y = picture_of(scene, g, -kLead);
+  std::vector<Picture> frames;
+  const double keep = std::exp(-1.0 / (steps * tau));
+  for (int k = 1 - kLead; k < count; ++k) {
+    for (int s = 1; s <= steps; ++s) {
+      const Picture x = picture_of(scene, g, k - 1 + (s - 0.5) / steps);
+      for (std::size_t i = 0; i < y.size(); ++i) y[i] = keep * y[i] + (1.0 - keep) * x[i];
+    }
+    if (k >= 0) frames.push_back(y);
+  }
+  return frames;
+}
+
+inline void add_noise(std::vector<Picture>& frames, double sigma, std::uint32_t seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal(0.0, sigma);
+  for (Picture& frame : frames) {
+    for (double& v : frame) v += normal(random);
+  }
+}
+
+inline PaddedPlane padded(const Picture& picture, Geometry g) {
+  PaddedPlane plane(g);
+  for (int y = 0; y < g.height; ++y) {
+    for (int x = 0; x < g.width; ++x) {
+      *plane.at(x, y) = static_cast<float>(
+          picture[static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width) + static_cast<std::size_t>(x)]);
+    }
+  }
+  plane.extend();
+  return plane;
+}
+
+inline double rmse(const Picture& a, const Picture& b) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return std::sqrt(sum / static_cast<double>(a.size()));
+}
+
+}  // namespace bolo::motion::testing

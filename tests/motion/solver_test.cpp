@@ -1,0 +1,242 @@
+// The solver `motion` on whole streams.
+#include <cstring>
+
+#include <gtest/gtest.h>
+
+#include "src/deblur/solver.hpp"
+#include "tests/motion/scenes.hpp"
+
+namespace bolo::deblur {
+namespace {
+
+using motion::testing::add_noise;
+using motion::testing::Picture;
+using motion::testing::picture_of;
+using motion::testing::rmse;
+using motion::testing::Scene;
+using motion::testing::Texture;
+using motion::testing::watch;
+
+constexpr Geometry kFrame{133, 90};  // no whole number of blocks
+constexpr int kWindow = 17;
+constexpr double kScale = 0.01;
+
+Settings settings_of(Method method, double noise_k, int lookahead = 0) {
+  Settings s;
+  s.method = method;
+  s.noise_k = noise_k;
+  s.lookahead = lookahead;
+  return s;
+}
+
+StreamFormat format_of(PixelType type) {
+  StreamFormat f;
+  f.geometry = kFrame;
+  f.type = type;
+  f.scale.unit = Unit::kKelvin;
+  f.scale.scale = type == PixelType::kUint16 ? kScale : 1.0;
+  return f;
+}
+
+// A stream in memory, and what a solver makes of it.
+class Stream {
+ public:
+  Stream(const Scene& scene, double noise, int count, std::uint32_t seed = 1) : scene_(scene) {
+    auto frames = watch(scene, kFrame, 2.2, count);
+    add_noise(frames, noise, seed);
+    for (const Picture& frame : frames) {
+      counts_.emplace_back();
+      for (const double v : frame)
+        counts_.back().push_back(static_cast<std::uint16_t>(std::lround((300.0 + v) / kScale)));
+    }
+  }
+  int frames() const { return static_cast<int>(counts_.size()); }
+  std::vector<std::uint16_t>& counts(int k) { return counts_[static_cast<std::size_t>(k)]; }
+  void lose(int k) { counts(k).clear(); }
+
+  WindowView window_ending_at(int k, int lookahead) {
+    planes_.clear();
+    for (int i = k - kWindow + 1; i <= k; ++i) planes_.push_back(counts(i).empty() ? nullptr : counts(i).data());
+    return {planes_, kWindow - 1 - lookahead, static_cast<std::uint64_t>(k) + 1};
+  }
+  // Frame k as a solver that has seen the stream from `first` on makes it, K.
+  Picture estimate(const Settings& settings, int k, int first = kWindow - 1) {
+    auto solver = Solver::create(settings, format_of(PixelType::kUint16), PixelType::kFloat32);
+    std::vector<float> out(kFrame.pixels());
+    for (int j = first; j <= k + settings.lookahead; ++j) {
+      if (counts(j - settings.lookahead).empty()) continue;
+      const WindowView window = window_ending_at(j, settings.lookahead);
+      (*solver)->prepare(window);
+      if (j == k + settings.lookahead) (*solver)->solve(window, {0, 0, kFrame.width, kFrame.height}, out.data());
+    }
+    Picture p;
+    for (const float v : out) p.push_back(static_cast<double>(v) - 300.0);
+    return p;
+  }
+  Picture truth(int k) const { return picture_of(scene_, kFrame, k); }
+  double error(const Settings& settings, int k) { return rmse(estimate(settings, k), truth(k)); }
+  double blurred_error(int k) {
+    Picture p;
+    for (const std::uint16_t v : counts(k)) p.push_back(v * kScale - 300.0);
+    return rmse(p, truth(k));
+  }
+
+ private:
+  Scene scene_;
+  std::vector<std::vector<std::uint16_t>> counts_;
+  std::vector<const void*> planes_;
+};
+
+Scene pan(double vx, double vy, std::uint32_t seed = 3) {
+  return [texture = Texture(seed), vx, vy](double x, double y, double t) { return texture(x - vx * t, y - vy * t); };
+}
+
+TEST(MotionSolver, HalvesTheErrorOfPerPixelEstimatesInPans) {
+  for (const double speed : {1.5, 3.0, 6.0}) {
+    Stream stream(pan(speed, 0.2 * speed), 0.03, 24);
+    const double mmae = stream.error(settings_of(Method::kMmae, 0.03), 23);
+    const double motion = stream.error(settings_of(Method::kMotion, 0.03), 23);
+    EXPECT_LT(motion, 0.5 * mmae) << speed;
+    EXPECT_LT(mmae, stream.blurred_error(23)) << speed;
+  }
+}
+
+TEST(MotionSolver, LookaheadIsAheadOfThatOfPerPixelEstimates) {
+  Stream stream(pan(3.0, 0.6), 0.1, 26);
+  const double late = stream.error(settings_of(Method::kMotion, 0.1, 1), 23);
+  EXPECT_LT(late, 0.8 * stream.error(settings_of(Method::kMmae, 0.1, 1), 23));
+}
+
+TEST(MotionSolver, StillsAndFlatPicturesAreNotWorseThanMmae) {
+  const std::vector<Scene> scenes{pan(0.0, 0.0), [](double, double, double) { return 1.0; }};
+  for (const Scene& scene : scenes) {
+    for (const double noise : {0.03, 0.5}) {
+      Stream stream(scene, noise, 24);
+      EXPECT_LT(stream.error(settings_of(Method::kMotion, noise), 23),
+                1.03 * stream.error(settings_of(Method::kMmae, noise), 23));
+    }
+  }
+}
+
+// Rows that are read out one after the other see the scene later; the estimate is at the frame's time.
+TEST(MotionSolver, RowDelayIsUndone) {
+  constexpr double kDelay = 0.8 / 90;  // periods a row
+  const Scene still_time = pan(3.0, 0.5);
+  const Scene as_read = [&](double x, double y, double t) { return still_time(x, y, t + kDelay * y); };
+  Stream stream(as_read, 0.03, 24);
+  auto solver = Solver::create(settings_of(Method::kMotion, 0.03), format_of(PixelType::kUint16), PixelType::kFloat32,
+                               kDelay * 0.005);
+  const WindowView window = stream.window_ending_at(23, 0);
+  (*solver)->prepare(window);
+  std::vector<float> out(kFrame.pixels());
+  (*solver)->solve(window, {0, 0, kFrame.width, kFrame.height}, out.data());
+  Picture got;
+  for (const float v : out) got.push_back(static_cast<double>(v) - 300.0);
+  const double error = rmse(got, picture_of(still_time, kFrame, 23));
+  EXPECT_LT(error, 1.3 * stream.error(settings_of(Method::kMotion, 0.03), 23));  // against the scene as it was read
+  EXPECT_LT(error,
+            0.5 * rmse(stream.estimate(settings_of(Method::kMotion, 0.03), 23), picture_of(still_time, kFrame, 23)));
+}
+
+// What the solver was shown before the window does not matter, bit for bit: nothing can go bad for good.
+TEST(MotionSolver, AFreshStartGivesTheSame) {
+  for (const int lookahead : {0, 1}) {
+    Stream stream(pan(2.2, -0.7), 0.1, 40);
+    stream.lose(26);
+    for (std::uint16_t& v : stream.counts(24)) v = 0;  // a wild frame
+    const Settings settings = settings_of(Method::kMotion, 0.1, lookahead);
+    for (const int k : {25, 28, 33, 38}) {
+      EXPECT_EQ(stream.estimate(settings, k), stream.estimate(settings, k, k + lookahead)) << k << " " << lookahead;
+    }
+  }
+}
+
+TEST(MotionSolver, LostFramesCostNoMoreThanMmae) {
+  Stream stream(pan(2.5, 0.5), 0.05, 40);
+  for (const int lost : {22, 27, 28, 33}) stream.lose(lost);
+  for (int k = 21; k < 40; ++k) {
+    if (stream.counts(k).empty()) continue;
+    const double mmae = stream.error(settings_of(Method::kMmae, 0.05), k);
+    EXPECT_LT(stream.error(settings_of(Method::kMotion, 0.05), k), 1.03 * mmae) << k;
+  }
+}
+
+TEST(MotionSolver, PartsAndPointsAreThoseOfTheWholeFrame) {
+  Stream stream(pan(2.2, -0.7), 0.1, 24);
+  auto solver = Solver::create(settings_of(Method::kMotion, 0.1), format_of(PixelType::kUint16), PixelType::kUint16);
+  const WindowView window = stream.window_ending_at(23, 0);
+  (*solver)->prepare(window);
+  std::vector<std::uint16_t> whole(kFrame.pixels());
+  (*solver)->solve(window, {0, 0, kFrame.width, kFrame.height}, whole.data());
+  std::vector<std::uint16_t> part(kFrame.pixels());
+  const Region region{17, 11, 40, 30};
+  (*solver)->solve(window, region, part.data());
+  const std::vector<std::uint32_t> points{5, 700, 11969};
+  std::vector<std::uint16_t> of_points(points.size());
+  (*solver)->solve_points(window, points, of_points.data());
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    const int x = static_cast<int>(i) % kFrame.width;
+    const int y = static_cast<int>(i) / kFrame.width;
+    const bool in = x >= region.x && x < region.x + region.width && y >= region.y && y < region.y + region.height;
+    ASSERT_EQ(part[i], in ? whole[i] : 0) << i;
+  }
+  for (std::size_t i = 0; i < points.size(); ++i) EXPECT_EQ(of_points[i], whole[points[i]]);
+}
+
+// A pixel that is no number stays one, and spoils no other.
+TEST(MotionSolver, NotANumberStaysAlone) {
+  const Scene scene = pan(2.0, 0.0);
+  const auto frames = watch(scene, kFrame, 2.2, 20);
+  std::vector<std::vector<float>> values;
+  for (const Picture& frame : frames) {
+    values.emplace_back();
+    for (const double v : frame) values.back().push_back(static_cast<float>(300.0 + v));
+  }
+  const std::size_t bad = 40 * 133 + 60;
+  for (auto& frame : values) frame[bad] = std::nanf("");
+  std::vector<const void*> planes;
+  for (std::size_t i = 3; i < 20; ++i) planes.push_back(values[i].data());
+  auto solver = Solver::create(settings_of(Method::kMotion, 0.05), format_of(PixelType::kFloat32), PixelType::kFloat32);
+  const WindowView window{planes, kWindow - 1, 20};
+  (*solver)->prepare(window);
+  std::vector<float> out(kFrame.pixels());
+  (*solver)->solve(window, {0, 0, kFrame.width, kFrame.height}, out.data());
+  EXPECT_TRUE(std::isnan(out[bad]));
+  const Picture truth = picture_of(scene, kFrame, 19);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (i == bad) continue;
+    ASSERT_NEAR(out[i], 300.0 + truth[i], 3.0) << i;
+  }
+}
+
+TEST(MotionSolver, SmallFramesFallBackToMmae) {
+  StreamFormat format = format_of(PixelType::kUint16);
+  format.geometry = {9, 5};
+  std::vector<std::vector<std::uint16_t>> frames(kWindow, std::vector<std::uint16_t>(45));
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    for (std::size_t i = 0; i < 45; ++i)
+      frames[k][i] = static_cast<std::uint16_t>(30000 + 40 * ((i * 7 + k * k * 3) % 13));
+  }
+  std::vector<const void*> planes;
+  for (const auto& frame : frames) planes.push_back(frame.data());
+  std::array<std::vector<std::uint16_t>, 2> out{std::vector<std::uint16_t>(45), std::vector<std::uint16_t>(45)};
+  const std::array methods{Method::kMmae, Method::kMotion};
+  for (std::size_t i = 0; i < 2; ++i) {
+    auto solver = Solver::create(settings_of(methods[i], 0.05), format, PixelType::kUint16);
+    const WindowView window{planes, kWindow - 1, 17};
+    (*solver)->prepare(window);
+    (*solver)->solve(window, {0, 0, 9, 5}, out[i].data());
+  }
+  EXPECT_EQ(out[0], out[1]);
+}
+
+TEST(MotionSolver, RefusesWhatItCannotDo) {
+  Settings settings = settings_of(Method::kMotion, 0.05, 2);
+  EXPECT_FALSE(validate(settings));
+  settings = settings_of(Method::kMotion, 0.05);
+  settings.window = 9;
+  EXPECT_FALSE(validate(settings));
+}
+
+}  // namespace
+}  // namespace bolo::deblur
