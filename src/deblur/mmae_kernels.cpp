@@ -6,7 +6,7 @@
 
 #include "src/deblur/kernels.hpp"
 
-#include "src/deblur/built_targets.hpp"
+#include "src/core/simd_targets.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "src/deblur/mmae_kernels.cpp"

@@ -4,9 +4,8 @@
 #include <cmath>
 #include <vector>
 
-// The same sets as src/deblur/kernels.cpp.
-#define HWY_COMPILE_ALL_ATTAINABLE
-#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
+#include "src/core/simd_targets.hpp"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "src/motion/kernels.cpp"
 #include <hwy/foreach_target.h>
