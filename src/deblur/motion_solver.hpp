@@ -31,8 +31,6 @@ class MotionSolver final : public Solver {
   int iterations() const noexcept override { return 1; }
   std::string_view isa() const noexcept override { return mmae_.isa(); }
   double noise_k() const noexcept override;
-  double noise_state() const noexcept override { return mmae_.noise_state(); }
-  void set_noise_state(double state) noexcept override { mmae_.set_noise_state(state); }
 
  private:
   static constexpr int kFrames = motion::kPast + 2;    // that an estimate looks at: with the one after it

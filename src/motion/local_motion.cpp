@@ -6,7 +6,7 @@
 namespace bolo::motion {
 namespace {
 
-constexpr float kPixels = kBlock * kBlock;
+constexpr float kLocalPixels = kBlock * kBlock;
 constexpr float kTight = 0.05F;    // px that a block may deviate when its window tells nothing
 constexpr float kLoose = 0.5F;     // the same once it is known to go its own way
 constexpr float kSamples = 36.0F;  // independent ones in a window of 24 x 24 smoothed pixels, by the matching's scale
@@ -58,7 +58,7 @@ void LocalMotion::refine(const Task& task, const VectorField& base, float loosen
       const Vec2 v = total_[i];
       const Vec2 pull = pull_of_noise(task.inertia, v) * (task.frame_noise * s.count);
       const std::array values{s.xx, s.xy, s.yy, -s.xe - pull.x, -s.ye - pull.y, s.ee};
-      for (std::size_t k = 0; k < values.size(); ++k) raw_[k][i] = values[k] / kPixels;
+      for (std::size_t k = 0; k < values.size(); ++k) raw_[k][i] = values[k] / kLocalPixels;
     }
     for (std::size_t k = 0; k < mean_.size(); ++k) mean_of_9(raw_[k], mean_[k]);
     for (std::size_t i = 0; i < total_.size(); ++i) {
