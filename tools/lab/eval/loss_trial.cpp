@@ -8,7 +8,7 @@
 namespace bolo::tools::faults {
 namespace {
 
-constexpr double kRateHz = 200.0;
+constexpr double kTrialRateHz = 200.0;
 constexpr double kSpeedPxS = 200.0;
 constexpr double kCleanEndS = 0.1;  // without loss, so that every frame that is hit is also judged before the end
 constexpr double kSpareS = 1.0;     // the run outlasts its time by what stopping takes
@@ -44,7 +44,7 @@ Result<fakecam::FaultScript> script_of(const LossTask& task) {
 
 Result<Recording> loss_scene(double seconds) {
   sim::CameraSettings camera;
-  camera.rate_hz = kRateHz;
+  camera.rate_hz = kTrialRateHz;
   return record_street(
       camera, {.speed_px_s = kSpeedPxS, .frames = static_cast<std::size_t>((seconds + kSpareS) * camera.rate_hz)});
 }
