@@ -144,7 +144,7 @@ void print_table(const ReadersReport& report) {
 
 // Prints a report and draws it where a file is named, or passes its error on.
 template <typename Report>
-Status show(const Result<Report>& report, bool json, const std::filesystem::path& plot) {
+Status show(const Result<Report>& report, bool json, const OutputFile& plot) {
   if (!report) return tl::unexpected(report.error());
   if (json) {
     print_json(*report);

@@ -4,6 +4,7 @@
 #include <system_error>
 #include <utility>
 
+#include "tools/cli/cli.hpp"
 #include "tools/cli/process.hpp"
 
 namespace bolo::tools::blind {
