@@ -160,7 +160,13 @@ PipelineOptions exactly() {
 
 // Runs a camera of 17 frames, the last of which is the first with a whole window, and stops in the midst of that one.
 void stop_amidst(const PipelineOptions& options, MemorySink& sink) {
-  auto pipeline = Pipeline::create(std::make_unique<test::ScriptedSource>(slow_camera(kWindow)), {&sink}, options);
+  Gate gate;
+  Script script = slow_camera(kWindow);
+  script.fill = gate.script(kWindow).fill;
+  sink.on_publish = [&](const PublishedFrame& frame, const PipelineStats& stats) {
+    if (frame.meta.frame_id + 1 < kWindow) gate.let_wait(stats, 0);
+  };
+  auto pipeline = Pipeline::create(std::make_unique<test::ScriptedSource>(script), {&sink}, options);
   ASSERT_TRUE(pipeline) << pipeline.error().message;
   std::atomic<bool> stop{false};
   std::thread stopper([&] {
@@ -170,6 +176,7 @@ void stop_amidst(const PipelineOptions& options, MemorySink& sink) {
   });
   EXPECT_TRUE((*pipeline)->run(stop));
   stopper.join();
+  sink.on_publish = {};
 }
 
 TEST(Overload, TheEndDoesNotWaitForASlowFrame) {
