@@ -284,8 +284,8 @@ void Keeper::tell_period() {
   char text[200];
   std::snprintf(
       text, sizeof text,
-      "by the camera's clock %.5g frames come a second, not %.5g: sharp frames are wrong; set source.true_rate_hz "
-      "= %.5g, or find out why",
+      "by the camera's clock %.5g frames come a second, not %.5g, and they are solved so from now on; set "
+      "source.true_rate_hz = %.5g, or find out why",
       1.0 / measured_s, 1.0 / assumed_s, 1.0 / measured_s);
   say(true, text);
 }

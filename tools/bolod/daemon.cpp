@@ -9,6 +9,7 @@
 
 #include <atomic>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <ctime>
 #include <optional>
@@ -35,6 +36,8 @@ namespace bolo::daemon {
 namespace {
 
 namespace event = pipeline::event;
+
+constexpr double kSamePeriod = 0.005;  // relative: what the sharp frames do not feel
 
 constexpr std::int64_t kMetricsRetryNs = 2'000'000'000;
 constexpr timespec kLookPeriod{0, 100'000'000};  // how late a signal's or the source's end may be noticed
@@ -94,6 +97,7 @@ struct Daemon::Impl {
 
   std::atomic<bool> stop_requested{false};
   std::atomic<bool> ended{false};
+  double period_s = 0.0;  // that frames are solved with
   Status result;  // of the pipeline; written before `ended`, read after the thread is joined
 
   std::optional<Supervisor> supervisor;    // from create() on
@@ -129,6 +133,7 @@ Status Daemon::Impl::compose() {
   auto made = pipeline::Pipeline::create(std::move(source->source), lent, options);
   if (!made) return tl::unexpected<Error>(made.error());
   pipeline = std::move(*made);
+  period_s = pipeline->settings().period_s;
   if (camera != nullptr) {
     for (const std::string& warning : camera->warnings()) log->warn(warning);
   }
@@ -204,9 +209,20 @@ void Daemon::Impl::watch(OnHangup on_hangup) {
   while (!ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
     if (take_signal(on_hangup)) break;
     supervisor->look();
+    follow_period();
     serve_metrics();
   }
   service::tell_stopping();
+}
+
+// Frames are solved with the period that the camera's own clock shows, once it is known to be another one.
+void Daemon::Impl::follow_period() {
+  const pipeline::SourceStatus* source = pipeline->stats().source;
+  const double measured_s = source != nullptr ? source->measured_period_s.value() : 0.0;
+  if (measured_s <= 0.0 || std::abs(measured_s / period_s - 1.0) < kSamePeriod) return;
+  period_s = measured_s;  // one try for each: what cannot be solved with stays as it is, and is told
+  const Status taken = pipeline->set_period(measured_s);
+  if (!taken) log->warn("the measured period is not used: {}", taken.error().message);
 }
 
 // A file that is wrong changes nothing.
