@@ -282,11 +282,10 @@ void Keeper::tell_period() {
   if (told_period_ || measured_s <= 0.0 || std::abs(measured_s / assumed_s - 1.0) < kSamePeriod) return;
   told_period_ = true;
   char text[200];
-  std::snprintf(
-      text, sizeof text,
-      "by the camera's clock %.5g frames come a second, not %.5g, and they are solved so from now on; set "
-      "source.true_rate_hz = %.5g, or find out why",
-      1.0 / measured_s, 1.0 / assumed_s, 1.0 / measured_s);
+  std::snprintf(text, sizeof text,
+                "by the camera's clock %.5g frames come a second, not %.5g, and they are solved so from now on; set "
+                "source.true_rate_hz = %.5g, or find out why",
+                1.0 / measured_s, 1.0 / assumed_s, 1.0 / measured_s);
   say(true, text);
 }
 

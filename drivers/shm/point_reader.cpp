@@ -185,8 +185,8 @@ Result<PointReader> PointReader::over(ShmReader reader, std::vector<std::uint32_
                      std::to_string(header.height));
   }
   if (pixels.empty()) return bad_input(where + ": no points to solve");
-  const bool models = settings->auto_lambda || settings->method == deblur::Method::kMmae ||
-                      settings->method == deblur::Method::kMotion;
+  const bool models =
+      settings->auto_lambda || settings->method == deblur::Method::kMmae || settings->method == deblur::Method::kMotion;
   impl->measured_noise = models && settings->noise_k == 0.0;
   if (models || !maps.empty()) {
     impl->copied.resize(all);

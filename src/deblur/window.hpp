@@ -80,8 +80,8 @@ class Window {
   std::vector<Place> places_;  // a ring, one place a period; the oldest is places_[oldest_]
   std::size_t oldest_ = 0;
   std::uint64_t periods_ = 0;  // that it has gone on, and a whole window's at each emptying
-  std::size_t covered_ = 0;  // periods since the window was emptied, at most places_.size()
-  FrameMeta last_;           // of the newest frame in the window
+  std::size_t covered_ = 0;    // periods since the window was emptied, at most places_.size()
+  FrameMeta last_;             // of the newest frame in the window
   WindowFrame incoming_;
   std::int64_t steps_left_ = 0;      // until incoming_ stands in the newest place
   std::size_t drain_left_ = 0;       // steps until no frame waits for its look-ahead any more; then the window empties

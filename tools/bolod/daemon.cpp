@@ -98,7 +98,7 @@ struct Daemon::Impl {
   std::atomic<bool> stop_requested{false};
   std::atomic<bool> ended{false};
   double period_s = 0.0;  // that frames are solved with
-  Status result;  // of the pipeline; written before `ended`, read after the thread is joined
+  Status result;          // of the pipeline; written before `ended`, read after the thread is joined
 
   std::optional<Supervisor> supervisor;    // from create() on
   std::unique_ptr<ControlServer> control;  // goes first, with the next: they ask all others

@@ -117,8 +117,8 @@ struct LatencyCurves {
 };
 Result<LatencyCurves> latency_curves(const Sequence& sequence, int longest);
 
-// Settings of `auto`, `mmae` or `motion` that this build can run; kBadInput says why there are none. They work from the measured
-// noise, so that a solver which does not measure it is not the one asked for. Thread: any.
+// Settings of `auto`, `mmae` or `motion` that this build can run; kBadInput says why there are none. They work from the
+// measured noise, so that a solver which does not measure it is not the one asked for. Thread: any.
 Result<deblur::Settings> live_settings(ColumnKind kind, const Sequence& sequence, int lookahead);
 
 }  // namespace bolo::tools::fidelity

@@ -1,6 +1,7 @@
 // `bolo` with two verbs.
 #include <string_view>
 
+#include "tools/bolo/verbs.hpp"
 #include "tools/lab/verbs.hpp"
 
 int main(int argc, char** argv) {
