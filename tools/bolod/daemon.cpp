@@ -110,6 +110,7 @@ struct Daemon::Impl {
   void serve_metrics();
   std::string answer(std::string_view request) const;
   void watch(OnHangup on_hangup);
+  void follow_period();
   bool take_signal(OnHangup on_hangup);
   void reload();
   void apply(const DaemonConfig& read);
