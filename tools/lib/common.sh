@@ -3,7 +3,8 @@
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 
-say() { printf '\n== %s\n' "$*"; }
+# say WHAT: what begins now, and how long the script has run.
+say() { printf '\n== %s (at %d:%02d min)\n' "$*" $((SECONDS / 60)) $((SECONDS % 60)); }
 die() {
   printf '%s: %s\n' "$(basename "$0")" "$*" >&2
   exit 1
