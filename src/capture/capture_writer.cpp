@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <system_error>
 
 #include "src/capture/capture.hpp"
 #include "src/capture/contents.hpp"
@@ -101,6 +102,15 @@ std::size_t frames_between_commits(double frame_period_s) {
   return static_cast<std::size_t>(frames);
 }
 
+// HDF5 1.10 cannot clean up after a file whose first pages found no room.
+bool has_room_to_begin(const std::filesystem::path& file) {
+  constexpr std::uintmax_t kLeastBytes = std::uintmax_t{256} << 10U;
+  std::error_code error;
+  const auto folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
+  const std::filesystem::space_info space = std::filesystem::space(folder, error);
+  return error || space.available >= kLeastBytes;
+}
+
 }  // namespace
 
 struct CaptureWriter::Impl {
@@ -149,6 +159,8 @@ struct CaptureWriter::Impl {
 
 Status CaptureWriter::Impl::create() {
   if (Status good = check_output({final_name, options.replace}); !good) return good;
+  if (!has_room_to_begin(part_name))
+    return failed(part_name.string() + ": cannot be written: " + std::strerror(ENOSPC));
   const SurvivesCut survives = options.survives_power_cut ? SurvivesCut::kPower : SurvivesCut::kProcess;
   const h5::Handle access = file_access();
   if (!create_crash_safe(access.get(), survives, stored, last)) return broken("cannot be created");

@@ -244,6 +244,7 @@ void mark_not_testable(const Session& session, const Noise& noise, Report& repor
 
 std::vector<PixelPlace> places_of(const std::vector<int>& pixels, int width) {
   std::vector<PixelPlace> places;
+  places.reserve(pixels.size());
   for (const int pixel : pixels) places.push_back(place_of(static_cast<std::size_t>(pixel), width));
   return places;
 }

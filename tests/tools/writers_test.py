@@ -163,7 +163,7 @@ class Table:
                 done = self.run(self.words(case, outputs, "--overwrite"))
                 what = f"{free_kb} kB free:"
                 expect(done.returncode == 1, what, "exit code", done.returncode, done.stderr)
-                lines = [line for line in done.stderr.splitlines() if "diagnose:" not in line and "sealed" not in line]
+                lines = [line for line in done.stderr.splitlines() if not line.startswith("diagnose:") and "sealed" not in line]
                 expect(len(lines) == 1, what, done.stderr)
                 for name in case.outputs:
                     new = content(f"{outputs}/{name}")

@@ -93,7 +93,8 @@ Result<Picture> read_tiff_page(const std::filesystem::path& file, std::size_t pa
 
 Result<TiffWriter> TiffWriter::create(const std::filesystem::path& file) {
   Handle tiff = open_tiff(file, "w8");  // BigTIFF: long recordings pass 4 GB
-  if (!tiff) return bad_input(std::string("cannot be created: ") + std::strerror(errno));
+  const std::string why = std::string("cannot be created: ") + std::strerror(errno);
+  if (!tiff) return errno == ENOSPC || errno == EDQUOT ? failed(why) : bad_input(why);
   return TiffWriter(tiff.release());
 }
 
