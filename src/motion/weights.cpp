@@ -147,7 +147,7 @@ float index_in(const float* grid, int size, float value) {
 }  // namespace
 
 WeightTable::WeightTable(double tau_periods, int ahead)
-    : tau_(tau_periods), ahead_(ahead), cells_(kSpeeds * kContrasts * kUncertainties) {
+    : tau_(tau_periods), ahead_(ahead), cells_(std::size_t{kSpeeds} * kContrasts * kUncertainties) {
   constexpr std::array kSlow = {0.02, 0.05, 0.1};
   for (std::size_t i = 0; i < kSpeeds; ++i) {
     const double decades = -0.8 + 2.4 * (static_cast<double>(i) - 3.0) / 18.0;
