@@ -84,7 +84,7 @@ TEST(ReportJson, AnEmptyReportAndAnOddNameAreStillJson) {
 TEST(ReportFiles, WritesBothIntoAFolderThatItMakes) {
   const Scratch scratch;
   const auto folder = scratch.path() / "a" / "b";
-  ASSERT_TRUE(write_report(test::invented_clean(), folder));
+  ASSERT_TRUE(write_report(test::invented_clean(), folder, Replace::kNothing));
   const json out = json::parse(std::ifstream(folder / "report.json"));
   EXPECT_EQ(out.at("verdict"), "no_gap");
   EXPECT_GT(std::filesystem::file_size(folder / "report.html"), 100U);
@@ -94,7 +94,7 @@ TEST(ReportFiles, AFolderThatCannotBeIsBadInput) {
   const Scratch scratch;
   const auto file = scratch.path() / "file";
   std::ofstream(file) << "x";
-  const Status status = write_report(test::invented_clean(), file / "sub");
+  const Status status = write_report(test::invented_clean(), file / "sub", Replace::kNothing);
   ASSERT_FALSE(status);
   EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
   EXPECT_NE(status.error().message.find("file"), std::string::npos);
