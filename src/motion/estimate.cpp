@@ -124,8 +124,10 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
 // Whether the frame before saw what is in the middle of a block now; what has just come in has no past to go by.
 bool Estimator::seen_before(int block) const noexcept {
   const Vec2 d = past_[0][static_cast<std::size_t>(block)];
-  const float x = static_cast<float>(block % share_.across() * kBlock) + 0.5F * kBlock - d.x;
-  const float y = static_cast<float>(block / share_.across() * kBlock) + 0.5F * kBlock - d.y;
+  const int left = block % share_.across() * kBlock;
+  const int top = block / share_.across() * kBlock;
+  const float x = static_cast<float>(left) + 0.5F * kBlock - d.x;
+  const float y = static_cast<float>(top) + 0.5F * kBlock - d.y;
   return x >= 0.0F && y >= 0.0F && x <= static_cast<float>(geometry_.width) &&
          y <= static_cast<float>(geometry_.height);
 }
