@@ -85,9 +85,9 @@ Result<Share> share_named(const std::string& text) {
 }
 
 Result<Share> share_of(const Environment& environment) {
-  const auto rank = rank_of(environment);
+  auto rank = rank_of(environment);
   if (!rank) return rank;
-  const auto task = array_task_of(environment);
+  auto task = array_task_of(environment);
   if (!task) return task;
   if (rank->count == 1) return task->count == 1 ? Share{} : *task;
   const std::string from = task->count == 1 ? rank->from : rank->from + ", " + task->from;
