@@ -38,7 +38,9 @@ void write_bytes(const std::filesystem::path& file, const std::vector<char>& byt
 }
 
 std::vector<char> valid_bytes(const Scratch& scratch, int deflate_level) {
-  auto writer = CaptureWriter::create(scratch / "valid.h5", small_info(), {true, deflate_level});
+  WriterOptions how{true, deflate_level};
+  how.replace = Replace::kExisting;
+  auto writer = CaptureWriter::create(scratch / "valid.h5", small_info(), how);
   EXPECT_TRUE(writer->write_stimulus(Chopper{293.0, {0.1}, {0.2}, {303.0}}));
   EXPECT_TRUE(writer->add_event({0.001, "nuc"}));
   for (std::size_t i = 0; i < 4; ++i) {

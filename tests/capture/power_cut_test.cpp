@@ -344,7 +344,7 @@ TEST_P(Ending, ByACutWhileItIsFinishedLeavesADurableCommit) {
     Log whole(log_.begin(), log_.begin() + static_cast<std::ptrdiff_t>(kill));
     store(after_kill(whole, kill, random_), part_);
     g_logger.begin();
-    EXPECT_TRUE(recover_in_place(part_, scratch_ / "done.h5"));
+    EXPECT_TRUE(recover_in_place(part_, {scratch_ / "done.h5", Replace::kExisting}));
     for (Operation& operation : g_logger.end()) {
       const std::string extension = std::filesystem::path(operation.file).extension().string();
       operation.file = recorded_.string() + (extension == ".part" ? "" : extension);
