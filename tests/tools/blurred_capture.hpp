@@ -45,7 +45,7 @@ inline void write_blurred(const std::filesystem::path& file, const Blurred& b) {
   info.format.scale = b.scale;
   info.format.frame_period_s = b.period_s;
   info.camera_model = "a camera";
-  auto writer = capture::CaptureWriter::create(file, info, {.truth = b.truth});
+  auto writer = capture::CaptureWriter::create(file, info, {.truth = b.truth, .replace = Replace::kExisting});
   ASSERT_TRUE(writer) << writer.error().message;
   const std::size_t pixels = info.format.geometry.pixels();
   const double decay = std::exp(-kPeriod / kTau);

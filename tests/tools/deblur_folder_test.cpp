@@ -161,7 +161,7 @@ class DeblurFolder : public testing::Test {
     return summary;
   }
   json archive(const Words& more = {}) const {
-    Words words{path("archive"), "-o", path("sharp")};
+    Words words{path("archive"), "-o", path("sharp"), "--overwrite"};
     words.insert(words.end(), more.begin(), more.end());
     return done(words);
   }
@@ -316,7 +316,7 @@ TEST_F(DeblurFolder, OneBadCaptureDoesNotStopTheOthers) {
     info.format.geometry = {3, 2};
     info.format.type = PixelType::kFloat32;
     info.format.scale = {Unit::kKelvin, 1.0, 0.0};
-    auto writer = capture::CaptureWriter::create(path("archive/b.h5"), info);
+    auto writer = capture::CaptureWriter::create(path("archive/b.h5"), info, {.replace = Replace::kExisting});
     std::vector<float> plane(6, 300.0F);
     for (std::size_t i = 0; i < 60; ++i) {
       if (i == 40) plane[4] = std::numeric_limits<float>::quiet_NaN();
@@ -345,6 +345,15 @@ TEST_F(DeblurFolder, ANameThatIsNotUtf8IsANameLikeAnyOther) {
   EXPECT_TRUE(fs::exists(path("\xff.h5")));
 }
 
+TEST_F(DeblurFolder, WhatWasMadeOtherwiseStaysUnlessItMayBeReplaced) {
+  archive();
+  const auto before = contents(path("sharp/a.h5"));
+  const Outcome outcome = bolo({path("archive"), "-o", path("sharp"), "--lambda", "0.5"});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_NE(outcome.err.find("--overwrite"), std::string::npos) << outcome.err;
+  EXPECT_TRUE(contents(path("sharp/a.h5")) == before);
+}
+
 TEST_F(DeblurFolder, WhatCannotBeIsRefusedInOneLine) {
   struct Refusal {
     Words words;
@@ -357,7 +366,7 @@ TEST_F(DeblurFolder, WhatCannotBeIsRefusedInOneLine) {
   const Refusal refusals[] = {
       {{a, path("archive/b.h5"), "-o", path("out.h5")}, "need a folder"},
       {{a, path("more/a.h5"), "-o", path("sharp")}, "another capture would also become"},
-      {{path("archive"), "-o", path("archive")}, "the output is the input"},
+      {{path("archive"), "-o", path("archive")}, "is both read and written"},
       {{path("empty"), "-o", path("sharp")}, "no captures"},
       {{a, "-o", path("out.h5"), "--shard", "2"}, "--shard '2'"},
       {{a, "-o", path("out.h5"), "--shard", "3/2"}, "--shard '3/2'"},

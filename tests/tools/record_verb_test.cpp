@@ -322,7 +322,7 @@ TEST_F(RecordVerb, WrongUsageIsOneLine) {
   refused({"record", name_, "-o", file("a.avi")}, "ends in .h5");
   refused({"record", name_, "-o", file(), "--frames", "nan"}, "--frames: ");
   refused({"record", name_, "-o", file(), "--frames=nan"}, "--frames: ");
-  refused({"info", file("two\nlines.h5")}, "two\\nlines.h5");
+  refused({"info", file("two\nlines.h5")}, "two?lines.h5");
   refused({"record", name_, "-o", file(), "--frames", "0"}, "--frames");
   refused({"record", name_, "-o", file(), "--seconds", "-1"}, "--seconds");
   refused({"record", name_, "-o", file(), "--planes", "both"}, "--planes");

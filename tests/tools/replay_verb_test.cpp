@@ -38,7 +38,7 @@ class ReplayVerb : public ::testing::Test {
     info.format.frame_period_s = 0.005;
     info.camera_model = "Model";
     const std::string file = folder_ / "in.h5";
-    auto writer = capture::CaptureWriter::create(file, info);
+    auto writer = capture::CaptureWriter::create(file, info, {.replace = Replace::kExisting});
     EXPECT_TRUE(writer) << writer.error().message;
     std::vector<std::uint16_t> plane(kGeometry.pixels());
     for (std::uint64_t i = 0; i < kFrames; ++i) {
