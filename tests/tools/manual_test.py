@@ -123,7 +123,7 @@ class Completion(unittest.TestCase):
     def test_works_in_an_interactive_bash(self):
         child, terminal = pty.fork()
         if child == 0:
-            os.execvpe("bash", ["bash", "--norc", "--noprofile", "-i"], {**os.environ, "PS1": "$ ", "TERM": "dumb"})
+            os.execvpe("bash", ["bash", "--norc", "--noprofile", "-i"], {**os.environ, "PATH": PATH, "PS1": "$ ", "TERM": "dumb"})
         os.write(terminal, f"bind 'set bell-style none'; source '{COMPLETION}'\n".encode())
         os.write(terminal, b"bolo diagn\t--withh\tX\n")
         seen, end = b"", time.monotonic() + 30
@@ -139,7 +139,8 @@ class Completion(unittest.TestCase):
     def test_fish_offers_the_same(self):
         def offers(line):
             script = f"source {SOURCE}/bolo.fish; complete -C '{line}'"
-            done = subprocess.run(["fish", "--no-config", "-c", script], capture_output=True, text=True, check=True)
+            done = subprocess.run(["fish", "--no-config", "-c", script], capture_output=True, text=True, check=True,
+                                  env={**os.environ, "PATH": PATH})
             return {entry.split("\t")[0] for entry in done.stdout.splitlines()}
 
         self.assertEqual(offers("bolo "), set(VERBS))

@@ -272,7 +272,7 @@ def check_usage(programs):
     port = str(urllib.parse.urlsplit(programs.url).port)
     for words, told in ((["--listen", "0.0.0.0"], "--token"), (["--port", port], "another program"),
                         (["--token", "short"], "16 to 128"), (["--token-file", "/nowhere"], "/nowhere"),
-                        (["--listen", "localhost", "--token", "0123456789abcdef"], "numeric"), (["--port", "70000"], "70000")):
+                        (["--listen", "localhost", "--token", "0123456789abcdef"], "an IP address"), (["--port", "70000"], "70000")):
         done = subprocess.run([programs.bolo, "view", programs.name, *words], capture_output=True, text=True,
                               timeout=PATIENCE_S, check=False)
         assert done.returncode == 2 and done.stderr.count("\n") == 1 and told in done.stderr, (words, done)

@@ -25,12 +25,13 @@ _bolo() {
   help=$("${command[@]}" --help 2>/dev/null) || return 0
   if [[ $prev == -?* ]]; then
     # The line of the option before: what its value is, and where the text begins with a list of words, these.
-    line=$(grep -E -- "(^|[ ,])$prev( |\$)" <<<"$help" | head -1)
-    case $line in
-      *"$prev"\ [!\ ]*FILE* | *"$prev"\ [!\ ]*.* | *"$prev"\ IN* | *"$prev"\ OUT* | *"$prev"\ FILE*) _bolo_files -f && return ;;
-      *"$prev"\ DIR* | *"$prev"\ FOLDER*) _bolo_files -d && return ;;
-      *"$prev"\ [!\ ]*)
-        _bolo_words "$(sed -nE "s/.*$prev [^ ]+( \(=[^)]*\))? +([a-z0-9]+(, [a-z0-9]+)+( or [a-z0-9]+)?).*/\2/p" <<<"$line" |
+    line=$(grep -E -- "^ +(-[A-Za-z], )?$prev[, ]|^ +$prev, " <<<"$help" | head -1 | sed -E 's/^ +(-[A-Za-z], )?//')
+    local value=${line#--* } # behind the option's long name; begins with a blank where it takes none
+    case ${value%% *} in
+      *DIR* | *FOLDER*) _bolo_files -d && return ;;
+      *FILE* | *CAPTURE* | *IMAGE* | IN* | OUT* | *.*) _bolo_files -f && return ;;
+      ?*)
+        _bolo_words "$(sed -nE 's/^[^ ]+( \(=[^)]*\))? +([a-z0-9]+(, [a-z0-9]+)+( or [a-z0-9]+)?).*/\2/p' <<<"$value" |
           sed -E 's/, | or / /g')"
         return
         ;;

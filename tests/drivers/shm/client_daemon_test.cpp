@@ -18,7 +18,7 @@ using testing_tools::Process;
 void write_capture(const std::filesystem::path& file, Geometry geometry) {
   capture::CaptureInfo info;
   info.format.geometry = geometry;
-  auto writer = capture::CaptureWriter::create(file, info);
+  auto writer = capture::CaptureWriter::create(file, info, {.replace = Replace::kExisting});
   ASSERT_TRUE(writer) << writer.error().message;
   const std::vector<std::uint16_t> plane(geometry.pixels(), 30'000);
   for (std::uint64_t id = 0; id < 100; ++id) {

@@ -35,7 +35,7 @@ inline void write_capture(const std::filesystem::path& file, std::uint64_t frame
   info.format.geometry = kGeometry;
   info.camera_model = "Test camera";
   info.camera_serial = "42";
-  auto writer = capture::CaptureWriter::create(file, info);
+  auto writer = capture::CaptureWriter::create(file, info, {.replace = Replace::kExisting});
   ASSERT_TRUE(writer) << writer.error().message;
   std::vector<std::uint16_t> plane(kGeometry.pixels());
   for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = scene(i);

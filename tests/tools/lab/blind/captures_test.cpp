@@ -69,6 +69,7 @@ TEST(BlindCaptures, TheStimulusStartsWhereItWasDrawn) {
   session.captures[0].faults.phase = 0.0;
   ASSERT_TRUE(write_captures(session, folder.path()));
   const auto at_zero = frame(*CaptureReader::open(folder / session.captures[0].file), 5);
+  std::filesystem::remove(folder / session.captures[0].file);
   session.captures[0].faults.phase = 3.0 / 20.0;  // of a period of 20 pixels
   ASSERT_TRUE(write_captures(session, folder.path()));
   const auto moved = frame(*CaptureReader::open(folder / session.captures[0].file), 5);

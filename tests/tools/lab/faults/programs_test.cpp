@@ -49,7 +49,7 @@ class Programs : public testing::Test {
 void write_capture(const std::filesystem::path& file, std::uint64_t frames) {
   capture::CaptureInfo info;
   info.format.geometry = kGeometry;
-  auto writer = capture::CaptureWriter::create(file, info);
+  auto writer = capture::CaptureWriter::create(file, info, {.replace = Replace::kExisting});
   ASSERT_TRUE(writer) << writer.error().message;
   for (std::uint64_t id = 0; id < frames; ++id) {
     const std::vector<std::uint16_t> plane(kGeometry.pixels(), static_cast<std::uint16_t>(30000 + id));
