@@ -72,6 +72,7 @@ double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings,
   std::vector<std::vector<std::byte>> planes;
   for (unsigned i = 0; i < kPlanes; ++i) planes.push_back(changing_plane(input, i + 1));
   std::vector<const void*> window;
+  window.reserve(static_cast<std::size_t>(settings.window));
   for (int i = 0; i < settings.window; ++i) window.push_back(planes[static_cast<unsigned>(i) % kPlanes].data());
   std::vector<std::byte> out(input.geometry.pixels() * bytes_of(output));
   const deblur::WindowView view{window, settings.window - 1 - settings.lookahead};
