@@ -49,7 +49,7 @@ class Programs:
         self.config = self.folder / f"{name}.toml"
         self.config.write_text(
             f'name = "{name}"\n[source]\naddress = "{self.address}"\nwidth = {self.width}\nheight = {self.height}\n'
-            f'[control]\nsocket = "{self.folder}/{name}.sock"\n{more}')
+            f'[control]\nsocket = "{self.folder}/{name}.sock"\n[deblur]\nlambda = 0.001\n{more}')
         self.running = {}
 
     def begin(self, preload=None):
