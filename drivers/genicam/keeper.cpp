@@ -27,7 +27,6 @@ constexpr std::int64_t kProbePeriodNs = 200'000'000;   // from one question to a
 constexpr std::int64_t kTellPeriodNs = 200'000'000;
 constexpr std::int64_t kTemperaturePeriodNs = 10'000'000'000;
 constexpr milliseconds kCorrectionLimit(5000);
-constexpr double kSamePeriod = 0.005;  // relative: what the sharp frames do not feel
 
 TransportStats sum(TransportStats a, const TransportStats& b) {
   a.completed_buffers += b.completed_buffers;
@@ -279,7 +278,7 @@ void Keeper::tell_transport() {
 void Keeper::tell_period() {
   const double measured_s = status_->measured_period_s.value();
   const double assumed_s = info_.format.frame_period_s;
-  if (told_period_ || measured_s <= 0.0 || std::abs(measured_s / assumed_s - 1.0) < kSamePeriod) return;
+  if (told_period_ || measured_s <= 0.0 || std::abs(measured_s / assumed_s - 1.0) < pipeline::kSamePeriod) return;
   told_period_ = true;
   char text[200];
   std::snprintf(text, sizeof text,

@@ -10,6 +10,9 @@
 
 namespace bolo::pipeline {
 
+// Relative: two periods that differ by less are the same to the sharp frames.
+inline constexpr double kSamePeriod = 0.005;
+
 // The values are part of the shared-memory layout (shm_layout.h): append only.
 enum class SourceState : std::uint32_t {
   kIdle,        // not started, or stopped

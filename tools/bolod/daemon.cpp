@@ -37,8 +37,6 @@ namespace {
 
 namespace event = pipeline::event;
 
-constexpr double kSamePeriod = 0.005;  // relative: what the sharp frames do not feel
-
 constexpr std::int64_t kMetricsRetryNs = 2'000'000'000;
 constexpr timespec kLookPeriod{0, 100'000'000};  // how late a signal's or the source's end may be noticed
 
@@ -220,7 +218,7 @@ void Daemon::Impl::watch(OnHangup on_hangup) {
 void Daemon::Impl::follow_period() {
   const pipeline::SourceStatus* source = pipeline->stats().source;
   const double measured_s = source != nullptr ? source->measured_period_s.value() : 0.0;
-  if (measured_s <= 0.0 || std::abs(measured_s / period_s - 1.0) < kSamePeriod) return;
+  if (measured_s <= 0.0 || std::abs(measured_s / period_s - 1.0) < pipeline::kSamePeriod) return;
   period_s = measured_s;  // one try for each: what cannot be solved with stays as it is, and is told
   const Status taken = pipeline->set_period(measured_s);
   if (!taken) log->warn("the measured period is not used: {}", taken.error().message);
