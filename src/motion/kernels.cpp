@@ -19,6 +19,7 @@ namespace bolo::motion::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 using Float = hn::CappedTag<float, kBlock>;
+constexpr std::ptrdiff_t kRow = kBlock;  // from one row of a block's pixels to the next
 using Vec = hn::Vec<Float>;
 
 inline constexpr int kLanes = static_cast<int>(hn::MaxLanes(Float()));
@@ -81,7 +82,7 @@ void halve(const PaddedPlane& from, int begin, int end, PaddedPlane& out) noexce
     const float* a = from.at(0, 2 * y);
     const float* b = from.at(0, 2 * y + 1);
     float* o = out.at(0, y);
-    for (int x = 0; x < width; ++x) o[x] = 0.25F * (a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1]);
+    for (std::ptrdiff_t x = 0; x < width; ++x) o[x] = 0.25F * (a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1]);
   }
 }
 
@@ -174,7 +175,7 @@ struct Inside {
   }
 };
 
-constexpr int kMovedStride = 24;  // 10 columns, written in whole vectors
+constexpr std::ptrdiff_t kMovedStride = 24;  // 10 columns, written in whole vectors
 
 // The block and one pixel around it, moved.
 HWY_INLINE void move_block(const PaddedPlane& a, int x0, int y0, Vec2 d, float* out) {
@@ -269,7 +270,7 @@ void cost(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_r
 constexpr int kSearchAcross = 9;
 constexpr int kSearchDown = 5;
 constexpr int kSide = 12;  // of the half-size window
-constexpr int kPatchStride = 40;
+constexpr std::ptrdiff_t kPatchStride = 40;
 constexpr int kPatchRows = kSide + 2 * kSearchDown;
 constexpr int kPatchColumns = kSide + 2 * kSearchAcross;
 
@@ -306,7 +307,6 @@ Vec2 search(const PaddedPlane& a, const PaddedPlane& b, int column, int row, Vec
     const float* line = b.at(0, std::clamp(y0 + r, 0, g.height - 1));
     for (int c = 0; c < kSide; ++c) to[r * 2 * kBlock + c] = line[std::clamp(x0 + c, 0, g.width - 1)];
   }
-  const Vec tail = hn::IfThenElseZero(hn::Lt(count_from(0.0F), all(static_cast<float>(kSide - kBlock))), all(1.0F));
   float best = 1e30F;
   Vec2 found;
   for (int sy = -kSearchDown; sy <= kSearchDown; ++sy) {
@@ -314,12 +314,14 @@ Vec2 search(const PaddedPlane& a, const PaddedPlane& b, int column, int row, Vec
       Vec total = hn::Zero(Float());
       for (int r = 0; r < kSide; ++r) {
         const float* p = from + (r + kSearchDown - sy) * kPatchStride + kSearchAcross - sx;
-        const float* q = to + r * 2 * kBlock;
+        const float* q = to + r * (2 * kRow);
         for (int x = 0; x < kBlock; x += kLanes) {
           const Vec e = hn::Sub(load(q + x), load(p + x));
           total = hn::MulAdd(e, e, total);
         }
         if constexpr (kLanes == kBlock) {
+          const Vec tail =
+              hn::IfThenElseZero(hn::Lt(count_from(0.0F), all(static_cast<float>(kSide - kBlock))), all(1.0F));
           const Vec e = hn::Mul(hn::Sub(load(q + kBlock), load(p + kBlock)), tail);
           total = hn::MulAdd(e, e, total);
         } else {
@@ -382,15 +384,15 @@ HWY_INLINE void move_cubic(const PaddedPlane& a, int x0, int y0, Vec2 d, float* 
       const float* p = from + r * a.stride() + x;
       Vec v = hn::Mul(all(wx[0]), load(p));
       for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(wx[i]), load(p + i), v);
-      store(v, across + r * kBlock + x);
+      store(v, across + r * kRow + x);
     }
   }
   for (int r = 0; r < kBlock; ++r) {
     for (int x = 0; x < kBlock; x += kLanes) {
-      const float* p = across + r * kBlock + x;
+      const float* p = across + r * kRow + x;
       Vec v = hn::Mul(all(wy[0]), load(p));
-      for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(wy[i]), load(p + i * kBlock), v);
-      store(v, out + r * kBlock + x);
+      for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(wy[i]), load(p + i * kRow), v);
+      store(v, out + r * kRow + x);
     }
   }
 }
@@ -421,8 +423,8 @@ void align(const PaddedPlane* const* planes, const Vec2* const* d, int planes_co
     }
     for (int r = 0; r < kBlock; ++r) {
       for (int x = 0; x < kBlock; x += kLanes) {
-        const Vec n = load(count + r * kBlock + x);
-        const Vec mean = hn::Div(load(total + r * kBlock + x), hn::Max(n, all(1.0F)));
+        const Vec n = load(count + r * kRow + x);
+        const Vec mean = hn::Div(load(total + r * kRow + x), hn::Max(n, all(1.0F)));
         const Vec old = load(now.at(x0 + x, y0 + r));
         store(hn::IfThenElse(hn::Gt(n, hn::Zero(Float())), mean, old), out.at(x0 + x, y0 + r));
       }
@@ -434,8 +436,7 @@ void shift(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& o
   HWY_ALIGN float moved[kBlock * kBlock];
   for (int c = 0; c < from.blocks_across(); ++c) {
     move_cubic(from, c * kBlock, block_row * kBlock, d[c], moved);
-    for (int r = 0; r < kBlock; ++r)
-      std::copy_n(moved + r * kBlock, kBlock, out.at(c * kBlock, block_row * kBlock + r));
+    for (int r = 0; r < kBlock; ++r) std::copy_n(moved + r * kRow, kBlock, out.at(c * kBlock, block_row * kBlock + r));
   }
 }
 
@@ -606,7 +607,7 @@ void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, con
       const float* from = x.at(x0, y0) + s.offset;
       for (int r = 0; r < kBlock; ++r) {
         for (int k = 0; k < kBlock; k += kLanes) {
-          float* to = blurred + r * kBlock + k;
+          float* to = blurred + r * kRow + k;
           store(hn::Add(load(to), sample(from + r * x.stride() + k, x.stride(), s)), to);
         }
       }
@@ -616,7 +617,7 @@ void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, con
     for (int r = 0; r < kBlock; ++r) {
       for (int k = 0; k < kBlock; k += kLanes) {
         const Vec innovation = load(z.at(x0 + k, y0 + r));
-        const Vec e = hn::Sub(innovation, load(blurred + r * kBlock + k));
+        const Vec e = hn::Sub(innovation, load(blurred + r * kRow + k));
         const Vec m = hn::Sub(innovation, load(y.at(x0 + k, y0 + r)));
         store(e, left.at(x0 + k, y0 + r));
         residual = hn::MulAdd(e, e, residual);

@@ -33,7 +33,7 @@ struct alignas(64) FilterWeights {
   static constexpr int kBefore = 2 * kTaps;
   static constexpr int kAhead = 2 * kTaps + 2;
   static constexpr int kError = 3 * kTaps + 2;
-  static constexpr int kStride = 40;
+  static constexpr std::ptrdiff_t kStride = 40;
   float w[kStride] = {};
 };
 
