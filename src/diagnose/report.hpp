@@ -157,6 +157,7 @@ struct Report {
   std::vector<NotIdentifiable> not_identifiable;
   std::vector<std::string> warnings;  // captures left out, and why
   std::vector<std::string> withheld;  // effects taken out of the catalogue
+  bool kelvin = true;                 // false: the captures are in counts, and so is every figure whose name ends in _k
   double noise_floor_k = 0.0;
   double noise_gap_before = 1.0;  // of the noise's own statistics
   double noise_gap_after = 1.0;

@@ -23,18 +23,23 @@ std::vector<std::filesystem::path> report_files(const std::filesystem::path& fol
 // Writes report_files(); makes the folder. Thread: setup.
 Status write_report(const Report& report, const std::filesystem::path& folder, Replace replace);
 
+struct Wording {
+  bool utf8 = false;   // with a micro sign
+  bool kelvin = true;  // false: what ends in _k is of captures in counts
+};
+
 // A value of the parameter `key` with its unit: "27.9 us", "12 %". The unit follows from the key's ending (_s, _k, _hz,
-// _px) or, for shares and the like, from the key. `utf8`: with a micro sign.
-std::string quantity(const std::string& key, double value, bool utf8 = false);
+// _px) or, for shares and the like, from the key.
+std::string quantity(const std::string& key, double value, Wording wording = {});
 
 // Value and 95 % interval in one unit: "27.9 us (26.0 to 30.1)".
-std::string quantity(const std::string& key, const Estimate& estimate, bool utf8 = false);
+std::string quantity(const std::string& key, const Estimate& estimate, Wording wording = {});
 
 // "tau_global" -> "Time constant". A name that is not known is returned with blanks for underscores.
 std::string effect_title(const std::string& name);
 
 // What the effect does, with its numbers: "Rows are sampled 27.9 us after one another".
-std::string effect_sentence(const FoundEffect& effect, bool utf8 = false);
+std::string effect_sentence(const FoundEffect& effect, Wording wording = {});
 
 // The verdict in one or two sentences.
 std::string headline(const Report& report, bool utf8 = false);

@@ -125,7 +125,8 @@ Noise judge_noise(const Events& events, const Options& options) {
   const Recording& first = events.session.recordings.front();
   if (!first.kelvin) {
     noise.findings.warnings.push_back(
-        first.name + ": holds counts, not kelvin; figures in K are counts, and the noise's level is not judged");
+        first.name +
+        ": holds counts, not kelvin; names that end in _k stand for counts, and the noise's level is not judged");
   }
   if (noise.statistics.frames == 0) return noise;
   Namer out(options, noise.findings);

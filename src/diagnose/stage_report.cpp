@@ -277,6 +277,7 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
       report.not_identifiable.push_back({effect.name, effect.needs});
     }
   }
+  report.kelvin = session.recordings.front().kelvin;
   fill_noise(noise, report);
   join_gaps(fit.done, report);
   std::vector<Remainder> all;

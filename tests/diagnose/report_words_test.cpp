@@ -13,6 +13,7 @@ TEST(ReportWords, QuantitiesHaveTheUnitThatReadsEasily) {
   EXPECT_EQ(quantity("time_s", 10.0), "10 s");
   EXPECT_EQ(quantity("pixel_k", 0.03), "30 mK");
   EXPECT_EQ(quantity("level_k", 311.25), "311 K");
+  EXPECT_EQ(quantity("level_k", 311.25, {.kelvin = false}), "311 counts");
   EXPECT_EQ(quantity("rms", 0.006), "0.6 %");
   EXPECT_EQ(quantity("skew", 5e-4), "500 ppm");
   EXPECT_EQ(quantity("corner_hz", 3.0), "3 Hz");
@@ -61,6 +62,14 @@ TEST(ReportWords, TheSummaryNamesAllThatWasFound) {
                            "07-field.h5", "partly_explained"}) {
     EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
   }
+}
+
+TEST(ReportWords, FiguresOfCapturesInCountsAreNotCalledKelvin) {
+  Report report = test::invented_mixture();
+  report.kelvin = false;
+  const std::string text = report_summary(report);
+  EXPECT_EQ(text.find(" mK"), std::string::npos) << text;
+  EXPECT_NE(text.find(" counts"), std::string::npos) << text;
 }
 
 }  // namespace

@@ -103,12 +103,13 @@ bool is_share(std::string_view key) {
   return std::ranges::find(kShares, key) != kShares.end() || ends_with(key, "_share") || ends_with(key, "_fraction");
 }
 
-Unit unit_of(std::string_view key, double value, bool utf8) {
+Unit unit_of(std::string_view key, double value, Wording wording) {
   const double size = std::abs(value);
   if (ends_with(key, "_s") && !ends_with(key, "px_s")) {
-    if (size > 0.0 && size < 1e-3) return {1e6, utf8 ? " \u00b5s" : " us"};
+    if (size > 0.0 && size < 1e-3) return {1e6, wording.utf8 ? " \u00b5s" : " us"};
     return size < 1.0 ? Unit{1e3, " ms"} : Unit{1.0, " s"};
   }
+  if (ends_with(key, "_k") && !wording.kelvin) return {1.0, " counts"};
   if (ends_with(key, "_k")) return size < 0.5 ? Unit{1e3, " mK"} : Unit{1.0, " K"};
   if (ends_with(key, "px_s")) return {1.0, " px/s"};
   if (ends_with(key, "_hz")) return {1.0, " Hz"};
@@ -155,7 +156,7 @@ bool known(const FoundEffect& effect, const std::string& key) {
 }
 
 // The text for what stands between the braces, or nothing when the parameter is missing.
-std::optional<std::string> place(const FoundEffect& effect, const std::string& inner, bool utf8) {
+std::optional<std::string> place(const FoundEffect& effect, const std::string& inner, Wording wording) {
   const std::string key = inner.substr(0, inner.find_first_of("~?%"));
   if (!known(effect, key)) return std::nullopt;
   const double value = effect.parameters.at(key).value;
@@ -168,17 +169,17 @@ std::optional<std::string> place(const FoundEffect& effect, const std::string& i
     return value >= neutral ? rest.substr(1, bar - 1) : rest.substr(bar + 1);
   }
   const bool is_signless = key == "skew";
-  return quantity(key, is_signless ? std::abs(value) : value, utf8);
+  return quantity(key, is_signless ? std::abs(value) : value, wording);
 }
 
-std::optional<std::string> filled(std::string_view sentence, const FoundEffect& effect, bool utf8) {
+std::optional<std::string> filled(std::string_view sentence, const FoundEffect& effect, Wording wording) {
   std::string out;
   while (true) {
     const std::size_t open = sentence.find('{');
     out += sentence.substr(0, open);
     if (open == std::string_view::npos) return out;
     const std::size_t close = sentence.find('}', open);
-    const auto text = place(effect, std::string(sentence.substr(open + 1, close - open - 1)), utf8);
+    const auto text = place(effect, std::string(sentence.substr(open + 1, close - open - 1)), wording);
     if (!text) return std::nullopt;
     out += *text;
     sentence.remove_prefix(close + 1);
@@ -226,7 +227,7 @@ std::string left_over(const Report& report) {
 
 std::string found(const Report& report, bool utf8) {
   const FoundEffect& first = report.effects.front();
-  if (report.effects.size() == 1) return effect_sentence(first, utf8) + "; " + closing(report);
+  if (report.effects.size() == 1) return effect_sentence(first, {utf8, report.kelvin}) + "; " + closing(report);
   std::string others;
   for (std::size_t i = 1; i < report.effects.size(); ++i) {
     others += (i == 1                           ? ""
@@ -234,7 +235,7 @@ std::string found(const Report& report, bool utf8) {
                                                 : ", ") +
               lower_first(effect_title(report.effects[i].name));
   }
-  return effect_sentence(first, utf8) + "; with it come " + others + "; " + closing(report);
+  return effect_sentence(first, {utf8, report.kelvin}) + "; with it come " + others + "; " + closing(report);
 }
 
 std::string sentence_end(std::string text) {
@@ -246,18 +247,16 @@ void add_line(std::string& out, const std::string& name, const std::string& text
   out += "  " + name + std::string(name.size() < 12 ? 12 - name.size() : 1, ' ') + text + '\n';
 }
 
-std::string parameters_text(const FoundEffect& effect) {
+std::string parameters_text(const FoundEffect& effect, Wording wording) {
   std::string text;
   for (const auto& [key, estimate] : effect.parameters) {
-    text += (text.empty() ? "" : ", ") + key + ' ' + quantity(key, estimate);
+    text += (text.empty() ? "" : ", ") + key + ' ' + quantity(key, estimate, wording);
   }
   return text;
 }
 
 // Of K or counts.
-std::string amount(double value, const std::string& unit) {
-  return unit == "K" ? quantity("size_k", value) : digits(value) + " counts";
-}
+std::string amount(double value, const std::string& unit) { return quantity("size_k", value, {.kelvin = unit == "K"}); }
 
 std::string jumps_text(const Observation& one) {
   constexpr std::size_t kMost = 12;
@@ -305,13 +304,13 @@ std::vector<std::string> describe(const Observation& one) {
   return all;
 }
 
-std::string quantity(const std::string& key, double value, bool utf8) {
-  const Unit unit = unit_of(key, value, utf8);
+std::string quantity(const std::string& key, double value, Wording wording) {
+  const Unit unit = unit_of(key, value, wording);
   return digits(value * unit.factor) + unit.text;
 }
 
-std::string quantity(const std::string& key, const Estimate& estimate, bool utf8) {
-  const Unit unit = unit_of(key, estimate.value, utf8);
+std::string quantity(const std::string& key, const Estimate& estimate, Wording wording) {
+  const Unit unit = unit_of(key, estimate.value, wording);
   const double value = estimate.value * unit.factor;
   const double half = 0.5 * unit.factor * (estimate.high - estimate.low);
   const int decimals = decimals_for(value, half);
@@ -326,11 +325,11 @@ std::string effect_title(const std::string& name) {
   return title;
 }
 
-std::string effect_sentence(const FoundEffect& effect, bool utf8) {
+std::string effect_sentence(const FoundEffect& effect, Wording wording) {
   const EffectDescription* const description = description_of(effect.name);
   if (description == nullptr) return effect_title(effect.name) + " is at work";
   if (description->sentence.empty()) return std::string(description->plain);
-  return filled(description->sentence, effect, utf8).value_or(std::string(description->plain));
+  return filled(description->sentence, effect, wording).value_or(std::string(description->plain));
 }
 
 std::string gap_text(double gap) {
@@ -358,6 +357,7 @@ std::string headline(const Report& report, bool utf8) {
 }
 
 std::string report_summary(const Report& report) {
+  const Wording wording{.kelvin = report.kelvin};
   std::string out = headline(report) + '\n';
   add_line(out, "verdict", report.verdict);
   if (report.verdict != "not_testable") {
@@ -367,7 +367,7 @@ std::string report_summary(const Report& report) {
   if (std::isfinite(report.noise_gap_before)) {
     add_line(out, "noise",
              gap_text(report.noise_gap_before) + " -> " + gap_text(report.noise_gap_after) +
-                 " of its own statistics, floor " + quantity("floor_k", report.noise_floor_k));
+                 " of its own statistics, floor " + quantity("floor_k", report.noise_floor_k, wording));
   }
   for (const FoundEffect& effect : report.effects) {
     std::string text = effect.name + " (" + effect.stage + ", " + percent(effect.confidence) + " sure)";
@@ -376,7 +376,7 @@ std::string report_summary(const Report& report) {
       text += effect.of_noise ? " of noise" : "";
     }
     add_line(out, "effect", text);
-    if (!effect.parameters.empty()) add_line(out, "", parameters_text(effect));
+    if (!effect.parameters.empty()) add_line(out, "", parameters_text(effect, wording));
   }
   for (const Observation& one : report.observations) {
     for (const std::string& sentence : describe(one)) add_line(out, "seen", one.file + ": " + sentence);
@@ -385,7 +385,7 @@ std::string report_summary(const Report& report) {
   if (!report.defects.noisy.empty()) add_line(out, "pixels", describe(report.defects.noisy, "noisy"));
   for (const auto& [file, errors] : report.stimulus) {
     std::string text = file + ':';
-    for (const auto& [key, value] : errors) text += ' ' + key + ' ' + quantity(key, value) + ',';
+    for (const auto& [key, value] : errors) text += ' ' + key + ' ' + quantity(key, value, wording) + ',';
     text.pop_back();
     add_line(out, "stimulus", text);
   }

@@ -17,11 +17,11 @@ using plot::format;
 using plot::number_text;
 using plot::unbroken;
 
-std::string parameters_table(const FoundEffect& effect) {
+std::string parameters_table(const FoundEffect& effect, Wording wording) {
   if (effect.parameters.empty()) return {};
   std::string out = "<table><tr><th>parameter<th class=n>value<th class=n>95 % interval</tr>";
   for (const auto& [key, estimate] : effect.parameters) {
-    const std::string both = quantity(key, estimate, true);
+    const std::string both = quantity(key, estimate, wording);
     const std::size_t open = both.rfind(" (");
     out += "<tr><td><code>" + escaped(key) + "</code><td class=n><b>" + both.substr(0, open) + "</b><td class=n>" +
            both.substr(open + 2, both.size() - open - 3) + "</tr>";
@@ -52,14 +52,14 @@ std::string gaps_text(const FoundEffect& effect) {
                 gap_text(effect.gap_before).c_str(), gap_text(effect.gap_after).c_str());
 }
 
-std::string effect_card(const FoundEffect& effect) {
+std::string effect_card(const FoundEffect& effect, Wording wording) {
   return "<section class=card><h3>" + escaped(effect_title(effect.name)) + " <code>" + escaped(effect.name) +
-         "</code></h3><p style=\"margin:4px 0 8px\">" + unbroken(escaped(effect_sentence(effect, true))) + ".</p>" +
+         "</code></h3><p style=\"margin:4px 0 8px\">" + unbroken(escaped(effect_sentence(effect, wording))) + ".</p>" +
          format(
              "<p class=soft style=\"font-size:14px\">Stage <b>%s</b> \u00b7 <b>%.3g %%</b> sure that it is this "
              "one%s</p>",
              escaped(effect.stage).c_str(), 100.0 * effect.confidence, gaps_text(effect).c_str()) +
-         parameters_table(effect) + alternatives_text(effect) + "</section>";
+         parameters_table(effect, wording) + alternatives_text(effect) + "</section>";
 }
 
 // Kelvin statistics stand on one logarithmic axis, all below this at its left end.
@@ -129,7 +129,7 @@ std::string list_of(const std::vector<std::string>& items) {
 std::string effects_part(const Report& report) {
   if (report.effects.empty()) return {};
   std::string out = "<h2>The effects</h2><div class=cards>";
-  for (const FoundEffect& effect : report.effects) out += effect_card(effect);
+  for (const FoundEffect& effect : report.effects) out += effect_card(effect, {true, report.kelvin});
   return out + "</div>";
 }
 
@@ -141,8 +141,8 @@ std::string stimulus_part(const Report& report) {
   for (const auto& [file, errors] : report.stimulus) {
     std::string name = escaped(file);
     for (const auto& [key, value] : errors) {
-      out += "<tr><td>" + name + "<td><code>" + escaped(key) + "</code><td class=n>" + quantity(key, value, true) +
-             "</tr>";
+      out += "<tr><td>" + name + "<td><code>" + escaped(key) + "</code><td class=n>" +
+             quantity(key, value, {true, report.kelvin}) + "</tr>";
       name.clear();
     }
   }

@@ -176,7 +176,7 @@ std::string head_part(const Report& report) {
                     : "\u2013",
                 "of the gap closed");
   out += fact(arrow(report.noise_gap_before, report.noise_gap_after), "gap of the noise's own statistics");
-  out += fact(quantity("floor_k", report.noise_floor_k), "noise floor of a pixel");
+  out += fact(quantity("floor_k", report.noise_floor_k, {true, report.kelvin}), "noise floor of a pixel");
   return out + "</div>";
 }
 
