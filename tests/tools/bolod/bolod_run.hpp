@@ -27,10 +27,10 @@ inline constexpr Geometry kGeometry{64, 24};
 inline constexpr std::uint64_t kFirstId = 1000;
 inline constexpr std::uint64_t kLostId = 1100;  // never recorded
 
-// A still scene, so that sharp and raw frames agree; the first pixel tells the frame.
+// A still scene, so that sharp and raw frames agree; the first pixel tells the frame, by `step` counts each.
 inline std::uint16_t scene(std::size_t pixel) { return static_cast<std::uint16_t>(30000 + pixel); }
 
-inline void write_capture(const std::filesystem::path& file, std::uint64_t frames) {
+inline void write_capture(const std::filesystem::path& file, std::uint64_t frames, unsigned step = 1) {
   capture::CaptureInfo info;
   info.format.geometry = kGeometry;
   info.camera_model = "Test camera";
@@ -41,7 +41,7 @@ inline void write_capture(const std::filesystem::path& file, std::uint64_t frame
   for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = scene(i);
   for (std::uint64_t id = kFirstId; id < kFirstId + frames; ++id) {
     if (id == kLostId) continue;
-    plane[0] = static_cast<std::uint16_t>(id);
+    plane[0] = static_cast<std::uint16_t>(kFirstId + (id - kFirstId) * step);
     ASSERT_TRUE(writer->append(static_cast<double>(id) * 0.005, id, plane.data()));
   }
   ASSERT_TRUE(writer->close());

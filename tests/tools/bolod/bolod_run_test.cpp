@@ -1,6 +1,7 @@
 // The whole way: a capture, bolod, shared memory, a reader; signals, names, `bolo stat`.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "drivers/shm/shm_reader.hpp"
@@ -216,6 +217,46 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   EXPECT_EQ(nuc.wait(), 0) << nuc.err();
   EXPECT_TRUE(eventually([&] { return daemon.err().find("NUC (asked for)") != std::string::npos; })) << daemon.err();
   EXPECT_TRUE(eventually([&] { return reader->camera()->corrections == 1; }));
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0) << daemon.err();
+}
+
+// A camera that sends 180 frames a second where 200 are configured: its own clock's period is what frames are solved
+// with. The first pixel rises by 100 counts a frame, which the inverse filter turns into 100 a / (1 - a) counts more,
+// a = exp(-period / tau).
+TEST_F(BolodRun, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
+  write_capture(folder_ / "in.h5", 90, 100);
+  const int pid = static_cast<int>(getpid());
+  const std::string address = "127." + std::to_string(100 + pid % 100) + "." + std::to_string(pid / 100 % 250) + ".9";
+  Process camera({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address, "--loop", "--rate", "180"},
+                 folder_ / "camera");
+  ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();
+  std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address
+                                        << "'\nwidth = 64\nheight = 24\ntrue_rate_hz = 200\n"
+                                        << "[deblur]\nsolver = 'inverse'\ntau_s = 0.011\n"
+                                        << "[pipeline]\nlock_memory = false\n";
+  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
+  auto reader = attach();
+  ASSERT_TRUE(reader) << daemon.err();
+  const auto added = [](double rate_hz) {
+    const double a = std::exp(-1.0 / (rate_hz * 0.011));
+    return 100.0 * a / (1.0 - a);
+  };
+  ReadFrame frame;
+  double last = 0.0;
+  for (std::uint64_t number = reader->published(), read = 0; read < 2000; ++number) {
+    const Outcome outcome = reader->read(number, frame, 60'000);
+    if (outcome == Outcome::kOverwritten) continue;
+    ASSERT_EQ(outcome, Outcome::kFrame) << daemon.err();
+    ++read;
+    const unsigned place =
+        (frame.raw[0] - static_cast<unsigned>(kFirstId)) / 100;  // in the capture, which begins again
+    if ((frame.meta.flags & (kFlagWarmUp | kFlagGap)) != 0 || place < 30) continue;
+    last = static_cast<double>(frame.deblurred[0]) - frame.raw[0];
+    if (std::abs(last - added(180.0)) < 2.0) break;
+  }
+  EXPECT_NEAR(last, added(180.0), 2.0) << "200 Hz would add " << added(200.0) << '\n' << daemon.err();
+  EXPECT_NE(daemon.err().find("180 frames come a second, not 200"), std::string::npos) << daemon.err();
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(), 0) << daemon.err();
 }
