@@ -89,12 +89,17 @@ def expect_whole(out, told, lost_before):
     return int(ids[-1])
 
 
+def size_of(file):
+    return os.path.getsize(file) if os.path.exists(file) else 0
+
+
 def kill_one(bolo, name, folder, dice, disk):
     """Seconds of frames lost by killing a recording at a random moment."""
     out = os.path.join(folder, "a.h5")
     part = out + ".part"
     recorder = subprocess.Popen([bolo, "record", name, "-o", out], env=dict(os.environ, **disk))
-    wait_for(lambda: os.path.exists(part), "the recording's file")
+    # A busy machine may take long until the first commit; what is promised begins with it.
+    wait_for(lambda: os.path.exists(part) and size_of(part + ".live") > 0, "the recording's first commit")
     time.sleep(dice.uniform(0.7, 2.0) + (dice.uniform(0, 3.0) if disk else 0))
     newest_id, lost_before = newest(name)
     recorder.send_signal(signal.SIGKILL)

@@ -5,7 +5,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
+#include <filesystem>
+#include <fstream>
 #include <functional>
+#include <string>
+#include <thread>
 #include <vector>
 
 namespace bolo::shm {
@@ -13,9 +18,30 @@ namespace bolo::shm {
 inline constexpr uid_t kNobody = 65534;
 inline constexpr gid_t kNoGroup = 65534;
 
+// Waits until every other thread of this process sleeps. One that just starts may hold the lock of a sanitizer's
+// allocator, which a fork would copy as it is.
+inline void let_others_sleep() {
+  const auto awake = [] {
+    int count = 0;
+    for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
+      if (task.path().filename() == std::to_string(gettid())) continue;
+      std::ifstream file(task.path() / "stat");
+      std::string text;
+      std::getline(file, text);
+      const std::size_t name_end = text.rfind(") ");
+      count += name_end != std::string::npos && text[name_end + 2] == 'S' ? 0 : 1;
+    }
+    return count;
+  };
+  for (int quiet = 0; quiet < 3; quiet = awake() == 0 ? quiet + 1 : 0) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+}
+
 // Runs `work` in a child without privileges, member of `groups`; what it returns. -1: it did not get there. Only root
 // can.
 inline int unprivileged(const std::vector<gid_t>& groups, const std::function<int()>& work, uid_t user = kNobody) {
+  let_others_sleep();
   const pid_t child = fork();
   if (child == 0) {
     const bool dropped = setgroups(groups.size(), groups.data()) == 0 && setgid(kNoGroup) == 0 && setuid(user) == 0;
