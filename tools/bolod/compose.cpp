@@ -22,11 +22,6 @@ Result<ComposedSource> make_replay(const ReplayOptions& options) {
 Result<ComposedSource> make_source(const DaemonConfig& config) {
   if (config.source == SourceType::kReplay) return make_replay(config.replay);
   ComposedSource composed;
-  if (config.source == SourceType::kUsb) {
-    composed.source = std::make_unique<usb::UsbBulkSource>(config.usb);
-    composed.warnings.emplace_back("USB cameras are experimental: none whose protocol is known was tried");
-    return composed;
-  }
   auto source = std::make_unique<genicam::GenicamSource>(config.camera);
   composed.camera = source.get();
   composed.source = std::move(source);

@@ -13,7 +13,6 @@
 #include "src/model/strict_toml.hpp"
 #include "src/pipeline/apply_profile.hpp"
 #include "tools/bolod/config_camera.hpp"
-#include "tools/bolod/config_usb.hpp"
 #include "tools/bolod/config_video.hpp"
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/metrics_server.hpp"
@@ -33,8 +32,7 @@ constexpr std::string_view kHeading =
 template <typename Enum, std::size_t N>
 using Names = std::array<std::pair<std::string_view, Enum>, N>;
 
-constexpr Names<SourceType, 3> kSources{
-    {{"genicam", SourceType::kGenicam}, {"replay", SourceType::kReplay}, {"usb", SourceType::kUsb}}};
+constexpr Names<SourceType, 2> kSources{{{"genicam", SourceType::kGenicam}, {"replay", SourceType::kReplay}}};
 constexpr Names<replay::Pace, 2> kPaces{
     {{"realtime", replay::Pace::kRealTime}, {"fast", replay::Pace::kAsFastAsPossible}}};
 constexpr Names<genicam::PixelOrder, 2> kPixelOrders{
@@ -56,21 +54,18 @@ constexpr Names<LogLevel, 4> kLevels{{{"debug", LogLevel::kDebug},
 constexpr Names<LogFormat, 3> kFormats{
     {{"auto", LogFormat::kAuto}, {"text", LogFormat::kText}, {"journal", LogFormat::kJournal}}};
 
-// Keys whose meaning others decide: those that take a value of the profile's place when they are given, and [usb].
+// Keys that take the place of a value of the profile when they are given.
 struct Overrides {
   std::optional<double> rate_hz;
   std::optional<genicam::PixelOrder> pixel_order;
   std::optional<int> metadata_rows;
   std::optional<double> tau_s;
-  UsbKeys usb;
 };
 
 void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.section("source", "where frames come from");
-  keys.choice<SourceType>(
-      "type", c.source, kSources,
-      "genicam: a GigE Vision or USB3 Vision camera. replay: a capture file. usb: frames over a bulk "
-      "endpoint as [usb] describes, experimental.");
+  keys.choice<SourceType>("type", c.source, kSources,
+                          "genicam: a GigE Vision or USB3 Vision camera. replay: a capture file.");
   keys.text("address", c.camera.address,
             "Camera: IP address or Aravis device id; empty: the only camera that answers.");
   keys.text(
@@ -188,7 +183,8 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
             "Camera profile. Left out: what is known of the A655sc at 200 Hz.");
   source_keys(keys, config, overrides);
   camera_keys(keys, config.camera);
-  usb_keys(keys, overrides.usb);
+  keys.removed("source.type", "usb", "use \"genicam\", which receives USB3 Vision cameras too, or \"replay\"");
+  keys.removed("usb", "", "delete the section; source.type = \"genicam\" receives USB3 Vision cameras");
   deblur_keys(keys, config, overrides);
   pipeline_keys(keys, config);
   output_keys(keys, config);
@@ -306,11 +302,6 @@ Result<DaemonConfig> read_config(const std::filesystem::path& file) {
   config.file = file;
   config.texts = config_keys(config, overrides).texts();
   if (const Status status = apply_profile(config, overrides); !status) return tl::unexpected<Error>(status.error());
-  if (config.source == SourceType::kUsb) {
-    auto usb = usb_options(keys, overrides.usb, config.camera);
-    if (!usb) return tl::unexpected<Error>(usb.error());
-    config.usb = std::move(*usb);
-  }
   if (const Status status = check_together(keys, config); !status) return tl::unexpected<Error>(status.error());
   note_profile(config);
   return config;

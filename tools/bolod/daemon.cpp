@@ -266,8 +266,7 @@ Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::
   impl->config = config;
   impl->log = std::move(log);
   if (const Status status = impl->compose(); !status) return tl::unexpected<Error>(status.error());
-  const int stall_ms = config.source == SourceType::kUsb ? config.usb.stall_ms : config.camera.stall_ms;
-  impl->supervisor.emplace(Supervisor::Subject{*impl->log, *impl->pipeline, impl->sinks.video, stall_ms});
+  impl->supervisor.emplace(Supervisor::Subject{*impl->log, *impl->pipeline, impl->sinks.video, config.camera.stall_ms});
   if (const Status status = impl->listen(); !status) return tl::unexpected<Error>(status.error());
   impl->serve_metrics();
   return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
