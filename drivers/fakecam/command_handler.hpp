@@ -11,7 +11,7 @@
 
 namespace bolo::fakecam {
 
-// Who sent a packet: IPv4 address and UDP port, host byte order.
+// Sender of a packet: IPv4 address and UDP port, host byte order.
 struct Peer {
   std::uint32_t address = 0;
   std::uint16_t port = 0;

@@ -23,7 +23,7 @@ inline constexpr std::uint32_t kMaxPacketId = 0xffffff;
 
 enum class Content : std::uint8_t { kLeader = 1, kTrailer = 2, kPayload = 3 };
 
-// What the leader says of a frame.
+// Fields of the leader.
 struct BlockInfo {
   std::uint16_t block_id = 1;  // never 0
   std::uint64_t timestamp_ns = 0;

@@ -1,4 +1,4 @@
-// What the fake camera counted since it was started.
+// Counters of the fake camera since it was started.
 #pragma once
 
 #include <atomic>
@@ -7,7 +7,7 @@
 
 namespace bolo::fakecam {
 
-// How far the camera has come: frames whose turn has come, sent or withheld by a fault, and the time stamp of the last.
+// Progress of the stream: frames that were due, sent or withheld by a fault, and the time stamp of the last.
 struct StreamPosition {
   std::uint64_t turns = 0;  // of all streams
   std::uint64_t timestamp_ns = 0;

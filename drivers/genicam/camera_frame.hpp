@@ -1,4 +1,4 @@
-// A frame as a transport hands it over: GVSP's or Aravis's.
+// A frame as a transport (GVSP or Aravis) delivers it.
 #pragma once
 
 #include <cstddef>
@@ -7,11 +7,11 @@
 
 namespace bolo::genicam {
 
-// How it came to its end.
+// The way in which a frame ended.
 enum class FrameEnd {
   kWhole,
   kIncomplete,  // packets of it never came
-  kDriver,      // the transport library gave it up
+  kDriver,      // the transport library aborted it
 };
 
 struct CameraFrame {
@@ -27,7 +27,7 @@ struct CameraFrame {
   int width = 0;
   int height = 0;
   int x_padding = 0;                    // bytes after each row
-  std::span<const std::byte> pixels{};  // what came; valid until the call that brought it returns
+  std::span<const std::byte> pixels{};  // received so far; valid until the call that brought it returns
 };
 
 }  // namespace bolo::genicam

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "drivers/genicam/nodes.hpp"
-#include "drivers/genicam/object.hpp"
+#include "drivers/genicam/object_settings.hpp"
 
 namespace bolo::genicam {
 namespace {
@@ -48,7 +48,7 @@ const IrFormatEntry* entry_of(IrFormat format) {
   return at != kIrFormats.end() ? at : nullptr;
 }
 
-// What a count means, after the camera has been told.
+// Sets IRFormat; returns the scale of a count with it.
 LinearScale configure_ir_format(Nodes& nodes, IrFormat wanted, Warnings& warnings) {
   const IrFormatEntry* entry = entry_of(wanted);
   if (!nodes.has("IRFormat")) {

@@ -1,4 +1,4 @@
-// Brings the camera into the state that the options ask for, and says what it will send.
+// Configures the camera as the options ask, and reads back the format that it will send.
 #pragma once
 
 #include <cstdint>

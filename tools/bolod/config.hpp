@@ -1,4 +1,4 @@
-// What `bolod` is asked to do, read from one TOML file (config/bolod.toml documents every key).
+// Configuration of `bolod`, read from one TOML file (config/bolod.toml documents every key).
 #pragma once
 
 #include <array>

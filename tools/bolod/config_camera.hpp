@@ -1,4 +1,4 @@
-// The keys of what a camera is told beyond its stream: range, corrections, object.
+// Keys of [camera], [nuc] and [object]: temperature range, NUC policy, object parameters.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@ namespace bolo::daemon {
 // Declares [camera], [nuc] and [object], bound to `camera`, which outlives the table. Thread: any.
 void camera_keys(model::KeyTable& keys, genicam::CameraOptions& camera);
 
-// What these keys say together. Thread: any.
+// Checks keys that depend on one another. Thread: any.
 Status check_camera(const genicam::CameraOptions& camera);
 
 // Digits and dots that are no IPv4 address; other words are device ids. Thread: any.

@@ -18,15 +18,15 @@ FlowWatch::FlowWatch(double frame_period_s, int lookahead, std::int64_t stall_ns
       received_{0, start_ns},
       handled_{0, start_ns} {}
 
-std::string FlowWatch::look(const Signs& signs) {
+std::string FlowWatch::check(const Signs& signs) {
   const std::int64_t silent_ns = signs.now_ns - received_.since_ns;
   if (signs.received != received_.value && silent_ns > patience_ns_) handled_.since_ns = signs.now_ns;  // due from now
   received_.update(signs.received, signs.now_ns);
   handled_.update(signs.handled, signs.now_ns);
   const auto for_how_long = [&](std::int64_t since_ns) { return seconds_text(signs.now_ns - since_ns); };
 
-  if (signs.now_ns - signs.looked_ns > kPatienceNs) {
-    return "the pipeline has not moved for " + for_how_long(signs.looked_ns);
+  if (signs.now_ns - signs.polled_ns > kPatienceNs) {
+    return "the pipeline has not moved for " + for_how_long(signs.polled_ns);
   }
   if (signs.now_ns - received_.since_ns <= patience_ns_) {  // frames come
     if (signs.now_ns - handled_.since_ns <= patience_ns_) return {};

@@ -1,4 +1,4 @@
-// Whether frames really flow: what the service manager's watchdog is fed by.
+// Checks that frames flow: the condition for feeding the service manager's watchdog.
 #pragma once
 
 #include <cstdint>
@@ -6,28 +6,28 @@
 
 namespace bolo::daemon {
 
-// What is seen of pipeline and source at one moment. Times: CLOCK_MONOTONIC.
+// State of pipeline and source at one moment. Times: CLOCK_MONOTONIC.
 struct Signs {
   std::int64_t now_ns = 0;
-  std::int64_t looked_ns = 0;   // when the pipeline thread last came to look for a frame; 0: it does not run yet
+  std::int64_t polled_ns = 0;   // when the pipeline thread last polled for a frame; 0: it does not run yet
   std::uint64_t received = 0;   // frames that reached the queue
   std::uint64_t handled = 0;    // frames published, or dropped as repeats of the one before
-  bool watched = false;         // the source looks after a camera and says how it is:
-  bool streams = false;         // it says that the camera streams
-  std::int64_t watched_ns = 0;  // when it last looked
+  bool watched = false;         // the source monitors a camera and reports its state:
+  bool streams = false;         // it reports that the camera streams
+  std::int64_t watched_ns = 0;  // when it last checked
 };
 
-// All is well while frames that come are published, or while none comes and the source says why: its camera stalls, is
-// lost or corrects itself, and is being looked after. A source that is not watched has no frame due when none comes.
-// Thread: one at a time.
+// All is well while frames that come are published, or while none comes and the source reports the cause: its camera
+// stalls, is lost or does a NUC, and is being monitored. A source that is not monitored has no frame due when none
+// comes. Thread: one at a time.
 class FlowWatch {
  public:
-  // stall_ns: after such a silence a watched source says that its camera stalls. lookahead: frames that come before
-  // the first is published.
+  // stall_ns: after such a silence a monitored source reports that its camera stalls. lookahead: frames that come
+  // before the first is published.
   FlowWatch(double frame_period_s, int lookahead, std::int64_t stall_ns, std::int64_t start_ns);
 
-  // Empty when all is well, else what does not go on, for people. At several calls a second.
-  std::string look(const Signs& signs);
+  // Empty when all is well, else the fault in words. At several calls a second.
+  std::string check(const Signs& signs);
 
  private:
   // A number that should rise, and when it last did.

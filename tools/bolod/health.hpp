@@ -1,4 +1,4 @@
-// What is worth a line in the log: changes of state, not frames.
+// Notices for the log: changes of state, not single frames.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ using LossCounts = std::array<std::uint64_t, kLossCauses>;
 LossCounts loss_counts(const pipeline::PipelineStats& stats);
 
 // "3 missing, 1 queue_full"; "none" when there is none. Thread: any.
-std::string loss_words(const LossCounts& losses);
+std::string describe_losses(const LossCounts& losses);
 
 // Adds those that are not zero to the notice's counts, as "lost_missing". Thread: any.
 void add_loss_counts(const LossCounts& losses, pipeline::Notice& notice);
@@ -28,12 +28,12 @@ using EffortCounts = std::array<std::uint64_t, pipeline::kEfforts>;
 // Thread: any.
 EffortCounts effort_counts(const pipeline::PipelineStats& stats);
 
-// What the daemon sees of itself at one moment.
+// State of the pipeline at one moment.
 struct Snapshot {
   std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
   std::uint64_t received = 0;  // frames
   LossCounts losses{};
-  bool watched = false;  // the source tells itself when frames stop and come back
+  bool watched = false;  // the source itself reports when frames stop and come back
   EffortCounts by_effort{};
 };
 
@@ -43,14 +43,14 @@ class Health {
   // `frame_period_s` decides how long without a frame is too long.
   explicit Health(double frame_period_s, std::int64_t start_ns);
 
-  // At a few calls a second. Lost frames and overload are told at most every 10 s, so that a bad link or a slow
+  // At a few calls a second. Lost frames and overload are logged at most every 10 s, so that a bad link or a slow
   // machine does not flood the log.
-  std::vector<pipeline::Notice> look(const Snapshot& now);
+  std::vector<pipeline::Notice> poll(const Snapshot& now);
 
  private:
-  void look_at_flow(const Snapshot& now, std::vector<pipeline::Notice>& notices);
-  void look_at_losses(const Snapshot& now, std::vector<pipeline::Notice>& notices);
-  void look_at_effort(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+  void check_flow(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+  void check_losses(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+  void check_effort(const Snapshot& now, std::vector<pipeline::Notice>& notices);
 
   enum class Flow { kWaiting, kFlowing, kStopped };
   std::int64_t patience_ns_;
@@ -58,8 +58,8 @@ class Health {
   std::int64_t last_loss_notice_ns_;
   Flow flow_ = Flow::kWaiting;
   std::uint64_t received_ = 0;
-  LossCounts told_{};  // losses already in the log
-  EffortCounts told_efforts_{};
+  LossCounts logged_{};  // losses already in the log
+  EffortCounts logged_efforts_{};
   std::int64_t last_effort_notice_ns_;
   bool overloaded_ = false;
 };

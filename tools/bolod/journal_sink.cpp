@@ -23,7 +23,7 @@ namespace {
 
 constexpr const char* kJournalSocket = "/run/systemd/journal/socket";
 
-// What the message that this thread is logging right now says beyond its text; spdlog carries text only.
+// Fields of the message that this thread is logging; spdlog carries text only.
 thread_local const pipeline::Notice* current_notice = nullptr;
 
 char priority(spdlog::level::level_enum level) {

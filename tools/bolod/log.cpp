@@ -50,7 +50,7 @@ spdlog::sink_ptr text_sink() {
   return sink;
 }
 
-// Where no journal listens nobody takes the message, and the sink writes it to standard error.
+// Without a journal the sink writes to standard error.
 spdlog::sink_ptr journal_sink(const std::string& name) {
   if (journal_listens()) return make_journal_sink(name, send_to_journal);
   return make_journal_sink(name, [](const std::vector<iovec>&) { return -1; });

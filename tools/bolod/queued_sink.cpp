@@ -41,7 +41,7 @@ void write(spdlog::sinks::sink& to, const Entry& entry) {
   to.flush();
 }
 
-void tell_dropped(spdlog::sinks::sink& to, std::uint64_t dropped) {
+void log_dropped(spdlog::sinks::sink& to, std::uint64_t dropped) {
   const std::string text = std::to_string(dropped) + " messages were dropped: the log took none";
   to.log(spdlog::details::log_msg("bolod", spdlog::level::warn, text));
   to.flush();
@@ -62,7 +62,7 @@ void write_all(Queue& queue) {
     if (dropped == 0 && queue.closing) break;
     if (dropped == 0) continue;
     lock.unlock();
-    tell_dropped(*queue.inner, dropped);
+    log_dropped(*queue.inner, dropped);
     lock.lock();
   }
   queue.done = true;

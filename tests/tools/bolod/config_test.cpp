@@ -275,13 +275,13 @@ TEST_F(Config, VideoKeysReachTheirDevices) {
   EXPECT_EQ(first.device, "/dev/video10");
   EXPECT_EQ(first.plane, v4l2::Plane::kRaw);
   EXPECT_EQ(first.format, v4l2::PixelFormat::kGrey);
-  EXPECT_EQ(first.tone.gain, v4l2::Gain::kFixed);
-  EXPECT_EQ(first.tone.low_k, 290.0);
-  EXPECT_EQ(first.tone.high_k, 310.0);
+  EXPECT_EQ(first.agc.gain, v4l2::Gain::kFixed);
+  EXPECT_EQ(first.agc.low_k, 290.0);
+  EXPECT_EQ(first.agc.high_k, 310.0);
   EXPECT_TRUE(config->video[1].enabled);
   EXPECT_EQ(second.device, "/dev/video11");
   EXPECT_EQ(second.y16_unit, v4l2::Y16Unit::k100mK);
-  EXPECT_EQ(second.tone.gain, v4l2::Gain::kAuto) << "the first device's keys are its own";
+  EXPECT_EQ(second.agc.gain, v4l2::Gain::kAuto) << "the first device's keys are its own";
 }
 
 TEST_F(Config, MetricsAreForThisComputerUnlessAllowed) {

@@ -1,4 +1,4 @@
-#include "drivers/genicam/object.hpp"
+#include "drivers/genicam/object_settings.hpp"
 
 #include <cmath>
 #include <cstdio>

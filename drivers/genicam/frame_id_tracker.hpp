@@ -1,4 +1,4 @@
-// Which frames came, which were lost and why: the camera's counter unwrapped, each lost frame counted once.
+// Unwraps the camera's frame counter and counts each lost frame once, by cause.
 #pragma once
 
 #include <array>
@@ -8,24 +8,24 @@
 
 namespace bolo::genicam {
 
-// Frames may settle in any order within a window of kReorderFrames: a frame that is not there yet when a later one
+// Frames may arrive in any order within a window of kReorderFrames: a frame that is not there yet when a later one
 // arrives is called missing only when it has fallen out of that window, because it may still come late or broken.
-// After settle() every frame from the first to the last seen is accounted for: span() == received() + lost().
+// After finish() every frame from the first to the last seen is accounted for: span() == received() + lost().
 //
 // GigE Vision counts frames (block_id) in 16 bits and skips 0, a period of 65535, or, with extended ids, in 64 bits. A
 // camera that does send 0 is taken to have a period of 65536.
 // Thread: acquire, or setup while no stream runs. No allocation.
-class FrameLedger {
+class FrameIdTracker {
  public:
   static constexpr unsigned kReorderFrames = 16;
 
   // period_s: the camera's frame period, to tell a long outage from a counter that was reset.
-  explicit FrameLedger(double period_s) noexcept;
+  explicit FrameIdTracker(double period_s) noexcept;
 
   struct Verdict {
     std::uint64_t frame_id = 0;  // unwrapped
     bool deliver = false;        // false: a duplicate or too late; already counted
-    bool restarted = false;      // the counter was reset since the last delivered frame
+    bool counter_reset = false;  // since the last delivered frame
   };
 
   // A complete frame arrived. arrival_ns: CLOCK_MONOTONIC.
@@ -40,10 +40,10 @@ class FrameLedger {
   void broken_without_id() noexcept;
 
   // The stream was opened anew: the counter says nothing about the frames before. The next frame's id follows the last.
-  void restart() noexcept { restart_next_ = true; }
+  void restart() noexcept { reset_next_ = true; }
 
   // The stream has ended: frames that are still not there are missing.
-  void settle() noexcept;
+  void finish() noexcept;
 
   std::uint64_t received() const noexcept { return received_; }
   // Frames lost by cause. kOutOfOrder holds late frames and, beyond span(), duplicates.
@@ -53,7 +53,7 @@ class FrameLedger {
   std::uint64_t duplicates() const noexcept { return duplicates_; }
   // Frames from the first seen to the last seen; 0 before the first.
   std::uint64_t span() const noexcept { return started_ ? highest_ - lowest_ + 1 : 0; }
-  std::uint64_t restarts() const noexcept { return restarts_; }
+  std::uint64_t counter_resets() const noexcept { return resets_; }
 
  private:
   enum class Place { kNew, kLate, kDuplicate };
@@ -73,17 +73,17 @@ class FrameLedger {
   double period_ns_;
   bool started_ = false;
   bool zero_seen_ = false;
-  bool restart_next_ = false;  // before the next frame
-  bool restarted_ = false;     // since the last delivered frame
+  bool reset_next_ = false;     // before the next frame
+  bool counter_reset_ = false;  // since the last delivered frame
   std::uint64_t lowest_ = 0;
   std::uint64_t highest_ = 0;
   std::uint64_t highest_raw_ = 0;
   std::int64_t highest_ns_ = 0;
-  std::uint32_t settled_ = ~0U;  // bit k: frame highest_ - k is delivered or counted
-  std::uint64_t unplaced_ = 0;   // broken frames without id since the highest
+  std::uint32_t known_ = ~0U;   // bit k: frame highest_ - k is delivered or counted
+  std::uint64_t unplaced_ = 0;  // broken frames without id since the highest
   std::uint64_t received_ = 0;
   std::uint64_t duplicates_ = 0;
-  std::uint64_t restarts_ = 0;
+  std::uint64_t resets_ = 0;
   std::array<std::uint64_t, kLossCauses> counted_{};
 };
 

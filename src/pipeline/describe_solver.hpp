@@ -11,6 +11,6 @@ namespace bolo::pipeline {
 
 // Method, iterations, lambda, kappa and instruction set: "admm, 8 iterations, lambda 0.002 K, kappa 0.1, AVX3". Short
 // enough for the 64 bytes it has in shared memory, whatever the values. Thread: setup.
-std::string solver_words(const deblur::Settings& settings, Unit unit, std::string_view isa);
+std::string describe_solver(const deblur::Settings& settings, Unit unit, std::string_view isa);
 
 }  // namespace bolo::pipeline

@@ -1,4 +1,4 @@
-// What the camera is told of what it looks at: its range, its object parameters, and when it may correct itself.
+// Writes temperature range, object parameters and NUC mode to the camera.
 #pragma once
 
 #include <string>
@@ -14,11 +14,11 @@ namespace bolo::genicam {
 void configure_object(Nodes& nodes, const ObjectParameters& object, std::vector<std::string>& warnings);
 
 // Chooses the narrowest range ("case") that holds the temperatures asked for; kBadInput with the camera's own when none
-// does. What it offers and has is a note. Thread: setup.
+// does. The ranges and the current one are a note. Thread: setup.
 Status configure_range(Nodes& nodes, const CameraOptions& options, std::vector<std::string>& notes,
                        std::vector<std::string>& warnings);
 
-// Whether the camera corrects itself, by NUCMode. Thread: setup.
+// Sets NUCMode: automatic, or only on command. Thread: setup.
 void configure_nuc(Nodes& nodes, const NucOptions& nuc, std::vector<std::string>& warnings);
 
 // The constants of the present range; nothing when the camera does not tell them. Thread: setup.

@@ -1,4 +1,4 @@
-#include "drivers/genicam/intake.hpp"
+#include "drivers/genicam/frame_receiver.hpp"
 
 #include "drivers/genicam/copy_rows.hpp"
 #include "src/core/clock.hpp"
@@ -10,17 +10,17 @@ constexpr std::int64_t kPauseNs = 100'000'000;  // without frames for this long 
 
 }  // namespace
 
-Intake::Intake(pipeline::FrameInlet& inlet, const CameraOptions& options, pipeline::SourceStatus& status)
+FrameReceiver::FrameReceiver(pipeline::FrameInlet& inlet, const CameraOptions& options, pipeline::SourceStatus& status)
     : inlet_(inlet),
       format_(inlet.format()),
       order_(options.pixel_order),
       metadata_rows_(options.metadata_rows),
-      ledger_(format_.frame_period_s),
+      ids_(format_.frame_period_s),
       status_(status),
       clock_(format_.frame_period_s),
       scene_(format_, watched_still_k(options.nuc)) {}
 
-void Intake::take(const CameraFrame& frame) noexcept {
+void FrameReceiver::take(const CameraFrame& frame) noexcept {
   const std::int64_t now_ns = monotonic_ns();
   const bool numbered = frame.id != CameraFrame::kNoId;
   switch (frame.end) {
@@ -28,52 +28,52 @@ void Intake::take(const CameraFrame& frame) noexcept {
       if (numbered) {
         deliver(frame, now_ns);
       } else {
-        ledger_.broken_without_id();  // whole, but its leader was not: neither its number nor its shape is known
+        ids_.broken_without_id();  // whole, but its leader was not: neither its number nor its shape is known
       }
       break;
     case FrameEnd::kIncomplete:
       if (numbered) {
-        ledger_.broken(frame.id, LossCause::kIncomplete, now_ns);
+        ids_.broken(frame.id, LossCause::kIncomplete, now_ns);
       } else {
-        ledger_.broken_without_id();
+        ids_.broken_without_id();
       }
       break;
     case FrameEnd::kDriver:
-      if (numbered) ledger_.broken(frame.id, LossCause::kDriver, now_ns);
+      if (numbered) ids_.broken(frame.id, LossCause::kDriver, now_ns);
       break;
   }
   post_losses();
 }
 
-void Intake::begin(const std::vector<std::uint16_t>& kelvin_table) noexcept {
+void FrameReceiver::begin(const std::vector<std::uint16_t>& kelvin_table) noexcept {
   kelvin_table_ = kelvin_table.empty() ? nullptr : kelvin_table.data();
-  if (last_frame_ns() != 0) ledger_.restart();
+  if (last_frame_ns() != 0) ids_.restart();
   clock_.restart();
   period_.restart();
   scene_.restart();
   first_of_connection_ = true;
 }
 
-void Intake::settle() noexcept {
-  ledger_.settle();
+void FrameReceiver::finish() noexcept {
+  ids_.finish();
   post_losses();
 }
 
-void Intake::deliver(const CameraFrame& frame, std::int64_t now_ns) noexcept {
-  if (!agreed(frame)) return ledger_.broken(frame.id, LossCause::kBadFrame, now_ns);
+void FrameReceiver::deliver(const CameraFrame& frame, std::int64_t now_ns) noexcept {
+  if (!agreed(frame)) return ids_.broken(frame.id, LossCause::kBadFrame, now_ns);
   note_arrival(now_ns);
-  const FrameLedger::Verdict verdict = ledger_.complete(frame.id, now_ns);
+  const FrameIdTracker::Verdict verdict = ids_.complete(frame.id, now_ns);
   if (!verdict.deliver) return;
-  if (verdict.restarted) inlet_.restart_window();
+  if (verdict.counter_reset) inlet_.restart_window();
   const std::int64_t host_ns = map_time(verdict, frame.camera_ns, frame.receive_ns);
-  const std::uint32_t flags = note_correction(now_ns);
+  const std::uint32_t flags = note_nuc(now_ns);
   rt::FrameSlot* slot = inlet_.borrow();
   if (slot == nullptr) return;  // counted by the inlet
 
   const auto stride = static_cast<std::size_t>(format_.geometry.width) * 2 + static_cast<std::size_t>(frame.x_padding);
   copy_rows(frame.pixels.data(), stride, order_, format_.geometry, slot->u16());
   if (kelvin_table_ != nullptr) translate(slot->u16(), format_.geometry.pixels(), kelvin_table_);
-  scene_.look(slot->u16(), now_ns);
+  scene_.update(slot->u16(), now_ns);
 
   slot->meta = {};
   slot->meta.frame_id = verdict.frame_id;
@@ -84,7 +84,7 @@ void Intake::deliver(const CameraFrame& frame, std::int64_t now_ns) noexcept {
   if (inlet_.commit(*slot)) latency_.add(monotonic_ns() - frame.receive_ns);
 }
 
-void Intake::note_arrival(std::int64_t now_ns) noexcept {
+void FrameReceiver::note_arrival(std::int64_t now_ns) noexcept {
   const std::int64_t before_ns = last_frame_ns_.load(std::memory_order_relaxed);  // written by this thread only
   if (first_of_connection_ || now_ns - before_ns > kPauseNs) flows_since_ns_.store(now_ns, std::memory_order_relaxed);
   first_of_connection_ = false;
@@ -92,17 +92,17 @@ void Intake::note_arrival(std::int64_t now_ns) noexcept {
 }
 
 // Frames before, during and after a NUC do not belong in one window.
-std::uint32_t Intake::note_correction(std::int64_t now_ns) noexcept {
-  const bool correcting = now_ns < hold_until_ns_.value();
-  if (correcting != correcting_) inlet_.restart_window();
-  correcting_ = correcting;
+std::uint32_t FrameReceiver::note_nuc(std::int64_t now_ns) noexcept {
+  const bool correcting = now_ns < nuc_until_ns_.value();
+  if (correcting != in_nuc_) inlet_.restart_window();
+  in_nuc_ = correcting;
   return correcting ? kFlagNuc : kFlagNone;
 }
 
-// The camera's time on the host's clock; says what is known of the clocks.
-std::int64_t Intake::map_time(const FrameLedger::Verdict& verdict, std::int64_t camera_ns,
-                              std::int64_t receive_ns) noexcept {
-  if (verdict.restarted) {
+// The camera's time on the host's clock; publishes the state of the clocks.
+std::int64_t FrameReceiver::map_time(const FrameIdTracker::Verdict& verdict, std::int64_t camera_ns,
+                                     std::int64_t receive_ns) noexcept {
+  if (verdict.counter_reset) {
     clock_.restart();
     period_.restart();
   }
@@ -121,8 +121,8 @@ std::int64_t Intake::map_time(const FrameLedger::Verdict& verdict, std::int64_t 
   return mapped.host_ns;
 }
 
-// The frame is what the stream was opened for.
-bool Intake::agreed(const CameraFrame& frame) const noexcept {
+// The frame has the size and format that the stream was opened with.
+bool FrameReceiver::agreed(const CameraFrame& frame) const noexcept {
   const int height = format_.geometry.height + metadata_rows_;
   if (!frame.mono16 || frame.x_padding < 0 || frame.width != format_.geometry.width || frame.height != height) {
     return false;
@@ -131,11 +131,11 @@ bool Intake::agreed(const CameraFrame& frame) const noexcept {
   return frame.pixels.size() >= stride * static_cast<std::size_t>(height);
 }
 
-// The inlet's counters are read while the stream runs; the ledger's are not.
-void Intake::post_losses() noexcept {
+// The inlet's counters are read while the stream runs; the tracker's are not.
+void FrameReceiver::post_losses() noexcept {
   for (std::size_t i = 0; i < kLossCauses; ++i) {
     const auto cause = static_cast<LossCause>(i);
-    const std::uint64_t counted = ledger_.counted(cause);
+    const std::uint64_t counted = ids_.counted(cause);
     if (counted != posted_[i]) inlet_.count_loss(cause, counted - posted_[i]);
     posted_[i] = counted;
   }

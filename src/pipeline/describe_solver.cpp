@@ -1,4 +1,4 @@
-#include "src/pipeline/solver_words.hpp"
+#include "src/pipeline/describe_solver.hpp"
 
 #include <cstdio>
 
@@ -18,7 +18,7 @@ std::string effort(const deblur::Settings& settings) {
 
 }  // namespace
 
-std::string solver_words(const deblur::Settings& settings, Unit unit, std::string_view isa) {
+std::string describe_solver(const deblur::Settings& settings, Unit unit, std::string_view isa) {
   std::string text(deblur::name(settings.method));
   const std::string unit_text = unit == Unit::kKelvin ? " K" : " counts";
   const std::string noise = settings.noise_k > 0.0 ? short_number(settings.noise_k) + unit_text : "measured";

@@ -1,4 +1,4 @@
-// What happens to each frame of the camera: judged, copied into a pool slot, handed in; or counted as lost.
+// Checks each frame of the camera, copies it into a pool slot and commits it; or counts it as lost.
 #pragma once
 
 #include <array>
@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "drivers/genicam/camera_frame.hpp"
-#include "drivers/genicam/frame_ledger.hpp"
+#include "drivers/genicam/frame_id_tracker.hpp"
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/genicam/host_clock.hpp"
 #include "drivers/genicam/period_meter.hpp"
@@ -20,10 +20,10 @@
 namespace bolo::genicam {
 
 // Outlives the connections of one start() to stop(): after a reconnect ids and losses go on.
-class Intake {
+class FrameReceiver {
  public:
   // The inlet outlives this. Thread: setup.
-  Intake(pipeline::FrameInlet& inlet, const CameraOptions& options, pipeline::SourceStatus& status);
+  FrameReceiver(pipeline::FrameInlet& inlet, const CameraOptions& options, pipeline::SourceStatus& status);
 
   // Takes what it needs; its pixels may be reused afterwards. Thread: acquire.
   void take(const CameraFrame& frame) noexcept;
@@ -31,13 +31,13 @@ class Intake {
   // A connection's frames follow, the first or another one. kelvin_table: Negotiated's, which outlives the connection.
   // Thread: setup, while no connection delivers.
   void begin(const std::vector<std::uint16_t>& kelvin_table) noexcept;
-  // Frames that arrive from now on until then, CLOCK_MONOTONIC, are those of a NUC. 0: none are. Thread: any.
-  void hold_until(std::int64_t until_ns) noexcept { hold_until_ns_.set(until_ns); }
+  // Frames that arrive before `until_ns`, CLOCK_MONOTONIC, are flagged as those of a NUC. Thread: any.
+  void set_nuc_until(std::int64_t until_ns) noexcept { nuc_until_ns_.set(until_ns); }
   const SceneWatch& scene() const noexcept { return scene_; }
-  // What counts as a scene that stands still. Thread: any.
-  void follow(const NucOptions& nuc) noexcept { scene_.set_still_k(watched_still_k(nuc)); }
+  // Takes the threshold of a scene that stands still. Thread: any.
+  void set_nuc(const NucOptions& nuc) noexcept { scene_.set_still_k(watched_still_k(nuc)); }
   // The last frame has come: counts what is still missing. Thread: setup, while no connection delivers.
-  void settle() noexcept;
+  void finish() noexcept;
 
   // CLOCK_MONOTONIC of the last complete frame, 0 before the first. Thread: any.
   std::int64_t last_frame_ns() const noexcept {
@@ -54,8 +54,9 @@ class Intake {
   }
   void deliver(const CameraFrame& frame, std::int64_t now_ns) noexcept;
   void note_arrival(std::int64_t now_ns) noexcept;
-  std::uint32_t note_correction(std::int64_t now_ns) noexcept;
-  std::int64_t map_time(const FrameLedger::Verdict& verdict, std::int64_t camera_ns, std::int64_t receive_ns) noexcept;
+  std::uint32_t note_nuc(std::int64_t now_ns) noexcept;
+  std::int64_t map_time(const FrameIdTracker::Verdict& verdict, std::int64_t camera_ns,
+                        std::int64_t receive_ns) noexcept;
   bool agreed(const CameraFrame& frame) const noexcept;
   void post_losses() noexcept;
 
@@ -63,15 +64,15 @@ class Intake {
   const StreamFormat format_;
   const PixelOrder order_;
   const int metadata_rows_;
-  FrameLedger ledger_;
-  std::array<std::uint64_t, kLossCauses> posted_{};  // of the ledger's losses, what the inlet knows
+  FrameIdTracker ids_;
+  std::array<std::uint64_t, kLossCauses> posted_{};  // of the tracker's losses, those that the inlet has
   pipeline::SourceStatus& status_;
   HostClock clock_;
   PeriodMeter period_;
   SceneWatch scene_;
   const std::uint16_t* kelvin_table_ = nullptr;  // null: counts stay as they are
-  rt::Gauge<std::int64_t> hold_until_ns_;
-  bool correcting_ = false;
+  rt::Gauge<std::int64_t> nuc_until_ns_;
+  bool in_nuc_ = false;
   bool first_of_connection_ = true;
   std::atomic<std::int64_t> flows_since_ns_{0};  // published by last_frame_ns_
   std::atomic<std::int64_t> last_frame_ns_{0};

@@ -1,4 +1,4 @@
-// Ends connections on threads of their own: a dead camera holds up whoever lets it go for seconds.
+// Closes connections on threads of their own: to close that of a dead camera takes seconds.
 #pragma once
 
 #include <chrono>
@@ -11,11 +11,11 @@
 
 namespace bolo::genicam {
 
-// A thread that is still held up when this goes owns all that it touches. Thread: one at a time.
-class Endings {
+// A thread that is still blocked when this is destroyed owns all that it touches. Thread: one at a time.
+class SessionCloser {
  public:
-  // The session is shut: its frames go nowhere.
-  void begin(std::unique_ptr<Session> session) {
+  // The session is shut already: it delivers no frames.
+  void close(std::unique_ptr<Session> session) {
     {
       const std::lock_guard lock(state_->mutex);
       ++state_->running;

@@ -1,4 +1,4 @@
-#include "drivers/v4l2/tone.hpp"
+#include "drivers/v4l2/agc.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -16,11 +16,11 @@ double counts_of_span(double physical, const LinearScale& scale) {
 
 }  // namespace
 
-Tone::Tone(const LinearScale& scale, const ToneOptions& options) : scale_(scale), options_(options) {}
+Agc::Agc(const LinearScale& scale, const AgcOptions& options) : scale_(scale), options_(options) {}
 
-void Tone::follow(const ToneOptions& options) { options_ = options; }
+void Agc::set_options(const AgcOptions& options) { options_ = options; }
 
-CountRange Tone::next(std::span<const std::uint16_t> plane, double dt_s, bool judge) noexcept {
+CountRange Agc::next(std::span<const std::uint16_t> plane, double dt_s, bool judge) noexcept {
   if (options_.gain == Gain::kFixed) {
     range_ = {count_of(options_.low_k, scale_), count_of(options_.high_k, scale_)};
     measured_ = true;
@@ -36,7 +36,7 @@ CountRange Tone::next(std::span<const std::uint16_t> plane, double dt_s, bool ju
   return range_;
 }
 
-CountRange Tone::measure(std::span<const std::uint16_t> plane) noexcept {
+CountRange Agc::measure(std::span<const std::uint16_t> plane) noexcept {
   const std::size_t step = std::max<std::size_t>(1, (plane.size() + kMostSamples - 1) / kMostSamples);
   std::size_t count = 0;
   for (std::size_t i = 0; i < plane.size(); i += step) samples_[count++] = plane[i];

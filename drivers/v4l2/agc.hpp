@@ -1,4 +1,5 @@
-// From temperatures to the 256 greys of a video: a fixed range, or one that follows the picture.
+// Automatic gain control: maps temperatures to the 256 greys of a video, by a fixed range or one that follows the
+// picture.
 #pragma once
 
 #include <array>
@@ -16,7 +17,7 @@ enum class Gain {
 };
 
 // Temperatures in K; counts where frames have no kelvin.
-struct ToneOptions {
+struct AgcOptions {
   Gain gain = Gain::kAuto;
   double low_k = 273.15;       // fixed: black
   double high_k = 323.15;      // fixed: white
@@ -33,15 +34,15 @@ struct CountRange {
 };
 
 // Thread: one at a time.
-class Tone {
+class Agc {
  public:
-  Tone(const LinearScale& scale, const ToneOptions& options);
+  Agc(const LinearScale& scale, const AgcOptions& options);
 
   // Other options from the next frame on; the range goes on from where it is.
-  void follow(const ToneOptions& options);
+  void set_options(const AgcOptions& options);
 
-  // The range for a frame that comes dt_s after the one before. `judge`: the frame tells how warm the scene is; false
-  // for one of the shutter's. Some 4,000 pixels spread over the plane are looked at. No allocation.
+  // The range for a frame that comes dt_s after the one before. `judge`: the frame shows the scene; false for one of
+  // the shutter's. Some 4,000 pixels spread over the plane are sampled. No allocation.
   CountRange next(std::span<const std::uint16_t> plane, double dt_s, bool judge) noexcept;
 
  private:
@@ -49,7 +50,7 @@ class Tone {
 
   static constexpr std::size_t kMostSamples = 4096;
   LinearScale scale_;
-  ToneOptions options_;
+  AgcOptions options_;
   bool measured_ = false;
   CountRange range_;
   std::array<std::uint16_t, kMostSamples> samples_{};

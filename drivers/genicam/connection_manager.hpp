@@ -1,4 +1,4 @@
-// Keeps a camera streaming into an inlet from start to stop: watches it, and opens it again when it is lost.
+// Keeps a camera streaming from start to stop: monitors the connection, reopens a lost camera and triggers NUCs.
 #pragma once
 
 #include <atomic>
@@ -14,10 +14,10 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/genicam/endings.hpp"
-#include "drivers/genicam/intake.hpp"
+#include "drivers/genicam/frame_receiver.hpp"
 #include "drivers/genicam/nuc_schedule.hpp"
 #include "drivers/genicam/session.hpp"
+#include "drivers/genicam/session_closer.hpp"
 #include "src/core/result.hpp"
 #include "src/pipeline/notices.hpp"
 #include "src/pipeline/source_status.hpp"
@@ -26,15 +26,15 @@
 
 namespace bolo::genicam {
 
-// The watching thread shares ownership: while a dead camera holds it up it may outlive stop(), but then touches neither
-// the inlet nor whoever called stop(). The mutex is never taken by the acquire thread.
-class Keeper : public std::enable_shared_from_this<Keeper> {
+// The monitoring thread shares ownership: while a dead camera blocks it, it may outlive stop(), but then touches
+// neither the inlet nor the caller of stop(). The mutex is never taken by the acquire thread.
+class ConnectionManager : public std::enable_shared_from_this<ConnectionManager> {
  public:
   // The inlet outlives stop(). Thread: setup.
-  Keeper(const CameraOptions& options, pipeline::SourceInfo info, pipeline::FrameInlet& inlet,
-         std::shared_ptr<pipeline::SourceStatus> status);
+  ConnectionManager(const CameraOptions& options, pipeline::SourceInfo info, pipeline::FrameInlet& inlet,
+                    std::shared_ptr<pipeline::SourceStatus> status);
 
-  // Starts the stream and the watch. Thread: setup.
+  // Starts the stream and the monitoring thread. Thread: setup.
   Status start(std::unique_ptr<Session> session);
   // No frame is handed in after it returns. Waits for the connection's end at most kStopLimit. Thread: setup.
   void stop() noexcept;
@@ -43,15 +43,15 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   TransportStats transport() const;
   std::vector<std::string> warnings() const;
   std::vector<pipeline::Notice> take_notices() { return notices_.take(); }
-  Status correct();
+  Status trigger_nuc();
   void set_nuc(const NucOptions& nuc);
-  const rt::LatencyHistogram& latency() const noexcept { return intake_.latency(); }
+  const rt::LatencyHistogram& latency() const noexcept { return receiver_.latency(); }
 
  private:
-  void watch();
-  bool pause(std::chrono::milliseconds time);
-  void look();
-  void enter(SourceState state);
+  void run();
+  bool sleep(std::chrono::milliseconds time);
+  void poll();
+  void set_state(SourceState state);
   void note_flow(std::int64_t frame_ns);
   void note_stall(std::int64_t quiet_ns);
   void note_loss(pipeline::LostCause cause, std::int64_t frame_ns);
@@ -60,50 +60,50 @@ class Keeper : public std::enable_shared_from_this<Keeper> {
   bool try_reopen(bool everywhere);
   Status adopt(std::unique_ptr<Session> session);
   std::unique_ptr<Session> take_session();
-  void tell_transport();
-  void tell_period();
-  void tell_scene();
+  void report_transport();
+  void check_period();
+  void check_scene();
   void serve_requests();
-  void follow_policy();
-  Status correct_now(const std::string& why);
-  void say(bool warning, std::string text, std::string_view event = {}) {
-    notices_.say(warning, std::move(text), event);
+  void apply_nuc_options();
+  Status run_nuc(const std::string& why);
+  void report(bool warning, std::string text, std::string_view event = {}) {
+    notices_.report(warning, std::move(text), event);
   }
 
   CameraOptions options_;  // the address follows the camera
   const pipeline::SourceInfo info_;
   const pipeline::WatchLimits limits_;
   const std::shared_ptr<pipeline::SourceStatus> status_;
-  Intake intake_;
+  FrameReceiver receiver_;
   pipeline::Notices notices_;
   std::atomic<bool> stop_{false};  // written under the mutex; read without it to give up early
 
-  // The watching thread's own, once that runs.
+  // The monitoring thread's own, once that runs.
   std::int64_t since_ns_ = 0;  // the present session's start
   std::int64_t next_probe_ns_ = 0;
   std::int64_t outage_from_ns_ = 0;  // the last frame before the camera was lost
   pipeline::LostCause cause_ = pipeline::LostCause::kStalled;
-  std::int64_t correcting_until_ns_ = 0;
+  std::int64_t nuc_until_ns_ = 0;
   int ticks_without_control_ = 0;
   int judged_median_ = -1;
-  bool told_period_ = false;
+  bool period_reported_ = false;
   NucSchedule schedule_;
   std::int64_t next_temperature_ns_ = 0;
-  std::int64_t next_tell_ns_ = 0;
-  Endings endings_;  // stop() waits for it when the watching thread has ended
+  std::int64_t next_transport_ns_ = 0;
+  SessionCloser closer_;  // stop() waits for it when the monitoring thread has ended
 
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable wake_;
-  std::unique_ptr<Session> session_;  // replaced by the watching thread only, which therefore reads it without
+  std::unique_ptr<Session> session_;  // replaced by the monitoring thread only, which therefore reads it without
   TransportStats past_;               // of sessions that have ended
   std::vector<std::string> warnings_;
-  std::condition_variable corrected_;
-  std::uint64_t corrections_asked_ = 0;
-  std::uint64_t corrections_served_ = 0;
+  std::condition_variable nuc_done_;
+  std::uint64_t nucs_asked_ = 0;
+  std::uint64_t nucs_served_ = 0;
   std::optional<NucOptions> new_nuc_;
-  Status correction_;    // how the last one that was asked for went
-  std::thread watcher_;  // setup thread only
-  std::future<void> watched_;
+  Status nuc_result_;   // of the last one that was asked for
+  std::thread thread_;  // setup thread only
+  std::future<void> ended_;
 };
 
 }  // namespace bolo::genicam
