@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <functional>
 
-#include "drivers/fakecam/gvcp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/register_map.hpp"
 #include "drivers/fakecam/stats.hpp"
 

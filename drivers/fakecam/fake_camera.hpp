@@ -8,7 +8,7 @@
 
 #include "drivers/fakecam/fault_tally.hpp"
 #include "drivers/fakecam/frame_provider.hpp"
-#include "drivers/fakecam/gvcp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/stats.hpp"
 #include "src/core/geometry.hpp"
 #include "src/core/result.hpp"

@@ -7,7 +7,7 @@
 
 #include "drivers/fakecam/fault_tally.hpp"
 #include "drivers/fakecam/frame_ring.hpp"
-#include "drivers/fakecam/wire.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 
 namespace bolo::fakecam {
 

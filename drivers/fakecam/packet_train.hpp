@@ -8,7 +8,7 @@
 #include <cstdint>
 
 #include "drivers/fakecam/frame_ring.hpp"
-#include "drivers/fakecam/gvsp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/packet_faults.hpp"
 #include "drivers/fakecam/stats.hpp"
 

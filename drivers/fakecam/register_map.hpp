@@ -9,9 +9,8 @@
 
 #include <tl/expected.hpp>
 
-#include "drivers/fakecam/gvcp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/registers.hpp"
-#include "drivers/fakecam/wire.hpp"
 
 namespace bolo::fakecam {
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <future>
@@ -17,7 +18,6 @@
 #include "drivers/genicam/frame_receiver.hpp"
 #include "drivers/genicam/nuc_schedule.hpp"
 #include "drivers/genicam/session.hpp"
-#include "drivers/genicam/session_closer.hpp"
 #include "src/core/result.hpp"
 #include "src/pipeline/notices.hpp"
 #include "src/pipeline/source_status.hpp"
@@ -25,6 +25,39 @@
 #include "src/rt/counters.hpp"
 
 namespace bolo::genicam {
+
+// Closes connections on threads of their own: to close that of a dead camera takes seconds.
+// A thread that is still blocked when this is destroyed owns all that it touches. Thread: one at a time.
+class SessionCloser {
+ public:
+  // The session is shut already: it delivers no frames.
+  void close(std::unique_ptr<Session> session) {
+    {
+      const std::lock_guard lock(state_->mutex);
+      ++state_->running;
+    }
+    std::thread([state = state_, ending = std::move(session)]() mutable {
+      ending.reset();
+      const std::lock_guard lock(state->mutex);
+      --state->running;
+      state->ended.notify_all();
+    }).detach();
+  }
+
+  // Waits for all of them until `deadline`.
+  void wait_until(std::chrono::steady_clock::time_point deadline) {
+    std::unique_lock lock(state_->mutex);
+    state_->ended.wait_until(lock, deadline, [this] { return state_->running == 0; });
+  }
+
+ private:
+  struct State {
+    std::mutex mutex;
+    std::condition_variable ended;
+    int running = 0;
+  };
+  std::shared_ptr<State> state_ = std::make_shared<State>();
+};
 
 // The monitoring thread shares ownership: while a dead camera blocks it, it may outlive stop(), but then touches
 // neither the inlet nor the caller of stop(). The mutex is never taken by the acquire thread.

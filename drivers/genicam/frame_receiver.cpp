@@ -1,6 +1,6 @@
 #include "drivers/genicam/frame_receiver.hpp"
 
-#include "drivers/genicam/copy_rows.hpp"
+#include "drivers/genicam/camera_frame.hpp"
 #include "src/core/clock.hpp"
 
 namespace bolo::genicam {

@@ -10,7 +10,6 @@
 #include "drivers/genicam/frame_id_tracker.hpp"
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/genicam/host_clock.hpp"
-#include "drivers/genicam/period_meter.hpp"
 #include "drivers/genicam/scene_watch.hpp"
 #include "src/core/plane.hpp"
 #include "src/pipeline/inlet.hpp"

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "drivers/genicam/nodes.hpp"
-#include "drivers/genicam/object_settings.hpp"
+#include "drivers/genicam/settings.hpp"
 #include "src/core/clock.hpp"
 
 namespace bolo::genicam {

@@ -23,7 +23,6 @@
 #include "src/deblur/isa.hpp"
 #include "tools/bolod/compose.hpp"
 #include "tools/bolod/control.hpp"
-#include "tools/bolod/journal_sink.hpp"
 #include "tools/bolod/log.hpp"
 #include "tools/bolod/metrics.hpp"
 #include "tools/bolod/metrics_server.hpp"

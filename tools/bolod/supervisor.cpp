@@ -5,7 +5,7 @@
 
 #include "src/core/clock.hpp"
 #include "src/pipeline/watch.hpp"
-#include "tools/bolod/journal_sink.hpp"
+#include "tools/bolod/log.hpp"
 
 namespace bolo::daemon {
 namespace {

@@ -11,7 +11,6 @@
 #include "src/pipeline/pipeline.hpp"
 #include "src/rt/counters.hpp"
 #include "tools/bolod/compose.hpp"
-#include "tools/bolod/flow_watch.hpp"
 #include "tools/bolod/health.hpp"
 #include "tools/bolod/service_manager.hpp"
 #include "tools/bolod/status_line.hpp"

@@ -1,5 +1,5 @@
 // When the watchdog is fed, and when it is not.
-#include "tools/bolod/flow_watch.hpp"
+#include "tools/bolod/health.hpp"
 
 #include <gtest/gtest.h>
 

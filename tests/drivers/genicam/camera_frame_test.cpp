@@ -1,4 +1,4 @@
-#include "drivers/genicam/copy_rows.hpp"
+#include "drivers/genicam/camera_frame.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "drivers/fakecam/gvsp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 
 namespace bolo::fakecam::gvsp {
 namespace {
