@@ -26,7 +26,7 @@ void fill_bootstrap(RegisterMap& registers, const Identity& identity);
 // Image, acquisition and infrared features. Thread: one at a time; control once the camera runs.
 class CameraFeatures {
  public:
-  // What a command register starts. A refusal is the write's answer.
+  // Called by command registers. A refusal is the write's answer.
   struct Actions {
     std::function<gvcp::Status()> start;
     std::function<void()> stop;
@@ -41,7 +41,7 @@ class CameraFeatures {
   // As at power-on, but for the registers themselves.
   void power_on() { offset_x_given_ = offset_y_given_ = false; }
 
-  // What a stream that starts now shows, in the sensor's coordinates.
+  // Settings that a stream takes when it starts; region in the sensor's coordinates.
   Region region() const;
   IrFormat ir_format() const;
   double rate_hz() const;  // 0: the capture's own

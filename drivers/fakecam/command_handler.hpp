@@ -5,13 +5,13 @@
 #include <cstdint>
 #include <functional>
 
-#include "drivers/fakecam/gvcp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/register_map.hpp"
 #include "drivers/fakecam/stats.hpp"
 
 namespace bolo::fakecam {
 
-// Who sent a packet: IPv4 address and UDP port, host byte order.
+// Sender of a packet: IPv4 address and UDP port, host byte order.
 struct Peer {
   std::uint32_t address = 0;
   std::uint16_t port = 0;

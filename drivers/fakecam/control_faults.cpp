@@ -29,9 +29,9 @@ void ControlFaults::begin(std::int64_t now_ns) noexcept {
   start_ns_ = now_ns;
 }
 
-ControlFaults::Hearing ControlFaults::update(std::int64_t now_ns) {
-  Hearing hearing = now_ns < off_until_ns_ ? Hearing::kOff : Hearing::kAnswers;
-  if (!began_) return hearing;
+ControlFaults::Commands ControlFaults::update(std::int64_t now_ns) {
+  Commands commands = now_ns < off_until_ns_ ? Commands::kDropped : Commands::kAnswered;
+  if (!began_) return commands;
   for (Rule& rule : rules_) {
     if (rule.kind == FaultKind::kNoResend || rule.kind == FaultKind::kWindowingDrop) continue;
     const std::int64_t clock = clock_ns(now_ns);
@@ -40,9 +40,9 @@ ControlFaults::Hearing ControlFaults::update(std::int64_t now_ns) {
       strike(rule);
     }
     if (!rule.schedule.lasts(clock)) continue;
-    hearing = std::max(hearing, rule.kind == FaultKind::kFreeze ? Hearing::kDeaf : Hearing::kOff);
+    commands = std::max(commands, rule.kind == FaultKind::kFreeze ? Commands::kFrozen : Commands::kDropped);
   }
-  return hearing;
+  return commands;
 }
 
 void ControlFaults::strike(Rule& rule) {

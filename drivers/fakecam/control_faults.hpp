@@ -1,4 +1,4 @@
-// What goes wrong with the camera as a whole: deaf, off, its client forgotten, requests left unanswered.
+// Faults of the camera as a whole: freeze, power loss, control taken away, resend requests left unanswered.
 #pragma once
 
 #include <cstdint>
@@ -12,10 +12,10 @@ namespace bolo::fakecam {
 // Thread: control.
 class ControlFaults {
  public:
-  enum class Hearing {
-    kAnswers,
-    kDeaf,  // commands wait in the socket, as for a stopped process
-    kOff,   // commands are gone
+  enum class Commands {
+    kAnswered,
+    kFrozen,   // they wait in the socket, as for a stopped process
+    kDropped,  // as for a camera without power
   };
   struct Actions {
     std::function<void()> drop_client;  // ends its control and its stream
@@ -28,14 +28,14 @@ class ControlFaults {
   // The faults' clock; before begin() it stands at 0.
   std::int64_t clock_ns(std::int64_t now_ns) const noexcept { return began_ ? now_ns - start_ns_ : 0; }
 
-  // Whether anything here has to be on time.
+  // True when update() has to be called on time.
   bool any() const noexcept { return !rules_.empty(); }
 
-  // Lets happen what is due; says how the camera hears until the next call.
-  Hearing update(std::int64_t now_ns);
+  // Executes the faults that are due; returns how commands are answered until the next call.
+  Commands update(std::int64_t now_ns);
 
-  // Whether a request for packets of a frame that was due at `due_ns` is answered; one that is not is counted. The
-  // frame's time, so that on a busy machine too all packets are asked for in vain that another fault took meanwhile.
+  // False when a resend request for a frame that was due at `due_ns` is left unanswered, which is counted. By the
+  // frame's time, so that on a busy machine, too, it covers the very packets that another fault took meanwhile.
   bool answers_resend(std::int64_t due_ns) noexcept;
 
   // The client has written another IRWindowing.

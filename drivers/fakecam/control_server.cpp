@@ -44,18 +44,18 @@ Result<ControlServer> ControlServer::bind(const LocalAddress& local, std::uint16
 void ControlServer::run(CommandHandler& handler, ControlFaults& faults, int stop_event) {
   std::vector<pollfd> waits{{stop_event, POLLIN, 0}, {socket_.get(), POLLIN, 0}};
   for (const auto& fd : broadcast_sockets_) waits.push_back({fd.get(), POLLIN, 0});
-  const int look_ms = faults.any() ? kFaultCheckMs : kHeartbeatCheckMs;
-  auto hearing = ControlFaults::Hearing::kAnswers;
+  const int poll_ms = faults.any() ? kFaultCheckMs : kHeartbeatCheckMs;
+  auto commands = ControlFaults::Commands::kAnswered;
   while (true) {
-    const bool deaf = hearing == ControlFaults::Hearing::kDeaf;  // not even the heartbeat's clock runs
-    const int ready = poll(waits.data(), deaf ? 1 : waits.size(), look_ms);
+    const bool frozen = commands == ControlFaults::Commands::kFrozen;  // not even the heartbeat's clock runs
+    const int ready = poll(waits.data(), frozen ? 1 : waits.size(), poll_ms);
     if (ready > 0 && waits[0].revents != 0) return;
-    hearing = faults.update(monotonic_ns());
-    if (deaf || hearing == ControlFaults::Hearing::kDeaf) continue;
+    commands = faults.update(monotonic_ns());
+    if (frozen || commands == ControlFaults::Commands::kFrozen) continue;
     handler.check_heartbeat(monotonic_ns());
     for (std::size_t i = 1; i < waits.size() && ready > 0; ++i) {
       if (waits[i].revents == 0) continue;
-      if (hearing == ControlFaults::Hearing::kOff) {
+      if (commands == ControlFaults::Commands::kDropped) {
         discard(waits[i].fd);
       } else {
         receive(waits[i].fd, i > 1, handler);

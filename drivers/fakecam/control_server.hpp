@@ -17,7 +17,7 @@ class ControlServer {
   // Binds the sockets; nothing is received before run(). Errors: the address is taken. Thread: setup.
   static Result<ControlServer> bind(const LocalAddress& local, std::uint16_t port);
 
-  // Whether discovery by broadcast can find the camera; by its address it is found in any case.
+  // True when discovery by broadcast can find the camera; by its address it is found in any case.
   bool hears_broadcasts() const { return broadcast_sockets_.size() == 2; }
 
   // Serves until a byte of event arrives at `stop_event`. `handler` and `faults` are used by this thread alone.

@@ -8,7 +8,7 @@
 
 #include "drivers/fakecam/fault_tally.hpp"
 #include "drivers/fakecam/frame_provider.hpp"
-#include "drivers/fakecam/gvcp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/stats.hpp"
 #include "src/core/geometry.hpp"
 #include "src/core/result.hpp"
@@ -46,13 +46,13 @@ class FakeCamera {
   // Thread: any.
   FakeCameraStats stats() const noexcept;
 
-  // What each fault of the script has done so far, in the script's order. Thread: any.
+  // Counts of each fault so far, in the script's order. Thread: any.
   std::vector<InjectedFault> injected() const { return tallies().read(); }
 
   Geometry sensor() const;        // Thread: any
   double rate_hz() const;         // at the start; Thread: any
   std::string serial() const;     // Thread: any
-  bool hears_broadcasts() const;  // whether discovery by broadcast finds it; Thread: setup, before stop()
+  bool hears_broadcasts() const;  // discovery by broadcast finds it; Thread: setup, before stop()
   Status result() const;          // a read error that ended a stream; Thread: setup, after stop()
 
  private:

@@ -124,7 +124,7 @@ Status take_item(Fault& fault, std::string_view item) {
   return {};
 }
 
-// What single values cannot tell.
+// Checks values that depend on one another.
 Status check_together(const Fault& fault) {
   const std::string where = "fault " + std::string(fault.type->name) + ": ";
   if (fault.given("for") && fault.given("frames")) return bad_input(where + "give for or frames, not both");

@@ -1,4 +1,4 @@
-// What goes wrong with the fake camera, and when: faults as text, checked.
+// Faults of the fake camera and their times, parsed from text and checked.
 #pragma once
 
 #include <cstdint>
@@ -73,13 +73,13 @@ Result<Fault> parse_fault(std::string_view text);
 // The text that parse_fault() reads back as this. Thread: any.
 std::string fault_text(const Fault& fault);
 
-// When a fault strikes, on a clock that starts with the camera's first stream and never stops.
+// Times of a fault, on a clock that starts with the camera's first stream and never stops.
 struct Schedule {
   std::int64_t at_ns = 0;
   std::int64_t for_ns = 0;    // how long each strike lasts; 0: it is over at once
   std::int64_t every_ns = 0;  // from one strike to the next; 0: there is one only
 
-  // How many strikes have begun, and how many of them are over. Thread: any.
+  // Strikes that have begun, and those of them that are over. Thread: any.
   std::uint64_t begun(std::int64_t time_ns) const noexcept;
   std::uint64_t ended(std::int64_t time_ns) const noexcept;
   bool lasts(std::int64_t time_ns) const noexcept { return begun(time_ns) > ended(time_ns); }

@@ -1,4 +1,4 @@
-// What the script's faults have done so far, counted where it is done.
+// Counts of the script's faults.
 #pragma once
 
 #include <atomic>
@@ -11,7 +11,7 @@
 
 namespace bolo::fakecam {
 
-// What one fault has done. Frames: sent without some of their packets (loss), sent changed, or never sent; of id_gap
+// Counts of one fault. Frames: sent without some of their packets (loss), sent changed, or never sent; of id_gap
 // the ids that no frame got. Packets: lost, moved, doubled or added ones; of resend_unanswered the requests.
 struct InjectedFault {
   std::string fault;        // as parse_fault() reads it

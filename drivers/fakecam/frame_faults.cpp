@@ -78,7 +78,7 @@ void FrameFaults::strike(const Rule& rule, WireFrame& frame, const Nominal& nomi
   if (lasts) frame.hit |= fault_bit(rule.place);
   switch (rule.kind) {
     case FaultKind::kNuc:
-      return correct(rule, frame, nominal);
+      return show_shutter(rule, frame, nominal);
     case FaultKind::kMetadataRows:
       if (lasts) write_metadata(frame.counts, nominal.geometry, static_cast<int>(rule.amount), nominal.frame_id);
       return;
@@ -98,7 +98,7 @@ void FrameFaults::strike(const Rule& rule, WireFrame& frame, const Nominal& nomi
 }
 
 // While the shutter is closed the camera repeats what it saw last; each correction leaves its offset behind.
-void FrameFaults::correct(const Rule& rule, WireFrame& frame, const Nominal& nominal) {
+void FrameFaults::show_shutter(const Rule& rule, WireFrame& frame, const Nominal& nominal) {
   const auto ended = static_cast<double>(rule.schedule.ended(nominal.clock_ns));
   add_offset(frame.counts, std::lround(ended * rule.amount * nominal.counts_per_kelvin));
   if (!rule.schedule.lasts(nominal.clock_ns) || held_.empty()) {

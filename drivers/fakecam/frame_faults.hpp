@@ -1,4 +1,4 @@
-// What the camera itself does wrong with its frames: their ids, times and pixels, and whether they are sent at all.
+// Faults of the camera in its frames: wrong ids, times and pixels, and frames not sent at all.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace bolo::fakecam {
 // Thread: one at a time (the stream's loader).
 class FrameFaults {
  public:
-  // What a frame is before anything went wrong.
+  // A frame without faults.
   struct Nominal {
     std::int64_t clock_ns = 0;  // when it is due, on the faults' clock
     std::uint64_t frame_id = 0;
@@ -39,7 +39,7 @@ class FrameFaults {
   };
 
   void strike(const Rule& rule, WireFrame& frame, const Nominal& nominal);
-  void correct(const Rule& rule, WireFrame& frame, const Nominal& nominal);
+  void show_shutter(const Rule& rule, WireFrame& frame, const Nominal& nominal);
 
   std::int64_t period_ns_;
   std::vector<Rule> rules_;  // in the order in which they act: pixels from the sensor to the wire

@@ -1,4 +1,4 @@
-// Where the fake camera's frames come from.
+// Source of the fake camera's frames.
 #pragma once
 
 #include <cstdint>

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "drivers/fakecam/fault_tally.hpp"
-#include "drivers/fakecam/gvsp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 
 namespace bolo::fakecam {
 

@@ -34,7 +34,7 @@ UniqueFd bind_broadcast(std::uint32_t address, std::uint16_t port);
 Result<UniqueFd> open_stream_socket(std::uint32_t address);
 std::uint16_t bound_port(int socket);
 
-// Whether packets larger than the link's MTU are refused or fragmented. Thread: any.
+// Packets larger than the link's MTU are refused when `on`, else fragmented. Thread: any.
 void set_do_not_fragment(int socket, bool on) noexcept;
 
 sockaddr_in socket_address(std::uint32_t address, std::uint16_t port);

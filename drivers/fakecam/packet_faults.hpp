@@ -1,4 +1,4 @@
-// What the network does to a frame's packets: some never arrive, some come late or twice, some are not the camera's.
+// Faults of the network: packets lost, reordered, duplicated, and garbage among them.
 #pragma once
 
 #include <cstdint>
@@ -7,18 +7,18 @@
 
 #include "drivers/fakecam/fault_tally.hpp"
 #include "drivers/fakecam/frame_ring.hpp"
-#include "drivers/fakecam/wire.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 
 namespace bolo::fakecam {
 
-// What goes on the wire next: a packet of the frame, or bytes that are none.
+// The next packet on the wire: one of the frame, or garbage.
 struct PlannedPacket {
   std::uint32_t id = 0;
   std::uint64_t garbage = 0;  // 0: the packet; otherwise what the bytes are made from
   std::uint32_t garbage_bytes = 0;
 };
 
-// Which packets are struck follows from the seed, the frame's place in the stream and the packet's id: runs repeat.
+// The packets that are struck follow from the seed, the frame's place in the stream and the packet's id: runs repeat.
 // Thread: one at a time (the sender and the resender have one each).
 class PacketFaults {
  public:

@@ -8,13 +8,13 @@
 #include <cstdint>
 
 #include "drivers/fakecam/frame_ring.hpp"
-#include "drivers/fakecam/gvsp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/packet_faults.hpp"
 #include "drivers/fakecam/stats.hpp"
 
 namespace bolo::fakecam {
 
-// Where and how packets go.
+// Destination, size and timing of packets.
 struct PacketRoute {
   int socket = -1;
   sockaddr_in destination{};
@@ -43,8 +43,7 @@ class PacketTrain {
  private:
   static constexpr std::size_t kBatch = 64;  // packets a system call
 
-  // What goes out for this packet: the one place where a packet's content is decided. Fills place `n` of the batch and
-  // returns the packet's bytes.
+  // The one place where a packet's content is decided. Fills place `n` of the batch and returns the packet's bytes.
   std::size_t prepare(std::size_t n, const WireFrame& frame, const gvsp::PacketLayout& layout,
                       const PlannedPacket& packet) noexcept;
   std::uint32_t flush(std::size_t count) noexcept;

@@ -12,7 +12,7 @@ bool whole_words(std::uint32_t address, std::size_t bytes) {
   return address % kRegisterBytes == 0 && bytes % kRegisterBytes == 0;
 }
 
-// Where [address, address + bytes) lies inside `memory` that starts at `base`; empty when it doesn't.
+// The part [address, address + bytes) of `memory`, which starts at `base`; empty when it lies outside.
 ConstBytes window(ConstBytes memory, std::uint32_t base, std::uint32_t address, std::size_t bytes) {
   if (address < base || address - base > memory.size() || bytes > memory.size() - (address - base)) return {};
   return memory.subspan(address - base, bytes);

@@ -9,13 +9,12 @@
 
 #include <tl/expected.hpp>
 
-#include "drivers/fakecam/gvcp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/registers.hpp"
-#include "drivers/fakecam/wire.hpp"
 
 namespace bolo::fakecam {
 
-// What a write does: the value that the register then holds, or the reason why it is refused.
+// Result of a write: the value that the register then holds, or the reason for its refusal.
 using WriteOutcome = tl::expected<std::uint32_t, gvcp::Status>;
 using WriteRule = std::function<WriteOutcome(std::uint32_t value)>;
 

@@ -1,4 +1,4 @@
-// What the fake camera counted since it was started.
+// Counters of the fake camera since it was started.
 #pragma once
 
 #include <atomic>
@@ -7,7 +7,7 @@
 
 namespace bolo::fakecam {
 
-// How far the camera has come: frames whose turn has come, sent or withheld by a fault, and the time stamp of the last.
+// Progress of the stream: frames that were due, sent or withheld by a fault, and the time stamp of the last.
 struct StreamPosition {
   std::uint64_t turns = 0;  // of all streams
   std::uint64_t timestamp_ns = 0;
@@ -62,5 +62,33 @@ struct Counters {
   mutable std::mutex position_mutex_;
   StreamPosition position_;
 };
+
+inline FakeCameraStats Counters::read() const noexcept {
+  constexpr auto kRelaxed = std::memory_order_relaxed;
+  FakeCameraStats s;
+  s.frames_sent = frames_sent.load(kRelaxed);
+  s.packets_sent = packets_sent.load(kRelaxed);
+  s.send_errors = send_errors.load(kRelaxed);
+  s.late_frames = late_frames.load(kRelaxed);
+  s.worst_lateness_ns = worst_lateness_ns.load(kRelaxed);
+  s.resend_requests = resend_requests.load(kRelaxed);
+  s.resent_packets = resent_packets.load(kRelaxed);
+  s.resend_misses = resend_misses.load(kRelaxed);
+  s.commands = commands.load(kRelaxed);
+  s.bad_commands = bad_commands.load(kRelaxed);
+  s.clients = clients.load(kRelaxed);
+  s.heartbeat_losses = heartbeat_losses.load(kRelaxed);
+  s.streams_started = streams_started.load(kRelaxed);
+  s.streams_finished = streams_finished.load(kRelaxed);
+  s.nuc_actions = nuc_actions.load(kRelaxed);
+  s.first_stream_ns = first_stream_ns.load(kRelaxed);
+  {
+    const std::lock_guard lock(position_mutex_);
+    s.position = position_;
+  }
+  s.controlled = controlled.load(kRelaxed);
+  s.streaming = streaming.load(kRelaxed);
+  return s;
+}
 
 }  // namespace bolo::fakecam

@@ -16,7 +16,7 @@
 
 namespace bolo::fakecam {
 
-// What is latched at AcquisitionStart.
+// Settings latched at AcquisitionStart.
 struct StreamPlan {
   PacketRoute route;
   Region region;  // of the capture's plane
@@ -28,7 +28,7 @@ struct StreamPlan {
   std::int64_t fault_clock_ns = 0;  // what the faults' clock shows when the stream starts
 };
 
-// What a stream suffers; all outlive it.
+// Faults of a stream; all outlive it.
 struct StreamFaults {
   FrameFaults& of_frames;
   FaultTallies& tallies;
@@ -46,7 +46,7 @@ class StreamSession {
   // No frame goes out after it returns; what was sent can still be sent again. Idempotent. Thread: control.
   void stop() noexcept;
 
-  // Whether frames are still to come. Thread: any.
+  // True while frames are still to come. Thread: any.
   bool running() const noexcept { return running_.load(std::memory_order_acquire); }  // pairs with send_frames
 
   // Sends packets of a recent frame again. Thread: control.

@@ -1,4 +1,4 @@
-// Which frame of a capture goes out when, under which id and time stamp.
+// The order, ids and time stamps in which the frames of a capture are sent.
 #pragma once
 
 #include <cstdint>

@@ -1,17 +1,21 @@
-// A frame as a transport hands it over: GVSP's or Aravis's.
+// A frame as a transport (GVSP or Aravis) delivers it, and the copy of its pixels into a plane.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
+#include "drivers/genicam/genicam_source.hpp"
+#include "src/core/byte_order.hpp"
+#include "src/core/geometry.hpp"
+
 namespace bolo::genicam {
 
-// How it came to its end.
+// The way in which a frame ended.
 enum class FrameEnd {
   kWhole,
   kIncomplete,  // packets of it never came
-  kDriver,      // the transport library gave it up
+  kDriver,      // the transport library aborted it
 };
 
 struct CameraFrame {
@@ -27,7 +31,22 @@ struct CameraFrame {
   int width = 0;
   int height = 0;
   int x_padding = 0;                    // bytes after each row
-  std::span<const std::byte> pixels{};  // what came; valid until the call that brought it returns
+  std::span<const std::byte> pixels{};  // received so far; valid until the call that brought it returns
 };
+
+// geometry.height rows whose starts lie `stride` bytes apart, in the camera's byte order, into a plane without padding
+// in the host's. Rows after them in the buffer (metadata) are left out. Thread: any.
+inline void copy_rows(const std::byte* from, std::size_t stride, PixelOrder order, Geometry geometry,
+                      std::uint16_t* to) noexcept {
+  const auto width = static_cast<std::size_t>(geometry.width);
+  for (int y = 0; y < geometry.height; ++y, from += stride, to += width) {
+    copy_values(from, order == PixelOrder::kBigEndian, to, width);
+  }
+}
+
+// Replaces each of `count` values by its entry in a table of 65,536. Thread: any.
+inline void translate(std::uint16_t* values, std::size_t count, const std::uint16_t* table) noexcept {
+  for (std::size_t i = 0; i < count; ++i) values[i] = table[values[i]];
+}
 
 }  // namespace bolo::genicam

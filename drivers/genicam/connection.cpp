@@ -47,7 +47,7 @@ Result<FoundCamera> choose_camera(const std::string& id, const std::string& seri
 }
 
 // Opens the device at the connection's address: as its controller, unless another program is.
-Status take_device(Connection& connection) {
+Status open_device(Connection& connection) {
   const Ref<GInetAddress> local(g_inet_address_new_from_string(connection.route.local_address.c_str()));
   const Ref<GInetAddress> remote(g_inet_address_new_from_string(connection.address.c_str()));
   GlibError error;
@@ -74,9 +74,9 @@ Result<Connection> open_gige(const std::string& ipv4) {
                      connection.route.local_address +
                      "): check its power and cable, its address, and that no firewall drops UDP port 3956");
   }
-  if (Status opened = take_device(connection); !opened) return tl::unexpected<Error>(std::move(opened.error()));
+  if (Status opened = open_device(connection); !opened) return tl::unexpected<Error>(std::move(opened.error()));
   if (!is_controller(connection) && free_from_dead_program(ipv4, connection.route.local_address)) {
-    if (Status opened = take_device(connection); !opened) return tl::unexpected<Error>(std::move(opened.error()));
+    if (Status opened = open_device(connection); !opened) return tl::unexpected<Error>(std::move(opened.error()));
   }
   if (!is_controller(connection)) {
     return bad_input("camera " + ipv4 +
@@ -100,7 +100,7 @@ Result<Connection> open_by_id(const std::string& id) {
 
 // Some FLIR cameras describe their registers in the byte order of an older schema: 640 columns then read as
 // 2147614720 (640 with its bytes reversed).
-bool registers_look_swapped(ArvDevice* device) {
+bool has_swapped_registers(ArvDevice* device) {
   GlibError error;
   const auto width = arv_device_get_integer_feature_value(device, "Width", error.out());
   if (error || width < (1 << 16)) return false;
@@ -132,18 +132,19 @@ Result<Connection> open(const CameraOptions& options, bool search) {
   return is_ipv4(camera->address) ? open_gige(camera->address) : open_by_id(camera->id);
 }
 
-// Opens, by `how`, and settles the byte order of the registers.
+// Opens the camera by `open_camera`, again with the older schema where that gives the right byte order of the
+// registers.
 template <typename Open>
-Result<Connection> open_in_order(const Open& how) {
-  auto connection = how();
-  if (!connection || !registers_look_swapped(connection->device.get())) return connection;
+Result<Connection> open_with_byte_order(const Open& open_camera) {
+  auto connection = open_camera();
+  if (!connection || !has_swapped_registers(connection->device.get())) return connection;
   connection->device.reset();  // lets go of control first
-  connection = how();
+  connection = open_camera();
   if (connection) use_legacy_register_order(connection->device.get());
   return connection;
 }
 
-// As the description tells it, or else as discovery does: some cameras write them differently.
+// As read by the GenICam description; has_serial() also tries discovery's, which some cameras write differently.
 std::string serial_of(const Connection& connection) {
   Nodes nodes(connection.device.get());
   return read_serial(nodes);
@@ -161,12 +162,12 @@ bool has_serial(const Connection& connection, const std::string& serial) {
 }  // namespace
 
 Result<Connection> connect(const CameraOptions& options, bool search) {
-  auto connection = open_in_order([&] { return open(options, search); });
+  auto connection = open_with_byte_order([&] { return open(options, search); });
   if (!connection || options.serial.empty() || has_serial(*connection, options.serial)) return connection;
   const std::string other = serial_of(*connection);
   const std::string name = connection->name;
   connection->device.reset();  // nothing of it was changed
-  auto moved = open_in_order([&] { return open_by_serial(options.serial); });
+  auto moved = open_with_byte_order([&] { return open_by_serial(options.serial); });
   if (moved) return moved;
   return bad_input(name + " has the serial number '" + other + "', not '" + options.serial +
                    "': it is another camera, and that one answers nowhere");

@@ -1,4 +1,4 @@
-// Which cameras answer.
+// Discovery of cameras.
 #pragma once
 
 #include <string>

@@ -3,7 +3,7 @@
 #include <mutex>
 #include <utility>
 
-#include "drivers/genicam/keeper.hpp"
+#include "drivers/genicam/connection_manager.hpp"
 #include "drivers/genicam/session.hpp"
 
 namespace bolo::genicam {
@@ -11,19 +11,19 @@ namespace bolo::genicam {
 struct GenicamSource::Impl {
   explicit Impl(CameraOptions o) : options(std::move(o)) {}
 
-  std::shared_ptr<Keeper> present() const {
+  std::shared_ptr<ConnectionManager> current() const {
     const std::lock_guard lock(mutex);
-    return keeper;
+    return manager;
   }
 
   CameraOptions options;  // once a camera was found, with its address
   const std::atomic<bool> never{false};
-  // Shared with the keeper, which may outlive this by a few seconds.
+  // Shared with the connection manager, which may outlive this by a few seconds.
   const std::shared_ptr<pipeline::SourceStatus> status = std::make_shared<pipeline::SourceStatus>();
   pipeline::SourceInfo info;
-  std::unique_ptr<Session> opened;  // from open() to start()
-  mutable std::mutex mutex;         // guards what follows; never taken by the acquire thread
-  std::shared_ptr<Keeper> keeper;   // from start() on; stopped or not
+  std::unique_ptr<Session> opened;             // from open() to start()
+  mutable std::mutex mutex;                    // guards what follows; never taken by the acquire thread
+  std::shared_ptr<ConnectionManager> manager;  // from start() on; stopped or not
   std::vector<std::string> warnings;
 };
 
@@ -53,52 +53,52 @@ Status GenicamSource::start(pipeline::FrameInlet& inlet) {
       return failed("the camera came back with another size, rate or unit than it was opened with");
     }
   }
-  auto keeper = std::make_shared<Keeper>(impl_->options, impl_->info, inlet, impl_->status);
+  auto manager = std::make_shared<ConnectionManager>(impl_->options, impl_->info, inlet, impl_->status);
   {
     const std::lock_guard lock(impl_->mutex);
-    impl_->keeper = keeper;
+    impl_->manager = manager;
   }
-  return keeper->start(std::move(impl_->opened));
+  return manager->start(std::move(impl_->opened));
 }
 
 void GenicamSource::stop() noexcept {
-  if (const auto keeper = impl_->present()) keeper->stop();
+  if (const auto manager = impl_->current()) manager->stop();
 }
 
 const pipeline::SourceStatus* GenicamSource::status() const noexcept { return impl_->status.get(); }
 
 TransportStats GenicamSource::transport_stats() const {
-  const auto keeper = impl_->present();
-  return keeper != nullptr ? keeper->transport() : TransportStats{};
+  const auto manager = impl_->current();
+  return manager != nullptr ? manager->transport() : TransportStats{};
 }
 
 std::vector<std::string> GenicamSource::warnings() const {
-  const auto keeper = impl_->present();
-  std::vector<std::string> all = keeper != nullptr ? keeper->warnings() : std::vector<std::string>{};
+  const auto manager = impl_->current();
+  std::vector<std::string> all = manager != nullptr ? manager->warnings() : std::vector<std::string>{};
   const std::lock_guard lock(impl_->mutex);
   all.insert(all.begin(), impl_->warnings.begin(), impl_->warnings.end());
   return all;
 }
 
 std::vector<pipeline::Notice> GenicamSource::take_notices() {
-  const auto keeper = impl_->present();
-  return keeper != nullptr ? keeper->take_notices() : std::vector<pipeline::Notice>{};
+  const auto manager = impl_->current();
+  return manager != nullptr ? manager->take_notices() : std::vector<pipeline::Notice>{};
 }
 
-Status GenicamSource::correct() {
-  const auto keeper = impl_->present();
-  if (keeper == nullptr) return failed("the camera is not started");
-  return keeper->correct();
+Status GenicamSource::trigger_nuc() {
+  const auto manager = impl_->current();
+  if (manager == nullptr) return failed("the camera is not started");
+  return manager->trigger_nuc();
 }
 
 void GenicamSource::set_nuc(const NucOptions& nuc) {
-  if (const auto keeper = impl_->present(); keeper != nullptr) keeper->set_nuc(nuc);
+  if (const auto manager = impl_->current(); manager != nullptr) manager->set_nuc(nuc);
 }
 
 const rt::LatencyHistogram& GenicamSource::receive_latency() const noexcept {
   static const rt::LatencyHistogram kNone;
-  const auto keeper = impl_->present();
-  return keeper != nullptr ? keeper->latency() : kNone;
+  const auto manager = impl_->current();
+  return manager != nullptr ? manager->latency() : kNone;
 }
 
 }  // namespace bolo::genicam

@@ -14,12 +14,12 @@ namespace bolo::genicam {
 
 enum class PixelOrder { kLittleEndian, kBigEndian };
 
-// What FLIR calls IRFormat: what a count means.
+// Meaning of a count; FLIR calls it IRFormat.
 enum class IrFormat { kLeave, kRadiometric, kTemperatureLinear100mK, kTemperatureLinear10mK };
 
-// Who decides when the camera closes its shutter and corrects its pixels (NUC).
+// Trigger of a NUC (non-uniformity correction: the camera closes its shutter and corrects its pixels).
 enum class NucPolicy {
-  kCamera,  // the camera itself; when it does is not known here
+  kCamera,  // the camera itself; its times are not known here
   kManual,  // only when asked
   kTimed,   // at an interval
   kStill,   // when the scene stands still, at an interval at least
@@ -33,7 +33,8 @@ struct NucOptions {
   int hold_ms = 500;          // frames of this time after the command are taken to be those of the shutter
 };
 
-// What a camera is told of the object, or radiometric counts are corrected for. What has no value stays as it is.
+// Parameters of the measured object, written to the camera or used for radiometric counts. Those without a value are
+// left as the camera has them.
 struct ObjectParameters {
   double emissivity = 1.0;
   double transmission = 1.0;         // of the air
@@ -62,7 +63,8 @@ struct CameraOptions {
   int socket_buffer_bytes = 8 << 20;
   bool resend = false;  // ask for lost packets again
   int packet_timeout_us = 2000;
-  // How long an incomplete frame may hold up the ones behind it. Without resends it holds up none, and waits 100 ms.
+  // Limit of the time that an incomplete frame delays the ones behind it. Without resends it delays none, and waits
+  // 100 ms.
   int frame_retention_us = 10000;
   int buffers = 48;
   int realtime_priority = 0;      // SCHED_FIFO, of the receiving thread; 0: nice level -10, as far as that is allowed
@@ -114,13 +116,13 @@ class GenicamSource final : public pipeline::FrameSource {
   // Thread: any.
   SourceState state() const noexcept { return status()->state.value(); }
   // Blocks 5 s at most. Frames of the time after it carry kFlagNuc, and a new window begins before and after them.
-  Status correct() override;
+  Status trigger_nuc() override;
   // Another policy for the corrections of a camera that was started; warnings are notices. Thread: any.
   void set_nuc(const NucOptions& nuc);
   // Times that a lost camera was opened again. Thread: any.
   std::uint64_t reconnects() const noexcept { return status()->reopened.value(); }
   TransportStats transport_stats() const;
-  // What the camera or the host granted less of than was asked when it was opened and started. Thread: any.
+  // Settings that the camera or the host rounded or refused when it was opened and started. Thread: any.
   std::vector<std::string> warnings() const;
   std::vector<pipeline::Notice> take_notices() override;
   // First packet of a frame received -> frame in the queue, since start(). Thread: any, not during start().

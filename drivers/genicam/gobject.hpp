@@ -23,7 +23,7 @@ using Ref = std::unique_ptr<T, Unref>;
 template <typename T>
 using Owned = std::unique_ptr<T, Free>;
 
-// Where a call of GLib puts its error: pass out() to one call, then ask.
+// Holds the error of a call of GLib: pass out() to one call, then test.
 class GlibError {
  public:
   GlibError() = default;

@@ -204,7 +204,7 @@ bool Assembler::request(Frame& frame, std::uint32_t first, std::uint32_t last, s
     frame.states[id].due_ns = now_ns + plan_.packet_timeout_ns;
     frame.states[id].requested = true;
   }
-  output_.ask_again({frame.id, first, last, frame.extended});
+  output_.request_resend({frame.id, first, last, frame.extended});
   return true;
 }
 
@@ -258,7 +258,7 @@ bool Assembler::precedes(const Frame& frame, const Frame& whole, std::int64_t no
 
 void Assembler::deliver(std::int64_t now_ns) noexcept {
   while (Frame* frame = next_whole(now_ns)) {
-    if (held_up(*frame, now_ns)) return;
+    if (blocked(*frame, now_ns)) return;
     emit(*frame, now_ns);
   }
 }
@@ -272,7 +272,7 @@ Assembler::Frame* Assembler::next_whole(std::int64_t now_ns) noexcept {
 }
 
 // A frame before it may still be completed.
-bool Assembler::held_up(const Frame& whole, std::int64_t now_ns) const noexcept {
+bool Assembler::blocked(const Frame& whole, std::int64_t now_ns) const noexcept {
   return plan_.resend && std::ranges::any_of(frames_, [&](const Frame& frame) {
            return precedes(frame, whole, now_ns) && !frame.whole && now_ns - frame.last_ns < plan_.retention_ns;
          });

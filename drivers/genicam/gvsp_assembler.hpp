@@ -20,11 +20,11 @@ struct ResendRequest {
   bool extended = false;
 };
 
-// What comes of the packets. Thread: acquire.
+// Receives the assembled frames and the requests for resends. Thread: acquire.
 class FrameOutput {
  public:
   virtual void take_frame(const CameraFrame& frame) noexcept = 0;
-  virtual void ask_again(const ResendRequest& request) noexcept = 0;
+  virtual void request_resend(const ResendRequest& request) noexcept = 0;
 
  protected:
   ~FrameOutput() = default;
@@ -119,7 +119,7 @@ class Assembler {
   bool precedes(const Frame& frame, const Frame& whole, std::int64_t now_ns) const noexcept;
   void deliver(std::int64_t now_ns) noexcept;
   Frame* next_whole(std::int64_t now_ns) noexcept;
-  bool held_up(const Frame& whole, std::int64_t now_ns) const noexcept;
+  bool blocked(const Frame& whole, std::int64_t now_ns) const noexcept;
   void emit(Frame& frame, std::int64_t now_ns) noexcept;
   std::span<const std::byte> contents(const Frame& frame) const noexcept;
   void give_up(Frame& frame) noexcept;

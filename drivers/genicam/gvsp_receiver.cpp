@@ -134,7 +134,7 @@ void Receiver::run() noexcept {
 }
 
 // GVCP's PACKETRESEND command, from the stream's own port, without an answer.
-void Receiver::ask_again(const ResendRequest& request) noexcept {
+void Receiver::request_resend(const ResendRequest& request) noexcept {
   constexpr unsigned kKey = 0x42;
   constexpr unsigned kExtendedIds = 0x10;
   constexpr unsigned kPacketResend = 0x0040;

@@ -20,7 +20,7 @@ namespace bolo::genicam::gvsp {
 // Thread: the thread concerned.
 Status raise_priority(const std::string& name, int realtime_priority);
 
-// What to say when it was refused. Thread: any.
+// Warning for a priority that was refused. Thread: any.
 std::string refused_priority(int realtime_priority);
 
 class Receiver final : private FrameOutput {
@@ -33,7 +33,7 @@ class Receiver final : private FrameOutput {
   Receiver(const Receiver&) = delete;
   Receiver& operator=(const Receiver&) = delete;
 
-  // Where the camera is to send to.
+  // UDP port that the camera sends to.
   std::uint16_t port() const noexcept { return port_; }
 
   // Frames go to `take` from now on, on the thread of the receiver. source_port: that the camera says it sends from; 0:
@@ -49,7 +49,7 @@ class Receiver final : private FrameOutput {
 
   void run() noexcept;
   void take_frame(const CameraFrame& frame) noexcept override { take_(frame); }
-  void ask_again(const ResendRequest& request) noexcept override;
+  void request_resend(const ResendRequest& request) noexcept override;
 
   const UniqueFd socket_;
   const sockaddr_in camera_;  // its control port

@@ -1,4 +1,4 @@
-// What the host's network says about the way to a camera.
+// Route to a camera, GVCP probes and socket filters.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// When a correction of the pixels (NUC) is due.
+// Decides when a NUC is due.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@ class NucSchedule {
     if (options_.policy == NucPolicy::kTimed) return true;
     return still_since_ns != 0 && now_ns - still_since_ns >= ns(options_.still_s);
   }
-  // Another policy; when the last one was done is not forgotten.
-  void follow(const NucOptions& options) { options_ = options; }
+  // Another policy; the time of the last NUC stays.
+  void set_options(const NucOptions& options) { options_ = options; }
   // One was done, or could not be: the next is an interval away.
   void done(std::int64_t now_ns) { last_ns_ = now_ns; }
 

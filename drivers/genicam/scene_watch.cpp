@@ -24,10 +24,10 @@ bool plausible(double count, const LinearScale& scale) {
 SceneWatch::SceneWatch(const StreamFormat& format, double still_k) noexcept
     : count_(std::min(format.geometry.pixels(), kMostSamples)),
       step_(format.geometry.pixels() / std::max<std::size_t>(count_, 1)),
-      kelvin_a_count_(format.scale.unit == Unit::kKelvin ? format.scale.scale : 1.0),
-      still_counts_(still_k / kelvin_a_count_) {}
+      kelvin_per_count_(format.scale.unit == Unit::kKelvin ? format.scale.scale : 1.0),
+      still_counts_(still_k / kelvin_per_count_) {}
 
-void SceneWatch::look(const std::uint16_t* plane, std::int64_t now_ns) noexcept {
+void SceneWatch::update(const std::uint16_t* plane, std::int64_t now_ns) noexcept {
   const double still_counts = still_counts_.value();
   const bool compares = still_counts > 0.0 && now_ns - compared_ns_ >= kComparePeriodNs;
   const bool first = frames_++ == 0;

@@ -1,4 +1,4 @@
-// A cheap look at what the camera sees: whether it moves, and whether its values can be temperatures.
+// Tells from a sample of pixels since when the scene stands still, and if the values can be temperatures.
 #pragma once
 
 #include <array>
@@ -12,17 +12,17 @@
 
 namespace bolo::genicam {
 
-// Looks at some 1,000 pixels spread over the frame. Nothing is allocated.
+// Samples some 1,000 pixels spread over the frame. Nothing is allocated.
 class SceneWatch {
  public:
   // still_k: a scene stands still while, from one tenth of a second to the next, its pixels change by no more than this
-  // on average; K, or counts where frames have no kelvin. 0: motion is not looked at. Thread: setup.
+  // on average; K, or counts where frames have no kelvin. 0: motion is not measured. Thread: setup.
   SceneWatch(const StreamFormat& format, double still_k) noexcept;
   // Another still_k from now on. Thread: any.
-  void set_still_k(double still_k) noexcept { still_counts_.set(still_k / kelvin_a_count_); }
+  void set_still_k(double still_k) noexcept { still_counts_.set(still_k / kelvin_per_count_); }
 
   // A frame in the host's byte order, row-major. now_ns: CLOCK_MONOTONIC. Thread: acquire.
-  void look(const std::uint16_t* plane, std::int64_t now_ns) noexcept;
+  void update(const std::uint16_t* plane, std::int64_t now_ns) noexcept;
   // Frames of another connection follow. Thread: setup, while no connection delivers.
   void restart() noexcept;
 
@@ -40,7 +40,7 @@ class SceneWatch {
 
   const std::size_t count_;
   const std::size_t step_;
-  const double kelvin_a_count_;  // 1 where frames have no kelvin
+  const double kelvin_per_count_;  // 1 where frames have no kelvin
   rt::Gauge<double> still_counts_;
   std::uint64_t frames_ = 0;  // of this connection
   std::int64_t compared_ns_ = 0;

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "drivers/genicam/nodes.hpp"
-#include "drivers/genicam/object.hpp"
+#include "drivers/genicam/settings.hpp"
 #include "src/core/clock.hpp"
 
 namespace bolo::genicam {
@@ -26,7 +26,7 @@ constexpr std::int64_t kNsPerUs = 1000;
 
 // Registers that every GigE Vision camera has, of its first stream channel.
 constexpr std::uint64_t kStreamCapability = 0x092c;
-constexpr std::uint32_t kTellsSourcePort = 0x80000000;
+constexpr std::uint32_t kHasSourcePort = 0x80000000;
 constexpr std::uint64_t kCapabilities = 0x0934;
 constexpr std::uint32_t kResends = 1U << 2U;
 constexpr std::uint64_t kStreamPort = 0x0d00;
@@ -41,7 +41,7 @@ void sleep_unless(const std::atomic<bool>& stop_requested, milliseconds time) {
 }
 
 // The camera still answers and is still controlled at the end of the time.
-bool stays(const Connection& connection, int watch_ms, const std::atomic<bool>& stop_requested) {
+bool stays_controlled(const Connection& connection, int watch_ms, const std::atomic<bool>& stop_requested) {
   const std::int64_t until_ns = monotonic_ns() + watch_ms * 1'000'000LL;
   while (is_controlled(connection)) {
     if (monotonic_ns() >= until_ns) return true;
@@ -65,7 +65,7 @@ Result<std::unique_ptr<Session>> Session::open(const CameraOptions& options, boo
                                  : Result<Negotiated>(tl::unexpected<Error>(connection.error()));
     if (negotiated && negotiated->windowing_changed) {
       if (give_up_ns == 0) give_up_ns = monotonic_ns() + kReopenLimitNs;
-      if (stays(*connection, options.windowing_watch_ms, stop_requested)) {
+      if (stays_controlled(*connection, options.windowing_watch_ms, stop_requested)) {
         negotiated = configure(*connection, options, found);
       }
     }
@@ -103,8 +103,8 @@ Session::~Session() {
   }
 }
 
-Status Session::prepare(Intake& intake, std::vector<std::string>& warnings) {
-  intake_ = &intake;
+Status Session::prepare(FrameReceiver& receiver, std::vector<std::string>& warnings) {
+  receiver_ = &receiver;
   auto payload = payload_bytes();
   if (!payload) return tl::unexpected<Error>(std::move(payload.error()));
   if (connection_.is_gige()) return start_gvsp(*payload, warnings);
@@ -125,7 +125,7 @@ Status Session::begin() {
   return {};
 }
 
-Status Session::correct() {
+Status Session::trigger_nuc() {
   Nodes nodes(connection_.device.get());
   if (!nodes.has("NUCAction"))
     return failed(connection_.name + " has no NUCAction: it cannot be told to correct itself");
@@ -134,7 +134,7 @@ Status Session::correct() {
   return {};
 }
 
-Status Session::follow(const NucOptions& nuc, std::vector<std::string>& warnings) {
+Status Session::set_nuc(const NucOptions& nuc, std::vector<std::string>& warnings) {
   Nodes nodes(connection_.device.get());
   configure_nuc(nodes, nuc, warnings);
   return nodes.status();
@@ -238,7 +238,7 @@ Result<gvsp::StreamPlan> Session::plan_stream(std::size_t payload_bytes, std::ve
 
 // From which the camera says that it sends; 0 when it does not.
 std::uint16_t Session::source_port() {
-  return (read_register(kStreamCapability) & kTellsSourcePort) != 0
+  return (read_register(kStreamCapability) & kHasSourcePort) != 0
              ? static_cast<std::uint16_t>(read_register(kStreamSourcePort))
              : std::uint16_t{0};
 }
@@ -254,7 +254,7 @@ std::uint32_t Session::read_register(std::uint64_t address) {
 // Thread: acquire.
 void Session::take(const CameraFrame& frame) noexcept {
   if (!gate_.enter()) return;
-  intake_->take(frame);
+  receiver_->take(frame);
   gate_.leave();
 }
 

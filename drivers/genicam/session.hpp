@@ -1,4 +1,4 @@
-// One connection to the camera, from opening it to letting it go.
+// One connection to the camera, from opening to closing it.
 #pragma once
 
 #include <atomic>
@@ -8,9 +8,9 @@
 
 #include "drivers/genicam/aravis_stream.hpp"
 #include "drivers/genicam/connection.hpp"
+#include "drivers/genicam/frame_receiver.hpp"
 #include "drivers/genicam/gate.hpp"
 #include "drivers/genicam/gvsp_receiver.hpp"
-#include "drivers/genicam/intake.hpp"
 #include "drivers/genicam/settings.hpp"
 #include "src/core/result.hpp"
 
@@ -34,13 +34,13 @@ class Session {
   // The IP address of a GigE Vision camera; empty for others.
   const std::string& address() const { return connection_.address; }
 
-  // Makes the stream, its thread and its buffers; nothing flows yet. The intake outlives shut(). Thread: setup.
-  Status prepare(Intake& intake, std::vector<std::string>& warnings);
-  // From now on the intake is given the frames that come. Thread: setup.
+  // Makes the stream, its thread and its buffers; nothing flows yet. The receiver outlives shut(). Thread: setup.
+  Status prepare(FrameReceiver& receiver, std::vector<std::string>& warnings);
+  // The receiver gets frames from now on. Thread: setup.
   void admit() noexcept { gate_.open(); }
   // Tells the camera to send. Thread: setup.
   Status begin();
-  // After it returns the intake is not touched any more. Never blocks for long, idempotent. Thread: setup.
+  // After it returns the receiver is not touched any more. Never blocks for long, idempotent. Thread: setup.
   void shut() noexcept { gate_.shut(); }
 
   // Aravis's heartbeat has failed, or another program took the camera. Thread: any.
@@ -49,10 +49,10 @@ class Session {
   bool answers() const { return !connection_.is_gige() || answers_gvcp(connection_.address); }
   // The camera obeys this program. Blocks some seconds when it does not answer. Thread: setup.
   bool controlled() const { return is_controlled(connection_); }
-  // Tells the camera to correct its pixels (NUC). Blocks some seconds when it does not answer. Thread: setup.
-  Status correct();
-  // Tells it whether to correct itself. Blocks as correct(). Thread: setup.
-  Status follow(const NucOptions& nuc, std::vector<std::string>& warnings);
+  // Commands a NUC. Blocks some seconds when the camera does not answer. Thread: setup.
+  Status trigger_nuc();
+  // Writes the NUC mode. Blocks as trigger_nuc(). Thread: setup.
+  Status set_nuc(const NucOptions& nuc, std::vector<std::string>& warnings);
   // Of the camera, K; 0 when it does not tell. Blocks as above. Thread: setup.
   double temperature_k();
   // Since the stream was prepared. Thread: setup.
@@ -72,7 +72,7 @@ class Session {
   const CameraOptions options_;
   const Negotiated negotiated_;
   bool began_ = false;
-  Intake* intake_ = nullptr;
+  FrameReceiver* receiver_ = nullptr;
   Gate gate_;
   Connection connection_;
   // One of them, by the camera's transport; goes before the device.

@@ -5,7 +5,6 @@
 #include <system_error>
 #include <utility>
 
-#include "drivers/replay/breaks.hpp"
 #include "drivers/replay/copy_region.hpp"
 #include "src/core/clock.hpp"
 #include "src/rt/thread.hpp"
@@ -13,13 +12,35 @@
 namespace bolo::replay {
 namespace {
 
-// How long a sleeping replay may take to notice that it should stop.
+// Limit of the time in which a sleeping replay notices that it should stop.
 constexpr std::int64_t kStopCheckNs = 50'000'000;
 
-std::string in_words(const Region& r) {
+std::string describe(const Region& r) {
   return std::to_string(r.x) + "," + std::to_string(r.y) + "," + std::to_string(r.width) + "," +
          std::to_string(r.height);
 }
+
+// The times of "nuc" and "reconnect" events, walked along with the frames. Thread: acquire.
+class WindowRestarts {
+ public:
+  explicit WindowRestarts(const std::vector<capture::Event>& events) {
+    for (const capture::Event& event : events) {
+      if (event.kind == "nuc" || event.kind == "reconnect") times_s_.push_back(event.t_s);
+    }
+    std::sort(times_s_.begin(), times_s_.end());
+  }
+
+  // True when the frame at `t_s` starts a new window: an event lies between the frame of the last call and this one.
+  bool due(double t_s) {
+    const std::size_t first = next_;
+    while (next_ < times_s_.size() && times_s_[next_] <= t_s) ++next_;
+    return next_ != first;
+  }
+
+ private:
+  std::vector<double> times_s_;
+  std::size_t next_ = 0;
+};
 
 }  // namespace
 
@@ -36,7 +57,7 @@ Result<pipeline::SourceInfo> ReplaySource::open() {
   const capture::CaptureInfo& info = reader_->info();
   const Geometry whole = info.format.geometry;
   if (!region_.inside(whole)) {
-    return bad_input("region " + in_words(region_) + " (x,y,width,height) is not inside the frame of " +
+    return bad_input("region " + describe(region_) + " (x,y,width,height) is not inside the frame of " +
                      std::to_string(whole.width) + "x" + std::to_string(whole.height));
   }
   pipeline::SourceInfo source{info.format, info.camera_model, info.camera_serial};
@@ -63,7 +84,7 @@ void ReplaySource::stop() noexcept {
   if (thread_.joinable()) thread_.join();
 }
 
-// What separates one lap from the next: numbers and times rise on, the first frame follows the last by a period.
+// Offset of numbers and times from one lap to the next: the first frame follows the last by a period.
 ReplaySource::Lap ReplaySource::length() const {
   const std::vector<double>& t = reader_->t();
   const std::vector<std::uint64_t>& id = reader_->frame_id();
@@ -86,10 +107,10 @@ void ReplaySource::feed(pipeline::FrameInlet& inlet) {
 bool ReplaySource::play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap lap) {
   const std::vector<double>& t = reader_->t();
   const std::vector<std::uint64_t>& id = reader_->frame_id();
-  Breaks breaks(reader_->events());
+  WindowRestarts restarts(reader_->events());
   for (std::size_t i = 0; i < t.size(); ++i) {
     if (stop_requested_.load(std::memory_order_relaxed)) return false;
-    if (breaks.before(t[i])) {
+    if (restarts.due(t[i])) {
       inlet.restart_window();
     } else if (i > 0) {
       inlet.count_loss(LossCause::kMissing, id[i] - id[i - 1] - 1);

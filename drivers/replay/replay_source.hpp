@@ -40,7 +40,7 @@ class ReplaySource final : public pipeline::FrameSource {
   void stop() noexcept override;
 
   // Fails: there is no camera. Thread: any.
-  Status correct() override { return failed("a capture is replayed: there is no camera to correct"); }
+  Status trigger_nuc() override { return failed("a capture is replayed: there is no camera to correct"); }
 
   // A read error that ended the replay early, if any. Thread: setup, after stop().
   Status result() const { return result_; }

@@ -4,13 +4,17 @@
 #include <array>
 #include <cstdarg>
 #include <cstdio>
+#include <memory>
 #include <span>
 #include <string_view>
 
-#include "drivers/usb/handles.hpp"
-
 namespace bolo::usb {
 namespace {
+
+struct FreeConfig {
+  void operator()(libusb_config_descriptor* config) const noexcept { libusb_free_config_descriptor(config); }
+};
+using Config = std::unique_ptr<libusb_config_descriptor, FreeConfig>;
 
 using Bytes = std::span<const unsigned char>;
 
@@ -162,7 +166,9 @@ void put_interface(Page& page, const libusb_interface_descriptor& setting) {
 }
 
 void put_configuration(Page& page, libusb_device* device, std::uint8_t index, bool superspeed) {
-  const Config config = config_of(device, index);
+  libusb_config_descriptor* given = nullptr;
+  const bool is_given = libusb_get_config_descriptor(device, index, &given) == 0;
+  const Config config(is_given ? given : nullptr);
   if (config == nullptr) return page.line(1, "configuration %u: not given", index);
   page.line(1, "configuration %u: attributes 0x%02x%s%s, at most %u mA, %u interfaces", config->bConfigurationValue,
             config->bmAttributes, (config->bmAttributes & 0x40U) != 0 ? ", self-powered" : "",
@@ -209,9 +215,7 @@ void put_device(Page& page, const UsbDevice& known, const libusb_device_descript
   page.line(1, "%-18s %u", "configurations", d.bNumConfigurations);
 }
 
-}  // namespace
-
-std::string descriptor_report(libusb_device* device) {
+std::string report_of(libusb_device* device) {
   const UsbDevice known = describe(device);
   libusb_device_descriptor descriptor{};
   libusb_get_device_descriptor(device, &descriptor);
@@ -227,6 +231,8 @@ std::string descriptor_report(libusb_device* device) {
   return page.take();
 }
 
+}  // namespace
+
 Result<std::string> descriptor_report(const DeviceFilter& filter) {
   const auto context = make_context();
   if (!context) return tl::unexpected<Error>(context.error());
@@ -235,7 +241,7 @@ Result<std::string> descriptor_report(const DeviceFilter& filter) {
   std::string reports;
   for (libusb_device* device : devices) {
     if (!filter.matches(describe(device))) continue;
-    reports += (reports.empty() ? "" : "\n") + descriptor_report(device);
+    reports += (reports.empty() ? "" : "\n") + report_of(device);
   }
   if (reports.empty()) return bad_input("no " + filter.text() + " is connected; `bolo usb --vendor any` lists all");
   return reports;

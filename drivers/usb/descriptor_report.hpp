@@ -1,7 +1,5 @@
-// Everything a USB device says of itself, as text: what support needs of a camera whose protocol nobody here has seen.
+// Every descriptor of a USB device as text, for support of cameras whose protocol is unknown.
 #pragma once
-
-#include <libusb.h>
 
 #include <string>
 
@@ -10,11 +8,9 @@
 
 namespace bolo::usb {
 
-// Device, configurations, interfaces with their alternate settings, endpoints, class-specific descriptors in
-// hexadecimal, strings and BOS. What takes permission and was not given is said so. Talks to the device. Thread: setup.
-std::string descriptor_report(libusb_device* device);
-
-// The reports of all that match, one after the other. kBadInput: none does. Thread: setup.
+// Of each device that matches: device, configurations, interfaces with their alternate settings, endpoints,
+// class-specific descriptors in hexadecimal, strings and BOS; where permission is missing, a line that says so.
+// kBadInput: no device matches. Performs transfers. Thread: setup.
 Result<std::string> descriptor_report(const DeviceFilter& filter);
 
 }  // namespace bolo::usb

@@ -9,8 +9,6 @@
 #include <fstream>
 #include <tuple>
 
-#include "drivers/usb/handles.hpp"
-
 namespace bolo::usb {
 namespace {
 
@@ -51,7 +49,7 @@ std::string speed_text(int speed) {
   }
 }
 
-// What the kernel read when the device came.
+// As the kernel read it when the device was connected.
 std::string kernel_string(const std::string& port_path, const char* name) {
   std::ifstream file("/sys/bus/usb/devices/" + port_path + "/" + name);
   std::string text;
@@ -65,8 +63,8 @@ std::string device_string(libusb_device_handle* handle, std::uint8_t index) {
   return size > 0 ? std::string(text.data(), text.data() + size) : std::string();
 }
 
-// Asks the device for those of its strings that the kernel did not tell.
-void ask_strings(libusb_device* device, const libusb_device_descriptor& descriptor, UsbDevice& found) {
+// Fills in those strings that the kernel does not have.
+void read_missing_strings(libusb_device* device, const libusb_device_descriptor& descriptor, UsbDevice& found) {
   struct Wanted {
     std::string* text;
     std::uint8_t index;
@@ -74,17 +72,23 @@ void ask_strings(libusb_device* device, const libusb_device_descriptor& descript
   const std::array<Wanted, 3> strings{{{&found.manufacturer, descriptor.iManufacturer},
                                        {&found.product_name, descriptor.iProduct},
                                        {&found.serial, descriptor.iSerialNumber}}};
-  const auto untold = [](const Wanted& w) { return w.index != 0 && w.text->empty(); };
-  if (!found.allowed || std::none_of(strings.begin(), strings.end(), untold)) return;
+  const auto missing = [](const Wanted& w) { return w.index != 0 && w.text->empty(); };
+  if (!found.allowed || std::none_of(strings.begin(), strings.end(), missing)) return;
   libusb_device_handle* opened = nullptr;
   if (libusb_open(device, &opened) != 0) return;
   const Handle handle(opened);
   for (const Wanted& wanted : strings) {
-    if (untold(wanted)) *wanted.text = device_string(opened, wanted.index);
+    if (missing(wanted)) *wanted.text = device_string(opened, wanted.index);
   }
 }
 
 }  // namespace
+
+Result<Context> make_context() {
+  libusb_context* context = nullptr;
+  if (const int code = libusb_init(&context); code != 0) return failed("USB: libusb does not start: " + reason(code));
+  return Context(context);
+}
 
 std::string id_text(std::uint16_t vendor, std::uint16_t product) {
   return format("%04x:%04x", static_cast<unsigned>(vendor), static_cast<unsigned>(product));
@@ -141,7 +145,7 @@ UsbDevice describe(libusb_device* device) {
   found.serial = kernel_string(found.port_path, "serial");
   found.node = format("/dev/bus/usb/%03d/%03d", found.bus, found.address);
   found.allowed = access(found.node.c_str(), R_OK | W_OK) == 0;
-  ask_strings(device, descriptor, found);
+  read_missing_strings(device, descriptor, found);
   return found;
 }
 
@@ -152,7 +156,7 @@ Result<std::vector<UsbDevice>> list_devices(libusb_context* context, const Devic
   for (libusb_device* device : devices) {
     libusb_device_descriptor ids{};
     libusb_get_device_descriptor(device, &ids);
-    // Only those that are meant are spoken to.
+    // describe() may open the device: leave those of other vendors alone.
     if (filter.vendor.value_or(ids.idVendor) != ids.idVendor) continue;
     if (UsbDevice one = describe(device); filter.matches(one)) found.push_back(std::move(one));
   }

@@ -1,9 +1,11 @@
-// Which USB devices are there.
+// The USB devices that are connected, and ownership of libusb's objects.
 #pragma once
 
 #include <libusb.h>
 
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,6 +17,41 @@ namespace bolo::usb {
 
 inline constexpr std::uint16_t kFlirVendor = 0x09cb;
 
+struct ExitContext {
+  void operator()(libusb_context* context) const noexcept { libusb_exit(context); }
+};
+struct CloseHandle {
+  void operator()(libusb_device_handle* handle) const noexcept { libusb_close(handle); }
+};
+using Context = std::unique_ptr<libusb_context, ExitContext>;
+using Handle = std::unique_ptr<libusb_device_handle, CloseHandle>;
+
+// libusb's text for one of its error codes. Thread: any.
+inline std::string reason(int code) { return libusb_strerror(static_cast<libusb_error>(code)); }
+
+// kFailed: this system has no USB, or does not let it be read. Thread: setup.
+Result<Context> make_context();
+
+// The devices of a moment, each held until this goes. Thread: any.
+class DeviceList {
+ public:
+  explicit DeviceList(libusb_context* context) : size_(libusb_get_device_list(context, &devices_)) {}
+  ~DeviceList() {
+    if (devices_ != nullptr) libusb_free_device_list(devices_, 1);
+  }
+  DeviceList(const DeviceList&) = delete;
+  DeviceList& operator=(const DeviceList&) = delete;
+
+  libusb_device* const* begin() const { return devices_; }
+  libusb_device* const* end() const { return devices_ + (size_ > 0 ? size_ : 0); }
+  // 0, or libusb's error code.
+  int error() const { return size_ < 0 ? static_cast<int>(size_) : 0; }
+
+ private:
+  libusb_device** devices_ = nullptr;
+  std::ptrdiff_t size_;
+};
+
 struct UsbDevice {
   int bus = 0;
   int address = 0;
@@ -23,7 +60,7 @@ struct UsbDevice {
   std::uint16_t product = 0;
   std::uint16_t release = 0;  // bcdDevice: 0x0102 is 1.02
   std::string speed;          // "480 Mbit/s"
-  // Empty where the device has none, or where neither the kernel nor the device tells it to this user.
+  // Empty where the device has none, or where neither the kernel nor the device gives it to this user.
   std::string manufacturer;
   std::string product_name;
   std::string serial;
@@ -33,7 +70,7 @@ struct UsbDevice {
   bool operator==(const UsbDevice&) const = default;
 };
 
-// What is meant: every part that is given must agree.
+// Selects devices: every part that is given must agree.
 struct DeviceFilter {
   std::optional<std::uint16_t> vendor;
   std::optional<std::uint16_t> product;
@@ -53,11 +90,11 @@ std::string id_text(std::uint16_t vendor, std::uint16_t product);
 // From "09cb:1007". kBadInput: not two numbers of four hexadecimal digits. Thread: any.
 Result<DeviceFilter> parse_ids(std::string_view text);
 
-// What the kernel knows, which needs no permission; strings that it does not know are asked of the device where this
-// user may open it. Talks to the device: not within a callback of libusb. Thread: setup.
+// From the kernel, which needs no permission; strings that it does not have are read from the device where this user
+// may open it. Performs transfers: not within a callback of libusb. Thread: setup.
 UsbDevice describe(libusb_device* device);
 
-// In the order of bus and address. kFailed: USB cannot be looked at. Thread: setup.
+// In the order of bus and address. kFailed: USB cannot be read. Thread: setup.
 Result<std::vector<UsbDevice>> list_devices(libusb_context* context, const DeviceFilter& filter);
 Result<std::vector<UsbDevice>> list_devices(const DeviceFilter& filter);
 

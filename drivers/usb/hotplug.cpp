@@ -25,24 +25,6 @@ bool has(const std::vector<UsbDevice>& devices, const UsbDevice& device) {
 
 }  // namespace
 
-HotplugSignal::HotplugSignal(libusb_context* context, Callback callback)
-    : context_(context), callback_(std::move(callback)) {
-  if (libusb_has_capability(LIBUSB_CAP_HAS_HOTPLUG) == 0) return;
-  told_ =
-      libusb_hotplug_register_callback(context, LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED | LIBUSB_HOTPLUG_EVENT_DEVICE_LEFT,
-                                       0, LIBUSB_HOTPLUG_MATCH_ANY, LIBUSB_HOTPLUG_MATCH_ANY, LIBUSB_HOTPLUG_MATCH_ANY,
-                                       &on_change, this, &handle_) == 0;
-}
-
-HotplugSignal::~HotplugSignal() {
-  if (told_) libusb_hotplug_deregister_callback(context_, handle_);
-}
-
-int HotplugSignal::on_change(libusb_context*, libusb_device* device, libusb_hotplug_event event, void* self) {
-  static_cast<HotplugSignal*>(self)->callback_(device, event == LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED);
-  return 0;  // 1 would end the registration
-}
-
 Result<std::unique_ptr<Hotplug>> Hotplug::start(DeviceFilter filter, Callback callback, Means means) {
   auto context = make_context();
   if (!context) return tl::unexpected<Error>(context.error());
@@ -52,24 +34,32 @@ Result<std::unique_ptr<Hotplug>> Hotplug::start(DeviceFilter filter, Callback ca
 
 Hotplug::Hotplug(Context context, DeviceFilter filter, Callback callback, Means means)
     : context_(std::move(context)), filter_(std::move(filter)), callback_(std::move(callback)) {
-  if (means == Means::kEvents) {
-    signal_ = std::make_unique<HotplugSignal>(context_.get(), [this](libusb_device*, bool) { changed_ = true; });
+  if (means == Means::kEvents && libusb_has_capability(LIBUSB_CAP_HAS_HOTPLUG) != 0) {
+    has_events_ = libusb_hotplug_register_callback(
+                      context_.get(), LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED | LIBUSB_HOTPLUG_EVENT_DEVICE_LEFT, 0,
+                      LIBUSB_HOTPLUG_MATCH_ANY, LIBUSB_HOTPLUG_MATCH_ANY, LIBUSB_HOTPLUG_MATCH_ANY, &on_event, this,
+                      &registration_) == 0;
   }
-  thread_ = std::thread([this] { watch(); });
+  thread_ = std::thread([this] { run(); });
 }
 
 Hotplug::~Hotplug() {
   stop_.store(true, std::memory_order_relaxed);
   thread_.join();
+  if (has_events_) libusb_hotplug_deregister_callback(context_.get(), registration_);
 }
 
-void Hotplug::watch() {
+int Hotplug::on_event(libusb_context*, libusb_device*, libusb_hotplug_event, void* self) {
+  static_cast<Hotplug*>(self)->changed_ = true;
+  return 0;  // 1 would end the registration
+}
+
+void Hotplug::run() {
   static_cast<void>(rt::apply_to_this_thread({.name = "bolo-usb-watch"}));
   using Clock = std::chrono::steady_clock;
-  const bool told = signal_ != nullptr && signal_->told();
   Clock::time_point next = Clock::now();
   while (!stop_.load(std::memory_order_relaxed)) {
-    if (std::exchange(changed_, false) || (!told && Clock::now() >= next)) {
+    if (std::exchange(changed_, false) || (!has_events_ && Clock::now() >= next)) {
       compare();
       next = Clock::now() + kPollPeriod;
     }
@@ -78,8 +68,7 @@ void Hotplug::watch() {
   }
 }
 
-// An event only says that something changed; what did is seen in the list. Within libusb's callback a device must not
-// be asked for its strings.
+// An event only says that something changed: libusb's callback must not perform transfers, and so cannot read strings.
 void Hotplug::compare() {
   auto present = list_devices(context_.get(), filter_);
   if (!present) return;

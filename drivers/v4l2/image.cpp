@@ -36,15 +36,15 @@ Status check_width(PixelFormat format, int width) {
 }
 
 Result<ImageMaker> ImageMaker::create(PixelFormat format, Y16Unit unit, Geometry geometry, const LinearScale& scale,
-                                      const ToneOptions& tone) {
+                                      const AgcOptions& agc) {
   if (Status fits = check_width(format, geometry.width); !fits) return tl::unexpected<Error>(fits.error());
-  return ImageMaker(format, unit, geometry, scale, tone);
+  return ImageMaker(format, unit, geometry, scale, agc);
 }
 
 ImageMaker::ImageMaker(PixelFormat format, Y16Unit unit, Geometry geometry, const LinearScale& scale,
-                       const ToneOptions& tone)
+                       const AgcOptions& agc)
     : format_(format),
-      tone_(scale, tone),
+      agc_(scale, agc),
       image_(line_bytes(format, geometry.width) * static_cast<std::size_t>(geometry.height), kNeutral) {
   if (scale.unit != Unit::kKelvin) return;
   gain_ = scale.scale / kelvin_of(unit);
@@ -63,7 +63,7 @@ std::span<const std::byte> ImageMaker::make(std::span<const std::uint16_t> plane
     }
     return image_;
   }
-  const CountRange range = tone_.next(plane, dt_s, judge);
+  const CountRange range = agc_.next(plane, dt_s, judge);
   const std::size_t step = format_ == PixelFormat::kGrey ? 1 : 2;  // the bytes between are chroma
   for (std::size_t i = 0; i < plane.size(); ++i) image_[step * i] = std::byte{grey(plane[i], range)};
   return image_;

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "drivers/v4l2/tone.hpp"
+#include "drivers/v4l2/agc.hpp"
 #include "src/core/geometry.hpp"
 #include "src/core/plane.hpp"
 #include "src/core/result.hpp"
@@ -20,14 +20,14 @@ enum class PixelFormat {
   kYuyv,  // the same grey with neutral colour: what browsers and conference programs take
 };
 
-// What a count of y16 is worth; counts of a source without kelvin stay as they are.
+// Unit of a count of y16; counts of a source without kelvin stay as they are.
 enum class Y16Unit { k10mK, k100mK };
 
 // V4L2's code of the format. Thread: any.
 std::uint32_t fourcc(PixelFormat format) noexcept;
 std::string_view name(PixelFormat format) noexcept;
 
-// Whether the format has pictures so wide. Thread: any.
+// kBadInput when the format has no pictures of this width. Thread: any.
 Status check_width(PixelFormat format, int width);
 
 // Bytes of a line, without padding. Thread: any.
@@ -38,21 +38,21 @@ class ImageMaker {
  public:
   // Takes all memory. A width that the format cannot have is bad input.
   static Result<ImageMaker> create(PixelFormat format, Y16Unit unit, Geometry geometry, const LinearScale& scale,
-                                   const ToneOptions& tone);
+                                   const AgcOptions& agc);
 
-  void follow(const ToneOptions& tone) { tone_.follow(tone); }
+  void set_options(const AgcOptions& agc) { agc_.set_options(agc); }
 
-  // The image of a whole plane, row-major; valid until the next call. dt_s and judge: Tone::next(). No allocation.
+  // The image of a whole plane, row-major; valid until the next call. dt_s and judge: Agc::next(). No allocation.
   std::span<const std::byte> make(std::span<const std::uint16_t> plane, double dt_s, bool judge) noexcept;
 
  private:
-  ImageMaker(PixelFormat format, Y16Unit unit, Geometry geometry, const LinearScale& scale, const ToneOptions& tone);
+  ImageMaker(PixelFormat format, Y16Unit unit, Geometry geometry, const LinearScale& scale, const AgcOptions& agc);
 
   PixelFormat format_;
   // count of y16 = gain_ * count + offset_
   double gain_ = 1.0;
   double offset_ = 0.0;
-  Tone tone_;
+  Agc agc_;
   std::vector<std::byte> image_;
 };
 

@@ -54,8 +54,8 @@ struct V4l2Sink::Impl {
   void run();
   void serve(const Frame& frame);
   bool ready(std::int64_t now_ns);
-  void let_go(int code, std::int64_t now_ns);
-  void follow_tone();
+  void close_device(int code, std::int64_t now_ns);
+  void apply_agc();
 
   const V4l2Options options;
   const std::unique_ptr<VideoPort> port;  // the thread's while it runs
@@ -75,7 +75,7 @@ struct V4l2Sink::Impl {
   std::int64_t pause_ns = kFirstPauseNs;
 
   std::mutex mutex;  // guards what follows; never taken by the pipeline
-  std::optional<ToneOptions> new_tone;
+  std::optional<AgcOptions> new_agc;
 };
 
 void V4l2Sink::Impl::run() {
@@ -90,13 +90,13 @@ void V4l2Sink::Impl::run() {
 
 void V4l2Sink::Impl::serve(const Frame& frame) {
   const std::int64_t now_ns = monotonic_ns();
-  follow_tone();
+  apply_agc();
   if (!ready(now_ns)) return stats.dropped.add();
   const double dt_s = static_cast<double>(frame.publish_ns - std::exchange(before_ns, frame.publish_ns)) / kNsPerSecond;
   const int code = port->write(images->make(frame.plane, dt_s, !frame.of_shutter));
   if (code == 0) return stats.written.add();
   stats.dropped.add();
-  if (code != EAGAIN) let_go(code, now_ns);
+  if (code != EAGAIN) close_device(code, now_ns);
 }
 
 // Opens a device that was lost, when it is time to try again.
@@ -111,11 +111,11 @@ bool V4l2Sink::Impl::ready(std::int64_t now_ns) {
   }
   open = true;
   stats.open.set(true);
-  notices.say(false, port->path() + " is back after " + seconds_text(now_ns - lost_ns), pipeline::event::kVideoBack);
+  notices.report(false, port->path() + " is back after " + seconds_text(now_ns - lost_ns), pipeline::event::kVideoBack);
   return true;
 }
 
-void V4l2Sink::Impl::let_go(int code, std::int64_t now_ns) {
+void V4l2Sink::Impl::close_device(int code, std::int64_t now_ns) {
   port->close();
   open = false;
   lost_ns = now_ns;
@@ -123,15 +123,15 @@ void V4l2Sink::Impl::let_go(int code, std::int64_t now_ns) {
   next_attempt_ns = now_ns + pause_ns;
   stats.open.set(false);
   stats.failures.add();
-  notices.say(true,
-              port->path() + " takes no more frames (" + std::strerror(code) + "); opening it again until it does",
-              pipeline::event::kVideoLost);
+  notices.report(true,
+                 port->path() + " takes no more frames (" + std::strerror(code) + "); opening it again until it does",
+                 pipeline::event::kVideoLost);
 }
 
-void V4l2Sink::Impl::follow_tone() {
+void V4l2Sink::Impl::apply_agc() {
   const std::lock_guard lock(mutex);
-  if (new_tone) images->follow(*new_tone);
-  new_tone.reset();
+  if (new_agc) images->set_options(*new_agc);
+  new_agc.reset();
 }
 
 V4l2Sink::V4l2Sink(V4l2Options options) {
@@ -149,7 +149,7 @@ Status V4l2Sink::open(const pipeline::SinkFormat& format) {
   const StreamFormat& stream = format.source.format;
   if (Status good = check(self.options, format); !good) return good;
   auto images =
-      ImageMaker::create(self.options.format, self.options.y16_unit, stream.geometry, stream.scale, self.options.tone);
+      ImageMaker::create(self.options.format, self.options.y16_unit, stream.geometry, stream.scale, self.options.agc);
   if (!images) return at(self.options.device, images.error());
   self.images = std::move(*images);
   self.newest.emplace(Frame{std::vector<std::uint16_t>(stream.geometry.pixels())});
@@ -193,9 +193,9 @@ const V4l2Options& V4l2Sink::options() const noexcept { return impl_->options; }
 
 const V4l2Stats& V4l2Sink::stats() const noexcept { return impl_->stats; }
 
-void V4l2Sink::follow(const ToneOptions& tone) {
+void V4l2Sink::set_agc(const AgcOptions& agc) {
   const std::lock_guard lock(impl_->mutex);
-  impl_->new_tone = tone;
+  impl_->new_agc = agc;
 }
 
 std::vector<pipeline::Notice> V4l2Sink::take_notices() { return impl_->notices.take(); }

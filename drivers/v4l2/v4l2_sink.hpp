@@ -22,7 +22,7 @@ struct V4l2Options {
   Plane plane = Plane::kDeblurred;
   PixelFormat format = PixelFormat::kY16;
   Y16Unit y16_unit = Y16Unit::k10mK;
-  ToneOptions tone{};
+  AgcOptions agc{};
 };
 
 // Since open(). Written by the sink's threads, read by any.
@@ -55,8 +55,8 @@ class V4l2Sink final : public pipeline::FrameSink {
   const V4l2Options& options() const noexcept;
   // Thread: any.
   const V4l2Stats& stats() const noexcept;
-  // Other tones from the next frame on. Thread: any, but one at a time.
-  void follow(const ToneOptions& tone);
+  // Applies from the next frame on. Thread: any, but one at a time.
+  void set_agc(const AgcOptions& agc);
   // Changes of the device since the last call. Thread: any.
   std::vector<pipeline::Notice> take_notices();
 

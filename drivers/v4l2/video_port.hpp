@@ -1,4 +1,4 @@
-// What the sink asks of a video device; a test puts its own in the device's place.
+// Interface of a video device; a test puts its own in the device's place.
 #pragma once
 
 #include <cstddef>

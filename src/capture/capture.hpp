@@ -42,7 +42,7 @@ enum class FileFormat {
   kMatlab,  // the authors' `.mat`: frame_id comes from the times, frame_period_s from their median
 };
 
-// How far a file's own word about its length is believed.
+// Trust in the lengths that a file states.
 enum class Trust {
   kWhole,       // all of it must be there
   kUnfinished,  // a ".part": a writer's last commit, perhaps with lengths that differ by what it left open
@@ -73,7 +73,7 @@ class CaptureReader {
   const std::vector<Event>& events() const noexcept;
   // Root attributes beyond the format's own, by name; those that are neither number nor string are left out.
   Result<std::vector<Attribute>> attributes() const;
-  // What is odd but readable, one line each: a frame period that the times contradict, a recording that was cut off.
+  // Odd but readable, one line each: a frame period that the times contradict, a recording that was cut off.
   const std::vector<std::string>& warnings() const noexcept;
   FileFormat file_format() const noexcept;
   // Errors (kBadInput): what is wrong with /stimulus; warnings() has it too.

@@ -1,10 +1,10 @@
 // Writing "bolo-capture" version 1.
 //
-// What a killed process or a cut of power leaves behind. All datasets are brought to the same length and committed
-// twice a second of frames; CrashSafeFile keeps the file at the last commit whatever HDF5 writes in between, and
-// wherever in a commit it is cut. SWMR mode keeps its order only towards readers on the same machine, not towards the
-// disk, and allows neither attributes nor events to be added. The oldest file format is kept: newer ones mark a file as
-// "open for writing" and refuse it afterwards.
+// To survive a kill or a cut of power, all datasets are brought to the same length and committed twice a second of
+// frames; CrashSafeFile keeps the file at the last commit whatever HDF5 writes in between, and wherever in a commit it
+// is cut. SWMR mode keeps its order only towards readers on the same machine, not towards the disk, and allows neither
+// attributes nor events to be added. The oldest file format is kept: newer ones mark a file as "open for writing" and
+// refuse it afterwards.
 #include <algorithm>
 #include <array>
 #include <cerrno>

@@ -110,10 +110,10 @@ Pages read_records(const std::filesystem::path& file) {
   return std::move(records.live.pages);
 }
 
-// What the journal says must be on the disk before the file follows it: a kill may have come before that. The live
+// The journal must be on the disk before the file follows it: a kill may have come before that. The live
 // record doesn't survive a cut of power, so it goes through the journal too, when the pages that this had are in the
 // file.
-bool settle(const std::filesystem::path& file) {
+bool apply_records(const std::filesystem::path& file) {
   constexpr std::uint64_t kNoEnd = std::numeric_limits<std::uint64_t>::max();
   const UniqueFd to(::open(file.c_str(), O_RDWR | O_CLOEXEC));
   if (!to) return false;

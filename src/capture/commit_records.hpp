@@ -1,4 +1,4 @@
-// What lies beside a file that is being written: FILE.journal, the record of the last commit that was made durable, and
+// Files beside one that is being written: FILE.journal, the record of the last commit that was made durable, and
 // FILE.live, that of the last commit of all, which counts for as long as the kernel keeps what was written to the file
 // and has not reached the disk. crash_safe_file.hpp says when each is written.
 //
@@ -50,12 +50,12 @@ class LiveRecord {
   std::uint64_t end_ = kPageBytes;
 };
 
-// What the last commit lays over the file; nothing when there are no records, or torn ones only. Thread: any.
+// Pages that the last commit lays over the file; none when there are no records, or torn ones only. Thread: any.
 Pages read_records(const std::filesystem::path& file);
 
 // Brings the last commit into the file itself and waits for the disk: the records are no longer needed. A kill or a cut
 // of power in between leaves them good. False on failure, errno tells why (EWOULDBLOCK: a writer has it). Thread: any.
-bool settle(const std::filesystem::path& file);
+bool apply_records(const std::filesystem::path& file);
 
 void remove_records(const std::filesystem::path& file);
 

@@ -1,4 +1,4 @@
-// What CaptureReader::open learns of a file, from either format.
+// Contents of a capture file, read from either format.
 #pragma once
 
 #include <cstdint>

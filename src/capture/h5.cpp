@@ -123,7 +123,7 @@ Status check_stored(hid_t dataset, hid_t properties, const std::string& path) {
   return {};
 }
 
-// Whether the first `rows` values (all of them for a MATLAB row or column) could be read.
+// False unless the first `rows` values (all of them for a MATLAB row or column) could be read.
 bool read_rows(hid_t dataset, hid_t memory_type, std::size_t rows, bool all, void* out) {
   if (rows == 0) return true;
   if (all) return H5Dread(dataset, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out) >= 0;

@@ -66,7 +66,7 @@ std::string type_text(hid_t type);                     // "uint16", "float64", "
 std::string dataset_type(hid_t id);                    // type_text of a dataset's type
 std::optional<std::size_t> product(const Dims& dims);  // nothing when it doesn't fit
 
-// Where an attribute sits; `name` is for messages ("root", "/stimulus").
+// Group or dataset that has attributes; `name` is for messages ("root", "/stimulus").
 struct Owner {
   hid_t id = H5I_INVALID_HID;
   std::string name;
@@ -83,7 +83,7 @@ bool write_attribute(hid_t owner, const std::string& name, double value);
 bool write_attribute(hid_t owner, const std::string& name, std::int64_t value);
 bool write_attribute(hid_t owner, const std::string& name, const std::string& value);
 
-// Whether every group on the way and the item itself is there. `path` starts with "/". Thread: any one at a time.
+// True when every group on the way and the item itself exist. `path` starts with "/". Thread: any one at a time.
 bool exists(hid_t file, const std::string& path);
 
 enum class Expect {

@@ -16,11 +16,11 @@ constexpr haddr_t kMostAddress = (haddr_t{1} << 62U) - 1;
 struct Access {
   FileUse use = FileUse::kRead;
   SurvivesCut survives = SurvivesCut::kProcess;
-  std::unique_ptr<CrashSafeFile>* heir = nullptr;  // of a file that is created, as is `last`
+  std::unique_ptr<CrashSafeFile>* created = nullptr;  // of a file that is created, as is `last`
   LastWrites* last = nullptr;
 };
 
-// What HDF5 holds for an open file; HDF5 knows its first member only.
+// Handle of an open file; HDF5 itself accesses the first member only.
 struct Driven {
   H5FD_t common;
   std::unique_ptr<CrashSafeFile> file;
@@ -38,8 +38,8 @@ herr_t done_or_why(bool good, const char* what) {
   return -1;
 }
 
-// The outcome as HDF5 is to see it.
-bool told(const Access& access, bool good) {
+// The outcome as HDF5 is to see it: after the end has begun a failure goes to LastWrites instead.
+bool outcome(const Access& access, bool good) {
   if (good || access.last == nullptr || !access.last->begun) return good;
   access.last->error = errno != 0 ? errno : EIO;
   return true;
@@ -47,7 +47,7 @@ bool told(const Access& access, bool good) {
 
 bool commit(Driven& driven) {
   const Access& access = driven.access;
-  return access.last->error != 0 || told(access, driven.file->commit(driven.end));
+  return access.last->error != 0 || outcome(access, driven.file->commit(driven.end));
 }
 
 // HDF5 first asks for a file to create as if it was there, to see whether it is open already: it never is.
@@ -79,7 +79,7 @@ herr_t close_file(H5FD_t* file) {
   const std::unique_ptr<Driven> driven(&self(file));
   if (driven->access.use != FileUse::kCreate) return 0;
   const bool good = commit(*driven);
-  *driven->access.heir = std::move(driven->file);
+  *driven->access.created = std::move(driven->file);
   return done_or_why(good, "cannot be committed");
 }
 
@@ -111,7 +111,7 @@ herr_t read_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t by
 
 herr_t write_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t bytes, const void* data) {
   Driven& driven = self(file);
-  return done_or_why(told(driven.access, driven.file->write(offset, bytes, data)), "cannot be written");
+  return done_or_why(outcome(driven.access, driven.file->write(offset, bytes, data)), "cannot be written");
 }
 
 // Until the end: a later commit only grows the file.
@@ -161,8 +161,8 @@ bool set_driver(hid_t list, const Access& access) {
 
 bool open_crash_safe(hid_t access, FileUse use) { return set_driver(access, {.use = use}); }
 
-bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& heir, LastWrites& last) {
-  return set_driver(access, {FileUse::kCreate, survives, &heir, &last});
+bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& created, LastWrites& last) {
+  return set_driver(access, {FileUse::kCreate, survives, &created, &last});
 }
 
 }  // namespace bolo::capture

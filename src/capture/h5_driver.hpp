@@ -25,8 +25,8 @@ struct LastWrites {
   int error = 0;  // errno of the one that failed
 };
 
-// The same of a file that is created. When HDF5 closes it, it is committed and given to `heir`, who has to finish it;
-// until then `heir` and `last` stay where they are.
-bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& heir, LastWrites& last);
+// The same of a file that is created. When HDF5 closes it, it is committed and moved to `created`, whose owner has to
+// finish it; until then `created` and `last` stay where they are.
+bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& created, LastWrites& last);
 
 }  // namespace bolo::capture

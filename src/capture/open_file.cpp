@@ -17,7 +17,7 @@ namespace {
 constexpr std::string_view kOldMatlab = "MATLAB 5.0 MAT-file";
 
 // Readable and a regular file; fills `head` with the first bytes.
-Status look(const std::filesystem::path& file, std::array<char, 128>& head) {
+Status read_head(const std::filesystem::path& file, std::array<char, 128>& head) {
   const UniqueFd descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!descriptor) return bad_input(std::string("cannot be opened: ") + std::strerror(errno));
   struct stat info {};
@@ -38,7 +38,7 @@ h5::Handle file_access() {
 
 Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use) {
   std::array<char, 128> head{};
-  if (Status good = look(file, head); !good) return tl::unexpected<Error>(std::move(good.error()));
+  if (Status good = read_head(file, head); !good) return tl::unexpected<Error>(std::move(good.error()));
   if (std::string_view(head.data(), kOldMatlab.size()) == kOldMatlab) {
     return bad_input("is a MATLAB file before version 7.3; save it again with save(..., '-v7.3')");
   }

@@ -19,7 +19,7 @@ bool good_gain(double v) { return std::isfinite(v) && v > 0.0; }
 bool good_offset(double v) { return std::isfinite(v); }
 bool good_flag(double v) { return v == 0.0 || v == 1.0; }
 
-// What a dataset may hold. `good` is false for NaN.
+// Valid values of a dataset. `good` is false for NaN.
 struct Rule {
   const char* path;
   bool (*good)(double);

@@ -20,8 +20,7 @@ Result<model::PixelMaps> read_pixel_maps(const std::filesystem::path& file);
 // Writes the maps that are not empty; `geometry` must be set. Thread: any one at a time.
 Status write_pixel_maps(const OutputFile& file, const model::PixelMaps& maps);
 
-// What the profile knows of single pixels and rows: its maps file, when it names one, and its row delay. Thread: any
-// one at a time.
+// The maps file of a profile, when it names one, and its row delay. Thread: any one at a time.
 Result<model::PixelMaps> read_profile_maps(const model::CameraProfile& profile);
 
 }  // namespace bolo::capture

@@ -11,7 +11,7 @@
 namespace bolo::capture {
 namespace {
 
-// Where there is no room for the record, frames are worth more than its protection: the pages are written without.
+// Without room for the record the pages are written unprotected: frames are worth more.
 bool write_journal(int journal, const PageRecord& record, bool power) {
   const std::vector<std::byte> bytes = to_bytes(record);
   const bool written = write_all(journal, 0, bytes.size(), bytes.data());  // C2

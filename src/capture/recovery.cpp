@@ -136,7 +136,7 @@ Result<Recovered> recover_in_place(const std::filesystem::path& part, const Outp
     done.first_t_s = reader->t().front();
     done.last_t_s = reader->t().back();
   }
-  if (!settle(part)) {
+  if (!apply_records(part)) {
     const std::string why = errno == EWOULDBLOCK ? "another program has it open" : std::strerror(errno);
     return failed(part.string() + ": cannot be finished: " + why);
   }

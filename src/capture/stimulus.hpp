@@ -1,5 +1,5 @@
-// What the camera looked at during a capture: the `/stimulus` group. Times in s from /t[0], temperatures in K, lengths
-// in stored pixels.
+// The scene before the camera during a capture: the `/stimulus` group. Times in s from /t[0], temperatures in K,
+// lengths in stored pixels.
 #pragma once
 
 #include <variant>

@@ -69,6 +69,10 @@ class KeyTable {
   // many more there are. The variables keep their values when anything is wrong. Thread: setup.
   Status read(const std::filesystem::path& file);
 
+  // Declares that a section or key is gone; with `value`, that one choice of a declared key is. A file that still has
+  // it is refused with `advice`.
+  void removed(std::string_view path, std::string_view value, std::string_view advice);
+
   // A word on a declared key that document() prints beside its default.
   void mark(std::string_view path, std::string_view word);
 
@@ -105,6 +109,11 @@ class KeyTable {
     std::string meaning;
     std::vector<Key> keys;
   };
+  struct Removed {
+    std::string path;
+    std::string value;  // empty: the whole section or key
+    std::string advice;
+  };
   struct Place {
     std::int64_t line = 0;
     std::int64_t column = 0;
@@ -119,6 +128,7 @@ class KeyTable {
   void add(Key key);
   const Key* find(std::string_view path) const;
   bool has_section(std::string_view path) const;
+  const Removed* find_removed(std::string_view path, std::string_view value) const;
   std::string nearest(std::string_view path) const;
 
   // The choices' names as text, so that one function not depending on Enum does the work; `store` gets the index.
@@ -126,6 +136,7 @@ class KeyTable {
                   std::function<void(std::size_t)> store, std::string_view meaning);
 
   std::vector<Section> sections_{{}};  // the first has no name: the keys before any section
+  std::vector<Removed> removed_;
   std::filesystem::path file_;
   std::map<std::string, Place, std::less<>> places_;
 };

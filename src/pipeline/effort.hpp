@@ -1,4 +1,5 @@
-// What is spent on a frame when deblurring can't keep up: less for each, in a fixed order, rather than frames lost.
+// Levels of effort for each frame: when deblurring can't keep up, cheaper methods in a fixed order rather than lost
+// frames.
 #pragma once
 
 #include <array>

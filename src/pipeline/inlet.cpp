@@ -7,7 +7,7 @@
 namespace bolo::pipeline {
 namespace {
 
-// How often a waiting source looks whether it should stop.
+// A waiting source checks for a stop in this period.
 constexpr std::int64_t kStopCheckNs = 50'000'000;
 
 }  // namespace
@@ -37,12 +37,12 @@ rt::FrameSlot* FrameInlet::borrow_wait(const std::atomic<bool>& stop_requested) 
 }
 
 bool FrameInlet::commit(rt::FrameSlot& slot) noexcept {
-  if (!queue_.try_push({slot.index, restart_pending_, monotonic_ns()})) {
+  if (!queue_.try_push({slot.index, restart_window_, monotonic_ns()})) {
     losses_.add(LossCause::kQueueFull);
     cancel(slot);
     return false;
   }
-  restart_pending_ = false;
+  restart_window_ = false;
   received_.add();
   return true;
 }
@@ -57,7 +57,7 @@ void FrameInlet::finish() noexcept {
 FrameInlet::Arrival FrameInlet::next(std::int64_t timeout_ns) noexcept {
   Entry entry;
   if (!queue_.pop_wait(entry, finished() ? 0 : timeout_ns)) return {};
-  return {&pool_.slot(entry.slot), entry.restarts_window, entry.commit_ns};
+  return {&pool_.slot(entry.slot), entry.restart_window, entry.commit_ns};
 }
 
 }  // namespace bolo::pipeline

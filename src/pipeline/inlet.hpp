@@ -1,4 +1,4 @@
-// Where a source hands its frames in: the pool, the frame queue and the loss counters as one small interface.
+// Entry of the pipeline for a source: frame pool, frame queue and loss counters.
 #pragma once
 
 #include <atomic>
@@ -43,15 +43,15 @@ class FrameInlet {
   // The source has no more frames: the pipeline drains the queue and ends. Thread: acquire.
   void finish() noexcept;
 
-  // The camera's state changed (reconnect, NUC, another window): frames before and after do not belong in one window.
-  // The next committed frame starts a new one. Thread: acquire.
-  void restart_window() noexcept { restart_pending_ = true; }
+  // The camera's state changed (reconnect, NUC): frames before and after do not belong in one window. The next
+  // committed frame starts a new one. Thread: acquire.
+  void restart_window() noexcept { restart_window_ = true; }
 
   // --- the pipeline's side. Thread: pipeline ---
 
   struct Arrival {
     rt::FrameSlot* slot = nullptr;
-    bool restarts_window = false;
+    bool restart_window = false;
     std::int64_t commit_ns = 0;  // CLOCK_MONOTONIC, when it came into the queue
   };
   // Waits up to timeout_ns, and not at all once the source has finished; slot is nullptr when nothing came.
@@ -64,7 +64,7 @@ class FrameInlet {
  private:
   struct Entry {
     std::uint32_t slot = 0;
-    bool restarts_window = false;
+    bool restart_window = false;
     std::int64_t commit_ns = 0;
   };
   StreamFormat format_;
@@ -73,7 +73,7 @@ class FrameInlet {
   rt::LossCounters losses_;
   rt::Counter received_;
   rt::FrameSlot* spare_ = nullptr;  // a cancelled slot, kept for the next borrow(); acquire thread only
-  bool restart_pending_ = false;    // acquire thread only
+  bool restart_window_ = false;     // acquire thread only
   std::atomic<bool> finished_{false};
 };
 

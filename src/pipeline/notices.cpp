@@ -5,7 +5,7 @@
 
 namespace bolo::pipeline {
 
-void Notices::say(bool warning, std::string text, std::string_view event) {
+void Notices::report(bool warning, std::string text, std::string_view event) {
   const std::lock_guard lock(mutex_);
   if (text == last_) return;
   last_ = text;

@@ -1,4 +1,4 @@
-// What happened to a source, for the log: changes of state, each once.
+// Events of a source for the log: changes of state, each once.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@
 
 namespace bolo::pipeline {
 
-// What a program that reads the log (BOLO_EVENT in the journal) finds a notice by. These names stay.
+// Names of events for programs that read the log (BOLO_EVENT in the journal). They must not change.
 namespace event {
 inline constexpr std::string_view kStart = "start";
 inline constexpr std::string_view kEnd = "end";
@@ -36,18 +36,18 @@ inline constexpr std::string_view kWatchdog = "watchdog";
 struct Notice {
   bool warning = false;
   std::string text;
-  std::string_view event{};  // one of those above; empty: none that a program would wait for
+  std::string_view event{};                                     // one of those above, or empty
   std::vector<std::pair<std::string, std::uint64_t>> counts{};  // what the text counts, by name: "lost_missing"
 };
 
 // Thread: any, but never one that brings frames: it locks and allocates.
 class Notices {
  public:
-  // The same thing twice in a row is kept once. Of very many the oldest go.
-  void say(bool warning, std::string text, std::string_view event = {});
-  // Whatever is said next is news, also when it was said last.
+  // A notice that repeats the last one is dropped; of more than kMost the oldest are dropped.
+  void report(bool warning, std::string text, std::string_view event = {});
+  // The next notice is kept even when it repeats the last one.
   void forget_last();
-  // What was said since the last call, newest last.
+  // Notices since the last call, newest last.
   std::vector<Notice> take();
 
  private:

@@ -13,20 +13,20 @@
 #include "src/deblur/isa.hpp"
 #include "src/deblur/window.hpp"
 #include "src/pipeline/convert.hpp"
+#include "src/pipeline/describe_solver.hpp"
 #include "src/pipeline/frame_undo.hpp"
 #include "src/pipeline/solver_ladder.hpp"
-#include "src/pipeline/solver_words.hpp"
 #include "src/rt/worker_team.hpp"
 
 namespace bolo::pipeline {
 namespace {
 
-// How long the pipeline waits for a frame before it looks whether it should stop. The sinks hear of a silence as old
-// as this at the next look: after twice the time at most.
-constexpr std::int64_t kLookNs = 100'000'000;
+// The pipeline waits this long for a frame before it checks for a stop. The sinks hear of a silence as old as this at
+// the next check: after twice the time at most.
+constexpr std::int64_t kPollNs = 100'000'000;
 
-// How long frames go on being solved once the end was asked for, and how much is solved between two looks at the clock:
-// enough to cost nothing, little enough for half a second even where a pixel takes 0.2 ms (exact).
+// Frames go on being solved for this long once the end was asked for. Rows and points solved between two reads of the
+// clock: enough to cost nothing, little enough for half a second even where a pixel takes 0.2 ms (exact).
 constexpr std::int64_t kEndNs = 300'000'000;
 constexpr int kRowsAtOnce = 64;
 constexpr int kExactRowsAtOnce = 1;
@@ -137,7 +137,7 @@ Status check(const PipelineOptions& options, const StreamFormat& format) {
 
 }  // namespace
 
-// What depends on the source's period.
+// Everything that depends on the source's period.
 struct Pipeline::Timed {
   deblur::Settings settings;
   std::unique_ptr<FrameUndo> undo;
@@ -166,7 +166,7 @@ struct Pipeline::Impl {
         settings(timed.settings),
         undo(std::move(timed.undo)),
         solvers(std::move(timed.solvers)),
-        text(solver_words(settings, info.format.scale.unit, solvers.full().isa())),
+        text(describe_solver(settings, info.format.scale.unit, solvers.full().isa())),
         window(settings),
         effort_control(static_cast<std::uint64_t>(options.queue_frames)),
         inlet(info.format, static_cast<std::size_t>(window.slots()), static_cast<std::size_t>(options.queue_frames)),
@@ -185,19 +185,19 @@ struct Pipeline::Impl {
   // --- the pipeline thread ---
   void take_period() noexcept;
   bool out_of_time() noexcept;
-  bool told_to_give_up() const noexcept {
+  bool must_give_up() const noexcept {
     return options.give_up != nullptr && options.give_up->load(std::memory_order_relaxed);
   }
   void loop(const std::atomic<bool>& stop_requested) noexcept;
-  bool take_one() noexcept;
-  void take_all() noexcept;
+  bool process_next() noexcept;
+  void drain() noexcept;
   void publish_ready() noexcept;
   Effort choose_effort() noexcept;
   void prepare(const deblur::WindowView& view) noexcept;
   bool deblur(const deblur::Window::Ready& frame) noexcept;
   void publish(const deblur::Window::Ready& frame) noexcept;
-  void show_life() noexcept;
-  const void* undone(const rt::FrameSlot& slot, bool restart) noexcept;
+  void idle_sinks() noexcept;
+  const void* undone(const rt::FrameSlot& slot, bool restart_window) noexcept;
 
   // --- each worker ---
   PixelRange share_of_pixels(int worker) const noexcept;
@@ -239,7 +239,7 @@ struct Pipeline::Impl {
   std::vector<Flag> band_saturated;  // one a worker, written by it
   const void* raw = nullptr;         // of the job's frame, as it came
   std::vector<const void*> raw_of;   // of each pool slot in the window, by token
-  bool restart_next = false;         // a frame that was dropped had begun a new window
+  bool restart_window_next = false;  // a frame that was dropped had begun a new window
 
   std::atomic<Timed*> next_timed{nullptr};  // set_period() -> the pipeline thread, which exchanges the contents ...
   std::atomic<Timed*> spent{nullptr};       // ... and gives them back a frame later, when no plane of theirs is left
@@ -271,7 +271,7 @@ void Pipeline::Impl::work(int worker) noexcept {
 
 // Also on the workers.
 bool Pipeline::Impl::out_of_time() noexcept {
-  if (told_to_give_up()) return true;
+  if (must_give_up()) return true;
   if (stop == nullptr || !stop->load(std::memory_order_relaxed)) return false;
   const std::int64_t now_ns = monotonic_ns();
   std::int64_t seen_ns = 0;  // the first to see it decides: all others then find its time
@@ -418,10 +418,10 @@ PixelRange Pipeline::Impl::share_of_pixels(int worker) const noexcept {
 }
 
 // The plane that the window gets.
-const void* Pipeline::Impl::undone(const rt::FrameSlot& slot, bool restart) noexcept {
+const void* Pipeline::Impl::undone(const rt::FrameSlot& slot, bool restart_window) noexcept {
   if (!undo->before()) return slot.data;
   const std::int64_t start_ns = monotonic_ns();
-  undo->begin(slot.meta, slot.data, restart);
+  undo->begin(slot.meta, slot.data, restart_window);
   const auto on_all = [this](auto part) { team.run(part, this); };
   const auto read = [](void* self, int worker) {
     auto* const impl = static_cast<Impl*>(self);
@@ -455,15 +455,15 @@ void Pipeline::Impl::take_period() noexcept {
   std::swap(undo, timed->undo);
   std::swap(solvers, timed->solvers);
   window.set_period(timed->settings.period_s);
-  restart_next = true;
+  restart_window_next = true;
   spending = timed;
 }
 
 // False when nothing came in time.
-bool Pipeline::Impl::take_one() noexcept {
-  const FrameInlet::Arrival arrival = inlet.next(kLookNs);
+bool Pipeline::Impl::process_next() noexcept {
+  const FrameInlet::Arrival arrival = inlet.next(kPollNs);
   const std::int64_t now_ns = monotonic_ns();
-  stats.looked_ns.set(now_ns);
+  stats.polled_ns.set(now_ns);
   if (arrival.slot == nullptr) return false;
   rt::FrameSlot& slot = *arrival.slot;
   stats.taken.add();
@@ -475,39 +475,40 @@ bool Pipeline::Impl::take_one() noexcept {
     inlet.count_loss(LossCause::kMissing);
     stats.repeats.add();
     inlet.give_back(slot);
-    restart_next = restart_next || arrival.restarts_window;
+    restart_window_next = restart_window_next || arrival.restart_window;
     return true;
   }
-  const bool restart = arrival.restarts_window || std::exchange(restart_next, false);
+  const bool restart_window = arrival.restart_window || std::exchange(restart_window_next, false);
   raw_of[slot.index] = slot.data;
-  const bool emptied = window.push({slot.meta, undone(slot, restart), slot.index}, restart);
-  if (emptied) stats.restarts.add();
+  const bool restarted = window.push({slot.meta, undone(slot, restart_window), slot.index}, restart_window);
+  if (restarted) stats.restarts.add();
   publish_ready();
   return true;
 }
 
-void Pipeline::Impl::show_life() noexcept {
+void Pipeline::Impl::idle_sinks() noexcept {
   const std::int64_t now_ns = monotonic_ns();
-  if (now_ns - last_sign_ns < kLookNs) return;
+  if (now_ns - last_sign_ns < kPollNs) return;
   for (FrameSink* sink : sinks) sink->idle(stats);
   last_sign_ns = now_ns;
 }
 
 void Pipeline::Impl::loop(const std::atomic<bool>& stop_requested) noexcept {
   last_sign_ns = monotonic_ns();
-  stats.looked_ns.set(last_sign_ns);
-  while (!stop_requested.load(std::memory_order_relaxed) && !told_to_give_up()) {
-    const bool finished = inlet.finished();  // before the look: what came before finish() is then seen by it
-    if (!take_one() && finished) return;
-    show_life();
+  stats.polled_ns.set(last_sign_ns);
+  while (!stop_requested.load(std::memory_order_relaxed) && !must_give_up()) {
+    const bool finished =
+        inlet.finished();  // before the queue is read: a frame committed before finish() is then found
+    if (!process_next() && finished) return;
+    idle_sinks();
   }
 }
 
-// What the source had handed in when it was stopped.
-void Pipeline::Impl::take_all() noexcept {
-  inlet.finish();  // the look at an empty queue then returns at once
-  while (!told_to_give_up() && take_one()) continue;
-  if (told_to_give_up()) return;
+// Processes the frames that had been committed when the source was stopped.
+void Pipeline::Impl::drain() noexcept {
+  inlet.finish();  // next() on an empty queue then returns at once
+  while (!must_give_up() && process_next()) continue;
+  if (must_give_up()) return;
   window.finish();
   publish_ready();
 }
@@ -565,7 +566,7 @@ Status Pipeline::run(const std::atomic<bool>& stop_requested) {
   Status started = impl_->source->start(impl_->inlet);
   if (started) impl_->loop(stop_requested);
   impl_->source->stop();
-  impl_->take_all();
+  impl_->drain();
   impl_->sinks.close();
   impl_->stop = nullptr;
   return started;
@@ -589,7 +590,7 @@ const SourceInfo& Pipeline::source() const noexcept { return impl_->info; }
 
 std::vector<Notice> Pipeline::take_notices() { return impl_->source->take_notices(); }
 
-Status Pipeline::correct() { return impl_->source->correct(); }
+Status Pipeline::trigger_nuc() { return impl_->source->trigger_nuc(); }
 const deblur::Settings& Pipeline::settings() const noexcept { return impl_->settings; }
 std::string_view Pipeline::isa() const noexcept { return impl_->solvers.full().isa(); }
 const std::string& Pipeline::solver_text() const noexcept { return impl_->text; }

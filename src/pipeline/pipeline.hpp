@@ -79,7 +79,7 @@ class Pipeline {
   const SourceInfo& source() const noexcept;
   // The source's own (FrameSource). Thread: any.
   std::vector<Notice> take_notices();
-  Status correct();
+  Status trigger_nuc();
   // As applied: with the source's own period and the iterations in use. Thread: any.
   const deblur::Settings& settings() const noexcept;
   // The instruction set of the solver. Thread: any.

@@ -1,4 +1,4 @@
-// What the pipeline asks of a taker of sharp frames: shared memory, a video device, a recorder, a file.
+// Interface of a sink of deblurred frames: shared memory, a video device, a recorder, a file.
 #pragma once
 
 #include <cstdint>

@@ -17,7 +17,7 @@
 namespace bolo::pipeline {
 namespace {
 
-// Where wavelets within a frame can be used, leaving them out is the cheap way; the same weight on those that are left.
+// Leaves out the wavelets within a frame, which is cheaper; the weight of the others is scaled to match.
 void constant_within_frames(deblur::Settings& settings) {
   const int levels = std::countr_zero(static_cast<unsigned>(settings.window - 1));
   settings.lambda *= std::exp2(0.5 * (settings.levels - levels));
@@ -65,7 +65,7 @@ std::vector<std::byte> changing_plane(const StreamFormat& input, unsigned seed) 
   return plane;
 }
 
-// What a whole frame costs one thread. Looks at whole rows until kMeasured_s have passed.
+// CPU time of a whole frame on one thread, extrapolated from the rows that kMeasured_s allow.
 double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings, const StreamFormat& input,
                        PixelType output) {
   constexpr unsigned kPlanes = 3;

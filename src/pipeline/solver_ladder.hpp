@@ -9,7 +9,7 @@
 
 namespace bolo::pipeline {
 
-// What the solvers need of this processor.
+// Measured cost of the solvers on this processor.
 struct Pace {
   Effort least = Effort::kFull;  // the first of which a frame takes no longer than a period
   double full_s = 0.0;           // a frame of the full one

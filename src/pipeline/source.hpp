@@ -1,4 +1,4 @@
-// What the pipeline asks of a source of frames: a camera, its fake, a capture.
+// Interface of a source of frames: a camera, its fake, a capture.
 #pragma once
 
 #include <string>
@@ -22,7 +22,7 @@ class FrameSource {
  public:
   virtual ~FrameSource() = default;
 
-  // Connects, configures, and says what will come. Called once. Thread: setup.
+  // Connects, configures, and returns the format of the frames. Called once. Thread: setup.
   virtual Result<SourceInfo> open() = 0;
 
   // Frames go into the inlet from now on, from one thread of the source's own; the inlet outlives stop(). Thread:
@@ -32,14 +32,14 @@ class FrameSource {
   // No frame is handed in after it returns. Idempotent. Thread: setup.
   virtual void stop() noexcept = 0;
 
-  // Of a source that is watched, as long as the source lives; null for others. Thread: any.
+  // Of a source that is monitored, as long as the source lives; null for others. Thread: any.
   virtual const SourceStatus* status() const noexcept { return nullptr; }
 
-  // What has happened since the last call, newest last. Thread: any.
+  // Events since the last call, newest last. Thread: any.
   virtual std::vector<Notice> take_notices() { return {}; }
 
-  // Corrects the pixels (NUC) now. Blocks until the camera has taken the command. Thread: any.
-  virtual Status correct() { return failed("this source has no pixels to correct"); }
+  // Starts a NUC (non-uniformity correction). Blocks until the camera has taken the command. Thread: any.
+  virtual Status trigger_nuc() { return failed("this source has no pixels to correct"); }
 };
 
 }  // namespace bolo::pipeline

@@ -1,4 +1,4 @@
-// What a camera that is watched knows of itself, readable while it runs.
+// Status of a camera that is monitored, readable while it runs.
 #pragma once
 
 #include <array>
@@ -18,12 +18,12 @@ enum class SourceState : std::uint32_t {
   kIdle,        // not started, or stopped
   kStreaming,   // frames arrive
   kStalled,     // connected, but frames have stopped
-  kLost,        // the connection is gone; it is being opened again
+  kLost,        // the connection is gone; it is being reopened
   kCorrecting,  // the camera closes its shutter and corrects its pixels (NUC)
   kCount
 };
 
-// Why a camera was given up. The order is part of the shared-memory layout: append only.
+// Cause of the loss of a camera. The order is part of the shared-memory layout: append only.
 enum class LostCause : std::size_t {
   kControlLost,  // it answers, but does not obey this program any more: rebooted, or taken by another
   kNoAnswer,     // unplugged, switched off, frozen, or under another address
@@ -48,8 +48,8 @@ constexpr std::string_view name(LostCause cause) {
 struct SourceStatus {
   rt::Gauge<SourceState> state{SourceState::kIdle};
   rt::Gauge<std::int64_t> since_ns;           // CLOCK_MONOTONIC, when it came to this state
-  rt::Gauge<std::int64_t> watched_ns;         // CLOCK_MONOTONIC, when the source last looked after its camera
-  std::array<rt::Counter, kLostCauses> lost;  // times that the camera was given up, by cause
+  rt::Gauge<std::int64_t> watched_ns;         // CLOCK_MONOTONIC, when the source last checked its camera
+  std::array<rt::Counter, kLostCauses> lost;  // times that the camera was lost, by cause
   rt::Counter reopened;                       // times that it was opened again
   rt::Counter stalls;                         // times that frames stopped
   rt::Counter outage_frames;                  // that would have come while it was lost; not among the losses
@@ -63,7 +63,7 @@ struct SourceStatus {
   rt::Gauge<std::uint64_t> received_packets;  // as the transport counts them
   rt::Gauge<std::uint64_t> missing_packets;   //
   rt::Gauge<std::uint64_t> resent_packets;    //
-  rt::Gauge<double> temperature_k;            // of the camera; 0: it does not tell
+  rt::Gauge<double> temperature_k;            // of the camera; 0: not known
 };
 
 }  // namespace bolo::pipeline

@@ -1,4 +1,4 @@
-// What the pipeline knows of itself, readable while it runs.
+// Counters of the pipeline, readable while it runs.
 #pragma once
 
 #include <algorithm>
@@ -12,8 +12,8 @@
 
 namespace bolo::pipeline {
 
-// Where a frame's time goes. Without look-ahead arrival, queue and deblur of a frame add up to its total latency; with
-// look-ahead it also waits for the frames after it.
+// Latency of a frame by stage. Without look-ahead arrival, queue and deblur of a frame add up to its total latency;
+// with look-ahead it also waits for the frames after it.
 struct StageLatencies {
   rt::LatencyHistogram arrival;  // first byte received -> whole and in the frame queue
   rt::LatencyHistogram queue;    // in the queue -> taken by the pipeline thread
@@ -33,7 +33,7 @@ struct PipelineStats {
   }
 
   const FrameInlet& inlet;                      // received(), losses()
-  const SourceStatus* source;                   // of a camera; null for a source that is not watched
+  const SourceStatus* source;                   // of a camera; null for a source that is not monitored
   rt::Counter taken;                            // frames taken out of the queue
   rt::Counter published;                        // frames handed to the sinks
   rt::Counter restarts;                         // windows emptied: NUC, reconnect, a jump in time
@@ -45,9 +45,9 @@ struct PipelineStats {
   rt::Counter repeats;           // frames that repeated the one before and were dropped; among the missing, too
   rt::LatencyHistogram latency;  // first byte received -> publish_ns, right before the sinks get it
   StageLatencies stages;
-  // CLOCK_MONOTONIC, when the pipeline thread last came to look for a frame, which it does ten times a second at least;
+  // CLOCK_MONOTONIC, when the pipeline thread last polled for a frame, which it does ten times a second at least;
   // 0: it does not run yet.
-  rt::Gauge<std::int64_t> looked_ns;
+  rt::Gauge<std::int64_t> polled_ns;
 };
 
 }  // namespace bolo::pipeline

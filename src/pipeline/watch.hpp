@@ -1,4 +1,4 @@
-// How long a source may be silent.
+// Limits of the time that a source may be silent.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@ struct WatchLimits {
   std::int64_t lost_ns;   // ... and for this long: lost
 };
 
-// What was asked for, but at least 20 frame periods. Thread: any.
+// From the configuration, but at least 20 frame periods. Thread: any.
 WatchLimits watch_limits(int stall_ms, int reconnect_after_ms, double period_s) noexcept;
 
 // Frames that would have come between the last one before an outage and the first one after it. Thread: any.

@@ -28,7 +28,7 @@ ALLOWED = {
     "report": {"core"},
     "diagnose": {"core", "model", "capture", "report"},
     "pipeline": {"core", "rt", "model", "deblur", "corrections", "motion"},
-    "daemon": PIPELINE | {"genicam", "replay", "shm", "usb", "v4l2"},
+    "daemon": PIPELINE | {"genicam", "replay", "shm", "v4l2"},
 }
 # Folders of tools, each below the next. Nothing but the laboratory may use the laboratory.
 TOOLS = ["cli", "record", "convert", "doctor", "view", "deblur", "demo", "bolod", "bolo", "manual", "lab"]

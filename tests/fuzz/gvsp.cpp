@@ -17,7 +17,7 @@ class Output final : public gvsp::FrameOutput {
     const bool whole = frame.end == FrameEnd::kWhole;
     if (frame.pixels.size() > plan_.payload_bytes || (!whole && sum != 0) || frame.camera_ns < 0) std::abort();
   }
-  void ask_again(const gvsp::ResendRequest& request) noexcept override {
+  void request_resend(const gvsp::ResendRequest& request) noexcept override {
     if (!plan_.resend || request.first > request.last || request.last > plan_.payload_bytes) std::abort();
   }
 

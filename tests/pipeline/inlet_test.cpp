@@ -29,7 +29,7 @@ TEST(FrameInlet, HandsFramesOnInOrder) {
     const FrameInlet::Arrival arrival = inlet.next(kNoWait);
     ASSERT_NE(arrival.slot, nullptr);
     EXPECT_EQ(arrival.slot->meta.frame_id, id);
-    EXPECT_FALSE(arrival.restarts_window);
+    EXPECT_FALSE(arrival.restart_window);
   }
   EXPECT_EQ(inlet.next(kNoWait).slot, nullptr);
 }
@@ -89,11 +89,11 @@ TEST(FrameInlet, ARestartWaitsForTheNextCommittedFrameAndHoldsForItAlone) {
   ASSERT_TRUE(inlet.commit(*inlet.borrow()));
   inlet.restart_window();
   inlet.cancel(*inlet.borrow());  // a frame that turned out bad: the restart is still to come
-  EXPECT_FALSE(inlet.next(kNoWait).restarts_window);
+  EXPECT_FALSE(inlet.next(kNoWait).restart_window);
   ASSERT_TRUE(inlet.commit(*inlet.borrow()));
-  EXPECT_TRUE(inlet.next(kNoWait).restarts_window);
+  EXPECT_TRUE(inlet.next(kNoWait).restart_window);
   ASSERT_TRUE(inlet.commit(*inlet.borrow()));
-  EXPECT_FALSE(inlet.next(kNoWait).restarts_window);
+  EXPECT_FALSE(inlet.next(kNoWait).restart_window);
 }
 
 TEST(FrameInlet, BorrowWaitEndsWhenStopIsRequested) {

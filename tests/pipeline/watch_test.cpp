@@ -33,14 +33,14 @@ TEST(FramesBetween, CountsNeitherTheLastNorTheFirst) {
 
 TEST(Notices, KeepTheSameThingOnceAlsoWhenItWasTaken) {
   Notices notices;
-  notices.say(true, "lost");
-  notices.say(true, "lost");
+  notices.report(true, "lost");
+  notices.report(true, "lost");
   ASSERT_EQ(notices.take().size(), 1u);
-  notices.say(true, "lost");
+  notices.report(true, "lost");
   EXPECT_TRUE(notices.take().empty());
   notices.forget_last();
-  notices.say(true, "lost");
-  notices.say(false, "back");
+  notices.report(true, "lost");
+  notices.report(false, "back");
   const std::vector<Notice> taken = notices.take();
   ASSERT_EQ(taken.size(), 2u);
   EXPECT_TRUE(taken[0].warning);
@@ -49,7 +49,7 @@ TEST(Notices, KeepTheSameThingOnceAlsoWhenItWasTaken) {
 
 TEST(Notices, OfVeryManyTheOldestGo) {
   Notices notices;
-  for (int i = 0; i < 300; ++i) notices.say(false, std::to_string(i));
+  for (int i = 0; i < 300; ++i) notices.report(false, std::to_string(i));
   const std::vector<Notice> taken = notices.take();
   ASSERT_EQ(taken.size(), 256u);
   EXPECT_EQ(taken.back().text, "299");

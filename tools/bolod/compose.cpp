@@ -22,11 +22,6 @@ Result<ComposedSource> make_replay(const ReplayOptions& options) {
 Result<ComposedSource> make_source(const DaemonConfig& config) {
   if (config.source == SourceType::kReplay) return make_replay(config.replay);
   ComposedSource composed;
-  if (config.source == SourceType::kUsb) {
-    composed.source = std::make_unique<usb::UsbBulkSource>(config.usb);
-    composed.warnings.emplace_back("USB cameras are experimental: none whose protocol is known was tried");
-    return composed;
-  }
   auto source = std::make_unique<genicam::GenicamSource>(config.camera);
   composed.camera = source.get();
   composed.source = std::move(source);
@@ -51,7 +46,7 @@ ComposedSinks make_sinks(const DaemonConfig& config) {
 
 namespace {
 
-std::string sink_words(const DaemonConfig& config) {
+std::string describe_sinks(const DaemonConfig& config) {
   std::string words = config.shm_enabled ? "shared memory /bolo." + config.name : "";
   for (const VideoOptions& video : config.video) {
     if (!video.enabled) continue;
@@ -76,7 +71,7 @@ std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipel
   std::snprintf(window, sizeof window, "window %d, look-ahead %d, tau %.4g ms, %d workers", settings.window,
                 settings.lookahead, settings.tau_s * 1e3, config.pipeline.workers);
   return from + " " + source.camera_model + serial + ", " + frame + " -> " + pipeline.solver_text() + ", " + window +
-         " -> " + sink_words(config);
+         " -> " + describe_sinks(config);
 }
 
 }  // namespace bolo::daemon

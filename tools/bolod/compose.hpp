@@ -10,7 +10,7 @@
 
 namespace bolo::daemon {
 
-// A source, and the same one by its own type: for what only that type can tell. The pipeline comes to own it.
+// A source, and the same one by its own type for functions of that type alone. The pipeline comes to own it.
 struct ComposedSource {
   std::unique_ptr<pipeline::FrameSource> source;
   genicam::GenicamSource* camera = nullptr;
@@ -21,7 +21,7 @@ struct ComposedSource {
 // Thread: setup.
 Result<ComposedSource> make_source(const DaemonConfig& config);
 
-// Whether the source waits until its frames are taken, so that a full queue is no overload. Thread: any.
+// True when the source waits until its frames are taken, so that a full queue is no overload. Thread: any.
 bool waits_for_frames(const DaemonConfig& config);
 
 // The sinks in the order in which they are served: shared memory first.

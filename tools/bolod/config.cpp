@@ -1,5 +1,7 @@
 #include "tools/bolod/config.hpp"
 
+#include <arpa/inet.h>
+
 #include <array>
 #include <fstream>
 #include <iterator>
@@ -12,8 +14,6 @@
 #include "src/deblur/isa.hpp"
 #include "src/model/strict_toml.hpp"
 #include "src/pipeline/apply_profile.hpp"
-#include "tools/bolod/config_camera.hpp"
-#include "tools/bolod/config_usb.hpp"
 #include "tools/bolod/config_video.hpp"
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/metrics_server.hpp"
@@ -33,8 +33,7 @@ constexpr std::string_view kHeading =
 template <typename Enum, std::size_t N>
 using Names = std::array<std::pair<std::string_view, Enum>, N>;
 
-constexpr Names<SourceType, 3> kSources{
-    {{"genicam", SourceType::kGenicam}, {"replay", SourceType::kReplay}, {"usb", SourceType::kUsb}}};
+constexpr Names<SourceType, 2> kSources{{{"genicam", SourceType::kGenicam}, {"replay", SourceType::kReplay}}};
 constexpr Names<replay::Pace, 2> kPaces{
     {{"realtime", replay::Pace::kRealTime}, {"fast", replay::Pace::kAsFastAsPossible}}};
 constexpr Names<genicam::PixelOrder, 2> kPixelOrders{
@@ -56,21 +55,18 @@ constexpr Names<LogLevel, 4> kLevels{{{"debug", LogLevel::kDebug},
 constexpr Names<LogFormat, 3> kFormats{
     {{"auto", LogFormat::kAuto}, {"text", LogFormat::kText}, {"journal", LogFormat::kJournal}}};
 
-// Keys whose meaning others decide: those that take a value of the profile's place when they are given, and [usb].
+// Keys that take the place of a value of the profile when they are given.
 struct Overrides {
   std::optional<double> rate_hz;
   std::optional<genicam::PixelOrder> pixel_order;
   std::optional<int> metadata_rows;
   std::optional<double> tau_s;
-  UsbKeys usb;
 };
 
 void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.section("source", "where frames come from");
-  keys.choice<SourceType>(
-      "type", c.source, kSources,
-      "genicam: a GigE Vision or USB3 Vision camera. replay: a capture file. usb: frames over a bulk "
-      "endpoint as [usb] describes, experimental.");
+  keys.choice<SourceType>("type", c.source, kSources,
+                          "genicam: a GigE Vision or USB3 Vision camera. replay: a capture file.");
   keys.text("address", c.camera.address,
             "Camera: IP address or Aravis device id; empty: the only camera that answers.");
   keys.text(
@@ -111,6 +107,65 @@ void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.choice<replay::Pace>(
       "pace", c.replay.pace, kPaces,
       "Replay: realtime keeps the capture's times and may lose frames; fast waits for everything.");
+}
+
+constexpr Names<genicam::NucPolicy, 4> kPolicies{{{"camera", genicam::NucPolicy::kCamera},
+                                                  {"manual", genicam::NucPolicy::kManual},
+                                                  {"timed", genicam::NucPolicy::kTimed},
+                                                  {"still", genicam::NucPolicy::kStill}}};
+constexpr double kHottestK = 5000.0;
+
+void nuc_keys(KeyTable& keys, genicam::NucOptions& nuc) {
+  keys.section("nuc", "when the camera closes its shutter and corrects its pixels (NUC)");
+  keys.choice<genicam::NucPolicy>(
+      "policy", nuc.policy, kPolicies,
+      "camera: it decides itself, unseen. manual: only by `bolo nuc`. timed: at the interval. still: "
+      "when the scene stands still, at least the interval apart.");
+  keys.number("interval_s", nuc.interval_s, {1.0, 86400.0, "s"}, "From one to the next.");
+  keys.number("still_s", nuc.still_s, {0.2, 3600.0, "s"}, "How long nothing may have moved.");
+  keys.number("still_k", nuc.still_k, {0.001, 1000.0, "K (counts when the source has no kelvin)"},
+              "A change of the pixels by less than this from one tenth of a second to the next, on average, is none; "
+              "noise of s changes them by 1.13 s.");
+  keys.integer(
+      "hold_ms", nuc.hold_ms, {0, 60000, "ms"},
+      "Frames of this time after the command are taken for the shutter's. Unproven: whether the camera repeats "
+      "frames meanwhile, or sends none, and for how long.");
+}
+
+void object_keys(KeyTable& keys, genicam::ObjectParameters& object) {
+  constexpr double kRoomK = 293.15;
+  keys.section("object", "what the camera reckons with; unity gives temperatures of black bodies. Left out: as it has");
+  keys.number("emissivity", object.emissivity, {0.01, 1.0, ""}, "Of what is looked at.");
+  keys.number("transmission", object.transmission, {0.01, 1.0, ""}, "Of the air (EstimatedTransmission).");
+  keys.number("optics_transmission", object.optics_transmission, {0.01, 1.0, ""}, "Of a window before the lens.");
+  keys.number("reflected_k", object.reflected_k, kRoomK, {1.0, kHottestK, "K"}, "Temperature that it reflects.");
+  keys.number("atmosphere_k", object.atmosphere_k, kRoomK, {1.0, kHottestK, "K"}, "Temperature of the air.");
+  keys.number("optics_k", object.optics_k, kRoomK, {1.0, kHottestK, "K"}, "Temperature of that window.");
+  keys.number("distance_m", object.distance_m, 1.0, {0.0, 1e5, "m"}, "Distance of the object.");
+  keys.number("humidity", object.humidity, 0.5, {0.0, 1.0, ""}, "Relative humidity of the air.");
+}
+
+void camera_keys(KeyTable& keys, genicam::CameraOptions& camera) {
+  keys.section("camera", "what it measures");
+  keys.number("range_low_k", camera.range_low_k, {0.0, kHottestK, "K"},
+              "With range_high_k: the narrowest of the camera's ranges that holds both is chosen.");
+  keys.number("range_high_k", camera.range_high_k, {0.0, kHottestK, "K"}, "0: the camera's range is left.");
+  nuc_keys(keys, camera.nuc);
+  object_keys(keys, camera.object);
+}
+
+Status check_camera(const genicam::CameraOptions& camera) {
+  if (camera.range_high_k > 0.0 && camera.range_low_k >= camera.range_high_k) {
+    return bad_input("camera.range_low_k must be below camera.range_high_k");
+  }
+  return {};
+}
+
+Status check_address(const std::string& address) {
+  in_addr parsed{};
+  if (address.empty() || address.find_first_not_of("0123456789.") != std::string::npos) return {};
+  if (inet_pton(AF_INET, address.c_str(), &parsed) == 1) return {};
+  return bad_input("source.address = \"" + address + "\" is no IPv4 address such as 192.168.2.5");
 }
 
 void deblur_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
@@ -188,7 +243,8 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
             "Camera profile. Left out: what is known of the A655sc at 200 Hz.");
   source_keys(keys, config, overrides);
   camera_keys(keys, config.camera);
-  usb_keys(keys, overrides.usb);
+  keys.removed("source.type", "usb", "use \"genicam\", which receives USB3 Vision cameras too, or \"replay\"");
+  keys.removed("usb", "", "delete the section; source.type = \"genicam\" receives USB3 Vision cameras");
   deblur_keys(keys, config, overrides);
   pipeline_keys(keys, config);
   output_keys(keys, config);
@@ -306,11 +362,6 @@ Result<DaemonConfig> read_config(const std::filesystem::path& file) {
   config.file = file;
   config.texts = config_keys(config, overrides).texts();
   if (const Status status = apply_profile(config, overrides); !status) return tl::unexpected<Error>(status.error());
-  if (config.source == SourceType::kUsb) {
-    auto usb = usb_options(keys, overrides.usb, config.camera);
-    if (!usb) return tl::unexpected<Error>(usb.error());
-    config.usb = std::move(*usb);
-  }
   if (const Status status = check_together(keys, config); !status) return tl::unexpected<Error>(status.error());
   note_profile(config);
   return config;

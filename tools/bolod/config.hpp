@@ -1,4 +1,4 @@
-// What `bolod` is asked to do, read from one TOML file (config/bolod.toml documents every key).
+// Configuration of `bolod`, read from one TOML file (config/bolod.toml documents every key).
 #pragma once
 
 #include <array>
@@ -11,7 +11,6 @@
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/replay/replay_source.hpp"
 #include "drivers/shm/shm_sink.hpp"
-#include "drivers/usb/usb_source.hpp"
 #include "drivers/v4l2/v4l2_sink.hpp"
 #include "src/core/result.hpp"
 #include "src/model/camera_profile.hpp"
@@ -22,7 +21,6 @@ namespace bolo::daemon {
 enum class SourceType {
   kGenicam,  // a camera, or its fake, on the network
   kReplay,   // a capture file, in process
-  kUsb,      // a camera that sends its frames over a bulk endpoint: experimental
 };
 
 struct ReplayOptions {
@@ -73,7 +71,6 @@ struct DaemonConfig {
   SourceType source = SourceType::kGenicam;
   genicam::CameraOptions camera;
   ReplayOptions replay;
-  usb::UsbOptions usb;
   pipeline::PipelineOptions pipeline;
   std::string isa = "auto";  // instruction set of the solver's kernels
   bool lock_memory = true;

@@ -18,15 +18,15 @@ constexpr Names<v4l2::Gain, 2> kGains{{{"auto", v4l2::Gain::kAuto}, {"fixed", v4
 constexpr double kHottestK = 65535.0;  // the largest count, too
 constexpr std::string_view kKelvin = "K (counts when the source has no kelvin)";
 
-void tone_keys(model::KeyTable& keys, v4l2::ToneOptions& tone) {
-  keys.choice<v4l2::Gain>("gain", tone.gain, kGains,
+void agc_keys(model::KeyTable& keys, v4l2::AgcOptions& agc) {
+  keys.choice<v4l2::Gain>("gain", agc.gain, kGains,
                           "8 bits: auto follows the picture; fixed shows low_k black and high_k white.");
-  keys.number("low_k", tone.low_k, {0.0, kHottestK, kKelvin}, "Fixed gain: black.");
-  keys.number("high_k", tone.high_k, {0.0, kHottestK, kKelvin}, "Fixed gain: white.");
-  keys.number("low_percent", tone.low_percent, {0.0, 100.0, "%"}, "Auto gain: pixels that are black.");
-  keys.number("high_percent", tone.high_percent, {0.0, 100.0, "%"}, "Auto gain: pixels that are not white.");
-  keys.number("smooth_s", tone.smooth_s, {0.0, 3600.0, "s"}, "Auto gain: time constant with which it follows.");
-  keys.number("least_span_k", tone.least_span_k, {0.0, kHottestK, kKelvin},
+  keys.number("low_k", agc.low_k, {0.0, kHottestK, kKelvin}, "Fixed gain: black.");
+  keys.number("high_k", agc.high_k, {0.0, kHottestK, kKelvin}, "Fixed gain: white.");
+  keys.number("low_percent", agc.low_percent, {0.0, 100.0, "%"}, "Auto gain: pixels that are black.");
+  keys.number("high_percent", agc.high_percent, {0.0, 100.0, "%"}, "Auto gain: pixels that are not white.");
+  keys.number("smooth_s", agc.smooth_s, {0.0, 3600.0, "s"}, "Auto gain: time constant with which it follows.");
+  keys.number("least_span_k", agc.least_span_k, {0.0, kHottestK, kKelvin},
               "Auto gain: white is at least this far above black, so that noise stays faint.");
 }
 
@@ -40,12 +40,12 @@ void device_keys(model::KeyTable& keys, VideoOptions& video) {
                                  "no grey, as browsers do.");
   keys.choice<v4l2::Y16Unit>("y16_unit", video.sink.y16_unit, kUnits,
                              "y16: kelvin a count; counts of a source without kelvin stay as they are.");
-  tone_keys(keys, video.sink.tone);
+  agc_keys(keys, video.sink.agc);
 }
 
-Status check_tone(const v4l2::ToneOptions& tone) {
-  if (tone.gain == v4l2::Gain::kFixed && tone.low_k >= tone.high_k) return bad_input("low_k must be below high_k");
-  if (tone.low_percent >= tone.high_percent) return bad_input("low_percent must be below high_percent");
+Status check_agc(const v4l2::AgcOptions& agc) {
+  if (agc.gain == v4l2::Gain::kFixed && agc.low_k >= agc.high_k) return bad_input("low_k must be below high_k");
+  if (agc.low_percent >= agc.high_percent) return bad_input("low_percent must be below high_percent");
   return {};
 }
 
@@ -61,8 +61,8 @@ void video_keys(model::KeyTable& keys, std::array<VideoOptions, kVideoDevices>& 
 Status check_video(const model::KeyTable& keys, const std::array<VideoOptions, kVideoDevices>& video, int width) {
   for (std::size_t i = 0; i < kVideoDevices; ++i) {
     const std::string section(kVideoSections[i]);
-    if (const Status tone = check_tone(video[i].sink.tone); !tone) {
-      return at(keys.where(section + ".high_k").append(section), tone.error());
+    if (const Status agc = check_agc(video[i].sink.agc); !agc) {
+      return at(keys.where(section + ".high_k").append(section), agc.error());
     }
     if (!video[i].enabled) continue;
     if (const Status fits = v4l2::check_width(video[i].sink.format, width); !fits) {

@@ -15,7 +15,8 @@ inline constexpr std::array<std::string_view, kVideoDevices> kVideoSections{"v4l
 // Declares them, bound to `video`, which outlives the table. Thread: any.
 void video_keys(model::KeyTable& keys, std::array<VideoOptions, kVideoDevices>& video);
 
-// What the keys say together, of frames that are so wide (0: not known yet); errors begin with the place in the file.
+// Checks keys that depend on one another, for frames of `width` (0: not known yet); errors begin with the place in the
+// file.
 // Thread: any.
 Status check_video(const model::KeyTable& keys, const std::array<VideoOptions, kVideoDevices>& video, int width);
 

@@ -11,7 +11,7 @@
 
 namespace bolo::daemon {
 
-// Where a daemon of this name hears commands unless told otherwise: NAME.sock in systemd's RUNTIME_DIRECTORY, else in
+// Default control socket of a daemon of this name: NAME.sock in systemd's RUNTIME_DIRECTORY, else in
 // /run/bolo (root), else in bolo below XDG_RUNTIME_DIR, else in /tmp/bolo-UID. Thread: any.
 std::string default_control_socket(const std::string& name);
 

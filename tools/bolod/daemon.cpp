@@ -23,7 +23,6 @@
 #include "src/deblur/isa.hpp"
 #include "tools/bolod/compose.hpp"
 #include "tools/bolod/control.hpp"
-#include "tools/bolod/journal_sink.hpp"
 #include "tools/bolod/log.hpp"
 #include "tools/bolod/metrics.hpp"
 #include "tools/bolod/metrics_server.hpp"
@@ -38,7 +37,7 @@ namespace {
 namespace event = pipeline::event;
 
 constexpr std::int64_t kMetricsRetryNs = 2'000'000'000;
-constexpr timespec kLookPeriod{0, 100'000'000};  // how late a signal's or the source's end may be noticed
+constexpr timespec kPollPeriod{0, 100'000'000};  // how late a signal's or the source's end may be noticed
 
 sigset_t our_signals() {
   sigset_t signals;
@@ -57,7 +56,7 @@ std::string_view name_of(int signal) {
   return signal == SIGTERM ? "SIGTERM" : "SIGINT";
 }
 
-// What is locked stays in memory for good.
+// Memory that is locked is never given back.
 void keep_memory_small() {
   // Large blocks, such as a connection's frame buffers, go back to the system when they are freed. By itself the C
   // library would keep them from the second connection on.
@@ -153,11 +152,11 @@ Status Daemon::Impl::listen() {
     return {};
   }
   if (config.control.socket != default_control_socket(config.name)) return tl::unexpected<Error>(made.error());
-  log->warn(made.error().message);  // nobody asked for this place
+  log->warn(made.error().message);  // the default place: not asked for
   return {};
 }
 
-// Who has the port may go: frames matter more than numbers.
+// A taken port is tried again: frames matter more than metrics.
 void Daemon::Impl::serve_metrics() {
   if (!config.metrics.enabled || metrics != nullptr || monotonic_ns() < next_metrics_try_ns) return;
   const bool first = std::exchange(next_metrics_try_ns, monotonic_ns() + kMetricsRetryNs) == 0;
@@ -177,7 +176,7 @@ std::string Daemon::Impl::answer(std::string_view request) const {
   const auto refused = [](const std::string& why) { return nlohmann::json{{"ok", false}, {"error", why}}.dump(); };
   if (request == "state") return state_json(config.name, pipeline->stats(), sinks.video).dump();
   if (request != "nuc") return refused("unknown request; there are: nuc, state");
-  if (const Status done = pipeline->correct(); !done) return refused(done.error().message);
+  if (const Status done = pipeline->trigger_nuc(); !done) return refused(done.error().message);
   const pipeline::SourceStatus* status = pipeline->stats().source;
   return nlohmann::json{{"ok", true}, {"nucs", status != nullptr ? status->corrections.value() : 0}}.dump();
 }
@@ -185,7 +184,7 @@ std::string Daemon::Impl::answer(std::string_view request) const {
 // True when it asks for the end.
 bool Daemon::Impl::take_signal(OnHangup on_hangup) {
   const sigset_t signals = our_signals();
-  const int signal = sigtimedwait(&signals, nullptr, &kLookPeriod);
+  const int signal = sigtimedwait(&signals, nullptr, &kPollPeriod);
   if (signal < 0) return false;
   if (signal == SIGHUP && on_hangup == OnHangup::kReload) reload();
   if (signal == SIGHUP && (on_hangup == OnHangup::kReload || ignored(SIGHUP))) return false;
@@ -193,8 +192,8 @@ bool Daemon::Impl::take_signal(OnHangup on_hangup) {
   return true;
 }
 
-// What was used so far, before frames flow; and what threads and drivers take later as they first use it, unless a
-// limit could then make their allocations fail.
+// Locks the memory in use before frames flow, and with no limit also pages that are touched later: a limit could make
+// later allocations fail.
 void Daemon::Impl::lock_memory() const {
   if (!config.lock_memory) return;
   const bool unlimited = memory_limit() == RLIM_INFINITY || geteuid() == 0;
@@ -207,11 +206,11 @@ void Daemon::Impl::lock_memory() const {
 void Daemon::Impl::watch(OnHangup on_hangup) {
   while (!ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
     if (take_signal(on_hangup)) break;
-    supervisor->look();
+    supervisor->poll();
     follow_period();
     serve_metrics();
   }
-  service::tell_stopping();
+  service::notify_stopping();
 }
 
 // Frames are solved with the period that the camera's own clock shows, once it is known to be another one.
@@ -219,14 +218,14 @@ void Daemon::Impl::follow_period() {
   const pipeline::SourceStatus* source = pipeline->stats().source;
   const double measured_s = source != nullptr ? source->measured_period_s.value() : 0.0;
   if (measured_s <= 0.0 || std::abs(measured_s / period_s - 1.0) < pipeline::kSamePeriod) return;
-  period_s = measured_s;  // one try for each: what cannot be solved with stays as it is, and is told
+  period_s = measured_s;  // one try for each: a period that cannot be used is logged
   const Status taken = pipeline->set_period(measured_s);
   if (!taken) log->warn("the measured period is not used: {}", taken.error().message);
 }
 
 // A file that is wrong changes nothing.
 void Daemon::Impl::reload() {
-  service::tell_reloading();
+  service::notify_reloading();
   const Result<DaemonConfig> read =
       config.file.empty() ? bad_input("there is no file that could have changed") : read_config(config.file);
   if (read) {
@@ -235,7 +234,7 @@ void Daemon::Impl::reload() {
     const std::string text = "reload: " + read.error().message + "; all stays as it was";
     log_notice(*log, spdlog::level::err, {true, text, event::kReload});
   }
-  service::tell_ready(read ? "read its file again" : "could not read its file again");
+  service::notify_ready(read ? "read its file again" : "could not read its file again");
 }
 
 void Daemon::Impl::apply(const DaemonConfig& read) {
@@ -243,7 +242,7 @@ void Daemon::Impl::apply(const DaemonConfig& read) {
   set_level(*log, read.log.level);
   if (camera != nullptr) camera->set_nuc(read.camera.nuc);
   for (std::size_t i = 0; i < kVideoDevices; ++i) {
-    if (sinks.video[i] != nullptr) sinks.video[i]->follow(read.video[i].sink.tone);
+    if (sinks.video[i] != nullptr) sinks.video[i]->set_agc(read.video[i].sink.agc);
   }
   for (const std::string& key : change.live) config.texts[key] = read.texts.at(key);
   if (!change.restart.empty()) {
@@ -266,8 +265,7 @@ Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::
   impl->config = config;
   impl->log = std::move(log);
   if (const Status status = impl->compose(); !status) return tl::unexpected<Error>(status.error());
-  const int stall_ms = config.source == SourceType::kUsb ? config.usb.stall_ms : config.camera.stall_ms;
-  impl->supervisor.emplace(Supervisor::Subject{*impl->log, *impl->pipeline, impl->sinks.video, stall_ms});
+  impl->supervisor.emplace(Supervisor::Subject{*impl->log, *impl->pipeline, impl->sinks.video, config.camera.stall_ms});
   if (const Status status = impl->listen(); !status) return tl::unexpected<Error>(status.error());
   impl->serve_metrics();
   return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
@@ -285,7 +283,7 @@ Status Daemon::run(OnHangup on_hangup) {
   self.watch(on_hangup);
   self.stop_requested.store(true, std::memory_order_relaxed);
   runner.join();
-  self.supervisor->tell_end();
+  self.supervisor->log_end();
   if (!self.result) return self.result;
   return self.replay != nullptr ? self.replay->result() : Status{};
 }

@@ -14,7 +14,7 @@ namespace bolo::daemon {
 // before any thread exists. Thread: setup.
 void block_signals();
 
-// What SIGHUP asks for: of a service to read its file again, of a program of a terminal to end with it.
+// Effect of SIGHUP: a service reads its file again, a program in a terminal ends with it.
 enum class OnHangup { kReload, kEnd };
 
 class Daemon {

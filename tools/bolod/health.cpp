@@ -12,6 +12,9 @@ namespace event = pipeline::event;
 constexpr std::int64_t kSecondNs = 1'000'000'000;
 constexpr std::int64_t kLossNoticeNs = 10 * kSecondNs;
 constexpr double kPatiencePeriods = 20.0;
+constexpr std::int64_t kPatienceNs = 2 * kSecondNs;         // with our own threads
+constexpr std::int64_t kSourcePatienceNs = 30 * kSecondNs;  // opening a lost camera takes its time
+constexpr double kSpareFrames = 2.0;
 
 }  // namespace
 
@@ -21,7 +24,7 @@ LossCounts loss_counts(const pipeline::PipelineStats& stats) {
   return losses;
 }
 
-std::string loss_words(const LossCounts& losses) {
+std::string describe_losses(const LossCounts& losses) {
   std::string words;
   for (std::size_t i = 0; i < kLossCauses; ++i) {
     if (losses[i] == 0) continue;
@@ -49,15 +52,15 @@ Health::Health(double frame_period_s, std::int64_t start_ns)
       last_loss_notice_ns_(start_ns - kLossNoticeNs),
       last_effort_notice_ns_(start_ns - kLossNoticeNs) {}
 
-std::vector<pipeline::Notice> Health::look(const Snapshot& now) {
+std::vector<pipeline::Notice> Health::poll(const Snapshot& now) {
   std::vector<pipeline::Notice> notices;
-  look_at_flow(now, notices);
-  look_at_losses(now, notices);
-  look_at_effort(now, notices);
+  check_flow(now, notices);
+  check_losses(now, notices);
+  check_effort(now, notices);
   return notices;
 }
 
-void Health::look_at_flow(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
+void Health::check_flow(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
   const std::int64_t silent_ns = now.now_ns - last_frame_ns_;
   if (now.received != received_) {
     if (flow_ == Flow::kWaiting) notices.push_back({false, "frames arrive", event::kFramesFlow});
@@ -72,24 +75,24 @@ void Health::look_at_flow(const Snapshot& now, std::vector<pipeline::Notice>& no
   }
 }
 
-void Health::look_at_losses(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
-  if (now.losses == told_ || now.now_ns - last_loss_notice_ns_ < kLossNoticeNs) return;
+void Health::check_losses(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
+  if (now.losses == logged_ || now.now_ns - last_loss_notice_ns_ < kLossNoticeNs) return;
   LossCounts fresh{};
-  for (std::size_t i = 0; i < kLossCauses; ++i) fresh[i] = now.losses[i] - told_[i];
-  pipeline::Notice notice{true, "frames lost since the last notice: " + loss_words(fresh), event::kFramesLost};
+  for (std::size_t i = 0; i < kLossCauses; ++i) fresh[i] = now.losses[i] - logged_[i];
+  pipeline::Notice notice{true, "frames lost since the last notice: " + describe_losses(fresh), event::kFramesLost};
   add_loss_counts(fresh, notice);
   notices.push_back(std::move(notice));
-  told_ = now.losses;
+  logged_ = now.losses;
   last_loss_notice_ns_ = now.now_ns;
 }
 
-// The end of an overload is told once nothing of it was seen for as long as its notices are apart.
-void Health::look_at_effort(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
+// The end of an overload is logged once nothing of it was seen for as long as its notices are apart.
+void Health::check_effort(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
   if (now.now_ns - last_effort_notice_ns_ < kLossNoticeNs) return;
   std::string words;
   pipeline::Notice notice{true, "", event::kOverload};
   for (std::size_t i = 1; i < pipeline::kEfforts; ++i) {
-    const std::uint64_t fresh = now.by_effort[i] - told_efforts_[i];
+    const std::uint64_t fresh = now.by_effort[i] - logged_efforts_[i];
     if (fresh == 0) continue;
     const std::string effort(name(static_cast<pipeline::Effort>(i)));
     words += (words.empty() ? "" : ", ") + std::to_string(fresh) + " " + effort;
@@ -100,8 +103,38 @@ void Health::look_at_effort(const Snapshot& now, std::vector<pipeline::Notice>& 
   if (words.empty()) notice = {false, "deblurring keeps up again", event::kFullEffort};
   notices.push_back(std::move(notice));
   overloaded_ = !words.empty();
-  told_efforts_ = now.by_effort;
+  logged_efforts_ = now.by_effort;
   last_effort_notice_ns_ = now.now_ns;
+}
+
+FlowWatch::FlowWatch(double frame_period_s, int lookahead, std::int64_t stall_ns, std::int64_t start_ns)
+    : patience_ns_(kPatienceNs + static_cast<std::int64_t>((lookahead + kSpareFrames) * frame_period_s * 1e9)),
+      stall_ns_(stall_ns),
+      received_{0, start_ns},
+      handled_{0, start_ns} {}
+
+std::string FlowWatch::check(const Signs& signs) {
+  const std::int64_t silent_ns = signs.now_ns - received_.since_ns;
+  if (signs.received != received_.value && silent_ns > patience_ns_) handled_.since_ns = signs.now_ns;  // due from now
+  received_.update(signs.received, signs.now_ns);
+  handled_.update(signs.handled, signs.now_ns);
+  const auto for_how_long = [&](std::int64_t since_ns) { return seconds_text(signs.now_ns - since_ns); };
+
+  if (signs.now_ns - signs.polled_ns > kPatienceNs) {
+    return "the pipeline has not moved for " + for_how_long(signs.polled_ns);
+  }
+  if (signs.now_ns - received_.since_ns <= patience_ns_) {  // frames come
+    if (signs.now_ns - handled_.since_ns <= patience_ns_) return {};
+    return "frames come, but none was published for " + for_how_long(handled_.since_ns);
+  }
+  if (!signs.watched) return {};
+  if (signs.now_ns - signs.watched_ns > kSourcePatienceNs) {
+    return "no frame comes, and the camera was not looked after for " + for_how_long(signs.watched_ns);
+  }
+  if (signs.streams && signs.now_ns - received_.since_ns > stall_ns_ + patience_ns_) {
+    return "no frame came for " + for_how_long(received_.since_ns) + ", though the camera streams";
+  }
+  return {};
 }
 
 }  // namespace bolo::daemon

@@ -1,22 +1,178 @@
 #include "tools/bolod/log.hpp"
 
-#include <sys/uio.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#define SD_JOURNAL_SUPPRESS_LOCATION  // where in our code a message comes from is of no use to its reader
+#include <systemd/sd-journal.h>
+
+#include <algorithm>
+#include <cctype>
+#include <condition_variable>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
 #include <ctime>
-#include <memory>
-#include <string>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <string_view>
+#include <thread>
 #include <utility>
-#include <vector>
 
+#include <spdlog/details/log_msg_buffer.h>
 #include <spdlog/pattern_formatter.h>
+#include <spdlog/sinks/base_sink.h>
 #include <spdlog/sinks/stdout_sinks.h>
 
 #include "src/core/printable.hpp"
-#include "tools/bolod/journal_sink.hpp"
-#include "tools/bolod/queued_sink.hpp"
+#include "src/rt/thread.hpp"
 
 namespace bolo::daemon {
 namespace {
+
+constexpr const char* kJournalSocket = "/run/systemd/journal/socket";
+
+// Fields of the message that this thread is logging; spdlog carries text only.
+thread_local const pipeline::Notice* current_notice = nullptr;
+
+char priority(spdlog::level::level_enum level) {
+  if (level >= spdlog::level::err) return '3';
+  if (level == spdlog::level::warn) return '4';
+  return level == spdlog::level::info ? '6' : '7';
+}
+
+std::string field(std::string_view name, std::string_view value) {
+  std::string text(name);
+  return text.append("=").append(value);
+}
+
+// "lost_missing" is BOLO_LOST_MISSING.
+std::string count_field(const std::pair<std::string, std::uint64_t>& count) {
+  std::string name = "BOLO_" + count.first;
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char letter) { return static_cast<char>(std::toupper(letter)); });
+  return field(name, std::to_string(count.second));
+}
+
+class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
+ public:
+  JournalSink(std::string name, SendFields send) : name_(std::move(name)), send_(std::move(send)) {}
+
+ protected:
+  void sink_it_(const spdlog::details::log_msg& message) override {
+    const std::string_view text(message.payload.data(), message.payload.size());
+    std::vector<std::string> fields{field("MESSAGE", text), std::string("PRIORITY=") + priority(message.level),
+                                    "SYSLOG_IDENTIFIER=bolod", field("BOLO_NAME", name_)};
+    if (current_notice != nullptr) {
+      if (!current_notice->event.empty()) fields.push_back(field("BOLO_EVENT", current_notice->event));
+      for (const auto& count : current_notice->counts) fields.push_back(count_field(count));
+    }
+    std::vector<iovec> vectors;
+    vectors.reserve(fields.size());
+    for (std::string& one : fields) vectors.push_back({one.data(), one.size()});
+    if (send_(vectors) >= 0) return;
+    std::fprintf(stderr, "<%c>%s\n", priority(message.level), printable(text).c_str());
+  }
+  void flush_() override {}
+
+ private:
+  const std::string name_;
+  const SendFields send_;
+};
+
+struct Entry {
+  spdlog::details::log_msg_buffer message;
+  std::optional<pipeline::Notice> notice;
+};
+
+// Outlives the sink where its thread is held up.
+struct Queue {
+  std::shared_ptr<spdlog::sinks::sink> inner;
+  std::size_t most = 0;
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::deque<Entry> waiting;
+  std::uint64_t dropped = 0;
+  bool started = false;
+  bool closing = false;
+  bool done = false;
+};
+
+void write(spdlog::sinks::sink& to, const Entry& entry) {
+  const NoticeOnThisThread notice(entry.notice ? &*entry.notice : nullptr);
+  to.log(entry.message);
+  to.flush();
+}
+
+void log_dropped(spdlog::sinks::sink& to, std::uint64_t dropped) {
+  const std::string text = std::to_string(dropped) + " messages were dropped: the log took none";
+  to.log(spdlog::details::log_msg("bolod", spdlog::level::warn, text));
+  to.flush();
+}
+
+// Of the thread.
+void write_all(Queue& queue) {
+  (void)rt::apply_to_this_thread({.name = "bolo-log"});  // a name alone is never refused
+  std::unique_lock lock(queue.mutex);
+  for (;;) {
+    queue.changed.wait(lock, [&queue] { return queue.closing || !queue.waiting.empty(); });
+    std::deque<Entry> entries = std::exchange(queue.waiting, {});
+    lock.unlock();
+    for (const Entry& entry : entries) write(*queue.inner, entry);
+    lock.lock();
+    if (!queue.waiting.empty()) continue;
+    const std::uint64_t dropped = std::exchange(queue.dropped, 0);
+    if (dropped == 0 && queue.closing) break;
+    if (dropped == 0) continue;
+    lock.unlock();
+    log_dropped(*queue.inner, dropped);
+    lock.lock();
+  }
+  queue.done = true;
+  queue.changed.notify_all();
+}
+
+class QueuedSink final : public spdlog::sinks::sink {
+ public:
+  QueuedSink(std::shared_ptr<spdlog::sinks::sink> inner, std::size_t most, std::chrono::milliseconds patience)
+      : queue_(std::make_shared<Queue>()), patience_(patience) {
+    queue_->inner = std::move(inner);
+    queue_->most = most;
+  }
+  ~QueuedSink() override {
+    std::unique_lock lock(queue_->mutex);
+    if (!queue_->started) return;
+    queue_->closing = true;
+    queue_->changed.notify_all();
+    queue_->changed.wait_for(lock, patience_, [this] { return queue_->done; });
+  }
+  QueuedSink(const QueuedSink&) = delete;
+  QueuedSink& operator=(const QueuedSink&) = delete;
+
+  void log(const spdlog::details::log_msg& message) override {
+    const pipeline::Notice* const notice = notice_on_this_thread();
+    const std::scoped_lock lock(queue_->mutex);
+    if (queue_->waiting.size() >= queue_->most) {
+      ++queue_->dropped;
+      return;
+    }
+    queue_->waiting.push_back(
+        {spdlog::details::log_msg_buffer(message), notice != nullptr ? std::optional(*notice) : std::nullopt});
+    // Not before: what is locked in memory by then has no stack of this thread.
+    if (!std::exchange(queue_->started, true)) std::thread([queue = queue_] { write_all(*queue); }).detach();
+    queue_->changed.notify_all();
+  }
+  void flush() override {}
+  void set_pattern(const std::string& pattern) override { queue_->inner->set_pattern(pattern); }
+  void set_formatter(std::unique_ptr<spdlog::formatter> formatter) override {
+    queue_->inner->set_formatter(std::move(formatter));
+  }
+
+ private:
+  const std::shared_ptr<Queue> queue_;
+  const std::chrono::milliseconds patience_;
+};
 
 spdlog::level::level_enum spdlog_level(LogLevel level) {
   switch (level) {
@@ -50,13 +206,48 @@ spdlog::sink_ptr text_sink() {
   return sink;
 }
 
-// Where no journal listens nobody takes the message, and the sink writes it to standard error.
+// Without a journal the sink writes to standard error.
 spdlog::sink_ptr journal_sink(const std::string& name) {
   if (journal_listens()) return make_journal_sink(name, send_to_journal);
   return make_journal_sink(name, [](const std::vector<iovec>&) { return -1; });
 }
 
 }  // namespace
+
+bool stderr_is_journal() {
+  const char* stream = std::getenv("JOURNAL_STREAM");
+  struct stat there {};
+  if (stream == nullptr || fstat(STDERR_FILENO, &there) != 0) return false;
+  return stream == std::to_string(there.st_dev) + ":" + std::to_string(there.st_ino);
+}
+
+bool journal_listens() {
+  struct stat there {};
+  return stat(kJournalSocket, &there) == 0 && S_ISSOCK(there.st_mode);
+}
+
+std::shared_ptr<spdlog::sinks::sink> make_journal_sink(std::string name, SendFields send) {
+  return std::make_shared<JournalSink>(std::move(name), std::move(send));
+}
+
+int send_to_journal(const std::vector<iovec>& fields) {
+  return sd_journal_sendv(fields.data(), static_cast<int>(fields.size()));
+}
+
+NoticeOnThisThread::NoticeOnThisThread(const pipeline::Notice* notice) { current_notice = notice; }
+NoticeOnThisThread::~NoticeOnThisThread() { current_notice = nullptr; }
+
+const pipeline::Notice* notice_on_this_thread() { return current_notice; }
+
+void log_notice(spdlog::logger& log, spdlog::level::level_enum level, const pipeline::Notice& notice) {
+  const NoticeOnThisThread current(&notice);
+  log.log(level, notice.text);
+}
+
+std::shared_ptr<spdlog::sinks::sink> make_queued_sink(std::shared_ptr<spdlog::sinks::sink> inner, std::size_t most,
+                                                      std::chrono::milliseconds patience) {
+  return std::make_shared<QueuedSink>(std::move(inner), most, patience);
+}
 
 std::shared_ptr<spdlog::logger> make_log(const LogOptions& options, const std::string& name) {
   const bool journal = options.format == LogFormat::kJournal ||

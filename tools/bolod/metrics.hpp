@@ -13,7 +13,7 @@
 
 namespace bolo::daemon {
 
-// What a scrape reads; outlives it.
+// Sources of the metrics; they outlive a scrape.
 struct MetricsView {
   const std::string& name;
   const pipeline::Pipeline& pipeline;

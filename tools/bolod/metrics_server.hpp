@@ -19,7 +19,7 @@ Status check_listen(const MetricsOptions& options);
 // Serves /metrics as RequestServer does.
 class MetricsServer {
  public:
-  // What a scrape gets. Thread: the server's.
+  // Collects the metrics for a scrape. Thread: the server's.
   using Collect = std::function<std::vector<prometheus::MetricFamily>()>;
 
   // That the address can't be had now, for another program has it or no interface does, is a failure. Thread: setup.

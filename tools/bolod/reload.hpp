@@ -1,4 +1,4 @@
-// What a configuration that is read again means for a daemon that runs.
+// Changes of a configuration that is read again by a running daemon.
 #pragma once
 
 #include <span>

@@ -57,7 +57,7 @@ struct RequestServer::Impl {
     }
   }
 
-  // What is waited for: the end, somebody new, and each client in the order of `clients`.
+  // Events to wait for: the end, a new client, and each client in the order of `clients`.
   void list(std::vector<pollfd>& events) const {
     const bool full = monotonic_ns() < no_room_until_ns;
     events.assign({{stop.get(), POLLIN, 0}, {full ? -1 : listener.get(), POLLIN, 0}});
@@ -74,8 +74,7 @@ struct RequestServer::Impl {
     return static_cast<int>(std::max<std::int64_t>(0, until_ns - monotonic_ns()) / kNsPerMs + 1);
   }
 
-  // Who has something to say is heard before those are let go whose time is over: an answer to another may have taken
-  // it.
+  // Requests are read before clients whose time is over are closed: an answer to another may have taken their time.
   void attend(const std::vector<pollfd>& events) {
     std::vector<Client> stay;
     for (std::size_t i = 0; i < clients.size(); ++i) {

@@ -1,4 +1,4 @@
-// Short requests on a listening socket: each client sends one, gets one answer, and is let go.
+// Short requests on a listening socket: each client sends one, gets one answer, and is closed.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +12,8 @@
 
 namespace bolo::daemon {
 
-// Serves its clients side by side on a thread of its own, which touches nothing that frames pass. Whoever says nothing,
-// or does not read, is let go in time; and where all places are taken, the one that came first makes room.
+// Serves its clients side by side on a thread of its own, which touches nothing that frames pass. A client that
+// sends nothing, or does not read, is closed in time; where all places are taken, the oldest is closed.
 class RequestServer {
  public:
   struct Limits {
@@ -21,7 +21,7 @@ class RequestServer {
     int patience_ms = 1000;              // with a request, and with an answer
     std::size_t longest_request = 4096;  // bytes
   };
-  // What is sent once a request is whole; nothing: there is more to come. Thread: the server's.
+  // Returns the answer to a whole request; nothing when there is more to come. Thread: the server's.
   using Answer = std::function<std::optional<std::string>(std::string_view received)>;
 
   // `listener` listens, and does not block. Thread: setup.

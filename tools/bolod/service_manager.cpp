@@ -10,21 +10,21 @@ namespace {
 constexpr std::int64_t kNsPerUs = 1000;
 constexpr std::int64_t kFeedsAPeriod = 4;  // one that comes late then harms nothing
 
-// Whether it arrives is the service manager's affair: a daemon without one does the same work.
+// The result is ignored: a daemon without a service manager does the same work.
 void notify(const std::string& state) { sd_notify(0, state.c_str()); }
 
 }  // namespace
 
-void tell_ready(const std::string& status) { notify("READY=1\nSTATUS=" + status); }
+void notify_ready(const std::string& status) { notify("READY=1\nSTATUS=" + status); }
 
-void tell_status(const std::string& status) { notify("STATUS=" + status); }
+void notify_status(const std::string& status) { notify("STATUS=" + status); }
 
-void tell_reloading() {
+void notify_reloading() {
   notify("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(monotonic_ns() / kNsPerUs) +
          "\nSTATUS=reading its file again");
 }
 
-void tell_stopping() { notify("STOPPING=1\nSTATUS=ending"); }
+void notify_stopping() { notify("STOPPING=1\nSTATUS=ending"); }
 
 Watchdog::Watchdog() {
   std::uint64_t period_us = 0;

@@ -1,4 +1,4 @@
-// What systemd is told of this daemon (sd_notify(3)). Without a service manager that listens, nothing happens.
+// Notifications to systemd (sd_notify(3)). Without a service manager that listens, nothing happens.
 #pragma once
 
 #include <cstdint>
@@ -7,13 +7,13 @@
 namespace bolo::daemon::service {
 
 // Frames may come from now on; also the end of a reload. `status`: one line for `systemctl status`. Thread: any.
-void tell_ready(const std::string& status);
+void notify_ready(const std::string& status);
 // Thread: any.
-void tell_status(const std::string& status);
-void tell_reloading();
-void tell_stopping();
+void notify_status(const std::string& status);
+void notify_reloading();
+void notify_stopping();
 
-// Signs of life, when the service manager expects them (WatchdogSec=). Thread: one at a time.
+// Keep-alive pings, when the service manager expects them (WatchdogSec=). Thread: one at a time.
 class Watchdog {
  public:
   Watchdog();

@@ -14,7 +14,7 @@ namespace bolo::daemon {
 // Thread: any.
 nlohmann::ordered_json stages_json(const pipeline::PipelineStats& stats);
 
-// What has become of the frames, stages, camera and video devices. Thread: any.
+// Counters of frames, stages, camera and video devices. Thread: any.
 nlohmann::ordered_json state_json(const std::string& name, const pipeline::PipelineStats& stats,
                                   const std::array<v4l2::V4l2Sink*, kVideoDevices>& video);
 

@@ -5,7 +5,7 @@
 namespace bolo::daemon {
 namespace {
 
-std::string camera_words(const pipeline::SourceStatus* source) {
+std::string describe_camera(const pipeline::SourceStatus* source) {
   if (source == nullptr) return {};
   const pipeline::SourceState state = source->state.value();
   if (state == pipeline::SourceState::kStreaming) return {};
@@ -13,7 +13,7 @@ std::string camera_words(const pipeline::SourceStatus* source) {
 }
 
 // Said while it lasts.
-std::string effort_words(pipeline::Effort effort) {
+std::string describe_effort(pipeline::Effort effort) {
   return effort == pipeline::Effort::kFull ? "" : "overloaded, deblurring is " + std::string(name(effort)) + "; ";
 }
 
@@ -32,7 +32,8 @@ std::string StatusLine::next(const pipeline::PipelineStats& stats, std::int64_t 
   before_ns_ = now_ns;
   published_ = published;
   latency_ = counts;
-  return camera_words(stats.source) + effort_words(stats.effort.value()) + text + loss_words(loss_counts(stats));
+  return describe_camera(stats.source) + describe_effort(stats.effort.value()) + text +
+         describe_losses(loss_counts(stats));
 }
 
 }  // namespace bolo::daemon

@@ -5,7 +5,7 @@
 
 #include "src/core/clock.hpp"
 #include "src/pipeline/watch.hpp"
-#include "tools/bolod/journal_sink.hpp"
+#include "tools/bolod/log.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -14,7 +14,7 @@ namespace event = pipeline::event;
 
 constexpr std::int64_t kLinePeriodNs = 1'000'000'000;  // from one line for `systemctl status` to the next
 
-std::string latency_words(const rt::LatencyHistogram& latency) {
+std::string describe_latency(const rt::LatencyHistogram& latency) {
   const auto counts = latency.counts();
   const auto percentile = [&counts](double fraction) { return rt::LatencyHistogram::percentile_ms(counts, fraction); };
   char words[96];
@@ -35,40 +35,40 @@ Supervisor::Supervisor(const Subject& subject, double period_s, std::int64_t now
             pipeline::watch_limits(subject.stall_ms, 0, period_s).stall_ns, now_ns),
       line_(now_ns) {}
 
-void Supervisor::look() {
+void Supervisor::poll() {
   const std::int64_t now_ns = monotonic_ns();
-  tell(health_.look(
+  log(health_.poll(
       {now_ns, stats().inlet.received(), loss_counts(stats()), stats().source != nullptr, effort_counts(stats())}));
-  tell_notices();
-  if (stats().looked_ns.value() == 0) return;  // the pipeline does not run yet
-  tell_status(now_ns);
+  log_notices();
+  if (stats().polled_ns.value() == 0) return;  // the pipeline does not run yet
+  notify_status(now_ns);
   feed_watchdog(now_ns);
 }
 
-void Supervisor::tell(const std::vector<pipeline::Notice>& notices) const {
+void Supervisor::log(const std::vector<pipeline::Notice>& notices) const {
   for (const pipeline::Notice& notice : notices) {
     log_notice(subject_.log, notice.warning ? spdlog::level::warn : spdlog::level::info, notice);
   }
 }
 
-void Supervisor::tell_notices() const {
-  tell(subject_.pipeline.take_notices());
+void Supervisor::log_notices() const {
+  log(subject_.pipeline.take_notices());
   for (v4l2::V4l2Sink* sink : subject_.video) {
-    if (sink != nullptr) tell(sink->take_notices());
+    if (sink != nullptr) log(sink->take_notices());
   }
 }
 
-void Supervisor::tell_status(std::int64_t now_ns) {
+void Supervisor::notify_status(std::int64_t now_ns) {
   if (now_ns < next_line_ns_) return;
   next_line_ns_ = now_ns + kLinePeriodNs;
   const std::string line = line_.next(stats(), now_ns);
-  ready_ ? service::tell_status(line) : service::tell_ready(line);
+  ready_ ? service::notify_status(line) : service::notify_ready(line);
   ready_ = true;
 }
 
 Signs Supervisor::signs(std::int64_t now_ns) const {
   Signs signs{.now_ns = now_ns,
-              .looked_ns = stats().looked_ns.value(),
+              .polled_ns = stats().polled_ns.value(),
               .received = stats().inlet.received(),
               .handled = stats().published.value() + stats().repeats.value()};
   if (const pipeline::SourceStatus* source = stats().source; source != nullptr) {
@@ -79,9 +79,9 @@ Signs Supervisor::signs(std::int64_t now_ns) const {
   return signs;
 }
 
-// Only while frames really flow, or the source knows why they don't.
+// Only while frames really flow, or the source gives the reason why they don't.
 void Supervisor::feed_watchdog(std::int64_t now_ns) {
-  std::string trouble = flow_.look(signs(now_ns));
+  std::string trouble = flow_.check(signs(now_ns));
   flows_.set(trouble.empty());
   if (trouble.empty()) watchdog_.feed(now_ns);
   if (!trouble.empty() && trouble_.empty()) {
@@ -94,14 +94,14 @@ void Supervisor::feed_watchdog(std::int64_t now_ns) {
   trouble_ = std::move(trouble);
 }
 
-void Supervisor::tell_end() {
-  tell_notices();
+void Supervisor::log_end() {
+  log_notices();
   const std::uint64_t received = stats().inlet.received();
   const std::uint64_t published = stats().published.value();
   const LossCounts losses = loss_counts(stats());
   pipeline::Notice notice{false,
                           "ended: " + std::to_string(received) + " frames in, " + std::to_string(published) +
-                              " out, lost: " + loss_words(losses) + "; " + latency_words(stats().latency),
+                              " out, lost: " + describe_losses(losses) + "; " + describe_latency(stats().latency),
                           event::kEnd,
                           {{"received", received}, {"published", published}}};
   add_loss_counts(losses, notice);

@@ -1,4 +1,4 @@
-// What the main thread does while frames flow: looks how the daemon is, and tells log and service manager.
+// Monitors the running daemon from the main thread, for the log and the service manager.
 #pragma once
 
 #include <array>
@@ -11,7 +11,6 @@
 #include "src/pipeline/pipeline.hpp"
 #include "src/rt/counters.hpp"
 #include "tools/bolod/compose.hpp"
-#include "tools/bolod/flow_watch.hpp"
 #include "tools/bolod/health.hpp"
 #include "tools/bolod/service_manager.hpp"
 #include "tools/bolod/status_line.hpp"
@@ -30,10 +29,10 @@ class Supervisor {
   };
   explicit Supervisor(const Subject& subject);
 
-  // At some ten calls a second: says that the daemon is ready, how it does, that it lives, and what happened.
-  void look();
-  // What happened since the last look, and how it all went. When nothing runs any more.
-  void tell_end();
+  // At some ten calls a second: sends readiness, status and watchdog to the service manager, and events to the log.
+  void poll();
+  // Logs the last events and the totals, after the pipeline has ended.
+  void log_end();
 
   // The watchdog gets signs of life. Thread: any.
   const rt::Gauge<bool>& flows() const noexcept { return flows_; }
@@ -41,9 +40,9 @@ class Supervisor {
  private:
   Supervisor(const Subject& subject, double period_s, std::int64_t now_ns);
 
-  void tell(const std::vector<pipeline::Notice>& notices) const;
-  void tell_notices() const;
-  void tell_status(std::int64_t now_ns);
+  void log(const std::vector<pipeline::Notice>& notices) const;
+  void log_notices() const;
+  void notify_status(std::int64_t now_ns);
   void feed_watchdog(std::int64_t now_ns);
   Signs signs(std::int64_t now_ns) const;
   const pipeline::PipelineStats& stats() const noexcept { return subject_.pipeline.stats(); }
@@ -55,7 +54,7 @@ class Supervisor {
   service::Watchdog watchdog_;
   std::int64_t next_line_ns_ = 0;
   bool ready_ = false;   // the service manager was told
-  std::string trouble_;  // what kept the watchdog from being fed at the last look
+  std::string trouble_;  // reason for which the watchdog was not fed at the last poll
   rt::Gauge<bool> flows_{true};
 };
 

@@ -7,14 +7,14 @@
 namespace bolo::fakecam {
 namespace {
 
-using Hearing = ControlFaults::Hearing;
+using Commands = ControlFaults::Commands;
 
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kStart = 77'000 * kMs;
 
 struct Camera {
   explicit Camera(std::initializer_list<std::string_view> texts) : tallies(test::script_of(texts)) {}
-  Hearing at(std::int64_t ms) { return faults.update(kStart + ms * kMs); }
+  Commands at(std::int64_t ms) { return faults.update(kStart + ms * kMs); }
   InjectedFault tally() const { return tallies.read().front(); }
 
   int dropped = 0;
@@ -25,20 +25,20 @@ struct Camera {
 
 TEST(ControlFaults, NothingHappensBeforeTheFirstStream) {
   Camera camera({"reboot"});
-  EXPECT_EQ(camera.at(5000), Hearing::kAnswers);
+  EXPECT_EQ(camera.at(5000), Commands::kAnswered);
   EXPECT_EQ(camera.reboots, 0);
 }
 
 TEST(ControlFaults, RebootIsOffForItsTimeAndForgetsOnce) {
   Camera camera({"reboot:at=1,for=0.5"});
   camera.faults.begin(kStart);
-  EXPECT_EQ(camera.at(999), Hearing::kAnswers);
-  EXPECT_EQ(camera.at(1001), Hearing::kOff);
-  EXPECT_EQ(camera.at(1400), Hearing::kOff);
-  EXPECT_EQ(camera.at(1501), Hearing::kAnswers);
+  EXPECT_EQ(camera.at(999), Commands::kAnswered);
+  EXPECT_EQ(camera.at(1001), Commands::kDropped);
+  EXPECT_EQ(camera.at(1400), Commands::kDropped);
+  EXPECT_EQ(camera.at(1501), Commands::kAnswered);
   EXPECT_EQ(camera.reboots, 1);
   camera.faults.begin(kStart + 1600 * kMs);  // the client's next stream
-  EXPECT_EQ(camera.at(2700), Hearing::kAnswers);
+  EXPECT_EQ(camera.at(2700), Commands::kAnswered);
   EXPECT_EQ(camera.reboots, 1);
   EXPECT_EQ(camera.tally().times, 1U);
 }
@@ -46,15 +46,15 @@ TEST(ControlFaults, RebootIsOffForItsTimeAndForgetsOnce) {
 TEST(ControlFaults, FreezeLeavesCommandsWaiting) {
   Camera camera({"freeze:at=1,for=0.5"});
   camera.faults.begin(kStart);
-  EXPECT_EQ(camera.at(1200), Hearing::kDeaf);
-  EXPECT_EQ(camera.at(1501), Hearing::kAnswers);
+  EXPECT_EQ(camera.at(1200), Commands::kFrozen);
+  EXPECT_EQ(camera.at(1501), Commands::kAnswered);
   EXPECT_EQ(camera.dropped + camera.reboots, 0);
 }
 
 TEST(ControlFaults, ControlLossDropsTheClientEachTime) {
   Camera camera({"control_loss:at=1,every=1"});
   camera.faults.begin(kStart);
-  for (const std::int64_t ms : {500, 1000, 1500, 2100, 2900}) EXPECT_EQ(camera.at(ms), Hearing::kAnswers);
+  for (const std::int64_t ms : {500, 1000, 1500, 2100, 2900}) EXPECT_EQ(camera.at(ms), Commands::kAnswered);
   EXPECT_EQ(camera.dropped, 2);
   EXPECT_EQ(camera.tally().times, 2U);
 }
@@ -70,11 +70,11 @@ TEST(ControlFaults, RequestsForPacketsAreLeftUnansweredAndCounted) {
 
 TEST(ControlFaults, AChangeOfWindowingDropsTheConnectionBeforeAnyStreamToo) {
   Camera camera({"windowing_drop:for=4"});
-  EXPECT_EQ(camera.at(0), Hearing::kAnswers);
+  EXPECT_EQ(camera.at(0), Commands::kAnswered);
   camera.faults.windowing_changed(kStart);
   EXPECT_EQ(camera.dropped, 1);
-  EXPECT_EQ(camera.at(3999), Hearing::kOff);
-  EXPECT_EQ(camera.at(4001), Hearing::kAnswers);
+  EXPECT_EQ(camera.at(3999), Commands::kDropped);
+  EXPECT_EQ(camera.at(4001), Commands::kAnswered);
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include <array>
 #include <set>
 
-#include "drivers/fakecam/gvsp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/packet_faults.hpp"
 #include "tests/drivers/fakecam/faults_fixture.hpp"
 

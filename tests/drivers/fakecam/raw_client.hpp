@@ -12,11 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "drivers/fakecam/gvcp.hpp"
-#include "drivers/fakecam/gvsp.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/network.hpp"
 #include "drivers/fakecam/registers.hpp"
-#include "drivers/fakecam/wire.hpp"
 
 namespace bolo::fakecam::test {
 

@@ -158,7 +158,7 @@ void Collector::run() {
       continue;
     }
     const std::uint16_t* data = arrival.slot->u16();
-    frames_.push_back({arrival.slot->meta, {data, data + pixels}, arrival.restarts_window});
+    frames_.push_back({arrival.slot->meta, {data, data + pixels}, arrival.restart_window});
     inlet_.give_back(*arrival.slot);
     count_.fetch_add(1);
   }

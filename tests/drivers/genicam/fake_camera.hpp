@@ -84,7 +84,7 @@ CameraOptions options_for(const std::string& address = "127.0.0.1");
 struct Received {
   FrameMeta meta;
   std::vector<std::uint16_t> pixels;
-  bool restarts_window = false;
+  bool restart_window = false;
 };
 
 // The number that the fake gave the frame: its timestamp is that many periods.

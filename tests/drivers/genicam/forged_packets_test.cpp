@@ -143,7 +143,7 @@ TEST(ForgedPackets, EndNothingAndEveryFrameIsPublishedOrCounted) {
   EXPECT_GT(received.size(), frames / 2) << "the machine may be busy, but frames flow";
   EXPECT_GT(transport.ignored_packets + 1, seconds) << "forged packets arrived";
   for (const auto& frame : received) {
-    ASSERT_FALSE(frame.restarts_window) << "the counter never began anew";
+    ASSERT_FALSE(frame.restart_window) << "the counter never began anew";
   }
 }
 

@@ -110,7 +110,7 @@ TEST_F(GenicamFlirTest, CorrectsOnDemandAndKeepsThoseFramesApart) {
   ASSERT_TRUE(collector_->wait_for(20));
   EXPECT_EQ(fake_->read_register(kNucActionAt), 0U) << "not asked for yet";
   ASSERT_TRUE(eventually([&] { return source_->state() == SourceState::kStreaming; }));
-  const Status done = source_->correct();
+  const Status done = source_->trigger_nuc();
   ASSERT_TRUE(done) << done.error().message;
   EXPECT_EQ(fake_->read_register(kNucActionAt), 1U);
   EXPECT_TRUE(eventually([&] { return source_->state() == SourceState::kStreaming; }));
@@ -130,7 +130,7 @@ TEST_F(GenicamFlirTest, CorrectsOnDemandAndKeepsThoseFramesApart) {
     const bool nuc_before = (frames[i - 1].meta.flags & kFlagNuc) != 0;
     flagged += nuc ? 1 : 0;
     changes += nuc != nuc_before ? 1 : 0;
-    EXPECT_EQ(frames[i].restarts_window, nuc != nuc_before) << i;
+    EXPECT_EQ(frames[i].restart_window, nuc != nuc_before) << i;
   }
   EXPECT_GT(flagged, 0);
   EXPECT_EQ(changes, 2) << "one run of frames";
@@ -170,7 +170,7 @@ TEST_F(GenicamFlirTest, LeavesCorrectionsToTheCamera) {
   ASSERT_TRUE(collector_->wait_for(20));
   EXPECT_EQ(source_->status()->corrections.value(), 0U);
   source_->stop();
-  EXPECT_FALSE(source_->correct()) << "stopped";
+  EXPECT_FALSE(source_->trigger_nuc()) << "stopped";
 }
 
 TEST_F(GenicamFlirTest, ChoosesTheNarrowestRangeThatHoldsWhatIsAskedFor) {

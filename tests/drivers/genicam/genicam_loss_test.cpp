@@ -90,7 +90,7 @@ TEST_F(GenicamLossTest, StartsANewWindowWhenTheCounterIsReset) {
   const auto& frames = collector_->finish();
   for (std::size_t i = 1; i < frames.size(); ++i) {
     EXPECT_GT(frames[i].meta.frame_id, frames[i - 1].meta.frame_id);
-    EXPECT_EQ(frames[i].restarts_window, number_of(frames[i - 1]) < 20 && number_of(frames[i]) >= 20) << i;
+    EXPECT_EQ(frames[i].restart_window, number_of(frames[i - 1]) < 20 && number_of(frames[i]) >= 20) << i;
   }
   EXPECT_EQ(frames.back().meta.frame_id - frames.front().meta.frame_id + 1,
             frames.size() + collector_->inlet().losses().total());
@@ -145,7 +145,7 @@ TEST_F(GenicamLossTest, ReopensACameraThatComesBack) {
   const auto& frames = collector_->finish();
   for (std::size_t i = 1; i < frames.size(); ++i) {
     EXPECT_GT(frames[i].meta.frame_id, frames[i - 1].meta.frame_id);
-    EXPECT_EQ(frames[i].restarts_window, i == before) << i;
+    EXPECT_EQ(frames[i].restart_window, i == before) << i;
   }
 }
 

@@ -44,7 +44,7 @@ TEST_F(GenicamStreamTest, DeliversEachPixelIdAndTime) {
     EXPECT_EQ(frames[i].meta.frame_id, kFirstId + number_of(frames[i]));
     EXPECT_GE(frames[i].meta.receive_ns, i == 0 ? before_ns : frames[i - 1].meta.receive_ns);
     EXPECT_LE(frames[i].meta.receive_ns, monotonic_ns());
-    EXPECT_FALSE(frames[i].restarts_window);
+    EXPECT_FALSE(frames[i].restart_window);
   }
   const auto& losses = collector.inlet().losses();
   EXPECT_EQ(frames.back().meta.frame_id - frames.front().meta.frame_id + 1, frames.size() + losses.total());

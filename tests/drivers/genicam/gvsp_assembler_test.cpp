@@ -25,14 +25,14 @@ class Recorder final : public FrameOutput {
  public:
   void take_frame(const CameraFrame& frame) noexcept override {
     const bool whole = frame.end == FrameEnd::kWhole;
-    say((whole ? "" : "-") + std::to_string(frame.id));
+    report((whole ? "" : "-") + std::to_string(frame.id));
     if (whole) {
       last = frame;
       pixels.assign(frame.pixels.begin(), frame.pixels.end());
     }
   }
-  void ask_again(const ResendRequest& request) noexcept override {
-    say(std::to_string(request.frame_id) + ":" + std::to_string(request.first) + "-" + std::to_string(request.last));
+  void request_resend(const ResendRequest& request) noexcept override {
+    report(std::to_string(request.frame_id) + ":" + std::to_string(request.first) + "-" + std::to_string(request.last));
   }
   std::string take() { return std::exchange(text_, {}); }
 
@@ -40,7 +40,7 @@ class Recorder final : public FrameOutput {
   Datagram pixels;
 
  private:
-  void say(const std::string& word) { text_ += (text_.empty() ? "" : " ") + word; }
+  void report(const std::string& word) { text_ += (text_.empty() ? "" : " ") + word; }
   std::string text_;
 };
 

@@ -1,4 +1,4 @@
-#include "drivers/genicam/period_meter.hpp"
+#include "drivers/genicam/host_clock.hpp"
 
 #include <gtest/gtest.h>
 

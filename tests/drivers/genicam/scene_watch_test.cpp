@@ -24,7 +24,7 @@ struct Scene {
   void show(double seconds, Value value) {
     for (int i = 0; i < static_cast<int>(seconds * 200); ++i, now_ns += kPeriodNs) {
       for (std::size_t p = 0; p < plane.size(); ++p) plane[p] = static_cast<std::uint16_t>(value(i, p));
-      watch.look(plane.data(), now_ns);
+      watch.update(plane.data(), now_ns);
     }
   }
 };
@@ -48,7 +48,7 @@ TEST(SceneWatch, TellsSinceWhenNothingMoves) {
 TEST(SceneWatch, LooksAtNoMotionUnlessAsked) {
   SceneWatch watch(kFormat, 0.0);
   const std::vector<std::uint16_t> plane(kFormat.geometry.pixels(), 1);
-  for (int i = 0; i < 200; ++i) watch.look(plane.data(), i * kPeriodNs);
+  for (int i = 0; i < 200; ++i) watch.update(plane.data(), i * kPeriodNs);
   EXPECT_EQ(watch.still_since_ns(), 0);
 }
 

@@ -67,7 +67,7 @@ std::vector<Taken> take_all(ReplaySource& source, pipeline::FrameInlet& inlet) {
     if (arrival.slot == nullptr && finished) break;
     if (arrival.slot == nullptr) continue;
     const std::uint16_t* values = arrival.slot->u16();
-    taken.push_back({arrival.slot->meta, arrival.restarts_window, {values, values + inlet.format().geometry.pixels()}});
+    taken.push_back({arrival.slot->meta, arrival.restart_window, {values, values + inlet.format().geometry.pixels()}});
     inlet.give_back(*arrival.slot);
   }
   source.stop();
@@ -113,7 +113,7 @@ TEST_F(ReplaySourceTest, LapsRiseOnAndBeginANewWindow) {
     EXPECT_EQ(arrival.slot->meta.frame_id, id + shift);
     EXPECT_EQ(arrival.slot->meta.camera_ns, 10'000'000'000 + static_cast<std::int64_t>(id + shift) * 5'000'000);
     EXPECT_EQ(arrival.slot->u16()[0], value(id, 0));
-    EXPECT_EQ(arrival.restarts_window, n > 0 && n % 3 == 0);
+    EXPECT_EQ(arrival.restart_window, n > 0 && n % 3 == 0);
     inlet.give_back(*arrival.slot);
   }
   source.stop();

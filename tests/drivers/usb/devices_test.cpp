@@ -10,13 +10,11 @@
 #include "drivers/usb/descriptor_report.hpp"
 #include "drivers/usb/hotplug.hpp"
 #include "tests/drivers/usb/mock_camera.hpp"
-#include "tests/drivers/usb/wait_for.hpp"
 
 namespace bolo::usb {
 namespace {
 
 using testing::MockCamera;
-using testing::wait_for;
 
 DeviceFilter flir() { return {.vendor = kFlirVendor, .product = {}, .bus = {}, .address = {}, .serial = {}}; }
 
@@ -70,6 +68,18 @@ TEST(Devices, ReportOfNoneSaysWhichIsMissing) {
   ASSERT_FALSE(report);
   EXPECT_EQ(report.error().kind, ErrorKind::kBadInput);
   EXPECT_NE(report.error().message.find("vendor 09cb"), std::string::npos);
+}
+
+// False when it has not come true for 30 s, which only guards against hanging.
+template <typename Condition>
+bool wait_for(Condition condition) {
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point limit = Clock::now() + std::chrono::seconds(30);
+  while (!condition()) {
+    if (Clock::now() > limit) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return true;
 }
 
 class HotplugBy : public ::testing::TestWithParam<Hotplug::Means> {};

@@ -57,7 +57,6 @@ MockCamera::~MockCamera() {
   testbed_.reset();
   handler_.reset();                    // ends its thread,
   const std::lock_guard lock(mutex_);  // which was the last to have this lock
-  waiting_.clear();
   done_.clear();
 }
 
@@ -66,10 +65,6 @@ void MockCamera::plug() {
   {
     const std::lock_guard lock(mutex_);
     plugged_ = true;
-    halted_ = claimed_ = false;
-    alternate_setting_ = 0;
-    requests_.clear();
-    answers_.clear();
   }
   GError* error = nullptr;
   umockdev_testbed_attach_ioctl(testbed_.get(), node().c_str(), handler_.get(), &error);
@@ -81,60 +76,9 @@ void MockCamera::unplug() {
   {
     const std::lock_guard lock(mutex_);
     plugged_ = false;
-    while (!waiting_.empty()) {
-      urb_of(waiting_.front().get()).status = -ESHUTDOWN;
-      done_.push_back(std::move(waiting_.front()));
-      waiting_.pop_front();
-    }
-    filled_ = 0;
   }
   umockdev_testbed_uevent(testbed_.get(), kPath, "remove");
   umockdev_testbed_remove_device(testbed_.get(), kPath);
-}
-
-void MockCamera::send(std::vector<std::byte> bytes) {
-  const std::lock_guard lock(mutex_);
-  answers_.push_back({std::move(bytes), true, 0});
-}
-
-void MockCamera::send_on(std::vector<std::byte> bytes) {
-  const std::lock_guard lock(mutex_);
-  answers_.push_back({std::move(bytes), false, 0});
-}
-
-void MockCamera::fail(int error) {
-  const std::lock_guard lock(mutex_);
-  answers_.push_back({{}, true, error});
-}
-
-void MockCamera::refuse(std::uint8_t request) {
-  const std::lock_guard lock(mutex_);
-  refused_.push_back(request);
-}
-
-int MockCamera::halts_cleared() const {
-  const std::lock_guard lock(mutex_);
-  return halts_cleared_;
-}
-
-std::vector<std::vector<std::uint8_t>> MockCamera::requests() const {
-  const std::lock_guard lock(mutex_);
-  return requests_;
-}
-
-bool MockCamera::interface_claimed() const {
-  const std::lock_guard lock(mutex_);
-  return claimed_;
-}
-
-int MockCamera::alternate_setting() const {
-  const std::lock_guard lock(mutex_);
-  return alternate_setting_;
-}
-
-bool MockCamera::idle() const {
-  const std::lock_guard lock(mutex_);
-  return answers_.empty() && done_.empty();
 }
 
 // --- the handler's thread ---
@@ -160,32 +104,12 @@ gboolean MockCamera::handle(UMockdevIoctlClient* client) {
       std::memcpy(room->data, &can, sizeof can);
       break;
     }
-    case USBDEVFS_CLAIMINTERFACE:
-    case USBDEVFS_DISCONNECT_CLAIM:
-      claimed_ = true;
-      break;
-    case USBDEVFS_RELEASEINTERFACE:
-      claimed_ = false;
-      break;
-    case USBDEVFS_SETINTERFACE: {
-      const Urb set(umockdev_ioctl_data_resolve(argument, 0, sizeof(usbdevfs_setinterface), nullptr));
-      alternate_setting_ = static_cast<int>(reinterpret_cast<usbdevfs_setinterface*>(set->data)->altsetting);
-      halted_ = false;
-      break;
-    }
-    case USBDEVFS_CLEAR_HALT:
-      halted_ = false;
-      ++halts_cleared_;
-      break;
     case USBDEVFS_SUBMITURB:
       submit(client, argument);
       return TRUE;
     case USBDEVFS_REAPURB:
     case USBDEVFS_REAPURBNDELAY:
       reap(client, argument);
-      return TRUE;
-    case USBDEVFS_DISCARDURB:
-      discard(client, argument);
       return TRUE;
     default:
       umockdev_ioctl_client_complete(client, -1, ENOTTY);
@@ -200,11 +124,11 @@ void MockCamera::submit(UMockdevIoctlClient* client, UMockdevIoctlData* argument
   const usbdevfs_urb& asked = urb_of(urb.get());
   const Urb buffer(umockdev_ioctl_data_resolve(urb.get(), offsetof(usbdevfs_urb, buffer),
                                                static_cast<gsize>(asked.buffer_length), nullptr));
-  if (asked.type == USBDEVFS_URB_TYPE_CONTROL) {
-    answer_control(std::move(urb));
-  } else {
-    waiting_.push_back(std::move(urb));
+  if (asked.type != USBDEVFS_URB_TYPE_CONTROL) {
+    umockdev_ioctl_client_complete(client, -1, EINVAL);
+    return;
   }
+  answer_control(std::move(urb));
   umockdev_ioctl_client_complete(client, 0, 0);
 }
 
@@ -213,18 +137,12 @@ void MockCamera::answer_control(Urb urb) {
   auto* bytes = static_cast<std::uint8_t*>(asked.buffer);
   const std::vector<std::uint8_t> setup(bytes, bytes + asked.buffer_length);
   constexpr std::uint8_t kGetDescriptor = 6;
-  const bool to_host = (setup[0] & 0x80U) != 0;
-  if (setup[0] == 0x80 && setup[1] == kGetDescriptor) {
-    const auto found = descriptor(static_cast<std::uint16_t>(setup[2] | setup[3] << 8));
-    asked.actual_length = static_cast<int>(std::min(found.size(), setup.size() - kSetupBytes));
-    std::copy_n(found.begin(), asked.actual_length, bytes + kSetupBytes);
-    asked.status = found.empty() ? -EPIPE : 0;
-  } else {
-    const bool refused = std::find(refused_.begin(), refused_.end(), setup[1]) != refused_.end();
-    asked.actual_length = refused || to_host ? 0 : static_cast<int>(setup.size() - kSetupBytes);
-    asked.status = refused ? -EPIPE : 0;
-    if (!refused) requests_.push_back(setup);
-  }
+  const bool asks_descriptor = setup[0] == 0x80 && setup[1] == kGetDescriptor;
+  const auto found =
+      asks_descriptor ? descriptor(static_cast<std::uint16_t>(setup[2] | setup[3] << 8)) : std::vector<std::uint8_t>();
+  asked.actual_length = static_cast<int>(std::min(found.size(), setup.size() - kSetupBytes));
+  std::copy_n(found.begin(), asked.actual_length, bytes + kSetupBytes);
+  asked.status = found.empty() ? -EPIPE : 0;
   done_.push_back(std::move(urb));
 }
 
@@ -244,7 +162,7 @@ std::vector<std::uint8_t> MockCamera::descriptor(std::uint16_t value) const {
 }
 
 void MockCamera::reap(UMockdevIoctlClient* client, UMockdevIoctlData* argument) {
-  if (done_.empty() && !fill_next()) {
+  if (done_.empty()) {
     g_usleep(kIdleUs);
     umockdev_ioctl_client_complete(client, -1, plugged_ ? EAGAIN : ENODEV);
     return;
@@ -253,47 +171,6 @@ void MockCamera::reap(UMockdevIoctlClient* client, UMockdevIoctlData* argument) 
   done_.pop_front();
   const Urb pointer(umockdev_ioctl_data_resolve(argument, 0, sizeof(void*), nullptr));
   umockdev_ioctl_data_set_ptr(pointer.get(), 0, urb.get());
-  umockdev_ioctl_client_complete(client, 0, 0);
-}
-
-// Puts what is to be sent into the oldest transfer; true when that is done.
-bool MockCamera::fill_next() {
-  while (!waiting_.empty() && !answers_.empty() && !halted_) {
-    usbdevfs_urb& urb = urb_of(waiting_.front().get());
-    Answer& answer = answers_.front();
-    const auto room = static_cast<std::size_t>(urb.buffer_length) - filled_;
-    const std::size_t size = std::min(room, answer.bytes.size());
-    std::copy_n(answer.bytes.begin(), size, static_cast<std::byte*>(urb.buffer) + filled_);
-    filled_ += size;
-    answer.bytes.erase(answer.bytes.begin(), answer.bytes.begin() + static_cast<std::ptrdiff_t>(size));
-    const bool full = filled_ == static_cast<std::size_t>(urb.buffer_length);
-    const bool ends = answer.bytes.empty() && answer.ends && !full;
-    urb.status = ends ? -answer.error : 0;
-    halted_ = ends && answer.error == EPIPE;
-    if (answer.bytes.empty() && (ends || !answer.ends)) answers_.pop_front();
-    if (!full && !ends) continue;
-    urb.actual_length = static_cast<int>(std::exchange(filled_, 0));
-    done_.push_back(std::move(waiting_.front()));
-    waiting_.pop_front();
-    return true;
-  }
-  return false;
-}
-
-void MockCamera::discard(UMockdevIoctlClient* client, UMockdevIoctlData* argument) {
-  gulong address = 0;
-  std::memcpy(&address, argument->data, sizeof address);
-  const auto found =
-      std::find_if(waiting_.begin(), waiting_.end(), [&](const Urb& urb) { return urb->client_addr == address; });
-  if (found == waiting_.end()) {
-    umockdev_ioctl_client_complete(client, -1, EINVAL);
-    return;
-  }
-  usbdevfs_urb& urb = urb_of(found->get());
-  urb.status = -ENOENT;
-  urb.actual_length = found == waiting_.begin() ? static_cast<int>(std::exchange(filled_, 0)) : 0;
-  done_.push_back(std::move(*found));
-  waiting_.erase(found);
   umockdev_ioctl_client_complete(client, 0, 0);
 }
 

@@ -3,7 +3,6 @@
 
 #include <umockdev.h>
 
-#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -29,33 +28,11 @@ class MockCamera {
 
   // Each time with the next address, as the kernel does.
   void plug();
-  // As the kernel does: transfers come back with an error, and nothing else works from then on.
+  // As the kernel does: every request fails from then on.
   void unplug();
   int address() const { return address_; }
 
-  // What the endpoint sends next, ended by a short packet.
-  void send(std::vector<std::byte> bytes);
-  // The same without an end: what is sent next follows in the same transfer.
-  void send_on(std::vector<std::byte> bytes);
-  // The next transfer ends with this errno. EPIPE also halts the endpoint until it is cleared.
-  void fail(int error);
-  // Control requests of this number are stalled.
-  void refuse(std::uint8_t request);
-
-  int halts_cleared() const;
-  // Requests to the device since it was plugged, as the eight bytes of set-up and what followed.
-  std::vector<std::vector<std::uint8_t>> requests() const;
-  bool interface_claimed() const;
-  int alternate_setting() const;
-  // Everything that was sent has been taken.
-  bool idle() const;
-
  private:
-  struct Answer {
-    std::vector<std::byte> bytes;
-    bool ends = true;
-    int error = 0;
-  };
   struct Unref {
     void operator()(void* object) const { g_object_unref(object); }
   };
@@ -69,8 +46,6 @@ class MockCamera {
   void submit(UMockdevIoctlClient* client, UMockdevIoctlData* argument);
   void answer_control(Urb urb);
   void reap(UMockdevIoctlClient* client, UMockdevIoctlData* argument);
-  void discard(UMockdevIoctlClient* client, UMockdevIoctlData* argument);
-  bool fill_next();
   std::vector<std::uint8_t> descriptor(std::uint16_t value) const;
   std::string sysfs_text() const;
   std::string node() const;
@@ -79,18 +54,9 @@ class MockCamera {
   const std::uint16_t vendor_;
   int address_ = 0;
 
-  mutable std::mutex mutex_;  // guards what follows up to done_: the handler has a thread of its own
+  std::mutex mutex_;  // guards what follows up to done_: the handler has a thread of its own
   bool plugged_ = false;
-  bool halted_ = false;
-  bool claimed_ = false;
-  int alternate_setting_ = 0;
-  int halts_cleared_ = 0;
-  std::vector<std::uint8_t> refused_;
-  std::vector<std::vector<std::uint8_t>> requests_;
-  std::deque<Answer> answers_;
-  std::deque<Urb> waiting_;  // bulk transfers under way, oldest first
-  std::size_t filled_ = 0;   // bytes of the oldest that have come
-  std::deque<Urb> done_;
+  std::deque<Urb> done_;  // control transfers with their answer, oldest first
 
   std::unique_ptr<UMockdevTestbed, Unref> testbed_;
   std::unique_ptr<UMockdevIoctlBase, Unref> handler_;  // last: making it starts its thread

@@ -11,7 +11,7 @@ constexpr Geometry kGeometry{4, 2};
 constexpr LinearScale k10mK{Unit::kKelvin, 0.01, 0.0};
 constexpr LinearScale k100mK{Unit::kKelvin, 0.1, 0.0};
 constexpr LinearScale kCounts{Unit::kCount, 1.0, 0.0};
-constexpr ToneOptions kFixed{.gain = Gain::kFixed, .low_k = 290.0, .high_k = 310.0};
+constexpr AgcOptions kFixed{.gain = Gain::kFixed, .low_k = 290.0, .high_k = 310.0};
 const std::vector<std::uint16_t> kPlane{28000, 29000, 29500, 30000, 30500, 31000, 32000, 65535};
 
 std::vector<int> image(PixelFormat format, Y16Unit unit, const LinearScale& scale,

@@ -218,7 +218,7 @@ TEST_F(V4l2SinkTest, ADeviceThatVanishesIsOpenedAgainWhenItIsBack) {
 }
 
 TEST_F(V4l2SinkTest, TakesUpOtherTonesWhileItRuns) {
-  make({.format = PixelFormat::kGrey, .tone = {.gain = Gain::kFixed, .low_k = 0.0, .high_k = 100.0}});
+  make({.format = PixelFormat::kGrey, .agc = {.gain = Gain::kFixed, .low_k = 0.0, .high_k = 100.0}});
   ASSERT_TRUE(sink_->open(format()));
   const auto grey_is = [&](int grey) {
     return publish_until([&] {
@@ -227,7 +227,7 @@ TEST_F(V4l2SinkTest, TakesUpOtherTonesWhileItRuns) {
     });
   };
   EXPECT_TRUE(grey_is(0)) << "20 mK of 100 K";
-  sink_->follow({.gain = Gain::kFixed, .low_k = 0.0, .high_k = 0.02});
+  sink_->set_agc({.gain = Gain::kFixed, .low_k = 0.0, .high_k = 0.02});
   EXPECT_TRUE(grey_is(255));
 }
 

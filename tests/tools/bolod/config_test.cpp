@@ -159,8 +159,7 @@ TEST_F(Config, MistakesAreNamed) {
        "'.'"},
       {"profile = 'none.toml'", "none.toml: no such file"},
       {"profile = 'bad.toml'", "bad.toml:2:1: unknown key 'taus'; did you mean 'tau_s'?"},
-      {"[source]\ntype = 'disk'",
-       "bolod.toml:2:8: source.type = \"disk\" is none of \"genicam\" | \"replay\" | \"usb\""},
+      {"[source]\ntype = 'disk'", "bolod.toml:2:8: source.type = \"disk\" is none of \"genicam\" | \"replay\""},
       {"[source]\ntype = 'replay'",
        "bolod.toml:2:8: source.type = \"replay\" needs source.file, the capture to replay"},
       {"[source]\nwidth = 5000", "bolod.toml:2:9: source.width = 5000 is out of range: 0 to 4096 pixels"},
@@ -248,59 +247,16 @@ TEST_F(Config, MapsComeWithTheProfile) {
   EXPECT_TRUE(read("")->pipeline.maps.empty());
 }
 
-TEST_F(Config, UsbKeysReachTheCamera) {
-  const auto config = read(
-      "[source]\ntype = 'usb'\nserial = 'A1'\nwidth = 64\nheight = 24\nrate_hz = 50\npixel_order = 'big'\n"
-      "stall_ms = 300\nreconnect_after_ms = 700\nrealtime_priority = 5\n"
-      "[usb]\ndevice = '09cb:1007'\ninterface = 2\nalternate_setting = 1\nendpoint = 130\ntransfers = 4\n"
-      "start = '40 51 0102 0304 0a0b; c0 52 0 0'\nstop = '40 53 0 0'\nframing = 'packed'\nheader_bytes = 16\n"
-      "magic = 'B010'\ncounter_offset = 4\ncounter_bytes = 2\ncounter_big_endian = true\ntrailer_bytes = 3\n"
-      "unit = 'kelvin'\nscale = 0.04\noffset = 100\n");
-  ASSERT_TRUE(config) << config.error().message;
-  EXPECT_EQ(config->source, SourceType::kUsb);
-  const usb::UsbOptions& usb = config->usb;
-  EXPECT_EQ(usb.vendor, 0x09cb);
-  EXPECT_EQ(usb.product, 0x1007);
-  EXPECT_EQ(usb.serial, "A1");
-  EXPECT_EQ(usb.interface, 2);
-  EXPECT_EQ(usb.alternate_setting, 1);
-  EXPECT_EQ(usb.endpoint, 130);
-  EXPECT_EQ(usb.transfers, 4);
-  ASSERT_EQ(usb.start.size(), 2U);
-  EXPECT_EQ(usb.start[0].request_type, 0x40);
-  EXPECT_EQ(usb.start[0].request, 0x51);
-  EXPECT_EQ(usb.start[0].value, 0x0102);
-  EXPECT_EQ(usb.start[0].index, 0x0304);
-  EXPECT_EQ(usb.start[0].data, (std::vector<std::uint8_t>{0x0a, 0x0b}));
-  EXPECT_EQ(usb.start[1].request_type, 0xc0);
-  ASSERT_EQ(usb.stop.size(), 1U);
-  EXPECT_EQ(usb.layout.framing, usb::Framing::kPacked);
-  EXPECT_EQ(usb.layout.geometry, (Geometry{64, 24}));
-  EXPECT_EQ(usb.layout.header_bytes, 16U);
-  EXPECT_EQ(usb.layout.magic, (std::vector{std::byte{0xb0}, std::byte{0x10}}));
-  ASSERT_TRUE(usb.layout.counter);
-  EXPECT_EQ(usb.layout.counter->offset, 4U);
-  EXPECT_EQ(usb.layout.counter->bytes, 2U);
-  EXPECT_TRUE(usb.layout.counter->big_endian);
-  EXPECT_TRUE(usb.layout.big_endian_pixels);
-  EXPECT_EQ(usb.layout.trailer_bytes, 3U);
-  EXPECT_EQ(usb.scale, (LinearScale{Unit::kKelvin, 0.04, 100.0}));
-  EXPECT_DOUBLE_EQ(usb.frame_period_s, 0.02);
-  EXPECT_EQ(usb.realtime_priority, 5);
-  EXPECT_EQ(usb.stall_ms, 300);
-  EXPECT_EQ(usb.reconnect_after_ms, 700);
-}
-
-TEST_F(Config, MistakesInUsbKeysAreNamed) {
-  const std::string head = "[source]\ntype = 'usb'\n[usb]\n";
-  EXPECT_NE(complaint(head).find("usb.device"), std::string::npos);
-  EXPECT_TRUE(complaint(head + "device = '9cb:1'\n").starts_with("bolod.toml:4:")) << complaint(head);
-  const std::string good = head + "device = '09cb:1007'\n";
-  EXPECT_EQ(complaint(good), "");
-  EXPECT_NE(complaint(good + "start = '40 51 0'\n").find("usb.start"), std::string::npos);
-  EXPECT_NE(complaint(good + "stop = '40 51 0 0 0'\n").find("usb.stop"), std::string::npos);
-  EXPECT_NE(complaint(good + "magic = 'xy'\n").find("usb.magic"), std::string::npos);
-  EXPECT_NE(complaint(good + "counter_bytes = 3\n").find("1, 2, 4 or 8"), std::string::npos);
+TEST_F(Config, RemovedUsbStreamsAreNamedWithWhatToUse) {
+  EXPECT_EQ(
+      complaint("[source]\ntype = 'usb'\n"),
+      "bolod.toml:2:8: source.type = \"usb\" was removed: use \"genicam\", which receives USB3 Vision cameras too, or "
+      "\"replay\"");
+  EXPECT_EQ(
+      complaint("[source]\ntype = 'genicam'\n[usb]\ndevice = '09cb:1007'\n"),
+      "bolod.toml:3:2: 'usb' was removed: delete the section; source.type = \"genicam\" receives USB3 Vision cameras");
+  EXPECT_TRUE(
+      complaint("[source]\ntype = 'usb'\n[usb]\ndevice = '09cb:1007'\n").ends_with("or \"replay\" (and 1 more wrong)"));
 }
 
 TEST_F(Config, SettingsThatDoNotFitTogetherAreNamed) {
@@ -319,13 +275,13 @@ TEST_F(Config, VideoKeysReachTheirDevices) {
   EXPECT_EQ(first.device, "/dev/video10");
   EXPECT_EQ(first.plane, v4l2::Plane::kRaw);
   EXPECT_EQ(first.format, v4l2::PixelFormat::kGrey);
-  EXPECT_EQ(first.tone.gain, v4l2::Gain::kFixed);
-  EXPECT_EQ(first.tone.low_k, 290.0);
-  EXPECT_EQ(first.tone.high_k, 310.0);
+  EXPECT_EQ(first.agc.gain, v4l2::Gain::kFixed);
+  EXPECT_EQ(first.agc.low_k, 290.0);
+  EXPECT_EQ(first.agc.high_k, 310.0);
   EXPECT_TRUE(config->video[1].enabled);
   EXPECT_EQ(second.device, "/dev/video11");
   EXPECT_EQ(second.y16_unit, v4l2::Y16Unit::k100mK);
-  EXPECT_EQ(second.tone.gain, v4l2::Gain::kAuto) << "the first device's keys are its own";
+  EXPECT_EQ(second.agc.gain, v4l2::Gain::kAuto) << "the first device's keys are its own";
 }
 
 TEST_F(Config, MetricsAreForThisComputerUnlessAllowed) {

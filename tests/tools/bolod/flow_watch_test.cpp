@@ -1,5 +1,5 @@
 // When the watchdog is fed, and when it is not.
-#include "tools/bolod/flow_watch.hpp"
+#include "tools/bolod/health.hpp"
 
 #include <gtest/gtest.h>
 
@@ -22,11 +22,11 @@ class FlowWatchTest : public testing::Test {
   std::string run(std::int64_t time_ns) {
     for (const std::int64_t end_ns = signs_.now_ns + time_ns; signs_.now_ns < end_ns;) {
       signs_.now_ns += kLook;
-      if (pipeline_runs_) signs_.looked_ns = signs_.now_ns;
+      if (pipeline_runs_) signs_.polled_ns = signs_.now_ns;
       if (source_looks_) signs_.watched_ns = signs_.now_ns;
       if (frames_come_) signs_.received += 20;
       if (frames_come_ && published_) signs_.handled = signs_.received - kLookahead;
-      if (std::string trouble = watch_.look(signs_); !trouble.empty()) return trouble;
+      if (std::string trouble = watch_.check(signs_); !trouble.empty()) return trouble;
     }
     return {};
   }
@@ -96,10 +96,10 @@ TEST(FlowWatch, HasPatienceWithASlowCameraThatLooksAhead) {
   Signs signs{.watched = true, .streams = true};
   for (std::uint64_t frame = 0; frame < 40; ++frame) {
     signs.now_ns += kSecond;
-    signs.looked_ns = signs.watched_ns = signs.now_ns;
+    signs.polled_ns = signs.watched_ns = signs.now_ns;
     signs.received = frame;
     signs.handled = frame > kFramesAhead ? frame - kFramesAhead : 0;
-    EXPECT_EQ(watch.look(signs), "") << "frame " << frame;
+    EXPECT_EQ(watch.check(signs), "") << "frame " << frame;
   }
 }
 

@@ -11,11 +11,11 @@ struct Clock {
   Health health{0.005, 0};
   Snapshot now;
 
-  // The notices of one look, `ms` after the last; "!" marks warnings.
+  // The notices of one poll, `ms` after the last; "!" marks warnings.
   std::vector<std::string> after(std::int64_t ms) {
     now.now_ns += ms * kMs;
     std::vector<std::string> texts;
-    for (const pipeline::Notice& notice : health.look(now)) texts.push_back((notice.warning ? "!" : "") + notice.text);
+    for (const pipeline::Notice& notice : health.poll(now)) texts.push_back((notice.warning ? "!" : "") + notice.text);
     return texts;
   }
 };
@@ -45,9 +45,9 @@ TEST(Health, ASlowCameraIsWaitedForLonger) {
   Health health(1.0, 0);
   Snapshot now;
   now.now_ns = 15'000 * kMs;
-  EXPECT_TRUE(health.look(now).empty());
+  EXPECT_TRUE(health.poll(now).empty());
   now.now_ns = 21'000 * kMs;
-  EXPECT_EQ(health.look(now).size(), 1U);
+  EXPECT_EQ(health.poll(now).size(), 1U);
 }
 
 TEST(Health, LossesAreToldByCauseAndNotTooOften) {
@@ -74,7 +74,7 @@ TEST(Health, LossesAreToldByCauseAndNotTooOften) {
 
 TEST(Health, OverloadIsToldNowAndThenAndItsEndOnce) {
   Clock clock;
-  const auto look = [&](std::uint64_t reduced, std::uint64_t raw, std::int64_t ms) {
+  const auto poll = [&](std::uint64_t reduced, std::uint64_t raw, std::int64_t ms) {
     clock.now.received += 1;
     clock.now.by_effort[0] += 100;
     clock.now.by_effort[1] += reduced;
@@ -82,12 +82,12 @@ TEST(Health, OverloadIsToldNowAndThenAndItsEndOnce) {
     return clock.after(ms);
   };
   const std::string told = "!deblurring can't keep up; frames on which less was spent since the last notice: ";
-  EXPECT_EQ(look(0, 0, 100), Texts{"frames arrive"});
-  EXPECT_EQ(look(7, 0, 100), Texts{told + "7 reduced"});
-  EXPECT_EQ(look(5, 2, 900), Texts{}) << "not within ten seconds";
+  EXPECT_EQ(poll(0, 0, 100), Texts{"frames arrive"});
+  EXPECT_EQ(poll(7, 0, 100), Texts{told + "7 reduced"});
+  EXPECT_EQ(poll(5, 2, 900), Texts{}) << "not within ten seconds";
   Texts texts;
   for (int i = 0; i < 40; ++i) {
-    for (std::string& text : look(0, 0, 950)) texts.push_back(std::move(text));
+    for (std::string& text : poll(0, 0, 950)) texts.push_back(std::move(text));
   }
   EXPECT_EQ(texts, (Texts{told + "5 reduced, 2 raw", "deblurring keeps up again"}));
 }

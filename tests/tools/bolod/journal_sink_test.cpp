@@ -1,5 +1,5 @@
 // The fields of a message on their way into the journal.
-#include "tools/bolod/journal_sink.hpp"
+#include "tools/bolod/log.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

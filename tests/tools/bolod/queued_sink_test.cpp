@@ -1,5 +1,5 @@
 // Logging into a place that takes nothing for a while.
-#include "tools/bolod/queued_sink.hpp"
+#include "tools/bolod/log.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,8 +11,6 @@
 
 #include <spdlog/logger.h>
 #include <spdlog/sinks/base_sink.h>
-
-#include "tools/bolod/journal_sink.hpp"
 
 namespace bolo::daemon {
 namespace {

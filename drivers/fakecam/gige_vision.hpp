@@ -1,0 +1,124 @@
+// GigE Vision 1.2 on the wire: big-endian fields, GVCP (control) and GVSP (stream).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "src/core/geometry.hpp"
+
+namespace bolo::fakecam {
+
+// Fields are written and read byte by byte: no casts, no alignment assumed.
+using Bytes = std::span<std::uint8_t>;
+using ConstBytes = std::span<const std::uint8_t>;
+
+// The caller has checked that the field lies inside `bytes`. Thread: any.
+constexpr std::uint16_t load_u16(ConstBytes bytes, std::size_t at) {
+  return static_cast<std::uint16_t>(bytes[at] << 8U | bytes[at + 1]);
+}
+
+constexpr std::uint32_t load_u32(ConstBytes bytes, std::size_t at) {
+  return static_cast<std::uint32_t>(load_u16(bytes, at)) << 16U | load_u16(bytes, at + 2);
+}
+
+constexpr void store_u16(Bytes bytes, std::size_t at, std::uint16_t value) {
+  bytes[at] = static_cast<std::uint8_t>(value >> 8U);
+  bytes[at + 1] = static_cast<std::uint8_t>(value & 0xffU);
+}
+
+constexpr void store_u32(Bytes bytes, std::size_t at, std::uint32_t value) {
+  store_u16(bytes, at, static_cast<std::uint16_t>(value >> 16U));
+  store_u16(bytes, at + 2, static_cast<std::uint16_t>(value & 0xffffU));
+}
+
+constexpr void store_u64(Bytes bytes, std::size_t at, std::uint64_t value) {
+  store_u32(bytes, at, static_cast<std::uint32_t>(value >> 32U));
+  store_u32(bytes, at + 4, static_cast<std::uint32_t>(value & 0xffffffffU));
+}
+
+// The control protocol (chapters 13 to 16).
+namespace gvcp {
+
+inline constexpr std::uint16_t kPort = 3956;
+inline constexpr std::uint8_t kKey = 0x42;  // first byte of each command
+inline constexpr std::uint8_t kAckRequired = 0x01;
+inline constexpr std::size_t kHeaderBytes = 8;       // command: key, flags, command, length, id
+inline constexpr std::size_t kMaxDataBytes = 540;    // 576 bytes of IP packet that every host accepts, less headers
+inline constexpr std::size_t kDiscoveryBytes = 248;  // the first registers, as DISCOVERY_ACK repeats them
+inline constexpr std::size_t kMaxMemoryBytes = 536;  // of one READMEM or WRITEMEM
+
+enum class Command : std::uint16_t {
+  kDiscovery = 0x0002,
+  kForceIp = 0x0004,
+  kPacketResend = 0x0040,
+  kReadRegister = 0x0080,
+  kWriteRegister = 0x0082,
+  kReadMemory = 0x0084,
+  kWriteMemory = 0x0086,
+};
+
+// The acknowledge of a command is the command's number plus one.
+constexpr std::uint16_t ack_of(std::uint16_t command) { return static_cast<std::uint16_t>(command + 1); }
+
+enum class Status : std::uint16_t {
+  kSuccess = 0x0000,
+  kNotImplemented = 0x8001,
+  kInvalidParameter = 0x8002,
+  kInvalidAddress = 0x8003,
+  kWriteProtect = 0x8004,
+  kBadAlignment = 0x8005,
+  kAccessDenied = 0x8006,
+  kBusy = 0x8007,
+  kPacketUnavailable = 0x800c,  // in GVSP headers
+  kInvalidHeader = 0x800e,
+  kWrongConfig = 0x800f,
+};
+
+}  // namespace gvcp
+
+// The stream protocol (chapters 22 to 24): a frame is a block of one leader, payload packets and one trailer.
+namespace gvsp {
+
+inline constexpr std::uint32_t kMono16 = 0x01100007;
+inline constexpr std::size_t kHeaderBytes = 8;
+inline constexpr std::size_t kLeaderBytes = kHeaderBytes + 36;
+inline constexpr std::size_t kTrailerBytes = kHeaderBytes + 8;
+inline constexpr std::size_t kUdpOverhead = 20 + 8;  // a packet size counts the IP and UDP headers
+inline constexpr std::uint32_t kMinPacketSize = 76;  // the leader fits; 40 bytes of payload
+inline constexpr std::uint32_t kMaxPacketSize = 65532;
+inline constexpr std::uint32_t kMaxPacketId = 0xffffff;
+
+enum class Content : std::uint8_t { kLeader = 1, kTrailer = 2, kPayload = 3 };
+
+// Fields of the leader.
+struct BlockInfo {
+  std::uint16_t block_id = 1;  // never 0
+  std::uint64_t timestamp_ns = 0;
+  Region region;  // where the image lies on the sensor
+};
+
+// Packets carry bytes of one block: id 0 the leader, then the payload, last the trailer.
+struct PacketLayout {
+  std::size_t payload_bytes = 0;  // of the whole frame
+  std::size_t data_bytes = 0;     // of each payload packet but the last
+
+  static constexpr PacketLayout of(std::size_t payload_bytes, std::uint32_t packet_size) {
+    return {payload_bytes, packet_size - kUdpOverhead - kHeaderBytes};
+  }
+  constexpr std::uint32_t data_packets() const {
+    return static_cast<std::uint32_t>((payload_bytes + data_bytes - 1) / data_bytes);
+  }
+  constexpr std::uint32_t packets() const { return data_packets() + 2; }
+};
+
+// The first kHeaderBytes of `out`. Thread: any.
+void write_header(Bytes out, gvcp::Status status, std::uint16_t block_id, Content content, std::uint32_t packet_id);
+
+// The whole packet: kLeaderBytes, kTrailerBytes of `out`. Thread: any.
+void write_leader(Bytes out, const BlockInfo& block);
+void write_trailer(Bytes out, const BlockInfo& block, std::uint32_t packet_id);
+
+}  // namespace gvsp
+}  // namespace bolo::fakecam

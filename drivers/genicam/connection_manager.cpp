@@ -1,0 +1,381 @@
+#include "drivers/genicam/connection_manager.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "src/core/clock.hpp"
+#include "src/core/duration_text.hpp"
+
+namespace bolo::genicam {
+namespace {
+
+namespace event = pipeline::event;
+using pipeline::LostCause;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kTick(20);
+constexpr milliseconds kFirstPause(100);  // between attempts to open a lost camera, doubled up to:
+constexpr milliseconds kLongestPause(500);
+constexpr int kAttemptsAtItsAddress = 5;
+constexpr milliseconds kStopLimit(5000);
+constexpr std::int64_t kNsPerMs = 1'000'000;
+constexpr std::int64_t kFirstFrameNs = 1'000'000'000;  // a camera may take this long to begin
+constexpr std::int64_t kProbePeriodNs = 200'000'000;   // between probes of a stalled camera
+constexpr std::int64_t kTransportPeriodNs = 200'000'000;
+constexpr std::int64_t kTemperaturePeriodNs = 10'000'000'000;
+constexpr milliseconds kNucLimit(5000);
+
+TransportStats sum(TransportStats a, const TransportStats& b) {
+  a.completed_buffers += b.completed_buffers;
+  a.failures += b.failures;
+  a.underruns += b.underruns;
+  a.received_packets += b.received_packets;
+  a.missing_packets += b.missing_packets;
+  a.resend_requests += b.resend_requests;
+  a.resent_packets += b.resent_packets;
+  a.ignored_packets += b.ignored_packets;
+  return a;
+}
+
+}  // namespace
+
+ConnectionManager::ConnectionManager(const CameraOptions& options, pipeline::SourceInfo info,
+                                     pipeline::FrameInlet& inlet, std::shared_ptr<pipeline::SourceStatus> status)
+    : options_(options),
+      info_(std::move(info)),
+      limits_(pipeline::watch_limits(options_.stall_ms, options_.reconnect_after_ms, info_.format.frame_period_s)),
+      status_(std::move(status)),
+      receiver_(inlet, options_, *status_),
+      schedule_(options_.nuc) {}
+
+Status ConnectionManager::start(std::unique_ptr<Session> session) {
+  if (Status adopted = adopt(std::move(session)); !adopted) {
+    take_session();
+    return adopted;
+  }
+  set_state(SourceState::kStreaming);
+  std::promise<void> done;
+  ended_ = done.get_future();
+  thread_ = std::thread([self = shared_from_this(), end = std::move(done)]() mutable {
+    self->run();
+    end.set_value();
+  });
+  return {};
+}
+
+void ConnectionManager::stop() noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_.store(true, std::memory_order_relaxed);
+    if (session_ != nullptr) session_->shut();
+  }
+  wake_.notify_all();
+  nuc_done_.notify_all();
+  if (!thread_.joinable()) return;
+  const auto deadline = std::chrono::steady_clock::now() + kStopLimit;
+  if (ended_.wait_until(deadline) == std::future_status::ready) {
+    thread_.join();
+    closer_.wait_until(deadline);
+  } else {
+    thread_.detach();  // blocked by a camera that does not answer
+  }
+  receiver_.finish();
+  status_->since_ns.set(monotonic_ns());
+  status_->state.set(SourceState::kIdle);
+}
+
+TransportStats ConnectionManager::transport() const {
+  const std::lock_guard lock(mutex_);
+  return session_ != nullptr ? sum(past_, session_->transport()) : past_;
+}
+
+std::vector<std::string> ConnectionManager::warnings() const {
+  const std::lock_guard lock(mutex_);
+  return warnings_;
+}
+
+// --- the monitoring thread ---
+
+void ConnectionManager::run() {
+  while (sleep(kTick)) {
+    poll();
+    serve_requests();
+    check_scene();
+    report_transport();
+    check_period();
+  }
+  take_session();
+}
+
+// False when it is time to stop.
+bool ConnectionManager::sleep(milliseconds time) {
+  status_->watched_ns.set(monotonic_ns());
+  std::unique_lock lock(mutex_);
+  return !wake_.wait_for(lock, time, [this] { return stop_.load(std::memory_order_relaxed); });
+}
+
+void ConnectionManager::poll() {
+  const std::int64_t frame_ns = receiver_.last_frame_ns();
+  const bool arrived = frame_ns > since_ns_;
+  const std::int64_t now_ns = monotonic_ns();
+  if (now_ns < nuc_until_ns_ && !session_->control_lost()) return;  // the shutter may stop the stream
+  const std::int64_t quiet_ns = now_ns - std::max({frame_ns, since_ns_, nuc_until_ns_});
+  const bool flows = quiet_ns <= (arrived ? limits_.stall_ns : std::max(limits_.stall_ns, kFirstFrameNs));
+  if (flows && arrived) note_flow(frame_ns);
+  if (!flows) note_stall(quiet_ns);
+  if (options_.reconnect_after_ms == 0 || (flows && !session_->control_lost())) return;
+  // The signal of lost control comes on a thread of the device; one tick later it has surely returned, and
+  // the device can be destroyed without that thread waiting for itself.
+  if (session_->control_lost() && ++ticks_without_control_ < 2) return;
+  const auto cause = find_fault(quiet_ns);
+  if (!cause) return;
+  note_loss(*cause, frame_ns);
+  reopen(*cause);
+}
+
+// The fault of a camera that sends nothing; none, as long as it may only be pausing.
+std::optional<LostCause> ConnectionManager::find_fault(std::int64_t quiet_ns) {
+  const std::int64_t now_ns = monotonic_ns();
+  const bool signalled = session_->control_lost();
+  if (!signalled && now_ns < next_probe_ns_) return std::nullopt;
+  next_probe_ns_ = now_ns + kProbePeriodNs;
+  if (!session_->answers()) return LostCause::kNoAnswer;
+  if (signalled || !session_->controlled()) return LostCause::kControlLost;
+  return quiet_ns > limits_.lost_ns ? std::optional(LostCause::kStalled) : std::nullopt;
+}
+
+void ConnectionManager::set_state(SourceState state) {
+  if (stop_.load(std::memory_order_relaxed)) return;  // the status may be another connection manager's by now
+  status_->since_ns.set(monotonic_ns());
+  status_->state.set(state);
+}
+
+void ConnectionManager::note_flow(std::int64_t frame_ns) {
+  const SourceState before = status_->state.value();
+  if (before == SourceState::kStreaming) return;
+  const std::int64_t first_ns = std::min(receiver_.flows_since_ns(), frame_ns);
+  if (before == SourceState::kStalled) {
+    report(false, "frames arrive again after " + seconds_text(first_ns - outage_from_ns_, 2), event::kFramesFlow);
+  } else if (before == SourceState::kLost) {
+    const std::uint64_t frames = pipeline::frames_between(outage_from_ns_, first_ns, info_.format.frame_period_s);
+    status_->outage_frames.add(frames);
+    report(false,
+           "camera opened again after " + seconds_text(first_ns - outage_from_ns_, 2) + " (" +
+               std::string(name(cause_)) + "), " + std::to_string(frames) + " frames missing",
+           event::kCameraBack);
+  }
+  set_state(SourceState::kStreaming);
+}
+
+void ConnectionManager::note_stall(std::int64_t quiet_ns) {
+  const SourceState before = status_->state.value();
+  if (before != SourceState::kStreaming && before != SourceState::kCorrecting) return;
+  outage_from_ns_ = monotonic_ns() - quiet_ns;
+  status_->stalls.add();
+  set_state(SourceState::kStalled);
+  report(true, "camera stalled: no frame for " + seconds_text(quiet_ns, 2), event::kCameraStalled);
+}
+
+void ConnectionManager::note_loss(LostCause cause, std::int64_t frame_ns) {
+  if (status_->state.value() == SourceState::kLost) return;
+  cause_ = cause;
+  outage_from_ns_ = std::max(frame_ns, since_ns_);
+  status_->lost[static_cast<std::size_t>(cause)].add();
+  set_state(SourceState::kLost);
+  report(true, "camera lost (" + std::string(name(cause)) + "); opening it again until it answers", event::kCameraLost);
+}
+
+void ConnectionManager::reopen(LostCause cause) {
+  auto old = take_session();
+  if (cause == LostCause::kNoAnswer) closer_.close(std::move(old));
+  old.reset();  // one that answers lets go of the camera before it is opened again
+  milliseconds wait = kFirstPause;
+  for (int attempt = 1; !stop_.load(std::memory_order_relaxed); ++attempt) {
+    if (try_reopen(attempt % kAttemptsAtItsAddress == 0)) {
+      status_->reopened.add();
+      return;
+    }
+    if (!sleep(wait)) return;
+    wait = std::min(wait * 2, kLongestPause);
+  }
+}
+
+// `everywhere`: searches the whole network for its serial number, too, which takes a second.
+bool ConnectionManager::try_reopen(bool everywhere) {
+  std::vector<std::string> ignored;  // reported when the camera was opened first
+  auto session = Session::open(options_, everywhere, stop_, ignored);
+  if (!session) {
+    report(true, "reconnecting: " + session.error().message, event::kCameraReconnecting);
+    return false;
+  }
+  if ((*session)->info().format != info_.format) {
+    report(true, "reconnecting: the camera came back with another size, rate or unit; restart to use it so",
+           event::kCameraReconnecting);
+    return false;
+  }
+  if (!(*session)->address().empty() && (*session)->address() != options_.address) {
+    report(false, "camera " + info_.camera_serial + " found again at " + (*session)->address() + ", before at " +
+                      options_.address);
+    options_.address = (*session)->address();
+  }
+  if (Status adopted = adopt(std::move(*session)); !adopted) {
+    report(true, "reconnecting: " + adopted.error().message, event::kCameraReconnecting);
+    take_session();
+    return false;
+  }
+  return true;
+}
+
+// Makes the session the current one, unless it is time to stop, and starts its stream.
+Status ConnectionManager::adopt(std::unique_ptr<Session> session) {
+  std::vector<std::string> found;
+  if (Status prepared = session->prepare(receiver_, found); !prepared) return prepared;
+  const bool first = since_ns_ == 0;
+  if (first) {
+    for (const std::string& text : session->negotiated().notes) report(false, text);
+    for (const std::string& text : found) report(true, text);
+  }
+  ticks_without_control_ = 0;
+  nuc_until_ns_ = 0;
+  judged_median_ = -1;
+  receiver_.set_nuc_until(0);
+  Session* present = session.get();
+  {
+    const std::lock_guard lock(mutex_);
+    if (stop_.load(std::memory_order_relaxed)) return {};
+    if (first) warnings_ = std::move(found);
+    receiver_.begin(session->negotiated().kelvin_table);
+    since_ns_ = monotonic_ns();
+    session_ = std::move(session);
+    session_->admit();
+  }
+  return present->begin();
+}
+
+// The current session, shut. To end it takes seconds when the camera is dead; the mutex is not held meanwhile.
+std::unique_ptr<Session> ConnectionManager::take_session() {
+  const std::lock_guard lock(mutex_);
+  if (session_ == nullptr) return nullptr;
+  session_->shut();
+  past_ = sum(past_, session_->transport());
+  return std::move(session_);
+}
+
+void ConnectionManager::report_transport() {
+  const std::int64_t now_ns = monotonic_ns();
+  if (now_ns < next_transport_ns_) return;
+  next_transport_ns_ = now_ns + kTransportPeriodNs;
+  const TransportStats stats = transport();
+  status_->received_packets.set(stats.received_packets);
+  status_->missing_packets.set(stats.missing_packets);
+  status_->resent_packets.set(stats.resent_packets);
+}
+
+// Reports once that the camera's clock has another period than its settings.
+void ConnectionManager::check_period() {
+  const double measured_s = status_->measured_period_s.value();
+  const double assumed_s = info_.format.frame_period_s;
+  if (period_reported_ || measured_s <= 0.0 || std::abs(measured_s / assumed_s - 1.0) < pipeline::kSamePeriod) return;
+  period_reported_ = true;
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "by the camera's clock %.5g frames come a second, not %.5g, and they are solved so from now on; set "
+                "source.true_rate_hz = %.5g, or find out why",
+                1.0 / measured_s, 1.0 / assumed_s, 1.0 / measured_s);
+  report(true, text);
+}
+
+// Once a connection: checks that its values can be temperatures. Every 10 s: reads the temperature of the camera.
+void ConnectionManager::check_scene() {
+  if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
+  const int median = receiver_.scene().median();
+  if (median >= 0 && judged_median_ < 0) {
+    judged_median_ = median;
+    if (const auto doubt = implausible(median, info_.format.scale)) report(true, *doubt);
+  }
+  const std::int64_t now_ns = monotonic_ns();
+  if (now_ns < next_temperature_ns_) return;
+  next_temperature_ns_ = now_ns + kTemperaturePeriodNs;
+  status_->temperature_k.set(session_->temperature_k());
+}
+
+// --- NUC ---
+
+Status ConnectionManager::trigger_nuc() {
+  std::unique_lock lock(mutex_);
+  const std::uint64_t mine = ++nucs_asked_;
+  const auto served = [&] { return nucs_served_ >= mine || stop_.load(std::memory_order_relaxed); };
+  if (!nuc_done_.wait_for(lock, kNucLimit, served) || nucs_served_ < mine) {
+    nucs_served_ = std::max(nucs_served_, mine);  // nobody waits for it any more
+    return failed(std::string("the camera was not told to correct itself: it is ") +
+                  std::string(name(status_->state.value())));
+  }
+  return nuc_result_;
+}
+
+void ConnectionManager::set_nuc(const NucOptions& nuc) {
+  const std::lock_guard lock(mutex_);
+  new_nuc_ = nuc;
+}
+
+// A lost camera gets the policy when it is opened again.
+void ConnectionManager::apply_nuc_options() {
+  std::optional<NucOptions> nuc;
+  {
+    const std::lock_guard lock(mutex_);
+    nuc = std::exchange(new_nuc_, std::nullopt);
+  }
+  if (!nuc) return;
+  const bool new_policy = nuc->policy != options_.nuc.policy;
+  options_.nuc = *nuc;
+  schedule_.set_options(*nuc);
+  receiver_.set_nuc(*nuc);
+  if (!new_policy || session_ == nullptr) return;
+  std::vector<std::string> warnings;
+  if (Status done = session_->set_nuc(*nuc, warnings); !done) warnings.push_back(done.error().message);
+  for (std::string& warning : warnings) report(true, std::move(warning));
+}
+
+void ConnectionManager::serve_requests() {
+  apply_nuc_options();
+  if (session_ == nullptr || status_->state.value() != SourceState::kStreaming) return;
+  std::uint64_t asked = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    asked = nucs_asked_ > nucs_served_ ? nucs_asked_ : 0;
+  }
+  if (asked == 0) {
+    if (!schedule_.due(monotonic_ns(), receiver_.scene().still_since_ns())) return;
+    const bool timed = options_.nuc.policy == NucPolicy::kTimed;
+    if (Status done = run_nuc(timed ? "it is time" : "nothing moves"); !done) report(true, done.error().message);
+    return;
+  }
+  Status done = run_nuc("asked for");
+  const std::lock_guard lock(mutex_);
+  nucs_served_ = asked;
+  nuc_result_ = std::move(done);
+  nuc_done_.notify_all();
+}
+
+// Frames that arrive while the command is on its way count as the shutter's.
+Status ConnectionManager::run_nuc(const std::string& why) {
+  const std::int64_t hold_ns = options_.nuc.hold_ms * kNsPerMs;
+  receiver_.set_nuc_until(monotonic_ns() + hold_ns);
+  Status done = session_->trigger_nuc();
+  const std::int64_t now_ns = monotonic_ns();
+  schedule_.done(now_ns);
+  nuc_until_ns_ = done ? now_ns + hold_ns : 0;
+  receiver_.set_nuc_until(nuc_until_ns_);
+  if (!done) return done;
+  status_->corrections.add();
+  status_->correction_ns.set(now_ns);
+  set_state(SourceState::kCorrecting);
+  report(false, "NUC (" + why + ")", event::kNuc);
+  notices_.forget_last();  // each NUC gets its line
+  return {};
+}
+
+}  // namespace bolo::genicam

@@ -1,0 +1,150 @@
+#include "drivers/genicam/frame_id_tracker.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+#include "src/core/clock.hpp"
+
+namespace bolo::genicam {
+namespace {
+
+constexpr std::uint64_t kLargest16 = 0xFFFF;
+constexpr std::uint32_t kWindowMask = (1U << FrameIdTracker::kReorderFrames) - 1;
+
+// Aravis itself drops frames up to 100 behind the newest; what is further back is a counter that began again.
+constexpr std::int64_t kResetBehind = 64;
+// A jump ahead of up to this many frames is believed without asking the clock.
+constexpr double kBelievedFrames = 200;
+// Beyond that, no more frames can be lost than fit into the time that has passed, with this margin.
+constexpr double kTimeMargin = 2.0;
+
+}  // namespace
+
+FrameIdTracker::FrameIdTracker(double period_s) noexcept : period_ns_(period_s * kNsPerSecond) {}
+
+std::uint64_t FrameIdTracker::lost() const noexcept {
+  std::uint64_t sum = 0;
+  for (const std::uint64_t n : counted_) sum += n;
+  return sum - duplicates_;
+}
+
+FrameIdTracker::Verdict FrameIdTracker::complete(std::uint64_t raw_id, std::int64_t arrival_ns) noexcept {
+  switch (place(raw_id, arrival_ns)) {
+    case Place::kNew:
+      ++received_;
+      break;
+    case Place::kLate:
+      count(LossCause::kOutOfOrder);
+      return {};
+    case Place::kDuplicate:
+      count(LossCause::kOutOfOrder);
+      ++duplicates_;
+      return {};
+  }
+  return {highest_, true, std::exchange(counter_reset_, false)};
+}
+
+void FrameIdTracker::broken(std::uint64_t raw_id, LossCause cause, std::int64_t arrival_ns) noexcept {
+  if (place(raw_id, arrival_ns) != Place::kDuplicate) count(cause);
+}
+
+void FrameIdTracker::broken_without_id() noexcept { ++unplaced_; }
+
+// The first of those without an id are these frames; the rest were none of the camera's.
+void FrameIdTracker::place_broken(std::uint64_t frames) noexcept {
+  count(LossCause::kIncomplete, frames);
+  unplaced_ = 0;
+}
+
+void FrameIdTracker::finish() noexcept {
+  if (!started_ && unplaced_ > 0) {
+    started_ = true;
+    lowest_ = 1;  // highest_ is 0: the frames without id are all there is
+  }
+  highest_ += unplaced_;
+  place_broken(unplaced_);
+  close_window();
+}
+
+FrameIdTracker::Place FrameIdTracker::place(std::uint64_t raw_id, std::int64_t arrival_ns) noexcept {
+  zero_seen_ = zero_seen_ || raw_id == 0;
+  if (!started_) {
+    start(raw_id, arrival_ns);
+    return Place::kNew;
+  }
+  const std::int64_t steps = steps_from_highest(raw_id);
+  if (reset_next_ || is_reset(steps, arrival_ns)) {
+    reset_counter();
+  } else if (steps <= 0) {
+    const auto behind = static_cast<unsigned>(-steps);
+    const std::uint32_t bit = behind < kReorderFrames ? 1U << behind : 0U;
+    if (bit == 0U || (known_ & bit) != 0U) return Place::kDuplicate;
+    known_ |= bit;
+    return Place::kLate;
+  } else {
+    advance(static_cast<std::uint64_t>(steps));
+  }
+  highest_raw_ = raw_id;
+  highest_ns_ = arrival_ns;
+  return Place::kNew;
+}
+
+void FrameIdTracker::start(std::uint64_t raw_id, std::int64_t arrival_ns) noexcept {
+  started_ = true;
+  reset_next_ = false;
+  highest_ = highest_raw_ = raw_id;
+  highest_ns_ = arrival_ns;
+  lowest_ = raw_id - std::min(unplaced_, raw_id);
+  place_broken(raw_id - lowest_);
+}
+
+void FrameIdTracker::reset_counter() noexcept {
+  close_window();
+  highest_ += unplaced_ + 1;
+  place_broken(unplaced_);
+  reset_next_ = false;
+  counter_reset_ = true;
+  ++resets_;
+}
+
+// The newest frame is now `frames` further on; those between are open, but for the ones known to be broken.
+void FrameIdTracker::advance(std::uint64_t frames) noexcept {
+  const std::uint64_t gap = frames - 1;
+  const std::uint64_t broken_in_gap = std::min(unplaced_, gap);
+  place_broken(broken_in_gap);
+  highest_ += frames;
+  if (frames >= kReorderFrames) {
+    const auto open_before = static_cast<std::uint64_t>(std::popcount(~known_ & kWindowMask));
+    const std::uint64_t open_in_window = std::min<std::uint64_t>(gap - broken_in_gap, kReorderFrames - 1);
+    count(LossCause::kMissing, open_before + (gap - broken_in_gap - open_in_window));
+    known_ = ~0U << (open_in_window + 1) | 1U;
+    return;
+  }
+  const std::uint32_t leaving = kWindowMask & ~(kWindowMask >> frames);
+  count(LossCause::kMissing, static_cast<std::uint64_t>(std::popcount(~known_ & leaving)));
+  const std::uint32_t open = ((1U << gap) - 1) & ~((1U << broken_in_gap) - 1);
+  known_ = known_ << frames | (((1U << frames) - 1) & ~(open << 1));
+}
+
+// Frames that are still open will not come any more.
+void FrameIdTracker::close_window() noexcept {
+  count(LossCause::kMissing, static_cast<std::uint64_t>(std::popcount(~known_ & kWindowMask)));
+  known_ = ~0U;
+}
+
+std::int64_t FrameIdTracker::steps_from_highest(std::uint64_t raw_id) const noexcept {
+  const auto difference = static_cast<std::int64_t>(raw_id - highest_raw_);
+  if (raw_id > kLargest16 || highest_raw_ > kLargest16) return difference;
+  const std::int64_t period = zero_seen_ ? 65536 : 65535;
+  const std::int64_t ahead = ((difference % period) + period) % period;
+  return ahead <= period / 2 ? ahead : ahead - period;
+}
+
+bool FrameIdTracker::is_reset(std::int64_t steps, std::int64_t arrival_ns) const noexcept {
+  if (steps <= -kResetBehind) return true;
+  const double elapsed_frames = static_cast<double>(arrival_ns - highest_ns_) / period_ns_;
+  return static_cast<double>(steps) > kBelievedFrames + kTimeMargin * elapsed_frames;
+}
+
+}  // namespace bolo::genicam

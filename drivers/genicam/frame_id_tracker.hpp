@@ -1,0 +1,90 @@
+// Unwraps the camera's frame counter and counts each lost frame once, by cause.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "src/core/loss.hpp"
+
+namespace bolo::genicam {
+
+// Frames may arrive in any order within a window of kReorderFrames: a frame that is not there yet when a later one
+// arrives is called missing only when it has fallen out of that window, because it may still come late or broken.
+// After finish() every frame from the first to the last seen is accounted for: span() == received() + lost().
+//
+// GigE Vision counts frames (block_id) in 16 bits and skips 0, a period of 65535, or, with extended ids, in 64 bits. A
+// camera that does send 0 is taken to have a period of 65536.
+// Thread: acquire, or setup while no stream runs. No allocation.
+class FrameIdTracker {
+ public:
+  static constexpr unsigned kReorderFrames = 16;
+
+  // period_s: the camera's frame period, to tell a long outage from a counter that was reset.
+  explicit FrameIdTracker(double period_s) noexcept;
+
+  struct Verdict {
+    std::uint64_t frame_id = 0;  // unwrapped
+    bool deliver = false;        // false: a duplicate or too late; already counted
+    bool counter_reset = false;  // since the last delivered frame
+  };
+
+  // A complete frame arrived. arrival_ns: CLOCK_MONOTONIC.
+  Verdict complete(std::uint64_t raw_id, std::int64_t arrival_ns) noexcept;
+
+  // A frame arrived that cannot be used.
+  void broken(std::uint64_t raw_id, LossCause cause, std::int64_t arrival_ns) noexcept;
+
+  // As broken(kIncomplete), of a frame whose first packet, and with it the counter, was lost. It takes the place of one
+  // of the frames that the next known counter shows to be missing, and is counted then. Where none is missing it was no
+  // frame of the camera's: the transport library takes any bytes on the stream's port for the rest of one.
+  void broken_without_id() noexcept;
+
+  // The stream was opened anew: the counter says nothing about the frames before. The next frame's id follows the last.
+  void restart() noexcept { reset_next_ = true; }
+
+  // The stream has ended: frames that are still not there are missing.
+  void finish() noexcept;
+
+  std::uint64_t received() const noexcept { return received_; }
+  // Frames lost by cause. kOutOfOrder holds late frames and, beyond span(), duplicates.
+  std::uint64_t counted(LossCause cause) const noexcept { return counted_[static_cast<std::size_t>(cause)]; }
+  // Frames lost: the sum over causes without duplicates.
+  std::uint64_t lost() const noexcept;
+  std::uint64_t duplicates() const noexcept { return duplicates_; }
+  // Frames from the first seen to the last seen; 0 before the first.
+  std::uint64_t span() const noexcept { return started_ ? highest_ - lowest_ + 1 : 0; }
+  std::uint64_t counter_resets() const noexcept { return resets_; }
+
+ private:
+  enum class Place { kNew, kLate, kDuplicate };
+
+  Place place(std::uint64_t raw_id, std::int64_t arrival_ns) noexcept;
+  void start(std::uint64_t raw_id, std::int64_t arrival_ns) noexcept;
+  void reset_counter() noexcept;
+  void advance(std::uint64_t frames) noexcept;
+  void close_window() noexcept;
+  void place_broken(std::uint64_t frames) noexcept;
+  std::int64_t steps_from_highest(std::uint64_t raw_id) const noexcept;
+  bool is_reset(std::int64_t steps, std::int64_t arrival_ns) const noexcept;
+  void count(LossCause cause, std::uint64_t frames = 1) noexcept {
+    counted_[static_cast<std::size_t>(cause)] += frames;
+  }
+
+  double period_ns_;
+  bool started_ = false;
+  bool zero_seen_ = false;
+  bool reset_next_ = false;     // before the next frame
+  bool counter_reset_ = false;  // since the last delivered frame
+  std::uint64_t lowest_ = 0;
+  std::uint64_t highest_ = 0;
+  std::uint64_t highest_raw_ = 0;
+  std::int64_t highest_ns_ = 0;
+  std::uint32_t known_ = ~0U;   // bit k: frame highest_ - k is delivered or counted
+  std::uint64_t unplaced_ = 0;  // broken frames without id since the highest
+  std::uint64_t received_ = 0;
+  std::uint64_t duplicates_ = 0;
+  std::uint64_t resets_ = 0;
+  std::array<std::uint64_t, kLossCauses> counted_{};
+};
+
+}  // namespace bolo::genicam
