@@ -2,6 +2,7 @@
 
 #include "drivers/shm/camera_block.hpp"
 #include "src/core/clock.hpp"
+#include "src/pipeline/counter_table.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -52,16 +53,16 @@ ordered_json stages_json(const pipeline::PipelineStats& stats) {
 
 ordered_json state_json(const std::string& name, const pipeline::PipelineStats& stats,
                         const std::array<v4l2::V4l2Sink*, kVideoDevices>& video) {
-  ordered_json json{{"ok", true},
-                    {"name", name},
-                    {"received", stats.inlet.received()},
-                    {"published", stats.published.value()},
-                    {"lost_total", stats.inlet.losses().total()},
-                    {"lost", losses_json(stats)},
-                    {"effort", effort_json(stats)},
-                    {"stages", stages_json(stats)},
-                    {"camera", nullptr},
-                    {"video", ordered_json::array()}};
+  ordered_json json{{"ok", true}, {"name", name}, {"received", stats.inlet.received()}};
+  for (const auto& row : pipeline::kFrameCounters) {  // the others are in shared memory
+    if (row.shared == 0 && !row.key.empty()) json[std::string(row.key)] = row.read(stats, 0);
+  }
+  json["lost_total"] = stats.inlet.losses().total();
+  json["lost"] = losses_json(stats);
+  json["effort"] = effort_json(stats);
+  json["stages"] = stages_json(stats);
+  json["camera"] = nullptr;
+  json["video"] = ordered_json::array();
   if (stats.source != nullptr) json["camera"] = shm::camera_json(shm::camera_block(*stats.source), monotonic_ns());
   for (const v4l2::V4l2Sink* sink : video) {
     if (sink != nullptr) json["video"].push_back(video_json(*sink));

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
+#include "src/pipeline/counter_table.hpp"
 #include "src/pipeline/watch.hpp"
 #include "tools/bolod/journal_sink.hpp"
 
@@ -102,9 +103,15 @@ void Supervisor::tell_end() {
   pipeline::Notice notice{false,
                           "ended: " + std::to_string(received) + " frames in, " + std::to_string(published) +
                               " out, lost: " + loss_words(losses) + "; " + latency_words(stats().latency),
-                          event::kEnd,
-                          {{"received", received}, {"published", published}}};
-  add_loss_counts(losses, notice);
+                          event::kEnd};
+  for (const auto& row : pipeline::kFrameCounters) {
+    for (std::size_t i = 0; row.at_end && i < row.parts; ++i) {
+      const std::string key(row.key);
+      const std::uint64_t count = row.read(stats(), i);
+      if (row.parts == 1) notice.counts.emplace_back(key, count);
+      if (row.parts > 1 && count > 0) notice.counts.emplace_back(key + "_" + part_key(row, i), count);
+    }
+  }
   log_notice(subject_.log, spdlog::level::info, notice);
 }
 
