@@ -1,4 +1,4 @@
-// What happened to a source, for the log: changes of state, each once.
+// What happened to a source or sink, for the log: changes of state, each once.
 #pragma once
 
 #include <cstddef>

@@ -1,7 +1,9 @@
 #include "tools/bolod/metrics.hpp"
 
+#include <algorithm>
 #include <array>
 #include <bit>
+#include <span>
 #include <string_view>
 #include <utility>
 
@@ -22,16 +24,22 @@ constexpr double kZeroCelsius = 273.15;
 // Families in the order in which they are begun.
 class Families {
  public:
-  void begin(MetricType type, std::string name, std::string help) {
-    families_.push_back({std::move(name), std::move(help), type, {}});
+  // Goes on with the family when it was begun before. What ends in _total is a counter.
+  void begin(std::string_view name, std::string_view help, MetricType others = MetricType::Gauge) {
+    const auto found =
+        std::find_if(families_.begin(), families_.end(), [name](const auto& f) { return f.name == name; });
+    now_ = static_cast<std::size_t>(found - families_.begin());
+    if (found != families_.end()) return;
+    families_.push_back(
+        {std::string(name), std::string(help), name.ends_with("_total") ? MetricType::Counter : others, {}});
   }
   void value(double value, Labels labels = {}) {
     ClientMetric& metric = add(std::move(labels));
     metric.counter.value = value;
     metric.gauge.value = value;
   }
-  void gauge(std::string name, std::string help, double reading) {
-    begin(MetricType::Gauge, std::move(name), std::move(help));
+  void gauge(std::string_view name, std::string_view help, double reading) {
+    begin(name, help);
     value(reading);
   }
   void histogram(const rt::LatencyHistogram& source, Labels labels = {}) {
@@ -41,7 +49,7 @@ class Families {
 
  private:
   ClientMetric& add(Labels labels) {
-    ClientMetric& metric = families_.back().metric.emplace_back();
+    ClientMetric& metric = families_[now_].metric.emplace_back();
     metric.label = std::move(labels);
     return metric;
   }
@@ -64,13 +72,14 @@ class Families {
   }
 
   std::vector<MetricFamily> families_;
+  std::size_t now_ = 0;
 };
 
 void add_information(const MetricsView& view, Families& to) {
   const pipeline::SourceInfo& source = view.pipeline.source();
-  to.begin(MetricType::Gauge, "bolo_build_info", "The program; always 1");
+  to.begin("bolo_build_info", "The program; always 1");
   to.value(1.0, {{"version", BOLO_VERSION}});
-  to.begin(MetricType::Gauge, "bolo_stream_info", "Who deblurs what, and how; always 1");
+  to.begin("bolo_stream_info", "Who deblurs what, and how; always 1");
   to.value(1.0, {{"name", view.name},
                  {"camera_model", source.camera_model},
                  {"camera_serial", source.camera_serial},
@@ -95,8 +104,7 @@ void add_rows(const std::array<pipeline::CounterRow<Source>, N>& rows, const Sou
   for (std::size_t n = 0; n < N; ++n) {
     const pipeline::CounterRow<Source>& row = rows[n];
     if (row.metric.empty()) continue;
-    to.begin(row.metric.ends_with("_total") ? MetricType::Counter : MetricType::Gauge, std::string(row.metric),
-             std::string(row.help));
+    to.begin(row.metric, row.help);
     for (std::size_t i = 0; i < row.parts; ++i) {
       Labels labels;
       if (!row.label.empty()) labels.push_back({std::string(row.label), part_key(row, i)});
@@ -108,7 +116,7 @@ void add_rows(const std::array<pipeline::CounterRow<Source>, N>& rows, const Sou
 // 1 for the one of an enumeration's values that holds now.
 template <typename Enum>
 void add_choice(const char* metric, const char* help, const char* label, std::size_t count, Enum now, Families& to) {
-  to.begin(MetricType::Gauge, metric, help);
+  to.begin(metric, help);
   for (std::size_t i = 0; i < count; ++i) {
     to.value(now == static_cast<Enum>(i) ? 1.0 : 0.0, {{label, std::string(name(static_cast<Enum>(i)))}});
   }
@@ -122,10 +130,11 @@ void add_frames(const pipeline::PipelineStats& stats, Families& to) {
 }
 
 void add_latencies(const pipeline::PipelineStats& stats, Families& to) {
-  to.begin(MetricType::Histogram, "bolo_latency_seconds", "From a frame's first byte to its being handed to the sinks");
+  to.begin("bolo_latency_seconds", "From a frame's first byte to its being handed to the sinks", MetricType::Histogram);
   to.histogram(stats.latency);
-  to.begin(MetricType::Histogram, "bolo_stage_latency_seconds",
-           "Where that time goes: arrival (until the frame is whole), queue, deblur, and publish (the sinks' copies)");
+  to.begin("bolo_stage_latency_seconds",
+           "Where that time goes: arrival (until the frame is whole), queue, deblur, and publish (the sinks' copies)",
+           MetricType::Histogram);
   to.histogram(stats.stages.arrival, {{"stage", "arrival"}});
   to.histogram(stats.stages.queue, {{"stage", "queue"}});
   to.histogram(stats.stages.deblur, {{"stage", "deblur"}});
@@ -142,24 +151,15 @@ void add_camera(const pipeline::SourceStatus& source, Families& to) {
   }
 }
 
-void add_video(const MetricsView& view, Families& to) {
-  const auto each = [&](MetricType type, const char* name, const char* help, auto value_of) {
-    bool begun = false;
-    for (const v4l2::V4l2Sink* sink : view.video) {
-      if (sink == nullptr) continue;
-      if (!std::exchange(begun, true)) to.begin(type, name, help);
-      to.value(static_cast<double>(value_of(sink->stats())), {{"device", sink->options().device}});
+// Sinks of a kind share the families of their numbers.
+void add_sinks(std::span<pipeline::FrameSink* const> sinks, Families& to) {
+  for (const pipeline::FrameSink* sink : sinks) {
+    const pipeline::SinkStatistics statistics = sink->statistics();
+    for (const pipeline::SinkNumber& number : statistics.numbers) {
+      to.begin(number.metric, number.help);
+      to.value(static_cast<double>(number.value), {{std::string(statistics.label), statistics.name}});
     }
-  };
-  using Stats = v4l2::V4l2Stats;
-  each(MetricType::Gauge, "bolo_video_open", "1 while the device takes frames",
-       [](const Stats& s) { return s.open.value() ? 1.0 : 0.0; });
-  each(MetricType::Counter, "bolo_video_frames_written_total", "Frames that the device took",
-       [](const Stats& s) { return s.written.value(); });
-  each(MetricType::Counter, "bolo_video_frames_dropped_total", "Frames that it did not take",
-       [](const Stats& s) { return s.dropped.value(); });
-  each(MetricType::Counter, "bolo_video_failures_total", "Times that it failed and was let go",
-       [](const Stats& s) { return s.failures.value(); });
+  }
 }
 
 }  // namespace
@@ -172,7 +172,7 @@ std::vector<MetricFamily> collect_metrics(const MetricsView& view) {
   add_frames(stats, families);
   add_latencies(stats, families);
   if (stats.source != nullptr) add_camera(*stats.source, families);
-  add_video(view, families);
+  add_sinks(view.pipeline.sinks(), families);
   return families.take();
 }
 

@@ -32,16 +32,13 @@ ordered_json effort_json(const pipeline::PipelineStats& stats) {
   return {{"now", name(stats.effort.value())}, {"frames", frames}};
 }
 
-ordered_json video_json(const v4l2::V4l2Sink& sink) {
-  const v4l2::V4l2Stats& stats = sink.stats();
-  return {{"device", sink.options().device},
-          {"open", stats.open.value()},
-          {"written", stats.written.value()},
-          {"dropped", stats.dropped.value()},
-          {"failures", stats.failures.value()}};
+ordered_json sink_json(const pipeline::SinkStatistics& sink) {
+  ordered_json json{{sink.label, sink.name}};
+  for (const pipeline::SinkNumber& number : sink.numbers) {
+    json[std::string(number.key)] = number.counts() ? ordered_json(number.value) : ordered_json(number.value != 0);
+  }
+  return json;
 }
-
-}  // namespace
 
 ordered_json stages_json(const pipeline::PipelineStats& stats) {
   return {{"arrival", latency_json(stats.stages.arrival)},
@@ -51,9 +48,11 @@ ordered_json stages_json(const pipeline::PipelineStats& stats) {
           {"total", latency_json(stats.latency)}};
 }
 
-ordered_json state_json(const std::string& name, const pipeline::PipelineStats& stats,
-                        const std::array<v4l2::V4l2Sink*, kVideoDevices>& video) {
-  ordered_json json{{"ok", true}, {"name", name}, {"received", stats.inlet.received()}};
+}  // namespace
+
+ordered_json state_json(const DaemonConfig& config, const pipeline::Pipeline& pipeline) {
+  const pipeline::PipelineStats& stats = pipeline.stats();
+  ordered_json json{{"ok", true}, {"name", config.name}, {"received", stats.inlet.received()}};
   for (const auto& row : pipeline::kFrameCounters) {  // the others are in shared memory
     if (row.shared == 0 && !row.key.empty()) json[std::string(row.key)] = row.read(stats, 0);
   }
@@ -62,10 +61,13 @@ ordered_json state_json(const std::string& name, const pipeline::PipelineStats& 
   json["effort"] = effort_json(stats);
   json["stages"] = stages_json(stats);
   json["camera"] = nullptr;
-  json["video"] = ordered_json::array();
   if (stats.source != nullptr) json["camera"] = shm::camera_json(shm::camera_block(*stats.source), monotonic_ns());
-  for (const v4l2::V4l2Sink* sink : video) {
-    if (sink != nullptr) json["video"].push_back(video_json(*sink));
+  for (const auto& section : config.sinks) {
+    if (!section->group().empty()) json[std::string(section->group())] = ordered_json::array();
+  }
+  for (const pipeline::FrameSink* sink : pipeline.sinks()) {
+    const pipeline::SinkStatistics statistics = sink->statistics();
+    if (!statistics.group.empty()) json[std::string(statistics.group)].push_back(sink_json(statistics));
   }
   return json;
 }

@@ -40,7 +40,7 @@ void Supervisor::look() {
   const std::int64_t now_ns = monotonic_ns();
   tell(health_.look(
       {now_ns, stats().inlet.received(), loss_counts(stats()), stats().source != nullptr, effort_counts(stats())}));
-  tell_notices();
+  tell(subject_.pipeline.take_notices());
   if (stats().looked_ns.value() == 0) return;  // the pipeline does not run yet
   tell_status(now_ns);
   feed_watchdog(now_ns);
@@ -49,13 +49,6 @@ void Supervisor::look() {
 void Supervisor::tell(const std::vector<pipeline::Notice>& notices) const {
   for (const pipeline::Notice& notice : notices) {
     log_notice(subject_.log, notice.warning ? spdlog::level::warn : spdlog::level::info, notice);
-  }
-}
-
-void Supervisor::tell_notices() const {
-  tell(subject_.pipeline.take_notices());
-  for (v4l2::V4l2Sink* sink : subject_.video) {
-    if (sink != nullptr) tell(sink->take_notices());
   }
 }
 
@@ -96,7 +89,7 @@ void Supervisor::feed_watchdog(std::int64_t now_ns) {
 }
 
 void Supervisor::tell_end() {
-  tell_notices();
+  tell(subject_.pipeline.take_notices());
   const std::uint64_t received = stats().inlet.received();
   const std::uint64_t published = stats().published.value();
   const LossCounts losses = loss_counts(stats());

@@ -1,7 +1,6 @@
 // What the main thread does while frames flow: looks how the daemon is, and tells log and service manager.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -10,7 +9,6 @@
 
 #include "src/pipeline/pipeline.hpp"
 #include "src/rt/counters.hpp"
-#include "tools/bolod/compose.hpp"
 #include "tools/bolod/flow_watch.hpp"
 #include "tools/bolod/health.hpp"
 #include "tools/bolod/service_manager.hpp"
@@ -25,7 +23,6 @@ class Supervisor {
   struct Subject {
     spdlog::logger& log;
     pipeline::Pipeline& pipeline;
-    const std::array<v4l2::V4l2Sink*, kVideoDevices>& video;
     int stall_ms = 0;
   };
   explicit Supervisor(const Subject& subject);
@@ -42,7 +39,6 @@ class Supervisor {
   Supervisor(const Subject& subject, double period_s, std::int64_t now_ns);
 
   void tell(const std::vector<pipeline::Notice>& notices) const;
-  void tell_notices() const;
   void tell_status(std::int64_t now_ns);
   void feed_watchdog(std::int64_t now_ns);
   Signs signs(std::int64_t now_ns) const;

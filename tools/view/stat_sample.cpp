@@ -207,7 +207,11 @@ nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, 
     json["lost_hz"][cause] = s.lost_hz[i];
   }
   if (look.camera) json["camera"] = shm::camera_json(*look.camera, look.at_ns);
-  for (const char* key : {"effort", "stages", "video"}) json[key] = look.told.contains(key) ? look.told[key] : nullptr;
+  for (const char* key : {"effort", "stages", "video"}) json[key] = nullptr;
+  if (!look.told.is_object()) return json;
+  for (const auto& [key, value] : look.told.items()) {
+    if (key != "ok" && (!json.contains(key) || json[key].is_null())) json[key] = value;
+  }
   return json;
 }
 
