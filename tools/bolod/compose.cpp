@@ -1,6 +1,6 @@
 #include "tools/bolod/compose.hpp"
 
-#include <cstdio>
+#include <spdlog/fmt/fmt.h>
 
 #include "drivers/v4l2/v4l2_section.hpp"
 
@@ -73,15 +73,12 @@ std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipel
   const pipeline::SourceInfo& source = pipeline.source();
   const std::string from = config.source == SourceType::kReplay ? config.replay.file.filename().string() : "camera";
   const std::string serial = source.camera_serial.empty() ? "" : " " + source.camera_serial;
-  char frame[64];
-  std::snprintf(frame, sizeof frame, "%dx%d at %.4g Hz", source.format.geometry.width, source.format.geometry.height,
-                1.0 / source.format.frame_period_s);
+  const StreamFormat& format = source.format;
   const deblur::Settings& settings = pipeline.settings();
-  char window[96];
-  std::snprintf(window, sizeof window, "window %d, look-ahead %d, tau %.4g ms, %d workers", settings.window,
-                settings.lookahead, settings.tau_s * 1e3, config.pipeline.workers);
-  return from + " " + source.camera_model + serial + ", " + frame + " -> " + pipeline.solver_text() + ", " + window +
-         " -> " + sink_words(config);
+  return fmt::format("{} {}{}, {}x{} at {:.4g} Hz -> {}, window {}, look-ahead {}, tau {:.4g} ms, {} workers -> {}",
+                     from, source.camera_model, serial, format.geometry.width, format.geometry.height,
+                     1.0 / format.frame_period_s, pipeline.solver_text(), settings.window, settings.lookahead,
+                     settings.tau_s * 1e3, config.pipeline.workers, sink_words(config));
 }
 
 }  // namespace bolo::daemon

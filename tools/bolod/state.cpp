@@ -3,6 +3,7 @@
 #include "drivers/shm/camera_block.hpp"
 #include "src/core/clock.hpp"
 #include "src/pipeline/counter_table.hpp"
+#include "tools/bolod/health.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -15,21 +16,11 @@ ordered_json latency_json(const rt::LatencyHistogram& histogram) {
   return {{"p50_ms", percentile(0.5)}, {"p99_ms", percentile(0.99)}, {"max_ms", percentile(1.0)}};
 }
 
-ordered_json losses_json(const pipeline::PipelineStats& stats) {
-  ordered_json lost;
-  for (std::size_t i = 0; i < kLossCauses; ++i) {
-    const auto cause = static_cast<LossCause>(i);
-    lost[std::string(name(cause))] = stats.inlet.losses().value(cause);
-  }
-  return lost;
-}
-
-ordered_json effort_json(const pipeline::PipelineStats& stats) {
-  ordered_json frames;
-  for (std::size_t i = 0; i < pipeline::kEfforts; ++i) {
-    frames[std::string(name(static_cast<pipeline::Effort>(i)))] = stats.by_effort[i].value();
-  }
-  return {{"now", name(stats.effort.value())}, {"frames", frames}};
+template <typename Enum, std::size_t N>
+ordered_json by_name(const std::array<std::uint64_t, N>& counts) {
+  ordered_json json;
+  for (std::size_t i = 0; i < N; ++i) json[std::string(name(static_cast<Enum>(i)))] = counts[i];
+  return json;
 }
 
 ordered_json sink_json(const pipeline::SinkStatistics& sink) {
@@ -57,8 +48,8 @@ ordered_json state_json(const DaemonConfig& config, const pipeline::Pipeline& pi
     if (row.shared == 0 && !row.key.empty()) json[std::string(row.key)] = row.read(stats, 0);
   }
   json["lost_total"] = stats.inlet.losses().total();
-  json["lost"] = losses_json(stats);
-  json["effort"] = effort_json(stats);
+  json["lost"] = by_name<LossCause>(loss_counts(stats));
+  json["effort"] = {{"now", name(stats.effort.value())}, {"frames", by_name<pipeline::Effort>(effort_counts(stats))}};
   json["stages"] = stages_json(stats);
   json["camera"] = nullptr;
   if (stats.source != nullptr) json["camera"] = shm::camera_json(shm::camera_block(*stats.source), monotonic_ns());

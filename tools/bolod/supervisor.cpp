@@ -1,7 +1,8 @@
 #include "tools/bolod/supervisor.hpp"
 
-#include <cstdio>
 #include <utility>
+
+#include <spdlog/fmt/fmt.h>
 
 #include "src/core/clock.hpp"
 #include "src/pipeline/counter_table.hpp"
@@ -18,10 +19,8 @@ constexpr std::int64_t kLinePeriodNs = 1'000'000'000;  // from one line for `sys
 std::string latency_words(const rt::LatencyHistogram& latency) {
   const auto counts = latency.counts();
   const auto percentile = [&counts](double fraction) { return rt::LatencyHistogram::percentile_ms(counts, fraction); };
-  char words[96];
-  std::snprintf(words, sizeof words, "latency p50 %.2f ms, p99 %.2f ms, max %.2f ms", percentile(0.5), percentile(0.99),
-                percentile(1.0));
-  return words;
+  return fmt::format("latency p50 {:.2f} ms, p99 {:.2f} ms, max {:.2f} ms", percentile(0.5), percentile(0.99),
+                     percentile(1.0));
 }
 
 }  // namespace
@@ -90,13 +89,11 @@ void Supervisor::feed_watchdog(std::int64_t now_ns) {
 
 void Supervisor::tell_end() {
   tell(subject_.pipeline.take_notices());
-  const std::uint64_t received = stats().inlet.received();
-  const std::uint64_t published = stats().published.value();
-  const LossCounts losses = loss_counts(stats());
-  pipeline::Notice notice{false,
-                          "ended: " + std::to_string(received) + " frames in, " + std::to_string(published) +
-                              " out, lost: " + loss_words(losses) + "; " + latency_words(stats().latency),
-                          event::kEnd};
+  pipeline::Notice notice{
+      false,
+      fmt::format("ended: {} frames in, {} out, lost: {}; {}", stats().inlet.received(), stats().published.value(),
+                  loss_words(loss_counts(stats())), latency_words(stats().latency)),
+      event::kEnd};
   for (const auto& row : pipeline::kFrameCounters) {
     for (std::size_t i = 0; row.at_end && i < row.parts; ++i) {
       const std::string key(row.key);
