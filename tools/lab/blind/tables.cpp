@@ -12,7 +12,6 @@ using plot::format;
 
 using nlohmann::ordered_json;
 
-// printf into a string; lines of the tables are short.
 std::string share(int part, int all) {
   if (all == 0) return "-";
   return format("%d of %d (%.1f %%)", part, all, 100.0 * part / all);
