@@ -1,13 +1,13 @@
 #include "drivers/fakecam/fault_script.hpp"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <limits>
 
 #include "src/core/clock.hpp"
 #include "src/core/nearest.hpp"
+#include "src/core/shortest.hpp"
 
 namespace bolo::fakecam {
 namespace {
@@ -67,12 +67,6 @@ std::vector<FaultType> make_types() {
        "a change of IRWindowing drops the connection, as an A655sc does",
        {for_key(4.0)}},
   };
-}
-
-std::string shortest(double value) {
-  std::array<char, 32> text{};
-  const auto [end, error] = std::to_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() ? std::string(text.data(), end) : std::string("?");
 }
 
 const FaultKey* find_key(const FaultType& type, std::string_view key) {

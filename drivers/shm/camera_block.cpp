@@ -1,14 +1,17 @@
 #include "drivers/shm/camera_block.hpp"
 
-#include <algorithm>
+#include <array>
+#include <bit>
 #include <string>
+
+#include "src/pipeline/counter_table.hpp"
 
 namespace bolo::shm {
 namespace {
 
 using nlohmann::ordered_json;
+using pipeline::kCameraCounters;
 using pipeline::kLostCauses;
-using pipeline::LostCause;
 using pipeline::SourceState;
 
 static_assert(static_cast<std::uint64_t>(SourceState::kIdle) == BOLO_CAMERA_IDLE);
@@ -18,11 +21,18 @@ static_assert(static_cast<std::uint64_t>(SourceState::kLost) == BOLO_CAMERA_LOST
 static_assert(static_cast<std::uint64_t>(SourceState::kCorrecting) == BOLO_CAMERA_CORRECTING);
 static_assert(kLostCauses <= BOLO_SHM_LOST_CAUSES);
 
-// "control lost" -> "control_lost"
-std::string key_of(LostCause cause) {
-  std::string key(name(cause));
-  std::replace(key.begin(), key.end(), ' ', '_');
-  return key;
+using Words = std::array<std::uint64_t, sizeof(bolo_shm_camera) / sizeof(std::uint64_t)>;
+
+ordered_json value_of(const pipeline::CounterRow<pipeline::SourceStatus>& row, const Words& words,
+                      std::int64_t now_ns) {
+  using pipeline::RowKind;
+  const auto word = [&words](std::size_t offset) { return words[offset / sizeof(std::uint64_t)]; };
+  const std::uint64_t own = word(row.shared);
+  if (row.kind == RowKind::kCount) return own;
+  if (word(row.known_by != 0 ? row.known_by : row.shared) == 0) return nullptr;
+  if (row.kind == RowKind::kSince) return seconds_since(static_cast<std::int64_t>(own), now_ns);
+  if (row.kind == RowKind::kReal) return std::bit_cast<double>(own) * row.json_scale;
+  return static_cast<double>(static_cast<std::int64_t>(own)) * row.json_scale;
 }
 
 }  // namespace
@@ -34,24 +44,10 @@ double seconds_since(std::int64_t then_ns, std::int64_t now_ns) noexcept {
 }
 
 bolo_shm_camera camera_block(const pipeline::SourceStatus& status) noexcept {
-  bolo_shm_camera block{};
+  Words words{};
+  each_shared_word(kCameraCounters, status, [&words](std::size_t at, std::uint64_t word) { words[at] = word; });
+  auto block = std::bit_cast<bolo_shm_camera>(words);
   block.bytes = sizeof(block);
-  block.state = static_cast<std::uint64_t>(status.state.value());
-  block.since_ns = status.since_ns.value();
-  for (std::size_t i = 0; i < kLostCauses; ++i) block.lost[i] = status.lost[i].value();
-  block.reopened = status.reopened.value();
-  block.stalls = status.stalls.value();
-  block.outage_frames = status.outage_frames.value();
-  block.corrections = status.corrections.value();
-  block.correction_ns = status.correction_ns.value();
-  block.clock_offset_ns = status.clock_offset_ns.value();
-  block.clock_drift_ppm = status.clock_drift_ppm.value();
-  block.clock_jitter_ns = status.clock_jitter_ns.value();
-  block.clock_jumps = status.clock_jumps.value();
-  block.received_packets = status.received_packets.value();
-  block.missing_packets = status.missing_packets.value();
-  block.resent_packets = status.resent_packets.value();
-  block.temperature_k = status.temperature_k.value();
   return block;
 }
 
@@ -61,28 +57,15 @@ const char* camera_state_word(const bolo_shm_camera& camera) noexcept {
 }
 
 ordered_json camera_json(const bolo_shm_camera& camera, std::int64_t now_ns) {
-  ordered_json json{{"state", camera_state_word(camera)},
-                    {"state_age_s", seconds_since(camera.since_ns, now_ns)},
-                    {"reopened", camera.reopened},
-                    {"stalls", camera.stalls},
-                    {"outage_frames", camera.outage_frames},
-                    {"nucs", camera.corrections},
-                    {"nuc_age_s", nullptr},
-                    {"clock_offset_s", nullptr},
-                    {"clock_drift_ppm", nullptr},
-                    {"clock_jitter_ms", nullptr},
-                    {"clock_jumps", camera.clock_jumps},
-                    {"received_packets", camera.received_packets},
-                    {"missing_packets", camera.missing_packets},
-                    {"resent_packets", camera.resent_packets},
-                    {"temperature_k", nullptr}};
-  for (std::size_t i = 0; i < kLostCauses; ++i) json["lost"][key_of(static_cast<LostCause>(i))] = camera.lost[i];
-  if (camera.correction_ns != 0) json["nuc_age_s"] = seconds_since(camera.correction_ns, now_ns);
-  if (camera.temperature_k > 0.0) json["temperature_k"] = camera.temperature_k;
-  if (camera.clock_offset_ns != 0) {
-    json["clock_offset_s"] = static_cast<double>(camera.clock_offset_ns) * 1e-9;
-    json["clock_drift_ppm"] = camera.clock_drift_ppm;
-    json["clock_jitter_ms"] = camera.clock_jitter_ns * 1e-6;
+  const auto words = std::bit_cast<Words>(camera);
+  ordered_json json{{"state", camera_state_word(camera)}, {"state_age_s", seconds_since(camera.since_ns, now_ns)}};
+  for (const auto& row : kCameraCounters) {
+    if (!row.key.empty() && row.parts == 1) json[std::string(row.key)] = value_of(row, words, now_ns);
+  }
+  for (const auto& row : kCameraCounters) {
+    for (std::size_t i = 0; row.parts > 1 && i < row.parts; ++i) {
+      json[std::string(row.key)][part_key(row, i)] = words[row.shared / sizeof(std::uint64_t) + i];
+    }
   }
   return json;
 }

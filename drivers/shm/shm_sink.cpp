@@ -10,11 +10,11 @@
 #include <optional>
 
 #include "bolo/shm_layout.h"
-#include "drivers/shm/camera_block.hpp"
 #include "drivers/shm/shared_words.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "drivers/shm/waker.hpp"
 #include "src/core/clock.hpp"
+#include "src/pipeline/counter_table.hpp"
 
 namespace bolo::shm {
 namespace {
@@ -133,27 +133,18 @@ void describe(bolo_shm_settings& settings, const pipeline::SinkFormat& format) {
 }
 
 // Relaxed: each counter stands alone, nothing else is published through it.
-void store_stats(bolo_shm_header& header, const pipeline::PipelineStats& stats) noexcept {
-  store_relaxed(header.heartbeat_ns, static_cast<std::uint64_t>(monotonic_ns()));
-  store_relaxed(header.received, stats.inlet.received());
-  store_relaxed(header.restarts, stats.restarts.value());
-  store_relaxed(header.warm_up, stats.warm_up.value());
-  store_relaxed(header.gap_frames, stats.gap_frames.value());
-  store_relaxed(header.deblur_ns, stats.deblur_ns.value());
-  for (std::size_t i = 0; i < kLossCauses; ++i) {
-    store_relaxed(header.lost[i], stats.inlet.losses().value(static_cast<LossCause>(i)));
-  }
-  for (std::size_t b = 0; b < BOLO_SHM_LATENCY_BUCKETS; ++b) store_relaxed(header.latency[b], stats.latency.count(b));
+template <typename Rows, typename Source>
+void store_words(void* to, const Rows& rows, const Source& source) noexcept {
+  each_shared_word(rows, source,
+                   [words = static_cast<std::uint64_t*>(to)](std::size_t at, std::uint64_t word) noexcept {
+                     store_relaxed(words[at], word);
+                   });
 }
 
-// Relaxed as the counters above. What is written once, the size and the socket's path, stays.
-void store_camera(bolo_shm_camera& to, const pipeline::SourceStatus& status) noexcept {
-  const bolo_shm_camera from = camera_block(status);
-  constexpr std::size_t kFirst = offsetof(bolo_shm_camera, state) / kWord;
-  constexpr std::size_t kEnd = offsetof(bolo_shm_camera, control_socket) / kWord;
-  const auto words = std::bit_cast<std::array<std::uint64_t, sizeof(bolo_shm_camera) / kWord>>(from);
-  auto* const shared = reinterpret_cast<std::uint64_t*>(&to);
-  for (std::size_t i = kFirst; i < kEnd; ++i) store_relaxed(shared[i], words[i]);
+void store_stats(bolo_shm_header& header, const pipeline::PipelineStats& stats) noexcept {
+  store_relaxed(header.heartbeat_ns, static_cast<std::uint64_t>(monotonic_ns()));
+  store_words(&header, pipeline::kFrameCounters, stats);
+  for (std::size_t b = 0; b < BOLO_SHM_LATENCY_BUCKETS; ++b) store_relaxed(header.latency[b], stats.latency.count(b));
 }
 
 // Only this thread writes `wake`, so a load and a store make the increment.
@@ -185,7 +176,7 @@ struct ShmSink::Impl {
   void store(const pipeline::PipelineStats& stats) const noexcept {
     store_stats(header(), stats);
     if (stats.source == nullptr) return;
-    store_camera(*reinterpret_cast<bolo_shm_camera*>(object.data() + kCameraOffset), *stats.source);
+    store_words(object.data() + kCameraOffset, pipeline::kCameraCounters, *stats.source);
   }
   std::byte* slot(std::uint64_t number) const noexcept {
     return object.data() + kSlotsOffset + number % slot_count * layout.stride;

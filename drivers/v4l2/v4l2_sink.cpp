@@ -14,6 +14,7 @@
 
 #include "drivers/v4l2/loopback_port.hpp"
 #include "drivers/v4l2/newest_frame.hpp"
+#include "drivers/v4l2/v4l2_section.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/duration_text.hpp"
 #include "src/rt/thread.hpp"
@@ -189,14 +190,25 @@ void V4l2Sink::close() noexcept {
   }
 }
 
-const V4l2Options& V4l2Sink::options() const noexcept { return impl_->options; }
+pipeline::SinkStatistics V4l2Sink::statistics() const {
+  const V4l2Stats& stats = impl_->stats;
+  return {"video",
+          "device",
+          impl_->options.device,
+          {{"open", "bolo_video_open", "1 while the device takes frames", stats.open.value() ? 1U : 0U},
+           {"written", "bolo_video_frames_written_total", "Frames that the device took", stats.written.value()},
+           {"dropped", "bolo_video_frames_dropped_total", "Frames that it did not take", stats.dropped.value()},
+           {"failures", "bolo_video_failures_total", "Times that it failed and was let go", stats.failures.value()}}};
+}
+
+void V4l2Sink::reload(const pipeline::SinkSection& read) {
+  const auto* const section = dynamic_cast<const V4l2Section*>(&read);
+  if (section == nullptr) return;
+  const std::lock_guard lock(impl_->mutex);
+  impl_->new_agc = section->options().agc;
+}
 
 const V4l2Stats& V4l2Sink::stats() const noexcept { return impl_->stats; }
-
-void V4l2Sink::set_agc(const AgcOptions& agc) {
-  const std::lock_guard lock(impl_->mutex);
-  impl_->new_agc = agc;
-}
 
 std::vector<pipeline::Notice> V4l2Sink::take_notices() { return impl_->notices.take(); }
 

@@ -52,13 +52,14 @@ class V4l2Sink final : public pipeline::FrameSink {
   // Waits two seconds at most for a device that is stuck in a write.
   void close() noexcept override;
 
-  const V4l2Options& options() const noexcept;
+  pipeline::SinkStatistics statistics() const override;
+  // Changes of the device.
+  std::vector<pipeline::Notice> take_notices() override;
+  // Takes the AGC, from the next frame on.
+  void reload(const pipeline::SinkSection& read) override;
+
   // Thread: any.
   const V4l2Stats& stats() const noexcept;
-  // Applies from the next frame on. Thread: any, but one at a time.
-  void set_agc(const AgcOptions& agc);
-  // Changes of the device since the last call. Thread: any.
-  std::vector<pipeline::Notice> take_notices();
 
  private:
   struct Impl;

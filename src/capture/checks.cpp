@@ -1,8 +1,9 @@
 // Rules that both file formats and the writer share.
-#include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "src/capture/contents.hpp"
+#include "src/core/statistics.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -33,9 +34,7 @@ double median_step(const std::vector<double>& t) {
   if (t.size() < 2) return 0.0;
   std::vector<double> step(t.size() - 1);
   for (std::size_t i = 0; i + 1 < t.size(); ++i) step[i] = t[i + 1] - t[i];
-  const auto middle = step.begin() + static_cast<std::ptrdiff_t>(step.size() / 2);
-  std::nth_element(step.begin(), middle, step.end());
-  return *middle;
+  return median(std::move(step));
 }
 
 void check_plausible(Contents& contents) {

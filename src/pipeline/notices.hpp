@@ -1,4 +1,4 @@
-// Events of a source for the log: changes of state, each once.
+// Events of a source or sink for the log: changes of state, each once.
 #pragma once
 
 #include <cstddef>

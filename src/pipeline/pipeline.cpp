@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <cstring>
+#include <iterator>
 #include <memory>
 #include <new>
 #include <span>
@@ -224,6 +225,7 @@ struct Pipeline::Impl {
   PipelineStats stats;
   Plane deblurred;
   OpenSinks sinks;
+  std::vector<FrameSink*> all_sinks;  // also when they are closed
   rt::WorkerTeam team;
 
   // Written by the pipeline thread before the team runs, read by the workers; the team's barrier orders both.
@@ -556,6 +558,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .undone = options.undo.before() || options.undo.after(),
                           .region = options.region,
                           .points = options.points};
+  impl->all_sinks = sinks;
   if (Status status = impl->sinks.open(sinks, format); !status) return tl::unexpected(status.error());
   return std::unique_ptr<Pipeline>(new Pipeline(std::move(impl)));
 }
@@ -588,7 +591,15 @@ Pipeline::~Pipeline() = default;
 const PipelineStats& Pipeline::stats() const noexcept { return impl_->stats; }
 const SourceInfo& Pipeline::source() const noexcept { return impl_->info; }
 
-std::vector<Notice> Pipeline::take_notices() { return impl_->source->take_notices(); }
+std::vector<Notice> Pipeline::take_notices() {
+  std::vector<Notice> notices = impl_->source->take_notices();
+  for (FrameSink* sink : impl_->all_sinks) {
+    std::ranges::move(sink->take_notices(), std::back_inserter(notices));
+  }
+  return notices;
+}
+
+std::span<FrameSink* const> Pipeline::sinks() const noexcept { return impl_->all_sinks; }
 
 Status Pipeline::trigger_nuc() { return impl_->source->trigger_nuc(); }
 const deblur::Settings& Pipeline::settings() const noexcept { return impl_->settings; }

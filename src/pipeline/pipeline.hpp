@@ -77,9 +77,12 @@ class Pipeline {
   // Thread: any.
   const PipelineStats& stats() const noexcept;
   const SourceInfo& source() const noexcept;
-  // The source's own (FrameSource). Thread: any.
+  // The source's and then the sinks' own (FrameSource, FrameSink). Thread: any.
   std::vector<Notice> take_notices();
+  // The source's. Thread: any.
   Status trigger_nuc();
+  // As given to create(). Thread: any.
+  std::span<FrameSink* const> sinks() const noexcept;
   // As applied: with the source's own period and the iterations in use. Thread: any.
   const deblur::Settings& settings() const noexcept;
   // The instruction set of the solver. Thread: any.

@@ -4,12 +4,14 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "src/core/frame.hpp"
 #include "src/core/plane.hpp"
 #include "src/core/result.hpp"
 #include "src/deblur/settings.hpp"
+#include "src/pipeline/notices.hpp"
 #include "src/pipeline/source.hpp"
 #include "src/pipeline/stats.hpp"
 
@@ -39,6 +41,25 @@ struct SinkFormat {
   std::vector<std::uint32_t> points{};
 };
 
+class SinkSection;
+
+// One of a sink's own numbers.
+struct SinkNumber {
+  std::string_view key;     // in JSON
+  std::string_view metric;  // of Prometheus; what does not end in _total is 1 or 0: true or false now
+  std::string_view help;
+  std::uint64_t value = 0;  // since open()
+
+  bool counts() const noexcept { return metric.ends_with("_total"); }
+};
+
+struct SinkStatistics {
+  std::string_view group;  // sinks of one kind, a list in JSON: "video"; empty: this one has nothing to tell
+  std::string_view label;  // what `name` is: "device"
+  std::string name;
+  std::vector<SinkNumber> numbers;
+};
+
 class FrameSink {
  public:
   virtual ~FrameSink() = default;
@@ -55,6 +76,15 @@ class FrameSink {
 
   // Thread: setup, after the last publish().
   virtual void close() noexcept = 0;
+
+  // Its own numbers. Thread: any.
+  virtual SinkStatistics statistics() const { return {}; }
+
+  // What has happened since the last call, newest last. Thread: any.
+  virtual std::vector<Notice> take_notices() { return {}; }
+
+  // Takes up the live keys of its section, which was read again. Thread: any, but one at a time.
+  virtual void reload(const SinkSection& /*read*/) {}
 };
 
 }  // namespace bolo::pipeline

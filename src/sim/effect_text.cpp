@@ -7,9 +7,9 @@
 #include <optional>
 
 #include "src/core/nearest.hpp"
+#include "src/core/shortest.hpp"
 #include "src/sim/effect.hpp"
 #include "src/sim/random.hpp"
-#include "src/sim/shortest.hpp"
 
 namespace bolo::sim {
 namespace {

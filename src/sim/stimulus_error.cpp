@@ -7,9 +7,9 @@
 #include <variant>
 
 #include "src/core/nearest.hpp"
+#include "src/core/shortest.hpp"
 #include "src/sim/effect.hpp"
 #include "src/sim/imperfect_fields.hpp"
-#include "src/sim/shortest.hpp"
 
 namespace bolo::sim {
 namespace {

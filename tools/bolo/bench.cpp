@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "src/core/statistics.hpp"
 #include "src/deblur/solver.hpp"
 #include "src/rt/worker_team.hpp"
 #include "src/sim/simulator.hpp"
@@ -87,9 +88,8 @@ Result<Speed> measure(const Window& input, deblur::Method method, int threads, d
     team.run([](void* self, int worker) { (*static_cast<Band*>(self))(worker); }, &band);
     ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
   }
-  std::nth_element(ms.begin(), ms.begin() + static_cast<std::ptrdiff_t>(ms.size() / 2), ms.end());
-  const double median = ms[ms.size() / 2];
-  return Speed{deblur::name(method), median, 1e3 * settings.period_s / median};
+  const double typical_ms = median(std::move(ms));
+  return Speed{deblur::name(method), typical_ms, 1e3 * settings.period_s / typical_ms};
 }
 
 Status bench(int threads, double seconds, bool json) {

@@ -9,6 +9,7 @@
 
 #include "src/capture/capture.hpp"
 #include "src/core/printable.hpp"
+#include "src/core/statistics.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 
@@ -29,13 +30,6 @@ std::vector<double> steps_s(const CaptureReader& reader) {
     steps.push_back((reader.t()[i] - reader.t()[i - 1]) / jump);
   }
   return steps;
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 json rate_of(const CaptureReader& reader) {

@@ -1,6 +1,8 @@
 #include "tools/bolod/compose.hpp"
 
-#include <cstdio>
+#include <spdlog/fmt/fmt.h>
+
+#include "drivers/v4l2/v4l2_section.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -32,15 +34,20 @@ bool waits_for_frames(const DaemonConfig& config) {
   return config.source == SourceType::kReplay && config.replay.pace == replay::Pace::kAsFastAsPossible;
 }
 
-ComposedSinks make_sinks(const DaemonConfig& config) {
-  ComposedSinks sinks;
-  if (config.shm_enabled) sinks.all.push_back(std::make_unique<shm::ShmSink>(config.shm));
-  for (std::size_t i = 0; i < kVideoDevices; ++i) {
-    if (!config.video[i].enabled) continue;
-    auto sink = std::make_unique<v4l2::V4l2Sink>(config.video[i].sink);
-    sinks.video[i] = sink.get();
-    sinks.all.push_back(std::move(sink));
-  }
+std::vector<std::shared_ptr<pipeline::SinkSection>> sink_sections() {
+  using v4l2::V4l2Section;
+  return {
+      std::make_shared<V4l2Section>("v4l2",
+                                    "frames as a camera of the system, for programs that know only such: v4l2loopback"),
+      std::make_shared<V4l2Section>("v4l2_second", "another such device, as raw frames beside sharp ones",
+                                    v4l2::V4l2Options{.device = "/dev/video11", .plane = v4l2::Plane::kRaw}),
+  };
+}
+
+std::vector<std::unique_ptr<pipeline::FrameSink>> make_sinks(const DaemonConfig& config) {
+  std::vector<std::unique_ptr<pipeline::FrameSink>> sinks;
+  sinks.push_back(config.shm_enabled ? std::make_unique<shm::ShmSink>(config.shm) : nullptr);
+  for (const auto& section : config.sinks) sinks.push_back(section->make());
   return sinks;
 }
 
@@ -48,11 +55,9 @@ namespace {
 
 std::string describe_sinks(const DaemonConfig& config) {
   std::string words = config.shm_enabled ? "shared memory /bolo." + config.name : "";
-  for (const VideoOptions& video : config.video) {
-    if (!video.enabled) continue;
-    words += (words.empty() ? "" : ", ") + video.sink.device + " (" +
-             (video.sink.plane == v4l2::Plane::kRaw ? "raw" : "deblurred") + ", " +
-             std::string(v4l2::name(video.sink.format)) + ")";
+  for (const auto& section : config.sinks) {
+    const std::string sink = section->describe();
+    if (!sink.empty()) words += (words.empty() ? "" : ", ") + sink;
   }
   return words.empty() ? "nowhere: shm.enable is false" : words;
 }
@@ -63,15 +68,12 @@ std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipel
   const pipeline::SourceInfo& source = pipeline.source();
   const std::string from = config.source == SourceType::kReplay ? config.replay.file.filename().string() : "camera";
   const std::string serial = source.camera_serial.empty() ? "" : " " + source.camera_serial;
-  char frame[64];
-  std::snprintf(frame, sizeof frame, "%dx%d at %.4g Hz", source.format.geometry.width, source.format.geometry.height,
-                1.0 / source.format.frame_period_s);
+  const StreamFormat& format = source.format;
   const deblur::Settings& settings = pipeline.settings();
-  char window[96];
-  std::snprintf(window, sizeof window, "window %d, look-ahead %d, tau %.4g ms, %d workers", settings.window,
-                settings.lookahead, settings.tau_s * 1e3, config.pipeline.workers);
-  return from + " " + source.camera_model + serial + ", " + frame + " -> " + pipeline.solver_text() + ", " + window +
-         " -> " + describe_sinks(config);
+  return fmt::format("{} {}{}, {}x{} at {:.4g} Hz -> {}, window {}, look-ahead {}, tau {:.4g} ms, {} workers -> {}",
+                     from, source.camera_model, serial, format.geometry.width, format.geometry.height,
+                     1.0 / format.frame_period_s, pipeline.solver_text(), settings.window, settings.lookahead,
+                     settings.tau_s * 1e3, config.pipeline.workers, describe_sinks(config));
 }
 
 }  // namespace bolo::daemon

@@ -1,7 +1,6 @@
 // From the configuration to objects: the only place in the daemon that names concrete drivers.
 #pragma once
 
-#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,14 +23,8 @@ Result<ComposedSource> make_source(const DaemonConfig& config);
 // True when the source waits until its frames are taken, so that a full queue is no overload. Thread: any.
 bool waits_for_frames(const DaemonConfig& config);
 
-// The sinks in the order in which they are served: shared memory first.
-struct ComposedSinks {
-  std::vector<std::unique_ptr<pipeline::FrameSink>> all;
-  std::array<v4l2::V4l2Sink*, kVideoDevices> video{};  // those of them that were asked for
-};
-
-// Thread: setup.
-ComposedSinks make_sinks(const DaemonConfig& config);
+// Shared memory first, then one a section of config.sinks; null for those that were not asked for. Thread: setup.
+std::vector<std::unique_ptr<pipeline::FrameSink>> make_sinks(const DaemonConfig& config);
 
 // "genicam FLIR A655sc 640x120 at 200 Hz -> admm ... -> shared memory /bolo.camera". Thread: setup.
 std::string describe(const DaemonConfig& config, const pipeline::Pipeline& pipeline);

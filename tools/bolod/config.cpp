@@ -14,7 +14,6 @@
 #include "src/deblur/isa.hpp"
 #include "src/model/strict_toml.hpp"
 #include "src/pipeline/apply_profile.hpp"
-#include "tools/bolod/config_video.hpp"
 #include "tools/bolod/control.hpp"
 #include "tools/bolod/metrics_server.hpp"
 #include "tools/bolod/reload.hpp"
@@ -216,7 +215,7 @@ void output_keys(KeyTable& keys, DaemonConfig& c) {
   keys.octal("mode", c.shm.mode, {0600, 0777, ""},
              "Permission bits; readers need to read only: 0o640 for the group's members, 0o644 for everybody.");
   keys.text("group", c.shm.group, "Owner group, of which the daemon's user must be a member; empty: the daemon's own.");
-  video_keys(keys, c.video);
+  for (const auto& sink : c.sinks) sink->declare(keys);
   keys.section("control", "commands to the running daemon: `bolo nuc NAME`");
   keys.boolean("enable", c.control.enabled, "Listen on a unix socket.");
   keys.text(
@@ -248,7 +247,7 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
   deblur_keys(keys, config, overrides);
   pipeline_keys(keys, config);
   output_keys(keys, config);
-  for (const std::string_view key : live_keys()) keys.mark(key, "live");
+  for (const std::string& key : live_keys(config)) keys.mark(key, "live");
   return keys;
 }
 
@@ -322,9 +321,10 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
   }
   if (const Status camera = check_camera(config.camera); !camera) return here("camera", camera.error().message);
   if (const Status isa = deblur::check_isa(config.isa); !isa) return here("deblur.isa", isa.error().message);
-  if (Status video = check_video(keys, config.video, config.source == SourceType::kReplay ? 0 : config.camera.width);
-      !video)
-    return video;
+  const int width = config.source == SourceType::kReplay ? 0 : config.camera.width;
+  for (std::size_t i = 0; i < config.sinks.size(); ++i) {
+    if (Status sink = config.sinks[i]->check(keys, width, {config.sinks.data(), i}); !sink) return sink;
+  }
   if (const Status listen = check_listen(config.metrics); !listen)
     return here("metrics.listen", listen.error().message);
   if (config.shm_enabled) {
@@ -346,8 +346,6 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
 }  // namespace
 
 DaemonConfig::DaemonConfig() {
-  video[1].sink.device = "/dev/video11";
-  video[1].sink.plane = v4l2::Plane::kRaw;
   pipeline.degrade = true;
   pipeline.deblur.auto_lambda = true;
   camera.width = 640;

@@ -1,20 +1,20 @@
 // Configuration of `bolod`, read from one TOML file (config/bolod.toml documents every key).
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <memory>
 #include <string>
+#include <vector>
 
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/replay/replay_source.hpp"
 #include "drivers/shm/shm_sink.hpp"
-#include "drivers/v4l2/v4l2_sink.hpp"
 #include "src/core/result.hpp"
 #include "src/model/camera_profile.hpp"
 #include "src/pipeline/pipeline.hpp"
+#include "src/pipeline/sink_section.hpp"
 
 namespace bolo::daemon {
 
@@ -47,17 +47,15 @@ struct ControlOptions {
   unsigned mode = 0660;
 };
 
-struct VideoOptions {
-  bool enabled = false;
-  v4l2::V4l2Options sink;
-};
-inline constexpr std::size_t kVideoDevices = 2;
-
 struct MetricsOptions {
   bool enabled = false;
   std::string listen = "127.0.0.1:9464";
   bool allow_remote = false;  // an address that other computers reach
 };
+
+// The sinks that a daemon may have beside shared memory, in the order of their sections in the file, in which they are
+// served: another one is a line in compose.cpp. Thread: any.
+std::vector<std::shared_ptr<pipeline::SinkSection>> sink_sections();
 
 struct DaemonConfig {
   DaemonConfig();  // the defaults for an A655sc at 200 Hz
@@ -76,7 +74,7 @@ struct DaemonConfig {
   bool lock_memory = true;
   bool shm_enabled = true;
   shm::ShmOptions shm;
-  std::array<VideoOptions, kVideoDevices> video;
+  std::vector<std::shared_ptr<pipeline::SinkSection>> sinks = sink_sections();  // shared by copies
   ControlOptions control;
   MetricsOptions metrics;
   LogOptions log;

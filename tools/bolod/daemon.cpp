@@ -87,9 +87,9 @@ void block_signals() {
 struct Daemon::Impl {
   DaemonConfig config;
   std::shared_ptr<spdlog::logger> log;
-  ComposedSinks sinks;                       // outlive the pipeline
-  genicam::GenicamSource* camera = nullptr;  // owned by the pipeline
-  replay::ReplaySource* replay = nullptr;    // owned by the pipeline
+  std::vector<std::unique_ptr<pipeline::FrameSink>> sinks;  // of make_sinks(); outlive the pipeline
+  genicam::GenicamSource* camera = nullptr;                 // owned by the pipeline
+  replay::ReplaySource* replay = nullptr;                   // owned by the pipeline
   std::unique_ptr<pipeline::Pipeline> pipeline;
 
   std::atomic<bool> stop_requested{false};
@@ -122,7 +122,9 @@ Status Daemon::Impl::compose() {
   replay = source->replay;
   sinks = make_sinks(config);
   std::vector<pipeline::FrameSink*> lent;
-  for (const auto& sink : sinks.all) lent.push_back(sink.get());
+  for (const auto& sink : sinks) {
+    if (sink != nullptr) lent.push_back(sink.get());
+  }
   if (Status status = deblur::choose_isa(config.isa); !status) return status;
   pipeline::PipelineOptions options = config.pipeline;
   options.must_keep_up = !waits_for_frames(config);
@@ -161,7 +163,7 @@ void Daemon::Impl::serve_metrics() {
   if (!config.metrics.enabled || metrics != nullptr || monotonic_ns() < next_metrics_try_ns) return;
   const bool first = std::exchange(next_metrics_try_ns, monotonic_ns() + kMetricsRetryNs) == 0;
   auto made = MetricsServer::start(config.metrics, [this] {
-    return collect_metrics({config.name, *pipeline, sinks.video, supervisor->flows()});
+    return collect_metrics({config.name, *pipeline, supervisor->flows()});
   });
   if (made) {
     metrics = std::move(*made);
@@ -174,7 +176,7 @@ void Daemon::Impl::serve_metrics() {
 // On the control server's thread.
 std::string Daemon::Impl::answer(std::string_view request) const {
   const auto refused = [](const std::string& why) { return nlohmann::json{{"ok", false}, {"error", why}}.dump(); };
-  if (request == "state") return state_json(config.name, pipeline->stats(), sinks.video).dump();
+  if (request == "state") return state_json(config, *pipeline).dump();
   if (request != "nuc") return refused("unknown request; there are: nuc, state");
   if (const Status done = pipeline->trigger_nuc(); !done) return refused(done.error().message);
   const pipeline::SourceStatus* status = pipeline->stats().source;
@@ -241,8 +243,8 @@ void Daemon::Impl::apply(const DaemonConfig& read) {
   const ConfigChange change = compare(config, read);
   set_level(*log, read.log.level);
   if (camera != nullptr) camera->set_nuc(read.camera.nuc);
-  for (std::size_t i = 0; i < kVideoDevices; ++i) {
-    if (sinks.video[i] != nullptr) sinks.video[i]->set_agc(read.video[i].sink.agc);
+  for (std::size_t i = 0; i < read.sinks.size(); ++i) {
+    if (sinks[i + 1] != nullptr) sinks[i + 1]->reload(*read.sinks[i]);  // the first is shared memory
   }
   for (const std::string& key : change.live) config.texts[key] = read.texts.at(key);
   if (!change.restart.empty()) {
@@ -265,7 +267,7 @@ Result<std::unique_ptr<Daemon>> Daemon::create(const DaemonConfig& config, std::
   impl->config = config;
   impl->log = std::move(log);
   if (const Status status = impl->compose(); !status) return tl::unexpected<Error>(status.error());
-  impl->supervisor.emplace(Supervisor::Subject{*impl->log, *impl->pipeline, impl->sinks.video, config.camera.stall_ms});
+  impl->supervisor.emplace(Supervisor::Subject{*impl->log, *impl->pipeline, config.camera.stall_ms});
   if (const Status status = impl->listen(); !status) return tl::unexpected<Error>(status.error());
   impl->serve_metrics();
   return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));

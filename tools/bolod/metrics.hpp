@@ -1,7 +1,6 @@
 // The daemon's numbers as Prometheus knows them; names and units follow its conventions.
 #pragma once
 
-#include <array>
 #include <string>
 #include <vector>
 
@@ -9,7 +8,6 @@
 
 #include "src/pipeline/pipeline.hpp"
 #include "src/rt/counters.hpp"
-#include "tools/bolod/compose.hpp"
 
 namespace bolo::daemon {
 
@@ -17,7 +15,6 @@ namespace bolo::daemon {
 struct MetricsView {
   const std::string& name;
   const pipeline::Pipeline& pipeline;
-  const std::array<v4l2::V4l2Sink*, kVideoDevices>& video;
   const rt::Gauge<bool>& flows;  // as the watchdog is told
 };
 

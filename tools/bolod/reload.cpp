@@ -2,43 +2,31 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 namespace bolo::daemon {
 namespace {
 
-constexpr std::array<std::string_view, 20> kLive{
-    "log.level",
-    "nuc.policy",
-    "nuc.interval_s",
-    "nuc.still_s",
-    "nuc.still_k",
-    "nuc.hold_ms",
-    "v4l2.gain",
-    "v4l2.low_k",
-    "v4l2.high_k",
-    "v4l2.low_percent",
-    "v4l2.high_percent",
-    "v4l2.smooth_s",
-    "v4l2.least_span_k",
-    "v4l2_second.gain",
-    "v4l2_second.low_k",
-    "v4l2_second.high_k",
-    "v4l2_second.low_percent",
-    "v4l2_second.high_percent",
-    "v4l2_second.smooth_s",
-    "v4l2_second.least_span_k",
-};
+constexpr std::array<const char*, 6> kLive{"log.level",   "nuc.policy",  "nuc.interval_s",
+                                           "nuc.still_s", "nuc.still_k", "nuc.hold_ms"};
 
 }  // namespace
 
-std::span<const std::string_view> live_keys() { return kLive; }
+std::vector<std::string> live_keys(const DaemonConfig& config) {
+  std::vector<std::string> keys(kLive.begin(), kLive.end());
+  for (const auto& sink : config.sinks) {
+    for (std::string& key : sink->live_keys()) keys.push_back(std::move(key));
+  }
+  return keys;
+}
 
 ConfigChange compare(const DaemonConfig& running, const DaemonConfig& read) {
   ConfigChange change;
+  const std::vector<std::string> taken_up = live_keys(read);
   for (const auto& [key, text] : read.texts) {
     const auto before = running.texts.find(key);
     if (before != running.texts.end() && before->second == text) continue;
-    const bool live = std::find(kLive.begin(), kLive.end(), key) != kLive.end();
+    const bool live = std::find(taken_up.begin(), taken_up.end(), key) != taken_up.end();
     (live ? change.live : change.restart).push_back(key);
   }
   return change;

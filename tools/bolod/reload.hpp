@@ -1,9 +1,7 @@
 // Changes of a configuration that is read again by a running daemon.
 #pragma once
 
-#include <span>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "tools/bolod/config.hpp"
@@ -11,7 +9,7 @@
 namespace bolo::daemon {
 
 // Keys that a running daemon takes up; all others need a restart. Thread: any.
-std::span<const std::string_view> live_keys();
+std::vector<std::string> live_keys(const DaemonConfig& config);
 
 struct ConfigChange {
   std::vector<std::string> live;     // changed keys that can be taken up

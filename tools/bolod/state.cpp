@@ -2,6 +2,8 @@
 
 #include "drivers/shm/camera_block.hpp"
 #include "src/core/clock.hpp"
+#include "src/pipeline/counter_table.hpp"
+#include "tools/bolod/health.hpp"
 
 namespace bolo::daemon {
 namespace {
@@ -14,33 +16,20 @@ ordered_json latency_json(const rt::LatencyHistogram& histogram) {
   return {{"p50_ms", percentile(0.5)}, {"p99_ms", percentile(0.99)}, {"max_ms", percentile(1.0)}};
 }
 
-ordered_json losses_json(const pipeline::PipelineStats& stats) {
-  ordered_json lost;
-  for (std::size_t i = 0; i < kLossCauses; ++i) {
-    const auto cause = static_cast<LossCause>(i);
-    lost[std::string(name(cause))] = stats.inlet.losses().value(cause);
+template <typename Enum, std::size_t N>
+ordered_json by_name(const std::array<std::uint64_t, N>& counts) {
+  ordered_json json;
+  for (std::size_t i = 0; i < N; ++i) json[std::string(name(static_cast<Enum>(i)))] = counts[i];
+  return json;
+}
+
+ordered_json sink_json(const pipeline::SinkStatistics& sink) {
+  ordered_json json{{sink.label, sink.name}};
+  for (const pipeline::SinkNumber& number : sink.numbers) {
+    json[std::string(number.key)] = number.counts() ? ordered_json(number.value) : ordered_json(number.value != 0);
   }
-  return lost;
+  return json;
 }
-
-ordered_json effort_json(const pipeline::PipelineStats& stats) {
-  ordered_json frames;
-  for (std::size_t i = 0; i < pipeline::kEfforts; ++i) {
-    frames[std::string(name(static_cast<pipeline::Effort>(i)))] = stats.by_effort[i].value();
-  }
-  return {{"now", name(stats.effort.value())}, {"frames", frames}};
-}
-
-ordered_json video_json(const v4l2::V4l2Sink& sink) {
-  const v4l2::V4l2Stats& stats = sink.stats();
-  return {{"device", sink.options().device},
-          {"open", stats.open.value()},
-          {"written", stats.written.value()},
-          {"dropped", stats.dropped.value()},
-          {"failures", stats.failures.value()}};
-}
-
-}  // namespace
 
 ordered_json stages_json(const pipeline::PipelineStats& stats) {
   return {{"arrival", latency_json(stats.stages.arrival)},
@@ -50,21 +39,26 @@ ordered_json stages_json(const pipeline::PipelineStats& stats) {
           {"total", latency_json(stats.latency)}};
 }
 
-ordered_json state_json(const std::string& name, const pipeline::PipelineStats& stats,
-                        const std::array<v4l2::V4l2Sink*, kVideoDevices>& video) {
-  ordered_json json{{"ok", true},
-                    {"name", name},
-                    {"received", stats.inlet.received()},
-                    {"published", stats.published.value()},
-                    {"lost_total", stats.inlet.losses().total()},
-                    {"lost", losses_json(stats)},
-                    {"effort", effort_json(stats)},
-                    {"stages", stages_json(stats)},
-                    {"camera", nullptr},
-                    {"video", ordered_json::array()}};
+}  // namespace
+
+ordered_json state_json(const DaemonConfig& config, const pipeline::Pipeline& pipeline) {
+  const pipeline::PipelineStats& stats = pipeline.stats();
+  ordered_json json{{"ok", true}, {"name", config.name}, {"received", stats.inlet.received()}};
+  for (const auto& row : pipeline::kFrameCounters) {  // the others are in shared memory
+    if (row.shared == 0 && !row.key.empty()) json[std::string(row.key)] = row.read(stats, 0);
+  }
+  json["lost_total"] = stats.inlet.losses().total();
+  json["lost"] = by_name<LossCause>(loss_counts(stats));
+  json["effort"] = {{"now", name(stats.effort.value())}, {"frames", by_name<pipeline::Effort>(effort_counts(stats))}};
+  json["stages"] = stages_json(stats);
+  json["camera"] = nullptr;
   if (stats.source != nullptr) json["camera"] = shm::camera_json(shm::camera_block(*stats.source), monotonic_ns());
-  for (const v4l2::V4l2Sink* sink : video) {
-    if (sink != nullptr) json["video"].push_back(video_json(*sink));
+  for (const auto& section : config.sinks) {
+    if (!section->group().empty()) json[std::string(section->group())] = ordered_json::array();
+  }
+  for (const pipeline::FrameSink* sink : pipeline.sinks()) {
+    const pipeline::SinkStatistics statistics = sink->statistics();
+    if (!statistics.group.empty()) json[std::string(statistics.group)].push_back(sink_json(statistics));
   }
   return json;
 }

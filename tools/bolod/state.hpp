@@ -3,19 +3,12 @@
 
 #include <nlohmann/json.hpp>
 
-#include <string>
-
-#include "src/pipeline/stats.hpp"
-#include "tools/bolod/compose.hpp"
+#include "tools/bolod/config.hpp"
 
 namespace bolo::daemon {
 
-// Percentiles of where a frame's time goes, by stage: {"arrival": {"p50_ms": .., "p99_ms": .., "max_ms": ..}, ...}.
-// Thread: any.
-nlohmann::ordered_json stages_json(const pipeline::PipelineStats& stats);
-
-// Counters of frames, stages, camera and video devices. Thread: any.
-nlohmann::ordered_json state_json(const std::string& name, const pipeline::PipelineStats& stats,
-                                  const std::array<v4l2::V4l2Sink*, kVideoDevices>& video);
+// What has become of the frames, where their time goes, by stage ({"arrival": {"p50_ms": .., "p99_ms": .., "max_ms":
+// ..}, ...}), camera and sinks. Thread: any.
+nlohmann::ordered_json state_json(const DaemonConfig& config, const pipeline::Pipeline& pipeline);
 
 }  // namespace bolo::daemon

@@ -1,6 +1,6 @@
 #include "tools/bolod/status_line.hpp"
 
-#include <cstdio>
+#include <spdlog/fmt/fmt.h>
 
 namespace bolo::daemon {
 namespace {
@@ -26,14 +26,12 @@ std::string StatusLine::next(const pipeline::PipelineStats& stats, std::int64_t 
   for (std::size_t b = 0; b < fresh.size(); ++b) fresh[b] = counts[b] - latency_[b];
   const double seconds = static_cast<double>(now_ns - before_ns_) * 1e-9;
   const double rate = seconds > 0.0 ? static_cast<double>(published - published_) / seconds : 0.0;
-  char text[128];
-  std::snprintf(text, sizeof text, "%.1f frames/s, latency p50 %.2f ms, p99 %.2f ms; lost: ", rate,
-                rt::LatencyHistogram::percentile_ms(fresh, 0.5), rt::LatencyHistogram::percentile_ms(fresh, 0.99));
   before_ns_ = now_ns;
   published_ = published;
   latency_ = counts;
-  return describe_camera(stats.source) + describe_effort(stats.effort.value()) + text +
-         describe_losses(loss_counts(stats));
+  return fmt::format("{}{}{:.1f} frames/s, latency p50 {:.2f} ms, p99 {:.2f} ms; lost: {}", describe_camera(stats.source),
+                     describe_effort(stats.effort.value()), rate, rt::LatencyHistogram::percentile_ms(fresh, 0.5),
+                     rt::LatencyHistogram::percentile_ms(fresh, 0.99), describe_losses(loss_counts(stats)));
 }
 
 }  // namespace bolo::daemon

@@ -1,9 +1,11 @@
 #include "tools/bolod/supervisor.hpp"
 
-#include <cstdio>
 #include <utility>
 
+#include <spdlog/fmt/fmt.h>
+
 #include "src/core/clock.hpp"
+#include "src/pipeline/counter_table.hpp"
 #include "src/pipeline/watch.hpp"
 #include "tools/bolod/log.hpp"
 
@@ -17,10 +19,8 @@ constexpr std::int64_t kLinePeriodNs = 1'000'000'000;  // from one line for `sys
 std::string describe_latency(const rt::LatencyHistogram& latency) {
   const auto counts = latency.counts();
   const auto percentile = [&counts](double fraction) { return rt::LatencyHistogram::percentile_ms(counts, fraction); };
-  char words[96];
-  std::snprintf(words, sizeof words, "latency p50 %.2f ms, p99 %.2f ms, max %.2f ms", percentile(0.5), percentile(0.99),
-                percentile(1.0));
-  return words;
+  return fmt::format("latency p50 {:.2f} ms, p99 {:.2f} ms, max {:.2f} ms", percentile(0.5), percentile(0.99),
+                     percentile(1.0));
 }
 
 }  // namespace
@@ -39,7 +39,7 @@ void Supervisor::poll() {
   const std::int64_t now_ns = monotonic_ns();
   log(health_.poll(
       {now_ns, stats().inlet.received(), loss_counts(stats()), stats().source != nullptr, effort_counts(stats())}));
-  log_notices();
+  log(subject_.pipeline.take_notices());
   if (stats().polled_ns.value() == 0) return;  // the pipeline does not run yet
   notify_status(now_ns);
   feed_watchdog(now_ns);
@@ -48,13 +48,6 @@ void Supervisor::poll() {
 void Supervisor::log(const std::vector<pipeline::Notice>& notices) const {
   for (const pipeline::Notice& notice : notices) {
     log_notice(subject_.log, notice.warning ? spdlog::level::warn : spdlog::level::info, notice);
-  }
-}
-
-void Supervisor::log_notices() const {
-  log(subject_.pipeline.take_notices());
-  for (v4l2::V4l2Sink* sink : subject_.video) {
-    if (sink != nullptr) log(sink->take_notices());
   }
 }
 
@@ -95,16 +88,20 @@ void Supervisor::feed_watchdog(std::int64_t now_ns) {
 }
 
 void Supervisor::log_end() {
-  log_notices();
-  const std::uint64_t received = stats().inlet.received();
-  const std::uint64_t published = stats().published.value();
-  const LossCounts losses = loss_counts(stats());
-  pipeline::Notice notice{false,
-                          "ended: " + std::to_string(received) + " frames in, " + std::to_string(published) +
-                              " out, lost: " + describe_losses(losses) + "; " + describe_latency(stats().latency),
-                          event::kEnd,
-                          {{"received", received}, {"published", published}}};
-  add_loss_counts(losses, notice);
+  log(subject_.pipeline.take_notices());
+  pipeline::Notice notice{
+      false,
+      fmt::format("ended: {} frames in, {} out, lost: {}; {}", stats().inlet.received(), stats().published.value(),
+                  describe_losses(loss_counts(stats())), describe_latency(stats().latency)),
+      event::kEnd};
+  for (const auto& row : pipeline::kFrameCounters) {
+    for (std::size_t i = 0; row.at_end && i < row.parts; ++i) {
+      const std::string key(row.key);
+      const std::uint64_t count = row.read(stats(), i);
+      if (row.parts == 1) notice.counts.emplace_back(key, count);
+      if (row.parts > 1 && count > 0) notice.counts.emplace_back(key + "_" + part_key(row, i), count);
+    }
+  }
   log_notice(subject_.log, spdlog::level::info, notice);
 }
 

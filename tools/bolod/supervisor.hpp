@@ -1,7 +1,6 @@
 // Monitors the running daemon from the main thread, for the log and the service manager.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -10,7 +9,6 @@
 
 #include "src/pipeline/pipeline.hpp"
 #include "src/rt/counters.hpp"
-#include "tools/bolod/compose.hpp"
 #include "tools/bolod/health.hpp"
 #include "tools/bolod/service_manager.hpp"
 #include "tools/bolod/status_line.hpp"
@@ -24,7 +22,6 @@ class Supervisor {
   struct Subject {
     spdlog::logger& log;
     pipeline::Pipeline& pipeline;
-    const std::array<v4l2::V4l2Sink*, kVideoDevices>& video;
     int stall_ms = 0;
   };
   explicit Supervisor(const Subject& subject);
@@ -41,7 +38,6 @@ class Supervisor {
   Supervisor(const Subject& subject, double period_s, std::int64_t now_ns);
 
   void log(const std::vector<pipeline::Notice>& notices) const;
-  void log_notices() const;
   void notify_status(std::int64_t now_ns);
   void feed_watchdog(std::int64_t now_ns);
   Signs signs(std::int64_t now_ns) const;

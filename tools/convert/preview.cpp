@@ -3,18 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/core/statistics.hpp"
+
 namespace bolo::tools {
 namespace {
 
 constexpr double kShare = 0.01;      // of the pixels beyond either end
 constexpr double kFollow_s = 0.5;    // time constant
 constexpr double kLeastSpan = 1e-6;  // of a scene without contrast
-
-float quantile(std::vector<float>& values, double share) {
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
 
 }  // namespace
 

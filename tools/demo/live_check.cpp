@@ -11,8 +11,8 @@
 #include "src/capture/capture.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/loss.hpp"
+#include "src/core/statistics.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/percentile.hpp"
 #include "tools/cli/plot_option.hpp"
 #include "tools/demo/truth_clock.hpp"
 
@@ -144,9 +144,9 @@ nlohmann::ordered_json to_json(const LiveOutcome& o) {
           {"raw_frames_not_exact", o.raw_differs},
           {"lost_since_start", lost},
           {"latency_ms",
-           {{"p50", percentile(o.latency_ms, 0.5)},
-            {"p99", percentile(o.latency_ms, 0.99)},
-            {"max", percentile(o.latency_ms, 1.0)}}},
+           {{"p50", quantile(o.latency_ms, 0.5)},
+            {"p99", quantile(o.latency_ms, 0.99)},
+            {"max", quantile(o.latency_ms, 1.0)}}},
           {"deblur_ms_per_frame",
            deblurred > 0 ? static_cast<double>(o.last.deblur_ns - o.first.deblur_ns) * kMsPerNs / deblurred : 0.0},
           {"solver", std::string(o.last.solver)},

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "src/core/clock.hpp"
+#include "src/core/statistics.hpp"
 #include "src/report/text.hpp"
-#include "tools/cli/percentile.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -59,7 +59,7 @@ struct Range {
 
 Range range_of(const std::vector<float>& values) {
   const std::vector<double> sorted(values.begin(), values.end());
-  return {percentile(sorted, 0.005), percentile(sorted, 0.995)};
+  return {quantile(sorted, 0.005), quantile(sorted, 0.995)};
 }
 
 std::vector<float> part_of(const std::vector<float>& image, Geometry g, Region r) {
@@ -128,8 +128,8 @@ plot::Plot latency_plot(const LiveFigures& figures) {
       .caption = "First packet received to published. Below the period between two frames nothing queues up.",
       .x = {.name = "time", .unit = "s"},
       .y = {.name = "latency", .unit = "ms", .low = 0.0},
-      .levels = {{percentile(figures.latency_ms, 0.5), "p50"},
-                 {percentile(figures.latency_ms, 0.99), "p99"},
+      .levels = {{quantile(figures.latency_ms, 0.5), "p50"},
+                 {quantile(figures.latency_ms, 0.99), "p99"},
                  {1e3 * figures.period_s, "frame period"}},
       .width = kWidth,
       .height = 150.0};

@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstring>
 #include <span>
 
 #include "drivers/shm/camera_block.hpp"
 #include "src/core/printable.hpp"
-#include "src/pipeline/source_status.hpp"
+#include "src/pipeline/counter_table.hpp"
 #include "src/rt/counters.hpp"
 
 namespace bolo::tools {
@@ -59,6 +60,30 @@ std::string lost_words(const bolo_shm_camera& camera) {
   return words.empty() ? words : words + ")";
 }
 
+template <typename Shared, typename Row>
+std::uint64_t shared_count(const Shared& block, const Row& row) {
+  std::uint64_t count = 0;
+  std::memcpy(&count, reinterpret_cast<const char*>(&block) + row.shared, sizeof count);
+  return count;
+}
+
+// What is not in shared memory the daemon tells.
+std::uint64_t frame_count(const StatLook& look, const pipeline::FrameRow& row) {
+  if (row.shared != 0) return shared_count(look.header, row);
+  return look.told.is_object() ? look.told.value(std::string(row.key), std::uint64_t{0}) : 0;
+}
+
+// "16 warm-up, 3 with gaps".
+template <typename Rows, typename CountOf>
+std::string count_words(const Rows& rows, const CountOf& count_of) {
+  std::string text;
+  for (const auto& row : rows) {
+    if (row.words.empty()) continue;
+    text += (text.empty() ? "" : ", ") + std::to_string(count_of(row)) + " " + std::string(row.words);
+  }
+  return text;
+}
+
 // How the camera does, and its clock and corrections as far as they are known.
 std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
   std::uint64_t lost = 0;
@@ -67,8 +92,8 @@ std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
   std::string out = line("link     %s for %s; lost %llu%s, stalled %llu; %llu frames missed",
                          shm::camera_state_word(camera), duration(shm::seconds_since(camera.since_ns, now_ns)).c_str(),
                          Count{lost}, lost_words(camera).c_str(), Count{camera.stalls}, Count{camera.outage_frames});
-  out += line("packets  %llu received, %llu missing, %llu sent again", Count{camera.received_packets},
-              Count{camera.missing_packets}, Count{camera.resent_packets});
+  const auto packets = [&camera](const auto& row) { return shared_count(camera, row); };
+  out += line("packets  %s", count_words(pipeline::kCameraCounters, packets).c_str());
   if (camera.clock_offset_ns != 0) {
     out += line("clock    drift %+.1f ppm, jitter %.3f ms, %llu jumps", camera.clock_drift_ppm,
                 camera.clock_jitter_ns * 1e-6, Count{camera.clock_jumps});
@@ -135,8 +160,8 @@ std::string stat_table(const std::string& name, const StatLook& look, const Stat
         line("effort   %s; %llu frames reduced, %llu inverse, %llu raw",
              look.told["effort"].value("now", "unknown").c_str(), frames("reduced"), frames("inverse"), frames("raw"));
   }
-  out += line("windows  %llu warm-up, %llu with gaps, %llu restarts", Count{h.warm_up}, Count{h.gap_frames},
-              Count{h.restarts});
+  const auto frames = [&look](const auto& row) { return frame_count(look, row); };
+  out += line("windows  %s", count_words(pipeline::kFrameCounters, frames).c_str());
   out += line("lost     %llu in all", Count{s.lost_total});
   for (std::size_t i = 0; i < kLossCauses; ++i) {
     const std::string cause(bolo::name(static_cast<LossCause>(i)));
@@ -171,18 +196,22 @@ nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, 
                               {"latency_p99_ms", s.latency_p99_ms},
                               {"latency_max_ms", s.latency_max_ms},
                               {"latency_frames", s.latency_frames},
-                              {"deblur_ms_per_frame", s.deblur_ms},
-                              {"warm_up", h.warm_up},
-                              {"gap_frames", h.gap_frames},
-                              {"restarts", h.restarts},
-                              {"lost_total", s.lost_total}};
+                              {"deblur_ms_per_frame", s.deblur_ms}};
+  for (const auto& row : pipeline::kFrameCounters) {
+    if (!row.words.empty()) json[std::string(row.key)] = frame_count(look, row);
+  }
+  json["lost_total"] = s.lost_total;
   for (std::size_t i = 0; i < kLossCauses; ++i) {
     const std::string cause(bolo::name(static_cast<LossCause>(i)));
     json["lost"][cause] = s.lost[i];
     json["lost_hz"][cause] = s.lost_hz[i];
   }
   if (look.camera) json["camera"] = shm::camera_json(*look.camera, look.at_ns);
-  for (const char* key : {"effort", "stages", "video"}) json[key] = look.told.contains(key) ? look.told[key] : nullptr;
+  for (const char* key : {"effort", "stages", "video"}) json[key] = nullptr;
+  if (!look.told.is_object()) return json;
+  for (const auto& [key, value] : look.told.items()) {
+    if (key != "ok" && (!json.contains(key) || json[key].is_null())) json[key] = value;
+  }
   return json;
 }
 

@@ -9,6 +9,8 @@
 #include <condition_variable>
 #include <mutex>
 
+#include "drivers/v4l2/v4l2_section.hpp"
+
 namespace bolo::v4l2 {
 namespace {
 
@@ -227,7 +229,7 @@ TEST_F(V4l2SinkTest, TakesUpOtherTonesWhileItRuns) {
     });
   };
   EXPECT_TRUE(grey_is(0)) << "20 mK of 100 K";
-  sink_->set_agc({.gain = Gain::kFixed, .low_k = 0.0, .high_k = 0.02});
+  sink_->reload(V4l2Section("v4l2", "", {.agc = {.gain = Gain::kFixed, .low_k = 0.0, .high_k = 0.02}}));
   EXPECT_TRUE(grey_is(255));
 }
 

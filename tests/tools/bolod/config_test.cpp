@@ -6,6 +6,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "drivers/v4l2/v4l2_section.hpp"
 #include "src/capture/pixel_maps_io.hpp"
 
 namespace bolo::daemon {
@@ -269,16 +270,17 @@ TEST_F(Config, VideoKeysReachTheirDevices) {
       "[v4l2]\nenable = true\nformat = 'grey'\nplane = 'raw'\ngain = 'fixed'\nlow_k = 290\nhigh_k = 310\n"
       "[v4l2_second]\nenable = true\ny16_unit = '100mk'\n");
   ASSERT_TRUE(config) << config.error().message;
-  const v4l2::V4l2Options& first = config->video[0].sink;
-  const v4l2::V4l2Options& second = config->video[1].sink;
-  EXPECT_TRUE(config->video[0].enabled);
+  const auto section = [&](std::size_t i) { return dynamic_cast<const v4l2::V4l2Section&>(*config->sinks.at(i)); };
+  const v4l2::V4l2Options first = section(0).options();
+  const v4l2::V4l2Options second = section(1).options();
+  EXPECT_EQ(section(0).describe(), "/dev/video10 (raw, grey)");
   EXPECT_EQ(first.device, "/dev/video10");
   EXPECT_EQ(first.plane, v4l2::Plane::kRaw);
   EXPECT_EQ(first.format, v4l2::PixelFormat::kGrey);
   EXPECT_EQ(first.agc.gain, v4l2::Gain::kFixed);
   EXPECT_EQ(first.agc.low_k, 290.0);
   EXPECT_EQ(first.agc.high_k, 310.0);
-  EXPECT_TRUE(config->video[1].enabled);
+  EXPECT_EQ(section(1).describe(), "/dev/video11 (raw, y16)");
   EXPECT_EQ(second.device, "/dev/video11");
   EXPECT_EQ(second.y16_unit, v4l2::Y16Unit::k100mK);
   EXPECT_EQ(second.agc.gain, v4l2::Gain::kAuto) << "the first device's keys are its own";

@@ -1,36 +1,27 @@
 #include "tools/lab/blind/tables.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cstdarg>
-#include <cstdio>
 #include <vector>
+
+#include "src/report/text.hpp"
 
 namespace bolo::tools::blind {
 namespace {
 
-using nlohmann::ordered_json;
+using plot::format;
 
-// printf into a string; lines of the tables are short.
-[[gnu::format(printf, 1, 2)]] std::string line(const char* format, ...) {
-  std::array<char, 512> text{};
-  std::va_list values;
-  va_start(values, format);
-  std::vsnprintf(text.data(), text.size(), format, values);
-  va_end(values);
-  return text.data();
-}
+using nlohmann::ordered_json;
 
 std::string share(int part, int all) {
   if (all == 0) return "-";
-  return line("%d of %d (%.1f %%)", part, all, 100.0 * part / all);
+  return format("%d of %d (%.1f %%)", part, all, 100.0 * part / all);
 }
 
 // What is asked of each kind, then what else is worth knowing of it.
 std::string details(Kind kind, const KindScore& s) {
   std::string out;
   const auto add = [&](const char* name, int part) {
-    out += line("    %-44s %s\n", name, share(part, s.sessions).c_str());
+    out += format("    %-44s %s\n", name, share(part, s.sessions).c_str());
   };
   switch (kind) {
     case Kind::kEffectFree:
@@ -43,7 +34,7 @@ std::string details(Kind kind, const KindScore& s) {
       add("just the right cause", s.exact);
       add("another effect besides, or instead", s.false_effect);
       add("nothing said", s.nothing);
-      out += line("    %-44s %s\n", "of those it is sure of (0.95), right", share(s.sure_right, s.sure).c_str());
+      out += format("    %-44s %s\n", "of those it is sure of (0.95), right", share(s.sure_right, s.sure).c_str());
       break;
     case Kind::kPair:
       add("both named", s.all_right);
@@ -84,9 +75,9 @@ std::string named_text(const std::map<std::string, std::map<std::string, int>>& 
     std::string text;
     for (const auto& [name, count] : counts) {
       all += count;
-      text += line("%s%s %d", text.empty() ? "" : ", ", name.c_str(), count);
+      text += format("%s%s %d", text.empty() ? "" : ", ", name.c_str(), count);
     }
-    out += line("    %-26s %4d: %s\n", hidden.c_str(), all, text.c_str());
+    out += format("    %-26s %4d: %s\n", hidden.c_str(), all, text.c_str());
   }
   return out;
 }
@@ -97,7 +88,7 @@ std::string coverage_text(const Score& score) {
   for (const auto& [key, one] : score.coverage) {
     sum.inside += one.inside;
     sum.all += one.all;
-    out += line("    %-36s %s\n", key.c_str(), share(one.inside, one.all).c_str());
+    out += format("    %-36s %s\n", key.c_str(), share(one.inside, one.all).c_str());
   }
   if (sum.all == 0) return {};
   return "  parameters within their 95 % interval: " + share(sum.inside, sum.all) + "\n" + out;
@@ -130,26 +121,26 @@ ordered_json kind_json(const KindScore& s) {
 
 std::string rerun_words(const Failure& failure, const DrawOptions& draw) {
   std::string words =
-      line("bolo-lab blind --kind %s --seed %llu --first %zu --sessions 1", std::string(name_of(failure.kind)).c_str(),
-           static_cast<unsigned long long>(draw.seed), failure.index);
+      format("bolo-lab blind --kind %s --seed %llu --first %zu --sessions 1",
+             std::string(name_of(failure.kind)).c_str(), static_cast<unsigned long long>(draw.seed), failure.index);
   if (draw.imperfect) words += " --imperfect";
-  if (draw.magnitude != 1.0) words += line(" --magnitude %g", draw.magnitude);
+  if (draw.magnitude != 1.0) words += format(" --magnitude %g", draw.magnitude);
   if (!draw.only.empty()) words += " --only " + draw.only;
-  if (draw.geometry.width != 32) words += line(" --width %d", draw.geometry.width);
-  if (draw.geometry.height != 24) words += line(" --height %d", draw.geometry.height);
-  if (draw.frames_scale != 1.0) words += line(" --frames-scale %g", draw.frames_scale);
+  if (draw.geometry.width != 32) words += format(" --width %d", draw.geometry.width);
+  if (draw.geometry.height != 24) words += format(" --height %d", draw.geometry.height);
+  if (draw.frames_scale != 1.0) words += format(" --frames-scale %g", draw.frames_scale);
   return words;
 }
 
 std::string score_text(const Score& score, const Setting& setting) {
   std::string out;
   for (const auto& [kind, s] : score.kinds) {
-    out += line("%s: %d sessions, passed %s\n", std::string(name_of(kind)).c_str(), s.sessions,
-                share(s.passed, s.sessions).c_str());
+    out += format("%s: %d sessions, passed %s\n", std::string(name_of(kind)).c_str(), s.sessions,
+                  share(s.passed, s.sessions).c_str());
     out += details(kind, s);
-    out += line("    %-44s %.2f -> %.2f (90 %%: %.2f -> %.2f)\n", "gap before -> after, median", s.gap_before.median,
-                s.gap_after.median, s.gap_before.p90, s.gap_after.p90);
-    out += line("    %-44s %.1f (90 %%: %.1f)\n", "seconds a session, median", s.seconds.median, s.seconds.p90);
+    out += format("    %-44s %.2f -> %.2f (90 %%: %.2f -> %.2f)\n", "gap before -> after, median", s.gap_before.median,
+                  s.gap_after.median, s.gap_before.p90, s.gap_after.p90);
+    out += format("    %-44s %.1f (90 %%: %.1f)\n", "seconds a session, median", s.seconds.median, s.seconds.p90);
   }
   if (!score.confusion.empty()) {
     out += "  hidden, and what was named first (- nothing, ? something unknown)\n" + named_text(score.confusion);
@@ -158,7 +149,7 @@ std::string score_text(const Score& score, const Setting& setting) {
     out += "  outside the catalogue or withheld, and what was said (? flagged)\n" + named_text(score.instead);
   }
   out += coverage_text(score);
-  if (!score.failures.empty()) out += line("  failed: %zu\n", score.failures.size());
+  if (!score.failures.empty()) out += format("  failed: %zu\n", score.failures.size());
   for (const Failure& failure : score.failures) {
     out += "    " + failure.hidden + " -> " + failure.said + "\n      " + rerun_words(failure, setting.draw) + '\n';
   }

@@ -5,8 +5,8 @@
 #include <numeric>
 #include <optional>
 
+#include "src/core/statistics.hpp"
 #include "src/report/text.hpp"
-#include "tools/cli/percentile.hpp"
 
 namespace bolo::tools::detect {
 namespace {
@@ -176,7 +176,7 @@ Speeds speeds_of(const Found& found, std::size_t motion) {
   for (const Look& look : found.looks) {
     if (look.view.motion == motion) speeds.push_back(look.speed_px_s);
   }
-  return {percentile(speeds, 0.1), percentile(speeds, 0.5), percentile(speeds, 0.9)};
+  return {quantile(speeds, 0.1), quantile(speeds, 0.5), quantile(speeds, 0.9)};
 }
 
 }  // namespace

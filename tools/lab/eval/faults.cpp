@@ -7,8 +7,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "src/core/statistics.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/percentile.hpp"
 #include "tools/cli/plot_option.hpp"
 #include "tools/lab/eval/faults_plot.hpp"
 #include "tools/lab/eval/faults_scenarios.hpp"
@@ -66,9 +66,8 @@ std::string equality(const Row& row) { return row.equal ? "yes" : row.scenario->
 
 void print_row(const Row& row) {
   std::printf("%-17s %-26s %-26s %-6s %8.0f %8.0f %11llu  %s\n", row.scenario->name.c_str(), row.injected.c_str(),
-              row.lost.c_str(), equality(row).c_str(), percentile(row.recovery_ms, 0.5),
-              percentile(row.recovery_ms, 1.0), static_cast<unsigned long long>(row.reconnects),
-              row.wrong.empty() ? "right" : row.wrong.c_str());
+              row.lost.c_str(), equality(row).c_str(), quantile(row.recovery_ms, 0.5), quantile(row.recovery_ms, 1.0),
+              static_cast<unsigned long long>(row.reconnects), row.wrong.empty() ? "right" : row.wrong.c_str());
   std::fflush(stdout);
 }
 
@@ -78,7 +77,7 @@ nlohmann::ordered_json to_json(const Row& row) {
           {"injected", row.injected},
           {"lost", row.lost},
           {"equal", row.equal},
-          {"recovery_ms", {{"median", percentile(row.recovery_ms, 0.5)}, {"worst", percentile(row.recovery_ms, 1.0)}}},
+          {"recovery_ms", {{"median", quantile(row.recovery_ms, 0.5)}, {"worst", quantile(row.recovery_ms, 1.0)}}},
           {"reconnects", row.reconnects},
           {"wrong", row.wrong}};
 }

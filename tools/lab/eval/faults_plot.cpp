@@ -1,6 +1,6 @@
 #include "tools/lab/eval/faults_plot.hpp"
 
-#include "tools/cli/percentile.hpp"
+#include "src/core/statistics.hpp"
 
 namespace bolo::tools::faults {
 
@@ -20,9 +20,9 @@ plot::Sheet sheet_of(std::span<const Recovery> recoveries, double window_ms) {
     const auto place = static_cast<double>(recovery.x.categories.size());
     recovery.x.categories.push_back(one.fault);
     worst.x.push_back(place);
-    worst.y.push_back(percentile(one.ms, 1.0));
+    worst.y.push_back(quantile(one.ms, 1.0));
     median.x.push_back(place);
-    median.y.push_back(percentile(one.ms, 0.5));
+    median.y.push_back(quantile(one.ms, 0.5));
   }
   recovery.series = {median, worst};
   return {.title = "A camera that fails", .rows = {{recovery}}};

@@ -1,12 +1,12 @@
 #include "tools/lab/eval/fidelity_columns.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <limits>
 #include <mutex>
 #include <optional>
 #include <utility>
 
+#include "src/report/text.hpp"
 #include "tools/lab/eval/fidelity_baselines.hpp"
 #include "tools/lab/eval/fidelity_picked.hpp"
 
@@ -14,12 +14,6 @@ namespace bolo::tools::fidelity {
 namespace {
 
 constexpr double kWrongSpeed = 1.1;
-
-std::string words(const char* format, double value) {
-  char buffer[96];
-  std::snprintf(buffer, sizeof buffer, format, value);
-  return buffer;
-}
 
 Geometry judged_size(const Sequence& s) { return {s.clean->judged.width, s.clean->judged.height}; }
 
@@ -51,7 +45,7 @@ Result<Column> qp_columns(const Sequence& s, const Planes& truth, int lookahead,
     if (lambda == kAuthorsLambda) {
       cell.columns.push_back({ColumnKind::kQpAuthors, "", "", measure(*planes, truth, judged_size(s))});
     }
-    const double error = oracle.offer(std::move(*planes), words("lambda %g", lambda));
+    const double error = oracle.offer(std::move(*planes), plot::format("lambda %g", lambda));
     cell.grid.push_back({lambda, error});
   }
   return column_of(ColumnKind::kQpBest, oracle.best(), truth, s);
@@ -63,7 +57,7 @@ Column live_column(const Sequence& s, const Planes& truth, ColumnKind kind, int 
   double noise_k = 0.0;
   const auto planes = estimate(s, *settings, &noise_k);
   if (!planes) return {kind, "", planes.error().message, {}};
-  return {kind, words("noise measured %.3f K", noise_k), "", measure(*planes, truth, judged_size(s))};
+  return {kind, plot::format("noise measured %.3f K", noise_k), "", measure(*planes, truth, judged_size(s))};
 }
 
 double live_rmse(const Sequence& s, const Planes& truth, ColumnKind kind, int lookahead) {

@@ -6,6 +6,8 @@
 #include <limits>
 #include <numeric>
 
+#include "src/core/statistics.hpp"
+
 namespace bolo::tools::fidelity {
 namespace {
 
@@ -121,12 +123,6 @@ std::vector<Edge> strongest_edges(const Plane& truth, Geometry g) {
   return edges;
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // Where a profile passes `level` between two of its entries, px; from entry `from` in direction `step`.
 double crossing(const std::vector<double>& profile, int from, int direction, double level) {
   const bool upwards = direction > 0;
@@ -227,7 +223,7 @@ double edge_width(const Planes& estimate, const Planes& truth, Geometry g) {
   }
   if (values.front().empty()) return kNan;
   std::vector<double> profile(values.size());
-  std::ranges::transform(values, profile.begin(), median);
+  std::ranges::transform(values, profile.begin(), median<double>);
   return rise_of(profile, reach);
 }
 

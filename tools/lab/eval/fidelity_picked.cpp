@@ -1,9 +1,9 @@
 #include "tools/lab/eval/fidelity_picked.hpp"
 
 #include <array>
-#include <cstdio>
 #include <utility>
 
+#include "src/report/text.hpp"
 #include "tools/lab/eval/fidelity_measures.hpp"
 
 namespace bolo::tools::fidelity {
@@ -12,12 +12,6 @@ namespace {
 constexpr std::array kUnsharpSigmas{1.0, 2.0, 4.0, 8.0};
 constexpr std::array kUnsharpAmounts{0.25, 0.5, 1.0, 2.0, 4.0};
 constexpr std::array kNoiseToSignal{1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2};
-
-std::string words(const char* format, double a, double b = 0.0) {
-  char buffer[96];
-  std::snprintf(buffer, sizeof buffer, format, a, b);
-  return buffer;
-}
 
 // Applies a filter of whole frames to every target.
 template <typename Filter>
@@ -46,7 +40,7 @@ Picked picked_unsharp(const Sequence& s, const Planes& truth, const Planes& fram
     for (const double amount : kUnsharpAmounts) {
       oracle.offer(
           filtered(s, [&](std::size_t i) { return unsharp_mask(frames[i], s.clean->geometry, sigma, amount); }),
-          words("sigma %g px, amount %g", sigma, amount));
+          plot::format("sigma %g px, amount %g", sigma, amount));
     }
   }
   return oracle.best();
@@ -60,7 +54,7 @@ Picked picked_wiener(const SpatialTask& task) {
   }
   for (const double strength : kNoiseToSignal) {
     oracle.offer(filtered(task.sequence, [&](std::size_t i) { return wieners[i].restore(strength); }),
-                 words("noise to signal %g", strength));
+                 plot::format("noise to signal %g", strength));
   }
   return oracle.best();
 }
@@ -74,7 +68,7 @@ Picked picked_lucy(const SpatialTask& task, std::span<const int> iterations) {
   }
   for (std::size_t n = 0; n < iterations.size(); ++n) {
     oracle.offer(filtered(task.sequence, [&](std::size_t i) { return results[i][n]; }),
-                 words("%g iterations", iterations[n]));
+                 plot::format("%d iterations", iterations[n]));
   }
   return oracle.best();
 }

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "src/core/clock.hpp"
-#include "tools/cli/percentile.hpp"
+#include "src/core/statistics.hpp"
 
 namespace bolo::tools::faults {
 namespace {
@@ -71,8 +71,8 @@ Result<LossRow> try_loss(const LossTask& task, const Recording& scene, const pip
   row.network = lost(LossCause::kIncomplete) + lost(LossCause::kMissing);
   row.behind = lost(LossCause::kPoolExhausted) + lost(LossCause::kQueueFull);
   row.deblur_ms = result->deblur_ms;
-  row.latency_p50_ms = percentile(result->latency_ms, 0.5);
-  row.latency_p99_ms = percentile(result->latency_ms, 0.99);
+  row.latency_p50_ms = quantile(result->latency_ms, 0.5);
+  row.latency_p99_ms = quantile(result->latency_ms, 0.99);
   row.host_dropped = result->host_dropped;
   SquareSum raw;
   SquareSum deblurred;

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "tools/cli/percentile.hpp"
+#include "src/core/statistics.hpp"
 
 namespace bolo::tools::soak {
 namespace {
@@ -14,7 +14,7 @@ constexpr double kSecondsPerHour = 3600.0;
 double median(const std::vector<Reading>& readings, std::size_t from, std::size_t to) {
   std::vector<double> values;
   for (std::size_t i = from; i < to; ++i) values.push_back(readings[i].value);
-  return percentile(values, 0.5);
+  return quantile(values, 0.5);
 }
 
 double theil_sen(const std::vector<Reading>& readings) {
@@ -25,7 +25,7 @@ double theil_sen(const std::vector<Reading>& readings) {
       slopes.push_back((readings[j].value - readings[i].value) / (readings[j].at_s - readings[i].at_s));
     }
   }
-  return percentile(slopes, 0.5);
+  return quantile(slopes, 0.5);
 }
 
 }  // namespace

@@ -3,9 +3,9 @@
 #include <map>
 #include <numeric>
 
+#include "src/core/statistics.hpp"
 #include "src/report/page.hpp"
 #include "src/report/text.hpp"
-#include "tools/cli/percentile.hpp"
 #include "tools/lab/soak/frame_judge.hpp"
 #include "tools/lab/soak/report.hpp"
 
@@ -171,8 +171,8 @@ plot::Table kinds_table(const SoakResult& result) {
       .caption = "Recovery: from its end until right frames, without a gap, flow again; overload's flags aside."};
   for (const auto& [kind, n] : times) {
     const KindInfo& info = info_of(kind);
-    table.rows.push_back({std::string(info.name), std::to_string(n), format("%.2f", percentile(recoveries[kind], 0.5)),
-                          format("%.2f", percentile(recoveries[kind], 1.0)), format("%.0f", info.recovers_within_s),
+    table.rows.push_back({std::string(info.name), std::to_string(n), format("%.2f", quantile(recoveries[kind], 0.5)),
+                          format("%.2f", quantile(recoveries[kind], 1.0)), format("%.0f", info.recovers_within_s),
                           std::string(info.about)});
   }
   return table;

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "src/deblur/isa.hpp"
+#include "src/report/text.hpp"
 #include "tools/bolod/config.hpp"
 
 namespace bolo::tools::soak {
@@ -29,12 +30,6 @@ std::string contents(const std::filesystem::path& file) {
   std::ostringstream text;
   text << std::ifstream(file).rdbuf();
   return text.str();
-}
-
-std::string rate_text(double hz) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", hz);
-  return text;
 }
 
 }  // namespace
@@ -122,7 +117,7 @@ Status Rig::make_files() {
 Status Rig::start_camera(const Round& round) {
   Command command;
   command.words = {
-      programs_.bolo, "fakecam",     file("scene.h5"), "--loop",       "--rate", rate_text(request_.rate_hz),
+      programs_.bolo, "fakecam",     file("scene.h5"), "--loop",       "--rate", plot::format("%g", request_.rate_hz),
       "--interface",  file_.address, "--json",         "--tell-every", "0.25"};
   for (const std::string& fault : round.faults()) {
     command.words.emplace_back("--fault");

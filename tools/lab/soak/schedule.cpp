@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "src/core/splitmix.hpp"
+#include "src/report/text.hpp"
 
 namespace bolo::tools::soak {
 namespace {
+
+using plot::format;
 
 constexpr double kFirstQuiet_s = 2.5;  // before the first disturbance of a round: the camera has just begun
 constexpr double kChange_s = 4.5;      // from one round's camera to the next one's first frame
@@ -30,12 +32,6 @@ class Dice {
   std::uint64_t count_ = 0;
 };
 
-std::string text(const char* format, double a, double b = 0.0, double c = 0.0) {
-  char out[160];
-  std::snprintf(out, sizeof out, format, a, b, c);
-  return out;
-}
-
 // By how much the camera's clock jumps, s: never whole frames, else two of them carry the same time, by which the books
 // are compared.
 double jump(Dice& dice) { return std::floor(dice.between(0.2, 2.0) * 100.0) / 100.0 + 0.0013; }
@@ -43,24 +39,24 @@ double jump(Dice& dice) { return std::floor(dice.between(0.2, 2.0) * 100.0) / 10
 // The camera's script for one of its kinds.
 std::string faults_of(const Disturbance& d, Dice& dice) {
   const std::string name(info_of(d.kind).name);
-  const std::string at = text("at=%.3f", d.at_s);
-  const std::string lasting = ":" + at + text(",for=%.3f", d.for_s);
+  const std::string at = format("at=%.3f", d.at_s);
+  const std::string lasting = ":" + at + format(",for=%.3f", d.for_s);
   const std::string seed = ",seed=" + std::to_string(d.seed % 1'000'000);
   switch (d.kind) {
     case Kind::kLoss:
     case Kind::kReorder:
     case Kind::kDuplicate:
     case Kind::kGarbage:
-      return name + lasting + text(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
+      return name + lasting + format(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
     case Kind::kNoResend:  // requests come after the packets: unanswered a little longer
-      return name + ":" + at + text(",for=%.3f", d.for_s + 0.3) + " loss" + lasting +
-             text(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
+      return name + ":" + at + format(",for=%.3f", d.for_s + 0.3) + " loss" + lasting +
+             format(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
     case Kind::kIdGap:
-      return name + ":" + at + text(",ids=%.0f", 1.0 + static_cast<double>(dice.below(40)));
+      return name + ":" + at + format(",ids=%.0f", 1.0 + static_cast<double>(dice.below(40)));
     case Kind::kTimeJump:
-      return name + ":" + at + text(",by=%.4f", (dice.below(2) == 0 ? 1.0 : -1.0) * jump(dice));
+      return name + ":" + at + format(",by=%.4f", (dice.below(2) == 0 ? 1.0 : -1.0) * jump(dice));
     case Kind::kShutter:
-      return name + lasting + text(",offset=%.1f", 0.5);
+      return name + lasting + format(",offset=%.1f", 0.5);
     case Kind::kByteOrder:
     case Kind::kStall:
     case Kind::kFreeze:
@@ -71,7 +67,7 @@ std::string faults_of(const Disturbance& d, Dice& dice) {
     case Kind::kControlLoss:
       return name + ":" + at;
     case Kind::kWindowingDrop:
-      return name + text(":for=%.3f", d.for_s);
+      return name + format(":for=%.3f", d.for_s);
     default:
       return {};
   }

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <map>
 
-#include "tools/cli/percentile.hpp"
+#include "src/core/statistics.hpp"
 
 namespace bolo::tools::soak {
 namespace {
@@ -43,7 +43,7 @@ LifeGrowth measured(int number, const Life& life, double settle_s) {
 }  // namespace
 
 LatencyFigures figures_of(const std::vector<double>& latency_ms) {
-  return {latency_ms.size(), percentile(latency_ms, 0.5), percentile(latency_ms, 0.99), percentile(latency_ms, 1.0)};
+  return {latency_ms.size(), quantile(latency_ms, 0.5), quantile(latency_ms, 0.99), quantile(latency_ms, 1.0)};
 }
 
 double others_since(const std::vector<Second>& timeline, double from_s) {

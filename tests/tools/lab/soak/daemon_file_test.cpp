@@ -53,7 +53,7 @@ TEST_F(SoakDaemonFile, KeepsAUsersKeysAndProfile) {
   EXPECT_EQ(config->pipeline.deblur.method, deblur::Method::kDual);
   EXPECT_DOUBLE_EQ(config->pipeline.deblur.tau_s, 0.009);
   EXPECT_TRUE(config->pipeline.undo.drop_repeated);
-  EXPECT_FALSE(config->video[0].enabled);
+  EXPECT_EQ(config->sinks[0]->make(), nullptr);
   EXPECT_FALSE(config->metrics.enabled);
 }
 

@@ -1,4 +1,4 @@
-// Numbers in messages and captures' attributes.
+// Numbers in messages, scripts and captures' attributes.
 #pragma once
 
 #include <array>
@@ -6,7 +6,7 @@
 #include <string>
 #include <system_error>
 
-namespace bolo::sim {
+namespace bolo {
 
 // The fewest digits that read back as the same number. Thread: any.
 inline std::string shortest(double value) {
@@ -15,4 +15,4 @@ inline std::string shortest(double value) {
   return error == std::errc() ? std::string(text.data(), end) : std::string("?");
 }
 
-}  // namespace bolo::sim
+}  // namespace bolo
