@@ -10,10 +10,10 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
+#include "src/corrections/chain.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/deblur/window.hpp"
 #include "src/pipeline/convert.hpp"
-#include "src/pipeline/frame_undo.hpp"
 #include "src/pipeline/solver_ladder.hpp"
 #include "src/pipeline/solver_words.hpp"
 #include "src/rt/worker_team.hpp"
@@ -140,7 +140,7 @@ Status check(const PipelineOptions& options, const StreamFormat& format) {
 // What depends on the source's period.
 struct Pipeline::Timed {
   deblur::Settings settings;
-  std::unique_ptr<FrameUndo> undo;
+  std::unique_ptr<corrections::Chain> corrections;
   SolverLadder solvers;
 
   static Result<Timed> create(const PipelineOptions& options, const StreamFormat& format) {
@@ -148,13 +148,14 @@ struct Pipeline::Timed {
     settings.period_s = format.frame_period_s;
     if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
     const auto planes = static_cast<std::size_t>(deblur::Window(settings).slots());
-    auto undo = FrameUndo::create({options.undo, settings, options.maps, options.pixel_noise_k, planes}, format);
-    if (!undo) return tl::unexpected(undo.error());
-    auto solvers =
-        SolverLadder::create(settings, (*undo)->format(), options.output, options.maps.row_delay_s, options.degrade);
+    auto corrections =
+        corrections::Chain::create({options.undo, settings, options.maps, options.pixel_noise_k}, format, planes);
+    if (!corrections) return tl::unexpected(corrections.error());
+    auto solvers = SolverLadder::create(settings, (*corrections)->format(), options.output, options.maps.row_delay_s,
+                                        options.degrade);
     if (!solvers) return tl::unexpected(solvers.error());
     settings.iterations = solvers->full().iterations();
-    return Timed{settings, std::move(*undo), std::move(*solvers)};
+    return Timed{settings, std::move(*corrections), std::move(*solvers)};
   }
 };
 
@@ -164,7 +165,7 @@ struct Pipeline::Impl {
         info(std::move(info_in)),
         options(options_in),
         settings(timed.settings),
-        undo(std::move(timed.undo)),
+        corrections(std::move(timed.corrections)),
         solvers(std::move(timed.solvers)),
         text(solver_words(settings, info.format.scale.unit, solvers.full().isa())),
         window(settings),
@@ -197,7 +198,7 @@ struct Pipeline::Impl {
   bool deblur(const deblur::Window::Ready& frame) noexcept;
   void publish(const deblur::Window::Ready& frame) noexcept;
   void show_life() noexcept;
-  const void* undone(const rt::FrameSlot& slot, bool restart) noexcept;
+  const void* corrected(const rt::FrameSlot& slot, bool restart) noexcept;
 
   // --- each worker ---
   PixelRange share_of_pixels(int worker) const noexcept;
@@ -215,7 +216,7 @@ struct Pipeline::Impl {
   SourceInfo info;
   PipelineOptions options;
   deblur::Settings settings;
-  std::unique_ptr<FrameUndo> undo;
+  std::unique_ptr<corrections::Chain> corrections;
   SolverLadder solvers;
   std::string text;
   deblur::Window window;
@@ -228,6 +229,7 @@ struct Pipeline::Impl {
 
   // Written by the pipeline thread before the team runs, read by the workers; the team's barrier orders both.
   const deblur::Window::Ready* job = nullptr;
+  std::size_t pass = 0;           // of the corrections
   Effort effort = Effort::kFull;  // for the job
   Effort least = Effort::kFull;   // no frame gets more
   const std::atomic<bool>* stop = nullptr;
@@ -305,9 +307,11 @@ bool Pipeline::Impl::solve_part(const Region& part) noexcept {
   for (int row = part.y; row < part.y + part.height; row += step) {
     const std::size_t begin = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(part.x);
     const PixelRange pixels{begin, begin + static_cast<std::size_t>(step) * part_width};
-    if (!solves()) convert(undo->format(), job->frame.plane, options.output, deblurred.data(), pixels);
-    if (undo->after()) undo->undo_after({options.output, deblurred.data(), pixels, job->frame.plane, pixels.begin});
-    found = saturated(info.format.type, raw, pixels) || undo->saturated(raw, pixels) || found;
+    if (!solves()) convert(corrections->format(), job->frame.plane, options.output, deblurred.data(), pixels);
+    if (corrections->after()) {
+      corrections->restore({options.output, deblurred.data(), pixels, job->frame.plane, pixels.begin});
+    }
+    found = saturated(info.format.type, raw, pixels) || corrections->saturated(raw, pixels) || found;
   }
   return found;
 }
@@ -322,14 +326,14 @@ bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
                                       static_cast<std::byte*>(out) + first * bytes_of(options.output));
     });
   } else {
-    convert(undo->format(), job->frame.plane, options.output, out, pixels);
+    convert(corrections->format(), job->frame.plane, options.output, out, pixels);
   }
-  for (std::size_t i = 0; undo->after() && i < pixels.size(); ++i) {
-    undo->undo_after({options.output, out, {i, i + 1}, job->frame.plane, pixels[i]});
+  for (std::size_t i = 0; corrections->after() && i < pixels.size(); ++i) {
+    corrections->restore({options.output, out, {i, i + 1}, job->frame.plane, pixels[i]});
   }
   return saturated(info.format.type, raw, pixels) ||
          std::any_of(pixels.begin(), pixels.end(), [this](std::uint32_t pixel) {
-           return undo->saturated(raw, {pixel, pixel + std::size_t{1}});
+           return corrections->saturated(raw, {pixel, pixel + std::size_t{1}});
          });
 }
 
@@ -418,41 +422,30 @@ PixelRange Pipeline::Impl::share_of_pixels(int worker) const noexcept {
 }
 
 // The plane that the window gets.
-const void* Pipeline::Impl::undone(const rt::FrameSlot& slot, bool restart) noexcept {
-  if (!undo->before()) return slot.data;
+const void* Pipeline::Impl::corrected(const rt::FrameSlot& slot, bool restart) noexcept {
+  if (!corrections->before()) return slot.data;
   const std::int64_t start_ns = monotonic_ns();
-  undo->begin(slot.meta, slot.data, restart);
-  const auto on_all = [this](auto part) { team.run(part, this); };
-  const auto read = [](void* self, int worker) {
-    auto* const impl = static_cast<Impl*>(self);
-    impl->undo->read(impl->share_of_pixels(worker));
-  };
-  const auto write = [](void* self, int worker) {
-    auto* const impl = static_cast<Impl*>(self);
-    impl->undo->write(impl->share_of_pixels(worker));
-  };
-  if (undo->needs_settling()) {
-    on_all(read);
-    undo->settle();
-    on_all(write);
-  } else {
-    on_all([](void* self, int worker) {
-      auto* const impl = static_cast<Impl*>(self);
-      impl->undo->read(impl->share_of_pixels(worker));
-      impl->undo->write(impl->share_of_pixels(worker));
-    });
+  corrections->begin(slot.meta, slot.data, restart);
+  for (pass = 0; pass < corrections->passes(); ++pass) {
+    corrections->begin_pass(pass);
+    team.run(
+        [](void* self, int worker) {
+          auto* const impl = static_cast<Impl*>(self);
+          impl->corrections->apply(impl->pass, impl->share_of_pixels(worker));
+        },
+        this);
   }
-  undo->finish();
+  corrections->finish();
   stats.deblur_ns.add(static_cast<std::uint64_t>(monotonic_ns() - start_ns));
-  return undo->plane();
+  return corrections->plane();
 }
 
-// The old undoing's planes may still be shown for their look-ahead: it is given back with the frame after.
+// The old corrections' planes may still be shown for their look-ahead: it is given back with the frame after.
 void Pipeline::Impl::take_period() noexcept {
   if (spending != nullptr) spent.store(std::exchange(spending, nullptr), std::memory_order_release);  // partner:
   Timed* const timed = next_timed.exchange(nullptr, std::memory_order_acquire);                       // set_period()
   if (timed == nullptr) return;
-  std::swap(undo, timed->undo);
+  std::swap(corrections, timed->corrections);
   std::swap(solvers, timed->solvers);
   window.set_period(timed->settings.period_s);
   restart_next = true;
@@ -471,7 +464,7 @@ bool Pipeline::Impl::take_one() noexcept {
   stats.stages.queue.add(now_ns - arrival.commit_ns);
   work_began_ns = now_ns;
   take_period();
-  if (undo->repeats(slot.data)) {
+  if (corrections->drops(slot.data)) {
     inlet.count_loss(LossCause::kMissing);
     stats.repeats.add();
     inlet.give_back(slot);
@@ -480,7 +473,7 @@ bool Pipeline::Impl::take_one() noexcept {
   }
   const bool restart = arrival.restarts_window || std::exchange(restart_next, false);
   raw_of[slot.index] = slot.data;
-  const bool emptied = window.push({slot.meta, undone(slot, restart), slot.index}, restart);
+  const bool emptied = window.push({slot.meta, corrected(slot, restart), slot.index}, restart);
   if (emptied) stats.restarts.add();
   publish_ready();
   return true;
@@ -516,9 +509,9 @@ void Pipeline::Impl::take_all() noexcept {
 Status Pipeline::Impl::keep_up() {
   if (!options.must_keep_up) return {};
   auto trial =
-      SolverLadder::create(settings, undo->format(), options.output, options.maps.row_delay_s, options.degrade);
+      SolverLadder::create(settings, corrections->format(), options.output, options.maps.row_delay_s, options.degrade);
   if (!trial) return tl::unexpected(trial.error());
-  const Pace pace = trial->measure(settings, undo->format(), options.output, team.size());
+  const Pace pace = trial->measure(settings, corrections->format(), options.output, team.size());
   if (pace.least == Effort::kFull) return {};
   char times[96];
   std::snprintf(times, sizeof times, " takes some %.0f ms a frame of %s, but frames come every %.0f ms",
@@ -552,7 +545,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .iterations_asked = options.deblur.iterations,
                           .isa = std::string(deblur::best_isa()),
                           .maps = !options.maps.empty(),
-                          .undone = options.undo.before() || options.undo.after(),
+                          .undone = impl->corrections->beyond_maps(),
                           .region = options.region,
                           .points = options.points};
   if (Status status = impl->sinks.open(sinks, format); !status) return tl::unexpected(status.error());
