@@ -5,8 +5,8 @@
 #include <numeric>
 #include <utility>
 
+#include "src/corrections/pixel_correction.hpp"
 #include "src/deblur/isa.hpp"
-#include "src/deblur/pixel_correction.hpp"
 #include "src/deblur/solver.hpp"
 #include "src/deblur/window.hpp"
 
@@ -76,7 +76,7 @@ struct PointReader::Impl {
   deblur::Settings settings;
   StreamFormat format;  // of the planes that the solver sees
   double row_delay_s = 0.0;
-  std::optional<deblur::PixelCorrection> correction;  // none: nothing to correct
+  std::optional<corrections::PixelCorrection> correction;  // none: nothing to correct
   std::string isa;
   std::vector<std::uint32_t> copied;  // pixels of the frame that are copied
   std::vector<std::uint32_t> solved;  // of the copied ones
@@ -108,7 +108,7 @@ Status PointReader::Impl::make_solver(double noise_k) {
 
 // Its planes are then float32, as the solver's input.
 Status PointReader::Impl::set_correction(const model::PixelMaps& maps) {
-  auto made = deblur::PixelCorrection::create(settings, format, maps);
+  auto made = corrections::PixelCorrection::create(settings, format, maps);
   if (!made) return tl::unexpected<Error>(made.error());
   if (!made->changes_samples()) return {};
   correction = std::move(*made);
@@ -142,8 +142,8 @@ const void* PointReader::Impl::corrected_plane(std::size_t place, std::uint64_t 
   std::vector<float>& plane = corrected[place];
   plane.assign(samples[place].begin(), samples[place].end());
   correction->begin(periods);
-  correction->correct(plane.data(), {0, plane.size()});
-  correction->fill_dead(plane.data());
+  correction->apply(plane.data(), {0, plane.size()});
+  correction->finish(plane.data());
   return plane.data();
 }
 

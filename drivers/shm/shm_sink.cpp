@@ -27,10 +27,10 @@ static_assert(std::uint32_t{kFlagWarmUp} == std::uint32_t{BOLO_FLAG_WARM_UP});
 static_assert(std::uint32_t{kFlagNuc} == std::uint32_t{BOLO_FLAG_NUC});
 static_assert(std::uint32_t{kFlagSaturated} == std::uint32_t{BOLO_FLAG_SATURATED});
 static_assert(std::uint32_t{kFlagJitter} == std::uint32_t{BOLO_FLAG_JITTER});
-static_assert(flag_of(pipeline::Effort::kFull) == 0);
-static_assert(flag_of(pipeline::Effort::kReduced) == std::uint32_t{BOLO_FLAG_REDUCED});
-static_assert(flag_of(pipeline::Effort::kInverse) == std::uint32_t{BOLO_FLAG_INVERSE});
-static_assert(flag_of(pipeline::Effort::kRaw) == std::uint32_t{BOLO_FLAG_RAW});
+static_assert(flag_of(pipeline::QualityLevel::kFull) == 0);
+static_assert(flag_of(pipeline::QualityLevel::kReduced) == std::uint32_t{BOLO_FLAG_REDUCED});
+static_assert(flag_of(pipeline::QualityLevel::kInverse) == std::uint32_t{BOLO_FLAG_INVERSE});
+static_assert(flag_of(pipeline::QualityLevel::kRaw) == std::uint32_t{BOLO_FLAG_RAW});
 
 constexpr int kMinSlots = 64;        // a third of a second at 200 Hz to fetch a frame in
 constexpr int kMostSlots = 1 << 16;  // bounds the arithmetic; memory runs out long before

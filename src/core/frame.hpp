@@ -12,7 +12,7 @@ enum FrameFlag : std::uint32_t {
   kFlagWarmUp = 1U << 1,     // no full window reaches back yet: the deblurred plane is the raw one
   kFlagNuc = 1U << 2,        // the camera was correcting (shutter closed) while this frame was taken
   kFlagSaturated = 1U << 3,  // raw values at the end of the 16-bit range
-  kFlagJitter = 1U << 4,     // the camera's timestamp is off the frame grid; bits 5 to 7: pipeline/effort.hpp
+  kFlagJitter = 1U << 4,     // the camera's timestamp is off the frame grid; bits 5 to 7: pipeline/quality_level.hpp
 };
 
 struct FrameMeta {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string_view>
 #include <vector>
 
 #include "src/diagnose/diagnose.hpp"
@@ -19,7 +20,7 @@ struct LearnTask {
   const std::vector<FoundEffect>& effects;
   const model::CameraProfile& profile;
 
-  const FoundEffect* found(const char* name) const;
+  const FoundEffect* found(std::string_view name) const;
 };
 
 // What holds for all pixels alike, and, where the options ask for them, the maps. Thread: setup.

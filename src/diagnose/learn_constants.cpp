@@ -2,6 +2,7 @@
 #include <cmath>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -79,14 +80,13 @@ std::optional<Grey> grey_of_levels(const LearnTask& task) {
 }
 
 void learn_undo(const LearnTask& task, model::Undo& undo) {
-  undo.slow_share = std::clamp(value_of(task, "slow_pole", "share", undo.slow_share), 0.0, 0.3);
-  undo.slow_tau_s = std::clamp(value_of(task, "slow_pole", "slow_tau_s", undo.slow_tau_s), 0.02, 2.0);
-  undo.coupling = std::clamp(value_of(task, "crosstalk", "coupling", undo.coupling), 0.0, 0.2);
-  undo.integration_s = std::clamp(value_of(task, "integration_window", "window_s", undo.integration_s), 0.0, 0.1);
-  undo.ceiling_k = value_of(task, "saturation", "level_k", undo.ceiling_k);
-  undo.flicker_k = value_of(task, "flicker", "sigma_k", undo.flicker_k);
-  undo.follow_jumps = undo.follow_jumps || task.found("offset_jump") != nullptr;
-  undo.drop_repeated = undo.drop_repeated || task.found("frame_loss") != nullptr || task.found("nuc_freeze") != nullptr;
+  model::undo_effects(undo, [&task](std::string_view effect, std::string_view key) -> std::optional<double> {
+    const FoundEffect* found = task.found(effect);
+    if (found == nullptr) return std::nullopt;
+    if (key.empty()) return 1.0;
+    const auto parameter = found->parameters.find(std::string(key));
+    return parameter == found->parameters.end() ? std::nullopt : std::optional(parameter->second.value);
+  });
   if (task.found("iir") != nullptr) {
     const double weight = value_of(task, "iir", "alpha", 1.0);
     const bool undone = task.filter != FrameFilter::kBox || weight > 0.5;
@@ -107,7 +107,7 @@ void learn_undo(const LearnTask& task, model::Undo& undo) {
 
 }  // namespace
 
-const FoundEffect* LearnTask::found(const char* name) const {
+const FoundEffect* LearnTask::found(std::string_view name) const {
   const auto at = std::ranges::find(effects, name, &FoundEffect::name);
   return at == effects.end() ? nullptr : &*at;
 }

@@ -1,5 +1,6 @@
 #include "src/model/camera_profile.hpp"
 
+#include <algorithm>
 #include <array>
 
 namespace bolo::model {
@@ -14,39 +15,20 @@ constexpr std::array<std::pair<std::string_view, bool>, 2> kByteOrders{{{"little
 constexpr std::array<std::pair<std::string_view, FrameFilter>, 3> kFilters{
     {{"none", FrameFilter::kNone}, {"recursive", FrameFilter::kRecursive}, {"box", FrameFilter::kBox}}};
 
+constexpr std::array<std::pair<std::string_view, std::string_view>, 3> kUndoSections{
+    {{"pixel", "how the pixels answer, beyond tau_s"},
+     {"radiometry", "from what is looked at to what the frames show"},
+     {"firmware", "what the camera does to its frames"}}};
+
 // What `bolo diagnose --write-profile` finds beyond the first keys.
-void declare_undo(KeyTable& keys, Undo& undo) {
-  keys.section("pixel", "how the pixels answer, beyond tau_s");
-  keys.number(
-      "slow_share", undo.slow_share, {0.0, 0.3, ""},
-      "Share of the answer that follows slow_tau_s: 1 / (1 + s tau) becomes (1 - share) / (1 + s tau) + share / "
-      "(1 + s slow_tau).");
-  keys.number("slow_tau_s", undo.slow_tau_s, {0.02, 2.0, "s"}, "Time constant of that share.");
-  keys.number("coupling", undo.coupling, {0.0, 0.2, ""},
-              "Heat that flows to each of a pixel's four neighbours, in units of what flows to its substrate.");
-  keys.number("integration_s", undo.integration_s, {0.0, 0.1, "s"},
-              "A frame is the mean of what the pixels show over this time before its own: it is half of it late.");
-  keys.section("radiometry", "from what is looked at to what the frames show");
-  keys.boolean("radiance", undo.radiance,
-               "The pixels follow the radiance from 7.5 to 14 um (Planck), the frames show its temperature.");
-  keys.number("emissivity", undo.emissivity, {0.3, 1.0, ""},
-              "Of what is looked at. Deblurred temperatures are its own, not mixed with its surroundings'.");
-  keys.number("reflected_k", undo.reflected_k, {150.0, 600.0, "K"},
-              "Temperature of the surroundings that it reflects.");
-  keys.number("ceiling_k", undo.ceiling_k, {0.0, 2000.0, "K"},
-              "Frames with values from here on up are flagged as saturated; 0: only those at the end of 16 bits.");
-  keys.section("firmware", "what the camera does to its frames");
-  keys.choice<FrameFilter>("frame_filter", undo.filter, kFilters,
-                           "How frames are averaged: recursive, with the frame sent before; box, with the frame read "
-                           "before.");
-  keys.number("frame_filter_weight", undo.filter_weight, {0.05, 1.0, ""},
-              "Weight of the new frame in it; above 0.5 for a box, whose undoing is not stable below.");
-  keys.number("flicker_k", undo.flicker_k, {0.0, 5.0, "K"},
-              "An offset that the whole frame has anew every time, root mean square; it is taken out. 0: none.");
-  keys.boolean("follow_jumps", undo.follow_jumps,
-               "Steps of all pixels by the same amount, from one frame to the next, are the camera's: taken out.");
-  keys.boolean("drop_repeated", undo.drop_repeated,
-               "A frame that repeats the one before bit for bit counts as lost: the camera had none, or was busy.");
+void declare(KeyTable& keys, const UndoKey& key, Undo& undo) {
+  if (const auto* const number = std::get_if<double Undo::*>(&key.value)) {
+    keys.number(key.key, undo.**number, key.range, key.meaning);
+  } else if (const auto* const flag = std::get_if<bool Undo::*>(&key.value)) {
+    keys.boolean(key.key, undo.**flag, key.meaning);
+  } else {
+    keys.choice<FrameFilter>(key.key, undo.*std::get<FrameFilter Undo::*>(key.value), kFilters, key.meaning);
+  }
 }
 
 }  // namespace
@@ -73,7 +55,12 @@ KeyTable profile_keys(CameraProfile& profile) {
                     "Byte order of Mono16 pixels on the wire. Unproven: other FLIR models send big-endian.");
   keys.integer("metadata_rows", profile.metadata_rows, {0, 64, "rows"},
                "Rows at the end of each frame that are not image. Unproven: some firmware sends 3.");
-  declare_undo(keys, profile.undo);
+  for (const auto& [section, meaning] : kUndoSections) {
+    keys.section(section, meaning);
+    for (const UndoKey& key : undo_keys()) {
+      if (key.section == section) declare(keys, key, profile.undo);
+    }
+  }
   return keys;
 }
 
@@ -86,6 +73,20 @@ Result<CameraProfile> read_profile(const std::filesystem::path& file) {
                      "with less, what is undone grows without end");
   }
   return profile;
+}
+
+void undo_effects(Undo& undo, const EffectValue& value_of) {
+  for (const UndoKey& key : undo_keys()) {
+    for (const std::string_view effect : key.effects) {
+      const std::optional<double> value = value_of(effect, key.parameter);
+      if (!value) continue;
+      if (const auto* const number = std::get_if<double Undo::*>(&key.value)) {
+        undo.** number = std::clamp(*value, key.range.min, key.range.max);
+      } else if (const auto* const flag = std::get_if<bool Undo::*>(&key.value)) {
+        undo.** flag = true;
+      }
+    }
+  }
 }
 
 std::string document_profile(CameraProfile profile) { return std::string(kHeading) + profile_keys(profile).document(); }

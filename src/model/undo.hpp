@@ -1,5 +1,14 @@
-// What a camera does to its frames beyond the inertia of its pixels, as far as it can be undone: constants, not maps.
+// What a camera does to its frames beyond the inertia of its pixels, as far as it can be corrected: constants, not
+// maps. Each has a key in the camera's profile; src/corrections says how it is undone, and what that costs in noise.
 #pragma once
+
+#include <functional>
+#include <optional>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "src/model/strict_toml.hpp"
 
 namespace bolo::model {
 
@@ -10,32 +19,77 @@ enum class FrameFilter {
   kBox,        // y_k = w x_k + (1 - w) x_{k-1}
 };
 
-// Standard values undo nothing. pipeline/frame_undo.hpp says how each is undone, and what that costs in noise.
+// Standard values undo nothing.
 struct Undo {
   FrameFilter filter = FrameFilter::kNone;
   double filter_weight = 1.0;  // w
-  double slow_share = 0.0;     // of the pixels' response that follows slow_tau_s
-  double slow_tau_s = 0.15;    // s
-  double coupling = 0.0;       // conduction to each of 4 neighbours, in units of that to the substrate
-  double integration_s = 0.0;  // a frame is the mean over this time before its own
-  bool radiance = false;       // pixels follow the band radiance, and the frames show its temperature
-  double emissivity = 1.0;     // of what is looked at
-  double reflected_k = 295.0;  // temperature of the surroundings that the rest reflects, K
-  double ceiling_k = 0.0;      // values from here on up are saturated, K; 0: only the end of 16 bits
-  double flicker_k = 0.0;      // rms of an offset that the whole frame has anew every time, K; 0: none
-  bool follow_jumps = false;   // steps of all pixels alike are the camera's
-  bool drop_repeated = false;  // a frame that is the one before, bit for bit, is a lost one
+  double slow_share = 0.0;
+  double slow_tau_s = 0.15;
+  double coupling = 0.0;
+  double integration_s = 0.0;
+  bool radiance = false;
+  double emissivity = 1.0;
+  double reflected_k = 295.0;
+  double ceiling_k = 0.0;
+  double flicker_k = 0.0;
+  bool follow_jumps = false;
+  bool drop_repeated = false;
 
   bool operator==(const Undo&) const = default;
-
-  // Something is to be done to the frames before they are deblurred. Thread: any.
-  bool before() const {
-    return filter != FrameFilter::kNone || slow_share != 0.0 || radiance || flicker_k > 0.0 || follow_jumps;
-  }
-  // What the frames show is not the temperature that is wanted. Thread: any.
-  bool curves() const { return radiance || emissivity != 1.0; }
-  // Something is to be done to the deblurred frames. Thread: any.
-  bool after() const { return curves() || coupling != 0.0; }
 };
+
+// A value's key in a profile, and the effects of the catalogue whose parameter it is; "": that there is one.
+struct UndoKey {
+  std::string_view section;
+  std::string_view key;
+  std::variant<double Undo::*, bool Undo::*, FrameFilter Undo::*> value;
+  Range range;  // of a number
+  std::vector<std::string_view> effects;
+  std::string_view parameter;
+  std::string_view meaning;
+};
+
+// In the order of the profile, section by section. Thread: any.
+inline const std::vector<UndoKey>& undo_keys() {
+  // clang-format off
+  static const std::vector<UndoKey> kKeys{
+      {"pixel", "slow_share", &Undo::slow_share, {0.0, 0.3, ""}, {"slow_pole"}, "share",
+       "Share of the answer that follows slow_tau_s: 1 / (1 + s tau) becomes (1 - share) / (1 + s tau) + share / "
+       "(1 + s slow_tau)."},
+      {"pixel", "slow_tau_s", &Undo::slow_tau_s, {0.02, 2.0, "s"}, {"slow_pole"}, "slow_tau_s",
+       "Time constant of that share."},
+      {"pixel", "coupling", &Undo::coupling, {0.0, 0.2, ""}, {"crosstalk"}, "coupling",
+       "Heat that flows to each of a pixel's four neighbours, in units of what flows to its substrate."},
+      {"pixel", "integration_s", &Undo::integration_s, {0.0, 0.1, "s"}, {"integration_window"}, "window_s",
+       "A frame is the mean of what the pixels show over this time before its own: it is half of it late."},
+      {"radiometry", "radiance", &Undo::radiance, {}, {"radiometric_nonlinearity"}, "",
+       "The pixels follow the radiance from 7.5 to 14 um (Planck), the frames show its temperature."},
+      {"radiometry", "emissivity", &Undo::emissivity, {0.3, 1.0, ""}, {"emissivity"}, "emissivity",
+       "Of what is looked at. Deblurred temperatures are its own, not mixed with its surroundings'."},
+      {"radiometry", "reflected_k", &Undo::reflected_k, {150.0, 600.0, "K"}, {"emissivity"}, "surroundings_k",
+       "Temperature of the surroundings that it reflects."},
+      {"radiometry", "ceiling_k", &Undo::ceiling_k, {0.0, 2000.0, "K"}, {"saturation"}, "level_k",
+       "Frames with values from here on up are flagged as saturated; 0: only those at the end of 16 bits."},
+      {"firmware", "frame_filter", &Undo::filter, {}, {}, "",
+       "How frames are averaged: recursive, with the frame sent before; box, with the frame read before."},
+      {"firmware", "frame_filter_weight", &Undo::filter_weight, {0.05, 1.0, ""}, {}, "",
+       "Weight of the new frame in it; above 0.5 for a box, whose undoing is not stable below."},
+      {"firmware", "flicker_k", &Undo::flicker_k, {0.0, 5.0, "K"}, {"flicker"}, "sigma_k",
+       "An offset that the whole frame has anew every time, root mean square; it is taken out. 0: none."},
+      {"firmware", "follow_jumps", &Undo::follow_jumps, {}, {"offset_jump"}, "",
+       "Steps of all pixels by the same amount, from one frame to the next, are the camera's: taken out."},
+      {"firmware", "drop_repeated", &Undo::drop_repeated, {}, {"frame_loss", "nuc_freeze"}, "",
+       "A frame that repeats the one before bit for bit counts as lost: the camera had none, or was busy."},
+  };
+  // clang-format on
+  return kKeys;
+}
+
+// The value of an effect's parameter, or any number for "" where the effect is there; else empty.
+using EffectValue = std::function<std::optional<double>(std::string_view effect, std::string_view parameter)>;
+
+// What undoes the effects that `value_of` knows, as far as their parameters are one number: not frame filters.
+// Thread: any.
+void undo_effects(Undo& undo, const EffectValue& value_of);
 
 }  // namespace bolo::model

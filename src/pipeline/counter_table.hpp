@@ -110,7 +110,7 @@ inline constexpr std::array kFrameCounters{
              "bolo_frames_gap_total", "Frames published with a lost one in their window", InStat{"with gaps"}),
     FrameRow(word_of<&PipelineStats::by_effort>, 0, "", "bolo_frames_effort_total",
              "Frames with a full window, by what was spent on them: less than full when too many were waiting",
-             by<Effort>("effort", kEfforts)),
+             by<QualityLevel>("effort", kQualityLevels)),
     FrameRow(word_of<&PipelineStats::restarts>, offsetof(bolo_shm_header, restarts), "restarts",
              "bolo_window_restarts_total", "Windows emptied: NUC, reconnect, a jump in time", InStat{"restarts"}),
     FrameRow(word_of<&PipelineStats::deblur_ns>, offsetof(bolo_shm_header, deblur_ns)),

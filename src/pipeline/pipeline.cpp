@@ -11,11 +11,11 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
+#include "src/corrections/chain.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/deblur/window.hpp"
 #include "src/pipeline/convert.hpp"
 #include "src/pipeline/describe_solver.hpp"
-#include "src/pipeline/frame_undo.hpp"
 #include "src/pipeline/solver_ladder.hpp"
 #include "src/rt/worker_team.hpp"
 
@@ -141,7 +141,7 @@ Status check(const PipelineOptions& options, const StreamFormat& format) {
 // Everything that depends on the source's period.
 struct Pipeline::Timed {
   deblur::Settings settings;
-  std::unique_ptr<FrameUndo> undo;
+  std::unique_ptr<corrections::Chain> corrections;
   SolverLadder solvers;
 
   static Result<Timed> create(const PipelineOptions& options, const StreamFormat& format) {
@@ -149,13 +149,14 @@ struct Pipeline::Timed {
     settings.period_s = format.frame_period_s;
     if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
     const auto planes = static_cast<std::size_t>(deblur::Window(settings).slots());
-    auto undo = FrameUndo::create({options.undo, settings, options.maps, options.pixel_noise_k, planes}, format);
-    if (!undo) return tl::unexpected(undo.error());
-    auto solvers =
-        SolverLadder::create(settings, (*undo)->format(), options.output, options.maps.row_delay_s, options.degrade);
+    auto corrections =
+        corrections::Chain::create({options.undo, settings, options.maps, options.pixel_noise_k}, format, planes);
+    if (!corrections) return tl::unexpected(corrections.error());
+    auto solvers = SolverLadder::create(settings, (*corrections)->format(), options.output, options.maps.row_delay_s,
+                                        options.degrade);
     if (!solvers) return tl::unexpected(solvers.error());
     settings.iterations = solvers->full().iterations();
-    return Timed{settings, std::move(*undo), std::move(*solvers)};
+    return Timed{settings, std::move(*corrections), std::move(*solvers)};
   }
 };
 
@@ -165,11 +166,11 @@ struct Pipeline::Impl {
         info(std::move(info_in)),
         options(options_in),
         settings(timed.settings),
-        undo(std::move(timed.undo)),
+        corrections(std::move(timed.corrections)),
         solvers(std::move(timed.solvers)),
         text(describe_solver(settings, info.format.scale.unit, solvers.full().isa())),
         window(settings),
-        effort_control(static_cast<std::uint64_t>(options.queue_frames)),
+        quality_control(static_cast<std::uint64_t>(options.queue_frames)),
         inlet(info.format, static_cast<std::size_t>(window.slots()), static_cast<std::size_t>(options.queue_frames)),
         stats(inlet, source->status()),
         deblurred(solved_pixels(info.format.geometry, options) * bytes_of(options.output)),
@@ -193,19 +194,21 @@ struct Pipeline::Impl {
   bool process_next() noexcept;
   void drain() noexcept;
   void publish_ready() noexcept;
-  Effort choose_effort() noexcept;
+  QualityLevel choose_quality() noexcept;
   void prepare(const deblur::WindowView& view) noexcept;
   bool deblur(const deblur::Window::Ready& frame) noexcept;
   void publish(const deblur::Window::Ready& frame) noexcept;
   void idle_sinks() noexcept;
-  const void* undone(const rt::FrameSlot& slot, bool restart_window) noexcept;
+  const void* corrected(const rt::FrameSlot& slot, bool restart_window) noexcept;
 
   // --- each worker ---
   PixelRange share_of_pixels(int worker) const noexcept;
   void work_alone() noexcept;
   void work(int worker) noexcept;
-  bool converges() const noexcept { return effort == Effort::kFull && settings.method == deblur::Method::kExact; }
-  bool solves() const noexcept { return job->full && effort != Effort::kRaw; }
+  bool converges() const noexcept {
+    return quality == QualityLevel::kFull && settings.method == deblur::Method::kExact;
+  }
+  bool solves() const noexcept { return job->full && effort != QualityLevel::kRaw; }
   template <typename Solve>
   void solve_stretches(std::size_t begin, std::size_t end, std::size_t at_once, const Solve& solve) noexcept;
   bool solve_part(const Region& part) noexcept;
@@ -216,11 +219,11 @@ struct Pipeline::Impl {
   SourceInfo info;
   PipelineOptions options;
   deblur::Settings settings;
-  std::unique_ptr<FrameUndo> undo;
+  std::unique_ptr<corrections::Chain> corrections;
   SolverLadder solvers;
   std::string text;
   deblur::Window window;
-  EffortControl effort_control;
+  QualityControl quality_control;
   FrameInlet inlet;
   PipelineStats stats;
   Plane deblurred;
@@ -230,8 +233,9 @@ struct Pipeline::Impl {
 
   // Written by the pipeline thread before the team runs, read by the workers; the team's barrier orders both.
   const deblur::Window::Ready* job = nullptr;
-  Effort effort = Effort::kFull;  // for the job
-  Effort least = Effort::kFull;   // no frame gets more
+  std::size_t pass = 0;                        // of the corrections
+  QualityLevel quality = QualityLevel::kFull;  // for the job
+  QualityLevel least = QualityLevel::kFull;    // no frame gets more
   const std::atomic<bool>* stop = nullptr;
   std::atomic<std::int64_t> stop_seen_ns{0};  // CLOCK_MONOTONIC; 0: nobody has
   std::atomic<bool> given_up{false};          // of the job: no time was left for all of it
@@ -301,15 +305,17 @@ bool Pipeline::Impl::solve_part(const Region& part) noexcept {
     const auto rows = static_cast<std::size_t>(part.height);
     solve_stretches(0, rows, converges() ? kExactRowsAtOnce : kRowsAtOnce, [&](std::size_t first, std::size_t after) {
       const Region some{part.x, part.y + static_cast<int>(first), part.width, static_cast<int>(after - first)};
-      solvers.at(effort).solve(job->view, some, deblurred.data());
+      solvers.at(quality).solve(job->view, some, deblurred.data());
     });
   }
   for (int row = part.y; row < part.y + part.height; row += step) {
     const std::size_t begin = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(part.x);
     const PixelRange pixels{begin, begin + static_cast<std::size_t>(step) * part_width};
-    if (!solves()) convert(undo->format(), job->frame.plane, options.output, deblurred.data(), pixels);
-    if (undo->after()) undo->undo_after({options.output, deblurred.data(), pixels, job->frame.plane, pixels.begin});
-    found = saturated(info.format.type, raw, pixels) || undo->saturated(raw, pixels) || found;
+    if (!solves()) convert(corrections->format(), job->frame.plane, options.output, deblurred.data(), pixels);
+    if (corrections->after()) {
+      corrections->restore({options.output, deblurred.data(), pixels, job->frame.plane, pixels.begin});
+    }
+    found = saturated(info.format.type, raw, pixels) || corrections->saturated(raw, pixels) || found;
   }
   return found;
 }
@@ -320,32 +326,32 @@ bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
   if (solves()) {
     const std::size_t at_once = converges() ? kExactPointsAtOnce : kPointsAtOnce;
     solve_stretches(0, pixels.size(), at_once, [&](std::size_t first, std::size_t after) {
-      solvers.at(effort).solve_points(job->view, pixels.subspan(first, after - first),
-                                      static_cast<std::byte*>(out) + first * bytes_of(options.output));
+      solvers.at(quality).solve_points(job->view, pixels.subspan(first, after - first),
+                                       static_cast<std::byte*>(out) + first * bytes_of(options.output));
     });
   } else {
-    convert(undo->format(), job->frame.plane, options.output, out, pixels);
+    convert(corrections->format(), job->frame.plane, options.output, out, pixels);
   }
-  for (std::size_t i = 0; undo->after() && i < pixels.size(); ++i) {
-    undo->undo_after({options.output, out, {i, i + 1}, job->frame.plane, pixels[i]});
+  for (std::size_t i = 0; corrections->after() && i < pixels.size(); ++i) {
+    corrections->restore({options.output, out, {i, i + 1}, job->frame.plane, pixels[i]});
   }
   return saturated(info.format.type, raw, pixels) ||
          std::any_of(pixels.begin(), pixels.end(), [this](std::uint32_t pixel) {
-           return undo->saturated(raw, {pixel, pixel + std::size_t{1}});
+           return corrections->saturated(raw, {pixel, pixel + std::size_t{1}});
          });
 }
 
-Effort Pipeline::Impl::choose_effort() noexcept {
-  if (!options.degrade) return Effort::kFull;
-  return std::max(effort_control.next(stats.waiting(), monotonic_ns()), least);
+QualityLevel Pipeline::Impl::choose_quality() noexcept {
+  if (!options.degrade) return QualityLevel::kFull;
+  return std::max(quality_control.next(stats.waiting(), monotonic_ns()), least);
 }
 
 void Pipeline::Impl::prepare(const deblur::WindowView& view) noexcept {
-  if (effort < Effort::kInverse) {
+  if (quality < QualityLevel::kInverse) {
     TeamCrew crew(team);
-    solvers.at(effort).prepare(view, crew);
+    solvers.at(quality).prepare(view, crew);
   } else {
-    solvers.at(effort).prepare(view);
+    solvers.at(quality).prepare(view);
   }
 }
 
@@ -353,12 +359,12 @@ void Pipeline::Impl::prepare(const deblur::WindowView& view) noexcept {
 bool Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
   const std::int64_t start_ns = monotonic_ns();
   job = &frame;
-  effort = choose_effort();
+  quality = choose_quality();
   raw = raw_of[frame.frame.token];
   given_up.store(frame.full && out_of_time(), std::memory_order_relaxed);
   if (!given_up.load(std::memory_order_relaxed)) {
     if (solves()) prepare(frame.view);
-    if (effort < Effort::kInverse) {
+    if (quality < QualityLevel::kInverse) {
       team.run([](void* self, int worker) { static_cast<Impl*>(self)->work(worker); }, this);
     } else {
       work_alone();
@@ -369,7 +375,7 @@ bool Pipeline::Impl::deblur(const deblur::Window::Ready& frame) noexcept {
       if (options.must_keep_up) inlet.count_loss(LossCause::kPoolExhausted);
       return false;
     }
-    effort = Effort::kRaw;
+    quality = QualityLevel::kRaw;
     work_alone();
   }
   if (frame.full) stats.deblur_ns.add(static_cast<std::uint64_t>(monotonic_ns() - start_ns));
@@ -385,10 +391,10 @@ void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
   PublishedFrame published{.meta = frame.frame.meta, .raw = raw_of[frame.frame.token], .deblurred = deblurred.data()};
   if (!frame.full) published.meta.flags |= kFlagWarmUp;
   if (frame.full) {
-    published.meta.flags |= flag_of(effort);
-    stats.by_effort[static_cast<std::size_t>(effort)].add();
-    stats.effort.set(effort);
-    if (solves()) published.noise_k = solvers.at(effort).noise_k();
+    published.meta.flags |= flag_of(quality);
+    stats.by_effort[static_cast<std::size_t>(quality)].add();
+    stats.effort.set(quality);
+    if (solves()) published.noise_k = solvers.at(quality).noise_k();
   }
   for (const Flag& flag : band_saturated) {
     if (flag.value) published.meta.flags |= kFlagSaturated;
@@ -420,41 +426,30 @@ PixelRange Pipeline::Impl::share_of_pixels(int worker) const noexcept {
 }
 
 // The plane that the window gets.
-const void* Pipeline::Impl::undone(const rt::FrameSlot& slot, bool restart_window) noexcept {
-  if (!undo->before()) return slot.data;
+const void* Pipeline::Impl::corrected(const rt::FrameSlot& slot, bool restart_window) noexcept {
+  if (!corrections->before()) return slot.data;
   const std::int64_t start_ns = monotonic_ns();
-  undo->begin(slot.meta, slot.data, restart_window);
-  const auto on_all = [this](auto part) { team.run(part, this); };
-  const auto read = [](void* self, int worker) {
-    auto* const impl = static_cast<Impl*>(self);
-    impl->undo->read(impl->share_of_pixels(worker));
-  };
-  const auto write = [](void* self, int worker) {
-    auto* const impl = static_cast<Impl*>(self);
-    impl->undo->write(impl->share_of_pixels(worker));
-  };
-  if (undo->needs_settling()) {
-    on_all(read);
-    undo->settle();
-    on_all(write);
-  } else {
-    on_all([](void* self, int worker) {
-      auto* const impl = static_cast<Impl*>(self);
-      impl->undo->read(impl->share_of_pixels(worker));
-      impl->undo->write(impl->share_of_pixels(worker));
-    });
+  corrections->begin(slot.meta, slot.data, restart_window);
+  for (pass = 0; pass < corrections->passes(); ++pass) {
+    corrections->begin_pass(pass);
+    team.run(
+        [](void* self, int worker) {
+          auto* const impl = static_cast<Impl*>(self);
+          impl->corrections->apply(impl->pass, impl->share_of_pixels(worker));
+        },
+        this);
   }
-  undo->finish();
+  corrections->finish();
   stats.deblur_ns.add(static_cast<std::uint64_t>(monotonic_ns() - start_ns));
-  return undo->plane();
+  return corrections->plane();
 }
 
-// The old undoing's planes may still be shown for their look-ahead: it is given back with the frame after.
+// The old corrections' planes may still be shown for their look-ahead: it is given back with the frame after.
 void Pipeline::Impl::take_period() noexcept {
   if (spending != nullptr) spent.store(std::exchange(spending, nullptr), std::memory_order_release);  // partner:
   Timed* const timed = next_timed.exchange(nullptr, std::memory_order_acquire);                       // set_period()
   if (timed == nullptr) return;
-  std::swap(undo, timed->undo);
+  std::swap(corrections, timed->corrections);
   std::swap(solvers, timed->solvers);
   window.set_period(timed->settings.period_s);
   restart_window_next = true;
@@ -473,7 +468,7 @@ bool Pipeline::Impl::process_next() noexcept {
   stats.stages.queue.add(now_ns - arrival.commit_ns);
   work_began_ns = now_ns;
   take_period();
-  if (undo->repeats(slot.data)) {
+  if (corrections->drops(slot.data)) {
     inlet.count_loss(LossCause::kMissing);
     stats.repeats.add();
     inlet.give_back(slot);
@@ -482,7 +477,7 @@ bool Pipeline::Impl::process_next() noexcept {
   }
   const bool restart_window = arrival.restart_window || std::exchange(restart_window_next, false);
   raw_of[slot.index] = slot.data;
-  const bool restarted = window.push({slot.meta, undone(slot, restart_window), slot.index}, restart_window);
+  const bool restarted = window.push({slot.meta, corrected(slot, restart_window), slot.index}, restart_window);
   if (restarted) stats.restarts.add();
   publish_ready();
   return true;
@@ -519,10 +514,10 @@ void Pipeline::Impl::drain() noexcept {
 Status Pipeline::Impl::keep_up() {
   if (!options.must_keep_up) return {};
   auto trial =
-      SolverLadder::create(settings, undo->format(), options.output, options.maps.row_delay_s, options.degrade);
+      SolverLadder::create(settings, corrections->format(), options.output, options.maps.row_delay_s, options.degrade);
   if (!trial) return tl::unexpected(trial.error());
-  const Pace pace = trial->measure(settings, undo->format(), options.output, team.size());
-  if (pace.least == Effort::kFull) return {};
+  const Pace pace = trial->measure(settings, corrections->format(), options.output, team.size());
+  if (pace.least == QualityLevel::kFull) return {};
   char times[96];
   std::snprintf(times, sizeof times, " takes some %.0f ms a frame of %s, but frames come every %.0f ms",
                 pace.full_s * 1e3, size_text(info.format.geometry).c_str(), settings.period_s * 1e3);
@@ -555,7 +550,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .iterations_asked = options.deblur.iterations,
                           .isa = std::string(deblur::best_isa()),
                           .maps = !options.maps.empty(),
-                          .undone = options.undo.before() || options.undo.after(),
+                          .undone = impl->corrections->beyond_maps(),
                           .region = options.region,
                           .points = options.points};
   impl->all_sinks = sinks;

@@ -29,14 +29,15 @@ struct PipelineOptions {
   PixelType output = PixelType::kUint16;
   int workers = 2;        // the pipeline thread is one of them
   int queue_frames = 64;  // frames that may wait between driver and deblurring
-  // Spends less on frames while too many wait (pipeline/effort.hpp), each with its flag. Not for sources that wait.
+  // Spends less on frames while too many wait (pipeline/quality_level.hpp), each with its flag. Not for sources that
+  // wait.
   bool degrade = false;
   // The source does not wait: the solver is tried once at the start. Is it too slow for the frame rate, then with
   // `degrade` no frame gets more than what keeps up, and without it is bad input.
   bool must_keep_up = false;
   rt::ThreadOptions thread;  // of the pipeline thread and its workers
   model::PixelMaps maps{};   // what is known of the source's single pixels; of its frame size
-  // What else the camera did to its frames (src/pipeline/frame_undo.hpp): undone before and after the solver. Sinks get
+  // What else the camera did to its frames (src/corrections): undone before and after the solver. Sinks get
   // the raw frames as they came.
   model::Undo undo{};
   double pixel_noise_k = 0.03;  // of one pixel, K (counts without kelvin): tells flicker and jumps from what moves

@@ -26,9 +26,9 @@ void constant_within_frames(deblur::Settings& settings) {
 
 // For comparison, a frame of 640x120 with one thread (tools/bench): admm 1.55 ms, with automatic lambda 3.4, mmae 1.25;
 // reduced 0.45; inverse 0.02. motion makes mmae's estimate too.
-deblur::Settings cheaper(deblur::Settings settings, Effort effort) {
+deblur::Settings cheaper(deblur::Settings settings, QualityLevel effort) {
   settings.auto_lambda = false;
-  if (effort == Effort::kInverse) {
+  if (effort == QualityLevel::kInverse) {
     settings.method = deblur::Method::kInverse;
   } else if (settings.method == deblur::Method::kMotion) {
     settings.method = deblur::Method::kMmae;
@@ -95,8 +95,8 @@ double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings,
 Result<SolverLadder> SolverLadder::create(const deblur::Settings& settings, const StreamFormat& input, PixelType output,
                                           double row_delay_s, bool degrade) {
   SolverLadder ladder;
-  for (const Effort effort : {Effort::kFull, Effort::kReduced, Effort::kInverse}) {
-    const bool full = effort == Effort::kFull;
+  for (const QualityLevel effort : {QualityLevel::kFull, QualityLevel::kReduced, QualityLevel::kInverse}) {
+    const bool full = effort == QualityLevel::kFull;
     if (!full && !degrade) break;
     auto made = deblur::Solver::create(full ? settings : cheaper(settings, effort), input, output, row_delay_s);
     if (!made) return tl::unexpected<Error>(std::move(made.error()));
@@ -107,12 +107,12 @@ Result<SolverLadder> SolverLadder::create(const deblur::Settings& settings, cons
 
 Pace SolverLadder::measure(const deblur::Settings& settings, const StreamFormat& input, PixelType output, int workers) {
   Pace pace;
-  for (; pace.least != Effort::kRaw; pace.least = static_cast<Effort>(static_cast<int>(pace.least) + 1)) {
+  for (; pace.least != QualityLevel::kRaw; pace.least = static_cast<QualityLevel>(static_cast<int>(pace.least) + 1)) {
     deblur::Solver* const solver = solvers_[static_cast<std::size_t>(pace.least)].get();
     if (solver == nullptr) continue;
-    const int threads = pace.least == Effort::kInverse ? 1 : workers;
+    const int threads = pace.least == QualityLevel::kInverse ? 1 : workers;
     const double frame_s = seconds_a_frame(*solver, settings, input, output) / threads;
-    if (pace.least == Effort::kFull) pace.full_s = frame_s;
+    if (pace.least == QualityLevel::kFull) pace.full_s = frame_s;
     if (frame_s <= settings.period_s) break;
   }
   return pace;

@@ -5,14 +5,14 @@
 #include <memory>
 
 #include "src/deblur/solver.hpp"
-#include "src/pipeline/effort.hpp"
+#include "src/pipeline/quality_level.hpp"
 
 namespace bolo::pipeline {
 
 // Measured cost of the solvers on this processor.
 struct Pace {
-  Effort least = Effort::kFull;  // the first of which a frame takes no longer than a period
-  double full_s = 0.0;           // a frame of the full one
+  QualityLevel least = QualityLevel::kFull;  // the first of which a frame takes no longer than a period
+  double full_s = 0.0;                       // a frame of the full one
 };
 
 class SolverLadder {
@@ -27,10 +27,10 @@ class SolverLadder {
 
   const deblur::Solver& full() const noexcept { return *solvers_.front(); }
   // Not for kRaw, which solves nothing. Thread: pipeline.
-  deblur::Solver& at(Effort effort) noexcept { return *solvers_[static_cast<std::size_t>(effort)]; }
+  deblur::Solver& at(QualityLevel effort) noexcept { return *solvers_[static_cast<std::size_t>(effort)]; }
 
  private:
-  std::array<std::unique_ptr<deblur::Solver>, kEfforts - 1> solvers_;
+  std::array<std::unique_ptr<deblur::Solver>, kQualityLevels - 1> solvers_;
 };
 
 }  // namespace bolo::pipeline

@@ -5,8 +5,8 @@
 #include <array>
 #include <cstdint>
 
-#include "src/pipeline/effort.hpp"
 #include "src/pipeline/inlet.hpp"
+#include "src/pipeline/quality_level.hpp"
 #include "src/pipeline/source_status.hpp"
 #include "src/rt/counters.hpp"
 
@@ -32,18 +32,19 @@ struct PipelineStats {
     return come - std::min(gone, come);  // a frame is counted only after it was put where it may be taken
   }
 
-  const FrameInlet& inlet;                      // received(), losses()
-  const SourceStatus* source;                   // of a camera; null for a source that is not monitored
-  rt::Counter taken;                            // frames taken out of the queue
-  rt::Counter published;                        // frames handed to the sinks
-  rt::Counter restarts;                         // windows emptied: NUC, reconnect, a jump in time
-  rt::Counter warm_up;                          // published without a full window behind them
-  rt::Counter gap_frames;                       // published with a lost frame in their window
-  std::array<rt::Counter, kEfforts> by_effort;  // of the frames with a full window; their sum is published - warm_up
-  rt::Gauge<Effort> effort;                     // of the last one
-  rt::Counter deblur_ns;                        // time spent solving, summed over frames
-  rt::Counter repeats;           // frames that repeated the one before and were dropped; among the missing, too
-  rt::LatencyHistogram latency;  // first byte received -> publish_ns, right before the sinks get it
+  const FrameInlet& inlet;     // received(), losses()
+  const SourceStatus* source;  // of a camera; null for a source that is not monitored
+  rt::Counter taken;           // frames taken out of the queue
+  rt::Counter published;       // frames handed to the sinks
+  rt::Counter restarts;        // windows emptied: NUC, reconnect, a jump in time
+  rt::Counter warm_up;         // published without a full window behind them
+  rt::Counter gap_frames;      // published with a lost frame in their window
+  std::array<rt::Counter, kQualityLevels>
+      by_effort;                   // of the frames with a full window; their sum is published - warm_up
+  rt::Gauge<QualityLevel> effort;  // of the last one
+  rt::Counter deblur_ns;           // time spent solving, summed over frames
+  rt::Counter repeats;             // frames that repeated the one before and were dropped; among the missing, too
+  rt::LatencyHistogram latency;    // first byte received -> publish_ns, right before the sinks get it
   StageLatencies stages;
   // CLOCK_MONOTONIC, when the pipeline thread last polled for a frame, which it does ten times a second at least;
   // 0: it does not run yet.

@@ -20,7 +20,8 @@ using test::run_of;
 using test::Script;
 
 constexpr int kWindow = 17;
-constexpr std::uint32_t kEffortFlags = flag_of(Effort::kReduced) | flag_of(Effort::kInverse) | flag_of(Effort::kRaw);
+constexpr std::uint32_t kQualityFlags =
+    flag_of(QualityLevel::kReduced) | flag_of(QualityLevel::kInverse) | flag_of(QualityLevel::kRaw);
 
 // A source whose frames come when the sink lets them: it decides how many wait behind the next one.
 class Gate {
@@ -95,11 +96,11 @@ TEST(Overload, IsMetInOrderAndEachFrameTellsIt) {
     EXPECT_EQ(stats.inlet.losses().total(), 0U);
   });
   ASSERT_EQ(sink.frames.size(), 60U);
-  const auto flags = [&](std::size_t i) { return sink.frames[i].meta.flags & kEffortFlags; };
+  const auto flags = [&](std::size_t i) { return sink.frames[i].meta.flags & kQualityFlags; };
   for (std::size_t i = 0; i <= 17; ++i) EXPECT_EQ(flags(i), 0U) << i;
-  EXPECT_EQ(flags(18), flag_of(Effort::kReduced));
-  EXPECT_EQ(flags(19), flag_of(Effort::kInverse));
-  for (std::size_t i = 20; i < 60; ++i) EXPECT_EQ(flags(i), flag_of(Effort::kRaw)) << i;
+  EXPECT_EQ(flags(18), flag_of(QualityLevel::kReduced));
+  EXPECT_EQ(flags(19), flag_of(QualityLevel::kInverse));
+  for (std::size_t i = 20; i < 60; ++i) EXPECT_EQ(flags(i), flag_of(QualityLevel::kRaw)) << i;
   EXPECT_EQ(sink.frames[17].deblurred, solved(sink.frames, 17, {}));
   EXPECT_EQ(sink.frames[18].deblurred, solved(sink.frames, 18, one_sweep()));
   EXPECT_EQ(sink.frames[19].deblurred, solved(sink.frames, 19, inverse()));
@@ -109,10 +110,10 @@ TEST(Overload, IsMetInOrderAndEachFrameTellsIt) {
 TEST(Overload, PassesAndAllIsSpentAgain) {
   Gate gate;
   MemorySink sink;
-  std::vector<Effort> order;
+  std::vector<QualityLevel> order;
   sink.on_publish = [&](const PublishedFrame& frame, const PipelineStats& stats) {
     if (frame.meta.frame_id < 17) return gate.let_wait(stats, 0);
-    const Effort effort = stats.effort.value();
+    const QualityLevel effort = stats.effort.value();
     if (order.empty() || order.back() != effort) order.push_back(effort);
     if (frame.meta.frame_id == 17) return gate.let_wait(stats, 33);
     if (order.size() >= 5) return gate.let_all();
@@ -124,8 +125,8 @@ TEST(Overload, PassesAndAllIsSpentAgain) {
   play(gate.script(2000), sink, options);
   ASSERT_GE(order.size(), 5U);
   order.resize(5);
-  EXPECT_EQ(order,
-            (std::vector<Effort>{Effort::kFull, Effort::kRaw, Effort::kInverse, Effort::kReduced, Effort::kFull}));
+  EXPECT_EQ(order, (std::vector<QualityLevel>{QualityLevel::kFull, QualityLevel::kRaw, QualityLevel::kInverse,
+                                              QualityLevel::kReduced, QualityLevel::kFull}));
 }
 
 TEST(Overload, NothingIsSparedUnlessAsked) {
@@ -137,7 +138,7 @@ TEST(Overload, NothingIsSparedUnlessAsked) {
     if (frame.meta.frame_id == 18) gate.let_all();
   };
   play(gate.script(60), sink, {});
-  for (const auto& frame : sink.frames) EXPECT_EQ(frame.meta.flags & kEffortFlags, 0U) << frame.meta.frame_id;
+  for (const auto& frame : sink.frames) EXPECT_EQ(frame.meta.flags & kQualityFlags, 0U) << frame.meta.frame_id;
 }
 
 // A second of work a frame, and more, on any processor.
@@ -185,7 +186,7 @@ TEST(Overload, TheEndDoesNotWaitForASlowFrame) {
   MemorySink sink;
   stop_amidst(options, sink);
   ASSERT_EQ(sink.frames.size(), std::size_t{kWindow});
-  EXPECT_EQ(sink.frames.back().meta.flags & kEffortFlags, flag_of(Effort::kRaw));
+  EXPECT_EQ(sink.frames.back().meta.flags & kQualityFlags, flag_of(QualityLevel::kRaw));
   EXPECT_EQ(sink.frames.back().deblurred, sink.frames.back().raw);
 }
 
@@ -194,7 +195,7 @@ TEST(Overload, TheEndLeavesOutWhatIsNotSolvedUnlessItMayDegrade) {
   MemorySink sink;
   stop_amidst(exactly(), sink);
   ASSERT_EQ(sink.frames.size(), std::size_t{kWindow - 1});
-  EXPECT_EQ(sink.frames.back().meta.flags & kEffortFlags, 0U);
+  EXPECT_EQ(sink.frames.back().meta.flags & kQualityFlags, 0U);
 }
 
 TEST(Overload, ASolverThatCannotKeepUpIsReplacedFromTheStart) {
@@ -212,7 +213,7 @@ TEST(Overload, ASolverThatCannotKeepUpIsReplacedFromTheStart) {
   EXPECT_NE(warnings[0].find("a frame of 800x480, but frames come every 5 ms: effort is \""), std::string::npos)
       << warnings[0];
   ASSERT_EQ(sink.frames.size(), 40U);
-  for (std::size_t i = kWindow - 1; i < 40; ++i) EXPECT_NE(sink.frames[i].meta.flags & kEffortFlags, 0U) << i;
+  for (std::size_t i = kWindow - 1; i < 40; ++i) EXPECT_NE(sink.frames[i].meta.flags & kQualityFlags, 0U) << i;
 }
 
 TEST(Overload, ASolverThatCannotKeepUpIsRefusedWhereNothingMayReplaceIt) {
@@ -238,7 +239,7 @@ TEST(Overload, ASolverThatKeepsUpIsLeftAlone) {
   };
   play(script, sink, options);
   ASSERT_EQ(sink.frames.size(), 20U);
-  for (const auto& frame : sink.frames) EXPECT_EQ(frame.meta.flags & kEffortFlags, 0U) << frame.meta.frame_id;
+  for (const auto& frame : sink.frames) EXPECT_EQ(frame.meta.flags & kQualityFlags, 0U) << frame.meta.frame_id;
 }
 
 }  // namespace

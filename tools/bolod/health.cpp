@@ -40,9 +40,9 @@ void add_loss_counts(const LossCounts& losses, pipeline::Notice& notice) {
   }
 }
 
-EffortCounts effort_counts(const pipeline::PipelineStats& stats) {
-  EffortCounts counts{};
-  for (std::size_t i = 0; i < pipeline::kEfforts; ++i) counts[i] = stats.by_effort[i].value();
+QualityCounts quality_counts(const pipeline::PipelineStats& stats) {
+  QualityCounts counts{};
+  for (std::size_t i = 0; i < pipeline::kQualityLevels; ++i) counts[i] = stats.by_effort[i].value();
   return counts;
 }
 
@@ -56,7 +56,7 @@ std::vector<pipeline::Notice> Health::poll(const Snapshot& now) {
   std::vector<pipeline::Notice> notices;
   check_flow(now, notices);
   check_losses(now, notices);
-  check_effort(now, notices);
+  check_quality(now, notices);
   return notices;
 }
 
@@ -87,14 +87,14 @@ void Health::check_losses(const Snapshot& now, std::vector<pipeline::Notice>& no
 }
 
 // The end of an overload is logged once nothing of it was seen for as long as its notices are apart.
-void Health::check_effort(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
+void Health::check_quality(const Snapshot& now, std::vector<pipeline::Notice>& notices) {
   if (now.now_ns - last_effort_notice_ns_ < kLossNoticeNs) return;
   std::string words;
   pipeline::Notice notice{true, "", event::kOverload};
-  for (std::size_t i = 1; i < pipeline::kEfforts; ++i) {
+  for (std::size_t i = 1; i < pipeline::kQualityLevels; ++i) {
     const std::uint64_t fresh = now.by_effort[i] - logged_efforts_[i];
     if (fresh == 0) continue;
-    const std::string effort(name(static_cast<pipeline::Effort>(i)));
+    const std::string effort(name(static_cast<pipeline::QualityLevel>(i)));
     words += (words.empty() ? "" : ", ") + std::to_string(fresh) + " " + effort;
     notice.counts.emplace_back("effort_" + effort, fresh);
   }

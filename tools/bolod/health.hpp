@@ -24,10 +24,10 @@ std::string describe_losses(const LossCounts& losses);
 // Adds those that are not zero to the notice's counts, as "lost_missing". Thread: any.
 void add_loss_counts(const LossCounts& losses, pipeline::Notice& notice);
 
-using EffortCounts = std::array<std::uint64_t, pipeline::kEfforts>;
+using QualityCounts = std::array<std::uint64_t, pipeline::kQualityLevels>;
 
 // Thread: any.
-EffortCounts effort_counts(const pipeline::PipelineStats& stats);
+QualityCounts quality_counts(const pipeline::PipelineStats& stats);
 
 // State of the pipeline at one moment.
 struct Snapshot {
@@ -35,7 +35,7 @@ struct Snapshot {
   std::uint64_t received = 0;  // frames
   LossCounts losses{};
   bool watched = false;  // the source itself reports when frames stop and come back
-  EffortCounts by_effort{};
+  QualityCounts by_effort{};
 };
 
 // Turns a series of snapshots into notices. Thread: one at a time.
@@ -51,7 +51,7 @@ class Health {
  private:
   void check_flow(const Snapshot& now, std::vector<pipeline::Notice>& notices);
   void check_losses(const Snapshot& now, std::vector<pipeline::Notice>& notices);
-  void check_effort(const Snapshot& now, std::vector<pipeline::Notice>& notices);
+  void check_quality(const Snapshot& now, std::vector<pipeline::Notice>& notices);
 
   enum class Flow { kWaiting, kFlowing, kStopped };
   std::int64_t patience_ns_;
@@ -60,7 +60,7 @@ class Health {
   Flow flow_ = Flow::kWaiting;
   std::uint64_t received_ = 0;
   LossCounts logged_{};  // losses already in the log
-  EffortCounts logged_efforts_{};
+  QualityCounts logged_efforts_{};
   std::int64_t last_effort_notice_ns_;
   bool overloaded_ = false;
 };

@@ -124,8 +124,8 @@ void add_choice(const char* metric, const char* help, const char* label, std::si
 
 void add_frames(const pipeline::PipelineStats& stats, Families& to) {
   add_rows(pipeline::kFrameCounters, stats, to);
-  add_choice("bolo_effort", "1 for what is spent on frames now", "effort", pipeline::kEfforts, stats.effort.value(),
-             to);
+  add_choice("bolo_effort", "1 for what is spent on frames now", "effort", pipeline::kQualityLevels,
+             stats.effort.value(), to);
   to.gauge("bolo_queue_frames", "Frames that wait for the pipeline", static_cast<double>(stats.waiting()));
 }
 

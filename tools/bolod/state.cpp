@@ -49,7 +49,8 @@ ordered_json state_json(const DaemonConfig& config, const pipeline::Pipeline& pi
   }
   json["lost_total"] = stats.inlet.losses().total();
   json["lost"] = by_name<LossCause>(loss_counts(stats));
-  json["effort"] = {{"now", name(stats.effort.value())}, {"frames", by_name<pipeline::Effort>(effort_counts(stats))}};
+  json["effort"] = {{"now", name(stats.effort.value())},
+                    {"frames", by_name<pipeline::QualityLevel>(quality_counts(stats))}};
   json["stages"] = stages_json(stats);
   json["camera"] = nullptr;
   if (stats.source != nullptr) json["camera"] = shm::camera_json(shm::camera_block(*stats.source), monotonic_ns());

@@ -13,8 +13,8 @@ std::string describe_camera(const pipeline::SourceStatus* source) {
 }
 
 // Said while it lasts.
-std::string describe_effort(pipeline::Effort effort) {
-  return effort == pipeline::Effort::kFull ? "" : "overloaded, deblurring is " + std::string(name(effort)) + "; ";
+std::string describe_quality(pipeline::QualityLevel effort) {
+  return effort == pipeline::QualityLevel::kFull ? "" : "overloaded, deblurring is " + std::string(name(effort)) + "; ";
 }
 
 }  // namespace
@@ -29,9 +29,10 @@ std::string StatusLine::next(const pipeline::PipelineStats& stats, std::int64_t 
   before_ns_ = now_ns;
   published_ = published;
   latency_ = counts;
-  return fmt::format("{}{}{:.1f} frames/s, latency p50 {:.2f} ms, p99 {:.2f} ms; lost: {}", describe_camera(stats.source),
-                     describe_effort(stats.effort.value()), rate, rt::LatencyHistogram::percentile_ms(fresh, 0.5),
-                     rt::LatencyHistogram::percentile_ms(fresh, 0.99), describe_losses(loss_counts(stats)));
+  return fmt::format("{}{}{:.1f} frames/s, latency p50 {:.2f} ms, p99 {:.2f} ms; lost: {}",
+                     describe_camera(stats.source), describe_quality(stats.effort.value()), rate,
+                     rt::LatencyHistogram::percentile_ms(fresh, 0.5), rt::LatencyHistogram::percentile_ms(fresh, 0.99),
+                     describe_losses(loss_counts(stats)));
 }
 
 }  // namespace bolo::daemon

@@ -38,7 +38,7 @@ Supervisor::Supervisor(const Subject& subject, double period_s, std::int64_t now
 void Supervisor::poll() {
   const std::int64_t now_ns = monotonic_ns();
   log(health_.poll(
-      {now_ns, stats().inlet.received(), loss_counts(stats()), stats().source != nullptr, effort_counts(stats())}));
+      {now_ns, stats().inlet.received(), loss_counts(stats()), stats().source != nullptr, quality_counts(stats())}));
   log(subject_.pipeline.take_notices());
   if (stats().polled_ns.value() == 0) return;  // the pipeline does not run yet
   notify_status(now_ns);

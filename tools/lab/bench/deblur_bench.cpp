@@ -9,8 +9,8 @@
 #include <thread>
 #include <utility>
 
+#include "src/corrections/pixel_correction.hpp"
 #include "src/deblur/isa.hpp"
-#include "src/deblur/pixel_correction.hpp"
 #include "src/deblur/solver.hpp"
 #include "src/rt/worker_team.hpp"
 #include "src/sim/simulator.hpp"
@@ -79,7 +79,7 @@ model::PixelMaps neutral_maps(const deblur::Settings& settings) {
 // What a profile adds to each frame: the newest one is brought to float and corrected.
 class Corrected {
  public:
-  Corrected(const Input& input, deblur::PixelCorrection correction)
+  Corrected(const Input& input, corrections::PixelCorrection correction)
       : raw_(input.frames.back()), correction_(std::move(correction)) {
     for (const auto& frame : input.frames) frames_.emplace_back(frame.begin(), frame.end());
     for (const auto& frame : frames_) planes_.push_back(frame.data());
@@ -88,14 +88,14 @@ class Corrected {
   void correct(PixelRange pixels) noexcept {
     float* const to = frames_.back().data();
     for (std::size_t i = pixels.begin; i < pixels.end; ++i) to[i] = static_cast<float>(raw_[i]);
-    correction_.correct(to, pixels);
+    correction_.apply(to, pixels);
   }
-  void finish() noexcept { correction_.fill_dead(frames_.back().data()); }
+  void finish() noexcept { correction_.finish(frames_.back().data()); }
   deblur::WindowView window() const { return {planes_, static_cast<int>(planes_.size()) - 1}; }
 
  private:
   const std::vector<std::uint16_t>& raw_;
-  deblur::PixelCorrection correction_;
+  corrections::PixelCorrection correction_;
   std::vector<std::vector<float>> frames_;
   std::vector<const void*> planes_;
 };
@@ -311,7 +311,7 @@ Result<BenchReport> bench_deblur(const BenchOptions& options) {
   const auto input = make_input(defaults);
   if (!input) return tl::unexpected(input.error());
   const auto list = list_variants(options, defaults.half_square_lambda(), report.processors);
-  auto correction = deblur::PixelCorrection::create(defaults, input->format, neutral_maps(defaults));
+  auto correction = corrections::PixelCorrection::create(defaults, input->format, neutral_maps(defaults));
   if (!correction) return tl::unexpected(correction.error());
   Corrected corrected(*input, std::move(*correction));
   const auto exact = optima(*input, corrected, list);

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -103,17 +104,10 @@ void set_constants(const sim::EffectSpec& effect, model::CameraProfile& profile)
   if (name == "noise_level") profile.noise_k *= value("scale");
   if (name == "row_delay") profile.row_delay_s = value("row_delay_s");
   if (name == "coarse_quantisation") profile.quantisation_k = value("step_k");
-  if (name == "slow_pole") undo.slow_share = value("share");
-  if (name == "slow_pole") undo.slow_tau_s = value("slow_tau_s");
-  if (name == "crosstalk") undo.coupling = value("coupling");
-  if (name == "integration_window") undo.integration_s = value("window_s");
-  if (name == "emissivity") undo.emissivity = value("emissivity");
-  if (name == "emissivity") undo.reflected_k = value("surroundings_k");
-  if (name == "radiometric_nonlinearity") undo.radiance = true;
-  if (name == "saturation") undo.ceiling_k = value("level_k");
-  if (name == "flicker") undo.flicker_k = value("sigma_k");
-  if (name == "offset_jump") undo.follow_jumps = true;
-  if (name == "frame_loss" || name == "nuc_freeze") undo.drop_repeated = true;
+  model::undo_effects(undo, [&](std::string_view which, std::string_view key) -> std::optional<double> {
+    if (which != name) return std::nullopt;
+    return key.empty() ? 1.0 : value(key);
+  });
   if (name == "iir") undo.filter = effect.form == "box" ? model::FrameFilter::kBox : model::FrameFilter::kRecursive;
   if (name == "iir") undo.filter_weight = value("alpha");
 }

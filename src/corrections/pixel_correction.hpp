@@ -19,36 +19,30 @@
 #include <cstdint>
 #include <vector>
 
-#include "src/core/pixel_range.hpp"
-#include "src/core/plane.hpp"
-#include "src/core/result.hpp"
-#include "src/deblur/settings.hpp"
-#include "src/model/pixel_maps.hpp"
+#include "src/corrections/correction.hpp"
 
-namespace bolo::deblur {
+namespace bolo::corrections {
 
-// Use, per frame: begin(); correct() on all of its pixels; fill_dead(). Nothing is allocated after create().
-class PixelCorrection {
+// Use, per frame: begin(); apply() on all of its pixels; finish().
+class PixelCorrection final : public Correction {
  public:
   // Maps of another size than the frame's, numbers that are none, time constants that are not positive, and frames
   // without a good pixel are bad input. Values are those that `input` stores, in single precision. Thread: setup.
-  static Result<PixelCorrection> create(const Settings& settings, const StreamFormat& input,
+  static Result<PixelCorrection> create(const deblur::Settings& settings, const StreamFormat& input,
                                         const model::PixelMaps& maps);
 
   // False when the maps say nothing of single pixels: there is nothing to call. Thread: any.
   bool changes_samples() const noexcept { return !gain_.empty() || !lag_.empty() || !dead_.empty(); }
 
-  // A frame `periods` after the one before; 0: nothing of before is remembered. Thread: pipeline.
-  void begin(std::uint64_t periods) noexcept;
-  // Pixels of the whole plane `values`, in place; disjoint between concurrent calls. Thread: worker.
-  void correct(float* values, PixelRange pixels) noexcept;
-  // After all of the frame's pixels. Thread: pipeline.
-  void fill_dead(float* values) const noexcept;
+  void begin(std::uint64_t periods) noexcept override;
+  void apply(float* plane, PixelRange pixels) noexcept override;
+  // Fills dead pixels.
+  void finish(float* plane) noexcept override;
 
  private:
-  PixelCorrection() = default;
+  PixelCorrection() : Correction({.samples = true}) {}
   void set_scale(const StreamFormat& input, const model::PixelMaps& maps);
-  void set_lag(const Settings& settings, const model::PixelMaps& maps);
+  void set_lag(const deblur::Settings& settings, const model::PixelMaps& maps);
   void set_dead(Geometry geometry, const std::vector<std::uint8_t>& dead);
   void scale(float* values, PixelRange pixels) const noexcept;
   void equalise(float* values, PixelRange pixels) noexcept;
@@ -75,4 +69,4 @@ class PixelCorrection {
   std::vector<std::uint32_t> sources_;
 };
 
-}  // namespace bolo::deblur
+}  // namespace bolo::corrections

@@ -1,17 +1,17 @@
-#include "src/deblur/pixel_correction.hpp"
+#include "src/corrections/pixel_correction.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <sstream>
 #include <string>
 #include <string_view>
+#include <utility>
 
-namespace bolo::deblur {
+namespace bolo::corrections {
 namespace {
 
 constexpr double kLongestTau = 1.0;       // s, as in Settings
 constexpr std::uint64_t kForgotten = 64;  // periods without a frame after which it begins anew
-constexpr std::size_t kAtOnce = 1024;     // pixels: they stay in the first cache from step to step
 constexpr std::size_t kMostSources = 64;  // of a dead pixel; a ring with more is thinned out evenly
 
 // "maps: tau_s in row 3, column 17 is nan, must be ..."
@@ -74,7 +74,7 @@ std::vector<std::uint32_t> good_ring(Geometry g, const std::vector<std::uint8_t>
 
 }  // namespace
 
-Result<PixelCorrection> PixelCorrection::create(const Settings& settings, const StreamFormat& input,
+Result<PixelCorrection> PixelCorrection::create(const deblur::Settings& settings, const StreamFormat& input,
                                                 const model::PixelMaps& maps) {
   if (const Status good = check(input.geometry, maps); !good) return tl::unexpected<Error>(good.error());
   PixelCorrection correction;
@@ -101,7 +101,7 @@ void PixelCorrection::set_scale(const StreamFormat& input, const model::PixelMap
   }
 }
 
-void PixelCorrection::set_lag(const Settings& settings, const model::PixelMaps& maps) {
+void PixelCorrection::set_lag(const deblur::Settings& settings, const model::PixelMaps& maps) {
   const double nominal = std::exp(-ratio_);
   lag_.assign(maps.tau_s.size(), 0.0F);
   decay_ = before_ = added_ = lag_;
@@ -131,9 +131,9 @@ void PixelCorrection::begin(std::uint64_t periods) noexcept {
   nominal_decay_ = static_cast<float>(std::exp(-ratio_ * static_cast<double>(periods_)));
 }
 
-void PixelCorrection::correct(float* values, PixelRange pixels) noexcept {
-  for (std::size_t begin = pixels.begin; begin < pixels.end; begin += kAtOnce) {
-    const PixelRange some{begin, std::min(begin + kAtOnce, pixels.end)};
+void PixelCorrection::apply(float* values, PixelRange pixels) noexcept {
+  for (std::size_t begin = pixels.begin; begin < pixels.end; begin += kPixelsAtOnce) {
+    const PixelRange some{begin, std::min(begin + kPixelsAtOnce, pixels.end)};
     if (!gain_.empty()) scale(values, some);
     if (!lag_.empty()) equalise(values, some);
   }
@@ -173,7 +173,7 @@ void PixelCorrection::equalise_over_gap(float* values, PixelRange pixels) noexce
   }
 }
 
-void PixelCorrection::fill_dead(float* values) const noexcept {
+void PixelCorrection::finish(float* values) noexcept {
   for (const Dead& dead : dead_) {
     float sum = 0.0F;
     for (std::uint32_t i = dead.first; i < dead.end; ++i) sum += values[sources_[i]];
@@ -181,4 +181,11 @@ void PixelCorrection::fill_dead(float* values) const noexcept {
   }
 }
 
-}  // namespace bolo::deblur
+Made pixel_correction(const Setup& setup, const StreamFormat& input) {
+  auto made = PixelCorrection::create(setup.settings, input, setup.maps);
+  if (!made) return tl::unexpected(made.error());
+  if (!made->changes_samples()) return nullptr;
+  return std::make_unique<PixelCorrection>(std::move(*made));
+}
+
+}  // namespace bolo::corrections

@@ -1,4 +1,4 @@
-#include "src/pipeline/effort.hpp"
+#include "src/pipeline/quality_level.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@ constexpr std::int64_t kPeriodNs = 5 * kMs;
 constexpr std::uint64_t kQueue = 64;
 
 // What a frame costs a machine at each effort, ms.
-using Costs = std::array<double, kEfforts>;
+using Costs = std::array<double, kQualityLevels>;
 
 // A camera that never waits, a queue, and one thread that solves: time passes without a clock.
 class Machine {
@@ -27,7 +27,7 @@ class Machine {
         continue;
       }
       --waiting_;
-      const Effort effort = control_.next(waiting_, now_ns_);
+      const QualityLevel effort = control_.next(waiting_, now_ns_);
       efforts.push_back(effort);
       now_ns_ += static_cast<std::int64_t>(costs[static_cast<std::size_t>(effort)] * 1e6);
     }
@@ -35,20 +35,20 @@ class Machine {
   void stall(double seconds) { now_ns_ += static_cast<std::int64_t>(seconds * 1e9); }
 
   std::int64_t now_ns() const { return now_ns_; }
-  double share(Effort effort) const {
+  double share(QualityLevel effort) const {
     return static_cast<double>(std::count(efforts.begin(), efforts.end(), effort)) /
            static_cast<double>(efforts.size());
   }
   // The efforts in the order in which each first appeared.
-  std::vector<Effort> order() const {
-    std::vector<Effort> seen;
-    for (const Effort effort : efforts) {
+  std::vector<QualityLevel> order() const {
+    std::vector<QualityLevel> seen;
+    for (const QualityLevel effort : efforts) {
       if (std::find(seen.begin(), seen.end(), effort) == seen.end()) seen.push_back(effort);
     }
     return seen;
   }
 
-  std::vector<Effort> efforts;
+  std::vector<QualityLevel> efforts;
   std::uint64_t lost = 0;
 
  private:
@@ -58,98 +58,99 @@ class Machine {
     }
   }
 
-  EffortControl control_{kQueue};
+  QualityControl control_{kQueue};
   std::int64_t now_ns_ = 0;
   std::int64_t next_frame_ns_ = 0;
   std::uint64_t waiting_ = 0;
 };
 
-TEST(Effort, NamesAndFlags) {
-  EXPECT_EQ(name(Effort::kFull), "full");
-  EXPECT_EQ(name(Effort::kRaw), "raw");
-  EXPECT_EQ(flag_of(Effort::kFull), 0U);
-  EXPECT_EQ(flag_of(Effort::kReduced), 32U);
-  EXPECT_EQ(flag_of(Effort::kInverse), 64U);
-  EXPECT_EQ(flag_of(Effort::kRaw), 128U);
+TEST(QualityLevel, NamesAndFlags) {
+  EXPECT_EQ(name(QualityLevel::kFull), "full");
+  EXPECT_EQ(name(QualityLevel::kRaw), "raw");
+  EXPECT_EQ(flag_of(QualityLevel::kFull), 0U);
+  EXPECT_EQ(flag_of(QualityLevel::kReduced), 32U);
+  EXPECT_EQ(flag_of(QualityLevel::kInverse), 64U);
+  EXPECT_EQ(flag_of(QualityLevel::kRaw), 128U);
 }
 
-TEST(EffortControl, AFastMachineSpendsAllOnEveryFrame) {
+TEST(QualityControl, AFastMachineSpendsAllOnEveryFrame) {
   Machine machine;
   machine.run({4.9, 0.5, 0.1, 0.05}, 60.0);
-  EXPECT_EQ(machine.share(Effort::kFull), 1.0);
+  EXPECT_EQ(machine.share(QualityLevel::kFull), 1.0);
   EXPECT_EQ(machine.lost, 0U);
 }
 
-TEST(EffortControl, GoesDownInOrderAndNoFurtherThanNeeded) {
-  const Effort steps[] = {Effort::kFull, Effort::kReduced, Effort::kInverse, Effort::kRaw};
-  for (std::size_t affordable = 1; affordable < kEfforts; ++affordable) {
+TEST(QualityControl, GoesDownInOrderAndNoFurtherThanNeeded) {
+  const QualityLevel steps[] = {QualityLevel::kFull, QualityLevel::kReduced, QualityLevel::kInverse,
+                                QualityLevel::kRaw};
+  for (std::size_t affordable = 1; affordable < kQualityLevels; ++affordable) {
     Costs costs{9.0, 8.0, 7.0, 0.05};
-    for (std::size_t i = affordable; i < kEfforts; ++i) costs[i] = 0.4;
+    for (std::size_t i = affordable; i < kQualityLevels; ++i) costs[i] = 0.4;
     Machine machine;
     machine.run(costs, 120.0);
     EXPECT_EQ(machine.lost, 0U) << affordable;
-    EXPECT_EQ(machine.order(), std::vector<Effort>(steps, steps + affordable + 1));
+    EXPECT_EQ(machine.order(), std::vector<QualityLevel>(steps, steps + affordable + 1));
   }
 }
 
-TEST(EffortControl, OnASlowMachineQualityDoesNotSwing) {
+TEST(QualityControl, OnASlowMachineQualityDoesNotSwing) {
   Machine machine;
   machine.run({9.0, 2.0, 0.1, 0.05}, 120.0);
   machine.efforts.clear();
   machine.run({9.0, 2.0, 0.1, 0.05}, 120.0);
-  EXPECT_GT(machine.share(Effort::kReduced), 0.98) << "it tries the full effort now and then";
-  EXPECT_GT(machine.share(Effort::kFull), 0.0);
-  EXPECT_EQ(machine.share(Effort::kInverse), 0.0);
+  EXPECT_GT(machine.share(QualityLevel::kReduced), 0.98) << "it tries the full effort now and then";
+  EXPECT_GT(machine.share(QualityLevel::kFull), 0.0);
+  EXPECT_EQ(machine.share(QualityLevel::kInverse), 0.0);
 }
 
 // A frame that takes a quarter of a second leaves fifty waiting: raw ones catch up, but what can be afforded comes
 // next.
-TEST(EffortControl, ATrialThatFailsBadlyDoesNotHoldTheCheaperStepsBack) {
+TEST(QualityControl, ATrialThatFailsBadlyDoesNotHoldTheCheaperStepsBack) {
   Machine machine;
   machine.run({250.0, 0.5, 0.1, 0.05}, 300.0);
   machine.efforts.clear();
   machine.run({250.0, 0.5, 0.1, 0.05}, 300.0);
-  EXPECT_GT(machine.share(Effort::kReduced), 0.97);
+  EXPECT_GT(machine.share(QualityLevel::kReduced), 0.97);
   EXPECT_EQ(machine.lost, 0U);
 }
 
 // A frame that costs a little too much: some reduced ones make up for many.
-TEST(EffortControl, AMachineThatIsNearlyFastEnoughStaysNearlyFull) {
+TEST(QualityControl, AMachineThatIsNearlyFastEnoughStaysNearlyFull) {
   Machine machine;
   machine.run({5.05, 1.5, 0.1, 0.05}, 120.0);
-  EXPECT_GT(machine.share(Effort::kFull), 0.9);
+  EXPECT_GT(machine.share(QualityLevel::kFull), 0.9);
   EXPECT_EQ(machine.lost, 0U);
 }
 
-TEST(EffortControl, WhatLastedTooLongIsNotForgottenAtOnceButInTheEnd) {
+TEST(QualityControl, WhatLastedTooLongIsNotForgottenAtOnceButInTheEnd) {
   Machine machine;
   machine.run({9.0, 2.0, 0.1, 0.05}, 300.0);  // it waits 30 s between trials by now
   machine.run({1.5, 0.5, 0.1, 0.05}, 31.0);
-  EXPECT_EQ(machine.efforts.back(), Effort::kFull);
-  machine.stall(2.0 * 1e-9 * EffortControl::kTrialNs);
+  EXPECT_EQ(machine.efforts.back(), QualityLevel::kFull);
+  machine.stall(2.0 * 1e-9 * QualityControl::kTrialNs);
   machine.efforts.clear();
   machine.run({1.5, 0.5, 0.1, 0.05}, 1.0);
-  EXPECT_EQ(machine.efforts.back(), Effort::kFull) << "patience is as at the start again";
+  EXPECT_EQ(machine.efforts.back(), QualityLevel::kFull) << "patience is as at the start again";
 }
 
-TEST(EffortControl, AfterAStallAllIsWellWithinHalfASecond) {
+TEST(QualityControl, AfterAStallAllIsWellWithinHalfASecond) {
   Machine machine;
   machine.run({1.5, 0.5, 0.1, 0.05}, 1.0);
   machine.stall(0.3);
-  EXPECT_EQ(machine.efforts.back(), Effort::kFull);
+  EXPECT_EQ(machine.efforts.back(), QualityLevel::kFull);
   machine.efforts.clear();
   machine.run({1.5, 0.5, 0.1, 0.05}, 0.5);
-  EXPECT_EQ(machine.efforts.front(), Effort::kRaw) << "60 frames wait";
-  EXPECT_EQ(machine.efforts.back(), Effort::kFull);
+  EXPECT_EQ(machine.efforts.front(), QualityLevel::kRaw) << "60 frames wait";
+  EXPECT_EQ(machine.efforts.back(), QualityLevel::kFull);
   EXPECT_EQ(machine.lost, 0U);
 }
 
-TEST(EffortControl, AShortQueueHasItsStepsToo) {
-  EffortControl control(4);
-  EXPECT_EQ(control.next(1, 0), Effort::kFull) << "one that waits is no backlog";
-  EXPECT_EQ(control.next(2, 0), Effort::kReduced);
-  EXPECT_EQ(control.next(3, 0), Effort::kInverse);
-  EXPECT_EQ(control.next(4, 0), Effort::kRaw);
+TEST(QualityControl, AShortQueueHasItsStepsToo) {
+  QualityControl control(4);
+  EXPECT_EQ(control.next(1, 0), QualityLevel::kFull) << "one that waits is no backlog";
+  EXPECT_EQ(control.next(2, 0), QualityLevel::kReduced);
+  EXPECT_EQ(control.next(3, 0), QualityLevel::kInverse);
+  EXPECT_EQ(control.next(4, 0), QualityLevel::kRaw);
 }
 
 }  // namespace

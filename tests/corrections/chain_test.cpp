@@ -1,20 +1,16 @@
-// Each undo against the effect, written here a second time in double precision.
-#include "src/pipeline/frame_undo.hpp"
+// Each correction against the effect, written here a second time in double precision.
+#include "src/corrections/chain.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstring>
-#include <functional>
 #include <random>
 
 #include "src/model/band_radiance.hpp"
-#include "src/pipeline/pipeline.hpp"
-#include "tests/pipeline/fakes.hpp"
 
-namespace bolo::pipeline {
+namespace bolo::corrections {
 namespace {
 
 constexpr Geometry kSmall{24, 16};
@@ -37,8 +33,8 @@ StreamFormat in_counts(Geometry geometry) {
   return format;
 }
 
-std::unique_ptr<FrameUndo> make(const model::Undo& undo, const StreamFormat& format = floats()) {
-  auto made = FrameUndo::create({undo, {}, {}, 0.03, 4}, format);
+std::unique_ptr<Chain> make(const model::Undo& undo, const StreamFormat& format = floats()) {
+  auto made = Chain::create({undo, {}, {}, 0.03}, format, 4);
   EXPECT_TRUE(made) << made.error().message;
   return std::move(*made);
 }
@@ -59,22 +55,23 @@ struct Passed {
   Frames planes;
 };
 
-// The frames of `ids` through the undoing.
-Passed pass(FrameUndo& undo, const Frames& frames, const std::vector<std::uint64_t>& ids) {
+// The frames of `ids` through the chain.
+Passed pass(Chain& chain, const Frames& frames, const std::vector<std::uint64_t>& ids) {
   Passed passed{ids, {}};
-  const std::size_t pixels = undo.format().geometry.pixels();
+  const std::size_t pixels = chain.format().geometry.pixels();
   std::vector<float> raw(pixels);
   for (const std::uint64_t id : ids) {
     for (std::size_t p = 0; p < pixels; ++p) raw[p] = static_cast<float>(frames[id][p]);
     FrameMeta meta;
     meta.frame_id = id;
-    undo.begin(meta, raw.data(), false);
-    undo.read({0, pixels / 3});
-    undo.read({pixels / 3, pixels});
-    undo.settle();
-    undo.write({0, pixels / 2});
-    undo.write({pixels / 2, pixels});
-    const auto* const plane = static_cast<const float*>(undo.plane());
+    chain.begin(meta, raw.data(), false);
+    for (std::size_t p = 0; p < chain.passes(); ++p) {
+      chain.begin_pass(p);
+      chain.apply(p, {0, pixels / (p + 2)});
+      chain.apply(p, {pixels / (p + 2), pixels});
+    }
+    chain.finish();
+    const auto* const plane = static_cast<const float*>(chain.plane());
     passed.planes.emplace_back(plane, plane + pixels);
   }
   return passed;
@@ -112,43 +109,43 @@ Frames box(const Frames& x, double weight) {
   return y;
 }
 
-TEST(FrameUndo, ChangesNothingByDefault) {
-  const auto undo = make({});
-  EXPECT_FALSE(undo->before());
-  EXPECT_FALSE(undo->after());
-  EXPECT_EQ(undo->format(), floats());
+TEST(Corrections, ChangesNothingByDefault) {
+  const auto chain = make({});
+  EXPECT_FALSE(chain->before());
+  EXPECT_FALSE(chain->after());
+  EXPECT_EQ(chain->format(), floats());
   const auto counts = make({}, in_counts(kSmall));
   EXPECT_EQ(counts->format().type, PixelType::kUint16) << "the solver gets the frames as they came";
 }
 
-TEST(FrameUndo, ARecursiveFilterIsInverted) {
+TEST(Corrections, ARecursiveFilterIsInverted) {
   const Frames x = walks(60, 40.0);
   for (const double weight : {0.3, 0.6, 0.9}) {
-    const auto undo = make({.filter = model::FrameFilter::kRecursive, .filter_weight = weight});
+    const auto chain = make({.filter = model::FrameFilter::kRecursive, .filter_weight = weight});
     const Frames y = recursive(x, weight);
-    EXPECT_LT(worst(pass(*undo, y, all_of(y)), x), kRounding / weight) << weight;
+    EXPECT_LT(worst(pass(*chain, y, all_of(y)), x), kRounding / weight) << weight;
   }
 }
 
-TEST(FrameUndo, ABoxFilterIsInverted) {
+TEST(Corrections, ABoxFilterIsInverted) {
   const Frames x = walks(60, 40.0);
   for (const double weight : {0.6, 0.9}) {
-    const auto undo = make({.filter = model::FrameFilter::kBox, .filter_weight = weight});
+    const auto chain = make({.filter = model::FrameFilter::kBox, .filter_weight = weight});
     const Frames y = box(x, weight);
-    EXPECT_LT(worst(pass(*undo, y, all_of(y)), x), 5.0 * kRounding) << weight;
+    EXPECT_LT(worst(pass(*chain, y, all_of(y)), x), 5.0 * kRounding) << weight;
   }
 }
 
-TEST(FrameUndo, AFilterMeetsALostFrameOnALine) {
+TEST(Corrections, AFilterMeetsALostFrameOnALine) {
   Frames x(40, std::vector<double>(kSmall.pixels()));
   for (std::size_t k = 0; k < x.size(); ++k) std::ranges::fill(x[k], 30'000.0 + 12.0 * static_cast<double>(k));
-  const auto undo = make({.filter = model::FrameFilter::kRecursive, .filter_weight = 0.6});
+  const auto chain = make({.filter = model::FrameFilter::kRecursive, .filter_weight = 0.6});
   std::vector<std::uint64_t> ids = all_of(x);
   ids.erase(ids.begin() + 30, ids.begin() + 33);
-  EXPECT_LT(worst(pass(*undo, recursive(x, 0.6), ids), x), kRounding);
+  EXPECT_LT(worst(pass(*chain, recursive(x, 0.6), ids), x), kRounding);
 }
 
-TEST(FrameUndo, ASlowPoleIsTakenOut) {
+TEST(Corrections, ASlowPoleIsTakenOut) {
   constexpr double kShare = 0.03;
   constexpr double kSlowTau = 0.2;
   const Frames input = walks(400, 30.0);
@@ -164,8 +161,8 @@ TEST(FrameUndo, ASlowPoleIsTakenOut) {
       shown[k][i] = (1.0 - kShare) * fast[k][i] + kShare * slow[k][i];
     }
   }
-  const auto undo = make({.slow_share = kShare, .slow_tau_s = kSlowTau});
-  EXPECT_LT(worst(pass(*undo, shown, all_of(shown)), fast), 10.0 * kRounding);
+  const auto chain = make({.slow_share = kShare, .slow_tau_s = kSlowTau});
+  EXPECT_LT(worst(pass(*chain, shown, all_of(shown)), fast), 10.0 * kRounding);
 }
 
 // What frames have more than the noise of their mean.
@@ -197,7 +194,7 @@ Frames moving_scene(std::size_t frames, double slopes = 0.0) {
   return all;
 }
 
-TEST(FrameUndo, FlickerIsTakenOutOfAMovingScene) {
+TEST(Corrections, FlickerIsTakenOutOfAMovingScene) {
   const Frames scene = moving_scene(200);
   Frames seen = scene;
   std::mt19937 random(5);
@@ -206,26 +203,26 @@ TEST(FrameUndo, FlickerIsTakenOutOfAMovingScene) {
     const double offset = flicker(random);
     for (double& value : frame) value += offset;
   }
-  const auto undo = make({.flicker_k = 0.04}, floats(kPicture));
-  const Passed passed = pass(*undo, seen, all_of(seen));
+  const auto chain = make({.flicker_k = 0.04}, floats(kPicture));
+  const Passed passed = pass(*chain, seen, all_of(seen));
   const double before = common_rms(seen, scene, 20);
   EXPECT_LT(common_rms(passed.planes, scene, 20), 0.5 * before) << "of " << before << " counts";
 }
 
-TEST(FrameUndo, FlickerIsLeftWhereEverythingMoves) {
+TEST(Corrections, FlickerIsLeftWhereEverythingMoves) {
   const Frames scene = moving_scene(200, 300.0);
-  const auto undo = make({.flicker_k = 0.04}, floats(kPicture));
-  EXPECT_LT(common_rms(pass(*undo, scene, all_of(scene)).planes, scene, 20), 0.5) << "counts; nothing is invented";
+  const auto chain = make({.flicker_k = 0.04}, floats(kPicture));
+  EXPECT_LT(common_rms(pass(*chain, scene, all_of(scene)).planes, scene, 20), 0.5) << "counts; nothing is invented";
 }
 
-TEST(FrameUndo, AJumpIsFollowedAndMotionIsNot) {
+TEST(Corrections, AJumpIsFollowedAndMotionIsNot) {
   const Frames scene = moving_scene(120);
   Frames seen = scene;
   for (std::size_t k = 60; k < seen.size(); ++k) {
     for (double& value : seen[k]) value += 150.0;
   }
-  const auto undo = make({.follow_jumps = true}, floats(kPicture));
-  EXPECT_LT(worst(pass(*undo, scene, all_of(scene)), scene), kRounding);
+  const auto chain = make({.follow_jumps = true}, floats(kPicture));
+  EXPECT_LT(worst(pass(*chain, scene, all_of(scene)), scene), kRounding);
   const auto again = make({.follow_jumps = true}, floats(kPicture));
   EXPECT_LT(worst(pass(*again, seen, all_of(seen)), scene), 5.0) << "what moves shifts the centre a little";
   const Frames wild = moving_scene(120, 300.0);
@@ -233,7 +230,7 @@ TEST(FrameUndo, AJumpIsFollowedAndMotionIsNot) {
   EXPECT_LT(worst(pass(*third, wild, all_of(wild)), wild), kRounding) << "nothing is invented";
 }
 
-TEST(FrameUndo, CurvesOfRadianceAndEmissivityAreInverted) {
+TEST(Corrections, CurvesOfRadianceAndEmissivityAreInverted) {
   const model::Undo undo{.radiance = true, .emissivity = 0.95, .reflected_k = 290.0};
   const auto made = make(undo);
   Frames shown(1, std::vector<double>(kSmall.pixels()));
@@ -248,8 +245,8 @@ TEST(FrameUndo, CurvesOfRadianceAndEmissivityAreInverted) {
   for (std::size_t p = 0; p < kSmall.pixels(); ++p) kelvin.push_back(static_cast<float>(0.01 * passed.planes[0][p]));
   std::vector<std::uint16_t> counts;
   for (const float k : kelvin) counts.push_back(static_cast<std::uint16_t>(std::lround(100.0F * k)));
-  made->undo_after({PixelType::kFloat32, kelvin.data(), {0, kelvin.size()}, nullptr, 0});
-  made->undo_after({PixelType::kUint16, counts.data(), {0, counts.size()}, nullptr, 0});
+  made->restore({PixelType::kFloat32, kelvin.data(), {0, kelvin.size()}, nullptr, 0});
+  made->restore({PixelType::kUint16, counts.data(), {0, counts.size()}, nullptr, 0});
   for (std::size_t p = 0; p < kSmall.pixels(); ++p) {
     EXPECT_NEAR(static_cast<double>(kelvin[p]), real[p], 1e-3) << p;
     EXPECT_NEAR(0.01 * counts[p], real[p], 0.0125) << p;
@@ -258,7 +255,7 @@ TEST(FrameUndo, CurvesOfRadianceAndEmissivityAreInverted) {
 
 // A pixel in equilibrium: y (1 + n c) = x + c sum y_n, on 4 x 3 pixels of which one is dead and taken for the mean of
 // its neighbours.
-TEST(FrameUndo, HeatThatFlowsSidewaysIsGivenBack) {
+TEST(Corrections, HeatThatFlowsSidewaysIsGivenBack) {
   constexpr Geometry kTiny{4, 3};
   constexpr double kCoupling = 0.05;
   constexpr std::size_t kDead = 5;
@@ -289,10 +286,10 @@ TEST(FrameUndo, HeatThatFlowsSidewaysIsGivenBack) {
   for (const PixelType type : {PixelType::kUint16, PixelType::kFloat32}) {
     StreamFormat format = in_counts(kTiny);
     format.type = type;
-    const auto made = FrameUndo::create({{.coupling = kCoupling}, {}, maps, 0.03, 4}, format);
+    const auto made = Chain::create({{.coupling = kCoupling}, {}, maps, 0.03}, format, 4);
     ASSERT_TRUE(made) << made.error().message;
-    FrameUndo& undo = **made;
-    ASSERT_TRUE(undo.before());
+    Chain& chain = **made;
+    ASSERT_TRUE(chain.before());
     std::vector<std::uint16_t> counts;
     std::vector<float> values;
     for (std::size_t p = 0; p < 12; ++p) {
@@ -300,18 +297,17 @@ TEST(FrameUndo, HeatThatFlowsSidewaysIsGivenBack) {
       counts.push_back(static_cast<std::uint16_t>(std::lround(seen)));
       values.push_back(static_cast<float>(seen));
     }
-    undo.begin({}, type == PixelType::kUint16 ? static_cast<const void*>(counts.data()) : values.data(), true);
-    undo.read({0, 12});
-    undo.write({0, 12});
-    undo.finish();
-    const auto* const corrected = static_cast<const float*>(undo.plane());
+    chain.begin({}, type == PixelType::kUint16 ? static_cast<const void*>(counts.data()) : values.data(), true);
+    chain.apply(0, {0, 12});
+    chain.finish();
+    const auto* const corrected = static_cast<const float*>(chain.plane());
     std::vector<float> solved;  // what the solver makes of a still scene
     for (std::size_t p = 0; p < 12; ++p) {
       EXPECT_NEAR(static_cast<double>(corrected[p]), 100.0 * y[p], 0.6) << p;
       solved.push_back(0.01F * corrected[p]);
     }
-    undo.undo_after({PixelType::kFloat32, solved.data(), {0, 5}, undo.plane(), 0});
-    undo.undo_after({PixelType::kFloat32, solved.data(), {5, 12}, undo.plane(), 5});
+    chain.restore({PixelType::kFloat32, solved.data(), {0, 5}, chain.plane(), 0});
+    chain.restore({PixelType::kFloat32, solved.data(), {5, 12}, chain.plane(), 5});
     for (std::size_t p = 0; p < 12; ++p) {
       if (p == kDead) continue;
       EXPECT_NEAR(static_cast<double>(solved[p]), x[p], 0.01) << p;
@@ -319,24 +315,24 @@ TEST(FrameUndo, HeatThatFlowsSidewaysIsGivenBack) {
   }
 }
 
-TEST(FrameUndo, MapsOfAnotherSizeAreRefused) {
+TEST(Corrections, MapsOfAnotherSizeAreRefused) {
   model::PixelMaps maps;
   maps.gain.assign(7, 1.0F);
-  const auto made = FrameUndo::create({{}, {}, maps, 0.03, 4}, floats());
+  const auto made = Chain::create({{}, {}, maps, 0.03}, floats(), 4);
   ASSERT_FALSE(made);
   EXPECT_EQ(made.error().kind, ErrorKind::kBadInput);
 }
 
-TEST(FrameUndo, TemperaturesAreNeededForCurves) {
+TEST(Corrections, TemperaturesAreNeededForCurves) {
   StreamFormat counts = floats();
   counts.scale.unit = Unit::kCount;
-  const auto made = FrameUndo::create({{.emissivity = 0.9}, {}, {}, 3.0, 4}, counts);
+  const auto made = Chain::create({{.emissivity = 0.9}, {}, {}, 3.0}, counts, 4);
   ASSERT_FALSE(made);
   EXPECT_EQ(made.error().kind, ErrorKind::kBadInput);
-  EXPECT_TRUE(FrameUndo::create({{.flicker_k = 2.0}, {}, {}, 3.0, 4}, counts));
+  EXPECT_TRUE(Chain::create({{.flicker_k = 2.0}, {}, {}, 3.0}, counts, 4));
 }
 
-TEST(FrameUndo, ValuesAtTheCeilingAreTold) {
+TEST(Corrections, ValuesAtTheCeilingAreTold) {
   const auto made = make({.ceiling_k = 310.0}, in_counts({4, 1}));
   const std::vector<std::uint16_t> below{30'000, 30'998, 30'999, 200};
   const std::vector<std::uint16_t> there{30'000, 31'000, 30'999, 200};
@@ -345,71 +341,5 @@ TEST(FrameUndo, ValuesAtTheCeilingAreTold) {
   EXPECT_FALSE(made->saturated(there.data(), {2, 4}));
 }
 
-// --- within the pipeline ---
-
-std::vector<test::MemorySink::Frame> published(test::Script script, const model::Undo& undo) {
-  PipelineOptions options;
-  options.undo = undo;
-  test::MemorySink sink;
-  auto pipeline = Pipeline::create(std::make_unique<test::ScriptedSource>(std::move(script)), {&sink}, options);
-  EXPECT_TRUE(pipeline) << pipeline.error().message;
-  const std::atomic<bool> never{false};
-  EXPECT_TRUE((*pipeline)->run(never));
-  return std::move(sink.frames);
-}
-
-TEST(FrameUndo, ThePipelinePublishesRawFramesAsTheyCame) {
-  const auto plain = published({}, {});
-  const auto undone =
-      published({}, {.filter = model::FrameFilter::kRecursive, .filter_weight = 0.7, .emissivity = 0.95});
-  ASSERT_EQ(plain.size(), undone.size());
-  for (std::size_t i = 0; i < plain.size(); ++i) {
-    EXPECT_EQ(plain[i].raw, undone[i].raw) << i;
-    EXPECT_NE(plain[i].deblurred, undone[i].deblurred) << i;
-  }
-}
-
-// A filter that is undone leaves what the solver makes of the frames before the filter, but for rounding to counts.
-TEST(FrameUndo, ThePipelineSeesThroughAFilter) {
-  constexpr double kWeight = 0.75;
-  test::Script script;
-  std::vector<double> before;
-  script.fill = [&before](rt::FrameSlot& slot, const StreamFormat& format) {
-    test::fill_moving_bar(slot, format);
-    if (before.empty()) before.assign(slot.u16(), slot.u16() + format.geometry.pixels());
-    for (std::size_t p = 0; p < before.size(); ++p) {
-      before[p] = kWeight * slot.u16()[p] + (1.0 - kWeight) * before[p];
-      slot.u16()[p] = static_cast<std::uint16_t>(std::lround(before[p]));
-    }
-  };
-  const auto wanted = published({}, {});
-  const auto seen = published(script, {.filter = model::FrameFilter::kRecursive, .filter_weight = kWeight});
-  ASSERT_EQ(wanted.size(), seen.size());
-  double squares = 0.0;
-  double count = 0.0;
-  for (std::size_t i = 20; i < wanted.size(); ++i) {
-    const auto* a = reinterpret_cast<const std::uint16_t*>(wanted[i].deblurred.data());
-    const auto* b = reinterpret_cast<const std::uint16_t*>(seen[i].deblurred.data());
-    for (std::size_t p = 0; p < before.size(); ++p, ++count) squares += std::pow(double{1.0} * a[p] - b[p], 2);
-  }
-  EXPECT_LT(std::sqrt(squares / count), 2.0) << "counts; the bar is 900 high";
-}
-
-TEST(FrameUndo, RepeatedFramesCountAsLost) {
-  test::Script script;
-  script.fill = [](rt::FrameSlot& slot, const StreamFormat& format) {
-    const std::uint64_t id = slot.meta.frame_id;
-    slot.meta.frame_id = id == 25 ? 24 : id;
-    test::fill_moving_bar(slot, format);
-    slot.meta.frame_id = id;
-  };
-  const auto kept = published(script, {});
-  const auto dropped = published(script, {.drop_repeated = true});
-  EXPECT_EQ(kept.size(), dropped.size() + 1);
-  const auto gap = std::find_if(dropped.begin(), dropped.end(), [](const auto& f) { return f.meta.frame_id == 26; });
-  ASSERT_NE(gap, dropped.end());
-  EXPECT_NE(gap->meta.flags & kFlagGap, 0U);
-}
-
 }  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::corrections

@@ -11,15 +11,19 @@
 #include <string>
 #include <vector>
 
-#include "src/deblur/pixel_correction.hpp"
+#include "src/corrections/pixel_correction.hpp"
 #include "src/deblur/solver.hpp"
 #include "tests/deblur/inputs.hpp"
 
-namespace bolo::deblur {
+namespace bolo::corrections {
 namespace {
 
-using testing::Input;
-using testing::InputSource;
+using deblur::Method;
+using deblur::Settings;
+using deblur::Solver;
+using deblur::WindowView;
+using deblur::testing::Input;
+using deblur::testing::InputSource;
 
 constexpr Geometry kFrame{37, 23};
 
@@ -61,8 +65,8 @@ Planes correct_all(PixelCorrection& correction, Planes planes) {
       continue;
     }
     correction.begin(periods);
-    correction.correct(plane.data(), {0, plane.size()});
-    correction.fill_dead(plane.data());
+    correction.apply(plane.data(), {0, plane.size()});
+    correction.finish(plane.data());
     periods = 1;
   }
   return planes;
@@ -121,9 +125,9 @@ TEST(PixelCorrection, PartsAreTheWholeFramesBits) {
     }
     parts.begin(periods);
     for (const PixelRange part : {PixelRange{400, kFrame.pixels()}, PixelRange{0, 37}, PixelRange{37, 400}}) {
-      parts.correct(planes[i].data(), part);
+      parts.apply(planes[i].data(), part);
     }
-    parts.fill_dead(planes[i].data());
+    parts.finish(planes[i].data());
     EXPECT_EQ(planes[i], wanted[i]) << i;
     periods = 1;
   }
@@ -189,9 +193,9 @@ TEST(PixelCorrection, BeginsAnewAfterALongBreakAndWhenTold) {
     std::vector<float> after{290.0F, 291.0F, 292.0F};
     std::vector<float> wanted = after;
     used.begin(periods);
-    used.correct(after.data(), {0, 3});
+    used.apply(after.data(), {0, 3});
     fresh.begin(0);
-    fresh.correct(wanted.data(), {0, 3});
+    fresh.apply(wanted.data(), {0, 3});
     EXPECT_EQ(after, wanted) << periods;
   }
 }
@@ -206,7 +210,7 @@ TEST(PixelCorrection, GainAndOffsetAreOfTheTemperature) {
   ASSERT_TRUE(correction);
   std::vector<float> plane{2500.0F, 2500.0F};  // 300 K
   correction->begin(0);
-  correction->correct(plane.data(), {0, 2});
+  correction->apply(plane.data(), {0, 2});
   EXPECT_NEAR(static_cast<double>(plane[0]) * 0.04 + 200.0, 300.5, 1e-3);
   EXPECT_NEAR(static_cast<double>(plane[1]) * 0.04 + 200.0, 310.0, 1e-3);
 }
@@ -303,4 +307,4 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& each) { return std::string(each.param.what); });
 
 }  // namespace
-}  // namespace bolo::deblur
+}  // namespace bolo::corrections

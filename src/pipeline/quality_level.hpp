@@ -9,20 +9,20 @@
 
 namespace bolo::pipeline {
 
-enum class Effort : std::uint8_t {
+enum class QualityLevel : std::uint8_t {
   kFull,     // as the settings say
   kReduced,  // one sweep of coordinate descent on the dual, at a fixed lambda; mmae in place of motion
   kInverse,  // the inverse filter, on the pipeline thread alone: it waits for no worker
   kRaw,      // the deblurred plane is the raw one
 };
-inline constexpr std::size_t kEfforts = 4;
+inline constexpr std::size_t kQualityLevels = 4;
 
 // "full", "reduced", "inverse", "raw". Thread: any.
-std::string_view name(Effort effort);
+std::string_view name(QualityLevel effort);
 
 // The flag of a frame's meta that tells it (FrameFlag, shm_layout.h); 0 for kFull. Thread: any.
-constexpr std::uint32_t flag_of(Effort effort) noexcept {
-  return effort == Effort::kFull ? 0U : 16U << static_cast<unsigned>(effort);
+constexpr std::uint32_t flag_of(QualityLevel effort) noexcept {
+  return effort == QualityLevel::kFull ? 0U : 16U << static_cast<unsigned>(effort);
 }
 
 // Decides before each frame, from how many wait behind it.
@@ -34,25 +34,25 @@ constexpr std::uint32_t flag_of(Effort effort) noexcept {
 // swing with every frame.
 //
 // Thread: one at a time.
-class EffortControl {
+class QualityControl {
  public:
   static constexpr std::int64_t kShortestCalmNs = 50'000'000;
   static constexpr std::int64_t kLongestCalmNs = 30'000'000'000;
   static constexpr std::int64_t kTrialNs = 2'000'000'000;
 
-  explicit EffortControl(std::uint64_t queue_frames) noexcept;
+  explicit QualityControl(std::uint64_t queue_frames) noexcept;
 
   // `waiting`: frames in the queue behind this one. `now_ns`: CLOCK_MONOTONIC.
-  Effort next(std::uint64_t waiting, std::int64_t now_ns) noexcept;
+  QualityLevel next(std::uint64_t waiting, std::int64_t now_ns) noexcept;
 
  private:
-  std::int64_t& calm_for(Effort effort) noexcept { return calm_for_ns_[static_cast<std::size_t>(effort)]; }
-  Effort least_for(std::uint64_t waiting) const noexcept;
+  std::int64_t& calm_for(QualityLevel effort) noexcept { return calm_for_ns_[static_cast<std::size_t>(effort)]; }
+  QualityLevel least_for(std::uint64_t waiting) const noexcept;
 
-  std::array<std::uint64_t, kEfforts> limits_{};  // frames that wait, from which on an effort is not exceeded
-  Effort effort_ = Effort::kFull;
+  std::array<std::uint64_t, kQualityLevels> limits_{};  // frames that wait, from which on an effort is not exceeded
+  QualityLevel effort_ = QualityLevel::kFull;
   std::int64_t calm_since_ns_ = 0;
-  std::array<std::int64_t, kEfforts> calm_for_ns_{};  // that the step up to each needs
+  std::array<std::int64_t, kQualityLevels> calm_for_ns_{};  // that the step up to each needs
   std::int64_t stepped_up_ns_ = -kTrialNs;
 };
 

@@ -1,0 +1,70 @@
+// All corrections of a stream in their order: before the solver the reverse of the camera's, after it backwards.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "src/core/frame.hpp"
+#include "src/corrections/correction.hpp"
+
+namespace bolo::corrections {
+
+// Use, per frame: if (drops(raw)) forget it; begin(); for each of passes(): begin_pass(), and on all workers apply();
+// finish(); the result is plane(), of format(). Nothing is allocated after create().
+class Chain {
+ public:
+  // `planes` must stay valid at once. Errors: as Made. Thread: setup.
+  static Result<std::unique_ptr<Chain>> create(const Setup& setup, const StreamFormat& input, std::size_t planes);
+
+  // Frames are changed before the solver; its output is. Thread: any.
+  bool before() const noexcept { return !samples_.empty(); }
+  bool after() const noexcept { return !deblurred_.empty(); }
+  // ... by more than the maps of single pixels. Thread: any.
+  bool beyond_maps() const noexcept { return beyond_maps_; }
+  // Of the planes that the solver gets: the input's, float32 when before(). Thread: any.
+  const StreamFormat& format() const noexcept { return format_; }
+
+  // True for a frame that counts as lost. Thread: pipeline.
+  bool drops(const void* raw) noexcept;
+  // A new frame; with `restart` nothing of before is remembered. Thread: pipeline.
+  void begin(const FrameMeta& meta, const void* raw, bool restart) noexcept;
+  // What needs the whole frame begins a pass of its own. Thread: pipeline.
+  std::size_t passes() const noexcept { return pass_begin_.size(); }
+  void begin_pass(std::size_t pass) noexcept;
+  // Pixels of the frame, disjoint between concurrent calls. Thread: worker.
+  void apply(std::size_t pass, PixelRange pixels) noexcept;
+  // After all passes. Thread: pipeline.
+  void finish() noexcept;
+  const void* plane() const noexcept { return plane_; }
+
+  // Thread: worker.
+  void restore(const Deblurred& frame) const noexcept;
+  // True when a raw value is beyond what the camera can show. Thread: worker.
+  bool saturated(const void* raw, PixelRange pixels) const noexcept;
+
+ private:
+  Chain(const StreamFormat& input, std::size_t planes) : input_(input), format_(input), ring_planes_(planes + 1) {}
+  void add(std::unique_ptr<Correction> correction);
+  void load(PixelRange pixels) noexcept;
+
+  StreamFormat input_;
+  StreamFormat format_;
+  const std::size_t ring_planes_;
+  std::vector<std::unique_ptr<Correction>> all_;
+  // Of all_, by hook.
+  std::vector<Correction*> frames_;
+  std::vector<Correction*> samples_;
+  std::vector<Correction*> deblurred_;  // the last comes first
+  std::vector<Correction*> saturation_;
+  std::vector<std::size_t> pass_begin_{0};  // of each pass in samples_
+  bool beyond_maps_ = false;
+
+  std::vector<float> planes_;  // a ring
+  std::size_t next_ = 0;
+  float* plane_ = nullptr;
+  const void* raw_ = nullptr;
+  FrameMeta last_;
+  bool begun_ = false;
+};
+
+}  // namespace bolo::corrections

@@ -1,0 +1,137 @@
+// One number a frame: the centre of the differences from the frame before over a lattice of pixels, by a mean that
+// leaves out what moves (beyond 2.5 sigma of the noise). Steps are added up (jumps), the rest as far as it changes
+// within a few frames (flicker); what changes slowly stays, the scene's own.
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "src/corrections/correction.hpp"
+
+namespace bolo::corrections {
+namespace {
+
+constexpr std::size_t kLattice = 4096;
+constexpr double kClip = 2.5;         // sigma of a difference: beyond it something moves
+constexpr double kStill = 0.6;        // of the pixels that must not move for a frame's offset to be known
+constexpr double kJump = 1.0;         // sigma of a difference: the least step of all pixels that is one
+constexpr double kFirstUsual = 0.1;   // of sigma, before anything is known
+constexpr double kUnusual = 6.0;      // times the usual change of a frame
+constexpr double kJumpShare = 0.5;    // of the pixels that must have made it
+constexpr double kFlickerKept = 0.8;  // of what is taken out, from frame to frame
+constexpr double kTrendTaken = 0.05;  // of a frame's difference
+
+class CommonOffset final : public Correction {
+ public:
+  CommonOffset(const Setup& setup, const StreamFormat& input)
+      : Correction({.samples = true, .whole_frame = true}),
+        flicker_taken_(setup.undo.flicker_k > 0.0),
+        jumps_taken_(setup.undo.follow_jumps) {
+    const std::size_t pixels = input.geometry.pixels();
+    const double scale = input.scale.unit == Unit::kKelvin ? input.scale.scale : 1.0;
+    const std::size_t step = std::max<std::size_t>(1, pixels / kLattice);
+    for (std::size_t p = 0; p < pixels; p += step) lattice_.push_back(static_cast<std::uint32_t>(p));
+    sample_.assign(lattice_.size(), 0.0F);
+    now_ = difference_ = sample_;
+    sigma_ = std::sqrt(2.0) * std::max(setup.noise_k / std::abs(scale), 0.5);
+  }
+
+  void begin(std::uint64_t periods) noexcept override { first_ = periods == 0; }
+  void measure(const float* plane) noexcept override;
+  void apply(float* plane, PixelRange pixels) noexcept override {
+    if (offset_ == 0.0F) return;
+    const float offset = offset_;
+    for (std::size_t i = pixels.begin; i < pixels.end; ++i) plane[i] -= offset;
+  }
+
+ private:
+  double centre() noexcept;
+  double share_within(double reach, double centre) const noexcept;
+  double median() noexcept;
+
+  const bool flicker_taken_;
+  const bool jumps_taken_;
+  std::vector<std::uint32_t> lattice_;
+  std::vector<float> sample_;  // of the frame before, at the lattice
+  std::vector<float> now_;     // of this frame
+  std::vector<float> difference_;
+  bool first_ = true;
+  double sigma_ = 1.0;    // of a difference, values
+  double spread_ = 1.0;   // of the differences in the frame before, at least sigma_
+  double usual_ = 0.0;    // how far the centre goes from frame to frame
+  double jumped_ = 0.0;   // steps so far
+  double flicker_ = 0.0;  // what is taken out beyond them
+  double trend_ = 0.0;    // of the differences: motion
+  float offset_ = 0.0F;
+};
+
+double CommonOffset::share_within(double reach, double centre) const noexcept {
+  const auto near = [&](float d) { return std::abs(static_cast<double>(d) - centre) < reach; };
+  return static_cast<double>(std::ranges::count_if(difference_, near)) / static_cast<double>(difference_.size());
+}
+
+// Of difference_, which it puts in another order.
+double CommonOffset::median() noexcept {
+  const auto middle = difference_.begin() + static_cast<std::ptrdiff_t>(difference_.size() / 2);
+  std::nth_element(difference_.begin(), middle, difference_.end());
+  return static_cast<double>(*middle);
+}
+
+// The common difference between this frame and the one before: from their median on, means of what is within reach.
+double CommonOffset::centre() noexcept {
+  for (std::size_t i = 0; i < lattice_.size(); ++i) difference_[i] = now_[i] - sample_[i];
+  double centre = median();
+  constexpr int kRounds = 4;
+  for (int round = 0; round < kRounds; ++round) {
+    double sum = 0.0;
+    double count = 0.0;
+    for (const float d : difference_) {
+      const double away = static_cast<double>(d) - centre;
+      if (std::abs(away) > kClip * sigma_) continue;
+      sum += away;
+      count += 1.0;
+    }
+    if (count < 1.0) break;
+    centre += sum / count;
+  }
+  return centre;
+}
+
+// Steps are told from motion by its spread in the frame before, which motion does not change at once.
+void CommonOffset::measure(const float* plane) noexcept {
+  for (std::size_t i = 0; i < lattice_.size(); ++i) now_[i] = plane[lattice_[i]];
+  double difference = first_ ? 0.0 : centre();
+  std::swap(now_, sample_);
+  if (first_) {
+    jumped_ = flicker_ = trend_ = 0.0;
+    spread_ = sigma_;
+    usual_ = kFirstUsual * sigma_;
+    offset_ = 0.0F;
+    return;
+  }
+  const double step = std::abs(difference - trend_);
+  const bool still = share_within(kClip * sigma_, difference) > kStill;
+  if (jumps_taken_ && step > std::max(kJump * sigma_, kUnusual * usual_) &&
+      share_within(kClip * spread_, difference) > kJumpShare) {
+    jumped_ += difference - trend_;
+    difference = trend_;
+  } else {
+    usual_ += kTrendTaken * (step - usual_);
+  }
+  // Where nearly all moves nothing is known of flicker.
+  if (flicker_taken_) flicker_ = kFlickerKept * flicker_ + (still ? difference - trend_ : 0.0);
+  trend_ += kTrendTaken * (difference - trend_);
+  for (float& d : difference_) d = static_cast<float>(std::abs(static_cast<double>(d) - difference));
+  constexpr double kSigmaOfMedian = 1.4826;
+  spread_ = std::max(sigma_, kSigmaOfMedian * median());
+  offset_ = static_cast<float>(jumped_ + flicker_);
+}
+
+}  // namespace
+
+Made common_offset(const Setup& setup, const StreamFormat& input) {
+  if (setup.undo.flicker_k <= 0.0 && !setup.undo.follow_jumps) return nullptr;
+  return std::make_unique<CommonOffset>(setup, input);
+}
+
+}  // namespace bolo::corrections

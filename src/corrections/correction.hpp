@@ -1,0 +1,82 @@
+// What a camera does to its frames beyond the inertia of its pixels is corrected around the solver. Each correction is
+// one file here; the table in chain.cpp makes them and has their order. Values are as stored: counts, or kelvin by the
+// stream's scale.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+#include "src/core/pixel_range.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
+#include "src/deblur/settings.hpp"
+#include "src/model/pixel_maps.hpp"
+#include "src/model/undo.hpp"
+
+namespace bolo::corrections {
+
+// What corrections are made from.
+struct Setup {
+  model::Undo undo;
+  deblur::Settings settings;  // period_s and the nominal tau_s
+  model::PixelMaps maps{};
+  double noise_k = 0.03;  // of one pixel, K (counts without kelvin)
+};
+
+// Deblurred values: values[i] of `out`, of the output type, is pixel `first_pixel` + i of the frame whose plane, as the
+// solver got it, is `plane`.
+struct Deblurred {
+  PixelType type = PixelType::kUint16;
+  void* out = nullptr;
+  PixelRange values;
+  const void* plane = nullptr;
+  std::size_t first_pixel = 0;
+};
+
+// They stay in the first cache from correction to correction.
+inline constexpr std::size_t kPixelsAtOnce = 1024;
+
+// The functions that a correction overrides: no others are called.
+struct Hooks {
+  bool frames = false;       // drops()
+  bool samples = false;      // begin(), apply(), finish()
+  bool whole_frame = false;  // measure(), with `samples`
+  bool deblurred = false;    // restore()
+  bool saturation = false;   // saturated()
+};
+
+// Nothing is allocated once it is made.
+class Correction {
+ public:
+  virtual ~Correction() = default;
+  const Hooks& hooks() const noexcept { return hooks_; }
+
+  // True for a frame that counts as lost. Thread: pipeline.
+  virtual bool drops(const void* /*raw*/) noexcept { return false; }
+
+  // A frame `periods` after the one before; 0: nothing of before is remembered. Thread: pipeline.
+  virtual void begin(std::uint64_t /*periods*/) noexcept {}
+  // Looks at a frame that the corrections before it have left, whole, before it is applied. Thread: pipeline.
+  virtual void measure(const float* /*plane*/) noexcept {}
+  // Changes pixels of the whole plane in place; disjoint between concurrent calls. Thread: worker.
+  virtual void apply(float* /*plane*/, PixelRange) noexcept {}
+  // After all corrections of all of the frame's pixels. Thread: pipeline.
+  virtual void finish(float* /*plane*/) noexcept {}
+
+  // Changes deblurred values in place; `plane_type` is that of the solver's planes. Thread: worker.
+  virtual void restore(const Deblurred&, PixelType /*plane_type*/) const noexcept {}
+  // True when a raw value is beyond what the camera can show. Thread: worker.
+  virtual bool saturated(const void* /*raw*/, PixelRange) const noexcept { return false; }
+
+ protected:
+  explicit Correction(const Hooks& hooks) : hooks_(hooks) {}
+
+ private:
+  Hooks hooks_;
+};
+
+// Null where there is nothing to correct. Curves of temperature need a stream in kelvin, maps its size: else bad input.
+using Made = Result<std::unique_ptr<Correction>>;
+
+}  // namespace bolo::corrections

@@ -1,0 +1,62 @@
+// The camera's average of frames: y is what came, x what it read, w the weight of the new frame.
+//   recursive: x_k = (y_k - (1 - w) y_{k-1}) / w; box: x_k = (y_k - (1 - w) x_{k-1}) / w.
+// Exact. Noise from before the filter comes back as it was; rounding to counts grows by sqrt(1 + (1 - w)^2) / w, of a
+// box by 1 / sqrt(2 w - 1). Where y_{k-1} was lost on its way it is taken to lie on the line to the last that came.
+#include <algorithm>
+#include <vector>
+
+#include "src/corrections/correction.hpp"
+
+namespace bolo::corrections {
+namespace {
+
+class FrameFilterInverse final : public Correction {
+ public:
+  FrameFilterInverse(const model::Undo& undo, std::size_t pixels)
+      : Correction({.samples = true}),
+        box_(undo.filter == model::FrameFilter::kBox),
+        ratio_(static_cast<float>((1.0 - undo.filter_weight) / undo.filter_weight)),
+        before_(pixels) {}
+
+  void begin(std::uint64_t periods) noexcept override {
+    first_ = periods == 0;
+    if (!first_) weight_ = ratio_ / static_cast<float>(periods);
+  }
+
+  // x = y + (1 - w) / w (y - before): small numbers are subtracted, not 30,000 counts.
+  void apply(float* plane, PixelRange pixels) noexcept override {
+    float* const before = before_.data();
+    if (first_) {
+      std::copy(plane + pixels.begin, plane + pixels.end, before + pixels.begin);
+      return;
+    }
+    const float weight = weight_;
+    if (box_) {
+      for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
+        plane[i] = before[i] = plane[i] + weight * (plane[i] - before[i]);
+      }
+      return;
+    }
+    for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
+      const float y = plane[i];
+      plane[i] = y + weight * (y - before[i]);
+      before[i] = y;
+    }
+  }
+
+ private:
+  const bool box_;
+  const float ratio_;          // (1 - w) / w
+  std::vector<float> before_;  // y_{k-1}, or x_{k-1} of a box
+  bool first_ = true;
+  float weight_ = 0.0F;  // over the periods since the frame before
+};
+
+}  // namespace
+
+Made frame_filter(const Setup& setup, const StreamFormat& input) {
+  if (setup.undo.filter == model::FrameFilter::kNone) return nullptr;
+  return std::make_unique<FrameFilterInverse>(setup.undo, input.geometry.pixels());
+}
+
+}  // namespace bolo::corrections
