@@ -78,19 +78,14 @@ void Chain::apply(std::size_t pass, PixelRange pixels) noexcept {
   for (std::size_t begin = pixels.begin; begin < pixels.end; begin += kPixelsAtOnce) {
     const PixelRange some{begin, std::min(begin + kPixelsAtOnce, pixels.end)};
     if (pass == 0) load(some);
-    for (std::size_t i = first; i < end; ++i) samples_[i]->apply(plane_, some);
+    for (std::size_t i = pass == 0 ? 1 : first; i < end; ++i) samples_[i]->apply(plane_, some);
   }
 }
 
+// The first correction reads the raw frame, unless it looks at the whole one first.
 void Chain::load(PixelRange pixels) noexcept {
-  float* const to = plane_;
-  if (input_.type == PixelType::kFloat32) {
-    const auto* const from = static_cast<const float*>(raw_);
-    std::copy(from + pixels.begin, from + pixels.end, to + pixels.begin);
-    return;
-  }
-  const auto* const from = static_cast<const std::uint16_t*>(raw_);
-  for (std::size_t i = pixels.begin; i < pixels.end; ++i) to[i] = static_cast<float>(from[i]);
+  if (samples_.front()->hooks().whole_frame) return to_float(raw_, input_.type, plane_, pixels);
+  samples_.front()->load(raw_, input_.type, plane_, pixels);
 }
 
 void Chain::finish() noexcept {

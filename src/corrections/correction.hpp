@@ -35,12 +35,20 @@ struct Deblurred {
 };
 
 // They stay in the first cache from correction to correction.
-inline constexpr std::size_t kPixelsAtOnce = 1024;
+inline constexpr std::size_t kPixelsAtOnce = 4096;
+
+// Raw values of these pixels, in single precision. Thread: worker.
+inline void to_float(const void* raw, PixelType type, float* plane, PixelRange pixels) noexcept {
+  const auto copy = [&](const auto* from) {
+    for (std::size_t i = pixels.begin; i < pixels.end; ++i) plane[i] = static_cast<float>(from[i]);
+  };
+  type == PixelType::kUint16 ? copy(static_cast<const std::uint16_t*>(raw)) : copy(static_cast<const float*>(raw));
+}
 
 // The functions that a correction overrides: no others are called.
 struct Hooks {
   bool frames = false;       // drops()
-  bool samples = false;      // begin(), apply(), finish()
+  bool samples = false;      // begin(), apply(), load(), finish()
   bool whole_frame = false;  // measure(), with `samples`
   bool deblurred = false;    // restore()
   bool saturation = false;   // saturated()
@@ -61,6 +69,11 @@ class Correction {
   virtual void measure(const float* /*plane*/) noexcept {}
   // Changes pixels of the whole plane in place; disjoint between concurrent calls. Thread: worker.
   virtual void apply(float* /*plane*/, PixelRange) noexcept {}
+  // The same for the first correction of all, of pixels that are still raw. Thread: worker.
+  virtual void load(const void* raw, PixelType type, float* plane, PixelRange pixels) noexcept {
+    to_float(raw, type, plane, pixels);
+    apply(plane, pixels);
+  }
   // After all corrections of all of the frame's pixels. Thread: pipeline.
   virtual void finish(float* /*plane*/) noexcept {}
 

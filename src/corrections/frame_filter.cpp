@@ -2,7 +2,6 @@
 //   recursive: x_k = (y_k - (1 - w) y_{k-1}) / w; box: x_k = (y_k - (1 - w) x_{k-1}) / w.
 // Exact. Noise from before the filter comes back as it was; rounding to counts grows by sqrt(1 + (1 - w)^2) / w, of a
 // box by 1 / sqrt(2 w - 1). Where y_{k-1} was lost on its way it is taken to lie on the line to the last that came.
-#include <algorithm>
 #include <vector>
 
 #include "src/corrections/correction.hpp"
@@ -23,28 +22,34 @@ class FrameFilterInverse final : public Correction {
     if (!first_) weight_ = ratio_ / static_cast<float>(periods);
   }
 
-  // x = y + (1 - w) / w (y - before): small numbers are subtracted, not 30,000 counts.
-  void apply(float* plane, PixelRange pixels) noexcept override {
-    float* const before = before_.data();
-    if (first_) {
-      std::copy(plane + pixels.begin, plane + pixels.end, before + pixels.begin);
-      return;
-    }
-    const float weight = weight_;
-    if (box_) {
-      for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
-        plane[i] = before[i] = plane[i] + weight * (plane[i] - before[i]);
-      }
-      return;
-    }
-    for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
-      const float y = plane[i];
-      plane[i] = y + weight * (y - before[i]);
-      before[i] = y;
-    }
+  void apply(float* plane, PixelRange pixels) noexcept override { invert(plane, plane, pixels); }
+  void load(const void* raw, PixelType type, float* plane, PixelRange pixels) noexcept override {
+    type == PixelType::kUint16 ? invert(static_cast<const std::uint16_t*>(raw), plane, pixels)
+                               : invert(static_cast<const float*>(raw), plane, pixels);
   }
 
  private:
+  // x = y + (1 - w) / w (y - before): small numbers are subtracted, not 30,000 counts.
+  template <typename T>
+  void invert(const T* from, float* to, PixelRange pixels) noexcept {
+    float* const before = before_.data();
+    const float weight = weight_;
+    if (first_) {
+      for (std::size_t i = pixels.begin; i < pixels.end; ++i) before[i] = to[i] = static_cast<float>(from[i]);
+    } else if (box_) {
+      for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
+        const auto y = static_cast<float>(from[i]);
+        before[i] = to[i] = y + weight * (y - before[i]);
+      }
+    } else {
+      for (std::size_t i = pixels.begin; i < pixels.end; ++i) {
+        const auto y = static_cast<float>(from[i]);
+        to[i] = y + weight * (y - before[i]);
+        before[i] = y;
+      }
+    }
+  }
+
   const bool box_;
   const float ratio_;          // (1 - w) / w
   std::vector<float> before_;  // y_{k-1}, or x_{k-1} of a box
