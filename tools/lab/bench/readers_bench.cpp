@@ -16,10 +16,10 @@
 #include "bolo/client.h"
 #include "drivers/shm/shm_sink.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/statistics.hpp"
 #include "src/pipeline/inlet.hpp"
 #include "src/pipeline/stats.hpp"
 #include "src/rt/thread.hpp"
-#include "tools/cli/percentile.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -193,9 +193,9 @@ Phase pace(Writer& writer, const Readers& readers) {
   sleep_until(due_ns);  // readers have a period for the last frame too
   Phase phase;
   phase.rate_hz = kFrames / (static_cast<double>(last_ns - first_ns) / kNsPerSecond);
-  phase.publish_us_p50 = percentile(publish_us, 0.50);
-  phase.publish_us_p99 = percentile(publish_us, 0.99);
-  phase.due_us_p99 = percentile(due_us, 0.99);
+  phase.publish_us_p50 = quantile(publish_us, 0.50);
+  phase.publish_us_p99 = quantile(publish_us, 0.99);
+  phase.due_us_p99 = quantile(due_us, 0.99);
   phase.read_fraction = readers.frames_read() / (kWarmUpFrames + kFrames + 1);
   return phase;
 }
@@ -216,13 +216,13 @@ Result<Phase> run_phase(int count, int priority) {
 double median_of(const std::vector<Phase>& phases, double Phase::*figure) {
   std::vector<double> values(phases.size());
   std::transform(phases.begin(), phases.end(), values.begin(), [&](const Phase& phase) { return phase.*figure; });
-  return percentile(values, 0.5);
+  return quantile(values, 0.5);
 }
 
 double median_ratio(const std::vector<Phase>& phases, const std::vector<Phase>& alone, double Phase::*figure) {
   std::vector<double> ratios(phases.size());
   for (std::size_t i = 0; i < phases.size(); ++i) ratios[i] = phases[i].*figure / alone[i].*figure;
-  return percentile(ratios, 0.5);
+  return quantile(ratios, 0.5);
 }
 
 ReadersMeasured measured(int readers, const std::vector<Phase>& phases, const std::vector<Phase>& alone) {
