@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <map>
 #include <memory>
 #include <thread>
@@ -13,7 +14,7 @@
 #include "src/deblur/pixel_correction.hpp"
 #include "src/deblur/solver.hpp"
 #include "src/rt/worker_team.hpp"
-#include "src/sim/simulator.hpp"
+#include "tools/lab/recording.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -39,20 +40,15 @@ struct Input {
 Result<Input> make_input(const deblur::Settings& settings) {
   sim::CameraSettings camera;
   camera.geometry = kFrame;
-  const double from_s = -sim::history_s(camera);
-  const double to_s = settings.window * settings.period_s;
-  const auto scene = sim::make_street(kFrame, 1);
-  const sim::Path path = sim::steady_pan(kSpeed);
-  auto field =
-      sim::pan_over(*scene, path, sim::centred_origin(*scene, path, kFrame, from_s, to_s), kFrame, from_s, to_s);
-  if (!field) return tl::unexpected(field.error());
-  const auto simulator = sim::Simulator::create(camera, std::move(*field));
-  if (!simulator) return tl::unexpected(simulator.error());
+  const auto street = record_street(
+      camera,
+      {.street = 1, .speed_px_s = kSpeed, .frames = static_cast<std::size_t>(settings.window), .more_frames = 0});
+  if (!street) return tl::unexpected(street.error());
   Input input;
-  input.format = (*simulator)->format();
-  for (int i = 0; i < settings.window; ++i) {
+  input.format = street->format;
+  for (const auto& bytes : street->planes) {
     input.frames.emplace_back(kFrame.pixels());
-    (*simulator)->next(input.frames.back().data(), nullptr);
+    std::memcpy(input.frames.back().data(), bytes.data(), bytes.size());
   }
   for (const auto& frame : input.frames) input.planes.push_back(frame.data());
   return input;

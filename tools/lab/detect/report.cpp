@@ -102,58 +102,6 @@ void print_contests(const Table& table) {
 using plot::format;
 using plot::Hue;
 
-constexpr std::array kHues{Hue::kAmber, Hue::kPurple, Hue::kGreen, Hue::kBad, Hue::kSoft};
-
-Hue hue_of(const Row& row, std::size_t place) { return row.is_mean() ? Hue::kDeblurred : kHues[place % kHues.size()]; }
-
-// Points with their intervals, a little apart where several stand over one column.
-void add_row(plot::Plot& panel, const Table& table, const Row& row, double aside, Hue hue) {
-  plot::Series points{.kind = plot::Kind::kPoints, .label = row.is_mean() ? "mean" : row.detector, .hue = hue};
-  plot::Series bars{.kind = plot::Kind::kLine, .hue = hue, .width = row.is_mean() ? 3.0 : 1.5};
-  double place = aside;
-  for (std::size_t c = 0; c < table.columns.size(); ++c) {
-    if (c == kBlurredColumn) continue;
-    const Figure& delta = row.cells[c].delta;
-    if (std::isfinite(delta.value)) {
-      points.x.push_back(place);
-      points.y.push_back(delta.value);
-      points.titles.push_back(format("%s, %s: AP %.1f, %+.1f against blurred", points.label.c_str(),
-                                     table.columns[c].title.c_str(), row.cells[c].ap.value, delta.value));
-      bars.x.insert(bars.x.end(), {place, place, place});
-      bars.y.insert(bars.y.end(), {delta.interval.low, delta.interval.high, plot::kNone});
-    }
-    place += 1.0;
-  }
-  if (points.x.empty()) return;
-  panel.series.push_back(std::move(bars));
-  panel.series.push_back(std::move(points));
-}
-
-plot::Plot panel_of(const Table& table, const std::vector<const Row*>& rows) {
-  const Row& first = *rows.front();
-  plot::Plot panel{
-      .title = motion_words(table, first.motion),
-      .caption = first.labelled
-                     ? format("Judged against people's labels, %d looks at %d stills.", first.looks, first.stills)
-                     : format("Judged against each detector's own boxes on the sharp frame, %d looks at %d "
-                              "stills; sharp is 100 by itself.",
-                              first.looks, first.stills),
-      .x = {.name = "what the detectors are shown"},
-      .y = {.name = "AP against blurred", .unit = "%"},
-      .levels = {{0.0, "blurred"}},
-      .width = 860.0,
-      .height = 240.0};
-  for (std::size_t c = 0; c < table.columns.size(); ++c) {
-    if (c != kBlurredColumn) panel.x.categories.push_back(table.columns[c].title);
-  }
-  constexpr double kSpread = 0.56;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const double share = rows.size() > 1 ? static_cast<double>(i) / static_cast<double>(rows.size() - 1) : 0.5;
-    add_row(panel, table, *rows[i], kSpread * (share - 0.5), hue_of(*rows[i], i));
-  }
-  return panel;
-}
-
 void add_box(plot::Series& series, const Box& box) {
   const double left = box.x - 0.5;  // planes are centred on whole numbers
   const double top = box.y - 0.5;
@@ -288,14 +236,6 @@ void print_text(const Options& options, const Table& table) {
 
 plot::Sheet sheet_of(const Table& table, const Found& found, const Options& options) {
   plot::Sheet sheet{.title = "What deblurring is worth to object detectors"};
-  for (auto row = table.rows.begin(); row != table.rows.end();) {
-    std::vector<const Row*> block;
-    for (const auto first = row;
-         row != table.rows.end() && row->motion == first->motion && row->labelled == first->labelled; ++row) {
-      block.push_back(&*row);
-    }
-    sheet.rows.push_back({panel_of(table, block)});
-  }
   for (const Exhibit& exhibit : found.exhibits) add_exhibit(sheet, found, options, table, exhibit);
   for (const bool labelled : {true, false}) {
     if (plot::Table shown = rows_table(table, labelled); !shown.rows.empty()) sheet.tables.push_back(std::move(shown));

@@ -14,10 +14,8 @@ nlohmann::ordered_json to_json(const Options& options, const Table& table);
 // To stdout. Thread: one at a time.
 void print_text(const Options& options, const Table& table);
 
-// --- What is drawn of `bolo-lab eval detect`.
-
-// For each truth and motion the change of AP of each column with its interval; then for each motion one look as the
-// columns show it, with the boxes that one detector found. A page has the table too. Thread: any.
+// For each motion one look as the columns show it, with the boxes that one detector found; a page has the table, too.
+// Thread: any.
 plot::Sheet sheet_of(const Table& table, const Found& found, const Options& options);
 
 }  // namespace bolo::tools::detect

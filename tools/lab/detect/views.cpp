@@ -23,10 +23,27 @@ constexpr double kWrongSpeed = 1.1;
 // Beyond these, trails of fast hands take seconds a frame; the pick is rarely the last.
 constexpr std::array kLucyIterations{1, 2, 4, 8, 16, 32};
 
-deblur::Settings bolo_settings(deblur::Method method, int lookahead) {
-  deblur::Settings settings = fidelity::settings_of(method, lookahead);
-  settings.auto_lambda = method == deblur::Method::kAdmm;
-  return settings;
+// A column that a solver makes.
+struct Solved {
+  Column column;
+  deblur::Method method = deblur::Method::kAdmm;
+  int lookahead = 0;
+  bool auto_lambda = false;
+};
+
+// Another solver is another line.
+const std::vector<Solved>& solved_columns() {
+  using enum deblur::Method;
+  static const std::vector<Solved> columns{
+      {{ColumnKind::kLive, "inverse", "inverse", "inverse filter"}, kInverse},
+      {{ColumnKind::kLive, "qp_authors", "QP 0.1", "the paper's QP with the authors' settings"}, kAdmm},
+      {{ColumnKind::kBolo, "auto", "Bolo", "Bolo: the paper's QP, lambda auto"}, kAdmm, 0, true},
+      {{ColumnKind::kBolo, "auto_1", "Bolo +1", "Bolo with one frame of look-ahead"}, kAdmm, 1, true},
+      {{ColumnKind::kBolo, "mmae_1", "mmae +1", "Bolo's mmae with one frame of look-ahead"}, kMmae, 1},
+      {{ColumnKind::kBolo, "motion", "motion", "Bolo's motion, estimated live"}, kMotion},
+      {{ColumnKind::kBolo, "motion_1", "motion +1", "Bolo's motion with one frame of look-ahead"}, kMotion, 1},
+  };
+  return columns;
 }
 
 class Columns {
@@ -117,20 +134,19 @@ Result<fidelity::CleanSequence> simulate(const Still& still, const std::filesyst
 }
 
 const std::vector<Column>& own_columns() {
-  static const std::vector<Column> columns{
-      {ColumnKind::kSharp, "sharp", "sharp", "the true temperatures at the frame's time: the upper limit"},
-      {ColumnKind::kBlurred, "blurred", "blurred", "as the camera sends it"},
-      {ColumnKind::kLive, "inverse", "inverse", "inverse filter"},
-      {ColumnKind::kLive, "qp_authors", "QP 0.1", "the paper's QP with the authors' settings"},
-      {ColumnKind::kBolo, "auto", "Bolo", "Bolo: the paper's QP, lambda auto"},
-      {ColumnKind::kBolo, "auto_1", "Bolo +1", "Bolo with one frame of look-ahead"},
-      {ColumnKind::kBolo, "mmae_1", "mmae +1", "Bolo's mmae with one frame of look-ahead"},
-      {ColumnKind::kBaseline, "unsharp", "unsharp", "unsharp mask (strength picked with the truth)"},
-      {ColumnKind::kBaseline, "wiener", "Wiener", "spatial Wiener, told the camera's way (strength picked)"},
-      {ColumnKind::kBaseline, "wiener_10", "Wiener 10 %", "the same, told a way that is 10 % too long"},
-      {ColumnKind::kBaseline, "richardson_lucy", "Rich.-Lucy",
-       "Richardson-Lucy, told the camera's way (iterations picked)"},
-  };
+  static const std::vector<Column> columns = [] {
+    std::vector<Column> all{
+        {ColumnKind::kSharp, "sharp", "sharp", "the true temperatures at the frame's time: the upper limit"},
+        {ColumnKind::kBlurred, "blurred", "blurred", "as the camera sends it"}};
+    for (const Solved& solved : solved_columns()) all.push_back(solved.column);
+    all.push_back({ColumnKind::kBaseline, "unsharp", "unsharp", "unsharp mask (strength picked with the truth)"});
+    all.push_back(
+        {ColumnKind::kBaseline, "wiener", "Wiener", "spatial Wiener, told the camera's way (strength picked)"});
+    all.push_back({ColumnKind::kBaseline, "wiener_10", "Wiener 10 %", "the same, told a way that is 10 % too long"});
+    all.push_back({ColumnKind::kBaseline, "richardson_lucy", "Rich.-Lucy",
+                   "Richardson-Lucy, told the camera's way (iterations picked)"});
+    return all;
+  }();
   return columns;
 }
 
@@ -141,11 +157,9 @@ Result<std::vector<Shown>> shown_columns(const Sequence& s) {
   Columns columns(s);
   columns.show(truth.front());
   columns.show(fidelity::cut(frames.front(), clean.geometry, clean.judged));
-  for (const deblur::Settings& settings :
-       {fidelity::settings_of(deblur::Method::kInverse, 0),
-        fidelity::settings_of(deblur::Method::kAdmm, 0, fidelity::kAuthorsLambda),
-        bolo_settings(deblur::Method::kAdmm, 0), bolo_settings(deblur::Method::kAdmm, 1),
-        bolo_settings(deblur::Method::kMmae, 1)}) {
+  for (const Solved& solved : solved_columns()) {
+    deblur::Settings settings = fidelity::settings_of(solved.method, solved.lookahead);
+    settings.auto_lambda = solved.auto_lambda;
     if (Status done = columns.solve(settings); !done) return tl::unexpected(done.error());
   }
   const auto told = kernels(clean, 1.0);

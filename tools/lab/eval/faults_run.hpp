@@ -12,7 +12,7 @@
 #include "src/core/loss.hpp"
 #include "src/core/result.hpp"
 #include "src/pipeline/pipeline.hpp"
-#include "tools/lab/eval/recording.hpp"
+#include "tools/lab/recording.hpp"
 
 namespace bolo::tools::faults {
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <mutex>
 #include <numeric>
@@ -12,18 +11,13 @@
 #include <utility>
 
 #include "src/deblur/window.hpp"
+#include "src/report/text.hpp"
 #include "tools/lab/eval/fidelity_filters.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {
 
 constexpr double kWrongSpeed = 1.1;
-
-std::string words(const char* format, double value) {
-  char buffer[96];
-  std::snprintf(buffer, sizeof buffer, format, value);
-  return buffer;
-}
 
 Geometry judged_size(const Sequence& s) { return {s.clean->judged.width, s.clean->judged.height}; }
 
@@ -55,7 +49,7 @@ Result<Column> qp_columns(const Sequence& s, const Planes& truth, int lookahead,
     if (lambda == kAuthorsLambda) {
       cell.columns.push_back({ColumnKind::kQpAuthors, "", "", measure(*planes, truth, judged_size(s))});
     }
-    const double error = oracle.offer(std::move(*planes), words("lambda %g", lambda));
+    const double error = oracle.offer(std::move(*planes), plot::format("lambda %g", lambda));
     cell.grid.push_back({lambda, error});
   }
   return column_of(ColumnKind::kQpBest, oracle.best(), truth, s);
@@ -67,7 +61,7 @@ Column live_column(const Sequence& s, const Planes& truth, ColumnKind kind, int 
   double noise_k = 0.0;
   const auto planes = estimate(s, *settings, &noise_k);
   if (!planes) return {kind, "", planes.error().message, {}};
-  return {kind, words("noise measured %.3f K", noise_k), "", measure(*planes, truth, judged_size(s))};
+  return {kind, plot::format("noise measured %.3f K", noise_k), "", measure(*planes, truth, judged_size(s))};
 }
 
 double live_rmse(const Sequence& s, const Planes& truth, ColumnKind kind, int lookahead) {
@@ -223,9 +217,7 @@ Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings, dou
 }
 
 Result<deblur::Settings> live_settings(ColumnKind kind, const Sequence& s, int lookahead) {
-  const auto method = kind == ColumnKind::kMmae     ? deblur::Method::kMmae
-                      : kind == ColumnKind::kMotion ? deblur::Method::kMotion
-                                                    : deblur::Method::kAdmm;
+  const deblur::Method method = kColumns[static_cast<std::size_t>(kind)].live.value_or(deblur::Method::kAdmm);
   deblur::Settings settings = settings_of(method, lookahead);
   settings.auto_lambda = kind == ColumnKind::kAuto;
   const auto solver = make_solver(s, settings);
@@ -252,7 +244,7 @@ std::vector<Column> spatial_columns(const Sequence& s) {
 Result<Cell> evaluate(const Sequence& s, const Sequence& training, int lookahead) {
   const Planes truth = target_truth(*s.clean);
   const Geometry size = judged_size(s);
-  Cell cell{s.clean->task.scene, s.clean->task.motion, s.noise_k, lookahead, edge_width(truth, truth, size), {}, {}};
+  Cell cell{{s.clean->task.scene, s.clean->task.motion, s.noise_k, lookahead}, edge_width(truth, truth, size), {}, {}};
   cell.columns.push_back({ColumnKind::kBlurred, "", "", measure(blurred(s), truth, size)});
   const auto inverse = estimate(s, settings_of(deblur::Method::kInverse, lookahead));
   if (!inverse) return tl::unexpected(inverse.error());
@@ -260,9 +252,9 @@ Result<Cell> evaluate(const Sequence& s, const Sequence& training, int lookahead
   auto best = qp_columns(s, truth, lookahead, cell);
   if (!best) return tl::unexpected(best.error());
   cell.columns.push_back(*best);
-  cell.columns.push_back(live_column(s, truth, ColumnKind::kAuto, lookahead));
-  cell.columns.push_back(live_column(s, truth, ColumnKind::kMmae, lookahead));
-  cell.columns.push_back(live_column(s, truth, ColumnKind::kMotion, lookahead));
+  for (const ColumnName& column : kColumns) {
+    if (column.live) cell.columns.push_back(live_column(s, truth, column.kind, lookahead));
+  }
   const Planes fitted = TemporalWiener(training, lookahead).apply(s);
   cell.columns.push_back({ColumnKind::kTemporalWiener, "", "", measure(fitted, truth, size)});
   return cell;
@@ -311,7 +303,7 @@ Result<std::vector<DropRow>> drop_rows(const Sequence& s, int lookahead, double 
       {"mmae", live_settings(ColumnKind::kMmae, s, lookahead)}};
   std::vector<DropRow> rows;
   for (const auto& [name, settings] : methods) {
-    DropRow row{s.clean->task.scene, s.clean->task.motion, s.noise_k, lookahead, name, "", 0, {}, {}};
+    DropRow row{{s.clean->task.scene, s.clean->task.motion, s.noise_k, lookahead}, name, "", 0, {}, {}};
     if (!settings) {
       row.skipped = settings.error().message;
     } else if (const Status filled = fill(s, *settings, lost, row); !filled) {

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <complex>
-#include <cstdio>
 #include <map>
 #include <numeric>
 #include <utility>
@@ -12,6 +11,7 @@
 #include <Eigen/Dense>
 #include <unsupported/Eigen/FFT>
 
+#include "src/report/text.hpp"
 #include "tools/lab/eval/fidelity_measures.hpp"
 
 namespace bolo::tools::fidelity {
@@ -21,10 +21,6 @@ constexpr double kTrail = 6.0;        // time constants that a kernel reaches ba
 constexpr double kStepPx = 0.05;      // of the integral along the trail
 constexpr int kRamp = 64;             // columns that join the left and right borders of a padded picture
 constexpr double kCorner = 1.0 / 64;  // f0, cycles a pixel
-
-std::size_t at(Geometry g, int x, int y) {
-  return static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width) + static_cast<std::size_t>(x);
-}
 
 // The reach of a kernel on every side.
 struct Reach {
@@ -115,12 +111,6 @@ std::vector<Tap> trail_kernel(int steps, double tau_s, ShownAt&& shown_at) {
 constexpr std::array kUnsharpSigmas{1.0, 2.0, 4.0, 8.0};
 constexpr std::array kUnsharpAmounts{0.25, 0.5, 1.0, 2.0, 4.0};
 constexpr std::array kNoiseToSignal{1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2};
-
-std::string words(const char* format, double a, double b = 0.0) {
-  char buffer[96];
-  std::snprintf(buffer, sizeof buffer, format, a, b);
-  return buffer;
-}
 
 // Applies a filter of whole frames to every target.
 template <typename Filter>
@@ -351,7 +341,7 @@ Picked picked_unsharp(const Sequence& s, const Planes& truth, const Planes& fram
     for (const double amount : kUnsharpAmounts) {
       oracle.offer(
           filtered(s, [&](std::size_t i) { return unsharp_mask(frames[i], s.clean->geometry, sigma, amount); }),
-          words("sigma %g px, amount %g", sigma, amount));
+          plot::format("sigma %g px, amount %g", sigma, amount));
     }
   }
   return oracle.best();
@@ -365,7 +355,7 @@ Picked picked_wiener(const SpatialTask& task) {
   }
   for (const double strength : kNoiseToSignal) {
     oracle.offer(filtered(task.sequence, [&](std::size_t i) { return wieners[i].restore(strength); }),
-                 words("noise to signal %g", strength));
+                 plot::format("noise to signal %g", strength));
   }
   return oracle.best();
 }
@@ -379,7 +369,7 @@ Picked picked_lucy(const SpatialTask& task, std::span<const int> iterations) {
   }
   for (std::size_t n = 0; n < iterations.size(); ++n) {
     oracle.offer(filtered(task.sequence, [&](std::size_t i) { return results[i][n]; }),
-                 words("%g iterations", iterations[n]));
+                 plot::format("%d iterations", iterations[n]));
   }
   return oracle.best();
 }

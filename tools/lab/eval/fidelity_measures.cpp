@@ -6,16 +6,14 @@
 #include <limits>
 #include <numeric>
 
+#include "src/core/statistics.hpp"
+
 namespace bolo::tools::fidelity {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr int kSsimTaps = 11;
 constexpr double kSsimSigma = 1.5;
-
-std::size_t at(Geometry g, int x, int y) {
-  return static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width) + static_cast<std::size_t>(x);
-}
 
 std::array<double, kSsimTaps> ssim_window() {
   std::array<double, kSsimTaps> taps{};
@@ -121,12 +119,6 @@ std::vector<Edge> strongest_edges(const Plane& truth, Geometry g) {
   return edges;
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // Where a profile passes `level` between two of its entries, px; from entry `from` in direction `step`.
 double crossing(const std::vector<double>& profile, int from, int direction, double level) {
   const bool upwards = direction > 0;
@@ -227,7 +219,7 @@ double edge_width(const Planes& estimate, const Planes& truth, Geometry g) {
   }
   if (values.front().empty()) return kNan;
   std::vector<double> profile(values.size());
-  std::ranges::transform(values, profile.begin(), median);
+  std::ranges::transform(values, profile.begin(), median<double>);
   return rise_of(profile, reach);
 }
 

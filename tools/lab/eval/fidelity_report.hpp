@@ -34,7 +34,7 @@ struct Verdict {
 std::vector<Verdict> verdicts(const std::vector<Cell>& cells, const std::vector<DropRow>& drops);
 
 // Thread: any.
-std::string label_of(const Cell& cell);
+std::string label_of(const Place& place);
 
 // --- The result of `bolo-lab eval fidelity`, as text and as JSON.
 

@@ -24,7 +24,7 @@
 #include "tools/cli/cli.hpp"
 #include "tools/lab/blind/session.hpp"
 #include "tools/lab/common.hpp"
-#include "tools/lab/eval/recording.hpp"
+#include "tools/lab/recording.hpp"
 #include "tools/lab/verbs.hpp"
 
 namespace bolo::tools::loop {

@@ -20,13 +20,17 @@
 namespace bolo::tools::soak {
 namespace {
 
-constexpr double kEndLimit_s = 20.0;  // for a disk and processors that others use as well
+struct RecordingJob {
+  Programs programs;
+  std::string daemon;  // its name
+  std::filesystem::path file;
+  const Truth* truth = nullptr;
+  Kind end = Kind::kRecording;  // or kRecorderKilled, kDiskFull
+  double seconds = 1.0;
+  std::uint64_t most_bytes = 0;  // kDiskFull
+};
 
-std::string contents(const std::filesystem::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
+constexpr double kEndLimit_s = 20.0;  // for a disk and processors that others use as well
 
 void pause(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
 
@@ -54,18 +58,11 @@ void judge_file(const std::filesystem::path& file, const RecordingJob& job, Find
 }
 
 // Ends it as the job says; what its exit code should be.
-int end_recording(Process& recorder, RecordingEnd end) {
-  switch (end) {
-    case RecordingEnd::kInterrupted:
-      recorder.signal(SIGINT);
-      return 0;
-    case RecordingEnd::kKilled:
-      recorder.signal(SIGKILL);
-      return 128 + SIGKILL;
-    case RecordingEnd::kDiskFull:
-      break;
-  }
-  return 1;
+int end_recording(Process& recorder, Kind end) {
+  if (end == Kind::kDiskFull) return 1;
+  const int number = end == Kind::kRecorderKilled ? SIGKILL : SIGINT;
+  recorder.signal(number);
+  return number == SIGKILL ? 128 + SIGKILL : 0;
 }
 
 bool recovered(const RecordingJob& job, Findings& findings) {
@@ -108,8 +105,7 @@ void wait_for_first_frame(Process& reader) {
   }
 }
 
-}  // namespace
-
+// Records, ends it so, saves what a killed one left, and looks at every plane. Blocks.
 void record_and_judge(const RecordingJob& job, Findings& findings) {
   const std::filesystem::path log = job.file.string() + ".log";
   auto recorder = Process::start(
@@ -124,14 +120,15 @@ void record_and_judge(const RecordingJob& job, Findings& findings) {
                         "bolo record: " + ending + " instead of " + std::to_string(expected) + ": " + said)) {
     return;
   }
-  if (job.end == RecordingEnd::kDiskFull) {
+  if (job.end == Kind::kDiskFull) {
     findings.require(Invariant::kRecordings, said.find("no room to write") != std::string::npos,
                      "a full disk was called: " + said);
   }
-  if (job.end == RecordingEnd::kKilled && !recovered(job, findings)) return;
+  if (job.end == Kind::kRecorderKilled && !recovered(job, findings)) return;
   judge_file(job.file, job, findings);
 }
 
+// bolo nuc. Blocks.
 void correct_and_judge(const Programs& programs, const std::string& daemon, const std::filesystem::path& log,
                        Findings& findings) {
   auto command = Process::start({{programs.bolo, "nuc", daemon}, log});
@@ -139,6 +136,7 @@ void correct_and_judge(const Programs& programs, const std::string& daemon, cons
   findings.require(Invariant::kCommands, code == 0, "bolo nuc: " + contents(log.string() + ".err"));
 }
 
+// One thread a processor counts up; some memory is filled over and over. Block.
 void take_processors(double seconds) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
   std::vector<std::thread> burners;
@@ -163,6 +161,8 @@ void take_memory(double seconds, std::uint64_t bytes) {
   }
 }
 
+}  // namespace
+
 void Acts::begin(const Disturbance& d) {
   switch (d.kind) {
     case Kind::kCameraStopped:
@@ -178,11 +178,9 @@ void Acts::begin(const Disturbance& d) {
     case Kind::kReaderSlow:
       return start_helper(rig_.reader("slow-reader-" + std::to_string(++count_), kSlowReader_ms));
     case Kind::kRecording:
-      return record(d, RecordingEnd::kInterrupted);
     case Kind::kRecorderKilled:
-      return record(d, RecordingEnd::kKilled);
     case Kind::kDiskFull:
-      return record(d, RecordingEnd::kDiskFull);
+      return record(d);
     case Kind::kClockStep:
       return step_clock(kClockStep_s);
     case Kind::kCpuTaken:
@@ -231,15 +229,15 @@ void Acts::end(const Disturbance& d) {
   }
 }
 
-void Acts::record(const Disturbance& d, RecordingEnd end) {
+void Acts::record(const Disturbance& d) {
   RecordingJob job;
   job.programs = rig_.programs();
   job.daemon = rig_.name();
   job.file = rig_.file("recording-" + std::to_string(++count_) + ".h5");
   job.truth = &rig_.truth();
-  job.end = end;
+  job.end = d.kind;
   job.seconds = d.for_s;
-  if (end == RecordingEnd::kDiskFull) {
+  if (d.kind == Kind::kDiskFull) {
     const RigRequest& rig = rig_.request();
     const double bytes = kFullAfter_s * rig.rate_hz * static_cast<double>(rig.geometry.pixels() * 2);
     job.most_bytes = std::max(kLeastDisk, static_cast<std::uint64_t>(bytes));

@@ -30,30 +30,7 @@ class Jobs {
   std::vector<std::future<void>> running_;
 };
 
-enum class RecordingEnd { kInterrupted, kKilled, kDiskFull };
-
-struct RecordingJob {
-  Programs programs;
-  std::string daemon;  // its name
-  std::filesystem::path file;
-  const Truth* truth = nullptr;
-  RecordingEnd end = RecordingEnd::kInterrupted;
-  double seconds = 1.0;
-  std::uint64_t most_bytes = 0;  // kDiskFull
-};
-
-// Records, ends it so, saves what a killed one left, and looks at every plane. Blocks. Thread: any.
-void record_and_judge(const RecordingJob& job, Findings& findings);
-
-// bolo nuc. Blocks. Thread: any.
-void correct_and_judge(const Programs& programs, const std::string& daemon, const std::filesystem::path& log,
-                       Findings& findings);
-
-// One thread a processor counts up; some memory is filled over and over. Block. Thread: any.
-void take_processors(double seconds);
-void take_memory(double seconds, std::uint64_t bytes);
-
-// --- What each kind of trouble does to the processes.
+// What each kind of trouble does to the processes.
 
 // Thread: one at a time. What the camera does by its script needs no act.
 class Acts {
@@ -66,7 +43,7 @@ class Acts {
   void finish() { jobs_.finish(); }
 
  private:
-  void record(const Disturbance& disturbance, RecordingEnd end);
+  void record(const Disturbance& disturbance);
   void take_processors(double seconds);
   void take_memory(double seconds);
   void start_helper(const Command& command);

@@ -27,18 +27,12 @@
 namespace bolo::tools::soak {
 namespace {
 
-constexpr double kEndLimit_s = 5.0;
+constexpr double kCameraEnd_s = 5.0;
 constexpr auto kServeLimit = std::chrono::seconds(30);
 constexpr std::size_t kReaders = 2;
 constexpr std::size_t kSmallFrame = 20'000;  // pixels: below, packets are so small that a frame has several
 constexpr int kSmallPacket = 576;            // bytes
 constexpr double kLap_s = 1.2;               // of the scene
-
-std::string contents(const std::filesystem::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
 
 // As many frames as a reader needs that does not get a processor for a second.
 constexpr int kRingFrames = 256;
@@ -80,7 +74,7 @@ Status write_profile(const DaemonFile& file, const std::optional<std::string>& b
 }
 
 constexpr int kOpen_ms = 10'000;
-constexpr int kLook_ms = 100;
+constexpr int kReaderLook_ms = 100;
 constexpr std::int64_t kTellNs = 500'000'000;
 constexpr std::streamoff kEnd = 1024;  // bytes: several lines
 
@@ -94,6 +88,12 @@ void tell(const ReaderAccount& account) {
 }
 
 }  // namespace
+
+std::string contents(const std::filesystem::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
 
 Result<Programs> find_programs() {
   Programs programs;
@@ -209,13 +209,13 @@ std::string Rig::daemon_error() const { return contents(daemon_log()); }
 Status Rig::end_camera() {
   camera_->signal(SIGCONT);
   camera_->signal(SIGTERM);
-  const auto code = camera_->wait(kEndLimit_s);
+  const auto code = camera_->wait(kCameraEnd_s);
   read_camera();
   book_.end();
   std::error_code ignored;  // of a file that goes on for megabytes
   std::filesystem::remove(camera_->log().string() + ".out", ignored);
   camera_.reset();
-  if (!code) return failed("the camera did not end within " + std::to_string(static_cast<int>(kEndLimit_s)) + " s");
+  if (!code) return failed("the camera did not end within " + std::to_string(static_cast<int>(kCameraEnd_s)) + " s");
   return *code == 0 ? Status{} : failed("the camera ended with exit code " + std::to_string(*code));
 }
 
@@ -326,7 +326,7 @@ Status read_along(const std::string& name, int slow_ms, const std::atomic<bool>&
       tell(account);
       next_tell_ns = monotonic_ns() + kTellNs;
     }
-    const int got = bolo_client_next(client.get(), kLook_ms, &frame);
+    const int got = bolo_client_next(client.get(), kReaderLook_ms, &frame);
     if (got == BOLO_CLIENT_RESTARTED) ++account.restarts;
     if (got < 0) return failed(bolo_client_error(client.get()));
     if (got != BOLO_CLIENT_OK) continue;

@@ -39,6 +39,9 @@ Status write_daemon_file(const DaemonFile& file);
 // The configuration that was written.
 std::filesystem::path config_of(const DaemonFile& file);
 
+// All of a file; empty where it cannot be read. Thread: any.
+std::string contents(const std::filesystem::path& file);
+
 struct Programs {
   std::filesystem::path lab;  // this program
   std::filesystem::path bolo;

@@ -90,12 +90,6 @@ ordered_json growth_json(const Growth& g) {
   return {{"first", g.first}, {"last", g.last}, {"by", g.by()}, {"slope_per_hour", g.slope_per_hour}};
 }
 
-ordered_json usage_json(const std::optional<Usage>& usage) {
-  if (!usage) return nullptr;
-  return {{"rss_mib", usage->rss_mib},         {"pss_mib", usage->pss_mib}, {"private_mib", usage->private_mib},
-          {"descriptors", usage->descriptors}, {"threads", usage->threads}, {"cpu_s", usage->cpu_s}};
-}
-
 ordered_json json_of(const Invariant invariant, const Findings::Tally& tally) {
   return {{"name", info_of(invariant).name}, {"about", info_of(invariant).about},
           {"holds", tally.broken == 0},      {"looks", tally.looks},
@@ -126,22 +120,8 @@ ordered_json json_of(const LifeGrowth& g) {
           {"to_s", g.to_s},
           {"private_mib", growth_json(g.private_mib)},
           {"rss_mib", growth_json(g.rss_mib)},
-          {"pss_mib", growth_json(g.pss_mib)},
           {"descriptors", growth_json(g.descriptors)},
           {"threads", growth_json(g.threads)}};
-}
-
-ordered_json json_of(const Second& s) {
-  return {{"at_s", s.at_s},
-          {"quiet", s.quiet},
-          {"frames", s.frames},
-          {"clean", s.clean},
-          {"latency_ms", {{"p50", s.p50_ms}, {"p99", s.p99_ms}, {"max", s.max_ms}}},
-          {"lost", losses_json(s.lost)},
-          {"life", s.life},
-          {"daemon", usage_json(s.daemon)},
-          {"reader", usage_json(s.reader)},
-          {"others", s.others}};
 }
 
 ordered_json json_of(const fakecam::InjectedFault& f) {
@@ -165,7 +145,6 @@ ordered_json frames_json(const SoakResult& result) {
   return json;
 }
 
-// Everything but the timeline's seconds.
 ordered_json report_json(const SoakRequest& request, ordered_json measured, const SoakResult& result,
                          const Findings& findings) {
   measured["solver"] = result.solver;
@@ -267,7 +246,7 @@ cxxopts::Options make_options() {
        cxxopts::value<double>()->default_value("100"), "MS")                                               //
       ("report", "Folder for report.txt, report.json and the daemon's log", text(""), "DIR")               //
       ("schedule", "Print what would happen when, and end")                                                //
-      ("json", "Print the report as JSON, without the timeline")                                           //
+      ("json", "Print the report as JSON")                                                                 //
       ("read", "Be one of the readers of a soak: a daemon's name", cxxopts::value<std::string>(), "NAME")  //
       ("slow-ms", "With --read: take so long for each frame", cxxopts::value<int>()->default_value("0"), "MS");
   add_overwrite_option(options);
@@ -335,14 +314,13 @@ Status prepare_report(const Request& request) {
   return check_outputs(files, {}, request.replace);
 }
 
-Status write_report(const Request& request, ordered_json json, const SoakResult& result, const std::string& text) {
+Status write_report(const Request& request, const ordered_json& json, const std::string& text) {
   if (request.report.empty()) return {};
   if (auto copy = FileBeside::create({request.report / kReportFiles[2], request.replace})) {
     std::error_code error;
     fs::copy_file(request.soak.rig.folder / "bolod.err", copy->path(), fs::copy_options::overwrite_existing, error);
     if (!error) (void)copy->publish();  // a log is no reason to do without the report
   }
-  json["timeline"] = list_of(result.timeline);
   Status written = write_file({request.report / kReportFiles[0], request.replace}, json.dump(1) + "\n");
   if (!written) return written;
   return write_file({request.report / kReportFiles[1], request.replace},
@@ -363,7 +341,7 @@ Status soak_and_report(Request& request, const std::string& command) {
   if (!result) return tl::unexpected<Error>(result.error());
   const ordered_json json = report_json(request.soak, measured, *result, findings);
   const std::string text = report_text(request.soak, *result, findings);
-  if (Status written = write_report(request, json, *result, text); !written) return written;
+  if (Status written = write_report(request, json, text); !written) return written;
   std::fputs(request.json ? (json.dump(2) + "\n").c_str() : text.c_str(), stdout);
   return findings.all_hold() ? Status{} : failed("something did not hold");
 }

@@ -74,7 +74,6 @@ std::optional<Usage> usage_of(pid_t pid) {
     double kib = 0.0;
     if (!(words >> key >> kib)) continue;
     if (key == "Rss:") usage.rss_mib = kib * kMibPerKib;
-    if (key == "Pss:") usage.pss_mib = kib * kMibPerKib;
     if (key == "Pss_Anon:") usage.private_mib = kib * kMibPerKib;
   }
   if (usage.rss_mib <= 0.0) return std::nullopt;

@@ -12,8 +12,7 @@ namespace bolo::tools::soak {
 
 struct Usage {
   double rss_mib = 0.0;
-  double pss_mib = 0.0;      // its share of what several processes map: falls when another reader comes
-  double private_mib = 0.0;  // of the PSS, what is nobody else's (anonymous)
+  double private_mib = 0.0;  // of what several processes may map (PSS), what is nobody else's (anonymous)
   int descriptors = 0;
   int threads = 0;
   double cpu_s = 0.0;  // since its start

@@ -53,7 +53,6 @@ LifeGrowth measured(int number, const Life& life, double settle_s) {
   g.to_s = life.back()->at_s;
   g.rss_mib = growth_of_life(life, kSettle_s, false, &Usage::rss_mib);
   g.private_mib = growth_of_life(life, kSettle_s, false, &Usage::private_mib);
-  g.pss_mib = growth_of_life(life, kSettle_s, false, &Usage::pss_mib);
   g.descriptors = growth_of_life(life, settle_s, true, &Usage::descriptors);
   g.threads = growth_of_life(life, settle_s, true, &Usage::threads);
   return g;
@@ -111,7 +110,7 @@ void Sampler::take_usage(Second& second) {
   };
   second.daemon = look(rig_.daemon());
   if (rig_.has_camera()) look(rig_.camera());
-  for (Process& reader : rig_.readers()) second.reader = look(reader);
+  for (Process& reader : rig_.readers()) look(reader);
   double ours_s = own_cpu_s();
   for (const auto& [pid, cpu_s] : cpu_of_) ours_s += cpu_s;
   const double busy = busy_s();

@@ -45,7 +45,6 @@ struct Second {
   std::array<std::uint64_t, kLossCauses> lost{};  // in it
   int life = 0;                                   // of the daemon
   std::optional<Usage> daemon;
-  std::optional<Usage> reader;
   double others = 0.0;  // share of the processors' time that programs beside the soak's took
 };
 
@@ -63,7 +62,6 @@ struct LifeGrowth {
   double to_s = 0.0;
   Growth rss_mib;
   Growth private_mib;
-  Growth pss_mib;
   Growth descriptors;
   Growth threads;
 };

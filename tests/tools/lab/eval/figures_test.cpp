@@ -139,7 +139,7 @@ detect::Found found_boxes(const detect::Options& options) {
   return found;
 }
 
-TEST(Figures, OfDetectorsCompareColumnsWithTheBlurredOne) {
+TEST(Figures, OfDetectorsShowWhatEachColumnShows) {
   detect::Options options;
   options.picture = {64, 48};
   options.classes = {{"person", 1}, {"car", 3}};
@@ -169,7 +169,7 @@ TEST(Figures, OfDetectorsCompareColumnsWithTheBlurredOne) {
   EXPECT_FALSE(table.rows[3].labelled);
   const plot::Sheet sheet = sheet_of(table, found, options);
   expect_good(sheet);
-  EXPECT_EQ(plots_of(sheet), 2U + found.columns.size());
+  EXPECT_EQ(plots_of(sheet), found.columns.size());
   EXPECT_EQ(sheet.tables.size(), 2U);
 }
 

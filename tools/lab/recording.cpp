@@ -1,4 +1,4 @@
-#include "tools/lab/eval/recording.hpp"
+#include "tools/lab/recording.hpp"
 
 #include <cmath>
 #include <cstring>
@@ -9,17 +9,11 @@
 #include "src/sim/scene.hpp"
 
 namespace bolo::tools {
-namespace {
-
-constexpr std::size_t kMoreFrames = 32;  // effects that lose frames, or jitter, look further
-
-}  // namespace
-
 Result<Recording> record_street(const sim::CameraSettings& camera, const StreetPass& pass) {
   const auto street = sim::make_street(camera.geometry, pass.street);
   const sim::Path path = sim::steady_pan(pass.speed_px_s);
   const double from_s = -sim::history_s(camera);
-  const double to_s = static_cast<double>(pass.frames + kMoreFrames) / camera.rate_hz;
+  const double to_s = static_cast<double>(pass.frames + pass.more_frames) / camera.rate_hz;
   const sim::Position origin = sim::centred_origin(*street, path, camera.geometry, from_s, to_s);
   auto field = sim::pan_over(*street, path, origin, camera.geometry, from_s, to_s);
   if (!field) return tl::unexpected(field.error());
