@@ -7,7 +7,6 @@
 #include <cstdlib>
 
 #include "tests/diagnose/bench.hpp"
-#include "tools/lab/blind/captures.hpp"
 #include "tools/lab/blind/session.hpp"
 
 namespace bolo::diagnose {

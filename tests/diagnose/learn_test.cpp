@@ -6,7 +6,6 @@
 
 #include "src/diagnose/diagnose.hpp"
 #include "tests/diagnose/bench.hpp"
-#include "tools/lab/blind/captures.hpp"
 #include "tools/lab/blind/session.hpp"
 
 namespace bolo::diagnose {

@@ -3,7 +3,6 @@
 #include <string_view>
 
 #include "tools/cli/cli.hpp"
-#include "tools/lab/evaluations.hpp"
 #include "tools/lab/verbs.hpp"
 
 namespace bolo::tools {

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <map>
 #include <memory>
 #include <thread>
@@ -13,8 +14,7 @@
 #include "src/deblur/isa.hpp"
 #include "src/deblur/solver.hpp"
 #include "src/rt/worker_team.hpp"
-#include "src/sim/simulator.hpp"
-#include "tools/lab/bench/naive_admm.hpp"
+#include "tools/lab/recording.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -22,9 +22,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr Geometry kFrame{640, 120};
-constexpr double kSpeed = 300.0;           // px/s
-constexpr int kNaiveIterations = 16;       // what ADMM without a start needs at lambda_half 0.5
-constexpr std::size_t kNaivePixels = 640;  // one row
+constexpr double kSpeed = 300.0;  // px/s
 constexpr int kExactRows = 4;
 constexpr double kLambdas[] = {0.5, 0.05, 0.005};  // lambda_half, K
 constexpr int kFewestRepeats = 3;
@@ -42,20 +40,15 @@ struct Input {
 Result<Input> make_input(const deblur::Settings& settings) {
   sim::CameraSettings camera;
   camera.geometry = kFrame;
-  const double from_s = -sim::history_s(camera);
-  const double to_s = settings.window * settings.period_s;
-  const auto scene = sim::make_street(kFrame, 1);
-  const sim::Path path = sim::steady_pan(kSpeed);
-  auto field =
-      sim::pan_over(*scene, path, sim::centred_origin(*scene, path, kFrame, from_s, to_s), kFrame, from_s, to_s);
-  if (!field) return tl::unexpected(field.error());
-  const auto simulator = sim::Simulator::create(camera, std::move(*field));
-  if (!simulator) return tl::unexpected(simulator.error());
+  const auto street = record_street(
+      camera,
+      {.street = 1, .speed_px_s = kSpeed, .frames = static_cast<std::size_t>(settings.window), .more_frames = 0});
+  if (!street) return tl::unexpected(street.error());
   Input input;
-  input.format = (*simulator)->format();
-  for (int i = 0; i < settings.window; ++i) {
+  input.format = street->format;
+  for (const auto& bytes : street->planes) {
     input.frames.emplace_back(kFrame.pixels());
-    (*simulator)->next(input.frames.back().data(), nullptr);
+    std::memcpy(input.frames.back().data(), bytes.data(), bytes.size());
   }
   for (const auto& frame : input.frames) input.planes.push_back(frame.data());
   return input;
@@ -110,21 +103,15 @@ class Runner {
   Status open() {
     if (!deblur::force_isa(what_.isa)) return bad_input("--isa " + what_.isa + ": not available here");
     rows_ = what_.solver == "exact" ? kExactRows : kFrame.height;
-    if (what_.solver == "naive") {
-      rows_ = static_cast<int>(kNaivePixels) / kFrame.width;
-      what_.iterations = kNaiveIterations;
-      what_.isa = "Eigen";
-    } else {
-      StreamFormat format = input_.format;
-      if (what_.profile) format.type = PixelType::kFloat32;
-      const double row_delay_s = what_.profile ? kRowDelay_s : 0.0;
-      auto solver = deblur::Solver::create(settings_, format, PixelType::kFloat32, row_delay_s);
-      if (!solver) return tl::unexpected(solver.error());
-      solver_ = std::move(*solver);
-      solver_->prepare(window());
-      what_.iterations = solver_->iterations();
-      what_.isa = solver_->isa();
-    }
+    StreamFormat format = input_.format;
+    if (what_.profile) format.type = PixelType::kFloat32;
+    const double row_delay_s = what_.profile ? kRowDelay_s : 0.0;
+    auto solver = deblur::Solver::create(settings_, format, PixelType::kFloat32, row_delay_s);
+    if (!solver) return tl::unexpected(solver.error());
+    solver_ = std::move(*solver);
+    solver_->prepare(window());
+    what_.iterations = solver_->iterations();
+    what_.isa = solver_->isa();
     what_.pixels = static_cast<std::size_t>(rows_ * kFrame.width);
     team_ = std::make_unique<rt::WorkerTeam>(what_.threads, rt::ThreadOptions{"bolo-bench"});
     if (team_->size() < what_.threads) return failed("cannot start " + std::to_string(what_.threads) + " threads");
@@ -133,16 +120,12 @@ class Runner {
 
   void measure() {
     const auto start = Clock::now();
-    if (solver_ == nullptr) {
-      naive_admm(settings_, kNaiveIterations, input_.planes, input_.format.scale.scale, kNaivePixels, out_.data());
-    } else {
-      if (what_.profile) {
-        corrected_.begin();
-        team_->run([](void* self, int worker) { static_cast<Runner*>(self)->correct(worker); }, this);
-        corrected_.finish();
-      }
-      team_->run([](void* self, int worker) { static_cast<Runner*>(self)->work(worker); }, this);
+    if (what_.profile) {
+      corrected_.begin();
+      team_->run([](void* self, int worker) { static_cast<Runner*>(self)->correct(worker); }, this);
+      corrected_.finish();
     }
+    team_->run([](void* self, int worker) { static_cast<Runner*>(self)->work(worker); }, this);
     const double ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
     times_.push_back(ms * static_cast<double>(kFrame.pixels()) / static_cast<double>(what_.pixels));
   }
@@ -194,7 +177,7 @@ class Runner {
 
 deblur::Settings settings_of(const Measured& what) {
   deblur::Settings settings;
-  if (what.solver != "naive") settings.method = *deblur::method_from_name(what.solver);
+  settings.method = *deblur::method_from_name(what.solver);
   settings.lambda = what.lambda_half_k * 2.0 * settings.kappa;
   return settings;
 }
@@ -211,7 +194,6 @@ Measured variant(std::string solver, std::string isa, int threads, double lambda
 // The main one first.
 std::vector<Measured> list_variants(const BenchOptions& options, double lambda_half_k, int processors) {
   std::vector<Measured> list{variant(options.solver, options.isa, options.threads, lambda_half_k)};
-  list.push_back(variant("naive", "", 1, kLambdas[0]));
   for (const char* solver : {"admm", "dual"}) {
     for (const double lambda : kLambdas) {
       list.push_back(variant(solver, options.isa, 1, lambda));
@@ -276,29 +258,6 @@ void compare_with_others(std::vector<Measured>& results) {
   }
 }
 
-// Floating point operations of a pixel, counted in the algorithms (a limit to a range as two; near sweeps as whole
-// ones). ADMM begins with the sweeps that the dual needs at the same lambda.
-double operations(const Measured& what, int sweeps, int bins) {
-  const double levels = std::log2(bins);
-  const double dual = bins * (5.0 + levels) + 14.0 * bins * sweeps;
-  if (what.solver == "dual") return dual;
-  return what.solver == "admm" ? dual + bins * (18.0 + 2.0 * levels) * what.iterations : 0.0;
-}
-
-void compare_with_machine(std::vector<Measured>& results, const MachinePeaks& machine, int window) {
-  const double window_bytes = static_cast<double>(kFrame.pixels() * sizeof(std::uint16_t)) * window;
-  for (Measured& result : results) {
-    int sweeps = 0;
-    for (const Measured& other : results) {
-      if (other.solver == "dual" && other.lambda_half_k == result.lambda_half_k) sweeps = other.iterations;
-    }
-    const double seconds = 1e-3 * result.ms_per_frame;
-    const double done = operations(result, sweeps, window - 1) * static_cast<double>(kFrame.pixels());
-    if (sweeps > 0) result.fma_fraction = 1e-9 * done / seconds / machine.fma_gflop_per_s / result.threads;
-    result.read_fraction = 1e-9 * window_bytes / seconds / machine.read_gb_per_s;
-  }
-}
-
 }  // namespace
 
 Result<BenchReport> bench_deblur(const BenchOptions& options) {
@@ -324,7 +283,6 @@ Result<BenchReport> bench_deblur(const BenchOptions& options) {
     deblur::force_isa("");
     if (!opened) return tl::unexpected(opened.error());
   }
-  report.machine = measure_peaks();
   const auto end = Clock::now() + std::chrono::duration<double>(options.seconds);
   for (int repeat = 0; repeat < kFewestRepeats || Clock::now() < end; ++repeat) {
     for (const auto& runner : runners) runner->measure();
@@ -334,7 +292,6 @@ Result<BenchReport> bench_deblur(const BenchOptions& options) {
     results.push_back(runners[i]->result(exact->at(list[i].lambda_half_k)));
   }
   compare_with_others(results);
-  compare_with_machine(results, report.machine, defaults.window);
   report.main = results.front();
   report.variants.assign(results.begin() + 1, results.end());
   return report;

@@ -6,7 +6,6 @@
 
 #include "src/core/result.hpp"
 #include "src/deblur/settings.hpp"
-#include "tools/lab/bench/machine.hpp"
 
 namespace bolo::tools {
 
@@ -20,7 +19,7 @@ struct BenchOptions {
 
 // One way to deblur a frame. Times are of a whole 640x120 frame; those of slow variants are scaled from fewer pixels.
 struct Measured {
-  std::string solver;  // as --solver, or "naive": dense ADMM on 128 unknowns
+  std::string solver;  // as --solver
   std::string isa;
   int threads = 1;
   bool profile = false;  // with maps of gain, offset, time constant and dead pixels, and a row delay
@@ -36,14 +35,11 @@ struct Measured {
   double realtime_factor = 0.0;  // frame period / ms_per_frame
   double scaling = 1.0;          // time of one thread / (this time), where that was measured
   double of_plain = 1.0;         // frames a second with the profile / those without
-  double fma_fraction = 0.0;     // of the machine's multiply-adds on as many threads; 0 where they were not counted
-  double read_fraction = 0.0;    // of the memory bandwidth that reading the window's planes takes
 };
 
 struct BenchReport {
   Measured main;
   std::vector<Measured> variants;
-  MachinePeaks machine;
   int processors = 1;
 };
 

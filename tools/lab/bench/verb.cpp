@@ -8,10 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "src/deblur/isa.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/plot_option.hpp"
-#include "tools/lab/bench/bench_plot.hpp"
 #include "tools/lab/bench/deblur_bench.hpp"
 #include "tools/lab/bench/readers_bench.hpp"
 #include "tools/lab/verbs.hpp"
@@ -34,7 +31,6 @@ cxxopts::Options declare() {
       "seconds", "How long to measure (default: deblur 5, readers 40)", cxxopts::value<double>())(
       "priority", "SCHED_FIFO priority of the writer with readers; 0: the default scheduler",
       cxxopts::value<int>()->default_value("10"))("json", "Print the result as JSON");
-  add_plot_option(options, "Draw the table");
   options.parse_positional({"what"});
   return options;
 }
@@ -55,25 +51,20 @@ nlohmann::json to_json(const Measured& m) {
           {"max_error_k", m.max_error_k},
           {"realtime_factor", m.realtime_factor},
           {"scaling", m.scaling},
-          {"throughput_of_plain", m.of_plain},
-          {"fma_fraction", m.fma_fraction},
-          {"read_fraction", m.read_fraction}};
+          {"throughput_of_plain", m.of_plain}};
 }
 
 void print_json(const BenchReport& report) {
   nlohmann::json result = to_json(report.main);
-  result["machine"] = {{"processors", report.processors},
-                       {"read_gb_per_s", report.machine.read_gb_per_s},
-                       {"fma_gflop_per_s", report.machine.fma_gflop_per_s}};
+  result["machine"] = {{"processors", report.processors}};
   for (const Measured& variant : report.variants) result["variants"].push_back(to_json(variant));
   std::puts(result.dump(2).c_str());
 }
 
 void print_row(const Measured& m) {
-  std::printf("%-8s %-7s %3d %-4s %9g %5d %10.3f %10.3f %9.2f %9.2f %9.2f %9.2f %7.2f %6.0f%%", m.solver.c_str(),
-              m.isa.c_str(), m.threads, m.profile ? "yes" : "", m.lambda_half_k, m.iterations, m.ms_per_frame,
-              m.median_ms_per_frame, m.ns_per_pixel, 1e3 * m.rms_error_k, 1e3 * m.max_error_k, m.realtime_factor,
-              m.scaling, 100.0 * m.fma_fraction);
+  std::printf("%-8s %-7s %3d %-4s %9g %5d %10.3f %10.3f %9.2f %9.2f %9.2f %9.2f %7.2f", m.solver.c_str(), m.isa.c_str(),
+              m.threads, m.profile ? "yes" : "", m.lambda_half_k, m.iterations, m.ms_per_frame, m.median_ms_per_frame,
+              m.ns_per_pixel, 1e3 * m.rms_error_k, 1e3 * m.max_error_k, m.realtime_factor, m.scaling);
   if (m.profile) std::printf("  %.2f of the frames without", m.of_plain);
   std::puts("");
 }
@@ -81,14 +72,11 @@ void print_row(const Measured& m) {
 void print_table(const BenchReport& report) {
   std::printf("One 640x120 frame, window of 17: a street panning at 300 px/s, 30 mK of noise, 10 mK a count.\n");
   std::printf("Repeats of all variants in turn; errors against exact on 2560 pixels at the same lambda.\n");
-  std::printf("of fma: operations counted in the algorithm, of the multiply-adds below. ");
-  std::printf("naive is dense ADMM on 128 unknowns (640 pixels, scaled); exact is timed on 2560 pixels, scaled.\n");
+  std::printf("exact is timed on 2560 pixels, scaled.\n");
   std::printf("prof: with maps of gain, offset, time constant and dead pixels (0.5 %%), and a row delay.\n");
-  std::printf("Machine: %d processors; one thread reads %.1f GB/s and does %.0f GFLOP/s of multiply-adds.\n\n",
-              report.processors, report.machine.read_gb_per_s, report.machine.fma_gflop_per_s);
-  std::printf("%-8s %-7s %3s %-4s %9s %5s %10s %10s %9s %9s %9s %9s %7s %7s\n", "solver", "isa", "thr", "prof",
-              "lambda/2k", "iter", "min ms", "median ms", "ns/pixel", "rms mK", "max mK", "realtime", "scaling",
-              "of fma");
+  std::printf("Machine: %d processors.\n\n", report.processors);
+  std::printf("%-8s %-7s %3s %-4s %9s %5s %10s %10s %9s %9s %9s %9s %7s\n", "solver", "isa", "thr", "prof", "lambda/2k",
+              "iter", "min ms", "median ms", "ns/pixel", "rms mK", "max mK", "realtime", "scaling");
   print_row(report.main);
   std::puts("");
   for (const Measured& variant : report.variants) print_row(variant);
@@ -142,19 +130,12 @@ void print_table(const ReadersReport& report) {
   }
 }
 
-// Prints a report and draws it where a file is named, or passes its error on.
+// Prints a report, or passes its error on.
 template <typename Report>
-Status show(const Result<Report>& report, bool json, const OutputFile& plot) {
+Status show(const Result<Report>& report, bool json) {
   if (!report) return tl::unexpected(report.error());
-  if (json) {
-    print_json(*report);
-  } else {
-    print_table(*report);
-  }
-  if (plot.empty()) return {};
-  plot::Sheet sheet = sheet_of(*report);
-  sheet.how = machine_words() + ".";
-  return save(sheet, plot);
+  json ? print_json(*report) : print_table(*report);
+  return {};
 }
 
 Result<BenchOptions> deblur_options(const cxxopts::ParseResult& given) {
@@ -181,10 +162,8 @@ Result<ReadersOptions> readers_options(const cxxopts::ParseResult& given) {
 Status bench(const cxxopts::ParseResult& given) {
   const std::string what = given.count("what") != 0 ? given["what"].as<std::string>() : "";
   const bool json = given.count("json") != 0;
-  const auto plot = plot_file_of(given);
-  if (!plot) return tl::unexpected(plot.error());
-  if (what == "deblur") return show(deblur_options(given).and_then(bench_deblur), json, *plot);
-  if (what == "readers") return show(readers_options(given).and_then(bench_readers), json, *plot);
+  if (what == "deblur") return show(deblur_options(given).and_then(bench_deblur), json);
+  if (what == "readers") return show(readers_options(given).and_then(bench_readers), json);
   return bad_input("expected what to measure: bolo-lab bench deblur or bolo-lab bench readers");
 }
 

@@ -10,7 +10,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tools/lab/blind/finding.hpp"
+#include "tools/lab/blind/blind.hpp"
+#include "tools/lab/blind/diagnosis.hpp"
 #include "tools/lab/blind/session.hpp"
 
 namespace bolo::tools::blind {
@@ -34,9 +35,10 @@ struct Judgement {
   bool all_right = false;       // all of them
   bool false_effect = false;    // an effect is named that was not there
   bool flagged = false;         // it says that something unknown is left
-  bool right_stage = false;     // and where
+  bool right_stage = false;     // and in the right place
   bool blamed = false;          // explained by what was not there, and nothing unknown said
   bool sure = false;            // confidence of at least 0.95 in the first named
+  bool sure_right = false;      // and it was right
   bool nothing = false;         // neither an effect nor anything unknown
 };
 
@@ -92,5 +94,23 @@ Score score(const std::vector<Trial>& trials);
 
 // Nearest rank; 0 for none. NaN are left out. Thread: any.
 Spread spread_of(std::vector<double> values);
+
+// --- The score for people and for programs.
+
+// How to draw the same sessions again.
+struct Setting {
+  DrawOptions draw;
+  std::string digest;
+  double seconds = 0.0;  // of the whole check
+};
+
+// Lines for a terminal, each ended. Thread: any.
+std::string score_text(const Score& score, const Setting& setting);
+
+// Keys in snake_case. Thread: any.
+nlohmann::ordered_json score_json(const Score& score, const Setting& setting);
+
+// The words that draw one session again. Thread: any.
+std::string rerun_words(const Failure& failure, const DrawOptions& draw);
 
 }  // namespace bolo::tools::blind

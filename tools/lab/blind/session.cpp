@@ -3,13 +3,163 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
 #include <utility>
+#include <variant>
 
-#include "tools/lab/blind/captures.hpp"
-#include "tools/lab/blind/dice.hpp"
+#include "src/sim/simulator.hpp"
+#include "src/sim/stimulus_error.hpp"
+#include "tools/lab/common.hpp"
 
 namespace bolo::tools::blind {
 namespace {
+
+constexpr double kPeriodS = 0.005;
+constexpr double kShutterK = 300.0;
+constexpr double kHotK = 325.0;
+constexpr double kChopperColdK = 295.0;
+constexpr std::array<double, 2> kChopperLevelsK{305.0, 320.0};
+constexpr std::array<double, 5> kPulsesS{0.012, 0.030, 0.060, 0.120, 0.300};
+constexpr double kGapS = 0.0837;  // no multiple of a frame: pulses begin at many phases of it
+constexpr double kBarsColdK = 290.0;
+constexpr double kBarsHotK = 315.0;
+
+struct Length {
+  const char* file;
+  int frames;
+};
+constexpr std::array<Length, 6> kCaptures{{{"capture-1.h5", 380},
+                                           {"capture-2.h5", 240},
+                                           {"capture-3.h5", 400},
+                                           {"capture-4.h5", 340},
+                                           {"capture-5.h5", 340},
+                                           {"capture-6.h5", 300}}};
+
+bool is_moment(const sim::EffectSpec& effect) { return effect.name == "nuc_freeze" || effect.name == "offset_jump"; }
+
+// Every length at every height, as many as end within the capture.
+capture::Chopper chopper(double duration_s) {
+  capture::Chopper out;
+  out.cold_k = kChopperColdK;
+  double on_s = kGapS;
+  for (const double level_k : kChopperLevelsK) {
+    for (const double pulse_s : kPulsesS) {
+      if (on_s + pulse_s > duration_s) return out;
+      out.on_s.push_back(on_s);
+      out.off_s.push_back(on_s + pulse_s);
+      out.level_k.push_back(level_k);
+      on_s += pulse_s + kGapS;
+    }
+  }
+  return out;
+}
+
+capture::BarTarget bars(const Geometry& geometry, double velocity_px_s) {
+  const double period_px = geometry.width < 64 ? 20.0 : 40.0;
+  return {kBarsColdK, kBarsHotK, period_px, period_px / 2.0, 0.25, velocity_px_s};
+}
+
+capture::Stimulus stimulus_of(std::size_t i, const Geometry& geometry, double duration_s) {
+  switch (i) {
+    case 0:
+      return capture::Uniform{kShutterK};
+    case 1:
+      return capture::Uniform{kHotK};
+    case 2:
+      return chopper(duration_s);
+    case 3:
+      return bars(geometry, 70.0);
+    case 4:
+      return bars(geometry, -320.0);
+    default:
+      return bars(geometry, 0.0);
+  }
+}
+
+// What is the same in all captures of a session: one target, one room.
+struct Bench {
+  bool imperfect = false;
+  double edge_px = 0.0;
+  double reflection = 0.0;
+};
+
+Bench draw_bench(bool imperfect, Dice& dice) {
+  return imperfect ? Bench{true, dice.between(0.0, 0.3), dice.between(0.0, 0.01)} : Bench{};
+}
+
+// Where the stimulus truly starts is never known; the rest of its errors only of an imperfect bench.
+sim::StimulusError draw_faults(const capture::Stimulus& stimulus, const Bench& bench, Dice& dice) {
+  sim::StimulusError faults;
+  const bool is_chopper = std::holds_alternative<capture::Chopper>(stimulus);
+  const auto* const target = std::get_if<capture::BarTarget>(&stimulus);
+  if (is_chopper) faults.start_s = dice.between(-0.005, 0.005);
+  if (target != nullptr) faults.phase = dice.unit();
+  if (!bench.imperfect) return faults;
+  constexpr double kLeastK = 0.1;
+  constexpr double kMostK = 1.0;
+  faults.level_k = dice.signed_between(kLeastK, kMostK);
+  faults.reflection = bench.reflection;
+  if (is_chopper) faults.sweep_s = dice.between(0.0, 0.004);
+  if (is_chopper) faults.level2_k = dice.signed_between(kLeastK, kMostK);
+  if (is_chopper || target != nullptr) faults.cold_k = dice.signed_between(kLeastK, kMostK);
+  if (target == nullptr) return faults;
+  faults.edge_px = bench.edge_px;
+  if (target->velocity_px_s == 0.0) return faults;
+  faults.velocity = dice.signed_between(0.0, 0.01);
+  faults.uneven = dice.between(0.0, 0.01);
+  faults.uneven_period_s = dice.between(1.0, 3.0);  // slow: a capture is about one swing
+  faults.uneven_phase = dice.unit();
+  return faults;
+}
+
+void add_effect(std::vector<CapturePlan>& plans, const sim::EffectSpec& effect, Dice& dice) {
+  if (!is_moment(effect)) {
+    for (CapturePlan& plan : plans) plan.effects.push_back(effect);
+    return;
+  }
+  // Often the same one twice: then it happens once.
+  const std::set<std::size_t> where{dice.below(plans.size()), dice.below(plans.size())};
+  for (const std::size_t i : where) {
+    sim::EffectSpec placed = effect;
+    placed.values["at_s"] = dice.between(0.2, 0.55) * static_cast<double>(plans[i].frames) * kPeriodS;
+    plans[i].effects.push_back(std::move(placed));
+  }
+}
+
+// What an effect needs to know of the stimuli: the level of a clipping.
+void place_in_scene(sim::EffectSpec& effect, Dice& dice) {
+  const double cut = dice.between(0.05, 0.25);
+  if (effect.name == "saturation") {
+    effect.values["level_k"] = kChopperLevelsK[1] - cut * (kChopperLevelsK[1] - kChopperColdK);
+  }
+  if (effect.name == "clipped_range") effect.values["level_k"] = kBarsColdK + cut * (kBarsHotK - kBarsColdK);
+}
+
+// The six captures. An effect that happens at one moment (a shutter, a jump) is at work in one or two of them.
+std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::vector<sim::EffectSpec>& effects,
+                                       Dice& dice) {
+  std::vector<CapturePlan> plans;
+  const Bench bench = draw_bench(options.imperfect, dice);
+  double start_s = 0.0;
+  for (std::size_t i = 0; i < kCaptures.size(); ++i) {
+    CapturePlan plan;
+    plan.file = kCaptures[i].file;
+    plan.frames = static_cast<std::size_t>(std::max(20.0, std::round(kCaptures[i].frames * options.frames_scale)));
+    const double duration_s = static_cast<double>(plan.frames) * kPeriodS;
+    plan.stimulus = stimulus_of(i, options.geometry, duration_s);
+    plan.session_start_s = start_s;
+    plan.noise_seed = dice.word() >> 1U;
+    plan.faults = draw_faults(plan.stimulus, bench, dice);
+    start_s += duration_s + dice.between(1.0, 3.0);
+    plans.push_back(std::move(plan));
+  }
+  for (const sim::EffectSpec& effect : effects) add_effect(plans, effect, dice);
+  return plans;
+}
 
 constexpr std::array<std::string_view, kKinds> kNames{"effect-free", "single", "pair", "outside", "withheld", "forms"};
 
@@ -34,7 +184,8 @@ std::vector<Choice> choices(Kind kind) {
 
 // Words that depend on the session's place and on `what` is drawn with them.
 std::uint64_t session_seed(const DrawOptions& options, Kind kind, std::size_t index) {
-  return mix(mix(mix(options.seed) + static_cast<std::uint64_t>(kind)) + index);
+  using splitmix::key;
+  return key(key(key(options.seed, 0) + static_cast<std::uint64_t>(kind), 0) + index, 0);
 }
 
 Result<sim::EffectSpec> drawn(const Choice& choice, double magnitude, Dice& dice) {
@@ -100,6 +251,67 @@ nlohmann::json to_json(const std::vector<sim::EffectSpec>& effects) {
   return out;
 }
 
+// The HDF5 library is not made for two threads.
+std::mutex& hdf5_mutex() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+std::unique_ptr<const sim::Field> nominal_field(const capture::Stimulus& stimulus) {
+  if (const auto* uniform = std::get_if<capture::Uniform>(&stimulus)) return sim::make_uniform(uniform->temperature_k);
+  if (const auto* chopper = std::get_if<capture::Chopper>(&stimulus)) return sim::make_chopper(*chopper);
+  return sim::make_bars(std::get<capture::BarTarget>(stimulus));
+}
+
+sim::CameraSettings camera_of(const Session& session, const CapturePlan& plan) {
+  sim::CameraSettings camera;
+  camera.geometry = session.geometry;
+  camera.rate_hz = 1.0 / kPeriodS;
+  camera.readout.seed = plan.noise_seed;
+  camera.threads = 1;
+  camera.effects = plan.effects;
+  camera.camera_seed = session.camera_seed;
+  camera.session_start_s = plan.session_start_s;
+  return camera;
+}
+
+// All frames one after another.
+std::vector<std::byte> simulated(sim::Simulator& simulator, std::size_t frames) {
+  const StreamFormat format = simulator.format();
+  const std::size_t bytes = plane_bytes(format.geometry, format.type);
+  std::vector<std::byte> planes(bytes * frames);
+  for (std::size_t k = 0; k < frames; ++k) {
+    simulator.next(planes.data() + k * bytes, nullptr);
+  }
+  return planes;
+}
+
+// Without the attributes that sim::write_capture() adds: they tell seeds.
+Status write_planes(const std::filesystem::path& file, const StreamFormat& format, const CapturePlan& plan,
+                    const std::vector<std::byte>& planes) {
+  const std::lock_guard lock(hdf5_mutex());
+  capture::CaptureInfo info;
+  info.format = format;
+  info.camera_model = "camera";
+  auto writer = capture::CaptureWriter::create(file, info);
+  if (!writer) return tl::unexpected(writer.error());
+  Status status = writer->write_stimulus(plan.stimulus);
+  const std::size_t bytes = plane_bytes(format.geometry, format.type);
+  for (std::size_t k = 0; status && k < plan.frames; ++k) {
+    status = writer->append(static_cast<double>(k) * kPeriodS, k, planes.data() + k * bytes);
+  }
+  return status ? writer->close() : status;
+}
+
+Status write_capture(const Session& session, const CapturePlan& plan, const std::filesystem::path& file) {
+  auto field = sim::with_errors(nominal_field(plan.stimulus), plan.faults, session.geometry);
+  if (!field) return tl::unexpected(field.error());
+  const auto simulator = sim::Simulator::create(camera_of(session, plan), std::move(*field));
+  if (!simulator) return tl::unexpected(simulator.error());
+  const auto planes = simulated(**simulator, plan.frames);
+  return write_planes(file, (*simulator)->format(), plan, planes);
+}
+
 }  // namespace
 
 std::string_view name_of(Kind kind) { return kNames[static_cast<std::size_t>(kind)]; }
@@ -140,7 +352,7 @@ Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t 
   session.index = index;
   session.seed = session_seed(options, kind, index);
   session.geometry = options.geometry;
-  Dice dice(session.seed);
+  Dice dice(session.seed, 1);
   session.camera_seed = dice.word() >> 1U;
   if (Status drawn = draw_effects(options, session, dice); !drawn) return tl::unexpected(drawn.error());
   session.captures = plan_captures(options, session.effects, dice);
@@ -166,6 +378,16 @@ nlohmann::json to_json(const Session& session) {
           {"height", session.geometry.height},
           {"camera_seed", session.camera_seed},
           {"captures", std::move(captures)}};
+}
+
+Result<std::vector<std::filesystem::path>> write_captures(const Session& session, const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> files;
+  for (const CapturePlan& plan : session.captures) {
+    files.push_back(folder / plan.file);
+    const Status status = write_capture(session, plan, files.back());
+    if (!status) return tl::unexpected(status.error());
+  }
+  return files;
 }
 
 }  // namespace bolo::tools::blind

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -75,5 +77,11 @@ sim::EffectSpec weakened(sim::EffectSpec effect, double magnitude);
 
 // Everything that was drawn. Thread: any.
 nlohmann::json to_json(const Session& session);
+
+// --- x
+
+// Simulates all captures of a session and writes them to `folder`; the files say nothing of effects, seeds, or how
+// the stimulus really was. Returns the files. Thread: any; writing is serialised inside.
+Result<std::vector<std::filesystem::path>> write_captures(const Session& session, const std::filesystem::path& folder);
 
 }  // namespace bolo::tools::blind

@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-#include "tools/lab/detect/box.hpp"
+#include "tools/lab/detect/boxes.hpp"
 
 namespace bolo::tools::detect {
 
@@ -72,5 +72,19 @@ class Evaluator {
   ApSettings settings_;
   std::vector<Class> classes_;
 };
+
+// --- How far a figure would scatter if other scenes had been taken: the percentile bootstrap (Efron, "Bootstrap
+// methods: another look at the jackknife", 1979). Scenes are drawn anew, with replacement, each with all its images.
+
+// How often each of `scenes` scenes is drawn in the draw number `draw`; they sum to `scenes`. Thread: any.
+std::vector<int> drawn_scenes(std::size_t scenes, std::uint64_t seed, std::uint64_t draw);
+
+struct Interval {
+  double low = 0.0;
+  double high = 0.0;
+};
+
+// The middle 95 % of the values that are numbers; NaN twice where there are none. Thread: any.
+Interval interval_95(std::vector<double> values);
 
 }  // namespace bolo::tools::detect

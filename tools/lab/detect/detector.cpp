@@ -1,11 +1,219 @@
 #include "tools/lab/detect/detector.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
 #include <utility>
 
-#include "tools/lab/detect/decode.hpp"
-
 namespace bolo::tools::detect {
+namespace {
+
+// A tensor as rows: the last extent is the row's length. Leading extents of 1 do not matter.
+struct Rows {
+  std::size_t rows = 0;
+  std::size_t length = 0;
+  const float* first = nullptr;
+
+  std::span<const float> row(std::size_t i) const { return {first + i * length, length}; }
+};
+
+Rows rows_of(const Tensor& tensor) {
+  if (tensor.shape.empty() || tensor.shape.back() < 1) return {};
+  const auto length = static_cast<std::size_t>(tensor.shape.back());
+  return {tensor.values.size() / length, length, tensor.values.data()};
+}
+
+std::string shape_text(const Tensor& tensor) {
+  std::string text;
+  for (const int extent : tensor.shape) text += (text.empty() ? "" : "x") + std::to_string(extent);
+  return text.empty() ? "nothing" : text;
+}
+
+void add_classes(std::span<const float> scores, const Box& box, double least_score, std::vector<Detection>& out) {
+  for (std::size_t c = 0; c < scores.size(); ++c) {
+    const auto score = static_cast<double>(scores[c]);
+    if (score >= least_score) out.push_back({static_cast<int>(c), score, box});
+  }
+}
+
+// The mean of the softmax over the bins 0, 1, ...
+double expected_bin(std::span<const float> logits) {
+  const float top = *std::ranges::max_element(logits);
+  double sum = 0.0;
+  double weighted = 0.0;
+  for (std::size_t i = 0; i < logits.size(); ++i) {
+    const double weight = std::exp(static_cast<double>(logits[i] - top));
+    sum += weight;
+    weighted += weight * static_cast<double>(i);
+  }
+  return weighted / sum;
+}
+
+// Scores and distances of one stride.
+struct GflPair {
+  Rows scores;
+  Rows distances;
+};
+
+Result<GflPair> pair_of(std::span<const Tensor> outputs, std::size_t places, int stride, int bins) {
+  const std::size_t length = 4 * static_cast<std::size_t>(bins);
+  std::vector<Rows> fitting;
+  for (const Tensor& tensor : outputs) {
+    if (const Rows rows = rows_of(tensor); rows.rows == places) fitting.push_back(rows);
+  }
+  if (fitting.size() == 2) {
+    if (fitting[1].length != length) std::swap(fitting[0], fitting[1]);
+    if (fitting[1].length == length) return GflPair{fitting[0], fitting[1]};
+  }
+  std::string given;
+  for (const Tensor& tensor : outputs) given += (given.empty() ? "" : ", ") + shape_text(tensor);
+  return bad_input("for stride " + std::to_string(stride) + " expected outputs 1x" + std::to_string(places) +
+                   "xCLASSES and 1x" + std::to_string(places) + "x" + std::to_string(4 * bins) +
+                   ", the network gives " + given + "; put output.kind, strides and bins right");
+}
+
+void add_places(const GflPair& pair, int cells_across, int stride, int bins, double least_score,
+                std::vector<Detection>& out) {
+  const auto length = static_cast<std::size_t>(bins);
+  for (std::size_t i = 0; i < pair.scores.rows; ++i) {
+    const std::span<const float> scores = pair.scores.row(i);
+    if (static_cast<double>(*std::ranges::max_element(scores)) < least_score) continue;
+    const std::size_t column = i % static_cast<std::size_t>(cells_across);
+    const std::size_t row = i / static_cast<std::size_t>(cells_across);
+    const double x = (static_cast<double>(column) + 0.5) * stride;
+    const double y = (static_cast<double>(row) + 0.5) * stride;
+    std::array<double, 4> to{};  // left, upper, right, lower side
+    for (std::size_t side = 0; side < to.size(); ++side) {
+      to[side] = stride * expected_bin(pair.distances.row(i).subspan(side * length, length));
+    }
+    add_classes(scores, {x - to[0], y - to[1], to[0] + to[2], to[1] + to[3]}, least_score, out);
+  }
+}
+
+constexpr float kAround = 128.0F;  // grey level beside a letterboxed picture
+
+// For each place along one side of the input: the two pixels around it and the second one's weight; `inside` is false
+// beside the picture.
+struct Between {
+  std::size_t first = 0;
+  std::size_t second = 0;
+  float weight = 0.0F;
+  bool inside = true;
+};
+
+std::vector<Between> places_along(int input, int picture, double scale, double offset) {
+  std::vector<Between> places;
+  for (int i = 0; i < input; ++i) {
+    const double at = (i + 0.5 - offset) / scale;  // edges at whole numbers
+    const double centred = std::clamp(at - 0.5, 0.0, picture - 1.0);
+    const auto first = static_cast<std::size_t>(centred);
+    places.push_back({first, std::min(first + 1, static_cast<std::size_t>(picture) - 1),
+                      static_cast<float>(centred - static_cast<double>(first)), at >= 0.0 && at < picture});
+  }
+  return places;
+}
+
+Levels resized(const Levels& levels, Geometry picture, Geometry input, const Fit& fit) {
+  const std::vector<Between> columns = places_along(input.width, picture.width, fit.scale_x, fit.left);
+  const std::vector<Between> rows = places_along(input.height, picture.height, fit.scale_y, fit.top);
+  Levels out;
+  out.reserve(input.pixels());
+  const auto width = static_cast<std::size_t>(picture.width);
+  for (const Between& row : rows) {
+    const float* const upper = levels.data() + row.first * width;
+    const float* const lower = levels.data() + row.second * width;
+    for (const Between& column : columns) {
+      const float above = std::lerp(upper[column.first], upper[column.second], column.weight);
+      const float below = std::lerp(lower[column.first], lower[column.second], column.weight);
+      out.push_back(row.inside && column.inside ? std::lerp(above, below, row.weight) : kAround);
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+Result<std::vector<Detection>> decode_yolo(std::span<const Tensor> outputs, Geometry input, double least_score) {
+  constexpr std::size_t kBeforeClasses = 5;
+  std::vector<Detection> found;
+  for (const Tensor& tensor : outputs) {
+    const Rows rows = rows_of(tensor);
+    if (rows.length <= kBeforeClasses) {
+      return bad_input("expected rows of cx, cy, w, h, objectness and class scores, the network gives " +
+                       shape_text(tensor) + "; put output.kind right");
+    }
+    for (std::size_t i = 0; i < rows.rows; ++i) {
+      const std::span<const float> row = rows.row(i);
+      const double width = static_cast<double>(row[2]) * input.width;
+      const double height = static_cast<double>(row[3]) * input.height;
+      const Box box{static_cast<double>(row[0]) * input.width - width / 2.0,
+                    static_cast<double>(row[1]) * input.height - height / 2.0, width, height};
+      add_classes(row.subspan(kBeforeClasses), box, least_score, found);
+    }
+  }
+  return found;
+}
+
+Result<std::vector<Detection>> decode_nanodet(std::span<const Tensor> outputs, Geometry input, const GflLayout& layout,
+                                              double least_score) {
+  std::vector<Detection> found;
+  for (const int stride : layout.strides) {
+    const int across = (input.width + stride - 1) / stride;
+    const int down = (input.height + stride - 1) / stride;
+    const auto pair = pair_of(outputs, Geometry{across, down}.pixels(), stride, layout.bins);
+    if (!pair) return tl::unexpected(pair.error());
+    add_places(*pair, across, stride, layout.bins, least_score, found);
+  }
+  return found;
+}
+
+std::vector<Detection> suppressed(std::vector<Detection> detections, double nms_iou) {
+  std::ranges::stable_sort(detections, std::ranges::greater{}, &Detection::score);
+  std::vector<Detection> kept;
+  for (const Detection& one : detections) {
+    const auto covers = [&](const Detection& better) {
+      return better.label == one.label && iou(better.box, one.box) > nms_iou;
+    };
+    if (std::ranges::none_of(kept, covers)) kept.push_back(one);
+  }
+  return kept;
+}
+
+Levels levels_of(std::span<const float> kelvin, double cold_k, double hot_k) {
+  Levels levels(kelvin.size());
+  const double scale = 255.0 / (hot_k - cold_k);
+  std::ranges::transform(kelvin, levels.begin(), [&](float k) {
+    return static_cast<float>(std::clamp(std::round((static_cast<double>(k) - cold_k) * scale), 0.0, 255.0));
+  });
+  return levels;
+}
+
+Box Fit::to_picture(const Box& in) const {
+  return {(in.x - left) / scale_x, (in.y - top) / scale_y, in.width / scale_x, in.height / scale_y};
+}
+
+Fit fit_of(Geometry picture, Geometry input, Resize resize) {
+  const double x = static_cast<double>(input.width) / picture.width;
+  const double y = static_cast<double>(input.height) / picture.height;
+  if (resize == Resize::kStretch) return {x, y, 0.0, 0.0};
+  const double scale = std::min(x, y);
+  return {scale, scale, (input.width - scale * picture.width) / 2.0, (input.height - scale * picture.height) / 2.0};
+}
+
+Tensor input_of(const Levels& levels, Geometry picture, const DetectorDescription& d) {
+  const Levels grey = resized(levels, picture, d.input, fit_of(picture, d.input, d.resize));
+  Tensor input{{1, 3, d.input.height, d.input.width}, {}};
+  input.values.reserve(3 * grey.size());
+  std::array<const Channel*, 3> channels{&d.red, &d.green, &d.blue};
+  if (d.order == ChannelOrder::kBgr) std::ranges::reverse(channels);
+  for (const Channel* channel : channels) {
+    for (const float level : grey) {
+      input.values.push_back(static_cast<float>((static_cast<double>(level) - channel->mean) * channel->scale));
+    }
+  }
+  return input;
+}
 
 Result<Detector> Detector::open(const DetectorDescription& description, const std::vector<JudgedClass>& classes,
                                 const std::filesystem::path& library) {
@@ -55,6 +263,33 @@ Result<std::vector<Detection>> Detector::detect(const Levels& levels, Geometry p
     if (one.label >= 0 && area(one.box) > 0.0) judged.push_back(one);
   }
   return suppressed(std::move(judged), description_.nms_iou);
+}
+
+LearnedDeblurring::LearnedDeblurring(std::filesystem::path file, std::unique_ptr<Network> network)
+    : file_(std::move(file)), network_(std::move(network)) {}
+
+Result<LearnedDeblurring> LearnedDeblurring::open(const std::filesystem::path& file,
+                                                  const std::filesystem::path& library) {
+  auto network = open_network({NetworkFormat::kOnnx, file, {}, 0.0}, library);
+  if (!network) return tl::unexpected(network.error());
+  return LearnedDeblurring(file, std::move(*network));
+}
+
+Result<Levels> LearnedDeblurring::apply(const Levels& blurred, Geometry picture) {
+  constexpr float kWhite = 255.0F;
+  Tensor input{{1, 1, picture.height, picture.width}, blurred};
+  for (float& value : input.values) value /= kWhite;
+  const auto outputs = network_->forward(input);
+  if (!outputs) return tl::unexpected(outputs.error());
+  if (outputs->size() != 1 || outputs->front().shape != input.shape) {
+    return bad_input(file_.string() + ": gives no image of " + std::to_string(picture.width) + "x" +
+                     std::to_string(picture.height) + " with one channel; give a network that does");
+  }
+  Levels levels = outputs->front().values;
+  for (float& value : levels) {
+    value = std::isfinite(value) ? std::clamp(std::round(value * kWhite), 0.0F, kWhite) : 0.0F;
+  }
+  return levels;
 }
 
 }  // namespace bolo::tools::detect

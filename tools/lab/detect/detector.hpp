@@ -1,19 +1,69 @@
-// A detector that can be asked: description, network, and the classes that are judged.
+// From what networks give to boxes.
 #pragma once
 
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "src/core/geometry.hpp"
 #include "src/core/result.hpp"
-#include "tools/lab/detect/box.hpp"
+#include "tools/lab/detect/boxes.hpp"
 #include "tools/lab/detect/description.hpp"
-#include "tools/lab/detect/labels.hpp"
 #include "tools/lab/detect/network.hpp"
-#include "tools/lab/detect/picture.hpp"
 
 namespace bolo::tools::detect {
+
+// Detections here have the network's own numbers of classes as labels, and boxes in pixels of its input. Errors are
+// kBadInput: what does not fit the description, without the file.
+
+// Darknet's [yolo] layers as OpenCV's region layer gives them (Redmon and Farhadi, "YOLOv3", 2018): each output has
+// rows of cx, cy, w, h in shares of the input, an objectness, and a score for each class that already has the
+// objectness in it. Thread: any.
+Result<std::vector<Detection>> decode_yolo(std::span<const Tensor> outputs, Geometry input, double least_score);
+
+// NanoDet (RangiLyu, 2020), whose boxes are learned with generalised focal loss (Li et al., NeurIPS 2020): for each
+// stride a tensor {1, places, classes} of scores and one {1, places, 4 bins} of distances to the left, upper, right and
+// lower side. The places are the middles of the cells, row by row. A distance is the mean of the softmax over its bins
+// 0, 1, ..., in strides. Thread: any.
+struct GflLayout {
+  std::vector<int> strides{8, 16, 32};
+  int bins = 8;
+};
+Result<std::vector<Detection>> decode_nanodet(std::span<const Tensor> outputs, Geometry input, const GflLayout& layout,
+                                              double least_score);
+
+// Greedy non-maximum suppression: in falling order of score, a box that overlaps a kept one of its class by more than
+// `nms_iou` goes. Thread: any.
+std::vector<Detection> suppressed(std::vector<Detection> detections, double nms_iou);
+
+// --- From kelvin to what a network takes.
+
+// Row-major grey levels, whole numbers from 0 to 255.
+using Levels = std::vector<float>;
+
+// Black at cold_k and white at hot_k, rounded and clamped: what a video of 8 bits would show. Thread: any.
+Levels levels_of(std::span<const float> kelvin, double cold_k, double hot_k);
+
+// Where a picture lies in a network's input: input = scale * picture + offset, in pixels, edges at whole numbers.
+struct Fit {
+  double scale_x = 1.0;
+  double scale_y = 1.0;
+  double left = 0.0;
+  double top = 0.0;
+
+  Box to_picture(const Box& in_input) const;
+};
+
+// Thread: any.
+Fit fit_of(Geometry picture, Geometry input, Resize resize);
+
+// The input {1, 3, height, width} that a description asks for: bilinear between the centres of pixels,
+// (as OpenCV's INTER_LINEAR); grey around a letterboxed picture. Thread: any.
+Tensor input_of(const Levels& levels, Geometry picture, const DetectorDescription& description);
+
+// --- A detector that can be asked: description, network, and the classes that are judged.
 
 class Detector {
  public:
@@ -39,6 +89,27 @@ class Detector {
   DetectorDescription description_;
   std::unique_ptr<Network> network_;
   std::vector<int> labels_;  // of the network's classes; -1: not judged
+};
+
+// Any learned deblurring that somebody has as ONNX: a one-channel image in, the same out.
+
+class LearnedDeblurring {
+ public:
+  // kBadInput when the file is no ONNX network that can be run. Thread: setup.
+  static Result<LearnedDeblurring> open(const std::filesystem::path& file,
+                                        const std::filesystem::path& library = networks_library());
+
+  // The network is given {1, 1, height, width} of levels / 255, and must give the same; the result is rounded and
+  // clamped. kBadInput when it gives something else. Thread: one at a time.
+  Result<Levels> apply(const Levels& blurred, Geometry picture);
+
+  std::string name() const { return file_.stem().string(); }
+
+ private:
+  LearnedDeblurring(std::filesystem::path file, std::unique_ptr<Network> network);
+
+  std::filesystem::path file_;
+  std::unique_ptr<Network> network_;
 };
 
 }  // namespace bolo::tools::detect

@@ -1,7 +1,7 @@
-// Neural networks, run by OpenCV's DNN module. It stands in a library of its own beside the program `bolo`
-// (`bolo-networks.so`), which is loaded when a network is opened: the program and its package do without OpenCV.
+// Numbers as networks take and give them.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -9,9 +9,16 @@
 #include <vector>
 
 #include "src/core/result.hpp"
-#include "tools/lab/detect/tensor.hpp"
 
 namespace bolo::tools::detect {
+
+struct Tensor {
+  std::vector<int> shape;     // outermost first: {1, channels, height, width}
+  std::vector<float> values;  // the last index runs fastest
+};
+
+// --- Neural networks, run by OpenCV's DNN module. It stands in a library of its own beside the program `bolo`
+// (`bolo-networks.so`), which is loaded when a network is opened: the program and its package do without OpenCV.
 
 enum class NetworkFormat : std::uint8_t {
   kDarknet,  // a .cfg and its .weights

@@ -1,5 +1,7 @@
 #include "tools/lab/detect/report.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 
@@ -97,6 +99,95 @@ void print_contests(const Table& table) {
   }
 }
 
+using plot::format;
+using plot::Hue;
+
+void add_box(plot::Series& series, const Box& box) {
+  const double left = box.x - 0.5;  // planes are centred on whole numbers
+  const double top = box.y - 0.5;
+  const double right = left + box.width;
+  const double bottom = top + box.height;
+  series.x.insert(series.x.end(), {left, right, right, left, left, plot::kNone});
+  series.y.insert(series.y.end(), {top, top, bottom, bottom, top, plot::kNone});
+}
+
+// A frame with the boxes found in it and those that were to be found.
+plot::Plot frame_of(const Found& found, const Options& options, const Exhibit& exhibit, std::size_t detector,
+                    std::size_t column) {
+  const Look& look = found.looks[exhibit.look];
+  const double least_score = options.detectors[detector].truth_score;
+  plot::Plot frame{.title = found.columns[column].title,
+                   .plane = {.width = options.picture.width,
+                             .height = options.picture.height,
+                             .values = exhibit.frames[column],
+                             .ramp = plot::Ramp::kIron,
+                             .low = 0.0,
+                             .high = 255.0},
+                   .width = 520.0,
+                   .height = 360.0};
+  plot::Series wanted{.kind = plot::Kind::kLine, .hue = Hue::kWhite, .dashed = true, .width = 1.0};
+  plot::Series boxes{.kind = plot::Kind::kLine, .hue = Hue::kGreen, .width = 1.5};
+  const bool labelled = found.stills[look.view.still].labelled;
+  for (const Truth& truth : truth_of(look, labelled, detector, least_score, found.knows[detector])) {
+    if (truth.kind == TruthKind::kObject) add_box(wanted, truth.box);
+  }
+  for (const Detection& one : look.found[detector][column]) {
+    if (one.score >= least_score) add_box(boxes, one.box);
+  }
+  for (plot::Series* series : {&wanted, &boxes}) {
+    if (!series->x.empty()) frame.series.push_back(std::move(*series));
+  }
+  return frame;
+}
+
+// The detector that is surest of most boxes in the sharp frame.
+std::size_t busiest_detector(const Look& look, const Options& options) {
+  std::size_t best = 0;
+  std::ptrdiff_t most = -1;
+  for (std::size_t d = 0; d < options.detectors.size(); ++d) {
+    const auto sure = [&](const Detection& one) { return one.score >= options.detectors[d].truth_score; };
+    const std::ptrdiff_t boxes = std::ranges::count_if(look.found[d][kSharpColumn], sure);
+    if (boxes > most) best = d;
+    most = std::max(most, boxes);
+  }
+  return best;
+}
+
+void add_exhibit(plot::Sheet& sheet, const Found& found, const Options& options, const Table& table,
+                 const Exhibit& exhibit) {
+  const Look& look = found.looks[exhibit.look];
+  const std::size_t detector = busiest_detector(look, options);
+  std::vector<plot::Plot> frames;
+  for (std::size_t column = 0; column < exhibit.frames.size(); ++column) {
+    frames.push_back(frame_of(found, options, exhibit, detector, column));
+  }
+  frames.front().caption =
+      format("%s, at %.0f px/s. Green: what %s finds with a score of at least %g; dashed: what was to be found.",
+             table.motions[look.view.motion].c_str(), look.speed_px_s, options.detectors[detector].name.c_str(),
+             options.detectors[detector].truth_score);
+  constexpr std::size_t kBeside = 3;
+  for (std::size_t i = 0; i < frames.size(); i += kBeside) {
+    const auto end = frames.begin() + static_cast<std::ptrdiff_t>(std::min(i + kBeside, frames.size()));
+    sheet.rows.emplace_back(frames.begin() + static_cast<std::ptrdiff_t>(i), end);
+  }
+}
+
+plot::Table rows_table(const Table& table, bool labelled) {
+  plot::Table shown{.caption = labelled ? "AP in percent, judged against people's labels"
+                                        : "AP in percent, judged against own boxes on the sharp frame"};
+  shown.head = {"motion", "detector"};
+  for (const Column& column : table.columns) shown.head.push_back(column.title);
+  for (const Row& row : table.rows) {
+    if (row.labelled != labelled) continue;
+    std::vector<std::string> line{table.motions[row.motion], row.is_mean() ? "mean" : row.detector};
+    for (const Cell& cell : row.cells) {
+      line.push_back(std::isfinite(cell.ap.value) ? format("%.1f", cell.ap.value) : "-");
+    }
+    shown.rows.push_back(std::move(line));
+  }
+  return shown;
+}
+
 }  // namespace
 
 nlohmann::ordered_json to_json(const Options& options, const Table& table) {
@@ -141,6 +232,15 @@ void print_text(const Options& options, const Table& table) {
     print_block(table, block);
   }
   print_contests(table);
+}
+
+plot::Sheet sheet_of(const Table& table, const Found& found, const Options& options) {
+  plot::Sheet sheet{.title = "What deblurring is worth to object detectors"};
+  for (const Exhibit& exhibit : found.exhibits) add_exhibit(sheet, found, options, table, exhibit);
+  for (const bool labelled : {true, false}) {
+    if (plot::Table shown = rows_table(table, labelled); !shown.rows.empty()) sheet.tables.push_back(std::move(shown));
+  }
+  return sheet;
 }
 
 }  // namespace bolo::tools::detect

@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tools/lab/detect/options.hpp"
+#include "src/report/sheet.hpp"
 #include "tools/lab/detect/table.hpp"
 
 namespace bolo::tools::detect {
@@ -13,5 +13,9 @@ nlohmann::ordered_json to_json(const Options& options, const Table& table);
 
 // To stdout. Thread: one at a time.
 void print_text(const Options& options, const Table& table);
+
+// For each motion one look as the columns show it, with the boxes that one detector found; a page has the table, too.
+// Thread: any.
+plot::Sheet sheet_of(const Table& table, const Found& found, const Options& options);
 
 }  // namespace bolo::tools::detect

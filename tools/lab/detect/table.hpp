@@ -1,14 +1,64 @@
-// What deblurring is worth to detectors: AP of every column, against the blurred one, with intervals.
+// Every detector on every column of every look.
 #pragma once
 
 #include <string>
 #include <vector>
 
+#include "src/core/geometry.hpp"
+#include "src/core/output_file.hpp"
+#include "src/core/result.hpp"
 #include "tools/lab/detect/average_precision.hpp"
-#include "tools/lab/detect/bootstrap.hpp"
-#include "tools/lab/detect/run.hpp"
+#include "tools/lab/detect/description.hpp"
+#include "tools/lab/detect/views.hpp"
 
 namespace bolo::tools::detect {
+
+// What `bolo-lab eval detect` is asked for.
+struct Options {
+  std::vector<std::filesystem::path> scenes;
+  std::vector<std::filesystem::path> trajectories;
+  std::vector<DetectorDescription> detectors;  // with their files' places
+  std::vector<std::filesystem::path> models;   // learned deblurring, ONNX
+  std::vector<JudgedClass> classes;
+  Geometry picture{640, 480};
+  int repeats = 2;
+  double noise_k = 0.03;
+  double least_area_px2 = 0.0;
+  int resamples = 1000;
+  std::uint64_t seed = 1;
+  int threads = 2;
+  OutputFile plot;  // empty: none
+  bool json = false;
+};
+
+// What was found in one look.
+struct Look {
+  View view;
+  double speed_px_s = 0.0;    // of the picture over the pixels, at the judged instant
+  std::vector<Truth> labels;  // people's boxes as the look shows them; empty when the still has none
+  std::vector<std::vector<std::vector<Detection>>> found;  // [detector][column]
+  std::vector<std::string> settings;                       // of each column
+};
+
+// A look as it is drawn: the frame of each column.
+struct Exhibit {
+  std::size_t look = 0;
+  std::vector<Levels> frames;
+};
+
+struct Found {
+  std::vector<Still> stills;
+  std::vector<Column> columns;           // own_columns() and the learned ones
+  std::vector<std::vector<bool>> knows;  // [detector][class]
+  std::vector<Look> looks;
+  std::vector<Exhibit> exhibits;  // one a motion, when a plot is asked for
+};
+
+// Opens stills and networks, simulates, restores, detects. kBadInput names what cannot be opened or run, kFailed an
+// interrupt. Thread: setup.
+Result<Found> run(const Options& options);
+
+// --- What deblurring is worth to detectors: AP of every column, against the blurred one, with intervals.
 
 // Percent, or a share; NaN where it cannot be said.
 struct Figure {

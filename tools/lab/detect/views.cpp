@@ -1,9 +1,12 @@
 #include "tools/lab/detect/views.hpp"
 
 #include <system_error>
+#include <utility>
 
-#include "src/core/splitmix.hpp"
 #include "src/sim/scene.hpp"
+#include "tools/lab/common.hpp"
+#include "tools/lab/eval/fidelity_columns.hpp"
+#include "tools/lab/eval/fidelity_filters.hpp"
 
 namespace bolo::tools::detect {
 namespace {
@@ -12,17 +15,65 @@ namespace {
 constexpr double kBefore_s = 0.2;
 constexpr double kAfter_s = (fidelity::kLeadIn + 4) * fidelity::kPeriodS;
 
-// Random numbers of one look.
-class Draw {
+using fidelity::Plane;
+using fidelity::Planes;
+using fidelity::Sequence;
+
+constexpr double kWrongSpeed = 1.1;
+// Beyond these, trails of fast hands take seconds a frame; the pick is rarely the last.
+constexpr std::array kLucyIterations{1, 2, 4, 8, 16, 32};
+
+// A column that a solver makes.
+struct Solved {
+  Column column;
+  deblur::Method method = deblur::Method::kAdmm;
+  int lookahead = 0;
+  bool auto_lambda = false;
+};
+
+// Another solver is another line.
+const std::vector<Solved>& solved_columns() {
+  using enum deblur::Method;
+  static const std::vector<Solved> columns{
+      {{ColumnKind::kLive, "inverse", "inverse", "inverse filter"}, kInverse},
+      {{ColumnKind::kLive, "qp_authors", "QP 0.1", "the paper's QP with the authors' settings"}, kAdmm},
+      {{ColumnKind::kBolo, "auto", "Bolo", "Bolo: the paper's QP, lambda auto"}, kAdmm, 0, true},
+      {{ColumnKind::kBolo, "auto_1", "Bolo +1", "Bolo with one frame of look-ahead"}, kAdmm, 1, true},
+      {{ColumnKind::kBolo, "mmae_1", "mmae +1", "Bolo's mmae with one frame of look-ahead"}, kMmae, 1},
+      {{ColumnKind::kBolo, "motion", "motion", "Bolo's motion, estimated live"}, kMotion},
+      {{ColumnKind::kBolo, "motion_1", "motion +1", "Bolo's motion with one frame of look-ahead"}, kMotion, 1},
+  };
+  return columns;
+}
+
+class Columns {
  public:
-  Draw(std::uint64_t seed, std::uint64_t motion, std::uint64_t look)
-      : key_(splitmix::key(splitmix::key(seed, motion), look)) {}
-  double between(double low, double high) { return low + (high - low) * splitmix::unit(splitmix::key(key_, next_++)); }
+  explicit Columns(const Sequence& sequence) : s_(sequence) {}
+
+  void show(const Plane& judged, std::string setting = {}) {
+    const sim::GreySpan span;
+    shown_.push_back({levels_of(judged, span.cold_k, span.hot_k), std::move(setting)});
+  }
+  void show(const fidelity::Picked& picked) { show(picked.planes.front(), picked.setting); }
+
+  Status solve(const deblur::Settings& settings) {
+    const auto planes = fidelity::estimate(s_, settings);
+    if (!planes) return tl::unexpected(planes.error());
+    show(planes->front());
+    return {};
+  }
+
+  std::vector<Shown> take() { return std::move(shown_); }
 
  private:
-  std::uint64_t key_;
-  std::uint64_t next_ = 0;
+  const Sequence& s_;
+  std::vector<Shown> shown_;
 };
+
+std::vector<std::vector<fidelity::Tap>> kernels(const fidelity::CleanSequence& clean, double factor) {
+  const double t_s = static_cast<double>(clean.targets.front()) * fidelity::kPeriodS;
+  return {fidelity::path_kernel(*clean.path, t_s, fidelity::kTauS, factor)};
+}
 
 }  // namespace
 
@@ -55,7 +106,8 @@ Result<std::vector<View>> plan_views(const std::vector<Still>& stills,
     }
     for (int repeat = 0; repeat < plan.repeats; ++repeat) {
       for (std::size_t still = 0; still < stills.size(); ++still) {
-        Draw draw(plan.seed, motion, static_cast<std::uint64_t>(repeat) * stills.size() + still);
+        Dice draw(splitmix::key(splitmix::key(plan.seed, motion),
+                                static_cast<std::uint64_t>(repeat) * stills.size() + still));
         const Geometry size = stills[still].size;
         View view{still, motion, draw.between(first_s, last_s), {}};
         view.looks_at.x_px = (size.width - plan.picture.width) / 2.0 + draw.between(-kJitter.width, kJitter.width);
@@ -79,6 +131,45 @@ Result<fidelity::CleanSequence> simulate(const Still& still, const std::filesyst
   task.threads = 1;
   task.looks_at = view.looks_at;
   return fidelity::simulate(task);
+}
+
+const std::vector<Column>& own_columns() {
+  static const std::vector<Column> columns = [] {
+    std::vector<Column> all{
+        {ColumnKind::kSharp, "sharp", "sharp", "the true temperatures at the frame's time: the upper limit"},
+        {ColumnKind::kBlurred, "blurred", "blurred", "as the camera sends it"}};
+    for (const Solved& solved : solved_columns()) all.push_back(solved.column);
+    all.push_back({ColumnKind::kBaseline, "unsharp", "unsharp", "unsharp mask (strength picked with the truth)"});
+    all.push_back(
+        {ColumnKind::kBaseline, "wiener", "Wiener", "spatial Wiener, told the camera's way (strength picked)"});
+    all.push_back({ColumnKind::kBaseline, "wiener_10", "Wiener 10 %", "the same, told a way that is 10 % too long"});
+    all.push_back({ColumnKind::kBaseline, "richardson_lucy", "Rich.-Lucy",
+                   "Richardson-Lucy, told the camera's way (iterations picked)"});
+    return all;
+  }();
+  return columns;
+}
+
+Result<std::vector<Shown>> shown_columns(const Sequence& s) {
+  const fidelity::CleanSequence& clean = *s.clean;
+  const Planes truth = fidelity::target_truth(clean);
+  const Planes frames{s.kelvin(clean.targets.front())};
+  Columns columns(s);
+  columns.show(truth.front());
+  columns.show(fidelity::cut(frames.front(), clean.geometry, clean.judged));
+  for (const Solved& solved : solved_columns()) {
+    deblur::Settings settings = fidelity::settings_of(solved.method, solved.lookahead);
+    settings.auto_lambda = solved.auto_lambda;
+    if (Status done = columns.solve(settings); !done) return tl::unexpected(done.error());
+  }
+  const auto told = kernels(clean, 1.0);
+  const auto told_wrongly = kernels(clean, kWrongSpeed);
+  const fidelity::SpatialTask task{s, truth, frames, told};
+  columns.show(fidelity::picked_unsharp(s, truth, frames));
+  columns.show(fidelity::picked_wiener(task));
+  columns.show(fidelity::picked_wiener({s, truth, frames, told_wrongly}));
+  columns.show(fidelity::picked_lucy(task, kLucyIterations));
+  return columns.take();
 }
 
 }  // namespace bolo::tools::detect

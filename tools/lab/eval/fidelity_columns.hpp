@@ -3,6 +3,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -30,9 +31,10 @@ enum class ColumnKind {
 
 struct ColumnName {
   ColumnKind kind;
-  std::string_view name;   // in JSON
-  std::string_view title;  // in the text table
-  std::string_view words;  // in the picture and the help
+  std::string_view name;                 // in JSON
+  std::string_view title;                // in the text table
+  std::string_view words;                // in the picture and the help
+  std::optional<deblur::Method> live{};  // the solver that makes it without being told; another one is another line
 };
 
 inline constexpr std::array<ColumnName, 12> kColumns{{
@@ -40,9 +42,9 @@ inline constexpr std::array<ColumnName, 12> kColumns{{
     {ColumnKind::kInverse, "inverse", "inverse", "inverse filter"},
     {ColumnKind::kQpAuthors, "qp_authors", "qp 0.1", "QP, the authors' lambda 0.1"},
     {ColumnKind::kQpBest, "qp_best", "qp best", "QP, best lambda (picked with the truth)"},
-    {ColumnKind::kAuto, "auto", "auto", "QP, lambda auto"},
-    {ColumnKind::kMmae, "mmae", "mmae", "mmae"},
-    {ColumnKind::kMotion, "motion", "motion", "motion, estimated live"},
+    {ColumnKind::kAuto, "auto", "auto", "QP, lambda auto", deblur::Method::kAdmm},
+    {ColumnKind::kMmae, "mmae", "mmae", "mmae", deblur::Method::kMmae},
+    {ColumnKind::kMotion, "motion", "motion", "motion, estimated live", deblur::Method::kMotion},
     {ColumnKind::kUnsharp, "unsharp", "unsharp", "unsharp mask (strength picked with the truth)"},
     {ColumnKind::kSpatialWiener, "spatial_wiener", "s.wiener", "spatial Wiener (told the motion; strength picked)"},
     {ColumnKind::kSpatialWienerOff, "spatial_wiener_10", "s.wien.+10", "the same, told 10 % too much speed"},
@@ -70,12 +72,16 @@ struct LambdaError {
   double rmse_k = 0.0;
 };
 
-// One row of the table.
-struct Cell {
+// What a row of a table is of.
+struct Place {
   std::string scene;
   Motion motion;
   double noise_k = 0.0;
   int lookahead = 0;
+};
+
+// One row of the table.
+struct Cell : Place {
   double truth_edge_width_px = 0.0;
   std::vector<LambdaError> grid;
   std::vector<Column> columns;  // as kColumns
@@ -120,5 +126,32 @@ Result<LatencyCurves> latency_curves(const Sequence& sequence, int longest);
 // Settings of `auto`, `mmae` or `motion` that this build can run; kBadInput says why there are none. They work from the
 // measured noise, so that a solver which does not measure it is not the one asked for. Thread: any.
 Result<deblur::Settings> live_settings(ColumnKind kind, const Sequence& sequence, int lookahead);
+
+// --- What lost frames cost: the same stream with and without them.
+
+// RMSE of one stream without losses, and of the same with them; over the frames that have a full window in all.
+struct DropErrors {
+  double whole_k = 0.0;
+  double gap_aware_k = 0.0;  // lost frames keep their place in the window, empty
+  double gap_blind_k = 0.0;  // frames are taken for consecutive
+  int frames = 0;
+};
+
+struct DropRow : Place {
+  std::string method;   // "admm", "inverse", "auto", "mmae"
+  std::string skipped;  // why there are no figures
+  int frames_lost = 0;
+  DropErrors all;
+  DropErrors near;  // frames at most kNearLoss from a lost one
+};
+
+inline constexpr int kNearLoss = 2;
+
+// Which frames of a stream are lost: a share of them, at random places, at least one. The lead-in and the last two
+// frames always arrive. Thread: any.
+std::vector<bool> losses(std::size_t frames, double share, std::uint64_t seed);
+
+// All methods at one look-ahead. Thread: any, several at once.
+Result<std::vector<DropRow>> drop_rows(const Sequence& sequence, int lookahead, double share, std::uint64_t seed);
 
 }  // namespace bolo::tools::fidelity

@@ -1,9 +1,9 @@
 #include "tools/lab/eval/fidelity_data.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <memory>
 
+#include "src/report/text.hpp"
 #include "src/sim/simulator.hpp"
 
 namespace bolo::tools::fidelity {
@@ -57,9 +57,7 @@ sim::CameraSettings camera_of(Geometry geometry, int threads) {
 
 std::string Motion::label() const {
   if (!is_pan()) return trajectory.stem().string();
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%g px/s", speed_px_s);
-  return buffer;
+  return plot::format("%g px/s", speed_px_s);
 }
 
 Result<CleanSequence> simulate(const SequenceTask& task) {

@@ -24,6 +24,11 @@ inline constexpr double kQuantisationK = 0.01;
 using Plane = std::vector<float>;  // row-major, K
 using Planes = std::vector<Plane>;
 
+// Where a pixel stands in a plane. Thread: any.
+inline std::size_t at(Geometry g, int x, int y) {
+  return static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width) + static_cast<std::size_t>(x);
+}
+
 struct Motion {
   double speed_px_s = 0.0;           // along +x; of use when there is no trajectory
   std::filesystem::path trajectory;  // empty: a pan at constant speed

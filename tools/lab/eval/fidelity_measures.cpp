@@ -15,10 +15,6 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr int kSsimTaps = 11;
 constexpr double kSsimSigma = 1.5;
 
-std::size_t at(Geometry g, int x, int y) {
-  return static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width) + static_cast<std::size_t>(x);
-}
-
 std::array<double, kSsimTaps> ssim_window() {
   std::array<double, kSsimTaps> taps{};
   constexpr int kMiddle = kSsimTaps / 2;

@@ -1,4 +1,4 @@
-#include "tools/lab/eval/fidelity_plot.hpp"
+#include "tools/lab/eval/fidelity_report.hpp"
 
 #include <algorithm>
 #include <filesystem>

@@ -1,11 +1,112 @@
 #include "tools/lab/eval/fidelity_report.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
+#include "src/report/text.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {
+
+using enum ColumnKind;
+
+const std::vector<ColumnKind> kPixelwise{kBlurred, kInverse, kQpAuthors, kQpBest};
+const std::vector<ColumnKind> kWithBaselines{kBlurred,          kInverse,        kQpAuthors,
+                                             kQpBest,           kUnsharp,        kSpatialWiener,
+                                             kSpatialWienerOff, kRichardsonLucy, kTemporalWiener};
+
+std::string_view name_of(ColumnKind kind) { return kColumns[static_cast<std::size_t>(kind)].name; }
+
+// Collects ratios; those above the limit miss.
+class Judge {
+ public:
+  Judge(std::string name, std::string words, double limit) : limit_(limit) {
+    verdict_.name = std::move(name);
+    verdict_.words = std::move(words);
+  }
+
+  void add(const std::string& cell, std::string against, double ratio) {
+    if (!std::isfinite(ratio)) return;
+    ++verdict_.cells;
+    logs_ += std::log(ratio);
+    verdict_.worst_ratio = std::max(verdict_.worst_ratio, ratio);
+    if (ratio > limit_) verdict_.misses.push_back({cell, std::move(against), ratio});
+  }
+
+  Verdict verdict() const {
+    Verdict done = verdict_;
+    if (done.cells > 0) done.mean_ratio = std::exp(logs_ / done.cells);
+    return done;
+  }
+
+ private:
+  Verdict verdict_;
+  double limit_;
+  double logs_ = 0.0;
+};
+
+// A column against the best of others in every cell.
+Verdict against_best(const std::vector<Cell>& cells, ColumnKind kind, const std::vector<ColumnKind>& others,
+                     std::string name, std::string words, double limit) {
+  Judge judge(std::move(name), std::move(words), limit);
+  for (const Cell& cell : cells) {
+    if (!cell.column(kind).there()) continue;
+    const Column* best = nullptr;
+    for (const ColumnKind other : others) {
+      const Column& column = cell.column(other);
+      if (!column.there() || other == kind) continue;
+      if (best == nullptr || column.measures.rmse_k < best->measures.rmse_k) best = &column;
+    }
+    if (best == nullptr) continue;
+    judge.add(label_of(cell), std::string(name_of(best->kind)),
+              cell.column(kind).measures.rmse_k / best->measures.rmse_k);
+  }
+  return judge.verdict();
+}
+
+bool same_but_lookahead(const Place& a, const Place& b) {
+  return a.scene == b.scene && a.motion.label() == b.motion.label() && a.noise_k == b.noise_k;
+}
+
+constexpr double kLowNoiseK = 0.1;
+constexpr double kLookaheadGain = 0.6;
+
+Verdict lookahead_gain(const std::vector<Cell>& cells, ColumnKind kind) {
+  const std::string name(name_of(kind));
+  Judge judge("lookahead_gain_" + name,
+              name + ": look-ahead 1 at most 0.6 of look-ahead 0 where the noise is at most 0.1 K", kLookaheadGain);
+  for (const Cell& one : cells) {
+    if (one.lookahead != 1 || one.noise_k > kLowNoiseK || !one.column(kind).there()) continue;
+    for (const Cell& none : cells) {
+      if (none.lookahead != 0 || !same_but_lookahead(one, none)) continue;
+      judge.add(label_of(one), "look-ahead 0", one.column(kind).measures.rmse_k / none.column(kind).measures.rmse_k);
+    }
+  }
+  return judge.verdict();
+}
+
+constexpr double kDropGrowth = 1.10;
+
+Verdict drop_growth(const std::vector<DropRow>& rows, const std::string& method) {
+  Judge judge("lost_frames_" + method, method + ": with lost frames the error grows by less than 10 %", kDropGrowth);
+  for (const DropRow& row : rows) {
+    if (row.method != method || !row.skipped.empty()) continue;
+    judge.add(label_of(row), "no losses", row.all.gap_aware_k / row.all.whole_k);
+  }
+  return judge.verdict();
+}
+
+Verdict gap_noticed(const std::vector<DropRow>& rows, const std::string& method) {
+  Judge judge("gap_noticed_" + method,
+              method + ": near lost frames, leaving the gap empty is no worse than not noticing it", 1.0);
+  for (const DropRow& row : rows) {
+    if (row.method != method || !row.skipped.empty()) continue;
+    judge.add(label_of(row), "gap not noticed", row.near.gap_aware_k / row.near.gap_blind_k);
+  }
+  return judge.verdict();
+}
 
 using Json = nlohmann::ordered_json;
 
@@ -97,9 +198,9 @@ void print_number(double value, int digits) {
   std::isfinite(value) ? std::printf(" %10.*f", digits, value) : std::printf(" %10s", "-");
 }
 
-void print_place(const std::string& scene, const Motion& motion, double noise_k, int lookahead) {
-  const std::string stem = std::filesystem::path(scene).stem().string();
-  std::printf("%-16.16s %-16.16s %5g %2d", stem.c_str(), motion.label().c_str(), noise_k, lookahead);
+void print_place(const Place& place) {
+  const std::string stem = std::filesystem::path(place.scene).stem().string();
+  std::printf("%-16.16s %-16.16s %5g %2d", stem.c_str(), place.motion.label().c_str(), place.noise_k, place.lookahead);
 }
 
 using Measure = std::function<double(const Measures&)>;
@@ -111,7 +212,7 @@ void print_table(const std::vector<Cell>& cells, const char* title, int digits, 
   for (const ColumnName& column : kColumns) std::printf(" %10s", column.title.data());
   std::printf("\n");
   for (const Cell& cell : cells) {
-    print_place(cell.scene, cell.motion, cell.noise_k, cell.lookahead);
+    print_place(cell);
     if (edges) print_number(cell.truth_edge_width_px, digits);
     for (const Column& column : cell.columns) {
       column.there() ? print_number(measure(column.measures), digits)
@@ -124,7 +225,7 @@ void print_table(const std::vector<Cell>& cells, const char* title, int digits, 
 void print_settings(const std::vector<Cell>& cells) {
   std::printf("\nWhat was picked with the truth, and measured without it\n");
   for (const Cell& cell : cells) {
-    print_place(cell.scene, cell.motion, cell.noise_k, cell.lookahead);
+    print_place(cell);
     for (const Column& column : cell.columns) {
       if (column.setting.empty()) continue;
       std::printf("  %s: %s;", kColumns[static_cast<std::size_t>(column.kind)].title.data(), column.setting.c_str());
@@ -142,7 +243,7 @@ void print_drops(const Options& options, const std::vector<DropRow>& rows) {
   std::printf("%-16s %-16s %5s %2s %10s %10s %10s %10s %10s %10s %7s\n", "scene", "motion", "noise", "L", "method",
               "RMSE, K", "aware", "blind", "near:aware", "near:blind", "lost");
   for (const DropRow& row : rows) {
-    print_place(row.scene, row.motion, row.noise_k, row.lookahead);
+    print_place(row);
     std::printf(" %10s", row.method.c_str());
     if (!row.skipped.empty()) {
       std::printf(" skipped: %s\n", row.skipped.c_str());
@@ -182,6 +283,49 @@ void print_verdicts(const std::vector<Verdict>& verdicts) {
 }
 
 }  // namespace
+
+std::string label_of(const Place& place) {
+  return plot::format("%s, %s, noise %g K, look-ahead %d", std::filesystem::path(place.scene).stem().c_str(),
+                      place.motion.label().c_str(), place.noise_k, place.lookahead);
+}
+
+std::vector<Verdict> verdicts(const std::vector<Cell>& cells, const std::vector<DropRow>& drops) {
+  std::vector<ColumnKind> all_but_mmae = kWithBaselines;
+  std::vector<ColumnKind> pixelwise_and_auto = kPixelwise;
+  for (auto* others : {&all_but_mmae, &pixelwise_and_auto}) others->push_back(kAuto);
+  struct Claim {
+    ColumnKind kind;
+    std::vector<ColumnKind> others;
+    const char* name;
+    const char* words;
+    double limit;
+  };
+  const std::vector<Claim> claims{
+      {kAuto, kWithBaselines, "auto_near_best", "auto within 2 % of the best other column, baselines included", 1.02},
+      {kAuto, kPixelwise, "auto_near_best_pixelwise",
+       "auto within 2 % of the best of blurred, inverse and the QP at every lambda", 1.02},
+      {kAuto, {kBlurred}, "auto_not_worse_than_blurred", "auto never worse than blurred", 1.0},
+      {kMmae, {kBlurred}, "mmae_not_worse_than_blurred", "mmae never worse than blurred", 1.0},
+      {kMotion, {kBlurred}, "motion_not_worse_than_blurred", "motion never worse than blurred", 1.0},
+      {kMotion, {kMmae}, "motion_not_worse_than_mmae", "motion within 3 % of mmae", 1.03},
+      {kMotion,
+       {kSpatialWiener},
+       "motion_better_than_told",
+       "motion better than the spatial Wiener filter that is told the motion",
+       1.0},
+      {kMmae, all_but_mmae, "mmae_best", "mmae better than the best other column", 1.0},
+      {kMmae, pixelwise_and_auto, "mmae_best_pixelwise",
+       "mmae better than blurred, inverse, auto and the QP at every lambda", 1.0}};
+  std::vector<Verdict> all;
+  for (const Claim& c : claims) all.push_back(against_best(cells, c.kind, c.others, c.name, c.words, c.limit));
+  for (const ColumnKind kind : {kInverse, kQpBest, kAuto, kMmae}) all.push_back(lookahead_gain(cells, kind));
+  if (drops.empty()) return all;
+  for (const char* method : {"admm", "inverse", "auto", "mmae"}) {
+    all.push_back(drop_growth(drops, method));
+    all.push_back(gap_noticed(drops, method));
+  }
+  return all;
+}
 
 nlohmann::ordered_json to_json(const Options& options, const Table& table) {
   Json columns = Json::array();

@@ -1,54 +1,222 @@
-#include "tools/lab/eval/loop.hpp"
-
-#include <cstdlib>
+// `bolo-lab eval loop`: what a diagnosis is worth to the deblurring: camera -> diagnosis -> profile -> pipeline.
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
 #include "src/diagnose/diagnose.hpp"
+#include "src/diagnose/report.hpp"
+#include "src/pipeline/apply_profile.hpp"
+#include "src/pipeline/pipeline.hpp"
+#include "src/sim/simulator.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/plot_option.hpp"
-#include "tools/lab/blind/captures.hpp"
-#include "tools/lab/eval/loop_camera.hpp"
-#include "tools/lab/eval/loop_plot.hpp"
+#include "tools/lab/blind/session.hpp"
+#include "tools/lab/common.hpp"
+#include "tools/lab/recording.hpp"
+#include "tools/lab/verbs.hpp"
 
-namespace bolo::tools {
+namespace bolo::tools::loop {
 namespace {
 
-using loop::Row;
+constexpr double kRateHz = 200.0;
+constexpr double kPeriodS = 1.0 / kRateHz;
+constexpr std::uint64_t kStreet = 5;
+constexpr double kSceneSpeedPxS = 60.0;
+constexpr std::size_t kSceneFrames = 260;
+
+double scene_start(const blind::Session& session) {
+  const blind::CapturePlan& last = session.captures.back();
+  return last.session_start_s + static_cast<double>(last.frames) * kPeriodS + 1.0;
+}
+
+sim::CameraSettings camera_of(const blind::Session& session, std::vector<sim::EffectSpec> effects) {
+  sim::CameraSettings camera;
+  camera.geometry = session.geometry;
+  camera.rate_hz = kRateHz;
+  camera.readout.seed = session.seed ^ 0x5CE4EU;
+  camera.threads = 1;
+  camera.effects = std::move(effects);
+  camera.camera_seed = session.camera_seed;
+  camera.session_start_s = scene_start(session);
+  return camera;
+}
+
+// The effects of a map: their shapes come from a seed, so they are measured.
+bool has_map(std::string_view name) {
+  constexpr std::array<std::string_view, 7> kMaps{"fpn_offset", "fpn_gain",    "vignetting", "self_heating",
+                                                  "drift",      "dead_pixels", "tau_spread"};
+  return std::ranges::find(kMaps, name) != kMaps.end();
+}
+
+// Frames of a camera without noise that looks at `field`, K.
+Result<std::vector<std::vector<float>>> measure(const blind::Session& session, std::unique_ptr<const sim::Field> field,
+                                                std::size_t frames) {
+  std::vector<sim::EffectSpec> effects;
+  std::ranges::copy_if(session.effects, std::back_inserter(effects), [](const auto& e) { return has_map(e.name); });
+  sim::CameraSettings camera = camera_of(session, std::move(effects));
+  camera.readout.noise_k = 0.0;
+  camera.readout.quantisation_k = 0.0;
+  camera.readout.type = PixelType::kFloat32;
+  const auto simulator = sim::Simulator::create(camera, std::move(field));
+  if (!simulator) return tl::unexpected(simulator.error());
+  std::vector<std::vector<float>> shown(frames, std::vector<float>(session.geometry.pixels()));
+  for (std::vector<float>& frame : shown) (*simulator)->next(frame.data(), nullptr);
+  return shown;
+}
+
+Status measure_maps(const blind::Session& session, double tau_s, model::PixelMaps& maps) {
+  constexpr double kCold = 290.0;
+  constexpr double kHot = 310.0;
+  const auto cold = measure(session, sim::make_uniform(kCold), 1);
+  if (!cold) return tl::unexpected(cold.error());
+  const auto hot = measure(session, sim::make_uniform(kHot), 1);
+  if (!hot) return tl::unexpected(hot.error());
+  const auto step = measure(session, sim::make_chopper({kCold, {0.0501}, {0.5}, {kHot}}), 16);
+  if (!step) return tl::unexpected(step.error());
+  constexpr std::size_t kFrom = 12;
+  constexpr std::size_t kTo = 15;
+  maps.geometry = session.geometry;
+  for (std::size_t p = 0; p < session.geometry.pixels(); ++p) {
+    const auto at = [p](const std::vector<float>& frame) { return static_cast<double>(frame[p]); };
+    const double shows = (at(hot->front()) - at(cold->front())) / (kHot - kCold);
+    const bool dead = std::abs(shows - 1.0) > 0.3;
+    maps.dead.push_back(dead ? 1 : 0);
+    maps.gain.push_back(dead ? 1.0F : static_cast<float>(1.0 / shows));
+    maps.offset.push_back(dead ? 0.0F : static_cast<float>(kCold - at(cold->front()) / shows));
+    const double left = (at(hot->front()) - at((*step)[kTo])) / (at(hot->front()) - at((*step)[kFrom]));
+    const bool measured = !dead && left > 0.0 && left < 1.0;
+    maps.tau_s.push_back(
+        static_cast<float>(measured ? -static_cast<double>(kTo - kFrom) * kPeriodS / std::log(left) : tau_s));
+  }
+  if (std::ranges::count(maps.dead, 1) == 0) maps.dead.clear();
+  return {};
+}
+
+double value_of(const sim::EffectSpec& effect, std::string_view key) {
+  const auto given = effect.values.find(key);
+  if (given != effect.values.end()) return given->second;
+  const sim::EffectDescription* const description = sim::find_effect(effect.name);
+  const auto parameter = std::ranges::find(description->parameters, key, &sim::Parameter::key);
+  return parameter->standard;
+}
+
+void set_constants(const sim::EffectSpec& effect, model::CameraProfile& profile) {
+  const auto value = [&effect](std::string_view key) { return value_of(effect, key); };
+  model::Undo& undo = profile.undo;
+  const std::string& name = effect.name;
+  if (name == "tau_global") profile.tau_s *= value("scale");
+  if (name == "noise_level") profile.noise_k *= value("scale");
+  if (name == "row_delay") profile.row_delay_s = value("row_delay_s");
+  if (name == "coarse_quantisation") profile.quantisation_k = value("step_k");
+  model::undo_effects(undo, [&](std::string_view which, std::string_view key) -> std::optional<double> {
+    if (which != name) return std::nullopt;
+    return key.empty() ? 1.0 : value(key);
+  });
+  if (name == "iir") undo.filter = effect.form == "box" ? model::FrameFilter::kBox : model::FrameFilter::kRecursive;
+  if (name == "iir") undo.filter_weight = value("alpha");
+}
+
+class ErrorSink final : public pipeline::FrameSink {
+ public:
+  explicit ErrorSink(const Recording& scene) : scene_(scene) {}
+  Status open(const pipeline::SinkFormat&) override { return {}; }
+  void publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats&) noexcept override {
+    if ((frame.meta.flags & kFlagWarmUp) != 0) return;
+    const std::vector<float>& truth = scene_.truth[frame.meta.frame_id];
+    const auto* const values = static_cast<const float*>(frame.deblurred);
+    for (std::size_t p = 0; p < truth.size(); ++p) {
+      const auto error = static_cast<double>(values[p] - truth[p]);
+      squares_ += error * error;
+    }
+    count_ += static_cast<double>(truth.size());
+  }
+  void close() noexcept override {}
+  double rmse() const { return std::sqrt(squares_ / std::max(1.0, count_)); }
+  bool any() const { return count_ > 0.0; }
+
+ private:
+  const Recording& scene_;
+  double squares_ = 0.0;
+  double count_ = 0.0;
+};
+
+// The camera of the session, with its effects or without, looks at a street that passes by, after the session: the same
+// noise either way. What happens at one moment does so in the middle.
+Result<Recording> record_scene(const blind::Session& session, bool with_effects) {
+  std::vector<sim::EffectSpec> effects;
+  if (with_effects) effects = session.effects;
+  for (sim::EffectSpec& effect : effects) {
+    const bool moment = effect.name == "nuc_freeze" || effect.name == "offset_jump";
+    if (moment) effect.values["at_s"] = 0.4 * static_cast<double>(kSceneFrames) * kPeriodS;
+  }
+  const sim::CameraSettings camera = camera_of(session, std::move(effects));
+  return record_street(camera, {kStreet, kSceneSpeedPxS, kSceneFrames});
+}
+
+// What is hidden in the session, in the terms of the pipeline: constants as they were drawn; maps as a bench without
+// noise or error would measure them at the scene's time.
+Result<diagnose::Learned> true_profile(const blind::Session& session) {
+  diagnose::Learned known;
+  for (const sim::EffectSpec& effect : session.effects) set_constants(effect, known.profile);
+  if (std::ranges::any_of(session.effects, [](const auto& e) { return has_map(e.name); })) {
+    const Status measured = measure_maps(session, known.profile.tau_s, known.maps);
+    if (!measured) return tl::unexpected(measured.error());
+  }
+  known.maps.row_delay_s = known.profile.row_delay_s;
+  return known;
+}
+
+// RMSE of the deblurred scene, K, over all frames with a full window behind them, one frame of look-ahead.
+Result<double> deblurred_error(const Recording& scene, const diagnose::Learned& known) {
+  pipeline::PipelineOptions options;
+  pipeline::apply_profile(known.profile, known.maps, options);
+  options.deblur.lookahead = 1;
+  options.output = PixelType::kFloat32;
+  options.workers = 1;
+  ErrorSink sink(scene);
+  auto made = pipeline::Pipeline::create(std::make_unique<RecordingSource>(scene), {&sink}, options);
+  if (!made) return tl::unexpected(made.error());
+  const std::atomic<bool> stop{false};
+  if (Status ran = (*made)->run(stop); !ran) return tl::unexpected(ran.error());
+  if (!sink.any()) return failed("no frame of the scene had a full window");
+  return sink.rmse();
+}
+
+// RMSE of one deblurred scene, K.
+struct Row {
+  std::string effect;
+  double without_k = 0.0;    // of the camera without the effect, nominal profile
+  double nominal_k = 0.0;    // with the effect
+  double diagnosed_k = 0.0;  // with the effect, profile as diagnosed
+  double true_k = 0.0;       // with the effect, profile as it truly is
+  std::vector<std::string> found;
+
+  double hurts() const { return nominal_k / without_k - 1.0; }
+  // (nominal - diagnosed) / (nominal - true); none where the true parameters gain less than 1 %.
+  std::optional<double> recovered() const {
+    if (nominal_k - true_k < 0.01 * nominal_k) return std::nullopt;
+    return (nominal_k - diagnosed_k) / (nominal_k - true_k);
+  }
+};
 
 struct Request {
   std::vector<std::string> effects;
   blind::DrawOptions draw;
   int threads = 2;
-  OutputFile plot;
   bool json = false;
 };
-
-cxxopts::Options command_line() {
-  cxxopts::Options options(
-      "bolo-lab eval loop",
-      "For each effect: simulates a bench session and a moving scene of one camera, diagnoses the session without "
-      "being\n"
-      "told, and deblurs the scene with the nominal profile, the diagnosed one, and the true one.");
-  options.add_options()("effects", "Of the catalogue, separated by commas (default: all)",
-                        cxxopts::value<std::vector<std::string>>(),
-                        "A,B")("seed", "Another one draws other strengths and another camera",
-                               cxxopts::value<std::uint64_t>()->default_value("1"),
-                               "N")("threads", "Of a diagnosis", cxxopts::value<int>()->default_value("2"), "W")(
-      "frames-scale", "Of the bench captures' lengths", cxxopts::value<double>()->default_value("1"), "S")(
-      "json", "Print the table as JSON");
-  add_plot_option(options, "Draw the table");
-  return options;
-}
 
 Result<Request> read_request(const cxxopts::ParseResult& args) {
   Request request;
@@ -61,42 +229,19 @@ Result<Request> read_request(const cxxopts::ParseResult& args) {
   }
   request.draw.seed = args["seed"].as<std::uint64_t>();
   request.draw.frames_scale = args["frames-scale"].as<double>();
-  if (!(request.draw.frames_scale >= 0.1 && request.draw.frames_scale <= 10.0)) {
-    return bad_input("--frames-scale: expected 0.1 to 10");
-  }
   request.threads = args["threads"].as<int>();
-  if (request.threads < 1 || request.threads > 64) return bad_input("--threads: expected 1 to 64");
-  auto plot = plot_file_of(args);
-  if (!plot) return tl::unexpected(plot.error());
-  request.plot = std::move(*plot);
+  for (const Status& good :
+       {within(request.draw.frames_scale, "frames-scale", 0.1, 10.0), within(request.threads, "threads", 1, 64)}) {
+    if (!good) return tl::unexpected(good.error());
+  }
   request.json = args.count("json") != 0;
   return request;
 }
 
-// A folder for captures that nobody keeps.
-class Scratch {
- public:
-  Scratch() : path_((std::filesystem::temp_directory_path() / "bolo-loop-XXXXXX").string()) {
-    made_ = mkdtemp(path_.data()) != nullptr;
-  }
-  ~Scratch() {
-    std::error_code ignored;
-    if (made_) std::filesystem::remove_all(path_, ignored);
-  }
-  Scratch(const Scratch&) = delete;
-  Scratch& operator=(const Scratch&) = delete;
-  bool made() const { return made_; }
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-  bool made_ = false;
-};
-
 Result<diagnose::Report> diagnosed(const blind::Session& session, const Request& request) {
-  const Scratch scratch;
-  if (!scratch.made()) return failed("no folder can be made in the temporary directory; set TMPDIR");
-  const auto files = blind::write_captures(session, scratch.path());
+  const auto scratch = ScratchFolder::make();
+  if (!scratch) return tl::unexpected(scratch.error());
+  const auto files = blind::write_captures(session, scratch->path());
   if (!files) return tl::unexpected(files.error());
   diagnose::Options options;
   options.threads = request.threads;
@@ -112,21 +257,20 @@ Result<Row> row_of(const std::string& effect, const Request& request) {
   if (!session) return tl::unexpected(session.error());
   const auto report = diagnosed(*session, request);
   if (!report) return tl::unexpected(report.error());
-  const auto scene = loop::record_scene(*session, true);
+  const auto scene = record_scene(*session, true);
   if (!scene) return tl::unexpected(scene.error());
-  const auto clean = loop::record_scene(*session, false);
+  const auto clean = record_scene(*session, false);
   if (!clean) return tl::unexpected(clean.error());
-  const auto truth = loop::true_profile(*session);
+  const auto truth = true_profile(*session);
   if (!truth) return tl::unexpected(truth.error());
 
   Row row;
   row.effect = effect;
   for (const diagnose::FoundEffect& found : report->effects) row.found.push_back(found.name);
-  const std::pair<double*, Result<double>> errors[] = {
-      {&row.without_k, loop::deblurred_error(*clean, {})},
-      {&row.nominal_k, loop::deblurred_error(*scene, {})},
-      {&row.diagnosed_k, loop::deblurred_error(*scene, report->learned)},
-      {&row.true_k, loop::deblurred_error(*scene, *truth)}};
+  const std::pair<double*, Result<double>> errors[] = {{&row.without_k, deblurred_error(*clean, {})},
+                                                       {&row.nominal_k, deblurred_error(*scene, {})},
+                                                       {&row.diagnosed_k, deblurred_error(*scene, report->learned)},
+                                                       {&row.true_k, deblurred_error(*scene, *truth)}};
   for (const auto& [into, error] : errors) {
     if (!error) return tl::unexpected(error.error());
     *into = *error;
@@ -166,8 +310,10 @@ void print_json(const std::vector<Row>& rows, const Request& request) {
   std::puts(json.dump(2).c_str());
 }
 
-Status run(const Request& request) {
-  catch_interrupts();
+Status evaluate(const cxxopts::ParseResult& given) {
+  const auto read = read_request(given);
+  if (!read) return tl::unexpected(read.error());
+  const Request& request = *read;
   std::vector<Row> rows;
   Progress progress("effects", request.effects.size());
   if (!request.json) print_header();
@@ -185,23 +331,25 @@ Status run(const Request& request) {
         "RMSE of the deblurred scene against the truth, K. hurts: nominal against the camera without the effect;\n"
         "recovered: (nominal - diagnosed) / (nominal - true), - where true parameters gain less than 1 %.");
   }
-  if (request.plot.empty()) return {};
-  plot::Sheet sheet = loop::sheet_of(rows);
-  sheet.how =
-      "bolo-lab eval loop --seed " + std::to_string(request.draw.seed) + ": simulated camera, bench session and scene.";
-  return save(sheet, request.plot);
+  return {};
 }
 
 }  // namespace
 
 int eval_loop_main(int argc, char** argv) {
-  cxxopts::Options options = command_line();
-  cxxopts::ParseResult args;
-  if (const auto code = parse(options, argc, argv, args)) return *code;
-  const auto request = read_request(args);
-  if (!request) return report("eval loop", request.error());
-  const Status done = run(*request);
-  return done ? kExitDone : report("eval loop", done.error());
+  cxxopts::Options options(
+      "bolo-lab eval loop",
+      "For each effect: simulates a bench session and a moving scene of one camera, diagnoses the session without "
+      "being\n"
+      "told, and deblurs the scene with the nominal profile, the diagnosed one, and the true one.");
+  options.add_options()("effects", "Of the catalogue, separated by commas (default: all)",
+                        cxxopts::value<std::vector<std::string>>(),
+                        "A,B")("seed", "Another one draws other strengths and another camera",
+                               cxxopts::value<std::uint64_t>()->default_value("1"),
+                               "N")("threads", "Of a diagnosis", cxxopts::value<int>()->default_value("2"), "W")(
+      "frames-scale", "Of the bench captures' lengths", cxxopts::value<double>()->default_value("1"), "S")(
+      "json", "Print the table as JSON");
+  return run_verb("eval loop", std::move(options), argc, argv, evaluate);
 }
 
-}  // namespace bolo::tools
+}  // namespace bolo::tools::loop

@@ -1,5 +1,6 @@
 #include "tools/lab/eval/loss.hpp"
 
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -7,63 +8,45 @@
 
 #include <nlohmann/json.hpp>
 
-#include "src/report/text.hpp"
+#include "src/core/clock.hpp"
+#include "src/core/statistics.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/plot_option.hpp"
-#include "tools/lab/eval/loss_plot.hpp"
+#include "tools/lab/common.hpp"
+#include "tools/lab/verbs.hpp"
 
-namespace bolo::tools {
+namespace bolo::tools::faults {
 namespace {
 
-using faults::LossOutcome;
-using faults::LossRow;
-using faults::LossTask;
+constexpr double kTrialRateHz = 200.0;
+constexpr double kSpeedPxS = 200.0;
+constexpr double kCleanEndS = 0.1;  // without loss, so that every frame that is hit is also judged before the end
+constexpr double kSpareS = 1.0;     // the run outlasts its time by what stopping takes
 
-constexpr const char* kVerb = "eval loss";
+struct SquareSum {
+  double squares = 0.0;
+  std::size_t values = 0;
 
-struct Request {
-  std::vector<double> rates;
-  int packet_size = 1500;
-  double seconds = 4.0;
-  pipeline::PipelineOptions pipeline;
-  OutputFile plot;
-  bool json = false;
+  void add(const Counts& shown, const std::vector<float>& truth, const LinearScale& scale) {
+    for (std::size_t p = 0; p < truth.size(); ++p) {
+      const double error = scale.to_physical(shown[p]) - static_cast<double>(truth[p]);
+      squares += error * error;
+    }
+    values += truth.size();
+  }
+  double root_mean() const { return values > 0 ? std::sqrt(squares / static_cast<double>(values)) : 0.0; }
 };
 
-cxxopts::Options command_line() {
-  cxxopts::Options options("bolo-lab eval loss",
-                           "Streams a street of 640x120 pixels at 200 Hz from a fake camera that loses packets, once\n"
-                           "without and once with asking for them again, and judges what is published.\n");
-  options.add_options()("rates", "Shares of the packets that are lost, separated by commas",
-                        cxxopts::value<std::vector<double>>()->default_value("0,0.001,0.01,0.05"),
-                        "A,B")("packet-size", "Bytes: 1500 on every link, up to 9000 with jumbo frames",
-                               cxxopts::value<int>()->default_value("1500"),
-                               "BYTES")("seconds", "Of each run", cxxopts::value<double>()->default_value("4"), "S")(
-      "lookahead", "Frames", cxxopts::value<int>()->default_value("0"), "L")("threads", "Of the deblurring",
-                                                                             cxxopts::value<int>()->default_value("2"),
-                                                                             "W")("json", "Print the table as JSON");
-  add_plot_option(options, "Draw the table");
-  return options;
+std::size_t number_of(const Published& frame, double period_s) {
+  const double since_first_s = static_cast<double>(frame.meta.camera_ns - kFirstCameraNs) / kNsPerSecond;
+  return static_cast<std::size_t>(std::lround(since_first_s / period_s));
 }
 
-Result<Request> read_request(const cxxopts::ParseResult& args) {
-  Request request;
-  request.rates = args["rates"].as<std::vector<double>>();
-  request.packet_size = args["packet-size"].as<int>();
-  request.seconds = args["seconds"].as<double>();
-  request.pipeline.deblur.lookahead = args["lookahead"].as<int>();
-  request.pipeline.workers = args["threads"].as<int>();
-  request.json = args.count("json") != 0;
-  auto plot = plot_file_of(args);
-  if (!plot) return tl::unexpected<Error>(plot.error());
-  request.plot = std::move(*plot);
-  for (const double rate : request.rates) {
-    if (!(rate >= 0.0 && rate <= 1.0)) return bad_input("--rates must lie in 0 to 1");
-  }
-  if (request.packet_size < 576 || request.packet_size > 9000)
-    return bad_input("--packet-size must lie in 576 to 9000");
-  if (!(request.seconds >= 0.5 && request.seconds <= 60.0)) return bad_input("--seconds must lie in 0.5 to 60");
-  return request;
+Result<fakecam::FaultScript> script_of(const LossTask& task) {
+  auto fault = fakecam::parse_fault("loss");
+  if (!fault) return tl::unexpected<Error>(fault.error());
+  fault->values["rate"] = task.rate;
+  fault->values["for"] = task.seconds - kCleanEndS;
+  return fakecam::FaultScript{std::move(*fault)};
 }
 
 void print_header() {
@@ -95,53 +78,103 @@ nlohmann::ordered_json to_json(const LossTask& task, const LossRow& row) {
           {"host_dropped_packets", row.host_dropped}};
 }
 
-Status evaluate(const Request& request) {
-  catch_interrupts();
-  const auto scene = faults::loss_scene(request.seconds);
+Status evaluate(const cxxopts::ParseResult& given) {
+  const auto rates = given["rates"].as<std::vector<double>>();
+  const int packet_size = given["packet-size"].as<int>();
+  const double seconds = given["seconds"].as<double>();
+  const bool json = given.count("json") != 0;
+  pipeline::PipelineOptions pipeline;
+  pipeline.deblur.lookahead = given["lookahead"].as<int>();
+  pipeline.workers = given["threads"].as<int>();
+  const auto [least, most] = std::ranges::minmax(rates);
+  for (const Status& good : {within(least, "rates", 0.0, 1.0), within(most, "rates", 0.0, 1.0),
+                             within(packet_size, "packet-size", 576, 9000), within(seconds, "seconds", 0.5, 60.0)}) {
+    if (!good) return good;
+  }
+  const auto scene = loss_scene(seconds);
   if (!scene) return tl::unexpected<Error>(scene.error());
-  if (!request.json) print_header();
-  std::vector<LossOutcome> outcomes;
-  Progress progress("runs", 2 * request.rates.size());
-  for (const double rate : request.rates) {
+  if (!json) print_header();
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  Progress progress("runs", 2 * rates.size());
+  for (const double rate : rates) {
     for (const bool resend : {false, true}) {
       if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted");
-      const LossTask task{rate, resend, request.packet_size, request.seconds};
-      const auto row = faults::try_loss(task, *scene, request.pipeline);
+      const LossTask task{rate, resend, packet_size, seconds};
+      const auto row = try_loss(task, *scene, pipeline);
       if (!row) return tl::unexpected<Error>(row.error());
-      if (!request.json) print_row(task, *row);
-      outcomes.push_back({task, *row});
-      progress.update(outcomes.size());
+      if (!json) print_row(task, *row);
+      rows.push_back(to_json(task, *row));
+      progress.update(rows.size());
     }
   }
-  if (request.json) {
-    nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-    for (const LossOutcome& one : outcomes) rows.push_back(to_json(one.task, one.row));
-    std::puts(nlohmann::ordered_json{{"rows", rows}}.dump(2).c_str());
-  } else {
-    std::puts(
-        "hit: frames that lost a packet at first. Counted as lost: network (incomplete, missing), behind (deblurring\n"
-        "could not keep up). ms each: deblurring. Latency: first packet received to published. RMSE against the truth\n"
-        "over the frames that came, those with a lost one in their window included.");
-  }
-  if (request.plot.empty()) return {};
-  plot::Sheet sheet = faults::sheet_of(outcomes);
-  sheet.how = plot::format(
-      "bolo-lab eval loss --packet-size %d --seconds %g: 640x120 at 200 Hz from a fake camera on the same computer. "
-      "%s.",
-      request.packet_size, request.seconds, machine_words().c_str());
-  return save(sheet, request.plot);
+  std::puts(json
+                ? nlohmann::ordered_json{{"rows", rows}}.dump(2).c_str()
+                : "hit: frames that lost a packet at first. Counted as lost: network (incomplete, missing), behind "
+                  "(deblurring\ncould not keep up). ms each: deblurring. Latency: first packet received to published. "
+                  "RMSE against the truth\nover the frames that came, those with a lost one in their window included.");
+  return {};
 }
 
 }  // namespace
 
-int eval_loss_main(int argc, char** argv) {
-  cxxopts::Options options = command_line();
-  cxxopts::ParseResult args;
-  if (const auto code = parse(options, argc, argv, args)) return *code;
-  const auto request = read_request(args);
-  if (!request) return report(kVerb, request.error());
-  const Status done = evaluate(*request);
-  return done ? kExitDone : report(kVerb, done.error());
+Result<Recording> loss_scene(double seconds) {
+  sim::CameraSettings camera;
+  camera.rate_hz = kTrialRateHz;
+  return record_street(
+      camera, {.speed_px_s = kSpeedPxS, .frames = static_cast<std::size_t>((seconds + kSpareS) * camera.rate_hz)});
 }
 
-}  // namespace bolo::tools
+Result<LossRow> try_loss(const LossTask& task, const Recording& scene, const pipeline::PipelineOptions& options) {
+  auto script = script_of(task);
+  if (!script) return tl::unexpected<Error>(script.error());
+  RunTask run_task;
+  run_task.scene = &scene;
+  run_task.faults = std::move(*script);
+  run_task.camera = camera_options(scene, fresh_address());
+  run_task.camera.packet_size = task.packet_size;
+  run_task.camera.resend = task.resend;
+  run_task.pipeline = options;
+  run_task.seconds = task.seconds;
+  const auto result = run(run_task);
+  if (!result) return tl::unexpected<Error>(result.error());
+
+  LossRow row;
+  row.frames_per_s = static_cast<double>(result->frames.size()) / task.seconds;
+  row.sent = result->camera.frames_sent;
+  row.hit = result->injected.front().frames;
+  const auto lost = [&result](LossCause cause) { return result->lost[static_cast<std::size_t>(cause)]; };
+  row.network = lost(LossCause::kIncomplete) + lost(LossCause::kMissing);
+  row.behind = lost(LossCause::kPoolExhausted) + lost(LossCause::kQueueFull);
+  row.deblur_ms = result->deblur_ms;
+  row.latency_p50_ms = quantile(result->latency_ms, 0.5);
+  row.latency_p99_ms = quantile(result->latency_ms, 0.99);
+  row.host_dropped = result->host_dropped;
+  SquareSum raw;
+  SquareSum deblurred;
+  for (const Published& frame : result->frames) {
+    const std::size_t number = number_of(frame, scene.format.frame_period_s);
+    if ((frame.meta.flags & kFlagWarmUp) != 0 || number >= scene.truth.size()) continue;
+    raw.add(frame.raw, scene.truth[number], scene.format.scale);
+    deblurred.add(frame.deblurred, scene.truth[number], scene.format.scale);
+  }
+  row.rmse_raw_k = raw.root_mean();
+  row.rmse_deblurred_k = deblurred.root_mean();
+  return row;
+}
+
+int eval_loss_main(int argc, char** argv) {
+  cxxopts::Options options("bolo-lab eval loss",
+                           "Streams a street of 640x120 pixels at 200 Hz from a fake camera that loses packets, once\n"
+                           "without and once with asking for them again, and judges what is published.\n");
+  options.add_options()("rates", "Shares of the packets that are lost, separated by commas",
+                        cxxopts::value<std::vector<double>>()->default_value("0,0.001,0.01,0.05"),
+                        "A,B")("packet-size", "Bytes: 1500 on every link, up to 9000 with jumbo frames",
+                               cxxopts::value<int>()->default_value("1500"),
+                               "BYTES")("seconds", "Of each run", cxxopts::value<double>()->default_value("4"), "S")(
+      "lookahead", "Frames", cxxopts::value<int>()->default_value("0"), "L")("threads", "Of the deblurring",
+                                                                             cxxopts::value<int>()->default_value("2"),
+                                                                             "W")("json", "Print the table as JSON");
+  return run_verb("eval loss", std::move(options), argc, argv, evaluate);
+}
+
+}  // namespace bolo::tools::faults

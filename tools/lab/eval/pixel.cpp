@@ -1,17 +1,68 @@
 #include "tools/lab/eval/pixel.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
-#include <nlohmann/json.hpp>
+#include <numeric>
+#include <random>
+#include <span>
 #include <string>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
+#include "src/model/bolometer.hpp"
+#include "src/model/haar.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/plot_option.hpp"
-#include "tools/lab/eval/pixel_plot.hpp"
-#include "tools/lab/eval/pixel_trial.hpp"
+#include "tools/lab/common.hpp"
+#include "tools/lab/verbs.hpp"
 
 namespace bolo::tools {
 namespace {
+
+std::vector<double> times_of(const PixelTrial& trial) {
+  std::vector<double> t;
+  t.reserve(static_cast<std::size_t>(trial.frames));
+  for (int k = 0; k < trial.frames; ++k) t.push_back(k * trial.period_s);
+  return t;
+}
+
+double window_s(const PixelTrial& trial) { return (trial.frames - 1) * trial.period_s; }
+
+// The window's problem with its mean taken out, as the authors' programme does.
+struct Problem {
+  double mean = 0.0;
+  Eigen::MatrixXd v;
+  Eigen::VectorXd y;
+};
+
+Problem problem_of(const PixelTrial& trial, const std::vector<double>& samples) {
+  Problem p;
+  p.mean = std::accumulate(samples.begin(), samples.end(), 0.0) / static_cast<double>(samples.size());
+  std::vector<double> centred = samples;
+  for (double& v : centred) v -= p.mean;
+  const std::vector<double> t = times_of(trial);
+  p.v = model::response_matrix(t, 1 << trial.levels, trial.tau_s);
+  p.y = model::constraints(t, centred, trial.tau_s);
+  return p;
+}
+
+std::vector<double> with_mean(const Eigen::VectorXd& bins, double mean) {
+  std::vector<double> out(static_cast<std::size_t>(bins.size()));
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] = bins[static_cast<Eigen::Index>(i)] + mean;
+  return out;
+}
+
+double overshoot(const PixelTrial& trial, const std::vector<double>& bins) {
+  double low = trial.base_k;
+  double high = trial.base_k;
+  for (const double level : trial.level_k) {
+    low = std::min(low, level);
+    high = std::max(high, level);
+  }
+  const auto [least, most] = std::ranges::minmax(bins);
+  return std::max({0.0, most - high, low - least});
+}
 
 nlohmann::ordered_json to_json(const PixelTrial& trial, const std::vector<PixelScore>& scores) {
   auto cases = nlohmann::ordered_json::array();
@@ -28,7 +79,132 @@ nlohmann::ordered_json to_json(const PixelTrial& trial, const std::vector<PixelS
           {"kappa", trial.kappa},   {"cases", cases}};
 }
 
+void print(const PixelTrial& trial, const std::vector<PixelScore>& scores) {
+  std::printf("one pixel, tau %g ms, %d frames every %g ms, %d bins, kappa %g, four jumps of the input\n",
+              1e3 * trial.tau_s, trial.frames, 1e3 * trial.period_s, 1 << trial.levels, trial.kappa);
+  std::printf("noise K  lambda   RMSE, K: least squares  quadratic programme   overshoot, K: l.s.   q.p.\n");
+  for (const PixelScore& s : scores) {
+    std::printf("%7.2f  %6g  %23.3f %20.3f %20.2f %6.2f\n", s.noise_k, s.lambda, s.ols_rmse_k, s.qp_rmse_k,
+                s.ols_overshoot_k, s.qp_overshoot_k);
+  }
+}
+
+Status evaluate(const cxxopts::ParseResult& given) {
+  const double noise_k = given["noise"].as<double>();
+  const int draws = given["draws"].as<int>();
+  std::vector<double> lambdas{0.1, 0.001};
+  if (given.count("lambda") != 0) lambdas = {given["lambda"].as<double>()};
+  for (const Status& good : {within(noise_k, "noise", 1e-6, 100.0), within(draws, "draws", 1, 100000),
+                             within(lambdas.front(), "lambda", 1e-9, 1000.0)}) {
+    if (!good) return good;
+  }
+  PixelTrial trial;
+  std::vector<PixelScore> scores;
+  for (const double lambda : lambdas) {
+    trial.lambda = lambda;
+    for (const double noise : {0.0, noise_k}) {
+      scores.push_back(score_pixel(trial, noise, draws, given["seed"].as<std::uint64_t>()));
+    }
+  }
+  given.count("json") != 0 ? void(std::puts(to_json(trial, scores).dump(2).c_str())) : print(trial, scores);
+  return {};
+}
+
 }  // namespace
+
+std::vector<double> sample_pixel(const PixelTrial& trial) {
+  std::vector<double> samples;
+  for (const double t : times_of(trial)) {
+    double value = trial.base_k;
+    double level = trial.base_k;
+    for (std::size_t i = 0; i < trial.switch_s.size(); ++i) {
+      if (trial.switch_s[i] >= t) break;
+      value += (trial.level_k[i] - level) * (1.0 - std::exp(-(t - trial.switch_s[i]) / trial.tau_s));
+      level = trial.level_k[i];
+    }
+    samples.push_back(value);
+  }
+  return samples;
+}
+
+std::vector<double> truth_of(const PixelTrial& trial) {
+  const int bins = 1 << trial.levels;
+  const double bin_s = window_s(trial) / bins;
+  std::vector<double> truth;
+  for (int b = 0; b < bins; ++b) {
+    double sum = trial.base_k;
+    double level = trial.base_k;
+    for (std::size_t i = 0; i < trial.switch_s.size(); ++i) {
+      const double share = std::clamp(((b + 1) * bin_s - trial.switch_s[i]) / bin_s, 0.0, 1.0);
+      sum += (trial.level_k[i] - level) * share;
+      level = trial.level_k[i];
+    }
+    truth.push_back(sum);
+  }
+  return truth;
+}
+
+std::vector<double> least_squares(const PixelTrial& trial, const std::vector<double>& samples) {
+  const Problem p = problem_of(trial, samples);
+  return with_mean(p.v.completeOrthogonalDecomposition().solve(p.y), p.mean);
+}
+
+std::vector<double> quadratic_programme(const PixelTrial& trial, const std::vector<double>& samples) {
+  constexpr int kMostSweeps = 50000;
+  constexpr double kAccuracy = 1e-9;
+  const Problem p = problem_of(trial, samples);
+  const Eigen::MatrixXd z = p.v * model::haar_matrix(1 << trial.levels).transpose();
+  const double lambda = trial.lambda / (2.0 * trial.kappa);  // of 1/2 ||.||^2 + lambda ||.||_1
+  Eigen::VectorXd d = Eigen::VectorXd::Zero(z.cols());
+  Eigen::VectorXd left = p.y;
+  const Eigen::VectorXd norm = z.colwise().squaredNorm().transpose();
+  for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+    double change = 0.0;
+    for (Eigen::Index i = 0; i < d.size(); ++i) {
+      const double pull = z.col(i).dot(left) + norm[i] * d[i];
+      const double next = std::copysign(std::max(0.0, std::abs(pull) - lambda), pull) / norm[i];
+      if (next == d[i]) continue;
+      left -= (next - d[i]) * z.col(i);
+      change = std::max(change, std::abs(next - d[i]));
+      d[i] = next;
+    }
+    if (change < kAccuracy) break;
+  }
+  model::haar_inverse(std::span<double>(d.data(), static_cast<std::size_t>(d.size())));
+  return with_mean(d, p.mean);
+}
+
+double rmse(const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return std::sqrt(sum / static_cast<double>(a.size()));
+}
+
+PixelScore score_pixel(const PixelTrial& trial, double noise_k, int draws, std::uint64_t seed) {
+  PixelScore score;
+  score.noise_k = noise_k;
+  score.lambda = trial.lambda;
+  const std::vector<double> truth = truth_of(trial);
+  const std::vector<double> clean = sample_pixel(trial);
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  if (noise_k <= 0.0) draws = 1;
+  double ols2 = 0.0;
+  double qp2 = 0.0;
+  for (int i = 0; i < draws; ++i) {
+    std::vector<double> samples = clean;
+    for (double& v : samples) v += noise_k * normal(random);
+    const std::vector<double> ols = least_squares(trial, samples);
+    const std::vector<double> qp = quadratic_programme(trial, samples);
+    ols2 += std::pow(rmse(ols, truth), 2) / draws;
+    qp2 += std::pow(rmse(qp, truth), 2) / draws;
+    score.ols_overshoot_k += overshoot(trial, ols) / draws;
+    score.qp_overshoot_k += overshoot(trial, qp) / draws;
+  }
+  score.ols_rmse_k = std::sqrt(ols2);
+  score.qp_rmse_k = std::sqrt(qp2);
+  return score;
+}
 
 int eval_pixel_main(int argc, char** argv) {
   cxxopts::Options cli("bolo-lab eval pixel",
@@ -40,42 +216,7 @@ int eval_pixel_main(int argc, char** argv) {
       "seed", "of the noise", cxxopts::value<std::uint64_t>()->default_value("1"))(
       "lambda", "of the paper's objective, with kappa 0.1 (default: 0.1, the authors', and 0.001)",
       cxxopts::value<double>())("json", "print one JSON object");
-  add_plot_option(cli, "draw the first draw of each case");
-  cxxopts::ParseResult parsed;
-  if (const auto exit = parse(cli, argc, argv, parsed)) return *exit;
-  const auto refuse = [](const char* what) { return report("eval pixel", {ErrorKind::kBadInput, what}); };
-  const auto plot = plot_file_of(parsed);
-  if (!plot) return report("eval pixel", plot.error());
-  const double noise_k = parsed["noise"].as<double>();
-  const int draws = parsed["draws"].as<int>();
-  if (!(noise_k > 0.0 && noise_k <= 100.0)) return refuse("--noise must lie in 0 to 100 K, above 0");
-  if (draws < 1 || draws > 100000) return refuse("--draws must lie in 1 to 100000");
-  std::vector<double> lambdas{0.1, 0.001};
-  if (parsed.count("lambda") != 0) lambdas = {parsed["lambda"].as<double>()};
-  if (!(lambdas.front() > 0.0 && lambdas.front() <= 1000.0)) return refuse("--lambda must lie in 0 to 1000, above 0");
-
-  PixelTrial trial;
-  std::vector<PixelScore> scores;
-  for (const double lambda : lambdas) {
-    trial.lambda = lambda;
-    for (const double noise : {0.0, noise_k}) {
-      scores.push_back(score_pixel(trial, noise, draws, parsed["seed"].as<std::uint64_t>()));
-    }
-  }
-  if (parsed.count("json") != 0) {
-    std::printf("%s\n", to_json(trial, scores).dump(2).c_str());
-  } else {
-    std::printf("one pixel, tau %g ms, %d frames every %g ms, %d bins, kappa %g, four jumps of the input\n",
-                1e3 * trial.tau_s, trial.frames, 1e3 * trial.period_s, 1 << trial.levels, trial.kappa);
-    std::printf("noise K  lambda   RMSE, K: least squares  quadratic programme   overshoot, K: l.s.   q.p.\n");
-    for (const PixelScore& s : scores) {
-      std::printf("%7.2f  %6g  %23.3f %20.3f %20.2f %6.2f\n", s.noise_k, s.lambda, s.ols_rmse_k, s.qp_rmse_k,
-                  s.ols_overshoot_k, s.qp_overshoot_k);
-    }
-  }
-  if (plot->empty()) return kExitDone;
-  const Status drawn = save(sheet_of(trial, scores), *plot);
-  return drawn ? kExitDone : report("eval pixel", drawn.error());
+  return run_verb("eval pixel", std::move(cli), argc, argv, evaluate);
 }
 
 }  // namespace bolo::tools

@@ -1,9 +1,47 @@
-// `bolo-lab eval pixel`: one pixel, least squares against the quadratic programme (the paper's Fig. 4).
+// One pixel whose input jumps four times within a window, and what least squares and the paper's quadratic programme
+// make of its samples (the paper's Fig. 4).
 #pragma once
+
+#include <cstdint>
+#include <vector>
 
 namespace bolo::tools {
 
-// argv[0] is "pixel". Returns the exit code.
-int eval_pixel_main(int argc, char** argv);
+struct PixelTrial {
+  double tau_s = 0.011;
+  double period_s = 0.005;
+  int frames = 17;
+  int levels = 7;      // 2^levels bins
+  double kappa = 0.1;  // of the paper's objective
+  double lambda = 0.1;
+  double base_k = 300.0;
+  std::vector<double> switch_s{0.0135, 0.0310, 0.0465, 0.0630};
+  std::vector<double> level_k{315.0, 300.0, 308.0, 300.0};  // after each switch
+};
+
+// The samples y_0 .. y_N; before the first switch the pixel is in steady state. Exact. Thread: any.
+std::vector<double> sample_pixel(const PixelTrial& trial);
+
+// The input's mean over each bin. Thread: any.
+std::vector<double> truth_of(const PixelTrial& trial);
+
+// Bins of the least-norm solution of V A = Y: ordinary least squares, which has more unknowns than samples.
+std::vector<double> least_squares(const PixelTrial& trial, const std::vector<double>& samples);
+
+// Bins that minimise kappa ||V H^T D - Y||^2 + lambda ||D||_1 (paper eq. 11), by coordinate descent to 1e-9 K.
+std::vector<double> quadratic_programme(const PixelTrial& trial, const std::vector<double>& samples);
+
+double rmse(const std::vector<double>& a, const std::vector<double>& b);
+
+// What `draws` draws of white noise come to. No noise: one draw.
+struct PixelScore {
+  double noise_k = 0.0;
+  double lambda = 0.0;
+  double ols_rmse_k = 0.0;
+  double qp_rmse_k = 0.0;
+  double ols_overshoot_k = 0.0;  // beyond the input's range, largest, mean over the draws
+  double qp_overshoot_k = 0.0;
+};
+PixelScore score_pixel(const PixelTrial& trial, double noise_k, int draws, std::uint64_t seed);
 
 }  // namespace bolo::tools

@@ -1,19 +1,57 @@
 #include "tools/lab/eval/pulses.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <nlohmann/json.hpp>
+#include <memory>
+#include <random>
 #include <string>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
+#include "src/sim/field.hpp"
+#include "src/sim/simulator.hpp"
+#include "src/sim/stimulus_error.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/plot_option.hpp"
-#include "tools/lab/eval/pulses_plot.hpp"
-#include "tools/lab/eval/pulses_trial.hpp"
+#include "tools/lab/common.hpp"
+#include "tools/lab/verbs.hpp"
 
 namespace bolo::tools {
 namespace {
+
+capture::Chopper chopper_of(const PulseTrial& trial) {
+  capture::Chopper chopper;
+  chopper.cold_k = trial.cold_k;
+  std::mt19937_64 random(trial.seed);
+  std::uniform_real_distribution<double> phase(0.0, 1.0 / trial.rate_hz);
+  const double end_s = static_cast<double>(trial.frames) / trial.rate_hz;
+  double on_s = trial.gap_ms / 1e3 + phase(random);
+  for (std::size_t i = 0;; ++i) {
+    const double off_s = on_s + trial.pulses_ms[i % trial.pulses_ms.size()] / 1e3;
+    if (off_s > end_s) break;
+    chopper.on_s.push_back(on_s);
+    chopper.off_s.push_back(off_s);
+    chopper.level_k.push_back(trial.levels_k[i / trial.pulses_ms.size() % trial.levels_k.size()]);
+    on_s = off_s + trial.gap_ms / 1e3;
+  }
+  return chopper;
+}
+
+sim::CameraSettings camera_of(const PulseTrial& trial) {
+  sim::CameraSettings camera;
+  camera.geometry = {trial.width, trial.height};
+  camera.rate_hz = trial.rate_hz;
+  camera.tau_s = trial.tau_s;
+  camera.readout.noise_k = trial.noise_k;
+  camera.readout.seed = trial.seed;
+  camera.threads = 1;
+  if (trial.tau_spread > 0.0) {
+    camera.effects.push_back(*sim::parse_effect("tau_spread:rms=" + std::to_string(trial.tau_spread)));
+  }
+  return camera;
+}
 
 nlohmann::ordered_json to_json(const PulseScore& s) {
   return {{"name", s.name},
@@ -41,18 +79,131 @@ void print(const PulseScore& s) {
   std::fflush(stdout);
 }
 
-Status draw(const OutputFile& file, const PulseTrial& trial, const std::vector<PulseScore>& scores) {
-  const auto series = simulate_pulses(trial);
-  if (!series) return tl::unexpected(series.error());
-  const auto fit = diagnose::fit_pulses(*series, [](const std::string&, double) { return true; });
-  if (!fit) return tl::unexpected(fit.error());
-  plot::Sheet sheet = sheet_of(scores, *fit);
-  sheet.how = "bolo-lab eval pulses: simulated choppers, 64x48 pixels, 2 s, " + std::to_string(scores.front().trials) +
-              " recordings of each kind; the fit of one below.";
-  return save(sheet, file);
+Status evaluate(const cxxopts::ParseResult& given) {
+  const int seeds = given["seeds"].as<int>();
+  const double tau_s = given["tau"].as<double>();
+  const double noise_k = given.count("noise") != 0 ? given["noise"].as<double>() : PulseTrial{}.noise_k;
+  for (const Status& good :
+       {within(seeds, "seeds", 1, 100000), within(tau_s, "tau", 0.003, 0.1), within(noise_k, "noise", 0.0, 100.0)}) {
+    if (!good) return good;
+  }
+  const bool json = given.count("json") != 0;
+  auto rows = nlohmann::ordered_json::array();
+  if (!json) print_heading();
+  for (PulseTrial& trial : pulse_trials()) {
+    if (given.count("noise") != 0 && trial.noise_k != PulseTrial{}.noise_k) continue;
+    if (given.count("noise") != 0) trial.noise_k = noise_k;
+    trial.tau_s = tau_s;
+    const auto score = score_pulses(trial, seeds, interrupted());
+    if (!score) return tl::unexpected(score.error());
+    if (!json) print(*score);
+    rows.push_back(to_json(*score));
+    if (interrupted()) return failed("interrupted");
+  }
+  if (json) std::puts(nlohmann::ordered_json{{"tau_s", tau_s}, {"trials", rows}}.dump(2).c_str());
+  return {};
 }
 
 }  // namespace
+
+Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial) {
+  const sim::CameraSettings camera = camera_of(trial);
+  sim::StimulusError error;
+  error.sweep_s = trial.sweep_s;
+  error.softness_s = trial.softness_s;
+  error.level_k = trial.level_error_k;
+  error.cold_k = -0.5 * trial.level_error_k;
+  auto field = sim::make_chopper(chopper_of(trial));
+  if (trial.sweep_s != 0.0 || trial.softness_s != 0.0 || trial.level_error_k != 0.0) {
+    auto imperfect = sim::with_errors(std::move(field), error, camera.geometry);
+    if (!imperfect) return tl::unexpected(imperfect.error());
+    field = std::move(*imperfect);
+  }
+  const auto simulator = sim::Simulator::create(camera, std::move(field));
+  if (!simulator) return tl::unexpected(simulator.error());
+  const StreamFormat format = (*simulator)->format();
+  const std::size_t pixels = camera.geometry.pixels();
+  auto all = std::make_shared<std::vector<float>>(trial.frames * pixels);
+  std::vector<std::uint16_t> plane(pixels);
+  diagnose::FrameSeries series;
+  series.name = trial.name;
+  series.geometry = camera.geometry;
+  series.step = format.scale.scale;
+  for (std::size_t k = 0; k < trial.frames; ++k) {
+    series.t_s.push_back(static_cast<double>(k) / trial.rate_hz);
+    (*simulator)->next(plane.data(), nullptr);
+    for (std::size_t p = 0; p < pixels; ++p) {
+      (*all)[k * pixels + p] = static_cast<float>(format.scale.to_physical(static_cast<double>(plane[p])));
+    }
+  }
+  if (trial.part_of_field) {  // the left third looks at a wall: its first frame, with its own noise
+    std::mt19937_64 random(trial.seed + 1000);
+    std::normal_distribution<float> noise(0.0F, static_cast<float>(std::max(trial.noise_k, 1e-6)));
+    for (std::size_t i = 0; i < all->size(); ++i) {
+      if (i % pixels % static_cast<std::size_t>(trial.width) * 3 < static_cast<std::size_t>(trial.width)) {
+        (*all)[i] = 299.0F + noise(random);
+      }
+    }
+  }
+  series.read = [all, pixels](std::size_t k, std::span<float> out) -> Status {
+    std::copy_n(all->data() + k * pixels, pixels, out.begin());
+    return {};
+  };
+  return series;
+}
+
+std::vector<PulseTrial> pulse_trials() {
+  std::vector<PulseTrial> trials(9);
+  trials[1].name = "sweep 2 ms";
+  trials[1].sweep_s = 0.002;
+  trials[2].name = "spread 5 %";
+  trials[2].tau_spread = 0.05;
+  trials[3].name = "levels 0.5 K off";
+  trials[3].level_error_k = 0.5;
+  trials[4].name = "soft edge 1 ms";
+  trials[4].softness_s = 0.001;
+  trials[5].name = "a part of the field";
+  trials[5].part_of_field = true;
+  trials[6].name = "all of these";
+  trials[6].sweep_s = 0.002;
+  trials[6].tau_spread = 0.05;
+  trials[6].level_error_k = 0.5;
+  trials[6].softness_s = 0.001;
+  trials[7] = trials[6];
+  trials[7].name = "all, noise 0.5 K";
+  trials[7].noise_k = 0.5;
+  trials[8].name = "noise 0.5 K";
+  trials[8].noise_k = 0.5;
+  return trials;
+}
+
+Result<PulseScore> score_pulses(const PulseTrial& trial, int seeds, const std::atomic<bool>& stop) {
+  PulseScore score;
+  score.name = trial.name;
+  const auto n = static_cast<double>(seeds);
+  for (int seed = 1; seed <= seeds && !stop.load(std::memory_order_relaxed); ++seed) {
+    PulseTrial one = trial;
+    one.seed = static_cast<std::uint64_t>(seed);
+    const auto series = simulate_pulses(one);
+    if (!series) return tl::unexpected(series.error());
+    ++score.trials;
+    const auto fit = diagnose::fit_pulses(*series, [](const std::string&, double) { return true; });
+    if (!fit) {
+      ++score.failed;
+      continue;
+    }
+    const double error = fit->tau_s.value / trial.tau_s - 1.0;
+    score.mean_error += error / n;
+    score.worst_error = std::max(score.worst_error, std::abs(error));
+    score.inside += fit->tau_s.low <= trial.tau_s && trial.tau_s <= fit->tau_s.high ? 1 : 0;
+    score.half_width += (fit->tau_s.high - fit->tau_s.low) / (2.0 * trial.tau_s) / n;
+    score.gap += fit->gap / n;
+    score.rmse_k += fit->rmse_k / n;
+    score.sweep_ms += fit->sweep_x_s.value * 1e3 / n;
+    score.spread += fit->tau_spread / n;
+  }
+  return score;
+}
 
 int eval_pulses_main(int argc, char** argv) {
   cxxopts::Options cli(
@@ -64,45 +215,7 @@ int eval_pulses_main(int argc, char** argv) {
       "noise", "K rms, in all kinds (default: 0.03, and 0.5 in two more)", cxxopts::value<double>())(
       "tau", "s, of the simulated camera", cxxopts::value<double>()->default_value("0.011"))("json",
                                                                                              "print one JSON object");
-  add_plot_option(cli, "draw the table and one fit");
-  cxxopts::ParseResult parsed;
-  if (const auto exit = parse(cli, argc, argv, parsed)) return *exit;
-  const auto refuse = [](const char* what) { return report("eval pulses", {ErrorKind::kBadInput, what}); };
-  const int seeds = parsed["seeds"].as<int>();
-  if (seeds < 1 || seeds > 100000) return refuse("--seeds must lie in 1 to 100000");
-  const double tau_s = parsed["tau"].as<double>();
-  if (!(tau_s >= 0.003 && tau_s <= 0.1)) return refuse("--tau must lie in 0.003 to 0.1 s");
-  const bool noise_given = parsed.count("noise") != 0;
-  if (noise_given && !(parsed["noise"].as<double>() >= 0.0 && parsed["noise"].as<double>() <= 100.0)) {
-    return refuse("--noise must lie in 0 to 100 K");
-  }
-
-  const auto plot = plot_file_of(parsed);
-  if (!plot) return report("eval pulses", plot.error());
-
-  catch_interrupts();
-  const bool json = parsed.count("json") != 0;
-  std::vector<PulseScore> scores;
-  if (!json) print_heading();
-  std::vector<PulseTrial> trials = pulse_trials();
-  for (PulseTrial& trial : trials) {
-    if (noise_given && trial.noise_k != PulseTrial{}.noise_k) continue;
-    if (noise_given) trial.noise_k = parsed["noise"].as<double>();
-    trial.tau_s = tau_s;
-    const auto score = score_pulses(trial, seeds, interrupted());
-    if (!score) return report("eval pulses", score.error());
-    if (!json) print(*score);
-    scores.push_back(*score);
-    if (interrupted()) return report("eval pulses", {ErrorKind::kFailed, "interrupted"});
-  }
-  if (json) {
-    auto rows = nlohmann::ordered_json::array();
-    for (const PulseScore& score : scores) rows.push_back(to_json(score));
-    std::printf("%s\n", nlohmann::ordered_json{{"tau_s", tau_s}, {"trials", rows}}.dump(2).c_str());
-  }
-  if (plot->empty()) return kExitDone;
-  const Status drawn = draw(*plot, trials.front(), scores);
-  return drawn ? kExitDone : report("eval pulses", drawn.error());
+  return run_verb("eval pulses", std::move(cli), argc, argv, evaluate);
 }
 
 }  // namespace bolo::tools

@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <numeric>
 
 #include <nlohmann/json.hpp>
 
-#include "tools/lab/eval/faults_judge.hpp"
+#include "src/report/text.hpp"
+#include "tools/lab/eval/faults_run.hpp"
 
 namespace bolo::tools::soak {
 namespace {

@@ -1,10 +1,36 @@
-// What each kind of trouble does to the processes.
+// What takes its time and is judged at its end, beside the soak's own thread: recordings, commands, work for processors
+// and memory.
 #pragma once
 
-#include "tools/lab/soak/jobs.hpp"
+#include <filesystem>
+#include <functional>
+#include <future>
+#include <string>
+#include <vector>
+
+#include "tools/lab/soak/findings.hpp"
 #include "tools/lab/soak/rig.hpp"
 
 namespace bolo::tools::soak {
+
+// Waits for all of them in the end. Thread: one at a time.
+class Jobs {
+ public:
+  void add(std::function<void()> job) { running_.push_back(std::async(std::launch::async, std::move(job))); }
+  ~Jobs() { finish(); }
+  Jobs() = default;
+  Jobs(const Jobs&) = delete;
+  Jobs& operator=(const Jobs&) = delete;
+  void finish() {
+    for (std::future<void>& job : running_) job.wait();
+    running_.clear();
+  }
+
+ private:
+  std::vector<std::future<void>> running_;
+};
+
+// What each kind of trouble does to the processes.
 
 // Thread: one at a time. What the camera does by its script needs no act.
 class Acts {
@@ -17,7 +43,7 @@ class Acts {
   void finish() { jobs_.finish(); }
 
  private:
-  void record(const Disturbance& disturbance, RecordingEnd end);
+  void record(const Disturbance& disturbance);
   void take_processors(double seconds);
   void take_memory(double seconds);
   void start_helper(const Command& command);

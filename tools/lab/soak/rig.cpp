@@ -8,10 +8,18 @@
 #include <csignal>
 #include <cstdio>
 #include <fstream>
+#include <memory>
+#include <optional>
 #include <sstream>
 #include <thread>
 #include <utility>
 
+#include <toml++/toml.h>
+
+#include <nlohmann/json.hpp>
+
+#include "bolo/client.h"
+#include "src/core/clock.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/report/text.hpp"
 #include "tools/bolod/config.hpp"
@@ -19,20 +27,73 @@
 namespace bolo::tools::soak {
 namespace {
 
-constexpr double kEndLimit_s = 5.0;
+constexpr double kCameraEnd_s = 5.0;
 constexpr auto kServeLimit = std::chrono::seconds(30);
 constexpr std::size_t kReaders = 2;
 constexpr std::size_t kSmallFrame = 20'000;  // pixels: below, packets are so small that a frame has several
 constexpr int kSmallPacket = 576;            // bytes
 constexpr double kLap_s = 1.2;               // of the scene
 
+// As many frames as a reader needs that does not get a processor for a second.
+constexpr int kRingFrames = 256;
+
+Result<toml::table> parse(const std::filesystem::path& file) {
+  try {
+    return toml::parse_file(file.string());
+  } catch (const toml::parse_error& error) {
+    return bad_input(file.string() + ":" + std::to_string(error.source().begin.line) + ": " +
+                     std::string(error.description()));
+  }
+}
+
+toml::table& section(toml::table& table, std::string_view key) {
+  if (table.get_as<toml::table>(key) == nullptr) table.insert_or_assign(key, toml::table{});
+  return *table.get_as<toml::table>(key);
+}
+
+Status save(const std::filesystem::path& file, const toml::table& table) {
+  std::ofstream out(file);
+  out << table << '\n';
+  return out.good() ? Status{} : failed("cannot write " + file.string());
+}
+
+// The base's profile, whose camera drops the frames that a shutter repeats.
+Status write_profile(const DaemonFile& file, const std::optional<std::string>& base) {
+  toml::table profile;
+  if (base) {
+    const std::filesystem::path from = file.base.parent_path() / *base;
+    auto parsed = parse(from);
+    if (!parsed) return tl::unexpected<Error>(parsed.error());
+    profile = std::move(*parsed);
+    if (const auto maps = profile["maps"].value<std::string>()) {
+      profile.insert_or_assign("maps", std::filesystem::absolute(from.parent_path() / *maps).string());
+    }
+  }
+  section(profile, "firmware").insert_or_assign("drop_repeated", true);
+  return save(file.folder / "profile.toml", profile);
+}
+
+constexpr int kOpen_ms = 10'000;
+constexpr int kReaderLook_ms = 100;
+constexpr std::int64_t kTellNs = 500'000'000;
+constexpr std::streamoff kEnd = 1024;  // bytes: several lines
+
+struct Close {
+  void operator()(bolo_client* client) const { bolo_client_close(client); }
+};
+
+void tell(const ReaderAccount& account) {
+  std::puts(text_of(account).c_str());
+  std::fflush(stdout);
+}
+
+}  // namespace
+
 std::string contents(const std::filesystem::path& file) {
   std::ostringstream text;
   text << std::ifstream(file).rdbuf();
   return text.str();
 }
-
-}  // namespace
 
 Result<Programs> find_programs() {
   Programs programs;
@@ -148,13 +209,13 @@ std::string Rig::daemon_error() const { return contents(daemon_log()); }
 Status Rig::end_camera() {
   camera_->signal(SIGCONT);
   camera_->signal(SIGTERM);
-  const auto code = camera_->wait(kEndLimit_s);
+  const auto code = camera_->wait(kCameraEnd_s);
   read_camera();
   book_.end();
   std::error_code ignored;  // of a file that goes on for megabytes
   std::filesystem::remove(camera_->log().string() + ".out", ignored);
   camera_.reset();
-  if (!code) return failed("the camera did not end within " + std::to_string(static_cast<int>(kEndLimit_s)) + " s");
+  if (!code) return failed("the camera did not end within " + std::to_string(static_cast<int>(kCameraEnd_s)) + " s");
   return *code == 0 ? Status{} : failed("the camera ended with exit code " + std::to_string(*code));
 }
 
@@ -189,6 +250,98 @@ void Rig::read_camera() {
   for (const std::string& line : camera_lines_->take()) {
     if (const auto account = parse_account(line)) book_.add(*account);
   }
+}
+
+std::filesystem::path config_of(const DaemonFile& file) { return file.folder / "bolod.toml"; }
+
+Status write_daemon_file(const DaemonFile& file) {
+  toml::table table;
+  if (!file.base.empty()) {
+    auto parsed = parse(file.base);
+    if (!parsed) return tl::unexpected<Error>(parsed.error());
+    table = std::move(*parsed);
+  }
+  if (Status written = write_profile(file, table["profile"].value<std::string>()); !written) return written;
+  table.insert_or_assign("name", file.name);
+  table.insert_or_assign("profile", (file.folder / "profile.toml").string());
+  toml::table& source = section(table, "source");
+  source.insert_or_assign("type", "genicam");
+  source.insert_or_assign("address", file.address);
+  source.insert_or_assign("serial", "");
+  source.insert_or_assign("width", file.geometry.width);
+  source.insert_or_assign("height", file.geometry.height);
+  source.insert_or_assign("rate_hz", file.rate_hz);
+  source.insert_or_assign("ir_format", "10mk");
+  source.insert_or_assign("packet_size", file.packet_size);
+  source.insert_or_assign("resend", true);
+  // Planes are compared bit for bit; what lambda = "auto" measures goes on from before each fault.
+  section(table, "deblur").insert("lambda", 0.001);
+  section(table, "nuc").insert_or_assign("policy", "camera");
+  section(table, "nuc").insert_or_assign("interval_s", file.nuc_interval_s);
+  section(table, "shm").insert_or_assign("slots", kRingFrames);
+  section(table, "control").insert_or_assign("socket", (file.folder / "control").string());
+  for (const char* video : {"v4l2", "v4l2_second"}) table.erase(video);
+  table.erase("metrics");
+  section(table, "log").insert_or_assign("level", "info");
+  section(table, "log").insert_or_assign("format", "text");
+  return save(config_of(file), table);
+}
+
+std::string text_of(const ReaderAccount& account) {
+  return nlohmann::ordered_json{{"frames", account.frames},
+                                {"missed", account.missed},
+                                {"restarts", account.restarts},
+                                {"disorder", account.disorder}}
+      .dump();
+}
+
+// From the end of the file: it grows for hours.
+ReaderAccount last_account(const std::string& file) {
+  std::ifstream in(file, std::ios::ate);
+  const std::streamoff size = in.tellg();
+  in.seekg(std::max<std::streamoff>(0, size - kEnd));
+  ReaderAccount account;
+  for (std::string line; std::getline(in, line);) {
+    const auto json = nlohmann::json::parse(line, nullptr, false);
+    if (!json.is_object()) continue;
+    account = {json.value("frames", 0ULL), json.value("missed", 0ULL), json.value("restarts", 0ULL),
+               json.value("disorder", 0ULL)};
+  }
+  return account;
+}
+
+Status read_along(const std::string& name, int slow_ms, const std::atomic<bool>& stop) {
+  bolo_client* opened = nullptr;
+  if (bolo_client_open(name.c_str(), kOpen_ms, &opened) != BOLO_CLIENT_OK) return failed(bolo_client_error(nullptr));
+  const std::unique_ptr<bolo_client, Close> client(opened);
+  const bolo_client_info* info = bolo_client_get_info(client.get());
+  std::vector<std::uint16_t> raw(std::size_t{info->width} * info->height);
+  std::vector<std::uint16_t> deblurred(raw.size());
+  ReaderAccount account;
+  bolo_client_frame frame{};
+  std::int64_t last_publish_ns = 0;
+  std::int64_t next_tell_ns = monotonic_ns();
+  while (!stop.load(std::memory_order_relaxed)) {
+    if (monotonic_ns() >= next_tell_ns) {
+      tell(account);
+      next_tell_ns = monotonic_ns() + kTellNs;
+    }
+    const int got = bolo_client_next(client.get(), kReaderLook_ms, &frame);
+    if (got == BOLO_CLIENT_RESTARTED) ++account.restarts;
+    if (got < 0) return failed(bolo_client_error(client.get()));
+    if (got != BOLO_CLIENT_OK) continue;
+    account.missed += frame.missed;
+    if (bolo_client_copy(&frame, raw.data(), deblurred.data()) != BOLO_CLIENT_OK) {
+      ++account.missed;
+      continue;
+    }
+    ++account.frames;
+    if (frame.publish_ns <= last_publish_ns) ++account.disorder;
+    last_publish_ns = frame.publish_ns;
+    if (slow_ms > 0) std::this_thread::sleep_for(std::chrono::milliseconds(slow_ms));
+  }
+  tell(account);
+  return {};
 }
 
 }  // namespace bolo::tools::soak

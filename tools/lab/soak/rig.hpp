@@ -2,19 +2,45 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "src/core/geometry.hpp"
+#include "src/core/result.hpp"
 #include "tools/cli/process.hpp"
 #include "tools/lab/soak/account.hpp"
-#include "tools/lab/soak/daemon_file.hpp"
 #include "tools/lab/soak/scene.hpp"
 #include "tools/lab/soak/schedule.hpp"
 
 namespace bolo::tools::soak {
+
+// The configuration of the soak's daemon: a user's own, or the defaults, with what the soak must decide put over
+// it.
+
+struct DaemonFile {
+  std::filesystem::path base;    // empty: bolod's defaults
+  std::filesystem::path folder;  // where the files are written: bolod.toml, profile.toml
+  std::string name;              // of the shared memory
+  std::string address;           // of the camera
+  Geometry geometry;
+  double rate_hz = 200.0;
+  int packet_size = 0;
+  double nuc_interval_s = 300.0;  // a live key, with nuc.policy = "camera" of no effect: to see a reload taken up
+};
+
+// Writes both. kBadInput: the base or its profile cannot be read. Thread: any.
+Status write_daemon_file(const DaemonFile& file);
+
+// The configuration that was written.
+std::filesystem::path config_of(const DaemonFile& file);
+
+// All of a file; empty where it cannot be read. Thread: any.
+std::string contents(const std::filesystem::path& file);
 
 struct Programs {
   std::filesystem::path lab;  // this program
@@ -114,5 +140,22 @@ class Rig {
   bool degrades_ = false;
   int started_readers_ = 0;
 };
+
+// --- A reader process: reads every frame as any program does, with libbolo-client.
+
+// Until `stop`; prints a line of JSON twice a second and at the end: frames, missed, restarts, and disorder, frames
+// that came in another order than their numbers and times say. slow_ms: what it takes for each frame. Thread: setup.
+Status read_along(const std::string& name, int slow_ms, const std::atomic<bool>& stop);
+
+// That line.
+struct ReaderAccount {
+  unsigned long long frames = 0;
+  unsigned long long missed = 0;
+  unsigned long long restarts = 0;
+  unsigned long long disorder = 0;
+};
+std::string text_of(const ReaderAccount& account);
+// Of the last whole line of such; zeros of none. Thread: any.
+ReaderAccount last_account(const std::string& file);
 
 }  // namespace bolo::tools::soak

@@ -12,11 +12,11 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
+#include "src/report/text.hpp"
+#include "tools/lab/soak/account.hpp"
 #include "tools/lab/soak/acts.hpp"
-#include "tools/lab/soak/books.hpp"
-#include "tools/lab/soak/log_watch.hpp"
-#include "tools/lab/soak/reader.hpp"
-#include "tools/lab/soak/sampler.hpp"
+#include "tools/lab/soak/findings.hpp"
+#include "tools/lab/soak/rig.hpp"
 #include "tools/lab/soak/verdicts.hpp"
 #include "tools/lab/soak/watcher.hpp"
 
@@ -323,9 +323,8 @@ void Run::look_at_recoveries() {
     calm_since_s_ = now_s();
     // A machine at its limit recovers when it can; but it does.
     if (seen && others_since(sampler_->timeline(), struck.end_s) > kMostOthers) continue;
-    char text[120];
-    std::snprintf(text, sizeof text, "%s: right again %.2f s after its end, limit %.1f s",
-                  std::string(info.name).c_str(), *struck.recovery_s, info.recovers_within_s);
+    const std::string text = plot::format("%s: right again %.2f s after its end, limit %.1f s",
+                                          std::string(info.name).c_str(), *struck.recovery_s, info.recovers_within_s);
     findings_.require(Invariant::kRecovery, *struck.recovery_s <= info.recovers_within_s, text);
   }
 }
@@ -401,11 +400,11 @@ void Run::tell() {
   for (std::size_t i = 0; i < kInvariants; ++i) {
     if (findings_.tally(static_cast<Invariant>(i)).broken == 0) ++holding;
   }
-  char text[200];
-  std::snprintf(text, sizeof text, "%7.1f s  %6.1f Hz  p99 %6.1f ms  lost %6llu  %d of %d hold  %s", now_s(),
-                static_cast<double>(frames) / std::max<double>(1.0, static_cast<double>(seconds)), p99_ms,
-                static_cast<unsigned long long>(total(watcher_->counters().lost)), holding,
-                static_cast<int>(kInvariants), what_happens().c_str());
+  const std::string text =
+      plot::format("%7.1f s  %6.1f Hz  p99 %6.1f ms  lost %6llu  %d of %d hold  %s", now_s(),
+                   static_cast<double>(frames) / std::max<double>(1.0, static_cast<double>(seconds)), p99_ms,
+                   static_cast<unsigned long long>(total(watcher_->counters().lost)), holding,
+                   static_cast<int>(kInvariants), what_happens().c_str());
   progress_(text);
 }
 

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "tools/lab/soak/findings.hpp"
-#include "tools/lab/soak/result.hpp"
 #include "tools/lab/soak/rig.hpp"
+#include "tools/lab/soak/verdicts.hpp"
 
 namespace bolo::tools::soak {
 

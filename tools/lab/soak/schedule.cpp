@@ -1,15 +1,57 @@
 #include "tools/lab/soak/schedule.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdio>
 
-#include "src/core/splitmix.hpp"
-#include "src/report/text.hpp"
+#include "tools/lab/common.hpp"
 
 namespace bolo::tools::soak {
 namespace {
 
-using plot::format;
+// Times to recover are limits, for a machine that others use as well. What takes long: a camera that is silent is asked
+// after 0.2 s and opened again, with its start-up; a killed daemon is started again after 0.3 s, and
+// promised to be back 2 s after the kill (PROMISES.md).
+constexpr std::array<KindInfo, 31> kKinds{{
+    {Kind::kLoss, "loss", "packets are lost and asked for again", 0.3, 0.8, 3.0, 2.2, true},
+    {Kind::kReorder, "reorder", "packets arrive late", 0.3, 0.8, 3.0, 2.2, true},
+    {Kind::kDuplicate, "duplicate", "packets arrive twice", 0.3, 0.8, 3.0, 2.2, true},
+    {Kind::kGarbage, "garbage", "packets of random bytes between the camera's", 0.3, 0.8, 4.0, 2.4, true},
+    {Kind::kNoResend, "resend_unanswered", "packets are lost, and requests for them not answered", 0.3, 0.8, 3.0, 2.4,
+     true},
+    {Kind::kIdGap, "id_gap", "the camera's counter jumps", 0.0, 0.0, 3.0, 1.6, true},
+    {Kind::kTimeJump, "time_jump", "the camera's clock jumps", 0.0, 0.0, 3.0, 1.6, true},
+    {Kind::kStall, "stall", "the camera sends nothing, but answers", 0.2, 0.6, 6.0, 2.6, true},
+    {Kind::kFreeze, "freeze", "the camera neither sends nor answers", 0.3, 1.0, 8.0, 3.6, true},
+    {Kind::kControlLoss, "control_loss", "the camera takes control away", 0.0, 0.0, 10.0, 3.2, true},
+    {Kind::kReboot, "reboot", "the camera starts anew and forgets all", 0.5, 1.0, 10.0, 4.2, true},
+    {Kind::kShutter, "nuc", "the camera's shutter: repeated frames, then an offset", 0.3, 0.5, 3.0, 2.2, true},
+    {Kind::kByteOrder, "byte_order", "pixels come with their bytes swapped", 0.2, 0.5, 3.0, 2.0, true},
+    {Kind::kMetadataRows, "metadata_rows", "the last rows hold metadata", 0.2, 0.5, 3.0, 2.0, true},
+    {Kind::kWindowingDrop, "windowing_drop", "the camera drops the connection that sets it up", 0.5, 1.0, 15.0, 4.5,
+     true},
+    {Kind::kCameraStopped, "camera_stopped", "SIGSTOP of the camera, then SIGCONT", 0.3, 1.0, 10.0, 4.0, false},
+    {Kind::kCameraReplaced, "camera_replaced", "the camera ends; another process takes its place", 0.3, 0.8, 15.0, 4.5,
+     false},
+    {Kind::kDaemonStopped, "daemon_stopped", "SIGSTOP of bolod, then SIGCONT", 0.2, 1.2, 5.0, 3.4, false},
+    {Kind::kDaemonKilled, "daemon_killed", "SIGKILL of bolod; started again, as a service is", 0.3, 0.3, 1.7, 5.0,
+     false},
+    {Kind::kReaderKilled, "reader_killed", "SIGKILL of a reader; another one begins", 0.2, 0.5, 2.0, 1.6, false},
+    {Kind::kReaderStopped, "reader_stopped", "SIGSTOP of a reader, then SIGCONT", 0.5, 1.2, 2.0, 2.2, false},
+    {Kind::kReaderSlow, "reader_slow", "a reader that takes 50 ms a frame", 0.8, 1.5, 2.0, 2.4, false},
+    {Kind::kRecording, "recording", "a recording, ended in good order", 1.0, 1.5, 3.0, 3.0, false},
+    {Kind::kRecorderKilled, "recorder_killed", "SIGKILL of a recording; what is left is recovered", 1.2, 1.8, 3.0, 3.2,
+     false},
+    {Kind::kDiskFull, "disk_full", "a recording on a disk without room", 1.5, 2.5, 3.0, 3.8, false},
+    {Kind::kClockStep, "clock_step", "CLOCK_REALTIME is set by seconds, then back", 0.5, 1.0, 3.0, 2.4, false},
+    {Kind::kCpuTaken, "cpu_taken", "other programs on every processor", 0.8, 1.5, 5.0, 3.2, false},
+    {Kind::kMemoryTaken, "memory_taken", "another program fills memory", 0.8, 1.5, 5.0, 3.2, false},
+    {Kind::kReload, "reload", "SIGHUP with a changed file", 0.0, 0.0, 2.0, 1.4, false},
+    {Kind::kBadReload, "bad_reload", "SIGHUP with a file that is wrong", 0.5, 0.5, 2.0, 1.8, false},
+    {Kind::kCorrection, "correction", "bolo nuc: the camera is told to correct its pixels", 0.6, 0.6, 3.0, 2.4, false},
+}};
 
 constexpr double kFirstQuiet_s = 2.5;  // before the first disturbance of a round: the camera has just begun
 constexpr double kChange_s = 4.5;      // from one round's camera to the next one's first frame
@@ -20,18 +62,6 @@ constexpr double kLongStall_s = 2.4;  // longer than bolod waits before it opens
 // What a round begins with, in no place of the order.
 bool opens_round(Kind kind) { return kind == Kind::kWindowingDrop || kind == Kind::kCameraReplaced; }
 
-class Dice {
- public:
-  explicit Dice(std::uint64_t key) : key_(key) {}
-  std::uint64_t next() { return splitmix::key(key_, count_++); }
-  double between(double low, double high) { return low + (high - low) * splitmix::unit(next()); }
-  std::size_t below(std::size_t n) { return static_cast<std::size_t>(next() % n); }
-
- private:
-  std::uint64_t key_;
-  std::uint64_t count_ = 0;
-};
-
 // By how much the camera's clock jumps, s: never whole frames, else two of them carry the same time, by which the books
 // are compared.
 double jump(Dice& dice) { return std::floor(dice.between(0.2, 2.0) * 100.0) / 100.0 + 0.0013; }
@@ -39,24 +69,24 @@ double jump(Dice& dice) { return std::floor(dice.between(0.2, 2.0) * 100.0) / 10
 // The camera's script for one of its kinds.
 std::string faults_of(const Disturbance& d, Dice& dice) {
   const std::string name(info_of(d.kind).name);
-  const std::string at = format("at=%.3f", d.at_s);
-  const std::string lasting = ":" + at + format(",for=%.3f", d.for_s);
+  const std::string at = plot::format("at=%.3f", d.at_s);
+  const std::string lasting = ":" + at + plot::format(",for=%.3f", d.for_s);
   const std::string seed = ",seed=" + std::to_string(d.seed % 1'000'000);
   switch (d.kind) {
     case Kind::kLoss:
     case Kind::kReorder:
     case Kind::kDuplicate:
     case Kind::kGarbage:
-      return name + lasting + format(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
+      return name + lasting + plot::format(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
     case Kind::kNoResend:  // requests come after the packets: unanswered a little longer
-      return name + ":" + at + format(",for=%.3f", d.for_s + 0.3) + " loss" + lasting +
-             format(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
+      return name + ":" + at + plot::format(",for=%.3f", d.for_s + 0.3) + " loss" + lasting +
+             plot::format(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
     case Kind::kIdGap:
-      return name + ":" + at + format(",ids=%.0f", 1.0 + static_cast<double>(dice.below(40)));
+      return name + ":" + at + plot::format(",ids=%.0f", 1.0 + static_cast<double>(dice.below(40)));
     case Kind::kTimeJump:
-      return name + ":" + at + format(",by=%.4f", (dice.below(2) == 0 ? 1.0 : -1.0) * jump(dice));
+      return name + ":" + at + plot::format(",by=%.4f", (dice.below(2) == 0 ? 1.0 : -1.0) * jump(dice));
     case Kind::kShutter:
-      return name + lasting + format(",offset=%.1f", 0.5);
+      return name + lasting + plot::format(",offset=%.1f", 0.5);
     case Kind::kByteOrder:
     case Kind::kStall:
     case Kind::kFreeze:
@@ -67,7 +97,7 @@ std::string faults_of(const Disturbance& d, Dice& dice) {
     case Kind::kControlLoss:
       return name + ":" + at;
     case Kind::kWindowingDrop:
-      return name + format(":for=%.3f", d.for_s);
+      return name + plot::format(":for=%.3f", d.for_s);
     default:
       return {};
   }
@@ -80,7 +110,7 @@ Disturbance make(Kind kind, double at_s, std::size_t round, Dice& dice) {
   d.at_s = std::round(at_s * 1000.0) / 1000.0;
   d.for_s = std::round(dice.between(info.shortest_s, info.longest_s) * 1000.0) / 1000.0;
   if (kind == Kind::kStall && round % 2 == 1) d.for_s = kLongStall_s;
-  d.seed = dice.next();
+  d.seed = dice.word();
   if (info.of_camera) d.faults = faults_of(d, dice);
   return d;
 }
@@ -131,6 +161,15 @@ Round draw_round(const ScheduleRequest& request, std::size_t round, double round
 }
 
 }  // namespace
+
+std::span<const KindInfo> kinds() { return kKinds; }
+
+const KindInfo& info_of(Kind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
+
+std::optional<Kind> kind_named(std::string_view name) {
+  const auto* const found = std::ranges::find(kKinds, name, &KindInfo::name);
+  return found == kKinds.end() ? std::nullopt : std::optional(found->kind);
+}
 
 std::vector<std::string> Round::faults() const {
   std::vector<std::string> all;

@@ -1,13 +1,32 @@
 #include "tools/lab/soak/verdicts.hpp"
 
+#include <sys/resource.h>
+
 #include <algorithm>
+#include <bit>
 #include <cstdio>
 #include <map>
+#include <string>
+#include <thread>
+#include <utility>
 
+#include "bolo/shm_layout.h"
 #include "src/core/statistics.hpp"
+#include "src/report/text.hpp"
 
 namespace bolo::tools::soak {
 namespace {
+
+constexpr std::size_t kMinute = 60;  // samples
+
+double own_cpu_s() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_usec) * 1e-6;
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
 
 constexpr double kSettle_s = 60.0;  // of a daemon, before its memory is looked at
 // What libraries open once and keep: a camera that is looked for everywhere starts libusb, with four files and a
@@ -34,13 +53,83 @@ LifeGrowth measured(int number, const Life& life, double settle_s) {
   g.to_s = life.back()->at_s;
   g.rss_mib = growth_of_life(life, kSettle_s, false, &Usage::rss_mib);
   g.private_mib = growth_of_life(life, kSettle_s, false, &Usage::private_mib);
-  g.pss_mib = growth_of_life(life, kSettle_s, false, &Usage::pss_mib);
   g.descriptors = growth_of_life(life, settle_s, true, &Usage::descriptors);
   g.threads = growth_of_life(life, settle_s, true, &Usage::threads);
   return g;
 }
 
+constexpr std::size_t kMostWaiting = 12;  // accounts: three seconds
+
 }  // namespace
+
+void Sampler::sample(double now_s, bool quiet) {
+  Second second;
+  second.at_s = now_s;
+  second.quiet = quiet;
+  take_flow(second);
+  take_usage(second);
+  timeline_.push_back(second);
+  if (rig_.degrades()) {
+    const std::uint64_t lost = lost_too_early(timeline_);
+    if (timeline_.size() > 2) {
+      findings_.require(Invariant::kOverload, lost == 0,
+                        std::to_string(lost) + " frames lost for want of time, and none published as it came");
+    }
+  }
+  if (timeline_.size() % kMinute == 0) minutes_.push_back(figures_of(std::exchange(minute_ms_, {})));
+}
+
+void Sampler::take_flow(Second& second) {
+  const Flow flow = watcher_.take_flow();
+  for (std::size_t i = 0; i < flow.grades.size(); ++i) {
+    second.frames += flow.grades[i];
+    sum_.grades[i] += flow.grades[i];
+  }
+  for (std::size_t i = 0; i < flow.flags.size(); ++i) sum_.flags[i] += flow.flags[i];
+  sum_.missed += flow.missed;
+  second.undone = flow.flags[static_cast<std::size_t>(std::countr_zero(std::uint32_t{BOLO_FLAG_RAW}))];
+  second.clean = flow.grades[static_cast<std::size_t>(Grade::kClean)];
+  const LatencyFigures latency = figures_of(flow.latency_ms);
+  second.p50_ms = latency.p50_ms;
+  second.p99_ms = latency.p99_ms;
+  second.max_ms = latency.max_ms;
+  if (second.quiet) quiet_ms_.insert(quiet_ms_.end(), flow.latency_ms.begin(), flow.latency_ms.end());
+  minute_ms_.insert(minute_ms_.end(), flow.latency_ms.begin(), flow.latency_ms.end());
+  const Counters counters = watcher_.counters();
+  second.life = counters.life;
+  for (std::size_t c = 0; c < kLossCauses; ++c) second.lost[c] = counters.lost[c] - counted_.lost[c];
+  counted_ = counters;
+}
+
+// What no process of the soak's worked, others did.
+void Sampler::take_usage(Second& second) {
+  const auto look = [this](Process& process) {
+    const std::optional<Usage> usage = process.ended() ? std::nullopt : usage_of(process.pid());
+    if (usage) cpu_of_[process.pid()] = usage->cpu_s;
+    return usage;
+  };
+  second.daemon = look(rig_.daemon());
+  if (rig_.has_camera()) look(rig_.camera());
+  for (Process& reader : rig_.readers()) look(reader);
+  double ours_s = own_cpu_s();
+  for (const auto& [pid, cpu_s] : cpu_of_) ours_s += cpu_s;
+  const double busy = busy_s();
+  const double processors = std::max(1U, std::thread::hardware_concurrency());
+  if (!timeline_.empty()) {
+    second.others = std::clamp(((busy - busy_s_) - (ours_s - ours_s_)) / processors, 0.0, 1.0);
+  }
+  busy_s_ = busy;
+  ours_s_ = ours_s;
+}
+
+void Sampler::finish(SoakResult& result) {
+  if (!minute_ms_.empty()) minutes_.push_back(figures_of(minute_ms_));
+  result.timeline = std::move(timeline_);
+  result.minutes = std::move(minutes_);
+  result.grades = sum_.grades;
+  result.flags = sum_.flags;
+  result.unread = sum_.missed;
+}
 
 LatencyFigures figures_of(const std::vector<double>& latency_ms) {
   return {latency_ms.size(), quantile(latency_ms, 0.5), quantile(latency_ms, 0.99), quantile(latency_ms, 1.0)};
@@ -75,12 +164,10 @@ void judge_latency(const std::vector<double>& quiet_ms, double limit_ms, SoakRes
   }
   result.others_in_quiet = seconds > 0.0 ? others / seconds : 0.0;
   const bool busy = result.others_in_quiet > kMostOthers;
-  char text[200];
-  std::snprintf(text, sizeof text,
-                "p50 %.2f, p99 %.2f, max %.1f ms of %llu frames in quiet times; limit of p99 %.0f ms%s",
-                result.quiet.p50_ms, result.quiet.p99_ms, result.quiet.max_ms,
-                static_cast<unsigned long long>(result.quiet.frames), limit_ms,
-                busy ? ", not judged: other programs take the processors" : "");
+  const std::string text = plot::format(
+      "p50 %.2f, p99 %.2f, max %.1f ms of %llu frames in quiet times; limit of p99 %.0f ms%s", result.quiet.p50_ms,
+      result.quiet.p99_ms, result.quiet.max_ms, static_cast<unsigned long long>(result.quiet.frames), limit_ms,
+      busy ? ", not judged: other programs take the processors" : "");
   findings.figure(Invariant::kLatency, text);
   if (busy || result.quiet.frames == 0) return;
   findings.require(Invariant::kLatency, result.quiet.p99_ms <= limit_ms, text);
@@ -97,9 +184,8 @@ void judge_growth(double limit_mib, SoakResult& result, Findings& findings) {
     const LifeGrowth g = measured(life.first, life.second, settle_s);
     const auto judge = [&](Invariant invariant, const Growth& growth, double span_s, double limit, const char* what) {
       if (!growth.judged) return;
-      char text[200];
-      std::snprintf(text, sizeof text, "life %d, %.0f s: %s from %.2f to %.2f", g.life, lasted_s, what, growth.first,
-                    growth.last);
+      const std::string text =
+          plot::format("life %d, %.0f s: %s from %.2f to %.2f", g.life, lasted_s, what, growth.first, growth.last);
       findings.figure(invariant, text);
       findings.require(invariant, !grows(growth, span_s, limit), text);
     };
@@ -109,6 +195,58 @@ void judge_growth(double limit_mib, SoakResult& result, Findings& findings) {
     judge(Invariant::kDescriptors, g.descriptors, lasted_s - settle_s, kMostDescriptors, "open files");
     result.lives.push_back(g);
   }
+}
+
+void Books::look(const CameraBook& camera, const Watcher& watcher, double now_s) {
+  const auto& present = camera.present();
+  if (present && camera.quiet() && (waiting_.empty() || waiting_.back().account.time_ns != present->time_ns)) {
+    waiting_.push_back({*present, camera.mark()});
+    if (waiting_.size() > kMostWaiting) waiting_.pop_front();
+  }
+  for (std::size_t i = 0; i < waiting_.size(); ++i) {
+    const auto position = watcher.find(waiting_[i].account.last_timestamp_ns, waiting_[i].account.time_ns);
+    if (!position) continue;
+    Mark mark = waiting_[i].mark;
+    mark.at_s = now_s;
+    mark.life = position->life;
+    mark.number = position->number;
+    mark.frame_id = position->frame_id;
+    mark.published = position->published;
+    mark.lost_total = position->lost;
+    mark.silence_s = position->silence_s;
+    compare(mark);
+    waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(i) + 1);
+    return;
+  }
+}
+
+void Books::compare(const Mark& mark) {
+  if (last_) {
+    const Balance balance = balance_of(*last_, mark);
+    check_balance(balance, mark.silence_s - last_->silence_s, period_s_, findings_);
+    unheard_ += balance.unheard;
+    ++balances_;
+  } else {
+    first_ = mark;
+  }
+  last_ = mark;
+}
+
+void Books::close(const faults::Losses& lost, SoakResult& result) const {
+  findings_.require(Invariant::kAccount, balances_ > 0, "the books were never compared: no quiet moment");
+  if (!first_) return;
+  const Balance all = balance_of(*first_, *last_);
+  result.passed = all.passed;
+  result.published = all.published;
+  result.lost = lost;
+  result.unheard = unheard_;
+  result.balances = balances_;
+  const std::string text =
+      plot::format("%llu passed = %llu published + %llu lost + %lld sent to nobody; compared %llu times",
+                   static_cast<unsigned long long>(all.passed), static_cast<unsigned long long>(all.published),
+                   static_cast<unsigned long long>(all.lost), static_cast<long long>(unheard_),
+                   static_cast<unsigned long long>(balances_));
+  findings_.figure(Invariant::kCamera, text);
 }
 
 }  // namespace bolo::tools::soak

@@ -1,13 +1,128 @@
-// What the seconds of a soak, taken together, say.
+// What a soak saw.
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <limits>
+#include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "drivers/fakecam/fault_tally.hpp"
+#include "src/core/loss.hpp"
 #include "tools/lab/soak/findings.hpp"
-#include "tools/lab/soak/result.hpp"
+#include "tools/lab/soak/rig.hpp"
+#include "tools/lab/soak/schedule.hpp"
+#include "tools/lab/soak/usage.hpp"
+#include "tools/lab/soak/watcher.hpp"
 
 namespace bolo::tools::soak {
+
+inline constexpr double kSample_s = 1.0;  // from one look at the processes to the next
+
+// A disturbance as it came to pass. Times: s since the soak's beginning.
+struct Struck {
+  Disturbance disturbance;
+  std::size_t round = 0;
+  double begin_s = 0.0;
+  double end_s = 0.0;
+  bool over = false;                 // it has ended
+  std::optional<double> recovery_s;  // after its end; nothing: not before the end
+};
+
+// One second of it.
+struct Second {
+  double at_s = 0.0;  // its end
+  bool quiet = false;
+  std::uint64_t frames = 0;
+  std::uint64_t clean = 0;
+  std::uint64_t undone = 0;  // published as they came, for too many were waiting
+  double p50_ms = 0.0;
+  double p99_ms = 0.0;
+  double max_ms = 0.0;
+  std::array<std::uint64_t, kLossCauses> lost{};  // in it
+  int life = 0;                                   // of the daemon
+  std::optional<Usage> daemon;
+  double others = 0.0;  // share of the processors' time that programs beside the soak's took
+};
+
+struct LatencyFigures {
+  std::uint64_t frames = 0;
+  double p50_ms = 0.0;
+  double p99_ms = 0.0;
+  double max_ms = 0.0;
+};
+
+// The daemon's memory over one of its lives.
+struct LifeGrowth {
+  int life = 0;
+  double from_s = 0.0;
+  double to_s = 0.0;
+  Growth rss_mib;
+  Growth private_mib;
+  Growth descriptors;
+  Growth threads;
+};
+
+struct SoakResult {
+  double seconds = 0.0;
+  bool interrupted = false;
+  std::vector<Struck> struck;
+  std::vector<Second> timeline;
+  std::vector<LatencyFigures> minutes;
+  LatencyFigures quiet;
+  double others_in_quiet = 0.0;
+  std::vector<LifeGrowth> lives;
+  // The books, from the first mark to the last.
+  std::uint64_t passed = 0;  // by the camera, numbers that it skipped included
+  std::uint64_t sent = 0;
+  std::uint64_t published = 0;
+  std::array<std::uint64_t, kLossCauses> lost{};
+  std::int64_t unheard = 0;    // sent while nobody listened
+  std::uint64_t balances = 0;  // times that both books were compared
+  std::uint64_t unread = 0;    // published, but overwritten before the soak read them
+  std::array<std::uint64_t, 32> flags{};
+  std::array<std::uint64_t, kGrades> grades{};
+  std::vector<fakecam::InjectedFault> injected;
+  std::string solver;
+};
+
+// --- Looks at the processes once a second, and keeps what it saw.
+
+// Thread: one at a time.
+class Sampler {
+ public:
+  // All outlive this.
+  Sampler(Rig& rig, Watcher& watcher, Findings& findings) : rig_(rig), watcher_(watcher), findings_(findings) {}
+
+  void sample(double now_s, bool quiet);
+
+  const std::vector<Second>& timeline() const noexcept { return timeline_; }
+  const std::vector<double>& quiet_ms() const noexcept { return quiet_ms_; }  // latencies of quiet times
+  // Hands over the timeline, the minutes and the counts.
+  void finish(SoakResult& result);
+
+ private:
+  void take_flow(Second& second);
+  void take_usage(Second& second);
+
+  Rig& rig_;
+  Watcher& watcher_;
+  Findings& findings_;
+  std::vector<Second> timeline_;
+  std::vector<LatencyFigures> minutes_;
+  std::vector<double> minute_ms_;
+  std::vector<double> quiet_ms_;
+  Flow sum_;             // without latencies
+  Counters counted_;     // at the last sample
+  double busy_s_ = 0.0;  // all processors, at the last sample
+  double ours_s_ = 0.0;
+  std::map<pid_t, double> cpu_of_;
+};
+
+// --- What the seconds of a soak, taken together, say.
 
 // Of the processors' time: where other programs took more, times are their doing, and are told but not judged.
 inline constexpr double kMostOthers = 0.15;
@@ -25,5 +140,36 @@ std::uint64_t lost_too_early(const std::vector<Second>& timeline);
 // Fill in the result's figures and judge them. Thread: any.
 void judge_latency(const std::vector<double>& quiet_ms, double limit_ms, SoakResult& result, Findings& findings);
 void judge_growth(double limit_mib, SoakResult& result, Findings& findings);
+
+// --- The soak's own bookkeeping: finds moments at which camera's and daemon's books can be compared, and compares
+// them.
+
+// Thread: one at a time.
+class Books {
+ public:
+  Books(double period_s, Findings& findings) : period_s_(period_s), findings_(findings) {}
+
+  // Takes up what the camera told, and makes a mark of it as soon as its frame has settled.
+  void look(const CameraBook& camera, const Watcher& watcher, double now_s);
+
+  double last_mark_s() const { return last_ ? last_->at_s : -std::numeric_limits<double>::infinity(); }
+  // The sums from the first mark to the last.
+  void close(const faults::Losses& lost, SoakResult& result) const;
+
+ private:
+  struct Waiting {
+    CameraAccount account;
+    Mark mark;  // the camera's part
+  };
+  void compare(const Mark& mark);
+
+  double period_s_;
+  Findings& findings_;
+  std::deque<Waiting> waiting_;
+  std::optional<Mark> first_;
+  std::optional<Mark> last_;
+  std::int64_t unheard_ = 0;
+  std::uint64_t balances_ = 0;
+};
 
 }  // namespace bolo::tools::soak

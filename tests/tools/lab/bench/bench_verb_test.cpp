@@ -34,10 +34,8 @@ void expect_measured(const nlohmann::json& m) {
 }
 
 TEST(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
-  const Scratch scratch;
-  const Outcome outcome = bench({"deblur", "--json", "--seconds", "0.1", "--plot", scratch / "bench.svg"});
+  const Outcome outcome = bench({"deblur", "--json", "--seconds", "0.1"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  EXPECT_NE(contents(scratch / "bench.svg").find("naive"), std::string::npos);
   const nlohmann::json result = nlohmann::json::parse(outcome.out);
   expect_measured(result);
   EXPECT_EQ(result.at("solver"), "admm");
@@ -55,9 +53,8 @@ TEST(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
     EXPECT_LE(variant.at("rms_error_k").get<double>(), 5e-3) << "its maps change no value";
   }
   EXPECT_EQ(with_profile, 6);
-  EXPECT_EQ(solvers, (std::set<std::string>{"admm", "dual", "exact", "inverse", "naive"}));
-  EXPECT_GT(result.at("machine").at("read_gb_per_s").get<double>(), 0.0);
-  EXPECT_GT(result.at("machine").at("fma_gflop_per_s").get<double>(), 0.0);
+  EXPECT_EQ(solvers, (std::set<std::string>{"admm", "dual", "exact", "inverse"}));
+  EXPECT_GE(result.at("machine").at("processors").get<int>(), 1);
 }
 
 TEST(BenchVerb, OptionsChooseTheMainFigures) {

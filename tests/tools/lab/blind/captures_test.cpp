@@ -1,4 +1,4 @@
-#include "tools/lab/blind/captures.hpp"
+#include "tools/lab/blind/session.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,6 @@
-#include "tools/lab/blind/child.hpp"
+#include "tools/lab/blind/diagnosis.hpp"
 
+#include <atomic>
 #include <fstream>
 
 #include <gtest/gtest.h>
@@ -17,13 +18,13 @@ ChildWork work_of(const Scratch& folder, const std::string& line) {
   return {program, {folder / "capture-1.h5"}, folder / "report", "", 60.0};
 }
 
-const GoOn kGoOn = [] { return true; };
+const std::atomic<bool> kNever{false};
 
 TEST(BlindChild, GetsTheWordsOfADiagnosis) {
   const Scratch folder;
   ChildWork work = work_of(folder, "echo \"$@\" >&2");
   work.withheld = "iir";
-  ASSERT_TRUE(run_child(work, kGoOn));
+  ASSERT_TRUE(run_child(work, kNever));
   std::string said;
   std::getline(std::ifstream(folder / "diagnose.log") >> std::ws, said);
   EXPECT_EQ(said, "diagnose -o " + (folder / "report").string() + " --threads 1 --withhold iir " +
@@ -32,11 +33,11 @@ TEST(BlindChild, GetsTheWordsOfADiagnosis) {
 
 TEST(BlindChild, SaysWhyItFailed) {
   const Scratch folder;
-  const Status status = run_child(work_of(folder, "echo nonsense >&2; exit 3"), kGoOn);
+  const Status status = run_child(work_of(folder, "echo nonsense >&2; exit 3"), kNever);
   ASSERT_FALSE(status);
   EXPECT_EQ(status.error().message, "the diagnosis ended with exit code 3: nonsense");
   const Scratch other;
-  const Status killed = run_child(work_of(other, "kill -9 $$"), kGoOn);
+  const Status killed = run_child(work_of(other, "kill -9 $$"), kNever);
   ASSERT_FALSE(killed);
   EXPECT_EQ(killed.error().message, "the diagnosis ended with signal 9");
 }
@@ -45,18 +46,18 @@ TEST(BlindChild, AProgramThatIsNotThereIsAnError) {
   const Scratch folder;
   ChildWork work = work_of(folder, "");
   work.program = folder / "nothing";
-  EXPECT_FALSE(run_child(work, kGoOn));
+  EXPECT_FALSE(run_child(work, kNever));
 }
 
 TEST(BlindChild, IsEndedWhenItTakesTooLongOrIsNotWanted) {
   const Scratch folder;
   ChildWork work = work_of(folder, "exec sleep 300");
   work.limit_s = 0.2;
-  const Status late = run_child(work, kGoOn);
+  const Status late = run_child(work, kNever);
   ASSERT_FALSE(late);
   EXPECT_EQ(late.error().message, "the diagnosis took too long");
   work.limit_s = 300.0;
-  const Status stopped = run_child(work, [] { return false; });
+  const Status stopped = run_child(work, std::atomic<bool>{true});
   ASSERT_FALSE(stopped);
   EXPECT_EQ(stopped.error().message, "interrupted");
 }

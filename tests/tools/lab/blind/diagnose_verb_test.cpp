@@ -8,7 +8,7 @@
 #include "src/model/camera_profile.hpp"
 #include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
-#include "tools/lab/blind/captures.hpp"
+#include "tools/lab/blind/session.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -4,8 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include "tools/lab/blind/tables.hpp"
-
 namespace bolo::tools::blind {
 namespace {
 
@@ -133,17 +131,6 @@ TEST(BlindScore, AFailureCanBeDrawnAgain) {
   draw.magnitude = 0.33;
   EXPECT_EQ(rerun_words(failure, draw),
             "bolo-lab blind --kind withheld --seed 5 --first 17 --sessions 1 --imperfect --magnitude 0.33");
-}
-
-TEST(BlindScore, ThePageShowsEachCellOnce) {
-  const Score all = score({trial(Kind::kSingle, {"iir"}, said("explained", {"drift"})),
-                           trial(Kind::kSingle, {"drift"}, said("explained", {"drift"})),
-                           trial(Kind::kWithheld, {"rts"}, said("explained", {"<b>"}))});
-  const std::string page = score_html(all, {});
-  EXPECT_NE(page.find("1 of 3 hidden sessions"), std::string::npos);
-  EXPECT_EQ(page.find("<b>\n"), std::string::npos);
-  EXPECT_EQ(page.find("explained: <b>"), std::string::npos);
-  EXPECT_EQ(page.find("http"), std::string::npos);  // it needs nothing but itself
 }
 
 TEST(BlindFinding, ReadsWhatAReportSays) {

@@ -1,4 +1,4 @@
-#include "tools/lab/blind/seal.hpp"
+#include "tools/lab/blind/blind.hpp"
 
 #include <gtest/gtest.h>
 

@@ -6,9 +6,8 @@
 #include <numeric>
 
 #include "tests/scratch.hpp"
-#include "tools/lab/detect/bootstrap.hpp"
-#include "tools/lab/detect/labels.hpp"
-#include "tools/lab/detect/view_truth.hpp"
+#include "tools/lab/detect/average_precision.hpp"
+#include "tools/lab/detect/boxes.hpp"
 
 namespace bolo::tools::detect {
 namespace {

@@ -7,8 +7,6 @@
 #include <array>
 #include <cmath>
 
-#include "tools/lab/detect/decode.hpp"
-
 namespace bolo::tools::detect {
 namespace {
 

@@ -7,8 +7,7 @@
 
 #include "tests/scratch.hpp"
 #include "tests/tools/lab/detect/onnx_file.hpp"
-#include "tools/lab/detect/learned.hpp"
-#include "tools/lab/detect/network.hpp"
+#include "tools/lab/detect/detector.hpp"
 
 namespace bolo::tools::detect {
 namespace {

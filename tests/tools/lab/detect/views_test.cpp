@@ -9,8 +9,7 @@
 #include <string>
 
 #include "tests/scratch.hpp"
-#include "tools/lab/detect/columns.hpp"
-#include "tools/lab/detect/view_truth.hpp"
+#include "tools/lab/detect/boxes.hpp"
 
 namespace bolo::tools::detect {
 namespace {

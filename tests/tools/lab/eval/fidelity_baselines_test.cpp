@@ -7,11 +7,10 @@
 #include <numeric>
 #include <random>
 
-#include "tools/lab/eval/fidelity_baselines.hpp"
 #include "tools/lab/eval/fidelity_columns.hpp"
-#include "tools/lab/eval/fidelity_drops.hpp"
+#include "tools/lab/eval/fidelity_filters.hpp"
 #include "tools/lab/eval/fidelity_measures.hpp"
-#include "tools/lab/eval/fidelity_verdicts.hpp"
+#include "tools/lab/eval/fidelity_report.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {

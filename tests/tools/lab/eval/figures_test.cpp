@@ -6,14 +6,8 @@
 #include "tests/report/markup.hpp"
 #include "tools/bolo/pulse_plots.hpp"
 #include "tools/demo/live_plot.hpp"
-#include "tools/lab/bench/bench_plot.hpp"
-#include "tools/lab/detect/figures.hpp"
-#include "tools/lab/eval/faults_plot.hpp"
-#include "tools/lab/eval/fidelity_plot.hpp"
-#include "tools/lab/eval/loop_plot.hpp"
-#include "tools/lab/eval/loss_plot.hpp"
-#include "tools/lab/eval/pixel_plot.hpp"
-#include "tools/lab/eval/pulses_plot.hpp"
+#include "tools/lab/detect/report.hpp"
+#include "tools/lab/eval/fidelity_report.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -44,42 +38,7 @@ void expect_good(const plot::Sheet& sheet) {
   }
 }
 
-TEST(Figures, OfTheLoopSortByWhatHurts) {
-  const std::vector<loop::Row> rows{{"iir", 0.099, 0.22, 0.101, 0.099, {}},
-                                    {"dead_pixels", 0.099, 1.2, 0.122, 0.122, {}},
-                                    {"stripes", 0.099, 0.099, 0.099, 0.099, {}}};
-  const plot::Sheet sheet = loop::sheet_of(rows);
-  expect_good(sheet);
-  EXPECT_EQ(sheet.rows[0][0].x.categories.front(), "dead_pixels");
-}
-
-TEST(Figures, OfLossesLeaveOutTheLatencyOfNoFrame) {
-  std::vector<faults::LossOutcome> outcomes;
-  for (const double rate : {0.0, 0.001, 0.05}) {
-    for (const bool resend : {false, true}) {
-      const double hz = rate > 0.01 && !resend ? 0.0 : 200.0;
-      outcomes.push_back({{rate, resend, 1500, 4.0},
-                          {.frames_per_s = hz,
-                           .latency_p50_ms = hz > 0.0 ? 3.0 : 0.0,
-                           .latency_p99_ms = 9.0,
-                           .rmse_deblurred_k = 0.722}});
-    }
-  }
-  const plot::Sheet sheet = faults::sheet_of(outcomes);
-  expect_good(sheet);
-  EXPECT_EQ(plots_of(sheet), 4U);
-  EXPECT_TRUE(std::isnan(sheet.rows[1][0].series[0].y[2]));
-}
-
-TEST(Figures, OfFaultsShowMedianAndWorst) {
-  const std::vector<faults::Recovery> recoveries{{"packet_loss", {70.0, 76.0, 79.0}}, {"reorder", {0.0, 0.0}}};
-  const plot::Sheet sheet = faults::sheet_of(recoveries, 85.0);
-  expect_good(sheet);
-  EXPECT_EQ(sheet.rows[0][0].series[0].y[0], 76.0);
-  EXPECT_EQ(sheet.rows[0][0].series[1].y[0], 79.0);
-}
-
-TEST(Figures, OfPulsesHaveTheTableAndAFit) {
+TEST(Figures, OfPulsesHaveAFit) {
   diagnose::PulseFit fit;
   fit.noise_k = 0.03;
   fit.switches_s = {0.1, 0.2, 0.9};
@@ -90,27 +49,11 @@ TEST(Figures, OfPulsesHaveTheTableAndAFit) {
     fit.trace.fine_t_s.push_back(0.005 * i);
     fit.trace.fine_k.push_back(300.0 + i % 20);
   }
-  PulseScore score;
-  score.name = "nominal";
-  score.trials = 20;
-  score.inside = 19;
-  score.worst_error = 5e-5;
-  const std::vector<PulseScore> scores(3, score);
-  const plot::Sheet sheet = sheet_of(scores, fit);
+  plot::Sheet sheet{.title = "The time constant from pulses"};
+  for (const plot::Plot& part : pulse_plots(fit, fit.noise_k)) sheet.rows.push_back({part});
   expect_good(sheet);
-  EXPECT_EQ(plots_of(sheet), 5U);
-  EXPECT_EQ(sheet.rows[0][1].series[0].y[0], 95.0);
+  EXPECT_EQ(plots_of(sheet), 3U);
   EXPECT_TRUE(pulse_plots({}, 0.03).empty()) << "a fit without a pixel";
-}
-
-TEST(Figures, OfOnePixelStandTwoBesideEachOther) {
-  PixelTrial trial;
-  std::vector<PixelScore> scores;
-  for (const double noise : {0.0, 0.5, 1.0}) scores.push_back(score_pixel(trial, noise, 1, 1));
-  const plot::Sheet sheet = sheet_of(trial, scores);
-  expect_good(sheet);
-  ASSERT_EQ(sheet.rows.size(), 2U);
-  EXPECT_EQ(sheet.rows[0].size(), 2U);
 }
 
 TEST(Figures, OfFidelityHaveLatencyAndAPanelForEachLookAhead) {
@@ -171,28 +114,6 @@ TEST(Figures, OfTheLiveStreamShowTheFrameWithMostToSee) {
   EXPECT_EQ(plots_of(sheet), 3U + 3U + 2U);
 }
 
-TEST(Figures, OfBenchesNameEveryVariant) {
-  Measured m;
-  m.solver = "admm";
-  m.isa = "AVX3";
-  m.lambda_half_k = 0.005;
-  m.median_ms_per_frame = 1.3;
-  BenchReport deblur;
-  deblur.main = m;
-  deblur.variants = {m, m, m};
-  deblur.variants[1].median_ms_per_frame = 1400.0;
-  expect_good(sheet_of(deblur));
-  ReadersReport readers;
-  for (const int n : {0, 1, 4, 16}) {
-    ReadersMeasured one;
-    one.readers = n;
-    one.publish_us_p50 = 40.0 + n;
-    one.publish_us_p99 = 98.0 + n;
-    readers.cases.push_back(one);
-  }
-  expect_good(sheet_of(readers));
-}
-
 // Two stills, one of them labelled, looked at twice by two detectors; in the blurred column everything is missed but in
 // the second look, in the others found.
 detect::Found found_boxes(const detect::Options& options) {
@@ -218,7 +139,7 @@ detect::Found found_boxes(const detect::Options& options) {
   return found;
 }
 
-TEST(Figures, OfDetectorsCompareColumnsWithTheBlurredOne) {
+TEST(Figures, OfDetectorsShowWhatEachColumnShows) {
   detect::Options options;
   options.picture = {64, 48};
   options.classes = {{"person", 1}, {"car", 3}};
@@ -248,7 +169,7 @@ TEST(Figures, OfDetectorsCompareColumnsWithTheBlurredOne) {
   EXPECT_FALSE(table.rows[3].labelled);
   const plot::Sheet sheet = sheet_of(table, found, options);
   expect_good(sheet);
-  EXPECT_EQ(plots_of(sheet), 2U + found.columns.size());
+  EXPECT_EQ(plots_of(sheet), found.columns.size());
   EXPECT_EQ(sheet.tables.size(), 2U);
 }
 

@@ -21,8 +21,7 @@ class LoopVerb : public ::testing::Test {
 };
 
 TEST_F(LoopVerb, WhatIsDiagnosedRecoversWhatTheTruthWould) {
-  const std::string picture = (folder_ / "loop.svg").string();
-  const Outcome outcome = run({"--effects", "fpn_offset,tau_global", "--json", "--plot", picture});
+  const Outcome outcome = run({"--effects", "fpn_offset,tau_global", "--json"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const auto json = nlohmann::json::parse(outcome.out);
   ASSERT_EQ(json.at("rows").size(), 2U);
@@ -32,7 +31,6 @@ TEST_F(LoopVerb, WhatIsDiagnosedRecoversWhatTheTruthWould) {
     EXPECT_LT(row.at("recovered_share"), 1.2) << row;
     EXPECT_EQ(row.at("found"), nlohmann::json::array({row.at("effect")}));
   }
-  EXPECT_GT(std::filesystem::file_size(picture), 1000U);
 }
 
 TEST_F(LoopVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "src/deblur/solver.hpp"
-#include "tools/lab/eval/pixel_trial.hpp"
-#include "tools/lab/eval/pulses_trial.hpp"
+#include "tools/lab/eval/pixel.hpp"
+#include "tools/lab/eval/pulses.hpp"
 
 namespace bolo::tools {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "tools/lab/eval/faults_judge.hpp"
+#include "tools/lab/eval/faults_run.hpp"
 
 namespace bolo::tools::faults {
 namespace {

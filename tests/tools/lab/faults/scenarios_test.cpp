@@ -6,7 +6,7 @@
 #include <ostream>
 #include <thread>
 
-#include "tools/lab/eval/faults_scenarios.hpp"
+#include "tools/lab/eval/faults.hpp"
 
 namespace bolo::tools::faults {
 

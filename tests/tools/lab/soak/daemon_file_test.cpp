@@ -5,7 +5,7 @@
 
 #include "tests/scratch.hpp"
 #include "tools/bolod/config.hpp"
-#include "tools/lab/soak/daemon_file.hpp"
+#include "tools/lab/soak/rig.hpp"
 
 namespace bolo::tools::soak {
 namespace {

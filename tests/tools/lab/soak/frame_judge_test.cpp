@@ -3,7 +3,7 @@
 
 #include "bolo/shm_layout.h"
 #include "src/core/byte_order.hpp"
-#include "tools/lab/soak/frame_judge.hpp"
+#include "tools/lab/soak/watcher.hpp"
 
 namespace bolo::tools::soak {
 namespace {

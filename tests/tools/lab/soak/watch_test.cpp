@@ -7,9 +7,7 @@
 #include "tests/scratch.hpp"
 #include "tools/cli/process.hpp"
 #include "tools/lab/soak/findings.hpp"
-#include "tools/lab/soak/growth.hpp"
-#include "tools/lab/soak/log_watch.hpp"
-#include "tools/lab/soak/reader.hpp"
+#include "tools/lab/soak/rig.hpp"
 #include "tools/lab/soak/usage.hpp"
 
 namespace bolo::tools::soak {

@@ -1,0 +1,200 @@
+// `bolo-lab eval detect`: what deblurring is worth to object detectors.
+
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <new>
+#include <sstream>
+#include <system_error>
+
+#include "src/report/text.hpp"
+#include "tools/cli/cli.hpp"
+#include "tools/cli/plot_option.hpp"
+#include "tools/lab/common.hpp"
+#include "tools/lab/detect/report.hpp"
+#include "tools/lab/detect/table.hpp"
+#include "tools/lab/verbs.hpp"
+
+namespace bolo::tools::detect {
+namespace {
+
+constexpr const char* kSummary =
+    R"(What deblurring is worth to object detectors: average precision (AP, as COCO's: IoU 0.5 to 0.95) of each
+detector on sharp, blurred and deblurred frames, as in the paper.
+
+Stills are looked at by a camera (microbolometer with tau 11 ms, 200 frames/s, 10 mK steps; black to white is 25 K) that
+moves along real hand-held trajectories. All columns show the same instant. Where people labelled a still (NAME.txt
+beside it, YOLO's form), their boxes, moved with the picture, are the truth; elsewhere each detector's own boxes on the
+sharp frame are, so that "sharp" is 100 there by itself: two tables, never mixed. Intervals are the middle 95 % of a
+bootstrap over the stills. Networks run by OpenCV; descriptions of detectors are TOML files (config/detectors).
+
+--json prints one object:
+  settings   {picture, repeats, noise_k, least_area_px2, resamples, seed, tau_s, frame_period_s, classes}
+  columns    [{name, words}]
+  motions    [{name, speed_px_s: {p10, p50, p90}}] at the judged instants
+  rows       [{truth: labels | own_boxes, detector (null: mean over the detectors), motion, looks, stills, objects,
+             columns: {NAME: {ap, ap_50, ap_75, ap_ci95, delta_ap, delta_ap_ci95, recovered, recovered_ci95,
+             classes: {CLASS: {ap, objects}}}},
+             bolo_over_best_baseline: {bolo, baseline, delta_ap, delta_ap_ci95}}]
+AP in percent; delta_ap against "blurred"; recovered: the share of what blurring costs. What cannot be said is null.)";
+
+using Paths = std::vector<std::filesystem::path>;
+
+// Sorted files of a folder with one of the extensions.
+Result<Paths> files_in(const std::filesystem::path& folder, const std::vector<std::string>& extensions) {
+  std::error_code error;
+  Paths files;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    if (std::ranges::find(extensions, entry.path().extension().string()) != extensions.end()) {
+      files.push_back(entry.path());
+    }
+  }
+  std::ranges::sort(files);
+  if (error)
+    return bad_input(folder.string() + ": cannot be opened: " + error.message() + "; name another with --data");
+  if (files.empty()) return bad_input(folder.string() + ": has no file *" + extensions.front() + "; put some there");
+  return files;
+}
+
+// What an option names, or else the files in a folder of --data.
+Result<Paths> listed(const cxxopts::ParseResult& given, const std::string& option, const char* folder,
+                     const std::vector<std::string>& extensions) {
+  if (given.count(option) != 0) {
+    const auto names = given[option].as<std::vector<std::string>>();
+    return Paths(names.begin(), names.end());
+  }
+  if (given.count("data") == 0) {
+    return bad_input("give --data FOLDER with " + std::string(folder) + "/*" + extensions.front() + ", or --" + option);
+  }
+  return files_in(std::filesystem::path(given["data"].as<std::string>()) / folder, extensions);
+}
+
+Result<std::vector<DetectorDescription>> detectors_of(const cxxopts::ParseResult& given) {
+  std::filesystem::path networks;
+  if (given.count("data") != 0) networks = std::filesystem::path(given["data"].as<std::string>()) / "detectors";
+  if (given.count("networks") != 0) networks = given["networks"].as<std::string>();
+  Paths files;
+  for (const std::filesystem::path name : given["detectors"].as<std::vector<std::string>>()) {
+    std::error_code ignored;
+    if (!std::filesystem::is_directory(name, ignored)) {
+      files.push_back(name);
+      continue;
+    }
+    const auto inside = files_in(name, {".toml"});
+    if (!inside) return tl::unexpected(inside.error());
+    files.insert(files.end(), inside->begin(), inside->end());
+  }
+  std::vector<DetectorDescription> detectors;
+  for (const std::filesystem::path& file : files) {
+    auto description = read_description(file);
+    if (description)
+      description = with_files_in(std::move(*description), networks.empty() ? file.parent_path() : networks);
+    if (!description) return tl::unexpected(description.error());
+    const auto same = [&](const DetectorDescription& other) { return other.name == description->name; };
+    if (std::ranges::any_of(detectors, same)) {
+      return bad_input(file.string() + ": another detector is called '" + description->name + "' too; rename one");
+    }
+    detectors.push_back(std::move(*description));
+  }
+  return detectors;
+}
+
+Status check(const Options& o) {
+  for (const Status& good : {within(o.repeats, "repeats", 1, 100), within(o.noise_k, "noise", 0.0, 100.0),
+                             within(o.least_area_px2, "least-area", 0.0, 1e6),
+                             within(o.resamples, "resamples", 10, 100000), within(o.threads, "threads", 1, 64)}) {
+    if (!good) return good;
+  }
+  return {};
+}
+
+Result<Options> options_of(const cxxopts::ParseResult& given) {
+  Options options;
+  auto scenes = listed(given, "scenes", "street", {".png", ".jpg", ".jpeg"});
+  if (!scenes) return tl::unexpected(scenes.error());
+  auto trajectories = listed(given, "trajectories", "trajectories", {".csv"});
+  if (!trajectories) return tl::unexpected(trajectories.error());
+  auto detectors = detectors_of(given);
+  if (!detectors) return tl::unexpected(detectors.error());
+  auto classes = classes_of(given["classes"].as<std::string>());
+  if (!classes) return tl::unexpected(classes.error());
+  const auto size = size_of(given["size"].as<std::string>(), "size", {64, 64}, {2048, 2048});
+  if (!size) return tl::unexpected(size.error());
+  auto plot = plot_file_of(given);
+  if (!plot) return tl::unexpected(plot.error());
+  options.scenes = std::move(*scenes);
+  options.trajectories = std::move(*trajectories);
+  options.detectors = std::move(*detectors);
+  options.classes = std::move(*classes);
+  options.picture = *size;
+  options.plot = std::move(*plot);
+  if (given.count("model") != 0) {
+    const auto models = given["model"].as<std::vector<std::string>>();
+    options.models.assign(models.begin(), models.end());
+  }
+  options.repeats = given["repeats"].as<int>();
+  options.noise_k = given["noise"].as<double>();
+  options.least_area_px2 = given["least-area"].as<double>();
+  options.resamples = given["resamples"].as<int>();
+  options.seed = given["seed"].as<std::uint64_t>();
+  options.threads = given["threads"].as<int>();
+  options.json = given.count("json") != 0;
+  if (Status good = check(options); !good) return tl::unexpected(good.error());
+  return options;
+}
+
+Status evaluate(const cxxopts::ParseResult& given) {
+  const auto asked = options_of(given);
+  if (!asked) return tl::unexpected(asked.error());
+  const Options& options = *asked;
+  const auto found = run(options);
+  if (!found) return tl::unexpected(found.error());
+  const Table table = table_of(*found, options);
+  if (options.json) {
+    std::printf("%s\n", to_json(options, table).dump(2).c_str());
+  } else {
+    print_text(options, table);
+  }
+  if (options.plot.empty()) return {};
+  plot::Sheet sheet = sheet_of(table, *found, options);
+  sheet.how = plot::format(
+      "bolo-lab eval detect --size %dx%d --repeats %d --seed %llu: simulated camera, 200 frames/s, tau 11 ms, noise %g "
+      "K.",
+      options.picture.width, options.picture.height, options.repeats, static_cast<unsigned long long>(options.seed),
+      options.noise_k);
+  return save(sheet, options.plot);
+}
+
+}  // namespace
+
+int eval_detect_main(int argc, char** argv) {
+  cxxopts::Options cli("bolo-lab eval detect", kSummary);
+  const auto texts = [] { return cxxopts::value<std::vector<std::string>>(); };
+  cli.add_options("What is looked at")(
+      "data",
+      "Folder with street/*.png (or .jpg), trajectories/*.csv (t_s,x_px,y_px) and the networks' files in detectors",
+      cxxopts::value<std::string>(), "FOLDER")("scenes", "These stills instead of FOLDER/street", texts(), "IMAGE,..")(
+      "trajectories", "These motions instead of FOLDER/trajectories", texts(), "FILE.csv,..")(
+      "repeats", "Looks at each still in each motion", cxxopts::value<int>()->default_value("2"))(
+      "size", "Pixels of the camera; 640x480 is the A655sc's whole sensor, which it cannot send 200 times a second",
+      cxxopts::value<std::string>()->default_value("640x480"),
+      "WxH")("noise", "K rms", cxxopts::value<double>()->default_value("0.03"))(
+      "seed", "Of looks, noise and bootstrap", cxxopts::value<std::uint64_t>()->default_value("1"));
+  cli.add_options("Who looks")("detectors", "Descriptions, or folders of them",
+                               texts()->default_value("config/detectors"), "FILE.toml,..")(
+      "networks", "Folder of their files instead of FOLDER/detectors; without either: where the description is",
+      cxxopts::value<std::string>(),
+      "FOLDER")("model", "Learned deblurring beside the other columns: one-channel image in (0 to 1), the same out",
+                texts(), "FILE.onnx,..");
+  cli.add_options("How it is judged")("classes", "Judged classes: the label files' numbers, the detectors' names",
+                                      cxxopts::value<std::string>()->default_value("1:person,2:bicycle,3:car"),
+                                      "NUMBER:NAME,..")("least-area", "Smaller objects are ignored, px^2",
+                                                        cxxopts::value<double>()->default_value("0"))(
+      "resamples", "Of the bootstrap", cxxopts::value<int>()->default_value("1000"))(
+      "threads", "The result does not depend on them", cxxopts::value<int>()->default_value("2"));
+  cli.add_options("Output")("json", "Print one JSON object");
+  add_plot_option(cli, "Draw the table, and frames with their boxes");
+  return run_verb("eval detect", std::move(cli), argc, argv, evaluate);
+}
+
+}  // namespace bolo::tools::detect

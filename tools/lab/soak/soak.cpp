@@ -1,0 +1,371 @@
+// `bolo-lab soak`: everything that goes wrong on a vehicle, for as long as one likes; and what it found, in words and
+// as JSON.
+#include <sys/utsname.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <ctime>
+#include <fstream>
+#include <set>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "bolo/client.h"
+#include "tools/cli/plot_option.hpp"
+#include "tools/lab/common.hpp"
+#include "tools/lab/soak/run.hpp"
+#include "tools/lab/verbs.hpp"
+
+namespace bolo::tools::soak {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+using plot::format;
+
+constexpr double kShortest_s = 10.0;
+constexpr double kLongest_s = 86400.0;
+constexpr double kDefault_s = 120.0;
+constexpr std::array<const char*, 8> kFlagNames{"gap",    "warm_up", "nuc",     "saturated",
+                                                "jitter", "reduced", "inverse", "raw"};
+constexpr std::array<const char*, kGrades> kGradeNames{"clean", "sparing", "flagged", "settling", "wrong"};
+
+// --- the report ---
+
+// Where and how it was measured.
+ordered_json circumstances(const SoakRequest& request, const Programs& programs, const std::string& command) {
+  utsname names{};
+  uname(&names);
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  gmtime_r(&now, &parts);
+  char began[40];
+  std::strftime(began, sizeof began, "%Y-%m-%d %H:%M:%S UTC", &parts);
+  return {{"command", command},
+          {"version", bolo_client_version()},
+          {"machine", machine_words() + ", " + names.sysname + " " + names.release},
+          {"began", began},
+          {"width", request.rig.geometry.width},
+          {"height", request.rig.geometry.height},
+          {"rate_hz", request.rig.rate_hz},
+          {"taken_by",
+           programs.stress.empty() ? "threads of this program: stress-ng is not installed" : programs.stress.string()}};
+}
+
+// What this computer or this run could not do, and why.
+std::vector<std::string> not_done(const Schedule& schedule) {
+  std::set<Kind> scheduled;
+  for (const Round& round : schedule.rounds) {
+    for (const Disturbance& d : round.disturbances) scheduled.insert(d.kind);
+  }
+  std::vector<std::string> all;
+  for (const KindInfo& info : kinds()) {
+    if (scheduled.contains(info.kind)) continue;
+    const bool no_room = std::ranges::find(schedule.no_room, info.kind) != schedule.no_room.end();
+    const char* const why =
+        no_room ? "no room in a run so short"
+        : info.kind == Kind::kClockStep
+            ? "it would set the whole computer's clock: --step-clock does; time_jump moves the camera's"
+        : info.kind == Kind::kCameraReplaced ? "it begins each round after the first, and there is one only"
+                                             : "not asked for";
+    all.push_back(std::string(info.name) + ": " + why);
+  }
+  return all;
+}
+
+ordered_json losses_json(const std::array<std::uint64_t, kLossCauses>& lost) {
+  ordered_json json;
+  for (std::size_t c = 0; c < kLossCauses; ++c) json[std::string(name(static_cast<LossCause>(c)))] = lost[c];
+  return json;
+}
+
+ordered_json latency_json(const LatencyFigures& f) {
+  return {{"frames", f.frames}, {"p50", f.p50_ms}, {"p99", f.p99_ms}, {"max", f.max_ms}};
+}
+
+ordered_json growth_json(const Growth& g) {
+  if (!g.judged) return nullptr;
+  return {{"first", g.first}, {"last", g.last}, {"by", g.by()}, {"slope_per_hour", g.slope_per_hour}};
+}
+
+ordered_json json_of(const Invariant invariant, const Findings::Tally& tally) {
+  return {{"name", info_of(invariant).name}, {"about", info_of(invariant).about},
+          {"holds", tally.broken == 0},      {"looks", tally.looks},
+          {"broken", tally.broken},          {"figure", tally.figure}};
+}
+
+ordered_json json_of(const Breach& breach) {
+  return {{"invariant", info_of(breach.invariant).name},
+          {"at_s", breach.at_s},
+          {"what", breach.what},
+          {"during", breach.during}};
+}
+
+ordered_json json_of(const Struck& s) {
+  const KindInfo& info = info_of(s.disturbance.kind);
+  return {{"kind", info.name},
+          {"round", s.round},
+          {"begin_s", s.begin_s},
+          {"end_s", s.over ? ordered_json(s.end_s) : ordered_json(nullptr)},
+          {"recovery_s", s.recovery_s ? ordered_json(*s.recovery_s) : ordered_json(nullptr)},
+          {"limit_s", info.recovers_within_s},
+          {"faults", s.disturbance.faults}};
+}
+
+ordered_json json_of(const LifeGrowth& g) {
+  return {{"life", g.life},
+          {"from_s", g.from_s},
+          {"to_s", g.to_s},
+          {"private_mib", growth_json(g.private_mib)},
+          {"rss_mib", growth_json(g.rss_mib)},
+          {"descriptors", growth_json(g.descriptors)},
+          {"threads", growth_json(g.threads)}};
+}
+
+ordered_json json_of(const fakecam::InjectedFault& f) {
+  return {{"fault", f.fault}, {"times", f.times}, {"frames", f.frames}, {"packets", f.packets}};
+}
+
+template <typename T>
+ordered_json list_of(const std::vector<T>& items) {
+  ordered_json list = ordered_json::array();
+  for (const T& item : items) list.push_back(json_of(item));
+  return list;
+}
+
+ordered_json frames_json(const SoakResult& result) {
+  ordered_json json{{"passed", result.passed},          {"sent", result.sent},
+                    {"published", result.published},    {"lost", losses_json(result.lost)},
+                    {"sent_to_nobody", result.unheard}, {"balances", result.balances},
+                    {"unread", result.unread}};
+  for (std::size_t i = 0; i < kGrades; ++i) json[kGradeNames[i]] = result.grades[i];
+  for (std::size_t bit = 0; bit < kFlagNames.size(); ++bit) json["flags"][kFlagNames[bit]] = result.flags[bit];
+  return json;
+}
+
+ordered_json report_json(const SoakRequest& request, ordered_json measured, const SoakResult& result,
+                         const Findings& findings) {
+  measured["solver"] = result.solver;
+  measured["others_share_in_quiet"] = result.others_in_quiet;
+  ordered_json minutes = ordered_json::array();
+  for (const LatencyFigures& minute : result.minutes) minutes.push_back(latency_json(minute));
+  ordered_json invariants = ordered_json::array();
+  for (std::size_t i = 0; i < kInvariants; ++i) {
+    invariants.push_back(json_of(static_cast<Invariant>(i), findings.tally(static_cast<Invariant>(i))));
+  }
+  std::vector<Struck> struck;
+  std::ranges::copy_if(result.struck, std::back_inserter(struck), [](const Struck& s) { return s.begin_s >= 0.0; });
+  return {{"bolo_soak", 1},
+          {"holds", findings.all_hold()},
+          {"interrupted", result.interrupted},
+          {"seconds", result.seconds},
+          {"seed", request.schedule.seed},
+          {"measured", measured},
+          {"not_done", not_done(request.schedule)},
+          {"invariants", invariants},
+          {"breaches", list_of(findings.breaches())},
+          {"frames", frames_json(result)},
+          {"latency_ms", {{"quiet", latency_json(result.quiet)}, {"minutes", minutes}}},
+          {"lives", list_of(result.lives)},
+          {"disturbances", list_of(struck)},
+          {"injected", list_of(result.injected)}};
+}
+
+// The schedule, a line for each disturbance.
+std::string schedule_text(const Schedule& schedule) {
+  std::string out = format("seed %llu: %zu round(s) of %.1f s\n", static_cast<unsigned long long>(schedule.seed),
+                           schedule.rounds.size(), schedule.round_s);
+  for (std::size_t r = 0; r < schedule.rounds.size(); ++r) {
+    for (const Disturbance& d : schedule.rounds[r].disturbances) {
+      out += format("  round %zu, %7.2f s  for %4.2f s  %-18s %s\n", r, d.at_s, d.for_s, info_of(d.kind).name.data(),
+                    d.faults.c_str());
+    }
+  }
+  return out;
+}
+
+// The table of invariants, each one that was broken, how long each kind of trouble was felt, and what was not done.
+std::string report_text(const SoakRequest& request, const SoakResult& result, const Findings& findings) {
+  std::string out = findings.all_hold() ? "All held.\n" : "BROKEN.\n";
+  for (std::size_t i = 0; i < kInvariants; ++i) {
+    const auto& info = info_of(static_cast<Invariant>(i));
+    const Findings::Tally tally = findings.tally(static_cast<Invariant>(i));
+    out += format("%-12s %-7s %9llu looks  %s\n", info.name.data(),
+                  tally.broken == 0 ? (tally.looks == 0 ? "-" : "holds") : "BROKEN",
+                  static_cast<unsigned long long>(tally.looks),
+                  tally.figure.empty() ? info.about.data() : tally.figure.c_str());
+  }
+  double worst_s = 0.0;
+  std::size_t struck = 0;
+  for (const Struck& s : result.struck) {
+    if (s.recovery_s) worst_s = std::max(worst_s, *s.recovery_s);
+    struck += s.begin_s >= 0.0 ? 1 : 0;
+  }
+  out += format("%zu disturbances in %.0f s, the slowest recovery took %.2f s\n", struck, result.seconds, worst_s);
+  for (const Breach& breach : findings.breaches()) {
+    out += format("BROKEN at %.2f s, %s, during %s: ", breach.at_s, info_of(breach.invariant).name.data(),
+                  breach.during.c_str()) +
+           breach.what + "\n";
+  }
+  for (const std::string& line : not_done(request.schedule)) out += "not done: " + line + "\n";
+  return out;
+}
+
+// --- the verb ---
+
+struct Request {
+  SoakRequest soak;
+  fs::path report;
+  Replace replace = Replace::kNothing;
+  bool json = false;
+};
+
+cxxopts::Options make_options() {
+  cxxopts::Options options(
+      "bolo-lab soak",
+      "Run a fake camera, bolod and readers for a long time while everything goes wrong that can,\n"
+      "and check all the time that every frame is accounted for, every pixel right, and nothing\n"
+      "grows. Exit code 1: something did not hold. A daemon of this computer is not touched.\n");
+  const auto text = [](const char* value) { return cxxopts::value<std::string>()->default_value(value); };
+  options.add_options()                                                      //
+      ("seconds", "How long (default: 120)", cxxopts::value<double>(), "S")  //
+      ("minutes", "The same in minutes", cxxopts::value<double>(), "M")      //
+      ("shortened", "A small camera (64x24), for a build's checks")          //
+      ("seed", "Another one draws other times, orders and sizes", cxxopts::value<std::uint64_t>()->default_value("1"),
+       "N")                                                                              //
+      ("size", "Frames", text("640x120"), "WxH")                                         //
+      ("rate", "Frames a second", cxxopts::value<double>()->default_value("200"), "HZ")  //
+      ("config", "bolod's configuration; source, name and profile's drop_repeated are the soak's own", text(""),
+       "FILE")                                                                                             //
+      ("only", "These kinds of trouble only; may be given again (--schedule shows all)",                   //
+       cxxopts::value<std::string>(), "KIND")                                                              //
+      ("step-clock", "Set this computer's clock by 2 s and back, too; as root")                            //
+      ("latency-ms", "Most that 99 % of the frames of quiet times may take",                               //
+       cxxopts::value<double>()->default_value("100"), "MS")                                               //
+      ("report", "Folder for report.txt, report.json and the daemon's log", text(""), "DIR")               //
+      ("schedule", "Print what would happen when, and end")                                                //
+      ("json", "Print the report as JSON")                                                                 //
+      ("read", "Be one of the readers of a soak: a daemon's name", cxxopts::value<std::string>(), "NAME")  //
+      ("slow-ms", "With --read: take so long for each frame", cxxopts::value<int>()->default_value("0"), "MS");
+  add_overwrite_option(options);
+  return options;
+}
+
+Result<double> read_seconds(const cxxopts::ParseResult& parsed) {
+  if (parsed.count("seconds") + parsed.count("minutes") > 1) return bad_input("give --seconds or --minutes, not both");
+  double seconds = kDefault_s;
+  if (parsed.count("seconds") != 0) seconds = parsed["seconds"].as<double>();
+  if (parsed.count("minutes") != 0) seconds = parsed["minutes"].as<double>() * 60.0;
+  if (seconds >= kShortest_s && seconds <= kLongest_s) return seconds;
+  return bad_input("a soak takes 10 s to 24 hours");
+}
+
+// All kinds, or those that were named.
+Result<std::set<Kind>> read_kinds(const cxxopts::ParseResult& parsed) {
+  std::set<Kind> named;
+  for (const auto& argument : parsed.arguments()) {
+    if (argument.key() != "only") continue;
+    const auto kind = kind_named(argument.value());
+    if (!kind) return bad_input("--only '" + argument.value() + "' is no kind; bolo-lab soak --schedule shows all");
+    named.insert(*kind);
+  }
+  if (!named.empty()) return named;
+  for (const KindInfo& info : kinds()) {
+    if (info.kind != Kind::kClockStep || parsed.count("step-clock") != 0) named.insert(info.kind);
+  }
+  return named;
+}
+
+Result<Request> read_request(const cxxopts::ParseResult& parsed) {
+  Request request;
+  request.json = parsed.count("json") != 0;
+  request.report = parsed["report"].as<std::string>();
+  request.replace = replace_of(parsed);
+  const bool small = parsed.count("shortened") != 0 && parsed.count("size") == 0;
+  const auto size = size_of(small ? "64x24" : parsed["size"].as<std::string>(), "size", {32, 16}, {640, 480});
+  if (!size) return tl::unexpected<Error>(size.error());
+  RigRequest& rig = request.soak.rig;
+  rig.geometry = *size;
+  rig.rate_hz = parsed["rate"].as<double>();
+  if (Status good = within(rig.rate_hz, "rate", 20.0, 1000.0); !good) return tl::unexpected<Error>(good.error());
+  const std::string config = parsed["config"].as<std::string>();
+  if (!config.empty()) rig.base_config = fs::absolute(config);
+  request.soak.latency_limit_ms = parsed["latency-ms"].as<double>();
+  const auto seconds = read_seconds(parsed);
+  if (!seconds) return tl::unexpected<Error>(seconds.error());
+  const auto kinds = read_kinds(parsed);
+  if (!kinds) return tl::unexpected<Error>(kinds.error());
+  request.soak.schedule = draw_schedule({parsed["seed"].as<std::uint64_t>(), *seconds, *kinds});
+  return request;
+}
+
+constexpr std::array kReportFiles{"report.json", "report.txt", "bolod.log"};
+
+// Makes the folder for the report, and sees that nothing stands there in the way.
+Status prepare_report(const Request& request) {
+  if (request.report.empty()) return {};
+  std::error_code error;
+  fs::create_directories(request.report, error);
+  if (error) return bad_input("--report " + request.report.string() + ": " + error.message());
+  std::vector<fs::path> files;
+  for (const char* name : kReportFiles) files.push_back(request.report / name);
+  return check_outputs(files, {}, request.replace);
+}
+
+Status write_report(const Request& request, const ordered_json& json, const std::string& text) {
+  if (request.report.empty()) return {};
+  if (auto copy = FileBeside::create({request.report / kReportFiles[2], request.replace})) {
+    std::error_code error;
+    fs::copy_file(request.soak.rig.folder / "bolod.err", copy->path(), fs::copy_options::overwrite_existing, error);
+    if (!error) (void)copy->publish();  // a log is no reason to do without the report
+  }
+  Status written = write_file({request.report / kReportFiles[0], request.replace}, json.dump(1) + "\n");
+  if (!written) return written;
+  return write_file({request.report / kReportFiles[1], request.replace},
+                    text + "\n" + schedule_text(request.soak.schedule));
+}
+
+Status soak_and_report(Request& request, const std::string& command) {
+  const auto programs = find_programs();
+  if (!programs) return tl::unexpected<Error>(programs.error());
+  const auto folder = ScratchFolder::make();
+  if (!folder) return tl::unexpected<Error>(folder.error());
+  if (Status good = prepare_report(request); !good) return good;
+  request.soak.rig.folder = folder->path();
+  const ordered_json measured = circumstances(request.soak, *programs, command);
+  Findings findings;
+  const auto tell = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
+  const auto result = run_soak(request.soak, *programs, interrupted(), tell, findings);
+  if (!result) return tl::unexpected<Error>(result.error());
+  const ordered_json json = report_json(request.soak, measured, *result, findings);
+  const std::string text = report_text(request.soak, *result, findings);
+  if (Status written = write_report(request, json, text); !written) return written;
+  std::fputs(request.json ? (json.dump(2) + "\n").c_str() : text.c_str(), stdout);
+  return findings.all_hold() ? Status{} : failed("something did not hold");
+}
+
+Status evaluate(const cxxopts::ParseResult& parsed, const std::string& command) {
+  if (parsed.count("read") != 0) {
+    return read_along(parsed["read"].as<std::string>(), parsed["slow-ms"].as<int>(), interrupted());
+  }
+  auto request = read_request(parsed);
+  if (!request) return tl::unexpected<Error>(request.error());
+  const bool only_schedule = parsed.count("schedule") != 0;
+  if (only_schedule || !request->json) {
+    std::fputs(schedule_text(request->soak.schedule).c_str(), only_schedule ? stdout : stderr);
+  }
+  return only_schedule ? Status{} : soak_and_report(*request, command);
+}
+
+}  // namespace
+
+int soak_main(int argc, char** argv) {
+  std::string command = "bolo-lab";
+  for (int i = 0; i < argc; ++i) command += std::string(" ") + argv[i];
+  return run_verb("soak", make_options(), argc, argv,
+                  [&](const cxxopts::ParseResult& parsed) { return evaluate(parsed, command); });
+}
+
+}  // namespace bolo::tools::soak
