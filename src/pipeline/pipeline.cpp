@@ -386,7 +386,10 @@ void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
     published.meta.flags |= flag_of(effort);
     stats.by_effort[static_cast<std::size_t>(effort)].add();
     stats.effort.set(effort);
-    if (solves()) published.noise_k = solvers.at(effort).noise_k();
+    if (solves()) {
+      published.noise_k = solvers.at(effort).noise_k();
+      published.motion = solvers.at(effort).motion();
+    }
   }
   for (const Flag& flag : band_saturated) {
     if (flag.value) published.meta.flags |= kFlagSaturated;
@@ -552,6 +555,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .iterations_asked = options.deblur.iterations,
                           .isa = std::string(deblur::best_isa()),
                           .maps = !options.maps.empty(),
+                          .motion = impl->settings.method == deblur::Method::kMotion,
                           .undone = options.undo.before() || options.undo.after(),
                           .region = options.region,
                           .points = options.points};
