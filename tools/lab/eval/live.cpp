@@ -33,7 +33,9 @@ Status evaluate(const Options& options) {
   } else {
     print_text(figures);
   }
-  return options.plot.empty() ? Status{} : save(live_sheet(*outcome, "bolo-lab eval live"), options.plot);
+  if (options.plot.empty()) return {};
+  const NamedOutcome only{"deblurred", &*outcome};
+  return save(live_sheet({&only, 1}, "bolo-lab eval live"), options.plot);
 }
 
 }  // namespace
