@@ -264,7 +264,7 @@ TEST(MotionOutput, IsTheWayFromTheFrameBefore) {
 
 // Zoom and roll about the frame's centre.
 TEST(MotionOutput, AffineIsInPixelsAboutTheCentre) {
-  constexpr double kZoom = 0.01;
+  constexpr double kZoom = 0.01;  // a frame
   constexpr double kRoll = 0.02;
   const Texture texture(5);
   const Scene scene = [&](double x, double y, double t) {

@@ -271,7 +271,8 @@ void write_pan(const fs::path& file) {
       y[i] = decay * y[i] + (1.0 - decay) * x;
       counts[i] = static_cast<std::uint16_t>(std::lround(y[i] / 0.01));
     }
-    if (n != 40) ASSERT_TRUE(writer->append(0.005 * static_cast<double>(n), n, counts.data()));
+    if (n == 40) continue;
+    ASSERT_TRUE(writer->append(0.005 * static_cast<double>(n), n, counts.data()));
   }
   ASSERT_TRUE(writer->close());
 }
@@ -292,7 +293,9 @@ TEST_F(DeblurVerb, MotionIsWrittenBesideTheFrames) {
     ASSERT_EQ(blocks.size(), 13U * 8U);
     const bool known = id < 40 || id > 43;  // of three frames each: the lost one, and those after it
     for (std::size_t i = 0; i < blocks.size(); ++i) {
-      if (!known && id == 41) ASSERT_EQ(blocks[i].confidence, 0.0F) << id << ' ' << i;
+      if (id == 41) {
+        ASSERT_EQ(blocks[i].confidence, 0.0F) << i;
+      }
       const bool inside = i % 13 > 0 && i % 13 < 12 && i / 13 > 0 && i / 13 < 7;
       if (!known || !inside) continue;
       ASSERT_NEAR(blocks[i].x, 1.5, 0.15) << id << ' ' << i;

@@ -248,7 +248,7 @@ def check_motion(page, programs, folder):
     pressed = lambda: page.run("return document.getElementById('arrows').getAttribute('aria-pressed')")
 
     def with_arrows_and_without():
-        page.keys(" ")  # a frame that stays
+        page.click("#pause")  # a frame that stays; a space would press the button that has the focus
         without = picture_hash(page)
         page.keys("m")
         wait_for(lambda: pressed() == "true", "the button")
@@ -256,7 +256,7 @@ def check_motion(page, programs, folder):
         shown, words = picture_hash(page), toast()
         page.keys("m")
         wait_for(lambda: pressed() == "false" and picture_hash(page) == without, "the picture without arrows")
-        page.keys(" ")
+        page.click("#pause")
         return shown != without, words
 
     drawn, words = with_arrows_and_without()

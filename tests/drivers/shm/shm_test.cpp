@@ -119,7 +119,8 @@ TEST(ShmRoundTrip, MotionStandsBesideTheFrameThatItIsOf) {
       const auto lent = reader->borrow(n);
       ASSERT_TRUE(lent);
       ASSERT_EQ(lent->motion() != nullptr, moves(n)) << n;
-      if (moves(n)) EXPECT_EQ(lent->motion_blocks()[0].y, motion_pattern(n, 0, 1));
+      if (!moves(n)) continue;
+      EXPECT_EQ(lent->motion_blocks()[0].y, motion_pattern(n, 0, 1));
     }
   }
 }
