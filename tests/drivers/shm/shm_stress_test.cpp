@@ -37,7 +37,7 @@ int follow(const std::string& name, int ready) {
       case Outcome::kFrame:
         if (!intact(frame, next)) return kExitTorn;
         ++good;
-        moved += frame.motion.empty() ? 0 : 1;
+        if (!frame.motion.empty()) ++moved;
         ++next;
         break;
       case Outcome::kOverwritten:
