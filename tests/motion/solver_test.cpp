@@ -313,11 +313,11 @@ TEST(MotionOutput, ConfidenceIsThatOfWhatIsSeen) {
   };
   Stream flat([](double, double, double) { return 1.0; }, 0.1, 20);
   Stream bars([](double x, double, double t) { return 3.0 * std::tanh(std::sin(0.2 * (x - 1.5 * t))); }, 0.1, 20);
-  Stream rest(pan(0.0, 0.0), 0.1, 20);
+  Stream rest(pan(0.0, 0.0), 0.05, 20);
   Stream cut([](double x, double y, double t) { return Texture(t < 16.5 ? 11U : 12U)(x, y); }, 0.1, 20);
   EXPECT_LT(mean_confidence(told(flat, 18, 0.1)), 0.05) << "nothing to see";
   EXPECT_LT(mean_confidence(told(bars, 18, 0.1)), 0.1) << "edges of one direction alone";
-  EXPECT_GT(mean_confidence(told(rest, 18, 0.1)), 0.8) << "at rest, and sure of it";
+  EXPECT_GT(mean_confidence(told(rest, 18, 0.05)), 0.8) << "at rest, and sure of it";
   EXPECT_LT(mean_confidence(told(cut, 17, 0.1)), 0.3) << "two frames that do not match";
 }
 
