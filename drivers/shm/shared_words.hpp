@@ -49,14 +49,28 @@ struct SlotLayout {
   std::size_t deblurred_offset = 0;
   std::size_t plane_bytes = 0;
   std::size_t stride = 0;
+  std::size_t motion_offset = 0;  // 0: none
+  std::size_t motion_blocks = 0;
 };
 
-// Thread: any.
-constexpr SlotLayout slot_layout(std::size_t plane_bytes) {
+constexpr std::size_t motion_bytes(std::size_t blocks) {
+  return sizeof(bolo_shm_motion) + blocks * sizeof(bolo_shm_block_motion);
+}
+
+// `motion_blocks` 0: without motion. Thread: any.
+constexpr SlotLayout slot_layout(std::size_t plane_bytes, std::size_t motion_blocks = 0) {
   const std::size_t plane_room = round_up(plane_bytes, 64);
   const std::size_t raw = sizeof(bolo_shm_slot);
-  return {raw, raw + plane_room, plane_bytes, raw + 2 * plane_room};
+  const std::size_t end = raw + 2 * plane_room;
+  if (motion_blocks == 0) return {raw, raw + plane_room, plane_bytes, end};
+  return {raw, raw + plane_room, plane_bytes, end + round_up(motion_bytes(motion_blocks), 64), end, motion_blocks};
 }
+
+// A frame's motion in memory of one's own: layout.motion_blocks blocks.
+struct MotionPart {
+  const bolo_shm_motion* whole = nullptr;  // null: none
+  const void* blocks = nullptr;
+};
 
 // Private memory to shared words (W2). The last word of an odd size is filled up with zeros. Partner: copy_out().
 inline void copy_in(std::byte* shared, const void* from, std::size_t bytes) noexcept {
@@ -92,12 +106,17 @@ inline void copy_out(void* to, const std::byte* shared, std::size_t bytes) noexc
 
 // Writes frame `number` into its slot: W1 to W3. `head.sequence` is ignored. Thread: the one writer.
 inline void write_slot(std::byte* slot, const SlotLayout& layout, std::uint64_t number, const bolo_shm_slot& head,
-                       const void* raw, const void* deblurred) noexcept {
+                       const void* raw, const void* deblurred, const MotionPart& motion = {}) noexcept {
   auto& sequence = *reinterpret_cast<std::uint64_t*>(slot);
   store_relaxed(sequence, 2 * number + 1);  // W1
   copy_in(slot + kWord, reinterpret_cast<const std::byte*>(&head) + kWord, sizeof(head) - kWord);
   copy_in(slot + layout.raw_offset, raw, layout.plane_bytes);
   copy_in(slot + layout.deblurred_offset, deblurred, layout.plane_bytes);
+  if (motion.whole != nullptr) {
+    copy_in(slot + layout.motion_offset, motion.whole, sizeof(bolo_shm_motion));
+    copy_in(slot + layout.motion_offset + sizeof(bolo_shm_motion), motion.blocks,
+            layout.motion_blocks * sizeof(bolo_shm_block_motion));
+  }
   store_release(sequence, 2 * number + 2);  // W3; partner: R1 in read_slot()
 }
 
@@ -122,15 +141,27 @@ inline bool still_holds_after_plain_reads(const std::byte* slot, std::uint64_t n
   return still_holds(slot, number);
 }
 
-// Copies frame `number` out of its slot: R1 to R3. nullptr leaves a plane out. False when the slot holds, or came to
+// Whether a frame carries motion, by the copied head. Thread: any.
+inline bool has_motion(const SlotLayout& layout, const bolo_shm_slot& head) noexcept {
+  return layout.motion_blocks != 0 && head.motion_blocks == layout.motion_blocks;
+}
+
+// Copies frame `number` out of its slot: R1 to R3. nullptr leaves a plane out, as for `blocks`; of a frame without
+// motion nothing is copied to it. False when the slot holds, or came to
 // hold, another frame; what was copied is then worthless. Thread: any reader.
 inline bool read_slot(const std::byte* slot, const SlotLayout& layout, std::uint64_t number, bolo_shm_slot& head,
-                      void* raw, void* deblurred) noexcept {
+                      void* raw, void* deblurred, void* blocks = nullptr, bolo_shm_motion* whole = nullptr) noexcept {
   if (!holds(slot, number)) return false;
   head.sequence = 2 * number + 2;
   copy_out(reinterpret_cast<std::byte*>(&head) + kWord, slot + kWord, sizeof(head) - kWord);
   if (raw != nullptr) copy_out(raw, slot + layout.raw_offset, layout.plane_bytes);
   if (deblurred != nullptr) copy_out(deblurred, slot + layout.deblurred_offset, layout.plane_bytes);
+  if (has_motion(layout, head)) {
+    const std::byte* const motion = slot + layout.motion_offset;
+    if (whole != nullptr) copy_out(whole, motion, sizeof(*whole));
+    const std::size_t bytes = layout.motion_blocks * sizeof(bolo_shm_block_motion);
+    if (blocks != nullptr) copy_out(blocks, motion + sizeof(bolo_shm_motion), bytes);
+  }
   return still_holds(slot, number);
 }
 

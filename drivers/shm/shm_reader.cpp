@@ -20,6 +20,7 @@
 #include "drivers/shm/shared_words.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/scene_motion.hpp"
 #include "src/core/unique_fd.hpp"
 
 namespace bolo::shm {
@@ -130,6 +131,17 @@ const char* first_fault(const bolo_shm_header& h, std::size_t bytes) {
   };
   if (!aligned(h.slot_stride) || h.slot_stride > bytes) return "impossible slot size";
   if (!plane_fits(h.raw_offset) || !plane_fits(h.deblurred_offset)) return "a plane does not fit in its slot";
+  if (h.motion_offset != 0) {
+    const std::uint64_t blocks = std::uint64_t{h.motion_across} * h.motion_down;
+    const Geometry expected = motion_blocks({static_cast<int>(h.width), static_cast<int>(h.height)});
+    if (blocks != expected.pixels() || h.motion_across != static_cast<std::uint32_t>(expected.width)) {
+      return "impossible number of motion's blocks";
+    }
+    const std::uint64_t room = round_up(motion_bytes(blocks), kWord);
+    const bool fits = aligned(h.motion_offset) && h.motion_offset >= sizeof(bolo_shm_slot) &&
+                      h.motion_offset <= h.slot_stride && h.slot_stride - h.motion_offset >= room;
+    if (!fits) return "the motion does not fit in its slot";
+  }
   if (!aligned(h.slots_offset) || h.slots_offset < h.header_bytes || h.slots_offset > bytes) {
     return "impossible place of the slots";
   }
@@ -174,7 +186,12 @@ Opened<std::unique_ptr<ShmReader::Impl>> ShmReader::Impl::open(const std::string
   end_text(impl->checked.camera_serial);
   end_text(impl->checked.solver);
   const std::size_t plane = std::size_t{2} * impl->checked.width * impl->checked.height;
-  impl->layout = {impl->checked.raw_offset, impl->checked.deblurred_offset, plane, impl->checked.slot_stride};
+  const bolo_shm_header& h = impl->checked;
+  impl->layout = {h.raw_offset, h.deblurred_offset, plane, h.slot_stride};
+  if (h.motion_offset != 0) {
+    impl->layout.motion_offset = h.motion_offset;
+    impl->layout.motion_blocks = std::size_t{h.motion_across} * h.motion_down;
+  }
   return impl;
 }
 
@@ -229,6 +246,9 @@ std::vector<std::string> ShmReader::names() { return object_names(); }
 bolo_shm_header ShmReader::header() const noexcept {
   bolo_shm_header header = snapshot(*impl_->mapping);
   std::memcpy(&header, &impl_->checked, offsetof(bolo_shm_header, published));
+  header.motion_offset = impl_->checked.motion_offset;
+  header.motion_across = impl_->checked.motion_across;
+  header.motion_down = impl_->checked.motion_down;
   return header;
 }
 
@@ -310,10 +330,15 @@ ShmReader::Outcome ShmReader::read(std::uint64_t number, ReadFrame& frame, int t
   const std::size_t pixels = self.layout.plane_bytes / sizeof(std::uint16_t);
   frame.raw.resize(pixels);
   frame.deblurred.resize(pixels);
+  frame.motion.resize(self.layout.motion_blocks);
   bolo_shm_slot head{};
-  if (!read_slot(self.slot(number), self.layout, number, head, frame.raw.data(), frame.deblurred.data())) {
+  bolo_shm_motion whole{};
+  if (!read_slot(self.slot(number), self.layout, number, head, frame.raw.data(), frame.deblurred.data(),
+                 frame.motion.data(), &whole)) {
     return Outcome::kOverwritten;
   }
+  if (!has_motion(self.layout, head)) frame.motion.clear();
+  std::copy(std::begin(whole.affine), std::end(whole.affine), frame.affine.begin());
   frame.number = number;
   frame.meta = {head.frame_id, head.camera_ns, head.receive_ns, head.flags, head.host_ns};
   frame.publish_ns = head.publish_ns;

@@ -1,6 +1,7 @@
 // Reads Bolo's shared memory: the newest frame, or every frame in order. Never disturbs the writer.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -22,6 +23,8 @@ struct ReadFrame {
   std::int64_t publish_ns = 0;
   std::vector<std::uint16_t> raw;
   std::vector<std::uint16_t> deblurred;
+  std::vector<bolo_shm_block_motion> motion;  // row-major; empty: none
+  std::array<double, 6> affine{};             // as in bolo_shm_motion; zeros: none
 };
 
 // What a frame of this writer is. Thread: any.
@@ -39,6 +42,14 @@ struct BorrowedFrame {
   // Row-major, layout.plane_bytes long.
   const std::uint16_t* raw() const noexcept { return plane(layout.raw_offset); }
   const std::uint16_t* deblurred() const noexcept { return plane(layout.deblurred_offset); }
+  // Null where the frame carries no motion; the blocks, layout.motion_blocks of them, follow it.
+  const bolo_shm_motion* motion() const noexcept {
+    if (!has_motion(layout, head)) return nullptr;
+    return reinterpret_cast<const bolo_shm_motion*>(slot + layout.motion_offset);
+  }
+  const bolo_shm_block_motion* motion_blocks() const noexcept {
+    return has_motion(layout, head) ? reinterpret_cast<const bolo_shm_block_motion*>(motion() + 1) : nullptr;
+  }
   const std::uint16_t* plane(std::size_t offset) const noexcept {
     return reinterpret_cast<const std::uint16_t*>(slot + offset);
   }

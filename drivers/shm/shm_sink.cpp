@@ -31,6 +31,7 @@ static_assert(flag_of(pipeline::QualityLevel::kFull) == 0);
 static_assert(flag_of(pipeline::QualityLevel::kReduced) == std::uint32_t{BOLO_FLAG_REDUCED});
 static_assert(flag_of(pipeline::QualityLevel::kInverse) == std::uint32_t{BOLO_FLAG_INVERSE});
 static_assert(flag_of(pipeline::QualityLevel::kRaw) == std::uint32_t{BOLO_FLAG_RAW});
+static_assert(sizeof(BlockMotion) == sizeof(bolo_shm_block_motion));
 
 constexpr int kMinSlots = 64;        // a third of a second at 200 Hz to fetch a frame in
 constexpr int kMostSlots = 1 << 16;  // bounds the arithmetic; memory runs out long before
@@ -89,6 +90,10 @@ Status check(const ShmOptions& options, const pipeline::SinkFormat& format) {
   return check_mode(options);
 }
 
+SlotLayout layout_of(Geometry frame, bool motion) {
+  return slot_layout(plane_bytes(frame, PixelType::kUint16), motion ? motion_blocks(frame).pixels() : 0);
+}
+
 void describe(bolo_shm_header& header, const pipeline::SinkFormat& format, int slots, const SlotLayout& layout) {
   const StreamFormat& stream = format.source.format;
   header.version = BOLO_SHM_VERSION;
@@ -102,6 +107,12 @@ void describe(bolo_shm_header& header, const pipeline::SinkFormat& format, int s
   header.slot_stride = layout.stride;
   header.raw_offset = layout.raw_offset;
   header.deblurred_offset = layout.deblurred_offset;
+  if (format.motion) {
+    const Geometry blocks = motion_blocks(stream.geometry);
+    header.motion_offset = layout.motion_offset;
+    header.motion_across = static_cast<std::uint32_t>(blocks.width);
+    header.motion_down = static_cast<std::uint32_t>(blocks.height);
+  }
   header.scale = stream.scale.scale;
   header.offset = stream.scale.offset;
   header.frame_period_s = stream.frame_period_s;
@@ -185,7 +196,8 @@ struct ShmSink::Impl {
 
 std::uint64_t bytes_needed(const ShmOptions& options, const deblur::Settings& settings, Geometry frame) {
   const int slots = choose_slots(options.slots, settings).value_or(settings.window + settings.lookahead);
-  return kSlotsOffset + static_cast<std::uint64_t>(slots) * slot_layout(plane_bytes(frame, PixelType::kUint16)).stride;
+  const bool motion = settings.method == deblur::Method::kMotion;
+  return kSlotsOffset + static_cast<std::uint64_t>(slots) * layout_of(frame, motion).stride;
 }
 
 ShmSink::ShmSink(ShmOptions options) : impl_(std::make_unique<Impl>()) { impl_->options = std::move(options); }
@@ -198,7 +210,7 @@ Status ShmSink::open(const pipeline::SinkFormat& format) {
   const Result<int> slots = choose_slots(self.options.slots, format.deblur);
   if (!slots) return tl::unexpected<Error>(slots.error());
   self.slot_count = static_cast<std::uint64_t>(*slots);
-  self.layout = slot_layout(plane_bytes(format.source.format.geometry, PixelType::kUint16));
+  self.layout = layout_of(format.source.format.geometry, format.motion);
   self.published = 0;
   Result<OwnedObject> object =
       OwnedObject::create(self.options.name, kSlotsOffset + self.slot_count * self.layout.stride);
@@ -227,7 +239,14 @@ void ShmSink::publish(const pipeline::PublishedFrame& frame, const pipeline::Pip
   head.flags = frame.meta.flags;
   head.noise_k = frame.noise_k;
   head.host_ns = frame.meta.host_ns;
-  write_slot(self.slot(self.published), self.layout, self.published, head, frame.raw, frame.deblurred);
+  bolo_shm_motion whole{};
+  MotionPart motion;
+  if (frame.motion != nullptr && self.layout.motion_blocks != 0) {
+    std::copy(frame.motion->affine.begin(), frame.motion->affine.end(), whole.affine);
+    head.motion_blocks = static_cast<std::uint32_t>(self.layout.motion_blocks);
+    motion = {&whole, frame.motion->blocks.data()};
+  }
+  write_slot(self.slot(self.published), self.layout, self.published, head, frame.raw, frame.deblurred, motion);
   bolo_shm_header& header = self.header();
   store_release(header.published, ++self.published);  // W4; partner: ShmReader's load of published
   self.store(stats);

@@ -64,6 +64,7 @@ enum bolo_client_result {
   BOLO_CLIENT_OVERWRITTEN = 4, /* the frame, or one of its window, has left the ring */
   BOLO_CLIENT_NOT_YET = 5,     /* the frame's look-ahead is not published */
   BOLO_CLIENT_WARM_UP = 6,     /* the frame had no full window: its deblurred plane is the raw one */
+  BOLO_CLIENT_NO_MOTION = 7,   /* the scene's motion is not known for this frame, or this daemon does not estimate it */
 
   BOLO_CLIENT_ABSENT = -1,       /* there is no such stream: is the daemon running? */
   BOLO_CLIENT_DENIED = -2,       /* this user may not read it, or should not believe it: see below */
@@ -116,7 +117,13 @@ struct bolo_client_frame {
   const uint16_t* raw;       /* as the camera gave it */
   const uint16_t* deblurred; /* with the pixels' inertia undone */
   const void* slot;          /* the library's */
-  uint64_t reserved[4];
+  /* How the scene moved from the frame before to this one, where the daemon's solver estimates it ("motion") and could
+   * for this frame; else NULL and 0. In place, as the planes: counts if bolo_client_valid() holds afterwards. */
+  const struct bolo_shm_motion* motion;              /* of the whole picture */
+  const struct bolo_shm_block_motion* motion_blocks; /* of 8x8 pixels each, row-major: motion_across * motion_down */
+  uint32_t motion_across;
+  uint32_t motion_down;
+  uint64_t reserved[1];
 };
 
 /* What daemon and camera do. Owned by the handle, as of the last bolo_client_get_state(). */
@@ -182,6 +189,11 @@ BOLO_CLIENT_API int bolo_client_valid(const struct bolo_client_frame* frame);
 /* Copies width * height values of each plane; NULL leaves one out. OK; OVERWRITTEN: what was copied is worthless;
  * BAD_ARGUMENT. Any thread. */
 BOLO_CLIENT_API int bolo_client_copy(const struct bolo_client_frame* frame, uint16_t* raw, uint16_t* deblurred);
+
+/* Copies the frame's motion: of the whole picture and of its motion_across * motion_down blocks; NULL leaves one out.
+ * OK; NO_MOTION: it has none; OVERWRITTEN: what was copied is worthless; BAD_ARGUMENT. Any thread. */
+BOLO_CLIENT_API int bolo_client_copy_motion(const struct bolo_client_frame* frame, struct bolo_shm_motion* motion,
+                                            struct bolo_shm_block_motion* blocks);
 
 /* Values of a plane of this stream to kelvin. UNSUPPORTED: it is in counts. */
 BOLO_CLIENT_API int bolo_client_kelvin(bolo_client* client, const uint16_t* values, size_t count, float* kelvin);

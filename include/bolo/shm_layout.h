@@ -3,8 +3,13 @@
  *   offset 0                       struct bolo_shm_header
  *   header.settings_offset         struct bolo_shm_settings    (0: a writer that does not tell)
  *   settings.camera_offset         struct bolo_shm_camera      (0: a writer that does not tell)
- *   header.slots_offset            slot 0: struct bolo_shm_slot, raw plane, deblurred plane, padding
+ *   header.slots_offset            slot 0: struct bolo_shm_slot, raw plane, deblurred plane, motion, padding
  *   + header.slot_stride           slot 1 ...                 (header.slot_count slots)
+ *
+ * The motion of the scene lies in slots where header.motion_offset is not 0 (solver "motion"): struct bolo_shm_motion,
+ * then header.motion_across * motion_down of struct bolo_shm_block_motion, row-major. It is the frame's own, written
+ * and read with its planes, where the slot's motion_blocks is that number; where it is 0, it is not known for the
+ * frame.
  *
  * All values little-endian, as the machine stores them. Planes are row-major uint16 without padding between rows;
  * kelvin = scale * value + offset when unit is BOLO_UNIT_KELVIN.
@@ -51,8 +56,12 @@
  * For readers in other languages, the header's bytes (Python: struct.unpack_from of the first 312, then the rest live):
  *   "<QIIIIIIQQQQddddIIII64s64s64sq"  magic .. start_ns        at   0
  *   "<Q"                              settings_offset          at 312
- *   "<QIIQQQQQQ16Q192Q"               published .. latency     at 320   (2,048 bytes in all)
- * and a slot's: "<QQqqqIIdq" at 0, 64 bytes, then the planes at raw_offset and deblurred_offset.
+ *   "<QIIQQQQQQ16Q192Q"               published .. latency     at 320
+ *   "<QII"                            motion_offset ..         at 2048  (2,112 bytes in all)
+ * and a slot's: "<QQqqqIIdq" at 0, 64 bytes, then the planes at raw_offset and deblurred_offset, and at motion_offset
+ * "<6d", from byte 64 of it on "<3f" for each block.
+ *
+ * Versions: a reader takes its own alone. 2 has motion; 1 had not, and a header of 2,048 bytes.
  */
 #ifndef BOLO_SHM_LAYOUT_H
 #define BOLO_SHM_LAYOUT_H
@@ -61,7 +70,7 @@
 #include <stdint.h>
 
 #define BOLO_SHM_MAGIC 0x4d48534f4c4f42ULL /* "BOLOSHM" */
-#define BOLO_SHM_VERSION 1u
+#define BOLO_SHM_VERSION 2u
 #define BOLO_SHM_LOSS_CAUSES 16u
 #define BOLO_SHM_LATENCY_BUCKETS 192u
 #define BOLO_SHM_STALE_NS 2000000000LL /* a heartbeat older than this belongs to a dead or stopped writer */
@@ -124,19 +133,40 @@ struct bolo_shm_header {
                                                  driver, out_of_order */
   uint64_t latency[BOLO_SHM_LATENCY_BUCKETS]; /* receive -> publish. Bucket b < 8: b us. Else, with e = b / 8 and
                                                  m = b % 8: from (8 + m) << (e - 1) to (9 + m) << (e - 1) us */
+
+  /* Written before magic, never changed. 64-byte aligned from here. */
+  uint64_t motion_offset __attribute__((aligned(64))); /* of struct bolo_shm_motion from the slot's start; 0: none */
+  uint32_t motion_across;                              /* blocks of 8x8 pixels: (width + 7) / 8; 0: none */
+  uint32_t motion_down;
+  uint64_t reserved[6];
 };
 
 struct bolo_shm_slot {
   uint64_t sequence; /* odd while written; 2n + 2 when it holds frame n */
   uint64_t frame_id;
   int64_t camera_ns;
-  int64_t receive_ns; /* CLOCK_MONOTONIC, first byte received */
-  int64_t publish_ns; /* CLOCK_MONOTONIC */
-  uint32_t flags;     /* enum bolo_shm_flag */
-  uint32_t reserved;
-  double noise_k;  /* temporal noise that the frame was solved with, K (counts without kelvin); 0: not used */
+  int64_t receive_ns;     /* CLOCK_MONOTONIC, first byte received */
+  int64_t publish_ns;     /* CLOCK_MONOTONIC */
+  uint32_t flags;         /* enum bolo_shm_flag */
+  uint32_t motion_blocks; /* motion_across * motion_down; 0: the scene's motion is not known for this frame */
+  double noise_k;         /* temporal noise that the frame was solved with, K (counts without kelvin); 0: not used */
   int64_t host_ns; /* camera_ns on the host's CLOCK_MONOTONIC: when the camera took the frame; 0: not known. Its error
                       is the shortest way from camera to host, constant and well below a frame's period */
+};
+
+/* How the scene moved through the picture from the frame before to this one: px a frame, to the right and down. */
+struct bolo_shm_motion {
+  double affine[6]; /* of the whole picture: x = a0 + a1 X + a2 Y, y = a3 + a4 X + a5 Y, at X columns and Y rows from
+                       the frame's centre, column (width - 1) / 2 and row (height - 1) / 2 */
+  uint64_t reserved[2];
+};
+
+/* Of 8x8 pixels, the last ones of a row or column fewer. */
+struct bolo_shm_block_motion {
+  float x; /* px a frame */
+  float y;
+  float confidence; /* 0: nothing is known of it, x and y are the whole picture's; to 1. 1 / (1 + (s / 0.25 px)^2), s
+                       the standard error of the velocity, and less where the two frames do not match */
 };
 
 enum bolo_shm_method {
@@ -208,7 +238,9 @@ struct bolo_shm_camera {
 #define BOLO_SHM_ASSERT(condition) _Static_assert(condition, "the layout is a contract with other programs")
 #endif
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_slot) == 64);
-BOLO_SHM_ASSERT(sizeof(struct bolo_shm_header) == 2048);
+BOLO_SHM_ASSERT(sizeof(struct bolo_shm_header) == 2112);
+BOLO_SHM_ASSERT(sizeof(struct bolo_shm_motion) == 64);
+BOLO_SHM_ASSERT(sizeof(struct bolo_shm_block_motion) == 12);
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_settings) == 64);
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_camera) == 304);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, width) == 16);
@@ -223,6 +255,7 @@ BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, wake) == 328);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, heartbeat_ns) == 336);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, lost) == 384);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, latency) == 512);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, motion_offset) == 2048);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, flags) == 40);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, noise_k) == 48);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, host_ns) == 56);

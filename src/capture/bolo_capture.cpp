@@ -82,9 +82,11 @@ Status read_attributes(const h5::Owner& root, CaptureInfo& info) {
   return {};
 }
 
-Result<FrameStore> open_frames(hid_t file, const std::string& path, Trust trust) {
+// `values`: of a pixel, where they have an axis of their own; 0: a plain picture.
+Result<FrameStore> open_frames(hid_t file, const std::string& path, Trust trust, hsize_t values = 0) {
   const h5::Expect expect = trust == Trust::kWhole ? h5::Expect::kWhole : h5::Expect::kPart;
-  Result<FrameStore> frames = FrameStore::open(file, path, FrameOrder::kFrameMajor, expect);
+  Result<FrameStore> frames = values > 0 ? FrameStore::open_of_several(file, path, expect, values)
+                                         : FrameStore::open(file, path, FrameOrder::kFrameMajor, expect);
   if (!frames || trust == Trust::kWhole) return frames;
   Status good = frames->drop_missing_end(trust == Trust::kDamaged ? kMostDamaged : kMostUncommitted);
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
@@ -126,6 +128,27 @@ Status read_truth(hid_t file, Trust trust, Contents& contents) {
   return {};
 }
 
+Status read_motion(hid_t file, Trust trust, Contents& contents) {
+  if (!h5::exists(file, "/motion")) return {};
+  Result<FrameStore> motion = open_frames(file, "/motion", trust, kMotionValues);
+  if (!motion && trust == Trust::kDamaged) {
+    contents.warnings.push_back(motion.error().message + "; it is left out");
+    return {};
+  }
+  if (!motion) return tl::unexpected<Error>(std::move(motion.error()));
+  if (motion->stored_type() != "float32") {
+    return bad_input("/motion is of type " + motion->stored_type() + "; expected float32");
+  }
+  const Geometry blocks = motion_blocks(contents.info.format.geometry);
+  if (!(motion->geometry() == Geometry{blocks.width * static_cast<int>(kMotionValues), blocks.height})) {
+    return bad_input("/motion has not the " + std::to_string(blocks.height) + "x" + std::to_string(blocks.width) +
+                     " blocks of 8x8 pixels (down x across) that cover /frames");
+  }
+  contents.info.has_motion = true;
+  contents.motion = std::move(*motion);
+  return {};
+}
+
 Status read_series(hid_t file, Trust trust, Contents& contents) {
   const h5::Expect expect = trust == Trust::kWhole ? h5::Expect::kWhole : h5::Expect::kPart;
   Result<std::vector<double>> t = h5::read_doubles(file, "/t", expect);
@@ -148,6 +171,7 @@ Status check_lengths(const Contents& contents) {
   Status good = check_length("/t", contents.t.size(), frames);
   if (good) good = check_length("/frame_id", contents.frame_id.size(), frames);
   if (good && contents.truth) good = check_length("/truth/frames", contents.truth->frames(), frames);
+  if (good && contents.motion) good = check_length("/motion", contents.motion->frames(), frames);
   return good;
 }
 
@@ -155,6 +179,7 @@ Status check_lengths(const Contents& contents) {
 Status cut_to_shortest(Contents& contents) {
   std::size_t frames = std::min({contents.info.frames, contents.t.size(), contents.frame_id.size()});
   if (contents.truth) frames = std::min(frames, contents.truth->frames());
+  if (contents.motion) frames = std::min(frames, contents.motion->frames());
   if (frames == 0) return bad_input("the recording was cut off before its first frame was stored");
   if (const std::size_t most = std::max(contents.info.frames, contents.t.size()); most > frames) {
     contents.warnings.push_back("the recording was cut off: the last " + std::to_string(most - frames) +
@@ -241,6 +266,7 @@ Result<Contents> read_bolo_capture(hid_t file, Trust trust) {
   if (good) good = read_frames(file, trust, contents);
   if (good) good = read_series(file, trust, contents);
   if (good) good = read_truth(file, trust, contents);
+  if (good) good = read_motion(file, trust, contents);
   if (good && trust == Trust::kDamaged) {
     contents.t.resize(std::min(contents.t.size(), contents.frame_id.size()));
     cut_to_rising(contents);

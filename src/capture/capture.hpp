@@ -14,6 +14,7 @@
 #include "src/core/output_file.hpp"
 #include "src/core/plane.hpp"
 #include "src/core/result.hpp"
+#include "src/core/scene_motion.hpp"
 
 namespace bolo::capture {
 
@@ -35,6 +36,7 @@ struct CaptureInfo {
   std::string camera_serial;
   std::size_t frames = 0;
   bool has_truth = false;
+  bool has_motion = false;
 };
 
 enum class FileFormat {
@@ -85,6 +87,8 @@ class CaptureReader {
   Status read_frame(std::size_t index, void* out) const;
   // One frame of /truth/frames, K; info().has_truth. `out` has geometry.pixels() values.
   Status read_truth(std::size_t index, float* out) const;
+  // One frame of /motion; info().has_motion. `out` has motion_blocks(info().format.geometry).pixels() values.
+  Status read_motion(std::size_t index, BlockMotion* out) const;
 
  private:
   struct Impl;
@@ -99,6 +103,7 @@ struct WriterOptions {
   // Commits go on to the disk, on a thread of their own: a cut of power finds one too, a kill always the last.
   bool survives_power_cut = false;
   Replace replace = Replace::kNothing;  // of the file of the final name, and of a ".part" that somebody left there
+  bool motion = false;                  // /motion is written: of every frame what is known of the scene's motion
 };
 
 // Writes a capture frame by frame, and commits them twice a second of frames. Whatever was appended before a failure
@@ -113,8 +118,10 @@ class CaptureWriter {
   CaptureWriter& operator=(CaptureWriter&&) noexcept;
   ~CaptureWriter();
 
-  // `plane` in info.format.type; `truth` (K) exactly when options.truth. t_s and frame_id must rise.
-  Status append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth = nullptr);
+  // `plane` in info.format.type; `truth` (K) exactly when options.truth; `motion`, of motion_blocks() of the frame,
+  // only when options.motion: null is not known, and written as zeros. t_s and frame_id must rise.
+  Status append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth = nullptr,
+                const BlockMotion* motion = nullptr);
   Status write_stimulus(const Stimulus& stimulus);
   Status add_event(const Event& event);
   // /points/x and /points/y, int32: one for each pixel of the frames, which are one row. Once.

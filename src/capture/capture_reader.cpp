@@ -98,6 +98,14 @@ Status CaptureReader::read_truth(std::size_t index, float* out) const {
   return status;
 }
 
+Status CaptureReader::read_motion(std::size_t index, BlockMotion* out) const {
+  const h5::Quiet quiet;
+  if (!impl_->contents.motion) return bad_input(impl_->name + ": there is no /motion in this capture");
+  Status status = impl_->contents.motion->read(index, out);
+  if (!status) return at(impl_->name, std::move(status.error()));
+  return status;
+}
+
 Result<StillImage> read_still(const std::filesystem::path& file) {
   const h5::Quiet quiet;
   const Result<h5::Handle> handle = open_hdf5(file);

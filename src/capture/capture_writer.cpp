@@ -124,6 +124,8 @@ struct CaptureWriter::Impl {
   h5::Handle file;
   h5::Handle frames;
   h5::Handle truth;
+  h5::Handle motion;
+  std::vector<BlockMotion> no_motion;  // of a frame
   h5::Handle t;
   h5::Handle frame_id;
 
@@ -139,7 +141,7 @@ struct CaptureWriter::Impl {
   Status create_items();
   Status check_order(double t_s, std::uint64_t id) const;
   Status make_room(std::uint64_t bytes);
-  Status write_planes(const void* plane, const float* truth_plane);
+  Status write_planes(const void* plane, const float* truth_plane, const BlockMotion* blocks);
   Status commit();
   bool close_file();
   bool store();
@@ -149,7 +151,7 @@ struct CaptureWriter::Impl {
   hid_t pixel_type() const { return info.format.type == PixelType::kUint16 ? H5T_NATIVE_UINT16 : H5T_NATIVE_FLOAT; }
   std::uint64_t frame_bytes() const {
     const std::size_t truth_bytes = options.truth ? plane_bytes(info.format.geometry, PixelType::kFloat32) : 0;
-    return plane_bytes(info.format.geometry, info.format.type) + truth_bytes;
+    return plane_bytes(info.format.geometry, info.format.type) + truth_bytes + no_motion.size() * sizeof(BlockMotion);
   }
   tl::unexpected<Error> broken(const std::string& what) const {
     return failed(part_name.string() + ": " + what + h5::because());
@@ -185,7 +187,14 @@ Status CaptureWriter::Impl::create_items() {
   if (options.truth) {
     truth = create_dataset(file.get(), "/truth/frames", H5T_NATIVE_FLOAT, frame, options.deflate_level);
   }
-  if (!frames || !t || !frame_id || (options.truth && !truth)) return broken("the datasets cannot be created");
+  if (options.motion) {
+    const Geometry blocks = motion_blocks(info.format.geometry);
+    const h5::Dims field{1, static_cast<hsize_t>(blocks.height), static_cast<hsize_t>(blocks.width), kMotionValues};
+    motion = create_dataset(file.get(), "/motion", H5T_NATIVE_FLOAT, field, options.deflate_level);
+    no_motion.resize(blocks.pixels());
+  }
+  const bool optional = (!options.truth || truth) && (!options.motion || motion);
+  if (!frames || !t || !frame_id || !optional) return broken("the datasets cannot be created");
   return commit();
 }
 
@@ -209,13 +218,16 @@ Status CaptureWriter::Impl::make_room(std::uint64_t bytes) {
   return {};
 }
 
-Status CaptureWriter::Impl::write_planes(const void* plane, const float* truth_plane) {
+Status CaptureWriter::Impl::write_planes(const void* plane, const float* truth_plane, const BlockMotion* blocks) {
+  if (blocks == nullptr) blocks = no_motion.data();
   const bool good = write_rows(frames.get(), pixel_type(), written, 1, plane) &&
-                    (!truth || write_rows(truth.get(), H5T_NATIVE_FLOAT, written, 1, truth_plane));
+                    (!truth || write_rows(truth.get(), H5T_NATIVE_FLOAT, written, 1, truth_plane)) &&
+                    (!motion || write_rows(motion.get(), H5T_NATIVE_FLOAT, written, 1, blocks));
   if (good) return {};
   const auto error = broken("frame " + std::to_string(written) + " cannot be written");
   cut_rows(frames.get(), written);
   if (truth) cut_rows(truth.get(), written);
+  if (motion) cut_rows(motion.get(), written);
   return error;
 }
 
@@ -240,7 +252,7 @@ Status CaptureWriter::Impl::commit() {
 
 bool CaptureWriter::Impl::close_file() {
   last.begun = true;
-  for (h5::Handle* dataset : {&frames, &truth, &t, &frame_id}) dataset->close();
+  for (h5::Handle* dataset : {&frames, &truth, &motion, &t, &frame_id}) dataset->close();
   const bool closed = file.close() && last.error == 0;
   if (!closed) stored.reset();
   return closed;
@@ -300,16 +312,18 @@ Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, c
   return CaptureWriter(std::move(impl));
 }
 
-Status CaptureWriter::append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth) {
+Status CaptureWriter::append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth,
+                             const BlockMotion* motion) {
   const h5::Quiet quiet;
   Impl& w = *impl_;
   if (!w.file) return w.closed();
   if ((truth != nullptr) != w.options.truth) {
     return failed(w.final_name.string() + ": a truth plane must come with every frame or with none");
   }
+  if (motion != nullptr && !w.options.motion) return failed(w.final_name.string() + ": it was begun without /motion");
   if (Status good = w.check_order(t_s, frame_id); !good) return good;
   if (Status good = w.make_room(w.frame_bytes()); !good) return good;
-  if (Status good = w.write_planes(plane, truth); !good) return good;
+  if (Status good = w.write_planes(plane, truth, motion); !good) return good;
   ++w.written;
   w.pending_t.push_back(t_s);
   w.pending_id.push_back(frame_id);

@@ -21,6 +21,7 @@ struct Contents {
   std::vector<std::string> warnings;
   std::optional<FrameStore> frames;  // always there after open
   std::optional<FrameStore> truth;
+  std::optional<FrameStore> motion;
 };
 
 // "bolo-capture" version 1. Unless it is trusted whole its datasets may differ in length; the frames that all of them

@@ -59,9 +59,14 @@ void pick_frame(const std::byte* block, std::size_t count, std::size_t at, std::
   for (std::size_t i = 0; i < pixels; ++i) to[i] = from[i * count + at];
 }
 
-Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder order, h5::Expect expect) {
+// `values` of a pixel, 0: a plain picture.
+Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder order, h5::Expect expect, hsize_t values) {
   const char* expected = order == FrameOrder::kFrameMajor ? "(n, height, width)" : "(height, width, n)";
-  if (dims.size() != 3) {
+  if (values > 0 && (dims.size() != 4 || dims[3] != values)) {
+    return bad_input(path + " has the shape " + h5::text(dims) + "; expected (n, down, across, " +
+                     std::to_string(values) + ")");
+  }
+  if (values == 0 && dims.size() != 3) {
     return bad_input(path + " has the shape " + h5::text(dims) + "; expected three dimensions " + expected);
   }
   if (expect == h5::Expect::kPart && dims[0] == 0) {
@@ -81,10 +86,19 @@ Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder ord
 
 Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOrder order, h5::Expect expect,
                                     std::size_t block_bytes) {
+  return open_as(file, path, order, expect, block_bytes, 0);
+}
+
+Result<FrameStore> FrameStore::open_of_several(hid_t file, const std::string& path, h5::Expect expect, hsize_t values) {
+  return open_as(file, path, FrameOrder::kFrameMajor, expect, kBlockBytes, values);
+}
+
+Result<FrameStore> FrameStore::open_as(hid_t file, const std::string& path, FrameOrder order, h5::Expect expect,
+                                       std::size_t block_bytes, hsize_t values) {
   Result<h5::Handle> dataset = h5::open_dataset(file, path, expect);
   if (!dataset) return tl::unexpected<Error>(std::move(dataset.error()));
   const h5::Dims dims = h5::shape(dataset->get());
-  if (Status good = check_shape(path, dims, order, expect); !good)
+  if (Status good = check_shape(path, dims, order, expect, values); !good)
     return tl::unexpected<Error>(std::move(good.error()));
 
   FrameStore store;
@@ -100,17 +114,20 @@ Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOr
   store.type_ = is_uint16(type.get()) ? PixelType::kUint16 : PixelType::kFloat32;
   store.frames_ = dims[frame_major ? 0 : 2];
   store.geometry_ = {static_cast<int>(dims[frame_major ? 2 : 1]), static_cast<int>(dims[frame_major ? 1 : 0])};
+  if (values > 0) store.geometry_.width *= static_cast<int>(values);
+  store.one_frame_ = dims;
+  store.one_frame_[0] = 1;
 
   const h5::Dims chunk = chunk_shape(dataset->get(), dims.size());
   store.contiguous_ = chunk.empty();
-  if (expect == h5::Expect::kPart && !chunk.empty() && chunk != h5::Dims{1, dims[1], dims[2]}) {
+  if (expect == h5::Expect::kPart && !chunk.empty() && chunk != store.one_frame_) {
     return bad_input(path + " is chunked by " + h5::text(chunk) + ", not by the frame of " + h5::text(dims) +
                      "; the unfinished file is damaged");
   }
   const std::size_t cache = chunks_of_a_frame(dims, chunk, frame_major ? 0 : 2, H5Tget_size(type.get()));
   store.block_frames_ =
       std::clamp(block_bytes / plane_bytes(store.geometry_, store.type_), std::size_t{1}, store.frames_);
-  store.checks_chunk_ = frame_major && chunk == h5::Dims{1, dims[1], dims[2]} && !is_filtered(dataset->get());
+  store.checks_chunk_ = frame_major && chunk == store.one_frame_ && !is_filtered(dataset->get());
   store.dataset_ = with_cache(file, path, cache);
   if (!store.dataset_) return bad_input(path + " cannot be opened" + h5::because());
   return store;
@@ -133,12 +150,17 @@ Status FrameStore::read(std::size_t index, void* out) {
   return {};
 }
 
+h5::Dims FrameStore::corner(std::size_t index) const {
+  h5::Dims at(one_frame_.size(), 0);
+  at[0] = index;
+  return at;
+}
+
 // A frame that a torn index doesn't lead to is read "successfully", leaving the buffer as it was: two different buffers
 // tell.
 bool FrameStore::is_stored(std::size_t index) {
-  const std::array<hsize_t, 3> corner{index, 0, 0};
   hsize_t bytes = 0;
-  if (!contiguous_ && (H5Dget_chunk_storage_size(dataset_.get(), corner.data(), &bytes) < 0 || bytes == 0))
+  if (!contiguous_ && (H5Dget_chunk_storage_size(dataset_.get(), corner(index).data(), &bytes) < 0 || bytes == 0))
     return false;
   std::vector<std::byte> plane(plane_bytes(geometry_, type_), std::byte{0x00});
   std::vector<std::byte> again(plane.size(), std::byte{0xFF});
@@ -159,22 +181,19 @@ Status FrameStore::drop_missing_end(std::size_t most) {
 
 // HDF5 1.10 believes the size that the index states and reads beyond its buffer when that is wrong.
 bool FrameStore::chunk_fits(std::size_t index) const {
-  const std::array<hsize_t, 3> corner{index, 0, 0};
   hsize_t bytes = 0;
-  return H5Dget_chunk_storage_size(dataset_.get(), corner.data(), &bytes) >= 0 &&
+  return H5Dget_chunk_storage_size(dataset_.get(), corner(index).data(), &bytes) >= 0 &&
          bytes == plane_bytes(geometry_, type_);
 }
 
 Status FrameStore::read_plane(std::size_t index, void* out) {
-  const auto height = static_cast<hsize_t>(geometry_.height);
-  const auto width = static_cast<hsize_t>(geometry_.width);
-  const std::array<hsize_t, 3> start{index, 0, 0};
-  const std::array<hsize_t, 3> count{1, height, width};
+  const h5::Dims start = corner(index);
+  const h5::Dims& count = one_frame_;
   if (checks_chunk_ && !chunk_fits(index)) {
     return bad_input(path_ + ": frame " + std::to_string(index) + " is not whole: the file is damaged");
   }
   const h5::Handle from(H5Dget_space(dataset_.get()));
-  const h5::Handle to(H5Screate_simple(3, count.data(), nullptr));
+  const h5::Handle to(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr));
   if (H5Sselect_hyperslab(from.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) < 0 ||
       H5Dread(dataset_.get(), memory_type(type_), to.get(), from.get(), H5P_DEFAULT, out) < 0) {
     return bad_input(path_ + ": frame " + std::to_string(index) + " cannot be read" + h5::because());

@@ -24,6 +24,8 @@ class FrameStore {
   // Errors: kBadInput naming `path`.
   static Result<FrameStore> open(hid_t file, const std::string& path, FrameOrder order,
                                  h5::Expect expect = h5::Expect::kWhole, std::size_t block_bytes = kBlockBytes);
+  // Of (n, height, width, values) instead: a "frame" is `values` times as wide as it is stored.
+  static Result<FrameStore> open_of_several(hid_t file, const std::string& path, h5::Expect expect, hsize_t values);
 
   // Of a dataset opened with Expect::kPart: drops the frames at the end that never reached the file. More than `most`
   // of them are an error.
@@ -41,7 +43,10 @@ class FrameStore {
   Status read_plane(std::size_t index, void* out);
   bool chunk_fits(std::size_t index) const;
   Status read_block(std::size_t index);
+  static Result<FrameStore> open_as(hid_t file, const std::string& path, FrameOrder order, h5::Expect expect,
+                                    std::size_t block_bytes, hsize_t values);
   bool is_stored(std::size_t index);
+  h5::Dims corner(std::size_t index) const;
 
   h5::Handle dataset_;
   std::string path_;
@@ -50,6 +55,7 @@ class FrameStore {
   PixelType type_ = PixelType::kUint16;
   Geometry geometry_;
   std::size_t frames_ = 0;
+  h5::Dims one_frame_;  // its shape in the file, first axis 1
   bool contiguous_ = false;
   bool checks_chunk_ = false;  // one uncompressed chunk a frame: its stored size is known
 

@@ -43,11 +43,13 @@ class FrameCopy {
         writer_(writer),
         done_(done),
         plane_(plane_bytes(reader.info().format.geometry, reader.info().format.type)),
-        truth_(reader.info().has_truth ? reader.info().format.geometry.pixels() : 0) {}
+        truth_(reader.info().has_truth ? reader.info().format.geometry.pixels() : 0),
+        motion_(reader.info().has_motion ? motion_blocks(reader.info().format.geometry).pixels() : 0) {}
 
   Status copy(std::size_t i) {
-    const bool readable =
-        reader_.read_frame(i, plane_.data()) && (truth_.empty() || reader_.read_truth(i, truth_.data()));
+    const bool readable = reader_.read_frame(i, plane_.data()) &&
+                          (truth_.empty() || reader_.read_truth(i, truth_.data())) &&
+                          (motion_.empty() || reader_.read_motion(i, motion_.data()));
     if (!readable) {
       ++done_.unreadable;
       after_gap_ = true;
@@ -60,7 +62,8 @@ class FrameCopy {
     after_gap_ = false;
     if (done_.frames++ == 0) done_.first_t_s = t_s;
     done_.last_t_s = t_s;
-    return writer_.append(t_s, reader_.frame_id()[i], plane_.data(), truth_.empty() ? nullptr : truth_.data());
+    return writer_.append(t_s, reader_.frame_id()[i], plane_.data(), truth_.empty() ? nullptr : truth_.data(),
+                          motion_.empty() ? nullptr : motion_.data());
   }
 
  private:
@@ -69,6 +72,7 @@ class FrameCopy {
   Recovered& done_;
   std::vector<std::byte> plane_;
   std::vector<float> truth_;
+  std::vector<BlockMotion> motion_;
   bool after_gap_ = false;
 };
 
@@ -83,6 +87,7 @@ Result<Recovered> write_copy(const std::filesystem::path& damaged, const std::fi
   if (!reader) return tl::unexpected<Error>(reader.error());
   WriterOptions options;
   options.truth = reader->info().has_truth;
+  options.motion = reader->info().has_motion;
   Result<CaptureWriter> writer = CaptureWriter::create(out, reader->info(), options);
   if (!writer) return tl::unexpected<Error>(writer.error());
   Status good = copy_extras(*reader, *writer);

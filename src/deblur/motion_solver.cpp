@@ -44,7 +44,8 @@ MotionSolver::MotionSolver(const StreamTask& task)
       kernels_(motion::best_kernels(mmae_.isa())),
       inertia_(task.settings.tau_s / task.settings.period_s),
       global_(task.input.geometry),
-      local_(task.input.geometry) {
+      local_(task.input.geometry),
+      told_(task.input.geometry) {
   const Geometry g = task.input.geometry;
   for (int ahead = 0; usable() && ahead <= task.settings.lookahead; ++ahead)
     estimators_.emplace_back(g, inertia_, ahead);
@@ -147,7 +148,8 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   }
   motion::Path path;
   bool ahead = false;
-  if (!usable() || !find_path(path, ahead)) {
+  knows_motion_ = usable() && find_path(path, ahead);
+  if (!knows_motion_) {
     estimate_ = per_pixel_;
     return;
   }
@@ -157,6 +159,10 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   const motion::VectorField& deviation =
       local_.find(kernels_, inertia_, innovation(target + 1).smoothed, innovation(target).smoothed, field_,
                   mmae_.noise(), cap * cap, crew);
+  told_.find(kernels_, inertia_,
+             {path.trail, field_, deviation, local_.misfit(), innovation(target + 1).smoothed.level[0],
+              innovation(target).smoothed.level[0], mmae_.noise()},
+             crew);
   motion::EstimateInputs in;
   in.now = &frame(target).values;
   in.innovation = &innovation(target).values;

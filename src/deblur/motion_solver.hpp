@@ -7,6 +7,7 @@
 
 #include "src/deblur/mmae_solver.hpp"
 #include "src/deblur/solver.hpp"
+#include "src/motion/block_motion.hpp"
 #include "src/motion/estimate.hpp"
 #include "src/motion/global_motion.hpp"
 #include "src/motion/innovation.hpp"
@@ -31,6 +32,7 @@ class MotionSolver final : public Solver {
   int iterations() const noexcept override { return 1; }
   std::string_view isa() const noexcept override { return mmae_.isa(); }
   double noise_k() const noexcept override;
+  const SceneMotion* motion() const noexcept override { return knows_motion_ ? &told_.found() : nullptr; }
 
  private:
   static constexpr int kFrames = motion::kPast + 2;    // that an estimate looks at: with the one after it
@@ -74,6 +76,8 @@ class MotionSolver final : public Solver {
   std::vector<Innovation> innovations_;
   std::array<Displacement, motion::kHistory + 1> displacements_;
   motion::VectorField field_;
+  motion::BlockMotions told_;
+  bool knows_motion_ = false;     // of the last prepare()
   std::uint64_t taken_ = 0;       // periods taken in
   std::uint64_t newest_ = 0;      // WindowView::newest of the last of them; 0: none
   std::vector<float> row_delay_;  // of the middle of each row of blocks; empty: none

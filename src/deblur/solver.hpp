@@ -10,6 +10,7 @@
 #include "src/core/geometry.hpp"
 #include "src/core/plane.hpp"
 #include "src/core/result.hpp"
+#include "src/core/scene_motion.hpp"
 #include "src/deblur/settings.hpp"
 
 namespace bolo::deblur {
@@ -57,6 +58,9 @@ class Solver {
   // Temporal noise that the last prepare() worked with, K (counts for a stream without kelvin); 0 where the method does
   // not use it. Thread: pipeline.
   virtual double noise_k() const noexcept { return 0.0; }
+  // How the scene moved up to the frame that was solved last; null where the method does not estimate it, or could not.
+  // Good until the next prepare(). Thread: pipeline.
+  virtual const SceneMotion* motion() const noexcept { return nullptr; }
 };
 
 }  // namespace bolo::deblur

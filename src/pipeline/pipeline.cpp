@@ -394,7 +394,10 @@ void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
     published.meta.flags |= flag_of(quality);
     stats.by_effort[static_cast<std::size_t>(quality)].add();
     stats.effort.set(quality);
-    if (solves()) published.noise_k = solvers.at(quality).noise_k();
+    if (solves()) {
+      published.noise_k = solvers.at(quality).noise_k();
+      published.motion = solvers.at(quality).motion();
+    }
   }
   for (const Flag& flag : band_saturated) {
     if (flag.value) published.meta.flags |= kFlagSaturated;
@@ -550,7 +553,8 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .iterations_asked = options.deblur.iterations,
                           .isa = std::string(deblur::best_isa()),
                           .maps = !options.maps.empty(),
-                          .undone = impl->corrections->beyond_maps(),
+                           .motion = impl->settings.method == deblur::Method::kMotion,
+                           .undone = impl->corrections->beyond_maps(),
                           .region = options.region,
                           .points = options.points};
   impl->all_sinks = sinks;

@@ -10,6 +10,7 @@
 #include "src/core/frame.hpp"
 #include "src/core/plane.hpp"
 #include "src/core/result.hpp"
+#include "src/core/scene_motion.hpp"
 #include "src/deblur/settings.hpp"
 #include "src/pipeline/notices.hpp"
 #include "src/pipeline/source.hpp"
@@ -20,10 +21,11 @@ namespace bolo::pipeline {
 // One published frame; valid only during publish().
 struct PublishedFrame {
   FrameMeta meta;
-  std::int64_t publish_ns = 0;      // CLOCK_MONOTONIC, right before the sinks get it
-  const void* raw = nullptr;        // the source's pixel type
-  const void* deblurred = nullptr;  // the output pixel type; see SinkFormat::region and points
-  double noise_k = 0.0;             // that it was solved with, K (counts without kelvin); 0: not used
+  std::int64_t publish_ns = 0;          // CLOCK_MONOTONIC, right before the sinks get it
+  const void* raw = nullptr;            // the source's pixel type
+  const void* deblurred = nullptr;      // the output pixel type; see SinkFormat::region and points
+  double noise_k = 0.0;                 // that it was solved with, K (counts without kelvin); 0: not used
+  const SceneMotion* motion = nullptr;  // null: not known for this frame
 };
 
 struct SinkFormat {
@@ -34,6 +36,7 @@ struct SinkFormat {
   int iterations_asked = 0;  // as the options had them; deblur.iterations are those in use
   std::string isa;           // instruction set of the kernels
   bool maps = false;         // pixels have parameters of their own
+  bool motion = false;       // frames may tell the scene's motion
   bool undone = false;       // frames are changed before or after the solver (PipelineOptions::undo)
   // As in PipelineOptions: only these pixels of the deblurred planes are solved; with points the planes hold these
   // alone. A sink of whole frames refuses both in open().

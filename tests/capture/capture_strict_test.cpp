@@ -210,6 +210,11 @@ const std::vector<Corruption>& corruptions() {
       {"truth_empty", without_item("/truth/frames"), {"/truth/frames is missing"}},
       {"truth_shape", with_dataset("/truth/frames", H5T_NATIVE_FLOAT, {3, 7, 3}), {"/truth/frames", "3x7", "7x3"}},
       {"truth_short", with_dataset("/truth/frames", H5T_NATIVE_FLOAT, {2, 3, 7}), {"/truth/frames has 2", "3 frames"}},
+      {"motion_shape", with_dataset("/motion", H5T_NATIVE_FLOAT, {3, 1, 2, 3}), {"/motion", "1x1 blocks"}},
+      {"motion_flat", with_dataset("/motion", H5T_NATIVE_FLOAT, {3, 1, 3}), {"/motion has the shape", "3)"}},
+      {"motion_values", with_dataset("/motion", H5T_NATIVE_FLOAT, {3, 1, 1, 2}), {"/motion has the shape", "3)"}},
+      {"motion_short", with_dataset("/motion", H5T_NATIVE_FLOAT, {2, 1, 1, 3}), {"/motion has 2", "3 frames"}},
+      {"motion_double", with_dataset("/motion", H5T_NATIVE_DOUBLE, {3, 1, 1, 3}), {"/motion", "float64"}},
       {"truth_double", with_dataset("/truth/frames", H5T_NATIVE_DOUBLE, {3, 3, 7}), {"/truth/frames", "float64"}},
 
       {"events_numbers", with_doubles("/events", {1.0}), {"/events", "float64", "compound"}},

@@ -16,6 +16,10 @@ void use_frame(bolo_client* client, const bolo_client_frame& frame) {
   std::vector<float> kelvin(pixels);
   static_cast<void>(bolo_client_copy(&frame, raw.data(), deblurred.data()));
   static_cast<void>(bolo_client_kelvin(client, raw.data(), pixels, kelvin.data()));
+  std::vector<bolo_shm_block_motion> blocks(std::size_t{frame.motion_across} * frame.motion_down);
+  bolo_shm_motion motion{};
+  static_cast<void>(bolo_client_copy_motion(&frame, &motion, blocks.data()));
+  for (std::size_t i = 0; i < blocks.size(); ++i) blocks[i] = frame.motion_blocks[i];
   static_cast<void>(bolo_client_valid(&frame));
 }
 

@@ -230,6 +230,113 @@ TEST(MotionSolver, SmallFramesFallBackToMmae) {
   EXPECT_EQ(out[0], out[1]);
 }
 
+// What the solver tells of frame k.
+SceneMotion told(Stream& stream, int k, double noise, int lookahead = 0) {
+  auto solver =
+      Solver::create(settings_of(Method::kMotion, noise, lookahead), format_of(PixelType::kUint16), PixelType::kUint16);
+  (*solver)->prepare(stream.window_ending_at(k + lookahead, lookahead));
+  EXPECT_NE((*solver)->motion(), nullptr);
+  return (*solver)->motion() != nullptr ? *(*solver)->motion() : SceneMotion(kFrame);
+}
+
+// Blocks across 17 and down 12; those along the border see what comes in.
+bool is_inside(const SceneMotion& motion, std::size_t block) {
+  const auto column = static_cast<int>(block) % motion.size.width;
+  const auto row = static_cast<int>(block) / motion.size.width;
+  return column > 1 && row > 1 && column < motion.size.width - 2 && row < motion.size.height - 2;
+}
+
+TEST(MotionOutput, IsTheWayFromTheFrameBefore) {
+  for (const int lookahead : {0, 1}) {
+    Stream stream(pan(2.4, -0.8), 0.05, 26);
+    const SceneMotion motion = told(stream, 23, 0.05, lookahead);
+    ASSERT_EQ(motion.size, (Geometry{17, 12}));
+    EXPECT_NEAR(motion.affine[0], 2.4, 0.05);
+    EXPECT_NEAR(motion.affine[3], -0.8, 0.05);
+    for (std::size_t i = 0; i < motion.blocks.size(); ++i) {
+      if (!is_inside(motion, i)) continue;
+      EXPECT_NEAR(motion.blocks[i].x, 2.4, 0.2) << i;
+      EXPECT_NEAR(motion.blocks[i].y, -0.8, 0.2) << i;
+      EXPECT_GT(motion.blocks[i].confidence, 0.6F) << i;
+    }
+  }
+}
+
+// Zoom and roll about the frame's centre.
+TEST(MotionOutput, AffineIsInPixelsAboutTheCentre) {
+  constexpr double kZoom = 0.01;  // a frame
+  constexpr double kRoll = 0.02;
+  const Texture texture(5);
+  const Scene scene = [&](double x, double y, double t) {
+    const double X = x - 66.0;
+    const double Y = y - 44.5;
+    const double s = std::exp(-kZoom * t);
+    const double c = std::cos(kRoll * t);
+    const double n = std::sin(kRoll * t);
+    return texture(s * (c * X + n * Y), s * (c * Y - n * X));
+  };
+  Stream stream(scene, 0.03, 24);
+  const SceneMotion motion = told(stream, 23, 0.03);
+  EXPECT_NEAR(motion.affine[0], 0.0, 0.05);
+  EXPECT_NEAR(motion.affine[3], 0.0, 0.05);
+  EXPECT_NEAR(motion.affine[1], kZoom, 0.002);
+  EXPECT_NEAR(motion.affine[2], -kRoll, 0.003);
+  EXPECT_NEAR(motion.affine[4], kRoll, 0.003);
+  EXPECT_NEAR(motion.affine[5], kZoom, 0.002);
+}
+
+TEST(MotionOutput, AMoverHasItsOwnVelocity) {
+  const Texture still(7);
+  const Texture mover(8);
+  const Scene scene = [&](double x, double y, double t) {
+    const double left = 20.0 + 2.5 * t;
+    const bool inside = x >= left && x < left + 48.0 && y >= 24.0 && y < 72.0;
+    return inside ? 6.0 + mover(x - 2.5 * t, y) : still(x, y);
+  };
+  Stream stream(scene, 0.03, 20);
+  const SceneMotion motion = told(stream, 17, 0.03);  // it stands at 62 to 110
+  EXPECT_NEAR(motion.affine[0], 0.0, 0.15);
+  const BlockMotion& in_it = motion.blocks[6 * 17 + 11];
+  EXPECT_NEAR(in_it.x, 2.5, 0.3);
+  EXPECT_GT(in_it.confidence, 0.3F);
+  EXPECT_NEAR(motion.blocks[1 * 17 + 3].x, 0.0, 0.15);
+}
+
+TEST(MotionOutput, ConfidenceIsThatOfWhatIsSeen) {
+  const auto mean_confidence = [](const SceneMotion& motion) {
+    double sum = 0.0;
+    int blocks = 0;
+    for (std::size_t i = 0; i < motion.blocks.size(); ++i) {
+      if (is_inside(motion, i)) sum += static_cast<double>(motion.blocks[i].confidence), ++blocks;
+    }
+    return sum / blocks;
+  };
+  Stream flat([](double, double, double) { return 1.0; }, 0.1, 20);
+  Stream bars([](double x, double, double t) { return 3.0 * std::tanh(std::sin(0.2 * (x - 1.5 * t))); }, 0.1, 20);
+  Stream rest(pan(0.0, 0.0), 0.05, 20);
+  Stream cut([](double x, double y, double t) { return Texture(t < 16.5 ? 11U : 12U)(x, y); }, 0.1, 20);
+  EXPECT_LT(mean_confidence(told(flat, 18, 0.1)), 0.05) << "nothing to see";
+  EXPECT_LT(mean_confidence(told(bars, 18, 0.1)), 0.1) << "edges of one direction alone";
+  EXPECT_GT(mean_confidence(told(rest, 18, 0.05)), 0.8) << "at rest, and sure of it";
+  EXPECT_LT(mean_confidence(told(cut, 17, 0.1)), 0.3) << "two frames that do not match";
+}
+
+TEST(MotionOutput, IsAbsentWhereItIsNotKnown) {
+  Stream stream(pan(2.0, 0.0), 0.05, 30);
+  stream.lose(22);
+  auto solver = Solver::create(settings_of(Method::kMotion, 0.05), format_of(PixelType::kUint16), PixelType::kUint16);
+  for (int k = 16; k < 30; ++k) {
+    if (k == 22) continue;
+    (*solver)->prepare(stream.window_ending_at(k, 0));
+    EXPECT_EQ((*solver)->motion() != nullptr, k < 22 || k > 24) << k << ": a displacement is that of three frames";
+  }
+  for (const Method method : {Method::kAdmm, Method::kMmae, Method::kInverse}) {
+    auto other = Solver::create(settings_of(method, 0.05), format_of(PixelType::kUint16), PixelType::kUint16);
+    (*other)->prepare(stream.window_ending_at(20, 0));
+    EXPECT_EQ((*other)->motion(), nullptr);
+  }
+}
+
 TEST(MotionSolver, RefusesWhatItCannotDo) {
   Settings settings = settings_of(Method::kMotion, 0.05, 2);
   EXPECT_FALSE(validate(settings));

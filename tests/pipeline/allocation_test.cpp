@@ -40,7 +40,8 @@ class RingSink final : public FrameSink {
   Status open(const SinkFormat& format) override {
     raw_bytes_ = plane_bytes(format.source.format.geometry, format.source.format.type);
     deblurred_bytes_ = plane_bytes(format.source.format.geometry, format.deblurred_type);
-    for (Slot& slot : slots_) slot.planes.resize(raw_bytes_ + deblurred_bytes_);
+    motion_bytes_ = format.motion ? motion_blocks(format.source.format.geometry).pixels() * sizeof(BlockMotion) : 0;
+    for (Slot& slot : slots_) slot.planes.resize(raw_bytes_ + deblurred_bytes_ + motion_bytes_);
     return {};
   }
   void publish(const PublishedFrame& frame, const PipelineStats& stats) noexcept override {
@@ -49,9 +50,14 @@ class RingSink final : public FrameSink {
     slot.sequence.store(2 * n + 1, std::memory_order_relaxed);
     std::memcpy(slot.planes.data(), frame.raw, raw_bytes_);
     std::memcpy(slot.planes.data() + raw_bytes_, frame.deblurred, deblurred_bytes_);
+    if (frame.motion != nullptr) {
+      std::memcpy(slot.planes.data() + raw_bytes_ + deblurred_bytes_, frame.motion->blocks.data(), motion_bytes_);
+      ++moving_;
+    }
     slot.sequence.store(2 * n + 2, std::memory_order_release);  // partner: a reader, of which there is none
   }
   void close() noexcept override {}
+  int moving() const { return moving_; }  // frames that told the scene's motion
 
  private:
   struct Slot {
@@ -61,6 +67,8 @@ class RingSink final : public FrameSink {
   std::array<Slot, 4> slots_;
   std::size_t raw_bytes_ = 0;
   std::size_t deblurred_bytes_ = 0;
+  std::size_t motion_bytes_ = 0;
+  int moving_ = 0;
 };
 
 std::unique_ptr<int> g_kept;  // seen by the whole program: the compiler cannot leave the allocation out
@@ -102,6 +110,7 @@ std::uint64_t allocations_of(Script script, const PipelineOptions& options, std:
   EXPECT_TRUE((*pipeline)->run(never));
   EXPECT_EQ((*pipeline)->stats().restarts.value(), 1U);
   EXPECT_GT((*pipeline)->stats().gap_frames.value(), 0U);
+  EXPECT_EQ(ring.moving() > 100, options.deblur.method == deblur::Method::kMotion);
   return bolo::test::allocation_count();
 }
 

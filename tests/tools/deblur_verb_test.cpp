@@ -251,6 +251,80 @@ TEST_P(DeblurVerbPoints, AreTheWholeFramesBits) {
   EXPECT_NE(info.out.find("5 single pixels"), std::string::npos) << info.out;
 }
 
+// A texture that moves 1.5 px a frame to the right and 0.5 down; frame 40 is lost.
+void write_pan(const fs::path& file) {
+  capture::CaptureInfo info;
+  info.format.geometry = {100, 60};
+  info.format.scale = {Unit::kKelvin, 0.01, 0.0};
+  info.format.frame_period_s = kPeriod;
+  auto writer = capture::CaptureWriter::create(file, info);
+  ASSERT_TRUE(writer);
+  const double decay = std::exp(-kPeriod / kTau);
+  std::vector<double> y(info.format.geometry.pixels(), 300.0);
+  std::vector<std::uint16_t> counts(y.size());
+  for (std::size_t n = 0; n < 60; ++n) {
+    for (std::size_t i = 0; i < y.size(); ++i) {
+      const double column = static_cast<double>(i % 100) - 1.5 * static_cast<double>(n);
+      const double row = static_cast<double>(i / 100) - 0.5 * static_cast<double>(n);
+      const double x = 300.0 + 3.0 * std::sin(0.4 * column + 0.1 * row) + 3.0 * std::sin(0.07 * column - 0.3 * row) +
+                       2.0 * std::sin(0.21 * column + 0.23 * row);
+      y[i] = decay * y[i] + (1.0 - decay) * x;
+      counts[i] = static_cast<std::uint16_t>(std::lround(y[i] / 0.01));
+    }
+    if (n == 40) continue;
+    ASSERT_TRUE(writer->append(0.005 * static_cast<double>(n), n, counts.data()));
+  }
+  ASSERT_TRUE(writer->close());
+}
+
+std::vector<BlockMotion> motion_of(const capture::CaptureReader& reader, std::size_t index) {
+  std::vector<BlockMotion> blocks(motion_blocks(reader.info().format.geometry).pixels());
+  EXPECT_TRUE(reader.read_motion(index, blocks.data()));
+  return blocks;
+}
+
+TEST_F(DeblurVerb, MotionIsWrittenBesideTheFrames) {
+  write_pan(path("in.h5"));
+  const auto out = deblurred({"--solver", "motion", "--noise", "0.03"});
+  ASSERT_TRUE(out.info().has_motion);
+  for (std::size_t n = 3; n < out.info().frames; ++n) {
+    const std::uint64_t id = out.frame_id()[n];
+    const auto blocks = motion_of(out, n);
+    ASSERT_EQ(blocks.size(), 13U * 8U);
+    const bool known = id < 40 || id > 43;  // of three frames each: the lost one, and those after it
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+      if (id == 41) {
+        ASSERT_EQ(blocks[i].confidence, 0.0F) << i;
+      }
+      const bool inside = i % 13 > 0 && i % 13 < 12 && i / 13 > 0 && i / 13 < 7;
+      if (!known || !inside) continue;
+      ASSERT_NEAR(blocks[i].x, 1.5, 0.15) << id << ' ' << i;
+      ASSERT_NEAR(blocks[i].y, 0.5, 0.15) << id << ' ' << i;
+      ASSERT_GT(blocks[i].confidence, 0.5F) << id << ' ' << i;
+      ASSERT_LE(blocks[i].confidence, 1.0F);
+    }
+  }
+  const Outcome info = Program(folder_, {BOLO_PROGRAM, "info", path("out.h5")}).outcome();
+  EXPECT_NE(info.out.find("velocity and confidence"), std::string::npos) << info.out;
+}
+
+TEST_F(DeblurVerb, MotionOfARegionIsThatOfItsPlaceAndOtherwiseAbsent) {
+  write_pan(path("in.h5"));
+  const auto whole = deblurred({"--solver", "motion"}, "whole.h5");
+  const auto part = deblurred({"--solver", "motion", "--roi", "18,9,33,20"}, "part.h5");
+  ASSERT_TRUE(part.info().has_motion);
+  const auto all = motion_of(whole, 10);
+  const auto some = motion_of(part, 10);
+  ASSERT_EQ(some.size(), 5U * 3U);
+  EXPECT_EQ(some[0].x, all[13 * 1 + 2].x) << "its middle, 22,13, lies in block 2,1";
+  EXPECT_EQ(some[5 * 2 + 4].y, all[13 * 3 + 6].y) << "54,29 in block 6,3";
+  std::ofstream(path("p.csv")) << "3,1\n50,30\n";
+  EXPECT_FALSE(deblurred({"--solver", "motion", "--points", path("p.csv")}, "points.h5").info().has_motion);
+  for (const char* solver : {"admm", "mmae", "inverse"}) {
+    EXPECT_FALSE(deblurred({"--solver", solver}, "other.h5").info().has_motion) << solver;
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Solvers, DeblurVerbPoints, testing::Values("admm", "dual", "exact", "inverse", "mmae"),
                          [](const auto& each) { return std::string(each.param); });
 

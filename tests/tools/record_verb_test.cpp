@@ -85,9 +85,35 @@ TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   EXPECT_EQ(reader->info().camera_serial, "1234");
   EXPECT_EQ(reader->info().format.scale.offset, 5.0);
   expect_published(*reader, 0);
+  EXPECT_FALSE(reader->info().has_motion);
   EXPECT_FALSE(exists(file() + ".part")) << "renamed";
   EXPECT_FALSE(exists(file() + ".part.journal"));
   EXPECT_FALSE(exists(file() + ".part.live"));
+}
+
+TEST_F(RecordVerb, TheScenesMotionIsRecordedWithItsFrames) {
+  shm::Writer writer(name_);
+  writer.format.motion = true;
+  ASSERT_TRUE(writer.open());
+  const Program program =
+      start({"record", name_, "-o", file(), "--frames", "300", "--split-minutes", "0.01", "--planes", "raw"});
+  publish_until(writer, [&] { return exists(file("a_003.h5")); });
+  ASSERT_EQ(program.outcome().exit_code, 0);
+  for (const char* part : {"a_001.h5", "a_002.h5", "a_003.h5"}) {
+    const auto reader = capture::CaptureReader::open(file(part));
+    ASSERT_TRUE(reader) << reader.error().message;
+    ASSERT_TRUE(reader->info().has_motion);
+    expect_published(*reader, 0);
+    for (std::size_t i = 0; i < reader->info().frames; ++i) {
+      const std::uint64_t number = reader->frame_id()[i] / 2;
+      std::vector<BlockMotion> blocks(5);
+      ASSERT_TRUE(reader->read_motion(i, blocks.data()));
+      for (std::size_t b = 0; b < blocks.size(); ++b) {
+        ASSERT_EQ(blocks[b].x, shm::moves(number) ? shm::motion_pattern(number, b, 0) : 0.0F) << number;
+        ASSERT_EQ(blocks[b].confidence, shm::moves(number) ? shm::motion_pattern(number, b, 2) : 0.0F) << number;
+      }
+    }
+  }
 }
 
 TEST_F(RecordVerb, DeblurredPlanesInFilesOfAGivenLength) {

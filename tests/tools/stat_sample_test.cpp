@@ -6,6 +6,7 @@
 
 #include "src/pipeline/source_status.hpp"
 #include "src/rt/counters.hpp"
+#include "tests/drivers/shm/shm_rig.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -114,6 +115,41 @@ TEST(StatSample, TellsHowTheCameraDoes) {
   camera.clock_offset_ns = -5;
   camera.clock_drift_ppm = -20.5;
   EXPECT_NE(stat_table("cam", look, compare(first_look(), look)).find("drift -20.5 ppm"), std::string::npos);
+}
+
+TEST(StatSample, TellsHowThePictureMoves) {
+  StatLook look = second_look();
+  EXPECT_TRUE(stat_json("cam", look, compare(first_look(), look))["motion"].is_null());
+  EXPECT_EQ(stat_table("cam", look, compare(first_look(), look)).find("motion"), std::string::npos);
+  look.header.motion_offset = 64;
+  EXPECT_NE(stat_table("cam", look, compare(first_look(), look)).find("motion   not known"), std::string::npos);
+  look.motion = {-3.0, 4.0, 0.875};
+  const auto json = stat_json("cam", look, compare(first_look(), look))["motion"];
+  EXPECT_EQ(json["x_px"], -3.0);
+  EXPECT_EQ(json["y_px"], 4.0);
+  EXPECT_EQ(json["sure_blocks"], 0.875);
+  const std::string table = stat_table("cam", look, compare(first_look(), look));
+  EXPECT_NE(table.find("motion   5.00 px a frame (x -3.00, y +4.00), 88 % of the blocks sure\n"), std::string::npos)
+      << table;
+}
+
+TEST(StatSample, MotionIsTheNewestFrames) {
+  const std::string name = shm::unique_name("stat-motion");
+  shm::Writer writer(name);
+  writer.format.motion = true;
+  ASSERT_TRUE(writer.open());
+  const auto reader = shm::ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  EXPECT_FALSE(newest_motion(*reader)) << "no frame yet";
+  for (std::uint64_t n = 0; n < 10; ++n) {
+    writer.publish();
+    const auto motion = newest_motion(*reader);
+    ASSERT_EQ(motion.has_value(), shm::moves(n)) << n;
+    if (!motion) continue;
+    EXPECT_EQ(motion->x_px, static_cast<double>(n));
+    EXPECT_EQ(motion->y_px, 3.0);
+    EXPECT_EQ(motion->sure, 1.0);
+  }
 }
 
 // What a camera calls itself is no order to the terminal.

@@ -95,6 +95,29 @@ TEST_F(ViewStream, GivesTheNewestFrameOnce) {
   EXPECT_EQ(head_of(*frame_after({head.epoch, head.number})).number, 3U);
 }
 
+TEST_F(ViewStream, SendsTheMotionBehindThePlanes) {
+  writer_ = std::make_unique<shm::Writer>(name_);
+  writer_->format.motion = true;
+  ASSERT_TRUE(writer_->open());
+  publish(3);
+  const auto frame = frame_after({});
+  const FrameHead head = head_of(*frame);
+  ASSERT_EQ(head.number, 2U);
+  EXPECT_EQ(head.motion_across, 5U);
+  EXPECT_EQ(head.motion_down, 1U);
+  const std::size_t planes = sizeof head + 2 * 2 * 33 * 7;
+  ASSERT_EQ(frame->size(), planes + 5 * sizeof(bolo_shm_block_motion));
+  bolo_shm_block_motion last{};
+  std::memcpy(&last, frame->data() + planes + 4 * sizeof last, sizeof last);
+  EXPECT_EQ(last.x, shm::motion_pattern(2, 4, 0));
+  EXPECT_EQ(last.confidence, shm::motion_pattern(2, 4, 2));
+  publish(1);
+  const auto without = frame_after({head.epoch, head.number});
+  ASSERT_EQ(head_of(*without).number, 3U);
+  EXPECT_EQ(head_of(*without).motion_across, 0U) << "not known for this one";
+  EXPECT_EQ(without->size(), planes);
+}
+
 TEST_F(ViewStream, ATraceHasEveryFrameFromTheRingOn) {
   start_writer();
   publish(5);

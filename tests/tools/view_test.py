@@ -28,7 +28,7 @@ if browser.missing():
 
 WIDTH, HEIGHT, RATE = (int(v) for v in os.environ.get("BOLO_VIEW_FORMAT", "160,48,100").split(","))
 PATIENCE_S = 60  # a guard against hanging, not an expectation
-HEAD = struct.Struct("<4sHHIIddQQQqdII")  # FrameHead of tools/view/live_stream.hpp
+HEAD = struct.Struct("<4sHHIIddQQQqdIIII")  # FrameHead of tools/view/live_stream.hpp
 
 
 def wait_for(condition, what):
@@ -242,6 +242,45 @@ def check_restart(page, programs):
     wait_for(lambda: figure(page, "#followed") == 1, "the restart")
 
 
+def check_motion(page, programs, folder):
+    """Arrows on a key: none of a solver that does not estimate motion, and those of one that does."""
+    toast = lambda: page.text("#toast")
+    pressed = lambda: page.run("return document.getElementById('arrows').getAttribute('aria-pressed')")
+
+    def with_arrows_and_without():
+        page.click("#pause")  # a frame that stays; a space would press the button that has the focus
+        without = picture_hash(page)
+        page.keys("m")
+        wait_for(lambda: pressed() == "true", "the button")
+        time.sleep(0.3)
+        shown, words = picture_hash(page), toast()
+        page.keys("m")
+        wait_for(lambda: pressed() == "false" and picture_hash(page) == without, "the picture without arrows")
+        page.click("#pause")
+        return shown != without, words
+
+    drawn, words = with_arrows_and_without()
+    assert not drawn and "solver = \"motion\"" in words, words
+    assert page.text("#motion") == "–"
+    programs.daemon.terminate()
+    programs.daemon.wait()
+    with open(programs.config, "a", encoding="utf-8") as f:
+        f.write('[deblur]\nsolver = "motion"\n')
+    programs.daemon = programs.start(programs.bolod, "--config", programs.config)
+    # px a frame, of a street that moves by half a width a second
+    wait_for(lambda: (m := re.match(r"([0-9.]+) a frame", page.text("#motion"))) and
+             abs(float(m.group(1)) - WIDTH / 2 / RATE) < 0.3, "the street's motion")
+    wait_for(lambda: with_arrows_and_without()[0], "arrows")
+    if folder:
+        page.keys("m")
+        for mode in ("sharp", "divider"):
+            page.size(1366, 900)
+            page.click(f'#modes [data-value="{mode}"]')
+            time.sleep(1)
+            page.screenshot(os.path.join(folder, f"view_motion_{mode}.png"))
+        page.keys("m")
+
+
 def check_token(page, programs):
     """With a token the page opens by it once; the address forgets it, the browser doesn't."""
     token = "e2e-0123456789abcdef"
@@ -341,6 +380,7 @@ def main(bolo, bolod, pictures):
             check_restart(page, programs)
             if pictures:
                 take_pictures(page, pictures)
+            check_motion(page, programs, pictures)
             check_requests(page)
             check_token(page, programs)
             check_usage(programs)

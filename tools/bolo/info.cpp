@@ -179,6 +179,7 @@ Result<json> describe(const CaptureReader& reader) {
               {"values", std::move(*values)},
               {"stimulus", std::visit([](const auto& kind) { return fields(kind); }, stimulus)},
               {"truth", info.has_truth},
+              {"motion", info.has_motion},
               {"points", points->size()},
               {"events", events_of(reader)},
               {"camera_model", info.camera_model},
@@ -271,6 +272,7 @@ void print_capture(const json& info) {
   line("stimulus", pairs_text(info["stimulus"]));
   if (info["points"] != 0) line("points", info["points"].dump() + " single pixels, their places in /points");
   line("truth", info["truth"].get<bool>() ? "yes" : "no");
+  if (info["motion"].get<bool>()) line("motion", "velocity and confidence of each block of 8x8 pixels");
   line("events", events_text(info["events"]));
   line("camera", info["camera_model"].get<std::string>() + " " + info["camera_serial"].get<std::string>());
   line("attributes", pairs_text(info["attributes"]));

@@ -38,7 +38,7 @@ nlohmann::ordered_json ask_state(const shm::ShmReader& reader, const std::string
 
 StatLook look_at(const shm::ShmReader& reader, const StatOptions& options) {
   const bool closed = reader.closed();
-  StatLook look{reader.header(), monotonic_ns(), closed, reader.camera()};
+  StatLook look{reader.header(), monotonic_ns(), closed, reader.camera(), newest_motion(reader)};
   if (!closed) look.told = ask_state(reader, options.name);
   return look;
 }

@@ -173,7 +173,8 @@ void deblur_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.choice<deblur::Method>(
       "solver", s.method, kMethods,
       "admm, dual: fixed iterations, for live work. exact: to convergence, slow. inverse: no prior, for little noise. "
-      "mmae: many motion models, weighted. motion: along the scene's own motion, the sharpest.");
+      "mmae: many motion models, weighted. motion: along the scene's own motion, the sharpest; tells the motion beside "
+      "each frame.");
   keys.number_or_word(
       "lambda", s.lambda, s.auto_lambda, "auto", {0.0, 1e6, "K (counts when the source has no kelvin)"},
       "Weight of the prior in kappa |V H^T D - Y|^2 + lambda |D|_1. More smooths more; auto follows noise and motion.");

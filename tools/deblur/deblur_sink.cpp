@@ -1,5 +1,6 @@
 #include "tools/deblur/deblur_sink.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <system_error>
 #include <utility>
@@ -42,6 +43,7 @@ Status DeblurSink::open(const pipeline::SinkFormat& format) {
   const capture::CaptureInfo& info = frames_.written();
   capture::WriterOptions how;
   how.truth = info.has_truth;
+  how.motion = format.motion && frames_.choice().points().empty();
   how.replace = output_.replace;
   auto writer = capture::CaptureWriter::create(output_.path, info, how);
   if (!writer) return tl::unexpected(writer.error());
@@ -70,7 +72,27 @@ Status DeblurSink::take(const pipeline::PublishedFrame& frame) {
   squares_.deblurred += errors->deblurred;
   ++frames_out_;
   const capture::CaptureReader& input = frames_.input();
-  return writer_->append(input.t()[frames_.index()], input.frame_id()[frames_.index()], frames_.deblurred(), *truth);
+  return writer_->append(input.t()[frames_.index()], input.frame_id()[frames_.index()], frames_.deblurred(), *truth,
+                         motion_of(frame));
+}
+
+// The frame's blocks, or those in whose place the blocks of a region lie; null: not known, or for points.
+const BlockMotion* DeblurSink::motion_of(const pipeline::PublishedFrame& frame) {
+  if (frame.motion == nullptr || !frames_.choice().points().empty()) return nullptr;
+  const Region& region = frames_.choice().region();
+  const Geometry blocks = motion_blocks(frames_.written().format.geometry);
+  motion_.clear();
+  for (int row = 0; row < blocks.height; ++row) {
+    for (int column = 0; column < blocks.width; ++column) {
+      const auto place = [](int begin, int block, int most) {
+        return std::min((begin + block * kMotionBlock + kMotionBlock / 2) / kMotionBlock, most - 1);
+      };
+      const int x = place(region.x, column, frame.motion->size.width);
+      const int y = place(region.y, row, frame.motion->size.height);
+      motion_.push_back(frame.motion->blocks[static_cast<std::size_t>(y * frame.motion->size.width + x)]);
+    }
+  }
+  return motion_.data();
 }
 
 std::optional<Rmse> DeblurSink::rmse() const {

@@ -53,11 +53,13 @@ class DeblurSink final : public pipeline::FrameSink {
  private:
   Status take(const pipeline::PublishedFrame& frame);
   Status write_settings(std::string_view isa, const Files& files);
+  const BlockMotion* motion_of(const pipeline::PublishedFrame& frame);
 
   ChosenFrames frames_;
   OutputFile output_;
   Heard heard_;
   std::optional<capture::CaptureWriter> writer_;
+  std::vector<BlockMotion> motion_;
   SquareErrors squares_;
   std::uint64_t frames_in_ = 0;
   std::uint64_t frames_out_ = 0;

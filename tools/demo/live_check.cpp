@@ -57,7 +57,7 @@ class Judge {
     if (auto read = reader_.read_truth(*index, truth_.data()); !read) return read;
     add_errors(header, frame, truth_, outcome.error);
     ++outcome.frames_judged;
-    outcome.shown.take(header, frame, truth_);
+    outcome.shown.take(header, frame, truth_, *index);
     return {};
   }
 
@@ -69,13 +69,16 @@ class Judge {
   std::vector<float> truth_;
 };
 
-Status watch(shm::ShmReader& memory, Judge& judge, double seconds, LiveOutcome& outcome) {
+// `longest_s`: what may be waited beyond `seconds` for the frame to show.
+Status watch(shm::ShmReader& memory, Judge& judge, double seconds, double longest_s, LiveOutcome& outcome) {
   const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(seconds * kNsPerSecond);
   shm::ReadFrame frame;
   Progress progress("reading", static_cast<std::uint64_t>(seconds * 1000));
   std::uint64_t number = memory.published();
   outcome.first = memory.header();
-  while (monotonic_ns() < end_ns && !interrupted()) {
+  const std::int64_t last_ns = end_ns + static_cast<std::int64_t>(longest_s * kNsPerSecond);
+  const auto goes_on = [&] { return monotonic_ns() < (outcome.shown.waits() ? last_ns : end_ns); };
+  while (goes_on() && !interrupted()) {
     switch (memory.read(number, frame, kReadTimeoutMs)) {
       case shm::ShmReader::Outcome::kFrame:
         break;
@@ -113,7 +116,8 @@ Status check_match(const capture::CaptureInfo& info, const bolo_shm_header& head
 
 }  // namespace
 
-Result<LiveOutcome> check_live(const std::string& name, const std::filesystem::path& truth, double seconds) {
+Result<LiveOutcome> check_live(const std::string& name, const std::filesystem::path& truth, double seconds,
+                               std::optional<std::size_t> shown) {
   auto reader = capture::CaptureReader::open(truth);
   if (!reader) return tl::unexpected(reader.error());
   auto memory = shm::ShmReader::open(name);
@@ -121,8 +125,12 @@ Result<LiveOutcome> check_live(const std::string& name, const std::filesystem::p
   const bolo_shm_header header = memory->header();
   if (auto match = check_match(reader->info(), header); !match) return at(truth.string(), match.error());
   LiveOutcome outcome;
+  outcome.shown = FrameChoice(shown);
   Judge judge(*reader, header);
-  if (auto watched = watch(*memory, judge, seconds, outcome); !watched) return tl::unexpected(watched.error());
+  const double two_laps_s = 2.0 * (reader->t().back() - reader->t().front());
+  if (auto watched = watch(*memory, judge, seconds, two_laps_s, outcome); !watched) {
+    return tl::unexpected(watched.error());
+  }
   if (outcome.frames_judged == 0) {
     return failed("none of " + std::to_string(outcome.frames_read) + " frames could be matched with the truth in " +
                   truth.string() + ": is it the capture that the fake camera replays?");
@@ -174,10 +182,18 @@ void print_text(const nlohmann::ordered_json& j) {
               j.at("rmse_before_k").get<double>(), j.at("rmse_after_k").get<double>(), count("frames_judged"));
 }
 
-plot::Sheet live_sheet(const LiveOutcome& outcome, const std::string& command) {
-  plot::Sheet sheet = sheet_of(outcome.shown.shown(), {outcome.error.rmse_before(), outcome.error.rmse_after(),
-                                                       outcome.first.frame_period_s, outcome.latency_ms});
-  sheet.how = command + ": " + outcome.first.solver + ". " + machine_words() + ".";
+plot::Sheet live_sheet(std::span<const NamedOutcome> outcomes, const std::string& command) {
+  std::vector<LiveResult> results;
+  std::string solvers;
+  for (const auto& [name, outcome] : outcomes) {
+    if (outcome->shown.waits()) continue;
+    results.push_back({&outcome->shown.shown(),
+                       {name, outcome->error.rmse_before(), outcome->error.rmse_after(), outcome->first.frame_period_s,
+                        outcome->latency_ms}});
+    solvers += std::string(solvers.empty() ? "" : "; ") + outcome->first.solver;
+  }
+  plot::Sheet sheet = sheet_of(results);
+  sheet.how = command + ": " + solvers + ". " + machine_words() + ".";
   return sheet;
 }
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -37,15 +39,22 @@ struct LiveOutcome {
   bolo_shm_header last{};
 };
 
-// Reads the daemon's shared memory for `seconds`, or until interrupted(). kBadInput when the capture has no truth or
-// another size; kFailed when frames stop. Thread: one at a time.
-Result<LiveOutcome> check_live(const std::string& name, const std::filesystem::path& truth, double seconds);
+// Reads the daemon's shared memory for `seconds`, or until interrupted(). `shown`: the frame of the capture that is to
+// be shown, which is waited for, two laps of the capture at most; without it the one with the most to see. kBadInput
+// when the capture has no truth or another size; kFailed when frames stop. Thread: one at a time.
+Result<LiveOutcome> check_live(const std::string& name, const std::filesystem::path& truth, double seconds,
+                               std::optional<std::size_t> shown = {});
 
 // The figures, as `bolo-lab eval live --json` and its text have them. Thread: any.
 nlohmann::ordered_json to_json(const LiveOutcome& outcome);
 void print_text(const nlohmann::ordered_json& figures);
 
-// One frame before and after beside the truth; `command` made it. Thread: any.
-plot::Sheet live_sheet(const LiveOutcome& outcome, const std::string& command);
+// One frame before and after beside the truth; `command` made it. Of several solvers, all of the same capture, those
+// that did not come to the first one's frame are left out. Thread: any.
+struct NamedOutcome {
+  std::string name;  // of the solver
+  const LiveOutcome* outcome;
+};
+plot::Sheet live_sheet(std::span<const NamedOutcome> outcomes, const std::string& command);
 
 }  // namespace bolo::tools

@@ -1,6 +1,7 @@
 #include "tools/demo/live_plot.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "src/core/clock.hpp"
@@ -14,7 +15,9 @@ using plot::format;
 using plot::Hue;
 
 constexpr double kWidth = 1240.0;  // px
-constexpr double kCloseUpWidth = (kWidth - 2 * 26.0) / 3.0;
+constexpr double kBetween = 26.0;  // px, close-ups
+// Of solvers, as they come.
+constexpr std::array kSolverHues{Hue::kDeblurred, Hue::kGreen, Hue::kPurple};
 constexpr double kSides = 70.0;  // px, of a plane's width that its axis takes
 constexpr int kCloseUpColumns = 128;
 constexpr int kCloseUpRows = 64;
@@ -122,9 +125,9 @@ plot::Plot profile(const std::vector<Layer>& layers, Geometry g, Region region) 
   return out;
 }
 
-plot::Plot latency_plot(const LiveFigures& figures) {
+plot::Plot latency_plot(const LiveFigures& figures, const std::string& title, Hue hue) {
   plot::Plot out{
-      .title = "Latency of each frame",
+      .title = title,
       .caption = "First packet received to published. Below the period between two frames nothing queues up.",
       .x = {.name = "time", .unit = "s"},
       .y = {.name = "latency", .unit = "ms", .low = 0.0},
@@ -133,7 +136,7 @@ plot::Plot latency_plot(const LiveFigures& figures) {
                  {1e3 * figures.period_s, "frame period"}},
       .width = kWidth,
       .height = 150.0};
-  plot::Series series{.hue = Hue::kDeblurred, .y = figures.latency_ms, .width = 1.2};
+  plot::Series series{.hue = hue, .y = figures.latency_ms, .width = 1.2};
   for (std::size_t i = 0; i < figures.latency_ms.size(); ++i) {
     series.x.push_back(static_cast<double>(i) * figures.period_s);
   }
@@ -143,12 +146,14 @@ plot::Plot latency_plot(const LiveFigures& figures) {
 
 }  // namespace
 
-void FrameChoice::take(const bolo_shm_header& header, const shm::ReadFrame& frame, const std::vector<float>& truth) {
+void FrameChoice::take(const bolo_shm_header& header, const shm::ReadFrame& frame, const std::vector<float>& truth,
+                       std::size_t index) {
+  if (only_ && index != *only_) return;
   const Geometry g{static_cast<int>(header.width), static_cast<int>(header.height)};
   const double detail = detail_of(truth, g, {0, 0, g.width, g.height});
   if (detail <= detail_) return;
   detail_ = detail;
-  shown_ = {g, static_cast<double>(frame.meta.camera_ns) / kNsPerSecond, {}, {}, truth};
+  shown_ = {g, index, static_cast<double>(frame.meta.camera_ns) / kNsPerSecond, {}, {}, truth};
   const auto to_kelvin = [&](const std::vector<std::uint16_t>& counts, std::vector<float>& kelvin) {
     kelvin.resize(counts.size());
     std::transform(counts.begin(), counts.end(), kelvin.begin(),
@@ -158,16 +163,25 @@ void FrameChoice::take(const bolo_shm_header& header, const shm::ReadFrame& fram
   to_kelvin(frame.deblurred, shown_.deblurred);
 }
 
-plot::Sheet sheet_of(const ShownFrame& shown, const LiveFigures& figures) {
+plot::Sheet sheet_of(std::span<const LiveResult> results) {
+  const ShownFrame& shown = *results.front().shown;
   const Geometry g = shown.geometry;
   const Range range = range_of(shown.truth);
   const Region close_up = busiest(shown.truth, g);
-  const std::vector<Layer> layers{
-      {&shown.blurred, format("Blurred, as the camera sends it: RMSE %.2f K over the run", figures.rmse_before_k),
-       "blurred", Hue::kBlurred},
-      {&shown.deblurred, format("Deblurred, live: RMSE %.2f K over the run", figures.rmse_after_k), "deblurred",
-       Hue::kDeblurred},
-      {&shown.truth, "Truth: what a camera without thermal inertia would see", "truth", Hue::kTruth}};
+  std::vector<Layer> layers{
+      {&shown.blurred,
+       format("Blurred, as the camera sends it: RMSE %.2f K over the run", results.front().figures.rmse_before_k),
+       "blurred", Hue::kBlurred}};
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    const LiveFigures& figures = results[i].figures;
+    const std::string what = results.size() > 1 ? "Deblurred by " + figures.name : "Deblurred";
+    layers.push_back({&results[i].shown->deblurred,
+                      what + format(", live: RMSE %.2f K over the run", figures.rmse_after_k), figures.name,
+                      kSolverHues[i % kSolverHues.size()]});
+  }
+  layers.push_back({&shown.truth, "Truth: what a camera without thermal inertia would see", "truth", Hue::kTruth});
+  const auto columns = static_cast<double>(layers.size());
+  const double close_up_width = (kWidth - (columns - 1.0) * kBetween) / columns;
   plot::Sheet sheet{.title = format("One frame of the live stream, camera time %.3f s", shown.camera_s)};
   std::vector<plot::Plot> close_ups;
   for (const Layer& layer : layers) {
@@ -175,7 +189,7 @@ plot::Sheet sheet_of(const ShownFrame& shown, const LiveFigures& figures) {
     whole.title = layer.title;
     whole.series.push_back(frame_of(close_up));
     sheet.rows.push_back({std::move(whole)});
-    plot::Plot close = plane(*layer.image, g, close_up, range, kCloseUpWidth);
+    plot::Plot close = plane(*layer.image, g, close_up, range, close_up_width);
     close.title = "Close-up: " + layer.name;
     const auto row = static_cast<double>(middle_row(close_up) - close_up.y);
     close.series.push_back({.hue = Hue::kWhite, .x = {-0.5, close_up.width - 0.5}, .y = {row, row}, .width = 1.0});
@@ -183,7 +197,10 @@ plot::Sheet sheet_of(const ShownFrame& shown, const LiveFigures& figures) {
   }
   sheet.rows.push_back(std::move(close_ups));
   sheet.rows.push_back({profile(layers, g, close_up)});
-  sheet.rows.push_back({latency_plot(figures)});
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    const std::string title = "Latency of each frame" + (results.size() > 1 ? ", " + results[i].figures.name : "");
+    sheet.rows.push_back({latency_plot(results[i].figures, title, kSolverHues[i % kSolverHues.size()])});
+  }
   return sheet;
 }
 

@@ -20,7 +20,8 @@ constexpr std::size_t kFewestSlots = 16;
 
 std::size_t slots_for(const FileWriterOptions& options) {
   const StreamFormat& format = options.info.format;
-  return std::max(kFewestSlots, options.buffer_bytes / plane_bytes(format.geometry, format.type));
+  const std::size_t motion = options.motion ? motion_blocks(format.geometry).pixels() * sizeof(BlockMotion) : 0;
+  return std::max(kFewestSlots, options.buffer_bytes / (plane_bytes(format.geometry, format.type) + motion));
 }
 
 bool is_taken(const std::filesystem::path& file) {
@@ -55,7 +56,11 @@ Status check_first_file(const FileWriterOptions& options) {
 }
 
 FileWriter::FileWriter(FileWriterOptions options)
-    : options_(std::move(options)), pool_(options_.info.format, slots_for(options_)), queue_(pool_.size()) {}
+    : options_(std::move(options)),
+      pool_(options_.info.format, slots_for(options_)),
+      blocks_(options_.motion ? motion_blocks(options_.info.format.geometry).pixels() : 0),
+      motion_(pool_.size() * blocks_),
+      queue_(pool_.size()) {}
 
 Result<std::unique_ptr<FileWriter>> FileWriter::start(FileWriterOptions options) {
   std::unique_ptr<FileWriter> writer;
@@ -110,6 +115,7 @@ Result<capture::CaptureWriter> FileWriter::create(std::size_t part) const {
   capture::WriterOptions how;
   how.survives_power_cut = true;
   how.replace = options_.replace;
+  how.motion = options_.motion;
   return capture::CaptureWriter::create(file_of_part(options_, part), options_.info, how);
 }
 
@@ -188,11 +194,12 @@ Status FileWriter::append(const rt::FrameSlot& slot, std::uint32_t marks) {
     if ((marks & mark) == 0) continue;
     if (Status good = capture_->add_event({t_s, kind}); !good) return good;
   }
-  if (Status good = capture_->append(t_s, slot.meta.frame_id, slot.data); !good) return good;
+  const BlockMotion* motion = (marks & kMarkMotion) != 0 ? motion_of(slot) : nullptr;
+  if (Status good = capture_->append(t_s, slot.meta.frame_id, slot.data, nullptr, motion); !good) return good;
   if (frames_in_file_++ == 0) file_begin_s_ = t_s;
   if (result_.frames == 0) result_.first_t_s = t_s;
   result_.last_t_s = t_s;
-  result_.bytes += pool_.plane_bytes();
+  result_.bytes += pool_.plane_bytes() + blocks_ * sizeof(BlockMotion);
   if (const std::int64_t now_ns = monotonic_ns(); now_ns - last_commit_ns_ >= kCommitAfter_ns) {
     last_commit_ns_ = now_ns;
     return capture_->commit();

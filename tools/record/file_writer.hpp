@@ -25,6 +25,7 @@ struct FileWriterOptions {
   std::filesystem::path file;
   capture::CaptureInfo info;
   std::vector<capture::Attribute> attributes;
+  bool motion = false;   // frames may tell the scene's motion
   double split_s = 0.0;  // a new file each time the frames' times have advanced by this much; 0: one file
   std::size_t buffer_bytes = std::size_t{256} << 20;
   Replace replace = Replace::kNothing;
@@ -38,6 +39,7 @@ enum Mark : std::uint32_t {
   kMarkGap = 1U << 0,        // frames were lost by the recorder
   kMarkReconnect = 1U << 1,  // the daemon or the camera was started again
   kMarkNuc = 1U << 2,        // the camera began to correct
+  kMarkMotion = 1U << 3,     // not before it: the frame's motion is known
 };
 
 struct FileWriterResult {
@@ -68,6 +70,11 @@ class FileWriter {
 
   // A free slot, or nullptr: the disk is behind by the whole buffer. put() hands it over. Thread: the taker.
   rt::FrameSlot* take() noexcept { return pool_.take(); }
+  // Room for a slot's motion, of motion_blocks() of the frame; null without options.motion. What is filled in counts
+  // where put() is told so. Thread: the taker.
+  BlockMotion* motion_of(const rt::FrameSlot& slot) noexcept {
+    return options_.motion ? motion_.data() + slot.index * blocks_ : nullptr;
+  }
   void put(rt::FrameSlot& slot, std::uint32_t marks) noexcept;
 
   // Writing has failed; finish() says why. Thread: any.
@@ -100,6 +107,8 @@ class FileWriter {
 
   FileWriterOptions options_;
   rt::FramePool pool_;
+  std::size_t blocks_;
+  std::vector<BlockMotion> motion_;  // of each slot
   rt::SpscQueue<Item> queue_;
   std::atomic<bool> ending_{false};
   std::atomic<bool> broken_{false};

@@ -32,6 +32,7 @@ FileWriterOptions writer_options(const RecordRequest& request, const bolo_shm_he
   options.split_s = request.split_s;
   options.buffer_bytes = request.buffer_bytes;
   options.replace = request.replace;
+  options.motion = header.motion_offset != 0;
   options.tell = request.tell;
   if (request.plane == RecordedPlane::kDeblurred) {
     options.attributes = {{"plane", std::string("deblurred")}, {"solver", std::string(header.solver)}};
@@ -106,8 +107,8 @@ class Recording {
     void* const plane = slot_ != nullptr ? slot_->data : nullptr;
     const bool raw = request_.plane == RecordedPlane::kRaw;
     bolo_shm_slot head = frame.head;
-    if (plane != nullptr &&
-        !shm::read_slot(frame.slot, frame.layout, frame.number, head, raw ? plane : nullptr, raw ? nullptr : plane)) {
+    if (plane != nullptr && !shm::read_slot(frame.slot, frame.layout, frame.number, head, raw ? plane : nullptr,
+                                            raw ? nullptr : plane, writer_->motion_of(*slot_))) {
       return skip_overwritten(1);
     }
     const FrameMeta meta =
@@ -124,6 +125,7 @@ class Recording {
       return;
     }
     slot_->meta = meta;
+    if (shm::has_motion(frame.layout, head)) marks_ |= kMarkMotion;
     writer_->put(*std::exchange(slot_, nullptr), std::exchange(marks_, kMarkNone));
     if (taken_++ == 0) first_ns_ = monotonic_ns();
   }

@@ -92,12 +92,15 @@ void LiveStream::add_samples(Trace& trace, std::uint64_t published) {
 void LiveStream::take_look() {
   const std::int64_t now_ns = monotonic_ns();
   if (now_ && now_ns - now_->at_ns < kLookEvery_ns) return;
-  before_ = std::exchange(now_, tools::StatLook{reader_->header(), now_ns, reader_->closed(), reader_->camera()});
+  before_ = std::exchange(now_, tools::StatLook{reader_->header(), now_ns, reader_->closed(), reader_->camera(),
+                                                tools::newest_motion(*reader_)});
 }
 
 std::shared_ptr<const std::string> LiveStream::newest_frame(const Place& seen) {
   std::optional<shm::ShmReader> reader;
   FrameHead head;
+  std::uint32_t across = 0;
+  std::uint32_t down = 0;
   {
     const std::lock_guard lock(mutex_);
     if (!reader_ || reader_->published() == 0) return nullptr;
@@ -109,6 +112,8 @@ std::shared_ptr<const std::string> LiveStream::newest_frame(const Place& seen) {
     head.offset = format_.offset;
     head.row_step = format_.row_step;
     head.epoch = epoch_;
+    across = format_.motion_across;
+    down = format_.motion_down;
   }
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     head.number = reader->published() - 1;
@@ -122,10 +127,14 @@ std::shared_ptr<const std::string> LiveStream::newest_frame(const Place& seen) {
     head.age_ms = static_cast<double>(monotonic_ns() - frame->head.receive_ns) * 1e-6;
     head.flags = frame->head.flags;
     std::string copy;
-    copy.reserve(sizeof head + 2 * frame->layout.plane_bytes);
+    const std::size_t moving = shm::has_motion(frame->layout, frame->head) ? frame->layout.motion_blocks : 0;
+    head.motion_across = moving > 0 ? across : 0;
+    head.motion_down = moving > 0 ? down : 0;
+    copy.reserve(sizeof head + 2 * frame->layout.plane_bytes + moving * sizeof(bolo_shm_block_motion));
     append(copy, &head, sizeof head);
     append(copy, frame->raw(), frame->layout.plane_bytes);
     append(copy, frame->deblurred(), frame->layout.plane_bytes);
+    if (moving > 0) append(copy, frame->motion_blocks(), moving * sizeof(bolo_shm_block_motion));
     if (!frame->still_there()) continue;
     copied_ = place;
     frame_ = std::make_shared<const std::string>(std::move(copy));

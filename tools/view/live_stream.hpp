@@ -27,7 +27,7 @@ struct Place {
   bool operator==(const Place&) const = default;
 };
 
-// A frame as it is sent, little-endian: FrameHead, raw plane, deblurred plane.
+// A frame as it is sent, little-endian: FrameHead, raw plane, deblurred plane, bolo_shm_block_motion of each block.
 struct FrameHead {
   char magic[4] = {'B', 'O', 'L', 'F'};
   std::uint16_t head_bytes = sizeof(FrameHead);
@@ -43,8 +43,10 @@ struct FrameHead {
   double age_ms = 0.0;      // from the frame's first byte received to this copy
   std::uint32_t flags = 0;  // enum bolo_shm_flag
   std::uint32_t row_step = 1;
+  std::uint32_t motion_across = 0;  // blocks; 0: the scene's motion is not known for this frame
+  std::uint32_t motion_down = 0;
 };
-static_assert(sizeof(FrameHead) == 80);
+static_assert(sizeof(FrameHead) == 88);
 
 class LiveStream {
  public:

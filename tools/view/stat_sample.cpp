@@ -1,6 +1,7 @@
 #include "tools/view/stat_sample.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <span>
@@ -108,6 +109,18 @@ std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
 
 }  // namespace
 
+std::optional<StatMotion> newest_motion(const shm::ShmReader& reader) {
+  if (reader.published() == 0) return std::nullopt;
+  const auto frame = reader.borrow(reader.published() - 1);
+  if (!frame || frame->motion() == nullptr) return std::nullopt;
+  const bolo_shm_block_motion* const blocks = frame->motion_blocks();
+  const std::size_t count = frame->layout.motion_blocks;
+  const auto sure = std::count_if(blocks, blocks + count, [](const auto& block) { return block.confidence >= 0.5F; });
+  const StatMotion motion{frame->motion()->affine[0], frame->motion()->affine[3],
+                          static_cast<double>(sure) / static_cast<double>(count)};
+  return frame->still_there() ? std::optional(motion) : std::nullopt;
+}
+
 StatSample compare(const StatLook& before, const StatLook& after) {
   const bolo_shm_header& a = before.header;
   const bolo_shm_header& b = after.header;
@@ -145,6 +158,13 @@ std::string stat_table(const std::string& name, const StatLook& look, const Stat
   if (look.camera && look.camera->state != BOLO_CAMERA_IDLE) out += camera_lines(*look.camera, look.at_ns);
   out += line("solver   %s", h.solver);
   out += line("window   %u frames, look-ahead %u; ring of %u slots", h.window, h.lookahead, h.slot_count);
+  if (look.motion) {
+    out += line("motion   %.2f px a frame (x %+.2f, y %+.2f), %.0f %% of the blocks sure",
+                std::hypot(look.motion->x_px, look.motion->y_px), look.motion->x_px, look.motion->y_px,
+                100.0 * look.motion->sure);
+  } else if (h.motion_offset != 0) {
+    out += line("motion   not known for the newest frame");
+  }
   out += line("frames   in %9.1f /s %12llu    out %9.1f /s %12llu", s.received_hz, Count{h.received}, s.published_hz,
               Count{h.published});
   out += line("latency  p50 %.3f, p99 %.3f, max %.3f ms    deblur %.3f ms a frame", s.latency_p50_ms, s.latency_p99_ms,
@@ -205,6 +225,10 @@ nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, 
     const std::string cause(bolo::name(static_cast<LossCause>(i)));
     json["lost"][cause] = s.lost[i];
     json["lost_hz"][cause] = s.lost_hz[i];
+  }
+  json["motion"] = nullptr;
+  if (look.motion) {
+    json["motion"] = {{"x_px", look.motion->x_px}, {"y_px", look.motion->y_px}, {"sure_blocks", look.motion->sure}};
   }
   if (look.camera) json["camera"] = shm::camera_json(*look.camera, look.at_ns);
   for (const char* key : {"effort", "stages", "video"}) json[key] = nullptr;

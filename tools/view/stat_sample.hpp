@@ -9,9 +9,19 @@
 #include <nlohmann/json.hpp>
 
 #include "bolo/shm_layout.h"
+#include "drivers/shm/shm_reader.hpp"
 #include "src/core/loss.hpp"
 
 namespace bolo::tools {
+
+// How the scene moved up to the newest frame.
+struct StatMotion {
+  double x_px = 0.0;  // a frame, of the whole picture at its centre
+  double y_px = 0.0;
+  double sure = 0.0;  // share of the blocks with a confidence of at least a half
+};
+// Nothing where that frame carries none. Thread: any.
+std::optional<StatMotion> newest_motion(const shm::ShmReader& reader);
 
 // One look. Thread: any.
 struct StatLook {
@@ -19,6 +29,7 @@ struct StatLook {
   std::int64_t at_ns = 0;                   // CLOCK_MONOTONIC
   bool closed = false;                      // ended, or its heartbeat stopped
   std::optional<bolo_shm_camera> camera{};  // none: the writer does not tell
+  std::optional<StatMotion> motion{};       // none: not known
   // What the daemon answers to `state` on its control socket; null when it has none, or does not answer.
   nlohmann::ordered_json told{};
 };

@@ -26,6 +26,8 @@ static_assert(sizeof(bolo_client_frame) == 136);
 static_assert(sizeof(bolo_client_state) == 200);
 static_assert(offsetof(bolo_client_info, camera_model) == 80);
 static_assert(offsetof(bolo_client_frame, raw) == 80);
+static_assert(offsetof(bolo_client_frame, motion) == 104);
+static_assert(offsetof(bolo_client_frame, motion_across) == 120);
 static_assert(offsetof(bolo_client_state, camera) == 192);
 
 namespace bolo::shm {
@@ -91,6 +93,10 @@ BorrowedFrame borrowed(const bolo_client_frame& frame) {
   lent.layout.deblurred_offset =
       static_cast<std::size_t>(reinterpret_cast<const std::byte*>(frame.deblurred) - lent.slot);
   lent.layout.plane_bytes = std::size_t{2} * frame.width * frame.height;
+  if (frame.motion != nullptr) {
+    lent.layout.motion_offset = static_cast<std::size_t>(reinterpret_cast<const std::byte*>(frame.motion) - lent.slot);
+    lent.layout.motion_blocks = std::size_t{frame.motion_across} * frame.motion_down;
+  }
   return lent;
 }
 
@@ -160,6 +166,19 @@ int bolo_client_copy(const struct bolo_client_frame* frame, uint16_t* raw, uint1
   bolo_shm_slot head{};
   return read_slot(lent.slot, lent.layout, lent.number, head, raw, deblurred) ? BOLO_CLIENT_OK
                                                                               : BOLO_CLIENT_OVERWRITTEN;
+}
+
+int bolo_client_copy_motion(const struct bolo_client_frame* frame, struct bolo_shm_motion* motion,
+                            struct bolo_shm_block_motion* blocks) {
+  if (frame == nullptr || frame->slot == nullptr) {
+    return bad_argument(thread_error, "bolo_client_copy_motion: no frame was put into this structure");
+  }
+  if (frame->motion == nullptr) return BOLO_CLIENT_NO_MOTION;
+  const bolo::shm::BorrowedFrame lent = bolo::shm::borrowed(*frame);
+  bolo_shm_slot head{};
+  return read_slot(lent.slot, lent.layout, lent.number, head, nullptr, nullptr, blocks, motion)
+             ? BOLO_CLIENT_OK
+             : BOLO_CLIENT_OVERWRITTEN;
 }
 
 int bolo_client_kelvin(bolo_client* client, const uint16_t* values, size_t count, float* kelvin) {

@@ -108,6 +108,10 @@ int Handle::given(FollowedStream::Outcome outcome, const BorrowedFrame& lent, st
   frame.raw = lent.raw();
   frame.deblurred = lent.deblurred();
   frame.slot = lent.slot;
+  frame.motion = lent.motion();
+  frame.motion_blocks = lent.motion_blocks();
+  frame.motion_across = frame.motion != nullptr ? header_.motion_across : 0;
+  frame.motion_down = frame.motion != nullptr ? header_.motion_down : 0;
   return BOLO_CLIENT_OK;
 }
 

@@ -7,6 +7,7 @@
             hottest = frame.deblurred.max()        # uint16, height x width, read-only
             kelvin = frame.kelvin()                # float32, a new array
             points = camera.points([(320, 60)])    # kelvin, solved here, of the newest frame that can be
+            moved = frame.motion                   # None, or by x bx x 3: px a frame and confidence of 8x8 blocks
             if not frame.valid():                  # the ring came round while we looked: throw the work away
                 continue
 
@@ -105,8 +106,9 @@ class _Frame(ctypes.Structure):  # struct bolo_client_frame
     _fields_ += [(name, ctypes.c_int64) for name in ("camera_ns", "host_ns", "receive_ns", "publish_ns")]
     _fields_ += [("noise_k", ctypes.c_double)]
     _fields_ += [(name, ctypes.c_uint32) for name in ("flags", "width", "height", "reserved_0")]
-    _fields_ += [(name, ctypes.c_void_p) for name in ("raw", "deblurred", "slot")]
-    _fields_ += [("reserved", ctypes.c_uint64 * 4)]
+    _fields_ += [(name, ctypes.c_void_p) for name in ("raw", "deblurred", "slot", "motion", "motion_blocks")]
+    _fields_ += [(name, ctypes.c_uint32) for name in ("motion_across", "motion_down")]
+    _fields_ += [("reserved", ctypes.c_uint64)]
 
 
 class _State(ctypes.Structure):  # struct bolo_client_state
@@ -134,6 +136,7 @@ def _load() -> ctypes.CDLL:
         ("latest", ctypes.c_int, [handle, ctypes.c_int, frame]),
         ("valid", ctypes.c_int, [frame]),
         ("copy", ctypes.c_int, [frame, ctypes.c_void_p, ctypes.c_void_p]),
+        ("copy_motion", ctypes.c_int, [frame, ctypes.c_void_p, ctypes.c_void_p]),
         ("points", ctypes.c_int, [handle, ctypes.c_uint64, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p]),
         ("hold_new", handle, [handle]),
         ("hold_free", None, [handle]),
@@ -268,10 +271,10 @@ class _Ring:
             raise MemoryError("bolo: no memory to hold a ring")
         weakref.finalize(self, _library.bolo_client_hold_free, hold)
 
-    def view(self, address: int, height: int, width: int) -> np.ndarray:
-        words = (ctypes.c_uint16 * (height * width)).from_address(address)
+    def view(self, address: int, *shape: int, kind=ctypes.c_uint16) -> np.ndarray:
+        words = (kind * int(np.prod(shape))).from_address(address)
         words.ring = self  # the array's base keeps it
-        return np.frombuffer(memoryview(words).toreadonly(), np.uint16).reshape(height, width)
+        return np.frombuffer(memoryview(words).toreadonly(), np.dtype(kind)).reshape(shape)
 
 
 class Frame:
@@ -284,6 +287,8 @@ class Frame:
         self.restarted = restarted  # the first one of another daemon: info may differ
         self._raw: Optional[np.ndarray] = None
         self._deblurred: Optional[np.ndarray] = None
+        self._motion: Optional[np.ndarray] = None
+        self._affine: Optional[np.ndarray] = None
         self._own = False
 
     @property
@@ -299,6 +304,24 @@ class Frame:
         if self._deblurred is None:
             self._deblurred = self._ring.view(self._lent.deblurred, self.info.height, self.info.width)
         return self._deblurred
+
+    @property
+    def motion(self) -> Optional[np.ndarray]:
+        """float32, blocks down x blocks across x 3: how each block of 8x8 pixels moved from the frame before to this one,
+        px a frame to the right and down, and the confidence of that, 0 to 1: a read-only view. None: it is not known for
+        this frame, or the daemon's solver does not estimate it (solver "motion" does)."""
+        if self._motion is None and self._lent.motion_blocks:
+            shape = self._lent.motion_down, self._lent.motion_across, 3
+            self._motion = self._ring.view(self._lent.motion_blocks, *shape, kind=ctypes.c_float)
+        return self._motion
+
+    @property
+    def affine(self) -> Optional[np.ndarray]:
+        """float64, 2 x 3: the whole picture's motion, px a frame: affine @ (1, X, Y) at X columns and Y rows from the
+        frame's centre: a read-only view. None where motion is."""
+        if self._affine is None and self._lent.motion:
+            self._affine = self._ring.view(self._lent.motion, 2, 3, kind=ctypes.c_double)
+        return self._affine
 
     def kelvin(self, plane: Optional[np.ndarray] = None) -> np.ndarray:
         """float32, height x width: of the deblurred plane, or of `plane`."""
@@ -316,11 +339,19 @@ class Frame:
         other = Frame(self._lent, self._ring, self.info, self.restarted)
         if self._own:
             other._raw, other._deblurred = self.raw.copy(), self.deblurred.copy()
+            if self.motion is not None:
+                other._motion, other._affine = self.motion.copy(), self.affine.copy()
         else:
             other._raw = np.empty((self.info.height, self.info.width), np.uint16)
             other._deblurred = np.empty_like(other._raw)
             if _call("copy", self._lent, other._raw.ctypes.data, other._deblurred.ctypes.data) != _OK:
                 return None
+            if self.motion is not None:
+                whole = np.empty(8)  # struct bolo_shm_motion
+                other._motion = np.empty(self.motion.shape, np.float32)
+                if _call("copy_motion", self._lent, whole.ctypes.data, other._motion.ctypes.data) != _OK:
+                    return None
+                other._affine = whole[:6].reshape(2, 3)
         other._own = True
         return other
 

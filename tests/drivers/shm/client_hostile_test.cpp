@@ -56,7 +56,8 @@ TEST(ClientHostile, RandomLiesAreAnsweredNotBelieved) {
   const std::string good = good_bytes();
   ASSERT_GT(good.size(), sizeof(bolo_shm_header));
   const ForeignObject object(unique_name("client-hostile"));
-  constexpr std::size_t kTold = 2048 + sizeof(bolo_shm_settings) + sizeof(bolo_shm_camera) + sizeof(bolo_shm_slot);
+  constexpr std::size_t kTold =
+      sizeof(bolo_shm_header) + sizeof(bolo_shm_settings) + sizeof(bolo_shm_camera) + sizeof(bolo_shm_slot);
   std::mt19937_64 random(11);  // NOLINT: the same damage each time
   int accepted = 0;
   for (int round = 0; round < 1500; ++round) {

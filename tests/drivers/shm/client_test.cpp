@@ -62,6 +62,51 @@ TEST_F(ClientTest, InfoSaysWhatTheStreamIs) {
   EXPECT_STREQ(info->control_socket, "");
 }
 
+TEST_F(ClientTest, FramesCarryTheirMotion) {
+  writer_ = std::make_unique<Writer>(name_, Geometry{33, 20});
+  writer_->format.motion = true;
+  ASSERT_TRUE(writer_->open());
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  for (std::uint64_t n = 0; n < 80; ++n) {
+    publish(1);
+    ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
+    ASSERT_TRUE(intact(frame_, n));
+    bolo_shm_motion whole{};
+    std::vector<bolo_shm_block_motion> blocks(15);
+    const int copied = bolo_client_copy_motion(&frame_, &whole, blocks.data());
+    ASSERT_EQ(copied, moves(n) ? BOLO_CLIENT_OK : BOLO_CLIENT_NO_MOTION) << n;
+    ASSERT_EQ(frame_.motion_across * frame_.motion_down, moves(n) ? 15U : 0U);
+    if (!moves(n)) {
+      EXPECT_EQ(frame_.motion, nullptr);
+      EXPECT_EQ(frame_.motion_blocks, nullptr);
+      continue;
+    }
+    EXPECT_EQ(frame_.motion->affine[0], static_cast<double>(n));
+    EXPECT_EQ(whole.affine[5], 5.0);
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+      ASSERT_EQ(frame_.motion_blocks[i].y, motion_pattern(n, i, 1)) << n;
+      ASSERT_EQ(blocks[i].confidence, motion_pattern(n, i, 2)) << n;
+    }
+    EXPECT_EQ(bolo_client_copy_motion(&frame_, nullptr, nullptr), BOLO_CLIENT_OK);
+  }
+  const bolo_client_frame old = frame_;
+  publish(80);
+  std::vector<bolo_shm_block_motion> blocks(15);
+  EXPECT_EQ(bolo_client_copy_motion(&old, nullptr, blocks.data()), BOLO_CLIENT_OVERWRITTEN);
+  EXPECT_EQ(bolo_client_copy_motion(nullptr, nullptr, blocks.data()), BOLO_CLIENT_BAD_ARGUMENT);
+}
+
+TEST_F(ClientTest, StreamsWithoutMotionSaySo) {
+  publish(1);
+  const Client client = open_client(name_);
+  ASSERT_TRUE(client);
+  ASSERT_EQ(bolo_client_next(client.get(), 0, &frame_), BOLO_CLIENT_OK);
+  EXPECT_EQ(frame_.motion, nullptr);
+  EXPECT_EQ(frame_.motion_across, 0U);
+  EXPECT_EQ(bolo_client_copy_motion(&frame_, nullptr, nullptr), BOLO_CLIENT_NO_MOTION);
+}
+
 TEST_F(ClientTest, FramesComeInOrderInPlace) {
   publish(3);
   const Client client = open_client(name_);

@@ -107,6 +107,48 @@ class WithDaemon(unittest.TestCase):
                     break
             self.assertIsInstance(frame.flags, bolo.Flag)
 
+    def test_streams_of_other_solvers_carry_no_motion(self):
+        with self.open() as camera:
+            frame = self.whole_frame(camera)
+            self.assertIsNone(frame.motion)
+            self.assertIsNone(frame.affine)
+
+    def test_motion_is_that_of_the_scene(self):
+        for daemon in self.daemons:
+            daemon.terminate()
+            daemon.wait()
+        config = os.path.join(self.folder.name, "motion.toml")
+        with open(config, "w", encoding="utf-8") as f:
+            f.write('name = "any"\n[deblur]\nsolver = "motion"\n')
+        capture = os.path.join(self.folder.name, "street.h5")
+        subprocess.run([BOLO, "simulate", "-o", capture, "--width", "160", "--height", "48", "--frames", "400",
+                        "--speed", "300", "--no-truth"], check=True, capture_output=True)
+        self.daemons = [subprocess.Popen([BOLO, "replay", capture, "--name", self.name, "--loop", "--config", config],
+                                         stderr=subprocess.DEVNULL)]
+        with self.open() as camera:
+            while True:
+                frame = camera.next(HANG_S)
+                if frame.motion is None:
+                    continue
+                copy = frame.copy()
+                if copy is None or np.median(copy.motion[..., 2]) < 0.5:
+                    continue
+                self.assertEqual(frame.motion.shape, (6, 20, 3))
+                self.assertEqual(frame.motion.dtype, np.float32)
+                self.assertFalse(frame.motion.flags.writeable)
+                self.assertTrue(any(begin <= address(frame.motion) < end for begin, end in mapped_ranges(self.name)))
+                if frame.valid():
+                    np.testing.assert_array_equal(frame.motion, copy.motion)
+                    np.testing.assert_array_equal(frame.affine, copy.affine)
+                # What the camera sees moves to the right, 300 px/s.
+                speed = np.median(copy.motion[..., 0])
+                self.assertAlmostEqual(speed, 1.5, delta=0.3)
+                self.assertAlmostEqual(copy.affine[0, 0], speed, delta=0.3)
+                self.assertLess(abs(np.median(copy.motion[..., 1])), 0.2)
+                twice = copy.copy()
+                np.testing.assert_array_equal(twice.motion, copy.motion)
+                break
+
     def test_planes_are_the_shared_memory_itself(self):
         with self.open() as camera:
             frame = camera.next()

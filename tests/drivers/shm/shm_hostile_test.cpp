@@ -28,6 +28,7 @@ bolo_shm_header good_header() {
   h.slot_stride = 64 + 2 * 64;
   h.raw_offset = 64;
   h.deblurred_offset = 128;
+  h.motion_across = h.motion_down = 1;  // not looked at without motion_offset
   h.state = BOLO_SHM_RUNNING;
   h.published = 3;
   h.heartbeat_ns = static_cast<std::uint64_t>(monotonic_ns());
@@ -48,7 +49,8 @@ TEST(ShmHostile, EachImpossibleFieldIsRefused) {
   const std::vector<std::pair<const char*, std::function<void(bolo_shm_header&)>>> cases{
       {"magic", [](auto& h) { h.magic += 1; }},
       {"starting", [](auto& h) { h.magic = 0; }},
-      {"version", [](auto& h) { h.version = 2; }},
+      {"a later version", [](auto& h) { h.version = BOLO_SHM_VERSION + 1; }},
+      {"an earlier version", [](auto& h) { h.version = 1; }},
       {"header_bytes", [](auto& h) { h.header_bytes = 64; }},
       {"header_bytes past slots", [](auto& h) { h.header_bytes = sizeof(h) + 64; }},
       {"width 0", [](auto& h) { h.width = 0; }},
@@ -77,6 +79,13 @@ TEST(ShmHostile, EachImpossibleFieldIsRefused) {
       {"raw huge", [](auto& h) { h.raw_offset = kHuge; }},
       {"deblurred past end", [](auto& h) { h.deblurred_offset = 64 + 128 - 48; }},
       {"deblurred huge", [](auto& h) { h.deblurred_offset = kHuge; }},
+      {"motion in head", [](auto& h) { h.motion_offset = 8; }},
+      {"motion odd", [](auto& h) { h.motion_offset = 65; }},
+      {"motion past end", [](auto& h) { h.motion_offset = 64 + 128 - 72; }},
+      {"motion huge", [](auto& h) { h.motion_offset = kHuge; }},
+      {"motion of no block", [](auto& h) { h.motion_offset = 64, h.motion_across = 0; }},
+      {"motion of too many", [](auto& h) { h.motion_offset = 64, h.motion_down = 2; }},
+      {"motion of very many", [](auto& h) { h.motion_offset = 64, h.motion_across = h.motion_down = 0x80000001; }},
   };
   for (const auto& [what, damage] : cases) {
     bolo_shm_header header = good_header();
@@ -86,6 +95,40 @@ TEST(ShmHostile, EachImpossibleFieldIsRefused) {
     ASSERT_FALSE(reader) << what;
     EXPECT_EQ(reader.error().kind, ErrorKind::kBadInput) << what;
     EXPECT_NE(reader.error().message.find(object.name()), std::string::npos) << what;
+  }
+}
+
+// The layout before motion: a header of 2,048 bytes, version 1.
+TEST(ShmHostile, TheOldLayoutIsRefusedInWords) {
+  const ForeignObject object(unique_name("old"));
+  bolo_shm_header header = good_header();
+  header.version = 1;
+  header.header_bytes = 2048;
+  object.fill(&header, 2048, 2048 + 4 * (64 + 2 * 64));
+  Refusal refusal = Refusal::kNone;
+  const auto reader = ShmReader::open(object.name(), &refusal);
+  ASSERT_FALSE(reader);
+  EXPECT_EQ(refusal, Refusal::kBadLayout);
+}
+
+TEST(ShmHostile, AnotherVersionSaysWhatToDo) {
+  const ForeignObject object(unique_name("version"));
+  bolo_shm_header header = good_header();
+  header.version = 1;
+  object.fill(&header, sizeof header, kBytes);
+  const auto reader = ShmReader::open(object.name());
+  ASSERT_FALSE(reader);
+  EXPECT_NE(reader.error().message.find("another layout version: use the same release"), std::string::npos);
+}
+
+// A slot that claims another number of blocks than the stream has carries none.
+TEST(ShmHostile, OnlyTheStreamsOwnNumberOfBlocksIsMotion) {
+  const SlotLayout layout = slot_layout(50, 1);
+  for (const std::uint32_t claimed : {0U, 1U, 2U, 0xffffffffU}) {
+    bolo_shm_slot head{};
+    head.motion_blocks = claimed;
+    EXPECT_EQ(has_motion(layout, head), claimed == 1) << claimed;
+    EXPECT_FALSE(has_motion(slot_layout(50), head)) << claimed;
   }
 }
 

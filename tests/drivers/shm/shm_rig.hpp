@@ -26,6 +26,12 @@ inline void fill(std::vector<std::uint16_t>& plane, std::uint64_t frame, std::si
   for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = pattern(frame, which, i);
 }
 
+// The same for its motion; every seventh frame's is not known.
+inline bool moves(std::uint64_t frame) { return frame % 7 != 3; }
+inline float motion_pattern(std::uint64_t frame, std::size_t block, std::size_t value) {
+  return static_cast<float>(frame % 1000) + 0.25F * static_cast<float>(block) + 1000.0F * static_cast<float>(value);
+}
+
 // A sink, its format, and the statistics that a pipeline would give it.
 struct Writer {
   explicit Writer(const std::string& name, Geometry geometry = {33, 7}, int slots = 0) : sink({name, slots, 0644, ""}) {
@@ -48,11 +54,24 @@ struct Writer {
     fill(deblurred, next, 1);
     const auto n = static_cast<std::int64_t>(next);
     const FrameMeta meta{2 * next, n * 5'000'000, 1000 + n, next % 5 == 0 ? std::uint32_t{kFlagGap} : 0U};
-    sink.publish({meta, 2000 + n, raw.data(), deblurred.data()}, stats);
+    pipeline::PublishedFrame frame{meta, 2000 + n, raw.data(), deblurred.data()};
+    if (format.motion && moves(next)) frame.motion = &move();
+    sink.publish(frame, stats);
     ++next;
   }
 
-  pipeline::SinkFormat format;
+  // The pattern of the next frame's motion.
+  const SceneMotion& move() {
+    if (motion.blocks.empty()) motion = SceneMotion(format.source.format.geometry);
+    for (std::size_t i = 0; i < motion.blocks.size(); ++i) {
+      motion.blocks[i] = {motion_pattern(next, i, 0), motion_pattern(next, i, 1), motion_pattern(next, i, 2)};
+    }
+    motion.affine = {static_cast<double>(next), 1, 2, 3, 4, 5};
+    return motion;
+  }
+
+  pipeline::SinkFormat format;  // motion: frames carry the pattern of it
+  SceneMotion motion;
   pipeline::FrameInlet inlet{StreamFormat{{1, 1}, PixelType::kUint16, {}, 0.005, 1}, 1, 1};
   pipeline::PipelineStats stats{inlet};
   ShmSink sink;
@@ -66,6 +85,12 @@ inline bool intact(const ReadFrame& frame, std::uint64_t number) {
   if (frame.number != number || frame.meta.frame_id != 2 * number) return false;
   for (std::size_t i = 0; i < frame.raw.size(); ++i) {
     if (frame.raw[i] != pattern(number, 0, i) || frame.deblurred[i] != pattern(number, 1, i)) return false;
+  }
+  for (std::size_t i = 0; i < frame.motion.size(); ++i) {
+    const bool same = frame.motion[i].x == motion_pattern(number, i, 0) &&
+                      frame.motion[i].y == motion_pattern(number, i, 1) &&
+                      frame.motion[i].confidence == motion_pattern(number, i, 2);
+    if (!same || frame.affine[0] != static_cast<double>(number)) return false;
   }
   return !frame.raw.empty();
 }

@@ -99,6 +99,52 @@ TEST(ShmRoundTrip, CountersReachTheReader) {
   EXPECT_GE(reader->header().heartbeat_ns, header.heartbeat_ns);
 }
 
+TEST(ShmRoundTrip, MotionStandsBesideTheFrameThatItIsOf) {
+  for (const Geometry geometry : {Geometry{33, 7}, Geometry{640, 120}, Geometry{8, 8}, Geometry{1, 1}}) {
+    const std::string name = unique_name("motion");
+    Writer writer(name, geometry);
+    writer.format.motion = true;
+    ASSERT_TRUE(writer.open());
+    auto reader = ShmReader::open(name);
+    ASSERT_TRUE(reader) << reader.error().message;
+    const bolo_shm_header header = reader->header();
+    EXPECT_EQ(header.motion_across, static_cast<std::uint32_t>((geometry.width + 7) / 8));
+    EXPECT_EQ(header.motion_down, static_cast<std::uint32_t>((geometry.height + 7) / 8));
+    ReadFrame frame;
+    for (std::uint64_t n = 0; n < 150; ++n) {  // two laps of the ring: frames without motion in slots that had one
+      writer.publish();
+      ASSERT_EQ(reader->read(n, frame, 0), Outcome::kFrame);
+      ASSERT_EQ(frame.motion.size(), moves(n) ? std::size_t{header.motion_across} * header.motion_down : 0U) << n;
+      ASSERT_TRUE(intact(frame, n));
+      const auto lent = reader->borrow(n);
+      ASSERT_TRUE(lent);
+      ASSERT_EQ(lent->motion() != nullptr, moves(n)) << n;
+      if (!moves(n)) continue;
+      EXPECT_EQ(lent->motion_blocks()[0].y, motion_pattern(n, 0, 1));
+    }
+  }
+}
+
+TEST(ShmRoundTrip, StreamsWithoutMotionHaveNoRoomForIt) {
+  const std::string name = unique_name("no-motion");
+  Writer writer(name);
+  ASSERT_TRUE(writer.open());
+  writer.publish();
+  auto reader = ShmReader::open(name);
+  ASSERT_TRUE(reader);
+  const bolo_shm_header header = reader->header();
+  EXPECT_EQ(header.motion_offset, 0U);
+  EXPECT_EQ(header.motion_across * header.motion_down, 0U);
+  EXPECT_EQ(header.slot_stride, 64U + 2 * 512U) << "33 x 7 pixels of 2 bytes, twice";
+  ReadFrame frame;
+  ASSERT_EQ(reader->read(0, frame, 0), Outcome::kFrame);
+  EXPECT_TRUE(frame.motion.empty());
+  deblur::Settings settings;
+  const std::uint64_t without = bytes_needed({name, 64, 0644, ""}, settings, {640, 120});
+  settings.method = deblur::Method::kMotion;
+  EXPECT_EQ(bytes_needed({name, 64, 0644, ""}, settings, {640, 120}) - without, 64U * (64 + 1200 * 12));
+}
+
 TEST(ShmReader, SaysThatAFrameIsGone) {
   const std::string name = unique_name("gone");
   Writer writer(name);

@@ -1,5 +1,6 @@
 // Wires the page: frames to the picture, status to the figures, keys and buttons to both.
 
+import { ARROW_FRAMES } from "./arrows.js";
 import { askForNuc, followFrames, followStatus, followTrace } from "./feed.js";
 import { bothUnits, FLAGS, Unit } from "./frame.js";
 import { duration, Shown, showStatus } from "./numbers.js";
@@ -26,7 +27,7 @@ function keep(changes) {
   try { localStorage.setItem("bolo", JSON.stringify(kept)); } catch { /* for this visit only */ }
 }
 const narrow = matchMedia("(max-width: 620px)").matches;
-const usual = { palette: "iron", mode: narrow ? "both" : "divider", celsius: true, theme: "auto", span: "8" };
+const usual = { palette: "iron", mode: narrow ? "both" : "divider", celsius: true, theme: "auto", span: "8", arrows: false };
 const kept = { ...usual, ...recall() };
 
 let frame = null;
@@ -198,6 +199,19 @@ function chooseUnit(celsius) {
   }
   draw();
 }
+function chooseArrows(arrows) {
+  keep({ arrows });
+  picture.arrows = arrows;
+  $("arrows").setAttribute("aria-pressed", arrows);
+  draw();
+}
+// A click: says what is to be seen, or why nothing is.
+function toggleArrows() {
+  chooseArrows(!kept.arrows);
+  if (!kept.arrows || !frame) return;
+  if (frame.motion) say(`Arrows: the way within ${ARROW_FRAMES} frames`);
+  else say(status?.motion ? "The motion of this frame is not known" : 'No motion here: [deblur] solver = "motion" estimates it');
+}
 function choosePause(value) {
   paused = value;
   $("pause").setAttribute("aria-pressed", paused);
@@ -251,6 +265,7 @@ $("palette").addEventListener("change", () => choosePalette($("palette").value))
 $("zoom-in").addEventListener("click", () => picture.zoomBy(1.5));
 $("zoom-out").addEventListener("click", () => picture.zoomBy(1 / 1.5));
 $("zoom-fit").addEventListener("click", () => picture.fit());
+$("arrows").addEventListener("click", toggleArrows);
 $("pause").addEventListener("click", () => choosePause(!paused));
 $("nuc").addEventListener("click", requestNuc);
 $("unit").addEventListener("click", () => chooseUnit(!kept.celsius));
@@ -271,6 +286,7 @@ const KEYS = [
   ["0", "whole picture", () => picture.fit()],
   ["[", "divider to the left", () => { picture.setSplit(picture.split - 0.02); draw(); }],
   ["]", "divider to the right", () => { picture.setSplit(picture.split + 0.02); draw(); }],
+  ["M", "arrows: how the scene moves", toggleArrows],
   ["S", "save the picture as seen", () => save("picture")],
   ["N", "have the camera correct its pixels", requestNuc],
   ["U", "°C or K", () => chooseUnit(!kept.celsius)],
@@ -326,6 +342,7 @@ choosePalette(kept.palette);
 chooseMode(kept.mode);
 chooseSpan(kept.span);
 check("ranges", range.mode);
+chooseArrows(kept.arrows);
 showState();
 followFrames({ onFrame: newFrame, onTrouble: newTrouble, stopped: () => paused });
 followStatus({ onStatus: newStatus });

@@ -22,8 +22,14 @@ export function parseFrame(buffer) {
     rowStep: head.getUint32(76, true),
     raw: new Uint16Array(buffer, bytes, width * height),
     sharp: new Uint16Array(buffer, bytes + 2 * width * height, width * height),
+    motion: motionOf(buffer, bytes + 4 * width * height, head.getUint32(80, true), head.getUint32(84, true)),
     at: new Date(),
   };
+}
+
+// x, y (px a frame) and confidence of each block of 8x8 pixels; null: not known for this frame.
+function motionOf(buffer, begin, across, down) {
+  return across > 0 ? { across, down, values: new Float32Array(buffer, begin, 3 * across * down) } : null;
 }
 
 const ZERO_CELSIUS = 273.15;

@@ -25,6 +25,7 @@ export function showStatus(status, celsius) {
   set("p50", ms(status.latency_p50_ms));
   set("p99", ms(status.latency_p99_ms));
   set("deblur", ms(status.deblur_ms_per_frame));
+  set("motion", status.motion ? `${Math.hypot(status.motion.x_px, status.motion.y_px).toFixed(2)} a frame` : "–");
   set("uptime", duration(status.uptime_s));
   set("restarts", count(status.restarts));
   set("gaps", count(status.gap_frames));

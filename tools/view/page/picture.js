@@ -1,5 +1,6 @@
 // The picture: two planes of a frame through a palette, zoomed and moved, with a divider, a cursor and a pin.
 
+import { paintArrows } from "./arrows.js";
 import { pixelRatio } from "./canvas.js";
 import { fillTable } from "./palettes.js";
 
@@ -15,6 +16,7 @@ export class Picture {
     this.planes = { raw: document.createElement("canvas"), sharp: document.createElement("canvas") };
     this.table = new Uint32Array(65536);
     this.mode = "divider";
+    this.arrows = false;  // of the scene's motion
     this.split = 0.5;
     this.zoom = 1;
     this.centre = null;  // frame pixels
@@ -111,6 +113,9 @@ export class Picture {
       context.rect(from, pane.y, to - from, pane.height);
       context.clip();
       context.drawImage(this.planes[pane.plane], left, top, frame.width * s, frame.height * s * frame.rowStep);
+      if (this.arrows && frame.motion) {
+        paintArrows(context, frame.motion, { left, top, across: s, down: s * frame.rowStep }, this.ratio);
+      }
       if (this.pin) this.mark(this.pin, left, top, s, []);
       if (this.cursor?.byKeys) this.mark(this.cursor, left, top, s, [3 * this.ratio, 3 * this.ratio]);
       context.restore();

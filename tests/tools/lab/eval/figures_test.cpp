@@ -1,4 +1,5 @@
 // What the verbs draw, of figures made up: well-formed, without numbers that are none, no word on another one.
+#include <array>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -104,14 +105,32 @@ TEST(Figures, OfTheLiveStreamShowTheFrameWithMostToSee) {
   std::vector<float> edges = flat;
   for (std::size_t i = 0; i < edges.size(); i += 7) edges[i] = 310.0F;
   FrameChoice choice;
-  choice.take(header, frame, flat);
-  choice.take(header, frame, edges);
-  choice.take(header, frame, flat);
+  choice.take(header, frame, flat, 0);
+  choice.take(header, frame, edges, 1);
+  choice.take(header, frame, flat, 2);
   EXPECT_EQ(choice.shown().truth, edges);
+  EXPECT_EQ(choice.shown().index, 1U);
   EXPECT_FLOAT_EQ(choice.shown().blurred[0], 300.0F);
-  const plot::Sheet sheet = sheet_of(choice.shown(), {1.7, 0.9, 0.005, {2.0, 3.0, 2.5}});
+  const plot::Sheet sheet =
+      sheet_of(std::array{LiveResult{&choice.shown(), {"admm", 1.7, 0.9, 0.005, {2.0, 3.0, 2.5}}},
+                          LiveResult{&choice.shown(), {"motion", 1.7, 0.2, 0.005, {2.0, 3.0, 2.5}}}});
   expect_good(sheet);
-  EXPECT_EQ(plots_of(sheet), 3U + 3U + 2U);
+  EXPECT_EQ(plots_of(sheet), 4U + 4U + 3U) << "blurred, admm, motion, truth, large and close";
+}
+
+TEST(Figures, OfTheLiveStreamWaitForTheFrameAskedFor) {
+  bolo_shm_header header{};
+  header.width = 2;
+  header.height = 1;
+  header.scale = 1.0;
+  shm::ReadFrame frame;
+  frame.raw = frame.deblurred = {300, 310};
+  FrameChoice choice(7);
+  choice.take(header, frame, {300.0F, 310.0F}, 6);
+  EXPECT_TRUE(choice.waits());
+  choice.take(header, frame, {300.0F, 300.0F}, 7);
+  EXPECT_FALSE(choice.waits());
+  EXPECT_EQ(choice.shown().index, 7U);
 }
 
 // Two stills, one of them labelled, looked at twice by two detectors; in the blurred column everything is missed but in

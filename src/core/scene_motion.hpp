@@ -1,0 +1,36 @@
+// How the scene moved through the picture from the frame before to a frame.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "src/core/geometry.hpp"
+
+namespace bolo {
+
+inline constexpr int kMotionBlock = 8;  // px a side
+
+// Blocks across and down that cover a frame.
+constexpr Geometry motion_blocks(Geometry frame) {
+  return {(frame.width + kMotionBlock - 1) / kMotionBlock, (frame.height + kMotionBlock - 1) / kMotionBlock};
+}
+
+// Of one block: px a frame, to the right and down; confidence from 0, nothing is known of it, to 1.
+struct BlockMotion {
+  float x = 0.0F;
+  float y = 0.0F;
+  float confidence = 0.0F;
+};
+inline constexpr std::size_t kMotionValues = sizeof(BlockMotion) / sizeof(float);
+
+struct SceneMotion {
+  SceneMotion() = default;
+  explicit SceneMotion(Geometry frame) : size(motion_blocks(frame)), blocks(size.pixels()) {}
+
+  Geometry size;  // blocks across and down
+  // Of the whole picture, px a frame: (a0 + a1 X + a2 Y, a3 + a4 X + a5 Y) at X columns and Y rows from its centre.
+  std::array<double, 6> affine{};
+  std::vector<BlockMotion> blocks;  // row-major
+};
+
+}  // namespace bolo

@@ -1,0 +1,57 @@
+#include "src/motion/block_motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bolo::motion {
+namespace {
+
+constexpr float kBlockPixels = kBlock * kBlock;
+constexpr float kIndependentSamples = 36.0F;         // independent ones in 24 x 24 smoothed pixels
+constexpr float kGradientNoise = 0.5F / kSmoothing;  // squared gradient of smoothed noise, of its variance
+constexpr float kHalfSure = 0.25F;                   // px: the standard error at a confidence of a half
+
+float confidence_of(float xx, float xy, float yy, float left, float misfit, float noise) noexcept {
+  const float middle = 0.5F * (xx + yy);
+  const float least = middle - std::hypot(0.5F * (xx - yy), xy) - kGradientNoise * noise;  // eigenvalue
+  if (!(least > 0.0F)) return 0.0F;
+  const float error = std::max(left, 2.0F * noise) / (kIndependentSamples * least);
+  const float unlike = misfit * misfit;
+  return 1.0F / ((1.0F + error / (kHalfSure * kHalfSure)) * (1.0F + unlike * unlike));
+}
+
+}  // namespace
+
+static_assert(kBlock == kMotionBlock);
+
+BlockMotions::BlockMotions(Geometry geometry) : geometry_(geometry), found_(geometry) {
+  const int across = found_.size.width;
+  const int down = found_.size.height;
+  trail_ = matched_ = VectorField(across, down);
+  sums_ = BlockField<MatchSums>(across, down);
+  for (std::size_t k = 0; k < raw_.size(); ++k) raw_[k] = mean_[k] = ScalarField(across, down);
+}
+
+void BlockMotions::find(const Kernels& kernels, const Inertia& inertia, const BlockMotionInputs& in,
+                        Crew& crew) noexcept {
+  spread(in.trail, geometry_, 1, trail_);
+  for (std::size_t i = 0; i < matched_.size(); ++i) matched_[i] = in.global[i] + in.deviation[i];
+  for_rows(crew, matched_.down(),
+           [&](int row) { kernels.match(in.before, in.now, matched_.row(row), row, 0.0F, sums_.row(row)); });
+  for (std::size_t i = 0; i < sums_.size(); ++i) {
+    const std::array values{sums_[i].xx, sums_[i].xy, sums_[i].yy, sums_[i].ee};
+    for (std::size_t k = 0; k < values.size(); ++k) raw_[k][i] = values[k] / kBlockPixels;
+  }
+  for (std::size_t k = 0; k < raw_.size(); ++k) mean_of_9(raw_[k], mean_[k]);
+  const auto noise = static_cast<float>(inertia.noise() * in.noise * in.noise * kSmoothedNoise);
+  for (std::size_t i = 0; i < sums_.size(); ++i) {
+    const Vec2 v = trail_[i] + in.deviation[i];
+    found_.blocks[i] = {v.x, v.y,
+                        confidence_of(mean_[0][i], mean_[1][i], mean_[2][i], mean_[3][i], in.misfit[i], noise)};
+  }
+  const double per_pixel = 2.0 / geometry_.width;  // an Affine counts halves of the frame's width
+  const std::array<double, 6>& p = in.trail.p;
+  found_.affine = {p[0], p[1] * per_pixel, p[2] * per_pixel, p[3], p[4] * per_pixel, p[5] * per_pixel};
+}
+
+}  // namespace bolo::motion
