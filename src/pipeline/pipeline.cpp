@@ -208,7 +208,7 @@ struct Pipeline::Impl {
   bool converges() const noexcept {
     return quality == QualityLevel::kFull && settings.method == deblur::Method::kExact;
   }
-  bool solves() const noexcept { return job->full && effort != QualityLevel::kRaw; }
+  bool solves() const noexcept { return job->full && quality != QualityLevel::kRaw; }
   template <typename Solve>
   void solve_stretches(std::size_t begin, std::size_t end, std::size_t at_once, const Solve& solve) noexcept;
   bool solve_part(const Region& part) noexcept;

@@ -1,6 +1,7 @@
 """A fake camera and a daemon come up as units, as they would in the vehicle, and frames flow.
 
-Everything is small here, since the machine is slow: 64x24 pixels, 12.5 frames a second, the camera's least.
+Everything is small here, since the machine is slow: 64x24 pixels, 12.5 frames a second, the camera's least. Automatic
+lambda makes its tables with floating-point arithmetic, which QEMU emulates in software: a quarter of a second is a minute.
 """
 
 import pathlib
@@ -27,6 +28,7 @@ rate_hz = 12.5
 [deblur]
 tau_s = 0.06
 window = 9
+lambda = 0.001
 workers = 1
 
 [shm]
