@@ -266,8 +266,12 @@ void write_pan(const fs::path& file) {
     for (std::size_t i = 0; i < y.size(); ++i) {
       const double column = static_cast<double>(i % 100) - 1.5 * static_cast<double>(n);
       const double row = static_cast<double>(i / 100) - 0.5 * static_cast<double>(n);
-      const double x = 300.0 + 3.0 * std::sin(0.4 * column + 0.1 * row) + 3.0 * std::sin(0.07 * column - 0.3 * row) +
-                       2.0 * std::sin(0.21 * column + 0.23 * row);
+      double x = 300.0;  // waves of many directions and lengths, so that nothing repeats
+      for (int k = 1; k <= 16; ++k) {
+        const double across = 0.05 * k * std::cos(2.4 * k);
+        const double down = 0.05 * k * std::sin(2.4 * k);
+        x += 1.5 * std::sin(across * column + down * row + 1.7 * k);
+      }
       y[i] = decay * y[i] + (1.0 - decay) * x;
       counts[i] = static_cast<std::uint16_t>(std::lround(y[i] / 0.01));
     }

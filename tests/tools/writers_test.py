@@ -45,10 +45,8 @@ CASES = {
     "diagnose": Case("diagnose {i}/chopper.h5 {i}/flat.h5 -o {o} --write-profile {o}/p.toml --threads 1",
                      ["chopper.h5", "flat.h5"], ["report.json", "report.html", "p.toml", "p.h5"],
                      ("{o}/p.toml", "chopper.h5"), (0,)),
-    "eval pixel --plot": Case("eval pixel --draws 1 --plot {o}/e.svg", [], ["e.svg"], None, (0,)),
-    "bench --plot": Case("bench deblur --seconds 0.1 --plot {o}/e.html", [], ["e.html"], None, (0,)),
-    "blind --html": Case("blind --kind effect-free --sessions 1 --jobs 1 --html {o}/e.html --keep {o}", [],
-                         ["e.html", "answers.json", "nonce.txt", "seal.txt"], None, (0,)),
+    "blind --keep": Case("blind --kind effect-free --sessions 1 --jobs 1 --keep {o}", [],
+                         ["answers.json", "nonce.txt", "seal.txt"], None, (0,)),
     "record": Case("record {name} -o {o}/rec.h5 --frames 200", [], ["rec.h5"], None, (0, 1400)),
 }
 

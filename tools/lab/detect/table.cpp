@@ -359,7 +359,7 @@ Speeds speeds_of(const Found& found, std::size_t motion) {
   for (const Look& look : found.looks) {
     if (look.view.motion == motion) speeds.push_back(look.speed_px_s);
   }
-  return {quantile(speeds, 0.1), quantile(speeds, 0.5), quantile(speeds, 0.9)};
+  return {bolo::quantile(speeds, 0.1), bolo::quantile(speeds, 0.5), bolo::quantile(speeds, 0.9)};
 }
 
 }  // namespace

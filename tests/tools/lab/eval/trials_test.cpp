@@ -84,8 +84,6 @@ TEST(PixelTrial, NoiseCostsLeastSquaresMore) {
   const PixelScore clean = score_pixel(trial, 0.0, 5, 1);
   const PixelScore noisy = score_pixel(trial, 0.5, 20, 1);
   EXPECT_GT(noisy.ols_rmse_k - clean.ols_rmse_k, 5.0 * (noisy.qp_rmse_k - clean.qp_rmse_k));
-  EXPECT_EQ(noisy.samples.size(), 17U);
-  EXPECT_EQ(noisy.qp.size(), 128U);
 }
 
 }  // namespace
