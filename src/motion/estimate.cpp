@@ -20,10 +20,33 @@ constexpr float kTimesOtherAhead = 1.3F;  // the same where it has nothing to ex
 constexpr float kTimesUnseen = 4.0F;      // this estimate, where there is no past to go by
 constexpr float kMostTimesOther = 8.0F;
 constexpr float kLeastError = 1e-3F;            // noise variances
+constexpr float kNearlyRight = 0.05F;           // of the mean square error beside it
+constexpr float kAnotherWay = 1.0F;             // px a frame
 constexpr float kMeanAge = 0.5F * (kPast + 1);  // of the past's frames, periods
 
 float power4(float v) { return v * v * v * v; }
 float power8(float v) { return power4(v) * power4(v); }
+
+// What is known of a block's two estimates; errors and energies in units of the noise's variance.
+struct Evidence {
+  float mine;    // mean square error that the estimate along the motion should have
+  float other;   // and the per-pixel one
+  float left;    // energy of what the estimate leaves of the innovation
+  float change;  // of innovation less frame
+  float misfit;  // LocalMotion::misfit()
+};
+
+// How many times the mean square error of the estimate along the motion is that of the other one: the least squares fit
+// of its logarithm to random scenes of 21 kinds (pans, hands, cuts, stops, movers, edges ...); a quarter
+// of the logarithm's variance is left.
+float risk(const Inertia& inertia, const Evidence& e) {
+  const auto of_left = static_cast<float>(inertia.noise());
+  const auto of_change = static_cast<float>(inertia.change_noise());
+  const float left = std::max(e.left - 0.76F * of_left, 0.0F) + 0.19F * of_left;
+  const float change = std::max(e.change - of_change, 0.0F) + 0.12F * of_change + kLeastChange;
+  return std::exp(0.16F + 0.68F * std::log(std::max(e.mine, kLeastError)) - 0.48F * std::log(e.other + kLeastError) +
+                  0.36F * std::log(left) - 0.51F * std::log(change) + 0.13F * std::log(e.misfit + kLeastError));
+}
 
 }  // namespace
 
@@ -159,8 +182,34 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
     const float others = in.other_error[i] * noise * times;
     const float mine4 = power4(mine / others);
     share_[i] = 1.0F / (1.0F + mine4) / (1.0F + relative * relative) / (1.0F + power8((*in.misfit)[i]));
+    const Evidence evidence{error / noise, in.other_error[i], smooth_[0][i] / noise, smooth_[1][i] / noise,
+                            (*in.misfit)[i]};
+    share_[i] *= static_cast<float>(in.path.steady) / (1.0F + power4(risk(inertia_, evidence)));
     if (!std::isfinite(share_[i]) || !std::isfinite(step_[i])) share_[i] = step_[i] = 0.0F;
   }
+  spare_what_rests(in);
+}
+
+// Shares are interpolated between blocks. Beside one that a per-pixel estimate has nearly right and that moves another
+// way, a block would lend it some of its own motion.
+void Estimator::spare_what_rests(const EstimateInputs& in) noexcept {
+  ScalarField& spared = raw_[0];
+  for (int r = 0; r < share_.down(); ++r) {
+    for (int c = 0; c < share_.across(); ++c) {
+      spared.at(c, r) = share_.at(c, r);
+      for (int v = std::max(r - 1, 0); v <= std::min(r + 1, share_.down() - 1); ++v) {
+        for (int u = std::max(c - 1, 0); u <= std::min(c + 1, share_.across() - 1); ++u) {
+          const auto here = static_cast<std::size_t>(r * share_.across() + c);
+          const auto beside = static_cast<std::size_t>(v * share_.across() + u);
+          const Vec2 apart = trail_[here] - trail_[beside];
+          const bool rests = in.other_error[beside] < kNearlyRight * in.other_error[here];
+          if (!rests || apart.x * apart.x + apart.y * apart.y < kAnotherWay * kAnotherWay) continue;
+          spared[here] = std::min(spared[here], share_[beside]);
+        }
+      }
+    }
+  }
+  std::swap(share_, spared);
 }
 
 void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& crew, float* out) noexcept {

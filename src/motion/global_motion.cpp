@@ -6,8 +6,9 @@
 namespace bolo::motion {
 namespace {
 
-constexpr int kSearch = 8;  // px of the smallest level in each direction
-constexpr float kPrefersStill = 0.97F;
+constexpr int kSearch = 8;              // px of the smallest level in each direction
+constexpr double kPrefersStill = 0.03;  // of the difference, that a displacement must save
+constexpr double kChance = 2.5;         // times 1 / sqrt(pixels): what chance saves where there is little to see
 constexpr double kPixels = kBlock * kBlock;
 constexpr double kSeen = 0.3;     // of a block, or it does not count
 constexpr double kFewest = 0.15;  // of the picture
@@ -94,7 +95,9 @@ Affine GlobalMotion::start(const Kernels& kernels, const Pyramid& a, const Pyram
       x *= 2;
       y *= 2;
     }
-    float best = kPrefersStill * kernels.mean_difference(from, to, 0, 0);
+    const double pixels = from.geometry().width * from.geometry().height;
+    const double saves = std::max(kPrefersStill, kChance / std::sqrt(pixels));
+    float best = static_cast<float>(1.0 - saves) * kernels.mean_difference(from, to, 0, 0);
     int best_x = 0;
     int best_y = 0;
     for (int dy = y - reach; dy <= y + reach; ++dy) {

@@ -1,12 +1,18 @@
 #include "src/motion/path.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace bolo::motion {
 namespace {
 
 constexpr double kExtrapolated = 0.8;  // of what the last two displacements say of the next
 constexpr double kOfThePast = 0.25;    // the past's mean has its share in the weights' velocity
+// A stop a third of a frame ago, from where on it does more harm to this estimate than to a per-pixel one, changes the
+// displacement by 5 % of the speed; the fastest hands measured do by less than 3 %.
+constexpr double kAbrupt = 0.04;
+constexpr double kSlowPan = 3.0;     // px a frame: below it a stop does no harm
+constexpr double kUnnoticed = 0.02;  // px a frame: what estimates differ by
 constexpr int kSpans = kHistory - 1;
 
 using Spans = std::array<Affine, kSpans>;  // u_i, the newest first
@@ -32,6 +38,15 @@ Affine blurring(const Inertia& inertia, const Spans& u, std::size_t first) noexc
   return sum * (1.0 / total);
 }
 
+// Of the picture's middle.
+double steadiness(std::span<const Affine> d) noexcept {
+  const Vec2 last = d[1].at(0.0, 0.0);
+  const Vec2 jerk = d[0].at(0.0, 0.0) - last * 2.0F + d[2].at(0.0, 0.0);
+  const double speed = std::max<double>(std::hypot(last.x, last.y), kSlowPan);
+  const double relative = std::max(std::hypot(jerk.x, jerk.y) - kUnnoticed, 0.0) / (kAbrupt * speed);
+  return 1.0 / (1.0 + relative * relative * relative * relative);
+}
+
 }  // namespace
 
 Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool ahead) noexcept {
@@ -44,6 +59,7 @@ Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool
   };
   Path path;
   path.trail = u[now];
+  path.steady = steadiness(displacements);
   Affine moved;
   Affine before;
   for (std::size_t j = 0; j < path.past.size(); ++j) {

@@ -20,6 +20,9 @@ struct Path {
   Affine velocity;                   // that its weights are for: mostly the one that blurred the frame
   std::array<Affine, kPast> past{};  // moves the frames 1, 2 and 3 before onto it
   Affine ahead;                      // moves the frame after onto it
+  // How far the last displacements bear out that the motion goes on as it was, 1 to 0: a second difference that is much
+  // of the speed is a stop, a knock or a cut, of which the newest innovation has seen a part at most.
+  double steady = 1.0;
 };
 
 // `displacements`: of the newest frame, the one before it and so on, at least kHistory; with `ahead` the first belongs
