@@ -1,9 +1,11 @@
 #include "src/motion/weights.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <map>
 #include <mutex>
+#include <thread>
 #include <utility>
 
 #include <Eigen/Dense>
@@ -14,6 +16,7 @@ namespace {
 constexpr double kFixedPattern = 0.5;       // noises
 constexpr double kModelError = 1e-6;        // of the scene's variance: interpolation, and what the model leaves out
 constexpr double kSmallestContrast = 1e-4;  // noise variances; a decade a step
+constexpr unsigned kMostThreads = 4;
 constexpr std::array kUncertain = {0.03, 0.1, 0.3, 1.0};  // of the speed
 constexpr float kLargestIndex = 1e-4F;                    // below the last, so that there is one above
 
@@ -156,9 +159,17 @@ WeightTable::WeightTable(double tau_periods, int ahead)
     const double lag = lag_of(static_cast<float>(speed_[i]));
     lag_factor_[i] = static_cast<float>(structure(speed_[i], 2.0) / structure(speed_[i], lag));
   }
-  for (int s = 0; s < kSpeeds; ++s) {
-    for (int u = 0; u < kUncertainties; ++u) fill(s, u);
+  std::atomic<int> next{0};
+  const auto fill_some = [&] {
+    for (int i = next++; i < kSpeeds * kUncertainties; i = next++) {
+      fill(kSpeeds - 1 - i / kUncertainties, i % kUncertainties);  // the fast ones take longest
+    }
+  };
+  std::vector<std::jthread> helpers;
+  for (unsigned i = 1; i < std::min(std::thread::hardware_concurrency(), kMostThreads); ++i) {
+    helpers.emplace_back(fill_some);
   }
+  fill_some();
 }
 
 std::shared_ptr<const WeightTable> WeightTable::of(double tau_periods, int ahead) {
