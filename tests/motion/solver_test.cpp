@@ -3,93 +3,12 @@
 
 #include <gtest/gtest.h>
 
-#include "src/deblur/solver.hpp"
-#include "tests/motion/scenes.hpp"
+#include "tests/motion/stream.hpp"
 
 namespace bolo::deblur {
 namespace {
 
-using motion::testing::add_noise;
-using motion::testing::Picture;
-using motion::testing::picture_of;
-using motion::testing::rmse;
-using motion::testing::Scene;
-using motion::testing::Texture;
-using motion::testing::watch;
-
-constexpr Geometry kFrame{133, 90};  // no whole number of blocks
-constexpr int kWindow = 17;
-constexpr double kScale = 0.01;
-
-Settings settings_of(Method method, double noise_k, int lookahead = 0) {
-  Settings s;
-  s.method = method;
-  s.noise_k = noise_k;
-  s.lookahead = lookahead;
-  return s;
-}
-
-StreamFormat format_of(PixelType type) {
-  StreamFormat f;
-  f.geometry = kFrame;
-  f.type = type;
-  f.scale.unit = Unit::kKelvin;
-  f.scale.scale = type == PixelType::kUint16 ? kScale : 1.0;
-  return f;
-}
-
-// A stream in memory, and what a solver makes of it.
-class Stream {
- public:
-  Stream(const Scene& scene, double noise, int count, std::uint32_t seed = 1) : scene_(scene) {
-    auto frames = watch(scene, kFrame, 2.2, count);
-    add_noise(frames, noise, seed);
-    for (const Picture& frame : frames) {
-      counts_.emplace_back();
-      for (const double v : frame)
-        counts_.back().push_back(static_cast<std::uint16_t>(std::lround((300.0 + v) / kScale)));
-    }
-  }
-  int frames() const { return static_cast<int>(counts_.size()); }
-  std::vector<std::uint16_t>& counts(int k) { return counts_[static_cast<std::size_t>(k)]; }
-  void lose(int k) { counts(k).clear(); }
-
-  WindowView window_ending_at(int k, int lookahead) {
-    planes_.clear();
-    for (int i = k - kWindow + 1; i <= k; ++i) planes_.push_back(counts(i).empty() ? nullptr : counts(i).data());
-    return {planes_, kWindow - 1 - lookahead, static_cast<std::uint64_t>(k) + 1};
-  }
-  // Frame k as a solver that has seen the stream from `first` on makes it, K.
-  Picture estimate(const Settings& settings, int k, int first = kWindow - 1) {
-    auto solver = Solver::create(settings, format_of(PixelType::kUint16), PixelType::kFloat32);
-    std::vector<float> out(kFrame.pixels());
-    for (int j = first; j <= k + settings.lookahead; ++j) {
-      if (counts(j - settings.lookahead).empty()) continue;
-      const WindowView window = window_ending_at(j, settings.lookahead);
-      (*solver)->prepare(window);
-      if (j == k + settings.lookahead) (*solver)->solve(window, {0, 0, kFrame.width, kFrame.height}, out.data());
-    }
-    Picture p;
-    for (const float v : out) p.push_back(static_cast<double>(v) - 300.0);
-    return p;
-  }
-  Picture truth(int k) const { return picture_of(scene_, kFrame, k); }
-  double error(const Settings& settings, int k) { return rmse(estimate(settings, k), truth(k)); }
-  double blurred_error(int k) {
-    Picture p;
-    for (const std::uint16_t v : counts(k)) p.push_back(v * kScale - 300.0);
-    return rmse(p, truth(k));
-  }
-
- private:
-  Scene scene_;
-  std::vector<std::vector<std::uint16_t>> counts_;
-  std::vector<const void*> planes_;
-};
-
-Scene pan(double vx, double vy, std::uint32_t seed = 3) {
-  return [texture = Texture(seed), vx, vy](double x, double y, double t) { return texture(x - vx * t, y - vy * t); };
-}
+using namespace testing;
 
 TEST(MotionSolver, HalvesTheErrorOfPerPixelEstimatesInPans) {
   for (const double speed : {1.5, 3.0, 6.0}) {

@@ -1,0 +1,181 @@
+// What the solver `motion` does where the motion cannot be trusted: against mmae, frame by frame and tile by tile.
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include "src/deblur/motion_solver.hpp"
+#include "tests/motion/stream.hpp"
+
+namespace bolo::deblur {
+namespace {
+
+using namespace testing;
+
+constexpr double kWorstFrame = 1.1;  // of mmae's root mean square error in the same frame
+constexpr double kWorstTile = 1.03;  // the same of a tile of 32 x 32 pixels, over the scene
+constexpr int kTile = 32;
+constexpr int kFrames = 34;
+constexpr int kEvent = 26;  // when scenes change
+
+struct Worst {
+  double frame = 0.0;
+  double tile = 0.0;
+};
+
+class Run {
+ public:
+  Run(Stream& stream, Method method, double noise)
+      : stream_(stream),
+        solver_(*Solver::create(settings_of(method, noise), format_of(PixelType::kUint16), PixelType::kFloat32)),
+        out_(kFrame.pixels()) {}
+  // Squared errors of a frame, by pixel.
+  Picture errors(int k) {
+    const WindowView window = stream_.window_ending_at(k, 0);
+    solver_->prepare(window);
+    solver_->solve(window, {0, 0, kFrame.width, kFrame.height}, out_.data());
+    Picture e = stream_.truth(k);
+    for (std::size_t i = 0; i < e.size(); ++i) e[i] = std::pow(static_cast<double>(out_[i]) - 300.0 - e[i], 2);
+    return e;
+  }
+
+ private:
+  Stream& stream_;
+  std::unique_ptr<Solver> solver_;
+  std::vector<float> out_;
+};
+
+double sum_of(const Picture& p, int x0, int y0, int width, int height) {
+  double sum = 0.0;
+  for (int y = y0; y < y0 + height; ++y) {
+    for (int x = x0; x < x0 + width; ++x) sum += p[static_cast<std::size_t>(y * kFrame.width + x)];
+  }
+  return sum;
+}
+
+Worst worst_of(const Scene& scene, double noise) {
+  Stream stream(scene, noise, kFrames);
+  Run motion(stream, Method::kMotion, noise);
+  Run mmae(stream, Method::kMmae, noise);
+  Picture total(kFrame.pixels());
+  Picture others(kFrame.pixels());
+  Worst worst;
+  for (int k = kWindow; k < kFrames; ++k) {
+    const Picture a = motion.errors(k);
+    const Picture b = mmae.errors(k);
+    const double ratio = sum_of(a, 0, 0, kFrame.width, kFrame.height) / sum_of(b, 0, 0, kFrame.width, kFrame.height);
+    worst.frame = std::max(worst.frame, std::sqrt(ratio));
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      total[i] += a[i];
+      others[i] += b[i];
+    }
+  }
+  for (int y = 0; y + kTile <= kFrame.height; y += kTile) {
+    for (int x = 0; x + kTile <= kFrame.width; x += kTile) {
+      const double ratio = sum_of(total, x, y, kTile, kTile) / sum_of(others, x, y, kTile, kTile);
+      worst.tile = std::max(worst.tile, std::sqrt(ratio));
+    }
+  }
+  return worst;
+}
+
+void expect_safe(const Scene& scene, double noise) {
+  const Worst worst = worst_of(scene, noise);
+  EXPECT_LT(worst.frame, kWorstFrame);
+  EXPECT_LT(worst.tile, kWorstTile);
+}
+
+// What stands before a scene, 56 x 56 pixels that move by v a frame.
+Scene object_before(const Scene& scene, double v) {
+  return [scene, v, front = Texture(8, 6.0)](double x, double y, double t) {
+    const bool in = std::abs(x - 66.0 - v * (t - kEvent)) < 28.0 && std::abs(y - 45.0) < 28.0;
+    return in ? 2.0 + front(x - v * t, y) : scene(x, y, t);
+  };
+}
+
+TEST(MotionSafety, AnInstantStop) {
+  for (const double stop : {kEvent - 0.9, kEvent - 0.4}) {
+    const Scene moving = pan(5.5, 1.0);
+    SCOPED_TRACE(stop);
+    expect_safe([&](double x, double y, double t) { return moving(x, y, std::min(t, stop)); }, 0.03);
+  }
+}
+
+TEST(MotionSafety, ACutToAnotherScene) {
+  const Scene before = pan(4.0, 0.5);
+  const Scene after = pan(-2.0, 0.3, 17);
+  expect_safe([&](double x, double y, double t) { return t < kEvent - 0.7 ? before(x, y, t) : after(x, y, t); }, 0.03);
+}
+
+TEST(MotionSafety, Movers) {
+  expect_safe(object_before(pan(0.0, 0.0), 2.9), 0.1);
+  expect_safe(object_before(pan(2.9, 0.0), -2.0), 0.1);
+}
+
+TEST(MotionSafety, AnObjectThatIsFollowed) { expect_safe(object_before(pan(4.0, 0.0), 0.0), 0.03); }
+
+TEST(MotionSafety, RepeatedTexture) {
+  expect_safe([](double x, double y, double t) { return 3.0 * std::sin((x + 0.3 * y - 5.0 * t) * 0.9); }, 0.1);
+}
+
+TEST(MotionSafety, StillsInMuchNoise) { expect_safe(pan(0.0, 0.0), 1.0); }
+
+// Twelve frames after a cut nothing is left of it.
+TEST(MotionSafety, ACutIsForgotten) {
+  const Scene before = pan(4.0, 0.5);
+  const Scene after = pan(-2.0, 0.3, 17);
+  const Scene cut = [&](double x, double y, double t) { return t < kEvent ? before(x, y, t) : after(x, y, t); };
+  const Settings settings = settings_of(Method::kMotion, 0.05);
+  Stream disturbed(cut, 0.05, kEvent + 13);
+  Stream fresh(after, 0.05, kEvent + 13);
+  EXPECT_LT(disturbed.error(settings, kEvent + 12), 1.05 * fresh.error(settings, kEvent + 12));
+}
+
+class Threads final : public Crew {
+ public:
+  explicit Threads(int count) : count_(count) {}
+  void run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept override {
+    std::vector<std::jthread> threads;
+    for (int i = 0; i < count_; ++i) threads.emplace_back(work, self, rows * i / count_, rows * (i + 1) / count_);
+  }
+
+ private:
+  int count_;
+};
+
+TEST(MotionSolverCrew, AnyNumberOfWorkersMakesTheSame) {
+  Stream stream(object_before(pan(2.0, 0.4), -1.5), 0.05, 24);
+  std::vector<float> alone;
+  for (const int count : {1, 2, 5}) {
+    auto solver =
+        Solver::create(settings_of(Method::kMotion, 0.05), format_of(PixelType::kUint16), PixelType::kFloat32);
+    const WindowView window = stream.window_ending_at(23, 0);
+    Threads crew(count);
+    (*solver)->prepare(window, crew);
+    std::vector<float> out(kFrame.pixels());
+    (*solver)->solve(window, {0, 0, kFrame.width, kFrame.height}, out.data());
+    if (count == 1) alone = out;
+    EXPECT_EQ(out, alone) << count;
+  }
+}
+
+TEST(MotionSolverMotion, IsTheScenesOwn) {
+  Stream stream(pan(3.0, -1.0), 0.03, 26);
+  StreamTask task;
+  task.settings = settings_of(Method::kMotion, 0.03);
+  task.input = format_of(PixelType::kUint16);
+  MotionSolver solver(task);
+  solver.prepare(stream.window_ending_at(23, 0));
+  ASSERT_TRUE(solver.knows_motion());
+  EXPECT_NEAR(solver.global_motion().at(0, 0).x, 3.0, 0.1);
+  EXPECT_NEAR(solver.velocity().at(8, 5).x, 3.0, 0.1);
+  EXPECT_NEAR(solver.velocity().at(8, 5).y, -1.0, 0.1);
+  EXPECT_GT(solver.confidence().at(8, 5), 0.5F);
+  stream.lose(24);
+  solver.prepare(stream.window_ending_at(25, 0));
+  EXPECT_FALSE(solver.knows_motion());
+  EXPECT_EQ(solver.velocity().at(8, 5).x, 0.0F);
+  EXPECT_EQ(solver.confidence().at(8, 5), 0.0F);
+}
+
+}  // namespace
+}  // namespace bolo::deblur
