@@ -100,6 +100,7 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   if (z.there) find_innovation(kernels_, inertia_, now.values, frame(1).values, crew, z.values, z.smoothed);
   if (d.there) {
     d.motion = global_.find(kernels_, inertia_, innovation(1).smoothed, z.smoothed, mmae_.noise(), crew);
+    d.uncertainty = global_.uncertainty();
   }
 }
 
@@ -115,7 +116,7 @@ bool MotionSolver::find_path(motion::Path& path, bool& ahead) noexcept {
     if (d.there) last = d.motion;
     history[i] = last;
   }
-  path = motion::path_of(inertia_, history, ahead);
+  path = motion::path_of(inertia_, history, ahead, displacement(ahead ? 0 : target).uncertainty);
   return true;
 }
 

@@ -49,6 +49,7 @@ class MotionSolver final : public Solver {
   struct Displacement {
     bool there = false;
     motion::Affine motion;
+    double uncertainty = 0.0;
   };
 
   bool usable() const noexcept;

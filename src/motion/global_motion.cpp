@@ -10,9 +10,11 @@ constexpr int kSearch = 8;              // px of the smallest level in each dire
 constexpr double kPrefersStill = 0.03;  // of the difference, that a displacement must save
 constexpr double kChance = 2.5;         // times 1 / sqrt(pixels): what chance saves where there is little to see
 constexpr double kPixels = kBlock * kBlock;
-constexpr double kSeen = 0.3;     // of a block, or it does not count
-constexpr double kFewest = 0.15;  // of the picture
-constexpr double kRidge = 1e-4;   // of the mean diagonal
+constexpr double kSeen = 0.3;              // of a block, or it does not count
+constexpr double kFewest = 0.15;           // of the picture
+constexpr double kAlike = 12.6;            // px^2 of smoothed noise that go together: 1 / kSmoothedNoise
+constexpr double kTypicalWeight = 0.5625;  // of a block whose error is the median
+constexpr double kRidge = 1e-4;            // of the mean diagonal
 
 // Solves the symmetric positive definite n x n system in place by Cholesky's factors; false when it is not.
 bool solve(std::array<std::array<double, 6>, 6>& m, std::array<double, 6>& v, std::size_t n) noexcept {
@@ -173,6 +175,7 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
       }
     }
   }
+  uncertainty_ = std::sqrt(kAlike * kTypicalWeight * typical / std::max(0.5 * (m[0][0] + m[each][each]), 1e-30));
   double trace = 0.0;
   for (std::size_t i = 0; i < 2 * each; ++i) trace += m[i][i];
   for (std::size_t i = 0; i < 2 * each; ++i) m[i][i] += kRidge * trace / (2.0 * static_cast<double>(each));

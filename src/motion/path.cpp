@@ -11,8 +11,9 @@ constexpr double kOfThePast = 0.25;    // the past's mean has its share in the w
 // A stop a third of a frame ago, from where on it does more harm to this estimate than to a per-pixel one, changes the
 // displacement by 5 % of the speed; the fastest hands measured do by less than 3 %.
 constexpr double kAbrupt = 0.04;
-constexpr double kSlowPan = 3.0;     // px a frame: below it a stop does no harm
-constexpr double kUnnoticed = 0.02;  // px a frame: what estimates differ by
+constexpr double kSlowPan = 3.0;        // px a frame: below it a stop does no harm
+constexpr double kUnnoticed = 0.02;     // px a frame: what estimates differ by
+constexpr double kTwiceByChance = 8.0;  // twice what a second difference varies by, over what a displacement does
 constexpr int kSpans = kHistory - 1;
 
 using Spans = std::array<Affine, kSpans>;  // u_i, the newest first
@@ -39,17 +40,18 @@ Affine blurring(const Inertia& inertia, const Spans& u, std::size_t first) noexc
 }
 
 // Of the picture's middle.
-double steadiness(std::span<const Affine> d) noexcept {
+double steadiness(std::span<const Affine> d, double uncertainty) noexcept {
   const Vec2 last = d[1].at(0.0, 0.0);
   const Vec2 jerk = d[0].at(0.0, 0.0) - last * 2.0F + d[2].at(0.0, 0.0);
   const double speed = std::max<double>(std::hypot(last.x, last.y), kSlowPan);
-  const double relative = std::max(std::hypot(jerk.x, jerk.y) - kUnnoticed, 0.0) / (kAbrupt * speed);
+  const double relative =
+      std::max(std::hypot(jerk.x, jerk.y) - kUnnoticed - kTwiceByChance * uncertainty, 0.0) / (kAbrupt * speed);
   return 1.0 / (1.0 + relative * relative * relative * relative);
 }
 
 }  // namespace
 
-Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool ahead) noexcept {
+Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool ahead, double uncertainty) noexcept {
   const Spans u = spans_of(inertia, displacements);
   const std::size_t now = ahead ? 1 : 0;  // the span that ends at the estimated frame
   const Affine v0 = blurring(inertia, u, now);
@@ -59,7 +61,7 @@ Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool
   };
   Path path;
   path.trail = u[now];
-  path.steady = steadiness(displacements);
+  path.steady = steadiness(displacements, uncertainty);
   Affine moved;
   Affine before;
   for (std::size_t j = 0; j < path.past.size(); ++j) {

@@ -26,7 +26,8 @@ struct Path {
 };
 
 // `displacements`: of the newest frame, the one before it and so on, at least kHistory; with `ahead` the first belongs
-// to the frame after the estimated one. Thread: any.
-Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool ahead) noexcept;
+// to the frame after the estimated one. `uncertainty`: GlobalMotion::uncertainty() of the newest. Thread: any.
+Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool ahead,
+             double uncertainty = 0.0) noexcept;
 
 }  // namespace bolo::motion
