@@ -57,6 +57,8 @@ class Judge {
     if (auto read = reader_.read_truth(*index, truth_.data()); !read) return read;
     add_errors(header, frame, truth_, outcome.error);
     ++outcome.frames_judged;
+    constexpr std::uint32_t kSpared = BOLO_FLAG_REDUCED | BOLO_FLAG_INVERSE | BOLO_FLAG_RAW;
+    if ((frame.meta.flags & kSpared) != 0) ++outcome.spared;
     outcome.shown.take(header, frame, truth_, *index);
     return {};
   }
@@ -149,6 +151,7 @@ nlohmann::ordered_json to_json(const LiveOutcome& o) {
           {"frames_read", o.frames_read},
           {"frames_overwritten", o.overwritten},
           {"frames_judged", o.frames_judged},
+          {"frames_spared", o.spared},
           {"raw_frames_not_exact", o.raw_differs},
           {"lost_since_start", lost},
           {"latency_ms",
@@ -180,6 +183,10 @@ void print_text(const nlohmann::ordered_json& j) {
               j.at("solver").get<std::string>().c_str());
   std::printf("RMSE against truth   before %.3f K, after %.3f K   %llu frames, every pixel\n",
               j.at("rmse_before_k").get<double>(), j.at("rmse_after_k").get<double>(), count("frames_judged"));
+  if (count("frames_spared") > 0) {
+    std::printf("less spent on        %llu of these: the computer was too busy for this solver on every frame\n",
+                count("frames_spared"));
+  }
 }
 
 plot::Sheet live_sheet(std::span<const NamedOutcome> outcomes, const std::string& command) {

@@ -31,6 +31,7 @@ struct LiveOutcome {
   std::uint64_t frames_read = 0;
   std::uint64_t overwritten = 0;    // published, but this reader was too slow for them
   std::uint64_t frames_judged = 0;  // had a full window and a truth
+  std::uint64_t spared = 0;         // of the judged: less was spent on them, since the computer was too slow
   std::uint64_t raw_differs = 0;    // raw planes that are not the capture's, value by value
   std::vector<double> latency_ms;
   ErrorSum error;
