@@ -132,6 +132,7 @@ Status prepare_kept(const Request& request) {
   fs::create_directories(request.keep, error);
   if (error) return bad_input(request.keep.string() + ": cannot be made a folder: " + error.message());
   std::vector<fs::path> files;
+  files.reserve(kKeptFiles.size());
   for (const char* name : kKeptFiles) files.push_back(request.keep / name);
   if (Status good = check_outputs(files, {}, request.replace); !good) return good;
   for (const Session& session : request.sessions) {
@@ -201,6 +202,7 @@ Result<std::vector<Trial>> run_trials(const Request& request) {
   std::uint64_t done = 0;
   if (Status ran = jobs.run(request.jobs, progress, done); !ran) return tl::unexpected(ran.error());
   std::vector<Trial> trials;
+  trials.reserve(places.size());
   for (std::optional<Trial>& place : places) trials.push_back(std::move(*place));
   return trials;
 }

@@ -317,6 +317,7 @@ std::vector<Verdict> verdicts(const std::vector<Cell>& cells, const std::vector<
       {kMmae, pixelwise_and_auto, "mmae_best_pixelwise",
        "mmae better than blurred, inverse, auto and the QP at every lambda", 1.0}};
   std::vector<Verdict> all;
+  all.reserve(std::size(claims));
   for (const Claim& c : claims) all.push_back(against_best(cells, c.kind, c.others, c.name, c.words, c.limit));
   for (const ColumnKind kind : {kInverse, kQpBest, kAuto, kMmae}) all.push_back(lookahead_gain(cells, kind));
   if (drops.empty()) return all;
