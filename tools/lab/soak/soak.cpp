@@ -310,6 +310,7 @@ Status prepare_report(const Request& request) {
   fs::create_directories(request.report, error);
   if (error) return bad_input("--report " + request.report.string() + ": " + error.message());
   std::vector<fs::path> files;
+  files.reserve(std::size(kReportFiles));
   for (const char* name : kReportFiles) files.push_back(request.report / name);
   return check_outputs(files, {}, request.replace);
 }
