@@ -553,8 +553,8 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .iterations_asked = options.deblur.iterations,
                           .isa = std::string(deblur::best_isa()),
                           .maps = !options.maps.empty(),
-                           .motion = impl->settings.method == deblur::Method::kMotion,
-                           .undone = impl->corrections->beyond_maps(),
+                          .motion = impl->settings.method == deblur::Method::kMotion,
+                          .undone = impl->corrections->beyond_maps(),
                           .region = options.region,
                           .points = options.points};
   impl->all_sinks = sinks;

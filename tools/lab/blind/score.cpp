@@ -242,8 +242,8 @@ ordered_json kind_json(const KindScore& s) {
   ordered_json out{{"sessions", s.sessions}};
   for (const Count& one : kCounts) out[one.key] = s.*one.count;
   out.update({{"gap_before", spread_json(s.gap_before)},
-               {"gap_after", spread_json(s.gap_after)},
-               {"seconds", spread_json(s.seconds)}});
+              {"gap_after", spread_json(s.gap_after)},
+              {"seconds", spread_json(s.seconds)}});
   return out;
 }
 
