@@ -16,7 +16,7 @@ set_tests_properties(root PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")
 add_test(numpy sh -c "echo 'skipped: python3-numpy is not installed'; exit 77")
 set_tests_properties(numpy PROPERTIES SKIP_RETURN_CODE 77)
 add_test(part sh -c "echo 'test_fish (m.T.test_fish) ... skipped \"fish is not installed\"' >&2")
-add_test(bad false)
+add_test(bad sh -c "echo why it is so; exit 1")
 """
 
 
@@ -49,6 +49,7 @@ class Skips(unittest.TestCase):
     def test_a_failure_stays_one(self):
         done = self.check("good", "bad", "data")
         self.assertEqual(done.returncode, 8)
+        self.assertIn("failed: bad\nwhy it is so\n", done.stdout)
         self.assertIn("bad", done.stdout.split("tests passed")[1])
 
 

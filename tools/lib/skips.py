@@ -2,6 +2,7 @@
 
 usage: skips.py [--allow WORDS]... BUILD [CTEST OPTION...]
 
+What failed is shown again behind all else, the end of its output each.
 A skip is one of a whole test (gtest's GTEST_SKIP, ctest's SKIP_RETURN_CODE) or of a part that Python's unittest leaves out.
 Its reason must have "BOLO_TEST_DATA" in it, or the words of an --allow. The last lines are ctest's own summary.
 Exit code: ctest's, or 1 for a skip that is not allowed.
@@ -17,6 +18,7 @@ import xml.etree.ElementTree
 
 ALLOWED = "BOLO_TEST_DATA"
 MOST_BYTES = str(1 << 20)  # of a test's output, of which ctest would keep one KiB
+MOST_AGAIN = 3000  # characters of a failed test's output
 SUMMARY = re.compile(r"^\d+% tests passed")
 # A line of gtest "file:line: Skipped" stands before the reason; Python prints "test_x (...) ... skipped 'reason'".
 GTEST = re.compile(r"^.*: Skipped\n(.*)$", re.MULTILINE)
@@ -42,8 +44,15 @@ def skips_of(junit: pathlib.Path) -> list[tuple[str, str]]:
     return skips
 
 
-def run_ctest(build: str, options: list[str]) -> tuple[int, str, list[tuple[str, str]]]:
-    """Shows ctest's output but for its summary, which comes last. Returns exit code, summary and skips."""
+def failures_of(junit: pathlib.Path) -> list[tuple[str, str]]:
+    """Names and the ends of their output, from ctest's JUnit file."""
+    cases = xml.etree.ElementTree.parse(junit).getroot().iter("testcase")
+    return [(case.get("name", "?"), (case.findtext("system-out") or "").strip()[-MOST_AGAIN:])
+            for case in cases if case.get("status") == "fail"]
+
+
+def run_ctest(build: str, options: list[str]) -> tuple[int, str, list[tuple[str, str]], list[tuple[str, str]]]:
+    """Shows ctest's output but for its summary, which comes last. Returns exit code, summary, skips and failures."""
     with tempfile.TemporaryDirectory(prefix="bolo-skips-") as folder:
         junit = pathlib.Path(folder) / "junit.xml"
         command = ["ctest", "--test-dir", build, "--output-junit", str(junit), *options]
@@ -56,7 +65,8 @@ def run_ctest(build: str, options: list[str]) -> tuple[int, str, list[tuple[str,
                     summary += line
                 else:
                     print(line, end="", flush=True)
-        return ctest.returncode, summary, skips_of(junit) if junit.exists() else []
+        told = (skips_of(junit), failures_of(junit)) if junit.exists() else ([], [])
+        return ctest.returncode, summary, *told
 
 
 def main() -> int:
@@ -64,11 +74,13 @@ def main() -> int:
     parser.add_argument("--allow", action="append", default=[ALLOWED])
     parser.add_argument("build")
     arguments, options = parser.parse_known_args()
-    code, summary, skips = run_ctest(arguments.build, options)
+    code, summary, skips, failures = run_ctest(arguments.build, options)
     bad = [skip for skip in skips if not any(words in skip[1] for words in arguments.allow)]
     print(f"{len(skips)} skipped" + (":" if skips else ""))
     for name, reason in skips:
         print(f"  {name}: {reason}" + (" (NOT ALLOWED)" if (name, reason) in bad else ""))
+    for name, end in failures:
+        print(f"failed: {name}\n{end}")
     print(summary, end="", flush=True)
     if bad:
         print(f"skips.py: {len(bad)} of these skips must not be: install or allow what they need", file=sys.stderr)

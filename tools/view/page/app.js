@@ -210,7 +210,7 @@ function toggleArrows() {
   chooseArrows(!kept.arrows);
   if (!kept.arrows || !frame) return;
   if (frame.motion) say(`Arrows: the way within ${ARROW_FRAMES} frames`);
-  else say(status?.motion ? "The motion of this frame is not known" : 'No motion here: [deblur] solver = "motion" estimates it');
+  else say(status?.motion ? "The motion of this frame is not known" : 'No motion here: [deblur] solver = "motion" estimates it while it keeps up');
 }
 function choosePause(value) {
   paused = value;
