@@ -10,10 +10,10 @@ namespace bolo {
 
 inline constexpr int kMotionBlock = 8;  // px a side
 
-// Blocks across and down that cover a frame.
-constexpr Geometry motion_blocks(Geometry frame) {
-  return {(frame.width + kMotionBlock - 1) / kMotionBlock, (frame.height + kMotionBlock - 1) / kMotionBlock};
-}
+// Blocks that cover so many pixels.
+constexpr int motion_blocks(int pixels) { return (pixels + kMotionBlock - 1) / kMotionBlock; }
+// Across and down.
+constexpr Geometry motion_blocks(Geometry frame) { return {motion_blocks(frame.width), motion_blocks(frame.height)}; }
 
 // Of one block: px a frame, to the right and down; confidence from 0, nothing is known of it, to 1.
 struct BlockMotion {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <vector>
 
 #include "src/deblur/kernels.hpp"
@@ -43,7 +44,8 @@ HWY_INLINE Vec load_values(const T* from, std::size_t count) {
 
 inline constexpr float kLargestDifference = 1e7F;  // noises
 
-// Differences in time of one unit of columns, in units of the noise: d[row][difference][lane].
+// Differences in time of one unit of columns, in units of the noise: d[row][difference][lane]. Rows that are not there
+// are 0.
 struct Differences {
   HWY_ALIGN float d[kStatRows][kMostSamples - 1][kUnit];
 };
@@ -67,6 +69,7 @@ HWY_INLINE void load_differences(const BlockSamples& in, int samples, std::size_
       }
     }
   }
+  for (int r = in.rows; r < kStatRows; ++r) std::fill_n(to.d[r][0], std::size(to.d[r]) * kUnit, 0.0F);
 }
 
 // Eight vectors of per-column sums -> for each block of the unit its eight sums, side by side.
@@ -74,21 +77,23 @@ HWY_INLINE void store_block_sums(const Vec* pair, float (*moments)[kMostPairs], 
 #if HWY_TARGET == HWY_SCALAR
   for (std::size_t q = 0; q < 8; ++q) moments[0][p + q] = hn::GetLane(pair[q]);
 #else
+  const hn::Repartition<double, Float> two;
+  const hn::Full128<float> four;
   constexpr std::size_t kWidth = kLanes < kBlockColumns ? kLanes : kBlockColumns;
-  Vec sums[8];
-  for (std::size_t q = 0; q < 8; ++q) sums[q] = pair[q];
-  std::size_t left = 8;
-  for (std::size_t width = kWidth; width > 1; width /= 2) {
-    left /= 2;
-    for (std::size_t q = 0; q < left; ++q) {
-      sums[q] = hn::Add(hn::ConcatEven(Float(), sums[2 * q + 1], sums[2 * q]),
-                        hn::ConcatOdd(Float(), sums[2 * q + 1], sums[2 * q]));
+  for (std::size_t half = 0; half < 2; ++half) {
+    const Vec* q = pair + 4 * half;
+    // Of every four lanes: a0 + a2, b0 + b2, a1 + a3, b1 + b3
+    const Vec ab = hn::Add(hn::InterleaveLower(Float(), q[0], q[1]), hn::InterleaveUpper(Float(), q[0], q[1]));
+    const Vec cd = hn::Add(hn::InterleaveLower(Float(), q[2], q[3]), hn::InterleaveUpper(Float(), q[2], q[3]));
+    const auto low = hn::InterleaveLower(two, hn::BitCast(two, ab), hn::BitCast(two, cd));
+    const auto high = hn::InterleaveUpper(two, hn::BitCast(two, ab), hn::BitCast(two, cd));
+    HWY_ALIGN float sums[kLanes];
+    hn::Store(hn::Add(hn::BitCast(Float(), low), hn::BitCast(Float(), high)), Float(), sums);
+    for (std::size_t b = 0; b < kBlocksPerVector; ++b) {
+      auto sum = hn::Load(four, sums + b * kWidth);
+      if constexpr (kWidth > 4) sum = hn::Add(sum, hn::Load(four, sums + b * kWidth + 4));
+      hn::StoreU(sum, four, moments[b] + p + 4 * half);
     }
-  }
-  HWY_ALIGN float rows[8 * kLanes];
-  for (std::size_t q = 0; q < left; ++q) hn::Store(sums[q], Float(), rows + q * kLanes);
-  for (std::size_t q = 0; q < 8; ++q) {
-    for (std::size_t b = 0; b < kBlocksPerVector; ++b) moments[b][p + q] = rows[q * kBlocksPerVector + b];
   }
 #endif
 }
@@ -96,6 +101,7 @@ HWY_INLINE void store_block_sums(const Vec* pair, float (*moments)[kMostPairs], 
 // M = sum over a block's pixels of d d^T, pairs i <= j row by row.
 template <typename T>
 HWY_INLINE void add_moments(const BlockSamples& in, int samples, Vec inverse_noise, float (*moments)[kMostPairs]) {
+  constexpr std::size_t kVectors = kUnit / kLanes;
   Differences m;
   const int differences = samples - 1;
   for (std::size_t column = 0; column < static_cast<std::size_t>(in.columns); column += kUnit) {
@@ -104,12 +110,14 @@ HWY_INLINE void add_moments(const BlockSamples& in, int samples, Vec inverse_noi
     Vec pair[8];
     std::size_t p = 0;
     for (int i = 0; i < differences; ++i) {
+      Vec left[kStatRows * kVectors];
+      for (std::size_t k = 0; k < kStatRows * kVectors; ++k) {
+        left[k] = hn::Load(Float(), m.d[k / kVectors][i] + k % kVectors * kLanes);
+      }
       for (int j = i; j < differences; ++j, ++p) {
         Vec sum = hn::Zero(Float());
-        for (int r = 0; r < in.rows; ++r) {
-          for (std::size_t v = 0; v < kUnit; v += kLanes) {
-            sum = hn::MulAdd(hn::Load(Float(), m.d[r][i] + v), hn::Load(Float(), m.d[r][j] + v), sum);
-          }
+        for (std::size_t k = 0; k < kStatRows * kVectors; ++k) {
+          sum = hn::MulAdd(left[k], hn::Load(Float(), m.d[k / kVectors][j] + k % kVectors * kLanes), sum);
         }
         pair[p % 8] = sum;
         if (p % 8 == 7) store_block_sums(pair, block, p - 7);

@@ -36,22 +36,39 @@ void mean_of_9(const ScalarField& from, ScalarField& to) noexcept { weigh_9(from
 
 void gauss_of_9(const ScalarField& from, ScalarField& to) noexcept { weigh_9(from, to, kGaussSide, kGaussMiddle); }
 
+// The median of nine by 19 exchanges: Paeth, "Median finding on a 3 x 3 grid", Graphics Gems (1990).
 void median_of_9(const VectorField& from, VectorField& to) noexcept {
+  constexpr std::array<std::array<unsigned char, 2>, 19> kExchanges = {{{1, 2},
+                                                                        {4, 5},
+                                                                        {7, 8},
+                                                                        {0, 1},
+                                                                        {3, 4},
+                                                                        {6, 7},
+                                                                        {1, 2},
+                                                                        {4, 5},
+                                                                        {7, 8},
+                                                                        {0, 3},
+                                                                        {5, 8},
+                                                                        {4, 7},
+                                                                        {3, 6},
+                                                                        {1, 4},
+                                                                        {2, 5},
+                                                                        {4, 7},
+                                                                        {4, 2},
+                                                                        {6, 4},
+                                                                        {4, 2}}};
   for (int r = 0; r < from.down(); ++r) {
+    const std::array rows{from.row(std::max(r - 1, 0)), from.row(r), from.row(std::min(r + 1, from.down() - 1))};
     for (int c = 0; c < from.across(); ++c) {
-      std::array<float, 9> x{};
-      std::array<float, 9> y{};
-      std::size_t n = 0;
-      for (int i = -1; i <= 1; ++i) {
-        for (int j = -1; j <= 1; ++j, ++n) {
-          const Vec2 v = from.at(std::clamp(c + j, 0, from.across() - 1), std::clamp(r + i, 0, from.down() - 1));
-          x[n] = v.x;
-          y[n] = v.y;
-        }
+      const std::array columns{std::max(c - 1, 0), c, std::min(c + 1, from.across() - 1)};
+      std::array<Vec2, 9> v;
+      for (std::size_t i = 0; i < v.size(); ++i) v[i] = rows[i / 3][columns[i % 3]];
+      for (const auto& [a, b] : kExchanges) {
+        const Vec2 low{std::min(v[a].x, v[b].x), std::min(v[a].y, v[b].y)};
+        v[b] = {std::max(v[a].x, v[b].x), std::max(v[a].y, v[b].y)};
+        v[a] = low;
       }
-      std::nth_element(x.begin(), x.begin() + 4, x.end());
-      std::nth_element(y.begin(), y.begin() + 4, y.end());
-      to.at(c, r) = {x[4], y[4]};
+      to.at(c, r) = v[4];
     }
   }
 }

@@ -22,8 +22,6 @@ float confidence_of(float xx, float xy, float yy, float left, float misfit, floa
 
 }  // namespace
 
-static_assert(kBlock == kMotionBlock);
-
 BlockMotions::BlockMotions(Geometry geometry) : geometry_(geometry), found_(geometry) {
   const int across = found_.size.width;
   const int down = found_.size.height;

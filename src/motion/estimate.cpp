@@ -139,7 +139,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
       const float sigma =
           std::sqrt(from_fit + kLeastUncertainty * kLeastUncertainty + kOfSpeed * kOfSpeed * speed * speed);
       unexplained_.at(c, row) = unexplained;
-      table_->find(speed, structure / noise, sigma / std::max(speed, kSlowest), weights_.at(c, row));
+      table_->find(kernels, speed, structure / noise, sigma / std::max(speed, kSlowest), weights_.at(c, row));
     }
   });
 }

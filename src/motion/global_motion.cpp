@@ -51,6 +51,55 @@ Centre centre_of(Geometry frame, int scale, int column, int row) noexcept {
   return {((column + 0.5) * kBlock * scale - half) / half, ((row + 0.5) * kBlock * scale - 0.5 * frame.height) / half};
 }
 
+// Of a row of blocks: weighted sums of 1, x and x^2 times the gradients' products and what is left along them.
+struct RowSums {
+  std::array<double, 3> xx{};
+  std::array<double, 3> xy{};
+  std::array<double, 3> yy{};
+  std::array<double, 2> bx{};
+  std::array<double, 2> by{};
+
+  void add(double weight, double x, const MatchSums& s, std::array<double, 2> b) noexcept {
+    const std::array<double, 3> power{weight, weight * x, weight * x * x};
+    for (std::size_t k = 0; k < power.size(); ++k) {
+      xx[k] += power[k] * s.xx;
+      xy[k] += power[k] * s.xy;
+      yy[k] += power[k] * s.yy;
+    }
+    for (std::size_t k = 0; k < bx.size(); ++k) {
+      bx[k] += power[k] * b[0];
+      by[k] += power[k] * b[1];
+    }
+  }
+};
+
+// Normal equations of the six parameters of an Affine.
+struct Equations {
+  std::array<std::array<double, 6>, 6> m{};
+  std::array<double, 6> v{};
+
+  // A row of blocks whose centres are at y.
+  void add(const RowSums& row, double y) noexcept {
+    const auto add_block = [&](std::size_t top, std::size_t left, const std::array<double, 3>& sum) {
+      const std::array<std::array<double, 3>, 3> of{
+          {{sum[0], sum[1], sum[0] * y}, {sum[1], sum[2], sum[1] * y}, {sum[0] * y, sum[1] * y, sum[0] * y * y}}};
+      for (std::size_t i = 0; i < 3; ++i) {
+        for (std::size_t j = 0; j < 3; ++j) m[top + i][left + j] += of[i][j];
+      }
+    };
+    add_block(0, 0, row.xx);
+    add_block(0, 3, row.xy);
+    add_block(3, 0, row.xy);
+    add_block(3, 3, row.yy);
+    for (std::size_t i = 0; i < 2; ++i) {
+      v[i] += row.bx[i];
+      v[3 + i] += row.by[i];
+    }
+    v[2] += row.bx[0] * y;
+    v[5] += row.by[0] * y;
+  }
+};
+
 }  // namespace
 
 Affine Affine::operator+(const Affine& o) const noexcept {
@@ -147,10 +196,9 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
            [&](int row) { kernels.match(from, to, work.displacement.row(row), row, 1.0F, work.sums.row(row)); });
   const float typical = typical_error(work);
   if (typical < 0.0F) return false;
-  std::array<std::array<double, 6>, 6> m{};
-  std::array<double, 6> v{};
-  const std::size_t each = affine ? 3 : 1;
+  Equations sums;
   for (int r = 0; r < work.sums.down(); ++r) {
+    RowSums row;
     for (int c = 0; c < work.sums.across(); ++c) {
       const MatchSums& s = work.sums.at(c, r);
       if (s.count <= kSeen * kPixels) continue;
@@ -158,22 +206,17 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
       const double weight = 1.0 / ((1.0 + relative) * (1.0 + relative));
       const Vec2 d = work.displacement.at(c, r);
       const Vec2 pull = variance > 0.0 ? pull_of_noise(inertia, d) : Vec2{};
-      const double bx = -s.xe - variance * s.count * pull.x;
-      const double by = -s.ye - variance * s.count * pull.y;
-      const Centre centre = centre_of(geometry_, scale, c, r);
-      const std::array<double, 3> at{1.0, centre.x, centre.y};
-      for (std::size_t i = 0; i < each; ++i) {
-        for (std::size_t j = 0; j < each; ++j) {
-          const double q = weight * at[i] * at[j];
-          m[i][j] += q * s.xx;
-          m[i][each + j] += q * s.xy;
-          m[each + i][j] += q * s.xy;
-          m[each + i][each + j] += q * s.yy;
-        }
-        v[i] += weight * at[i] * bx;
-        v[each + i] += weight * at[i] * by;
-      }
+      row.add(weight, centre_of(geometry_, scale, c, r).x, s,
+              {-s.xe - variance * s.count * pull.x, -s.ye - variance * s.count * pull.y});
     }
+    sums.add(row, centre_of(geometry_, scale, 0, r).y);
+  }
+  auto& [m, v] = sums;
+  const std::size_t each = affine ? 3 : 1;
+  if (!affine) {  // the translation's four entries side by side
+    m[0][1] = m[0][3];
+    m[1] = {m[0][3], m[3][3]};
+    v[1] = v[3];
   }
   uncertainty_ = std::sqrt(kAlike * kTypicalWeight * typical / std::max(0.5 * (m[0][0] + m[each][each]), 1e-30));
   double trace = 0.0;

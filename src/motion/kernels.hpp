@@ -81,6 +81,8 @@ struct Kernels {
   void (*shift)(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& out) noexcept;
   void (*fit)(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction, const float* lag, int block_row,
               FitSums* out) noexcept;
+  // Eight corners by their shares.
+  void (*mix)(const FilterWeights* const* corners, const float* shares, FilterWeights& out) noexcept;
   // x = sum of weights; `weights` holds the rows of blocks above, of and below `block_row`.
   void (*filter)(const FilterInputs& in, const Vec2* direction, const FilterWeights* const* weights, int block_row,
                  PaddedPlane& out) noexcept;

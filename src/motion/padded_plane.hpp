@@ -5,14 +5,14 @@
 #include <vector>
 
 #include "src/core/geometry.hpp"
+#include "src/core/scene_motion.hpp"
 
 namespace bolo::motion {
 
-inline constexpr int kBlock = 8;  // pixels a side of what has one motion
-inline constexpr int kRim = 16;  // at least two blocks: a displaced block of 10 x 10 never leaves it (displaced_origin)
+inline constexpr int kBlock = kMotionBlock;  // pixels a side of what has one motion
+inline constexpr int kRim = 16;  // at least two blocks: a displaced block of 12 x 12 never leaves it (block-inl.hpp)
 
-// Blocks that cover so many pixels.
-constexpr int blocks_over(int pixels) { return (pixels + kBlock - 1) / kBlock; }
+constexpr int blocks_over(int pixels) { return motion_blocks(pixels); }
 
 // Rows and columns are counted from the frame's first pixel; from -kRim to whole blocks + kRim they can be read.
 class PaddedPlane {

@@ -235,7 +235,8 @@ void WeightTable::fill(int speed, int uncertainty) {
 
 float WeightTable::lag_of(float speed) noexcept { return std::clamp(2.0F + 0.8F * (speed - 1.0F), 2.0F, 24.0F); }
 
-void WeightTable::find(float speed, float structure, float uncertainty, FilterWeights& out) const noexcept {
+void WeightTable::find(const Kernels& kernels, float speed, float structure, float uncertainty,
+                       FilterWeights& out) const noexcept {
   static const std::array<float, kUncertainties> kLogUncertain = [] {
     std::array<float, kUncertainties> logs{};
     for (std::size_t i = 0; i < kUncertainties; ++i) logs[i] = static_cast<float>(std::log(kUncertain[i]));
@@ -253,16 +254,16 @@ void WeightTable::find(float speed, float structure, float uncertainty, FilterWe
   const float c = index_in(kLogUncertain.data(), kUncertainties, std::log(std::max(uncertainty, 1e-6F)));
   const int ic = static_cast<int>(c);
   const float fc = c - static_cast<float>(ic);
-  out = {};
-  for (int corner = 0; corner < 8; ++corner) {
-    const int da = corner & 1;
-    const int db = (corner >> 1) & 1;
-    const int dc = corner >> 2;
-    const float weight = (da != 0 ? fa : 1.0F - fa) * (db != 0 ? fb : 1.0F - fb) * (dc != 0 ? fc : 1.0F - fc);
-    const FilterWeights& from =
-        cells_[static_cast<std::size_t>(((ia + da) * kContrasts + ib + db) * kUncertainties + ic + dc)];
-    for (int i = 0; i < FilterWeights::kStride; ++i) out.w[i] += weight * from.w[i];
+  std::array<const FilterWeights*, 8> corners;
+  std::array<float, 8> shares;
+  for (std::size_t k = 0; k < corners.size(); ++k) {
+    const int da = k & 1U;
+    const int db = (k >> 1U) & 1U;
+    const int dc = static_cast<int>(k >> 2U);
+    shares[k] = (da != 0 ? fa : 1.0F - fa) * (db != 0 ? fb : 1.0F - fb) * (dc != 0 ? fc : 1.0F - fc);
+    corners[k] = &cells_[static_cast<std::size_t>(((ia + da) * kContrasts + ib + db) * kUncertainties + ic + dc)];
   }
+  kernels.mix(corners.data(), shares.data(), out);
 }
 
 }  // namespace bolo::motion

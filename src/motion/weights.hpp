@@ -26,7 +26,7 @@ class WeightTable {
 
   // Weights at a speed (px a frame), with half the mean square difference of the past's mean over lag_of(speed),
   // less its noise, in units of the noise's variance, and the speed's standard deviation over the speed. Thread: any.
-  void find(float speed, float structure, float uncertainty, FilterWeights& out) const noexcept;
+  void find(const Kernels& kernels, float speed, float structure, float uncertainty, FilterWeights& out) const noexcept;
 
   // Over how many pixels the contrast is measured: along a long trail neighbours are alike. Thread: any.
   static float lag_of(float speed) noexcept;

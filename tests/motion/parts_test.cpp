@@ -1,6 +1,11 @@
 // The parts of the motion estimate, each on scenes whose motion is known.
+#include <algorithm>
+#include <vector>
+
 #include <gtest/gtest.h>
 
+#include "src/core/statistics.hpp"
+#include "src/motion/block_field.hpp"
 #include "src/motion/global_motion.hpp"
 #include "src/motion/local_motion.hpp"
 #include "src/motion/path.hpp"
@@ -192,8 +197,8 @@ TEST(Weights, SumToOneAndPromiseLessErrorWithLookahead) {
       for (const float contrast : {1e-3F, 1.0F, 1e3F, 1e5F}) {
         FilterWeights a;
         FilterWeights b;
-        live.find(speed, contrast, 0.05F, a);
-        late.find(speed, contrast, 0.05F, b);
+        live.find(best_kernels(), speed, contrast, 0.05F, a);
+        late.find(best_kernels(), speed, contrast, 0.05F, b);
         double sum = 0.0;
         double sum_late = 0.0;
         for (int i = 0; i < FilterWeights::kError; ++i) sum += a.w[i];
@@ -212,9 +217,31 @@ TEST(Weights, ErrorsGrowWithUncertainty) {
   float before = 0.0F;
   for (const float uncertainty : {0.03F, 0.1F, 0.3F, 1.0F}) {
     FilterWeights w;
-    table->find(3.0F, 1e3F, uncertainty, w);
+    table->find(best_kernels(), 3.0F, 1e3F, uncertainty, w);
     EXPECT_GT(w.w[FilterWeights::kError], before);
     before = w.w[FilterWeights::kError];
+  }
+}
+
+TEST(MedianOf9, IsThatOfTheSortedNeighbours) {
+  VectorField field(9, 7);
+  std::uint32_t state = 1;
+  const auto next = [&] { return static_cast<float>((state = state * 1664525U + 1013904223U) >> 24U); };
+  for (Vec2& v : field) v = {next(), next()};
+  VectorField found(9, 7);
+  median_of_9(field, found);
+  for (int r = 0; r < 7; ++r) {
+    for (int c = 0; c < 9; ++c) {
+      std::vector<float> x;
+      std::vector<float> y;
+      for (int i = 0; i < 9; ++i) {
+        const Vec2 v = field.at(std::clamp(c + i % 3 - 1, 0, 8), std::clamp(r + i / 3 - 1, 0, 6));
+        x.push_back(v.x);
+        y.push_back(v.y);
+      }
+      EXPECT_EQ(found.at(c, r).x, median(x)) << c << ", " << r;
+      EXPECT_EQ(found.at(c, r).y, median(y)) << c << ", " << r;
+    }
   }
 }
 

@@ -1,0 +1,347 @@
+// The estimate along the motion, and its check against the frame. Included once for every instruction set.
+#if defined(BOLO_MOTION_ESTIMATE_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef BOLO_MOTION_ESTIMATE_INL
+#undef BOLO_MOTION_ESTIMATE_INL
+#else
+#define BOLO_MOTION_ESTIMATE_INL
+#endif
+
+#include <algorithm>
+#include <cmath>
+
+#include "src/motion/block-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace bolo::motion::HWY_NAMESPACE {
+
+// ------------------------------------------------------------------ bicubic
+
+// Keys' kernel with a = -0.75 at -1, 0, 1, 2 for a point f after 0.
+HWY_INLINE void cubic(float f, float* w) {
+  constexpr float a = -0.75F;
+  const auto far = [&](float t) { return ((a * t - 5 * a) * t + 8 * a) * t - 4 * a; };
+  const auto near = [&](float t) { return ((a + 2) * t - (a + 3)) * t * t + 1; };
+  w[0] = far(f + 1);
+  w[1] = near(f);
+  w[2] = near(1 - f);
+  w[3] = 1.0F - w[0] - w[1] - w[2];
+}
+
+HWY_INLINE void move_cubic(const PaddedPlane& a, int x0, int y0, Vec2 d, float* out) {
+  const Whole s = whole_of(a, x0, y0, -d.x, -d.y);
+  float wx[4];
+  float wy[4];
+  cubic(s.fx, wx);
+  cubic(s.fy, wy);
+  const float* from = a.at(x0 + s.x - 1, y0 + s.y - 1);
+  HWY_ALIGN float across[(kBlock + 3) * kBlock];
+  for (int r = 0; r < kBlock + 3; ++r) {
+    for (int x = 0; x < kBlock; x += kLanes) {
+      const float* p = from + r * a.stride() + x;
+      Vec v = hn::Mul(all(wx[0]), load(p));
+      for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(wx[i]), load(p + i), v);
+      store(v, across + r * kRow + x);
+    }
+  }
+  for (int r = 0; r < kBlock; ++r) {
+    for (int x = 0; x < kBlock; x += kLanes) {
+      const float* p = across + r * kRow + x;
+      Vec v = hn::Mul(all(wy[0]), load(p));
+      for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(wy[i]), load(p + i * kRow), v);
+      store(v, out + r * kRow + x);
+    }
+  }
+}
+
+HWY_INLINE void add_inside(const float* block, const Inside& inside, int x0, int y0, float* total, float* count) {
+  for (int r = 0; r < kBlock; ++r) {
+    if (!inside.row(y0 + r)) continue;
+    for (int x = 0; x < kBlock; x += kLanes) {
+      const int at = r * kBlock + x;
+      const Vec in = inside.mask(x0 + x);
+      store(hn::MulAdd(in, load(block + at), load(total + at)), total + at);
+      store(hn::Add(in, load(count + at)), count + at);
+    }
+  }
+}
+
+void align(const PaddedPlane* const* planes, const Vec2* const* d, int planes_count, const PaddedPlane& now,
+           int block_row, PaddedPlane& out) noexcept {
+  const int y0 = block_row * kBlock;
+  for (int c = 0; c < now.blocks_across(); ++c) {
+    const int x0 = c * kBlock;
+    HWY_ALIGN float total[kBlock * kBlock] = {};
+    HWY_ALIGN float count[kBlock * kBlock] = {};
+    HWY_ALIGN float moved[kBlock * kBlock];
+    for (int i = 0; i < planes_count; ++i) {
+      move_cubic(*planes[i], x0, y0, d[i][c], moved);
+      add_inside(moved, Inside(now.geometry(), d[i][c], 0.0F), x0, y0, total, count);
+    }
+    for (int r = 0; r < kBlock; ++r) {
+      for (int x = 0; x < kBlock; x += kLanes) {
+        const Vec n = load(count + r * kRow + x);
+        const Vec mean = hn::Div(load(total + r * kRow + x), hn::Max(n, all(1.0F)));
+        const Vec old = load(now.at(x0 + x, y0 + r));
+        store(hn::IfThenElse(hn::Gt(n, hn::Zero(Float())), mean, old), out.at(x0 + x, y0 + r));
+      }
+    }
+  }
+}
+
+void shift(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& out) noexcept {
+  HWY_ALIGN float moved[kBlock * kBlock];
+  for (int c = 0; c < from.blocks_across(); ++c) {
+    move_cubic(from, c * kBlock, block_row * kBlock, d[c], moved);
+    for (int r = 0; r < kBlock; ++r) std::copy_n(moved + r * kRow, kBlock, out.at(c * kBlock, block_row * kBlock + r));
+  }
+}
+
+// ------------------------------------------------------------------ along the motion
+
+void fit(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction, const float* lag, int block_row,
+         FitSums* out) noexcept {
+  const int y0 = block_row * kBlock;
+  const std::ptrdiff_t stride = mean.stride();
+  for (int c = 0; c < now.blocks_across(); ++c) {
+    const int x0 = c * kBlock;
+    const Vec2 e = direction[c];
+    const Source ahead = source_at(mean, x0, y0, e.x, e.y);
+    const Source behind = source_at(mean, x0, y0, -e.x, -e.y);
+    const Source away = source_at(mean, x0, y0, lag[c] * e.x, lag[c] * e.y);
+    Vec error = hn::Zero(Float());
+    Vec gradient = error;
+    Vec structure = error;
+    for (int r = 0; r < kBlock; ++r) {
+      for (int x = 0; x < kBlock; x += kLanes) {
+        const float* m = mean.at(x0 + x, y0 + r);
+        const Vec here = load(m);
+        const Vec off = hn::Sub(load(now.at(x0 + x, y0 + r)), here);
+        const Vec g = hn::Sub(sample(m + ahead.offset, stride, ahead), sample(m + behind.offset, stride, behind));
+        const Vec s = hn::Sub(sample(m + away.offset, stride, away), here);
+        error = hn::MulAdd(off, off, error);
+        gradient = hn::MulAdd(g, g, gradient);
+        structure = hn::MulAdd(s, s, structure);
+      }
+    }
+    constexpr float kMean = 1.0F / (kBlock * kBlock);
+    out[c] = {kMean * sum(error), 0.25F * kMean * sum(gradient), kMean * sum(structure)};
+  }
+}
+
+void mix(const FilterWeights* const* corners, const float* shares, FilterWeights& out) noexcept {
+  for (int i = 0; i < FilterWeights::kStride; i += kLanes) {
+    Vec w = hn::Zero(Float());
+    for (int k = 0; k < 8; ++k) w = hn::MulAdd(all(shares[k]), load(corners[k]->w + i), w);
+    store(w, out.w + i);
+  }
+}
+
+// Of the pixels of half a block, the shares of the blocks before and after in what is interpolated between centres.
+struct Shares {
+  HWY_ALIGN float before[kBlock];
+  HWY_ALIGN float here[kBlock];
+  HWY_ALIGN float after[kBlock];
+
+  Shares() {
+    for (int i = 0; i < kBlock; ++i) {
+      const float off = (static_cast<float>(i) - 0.5F * (kBlock - 1)) / kBlock;
+      before[i] = std::max(-off, 0.0F);
+      after[i] = std::max(off, 0.0F);
+      here[i] = 1.0F - before[i] - after[i];
+    }
+  }
+};
+
+// The weights of one row of pixels at the centres of its blocks.
+HWY_INLINE void mix_rows(const FilterWeights* const* weights, const Shares& shares, int r, int blocks, float* out) {
+  const FilterWeights* near = shares.before[r] > 0.0F ? weights[0] : weights[2];
+  const Vec share = all(shares.before[r] + shares.after[r]);
+  for (int c = 0; c < blocks; ++c) {
+    for (int i = 0; i < FilterWeights::kStride; i += kLanes) {
+      const Vec here = load(weights[1][c].w + i);
+      store(hn::MulAdd(share, hn::Sub(load(near[c].w + i), here), here), out + c * FilterWeights::kStride + i);
+    }
+  }
+}
+
+// Sums for the blocks before, at and after.
+struct Three {
+  Vec before;
+  Vec here;
+  Vec after;
+
+  HWY_INLINE void add(Vec value, const float* left, const float* mid, const float* right) {
+    before = hn::MulAdd(all(*left), value, before);
+    here = hn::MulAdd(all(*mid), value, here);
+    after = hn::MulAdd(all(*right), value, after);
+  }
+};
+
+constexpr int kMostBlocks = 64;  // across, that are filtered at once
+
+void filter_blocks(const FilterInputs& in, const Vec2* direction, const FilterWeights* const* weights, int block_row,
+                   int first, int end, PaddedPlane& out) {
+  const Shares shares;
+  const int y0 = block_row * kBlock;
+  const int last = in.now->blocks_across() - 1;
+  const int from = std::max(first - 1, 0);
+  const int to = std::min(end, last) + 1;
+  const FilterWeights* rows[3] = {weights[0] + from, weights[1] + from, weights[2] + from};
+  HWY_ALIGN float mixed[(kMostBlocks + 2) * FilterWeights::kStride];
+  Source tap[kMostBlocks][kTaps];
+  for (int c = first; c < end; ++c) {
+    for (int j = 0; j < kTaps; ++j) {
+      const auto q = static_cast<float>(j - kReach);
+      tap[c - first][j] = source_at(*in.now, c * kBlock, y0, q * direction[c].x, q * direction[c].y);
+    }
+  }
+  const std::ptrdiff_t stride = in.now->stride();
+  for (int r = 0; r < kBlock; ++r) {
+    mix_rows(rows, shares, r, to - from, mixed);
+    for (int c = first; c < end; ++c) {
+      const float* mid = mixed + (c - from) * FilterWeights::kStride;
+      const float* left = c > 0 ? mid - FilterWeights::kStride : mid;
+      const float* right = c < last ? mid + FilterWeights::kStride : mid;
+      for (int x = 0; x < kBlock; x += kLanes) {
+        const int column = c * kBlock + x;
+        Three s{hn::Zero(Float()), hn::Zero(Float()), hn::Zero(Float())};
+        const auto along = [&](const PaddedPlane& plane, int w) HWY_ATTR {
+          const float* p = plane.at(column, y0 + r);
+          for (int j = 0; j < kTaps; ++j) {
+            const Source& at = tap[c - first][j];
+            s.add(sample(p + at.offset, stride, at), left + w + j, mid + w + j, right + w + j);
+          }
+        };
+        along(*in.now, 0);
+        along(*in.mean, FilterWeights::kMean);
+        if (in.ahead != nullptr) along(*in.ahead, FilterWeights::kAhead);
+        for (int i = 0; i < 2; ++i) {
+          const int w = FilterWeights::kBefore + i;
+          s.add(load(in.before[i]->at(column, y0 + r)), left + w, mid + w, right + w);
+        }
+        Vec v = hn::Mul(hn::Load(Float(), shares.before + x), s.before);
+        v = hn::MulAdd(hn::Load(Float(), shares.here + x), s.here, v);
+        store(hn::MulAdd(hn::Load(Float(), shares.after + x), s.after, v), out.at(column, y0 + r));
+      }
+    }
+  }
+}
+
+void filter(const FilterInputs& in, const Vec2* direction, const FilterWeights* const* weights, int block_row,
+            PaddedPlane& out) noexcept {
+  const int blocks = in.now->blocks_across();
+  for (int first = 0; first < blocks; first += kMostBlocks) {
+    filter_blocks(in, direction, weights, block_row, first, std::min(first + kMostBlocks, blocks), out);
+  }
+}
+
+// ------------------------------------------------------------------ physics
+
+constexpr int kFewestSteps = 3;
+constexpr int kMostSteps = 30;
+
+// Shares of the trail's steps, the newest first.
+HWY_INLINE int trail(Vec2 d, float ratio, float* share) {
+  const float length = std::sqrt(d.x * d.x + d.y * d.y);
+  const int steps = std::clamp(static_cast<int>(std::ceil(length)), kFewestSteps, kMostSteps);
+  float total = 0.0F;
+  for (int i = 0; i < steps; ++i) {
+    share[i] = std::exp(-ratio * (static_cast<float>(i) + 0.5F) / static_cast<float>(steps));
+    total += share[i];
+  }
+  for (int i = 0; i < steps; ++i) share[i] /= total;
+  return steps;
+}
+
+void check(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, const Vec2* d, float ratio, int block_row,
+           PaddedPlane& left, float* left_square, float* change_square) noexcept {
+  const int y0 = block_row * kBlock;
+  float share[kMostSteps];
+  for (int c = 0; c < x.blocks_across(); ++c) {
+    const int x0 = c * kBlock;
+    const int steps = trail(d[c], ratio, share);
+    HWY_ALIGN float blurred[kBlock * kBlock] = {};
+    for (int i = 0; i < steps; ++i) {
+      const float f = (static_cast<float>(i) + 0.5F) / static_cast<float>(steps);
+      Source s = source_at(x, x0, y0, f * d[c].x, f * d[c].y);
+      s.w00 *= share[i];
+      s.w10 *= share[i];
+      s.w01 *= share[i];
+      s.w11 *= share[i];
+      const float* from = x.at(x0, y0) + s.offset;
+      for (int r = 0; r < kBlock; ++r) {
+        for (int k = 0; k < kBlock; k += kLanes) {
+          float* to = blurred + r * kRow + k;
+          store(hn::Add(load(to), sample(from + r * x.stride() + k, x.stride(), s)), to);
+        }
+      }
+    }
+    Vec residual = hn::Zero(Float());
+    Vec change = residual;
+    for (int r = 0; r < kBlock; ++r) {
+      for (int k = 0; k < kBlock; k += kLanes) {
+        const Vec innovation = load(z.at(x0 + k, y0 + r));
+        const Vec e = hn::Sub(innovation, load(blurred + r * kRow + k));
+        const Vec m = hn::Sub(innovation, load(y.at(x0 + k, y0 + r)));
+        store(e, left.at(x0 + k, y0 + r));
+        residual = hn::MulAdd(e, e, residual);
+        change = hn::MulAdd(m, m, change);
+      }
+    }
+    left_square[c] = sum(residual) / (kBlock * kBlock);
+    change_square[c] = sum(change) / (kBlock * kBlock);
+  }
+}
+
+// The value of a block field at eight pixels of a row, interpolated between centres.
+HWY_INLINE Vec between(const Shares& shares, const float* const* rows, int r, int c, int last, int x) {
+  const float* near = shares.before[r] > 0.0F ? rows[0] : rows[2];
+  const float share = shares.before[r] + shares.after[r];
+  const auto at = [&](int column) { return rows[1][column] + share * (near[column] - rows[1][column]); };
+  Vec v = hn::Mul(hn::Load(Float(), shares.before + x), all(at(std::max(c - 1, 0))));
+  v = hn::MulAdd(hn::Load(Float(), shares.here + x), all(at(c)), v);
+  return hn::MulAdd(hn::Load(Float(), shares.after + x), all(at(std::min(c + 1, last))), v);
+}
+
+void correct(const PaddedPlane& left, const float* const* w, int block_row, PaddedPlane& x) noexcept {
+  const Shares shares;
+  const int last = x.blocks_across() - 1;
+  for (int r = 0; r < kBlock; ++r) {
+    for (int c = 0; c <= last; ++c) {
+      for (int k = 0; k < kBlock; k += kLanes) {
+        float* to = x.at(c * kBlock + k, block_row * kBlock + r);
+        const Vec e = load(left.at(c * kBlock + k, block_row * kBlock + r));
+        store(hn::MulAdd(between(shares, w, r, c, last, k), e, load(to)), to);
+      }
+    }
+  }
+}
+
+void blend(const PaddedPlane& x, const float* other, const float* const* c, int block_row, float* out) noexcept {
+  const Shares shares;
+  const Geometry g = x.geometry();
+  const int last = x.blocks_across() - 1;
+  const int rows = std::min(kBlock, g.height - block_row * kBlock);
+  for (int r = 0; r < rows; ++r) {
+    const int y = block_row * kBlock + r;
+    const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width);
+    for (int b = 0; b <= last; ++b) {
+      for (int k = 0; k < kBlock; k += kLanes) {
+        const int column = b * kBlock + k;
+        const int count = std::min(kLanes, g.width - column);
+        if (count <= 0) break;
+        HWY_ALIGN float part[kLanes];
+        for (int i = 0; i < count; ++i) part[i] = other[row + static_cast<std::size_t>(column + i)];
+        for (int i = count; i < kLanes; ++i) part[i] = 0.0F;
+        const Vec old = hn::Load(Float(), part);
+        const Vec v = hn::MulAdd(between(shares, c, r, b, last, k), hn::Sub(load(x.at(column, y)), old), old);
+        hn::Store(v, Float(), part);
+        std::copy_n(part, count, out + row + static_cast<std::size_t>(column));
+      }
+    }
+  }
+}
+
+}  // namespace bolo::motion::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif
