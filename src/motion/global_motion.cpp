@@ -15,6 +15,36 @@ constexpr double kFewest = 0.15;           // of the picture
 constexpr double kAlike = 12.6;            // px^2 of smoothed noise that go together: 1 / kSmoothedNoise
 constexpr double kTypicalWeight = 0.5625;  // of a block whose error is the median
 constexpr double kRidge = 1e-4;            // of the mean diagonal
+constexpr double kInexact = 0.05;          // of what is said of noise
+constexpr double kUnlikely = 4.0;          // standard deviations
+
+// What noise alone makes of the squared gradients of the moved plane, a pixel, in units of the innovation's noise
+// variance: that of a Gaussian whose variance is the smoothing's, and what the gradient (see pull_of_noise) and moving
+// add; the factor is measured.
+struct NoiseOfLevel {
+  double smoothing;  // px^2 of the level
+  double factor;
+  double independent;  // px^2 of the level that go together
+
+  double squared_gradient(Vec2 d, bool across) const noexcept {
+    const auto moved = [](double v) {
+      const double part = v - std::floor(v);
+      return 2.0 * part * (1.0 - part);
+    };
+    const double a = 2.0 * smoothing + 2.0 / 3.0 + moved(across ? d.y : d.x);
+    const double b = 2.0 * smoothing + 1.0 + moved(across ? d.x : d.y);
+    return factor / (std::sqrt(a * b) * a);
+  }
+};
+constexpr std::array kNoise = {NoiseOfLevel{1.0, 0.155, 12.6}, NoiseOfLevel{0.3125, 0.034, 6.0},
+                               NoiseOfLevel{0.14, 0.008, 4.0}};
+
+struct Step {
+  int level;
+  int count;
+  bool affine;
+};
+constexpr std::array kSteps = {Step{2, 3, false}, Step{1, 2, true}, Step{0, 3, true}};
 
 // Solves the symmetric positive definite n x n system in place by Cholesky's factors; false when it is not.
 bool solve(std::array<std::array<double, 6>, 6>& m, std::array<double, 6>& v, std::size_t n) noexcept {
@@ -58,6 +88,7 @@ struct RowSums {
   std::array<double, 3> yy{};
   std::array<double, 2> bx{};
   std::array<double, 2> by{};
+  std::array<double, 2> noise{};  // of the sums xx[0] and yy[0], that noise alone would make
 
   void add(double weight, double x, const MatchSums& s, std::array<double, 2> b) noexcept {
     const std::array<double, 3> power{weight, weight * x, weight * x * x};
@@ -77,6 +108,7 @@ struct RowSums {
 struct Equations {
   std::array<std::array<double, 6>, 6> m{};
   std::array<double, 6> v{};
+  std::array<double, 2> noise{};
 
   // A row of blocks whose centres are at y.
   void add(const RowSums& row, double y) noexcept {
@@ -87,6 +119,7 @@ struct Equations {
         for (std::size_t j = 0; j < 3; ++j) m[top + i][left + j] += of[i][j];
       }
     };
+    for (std::size_t i = 0; i < noise.size(); ++i) noise[i] += row.noise[i];
     add_block(0, 0, row.xx);
     add_block(0, 3, row.xy);
     add_block(3, 0, row.xy);
@@ -184,9 +217,34 @@ float GlobalMotion::typical_error(const Level& level) noexcept {
   return *middle;
 }
 
+// Of the sums of the gradients' products, in units of what noise alone makes of them.
+void GlobalMotion::Unseen::find(double xx, double xy, double yy, double chance) noexcept {
+  const double middle = 0.5 * (xx + yy);
+  const double apart = std::hypot(0.5 * (xx - yy), xy);
+  const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy);  // of the direction that is seen best
+  const double c = std::cos(angle);
+  const double s = std::sin(angle);
+  axes = {{{c, s, middle + apart}, {-s, c, middle - apart}}};
+  for (auto& [x, y, share] : axes) {
+    const double seen = std::max(share - 1.0, 0.0) / chance;
+    share = 1.0 / (1.0 + std::pow(seen, 8.0));
+  }
+}
+
+void GlobalMotion::Unseen::forget(Affine& motion) const noexcept {
+  for (const auto& [x, y, share] : axes) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double along = share * (motion.p[i] * x + motion.p[3 + i] * y);
+      motion.p[i] -= along * x;
+      motion.p[3 + i] -= along * y;
+    }
+  }
+}
+
 // One step of Gauss and Newton on blocks that are weighed by how well they fit. False when too little is seen.
 bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
-                           int level, bool affine, double variance, Crew& crew, Affine& motion) noexcept {
+                           int level, bool affine, double noise, Crew& crew, Affine& motion) noexcept {
+  const double variance = level == 0 ? noise * noise : 0.0;
   Level& work = levels_[static_cast<std::size_t>(level)];
   const PaddedPlane& from = a.level[static_cast<std::size_t>(level)];
   const PaddedPlane& to = b.level[static_cast<std::size_t>(level)];
@@ -196,7 +254,9 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
            [&](int row) { kernels.match(from, to, work.displacement.row(row), row, 1.0F, work.sums.row(row)); });
   const float typical = typical_error(work);
   if (typical < 0.0F) return false;
+  const NoiseOfLevel& of_noise = kNoise[static_cast<std::size_t>(level)];
   Equations sums;
+  double pixels = 0.0;
   for (int r = 0; r < work.sums.down(); ++r) {
     RowSums row;
     for (int c = 0; c < work.sums.across(); ++c) {
@@ -208,10 +268,17 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
       const Vec2 pull = variance > 0.0 ? pull_of_noise(inertia, d) : Vec2{};
       row.add(weight, centre_of(geometry_, scale, c, r).x, s,
               {-s.xe - variance * s.count * pull.x, -s.ye - variance * s.count * pull.y});
+      row.noise[0] += weight * s.count * of_noise.squared_gradient(d, false);
+      row.noise[1] += weight * s.count * of_noise.squared_gradient(d, true);
+      pixels += s.count;
     }
     sums.add(row, centre_of(geometry_, scale, 0, r).y);
   }
-  auto& [m, v] = sums;
+  auto& [m, v, by_noise] = sums;
+  const double unit = inertia.noise() * noise * noise;
+  const double xx = m[0][0] / (unit * by_noise[0]);
+  const double xy = m[0][3] / (unit * std::sqrt(by_noise[0] * by_noise[1]));
+  const double yy = m[3][3] / (unit * by_noise[1]);
   const std::size_t each = affine ? 3 : 1;
   if (!affine) {  // the translation's four entries side by side
     m[0][1] = m[0][3];
@@ -223,22 +290,24 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
   for (std::size_t i = 0; i < 2 * each; ++i) trace += m[i][i];
   for (std::size_t i = 0; i < 2 * each; ++i) m[i][i] += kRidge * trace / (2.0 * static_cast<double>(each));
   if (!solve(m, v, 2 * each)) return false;
+  if (level == std::min(kSteps.front().level, a.levels() - 1)) {
+    unseen_.find(xx, xy, yy, kInexact + kUnlikely * std::sqrt(2.0 * of_noise.independent / pixels));
+  }
   for (std::size_t i = 0; i < each; ++i) {
     motion.p[i] += scale * v[i];
     motion.p[3 + i] += scale * v[each + i];
   }
+  unseen_.forget(motion);
   return true;
 }
 
 Affine GlobalMotion::find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                           double noise, Crew& crew) noexcept {
   Affine motion = start(kernels, a, b);
-  constexpr std::array kSteps = {Step{2, 3, false}, Step{1, 2, true}, Step{0, 3, true}};
   for (const Step& step : kSteps) {
     if (step.level >= a.levels()) continue;
     for (int i = 0; i < step.count; ++i) {
-      const double variance = step.level == 0 ? noise * noise : 0.0;
-      if (!improve(kernels, inertia, a, b, step.level, step.affine, variance, crew, motion)) break;
+      if (!improve(kernels, inertia, a, b, step.level, step.affine, noise, crew, motion)) break;
     }
   }
   for (const double p : motion.p) {

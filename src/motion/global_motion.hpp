@@ -45,19 +45,28 @@ class GlobalMotion {
     VectorField displacement;
     BlockField<MatchSums> sums;
   };
-  struct Step {
-    int level;
-    int count;
-    bool affine;
+  // A scene whose edges are all parallel does not show how it moves along them (the aperture problem): what is found
+  // there is chance, and taken back. Two directions, and how little is seen of each at the coarsest level, 0 to 1.
+  struct Unseen {
+    struct Axis {
+      double x = 0.0;
+      double y = 0.0;
+      double share = 0.0;
+    };
+    std::array<Axis, 2> axes;
+
+    void find(double xx, double xy, double yy, double chance) noexcept;
+    void forget(Affine& motion) const noexcept;
   };
   Affine start(const Kernels& kernels, const Pyramid& a, const Pyramid& b) const noexcept;
   bool improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, int level,
-               bool affine, double variance, Crew& crew, Affine& motion) noexcept;
+               bool affine, double noise, Crew& crew, Affine& motion) noexcept;
   float typical_error(const Level& level) noexcept;
 
   Geometry geometry_;
   std::vector<Level> levels_;
   std::vector<float> errors_;
+  Unseen unseen_;
   double uncertainty_ = 0.0;
 };
 

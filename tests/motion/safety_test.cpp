@@ -121,6 +121,17 @@ TEST(MotionSafety, RepeatedTexture) {
 
 TEST(MotionSafety, StillsInMuchNoise) { expect_safe(pan(0.0, 0.0), 1.0); }
 
+// How they move along themselves cannot be seen; across, it can.
+TEST(MotionSafety, ParallelEdges) {
+  constexpr double kWorstOfEdges = 0.7;
+  for (const double noise : {0.03, 0.3}) {
+    const Worst worst =
+        worst_of([](double x, double y, double t) { return 2.5 * std::tanh(x + 0.7 * y - 40.0 - 2.9 * t); }, noise);
+    EXPECT_LT(worst.frame, kWorstOfEdges) << noise;
+    EXPECT_LT(worst.tile, kWorstTile) << noise;
+  }
+}
+
 // Twelve frames after a cut nothing is left of it.
 TEST(MotionSafety, ACutIsForgotten) {
   const Scene before = pan(4.0, 0.5);
