@@ -16,7 +16,8 @@ constexpr double kAlike = 12.6;            // px^2 of smoothed noise that go tog
 constexpr double kTypicalWeight = 0.5625;  // of a block whose error is the median
 constexpr double kRidge = 1e-4;            // of the mean diagonal
 constexpr double kInexact = 0.05;          // of what is said of noise
-constexpr double kUnlikely = 4.0;          // standard deviations
+constexpr double kUnlikely = 2.0;          // standard deviations
+constexpr double kCrooked = 0.003;         // of all gradients: what pixels make along a straight edge
 
 // What noise alone makes of the squared gradients of the moved plane, a pixel, in units of the innovation's noise
 // variance: that of a Gaussian whose variance is the smoothing's, and what the gradient (see pull_of_noise) and moving
@@ -88,10 +89,11 @@ struct RowSums {
   std::array<double, 3> yy{};
   std::array<double, 2> bx{};
   std::array<double, 2> by{};
-  std::array<double, 2> noise{};  // of the sums xx[0] and yy[0], that noise alone would make
+  double pixels = 0.0;
 
   void add(double weight, double x, const MatchSums& s, std::array<double, 2> b) noexcept {
     const std::array<double, 3> power{weight, weight * x, weight * x * x};
+    pixels += weight * s.count;
     for (std::size_t k = 0; k < power.size(); ++k) {
       xx[k] += power[k] * s.xx;
       xy[k] += power[k] * s.xy;
@@ -104,11 +106,13 @@ struct RowSums {
   }
 };
 
+}  // namespace
+
 // Normal equations of the six parameters of an Affine.
 struct Equations {
   std::array<std::array<double, 6>, 6> m{};
   std::array<double, 6> v{};
-  std::array<double, 2> noise{};
+  double pixels = 0.0;  // that the sums are of, weighed
 
   // A row of blocks whose centres are at y.
   void add(const RowSums& row, double y) noexcept {
@@ -119,7 +123,7 @@ struct Equations {
         for (std::size_t j = 0; j < 3; ++j) m[top + i][left + j] += of[i][j];
       }
     };
-    for (std::size_t i = 0; i < noise.size(); ++i) noise[i] += row.noise[i];
+    pixels += row.pixels;
     add_block(0, 0, row.xx);
     add_block(0, 3, row.xy);
     add_block(3, 0, row.xy);
@@ -132,8 +136,6 @@ struct Equations {
     v[5] += row.by[0] * y;
   }
 };
-
-}  // namespace
 
 Affine Affine::operator+(const Affine& o) const noexcept {
   Affine sum = *this;
@@ -217,18 +219,13 @@ float GlobalMotion::typical_error(const Level& level) noexcept {
   return *middle;
 }
 
-// Of the sums of the gradients' products, in units of what noise alone makes of them.
 void GlobalMotion::Unseen::find(double xx, double xy, double yy, double chance) noexcept {
   const double middle = 0.5 * (xx + yy);
   const double apart = std::hypot(0.5 * (xx - yy), xy);
   const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy);  // of the direction that is seen best
-  const double c = std::cos(angle);
-  const double s = std::sin(angle);
-  axes = {{{c, s, middle + apart}, {-s, c, middle - apart}}};
-  for (auto& [x, y, share] : axes) {
-    const double seen = std::max(share - 1.0, 0.0) / chance;
-    share = 1.0 / (1.0 + std::pow(seen, 8.0));
-  }
+  const auto unseen = [&](double energy) { return 1.0 / (1.0 + std::pow(std::max(energy - 1.0, 0.0) / chance, 8.0)); };
+  axes = {{{std::cos(angle), std::sin(angle), unseen(middle + apart)},
+           {-std::sin(angle), std::cos(angle), unseen(middle - apart)}}};
 }
 
 void GlobalMotion::Unseen::forget(Affine& motion) const noexcept {
@@ -241,10 +238,41 @@ void GlobalMotion::Unseen::forget(Affine& motion) const noexcept {
   }
 }
 
-// One step of Gauss and Newton on blocks that are weighed by how well they fit. False when too little is seen.
+// Of blocks that are weighed by how well they fit.
+Equations GlobalMotion::equations(const Inertia& inertia, int level, float typical, double variance) const noexcept {
+  const Level& work = levels_[static_cast<std::size_t>(level)];
+  Equations sums;
+  for (int r = 0; r < work.sums.down(); ++r) {
+    RowSums row;
+    for (int c = 0; c < work.sums.across(); ++c) {
+      const MatchSums& s = work.sums.at(c, r);
+      if (s.count <= kSeen * kPixels) continue;
+      const double relative = s.ee / s.count / (3.0 * typical + 1e-9);
+      const double weight = 1.0 / ((1.0 + relative) * (1.0 + relative));
+      const Vec2 pull = level == 0 ? pull_of_noise(inertia, work.displacement.at(c, r)) : Vec2{};
+      row.add(weight, centre_of(geometry_, 1 << level, c, r).x, s,
+              {-s.xe - variance * s.count * pull.x, -s.ye - variance * s.count * pull.y});
+    }
+    sums.add(row, centre_of(geometry_, 1 << level, 0, r).y);
+  }
+  return sums;
+}
+
+// At the coarsest level: which directions show more than noise and what pixels make along a straight edge.
+void GlobalMotion::find_unseen(const Equations& sums, int level, double innovation_noise) noexcept {
+  const NoiseOfLevel& noise = kNoise[static_cast<std::size_t>(level)];
+  const Level& work = levels_[static_cast<std::size_t>(level)];
+  const double crooked = kCrooked * (sums.m[0][0] + sums.m[3][3]) + 1e-30;
+  const Vec2 d = work.displacement.at(work.sums.across() / 2, work.sums.down() / 2);
+  const double along_x = innovation_noise * sums.pixels * noise.squared_gradient(d, false) + crooked;
+  const double along_y = innovation_noise * sums.pixels * noise.squared_gradient(d, true) + crooked;
+  const double chance = kInexact + kUnlikely * std::sqrt(2.0 * noise.independent / std::max(sums.pixels, 1.0));
+  unseen_.find(sums.m[0][0] / along_x, sums.m[0][3] / std::sqrt(along_x * along_y), sums.m[3][3] / along_y, chance);
+}
+
+// One step of Gauss and Newton. False when too little is seen.
 bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                            int level, bool affine, double noise, Crew& crew, Affine& motion) noexcept {
-  const double variance = level == 0 ? noise * noise : 0.0;
   Level& work = levels_[static_cast<std::size_t>(level)];
   const PaddedPlane& from = a.level[static_cast<std::size_t>(level)];
   const PaddedPlane& to = b.level[static_cast<std::size_t>(level)];
@@ -254,31 +282,11 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
            [&](int row) { kernels.match(from, to, work.displacement.row(row), row, 1.0F, work.sums.row(row)); });
   const float typical = typical_error(work);
   if (typical < 0.0F) return false;
-  const NoiseOfLevel& of_noise = kNoise[static_cast<std::size_t>(level)];
-  Equations sums;
-  double pixels = 0.0;
-  for (int r = 0; r < work.sums.down(); ++r) {
-    RowSums row;
-    for (int c = 0; c < work.sums.across(); ++c) {
-      const MatchSums& s = work.sums.at(c, r);
-      if (s.count <= kSeen * kPixels) continue;
-      const double relative = s.ee / s.count / (3.0 * typical + 1e-9);
-      const double weight = 1.0 / ((1.0 + relative) * (1.0 + relative));
-      const Vec2 d = work.displacement.at(c, r);
-      const Vec2 pull = variance > 0.0 ? pull_of_noise(inertia, d) : Vec2{};
-      row.add(weight, centre_of(geometry_, scale, c, r).x, s,
-              {-s.xe - variance * s.count * pull.x, -s.ye - variance * s.count * pull.y});
-      row.noise[0] += weight * s.count * of_noise.squared_gradient(d, false);
-      row.noise[1] += weight * s.count * of_noise.squared_gradient(d, true);
-      pixels += s.count;
-    }
-    sums.add(row, centre_of(geometry_, scale, 0, r).y);
+  Equations sums = equations(inertia, level, typical, noise * noise);
+  if (level == std::min(kSteps.front().level, a.levels() - 1)) {
+    find_unseen(sums, level, inertia.noise() * noise * noise);
   }
-  auto& [m, v, by_noise] = sums;
-  const double unit = inertia.noise() * noise * noise;
-  const double xx = m[0][0] / (unit * by_noise[0]);
-  const double xy = m[0][3] / (unit * std::sqrt(by_noise[0] * by_noise[1]));
-  const double yy = m[3][3] / (unit * by_noise[1]);
+  auto& [m, v, pixels] = sums;
   const std::size_t each = affine ? 3 : 1;
   if (!affine) {  // the translation's four entries side by side
     m[0][1] = m[0][3];
@@ -290,9 +298,6 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
   for (std::size_t i = 0; i < 2 * each; ++i) trace += m[i][i];
   for (std::size_t i = 0; i < 2 * each; ++i) m[i][i] += kRidge * trace / (2.0 * static_cast<double>(each));
   if (!solve(m, v, 2 * each)) return false;
-  if (level == std::min(kSteps.front().level, a.levels() - 1)) {
-    unseen_.find(xx, xy, yy, kInexact + kUnlikely * std::sqrt(2.0 * of_noise.independent / pixels));
-  }
   for (std::size_t i = 0; i < each; ++i) {
     motion.p[i] += scale * v[i];
     motion.p[3 + i] += scale * v[each + i];
@@ -303,6 +308,7 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
 
 Affine GlobalMotion::find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                           double noise, Crew& crew) noexcept {
+  unseen_ = {};
   Affine motion = start(kernels, a, b);
   for (const Step& step : kSteps) {
     if (step.level >= a.levels()) continue;

@@ -27,6 +27,8 @@ struct Affine {
 // The field at the centres of `scale` times 8 pixels, as of a level of a pyramid, in that level's pixels.
 void spread(const Affine& motion, Geometry frame, int scale, VectorField& out) noexcept;
 
+struct Equations;
+
 class GlobalMotion {
  public:
   // Thread: setup.
@@ -55,10 +57,13 @@ class GlobalMotion {
     };
     std::array<Axis, 2> axes;
 
+    // Of sums of the gradients' products in units of what chance makes of them, give or take `chance`.
     void find(double xx, double xy, double yy, double chance) noexcept;
     void forget(Affine& motion) const noexcept;
   };
   Affine start(const Kernels& kernels, const Pyramid& a, const Pyramid& b) const noexcept;
+  Equations equations(const Inertia& inertia, int level, float typical, double variance) const noexcept;
+  void find_unseen(const Equations& sums, int level, double innovation_noise) noexcept;
   bool improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, int level,
                bool affine, double noise, Crew& crew, Affine& motion) noexcept;
   float typical_error(const Level& level) noexcept;
