@@ -257,11 +257,12 @@ void WeightTable::find(const Kernels& kernels, float speed, float structure, flo
   std::array<const FilterWeights*, 8> corners;
   std::array<float, 8> shares;
   for (std::size_t k = 0; k < corners.size(); ++k) {
-    const int da = k & 1U;
-    const int db = (k >> 1U) & 1U;
-    const int dc = static_cast<int>(k >> 2U);
+    const std::size_t da = k & 1U;
+    const std::size_t db = (k >> 1U) & 1U;
+    const std::size_t dc = k >> 2U;
     shares[k] = (da != 0 ? fa : 1.0F - fa) * (db != 0 ? fb : 1.0F - fb) * (dc != 0 ? fc : 1.0F - fc);
-    corners[k] = &cells_[static_cast<std::size_t>(((ia + da) * kContrasts + ib + db) * kUncertainties + ic + dc)];
+    corners[k] = &cells_[((at + da) * kContrasts + static_cast<std::size_t>(ib) + db) * kUncertainties +
+                         static_cast<std::size_t>(ic) + dc];
   }
   kernels.mix(corners.data(), shares.data(), out);
 }
