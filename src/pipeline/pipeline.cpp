@@ -1,23 +1,14 @@
 #include "src/pipeline/pipeline.hpp"
 
 #include <algorithm>
-#include <cstddef>
 #include <cstdio>
-#include <cstring>
 #include <iterator>
 #include <memory>
-#include <new>
-#include <span>
 #include <utility>
 
 #include "src/core/clock.hpp"
-#include "src/corrections/chain.hpp"
 #include "src/deblur/isa.hpp"
-#include "src/deblur/window.hpp"
-#include "src/pipeline/convert.hpp"
-#include "src/pipeline/describe_solver.hpp"
-#include "src/pipeline/solver_ladder.hpp"
-#include "src/rt/worker_team.hpp"
+#include "src/pipeline/pipeline_impl.hpp"
 
 namespace bolo::pipeline {
 namespace {
@@ -26,84 +17,8 @@ namespace {
 // the next check: after twice the time at most.
 constexpr std::int64_t kPollNs = 100'000'000;
 
-// Frames go on being solved for this long once the end was asked for. Rows and points solved between two reads of the
-// clock: enough to cost nothing, little enough for half a second even where a pixel takes 0.2 ms (exact).
-constexpr std::int64_t kEndNs = 300'000'000;
-constexpr int kRowsAtOnce = 64;
-constexpr int kExactRowsAtOnce = 1;
-constexpr std::size_t kPointsAtOnce = 4096;
-constexpr std::size_t kExactPointsAtOnce = 512;
-
 constexpr int kMaxWorkers = 64;
-constexpr int kSlotsBeside = 2;  // of the inlet's pool, beside those of window and queue
 constexpr int kMaxQueueFrames = 4096;
-
-// An output plane, aligned for the widest vectors, zeroed so that no page fault is left for later.
-class Plane {
- public:
-  explicit Plane(std::size_t bytes) : data_(::operator new(bytes, kAlign)) { std::memset(data_, 0, bytes); }
-  ~Plane() { ::operator delete(data_, kAlign); }
-  Plane(const Plane&) = delete;
-  Plane& operator=(const Plane&) = delete;
-  void* data() const noexcept { return data_; }
-
- private:
-  static constexpr std::align_val_t kAlign{rt::kCacheLine};
-  void* data_;
-};
-
-// The team as what helps a solver to prepare. Thread: pipeline.
-class TeamCrew final : public Crew {
- public:
-  explicit TeamCrew(rt::WorkerTeam& team) : team_(team) {}
-  void run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept override {
-    const int parts = team_.size();
-    struct Call {
-      void (*work)(void*, int, int) noexcept;
-      void* self;
-      int rows;
-      int parts;
-    } call{work, self, rows, parts};
-    if (parts == 1 || rows < kFewestRows) return work(self, 0, rows);
-    team_.run(
-        [](void* context, int worker) {
-          const Call& c = *static_cast<const Call*>(context);
-          c.work(c.self, c.rows * worker / c.parts, c.rows * (worker + 1) / c.parts);
-        },
-        &call);
-  }
-
- private:
-  static constexpr int kFewestRows = 8;  // less is done before the others are awake
-  rt::WorkerTeam& team_;
-};
-
-// The sinks that are open; closes each once.
-class OpenSinks {
- public:
-  ~OpenSinks() { close(); }
-  Status open(const std::vector<FrameSink*>& sinks, const SinkFormat& format) {
-    for (FrameSink* sink : sinks) {
-      if (Status status = sink->open(format); !status) return status;
-      open_.push_back(sink);
-    }
-    return {};
-  }
-  void close() noexcept {
-    for (FrameSink* sink : open_) sink->close();
-    open_.clear();
-  }
-  auto begin() const noexcept { return open_.begin(); }
-  auto end() const noexcept { return open_.end(); }
-
- private:
-  std::vector<FrameSink*> open_;
-};
-
-// Values of a deblurred plane. Points may be named more than once.
-std::size_t solved_pixels(Geometry geometry, const PipelineOptions& options) {
-  return options.points.empty() ? geometry.pixels() : options.points.size();
-}
 
 std::string size_text(Geometry g) { return std::to_string(g.width) + "x" + std::to_string(g.height); }
 
@@ -138,207 +53,19 @@ Status check(const PipelineOptions& options, const StreamFormat& format) {
 
 }  // namespace
 
-// Everything that depends on the source's period.
-struct Pipeline::Timed {
-  deblur::Settings settings;
-  std::unique_ptr<corrections::Chain> corrections;
-  SolverLadder solvers;
-
-  static Result<Timed> create(const PipelineOptions& options, const StreamFormat& format) {
-    deblur::Settings settings = options.deblur;
-    settings.period_s = format.frame_period_s;
-    if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
-    const auto planes = static_cast<std::size_t>(deblur::Window(settings).slots());
-    auto corrections =
-        corrections::Chain::create({options.undo, settings, options.maps, options.pixel_noise_k}, format, planes);
-    if (!corrections) return tl::unexpected(corrections.error());
-    auto solvers = SolverLadder::create(settings, (*corrections)->format(), options.output, options.maps.row_delay_s,
-                                        options.degrade);
-    if (!solvers) return tl::unexpected(solvers.error());
-    settings.iterations = solvers->full().iterations();
-    return Timed{settings, std::move(*corrections), std::move(*solvers)};
-  }
-};
-
-struct Pipeline::Impl {
-  Impl(std::unique_ptr<FrameSource> source_in, SourceInfo info_in, Timed timed, const PipelineOptions& options_in)
-      : source(std::move(source_in)),
-        info(std::move(info_in)),
-        options(options_in),
-        settings(timed.settings),
-        corrections(std::move(timed.corrections)),
-        solvers(std::move(timed.solvers)),
-        text(describe_solver(settings, info.format.scale.unit, solvers.full().isa())),
-        window(settings),
-        quality_control(static_cast<std::uint64_t>(options.queue_frames)),
-        inlet(info.format, static_cast<std::size_t>(window.slots()), static_cast<std::size_t>(options.queue_frames)),
-        stats(inlet, source->status()),
-        deblurred(solved_pixels(info.format.geometry, options) * bytes_of(options.output)),
-        team(options.workers, options.thread),
-        band_saturated(static_cast<std::size_t>(team.size())),
-        raw_of(static_cast<std::size_t>(window.slots() + options.queue_frames + kSlotsBeside), nullptr) {}
-
-  void warn(const Status& status) const {
-    if (!status && options.warn) options.warn(status.error().message);
-  }
-
-  Status keep_up();
-
-  // --- the pipeline thread ---
-  void take_period() noexcept;
-  bool out_of_time() noexcept;
-  bool must_give_up() const noexcept {
-    return options.give_up != nullptr && options.give_up->load(std::memory_order_relaxed);
-  }
-  void loop(const std::atomic<bool>& stop_requested) noexcept;
-  bool process_next() noexcept;
-  void drain() noexcept;
-  void publish_ready() noexcept;
-  QualityLevel choose_quality() noexcept;
-  void prepare(const deblur::WindowView& view) noexcept;
-  bool deblur(const deblur::Window::Ready& frame) noexcept;
-  void publish(const deblur::Window::Ready& frame) noexcept;
-  void idle_sinks() noexcept;
-  const void* corrected(const rt::FrameSlot& slot, bool restart_window) noexcept;
-
-  // --- each worker ---
-  PixelRange share_of_pixels(int worker) const noexcept;
-  void work_alone() noexcept;
-  void work(int worker) noexcept;
-  bool converges() const noexcept {
-    return quality == QualityLevel::kFull && settings.method == deblur::Method::kExact;
-  }
-  bool solves() const noexcept { return job->full && quality != QualityLevel::kRaw; }
-  template <typename Solve>
-  void solve_stretches(std::size_t begin, std::size_t end, std::size_t at_once, const Solve& solve) noexcept;
-  bool solve_part(const Region& part) noexcept;
-  bool solve_points(std::size_t begin, std::size_t end) noexcept;
-  std::size_t workers() const noexcept { return static_cast<std::size_t>(team.size()); }
-
-  std::unique_ptr<FrameSource> source;
-  SourceInfo info;
-  PipelineOptions options;
-  deblur::Settings settings;
-  std::unique_ptr<corrections::Chain> corrections;
-  SolverLadder solvers;
-  std::string text;
-  deblur::Window window;
-  QualityControl quality_control;
-  FrameInlet inlet;
-  PipelineStats stats;
-  Plane deblurred;
-  OpenSinks sinks;
-  std::vector<FrameSink*> all_sinks;  // also when they are closed
-  rt::WorkerTeam team;
-
-  // Written by the pipeline thread before the team runs, read by the workers; the team's barrier orders both.
-  const deblur::Window::Ready* job = nullptr;
-  std::size_t pass = 0;                        // of the corrections
-  QualityLevel quality = QualityLevel::kFull;  // for the job
-  QualityLevel least = QualityLevel::kFull;    // no frame gets more
-  const std::atomic<bool>* stop = nullptr;
-  std::atomic<std::int64_t> stop_seen_ns{0};  // CLOCK_MONOTONIC; 0: nobody has
-  std::atomic<bool> given_up{false};          // of the job: no time was left for all of it
-  struct alignas(rt::kCacheLine) Flag {
-    bool value = false;
-  };
-  std::vector<Flag> band_saturated;  // one a worker, written by it
-  const void* raw = nullptr;         // of the job's frame, as it came
-  std::vector<const void*> raw_of;   // of each pool slot in the window, by token
-  bool restart_window_next = false;  // a frame that was dropped had begun a new window
-
-  std::atomic<Timed*> next_timed{nullptr};  // set_period() -> the pipeline thread, which exchanges the contents ...
-  std::atomic<Timed*> spent{nullptr};       // ... and gives them back a frame later, when no plane of theirs is left
-  Timed* spending = nullptr;                // until then
-  ~Impl() {
-    delete next_timed.load();
-    delete spent.load();
-    delete spending;
-  }
-
-  std::int64_t last_sign_ns = 0;   // when the sinks were last called
-  std::int64_t work_began_ns = 0;  // on the frame that is published next: it was taken, or the last one was out
-};
-
-// Each worker owns a contiguous band of rows, the same for every frame: its window stays in its core's cache.
-void Pipeline::Impl::work(int worker) noexcept {
-  bool& saturation = band_saturated[static_cast<std::size_t>(worker)].value;
-  saturation = false;
-  if (!options.points.empty()) {
-    const auto share = [&](int w) { return options.points.size() * static_cast<std::size_t>(w) / workers(); };
-    saturation = solve_points(share(worker), share(worker + 1));
-    return;
-  }
-  const Region all = options.region.value_or(Region{0, 0, info.format.geometry.width, info.format.geometry.height});
-  const int first_row = all.height * worker / team.size();
-  const int end_row = all.height * (worker + 1) / team.size();
-  if (first_row < end_row) saturation = solve_part({all.x, all.y + first_row, all.width, end_row - first_row});
-}
-
-// Also on the workers.
-bool Pipeline::Impl::out_of_time() noexcept {
-  if (must_give_up()) return true;
-  if (stop == nullptr || !stop->load(std::memory_order_relaxed)) return false;
-  const std::int64_t now_ns = monotonic_ns();
-  std::int64_t seen_ns = 0;  // the first to see it decides: all others then find its time
-  if (stop_seen_ns.compare_exchange_strong(seen_ns, now_ns, std::memory_order_relaxed)) seen_ns = now_ns;
-  return now_ns - seen_ns > kEndNs;
-}
-
-// In stretches of `at_once` units, as long as there is time.
-template <typename Solve>
-void Pipeline::Impl::solve_stretches(std::size_t begin, std::size_t end, std::size_t at_once,
-                                     const Solve& solve) noexcept {
-  for (; begin < end; begin += at_once) {
-    if (out_of_time()) return given_up.store(true, std::memory_order_relaxed);
-    solve(begin, std::min(begin + at_once, end));
-  }
-}
-
-// True when a raw value lies at the end of the range.
-bool Pipeline::Impl::solve_part(const Region& part) noexcept {
-  const auto width = static_cast<std::size_t>(info.format.geometry.width);
-  const auto part_width = static_cast<std::size_t>(part.width);
-  const int step = part.width == info.format.geometry.width ? part.height : 1;
-  bool found = false;
-  if (solves()) {
-    const auto rows = static_cast<std::size_t>(part.height);
-    solve_stretches(0, rows, converges() ? kExactRowsAtOnce : kRowsAtOnce, [&](std::size_t first, std::size_t after) {
-      const Region some{part.x, part.y + static_cast<int>(first), part.width, static_cast<int>(after - first)};
-      solvers.at(quality).solve(job->view, some, deblurred.data());
-    });
-  }
-  for (int row = part.y; row < part.y + part.height; row += step) {
-    const std::size_t begin = static_cast<std::size_t>(row) * width + static_cast<std::size_t>(part.x);
-    const PixelRange pixels{begin, begin + static_cast<std::size_t>(step) * part_width};
-    if (!solves()) convert(corrections->format(), job->frame.plane, options.output, deblurred.data(), pixels);
-    if (corrections->after()) {
-      corrections->restore({options.output, deblurred.data(), pixels, job->frame.plane, pixels.begin});
-    }
-    found = saturated(info.format.type, raw, pixels) || corrections->saturated(raw, pixels) || found;
-  }
-  return found;
-}
-
-bool Pipeline::Impl::solve_points(std::size_t begin, std::size_t end) noexcept {
-  const std::span<const std::uint32_t> pixels(options.points.data() + begin, end - begin);
-  void* out = static_cast<std::byte*>(deblurred.data()) + begin * bytes_of(options.output);
-  if (solves()) {
-    const std::size_t at_once = converges() ? kExactPointsAtOnce : kPointsAtOnce;
-    solve_stretches(0, pixels.size(), at_once, [&](std::size_t first, std::size_t after) {
-      solvers.at(quality).solve_points(job->view, pixels.subspan(first, after - first),
-                                       static_cast<std::byte*>(out) + first * bytes_of(options.output));
-    });
-  } else {
-    convert(corrections->format(), job->frame.plane, options.output, out, pixels);
-  }
-  for (std::size_t i = 0; corrections->after() && i < pixels.size(); ++i) {
-    corrections->restore({options.output, out, {i, i + 1}, job->frame.plane, pixels[i]});
-  }
-  return saturated(info.format.type, raw, pixels) ||
-         std::any_of(pixels.begin(), pixels.end(), [this](std::uint32_t pixel) {
-           return corrections->saturated(raw, {pixel, pixel + std::size_t{1}});
-         });
+Result<Pipeline::Timed> Pipeline::Timed::create(const PipelineOptions& options, const StreamFormat& format) {
+  deblur::Settings settings = options.deblur;
+  settings.period_s = format.frame_period_s;
+  if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
+  const auto planes = static_cast<std::size_t>(deblur::Window(settings).slots());
+  auto corrections =
+      corrections::Chain::create({options.undo, settings, options.maps, options.pixel_noise_k}, format, planes);
+  if (!corrections) return tl::unexpected(corrections.error());
+  auto solvers = SolverLadder::create(settings, (*corrections)->format(), options.output, options.maps.row_delay_s,
+                                      options.degrade);
+  if (!solvers) return tl::unexpected(solvers.error());
+  settings.iterations = solvers->full().iterations();
+  return Timed{settings, std::move(*corrections), std::move(*solvers)};
 }
 
 QualityLevel Pipeline::Impl::choose_quality() noexcept {

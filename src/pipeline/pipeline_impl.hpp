@@ -1,0 +1,200 @@
+// What Pipeline is made of, for its two files: the pipeline thread's part and the workers'.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <memory>
+#include <new>
+#include <string>
+#include <vector>
+
+#include "src/corrections/chain.hpp"
+#include "src/deblur/window.hpp"
+#include "src/pipeline/describe_solver.hpp"
+#include "src/pipeline/pipeline.hpp"
+#include "src/pipeline/solver_ladder.hpp"
+#include "src/rt/worker_team.hpp"
+
+namespace bolo::pipeline {
+
+inline constexpr int kSlotsBeside = 2;  // of the inlet's pool, beside those of window and queue
+
+// An output plane, aligned for the widest vectors, zeroed so that no page fault is left for later.
+class Plane {
+ public:
+  explicit Plane(std::size_t bytes) : data_(::operator new(bytes, kAlign)) { std::memset(data_, 0, bytes); }
+  ~Plane() { ::operator delete(data_, kAlign); }
+  Plane(const Plane&) = delete;
+  Plane& operator=(const Plane&) = delete;
+  void* data() const noexcept { return data_; }
+
+ private:
+  static constexpr std::align_val_t kAlign{rt::kCacheLine};
+  void* data_;
+};
+
+// The team as what helps a solver to prepare. Thread: pipeline.
+class TeamCrew final : public Crew {
+ public:
+  explicit TeamCrew(rt::WorkerTeam& team) : team_(team) {}
+  void run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept override {
+    const int parts = team_.size();
+    struct Call {
+      void (*work)(void*, int, int) noexcept;
+      void* self;
+      int rows;
+      int parts;
+    } call{work, self, rows, parts};
+    if (parts == 1 || rows < kFewestRows) return work(self, 0, rows);
+    team_.run(
+        [](void* context, int worker) {
+          const Call& c = *static_cast<const Call*>(context);
+          c.work(c.self, c.rows * worker / c.parts, c.rows * (worker + 1) / c.parts);
+        },
+        &call);
+  }
+
+ private:
+  static constexpr int kFewestRows = 8;  // less is done before the others are awake
+  rt::WorkerTeam& team_;
+};
+
+// The sinks that are open; closes each once.
+class OpenSinks {
+ public:
+  ~OpenSinks() { close(); }
+  Status open(const std::vector<FrameSink*>& sinks, const SinkFormat& format) {
+    for (FrameSink* sink : sinks) {
+      if (Status status = sink->open(format); !status) return status;
+      open_.push_back(sink);
+    }
+    return {};
+  }
+  void close() noexcept {
+    for (FrameSink* sink : open_) sink->close();
+    open_.clear();
+  }
+  auto begin() const noexcept { return open_.begin(); }
+  auto end() const noexcept { return open_.end(); }
+
+ private:
+  std::vector<FrameSink*> open_;
+};
+
+// Values of a deblurred plane. Points may be named more than once.
+inline std::size_t solved_pixels(Geometry geometry, const PipelineOptions& options) {
+  return options.points.empty() ? geometry.pixels() : options.points.size();
+}
+
+// Everything that depends on the source's period.
+struct Pipeline::Timed {
+  deblur::Settings settings;
+  std::unique_ptr<corrections::Chain> corrections;
+  SolverLadder solvers;
+
+  static Result<Timed> create(const PipelineOptions& options, const StreamFormat& format);
+};
+
+struct Pipeline::Impl {
+  Impl(std::unique_ptr<FrameSource> source_in, SourceInfo info_in, Timed timed, const PipelineOptions& options_in)
+      : source(std::move(source_in)),
+        info(std::move(info_in)),
+        options(options_in),
+        settings(timed.settings),
+        corrections(std::move(timed.corrections)),
+        solvers(std::move(timed.solvers)),
+        text(describe_solver(settings, info.format.scale.unit, solvers.full().isa())),
+        window(settings),
+        quality_control(static_cast<std::uint64_t>(options.queue_frames)),
+        inlet(info.format, static_cast<std::size_t>(window.slots()), static_cast<std::size_t>(options.queue_frames)),
+        stats(inlet, source->status()),
+        deblurred(solved_pixels(info.format.geometry, options) * bytes_of(options.output)),
+        team(options.workers, options.thread),
+        band_saturated(static_cast<std::size_t>(team.size())),
+        raw_of(static_cast<std::size_t>(window.slots() + options.queue_frames + kSlotsBeside), nullptr) {}
+
+  void warn(const Status& status) const {
+    if (!status && options.warn) options.warn(status.error().message);
+  }
+
+  Status keep_up();
+
+  // --- the pipeline thread ---
+  void take_period() noexcept;
+  bool out_of_time() noexcept;
+  bool must_give_up() const noexcept {
+    return options.give_up != nullptr && options.give_up->load(std::memory_order_relaxed);
+  }
+  void loop(const std::atomic<bool>& stop_requested) noexcept;
+  bool process_next() noexcept;
+  void drain() noexcept;
+  void publish_ready() noexcept;
+  QualityLevel choose_quality() noexcept;
+  void prepare(const deblur::WindowView& view) noexcept;
+  bool deblur(const deblur::Window::Ready& frame) noexcept;
+  void publish(const deblur::Window::Ready& frame) noexcept;
+  void idle_sinks() noexcept;
+  const void* corrected(const rt::FrameSlot& slot, bool restart_window) noexcept;
+
+  // --- each worker ---
+  PixelRange share_of_pixels(int worker) const noexcept;
+  void work_alone() noexcept;
+  void work(int worker) noexcept;
+  bool converges() const noexcept {
+    return quality == QualityLevel::kFull && settings.method == deblur::Method::kExact;
+  }
+  bool solves() const noexcept { return job->full && quality != QualityLevel::kRaw; }
+  template <typename Solve>
+  void solve_stretches(std::size_t begin, std::size_t end, std::size_t at_once, const Solve& solve) noexcept;
+  bool solve_part(const Region& part) noexcept;
+  bool solve_points(std::size_t begin, std::size_t end) noexcept;
+  std::size_t workers() const noexcept { return static_cast<std::size_t>(team.size()); }
+
+  std::unique_ptr<FrameSource> source;
+  SourceInfo info;
+  PipelineOptions options;
+  deblur::Settings settings;
+  std::unique_ptr<corrections::Chain> corrections;
+  SolverLadder solvers;
+  std::string text;
+  deblur::Window window;
+  QualityControl quality_control;
+  FrameInlet inlet;
+  PipelineStats stats;
+  Plane deblurred;
+  OpenSinks sinks;
+  std::vector<FrameSink*> all_sinks;  // also when they are closed
+  rt::WorkerTeam team;
+
+  // Written by the pipeline thread before the team runs, read by the workers; the team's barrier orders both.
+  const deblur::Window::Ready* job = nullptr;
+  std::size_t pass = 0;                        // of the corrections
+  QualityLevel quality = QualityLevel::kFull;  // for the job
+  QualityLevel least = QualityLevel::kFull;    // no frame gets more
+  const std::atomic<bool>* stop = nullptr;
+  std::atomic<std::int64_t> stop_seen_ns{0};  // CLOCK_MONOTONIC; 0: nobody has
+  std::atomic<bool> given_up{false};          // of the job: no time was left for all of it
+  struct alignas(rt::kCacheLine) Flag {
+    bool value = false;
+  };
+  std::vector<Flag> band_saturated;  // one a worker, written by it
+  const void* raw = nullptr;         // of the job's frame, as it came
+  std::vector<const void*> raw_of;   // of each pool slot in the window, by token
+  bool restart_window_next = false;  // a frame that was dropped had begun a new window
+
+  std::atomic<Timed*> next_timed{nullptr};  // set_period() -> the pipeline thread, which exchanges the contents ...
+  std::atomic<Timed*> spent{nullptr};       // ... and gives them back a frame later, when no plane of theirs is left
+  Timed* spending = nullptr;                // until then
+  ~Impl() {
+    delete next_timed.load();
+    delete spent.load();
+    delete spending;
+  }
+
+  std::int64_t last_sign_ns = 0;   // when the sinks were last called
+  std::int64_t work_began_ns = 0;  // on the frame that is published next: it was taken, or the last one was out
+};
+
+}  // namespace bolo::pipeline
