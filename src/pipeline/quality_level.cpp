@@ -7,13 +7,13 @@ namespace {
 
 constexpr std::uint64_t kFewWait = 1;  // no backlog: the next frame came while this one was solved
 
-QualityLevel one_up(QualityLevel effort) noexcept { return static_cast<QualityLevel>(static_cast<int>(effort) - 1); }
+QualityLevel one_up(QualityLevel level) noexcept { return static_cast<QualityLevel>(static_cast<int>(level) - 1); }
 
 }  // namespace
 
-std::string_view name(QualityLevel effort) {
+std::string_view name(QualityLevel level) {
   constexpr std::array<std::string_view, kQualityLevels> kNames{"full", "reduced", "inverse", "raw"};
-  return kNames[static_cast<std::size_t>(effort)];
+  return kNames[static_cast<std::size_t>(level)];
 }
 
 QualityControl::QualityControl(std::uint64_t queue_frames) noexcept {
@@ -23,29 +23,29 @@ QualityControl::QualityControl(std::uint64_t queue_frames) noexcept {
 }
 
 QualityLevel QualityControl::least_for(std::uint64_t waiting) const noexcept {
-  QualityLevel effort = QualityLevel::kFull;
+  QualityLevel level = QualityLevel::kFull;
   for (std::size_t i = 1; i < kQualityLevels; ++i) {
-    if (waiting >= limits_[i]) effort = static_cast<QualityLevel>(i);
+    if (waiting >= limits_[i]) level = static_cast<QualityLevel>(i);
   }
-  return effort;
+  return level;
 }
 
 QualityLevel QualityControl::next(std::uint64_t waiting, std::int64_t now_ns) noexcept {
   const QualityLevel needed = least_for(waiting);
-  if (needed > effort_) {
+  if (needed > level_) {
     const bool too_early = now_ns - stepped_up_ns_ < kTrialNs;
-    std::int64_t& calm_ns = calm_for(effort_);
+    std::int64_t& calm_ns = calm_for(level_);
     calm_ns = too_early ? std::min(2 * calm_ns, kLongestCalmNs) : kShortestCalmNs;
-    effort_ = needed;
+    level_ = needed;
   }
-  if (waiting > kFewWait || effort_ == QualityLevel::kFull) {
+  if (waiting > kFewWait || level_ == QualityLevel::kFull) {
     calm_since_ns_ = now_ns;
-  } else if (now_ns - calm_since_ns_ >= calm_for(one_up(effort_))) {
-    effort_ = one_up(effort_);
+  } else if (now_ns - calm_since_ns_ >= calm_for(one_up(level_))) {
+    level_ = one_up(level_);
     stepped_up_ns_ = now_ns;
     calm_since_ns_ = now_ns;
   }
-  return effort_;
+  return level_;
 }
 
 }  // namespace bolo::pipeline

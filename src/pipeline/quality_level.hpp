@@ -18,11 +18,11 @@ enum class QualityLevel : std::uint8_t {
 inline constexpr std::size_t kQualityLevels = 4;
 
 // "full", "reduced", "inverse", "raw". Thread: any.
-std::string_view name(QualityLevel effort);
+std::string_view name(QualityLevel level);
 
 // The flag of a frame's meta that tells it (FrameFlag, shm_layout.h); 0 for kFull. Thread: any.
-constexpr std::uint32_t flag_of(QualityLevel effort) noexcept {
-  return effort == QualityLevel::kFull ? 0U : 16U << static_cast<unsigned>(effort);
+constexpr std::uint32_t flag_of(QualityLevel level) noexcept {
+  return level == QualityLevel::kFull ? 0U : 16U << static_cast<unsigned>(level);
 }
 
 // Decides before each frame, from how many wait behind it.
@@ -46,11 +46,11 @@ class QualityControl {
   QualityLevel next(std::uint64_t waiting, std::int64_t now_ns) noexcept;
 
  private:
-  std::int64_t& calm_for(QualityLevel effort) noexcept { return calm_for_ns_[static_cast<std::size_t>(effort)]; }
+  std::int64_t& calm_for(QualityLevel level) noexcept { return calm_for_ns_[static_cast<std::size_t>(level)]; }
   QualityLevel least_for(std::uint64_t waiting) const noexcept;
 
-  std::array<std::uint64_t, kQualityLevels> limits_{};  // frames that wait, from which on an effort is not exceeded
-  QualityLevel effort_ = QualityLevel::kFull;
+  std::array<std::uint64_t, kQualityLevels> limits_{};  // frames that wait, from which on a level is not exceeded
+  QualityLevel level_ = QualityLevel::kFull;
   std::int64_t calm_since_ns_ = 0;
   std::array<std::int64_t, kQualityLevels> calm_for_ns_{};  // that the step up to each needs
   std::int64_t stepped_up_ns_ = -kTrialNs;

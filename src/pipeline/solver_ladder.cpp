@@ -26,9 +26,9 @@ void constant_within_frames(deblur::Settings& settings) {
 
 // For comparison, a frame of 640x120 with one thread (tools/bench): admm 1.55 ms, with automatic lambda 3.4, mmae 1.25;
 // reduced 0.45; inverse 0.02. motion makes mmae's estimate too.
-deblur::Settings cheaper(deblur::Settings settings, QualityLevel effort) {
+deblur::Settings cheaper(deblur::Settings settings, QualityLevel level) {
   settings.auto_lambda = false;
-  if (effort == QualityLevel::kInverse) {
+  if (level == QualityLevel::kInverse) {
     settings.method = deblur::Method::kInverse;
   } else if (settings.method == deblur::Method::kMotion) {
     settings.method = deblur::Method::kMmae;
@@ -95,12 +95,12 @@ double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings,
 Result<SolverLadder> SolverLadder::create(const deblur::Settings& settings, const StreamFormat& input, PixelType output,
                                           double row_delay_s, bool degrade) {
   SolverLadder ladder;
-  for (const QualityLevel effort : {QualityLevel::kFull, QualityLevel::kReduced, QualityLevel::kInverse}) {
-    const bool full = effort == QualityLevel::kFull;
+  for (const QualityLevel level : {QualityLevel::kFull, QualityLevel::kReduced, QualityLevel::kInverse}) {
+    const bool full = level == QualityLevel::kFull;
     if (!full && !degrade) break;
-    auto made = deblur::Solver::create(full ? settings : cheaper(settings, effort), input, output, row_delay_s);
+    auto made = deblur::Solver::create(full ? settings : cheaper(settings, level), input, output, row_delay_s);
     if (!made) return tl::unexpected<Error>(std::move(made.error()));
-    ladder.solvers_[static_cast<std::size_t>(effort)] = std::move(*made);
+    ladder.solvers_[static_cast<std::size_t>(level)] = std::move(*made);
   }
   return ladder;
 }

@@ -27,7 +27,7 @@ class SolverLadder {
 
   const deblur::Solver& full() const noexcept { return *solvers_.front(); }
   // Not for kRaw, which solves nothing. Thread: pipeline.
-  deblur::Solver& at(QualityLevel effort) noexcept { return *solvers_[static_cast<std::size_t>(effort)]; }
+  deblur::Solver& at(QualityLevel level) noexcept { return *solvers_[static_cast<std::size_t>(level)]; }
 
  private:
   std::array<std::unique_ptr<deblur::Solver>, kQualityLevels - 1> solvers_;
