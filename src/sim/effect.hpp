@@ -1,5 +1,5 @@
-// Effects: what makes a real camera differ from the nominal one. Each is one file in src/sim/effects, found by the
-// build.
+// Effects: what makes a real camera differ from the nominal one. Those of a topic are a file in src/sim/effects, found by
+// the build.
 #pragma once
 
 #include <cstdint>

@@ -9,7 +9,6 @@
 #include "src/core/nearest.hpp"
 #include "src/core/shortest.hpp"
 #include "src/sim/effect.hpp"
-#include "src/sim/imperfect_fields.hpp"
 
 namespace bolo::sim {
 namespace {

@@ -1,5 +1,5 @@
 // One step of a pixel against plain numerical integration.
-#include "src/sim/pixel.hpp"
+#include "src/sim/simulator.hpp"
 
 #include <gtest/gtest.h>
 

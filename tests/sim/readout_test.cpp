@@ -1,4 +1,5 @@
-#include "src/sim/readout.hpp"
+#include "src/sim/random.hpp"
+#include "src/sim/simulator.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "src/sim/grey_image.hpp"
+#include "src/sim/scene.hpp"
 #include "tools/convert/picture.hpp"
 
 namespace bolo::tools {

@@ -1,15 +1,16 @@
-// Effects as text, checked; and drawn at random.
+// The effects that there are, how they are made, and how they read as text.
+#include "src/sim/effect.hpp"
+
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
 #include <numeric>
-#include <optional>
 
+#include "sim_effect_list.hpp"  // made by the build from the files in effects/
 #include "src/core/nearest.hpp"
 #include "src/core/shortest.hpp"
-#include "src/sim/effect.hpp"
-#include "src/sim/random.hpp"
+#include "src/sim/effect_type.hpp"
 
 namespace bolo::sim {
 namespace {
@@ -99,6 +100,69 @@ double draw_value(const std::vector<Range>& ranges, SplitMix& random) {
 }
 
 }  // namespace
+
+std::string_view name_of(Stage stage) {
+  constexpr std::array<std::string_view, 8> kNames{"radiometry", "optics", "pixel",    "package",
+                                                   "readout",    "noise",  "firmware", "transport"};
+  return kNames[static_cast<std::size_t>(stage)];
+}
+
+const std::vector<EffectType>& effect_types() {
+  static const std::vector<EffectType> types = [] {
+    std::vector<EffectType> all;
+    for (const auto& effects : kEffectLists) {
+      for (EffectType& effect : effects()) all.push_back(std::move(effect));
+    }
+    std::ranges::sort(all, {}, [](const EffectType& type) { return type.description.name; });
+    return all;
+  }();
+  return types;
+}
+
+const std::vector<EffectDescription>& effect_descriptions() {
+  static const std::vector<EffectDescription> descriptions = [] {
+    std::vector<EffectDescription> all;
+    for (const EffectType& type : effect_types()) all.push_back(type.description);
+    return all;
+  }();
+  return descriptions;
+}
+
+const EffectDescription* find_effect(std::string_view name) {
+  const auto& all = effect_descriptions();
+  const auto found = std::ranges::find(all, name, &EffectDescription::name);
+  return found == all.end() ? nullptr : &*found;
+}
+
+EffectSetup::EffectSetup(const EffectDescription& description, const EffectSpec& spec, const CameraSettings& settings,
+                         Extremes extremes)
+    : description_(description),
+      spec_(spec),
+      settings_(settings),
+      extremes_(extremes),
+      pattern_seed_(name_key(description.name, settings.camera_seed.value_or(settings.readout.seed))),
+      noise_seed_(key(name_key(description.name, settings.readout.seed), 1)) {}
+
+double EffectSetup::number(std::string_view key) const {
+  if (const auto given = spec_.values.find(key); given != spec_.values.end()) return given->second;
+  const auto parameter = std::ranges::find(description_.parameters, key, &Parameter::key);
+  return parameter == description_.parameters.end() ? std::nan("") : parameter->standard;
+}
+
+bool EffectSetup::form(std::string_view name) const {
+  return spec_.form.empty() ? !description_.forms.empty() && description_.forms.front() == name : spec_.form == name;
+}
+
+std::vector<PlacedEffect> make_effects(const CameraSettings& settings, Extremes extremes) {
+  std::vector<PlacedEffect> made;
+  for (const EffectType& type : effect_types()) {
+    const auto spec = std::ranges::find(settings.effects, type.description.name, &EffectSpec::name);
+    if (spec == settings.effects.end()) continue;
+    made.push_back({type.order, type.make(EffectSetup(type.description, *spec, settings, extremes))});
+  }
+  std::ranges::stable_sort(made, {}, &PlacedEffect::order);
+  return made;
+}
 
 Result<EffectSpec> parse_effect(std::string_view text) {
   const std::size_t colon = text.find(':');

@@ -1,9 +1,10 @@
-#include "src/sim/imperfect_fields.hpp"
-
+// Fields without a picture: uniform, chopper and bars, ideal and with the errors of a real bench.
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
+
+#include "src/sim/stimulus_error.hpp"
 
 namespace bolo::sim {
 namespace {
@@ -19,6 +20,74 @@ void divide(double from_s, double to_s, double longest_s, std::vector<double>& o
   for (double i = 1.0; i < steps; i += 1.0) out.push_back(from_s + (to_s - from_s) * (i / steps));
   out.push_back(to_s);
 }
+
+Extremes extremes_of(const capture::Chopper& chopper) {
+  Extremes extremes{chopper.cold_k, chopper.cold_k};
+  for (const double level_k : chopper.level_k) {
+    extremes.low_k = std::min(extremes.low_k, level_k);
+    extremes.high_k = std::max(extremes.high_k, level_k);
+  }
+  return extremes;
+}
+
+Extremes extremes_of(const capture::BarTarget& target) {
+  return {std::min(target.cold_k, target.hot_k), std::max(target.cold_k, target.hot_k)};
+}
+
+class UniformField final : public Field {
+ public:
+  explicit UniformField(double temperature_k) : temperature_k_(temperature_k) {}
+
+  void sample_from(double, double, int, std::span<float> out) const noexcept override {
+    std::ranges::fill(out, static_cast<float>(temperature_k_));
+  }
+  void instants(double, double to_s, double, std::vector<double>& out) const override { out.push_back(to_s); }
+  Extremes extremes() const override { return {temperature_k_, temperature_k_}; }
+  std::unique_ptr<const Field> blurred(const Blur&) const override { return std::make_unique<UniformField>(*this); }
+  capture::Stimulus stimulus(double, double) const override { return capture::Uniform{temperature_k_}; }
+
+ private:
+  double temperature_k_;
+};
+
+class ChopperField final : public Field {
+ public:
+  explicit ChopperField(capture::Chopper chopper) : chopper_(std::move(chopper)) {}
+
+  void sample_from(double t_s, double, int, std::span<float> out) const noexcept override {
+    std::ranges::fill(out, static_cast<float>(level(t_s)));
+  }
+
+  void instants(double from_s, double to_s, double, std::vector<double>& out) const override {
+    const auto jump = [&](double t_s) {
+      if (t_s <= from_s || t_s > to_s) return;
+      const double before = std::nextafter(t_s, -std::numeric_limits<double>::infinity());
+      if (before > from_s) out.push_back(before);
+      out.push_back(t_s);
+    };
+    const auto first = std::upper_bound(chopper_.off_s.begin(), chopper_.off_s.end(), from_s);
+    for (auto i = static_cast<std::size_t>(first - chopper_.off_s.begin()); i < chopper_.on_s.size(); ++i) {
+      if (chopper_.on_s[i] > to_s) break;
+      jump(chopper_.on_s[i]);
+      jump(chopper_.off_s[i]);
+    }
+    if (out.empty() || out.back() < to_s) out.push_back(to_s);
+  }
+
+  Extremes extremes() const override { return extremes_of(chopper_); }
+  std::unique_ptr<const Field> blurred(const Blur&) const override { return std::make_unique<ChopperField>(*this); }
+  capture::Stimulus stimulus(double, double) const override { return chopper_; }
+
+ private:
+  double level(double t_s) const noexcept {
+    const auto next = std::upper_bound(chopper_.on_s.begin(), chopper_.on_s.end(), t_s);
+    if (next == chopper_.on_s.begin()) return chopper_.cold_k;
+    const auto i = static_cast<std::size_t>(next - chopper_.on_s.begin()) - 1;
+    return t_s < chopper_.off_s[i] ? chopper_.level_k[i] : chopper_.cold_k;
+  }
+
+  capture::Chopper chopper_;
+};
 
 class SweptChopper final : public Field {
  public:
@@ -75,14 +144,7 @@ class SweptChopper final : public Field {
     return field;
   }
 
-  Extremes extremes() const override {
-    Extremes extremes{chopper_.cold_k, chopper_.cold_k};
-    for (const double level_k : chopper_.level_k) {
-      extremes.low_k = std::min(extremes.low_k, level_k);
-      extremes.high_k = std::max(extremes.high_k, level_k);
-    }
-    return extremes;
-  }
+  Extremes extremes() const override { return extremes_of(chopper_); }
 
   capture::Stimulus stimulus(double, double) const override { return chopper_; }
 
@@ -106,6 +168,59 @@ class SweptChopper final : public Field {
   double sweep_s_;
   double width_;
   double ramp_s_ = 0.0;
+};
+
+class BarField final : public Field {
+ public:
+  explicit BarField(const capture::BarTarget& target) : target_(target) {}
+
+  void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept override {
+    std::ranges::fill(out, static_cast<float>(target_.cold_k));
+    const double contrast = target_.hot_k - target_.cold_k;
+    const double shift =
+        std::fmod(target_.slant_px_per_row * row + target_.velocity_px_s * t_s - column, target_.period_px);
+    const double right_end = static_cast<double>(out.size()) - 0.5;
+    for (double left = shift - 2.0 * target_.period_px; left < right_end; left += target_.period_px) {
+      add_bar(left, contrast, out);
+    }
+  }
+
+  // A pixel's T_ss is made of straight lines whose slope changes by contrast * velocity at each kink, when an edge
+  // enters or leaves it. Simpson's rule misjudges the area of a kink within a step h by at most slope change * h^2 /
+  // 24, and the pixel spreads it over its response time.
+  void instants(double from_s, double to_s, double response_s, std::vector<double>& out) const override {
+    const double kink = std::abs((target_.hot_k - target_.cold_k) * target_.velocity_px_s);
+    divide(from_s, to_s, longest_step_s(kink, response_s), out);
+  }
+
+  Extremes extremes() const override { return extremes_of(target_); }
+  std::unique_ptr<const Field> blurred(const Blur& blur) const override {
+    return make_soft_bars(target_, {})->blurred(blur);
+  }
+  capture::Stimulus stimulus(double, double) const override { return target_; }
+
+ private:
+  // Adds a bar from `left` on: the pixels at its ends by the share it covers of them.
+  void add_bar(double left, double contrast, std::span<float> out) const noexcept {
+    const double right = left + target_.bar_width_px;
+    const auto first = static_cast<std::ptrdiff_t>(std::floor(left + 0.5));
+    const auto last = static_cast<std::ptrdiff_t>(std::floor(right + 0.5));
+    const auto size = static_cast<std::ptrdiff_t>(out.size());
+    const auto add = [&](std::ptrdiff_t x, double share) {
+      if (x >= 0 && x < size) out[static_cast<std::size_t>(x)] += static_cast<float>(contrast * share);
+    };
+    if (first == last) {
+      add(first, target_.bar_width_px);
+      return;
+    }
+    add(first, static_cast<double>(first) + 0.5 - left);
+    add(last, right - (static_cast<double>(last) - 0.5));
+    const auto inner = std::clamp<std::ptrdiff_t>(first + 1, 0, size);
+    const auto inner_end = std::clamp<std::ptrdiff_t>(last, inner, size);
+    std::fill(out.begin() + inner, out.begin() + inner_end, static_cast<float>(target_.hot_k));
+  }
+
+  capture::BarTarget target_;
 };
 
 // What a pixel sees of an edge at distance d to its left: the mean over the pixel of a step that is blurred by a
@@ -176,9 +291,7 @@ class SoftBars final : public Field {
     divide(from_s, to_s, longest_step_s(std::abs(target_.hot_k - target_.cold_k) * fastest, response_s), out);
   }
 
-  Extremes extremes() const override {
-    return {std::min(target_.cold_k, target_.hot_k), std::max(target_.cold_k, target_.hot_k)};
-  }
+  Extremes extremes() const override { return extremes_of(target_); }
   // Across a straight edge, which is what a blur acts along, x runs sqrt(1 + slant^2) times as far. One disc at most.
   std::unique_ptr<const Field> blurred(const Blur& blur) const override {
     const double along_x = blur.sigma_px * std::hypot(1.0, target_.slant_px_per_row);
@@ -217,6 +330,16 @@ class SoftBars final : public Field {
 };
 
 }  // namespace
+
+std::unique_ptr<const Field> make_uniform(double temperature_k) {
+  return std::make_unique<UniformField>(temperature_k);
+}
+
+std::unique_ptr<const Field> make_chopper(capture::Chopper chopper) {
+  return std::make_unique<ChopperField>(std::move(chopper));
+}
+
+std::unique_ptr<const Field> make_bars(const capture::BarTarget& target) { return std::make_unique<BarField>(target); }
 
 std::unique_ptr<const Field> make_swept_chopper(capture::Chopper chopper, const StimulusError& error, int width) {
   return std::make_unique<SweptChopper>(std::move(chopper), error, width);
