@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <numeric>
 
 #include "sim_effect_list.hpp"  // made by the build from the files in effects/
 #include "src/core/nearest.hpp"
+#include "src/core/parse_text.hpp"
 #include "src/core/shortest.hpp"
 #include "src/sim/effect_type.hpp"
 
@@ -21,15 +21,13 @@ Result<const EffectDescription*> known(std::string_view name) {
   if (const EffectDescription* found = find_effect(name)) return found;
   std::vector<std::string_view> names;
   for (const EffectDescription& effect : effect_descriptions()) names.push_back(effect.name);
-  return bad_input("there is no effect '" + std::string(name) + "'; did you mean '" + nearest(name, names) +
-                   "'? (bolo simulate --list-effects shows all)");
+  return bad_input(did_you_mean("effect", name, names) + " (bolo simulate --list-effects shows all)");
 }
 
 Status check_form(const EffectDescription& effect, std::string_view form) {
   if (form.empty() || std::ranges::find(effect.forms, form) != effect.forms.end()) return {};
   if (effect.forms.empty()) return bad_input("effect " + std::string(effect.name) + ": it has no forms");
-  return bad_input("effect " + std::string(effect.name) + ": there is no form '" + std::string(form) +
-                   "'; did you mean '" + nearest(form, effect.forms) + "'?");
+  return bad_input("effect " + std::string(effect.name) + ": " + did_you_mean("form", form, effect.forms));
 }
 
 Status check_value(const EffectDescription& effect, std::string_view name, double value) {
@@ -40,8 +38,7 @@ Status check_value(const EffectDescription& effect, std::string_view name, doubl
     for (const Parameter& p : effect.parameters) keys.push_back(p.key);
     if (!effect.forms.empty()) keys.push_back("form");
     if (keys.empty()) return bad_input(where + "there is no key '" + std::string(name) + "'; it takes none");
-    return bad_input(where + "there is no key '" + std::string(name) + "'; did you mean '" + nearest(name, keys) +
-                     "'?");
+    return bad_input(where + did_you_mean("key", name, keys));
   }
   if (value >= parameter->accepted.low && value <= parameter->accepted.high) return {};
   return bad_input(where + std::string(name) + "=" + shortest(value) + ": expected " + span_text(parameter->accepted));
@@ -74,12 +71,9 @@ Status take_item(EffectSpec& spec, std::string_view item) {
     spec.form = text;
     return {};
   }
-  double value = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) {
-    return bad_input(where + std::string(name) + "=" + std::string(text) + ": expected a number");
-  }
-  spec.values.emplace(name, value);
+  const std::optional<double> value = number_of(text);
+  if (!value) return bad_input(where + std::string(name) + "=" + std::string(text) + ": expected a number");
+  spec.values.emplace(name, *value);
   return {};
 }
 
@@ -183,18 +177,6 @@ Result<EffectSpec> parse_effect(std::string_view text) {
   }
   if (Status fine = check(spec); !fine) return tl::unexpected(fine.error());
   return spec;
-}
-
-std::string effect_text(const EffectSpec& spec) {
-  std::string text = spec.name;
-  char separator = ':';
-  const auto add = [&](const std::string& item) {
-    text += separator + item;
-    separator = ',';
-  };
-  if (!spec.form.empty()) add("form=" + spec.form);
-  for (const auto& [name, value] : spec.values) add(name + "=" + shortest(value));
-  return text;
 }
 
 Status check_effects(std::span<const EffectSpec> effects) {

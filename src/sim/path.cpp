@@ -3,12 +3,13 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <optional>
 #include <string>
 #include <string_view>
+
+#include "src/core/parse_text.hpp"
 
 namespace bolo::sim {
 namespace {
@@ -36,21 +37,15 @@ void append_crossings(double a_s, double value_a, double b_s, double value_b, st
 
 constexpr std::string_view kHeader = "t_s,x_px,y_px";
 
-std::string_view trimmed(std::string_view text) {
-  const std::size_t first = text.find_first_not_of(" \t\r");
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
-}
-
 // Exactly three finite numbers with commas between.
 std::optional<PathPoint> parse_point(std::string_view line) {
   std::array<double, 3> values{};
   for (std::size_t i = 0; i < values.size(); ++i) {
     const std::size_t comma = line.find(',');
     if ((comma == std::string_view::npos) != (i + 1 == values.size())) return std::nullopt;
-    const std::string_view field = trimmed(line.substr(0, comma));
-    const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), values[i]);
-    if (error != std::errc() || end != field.data() + field.size() || !std::isfinite(values[i])) return std::nullopt;
+    const std::optional<double> value = number_of(trimmed(line.substr(0, comma)));
+    if (!value) return std::nullopt;
+    values[i] = *value;
     line.remove_prefix(comma == std::string_view::npos ? line.size() : comma + 1);
   }
   return PathPoint{values[0], values[1], values[2]};
