@@ -1,3 +1,7 @@
+// PNG and TIFF.
+#include "tools/convert/picture.hpp"
+
+#include <png.h>
 #include <tiffio.h>
 
 #include <cerrno>
@@ -5,10 +9,20 @@
 #include <memory>
 #include <utility>
 
-#include "tools/convert/picture.hpp"
+#include "src/sim/scene.hpp"
 
 namespace bolo::tools {
 namespace {
+
+Status write_png(const std::filesystem::path& file, Geometry geometry, png_uint_32 format, const void* plane) {
+  png_image image{};
+  image.version = PNG_IMAGE_VERSION;
+  image.width = static_cast<png_uint_32>(geometry.width);
+  image.height = static_cast<png_uint_32>(geometry.height);
+  image.format = format;
+  if (png_image_write_to_file(&image, file.c_str(), 0, plane, 0, nullptr) != 0) return {};
+  return failed(std::string("cannot be written: ") + image.message);
+}
 
 constexpr std::uint64_t kMostPixels = 64'000'000;
 constexpr std::size_t kMostPages = 10'000'000;
@@ -56,6 +70,20 @@ Status read_rows(TIFF* tiff, const Layout& layout, std::byte* out) {
 
 }  // namespace
 
+Result<Picture> read_png_picture(const std::filesystem::path& file) {
+  Result<sim::GreyImage> image = sim::read_png(file);
+  if (!image) return tl::unexpected<Error>(image.error());
+  return Picture{{image->width, image->height}, PixelType::kUint16, std::move(image->level), {}};
+}
+
+Status write_png16(const std::filesystem::path& file, Geometry geometry, const std::uint16_t* plane) {
+  return write_png(file, geometry, PNG_FORMAT_LINEAR_Y, plane);
+}
+
+Status write_png8(const std::filesystem::path& file, Geometry geometry, const std::uint8_t* plane) {
+  return write_png(file, geometry, PNG_FORMAT_GRAY, plane);
+}
+
 Result<std::size_t> count_tiff_pages(const std::filesystem::path& file) {
   const Handle tiff = open_tiff(file, "r");
   if (!tiff) return bad_input("cannot be opened as TIFF");
@@ -98,14 +126,10 @@ Result<TiffWriter> TiffWriter::create(const std::filesystem::path& file) {
   return TiffWriter(tiff.release());
 }
 
-TiffWriter::TiffWriter(TiffWriter&& other) noexcept : tiff_(std::exchange(other.tiff_, nullptr)) {}
-
-TiffWriter::~TiffWriter() {
-  if (tiff_ != nullptr) TIFFClose(static_cast<TIFF*>(tiff_));
-}
+void TiffWriter::Closer::operator()(void* tiff) const { TIFFClose(static_cast<TIFF*>(tiff)); }
 
 Status TiffWriter::write(Geometry geometry, PixelType type, const void* plane) {
-  auto* tiff = static_cast<TIFF*>(tiff_);
+  auto* tiff = static_cast<TIFF*>(tiff_.get());
   const bool is_float = type == PixelType::kFloat32;
   TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, static_cast<std::uint32_t>(geometry.width));
   TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, static_cast<std::uint32_t>(geometry.height));
@@ -122,9 +146,8 @@ Status TiffWriter::write(Geometry geometry, PixelType type, const void* plane) {
 }
 
 Status TiffWriter::close() {
-  auto* tiff = static_cast<TIFF*>(std::exchange(tiff_, nullptr));
-  const bool good = TIFFFlush(tiff) != 0;
-  TIFFClose(tiff);
+  const bool good = TIFFFlush(static_cast<TIFF*>(tiff_.get())) != 0;
+  tiff_.reset();
   return good ? Status{} : failed(std::string("cannot be written: ") + std::strerror(errno));
 }
 
