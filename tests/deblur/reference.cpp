@@ -1,7 +1,9 @@
-#include "src/deblur/reference.hpp"
+#include "tests/deblur/reference.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 
 #include "src/deblur/dual_plan.hpp"
@@ -95,6 +97,31 @@ MatrixXd in_place_haar(int bins) {
     h.row(i).segment(i, half).setConstant(-1.0 / std::sqrt(2.0 * half));
   }
   return h;
+}
+
+// A coefficient and the bins of the tree that it is visited with.
+struct Visit {
+  int coefficient = 0;
+  int begin = 0;
+  int end = 0;
+};
+
+// The order in which a sweep visits the coefficients: coarse to fine, in trees of two levels, every other tree first. A
+// near sweep leaves out trees without a published bin. Fills order[0, bins).
+void visit_order(int bins, std::array<Visit, kMaxDualBins>& order) {
+  std::size_t count = 0;
+  order[count++] = {0, 0, bins};
+  const auto visit_tree = [&](int begin, int span, int group) {
+    for (int width = span; width > span / group; width /= 2) {
+      for (int at = begin; at < begin + span; at += width) order[count++] = {at + width / 2, begin, begin + span};
+    }
+  };
+  int group = std::countr_zero(static_cast<unsigned>(bins)) % 2 == 1 ? 2 : 4;
+  for (int span = bins; span > 1; span /= group, group = 4) {
+    if (span < bins) group = 4;
+    for (int begin = 0; begin < bins; begin += 2 * span) visit_tree(begin, span, group);
+    for (int begin = span; begin < bins; begin += 2 * span) visit_tree(begin, span, group);
+  }
 }
 
 struct DualPoint {
