@@ -193,20 +193,22 @@ auto maker() {
 // An effect of one hook, a function of configure()'s, look()'s or row()'s parameters.
 template <typename Hook>
 class HookEffect final : public Effect {
+  static constexpr bool kConfigures = std::is_invocable_v<Hook&, CameraModel&>;
+  static constexpr bool kLooks = std::is_invocable_v<const Hook&, std::unique_ptr<View>, const CameraModel&>;
+  static constexpr bool kRow = std::is_invocable_v<Hook&, const FrameInstant&, int, std::span<double>>;
+  static_assert(kConfigures || kLooks || kRow, "takes what none of the hooks gets");
+
  public:
   explicit HookEffect(Hook hook) : hook_(std::move(hook)) {}
   void configure(CameraModel& model) override {
-    if constexpr (std::is_invocable_v<Hook&, CameraModel&>) hook_(model);
+    if constexpr (kConfigures) hook_(model);
   }
   std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel& model) const override {
-    if constexpr (std::is_invocable_v<const Hook&, std::unique_ptr<View>, const CameraModel&>) {
-      return hook_(std::move(inner), model);
-    } else {
-      return inner;
-    }
+    if constexpr (kLooks) inner = hook_(std::move(inner), model);
+    return inner;
   }
   void row(const FrameInstant& frame, int row, std::span<double> kelvin) noexcept override {
-    if constexpr (std::is_invocable_v<Hook&, const FrameInstant&, int, std::span<double>>) hook_(frame, row, kelvin);
+    if constexpr (kRow) hook_(frame, row, kelvin);
   }
 
  private:
