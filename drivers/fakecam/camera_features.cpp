@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <utility>
 
 #include "drivers/fakecam/gige_vision.hpp"
 
@@ -51,7 +52,16 @@ constexpr std::array<FloatFeature, 8> kObjectParameters{{{reg::kReflectedTempera
                                                          {reg::kExtOpticsTransmission, 1.0F, 0.001F, 1.0F},
                                                          {reg::kEstimatedTransmission, 1.0F, 0.0F, 1.0F}}};
 
-std::uint32_t centred(std::uint32_t sensor_size, std::uint32_t size) { return (sensor_size - size) / 2; }
+// Read-only: the Planck constants, the atmosphere, the camera's own temperature in degrees Celsius.
+constexpr std::array<std::pair<std::uint32_t, float>, 9> kConstants{{{reg::kPlanckB, static_cast<float>(kPlanck.b)},
+                                                                     {reg::kPlanckF, static_cast<float>(kPlanck.f)},
+                                                                     {reg::kPlanckJ1, static_cast<float>(kPlanck.j1)},
+                                                                     {reg::kAtmosphereX, 1.9F},
+                                                                     {reg::kAlpha1, 0.006569F},
+                                                                     {reg::kAlpha2, 0.01262F},
+                                                                     {reg::kBeta1, -0.002276F},
+                                                                     {reg::kBeta2, -0.00667F},
+                                                                     {reg::kDeviceTemperature, 35.0F}}};
 
 }  // namespace
 
@@ -69,10 +79,9 @@ void fill_bootstrap(RegisterMap& registers, const Identity& identity) {
   registers.set_text(reg::kDeviceVersion, 32, "1.0");
   registers.set_text(reg::kManufacturerInfo, 48, "Bolo: replays captures");
   registers.set_text(reg::kSerial, 16, identity.serial);
-  registers.set_text(reg::kUserName, 16, identity.user_name);
   registers.writable_text(reg::kUserName, 16);
   std::array<char, 64> url{};
-  std::snprintf(url.data(), url.size(), "Local:a655sc.xml;%x;%zx", reg::kDescription, identity.description_bytes);
+  std::snprintf(url.data(), url.size(), "Local:a655sc.xml;%x;%zx", reg::kDescription, description().size());
   registers.set_text(reg::kFirstUrl, 512, url.data());
   registers.set_text(reg::kSecondUrl, 512, url.data());
 
@@ -102,38 +111,18 @@ CameraFeatures::CameraFeatures(RegisterMap& registers, Counters& counters, const
       capture_rate_hz_(static_cast<float>(1.0 / format.frame_period_s)) {
   fill_image(rate_hz);
   fill_infrared(format.scale.unit);
-  fill_object_parameters();
+  fill_floats();
   fill_cases();
-  fill_planck();
 }
 
 void CameraFeatures::fill_image(double rate_hz) {
-  const auto width = static_cast<std::uint32_t>(sensor_.width);
-  const auto height = static_cast<std::uint32_t>(sensor_.height);
-  registers_.set(reg::kSensorWidth, width);
-  registers_.set(reg::kSensorHeight, height);
-  registers_.set(reg::kWidth, width);
-  registers_.set(reg::kHeight, height);
+  registers_.set(reg::kSensorWidth, static_cast<std::uint32_t>(sensor_.width));
+  registers_.set(reg::kSensorHeight, static_cast<std::uint32_t>(sensor_.height));
+  fill_axis(reg::kWidth, reg::kOffsetX, static_cast<std::uint32_t>(sensor_.width), offset_x_given_);
+  fill_axis(reg::kHeight, reg::kOffsetY, static_cast<std::uint32_t>(sensor_.height), offset_y_given_);
   registers_.set(reg::kPixelFormat, gvsp::kMono16);
   registers_.set_float(reg::kFrameRate, static_cast<float>(rate_hz));
   update_payload();
-
-  image_register(reg::kWidth, [this, width](std::uint32_t value) {
-    return write_size(reg::kOffsetX, width, offset_x_given_, value);
-  });
-  image_register(reg::kHeight, [this, height](std::uint32_t value) {
-    return write_size(reg::kOffsetY, height, offset_y_given_, value);
-  });
-  image_register(reg::kOffsetX, [this, width](std::uint32_t value) -> WriteOutcome {
-    if (value > width - registers_.get(reg::kWidth)) return refuse(gvcp::Status::kInvalidParameter);
-    offset_x_given_ = true;
-    return value;
-  });
-  image_register(reg::kOffsetY, [this, height](std::uint32_t value) -> WriteOutcome {
-    if (value > height - registers_.get(reg::kHeight)) return refuse(gvcp::Status::kInvalidParameter);
-    offset_y_given_ = true;
-    return value;
-  });
   registers_.writable_range(reg::kPixelFormat, gvsp::kMono16, gvsp::kMono16);
   registers_.writable_float(reg::kFrameRate, kMinRateHz, kMaxRateHz);
   registers_.writable_range(reg::kAcquisitionMode, 0, kSingleFrame);
@@ -148,17 +137,24 @@ void CameraFeatures::fill_image(double rate_hz) {
   command(reg::kAcquisitionStop, [this] { actions_.stop(); });
 }
 
-// Width or Height: an offset that was not given follows, so that the window stays in the middle.
-WriteOutcome CameraFeatures::write_size(std::uint32_t offset_register, std::uint32_t sensor_size, bool offset_given,
-                                        std::uint32_t value) {
-  if (value == 0 || value > sensor_size) return refuse(gvcp::Status::kInvalidParameter);
-  const std::uint32_t room = sensor_size - value;
-  const std::uint32_t offset = registers_.get(offset_register);
-  registers_.set(offset_register, offset_given ? std::min(offset, room) : centred(sensor_size, value));
-  const bool is_width = offset_register == reg::kOffsetX;
-  registers_.set(is_width ? reg::kWidth : reg::kHeight, value);
-  update_payload();
-  return value;
+// Width or Height with its offset: one that was not given follows, so that the window stays in the middle.
+void CameraFeatures::fill_axis(std::uint32_t size_register, std::uint32_t offset_register, std::uint32_t sensor_size,
+                               bool& offset_given) {
+  registers_.set(size_register, sensor_size);
+  image_register(size_register, [=, this, &offset_given](std::uint32_t value) -> WriteOutcome {
+    if (value == 0 || value > sensor_size) return refuse(gvcp::Status::kInvalidParameter);
+    const std::uint32_t room = sensor_size - value;
+    const std::uint32_t offset = registers_.get(offset_register);
+    registers_.set(offset_register, offset_given ? std::min(offset, room) : room / 2);
+    registers_.set(size_register, value);
+    update_payload();
+    return value;
+  });
+  image_register(offset_register, [=, this, &offset_given](std::uint32_t value) -> WriteOutcome {
+    if (value > sensor_size - registers_.get(size_register)) return refuse(gvcp::Status::kInvalidParameter);
+    offset_given = true;
+    return value;
+  });
 }
 
 // Off, Half, Quarter: all columns, the middle rows.
@@ -169,7 +165,7 @@ WriteOutcome CameraFeatures::write_windowing(std::uint32_t value) {
   const std::uint32_t rows = std::max(sensor_rows >> value, 1U);
   offset_y_given_ = false;
   registers_.set(reg::kHeight, rows);
-  registers_.set(reg::kOffsetY, centred(sensor_rows, rows));
+  registers_.set(reg::kOffsetY, (sensor_rows - rows) / 2);
   update_payload();
   return value;
 }
@@ -194,18 +190,20 @@ void CameraFeatures::fill_infrared(Unit unit) {
   registers_.writable_range(reg::kNucMode, 0, 1);
   command(reg::kNucAction, [this] {
     registers_.set(reg::kNucCount, registers_.get(reg::kNucCount) + 1);
-    Counters::add(counters_.nuc_actions);
+    counters_.add(&FakeCameraStats::nuc_actions);
   });
   command(reg::kAutoFocus, [] {});
   registers_.writable_range(reg::kFocusPosition, 0, 0xffff);
-  registers_.set_float(reg::kDeviceTemperature, 35.0F);
 }
 
-void CameraFeatures::fill_object_parameters() {
+void CameraFeatures::fill_floats() {
   for (const auto& parameter : kObjectParameters) {
     registers_.set_float(parameter.address, parameter.value);
     registers_.writable_float(parameter.address, parameter.min, parameter.max);
   }
+  for (const auto& [address, value] : kConstants) registers_.set_float(address, value);
+  registers_.set(reg::kPlanckR, static_cast<std::uint32_t>(kPlanck.r));
+  registers_.set(reg::kPlanckJ0, static_cast<std::uint32_t>(kPlanck.j0));
 }
 
 void CameraFeatures::fill_cases() {
@@ -221,19 +219,6 @@ void CameraFeatures::fill_cases() {
   });
   registers_.writable_range(reg::kCurrentCase, 0, kCases.size() - 1);
   show(0);
-}
-
-void CameraFeatures::fill_planck() {
-  registers_.set(reg::kPlanckR, static_cast<std::uint32_t>(kPlanck.r));
-  registers_.set(reg::kPlanckJ0, static_cast<std::uint32_t>(kPlanck.j0));
-  registers_.set_float(reg::kPlanckB, static_cast<float>(kPlanck.b));
-  registers_.set_float(reg::kPlanckF, static_cast<float>(kPlanck.f));
-  registers_.set_float(reg::kPlanckJ1, static_cast<float>(kPlanck.j1));
-  registers_.set_float(reg::kAtmosphereX, 1.9F);
-  registers_.set_float(reg::kAlpha1, 0.006569F);
-  registers_.set_float(reg::kAlpha2, 0.01262F);
-  registers_.set_float(reg::kBeta1, -0.002276F);
-  registers_.set_float(reg::kBeta2, -0.00667F);
 }
 
 void CameraFeatures::image_register(std::uint32_t address, WriteRule rule) {

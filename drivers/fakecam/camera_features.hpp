@@ -4,21 +4,22 @@
 
 #include <functional>
 #include <string>
+#include <string_view>
 
-#include "drivers/fakecam/counts.hpp"
+#include "drivers/fakecam/frames.hpp"
 #include "drivers/fakecam/register_map.hpp"
 #include "drivers/fakecam/stats.hpp"
-#include "src/core/plane.hpp"
 
 namespace bolo::fakecam {
 
 struct Identity {
-  std::string serial;     // at most 15 characters
-  std::string user_name;  // at most 15 characters
+  std::string serial;  // at most 15 characters
   std::uint32_t address = 0;
   std::uint32_t netmask = 0;
-  std::size_t description_bytes = 0;
 };
+
+// The GenICam description (a655sc.xml), built into the program. Thread: any.
+std::string_view description();
 
 // The bootstrap registers that never change, and those that only keep what is written to them. Thread: setup.
 void fill_bootstrap(RegisterMap& registers, const Identity& identity);
@@ -50,12 +51,11 @@ class CameraFeatures {
  private:
   void fill_image(double rate_hz);
   void fill_infrared(Unit unit);
-  void fill_object_parameters();
+  void fill_axis(std::uint32_t size_register, std::uint32_t offset_register, std::uint32_t sensor_size,
+                 bool& offset_given);
+  void fill_floats();
   void fill_cases();
-  void fill_planck();
 
-  WriteOutcome write_size(std::uint32_t offset_register, std::uint32_t sensor_size, bool offset_given,
-                          std::uint32_t value);
   WriteOutcome write_windowing(std::uint32_t value);
   void update_payload();
   void image_register(std::uint32_t address, WriteRule rule);  // refuses while streaming

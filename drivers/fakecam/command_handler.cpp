@@ -19,7 +19,7 @@ CommandHandler::CommandHandler(RegisterMap& registers, Counters& counters, Hooks
 ConstBytes CommandHandler::handle(ConstBytes packet, Peer peer, std::int64_t now_ns) {
   check_heartbeat(now_ns);
   if (packet.size() < gvcp::kHeaderBytes || packet[0] != gvcp::kKey) {  // not GVCP, or an answer: nothing to say
-    Counters::add(counters_.bad_commands);
+    counters_.add(&FakeCameraStats::bad_commands);
     return {};
   }
   peer_ = peer;
@@ -30,7 +30,7 @@ ConstBytes CommandHandler::handle(ConstBytes packet, Peer peer, std::int64_t now
   const bool whole = load_u16(packet, 4) == data.size();
   const gvcp::Status status = whole ? dispatch(header.command, data) : gvcp::Status::kInvalidHeader;
   if (may_write()) last_command_ns_ = now_ns;
-  Counters::add(status == gvcp::Status::kSuccess ? counters_.commands : counters_.bad_commands);
+  counters_.add(status == gvcp::Status::kSuccess ? &FakeCameraStats::commands : &FakeCameraStats::bad_commands);
   const bool wants_answer =
       (header.flags & gvcp::kAckRequired) != 0 && !is(header.command, gvcp::Command::kPacketResend);
   return wants_answer ? acknowledge(header, status) : ConstBytes{};
@@ -136,11 +136,11 @@ WriteOutcome CommandHandler::write_privilege(std::uint32_t value) {
     drop_client();
     return 0U;
   }
-  if (!controlled_) Counters::add(counters_.clients);
+  if (!controlled_) counters_.add(&FakeCameraStats::clients);
   controlled_ = true;
   controller_ = peer_;
   last_command_ns_ = now_ns_;
-  counters_.controlled.store(true, std::memory_order_relaxed);
+  counters_.set(&FakeCameraStats::controlled, true);
   registers_.set(reg::kPrimaryAddress, peer_.address);
   registers_.set(reg::kPrimaryPort, peer_.port);
   return wanted;
@@ -149,7 +149,7 @@ WriteOutcome CommandHandler::write_privilege(std::uint32_t value) {
 void CommandHandler::lose_control() {
   controlled_ = false;
   controller_ = {};
-  counters_.controlled.store(false, std::memory_order_relaxed);
+  counters_.set(&FakeCameraStats::controlled, false);
   registers_.set(reg::kPrivilege, 0);
   registers_.set(reg::kPrimaryAddress, 0);
   registers_.set(reg::kPrimaryPort, 0);
@@ -163,7 +163,7 @@ void CommandHandler::drop_client() {
 void CommandHandler::check_heartbeat(std::int64_t now_ns) {
   if (!controlled_ || (registers_.get(reg::kGvcpConfig) & reg::kHeartbeatOff) != 0) return;
   if (now_ns - last_command_ns_ <= registers_.get(reg::kHeartbeatTimeout) * kNsPerMs) return;
-  Counters::add(counters_.heartbeat_losses);
+  counters_.add(&FakeCameraStats::heartbeat_losses);
   lose_control();
 }
 

@@ -10,9 +10,7 @@
 #include <thread>
 
 #include "drivers/fakecam/camera_features.hpp"
-#include "drivers/fakecam/control_faults.hpp"
-#include "drivers/fakecam/control_server.hpp"
-#include "drivers/fakecam/description.hpp"
+#include "drivers/fakecam/network.hpp"
 #include "drivers/fakecam/stream_session.hpp"
 #include "src/core/clock.hpp"
 
@@ -20,15 +18,6 @@ namespace bolo::fakecam {
 namespace {
 
 constexpr std::size_t kMaxNameLength = 15;
-
-Status check_names(const FakeCameraOptions& options) {
-  for (const auto* name : {&options.serial, &options.user_name}) {
-    if (name->size() > kMaxNameLength) {
-      return bad_input("the camera's name '" + *name + "' is too long; GigE Vision has room for 15 characters");
-    }
-  }
-  return {};
-}
 
 Result<Region> sensor_of(const FakeCameraOptions& options, const FrameProvider& provider) {
   const Geometry whole = provider.format().geometry;
@@ -108,7 +97,7 @@ FakeCamera::Impl::Impl(const FakeCameraOptions& options_in, std::unique_ptr<Fram
       server(std::move(server_in)),
       stream_socket(std::move(stream_socket_in)),
       stop_event(std::move(stop_event_in)) {
-  fill_bootstrap(registers, {serial, options.user_name, local.address, local.netmask, description().size()});
+  fill_bootstrap(registers, {serial, local.address, local.netmask});
   registers.set(reg::kStreamSourcePort, bound_port(stream_socket.get()));
   registers.writable(reg::kStreamPacketSize, [this](std::uint32_t value) { return write_packet_size(value); });
   registers.writable(reg::kTimestampControl, [this](std::uint32_t value) { return write_timestamp_control(value); });
@@ -144,9 +133,7 @@ gvcp::Status FakeCamera::Impl::start_stream() {
   frame_faults.begin_stream();
   control_faults.begin(now_ns);
   plan.fault_clock_ns = control_faults.clock_ns(now_ns);
-  std::uint64_t never = 0;
-  counters.first_stream_ns.compare_exchange_strong(never, static_cast<std::uint64_t>(now_ns),
-                                                   std::memory_order_relaxed);
+  counters.note_stream(now_ns);
   session = std::make_unique<StreamSession>(plan, *provider, counters, StreamFaults{frame_faults, tallies, period_ns});
   return gvcp::Status::kSuccess;
 }
@@ -203,7 +190,9 @@ void FakeCamera::Impl::serve() {
 
 Result<std::unique_ptr<FakeCamera>> FakeCamera::start(const FakeCameraOptions& options,
                                                       std::unique_ptr<FrameProvider> provider) {
-  if (auto names = check_names(options); !names) return tl::unexpected<Error>(names.error());
+  if (options.serial.size() > kMaxNameLength) {
+    return bad_input("the camera's name '" + options.serial + "' is too long; GigE Vision has room for 15 characters");
+  }
   if (provider->frame_ids().empty()) return bad_input("the capture has no frames; a camera needs at least one");
   if (options.rate_hz < 0.0 || !std::isfinite(options.rate_hz)) {
     return bad_input("the rate must be a positive number of frames a second, or 0 for the capture's own");
@@ -216,7 +205,7 @@ Result<std::unique_ptr<FakeCamera>> FakeCamera::start(const FakeCameraOptions& o
   if (!sensor) return tl::unexpected<Error>(sensor.error());
   const auto local = find_local_address(options.address);
   if (!local) return tl::unexpected<Error>(local.error());
-  auto server = ControlServer::bind(*local, options.port);
+  auto server = ControlServer::bind(*local, gvcp::kPort);
   if (!server) return tl::unexpected<Error>(server.error());
   auto stream_socket = open_stream_socket(local->address);
   if (!stream_socket) return tl::unexpected<Error>(stream_socket.error());

@@ -6,9 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "drivers/fakecam/fault_tally.hpp"
-#include "drivers/fakecam/frame_provider.hpp"
-#include "drivers/fakecam/gige_vision.hpp"
+#include "drivers/fakecam/fault_script.hpp"
+#include "drivers/fakecam/frames.hpp"
 #include "drivers/fakecam/stats.hpp"
 #include "src/core/geometry.hpp"
 #include "src/core/result.hpp"
@@ -17,10 +16,8 @@ namespace bolo::fakecam {
 
 struct FakeCameraOptions {
   std::string address = "127.0.0.1";  // any of this host's, all of 127.0.0.0/8 included: one camera an address
-  std::uint16_t port = gvcp::kPort;
-  std::string serial;            // at most 15 characters; empty: the capture's, or one made of the address
-  std::string user_name;         // at most 15 characters
-  std::optional<Region> crop;    // the part of the capture that is the sensor; nothing: all of it
+  std::string serial;                 // at most 15 characters; empty: the capture's, or one made of the address
+  std::optional<Region> crop;         // the part of the capture that is the sensor; nothing: all of it
   double rate_hz = 0.0;          // frames a second until a client writes AcquisitionFrameRate; 0: the capture's own
   std::uint64_t laps = 1;        // how often the capture is served after each AcquisitionStart; 0: endlessly
   std::size_t keep_frames = 48;  // sent frames that can be asked for again

@@ -1,12 +1,12 @@
 #include "drivers/fakecam/fault_script.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 
 #include "src/core/clock.hpp"
 #include "src/core/nearest.hpp"
+#include "src/core/parse_text.hpp"
 #include "src/core/shortest.hpp"
 
 namespace bolo::fakecam {
@@ -62,10 +62,8 @@ std::vector<FaultType> make_types() {
       {FaultKind::kByteOrder, "byte_order", "pixels come with their bytes swapped", lasting({}, kForEver)},
       {FaultKind::kMetadataRows, "metadata_rows", "the last rows hold metadata: the frame counter in bytes 12 and 13",
        lasting({{"rows", "", 3.0, 1.0, 16.0, true, "of each frame"}}, kForEver)},
-      {FaultKind::kWindowingDrop,
-       "windowing_drop",
-       "a change of IRWindowing drops the connection, as an A655sc does",
-       {for_key(4.0)}},
+      {FaultKind::kWindowingDrop, "windowing_drop", "a change of IRWindowing drops the connection, as an A655sc does",
+       std::vector<FaultKey>{for_key(4.0)}},
   };
 }
 
@@ -80,8 +78,7 @@ Result<const FaultType*> find_type(std::string_view name) {
     if (type.name == name) return &type;
     names.push_back(type.name);
   }
-  return bad_input("there is no fault '" + std::string(name) + "'; did you mean '" + nearest(name, names) +
-                   "'? (bolo fakecam --list-faults shows all)");
+  return bad_input(did_you_mean("fault", name, names) + " (bolo fakecam --list-faults shows all)");
 }
 
 Status check_value(const std::string& where, const FaultKey& key, double value) {
@@ -104,17 +101,13 @@ Status take_item(Fault& fault, std::string_view item) {
   if (key == nullptr) {
     std::vector<std::string_view> keys;
     for (const FaultKey& k : fault.type->keys) keys.push_back(k.key);
-    return bad_input(where + "there is no key '" + std::string(name) + "'; did you mean '" + nearest(name, keys) +
-                     "'?");
+    return bad_input(where + did_you_mean("key", name, keys));
   }
   if (fault.given(name)) return bad_input(where + std::string(name) + " is given twice");
-  double value = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) {
-    return bad_input(where + std::string(name) + "=" + std::string(text) + ": expected a number");
-  }
-  if (Status fine = check_value(where, *key, value); !fine) return fine;
-  fault.values.emplace(name, value);
+  const std::optional<double> value = number_of(text);
+  if (!value) return bad_input(where + std::string(name) + "=" + std::string(text) + ": expected a number");
+  if (Status fine = check_value(where, *key, *value); !fine) return fine;
+  fault.values.emplace(name, *value);
   return {};
 }
 
@@ -128,8 +121,6 @@ Status check_together(const Fault& fault) {
   return bad_input(where + "every=" + shortest(fault.value("every")) + " must be longer than a strike lasts: " +
                    (std::isfinite(lasts_s) ? shortest(lasts_s) : "for ever") + "; set for");
 }
-
-std::int64_t to_ns(double seconds) { return std::llround(seconds * kNsPerSecond); }
 
 // A time that never comes, with room to add to it.
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max() / 4;
@@ -198,6 +189,30 @@ Schedule frame_schedule_of(const Fault& fault, std::int64_t period_ns) {
   Schedule schedule = schedule_of(fault, period_ns);
   schedule.at_ns -= period_ns / 2;
   return schedule;
+}
+
+FaultTallies::FaultTallies(const FaultScript& script) : script_(script) {
+  for (const Fault& fault : script_) tallies_.push_back({fault_text(fault), 0, 0, 0});
+}
+
+void FaultTallies::add(std::size_t place, std::uint64_t InjectedFault::*count, std::uint64_t n) noexcept {
+  const std::lock_guard lock(mutex_);
+  tallies_[place].*count += n;
+}
+
+void FaultTallies::add_frame(FaultSet hit, FaultSet struck) noexcept {
+  for (; hit != 0; hit &= hit - 1) add_frames(static_cast<std::size_t>(std::countr_zero(hit)));
+  for (; struck != 0; struck &= struck - 1) {
+    const auto place = static_cast<std::size_t>(std::countr_zero(struck));
+    add_time(place);
+    const Fault& fault = script_[place];
+    if (fault.kind() == FaultKind::kIdGap) add_frames(place, static_cast<std::uint64_t>(fault.value("ids")));
+  }
+}
+
+std::vector<InjectedFault> FaultTallies::read() const {
+  const std::lock_guard lock(mutex_);
+  return tallies_;
 }
 
 }  // namespace bolo::fakecam

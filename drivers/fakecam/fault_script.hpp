@@ -1,8 +1,10 @@
-// Faults of the fake camera and their times, parsed from text and checked.
+// Faults of the fake camera and their times, parsed from text and checked; and how often they struck.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 #include <map>
+#include <mutex>
 #include <span>
 #include <string>
 #include <string_view>
@@ -91,5 +93,42 @@ Schedule schedule_of(const Fault& fault, std::int64_t period_ns);
 // Such schedules for what happens to frames, asked for by the frames' nominal times: half a period early, so that
 // rounding moves no frame into a strike or out of it. N frames are then exactly N. Thread: any.
 Schedule frame_schedule_of(const Fault& fault, std::int64_t period_ns);
+
+// Counts of one fault. Frames: sent without some of their packets (loss), sent changed, or never sent; of id_gap
+// the ids that no frame got. Packets: lost, moved, doubled or added ones; of resend_unanswered the requests.
+struct InjectedFault {
+  std::string fault;        // as parse_fault() reads it
+  std::uint64_t times = 0;  // strikes that were seen; packets are struck one by one
+  std::uint64_t frames = 0;
+  std::uint64_t packets = 0;
+};
+
+// One set of bits for the faults of a script, by their place in it.
+using FaultSet = std::uint32_t;
+static_assert(kMaxFaults <= 32);
+constexpr FaultSet fault_bit(std::size_t place) { return FaultSet{1} << place; }
+
+// Thread: any.
+class FaultTallies {
+ public:
+  explicit FaultTallies(const FaultScript& script);
+
+  const FaultScript& script() const noexcept { return script_; }
+  void add_time(std::size_t place) noexcept { add(place, &InjectedFault::times, 1); }
+  void add_frames(std::size_t place, std::uint64_t n = 1) noexcept { add(place, &InjectedFault::frames, n); }
+  void add_packets(std::size_t place, std::uint64_t n = 1) noexcept { add(place, &InjectedFault::packets, n); }
+
+  // A frame's turn has come: the faults that it shows, and those that began with it.
+  void add_frame(FaultSet hit, FaultSet struck) noexcept;
+
+  std::vector<InjectedFault> read() const;
+
+ private:
+  void add(std::size_t place, std::uint64_t InjectedFault::*count, std::uint64_t n) noexcept;
+
+  const FaultScript script_;
+  mutable std::mutex mutex_;
+  std::vector<InjectedFault> tallies_;
+};
 
 }  // namespace bolo::fakecam

@@ -7,7 +7,7 @@
 #include <mutex>
 #include <vector>
 
-#include "drivers/fakecam/fault_tally.hpp"
+#include "drivers/fakecam/fault_script.hpp"
 #include "drivers/fakecam/gige_vision.hpp"
 
 namespace bolo::fakecam {

@@ -20,7 +20,8 @@ void write_leader(Bytes out, const BlockInfo& block) {
   const Bytes body = out.subspan(kHeaderBytes);
   store_u16(body, 0, 0);
   store_u16(body, 2, kImagePayload);
-  store_u64(body, 4, block.timestamp_ns);
+  store_u32(body, 4, static_cast<std::uint32_t>(block.timestamp_ns >> 32U));
+  store_u32(body, 8, static_cast<std::uint32_t>(block.timestamp_ns));
   store_u32(body, 12, kMono16);
   store_u32(body, 16, word(block.region.width));
   store_u32(body, 20, word(block.region.height));

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <span>
 
+#include "src/core/byte_order.hpp"
 #include "src/core/geometry.hpp"
 
 namespace bolo::fakecam {
@@ -14,15 +15,7 @@ namespace bolo::fakecam {
 using Bytes = std::span<std::uint8_t>;
 using ConstBytes = std::span<const std::uint8_t>;
 
-// The caller has checked that the field lies inside `bytes`. Thread: any.
-constexpr std::uint16_t load_u16(ConstBytes bytes, std::size_t at) {
-  return static_cast<std::uint16_t>(bytes[at] << 8U | bytes[at + 1]);
-}
-
-constexpr std::uint32_t load_u32(ConstBytes bytes, std::size_t at) {
-  return static_cast<std::uint32_t>(load_u16(bytes, at)) << 16U | load_u16(bytes, at + 2);
-}
-
+// The caller has checked that the field lies inside `bytes`; load_u16() and load_u32() are core's. Thread: any.
 constexpr void store_u16(Bytes bytes, std::size_t at, std::uint16_t value) {
   bytes[at] = static_cast<std::uint8_t>(value >> 8U);
   bytes[at + 1] = static_cast<std::uint8_t>(value & 0xffU);
@@ -31,11 +24,6 @@ constexpr void store_u16(Bytes bytes, std::size_t at, std::uint16_t value) {
 constexpr void store_u32(Bytes bytes, std::size_t at, std::uint32_t value) {
   store_u16(bytes, at, static_cast<std::uint16_t>(value >> 16U));
   store_u16(bytes, at + 2, static_cast<std::uint16_t>(value & 0xffffU));
-}
-
-constexpr void store_u64(Bytes bytes, std::size_t at, std::uint64_t value) {
-  store_u32(bytes, at, static_cast<std::uint32_t>(value >> 32U));
-  store_u32(bytes, at + 4, static_cast<std::uint32_t>(value & 0xffffffffU));
 }
 
 // The control protocol (chapters 13 to 16).
@@ -107,10 +95,9 @@ struct PacketLayout {
   static constexpr PacketLayout of(std::size_t payload_bytes, std::uint32_t packet_size) {
     return {payload_bytes, packet_size - kUdpOverhead - kHeaderBytes};
   }
-  constexpr std::uint32_t data_packets() const {
-    return static_cast<std::uint32_t>((payload_bytes + data_bytes - 1) / data_bytes);
+  constexpr std::uint32_t packets() const {
+    return static_cast<std::uint32_t>((payload_bytes + data_bytes - 1) / data_bytes) + 2;
   }
-  constexpr std::uint32_t packets() const { return data_packets() + 2; }
 };
 
 // The first kHeaderBytes of `out`. Thread: any.

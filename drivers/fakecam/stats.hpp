@@ -1,7 +1,7 @@
 // Counters of the fake camera since it was started.
 #pragma once
 
-#include <atomic>
+#include <algorithm>
 #include <cstdint>
 #include <mutex>
 
@@ -35,60 +35,39 @@ struct FakeCameraStats {
   bool streaming = false;
 };
 
-// The same numbers while the threads count. Each has one writing thread or is only ever added to; readers want no order
-// between them, so all accesses are relaxed.
-struct Counters {
-  using Counter = std::atomic<std::uint64_t>;
-  Counter frames_sent{0}, packets_sent{0}, send_errors{0}, late_frames{0}, worst_lateness_ns{0}, resend_requests{0},
-      resent_packets{0}, resend_misses{0}, commands{0}, bad_commands{0}, clients{0}, heartbeat_losses{0},
-      streams_started{0}, streams_finished{0}, nuc_actions{0}, first_stream_ns{0};
-  std::atomic<bool> controlled{false};
-  std::atomic<bool> streaming{false};
-
-  static void add(Counter& counter, std::uint64_t n = 1) noexcept { counter.fetch_add(n, std::memory_order_relaxed); }
-  // Thread: the counter's only writer.
-  static void raise(Counter& counter, std::uint64_t value) noexcept {
-    if (value > counter.load(std::memory_order_relaxed)) counter.store(value, std::memory_order_relaxed);
+// The same numbers while the threads count. Thread: any.
+class Counters {
+ public:
+  void add(std::uint64_t FakeCameraStats::*counter, std::uint64_t n = 1) noexcept {
+    const std::lock_guard lock(mutex_);
+    stats_.*counter += n;
   }
-  // Thread: sender. One lock a frame, which keeps the pair together.
+  void set(bool FakeCameraStats::*state, bool value) noexcept {
+    const std::lock_guard lock(mutex_);
+    stats_.*state = value;
+  }
+  void note_stream(std::int64_t now_ns) noexcept {
+    const std::lock_guard lock(mutex_);
+    if (stats_.first_stream_ns == 0) stats_.first_stream_ns = static_cast<std::uint64_t>(now_ns);
+  }
+  void note_lateness(std::uint64_t lateness_ns, std::uint64_t late_ns) noexcept {
+    const std::lock_guard lock(mutex_);
+    if (lateness_ns > late_ns) ++stats_.late_frames;
+    stats_.worst_lateness_ns = std::max(stats_.worst_lateness_ns, lateness_ns);
+  }
   void pass(std::uint64_t timestamp_ns) noexcept {
-    const std::lock_guard lock(position_mutex_);
-    ++position_.turns;
-    position_.timestamp_ns = timestamp_ns;
+    const std::lock_guard lock(mutex_);
+    ++stats_.position.turns;
+    stats_.position.timestamp_ns = timestamp_ns;
   }
-  FakeCameraStats read() const noexcept;
+  FakeCameraStats read() const noexcept {
+    const std::lock_guard lock(mutex_);
+    return stats_;
+  }
 
  private:
-  mutable std::mutex position_mutex_;
-  StreamPosition position_;
+  mutable std::mutex mutex_;
+  FakeCameraStats stats_;
 };
-
-inline FakeCameraStats Counters::read() const noexcept {
-  constexpr auto kRelaxed = std::memory_order_relaxed;
-  FakeCameraStats s;
-  s.frames_sent = frames_sent.load(kRelaxed);
-  s.packets_sent = packets_sent.load(kRelaxed);
-  s.send_errors = send_errors.load(kRelaxed);
-  s.late_frames = late_frames.load(kRelaxed);
-  s.worst_lateness_ns = worst_lateness_ns.load(kRelaxed);
-  s.resend_requests = resend_requests.load(kRelaxed);
-  s.resent_packets = resent_packets.load(kRelaxed);
-  s.resend_misses = resend_misses.load(kRelaxed);
-  s.commands = commands.load(kRelaxed);
-  s.bad_commands = bad_commands.load(kRelaxed);
-  s.clients = clients.load(kRelaxed);
-  s.heartbeat_losses = heartbeat_losses.load(kRelaxed);
-  s.streams_started = streams_started.load(kRelaxed);
-  s.streams_finished = streams_finished.load(kRelaxed);
-  s.nuc_actions = nuc_actions.load(kRelaxed);
-  s.first_stream_ns = first_stream_ns.load(kRelaxed);
-  {
-    const std::lock_guard lock(position_mutex_);
-    s.position = position_;
-  }
-  s.controlled = controlled.load(kRelaxed);
-  s.streaming = streaming.load(kRelaxed);
-  return s;
-}
 
 }  // namespace bolo::fakecam

@@ -4,28 +4,24 @@
 #include <sys/prctl.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <ctime>
+#include <utility>
 
 #include "src/core/clock.hpp"
 
 namespace bolo::fakecam {
 namespace {
 
-constexpr std::size_t kAheadFrames = 16;
-constexpr std::int64_t kLateNs = 1'000'000;
-constexpr std::int64_t kStopCheckNs = 20'000'000;
-
-double counts_per_kelvin(IrFormat format) {
-  switch (format) {
-    case IrFormat::kTemperatureLinear10mK:
-      return 100.0;
-    case IrFormat::kTemperatureLinear100mK:
-      return 10.0;
-    case IrFormat::kRadiometric:
-      break;
-  }
-  return 1.0;
+void pause_ns(std::uint64_t ns) {
+  if (ns == 0) return;
+  const timespec span{static_cast<time_t>(ns / 1'000'000'000U), static_cast<long>(ns % 1'000'000'000U)};
+  clock_nanosleep(CLOCK_MONOTONIC, 0, &span, nullptr);
 }
+
+constexpr std::size_t kAheadFrames = 16;
+constexpr std::uint64_t kLateNs = 1'000'000;
+constexpr std::int64_t kStopCheckNs = 20'000'000;
 
 PacketRoute without_gaps(PacketRoute route) {
   route.burst_gap_ns = 0;
@@ -34,6 +30,81 @@ PacketRoute without_gaps(PacketRoute route) {
 }
 
 }  // namespace
+
+PacketTrain::PacketTrain(const PacketRoute& route, Counters& counters, PacketFaults faults)
+    : route_(route), counters_(counters), faults_(std::move(faults)) {
+  for (std::size_t n = 0; n < kBatch; ++n) {
+    parts_[n][0].iov_base = headers_[n].data();
+    auto& message = messages_[n].msg_hdr;
+    message.msg_name = &route_.destination;
+    message.msg_namelen = sizeof(route_.destination);
+    message.msg_iov = parts_[n].data();
+  }
+}
+
+std::size_t PacketTrain::prepare(std::size_t n, const WireFrame& frame, const gvsp::PacketLayout& layout,
+                                 const PlannedPacket& packet) noexcept {
+  const std::uint32_t packet_id = packet.id;
+  auto& [head, body] = parts_[n];
+  body = {nullptr, 0};
+  if (packet.garbage != 0) {
+    head.iov_len = PacketFaults::write_garbage(packet, frame.block.block_id, headers_[n]);
+  } else if (packet_id == 0) {
+    gvsp::write_leader(headers_[n], frame.block);
+    head.iov_len = gvsp::kLeaderBytes;
+  } else if (packet_id + 1 == layout.packets()) {
+    gvsp::write_trailer(headers_[n], frame.block, packet_id);
+    head.iov_len = gvsp::kTrailerBytes;
+  } else {
+    gvsp::write_header(headers_[n], gvcp::Status::kSuccess, frame.block.block_id, gvsp::Content::kPayload, packet_id);
+    head.iov_len = gvsp::kHeaderBytes;
+    const std::size_t from = (packet_id - 1) * layout.data_bytes;
+    // sendmmsg only reads; iovec has no const form.
+    auto* payload = reinterpret_cast<std::uint8_t*>(const_cast<std::uint16_t*>(frame.counts.data()));
+    body = {payload + from, std::min(layout.data_bytes, layout.payload_bytes - from)};
+  }
+  messages_[n].msg_hdr.msg_iovlen = body.iov_len == 0 ? 1 : 2;
+  return head.iov_len + body.iov_len;
+}
+
+std::uint32_t PacketTrain::flush(std::size_t count) noexcept {
+  std::uint32_t taken = 0;
+  for (std::size_t from = 0; from < count;) {
+    const int n = sendmmsg(route_.socket, &messages_[from], static_cast<unsigned>(count - from), 0);
+    if (n > 0) {
+      taken += static_cast<std::uint32_t>(n);
+      from += static_cast<std::size_t>(n);
+    } else if (errno != EINTR) {  // this packet is refused (its size, its route, no memory): go on with the next
+      counters_.add(&FakeCameraStats::send_errors);
+      ++from;
+    }
+  }
+  counters_.add(&FakeCameraStats::packets_sent, taken);
+  return taken;
+}
+
+std::uint32_t PacketTrain::send(const WireFrame& frame, std::uint32_t first, std::uint32_t last) noexcept {
+  const auto layout = gvsp::PacketLayout::of(frame.payload_bytes(), route_.packet_size);
+  const std::uint32_t end = std::min(last, layout.packets() - 1) + 1;
+  const auto plan = faults_.plan(frame, first, end);
+  std::uint32_t taken = faults_.lost();
+  for (std::size_t next = 0; next < plan.size();) {
+    std::size_t count = 0;
+    for (std::size_t bytes = 0; next < plan.size() && count < kBatch && bytes < route_.burst_bytes; ++count, ++next) {
+      bytes += prepare(count, frame, layout, plan[next]);
+    }
+    taken += flush(count);
+    if (next < plan.size()) pause_ns(std::max<std::uint64_t>(route_.burst_gap_ns, count * route_.packet_delay_ns));
+  }
+  return taken;
+}
+
+void PacketTrain::send_unavailable(std::uint16_t block_id, std::uint32_t packet_id) noexcept {
+  gvsp::write_header(headers_[0], gvcp::Status::kPacketUnavailable, block_id, gvsp::Content::kPayload, packet_id);
+  parts_[0][0].iov_len = gvsp::kHeaderBytes;
+  messages_[0].msg_hdr.msg_iovlen = 1;
+  flush(1);
+}
 
 StreamSession::StreamSession(const StreamPlan& plan, FrameProvider& provider, Counters& counters,
                              const StreamFaults& faults)
@@ -50,7 +121,7 @@ StreamSession::StreamSession(const StreamPlan& plan, FrameProvider& provider, Co
       first_timestamp_ns_(timeline_.at(0).timestamp_ns),
       loader_([this] { load_frames(); }),
       sender_([this] { send_frames(); }) {
-  Counters::add(counters_.streams_started);
+  counters_.add(&FakeCameraStats::streams_started);
 }
 
 StreamSession::~StreamSession() { stop(); }
@@ -91,7 +162,7 @@ void StreamSession::fill(WireFrame& frame, const Moment& moment, const std::byte
 
 void StreamSession::send_frames() {
   pthread_setname_np(pthread_self(), "fakecam-send");
-  counters_.streaming.store(true, std::memory_order_relaxed);
+  counters_.set(&FakeCameraStats::streaming, true);
   prctl(PR_SET_TIMERSLACK, 1UL);  // ns: the default of 50 us is longer than the gaps between bursts
   std::int64_t start_ns = 0;
   while (const WireFrame* frame = ring_.begin_send()) {
@@ -103,15 +174,15 @@ void StreamSession::send_frames() {
     if (!wait_until(due_ns)) break;
     faults_.tallies.add_frame(frame->hit, frame->struck);
     if (!frame->withheld) {
-      note_lateness(due_ns);
+      counters_.note_lateness(static_cast<std::uint64_t>(std::max<std::int64_t>(monotonic_ns() - due_ns, 0)), kLateNs);
       train_.send(*frame);
-      Counters::add(counters_.frames_sent);
+      counters_.add(&FakeCameraStats::frames_sent);
     }
     counters_.pass(frame->block.timestamp_ns);
     ring_.end_send();
   }
-  if (!stop_requested_.load(std::memory_order_relaxed)) Counters::add(counters_.streams_finished);
-  counters_.streaming.store(false, std::memory_order_relaxed);
+  if (!stop_requested_.load(std::memory_order_relaxed)) counters_.add(&FakeCameraStats::streams_finished);
+  counters_.set(&FakeCameraStats::streaming, false);
   running_.store(false, std::memory_order_release);  // pairs with running()
 }
 
@@ -126,20 +197,14 @@ bool StreamSession::wait_until(std::int64_t due_ns) noexcept {
   return false;
 }
 
-void StreamSession::note_lateness(std::int64_t due_ns) noexcept {
-  const std::int64_t lateness_ns = monotonic_ns() - due_ns;
-  if (lateness_ns > kLateNs) Counters::add(counters_.late_frames);
-  Counters::raise(counters_.worst_lateness_ns, static_cast<std::uint64_t>(std::max<std::int64_t>(lateness_ns, 0)));
-}
-
 void StreamSession::resend(std::uint16_t block_id, std::uint32_t first, std::uint32_t last) noexcept {
-  Counters::add(counters_.resend_requests);
+  counters_.add(&FakeCameraStats::resend_requests);
   const auto pin = ring_.find(block_id);
   const bool there = pin.frame() != nullptr && !pin.frame()->withheld;
   const std::uint32_t resent = there ? resend_train_.send(*pin.frame(), first, last) : 0;
-  Counters::add(counters_.resent_packets, resent);
+  counters_.add(&FakeCameraStats::resent_packets, resent);
   if (resent > 0) return;
-  Counters::add(counters_.resend_misses);
+  counters_.add(&FakeCameraStats::resend_misses);
   resend_train_.send_unavailable(block_id, first);
 }
 
@@ -152,7 +217,5 @@ std::uint64_t StreamSession::camera_time_ns(std::int64_t now_ns) const noexcept 
   const std::int64_t start_ns = start_ns_.load(std::memory_order_relaxed);
   return first_timestamp_ns_ + (start_ns == 0 ? 0 : static_cast<std::uint64_t>(now_ns - start_ns));
 }
-
-Status StreamSession::result() const { return result_; }
 
 }  // namespace bolo::fakecam

@@ -78,7 +78,6 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   std::vector<pipeline::Notice> take_notices() { return notices_.take(); }
   Status trigger_nuc();
   void set_nuc(const NucOptions& nuc);
-  const rt::LatencyHistogram& latency() const noexcept { return receiver_.latency(); }
 
  private:
   void run();

@@ -105,7 +105,6 @@ void FrameIdTracker::reset_counter() noexcept {
   place_broken(unplaced_);
   reset_next_ = false;
   counter_reset_ = true;
-  ++resets_;
 }
 
 // The newest frame is now `frames` further on; those between are open, but for the ones known to be broken.

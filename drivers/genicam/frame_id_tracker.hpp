@@ -53,7 +53,6 @@ class FrameIdTracker {
   std::uint64_t duplicates() const noexcept { return duplicates_; }
   // Frames from the first seen to the last seen; 0 before the first.
   std::uint64_t span() const noexcept { return started_ ? highest_ - lowest_ + 1 : 0; }
-  std::uint64_t counter_resets() const noexcept { return resets_; }
 
  private:
   enum class Place { kNew, kLate, kDuplicate };
@@ -83,7 +82,6 @@ class FrameIdTracker {
   std::uint64_t unplaced_ = 0;  // broken frames without id since the highest
   std::uint64_t received_ = 0;
   std::uint64_t duplicates_ = 0;
-  std::uint64_t resets_ = 0;
   std::array<std::uint64_t, kLossCauses> counted_{};
 };
 

@@ -81,7 +81,7 @@ void FrameReceiver::deliver(const CameraFrame& frame, std::int64_t now_ns) noexc
   slot->meta.receive_ns = frame.receive_ns;
   slot->meta.flags = flags;
   slot->meta.host_ns = host_ns;
-  if (inlet_.commit(*slot)) latency_.add(monotonic_ns() - frame.receive_ns);
+  inlet_.commit(*slot);
 }
 
 void FrameReceiver::note_arrival(std::int64_t now_ns) noexcept {

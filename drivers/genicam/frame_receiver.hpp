@@ -45,7 +45,6 @@ class FrameReceiver {
   // CLOCK_MONOTONIC of the first frame of the present connection, or of the first after frames had stopped; as known
   // when last_frame_ns() was read. Thread: any.
   std::int64_t flows_since_ns() const noexcept { return flows_since_ns_.load(std::memory_order_relaxed); }
-  const rt::LatencyHistogram& latency() const noexcept { return latency_; }
 
  private:
   static double watched_still_k(const NucOptions& nuc) noexcept {
@@ -75,7 +74,6 @@ class FrameReceiver {
   bool first_of_connection_ = true;
   std::atomic<std::int64_t> flows_since_ns_{0};  // published by last_frame_ns_
   std::atomic<std::int64_t> last_frame_ns_{0};
-  rt::LatencyHistogram latency_;
 };
 
 }  // namespace bolo::genicam

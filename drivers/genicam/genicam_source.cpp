@@ -95,10 +95,4 @@ void GenicamSource::set_nuc(const NucOptions& nuc) {
   if (const auto manager = impl_->current(); manager != nullptr) manager->set_nuc(nuc);
 }
 
-const rt::LatencyHistogram& GenicamSource::receive_latency() const noexcept {
-  static const rt::LatencyHistogram kNone;
-  const auto manager = impl_->current();
-  return manager != nullptr ? manager->latency() : kNone;
-}
-
 }  // namespace bolo::genicam

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "src/pipeline/source.hpp"
-#include "src/rt/counters.hpp"
 
 namespace bolo::genicam {
 
@@ -125,8 +124,6 @@ class GenicamSource final : public pipeline::FrameSource {
   // Settings that the camera or the host rounded or refused when it was opened and started. Thread: any.
   std::vector<std::string> warnings() const;
   std::vector<pipeline::Notice> take_notices() override;
-  // First packet of a frame received -> frame in the queue, since start(). Thread: any, not during start().
-  const rt::LatencyHistogram& receive_latency() const noexcept;
 
  private:
   struct Impl;

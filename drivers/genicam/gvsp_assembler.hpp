@@ -111,7 +111,6 @@ class Assembler {
   bool request(Frame& frame, std::uint32_t first, std::uint32_t last, std::int64_t now_ns) noexcept;
 
   std::int64_t steps(std::uint64_t from, std::uint64_t to, bool extended) const noexcept;
-  std::int64_t steps_ahead(const Frame& frame) const noexcept { return steps(newest_, frame.id, frame.extended); }
   bool within_reach(std::uint64_t id, bool extended, std::int64_t now_ns) const noexcept;
   bool within_reach(const Frame& frame, std::int64_t now_ns) const noexcept {
     return within_reach(frame.id, frame.extended, now_ns);

@@ -1,6 +1,6 @@
 #include "drivers/genicam/gvsp_packet.hpp"
 
-#include <algorithm>
+#include "src/core/byte_order.hpp"
 
 namespace bolo::genicam::gvsp {
 namespace {
@@ -19,18 +19,6 @@ constexpr std::size_t kShortestLeader = 12;
 constexpr std::size_t kImageLeader = 36;
 constexpr std::uint32_t kLargestSide = 1U << 16U;
 
-// Big-endian; the caller has checked that they lie inside.
-std::uint16_t word16(Bytes bytes, std::size_t at) noexcept {
-  return static_cast<std::uint16_t>(std::to_integer<unsigned>(bytes[at]) << 8U |
-                                    std::to_integer<unsigned>(bytes[at + 1]));
-}
-std::uint32_t word32(Bytes bytes, std::size_t at) noexcept {
-  return static_cast<std::uint32_t>(word16(bytes, at)) << 16U | word16(bytes, at + 2);
-}
-std::uint64_t word64(Bytes bytes, std::size_t at) noexcept {
-  return static_cast<std::uint64_t>(word32(bytes, at)) << 32U | word32(bytes, at + 4);
-}
-
 // PACKET_UNAVAILABLE, and removed from the camera's memory, alone or with those before it. Other errors may pass.
 bool is_final(std::uint16_t status) noexcept {
   const auto code = static_cast<unsigned>(status & 0xffU);
@@ -46,14 +34,14 @@ bool known(std::uint32_t content) noexcept {
 
 std::optional<Packet> parse(Bytes datagram) noexcept {
   if (datagram.size() < kHeaderBytes) return std::nullopt;
-  const std::uint16_t status = word16(datagram, 0);
-  const std::uint32_t infos = word32(datagram, 4);
+  const std::uint16_t status = load_u16(datagram, 0);
+  const std::uint32_t infos = load_u32(datagram, 4);
   Packet packet;
   packet.extended = (infos & kExtendedIds) != 0;
   const std::size_t header = packet.extended ? kExtendedHeaderBytes : kHeaderBytes;
   if (datagram.size() < header) return std::nullopt;
-  packet.frame_id = packet.extended ? word64(datagram, 8) : word16(datagram, 2);
-  packet.packet_id = packet.extended ? word32(datagram, 16) : infos & kShortPacketId;
+  packet.frame_id = packet.extended ? load_u64(datagram, 8) : load_u16(datagram, 2);
+  packet.packet_id = packet.extended ? load_u32(datagram, 16) : infos & kShortPacketId;
   if ((status & kError) != 0) {
     packet.refused = true;
     return is_final(status) ? std::optional(packet) : std::nullopt;
@@ -68,16 +56,16 @@ std::optional<Packet> parse(Bytes datagram) noexcept {
 std::optional<Leader> parse_leader(Bytes body) noexcept {
   if (body.size() < kShortestLeader) return std::nullopt;
   Leader leader;
-  leader.ticks = word64(body, 4);
-  if ((word16(body, 2) & kPayloadTypeMask) != kImage) return leader;
+  leader.ticks = load_u64(body, 4);
+  if ((load_u16(body, 2) & kPayloadTypeMask) != kImage) return leader;
   if (body.size() < kImageLeader) return std::nullopt;
-  const std::uint32_t width = word32(body, 16);
-  const std::uint32_t height = word32(body, 20);
-  if (word32(body, 12) != kMono16 || width > kLargestSide || height > kLargestSide) return leader;
+  const std::uint32_t width = load_u32(body, 16);
+  const std::uint32_t height = load_u32(body, 20);
+  if (load_u32(body, 12) != kMono16 || width > kLargestSide || height > kLargestSide) return leader;
   leader.mono16 = true;
   leader.width = static_cast<int>(width);
   leader.height = static_cast<int>(height);
-  leader.x_padding = word16(body, 32);
+  leader.x_padding = load_u16(body, 32);
   return leader;
 }
 

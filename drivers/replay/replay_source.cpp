@@ -89,8 +89,7 @@ ReplaySource::Lap ReplaySource::length() const {
   const std::vector<double>& t = reader_->t();
   const std::vector<std::uint64_t>& id = reader_->frame_id();
   if (t.empty()) return {};
-  return {id.back() - id.front() + 1,
-          std::llround((t.back() - t.front() + reader_->info().format.frame_period_s) * kNsPerSecond)};
+  return {id.back() - id.front() + 1, to_ns(t.back() - t.front() + reader_->info().format.frame_period_s)};
 }
 
 void ReplaySource::feed(pipeline::FrameInlet& inlet) {
@@ -116,12 +115,12 @@ bool ReplaySource::play(pipeline::FrameInlet& inlet, std::int64_t start_ns, Lap 
       inlet.count_loss(LossCause::kMissing, id[i] - id[i - 1] - 1);
     }
     const bool real_time = pace_ == Pace::kRealTime;
-    const std::int64_t due_ns = start_ns + lap.ns + std::llround((t[i] - t.front()) * kNsPerSecond);
+    const std::int64_t due_ns = start_ns + lap.ns + to_ns(t[i] - t.front());
     if (real_time && !sleep_until(due_ns)) return false;
     rt::FrameSlot* slot = real_time ? inlet.borrow() : inlet.borrow_wait(stop_requested_);
     if (slot == nullptr) continue;  // lost and counted, or asked to stop
     slot->meta.frame_id = id[i] + lap.frames;
-    slot->meta.camera_ns = std::llround(t[i] * kNsPerSecond) + lap.ns;
+    slot->meta.camera_ns = to_ns(t[i]) + lap.ns;
     slot->meta.receive_ns = monotonic_ns();
     result_ = read(i, slot->data);
     if (!result_) {

@@ -147,13 +147,6 @@ const void* PointReader::Impl::corrected_plane(std::size_t place, std::uint64_t 
   return plane.data();
 }
 
-Result<PointReader> PointReader::open(const std::string& name, std::vector<std::uint32_t> pixels,
-                                      const model::PixelMaps& maps) {
-  Result<ShmReader> reader = ShmReader::open(name);
-  if (!reader) return tl::unexpected<Error>(reader.error());
-  return over(std::move(*reader), std::move(pixels), maps);
-}
-
 Result<PointReader> PointReader::over(ShmReader reader, std::vector<std::uint32_t> pixels,
                                       const model::PixelMaps& maps) {
   const std::string where = "shared memory '" + reader.name() + "'";
@@ -233,8 +226,6 @@ PointReader::Outcome PointReader::solve(std::uint64_t number, std::span<std::uin
 }
 
 std::uint64_t PointReader::published() const noexcept { return impl_->reader.published(); }
-int PointReader::lookahead() const noexcept { return impl_->settings.lookahead; }
-
 PointReader::PointReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 PointReader::PointReader(PointReader&&) noexcept = default;
 PointReader& PointReader::operator=(PointReader&&) noexcept = default;

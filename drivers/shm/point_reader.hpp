@@ -17,12 +17,9 @@ namespace bolo::shm {
 
 class PointReader {
  public:
-  // Maps "/bolo." + name read-only and makes a solver with the writer's settings and instruction set for `pixels`,
-  // row-major indices. A stream whose pixels have parameters of their own needs the writer's `maps`; without them, and
-  // for a writer that does not tell its settings, it is refused. Thread: setup.
-  static Result<PointReader> open(const std::string& name, std::vector<std::uint32_t> pixels,
-                                  const model::PixelMaps& maps = {});
-  // The same over a reader that is open: of its object, whatever the name stands for by now. Thread: setup.
+  // Makes a solver with the writer's settings and instruction set for `pixels`, row-major indices. A stream whose
+  // pixels have parameters of their own needs the writer's `maps`; without them, and for a writer that does not tell
+  // its settings, it is refused. Thread: setup.
   static Result<PointReader> over(ShmReader reader, std::vector<std::uint32_t> pixels,
                                   const model::PixelMaps& maps = {});
   PointReader(PointReader&&) noexcept;
@@ -43,8 +40,6 @@ class PointReader {
 
   // Frames published so far; the last `look-ahead` of them can't be solved yet. Thread: any.
   std::uint64_t published() const noexcept;
-  // Frames that the window reaches beyond the estimated one. Thread: any.
-  int lookahead() const noexcept;
 
  private:
   struct Impl;

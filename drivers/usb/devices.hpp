@@ -15,8 +15,6 @@
 
 namespace bolo::usb {
 
-inline constexpr std::uint16_t kFlirVendor = 0x09cb;
-
 struct ExitContext {
   void operator()(libusb_context* context) const noexcept { libusb_exit(context); }
 };

@@ -234,11 +234,6 @@ std::string type_text(hid_t type) {
   }
 }
 
-std::string dataset_type(hid_t id) {
-  const Handle type(H5Dget_type(id));
-  return type_text(type.get());
-}
-
 std::optional<std::size_t> product(const Dims& dims) {
   std::size_t out = 1;
   for (const hsize_t size : dims) {

@@ -63,7 +63,6 @@ using Dims = std::vector<hsize_t>;
 std::string text(double value);                        // shortest form with 9 digits
 std::string text(const Dims& dims);                    // "(30, 120, 640)", "() " for a scalar
 std::string type_text(hid_t type);                     // "uint16", "float64", "string" ...
-std::string dataset_type(hid_t id);                    // type_text of a dataset's type
 std::optional<std::size_t> product(const Dims& dims);  // nothing when it doesn't fit
 
 // Group or dataset that has attributes; `name` is for messages ("root", "/stimulus").

@@ -13,6 +13,18 @@ constexpr std::uint16_t swap_bytes(std::uint16_t value) noexcept {
   return static_cast<std::uint16_t>(value << 8 | value >> 8);
 }
 
+// Big-endian words of a datagram, byte by byte: no alignment assumed. The caller has checked that they lie inside.
+// Thread: any.
+constexpr std::uint16_t load_u16(const auto& bytes, std::size_t at) noexcept {
+  return static_cast<std::uint16_t>(static_cast<unsigned>(bytes[at]) << 8U | static_cast<unsigned>(bytes[at + 1]));
+}
+constexpr std::uint32_t load_u32(const auto& bytes, std::size_t at) noexcept {
+  return static_cast<std::uint32_t>(load_u16(bytes, at)) << 16U | load_u16(bytes, at + 2);
+}
+constexpr std::uint64_t load_u64(const auto& bytes, std::size_t at) noexcept {
+  return static_cast<std::uint64_t>(load_u32(bytes, at)) << 32U | load_u32(bytes, at + 4);
+}
+
 // 16-bit values from bytes in big-endian or little-endian order. The loop becomes vector shuffles. `from` need not be
 // aligned. Thread: any.
 inline void copy_values(const std::byte* from, bool big_endian, std::uint16_t* to, std::size_t count) noexcept {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cmath>
 #include <cstdint>
 
 namespace bolo {
@@ -14,5 +15,8 @@ inline std::int64_t monotonic_ns() noexcept {
 
 inline constexpr double kNsPerSecond = 1e9;
 inline constexpr double kMsPerNs = 1e-6;
+
+// To the nearest nanosecond. Thread: any.
+inline std::int64_t to_ns(double seconds) noexcept { return std::llround(seconds * kNsPerSecond); }
 
 }  // namespace bolo

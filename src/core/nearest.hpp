@@ -33,4 +33,10 @@ inline std::string nearest(std::string_view word, std::span<const std::string_vi
   return best;
 }
 
+// "there is no WHAT 'name'; did you mean '...'?" Thread: any.
+inline std::string did_you_mean(std::string_view what, std::string_view name, std::span<const std::string_view> names) {
+  return "there is no " + std::string(what) + " '" + std::string(name) + "'; did you mean '" + nearest(name, names) +
+         "'?";
+}
+
 }  // namespace bolo

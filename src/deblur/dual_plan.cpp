@@ -1,7 +1,6 @@
 #include "src/deblur/dual_plan.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 namespace bolo::deblur {
@@ -99,22 +98,6 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
   fill_lost(grid, pattern, plan.value);
   plan.gap = gap_of(plan, grid, pattern);
   plan.near_sweeps = plan.near_sweeps_whole + (plan.gap.searches > 0 ? kSweepsAfterSearch : 0);
-}
-
-void visit_order(int bins, std::array<Visit, kMaxDualBins>& order) {
-  std::size_t count = 0;
-  order[count++] = {0, 0, bins};
-  const auto visit_tree = [&](int begin, int span, int group) {
-    for (int width = span; width > span / group; width /= 2) {
-      for (int at = begin; at < begin + span; at += width) order[count++] = {at + width / 2, begin, begin + span};
-    }
-  };
-  int group = std::countr_zero(static_cast<unsigned>(bins)) % 2 == 1 ? 2 : 4;
-  for (int span = bins; span > 1; span /= group, group = 4) {
-    if (span < bins) group = 4;
-    for (int begin = 0; begin < bins; begin += 2 * span) visit_tree(begin, span, group);
-    for (int begin = span; begin < bins; begin += 2 * span) visit_tree(begin, span, group);
-  }
 }
 
 }  // namespace bolo::deblur

@@ -77,15 +77,4 @@ DualPlan make_dual_plan(const Grid& grid, const DualTuning& tuning);
 // without them: a start for ADMM. No allocation. Thread: pipeline.
 void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept;
 
-// A coefficient and the bins of the tree that it is visited with.
-struct Visit {
-  int coefficient = 0;
-  int begin = 0;
-  int end = 0;
-};
-
-// The order in which a sweep visits the coefficients: coarse to fine, in trees of two levels, every other tree first. A
-// near sweep leaves out trees without a published bin. Fills order[0, bins). Thread: any.
-void visit_order(int bins, std::array<Visit, kMaxDualBins>& order);
-
 }  // namespace bolo::deblur

@@ -173,20 +173,4 @@ bool Lasso::polish(const Coefficients& h, double lambda, Coefficients& d) const 
   return true;
 }
 
-Optimality check(const Eigen::MatrixXd& z, const Eigen::VectorXd& y, const Eigen::VectorXd& d, double lambda) {
-  const Eigen::VectorXd residual = y - z * d;
-  const Eigen::VectorXd gradient = z.transpose() * residual;
-  Optimality result;
-  for (Eigen::Index i = 0; i < d.size(); ++i) {
-    const double excess = d(i) == 0.0 ? std::max(0.0, std::abs(gradient(i)) - lambda)
-                                      : std::abs(gradient(i) - std::copysign(lambda, d(i)));
-    result.violation = std::max(result.violation, excess);
-  }
-  const double largest = gradient.size() > 0 ? gradient.cwiseAbs().maxCoeff() : 0.0;
-  const Eigen::VectorXd dual = residual * (largest > lambda ? lambda / largest : 1.0);
-  const double primal_value = 0.5 * residual.squaredNorm() + lambda * d.lpNorm<1>();
-  result.gap = primal_value - (0.5 * y.squaredNorm() - 0.5 * (y - dual).squaredNorm());
-  return result;
-}
-
 }  // namespace bolo::deblur

@@ -31,12 +31,4 @@ class Lasso {
   Gram start_;  // (Q + ridge I)^-1
 };
 
-// How far D is from optimal: max over i of the violation of |Z_i^T (Y - Z D)| <= lambda (= lambda sign D_i where D_i is
-// not 0), and the duality gap in squared units of the values. Thread: any.
-struct Optimality {
-  double violation = 0.0;
-  double gap = 0.0;
-};
-Optimality check(const Eigen::MatrixXd& z, const Eigen::VectorXd& y, const Eigen::VectorXd& d, double lambda);
-
 }  // namespace bolo::deblur

@@ -1,5 +1,5 @@
-// Effects: what makes a real camera differ from the nominal one. Each is one file in src/sim/effects, found by the
-// build.
+// Effects: what makes a real camera differ from the nominal one. Those of a topic are a file in src/sim/effects, found
+// by the build.
 #pragma once
 
 #include <cstdint>
@@ -60,9 +60,6 @@ const EffectDescription* find_effect(std::string_view name);
 // "NAME" or "NAME:key=value,...", where `form` is a key too. kBadInput says what is wrong in one line and names the
 // nearest name or key. Thread: any.
 Result<EffectSpec> parse_effect(std::string_view text);
-
-// The text that parse_effect() reads back as this. Thread: any.
-std::string effect_text(const EffectSpec& spec);
 
 // Names known, forms and keys theirs, values within what is accepted, each name once. Thread: any.
 Status check_effects(std::span<const EffectSpec> effects);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "src/sim/radiance.hpp"
 
@@ -25,16 +24,25 @@ CameraModel nominal(const CameraSettings& settings) {
   return model;
 }
 
-// Student's t with unit variance (Bailey, "Polar generation of random variates with the t-distribution", 1994).
-void fill_student(std::uint64_t seed, double degrees, std::span<double> out) noexcept {
-  SplitMix random(seed);
-  const double unit_variance = std::sqrt((degrees - 2.0) / degrees);
-  for (double& value : out) {
-    const double u = 1.0 - unit(random.next());
-    const double angle = 2.0 * std::numbers::pi * unit(random.next());
-    value = unit_variance * std::sqrt(degrees * (std::pow(u, -2.0 / degrees) - 1.0)) * std::cos(angle);
+class BareView final : public View {
+ public:
+  explicit BareView(const Field& field) : field_(field) {}
+  explicit BareView(std::unique_ptr<const Field> owned) : owned_(std::move(owned)), field_(*owned_) {}
+  std::unique_ptr<View> blurred(const Blur& blur) const override {
+    std::unique_ptr<const Field> field = field_.blurred(blur);
+    return field == nullptr ? nullptr : std::make_unique<BareView>(std::move(field));
   }
-}
+  void draw(double t_s, const Patch& patch, std::span<float> out) override {
+    const auto width = static_cast<std::size_t>(patch.width);
+    for (int y = 0; y < patch.height; ++y) {
+      field_.sample_from(t_s, patch.column, patch.row + y, out.subspan(static_cast<std::size_t>(y) * width, width));
+    }
+  }
+
+ private:
+  std::unique_ptr<const Field> owned_;  // nullptr when the field is lent
+  const Field& field_;
+};
 
 }  // namespace
 
@@ -56,7 +64,7 @@ EffectCamera::EffectCamera(const CameraSettings& settings, const Field& field, r
   const int height = settings.geometry.height;
   bands_.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) {
-    std::unique_ptr<View> view = bare_view(field);
+    std::unique_ptr<View> view = std::make_unique<BareView>(field);
     for (const PlacedEffect& placed : effects_) view = placed.effect->look(std::move(view), model_);
     bands_.emplace_back(model_, std::move(view), height * i / count, height * (i + 1) / count);
   }

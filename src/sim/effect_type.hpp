@@ -6,12 +6,14 @@
 #include <memory>
 #include <span>
 #include <string_view>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "src/sim/effect.hpp"
+#include "src/sim/field.hpp"
 #include "src/sim/random.hpp"
 #include "src/sim/simulator.hpp"
-#include "src/sim/view.hpp"
 
 namespace bolo::sim {
 
@@ -58,6 +60,52 @@ struct FrameInstant {
   double t_s = 0.0;        // when it is taken: the capture's time
   double session_s = 0.0;  // the same since the camera was switched on
 };
+
+// A grid of points spaced a pixel apart: columns column, column + 1 ... of rows row, row + 1 ... The first column may
+// lie between two pixels, and all may lie beyond the frame.
+struct Patch {
+  double column = 0.0;
+  int row = 0;
+  int width = 0;
+  int height = 0;
+  std::size_t points() const noexcept { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
+};
+
+// A view belongs to one band of rows and keeps its working space.
+class View {
+ public:
+  virtual ~View() = default;
+  // The signal at `patch`, row by row, at t. Thread: one at a time.
+  virtual void draw(double t_s, const Patch& patch, std::span<float> out) = 0;
+  // How many times longer than for the bare field its steps in time may be, as the eye blurs what jumps.
+  virtual double patience() const { return 1.0; }
+  // This view through a blur, when it is known in closed form; else nullptr. Thread: setup.
+  virtual std::unique_ptr<View> blurred(const Blur& /*blur*/) const { return nullptr; }
+};
+
+// A view that changes each point by itself: change(value, x, y).
+template <typename Change>
+class PointView final : public View {
+ public:
+  PointView(std::unique_ptr<View> inner, Change change) : inner_(std::move(inner)), change_(std::move(change)) {}
+  void draw(double t_s, const Patch& patch, std::span<float> out) override {
+    inner_->draw(t_s, patch, out);
+    std::size_t i = 0;
+    for (int y = 0; y < patch.height; ++y) {
+      for (int x = 0; x < patch.width; ++x, ++i) out[i] = change_(out[i], patch.column + x, patch.row + y);
+    }
+  }
+  double patience() const override { return inner_->patience(); }
+
+ private:
+  std::unique_ptr<View> inner_;
+  Change change_;
+};
+
+template <typename Change>
+std::unique_ptr<View> point_view(std::unique_ptr<View> inner, Change change) {
+  return std::make_unique<PointView<Change>>(std::move(inner), std::move(change));
+}
 
 class Effect {
  public:
@@ -107,13 +155,26 @@ class EffectSetup {
   std::uint64_t noise_seed_;
 };
 
+// `make` is a maker() or a hooked().
 struct EffectType {
   EffectDescription description;
-  Order order = Order::kOffset;
+  Order order;
   std::function<std::unique_ptr<Effect>(const EffectSetup&)> make;
+
+  EffectType(std::string_view name, Stage stage, Order place, std::string_view about, std::vector<Parameter> parameters,
+             std::vector<std::string_view> forms, std::function<std::unique_ptr<Effect>(const EffectSetup&)> from)
+      : description{name, stage, true, about, std::move(parameters), std::move(forms)},
+        order(place),
+        make(std::move(from)) {}
 };
 
-// All types by name: src/sim/effects/NAME.cpp defines `EffectType effects::NAME()`. Thread: any.
+// An effect that no diagnosis knows by name.
+inline EffectType outside_catalogue(EffectType type) {
+  type.description.in_catalogue = false;
+  return type;
+}
+
+// All types by name: those that the files in src/sim/effects give. Thread: any.
 const std::vector<EffectType>& effect_types();
 
 // The effects in the order of their places. `specs` are checked. Thread: setup.
@@ -123,9 +184,49 @@ struct PlacedEffect {
 };
 std::vector<PlacedEffect> make_effects(const CameraSettings& settings, Extremes extremes);
 
+// How an effect of the class T is made.
 template <typename T>
 auto maker() {
   return [](const EffectSetup& setup) -> std::unique_ptr<Effect> { return std::make_unique<T>(setup); };
+}
+
+// An effect of one hook, a function of configure()'s, look()'s or row()'s parameters.
+template <typename Hook>
+class HookEffect final : public Effect {
+  static constexpr bool kConfigures = std::is_invocable_v<Hook&, CameraModel&>;
+  static constexpr bool kLooks = std::is_invocable_v<const Hook&, std::unique_ptr<View>, const CameraModel&>;
+  static constexpr bool kRow = std::is_invocable_v<Hook&, const FrameInstant&, int, std::span<double>>;
+  static_assert(kConfigures || kLooks || kRow, "takes what none of the hooks gets");
+
+ public:
+  explicit HookEffect(Hook hook) : hook_(std::move(hook)) {}
+  void configure(CameraModel& model) override {
+    if constexpr (kConfigures) hook_(model);
+  }
+  std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel& model) const override {
+    if constexpr (kLooks) inner = hook_(std::move(inner), model);
+    return inner;
+  }
+  void row(const FrameInstant& frame, int row, std::span<double> kelvin) noexcept override {
+    if constexpr (kRow) hook_(frame, row, kelvin);
+  }
+
+ private:
+  Hook hook_;
+};
+
+// How an effect is made from the hook that `hook_of(setup)` gives.
+template <typename HookOf>
+auto hooked(HookOf hook_of) {
+  return [hook_of](const EffectSetup& setup) -> std::unique_ptr<Effect> {
+    return std::make_unique<HookEffect<decltype(hook_of(setup))>>(hook_of(setup));
+  };
+}
+
+// What of a plane of the frame is the row's. Thread: any.
+template <typename Plane>
+auto row_of(Plane& plane, int row, std::size_t width) noexcept {
+  return std::span(plane).subspan(static_cast<std::size_t>(row) * width, width);
 }
 
 }  // namespace bolo::sim

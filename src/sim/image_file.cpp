@@ -1,16 +1,109 @@
 // Pictures as scenes: PNG, JPEG, HDF5.
+#include <png.h>
+#include <turbojpeg.h>
+
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <bit>
+#include <csetjmp>
+#include <cstdio>
 #include <fstream>
+#include <iterator>
 #include <memory>
 #include <string>
 
-#include "src/sim/grey_image.hpp"
 #include "src/sim/scene.hpp"
 
 namespace bolo::sim {
 namespace {
+
+constexpr std::uint64_t kMaxPixels = 64'000'000;
+
+struct FileCloser {
+  void operator()(std::FILE* file) const { std::fclose(file); }
+};
+
+// One PNG being read. libpng reports errors by longjmp: each call that may jump sits in a function of its own that has
+// no object with a destructor.
+class PngReader {
+ public:
+  PngReader() {
+    png_ = png_create_read_struct(PNG_LIBPNG_VER_STRING, this, keep_message, ignore_warning);
+    info_ = png_ != nullptr ? png_create_info_struct(png_) : nullptr;
+  }
+  ~PngReader() { png_destroy_read_struct(&png_, &info_, nullptr); }
+  PngReader(const PngReader&) = delete;
+  PngReader& operator=(const PngReader&) = delete;
+
+  // Reads the header and asks for 16-bit grey in the machine's byte order, whatever is stored: an 8-bit level v becomes
+  // 257 v, which is the same share of white.
+  bool read_header(std::FILE* file) {
+    if (info_ == nullptr || setjmp(png_jmpbuf(png_)) != 0) return false;
+    png_init_io(png_, file);
+    png_read_info(png_, info_);
+    png_set_expand_16(png_);
+    png_set_strip_alpha(png_);
+    if ((png_get_color_type(png_, info_) & PNG_COLOR_MASK_COLOR) != 0) {
+      png_set_rgb_to_gray_fixed(png_, PNG_ERROR_ACTION_NONE, PNG_RGB_TO_GRAY_DEFAULT, PNG_RGB_TO_GRAY_DEFAULT);
+    }
+    if constexpr (std::endian::native == std::endian::little) png_set_swap(png_);
+    png_set_interlace_handling(png_);
+    png_read_update_info(png_, info_);
+    return true;
+  }
+
+  bool read_pixels(png_bytepp rows) {
+    if (setjmp(png_jmpbuf(png_)) != 0) return false;
+    png_read_image(png_, rows);
+    png_read_end(png_, nullptr);
+    return true;
+  }
+
+  std::uint64_t width() const { return png_get_image_width(png_, info_); }
+  std::uint64_t height() const { return png_get_image_height(png_, info_); }
+  std::size_t row_bytes() const { return png_get_rowbytes(png_, info_); }
+  const std::string& message() const { return message_; }
+
+ private:
+  static void keep_message(png_structp png, png_const_charp message) {
+    static_cast<PngReader*>(png_get_error_ptr(png))->message_ = message;
+    png_longjmp(png, 1);
+  }
+  static void ignore_warning(png_structp, png_const_charp) {}
+
+  png_structp png_ = nullptr;
+  png_infop info_ = nullptr;
+  std::string message_;
+};
+
+Result<GreyImage> read_jpeg(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  const std::vector<unsigned char> bytes{std::istreambuf_iterator<char>(in), {}};
+  const std::unique_ptr<void, int (*)(tjhandle)> decoder(tjInitDecompress(), tjDestroy);
+  if (!decoder) return failed("libturbojpeg does not start");
+  const auto damaged = [&decoder] {
+    return bad_input("damaged JPEG, or of a kind that cannot be read: " + std::string(tjGetErrorStr2(decoder.get())));
+  };
+  int width = 0;
+  int height = 0;
+  int subsampling = 0;
+  int colours = 0;
+  if (tjDecompressHeader3(decoder.get(), bytes.data(), bytes.size(), &width, &height, &subsampling, &colours) != 0) {
+    return damaged();
+  }
+  const std::uint64_t pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
+  if (pixels > kMaxPixels) return bad_input("more than 64 million pixels");
+  std::vector<unsigned char> grey(pixels);
+  if (tjDecompress2(decoder.get(), bytes.data(), bytes.size(), grey.data(), width, 0, height, TJPF_GRAY,
+                    TJFLAG_ACCURATEDCT) != 0) {
+    return damaged();
+  }
+  GreyImage image{width, height, {}};
+  image.level.resize(pixels);
+  std::ranges::transform(grey, image.level.begin(),
+                         [](unsigned char level) { return static_cast<std::uint16_t>(257U * level); });
+  return image;
+}
 
 enum class FileKind { kPng, kJpeg, kHdf5 };
 
@@ -49,6 +142,24 @@ Result<capture::StillImage> read_kelvin(const std::filesystem::path& file) {
 }
 
 }  // namespace
+
+Result<GreyImage> read_png(const std::filesystem::path& file) {
+  const std::unique_ptr<std::FILE, FileCloser> in(std::fopen(file.c_str(), "rb"));
+  if (!in) return bad_input("cannot be opened");
+  PngReader reader;
+  const auto damaged = [&reader] { return bad_input("damaged PNG: " + reader.message()); };
+  if (!reader.read_header(in.get())) return damaged();
+  if (reader.width() * reader.height() > kMaxPixels) return bad_input("more than 64 million pixels");
+  GreyImage image{static_cast<int>(reader.width()), static_cast<int>(reader.height()), {}};
+  image.level.resize(reader.width() * reader.height());
+  if (reader.row_bytes() != reader.width() * sizeof(std::uint16_t)) return bad_input("PNG of an unknown pixel format");
+  std::vector<png_bytep> rows;
+  for (std::uint64_t y = 0; y < reader.height(); ++y) {
+    rows.push_back(reinterpret_cast<png_bytep>(image.level.data() + y * reader.width()));
+  }
+  if (!reader.read_pixels(rows.data())) return damaged();
+  return image;
+}
 
 Result<bool> has_grey_levels(const std::filesystem::path& file) {
   return file_kind(file).map([](FileKind kind) { return kind != FileKind::kHdf5; });

@@ -1,10 +1,25 @@
+// Paths, trajectory files, and the natural cubic spline through their points.
 #include "src/sim/path.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "src/core/parse_text.hpp"
 
 namespace bolo::sim {
 namespace {
+
+// The index of the first point of the segment that holds t, or is the next to it.
+std::size_t segment_at(const std::vector<PathPoint>& points, double t_s) noexcept {
+  const auto after = std::upper_bound(points.begin() + 1, points.end() - 1, t_s,
+                                      [](double t, const PathPoint& point) { return t < point.t_s; });
+  return static_cast<std::size_t>(after - points.begin()) - 1;
+}
 
 Position between(const PathPoint& a, const PathPoint& b, double t_s) {
   const double part = (t_s - a.t_s) / (b.t_s - a.t_s);
@@ -20,15 +35,79 @@ void append_crossings(double a_s, double value_a, double b_s, double value_b, st
   }
 }
 
+constexpr std::string_view kHeader = "t_s,x_px,y_px";
+
+// Exactly three finite numbers with commas between.
+std::optional<PathPoint> parse_point(std::string_view line) {
+  std::array<double, 3> values{};
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const std::size_t comma = line.find(',');
+    if ((comma == std::string_view::npos) != (i + 1 == values.size())) return std::nullopt;
+    const std::optional<double> value = number_of(trimmed(line.substr(0, comma)));
+    if (!value) return std::nullopt;
+    values[i] = *value;
+    line.remove_prefix(comma == std::string_view::npos ? line.size() : comma + 1);
+  }
+  return PathPoint{values[0], values[1], values[2]};
+}
+
+// Second derivatives, in time, of the natural cubic spline (Numerical Recipes in C, section 3.3): a tridiagonal system
+// whose first and last unknown are zero.
+class NaturalSpline {
+ public:
+  explicit NaturalSpline(const std::vector<PathPoint>& points) : points_(points), curvature_(points.size()) {
+    const std::size_t n = points.size();
+    std::vector<double> upper(n, 0.0);
+    for (std::size_t i = 1; i + 1 < n; ++i) {
+      const double before = points[i].t_s - points[i - 1].t_s;
+      const double after = points[i + 1].t_s - points[i].t_s;
+      const double pivot = 2.0 * (before + after) - before * upper[i - 1];
+      upper[i] = after / pivot;
+      const Position turn = {6.0 * (slope(i).x_px - slope(i - 1).x_px), 6.0 * (slope(i).y_px - slope(i - 1).y_px)};
+      curvature_[i] = {(turn.x_px - before * curvature_[i - 1].x_px) / pivot,
+                       (turn.y_px - before * curvature_[i - 1].y_px) / pivot};
+    }
+    for (std::size_t i = n - 1; i-- > 1;) {
+      curvature_[i].x_px -= upper[i] * curvature_[i + 1].x_px;
+      curvature_[i].y_px -= upper[i] * curvature_[i + 1].y_px;
+    }
+  }
+
+  Position at(double t_s) const {
+    if (t_s < points_.front().t_s) return straight_before(t_s);
+    const std::size_t i = segment_at(points_, t_s);
+    const double h = points_[i + 1].t_s - points_[i].t_s;
+    const double a = (points_[i + 1].t_s - t_s) / h;
+    const double b = 1.0 - a;
+    const auto value = [&](double from, double to, double curve_from, double curve_to) {
+      return a * from + b * to + ((a * a * a - a) * curve_from + (b * b * b - b) * curve_to) * h * h / 6.0;
+    };
+    return {value(points_[i].x_px, points_[i + 1].x_px, curvature_[i].x_px, curvature_[i + 1].x_px),
+            value(points_[i].y_px, points_[i + 1].y_px, curvature_[i].y_px, curvature_[i + 1].y_px)};
+  }
+
+ private:
+  Position slope(std::size_t i) const {
+    const double h = points_[i + 1].t_s - points_[i].t_s;
+    return {(points_[i + 1].x_px - points_[i].x_px) / h, (points_[i + 1].y_px - points_[i].y_px) / h};
+  }
+
+  Position straight_before(double t_s) const {
+    const double h = points_[1].t_s - points_[0].t_s;
+    const double since = t_s - points_[0].t_s;
+    return {points_[0].x_px + since * (slope(0).x_px - h * curvature_[1].x_px / 6.0),
+            points_[0].y_px + since * (slope(0).y_px - h * curvature_[1].y_px / 6.0)};
+  }
+
+  const std::vector<PathPoint>& points_;
+  std::vector<Position> curvature_;
+};
+
 }  // namespace
 
 Path::Path(std::vector<PathPoint> points) : points_(std::move(points)) {}
 
-std::size_t Path::segment(double t_s) const noexcept {
-  const auto after = std::upper_bound(points_.begin() + 1, points_.end() - 1, t_s,
-                                      [](double t, const PathPoint& point) { return t < point.t_s; });
-  return static_cast<std::size_t>(after - points_.begin()) - 1;
-}
+std::size_t Path::segment(double t_s) const noexcept { return segment_at(points_, t_s); }
 
 Position Path::at(double t_s) const noexcept {
   const std::size_t first = segment(t_s);
@@ -80,5 +159,52 @@ void Path::crossings(double from_s, double to_s, std::vector<double>& out) const
 }
 
 Path steady_pan(double speed_px_s) { return Path({{0.0, 0.0, 0.0}, {1.0, -speed_px_s, 0.0}}); }
+
+Result<std::vector<PathPoint>> read_trajectory(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  if (!in) return bad_input(file.string() + ": cannot be opened; give a CSV file with the columns t_s,x_px,y_px");
+  std::vector<PathPoint> points;
+  std::string text;
+  bool header_seen = false;
+  for (int number = 1; std::getline(in, text); ++number) {
+    const std::string_view line = trimmed(text);
+    if (line.empty() || line.front() == '#') continue;
+    const std::string where = file.string() + ":" + std::to_string(number) + ": ";
+    if (!header_seen) {
+      if (line != kHeader) return bad_input(where + "the first line must be '" + std::string(kHeader) + "'");
+      header_seen = true;
+      continue;
+    }
+    const std::optional<PathPoint> point = parse_point(line);
+    if (!point) return bad_input(where + "expected three finite numbers 't_s,x_px,y_px'");
+    if (!points.empty() && point->t_s <= points.back().t_s) {
+      return bad_input(where + "t_s must rise from line to line");
+    }
+    points.push_back(*point);
+  }
+  if (points.size() < 2) return bad_input(file.string() + ": a trajectory needs at least two points");
+  return points;
+}
+
+Result<Path> follow_trajectory(const std::vector<PathPoint>& points, const TrajectoryUse& use) {
+  const double first_s = points.front().t_s;
+  const double last_s = points.back().t_s;
+  if (use.start_s < first_s || use.start_s + use.to_s > last_s) {
+    return bad_input("the trajectory runs from " + std::to_string(first_s) + " to " + std::to_string(last_s) +
+                     " s, the capture needs " + std::to_string(use.start_s) + " to " +
+                     std::to_string(use.start_s + use.to_s) + " s of it; take fewer frames or another start");
+  }
+  const NaturalSpline spline(points);
+  const Position origin = spline.at(use.start_s);
+  const auto steps = static_cast<std::size_t>(std::ceil((use.to_s - use.from_s) / use.step_s)) + 1;
+  std::vector<PathPoint> path;
+  path.reserve(steps + 1);
+  for (std::size_t i = 0; i <= steps; ++i) {
+    const double t_s = use.from_s + static_cast<double>(i) * use.step_s;
+    const Position p = spline.at(std::min(use.start_s + t_s, last_s));
+    path.push_back({t_s, use.scale * (p.x_px - origin.x_px), use.scale * (p.y_px - origin.y_px)});
+  }
+  return Path(std::move(path));
+}
 
 }  // namespace bolo::sim

@@ -11,7 +11,7 @@ struct Moments {
   double m0, m1, m2;
 };
 
-// For z up to kShort: the series of m2 (see pixel.cpp); m1 and m0 follow without cancellation. Good to 1e-9.
+// For z up to kShort: the series of m2 (see simulator.cpp); m1 and m0 follow without cancellation. Good to 1e-9.
 constexpr double kShort = 0.3;
 inline Moments short_moments(double z) noexcept {
   const double m2 =

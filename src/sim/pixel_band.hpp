@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "src/sim/effect_type.hpp"
-#include "src/sim/view.hpp"
 
 namespace bolo::sim {
 

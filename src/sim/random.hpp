@@ -1,19 +1,34 @@
-// Random numbers of the effects: keyed, so that any thread may make any row.
+// Random numbers of the simulator: keyed, so that any thread may make any row. SplitMix64 and what is drawn from it.
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstdint>
-#include <numbers>
 #include <span>
 #include <string_view>
 #include <vector>
 
 #include "src/core/geometry.hpp"
-#include "src/sim/readout.hpp"
-#include "src/sim/splitmix.hpp"
+#include "src/core/splitmix.hpp"
 
 namespace bolo::sim {
+
+using splitmix::key;
+using splitmix::kGolden;
+using splitmix::mix;
+using splitmix::unit;
+
+// A stream of random numbers that begins at a key.
+class SplitMix {
+ public:
+  explicit constexpr SplitMix(std::uint64_t seed) noexcept : state_(seed) {}
+  constexpr std::uint64_t next() noexcept { return mix(state_ += kGolden); }
+
+  constexpr double between(double low, double high) noexcept { return low + (high - low) * unit(next()); }
+  constexpr bool chance(double probability) noexcept { return unit(next()) < probability; }
+
+ private:
+  std::uint64_t state_;
+};
 
 // A key of its own for a name. Thread: any.
 constexpr std::uint64_t name_key(std::string_view name, std::uint64_t seed) noexcept {
@@ -22,6 +37,9 @@ constexpr std::uint64_t name_key(std::string_view name, std::uint64_t seed) noex
   return value;
 }
 
+// Standard normal values that depend only on the three keys (Box and Muller's transform). Thread: any.
+void fill_normal(std::uint64_t seed, std::uint64_t frame, std::uint64_t row, std::span<double> out) noexcept;
+
 // One standard normal value of a key. Thread: any.
 inline double normal(std::uint64_t seed, std::uint64_t counter = 0) noexcept {
   std::array<double, 1> value{};
@@ -29,10 +47,18 @@ inline double normal(std::uint64_t seed, std::uint64_t counter = 0) noexcept {
   return value[0];
 }
 
-// Standard normal values of a whole plane, row by row. Thread: any.
-std::vector<double> normal_plane(std::uint64_t seed, Geometry geometry);
+// Student's t with unit variance. Thread: any.
+void fill_student(std::uint64_t seed, double degrees, std::span<double> out) noexcept;
 
 // `count` different numbers of [0, size), rising. Thread: any.
 std::vector<std::size_t> choose(std::uint64_t seed, std::size_t size, std::size_t count);
+
+// Fixed patterns, row by row. Thread: any.
+std::vector<double> normal_plane(std::uint64_t seed, Geometry geometry);
+// The lowest cosine waves over the frame, and a slope in a random direction: mean 0, variance 1.
+std::vector<double> smooth_plane(std::uint64_t seed, Geometry geometry);
+std::vector<double> gradient_plane(std::uint64_t seed, Geometry geometry);
+// The values shifted and scaled to mean 0 and variance 1 (all 0 when they are all the same).
+std::vector<double> standardised(std::vector<double> values);
 
 }  // namespace bolo::sim

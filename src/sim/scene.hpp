@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <vector>
 
 #include "src/capture/capture.hpp"
 #include "src/core/geometry.hpp"
@@ -40,5 +41,15 @@ Result<capture::StillImage> read_image(const std::filesystem::path& file, const 
 
 // Whether a picture's values come from grey levels (PNG, JPEG) rather than kelvin (HDF5).
 Result<bool> has_grey_levels(const std::filesystem::path& file);
+
+// A picture as grey levels.
+struct GreyImage {
+  int width = 0;
+  int height = 0;
+  std::vector<std::uint16_t> level;  // row-major, 0 black, 65535 white
+};
+
+// kBadInput, which does not name the file, as read_image(). Thread: setup.
+Result<GreyImage> read_png(const std::filesystem::path& file);
 
 }  // namespace bolo::sim

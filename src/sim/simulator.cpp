@@ -1,12 +1,14 @@
 #include "src/sim/simulator.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 
 #include <Eigen/Core>
 
 #include "src/sim/effect_camera.hpp"
+#include "src/sim/random.hpp"
 
 namespace bolo::sim {
 namespace {
@@ -40,7 +42,84 @@ std::string fault(const CameraSettings& s) {
   return {};
 }
 
+// m[k] = integral over s from 0 to 1 of z exp(-z (1 - s)) s^k: the answer to T_ss = s^k after a step of z = h / tau.
+std::array<double, 3> moments(double z) noexcept {
+  std::array<double, 3> m{};
+  if (z > 0.5) {
+    m[0] = -std::expm1(-z);
+    m[1] = 1.0 - m[0] / z;
+    m[2] = 1.0 - 2.0 * m[1] / z;
+    return m;
+  }
+  // The differences above cancel for small z; the series m[k] = sum over j of -(-z)^(j+1) k! / (k + j + 1)! does not.
+  constexpr int kTerms = 14;  // 0.5^14 / 15! is below the last bit
+  for (int k = 0; k < 3; ++k) {
+    double term = z / (k + 1);
+    for (int j = 1; j <= kTerms; ++j) {
+      m[static_cast<std::size_t>(k)] += term;
+      term *= -z / (k + 1 + j);
+    }
+  }
+  return m;
+}
+
+// What the frames were made with, as root attributes beside the format's own.
+Status write_settings(capture::CaptureWriter& writer, const CameraSettings& settings) {
+  const bool bolometer = settings.kind == CameraKind::kBolometer;
+  Status status = writer.write_attribute("simulated_camera", std::string(bolometer ? "bolometer" : "visible"));
+  const auto add = [&](const char* name, double value) {
+    if (status) status = writer.write_attribute(name, value);
+  };
+  if (bolometer) {
+    add("simulated_tau_s", settings.tau_s);
+  } else {
+    add("simulated_exposure_s", settings.exposure_s);
+  }
+  add("simulated_noise_k", settings.readout.noise_k);
+  add("simulated_quantisation_k", settings.readout.quantisation_k);
+  if (status) status = writer.write_attribute("simulated_seed", std::to_string(settings.readout.seed));
+  return status;
+}
+
 }  // namespace
+
+LinearScale readout_scale(const ReadoutSettings& settings) {
+  if (settings.type == PixelType::kFloat32) return {Unit::kKelvin, 1.0, 0.0};
+  return {Unit::kKelvin, settings.quantisation_k, 0.0};
+}
+
+void read_row(const ReadoutSettings& settings, std::uint64_t frame, int row, std::span<double> kelvin,
+              std::span<double> noise, void* out) noexcept {
+  if (settings.noise_k > 0.0) {
+    fill_normal(settings.seed, frame, static_cast<std::uint64_t>(row), noise);
+    for (std::size_t x = 0; x < kelvin.size(); ++x) kelvin[x] += settings.noise_k * noise[x];
+  }
+  if (settings.type == PixelType::kUint16) {
+    auto* values = static_cast<std::uint16_t*>(out);
+    for (std::size_t x = 0; x < kelvin.size(); ++x) {
+      const double steps = std::clamp(kelvin[x] / settings.quantisation_k + 0.5, 0.0, 65535.0);
+      values[x] = static_cast<std::uint16_t>(steps);
+    }
+    return;
+  }
+  auto* values = static_cast<float*>(out);
+  const double step = settings.quantisation_k;
+  for (std::size_t x = 0; x < kelvin.size(); ++x) {
+    values[x] = static_cast<float>(step > 0.0 ? std::round(kelvin[x] / step) * step : kelvin[x]);
+  }
+}
+
+StepWeights bolometer_step(double duration_s, double tau_s) noexcept {
+  const double z = duration_s / tau_s;
+  const auto m = moments(z);
+  // The quadratic through the three values: (2s^2 - 3s + 1) start + (4s - 4s^2) middle + (2s^2 - s) end.
+  return {std::exp(-z), 2.0 * m[2] - 3.0 * m[1] + m[0], 4.0 * (m[1] - m[2]), 2.0 * m[2] - m[1]};
+}
+
+StepWeights exposure_step(double duration_s, double exposure_s) noexcept {
+  const double share = duration_s / exposure_s;
+  return {1.0, share / 6.0, share * 4.0 / 6.0, share / 6.0};
+}
 
 Result<CameraSettings> checked(const CameraSettings& settings) {
   if (const std::string what = fault(settings); !what.empty()) return bad_input(what);
@@ -166,6 +245,35 @@ void Simulator::read_out(int row, Scratch& scratch) noexcept {
   std::copy_n(shown_.data() + offset, width, scratch.kelvin.data());
   read_row(settings_.readout, frame_, row, scratch.kelvin, scratch.noise,
            static_cast<std::byte*>(plane_) + offset * bytes_of(settings_.readout.type));
+}
+
+Status write_capture(Simulator& simulator, const OutputFile& file, const CaptureOptions& options,
+                     const std::function<bool(std::size_t)>& progress) {
+  const CameraSettings& settings = simulator.settings();
+  capture::CaptureInfo info;
+  info.format = simulator.format();
+  info.camera_model = "Bolo simulator";
+  info.camera_serial = "seed-" + std::to_string(settings.camera_seed.value_or(settings.readout.seed));
+  info.has_truth = options.truth;
+  capture::WriterOptions how;
+  how.truth = options.truth;
+  how.deflate_level = options.deflate_level;
+  how.replace = file.replace;
+  auto writer = capture::CaptureWriter::create(file.path, info, how);
+  if (!writer) return tl::unexpected(writer.error());
+  const double last_s = static_cast<double>(std::max<std::size_t>(options.frames, 2) - 1) / settings.rate_hz;
+  Status status = writer->write_stimulus(simulator.field().stimulus(-history_s(settings), last_s));
+  if (status) status = write_settings(*writer, settings);
+
+  std::vector<std::byte> plane(plane_bytes(info.format.geometry, info.format.type));
+  std::vector<float> truth(options.truth ? info.format.geometry.pixels() : 0);
+  float* const truth_plane = options.truth ? truth.data() : nullptr;
+  for (std::size_t k = 0; status && k < options.frames; ++k) {
+    simulator.next(plane.data(), truth_plane);
+    status = writer->append(static_cast<double>(k) / settings.rate_hz, k, plane.data(), truth_plane);
+    if (status && !progress(k + 1)) break;
+  }
+  return status ? writer->close() : status;
 }
 
 }  // namespace bolo::sim

@@ -2,10 +2,10 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "src/capture/capture.hpp"
@@ -14,10 +14,23 @@
 #include "src/rt/worker_team.hpp"
 #include "src/sim/effect.hpp"
 #include "src/sim/field.hpp"
-#include "src/sim/pixel.hpp"
-#include "src/sim/readout.hpp"
 
 namespace bolo::sim {
+
+struct ReadoutSettings {
+  double noise_k = 0.03;         // rms of white Gaussian noise, K
+  double quantisation_k = 0.01;  // K a step; 0: none (float32 only)
+  PixelType type = PixelType::kUint16;
+  std::uint64_t seed = 1;
+};
+
+// uint16: kelvin = quantisation_k * value, clipped to the 16 bits; float32: kelvin, in multiples of quantisation_k.
+LinearScale readout_scale(const ReadoutSettings& settings);
+
+// Stores one row. `kelvin` holds what the pixels show and gets the noise added; `noise` is working space of its size;
+// `out` has kelvin.size() values of the settings' type. Thread: any, different rows at once.
+void read_row(const ReadoutSettings& settings, std::uint64_t frame, int row, std::span<double> kelvin,
+              std::span<double> noise, void* out) noexcept;
 
 enum class CameraKind {
   kBolometer,  // thermal inertia (paper eq. 7)
@@ -42,6 +55,23 @@ Result<CameraSettings> checked(const CameraSettings& settings);
 
 // The time before t = 0 that a pixel still remembers, s: the field must be valid from its negative on. Thread: any.
 double history_s(const CameraSettings& settings);
+
+// What a pixel shows after a step in which T_ss is the quadratic through `start`, `middle` and `end`:
+//   keep * before + start * T_ss(0) + middle * T_ss(h / 2) + end * T_ss(h).
+struct StepWeights {
+  double keep = 0.0;
+  double start = 0.0;
+  double middle = 0.0;
+  double end = 0.0;
+};
+
+// Microbolometer, tau dT/dt + T = T_ss (paper eq. 7): the exact solution for such a T_ss. duration_s >= 0, tau_s > 0.
+// Thread: any.
+StepWeights bolometer_step(double duration_s, double tau_s) noexcept;
+
+// Photon-counting pixel, a frame is the mean of T_ss over the exposure (paper eq. 1): the part of one step, exact for
+// such a T_ss (Simpson's rule). Thread: any.
+StepWeights exposure_step(double duration_s, double exposure_s) noexcept;
 
 class EffectCamera;
 

@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <variant>
 
 #include "src/core/nearest.hpp"
+#include "src/core/parse_text.hpp"
 #include "src/core/shortest.hpp"
 #include "src/sim/effect.hpp"
-#include "src/sim/imperfect_fields.hpp"
 
 namespace bolo::sim {
 namespace {
@@ -49,17 +48,14 @@ Status take(StimulusError& error, std::string_view item) {
     std::vector<std::string_view> names;
     names.reserve(kItems.size());
     for (const Item& known : kItems) names.push_back(known.name);
-    return bad_input("there is no key '" + std::string(name) + "'; did you mean '" + nearest(name, names) + "'?");
+    return bad_input(did_you_mean("key", name, names));
   }
-  const std::string_view text = item.substr(equals + 1);
-  double value = 0.0;
-  const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
-  const bool whole = problem == std::errc() && end == text.data() + text.size();
-  if (!whole || !(value >= found->range.low && value <= found->range.high)) {
+  const std::optional<double> value = number_of(item.substr(equals + 1));
+  if (!value || *value < found->range.low || *value > found->range.high) {
     return bad_input(std::string(item) + ": expected " + shortest(found->range.low) + " to " +
                      shortest(found->range.high));
   }
-  error.*found->value = value;
+  error.*found->value = *value;
   return {};
 }
 

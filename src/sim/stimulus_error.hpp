@@ -6,8 +6,6 @@
 #include <string>
 #include <string_view>
 
-#include "src/core/geometry.hpp"
-#include "src/core/result.hpp"
 #include "src/sim/field.hpp"
 
 namespace bolo::sim {
@@ -49,5 +47,11 @@ std::string stimulus_error_text(const StimulusError& error);
 // an error that is not zero has no meaning for this stimulus. Thread: setup.
 Result<std::unique_ptr<const Field>> with_errors(std::unique_ptr<const Field> nominal, const StimulusError& error,
                                                  Geometry view);
+
+// A blade that sweeps over `width` columns; levels as given, times shifted by error.start_s. Thread: setup.
+std::unique_ptr<const Field> make_swept_chopper(capture::Chopper chopper, const StimulusError& error, int width);
+
+// Bars with soft edges that move unevenly; levels as given. Thread: setup.
+std::unique_ptr<const Field> make_soft_bars(const capture::BarTarget& target, const StimulusError& error);
 
 }  // namespace bolo::sim

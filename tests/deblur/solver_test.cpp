@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "src/deblur/kernels.hpp"
-#include "src/deblur/reference.hpp"
 #include "tests/deblur/inputs.hpp"
+#include "tests/deblur/reference.hpp"
 
 namespace bolo::deblur {
 namespace {

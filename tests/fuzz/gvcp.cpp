@@ -1,7 +1,6 @@
 // Packets to the fake camera's control server, from two peers, over time.
 #include "drivers/fakecam/camera_features.hpp"
 #include "drivers/fakecam/command_handler.hpp"
-#include "drivers/fakecam/description.hpp"
 #include "src/core/geometry.hpp"
 #include "tests/fuzz/input.hpp"
 
@@ -22,7 +21,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t byte
                              return gvcp::Status::kSuccess;
                            },
                            [&] { streaming = false; }, [&] { return streaming; }, [] {}});
-  fill_bootstrap(registers, {"1234", "name", 0x7f000001, 0xff000000, description().size()});
+  fill_bootstrap(registers, {"1234", 0x7f000001, 0xff000000});
   CommandHandler handler(registers, counters, {[](const ResendRequest&) {}, [&] { streaming = false; }});
   fuzz::Input input(data, bytes);
   std::int64_t now_ns = 0;

@@ -23,6 +23,13 @@ Result<capture::CaptureReader> record(const std::filesystem::path& file, std::un
   return capture::CaptureReader::open(file);
 }
 
+Result<capture::Stimulus> stimulus_of(std::unique_ptr<const Field> field) {
+  const Scratch scratch;
+  const auto reader = record(scratch / "a.h5", std::move(field));
+  if (!reader) return tl::unexpected(reader.error());
+  return reader->stimulus();
+}
+
 TEST(WriteCapture, FramesTimesAndTruth) {
   const Scratch scratch;
   const auto reader = record(scratch / "a.h5", make_uniform(301.25));
@@ -52,19 +59,13 @@ TEST(WriteCapture, TruthCanBeLeftOut) {
 }
 
 TEST(WriteCapture, UniformStimulus) {
-  const Scratch scratch;
-  const auto reader = record(scratch / "a.h5", make_uniform(301.25));
-  ASSERT_TRUE(reader);
-  const auto stimulus = reader->stimulus();
+  const auto stimulus = stimulus_of(make_uniform(301.25));
   ASSERT_TRUE(stimulus) << stimulus.error().message;
   EXPECT_EQ(std::get<capture::Uniform>(*stimulus).temperature_k, 301.25);
 }
 
 TEST(WriteCapture, ChopperStimulus) {
-  const Scratch scratch;
-  const auto reader = record(scratch / "a.h5", make_chopper({295, {0.01, 0.02}, {0.013, 0.025}, {305, 320}}));
-  ASSERT_TRUE(reader);
-  const auto stimulus = reader->stimulus();
+  const auto stimulus = stimulus_of(make_chopper({295, {0.01, 0.02}, {0.013, 0.025}, {305, 320}}));
   ASSERT_TRUE(stimulus) << stimulus.error().message;
   const auto& chopper = std::get<capture::Chopper>(*stimulus);
   EXPECT_EQ(chopper.cold_k, 295.0);
@@ -74,10 +75,7 @@ TEST(WriteCapture, ChopperStimulus) {
 }
 
 TEST(WriteCapture, BarTargetStimulus) {
-  const Scratch scratch;
-  const auto reader = record(scratch / "a.h5", make_bars({285, 310, 12, 5, 0.25, -70}));
-  ASSERT_TRUE(reader);
-  const auto stimulus = reader->stimulus();
+  const auto stimulus = stimulus_of(make_bars({285, 310, 12, 5, 0.25, -70}));
   ASSERT_TRUE(stimulus) << stimulus.error().message;
   const auto& bars = std::get<capture::BarTarget>(*stimulus);
   EXPECT_EQ(bars.cold_k, 285.0);

@@ -10,7 +10,7 @@ namespace {
 using namespace testing;
 
 void expect_step(std::string_view effect, const std::function<double(double)>& expected, double tolerance) {
-  const auto frames = run(with(ideal_camera({3, 2}), {effect}), one_pulse(), 40);
+  const auto frames = run({3, 2}, {effect}, one_pulse(), 40);
   for (std::size_t k = 0; k < 40; ++k) {
     const double t = kPeriod * static_cast<double>(k);
     for (const float shown : frames.shown[k]) {
@@ -39,8 +39,7 @@ TEST(SlowPole, AddsASecondExponential) {
 
 // The slow part, too, was already looking before the first frame: moving bars average out.
 TEST(SlowPole, StartsWithWhatItRemembers) {
-  const auto frames = run(with(ideal_camera({24, 4}), {"slow_pole:share=0.3,slow_tau_s=0.4"}),
-                          make_bars({285, 310, 12, 6, 0.0, 300}), 2);
+  const auto frames = run({24, 4}, {"slow_pole:share=0.3,slow_tau_s=0.4"}, make_bars({285, 310, 12, 6, 0.0, 300}), 2);
   const auto nominal = run(ideal_camera({24, 4}), make_bars({285, 310, 12, 6, 0.0, 300}), 2);
   for (std::size_t x = 0; x < 24; ++x) {
     EXPECT_NEAR(frames.shown[0][x], 0.7 * nominal.shown[0][x] + 0.3 * 297.5, 0.15) << x;
@@ -111,8 +110,7 @@ TEST(Crosstalk, MovingBarsFollowTheEquation) {
   constexpr double kDelay = 1e-4;
   const capture::BarTarget bars{285, 310, 7.3, 3.1, 0.7, 300};
   const auto frames =
-      run(with(ideal_camera({kWidth, kHeight}), {"crosstalk:coupling=0.1", "row_delay:row_delay_s=1e-4"}),
-          make_bars(bars), 3);
+      run({kWidth, kHeight}, {"crosstalk:coupling=0.1", "row_delay:row_delay_s=1e-4"}, make_bars(bars), 3);
   const auto field = make_bars(bars);
   constexpr double kStep = 2e-6;
   std::vector<double> shown(kWidth * kHeight, 297.5);
@@ -160,8 +158,8 @@ double blurred_edge(double d, double sigma) {
 
 TEST(OpticalPsf, AnEdgeHasTheProfileOfTheGaussian) {
   for (const double sigma : {0.3, 0.4, 0.7, 1.1, 2.0}) {
-    const auto frames = run(with(ideal_camera({40, 8}), {"optical_psf:sigma_px=" + std::to_string(sigma)}),
-                            make_bars({285, 310, 100, 50, 0.0, 0}), 1);
+    const auto frames =
+        run({40, 8}, {"optical_psf:sigma_px=" + std::to_string(sigma)}, make_bars({285, 310, 100, 50, 0.0, 0}), 1);
     // A bar lies over 0 to 50: the pixel at x is d = x from its left edge; the frame goes on beyond its border.
     for (std::size_t x = 0; x < 40; ++x) {
       const double d = static_cast<double>(x);
@@ -177,8 +175,8 @@ TEST(OpticalPsf, BlursAcrossRowsAsMuchAsAlongThem) {
   capture::StillImage image{24, 24, std::vector<float>(view.pixels(), 1.0F)};
   image.kelvin[12 * 24 + 12] = 101.0F;
   for (const char* form : {"gaussian", "disc"}) {
-    const auto frames = run(with(ideal_camera(view), {"optical_psf:sigma_px=0.9,form=" + std::string(form)}),
-                            make_scene(image, steady_pan(0.0), view), 1);
+    const auto frames =
+        run(view, {"optical_psf:sigma_px=0.9,form=" + std::string(form)}, make_scene(image, steady_pan(0.0), view), 1);
     double sum = 0.0;
     double xx = 0.0;
     double yy = 0.0;
@@ -200,8 +198,7 @@ TEST(OpticalPsf, BlursAcrossRowsAsMuchAsAlongThem) {
 }
 
 TEST(OpticalPsf, ADiscHasACompactEdge) {
-  const auto frames = run(with(ideal_camera({40, 12}), {"optical_psf:sigma_px=1,form=disc"}),
-                          make_bars({285, 310, 100, 50, 0.0, 0}), 1);
+  const auto frames = run({40, 12}, {"optical_psf:sigma_px=1,form=disc"}, make_bars({285, 310, 100, 50, 0.0, 0}), 1);
   const auto& shown = frames.shown[0];
   EXPECT_NEAR(at(shown, 40, 3, 6), 310.0, 1e-3);
   EXPECT_NEAR(at(shown, 40, 0, 6), 297.5, 0.02);
@@ -251,18 +248,16 @@ TEST(RadiometricNonlinearity, ThePixelFollowsRadiance) {
 
 TEST(Emissivity, MixesTheSurroundings) {
   for (const double kelvin : {270.0, 300.0, 350.0}) {
-    const auto frames =
-        run(with(ideal_camera({2, 2}), {"emissivity:emissivity=0.9,surroundings_k=290"}), make_uniform(kelvin), 2);
+    const auto frames = run({2, 2}, {"emissivity:emissivity=0.9,surroundings_k=290"}, make_uniform(kelvin), 2);
     EXPECT_NEAR(frames.shown[1][3], band_temperature(0.9 * band(kelvin) + 0.1 * band(290.0)), 1e-3) << kelvin;
   }
   const auto with_radiance =
-      run(with(ideal_camera({2, 2}), {"emissivity:emissivity=0.9,surroundings_k=290", "radiometric_nonlinearity"}),
-          make_uniform(350.0), 2);
+      run({2, 2}, {"emissivity:emissivity=0.9,surroundings_k=290", "radiometric_nonlinearity"}, make_uniform(350.0), 2);
   EXPECT_NEAR(with_radiance.shown[1][3], band_temperature(0.9 * band(350.0) + 0.1 * band(290.0)), 1e-3);
 }
 
 TEST(Vignetting, FallsWithTheSquareOfTheDistance) {
-  const auto frames = run(with(ideal_camera({21, 11}), {"vignetting:corner_loss=0.02"}), make_uniform(345.0), 1);
+  const auto frames = run({21, 11}, {"vignetting:corner_loss=0.02"}, make_uniform(345.0), 1);
   const auto gain = [&](std::size_t x, std::size_t y) { return (at(frames.shown[0], 21, x, y) - 295.0) / 50.0; };
   EXPECT_NEAR(gain(10, 5), 1.0, 1e-5);
   for (const std::size_t x : {0U, 20U}) {
@@ -273,12 +268,11 @@ TEST(Vignetting, FallsWithTheSquareOfTheDistance) {
 
 TEST(LensGhost, ShowsAFaintCopy) {
   const auto target = [] { return make_bars({285, 310, 100, 50, 0.0, 0}); };
-  const auto shifted =
-      run(with(ideal_camera({60, 6}), {"lens_ghost:share=0.04,form=shifted,shift_px=-7"}), target(), 1);
+  const auto shifted = run({60, 6}, {"lens_ghost:share=0.04,form=shifted,shift_px=-7"}, target(), 1);
   EXPECT_NEAR(at(shifted.shown[0], 60, 20, 3), 310.0, 1e-3);
   EXPECT_NEAR(at(shifted.shown[0], 60, 46, 3), 309.0, 1e-3);
   EXPECT_NEAR(at(shifted.shown[0], 60, 55, 3), 285.0, 1e-3);
-  const auto mirrored = run(with(ideal_camera({60, 6}), {"lens_ghost:share=0.04"}), target(), 1);
+  const auto mirrored = run({60, 6}, {"lens_ghost:share=0.04"}, target(), 1);
   EXPECT_NEAR(at(mirrored.shown[0], 60, 3, 3), 309.0, 1e-3);
   EXPECT_NEAR(at(mirrored.shown[0], 60, 30, 3), 310.0, 1e-3);
   EXPECT_NEAR(at(mirrored.shown[0], 60, 57, 3), 286.0, 1e-3);

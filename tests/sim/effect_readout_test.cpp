@@ -11,7 +11,7 @@ using namespace testing;
 constexpr Geometry kView{40, 30};
 
 std::vector<double> shown(std::string_view effect, double kelvin, std::size_t frames = 1) {
-  const auto all = run(with(ideal_camera(kView), {effect}), make_uniform(kelvin), frames);
+  const auto all = run(kView, {effect}, make_uniform(kelvin), frames);
   return {all.shown.back().begin(), all.shown.back().end()};
 }
 
@@ -92,17 +92,16 @@ TEST(Saturation, NothingIsAboveTheLevel) {
 }
 
 TEST(Saturation, StandsAtThreeQuartersAndMoreByDefault) {
-  const auto frames = run(with(ideal_camera({40, 4}), {"saturation"}), make_bars({285, 310, 20, 10, 0, 0}), 1);
+  const auto frames = run({40, 4}, {"saturation"}, make_bars({285, 310, 20, 10, 0, 0}), 1);
   EXPECT_EQ(*std::ranges::max_element(frames.shown[0]), static_cast<float>(285.0 + 0.85 * 25.0));
-  const auto flat = run(with(ideal_camera({4, 4}), {"saturation"}), make_uniform(310.0), 1);
+  const auto flat = run({4, 4}, {"saturation"}, make_uniform(310.0), 1);
   EXPECT_EQ(flat.shown[0][0], 310.0F);
 }
 
 TEST(ClippedRange, NothingIsBelowTheLevel) {
-  const auto given =
-      run(with(ideal_camera({40, 4}), {"clipped_range:level_k=290"}), make_bars({285, 310, 20, 10, 0, 0}), 1);
+  const auto given = run({40, 4}, {"clipped_range:level_k=290"}, make_bars({285, 310, 20, 10, 0, 0}), 1);
   EXPECT_EQ(*std::ranges::min_element(given.shown[0]), 290.0F);
-  const auto standard = run(with(ideal_camera({40, 4}), {"clipped_range"}), make_bars({285, 310, 20, 10, 0, 0}), 1);
+  const auto standard = run({40, 4}, {"clipped_range"}, make_bars({285, 310, 20, 10, 0, 0}), 1);
   EXPECT_EQ(*std::ranges::min_element(standard.shown[0]), static_cast<float>(285.0 + 0.15 * 25.0));
 }
 
@@ -120,8 +119,7 @@ TEST(CoarseQuantisation, OnlyMultiplesOfTheStepAreStored) {
 }
 
 TEST(ColumnCrosstalk, EachPixelShowsAPartOfTheOneToItsLeft) {
-  const auto frames =
-      run(with(ideal_camera({40, 2}), {"column_crosstalk:share=0.05"}), make_bars({285, 310, 40, 20.5, 0, 0}), 1);
+  const auto frames = run({40, 2}, {"column_crosstalk:share=0.05"}, make_bars({285, 310, 40, 20.5, 0, 0}), 1);
   const auto& row = frames.shown[0];  // 297.5 at the left border, hot up to 20, cold from 21
   EXPECT_NEAR(row[0], 297.5, 1e-3);
   EXPECT_NEAR(row[1], 310.0 - 0.05 * 12.5, 1e-3);
@@ -131,8 +129,7 @@ TEST(ColumnCrosstalk, EachPixelShowsAPartOfTheOneToItsLeft) {
 }
 
 TEST(MainsHum, HasOppositeSignsInTheTwoHalves) {
-  const auto frames =
-      run(with(ideal_camera({4, 8}), {"mains_hum:amplitude_k=0.1,frequency_hz=37"}), make_uniform(300.0), 200);
+  const auto frames = run({4, 8}, {"mains_hum:amplitude_k=0.1,frequency_hz=37"}, make_uniform(300.0), 200);
   double cosine = 0.0;
   double sine = 0.0;
   for (std::size_t k = 0; k < 200; ++k) {
@@ -146,12 +143,11 @@ TEST(MainsHum, HasOppositeSignsInTheTwoHalves) {
 }
 
 TEST(GainDrift, MovesTheContrastOnly) {
-  const auto frames =
-      run(with(ideal_camera({4, 4}), {"gain_drift:amplitude=0.02,period_s=0.5"}), make_uniform(345.0), 100);
+  const auto frames = run({4, 4}, {"gain_drift:amplitude=0.02,period_s=0.5"}, make_uniform(345.0), 100);
   const auto means = frame_means(frames);
   EXPECT_NEAR(*std::ranges::max_element(means), 346.0, 0.01);
   EXPECT_NEAR(*std::ranges::min_element(means), 344.0, 0.01);
-  const auto cold = frame_means(run(with(ideal_camera({4, 4}), {"gain_drift"}), make_uniform(295.0), 20));
+  const auto cold = frame_means(run({4, 4}, {"gain_drift"}, make_uniform(295.0), 20));
   EXPECT_LT(stats(cold).rms, 1e-4);
 }
 
@@ -173,7 +169,7 @@ TEST(Iir, TheBoxRemembersOneFrame) {
 
 TEST(Iir, EdgesAreLate) {
   const auto plain = run(ideal_camera({2, 1}), one_pulse(), 30);
-  const auto filtered = run(with(ideal_camera({2, 1}), {"iir:alpha=0.6"}), one_pulse(), 30);
+  const auto filtered = run({2, 1}, {"iir:alpha=0.6"}, one_pulse(), 30);
   double state = 295.0;
   for (std::size_t k = 0; k < 30; ++k) {
     state += 0.6 * (static_cast<double>(plain.shown[k][0]) - state);
@@ -202,10 +198,9 @@ TEST(NucFreeze, FramesStandAndThenThePatternIsAnotherOne) {
 }
 
 TEST(OffsetJump, IsAStepOfAllPixels) {
-  const auto global = run(with(ideal_camera(kView), {"offset_jump:jump_k=2,at_s=0.05"}), make_uniform(300.0), 20);
+  const auto global = run(kView, {"offset_jump:jump_k=2,at_s=0.05"}, make_uniform(300.0), 20);
   for (std::size_t k = 0; k < 20; ++k) EXPECT_NEAR(global.shown[k][77], k < 10 ? 300.0 : 302.0, 1e-4) << k;
-  const auto pixel =
-      run(with(ideal_camera(kView), {"offset_jump:jump_k=2,at_s=0.05,form=pixel"}), make_uniform(300.0), 20);
+  const auto pixel = run(kView, {"offset_jump:jump_k=2,at_s=0.05,form=pixel"}, make_uniform(300.0), 20);
   EXPECT_LT(stats({pixel.shown[9].begin(), pixel.shown[9].end()}).rms, 1e-4);
   EXPECT_NEAR(stats({pixel.shown[10].begin(), pixel.shown[10].end()}).rms, 2.0, 0.15);
 }

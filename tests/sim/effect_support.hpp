@@ -23,6 +23,12 @@ inline CameraSettings with(CameraSettings camera, std::initializer_list<std::str
   return camera;
 }
 
+// What an ideal camera with effects shows.
+inline Frames run(Geometry geometry, std::initializer_list<std::string_view> effects,
+                  std::unique_ptr<const Field> field, std::size_t frames) {
+  return run(with(ideal_camera(geometry), effects), std::move(field), frames);
+}
+
 // 30 mK of white noise, stored as float.
 inline CameraSettings noisy_camera(Geometry geometry) {
   CameraSettings camera = ideal_camera(geometry);

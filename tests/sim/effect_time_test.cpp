@@ -12,7 +12,7 @@ double lateness(const Frames& frames, std::size_t width, std::size_t k, std::siz
 }
 
 TEST(RowDelay, RowsAreReadOneAfterAnother) {
-  const auto frames = run(with(ideal_camera({6, 20}), {"row_delay:row_delay_s=4e-5"}), Ramp::field({6, 20}, 0.2), 8);
+  const auto frames = run({6, 20}, {"row_delay:row_delay_s=4e-5"}, Ramp::field({6, 20}, 0.2), 8);
   for (std::size_t k = 0; k < 8; ++k) {
     for (std::size_t y = 0; y < 20; ++y) {
       EXPECT_NEAR(lateness(frames, 6, k, y), 4e-5 * static_cast<double>(y), 1e-6) << k << ' ' << y;
@@ -22,7 +22,7 @@ TEST(RowDelay, RowsAreReadOneAfterAnother) {
 
 // Row r of one step is what row 0 shows later, exactly.
 TEST(RowDelay, IsALaterSampleOfTheSameExponential) {
-  const auto frames = run(with(ideal_camera({2, 30}), {"row_delay:row_delay_s=1e-4"}), one_pulse(), 25);
+  const auto frames = run({2, 30}, {"row_delay:row_delay_s=1e-4"}, one_pulse(), 25);
   for (std::size_t k = 0; k < 25; ++k) {
     for (std::size_t y = 0; y < 30; ++y) {
       const double t = kPeriod * static_cast<double>(k) + 1e-4 * static_cast<double>(y);
@@ -32,22 +32,20 @@ TEST(RowDelay, IsALaterSampleOfTheSameExponential) {
 }
 
 TEST(RowDelay, MayRunUpwardsAndInHalvesAndLongerThanAFrame) {
-  const auto upwards = run(with(ideal_camera({6, 9}), {"row_delay:row_delay_s=-3e-5"}), Ramp::field({6, 9}, 0.2), 4);
+  const auto upwards = run({6, 9}, {"row_delay:row_delay_s=-3e-5"}, Ramp::field({6, 9}, 0.2), 4);
   EXPECT_NEAR(lateness(upwards, 6, 3, 8), -2.4e-4, 1e-6);
-  const auto halves =
-      run(with(ideal_camera({6, 10}), {"row_delay:row_delay_s=3e-5,form=halves"}), Ramp::field({6, 10}, 0.2), 4);
+  const auto halves = run({6, 10}, {"row_delay:row_delay_s=3e-5,form=halves"}, Ramp::field({6, 10}, 0.2), 4);
   EXPECT_NEAR(lateness(halves, 6, 2, 4), 1.2e-4, 1e-6);
   EXPECT_NEAR(lateness(halves, 6, 2, 5), 0.0, 1e-6);
   EXPECT_NEAR(lateness(halves, 6, 2, 9), 1.2e-4, 1e-6);
-  const auto slow = run(with(ideal_camera({4, 130}), {"row_delay:row_delay_s=1e-4"}), Ramp::field({4, 130}, 0.2), 4);
+  const auto slow = run({4, 130}, {"row_delay:row_delay_s=1e-4"}, Ramp::field({4, 130}, 0.2), 4);
   EXPECT_NEAR(lateness(slow, 4, 0, 129), 0.0129, 1e-6);
   EXPECT_NEAR(lateness(slow, 4, 3, 129), 0.0129, 1e-6);
   EXPECT_NEAR(lateness(slow, 4, 3, 0), 0.0, 1e-6);
 }
 
 TEST(SplitReadout, MeetsInTheMiddle) {
-  const auto frames =
-      run(with(ideal_camera({6, 10}), {"split_readout:row_delay_s=3e-5"}), Ramp::field({6, 10}, 0.2), 3);
+  const auto frames = run({6, 10}, {"split_readout:row_delay_s=3e-5"}, Ramp::field({6, 10}, 0.2), 3);
   EXPECT_NEAR(lateness(frames, 6, 2, 0), 0.0, 1e-6);
   EXPECT_NEAR(lateness(frames, 6, 2, 4), 1.2e-4, 1e-6);
   EXPECT_NEAR(lateness(frames, 6, 2, 5), 1.2e-4, 1e-6);
@@ -56,8 +54,7 @@ TEST(SplitReadout, MeetsInTheMiddle) {
 
 TEST(IntegrationWindow, IsTheMeanOverTheWindow) {
   for (const double window : {0.0005, 0.002, 0.005, 0.012}) {
-    const auto frames =
-        run(with(ideal_camera({2, 2}), {"integration_window:window_s=" + std::to_string(window)}), one_pulse(), 25);
+    const auto frames = run({2, 2}, {"integration_window:window_s=" + std::to_string(window)}, one_pulse(), 25);
     for (std::size_t k = 0; k < 25; ++k) {
       double expected = 0.0;
       constexpr int kPoints = 4000;
@@ -70,8 +67,7 @@ TEST(IntegrationWindow, IsTheMeanOverTheWindow) {
 }
 
 TEST(IntegrationWindow, TakesTheSlowPartAlong) {
-  const auto frames =
-      run(with(ideal_camera({2, 2}), {"integration_window:window_s=0.004", "slow_pole:share=0.2"}), one_pulse(), 25);
+  const auto frames = run({2, 2}, {"integration_window:window_s=0.004", "slow_pole:share=0.2"}, one_pulse(), 25);
   for (std::size_t k = 0; k < 25; ++k) {
     double expected = 0.0;
     constexpr int kPoints = 4000;
@@ -84,15 +80,14 @@ TEST(IntegrationWindow, TakesTheSlowPartAlong) {
 }
 
 TEST(ClockSkew, TheTrueFramePeriodIsLonger) {
-  const auto frames = run(with(ideal_camera({6, 2}), {"clock_skew:skew=0.001"}), Ramp::field({6, 2}, 1.3), 240);
+  const auto frames = run({6, 2}, {"clock_skew:skew=0.001"}, Ramp::field({6, 2}, 1.3), 240);
   EXPECT_NEAR(lateness(frames, 6, 0, 0), 0.0, 1e-6);
   EXPECT_NEAR(lateness(frames, 6, 200, 1), 200 * kPeriod * 0.001, 1e-6);
 }
 
 TEST(Jitter, FramesAreTakenEarlierAndLater) {
   for (const char* form : {"white", "outliers"}) {
-    const auto frames = run(with(ideal_camera({4, 2}), {"jitter:rms_s=0.0004,form=" + std::string(form)}),
-                            Ramp::field({4, 2}, 1.6), 300);
+    const auto frames = run({4, 2}, {"jitter:rms_s=0.0004,form=" + std::string(form)}, Ramp::field({4, 2}, 1.6), 300);
     std::vector<double> late;
     for (std::size_t k = 0; k < 300; ++k) {
       EXPECT_NEAR(lateness(frames, 4, k, 0), lateness(frames, 4, k, 1), 2e-6);
@@ -122,8 +117,8 @@ std::vector<long> strides(const Frames& frames, std::size_t width) {
 
 TEST(FrameLoss, LosesAndRepeatsFrames) {
   const auto counts = [](const char* form, long stride) {
-    const auto frames = run(with(ideal_camera({4, 2}), {"frame_loss:per_thousand=100,form=" + std::string(form)}),
-                            Ramp::field({4, 2}, 2.0), 250);
+    const auto frames =
+        run({4, 2}, {"frame_loss:per_thousand=100,form=" + std::string(form)}, Ramp::field({4, 2}, 2.0), 250);
     return std::ranges::count(strides(frames, 4), stride);
   };
   EXPECT_NEAR(static_cast<double>(counts("lost", 2)), 25, 15);
@@ -147,7 +142,7 @@ TEST(FrameLoss, ARepeatedFrameIsIdentical) {
 
 TEST(TornFrames, TheLowerPartIsTheFrameBefore) {
   const auto whole = run(ideal_camera({6, 12}), Ramp::field({6, 12}, 1.0), 100);
-  const auto torn = run(with(ideal_camera({6, 12}), {"torn_frames:per_thousand=200"}), Ramp::field({6, 12}, 1.0), 100);
+  const auto torn = run({6, 12}, {"torn_frames:per_thousand=200"}, Ramp::field({6, 12}, 1.0), 100);
   int count = 0;
   for (std::size_t k = 1; k < 100; ++k) {
     bool below = false;

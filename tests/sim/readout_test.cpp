@@ -1,34 +1,11 @@
-#include "src/sim/readout.hpp"
-
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <vector>
+// Noise and stored values.
+#include "src/sim/random.hpp"
+#include "tests/sim/effect_support.hpp"
 
 namespace bolo::sim {
 namespace {
 
-struct Moments {
-  double mean = 0.0;
-  double variance = 0.0;
-  double kurtosis = 0.0;
-};
-
-Moments moments(const std::vector<double>& values) {
-  Moments m;
-  const auto n = static_cast<double>(values.size());
-  for (const double v : values) m.mean += v / n;
-  for (const double v : values) m.variance += (v - m.mean) * (v - m.mean) / n;
-  for (const double v : values) m.kurtosis += std::pow(v - m.mean, 4) / (n * m.variance * m.variance);
-  return m;
-}
-
-double correlation(const std::vector<double>& a, const std::vector<double>& b) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
-  return sum / static_cast<double>(a.size());
-}
+using namespace testing;
 
 std::vector<double> normal(std::uint64_t seed, std::uint64_t frame, std::uint64_t row, std::size_t size) {
   std::vector<double> values(size);
@@ -41,9 +18,9 @@ constexpr double kFiveSigma = 5.0 / 447.2;  // of a mean of kMany values
 
 TEST(FillNormal, IsStandardNormal) {
   const auto values = normal(1, 0, 0, kMany);
-  const Moments m = moments(values);
+  const Stats m = stats(values);
   EXPECT_NEAR(m.mean, 0.0, kFiveSigma);
-  EXPECT_NEAR(m.variance, 1.0, kFiveSigma * std::sqrt(2.0));
+  EXPECT_NEAR(m.rms * m.rms, 1.0, kFiveSigma * std::sqrt(2.0));
   EXPECT_NEAR(m.kurtosis, 3.0, kFiveSigma * std::sqrt(24.0));
   const auto beyond_two = std::ranges::count_if(values, [](double v) { return std::abs(v) > 2.0; });
   EXPECT_NEAR(static_cast<double>(beyond_two) / kMany, 0.0455, 5.0 * std::sqrt(0.0455 / kMany));
@@ -91,9 +68,9 @@ TEST(ReadRow, FloatKeepsKelvinOrMultiplesOfTheStep) {
 TEST(ReadRow, NoiseHasItsRmsBesideTheQuantisations) {
   const ReadoutSettings settings{0.03, 0.01, PixelType::kUint16, 5};
   const auto counts = stored<std::uint16_t>(settings, std::vector<double>(kMany, 300.0));
-  const Moments m = moments({counts.begin(), counts.end()});
+  const Stats m = stats({counts.begin(), counts.end()});
   EXPECT_NEAR(0.01 * m.mean, 300.0, 0.0004);
-  EXPECT_NEAR(0.01 * std::sqrt(m.variance), std::sqrt(0.03 * 0.03 + 0.01 * 0.01 / 12.0), 0.0003);
+  EXPECT_NEAR(0.01 * m.rms, std::sqrt(0.03 * 0.03 + 0.01 * 0.01 / 12.0), 0.0003);
 }
 
 }  // namespace

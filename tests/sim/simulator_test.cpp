@@ -5,18 +5,12 @@
 #include <functional>
 #include <numbers>
 
-#include "tests/sim/support.hpp"
+#include "tests/sim/effect_support.hpp"
 
 namespace bolo::sim {
 namespace {
 
-using testing::columns;
-using testing::Frames;
-using testing::ideal_camera;
-using testing::run;
-
-constexpr double kTau = 0.011;
-constexpr double kPeriod = 0.005;
+using namespace testing;
 
 // tau dT/dt + T = T_ss from steady state at from_s, in steps so short that T_ss may be taken as a straight line.
 double brute_force(const std::function<double(double)>& input, double from_s, double to_s) {
@@ -55,14 +49,11 @@ capture::StillImage hard_edges(int width, int height) {
 }
 
 TEST(Simulator, AStepIsAnExponential) {
-  const double on_s = 0.0131;
-  const auto frames = run(ideal_camera({3, 2}), make_chopper({295, {on_s}, {0.0772}, {320}}), 30);
+  const auto frames = run(ideal_camera({3, 2}), one_pulse(), 30);
   for (std::size_t k = 0; k < 30; ++k) {
     const double t = kPeriod * static_cast<double>(k);
-    double expected = t <= on_s ? 295.0 : 320.0 - 25.0 * std::exp(-(std::min(t, 0.0772) - on_s) / kTau);
-    if (t > 0.0772) expected = 295.0 + (expected - 295.0) * std::exp(-(t - 0.0772) / kTau);
-    for (const float shown : frames.shown[k]) EXPECT_NEAR(shown, expected, 5e-5) << "frame " << k;
-    const float truth = t >= on_s && t < 0.0772 ? 320.0F : 295.0F;
+    for (const float shown : frames.shown[k]) EXPECT_NEAR(shown, chopped(t, kOn, kOff), 5e-5) << "frame " << k;
+    const float truth = t >= kOn && t < kOff ? 320.0F : 295.0F;
     EXPECT_EQ(frames.truth[k], std::vector<float>(6, truth)) << "frame " << k;
   }
 }
@@ -236,6 +227,57 @@ TEST(Simulator, RefusesSettingsOutOfRange) {
     c.kind = CameraKind::kVisible;
     c.exposure_s = 0.006;
   }));
+}
+
+// One step of a pixel against plain numerical integration.
+double quadratic(double s) { return 300.0 + 12.0 * s - 31.0 * s * s; }
+
+// tau dT/dt + T = T_ss over one step, by the classical Runge-Kutta method.
+double runge_kutta(double before, double z) {
+  constexpr int kSteps = 20000;
+  const double h = 1.0 / kSteps;
+  const auto slope = [z](double s, double t) { return z * (quadratic(s) - t); };
+  double t = before;
+  for (int i = 0; i < kSteps; ++i) {
+    const double s = i * h;
+    const double a = slope(s, t);
+    const double b = slope(s + h / 2, t + a * h / 2);
+    const double c = slope(s + h / 2, t + b * h / 2);
+    const double d = slope(s + h, t + c * h);
+    t += (a + 2 * b + 2 * c + d) * h / 6;
+  }
+  return t;
+}
+
+class BolometerStep : public ::testing::TestWithParam<double> {};
+
+TEST_P(BolometerStep, SolvesTheEquationForAQuadraticInput) {
+  const StepWeights w = bolometer_step(GetParam() * kTau, kTau);
+  const double after = w.keep * 290.0 + w.start * quadratic(0) + w.middle * quadratic(0.5) + w.end * quadratic(1);
+  EXPECT_NEAR(after, runge_kutta(290.0, GetParam()), 1e-8);
+}
+
+TEST_P(BolometerStep, LeavesASteadyPixelAlone) {
+  const StepWeights w = bolometer_step(GetParam(), 1.0);
+  EXPECT_NEAR(w.keep + w.start + w.middle + w.end, 1.0, 1e-14);
+}
+
+INSTANTIATE_TEST_SUITE_P(Durations, BolometerStep,
+                         ::testing::Values(1e-12, 1e-6, 0.01, 0.4545, 0.4999999, 0.5000001, 3.0, 14.0));
+
+TEST(BolometerStep, OfNoDurationChangesNothing) {
+  const StepWeights w = bolometer_step(0.0, 0.011);
+  EXPECT_EQ(w.keep, 1.0);
+  EXPECT_EQ(w.start, 0.0);
+  EXPECT_EQ(w.middle, 0.0);
+  EXPECT_EQ(w.end, 0.0);
+}
+
+TEST(ExposureStep, AddsTheMeanOfAQuadraticInput) {
+  const StepWeights w = exposure_step(0.002, 0.005);
+  const double mean = 300.0 + 12.0 / 2 - 31.0 / 3;
+  EXPECT_EQ(w.keep, 1.0);
+  EXPECT_NEAR(w.start * quadratic(0) + w.middle * quadratic(0.5) + w.end * quadratic(1), 0.4 * mean, 1e-12);
 }
 
 }  // namespace

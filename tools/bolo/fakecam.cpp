@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/fakecam/fake_camera.hpp"
+#include "drivers/fakecam/gige_vision.hpp"
 #include "src/core/clock.hpp"
 #include "tools/bolo/fakecam_faults.hpp"
 #include "tools/bolo/verbs.hpp"
@@ -124,7 +125,7 @@ void print_serving(const Request& request, const FakeCamera& camera) {
   const Geometry sensor = camera.sensor();
   if (request.json) {
     const nlohmann::json line{{"serving", request.camera.address},
-                              {"port", request.camera.port},
+                              {"port", fakecam::gvcp::kPort},
                               {"serial", camera.serial()},
                               {"width", sensor.width},
                               {"height", sensor.height},
@@ -134,8 +135,8 @@ void print_serving(const Request& request, const FakeCamera& camera) {
     return;
   }
   std::printf("serving %s as camera %s at %s:%u, %dx%d, %g frames/s%s\n", request.capture.c_str(),
-              camera.serial().c_str(), request.camera.address.c_str(), request.camera.port, sensor.width, sensor.height,
-              camera.rate_hz(),
+              camera.serial().c_str(), request.camera.address.c_str(), fakecam::gvcp::kPort, sensor.width,
+              sensor.height, camera.rate_hz(),
               camera.hears_broadcasts() ? "" : " (found by its address only: another program holds the broadcasts)");
   std::fflush(stdout);
 }

@@ -42,12 +42,6 @@ struct Told {
   std::optional<LinearScale> scale;  // of whole numbers; nothing: counts
 };
 
-// Values in floating point are kelvin.
-inline LinearScale scale_of(PixelType type, const Told& told) {
-  if (type == PixelType::kFloat32) return {Unit::kKelvin, 1.0, 0.0};
-  return told.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
-}
-
 struct RawLayout {
   enum class Type { kU16Le, kU16Be, kF32 };
   Geometry geometry;

@@ -1,13 +1,15 @@
 #include "tools/convert/footage_sink.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <sstream>
 #include <utility>
 
+#include "src/core/statistics.hpp"
 #include "tools/convert/picture.hpp"
-#include "tools/convert/preview.hpp"
 #include "tools/convert/program.hpp"
 
 namespace bolo::tools {
@@ -19,6 +21,54 @@ std::string scale_text(const LinearScale& scale) {
   std::snprintf(text.data(), text.size(), "kelvin = %.9g * value + %.9g", scale.scale, scale.offset);
   return text.data();
 }
+
+// Grey pictures of 8 bits for the eye: the darkest and the brightest hundredth of the pixels are black and white, and
+// follow the scene slowly, so that pictures after one another don't flicker.
+class Preview {
+ public:
+  explicit Preview(StreamFormat format) : format_(format) {}
+  // The levels of one frame, row-major; good until the next call.
+  const std::vector<std::uint8_t>& levels(const Frame& frame) {
+    if (format_.type == PixelType::kUint16) {
+      values_.assign(frame.u16.begin(), frame.u16.end());
+    } else {
+      values_ = frame.f32;
+    }
+    sample_ = values_;
+    std::erase_if(sample_, [](float v) { return !std::isfinite(v); });
+    if (!sample_.empty()) {
+      const double low = quantile(sample_, kShare);
+      follow(low, quantile(sample_, 1.0 - kShare));
+    }
+    const double gain = 255.0 / std::max(high_ - low_, kLeastSpan);
+    levels_.resize(values_.size());
+    std::transform(values_.begin(), values_.end(), levels_.begin(), [&](float v) {
+      const double level = (v - low_) * gain;
+      return level > 0.0 ? static_cast<std::uint8_t>(std::min(level, 255.0)) : std::uint8_t{0};  // not a number: black
+    });
+    return levels_;
+  }
+
+ private:
+  static constexpr double kShare = 0.01;      // of the pixels beyond either end
+  static constexpr double kFollow_s = 0.5;    // time constant
+  static constexpr double kLeastSpan = 1e-6;  // of a scene without contrast
+
+  void follow(double low, double high) {
+    const double weight = begun_ ? 1.0 - std::exp(-format_.frame_period_s / kFollow_s) : 1.0;
+    low_ += weight * (low - low_);
+    high_ += weight * (high - high_);
+    begun_ = true;
+  }
+
+  StreamFormat format_;
+  std::vector<float> values_;
+  std::vector<float> sample_;
+  std::vector<std::uint8_t> levels_;
+  double low_ = 0.0;
+  double high_ = 0.0;
+  bool begun_ = false;
+};
 
 class CaptureSink final : public FootageSink {
  public:
@@ -161,34 +211,14 @@ class FilmSink final : public FootageSink {
     std::array<char, 32> rate{};
     std::snprintf(rate.data(), rate.size(), "%.6g", 1.0 / format.frame_period_s);
     const std::string size = std::to_string(format.geometry.width) + "x" + std::to_string(format.geometry.height);
-    // Encoders need even sides.
-    Result<FedProgram> ffmpeg = FedProgram::start({"ffmpeg",
-                                                   "-v",
-                                                   "error",
-                                                   "-nostdin",
-                                                   "-y",
-                                                   "-f",
-                                                   "rawvideo",
-                                                   "-pix_fmt",
-                                                   "gray",
-                                                   "-s",
-                                                   size,
-                                                   "-r",
-                                                   rate.data(),
-                                                   "-i",
-                                                   "pipe:0",
-                                                   "-vf",
-                                                   "pad=ceil(iw/2)*2:ceil(ih/2)*2",
-                                                   "-pix_fmt",
-                                                   "yuv420p",
-                                                   "-c:v",
-                                                   "libx264",
-                                                   "-movflags",
-                                                   "+faststart",
-                                                   "-f",
-                                                   "mp4",
-                                                   "file:" + file->path().string()},
-                                                  "ffmpeg");
+    std::vector<std::string> words{"ffmpeg"};
+    std::istringstream options(
+        "-v error -nostdin -y -f rawvideo -pix_fmt gray -s " + size + " -r " + rate.data() +
+        " -i pipe:0 -vf pad=ceil(iw/2)*2:ceil(ih/2)*2 -pix_fmt yuv420p -c:v libx264 "  // even sides
+        "-movflags +faststart -f mp4");
+    for (std::string word; options >> word;) words.push_back(word);
+    words.push_back("file:" + file->path().string());
+    Result<FedProgram> ffmpeg = FedProgram::start(words, "ffmpeg");
     if (!ffmpeg) return tl::unexpected<Error>(ffmpeg.error());
     return std::make_unique<FilmSink>(std::move(*file), std::move(*ffmpeg), format);
   }

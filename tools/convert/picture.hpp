@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -29,16 +30,16 @@ Result<Picture> read_tiff_page(const std::filesystem::path& file, std::size_t pa
 class TiffWriter {
  public:
   static Result<TiffWriter> create(const std::filesystem::path& file);
-  TiffWriter(TiffWriter&& other) noexcept;
-  TiffWriter& operator=(TiffWriter&&) = delete;
-  ~TiffWriter();
   // One page more, in the plane's own type; LZW-compressed without loss.
   Status write(Geometry geometry, PixelType type, const void* plane);
   Status close();
 
  private:
+  struct Closer {
+    void operator()(void* tiff) const;
+  };
   explicit TiffWriter(void* tiff) : tiff_(tiff) {}
-  void* tiff_;
+  std::unique_ptr<void, Closer> tiff_;
 };
 
 }  // namespace bolo::tools

@@ -17,7 +17,7 @@ namespace bolo::tools {
 namespace {
 
 // An unnamed file in memory: what a program prints never blocks it, however much it is.
-int memory_file(const char* name) { return memfd_create(name, MFD_CLOEXEC); }
+UniqueFd memory_file(const char* name) { return UniqueFd(memfd_create(name, MFD_CLOEXEC)); }
 
 std::string content_of(int descriptor) {
   std::string text;
@@ -68,44 +68,31 @@ Status wait_for(const std::string& name, pid_t pid, int errors) {
 }  // namespace
 
 Result<std::string> output_of(const std::vector<std::string>& words, const std::string& install) {
-  const int output = memory_file("output");
-  const int errors = memory_file("errors");
-  std::string text;
-  const Result<pid_t> pid = spawn(words, 0, output, errors, install);
-  Status good = pid ? wait_for(words[0], *pid, errors) : Status(tl::unexpected<Error>(pid.error()));
-  if (good) text = content_of(output);
-  close(output);
-  close(errors);
-  if (!good) return tl::unexpected<Error>(good.error());
-  return text;
+  const UniqueFd output = memory_file("output");
+  const UniqueFd errors = memory_file("errors");
+  const Result<pid_t> pid = spawn(words, 0, output.get(), errors.get(), install);
+  if (!pid) return tl::unexpected<Error>(pid.error());
+  if (Status good = wait_for(words[0], *pid, errors.get()); !good) return tl::unexpected<Error>(good.error());
+  return content_of(output.get());
 }
 
 Result<FedProgram> FedProgram::start(const std::vector<std::string>& words, const std::string& install) {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0) return failed(std::string("no pipe: ") + std::strerror(errno));
-  const int errors = memory_file("errors");
-  const Result<pid_t> pid = spawn(words, ends[0], errors, errors, install);
-  close(ends[0]);
-  if (pid) return FedProgram(words[0], *pid, ends[1], errors);
-  close(ends[1]);
-  close(errors);
-  return tl::unexpected<Error>(pid.error());
+  const UniqueFd output(ends[0]);
+  UniqueFd input(ends[1]);
+  UniqueFd errors = memory_file("errors");
+  const Result<pid_t> pid = spawn(words, output.get(), errors.get(), errors.get(), install);
+  if (!pid) return tl::unexpected<Error>(pid.error());
+  return FedProgram(words[0], *pid, std::move(input), std::move(errors));
 }
 
-FedProgram::FedProgram(FedProgram&& other) noexcept
-    : name_(std::move(other.name_)),
-      pid_(other.pid_),
-      input_(std::exchange(other.input_, -1)),
-      errors_(std::exchange(other.errors_, -1)) {}
-
-FedProgram::~FedProgram() {
-  if (errors_ >= 0) (void)finish();
-}
+FedProgram::~FedProgram() { (void)finish(); }
 
 Status FedProgram::write(const void* data, std::size_t bytes) {
   const char* from = static_cast<const char*>(data);
   while (bytes > 0) {
-    const ssize_t done = ::write(input_, from, bytes);
+    const ssize_t done = ::write(input_.get(), from, bytes);
     if (done < 0 && errno == EINTR) continue;
     if (done < 0) {  // it has ended: its own words say why
       if (Status why = finish(); !why) return why;
@@ -118,12 +105,10 @@ Status FedProgram::write(const void* data, std::size_t bytes) {
 }
 
 Status FedProgram::finish() {
-  if (errors_ < 0) return {};
-  close(std::exchange(input_, -1));
-  const int errors = std::exchange(errors_, -1);
-  Status good = wait_for(name_, pid_, errors);
-  close(errors);
-  return good;
+  if (!errors_) return {};
+  input_ = UniqueFd();
+  const UniqueFd errors = std::move(errors_);
+  return wait_for(name_, pid_, errors.get());
 }
 
 }  // namespace bolo::tools

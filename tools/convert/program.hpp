@@ -5,9 +5,11 @@
 
 #include <cstddef>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "src/core/result.hpp"
+#include "src/core/unique_fd.hpp"
 
 namespace bolo::tools {
 
@@ -19,7 +21,7 @@ Result<std::string> output_of(const std::vector<std::string>& words, const std::
 class FedProgram {
  public:
   static Result<FedProgram> start(const std::vector<std::string>& words, const std::string& install);
-  FedProgram(FedProgram&& other) noexcept;
+  FedProgram(FedProgram&& other) noexcept = default;
   FedProgram& operator=(FedProgram&&) = delete;
   ~FedProgram();
   Status write(const void* data, std::size_t bytes);
@@ -27,12 +29,12 @@ class FedProgram {
   Status finish();
 
  private:
-  FedProgram(std::string name, pid_t pid, int input, int errors)
-      : name_(std::move(name)), pid_(pid), input_(input), errors_(errors) {}
+  FedProgram(std::string name, pid_t pid, UniqueFd input, UniqueFd errors)
+      : name_(std::move(name)), pid_(pid), input_(std::move(input)), errors_(std::move(errors)) {}
   std::string name_;
   pid_t pid_;
-  int input_;
-  int errors_;  // a file of its messages
+  UniqueFd input_;
+  UniqueFd errors_;  // a file of its messages; none once it was waited for
 };
 
 }  // namespace bolo::tools

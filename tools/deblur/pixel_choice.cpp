@@ -1,35 +1,21 @@
 #include "tools/deblur/pixel_choice.hpp"
 
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <fstream>
 #include <string_view>
 
 #include "drivers/replay/copy_region.hpp"
+#include "src/core/parse_text.hpp"
 
 namespace bolo::tools {
 namespace {
 
-std::string_view trimmed(std::string_view text) {
-  const std::size_t first = text.find_first_not_of(" \t\r");
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
-}
-
-std::optional<double> number(std::string_view text) {
-  text = trimmed(text);
-  double value = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
-  return value;
-}
-
 // The index, or what is wrong with the line.
 tl::expected<std::uint32_t, std::string> parse_point(std::string_view line, Geometry frame) {
   const std::size_t comma = line.find(',');
-  const auto x = number(line.substr(0, comma));
-  const auto y = comma == std::string_view::npos ? std::nullopt : number(line.substr(comma + 1));
+  const auto x = number_of(trimmed(line.substr(0, comma)));
+  const auto y = comma == std::string_view::npos ? std::nullopt : number_of(trimmed(line.substr(comma + 1)));
   if (!x || !y) return tl::unexpected<std::string>("'" + std::string(line) + "' is not a point; write x,y in pixels");
   const double column = std::round(*x);
   const double row = std::round(*y);

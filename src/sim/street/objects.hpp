@@ -1,7 +1,7 @@
 // What stands and moves in the street. Each is drawn from its own random numbers, at a place in the street's units.
 #pragma once
 
-#include "src/sim/splitmix.hpp"
+#include "src/sim/random.hpp"
 #include "src/sim/street/painter.hpp"
 
 namespace bolo::sim::street {
@@ -9,10 +9,6 @@ namespace bolo::sim::street {
 inline constexpr double kPavementTop = 84.0;
 inline constexpr double kKerb = 92.0;
 inline constexpr double kRoadTop = 93.5;
-
-// Sky, distant trees, pavement, kerb and road: everything that is there all along.
-void paint_sky(Painter& painter);
-void paint_ground(Painter& painter);
 
 // A house front from `left` to `right`, with its roof in the upper quarter of the view.
 void paint_house(Painter& painter, double left, double right, SplitMix random);

@@ -1,6 +1,6 @@
 #include "src/sim/street/painter.hpp"
 
-#include "src/sim/splitmix.hpp"
+#include "src/sim/random.hpp"
 
 namespace bolo::sim::street {
 

@@ -42,19 +42,11 @@ struct Client {
   Owned<ArvCamera> camera;
 };
 
-std::unique_ptr<FakeCamera> serve(const std::string& address, MemoryFrames::Content content,
-                                  FakeCameraOptions options = {}) {
-  options.address = address;
-  auto camera = FakeCamera::start(options, test::provider_of(std::move(content)));
-  EXPECT_TRUE(camera.has_value()) << camera.error().message;
-  return std::move(*camera);
-}
-
 TEST(FakeCameraAravis, GetsEveryFramePixelExact) {
   const auto address = test::fresh_address();
   constexpr Geometry kGeometry{640, 120};
   constexpr std::size_t kFrames = 60;
-  const auto fake = serve(address, test::synthetic(kGeometry, kFrames));
+  const auto fake = test::serve(test::provider_of(test::synthetic(kGeometry, kFrames)), address);
   Client client(address);
   ASSERT_TRUE(client.camera);
   arv_camera_gv_set_packet_size(client.camera.get(), 9000, nullptr);
@@ -79,7 +71,7 @@ TEST(FakeCameraAravis, GetsEveryFramePixelExact) {
 
 TEST(FakeCameraAravis, EachFeatureOfTheDescriptionCanBeRead) {
   const auto address = test::fresh_address();
-  const auto fake = serve(address, test::synthetic({64, 32}, 2));
+  const auto fake = test::serve(test::provider_of(test::synthetic({64, 32}, 2)), address);
   Client client(address);
   ASSERT_TRUE(client.camera);
   ArvDevice* device = arv_camera_get_device(client.camera.get());
@@ -112,7 +104,7 @@ TEST(FakeCameraAravis, EachFeatureOfTheDescriptionCanBeRead) {
 
 TEST(FakeCameraAravis, NegotiatesThePacketSize) {
   const auto address = test::fresh_address();
-  const auto fake = serve(address, test::synthetic({64, 32}, 2));
+  const auto fake = test::serve(test::provider_of(test::synthetic({64, 32}, 2)), address);
   Client client(address);
   ASSERT_TRUE(client.camera);
   GError* error = nullptr;
@@ -124,7 +116,7 @@ TEST(FakeCameraAravis, NegotiatesThePacketSize) {
 
 TEST(FakeCameraAravis, HalfAWindowComesFromTheMiddle) {
   const auto address = test::fresh_address();
-  const auto fake = serve(address, test::synthetic({64, 32}, 3));
+  const auto fake = test::serve(test::provider_of(test::synthetic({64, 32}, 3)), address);
   Client client(address);
   ASSERT_TRUE(client.camera);
   arv_camera_set_string(client.camera.get(), "IRWindowing", "Half", nullptr);

@@ -14,9 +14,7 @@ using test::RawClient;
 
 std::unique_ptr<FakeCamera> start_camera(const std::string& address, FakeCameraOptions options = {}) {
   options.address = address;
-  auto camera = FakeCamera::start(options, test::provider_of(test::synthetic({16, 8}, 4)));
-  EXPECT_TRUE(camera.has_value()) << camera.error().message;
-  return std::move(*camera);
+  return test::serve(test::provider_of(test::synthetic({16, 8}, 4)), options);
 }
 
 TEST(FakeCameraControl, DiscoveryTellsWhoItIs) {

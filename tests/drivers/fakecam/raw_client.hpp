@@ -14,7 +14,7 @@
 
 #include "drivers/fakecam/gige_vision.hpp"
 #include "drivers/fakecam/network.hpp"
-#include "drivers/fakecam/registers.hpp"
+#include "drivers/fakecam/register_map.hpp"
 
 namespace bolo::fakecam::test {
 

@@ -17,9 +17,8 @@ class FakeCameraStream : public testing::Test {
  protected:
   void serve(MemoryFrames::Content content, FakeCameraOptions options = {}) {
     options.address = test::fresh_address();
-    auto started = FakeCamera::start(options, test::provider_of(std::move(content)));
-    ASSERT_TRUE(started.has_value()) << started.error().message;
-    camera = std::move(*started);
+    camera = test::serve(test::provider_of(std::move(content)), options);
+    ASSERT_TRUE(camera);
     session.emplace(options.address);
   }
   // Waits, as long as the hang guard allows, for the camera to come to `condition`.
@@ -234,12 +233,10 @@ TEST_F(FakeCameraStream, SeveralCamerasServeAtOnce) {
   std::vector<std::unique_ptr<FakeCamera>> cameras;
   std::vector<std::unique_ptr<test::Session>> sessions;
   for (int i = 0; i < 3; ++i) {
-    FakeCameraOptions options;
-    options.address = test::fresh_address();
-    auto started = FakeCamera::start(options, test::provider_of(test::synthetic({16, 8 + i}, 4)));
-    ASSERT_TRUE(started.has_value()) << started.error().message;
-    cameras.push_back(std::move(*started));
-    sessions.push_back(std::make_unique<test::Session>(options.address));
+    const std::string address = test::fresh_address();
+    cameras.push_back(test::serve(test::provider_of(test::synthetic({16, 8 + i}, 4)), address));
+    ASSERT_TRUE(cameras.back());
+    sessions.push_back(std::make_unique<test::Session>(address));
   }
   for (auto& s : sessions) EXPECT_EQ(s->start(), gvcp::Status::kSuccess);
   for (int i = 0; i < 3; ++i) {
@@ -265,18 +262,17 @@ class BrokenFrames final : public FrameProvider {
 };
 
 TEST(FakeCameraRead, ErrorEndsTheStreamAndIsTold) {
-  FakeCameraOptions options;
-  options.address = test::fresh_address();
-  auto camera = FakeCamera::start(options, std::make_unique<BrokenFrames>());
-  ASSERT_TRUE(camera.has_value()) << camera.error().message;
-  test::Session session(options.address);
+  const std::string address = test::fresh_address();
+  const auto camera = test::serve(std::make_unique<BrokenFrames>(), address);
+  ASSERT_TRUE(camera);
+  test::Session session(address);
   session.start();
   EXPECT_EQ(test::receive_blocks(session.stream, 2).size(), 2U);
   session.stop();
-  (*camera)->stop();
-  ASSERT_FALSE((*camera)->result().has_value());
-  EXPECT_EQ((*camera)->result().error().message, "frame 2: unreadable");
-  EXPECT_EQ((*camera)->stats().frames_sent, 2U);
+  camera->stop();
+  ASSERT_FALSE(camera->result().has_value());
+  EXPECT_EQ(camera->result().error().message, "frame 2: unreadable");
+  EXPECT_EQ(camera->stats().frames_sent, 2U);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // Frames and addresses for the fake camera's tests.
 #pragma once
 
+#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <cstring>
@@ -42,6 +43,20 @@ inline MemoryFrames::Content synthetic(Geometry geometry, std::size_t frames, do
 
 inline std::unique_ptr<FrameProvider> provider_of(MemoryFrames::Content content) {
   return std::make_unique<MemoryFrames>(std::move(content));
+}
+
+// Starts a camera at the options' address.
+inline std::unique_ptr<FakeCamera> serve(std::unique_ptr<FrameProvider> provider, const FakeCameraOptions& options) {
+  auto camera = FakeCamera::start(options, std::move(provider));
+  EXPECT_TRUE(camera.has_value()) << camera.error().message;
+  return camera ? std::move(*camera) : nullptr;
+}
+
+// The same at an address of its own.
+inline std::unique_ptr<FakeCamera> serve(std::unique_ptr<FrameProvider> provider, const std::string& address) {
+  FakeCameraOptions options;
+  options.address = address;
+  return serve(std::move(provider), options);
 }
 
 }  // namespace bolo::fakecam::test

@@ -44,9 +44,7 @@ std::unique_ptr<FakeCamera> serve(const std::string& address, std::size_t frames
   FakeCameraOptions options;
   options.address = address;
   options.laps = laps;
-  auto camera = FakeCamera::start(options, test::provider_of(test::synthetic(kGeometry, frames)));
-  EXPECT_TRUE(camera.has_value()) << camera.error().message;
-  return std::move(*camera);
+  return test::serve(test::provider_of(test::synthetic(kGeometry, frames)), options);
 }
 
 TEST(FakeCameraTools, ArvToolReadsAndWritesFeatures) {

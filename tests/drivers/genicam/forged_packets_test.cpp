@@ -15,7 +15,7 @@
 #include <ctime>
 
 #include "drivers/fakecam/fake_camera.hpp"
-#include "drivers/fakecam/registers.hpp"
+#include "drivers/fakecam/register_map.hpp"
 #include "src/core/unique_fd.hpp"
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"

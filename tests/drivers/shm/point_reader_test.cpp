@@ -19,6 +19,13 @@
 namespace bolo::shm {
 namespace {
 
+Result<PointReader> open_points(const std::string& name, const std::vector<std::uint32_t>& pixels,
+                                const model::PixelMaps& maps = {}) {
+  Result<ShmReader> reader = ShmReader::open(name);
+  if (!reader) return tl::unexpected<Error>(reader.error());
+  return PointReader::over(std::move(*reader), pixels, maps);
+}
+
 using deblur::Method;
 constexpr auto kPace = std::chrono::milliseconds(1);
 
@@ -94,13 +101,12 @@ TEST_P(PointReaders, GiveThePublishedPlanesBits) {
   const Geometry geometry{static_cast<int>(frames.header().width), static_cast<int>(frames.header().height)};
   const std::vector<std::uint32_t> pixels{0, 100, 6, 167, 7, 24, 100};
   if (GetParam().maps) {
-    const auto refused = PointReader::open(name_, pixels);
+    const auto refused = open_points(name_, pixels);
     ASSERT_FALSE(refused);
     EXPECT_NE(refused.error().message.find("give the writer's maps"), std::string::npos);
   }
-  auto points = PointReader::open(name_, pixels, GetParam().maps ? maps_of(geometry) : model::PixelMaps{});
+  auto points = open_points(name_, pixels, GetParam().maps ? maps_of(geometry) : model::PixelMaps{});
   ASSERT_TRUE(points) << points.error().message;
-  EXPECT_EQ(points->lookahead(), GetParam().lookahead);
   std::vector<std::uint16_t> out(pixels.size());
   ReadFrame frame;
   int solved = 0;
@@ -148,11 +154,11 @@ TEST(PointReader, WrongPointsAndNamesAreRefused) {
   writer.format.isa = "auto";
   ASSERT_TRUE(writer.open());
   const std::string name = unique_name("points-wrong");
-  const auto outside = PointReader::open(name, {0, 33 * 7});
+  const auto outside = open_points(name, {0, 33 * 7});
   ASSERT_FALSE(outside);
   EXPECT_NE(outside.error().message.find("not inside the frame of 33x7"), std::string::npos) << outside.error().message;
-  EXPECT_FALSE(PointReader::open(name, {}));
-  EXPECT_FALSE(PointReader::open(unique_name("points-none"), {0}));
+  EXPECT_FALSE(open_points(name, {}));
+  EXPECT_FALSE(open_points(unique_name("points-none"), {0}));
 }
 
 // The raw planes in the ring are not what the solver got.
@@ -163,7 +169,7 @@ TEST(PointReader, FramesThatAreChangedAroundTheSolverAreRefused) {
   writer.format.isa = "auto";
   writer.format.undone = true;
   ASSERT_TRUE(writer.open());
-  const auto refused = PointReader::open(name, {0});
+  const auto refused = open_points(name, {0});
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find("read the deblurred planes"), std::string::npos) << refused.error().message;
 }

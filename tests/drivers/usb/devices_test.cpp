@@ -16,7 +16,7 @@ namespace {
 
 using testing::MockCamera;
 
-DeviceFilter flir() { return {.vendor = kFlirVendor, .product = {}, .bus = {}, .address = {}, .serial = {}}; }
+DeviceFilter flir() { return {.vendor = 0x09cb, .product = {}, .bus = {}, .address = {}, .serial = {}}; }
 
 TEST(Devices, AreListedWithWhatTheKernelKnows) {
   MockCamera camera("SN-7");

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/fakecam/fault_tally.hpp"
+#include "drivers/fakecam/fault_script.hpp"
 #include "src/core/loss.hpp"
 #include "tools/lab/eval/faults_run.hpp"
 #include "tools/lab/soak/findings.hpp"

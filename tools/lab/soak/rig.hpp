@@ -109,7 +109,6 @@ class Rig {
   Process& camera() { return *camera_; }
   Process& daemon() { return *daemon_; }
   bool has_camera() const noexcept { return camera_.has_value(); }
-  bool has_daemon() const noexcept { return daemon_.has_value(); }
   std::vector<Process>& readers() { return readers_; }
   CameraBook& book() { return book_; }
   bool degrades() const noexcept { return degrades_; }  // the daemon spends less on frames rather than lose them

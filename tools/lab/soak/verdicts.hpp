@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/fakecam/fault_tally.hpp"
+#include "drivers/fakecam/fault_script.hpp"
 #include "src/core/loss.hpp"
 #include "tools/lab/soak/findings.hpp"
 #include "tools/lab/soak/rig.hpp"

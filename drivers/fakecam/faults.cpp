@@ -1,0 +1,283 @@
+#include "drivers/fakecam/faults.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string_view>
+
+#include "drivers/fakecam/frames.hpp"
+#include "src/core/byte_order.hpp"
+#include "src/core/clock.hpp"
+#include "src/core/splitmix.hpp"
+
+namespace bolo::fakecam {
+namespace {
+
+bool strikes_packets(FaultKind kind) {
+  constexpr std::array kKinds{FaultKind::kLoss, FaultKind::kReorder, FaultKind::kDuplicate, FaultKind::kGarbage};
+  return std::ranges::find(kKinds, kind) != kKinds.end();
+}
+
+constexpr std::size_t kMostGarbage = 44;
+
+std::uint64_t draw(std::uint64_t frame_key, const PlannedPacket& packet) { return splitmix::key(frame_key, packet.id); }
+
+bool chance(std::uint64_t random, double rate) { return splitmix::unit(random) < rate; }
+
+struct Act {
+  FaultKind kind;
+  std::string_view amount;  // the key that says how much; "" for none
+};
+constexpr std::array<Act, 7> kActs{{{FaultKind::kNuc, "offset"},
+                                    {FaultKind::kMetadataRows, "rows"},
+                                    {FaultKind::kByteOrder, ""},
+                                    {FaultKind::kIdGap, "ids"},
+                                    {FaultKind::kTimeJump, "by"},
+                                    {FaultKind::kStall, ""},
+                                    {FaultKind::kFreeze, ""}}};
+
+// Programs that use the A6xx find the frame counter in bytes 12 and 13 of the last rows.
+constexpr std::size_t kCounterWord = 6;
+
+void write_metadata(std::vector<std::uint16_t>& counts, Geometry geometry, int rows, std::uint64_t frame_id) {
+  const auto width = static_cast<std::size_t>(geometry.width);
+  for (int y = std::max(0, geometry.height - rows); y < geometry.height; ++y) {
+    const auto row = counts.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(y) * width);
+    std::fill_n(row, width, std::uint16_t{0});
+    if (width > kCounterWord) row[kCounterWord] = static_cast<std::uint16_t>(frame_id & 0xffffU);
+  }
+}
+
+void add_offset(std::vector<std::uint16_t>& counts, long offset) {
+  for (std::uint16_t& count : counts) {
+    count = static_cast<std::uint16_t>(std::clamp(static_cast<long>(count) + offset, 0L, 0xffffL));
+  }
+}
+
+bool strikes_control(FaultKind kind) {
+  constexpr std::array kKinds{FaultKind::kNoResend, FaultKind::kFreeze, FaultKind::kControlLoss, FaultKind::kReboot,
+                              FaultKind::kWindowingDrop};
+  return std::ranges::find(kKinds, kind) != kKinds.end();
+}
+
+}  // namespace
+
+PacketFaults::PacketFaults(FaultTallies& tallies, std::int64_t period_ns, std::int64_t origin_ns, bool resends)
+    : tallies_(tallies), origin_ns_(origin_ns), resends_(resends) {
+  const FaultScript& script = tallies.script();
+  for (std::size_t i = 0; i < script.size(); ++i) {
+    const Fault& fault = script[i];
+    if (!strikes_packets(fault.kind())) continue;
+    Rule rule{fault.kind(), i, frame_schedule_of(fault, period_ns), fault.value("rate"), 0, 0};
+    if (fault.kind() == FaultKind::kReorder) rule.amount = static_cast<std::uint32_t>(fault.value("by"));
+    if (fault.kind() == FaultKind::kGarbage) rule.amount = static_cast<std::uint32_t>(fault.value("bytes"));
+    rule.key = splitmix::key(splitmix::key(static_cast<std::uint64_t>(fault.value("seed")), i), resends ? 1 : 0);
+    rules_.push_back(rule);
+  }
+  std::stable_partition(rules_.begin(), rules_.end(), [](const Rule& rule) { return rule.kind != FaultKind::kLoss; });
+}
+
+std::span<const PlannedPacket> PacketFaults::plan(const WireFrame& frame, std::uint32_t first, std::uint32_t end) {
+  plan_.clear();
+  lost_ = 0;
+  for (std::uint32_t id = first; id < end; ++id) plan_.push_back({id, 0, 0});
+  const std::uint64_t attempt = resends_ ? ++attempts_ : 0;
+  for (const Rule& rule : rules_) {
+    if (!rule.schedule.lasts(origin_ns_ + frame.due_ns)) continue;
+    apply(rule, splitmix::key(splitmix::key(rule.key, frame.sequence), attempt));
+  }
+  return plan_;
+}
+
+void PacketFaults::apply(const Rule& rule, std::uint64_t frame_key) {
+  if (rule.kind == FaultKind::kLoss) return lose(rule, frame_key);
+  if (rule.kind == FaultKind::kReorder) return reorder(rule, frame_key);
+  insert(rule, frame_key);
+}
+
+void PacketFaults::lose(const Rule& rule, std::uint64_t frame_key) {
+  const auto goes = [&](const PlannedPacket& packet) {
+    return packet.garbage == 0 && chance(draw(frame_key, packet), rule.rate);
+  };
+  const auto lost = static_cast<std::uint32_t>(std::erase_if(plan_, goes));
+  lost_ += lost;
+  tallies_.add_packets(rule.place, lost);
+  if (lost > 0 && !resends_) tallies_.add_frames(rule.place);
+}
+
+// From the last packet to the first, so that each is still where it was drawn.
+void PacketFaults::reorder(const Rule& rule, std::uint64_t frame_key) {
+  std::uint64_t moved = 0;
+  for (std::size_t i = plan_.size(); i-- > 0;) {
+    const std::size_t to = std::min(plan_.size() - 1, i + rule.amount);
+    if (to == i || !chance(draw(frame_key, plan_[i]), rule.rate)) continue;
+    const auto at = [this](std::size_t n) { return plan_.begin() + static_cast<std::ptrdiff_t>(n); };
+    std::rotate(at(i), at(i + 1), at(to + 1));
+    ++moved;
+  }
+  tallies_.add_packets(rule.place, moved);
+  if (moved > 0 && !resends_) tallies_.add_frames(rule.place);
+}
+
+// A packet's double, or garbage, behind it.
+void PacketFaults::insert(const Rule& rule, std::uint64_t frame_key) {
+  next_.clear();
+  for (const PlannedPacket& packet : plan_) {
+    next_.push_back(packet);
+    const std::uint64_t random = draw(frame_key, packet);
+    if (packet.garbage != 0 || !chance(random, rule.rate)) continue;
+    const bool garbage = rule.kind == FaultKind::kGarbage;
+    next_.push_back(garbage ? PlannedPacket{packet.id, random | 1U, rule.amount} : packet);
+  }
+  const std::size_t added = next_.size() - plan_.size();
+  plan_.swap(next_);
+  tallies_.add_packets(rule.place, added);
+  if (added > 0 && !resends_) tallies_.add_frames(rule.place);
+}
+
+std::size_t PacketFaults::write_garbage(const PlannedPacket& packet, std::uint16_t block_id, Bytes out) noexcept {
+  const std::size_t longest = std::min<std::size_t>(packet.garbage_bytes, out.size());
+  const std::uint64_t random = splitmix::mix(packet.garbage);
+  const std::size_t length = random % (longest + 1);
+  std::array<std::uint8_t, kMostGarbage> bytes{};
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    bytes[i] = static_cast<std::uint8_t>(splitmix::key(packet.garbage, i) & 0xffU);
+  }
+  const std::uint64_t how = random >> 32U;
+  const auto far = static_cast<std::uint16_t>(block_id + 0x4000U + (how >> 4U) % 0x8000U);
+  const auto ids = static_cast<std::uint32_t>(how >> 20U);
+  if ((how & 1U) != 0) {
+    const auto content = static_cast<std::uint32_t>(1 + (how >> 1U & 3U)) << 24U;  // the three, and ALL_IN
+    const bool extended = (how & 8U) != 0;
+    store_u16(bytes, 0, 0);
+    store_u16(bytes, 2, far);
+    store_u32(bytes, 4, extended ? content | 0x80000000U : content | (ids & 0xffU));
+    if (extended) store_u32(bytes, 16, (ids & 1U) != 0 ? ids | 0x70000000U : ids & 0xffU);
+  } else {
+    store_u16(bytes, 2, far);
+  }
+  std::copy_n(bytes.begin(), length, out.begin());
+  return length;
+}
+
+FrameFaults::FrameFaults(const FaultScript& script, std::int64_t period_ns) : period_ns_(period_ns) {
+  for (const Act& act : kActs) {
+    for (std::size_t i = 0; i < script.size(); ++i) {
+      if (script[i].kind() != act.kind) continue;
+      const double amount = act.amount.empty() ? 0.0 : script[i].value(act.amount);
+      rules_.push_back({act.kind, i, frame_schedule_of(script[i], period_ns), amount});
+    }
+  }
+}
+
+void FrameFaults::begin_stream() noexcept {
+  started_ = false;
+  held_.clear();
+}
+
+void FrameFaults::apply(WireFrame& frame, const Nominal& nominal) {
+  frame.hit = 0;
+  frame.struck = 0;
+  frame.withheld = false;
+  const std::int64_t before_ns = started_ ? last_clock_ns_ : nominal.clock_ns - period_ns_;
+  for (const Rule& rule : rules_) {
+    if (rule.schedule.begun(nominal.clock_ns) > rule.schedule.begun(before_ns)) frame.struck |= fault_bit(rule.place);
+    strike(rule, frame, nominal);
+  }
+  started_ = true;
+  last_clock_ns_ = nominal.clock_ns;
+}
+
+void FrameFaults::strike(const Rule& rule, WireFrame& frame, const Nominal& nominal) {
+  const bool lasts = rule.schedule.lasts(nominal.clock_ns);
+  const auto strikes = static_cast<double>(rule.schedule.begun(nominal.clock_ns));
+  if (lasts) frame.hit |= fault_bit(rule.place);
+  switch (rule.kind) {
+    case FaultKind::kNuc:
+      return show_shutter(rule, frame, nominal);
+    case FaultKind::kMetadataRows:
+      if (lasts) write_metadata(frame.counts, nominal.geometry, static_cast<int>(rule.amount), nominal.frame_id);
+      return;
+    case FaultKind::kByteOrder:
+      if (!lasts) return;
+      for (std::uint16_t& count : frame.counts) count = swap_bytes(count);
+      return;
+    case FaultKind::kIdGap:
+      frame.block.block_id = block_id_of(nominal.frame_id + static_cast<std::uint64_t>(strikes * rule.amount));
+      return;
+    case FaultKind::kTimeJump:
+      frame.block.timestamp_ns += static_cast<std::uint64_t>(to_ns(strikes * rule.amount));
+      return;
+    default:  // stall, freeze
+      frame.withheld = frame.withheld || lasts;
+  }
+}
+
+// While the shutter is closed the camera repeats what it saw last; each correction leaves its offset behind.
+void FrameFaults::show_shutter(const Rule& rule, WireFrame& frame, const Nominal& nominal) {
+  const auto ended = static_cast<double>(rule.schedule.ended(nominal.clock_ns));
+  add_offset(frame.counts, std::lround(ended * rule.amount * nominal.counts_per_kelvin));
+  if (!rule.schedule.lasts(nominal.clock_ns) || held_.empty()) {
+    held_ = frame.counts;
+  } else {
+    frame.counts = held_;
+  }
+}
+
+ControlFaults::ControlFaults(FaultTallies& tallies, std::int64_t period_ns, Actions actions)
+    : tallies_(tallies), actions_(std::move(actions)) {
+  const FaultScript& script = tallies.script();
+  for (std::size_t i = 0; i < script.size(); ++i) {
+    if (strikes_control(script[i].kind()))
+      rules_.push_back({script[i].kind(), i, schedule_of(script[i], period_ns), 0});
+  }
+}
+
+void ControlFaults::begin(std::int64_t now_ns) noexcept {
+  if (began_) return;
+  began_ = true;
+  start_ns_ = now_ns;
+}
+
+ControlFaults::Commands ControlFaults::update(std::int64_t now_ns) {
+  Commands commands = now_ns < off_until_ns_ ? Commands::kDropped : Commands::kAnswered;
+  if (!began_) return commands;
+  for (Rule& rule : rules_) {
+    if (rule.kind == FaultKind::kNoResend || rule.kind == FaultKind::kWindowingDrop) continue;
+    const std::int64_t clock = clock_ns(now_ns);
+    if (rule.schedule.begun(clock) > rule.seen) {
+      rule.seen = rule.schedule.begun(clock);
+      strike(rule);
+    }
+    if (!rule.schedule.lasts(clock)) continue;
+    commands = std::max(commands, rule.kind == FaultKind::kFreeze ? Commands::kFrozen : Commands::kDropped);
+  }
+  return commands;
+}
+
+void ControlFaults::strike(Rule& rule) {
+  if (rule.kind == FaultKind::kFreeze) return;  // its frames are counted where they are withheld
+  tallies_.add_time(rule.place);
+  if (rule.kind == FaultKind::kControlLoss) actions_.drop_client();
+  if (rule.kind == FaultKind::kReboot) actions_.reboot();
+}
+
+bool ControlFaults::answers_resend(std::int64_t due_ns) noexcept {
+  for (const Rule& rule : rules_) {
+    if (rule.kind != FaultKind::kNoResend || !rule.schedule.lasts(clock_ns(due_ns))) continue;
+    tallies_.add_packets(rule.place);
+    return false;
+  }
+  return true;
+}
+
+void ControlFaults::windowing_changed(std::int64_t now_ns) {
+  for (const Rule& rule : rules_) {
+    if (rule.kind != FaultKind::kWindowingDrop) continue;
+    tallies_.add_time(rule.place);
+    off_until_ns_ = now_ns + rule.schedule.for_ns;
+    actions_.drop_client();
+  }
+}
+
+}  // namespace bolo::fakecam

@@ -1,0 +1,132 @@
+#include "drivers/fakecam/frames.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "src/core/clock.hpp"
+
+namespace bolo::fakecam {
+namespace {
+
+class CaptureFrames final : public FrameProvider {
+ public:
+  explicit CaptureFrames(capture::CaptureReader reader) : reader_(std::move(reader)) {}
+
+  const StreamFormat& format() const noexcept override { return reader_.info().format; }
+  const std::vector<std::uint64_t>& frame_ids() const noexcept override { return reader_.frame_id(); }
+  const std::vector<double>& times_s() const noexcept override { return reader_.t(); }
+  std::string serial() const override { return reader_.info().camera_serial; }
+  Status read(std::size_t index, void* out) override { return reader_.read_frame(index, out); }
+
+ private:
+  capture::CaptureReader reader_;
+};
+
+Result<MemoryFrames::Content> preload(const capture::CaptureReader& reader) {
+  const auto& info = reader.info();
+  const std::size_t stride = plane_bytes(info.format.geometry, info.format.type);
+  MemoryFrames::Content content{info.format, reader.frame_id(), reader.t(),
+                                std::vector<std::byte>(stride * info.frames), info.camera_serial};
+  for (std::size_t i = 0; i < info.frames; ++i) {
+    if (auto status = reader.read_frame(i, content.planes.data() + i * stride); !status) {
+      return tl::unexpected<Error>(status.error());
+    }
+  }
+  return content;
+}
+
+constexpr std::size_t kStoredValues = 65536;
+
+double counts_of_kelvin(double kelvin, IrFormat format) {
+  if (format != IrFormat::kRadiometric) return kelvin * counts_per_kelvin(format);
+  if (kelvin <= 0.0) return kPlanck.j0;
+  return kPlanck.j0 + kPlanck.j1 * kPlanck.r / (std::exp(kPlanck.b / kelvin) - kPlanck.f);
+}
+
+// The counter's step from one frame to the next when none is lost: 1, or more in a thinned-out capture.
+std::uint64_t smallest_step(std::span<const std::uint64_t> ids) {
+  std::uint64_t step = ids.size() < 2 ? 1 : ids[1] - ids[0];
+  for (std::size_t i = 1; i < ids.size(); ++i) step = std::min(step, ids[i] - ids[i - 1]);
+  return std::max<std::uint64_t>(step, 1);
+}
+
+}  // namespace
+
+Status MemoryFrames::read(std::size_t index, void* out) {
+  const std::size_t stride = plane_bytes(content_.format.geometry, content_.format.type);
+  std::memcpy(out, content_.planes.data() + index * stride, stride);
+  return {};
+}
+
+Result<std::unique_ptr<FrameProvider>> open_capture(const std::filesystem::path& file, std::size_t preload_bytes) {
+  auto reader = capture::CaptureReader::open(file);
+  if (!reader) return tl::unexpected<Error>(reader.error());
+  const auto& info = reader->info();
+  if (info.frames == 0) return bad_input(file.string() + ": /frames is empty; a camera needs at least one frame");
+  if (info.frames * plane_bytes(info.format.geometry, info.format.type) > preload_bytes) {
+    return std::make_unique<CaptureFrames>(std::move(*reader));
+  }
+  auto content = preload(*reader);
+  if (!content) return tl::unexpected<Error>(content.error());
+  return std::make_unique<MemoryFrames>(std::move(*content));
+}
+
+CountConverter::CountConverter(const StreamFormat& format, IrFormat ir_format, Region region)
+    : format_(format), ir_format_(ir_format), region_(region) {
+  if (format.type != PixelType::kUint16) return;
+  table_.resize(kStoredValues);
+  bool identity = true;
+  for (std::size_t v = 0; v < kStoredValues; ++v) {
+    table_[v] = count_of(static_cast<double>(v));
+    identity = identity && table_[v] == v;
+  }
+  if (identity) table_.clear();
+}
+
+std::uint16_t CountConverter::count_of(double stored) const noexcept {
+  const double count =
+      format_.scale.unit == Unit::kKelvin ? counts_of_kelvin(format_.scale.to_physical(stored), ir_format_) : stored;
+  if (!(count > 0.0)) return 0;  // also not a number
+  return static_cast<std::uint16_t>(std::lround(std::min(count, 65535.0)));
+}
+
+void CountConverter::convert(const void* plane, std::uint16_t* out) const noexcept {
+  const auto stride = static_cast<std::size_t>(format_.geometry.width);
+  const auto columns = static_cast<std::size_t>(region_.width);
+  const std::size_t first = static_cast<std::size_t>(region_.y) * stride + static_cast<std::size_t>(region_.x);
+  for (std::size_t row = 0; row < static_cast<std::size_t>(region_.height); ++row, out += columns) {
+    const std::size_t from = first + row * stride;
+    if (format_.type == PixelType::kFloat32) {
+      const float* in = static_cast<const float*>(plane) + from;
+      std::transform(in, in + columns, out, [this](float v) { return count_of(static_cast<double>(v)); });
+    } else if (table_.empty()) {
+      std::memcpy(out, static_cast<const std::uint16_t*>(plane) + from, columns * sizeof(std::uint16_t));
+    } else {
+      const std::uint16_t* in = static_cast<const std::uint16_t*>(plane) + from;
+      std::transform(in, in + columns, out, [this](std::uint16_t v) { return table_[v]; });
+    }
+  }
+}
+
+Timeline::Timeline(std::span<const std::uint64_t> frame_ids, std::span<const double> times_s, double period_s,
+                   double rate_hz)
+    : ids_(frame_ids.begin(), frame_ids.end()) {
+  const std::uint64_t step = smallest_step(ids_);
+  times_ns_.reserve(ids_.size());
+  for (std::size_t i = 0; i < ids_.size(); ++i) {
+    const double frames = static_cast<double>(ids_[i] - ids_.front()) / static_cast<double>(step);
+    times_ns_.push_back(rate_hz > 0.0 ? to_ns(times_s.front()) + to_ns(frames / rate_hz) : to_ns(times_s[i]));
+  }
+  lap_ids_ = ids_.back() - ids_.front() + step;
+  lap_ns_ = times_ns_.back() - times_ns_.front() + to_ns(rate_hz > 0.0 ? 1.0 / rate_hz : period_s);
+}
+
+Moment Timeline::at(std::uint64_t sequence) const {
+  const std::uint64_t lap = sequence / ids_.size();
+  const auto index = static_cast<std::size_t>(sequence % ids_.size());
+  return {index, ids_[index] + lap * lap_ids_,
+          static_cast<std::uint64_t>(times_ns_[index] + static_cast<std::int64_t>(lap) * lap_ns_)};
+}
+
+}  // namespace bolo::fakecam

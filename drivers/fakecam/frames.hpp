@@ -1,0 +1,130 @@
+// The frames of the camera: where they come from, the counts, ids and times that they are sent with.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "src/capture/capture.hpp"
+#include "src/core/geometry.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
+
+namespace bolo::fakecam {
+
+// A finite sequence of frames with the counters and times of the camera that took them. The description is fixed;
+// read() is called by one thread at a time.
+class FrameProvider {
+ public:
+  virtual ~FrameProvider() = default;
+
+  virtual const StreamFormat& format() const noexcept = 0;
+  virtual const std::vector<std::uint64_t>& frame_ids() const noexcept = 0;  // rising
+  virtual const std::vector<double>& times_s() const noexcept = 0;           // rising, as many as frame_ids()
+  virtual std::string serial() const { return {}; }                          // of the camera that took them
+
+  // The frame in its stored type; `out` has plane_bytes(format().geometry, format().type) bytes.
+  virtual Status read(std::size_t index, void* out) = 0;
+};
+
+// Frames that lie in memory one after the other.
+class MemoryFrames final : public FrameProvider {
+ public:
+  struct Content {
+    StreamFormat format;
+    std::vector<std::uint64_t> frame_ids;
+    std::vector<double> times_s;
+    std::vector<std::byte> planes;  // frame_ids.size() planes
+    std::string serial;
+  };
+  explicit MemoryFrames(Content content) : content_(std::move(content)) {}
+
+  const StreamFormat& format() const noexcept override { return content_.format; }
+  const std::vector<std::uint64_t>& frame_ids() const noexcept override { return content_.frame_ids; }
+  const std::vector<double>& times_s() const noexcept override { return content_.times_s; }
+  std::string serial() const override { return content_.serial; }
+  Status read(std::size_t index, void* out) override;
+
+ private:
+  Content content_;
+};
+
+// Opens a capture. Up to `preload_bytes` it is read whole, so that no disk stands behind the stream; a bigger one is
+// read frame by frame. Errors: the reader's; an empty capture. Thread: setup.
+Result<std::unique_ptr<FrameProvider>> open_capture(const std::filesystem::path& file,
+                                                    std::size_t preload_bytes = std::size_t{1} << 30U);
+
+// FLIR's IRFormat: what a count means.
+enum class IrFormat : std::uint32_t {
+  kRadiometric = 0,             // proportional to radiance; the Planck constants lead to a temperature
+  kTemperatureLinear100mK = 1,  // kelvin * 10
+  kTemperatureLinear10mK = 2,   // kelvin * 100
+};
+
+// 1 where a count is no share of a kelvin. Thread: any.
+constexpr double counts_per_kelvin(IrFormat format) {
+  if (format == IrFormat::kRadiometric) return 1.0;
+  return format == IrFormat::kTemperatureLinear10mK ? 100.0 : 10.0;
+}
+
+// Radiance counts of an object with emissivity 1 behind a clear atmosphere: J0 + J1 * R / (exp(B / kelvin) - F).
+struct PlanckConstants {
+  double r = 17000.0;
+  double b = 1428.0;
+  double f = 1.0;
+  double j0 = 4000.0;
+  double j1 = 60.0;
+};
+inline constexpr PlanckConstants kPlanck;
+
+// Crops planes of one format and converts them to counts. Planes in kelvin become counts of the IrFormat, rounded and
+// clamped to 16 bits; planes in counts go out as they are. Thread: one at a time.
+class CountConverter {
+ public:
+  // `region` lies inside format.geometry.
+  CountConverter(const StreamFormat& format, IrFormat ir_format, Region region);
+
+  // `plane`: the whole stored plane. `out`: region.width * region.height counts, row-major. noexcept, no allocation.
+  void convert(const void* plane, std::uint16_t* out) const noexcept;
+
+ private:
+  std::uint16_t count_of(double stored) const noexcept;
+
+  StreamFormat format_;
+  IrFormat ir_format_;
+  Region region_;
+  std::vector<std::uint16_t> table_;  // counts of each 16-bit stored value; empty when they are equal
+};
+
+struct Moment {
+  std::size_t index = 0;  // of the frame in the capture
+  std::uint64_t frame_id = 0;
+  std::uint64_t timestamp_ns = 0;
+};
+
+// GigE Vision 1.2 has 16-bit block ids and never uses 0: the same step of the capture's counter is the same step on the
+// wire. Thread: any.
+constexpr std::uint16_t block_id_of(std::uint64_t frame_id) { return static_cast<std::uint16_t>(frame_id % 65535 + 1); }
+
+// Replays a capture lap after lap as if the camera had never stopped: at the seam the id and the time are one frame
+// apart. At the capture's own rate the times are those of the capture; at another rate R they are spaced 1/R a frame,
+// lost frames included. Thread: any (immutable).
+class Timeline {
+ public:
+  // Both spans have the same size, at least 1, and rise. rate_hz 0: the capture's own rate.
+  Timeline(std::span<const std::uint64_t> frame_ids, std::span<const double> times_s, double period_s, double rate_hz);
+
+  std::size_t frames() const { return ids_.size(); }
+  Moment at(std::uint64_t sequence) const;
+
+ private:
+  std::vector<std::uint64_t> ids_;
+  std::vector<std::int64_t> times_ns_;
+  std::uint64_t lap_ids_ = 0;
+  std::int64_t lap_ns_ = 0;
+};
+
+}  // namespace bolo::fakecam

@@ -1,0 +1,369 @@
+// What faults do to packets, to frames and to the camera.
+#include "drivers/fakecam/faults.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <initializer_list>
+#include <set>
+#include <string_view>
+
+#include "drivers/fakecam/frames.hpp"
+
+namespace bolo::fakecam {
+namespace {
+
+constexpr std::int64_t kPeriodNs = 5'000'000;
+
+FaultScript script_of(std::initializer_list<std::string_view> texts) {
+  FaultScript script;
+  for (const std::string_view text : texts) {
+    auto fault = parse_fault(text);
+    EXPECT_TRUE(fault.has_value()) << fault.error().message;
+    if (fault) script.push_back(std::move(*fault));
+  }
+  return script;
+}
+
+// The frame in this place of the stream.
+WireFrame frame_at(std::uint64_t sequence) {
+  WireFrame frame;
+  frame.sequence = sequence;
+  frame.due_ns = static_cast<std::int64_t>(sequence) * kPeriodNs;
+  return frame;
+}
+
+// Packets: which arrive, in which order.
+
+constexpr std::uint32_t kPackets = 20;
+
+struct Line {
+  explicit Line(std::initializer_list<std::string_view> texts, bool resends = false)
+      : tallies(script_of(texts)), faults(tallies, kPeriodNs, 0, resends) {}
+  std::vector<std::uint32_t> ids(std::uint64_t sequence, std::uint32_t packets = kPackets) {
+    std::vector<std::uint32_t> all;
+    for (const PlannedPacket& packet : faults.plan(frame_at(sequence), 0, packets)) {
+      if (packet.garbage == 0) all.push_back(packet.id);
+    }
+    return all;
+  }
+  InjectedFault tally() const { return tallies.read().front(); }
+
+  FaultTallies tallies;
+  PacketFaults faults;
+};
+
+std::vector<std::uint32_t> in_order(std::uint32_t packets = kPackets) {
+  std::vector<std::uint32_t> all(packets);
+  for (std::uint32_t i = 0; i < packets; ++i) all[i] = i;
+  return all;
+}
+
+TEST(PacketFaults, WithoutFaultsAllArriveInOrder) {
+  Line line({});
+  EXPECT_EQ(line.ids(3), in_order());
+  EXPECT_EQ(line.faults.lost(), 0U);
+}
+
+TEST(PacketFaults, LosesTheShareThatIsAskedForAndCountsIt) {
+  Line line({"loss:rate=0.05"});
+  std::uint64_t lost = 0;
+  std::uint64_t frames = 0;
+  for (std::uint64_t s = 0; s < 1000; ++s) {
+    const std::uint64_t gone = kPackets - line.ids(s).size();
+    EXPECT_EQ(line.faults.lost(), gone);
+    lost += gone;
+    frames += gone > 0 ? 1U : 0U;
+  }
+  EXPECT_NEAR(static_cast<double>(lost), 1000.0, 150.0);  // five standard deviations
+  EXPECT_EQ(line.tally().packets, lost);
+  EXPECT_EQ(line.tally().frames, frames);
+}
+
+TEST(PacketFaults, AreTheSameInEachRunAndOthersWithAnotherSeed) {
+  Line first({"loss:rate=0.3"});
+  Line again({"loss:rate=0.3"});
+  Line other({"loss:rate=0.3,seed=2"});
+  int different = 0;
+  for (std::uint64_t s = 0; s < 50; ++s) {
+    const auto ids = first.ids(s);
+    EXPECT_EQ(again.ids(s), ids);
+    different += other.ids(s) != ids ? 1 : 0;
+  }
+  EXPECT_GT(different, 40);
+}
+
+TEST(PacketFaults, APacketThatIsSentAgainGetsAnotherDraw) {
+  Line line({"loss:rate=0.5"}, true);
+  int arrived = 0;
+  for (int attempt = 0; attempt < 100; ++attempt) arrived += static_cast<int>(line.ids(0, 1).size());
+  EXPECT_GT(arrived, 20);
+  EXPECT_LT(arrived, 80);
+  EXPECT_EQ(line.tally().frames, 0U) << "a frame is counted when it is sent first";
+}
+
+TEST(PacketFaults, StrikeOnlyWhileTheyLast) {
+  Line line({"loss:rate=1,at=0.05,frames=3"});
+  for (std::uint64_t s = 0; s < 20; ++s) EXPECT_EQ(line.ids(s).empty(), s >= 10 && s < 13) << s;
+  EXPECT_EQ(line.tally().frames, 3U);
+  EXPECT_EQ(line.tally().packets, 3U * kPackets);
+}
+
+TEST(PacketFaults, ReorderKeepsEveryPacket) {
+  Line line({"reorder:rate=0.3,by=4"});
+  std::uint64_t disordered = 0;
+  for (std::uint64_t s = 0; s < 100; ++s) {
+    auto ids = line.ids(s);
+    disordered += std::ranges::is_sorted(ids) ? 0U : 1U;
+    std::ranges::sort(ids);
+    EXPECT_EQ(ids, in_order());
+  }
+  EXPECT_GT(disordered, 90U);
+  EXPECT_EQ(line.tally().frames, disordered);
+}
+
+TEST(PacketFaults, ReorderOfAllMovesEachBehindTheLast) {
+  Line line({"reorder:rate=1,by=1"});
+  EXPECT_EQ(line.ids(0, 4), (std::vector<std::uint32_t>{3, 0, 1, 2}));
+  EXPECT_EQ(line.tally().packets, 3U);
+}
+
+TEST(PacketFaults, DuplicatesComeRightBehind) {
+  Line line({"duplicate:rate=1"});
+  EXPECT_EQ(line.ids(0, 3), (std::vector<std::uint32_t>{0, 0, 1, 1, 2, 2}));
+  EXPECT_EQ(line.tally().packets, 3U);
+}
+
+TEST(PacketFaults, GarbageIsAddedAndTakesNothingAway) {
+  Line line({"garbage:rate=1,bytes=20"});
+  const auto plan = line.faults.plan(frame_at(0), 0, kPackets);
+  EXPECT_EQ(plan.size(), 2 * kPackets);
+  std::array<std::uint8_t, gvsp::kLeaderBytes> bytes{};
+  std::size_t short_ones = 0;
+  for (const PlannedPacket& packet : plan) {
+    if (packet.garbage == 0) continue;
+    const std::size_t length = PacketFaults::write_garbage(packet, 1, bytes);
+    EXPECT_LE(length, 20U);
+    short_ones += length < gvsp::kHeaderBytes ? 1U : 0U;
+  }
+  EXPECT_GT(short_ones, 2U);
+  EXPECT_EQ(line.tally().packets, kPackets);
+}
+
+TEST(PacketFaults, GarbageIsAMixtureOfSizesAndHeadersByDefault) {
+  Line line({"garbage:rate=1"});
+  std::set<std::size_t> lengths;
+  std::set<unsigned> contents;
+  for (std::uint64_t s = 0; s < 100; ++s) {
+    for (const PlannedPacket& packet : line.faults.plan(frame_at(s), 0, kPackets)) {
+      std::array<std::uint8_t, gvsp::kLeaderBytes> bytes{};
+      if (packet.garbage == 0) continue;
+      const std::size_t length = PacketFaults::write_garbage(packet, 7, bytes);
+      lengths.insert(length);
+      if (length >= gvsp::kHeaderBytes) contents.insert(bytes[4]);
+      const auto away = static_cast<std::uint16_t>(load_u16(bytes, 2) - 7);
+      EXPECT_TRUE(length < 4 || (away >= 0x4000 && away < 0xc000)) << away;
+    }
+  }
+  EXPECT_EQ(lengths.size(), gvsp::kLeaderBytes + 1);
+  for (const unsigned content : {1U, 2U, 3U, 4U, 0x81U, 0x82U, 0x83U})
+    EXPECT_TRUE(contents.contains(content)) << content;
+}
+
+TEST(PacketFaults, LossActsLastSoThatWhatIsLostIsLost) {
+  Line line({"loss:rate=1", "duplicate:rate=1"});
+  EXPECT_TRUE(line.ids(0).empty());
+  EXPECT_EQ(line.faults.lost(), 2 * kPackets);
+}
+
+// Frames: what the camera does wrong with them.
+
+constexpr Geometry kGeometry{16, 6};
+
+// Frames of a camera whose pixels all have the frame's number.
+class FrameCamera {
+ public:
+  explicit FrameCamera(std::initializer_list<std::string_view> texts)
+      : tallies_(script_of(texts)), faults_(tallies_.script(), kPeriodNs) {}
+
+  WireFrame next() {
+    WireFrame frame = frame_at(sequence_);
+    frame.counts.assign(kGeometry.pixels(), static_cast<std::uint16_t>(1000 + sequence_));
+    frame.block = {block_id_of(sequence_), sequence_ * static_cast<std::uint64_t>(kPeriodNs), {}};
+    faults_.apply(frame, {frame.due_ns, sequence_, kGeometry, 100.0});
+    tallies_.add_frame(frame.hit, frame.struck);
+    ++sequence_;
+    return frame;
+  }
+  void new_stream() {
+    faults_.begin_stream();
+    sequence_ += 100;
+  }
+  InjectedFault tally() const { return tallies_.read().front(); }
+
+ private:
+  FaultTallies tallies_;
+  FrameFaults faults_;
+  std::uint64_t sequence_ = 0;
+};
+
+TEST(FrameFaults, WithoutFaultsAFrameStaysAsItIs) {
+  FrameCamera camera({});
+  const WireFrame frame = camera.next();
+  EXPECT_EQ(frame.counts[5], 1000);
+  EXPECT_EQ(frame.block.block_id, block_id_of(0));
+  EXPECT_FALSE(frame.withheld);
+}
+
+TEST(FrameFaults, IdGapMovesTheCounterAndNotTheClock) {
+  FrameCamera camera({"id_gap:at=0.01,ids=7"});
+  for (std::uint64_t s = 0; s < 5; ++s) {
+    const WireFrame frame = camera.next();
+    EXPECT_EQ(frame.block.block_id, block_id_of(s < 2 ? s : s + 7)) << s;
+    EXPECT_EQ(frame.block.timestamp_ns, s * static_cast<std::uint64_t>(kPeriodNs));
+  }
+  EXPECT_EQ(camera.tally().times, 1U);
+  EXPECT_EQ(camera.tally().frames, 7U);
+}
+
+TEST(FrameFaults, TimeJumpMovesTheClockAndNotTheCounter) {
+  FrameCamera camera({"time_jump:at=0.01,by=-0.5,every=0.01"});
+  for (std::uint64_t s = 0; s < 6; ++s) {
+    const WireFrame frame = camera.next();
+    const auto jumps = static_cast<std::int64_t>(s / 2);
+    EXPECT_EQ(static_cast<std::int64_t>(frame.block.timestamp_ns), frame.due_ns - jumps * 500'000'000) << s;
+    EXPECT_EQ(frame.block.block_id, block_id_of(s));
+  }
+  EXPECT_EQ(camera.tally().times, 2U);
+}
+
+TEST(FrameFaults, StallWithholdsItsFramesWhileIdsGoOn) {
+  for (const char* text : {"stall:at=0.01,frames=3", "freeze:at=0.01,for=0.015"}) {
+    FrameCamera camera({text});
+    for (std::uint64_t s = 0; s < 8; ++s) {
+      const WireFrame frame = camera.next();
+      EXPECT_EQ(frame.withheld, s >= 2 && s < 5) << text << " " << s;
+      EXPECT_EQ(frame.block.block_id, block_id_of(s));
+    }
+    EXPECT_EQ(camera.tally().frames, 3U);
+    EXPECT_EQ(camera.tally().times, 1U);
+  }
+}
+
+TEST(FrameFaults, NucRepeatsTheLastFrameAndLeavesAnOffset) {
+  FrameCamera camera({"nuc:at=0.01,frames=3,offset=2,every=0.05"});
+  for (std::uint64_t s = 0; s < 20; ++s) {
+    const std::uint16_t count = camera.next().counts[3];
+    const std::uint64_t in_turn = s < 2 ? 99 : (s - 2) % 10;  // since the shutter closed
+    const std::uint64_t done = s < 5 ? 0 : s < 15 ? 1 : 2;
+    const std::uint64_t shown = in_turn < 3 ? s - in_turn - 1 : s;
+    EXPECT_EQ(count, 1000 + shown + 200 * (in_turn < 3 && s > 5 ? 1 : done)) << s;
+  }
+  EXPECT_EQ(camera.tally().frames, 6U);
+  EXPECT_EQ(camera.tally().times, 2U);
+}
+
+TEST(FrameFaults, NucAtTheFirstFrameHoldsThatOne) {
+  FrameCamera camera({"nuc:frames=3,offset=0"});
+  for (int s = 0; s < 3; ++s) EXPECT_EQ(camera.next().counts[0], 1000) << s;
+  EXPECT_EQ(camera.next().counts[0], 1003);
+}
+
+TEST(FrameFaults, ByteOrderSwapsEachPixel) {
+  FrameCamera camera({"byte_order:at=0.005,frames=1"});
+  EXPECT_EQ(camera.next().counts[0], 1000);
+  EXPECT_EQ(camera.next().counts[0], 0xe903);  // 1001 is 0x03e9
+  EXPECT_EQ(camera.next().counts[0], 1002);
+}
+
+TEST(FrameFaults, MetadataRowsHoldTheCounterInBytes12And13) {
+  FrameCamera camera({"metadata_rows:rows=2"});
+  camera.next();
+  const WireFrame frame = camera.next();
+  EXPECT_EQ(frame.counts[3 * 16 + 15], 1001);
+  for (std::size_t x = 0; x < 32; ++x) EXPECT_EQ(frame.counts[4 * 16 + x], x % 16 == 6 ? 1 : 0) << x;
+}
+
+TEST(FrameFaults, ANewStreamDoesNotStrikeAgain) {
+  FrameCamera camera({"id_gap:at=0.01,ids=7"});
+  for (int s = 0; s < 5; ++s) camera.next();
+  camera.new_stream();
+  for (int s = 0; s < 5; ++s) camera.next();
+  EXPECT_EQ(camera.tally().times, 1U);
+}
+
+// The camera: how it hears, and what it forgets.
+
+using Commands = ControlFaults::Commands;
+
+constexpr std::int64_t kMs = 1'000'000;
+constexpr std::int64_t kStart = 77'000 * kMs;
+
+struct ControlledCamera {
+  explicit ControlledCamera(std::initializer_list<std::string_view> texts) : tallies(script_of(texts)) {}
+  Commands at(std::int64_t ms) { return faults.update(kStart + ms * kMs); }
+  InjectedFault tally() const { return tallies.read().front(); }
+
+  int dropped = 0;
+  int reboots = 0;
+  FaultTallies tallies;
+  ControlFaults faults{tallies, kPeriodNs, {[this] { ++dropped; }, [this] { ++reboots; }}};
+};
+
+TEST(ControlFaults, NothingHappensBeforeTheFirstStream) {
+  ControlledCamera camera({"reboot"});
+  EXPECT_EQ(camera.at(5000), Commands::kAnswered);
+  EXPECT_EQ(camera.reboots, 0);
+}
+
+TEST(ControlFaults, RebootIsOffForItsTimeAndForgetsOnce) {
+  ControlledCamera camera({"reboot:at=1,for=0.5"});
+  camera.faults.begin(kStart);
+  EXPECT_EQ(camera.at(999), Commands::kAnswered);
+  EXPECT_EQ(camera.at(1001), Commands::kDropped);
+  EXPECT_EQ(camera.at(1400), Commands::kDropped);
+  EXPECT_EQ(camera.at(1501), Commands::kAnswered);
+  EXPECT_EQ(camera.reboots, 1);
+  camera.faults.begin(kStart + 1600 * kMs);  // the client's next stream
+  EXPECT_EQ(camera.at(2700), Commands::kAnswered);
+  EXPECT_EQ(camera.reboots, 1);
+  EXPECT_EQ(camera.tally().times, 1U);
+}
+
+TEST(ControlFaults, FreezeLeavesCommandsWaiting) {
+  ControlledCamera camera({"freeze:at=1,for=0.5"});
+  camera.faults.begin(kStart);
+  EXPECT_EQ(camera.at(1200), Commands::kFrozen);
+  EXPECT_EQ(camera.at(1501), Commands::kAnswered);
+  EXPECT_EQ(camera.dropped + camera.reboots, 0);
+}
+
+TEST(ControlFaults, ControlLossDropsTheClientEachTime) {
+  ControlledCamera camera({"control_loss:at=1,every=1"});
+  camera.faults.begin(kStart);
+  for (const std::int64_t ms : {500, 1000, 1500, 2100, 2900}) EXPECT_EQ(camera.at(ms), Commands::kAnswered);
+  EXPECT_EQ(camera.dropped, 2);
+  EXPECT_EQ(camera.tally().times, 2U);
+}
+
+TEST(ControlFaults, RequestsForPacketsAreLeftUnansweredAndCounted) {
+  ControlledCamera camera({"resend_unanswered:at=1,for=1"});
+  camera.faults.begin(kStart);
+  EXPECT_TRUE(camera.faults.answers_resend(kStart));
+  EXPECT_FALSE(camera.faults.answers_resend(kStart + 1500 * kMs));
+  EXPECT_TRUE(camera.faults.answers_resend(kStart + 2500 * kMs));
+  EXPECT_EQ(camera.tally().packets, 1U);
+}
+
+TEST(ControlFaults, AChangeOfWindowingDropsTheConnectionBeforeAnyStreamToo) {
+  ControlledCamera camera({"windowing_drop:for=4"});
+  EXPECT_EQ(camera.at(0), Commands::kAnswered);
+  camera.faults.windowing_changed(kStart);
+  EXPECT_EQ(camera.dropped, 1);
+  EXPECT_EQ(camera.at(3999), Commands::kDropped);
+  EXPECT_EQ(camera.at(4001), Commands::kAnswered);
+}
+
+}  // namespace
+}  // namespace bolo::fakecam

@@ -1,0 +1,125 @@
+// The counts, ids and times that frames are sent with.
+#include "drivers/fakecam/frames.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <type_traits>
+
+namespace bolo::fakecam {
+namespace {
+
+StreamFormat row_format(int width, PixelType type, LinearScale scale) {
+  StreamFormat format;
+  format.geometry = {width, 1};
+  format.type = type;
+  format.scale = scale;
+  return format;
+}
+
+constexpr LinearScale kKelvin{Unit::kKelvin, 1.0, 0.0};
+
+// What a row of stored values is sent as.
+template <typename Value>
+std::vector<std::uint16_t> sent(const std::vector<Value>& row, LinearScale scale, IrFormat ir_format) {
+  const int width = static_cast<int>(row.size());
+  const PixelType type = std::is_same_v<Value, float> ? PixelType::kFloat32 : PixelType::kUint16;
+  std::vector<std::uint16_t> counts(row.size());
+  CountConverter(row_format(width, type, scale), ir_format, {0, 0, width, 1}).convert(row.data(), counts.data());
+  return counts;
+}
+
+using Counts = std::vector<std::uint16_t>;
+
+TEST(CountConverter, KelvinFloatsBecomeRoundedCountsOf10mK) {
+  const std::vector<float> kelvin{300.0F, 300.004F, 300.006F, 0.0F};
+  EXPECT_EQ(sent(kelvin, kKelvin, IrFormat::kTemperatureLinear10mK), (Counts{30000, 30000, 30001, 0}));
+}
+
+TEST(CountConverter, ClampsWhatSixteenBitsCantHold) {
+  const std::vector<float> kelvin{700.0F, -5.0F, std::numeric_limits<float>::quiet_NaN(),
+                                  std::numeric_limits<float>::infinity()};
+  EXPECT_EQ(sent(kelvin, kKelvin, IrFormat::kTemperatureLinear10mK), (Counts{65535, 0, 0, 65535}));
+}
+
+TEST(CountConverter, ScaledKelvinCapturesGoThroughTheirScale) {
+  const Counts stored{5000, 0};  // 300 K, 100 K
+  EXPECT_EQ(sent(stored, {Unit::kKelvin, 0.04, 100.0}, IrFormat::kTemperatureLinear100mK), (Counts{3000, 1000}));
+}
+
+TEST(CountConverter, CountsAndCapturesOf10mKStayAsTheyAre) {
+  const Counts stored{0, 12345, 65535};
+  for (const LinearScale scale : {LinearScale{Unit::kCount, 1.0, 0.0}, LinearScale{Unit::kKelvin, 0.01, 0.0}}) {
+    EXPECT_EQ(sent(stored, scale, IrFormat::kTemperatureLinear10mK), stored);
+  }
+}
+
+TEST(CountConverter, RadiometricCountsLeadBackToTheTemperature) {
+  for (const float kelvin : {250.0F, 300.0F, 400.0F}) {
+    const std::uint16_t count = sent(std::vector<float>{kelvin}, kKelvin, IrFormat::kRadiometric).front();
+    const double radiance = (count - kPlanck.j0) / kPlanck.j1;
+    EXPECT_NEAR(kPlanck.b / std::log(kPlanck.r / radiance + kPlanck.f), static_cast<double>(kelvin), 0.02);
+  }
+}
+
+TEST(CountConverter, CropsRowsAndColumns) {
+  StreamFormat format = row_format(4, PixelType::kUint16, {Unit::kCount, 1.0, 0.0});
+  format.geometry.height = 3;
+  const std::array<std::uint16_t, 12> plane{0, 1, 2, 3, 10, 11, 12, 13, 20, 21, 22, 23};
+  std::array<std::uint16_t, 4> counts{};
+  CountConverter(format, IrFormat::kRadiometric, {1, 1, 2, 2}).convert(plane.data(), counts.data());
+  EXPECT_EQ(counts, (std::array<std::uint16_t, 4>{11, 12, 21, 22}));
+}
+
+using Ids = std::vector<std::uint64_t>;
+using Times = std::vector<double>;
+
+TEST(Timeline, BlockIdsSkipZeroAndWrapAfter65535) {
+  EXPECT_EQ(block_id_of(0), 1);
+  EXPECT_EQ(block_id_of(65533), 65534);
+  EXPECT_EQ(block_id_of(65534), 65535);
+  EXPECT_EQ(block_id_of(65535), 1);
+  EXPECT_EQ(block_id_of(std::uint64_t{65535} * 1000 + 4), 5);
+}
+
+TEST(Timeline, KeepsTheCapturesIdsAndTimesWithAllTheirJumps) {
+  const Timeline timeline(Ids{7, 8, 11}, Times{1.0, 1.0051, 1.02}, 0.005, 0.0);
+  EXPECT_EQ(timeline.at(0).frame_id, 7U);
+  EXPECT_EQ(timeline.at(1).timestamp_ns, 1'005'100'000U);
+  EXPECT_EQ(timeline.at(2).frame_id, 11U);
+  EXPECT_EQ(timeline.at(2).timestamp_ns, 1'020'000'000U);
+}
+
+TEST(Timeline, SeamOfALoopIsOneFrameWide) {
+  const Timeline timeline(Ids{7, 8, 11}, Times{1.0, 1.005, 1.02}, 0.005, 0.0);
+  const auto last = timeline.at(2);
+  const auto first = timeline.at(3);
+  EXPECT_EQ(first.index, 0U);
+  EXPECT_EQ(first.frame_id, last.frame_id + 1);
+  EXPECT_EQ(first.timestamp_ns, last.timestamp_ns + 5'000'000);
+  EXPECT_EQ(timeline.at(3'000'000).frame_id, 7U + 1'000'000U * 5U);
+}
+
+TEST(Timeline, AnotherRateSpacesTimesEvenlyLostFramesIncluded) {
+  const Timeline timeline(Ids{7, 8, 11}, Times{1.0, 1.0051, 1.02}, 0.005, 50.0);
+  EXPECT_EQ(timeline.at(1).timestamp_ns - timeline.at(0).timestamp_ns, 20'000'000U);
+  EXPECT_EQ(timeline.at(2).timestamp_ns - timeline.at(1).timestamp_ns, 60'000'000U);
+  EXPECT_EQ(timeline.at(3).timestamp_ns - timeline.at(2).timestamp_ns, 20'000'000U);
+}
+
+TEST(Timeline, ThinnedOutCaptureRunsAtTheRateAskedFor) {
+  const Timeline timeline(Ids{0, 4, 8}, Times{0.0, 0.02, 0.04}, 0.02, 10.0);
+  EXPECT_EQ(timeline.at(2).timestamp_ns, 200'000'000U);
+  EXPECT_EQ(timeline.at(3).frame_id, 12U);
+}
+
+TEST(Timeline, OneFrameIsAStillThatGoesOn) {
+  const Timeline timeline(Ids{5}, Times{3.0}, 0.005, 0.0);
+  EXPECT_EQ(timeline.at(2).frame_id, 7U);
+  EXPECT_EQ(timeline.at(2).timestamp_ns, 3'010'000'000U);
+}
+
+}  // namespace
+}  // namespace bolo::fakecam

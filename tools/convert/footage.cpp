@@ -1,0 +1,233 @@
+// Captures, pictures and raw dumps as footage.
+#include "tools/convert/footage.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cctype>
+#include <fstream>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "src/core/byte_order.hpp"
+#include "tools/convert/flir_still.hpp"
+#include "tools/convert/picture.hpp"
+
+namespace bolo::tools {
+namespace {
+
+using capture::CaptureReader;
+
+// Values in floating point are kelvin.
+LinearScale scale_of(PixelType type, const Told& told) {
+  if (type == PixelType::kFloat32) return {Unit::kKelvin, 1.0, 0.0};
+  return told.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
+}
+
+class CaptureFootage final : public Footage {
+ public:
+  explicit CaptureFootage(CaptureReader reader) : reader_(std::move(reader)) { info_ = reader_.info(); }
+
+  Status read(std::size_t index, Frame& frame) override {
+    frame.t_s = reader_.t()[index];
+    frame.id = reader_.frame_id()[index];
+    const std::size_t pixels = info_.format.geometry.pixels();
+    if (info_.format.type == PixelType::kUint16) {
+      frame.u16.resize(pixels);
+      return reader_.read_frame(index, frame.u16.data());
+    }
+    frame.f32.resize(pixels);
+    return reader_.read_frame(index, frame.f32.data());
+  }
+
+  Status copy_extras(capture::CaptureWriter& writer) const override {
+    for (const capture::Event& event : reader_.events()) {
+      if (Status good = writer.add_event(event); !good) return good;
+    }
+    const auto attributes = reader_.attributes();
+    if (!attributes) return tl::unexpected<Error>(attributes.error());
+    if (Status good = writer.write_attributes(*attributes); !good) return good;
+    const auto stimulus = reader_.stimulus();
+    return stimulus ? writer.write_stimulus(*stimulus) : Status{};
+  }
+
+ private:
+  CaptureReader reader_;
+};
+
+enum class Kind { kPng, kTiff, kFlirStill, kUnknown };
+
+Kind kind_of(const std::filesystem::path& file) {
+  std::string extension = file.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (extension == ".png") return Kind::kPng;
+  if (extension == ".tif" || extension == ".tiff") return Kind::kTiff;
+  if (extension == ".jpg" || extension == ".jpeg") return Kind::kFlirStill;
+  return Kind::kUnknown;
+}
+
+struct Place {
+  std::filesystem::path file;
+  std::size_t page = 0;
+};
+
+std::string size_text(Geometry g) { return std::to_string(g.width) + "x" + std::to_string(g.height); }
+
+class PictureFootage final : public Footage {
+ public:
+  // The first picture decides what all of them must be.
+  static Result<std::unique_ptr<Footage>> open(std::vector<Place> places, const Told& told) {
+    auto footage = std::unique_ptr<PictureFootage>(new PictureFootage(std::move(places)));
+    Result<Picture> first = footage->read_picture(0);
+    if (!first) return tl::unexpected<Error>(first.error());
+    StreamFormat& format = footage->info_.format;
+    format.geometry = first->geometry;
+    format.type = first->type;
+    format.frame_period_s = 1.0 / told.rate_hz;
+    format.scale = scale_of(format.type, told);
+    footage->info_.frames = footage->places_.size();
+    return footage;
+  }
+
+  Status read(std::size_t index, Frame& frame) override {
+    Result<Picture> picture = read_picture(index);
+    if (!picture) return tl::unexpected<Error>(picture.error());
+    if (!(picture->geometry == info_.format.geometry) || picture->type != info_.format.type) {
+      return bad_input(places_[index].file.string() + ": is " + size_text(picture->geometry) + ", the first one " +
+                       size_text(info_.format.geometry) + ", or of another type; all must be alike");
+    }
+    frame.t_s = static_cast<double>(index) * info_.format.frame_period_s;
+    frame.id = index;
+    frame.u16 = std::move(picture->u16);
+    frame.f32 = std::move(picture->f32);
+    return {};
+  }
+
+ private:
+  explicit PictureFootage(std::vector<Place> places) : places_(std::move(places)) {}
+
+  Result<Picture> read_picture(std::size_t index) {
+    const Place& place = places_[index];
+    Result<Picture> picture = read_unnamed(place);
+    if (!picture) return at(place.file.string(), picture.error());
+    return picture;
+  }
+
+  Result<Picture> read_unnamed(const Place& place) {
+    switch (kind_of(place.file)) {
+      case Kind::kPng:
+        return read_png_picture(place.file);
+      case Kind::kTiff:
+        return read_tiff_page(place.file, place.page);
+      default:
+        break;
+    }
+    const Result<FlirStill> still = read_flir_still(place.file);
+    if (!still) return tl::unexpected<Error>(still.error());
+    info_.camera_model = still->camera_model;
+    info_.camera_serial = still->camera_serial;
+    return to_kelvin(*still);
+  }
+
+  std::vector<Place> places_;
+};
+
+static_assert(std::endian::native == std::endian::little, "values are read as the machine has them");
+
+struct Dump {
+  std::filesystem::path file;
+  std::size_t first = 0;  // number of its first frame
+};
+
+class RawFootage final : public Footage {
+ public:
+  RawFootage(std::vector<Dump> dumps, std::size_t frames, const RawLayout& layout, const Told& told)
+      : dumps_(std::move(dumps)), layout_(layout) {
+    StreamFormat& format = info_.format;
+    format.geometry = layout.geometry;
+    format.type = layout.type == RawLayout::Type::kF32 ? PixelType::kFloat32 : PixelType::kUint16;
+    format.frame_period_s = 1.0 / told.rate_hz;
+    format.scale = scale_of(format.type, told);
+    info_.frames = frames;
+  }
+
+  Status read(std::size_t index, Frame& frame) override {
+    if (next_ < dumps_.size() && index == dumps_[next_].first) {
+      if (Status good = open(dumps_[next_++].file); !good) return good;
+    }
+    frame.t_s = static_cast<double>(index) * info_.format.frame_period_s;
+    frame.id = index;
+    frame.u16.resize(layout_.type == RawLayout::Type::kF32 ? 0 : layout_.geometry.pixels());
+    frame.f32.resize(layout_.type == RawLayout::Type::kF32 ? layout_.geometry.pixels() : 0);
+    char* out =
+        frame.u16.empty() ? reinterpret_cast<char*>(frame.f32.data()) : reinterpret_cast<char*>(frame.u16.data());
+    const std::size_t bytes = plane_bytes(layout_.geometry, info_.format.type);
+    if (!in_.read(out, static_cast<std::streamsize>(bytes))) {
+      return bad_input(dumps_[next_ - 1].file.string() + ": frame " + std::to_string(index) + " cannot be read");
+    }
+    if (layout_.type == RawLayout::Type::kU16Be) {
+      for (std::uint16_t& v : frame.u16) v = swap_bytes(v);
+    }
+    return {};
+  }
+
+ private:
+  Status open(const std::filesystem::path& file) {
+    in_ = std::ifstream(file, std::ios::binary);
+    in_.seekg(static_cast<std::streamoff>(layout_.skip_bytes));
+    return in_ ? Status{} : bad_input(file.string() + ": cannot be opened");
+  }
+
+  std::vector<Dump> dumps_;
+  RawLayout layout_;
+  std::size_t next_ = 0;
+  std::ifstream in_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Footage>> open_capture(const std::filesystem::path& file) {
+  Result<CaptureReader> reader = CaptureReader::open(file);
+  if (!reader) return tl::unexpected<Error>(reader.error());
+  return std::make_unique<CaptureFootage>(std::move(*reader));
+}
+
+Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const Told& told) {
+  std::vector<Place> places;
+  for (const std::filesystem::path& file : files) {
+    std::size_t pages = 1;
+    if (kind_of(file) == Kind::kUnknown) {
+      return bad_input(file.string() + ": expected .h5, .mat, .part, .png, .tiff or .jpg; a raw dump needs --raw WxH");
+    }
+    if (kind_of(file) == Kind::kTiff) {
+      const Result<std::size_t> counted = count_tiff_pages(file);
+      if (!counted) return at(file.string(), counted.error());
+      pages = *counted;
+    }
+    for (std::size_t page = 0; page < pages; ++page) places.push_back({file, page});
+  }
+  return PictureFootage::open(std::move(places), told);
+}
+
+Result<std::unique_ptr<Footage>> open_raw(const Files& files, const RawLayout& layout, const Told& told) {
+  const PixelType type = layout.type == RawLayout::Type::kF32 ? PixelType::kFloat32 : PixelType::kUint16;
+  const std::uint64_t frame_bytes = plane_bytes(layout.geometry, type);
+  std::vector<Dump> dumps;
+  std::size_t frames = 0;
+  for (const std::filesystem::path& file : files) {
+    std::error_code error;
+    const std::uint64_t size = std::filesystem::file_size(file, error);
+    if (error) return bad_input(file.string() + ": " + error.message());
+    const std::uint64_t data = size > layout.skip_bytes ? size - layout.skip_bytes : 0;
+    if (data == 0 || data % frame_bytes != 0) {
+      return bad_input(file.string() + ": " + std::to_string(data) + " bytes are not whole frames of " +
+                       std::to_string(frame_bytes) + "; check --raw and --skip");
+    }
+    dumps.push_back({file, frames});
+    frames += data / frame_bytes;
+  }
+  return std::make_unique<RawFootage>(std::move(dumps), frames, layout, told);
+}
+
+}  // namespace bolo::tools

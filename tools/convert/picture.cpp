@@ -1,0 +1,154 @@
+// PNG and TIFF.
+#include "tools/convert/picture.hpp"
+
+#include <png.h>
+#include <tiffio.h>
+
+#include <cerrno>
+#include <cstring>
+#include <memory>
+#include <utility>
+
+#include "src/sim/scene.hpp"
+
+namespace bolo::tools {
+namespace {
+
+Status write_png(const std::filesystem::path& file, Geometry geometry, png_uint_32 format, const void* plane) {
+  png_image image{};
+  image.version = PNG_IMAGE_VERSION;
+  image.width = static_cast<png_uint_32>(geometry.width);
+  image.height = static_cast<png_uint_32>(geometry.height);
+  image.format = format;
+  if (png_image_write_to_file(&image, file.c_str(), 0, plane, 0, nullptr) != 0) return {};
+  return failed(std::string("cannot be written: ") + image.message);
+}
+
+constexpr std::uint64_t kMostPixels = 64'000'000;
+constexpr std::size_t kMostPages = 10'000'000;
+
+struct Closer {
+  void operator()(TIFF* tiff) const { TIFFClose(tiff); }
+};
+using Handle = std::unique_ptr<TIFF, Closer>;
+
+// Errors leave as values: libtiff is not to print them.
+Handle open_tiff(const std::filesystem::path& file, const char* mode) {
+  TIFFSetErrorHandler(nullptr);
+  TIFFSetWarningHandler(nullptr);
+  return Handle(TIFFOpen(file.c_str(), mode));
+}
+
+struct Layout {
+  std::uint32_t width = 0;
+  std::uint32_t height = 0;
+  std::uint16_t bits = 1;
+  std::uint16_t samples = 1;
+  std::uint16_t format = SAMPLEFORMAT_UINT;
+};
+
+Layout layout_of(TIFF* tiff) {
+  Layout layout;
+  TIFFGetField(tiff, TIFFTAG_IMAGEWIDTH, &layout.width);
+  TIFFGetField(tiff, TIFFTAG_IMAGELENGTH, &layout.height);
+  TIFFGetFieldDefaulted(tiff, TIFFTAG_BITSPERSAMPLE, &layout.bits);
+  TIFFGetFieldDefaulted(tiff, TIFFTAG_SAMPLESPERPIXEL, &layout.samples);
+  TIFFGetFieldDefaulted(tiff, TIFFTAG_SAMPLEFORMAT, &layout.format);
+  return layout;
+}
+
+Status read_rows(TIFF* tiff, const Layout& layout, std::byte* out) {
+  const std::size_t row_bytes = std::size_t{layout.width} * layout.bits / 8;
+  if (TIFFIsTiled(tiff) != 0 || TIFFScanlineSize64(tiff) != row_bytes) {
+    return bad_input("TIFF in tiles or of an unknown layout; expected rows");
+  }
+  for (std::uint32_t y = 0; y < layout.height; ++y) {
+    if (TIFFReadScanline(tiff, out + y * row_bytes, y) < 0) return bad_input("damaged TIFF: a row cannot be read");
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<Picture> read_png_picture(const std::filesystem::path& file) {
+  Result<sim::GreyImage> image = sim::read_png(file);
+  if (!image) return tl::unexpected<Error>(image.error());
+  return Picture{{image->width, image->height}, PixelType::kUint16, std::move(image->level), {}};
+}
+
+Status write_png16(const std::filesystem::path& file, Geometry geometry, const std::uint16_t* plane) {
+  return write_png(file, geometry, PNG_FORMAT_LINEAR_Y, plane);
+}
+
+Status write_png8(const std::filesystem::path& file, Geometry geometry, const std::uint8_t* plane) {
+  return write_png(file, geometry, PNG_FORMAT_GRAY, plane);
+}
+
+Result<std::size_t> count_tiff_pages(const std::filesystem::path& file) {
+  const Handle tiff = open_tiff(file, "r");
+  if (!tiff) return bad_input("cannot be opened as TIFF");
+  std::size_t pages = 1;
+  while (pages < kMostPages && TIFFReadDirectory(tiff.get()) != 0) ++pages;
+  return pages;
+}
+
+Result<Picture> read_tiff_page(const std::filesystem::path& file, std::size_t page) {
+  const Handle tiff = open_tiff(file, "r");
+  if (!tiff) return bad_input("cannot be opened as TIFF");
+  for (std::size_t i = 0; i < page; ++i) {
+    if (TIFFReadDirectory(tiff.get()) == 0)
+      return bad_input("damaged TIFF: page " + std::to_string(i + 1) + " cannot be read");
+  }
+  const Layout layout = layout_of(tiff.get());
+  const bool is_float = layout.format == SAMPLEFORMAT_IEEEFP && layout.bits == 32;
+  const bool is_uint16 = layout.format == SAMPLEFORMAT_UINT && layout.bits == 16;
+  if (layout.samples != 1 || (!is_float && !is_uint16)) {
+    return bad_input("TIFF with " + std::to_string(layout.samples) + " values of " + std::to_string(layout.bits) +
+                     " bits a pixel; expected one of uint16 or float32");
+  }
+  const std::uint64_t pixels = std::uint64_t{layout.width} * layout.height;
+  if (pixels == 0 || pixels > kMostPixels) return bad_input("TIFF of no size, or of more than 64 million pixels");
+  Picture picture;
+  picture.geometry = {static_cast<int>(layout.width), static_cast<int>(layout.height)};
+  picture.type = is_float ? PixelType::kFloat32 : PixelType::kUint16;
+  if (is_float) picture.f32.resize(pixels);
+  if (is_uint16) picture.u16.resize(pixels);
+  auto* out =
+      is_float ? reinterpret_cast<std::byte*>(picture.f32.data()) : reinterpret_cast<std::byte*>(picture.u16.data());
+  if (Status good = read_rows(tiff.get(), layout, out); !good) return tl::unexpected<Error>(good.error());
+  return picture;
+}
+
+Result<TiffWriter> TiffWriter::create(const std::filesystem::path& file) {
+  Handle tiff = open_tiff(file, "w8");  // BigTIFF: long recordings pass 4 GB
+  const std::string why = std::string("cannot be created: ") + std::strerror(errno);
+  if (!tiff) return errno == ENOSPC || errno == EDQUOT ? failed(why) : bad_input(why);
+  return TiffWriter(tiff.release());
+}
+
+void TiffWriter::Closer::operator()(void* tiff) const { TIFFClose(static_cast<TIFF*>(tiff)); }
+
+Status TiffWriter::write(Geometry geometry, PixelType type, const void* plane) {
+  auto* tiff = static_cast<TIFF*>(tiff_.get());
+  const bool is_float = type == PixelType::kFloat32;
+  TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, static_cast<std::uint32_t>(geometry.width));
+  TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, static_cast<std::uint32_t>(geometry.height));
+  TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, 8 * static_cast<int>(bytes_of(type)));
+  TIFFSetField(tiff, TIFFTAG_SAMPLESPERPIXEL, 1);
+  TIFFSetField(tiff, TIFFTAG_SAMPLEFORMAT, is_float ? SAMPLEFORMAT_IEEEFP : SAMPLEFORMAT_UINT);
+  TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
+  TIFFSetField(tiff, TIFFTAG_COMPRESSION, COMPRESSION_LZW);
+  TIFFSetField(tiff, TIFFTAG_ROWSPERSTRIP, static_cast<std::uint32_t>(geometry.height));
+  const auto bytes = static_cast<tmsize_t>(plane_bytes(geometry, type));
+  const bool good =
+      TIFFWriteEncodedStrip(tiff, 0, const_cast<void*>(plane), bytes) == bytes && TIFFWriteDirectory(tiff) != 0;
+  return good ? Status{} : failed(std::string("cannot be written: ") + std::strerror(errno));
+}
+
+Status TiffWriter::close() {
+  const bool good = TIFFFlush(static_cast<TIFF*>(tiff_.get())) != 0;
+  tiff_.reset();
+  return good ? Status{} : failed(std::string("cannot be written: ") + std::strerror(errno));
+}
+
+}  // namespace bolo::tools
