@@ -6,7 +6,6 @@
 
 #include "src/diagnose/report/page_parts.hpp"
 #include "src/diagnose/report_output.hpp"
-#include "src/report/page.hpp"
 #include "src/report/scale.hpp"
 #include "src/report/text.hpp"
 
