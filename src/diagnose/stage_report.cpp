@@ -150,8 +150,8 @@ void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
     const Recording& r = fit.session.recordings[i];
     if (!has_model(r)) continue;
     report.location.captures[r.name] = fit.before.gap_of(i);
-    plots->gap_before = fit.before.gap_of(i);
-    (plots++)->gap_after = after.gap_of(i);
+    plots->before.gap = fit.before.gap_of(i);
+    (plots++)->after.gap = after.gap_of(i);
     report.stimulus[r.name] = stimulus_errors(r, fit.state.stimuli[i], files.stimuli[i]);
   }
 }
@@ -180,11 +180,11 @@ void fill_noise(const Noise& noise, Report& report) {
     e.gap_after = report.noise_gap_after;
   }
   const double explained = std::sqrt(std::max(0.0, square(n.total_k) - left * square(nominal)));
-  report.noise = {{"total", "K", n.total_k, nominal, explained},
-                  {"sigma_tvh (pixel)", "K", n.sigma_tvh, nominal, spectral ? n.sigma_tvh : nominal},
-                  {"sigma_t (frame)", "K", n.flicker.value, 0.0, flicker ? n.flicker.value : 0.0},
-                  {"sigma_tv (row)", "K", n.rows.value, 0.0, striped ? n.rows.value : 0.0},
-                  {"sigma_th (column)", "K", n.columns.value, 0.0, striped ? n.columns.value : 0.0}};
+  report.noise = {{"total", n.total_k, nominal, explained},
+                  {"sigma_tvh (pixel)", n.sigma_tvh, nominal, spectral ? n.sigma_tvh : nominal},
+                  {"sigma_t (frame)", n.flicker.value, 0.0, flicker ? n.flicker.value : 0.0},
+                  {"sigma_tv (row)", n.rows.value, 0.0, striped ? n.rows.value : 0.0},
+                  {"sigma_th (column)", n.columns.value, 0.0, striped ? n.columns.value : 0.0}};
 }
 
 // One figure: what the mean misses and what the noise's own statistics miss, in quadrature.
