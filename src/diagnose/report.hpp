@@ -20,6 +20,9 @@ struct Estimate {
   double high = 0.0;
 };
 
+// value +- 1.96 errors.
+inline Estimate interval(double value, double error) { return {value, value - 1.96 * error, value + 1.96 * error}; }
+
 struct Alternative {
   std::string name;
   double gap_after = 0.0;  // had this effect been chosen instead
