@@ -44,6 +44,7 @@ class Line {
   // n^2 times the variance of x: without it there is no slope.
   double width() const { return n_ * sxx_ - sx_ * sx_; }
   double slope() const { return (n_ * sxy_ - sx_ * sy_) / width(); }
+  double level(double slope) const { return (sy_ - slope * sx_) / n_; }  // y at x = 0 of a line with this slope
   double at(double x) const { return (sy_ - slope() * (sx_ - n_ * x)) / n_; }
   // Squared scatter of y about its mean, and of x and y together.
   double scatter_y() const { return syy_ - sy_ * sy_ / n_; }

@@ -36,6 +36,12 @@ struct FrameSeries {
   double highest = 0.0;
   // Frame `index`, row-major, into geometry.pixels() values: K, or counts where there is no kelvin.
   std::function<Status(std::size_t index, std::span<float> out)> read;
+
+  // Gives the frames of [first, end) to `work` in order; `doing` is what the progress is told. Errors: of read();
+  // kBadInput for values that are no numbers; kFailed when the progress stopped it. Thread: setup.
+  using Work = std::function<void(std::size_t index, std::span<const float> frame)>;
+  Status for_each(const char* doing, const Progress& progress, const Work& work, std::size_t first = 0,
+                  std::size_t end = SIZE_MAX) const;
 };
 
 enum class DeadPixel : std::uint8_t { kGood, kSilent, kFrozen, kNoisy };

@@ -29,10 +29,6 @@ bool has_kind(const Session& session, Kind kind) {
   return std::ranges::any_of(session.recordings, [kind](const Recording& r) { return r.kind == kind; });
 }
 
-Predicate any_capture() {
-  return [](const Session& s) { return !s.recordings.empty(); };
-}
-
 Predicate any_of(std::initializer_list<Kind> kinds) {
   return [wanted = std::vector<Kind>(kinds)](const Session& session) {
     return std::ranges::any_of(wanted, [&session](Kind kind) { return has_kind(session, kind); });
@@ -40,21 +36,13 @@ Predicate any_of(std::initializer_list<Kind> kinds) {
 }
 
 Parameter number_of(std::string name, double step, double low, double high, double CameraModel::*member) {
-  return {std::move(name),
-          step,
-          low,
-          high,
-          [member](const State& s) { return s.camera.*member; },
-          [member](State& s, double v) { s.camera.*member = v; }};
+  const auto get = [member](const State& s) { return s.camera.*member; };
+  return {std::move(name), step, low, high, get, [member](State& s, double v) { s.camera.*member = v; }};
 }
 
 Parameter number_of(std::string name, double step, double low, double high, double Response::*member) {
-  return {std::move(name),
-          step,
-          low,
-          high,
-          [member](const State& s) { return s.camera.response.*member; },
-          [member](State& s, double v) { s.camera.response.*member = v; }};
+  const auto get = [member](const State& s) { return s.camera.response.*member; };
+  return {std::move(name), step, low, high, get, [member](State& s, double v) { s.camera.response.*member = v; }};
 }
 
 std::function<std::vector<Parameter>(const Session&)> always(std::vector<Parameter> parameters) {
@@ -66,28 +54,26 @@ std::vector<Form> edge_forms() {
           {"temperature", [](State& s) { s.camera.edges_in_temperature = true; }}};
 }
 
-Estimate interval(double value, double error) { return {value, value - 1.96 * error, value + 1.96 * error}; }
-
-Estimate root_interval(double value, double error, double factor) {
-  const auto root = [factor](double v) { return factor * std::sqrt(std::max(0.0, v)); };
-  return {root(value), root(value - 1.96 * error), root(value + 1.96 * error)};
+Estimate root_interval(double value, double error) {
+  const auto root = [](double v) { return std::sqrt(std::max(0.0, v)); };
+  const Estimate of = interval(value, error);
+  return {root(of.value), root(of.low), root(of.high)};
 }
 
 Estimate exp_interval(double factor, double value, double error) {
-  return {factor * std::exp(value), factor * std::exp(value - 1.96 * error), factor * std::exp(value + 1.96 * error)};
+  const Estimate of = interval(value, error);
+  return {factor * std::exp(of.value), factor * std::exp(of.low), factor * std::exp(of.high)};
 }
 
 EffectReport first_as(const std::string& key) {
-  return [key](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
-    return std::map<std::string, Estimate>{{key, interval(v[0], e[0])}};
-  };
+  return [key](const Fitted& fitted) { return Estimates{{key, interval(fitted.value[0], fitted.error[0])}}; };
 }
 
 EffectReport rms_of(MapKind map) {
-  return [map](const Session& session, const State& s, std::span<const double>, std::span<const double>) {
-    const MapSpread spread = spread_of(session, map_of(s.camera, map));
+  return [map](const Fitted& fitted) {
+    const MapSpread spread = spread_of(fitted.session, map_of(fitted.state.camera, map));
     const double rms = std::hypot(spread.pixel, spread.column);
-    return std::map<std::string, Estimate>{{"rms", interval(rms, 2.0 * spread.relative_error() * rms)}};
+    return Estimates{{"rms", interval(rms, 2.0 * spread.relative_error() * rms)}};
   };
 }
 

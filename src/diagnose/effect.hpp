@@ -39,9 +39,15 @@ struct Form {
 };
 
 using Predicate = std::function<bool(const Session&)>;
-// From the parameters' values and their standard errors to what is reported.
-using EffectReport = std::function<std::map<std::string, Estimate>(
-    const Session&, const State&, std::span<const double> value, std::span<const double> error)>;
+// An effect as it was fitted: its parameters' values and their standard errors.
+struct Fitted {
+  const Session& session;
+  const State& state;
+  std::span<const double> value;
+  std::span<const double> error;
+};
+using Estimates = std::map<std::string, Estimate>;
+using EffectReport = std::function<Estimates(const Fitted&)>;  // what is reported of it
 
 struct Effect {
   std::string name;
@@ -72,7 +78,6 @@ const Effect* find_effect(std::string_view name);
 // What the files in effects/ are written with. Thread: any.
 
 bool has_kind(const Session& session, Kind kind);
-Predicate any_capture();
 Predicate any_of(std::initializer_list<Kind> kinds);  // a recording of one of these kinds
 // A parameter that is a number of the camera's model, and one of what is linear in it.
 Parameter number_of(std::string name, double step, double low, double high, double CameraModel::*member);
@@ -82,10 +87,8 @@ std::function<std::vector<Parameter>(const Session&)> always(std::vector<Paramet
 // Pixels at the target's edges average over radiance, or over temperature.
 std::vector<Form> edge_forms();
 
-// value +- 1.96 errors.
-Estimate interval(double value, double error);
 // The root of a parameter that stands for a variance, with its interval.
-Estimate root_interval(double value, double error, double factor = 1.0);
+Estimate root_interval(double value, double error);
 // factor exp(value).
 Estimate exp_interval(double factor, double value, double error);
 // Reports the first parameter under this name.

@@ -41,29 +41,24 @@ void add_group(const Session& session, const Series& residual, const std::vector
   for (Index j = 0; j < unknowns; ++j) {
     if (columns[static_cast<std::size_t>(j)].size() > 0) present.push_back(j);
   }
-  const auto some = static_cast<Index>(present.size());
   std::array<std::vector<Index>, 2> chosen;  // pixels of the group's train and test cells
   for (std::size_t p = 0; p < pixels.size(); ++p) {
     chosen[held_out(session, static_cast<std::size_t>(from), pixels[p]) ? 1 : 0].push_back(static_cast<Index>(p));
   }
-  for (int side = 0; side < 2; ++side) {
-    const auto& cells = chosen[static_cast<std::size_t>(side)];
-    const auto count = static_cast<Index>(cells.size()) * (to - from);
-    Eigen::MatrixXf x(count, some + 1);
-    for (Index j = 0; j <= some; ++j) {
-      const Series& source =
-          j == some ? residual : columns[static_cast<std::size_t>(present[static_cast<std::size_t>(j)])];
+  present.push_back(unknowns);  // the residual
+  const auto some = static_cast<Index>(present.size());
+  for (std::size_t side = 0; side < 2; ++side) {
+    const auto& cells = chosen[side];
+    Eigen::MatrixXf x(static_cast<Index>(cells.size()) * (to - from), some);
+    for (Index j = 0; j < some; ++j) {
+      const Index of = present[static_cast<std::size_t>(j)];
+      const Series& source = of == unknowns ? residual : columns[static_cast<std::size_t>(of)];
       Index at = 0;
       for (Index k = from; k < to; ++k) {
         for (const Index p : cells) x(at++, j) = source(k, p);
       }
     }
-    const MatrixXd product = (x.transpose() * x).cast<double>();
-    MatrixXd& sum = side == 0 ? train : test;
-    const auto place = [&](Index j) { return j == some ? unknowns : present[static_cast<std::size_t>(j)]; };
-    for (Index a = 0; a <= some; ++a) {
-      for (Index b = 0; b <= some; ++b) sum(place(a), place(b)) += product(a, b);
-    }
+    (side == 0 ? train : test)(present, present) += (x.transpose() * x).cast<double>();
   }
 }
 
@@ -292,15 +287,10 @@ VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const Vecto
       if (held[static_cast<std::size_t>(j)] == 0) free.push_back(j);
     }
     const auto count = static_cast<Index>(free.size());
-    MatrixXd a(count, count);
-    VectorXd b(count);
-    for (Index r = 0; r < count; ++r) {
-      const Index i = free[static_cast<std::size_t>(r)];
-      b[r] = right[i];
-      for (Index j = 0; j < n; ++j) {
-        if (held[static_cast<std::size_t>(j)] != 0) b[r] -= normal(i, j) * x[j];
-      }
-      for (Index c = 0; c < count; ++c) a(r, c) = normal(i, free[static_cast<std::size_t>(c)]);
+    const MatrixXd a = normal(free, free);
+    VectorXd b = right(free);
+    for (Index j = 0; j < n; ++j) {
+      if (held[static_cast<std::size_t>(j)] != 0) b -= normal(free, j) * x[j];
     }
     const VectorXd solved = solve(a, b);
     bool again = false;

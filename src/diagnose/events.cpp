@@ -52,27 +52,12 @@ double deviation(const std::vector<float>& x) {
 }
 
 // Share of the squared variation that is between neighbouring frames: 2 for white noise, near 0 for slow changes.
-double roughness(const std::vector<float>& x, double sigma) {
+double roughness(const std::vector<float>& x) {
+  const double sigma = deviation(x);
   double sum = 0.0;
   for (std::size_t k = 1; k < x.size(); ++k) sum += std::pow(static_cast<double>(x[k] - x[k - 1]), 2);
   return sigma > 0.0 ? sum / static_cast<double>(x.size() - 1) / (sigma * sigma) : 0.0;
 }
-
-// Deviation and roughness of every pixel, with their medians.
-struct Scatter {
-  explicit Scatter(const Steady& steady) {
-    for (const auto& series : steady) {
-      sigma.push_back(deviation(series));
-      rough.push_back(roughness(series, sigma.back()));
-    }
-    usual = median(sigma);
-    usual_rough = median(rough);
-  }
-  std::vector<double> sigma;
-  std::vector<double> rough;
-  double usual = 0.0;
-  double usual_rough = 0.0;
-};
 
 std::vector<float> smooth(const std::vector<float>& x) {
   std::vector<float> out;
@@ -159,20 +144,22 @@ TwoLevels two_levels(const std::vector<float>& x) {
 void judge_still(const Session& session, const Recording& r, BadPixels& bad, std::vector<double>& steps) {
   const Steady steady = steady_series(r);
   if (steady.front().size() < kLeastSteady) return;
-  const Scatter scatter(steady);
   std::vector<TwoLevels> levels;
   std::vector<double> step;
+  std::vector<double> rough;
   for (const auto& series : steady) {
+    rough.push_back(roughness(series));
     levels.push_back(two_levels(smooth(series)));
     step.push_back(levels.back().step);
   }
   const double typical_step = median(step);
+  const double usual_rough = median(rough);
   for (std::size_t p = 0; p < levels.size(); ++p) {
     const TwoLevels& t = levels[p];
     if (session.good[p] == 0) continue;
     if (t.step > kStepOverTypical * typical_step && t.step > kStepOverWithin * t.within && t.share > kLeastShare &&
         t.jumps > 0 && t.jumps < static_cast<int>(steady[p].size()) / kFramesAJump &&
-        scatter.rough[p] < kSlower * scatter.usual_rough) {
+        rough[p] < kSlower * usual_rough) {
       bad.jumping.push_back(static_cast<int>(p));
       steps.push_back(t.step);
     }
@@ -271,27 +258,22 @@ void find_jumping_pixels(Session& session, BadPixels& bad) {
   bad.step_k = median(steps);
 }
 
-std::vector<Jump> find_jumps(const Session& session, std::size_t recording, const Series& residual,
-                             const std::vector<Freeze>& freezes) {
+std::optional<Jump> find_jump(const Session& session, std::size_t recording, const Series& residual,
+                              const std::vector<Freeze>& freezes) {
   const Recording& r = session.recordings[recording];
   std::vector<Index> frames;
   for (Index k = 0; k < residual.rows(); ++k) {
     if (r.used[static_cast<std::size_t>(k)] != 0) frames.push_back(k);
   }
   const auto n = static_cast<Index>(frames.size());
-  if (n < 2 * kSide + 2) return {};
+  if (n < 2 * kSide + 2) return std::nullopt;
   std::vector<Index> pixels;
   for (Index p = 0; p < residual.cols(); ++p) {
     if (session.good[static_cast<std::size_t>(p)] != 0) pixels.push_back(p);
   }
-  if (pixels.size() < 8) return {};
+  if (pixels.size() < 8) return std::nullopt;
   // Differences of the means of kSide frames on either side of every gap between two frames.
-  Eigen::ArrayXXd value(n, static_cast<Index>(pixels.size()));
-  for (Index a = 0; a < n; ++a) {
-    for (std::size_t p = 0; p < pixels.size(); ++p) {
-      value(a, static_cast<Index>(p)) = static_cast<double>(residual(frames[static_cast<std::size_t>(a)], pixels[p]));
-    }
-  }
+  const Eigen::ArrayXXd value = residual(frames, pixels).cast<double>().array();
   const Eigen::ArrayXd mean = value.rowwise().mean();
   std::vector<double> steps;
   for (Index a = 1; a < n; ++a) steps.push_back(std::abs(mean[a] - mean[a - 1]));
@@ -323,9 +305,8 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
     by_step -= 2.0 * noise_of_all / static_cast<double>(n);
     return all > 0.0 ? by_step / all : 0.0;
   };
-  std::vector<Jump> jumps;
   double best = 0.0;
-  Jump strongest;
+  std::optional<Jump> strongest;
   for (Index a = kSide; a + kSide <= n; ++a) {
     const Eigen::ArrayXd change = value.middleRows(a, kSide).colwise().mean().transpose() -
                                   value.middleRows(a - kSide, kSide).colwise().mean().transpose();
@@ -352,8 +333,7 @@ std::vector<Jump> find_jumps(const Session& session, std::size_t recording, cons
     strongest = {recording, static_cast<std::size_t>(frames[static_cast<std::size_t>(a)]), global,
                  pattern ? std::sqrt(std::max(0.0, scatter2)) : 0.0, thawed};
   }
-  if (best > 0.0) jumps.push_back(strongest);
-  return jumps;
+  return strongest;
 }
 
 void remove_jump(Session& session, Jump& jump, const Series& residual) {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <cstddef>
-#include <string>
+#include <optional>
 #include <vector>
 
 #include "src/diagnose/session.hpp"
@@ -43,9 +43,10 @@ std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& rep
 BadPixels find_dead_pixels(Session& session);
 void find_jumping_pixels(Session& session, BadPixels& bad);
 
-// Steps in series of residuals (frames x pixels of `pixels`, K): of a uniform recording its own values will do.
-std::vector<Jump> find_jumps(const Session& session, std::size_t recording, const Series& residual,
-                             const std::vector<Freeze>& freezes);
+// The clearest step in a series of residuals (frames x pixels of the grid, K): of a uniform recording its own values
+// will do.
+std::optional<Jump> find_jump(const Session& session, std::size_t recording, const Series& residual,
+                              const std::vector<Freeze>& freezes);
 
 // Takes a jump out of the recording's values, with the step of every pixel estimated from `residual` (all pixels of the
 // grid).
@@ -56,5 +57,9 @@ double find_step(const Session& session);
 
 // Level at which values pile up at the top of a recording's range; infinity: none.
 double find_ceiling(const Recording& recording, double level_step);
+
+// What a recording tells without a model of what it looks at, from single pixels and whole frames alone: jumps,
+// freezes, flicker, noise, patterns and outlier pixels. Thread: any.
+Observation observe(const Recording& recording);
 
 }  // namespace bolo::diagnose

@@ -12,12 +12,17 @@
 namespace bolo::diagnose {
 namespace {
 
-// The value of a found effect's parameter, or `otherwise`.
-double value_of(const LearnTask& task, const char* effect, const char* key, double otherwise) {
+// The value of a found effect's parameter; nothing where either is not there.
+std::optional<double> parameter_of(const LearnTask& task, std::string_view effect, std::string_view key) {
   const FoundEffect* found = task.found(effect);
-  if (found == nullptr) return otherwise;
-  const auto parameter = found->parameters.find(key);
-  return parameter == found->parameters.end() ? otherwise : parameter->second.value;
+  if (found == nullptr) return std::nullopt;
+  if (key.empty()) return 1.0;  // that there is one
+  const auto parameter = found->parameters.find(std::string(key));
+  return parameter == found->parameters.end() ? std::nullopt : std::optional(parameter->second.value);
+}
+
+double value_of(const LearnTask& task, const char* effect, const char* key, double otherwise) {
+  return parameter_of(task, effect, key).value_or(otherwise);
 }
 
 // Temperature of what is reflected: the model has the radiance reflected beyond that of kSurroundings.
@@ -80,13 +85,8 @@ std::optional<Grey> grey_of_levels(const LearnTask& task) {
 }
 
 void learn_undo(const LearnTask& task, model::Undo& undo) {
-  model::undo_effects(undo, [&task](std::string_view effect, std::string_view key) -> std::optional<double> {
-    const FoundEffect* found = task.found(effect);
-    if (found == nullptr) return std::nullopt;
-    if (key.empty()) return 1.0;
-    const auto parameter = found->parameters.find(std::string(key));
-    return parameter == found->parameters.end() ? std::nullopt : std::optional(parameter->second.value);
-  });
+  model::undo_effects(
+      undo, [&task](std::string_view effect, std::string_view key) { return parameter_of(task, effect, key); });
   if (task.found("iir") != nullptr) {
     const double weight = value_of(task, "iir", "alpha", 1.0);
     const bool undone = task.filter != FrameFilter::kBox || weight > 0.5;

@@ -19,44 +19,27 @@ using Eigen::Index;
 constexpr int kPixelsAtOnce = 8192;
 constexpr int kTauRounds = 2;
 
-enum Basis : std::size_t { kOffset, kGain, kTau, kDrift, kBases };  // in the order of kMapKinds
-using Wanted = std::array<bool, kBases>;
+enum Basis : std::size_t { kOffset, kGain, kTau, kDrift };  // in the order of kMapKinds
+using Wanted = OfMaps<bool>;
 
 // What was found of every pixel, row-major over the frame: K, share of T - kGainReference, log of tau's share, share
 // of the drift; and the variance that noise gives each, summed over the pixels.
 struct Found {
-  std::array<std::vector<double>, kBases> value;
-  std::array<double, kBases> noise2{};
+  OfMaps<std::vector<double>> value;
+  OfMaps<double> noise2{};
   std::vector<std::uint8_t> dead;
   explicit Found(std::size_t pixels) : dead(pixels, 0) {
     for (auto& map : value) map.assign(pixels, 0.0);
   }
 };
 
-// The rows [first, end) of a session, with all columns, without their values.
-Session band_of(const Session& session, int first, int end) {
-  Session band;
-  band.width = session.width;
-  band.height = session.height;
-  band.row_step = session.row_step;
-  band.period_s = session.period_s;
+// Makes a session one of the rows [first, end), with all columns; its values are to be read.
+void take_band(Session& band, int first, int end) {
+  band.grid = {{}, {}};
   for (int row = first; row < end; ++row) band.grid.rows.push_back(row);
-  for (int column = 0; column < session.width; ++column) band.grid.columns.push_back(column);
+  for (int column = 0; column < band.width; ++column) band.grid.columns.push_back(column);
   band.good.assign(static_cast<std::size_t>(band.grid.pixels()), 1);
-  for (const Recording& from : session.recordings) {
-    Recording to;
-    to.name = from.name;
-    to.kind = from.kind;
-    to.stimulus = from.stimulus;
-    to.kelvin = from.kelvin;
-    to.step = from.step;
-    to.start_s = from.start_s;
-    to.t = from.t;
-    to.used = from.used;
-    to.values = Series(from.frames(), band.grid.pixels());
-    band.recordings.push_back(std::move(to));
-  }
-  return band;
+  for (Recording& r : band.recordings) r.values.resize(r.frames(), band.grid.pixels());
 }
 
 using Readers = std::vector<capture::CaptureReader>;
@@ -106,54 +89,30 @@ Index changed_at(const LearnTask& task, std::size_t recording) {
   return first;
 }
 
-struct Sums {
-  Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
-  Eigen::Vector4d right = Eigen::Vector4d::Zero();
-  double squares = 0.0;
-  double count = 0.0;
-};
-
-std::vector<Sums> sums_of(const LearnTask& task, const Session& band, std::size_t i, const State& state,
-                          const Wanted& wanted) {
+std::vector<PixelSums> sums_of(const LearnTask& task, const Session& band, std::size_t i, const State& state,
+                               const Wanted& wanted) {
   const std::vector<int> pixels = band.grid.all();
-  std::vector<Sums> sums(pixels.size());
+  std::vector<PixelSums> sums(pixels.size());
   const Recording& r = band.recordings[i];
   const Series predicted = predict(band, i, state, pixels);
-  std::array<Series, kBases> basis;
-  for (std::size_t b = 0; b < kBases; ++b) {
-    if (wanted[b]) basis[b] = basis_of(band, i, state, kMapKinds[b], pixels);
-  }
+  const OfMaps<Series> bases = bases_of(band, i, state, wanted, pixels);
   const Index end = changed_at(task, i);
   const auto limit = static_cast<float>(state.camera.clip_k - 1.0);
   for (Index k = 0; k < end; ++k) {
     if (r.used[static_cast<std::size_t>(k)] == 0) continue;
     for (Index p = 0; p < r.values.cols(); ++p) {
       if (r.values(k, p) >= limit || predicted(k, p) >= limit) continue;
-      Eigen::Vector4d x = Eigen::Vector4d::Zero();
-      for (std::size_t b = 0; b < kBases; ++b) {
-        if (wanted[b]) x[static_cast<Index>(b)] = static_cast<double>(basis[b](k, p));
-      }
-      const auto residual = static_cast<double>(r.values(k, p) - predicted(k, p));
-      Sums& sum = sums[static_cast<std::size_t>(p)];
-      sum.normal += x * x.transpose();
-      sum.right += x * residual;
-      sum.squares += residual * residual;
-      sum.count += 1.0;
+      sums[static_cast<std::size_t>(p)].add(bases, k, p, static_cast<double>(r.values(k, p) - predicted(k, p)));
     }
   }
   return sums;
 }
 
-void add_solution(const Sums& total, const Wanted& wanted, std::size_t pixel, Found& found) {
-  Eigen::Matrix4d normal = total.normal;
-  for (std::size_t b = 0; b < kBases; ++b) {
-    const auto d = static_cast<Index>(b);
-    if (!wanted[b] || normal(d, d) <= 0.0) normal(d, d) = 1e30;
-  }
-  const Eigen::Matrix4d spread = normal.inverse();
+void add_solution(const PixelSums& total, const Wanted& wanted, std::size_t pixel, Found& found) {
+  const Eigen::Matrix4d spread = total.spread(wanted);
   const Eigen::Vector4d change = spread * total.right;
   const double left = std::max(0.0, total.squares - change.dot(total.right)) / std::max(1.0, total.count - 4.0);
-  for (std::size_t b = 0; b < kBases; ++b) {
+  for (std::size_t b = 0; b < wanted.size(); ++b) {
     if (!wanted[b]) continue;
     found.value[b][pixel] += change[static_cast<Index>(b)];
     found.noise2[b] += left * spread(static_cast<Index>(b), static_cast<Index>(b));
@@ -173,7 +132,6 @@ void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted
   const std::size_t begin = static_cast<std::size_t>(band.grid.rows.front()) * static_cast<std::size_t>(band.width);
   const auto pixels = static_cast<std::size_t>(band.grid.pixels());
   State state = without_maps(*task.state);
-  Wanted now = wanted;
   for (int round = 0; round < (wanted[kTau] ? kTauRounds : 1); ++round) {
     if (round > 0) {  // the rest is linear and known: only what tau has left
       state.camera.offset = Eigen::VectorXf::Zero(band.grid.pixels());
@@ -189,20 +147,16 @@ void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted
       if (!wanted[kDrift]) state.camera.drift_share.resize(0);
       found.noise2 = {};
     }
-    std::vector<std::vector<Sums>> sums(band.recordings.size());
+    std::vector<std::vector<PixelSums>> sums(band.recordings.size());
     for_each_index(sums.size(), threads, [&](std::size_t i) {
-      if (has_model(band.recordings[i])) sums[i] = sums_of(task, band, i, state, now);
+      if (has_model(band.recordings[i])) sums[i] = sums_of(task, band, i, state, wanted);
     });
     for (std::size_t p = 0; p < pixels; ++p) {
-      Sums total;
+      PixelSums total;
       for (const auto& of : sums) {
-        if (of.empty()) continue;
-        total.normal += of[p].normal;
-        total.right += of[p].right;
-        total.squares += of[p].squares;
-        total.count += of[p].count;
+        if (!of.empty()) total.add(of[p]);
       }
-      if (found.dead[begin + p] == 0) add_solution(total, now, begin + p, found);
+      if (found.dead[begin + p] == 0) add_solution(total, wanted, begin + p, found);
     }
   }
 }
@@ -308,19 +262,20 @@ Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std
     }
   }
   const int rows_at_once = std::max(1, kPixelsAtOnce / session.width);
-  std::array<double, kBases> noise2{};
+  OfMaps<double> noise2{};
+  Session band = session;
   const bool any = task.state != nullptr && std::ranges::count(wanted, true) != 0;
   for (int row = 0; any && row < session.height; row += rows_at_once) {
-    Session band = band_of(session, row, std::min(session.height, row + rows_at_once));
+    take_band(band, row, std::min(session.height, row + rows_at_once));
     for (std::size_t i = 0; i < readers->size(); ++i) {
       if (Status status = read_band((*readers)[i], band, band.recordings[i].values); !status)
         return tl::unexpected(status.error());
     }
     found.noise2 = {};
     solve_band(task, band, wanted, threads, found);
-    for (std::size_t b = 0; b < kBases; ++b) noise2[b] += found.noise2[b];
+    for (std::size_t b = 0; b < wanted.size(); ++b) noise2[b] += found.noise2[b];
   }
-  for (std::size_t b = 0; b < kBases; ++b) {
+  for (std::size_t b = 0; b < wanted.size(); ++b) {
     if (wanted[b]) centre_and_shrink(found.value[b], found.dead, noise2[b], b != kOffset);
   }
   fill(task, found, wanted[kTau], maps);

@@ -2,30 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <set>
-
-#include "src/diagnose/response.hpp"
 
 namespace bolo::diagnose {
 namespace {
-
-constexpr double kTauStep = 0.08;  // of the logarithm, between the three tables of pixels that differ
-
-// Weights of the tables at -h, 0 and h for a value in between (Lagrange).
-struct Three {
-  double low;
-  double middle;
-  double high;
-};
-Three lagrange(double x) {
-  const double f = x / kTauStep;
-  return {f * (f - 1.0) / 2.0, 1.0 - f * f, f * (f + 1.0) / 2.0};
-}
-
-Response scaled(Response response, double log_tau) {
-  response.tau_s *= std::exp(log_tau);
-  return response;
-}
 
 // From the temperature of a black body to the linear quantity that the pixel follows.
 double scene_signal(const CameraModel& c, double temperature_k) {
@@ -86,10 +67,6 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
   }
 }
 
-Bars bars_of(const capture::BarTarget& target, const StimulusState& stimulus, double velocity_px_s) {
-  return {target.period_px, target.bar_width_px, target.slant_px_per_row, velocity_px_s, stimulus.edge_px2};
-}
-
 std::vector<Step> steps_of(const capture::Chopper& chopper, const StimulusState& stimulus, const CameraModel& c) {
   constexpr int kParts = 12;  // of a soft blade's edge
   const std::vector<double> levels = levels_of(chopper);
@@ -131,11 +108,9 @@ Series predict_chopper(const Session& session, std::size_t index, const State& s
   const std::vector<Step> steps = steps_of(chopper, stimulus, c);
   const double cold = scene_signal(c, stimulus.level_k[0]);
   const bool varied = c.tau.size() > 0;
-  const double end_s = recording.t.back() + 0.2;
-  std::vector<StepTable> tables;
-  if (varied) tables.emplace_back(steps, scaled(c.response, -kTauStep), end_s);
-  tables.emplace_back(steps, c.response, end_s);
-  if (varied) tables.emplace_back(steps, scaled(c.response, kTauStep), end_s);
+  const TauTables<StepTable> tables(c.response, varied, [&](const Response& response) {
+    return StepTable(steps, response, recording.t.back() + 0.2);
+  });
   Series y(recording.frames(), static_cast<Eigen::Index>(pixels.size()));
   // Pixels of one moment share their values when nothing tells them apart.
   const bool together = !varied && stimulus.sweep_s == 0.0 && c.row_delay_s == 0.0;
@@ -147,14 +122,11 @@ Series predict_chopper(const Session& session, std::size_t index, const State& s
     }
     const double x = session.grid.column_of(pixels[j]) / std::max(1.0, session.width - 1.0) - 0.5;
     const double shift = row_time(session, c, session.grid.row_of(pixels[j])) - stimulus.delay_s - stimulus.sweep_s * x;
-    const Three weights = varied ? lagrange(static_cast<double>(c.tau[pixels[j]])) : Three{0.0, 1.0, 0.0};
+    const double own = varied ? static_cast<double>(c.tau[pixels[j]]) : 0.0;
     for (Eigen::Index k = 0; k < y.rows(); ++k) {
       const auto frame = static_cast<std::size_t>(k);
       const double t = recording.t[frame] * (1.0 + c.clock_skew) + stimulus.late_s[frame] + shift;
-      const double value =
-          varied ? weights.low * tables[0].at(t) + weights.middle * tables[1].at(t) + weights.high * tables[2].at(t)
-                 : tables[0].at(t);
-      y(k, column) = static_cast<float>(cold + value);
+      y(k, column) = static_cast<float>(cold + tables.at(t, own));
     }
   }
   filter_frames(c.response, y);
@@ -179,6 +151,10 @@ Series predict_bars(const Session& session, std::size_t index, const State& stat
 }
 
 }  // namespace
+
+double StimulusState::mean_speed() const {
+  return std::accumulate(speed_px_s.begin(), speed_px_s.end(), 0.0) / static_cast<double>(speed_px_s.size());
+}
 
 double drift_at(const CameraModel& camera, const Recording& recording, std::size_t index, double t_s) {
   const double s = 2.0 * t_s / std::max(1e-9, recording.t.back()) - 1.0;
@@ -235,53 +211,54 @@ Series predict(const Session& session, std::size_t index, const State& state, st
   return y;
 }
 
-BarsModel::BarsModel(const Session& session, std::size_t recording, const State& state)
-    : session_(session), state_(state), recording_(recording) {
-  const auto& target = std::get<capture::BarTarget>(session.recordings[recording].stimulus);
-  const StimulusState& stimulus = state.stimuli[recording];
-  const bool moving = session.recordings[recording].kind == Kind::kMovingBars;
-  if (moving) {
-    for (const double v : stimulus.speed_px_s) mean_speed_ += v / static_cast<double>(stimulus.speed_px_s.size());
-    // Speeds come from the nominal clock.
-    mean_speed_ /= 1.0 + state.camera.clock_skew;
-  }
-  varied_ = moving;  // its speed always varies a little
-  const Bars bars = bars_of(target, stimulus, mean_speed_);
-  const Response& response = state.camera.response;
-  const CameraModel& c = state.camera;
-  cold_ = scene_signal(c, stimulus.level_k[0]);
-  span_ = scene_signal(c, stimulus.level_k[1]) - cold_;
+namespace {
+
+TauTables<BarTable> bar_tables(const CameraModel& c, const StimulusState& stimulus, const Bars& bars, bool moving) {
+  const double cold = scene_signal(c, stimulus.level_k[0]);
+  const double span = scene_signal(c, stimulus.level_k[1]) - cold;
   std::function<double(double)> signal;
   if (c.edges_in_temperature && (c.radiance != 0.0 || c.reflected != 0.0)) {
-    signal = [this, &c, &stimulus](double share) {
+    signal = [&](double share) {
       const double kelvin = stimulus.level_k[0] + share * (stimulus.level_k[1] - stimulus.level_k[0]);
-      return (scene_signal(c, kelvin) - cold_) / span_;
+      return (scene_signal(c, kelvin) - cold) / span;
     };
   }
-  if (varied_) tables_.emplace_back(bars, scaled(response, -kTauStep), signal);
-  tables_.emplace_back(bars, response, signal);
-  if (varied_) tables_.emplace_back(bars, scaled(response, kTauStep), signal);
+  return {c.response, moving, [&](const Response& response) { return BarTable(bars, response, signal); }};
 }
 
+// Speeds come from the nominal clock.
+double true_mean_speed(const StimulusState& stimulus, double clock_skew) {
+  double mean = 0.0;
+  for (const double v : stimulus.speed_px_s) mean += v / static_cast<double>(stimulus.speed_px_s.size());
+  return mean / (1.0 + clock_skew);
+}
+
+}  // namespace
+
+BarsModel::BarsModel(const Session& session, std::size_t recording, const State& state)
+    : session_(session),
+      camera_(state.camera),
+      stimulus_(state.stimuli[recording]),
+      target_(std::get<capture::BarTarget>(session.recordings[recording].stimulus)),
+      moving_(session.recordings[recording].kind == Kind::kMovingBars),
+      mean_speed_(moving_ ? true_mean_speed(stimulus_, camera_.clock_skew) : 0.0),
+      cold_(scene_signal(camera_, stimulus_.level_k[0])),
+      span_(scene_signal(camera_, stimulus_.level_k[1]) - cold_),
+      tables_(bar_tables(
+          camera_, stimulus_,
+          {target_.period_px, target_.bar_width_px, target_.slant_px_per_row, mean_speed_, stimulus_.edge_px2},
+          moving_)) {}
+
 void BarsModel::frame(std::size_t k, double shift_px, std::span<const int> pixels, float* values, float* slopes) const {
-  const auto& target = std::get<capture::BarTarget>(session_.recordings[recording_].stimulus);
-  const CameraModel& c = state_.camera;
-  const double speed = varied_ ? state_.stimuli[recording_].speed_px_s[k] / (1.0 + c.clock_skew) : 0.0;
-  const double log_speed = varied_ ? std::clamp(speed / mean_speed_ - 1.0, -0.1, 0.1) : 0.0;
+  const double speed = moving_ ? stimulus_.speed_px_s[k] / (1.0 + camera_.clock_skew) : 0.0;
+  const double log_speed = moving_ ? std::clamp(speed / mean_speed_ - 1.0, -0.1, 0.1) : 0.0;
   for (std::size_t j = 0; j < pixels.size(); ++j) {
     const int row = session_.grid.row_of(pixels[j]);
-    const double u = session_.grid.column_of(pixels[j]) - target.slant_px_per_row * row - shift_px -
-                     speed * row_time(session_, c, row);
-    const double own = log_speed + (c.tau.size() > 0 ? static_cast<double>(c.tau[pixels[j]]) : 0.0);
-    if (!varied_) {
-      values[j] = static_cast<float>(cold_ + span_ * tables_[0].at(u));
-      if (slopes != nullptr) slopes[j] = static_cast<float>(-span_ * tables_[0].slope(u));
-    } else {
-      const Three w = lagrange(own);
-      const double value = w.low * tables_[0].at(u) + w.middle * tables_[1].at(u) + w.high * tables_[2].at(u);
-      values[j] = static_cast<float>(cold_ + span_ * value);
-      if (slopes != nullptr) slopes[j] = static_cast<float>(-span_ * tables_[1].slope(u));
-    }
+    const double u = session_.grid.column_of(pixels[j]) - target_.slant_px_per_row * row - shift_px -
+                     speed * row_time(session_, camera_, row);
+    const double own = log_speed + (camera_.tau.size() > 0 ? static_cast<double>(camera_.tau[pixels[j]]) : 0.0);
+    values[j] = static_cast<float>(cold_ + span_ * tables_.at(u, own));
+    if (slopes != nullptr) slopes[j] = static_cast<float>(-span_ * tables_.middle().slope(u));
   }
 }
 

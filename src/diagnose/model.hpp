@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <span>
@@ -66,6 +67,7 @@ struct StimulusState {
   std::vector<double> speed_px_s;  // moving bars: local
   std::vector<double> late_s;      // each frame was taken this much later than its time says
   bool times_free = false;         // chopper: late_s of every frame is fitted
+  double mean_speed() const;       // moving bars, px/s
 };
 
 struct State {
@@ -84,6 +86,32 @@ State nominal_state(const Session& session, const model::CameraProfile& profile)
 bool has_model(const Recording& recording);
 Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 
+// A table of responses to read off for pixels whose time constants differ: three tables, and Lagrange's polynomial in
+// the logarithm of tau.
+template <typename Table>
+struct TauTables {
+  static constexpr double kStep = 0.08;  // of the logarithm, between two tables
+
+  // `make`: from a response to its table; one table where pixels do not differ.
+  template <typename Make>
+  TauTables(const Response& response, bool differ, const Make& make) {
+    for (const double log_tau : {-kStep, 0.0, kStep}) {
+      if (log_tau != 0.0 && !differ) continue;
+      Response scaled = response;
+      if (log_tau != 0.0) scaled.tau_s *= std::exp(log_tau);
+      tables.push_back(make(scaled));
+    }
+  }
+  const Table& middle() const { return tables[tables.size() / 2]; }
+  double at(double x, double log_tau) const {
+    if (tables.size() == 1) return tables[0].at(x);
+    const double f = log_tau / kStep;
+    return f * (f - 1.0) / 2.0 * tables[0].at(x) + (1.0 - f * f) * tables[1].at(x) +
+           f * (f + 1.0) / 2.0 * tables[2].at(x);
+  }
+  std::vector<Table> tables;
+};
+
 // The same for one frame of moving bars that are shifted to `shift_px`: values and their slope by the shift, K/px.
 class BarsModel {
  public:
@@ -93,14 +121,14 @@ class BarsModel {
 
  private:
   const Session& session_;
-  const State& state_;
-  std::size_t recording_;
-  double mean_speed_ = 0.0;
-  double cold_ = 0.0;
-  double span_ = 0.0;
-  double tau_step_ = 0.0;  // 0: one table
-  std::vector<BarTable> tables_;
-  bool varied_ = false;
+  const CameraModel& camera_;
+  const StimulusState& stimulus_;
+  const capture::BarTarget& target_;
+  bool moving_;  // its speed always varies a little, so that pixels differ
+  double mean_speed_;
+  double cold_;
+  double span_;
+  TauTables<BarTable> tables_;
 };
 
 }  // namespace bolo::diagnose

@@ -22,7 +22,6 @@ constexpr Index kLeastBlock = 24;          // frames in a row, of a block to jud
 constexpr std::size_t kLineReach = 18;     // bins on either side that a line must stand out of
 constexpr double kMedianOfPower = 0.6931;  // ln 2: median of an exponential distribution over its mean
 constexpr double kWindowLoss = 0.9;        // Hann's window: the tail of a bin's power is a little longer
-constexpr double kWindowGain = 1.5;        // the same: equivalent width in bins
 constexpr double kStillRatio = 3.0;        // variance over the whole recording to that between two frames
 constexpr Index kMostClipped = 500;        // one value in so many may be clipped
 constexpr double kTails = 0.2;             // excess kurtosis, from which on tails are fitted
@@ -138,16 +137,9 @@ Measured component(double square, double count, double own) {
   return m;
 }
 
-struct Lines {
-  double best_p = 1.0;
-  double hz = 0.0;
-  double amplitude_k = 0.0;
-};
-
-// A bin that stands out of its neighbourhood.
-void find_lines(const ArrayXd& x, double rate_hz, Lines& lines) {
+// A bin that stands out of its neighbourhood: n.line_hz and n.line_p, when it does so more than what was found before.
+void find_lines(const ArrayXd& x, double rate_hz, NoiseStatistics& n) {
   const std::vector<double> power = periodogram(without_cubic(x));
-  const auto n = static_cast<double>(x.size());
   for (std::size_t j = 4; j + 2 < power.size(); ++j) {
     std::vector<double> around;
     for (std::size_t i = j > kLineReach ? j - kLineReach : 2; i < std::min(power.size(), j + kLineReach + 1); ++i) {
@@ -156,16 +148,11 @@ void find_lines(const ArrayXd& x, double rate_hz, Lines& lines) {
     const double floor = median(around) / kMedianOfPower;
     const double p =
         std::min(1.0, static_cast<double>(power.size()) * std::exp(-power[j] / std::max(1e-18, floor) * kWindowLoss));
-    if (p >= lines.best_p) continue;
-    lines = {p, static_cast<double>(j) * rate_hz / n, std::sqrt(4.0 * power[j] / n * kWindowGain)};
+    if (p >= n.line_p) continue;
+    n.line_p = p;
+    n.line_hz = static_cast<double>(j) * rate_hz / static_cast<double>(x.size());
   }
 }
-
-struct Bin {
-  double frequency = 0.0;
-  double power = 0.0;
-  double weight = 0.0;
-};
 
 // All that is summed over the still recordings.
 class NoiseSums {
@@ -200,14 +187,12 @@ class NoiseSums {
   Sums column_;
   Sums left_;
   Sums above_;
-  double lag_ = 0.0;
   double chi2_ = 0.0;
   double degrees_ = 0.0;
-  double drift_k_ = 0.0;
+  NoiseStatistics lines_and_drift_;
   std::vector<double> kurtosis_;  // of each pixel and block
   std::vector<double> sample_;
   std::vector<Bin> bins_;
-  Lines lines_;
 };
 
 // Frames, rows and columns.
@@ -219,7 +204,6 @@ void NoiseSums::add_frames(const Block& block, const Parts& parts) {
   const double squares = flicker.square().sum();
   const double lag = (flicker.tail(frames - 1) * flicker.head(frames - 1)).sum();
   frame_.add(squares, count - 4.0);
-  lag_ += lag;
   row_.add(parts.row.square().sum() / freedom, count * static_cast<double>(height_));
   column_.add(parts.column.square().sum() / freedom, count * static_cast<double>(width_));
   // Slow change: what the cubic takes, against the flicker that is left (with its own correlation).
@@ -227,13 +211,13 @@ void NoiseSums::add_frames(const Block& block, const Parts& parts) {
   const double bound = std::clamp(lag / squares, 0.0, 0.98);
   chi2_ += curve_.square().sum() / own * (1.0 - bound) / (1.0 + bound);
   degrees_ += 3.0;
-  drift_k_ = std::max(drift_k_, curve_.maxCoeff() - curve_.minCoeff());
+  lines_and_drift_.drift_k = std::max(lines_and_drift_.drift_k, curve_.maxCoeff() - curve_.minCoeff());
   ArrayXd halves = ArrayXd::Zero(frames);
   for (Index r = 0; r < height_; ++r) {
     halves += parts.row.col(r) * (r < height_ / 2 ? 1.0 : -1.0) / static_cast<double>(height_);
   }
-  find_lines(halves, 1.0 / session_.period_s, lines_);
-  find_lines(parts.frame, 1.0 / session_.period_s, lines_);
+  find_lines(halves, 1.0 / session_.period_s, lines_and_drift_);
+  find_lines(parts.frame, 1.0 / session_.period_s, lines_and_drift_);
 }
 
 // One pixel's own; its power in each bin.
@@ -297,7 +281,6 @@ void NoiseSums::fill_components(NoiseStatistics& n) const {
   const double own = rest_.square / rest_.count;
   n.sigma_tvh = std::sqrt(own);
   n.total_k = std::sqrt(total_.square / total_.count);
-  n.flicker_correlation = frame_.square > 0.0 ? lag_ / frame_.square : 0.0;
   const double share = good_ / static_cast<double>(session_.good.size());
   const auto width = static_cast<double>(width_);
   const auto height = static_cast<double>(height_);
@@ -314,29 +297,18 @@ void NoiseSums::fill_components(NoiseStatistics& n) const {
 }
 
 NoiseStatistics NoiseSums::statistics() const {
-  NoiseStatistics n;
+  NoiseStatistics n = lines_and_drift_;
   n.frames = frames_;
   fill_components(n);
   auto bins = bins_;
   std::ranges::stable_sort(bins, {}, &Bin::frequency);
-  Spectrum spectrum;
-  spectrum.rate_hz = 1.0 / session_.period_s;
-  for (const auto& [frequency, power, weight] : bins) {
-    spectrum.frequency.push_back(frequency);
-    spectrum.power.push_back(power);
-    spectrum.weight.push_back(weight);
-  }
-  judge_spectrum(spectrum, n);
+  judge_spectrum(bins, 1.0 / session_.period_s, n);
   const double frames_each = static_cast<double>(n.frames) / blocks_;
   // The kurtosis of a sample of n is low by about 6/n in the mean and more in the median.
   n.excess_kurtosis = {median(kurtosis_) + 12.0 / frames_each,
                        1.25 * std::sqrt(24.0 / frames_each / static_cast<double>(kurtosis_.size())), 0.0};
   n.excess_kurtosis.z = n.excess_kurtosis.value / n.excess_kurtosis.error;
   if (n.excess_kurtosis.value > kTails) fit_student(sample_, n);
-  n.line_hz = lines_.hz;
-  n.line_k = lines_.amplitude_k;
-  n.line_p = lines_.best_p;
-  n.drift_k = drift_k_;
   n.drift_p = chi2_survival(chi2_, degrees_);
   return n;
 }

@@ -24,10 +24,9 @@ struct NoiseStatistics {
   std::size_t frames = 0;  // of still recordings; 0: nothing is known
   double total_k = 0.0;    // rms of a value about its pixel's mean: the noise floor
   double sigma_tvh = 0.0;
-  Measured flicker;                  // sigma_t
-  double flicker_correlation = 0.0;  // from frame to frame
-  Measured rows;                     // sigma_tv
-  Measured columns;                  // sigma_th
+  Measured flicker;  // sigma_t
+  Measured rows;     // sigma_tv
+  Measured columns;  // sigma_th
   // Whittle's likelihood of the pixels' spectra.
   double white_k = 0.0;  // of the white part, before the frame filter
   Measured corner_hz;    // where 1/f noise equals the white noise
@@ -42,7 +41,6 @@ struct NoiseStatistics {
   double neighbour_row_z = 0.0;     // correlation with the pixel to the left
   double neighbour_column_z = 0.0;  // with the pixel above
   double line_hz = 0.0;
-  double line_k = 0.0;
   double line_p = 1.0;  // of the strongest line in the frames' means or in the difference of their halves
   // Slow change of the offset, a cubic in each recording.
   double drift_p = 1.0;
@@ -57,16 +55,16 @@ NoiseStatistics measure_noise(const Session& session, double ceiling);
 // Whether nothing moves in a recording without a stimulus.
 bool is_still(const Session& session, const Recording& recording);
 
-struct Spectrum {
-  double rate_hz = 200.0;
-  std::vector<double> frequency;  // Hz
-  std::vector<double> power;      // mean over pixels
-  std::vector<double> weight;     // half the degrees of freedom
+// A bin of a spectrum.
+struct Bin {
+  double frequency = 0.0;  // Hz
+  double power = 0.0;      // mean over pixels
+  double weight = 0.0;     // half the degrees of freedom
 };
 
 // Fits the spectrum (in order of frequency) by Whittle's likelihood and writes what it says of white noise, corner,
 // filter and misfit.
-void judge_spectrum(const Spectrum& spectrum, NoiseStatistics& noise);
+void judge_spectrum(const std::vector<Bin>& spectrum, double rate_hz, NoiseStatistics& noise);
 
 // Fits degrees of freedom and scale by likelihood to values without their means; n.sigma_tvh is known.
 void fit_student(const std::vector<double>& x, NoiseStatistics& n);

@@ -21,43 +21,49 @@ double shape(double f_hz, double rate_hz, double corner_hz, double alpha, FrameF
   return (1.0 + corner_hz / f_hz) * g;
 }
 
+using Spectrum = std::vector<Bin>;
+
+// A model of the spectrum: white noise, a corner, a filter.
 struct SpectrumFit {
-  double likelihood = -1e300;
-  double level = 0.0;
+  double rate_hz = 200.0;
+  FrameFilter filter = FrameFilter::kNone;
   double corner = 0.0;
   double alpha = 1.0;
+  double level = 1.0;
+  double likelihood = -1e300;
+  double power(const Bin& bin) const { return level * shape(bin.frequency, rate_hz, corner, alpha, filter); }
 };
 
-// The level by its closed form, the others by search.
-SpectrumFit likelihood_of(const Spectrum& s, double corner, double alpha, FrameFilter filter) {
+// The level by its closed form.
+SpectrumFit with(const Spectrum& s, const SpectrumFit& as, double corner, double alpha) {
+  SpectrumFit fit{as.rate_hz, as.filter, corner, alpha, 1.0, 0.0};
   double level = 0.0;
   double weights = 0.0;
-  for (std::size_t j = 0; j < s.power.size(); ++j) {
-    level += s.weight[j] * s.power[j] / shape(s.frequency[j], s.rate_hz, corner, alpha, filter);
-    weights += s.weight[j];
+  for (const Bin& bin : s) {
+    level += bin.weight * bin.power / fit.power(bin);
+    weights += bin.weight;
   }
-  level /= weights;
-  double sum = 0.0;
-  for (std::size_t j = 0; j < s.power.size(); ++j) {
-    const double model = level * shape(s.frequency[j], s.rate_hz, corner, alpha, filter);
-    sum -= s.weight[j] * (std::log(model) + s.power[j] / model);
+  fit.level = level / weights;
+  for (const Bin& bin : s) {
+    const double model = fit.power(bin);
+    fit.likelihood -= bin.weight * (std::log(model) + bin.power / model);
   }
-  return {sum, level, corner, alpha};
+  return fit;
 }
 
-SpectrumFit fit_spectrum(const Spectrum& s, bool with_corner, FrameFilter filter) {
-  SpectrumFit best = likelihood_of(s, 0.0, 1.0, filter);
+// The others by search.
+SpectrumFit fit_spectrum(const Spectrum& s, double rate_hz, bool with_corner, FrameFilter filter) {
   const bool with_alpha = filter != FrameFilter::kNone;
   double corner_step = with_corner ? 2.0 : 0.0;
   double alpha_step = with_alpha ? 0.2 : 0.0;
-  if (with_alpha) best = likelihood_of(s, 0.0, 0.75, filter);
+  SpectrumFit best = with(s, {rate_hz, filter}, 0.0, with_alpha ? 0.75 : 1.0);
   for (int round = 0; round < 60 && (corner_step > 1e-3 || alpha_step > 1e-4); ++round) {
     SpectrumFit next = best;
     for (const double dc : {-corner_step, 0.0, corner_step}) {
       for (const double da : {-alpha_step, 0.0, alpha_step}) {
         const double corner = std::max(0.0, best.corner + dc);
         const double alpha = std::clamp(best.alpha + da, filter == FrameFilter::kBox ? 0.5 : 0.05, 1.0);
-        const SpectrumFit tried = likelihood_of(s, corner, alpha, filter);
+        const SpectrumFit tried = with(s, best, corner, alpha);
         if (tried.likelihood > next.likelihood) next = tried;
       }
     }
@@ -71,12 +77,12 @@ SpectrumFit fit_spectrum(const Spectrum& s, bool with_corner, FrameFilter filter
 }
 
 // Standard error of one number of the fit from the curvature of the likelihood.
-double curvature_error(const Spectrum& s, const SpectrumFit& fit, FrameFilter filter, bool corner) {
+double curvature_error(const Spectrum& s, const SpectrumFit& fit, bool corner) {
   const double h = corner ? std::max(0.05, 0.02 * fit.corner) : 0.005;
   const double c = corner ? h : 0.0;
   const double a = corner ? 0.0 : h;
-  const double low = likelihood_of(s, std::max(0.0, fit.corner - c), fit.alpha - a, filter).likelihood;
-  const double high = likelihood_of(s, fit.corner + c, std::min(1.0, fit.alpha + a), filter).likelihood;
+  const double low = with(s, fit, std::max(0.0, fit.corner - c), fit.alpha - a).likelihood;
+  const double high = with(s, fit, fit.corner + c, std::min(1.0, fit.alpha + a)).likelihood;
   const double bend = (2.0 * fit.likelihood - low - high) / (h * h);
   return bend > 0.0 ? 1.0 / std::sqrt(bend) : 1.0;
 }
@@ -111,43 +117,38 @@ std::vector<double> periodogram(const Eigen::ArrayXd& x) {
   return power;
 }
 
-void judge_spectrum(const Spectrum& s, NoiseStatistics& n) {
+void judge_spectrum(const Spectrum& s, double rate_hz, NoiseStatistics& n) {
   constexpr double kGain = 15.0;          // of log-likelihood, that a corner or a filter must bring
   constexpr double kOtherGain = 3.0;      // that one kind of filter must bring over the other
   constexpr double kLeastFilter = 0.985;  // a weight nearer to 1 is no filter
-  const SpectrumFit white = fit_spectrum(s, false, FrameFilter::kNone);
-  const SpectrumFit pink = fit_spectrum(s, true, FrameFilter::kNone);
+  const SpectrumFit pink = fit_spectrum(s, rate_hz, true, FrameFilter::kNone);
   SpectrumFit best = pink;
-  FrameFilter filter = FrameFilter::kNone;
   for (const FrameFilter tried : {FrameFilter::kRecursive, FrameFilter::kBox}) {
-    const SpectrumFit both = fit_spectrum(s, true, tried);
-    if (both.likelihood > best.likelihood + (filter == FrameFilter::kNone ? kGain : kOtherGain) &&
+    const SpectrumFit both = fit_spectrum(s, rate_hz, true, tried);
+    if (both.likelihood > best.likelihood + (best.filter == FrameFilter::kNone ? kGain : kOtherGain) &&
         both.alpha < kLeastFilter) {
       best = both;
-      filter = tried;
     }
   }
-  const SpectrumFit without_corner = filter == FrameFilter::kNone ? white : fit_spectrum(s, false, filter);
+  const SpectrumFit without_corner = fit_spectrum(s, rate_hz, false, best.filter);
   const double corner_gain = best.likelihood - without_corner.likelihood;
   if (corner_gain < kGain) best = without_corner;
-  n.filter = filter;
+  n.filter = best.filter;
   n.white_k = std::sqrt(best.level);
-  n.corner_hz = {best.corner, curvature_error(s, best, filter, true),
-                 corner_gain < kGain ? 0.0 : std::sqrt(2.0 * corner_gain)};
-  n.alpha = {filter == FrameFilter::kNone ? 1.0 : best.alpha, 0.0, 0.0};
-  if (filter != FrameFilter::kNone) {
-    n.alpha.error = curvature_error(s, best, filter, false);
+  n.corner_hz = {best.corner, curvature_error(s, best, true), corner_gain < kGain ? 0.0 : std::sqrt(2.0 * corner_gain)};
+  n.alpha = {best.filter == FrameFilter::kNone ? 1.0 : best.alpha, 0.0, 0.0};
+  if (best.filter != FrameFilter::kNone) {
+    n.alpha.error = curvature_error(s, best, false);
     n.alpha.z = std::sqrt(2.0 * std::max(0.0, best.likelihood - pink.likelihood));
   }
-  // Twelve bands: does any of them stand out?
-  const std::size_t bands = 12;
-  for (std::size_t b = 0; b < bands; ++b) {
+  // Does any band stand out?
+  constexpr std::size_t kBands = 12;
+  for (std::size_t b = 0; b < kBands; ++b) {
     double sum = 0.0;
     double weights = 0.0;
-    for (std::size_t j = b * s.power.size() / bands; j < (b + 1) * s.power.size() / bands; ++j) {
-      const double model = best.level * shape(s.frequency[j], s.rate_hz, best.corner, best.alpha, filter);
-      sum += s.weight[j] * (s.power[j] / model - 1.0);
-      weights += s.weight[j];
+    for (std::size_t j = b * s.size() / kBands; j < (b + 1) * s.size() / kBands; ++j) {
+      sum += s[j].weight * (s[j].power / best.power(s[j]) - 1.0);
+      weights += s[j].weight;
     }
     if (weights > 0.0) n.spectrum_misfit = std::max(n.spectrum_misfit, std::abs(sum) / std::sqrt(weights));
   }

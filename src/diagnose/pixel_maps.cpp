@@ -18,11 +18,6 @@ constexpr double kKnowsAll = 0.85;   // share of what all recordings know, that 
 
 double largest(MapKind kind) { return kind == MapKind::kOffset ? 1e3 : kind == MapKind::kDrift ? 2.0 : 0.3; }
 
-struct PixelSums {
-  Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
-  Eigen::Vector4d right = Eigen::Vector4d::Zero();
-};
-
 // Zero mean over the pixels that count, and as much of the scatter as is not noise: `noise2` is its mean variance.
 void centre_and_shrink(Eigen::VectorXf& map, std::span<const int> pixels, double noise2, MapKind kind) {
   double mean = 0.0;
@@ -73,9 +68,45 @@ Series basis_of(const Session& session, std::size_t recording, const State& stat
   return d;
 }
 
+OfMaps<Series> bases_of(const Session& session, std::size_t recording, const State& state, const OfMaps<bool>& wanted,
+                        std::span<const int> pixels) {
+  OfMaps<Series> bases;
+  for (std::size_t b = 0; b < bases.size(); ++b) {
+    if (wanted[b]) bases[b] = basis_of(session, recording, state, kMapKinds[b], pixels);
+  }
+  return bases;
+}
+
+void PixelSums::add(const OfMaps<Series>& bases, Index frame, Index column, double residual) {
+  Eigen::Vector4d x = Eigen::Vector4d::Zero();
+  for (std::size_t b = 0; b < bases.size(); ++b) {
+    if (bases[b].size() > 0) x[static_cast<Index>(b)] = static_cast<double>(bases[b](frame, column));
+  }
+  normal += x * x.transpose();
+  right += x * residual;
+  squares += residual * residual;
+  count += 1.0;
+}
+
+void PixelSums::add(const PixelSums& more) {
+  normal += more.normal;
+  right += more.right;
+  squares += more.squares;
+  count += more.count;
+}
+
+Eigen::Matrix4d PixelSums::spread(const OfMaps<bool>& wanted) const {
+  Eigen::Matrix4d known = normal;
+  for (std::size_t b = 0; b < wanted.size(); ++b) {
+    const auto d = static_cast<Index>(b);
+    if (!wanted[b] || known(d, d) <= 0.0) known(d, d) = 1e30;
+  }
+  return known.inverse();
+}
+
 State estimate_maps(const FitData& data, State state, const std::vector<Choice>& choices) {
   constexpr std::size_t kDriftAt = 3;  // in kMapKinds
-  std::array<bool, 4> wanted{};
+  OfMaps<bool> wanted{};
   for (std::size_t i = 0; i < kMapKinds.size(); ++i) {
     wanted[i] = std::ranges::any_of(choices, [&](const Choice& c) { return c.effect->map == kMapKinds[i]; });
     Eigen::VectorXf& map = map_of(state.camera, kMapKinds[i]);
@@ -98,37 +129,23 @@ State estimate_maps(const FitData& data, State state, const std::vector<Choice>&
     if (!has_model(data.session.recordings[i])) return;
     sums[i].resize(data.all_pixels.size());
     const Series r = data.residual(i, state, data.all_pixels);
-    std::array<Series, 4> basis;
-    for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
-      if (wanted[b]) basis[b] = basis_of(data.session, i, state, kMapKinds[b], data.all_pixels);
-    }
+    const OfMaps<Series> bases = bases_of(data.session, i, state, wanted, data.all_pixels);
     for (Index k = 0; k < r.rows(); ++k) {
       if (!data.frame_counts(i, static_cast<std::size_t>(k))) continue;
       for (std::size_t j = 0; j < data.all_pixels.size(); ++j) {
         if (held_out(data.session, static_cast<std::size_t>(k), data.all_pixels[j])) continue;
         const auto column = static_cast<Index>(j);
-        Eigen::Vector4d x = Eigen::Vector4d::Zero();
-        for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
-          if (wanted[b]) x[static_cast<Index>(b)] = static_cast<double>(basis[b](k, column));
-        }
-        sums[i][j].normal += x * x.transpose();
-        sums[i][j].right += x * static_cast<double>(r(k, column)) * data.floor_k;
+        sums[i][j].add(bases, k, column, static_cast<double>(r(k, column)) * data.floor_k);
       }
     }
   });
-  std::array<double, 4> noise2{};
+  OfMaps<double> noise2{};
   for (std::size_t j = 0; j < data.all_pixels.size(); ++j) {
     PixelSums total;
     for (const auto& of : sums) {
-      if (of.empty()) continue;
-      total.normal += of[j].normal;
-      total.right += of[j].right;
+      if (!of.empty()) total.add(of[j]);
     }
-    for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
-      const auto d = static_cast<Index>(b);
-      if (!wanted[b] || total.normal(d, d) <= 0.0) total.normal(d, d) = 1e30;
-    }
-    const Eigen::Matrix4d spread = total.normal.inverse();
+    const Eigen::Matrix4d spread = total.spread(wanted);
     const Eigen::Vector4d change = spread * total.right;
     for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
       if (!wanted[b]) continue;

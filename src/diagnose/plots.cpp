@@ -8,62 +8,45 @@
 namespace bolo::diagnose {
 namespace {
 
-using Eigen::ArrayXd;
 using Eigen::Index;
 
 struct Left {
   Series predicted;
   Series residual;  // K
-  std::vector<std::size_t> frames;
+  std::vector<Index> frames;
 };
 
 Left left_over(const Session& session, std::size_t i, const State& state, const std::vector<int>& pixels,
                bool used_only) {
   Left left{predict(session, i, state, pixels), {}, {}};
   left.residual = session.recordings[i].values - left.predicted;
-  for (std::size_t k = 0; k < session.recordings[i].used.size(); ++k) {
-    if (!used_only || session.recordings[i].used[k] != 0) left.frames.push_back(k);
+  for (Index k = 0; k < left.residual.rows(); ++k) {
+    if (!used_only || session.recordings[i].used[static_cast<std::size_t>(k)] != 0) left.frames.push_back(k);
   }
   return left;
 }
 
-Map gap_map(const Session& session, const Left& left, double floor_k, const std::string& title) {
-  Map map{title,
-          "noise floors",
-          static_cast<int>(session.grid.columns.size()),
-          static_cast<int>(session.grid.rows.size()),
-          {}};
-  for (Index p = 0; p < left.residual.cols(); ++p) {
-    double sum = 0.0;
-    for (const std::size_t k : left.frames) {
-      const auto value = static_cast<double>(left.residual(static_cast<Index>(k), p)) / floor_k;
-      sum += value * value;
-    }
-    map.values.push_back(
-        static_cast<float>(std::sqrt(sum / std::max<double>(1.0, static_cast<double>(left.frames.size())))));
-  }
-  return map;
+// A map of the grid's pixels, still without values.
+Map empty_map(const Session& session, const std::string& title, const std::string& unit) {
+  return {title, unit, static_cast<int>(session.grid.columns.size()), static_cast<int>(session.grid.rows.size()), {}};
 }
 
-Curve profile(const Session& session, const Left& left, bool by_row, const std::string& name) {
+Curve profile(const Session& session, const Left& left, bool by_row) {
   const std::size_t width = session.grid.columns.size();
   const std::vector<int>& places = by_row ? session.grid.rows : session.grid.columns;
-  Curve curve{name, {}, std::vector<double>(places.size(), 0.0)};
+  Curve curve{{places.begin(), places.end()}, std::vector<double>(places.size(), 0.0)};
   std::vector<double> count(places.size(), 0.0);
-  for (const int at : places) curve.x.push_back(at);
   for (Index p = 0; p < left.residual.cols(); ++p) {
     const auto pixel = static_cast<std::size_t>(p);
     const std::size_t at = by_row ? pixel / width : pixel % width;
-    for (const std::size_t k : left.frames) curve.y[at] += static_cast<double>(left.residual(static_cast<Index>(k), p));
+    for (const Index k : left.frames) curve.y[at] += static_cast<double>(left.residual(k, p));
     count[at] += static_cast<double>(left.frames.size());
   }
   for (std::size_t i = 0; i < places.size(); ++i) curve.y[i] /= std::max(1.0, count[i]);
   return curve;
 }
 
-Curve spectrum(const Session& session, const Left& left, const std::string& name) {
-  const Index frames = left.residual.rows();
-  Curve curve{name, {}, {}};
+Curve spectrum(const Session& session, const Left& left) {
   std::vector<double> power;
   const Index stride = std::max<Index>(1, left.residual.cols() / 96);
   double pixels = 0.0;
@@ -74,27 +57,36 @@ Curve spectrum(const Session& session, const Left& left, const std::string& name
     for (std::size_t j = 0; j < one.size(); ++j) power[j] += 2.0 * one[j] * session.period_s;
     pixels += 1.0;
   }
+  Curve curve;
   for (std::size_t j = 1; j < power.size(); ++j) {
-    curve.x.push_back(static_cast<double>(j) / (static_cast<double>(frames) * session.period_s));
+    curve.x.push_back(static_cast<double>(j) / (static_cast<double>(left.residual.rows()) * session.period_s));
     curve.y.push_back(power[j] / std::max(1.0, pixels));
   }
   return curve;
 }
 
-Curve trace(const Recording& r, const Series& values, Index pixel, const std::string& name) {
-  Curve curve{name, r.t, {}};
-  for (Index k = 0; k < values.rows(); ++k) curve.y.push_back(static_cast<double>(values(k, pixel)));
-  return curve;
+CapturePlots::Side side(const Session& session, const Left& left, double floor_k) {
+  CapturePlots::Side out{0.0, empty_map(session, "", "noise floors"), profile(session, left, true),
+                         profile(session, left, false), spectrum(session, left)};
+  double squares = 0.0;
+  for (Index p = 0; p < left.residual.cols(); ++p) {
+    double sum = 0.0;
+    for (const Index k : left.frames) {
+      const auto value = static_cast<double>(left.residual(k, p)) / floor_k;
+      sum += value * value;
+    }
+    const auto rms =
+        static_cast<float>(std::sqrt(sum / std::max<double>(1.0, static_cast<double>(left.frames.size()))));
+    out.gap_map.values.push_back(rms);
+    squares += static_cast<double>(rms * rms);
+  }
+  out.gap = std::sqrt(squares / std::max<double>(1.0, static_cast<double>(left.residual.cols())));
+  return out;
 }
 
-Map map_of(const Session& session, const Eigen::VectorXf& values, const std::string& title, const std::string& unit,
-           float factor) {
-  Map map{title, unit, static_cast<int>(session.grid.columns.size()), static_cast<int>(session.grid.rows.size()), {}};
-  for (Index p = 0; p < values.size(); ++p) {
-    const bool good = session.good[static_cast<std::size_t>(p)] != 0;
-    map.values.push_back(good ? values[p] * factor : std::numeric_limits<float>::quiet_NaN());
-  }
-  return map;
+Curve trace(const Recording& r, const Series& values, Index pixel) {
+  const Eigen::ArrayXd y = values.col(pixel).cast<double>().array();
+  return {r.t, {y.begin(), y.end()}};
 }
 
 // Where and when the gap before lies: cells that miss by more than half as much again as the noise.
@@ -102,11 +94,10 @@ class Where {
  public:
   void add(const Session& session, std::size_t i, const Left& left, double floor_k) {
     const Recording& r = session.recordings[i];
-    constexpr Index kBlock = kCellFrames;
     constexpr double kMuch = 2.6;  // squared floors: half as much again as the noise, and a little
     for (Index p = 0; p < left.residual.cols(); ++p) {
-      for (Index from = 0; from < left.residual.rows(); from += kBlock) {
-        const Index length = std::min(kBlock, left.residual.rows() - from);
+      for (Index from = 0; from < left.residual.rows(); from += kCellFrames) {
+        const Index length = std::min<Index>(kCellFrames, left.residual.rows() - from);
         const double square =
             static_cast<double>(left.residual.col(p).segment(from, length).squaredNorm()) / (floor_k * floor_k);
         if (square / static_cast<double>(length) < kMuch) continue;
@@ -177,61 +168,44 @@ std::pair<double, double> band(const Curve& spectrum, double floor) {
 void fill_plots(const Fit& fit, double floor_k, Report& report) {
   const Session& raw = fit.raw;
   const Session& session = fit.session;
-  const State& nominal = fit.nominal;
-  const State& state = fit.state;
   const std::vector<int> pixels = session.grid.all();
   Where where;
   double widest = 0.0;
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     const Recording& r = session.recordings[i];
     if (!has_model(r)) continue;
-    const Left before = left_over(raw, i, nominal, pixels, false);
-    const Left after = left_over(session, i, state, pixels, true);
-    CapturePlots plots;
-    plots.file = r.name;
-    plots.kind = std::string(name_of(r.kind));
-    plots.gap_map_before = gap_map(session, before, floor_k, "before");
-    plots.gap_map_after = gap_map(session, after, floor_k, "after");
-    const auto mean_square = [](const Map& map) {
-      double sum = 0.0;
-      for (const float v : map.values) sum += static_cast<double>(v * v);
-      return std::sqrt(sum / std::max<double>(1.0, static_cast<double>(map.values.size())));
-    };
-    plots.gap_before = mean_square(plots.gap_map_before);
-    plots.gap_after = mean_square(plots.gap_map_after);
-    plots.row_before = profile(session, before, true, "before");
-    plots.row_after = profile(session, after, true, "after");
-    plots.column_before = profile(session, before, false, "before");
-    plots.column_after = profile(session, after, false, "after");
-    plots.spectrum_before = spectrum(session, before, "before");
-    plots.spectrum_after = spectrum(session, after, "after");
-    const auto found = std::ranges::find(session.good, 1);
+    const Left before = left_over(raw, i, fit.nominal, pixels, false);
+    const Left after = left_over(session, i, fit.state, pixels, true);
     Index pixel = session.grid.pixels() / 2 + static_cast<Index>(session.grid.columns.size()) / 2;
-    if (session.good[static_cast<std::size_t>(pixel)] == 0) pixel = found - session.good.begin();
-    plots.measured = trace(r, raw.recordings[i].values, pixel, "measured");
-    plots.nominal = trace(r, before.predicted, pixel, "nominal simulator");
-    plots.predicted = trace(r, after.predicted, pixel, "with the diagnosed effects");
-    where.add(raw, i, before, floor_k);
-    if (plots.gap_before > widest) {
-      widest = plots.gap_before;
-      report.location.band_hz = band(plots.spectrum_before, 2.0 * floor_k * floor_k * session.period_s);
+    if (session.good[static_cast<std::size_t>(pixel)] == 0) {
+      pixel = std::ranges::find(session.good, 1) - session.good.begin();
     }
-    report.captures.push_back(std::move(plots));
+    report.captures.push_back({r.name, std::string(name_of(r.kind)), side(session, before, floor_k),
+                               side(session, after, floor_k), trace(r, raw.recordings[i].values, pixel),
+                               trace(r, before.predicted, pixel), trace(r, after.predicted, pixel)});
+    where.add(raw, i, before, floor_k);
+    const CapturePlots::Side& shown = report.captures.back().before;
+    if (shown.gap > widest) {
+      widest = shown.gap;
+      report.location.band_hz = band(shown.spectrum, 2.0 * floor_k * floor_k * session.period_s);
+    }
   }
   where.fill(session, report.location);
-  const CameraModel& c = state.camera;
-  if (c.offset.size() > 0) report.maps.push_back(map_of(session, c.offset, "Offset of each pixel", "mK", 1000.0F));
-  if (c.gain.size() > 0) report.maps.push_back(map_of(session, c.gain, "Gain of each pixel", "%", 100.0F));
-  if (c.tau.size() > 0) report.maps.push_back(map_of(session, c.tau, "Time constant of each pixel", "%", 100.0F));
-  if (std::ranges::count(session.good, 0) > 0) {
-    Map map{"Pixels left out",
-            "1 = dead or jumping",
-            static_cast<int>(session.grid.columns.size()),
-            static_cast<int>(session.grid.rows.size()),
-            {}};
-    for (const char good : session.good) map.values.push_back(good != 0 ? 0.0F : 1.0F);
-    report.maps.push_back(std::move(map));
-  }
+  const auto add_map = [&](const Eigen::VectorXf& values, const char* title, const char* unit, float factor) {
+    if (values.size() == 0) return;
+    Map& map = report.maps.emplace_back(empty_map(session, title, unit));
+    for (Index p = 0; p < values.size(); ++p) {
+      const bool good = session.good[static_cast<std::size_t>(p)] != 0;
+      map.values.push_back(good ? values[p] * factor : std::numeric_limits<float>::quiet_NaN());
+    }
+  };
+  const CameraModel& c = fit.state.camera;
+  add_map(c.offset, "Offset of each pixel", "mK", 1000.0F);
+  add_map(c.gain, "Gain of each pixel", "%", 100.0F);
+  add_map(c.tau, "Time constant of each pixel", "%", 100.0F);
+  if (std::ranges::count(session.good, 0) == 0) return;
+  Map& map = report.maps.emplace_back(empty_map(session, "Pixels left out", "1 = dead or jumping"));
+  for (const char good : session.good) map.values.push_back(good != 0 ? 0.0F : 1.0F);
 }
 
 }  // namespace bolo::diagnose

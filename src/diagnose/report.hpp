@@ -20,6 +20,9 @@ struct Estimate {
   double high = 0.0;
 };
 
+// value +- 1.96 errors.
+inline Estimate interval(double value, double error) { return {value, value - 1.96 * error, value + 1.96 * error}; }
+
 struct Alternative {
   std::string name;
   double gap_after = 0.0;  // had this effect been chosen instead
@@ -60,11 +63,10 @@ struct NotIdentifiable {
   std::string needs;  // the capture that would tell
 };
 
-// One statistic of the noise: 3-D noise (NVESD's sigma_tvh and its like), colour, tails.
+// One statistic of the noise: 3-D noise (NVESD's sigma_tvh and its like).
 struct NoiseStatistic {
   std::string name;
-  std::string unit;
-  double measured = 0.0;
+  double measured = 0.0;   // K
   double nominal = 0.0;    // of the nominal simulator
   double explained = 0.0;  // with the diagnosed effects
 };
@@ -112,7 +114,6 @@ struct Map {
 };
 
 struct Curve {
-  std::string name;
   std::vector<double> x;
   std::vector<double> y;
 };
@@ -121,14 +122,16 @@ struct Curve {
 struct CapturePlots {
   std::string file;  // name without folders
   std::string kind;  // uniform, chopper, bar_target, scene, field
-  double gap_before = 0.0;
-  double gap_after = 0.0;
-  Map gap_map_before;  // rms of the residual over time, in units of the floor
-  Map gap_map_after;
-  Curve row_before, row_after;            // mean residual of each row, K
-  Curve column_before, column_after;      // mean residual of each column, K
-  Curve spectrum_before, spectrum_after;  // of the mean residual in time, Hz and K^2/Hz
-  Curve measured, nominal, predicted;     // one pixel in time, s and K
+  struct Side {
+    double gap = 0.0;
+    Map gap_map;     // rms of the residual over time, in units of the floor
+    Curve rows;      // mean residual of each row, K
+    Curve columns;   // and of each column
+    Curve spectrum;  // of the mean residual in time, Hz and K^2/Hz
+  };
+  Side before;
+  Side after;
+  Curve measured, nominal, predicted;  // one pixel in time, s and K
 };
 
 // What a diagnosis has learned of a camera, in the terms of the pipeline that undoes it.

@@ -14,14 +14,6 @@ constexpr int kMaxRows = 48;
 constexpr int kMaxColumns = 64;
 constexpr double kSaturatedShare = 0.5;
 
-std::vector<int> spread(int count, int limit) {
-  std::vector<int> chosen(static_cast<std::size_t>(std::min(count, limit)));
-  for (std::size_t i = 0; i < chosen.size(); ++i) {
-    chosen[i] = static_cast<int>((static_cast<double>(i) + 0.5) * count / static_cast<double>(chosen.size()));
-  }
-  return chosen;
-}
-
 Kind kind_of(const capture::Stimulus& stimulus) {
   if (std::holds_alternative<capture::Uniform>(stimulus)) return Kind::kUniform;
   if (std::holds_alternative<capture::Chopper>(stimulus)) return Kind::kChopper;
@@ -105,7 +97,7 @@ Result<Recording> read_recording(const std::filesystem::path& file, Session& ses
     session.height = g.height;
     session.row_step = info.format.row_step;
     session.period_s = info.format.frame_period_s;
-    session.grid = {spread(g.height, kMaxRows), spread(g.width, kMaxColumns)};
+    session.grid = {spread_over(g.height, kMaxRows), spread_over(g.width, kMaxColumns)};
     session.good.assign(static_cast<std::size_t>(session.grid.pixels()), 1);
     camera = identity;
   }
@@ -160,6 +152,14 @@ Result<Session> read_session(const std::vector<std::filesystem::path>& files, co
     return bad_input(session.warnings.empty() ? "no captures; name at least one" : session.warnings.front());
   }
   return session;
+}
+
+std::vector<int> spread_over(int count, int limit) {
+  std::vector<int> chosen(static_cast<std::size_t>(std::min(count, limit)));
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    chosen[i] = static_cast<int>((static_cast<double>(i) + 0.5) * count / static_cast<double>(chosen.size()));
+  }
+  return chosen;
 }
 
 std::vector<int> Grid::all() const {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -11,7 +12,6 @@
 #include "src/capture/stimulus.hpp"
 #include "src/core/result.hpp"
 #include "src/diagnose/diagnose.hpp"
-#include "src/diagnose/frame_statistics.hpp"
 
 namespace bolo::diagnose {
 
@@ -28,6 +28,52 @@ struct Grid {
   std::vector<int> all() const;  // 0 .. pixels() - 1
   int row_of(int pixel) const { return rows[static_cast<std::size_t>(pixel) / columns.size()]; }
   int column_of(int pixel) const { return columns[static_cast<std::size_t>(pixel) % columns.size()]; }
+};
+
+// Statistics of every pixel and of every whole frame of a recording, gathered while its frames are read: the grid that
+// the fits look at leaves most pixels of a large frame out.
+struct FrameStatistics {
+  int width = 0;
+  int height = 0;
+  // Of each frame against the one before; the first has zeros.
+  std::vector<double> change;     // K: mean of the middle half of the pixels' changes
+  std::vector<double> scatter;    // K: of the pixels' changes about it, the outer fifth left out (Gaussian: sigma)
+  std::vector<double> agreement;  // share of the pixels that changed in the direction of `change`
+  std::vector<char> repeated;     // 1: identical
+  // Of each pixel, row-major. Repeated frames do not count.
+  std::vector<float> mean;   // K
+  std::vector<float> range;  // K, largest less smallest value
+  // About the frames' medians: standard deviation, and the share of the squared variation that is between neighbouring
+  // frames (2 for white noise, near 0 for slow changes).
+  std::vector<float> sigma;
+  std::vector<float> roughness;
+
+  std::size_t frames() const { return repeated.size(); }
+  std::size_t distinct_frames() const;
+};
+
+// Takes one recording's frames in order. Thread: any one at a time.
+class FrameStatisticsSum {
+ public:
+  FrameStatisticsSum(int width, int height);
+  // `frame`: width x height values, K or counts, row-major.
+  void add(std::span<const float> frame);
+  FrameStatistics statistics() const;
+
+ private:
+  void compare(std::span<const float> frame);
+  FrameStatistics result_;
+  std::size_t stride_ = 1;  // of the pixels that stand for the frame where values are sorted
+  double count_ = 0.0;      // of frames that are no repeats
+  float centre_ = 0.0F;     // the last frame's median
+  std::vector<float> sorted_;
+  Eigen::ArrayXf last_;
+  Eigen::ArrayXf low_;
+  Eigen::ArrayXf high_;
+  Eigen::ArrayXd sum_;
+  Eigen::ArrayXd about_;  // sum of the values less their frame's median
+  Eigen::ArrayXd about2_;
+  Eigen::ArrayXd step2_;
 };
 
 struct Recording {
@@ -56,6 +102,9 @@ struct Session {
 };
 
 inline constexpr int kMinFrames = 16;
+
+// At most `limit` of `count` places, evenly spread, rising. Thread: any.
+std::vector<int> spread_over(int count, int limit);
 
 // A pixel of the frame, by its row-major index.
 inline PixelPlace place_of(std::size_t pixel, int width) {

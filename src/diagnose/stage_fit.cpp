@@ -49,9 +49,9 @@ void correct_jumps(const std::vector<Freeze>& freezes, const State& state, Fit& 
     // Where frames have times of their own, what they miss by is no jump.
     if (r.kind == Kind::kUniform || !has_model(r) || state.stimuli[i].times_free) continue;
     const Series residual = r.values - predict(fit.session, i, state, all);
-    for (Jump& jump : find_jumps(fit.session, i, residual, freezes)) {
-      remove_jump(fit.session, jump, residual);
-      fit.jumps.push_back(jump);
+    if (auto jump = find_jump(fit.session, i, residual, freezes)) {
+      remove_jump(fit.session, *jump, residual);
+      fit.jumps.push_back(*jump);
     }
   }
 }
@@ -81,18 +81,18 @@ FitResult with_times(const FitData& data, const FitResult& base, const State& re
   return settled(data, state, kRounds);
 }
 
-FoundEffect frame_loss(const Transport& transport, const std::vector<std::size_t>& repeated, const Session& session) {
-  const auto repeats = std::accumulate(repeated.begin(), repeated.end(), std::size_t{0});
+// Frames lost or repeated without a gap in the counter.
+void judge_losses(const Transport& transport, const Events& events, const Options& options, Fit& out) {
+  const auto repeats = std::accumulate(events.repeated.begin(), events.repeated.end(), std::size_t{0});
   const int losses = transport.lost + transport.inserted + static_cast<int>(repeats);
+  if (losses == 0) return;
   std::size_t frames = 0;
-  for (const Recording& r : session.recordings) frames += static_cast<std::size_t>(r.frames());
-  FoundEffect e = named("frame_loss", 0.999);
+  for (const Recording& r : out.session.recordings) frames += static_cast<std::size_t>(r.frames());
   const double per_thousand = 1000.0 / static_cast<double>(frames);
-  if (losses > 0) {
-    e.parameters["per_thousand"] =
-        interval(losses * per_thousand, std::sqrt(static_cast<double>(losses)) * per_thousand);
-  }
-  return e;
+  const double error = std::sqrt(static_cast<double>(losses));
+  add(out.findings, options,
+      named("frame_loss", 0.999, {{"per_thousand", interval(losses * per_thousand, error * per_thousand)}}), 10.0,
+      "frames are lost or repeated without a gap in the counter");
 }
 
 // The stimuli and nothing else: jumps taken out, frames' times as they turn out to be.
@@ -138,18 +138,16 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
   if (!testable()) return out;
   out.state.camera.clip_k = events.ceiling_k;
   if (std::isfinite(events.ceiling_k)) {
-    FoundEffect e = named("saturation", 0.999);
-    e.parameters["level_k"] = interval(events.ceiling_k, out.session.recordings.front().step);
-    add(out.findings, options, std::move(e), 20.0, "values pile up at a ceiling");
+    add(out.findings, options,
+        named("saturation", 0.999, {{"level_k", interval(events.ceiling_k, out.session.recordings.front().step)}}),
+        20.0, "values pile up at a ceiling");
   }
   Transport transport = judge_transport(out.session, out.state, noise.floor_k, some);
   smooth_speeds(out.session, out.state);
   const FitData data(out.session, noise.floor_k, options.threads);
   bool jittered = is_jittered(transport);
   out.base = fit_stimuli(data, events, jittered, out);
-  if (FoundEffect e = frame_loss(transport, events.repeated, out.session); !e.parameters.empty()) {
-    add(out.findings, options, std::move(e), 10.0, "frames are lost or repeated without a gap in the counter");
-  }
+  judge_losses(transport, events, options, out);
   const auto may = [&](const Effect& effect) {
     return allowed(options, effect.name) && (!effect.suspected_by || effect.suspected_by(noise.statistics));
   };
@@ -163,9 +161,9 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
     jittered = jittered && is_jittered(transport);
   }
   if (jittered) {
-    FoundEffect e = named("jitter", 0.99);
-    e.parameters["rms_s"] = interval(transport.jitter_s, transport.jitter_error_s);
-    add(out.findings, options, std::move(e), 10.0, "the sampling time of frames varies");
+    add(out.findings, options,
+        named("jitter", 0.99, {{"rms_s", interval(transport.jitter_s, transport.jitter_error_s)}}), 10.0,
+        "the sampling time of frames varies");
   }
   out.state = out.selection.fit.state;
   out.nominal = nominal_camera(out.session, out.base.state);

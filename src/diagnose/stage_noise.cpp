@@ -41,9 +41,8 @@ class Namer {
  public:
   Namer(const Options& options, Findings& findings) : options_(options), findings_(findings) {}
   void name(const std::string& name, double z, std::map<std::string, Estimate> parameters, const std::string& where) {
-    FoundEffect e = named(name, confidence_from(z));
+    FoundEffect e = named(name, confidence_from(z), std::move(parameters));
     e.of_noise = true;
-    e.parameters = std::move(parameters);
     add(findings_, options_, std::move(e), z, where);
   }
   void remain(const std::string& stage, const std::string& where, double z) {

@@ -113,16 +113,6 @@ Probes all_probes() {
            {"readout", "the residual is one-sided at the coldest values"}}};
 }
 
-// Covariance over places of two independent means: what they share is fixed.
-double shared_z(const ArrayXd& a, const ArrayXd& b) {
-  const ArrayXd x = a - a.mean();
-  const ArrayXd y = b - b.mean();
-  const double scale = std::sqrt(x.square().sum() * y.square().sum());
-  if (scale <= 0.0) return 0.0;
-  const double r = (x * y).sum() / scale;
-  return std::atanh(std::clamp(r, -0.9999, 0.9999)) * std::sqrt(std::max(1.0, static_cast<double>(a.size()) - 3.0));
-}
-
 // Means over the first and over the second half of the cells, of each place.
 struct Halves {
   explicit Halves(Index n)
@@ -131,7 +121,8 @@ struct Halves {
     (is_second ? second : first)[at] += value;
     (is_second ? n_second : n_first)[at] += 1.0;
   }
-  // In standard errors, 0 when what the halves share is smaller than `allowed`.
+  // What two independent means of each place share is fixed: their correlation, in standard errors; 0 when what they
+  // share is smaller than `allowed`.
   double z(double allowed) const {
     std::vector<double> a;
     std::vector<double> b;
@@ -140,11 +131,16 @@ struct Halves {
       a.push_back(first[i] / n_first[i]);
       b.push_back(second[i] / n_second[i]);
     }
-    const Eigen::Map<const ArrayXd> x(a.data(), static_cast<Index>(a.size()));
-    const Eigen::Map<const ArrayXd> y(b.data(), static_cast<Index>(b.size()));
     if (a.size() < 4) return 0.0;
-    const double shared = ((x - x.mean()) * (y - y.mean())).mean();
-    return shared > allowed * allowed ? shared_z(x, y) : 0.0;
+    const auto n = static_cast<Index>(a.size());
+    ArrayXd x = Eigen::Map<const ArrayXd>(a.data(), n);
+    ArrayXd y = Eigen::Map<const ArrayXd>(b.data(), n);
+    x -= x.mean();
+    y -= y.mean();
+    const double scale = std::sqrt(x.square().sum() * y.square().sum());
+    if ((x * y).mean() <= allowed * allowed || scale <= 0.0) return 0.0;
+    const double r = std::clamp((x * y).sum() / scale, -0.9999, 0.9999);
+    return std::atanh(r) * std::sqrt(std::max(1.0, static_cast<double>(n) - 3.0));
   }
   ArrayXd first;
   ArrayXd second;

@@ -1,9 +1,7 @@
 // From all stages to the report's figures and its verdict.
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
-#include "src/diagnose/observations.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -27,25 +25,27 @@ Findings judge_values(const Events& events, const Noise& noise, const Options& o
   Findings out;
   const Session& session = events.session;
   const BadPixels& bad = events.bad;
+  // Of `all`, with the error of a count.
+  const auto fraction = [](std::size_t some, double all) {
+    const auto count = static_cast<double>(some);
+    return interval(count / all, std::sqrt(count) / all);
+  };
   if (!bad.jumping.empty() && (bad.jumping.size() > 1 || bad.step_k > kLargeStep * noise.floor_k)) {
-    FoundEffect e = named("rts", 0.99);
-    const auto count = static_cast<double>(bad.jumping.size());
-    const auto seen = static_cast<double>(session.good.size());
-    e.parameters["fraction"] = interval(count / seen, std::sqrt(count) / seen);
-    e.parameters["step_k"] = interval(bad.step_k, bad.step_k / std::sqrt(count) * kStepScatter);
-    add(out, options, std::move(e), 10.0, "some pixels jump between two levels");
+    const double root = std::sqrt(static_cast<double>(bad.jumping.size()));
+    add(out, options,
+        named("rts", 0.99,
+              {{"fraction", fraction(bad.jumping.size(), static_cast<double>(session.good.size()))},
+               {"step_k", interval(bad.step_k, bad.step_k / root * kStepScatter)}}),
+        10.0, "some pixels jump between two levels");
   }
   if (const std::size_t dead = bad.stuck.size() + bad.noisy.size(); dead > 0) {
-    FoundEffect e = named("dead_pixels", 0.999);
     const auto pixels = static_cast<double>(session.width) * static_cast<double>(session.height);
-    const auto count = static_cast<double>(dead);
-    e.parameters["fraction"] = interval(count / pixels, std::sqrt(count) / pixels);
-    add(out, options, std::move(e), 10.0, "some pixels are stuck or nothing but noise");
+    add(out, options, named("dead_pixels", 0.999, {{"fraction", fraction(dead, pixels)}}), 10.0,
+        "some pixels are stuck or nothing but noise");
   }
   if (events.coarse && options.profile.quantisation_k > 0.0 && session.recordings.front().kelvin) {
-    FoundEffect e = named("coarse_quantisation", 0.999);
+    FoundEffect e = named("coarse_quantisation", 0.999, {{"step_k", interval(events.step_k, 0.001 * events.step_k)}});
     e.of_noise = true;
-    e.parameters["step_k"] = interval(events.step_k, 0.001 * events.step_k);
     add(out, options, std::move(e), 10.0, "values are multiples of a coarser step");
   }
   return out;
@@ -55,18 +55,15 @@ Findings judge_values(const Events& events, const Noise& noise, const Options& o
 Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const Report& report,
                      const Options& options) {
   Findings out;
-  const auto found = [&](const std::string& name, double confidence, std::map<std::string, Estimate> parameters,
-                         const std::string& where) {
-    FoundEffect e = named(name, confidence);
+  const auto found = [&](FoundEffect e, const std::string& where) {
     e.gap_before = report.gap_before;
     e.gap_after = report.gap_after;
-    e.parameters = std::move(parameters);
     add(out, options, std::move(e), 20.0, where);
   };
   const auto jump = std::ranges::find(jumps, false, &Jump::after_freeze);
   if (jump != jumps.end()) {
     const double size = std::abs(jump->global_k);
-    found("offset_jump", 0.99, {{"jump_k", interval(size, 0.01 * size + kJumpError_k)}},
+    found(named("offset_jump", 0.99, {{"jump_k", interval(size, 0.01 * size + kJumpError_k)}}),
           "the offset jumps at one frame");
   }
   // A stream that is frozen to its end is no shutter that opened again.
@@ -74,12 +71,12 @@ Findings judge_jumps(const Events& events, const std::vector<Jump>& jumps, const
     return f.last + 1 < static_cast<std::size_t>(events.session.recordings[f.recording].frames());
   });
   if (freeze == events.freezes.end()) return out;
-  std::map<std::string, Estimate> parameters;
-  parameters["freeze_frames"] = interval(static_cast<double>(freeze->last - freeze->first + 1), 1.0);
+  FoundEffect frozen = named("nuc_freeze", 0.999,
+                             {{"freeze_frames", interval(static_cast<double>(freeze->last - freeze->first + 1), 1.0)}});
   for (const Jump& thawed : jumps) {
-    if (thawed.after_freeze) parameters["offset_k"] = interval(thawed.pixel_k, 0.05 * thawed.pixel_k);
+    if (thawed.after_freeze) frozen.parameters["offset_k"] = interval(thawed.pixel_k, 0.05 * thawed.pixel_k);
   }
-  found("nuc_freeze", 0.999, std::move(parameters), "frames are frozen for a while");
+  found(std::move(frozen), "frames are frozen for a while");
   return out;
 }
 
@@ -102,7 +99,7 @@ void add_chosen(const Fit& fit, Report& report) {
     e.gap_after = chosen.gap_after;
     e.alternatives = chosen.alternatives;
     if (effect.report) {
-      e.parameters = effect.report(fit.session, selection.fit.state, selection.fit.value[c], selection.fit.error[c]);
+      e.parameters = effect.report({fit.session, selection.fit.state, selection.fit.value[c], selection.fit.error[c]});
     }
     report.effects.push_back(std::move(e));
   }
@@ -126,8 +123,7 @@ std::map<std::string, double> stimulus_errors(const Recording& r, const Stimulus
   }
   if (r.kind == Kind::kStillBars) out["phase_px"] = s.phase_px;
   if (r.kind == Kind::kMovingBars) {
-    const double mean =
-        std::accumulate(s.speed_px_s.begin(), s.speed_px_s.end(), 0.0) / static_cast<double>(s.speed_px_s.size());
+    const double mean = s.mean_speed();
     double scatter = 0.0;
     for (const double v : s.speed_px_s) scatter += (v / mean - 1.0) * (v / mean - 1.0);
     out["phase_px"] = s.shift_px.front();
@@ -150,8 +146,8 @@ void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
     const Recording& r = fit.session.recordings[i];
     if (!has_model(r)) continue;
     report.location.captures[r.name] = fit.before.gap_of(i);
-    plots->gap_before = fit.before.gap_of(i);
-    (plots++)->gap_after = after.gap_of(i);
+    plots->before.gap = fit.before.gap_of(i);
+    (plots++)->after.gap = after.gap_of(i);
     report.stimulus[r.name] = stimulus_errors(r, fit.state.stimuli[i], files.stimuli[i]);
   }
 }
@@ -180,11 +176,11 @@ void fill_noise(const Noise& noise, Report& report) {
     e.gap_after = report.noise_gap_after;
   }
   const double explained = std::sqrt(std::max(0.0, square(n.total_k) - left * square(nominal)));
-  report.noise = {{"total", "K", n.total_k, nominal, explained},
-                  {"sigma_tvh (pixel)", "K", n.sigma_tvh, nominal, spectral ? n.sigma_tvh : nominal},
-                  {"sigma_t (frame)", "K", n.flicker.value, 0.0, flicker ? n.flicker.value : 0.0},
-                  {"sigma_tv (row)", "K", n.rows.value, 0.0, striped ? n.rows.value : 0.0},
-                  {"sigma_th (column)", "K", n.columns.value, 0.0, striped ? n.columns.value : 0.0}};
+  report.noise = {{"total", n.total_k, nominal, explained},
+                  {"sigma_tvh (pixel)", n.sigma_tvh, nominal, spectral ? n.sigma_tvh : nominal},
+                  {"sigma_t (frame)", n.flicker.value, 0.0, flicker ? n.flicker.value : 0.0},
+                  {"sigma_tv (row)", n.rows.value, 0.0, striped ? n.rows.value : 0.0},
+                  {"sigma_th (column)", n.columns.value, 0.0, striped ? n.columns.value : 0.0}};
 }
 
 // One figure: what the mean misses and what the noise's own statistics miss, in quadrature.
@@ -224,8 +220,7 @@ void judge(std::vector<Remainder> left, Report& report) {
 std::string needs_of(const Session& session) {
   return std::string(
              "captures of a known stimulus: a closed shutter or a flat black body for noise and offsets, a chopper or "
-             "a "
-             "pan over bars for the time constant") +
+             "a pan over bars for the time constant") +
          (session.recordings.front().kelvin ? "" : "; in kelvin, not in counts");
 }
 

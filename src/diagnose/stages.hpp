@@ -40,7 +40,7 @@ struct Findings {
 };
 
 // An effect of the catalogue, as found. Thread: any.
-FoundEffect named(const std::string& name, double confidence);
+FoundEffect named(const std::string& name, double confidence, std::map<std::string, Estimate> parameters = {});
 bool allowed(const Options& options, const std::string& name);
 // An effect with statistics of its own: named, or, when it is withheld, left over.
 void add(Findings& findings, const Options& options, FoundEffect effect, double z, const std::string& where);

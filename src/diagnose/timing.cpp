@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <optional>
+#include <utility>
 
 #include <Eigen/Dense>
 
@@ -168,28 +169,22 @@ constexpr double kLeastJitter_s = 4e-5;
 constexpr double kJitterOverMeasured = 2.0;
 constexpr double kJitterOverError = 5.0;
 
-std::vector<std::size_t> used_frames(const Recording& r) {
-  std::vector<std::size_t> frames;
-  for (std::size_t k = 0; k < r.used.size(); ++k) {
-    if (r.used[k] != 0) frames.push_back(k);
-  }
-  return frames;
-}
-
-double mean_speed(const StimulusState& s) {
-  return std::accumulate(s.speed_px_s.begin(), s.speed_px_s.end(), 0.0) / static_cast<double>(s.speed_px_s.size());
+// The frames about k, at most `half` on either side; as many at the ends of a recording.
+std::pair<long, long> around(long k, long half, long frames) {
+  const long from = std::max(0L, std::min(k - half, frames - 1 - 2 * half));
+  return {from, std::min(frames - 1, from + 2 * half)};
 }
 
 // Whole periods by which each frame of moving bars is late.
 void count_steps(const Session& session, std::size_t index, State& state, Transport& t) {
   const Recording& r = session.recordings[index];
   StimulusState& s = state.stimuli[index];
-  const std::vector<std::size_t> frames = used_frames(r);
   int late = 0;
-  for (std::size_t a = 0; a < frames.size(); ++a) {
-    const std::size_t k = frames[a];
-    if (a > 0) {
-      const std::size_t before = frames[a - 1];
+  std::optional<std::size_t> last;  // that was used
+  for (std::size_t k = 0; k < r.used.size(); ++k) {
+    if (r.used[k] == 0) continue;
+    if (last) {
+      const std::size_t before = *last;
       const double went = (s.shift_px[k] - s.shift_px[before]) / s.speed_px_s[k] - (r.t[k] - r.t[before]);
       const int periods = static_cast<int>(std::lround(went / session.period_s));
       if (periods != 0 && std::abs(went - periods * session.period_s) < kNearWhole * session.period_s) {
@@ -200,6 +195,7 @@ void count_steps(const Session& session, std::size_t index, State& state, Transp
       for (std::size_t between = before + 1; between < k; ++between) s.late_s[between] = late * session.period_s;
     }
     s.late_s[k] = late * session.period_s;
+    last = k;
   }
 }
 
@@ -211,7 +207,7 @@ void add_jitter(const Session& session, std::size_t index, const State& state, d
   const BarsModel model(session, index, state);
   std::vector<float> value(pixels.size());
   std::vector<float> slope(pixels.size());
-  const double speed = mean_speed(s);
+  const double speed = s.mean_speed();
   const auto time = [&](std::size_t k) { return s.shift_px[k] / speed - s.late_s[k]; };
   for (std::size_t k = 1; k + 1 < r.used.size(); ++k) {
     if (r.used[k - 1] == 0 || r.used[k] == 0 || r.used[k + 1] == 0 || r.t[k] < kSettling_s) continue;
@@ -340,8 +336,7 @@ void smooth_speeds(const Session& session, State& state) {
     const auto frames = static_cast<long>(recording.frames());
     for (long k = 0; k < frames; ++k) {
       // The slope of a straight line through the neighbours that were seen.
-      const long from = std::max(0L, std::min(k - half, frames - 1 - 2 * half));
-      const long to = std::min(frames - 1, from + 2 * half);
+      const auto [from, to] = around(k, half, frames);
       Line line;
       for (long a = from; a <= to; ++a) {
         const auto frame = static_cast<std::size_t>(a);
@@ -395,14 +390,13 @@ State without_transport(const Session& session, const State& state) {
   for (std::size_t i = 0; i < plain.stimuli.size(); ++i) {
     StimulusState& s = plain.stimuli[i];
     if (session.recordings[i].kind == Kind::kMovingBars) {
-      const double speed = mean_speed(s);
+      const double speed = s.mean_speed();
       std::vector<double> offset(s.shift_px.size());
       for (std::size_t k = 0; k < offset.size(); ++k) offset[k] = s.shift_px[k] - speed * s.late_s[k];
       constexpr long kHalf = 10;
       for (long k = 0; k < static_cast<long>(offset.size()); ++k) {
         // A straight line through the neighbours, its value in the middle.
-        const long from = std::clamp(k - kHalf, 0L, std::max(0L, static_cast<long>(offset.size()) - 1 - 2 * kHalf));
-        const long to = std::min(static_cast<long>(offset.size()) - 1, from + 2 * kHalf);
+        const auto [from, to] = around(k, kHalf, static_cast<long>(offset.size()));
         Line line;
         for (long a = from; a <= to; ++a) line.add(static_cast<double>(a - k), offset[static_cast<std::size_t>(a)]);
         s.shift_px[static_cast<std::size_t>(k)] = line.at(0.0);

@@ -6,51 +6,35 @@
 namespace bolo::diagnose {
 namespace {
 
-using Member = double StimulusState::*;
-
-Parameter member(std::string name, std::size_t i, Member field, double step, double limit) {
-  return {std::move(name),
-          step,
-          -limit,
-          limit,
-          [i, field](const State& s) { return s.stimuli[i].*field; },
-          [i, field](State& s, double value) { s.stimuli[i].*field = value; }};
+Parameter member(std::string name, std::size_t i, double StimulusState::*field, double step, double limit) {
+  const auto get = [i, field](const State& s) { return s.stimuli[i].*field; };
+  return {std::move(name), step, -limit, limit, get, [i, field](State& s, double v) { s.stimuli[i].*field = v; }};
 }
 
 Parameter level(std::size_t i, std::size_t which, double nominal) {
-  return {"level",
-          1.0,
-          nominal - 30.0,
-          nominal + 30.0,
-          [i, which](const State& s) { return s.stimuli[i].level_k[which]; },
-          [i, which](State& s, double value) { s.stimuli[i].level_k[which] = value; }};
+  constexpr double kReach = 30.0;  // K
+  const auto get = [i, which](const State& s) { return s.stimuli[i].level_k[which]; };
+  const auto set = [i, which](State& s, double value) { s.stimuli[i].level_k[which] = value; };
+  return {"level", 1.0, nominal - kReach, nominal + kReach, get, set};
 }
 
 // The softness' square, s^2: a symmetric ramp changes the response to second order only.
 Parameter softness(std::size_t i) {
-  return {"softness",
-          1e-6,
-          0.0,
-          2.5e-5,
-          [i](const State& s) { return s.stimuli[i].softness_s * s.stimuli[i].softness_s; },
-          [i](State& s, double value) { s.stimuli[i].softness_s = std::sqrt(std::max(0.0, value)); }};
+  const auto get = [i](const State& s) { return s.stimuli[i].softness_s * s.stimuli[i].softness_s; };
+  const auto set = [i](State& s, double value) { s.stimuli[i].softness_s = std::sqrt(std::max(0.0, value)); };
+  return {"softness", 1e-6, 0.0, 2.5e-5, get, set};
 }
 
 // Of the standard deviation, not the variance: where an edge just reaches a pixel it shows to first order.
 Parameter target_edge() {
-  return {"edge",
-          0.04,
-          0.0,
-          kSoftestEdge_px,
-          [](const State& s) {
-            for (const StimulusState& stimulus : s.stimuli) {
-              if (stimulus.edge_px2 != 0.0) return std::sqrt(stimulus.edge_px2);
-            }
-            return 0.0;
-          },
-          [](State& s, double value) {
-            for (StimulusState& stimulus : s.stimuli) stimulus.edge_px2 = value * value;
-          }};
+  const auto get = [](const State& s) {
+    const auto soft = std::ranges::find_if(s.stimuli, [](const StimulusState& one) { return one.edge_px2 != 0.0; });
+    return soft == s.stimuli.end() ? 0.0 : std::sqrt(soft->edge_px2);
+  };
+  const auto set = [](State& s, double value) {
+    for (StimulusState& stimulus : s.stimuli) stimulus.edge_px2 = value * value;
+  };
+  return {"edge", 0.04, 0.0, kSoftestEdge_px, get, set};
 }
 
 bool touches(int owner, const Session& session, std::size_t recording) {
@@ -74,13 +58,12 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
     for (std::size_t l = 0; l < stimulus.level_k.size(); ++l) {
       all.push_back({level(i, l, stimulus.level_k[l]), index, true, stimulus.level_k[l], 0.0});
     }
-    // Frames whose times are free tell no common delay.
-    if (recording.kind == Kind::kChopper && stimulus.times_free) {
+    if (recording.kind == Kind::kChopper) {
+      // Frames whose times are free tell no common delay.
+      const bool common = !stimulus.times_free;
+      if (common) all.push_back({member("delay", i, &StimulusState::delay_s, 0.0005, 0.05), index, false, 0.0, 0.0});
       all.push_back({member("sweep", i, &StimulusState::sweep_s, 0.001, 0.03), index, false, 0.0, 0.005});
-    } else if (recording.kind == Kind::kChopper) {
-      all.push_back({member("delay", i, &StimulusState::delay_s, 0.0005, 0.05), index, false, 0.0, 0.0});
-      all.push_back({member("sweep", i, &StimulusState::sweep_s, 0.001, 0.03), index, false, 0.0, 0.005});
-      all.push_back({softness(i), index, false, 0.0, 2e-6});
+      if (common) all.push_back({softness(i), index, false, 0.0, 2e-6});
     }
     if (recording.kind == Kind::kStillBars) {
       all.push_back({member("phase", i, &StimulusState::phase_px, 0.05, 1e6), index, false, 0.0, 0.0});

@@ -20,14 +20,12 @@ constexpr double kCaptionSize = 13.0;
 constexpr double kCaptionLine = 18.0;
 constexpr double kHeading = 30.0;
 
-constexpr const char* kOfAFile = " xmlns=\"http://www.w3.org/2000/svg\"";
+constexpr const char* kOfAFile = " xmlns=\"http://www.w3.org/2000/svg\" class=\"bolo-plot\"";
+constexpr const char* kInAPage = " class=\"bolo-plot\"";
 
-// `as_what`: kOfAFile, or nothing within a page.
-std::string svg_head(double width, double height, const std::string& name, const char* as_what) {
-  return format(
-             "<svg%s class=\"bolo-plot\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" height=\"%.0f\" role=\"img\" "
-             "aria-label=\"",
-             as_what, width, height, width, height) +
+std::string svg_head(const char* as_what, double width, double height, const std::string& name) {
+  return format("<svg%s viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" height=\"%.0f\" role=\"img\" aria-label=\"", as_what,
+                width, height, width, height) +
          escaped(name) + "\">";
 }
 
@@ -71,10 +69,18 @@ Margins aligned(const PlotArea& area, const Margins& sides) {
   return margins;
 }
 
-std::string part(const Plot& plot, const Margins& sides) {
+// Title and caption are the page's own words; `sides`: of the drawing's area.
+std::string figure(const Plot& plot, const Margins& sides) {
+  constexpr double kBroad = 600.0;  // px; broader plots are scrolled on a phone rather than made too small to read
   const PlotArea area(plot);
   const Margins margins = aligned(area, sides);
-  return svg_head(plot.width, area.height(margins), plot.title, "") + area.drawing(margins) + "</svg>";
+  std::string out = "<figure>";
+  if (!plot.title.empty()) out += "<h4>" + escaped(plot.title) + "</h4>";
+  if (!plot.caption.empty()) out += "<figcaption>" + escaped(plot.caption) + "</figcaption>";
+  return out + "<div class=\"scroll\">" +
+         svg_head(plot.width > kBroad ? " class=\"bolo-plot broad\"" : kInAPage, plot.width, area.height(margins),
+                  plot.title) +
+         area.drawing(margins) + "</svg></div></figure>\n";
 }
 
 }  // namespace
@@ -89,18 +95,18 @@ bool has_content(const Plot& plot) {
   });
 }
 
-std::string to_svg_part(const Plot& plot) { return part(plot, {}); }
+std::string figure_html(const Plot& plot) { return aligned_figures_html({&plot, 1}); }
 
-std::vector<std::string> to_aligned_parts(std::span<const Plot> plots) {
-  std::vector<const Plot*> all;
-  for (const Plot& plot : plots) all.push_back(&plot);
-  const Margins sides = common(all);
-  std::vector<std::string> out;
-  for (const Plot& plot : plots) out.push_back(part(plot, sides));
+std::string aligned_figures_html(std::span<const Plot> plots) {
+  std::vector<const Plot*> drawn;
+  for (const Plot& plot : plots) {
+    if (has_content(plot)) drawn.push_back(&plot);
+  }
+  const Margins sides = common(drawn);
+  std::string out;
+  for (const Plot* plot : drawn) out += figure(*plot, sides);
   return out;
 }
-
-std::string to_svg(const Plot& plot) { return to_svg(Rows{{plot}}); }
 
 std::string to_svg(const Rows& rows, const std::string& heading) {
   std::map<std::pair<std::size_t, std::size_t>, std::vector<const Plot*>> columns;  // by plots in the row, and place
@@ -131,7 +137,7 @@ std::string to_svg(const Rows& rows, const std::string& heading) {
            "</text>" + body;
   }
   const bool named = heading.empty() && !rows.empty() && !rows.front().empty();
-  return svg_head(width, y - kBetween + kEdge, named ? rows.front().front().title : heading, kOfAFile) + "<style>" +
+  return svg_head(kOfAFile, width, y - kBetween + kEdge, named ? rows.front().front().title : heading) + "<style>" +
          plot_style() + "</style><rect class=\"paper\" width=\"100%\" height=\"100%\"/>" + body + "</svg>\n";
 }
 

@@ -6,10 +6,8 @@
 //                      .x = {.name = "time", .unit = "s"},
 //                      .y = {.name = "latency", .unit = "ms", .logarithmic = true}};
 //   latency.series.push_back({.kind = plot::Kind::kLine, .label = "p50", .x = t, .y = p50});
-//   latency.series.push_back({.kind = plot::Kind::kSteps, .label = "p99", .x = t, .y = p99});
-//   latency.marks.push_back({.at = 12.0, .until = 14.0, .label = "camera off"});
 //   latency.levels.push_back({.at = 5.0, .label = "frame period"});
-//   write(plot::to_svg(latency));  // plot::Page (page.hpp) takes the same Plot
+//   write(plot::to_svg({{latency}}));  // figure_html() takes the same Plot
 //
 // Thread of all functions: any.
 #pragma once
@@ -32,18 +30,15 @@ struct Axis {
   bool logarithmic = false;
   double low = kNone;  // kNone: as the data need it
   double high = kNone;
-  // Names in place of numbers: value i is the middle of the i-th. On such an axis bars of several series stand side by
-  // side.
+  // Names in place of numbers: value i is the middle of the i-th.
   std::vector<std::string> categories{};
 };
 
 enum class Kind : std::uint8_t {
   kLine,    // a value that is not finite interrupts it
-  kSteps,   // holds each value until the next x
   kPoints,  //
-  kBars,    // from `base` to y
+  kBars,    // from `base` to y, on an `x` axis with categories; those of several series stand side by side
   kBand,    // filled from y to `to`
-  kSpans,   // a time line: bars from x to `to` in the row y, of a `y` axis with categories
 };
 
 struct Series {
@@ -52,20 +47,11 @@ struct Series {
   Hue hue = Hue::kDeblurred;
   std::vector<double> x{};
   std::vector<double> y{};
-  std::vector<double> to{};           // of kBand and kSpans
-  std::vector<std::string> titles{};  // of points, bars and spans, each: said when the mouse rests on it
-  bool dashed = false;                // lines and steps
-  bool numbers = false;               // bars: the value at the end of each
-  double base = 0.0;                  // bars; on a logarithmic axis 0 is its low end
-  double width = 2.0;                 // lines and steps, px
-};
-
-// Something that happened: a line across the plot at an x, or what lies between two.
-struct Mark {
-  double at = 0.0;
-  double until = kNone;
-  std::string label{};
-  Hue hue = Hue::kSoft;
+  std::vector<double> to{};           // of a band
+  std::vector<std::string> titles{};  // of each bar: said when the mouse rests on it
+  bool dashed = false;                // lines
+  double base = 0.0;                  // bars
+  double width = 2.0;                 // lines, px
 };
 
 // A value to compare with: a line at a y.
@@ -92,10 +78,10 @@ struct Plot {
   Axis x{};
   Axis y{};
   std::vector<Series> series{};
-  std::vector<Mark> marks{};
+  std::vector<double> marks{};  // where something happened: lines across the plot, at an x
   std::vector<Level> levels{};
   Plane plane{};
-  bool sideways = false;  // x runs downwards and y to the right: rows of a picture, bars with long names
+  bool sideways = false;  // x runs downwards and y to the right: rows of a picture
   double width = 760.0;   // px, of everything
   double height = 220.0;  // px, of the area between the axes
 };
@@ -106,12 +92,14 @@ bool has_content(const Plot& plot);
 // A file of its own: rows of plots with titles and captions, `heading` above all. Areas of rows with as many plots
 // begin and end at the same places, so that plots over the same axis can be compared.
 using Rows = std::vector<std::vector<Plot>>;
-std::string to_svg(const Plot& plot);
 std::string to_svg(const Rows& rows, const std::string& heading = {});
 
-// The drawing alone, for a page that has plot_style() and writes title and caption itself.
-std::string to_svg_part(const Plot& plot);
-std::vector<std::string> to_aligned_parts(std::span<const Plot> plots);  // areas begin and end at the same places
+// Figures of a page that has page_style(): title, caption and drawing; empty when the plot has no content.
+std::string figure_html(const Plot& plot);
+std::string aligned_figures_html(std::span<const Plot> plots);  // their areas begin and end at the same places
+
+// The style of drawings, and that of a page with drawings in it.
 const std::string& plot_style();
+const std::string& page_style();
 
 }  // namespace bolo::plot

@@ -13,36 +13,21 @@ constexpr double kText = 12.0;     // px, of ticks and names
 constexpr double kLine = 17.0;     // px, from one line of text to the next
 constexpr double kEndGap = 15.0;   // px, from one curve's name to the next
 constexpr double kNameRise = 9.0;  // px, of the upright axis's name above the area
-constexpr double kMarkLine = 14.0;
-constexpr std::size_t kMarkRows = 4;
-constexpr double kKey = 22.0;     // px, the sample before a key's words
-constexpr double kKeyGap = 18.0;  // px, from key to key
+constexpr double kKey = 22.0;      // px, the sample before a key's words
+constexpr double kKeyGap = 18.0;   // px, from key to key
 constexpr double kRampWidth = 130.0;
-constexpr double kRoomOfNumber = 0.12;  // at the end of a bar, of its length
 
 std::string label_of(const Axis& axis) {
   return axis.unit.empty() ? axis.name : axis.name.empty() ? axis.unit : axis.name + ", " + axis.unit;
 }
 
-bool is_curve(const Series& series) { return series.kind == Kind::kLine || series.kind == Kind::kSteps; }
+bool is_curve(const Series& series) { return series.kind == Kind::kLine; }
 
 std::vector<double> values_of_x(const Plot& plot) {
   std::vector<double> values;
-  for (const Series& series : plot.series) {
-    values.insert(values.end(), series.x.begin(), series.x.end());
-    if (series.kind == Kind::kSpans) values.insert(values.end(), series.to.begin(), series.to.end());
-    if (series.kind != Kind::kBars || series.x.empty()) continue;
-    const double half = 0.6 * bar_places(plot).width * static_cast<double>(bar_places(plot).series);
-    const auto [low, high] = std::ranges::minmax(series.x);
-    values.insert(values.end(), {low - half, high + half});
-  }
+  for (const Series& series : plot.series) values.insert(values.end(), series.x.begin(), series.x.end());
   if (plot.plane.width > 0) values.insert(values.end(), {-0.5, plot.plane.width - 0.5});
   return values;
-}
-
-// Numbers at the ends of bars want room beyond them.
-double with_room(const Plot& plot, double y, double base, double least, double most) {
-  return plot.y.logarithmic ? y * std::pow(most / least, kRoomOfNumber) : y + kRoomOfNumber * (y - base);
 }
 
 std::vector<double> values_of_y(const Plot& plot) {
@@ -54,11 +39,6 @@ std::vector<double> values_of_y(const Plot& plot) {
   }
   for (const Level& level : plot.levels) values.push_back(level.at);
   if (plot.plane.height > 0) values.insert(values.end(), {-0.5, plot.plane.height - 0.5});
-  const Scale bare(plot.y, values, true);
-  for (const Series& series : plot.series) {
-    if (series.kind != Kind::kBars || !series.numbers) continue;
-    for (const double y : series.y) values.push_back(with_room(plot, y, series.base, bare.low(), bare.high()));
-  }
   return values;
 }
 
@@ -87,7 +67,7 @@ void spread(std::vector<double>& sorted, double gap, double most) {
 std::string sample(Kind kind, Hue hue, bool dashed) {
   const char* name = colours_of(hue).name;
   if (kind == Kind::kPoints) return format("<circle class=\"f-%s\" cx=\"8\" cy=\"-4\" r=\"3.6\"/>", name);
-  if (kind == Kind::kLine || kind == Kind::kSteps) {
+  if (kind == Kind::kLine) {
     return format("<path class=\"line s-%s%s\" stroke-width=\"2.5\" d=\"M0 -4H16\"/>", name, dashed ? " dashed" : "");
   }
   return format("<rect class=\"%sf-%s\" x=\"2\" y=\"-10\" width=\"12\" height=\"12\"/>",
@@ -163,8 +143,12 @@ std::vector<Tick> PlotArea::across_ticks(double width) const {
 }
 
 Placing PlotArea::placing(const Margins& margins) const {
-  const bool down = plot_.sideways || plot_.plane.height > 0 || !plot_.y.categories.empty();
-  return {x_, y_, plot_.width - margins.left - margins.right, plot_.height, plot_.sideways, down};
+  return {x_,
+          y_,
+          plot_.width - margins.left - margins.right,
+          plot_.height,
+          plot_.sideways,
+          plot_.sideways || plot_.plane.height > 0};
 }
 
 Margins PlotArea::needed() const {
@@ -182,9 +166,6 @@ Margins PlotArea::needed() const {
   if (!label_of(across()).empty()) margins.bottom += kLine;
   if (!label_of(upright()).empty() || plot_.plane.width > 0) margins.top += kLine + 2.0;
   margins.top += kLine * static_cast<double>(key_rows(plot_.width - margins.left).size());
-  std::size_t rows = 0;
-  for (const MarkLabel& label : mark_labels(placing(margins))) rows = std::max(rows, label.row + 1);
-  margins.top += kMarkLine * static_cast<double>(rows);
   return margins;
 }
 
@@ -204,28 +185,6 @@ std::vector<PlotArea::EndLabel> PlotArea::end_labels(const Placing& placing) con
   return labels;
 }
 
-// Words of marks stand above the area, each in the first row that has room for them; those without room are only said
-// when the mouse rests on the mark.
-std::vector<PlotArea::MarkLabel> PlotArea::mark_labels(const Placing& placing) const {
-  std::vector<MarkLabel> labels;
-  if (plot_.sideways) return labels;
-  std::vector<const Mark*> sorted;
-  for (const Mark& mark : plot_.marks) sorted.push_back(&mark);
-  std::ranges::stable_sort(sorted, {}, &Mark::at);
-  std::vector<double> taken(kMarkRows, -1e9);
-  for (const Mark* mark : sorted) {
-    const double at = placing.at(mark->at, y_.low()).x;
-    if (mark->label.empty() || !std::isfinite(at) || at < -0.5 || at > placing.width + 0.5) continue;
-    const double wide = text_width(mark->label, kText - 1.0);
-    const double x = std::clamp(at, 0.0, std::max(0.0, placing.width - wide));
-    const auto row = std::ranges::find_if(taken, [&](double end) { return end + 8.0 <= x; });
-    if (row == taken.end()) continue;
-    *row = x + wide;
-    labels.push_back({mark, x, static_cast<std::size_t>(row - taken.begin())});
-  }
-  return labels;
-}
-
 std::string PlotArea::grid(const Placing& placing) const {
   std::string path;
   const Scale& down = upright_scale();
@@ -241,20 +200,11 @@ std::string PlotArea::grid(const Placing& placing) const {
 
 std::string PlotArea::inside(const Placing& placing) const {
   std::string out = plane_svg(plot_.plane, placing);
-  for (const Mark& mark : plot_.marks) {
-    const Point a = placing.at(mark.at, y_.low());
-    const Point b = placing.at(std::isnan(mark.until) ? mark.at : mark.until, y_.high());
+  for (const double mark : plot_.marks) {
+    const Point a = placing.at(mark, y_.low());
+    const Point b = placing.at(mark, y_.high());
     if (!std::isfinite(a.x + a.y + b.x + b.y)) continue;
-    const char* hue = colours_of(mark.hue).name;
-    const std::string title = "<title>" + escaped(mark.label) + "</title>";
-    if (!std::isnan(mark.until)) {
-      out += format("<rect class=\"during f-%s\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\">", hue,
-                    std::min(a.x, b.x), std::min(a.y, b.y), std::abs(b.x - a.x), std::abs(b.y - a.y)) +
-             title + "</rect>";
-    }
-    out += format("<path class=\"mark s-%s\" d=\"M%.1f %.1fL%.1f %.1f\">", hue, a.x, a.y, placing.sideways ? b.x : a.x,
-                  placing.sideways ? a.y : b.y) +
-           title + "</path>";
+    out += format("<path class=\"mark s-soft\" d=\"M%.1f %.1fL%.1f %.1f\"/>", a.x, a.y, b.x, b.y);
   }
   for (const Level& level : plot_.levels) {
     const Point a = placing.at(x_.low(), level.at);
@@ -347,20 +297,9 @@ std::string PlotArea::ends(const Margins& margins, const Placing& placing) const
   return out;
 }
 
-std::string PlotArea::marks(const Margins& margins, const Placing& placing) const {
-  std::string out;
-  const double lowest = margins.top - (label_of(upright()).empty() ? 0.0 : kLine) - 8.0;
-  for (const MarkLabel& label : mark_labels(placing)) {
-    out += format("<text class=\"event f-%s\" x=\"%.1f\" y=\"%.1f\">", colours_of(label.mark->hue).name,
-                  margins.left + label.x, lowest - kMarkLine * static_cast<double>(label.row)) +
-           escaped(label.mark->label) + "</text>";
-  }
-  return out;
-}
-
 std::string PlotArea::drawing(const Margins& margins) const {
   const Placing placed = placing(margins);
-  return keys(margins) + ramp(margins, placed) + marks(margins, placed) +
+  return keys(margins) + ramp(margins, placed) +
          format("<svg x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\">", margins.left, margins.top, placed.width,
                 placed.height) +
          grid(placed) + inside(placed) + "</svg>" + axis_words(margins, placed) + ends(margins, placed);

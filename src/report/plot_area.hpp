@@ -42,11 +42,6 @@ class PlotArea {
     Hue hue = Hue::kSoft;
     bool dashed = false;
   };
-  struct MarkLabel {
-    const Mark* mark = nullptr;
-    double x = 0.0;  // left end of the text within the area
-    std::size_t row = 0;
-  };
 
   const Axis& across() const { return plot_.sideways ? plot_.y : plot_.x; }
   const Axis& upright() const { return plot_.sideways ? plot_.x : plot_.y; }
@@ -56,7 +51,6 @@ class PlotArea {
   std::vector<Key> keyed() const;
   std::vector<std::vector<Key>> key_rows(double width) const;
   std::vector<EndLabel> end_labels(const Placing& placing) const;
-  std::vector<MarkLabel> mark_labels(const Placing& placing) const;
   Placing placing(const Margins& margins) const;
   std::vector<Tick> ticks(const Scale& scale, int wanted) const;  // of a plane: whole pixels
   std::vector<Tick> upright_ticks() const;
@@ -68,7 +62,6 @@ class PlotArea {
   std::string keys(const Margins& margins) const;
   std::string ramp(const Margins& margins, const Placing& placing) const;
   std::string ends(const Margins& margins, const Placing& placing) const;
-  std::string marks(const Margins& margins, const Placing& placing) const;
 
   const Plot& plot_;
   Scale x_;

@@ -9,19 +9,13 @@
 namespace bolo::plot {
 namespace {
 
-constexpr double kBarsOfPlace = 0.78;  // what bars take of the room between two values of x
-constexpr double kNumber = 11.0;       // px, of letters
-constexpr double kSpanHeight = 0.62;   // of a row
+constexpr double kBarsOfPlace = 0.78;  // what bars take of the room of a category
 
 bool is_drawable(Point p) { return std::isfinite(p.x) && std::isfinite(p.y); }
 
 std::size_t size_of(const Series& series) { return std::min(series.x.size(), series.y.size()); }
 
 const char* name_of(Hue hue) { return colours_of(hue).name; }
-
-std::string title_of(const Series& series, std::size_t i) {
-  return i < series.titles.size() ? "<title>" + escaped(series.titles[i]) + "</title>" : std::string();
-}
 
 // Of curves with several points on a column of pixels, the column's first, lowest, highest and last one.
 std::vector<Point> thinned(const std::vector<Point>& points, double width) {
@@ -66,15 +60,6 @@ std::vector<Point> points_of(const Series& series, const Placing& placing) {
   return points;
 }
 
-std::vector<Point> steps_of(const Series& series, const Placing& placing) {
-  std::vector<Point> points;
-  for (std::size_t i = 0; i < size_of(series); ++i) {
-    if (i > 0) points.push_back(placing.at(series.x[i], series.y[i - 1]));
-    points.push_back(placing.at(series.x[i], series.y[i]));
-  }
-  return points;
-}
-
 std::string line_svg(const Series& series, const std::vector<Point>& points, double width) {
   const std::string path = path_of(thinned(points, width));
   if (path.empty()) return {};
@@ -89,39 +74,26 @@ std::string dots_svg(const Series& series, const Placing& placing) {
   const double radius = points.size() > 400 ? 1.6 : points.size() > 80 ? 2.4 : 3.6;
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!is_drawable(points[i])) continue;
-    const std::string title = title_of(series, i);
-    out += format("<circle class=\"f-%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\"", name_of(series.hue), points[i].x,
-                  points[i].y, radius) +
-           (title.empty() ? "/>" : ">" + title + "</circle>");
+    out += format("<circle class=\"f-%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\"/>", name_of(series.hue), points[i].x,
+                  points[i].y, radius);
   }
   return out;
 }
 
-std::string rectangle(Hue hue, Point a, Point b, const std::string& title) {
-  const std::string head = format("<rect class=\"f-%s\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\"",
-                                  name_of(hue), std::min(a.x, b.x), std::min(a.y, b.y),
-                                  std::max(std::abs(a.x - b.x), 1.0), std::max(std::abs(a.y - b.y), 1.0));
-  return head + (title.empty() ? "/>" : ">" + title + "</rect>");
-}
-
 std::string bars_svg(const Plot& plot, const Series& series, std::size_t bar, const Placing& placing) {
-  const BarPlaces places = bar_places(plot);
-  const bool numbers = series.numbers && numbers_fit(plot, placing);
-  const double base = placing.y.logarithmic() && series.base <= 0.0 ? placing.y.low() : series.base;
+  const auto bars = static_cast<double>(std::ranges::count(plot.series, Kind::kBars, &Series::kind));
+  const double width = kBarsOfPlace / bars;
   std::string out;
   for (std::size_t i = 0; i < size_of(series); ++i) {
-    const double middle = series.x[i] + places.offset(bar);
-    const double half = 0.46 * places.width;  // a little air between two bars
-    const Point from = placing.at(middle - half, base);
-    const Point to = placing.at(middle + half, series.y[i]);
-    if (!is_drawable(from) || !is_drawable(to)) continue;
-    out += rectangle(series.hue, from, to, title_of(series, i));
-    if (!numbers) continue;
-    const Point end = placing.at(middle, series.y[i]);
-    out += placing.sideways ? format("<text class=\"number\" x=\"%.1f\" y=\"%.1f\">", end.x + 5.0, end.y + 4.0)
-                            : format("<text class=\"number middle\" x=\"%.1f\" y=\"%.1f\">", end.x,
-                                     end.y + (series.y[i] < base ? 13.0 : -4.0));
-    out += number_text(series.y[i]) + "</text>";
+    const double middle = series.x[i] + (static_cast<double>(bar) - 0.5 * (bars - 1.0)) * width;
+    const double half = 0.46 * width;  // a little air between two bars
+    const Point a = placing.at(middle - half, series.base);
+    const Point b = placing.at(middle + half, series.y[i]);
+    if (!is_drawable(a) || !is_drawable(b)) continue;
+    out += format("<rect class=\"f-%s\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\"", name_of(series.hue),
+                  std::min(a.x, b.x), std::min(a.y, b.y), std::max(std::abs(a.x - b.x), 1.0),
+                  std::max(std::abs(a.y - b.y), 1.0));
+    out += i < series.titles.size() ? "><title>" + escaped(series.titles[i]) + "</title></rect>" : "/>";
   }
   return out;
 }
@@ -149,17 +121,6 @@ std::string band_svg(const Series& series, const Placing& placing) {
   return out;
 }
 
-std::string spans_svg(const Series& series, const Placing& placing) {
-  std::string out;
-  for (std::size_t i = 0; i < std::min(size_of(series), series.to.size()); ++i) {
-    const Point from = placing.at(series.x[i], series.y[i] - kSpanHeight / 2);
-    const Point to = placing.at(series.to[i], series.y[i] + kSpanHeight / 2);
-    if (!is_drawable(from) || !is_drawable(to)) continue;
-    out += rectangle(series.hue, from, {std::max(to.x, from.x + 2.5), to.y}, title_of(series, i));
-  }
-  return out;
-}
-
 }  // namespace
 
 Point Placing::at(double x_value, double y_value) const noexcept {
@@ -170,49 +131,16 @@ Point Placing::at(double x_value, double y_value) const noexcept {
   return {across * width, (down ? upright : 1.0 - upright) * height};
 }
 
-BarPlaces bar_places(const Plot& plot) {
-  BarPlaces places;
-  std::vector<double> at;
-  for (const Series& series : plot.series) {
-    if (series.kind != Kind::kBars) continue;
-    ++places.series;
-    at.insert(at.end(), series.x.begin(), series.x.end());
-  }
-  std::ranges::sort(at);
-  double room = kNone;
-  for (std::size_t i = 1; i < at.size(); ++i) {
-    if (at[i] > at[i - 1]) room = std::isnan(room) ? at[i] - at[i - 1] : std::min(room, at[i] - at[i - 1]);
-  }
-  if (std::isnan(room) || !plot.x.categories.empty()) room = 1.0;
-  places.width = kBarsOfPlace * room / static_cast<double>(std::max<std::size_t>(places.series, 1));
-  return places;
-}
-
-bool numbers_fit(const Plot& plot, const Placing& placing) {
-  const double share = std::abs(placing.x.place(bar_places(plot).width) - placing.x.place(0.0));
-  if (placing.sideways) return share * placing.height > kNumber;
-  double widest = 0.0;
-  for (const Series& series : plot.series) {
-    if (series.kind != Kind::kBars || !series.numbers) continue;
-    for (const double y : series.y) widest = std::max(widest, text_width(number_text(y), kNumber));
-  }
-  return share * placing.width > widest;
-}
-
 std::string series_svg(const Plot& plot, const Series& series, std::size_t bar, const Placing& placing) {
   switch (series.kind) {
     case Kind::kLine:
       return line_svg(series, points_of(series, placing), placing.width);
-    case Kind::kSteps:
-      return line_svg(series, steps_of(series, placing), placing.width);
     case Kind::kPoints:
       return dots_svg(series, placing);
     case Kind::kBars:
       return bars_svg(plot, series, bar, placing);
     case Kind::kBand:
       return band_svg(series, placing);
-    case Kind::kSpans:
-      return spans_svg(series, placing);
   }
   return {};
 }

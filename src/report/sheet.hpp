@@ -7,10 +7,16 @@
 
 #include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
-#include "src/report/page.hpp"
 #include "src/report/plot.hpp"
 
 namespace bolo::plot {
+
+// Cells that begin with a digit, or with a sign and a digit, stand to the right, with their column's head.
+struct Table {
+  std::vector<std::string> head{};
+  std::vector<std::vector<std::string>> rows{};
+  std::string caption{};
+};
 
 struct Sheet {
   std::string title{};          // what was measured

@@ -18,22 +18,23 @@ constexpr double kTau = 0.011;
 
 bool quiet(const std::string&, double) { return true; }
 
-// The answer of a pixel to an input that jumps to level[i] at at_s[i], from `base` in steady state. Exact.
-double answer(double t_s, double base, const std::vector<double>& at_s, const std::vector<double>& level,
-              double tau_s) {
-  double value = base;
-  double last = base;
-  for (std::size_t i = 0; i < at_s.size() && at_s[i] < t_s; ++i) {
-    value += (level[i] - last) * (1.0 - std::exp(-(t_s - at_s[i]) / tau_s));
-    last = level[i];
-  }
-  return value;
-}
-
+// The input jumps to level[i] at at_s[i], from `base` in steady state.
 struct Pulses {
+  double base = 295.0;
   std::vector<double> at_s{0.1013, 0.1871, 0.2722, 0.4188, 0.5033, 0.7059};
   std::vector<double> level{310.0, 295.0, 320.0, 295.0, 310.0, 295.0};
 };
+
+// The answer of a pixel to them. Exact.
+double answer(double t_s, const Pulses& pulses = {}, double tau_s = kTau) {
+  double value = pulses.base;
+  double last = pulses.base;
+  for (std::size_t i = 0; i < pulses.at_s.size() && pulses.at_s[i] < t_s; ++i) {
+    value += (pulses.level[i] - last) * (1.0 - std::exp(-(t_s - pulses.at_s[i]) / tau_s));
+    last = pulses.level[i];
+  }
+  return value;
+}
 
 struct Made {
   Geometry geometry{12, 9};
@@ -70,10 +71,7 @@ FrameSeries series_of(const Made& made) {
 
 Made all_alike() {
   Made made;
-  made.value = [](std::size_t, double t) {
-    const Pulses pulses;
-    return answer(t, 295.0, pulses.at_s, pulses.level, kTau);
-  };
+  made.value = [](std::size_t, double t) { return answer(t); };
   return made;
 }
 
@@ -95,7 +93,7 @@ TEST(Intervals, AreCutAtTheSwitches) {
   std::vector<double> y;
   for (int k = 0; k < 180; ++k) {
     t.push_back(k * 0.005);
-    y.push_back(answer(t.back(), 295.0, pulses.at_s, pulses.level, kTau) + (k % 2 == 0 ? 0.001 : -0.001));
+    y.push_back(answer(t.back()) + (k % 2 == 0 ? 0.001 : -0.001));
   }
   const auto fit = fit_signal(t, y);
   ASSERT_TRUE(fit);
@@ -132,10 +130,7 @@ TEST(FitPulses, FindsTauSwitchesAndLevelsOfWhatItIsNotTold) {
 TEST(FitPulses, MapsPixelsOfTheirOwnTau) {
   Made made = all_alike();
   const auto tau_of = [](std::size_t p) { return kTau * (1.0 + 0.05 * std::sin(1.7 * static_cast<double>(p))); };
-  made.value = [tau_of](std::size_t p, double t) {
-    const Pulses pulses;
-    return answer(t, 295.0, pulses.at_s, pulses.level, tau_of(p));
-  };
+  made.value = [tau_of](std::size_t p, double t) { return answer(t, {}, tau_of(p)); };
   const auto fit = fit_pulses(series_of(made), quiet);
   ASSERT_TRUE(fit) << fit.error().message;
   ASSERT_TRUE(fit->spread_significant);
@@ -156,7 +151,7 @@ TEST(FitPulses, FollowsABladeThatSweeps) {
   made.value = [](std::size_t p, double t) {
     Pulses pulses;
     for (double& at : pulses.at_s) at += 0.003 * (static_cast<double>(p % 24) + 0.5) / 24.0;
-    return answer(t, 295.0, pulses.at_s, pulses.level, kTau);
+    return answer(t, pulses);
   };
   const auto fit = fit_pulses(series_of(made), quiet);
   ASSERT_TRUE(fit) << fit.error().message;
@@ -170,8 +165,7 @@ TEST(FitPulses, FollowsABladeThatSweeps) {
 TEST(FitPulses, OnlyTakesThePixelsThatSeeThePulses) {
   Made made = all_alike();
   made.value = [](std::size_t p, double t) {
-    const Pulses pulses;
-    const double seen = answer(t, 295.0, pulses.at_s, pulses.level, kTau);
+    const double seen = answer(t);
     return p % 12 < 6 ? 299.0 : p % 12 == 6 ? 590.0 - seen : seen;  // a wall, an edge that is upside down, the board
   };
   const auto fit = fit_pulses(series_of(made), quiet);
@@ -260,7 +254,6 @@ std::vector<Refused> refused() {
   all.push_back({"changes all the time", made, "no rectangular pulses"});
   made = all_alike();
   const auto alike = made.value;
-  made.value = [alike](std::size_t p, double t) { return std::min(312.0, alike(p, t)); };
   made.noise = 0.0;
   made.step = 0.0;
   made.value = [alike](std::size_t p, double t) { return std::min(312.0, alike(p, t) + 0.03 * std::sin(1e6 * t * t)); };
@@ -270,7 +263,7 @@ std::vector<Refused> refused() {
   made.value = [](std::size_t, double t) {
     Pulses pulses;
     for (double& at : pulses.at_s) at *= 20.0;
-    return answer(t, 295.0, pulses.at_s, pulses.level, kTau);
+    return answer(t, pulses);
   };
   all.push_back({"slow frames", made, "doesn't tell tau"});
   return all;

@@ -123,7 +123,7 @@ TEST(Catalogue, ReportsParametersThatTheSimulatorKnows) {
     const std::vector<double> error(value.size(), 0.01);
     const sim::EffectDescription* same = sim::find_effect(effect.name);
     ASSERT_NE(same, nullptr) << effect.name;
-    for (const auto& [key, estimate] : effect.report(full, state, value, error)) {
+    for (const auto& [key, estimate] : effect.report({full, state, value, error})) {
       const auto known = std::ranges::find(same->parameters, key, &sim::Parameter::key);
       EXPECT_NE(known, same->parameters.end()) << effect.name << " reports " << key;
       EXPECT_LE(estimate.low, estimate.value) << effect.name << " " << key;

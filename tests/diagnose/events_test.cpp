@@ -29,7 +29,8 @@ class Events : public ::testing::Test {
         {testing::shutter(kFrames, [&](int k, int r, int c) { return noise() + value(k, r, c); })});
   }
   std::vector<Jump> jumps(const Session& session, const std::vector<Freeze>& freezes = {}) {
-    return find_jumps(session, 0, session.recordings[0].values, freezes);
+    const auto found = find_jump(session, 0, session.recordings[0].values, freezes);
+    return found ? std::vector{*found} : std::vector<Jump>();
   }
 
  private:

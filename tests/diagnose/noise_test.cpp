@@ -81,12 +81,11 @@ TEST(MeasureNoise, OffsetsOfWholeFramesAreFlicker) {
   EXPECT_GT(n.flicker.z, 20.0);
   EXPECT_NEAR(n.flicker.value, 0.008, 4.0 * n.flicker.error);
   EXPECT_LT(n.flicker.error, 0.0008);
-  EXPECT_LT(std::abs(n.flicker_correlation), 0.2);
   EXPECT_LT(n.rows.z, 5.0);
   EXPECT_LT(n.columns.z, 5.0);
 }
 
-TEST(MeasureNoise, SlowFlickerIsCorrelatedAndNoDrift) {
+TEST(MeasureNoise, SlowFlickerIsNoDrift) {
   Draws draws(3);
   std::vector<double> frame{draws.normal(0.008)};
   for (int k = 1; k < kFrames; ++k) {
@@ -95,7 +94,6 @@ TEST(MeasureNoise, SlowFlickerIsCorrelatedAndNoDrift) {
   const NoiseStatistics n = measure_noise(
       shutter_session([&](int k, int, int) { return draws.normal() + frame[static_cast<std::size_t>(k)]; }), kNoNoise);
   EXPECT_GT(n.flicker.z, 20.0);
-  EXPECT_NEAR(n.flicker_correlation, 0.7, 0.15);
   EXPECT_GT(n.drift_p, 1e-6);
 }
 

@@ -104,10 +104,10 @@ TEST(ReportHtml, WhatCouldNotBeMeasuredDoesNotSpoilThePage) {
   report.gap_after = nan;
   report.noise[0].measured = nan;
   report.effects[0].parameters["scale"].low = nan;
-  report.captures[2].row_before.y[3] = nan;
+  report.captures[2].before.rows.y[3] = nan;
   report.captures[2].measured = {};
-  report.captures[3].gap_map_before.values.pop_back();  // not as many as its size says
-  for (float& value : report.captures[4].gap_map_after.values) value = std::numeric_limits<float>::quiet_NaN();
+  report.captures[3].before.gap_map.values.pop_back();  // not as many as its size says
+  for (float& value : report.captures[4].after.gap_map.values) value = std::numeric_limits<float>::quiet_NaN();
   report.captures[5] = {};
   const std::string page = report_html(report);
   EXPECT_EQ(page.find("nan"), std::string::npos);

@@ -18,7 +18,6 @@ TEST(ReportWords, QuantitiesHaveTheUnitThatReadsEasily) {
   EXPECT_EQ(quantity("skew", 5e-4), "500 ppm");
   EXPECT_EQ(quantity("corner_hz", 3.0), "3 Hz");
   EXPECT_EQ(quantity("scale", 1.1), "1.1");
-  EXPECT_EQ(quantity("velocity_px_s", 240.0), "240 px/s");
   EXPECT_EQ(quantity("row_delay_s", Estimate{2.79e-5, 2.6e-5, 1.1e-3}), "27.9 us (26.0 to 1100.0)");
   EXPECT_EQ(quantity("scale", Estimate{1.12, 1.118, 1.1225}), "1.120 (1.118 to 1.123)");
   EXPECT_EQ(quantity("row_k", Estimate{0.0, 0.0, 0.0}), "0 mK (0 to 0)");

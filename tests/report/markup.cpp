@@ -78,7 +78,7 @@ std::vector<TextBox> text_boxes(const std::vector<Element>& elements) {
     if (element.name != "text") continue;
     const std::string look = element.attributes.at("class");
     const auto has = [&](const char* word) { return look.find(word) != std::string::npos; };
-    const double size = has("event") || has("number") ? 11.0 : has("title") ? 15.0 : has("caption") ? 13.0 : 12.0;
+    const double size = has("title") ? 15.0 : has("caption") ? 13.0 : 12.0;
     const double wide = text_width(element.text, size);
     const double left = element.x - (has("end") ? wide : has("middle") ? wide / 2 : 0.0);
     boxes.push_back({element.text, left, left + wide, element.y - 0.75 * size, element.y + 0.2 * size});

@@ -25,7 +25,7 @@ Plot latency() {
       .x = {.name = "time", .unit = "s"},
       .y = {.name = "latency", .unit = "ms", .logarithmic = true}};
   Series p50{.label = "p50", .hue = Hue::kDeblurred};
-  Series p99{.kind = Kind::kSteps, .label = "p99 & more", .hue = Hue::kPurple};
+  Series p99{.label = "p99 & more", .hue = Hue::kPurple};
   for (int i = 0; i < 100; ++i) {
     const bool off = i > 40 && i < 50;
     p50.x.push_back(i);
@@ -35,7 +35,7 @@ Plot latency() {
   }
   Series band{.kind = Kind::kBand, .label = "between", .x = p50.x, .y = p50.y, .to = p99.y};
   plot.series = {band, p50, p99};
-  plot.marks = {{40.0, 50.0, "camera off", Hue::kBad}, {42.0, kNone, "reader killed"}, {43.0, kNone, "reader frozen"}};
+  plot.marks = {40.0, 42.0, 43.0};
   plot.levels = {{2.2, "between both"}, {5.0, "frame period"}};
   return plot;
 }
@@ -50,17 +50,9 @@ Plot bars(bool sideways) {
                          .hue = Hue::kBlurred,
                          .x = {0, 1, 2},
                          .y = {1.2, 0.598, NAN},
-                         .titles = {"first", "second", "third"},
-                         .numbers = true});
-  plot.series.push_back(
-      {.kind = Kind::kBars, .label = "diagnosed", .x = {0, 1, 2}, .y = {0.1, 0.0, 0.3}, .numbers = true});
+                         .titles = {"first", "second", "third"}});
+  plot.series.push_back({.kind = Kind::kBars, .label = "diagnosed", .x = {0, 1, 2}, .y = {0.1, 0.0, 0.3}});
   plot.levels = {{0.099, "without"}};
-  return plot;
-}
-
-Plot spans() {
-  Plot plot{.title = "What happened", .x = {.name = "time", .unit = "s"}, .y = {.categories = {"loss", "reboot"}}};
-  plot.series.push_back({.kind = Kind::kSpans, .x = {1, 5, 9}, .y = {0, 1, 0}, .to = {2, 7, 9}});
   return plot;
 }
 
@@ -73,12 +65,12 @@ Plot plane() {
 std::vector<Plot> all_kinds() {
   Plot points{.title = "Points", .x = {.name = "lambda", .unit = "K", .logarithmic = true}, .y = {.name = "RMSE"}};
   points.series.push_back({.kind = Kind::kPoints, .label = "trials", .x = {1e-3, 1e-2, 0.0}, .y = {1.0, 2.0, 3.0}});
-  return {latency(), bars(false), bars(true), spans(), plane(), points};
+  return {latency(), bars(false), bars(true), plane(), points};
 }
 
 TEST(Plot, DrawingsAreWellFormedAndEveryNumberIsFinite) {
   for (const Plot& plot : all_kinds()) {
-    const std::string svg = to_svg(plot);
+    const std::string svg = to_svg({{plot}});
     EXPECT_FALSE(elements_of(svg).empty()) << plot.title;
     const std::string drawn = svg.substr(svg.find("</style>"));
     for (const char* wrong : {"nan", "inf", "NaN", "-0.0\""}) EXPECT_EQ(drawn.find(wrong), std::string::npos) << wrong;
@@ -87,16 +79,16 @@ TEST(Plot, DrawingsAreWellFormedAndEveryNumberIsFinite) {
 
 TEST(Plot, NoWordStandsOnAnother) {
   for (const Plot& plot : all_kinds()) {
-    const auto found = overlaps(text_boxes(elements_of(to_svg(plot))));
+    const auto found = overlaps(text_boxes(elements_of(to_svg({{plot}}))));
     EXPECT_TRUE(found.empty()) << plot.title << ": " << (found.empty() ? "" : found.front());
   }
-  const Rows rows{{latency()}, {plane(), plane()}, {bars(true)}, {}, {spans()}};
+  const Rows rows{{latency()}, {plane(), plane()}, {bars(true)}, {}};
   EXPECT_TRUE(overlaps(text_boxes(elements_of(to_svg(rows, "Everything")))).empty());
 }
 
 TEST(Plot, WordsStayWithinTheDrawing) {
   for (const Plot& plot : all_kinds()) {
-    const auto elements = elements_of(to_svg(plot));
+    const auto elements = elements_of(to_svg({{plot}}));
     ASSERT_FALSE(elements.empty());
     const double width = std::stod(elements.front().attributes.at("width"));
     const double height = std::stod(elements.front().attributes.at("height"));
@@ -116,7 +108,7 @@ std::size_t count(const std::string& text, const std::string& part) {
 }
 
 TEST(Plot, CurvesAreNamedAtTheirEndsAndInterruptedWhereNothingIs) {
-  const auto elements = elements_of(to_svg(latency()));
+  const auto elements = elements_of(to_svg({{latency()}}));
   int named = 0;
   for (const test::Element& element : elements) {
     if (element.name == "text" && (element.text == "p50" || element.text == "p99 & more")) {
@@ -139,7 +131,7 @@ TEST(Plot, ManyPointsOnAColumnOfPixelsKeepTheirExtremes) {
   }
   plot.series = {series};
   plot.y = {.low = 0.0, .high = 50.0};
-  const std::string svg = to_svg(plot);
+  const std::string svg = to_svg({{plot}});
   EXPECT_LT(svg.size(), 60000U);
   EXPECT_NE(svg.find(" 0.0L"), std::string::npos);  // the one at the top
 }
@@ -148,7 +140,7 @@ TEST(Plot, BarsBeginAtTheirBaseAlsoOnALogarithmicAxis) {
   Plot plot{.x = {.categories = {"a", "b"}}, .y = {.logarithmic = true, .low = 0.1, .high = 10.0}, .height = 200.0};
   plot.series.push_back({.kind = Kind::kBars, .x = {0, 1}, .y = {10.0, 0.1}, .base = 1.0});
   int bars = 0;
-  for (const test::Element& element : elements_of(to_svg(plot))) {
+  for (const test::Element& element : elements_of(to_svg({{plot}}))) {
     if (element.name != "rect" || element.attributes.at("class") != "f-deblurred") continue;
     EXPECT_NEAR(std::stod(element.attributes.at("height")), 100.0, 0.2);
     EXPECT_NEAR(std::stod(element.attributes.at("y")), bars == 0 ? 0.0 : 100.0, 0.2);
@@ -175,7 +167,7 @@ TEST(Plot, WithoutDataThereIsNothingToDraw) {
   Plot plot;
   plot.series.push_back({.x = {1.0}, .y = {NAN}});
   EXPECT_FALSE(has_content(plot));
-  EXPECT_FALSE(elements_of(to_svg(plot)).empty());
+  EXPECT_FALSE(elements_of(to_svg({{plot}})).empty());
   EXPECT_FALSE(elements_of(to_svg(Rows())).empty());
   plot.plane = {.width = 3, .height = 3, .values = {1.0F}};  // not as many as it says
   EXPECT_FALSE(has_content(plot));
@@ -191,16 +183,28 @@ std::string content(const std::filesystem::path& file) {
 
 TEST(Sheet, IsWrittenAsItsNameSays) {
   const Scratch scratch;
-  Sheet sheet{.title = "A sheet", .rows = {{latency(), plane()}, {bars(true)}, {spans()}}, .how = "seed 7"};
-  sheet.tables.push_back({{"what", "figure"}, {{"rate", "200"}}, "Figures"});
+  Sheet sheet{.title = "A <sheet>",
+              .rows = {{latency(), plane()}, {bars(true)}, {Plot{.title = "Empty"}}},
+              .tables = {{{"cause", "frames"}, {{"missing", "12"}, {"incomplete", "3"}}, "Losses"}},
+              .how = "seed 7"};
   const auto svg = scratch / "sheet.svg";
-  const auto html = scratch / "sheet.html";
   ASSERT_TRUE(save(sheet, svg));
-  ASSERT_TRUE(save(sheet, html));
   EXPECT_FALSE(elements_of(content(svg)).empty());
-  EXPECT_NE(content(html).find("seed 7"), std::string::npos);
   EXPECT_FALSE(save(sheet, scratch / "sheet.png"));
   EXPECT_EQ(save(sheet, scratch / "none/sheet.svg").error().kind, ErrorKind::kBadInput);
+
+  ASSERT_TRUE(save(sheet, scratch / "sheet.html"));
+  const std::string html = content(scratch / "sheet.html");
+  ASSERT_TRUE(html.starts_with("<!doctype html>\n"));
+  std::size_t figures = 0;  // the empty one is left out
+  for (const auto& element : elements_of(html.substr(html.find("<html")))) figures += element.name == "figure";
+  EXPECT_EQ(figures, 3U);
+  EXPECT_NE(html.find("seed 7"), std::string::npos);
+  EXPECT_NE(html.find("prefers-color-scheme:dark"), std::string::npos);
+  for (const char* outside : {"<script", "<link", "url("}) EXPECT_EQ(html.find(outside), std::string::npos) << outside;
+  // Columns of numbers stand to the right.
+  EXPECT_NE(html.find("<td>missing</td><td class=\"n\">12</td>"), std::string::npos);
+  EXPECT_NE(html.find("<th>cause</th><th class=\"n\">frames</th>"), std::string::npos);
 }
 
 }  // namespace

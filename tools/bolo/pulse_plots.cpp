@@ -43,7 +43,7 @@ plot::Plot signal(const diagnose::PulseFit& fit, Window window) {
                  .y = {.name = "temperature", .unit = "K", .low = low - margin, .high = high + margin},
                  .width = kWidth,
                  .height = 200.0};
-  for (const double at : fit.switches_s) out.marks.push_back({.at = at});
+  out.marks = fit.switches_s;
   out.series = {{.label = "simulated", .hue = plot::Hue::kDeblurred, .x = fit.trace.fine_t_s, .y = fit.trace.fine_k},
                 {.kind = plot::Kind::kPoints,
                  .label = "measured",

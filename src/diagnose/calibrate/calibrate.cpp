@@ -32,18 +32,12 @@ Result<Moments> moments_of(const FrameSeries& frames, const Progress& progress) 
   m.y.assign(pixels, 0.0);
   m.yy = m.y;
   m.rough = m.y;
-  std::vector<float> frame(pixels);
-  std::vector<float> last(pixels);
+  std::vector<float> last;
   std::vector<double> change(pixels);
-  for (std::size_t k = 0; k < frames.t_s.size(); ++k) {
-    if (!progress("still field", static_cast<double>(k) / static_cast<double>(frames.t_s.size()))) {
-      return failed("interrupted");
-    }
-    if (Status read = frames.read(k, frame); !read) return tl::unexpected(read.error());
-    if (k == 0) m.base = last = frame;
+  const Status read = frames.for_each("still field", progress, [&](std::size_t k, std::span<const float> frame) {
+    if (k == 0) m.base = last = {frame.begin(), frame.end()};
     double sum = 0.0;
     for (std::size_t p = 0; p < pixels; ++p) {
-      if (!std::isfinite(frame[p])) return bad_input(frames.name + ": /frames has values that are no numbers");
       const double y = static_cast<double>(frame[p]) - static_cast<double>(m.base[p]);
       m.y[p] += y;
       m.yy[p] += y * y;
@@ -53,8 +47,9 @@ Result<Moments> moments_of(const FrameSeries& frames, const Progress& progress) 
     const double shared = median(change);
     for (std::size_t p = 0; p < pixels; ++p) m.rough[p] += (change[p] - shared) * (change[p] - shared);
     m.frame_mean.push_back(sum / static_cast<double>(pixels));
-    std::swap(last, frame);
-  }
+    std::ranges::copy(frame, last.begin());
+  });
+  if (!read) return tl::unexpected(read.error());
   return m;
 }
 
@@ -194,6 +189,20 @@ void fill_profile(const CalibrationOptions& options, const capture::CaptureInfo&
 }
 
 }  // namespace
+
+Status FrameSeries::for_each(const char* doing, const Progress& progress, const Work& work, std::size_t first,
+                             std::size_t end) const {
+  std::vector<float> frame(geometry.pixels());
+  for (std::size_t k = first; k < std::min(end, t_s.size()); ++k) {
+    if (!progress(doing, static_cast<double>(k) / static_cast<double>(t_s.size()))) return failed("interrupted");
+    if (Status status = read(k, frame); !status) return status;
+    if (!std::ranges::all_of(frame, [](float v) { return std::isfinite(v); })) {
+      return bad_input(name + ": /frames has values that are no numbers");
+    }
+    work(k, frame);
+  }
+  return {};
+}
 
 Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) {
   if (frames.t_s.size() < kFewestFrames) {

@@ -3,14 +3,11 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Core>
-
 #include "src/diagnose/calibrate/pulses.hpp"
+#include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
 namespace {
-
-using Matrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 constexpr std::size_t kGridValues = 16'000'000;
 constexpr int kGridRows = 48;
@@ -25,10 +22,8 @@ std::vector<std::size_t> grid_of(const FrameSeries& frames) {
     columns = (columns + 1) / 2;
   }
   std::vector<std::size_t> pixels;
-  for (int r = 0; r < rows; ++r) {
-    for (int c = 0; c < columns; ++c) {
-      const int y = static_cast<int>((r + 0.5) * frames.geometry.height / rows);
-      const int x = static_cast<int>((c + 0.5) * frames.geometry.width / columns);
+  for (const int y : spread_over(frames.geometry.height, rows)) {
+    for (const int x : spread_over(frames.geometry.width, columns)) {
       pixels.push_back(static_cast<std::size_t>(y) * static_cast<std::size_t>(frames.geometry.width) +
                        static_cast<std::size_t>(x));
     }
@@ -36,24 +31,18 @@ std::vector<std::size_t> grid_of(const FrameSeries& frames) {
   return pixels;
 }
 
-Result<Matrix> read_grid(const FrameSeries& frames, const std::vector<std::size_t>& pixels, const Progress& progress) {
-  Matrix values(static_cast<Eigen::Index>(frames.t_s.size()), static_cast<Eigen::Index>(pixels.size()));
-  std::vector<float> frame(frames.geometry.pixels());
-  for (std::size_t k = 0; k < frames.t_s.size(); ++k) {
-    if (!progress("looking for pulses", static_cast<double>(k) / static_cast<double>(frames.t_s.size()))) {
-      return failed("interrupted");
-    }
-    if (Status read = frames.read(k, frame); !read) return tl::unexpected(read.error());
-    for (std::size_t p = 0; p < pixels.size(); ++p) {
-      values(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(p)) = frame[pixels[p]];
-    }
-  }
-  if (!values.allFinite()) return bad_input(frames.name + ": /frames has values that are no numbers");
+Result<Series> read_grid(const FrameSeries& frames, const std::vector<std::size_t>& pixels, const Progress& progress) {
+  Series values(static_cast<Eigen::Index>(frames.t_s.size()), static_cast<Eigen::Index>(pixels.size()));
+  const Status read = frames.for_each("looking for pulses", progress, [&](std::size_t k, std::span<const float> frame) {
+    Eigen::Index at = 0;
+    for (const std::size_t p : pixels) values(static_cast<Eigen::Index>(k), at++) = frame[p];
+  });
+  if (!read) return tl::unexpected(read.error());
   return values;
 }
 
 // The leading left singular vector of the columns, each of mean 0 and variance 1.
-Eigen::VectorXf leading(Matrix values) {
+Eigen::VectorXf leading(Series values) {
   const auto n = static_cast<float>(values.rows());
   Eigen::Index smoothest = 0;
   float best = -2.0F;
@@ -116,26 +105,22 @@ Result<Sums> sum_up(const FrameSeries& frames, const std::vector<double>& shape,
   sums.at_low = sums.at_high;
   sums.near_low = sums.at_high;
   sums.repeated = sums.at_high;
-  std::vector<float> frame(pixels);
-  std::vector<float> last(pixels);
+  std::vector<float> last;
   const auto step = static_cast<float>(frames.step);
-  for (std::size_t k = 0; k < frames.t_s.size(); ++k) {
-    if (!progress("looking at every pixel", static_cast<double>(k) / static_cast<double>(frames.t_s.size()))) {
-      return failed("interrupted");
-    }
-    if (Status read = frames.read(k, frame); !read) return tl::unexpected(read.error());
-    if (k == 0) sums.base = frame;
-    for (std::size_t p = 0; p < pixels; ++p) {
-      if (!std::isfinite(frame[p])) return bad_input(frames.name + ": /frames has values that are no numbers");
-      const double y = static_cast<double>(frame[p]) - static_cast<double>(sums.base[p]);
-      sums.y[p] += y;
-      sums.yy[p] += y * y;
-      sums.ys[p] += y * shape[k];
-      count_extremes(sums, p, frame[p], step);
-      sums.repeated[p] += k > 0 && frame[p] == last[p] ? 1U : 0U;
-    }
-    std::swap(last, frame);
-  }
+  const Status read =
+      frames.for_each("looking at every pixel", progress, [&](std::size_t k, std::span<const float> frame) {
+        if (k == 0) sums.base = {frame.begin(), frame.end()};
+        for (std::size_t p = 0; p < pixels; ++p) {
+          const double y = static_cast<double>(frame[p]) - static_cast<double>(sums.base[p]);
+          sums.y[p] += y;
+          sums.yy[p] += y * y;
+          sums.ys[p] += y * shape[k];
+          count_extremes(sums, p, frame[p], step);
+          sums.repeated[p] += k > 0 && frame[p] == last[p] ? 1U : 0U;
+        }
+        last.assign(frame.begin(), frame.end());
+      });
+  if (!read) return tl::unexpected(read.error());
   return sums;
 }
 
@@ -146,23 +131,6 @@ bool piled_up(const Sums& sums, std::size_t p, double frames) {
     return at > 0.03 * frames + 3.0 && at > 6.0 * (near + 1.0) && sums.repeated[p] < at + 0.2 * (frames - at);
   };
   return pile(sums.at_high[p], sums.near_high[p]) || pile(sums.at_low[p], sums.near_low[p]);
-}
-
-Status mean_of_followers(const FrameSeries& frames, CommonSignal& common, const Progress& progress) {
-  std::vector<float> frame(frames.geometry.pixels());
-  common.mean.assign(frames.t_s.size(), 0.0);
-  for (std::size_t k = 0; k < frames.t_s.size(); ++k) {
-    if (!progress("the mean of all pixels", static_cast<double>(k) / static_cast<double>(frames.t_s.size()))) {
-      return failed("interrupted");
-    }
-    if (Status read = frames.read(k, frame); !read) return read;
-    double sum = 0.0;
-    for (std::size_t p = 0; p < frame.size(); ++p) {
-      sum += static_cast<double>(frame[p]) * static_cast<double>(common.follows[p]);
-    }
-    common.mean[k] = sum / static_cast<double>(common.pixels);
-  }
-  return {};
 }
 
 }  // namespace
@@ -206,7 +174,15 @@ Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progres
     for (double& v : common.shape) v = -v;
   }
   common.clipped_share = clipped / static_cast<double>(common.pixels);
-  if (Status mean = mean_of_followers(frames, common, progress); !mean) return tl::unexpected(mean.error());
+  const Status read =
+      frames.for_each("the mean of all pixels", progress, [&](std::size_t, std::span<const float> frame) {
+        double sum = 0.0;
+        for (std::size_t p = 0; p < pixels; ++p) {
+          sum += static_cast<double>(frame[p]) * static_cast<double>(common.follows[p]);
+        }
+        common.mean.push_back(sum / static_cast<double>(common.pixels));
+      });
+  if (!read) return tl::unexpected(read.error());
   return common;
 }
 

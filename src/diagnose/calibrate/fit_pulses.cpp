@@ -1,13 +1,13 @@
 // tau from pulses: the common signal first, then pixel by pixel.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <numeric>
 #include <optional>
 
 #include "src/core/statistics.hpp"
 #include "src/diagnose/calibrate/pulses.hpp"
+#include "src/report/text.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -24,12 +24,7 @@ constexpr double kMapError = 0.05;        // median error of a pixel's tau, belo
 constexpr double kLeastSpread = 1e-3;     // of tau
 constexpr double kSignificant = 4.0;      // standard errors
 
-template <typename... Values>
-std::string formatted(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);  // NOLINT: the formats are literals
-  return text;
-}
+using plot::format;
 
 // Student's quantile for a two-sided 95 % interval (Cornish and Fisher's expansion; within 1 % from 3 degrees on).
 double student(double degrees) {
@@ -51,9 +46,9 @@ Status check(const FrameSeries& frames, const CommonSignal& common, const std::o
   const std::string& name = frames.name;
   if (common.clipped_share > kMostClipped) {
     return bad_input(name +
-                     formatted(": %.0f %% of the pixels that see the pulses are clipped; lower the level, or choose "
-                               "another temperature range",
-                               100.0 * common.clipped_share));
+                     format(": %.0f %% of the pixels that see the pulses are clipped; lower the level, or choose "
+                            "another temperature range",
+                            100.0 * common.clipped_share));
   }
   const std::string none = name + ": no rectangular pulses: ";
   if (!fit) return bad_input(none + "nothing in it decays as a pixel does; record a chopper or a switched board");
@@ -75,10 +70,9 @@ Status check(const FrameSeries& frames, const CommonSignal& common, const std::o
       fit->information > 0.0 ? std::max(fit->sigma * fit->sigma / fit->information, fit->interval_variance) : 1.0;
   const bool vague = !(std::sqrt(variance_of_log) < kWorstError);
   if (vague && fit->tau_s < kTooFast * period_s) {
-    return bad_input(name +
-                     formatted(": a frame every %.1f ms doesn't tell tau: after a switch the next frame shows the "
-                               "new level already; record at a higher frame rate",
-                               1e3 * period_s));
+    return bad_input(name + format(": a frame every %.1f ms doesn't tell tau: after a switch the next frame shows the "
+                                   "new level already; record at a higher frame rate",
+                                   1e3 * period_s));
   }
   // Where tau is real, some interval lasts long enough to come near its level.
   const auto lasting = std::ranges::count_if(fit->intervals, [&](const Interval& i) {
@@ -205,8 +199,8 @@ class PulseFitter {
 
   Status judge_residual() {
     const Sweep sweep = fit_sweep(frames_, taus_, fit_.tau_s.value);
-    fit_.sweep_x_s = sweep_estimate(sweep, 1);
-    fit_.sweep_y_s = sweep_estimate(sweep, 2);
+    fit_.sweep_x_s = interval(sweep.delay[1], sweep.error[1]);
+    fit_.sweep_y_s = interval(sweep.delay[2], sweep.error[2]);
     fit_.rmse_k = rms_left(taus_, pixels_);
     const auto noise_k = late_noise(frames_, table_, taus_, pixels_, progress_);
     if (!noise_k) return tl::unexpected(noise_k.error());
@@ -319,8 +313,7 @@ Result<PixelTrace> trace_pixel(const FrameSeries& frames, const SignalFit& signa
   std::vector<float> errors;
   errors.reserve(pixels.size());
   for (const std::size_t p : pixels) errors.push_back(taus.error[p]);
-  std::ranges::nth_element(errors, errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2));
-  const float usual = errors[errors.size() / 2];
+  const float usual = median(std::move(errors));
   std::size_t chosen = pixels.front();
   double nearest = std::numeric_limits<double>::infinity();
   for (const std::size_t p : pixels) {

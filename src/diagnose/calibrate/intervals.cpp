@@ -14,28 +14,19 @@ constexpr double kTauRatio = 1.12;     // between two taus that are tried
 constexpr double kShortestTau = 0.3;   // in frame periods
 constexpr double kLongestTau = 60.0;
 
-// Sums of the regression of y on 1 and e = exp(-(t - t_first) / tau), sample by sample.
-struct Regression {
-  double n = 0.0, e = 0.0, ee = 0.0, y = 0.0, ey = 0.0, yy = 0.0;
-  void add(double decay, double value) {
-    n += 1.0;
-    e += decay;
-    ee += decay * decay;
-    y += value;
-    ey += decay * value;
-    yy += value * value;
-  }
-  double slope() const {
-    const double spread = ee - e * e / n;
-    return spread > 1e-12 ? (ey - e * y / n) / spread : 0.0;
-  }
-  double squares() const {
-    const double spread = ee - e * e / n;
-    const double about_mean = yy - y * y / n;
-    const double joint = ey - e * y / n;
-    return std::max(0.0, spread > 1e-12 ? about_mean - joint * joint / spread : about_mean);
-  }
-};
+// Of y over e = exp(-(t - t_first) / tau): its slope, and what the line leaves. Samples too near in e have the mean
+// only.
+constexpr double kLeastScatter = 1e-12;
+
+double slope_of(const Line& line) {
+  return line.scatter_x() > kLeastScatter ? line.scatter_xy() / line.scatter_x() : 0.0;
+}
+
+double squares_left(const Line& line) {
+  const double xy = line.scatter_xy();
+  const double explained = line.scatter_x() > kLeastScatter ? xy * xy / line.scatter_x() : 0.0;
+  return std::max(0.0, line.scatter_y() - explained);
+}
 
 struct Cut {
   std::vector<Interval> intervals;
@@ -51,12 +42,12 @@ Cut best_cut(std::span<const double> t_s, std::span<const double> y, double tau_
   std::vector<std::size_t> from(n + 1, 0);
   best[0] = 0.0;
   for (std::size_t first = 0; first < n; ++first) {
-    Regression sums;
+    Line line;
     double e = 1.0;
     for (std::size_t k = first; k < std::min(n, first + kLongest); ++k) {
       if (k > first) e *= decay[k];
-      sums.add(e, y[k] - y[first]);
-      const double squares = sums.squares() * unit;
+      line.add(e, y[k] - y[first]);
+      const double squares = squares_left(line) * unit;
       const double cost = best[first] + squares + kIntervalCost;
       if (cost < best[k + 1]) {
         best[k + 1] = cost;
@@ -74,17 +65,16 @@ Cut best_cut(std::span<const double> t_s, std::span<const double> y, double tau_
 // Neighbours that one curve explains as well.
 std::vector<Interval> joined(std::span<const double> t_s, std::span<const double> y,
                              const std::vector<Interval>& intervals, double tau_s, double sigma) {
+  const auto squares = [&](const Interval& interval) {
+    double left = 0.0;
+    fit_decay(t_s, y, interval, tau_s, &left);
+    return left;
+  };
   std::vector<Interval> out;
   for (const Interval& next : intervals) {
     if (!out.empty() && out.back().count > 2 && next.count > 2) {
       const Interval both{out.back().first, out.back().count + next.count};
-      double apart = 0.0;
-      double a = 0.0;
-      double together = 0.0;
-      fit_decay(t_s, y, out.back(), tau_s, &apart);
-      fit_decay(t_s, y, next, tau_s, &a);
-      fit_decay(t_s, y, both, tau_s, &together);
-      if (together - apart - a < kIntervalCost * sigma * sigma) {
+      if (squares(both) - squares(out.back()) - squares(next) < kIntervalCost * sigma * sigma) {
         out.back() = both;
         continue;
       }
@@ -146,15 +136,15 @@ std::vector<Interval> cut(std::span<const double> t_s, std::span<const double> y
 
 Decay fit_decay(std::span<const double> t_s, std::span<const double> y, const Interval& interval, double tau_s,
                 double* squares) {
-  Regression sums;
+  Line line;
   const double start_s = t_s[interval.first];
   const double base = y[interval.first];
   for (std::size_t k = interval.first; k < interval.end(); ++k) {
-    sums.add(std::exp(-(t_s[k] - start_s) / tau_s), y[k] - base);
+    line.add(std::exp(-(t_s[k] - start_s) / tau_s), y[k] - base);
   }
-  if (squares != nullptr) *squares = sums.squares();
-  const double amplitude = interval.count > 1 ? sums.slope() : 0.0;
-  return {base + (sums.y - amplitude * sums.e) / sums.n, amplitude, start_s};
+  if (squares != nullptr) *squares = squares_left(line);
+  const double amplitude = interval.count > 1 ? slope_of(line) : 0.0;
+  return {base + line.level(amplitude), amplitude, start_s};
 }
 
 void refit(std::span<const double> t_s, std::span<const double> y, SignalFit& fit) {

@@ -39,17 +39,11 @@ class Pass {
   }
 
   Status run(const Progress& progress) {
-    std::vector<float> frame(frames_.geometry.pixels());
     for (std::size_t i = 0; i < table_.intervals().size(); ++i) {
       const Interval& interval = table_.intervals()[i];
-      if (!progress("fitting every pixel",
-                    static_cast<double>(interval.first) / static_cast<double>(frames_.t_s.size()))) {
-        return failed("interrupted");
-      }
-      for (std::size_t k = interval.first; k < interval.end(); ++k) {
-        if (Status read = frames_.read(k, frame); !read) return read;
-        add(k, frame, k == interval.first);
-      }
+      const auto take = [&](std::size_t k, std::span<const float> frame) { add(k, frame, k == interval.first); };
+      Status read = frames_.for_each("fitting every pixel", progress, take, interval.first, interval.end());
+      if (!read) return read;
       for (const std::size_t p : pixels_) end(i, p);
     }
     conclude();
@@ -57,7 +51,7 @@ class Pass {
   }
 
  private:
-  void add(std::size_t k, const std::vector<float>& frame, bool first) {
+  void add(std::size_t k, std::span<const float> frame, bool first) {
     const DecayTable::Sample* samples = table_.samples(k);
     for (const std::size_t p : pixels_) {
       Sums& s = sums_[p];

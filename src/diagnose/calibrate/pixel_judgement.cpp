@@ -43,10 +43,12 @@ void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& foll
 }
 
 std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPixel>& dead) {
+  std::vector<std::size_t> known;
   std::vector<double> errors;
   std::vector<double> values;
   for (std::size_t p = 0; p < taus.tau_s.size(); ++p) {
     if (dead[p] != DeadPixel::kGood || !std::isfinite(taus.error[p]) || !std::isfinite(taus.tau_s[p])) continue;
+    known.push_back(p);
     errors.push_back(static_cast<double>(taus.error[p]));
     values.push_back(static_cast<double>(taus.tau_s[p]));
   }
@@ -55,10 +57,8 @@ std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPi
   for (double& v : values) v = std::abs(v - middle);
   const double scatter = std::max(median(values) / kMadOfSigma, 1e-9 * middle);
   std::vector<std::size_t> pixels;
-  for (std::size_t p = 0; p < taus.tau_s.size(); ++p) {
-    if (dead[p] != DeadPixel::kGood || !std::isfinite(taus.error[p]) || !std::isfinite(taus.tau_s[p])) continue;
-    const double away = std::abs(static_cast<double>(taus.tau_s[p]) - middle);
-    if (static_cast<double>(taus.error[p]) < kMostError * usual && away < kMostScatters * scatter) pixels.push_back(p);
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    if (errors[i] < kMostError * usual && values[i] < kMostScatters * scatter) pixels.push_back(known[i]);
   }
   return pixels;
 }
@@ -147,18 +147,15 @@ std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& 
 
 Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, const PixelTaus& taus,
                           const std::vector<std::size_t>& pixels, const Progress& progress) {
-  std::vector<std::vector<float>> last(3, std::vector<float>(frames.geometry.pixels()));
+  std::array<std::vector<float>, 3> last;
   std::vector<double> squares(pixels.size(), 0.0);
   double count = 0.0;
   for (const Interval& interval : table.intervals()) {
     const std::size_t begin = interval.count >= 8 ? interval.first + interval.count / 2 : interval.first;
-    if (!progress("noise", static_cast<double>(begin) / static_cast<double>(frames.t_s.size()))) {
-      return failed("interrupted");
-    }
-    for (std::size_t k = begin; k < interval.end(); ++k) {
+    const auto take = [&](std::size_t k, std::span<const float> frame) {
       std::rotate(last.begin(), last.begin() + 1, last.end());
-      if (Status read = frames.read(k, last[2]); !read) return tl::unexpected(read.error());
-      if (k < begin + 2) continue;
+      last[2].assign(frame.begin(), frame.end());
+      if (k < begin + 2) return;
       std::array<double, DecayTable::kNodes> ratio{};
       for (int node = 0; node < DecayTable::kNodes; ++node) {
         const double a1 = std::exp(-(frames.t_s[k - 1] - frames.t_s[k - 2]) / table.tau_s(node));
@@ -173,7 +170,9 @@ Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, co
         squares[i] += z * z / (1.0 + (1.0 + r) * (1.0 + r) + r * r);
       }
       count += 1.0;
-    }
+    };
+    const Status read = frames.for_each("noise", progress, take, begin, interval.end());
+    if (!read) return tl::unexpected(read.error());
   }
   if (!(count > 0.0)) return 0.0;
   double sum = 0.0;
@@ -266,11 +265,6 @@ void trim(const FrameSeries& frames, const std::vector<SwitchBetween>& switches,
       }
     }
   }
-}
-
-Estimate sweep_estimate(const Sweep& sweep, int axis) {
-  return {sweep.delay[axis], sweep.delay[axis] - 1.96 * sweep.error[axis],
-          sweep.delay[axis] + 1.96 * sweep.error[axis]};
 }
 
 }  // namespace bolo::diagnose

@@ -187,9 +187,6 @@ struct Sweep {
 // Delays of the last pass. Thread: any.
 Sweep fit_sweep(const FrameSeries& frames, const PixelTaus& taus, double tau_s);
 
-// By axis: 1 along x, 2 along y, edge to edge. Thread: any.
-Estimate sweep_estimate(const Sweep& sweep, int axis);
-
 // Switches of the mean signal between neighbouring intervals of the table; a pixel's own is looked for up to `reach_s`
 // beyond the samples on either side. Thread: any.
 std::vector<SwitchBetween> between(const FrameSeries& frames, const DecayTable& table, const SignalFit& fit,

@@ -19,8 +19,8 @@ Effect tau_global() {
                        [](const State& s) { return std::log(s.camera.response.tau_s / s.camera.nominal_tau_s); },
                        [](State& s, double v) { s.camera.response.tau_s = s.camera.nominal_tau_s * std::exp(v); }}}),
           .least = 0.003,
-          .report = [](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
-            return std::map<std::string, Estimate>{{"scale", exp_interval(1.0, v[0], e[0])}};
+          .report = [](const Fitted& f) {
+            return Estimates{{"scale", exp_interval(1.0, f.value[0], f.error[0])}};
           }};
 }
 
@@ -48,9 +48,9 @@ Effect slow_pole() {
                                  [](State& s, double v) { s.camera.response.slow_tau_s = kSlowTau_s * std::exp(v); }}}),
           .least = 0.0012,
           .forms = {{"fast", from(0.07)}, {"middle", from(kSlowTau_s)}, {"slow", from(0.35)}},
-          .report = [](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
-            return std::map<std::string, Estimate>{{"share", interval(v[0], e[0])},
-                                                   {"slow_tau_s", exp_interval(kSlowTau_s, v[1], e[1])}};
+          .report = [](const Fitted& f) {
+            return Estimates{{"share", interval(f.value[0], f.error[0])},
+                             {"slow_tau_s", exp_interval(kSlowTau_s, f.value[1], f.error[1])}};
           }};
 }
 

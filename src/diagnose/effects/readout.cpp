@@ -32,8 +32,8 @@ Effect integration_window() {
                              [](const State& s) { return s.camera.response.window_s * s.camera.response.window_s; },
                              [](State& s, double v) { s.camera.response.window_s = std::sqrt(std::max(0.0, v)); }}}),
       .least = 4e-08,
-      .report = [](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
-        return std::map<std::string, Estimate>{{"window_s", root_interval(v[0], e[0])}};
+      .report = [](const Fitted& f) {
+        return Estimates{{"window_s", root_interval(f.value[0], f.error[0])}};
       }};
 }
 
@@ -56,12 +56,11 @@ Effect fpn_offset() {
           .told_by = any_of({Kind::kUniform, Kind::kChopper, Kind::kStillBars}),
           .map = MapKind::kOffset,
           .least = 0.0015,
-          .report = [](const Session& session, const State& s, std::span<const double>, std::span<const double>) {
-            const MapSpread spread = spread_of(session, s.camera.offset);
-            const double columns = 0.71 / std::sqrt(std::max(1.0, static_cast<double>(session.grid.columns.size())));
-            return std::map<std::string, Estimate>{
-                {"pixel_k", interval(spread.pixel, 1.5 * spread.relative_error() * spread.pixel)},
-                {"column_k", interval(spread.column, columns * spread.column)}};
+          .report = [](const Fitted& f) {
+            const MapSpread spread = spread_of(f.session, f.state.camera.offset);
+            const double columns = 0.71 / std::sqrt(std::max(1.0, static_cast<double>(f.session.grid.columns.size())));
+            return Estimates{{"pixel_k", interval(spread.pixel, 1.5 * spread.relative_error() * spread.pixel)},
+                             {"column_k", interval(spread.column, columns * spread.column)}};
           }};
 }
 
@@ -93,8 +92,8 @@ Effect self_heating() {
                 [](State& s, double v) { s.camera.heating_rate = kRate * std::exp(v); }}}),
           .least = 0.001,
           .hides_in = MapKind::kOffset,
-          .report = [](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
-            return std::map<std::string, Estimate>{{"amplitude_k", interval(std::abs(v[0]), e[0])}};
+          .report = [](const Fitted& f) {
+            return Estimates{{"amplitude_k", interval(std::abs(f.value[0]), f.error[0])}};
           }};
 }
 
@@ -125,12 +124,12 @@ Effect drift() {
           .map = MapKind::kDrift,
           .suspected_by = [](const NoiseStatistics& n) { return n.drift_p < 1e-6 && n.drift_k > 0.003; },
           .report =
-              [](const Session&, const State& s, std::span<const double>, std::span<const double> e) {
+              [](const Fitted& f) {
                 double largest = 0.0;
-                for (const auto& d : s.camera.drift) largest = std::max(largest, 2.0 * std::abs(d[0]));
+                for (const auto& d : f.state.camera.drift) largest = std::max(largest, 2.0 * std::abs(d[0]));
                 double error = 0.0;
-                for (const double one : e) error = std::max(error, 2.0 * one);
-                return std::map<std::string, Estimate>{{"change_k", interval(largest, error)}};
+                for (const double one : f.error) error = std::max(error, 2.0 * one);
+                return Estimates{{"change_k", interval(largest, error)}};
               }};
 }
 

@@ -9,14 +9,13 @@ namespace bolo::diagnose {
 namespace {
 
 // A target with soft edges looks the same: what they may be of the whole blur, the interval leaves open.
-std::map<std::string, Estimate> report_blur(const Session&, const State& s, std::span<const double> v,
-                                            std::span<const double> e) {
+Estimates report_blur(const Fitted& f) {
   double edge_px2 = 0.0;
-  for (const StimulusState& stimulus : s.stimuli) edge_px2 = std::max(edge_px2, stimulus.edge_px2);
-  const double whole = v[0] + edge_px2;
-  Estimate sigma = root_interval(v[0], e[0]);
+  for (const StimulusState& stimulus : f.state.stimuli) edge_px2 = std::max(edge_px2, stimulus.edge_px2);
+  const double whole = f.value[0] + edge_px2;
+  Estimate sigma = root_interval(f.value[0], f.error[0]);
   sigma.low = std::min(sigma.low, std::sqrt(std::max(0.0, whole - kSoftestEdge_px * kSoftestEdge_px)));
-  sigma.high = std::max(sigma.high, std::sqrt(whole + 1.96 * e[0]));
+  sigma.high = std::max(sigma.high, std::sqrt(whole + 1.96 * f.error[0]));
   return {{"sigma_px", sigma}};
 }
 
@@ -41,8 +40,8 @@ Effect vignetting() {
                                 number_of("corner_offset", 0.05, -5.0, 5.0, &CameraModel::corner_offset)}),
           .least = 0.0006,
           .hides_in = MapKind::kGain,
-          .report = [](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
-            return std::map<std::string, Estimate>{{"corner_loss", interval(-v[0], e[0])}};
+          .report = [](const Fitted& f) {
+            return Estimates{{"corner_loss", interval(-f.value[0], f.error[0])}};
           }};
 }
 
@@ -57,8 +56,8 @@ Effect emissivity() {
           .least = 0.003,
           .as_levels = true,
           .forms = edge_forms(),
-          .report = [](const Session&, const State&, std::span<const double> v, std::span<const double> e) {
-            return std::map<std::string, Estimate>{{"emissivity", interval(1.0 - v[0], e[0])}};
+          .report = [](const Fitted& f) {
+            return Estimates{{"emissivity", interval(1.0 - f.value[0], f.error[0])}};
           }};
 }
 

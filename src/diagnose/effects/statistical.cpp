@@ -6,7 +6,7 @@ namespace bolo::diagnose {
 std::vector<Effect> statistical_effects() {
   const Predicate flat = any_of({Kind::kUniform});
   const Predicate pan = any_of({Kind::kMovingBars});
-  const Predicate any = any_capture();
+  const Predicate any = [](const Session& s) { return !s.recordings.empty(); };
   const char* const shutter = "a closed shutter or a flat black body";
   const char* const long_shutter = "a closed shutter over a second or more";
   return {

@@ -4,16 +4,19 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <optional>
 #include <string_view>
+
+#include "src/report/text.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
+using plot::format;
+
 // `sentence` has places for parameters: {key} is the value with its unit, {key~} how far it is from 1 in percent,
 // {key?more|less} the first word when it is above its neutral value (1 for scales, 0 else), the second below.
-// `plain` is said when a parameter is missing.
+// `plain` is said when a parameter is missing, or when there is no more to say.
 struct EffectDescription {
   std::string_view name;
   std::string_view title;
@@ -35,16 +38,14 @@ constexpr std::array<EffectDescription, 29> kEffectDescriptions{{
     {"fpn_offset", "Fixed offsets", "Pixels and columns carry a fixed offset",
      "Pixels carry a fixed offset of {pixel_k} rms and columns one of {column_k}"},
     {"fpn_gain", "Fixed gains", "Pixels differ in gain", "Pixels differ in gain by {rms} rms"},
-    {"drift", "Drift", "The whole picture drifts slowly with the camera's own temperature",
-     "The whole picture drifts by {amplitude_k} over about {time_s}"},
+    {"drift", "Drift", "The whole picture drifts slowly with the camera's own temperature", ""},
     {"stripes", "Stripes", "Columns or rows get a new offset in each frame",
      "In each frame columns get a new offset of {column_k} and rows one of {row_k}"},
     {"flicker", "Flicker", "The whole frame gets a new offset each time",
      "Each frame as a whole gets a new offset of {sigma_k} rms"},
     {"one_over_f", "1/f noise", "The noise grows towards low frequencies",
      "Below {corner_hz} the noise grows towards low frequencies"},
-    {"rts", "Telegraph noise", "Some pixels jump between two levels",
-     "{fraction} of the pixels jump by {step_k}, {rate_hz} times a second"},
+    {"rts", "Telegraph noise", "Some pixels jump between two levels", ""},
     {"dead_pixels", "Dead pixels", "Some pixels are stuck or show only noise",
      "{fraction} of the pixels are stuck or show only noise"},
     {"optical_psf", "Optical blur", "The optics blur the picture", "The optics blur the picture by {sigma_px} (sigma)"},
@@ -52,8 +53,7 @@ constexpr std::array<EffectDescription, 29> kEffectDescriptions{{
      "Heat flows between neighbouring pixels, {coupling} of what leaves each"},
     {"radiometric_nonlinearity", "Radiometric nonlinearity",
      "Pixels warm with radiance, not with temperature: rise and fall differ at large contrast", ""},
-    {"emissivity", "Emissivity", "The target is no perfect black body and mirrors its surroundings",
-     "The target's emissivity is {emissivity}; the rest is its surroundings at {surroundings_k}"},
+    {"emissivity", "Emissivity", "The target is no perfect black body and mirrors its surroundings", ""},
     {"vignetting", "Vignetting", "Corners receive less than the middle",
      "Corners receive {corner_loss} less than the middle"},
     {"coarse_quantisation", "Coarse quantisation", "Values come in steps coarser than the profile says",
@@ -85,53 +85,28 @@ struct Unit {
   const char* text = "";
 };
 
-bool ends_with(std::string_view text, std::string_view end) { return text.ends_with(end); }
-
-bool is_share(std::string_view key) {
-  constexpr std::array<std::string_view, 12> kShares{"velocity_error",
-                                                     "velocity_unevenness",
-                                                     "rms",
-                                                     "share",
-                                                     "fraction",
-                                                     "corner_loss",
-                                                     "coupling",
-                                                     "spread",
-                                                     "alpha%",
-                                                     "uneven",
-                                                     "velocity_relative",
-                                                     "reflection"};
-  return std::ranges::find(kShares, key) != kShares.end() || ends_with(key, "_share") || ends_with(key, "_fraction");
-}
-
 Unit unit_of(std::string_view key, double value, Wording wording) {
+  constexpr std::array<std::string_view, 7> kShares{"velocity_error", "velocity_unevenness", "rms",     "share",
+                                                    "fraction",       "corner_loss",         "coupling"};
   const double size = std::abs(value);
-  if (ends_with(key, "_s") && !ends_with(key, "px_s")) {
+  if (key.ends_with("_s")) {
     if (size > 0.0 && size < 1e-3) return {1e6, wording.utf8 ? " \u00b5s" : " us"};
     return size < 1.0 ? Unit{1e3, " ms"} : Unit{1.0, " s"};
   }
-  if (ends_with(key, "_k") && !wording.kelvin) return {1.0, " counts"};
-  if (ends_with(key, "_k")) return size < 0.5 ? Unit{1e3, " mK"} : Unit{1.0, " K"};
-  if (ends_with(key, "px_s")) return {1.0, " px/s"};
-  if (ends_with(key, "_hz")) return {1.0, " Hz"};
-  if (ends_with(key, "_px")) return {1.0, " px"};
+  if (key.ends_with("_k") && !wording.kelvin) return {1.0, " counts"};
+  if (key.ends_with("_k")) return size < 0.5 ? Unit{1e3, " mK"} : Unit{1.0, " K"};
+  if (key.ends_with("_hz")) return {1.0, " Hz"};
+  if (key.ends_with("_px")) return {1.0, " px"};
   if (key == "skew") return {1e6, " ppm"};
-  if (is_share(key)) return {100.0, " %"};
-  return {};
+  return std::ranges::count(kShares, key) != 0 ? Unit{100.0, " %"} : Unit{};
 }
 
 // Three significant digits, without an exponent for what a person may meet.
 std::string digits(double value) {
   if (!std::isfinite(value)) return "?";
-  char text[48];
   const double size = std::abs(value);
-  if (size >= 1e6 || (size > 0.0 && size < 1e-4)) {
-    std::snprintf(text, sizeof text, "%.2e", value);
-  } else if (size >= 99.95) {
-    std::snprintf(text, sizeof text, "%.0f", value);
-  } else {
-    std::snprintf(text, sizeof text, "%.3g", value);
-  }
-  return text;
+  if (size >= 1e6 || (size > 0.0 && size < 1e-4)) return format("%.2e", value);
+  return size >= 99.95 ? format("%.0f", value) : format("%.3g", value);
 }
 
 // Decimals that show three digits of the value, and the first of its uncertainty.
@@ -143,23 +118,14 @@ int decimals_for(double value, double half) {
   return std::clamp(decimals, 0, 6);
 }
 
-std::string fixed(double value, int decimals) {
-  if (!std::isfinite(value)) return "?";
-  char text[400];
-  std::snprintf(text, sizeof text, "%.*f", decimals, value);
-  return text;
-}
-
-bool known(const FoundEffect& effect, const std::string& key) {
-  const auto found = effect.parameters.find(key);
-  return found != effect.parameters.end() && std::isfinite(found->second.value);
-}
+std::string fixed(double value, int decimals) { return std::isfinite(value) ? format("%.*f", decimals, value) : "?"; }
 
 // The text for what stands between the braces, or nothing when the parameter is missing.
 std::optional<std::string> place(const FoundEffect& effect, const std::string& inner, Wording wording) {
   const std::string key = inner.substr(0, inner.find_first_of("~?%"));
-  if (!known(effect, key)) return std::nullopt;
-  const double value = effect.parameters.at(key).value;
+  const auto found = effect.parameters.find(key);
+  if (found == effect.parameters.end() || !std::isfinite(found->second.value)) return std::nullopt;
+  const double value = found->second.value;
   const std::string rest = inner.substr(key.size());
   if (rest == "~") return digits(100.0 * std::abs(value - 1.0)) + " %";
   if (rest == "%") return digits(100.0 * value) + " %";
@@ -192,14 +158,8 @@ const EffectDescription* description_of(const std::string& name) {
 }
 
 std::string percent(double fraction) {
-  char text[32];
   const double value = 100.0 * fraction;
-  std::snprintf(text, sizeof text, value > 99.5 && value < 99.95 ? "%.1f %%" : "%.0f %%", value);
-  return text;
-}
-
-bool any_signal_effect(const Report& report) {
-  return std::ranges::any_of(report.effects, [](const FoundEffect& e) { return !e.of_noise; });
+  return format(value > 99.5 && value < 99.95 ? "%.1f %%" : "%.0f %%", value);
 }
 
 std::string lower_first(std::string text) {
@@ -212,7 +172,7 @@ std::string lower_first(std::string text) {
 // What adding the effects achieves.
 std::string closing(const Report& report) {
   const std::string these = report.effects.size() == 1 ? "this" : "these";
-  if (!any_signal_effect(report) || !(report.gap_before > 1.0)) {
+  if (std::ranges::all_of(report.effects, &FoundEffect::of_noise) || !(report.gap_before > 1.0)) {
     return "adding " + these + " brings the noise's statistics from " + gap_text(report.noise_gap_before) + " to " +
            gap_text(report.noise_gap_after) + " of what was expected";
   }
@@ -226,16 +186,12 @@ std::string left_over(const Report& report) {
 }
 
 std::string found(const Report& report, bool utf8) {
-  const FoundEffect& first = report.effects.front();
-  if (report.effects.size() == 1) return effect_sentence(first, {utf8, report.kelvin}) + "; " + closing(report);
-  std::string others;
+  std::string text = effect_sentence(report.effects.front(), {utf8, report.kelvin}) + "; ";
   for (std::size_t i = 1; i < report.effects.size(); ++i) {
-    others += (i == 1                           ? ""
-               : i + 1 == report.effects.size() ? " and "
-                                                : ", ") +
-              lower_first(effect_title(report.effects[i].name));
+    text += i == 1 ? "with it come " : i + 1 == report.effects.size() ? " and " : ", ";
+    text += lower_first(effect_title(report.effects[i].name));
   }
-  return effect_sentence(first, {utf8, report.kelvin}) + "; with it come " + others + "; " + closing(report);
+  return text + (report.effects.size() == 1 ? "" : "; ") + closing(report);
 }
 
 std::string sentence_end(std::string text) {
@@ -260,11 +216,11 @@ std::string amount(double value, const std::string& unit) { return quantity("siz
 
 std::string jumps_text(const Observation& one) {
   constexpr std::size_t kMost = 12;
-  std::string text = one.jumps.size() == 1 ? "1 jump of the whole picture: "
-                                           : std::to_string(one.jumps.size()) + " jumps of the whole picture: ";
+  std::string text =
+      std::to_string(one.jumps.size()) + (one.jumps.size() == 1 ? " jump" : " jumps") + " of the whole picture: ";
   for (std::size_t i = 0; i < std::min(kMost, one.jumps.size()); ++i) {
-    text +=
-        (i == 0 ? "" : ", ") + amount(one.jumps[i].size, one.unit) + " at frame " + std::to_string(one.jumps[i].frame);
+    const auto& [frame, size] = one.jumps[i];
+    text += (i == 0 ? "" : ", ") + amount(size, one.unit) + " at frame " + std::to_string(frame);
   }
   return text + (one.jumps.size() > kMost ? ", ..." : "");
 }
@@ -332,12 +288,7 @@ std::string effect_sentence(const FoundEffect& effect, Wording wording) {
   return filled(description->sentence, effect, wording).value_or(std::string(description->plain));
 }
 
-std::string gap_text(double gap) {
-  if (!std::isfinite(gap)) return "?";
-  char text[32];
-  std::snprintf(text, sizeof text, gap < 1.995 ? "%.2f" : gap < 99.5 ? "%.1f" : "%.0f", gap);
-  return text;
-}
+std::string gap_text(double gap) { return fixed(gap, gap < 1.995 ? 2 : gap < 99.5 ? 1 : 0); }
 
 std::string headline(const Report& report, bool utf8) {
   if (report.verdict == "not_testable") {

@@ -1,97 +1,55 @@
-// The report as files. report.json: the table in ARCHITECTURE.md, key for key.
+// The report as files. report.json: the table in ARCHITECTURE.md, key for key. JSON has no NaN and no infinity: what
+// could not be measured is null.
 #include <algorithm>
-#include <cmath>
 
 #include <nlohmann/json.hpp>
 
 #include "src/diagnose/report_output.hpp"
 
 namespace bolo::diagnose {
-namespace {
 
 using nlohmann::ordered_json;
 
-// JSON has no NaN and no infinity: what could not be measured is null.
-ordered_json number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
-
-ordered_json span(const std::pair<double, double>& ends) {
-  return ordered_json::array({number(ends.first), number(ends.second)});
+// The library finds these by the types' namespace.
+static void to_json(ordered_json& out, const Estimate& estimate) {
+  out = {{"value", estimate.value}, {"ci95", {estimate.low, estimate.high}}};
 }
 
-ordered_json numbers(const std::map<std::string, double>& values) {
-  ordered_json out = ordered_json::object();
-  for (const auto& [key, value] : values) out[key] = number(value);
-  return out;
+static void to_json(ordered_json& out, const Alternative& other) {
+  out = {{"name", other.name}, {"gap_after", other.gap_after}};
 }
 
-ordered_json parameters_of(const FoundEffect& effect) {
-  ordered_json out = ordered_json::object();
-  for (const auto& [key, estimate] : effect.parameters) {
-    out[key] = {{"value", number(estimate.value)}, {"ci95", span({estimate.low, estimate.high})}};
-  }
-  return out;
+static void to_json(ordered_json& out, const FoundEffect& effect) {
+  out = {{"name", effect.name},           {"confidence", effect.confidence},    {"gap_before", effect.gap_before},
+         {"gap_after", effect.gap_after}, {"of_noise", effect.of_noise},        {"parameters", effect.parameters},
+         {"stage", effect.stage},         {"alternatives", effect.alternatives}};
 }
 
-ordered_json effects_of(const Report& report) {
-  ordered_json out = ordered_json::array();
-  for (const FoundEffect& effect : report.effects) {
-    ordered_json alternatives = ordered_json::array();
-    for (const Alternative& other : effect.alternatives) {
-      alternatives.push_back({{"name", other.name}, {"gap_after", number(other.gap_after)}});
-    }
-    out.push_back({{"name", effect.name},
-                   {"confidence", number(effect.confidence)},
-                   {"gap_before", number(effect.gap_before)},
-                   {"gap_after", number(effect.gap_after)},
-                   {"of_noise", effect.of_noise},
-                   {"parameters", parameters_of(effect)},
-                   {"stage", effect.stage},
-                   {"alternatives", std::move(alternatives)}});
-  }
-  return out;
+static void to_json(ordered_json& out, const Location& where) {
+  out = {{"stage", where.stage},
+         {"captures", where.captures},
+         {"rows", {where.row_first, where.row_last}},
+         {"columns", {where.column_first, where.column_last}},
+         {"pixel_fraction", where.pixel_fraction},
+         {"time_s", where.time_s},
+         {"band_hz", where.band_hz},
+         {"temperature_k", where.temperature_k}};
 }
 
-ordered_json location_of(const Location& where) {
-  ordered_json times = ordered_json::array();
-  for (const auto& interval : where.time_s) times.push_back(span(interval));
-  return {{"stage", where.stage},
-          {"captures", numbers(where.captures)},
-          {"rows", {where.row_first, where.row_last}},
-          {"columns", {where.column_first, where.column_last}},
-          {"pixel_fraction", number(where.pixel_fraction)},
-          {"time_s", std::move(times)},
-          {"band_hz", span(where.band_hz)},
-          {"temperature_k", span(where.temperature_k)}};
+static void to_json(ordered_json& out, const NoiseStatistic& one) {
+  out = {{"name", one.name},
+         {"unit", "K"},
+         {"measured", one.measured},
+         {"nominal", one.nominal},
+         {"explained", one.explained}};
 }
 
-ordered_json stimulus_of(const Report& report) {
-  ordered_json out = ordered_json::object();
-  for (const auto& [file, errors] : report.stimulus) out[file] = numbers(errors);
-  return out;
-}
-
-ordered_json noise_of(const Report& report) {
-  ordered_json statistics = ordered_json::array();
-  for (const NoiseStatistic& one : report.noise) {
-    statistics.push_back({{"name", one.name},
-                          {"unit", one.unit},
-                          {"measured", number(one.measured)},
-                          {"nominal", number(one.nominal)},
-                          {"explained", number(one.explained)}});
-  }
-  return {{"floor_k", number(report.noise_floor_k)}, {"statistics", std::move(statistics)}};
-}
-
-ordered_json captures_of(const Report& report) {
-  ordered_json out = ordered_json::object();
-  for (const CapturePlots& one : report.captures) {
-    out[one.file] = {{"kind", one.kind}, {"gap_before", number(one.gap_before)}, {"gap_after", number(one.gap_after)}};
-  }
-  return out;
+static void to_json(ordered_json& out, const Observation::Jump& jump) {
+  out = {{"frame", jump.frame}, {"size", jump.size}};
 }
 
 // Places [x, y]: not more than tell where to look, beside their number.
-ordered_json pixels_of(const std::vector<PixelPlace>& pixels) {
+static ordered_json pixels_of(const std::vector<PixelPlace>& pixels) {
   constexpr std::size_t kMostPlaces = 256;
   ordered_json places = ordered_json::array();
   for (std::size_t i = 0; i < std::min(kMostPlaces, pixels.size()); ++i) {
@@ -100,30 +58,18 @@ ordered_json pixels_of(const std::vector<PixelPlace>& pixels) {
   return {{"count", pixels.size()}, {"places", std::move(places)}};
 }
 
-ordered_json observations_of(const Report& report) {
-  ordered_json out = ordered_json::object();
-  for (const Observation& one : report.observations) {
-    ordered_json jumps = ordered_json::array();
-    for (const Observation::Jump& jump : one.jumps) {
-      jumps.push_back({{"frame", jump.frame}, {"size", number(jump.size)}});
-    }
-    ordered_json freezes = ordered_json::array();
-    for (const auto& [first, last] : one.freezes) freezes.push_back(ordered_json::array({first, last}));
-    out[one.file] = {{"unit", one.unit},
-                     {"frames", one.frames},
-                     {"jumps", std::move(jumps)},
-                     {"freezes", std::move(freezes)},
-                     {"repeated_frames", one.repeated_frames},
-                     {"noise", number(one.noise)},
-                     {"flicker", number(one.flicker)},
-                     {"column_pattern", number(one.column_pattern)},
-                     {"row_pattern", number(one.row_pattern)},
-                     {"outliers", pixels_of(one.outliers)}};
-  }
-  return out;
+static void to_json(ordered_json& out, const Observation& one) {
+  out = {{"unit", one.unit},
+         {"frames", one.frames},
+         {"jumps", one.jumps},
+         {"freezes", one.freezes},
+         {"repeated_frames", one.repeated_frames},
+         {"noise", one.noise},
+         {"flicker", one.flicker},
+         {"column_pattern", one.column_pattern},
+         {"row_pattern", one.row_pattern},
+         {"outliers", pixels_of(one.outliers)}};
 }
-
-}  // namespace
 
 std::string report_json(const Report& report) {
   ordered_json names = ordered_json::array();
@@ -132,34 +78,38 @@ std::string report_json(const Report& report) {
     names.push_back(one.effect);
     needs[one.effect] = one.needs;
   }
+  ordered_json captures = ordered_json::object();
+  for (const CapturePlots& one : report.captures) {
+    captures[one.file] = {{"kind", one.kind}, {"gap_before", one.before.gap}, {"gap_after", one.after.gap}};
+  }
+  ordered_json observations = ordered_json::object();
+  for (const Observation& one : report.observations) observations[one.file] = one;
   const ordered_json out{
       {"bolo_report", 1},
       {"inputs", report.inputs},
       {"gap",
-       {{"before", number(report.gap_before)},
-        {"after", number(report.gap_after)},
-        {"closed_fraction", number(report.closed_fraction)}}},
-      {"noise_gap_before", number(report.noise_gap_before)},
-      {"noise_gap_after", number(report.noise_gap_after)},
+       {{"before", report.gap_before}, {"after", report.gap_after}, {"closed_fraction", report.closed_fraction}}},
+      {"noise_gap_before", report.noise_gap_before},
+      {"noise_gap_after", report.noise_gap_after},
       {"verdict", report.verdict},
       {"needs", report.needs},
-      {"effects", effects_of(report)},
-      {"location", location_of(report.location)},
-      {"stimulus", stimulus_of(report)},
+      {"effects", report.effects},
+      {"location", report.location},
+      {"stimulus", report.stimulus},
       {"unexplained",
-       {{"p_value", number(report.unexplained.p_value)},
+       {{"p_value", report.unexplained.p_value},
         {"stage", report.unexplained.stage},
         {"where", report.unexplained.where}}},
       {"not_identifiable", std::move(names)},
       {"not_identifiable_needs", std::move(needs)},
       {"withheld", report.withheld},
       {"warnings", report.warnings},
-      {"captures", captures_of(report)},
-      {"noise", noise_of(report)},
+      {"captures", std::move(captures)},
+      {"noise", {{"floor_k", report.noise_floor_k}, {"statistics", report.noise}}},
       {"pixels", {{"stuck", pixels_of(report.defects.stuck)}, {"noisy", pixels_of(report.defects.noisy)}}},
-      {"observations", observations_of(report)},
+      {"observations", std::move(observations)},
       {"frames", report.frames},
-      {"seconds", number(report.seconds)}};
+      {"seconds", report.seconds}};
   // File names need not be UTF-8.
   return out.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }

@@ -1,10 +1,11 @@
-// What is drawn of each capture.
+// What is drawn: of each capture, of the noise, of single pixels.
 #include <algorithm>
 #include <cmath>
 
 #include "src/diagnose/report/page_parts.hpp"
 #include "src/diagnose/report_output.hpp"
-#include "src/report/page.hpp"
+#include "src/report/plot.hpp"
+#include "src/report/scale.hpp"
 #include "src/report/text.hpp"
 
 namespace bolo::diagnose {
@@ -13,6 +14,24 @@ namespace {
 using plot::escaped;
 using plot::figure_html;
 using plot::format;
+using plot::number_text;
+
+constexpr double kFigureWidth = 520.0;  // px: two beside each other
+
+// Values of both signs get the diverging colours, around zero.
+plot::Plot map_plot(const Map& map) {
+  const bool below = std::ranges::any_of(map.values, [](float v) { return std::isfinite(v) && v < 0.0F; });
+  const bool above = std::ranges::any_of(map.values, [](float v) { return std::isfinite(v) && v > 0.0F; });
+  plot::Plot plot{.x = {.name = "column"}, .y = {.name = "row"}, .width = kFigureWidth};
+  plot.plane = {.width = map.width,
+                .height = map.height,
+                .values = map.values,
+                .ramp = below && above ? plot::Ramp::kDiverging : plot::Ramp::kViridis,
+                .unit = map.unit};
+  constexpr double kSides = 60.0;  // px, of the width that the axis takes
+  plot.height = (kFigureWidth - kSides) * std::max(1, map.height) / std::max(1, map.width);
+  return plot;
+}
 
 constexpr double kWorthOpening = 1.1;  // gap of a capture that is shown at once
 
@@ -20,14 +39,14 @@ constexpr double kHeight = 170.0;  // px
 
 // Both maps in the same colours, from a little below the floor to the largest gap of either.
 std::string maps_of(const CapturePlots& one) {
-  plot::Plot before = map_plot(one.gap_map_before);
+  plot::Plot before = map_plot(one.before.gap_map);
   before.title = "Gap before";
   before.caption = "Of each pixel, over time.";
-  plot::Plot after = map_plot(one.gap_map_after);
+  plot::Plot after = map_plot(one.after.gap_map);
   after.title = "Gap after";
   after.caption = "In the same colours: 1 everywhere is good.";
   double high = 2.0;
-  for (const Map* map : {&one.gap_map_before, &one.gap_map_after}) {
+  for (const Map* map : {&one.before.gap_map, &one.after.gap_map}) {
     for (const float v : map->values) high = std::isfinite(v) ? std::max(high, static_cast<double>(v)) : high;
   }
   for (plot::Plot* plot : {&before, &after}) {
@@ -44,6 +63,11 @@ plot::Series series_of(const Curve& curve, const char* label, plot::Hue hue, dou
   return series;
 }
 
+std::vector<plot::Series> before_and_after(const Curve& before, const Curve& after, double factor) {
+  return {series_of(before, "before", plot::Hue::kBlurred, factor),
+          series_of(after, "after", plot::Hue::kDeblurred, factor)};
+}
+
 // An axis that reaches at least this far on both sides of zero, so that what is harmless looks harmless.
 plot::Axis reaching(plot::Axis axis, double least, const std::vector<plot::Series>& series) {
   double reach = least;
@@ -55,16 +79,16 @@ plot::Axis reaching(plot::Axis axis, double least, const std::vector<plot::Serie
   return axis;
 }
 
-std::string profile(const Curve& before, const Curve& after, double floor_k, bool rows) {
+std::string profile(const CapturePlots& one, double floor_k, bool rows) {
   plot::Plot plot{.title = rows ? "Mean residual of each row" : "Mean residual of each column",
                   .caption = rows ? "A slope from top to bottom is a delay from row to row; jumps are fixed offsets."
                                   : "A pattern here is fixed in the columns, or the stimulus moves across them.",
                   .x = {.name = rows ? "row" : "column"},
-                  .series = {series_of(before, "before", plot::Hue::kBlurred, 1e3),
-                             series_of(after, "after", plot::Hue::kDeblurred, 1e3)},
                   .sideways = rows,
                   .width = kFigureWidth,
                   .height = kHeight};
+  plot.series =
+      before_and_after(rows ? one.before.rows : one.before.columns, rows ? one.after.rows : one.after.columns, 1e3);
   plot.y = reaching({.name = "residual", .unit = "mK"}, 250.0 * floor_k, plot.series);
   return figure_html(plot);
 }
@@ -74,8 +98,7 @@ std::string spectrum_of(const CapturePlots& one) {
                       .caption = "Flat is white noise. A rise to the left is slow (drift, heat); a line is periodic.",
                       .x = {.name = "frequency", .unit = "Hz", .logarithmic = true},
                       .y = {.name = "power", .unit = "K\u00b2/Hz", .logarithmic = true},
-                      .series = {series_of(one.spectrum_before, "before", plot::Hue::kBlurred),
-                                 series_of(one.spectrum_after, "after", plot::Hue::kDeblurred)},
+                      .series = before_and_after(one.before.spectrum, one.after.spectrum, 1.0),
                       .width = kFigureWidth,
                       .height = kHeight});
 }
@@ -100,7 +123,7 @@ std::size_t stretch_begin(const CapturePlots& one) {
 
 Curve stretch_of(const Curve& curve, std::size_t begin) {
   const std::size_t size = std::min(curve.x.size(), curve.y.size());
-  Curve out{curve.name, {}, {}};
+  Curve out;
   for (std::size_t i = begin; i < std::min(size, begin + kStretch); ++i) {
     out.x.push_back(curve.x[i]);
     out.y.push_back(curve.y[i]);
@@ -110,19 +133,16 @@ Curve stretch_of(const Curve& curve, std::size_t begin) {
 
 std::string answer_of(const CapturePlots& one) {
   const std::size_t begin = stretch_begin(one);
-  const Curve nominal = stretch_of(one.nominal, begin);
-  const Curve predicted = stretch_of(one.predicted, begin);
-  const Curve measured = stretch_of(one.measured, begin);
-  plot::Series dashed = series_of(nominal, "nominal simulator", plot::Hue::kBlurred);
+  plot::Series dashed = series_of(stretch_of(one.nominal, begin), "nominal simulator", plot::Hue::kBlurred);
   dashed.dashed = true;
-  plot::Series dots = series_of(measured, "camera", plot::Hue::kTruth);
+  plot::Series dots = series_of(stretch_of(one.measured, begin), "camera", plot::Hue::kTruth);
   dots.kind = plot::Kind::kPoints;
   return figure_html(
       {.title = "One pixel where it is furthest off",
        .caption = "The dots should lie on the solid line; how far they are from the dashed one is the gap.",
        .x = {.name = "time", .unit = "s"},
        .y = {.name = "temperature", .unit = "K"},
-       .series = {dashed, series_of(predicted, "with the effects", plot::Hue::kDeblurred), dots},
+       .series = {dashed, series_of(stretch_of(one.predicted, begin), "with the effects", plot::Hue::kDeblurred), dots},
        .width = kFigureWidth,
        .height = kHeight});
 }
@@ -143,8 +163,7 @@ std::string residual_of(const CapturePlots& one, double floor_k) {
   plot::Plot plot{.title = "Residual of the same pixel",
                   .caption = "Camera minus prediction. What stays in the band, twice the noise floor, is no gap.",
                   .x = {.name = "time", .unit = "s"},
-                  .series = {series_of(before, "before", plot::Hue::kBlurred, 1e3),
-                             series_of(after, "after", plot::Hue::kDeblurred, 1e3)},
+                  .series = before_and_after(before, after, 1e3),
                   .width = kFigureWidth,
                   .height = kHeight};
   plot.y = reaching({.name = "residual", .unit = "mK"}, 2500.0 * floor_k, plot.series);
@@ -159,22 +178,44 @@ std::string residual_of(const CapturePlots& one, double floor_k) {
   return figure_html(plot);
 }
 
-const char* describe_kind(const std::string& kind) {
-  if (kind == "uniform") return "uniform";
-  if (kind == "chopper") return "chopper";
-  if (kind == "bar_target") return "bar target";
-  return kind == "scene" ? "known scene" : "field recording";
-}
-
 std::string capture_part(const CapturePlots& one, double floor_k, bool open) {
+  std::string kind = one.kind;
+  std::ranges::replace(kind, '_', ' ');
   const std::string plots = maps_of(one) + answer_of(one) + residual_of(one, floor_k) + spectrum_of(one) +
-                            profile(one.column_before, one.column_after, floor_k, false) +
-                            profile(one.row_before, one.row_after, floor_k, true);
+                            profile(one, floor_k, false) + profile(one, floor_k, true);
   return format("<details%s><summary>%s<span>%s, gap %s \u2192 %s</span></summary>", open ? " open" : "",
-                escaped(one.file).c_str(), describe_kind(one.kind), gap_text(one.gap_before).c_str(),
-                gap_text(one.gap_after).c_str()) +
+                escaped(one.file).c_str(), kind.c_str(), gap_text(one.before.gap).c_str(),
+                gap_text(one.after.gap).c_str()) +
          (plots.empty() ? "<p class=soft>Nothing was drawn of it.</p>" : "<div class=\"pair\">" + plots + "</div>") +
          "</details>";
+}
+
+// The statistics stand on one logarithmic axis, all below this at its left end.
+constexpr double kLeastK = 1e-4;
+
+double largest(const NoiseStatistic& one) {
+  return std::max({std::abs(one.measured), std::abs(one.nominal), std::abs(one.explained)});
+}
+
+std::string dumbbell_row(const NoiseStatistic& one, const plot::Scale& axis) {
+  const auto place = [&](double value) {
+    const double share = axis.place(value);
+    return std::isfinite(share) ? 100.0 * std::clamp(share, 0.0, 1.0) : 0.0;
+  };
+  const auto kelvin = [](double value) { return quantity("noise_k", value); };
+  const auto [low, high] = std::minmax({place(one.measured), place(one.nominal), place(one.explained)});
+  std::string track;
+  for (const plot::Tick& tick : axis.ticks(4)) track += format("<i style=\"left:%.2f%%\"></i>", place(tick.at));
+  track += format("<b class=span style=\"left:%.2f%%;width:%.2f%%\"></b>", low, high - low);
+  track += format(
+      "<u class=nominal style=\"left:%.2f%%\"></u><u class=measured style=\"left:%.2f%%\"></u>"
+      "<u class=explained style=\"left:%.2f%%\"></u>",
+      place(one.nominal), place(one.measured), place(one.explained));
+  std::string name = one.name;
+  std::ranges::replace(name, '_', ' ');
+  return "<div class=row><div class=name>" + escaped(name) + "</div><div class=track title=\"nominal " +
+         kelvin(one.nominal) + ", measured " + kelvin(one.measured) + ", explained " + kelvin(one.explained) + "\">" +
+         track + "</div><div class=value>" + kelvin(one.measured) + "</div></div>";
 }
 
 }  // namespace
@@ -186,9 +227,47 @@ std::string captures_part(const Report& report) {
       "with "
       "the effects added.</p>";
   for (const CapturePlots& one : report.captures) {
-    out += capture_part(one, report.noise_floor_k, std::max(one.gap_before, one.gap_after) > kWorthOpening);
+    out += capture_part(one, report.noise_floor_k, std::max(one.before.gap, one.after.gap) > kWorthOpening);
   }
   return out;
+}
+
+std::string noise_part(const Report& report) {
+  if (report.noise.empty()) return {};
+  double top_k = 0.0;
+  for (const NoiseStatistic& one : report.noise) top_k = std::max(top_k, largest(one));
+  const plot::Scale axis({.logarithmic = true, .low = kLeastK, .high = std::max(10.0 * kLeastK, 1.3 * top_k)}, {},
+                         true);
+  std::string out =
+      "<h2>The noise</h2><p class=soft>Three-dimensional noise on closed shutter and flats: sigma with an index t is "
+      "new in each frame, v "
+      "differs from row to row, h from column to column. Where the filled dot stands beside the ring, the camera's "
+      "noise "
+      "is not the nominal one; where the diamond covers the dot, the diagnosed effects account for it.</p>"
+      "<div class=legend style=\"margin-bottom:6px\"><span>\u25cb nominal</span><span>\u25cf "
+      "measured</span><span>\u25c6 with the "
+      "effects</span></div>";
+  for (const NoiseStatistic& one : report.noise) out += dumbbell_row(one, axis);
+  out += "<div class=row><div class=\"name blank\"></div><div class=scale>";
+  for (const plot::Tick& tick : axis.ticks(4)) {
+    out += format("<span style=\"left:%.2f%%\">%s%s mK</span>", 100.0 * axis.place(tick.at),
+                  tick.at <= 1.001 * kLeastK ? "\u2264 " : "", number_text(1e3 * tick.at).c_str());
+  }
+  return out + "</div><div class=\"value blank\"></div></div>";
+}
+
+std::string maps_part(const Report& report) {
+  std::string figures;
+  for (const Map& map : report.maps) {
+    std::string title = map.title;
+    if (!title.empty() && title[0] >= 'a' && title[0] <= 'z') title[0] = static_cast<char>(title[0] - 'a' + 'A');
+    plot::Plot figure = map_plot(map);
+    figure.title = title;
+    figure.caption = "Blank where there is no value.";
+    figures += figure_html(figure);
+  }
+  if (figures.empty()) return {};
+  return "<h2>What was diagnosed of single pixels</h2><div class=\"plots\">" + figures + "</div>";
 }
 
 }  // namespace bolo::diagnose

@@ -1,12 +1,10 @@
-// report.html: its parts in the order in which a person wants to know them; here verdict, waterfall, place, what is
-// left.
+// report.html: its parts in the order in which a person wants to know them.
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "src/diagnose/report/page_parts.hpp"
 #include "src/diagnose/report_output.hpp"
-#include "src/report/page.hpp"
 #include "src/report/scale.hpp"
 #include "src/report/text.hpp"
 
@@ -49,12 +47,12 @@ using plot::format;
 using plot::number_text;
 using plot::unbroken;
 
-std::string pill(const std::string& verdict) {
-  if (verdict == "not_testable") return "<span class=\"pill warn\">Not testable</span>";
-  if (verdict == "no_gap") return "<span class=\"pill good\">No gap</span>";
-  if (verdict == "explained") return "<span class=\"pill good\">Explained</span>";
-  if (verdict == "partly_explained") return "<span class=\"pill warn\">Partly explained</span>";
-  return "<span class=\"pill bad\">Unknown effect</span>";
+std::string pill(std::string verdict) {
+  const bool good = verdict == "no_gap" || verdict == "explained";
+  const char* const look = good ? "good" : verdict == "unknown_effect" ? "bad" : "warn";
+  verdict[0] = static_cast<char>(verdict[0] - 'a' + 'A');
+  std::ranges::replace(verdict, '_', ' ');
+  return format("<span class=\"pill %s\">", look) + verdict + "</span>";
 }
 
 std::string fact(const std::string& value, const std::string& name) {
@@ -103,7 +101,9 @@ std::string scale_row(const plot::Scale& axis) {
   for (const plot::Tick& tick : axis.ticks(6)) {
     out += format("<span style=\"left:%.2f%%\">%s</span>", percent(axis, tick.at), tick.text.c_str());
   }
-  return out + "</div><div class=\"value blank\"></div></div>";
+  return out +
+         "</div><div class=\"value blank\"></div></div><div class=row><div class=\"name blank\"></div>"
+         "<div class=axisname>gap, noise floors</div><div class=blank></div></div>";
 }
 
 std::string effect_rows(const Report& report, const plot::Scale& axis, bool of_noise) {
@@ -149,8 +149,6 @@ std::string chain(const Report& report) {
   }
   return out + "</ol>";
 }
-
-}  // namespace
 
 std::string head_part(const Report& report) {
   const std::string words = unbroken(escaped(headline(report, true)));
@@ -201,9 +199,7 @@ std::string waterfall_part(const Report& report) {
     out += effect_rows(report, axis, true);
     out += bar_row(axis, describe_left(report), "left", 1.0, report.noise_gap_after, gap_text(report.noise_gap_after));
   }
-  return out + scale_row(axis) +
-         "<div class=row><div class=\"name blank\"></div><div class=axisname>gap, noise floors</div><div "
-         "class=blank></div></div>";
+  return out + scale_row(axis);
 }
 
 std::string location_part(const Report& report) {
@@ -228,9 +224,7 @@ std::string location_part(const Report& report) {
   for (const auto& [file, gap] : where.captures) {
     out += bar_row(axis, escaped(file), "start", 1.0, gap, gap_text(gap));
   }
-  return out + scale_row(axis) +
-         "<div class=row><div class=\"name blank\"></div><div class=axisname>gap, noise floors</div><div "
-         "class=blank></div></div>";
+  return out + scale_row(axis);
 }
 
 std::string unexplained_part(const Report& report) {
@@ -253,6 +247,120 @@ std::string unexplained_part(const Report& report) {
   if (!left.stage.empty()) out += "; it looks like the camera's stage <b>" + escaped(left.stage) + "</b>";
   return out + ".</p></div>";
 }
+
+std::string parameters_table(const FoundEffect& effect, Wording wording) {
+  if (effect.parameters.empty()) return {};
+  std::string out = "<table><tr><th>parameter<th class=n>value<th class=n>95 % interval</tr>";
+  for (const auto& [key, estimate] : effect.parameters) {
+    const std::string both = quantity(key, estimate, wording);
+    const std::size_t open = both.rfind(" (");
+    out += "<tr><td><code>" + escaped(key) + "</code><td class=n><b>" + both.substr(0, open) + "</b><td class=n>" +
+           both.substr(open + 2, both.size() - open - 3) + "</tr>";
+  }
+  return out + "</table>";
+}
+
+std::string alternatives_text(const FoundEffect& effect) {
+  if (effect.alternatives.empty()) return {};
+  std::string out =
+      format("<p class=soft style=\"font-size:14px\">Instead of it, the gap after (with it: %s):</p><table>",
+             gap_text(effect.gap_after).c_str());
+  double largest = effect.gap_before;
+  for (const Alternative& other : effect.alternatives) largest = std::max(largest, other.gap_after);
+  for (const Alternative& other : effect.alternatives) {
+    out += format(
+        "<tr><td style=\"width:45%%\">%s<td style=\"width:40%%\"><span style=\"display:block;height:8px;margin-top:7px;"
+        "border-radius:3px;background:var(--soft);opacity:.55;width:%.0f%%\"></span><td class=n>%s</tr>",
+        escaped(effect_title(other.name)).c_str(), 100.0 * std::clamp(other.gap_after / largest, 0.0, 1.0),
+        gap_text(other.gap_after).c_str());
+  }
+  return out + "</table>";
+}
+
+std::string gaps_text(const FoundEffect& effect) {
+  if (!std::isfinite(effect.gap_before)) return {};
+  return format(" \u00b7 gap%s %s \u2192 %s", effect.of_noise ? " of the noise" : "",
+                gap_text(effect.gap_before).c_str(), gap_text(effect.gap_after).c_str());
+}
+
+std::string effect_card(const FoundEffect& effect, Wording wording) {
+  return "<section class=card><h3>" + escaped(effect_title(effect.name)) + " <code>" + escaped(effect.name) +
+         "</code></h3><p style=\"margin:4px 0 8px\">" + unbroken(escaped(effect_sentence(effect, wording))) + ".</p>" +
+         format(
+             "<p class=soft style=\"font-size:14px\">Stage <b>%s</b> \u00b7 <b>%.3g %%</b> sure that it is this "
+             "one%s</p>",
+             escaped(effect.stage).c_str(), 100.0 * effect.confidence, gaps_text(effect).c_str()) +
+         parameters_table(effect, wording) + alternatives_text(effect) + "</section>";
+}
+
+std::string list_of(const std::vector<std::string>& items) {
+  std::string out = "<ul>";
+  for (const std::string& item : items) out += "<li>" + item + "</li>";
+  return out + "</ul>";
+}
+
+std::string effects_part(const Report& report) {
+  if (report.effects.empty()) return {};
+  std::string out = "<h2>The effects</h2><div class=cards>";
+  for (const FoundEffect& effect : report.effects) out += effect_card(effect, {true, report.kelvin});
+  return out + "</div>";
+}
+
+std::string stimulus_part(const Report& report) {
+  if (report.stimulus.empty()) return {};
+  std::string out =
+      "<h2>Errors of the bench, not of the camera</h2><p class=soft>Fitted before anything else and taken out of the "
+      "gap.</p><div class=scroll><table><tr><th>capture<th>parameter<th class=n>value</tr>";
+  for (const auto& [file, errors] : report.stimulus) {
+    std::string name = escaped(file);
+    for (const auto& [key, value] : errors) {
+      out += "<tr><td>" + name + "<td><code>" + escaped(key) + "</code><td class=n>" +
+             quantity(key, value, {true, report.kelvin}) + "</tr>";
+      name.clear();
+    }
+  }
+  return out + "</table></div>";
+}
+
+std::string observed_part(const Report& report) {
+  std::string out;
+  for (const Observation& one : report.observations) {
+    std::vector<std::string> items;
+    for (const std::string& sentence : describe(one)) items.push_back(escaped(sentence));
+    if (!items.empty()) out += "<h3>" + escaped(one.file) + "</h3>" + list_of(items);
+  }
+  std::vector<std::string> items;
+  if (!report.defects.stuck.empty()) items.push_back(describe(report.defects.stuck, "stuck"));
+  if (!report.defects.noisy.empty()) items.push_back(describe(report.defects.noisy, "noisy"));
+  if (!items.empty()) out += "<h3>Pixels that do not work</h3>" + list_of(items);
+  if (out.empty()) return {};
+  return "<h2>What frames and pixels tell by themselves</h2><p class=soft>Without a model of what the camera looked "
+         "at; frames count from 0, pixels are (column, row).</p>" +
+         out;
+}
+
+std::string limits_part(const Report& report) {
+  std::string out;
+  if (!report.not_identifiable.empty()) {
+    out +=
+        "<h2>What these captures cannot tell</h2><div class=scroll><table><tr><th>effect<th>a capture that would "
+        "tell</tr>";
+    for (const NotIdentifiable& one : report.not_identifiable) {
+      out += "<tr><td>" + escaped(effect_title(one.effect)) + " <code>" + escaped(one.effect) + "</code><td>" +
+             escaped(one.needs) + "</tr>";
+    }
+    out += "</table></div>";
+  }
+  std::vector<std::string> items;
+  for (const std::string& warning : report.warnings) items.push_back(escaped(warning));
+  if (!items.empty()) out += "<h2>Warnings</h2>" + list_of(items);
+  items.clear();
+  for (const std::string& input : report.inputs) items.push_back("<code>" + escaped(input) + "</code>");
+  if (!items.empty()) out += "<h2>Captures</h2>" + list_of(items);
+  return out;
+}
+
+}  // namespace
 
 std::string report_html(const Report& report) {
   std::string out =
