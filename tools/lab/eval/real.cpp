@@ -164,9 +164,10 @@ class Judge {
   // Where what a pixel shows after `share` of its displacement stood in the picture.
   sim::Position source(const SceneMotion& motion, std::size_t pixel, double share) const {
     const auto width = static_cast<std::size_t>(g_.width);
+    const std::size_t row = pixel / width;
     const BlockMotion& d = motion.blocks[block_of(pixel)];
     return {static_cast<double>(pixel % width) - share * static_cast<double>(d.x),
-            static_cast<double>(pixel / width) - share * static_cast<double>(d.y)};
+            static_cast<double>(row) - share * static_cast<double>(d.y)};
   }
   const Plane* frame_at(std::uint64_t place) const {
     const auto found = index_.find(place);
