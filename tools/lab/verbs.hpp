@@ -24,6 +24,9 @@ int eval_fidelity_main(int argc, char** argv);
 namespace loop {
 int eval_loop_main(int argc, char** argv);
 }
+namespace real {
+int eval_real_main(int argc, char** argv);
+}
 namespace soak {
 int soak_main(int argc, char** argv);
 }
@@ -40,12 +43,14 @@ inline constexpr std::array<Verb, 4> kLabVerbs{{
     {"bench", "measure the solvers, and what readers cost the daemon", lab_bench_main},
 }};
 
-inline constexpr std::array<Verb, 8> kEvaluations{
+inline constexpr std::array<Verb, 9> kEvaluations{
     {{"live", "a running daemon against the truth of the capture that its fake camera replays", eval_live_main},
      {"pulses", "tau from pulses, with its interval, over many simulated recordings", eval_pulses_main},
      {"pixel", "one pixel: least squares against the quadratic programme", eval_pixel_main},
      {"fidelity", "every estimator against the truth, over speeds, noises and look-ahead",
       fidelity::eval_fidelity_main},
+     {"real", "captures without a truth: how well each picture foretells what the camera measured",
+      real::eval_real_main},
      {"detect", "what deblurring is worth to object detectors, against baselines", detect::eval_detect_main},
      {"loop", "each effect diagnosed, and undone as diagnosed: what that is worth", loop::eval_loop_main},
      {"faults", "a camera that fails: what is lost, what is counted, how long it takes to recover",

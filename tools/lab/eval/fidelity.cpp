@@ -20,7 +20,8 @@ namespace bolo::tools::fidelity {
 namespace {
 
 constexpr const char* kSummary =
-    R"(Which estimator is good where: RMSE, PSNR, SSIM, edge width and the error at edges of every column in every cell.
+    R"(Which estimator is good where: RMSE, as it is and after the best shift of each frame (which takes out lag), noise
+in flat tiles, PSNR, SSIM, edge width and the error at edges of every column in every cell.
 
 A cell is a scene, a motion, a noise and a look-ahead. All columns see the same simulated frames (microbolometer with
 tau 11 ms, 200 frames/s, 10 mK steps) and are judged on the same targets against the instantaneous temperature at the
@@ -31,8 +32,8 @@ filter is a least-squares fit on another street in the same motion and noise.
   settings   crop, frames, stride, seed, tau_s, frame_period_s, window, quantisation_k, range_k (of PSNR and SSIM)
   columns    [{name, words}]
   cells      [{scene, motion, speed_px_s (null on a trajectory), trajectory (null on a pan), noise_k, lookahead,
-             truth_edge_width_px, columns: {NAME: {rmse_k, psnr_db, ssim, edge_width_px, edge_rmse_k, setting}
-             or {skipped: why}}, qp_grid: [{lambda, rmse_k}]}]
+             truth_edge_width_px, columns: {NAME: {rmse_k, psnr_db, ssim, edge_width_px, edge_rmse_k,
+             shifted_rmse_k, flat_noise_k, setting} or {skipped: why}}, qp_grid: [{lambda, rmse_k}]}]
   drops      with --drop: [{scene, motion, noise_k, lookahead, method, frames_lost, all, near}], or skipped: why;
              all and near (at most 2 frames from a loss) are {frames, whole_rmse_k (without losses),
              gap_aware_rmse_k, gap_blind_rmse_k}

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "src/core/statistics.hpp"
+#include "tools/lab/eval/sample.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {
@@ -165,6 +166,81 @@ double ssim_of_all(const Planes& estimate, const Planes& truth, Geometry g) {
   return sum / static_cast<double>(truth.size());
 }
 
+// What a shift of the truth by d leaves of an estimate, and the step that Gauss and Newton would take from there.
+struct Shift {
+  double x = 0.0;
+  double y = 0.0;
+};
+struct ShiftedError {
+  double mean_square = std::numeric_limits<double>::infinity();
+  Shift step;
+};
+
+ShiftedError shifted_error(const Plane& estimate, const Plane& truth, Geometry g, Shift d) {
+  Plane moved(g.pixels());
+  for (int y = 0; y < g.height; ++y) {
+    for (int x = 0; x < g.width; ++x) moved[at(g, x, y)] = sample(truth, g, x - d.x, y - d.y);
+  }
+  const int left = 1 + std::max(0, static_cast<int>(std::ceil(d.x)));
+  const int right = g.width - 1 + std::min(0, static_cast<int>(std::floor(d.x)));
+  const int top = 1 + std::max(0, static_cast<int>(std::ceil(d.y)));
+  const int bottom = g.height - 1 + std::min(0, static_cast<int>(std::floor(d.y)));
+  std::array<double, 6> sums{};  // gradient xx, xy, yy; gradient times error x, y; error squared
+  for (int y = top; y < bottom; ++y) {
+    for (int x = left; x < right; ++x) {
+      const auto value = [&](int px, int py) { return static_cast<double>(moved[at(g, px, py)]); };
+      const double gx = (value(x + 1, y) - value(x - 1, y)) / 2.0;
+      const double gy = (value(x, y + 1) - value(x, y - 1)) / 2.0;
+      const double e = static_cast<double>(estimate[at(g, x, y)]) - value(x, y);
+      const std::array terms{gx * gx, gx * gy, gy * gy, gx * e, gy * e, e * e};
+      for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += terms[i];
+    }
+  }
+  const auto [xx, xy, yy, xe, ye, ee] = sums;
+  const double determinant = xx * yy - xy * xy;
+  ShiftedError error{ee / ((right - left) * (bottom - top)), {}};
+  if (determinant > 1e-9 * xx * yy) error.step = {(xy * ye - yy * xe) / determinant, (xy * xe - xx * ye) / determinant};
+  return error;
+}
+
+// Mean square error, of every second pixel each way, after a whole shift.
+double whole_shift_error(const Plane& estimate, const Plane& truth, Geometry g, int dx, int dy) {
+  double sum = 0.0;
+  int count = 0;
+  for (int y = std::max(0, dy); y < g.height + std::min(0, dy); y += 2) {
+    for (int x = std::max(0, dx); x < g.width + std::min(0, dx); x += 2, ++count) {
+      sum += std::pow(static_cast<double>(estimate[at(g, x, y)] - truth[at(g, x - dx, y - dy)]), 2);
+    }
+  }
+  return sum / count;
+}
+
+// Mean square error at the best shift: of whole ones first, then between them.
+double best_shifted_error(const Plane& estimate, const Plane& truth, Geometry g) {
+  const int far_x = std::min(24, g.width / 4);
+  const int far_y = std::min(8, g.height / 4);
+  Shift from;
+  double least = whole_shift_error(estimate, truth, g, 0, 0);
+  for (int y = -far_y; y <= far_y; y += 2) {
+    for (int x = -far_x; x <= far_x; x += 2) {
+      const double error = whole_shift_error(estimate, truth, g, x, y);
+      if (error < least) from = {static_cast<double>(x), static_cast<double>(y)};
+      least = std::min(least, error);
+    }
+  }
+  ShiftedError best = shifted_error(estimate, truth, g, from);
+  constexpr int kMostSteps = 12;
+  for (int i = 0; i < kMostSteps; ++i) {
+    from = {std::clamp(from.x + best.step.x, -1.0 * far_x, 1.0 * far_x),
+            std::clamp(from.y + best.step.y, -1.0 * far_y, 1.0 * far_y)};
+    const ShiftedError next = shifted_error(estimate, truth, g, from);
+    const bool better = next.mean_square < best.mean_square;
+    if (better) best = next;
+    if (!better || std::hypot(best.step.x, best.step.y) < 0.01) break;
+  }
+  return best.mean_square;
+}
+
 }  // namespace
 
 double rmse(const Planes& estimate, const Planes& truth) {
@@ -244,6 +320,42 @@ double edge_rmse(const Planes& estimate, const Planes& truth, Geometry g) {
   return values > 0 ? std::sqrt(sum / static_cast<double>(values)) : 0.0;
 }
 
+double shifted_rmse(const Planes& estimate, const Planes& truth, Geometry g) {
+  double sum = 0.0;
+  for (std::size_t k = 0; k < truth.size(); ++k) sum += best_shifted_error(estimate[k], truth[k], g);
+  return std::sqrt(sum / static_cast<double>(truth.size()));
+}
+
+double flat_noise(const Planes& estimate, const Planes& truth, Geometry g) {
+  constexpr int kTile = 16;
+  struct Spread {
+    double truth = 0.0;
+    double error = 0.0;
+  };
+  std::vector<Spread> tiles;
+  for (std::size_t k = 0; k < truth.size(); ++k) {
+    for (int ty = 0; ty + kTile <= g.height; ty += kTile) {
+      for (int tx = 0; tx + kTile <= g.width; tx += kTile) {
+        std::array<double, 4> sums{};
+        for (int i = 0; i < kTile * kTile; ++i) {
+          const std::size_t p = at(g, tx + i % kTile, ty + i / kTile);
+          const auto t = static_cast<double>(truth[k][p] - truth[k][at(g, tx, ty)]);
+          const double e = static_cast<double>(estimate[k][p]) - static_cast<double>(truth[k][p]);
+          const std::array terms{t, t * t, e, e * e};
+          for (std::size_t s = 0; s < sums.size(); ++s) sums[s] += terms[s] / (kTile * kTile);
+        }
+        tiles.push_back({sums[1] - sums[0] * sums[0], sums[3] - sums[2] * sums[2]});
+      }
+    }
+  }
+  if (tiles.empty()) return kNan;
+  std::ranges::sort(tiles, {}, &Spread::truth);
+  tiles.resize(std::max<std::size_t>(1, tiles.size() / 10));
+  const double sum =
+      std::accumulate(tiles.begin(), tiles.end(), 0.0, [](double s, const Spread& t) { return s + t.error; });
+  return std::sqrt(std::max(0.0, sum / static_cast<double>(tiles.size())));
+}
+
 Measures measure(const Planes& estimate, const Planes& truth, Geometry g) {
   Measures m;
   m.rmse_k = rmse(estimate, truth);
@@ -251,6 +363,8 @@ Measures measure(const Planes& estimate, const Planes& truth, Geometry g) {
   m.ssim = ssim_of_all(estimate, truth, g);
   m.edge_width_px = edge_width(estimate, truth, g);
   m.edge_rmse_k = edge_rmse(estimate, truth, g);
+  m.shifted_rmse_k = shifted_rmse(estimate, truth, g);
+  m.flat_noise_k = flat_noise(estimate, truth, g);
   return m;
 }
 

@@ -13,6 +13,8 @@ struct Measures {
   double ssim = 0.0;
   double edge_width_px = 0.0;  // NaN when the truth has no clear edge, or the estimate never crosses 10 and 90 %
   double edge_rmse_k = 0.0;
+  double shifted_rmse_k = 0.0;
+  double flat_noise_k = 0.0;
 };
 
 // Root mean square difference over all planes, K. Both have the same planes. Thread: any.
@@ -33,6 +35,14 @@ double edge_width(const Planes& estimate, const Planes& truth, Geometry geometry
 
 // RMSE where the truth's gradient magnitude (central differences) is in the upper 5 % of its plane. Thread: any.
 double edge_rmse(const Planes& estimate, const Planes& truth, Geometry geometry);
+
+// RMSE where each plane may be shifted against the truth by what makes its error least, at most 24 px along x and 8
+// along y and to fractions of a pixel: what is left is not lag. Over the pixels that both see. Thread: any.
+double shifted_rmse(const Planes& estimate, const Planes& truth, Geometry geometry);
+
+// Root mean square of the error about its mean in each of the 10 % flattest tiles of 16x16 pixels of the truth: noise,
+// whatever the lag. NaN when the picture is smaller than a tile. Thread: any.
+double flat_noise(const Planes& estimate, const Planes& truth, Geometry geometry);
 
 // All of them, range kContrastK; ssim is the mean over the planes, of kelvin above the coldest true pixel. Thread: any.
 Measures measure(const Planes& estimate, const Planes& truth, Geometry geometry);

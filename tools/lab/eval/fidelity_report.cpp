@@ -117,7 +117,9 @@ Json json_of(const Column& column) {
             {"psnr_db", m.psnr_db},
             {"ssim", m.ssim},
             {"edge_width_px", m.edge_width_px},
-            {"edge_rmse_k", m.edge_rmse_k}};
+            {"edge_rmse_k", m.edge_rmse_k},
+            {"shifted_rmse_k", m.shifted_rmse_k},
+            {"flat_noise_k", m.flat_noise_k}};
   if (!column.setting.empty()) json["setting"] = column.setting;
   return json;
 }
@@ -355,6 +357,9 @@ void print_text(const Options& options, const Table& table) {
   for (const ColumnName& column : kColumns) std::printf("  %-10s  %s\n", column.title.data(), column.words.data());
   print_skipped(table.cells);
   print_table(table.cells, "RMSE, K", 3, [](const Measures& m) { return m.rmse_k; });
+  print_table(table.cells, "RMSE after the best shift of each frame, K", 3,
+              [](const Measures& m) { return m.shifted_rmse_k; });
+  print_table(table.cells, "Noise in the flattest tiles, K", 3, [](const Measures& m) { return m.flat_noise_k; });
   print_table(table.cells, "RMSE at the 5 % steepest pixels, K", 3, [](const Measures& m) { return m.edge_rmse_k; });
   print_table(table.cells, "PSNR, dB (range 25 K)", 1, [](const Measures& m) { return m.psnr_db; });
   print_table(table.cells, "SSIM (range 25 K)", 4, [](const Measures& m) { return m.ssim; });

@@ -160,6 +160,26 @@ TEST(FidelityEdgeRmse, LooksOnlyAtTheSteepest) {
   EXPECT_NEAR(edge_rmse({wrong_right}, {truth}, kSize), 5.0, 1e-4);
 }
 
+// A picture that stands 2.3 px to the right and 0.6 px up of the truth is not wrong but for that; its noise stays.
+TEST(FidelityShiftedRmse, TakesOutLagAndNothingElse) {
+  const auto scene = [](double x, double y) { return 300.0 + 3.0 * std::sin(0.21 * x + 0.1 * y) + std::cos(0.5 * y); };
+  const auto truth = plane_of(kSize, scene);
+  const auto lags = plane_of(kSize, [&](int x, int y) { return scene(x - 2.3, y + 0.6); });
+  EXPECT_GT(rmse({lags}, {truth}), 0.8);
+  EXPECT_LT(shifted_rmse({lags}, {truth}, kSize), 0.01);
+  EXPECT_NEAR(shifted_rmse({noisy(lags, 0.5F, 9)}, {truth}, kSize), 0.5, 0.03);
+  EXPECT_NEAR(shifted_rmse({trailing(5.0)}, {step_edge()}, kSize), rmse({trailing(5.0)}, {step_edge()}), 0.6);
+  EXPECT_GT(shifted_rmse({trailing(5.0)}, {step_edge()}, kSize), 0.5);  // blur is no lag
+}
+
+TEST(FidelityFlatNoise, LooksAwayFromEdges) {
+  const auto truth = plane_of({96, 32}, [](int x, int) { return x < 8 ? 290.0 + 2.0 * x : 305.0; });
+  const auto lags = plane_of({96, 32}, [](int x, int) { return x < 12 ? 285.0 + 2.0 * x : 305.5; });
+  EXPECT_NEAR(flat_noise({lags}, {truth}, {96, 32}), 0.0, 1e-3);
+  EXPECT_NEAR(flat_noise({noisy(lags, 0.5F, 4)}, {truth}, {96, 32}), 0.5, 0.08);
+  EXPECT_TRUE(std::isnan(flat_noise({Plane(64)}, {Plane(64)}, {8, 8})));
+}
+
 TEST(FidelityMeasures, AgreeWithTheirParts) {
   const Planes truth{step_edge()};
   const Planes estimate{trailing(3.0)};
@@ -167,6 +187,8 @@ TEST(FidelityMeasures, AgreeWithTheirParts) {
   EXPECT_EQ(m.rmse_k, rmse(estimate, truth));
   EXPECT_EQ(m.psnr_db, psnr(m.rmse_k, 25.0));
   EXPECT_EQ(m.edge_rmse_k, edge_rmse(estimate, truth, kSize));
+  EXPECT_EQ(m.shifted_rmse_k, shifted_rmse(estimate, truth, kSize));
+  EXPECT_EQ(m.flat_noise_k, flat_noise(estimate, truth, kSize));
   EXPECT_GT(m.ssim, 0.5);
   EXPECT_LT(m.ssim, 1.0);
 }
