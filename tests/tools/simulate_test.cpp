@@ -63,8 +63,8 @@ TEST(SimulateVerb, TheDefaultsAreThoseOfTheA655sc) {
 TEST(SimulateVerb, KeepsItsFramesWhenItsTerminalIsClosed) {
   const Scratch scratch;
   const std::string file = (scratch / "a.h5").string();
-  const tools::test::Program program(
-      scratch / "", {BOLO_PROGRAM, "simulate", "-o", file, "--width", "32", "--height", "12", "--frames", "1000000"});
+  const tools::test::Program program(scratch / "", {BOLO_PROGRAM, "simulate", "-o", file, "--width", "32", "--height",
+                                                    "12", "--stimulus", "uniform", "--frames", "1000000"});
   for (int i = 0; i < 3000 && !std::filesystem::exists(file + ".part"); ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
