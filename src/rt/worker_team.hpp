@@ -39,6 +39,7 @@ class WorkerTeam {
   struct alignas(kCacheLine) Gate {
     sem_t start;
   };
+  int spins_;                      // before a thread that waits goes to sleep; 0 where the team has to share processors
   std::unique_ptr<Gate[]> gates_;  // gates_[i] starts worker i + 1
   sem_t done_{};
   Job job_ = nullptr;  // nullptr: the threads end
