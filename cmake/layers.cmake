@@ -44,3 +44,16 @@ function(bolo_layer name)
     target_include_directories(bolo_${name} INTERFACE ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR})
   endif()
 endfunction()
+
+# bolo_effect_list(TYPE TEMPLATE OUTPUT file...): makes the list of effects from the files of a folder that has one;
+# NAME.cpp defines std::vector<TYPE> NAME_effects().
+function(bolo_effect_list type template output)
+  set(declarations "")
+  set(names "")
+  foreach(file IN LISTS ARGN)
+    get_filename_component(name ${file} NAME_WE)
+    string(APPEND declarations "std::vector<${type}> ${name}_effects();\n")
+    string(APPEND names "    &${name}_effects,\n")
+  endforeach()
+  configure_file(${template} ${output} @ONLY)
+endfunction()

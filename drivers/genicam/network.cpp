@@ -19,6 +19,7 @@
 #include <optional>
 #include <vector>
 
+#include "src/core/byte_order.hpp"
 #include "src/core/unique_fd.hpp"
 
 namespace bolo::genicam {
@@ -79,12 +80,9 @@ std::optional<std::uint32_t> ask(const UdpSocket& socket, Command command, std::
     std::array<unsigned char, 576> answer{};
     const ssize_t bytes = recv(socket.fd(), answer.data(), answer.size(), 0);
     if (bytes < 12) continue;
-    const auto word = [&answer](std::size_t at) {
-      return static_cast<std::uint32_t>(answer[at] << 8 | answer[at + 1]);
-    };
-    if (word(2) != static_cast<std::uint32_t>(command) + 1) continue;
-    if (word(0) != 0) return std::nullopt;
-    return word(8) << 16 | word(10);
+    if (load_u16(answer, 2) != static_cast<std::uint32_t>(command) + 1) continue;
+    if (load_u16(answer, 0) != 0) return std::nullopt;
+    return load_u32(answer, 8);
   }
   return std::nullopt;
 }

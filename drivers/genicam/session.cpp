@@ -223,7 +223,7 @@ Result<gvsp::StreamPlan> Session::plan_stream(std::size_t payload_bytes, std::ve
                   " bytes: " + std::to_string(kSmallestPacket) + " is the least");
   }
   plan.frames = static_cast<std::size_t>(std::max(options_.buffers, kFewestFrames));
-  plan.period_ns = std::llround(negotiated_.info.format.frame_period_s * kNsPerSecond);
+  plan.period_ns = to_ns(negotiated_.info.format.frame_period_s);
   plan.ticks_per_s = arv_gv_device_get_timestamp_tick_frequency(device, error.out());
   if (error || plan.ticks_per_s > gvsp::kMostTicksPerSecond) plan.ticks_per_s = 0;
   if (plan.ticks_per_s == 0) warnings.push_back("the camera has no clock: this computer's stands in for it");

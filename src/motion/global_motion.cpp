@@ -28,16 +28,13 @@ struct NoiseOfLevel {
   double independent;  // px^2 of the level that go together
 
   double squared_gradient(Vec2 d, bool across) const noexcept {
-    const auto moved = [](double v) {
-      const double part = v - std::floor(v);
-      return 2.0 * part * (1.0 - part);
-    };
-    const double a = 2.0 * smoothing + 2.0 / 3.0 + moved(across ? d.y : d.x);
-    const double b = 2.0 * smoothing + 1.0 + moved(across ? d.x : d.y);
+    const auto [along, beside] = across ? Vec2{d.y, d.x} : d;
+    const double a = 2.0 * smoothing + 2.0 / 3.0 + 2.0 * static_cast<double>(spread_by_moving(along));
+    const double b = 2.0 * smoothing + 1.0 + 2.0 * static_cast<double>(spread_by_moving(beside));
     return factor / (std::sqrt(a * b) * a);
   }
 };
-constexpr std::array kNoise = {NoiseOfLevel{1.0, 0.155, 12.6}, NoiseOfLevel{0.3125, 0.034, 6.0},
+constexpr std::array kNoise = {NoiseOfLevel{1.0, 0.155, kAlike}, NoiseOfLevel{0.3125, 0.034, 6.0},
                                NoiseOfLevel{0.14, 0.008, 4.0}};
 
 struct Step {

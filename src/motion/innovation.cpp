@@ -25,13 +25,9 @@ Vec2 pull_of_noise(const Inertia& inertia, Vec2 d) noexcept {
   constexpr float kFar = 50.0F;  // px^2: nothing is left there
   if (d.x * d.x + d.y * d.y > kFar) return {};
   const auto shared = static_cast<float>(inertia.rho * inertia.gain() * inertia.gain() / (2.0 * std::numbers::pi));
-  const auto moved = [](float v) {
-    const float part = v - std::floor(v);
-    return part * (1.0F - part);
-  };
   const auto along_axis = [&](float along, float across) {
-    const float a = 2.0F * kSmoothing + 1.0F / 3.0F + moved(along);
-    const float b = 2.0F * kSmoothing + 1.0F / 2.0F + moved(across);
+    const float a = 2.0F * kSmoothing + 1.0F / 3.0F + spread_by_moving(along);
+    const float b = 2.0F * kSmoothing + 1.0F / 2.0F + spread_by_moving(across);
     const float height = shared / (std::sqrt(a * b) * a);
     return height * along * std::exp(-0.5F * (along * along / a + across * across / b));
   };

@@ -5,6 +5,7 @@
 // frame instead of the whole past's, which is what makes motion visible.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "src/core/crew.hpp"
@@ -32,6 +33,12 @@ struct Inertia {
 inline constexpr float kSmoothing = 1.0F;
 // What is left of the variance of white noise.
 inline constexpr double kSmoothedNoise = 1.0 / (12.566370614359172 * static_cast<double>(kSmoothing));
+
+// Variance, px^2, that moving by v adds to a smoothed plane: it is linear between pixels. Thread: any.
+inline float spread_by_moving(float v) noexcept {
+  const float part = v - std::floor(v);
+  return part * (1.0F - part);
+}
 
 // The noise of the frame between two innovations stands in both, with opposite signs. For what is matched that is a
 // pattern which is best matched anywhere but where it is: of the sum of gradient times difference (MatchSums, a pixel)

@@ -21,6 +21,7 @@ import urllib.parse
 import zlib
 
 import browser
+from loopback import own_address
 
 if browser.missing():
     print(f"skipped: {browser.missing()} is not installed")
@@ -45,8 +46,7 @@ class Programs:
 
     def __init__(self, bolo, bolod, folder, name):
         self.bolo, self.bolod, self.folder, self.name = bolo, bolod, folder, name
-        # Of this process alone: 22 bits of its id.
-        self.address = f"127.{64 + os.getpid() // 65024}.{os.getpid() // 254 % 256}.{1 + os.getpid() % 254}"
+        self.address = own_address()
         self.running = []
         self.config = os.path.join(folder, "bolod.toml")
         with open(self.config, "w", encoding="utf-8") as f:

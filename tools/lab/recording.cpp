@@ -45,7 +45,7 @@ void RecordingSource::feed(pipeline::FrameInlet& inlet) noexcept {
     if (slot == nullptr) break;
     std::memcpy(slot->data, recording_.planes[k].data(), recording_.planes[k].size());
     slot->meta.frame_id = k;
-    slot->meta.camera_ns = std::llround(static_cast<double>(k) * recording_.format.frame_period_s * kNsPerSecond);
+    slot->meta.camera_ns = to_ns(static_cast<double>(k) * recording_.format.frame_period_s);
     slot->meta.receive_ns = monotonic_ns();
     inlet.commit(*slot);
   }

@@ -32,10 +32,10 @@ def reason_of(output: str, told: str) -> str:
     return (found.group(1).strip() if found else "") or told or "no reason is told"
 
 
-def skips_of(junit: pathlib.Path) -> list[tuple[str, str]]:
-    """Names and reasons, from ctest's JUnit file."""
+def skips_of(cases: list[xml.etree.ElementTree.Element]) -> list[tuple[str, str]]:
+    """Names and reasons, from the test cases of ctest's JUnit file."""
     skips = []
-    for case in xml.etree.ElementTree.parse(junit).getroot().iter("testcase"):
+    for case in cases:
         name, output = case.get("name", "?"), case.findtext("system-out") or ""
         skipped = case.find("skipped")
         if skipped is not None:
@@ -44,9 +44,8 @@ def skips_of(junit: pathlib.Path) -> list[tuple[str, str]]:
     return skips
 
 
-def failures_of(junit: pathlib.Path) -> list[tuple[str, str]]:
-    """Names and the ends of their output, from ctest's JUnit file."""
-    cases = xml.etree.ElementTree.parse(junit).getroot().iter("testcase")
+def failures_of(cases: list[xml.etree.ElementTree.Element]) -> list[tuple[str, str]]:
+    """Names and the ends of their output."""
     return [(case.get("name", "?"), (case.findtext("system-out") or "").strip()[-MOST_AGAIN:])
             for case in cases if case.get("status") == "fail"]
 
@@ -65,8 +64,8 @@ def run_ctest(build: str, options: list[str]) -> tuple[int, str, list[tuple[str,
                     summary += line
                 else:
                     print(line, end="", flush=True)
-        told = (skips_of(junit), failures_of(junit)) if junit.exists() else ([], [])
-        return ctest.returncode, summary, *told
+        cases = list(xml.etree.ElementTree.parse(junit).getroot().iter("testcase")) if junit.exists() else []
+        return ctest.returncode, summary, skips_of(cases), failures_of(cases)
 
 
 def main() -> int:

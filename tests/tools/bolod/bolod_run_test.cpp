@@ -170,8 +170,7 @@ TEST_F(BolodRun, StatFollowsARestart) {
 // Over the network, from the camera that replays: what it sends is what readers get, before it is lost and after.
 TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   write_capture(folder_ / "in.h5", 90);  // below kLostId: nothing is missing
-  const int pid = static_cast<int>(getpid());
-  const std::string address = "127." + std::to_string(100 + pid % 100) + "." + std::to_string(pid / 100 % 250) + ".7";
+  const std::string address = own_address();
   const std::vector<std::string> serve{BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address, "--loop"};
   auto camera = std::make_unique<Process>(serve, folder_ / "camera");
   ASSERT_TRUE(eventually([&] { return camera->out().find("serving") != std::string::npos; })) << camera->err();
@@ -226,8 +225,7 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
 // a = exp(-period / tau).
 TEST_F(BolodRun, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
   write_capture(folder_ / "in.h5", 90, 100);
-  const int pid = static_cast<int>(getpid());
-  const std::string address = "127." + std::to_string(100 + pid % 100) + "." + std::to_string(pid / 100 % 250) + ".9";
+  const std::string address = own_address();
   Process camera({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address, "--loop", "--rate", "180"},
                  folder_ / "camera");
   ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();

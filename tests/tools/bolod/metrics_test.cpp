@@ -57,10 +57,7 @@ double value(const std::string& text, const std::string& series) {
 
 class Metrics : public BolodRun {
  protected:
-  Metrics() {
-    const int pid = static_cast<int>(getpid());
-    address_ = "127." + std::to_string(100 + pid % 100) + "." + std::to_string(pid / 100 % 250) + ".9";
-  }
+  Metrics() { address_ = own_address(); }
   std::string section() const { return "[metrics]\nenable = true\nlisten = '" + address_ + ":9464'\n"; }
 
   std::string address_;

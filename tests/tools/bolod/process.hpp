@@ -16,6 +16,13 @@
 
 namespace bolo::testing_tools {
 
+// A loopback address that no other test has: all 22 bits of the process id are in it (as own_address() of loopback.py).
+inline std::string own_address() {
+  const int pid = getpid();
+  return "127." + std::to_string(64 + pid / 65024) + "." + std::to_string(pid / 254 % 256) + "." +
+         std::to_string(1 + pid % 254);
+}
+
 class Process {
  public:
   // Starts argv[0]; standard output and error go to `log`.out and `log`.err.

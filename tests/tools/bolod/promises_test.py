@@ -31,6 +31,8 @@ except ImportError:
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "system" / "guest"))
 from frames import open_ring  # noqa: E402
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
+from loopback import own_address  # noqa: E402
 
 BOLO, BOLOD, WHAT = sys.argv[1:4]
 PERIOD_S = 0.005
@@ -44,8 +46,7 @@ class Programs:
     def __init__(self, folder, name, size=(160, 48), more="", number=0):
         self.folder, self.name = pathlib.Path(folder), name
         self.width, self.height = size
-        pid = os.getpid()
-        self.address = f"127.{pid >> 16 & 63 | 64}.{pid >> 8 & 255}.{(pid & 63) * 4 + 1 + number}"
+        self.address = own_address(number)
         self.config = self.folder / f"{name}.toml"
         self.config.write_text(
             f'name = "{name}"\n[source]\naddress = "{self.address}"\nwidth = {self.width}\nheight = {self.height}\n'

@@ -15,6 +15,7 @@ namespace bolo::daemon {
 namespace {
 
 using testing_tools::eventually;
+using testing_tools::own_address;
 using testing_tools::Process;
 using Outcome = shm::ShmReader::Outcome;
 
@@ -66,8 +67,7 @@ class RealCaptures : public testing::TestWithParam<Recording> {
 
 TEST_P(RealCaptures, ReachAReaderPixelByPixel) {
   const Region crop = GetParam().crop;
-  const int pid = static_cast<int>(getpid());
-  const std::string address = "127." + std::to_string(1 + pid % 90) + "." + std::to_string(pid / 90 % 250) + ".9";
+  const std::string address = own_address();
   const std::string region = std::to_string(crop.x) + "," + std::to_string(crop.y) + "," + std::to_string(crop.width) +
                              "," + std::to_string(crop.height);
   Process camera(

@@ -158,8 +158,7 @@ TEST_F(Service, HearsNoSignOfLifeWhileAThreadOfThePipelineHangs) {
 TEST_F(Service, HearsSignsOfLifeWhileALostCameraIsLookedFor) {
   expect_feeding(false);
   write_capture(folder_ / "in.h5", 90);
-  const int pid = static_cast<int>(getpid());
-  const std::string address = "127." + std::to_string(100 + pid % 100) + "." + std::to_string(pid / 100 % 250) + ".8";
+  const std::string address = own_address();
   Process camera({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address, "--loop"}, folder_ / "camera");
   ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();
   std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address

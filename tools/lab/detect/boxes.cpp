@@ -7,15 +7,12 @@
 #include <fstream>
 #include <optional>
 #include <sstream>
+#include <string_view>
+
+#include "src/core/parse_text.hpp"
 
 namespace bolo::tools::detect {
 namespace {
-
-std::string trimmed(const std::string& text) {
-  const std::size_t first = text.find_first_not_of(" \t\r");
-  if (first == std::string::npos) return {};
-  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
-}
 
 struct Line {
   int number = 0;
@@ -79,7 +76,7 @@ std::vector<std::string> split_names(const std::string& text) {
   std::vector<std::string> names;
   std::istringstream in(text);
   for (std::string part; std::getline(in, part, ',');) {
-    if (std::string name = trimmed(part); !name.empty()) names.push_back(std::move(name));
+    if (const std::string_view name = trimmed(part); !name.empty()) names.emplace_back(name);
   }
   return names;
 }
@@ -90,7 +87,7 @@ Result<std::vector<JudgedClass>> classes_of(const std::string& text) {
     JudgedClass one;
     const char* const end = part.data() + part.size();
     const auto [colon, error] = std::from_chars(part.data(), end, one.number);
-    if (error == std::errc() && colon != end && *colon == ':') one.name = trimmed(std::string(colon + 1, end));
+    if (error == std::errc() && colon != end && *colon == ':') one.name = trimmed({colon + 1, end});
     if (one.name.empty() || one.number < 0) {
       return bad_input("classes '" + text + "': expected NUMBER:NAME with commas between, as in 1:person,3:car");
     }
@@ -129,7 +126,7 @@ Result<std::vector<std::string>> read_names(const std::filesystem::path& file) {
   std::ifstream in(file);
   if (!in) return bad_input(file.string() + ": cannot be opened; give a file with one class name a line");
   std::vector<std::string> names;
-  for (std::string line; std::getline(in, line);) names.push_back(trimmed(line));
+  for (std::string line; std::getline(in, line);) names.emplace_back(trimmed(line));
   while (!names.empty() && names.back().empty()) names.pop_back();
   if (names.empty()) return bad_input(file.string() + ": has no class names; give one a line");
   return names;

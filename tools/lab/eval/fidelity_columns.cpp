@@ -10,6 +10,7 @@
 #include <random>
 #include <utility>
 
+#include "src/core/clock.hpp"
 #include "src/deblur/window.hpp"
 #include "src/report/text.hpp"
 #include "tools/lab/eval/fidelity_filters.hpp"
@@ -110,7 +111,7 @@ Result<std::vector<double>> stream_errors(const Sequence& s, const deblur::Setti
     const std::size_t place = closed_up ? i : numbers[i];
     deblur::WindowFrame frame;
     frame.meta.frame_id = place;
-    frame.meta.camera_ns = std::llround(static_cast<double>(place) * kPeriodS * 1e9);
+    frame.meta.camera_ns = to_ns(static_cast<double>(place) * kPeriodS);
     frame.plane = s.frames[numbers[i]].data();
     frame.token = static_cast<std::uint32_t>(numbers[i]);
     window.push(frame, false);

@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/capture/capture.hpp"
+#include "src/core/clock.hpp"
 #include "src/core/statistics.hpp"
 #include "src/deblur/solver.hpp"
 #include "src/deblur/window.hpp"
@@ -140,7 +141,7 @@ class Judge {
       const std::uint64_t place = recording_.place[i];
       if (place % step() != 0) continue;
       const double t_s = static_cast<double>(place) * recording_.format.frame_period_s;
-      deblur::WindowFrame frame{{.frame_id = place / step(), .camera_ns = std::llround(1e9 * t_s)},
+      deblur::WindowFrame frame{{.frame_id = place / step(), .camera_ns = to_ns(t_s)},
                                 recording_.frames[i].data(),
                                 static_cast<std::uint32_t>(i)};
       window.push(frame, false);
