@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <cstring>
 #include <random>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -71,11 +72,13 @@ double seconds_a_frame(deblur::Solver& solver, const deblur::Settings& settings,
   constexpr unsigned kPlanes = 3;
   std::vector<std::vector<std::byte>> planes;
   for (unsigned i = 0; i < kPlanes; ++i) planes.push_back(changing_plane(input, i + 1));
-  std::vector<const void*> window;
-  window.reserve(static_cast<std::size_t>(settings.window));
-  for (int i = 0; i < settings.window; ++i) window.push_back(planes[static_cast<unsigned>(i) % kPlanes].data());
+  std::vector<const void*> frames;
+  for (int i = 0; i <= settings.window; ++i) frames.push_back(planes[static_cast<unsigned>(i) % kPlanes].data());
   std::vector<std::byte> out(input.geometry.pixels() * bytes_of(output));
-  const deblur::WindowView view{window, settings.window - 1 - settings.lookahead};
+  const std::span<const void* const> all(frames);
+  const int target = settings.window - 1 - settings.lookahead;
+  solver.prepare({all.first(all.size() - 1), target, 1});  // the first window is all new: not what a frame takes
+  const deblur::WindowView view{all.last(all.size() - 1), target, 2};
   const double begin = thread_seconds();
   solver.prepare(view);
   const double prepared = thread_seconds();
