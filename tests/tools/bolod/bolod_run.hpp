@@ -20,6 +20,7 @@ namespace bolo::daemon {
 using shm::ReadFrame;
 using shm::ShmReader;
 using testing_tools::eventually;
+using testing_tools::logged;
 using testing_tools::own_address;
 using testing_tools::Process;
 using Outcome = ShmReader::Outcome;

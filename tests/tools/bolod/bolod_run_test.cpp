@@ -63,7 +63,7 @@ TEST_F(BolodRun, SigtermEndsItInGoodOrder) {
   ReadFrame frame;
   ASSERT_NE(reader->read(5, frame, 60'000), Outcome::kTimeout);
   daemon->signal(SIGHUP);
-  ASSERT_TRUE(eventually([&] { return daemon->err().find("reload: nothing to take up") != std::string::npos; }));
+  ASSERT_TRUE(logged(*daemon, "reload: nothing to take up"));
   const std::uint64_t before = reader->published();
   EXPECT_NE(reader->read(before + 5, frame, 60'000), Outcome::kClosed) << "SIGHUP does not end it";
   daemon->signal(SIGTERM);
@@ -199,11 +199,11 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   };
   EXPECT_EQ(good_frames(50), 50) << daemon.err();
   camera->signal(SIGKILL);
-  ASSERT_TRUE(eventually([&] { return daemon.err().find("camera lost") != std::string::npos; })) << daemon.err();
+  ASSERT_TRUE(logged(daemon, "camera lost")) << daemon.err();
   EXPECT_FALSE(reader->closed()) << "a lost camera does not end the daemon";
   camera = std::make_unique<Process>(serve, folder_ / "camera");
   EXPECT_EQ(good_frames(50), 50) << daemon.err();
-  ASSERT_TRUE(eventually([&] { return daemon.err().find("camera opened again") != std::string::npos; }));
+  ASSERT_TRUE(logged(daemon, "camera opened again"));
   EXPECT_GT(reader->header().restarts, 0U);
   Process stat({BOLO_PROGRAM, "stat", name_, "--once", "--json", "--interval", "0.1"}, folder_ / "stat");
   ASSERT_EQ(stat.wait(), 0) << stat.err();
@@ -214,7 +214,7 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   EXPECT_GT(told["received_packets"], 100) << told;
   Process nuc({BOLO_PROGRAM, "nuc", name_}, folder_ / "nuc");
   EXPECT_EQ(nuc.wait(), 0) << nuc.err();
-  EXPECT_TRUE(eventually([&] { return daemon.err().find("NUC (asked for)") != std::string::npos; })) << daemon.err();
+  EXPECT_TRUE(logged(daemon, "NUC (asked for)")) << daemon.err();
   EXPECT_TRUE(eventually([&] { return reader->camera()->corrections == 1; }));
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(), 0) << daemon.err();
@@ -254,7 +254,7 @@ TEST_F(BolodRun, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
     if (std::abs(last - added(180.0)) < 2.0) break;
   }
   EXPECT_NEAR(last, added(180.0), 2.0) << "200 Hz would add " << added(200.0) << '\n' << daemon.err();
-  EXPECT_NE(daemon.err().find("180 frames come a second, not 200"), std::string::npos) << daemon.err();
+  EXPECT_TRUE(logged(daemon, "180 frames come a second, not 200")) << daemon.err();
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(), 0) << daemon.err();
 }

@@ -91,4 +91,9 @@ bool eventually(Condition condition) {
   return false;
 }
 
+// Waits for words on its standard error: a daemon's log is written by a thread of its own, behind what it tells of.
+inline bool logged(const Process& process, const std::string& words) {
+  return eventually([&] { return process.err().find(words) != std::string::npos; });
+}
+
 }  // namespace bolo::testing_tools
