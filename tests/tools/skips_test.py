@@ -16,6 +16,9 @@ set_tests_properties(root PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")
 add_test(numpy sh -c "echo 'skipped: python3-numpy is not installed'; exit 77")
 set_tests_properties(numpy PROPERTIES SKIP_RETURN_CODE 77)
 add_test(part sh -c "echo 'test_fish (m.T.test_fish) ... skipped \"fish is not installed\"' >&2")
+foreach(n 1 2 3 4)
+  add_test(busy${n} sh -c "test -e ran${n} || { touch ran${n}; exit 1; }")
+endforeach()
 add_test(bad sh -c "echo why it is so; exit 1")
 """
 
@@ -51,6 +54,15 @@ class Skips(unittest.TestCase):
         self.assertEqual(done.returncode, 8)
         self.assertIn("failed: bad\nwhy it is so\n", done.stdout)
         self.assertIn("bad", done.stdout.split("tests passed")[1])
+        self.assertNotIn("second run", done.stdout)
+
+    def test_a_few_may_pass_in_their_second_run(self):
+        done = self.check("good", "busy1", "busy2")
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        self.assertIn("passed only in its second run: busy1\npassed only in its second run: busy2\n100% tests", done.stdout)
+        done = self.check("good", "busy1", "busy2", "busy3", "busy4")
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("4 tests passed only in their second run", done.stderr)
 
 
 if __name__ == "__main__":

@@ -2,10 +2,11 @@
 
 usage: skips.py [--allow WORDS]... BUILD [CTEST OPTION...]
 
-What failed is shown again behind all else, the end of its output each.
+A test that fails runs once more, since others load the machine beside it; that it did is told, and more than a few are a
+failure. What failed is shown again behind all else, the end of its output each.
 A skip is one of a whole test (gtest's GTEST_SKIP, ctest's SKIP_RETURN_CODE) or of a part that Python's unittest leaves out.
 Its reason must have "BOLO_TEST_DATA" in it, or the words of an --allow. The last lines are ctest's own summary.
-Exit code: ctest's, or 1 for a skip that is not allowed.
+Exit code: ctest's, or 1 for a skip that is not allowed or too many tests that needed a second run.
 """
 
 import argparse
@@ -19,6 +20,8 @@ import xml.etree.ElementTree
 ALLOWED = "BOLO_TEST_DATA"
 MOST_BYTES = str(1 << 20)  # of a test's output, of which ctest would keep one KiB
 MOST_AGAIN = 3000  # characters of a failed test's output
+MOST_REPEATED = 3  # tests that pass only when they run again
+FAILED = re.compile(r"Test +#\d+: (\S+) \.*\*\*\*(?!Skipped)")
 SUMMARY = re.compile(r"^\d+% tests passed")
 # A line of gtest "file:line: Skipped" stands before the reason; Python prints "test_x (...) ... skipped 'reason'".
 GTEST = re.compile(r"^.*: Skipped\n(.*)$", re.MULTILINE)
@@ -50,22 +53,27 @@ def failures_of(cases: list[xml.etree.ElementTree.Element]) -> list[tuple[str, s
             for case in cases if case.get("status") == "fail"]
 
 
-def run_ctest(build: str, options: list[str]) -> tuple[int, str, list[tuple[str, str]], list[tuple[str, str]]]:
-    """Shows ctest's output but for its summary, which comes last. Returns exit code, summary, skips and failures."""
+def run_ctest(build: str, options: list[str]) -> tuple[int, str, list[tuple[str, str]], list[tuple[str, str]], list[str]]:
+    """Shows ctest's output but for its summary, which comes last.
+    Returns exit code, summary, skips, failures and the names of those that passed in their second run."""
     with tempfile.TemporaryDirectory(prefix="bolo-skips-") as folder:
         junit = pathlib.Path(folder) / "junit.xml"
-        command = ["ctest", "--test-dir", build, "--output-junit", str(junit), *options]
+        command = ["ctest", "--test-dir", build, "--output-junit", str(junit), "--repeat", "until-pass:2", *options]
         for outcome in ("passed", "failed"):
             command += [f"--test-output-size-{outcome}", MOST_BYTES]
-        summary = ""
+        summary, failed_once = "", []
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, errors="replace") as ctest:
             for line in ctest.stdout:
                 if summary or SUMMARY.match(line):
                     summary += line
                 else:
+                    failed_once += FAILED.findall(line)
                     print(line, end="", flush=True)
         cases = list(xml.etree.ElementTree.parse(junit).getroot().iter("testcase")) if junit.exists() else []
-        return ctest.returncode, summary, skips_of(cases), failures_of(cases)
+        failures = failures_of(cases)
+        failed = {name for name, _ in failures}
+        repeated = sorted(name for name in set(failed_once) if name not in failed)
+        return ctest.returncode, summary, skips_of(cases), failures, repeated
 
 
 def main() -> int:
@@ -73,17 +81,21 @@ def main() -> int:
     parser.add_argument("--allow", action="append", default=[ALLOWED])
     parser.add_argument("build")
     arguments, options = parser.parse_known_args()
-    code, summary, skips, failures = run_ctest(arguments.build, options)
+    code, summary, skips, failures, repeated = run_ctest(arguments.build, options)
     bad = [skip for skip in skips if not any(words in skip[1] for words in arguments.allow)]
     print(f"{len(skips)} skipped" + (":" if skips else ""))
     for name, reason in skips:
         print(f"  {name}: {reason}" + (" (NOT ALLOWED)" if (name, reason) in bad else ""))
+    for name in repeated:
+        print(f"passed only in its second run: {name}")
     for name, end in failures:
         print(f"failed: {name}\n{end}")
     print(summary, end="", flush=True)
     if bad:
         print(f"skips.py: {len(bad)} of these skips must not be: install or allow what they need", file=sys.stderr)
-    return code or (1 if bad else 0)
+    if len(repeated) > MOST_REPEATED:
+        print(f"skips.py: {len(repeated)} tests passed only in their second run", file=sys.stderr)
+    return code or (1 if bad or len(repeated) > MOST_REPEATED else 0)
 
 
 if __name__ == "__main__":
