@@ -317,7 +317,8 @@ void correct(const PaddedPlane& left, const float* const* w, int block_row, Padd
   }
 }
 
-void blend(const PaddedPlane& x, const float* other, const float* const* c, int block_row, float* out) noexcept {
+void blend(const PaddedPlane& x, const float* other, const float* const* c, const float* most, int block_row,
+           float* out) noexcept {
   const Shares shares;
   const Geometry g = x.geometry();
   const int last = x.blocks_across() - 1;
@@ -334,7 +335,8 @@ void blend(const PaddedPlane& x, const float* other, const float* const* c, int 
         for (int i = 0; i < count; ++i) part[i] = other[row + static_cast<std::size_t>(column + i)];
         for (int i = count; i < kLanes; ++i) part[i] = 0.0F;
         const Vec old = hn::Load(Float(), part);
-        const Vec v = hn::MulAdd(between(shares, c, r, b, last, k), hn::Sub(load(x.at(column, y)), old), old);
+        const Vec share = hn::Min(between(shares, c, r, b, last, k), all(most[b]));
+        const Vec v = hn::MulAdd(share, hn::Sub(load(x.at(column, y)), old), old);
         hn::Store(v, Float(), part);
         std::copy_n(part, count, out + row + static_cast<std::size_t>(column));
       }

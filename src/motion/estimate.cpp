@@ -62,7 +62,7 @@ Estimator::Estimator(Geometry geometry, const Inertia& inertia, int ahead)
   const int down = blocks_over(geometry.height);
   for (VectorField& f : past_) f = VectorField(across, down);
   for (VectorField* f : {&next_, &trail_, &direction_}) *f = VectorField(across, down);
-  for (ScalarField* f : {&speed_, &lag_, &unexplained_, &step_, &share_}) *f = ScalarField(across, down);
+  for (ScalarField* f : {&speed_, &lag_, &unexplained_, &step_, &share_, &most_}) *f = ScalarField(across, down);
   for (std::size_t i = 0; i < raw_.size(); ++i) raw_[i] = smooth_[i] = ScalarField(across, down);
   fit_ = BlockField<FitSums>(across, down);
   weights_ = BlockField<FilterWeights>(across, down);
@@ -190,26 +190,23 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
   spare_what_rests(in);
 }
 
-// Shares are interpolated between blocks. Beside one that a per-pixel estimate has nearly right and that moves another
-// way, a block would lend it some of its own motion.
+// Shares are interpolated between blocks. A block that a per-pixel estimate has nearly right takes none from one beside
+// it that moves another way: with it would come some of that motion.
 void Estimator::spare_what_rests(const EstimateInputs& in) noexcept {
-  ScalarField& spared = raw_[0];
   for (int r = 0; r < share_.down(); ++r) {
     for (int c = 0; c < share_.across(); ++c) {
-      spared.at(c, r) = share_.at(c, r);
+      const auto here = static_cast<std::size_t>(r * share_.across() + c);
+      most_[here] = 1.0F;
       for (int v = std::max(r - 1, 0); v <= std::min(r + 1, share_.down() - 1); ++v) {
         for (int u = std::max(c - 1, 0); u <= std::min(c + 1, share_.across() - 1); ++u) {
-          const auto here = static_cast<std::size_t>(r * share_.across() + c);
           const auto beside = static_cast<std::size_t>(v * share_.across() + u);
           const Vec2 apart = trail_[here] - trail_[beside];
-          const bool rests = in.other_error[beside] < kNearlyRight * in.other_error[here];
-          if (!rests || apart.x * apart.x + apart.y * apart.y < kAnotherWay * kAnotherWay) continue;
-          spared[here] = std::min(spared[here], share_[beside]);
+          const bool rests = in.other_error[here] < kNearlyRight * in.other_error[beside];
+          if (rests && apart.x * apart.x + apart.y * apart.y >= kAnotherWay * kAnotherWay) most_[here] = share_[here];
         }
       }
     }
   }
-  std::swap(share_, spared);
 }
 
 void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& crew, float* out) noexcept {
@@ -229,7 +226,7 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
   for_rows(crew, weights_.down(), [&](int row) { kernels.correct(left_, rows_around(step_, row).data(), row, x_); });
   const PaddedPlane& sharp = in.row_delay.empty() ? x_ : at_frame_time(kernels, in, crew);
   for_rows(crew, weights_.down(),
-           [&](int row) { kernels.blend(sharp, in.other, rows_around(share_, row).data(), row, out); });
+           [&](int row) { kernels.blend(sharp, in.other, rows_around(share_, row).data(), most_.row(row), row, out); });
 }
 
 // What rows that are sampled later show, moved back to where it was at the frame's time.

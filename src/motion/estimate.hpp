@@ -73,6 +73,7 @@ class Estimator {
   ScalarField unexplained_;
   ScalarField step_;  // how much of what is left is added
   ScalarField share_;
+  ScalarField most_;  // share in any pixel of a block
 };
 
 }  // namespace bolo::motion

@@ -92,8 +92,10 @@ struct Kernels {
                 int block_row, PaddedPlane& left, float* left_square, float* change_square) noexcept;
   // x += w left, w interpolated between blocks; rows of w as in filter.
   void (*correct)(const PaddedPlane& left, const float* const* w, int block_row, PaddedPlane& x) noexcept;
-  // out = c x + (1 - c) other, whole rows of the frame. `other` and `out` are planes of the frame's width.
-  void (*blend)(const PaddedPlane& x, const float* other, const float* const* c, int block_row, float* out) noexcept;
+  // out = c x + (1 - c) other, whole rows of the frame; c is interpolated between blocks, as w in correct, and within a
+  // block no more than its `most`. `other` and `out` are planes of the frame's width.
+  void (*blend)(const PaddedPlane& x, const float* other, const float* const* c, const float* most, int block_row,
+                float* out) noexcept;
   // Sum over i of share[i] c(r_i), r_i the length of (at + along t_i, across t_i), t_i = back + time[i]; c is the
   // scene's autocovariance (weights.hpp). Thread: setup.
   double (*covariance)(const double* time, const double* share, std::size_t count, double back, double at, double along,

@@ -7,15 +7,19 @@ namespace bolo::motion {
 namespace {
 
 constexpr float kLocalPixels = kBlock * kBlock;
-constexpr float kTight = 0.05F;    // px that a block may deviate when its window tells nothing
-constexpr float kLoose = 0.5F;     // the same once it is known to go its own way
-constexpr float kSamples = 36.0F;  // independent ones in a window of 24 x 24 smoothed pixels, by the matching's scale
-constexpr float kLongestStep = 1.0F;   // px
-constexpr float kNoiseLimit = 6.0F;    // variances of the smoothed innovation: a good match has 2
-constexpr float kTextureLimit = 0.1F;  // of the texture's energy
-constexpr double kFewPoor = 0.004;     // of the blocks: not worth a search
-constexpr float kWorthALook = 0.8F;    // of the cost near the global motion
-constexpr float kWorthTaking = 0.4F;
+constexpr float kTight = 0.05F;  // px that a block may deviate when nothing tells that blocks do
+constexpr float kLoose = 0.5F;   // the same where they do, or once it is known to go its own way
+constexpr float kGuarded =
+    2.0F;                        // of the deviation that is measured: what the global motion misses is in the noise too
+constexpr float kOwnWay = 1.0F;  // px: more is not the picture's deviation but another thing's motion
+constexpr float kBothWays = 0.01F;  // of the trace squared: what is less shows one direction only
+constexpr float kSamples = 36.0F;   // independent ones in a window of 24 x 24 smoothed pixels, by the matching's scale
+constexpr float kLongestStep = 1.0F;    // px
+constexpr float kNoiseLimit = 6.0F;     // variances of the smoothed innovation: a good match has 2
+constexpr float kTextureLimit = 0.03F;  // of the texture's energy
+constexpr double kFewPoor = 0.004;      // of the blocks: not worth a search
+constexpr float kWorthALook = 0.8F;     // of the cost near the global motion
+constexpr float kWorthTaking = 0.7F;
 constexpr float kSearched = 1.1F;   // a searched displacement is whole pixels: its cost is a little less reliable
 constexpr float kUnmatched = 1.3F;  // of the texture's energy: what is left where nothing matches is twice it
 constexpr int kCompanions = 3;      // blocks of 9 that must agree
@@ -46,8 +50,30 @@ LocalMotion::LocalMotion(Geometry geometry) {
   poor_ = taken_ = BlockField<unsigned char>(across, down);
 }
 
-// Two steps of Lucas and Kanade from `base`, which holds d back as much as `looseness` says.
-void LocalMotion::refine(const Task& task, const VectorField& base, float looseness, VectorField& d) noexcept {
+// How far blocks really deviate, px, standard deviation: what their own displacements vary by beyond what the noise of
+// each makes (the moments of DerSimonian and Laird's random effects).
+float LocalMotion::spread_of_deviations(const Task& task) const noexcept {
+  float excess = 0.0F;
+  float information = 0.0F;
+  for (std::size_t i = 0; i < total_.size(); ++i) {
+    const float xx = mean_[0][i];
+    const float xy = mean_[1][i];
+    const float yy = mean_[2][i];
+    const float det = xx * yy - xy * xy;
+    if (!(det > kBothWays * (xx + yy) * (xx + yy))) continue;
+    const Vec2 d{(yy * mean_[3][i] - xy * mean_[4][i]) / det, (xx * mean_[4][i] - xy * mean_[3][i]) / det};
+    if (d.x * d.x + d.y * d.y > kOwnWay * kOwnWay) continue;
+    const float weight = kSamples / std::max(mean_[5][i], 2.0F * task.noise);
+    excess += weight * (d.x * mean_[3][i] + d.y * mean_[4][i]) - 2.0F;  // chi-square of two: 2 by chance
+    information += weight * (xx + yy);
+  }
+  return information > 0.0F ? std::sqrt(std::max(excess, 0.0F) / information) : 0.0F;
+}
+
+// Two steps of Lucas and Kanade from `base`, which holds d back as much as `looseness` says; without one, as much as
+// the first step shows.
+void LocalMotion::refine(const Task& task, const VectorField& base, std::optional<float> looseness,
+                         VectorField& d) noexcept {
   unsmoothed_ = base;
   for (int step = 0; step < 2; ++step) {
     for (std::size_t i = 0; i < total_.size(); ++i) total_[i] = task.global[i] + unsmoothed_[i];
@@ -61,8 +87,9 @@ void LocalMotion::refine(const Task& task, const VectorField& base, float loosen
       for (std::size_t k = 0; k < values.size(); ++k) raw_[k][i] = values[k] / kLocalPixels;
     }
     for (std::size_t k = 0; k < mean_.size(); ++k) mean_of_9(raw_[k], mean_[k]);
+    if (!looseness) looseness = std::clamp(kGuarded * spread_of_deviations(task), kTight, kLoose);
     for (std::size_t i = 0; i < total_.size(); ++i) {
-      const float hold = std::max(mean_[5][i], 2.0F * task.noise) / kSamples / (looseness * looseness);
+      const float hold = std::max(mean_[5][i], 2.0F * task.noise) / kSamples / (*looseness * *looseness);
       const Vec2 back = (base[i] - unsmoothed_[i]) * hold;
       const float xx = mean_[0][i] + hold;
       const float xy = mean_[1][i];
@@ -152,7 +179,7 @@ const VectorField& LocalMotion::find(const Kernels& kernels, const Inertia& iner
                   cap,
                   crew};
   std::fill(large_.begin(), large_.end(), Vec2{});
-  refine(task, large_, kTight, small_);
+  refine(task, large_, std::nullopt, small_);
   costs(task, small_, cost_small_);
   find_poor(task);
   const auto allowed = [&](std::size_t i) { return kNoiseLimit * task.noise + kUnmatched * energy_[i] + 1e-30F; };

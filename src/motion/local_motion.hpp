@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 
 #include "src/core/crew.hpp"
 #include "src/motion/block_field.hpp"
@@ -27,7 +28,8 @@ class LocalMotion {
 
  private:
   struct Task;
-  void refine(const Task& task, const VectorField& base, float looseness, VectorField& d) noexcept;
+  float spread_of_deviations(const Task& task) const noexcept;
+  void refine(const Task& task, const VectorField& base, std::optional<float> looseness, VectorField& d) noexcept;
   void costs(const Task& task, const VectorField& d, ScalarField& out) noexcept;
   void find_poor(const Task& task) noexcept;
   void search(const Task& task) noexcept;

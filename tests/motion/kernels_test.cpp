@@ -265,19 +265,22 @@ TEST_P(MotionKernels, Check) {
 TEST_P(MotionKernels, CorrectAndBlend) {
   ScalarField w = field();
   for (float& v : w) v = normal_(random_);
+  ScalarField most = field();
+  for (float& v : most) v = normal_(random_);
   const PaddedPlane before = a_;
   std::vector<float> blended(kFrame.pixels());
   std::vector<float> other(kFrame.pixels());
   for (float& v : other) v = normal_(random_);
   for (int r = 0; r < w.down(); ++r) {
     kernels_.correct(b_, rows(w, r).data(), r, a_);
-    kernels_.blend(a_, other.data(), rows(w, r).data(), r, blended.data());
+    kernels_.blend(a_, other.data(), rows(w, r).data(), most.row(r), r, blended.data());
   }
   for_pixels([&](int x, int y) {
     const double share = reference::between(kFrame, x, y, [&](int c, int r) { return w.at(c, r); });
     const std::size_t i = static_cast<std::size_t>(y) * kFrame.width + static_cast<std::size_t>(x);
     ASSERT_NEAR(*a_.at(x, y), *before.at(x, y) + share * *b_.at(x, y), 1e-5);
-    ASSERT_NEAR(blended[i], share * *a_.at(x, y) + (1 - share) * other[i], 1e-5);
+    const double taken = std::min<double>(share, most.at(x / kBlock, y / kBlock));
+    ASSERT_NEAR(blended[i], taken * *a_.at(x, y) + (1 - taken) * other[i], 1e-5);
   });
 }
 

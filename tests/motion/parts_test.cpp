@@ -143,6 +143,31 @@ TEST(LocalMotion, FindsAMoverAgainstThePan) {
   EXPECT_NEAR(inside.y, 0.0, 0.3);
 }
 
+// The global motion is a shear between them, .2 px wrong on average: what blocks deviate by tells how far they may.
+TEST(LocalMotion, FollowsTwoDepths) {
+  const Texture far(3);
+  const Texture near(8, 4.0);
+  const Pair pair([&](double x, double y, double t) { return y < 46.0 ? far(x - t, y) : near(x - 2.6 * t, y); }, 0.03);
+  VectorField field(blocks_over(kFrame.width), blocks_over(kFrame.height));
+  spread(global_of(pair, 0.03), kFrame, 1, field);
+  LocalMotion local(kFrame);
+  Alone alone;
+  const VectorField& found = local.find(best_kernels(), Inertia(kTau), pair.a, pair.b, field, 0.03, 1e3F, alone);
+  double error = 0.0;
+  double global_error = 0.0;
+  int blocks = 0;
+  for (int r = 0; r < field.down(); ++r) {
+    if (std::abs(r * kBlock + kBlock / 2 - 46) < 14) continue;  // windows that see both
+    for (int c = 2; c < field.across() - 2; ++c, ++blocks) {
+      const double want = r * kBlock < 46 ? 1.0 : 2.6;
+      error += std::abs(field.at(c, r).x + found.at(c, r).x - want);
+      global_error += std::abs(field.at(c, r).x - want);
+    }
+  }
+  EXPECT_LT(error / blocks, 0.06);
+  EXPECT_GT(global_error / blocks, 0.2);
+}
+
 TEST(LocalMotion, StaysWithTheGlobalMotionInNoise) {
   const Pair pair(pan(1.5, 0.0), 0.5);
   VectorField field(blocks_over(kFrame.width), blocks_over(kFrame.height));
