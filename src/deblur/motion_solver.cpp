@@ -174,7 +174,6 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   in.ahead = ahead ? &frame(0).values : nullptr;
   in.path = path;
   in.deviation = &deviation;
-  in.misfit = &local_.misfit();
   in.row_delay = row_delay_;
   in.noise = mmae_.noise();
   in.other = per_pixel_.data();

@@ -22,7 +22,6 @@ struct EstimateInputs {
   const PaddedPlane* ahead = nullptr;            // the frame after; null without look-ahead
   Path path;
   const VectorField* deviation = nullptr;  // of the blocks from the path, px a frame
-  const ScalarField* misfit = nullptr;     // LocalMotion::misfit()
   double noise = 0.0;                      // standard deviation, in the values' unit
   // How much later than the frame's time the middle of each row of blocks is sampled, periods; empty: with it.
   std::span<const float> row_delay{};

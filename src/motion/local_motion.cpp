@@ -7,11 +7,10 @@ namespace bolo::motion {
 namespace {
 
 constexpr float kLocalPixels = kBlock * kBlock;
-constexpr float kTight = 0.05F;  // px that a block may deviate when nothing tells that blocks do
-constexpr float kLoose = 0.5F;   // the same where they do, or once it is known to go its own way
-constexpr float kGuarded =
-    2.0F;                        // of the deviation that is measured: what the global motion misses is in the noise too
-constexpr float kOwnWay = 1.0F;  // px: more is not the picture's deviation but another thing's motion
+constexpr float kTight = 0.05F;     // px that a block may deviate when nothing tells that blocks do
+constexpr float kLoose = 0.5F;      // the same where they do, or once it is known to go its own way
+constexpr float kGuarded = 2.0F;    // of the deviation that is measured: it also stands in the noise
+constexpr float kOwnWay = 1.0F;     // px: more is not the picture's deviation but another thing's motion
 constexpr float kBothWays = 0.01F;  // of the trace squared: what is less shows one direction only
 constexpr float kSamples = 36.0F;   // independent ones in a window of 24 x 24 smoothed pixels, by the matching's scale
 constexpr float kLongestStep = 1.0F;    // px

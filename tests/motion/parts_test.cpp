@@ -145,14 +145,16 @@ TEST(LocalMotion, FindsAMoverAgainstThePan) {
 
 // The global motion is a shear between them, .2 px wrong on average: what blocks deviate by tells how far they may.
 TEST(LocalMotion, FollowsTwoDepths) {
+  constexpr double kNoise = 0.3;
   const Texture far(3);
   const Texture near(8, 4.0);
-  const Pair pair([&](double x, double y, double t) { return y < 46.0 ? far(x - t, y) : near(x - 2.6 * t, y); }, 0.03);
+  const Pair pair([&](double x, double y, double t) { return y < 46.0 ? far(x - t, y) : near(x - 2.6 * t, y); },
+                  kNoise);
   VectorField field(blocks_over(kFrame.width), blocks_over(kFrame.height));
-  spread(global_of(pair, 0.03), kFrame, 1, field);
+  spread(global_of(pair, kNoise), kFrame, 1, field);
   LocalMotion local(kFrame);
   Alone alone;
-  const VectorField& found = local.find(best_kernels(), Inertia(kTau), pair.a, pair.b, field, 0.03, 1e3F, alone);
+  const VectorField& found = local.find(best_kernels(), Inertia(kTau), pair.a, pair.b, field, kNoise, 1e3F, alone);
   double error = 0.0;
   double global_error = 0.0;
   int blocks = 0;
@@ -164,7 +166,7 @@ TEST(LocalMotion, FollowsTwoDepths) {
       global_error += std::abs(field.at(c, r).x - want);
     }
   }
-  EXPECT_LT(error / blocks, 0.06);
+  EXPECT_LT(error / blocks, 0.185);
   EXPECT_GT(global_error / blocks, 0.2);
 }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "src/deblur/motion_solver.hpp"
+#include "tests/motion/random_scene.hpp"
 #include "tests/motion/stream.hpp"
 
 namespace bolo::deblur {
@@ -52,14 +53,14 @@ double sum_of(const Picture& p, int x0, int y0, int width, int height) {
   return sum;
 }
 
-Worst worst_of(const Scene& scene, double noise) {
-  Stream stream(scene, noise, kFrames);
+Worst worst_of(Stream& stream, double noise) {
   Run motion(stream, Method::kMotion, noise);
   Run mmae(stream, Method::kMmae, noise);
   Picture total(kFrame.pixels());
   Picture others(kFrame.pixels());
   Worst worst;
   for (int k = kWindow; k < kFrames; ++k) {
+    if (stream.counts(k).empty()) continue;
     const Picture a = motion.errors(k);
     const Picture b = mmae.errors(k);
     const double ratio = sum_of(a, 0, 0, kFrame.width, kFrame.height) / sum_of(b, 0, 0, kFrame.width, kFrame.height);
@@ -76,6 +77,11 @@ Worst worst_of(const Scene& scene, double noise) {
     }
   }
   return worst;
+}
+
+Worst worst_of(const Scene& scene, double noise) {
+  Stream stream(scene, noise, kFrames);
+  return worst_of(stream, noise);
 }
 
 void expect_safe(const Scene& scene, double noise, double frame = kWorstFrame) {
@@ -129,6 +135,18 @@ TEST(MotionSafety, ParallelEdges) {
         worst_of([](double x, double y, double t) { return 2.5 * std::tanh(x + 0.7 * y - 40.0 - 2.9 * t); }, noise);
     EXPECT_LT(worst.frame, kWorstOfEdges) << noise;
     EXPECT_LT(worst.tile, kWorstTile) << noise;
+  }
+}
+
+TEST(MotionSafety, RandomScenes) {
+  constexpr std::uint32_t kScenes = 24;
+  for (std::uint32_t seed = 0; seed < kScenes; ++seed) {
+    const motion::testing::RandomScene random(seed, kEvent);
+    Stream stream(random.scene(), random.noise(), kFrames, seed);
+    stream.disturb(random.lost(), random.pattern(), seed);
+    const Worst worst = worst_of(stream, random.noise());
+    EXPECT_LT(worst.frame, kWorstFrame) << "scene " << seed;
+    EXPECT_LT(worst.tile, kWorstTile) << "scene " << seed;
   }
 }
 

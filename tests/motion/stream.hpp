@@ -55,6 +55,19 @@ class Stream {
   int frames() const { return static_cast<int>(counts_.size()); }
   std::vector<std::uint16_t>& counts(int k) { return counts_[static_cast<std::size_t>(k)]; }
   void lose(int k) { counts(k).clear(); }
+  // Adds a fixed pattern of standard deviation `pattern`, K, and loses that share of the frames.
+  void disturb(double lost, double pattern, std::uint32_t seed) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> normal(0.0, pattern / kScale);
+    std::bernoulli_distribution gone(lost);
+    for (std::size_t i = 0; i < kFrame.pixels() && pattern > 0.0; ++i) {
+      const long offset = std::lround(normal(random));
+      for (auto& frame : counts_) frame[i] = static_cast<std::uint16_t>(frame[i] + offset);
+    }
+    for (int k = 0; k < frames(); ++k) {
+      if (gone(random)) lose(k);
+    }
+  }
 
   WindowView window_ending_at(int k, int lookahead) {
     planes_.clear();
