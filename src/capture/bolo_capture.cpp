@@ -1,12 +1,10 @@
-// Reading "bolo-capture" version 1, item by item, in the order of the table in ARCHITECTURE.md.
+// Reading "bolo-capture" version 1, item by item, in the order of the table in docs/formats.md.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <string_view>
 
 #include "src/capture/contents.hpp"
-#include "src/capture/events_io.hpp"
-#include "src/capture/stimulus_io.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -82,11 +80,12 @@ Status read_attributes(const h5::Owner& root, CaptureInfo& info) {
   return {};
 }
 
+h5::Expect expect_of(Trust trust) { return trust == Trust::kWhole ? h5::Expect::kWhole : h5::Expect::kPart; }
+
 // `values`: of a pixel, where they have an axis of their own; 0: a plain picture.
 Result<FrameStore> open_frames(hid_t file, const std::string& path, Trust trust, hsize_t values = 0) {
-  const h5::Expect expect = trust == Trust::kWhole ? h5::Expect::kWhole : h5::Expect::kPart;
-  Result<FrameStore> frames = values > 0 ? FrameStore::open_of_several(file, path, expect, values)
-                                         : FrameStore::open(file, path, FrameOrder::kFrameMajor, expect);
+  Result<FrameStore> frames =
+      FrameStore::open(file, path, FrameOrder::kFrameMajor, expect_of(trust), FrameStore::kBlockBytes, values);
   if (!frames || trust == Trust::kWhole) return frames;
   Status good = frames->drop_missing_end(trust == Trust::kDamaged ? kMostDamaged : kMostUncommitted);
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
@@ -106,54 +105,47 @@ Status read_frames(hid_t file, Trust trust, Contents& contents) {
   return {};
 }
 
-Status read_truth(hid_t file, Trust trust, Contents& contents) {
-  if (!h5::exists(file, "/truth")) return {};
-  Result<FrameStore> truth = open_frames(file, "/truth/frames", trust);
-  if (!truth && trust == Trust::kDamaged) {
-    contents.warnings.push_back(truth.error().message + "; it is left out");
+// Float32 planes that may be there; those of a damaged file may be beyond reading.
+Status open_optional(hid_t file, const char* group, const char* path, Trust trust, hsize_t values,
+                     std::vector<std::string>& warnings, std::optional<FrameStore>& store) {
+  if (!h5::exists(file, group)) return {};
+  Result<FrameStore> planes = open_frames(file, path, trust, values);
+  if (!planes && trust == Trust::kDamaged) {
+    warnings.push_back(planes.error().message + "; it is left out");
     return {};
   }
-  if (!truth) return tl::unexpected<Error>(std::move(truth.error()));
-  if (truth->stored_type() != "float32") {
-    return bad_input("/truth/frames is of type " + truth->stored_type() + "; expected float32");
+  if (!planes) return tl::unexpected<Error>(std::move(planes.error()));
+  if (planes->stored_type() != "float32") {
+    return bad_input(std::string(path) + " is of type " + planes->stored_type() + "; expected float32");
   }
-  const Geometry expected = contents.info.format.geometry;
-  if (!(truth->geometry() == expected)) {
-    return bad_input("/truth/frames has frames of " + std::to_string(truth->geometry().width) + "x" +
-                     std::to_string(truth->geometry().height) + " but /frames of " + std::to_string(expected.width) +
-                     "x" + std::to_string(expected.height));
-  }
-  contents.info.has_truth = true;
-  contents.truth = std::move(*truth);
+  store = std::move(*planes);
   return {};
+}
+
+Status read_truth(hid_t file, Trust trust, Contents& contents) {
+  Status good = open_optional(file, "/truth", "/truth/frames", trust, 0, contents.warnings, contents.truth);
+  contents.info.has_truth = contents.truth.has_value();
+  const Geometry expected = contents.info.format.geometry;
+  if (!good || !contents.truth || contents.truth->geometry() == expected) return good;
+  const Geometry found = contents.truth->geometry();
+  return bad_input("/truth/frames has frames of " + std::to_string(found.width) + "x" + std::to_string(found.height) +
+                   " but /frames of " + std::to_string(expected.width) + "x" + std::to_string(expected.height));
 }
 
 Status read_motion(hid_t file, Trust trust, Contents& contents) {
-  if (!h5::exists(file, "/motion")) return {};
-  Result<FrameStore> motion = open_frames(file, "/motion", trust, kMotionValues);
-  if (!motion && trust == Trust::kDamaged) {
-    contents.warnings.push_back(motion.error().message + "; it is left out");
-    return {};
-  }
-  if (!motion) return tl::unexpected<Error>(std::move(motion.error()));
-  if (motion->stored_type() != "float32") {
-    return bad_input("/motion is of type " + motion->stored_type() + "; expected float32");
-  }
+  Status good = open_optional(file, "/motion", "/motion", trust, kMotionValues, contents.warnings, contents.motion);
+  contents.info.has_motion = contents.motion.has_value();
   const Geometry blocks = motion_blocks(contents.info.format.geometry);
-  if (!(motion->geometry() == Geometry{blocks.width * static_cast<int>(kMotionValues), blocks.height})) {
-    return bad_input("/motion has not the " + std::to_string(blocks.height) + "x" + std::to_string(blocks.width) +
-                     " blocks of 8x8 pixels (down x across) that cover /frames");
-  }
-  contents.info.has_motion = true;
-  contents.motion = std::move(*motion);
-  return {};
+  const Geometry expected{blocks.width * static_cast<int>(kMotionValues), blocks.height};
+  if (!good || !contents.motion || contents.motion->geometry() == expected) return good;
+  return bad_input("/motion has not the " + std::to_string(blocks.height) + "x" + std::to_string(blocks.width) +
+                   " blocks of 8x8 pixels (down x across) that cover /frames");
 }
 
 Status read_series(hid_t file, Trust trust, Contents& contents) {
-  const h5::Expect expect = trust == Trust::kWhole ? h5::Expect::kWhole : h5::Expect::kPart;
-  Result<std::vector<double>> t = h5::read_doubles(file, "/t", expect);
+  Result<std::vector<double>> t = h5::read_doubles(file, "/t", expect_of(trust));
   if (!t) return tl::unexpected<Error>(std::move(t.error()));
-  Result<std::vector<std::uint64_t>> frame_id = h5::read_counts(file, "/frame_id", expect);
+  Result<std::vector<std::uint64_t>> frame_id = h5::read_counts(file, "/frame_id", expect_of(trust));
   if (!frame_id) return tl::unexpected<Error>(std::move(frame_id.error()));
   contents.t = std::move(*t);
   contents.frame_id = std::move(*frame_id);
@@ -238,7 +230,6 @@ herr_t collect_name(hid_t, const char* name, const H5A_info_t*, void* names) {
 
 }  // namespace
 
-// Attributes beyond the format's own are for people: what cannot be read as number or string is passed over.
 std::vector<Attribute> other_attributes(hid_t file) {
   const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));
   const h5::Owner root{group.get(), "root"};
