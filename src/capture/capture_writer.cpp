@@ -59,15 +59,6 @@ std::size_t frames_between_commits(double frame_period_s) {
   return static_cast<std::size_t>(frames);
 }
 
-// HDF5 1.10 cannot clean up after a file whose first pages found no room.
-bool has_room_to_begin(const std::filesystem::path& file) {
-  constexpr std::uintmax_t kLeastBytes = std::uintmax_t{256} << 10U;
-  std::error_code error;
-  const auto folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
-  const std::filesystem::space_info space = std::filesystem::space(folder, error);
-  return error || space.available >= kLeastBytes;
-}
-
 }  // namespace
 
 struct CaptureWriter::Impl {
@@ -120,16 +111,15 @@ struct CaptureWriter::Impl {
 
 Status CaptureWriter::Impl::create() {
   if (Status good = check_output({final_name, options.replace}); !good) return good;
-  if (!has_room_to_begin(part_name))
-    return failed(part_name.string() + ": cannot be written: " + std::strerror(ENOSPC));
   const SurvivesCut survives = options.survives_power_cut ? SurvivesCut::kPower : SurvivesCut::kProcess;
   auto created = CrashSafeFile::create(part_name, survives, options.replace);
   if (!created) return at(part_name.string(), std::move(created.error()));
   driven = std::make_shared<DrivenFile>();
   driven->file = std::move(*created);
+  // Before HDF5 writes: version 1.10 cannot clean up after a file whose first pages found no room.
+  if (Status good = driven->file->reserve(frame_bytes()); !good) return at(part_name.string(), std::move(good.error()));
   file = create_hdf5(part_name, driven);
   if (!file) return broken("cannot be created");
-  if (Status good = make_room(frame_bytes()); !good) return good;
   return create_items();
 }
 

@@ -27,7 +27,7 @@ h5::Handle row_type(hid_t kind_type, std::size_t size, std::size_t kind_offset) 
   return type;
 }
 
-h5::Handle fixed_string() {
+h5::Handle kind_of_fixed_length() {
   h5::Handle type(H5Tcopy(H5T_C_S1));
   H5Tset_size(type.get(), kLongestEventKind + 1);
   H5Tset_cset(type.get(), H5T_CSET_UTF8);
@@ -73,10 +73,7 @@ Status read_fixed(hid_t dataset, hid_t kind_type, std::vector<Event>& events) {
     const char* row = rows.data() + i * stride;
     std::memcpy(&events[i].t_s, row, sizeof(double));
     const char* kind = row + sizeof(double);
-    events[i].kind.assign(kind, strnlen(kind, length));
-    if (H5Tget_strpad(kind_type) == H5T_STR_SPACEPAD) {
-      events[i].kind.erase(events[i].kind.find_last_not_of(' ') + 1);
-    }
+    events[i].kind = h5::fixed_string(kind, length, kind_type);
   }
   return {};
 }
@@ -119,7 +116,7 @@ Result<std::vector<Event>> read_events(hid_t file) {
 }
 
 bool append_events(hid_t file, const std::vector<Event>& events) {
-  const h5::Handle kind = fixed_string();
+  const h5::Handle kind = kind_of_fixed_length();
   const h5::Handle type = row_type(kind.get(), sizeof(FixedRow), offsetof(FixedRow, kind));
   const h5::Handle dataset(h5::exists(file, kPath) ? h5::Handle(H5Dopen2(file, kPath.c_str(), H5P_DEFAULT))
                                                    : h5::create_growing(file, kPath, type.get(), {kChunk}));

@@ -39,12 +39,6 @@ Result<Handle> open_attribute(const Owner& owner, const std::string& name) {
   return attribute;
 }
 
-std::string until_padding(const char* characters, std::size_t size, H5T_str_t padding) {
-  std::string value(characters, strnlen(characters, size));
-  if (padding == H5T_STR_SPACEPAD) value.erase(value.find_last_not_of(' ') + 1);
-  return value;
-}
-
 Result<std::string> read_string(hid_t attribute, hid_t type, const std::string& where) {
   if (H5Tis_variable_str(type) > 0) {
     char* characters = nullptr;
@@ -59,7 +53,7 @@ Result<std::string> read_string(hid_t attribute, hid_t type, const std::string& 
   if (size > kLongestString) return bad_input(where + " is longer than 1 MiB");
   std::vector<char> characters(size);
   if (H5Aread(attribute, type, characters.data()) < 0) return bad_input(where + " cannot be read" + because());
-  return until_padding(characters.data(), size, H5Tget_strpad(type));
+  return fixed_string(characters.data(), size, type);
 }
 
 Status check_filters(hid_t properties, const std::string& path) {
@@ -233,6 +227,12 @@ std::string type_text(hid_t type) {
     default:
       return "neither number nor string";
   }
+}
+
+std::string fixed_string(const char* characters, std::size_t size, hid_t type) {
+  std::string value(characters, strnlen(characters, size));
+  if (H5Tget_strpad(type) == H5T_STR_SPACEPAD) value.erase(value.find_last_not_of(' ') + 1);
+  return value;
 }
 
 bool is_number(hid_t type) {

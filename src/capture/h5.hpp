@@ -64,7 +64,8 @@ std::string text(double value);      // shortest form with 9 digits
 std::string text(const Dims& dims);  // "(30, 120, 640)", "()" for a scalar
 std::string type_text(hid_t type);   // "uint16", "float64", "string" ...
 bool is_number(hid_t type);
-std::optional<std::size_t> product(const Dims& dims);  // nothing when it doesn't fit
+std::string fixed_string(const char* characters, std::size_t size, hid_t type);  // without what pads it
+std::optional<std::size_t> product(const Dims& dims);                            // nothing when it doesn't fit
 
 // Group or dataset that has attributes; `name` is for messages ("root", "/stimulus").
 struct Owner {
