@@ -1,12 +1,11 @@
-// Reading "bolo-capture" version 1, item by item, in the order of the table in ARCHITECTURE.md.
+// Reading "bolo-capture" version 1, item by item, in the order of the table in docs/formats.md.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <string_view>
 
 #include "src/capture/contents.hpp"
-#include "src/capture/events_io.hpp"
-#include "src/capture/stimulus_io.hpp"
+#include "src/core/statistics.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -19,6 +18,13 @@ const std::string kFormatName = "bolo-capture";
 // Frames at the end that may be missing: more than a writer leaves uncommitted; more than an hour's.
 constexpr std::size_t kMostUncommitted = 4096;
 constexpr std::size_t kMostDamaged = std::size_t{1} << 20;
+
+constexpr double kPeriodTolerance = 0.2;
+constexpr double kLongestPeriod_s = 1.0;  // no thermal camera streams slower than a frame a second
+
+std::string value_at(std::size_t index, double value) {
+  return "/t: value " + std::to_string(index) + " (" + text(value) + ")";
+}
 
 Status check_identity(const h5::Owner& root) {
   const Result<std::string> format = h5::string_attribute(root, "format");
@@ -82,11 +88,12 @@ Status read_attributes(const h5::Owner& root, CaptureInfo& info) {
   return {};
 }
 
+h5::Expect expect_of(Trust trust) { return trust == Trust::kWhole ? h5::Expect::kWhole : h5::Expect::kPart; }
+
 // `values`: of a pixel, where they have an axis of their own; 0: a plain picture.
 Result<FrameStore> open_frames(hid_t file, const std::string& path, Trust trust, hsize_t values = 0) {
-  const h5::Expect expect = trust == Trust::kWhole ? h5::Expect::kWhole : h5::Expect::kPart;
-  Result<FrameStore> frames = values > 0 ? FrameStore::open_of_several(file, path, expect, values)
-                                         : FrameStore::open(file, path, FrameOrder::kFrameMajor, expect);
+  Result<FrameStore> frames =
+      FrameStore::open(file, path, FrameOrder::kFrameMajor, expect_of(trust), FrameStore::kBlockBytes, values);
   if (!frames || trust == Trust::kWhole) return frames;
   Status good = frames->drop_missing_end(trust == Trust::kDamaged ? kMostDamaged : kMostUncommitted);
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
@@ -106,54 +113,47 @@ Status read_frames(hid_t file, Trust trust, Contents& contents) {
   return {};
 }
 
-Status read_truth(hid_t file, Trust trust, Contents& contents) {
-  if (!h5::exists(file, "/truth")) return {};
-  Result<FrameStore> truth = open_frames(file, "/truth/frames", trust);
-  if (!truth && trust == Trust::kDamaged) {
-    contents.warnings.push_back(truth.error().message + "; it is left out");
+// Float32 planes that may be there; those of a damaged file may be beyond reading.
+Status open_optional(hid_t file, const char* group, const char* path, Trust trust, hsize_t values,
+                     std::vector<std::string>& warnings, std::optional<FrameStore>& store) {
+  if (!h5::exists(file, group)) return {};
+  Result<FrameStore> planes = open_frames(file, path, trust, values);
+  if (!planes && trust == Trust::kDamaged) {
+    warnings.push_back(planes.error().message + "; it is left out");
     return {};
   }
-  if (!truth) return tl::unexpected<Error>(std::move(truth.error()));
-  if (truth->stored_type() != "float32") {
-    return bad_input("/truth/frames is of type " + truth->stored_type() + "; expected float32");
+  if (!planes) return tl::unexpected<Error>(std::move(planes.error()));
+  if (planes->stored_type() != "float32") {
+    return bad_input(std::string(path) + " is of type " + planes->stored_type() + "; expected float32");
   }
-  const Geometry expected = contents.info.format.geometry;
-  if (!(truth->geometry() == expected)) {
-    return bad_input("/truth/frames has frames of " + std::to_string(truth->geometry().width) + "x" +
-                     std::to_string(truth->geometry().height) + " but /frames of " + std::to_string(expected.width) +
-                     "x" + std::to_string(expected.height));
-  }
-  contents.info.has_truth = true;
-  contents.truth = std::move(*truth);
+  store = std::move(*planes);
   return {};
+}
+
+Status read_truth(hid_t file, Trust trust, Contents& contents) {
+  Status good = open_optional(file, "/truth", "/truth/frames", trust, 0, contents.warnings, contents.truth);
+  contents.info.has_truth = contents.truth.has_value();
+  const Geometry expected = contents.info.format.geometry;
+  if (!good || !contents.truth || contents.truth->geometry() == expected) return good;
+  const Geometry found = contents.truth->geometry();
+  return bad_input("/truth/frames has frames of " + std::to_string(found.width) + "x" + std::to_string(found.height) +
+                   " but /frames of " + std::to_string(expected.width) + "x" + std::to_string(expected.height));
 }
 
 Status read_motion(hid_t file, Trust trust, Contents& contents) {
-  if (!h5::exists(file, "/motion")) return {};
-  Result<FrameStore> motion = open_frames(file, "/motion", trust, kMotionValues);
-  if (!motion && trust == Trust::kDamaged) {
-    contents.warnings.push_back(motion.error().message + "; it is left out");
-    return {};
-  }
-  if (!motion) return tl::unexpected<Error>(std::move(motion.error()));
-  if (motion->stored_type() != "float32") {
-    return bad_input("/motion is of type " + motion->stored_type() + "; expected float32");
-  }
+  Status good = open_optional(file, "/motion", "/motion", trust, kMotionValues, contents.warnings, contents.motion);
+  contents.info.has_motion = contents.motion.has_value();
   const Geometry blocks = motion_blocks(contents.info.format.geometry);
-  if (!(motion->geometry() == Geometry{blocks.width * static_cast<int>(kMotionValues), blocks.height})) {
-    return bad_input("/motion has not the " + std::to_string(blocks.height) + "x" + std::to_string(blocks.width) +
-                     " blocks of 8x8 pixels (down x across) that cover /frames");
-  }
-  contents.info.has_motion = true;
-  contents.motion = std::move(*motion);
-  return {};
+  const Geometry expected{blocks.width * static_cast<int>(kMotionValues), blocks.height};
+  if (!good || !contents.motion || contents.motion->geometry() == expected) return good;
+  return bad_input("/motion has not the " + std::to_string(blocks.height) + "x" + std::to_string(blocks.width) +
+                   " blocks of 8x8 pixels (down x across) that cover /frames");
 }
 
 Status read_series(hid_t file, Trust trust, Contents& contents) {
-  const h5::Expect expect = trust == Trust::kWhole ? h5::Expect::kWhole : h5::Expect::kPart;
-  Result<std::vector<double>> t = h5::read_doubles(file, "/t", expect);
+  Result<std::vector<double>> t = h5::read_doubles(file, "/t", expect_of(trust));
   if (!t) return tl::unexpected<Error>(std::move(t.error()));
-  Result<std::vector<std::uint64_t>> frame_id = h5::read_counts(file, "/frame_id", expect);
+  Result<std::vector<std::uint64_t>> frame_id = h5::read_counts(file, "/frame_id", expect_of(trust));
   if (!frame_id) return tl::unexpected<Error>(std::move(frame_id.error()));
   contents.t = std::move(*t);
   contents.frame_id = std::move(*frame_id);
@@ -238,7 +238,6 @@ herr_t collect_name(hid_t, const char* name, const H5A_info_t*, void* names) {
 
 }  // namespace
 
-// Attributes beyond the format's own are for people: what cannot be read as number or string is passed over.
 std::vector<Attribute> other_attributes(hid_t file) {
   const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));
   const h5::Owner root{group.get(), "root"};
@@ -278,6 +277,59 @@ Result<Contents> read_bolo_capture(hid_t file, Trust trust) {
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
   check_plausible(contents);
   return contents;
+}
+
+// Rules that both file formats and the writer share.
+
+Status check_times(const std::vector<double>& t) {
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    if (!std::isfinite(t[i])) return bad_input(value_at(i, t[i]) + " is not a finite number of seconds");
+    if (i > 0 && t[i] <= t[i - 1]) {
+      return bad_input(value_at(i, t[i]) + " is not above the one before (" + text(t[i - 1]) +
+                       "); the frames' times must rise");
+    }
+  }
+  return {};
+}
+
+double median_step(const std::vector<double>& t) {
+  if (t.size() < 2) return 0.0;
+  std::vector<double> step(t.size() - 1);
+  for (std::size_t i = 0; i + 1 < t.size(); ++i) step[i] = t[i + 1] - t[i];
+  return median(std::move(step));
+}
+
+void check_plausible(Contents& contents) {
+  const double period_s = contents.info.format.frame_period_s;
+  const double median_s = median_step(contents.t);
+  if (median_s > kLongestPeriod_s) {
+    contents.warnings.push_back("/t rises by " + text(median_s) +
+                                " a frame: it looks like milliseconds, not seconds (" + text(median_s) + " ms is " +
+                                text(1e3 / median_s) + " frames a second); divide /t and frame_period_s by 1000");
+  } else if (period_s > kLongestPeriod_s) {
+    contents.warnings.push_back("frame_period_s is " + text(period_s) + ": it looks like milliseconds, not seconds");
+  }
+  if (median_s > 0.0 && std::abs(period_s - median_s) > kPeriodTolerance * median_s) {
+    contents.warnings.push_back("frame_period_s is " + text(period_s) + " s but /t rises by " + text(median_s) +
+                                " s a frame (median)");
+  }
+}
+
+Status check_format_values(const StreamFormat& format) {
+  if (!(format.frame_period_s > 0.0) || !std::isfinite(format.frame_period_s)) {
+    return bad_input("root attribute 'frame_period_s' is " + text(format.frame_period_s) +
+                     "; expected seconds above 0");
+  }
+  if (format.scale.scale == 0.0 || !std::isfinite(format.scale.scale)) {
+    return bad_input("root attribute 'scale' is " + text(format.scale.scale) +
+                     "; expected a number other than 0 (kelvin = scale * value + offset)");
+  }
+  if (!std::isfinite(format.scale.offset)) return bad_input("root attribute 'offset' is not finite");
+  if (format.row_step < 1) {
+    return bad_input("root attribute 'row_step' is " + std::to_string(format.row_step) +
+                     "; expected a whole number of at least 1");
+  }
+  return {};
 }
 
 }  // namespace bolo::capture

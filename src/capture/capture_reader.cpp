@@ -3,13 +3,57 @@
 
 #include "src/capture/capture.hpp"
 #include "src/capture/contents.hpp"
-#include "src/capture/open_file.hpp"
-#include "src/capture/stimulus_io.hpp"
+#include "src/capture/h5_driver.hpp"
 
 namespace bolo::capture {
 namespace {
 
 constexpr double kMostPlaces = 1 << 20;  // columns or rows of any camera
+
+// MATLAB has no frame counter: whole periods that are missing in t are lost frames.
+std::vector<std::uint64_t> ids_from_times(const std::vector<double>& t, double period_s) {
+  constexpr double kMostPeriods = 1e15;  // keeps the rounding in range whatever t holds
+  std::vector<std::uint64_t> id(t.size());
+  for (std::size_t i = 1; i < t.size(); ++i) {
+    const double periods = std::clamp(std::round((t[i] - t[i - 1]) / period_s), 1.0, kMostPeriods);
+    id[i] = id[i - 1] + static_cast<std::uint64_t>(periods);
+  }
+  return id;
+}
+
+// The authors' `.mat` version 7.3 (HDF5 after 512 bytes of MATLAB's own): `t` 1 x n (s), `frames` n x width x height
+// (kelvin) as MATLAB shows them; HDF5 lists dimensions in reverse, so `/frames` is (height, width, n) here.
+bool looks_like_matlab_capture(hid_t file) {
+  const h5::Handle group(H5Gopen2(file, "/", H5P_DEFAULT));
+  return !h5::has_attribute({group.get(), "root"}, "format") && !h5::exists(file, "/frame_id") &&
+         h5::exists(file, "/frames") && h5::exists(file, "/t");
+}
+
+Result<Contents> read_matlab_capture(hid_t file) {
+  Contents contents;
+  contents.file_format = FileFormat::kMatlab;
+  Result<FrameStore> frames = FrameStore::open(file, "/frames", FrameOrder::kMatlab);
+  if (!frames) return tl::unexpected<Error>(std::move(frames.error()));
+  Result<std::vector<double>> t = h5::read_doubles(file, "/t");
+  if (!t) return tl::unexpected<Error>(std::move(t.error()));
+  if (t->size() != frames->frames()) {
+    return bad_input("t has " + std::to_string(t->size()) +
+                     " values but frames, in MATLAB's order n x width x height, is " +
+                     std::to_string(frames->frames()) + " x " + std::to_string(frames->geometry().width) + " x " +
+                     std::to_string(frames->geometry().height));
+  }
+  if (t->size() < 2) return bad_input("t has a single value; the frame period needs at least two frames");
+  if (Status good = check_times(*t); !good) return tl::unexpected<Error>(std::move(good.error()));
+
+  const double period_s = median_step(*t);
+  contents.info.format = {frames->geometry(), frames->type(), LinearScale{Unit::kKelvin, 1.0, 0.0}, period_s, 1};
+  contents.info.frames = frames->frames();
+  contents.frame_id = ids_from_times(*t, period_s);
+  contents.t = std::move(*t);
+  contents.frames = std::move(*frames);
+  check_plausible(contents);
+  return contents;
+}
 
 }  // namespace
 
@@ -17,6 +61,13 @@ struct CaptureReader::Impl {
   std::string name;
   h5::Handle file;  // closed last: the stores hold datasets in it
   Contents contents;
+
+  Status read(std::optional<FrameStore>& planes, const char* path, std::size_t index, void* out) {
+    const h5::Quiet quiet;
+    if (!planes) return bad_input(name + ": there is no " + path + " in this capture");
+    Status status = planes->read(index, out);
+    return status ? status : at(name, std::move(status.error()));
+  }
 };
 
 CaptureReader::CaptureReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -84,41 +135,30 @@ Result<std::vector<Point>> CaptureReader::points() const {
 }
 
 Status CaptureReader::read_frame(std::size_t index, void* out) const {
-  const h5::Quiet quiet;
-  Status status = impl_->contents.frames->read(index, out);
-  if (!status) return at(impl_->name, std::move(status.error()));
-  return status;
+  return impl_->read(impl_->contents.frames, "/frames", index, out);
 }
 
 Status CaptureReader::read_truth(std::size_t index, float* out) const {
-  const h5::Quiet quiet;
-  if (!impl_->contents.truth) return bad_input(impl_->name + ": there is no /truth/frames in this capture");
-  Status status = impl_->contents.truth->read(index, out);
-  if (!status) return at(impl_->name, std::move(status.error()));
-  return status;
+  return impl_->read(impl_->contents.truth, "/truth/frames", index, out);
 }
 
 Status CaptureReader::read_motion(std::size_t index, BlockMotion* out) const {
-  const h5::Quiet quiet;
-  if (!impl_->contents.motion) return bad_input(impl_->name + ": there is no /motion in this capture");
-  Status status = impl_->contents.motion->read(index, out);
-  if (!status) return at(impl_->name, std::move(status.error()));
-  return status;
+  return impl_->read(impl_->contents.motion, "/motion", index, out);
 }
 
 Result<StillImage> read_still(const std::filesystem::path& file) {
   const h5::Quiet quiet;
   const Result<h5::Handle> handle = open_hdf5(file);
   if (!handle) return at(file.string(), handle.error());
-  Result<Image> image = read_image(handle->get(), "/image_k");
+  Result<StillImage> image = read_image(handle->get(), "/image_k");
   if (!image) return at(file.string(), std::move(image.error()));
-  for (std::size_t i = 0; i < image->values.size(); ++i) {
-    if (std::isfinite(image->values[i])) continue;
+  for (std::size_t i = 0; i < image->kelvin.size(); ++i) {
+    if (std::isfinite(image->kelvin[i])) continue;
     const auto width = static_cast<std::size_t>(image->width);
     return bad_input(file.string() + ": /image_k: the value at column " + std::to_string(i % width) + ", row " +
                      std::to_string(i / width) + " is not finite");
   }
-  return StillImage{image->width, image->height, std::move(image->values)};
+  return image;
 }
 
 }  // namespace bolo::capture

@@ -16,12 +16,7 @@
 
 #include "src/capture/capture.hpp"
 #include "src/capture/contents.hpp"
-#include "src/capture/crash_safe_file.hpp"
-#include "src/capture/disk_reserve.hpp"
-#include "src/capture/events_io.hpp"
 #include "src/capture/h5_driver.hpp"
-#include "src/capture/open_file.hpp"
-#include "src/capture/stimulus_io.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -29,44 +24,6 @@ namespace {
 constexpr double kCommitEvery_s = 0.5;
 constexpr std::size_t kMostFramesUncommitted = 1000;
 constexpr hsize_t kSeriesChunk = 1024;
-
-h5::Handle create_dataset(hid_t file, const std::string& path, hid_t type, const h5::Dims& chunk, int deflate_level) {
-  h5::Dims none = chunk;
-  h5::Dims no_limit = chunk;
-  none[0] = 0;
-  no_limit[0] = H5S_UNLIMITED;
-  const auto rank = static_cast<int>(chunk.size());
-  const h5::Handle space(H5Screate_simple(rank, none.data(), no_limit.data()));
-  const h5::Handle properties(H5Pcreate(H5P_DATASET_CREATE));
-  H5Pset_chunk(properties.get(), rank, chunk.data());
-  H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER);  // every chunk is written whole
-  H5Pset_obj_track_times(properties.get(), false);          // equal frames give equal files
-  if (deflate_level > 0) {
-    H5Pset_shuffle(properties.get());
-    H5Pset_deflate(properties.get(), static_cast<unsigned>(deflate_level));
-  }
-  const h5::Handle links(H5Pcreate(H5P_LINK_CREATE));
-  H5Pset_create_intermediate_group(links.get(), 1);
-  // Frames are whole chunks: kept in HDF5's cache they would take room on the disk that nobody has asked for.
-  const h5::Handle access(H5Pcreate(H5P_DATASET_ACCESS));
-  if (rank > 1) H5Pset_chunk_cache(access.get(), 0, 0, 1.0);
-  return h5::Handle(H5Dcreate2(file, path.c_str(), type, space.get(), links.get(), properties.get(), access.get()));
-}
-
-// Writes `count` rows from row `begin` on; the dataset grows to hold them.
-bool write_rows(hid_t dataset, hid_t type, hsize_t begin, hsize_t count, const void* values) {
-  h5::Dims dims = h5::shape(dataset);
-  h5::Dims start(dims.size(), 0);
-  h5::Dims size = dims;
-  dims[0] = begin + count;
-  start[0] = begin;
-  size[0] = count;
-  if (H5Dset_extent(dataset, dims.data()) < 0) return false;
-  const h5::Handle to(H5Dget_space(dataset));
-  const h5::Handle from(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr));
-  return H5Sselect_hyperslab(to.get(), H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr) >= 0 &&
-         H5Dwrite(dataset, type, from.get(), to.get(), H5P_DEFAULT, values) >= 0;
-}
 
 bool cut_rows(hid_t dataset, hsize_t rows) {
   h5::Dims dims = h5::shape(dataset);
@@ -102,29 +59,24 @@ std::size_t frames_between_commits(double frame_period_s) {
   return static_cast<std::size_t>(frames);
 }
 
-// HDF5 1.10 cannot clean up after a file whose first pages found no room.
-bool has_room_to_begin(const std::filesystem::path& file) {
-  constexpr std::uintmax_t kLeastBytes = std::uintmax_t{256} << 10U;
-  std::error_code error;
-  const auto folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
-  const std::filesystem::space_info space = std::filesystem::space(folder, error);
-  return error || space.available >= kLeastBytes;
-}
-
 }  // namespace
 
 struct CaptureWriter::Impl {
+  // A dataset with a plane a frame; none where it was not asked for.
+  struct Planes {
+    h5::Handle dataset;
+    hid_t type = H5T_NATIVE_FLOAT;
+  };
+
   std::filesystem::path final_name;
   std::filesystem::path part_name;
   CaptureInfo info;
   WriterOptions options;
-  std::optional<DiskReserve> reserve;
-  std::unique_ptr<CrashSafeFile> stored;  // once HDF5 has closed it
-  LastWrites last;
+  std::shared_ptr<DrivenFile> driven;  // none once it has its name, or was given up
   h5::Handle file;
-  h5::Handle frames;
-  h5::Handle truth;
-  h5::Handle motion;
+  Planes frames;
+  Planes truth;
+  Planes motion;
   std::vector<BlockMotion> no_motion;  // of a frame
   h5::Handle t;
   h5::Handle frame_id;
@@ -142,13 +94,11 @@ struct CaptureWriter::Impl {
   Status check_order(double t_s, std::uint64_t id) const;
   Status make_room(std::uint64_t bytes);
   Status write_planes(const void* plane, const float* truth_plane, const BlockMotion* blocks);
+  Status write_attribute(const Attribute& attribute);
   Status commit();
-  bool close_file();
-  bool store();
-  Status publish() const;
+  Status close_file();
   void discard();
 
-  hid_t pixel_type() const { return info.format.type == PixelType::kUint16 ? H5T_NATIVE_UINT16 : H5T_NATIVE_FLOAT; }
   std::uint64_t frame_bytes() const {
     const std::size_t truth_bytes = options.truth ? plane_bytes(info.format.geometry, PixelType::kFloat32) : 0;
     return plane_bytes(info.format.geometry, info.format.type) + truth_bytes + no_motion.size() * sizeof(BlockMotion);
@@ -161,40 +111,40 @@ struct CaptureWriter::Impl {
 
 Status CaptureWriter::Impl::create() {
   if (Status good = check_output({final_name, options.replace}); !good) return good;
-  if (!has_room_to_begin(part_name))
-    return failed(part_name.string() + ": cannot be written: " + std::strerror(ENOSPC));
   const SurvivesCut survives = options.survives_power_cut ? SurvivesCut::kPower : SurvivesCut::kProcess;
-  const h5::Handle access = file_access();
-  if (!create_crash_safe(access.get(), survives, stored, last)) return broken("cannot be created");
-  const unsigned flags = options.replace == Replace::kExisting ? H5F_ACC_TRUNC : H5F_ACC_EXCL;
-  file = h5::Handle(H5Fcreate(part_name.c_str(), flags, H5P_DEFAULT, access.get()));
-  if (!file) return bad_input(part_name.string() + ": " + h5::cause());
-  Result<DiskReserve> opened = DiskReserve::open(part_name);
-  if (!opened) return at(part_name.string(), std::move(opened.error()));
-  reserve = std::move(*opened);
-  if (Status good = make_room(frame_bytes()); !good) return good;
+  auto created = CrashSafeFile::create(part_name, survives, options.replace);
+  if (!created) return at(part_name.string(), std::move(created.error()));
+  driven = std::make_shared<DrivenFile>();
+  driven->file = std::move(*created);
+  // Before HDF5 writes: version 1.10 cannot clean up after a file whose first pages found no room.
+  if (Status good = driven->file->reserve(frame_bytes()); !good) return at(part_name.string(), std::move(good.error()));
+  file = create_hdf5(part_name, driven);
+  if (!file) return broken("cannot be created");
   return create_items();
 }
 
 Status CaptureWriter::Impl::create_items() {
   const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
   if (!root || !write_identity(root.get(), info)) return broken("the root attributes cannot be written");
-  const h5::Dims frame{1, static_cast<hsize_t>(info.format.geometry.height),
-                       static_cast<hsize_t>(info.format.geometry.width)};
-  frames = create_dataset(file.get(), "/frames", pixel_type(), frame, options.deflate_level);
-  t = create_dataset(file.get(), "/t", H5T_NATIVE_DOUBLE, {kSeriesChunk}, 0);
-  frame_id = create_dataset(file.get(), "/frame_id", H5T_NATIVE_UINT64, {kSeriesChunk}, 0);
-  if (options.truth) {
-    truth = create_dataset(file.get(), "/truth/frames", H5T_NATIVE_FLOAT, frame, options.deflate_level);
-  }
+  const Geometry g = info.format.geometry;
+  const h5::Dims frame{1, static_cast<hsize_t>(g.height), static_cast<hsize_t>(g.width)};
+  if (info.format.type == PixelType::kUint16) frames.type = H5T_NATIVE_UINT16;
+  bool good = true;
+  const auto create_planes = [&](Planes& planes, const char* path, const h5::Dims& shape) {
+    planes.dataset = h5::create_growing(file.get(), path, planes.type, shape, options.deflate_level);
+    good = good && planes.dataset;
+  };
+  create_planes(frames, "/frames", frame);
+  t = h5::create_growing(file.get(), "/t", H5T_NATIVE_DOUBLE, {kSeriesChunk});
+  frame_id = h5::create_growing(file.get(), "/frame_id", H5T_NATIVE_UINT64, {kSeriesChunk});
+  if (options.truth) create_planes(truth, "/truth/frames", frame);
   if (options.motion) {
-    const Geometry blocks = motion_blocks(info.format.geometry);
-    const h5::Dims field{1, static_cast<hsize_t>(blocks.height), static_cast<hsize_t>(blocks.width), kMotionValues};
-    motion = create_dataset(file.get(), "/motion", H5T_NATIVE_FLOAT, field, options.deflate_level);
+    const Geometry blocks = motion_blocks(g);
     no_motion.resize(blocks.pixels());
+    create_planes(motion, "/motion",
+                  {1, static_cast<hsize_t>(blocks.height), static_cast<hsize_t>(blocks.width), kMotionValues});
   }
-  const bool optional = (!options.truth || truth) && (!options.motion || motion);
-  if (!frames || !t || !frame_id || !optional) return broken("the datasets cannot be created");
+  if (!good || !t || !frame_id) return broken("the datasets cannot be created");
   return commit();
 }
 
@@ -214,29 +164,41 @@ Status CaptureWriter::Impl::check_order(double t_s, std::uint64_t id) const {
 Status CaptureWriter::Impl::make_room(std::uint64_t bytes) {
   hsize_t size = 0;
   if (H5Fget_filesize(file.get(), &size) < 0) return broken("its size is not known");
-  if (Status good = reserve->ensure(size + bytes); !good) return at(part_name.string(), std::move(good.error()));
+  if (Status good = driven->file->reserve(size + bytes); !good) return at(part_name.string(), std::move(good.error()));
   return {};
 }
 
 Status CaptureWriter::Impl::write_planes(const void* plane, const float* truth_plane, const BlockMotion* blocks) {
   if (blocks == nullptr) blocks = no_motion.data();
-  const bool good = write_rows(frames.get(), pixel_type(), written, 1, plane) &&
-                    (!truth || write_rows(truth.get(), H5T_NATIVE_FLOAT, written, 1, truth_plane)) &&
-                    (!motion || write_rows(motion.get(), H5T_NATIVE_FLOAT, written, 1, blocks));
+  bool good = true;
+  for (const auto& [planes, data] :
+       {std::pair<const Planes*, const void*>{&frames, plane}, {&truth, truth_plane}, {&motion, blocks}}) {
+    if (good && planes->dataset) good = h5::write_rows(planes->dataset.get(), planes->type, written, 1, data);
+  }
   if (good) return {};
   const auto error = broken("frame " + std::to_string(written) + " cannot be written");
-  cut_rows(frames.get(), written);
-  if (truth) cut_rows(truth.get(), written);
-  if (motion) cut_rows(motion.get(), written);
+  for (const Planes* planes : {&frames, &truth, &motion}) {
+    if (planes->dataset) cut_rows(planes->dataset.get(), written);
+  }
   return error;
+}
+
+Status CaptureWriter::Impl::write_attribute(const Attribute& attribute) {
+  const h5::Quiet quiet;
+  if (!file) return closed();
+  const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
+  const auto write = [&](const auto& value) { return h5::write_attribute(root.get(), attribute.name, value); };
+  if (std::visit(write, attribute.value)) return {};
+  return broken("root attribute '" + attribute.name + "' cannot be written");
 }
 
 Status CaptureWriter::Impl::commit() {
   const hsize_t begin = written - pending_t.size();
   const hsize_t count = pending_t.size();
   if (count > 0) {
-    if (!write_rows(t.get(), H5T_NATIVE_DOUBLE, begin, count, pending_t.data())) return broken("/t cannot be written");
-    if (!write_rows(frame_id.get(), H5T_NATIVE_UINT64, begin, count, pending_id.data())) {
+    if (!h5::write_rows(t.get(), H5T_NATIVE_DOUBLE, begin, count, pending_t.data()))
+      return broken("/t cannot be written");
+    if (!h5::write_rows(frame_id.get(), H5T_NATIVE_UINT64, begin, count, pending_id.data())) {
       return broken("/frame_id cannot be written");
     }
     pending_t.clear();
@@ -250,30 +212,20 @@ Status CaptureWriter::Impl::commit() {
   return {};
 }
 
-bool CaptureWriter::Impl::close_file() {
-  last.begun = true;
-  for (h5::Handle* dataset : {&frames, &truth, &motion, &t, &frame_id}) dataset->close();
-  const bool closed = file.close() && last.error == 0;
-  if (!closed) stored.reset();
-  return closed;
-}
-
-// Nothing of it is HDF5's any more.
-bool CaptureWriter::Impl::store() {
-  if (!stored || !stored->finish()) return false;
-  reserve->release();
-  return reserve->sync();
-}
-
-// Durable first, then under its final name.
-Status CaptureWriter::Impl::publish() const {
-  Status good = bolo::publish(part_name, {final_name, options.replace});
-  if (good) remove_records(part_name);
-  return good;
+// On failure the file is given up, as its last commit left it.
+Status CaptureWriter::Impl::close_file() {
+  driven->ending = true;
+  for (h5::Handle* dataset : {&frames.dataset, &truth.dataset, &motion.dataset, &t, &frame_id}) dataset->close();
+  const bool closed = file.close();
+  const int error = driven->error;
+  if (closed && error == 0) return {};
+  driven.reset();
+  if (error == 0) return broken("cannot be closed");
+  return failed(part_name.string() + ": cannot be closed: " + std::strerror(error));
 }
 
 void CaptureWriter::Impl::discard() {
-  close_file();
+  if (driven) static_cast<void>(close_file());
   std::error_code ignored;
   std::filesystem::remove(part_name, ignored);
   remove_records(part_name);
@@ -290,9 +242,9 @@ CaptureWriter::~CaptureWriter() {
     impl_->discard();
     return;
   }
-  impl_->last.begun = true;
+  impl_->driven->ending = true;
   static_cast<void>(impl_->commit());
-  if (impl_->close_file() && impl_->reserve && impl_->store()) remove_records(impl_->part_name);
+  if (impl_->close_file() && impl_->driven->file->finish()) remove_records(impl_->part_name);
 }
 
 Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, const CaptureInfo& info,
@@ -306,7 +258,7 @@ Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, c
   impl->options = options;
   impl->commit_frames = frames_between_commits(info.format.frame_period_s);
   if (Status good = impl->create(); !good) {
-    if (impl->file) impl->discard();
+    if (impl->driven) impl->discard();
     return tl::unexpected<Error>(std::move(good.error()));
   }
   return CaptureWriter(std::move(impl));
@@ -369,8 +321,8 @@ Status CaptureWriter::write_points(const std::vector<Point>& points) {
     std::vector<std::int32_t> values;
     values.reserve(points.size());
     for (const Point& point : points) values.push_back(point.*member);
-    const h5::Handle dataset = create_dataset(w.file.get(), path, H5T_NATIVE_INT32, {kSeriesChunk}, 0);
-    if (!dataset || !write_rows(dataset.get(), H5T_NATIVE_INT32, 0, values.size(), values.data())) {
+    const h5::Handle dataset = h5::create_growing(w.file.get(), path, H5T_NATIVE_INT32, {kSeriesChunk}, 0);
+    if (!dataset || !h5::write_rows(dataset.get(), H5T_NATIVE_INT32, 0, values.size(), values.data())) {
       return w.broken(std::string(path) + " cannot be written");
     }
   }
@@ -378,26 +330,16 @@ Status CaptureWriter::write_points(const std::vector<Point>& points) {
 }
 
 Status CaptureWriter::write_attribute(const std::string& name, double value) {
-  const h5::Quiet quiet;
-  if (!impl_->file) return impl_->closed();
-  const h5::Handle root(H5Gopen2(impl_->file.get(), "/", H5P_DEFAULT));
-  if (h5::write_attribute(root.get(), name, value)) return {};
-  return impl_->broken("root attribute '" + name + "' cannot be written");
+  return impl_->write_attribute({name, value});
 }
 
 Status CaptureWriter::write_attribute(const std::string& name, const std::string& value) {
-  const h5::Quiet quiet;
-  if (!impl_->file) return impl_->closed();
-  const h5::Handle root(H5Gopen2(impl_->file.get(), "/", H5P_DEFAULT));
-  if (h5::write_attribute(root.get(), name, value)) return {};
-  return impl_->broken("root attribute '" + name + "' cannot be written");
+  return impl_->write_attribute({name, value});
 }
 
 Status CaptureWriter::write_attributes(const std::vector<Attribute>& attributes) {
   for (const Attribute& attribute : attributes) {
-    Status good =
-        std::visit([&](const auto& value) { return write_attribute(attribute.name, value); }, attribute.value);
-    if (!good) return good;
+    if (Status good = impl_->write_attribute(attribute); !good) return good;
   }
   return {};
 }
@@ -411,22 +353,22 @@ Status CaptureWriter::complete() {
   const h5::Quiet quiet;
   Impl& w = *impl_;
   if (!w.file) return w.closed();
-  w.last.begun = true;
+  w.driven->ending = true;
   if (Status good = w.commit(); !good) return good;
-  if (w.close_file()) return {};
-  if (w.last.error == 0) return w.broken("cannot be closed");
-  return failed(w.part_name.string() + ": cannot be closed: " + std::strerror(w.last.error));
+  return w.close_file();
 }
 
+// The file is on the disk before it gets its name.
 Status CaptureWriter::close() {
   Impl& w = *impl_;
   if (w.file) {
     if (Status good = complete(); !good) return good;
   }
-  if (!w.stored) return w.closed();
-  if (!w.store()) return failed(w.part_name.string() + ": cannot be stored: " + std::strerror(errno));
-  Status published = w.publish();
-  w.stored.reset();  // and with it the lock: who gets it finds that the name is gone
+  if (!w.driven) return w.closed();
+  if (!w.driven->file->finish()) return failed(w.part_name.string() + ": cannot be stored: " + std::strerror(errno));
+  Status published = publish(w.part_name, {w.final_name, w.options.replace});
+  if (published) remove_records(w.part_name);
+  w.driven.reset();  // and with it the lock: who gets it finds that the name is gone
   return published;
 }
 

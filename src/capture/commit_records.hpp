@@ -1,20 +1,48 @@
-// Files beside one that is being written: FILE.journal, the record of the last commit that was made durable, and
-// FILE.live, that of the last commit of all, which counts for as long as the kernel keeps what was written to the file
-// and has not reached the disk. crash_safe_file.hpp says when each is written.
+// Pages of a file, and the files beside one that is being written, which hold records of pages: FILE.journal, of the
+// last commit that was made durable, and FILE.live, of the last commit of all, which counts for as long as the kernel
+// keeps what was written to the file and has not reached the disk. crash_safe_file.hpp says when each is written.
 //
 // FILE.live has two pointers in its first page; each record goes where it doesn't touch the one before, then the
 // pointer of the one before that is turned to it. So a process that is killed anywhere leaves a whole record.
 #pragma once
 
+#include <sys/types.h>
+
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <map>
+#include <optional>
+#include <vector>
 
-#include "src/capture/pages.hpp"
 #include "src/core/result.hpp"
 #include "src/core/unique_fd.hpp"
 
 namespace bolo::capture {
+
+inline constexpr std::size_t kPageBytes = 4096;
+using Page = std::vector<std::byte>;          // kPageBytes of them
+using Pages = std::map<std::uint64_t, Page>;  // by number: the offset is number * kPageBytes
+
+// pwrite() of all of it. False on failure, errno tells why. Thread: any.
+bool write_all(int descriptor, std::uint64_t offset, std::size_t bytes, const void* data);
+// pread(): fewer bytes than asked for only at the end of the file; -1 on failure. Thread: any.
+ssize_t read_some(int descriptor, std::uint64_t offset, std::size_t bytes, void* out);
+bool read_all(int descriptor, std::uint64_t offset, std::size_t bytes, void* out);
+
+// Writes pages to where they belong; nothing at or beyond `end`. False on failure, errno tells why. Thread: any.
+bool write_pages(int descriptor, const Pages& pages, std::uint64_t end);
+
+struct PageRecord {
+  std::uint64_t sequence = 0;  // of the commit; a later one has a higher number
+  Pages pages;
+};
+
+// As bytes: a head with a checksum, the pages' numbers, the pages. Thread: any.
+std::vector<std::byte> to_bytes(const PageRecord& record);
+// The record that begins at `offset`; none when it is torn or none was written there. Thread: any.
+std::optional<PageRecord> read_record(int descriptor, std::uint64_t offset);
 
 std::filesystem::path journal_of(const std::filesystem::path& file);  // FILE.journal
 std::filesystem::path live_of(const std::filesystem::path& file);     // FILE.live

@@ -1,4 +1,4 @@
-// Contents of a capture file, read from either format.
+// Contents of a capture file, read from either format, and its items by themselves.
 #pragma once
 
 #include <cstdint>
@@ -28,12 +28,8 @@ struct Contents {
 // have are taken. Errors (kBadInput) name the item. Thread: any one at a time.
 Result<Contents> read_bolo_capture(hid_t file, Trust trust);
 
-// Root attributes beyond the format's own.
+// Root attributes beyond the format's own, which are for people: what cannot be read as number or string is left out.
 std::vector<Attribute> other_attributes(hid_t file);
-
-// The authors' `.mat` version 7.3: `t` and `frames`, kelvin.
-bool looks_like_matlab_capture(hid_t file);
-Result<Contents> read_matlab_capture(hid_t file);
 
 // Rules that both formats share. Thread: any.
 Status check_times(const std::vector<double>& t);
@@ -41,6 +37,23 @@ double median_step(const std::vector<double>& t);  // s; 0 for a single time
 
 // Plausibility of the frame period: adds one line a doubt to `warnings`.
 void check_plausible(Contents& contents);
+
+// /events: compound (t float64, kind string). Reading: empty when it is absent; `kind` may be of fixed or variable
+// length; errors (kBadInput) name the item. Appending creates it when it is absent; false on failure. Thread: any one
+// at a time.
+inline constexpr std::size_t kLongestEventKind = 63;  // bytes; stored in 64 with the closing zero
+Result<std::vector<Event>> read_events(hid_t file);
+bool append_events(hid_t file, const std::vector<Event>& events);
+
+// /stimulus. Reading: NoStimulus when the group is absent; errors (kBadInput) name the field. What is written has
+// passed check_stimulus(); errors: kFailed with the library's cause. Thread: any one at a time.
+Result<Stimulus> read_stimulus(hid_t file);
+Status write_stimulus(hid_t file, const Stimulus& stimulus);
+// The rules that read_stimulus() holds a file to; writers refuse the same. Thread: any.
+Status check_stimulus(const Stimulus& stimulus);
+
+// A 2-dimensional dataset of numbers as float32. Errors (kBadInput) name it. Thread: any one at a time.
+Result<StillImage> read_image(hid_t file, const std::string& path);
 
 // The rules for the attributes in StreamFormat (scale, offset, frame_period_s, row_step) that reader and writer share;
 // messages name the root attribute. Thread: any.

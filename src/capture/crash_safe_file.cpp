@@ -2,11 +2,14 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <string>
 #include <system_error>
@@ -54,6 +57,41 @@ UniqueFd create_journal(const std::filesystem::path& file, bool power) {
   return emptied ? std::move(journal) : UniqueFd{};
 }
 
+constexpr std::uint64_t kReserveSlack = std::uint64_t{1} << 20;
+constexpr std::uint64_t kReserveStep = std::uint64_t{8} << 20;  // asked for at once, to ask seldom
+
+tl::unexpected<Error> no_room(int error) {
+  return failed(std::string("no room to write: ") + std::strerror(error) + "; free some space or record elsewhere");
+}
+
+// The limit of `ulimit -f` doesn't bind fallocate() beyond the file's end, but it will bind the write.
+bool within_size_limit(std::uint64_t end) {
+  rlimit limit{};
+  return getrlimit(RLIMIT_FSIZE, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY || end <= limit.rlim_cur;
+}
+
+// 0 or an errno. File systems that cannot reserve (NFS, FAT) are asked for their free space instead.
+int allocate(int descriptor, std::uint64_t begin, std::uint64_t end) {
+  const auto offset = static_cast<off_t>(begin);
+  const auto length = static_cast<off_t>(end - begin);
+  int result = 0;
+  do {
+    result = fallocate(descriptor, FALLOC_FL_KEEP_SIZE, offset, length) == 0 ? 0 : errno;
+  } while (result == EINTR);
+  if (result != EOPNOTSUPP && result != ENOSYS) return result;
+  struct statvfs space {};
+  if (fstatvfs(descriptor, &space) != 0) return 0;
+  return space.f_bavail * space.f_frsize < end - begin ? ENOSPC : 0;
+}
+
+// Without room for the record the pages are written unprotected: frames are worth more.
+bool write_journal(int journal, const PageRecord& record, bool power) {
+  const std::vector<std::byte> bytes = to_bytes(record);
+  const bool written = write_all(journal, 0, bytes.size(), bytes.data());  // C2
+  if (written && (!power || ::fdatasync(journal) == 0)) return true;       // C3
+  return (errno == ENOSPC || errno == EDQUOT || errno == EFBIG) && ::ftruncate(journal, 0) == 0;
+}
+
 // The writer that held the lock until now may have given the file its final name.
 bool still_named(int descriptor, const std::filesystem::path& file) {
   struct stat opened {};
@@ -71,22 +109,17 @@ Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesyst
   UniqueFd descriptor(::open(file.c_str(), O_RDWR | O_CREAT | exclusive | O_CLOEXEC, 0666));
   if (!descriptor && errno == EEXIST) return is_there(file);
   if (!descriptor) return not_opened("created");
-  std::unique_ptr<CrashSafeFile> made(new CrashSafeFile(std::move(descriptor)));
+  std::unique_ptr<CrashSafeFile> made(new CrashSafeFile(file, std::move(descriptor)));
   if (held_by_another(made->descriptor()) || !still_named(made->descriptor(), file)) return bad_input(kIsBeingWritten);
-  const bool power = survives == SurvivesCut::kPower;
-  made->journal_ = create_journal(file, power);
+  made->power_ = survives == SurvivesCut::kPower;
+  made->journal_ = create_journal(file, made->power_);
   if (!made->journal_) return not_opened("created with its journal");
   std::error_code ignored;
   std::filesystem::remove(live_of(file), ignored);
-  if (power) {
+  if (made->power_) {
     Result<LiveRecord> live = LiveRecord::create(file);
     if (!live) return bad_input("cannot be created with its live record: " + live.error().message);
     made->live_ = std::move(*live);
-    try {
-      made->disk_ = std::make_unique<PowerCommit>(CommitFiles{file, made->file_.get(), made->journal_.get()});
-    } catch (const std::system_error& e) {
-      return failed(std::string("the thread of the disk cannot be started: ") + e.what());
-    }
   }
   if (!made->resize(0)) return not_opened("emptied");
   return made;
@@ -95,7 +128,7 @@ Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesyst
 Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::open(const std::filesystem::path& file) {
   UniqueFd descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
   if (!descriptor) return not_opened("opened");
-  std::unique_ptr<CrashSafeFile> made(new CrashSafeFile(std::move(descriptor)));
+  std::unique_ptr<CrashSafeFile> made(new CrashSafeFile(file, std::move(descriptor)));
   struct stat info {};
   if (::fstat(made->descriptor(), &info) != 0) return not_opened("opened");
   made->waiting_ = read_records(file);
@@ -103,12 +136,27 @@ Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::open(const std::filesystem
   return made;
 }
 
+Status CrashSafeFile::reserve(std::uint64_t end) {
+  end += kReserveSlack;
+  if (end <= reserved_) return {};
+  if (!within_size_limit(end)) return no_room(EFBIG);
+  // A full step first; near the end of the disk or of the size limit, just what is needed.
+  std::uint64_t to = end + kReserveStep;
+  int error = within_size_limit(to) ? allocate(file_.get(), reserved_, to) : ENOSPC;
+  if (error != 0) {
+    to = end;
+    error = allocate(file_.get(), reserved_, to);
+  }
+  if (error != 0) return no_room(error);
+  reserved_ = to;
+  return {};
+}
+
 // The newest first: what waits, then what is on its way to the disk. Null: as it is in the file.
 const Page* CrashSafeFile::in_memory(std::uint64_t number) const {
   if (const auto page = waiting_.find(number); page != waiting_.end()) return &page->second;
-  if (!disk_) return nullptr;
-  const auto page = disk_->pages().find(number);
-  return page != disk_->pages().end() ? &page->second : nullptr;
+  const auto page = on_way_.pages.find(number);
+  return page != on_way_.pages.end() ? &page->second : nullptr;
 }
 
 bool CrashSafeFile::read(std::uint64_t offset, std::size_t bytes, void* out) const {
@@ -160,14 +208,26 @@ bool CrashSafeFile::commit(std::uint64_t end) {
   size_ = std::max(size_, end);
   if (size_ > length_ && !resize(size_)) return false;  // pages that wait may reach beyond
   ++sequence_;
-  if (!(disk_ ? commit_for_power() : commit_for_process())) return false;
+  if (!(power_ ? commit_for_power() : commit_here())) return false;
   committed_pages_ = (size_ + kPageBytes - 1) / kPageBytes;
   return true;
 }
 
-bool CrashSafeFile::commit_for_process() {
+// C1 to C4; without the syncs where only the death of the process is to be survived. 0, or an errno; then it can be
+// called again. Thread: the disk's while it is under way, else the writer's.
+int CrashSafeFile::write_commit(const PageRecord& record, std::uint64_t end) {
+  if (power_) {
+    names_durable_ = names_durable_ || sync_folder_of(name_);
+    if (!names_durable_ || ::fdatasync(file_.get()) != 0) return errno;  // C1
+  }
+  if (record.pages.empty()) return 0;
+  if (!write_journal(journal_.get(), record, power_)) return errno;  // C2, C3
+  return write_pages(file_.get(), record.pages, end) ? 0 : errno;    // C4
+}
+
+bool CrashSafeFile::commit_here() {
   PageRecord record{sequence_, std::move(waiting_)};
-  const int error = commit_pages({{}, file_.get(), journal_.get()}, record, size_, SurvivesCut::kProcess);
+  const int error = write_commit(record, size_);
   waiting_.clear();
   if (error == 0) return true;
   waiting_ = std::move(record.pages);
@@ -177,28 +237,41 @@ bool CrashSafeFile::commit_for_process() {
 
 bool CrashSafeFile::commit_for_power() {
   const bool too_much = waiting_.size() > kMostWaitingPages;
-  if (disk_->begun() && (too_much || disk_->ended()) && !end_of_disk()) return false;
+  const bool ended = disk_.valid() && disk_.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  if (disk_.valid() && (too_much || ended) && !end_disk()) return false;
   PageRecord record{sequence_, waiting_};
-  record.pages.insert(disk_->pages().begin(), disk_->pages().end());  // where a page is in both, the one that waits
-  live_.write(record);                                                // P
-  if (!disk_->begun()) {
-    disk_->begin({sequence_, std::move(waiting_)}, size_);
-    waiting_.clear();
-  }
+  record.pages.insert(on_way_.pages.begin(), on_way_.pages.end());  // where a page is in both, the one that waits
+  live_.write(record);                                              // P
+  if (!disk_.valid()) begin_disk();
   return true;
 }
 
+// Where no thread can be had now the pages wait for the next commit.
+void CrashSafeFile::begin_disk() {
+  on_way_ = {sequence_, std::move(waiting_)};
+  waiting_.clear();
+  try {
+    disk_ = std::async(std::launch::async, [this, end = size_] { return write_commit(on_way_, end); });
+  } catch (const std::system_error&) {
+    waiting_.swap(on_way_.pages);
+  }
+}
+
 // Waits for what is on its way to the disk. What failed waits again, as far as nothing newer does.
-bool CrashSafeFile::end_of_disk() {
-  const int error = disk_->take_outcome(waiting_);
+bool CrashSafeFile::end_disk() {
+  const int error = disk_.get();
+  if (error != 0) waiting_.merge(on_way_.pages);
+  on_way_.pages.clear();
   errno = error;
   return error == 0;
 }
 
+// Truncating to the size that the file has frees what was reserved beyond.
 bool CrashSafeFile::finish() {
-  if (disk_ && disk_->begun() && !end_of_disk()) return false;
-  if (!waiting_.empty() && (!commit(end_) || (disk_ && !end_of_disk()))) return false;
-  return resize(end_);
+  if (disk_.valid() && !end_disk()) return false;
+  ++sequence_;
+  if (!waiting_.empty() && !commit_here()) return false;
+  return resize(end_) && ::fsync(file_.get()) == 0;
 }
 
 bool CrashSafeFile::resize(std::uint64_t end) {

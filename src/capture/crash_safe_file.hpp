@@ -4,8 +4,8 @@
 //
 // Pages that existed at the last commit are never written before it is durable: such writes wait in memory. What lies
 // beyond is written at once, for the committed state doesn't know of it. Each commit() is one for the process (P), and
-// begins one for the disk (C) when none is under way, with all pages that wait; the disk has a thread of its own, so
-// that the writer never waits for it, however slow it is:
+// begins one for the disk (C) when none is under way, with all pages that wait, on a thread of its own, so that the
+// writer never waits for the disk, however slow it is:
 //
 // - P:  all that waits and all that is on its way to the disk goes to FILE.live, in one record with a checksum, without
 //       a sync: the kernel keeps what was written. From here on the new state is the one that a kill leaves.
@@ -29,17 +29,18 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <future>
 #include <memory>
 #include <utility>
 
 #include "src/capture/commit_records.hpp"
-#include "src/capture/pages.hpp"
-#include "src/capture/power_commit.hpp"
 #include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
 #include "src/core/unique_fd.hpp"
 
 namespace bolo::capture {
+
+enum class SurvivesCut { kProcess, kPower };
 
 class CrashSafeFile {
  public:
@@ -51,40 +52,53 @@ class CrashSafeFile {
   static Result<std::unique_ptr<CrashSafeFile>> open(const std::filesystem::path& file);
   CrashSafeFile(const CrashSafeFile&) = delete;
   CrashSafeFile& operator=(const CrashSafeFile&) = delete;
-  ~CrashSafeFile() = default;
+  ~CrashSafeFile() = default;  // waits for the disk
 
-  // False on failure, errno tells why. What lies beyond size() is read as zeros. Thread: any one at a time.
+  // The file may grow to `end` bytes, and somewhat beyond for HDF5's own structures: "disk full" is learnt before a
+  // write fails half-way and leaves the structure torn. Errors: kFailed with the cause (disk full, quota, file size
+  // limit); what was reserved before stays. Thread of this and all below: any one at a time.
+  Status reserve(std::uint64_t end);
+
+  // False on failure, errno tells why. What lies beyond size() is read as zeros.
   bool read(std::uint64_t offset, std::size_t bytes, void* out) const;
   bool write(std::uint64_t offset, std::size_t bytes, const void* data);
   // The file is at least `end` bytes long afterwards. Tells what failed on the disk since the last commit, too; after a
   // failure it can be called again.
   bool commit(std::uint64_t end);
-  // Waits until nothing of the last commit waits any more; the file is as long as that said afterwards.
+  // The file is on the disk afterwards and needs no records, as long as the last commit said; what was reserved beyond
+  // is given back.
   bool finish();
 
   std::uint64_t size() const noexcept { return size_; }
   int descriptor() const noexcept { return file_.get(); }
 
  private:
-  explicit CrashSafeFile(UniqueFd file) : file_(std::move(file)) {}
+  CrashSafeFile(std::filesystem::path name, UniqueFd file) : name_(std::move(name)), file_(std::move(file)) {}
   bool write_through(std::uint64_t offset, std::size_t bytes, const std::byte* data);
   bool hold_back(std::uint64_t offset, std::size_t bytes, const std::byte* data);
   const Page* in_memory(std::uint64_t number) const;
-  bool commit_for_process();
+  int write_commit(const PageRecord& record, std::uint64_t end);
+  bool commit_here();
   bool commit_for_power();
-  bool end_of_disk();
+  void begin_disk();
+  bool end_disk();
   bool resize(std::uint64_t end);
 
+  const std::filesystem::path name_;
   UniqueFd file_;
   UniqueFd journal_;  // none when reading
   LiveRecord live_;   // none but for SurvivesCut::kPower
+  bool power_ = false;
+  std::uint64_t reserved_ = 0;
   std::uint64_t size_ = 0;
   std::uint64_t length_ = 0;  // of the file itself: without what waits
   std::uint64_t end_ = 0;     // that the last commit was told
   std::uint64_t committed_pages_ = 0;
   std::uint64_t sequence_ = 0;
-  Pages waiting_;                      // of a file that is read: what the records lay over it
-  std::unique_ptr<PowerCommit> disk_;  // last: it ends before the files close
+  Pages waiting_;               // of a file that is read: what the records lay over it
+  PageRecord on_way_;           // to the disk; both threads read it until end_disk()
+  bool names_durable_ = false;  // of write_commit()
+  std::future<int> disk_;       // of C1 to C4, while they are under way: 0 or an errno. Last: it ends first
 };
 
 }  // namespace bolo::capture

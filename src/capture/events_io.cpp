@@ -1,13 +1,14 @@
-#include "src/capture/events_io.hpp"
-
 #include <array>
 #include <cmath>
 #include <cstring>
+
+#include "src/capture/contents.hpp"
 
 namespace bolo::capture {
 namespace {
 
 const std::string kPath = "/events";
+constexpr hsize_t kChunk = 16;
 
 struct FixedRow {
   double t_s;
@@ -26,7 +27,7 @@ h5::Handle row_type(hid_t kind_type, std::size_t size, std::size_t kind_offset) 
   return type;
 }
 
-h5::Handle fixed_string() {
+h5::Handle kind_of_fixed_length() {
   h5::Handle type(H5Tcopy(H5T_C_S1));
   H5Tset_size(type.get(), kLongestEventKind + 1);
   H5Tset_cset(type.get(), H5T_CSET_UTF8);
@@ -72,23 +73,9 @@ Status read_fixed(hid_t dataset, hid_t kind_type, std::vector<Event>& events) {
     const char* row = rows.data() + i * stride;
     std::memcpy(&events[i].t_s, row, sizeof(double));
     const char* kind = row + sizeof(double);
-    events[i].kind.assign(kind, strnlen(kind, length));
-    if (H5Tget_strpad(kind_type) == H5T_STR_SPACEPAD) {
-      events[i].kind.erase(events[i].kind.find_last_not_of(' ') + 1);
-    }
+    events[i].kind = h5::fixed_string(kind, length, kind_type);
   }
   return {};
-}
-
-h5::Handle create_dataset(hid_t file, hid_t type) {
-  const hsize_t none = 0;
-  const hsize_t no_limit = H5S_UNLIMITED;
-  const hsize_t chunk = 16;
-  const h5::Handle space(H5Screate_simple(1, &none, &no_limit));
-  const h5::Handle properties(H5Pcreate(H5P_DATASET_CREATE));
-  H5Pset_chunk(properties.get(), 1, &chunk);
-  H5Pset_obj_track_times(properties.get(), false);
-  return h5::Handle(H5Dcreate2(file, kPath.c_str(), type, space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT));
 }
 
 }  // namespace
@@ -104,8 +91,8 @@ Result<std::vector<Event>> read_events(hid_t file) {
   }
   const h5::Handle time = member_type(type.get(), "t");
   const h5::Handle kind = member_type(type.get(), "kind");
-  const bool number = time && (H5Tget_class(time.get()) == H5T_FLOAT || H5Tget_class(time.get()) == H5T_INTEGER);
-  if (!number) return bad_input(kPath + " has no number member 't'; expected compound (t float64, kind string)");
+  if (!time || !h5::is_number(time.get()))
+    return bad_input(kPath + " has no number member 't'; expected compound (t float64, kind string)");
   if (!kind || H5Tget_class(kind.get()) != H5T_STRING) {
     return bad_input(kPath + " has no string member 'kind'; expected compound (t float64, kind string)");
   }
@@ -129,24 +116,17 @@ Result<std::vector<Event>> read_events(hid_t file) {
 }
 
 bool append_events(hid_t file, const std::vector<Event>& events) {
-  const h5::Handle kind = fixed_string();
+  const h5::Handle kind = kind_of_fixed_length();
   const h5::Handle type = row_type(kind.get(), sizeof(FixedRow), offsetof(FixedRow, kind));
-  const h5::Handle dataset = h5::exists(file, kPath) ? h5::Handle(H5Dopen2(file, kPath.c_str(), H5P_DEFAULT))
-                                                     : create_dataset(file, type.get());
+  const h5::Handle dataset(h5::exists(file, kPath) ? h5::Handle(H5Dopen2(file, kPath.c_str(), H5P_DEFAULT))
+                                                   : h5::create_growing(file, kPath, type.get(), {kChunk}));
   if (!dataset) return false;
   std::vector<FixedRow> rows(events.size());
   for (std::size_t i = 0; i < events.size(); ++i) {
     rows[i].t_s = events[i].t_s;
     events[i].kind.copy(rows[i].kind.data(), kLongestEventKind);
   }
-  const hsize_t begin = h5::shape(dataset.get()).at(0);
-  const hsize_t count = rows.size();
-  const hsize_t end = begin + count;
-  if (H5Dset_extent(dataset.get(), &end) < 0) return false;
-  const h5::Handle to(H5Dget_space(dataset.get()));
-  const h5::Handle from(H5Screate_simple(1, &count, nullptr));
-  return H5Sselect_hyperslab(to.get(), H5S_SELECT_SET, &begin, nullptr, &count, nullptr) >= 0 &&
-         H5Dwrite(dataset.get(), type.get(), from.get(), to.get(), H5P_DEFAULT, rows.data()) >= 0;
+  return h5::write_rows(dataset.get(), type.get(), h5::shape(dataset.get()).at(0), rows.size(), rows.data());
 }
 
 }  // namespace bolo::capture

@@ -1,7 +1,6 @@
 #include "src/capture/frame_store.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cstdint>
 
 namespace bolo::capture {
@@ -85,16 +84,7 @@ Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder ord
 }  // namespace
 
 Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOrder order, h5::Expect expect,
-                                    std::size_t block_bytes) {
-  return open_as(file, path, order, expect, block_bytes, 0);
-}
-
-Result<FrameStore> FrameStore::open_of_several(hid_t file, const std::string& path, h5::Expect expect, hsize_t values) {
-  return open_as(file, path, FrameOrder::kFrameMajor, expect, kBlockBytes, values);
-}
-
-Result<FrameStore> FrameStore::open_as(hid_t file, const std::string& path, FrameOrder order, h5::Expect expect,
-                                       std::size_t block_bytes, hsize_t values) {
+                                    std::size_t block_bytes, hsize_t values) {
   Result<h5::Handle> dataset = h5::open_dataset(file, path, expect);
   if (!dataset) return tl::unexpected<Error>(std::move(dataset.error()));
   const h5::Dims dims = h5::shape(dataset->get());
@@ -103,9 +93,8 @@ Result<FrameStore> FrameStore::open_as(hid_t file, const std::string& path, Fram
 
   FrameStore store;
   const h5::Handle type(H5Dget_type(dataset->get()));
-  const H5T_class_t kind = H5Tget_class(type.get());
   store.stored_type_ = h5::type_text(type.get());
-  if (kind != H5T_INTEGER && kind != H5T_FLOAT) {
+  if (!h5::is_number(type.get())) {
     return bad_input(path + " is of type " + store.stored_type_ + "; expected numbers");
   }
   const bool frame_major = order == FrameOrder::kFrameMajor;
@@ -187,32 +176,20 @@ bool FrameStore::chunk_fits(std::size_t index) const {
 }
 
 Status FrameStore::read_plane(std::size_t index, void* out) {
-  const h5::Dims start = corner(index);
-  const h5::Dims& count = one_frame_;
   if (checks_chunk_ && !chunk_fits(index)) {
     return bad_input(path_ + ": frame " + std::to_string(index) + " is not whole: the file is damaged");
   }
-  const h5::Handle from(H5Dget_space(dataset_.get()));
-  const h5::Handle to(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr));
-  if (H5Sselect_hyperslab(from.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) < 0 ||
-      H5Dread(dataset_.get(), memory_type(type_), to.get(), from.get(), H5P_DEFAULT, out) < 0) {
-    return bad_input(path_ + ": frame " + std::to_string(index) + " cannot be read" + h5::because());
-  }
-  return {};
+  if (h5::read_block(dataset_.get(), memory_type(type_), corner(index), one_frame_, out)) return {};
+  return bad_input(path_ + ": frame " + std::to_string(index) + " cannot be read" + h5::because());
 }
 
 Status FrameStore::read_block(std::size_t index) {
   const std::size_t begin = index / block_frames_ * block_frames_;
   const std::size_t frames = std::min(block_frames_, frames_ - begin);
-  const std::array<hsize_t, 3> start{0, 0, begin};
-  const std::array<hsize_t, 3> count{static_cast<hsize_t>(geometry_.height), static_cast<hsize_t>(geometry_.width),
-                                     frames};
+  const h5::Dims count{static_cast<hsize_t>(geometry_.height), static_cast<hsize_t>(geometry_.width), frames};
   block_.resize(plane_bytes(geometry_, type_) * frames);
   block_count_ = 0;  // nothing usable until the read succeeds
-  const h5::Handle from(H5Dget_space(dataset_.get()));
-  const h5::Handle to(H5Screate_simple(3, count.data(), nullptr));
-  if (H5Sselect_hyperslab(from.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) < 0 ||
-      H5Dread(dataset_.get(), memory_type(type_), to.get(), from.get(), H5P_DEFAULT, block_.data()) < 0) {
+  if (!h5::read_block(dataset_.get(), memory_type(type_), {0, 0, begin}, count, block_.data())) {
     return bad_input(path_ + ": frames from " + std::to_string(begin) + " cannot be read" + h5::because());
   }
   block_begin_ = begin;

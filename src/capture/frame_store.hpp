@@ -21,11 +21,11 @@ class FrameStore {
   static constexpr std::size_t kBlockBytes = std::size_t{64} << 20;
 
   // Any number type; whoever is stricter looks at stored_type(). `block_bytes`: memory for turning MATLAB's order over.
+  // `values`: the dataset is (n, height, width, values), and a "frame" is `values` times as wide as it is stored.
   // Errors: kBadInput naming `path`.
   static Result<FrameStore> open(hid_t file, const std::string& path, FrameOrder order,
-                                 h5::Expect expect = h5::Expect::kWhole, std::size_t block_bytes = kBlockBytes);
-  // Of (n, height, width, values) instead: a "frame" is `values` times as wide as it is stored.
-  static Result<FrameStore> open_of_several(hid_t file, const std::string& path, h5::Expect expect, hsize_t values);
+                                 h5::Expect expect = h5::Expect::kWhole, std::size_t block_bytes = kBlockBytes,
+                                 hsize_t values = 0);
 
   // Of a dataset opened with Expect::kPart: drops the frames at the end that never reached the file. More than `most`
   // of them are an error.
@@ -43,8 +43,6 @@ class FrameStore {
   Status read_plane(std::size_t index, void* out);
   bool chunk_fits(std::size_t index) const;
   Status read_block(std::size_t index);
-  static Result<FrameStore> open_as(hid_t file, const std::string& path, FrameOrder order, h5::Expect expect,
-                                    std::size_t block_bytes, hsize_t values);
   bool is_stored(std::size_t index);
   h5::Dims corner(std::size_t index) const;
 

@@ -39,17 +39,6 @@ Result<Handle> open_attribute(const Owner& owner, const std::string& name) {
   return attribute;
 }
 
-bool is_number(hid_t type) {
-  const H5T_class_t kind = H5Tget_class(type);
-  return kind == H5T_INTEGER || kind == H5T_FLOAT;
-}
-
-std::string until_padding(const char* characters, std::size_t size, H5T_str_t padding) {
-  std::string value(characters, strnlen(characters, size));
-  if (padding == H5T_STR_SPACEPAD) value.erase(value.find_last_not_of(' ') + 1);
-  return value;
-}
-
 Result<std::string> read_string(hid_t attribute, hid_t type, const std::string& where) {
   if (H5Tis_variable_str(type) > 0) {
     char* characters = nullptr;
@@ -64,7 +53,7 @@ Result<std::string> read_string(hid_t attribute, hid_t type, const std::string& 
   if (size > kLongestString) return bad_input(where + " is longer than 1 MiB");
   std::vector<char> characters(size);
   if (H5Aread(attribute, type, characters.data()) < 0) return bad_input(where + " cannot be read" + because());
-  return until_padding(characters.data(), size, H5Tget_strpad(type));
+  return fixed_string(characters.data(), size, type);
 }
 
 Status check_filters(hid_t properties, const std::string& path) {
@@ -127,12 +116,7 @@ Status check_stored(hid_t dataset, hid_t properties, const std::string& path) {
 bool read_rows(hid_t dataset, hid_t memory_type, std::size_t rows, bool all, void* out) {
   if (rows == 0) return true;
   if (all) return H5Dread(dataset, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out) >= 0;
-  const hsize_t begin = 0;
-  const hsize_t count = rows;
-  const Handle from(H5Dget_space(dataset));
-  const Handle to(H5Screate_simple(1, &count, nullptr));
-  return H5Sselect_hyperslab(from.get(), H5S_SELECT_SET, &begin, nullptr, &count, nullptr) >= 0 &&
-         H5Dread(dataset, memory_type, to.get(), from.get(), H5P_DEFAULT, out) >= 0;
+  return read_block(dataset, memory_type, {0}, {rows}, out);
 }
 
 hsize_t series_chunk(hid_t dataset) {
@@ -181,6 +165,17 @@ bool write_attribute_of(hid_t owner, const std::string& name, hid_t type, const 
   const Handle space(H5Screate(H5S_SCALAR));
   const Handle attribute(H5Acreate2(owner, name.c_str(), type, space.get(), H5P_DEFAULT, H5P_DEFAULT));
   return attribute && H5Awrite(attribute.get(), type, value) >= 0;
+}
+
+// The block as a selection in the dataset's space; nothing when it lies outside.
+Handle selection(hid_t dataset, const Dims& start, const Dims& count) {
+  Handle space(H5Dget_space(dataset));
+  const bool good = H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) >= 0;
+  return good ? std::move(space) : Handle();
+}
+
+Handle simple_space(const Dims& dims) {
+  return Handle(H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr));
 }
 
 }  // namespace
@@ -232,6 +227,17 @@ std::string type_text(hid_t type) {
     default:
       return "neither number nor string";
   }
+}
+
+std::string fixed_string(const char* characters, std::size_t size, hid_t type) {
+  std::string value(characters, strnlen(characters, size));
+  if (H5Tget_strpad(type) == H5T_STR_SPACEPAD) value.erase(value.find_last_not_of(' ') + 1);
+  return value;
+}
+
+bool is_number(hid_t type) {
+  const H5T_class_t kind = H5Tget_class(type);
+  return kind == H5T_INTEGER || kind == H5T_FLOAT;
 }
 
 std::optional<std::size_t> product(const Dims& dims) {
@@ -314,6 +320,57 @@ Dims shape(hid_t dataset) {
   Dims dims(static_cast<std::size_t>(rank > 0 ? rank : 0));
   if (!dims.empty()) H5Sget_simple_extent_dims(space.get(), dims.data(), nullptr);
   return dims;
+}
+
+bool read_block(hid_t dataset, hid_t memory_type, const Dims& start, const Dims& count, void* out) {
+  const Handle from = selection(dataset, start, count);
+  return from && H5Dread(dataset, memory_type, simple_space(count).get(), from.get(), H5P_DEFAULT, out) >= 0;
+}
+
+bool write_block(hid_t dataset, hid_t memory_type, const Dims& start, const Dims& count, const void* values) {
+  const Handle to = selection(dataset, start, count);
+  return to && H5Dwrite(dataset, memory_type, simple_space(count).get(), to.get(), H5P_DEFAULT, values) >= 0;
+}
+
+bool write_rows(hid_t dataset, hid_t memory_type, hsize_t begin, hsize_t count, const void* values) {
+  Dims dims = shape(dataset);
+  Dims start(dims.size(), 0);
+  dims[0] = begin + count;
+  start[0] = begin;
+  if (H5Dset_extent(dataset, dims.data()) < 0) return false;
+  dims[0] = count;
+  return write_block(dataset, memory_type, start, dims, values);
+}
+
+Handle create_growing(hid_t file, const std::string& path, hid_t type, const Dims& chunk, int deflate_level) {
+  Dims none = chunk;
+  Dims no_limit = chunk;
+  none[0] = 0;
+  no_limit[0] = H5S_UNLIMITED;
+  const auto rank = static_cast<int>(chunk.size());
+  const Handle space(H5Screate_simple(rank, none.data(), no_limit.data()));
+  const Handle properties(H5Pcreate(H5P_DATASET_CREATE));
+  H5Pset_chunk(properties.get(), rank, chunk.data());
+  H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER);  // every chunk is written whole
+  H5Pset_obj_track_times(properties.get(), false);          // equal input gives equal files
+  if (deflate_level > 0) {
+    H5Pset_shuffle(properties.get());
+    H5Pset_deflate(properties.get(), static_cast<unsigned>(deflate_level));
+  }
+  const Handle links(H5Pcreate(H5P_LINK_CREATE));
+  H5Pset_create_intermediate_group(links.get(), 1);
+  // Frames are whole chunks: kept in HDF5's cache they would take room on the disk that nobody has asked for.
+  const Handle access(H5Pcreate(H5P_DATASET_ACCESS));
+  if (rank > 1) H5Pset_chunk_cache(access.get(), 0, 0, 1.0);
+  return Handle(H5Dcreate2(file, path.c_str(), type, space.get(), links.get(), properties.get(), access.get()));
+}
+
+bool write_dataset(hid_t place, const char* name, hid_t type, const Dims& dims, const void* values) {
+  const Handle properties(H5Pcreate(H5P_DATASET_CREATE));
+  H5Pset_obj_track_times(properties.get(), false);
+  const Handle dataset(
+      H5Dcreate2(place, name, type, simple_space(dims).get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT));
+  return dataset && H5Dwrite(dataset.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) >= 0;
 }
 
 Result<std::vector<double>> read_doubles(hid_t file, const std::string& path, Expect expect) {

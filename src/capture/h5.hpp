@@ -60,10 +60,12 @@ std::string because();
 
 using Dims = std::vector<hsize_t>;
 
-std::string text(double value);                        // shortest form with 9 digits
-std::string text(const Dims& dims);                    // "(30, 120, 640)", "() " for a scalar
-std::string type_text(hid_t type);                     // "uint16", "float64", "string" ...
-std::optional<std::size_t> product(const Dims& dims);  // nothing when it doesn't fit
+std::string text(double value);      // shortest form with 9 digits
+std::string text(const Dims& dims);  // "(30, 120, 640)", "()" for a scalar
+std::string type_text(hid_t type);   // "uint16", "float64", "string" ...
+bool is_number(hid_t type);
+std::string fixed_string(const char* characters, std::size_t size, hid_t type);  // without what pads it
+std::optional<std::size_t> product(const Dims& dims);                            // nothing when it doesn't fit
 
 // Group or dataset that has attributes; `name` is for messages ("root", "/stimulus").
 struct Owner {
@@ -94,6 +96,18 @@ enum class Expect {
 // Thread: any one at a time.
 Result<Handle> open_dataset(hid_t file, const std::string& path, Expect expect = Expect::kWhole);
 Dims shape(hid_t dataset);
+
+// Reads or writes `count` values along each axis from `start` on. False on failure. Thread: any one at a time.
+bool read_block(hid_t dataset, hid_t memory_type, const Dims& start, const Dims& count, void* out);
+bool write_block(hid_t dataset, hid_t memory_type, const Dims& start, const Dims& count, const void* values);
+// Writes `count` rows from row `begin` on; the dataset grows to hold them.
+bool write_rows(hid_t dataset, hid_t memory_type, hsize_t begin, hsize_t count, const void* values);
+
+// A dataset without rows that grows, with the groups on its way; `chunk` is the shape of its chunks. Thread: any one at
+// a time.
+Handle create_growing(hid_t file, const std::string& path, hid_t type, const Dims& chunk, int deflate_level = 0);
+// A dataset of that name in a file or group, with all its values. False on failure. Thread: any one at a time.
+bool write_dataset(hid_t place, const char* name, hid_t type, const Dims& dims, const void* values);
 
 // All values of a 1-dimensional dataset of numbers (a MATLAB row or column passes too), with Expect::kPart as many as
 // can be read. Thread: any one at a time.

@@ -1,30 +1,32 @@
 #include "src/capture/h5_driver.hpp"
 
+#include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <iterator>
-#include <memory>
+#include <string_view>
+#include <utility>
 
 namespace bolo::capture {
 namespace {
 
 constexpr haddr_t kMostAddress = (haddr_t{1} << 62U) - 1;
 
+// What the access list has for open_file().
 struct Access {
-  FileUse use = FileUse::kRead;
-  SurvivesCut survives = SurvivesCut::kProcess;
-  std::unique_ptr<CrashSafeFile>* created = nullptr;  // of a file that is created, as is `last`
-  LastWrites* last = nullptr;
+  const std::shared_ptr<DrivenFile>* driven = nullptr;
 };
 
 // Handle of an open file; HDF5 itself accesses the first member only.
 struct Driven {
   H5FD_t common;
-  std::unique_ptr<CrashSafeFile> file;
-  Access access;
+  std::shared_ptr<DrivenFile> shared;
   haddr_t end = 0;  // of what HDF5 has allocated
 };
 
@@ -38,49 +40,32 @@ herr_t done_or_why(bool good, const char* what) {
   return -1;
 }
 
-// The outcome as HDF5 is to see it: after the end has begun a failure goes to LastWrites instead.
-bool outcome(const Access& access, bool good) {
-  if (good || access.last == nullptr || !access.last->begun) return good;
-  access.last->error = errno != 0 ? errno : EIO;
+// The outcome as HDF5 is to see it: after the end has begun a failure is noted instead.
+bool outcome(DrivenFile& driven, bool good) {
+  if (good || !driven.ending) return good;
+  driven.error = errno != 0 ? errno : EIO;
   return true;
 }
 
-bool commit(Driven& driven) {
-  const Access& access = driven.access;
-  return access.last->error != 0 || outcome(access, driven.file->commit(driven.end));
-}
-
 // HDF5 first asks for a file to create as if it was there, to see whether it is open already: it never is.
-H5FD_t* open_file(const char* name, unsigned flags, hid_t access_list, haddr_t) {
+H5FD_t* open_file(const char*, unsigned flags, hid_t access_list, haddr_t) {
   const auto* access = static_cast<const Access*>(H5Pget_driver_info(access_list));
-  if (access == nullptr) return nullptr;
-  const bool creates = (flags & H5F_ACC_CREAT) != 0;
-  if (creates != (access->use == FileUse::kCreate)) return nullptr;
-  const Replace replace = (flags & H5F_ACC_EXCL) != 0 ? Replace::kNothing : Replace::kExisting;
-  auto file = creates ? CrashSafeFile::create(name, access->survives, replace) : CrashSafeFile::open(name);
-  if (!file) {
-    H5Epush2(H5E_DEFAULT, __FILE__, __func__, __LINE__, H5E_ERR_CLS, H5E_IO, H5E_CANTOPENFILE, "%s",
-             file.error().message.c_str());
-    return nullptr;
-  }
+  if (access == nullptr || ((flags & H5F_ACC_CREAT) != 0) != (*access->driven)->writes) return nullptr;
   auto* driven = new Driven{};
-  driven->file = std::move(*file);
-  driven->access = *access;
+  driven->shared = *access->driven;
   return &driven->common;
 }
 
 herr_t flush_file(H5FD_t* file, hid_t, hbool_t) {
-  Driven& driven = self(file);
-  if (driven.access.use != FileUse::kCreate) return 0;
-  return done_or_why(commit(driven), "cannot be committed");
+  DrivenFile& driven = *self(file).shared;
+  if (!driven.writes || driven.error != 0) return 0;
+  return done_or_why(outcome(driven, driven.file->commit(self(file).end)), "cannot be committed");
 }
 
 herr_t close_file(H5FD_t* file) {
-  const std::unique_ptr<Driven> driven(&self(file));
-  if (driven->access.use != FileUse::kCreate) return 0;
-  const bool good = commit(*driven);
-  *driven->access.created = std::move(driven->file);
-  return done_or_why(good, "cannot be committed");
+  const herr_t good = flush_file(file, H5P_DEFAULT, 0);
+  delete &self(file);
+  return good;
 }
 
 herr_t query_features(const H5FD_t*, unsigned long* flags) {
@@ -98,20 +83,20 @@ herr_t set_allocated_end(H5FD_t* file, H5FD_mem_t, haddr_t end) {
 }
 
 haddr_t file_end(const H5FD_t* file, H5FD_mem_t) {
-  const Driven& driven = self(file);
-  return driven.access.use == FileUse::kSalvage ? kMostAddress : driven.file->size();
+  const DrivenFile& driven = *self(file).shared;
+  return driven.salvages ? kMostAddress : driven.file->size();
 }
 
 herr_t read_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t bytes, void* out) {
-  const Driven& driven = self(file);
-  const bool gone = driven.access.use == FileUse::kSalvage && offset + bytes > driven.file->size();
+  const DrivenFile& driven = *self(file).shared;
+  const bool gone = driven.salvages && offset + bytes > driven.file->size();
   if (gone) errno = EIO;
   return done_or_why(!gone && driven.file->read(offset, bytes, out), "cannot be read");
 }
 
 herr_t write_file(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t offset, std::size_t bytes, const void* data) {
-  Driven& driven = self(file);
-  return done_or_why(outcome(driven.access, driven.file->write(offset, bytes, data)), "cannot be written");
+  DrivenFile& driven = *self(file).shared;
+  return done_or_why(outcome(driven, driven.file->write(offset, bytes, data)), "cannot be written");
 }
 
 // Until the end: a later commit only grows the file.
@@ -120,12 +105,13 @@ herr_t truncate_file(H5FD_t*, hid_t, hbool_t) { return 0; }
 // As HDF5's own driver does with "ignore when disabled".
 herr_t lock_file(H5FD_t* file, hbool_t exclusive) {
   const int how = (exclusive != 0 ? LOCK_EX : LOCK_SH) | LOCK_NB;
-  const bool good = flock(self(file).file->descriptor(), how) == 0 || errno == ENOSYS || errno == ENOLCK;
+  const bool good = flock(self(file).shared->file->descriptor(), how) == 0 || errno == ENOSYS || errno == ENOLCK;
   return done_or_why(good, "unable to lock file");
 }
 
 herr_t unlock_file(H5FD_t* file) {
-  return done_or_why(flock(self(file).file->descriptor(), LOCK_UN) == 0 || errno == ENOSYS, "unable to unlock file");
+  return done_or_why(flock(self(file).shared->file->descriptor(), LOCK_UN) == 0 || errno == ENOSYS,
+                     "unable to unlock file");
 }
 
 H5FD_class_t driver_class() {
@@ -151,18 +137,61 @@ H5FD_class_t driver_class() {
   return driver;
 }
 
-bool set_driver(hid_t list, const Access& access) {
+// File access through the driver; it locks where the file system can lock and goes without where it can't (some network
+// mounts). Nothing on failure.
+h5::Handle file_access(const std::shared_ptr<DrivenFile>& driven) {
   static const H5FD_class_t driver = driver_class();
   static const hid_t id = H5FDregister(&driver);
-  return id >= 0 && H5Pset_driver(list, id, &access) >= 0;
+  h5::Handle list(H5Pcreate(H5P_FILE_ACCESS));
+  H5Pset_file_locking(list.get(), true, true);
+  const Access access{&driven};
+  return id >= 0 && H5Pset_driver(list.get(), id, &access) >= 0 ? std::move(list) : h5::Handle();
+}
+
+constexpr std::string_view kOldMatlab = "MATLAB 5.0 MAT-file";
+
+// Readable and a regular file; fills `head` with the first bytes.
+Status read_head(const std::filesystem::path& file, std::array<char, 128>& head) {
+  const UniqueFd descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (!descriptor) return bad_input(std::string("cannot be opened: ") + std::strerror(errno));
+  struct stat info {};
+  const bool regular = fstat(descriptor.get(), &info) == 0 && S_ISREG(info.st_mode);
+  const bool has_bytes = regular && ::read(descriptor.get(), head.data(), head.size()) > 0;
+  if (!regular) return bad_input("is not a regular file; expected a capture");
+  if (!has_bytes) return bad_input("is empty; expected a capture");
+  return {};
 }
 
 }  // namespace
 
-bool open_crash_safe(hid_t access, FileUse use) { return set_driver(access, {.use = use}); }
+h5::Handle create_hdf5(const std::filesystem::path& name, const std::shared_ptr<DrivenFile>& driven) {
+  driven->writes = true;
+  const h5::Handle access = file_access(driven);
+  return h5::Handle(access ? H5Fcreate(name.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.get()) : H5I_INVALID_HID);
+}
 
-bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& created, LastWrites& last) {
-  return set_driver(access, {FileUse::kCreate, survives, &created, &last});
+Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use) {
+  std::array<char, 128> head{};
+  if (Status good = read_head(file, head); !good) return tl::unexpected<Error>(std::move(good.error()));
+  if (std::string_view(head.data(), kOldMatlab.size()) == kOldMatlab) {
+    return bad_input("is a MATLAB file before version 7.3; save it again with save(..., '-v7.3')");
+  }
+  if (H5Fis_hdf5(file.c_str()) == 0) return bad_input("is not an HDF5 file; expected a capture (.h5 or .mat v7.3)");
+  Result<std::unique_ptr<CrashSafeFile>> opened = CrashSafeFile::open(file);
+  if (!opened) return tl::unexpected<Error>(std::move(opened.error()));
+  const auto driven = std::make_shared<DrivenFile>();
+  driven->file = std::move(*opened);
+  driven->salvages = use == FileUse::kSalvage;
+  const h5::Handle access = file_access(driven);
+  if (!access) return bad_input("cannot be opened" + h5::because());
+  h5::Handle handle(H5Fopen(file.c_str(), H5F_ACC_RDONLY, access.get()));
+  if (handle) return handle;
+  const std::string reason = h5::cause();
+  if (reason.find("truncated") != std::string::npos) return bad_input("is cut off: " + reason);
+  if (reason.find("lock") != std::string::npos) {
+    return bad_input("is being written by another program; read it when that has ended (" + reason + ")");
+  }
+  return bad_input("cannot be opened as HDF5: " + reason);
 }
 
 }  // namespace bolo::capture

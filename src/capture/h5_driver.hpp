@@ -1,6 +1,7 @@
-// HDF5 on a CrashSafeFile: each H5Fflush is a commit.
+// HDF5 files as CrashSafeFiles: each H5Fflush is a commit.
 #pragma once
 
+#include <filesystem>
 #include <memory>
 
 #include "src/capture/crash_safe_file.hpp"
@@ -8,25 +9,28 @@
 
 namespace bolo::capture {
 
+// What HDF5's handle of a file and its writer share. HDF5 ends in a crash after a file that it could not close. So,
+// once `ending` is set, a write that fails (a full disk) is noted here and not told HDF5; nothing is committed any
+// more: the file stays at the commit before.
+struct DrivenFile {
+  std::unique_ptr<CrashSafeFile> file;
+  bool writes = false;
+  bool salvages = false;
+  bool ending = false;
+  int error = 0;  // errno of what failed since `ending`
+};
+
+// A new HDF5 file of that name, which `driven` has open for writing and keeps when HDF5 has closed it: its owner has to
+// finish it. Nothing on failure, h5::cause() tells why. Thread: any one at a time.
+h5::Handle create_hdf5(const std::filesystem::path& name, const std::shared_ptr<DrivenFile>& driven);
+
 enum class FileUse {
-  kCreate,   // H5Fcreate
-  kRead,     // H5Fopen, with what the records lay over the file
-  kSalvage,  // as kRead; a file that is shorter than its structure says opens too, reading what is gone fails
+  kRead,     // with what the records beside it lay over the file
+  kSalvage,  // a file that is shorter than its structure says opens too, reading what is gone fails
 };
 
-// A file that is opened with the access list `access` is a CrashSafeFile. False on failure. Thread: any one at a time.
-bool open_crash_safe(hid_t access, FileUse use);
-
-// HDF5 ends in a crash after a file that it could not close. So, while the last writes of a file are made, one that
-// fails (a full disk) is noted here and not told HDF5; nothing is committed any more: the file stays at the commit
-// before.
-struct LastWrites {
-  bool begun = false;
-  int error = 0;  // errno of the one that failed
-};
-
-// The same of a file that is created. When HDF5 closes it, it is committed and moved to `created`, whose owner has to
-// finish it; until then `created` and `last` stay where they are.
-bool create_crash_safe(hid_t access, SurvivesCut survives, std::unique_ptr<CrashSafeFile>& created, LastWrites& last);
+// Errors (kBadInput, without the file's name): not there, not HDF5 (what it is, where that shows), cut off, being
+// written by another program. Thread: any one at a time.
+Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use = FileUse::kRead);
 
 }  // namespace bolo::capture

@@ -4,8 +4,7 @@
 #include <string>
 #include <utility>
 
-#include "src/capture/h5.hpp"
-#include "src/capture/open_file.hpp"
+#include "src/capture/h5_driver.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -49,8 +48,7 @@ Status check_shape(hid_t dataset, const Rule& rule, Geometry geometry) {
                      h5::text(wanted) + ", as 'height' and 'width' say");
   }
   const h5::Handle type(H5Dget_type(dataset));
-  const H5T_class_t kind = H5Tget_class(type.get());
-  if (kind != H5T_FLOAT && kind != H5T_INTEGER) {
+  if (!h5::is_number(type.get())) {
     return bad_input(std::string(rule.path) + " is of type " + h5::type_text(type.get()) + "; expected numbers");
   }
   return {};
@@ -99,15 +97,22 @@ Result<Geometry> read_identity(hid_t file) {
   return Geometry{*width, *height};
 }
 
+// Calls each(rule, type in memory and in the file, values) for each map, up to the first error.
+Status each_map(auto& maps, auto each) {
+  Status good = each(kTau, H5T_NATIVE_FLOAT, maps.tau_s);
+  if (good) good = each(kGain, H5T_NATIVE_FLOAT, maps.gain);
+  if (good) good = each(kOffset, H5T_NATIVE_FLOAT, maps.offset);
+  if (good) good = each(kDead, H5T_NATIVE_UINT8, maps.dead);
+  return good;
+}
+
 Result<model::PixelMaps> read_all(hid_t file) {
   const Result<Geometry> geometry = read_identity(file);
   if (!geometry) return tl::unexpected<Error>(geometry.error());
   model::PixelMaps maps;
   maps.geometry = *geometry;
-  Status good = read_map(file, kTau, H5T_NATIVE_FLOAT, *geometry, maps.tau_s);
-  if (good) good = read_map(file, kGain, H5T_NATIVE_FLOAT, *geometry, maps.gain);
-  if (good) good = read_map(file, kOffset, H5T_NATIVE_FLOAT, *geometry, maps.offset);
-  if (good) good = read_map(file, kDead, H5T_NATIVE_UINT8, *geometry, maps.dead);
+  Status good = each_map(
+      maps, [&](const Rule& rule, hid_t type, auto& values) { return read_map(file, rule, type, *geometry, values); });
   if (!good) return tl::unexpected<Error>(good.error());
   return maps;
 }
@@ -121,11 +126,7 @@ Status write_map(hid_t file, const Rule& rule, hid_t type, Geometry geometry, co
   }
   if (Status good = check_values(rule, values, geometry); !good) return good;
   const h5::Dims dims{static_cast<hsize_t>(geometry.height), static_cast<hsize_t>(geometry.width)};
-  const h5::Handle space(H5Screate_simple(2, dims.data(), nullptr));
-  const h5::Handle properties(H5Pcreate(H5P_DATASET_CREATE));
-  H5Pset_obj_track_times(properties.get(), false);
-  const h5::Handle dataset(H5Dcreate2(file, rule.path, type, space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT));
-  if (dataset && H5Dwrite(dataset.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) >= 0) return {};
+  if (h5::write_dataset(file, rule.path, type, dims, values.data())) return {};
   return failed(std::string(rule.path) + " cannot be written" + h5::because());
 }
 
@@ -136,11 +137,9 @@ Status write_maps(hid_t file, const model::PixelMaps& maps) {
                      h5::write_attribute(root.get(), "width", std::int64_t{maps.geometry.width}) &&
                      h5::write_attribute(root.get(), "height", std::int64_t{maps.geometry.height});
   if (!named) return failed("the root attributes cannot be written" + h5::because());
-  Status good = write_map(file, kTau, H5T_NATIVE_FLOAT, maps.geometry, maps.tau_s);
-  if (good) good = write_map(file, kGain, H5T_NATIVE_FLOAT, maps.geometry, maps.gain);
-  if (good) good = write_map(file, kOffset, H5T_NATIVE_FLOAT, maps.geometry, maps.offset);
-  if (good) good = write_map(file, kDead, H5T_NATIVE_UINT8, maps.geometry, maps.dead);
-  return good;
+  return each_map(maps, [&](const Rule& rule, hid_t type, const auto& values) {
+    return write_map(file, rule, type, maps.geometry, values);
+  });
 }
 
 // Made in memory: HDF5 does not survive a disk that is full.

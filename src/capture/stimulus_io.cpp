@@ -1,10 +1,12 @@
-#include "src/capture/stimulus_io.hpp"
-
+// The `/stimulus` group: one row of the table in docs/formats.md a kind.
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <concepts>
 #include <span>
+#include <type_traits>
 #include <variant>
+
+#include "src/capture/contents.hpp"
 
 namespace bolo::capture {
 namespace {
@@ -14,32 +16,83 @@ using h5::text;
 const std::string kGroup = "/stimulus";
 constexpr std::size_t kMostImagePixels = std::size_t{1} << 28;
 
-// Reads fields one after another and keeps the first error, so that a kind reads as the list of its fields.
-class Fields {
+template <typename T, typename Kind>
+concept Of = std::same_as<std::remove_const_t<T>, Kind>;
+
+constexpr const char* name_of(const Uniform*) { return "uniform"; }
+constexpr const char* name_of(const Chopper*) { return "chopper"; }
+constexpr const char* name_of(const BarTarget*) { return "bar_target"; }
+constexpr const char* name_of(const SceneStimulus*) { return "scene"; }
+
+// The fields of each kind, in the order of the file, for who reads or writes them.
+void each_field(auto& fields, Of<Uniform> auto& u) { fields.number("temperature_k", u.temperature_k); }
+
+void each_field(auto& fields, Of<Chopper> auto& c) {
+  fields.number("cold_k", c.cold_k);
+  fields.series("on_s", c.on_s);
+  fields.series("off_s", c.off_s);
+  fields.series("level_k", c.level_k);
+}
+
+void each_field(auto& fields, Of<BarTarget> auto& b) {
+  fields.number("cold_k", b.cold_k);
+  fields.number("hot_k", b.hot_k);
+  fields.number("period_px", b.period_px);
+  fields.number("bar_width_px", b.bar_width_px);
+  fields.number("slant_px_per_row", b.slant_px_per_row);
+  fields.number("velocity_px_s", b.velocity_px_s);
+}
+
+void each_field(auto& fields, Of<SceneStimulus> auto& s) {
+  fields.image("image_k", s.image_width, s.image_height, s.image_k);
+  fields.series("t_s", s.t_s);
+  fields.series("x_px", s.x_px);
+  fields.series("y_px", s.y_px);
+}
+
+// Keeps the first error.
+class FieldReader {
  public:
-  explicit Fields(hid_t file, hid_t group) : file_(file), owner_{group, kGroup} {}
+  FieldReader(hid_t file, hid_t group) : file_(file), owner_{group, kGroup} {}
 
-  double number(const char* name) { return take(h5::number_attribute(owner_, name)); }
-  std::vector<double> series(const char* name) { return take(h5::read_doubles(file_, kGroup + "/" + name)); }
-  Image image(const char* name) { return take(read_image(file_, kGroup + "/" + name)); }
-
-  Result<Stimulus> done(Stimulus stimulus) {
-    if (status_) status_ = check_stimulus(stimulus);
-    if (!status_) return tl::unexpected<Error>(std::move(status_.error()));
-    return stimulus;
+  void number(const char* name, double& out) { take(h5::number_attribute(owner_, name), out); }
+  void series(const char* name, std::vector<double>& out) { take(h5::read_doubles(file_, kGroup + "/" + name), out); }
+  void image(const char* name, int& width, int& height, std::vector<float>& values) {
+    StillImage image;
+    take(read_image(file_, kGroup + "/" + name), image);
+    width = image.width;
+    height = image.height;
+    values = std::move(image.kelvin);
   }
+  const Status& status() const { return status_; }
 
  private:
   template <typename T>
-  T take(Result<T> result) {
-    if (result) return std::move(*result);
-    if (status_) status_ = tl::unexpected<Error>(std::move(result.error()));
-    return {};
+  void take(Result<T> result, T& out) {
+    if (result) {
+      out = std::move(*result);
+    } else if (status_) {
+      status_ = tl::unexpected<Error>(std::move(result.error()));
+    }
   }
 
   hid_t file_;
   h5::Owner owner_;
   Status status_;
+};
+
+struct FieldWriter {
+  void number(const char* name, double value) { good = good && h5::write_attribute(group, name, value); }
+  void series(const char* name, const std::vector<double>& values) {
+    good = good && h5::write_dataset(group, name, H5T_NATIVE_DOUBLE, {values.size()}, values.data());
+  }
+  void image(const char* name, int width, int height, const std::vector<float>& values) {
+    const h5::Dims dims{static_cast<hsize_t>(height), static_cast<hsize_t>(width)};
+    good = good && h5::write_dataset(group, name, H5T_NATIVE_FLOAT, dims, values.data());
+  }
+
+  hid_t group;
+  bool good = true;
 };
 
 Status all_finite(const char* name, std::span<const double> values) {
@@ -124,57 +177,21 @@ Status check(const SceneStimulus& s) {
   return {};
 }
 
-SceneStimulus scene_of(Fields& fields) {
-  SceneStimulus scene;
-  Image image = fields.image("image_k");
-  scene.image_width = image.width;
-  scene.image_height = image.height;
-  scene.image_k = std::move(image.values);
-  scene.t_s = fields.series("t_s");
-  scene.x_px = fields.series("x_px");
-  scene.y_px = fields.series("y_px");
-  return scene;
+// False: `kind` is another one.
+template <typename Kind>
+bool read_as(const std::string& kind, FieldReader& fields, Stimulus& stimulus) {
+  if (kind != name_of(static_cast<Kind*>(nullptr))) return false;
+  each_field(fields, stimulus.emplace<Kind>());
+  return true;
 }
-
-bool write_dataset(hid_t group, const char* name, hid_t type, const h5::Dims& dims, const void* values) {
-  const h5::Handle space(H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr));
-  const h5::Handle properties(H5Pcreate(H5P_DATASET_CREATE));
-  H5Pset_obj_track_times(properties.get(), false);  // equal input gives equal files
-  const h5::Handle dataset(H5Dcreate2(group, name, type, space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT));
-  return dataset && H5Dwrite(dataset.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) >= 0;
-}
-
-bool write_series(hid_t group, const char* name, const std::vector<double>& values) {
-  return write_dataset(group, name, H5T_NATIVE_DOUBLE, {values.size()}, values.data());
-}
-
-bool write_kind(hid_t group, const char* kind) { return h5::write_attribute(group, "kind", std::string(kind)); }
 
 bool write(hid_t, const NoStimulus&) { return true; }
 
-bool write(hid_t group, const Uniform& u) {
-  return write_kind(group, "uniform") && h5::write_attribute(group, "temperature_k", u.temperature_k);
-}
-
-bool write(hid_t group, const Chopper& c) {
-  return write_kind(group, "chopper") && h5::write_attribute(group, "cold_k", c.cold_k) &&
-         write_series(group, "on_s", c.on_s) && write_series(group, "off_s", c.off_s) &&
-         write_series(group, "level_k", c.level_k);
-}
-
-bool write(hid_t group, const BarTarget& b) {
-  return write_kind(group, "bar_target") && h5::write_attribute(group, "cold_k", b.cold_k) &&
-         h5::write_attribute(group, "hot_k", b.hot_k) && h5::write_attribute(group, "period_px", b.period_px) &&
-         h5::write_attribute(group, "bar_width_px", b.bar_width_px) &&
-         h5::write_attribute(group, "slant_px_per_row", b.slant_px_per_row) &&
-         h5::write_attribute(group, "velocity_px_s", b.velocity_px_s);
-}
-
-bool write(hid_t group, const SceneStimulus& s) {
-  const h5::Dims image{static_cast<hsize_t>(s.image_height), static_cast<hsize_t>(s.image_width)};
-  return write_kind(group, "scene") && write_dataset(group, "image_k", H5T_NATIVE_FLOAT, image, s.image_k.data()) &&
-         write_series(group, "t_s", s.t_s) && write_series(group, "x_px", s.x_px) &&
-         write_series(group, "y_px", s.y_px);
+template <typename Kind>
+bool write(hid_t group, const Kind& kind) {
+  FieldWriter fields{group, h5::write_attribute(group, "kind", std::string(name_of(&kind)))};
+  each_field(fields, kind);
+  return fields.good;
 }
 
 }  // namespace
@@ -186,19 +203,16 @@ Result<Stimulus> read_stimulus(hid_t file) {
   const Result<std::string> kind = h5::string_attribute({group.get(), kGroup}, "kind");
   if (!kind) return tl::unexpected<Error>(kind.error());
 
-  Fields fields(file, group.get());
-  if (*kind == "uniform") return fields.done(Uniform{fields.number("temperature_k")});
-  if (*kind == "chopper") {
-    return fields.done(
-        Chopper{fields.number("cold_k"), fields.series("on_s"), fields.series("off_s"), fields.series("level_k")});
+  FieldReader fields(file, group.get());
+  Stimulus stimulus;
+  const bool known = read_as<Uniform>(*kind, fields, stimulus) || read_as<Chopper>(*kind, fields, stimulus) ||
+                     read_as<BarTarget>(*kind, fields, stimulus) || read_as<SceneStimulus>(*kind, fields, stimulus);
+  if (!known) {
+    return bad_input(kGroup + " attribute 'kind' is '" + *kind + "'; expected uniform, chopper, bar_target or scene");
   }
-  if (*kind == "bar_target") {
-    return fields.done(BarTarget{fields.number("cold_k"), fields.number("hot_k"), fields.number("period_px"),
-                                 fields.number("bar_width_px"), fields.number("slant_px_per_row"),
-                                 fields.number("velocity_px_s")});
-  }
-  if (*kind == "scene") return fields.done(scene_of(fields));
-  return bad_input(kGroup + " attribute 'kind' is '" + *kind + "'; expected uniform, chopper, bar_target or scene");
+  Status good = fields.status() ? check_stimulus(stimulus) : fields.status();
+  if (!good) return tl::unexpected<Error>(std::move(good.error()));
+  return stimulus;
 }
 
 Status check_stimulus(const Stimulus& stimulus) {
@@ -214,7 +228,7 @@ Status write_stimulus(hid_t file, const Stimulus& stimulus) {
   return {};
 }
 
-Result<Image> read_image(hid_t file, const std::string& path) {
+Result<StillImage> read_image(hid_t file, const std::string& path) {
   Result<h5::Handle> dataset = h5::open_dataset(file, path);
   if (!dataset) return tl::unexpected<Error>(std::move(dataset.error()));
   const h5::Dims dims = h5::shape(dataset->get());
@@ -223,11 +237,11 @@ Result<Image> read_image(hid_t file, const std::string& path) {
     return bad_input(path + " has the shape " + text(dims) + "; expected an image (height, width)");
   }
   const h5::Handle type(H5Dget_type(dataset->get()));
-  if (const H5T_class_t kind = H5Tget_class(type.get()); kind != H5T_FLOAT && kind != H5T_INTEGER) {
+  if (!h5::is_number(type.get())) {
     return bad_input(path + " is of type " + h5::type_text(type.get()) + "; expected numbers");
   }
-  Image image{static_cast<int>(dims[1]), static_cast<int>(dims[0]), std::vector<float>(pixels)};
-  if (H5Dread(dataset->get(), H5T_NATIVE_FLOAT, H5S_ALL, H5S_ALL, H5P_DEFAULT, image.values.data()) < 0) {
+  StillImage image{static_cast<int>(dims[1]), static_cast<int>(dims[0]), std::vector<float>(pixels)};
+  if (H5Dread(dataset->get(), H5T_NATIVE_FLOAT, H5S_ALL, H5S_ALL, H5P_DEFAULT, image.kelvin.data()) < 0) {
     return bad_input(path + " cannot be read" + h5::because());
   }
   return image;

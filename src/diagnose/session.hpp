@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-#include "src/capture/stimulus.hpp"
+#include "src/capture/capture.hpp"
 #include "src/core/result.hpp"
 #include "src/diagnose/diagnose.hpp"
 

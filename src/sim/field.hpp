@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "src/capture/stimulus.hpp"
+#include "src/capture/capture.hpp"
 #include "src/core/geometry.hpp"
 #include "src/core/result.hpp"
 #include "src/sim/path.hpp"

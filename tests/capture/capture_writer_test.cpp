@@ -8,7 +8,6 @@
 #include <fstream>
 #include <limits>
 
-#include "src/capture/recovery.hpp"
 #include "tests/capture/small_captures.hpp"
 
 namespace bolo::capture {
@@ -118,92 +117,6 @@ TEST(CaptureWriterExtras, EventsAndAttributesComeBack) {
   EXPECT_EQ(attributes->at(0).name, "lambda");
   EXPECT_EQ(std::get<double>(attributes->at(0).value), 0.1);
   EXPECT_EQ(std::get<std::string>(attributes->at(1).value), "exact");
-}
-
-BlockMotion motion_at(std::size_t frame, std::size_t block) {
-  const auto value = static_cast<float>(10 * frame + block);
-  return {value, -value, 0.5F};
-}
-
-// Frames of 20x9 pixels, 3x2 blocks; of every other one the motion is not known.
-void append_moving(CaptureWriter& writer, std::size_t frames) {
-  const std::vector<std::uint16_t> plane(20 * 9, 7);
-  for (std::size_t i = 0; i < frames; ++i) {
-    std::vector<BlockMotion> motion;
-    for (std::size_t b = 0; b < 6; ++b) motion.push_back(motion_at(i, b));
-    ASSERT_TRUE(
-        writer.append(0.005 * static_cast<double>(i), i, plane.data(), nullptr, i % 2 == 0 ? motion.data() : nullptr));
-  }
-}
-
-CaptureInfo moving_info() {
-  CaptureInfo info = small_info();
-  info.format.geometry = {20, 9};
-  return info;
-}
-
-void expect_moving(const CaptureReader& reader) {
-  ASSERT_TRUE(reader.info().has_motion);
-  for (std::size_t i = 0; i < reader.info().frames; ++i) {
-    std::vector<BlockMotion> motion(6);
-    ASSERT_TRUE(reader.read_motion(i, motion.data()));
-    for (std::size_t b = 0; b < 6; ++b) {
-      const BlockMotion expected = i % 2 == 0 ? motion_at(i, b) : BlockMotion{};
-      ASSERT_EQ(motion[b].x, expected.x) << i << ' ' << b;
-      ASSERT_EQ(motion[b].y, expected.y);
-      ASSERT_EQ(motion[b].confidence, expected.confidence);
-    }
-  }
-}
-
-TEST(CaptureWriterMotion, ComesBackAlsoFromAnUnfinishedFile) {
-  const Scratch scratch;
-  const std::string file = (scratch / "a.h5").string();
-  WriterOptions options;
-  options.motion = true;
-  {
-    auto writer = CaptureWriter::create(file, moving_info(), options);
-    ASSERT_TRUE(writer) << writer.error().message;
-    append_moving(*writer, 30);
-    ASSERT_TRUE(writer->close());
-  }
-  const auto whole = CaptureReader::open(file);
-  ASSERT_TRUE(whole) << whole.error().message;
-  EXPECT_EQ(whole->info().frames, 30U);
-  expect_moving(*whole);
-  const std::string part = (scratch / "b.h5").string();
-  {
-    auto writer = CaptureWriter::create(part, moving_info(), options);
-    ASSERT_TRUE(writer);
-    append_moving(*writer, 30);
-  }
-  const auto unfinished = CaptureReader::open(part + ".part");
-  ASSERT_TRUE(unfinished) << unfinished.error().message;
-  EXPECT_EQ(unfinished->info().frames, 30U);
-  expect_moving(*unfinished);
-  const auto recovered = recover_copy(part + ".part", {scratch / "c.h5"}, {});
-  ASSERT_TRUE(recovered) << recovered.error().message;
-  const auto again = CaptureReader::open(scratch / "c.h5");
-  ASSERT_TRUE(again) << again.error().message;
-  EXPECT_EQ(again->info().frames, 30U);
-  expect_moving(*again);
-}
-
-TEST(CaptureWriterMotion, IsAbsentUnlessAskedFor) {
-  const Scratch scratch;
-  const std::string file = (scratch / "a.h5").string();
-  auto writer = CaptureWriter::create(file, moving_info(), {});
-  ASSERT_TRUE(writer);
-  const std::vector<std::uint16_t> plane(20 * 9, 7);
-  const std::vector<BlockMotion> motion(6);
-  EXPECT_FALSE(writer->append(0.0, 0, plane.data(), nullptr, motion.data())) << "it was not begun with it";
-  ASSERT_TRUE(writer->append(0.0, 0, plane.data()));
-  ASSERT_TRUE(writer->close());
-  const auto reader = CaptureReader::open(file);
-  ASSERT_TRUE(reader);
-  EXPECT_FALSE(reader->info().has_motion);
-  std::vector<BlockMotion> none(6);
-  EXPECT_FALSE(reader->read_motion(0, none.data()));
 }
 
 TEST(CaptureWriterRefuses, DisorderLeavesTheCaptureGood) {
@@ -340,6 +253,12 @@ TEST(CaptureWriterKilled, BeforeTheFirstCommitIsSaid) {
   EXPECT_NE(reader.error().message.find("before its first frame"), std::string::npos) << reader.error().message;
 }
 
+int exit_code_of(pid_t pid) {
+  int status = 0;
+  EXPECT_EQ(waitpid(pid, &status, 0), pid);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+}
+
 // Frames large enough to pass what is reserved at once. The limit on file size stands for the end of the disk: both
 // end in the same place. In a child, because the limit is the process's.
 TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
@@ -364,10 +283,7 @@ TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
     }
     _exit(12);
   }
-  int status = 0;
-  ASSERT_EQ(waitpid(pid, &status, 0), pid);
-  ASSERT_TRUE(WIFEXITED(status));
-  ASSERT_EQ(WEXITSTATUS(status), 0) << "10: not created, 11: error unnamed or not closed, 12: no error";
+  ASSERT_EQ(exit_code_of(pid), 0) << "10: not created, 11: error unnamed or not closed, 12: no error";
   const auto reader = CaptureReader::open(scratch / "a.h5");
   ASSERT_TRUE(reader) << reader.error().message;
   EXPECT_GT(reader->info().frames, 40U);
@@ -400,12 +316,6 @@ TEST(CaptureWriterDisk, FullDiskIsNamedAndLeavesAGoodCapture) {
   const bool ended = sudden ? !writer->close() : !status;
   writer = tl::unexpected<Error>(Error{});  // gives up
   exit(ended ? 0 : 11);
-}
-
-int exit_code_of(pid_t pid) {
-  int status = 0;
-  EXPECT_EQ(waitpid(pid, &status, 0), pid);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
 }
 
 TEST(CaptureWriterDisk, GivingUpOnAFullDiskIsNoCrash) {

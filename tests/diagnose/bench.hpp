@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "src/capture/stimulus.hpp"
+#include "src/capture/capture.hpp"
 #include "src/diagnose/session.hpp"
 #include "src/sim/simulator.hpp"
 #include "src/sim/stimulus_error.hpp"

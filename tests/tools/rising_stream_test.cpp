@@ -1,5 +1,5 @@
 // Numbers and times of a recording rise, whatever begins anew.
-#include "tools/record/rising_stream.hpp"
+#include "tools/record/recording.hpp"
 
 #include <gtest/gtest.h>
 

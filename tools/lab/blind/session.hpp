@@ -11,7 +11,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "src/capture/stimulus.hpp"
+#include "src/capture/capture.hpp"
 #include "src/core/geometry.hpp"
 #include "src/core/result.hpp"
 #include "src/sim/effect.hpp"
