@@ -152,6 +152,15 @@ inline constexpr std::array kCameraCounters{
               Reading{RowKind::kReal}),
 };
 
+// Parts of a frame's latency, in the order in which it passes them.
+struct StageRow {
+  std::string_view name;
+  rt::LatencyHistogram StageLatencies::*latency;
+};
+inline constexpr std::array kStages{
+    StageRow{"arrival", &StageLatencies::arrival}, StageRow{"queue", &StageLatencies::queue},
+    StageRow{"deblur", &StageLatencies::deblur}, StageRow{"publish", &StageLatencies::publish}};
+
 // Calls store(index, word) for all that is in shared memory; the index is in words from its structure's begin.
 template <typename Rows, typename Source, typename Store>
 void each_shared_word(const Rows& rows, const Source& source, const Store& store) noexcept {

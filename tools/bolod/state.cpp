@@ -32,11 +32,10 @@ ordered_json sink_json(const pipeline::SinkStatistics& sink) {
 }
 
 ordered_json stages_json(const pipeline::PipelineStats& stats) {
-  return {{"arrival", latency_json(stats.stages.arrival)},
-          {"queue", latency_json(stats.stages.queue)},
-          {"deblur", latency_json(stats.stages.deblur)},
-          {"publish", latency_json(stats.stages.publish)},
-          {"total", latency_json(stats.latency)}};
+  ordered_json json;
+  for (const auto& stage : pipeline::kStages) json[std::string(stage.name)] = latency_json(stats.stages.*stage.latency);
+  json["total"] = latency_json(stats.latency);
+  return json;
 }
 
 }  // namespace
