@@ -7,8 +7,6 @@
 #include <string_view>
 #include <utility>
 
-#include "src/pipeline/counter_table.hpp"
-
 namespace bolo::daemon {
 namespace {
 

@@ -2,7 +2,6 @@
 
 #include "drivers/shm/camera_block.hpp"
 #include "src/core/clock.hpp"
-#include "src/pipeline/counter_table.hpp"
 #include "tools/bolod/health.hpp"
 
 namespace bolo::daemon {

@@ -5,7 +5,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "src/core/clock.hpp"
-#include "src/pipeline/counter_table.hpp"
 #include "src/pipeline/watch.hpp"
 #include "tools/bolod/log.hpp"
 

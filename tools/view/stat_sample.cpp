@@ -8,7 +8,7 @@
 
 #include "drivers/shm/camera_block.hpp"
 #include "src/core/printable.hpp"
-#include "src/pipeline/counter_table.hpp"
+#include "src/pipeline/stats.hpp"
 #include "src/rt/counters.hpp"
 
 namespace bolo::tools {
