@@ -1,6 +1,6 @@
 #include "tools/bolod/compose.hpp"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include "drivers/shm/shm_section.hpp"
 #include "drivers/v4l2/v4l2_section.hpp"

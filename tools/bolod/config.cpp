@@ -9,6 +9,8 @@
 #include <string_view>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "drivers/shm/shm_object.hpp"
 #include "src/capture/pixel_maps_io.hpp"
 #include "src/deblur/isa.hpp"
@@ -298,9 +300,11 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
   if (const auto path = shm::object_path(config.name); !path) return here("name", "name: " + path.error().message);
   const int packet = config.camera.packet_size;
   if (packet != 0 && packet < genicam::kSmallestPacket) {
-    return here("source.packet_size", "source.packet_size = " + std::to_string(packet) + " is too small: give " +
-                                          std::to_string(genicam::kSmallestPacket) +
-                                          " bytes or more, or 0 for the largest that the link carries");
+    return here(
+        "source.packet_size",
+        fmt::format("source.packet_size = {} is too small: give {} bytes or more, or 0 for the largest that the "
+                    "link carries",
+                    packet, genicam::kSmallestPacket));
   }
   if (config.source == SourceType::kReplay && config.replay.file.empty()) {
     return here("source.type", "source.type = \"replay\" needs source.file, the capture to replay");
