@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdio>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "drivers/fakecam/gige_vision.hpp"
 
@@ -80,10 +81,9 @@ void fill_bootstrap(RegisterMap& registers, const Identity& identity) {
   registers.set_text(reg::kManufacturerInfo, 48, "Bolo: replays captures");
   registers.set_text(reg::kSerial, 16, identity.serial);
   registers.writable_text(reg::kUserName, 16);
-  std::array<char, 64> url{};
-  std::snprintf(url.data(), url.size(), "Local:a655sc.xml;%x;%zx", reg::kDescription, description().size());
-  registers.set_text(reg::kFirstUrl, 512, url.data());
-  registers.set_text(reg::kSecondUrl, 512, url.data());
+  const std::string url = fmt::format("Local:a655sc.xml;{:x};{:x}", reg::kDescription, description().size());
+  registers.set_text(reg::kFirstUrl, 512, url);
+  registers.set_text(reg::kSecondUrl, 512, url);
 
   registers.set(reg::kInterfaces, 1);
   registers.set(reg::kLinkSpeed, kLinkSpeedMbit);

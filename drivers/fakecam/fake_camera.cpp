@@ -4,10 +4,10 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <thread>
+
+#include <fmt/format.h>
 
 #include "drivers/fakecam/camera_features.hpp"
 #include "drivers/fakecam/network.hpp"
@@ -23,10 +23,8 @@ Result<Region> sensor_of(const FakeCameraOptions& options, const FrameProvider& 
   const Geometry whole = provider.format().geometry;
   const Region region = options.crop.value_or(Region{0, 0, whole.width, whole.height});
   if (region.inside(whole)) return region;
-  return bad_input("the crop " + std::to_string(region.x) + "," + std::to_string(region.y) + "," +
-                   std::to_string(region.width) + "," + std::to_string(region.height) +
-                   " lies outside the capture's frames of " + std::to_string(whole.width) + "x" +
-                   std::to_string(whole.height));
+  return bad_input(fmt::format("the crop {},{},{},{} lies outside the capture's frames of {}x{}", region.x, region.y,
+                               region.width, region.height, whole.width, whole.height));
 }
 
 // Clients tell cameras apart by their serial numbers, so that an invented one follows the address.
@@ -34,9 +32,7 @@ std::string serial_of(const FakeCameraOptions& options, const FrameProvider& pro
   if (!options.serial.empty()) return options.serial;
   std::string serial = provider.serial().substr(0, kMaxNameLength);
   if (!serial.empty()) return serial;
-  std::array<char, kMaxNameLength + 1> invented{};
-  std::snprintf(invented.data(), invented.size(), "BOLO%08x", address);
-  return invented.data();
+  return fmt::format("BOLO{:08x}", address);
 }
 
 }  // namespace
@@ -198,8 +194,7 @@ Result<std::unique_ptr<FakeCamera>> FakeCamera::start(const FakeCameraOptions& o
     return bad_input("the rate must be a positive number of frames a second, or 0 for the capture's own");
   }
   if (options.faults.size() > kMaxFaults) {
-    return bad_input(std::to_string(options.faults.size()) + " faults; a camera takes at most " +
-                     std::to_string(kMaxFaults));
+    return bad_input(fmt::format("{} faults; a camera takes at most {}", options.faults.size(), kMaxFaults));
   }
   const auto sensor = sensor_of(options, *provider);
   if (!sensor) return tl::unexpected<Error>(sensor.error());

@@ -12,6 +12,8 @@
 #include <cstring>
 #include <memory>
 
+#include <fmt/format.h>
+
 #include "src/core/clock.hpp"
 
 namespace bolo::fakecam {
@@ -123,8 +125,7 @@ sockaddr_in socket_address(std::uint32_t address, std::uint16_t port) {
 Peer peer_of(const sockaddr_in& address) { return {ntohl(address.sin_addr.s_addr), ntohs(address.sin_port)}; }
 
 std::string dotted(std::uint32_t address) {
-  return std::to_string(address >> 24U) + "." + std::to_string(address >> 16U & 0xffU) + "." +
-         std::to_string(address >> 8U & 0xffU) + "." + std::to_string(address & 0xffU);
+  return fmt::format("{}.{}.{}.{}", address >> 24U, address >> 16U & 0xffU, address >> 8U & 0xffU, address & 0xffU);
 }
 
 Result<ControlServer> ControlServer::bind(const LocalAddress& local, std::uint16_t port) {

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "src/core/clock.hpp"
 #include "src/core/duration_text.hpp"
@@ -163,8 +164,8 @@ void ConnectionManager::note_flow(std::int64_t frame_ns) {
     const std::uint64_t frames = pipeline::frames_between(outage_from_ns_, first_ns, info_.format.frame_period_s);
     status_->outage_frames.add(frames);
     report(false,
-           "camera opened again after " + seconds_text(first_ns - outage_from_ns_, 2) + " (" +
-               std::string(name(cause_)) + "), " + std::to_string(frames) + " frames missing",
+           fmt::format("camera opened again after {} ({}), {} frames missing",
+                       seconds_text(first_ns - outage_from_ns_, 2), name(cause_), frames),
            event::kCameraBack);
   }
   set_state(SourceState::kStreaming);
@@ -280,12 +281,10 @@ void ConnectionManager::check_period() {
   const double assumed_s = info_.format.frame_period_s;
   if (period_reported_ || measured_s <= 0.0 || std::abs(measured_s / assumed_s - 1.0) < pipeline::kSamePeriod) return;
   period_reported_ = true;
-  char text[200];
-  std::snprintf(text, sizeof text,
-                "by the camera's clock %.5g frames come a second, not %.5g, and they are solved so from now on; set "
-                "source.true_rate_hz = %.5g, or find out why",
-                1.0 / measured_s, 1.0 / assumed_s, 1.0 / measured_s);
-  report(true, text);
+  report(true,
+         fmt::format("by the camera's clock {0:.5g} frames come a second, not {1:.5g}, and they are solved so from "
+                     "now on; set source.true_rate_hz = {0:.5g}, or find out why",
+                     1.0 / measured_s, 1.0 / assumed_s));
 }
 
 // Once a connection: checks that its values can be temperatures. Every 10 s: reads the temperature of the camera.

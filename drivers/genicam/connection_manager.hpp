@@ -16,12 +16,11 @@
 #include <vector>
 
 #include "drivers/genicam/frame_receiver.hpp"
-#include "drivers/genicam/nuc_schedule.hpp"
+#include "drivers/genicam/scene_watch.hpp"
 #include "drivers/genicam/session.hpp"
 #include "src/core/result.hpp"
 #include "src/pipeline/notices.hpp"
 #include "src/pipeline/source_status.hpp"
-#include "src/pipeline/watch.hpp"
 #include "src/rt/counters.hpp"
 
 namespace bolo::genicam {

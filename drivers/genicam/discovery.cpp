@@ -1,5 +1,7 @@
 #include "drivers/genicam/discovery.hpp"
 
+#include <fmt/format.h>
+
 #include "drivers/genicam/gobject.hpp"
 
 namespace bolo::genicam {
@@ -22,8 +24,7 @@ std::vector<FoundCamera> find_cameras() {
 }
 
 std::string aravis_version() {
-  return std::to_string(arv_get_major_version()) + "." + std::to_string(arv_get_minor_version()) + "." +
-         std::to_string(arv_get_micro_version());
+  return fmt::format("{}.{}.{}", arv_get_major_version(), arv_get_minor_version(), arv_get_micro_version());
 }
 
 }  // namespace bolo::genicam

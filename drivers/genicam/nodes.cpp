@@ -1,19 +1,10 @@
 #include "drivers/genicam/nodes.hpp"
 
 #include <algorithm>
-#include <cstdio>
+
+#include <fmt/format.h>
 
 namespace bolo::genicam {
-namespace {
-
-std::string text_of(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", value);
-  return text;
-}
-
-}  // namespace
-
 bool Nodes::has(const char* name) {
   if (!ok()) return false;
   ArvGcNode* node = arv_device_get_feature(device_, name);
@@ -76,7 +67,7 @@ void Nodes::set_real(const char* name, double value) {
   if (!ok()) return;
   GlibError error;
   arv_device_set_float_feature_value(device_, name, value, error.out());
-  check(error, name, text_of(value));
+  check(error, name, fmt::format("{:g}", value));
 }
 
 void Nodes::set_boolean(const char* name, bool value) {

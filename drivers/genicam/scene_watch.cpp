@@ -1,8 +1,9 @@
 #include "drivers/genicam/scene_watch.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <cstdlib>
+
+#include <fmt/format.h>
 
 #include "src/core/byte_order.hpp"
 
@@ -67,14 +68,13 @@ double SceneWatch::change(const Samples& now) const noexcept {
 
 std::optional<std::string> implausible(int median, const LinearScale& scale) {
   if (scale.unit != Unit::kKelvin || plausible(median, scale)) return std::nullopt;
-  char what[96];
-  std::snprintf(what, sizeof what, "half of the picture is above %.1f K and half below", scale.to_physical(median));
   const int swapped = swap_bytes(static_cast<std::uint16_t>(median));
   std::string advice = "the camera's range or IRFormat is not what was asked for: check source.ir_format";
   if (plausible(swapped, scale)) advice = "with bytes swapped it makes sense: set source.pixel_order to the other one";
   if (plausible(median * 10.0, scale)) advice = "ten times as much makes sense: set source.ir_format = \"100mk\"";
   if (plausible(median * 0.1, scale)) advice = "a tenth makes sense: set source.ir_format = \"10mk\"";
-  return std::string(what) + ", which is no temperature of a scene; " + advice;
+  return fmt::format("half of the picture is above {:.1f} K and half below, which is no temperature of a scene; {}",
+                     scale.to_physical(median), advice);
 }
 
 }  // namespace bolo::genicam

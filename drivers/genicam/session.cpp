@@ -8,6 +8,8 @@
 #include <thread>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "drivers/genicam/nodes.hpp"
 #include "drivers/genicam/settings.hpp"
 #include "src/core/clock.hpp"
@@ -179,8 +181,8 @@ Result<std::size_t> Session::payload_bytes() {
   if (!nodes.ok()) return at(connection_.name, nodes.status().error());
   if (bytes <= 0) return failed(connection_.name + " says that its frames are empty (PayloadSize 0)");
   if (bytes > kMost) {
-    return failed(connection_.name + " says that its frames have " + std::to_string(bytes) +
-                  " bytes (PayloadSize): " + std::to_string(kMost) + " at most are taken");
+    return failed(fmt::format("{} says that its frames have {} bytes (PayloadSize): {} at most are taken",
+                              connection_.name, bytes, kMost));
   }
   return static_cast<std::size_t>(bytes);
 }
@@ -209,9 +211,9 @@ Status Session::start_gvsp(std::size_t payload_bytes, std::vector<std::string>& 
 Result<gvsp::StreamPlan> Session::plan_stream(std::size_t payload_bytes, std::vector<std::string>& warnings) {
   const int largest = largest_socket_buffer();
   if (largest > 0 && options_.socket_buffer_bytes > largest) {
-    warnings.push_back("asked for a socket buffer of " + std::to_string(options_.socket_buffer_bytes) +
-                       " bytes, the kernel grants " + std::to_string(largest) +
-                       ": sysctl -w net.core.rmem_max=" + std::to_string(options_.socket_buffer_bytes));
+    warnings.push_back(
+        fmt::format("asked for a socket buffer of {0} bytes, the kernel grants {1}: sysctl -w net.core.rmem_max={0}",
+                    options_.socket_buffer_bytes, largest));
   }
   ArvGvDevice* device = ARV_GV_DEVICE(connection_.device.get());
   GlibError error;
@@ -219,8 +221,8 @@ Result<gvsp::StreamPlan> Session::plan_stream(std::size_t payload_bytes, std::ve
   plan.payload_bytes = payload_bytes;
   plan.packet_bytes = arv_gv_device_get_packet_size(device, error.out());
   if (error || plan.packet_bytes < std::size_t{kSmallestPacket}) {
-    return failed(connection_.name + " sends packets of " + std::to_string(plan.packet_bytes) +
-                  " bytes: " + std::to_string(kSmallestPacket) + " is the least");
+    return failed(fmt::format("{} sends packets of {} bytes: {} is the least", connection_.name, plan.packet_bytes,
+                              kSmallestPacket));
   }
   plan.frames = static_cast<std::size_t>(std::max(options_.buffers, kFewestFrames));
   plan.period_ns = to_ns(negotiated_.info.format.frame_period_s);

@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <optional>
+
+#include <fmt/format.h>
 
 namespace bolo::genicam {
 namespace {
@@ -33,12 +34,6 @@ constexpr double kSameRate = 0.01;         // relative; closer than this is the 
 constexpr double kNearestRate = 0.1;       // Rate12Hz is 12.5 Hz
 constexpr int kLargestPacket = 9000;       // jumbo frames; larger ones bring nothing
 constexpr int kPacketOfAnyLink = 1500;
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", value);
-  return text;
-}
 
 const IrFormatEntry* entry_of(IrFormat format) {
   const auto* at =
@@ -75,9 +70,9 @@ void make_kelvin(Nodes& nodes, const ObjectParameters& object, Negotiated& resul
   }
   result.kelvin_table = kelvin_table(*planck, object);
   result.info.format.scale = {Unit::kKelvin, 0.01, 0.0};
-  result.notes.push_back("radiometric counts become kelvin here, by R = " + number(planck->r) +
-                         ", B = " + number(planck->b) + ", F = " + number(planck->f) + ", J0 = " + number(planck->j0) +
-                         ", J1 = " + number(planck->j1));
+  result.notes.push_back(
+      fmt::format("radiometric counts become kelvin here, by R = {:g}, B = {:g}, F = {:g}, J0 = {:g}, J1 = {:g}",
+                  planck->r, planck->b, planck->f, planck->j0, planck->j1));
 }
 
 // At least those of the cameras that have windowing, should SensorHeight follow the window.
@@ -102,8 +97,7 @@ void configure_size(Nodes& nodes, const char* name, int wanted, Status& refused)
   nodes.set_integer(name, wanted);
   const std::int64_t got = nodes.integer(name);
   if (nodes.ok() && got != wanted) {
-    refused = bad_input(std::string("the camera does not take ") + name + " = " + std::to_string(wanted) +
-                        ": it stays at " + std::to_string(got));
+    refused = bad_input(fmt::format("the camera does not take {} = {}: it stays at {}", name, wanted, got));
   }
 }
 
@@ -112,9 +106,7 @@ Status configure_pixel_format(Nodes& nodes) {
   const std::vector<std::string> offered = nodes.entries("PixelFormat");
   if (!nodes.ok()) return nodes.status();
   if (std::find(offered.begin(), offered.end(), "Mono16") == offered.end()) {
-    std::string list;
-    for (const std::string& format : offered) list += (list.empty() ? "" : ", ") + format;
-    return bad_input("the camera cannot send Mono16; it offers: " + list);
+    return bad_input(fmt::format("the camera cannot send Mono16; it offers: {}", fmt::join(offered, ", ")));
   }
   nodes.choose("PixelFormat", "Mono16", ARV_PIXEL_FORMAT_MONO_16);
   return nodes.status();
@@ -131,8 +123,8 @@ double configure_ir_frame_rate(Nodes& nodes, double rate_hz, Warnings& warnings)
   }
   const double got_hz = full_hz / std::exp2(static_cast<double>(nodes.integer("IRFrameRate")));
   if (rate_hz > 0.0 && nodes.ok() && std::abs(got_hz / rate_hz - 1.0) > kNearestRate) {
-    warnings.push_back("asked for " + number(rate_hz) + " Hz, the camera runs at " + number(got_hz) +
-                       " Hz: fewer rows allow more");
+    warnings.push_back(
+        fmt::format("asked for {:g} Hz, the camera runs at {:g} Hz: fewer rows allow more", rate_hz, got_hz));
   }
   return got_hz;
 }
@@ -144,7 +136,7 @@ double configure_standard_frame_rate(Nodes& nodes, double rate_hz, Warnings& war
   }
   const double got_hz = nodes.real("AcquisitionFrameRate");
   if (rate_hz > 0.0 && nodes.ok() && std::abs(got_hz / rate_hz - 1.0) > kSameRate) {
-    warnings.push_back("asked for " + number(rate_hz) + " Hz, the camera runs at " + number(got_hz) + " Hz");
+    warnings.push_back(fmt::format("asked for {:g} Hz, the camera runs at {:g} Hz", rate_hz, got_hz));
   }
   return got_hz;
 }
@@ -152,7 +144,8 @@ double configure_standard_frame_rate(Nodes& nodes, double rate_hz, Warnings& war
 double configure_rate(Nodes& nodes, double rate_hz, Warnings& warnings) {
   if (nodes.has("IRFrameRate")) return configure_ir_frame_rate(nodes, rate_hz, warnings);
   if (nodes.has("AcquisitionFrameRate")) return configure_standard_frame_rate(nodes, rate_hz, warnings);
-  if (rate_hz > 0.0) warnings.push_back("the camera does not say its frame rate: " + number(rate_hz) + " Hz assumed");
+  if (rate_hz > 0.0)
+    warnings.push_back(fmt::format("the camera does not say its frame rate: {:g} Hz assumed", rate_hz));
   return rate_hz;
 }
 
@@ -163,11 +156,7 @@ struct Case {
   double high_k = 0.0;
 };
 
-std::string text_of(const Case& c) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.0f to %.0f K", c.low_k, c.high_k);
-  return text;
-}
+std::string text_of(const Case& c) { return fmt::format("{:.0f} to {:.0f} K", c.low_k, c.high_k); }
 
 std::vector<Case> read_cases(Nodes& nodes) {
   std::vector<Case> cases;
@@ -225,8 +214,8 @@ Result<Negotiated> configure(const Connection& connection, const CameraOptions& 
   if (!nodes.ok()) return at(connection.name, nodes.status().error());
 
   if (format.geometry.width <= 0 || format.geometry.height <= 0) {
-    return bad_input(connection.name + ": no image rows are left of its height after " +
-                     std::to_string(options.metadata_rows) + " metadata rows");
+    return bad_input(fmt::format("{}: no image rows are left of its height after {} metadata rows", connection.name,
+                                 options.metadata_rows));
   }
   if (!(rate_hz > 0.0)) return bad_input(connection.name + " does not say its frame rate: set the rate");
   format.frame_period_s = 1.0 / (options.true_rate_hz > 0.0 ? options.true_rate_hz : rate_hz);
@@ -238,13 +227,14 @@ Status configure_packet_size(const Connection& connection, const CameraOptions& 
   ArvGvDevice* device = ARV_GV_DEVICE(connection.device.get());
   const Route& route = connection.route;
   if (options.packet_size > 0 && options.packet_size < kSmallestPacket) {
-    return bad_input("packet size " + std::to_string(options.packet_size) + " is too small: give " +
-                     std::to_string(kSmallestPacket) + " or more, or 0 for the largest that the link carries");
+    return bad_input(
+        fmt::format("packet size {} is too small: give {} or more, or 0 for the largest that the link carries",
+                    options.packet_size, kSmallestPacket));
   }
   if (options.packet_size > route.mtu) {
-    return bad_input("packet size " + std::to_string(options.packet_size) + " does not fit the MTU of " +
-                     route.interface + ", " + std::to_string(route.mtu) + ": lower it, or ip link set dev " +
-                     route.interface + " mtu " + std::to_string(options.packet_size));
+    return bad_input(
+        fmt::format("packet size {0} does not fit the MTU of {1}, {2}: lower it, or ip link set dev {1} mtu {0}",
+                    options.packet_size, route.interface, route.mtu));
   }
   // Without a test packet only the loopback is known to carry more than every link does.
   const bool testable = arv_device_get_feature(connection.device.get(), "GevSCPSFireTestPacket") != nullptr;
@@ -259,8 +249,7 @@ Status configure_packet_size(const Connection& connection, const CameraOptions& 
   }
   if (error) return failed(connection.name + ": packet size not set (" + error.message() + ")");
   if (options.packet_size > 0 && static_cast<int>(got) != wanted) {
-    warnings.push_back("asked for packets of " + std::to_string(wanted) + " bytes, the camera sends " +
-                       std::to_string(got));
+    warnings.push_back(fmt::format("asked for packets of {} bytes, the camera sends {}", wanted, got));
   }
   arv_gv_device_set_packet_size_adjustment(device, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
   return {};

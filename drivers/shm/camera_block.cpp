@@ -4,8 +4,6 @@
 #include <bit>
 #include <string>
 
-#include "src/pipeline/counter_table.hpp"
-
 namespace bolo::shm {
 namespace {
 

@@ -14,7 +14,6 @@
 #include "drivers/shm/shm_object.hpp"
 #include "drivers/shm/waker.hpp"
 #include "src/core/clock.hpp"
-#include "src/pipeline/counter_table.hpp"
 
 namespace bolo::shm {
 namespace {

@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdarg>
-#include <cstdio>
 #include <memory>
 #include <span>
 #include <string_view>
+#include <utility>
+
+#include <fmt/format.h>
 
 namespace bolo::usb {
 namespace {
@@ -96,34 +97,26 @@ class Page {
  public:
   explicit Page(libusb_device_handle* handle) : handle_(handle) {}
 
-  [[gnu::format(printf, 3, 4)]] void line(int depth, const char* pattern, ...) {
-    std::array<char, 512> text{};
-    va_list values;
-    va_start(values, pattern);
-    std::vsnprintf(text.data(), text.size(), pattern, values);
-    va_end(values);
-    text_.append(2 * static_cast<std::size_t>(depth), ' ').append(text.data()) += '\n';
+  template <typename... Values>
+  void line(int depth, fmt::format_string<Values...> pattern, Values&&... values) {
+    text_.append(2 * static_cast<std::size_t>(depth), ' ');
+    text_ += fmt::format(pattern, std::forward<Values>(values)...) + "\n";
   }
 
   void string(int depth, const char* name, std::uint8_t index) {
     if (index == 0) return;
     std::array<unsigned char, 256> text{};
-    if (handle_ == nullptr) return line(depth, "%-18s string %u, not read: no permission", name, index);
+    if (handle_ == nullptr) return line(depth, "{:<18} string {}, not read: no permission", name, index);
     const int size = libusb_get_string_descriptor_ascii(handle_, index, text.data(), static_cast<int>(text.size()) - 1);
-    if (size < 0) return line(depth, "%-18s string %u, not read: %s", name, index, reason(size).c_str());
-    line(depth, "%-18s \"%s\"", name, reinterpret_cast<const char*>(text.data()));
+    if (size < 0) return line(depth, "{:<18} string {}, not read: {}", name, index, reason(size));
+    line(depth, "{:<18} \"{}\"", name, reinterpret_cast<const char*>(text.data()));
   }
 
   void hex(int depth, const char* name, Bytes bytes) {
     constexpr std::size_t kPerLine = 32;
     for (std::size_t at = 0; at < bytes.size(); at += kPerLine) {
-      std::string digits;
-      for (const unsigned char byte : bytes.subspan(at, std::min(kPerLine, bytes.size() - at))) {
-        std::array<char, 4> two{};
-        std::snprintf(two.data(), two.size(), " %02x", static_cast<unsigned>(byte));
-        digits += two.data();
-      }
-      line(depth, "%-18s%s", at == 0 ? name : "", digits.c_str());
+      const Bytes part = bytes.subspan(at, std::min(kPerLine, bytes.size() - at));
+      line(depth, "{:<18} {:02x}", at == 0 ? name : "", fmt::join(part.begin(), part.end(), " "));
     }
   }
 
@@ -149,17 +142,16 @@ void put_endpoint(Page& page, const libusb_endpoint_descriptor& endpoint) {
   // Bits 12..11 of a high-speed periodic endpoint: further transactions a microframe (USB 2.0, table 9-13).
   const unsigned packet = endpoint.wMaxPacketSize & 0x7FFU;
   const unsigned transactions = 1 + ((endpoint.wMaxPacketSize >> 11) & 3U);
-  page.line(3, "endpoint 0x%02x: %s %s, packets of %u bytes x %u, interval %u", endpoint.bEndpointAddress,
-            std::string(transfer_name(endpoint.bmAttributes)).c_str(), in ? "in" : "out", packet, transactions,
-            endpoint.bInterval);
+  page.line(3, "endpoint 0x{:02x}: {} {}, packets of {} bytes x {}, interval {}", endpoint.bEndpointAddress,
+            transfer_name(endpoint.bmAttributes), in ? "in" : "out", packet, transactions, endpoint.bInterval);
   put_extra(page, 4, endpoint.extra, endpoint.extra_length);
 }
 
 void put_interface(Page& page, const libusb_interface_descriptor& setting) {
-  page.line(2, "interface %u, alternate setting %u: class 0x%02x (%s), subclass 0x%02x, protocol 0x%02x, %u endpoints",
-            setting.bInterfaceNumber, setting.bAlternateSetting, setting.bInterfaceClass,
-            std::string(class_name(setting.bInterfaceClass)).c_str(), setting.bInterfaceSubClass,
-            setting.bInterfaceProtocol, setting.bNumEndpoints);
+  page.line(
+      2, "interface {}, alternate setting {}: class 0x{:02x} ({}), subclass 0x{:02x}, protocol 0x{:02x}, {} endpoints",
+      setting.bInterfaceNumber, setting.bAlternateSetting, setting.bInterfaceClass, class_name(setting.bInterfaceClass),
+      setting.bInterfaceSubClass, setting.bInterfaceProtocol, setting.bNumEndpoints);
   page.string(3, "name", setting.iInterface);
   put_extra(page, 3, setting.extra, setting.extra_length);
   for (const auto& endpoint : std::span(setting.endpoint, setting.bNumEndpoints)) put_endpoint(page, endpoint);
@@ -169,8 +161,8 @@ void put_configuration(Page& page, libusb_device* device, std::uint8_t index, bo
   libusb_config_descriptor* given = nullptr;
   const bool is_given = libusb_get_config_descriptor(device, index, &given) == 0;
   const Config config(is_given ? given : nullptr);
-  if (config == nullptr) return page.line(1, "configuration %u: not given", index);
-  page.line(1, "configuration %u: attributes 0x%02x%s%s, at most %u mA, %u interfaces", config->bConfigurationValue,
+  if (config == nullptr) return page.line(1, "configuration {}: not given", index);
+  page.line(1, "configuration {}: attributes 0x{:02x}{}{}, at most {} mA, {} interfaces", config->bConfigurationValue,
             config->bmAttributes, (config->bmAttributes & 0x40U) != 0 ? ", self-powered" : "",
             (config->bmAttributes & 0x20U) != 0 ? ", remote wake-up" : "",
             static_cast<unsigned>(config->MaxPower) * (superspeed ? 8U : 2U), config->bNumInterfaces);
@@ -188,13 +180,12 @@ void put_bos(Page& page, libusb_device_handle* handle, std::uint16_t usb_release
   if (handle == nullptr) return page.line(1, "BOS: not read: no permission");
   libusb_bos_descriptor* bos = nullptr;
   if (const int code = libusb_get_bos_descriptor(handle, &bos); code != 0) {
-    return page.line(1, "BOS: not given: %s", reason(code).c_str());
+    return page.line(1, "BOS: not given: {}", reason(code));
   }
-  page.line(1, "BOS: %u capabilities", bos->bNumDeviceCaps);
+  page.line(1, "BOS: {} capabilities", bos->bNumDeviceCaps);
   for (int i = 0; i < bos->bNumDeviceCaps; ++i) {
     const libusb_bos_dev_capability_descriptor& one = *bos->dev_capability[i];
-    page.line(2, "capability 0x%02x (%s)", one.bDevCapabilityType,
-              std::string(capability_name(one.bDevCapabilityType)).c_str());
+    page.line(2, "capability 0x{:02x} ({})", one.bDevCapabilityType, capability_name(one.bDevCapabilityType));
     constexpr std::size_t kHead = 3;  // length, type, capability
     if (one.bLength > kHead) page.hex(3, "data", Bytes(one.dev_capability_data, one.bLength - kHead));
   }
@@ -202,17 +193,17 @@ void put_bos(Page& page, libusb_device_handle* handle, std::uint16_t usb_release
 }
 
 void put_device(Page& page, const UsbDevice& known, const libusb_device_descriptor& d) {
-  page.line(0, "USB device %s at bus %d address %d, port %s, %s", id_text(d.idVendor, d.idProduct).c_str(), known.bus,
-            known.address, known.port_path.c_str(), known.speed.c_str());
-  page.line(1, "%-18s \"%s\"", "manufacturer", known.manufacturer.c_str());
-  page.line(1, "%-18s \"%s\"", "product", known.product_name.c_str());
-  page.line(1, "%-18s \"%s\"", "serial number", known.serial.c_str());
-  page.line(1, "%-18s %x.%02x", "USB release", d.bcdUSB >> 8, d.bcdUSB & 0xFFU);
-  page.line(1, "%-18s %x.%02x", "device release", d.bcdDevice >> 8, d.bcdDevice & 0xFFU);
-  page.line(1, "%-18s 0x%02x (%s), subclass 0x%02x, protocol 0x%02x", "class", d.bDeviceClass,
-            std::string(class_name(d.bDeviceClass)).c_str(), d.bDeviceSubClass, d.bDeviceProtocol);
-  page.line(1, "%-18s %u bytes", "control packets", d.bMaxPacketSize0);
-  page.line(1, "%-18s %u", "configurations", d.bNumConfigurations);
+  page.line(0, "USB device {} at bus {} address {}, port {}, {}", id_text(d.idVendor, d.idProduct), known.bus,
+            known.address, known.port_path, known.speed);
+  page.line(1, "{:<18} \"{}\"", "manufacturer", known.manufacturer);
+  page.line(1, "{:<18} \"{}\"", "product", known.product_name);
+  page.line(1, "{:<18} \"{}\"", "serial number", known.serial);
+  page.line(1, "{:<18} {:x}.{:02x}", "USB release", d.bcdUSB >> 8, d.bcdUSB & 0xFFU);
+  page.line(1, "{:<18} {:x}.{:02x}", "device release", d.bcdDevice >> 8, d.bcdDevice & 0xFFU);
+  page.line(1, "{:<18} 0x{:02x} ({}), subclass 0x{:02x}, protocol 0x{:02x}", "class", d.bDeviceClass,
+            class_name(d.bDeviceClass), d.bDeviceSubClass, d.bDeviceProtocol);
+  page.line(1, "{:<18} {} bytes", "control packets", d.bMaxPacketSize0);
+  page.line(1, "{:<18} {}", "configurations", d.bNumConfigurations);
 }
 
 std::string report_of(libusb_device* device) {
@@ -224,7 +215,7 @@ std::string report_of(libusb_device* device) {
   const Handle handle(code == 0 ? opened : nullptr);
   Page page(handle.get());
   put_device(page, known, descriptor);
-  if (code != 0) page.line(1, "%-18s %s: %s", "not opened", known.node.c_str(), reason(code).c_str());
+  if (code != 0) page.line(1, "{:<18} {}: {}", "not opened", known.node, reason(code));
   const bool superspeed = libusb_get_device_speed(device) >= LIBUSB_SPEED_SUPER;
   for (std::uint8_t i = 0; i < descriptor.bNumConfigurations; ++i) put_configuration(page, device, i, superspeed);
   put_bos(page, handle.get(), descriptor.bcdUSB);

@@ -5,9 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cstdio>
 #include <fstream>
 #include <tuple>
+
+#include <fmt/format.h>
 
 namespace bolo::usb {
 namespace {
@@ -15,21 +16,12 @@ namespace {
 // USB 3 allows hubs seven levels deep.
 constexpr int kMostPorts = 7;
 
-template <typename... Values>
-std::string format(const char* pattern, Values... values) {
-  std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), pattern, values...);
-  return text.data();
-}
-
 std::string port_path(libusb_device* device) {
   const int bus = libusb_get_bus_number(device);
   std::array<std::uint8_t, kMostPorts> ports{};
   const int count = libusb_get_port_numbers(device, ports.data(), kMostPorts);
   if (count <= 0) return "usb" + std::to_string(bus);
-  std::string path = std::to_string(bus);
-  for (int i = 0; i < count; ++i) path += (i == 0 ? "-" : ".") + std::to_string(ports[static_cast<std::size_t>(i)]);
-  return path;
+  return fmt::format("{}-{}", bus, fmt::join(ports.begin(), ports.begin() + count, "."));
 }
 
 std::string speed_text(int speed) {
@@ -91,7 +83,7 @@ Result<Context> make_context() {
 }
 
 std::string id_text(std::uint16_t vendor, std::uint16_t product) {
-  return format("%04x:%04x", static_cast<unsigned>(vendor), static_cast<unsigned>(product));
+  return fmt::format("{:04x}:{:04x}", vendor, product);
 }
 
 Result<DeviceFilter> parse_ids(std::string_view text) {
@@ -122,9 +114,9 @@ std::string DeviceFilter::text() const {
   if (vendor && product) {
     text += " " + id_text(*vendor, *product);
   } else if (vendor) {
-    text += format(" of vendor %04x", static_cast<unsigned>(*vendor));
+    text += fmt::format(" of vendor {:04x}", *vendor);
   }
-  if (bus && address) text += " at " + std::to_string(*bus) + ":" + std::to_string(*address);
+  if (bus && address) text += fmt::format(" at {}:{}", *bus, *address);
   if (!serial.empty()) text += " with serial number " + serial;
   return text;
 }
@@ -143,7 +135,7 @@ UsbDevice describe(libusb_device* device) {
   found.manufacturer = kernel_string(found.port_path, "manufacturer");
   found.product_name = kernel_string(found.port_path, "product");
   found.serial = kernel_string(found.port_path, "serial");
-  found.node = format("/dev/bus/usb/%03d/%03d", found.bus, found.address);
+  found.node = fmt::format("/dev/bus/usb/{:03}/{:03}", found.bus, found.address);
   found.allowed = access(found.node.c_str(), R_OK | W_OK) == 0;
   read_missing_strings(device, descriptor, found);
   return found;

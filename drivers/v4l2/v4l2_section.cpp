@@ -64,13 +64,13 @@ std::vector<std::string> V4l2Section::live_keys() const {
   return keys;
 }
 
-Status V4l2Section::check(const model::KeyTable& keys, int width,
+Status V4l2Section::check(const model::KeyTable& keys, const pipeline::SinkContext& context,
                           std::span<const std::shared_ptr<SinkSection>> before) const {
   if (const Status agc = check_agc(options_.agc); !agc) {
     return at(keys.where(name_ + ".high_k").append(name_), agc.error());
   }
   if (!enabled_) return {};
-  if (const Status fits = check_width(options_.format, width); !fits) {
+  if (const Status fits = check_width(options_.format, context.frame.width); !fits) {
     return at(keys.where(name_ + ".format").append(name_), fits.error());
   }
   for (const auto& other : before) {
@@ -82,13 +82,13 @@ Status V4l2Section::check(const model::KeyTable& keys, int width,
   return {};
 }
 
-std::string V4l2Section::describe() const {
+std::string V4l2Section::describe(const pipeline::SinkContext& /*context*/) const {
   if (!enabled_) return {};
   return options_.device + " (" + (options_.plane == Plane::kRaw ? "raw" : "deblurred") + ", " +
          std::string(v4l2::name(options_.format)) + ")";
 }
 
-std::unique_ptr<pipeline::FrameSink> V4l2Section::make() const {
+std::unique_ptr<pipeline::FrameSink> V4l2Section::make(const pipeline::SinkContext& /*context*/) const {
   return enabled_ ? std::make_unique<V4l2Sink>(options_) : nullptr;
 }
 

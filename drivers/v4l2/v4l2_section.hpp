@@ -16,11 +16,11 @@ class V4l2Section final : public pipeline::SinkSection {
 
   void declare(model::KeyTable& keys) override;
   std::vector<std::string> live_keys() const override;
-  Status check(const model::KeyTable& keys, int width,
+  Status check(const model::KeyTable& keys, const pipeline::SinkContext& context,
                std::span<const std::shared_ptr<SinkSection>> before) const override;
   std::string_view group() const override { return "video"; }
-  std::string describe() const override;
-  std::unique_ptr<pipeline::FrameSink> make() const override;
+  std::string describe(const pipeline::SinkContext& context) const override;
+  std::unique_ptr<pipeline::FrameSink> make(const pipeline::SinkContext& context) const override;
 
  private:
   std::string name_;

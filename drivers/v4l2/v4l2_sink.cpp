@@ -12,9 +12,9 @@
 #include <span>
 #include <utility>
 
-#include "drivers/v4l2/loopback_port.hpp"
 #include "drivers/v4l2/newest_frame.hpp"
 #include "drivers/v4l2/v4l2_section.hpp"
+#include "drivers/v4l2/video_port.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/duration_text.hpp"
 #include "src/rt/thread.hpp"

@@ -12,7 +12,6 @@
 
 #include "src/corrections/chain.hpp"
 #include "src/deblur/window.hpp"
-#include "src/pipeline/describe_solver.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "src/pipeline/solver_ladder.hpp"
 #include "src/rt/worker_team.hpp"

@@ -1,8 +1,10 @@
-// The solver that the settings ask for, and the cheaper ones that stand in for it.
+// The solver that the settings ask for, and the cheaper ones that stand in for it; the settings in words.
 #pragma once
 
 #include <array>
 #include <memory>
+#include <string>
+#include <string_view>
 
 #include "src/deblur/solver.hpp"
 #include "src/pipeline/quality_level.hpp"
@@ -32,5 +34,9 @@ class SolverLadder {
  private:
   std::array<std::unique_ptr<deblur::Solver>, kQualityLevels - 1> solvers_;
 };
+
+// Method, iterations, lambda, kappa and instruction set: "admm, 8 iterations, lambda 0.002 K, kappa 0.1, AVX3". Short
+// enough for the 64 bytes it has in shared memory, whatever the values. Thread: setup.
+std::string describe_solver(const deblur::Settings& settings, Unit unit, std::string_view isa);
 
 }  // namespace bolo::pipeline

@@ -1,4 +1,4 @@
-// Status of a camera that is monitored, readable while it runs.
+// Status of a camera that is monitored, readable while it runs, and the row of each number.
 #pragma once
 
 #include <array>
@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <string_view>
 
+#include "bolo/shm_layout.h"
+#include "src/pipeline/counter_row.hpp"
 #include "src/rt/counters.hpp"
 
 namespace bolo::pipeline {
@@ -65,5 +67,53 @@ struct SourceStatus {
   rt::Gauge<std::uint64_t> resent_packets;    //
   rt::Gauge<double> temperature_k;            // of the camera; 0: not known
 };
+
+using CameraRow = CounterRow<SourceStatus>;
+inline constexpr std::array kCameraCounters{
+    CameraRow(word_of<&SourceStatus::state>, offsetof(bolo_shm_camera, state)),
+    CameraRow(word_of<&SourceStatus::since_ns>, offsetof(bolo_shm_camera, since_ns)),
+    CameraRow(word_of<&SourceStatus::lost>, offsetof(bolo_shm_camera, lost), "lost", "bolo_camera_lost_total",
+              "Times that the camera was given up, by cause", by<LostCause>("cause", kLostCauses)),
+    CameraRow(word_of<&SourceStatus::reopened>, offsetof(bolo_shm_camera, reopened), "reopened",
+              "bolo_camera_reconnects_total", "Times that it was opened again"),
+    CameraRow(word_of<&SourceStatus::stalls>, offsetof(bolo_shm_camera, stalls), "stalls", "bolo_camera_stalls_total",
+              "Times that frames stopped"),
+    CameraRow(word_of<&SourceStatus::outage_frames>, offsetof(bolo_shm_camera, outage_frames), "outage_frames",
+              "bolo_camera_outage_frames_total", "Frames that would have come while it was lost"),
+    CameraRow(word_of<&SourceStatus::corrections>, offsetof(bolo_shm_camera, corrections), "nucs",
+              "bolo_camera_corrections_total", "Corrections of its pixels (NUC) that were asked for"),
+    CameraRow(word_of<&SourceStatus::correction_ns>, offsetof(bolo_shm_camera, correction_ns), "nuc_age_s", "", "",
+              Reading{RowKind::kSince}),
+    CameraRow(word_of<&SourceStatus::clock_offset_ns>, offsetof(bolo_shm_camera, clock_offset_ns), "clock_offset_s", "",
+              "", Reading{RowKind::kNs, 1e-9}),
+    CameraRow(word_of<&SourceStatus::clock_drift_ppm>, offsetof(bolo_shm_camera, clock_drift_ppm), "clock_drift_ppm",
+              "bolo_camera_clock_drift_ratio", "By how much its clock is slower than the host's",
+              Reading{RowKind::kReal, 1.0, 1e-6, offsetof(bolo_shm_camera, clock_offset_ns)}),
+    CameraRow(word_of<&SourceStatus::clock_jitter_ns>, offsetof(bolo_shm_camera, clock_jitter_ns), "clock_jitter_ms",
+              "bolo_camera_clock_jitter_seconds", "Of the way from camera to host, rms over its shortest",
+              Reading{RowKind::kReal, 1e-6, 1e-9, offsetof(bolo_shm_camera, clock_offset_ns)}),
+    CameraRow(word_of<&SourceStatus::clock_jumps>, offsetof(bolo_shm_camera, clock_jumps), "clock_jumps",
+              "bolo_camera_clock_jumps_total", "Jumps of its clock"),
+    CameraRow(word_of<&SourceStatus::received_packets>, offsetof(bolo_shm_camera, received_packets), "received_packets",
+              "bolo_camera_packets_received_total", "Packets, as the transport counts them", InStat{"received"}),
+    CameraRow(word_of<&SourceStatus::missing_packets>, offsetof(bolo_shm_camera, missing_packets), "missing_packets",
+              "bolo_camera_packets_missing_total", "Packets that never came", InStat{"missing"}),
+    CameraRow(word_of<&SourceStatus::resent_packets>, offsetof(bolo_shm_camera, resent_packets), "resent_packets",
+              "bolo_camera_packets_resent_total", "Packets that came when asked for again", InStat{"sent again"}),
+    CameraRow(word_of<&SourceStatus::temperature_k>, offsetof(bolo_shm_camera, temperature_k), "temperature_k", "", "",
+              Reading{RowKind::kReal}),
+};
+
+// Limits of the time that a source may be silent.
+struct WatchLimits {
+  std::int64_t stall_ns;  // without a frame for this long: stalled
+  std::int64_t lost_ns;   // ... and for this long: lost
+};
+
+// From the configuration, but at least 20 frame periods. Thread: any.
+WatchLimits watch_limits(int stall_ms, int reconnect_after_ms, double period_s) noexcept;
+
+// Frames that would have come between the last one before an outage and the first one after it. Thread: any.
+std::uint64_t frames_between(std::int64_t last_ns, std::int64_t first_ns, double period_s) noexcept;
 
 }  // namespace bolo::pipeline

@@ -1,10 +1,14 @@
-// Counters of the pipeline, readable while it runs.
+// Counters of the pipeline, readable while it runs, and the row of each.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <string_view>
 
+#include "bolo/shm_layout.h"
+#include "src/pipeline/counter_row.hpp"
 #include "src/pipeline/inlet.hpp"
 #include "src/pipeline/quality_level.hpp"
 #include "src/pipeline/source_status.hpp"
@@ -50,5 +54,45 @@ struct PipelineStats {
   // 0: it does not run yet.
   rt::Gauge<std::int64_t> polled_ns;
 };
+
+inline std::uint64_t losses_word(const PipelineStats& stats, std::size_t part) noexcept {
+  return stats.inlet.losses().value(static_cast<LossCause>(part));
+}
+
+inline std::uint64_t received_word(const PipelineStats& stats, std::size_t /*part*/) noexcept {
+  return stats.inlet.received();
+}
+
+using FrameRow = CounterRow<PipelineStats>;
+inline constexpr std::array kFrameCounters{
+    FrameRow(received_word, offsetof(bolo_shm_header, received), "received", "bolo_frames_received_total",
+             "Whole frames that reached the queue", AtEnd{true}),
+    // In shared memory by itself: readers take frames by it.
+    FrameRow(word_of<&PipelineStats::published>, 0, "published", "bolo_frames_published_total",
+             "Frames handed to the sinks", AtEnd{true}),
+    FrameRow(losses_word, offsetof(bolo_shm_header, lost), "lost", "bolo_frames_lost_total",
+             "Frames lost, by the first cause that took them", by<LossCause>("cause", kLossCauses), AtEnd{true}),
+    FrameRow(word_of<&PipelineStats::repeats>, 0, "", "bolo_frames_repeated_total",
+             "Frames dropped that repeated the one before; among the missing, too"),
+    FrameRow(word_of<&PipelineStats::warm_up>, offsetof(bolo_shm_header, warm_up), "warm_up",
+             "bolo_frames_warm_up_total", "Frames published without a full window behind them", InStat{"warm-up"}),
+    FrameRow(word_of<&PipelineStats::gap_frames>, offsetof(bolo_shm_header, gap_frames), "gap_frames",
+             "bolo_frames_gap_total", "Frames published with a lost one in their window", InStat{"with gaps"}),
+    FrameRow(word_of<&PipelineStats::by_effort>, 0, "", "bolo_frames_effort_total",
+             "Frames with a full window, by what was spent on them: less than full when too many were waiting",
+             by<QualityLevel>("effort", kQualityLevels)),
+    FrameRow(word_of<&PipelineStats::restarts>, offsetof(bolo_shm_header, restarts), "restarts",
+             "bolo_window_restarts_total", "Windows emptied: NUC, reconnect, a jump in time", InStat{"restarts"}),
+    FrameRow(word_of<&PipelineStats::deblur_ns>, offsetof(bolo_shm_header, deblur_ns)),
+};
+
+// Parts of a frame's latency, in the order in which it passes them.
+struct StageRow {
+  std::string_view name;
+  rt::LatencyHistogram StageLatencies::*latency;
+};
+inline constexpr std::array kStages{
+    StageRow{"arrival", &StageLatencies::arrival}, StageRow{"queue", &StageLatencies::queue},
+    StageRow{"deblur", &StageLatencies::deblur}, StageRow{"publish", &StageLatencies::publish}};
 
 }  // namespace bolo::pipeline

@@ -171,4 +171,10 @@ inline void play(Script script, MemorySink& sink, const PipelineOptions& options
   if (afterwards) afterwards(**pipeline);
 }
 
+inline PipelineOptions with_workers(int workers) {
+  PipelineOptions options;
+  options.workers = workers;
+  return options;
+}
+
 }  // namespace bolo::pipeline::test

@@ -1,4 +1,4 @@
-#include "src/pipeline/watch.hpp"
+#include "src/pipeline/source_status.hpp"
 
 #include <string>
 #include <vector>

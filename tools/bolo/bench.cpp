@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <vector>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "src/core/statistics.hpp"
@@ -106,10 +107,7 @@ Status bench(int threads, double seconds, bool json) {
     result["solvers"].push_back({{"solver", speed->solver},
                                  {"ms_per_frame", speed->ms_per_frame},
                                  {"realtime_factor", speed->realtime_factor}});
-    char text[64];
-    std::snprintf(text, sizeof text, "%s%.*s %.1f", line.empty() ? "" : ", ", static_cast<int>(speed->solver.size()),
-                  speed->solver.data(), speed->realtime_factor);
-    line += text;
+    line += fmt::format("{}{} {:.1f}", line.empty() ? "" : ", ", speed->solver, speed->realtime_factor);
   }
   if (json) {
     std::puts(result.dump(2).c_str());

@@ -6,7 +6,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "drivers/shm/shm_sink.hpp"
 #include "src/core/printable.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/bolod/config.hpp"
@@ -33,8 +32,9 @@ Result<doctor::Needs> needs_of(const cxxopts::ParseResult& given) {
   needs.cpus = config.pipeline.thread.cpus;
   needs.address = config.source == daemon::SourceType::kGenicam ? config.camera.address : "";
   if (given.count("address") != 0) needs.address = given["address"].as<std::string>();
-  const Geometry frame{config.camera.width, config.camera.height};
-  if (config.shm_enabled) needs.shared_bytes = shm::bytes_needed(config.shm, config.pipeline.deblur, frame);
+  pipeline::SinkContext context = config.sink_context();
+  context.frame = {config.camera.width, config.camera.height};
+  for (const auto& sink : config.sinks) needs.shared_bytes += sink->shared_bytes(context);
   return needs;
 }
 

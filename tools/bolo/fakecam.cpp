@@ -12,7 +12,7 @@
 #include "drivers/fakecam/fake_camera.hpp"
 #include "drivers/fakecam/gige_vision.hpp"
 #include "src/core/clock.hpp"
-#include "tools/bolo/fakecam_faults.hpp"
+#include "tools/bolo/listings.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <span>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "src/capture/capture.hpp"
@@ -205,15 +206,12 @@ void line(const char* name, const std::string& text) { std::printf("  %-10s %s\n
 
 std::string number(const json& value, int digits = 6) {
   if (!value.is_number()) return "none";
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.*g", digits, value.get<double>());
-  return buffer;
+  return fmt::format("{:.{}g}", value.get<double>(), digits);
 }
 
 std::string range_text(const json& range) {
-  std::string text = number(range["min"]) + " .. " + number(range["median"]) + " .. " + number(range["max"]);
-  if (range["non_finite"] != 0) text += ", " + range["non_finite"].dump() + " not finite";
-  return text;
+  return fmt::format("{} .. {} .. {}{}", number(range["min"]), number(range["median"]), number(range["max"]),
+                     range["non_finite"] != 0 ? fmt::format(", {} not finite", range["non_finite"].dump()) : "");
 }
 
 std::string lost_text(const json& lost) {
@@ -221,7 +219,7 @@ std::string lost_text(const json& lost) {
   std::string text = lost["count"].dump() + " in " + lost["places"].dump() + " places:";
   for (const json& gap : lost["first"]) {
     text +=
-        " " + gap["lost"].dump() + " before frame " + gap["before_frame"].dump() + " (" + number(gap["t_s"]) + " s)";
+        fmt::format(" {} before frame {} ({} s)", gap["lost"].dump(), gap["before_frame"].dump(), number(gap["t_s"]));
   }
   return text;
 }
@@ -230,7 +228,7 @@ std::string irregular_text(const json& irregular) {
   if (irregular["count"] == 0) return "none";
   std::string text = irregular["count"].dump() + " off the frame grid by more than a fifth of a period:";
   for (const json& step : irregular["first"]) {
-    text += " frame " + step["frame"].dump() + " (after " + number(step["interval_s"]) + " s)";
+    text += fmt::format(" frame {} (after {} s)", step["frame"].dump(), number(step["interval_s"]));
   }
   return text;
 }

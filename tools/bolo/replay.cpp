@@ -40,7 +40,6 @@ Result<daemon::DaemonConfig> read_request(const cxxopts::ParseResult& parsed) {
   }
   if (parsed.count("name") != 0) config.name = parsed["name"].as<std::string>();
   if (const auto path = shm::object_path(config.name); !path) return bad_input("--name: " + path.error().message);
-  config.shm.name = config.name;
   config.source = daemon::SourceType::kReplay;
   config.replay.file = parsed["capture"].as<std::string>();
   const std::string pace = parsed["pace"].as<std::string>();

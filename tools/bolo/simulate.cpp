@@ -9,7 +9,7 @@
 
 #include "src/sim/simulator.hpp"
 #include "src/sim/stimulus_error.hpp"
-#include "tools/bolo/simulate_effects.hpp"
+#include "tools/bolo/listings.hpp"
 #include "tools/bolo/simulate_field.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <limits>
+
+#include <fmt/format.h>
 
 namespace bolo::tools {
 namespace {
@@ -49,10 +50,8 @@ std::string loss_marks(std::span<const StatColumn> shown) {
 }
 
 std::string scale_words(std::size_t columns, double interval_s, double top_ms) {
-  std::array<char, 128> text{};
-  std::snprintf(text.data(), text.size(), "%s%.4g s until now, bars from 0 to %g ms, gap: no frame",
-                label("history").c_str(), static_cast<double>(columns) * interval_s, top_ms);
-  return text.data();
+  return fmt::format("{}{:.4g} s until now, bars from 0 to {:g} ms, gap: no frame", label("history"),
+                     static_cast<double>(columns) * interval_s, top_ms);
 }
 
 }  // namespace

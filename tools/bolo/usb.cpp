@@ -8,6 +8,7 @@
 #include <thread>
 #include <utility>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "drivers/usb/descriptor_report.hpp"
@@ -73,8 +74,8 @@ std::string text_of(const Json& json, int indent) {
 }
 
 std::string line_of(const UsbDevice& device) {
-  std::string line = std::to_string(device.bus) + ":" + std::to_string(device.address) + "  port " + device.port_path +
-                     "  " + usb::id_text(device.vendor, device.product) + "  " + device.speed;
+  std::string line = fmt::format("{}:{}  port {}  {}  {}", device.bus, device.address, device.port_path,
+                                 usb::id_text(device.vendor, device.product), device.speed);
   for (const std::string* text : {&device.manufacturer, &device.product_name}) {
     if (!text->empty()) line += "  " + *text;
   }

@@ -25,7 +25,7 @@ int stat_main(int argc, char** argv);
 int usb_main(int argc, char** argv);
 int view_main(int argc, char** argv);
 
-inline constexpr std::array<Verb, 17> kVerbs{{
+inline constexpr auto kVerbs = std::to_array<Verb>({
     {"demo", "simulated camera, daemon and live page at once: what Bolo does", demo_main},
     {"simulate", "write a capture of a simulated camera that moves", simulate_main},
     {"fakecam", "serve a capture as a GigE Vision camera", fakecam_main},
@@ -43,6 +43,6 @@ inline constexpr std::array<Verb, 17> kVerbs{{
     {"usb", "list USB cameras and what they say of themselves (experimental)", usb_main},
     {"info", "say what is in a capture, and what is wrong with it", info_main},
     {"bench", "say how many times faster than the camera this computer deblurs", bench_main},
-}};
+});
 
 }  // namespace bolo::tools

@@ -1,7 +1,8 @@
 #include "tools/bolod/compose.hpp"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
+#include "drivers/shm/shm_section.hpp"
 #include "drivers/v4l2/v4l2_section.hpp"
 
 namespace bolo::daemon {
@@ -37,6 +38,7 @@ bool waits_for_frames(const DaemonConfig& config) {
 std::vector<std::shared_ptr<pipeline::SinkSection>> sink_sections() {
   using v4l2::V4l2Section;
   return {
+      std::make_shared<shm::ShmSection>(),
       std::make_shared<V4l2Section>("v4l2",
                                     "frames as a camera of the system, for programs that know only such: v4l2loopback"),
       std::make_shared<V4l2Section>("v4l2_second", "another such device, as raw frames beside sharp ones",
@@ -46,17 +48,16 @@ std::vector<std::shared_ptr<pipeline::SinkSection>> sink_sections() {
 
 std::vector<std::unique_ptr<pipeline::FrameSink>> make_sinks(const DaemonConfig& config) {
   std::vector<std::unique_ptr<pipeline::FrameSink>> sinks;
-  sinks.push_back(config.shm_enabled ? std::make_unique<shm::ShmSink>(config.shm) : nullptr);
-  for (const auto& section : config.sinks) sinks.push_back(section->make());
+  for (const auto& section : config.sinks) sinks.push_back(section->make(config.sink_context()));
   return sinks;
 }
 
 namespace {
 
 std::string describe_sinks(const DaemonConfig& config) {
-  std::string words = config.shm_enabled ? "shared memory /bolo." + config.name : "";
+  std::string words;
   for (const auto& section : config.sinks) {
-    const std::string sink = section->describe();
+    const std::string sink = section->describe(config.sink_context());
     if (!sink.empty()) words += (words.empty() ? "" : ", ") + sink;
   }
   return words.empty() ? "nowhere: shm.enable is false" : words;

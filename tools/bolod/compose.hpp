@@ -23,7 +23,7 @@ Result<ComposedSource> make_source(const DaemonConfig& config);
 // True when the source waits until its frames are taken, so that a full queue is no overload. Thread: any.
 bool waits_for_frames(const DaemonConfig& config);
 
-// Shared memory first, then one a section of config.sinks; null for those that were not asked for. Thread: setup.
+// One a section of config.sinks; null for those that were not asked for. Thread: setup.
 std::vector<std::unique_ptr<pipeline::FrameSink>> make_sinks(const DaemonConfig& config);
 
 // "genicam FLIR A655sc 640x120 at 200 Hz -> admm ... -> shared memory /bolo.camera". Thread: setup.

@@ -9,6 +9,8 @@
 #include <string_view>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "drivers/shm/shm_object.hpp"
 #include "src/capture/pixel_maps_io.hpp"
 #include "src/deblur/isa.hpp"
@@ -209,13 +211,6 @@ void pipeline_keys(KeyTable& keys, DaemonConfig& c) {
 }
 
 void output_keys(KeyTable& keys, DaemonConfig& c) {
-  keys.section("shm", "frames for other programs: shared memory /bolo.NAME");
-  keys.boolean("enable", c.shm_enabled, "Publish into shared memory.");
-  keys.integer("slots", c.shm.slots, {0, 65536, "frames"},
-               "Frames in the ring, at least window + lookahead; 0: 64, or more when the window needs more.");
-  keys.octal("mode", c.shm.mode, {0600, 0777, ""},
-             "Permission bits; readers need to read only: 0o640 for the group's members, 0o644 for everybody.");
-  keys.text("group", c.shm.group, "Owner group, of which the daemon's user must be a member; empty: the daemon's own.");
   for (const auto& sink : c.sinks) sink->declare(keys);
   keys.section("control", "commands to the running daemon: `bolo nuc NAME`");
   keys.boolean("enable", c.control.enabled, "Listen on a unix socket.");
@@ -291,12 +286,10 @@ Status apply_profile(DaemonConfig& config, const Overrides& overrides) {
   if (overrides.tau_s) config.pipeline.deblur.tau_s = *overrides.tau_s;
   config.pipeline.deblur.period_s = profile.frame_period_s;
   config.pipeline.thread.name = "bolo-deblur";
-  config.shm.name = config.name;
   if (!config.control.enabled) config.control.socket.clear();
   if (config.control.enabled && config.control.socket.empty()) {
     config.control.socket = default_control_socket(config.name);
   }
-  config.shm.control_socket = config.control.socket;
   return {};
 }
 
@@ -307,9 +300,11 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
   if (const auto path = shm::object_path(config.name); !path) return here("name", "name: " + path.error().message);
   const int packet = config.camera.packet_size;
   if (packet != 0 && packet < genicam::kSmallestPacket) {
-    return here("source.packet_size", "source.packet_size = " + std::to_string(packet) + " is too small: give " +
-                                          std::to_string(genicam::kSmallestPacket) +
-                                          " bytes or more, or 0 for the largest that the link carries");
+    return here(
+        "source.packet_size",
+        fmt::format("source.packet_size = {} is too small: give {} bytes or more, or 0 for the largest that the "
+                    "link carries",
+                    packet, genicam::kSmallestPacket));
   }
   if (config.source == SourceType::kReplay && config.replay.file.empty()) {
     return here("source.type", "source.type = \"replay\" needs source.file, the capture to replay");
@@ -322,24 +317,15 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
   }
   if (const Status camera = check_camera(config.camera); !camera) return here("camera", camera.error().message);
   if (const Status isa = deblur::check_isa(config.isa); !isa) return here("deblur.isa", isa.error().message);
-  const int width = config.source == SourceType::kReplay ? 0 : config.camera.width;
+  if (const Status status = deblur::validate(config.pipeline.deblur); !status) return here("", status.error().message);
+  const pipeline::SinkContext context = config.sink_context();
   for (std::size_t i = 0; i < config.sinks.size(); ++i) {
-    if (Status sink = config.sinks[i]->check(keys, width, {config.sinks.data(), i}); !sink) return sink;
+    if (Status sink = config.sinks[i]->check(keys, context, {config.sinks.data(), i}); !sink) return sink;
   }
   if (const Status listen = check_listen(config.metrics); !listen)
     return here("metrics.listen", listen.error().message);
-  if (config.shm_enabled) {
-    if (const Status mode = shm::check_mode(config.shm); !mode) return here("shm.mode", mode.error().message);
-  }
   if (const std::string& socket = config.control.socket; socket != default_control_socket(config.name)) {
     if (const Status path = check_control_socket(socket); !path) return here("control.socket", path.error().message);
-  }
-  const deblur::Settings& settings = config.pipeline.deblur;
-  if (const Status status = deblur::validate(settings); !status) return here("", status.error().message);
-  const int needed = settings.window + settings.lookahead;
-  if (config.shm.slots != 0 && config.shm.slots < needed) {
-    return here("shm.slots", "shm.slots = " + std::to_string(config.shm.slots) + " is less than window + lookahead = " +
-                                 std::to_string(needed) + "; give that or more, or 0");
   }
   return {};
 }
@@ -351,6 +337,11 @@ DaemonConfig::DaemonConfig() {
   pipeline.deblur.auto_lambda = true;
   camera.width = 640;
   camera.height = 120;
+}
+
+pipeline::SinkContext DaemonConfig::sink_context() const {
+  const Geometry frame = source == SourceType::kReplay ? Geometry{} : Geometry{camera.width, camera.height};
+  return {name, control.socket, frame, pipeline.deblur};
 }
 
 Result<DaemonConfig> read_config(const std::filesystem::path& file) {

@@ -10,7 +10,6 @@
 
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/replay/replay_source.hpp"
-#include "drivers/shm/shm_sink.hpp"
 #include "src/core/result.hpp"
 #include "src/model/camera_profile.hpp"
 #include "src/pipeline/pipeline.hpp"
@@ -53,8 +52,8 @@ struct MetricsOptions {
   bool allow_remote = false;  // an address that other computers reach
 };
 
-// The sinks that a daemon may have beside shared memory, in the order of their sections in the file, in which they are
-// served: another one is a line in compose.cpp. Thread: any.
+// The sinks that a daemon may have, in the order of their sections in the file, in which they are served: another one
+// is a line in compose.cpp. Thread: any.
 std::vector<std::shared_ptr<pipeline::SinkSection>> sink_sections();
 
 struct DaemonConfig {
@@ -72,12 +71,13 @@ struct DaemonConfig {
   pipeline::PipelineOptions pipeline;
   std::string isa = "auto";  // instruction set of the solver's kernels
   bool lock_memory = true;
-  bool shm_enabled = true;
-  shm::ShmOptions shm;
   std::vector<std::shared_ptr<pipeline::SinkSection>> sinks = sink_sections();  // shared by copies
   ControlOptions control;
   MetricsOptions metrics;
   LogOptions log;
+
+  // Thread: any.
+  pipeline::SinkContext sink_context() const;
 };
 
 // Reads a configuration and the profile that it names, and checks what the keys say together. Anything wrong is bad

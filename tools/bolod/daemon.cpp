@@ -244,7 +244,7 @@ void Daemon::Impl::apply(const DaemonConfig& read) {
   set_level(*log, read.log.level);
   if (camera != nullptr) camera->set_nuc(read.camera.nuc);
   for (std::size_t i = 0; i < read.sinks.size(); ++i) {
-    if (sinks[i + 1] != nullptr) sinks[i + 1]->reload(*read.sinks[i]);  // the first is shared memory
+    if (sinks[i] != nullptr) sinks[i]->reload(*read.sinks[i]);
   }
   for (const std::string& key : change.live) config.texts[key] = read.texts.at(key);
   if (!change.restart.empty()) {

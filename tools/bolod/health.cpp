@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include <fmt/format.h>
+
 #include "src/core/duration_text.hpp"
 
 namespace bolo::daemon {
@@ -28,8 +30,7 @@ std::string describe_losses(const LossCounts& losses) {
   std::string words;
   for (std::size_t i = 0; i < kLossCauses; ++i) {
     if (losses[i] == 0) continue;
-    words +=
-        (words.empty() ? "" : ", ") + std::to_string(losses[i]) + " " + std::string(name(static_cast<LossCause>(i)));
+    words += fmt::format("{}{} {}", words.empty() ? "" : ", ", losses[i], name(static_cast<LossCause>(i)));
   }
   return words.empty() ? "none" : words;
 }
@@ -95,7 +96,7 @@ void Health::check_quality(const Snapshot& now, std::vector<pipeline::Notice>& n
     const std::uint64_t fresh = now.by_effort[i] - logged_efforts_[i];
     if (fresh == 0) continue;
     const std::string effort(name(static_cast<pipeline::QualityLevel>(i)));
-    words += (words.empty() ? "" : ", ") + std::to_string(fresh) + " " + effort;
+    words += fmt::format("{}{} {}", words.empty() ? "" : ", ", fresh, effort);
     notice.counts.emplace_back("effort_" + effort, fresh);
   }
   if (words.empty() && !overloaded_) return;

@@ -7,8 +7,6 @@
 #include <string_view>
 #include <utility>
 
-#include "src/pipeline/counter_table.hpp"
-
 namespace bolo::daemon {
 namespace {
 
@@ -135,10 +133,9 @@ void add_latencies(const pipeline::PipelineStats& stats, Families& to) {
   to.begin("bolo_stage_latency_seconds",
            "Where that time goes: arrival (until the frame is whole), queue, deblur, and publish (the sinks' copies)",
            MetricType::Histogram);
-  to.histogram(stats.stages.arrival, {{"stage", "arrival"}});
-  to.histogram(stats.stages.queue, {{"stage", "queue"}});
-  to.histogram(stats.stages.deblur, {{"stage", "deblur"}});
-  to.histogram(stats.stages.publish, {{"stage", "publish"}});
+  for (const auto& stage : pipeline::kStages) {
+    to.histogram(stats.stages.*stage.latency, {{"stage", std::string(stage.name)}});
+  }
 }
 
 void add_camera(const pipeline::SourceStatus& source, Families& to) {

@@ -2,7 +2,6 @@
 
 #include "drivers/shm/camera_block.hpp"
 #include "src/core/clock.hpp"
-#include "src/pipeline/counter_table.hpp"
 #include "tools/bolod/health.hpp"
 
 namespace bolo::daemon {
@@ -32,11 +31,10 @@ ordered_json sink_json(const pipeline::SinkStatistics& sink) {
 }
 
 ordered_json stages_json(const pipeline::PipelineStats& stats) {
-  return {{"arrival", latency_json(stats.stages.arrival)},
-          {"queue", latency_json(stats.stages.queue)},
-          {"deblur", latency_json(stats.stages.deblur)},
-          {"publish", latency_json(stats.stages.publish)},
-          {"total", latency_json(stats.latency)}};
+  ordered_json json;
+  for (const auto& stage : pipeline::kStages) json[std::string(stage.name)] = latency_json(stats.stages.*stage.latency);
+  json["total"] = latency_json(stats.latency);
+  return json;
 }
 
 }  // namespace

@@ -2,11 +2,12 @@
 
 #include <unistd.h>
 
-#include <array>
 #include <csignal>
 #include <cstdio>
 #include <iostream>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "src/core/printable.hpp"
 
@@ -115,13 +116,8 @@ std::string Progress::rate(std::uint64_t done, std::chrono::steady_clock::time_p
   const double seconds = std::chrono::duration<double>(now - rate_start_).count();
   if (done <= rate_from_ || seconds <= 0.0) return {};
   const double a_second = static_cast<double>(done - rate_from_) / seconds;
-  std::array<char, 80> text{};
-  const int length = std::snprintf(text.data(), text.size(), ", %.1f a second", a_second);
-  if (done < total_) {
-    const double left_s = static_cast<double>(total_ - done) / a_second;
-    std::snprintf(text.data() + length, text.size() - static_cast<std::size_t>(length), ", %.0f s left", left_s);
-  }
-  return text.data();
+  const std::string text = fmt::format(", {:.1f} a second", a_second);
+  return done < total_ ? fmt::format("{}, {:.0f} s left", text, static_cast<double>(total_ - done) / a_second) : text;
 }
 
 void Progress::update(std::uint64_t done) {

@@ -9,6 +9,8 @@
 #include <system_error>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "src/core/byte_order.hpp"
 #include "tools/convert/flir_still.hpp"
 #include "tools/convert/picture.hpp"
@@ -72,7 +74,7 @@ struct Place {
   std::size_t page = 0;
 };
 
-std::string size_text(Geometry g) { return std::to_string(g.width) + "x" + std::to_string(g.height); }
+std::string size_text(Geometry g) { return fmt::format("{}x{}", g.width, g.height); }
 
 class PictureFootage final : public Footage {
  public:
@@ -221,8 +223,8 @@ Result<std::unique_ptr<Footage>> open_raw(const Files& files, const RawLayout& l
     if (error) return bad_input(file.string() + ": " + error.message());
     const std::uint64_t data = size > layout.skip_bytes ? size - layout.skip_bytes : 0;
     if (data == 0 || data % frame_bytes != 0) {
-      return bad_input(file.string() + ": " + std::to_string(data) + " bytes are not whole frames of " +
-                       std::to_string(frame_bytes) + "; check --raw and --skip");
+      return bad_input(fmt::format("{}: {} bytes are not whole frames of {}; check --raw and --skip", file.string(),
+                                   data, frame_bytes));
     }
     dumps.push_back({file, frames});
     frames += data / frame_bytes;

@@ -1,12 +1,12 @@
 #include "tools/convert/footage_sink.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <sstream>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "src/core/statistics.hpp"
 #include "tools/convert/picture.hpp"
@@ -17,9 +17,7 @@ namespace {
 
 std::string scale_text(const LinearScale& scale) {
   if (scale.unit == Unit::kCount) return "counts of the camera";
-  std::array<char, 80> text{};
-  std::snprintf(text.data(), text.size(), "kelvin = %.9g * value + %.9g", scale.scale, scale.offset);
-  return text.data();
+  return fmt::format("kelvin = {:.9g} * value + {:.9g}", scale.scale, scale.offset);
 }
 
 // Grey pictures of 8 bits for the eye: the darkest and the brightest hundredth of the pixels are black and white, and
@@ -128,10 +126,8 @@ class PngSink final : public FootageSink {
 
   OutputFile file_of(std::size_t frame) const {
     if (info_.frames == 1) return target_.file;
-    std::array<char, 32> number{};
-    std::snprintf(number.data(), number.size(), "_%06zu.png", frame);
     const std::filesystem::path& given = target_.file.path;
-    return {given.parent_path() / (given.stem().string() + number.data()), target_.file.replace};
+    return {given.parent_path() / fmt::format("{}_{:06}.png", given.stem().string(), frame), target_.file.replace};
   }
 
   // Beyond the range of 16 bits the end of the range; not a number is 0.
@@ -208,14 +204,12 @@ class FilmSink final : public FootageSink {
     const StreamFormat& format = footage.info().format;
     Result<FileBeside> file = FileBeside::create(target.file);
     if (!file) return tl::unexpected<Error>(file.error());
-    std::array<char, 32> rate{};
-    std::snprintf(rate.data(), rate.size(), "%.6g", 1.0 / format.frame_period_s);
-    const std::string size = std::to_string(format.geometry.width) + "x" + std::to_string(format.geometry.height);
     std::vector<std::string> words{"ffmpeg"};
     std::istringstream options(
-        "-v error -nostdin -y -f rawvideo -pix_fmt gray -s " + size + " -r " + rate.data() +
-        " -i pipe:0 -vf pad=ceil(iw/2)*2:ceil(ih/2)*2 -pix_fmt yuv420p -c:v libx264 "  // even sides
-        "-movflags +faststart -f mp4");
+        fmt::format("-v error -nostdin -y -f rawvideo -pix_fmt gray -s {}x{} -r {:.6g} "
+                    "-i pipe:0 -vf pad=ceil(iw/2)*2:ceil(ih/2)*2 -pix_fmt yuv420p -c:v libx264 "  // even sides
+                    "-movflags +faststart -f mp4",
+                    format.geometry.width, format.geometry.height, 1.0 / format.frame_period_s));
     for (std::string word; options >> word;) words.push_back(word);
     words.push_back("file:" + file->path().string());
     Result<FedProgram> ffmpeg = FedProgram::start(words, "ffmpeg");

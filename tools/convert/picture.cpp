@@ -9,6 +9,8 @@
 #include <memory>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "src/sim/scene.hpp"
 
 namespace bolo::tools {
@@ -103,8 +105,8 @@ Result<Picture> read_tiff_page(const std::filesystem::path& file, std::size_t pa
   const bool is_float = layout.format == SAMPLEFORMAT_IEEEFP && layout.bits == 32;
   const bool is_uint16 = layout.format == SAMPLEFORMAT_UINT && layout.bits == 16;
   if (layout.samples != 1 || (!is_float && !is_uint16)) {
-    return bad_input("TIFF with " + std::to_string(layout.samples) + " values of " + std::to_string(layout.bits) +
-                     " bits a pixel; expected one of uint16 or float32");
+    return bad_input(fmt::format("TIFF with {} values of {} bits a pixel; expected one of uint16 or float32",
+                                 layout.samples, layout.bits));
   }
   const std::uint64_t pixels = std::uint64_t{layout.width} * layout.height;
   if (pixels == 0 || pixels > kMostPixels) return bad_input("TIFF of no size, or of more than 64 million pixels");

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <string>
 
+#include <fmt/format.h>
+
 namespace bolo::tools {
 namespace {
 
@@ -63,9 +65,9 @@ Status ChosenFrames::refuse_nan(const pipeline::PublishedFrame& frame) const {
   const auto* values = reinterpret_cast<const float*>(raw_.data());
   for (std::size_t i = 0; i < raw_.size() / sizeof(float); ++i) {
     if (std::isfinite(values[i])) continue;
-    return bad_input(input_file_.string() + ": frame " + std::to_string(frame.meta.frame_id) + ", column " +
-                     std::to_string(choice_.x_of(i)) + ", row " + std::to_string(choice_.y_of(i)) + " of /frames is " +
-                     std::to_string(values[i]) + "; replace such pixels, or leave them out with --roi");
+    return bad_input(fmt::format(
+        "{}: frame {}, column {}, row {} of /frames is {:f}; replace such pixels, or leave them out with --roi",
+        input_file_.string(), frame.meta.frame_id, choice_.x_of(i), choice_.y_of(i), values[i]));
   }
   return {};
 }

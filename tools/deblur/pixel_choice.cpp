@@ -5,6 +5,8 @@
 #include <fstream>
 #include <string_view>
 
+#include <fmt/format.h>
+
 #include "drivers/replay/copy_region.hpp"
 #include "src/core/parse_text.hpp"
 
@@ -20,8 +22,7 @@ tl::expected<std::uint32_t, std::string> parse_point(std::string_view line, Geom
   const double column = std::round(*x);
   const double row = std::round(*y);
   if (column < 0.0 || column >= frame.width || row < 0.0 || row >= frame.height) {
-    return tl::unexpected<std::string>("point " + std::string(line) + " is outside the frame of " +
-                                       std::to_string(frame.width) + "x" + std::to_string(frame.height));
+    return tl::unexpected(fmt::format("point {} is outside the frame of {}x{}", line, frame.width, frame.height));
   }
   return static_cast<std::uint32_t>(row) * static_cast<std::uint32_t>(frame.width) + static_cast<std::uint32_t>(column);
 }
@@ -40,7 +41,7 @@ Result<std::vector<std::uint32_t>> read_points(const std::filesystem::path& file
     const bool header = std::exchange(first, false) && (line == "x,y" || line == "x_px,y_px");
     if (header) continue;
     const auto point = parse_point(line, frame);
-    if (!point) return bad_input(file.string() + ":" + std::to_string(at) + ": " + point.error());
+    if (!point) return bad_input(fmt::format("{}:{}: {}", file.string(), at, point.error()));
     points.push_back(*point);
   }
   if (in.bad()) return failed(file.string() + ": cannot be read");
@@ -79,9 +80,6 @@ void PixelChoice::take_deblurred(const void* plane, std::size_t value_bytes, voi
   std::memcpy(out, plane, points_.size() * value_bytes);
 }
 
-std::string in_words(const Region& r) {
-  return std::to_string(r.x) + "," + std::to_string(r.y) + "," + std::to_string(r.width) + "," +
-         std::to_string(r.height);
-}
+std::string in_words(const Region& r) { return fmt::format("{},{},{},{}", r.x, r.y, r.width, r.height); }
 
 }  // namespace bolo::tools

@@ -1,13 +1,13 @@
 #include "tools/deblur/request.hpp"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
-#include <cstdio>
 #include <cstdlib>
 #include <set>
 #include <system_error>
 #include <thread>
+
+#include <fmt/format.h>
 
 #include "src/capture/pixel_maps_io.hpp"
 #include "src/deblur/isa.hpp"
@@ -157,11 +157,7 @@ Status check_files(const DeblurRequest& request) {
 
 cxxopts::Options deblur_command_line() {
   const deblur::Settings defaults;
-  const auto text = [](double value) {
-    std::array<char, 32> digits{};
-    std::snprintf(digits.data(), digits.size(), "%g", value);
-    return std::string(digits.data());
-  };
+  const auto text = [](double value) { return fmt::format("{:g}", value); };
   cxxopts::Options options("bolo deblur",
                            "Undo the pixels' thermal inertia in captures.\n"
                            "Many go into a folder; what is done there is not done again, and processes can share "
@@ -230,8 +226,8 @@ Status check_capture(const DeblurRequest& request, const fs::path& file, const c
   settings.period_s = info.format.frame_period_s;
   if (Status status = deblur::validate(settings); !status) return at(file.string(), status.error());
   if (info.frames < static_cast<std::size_t>(settings.window)) {
-    return bad_input(file.string() + ": " + std::to_string(info.frames) + " frames, fewer than one window of " +
-                     std::to_string(settings.window) + "; record longer or give a smaller --window");
+    return bad_input(fmt::format("{}: {} frames, fewer than one window of {}; record longer or give a smaller --window",
+                                 file.string(), info.frames, settings.window));
   }
   if (request.options.output == PixelType::kUint16 && info.format.type != PixelType::kUint16) {
     return bad_input(file.string() + ": /frames is float32, which has no uint16 scale; use --type float32");

@@ -3,9 +3,11 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include "drivers/shm/shm_reader.hpp"
 #include "src/capture/capture.hpp"
@@ -110,10 +112,10 @@ Status check_match(const capture::CaptureInfo& info, const bolo_shm_header& head
   if (!info.has_truth) return bad_input("the capture has no /truth: give the one that 'bolo simulate' wrote");
   const Geometry live{static_cast<int>(header.width), static_cast<int>(header.height)};
   if (info.format.geometry == live) return {};
-  return bad_input("the capture has " + std::to_string(info.format.geometry.width) + "x" +
-                   std::to_string(info.format.geometry.height) + " pixels, the daemon publishes " +
-                   std::to_string(live.width) + "x" + std::to_string(live.height) +
-                   ": give the capture that the fake camera replays");
+  const Geometry& own = info.format.geometry;
+  return bad_input(fmt::format(
+      "the capture has {}x{} pixels, the daemon publishes {}x{}: give the capture that the fake camera replays",
+      own.width, own.height, live.width, live.height));
 }
 
 }  // namespace
@@ -134,8 +136,9 @@ Result<LiveOutcome> check_live(const std::string& name, const std::filesystem::p
     return tl::unexpected(watched.error());
   }
   if (outcome.frames_judged == 0) {
-    return failed("none of " + std::to_string(outcome.frames_read) + " frames could be matched with the truth in " +
-                  truth.string() + ": is it the capture that the fake camera replays?");
+    return failed(fmt::format(
+        "none of {} frames could be matched with the truth in {}: is it the capture that the fake camera replays?",
+        outcome.frames_read, truth.string()));
   }
   return outcome;
 }

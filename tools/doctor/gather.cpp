@@ -19,6 +19,7 @@
 #include <sstream>
 #include <thread>
 
+#include <fmt/format.h>
 #include <hdf5.h>
 
 #include "drivers/genicam/discovery.hpp"
@@ -128,9 +129,8 @@ void ask_for_rules(Facts& facts) {
 void look_at_usb(const fs::path& root, Facts& facts) {
   for (const fs::path& device : entries_of(root / "sys/bus/usb/devices")) {
     if (line_of(device / "idVendor") != kFlir) continue;
-    char node[64];
-    std::snprintf(node, sizeof node, "/dev/bus/usb/%03d/%03d", number_of(device / "busnum").value_or(0),
-                  number_of(device / "devnum").value_or(0));
+    const std::string node = fmt::format("/dev/bus/usb/{:03}/{:03}", number_of(device / "busnum").value_or(0),
+                                         number_of(device / "devnum").value_or(0));
     const fs::path file = root / fs::path(node).relative_path();
     facts.usb.push_back({std::string(kFlir) + ":" + line_of(device / "idProduct"), line_of(device / "product"), node,
                          access(file.c_str(), W_OK) == 0});

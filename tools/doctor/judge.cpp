@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cstdio>
-#include <sstream>
+#include <utility>
+
+#include <fmt/format.h>
 
 #include "tools/doctor/checks.hpp"
 
@@ -14,26 +16,25 @@ constexpr std::uint64_t kLockedBytes = 256 * kMiB;  // of bolod at 640x480
 constexpr int kLeastBacklog = 1000;
 
 std::string bytes_text(std::uint64_t bytes) {
-  char text[32];
-  if (bytes >= kMiB) {
-    std::snprintf(text, sizeof text, "%.1f MiB", static_cast<double>(bytes) / static_cast<double>(kMiB));
-  } else {
-    std::snprintf(text, sizeof text, "%llu KiB", static_cast<unsigned long long>(bytes >> 10U));
-  }
-  return text;
+  if (bytes >= kMiB) return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / static_cast<double>(kMiB));
+  return fmt::format("{} KiB", bytes >> 10U);
 }
 
 template <typename T>
 std::string list(const std::vector<T>& values) {
-  std::ostringstream text;
-  for (std::size_t i = 0; i < values.size(); ++i) text << (i > 0 ? ", " : "") << values[i];
-  return text.str();
+  return fmt::format("{}", fmt::join(values, ", "));
+}
+
+Check unknown(Check check, const char* why) {
+  check.verdict = Verdict::kUnknown;
+  check.found = why;
+  return check;
 }
 
 Check receive_buffer(const Facts& facts, const Needs& needs) {
   Check check{"receive_buffer", "Receive buffer"};
   if (!facts.receive_buffer_max) {
-    return {check.name, check.title, Verdict::kUnknown, "net.core.rmem_max cannot be read", ""};
+    return unknown(std::move(check), "net.core.rmem_max cannot be read");
   }
   const auto have = static_cast<std::uint64_t>(*facts.receive_buffer_max);
   const auto want = static_cast<std::uint64_t>(needs.socket_buffer_bytes);
@@ -48,8 +49,7 @@ Check receive_buffer(const Facts& facts, const Needs& needs) {
 
 Check backlog(const Facts& facts) {
   Check check{"backlog", "Packet backlog"};
-  if (!facts.backlog)
-    return {check.name, check.title, Verdict::kUnknown, "net.core.netdev_max_backlog is not known", ""};
+  if (!facts.backlog) return unknown(std::move(check), "net.core.netdev_max_backlog is not known");
   check.found = std::to_string(*facts.backlog) + " packets may wait";
   if (*facts.backlog >= kLeastBacklog) return check;
   check.verdict = Verdict::kAdvice;
@@ -72,13 +72,12 @@ Check mtu(const Facts& facts, const Needs& needs) {
             "bolo doctor --address IP, or --config FILE"};
   }
   const int packets = (kFrameBytes + leads->mtu - 1) / std::max(1, leads->mtu);
-  check.found = leads->name + " carries " + std::to_string(leads->mtu) + " bytes: " + std::to_string(packets) +
-                " packets for a frame of 640x120";
+  check.found = fmt::format("{} carries {} bytes: {} packets for a frame of 640x120", leads->name, leads->mtu, packets);
   if (needs.packet_bytes > leads->mtu) {
     check.verdict = Verdict::kProblem;
-    check.fix = "ip link set dev " + leads->name + " mtu " + std::to_string(needs.packet_bytes) +
-                ", or packet_size = 0 in the configuration: " + std::to_string(needs.packet_bytes) +
-                " bytes do not fit";
+    check.fix =
+        fmt::format("ip link set dev {0} mtu {1}, or packet_size = 0 in the configuration: {1} bytes do not fit",
+                    leads->name, needs.packet_bytes);
   } else if (leads->mtu < kJumbo) {
     check.verdict = Verdict::kAdvice;
     check.fix = "ip link set dev " + leads->name +
@@ -128,7 +127,7 @@ Check interfaces(const Facts& facts) {
   }
   std::vector<std::string> names;
   names.reserve(used.size());
-  for (const Interface* i : used) names.push_back(i->name + " " + i->address + "/" + std::to_string(i->prefix));
+  for (const Interface* i : used) names.push_back(fmt::format("{} {}/{}", i->name, i->address, i->prefix));
   check.found = names.empty() ? "only the loopback is up" : list(names);
   for (std::size_t i = 0; i < used.size(); ++i) {
     for (std::size_t k = i + 1; k < used.size(); ++k) {
@@ -146,7 +145,7 @@ Check interfaces(const Facts& facts) {
 Check reverse_path(const Facts& facts) {
   Check check{"reverse_path", "Reverse path filter"};
   if (!facts.reverse_path_strict) {
-    return {check.name, check.title, Verdict::kUnknown, "rp_filter cannot be read", ""};
+    return unknown(std::move(check), "rp_filter cannot be read");
   }
   check.found = *facts.reverse_path_strict ? "strict (rp_filter = 1)" : "not strict";
   std::size_t outside = 0;
@@ -197,7 +196,7 @@ Check governor(const Facts& facts) {
 Check isolation(const Facts& facts, const Needs& needs) {
   Check check{"isolation", "CPUs kept free"};
   check.found =
-      std::to_string(facts.processors) + " CPUs, isolated: " + (facts.isolated.empty() ? "none" : list(facts.isolated));
+      fmt::format("{} CPUs, isolated: {}", facts.processors, facts.isolated.empty() ? "none" : list(facts.isolated));
   std::vector<int> missing;
   for (const int cpu : needs.cpus) {
     if (cpu >= facts.processors) missing.push_back(cpu);
@@ -224,8 +223,8 @@ Check shared_memory(const Facts& facts, const Needs& needs) {
   check.found = bytes_text(*facts.shared_free) + " free in /dev/shm, " + bytes_text(needs.shared_bytes) + " needed";
   if (*facts.shared_free >= needs.shared_bytes) return check;
   check.verdict = Verdict::kProblem;
-  check.fix = "mount -o remount,size=" + std::to_string((needs.shared_bytes >> 20U) * 2 + 64) +
-              "M /dev/shm; in a container --shm-size; or fewer shm.slots";
+  check.fix = fmt::format("mount -o remount,size={}M /dev/shm; in a container --shm-size; or fewer shm.slots",
+                          (needs.shared_bytes >> 20U) * 2 + 64);
   return check;
 }
 
@@ -308,7 +307,7 @@ Check camera(const Facts& facts, const Needs& needs) {
 
 Check clock(const Facts& facts) {
   Check check{"clock", "Time synchronisation"};
-  if (!facts.clock_synchronised) return {check.name, check.title, Verdict::kUnknown, "the kernel does not say", ""};
+  if (!facts.clock_synchronised) return unknown(std::move(check), "the kernel does not say");
   check.found = *facts.clock_synchronised ? "the clock is synchronised" : "the clock runs by itself";
   if (*facts.clock_synchronised) return check;
   check.verdict = Verdict::kAdvice;

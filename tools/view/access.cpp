@@ -11,6 +11,8 @@
 #include <fstream>
 #include <string_view>
 
+#include <fmt/format.h>
+
 namespace bolo::view {
 namespace {
 
@@ -61,13 +63,7 @@ Result<std::string> random_token() {
   if (getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) {
     return failed("the system has no random numbers: give --token-file FILE");
   }
-  constexpr std::string_view kDigits = "0123456789abcdef";
-  std::string token;
-  for (const unsigned char byte : bytes) {
-    token += kDigits[byte >> 4U];
-    token += kDigits[byte & 15U];
-  }
-  return token;
+  return fmt::format("{:02x}", fmt::join(bytes, ""));
 }
 
 Result<std::string> read_token(const std::string& file) {

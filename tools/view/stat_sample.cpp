@@ -2,13 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <span>
+#include <utility>
+
+#include <fmt/format.h>
 
 #include "drivers/shm/camera_block.hpp"
 #include "src/core/printable.hpp"
-#include "src/pipeline/counter_table.hpp"
+#include "src/pipeline/stats.hpp"
 #include "src/rt/counters.hpp"
 
 namespace bolo::tools {
@@ -34,29 +36,22 @@ Latency latency_between(const bolo_shm_header& before, const bolo_shm_header& af
 }
 
 template <typename... Values>
-std::string line(const char* format, Values... values) {
-  char text[512];
-  std::snprintf(text, sizeof text, format, values...);
-  return printable(std::string_view(text).substr(0, 79)) + "\n";
+std::string line(fmt::format_string<Values...> format, Values&&... values) {
+  return printable(fmt::format(format, std::forward<Values>(values)...).substr(0, 79)) + "\n";
 }
 
 std::string duration(double s) {
-  char text[48];
   const auto whole = static_cast<long long>(s);
-  if (whole < 60) {
-    std::snprintf(text, sizeof text, "%.1f s", s);
-  } else {
-    std::snprintf(text, sizeof text, "%lld:%02lld:%02lld", whole / 3600, whole / 60 % 60, whole % 60);
-  }
-  return text;
+  if (whole < 60) return fmt::format("{:.1f} s", s);
+  return fmt::format("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60);
 }
 
 std::string lost_words(const bolo_shm_camera& camera) {
   std::string words;
   for (std::size_t i = 0; i < pipeline::kLostCauses; ++i) {
     if (camera.lost[i] == 0) continue;
-    const std::string cause(pipeline::name(static_cast<pipeline::LostCause>(i)));
-    words += (words.empty() ? " (" : ", ") + std::to_string(camera.lost[i]) + " " + cause;
+    words += fmt::format("{}{} {}", words.empty() ? " (" : ", ", camera.lost[i],
+                         pipeline::name(static_cast<pipeline::LostCause>(i)));
   }
   return words.empty() ? words : words + ")";
 }
@@ -80,7 +75,7 @@ std::string count_words(const Rows& rows, const CountOf& count_of) {
   std::string text;
   for (const auto& row : rows) {
     if (row.words.empty()) continue;
-    text += (text.empty() ? "" : ", ") + std::to_string(count_of(row)) + " " + std::string(row.words);
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count_of(row), row.words);
   }
   return text;
 }
@@ -89,21 +84,20 @@ std::string count_words(const Rows& rows, const CountOf& count_of) {
 std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
   std::uint64_t lost = 0;
   for (const std::uint64_t count : camera.lost) lost += count;
-  using Count = unsigned long long;
-  std::string out = line("link     %s for %s; lost %llu%s, stalled %llu; %llu frames missed",
-                         shm::camera_state_word(camera), duration(shm::seconds_since(camera.since_ns, now_ns)).c_str(),
-                         Count{lost}, lost_words(camera).c_str(), Count{camera.stalls}, Count{camera.outage_frames});
+  std::string out = line("link     {} for {}; lost {}{}, stalled {}; {} frames missed", shm::camera_state_word(camera),
+                         duration(shm::seconds_since(camera.since_ns, now_ns)), lost, lost_words(camera), camera.stalls,
+                         camera.outage_frames);
   const auto packets = [&camera](const auto& row) { return shared_count(camera, row); };
-  out += line("packets  %s", count_words(pipeline::kCameraCounters, packets).c_str());
+  out += line("packets  {}", count_words(pipeline::kCameraCounters, packets));
   if (camera.clock_offset_ns != 0) {
-    out += line("clock    drift %+.1f ppm, jitter %.3f ms, %llu jumps", camera.clock_drift_ppm,
-                camera.clock_jitter_ns * 1e-6, Count{camera.clock_jumps});
+    out += line("clock    drift {:+.1f} ppm, jitter {:.3f} ms, {} jumps", camera.clock_drift_ppm,
+                camera.clock_jitter_ns * 1e-6, camera.clock_jumps);
   }
   if (camera.correction_ns != 0) {
-    out += line("nuc      %llu, the last %s ago", Count{camera.corrections},
-                duration(shm::seconds_since(camera.correction_ns, now_ns)).c_str());
+    out += line("nuc      {}, the last {} ago", camera.corrections,
+                duration(shm::seconds_since(camera.correction_ns, now_ns)));
   }
-  if (camera.temperature_k > 0.0) out += line("inside   %.1f K", camera.temperature_k);
+  if (camera.temperature_k > 0.0) out += line("inside   {:.1f} K", camera.temperature_k);
   return out;
 }
 
@@ -149,43 +143,43 @@ StatSample compare(const StatLook& before, const StatLook& after) {
 }
 
 std::string stat_table(const std::string& name, const StatLook& look, const StatSample& s) {
-  using Count = unsigned long long;
   const bolo_shm_header& h = look.header;
-  std::string out = line("%s  %s, process %u, up %s, heartbeat %.1f s ago", name.c_str(), s.state, h.writer_pid,
-                         duration(s.uptime_s).c_str(), s.heartbeat_age_s);
-  out += line("camera   %s %s, %ux%u at %.4g Hz, tau %.4g ms", h.camera_model, h.camera_serial, h.width, h.height,
+  std::string out = line("{}  {}, process {}, up {}, heartbeat {:.1f} s ago", name, s.state, h.writer_pid,
+                         duration(s.uptime_s), s.heartbeat_age_s);
+  out += line("camera   {} {}, {}x{} at {:.4g} Hz, tau {:.4g} ms", h.camera_model, h.camera_serial, h.width, h.height,
               h.frame_period_s > 0.0 ? 1.0 / h.frame_period_s : 0.0, h.tau_s * 1e3);
   if (look.camera && look.camera->state != BOLO_CAMERA_IDLE) out += camera_lines(*look.camera, look.at_ns);
-  out += line("solver   %s", h.solver);
-  out += line("window   %u frames, look-ahead %u; ring of %u slots", h.window, h.lookahead, h.slot_count);
+  out += line("solver   {}", h.solver);
+  out += line("window   {} frames, look-ahead {}; ring of {} slots", h.window, h.lookahead, h.slot_count);
   if (look.motion) {
-    out += line("motion   %.2f px a frame (x %+.2f, y %+.2f), %.0f %% of the blocks sure",
+    out += line("motion   {:.2f} px a frame (x {:+.2f}, y {:+.2f}), {:.0f} % of the blocks sure",
                 std::hypot(look.motion->x_px, look.motion->y_px), look.motion->x_px, look.motion->y_px,
                 100.0 * look.motion->sure);
   } else if (h.motion_offset != 0) {
     out += line("motion   not known for the newest frame");
   }
-  out += line("frames   in %9.1f /s %12llu    out %9.1f /s %12llu", s.received_hz, Count{h.received}, s.published_hz,
-              Count{h.published});
-  out += line("latency  p50 %.3f, p99 %.3f, max %.3f ms    deblur %.3f ms a frame", s.latency_p50_ms, s.latency_p99_ms,
-              s.latency_max_ms, s.deblur_ms);
+  out += line("frames   in {:9.1f} /s {:12}    out {:9.1f} /s {:12}", s.received_hz, h.received, s.published_hz,
+              h.published);
+  out += line("latency  p50 {:.3f}, p99 {:.3f}, max {:.3f} ms    deblur {:.3f} ms a frame", s.latency_p50_ms,
+              s.latency_p99_ms, s.latency_max_ms, s.deblur_ms);
   if (look.told.contains("stages")) {
-    const auto p50 = [&](const char* stage) { return look.told["stages"][stage].value("p50_ms", 0.0); };
-    out += line("stages   arrival %.3f, queue %.3f, deblur %.3f, publish %.3f ms (p50 since the start)", p50("arrival"),
-                p50("queue"), p50("deblur"), p50("publish"));
+    std::string stages;
+    for (const auto& stage : pipeline::kStages) {
+      stages += fmt::format("{}{} {:.3f}", stages.empty() ? "" : ", ", stage.name,
+                            look.told["stages"][std::string(stage.name)].value("p50_ms", 0.0));
+    }
+    out += line("stages   {} ms (p50 since the start)", stages);
   }
   if (look.told.contains("effort")) {
-    const auto frames = [&](const char* effort) { return Count{look.told["effort"]["frames"].value(effort, 0ULL)}; };
-    out +=
-        line("effort   %s; %llu frames reduced, %llu inverse, %llu raw",
-             look.told["effort"].value("now", "unknown").c_str(), frames("reduced"), frames("inverse"), frames("raw"));
+    const auto frames = [&](const char* effort) { return look.told["effort"]["frames"].value(effort, 0ULL); };
+    out += line("effort   {}; {} frames reduced, {} inverse, {} raw", look.told["effort"].value("now", "unknown"),
+                frames("reduced"), frames("inverse"), frames("raw"));
   }
   const auto frames = [&look](const auto& row) { return frame_count(look, row); };
-  out += line("windows  %s", count_words(pipeline::kFrameCounters, frames).c_str());
-  out += line("lost     %llu in all", Count{s.lost_total});
+  out += line("windows  {}", count_words(pipeline::kFrameCounters, frames));
+  out += line("lost     {} in all", s.lost_total);
   for (std::size_t i = 0; i < kLossCauses; ++i) {
-    const std::string cause(bolo::name(static_cast<LossCause>(i)));
-    out += line("  %-16s %12llu %9.1f /s", cause.c_str(), Count{s.lost[i]}, s.lost_hz[i]);
+    out += line("  {:<16} {:12} {:9.1f} /s", bolo::name(static_cast<LossCause>(i)), s.lost[i], s.lost_hz[i]);
   }
   return out;
 }

@@ -12,8 +12,9 @@
                 continue
 
 One file; it needs numpy and libbolo-client.so.0 (BOLO_CLIENT_LIBRARY names another one). A camera is for one thread at
-a time; arrays may go anywhere, and keep the memory they lie in alive, even after the camera was closed. Times are
-seconds of time.monotonic() where not said otherwise.
+a time, but for close(): from another one it ends a wait, within a tenth of a second, with a ValueError. Arrays may go
+anywhere, and keep the memory they lie in alive, even after the camera was closed. Times are seconds of time.monotonic()
+where not said otherwise.
 """
 
 from __future__ import annotations
@@ -21,16 +22,19 @@ from __future__ import annotations
 import ctypes
 import enum
 import os
+import threading
 import time
 import weakref
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Iterable, Iterator, Optional, Sequence, Tuple
 
 import numpy as np
 
 __all__ = ["Camera", "Flag", "Frame", "Info", "State", "Error", "NotFound", "Denied", "Unavailable", "streams", "version"]
 
-_SLICE_MS = 100  # of a wait: how long Ctrl-C may take
+_SLICE_MS = 100  # of a wait: how long Ctrl-C and close() may take
 
 
 class Flag(enum.IntFlag):
@@ -201,26 +205,13 @@ class Info:
     @staticmethod
     def _of(info: _Info) -> "Info":
         settings = info.settings.contents if info.settings else None
-        return Info(
-            width=info.width,
-            height=info.height,
-            kelvin=info.unit == 0,
-            scale=info.scale,
-            offset=info.offset,
-            row_step=info.row_step,
-            frame_period_s=info.frame_period_s,
-            tau_s=info.tau_s,
-            window=info.window,
-            lookahead=info.lookahead,
-            slot_count=info.slot_count,
-            writer_pid=info.writer_pid,
-            camera_model=info.camera_model.decode(errors="replace"),
-            camera_serial=info.camera_serial.decode(errors="replace"),
-            solver=info.solver.decode(errors="replace"),
-            control_socket=os.fsdecode(info.control_socket),
-            lambda_=settings.lambda_ if settings else None,
-            kappa=settings.kappa if settings else None,
-        )
+        values = {field.name: getattr(info, field.name, None) for field in fields(Info)}
+        values |= {name: values[name].decode(errors="replace") for name in ("camera_model", "camera_serial", "solver")}
+        values["control_socket"] = os.fsdecode(info.control_socket)
+        values["kelvin"] = info.unit == 0
+        values["lambda_"] = settings.lambda_ if settings else None
+        values["kappa"] = settings.kappa if settings else None
+        return Info(**values)
 
 
 _CAMERA_STATES = ("idle", "streaming", "stalled", "lost", "correcting")
@@ -247,14 +238,11 @@ class State:
     def _of(state: _State) -> "State":
         camera = state.camera.contents if state.camera else None
         known = camera is not None and camera.state < len(_CAMERA_STATES)
+        counts = ("published", "received", "restarts", "warm_up", "gap_frames")
         return State(
+            **{name: getattr(state, name) for name in counts},
             alive=bool(state.alive),
             heartbeat_age_s=state.heartbeat_age_ns * 1e-9,
-            published=state.published,
-            received=state.received,
-            restarts=state.restarts,
-            warm_up=state.warm_up,
-            gap_frames=state.gap_frames,
             lost=dict(zip(_LOSS_CAUSES, state.lost)),
             camera=_CAMERA_STATES[camera.state] if known else None,
             reopened=camera.reopened if camera else 0,
@@ -285,43 +273,33 @@ class Frame:
         self._ring = ring
         self.info = info
         self.restarted = restarted  # the first one of another daemon: info may differ
-        self._raw: Optional[np.ndarray] = None
-        self._deblurred: Optional[np.ndarray] = None
-        self._motion: Optional[np.ndarray] = None
-        self._affine: Optional[np.ndarray] = None
         self._own = False
 
-    @property
+    @cached_property
     def raw(self) -> np.ndarray:
         """uint16, height x width, as the camera gave it: a read-only view."""
-        if self._raw is None:
-            self._raw = self._ring.view(self._lent.raw, self.info.height, self.info.width)
-        return self._raw
+        return self._ring.view(self._lent.raw, self.info.height, self.info.width)
 
-    @property
+    @cached_property
     def deblurred(self) -> np.ndarray:
         """uint16, height x width, with the pixels' inertia undone: a read-only view."""
-        if self._deblurred is None:
-            self._deblurred = self._ring.view(self._lent.deblurred, self.info.height, self.info.width)
-        return self._deblurred
+        return self._ring.view(self._lent.deblurred, self.info.height, self.info.width)
 
-    @property
+    @cached_property
     def motion(self) -> Optional[np.ndarray]:
         """float32, blocks down x blocks across x 3: how each block of 8x8 pixels moved from the frame before to this one,
         px a frame to the right and down, and the confidence of that, 0 to 1: a read-only view. None: it is not known for
         this frame, or the daemon's solver does not estimate it (solver "motion" does)."""
-        if self._motion is None and self._lent.motion_blocks:
-            shape = self._lent.motion_down, self._lent.motion_across, 3
-            self._motion = self._ring.view(self._lent.motion_blocks, *shape, kind=ctypes.c_float)
-        return self._motion
+        lent = self._lent
+        if not lent.motion_blocks:
+            return None
+        return self._ring.view(lent.motion_blocks, lent.motion_down, lent.motion_across, 3, kind=ctypes.c_float)
 
-    @property
+    @cached_property
     def affine(self) -> Optional[np.ndarray]:
         """float64, 2 x 3: the whole picture's motion, px a frame: affine @ (1, X, Y) at X columns and Y rows from the
         frame's centre: a read-only view. None where motion is."""
-        if self._affine is None and self._lent.motion:
-            self._affine = self._ring.view(self._lent.motion, 2, 3, kind=ctypes.c_double)
-        return self._affine
+        return self._ring.view(self._lent.motion, 2, 3, kind=ctypes.c_double) if self._lent.motion else None
 
     def kelvin(self, plane: Optional[np.ndarray] = None) -> np.ndarray:
         """float32, height x width: of the deblurred plane, or of `plane`."""
@@ -338,20 +316,20 @@ class Frame:
         """The same with planes of its own, always valid; None when it was overwritten."""
         other = Frame(self._lent, self._ring, self.info, self.restarted)
         if self._own:
-            other._raw, other._deblurred = self.raw.copy(), self.deblurred.copy()
+            other.raw, other.deblurred = self.raw.copy(), self.deblurred.copy()
             if self.motion is not None:
-                other._motion, other._affine = self.motion.copy(), self.affine.copy()
+                other.motion, other.affine = self.motion.copy(), self.affine.copy()
         else:
-            other._raw = np.empty((self.info.height, self.info.width), np.uint16)
-            other._deblurred = np.empty_like(other._raw)
-            if _call("copy", self._lent, other._raw.ctypes.data, other._deblurred.ctypes.data) != _OK:
+            other.raw = np.empty((self.info.height, self.info.width), np.uint16)
+            other.deblurred = np.empty_like(other.raw)
+            if _call("copy", self._lent, other.raw.ctypes.data, other.deblurred.ctypes.data) != _OK:
                 return None
             if self.motion is not None:
                 whole = np.empty(8)  # struct bolo_shm_motion
-                other._motion = np.empty(self.motion.shape, np.float32)
-                if _call("copy_motion", self._lent, whole.ctypes.data, other._motion.ctypes.data) != _OK:
+                other.motion = np.empty(self.motion.shape, np.float32)
+                if _call("copy_motion", self._lent, whole.ctypes.data, other.motion.ctypes.data) != _OK:
                     return None
-                other._affine = whole[:6].reshape(2, 3)
+                other.affine = whole[:6].reshape(2, 3)
         other._own = True
         return other
 
@@ -405,7 +383,9 @@ class Camera:
         self.follow = follow
         self.restarts = 0  # daemons followed after the first one
         self._handle = ctypes.c_void_p()
-        self._ended = False
+        self._lock = threading.RLock()  # held while the library uses the handle
+        self._users = 0  # of the handle: one, and a signal's handler that came in between
+        self._closed = False
         self._restarted = False
         end = _end(timeout)
         while True:
@@ -415,6 +395,7 @@ class Camera:
             if result not in (-1, -2, -3) or _passed(end):
                 raise _error(result)
         self._close = weakref.finalize(self, _library.bolo_client_close, self._handle)
+        self._close.atexit = False  # the process's end frees it all; another thread may still wait
         self._look()
 
     def _look(self) -> None:
@@ -428,14 +409,25 @@ class Camera:
         self.close()
 
     def close(self) -> None:
-        """Frames and arrays that were given stay good."""
-        self._close()
-        self._handle = None
+        """Frames and arrays that were given stay good. Any thread."""
+        self._closed = True  # before the lock: a wait lets go of it between slices, and looks
+        with self._lock:
+            if self._users == 0:
+                self._close()
 
+    @contextmanager
     def _open_handle(self):
-        if self._handle is None:
-            raise ValueError(f"the camera '{self.name}' is closed")
-        return self._handle
+        """The handle for as long as nobody else may use or free it."""
+        with self._lock:
+            self._users += 1
+            try:
+                if self._closed:
+                    raise ValueError(f"the camera '{self.name}' is closed")
+                yield self._handle
+            finally:
+                self._users -= 1
+                if self._closed and self._users == 0:
+                    self._close()
 
     def __iter__(self) -> Iterator[Frame]:
         """Every frame in order, waiting for each as long as it takes."""
@@ -455,19 +447,20 @@ class Camera:
         return self._wait("latest", timeout)
 
     def _wait(self, function: str, timeout: Optional[float]) -> Optional[Frame]:
-        handle, end = self._open_handle(), _end(timeout)
+        end = _end(timeout)
         while True:
             lent = _Frame()
-            result = _call(function, handle, _slice_ms(end), lent)
+            with self._open_handle() as handle:
+                result = _call(function, handle, _slice_ms(end), lent)
+                if result < 0:
+                    raise _error(result, handle)
+                if result == _RESTARTED:
+                    self._look()
+                    self.restarts += 1
+                    self._restarted = True
             if result == _OK:
                 restarted, self._restarted = self._restarted, False
                 return Frame(lent, self._ring, self.info, restarted)
-            if result < 0:
-                raise _error(result, handle)
-            if result == _RESTARTED:
-                self._look()
-                self.restarts += 1
-                self._restarted = True
             if (result in (_ENDED, _RESTARTED) and not self.follow) or _passed(end):
                 return None
 
@@ -475,7 +468,6 @@ class Camera:
         """float32: kelvin (counts without kelvin) at each (x, y) of `frame`, or of the newest frame that can be solved,
         from the raw planes of its window, here: the bits of the deblurred plane. Raises Unavailable when the ring does
         not hold the window."""
-        handle = self._open_handle()
         number = self._newest_solvable() if frame is None else frame.number
         asked = np.ascontiguousarray(points)
         if asked.size == 0:
@@ -484,9 +476,10 @@ class Camera:
             raise ValueError("points: expected pairs (x, y) of pixels inside the frame")
         asked = np.ascontiguousarray(asked, dtype=np.uint32)
         values = np.empty(len(asked), np.float32)
-        result = _call("points", handle, number, asked.ctypes.data, len(asked), values.ctypes.data)
-        if result < 0:
-            raise _error(result, handle)
+        with self._open_handle() as handle:
+            result = _call("points", handle, number, asked.ctypes.data, len(asked), values.ctypes.data)
+            if result < 0:
+                raise _error(result, handle)
         if result != _OK:
             raise Unavailable(result, f"no points of frame {number}: {_UNAVAILABLE[result]}")
         return values
@@ -499,7 +492,8 @@ class Camera:
 
     def state(self) -> State:
         """What daemon and camera do now."""
-        return State._of(_call("get_state", self._open_handle()).contents)
+        with self._open_handle() as handle:
+            return State._of(_call("get_state", handle).contents)
 
 
 def _end(timeout: Optional[float]) -> Optional[float]:

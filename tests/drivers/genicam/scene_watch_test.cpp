@@ -5,8 +5,6 @@
 
 #include <vector>
 
-#include "drivers/genicam/nuc_schedule.hpp"
-
 namespace bolo::genicam {
 namespace {
 

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unittest
 
@@ -252,6 +253,56 @@ class WithDaemon(unittest.TestCase):
         del plane, camera
         gc.collect()
         self.assertEqual(mapped_ranges(self.name), [], "and nothing stays when they are gone")
+
+    def test_closing_ends_another_threads_wait(self):
+        self.daemons[0].terminate()
+        self.daemons[0].wait()
+        ends = []
+
+        def wait(camera, wait_on):
+            try:
+                ends.append(wait_on(camera))
+            except ValueError as error:
+                ends.append(str(error))
+
+        for wait_on in (bolo.Camera.next, bolo.Camera.latest, list):
+            self.start()
+            camera = self.open()
+            self.daemons[-1].kill()
+            self.daemons[-1].wait()
+            while camera.next(0.2) is not None:
+                pass  # what the ring still had
+            waiting = threading.Thread(target=wait, args=(camera, wait_on), daemon=True)
+            waiting.start()
+            time.sleep(0.05)
+            camera.close()
+            waiting.join(HANG_S)
+            self.assertFalse(waiting.is_alive())
+            with self.assertRaisesRegex(ValueError, "is closed"):
+                camera.state()
+        self.assertEqual(ends, [f"the camera '{self.name}' is closed"] * 3)
+
+    def test_a_signals_handler_may_close(self):
+        camera = self.open()
+        self.daemons[0].kill()
+        self.daemons[0].wait()
+        before = signal.signal(signal.SIGALRM, lambda *_: (camera.state(), camera.close()))
+        try:
+            signal.setitimer(signal.ITIMER_REAL, 0.15)
+            with self.assertRaisesRegex(ValueError, "is closed"):
+                for _ in camera:
+                    pass
+        finally:
+            signal.signal(signal.SIGALRM, before)
+
+    def test_a_program_may_end_while_a_thread_waits(self):
+        program = ("import bolo, sys, threading, time\n"
+                   "camera = bolo.Camera(sys.argv[1], timeout=60)\n"
+                   "threading.Thread(target=list, args=(camera,), daemon=True).start()\n"
+                   "time.sleep(0.3)\n")
+        ended = subprocess.run([sys.executable, "-c", program, self.name], capture_output=True, text=True,
+                               env=dict(os.environ, PYTHONPATH=MODULE_FOLDER), timeout=HANG_S)
+        self.assertEqual((ended.returncode, ended.stderr), (0, ""))
 
     def test_iteration_ends_with_the_daemon_when_asked_to(self):
         with self.open(follow=False) as camera:

@@ -1,5 +1,5 @@
 // What is said of paths that are no v4l2loopback device. The real module is tested where it can be loaded.
-#include "drivers/v4l2/loopback_port.hpp"
+#include "drivers/v4l2/video_port.hpp"
 
 #include <gtest/gtest.h>
 

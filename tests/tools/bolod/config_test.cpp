@@ -6,6 +6,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "drivers/shm/shm_section.hpp"
 #include "drivers/v4l2/v4l2_section.hpp"
 #include "src/capture/pixel_maps_io.hpp"
 
@@ -50,8 +51,7 @@ TEST_F(Config, AnEmptyFileIsAnA655scAt200Hz) {
   EXPECT_DOUBLE_EQ(config->camera.rate_hz, 200.0);
   EXPECT_DOUBLE_EQ(config->pipeline.deblur.tau_s, 0.011);
   EXPECT_DOUBLE_EQ(config->pipeline.deblur.period_s, 0.005);
-  EXPECT_EQ(config->shm.name, "camera");
-  EXPECT_TRUE(config->shm_enabled);
+  EXPECT_EQ(config->sinks.at(0)->describe(config->sink_context()), "shared memory /bolo.camera");
 }
 
 TEST_F(Config, KeysReachTheirPlaces) {
@@ -82,10 +82,11 @@ TEST_F(Config, KeysReachTheirPlaces) {
   EXPECT_EQ(config->pipeline.thread.realtime_priority, 20);
   EXPECT_EQ(config->pipeline.thread.cpus, (std::vector<int>{0, 1}));
   EXPECT_FALSE(config->lock_memory);
-  EXPECT_EQ(config->shm.name, "front");
-  EXPECT_EQ(config->shm.slots, 100);
-  EXPECT_EQ(config->shm.mode, 0640U);
-  EXPECT_EQ(config->shm.group, "video");
+  const auto& shared = dynamic_cast<const shm::ShmSection&>(*config->sinks.at(0));
+  EXPECT_EQ(shared.describe(config->sink_context()), "shared memory /bolo.front");
+  EXPECT_EQ(shared.options().slots, 100);
+  EXPECT_EQ(shared.options().mode, 0640U);
+  EXPECT_EQ(shared.options().group, "video");
   EXPECT_EQ(config->log.level, LogLevel::kDebug);
   EXPECT_EQ(config->log.format, LogFormat::kJournal);
 }
@@ -271,16 +272,16 @@ TEST_F(Config, VideoKeysReachTheirDevices) {
       "[v4l2_second]\nenable = true\ny16_unit = '100mk'\n");
   ASSERT_TRUE(config) << config.error().message;
   const auto section = [&](std::size_t i) { return dynamic_cast<const v4l2::V4l2Section&>(*config->sinks.at(i)); };
-  const v4l2::V4l2Options first = section(0).options();
-  const v4l2::V4l2Options second = section(1).options();
-  EXPECT_EQ(section(0).describe(), "/dev/video10 (raw, grey)");
+  const v4l2::V4l2Options first = section(1).options();
+  const v4l2::V4l2Options second = section(2).options();
+  EXPECT_EQ(section(1).describe(config->sink_context()), "/dev/video10 (raw, grey)");
   EXPECT_EQ(first.device, "/dev/video10");
   EXPECT_EQ(first.plane, v4l2::Plane::kRaw);
   EXPECT_EQ(first.format, v4l2::PixelFormat::kGrey);
   EXPECT_EQ(first.agc.gain, v4l2::Gain::kFixed);
   EXPECT_EQ(first.agc.low_k, 290.0);
   EXPECT_EQ(first.agc.high_k, 310.0);
-  EXPECT_EQ(section(1).describe(), "/dev/video11 (raw, y16)");
+  EXPECT_EQ(section(2).describe(config->sink_context()), "/dev/video11 (raw, y16)");
   EXPECT_EQ(second.device, "/dev/video11");
   EXPECT_EQ(second.y16_unit, v4l2::Y16Unit::k100mK);
   EXPECT_EQ(second.agc.gain, v4l2::Gain::kAuto) << "the first device's keys are its own";

@@ -51,7 +51,6 @@ TEST_F(Sinks, AreInTheState) {
   EXPECT_EQ(state_json(config_, *pipeline_)["video"].dump(),
             R"([{"device":"/dev/video10","open":true,"written":0,"dropped":0,"failures":0},)"
             R"({"device":"/dev/video11","open":true,"written":0,"dropped":0,"failures":0}])");
-  config_.sinks[0] = std::make_shared<v4l2::V4l2Section>("v4l2", "");
   const auto without = pipeline::Pipeline::create(
       std::make_unique<pipeline::test::ScriptedSource>(pipeline::test::Script{}), {&plain_}, {});
   EXPECT_EQ(state_json(config_, **without)["video"].dump(), "[]");

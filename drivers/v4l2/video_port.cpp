@@ -1,4 +1,4 @@
-#include "drivers/v4l2/loopback_port.hpp"
+#include "drivers/v4l2/video_port.hpp"
 
 #include <fcntl.h>
 #include <linux/videodev2.h>

@@ -1,0 +1,129 @@
+// What `bolo deblur` refuses, and in which words.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "src/capture/pixel_maps_io.hpp"
+#include "tests/tools/deblur_verb.hpp"
+
+namespace bolo::tools {
+namespace {
+
+namespace fs = std::filesystem;
+using test::Blurred;
+using test::DeblurVerb;
+using test::kHeight;
+using test::kPeriod;
+using test::kWidth;
+using test::Outcome;
+using test::write_blurred;
+
+struct Refusal {
+  const char* name;
+  std::vector<std::string> words;  // IN, FEW, NAN, FLOAT, DIR are replaced by paths
+  const char* says;
+};
+
+class DeblurVerbRefuses : public DeblurVerb, public testing::WithParamInterface<Refusal> {};
+
+TEST_P(DeblurVerbRefuses, InOneLineWithExitCode2AndNoOutput) {
+  write_blurred(path("in.h5"), {});
+  Blurred few;
+  few.frames = 16;
+  write_blurred(path("few.h5"), few);
+  Blurred floats;
+  floats.type = PixelType::kFloat32;
+  floats.scale = {Unit::kKelvin, 1.0, 0.0};
+  write_blurred(path("float.h5"), floats);
+  Blurred broken;
+  broken.events = {{100.0 + 10 * kPeriod, "nuc"},
+                   {100.0 + 20 * kPeriod, "nuc"},
+                   {100.0 + 35 * kPeriod, "nuc"},
+                   {100.0 + 50 * kPeriod, "reconnect"}};
+  write_blurred(path("broken.h5"), broken);
+  Blurred slow;
+  slow.period_s = 114.0;  // milliseconds taken for seconds
+  write_blurred(path("slow.h5"), slow);
+  std::ofstream(path("text.h5")) << "not a capture\n";
+  std::ofstream(path("bad.csv")) << "# points\nx,y\n1,2\n3;4\n";
+  std::ofstream(path("far.csv")) << "39.5,2\n";
+  std::ofstream(path("empty.csv")) << "x,y\n# none\n";
+  model::PixelMaps turned;
+  turned.geometry = {kHeight, kWidth};
+  turned.gain.assign(turned.geometry.pixels(), 1.0F);
+  ASSERT_TRUE(capture::write_pixel_maps({path("turned-maps.h5")}, turned));
+  std::ofstream(path("turned.toml")) << "maps = \"turned-maps.h5\"\n";
+  {
+    capture::CaptureInfo info;
+    info.format.geometry = {3, 2};
+    info.format.type = PixelType::kFloat32;
+    info.format.scale = {Unit::kKelvin, 1.0, 0.0};
+    auto writer = capture::CaptureWriter::create(path("nan.h5"), info);
+    ASSERT_TRUE(writer);
+    for (std::uint64_t n = 0; n < 30; ++n) {
+      std::vector<float> plane(6, 300.0F);
+      if (n == 25) plane[4] = std::numeric_limits<float>::quiet_NaN();
+      ASSERT_TRUE(writer->append(static_cast<double>(n) * kPeriod, n, plane.data()));
+    }
+    ASSERT_TRUE(writer->close());
+  }
+  std::vector<std::string> words = GetParam().words;
+  for (std::string& word : words) {
+    if (const auto at = word.find('@'); at != std::string::npos) word = word.substr(0, at) + path(word.substr(at + 1));
+  }
+  const Outcome outcome = bolo(words);
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  EXPECT_EQ(outcome.err.rfind("bolo deblur: ", 0), 0U) << outcome.err;
+  EXPECT_NE(outcome.err.find(GetParam().says), std::string::npos) << outcome.err;
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_FALSE(fs::exists(path("out.h5")));
+  EXPECT_FALSE(fs::exists(path("out.h5.part")));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, DeblurVerbRefuses,
+    testing::Values(
+        Refusal{"NoInput", {"-o", "@out.h5"}, "no capture given"}, Refusal{"NoOutput", {"@in.h5"}, "-o OUT.h5"},
+        Refusal{"TwoInputs", {"@in.h5", "@few.h5", "-o", "@out.h5"}, "need a folder"},
+        Refusal{"UnknownOption", {"@in.h5", "-o", "@out.h5", "--smooth", "2"}, "smooth"},
+        Refusal{"MissingFile", {"@none.h5", "-o", "@out.h5"}, "none.h5"},
+        Refusal{"NotACapture", {"@text.h5", "-o", "@out.h5"}, "text.h5"},
+        Refusal{"TooFewFrames", {"@few.h5", "-o", "@out.h5"}, "few.h5: 16 frames, fewer than one window of 17"},
+        Refusal{"NoFullWindow", {"@broken.h5", "-o", "@out.h5"}, "broken.h5: no full window of 17 frames"},
+        Refusal{"PeriodOfMinutes", {"@slow.h5", "-o", "@out.h5"}, "slow.h5: deblur settings: period_s is 114"},
+        Refusal{"NotANumber", {"@nan.h5", "-o", "@out.h5"}, "nan.h5: frame 25, column 1, row 1 of /frames is nan"},
+        Refusal{"OutputFolderMissing", {"@in.h5", "-o", "@none/out.h5"}, "none/out.h5"},
+        Refusal{"OutputIsInput", {"@in.h5", "-o", "@in.h5", "--overwrite"}, "both read and written"},
+        Refusal{"UnknownSolver", {"@in.h5", "-o", "@out.h5", "--solver", "magic"}, "magic"},
+        Refusal{"UnknownType", {"@in.h5", "-o", "@out.h5", "--type", "int8"}, "float32 or uint16"},
+        Refusal{"FloatToUint16", {"@float.h5", "-o", "@out.h5", "--type", "uint16"}, "use --type float32"},
+        Refusal{"WindowNotAPowerOfTwo", {"@in.h5", "-o", "@out.h5", "--window", "16"}, "window"},
+        Refusal{"TauNegative", {"@in.h5", "-o", "@out.h5", "--tau", "-0.011"}, "tau"},
+        Refusal{"LambdaWord", {"@in.h5", "-o", "@out.h5", "--lambda", "some"}, "--lambda 'some'"},
+        Refusal{"UnknownIsa",
+                {"@in.h5", "-o", "@out.h5", "--isa", "MMX"},
+                "\"MMX\" is not available here; use one of auto"},
+        Refusal{"NoPointsFile", {"@in.h5", "-o", "@out.h5", "--points", "@none.csv"}, "none.csv: cannot be opened"},
+        Refusal{
+            "PointIsNoPoint", {"@in.h5", "-o", "@out.h5", "--points", "@bad.csv"}, "bad.csv:4: '3;4' is not a point"},
+        Refusal{
+            "PointOutside", {"@in.h5", "-o", "@out.h5", "--points", "@far.csv"}, "far.csv:1: point 39.5,2 is outside"},
+        Refusal{"NoPoints", {"@in.h5", "-o", "@out.h5", "--points", "@empty.csv"}, "empty.csv: no points"},
+        Refusal{
+            "RegionAndPoints", {"@in.h5", "-o", "@out.h5", "--roi", "0,0,2,2", "--points", "@far.csv"}, "one of them"},
+        Refusal{
+            "MapsOfAnotherSize", {"@in.h5", "-o", "@out.h5", "--profile", "@turned.toml"}, "for frames of 6x40, but"},
+        Refusal{"NoThreads", {"@in.h5", "-o", "@out.h5", "--threads", "0"}, "workers = 0"},
+        Refusal{"RegionOfThree", {"@in.h5", "-o", "@out.h5", "--roi", "1,2,3"}, "four numbers"},
+        Refusal{"RegionOutside", {"@in.h5", "-o", "@out.h5", "--roi", "30,0,11,2"}, "not inside the frame of 40x6"},
+        Refusal{"ProfileMissing", {"@in.h5", "-o", "@out.h5", "--profile", "@none.toml"}, "none.toml"}),
+    [](const auto& suite) { return suite.param.name; });
+
+}  // namespace
+}  // namespace bolo::tools

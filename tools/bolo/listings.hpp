@@ -1,0 +1,12 @@
+// What `bolo simulate --list-effects` and `bolo fakecam --list-faults` print: a table, or one JSON array.
+#pragma once
+
+namespace bolo::tools {
+
+// Every effect with its stage, what it does, its keys and forms. Thread: setup.
+void print_effects(bool json);
+
+// Every fault with its keys. Thread: setup.
+void print_faults(bool json);
+
+}  // namespace bolo::tools
