@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <functional>
+#include <type_traits>
 #include <vector>
 
 namespace bolo {
@@ -27,6 +29,22 @@ T median(std::vector<T> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+// The sum of the values, or of what `of` makes of each, in their order.
+template <typename Range, typename Of = std::identity>
+double sum_of(const Range& values, Of of = {}) {
+  double sum = 0.0;
+  for (const auto& value : values) sum += static_cast<double>(std::invoke(of, value));
+  return sum;
+}
+
+// What `of` makes of each value, in their order.
+template <typename Range, typename Of>
+auto mapped(const Range& values, Of of) {
+  std::vector<std::remove_cvref_t<std::invoke_result_t<Of&, decltype(*std::begin(values))>>> out;
+  for (const auto& value : values) out.push_back(std::invoke(of, value));
+  return out;
 }
 
 // A straight line through points that come one by one, by least squares.

@@ -1,62 +1,140 @@
+// All stages in their order, and what they have learned of the camera as a whole.
 #include "src/diagnose/diagnose.hpp"
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 
-#include "src/diagnose/learn.hpp"
+#include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kCoarse = 1.5;  // times the profile's step, from which on values count as coarse
+// The value of a found effect's parameter; nothing where either is not there.
+std::optional<double> parameter_of(const LearnTask& task, std::string_view effect, std::string_view key) {
+  const FoundEffect* found = task.found(effect);
+  if (found == nullptr) return std::nullopt;
+  if (key.empty()) return 1.0;  // that there is one
+  const auto parameter = found->parameters.find(std::string(key));
+  return parameter == found->parameters.end() ? std::nullopt : std::optional(parameter->second.value);
+}
 
-// A frozen stream tells nothing of the camera, whatever it looks at.
-void leave_out_frozen(Session& session, std::vector<std::string>& warnings) {
-  for (Recording& r : session.recordings) {
-    const std::size_t distinct = r.statistics.distinct_frames();
-    if (!has_model(r) || distinct >= kMinFrames) continue;
-    warnings.push_back(r.name + ": is frozen: " + std::to_string(distinct) + " of its " +
-                       std::to_string(r.statistics.frames()) +
-                       " frames differ from the one before; used for events only");
-    r.kind = Kind::kField;
+double value_of(const LearnTask& task, const char* effect, const char* key, double otherwise) {
+  return parameter_of(task, effect, key).value_or(otherwise);
+}
+
+// A grey body: emissivity and what it reflects.
+struct Grey {
+  double emissivity = 1.0;
+  double reflected_k = kSurroundings;
+};
+
+// Of what is reflected: its radiance as a temperature that can be.
+double reflected_temperature(double signal) { return std::clamp(band_temperature(signal), 150.0, 600.0); }
+
+// As fitted: the model has the radiance reflected beyond that of kSurroundings.
+Grey grey_of(const CameraModel& camera) {
+  constexpr double kLeastReflected = 1e-3;
+  Grey grey{std::clamp(1.0 - camera.reflected, 0.3, 1.0)};
+  if (camera.reflected >= kLeastReflected) {
+    grey.reflected_k = reflected_temperature(band_signal(kSurroundings) + camera.surroundings / camera.reflected);
   }
+  return grey;
+}
+
+// The levels of all stimuli as they were fitted against those of their files. A bench errs in each level by itself;
+// when all lie on the line of a grey body (radiance seen = e radiance stated + rest), far beyond their scatter about
+// it, it is the emissivity, which the fit had left to the levels.
+std::optional<Grey> grey_of_levels(const LearnTask& task) {
+  constexpr std::size_t kLeastLevels = 6;
+  constexpr double kLeastT = 8.0;            // of Student's t of the slope
+  constexpr double kLeastReflected = 0.012;  // a bench may reflect a hundredth
+  const State files = nominal_state(task.session, task.profile);
+  struct Level {
+    double stated;
+    double seen;
+  };
+  std::vector<Level> levels;
+  for (const std::size_t i : modelled(task.session)) {
+    const auto& stated = files.stimuli[i].level_k;
+    const auto& seen = task.state->stimuli[i].level_k;
+    for (std::size_t l = 0; l < std::min(stated.size(), seen.size()); ++l) {
+      levels.push_back({band_signal(stated[l]), band_signal(seen[l])});
+    }
+  }
+  const auto n = static_cast<double>(levels.size());
+  if (levels.size() < kLeastLevels) return std::nullopt;
+  const double x = sum_of(levels, [n](const Level& l) { return l.stated / n; });
+  const double y = sum_of(levels, [n](const Level& l) { return l.seen / n; });
+  const double xx = sum_of(levels, [x](const Level& l) { return (l.stated - x) * (l.stated - x); });
+  const double xy = sum_of(levels, [x, y](const Level& l) { return (l.stated - x) * (l.seen - y); });
+  if (xx <= 0.0) return std::nullopt;
+  const double slope = xy / xx;
+  const double left =
+      sum_of(levels, [&](const Level& l) { return std::pow(l.seen - y - slope * (l.stated - x), 2) / (n - 2.0); });
+  const double reflected = 1.0 - slope;
+  if (reflected < kLeastReflected || reflected > 0.7 || reflected < kLeastT * std::sqrt(left / xx)) return std::nullopt;
+  return Grey{slope, reflected_temperature((y - slope * x) / reflected)};
+}
+
+model::FrameFilter filter_of(FrameFilter filter) {
+  if (filter == FrameFilter::kBox) return model::FrameFilter::kBox;
+  return filter == FrameFilter::kRecursive ? model::FrameFilter::kRecursive : model::FrameFilter::kNone;
+}
+
+void learn_undo(const LearnTask& task, model::Undo& undo) {
+  model::undo_effects(
+      undo, [&task](std::string_view effect, std::string_view key) { return parameter_of(task, effect, key); });
+  if (task.found("iir") != nullptr) {
+    const double weight = value_of(task, "iir", "alpha", 1.0);
+    const bool undone = task.filter != FrameFilter::kBox || weight > 0.5;
+    undo.filter = undone ? filter_of(task.filter) : model::FrameFilter::kNone;
+    if (undone) undo.filter_weight = std::clamp(weight, 0.05, 1.0);
+  }
+  if (task.state == nullptr) return;
+  const CameraModel& camera = task.state->camera;
+  if (const auto grey = task.found("emissivity") != nullptr ? grey_of(camera) : grey_of_levels(task)) {
+    undo.emissivity = grey->emissivity;
+    undo.reflected_k = grey->reflected_k;
+  }
+  if (task.found("radiometric_nonlinearity") != nullptr) undo.radiance = camera.radiance > 0.5;
+}
+
+// What holds for all pixels alike, and, where the options ask for them, the maps.
+Result<Learned> learn(const LearnTask& task, const std::vector<std::filesystem::path>& captures, const Options& options,
+                      const Progress& progress) {
+  Learned learned{task.profile, {}};
+  model::CameraProfile& profile = learned.profile;
+  profile.tau_s *= value_of(task, "tau_global", "scale", 1.0);
+  profile.noise_k *= value_of(task, "noise_level", "scale", 1.0);
+  profile.frame_period_s *= 1.0 + value_of(task, "clock_skew", "skew", 0.0);
+  profile.row_delay_s = value_of(task, "row_delay", "row_delay_s", profile.row_delay_s);
+  profile.quantisation_k = value_of(task, "coarse_quantisation", "step_k", profile.quantisation_k);
+  learn_undo(task, profile.undo);
+  learned.maps.row_delay_s = profile.row_delay_s;
+  if (!options.maps) return learned;
+  if (!progress("every pixel", 0.95)) return failed("interrupted");
+  auto maps = learn_maps(task, captures, options.threads);
+  if (!maps) return tl::unexpected(maps.error());
+  learned.maps = std::move(*maps);
+  return learned;
 }
 
 }  // namespace
 
-Events find_events(Session session, const Options& options) {
-  Events events;
-  leave_out_frozen(session, events.warnings);
-  events.raw = session;
-  events.freezes = find_freezes(session, events.repeated);
-  events.bad = find_dead_pixels(session);
-  events.step_k = find_step(session);
-  events.coarse = events.step_k > kCoarse * std::max(options.profile.quantisation_k, 1e-9);
-  for (const Recording& r : session.recordings) {
-    events.ceiling_k = std::min(events.ceiling_k, find_ceiling(r, events.step_k));
-  }
-  // In a field recording what moves is not known, so that steps of the scene would be taken for jumps.
-  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
-    if (session.recordings[i].kind != Kind::kUniform) continue;
-    if (auto jump = find_jump(session, i, session.recordings[i].values, events.freezes)) {
-      remove_jump(session, *jump, session.recordings[i].values);
-      events.jumps.push_back(*jump);
-    }
-  }
-  find_jumping_pixels(session, events.bad);
-  events.session = std::move(session);
-  return events;
+const FoundEffect* LearnTask::found(std::string_view name) const {
+  const auto at = std::ranges::find(effects, name, &FoundEffect::name);
+  return at == effects.end() ? nullptr : &*at;
 }
 
 FoundEffect named(const std::string& name, double confidence, std::map<std::string, Estimate> parameters) {
-  FoundEffect e;
-  e.name = name;
-  e.stage = find_effect(name)->stage;
-  e.confidence = confidence;
-  e.parameters = std::move(parameters);
-  return e;
+  return {.name = name,
+          .stage = find_effect(name)->stage,
+          .confidence = confidence,
+          .parameters = std::move(parameters),
+          .alternatives = {}};
 }
 
 bool allowed(const Options& options, const std::string& name) {
@@ -67,7 +145,7 @@ void add(Findings& findings, const Options& options, FoundEffect effect, double 
   if (allowed(options, effect.name)) {
     findings.effects.push_back(std::move(effect));
   } else {
-    findings.remainders.push_back({effect.stage, where, z, std::nullopt, false});
+    findings.remainders.push_back({effect.stage, where, z});
   }
 }
 

@@ -35,23 +35,8 @@ Predicate any_of(std::initializer_list<Kind> kinds) {
   };
 }
 
-Parameter number_of(std::string name, double step, double low, double high, double CameraModel::*member) {
-  const auto get = [member](const State& s) { return s.camera.*member; };
-  return {std::move(name), step, low, high, get, [member](State& s, double v) { s.camera.*member = v; }};
-}
-
-Parameter number_of(std::string name, double step, double low, double high, double Response::*member) {
-  const auto get = [member](const State& s) { return s.camera.response.*member; };
-  return {std::move(name), step, low, high, get, [member](State& s, double v) { s.camera.response.*member = v; }};
-}
-
 std::function<std::vector<Parameter>(const Session&)> always(std::vector<Parameter> parameters) {
   return [all = std::move(parameters)](const Session&) { return all; };
-}
-
-std::vector<Form> edge_forms() {
-  return {{"radiance", [](State& s) { s.camera.edges_in_temperature = false; }},
-          {"temperature", [](State& s) { s.camera.edges_in_temperature = true; }}};
 }
 
 Estimate root_interval(double value, double error) {
@@ -90,16 +75,16 @@ Eigen::VectorXf& map_of(CameraModel& camera, MapKind kind) {
 double MapSpread::relative_error() const { return 0.71 / std::sqrt(std::max(1.0, pixels)); }
 
 MapSpread spread_of(const Session& session, const Eigen::VectorXf& map) {
-  const std::size_t width = session.grid.columns.size();
-  std::vector<double> sum(width, 0.0);
-  std::vector<double> count(width, 0.0);
+  const auto width = static_cast<Index>(session.grid.columns.size());
+  ArrayXd sum = ArrayXd::Zero(width);
+  ArrayXd count = sum;
   double squares = 0.0;
   MapSpread spread;
-  for (Eigen::Index p = 0; p < map.size(); ++p) {
-    if (map[p] == 0.0F) continue;
-    const auto value = static_cast<double>(map[p]);
-    sum[static_cast<std::size_t>(p) % width] += value;
-    count[static_cast<std::size_t>(p) % width] += 1.0;
+  for (Index p = 0; p < map.size(); ++p) {
+    const double value = map[p];
+    if (value == 0.0) continue;
+    sum[p % width] += value;
+    count[p % width] += 1.0;
     squares += value * value;
     spread.pixels += 1.0;
   }
@@ -107,7 +92,7 @@ MapSpread spread_of(const Session& session, const Eigen::VectorXf& map) {
   double between = 0.0;
   double columns = 0.0;
   double within = squares;
-  for (std::size_t c = 0; c < width; ++c) {
+  for (Index c = 0; c < width; ++c) {
     if (count[c] < 1.0) continue;
     const double mean = sum[c] / count[c];
     between += mean * mean;

@@ -2,6 +2,8 @@
 // `std::vector<Effect> NAME_effects()` in NAME.cpp; the build finds it there.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <functional>
 #include <initializer_list>
 #include <map>
@@ -79,14 +81,46 @@ const Effect* find_effect(std::string_view name);
 
 bool has_kind(const Session& session, Kind kind);
 Predicate any_of(std::initializer_list<Kind> kinds);  // a recording of one of these kinds
-// A parameter that is a number of the camera's model, and one of what is linear in it.
-Parameter number_of(std::string name, double step, double low, double high, double CameraModel::*member);
-Parameter number_of(std::string name, double step, double low, double high, double Response::*member);
+// A parameter that is a number of the state: `at` gives its place.
+template <typename At>
+Parameter number_at(std::string name, double step, double low, double high, At at) {
+  return {std::move(name),
+          step,
+          low,
+          high,
+          [at](const State& s) { return at(s); },
+          [at](State& s, double v) { at(s) = v; }};
+}
+// One of the camera's model, and one of what is linear in it.
+inline Parameter number_of(std::string name, double step, double low, double high, double CameraModel::*member) {
+  return number_at(
+      std::move(name), step, low, high, [member](auto& s) -> auto& { return s.camera.*member; });
+}
+inline Parameter number_of(std::string name, double step, double low, double high, double Response::*member) {
+  return number_at(
+      std::move(name), step, low, high, [member](auto& s) -> auto& { return s.camera.response.*member; });
+}
+// The square of a number of the state, and the logarithm of its share of `about`.
+template <typename At>
+Parameter square_of(std::string name, double step, double high, At at) {
+  return {std::move(name),
+          step,
+          0.0,
+          high,
+          [at](const State& s) { return at(s) * at(s); },
+          [at](State& s, double v) { at(s) = std::sqrt(std::max(0.0, v)); }};
+}
+template <typename At>
+Parameter log_of(std::string name, double step, double reach, double about, At at) {
+  return {std::move(name),
+          step,
+          -reach,
+          reach,
+          [at, about](const State& s) { return std::log(at(s) / about); },
+          [at, about](State& s, double v) { at(s) = about * std::exp(v); }};
+}
 // The same parameters in every session.
 std::function<std::vector<Parameter>(const Session&)> always(std::vector<Parameter> parameters);
-// Pixels at the target's edges average over radiance, or over temperature.
-std::vector<Form> edge_forms();
-
 // The root of a parameter that stands for a variance, with its interval.
 Estimate root_interval(double value, double error);
 // factor exp(value).

@@ -1,64 +1,83 @@
-#include "src/diagnose/equations.hpp"
-
+// What a fit solves for, and its linear equations.
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
+#include <numeric>
 #include <optional>
+#include <thread>
 
 #include <Eigen/Dense>
+
+#include "src/core/statistics.hpp"
+#include "src/diagnose/fit.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
+constexpr double kLevelReach = 30.0;  // K
+constexpr double kEdgePrior = 0.2;    // px
 constexpr int kFitPixels = 288;
 constexpr double kSettling_s = 0.1;      // of moving bars: what was before the first frame is not known
 constexpr int kBorder = 2;               // pixels at the sensor's edge, whose neighbours are not as the model has them
 constexpr double kClearOfCeiling = 4.0;  // noise floors below a ceiling, from which on values are not used
+constexpr double kPriorFloor = 1e-12;
+constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: below it a frame says nothing of its time
+
+// Of the standard deviation, not the variance: where an edge just reaches a pixel it shows to first order.
+Parameter target_edge() {
+  const auto get = [](const State& s) {
+    const auto soft = std::ranges::find_if(s.stimuli, [](const StimulusState& one) { return one.edge_px2 != 0.0; });
+    return soft == s.stimuli.end() ? 0.0 : std::sqrt(soft->edge_px2);
+  };
+  const auto set = [](State& s, double value) {
+    for (StimulusState& stimulus : s.stimuli) stimulus.edge_px2 = value * value;
+  };
+  return {"edge", 0.04, 0.0, kSoftestEdge_px, get, set};
+}
+
+bool touches(int owner, const Session& session, std::size_t recording) {
+  if (owner == kAllRecordings) return true;
+  if (owner >= 0) return static_cast<std::size_t>(owner) == recording;
+  return is_bars(session.recordings[recording].kind);
+}
 
 // Of one recording, or of all.
 double root_mean(const Score& score, std::optional<std::size_t> wanted) {
   double sum = 0.0;
   double count = 0.0;
-  for (std::size_t g = 0; g < score.sum.size(); ++g) {
-    if (wanted && score.recording[g] != *wanted) continue;
-    sum += score.sum[g];
-    count += score.count[g];
+  for (const Score::Group& g : score.groups) {
+    if (wanted && g.recording != *wanted) continue;
+    sum += g.sum;
+    count += g.count;
   }
   return count > 0.0 ? std::sqrt(sum / count) : 1.0;
 }
 
-constexpr double kPriorFloor = 1e-12;
-
 // Adds one group's frames to augmented normal matrices: train and test.
 void add_group(const Session& session, const Series& residual, const std::vector<Series>& columns,
-               std::span<const int> pixels, Index from, Index to, MatrixXd& train, MatrixXd& test) {
-  const auto unknowns = static_cast<Index>(columns.size());
+               std::span<const int> pixels, Index from, Index to, Group& group) {
   std::vector<Index> present;
-  for (Index j = 0; j < unknowns; ++j) {
-    if (columns[static_cast<std::size_t>(j)].size() > 0) present.push_back(j);
+  std::vector<const Series*> sources;
+  for (std::size_t j = 0; j <= columns.size(); ++j) {
+    const Series& source = j == columns.size() ? residual : columns[j];
+    if (source.size() == 0) continue;
+    present.push_back(static_cast<Index>(j));
+    sources.push_back(&source);
   }
-  std::array<std::vector<Index>, 2> chosen;  // pixels of the group's train and test cells
+  std::array<std::vector<Index>, 2> cells;  // pixels of the group's train and test cells
   for (std::size_t p = 0; p < pixels.size(); ++p) {
-    chosen[held_out(session, static_cast<std::size_t>(from), pixels[p]) ? 1 : 0].push_back(static_cast<Index>(p));
+    cells[held_out(session, from, pixels[p]) ? 1 : 0].push_back(static_cast<Index>(p));
   }
-  present.push_back(unknowns);  // the residual
-  const auto some = static_cast<Index>(present.size());
-  for (std::size_t side = 0; side < 2; ++side) {
-    const auto& cells = chosen[side];
-    Eigen::MatrixXf x(static_cast<Index>(cells.size()) * (to - from), some);
-    for (Index j = 0; j < some; ++j) {
-      const Index of = present[static_cast<std::size_t>(j)];
-      const Series& source = of == unknowns ? residual : columns[static_cast<std::size_t>(of)];
+  for (const std::size_t side : {0U, 1U}) {
+    Eigen::MatrixXf x(static_cast<Index>(cells[side].size()) * (to - from), static_cast<Index>(present.size()));
+    for (std::size_t j = 0; j < sources.size(); ++j) {
       Index at = 0;
       for (Index k = from; k < to; ++k) {
-        for (const Index p : cells) x(at++, j) = source(k, p);
+        for (const Index p : cells[side]) x(at++, static_cast<Index>(j)) = (*sources[j])(k, p);
       }
     }
-    (side == 0 ? train : test)(present, present) += (x.transpose() * x).cast<double>();
+    (side == 0 ? group.train : group.test)(present, present) += (x.transpose() * x).cast<double>();
   }
 }
 
@@ -69,8 +88,6 @@ MatrixXd solve(const MatrixXd& normal, const MatrixXd& right) {
   scaled.diagonal().array() += 1e-13;
   return scale.asDiagonal() * scaled.ldlt().solve(scale.asDiagonal() * right);
 }
-
-constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: below it a frame says nothing of its time
 
 // What a shift of the target (moving bars, px) or a delay of the frame (chopper, s) does to its values, K.
 Series slopes_of(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels,
@@ -94,9 +111,130 @@ Series slopes_of(const Session& session, std::size_t recording, const State& sta
          static_cast<float>(0.5 / kStep);
 }
 
+// The shift of every frame is free: what lies along it is taken out of the residual and of every column.
+void take_out_shifts(const FitData& data, std::size_t recording, const Series& slopes, Columns& c) {
+  c.shift.assign(static_cast<std::size_t>(slopes.rows()), 0.0);
+  c.turn.assign(c.column.size(), c.shift);
+  for (Index k = 0; k < slopes.rows(); ++k) {
+    const auto frame = static_cast<std::size_t>(k);
+    const Eigen::RowVectorXf slope = slopes.row(k);
+    const float norm = slope.squaredNorm();
+    if (!data.frame_counts(recording, k) || norm < kLeastSlope) continue;
+    const auto take_out = [&](Series& of) {
+      const float share = of.row(k).dot(slope) / norm;
+      of.row(k) -= share * slope;
+      return share;
+    };
+    c.shift[frame] = take_out(c.residual);
+    for (std::size_t j = 0; j < c.column.size(); ++j) {
+      if (c.column[j].size() > 0) c.turn[j][frame] = take_out(c.column[j]);
+    }
+  }
+}
+
 }  // namespace
 
-bool held_out(const Session& session, std::size_t frame, int pixel) {
+std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
+  std::vector<Nuisance> all;
+  bool bars = false;
+  for (const std::size_t i : modelled(session)) {
+    const Recording& recording = session.recordings[i];
+    const StimulusState& stimulus = nominal.stimuli[i];
+    const auto add = [&](Parameter parameter, double prior) {
+      all.push_back({std::move(parameter), static_cast<int>(i), false, 0.0, prior});
+    };
+    const auto member = [i](std::string name, double StimulusState::*field, double step, double reach) {
+      return number_at(
+          std::move(name), step, -reach, reach, [=](auto& s) -> auto& { return s.stimuli[i].*field; });
+    };
+    for (std::size_t l = 0; l < stimulus.level_k.size(); ++l) {
+      const double level = stimulus.level_k[l];
+      all.push_back({number_at(
+                         "level", 1.0, level - kLevelReach, level + kLevelReach,
+                         [ i, l ](auto& s) -> auto& { return s.stimuli[i].level_k[l]; }),
+                     static_cast<int>(i), true, level, 0.0});
+    }
+    if (recording.kind == Kind::kChopper) {
+      // Frames whose times are free tell no common delay.
+      const bool common = !stimulus.times_free;
+      if (common) add(member("delay", &StimulusState::delay_s, 0.0005, 0.05), 0.0);
+      add(member("sweep", &StimulusState::sweep_s, 0.001, 0.03), 0.005);
+      // The softness' square, s^2: a symmetric ramp changes the response to second order only.
+      const auto softness = [i](auto& s) -> auto& { return s.stimuli[i].softness_s; };
+      if (common) add(square_of("softness", 1e-6, 2.5e-5, softness), 2e-6);
+    }
+    if (recording.kind == Kind::kStillBars) add(member("phase", &StimulusState::phase_px, 0.05, 1e6), 0.0);
+    bars = bars || is_bars(recording.kind);
+  }
+  if (nominal.camera.response.filter != FrameFilter::kNone && nominal.camera.response.alpha < 1.0) {
+    // Known from the noise to a percent; the late edges tell it better.
+    all.push_back({number_of("alpha", 0.02, 0.05, 1.0, &Response::alpha), kAllRecordings, false, 1.0, 0.0});
+  }
+  if (bars) all.push_back({target_edge(), kAllBars, false, 0.0, kEdgePrior});
+  return all;
+}
+
+double level_spread(const std::vector<Nuisance>& all, const State& state) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (const Nuisance& n : all) {
+    if (!n.is_level) continue;
+    const double error = n.parameter.get(state) - n.nominal;
+    sum += error * error;
+    count += 1.0;
+  }
+  return std::sqrt(sum / std::max(1.0, count) + kLevelResolution * kLevelResolution);
+}
+
+double level_evidence(const std::vector<Nuisance>& all, const State& state) {
+  const auto count = static_cast<double>(std::ranges::count_if(all, &Nuisance::is_level));
+  return -count * std::log(level_spread(all, state) / kLevelResolution);
+}
+
+std::vector<Choice> unformed(std::vector<Choice> choices) {
+  for (Choice& c : choices) c.form = -1;
+  return choices;
+}
+
+Unknowns::Unknowns(const Session& session, const State& nominal, std::span<const Choice> choices)
+    : nuisances(diagnose::nuisances(session, nominal)), parameters(mapped(nuisances, &Nuisance::parameter)) {
+  for (const Choice& choice : choices) {
+    first.push_back(parameters.size());
+    if (!choice.effect->parameters) continue;
+    for (Parameter& c : choice.effect->parameters(session)) parameters.push_back(std::move(c));
+  }
+  first.push_back(parameters.size());
+}
+
+std::vector<Parameter> Unknowns::touching(const Session& session, std::size_t recording,
+                                          std::vector<Parameter> of) const {
+  for (std::size_t j = 0; j < nuisances.size(); ++j) {
+    if (!touches(nuisances[j].recording, session, recording)) of[j].step = 0.0;
+  }
+  return of;
+}
+
+void Unknowns::add_prior(const State& state, MatrixXd& normal, VectorXd& right) const {
+  const double spread = level_spread(nuisances, state);
+  for (std::size_t i = 0; i < nuisances.size(); ++i) {
+    const Nuisance& n = nuisances[i];
+    const double width = n.is_level ? spread : n.prior;
+    if (width <= 0.0) continue;
+    const auto j = static_cast<Index>(i);
+    normal(j, j) += 1.0 / (width * width);
+    right[j] += (n.nominal - n.parameter.get(state)) / (width * width);
+  }
+}
+
+State nominal_of(const Session& session, const State& state) {
+  State nominal = nominal_state(session, {});
+  nominal.camera.response.filter = state.camera.response.filter;
+  nominal.camera.response.alpha = state.camera.response.alpha;
+  for (std::size_t i = 0; i < nominal.stimuli.size(); ++i) nominal.stimuli[i].times_free = state.stimuli[i].times_free;
+  return nominal;
+}
+
+bool held_out(const Session& session, Index frame, int pixel) {
   const auto width = static_cast<int>(session.grid.columns.size());
   const int block = pixel / width / 4 + pixel % width / 4;
   return ((static_cast<int>(frame) / kCellFrames + block) & 1) != 0;
@@ -107,34 +245,24 @@ double Score::gap() const { return root_mean(*this, std::nullopt); }
 double Score::gap_of(std::size_t wanted) const { return root_mean(*this, wanted); }
 
 Gain gain_of(std::span<const double> parts) {
-  Gain gain;
-  double squares = 0.0;
-  for (const double part : parts) {
-    gain.total += part;
-    squares += part * part;
-  }
-  gain.z = squares > 0.0 ? gain.total / std::sqrt(squares) : 0.0;
-  return gain;
+  const double total = sum_of(parts);
+  const double squares = sum_of(parts, [](double part) { return part * part; });
+  return {total, squares > 0.0 ? total / std::sqrt(squares) : 0.0};
 }
 
 Gain gain_between(const Score& before, const Score& after) {
-  std::vector<double> parts(before.sum.size());
-  for (std::size_t g = 0; g < parts.size(); ++g) parts[g] = (before.sum[g] - after.sum[g]) / 2.0;
+  std::vector<double> parts(before.groups.size());
+  for (std::size_t g = 0; g < parts.size(); ++g) parts[g] = (before.groups[g].sum - after.groups[g].sum) / 2.0;
   return gain_of(parts);
 }
 
 FitData::FitData(const Session& of, double floor, int most_threads)
-    : session(of), floor_k(floor), threads(most_threads) {
-  const bool border = session.width > 12 && session.height > 12;
-  for (int p = 0; p < session.grid.pixels(); ++p) {
-    const int row = session.grid.row_of(p);
-    const int column = session.grid.column_of(p);
-    if (session.good[static_cast<std::size_t>(p)] == 0) continue;
-    if (border &&
-        (row < kBorder || row >= session.height - kBorder || column < kBorder || column >= session.width - kBorder)) {
-      continue;
-    }
-    all_pixels.push_back(p);
+    : session(of), floor_k(floor), threads(most_threads), all_pixels(of.good_pixels()) {
+  const auto at_border = [](int place, int size) { return place < kBorder || place >= size - kBorder; };
+  if (session.width > 12 && session.height > 12) {
+    std::erase_if(all_pixels, [&](int p) {
+      return at_border(session.grid.row_of(p), session.height) || at_border(session.grid.column_of(p), session.width);
+    });
   }
   // A scattered part of them, the same every time.
   fit_pixels = all_pixels;
@@ -143,14 +271,24 @@ FitData::FitData(const Session& of, double floor, int most_threads)
   std::ranges::sort(fit_pixels);
 }
 
-bool FitData::frame_counts(std::size_t recording, std::size_t frame) const {
+bool FitData::frame_counts(std::size_t recording, Index frame) const {
   const Recording& r = session.recordings[recording];
-  if (r.used[frame] == 0) return false;
-  return r.kind != Kind::kMovingBars || r.t[frame] >= kSettling_s;
+  return r.is_used(frame) && (r.kind != Kind::kMovingBars || r.time_of(frame) >= kSettling_s);
 }
 
 float FitData::usable_limit(const State& state) const {
   return static_cast<float>(state.camera.clip_k - kClearOfCeiling * floor_k);
+}
+
+void for_each_modelled(const Session& session, int threads, const std::function<void(std::size_t)>& work) {
+  const std::vector<std::size_t> recordings = modelled(session);
+  std::atomic<std::size_t> next{0};
+  const auto run = [&] {
+    for (std::size_t i = next++; i < recordings.size(); i = next++) work(recordings[i]);
+  };
+  std::vector<std::jthread> team;
+  for (int i = 1; i < threads && static_cast<std::size_t>(i) < recordings.size(); ++i) team.emplace_back(run);
+  run();
 }
 
 Series FitData::residual(std::size_t recording, const State& state, std::span<const int> pixels) const {
@@ -158,12 +296,12 @@ Series FitData::residual(std::size_t recording, const State& state, std::span<co
   Series y = predict(session, recording, state, pixels);
   const float limit = usable_limit(state);
   for (Index k = 0; k < y.rows(); ++k) {
-    const bool counts = frame_counts(recording, static_cast<std::size_t>(k));
+    const bool counts = frame_counts(recording, k);
     for (Index j = 0; j < y.cols(); ++j) {
       const int pixel = pixels[static_cast<std::size_t>(j)];
-      const bool good = session.good[static_cast<std::size_t>(pixel)] != 0;
       const bool clipped = y(k, j) > limit || r.values(k, pixel) > limit;
-      y(k, j) = counts && good && !clipped ? (r.values(k, pixel) - y(k, j)) / static_cast<float>(floor_k) : 0.0F;
+      const bool usable = counts && session.is_good(pixel) && !clipped;
+      y(k, j) = usable ? (r.values(k, pixel) - y(k, j)) / static_cast<float>(floor_k) : 0.0F;
     }
   }
   return y;
@@ -171,59 +309,38 @@ Series FitData::residual(std::size_t recording, const State& state, std::span<co
 
 Score FitData::score(const State& state) const {
   std::vector<Score> parts(session.recordings.size());
-  for_each_index(parts.size(), threads, [&](std::size_t i) {
-    if (!has_model(session.recordings[i])) return;
+  const bool limited = std::isfinite(state.camera.clip_k);
+  for_each_modelled(session, threads, [&](std::size_t i) {
     const Series r = residual(i, state, all_pixels);
-    const bool limited = std::isfinite(state.camera.clip_k);
-    for (Index from = 0; from < r.rows(); from += kCellFrames) {
-      double sum = 0.0;
-      double count = 0.0;
-      for (Index k = from; k < std::min<Index>(r.rows(), from + kCellFrames); ++k) {
-        if (!frame_counts(i, static_cast<std::size_t>(k))) continue;
-        for (std::size_t j = 0; j < all_pixels.size(); ++j) {
-          if (!held_out(session, static_cast<std::size_t>(k), all_pixels[j])) continue;
-          const auto value = static_cast<double>(r(k, static_cast<Index>(j)));
-          if (limited && value == 0.0) continue;
-          sum += value * value;
-          count += 1.0;
-        }
-      }
-      parts[i].sum.push_back(sum);
-      parts[i].count.push_back(count);
-      parts[i].recording.push_back(i);
-    }
+    parts[i].groups.resize(static_cast<std::size_t>((r.rows() + kCellFrames - 1) / kCellFrames), {0.0, 0.0, i});
+    for_each_value(i, [&](Index k, Index j, bool held) {
+      const double value = r(k, j);
+      if (!held || (limited && value == 0.0)) return;
+      Score::Group& group = parts[i].groups[static_cast<std::size_t>(k / kCellFrames)];
+      group.sum += value * value;
+      group.count += 1.0;
+    });
   });
   Score all;
-  for (const Score& part : parts) {
-    all.sum.insert(all.sum.end(), part.sum.begin(), part.sum.end());
-    all.count.insert(all.count.end(), part.count.begin(), part.count.end());
-    all.recording.insert(all.recording.end(), part.recording.begin(), part.recording.end());
-  }
+  for (const Score& part : parts) all.groups.insert(all.groups.end(), part.groups.begin(), part.groups.end());
   return all;
 }
 
 Columns columns_of(const FitData& data, std::size_t recording, const State& state,
                    const std::vector<Parameter>& parameters) {
   const Recording& r = data.session.recordings[recording];
+  const Series seen = r.values(Eigen::all, data.fit_pixels);
   const Series base = predict(data.session, recording, state, data.fit_pixels);
-  Columns c;
-  c.residual.resize(base.rows(), base.cols());
   const auto weight = static_cast<float>(1.0 / data.floor_k);
-  for (Index j = 0; j < base.cols(); ++j) {
-    c.residual.col(j) = (r.values.col(data.fit_pixels[static_cast<std::size_t>(j)]) - base.col(j)) * weight;
-  }
-  // 1 where a value counts, 0 at and near a ceiling: it says no more than that it is there.
+  // A value counts unless it is at or near a ceiling: then it says no more than that it is there.
   const float limit = data.usable_limit(state);
   const bool limited = std::isfinite(state.camera.clip_k);
-  Series usable;
-  if (limited) {
-    usable.resize(base.rows(), base.cols());
-    for (Index j = 0; j < base.cols(); ++j) {
-      const auto seen = r.values.col(data.fit_pixels[static_cast<std::size_t>(j)]).array();
-      usable.col(j) = (seen <= limit && base.col(j).array() <= limit).cast<float>();
-    }
-    c.residual.array() *= usable.array();
-  }
+  const auto without_clipped = [&](Series& of) {
+    if (limited) of.array() *= (seen.array() <= limit && base.array() <= limit).cast<float>();
+  };
+  Columns c;
+  c.residual = (seen - base) * weight;
+  without_clipped(c.residual);
   for (const Parameter& parameter : parameters) {
     Series& column = c.column.emplace_back();
     if (parameter.step == 0.0) continue;  // not of this recording
@@ -232,36 +349,19 @@ Columns columns_of(const FitData& data, std::size_t recording, const State& stat
     const double step = at + parameter.step > parameter.high ? -parameter.step : parameter.step;
     parameter.set(moved, at + step);
     column = (predict(data.session, recording, moved, data.fit_pixels) - base) * (weight / static_cast<float>(step));
-    if (limited) column.array() *= usable.array();
+    without_clipped(column);
   }
   for (Index k = 0; k < base.rows(); ++k) {
-    if (data.frame_counts(recording, static_cast<std::size_t>(k))) continue;
+    if (data.frame_counts(recording, k)) continue;
     c.residual.row(k).setZero();
     for (Series& column : c.column) {
       if (column.size() > 0) column.row(k).setZero();
     }
   }
   if (r.kind != Kind::kMovingBars && !state.stimuli[recording].times_free) return c;
-  // The shift of every frame is free: what lies along it is taken out of the residual and of every column.
   Series slopes = slopes_of(data.session, recording, state, data.fit_pixels, base) * weight;
-  if (limited) slopes.array() *= usable.array();
-  c.shift.assign(static_cast<std::size_t>(base.rows()), 0.0);
-  c.turn.assign(c.column.size(), c.shift);
-  for (Index k = 0; k < base.rows(); ++k) {
-    const auto frame = static_cast<std::size_t>(k);
-    const Eigen::RowVectorXf slope = slopes.row(k);
-    const float norm = slope.squaredNorm();
-    if (!data.frame_counts(recording, frame) || norm < kLeastSlope) continue;
-    const auto take_out = [&](Series& of) {
-      const float share = of.row(k).dot(slope) / norm;
-      of.row(k) -= share * slope;
-      return static_cast<double>(share);
-    };
-    c.shift[frame] = take_out(c.residual);
-    for (std::size_t j = 0; j < c.column.size(); ++j) {
-      if (c.column[j].size() > 0) c.turn[j][frame] = take_out(c.column[j]);
-    }
-  }
+  without_clipped(slopes);
+  take_out_shifts(data, recording, slopes, c);
   return c;
 }
 
@@ -272,36 +372,31 @@ std::vector<Group> groups_of(const Session& session, const Series& residual, con
   for (Index from = 0; from < residual.rows(); from += kCellFrames) {
     const Index to = std::min<Index>(residual.rows(), from + kCellFrames);
     Group& group = groups.emplace_back(Group{MatrixXd::Zero(size, size), MatrixXd::Zero(size, size)});
-    add_group(session, residual, columns, pixels, from, to, group.train, group.test);
+    add_group(session, residual, columns, pixels, from, to, group);
   }
   return groups;
 }
 
 VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const VectorXd& low, const VectorXd& high) {
   const Index n = right.size();
-  std::vector<char> held(static_cast<std::size_t>(n), 0);
+  std::vector<Index> free(static_cast<std::size_t>(n));
+  std::iota(free.begin(), free.end(), 0);
+  std::vector<Index> held;
   VectorXd x = VectorXd::Zero(n);
   for (int round = 0; round < 6; ++round) {
-    std::vector<Index> free;
-    for (Index j = 0; j < n; ++j) {
-      if (held[static_cast<std::size_t>(j)] == 0) free.push_back(j);
-    }
-    const auto count = static_cast<Index>(free.size());
-    const MatrixXd a = normal(free, free);
     VectorXd b = right(free);
-    for (Index j = 0; j < n; ++j) {
-      if (held[static_cast<std::size_t>(j)] != 0) b -= normal(free, j) * x[j];
+    std::ranges::sort(held);
+    for (const Index j : held) b -= normal(free, j) * x[j];
+    const VectorXd solved = solve(normal(free, free), b);
+    std::vector<Index> still_free;
+    for (std::size_t r = 0; r < free.size(); ++r) {
+      const Index j = free[r];
+      const double wanted = solved[static_cast<Index>(r)];
+      x[j] = std::clamp(wanted, low[j], high[j]);
+      (x[j] == wanted ? still_free : held).push_back(j);
     }
-    const VectorXd solved = solve(a, b);
-    bool again = false;
-    for (Index r = 0; r < count; ++r) {
-      const Index j = free[static_cast<std::size_t>(r)];
-      x[j] = std::clamp(solved[r], low[j], high[j]);
-      if (x[j] == solved[r]) continue;
-      held[static_cast<std::size_t>(j)] = 1;
-      again = true;
-    }
-    if (!again) break;
+    if (still_free.size() == free.size()) break;
+    free = std::move(still_free);
   }
   return x;
 }

@@ -1,73 +1,21 @@
-#include "src/diagnose/events.hpp"
-
+// What happens to whole frames and to single pixels: found before anything is fitted, so that it does not disturb.
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
-#include <numeric>
 
 #include "src/core/statistics.hpp"
+#include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
-using Eigen::Index;
+constexpr double kCoarse = 1.5;  // times the profile's step, from which on values count as coarse
 
 constexpr std::size_t kLeastSteady = 32;  // frames to judge a pixel by
 constexpr double kStuckRange = 0.15;      // of what the pixels change by
 constexpr double kNoiseSteps = 1.5;       // between values: what changes by more is not held by rounding alone
 constexpr double kNoisySigma = 5.0;       // of the pixels' median
 constexpr Index kSide = 12;               // frames on either side of a jump that it is judged by
-
-// Identical, and not just clipped at `top`: a ceiling makes frames alike, too, but not all of them.
-bool same(const Recording& r, Index a, Index b, float top) {
-  if (!(r.values.row(a).array() == r.values.row(b).array()).all()) return false;
-  if (r.statistics.frames() > 0 && r.statistics.distinct_frames() == 1) return true;
-  return (r.values.row(a).array() == top).count() * 2 < r.values.cols();
-}
-
-// Of each pixel of the grid: its used values less the frames' medians.
-using Steady = std::vector<std::vector<float>>;
-
-Steady steady_series(const Recording& r) {
-  Steady steady(static_cast<std::size_t>(r.values.cols()));
-  std::vector<double> frame(static_cast<std::size_t>(r.values.cols()));
-  for (Index k = 0; k < r.values.rows(); ++k) {
-    if (r.used[static_cast<std::size_t>(k)] == 0) continue;
-    for (Index p = 0; p < r.values.cols(); ++p)
-      frame[static_cast<std::size_t>(p)] = static_cast<double>(r.values(k, p));
-    const auto centre = static_cast<float>(median(frame));
-    for (Index p = 0; p < r.values.cols(); ++p) {
-      steady[static_cast<std::size_t>(p)].push_back(r.values(k, p) - centre);
-    }
-  }
-  return steady;
-}
-
-double deviation(const std::vector<float>& x) {
-  const double mean = std::accumulate(x.begin(), x.end(), 0.0) / static_cast<double>(x.size());
-  double sum = 0.0;
-  for (const float v : x) sum += (static_cast<double>(v) - mean) * (static_cast<double>(v) - mean);
-  return std::sqrt(sum / static_cast<double>(x.size()));
-}
-
-// Share of the squared variation that is between neighbouring frames: 2 for white noise, near 0 for slow changes.
-double roughness(const std::vector<float>& x) {
-  const double sigma = deviation(x);
-  double sum = 0.0;
-  for (std::size_t k = 1; k < x.size(); ++k) sum += std::pow(static_cast<double>(x[k] - x[k - 1]), 2);
-  return sigma > 0.0 ? sum / static_cast<double>(x.size() - 1) / (sigma * sigma) : 0.0;
-}
-
-std::vector<float> smooth(const std::vector<float>& x) {
-  std::vector<float> out;
-  for (std::size_t k = 2; k + 2 < x.size(); ++k) {
-    std::array<float, 5> w{x[k - 2], x[k - 1], x[k], x[k + 1], x[k + 2]};
-    std::ranges::nth_element(w, w.begin() + 2);
-    out.push_back(w[2]);
-  }
-  return out;
-}
 
 // Two levels of a pixel: set by effect-free shutters of 160 to 240 frames.
 constexpr double kStepOverTypical = 2.2;  // times that of a usual pixel, whose two means differ by noise
@@ -95,6 +43,57 @@ constexpr long kLargestStep = 200;    // in stored steps
 constexpr double kPiled = 0.002;      // of all values
 constexpr long kPileOverBelow = 8;    // times those of the two steps below
 
+// A frozen stream tells nothing of the camera, whatever it looks at.
+void leave_out_frozen(Session& session, std::vector<std::string>& warnings) {
+  for (Recording& r : session.recordings) {
+    const std::size_t distinct = r.statistics.distinct_frames();
+    if (!has_model(r) || distinct >= kMinFrames) continue;
+    warnings.push_back(r.name + ": is frozen: " + std::to_string(distinct) + " of its " +
+                       std::to_string(r.statistics.frames()) +
+                       " frames differ from the one before; used for events only");
+    r.kind = Kind::kField;
+  }
+}
+
+// Whether frame `k` is the one before, and not just clipped at `top`: a ceiling makes frames alike, too, but not all.
+bool repeats(const Recording& r, Index k, float top) {
+  if (!(r.values.row(k).array() == r.values.row(k - 1).array()).all()) return false;
+  if (r.statistics.frames() > 0 && r.statistics.distinct_frames() == 1) return true;
+  return (r.values.row(k).array() == top).count() * 2 < r.values.cols();
+}
+
+// Of each pixel of the grid: its used values less the frames' medians.
+std::vector<std::vector<float>> steady_series(const Recording& r) {
+  std::vector<std::vector<float>> steady(static_cast<std::size_t>(r.values.cols()));
+  for (const Index k : r.used_frames()) {
+    const auto frame = r.values.row(k);
+    const float centre = median(std::vector<float>(frame.begin(), frame.end()));
+    for (Index p = 0; p < frame.size(); ++p) steady[static_cast<std::size_t>(p)].push_back(frame[p] - centre);
+  }
+  return steady;
+}
+
+// Share of the squared variation that is between neighbouring frames: 2 for white noise, near 0 for slow changes.
+double roughness(const std::vector<float>& x) {
+  const auto count = static_cast<double>(x.size());
+  const double mean = sum_of(x) / count;
+  const double sigma = std::sqrt(sum_of(x, [mean](float v) { return (v - mean) * (v - mean); }) / count);
+  double sum = 0.0;
+  for (std::size_t k = 1; k < x.size(); ++k) sum += std::pow(static_cast<double>(x[k] - x[k - 1]), 2);
+  return sigma > 0.0 ? sum / (count - 1.0) / (sigma * sigma) : 0.0;
+}
+
+// Medians of five.
+std::vector<float> smooth(const std::vector<float>& x) {
+  std::vector<float> out;
+  for (std::size_t k = 2; k + 2 < x.size(); ++k) {
+    std::array<float, 5> w{x[k - 2], x[k - 1], x[k], x[k + 1], x[k + 2]};
+    std::ranges::nth_element(w, w.begin() + 2);
+    out.push_back(w[2]);
+  }
+  return out;
+}
+
 struct TwoLevels {
   double step = 0.0;
   double within = 0.0;  // rms about the two
@@ -108,7 +107,7 @@ TwoLevels two_levels(const std::vector<float>& x) {
   std::ranges::sort(sorted);
   const std::size_t n = sorted.size();
   std::vector<double> sum(n + 1, 0.0);
-  for (std::size_t i = 0; i < n; ++i) sum[i + 1] = sum[i] + static_cast<double>(sorted[i]);
+  for (std::size_t i = 0; i < n; ++i) sum[i + 1] = sum[i] + sorted[i];
   double best = -1.0;
   std::size_t split = n / 2;
   for (std::size_t i = 1; i < n; ++i) {
@@ -127,9 +126,8 @@ TwoLevels two_levels(const std::vector<float>& x) {
   t.share = static_cast<double>(std::min(split, n - split)) / static_cast<double>(n);
   const double middle = (low + high) / 2.0;
   double squares = 0.0;
-  bool up = static_cast<double>(x.front()) > middle;
-  for (const float v : x) {
-    const auto value = static_cast<double>(v);
+  bool up = x.front() > middle;
+  for (const double value : x) {
     squares += std::pow(value - (value > middle ? high : low), 2);
     // With hysteresis, so that noise at the middle is not counted.
     if (up ? value < middle - kHysteresis * t.step : value > middle + kHysteresis * t.step) {
@@ -142,48 +140,118 @@ TwoLevels two_levels(const std::vector<float>& x) {
 }
 
 void judge_still(const Session& session, const Recording& r, BadPixels& bad, std::vector<double>& steps) {
-  const Steady steady = steady_series(r);
+  const auto steady = steady_series(r);
   if (steady.front().size() < kLeastSteady) return;
-  std::vector<TwoLevels> levels;
-  std::vector<double> step;
-  std::vector<double> rough;
-  for (const auto& series : steady) {
-    rough.push_back(roughness(series));
-    levels.push_back(two_levels(smooth(series)));
-    step.push_back(levels.back().step);
-  }
-  const double typical_step = median(step);
+  const auto levels = mapped(steady, [](const auto& series) { return two_levels(smooth(series)); });
+  const std::vector<double> rough = mapped(steady, roughness);
+  const double typical_step = median(mapped(levels, &TwoLevels::step));
   const double usual_rough = median(rough);
-  for (std::size_t p = 0; p < levels.size(); ++p) {
+  for (const int pixel : session.good_pixels()) {
+    const auto p = static_cast<std::size_t>(pixel);
     const TwoLevels& t = levels[p];
-    if (session.good[p] == 0) continue;
     if (t.step > kStepOverTypical * typical_step && t.step > kStepOverWithin * t.within && t.share > kLeastShare &&
         t.jumps > 0 && t.jumps < static_cast<int>(steady[p].size()) / kFramesAJump &&
         rough[p] < kSlower * usual_rough) {
-      bad.jumping.push_back(static_cast<int>(p));
+      bad.jumping.push_back(pixel);
       steps.push_back(t.step);
     }
   }
 }
 
-// In a field recording a part of the scene may be as still as a stuck pixel, but for the noise: where that shows in the
-// pixels around, a pixel that never changes is stuck.
-bool neighbours_vary(const FrameStatistics& s, std::size_t pixel, double step) {
-  const PixelPlace at = place_of(pixel, s.width);
-  std::vector<double> ranges;
-  for (int y = std::max(0, at.y - 1); y <= std::min(s.height - 1, at.y + 1); ++y) {
-    for (int x = std::max(0, at.x - 1); x <= std::min(s.width - 1, at.x + 1); ++x) {
-      if (x != at.x || y != at.y)
-        ranges.push_back(static_cast<double>(s.range[static_cast<std::size_t>(y * s.width + x)]));
-    }
-  }
-  return median(ranges) > kNoiseSteps * step;
+// Whether a pixel hardly changes. In a field recording a part of the scene may be as still as a stuck pixel, but for
+// the noise: where that shows in the pixels around, a pixel that never changes is stuck.
+bool is_stuck(const Recording& r, std::size_t pixel, double typical_range) {
+  const FrameStatistics& s = r.statistics;
+  if (typical_range <= 0.0) return true;
+  if (r.kind != Kind::kField && r.kind != Kind::kScene) return s.range[pixel] < kStuckRange * typical_range;
+  return s.range[pixel] <= 0.0F && median(values_around(s, s.range, place_of(pixel, s.width))) > kNoiseSteps * r.step;
 }
 
 void make_unique(std::vector<int>& pixels) {
   std::ranges::sort(pixels);
   pixels.erase(std::unique(pixels.begin(), pixels.end()), pixels.end());
 }
+
+// A series of residuals in which a jump is looked for: good pixels in the frames that are used.
+struct JumpSearch {
+  std::vector<Index> frames;
+  Eigen::ArrayXXd value;  // frames x pixels
+  ArrayXd mean;           // of each frame
+  bool still = false;     // of a still field
+  double flicker = 0.0;   // of one frame's mean
+  double noise2 = 0.0;    // of one value
+
+  JumpSearch(const Session& session, const Recording& r, const Series& residual)
+      : frames(r.used_frames()),
+        value(residual(frames, session.good_pixels()).cast<double>().array()),
+        still(r.kind == Kind::kUniform) {}
+
+  // Whether there is enough to judge by; then the noise is known.
+  bool prepare() {
+    const Index n = value.rows();
+    if (n < 2 * kSide + 2 || value.cols() < 8) return false;
+    mean = value.rowwise().mean();
+    std::vector<double> steps;
+    for (Index a = 1; a < n; ++a) steps.push_back(std::abs(mean[a] - mean[a - 1]));
+    flicker = median(std::move(steps)) / kMedianStep;
+    std::vector<double> rough;
+    for (Index p = 0; p < value.cols(); p += std::max<Index>(1, value.cols() / 64)) {
+      rough.push_back((value.col(p).bottomRows(n - 1) - value.col(p).topRows(n - 1)).square().mean() / 2.0);
+    }
+    noise2 = std::max(1e-12, median(std::move(rough)));
+    return true;
+  }
+
+  // The share of what changes slowly that a step before frame `a` explains. Of a still field every pixel tells; where
+  // something moves, what the model is off by changes the pixels, so that only their mean does.
+  double explained(Index a) const {
+    const Index n = value.rows();
+    Eigen::ArrayXXd whole = value.rowwise() - value.colwise().mean();
+    if (!still) whole = Eigen::ArrayXXd(whole.rowwise().mean());
+    const Index blocks = n / kSide;
+    double all = 0.0;
+    const ArrayXd before = whole.topRows(a).colwise().mean().transpose();
+    const ArrayXd after = whole.bottomRows(n - a).colwise().mean().transpose();
+    double by_step =
+        (before.square().sum() * static_cast<double>(a) + after.square().sum() * static_cast<double>(n - a)) /
+        static_cast<double>(n);
+    for (Index b = 0; b < blocks; ++b) {
+      all += whole.middleRows(b * kSide, kSide).colwise().mean().square().sum() / static_cast<double>(blocks);
+    }
+    const auto pixels = static_cast<double>(value.cols());
+    const double noise_of_all = still ? pixels * noise2 : noise2 / pixels + flicker * flicker;
+    all -= noise_of_all / kSide;
+    by_step -= 2.0 * noise_of_all / static_cast<double>(n);
+    return all > 0.0 ? by_step / all : 0.0;
+  }
+
+  // A jump before frame `a`, when it is stronger than `strongest`, which is raised to it. By the means of kSide frames
+  // on either side.
+  std::optional<Jump> at(Index a, bool thawed, double& strongest) const {
+    const ArrayXd change = value.middleRows(a, kSide).colwise().mean().transpose() -
+                           value.middleRows(a - kSide, kSide).colwise().mean().transpose();
+    const double global = change.mean();
+    const double scatter2 = (change - global).square().mean() - 2.0 * noise2 / kSide;
+    const double sudden = mean[a] - mean[a - 1];
+    const double global_z = std::abs(global) / (flicker * std::sqrt(2.0 / kSide) + 1e-6);
+    const bool global_jump = global_z > kJumpZ && std::abs(global) > kLeastJump_k && sudden * global > 0.0 &&
+                             std::abs(sudden) > kSuddenLeast * std::abs(global) &&
+                             std::abs(sudden) < kSuddenMost * std::abs(global);
+    const double scatter_z = scatter2 / (2.0 * noise2 / kSide) * std::sqrt(static_cast<double>(value.cols()) / 2.0);
+    const ArrayXd first = value.row(a) - value.row(a - 1);
+    const double first2 = (first - first.mean()).square().mean() - 2.0 * noise2;
+    const bool pixel_jump = still && scatter_z > kPatternZ && scatter2 > kPatternOverNoise * noise2 / kSide &&
+                            first2 > kPatternAtOnce * scatter2;
+    const bool expected = thawed && (scatter_z > kThawZ || global_z > kThawZ);
+    if (!global_jump && !pixel_jump && !expected) return std::nullopt;
+    const double strength = std::max(global_jump ? global_z : 0.0, scatter_z) + (thawed ? 1e6 : 0.0);
+    if (strength <= strongest || (!thawed && explained(a) < kExplains)) return std::nullopt;
+    strongest = strength;
+    const bool pattern = scatter_z > kThawZ && (still || thawed);
+    return Jump{
+        .global_k = global, .pixel_k = pattern ? std::sqrt(std::max(0.0, scatter2)) : 0.0, .after_freeze = thawed};
+  }
+};
 
 }  // namespace
 
@@ -192,20 +260,15 @@ std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& rep
   repeated_frames.assign(session.recordings.size(), 0);
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     Recording& r = session.recordings[i];
-    const auto frames = static_cast<std::size_t>(r.frames());
     const float top = r.values.maxCoeff();
-    const auto repeats = [&](std::size_t k) { return same(r, static_cast<Index>(k), static_cast<Index>(k) - 1, top); };
-    for (std::size_t k = 1; k < frames;) {
-      if (!repeats(k)) {
-        ++k;
-        continue;
-      }
-      const std::size_t first = k;
-      while (k < frames && repeats(k)) r.used[k++] = 0;
-      if (k - first >= kFreezeFrames) {
-        freezes.push_back({i, first, k - 1});
+    std::vector<char> repeated(r.used.size(), 0);
+    for (Index k = 1; k < r.frames(); ++k) repeated[static_cast<std::size_t>(k)] = repeats(r, k, top) ? 1 : 0;
+    for (const auto& [first, end] : runs_of(repeated, 1)) {
+      for (std::size_t k = first; k < end; ++k) r.used[k] = 0;
+      if (end - first >= kFreezeFrames) {
+        freezes.push_back({i, first, end - 1});
       } else {
-        repeated_frames[i] += k - first;
+        repeated_frames[i] += end - first;
       }
     }
   }
@@ -215,34 +278,29 @@ std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& rep
 BadPixels find_dead_pixels(Session& session) {
   BadPixels bad;
   const auto pixels = static_cast<std::size_t>(session.width) * static_cast<std::size_t>(session.height);
-  std::vector<std::size_t> still(pixels, 0);
+  std::vector<std::size_t> stuck(pixels, 0);  // in how many recordings
   for (const Recording& r : session.recordings) {
     const FrameStatistics& s = r.statistics;
-    const double typical = median(std::vector<double>(s.range.begin(), s.range.end()));
-    const bool scene = r.kind == Kind::kField || r.kind == Kind::kScene;
-    for (std::size_t p = 0; p < pixels; ++p) {
-      const auto range = static_cast<double>(s.range[p]);
-      const bool stuck =
-          typical <= 0.0 || (scene ? range <= 0.0 && neighbours_vary(s, p, r.step) : range < kStuckRange * typical);
-      still[p] += stuck ? 1U : 0U;
-    }
+    const double typical = median(s.range);
+    for (std::size_t p = 0; p < pixels; ++p) stuck[p] += is_stuck(r, p, typical) ? 1U : 0U;
     if (r.kind != Kind::kUniform || s.distinct_frames() < kLeastSteady) continue;
-    const double usual = median(std::vector<double>(s.sigma.begin(), s.sigma.end()));
-    const double usual_rough = median(std::vector<double>(s.roughness.begin(), s.roughness.end()));
+    const double usual = median(s.sigma);
+    const double usual_rough = median(s.roughness);
     for (std::size_t p = 0; p < pixels && usual > 0.0; ++p) {
-      const bool noisy = static_cast<double>(s.sigma[p]) > kNoisySigma * usual;
-      if (noisy && static_cast<double>(s.roughness[p]) > 0.5 * usual_rough) bad.noisy.push_back(static_cast<int>(p));
+      if (s.sigma[p] > kNoisySigma * usual && s.roughness[p] > 0.5 * usual_rough) {
+        bad.noisy.push_back(static_cast<int>(p));
+      }
     }
   }
   // Stuck everywhere: where a ceiling or a frozen recording holds all pixels, a few are not told from the others.
-  for (std::size_t p = 0; p < still.size(); ++p) {
-    if (still[p] == session.recordings.size()) bad.stuck.push_back(static_cast<int>(p));
+  for (std::size_t p = 0; p < pixels; ++p) {
+    if (stuck[p] == session.recordings.size()) bad.stuck.push_back(static_cast<int>(p));
   }
   if (bad.stuck.size() * 2 > pixels) bad.stuck.clear();
   make_unique(bad.noisy);
   for (std::size_t p = 0; p < session.good.size(); ++p) {
-    const int at =
-        session.grid.row_of(static_cast<int>(p)) * session.width + session.grid.column_of(static_cast<int>(p));
+    const auto pixel = static_cast<Index>(p);
+    const int at = session.grid.row_of(pixel) * session.width + session.grid.column_of(pixel);
     if (std::ranges::binary_search(bad.stuck, at) || std::ranges::binary_search(bad.noisy, at)) session.good[p] = 0;
   }
   return bad;
@@ -255,116 +313,45 @@ void find_jumping_pixels(Session& session, BadPixels& bad) {
   }
   make_unique(bad.jumping);
   for (const int pixel : bad.jumping) session.good[static_cast<std::size_t>(pixel)] = 0;
-  bad.step_k = median(steps);
+  bad.step_k = median(std::move(steps));
 }
 
 std::optional<Jump> find_jump(const Session& session, std::size_t recording, const Series& residual,
                               const std::vector<Freeze>& freezes) {
-  const Recording& r = session.recordings[recording];
-  std::vector<Index> frames;
-  for (Index k = 0; k < residual.rows(); ++k) {
-    if (r.used[static_cast<std::size_t>(k)] != 0) frames.push_back(k);
-  }
-  const auto n = static_cast<Index>(frames.size());
-  if (n < 2 * kSide + 2) return std::nullopt;
-  std::vector<Index> pixels;
-  for (Index p = 0; p < residual.cols(); ++p) {
-    if (session.good[static_cast<std::size_t>(p)] != 0) pixels.push_back(p);
-  }
-  if (pixels.size() < 8) return std::nullopt;
-  // Differences of the means of kSide frames on either side of every gap between two frames.
-  const Eigen::ArrayXXd value = residual(frames, pixels).cast<double>().array();
-  const Eigen::ArrayXd mean = value.rowwise().mean();
-  std::vector<double> steps;
-  for (Index a = 1; a < n; ++a) steps.push_back(std::abs(mean[a] - mean[a - 1]));
-  const double flicker = median(steps) / kMedianStep;  // of one frame's mean
-  std::vector<double> rough;
-  for (Index p = 0; p < value.cols(); p += std::max<Index>(1, value.cols() / 64)) {
-    rough.push_back((value.col(p).bottomRows(n - 1) - value.col(p).topRows(n - 1)).square().mean() / 2.0);
-  }
-  const double noise2 = std::max(1e-12, median(rough));
-  // A step explains most of what changes slowly, or it is no jump. Of a still field every pixel tells; where something
-  // moves, what the model is off by changes the pixels, so that only their mean does.
-  const bool still = r.kind == Kind::kUniform;
-  const auto explains = [&](Index a) {
-    Eigen::ArrayXXd whole = value.rowwise() - value.colwise().mean();
-    if (!still) whole = Eigen::ArrayXXd(whole.rowwise().mean());
-    const Index blocks = n / kSide;
-    double all = 0.0;
-    double by_step = 0.0;
-    const Eigen::ArrayXd before = whole.topRows(a).colwise().mean().transpose();
-    const Eigen::ArrayXd after = whole.bottomRows(n - a).colwise().mean().transpose();
-    by_step = (before.square().sum() * static_cast<double>(a) + after.square().sum() * static_cast<double>(n - a)) /
-              static_cast<double>(n);
-    for (Index b = 0; b < blocks; ++b) {
-      all += whole.middleRows(b * kSide, kSide).colwise().mean().square().sum() / static_cast<double>(blocks);
-    }
-    const double noise_of_all = still ? static_cast<double>(value.cols()) * noise2
-                                      : noise2 / static_cast<double>(value.cols()) + flicker * flicker;
-    all -= noise_of_all / kSide;
-    by_step -= 2.0 * noise_of_all / static_cast<double>(n);
-    return all > 0.0 ? by_step / all : 0.0;
-  };
-  double best = 0.0;
+  JumpSearch search(session, session.recordings[recording], residual);
+  if (!search.prepare()) return std::nullopt;
+  double strength = 0.0;
   std::optional<Jump> strongest;
-  for (Index a = kSide; a + kSide <= n; ++a) {
-    const Eigen::ArrayXd change = value.middleRows(a, kSide).colwise().mean().transpose() -
-                                  value.middleRows(a - kSide, kSide).colwise().mean().transpose();
-    const double global = change.mean();
-    const double scatter2 = (change - global).square().mean() - 2.0 * noise2 / kSide;
-    const double sudden = mean[a] - mean[a - 1];
-    const double global_z = std::abs(global) / (flicker * std::sqrt(2.0 / kSide) + 1e-6);
-    const bool global_jump = global_z > kJumpZ && std::abs(global) > kLeastJump_k && sudden * global > 0.0 &&
-                             std::abs(sudden) > kSuddenLeast * std::abs(global) &&
-                             std::abs(sudden) < kSuddenMost * std::abs(global);
-    const double scatter_z = scatter2 / (2.0 * noise2 / kSide) * std::sqrt(static_cast<double>(pixels.size()) / 2.0);
-    const Eigen::ArrayXd first = value.row(a) - value.row(a - 1);
-    const double first2 = (first - first.mean()).square().mean() - 2.0 * noise2;
-    const bool pixel_jump = still && scatter_z > kPatternZ && scatter2 > kPatternOverNoise * noise2 / kSide &&
-                            first2 > kPatternAtOnce * scatter2;
-    const bool thawed = std::ranges::any_of(freezes, [&](const Freeze& f) {
-      return f.recording == recording && static_cast<Index>(f.last) + 1 == frames[static_cast<std::size_t>(a)];
-    });
-    if (!(global_jump || pixel_jump) && !(thawed && (scatter_z > kThawZ || global_z > kThawZ))) continue;
-    const double strength = std::max(global_jump ? global_z : 0.0, scatter_z) + (thawed ? 1e6 : 0.0);
-    if (strength <= best || (!thawed && explains(a) < kExplains)) continue;
-    best = strength;
-    const bool pattern = scatter_z > kThawZ && (still || thawed);
-    strongest = {recording, static_cast<std::size_t>(frames[static_cast<std::size_t>(a)]), global,
-                 pattern ? std::sqrt(std::max(0.0, scatter2)) : 0.0, thawed};
+  for (Index a = kSide; a + kSide <= search.value.rows(); ++a) {
+    const auto frame = static_cast<std::size_t>(search.frames[static_cast<std::size_t>(a)]);
+    const bool thawed =
+        std::ranges::any_of(freezes, [&](const Freeze& f) { return f.recording == recording && f.last + 1 == frame; });
+    auto jump = search.at(a, thawed, strength);
+    if (!jump) continue;
+    strongest = jump;
+    strongest->recording = recording;
+    strongest->frame = frame;
   }
   return strongest;
 }
 
 void remove_jump(Session& session, Jump& jump, const Series& residual) {
   Recording& r = session.recordings[jump.recording];
-  const auto pixels = static_cast<std::size_t>(residual.cols());
-  std::vector<double> step(pixels, 0.0);
-  double n_before = 0.0;
-  double n_after = 0.0;
-  for (Index k = 0; k < residual.rows(); ++k) {
-    if (r.used[static_cast<std::size_t>(k)] != 0)
-      (static_cast<std::size_t>(k) >= jump.frame ? n_after : n_before) += 1.0;
+  const std::vector<Index> frames = r.used_frames();
+  const auto first = static_cast<Index>(jump.frame);
+  const auto before = static_cast<double>(std::ranges::count_if(frames, [first](Index k) { return k < first; }));
+  const double after = static_cast<double>(frames.size()) - before;
+  if (before < 1.0 || after < 1.0) return;
+  ArrayXd step = ArrayXd::Zero(residual.cols());
+  for (Index p = 0; p < residual.cols(); ++p) {
+    for (const Index k : frames) step[p] += residual(k, p) * (k >= first ? 1.0 / after : -1.0 / before);
   }
-  if (n_before < 1.0 || n_after < 1.0) return;
-  double mean = 0.0;
-  double good = 0.0;
-  for (std::size_t p = 0; p < pixels; ++p) {
-    for (Index k = 0; k < residual.rows(); ++k) {
-      if (r.used[static_cast<std::size_t>(k)] == 0) continue;
-      const bool later = static_cast<std::size_t>(k) >= jump.frame;
-      step[p] += static_cast<double>(residual(k, static_cast<Index>(p))) * (later ? 1.0 / n_after : -1.0 / n_before);
-    }
-    if (session.good[p] == 0) continue;
-    mean += step[p];
-    good += 1.0;
-  }
-  mean /= std::max(1.0, good);
+  const std::vector<int> good = session.good_pixels();
+  const double mean = sum_of(good, [&](int p) { return step[p]; }) / std::max(1.0, static_cast<double>(good.size()));
   // Pixels have steps of their own only when a pattern was seen; else the mean is the better estimate of each.
-  for (std::size_t p = 0; p < pixels; ++p) {
+  for (Index p = 0; p < residual.cols(); ++p) {
     const double own = jump.pixel_k > 0.0 ? step[p] : mean;
-    r.values.col(static_cast<Index>(p)).bottomRows(r.values.rows() - static_cast<Index>(jump.frame)).array() -=
-        static_cast<float>(own);
+    r.values.col(p).bottomRows(r.values.rows() - first).array() -= static_cast<float>(own);
   }
   jump.global_k += jump.removed ? mean : mean - jump.global_k;
   jump.removed = true;
@@ -375,12 +362,11 @@ double find_step(const Session& session) {
   double step = 0.0;
   for (const Recording& r : session.recordings) {
     if (r.step <= 0.0) return 0.0;
-    const auto base = static_cast<double>(r.values(0, 0));
+    const double base = r.values(0, 0);
     std::vector<long> seen;
     for (Index k = 0; k < r.values.rows(); k += 3) {
       for (Index p = 0; p < r.values.cols(); p += 3) {
-        if (session.good[static_cast<std::size_t>(p)] == 0) continue;
-        seen.push_back(std::lround((static_cast<double>(r.values(k, p)) - base) / r.step));
+        if (session.is_good(p)) seen.push_back(std::lround((r.values(k, p) - base) / r.step));
       }
     }
     // The largest step that nearly all distances are multiples of.
@@ -389,8 +375,7 @@ double find_step(const Session& session) {
       const auto hits = std::ranges::count_if(seen, [candidate](long d) { return d % candidate == 0; });
       if (static_cast<double>(hits) > kMultiples * static_cast<double>(seen.size())) best = candidate;
     }
-    const bool varied = std::ranges::any_of(seen, [](long d) { return d != 0; });
-    if (!varied) continue;
+    if (std::ranges::all_of(seen, [](long d) { return d == 0; })) continue;
     const double found = static_cast<double>(best) * r.step;
     step = step == 0.0 ? found : std::min(step, found);
   }
@@ -400,13 +385,36 @@ double find_step(const Session& session) {
 double find_ceiling(const Recording& recording, double level_step) {
   const float top = recording.values.maxCoeff();
   const auto step = static_cast<float>(std::max({recording.step, level_step, 1e-6}));
-  const auto at_top = ((recording.values.array() - top).abs() < 0.4F * step).count();
-  const auto below = ((recording.values.array() - (top - step)).abs() < 0.4F * step).count() +
-                     ((recording.values.array() - (top - 2.0F * step)).abs() < 0.4F * step).count();
+  const auto count = [&](float level) { return ((recording.values.array() - level).abs() < 0.4F * step).count(); };
+  const Index at_top = count(top);
+  const Index below = count(top - step) + count(top - 2.0F * step);
   const auto all = static_cast<double>(recording.values.size());
-  if (static_cast<double>(at_top) > kPiled * all && at_top > kPileOverBelow * (below + 1))
-    return static_cast<double>(top);
-  return std::numeric_limits<double>::infinity();
+  const bool piled = static_cast<double>(at_top) > kPiled * all && at_top > kPileOverBelow * (below + 1);
+  return piled ? top : std::numeric_limits<double>::infinity();
+}
+
+Events find_events(Session session, const Options& options) {
+  Events events;
+  leave_out_frozen(session, events.warnings);
+  events.raw = session;
+  events.freezes = find_freezes(session, events.repeated);
+  events.bad = find_dead_pixels(session);
+  events.step_k = find_step(session);
+  events.coarse = events.step_k > kCoarse * std::max(options.profile.quantisation_k, 1e-9);
+  for (const Recording& r : session.recordings) {
+    events.ceiling_k = std::min(events.ceiling_k, find_ceiling(r, events.step_k));
+  }
+  // In a field recording what moves is not known, so that steps of the scene would be taken for jumps.
+  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
+    if (session.recordings[i].kind != Kind::kUniform) continue;
+    if (auto jump = find_jump(session, i, session.recordings[i].values, events.freezes)) {
+      remove_jump(session, *jump, session.recordings[i].values);
+      events.jumps.push_back(*jump);
+    }
+  }
+  find_jumping_pixels(session, events.bad);
+  events.session = std::move(session);
+  return events;
 }
 
 }  // namespace bolo::diagnose

@@ -1,17 +1,16 @@
+// Rounds of Gauss and Newton, and what an effect would gain by the linear model around a fit.
 #include "src/diagnose/fit.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numeric>
 
-#include "src/diagnose/pixel_maps.hpp"
-#include "src/diagnose/timing.hpp"
+#include "src/core/statistics.hpp"
+#include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
-
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
 constexpr double kLargestStep = 8.0;      // of a parameter in one round, in units of its typical size
 constexpr double kLargestShift_px = 1.0;  // of moving bars in one round
@@ -19,8 +18,12 @@ constexpr double kLargestLateness_s = 0.0005;
 
 // The linear model of all recordings around a state.
 struct Linear {
-  std::vector<Columns> columns;
-  std::vector<std::vector<Group>> groups;
+  std::vector<Columns> columns;            // of each recording
+  std::vector<std::vector<Group>> groups;  // the same
+  template <typename Work>
+  void for_each_group(const Work& work) const {
+    for (const auto& of : groups) std::ranges::for_each(of, work);
+  }
 };
 
 struct NewtonStep {
@@ -33,12 +36,25 @@ Linear linearise(const FitData& data, const State& state, const Unknowns& u, con
   Linear linear;
   linear.columns.resize(data.session.recordings.size());
   linear.groups.resize(data.session.recordings.size());
-  for_each_index(data.session.recordings.size(), data.threads, [&](std::size_t i) {
-    if (!has_model(data.session.recordings[i])) return;
+  for_each_modelled(data.session, data.threads, [&](std::size_t i) {
     Columns& columns = linear.columns[i] = columns_of(data, i, state, u.touching(data.session, i, parameters));
     linear.groups[i] = groups_of(data.session, columns.residual, columns.column, data.fit_pixels);
   });
   return linear;
+}
+
+// Solves for steps of the parameters within their ranges, none by more than `most` of its typical sizes.
+VectorXd step_within(const std::vector<const Parameter*>& parameters, const State& state, double most,
+                     const MatrixXd& normal, const VectorXd& right) {
+  VectorXd low(right.size());
+  VectorXd high(right.size());
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    const Parameter& c = *parameters[j];
+    const double limit = most * c.step;
+    low[static_cast<Index>(j)] = std::max(-limit, std::min(0.0, c.low - c.get(state)));
+    high[static_cast<Index>(j)] = std::min(limit, std::max(0.0, c.high - c.get(state)));
+  }
+  return solve_within(normal, right, low, high);
 }
 
 NewtonStep step_of(const Linear& linear, const Unknowns& u, const State& state) {
@@ -47,15 +63,13 @@ NewtonStep step_of(const Linear& linear, const Unknowns& u, const State& state) 
   VectorXd right = VectorXd::Zero(count);
   double squares = 0.0;
   double weights = 1.0;
-  for (const auto& of : linear.groups) {
-    for (const Group& g : of) {
-      normal += g.train.topLeftCorner(count, count);
-      right += g.train.topRightCorner(count, 1);
-      squares += g.train(count, count);
-    }
-  }
+  linear.for_each_group([&](const Group& g) {
+    normal += g.train.topLeftCorner(count, count);
+    right += g.train.topRightCorner(count, 1);
+    squares += g.train(count, count);
+  });
   for (const Columns& columns : linear.columns) {
-    if (columns.residual.size() > 0) weights += static_cast<double>((columns.residual.array() != 0.0F).count()) / 2.0;
+    weights += static_cast<double>((columns.residual.array() != 0.0F).count()) / 2.0;
   }
   // The prior speaks in nats of a well-predicted session; where nothing fits it would be lost, so it keeps its weight.
   NewtonStep step;
@@ -63,15 +77,8 @@ NewtonStep step_of(const Linear& linear, const Unknowns& u, const State& state) 
   step.normal = normal / step.excess;
   right /= step.excess;
   u.add_prior(state, step.normal, right);
-  VectorXd low(count);
-  VectorXd high(count);
-  for (std::size_t j = 0; j < u.parameters.size(); ++j) {
-    const Parameter& c = u.parameters[j];
-    const double limit = kLargestStep * c.step;
-    low[static_cast<Index>(j)] = std::max(-limit, std::min(0.0, c.low - c.get(state)));
-    high[static_cast<Index>(j)] = std::min(limit, std::max(0.0, c.high - c.get(state)));
-  }
-  step.by = solve_within(step.normal, right, low, high);
+  const auto parameters = mapped(u.parameters, [](const Parameter& p) { return &p; });
+  step.by = step_within(parameters, state, kLargestStep, step.normal, right);
   return step;
 }
 
@@ -83,15 +90,14 @@ void fill_unseen_shifts(const FitData& data, State& state) {
     StimulusState& s = state.stimuli[i];
     std::vector<std::size_t> seen;
     for (std::size_t k = 0; k < r.used.size(); ++k) {
-      if (data.frame_counts(i, k)) seen.push_back(k);
+      if (data.frame_counts(i, static_cast<Index>(k))) seen.push_back(k);
     }
     if (seen.empty()) continue;
     const auto time = [&](std::size_t k) { return r.t[k] + s.late_s[k]; };
     for (std::size_t k = 0; k < r.used.size(); ++k) {
-      if (data.frame_counts(i, k)) continue;
       const auto next = std::ranges::lower_bound(seen, k);
       const std::size_t near = next == seen.end() ? seen.back() : *next;
-      s.shift_px[k] = s.shift_px[near] + s.speed_px_s[near] * (time(k) - time(near));
+      if (near != k) s.shift_px[k] = s.shift_px[near] + s.speed_px_s[near] * (time(k) - time(near));
     }
   }
 }
@@ -103,12 +109,12 @@ void take(const FitData& data, const NewtonStep& step, const Linear& linear, con
   }
   for (std::size_t i = 0; i < linear.columns.size(); ++i) {
     const Columns& columns = linear.columns[i];
+    StimulusState& stimulus = state.stimuli[i];
     for (std::size_t k = 0; k < columns.shift.size(); ++k) {
       double shift = columns.shift[k];
       for (std::size_t j = 0; j < columns.turn.size(); ++j) {
         shift -= columns.turn[j][k] * step.by[static_cast<Index>(j)];
       }
-      StimulusState& stimulus = state.stimuli[i];
       if (data.session.recordings[i].kind == Kind::kMovingBars) {
         stimulus.shift_px[k] += std::clamp(shift, -kLargestShift_px, kLargestShift_px);
       } else {
@@ -121,18 +127,15 @@ void take(const FitData& data, const NewtonStep& step, const Linear& linear, con
 }
 
 // Standard errors of the unknowns: from the noise, or from the scatter of the groups where that says more.
-VectorXd errors_of(const std::vector<std::vector<Group>>& groups, const MatrixXd& normal, const VectorXd& by,
-                   double excess) {
-  const Index count = by.size();
-  const MatrixXd spread = inverse(normal);
+VectorXd errors_of(const Linear& linear, const NewtonStep& step) {
+  const Index count = step.by.size();
+  const MatrixXd spread = inverse(step.normal);
   MatrixXd outer = MatrixXd::Zero(count, count);
-  for (const auto& of : groups) {
-    for (const Group& g : of) {
-      const VectorXd gradient = g.train.topRightCorner(count, 1) - g.train.topLeftCorner(count, count) * by;
-      outer += gradient * gradient.transpose();
-    }
-  }
-  const MatrixXd robust = spread * (outer / (excess * excess)) * spread;
+  linear.for_each_group([&](const Group& g) {
+    const VectorXd gradient = g.train.topRightCorner(count, 1) - g.train.topLeftCorner(count, count) * step.by;
+    outer += gradient * gradient.transpose();
+  });
+  const MatrixXd robust = spread * (outer / (step.excess * step.excess)) * spread;
   return spread.diagonal().cwiseMax(robust.diagonal()).cwiseMax(0.0).cwiseSqrt();
 }
 
@@ -164,37 +167,27 @@ struct Wide {
     MatrixXd a = normal(chosen, chosen);
     VectorXd b = normal(chosen, normal.cols() - 1);
     base.add_prior(state, a, b);
-    const auto size = static_cast<Index>(chosen.size());
-    VectorXd low(size);
-    VectorXd high(size);
-    for (Index r = 0; r < size; ++r) {
-      const Parameter& c = parameters[static_cast<std::size_t>(chosen[static_cast<std::size_t>(r)])];
-      low[r] = std::min(0.0, c.low - c.get(state));
-      high[r] = std::max(0.0, c.high - c.get(state));
-    }
-    const VectorXd x = solve_within(a, b, low, high);
-    std::vector<double> losses;
-    losses.reserve(test.size());
-    for (const MatrixXd* of : test) {
+    const auto wanted = mapped(chosen, [this](Index j) { return &parameters[static_cast<std::size_t>(j)]; });
+    const VectorXd x = step_within(wanted, state, std::numeric_limits<double>::infinity(), a, b);
+    return mapped(test, [&](const MatrixXd* of) {
       const Index last = of->cols() - 1;
       double sum = (*of)(last, last);
-      for (Index r = 0; r < size; ++r) {
-        const Index i = chosen[static_cast<std::size_t>(r)];
-        sum -= 2.0 * x[r] * (*of)(i, last);
-        for (Index c = 0; c < size; ++c) sum += x[r] * x[c] * (*of)(i, chosen[static_cast<std::size_t>(c)]);
+      for (std::size_t r = 0; r < chosen.size(); ++r) {
+        const double xr = x[static_cast<Index>(r)];
+        sum -= 2.0 * xr * (*of)(chosen[r], last);
+        for (std::size_t c = 0; c < chosen.size(); ++c) {
+          sum += xr * x[static_cast<Index>(c)] * (*of)(chosen[r], chosen[c]);
+        }
       }
-      losses.push_back(sum);
-    }
-    return losses;
+      return sum;
+    });
   }
 };
 
 }  // namespace
 
 FitResult fit(const FitData& data, const State& start, const std::vector<Choice>& choices, int rounds) {
-  FitResult result;
-  result.state = start;
-  result.choices = choices;
+  FitResult result{start, {}, choices, {}, {}};
   for (const Choice& choice : choices) {
     if (choice.form >= 0) choice.effect->forms[static_cast<std::size_t>(choice.form)].begin(result.state);
   }
@@ -206,15 +199,13 @@ FitResult fit(const FitData& data, const State& start, const std::vector<Choice>
     const NewtonStep step = step_of(linear, u, result.state);
     take(data, step, linear, u, result.state);
     if (maps) result.state = estimate_maps(data, std::move(result.state), choices);
-    if (round + 1 == rounds) errors = errors_of(linear.groups, step.normal, step.by, step.excess);
+    if (round + 1 == rounds) errors = errors_of(linear, step);
   }
   for (std::size_t c = 0; c < choices.size(); ++c) {
     auto& values = result.value.emplace_back();
-    auto& spreads = result.error.emplace_back();
-    for (std::size_t j = u.first[c]; j < u.first[c + 1]; ++j) {
-      values.push_back(u.parameters[j].get(result.state));
-      spreads.push_back(errors[static_cast<Index>(j)]);
-    }
+    for (std::size_t j = u.first[c]; j < u.first[c + 1]; ++j) values.push_back(u.parameters[j].get(result.state));
+    result.error.emplace_back(errors.begin() + static_cast<Index>(u.first[c]),
+                              errors.begin() + static_cast<Index>(u.first[c + 1]));
   }
   result.score = data.score(result.state);
   return result;
@@ -234,40 +225,35 @@ FitResult settle(const FitData& data, FitResult from, int rounds, double toleran
 std::vector<Gain> screen(const FitData& data, const FitResult& base, const std::vector<Choice>& candidates) {
   const Unknowns u(data.session, nominal_of(data.session, base.state), base.choices);
   Wide wide{u, base.state, u.parameters, {}, {}};
-  std::vector<std::vector<Index>> places;  // of each candidate's parameters
-  for (const Choice& candidate : candidates) {
-    auto& own = places.emplace_back();
-    for (Parameter& c : parameters_of(data.session, candidate)) {
-      own.push_back(static_cast<Index>(wide.parameters.size()));
+  std::vector<Index> chosen(u.parameters.size());
+  std::iota(chosen.begin(), chosen.end(), 0);
+  std::vector<std::vector<Index>> with(candidates.size(), chosen);  // with each candidate's parameters
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    for (Parameter& c : parameters_of(data.session, candidates[i])) {
+      with[i].push_back(static_cast<Index>(wide.parameters.size()));
       wide.parameters.push_back(std::move(c));
     }
   }
   const Linear linear = linearise(data, base.state, u, wide.parameters);
   const auto size = static_cast<Index>(wide.parameters.size()) + 1;
   wide.normal = MatrixXd::Zero(size, size);
-  for (const auto& of : linear.groups) {
-    for (const Group& g : of) {
-      wide.normal += g.train;
-      wide.test.push_back(&g.test);
-    }
-  }
+  linear.for_each_group([&wide](const Group& g) {
+    wide.normal += g.train;
+    wide.test.push_back(&g.test);
+  });
   // The fit's pixels stand for all.
   const double scale = static_cast<double>(data.all_pixels.size()) / static_cast<double>(data.fit_pixels.size());
-  std::vector<Index> chosen;
-  for (std::size_t j = 0; j < u.parameters.size(); ++j) chosen.push_back(static_cast<Index>(j));
   const std::vector<double> before = wide.loss(chosen);
   std::vector<Gain> gains(candidates.size());
   for (std::size_t i = 0; i < candidates.size(); ++i) {
-    if (candidates[i].effect->map != MapKind::kNone && !candidates[i].effect->parameters) {
-      gains[i] = gain_between(base.score, map_gain(data, base.state, base.score, candidates[i].effect->map));
-      continue;
+    const Effect& effect = *candidates[i].effect;
+    if (effect.map != MapKind::kNone && !effect.parameters) {
+      gains[i] = gain_between(base.score, map_gain(data, base.state, base.score, effect.map));
+    } else if (with[i].size() > chosen.size()) {
+      std::vector<double> parts = wide.loss(with[i]);
+      for (std::size_t g = 0; g < parts.size(); ++g) parts[g] = (before[g] - parts[g]) / 2.0 * scale;
+      gains[i] = gain_of(parts);
     }
-    if (places[i].empty()) continue;
-    std::vector<Index> more = chosen;
-    more.insert(more.end(), places[i].begin(), places[i].end());
-    std::vector<double> parts = wide.loss(more);
-    for (std::size_t g = 0; g < parts.size(); ++g) parts[g] = (before[g] - parts[g]) / 2.0 * scale;
-    gains[i] = gain_of(parts);
   }
   return gains;
 }

@@ -1,15 +1,198 @@
-// Nested least-squares fits of camera and stimulus, judged on held-out cells.
+// Nested least-squares fits of camera and stimulus: what they look at and its linear equations, what they solve for,
+// maps of single pixels, and the choice of effects.
+//
+// A cell is a block of frames times a block of pixels of one recording. Every second cell is held out: it never enters
+// a fit, and gaps and gains are measured there only.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "src/diagnose/equations.hpp"
-#include "src/diagnose/unknowns.hpp"
+#include <Eigen/Core>
+
+#include "src/diagnose/effect.hpp"
 
 namespace bolo::diagnose {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+inline constexpr int kCellFrames = 24;
+
+// Pixel: index within the grid.
+bool held_out(const Session& session, Index frame, int pixel);
+
+// Squared residuals in units of the floor on held-out cells, by group: one group is a recording's block of frames.
+struct Score {
+  struct Group {
+    double sum = 0.0;
+    double count = 0.0;
+    std::size_t recording = 0;
+  };
+  std::vector<Group> groups;
+  double gap() const;  // root of the mean
+  double gap_of(std::size_t recording) const;
+};
+
+// Gain of log-likelihood from one score to another and how consistent it is over groups.
+struct Gain {
+  double total = 0.0;
+  double z = 0.0;
+};
+Gain gain_of(std::span<const double> parts);  // one of each group
+Gain gain_between(const Score& before, const Score& after);
+
+// Calls work(i) for each recording that has a model, on at most `threads` threads. It must not throw.
+void for_each_modelled(const Session& session, int threads, const std::function<void(std::size_t)>& work);
+
+// A session with the noise of one value (K rms) and the pixels that are looked at; the session must outlive it.
+struct FitData {
+  FitData(const Session& session, double floor_k, int threads);
+
+  const Session& session;
+  double floor_k;
+  int threads;
+  std::vector<int> fit_pixels;  // that fits look at: a scattered part of
+  std::vector<int> all_pixels;  // all that are good and not at the sensor's edge
+
+  bool frame_counts(std::size_t recording, Index frame) const;
+  // Below it a value is what the camera would have shown without a ceiling.
+  float usable_limit(const State& state) const;
+  // Residual of a recording in units of the floor, on `pixels`; unused frames and bad pixels are 0.
+  Series residual(std::size_t recording, const State& state, std::span<const int> pixels) const;
+  Score score(const State& state) const;
+  // Calls visit(frame, column, is held out) for each of all_pixels in the frames that count.
+  template <typename Visit>
+  void for_each_value(std::size_t recording, const Visit& visit) const {
+    for (Index k = 0; k < session.recordings[recording].frames(); ++k) {
+      if (!frame_counts(recording, k)) continue;
+      for (std::size_t j = 0; j < all_pixels.size(); ++j) {
+        visit(k, static_cast<Index>(j), held_out(session, k, all_pixels[j]));
+      }
+    }
+  }
+};
+
+// Weighted residual and derivatives of one recording on the fit's pixels.
+struct Columns {
+  Series residual;
+  std::vector<Series> column;             // empty where the parameter has no influence
+  std::vector<double> shift;              // moving bars: the residual's share of each frame's shift, px
+  std::vector<std::vector<double>> turn;  // the same of each column
+};
+Columns columns_of(const FitData& data, std::size_t recording, const State& state,
+                   const std::vector<Parameter>& parameters);
+
+// Normal equations of one block of frames, training and held-out cells apart: products of all columns, with the
+// residual as the last one.
+struct Group {
+  MatrixXd train;
+  MatrixXd test;
+};
+
+// One group for each kCellFrames frames. An empty column is one without influence; `pixels` are those of the columns.
+std::vector<Group> groups_of(const Session& session, const Series& residual, const std::vector<Series>& columns,
+                             std::span<const int> pixels);
+
+// The solution within bounds: what would go beyond one stays there, and the others are solved for once more.
+VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const VectorXd& low, const VectorXd& high);
+
+MatrixXd inverse(const MatrixXd& normal);
+
+// Owners of what several recordings share.
+inline constexpr int kAllBars = -1;
+inline constexpr int kAllRecordings = -2;
+
+// An error of the stimulus, fitted always and never counted as the camera's gap.
+struct Nuisance {
+  Parameter parameter;
+  int recording = kAllBars;
+  bool is_level = false;  // shares its prior with all other levels
+  double nominal = 0.0;
+  double prior = 0.0;  // standard deviation about `nominal`; 0: free. Levels: see level_spread()
+};
+
+std::vector<Nuisance> nuisances(const Session& session, const State& nominal);
+
+inline constexpr double kSoftestEdge_px = 0.35;  // of a target, standard deviation
+
+// Levels that agree with the files to a few millikelvin say so together: their spread is estimated from themselves.
+inline constexpr double kLevelResolution = 0.005;  // K
+double level_spread(const std::vector<Nuisance>& all, const State& state);
+
+// Log-likelihood (up to a constant) of the levels' errors, their common spread unknown.
+double level_evidence(const std::vector<Nuisance>& all, const State& state);
+
+// An effect in one of its forms.
+struct Choice {
+  const Effect* effect = nullptr;
+  int form = -1;  // -1: as the state has it
+};
+
+// The same effects, their forms as they are in the state already.
+std::vector<Choice> unformed(std::vector<Choice> choices);
+
+struct Unknowns {
+  std::vector<Nuisance> nuisances;
+  std::vector<Parameter> parameters;  // of nuisances, then of the choices
+  std::vector<std::size_t> first;     // of each choice, and one past the last
+
+  Unknowns(const Session& session, const State& nominal, std::span<const Choice> choices);
+
+  // Of one recording: those that cannot change it have no step. `of`: the parameters, or these and more.
+  std::vector<Parameter> touching(const Session& session, std::size_t recording, std::vector<Parameter> of) const;
+
+  // The prior of the stimulus: precision on the diagonal, and its pull on the right side.
+  void add_prior(const State& state, MatrixXd& normal, VectorXd& right) const;
+};
+
+// What the files say of the stimuli, with the frame filter of `state`.
+State nominal_of(const Session& session, const State& state);
+
+inline constexpr std::array<MapKind, 4> kMapKinds{MapKind::kOffset, MapKind::kGain, MapKind::kTau, MapKind::kDrift};
+
+// One of each kind, in that order.
+template <typename T>
+using OfMaps = std::array<T, kMapKinds.size()>;
+
+// What a map does to the readings: frames x pixels, per unit: 1, T - kGainReference, dT / d ln tau, the drift. Thread:
+// any.
+Series basis_of(const Session& session, std::size_t recording, const State& state, MapKind kind,
+                std::span<const int> pixels);
+
+// The same of the kinds that are wanted; the others are empty.
+OfMaps<Series> bases_of(const Session& session, std::size_t recording, const State& state, const OfMaps<bool>& wanted,
+                        std::span<const int> pixels);
+
+// The regression of one pixel's residual on the bases that are wanted.
+struct PixelSums {
+  Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
+  Eigen::Vector4d right = Eigen::Vector4d::Zero();
+  double squares = 0.0;
+  double count = 0.0;
+
+  void add(const OfMaps<Series>& bases, Index frame, Index column, double residual);
+  // The sum over all recordings of a pixel's; those without a model have none.
+  static PixelSums total(const std::vector<std::vector<PixelSums>>& of_recordings, std::size_t pixel);
+  // The inverse of `normal`; what is not wanted, or not known, comes out as 0.
+  Eigen::Matrix4d spread(const OfMaps<bool>& wanted) const;
+};
+
+// The state with the maps that `choices` want, estimated anew on the training cells.
+State estimate_maps(const FitData& data, State state, const std::vector<Choice>& choices);
+
+// The score with a map of this kind added to a state whose score is `before`.
+Score map_gain(const FitData& data, const State& state, const Score& before, MapKind kind);
+
+// By how many standard errors the means of rows follow a parabola over the rows. Columns may differ; pixels of 0 do not
+// count.
+double row_trend_z(const Session& session, const Eigen::VectorXf& map);
+
+// Above it the rows' means are no accident.
+inline constexpr double kClearTrend = 4.5;
 
 struct FitResult {
   State state;
@@ -34,7 +217,6 @@ struct Chosen {
   Choice choice;
   double gap_before = 0.0;
   double gap_after = 0.0;
-  Gain gain;
   std::vector<Alternative> alternatives;
   double confidence = 0.0;
   bool from_map = false;  // seen in the map of another, which had explained it away

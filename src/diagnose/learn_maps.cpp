@@ -1,20 +1,15 @@
 // Maps of the full frame. The diagnosis itself looks at a grid; a pattern of single pixels cannot be read off that, so
 // the captures are read again, some rows at a time.
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <optional>
+#include <numeric>
 
 #include <Eigen/Dense>
 
-#include "src/capture/capture.hpp"
-#include "src/diagnose/learn.hpp"
-#include "src/diagnose/pixel_maps.hpp"
+#include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
-
-using Eigen::Index;
 
 constexpr int kPixelsAtOnce = 8192;
 constexpr int kTauRounds = 2;
@@ -35,47 +30,38 @@ struct Found {
 
 // Makes a session one of the rows [first, end), with all columns; its values are to be read.
 void take_band(Session& band, int first, int end) {
-  band.grid = {{}, {}};
-  for (int row = first; row < end; ++row) band.grid.rows.push_back(row);
-  for (int column = 0; column < band.width; ++column) band.grid.columns.push_back(column);
+  band.grid.rows.resize(static_cast<std::size_t>(end - first));
+  band.grid.columns.resize(static_cast<std::size_t>(band.width));
+  std::iota(band.grid.rows.begin(), band.grid.rows.end(), first);
+  std::iota(band.grid.columns.begin(), band.grid.columns.end(), 0);
   band.good.assign(static_cast<std::size_t>(band.grid.pixels()), 1);
   for (Recording& r : band.recordings) r.values.resize(r.frames(), band.grid.pixels());
 }
 
-using Readers = std::vector<capture::CaptureReader>;
+std::size_t first_pixel(const Session& band) {
+  return static_cast<std::size_t>(band.grid.rows.front()) * static_cast<std::size_t>(band.width);
+}
 
 // One reader for each recording; recordings are in the order of the files, some of which were left out.
-Result<Readers> open_all(const Session& session, const std::vector<std::filesystem::path>& files) {
-  Readers readers;
-  std::size_t next = 0;
+Result<std::vector<capture::CaptureReader>> open_all(const Session& session,
+                                                     const std::vector<std::filesystem::path>& files) {
+  std::vector<capture::CaptureReader> readers;
   for (const std::filesystem::path& file : files) {
-    if (next == session.recordings.size()) break;
-    const Recording& wanted = session.recordings[next];
+    if (readers.size() == session.recordings.size()) break;
+    const Recording& wanted = session.recordings[readers.size()];
     if (file.filename() != wanted.name) continue;
     auto reader = capture::CaptureReader::open(file);
-    if (!reader) continue;
-    if (reader->info().frames != wanted.t.size()) continue;
-    readers.push_back(std::move(*reader));
-    ++next;
+    if (reader && reader->info().frames == wanted.t.size()) readers.push_back(std::move(*reader));
   }
-  if (next != session.recordings.size()) return failed("the captures changed while they were diagnosed; start again");
-  return readers;
+  if (readers.size() == session.recordings.size()) return readers;
+  return failed("the captures changed while they were diagnosed; start again");
 }
 
 Status read_band(const capture::CaptureReader& reader, const Session& band, Series& values) {
-  const StreamFormat& format = reader.info().format;
-  std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
-  const auto* counts = reinterpret_cast<const std::uint16_t*>(plane.data());
-  const auto* kelvin = reinterpret_cast<const float*>(plane.data());
-  const auto first = static_cast<std::size_t>(band.grid.rows.front()) * static_cast<std::size_t>(band.width);
   for (Index k = 0; k < values.rows(); ++k) {
-    if (Status status = reader.read_frame(static_cast<std::size_t>(k), plane.data()); !status) return status;
-    for (Index p = 0; p < values.cols(); ++p) {
-      const std::size_t i = first + static_cast<std::size_t>(p);
-      const double raw =
-          format.type == PixelType::kUint16 ? static_cast<double>(counts[i]) : static_cast<double>(kelvin[i]);
-      values(k, p) = static_cast<float>(format.scale.to_physical(raw));
-    }
+    const std::span<float> row(values.row(k).data(), static_cast<std::size_t>(values.cols()));
+    const auto read = read_values(reader, static_cast<std::size_t>(k), first_pixel(band), row);
+    if (!read) return tl::unexpected(read.error());
   }
   return {};
 }
@@ -99,10 +85,10 @@ std::vector<PixelSums> sums_of(const LearnTask& task, const Session& band, std::
   const Index end = changed_at(task, i);
   const auto limit = static_cast<float>(state.camera.clip_k - 1.0);
   for (Index k = 0; k < end; ++k) {
-    if (r.used[static_cast<std::size_t>(k)] == 0) continue;
+    if (!r.is_used(k)) continue;
     for (Index p = 0; p < r.values.cols(); ++p) {
       if (r.values(k, p) >= limit || predicted(k, p) >= limit) continue;
-      sums[static_cast<std::size_t>(p)].add(bases, k, p, static_cast<double>(r.values(k, p) - predicted(k, p)));
+      sums[static_cast<std::size_t>(p)].add(bases, k, p, r.values(k, p) - predicted(k, p));
     }
   }
   return sums;
@@ -121,42 +107,34 @@ void add_solution(const PixelSums& total, const Wanted& wanted, std::size_t pixe
 
 // The fitted camera without the maps of the grid, which are estimated anew.
 State without_maps(State state) {
-  state.camera.offset.resize(0);
-  state.camera.gain.resize(0);
-  state.camera.tau.resize(0);
-  state.camera.drift_share.resize(0);
+  for (const MapKind kind : kMapKinds) map_of(state.camera, kind).resize(0);
   return state;
 }
 
+// The camera with the maps that a first round has found: the rest is linear and known, only tau has more to tell.
+void apply(Found& found, const Wanted& wanted, std::size_t begin, Index pixels, CameraModel& camera) {
+  for (std::size_t b = 0; b < kMapKinds.size(); ++b) {
+    Eigen::VectorXf& map = map_of(camera, kMapKinds[b]);
+    Eigen::Map<VectorXd> values(found.value[b].data() + begin, pixels);
+    map = values.cast<float>();
+    if (b != kTau) continue;
+    map = map.cwiseMax(-0.3F).cwiseMin(0.3F);
+    values = map.cast<double>();
+  }
+  if (!wanted[kDrift]) camera.drift_share.resize(0);
+  found.noise2 = {};
+}
+
 void solve_band(const LearnTask& task, const Session& band, const Wanted& wanted, int threads, Found& found) {
-  const std::size_t begin = static_cast<std::size_t>(band.grid.rows.front()) * static_cast<std::size_t>(band.width);
+  const std::size_t begin = first_pixel(band);
   const auto pixels = static_cast<std::size_t>(band.grid.pixels());
   State state = without_maps(*task.state);
   for (int round = 0; round < (wanted[kTau] ? kTauRounds : 1); ++round) {
-    if (round > 0) {  // the rest is linear and known: only what tau has left
-      state.camera.offset = Eigen::VectorXf::Zero(band.grid.pixels());
-      state.camera.gain = state.camera.tau = state.camera.drift_share = state.camera.offset;
-      for (std::size_t p = 0; p < pixels; ++p) {
-        const auto at = static_cast<Index>(p);
-        state.camera.offset[at] = static_cast<float>(found.value[kOffset][begin + p]);
-        state.camera.gain[at] = static_cast<float>(found.value[kGain][begin + p]);
-        state.camera.tau[at] = std::clamp(static_cast<float>(found.value[kTau][begin + p]), -0.3F, 0.3F);
-        state.camera.drift_share[at] = static_cast<float>(found.value[kDrift][begin + p]);
-        found.value[kTau][begin + p] = static_cast<double>(state.camera.tau[at]);
-      }
-      if (!wanted[kDrift]) state.camera.drift_share.resize(0);
-      found.noise2 = {};
-    }
+    if (round > 0) apply(found, wanted, begin, static_cast<Index>(pixels), state.camera);
     std::vector<std::vector<PixelSums>> sums(band.recordings.size());
-    for_each_index(sums.size(), threads, [&](std::size_t i) {
-      if (has_model(band.recordings[i])) sums[i] = sums_of(task, band, i, state, wanted);
-    });
+    for_each_modelled(band, threads, [&](std::size_t i) { sums[i] = sums_of(task, band, i, state, wanted); });
     for (std::size_t p = 0; p < pixels; ++p) {
-      PixelSums total;
-      for (const auto& of : sums) {
-        if (!of.empty()) total.add(of[p]);
-      }
-      if (found.dead[begin + p] == 0) add_solution(total, wanted, begin + p, found);
+      if (found.dead[begin + p] == 0) add_solution(PixelSums::total(sums, p), wanted, begin + p, found);
     }
   }
 }
@@ -167,12 +145,11 @@ void centre_and_shrink(std::vector<double>& map, const std::vector<std::uint8_t>
                        bool keep_small) {
   double mean = 0.0;
   double square = 0.0;
-  double count = 0.0;
+  const auto count = static_cast<double>(std::ranges::count(dead, 0));
   for (std::size_t p = 0; p < map.size(); ++p) {
     if (dead[p] != 0) continue;
     mean += map[p];
     square += map[p] * map[p];
-    count += 1.0;
   }
   if (count < 1.0) return;
   mean /= count;
@@ -192,20 +169,12 @@ struct Added {
 Added added_at(const LearnTask& task, const Found& found, std::size_t pixel) {
   const Session& session = task.session;
   const CameraModel& c = task.state->camera;
-  const auto width = static_cast<std::size_t>(session.width);
-  const std::size_t row = pixel / width;
-  const auto x = static_cast<double>(pixel % width);
-  const auto y = static_cast<double>(row);
-  const double half_width = (session.width - 1) / 2.0;
-  const double half_height = (session.height - 1) / 2.0;
-  const double corner = std::max(1.0, half_width * half_width + half_height * half_height);
-  const double radius2 = ((x - half_width) * (x - half_width) + (y - half_height) * (y - half_height)) / corner;
   const Recording& last = session.recordings.back();
-  const Place place{y / std::max(1.0, session.height - 1.0), x / std::max(1.0, session.width - 1.0),
-                    last.start_s + last.t.back()};
+  const PixelPlace at = place_of(pixel, session.width);
+  const double radius2 = corner_distance2(session, at.y, at.x);
+  const Place place = place_in(session, at.y, at.x, last.start_s + last.t.back());
   Added added{found.value[kGain][pixel] + c.corner_gain * radius2,
-              found.value[kOffset][pixel] + c.corner_offset * radius2 +
-                  c.heating_k * (1.0 - std::exp(-c.heating_rate * place.row))};
+              found.value[kOffset][pixel] + c.corner_offset * radius2 + heating_at(c, place.row)};
   for (const CameraModel::Term& term : c.terms) added.offset += term.value * term.unit(place, kGainReference);
   // A package that has drifted stays so: what it had come to at the end of the session.
   if (task.found("drift") != nullptr && !c.drift.empty() && !c.drift_level.empty()) {
@@ -233,10 +202,8 @@ void fill(const LearnTask& task, const Found& found, bool tau, model::PixelMaps&
   }
   if (any_gain) maps.gain = std::move(gain);
   if (any_offset) maps.offset = std::move(offset);
-  if (!tau) return;
-  maps.tau_s.resize(pixels);
-  for (std::size_t p = 0; p < pixels; ++p) {
-    maps.tau_s[p] = static_cast<float>(task.state->camera.response.tau_s * std::exp(found.value[kTau][p]));
+  for (std::size_t p = 0; tau && p < pixels; ++p) {
+    maps.tau_s.push_back(static_cast<float>(task.state->camera.response.tau_s * std::exp(found.value[kTau][p])));
   }
 }
 

@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <set>
+
+#include "src/core/statistics.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -26,43 +27,35 @@ double row_time(const Session& session, const CameraModel& c, int row) {
 // What comes after the pixel, in place; `y` holds the linear quantity.
 void read_out(const Session& session, std::size_t index, const CameraModel& c, std::span<const int> pixels, Series& y) {
   const Recording& recording = session.recordings[index];
-  const double half_width = (session.width - 1) / 2.0;
-  const double half_height = (session.height - 1) / 2.0;
-  const double corner = half_width * half_width + half_height * half_height;
+  if (c.radiance != 0.0) {
+    const TemperatureTable temperature(c.radiance, y.minCoeff(), y.maxCoeff());
+    for (float& v : y.reshaped()) v = static_cast<float>(temperature.at(v));
+  }
   const bool plain = c.corner_gain == 0.0 && c.corner_offset == 0.0 && c.heating_k == 0.0 && c.offset.size() == 0 &&
                      c.gain.size() == 0 && c.terms.empty() && c.drift.empty();
-  if (c.radiance != 0.0) {
-    const TemperatureTable temperature(c.radiance, static_cast<double>(y.minCoeff()),
-                                       static_cast<double>(y.maxCoeff()));
-    for (float& v : y.reshaped()) v = static_cast<float>(temperature.at(static_cast<double>(v)));
-  }
   if (plain) return;
-  for (std::size_t j = 0; j < pixels.size(); ++j) {
-    const int pixel = pixels[j];
-    const double dx = session.grid.column_of(pixel) - half_width;
-    const double dy = session.grid.row_of(pixel) - half_height;
-    const double radius2 = (dx * dx + dy * dy) / std::max(1.0, corner);
-    const double row = session.grid.row_of(pixel) / std::max(1.0, session.height - 1.0);
-    const double column = session.grid.column_of(pixel) / std::max(1.0, session.width - 1.0);
-    double fixed = c.corner_offset * radius2 + c.heating_k * (1.0 - std::exp(-c.heating_rate * row));
-    if (c.offset.size() > 0) fixed += static_cast<double>(c.offset[pixel]);
+  for (Index j = 0; j < y.cols(); ++j) {
+    const int pixel = pixels[static_cast<std::size_t>(j)];
+    const int row = session.grid.row_of(pixel);
+    const int column = session.grid.column_of(pixel);
+    const double radius2 = corner_distance2(session, row, column);
+    Place place = place_in(session, row, column, 0.0);
+    double fixed = c.corner_offset * radius2 + heating_at(c, place.row);
+    if (c.offset.size() > 0) fixed += c.offset[pixel];
     double gain = c.corner_gain * radius2;
-    if (c.gain.size() > 0) gain += static_cast<double>(c.gain[pixel]);
-    for (Eigen::Index k = 0; k < y.rows(); ++k) {
-      const double t = recording.t[static_cast<std::size_t>(k)];
-      const double shown = static_cast<double>(y(k, static_cast<Eigen::Index>(j)));
+    if (c.gain.size() > 0) gain += c.gain[pixel];
+    for (Index k = 0; k < y.rows(); ++k) {
+      const double t = recording.time_of(k);
+      const double shown = y(k, j);
       double value = shown + gain * (shown - kGainReference) + fixed;
       if (!c.drift.empty()) {
         const double drifted = drift_at(c, recording, index, t);
         value += drifted;
-        if (c.drift_share.size() > 0) {
-          value += static_cast<double>(c.drift_share[pixel]) * (drifted + c.drift_level[index]);
-        }
+        if (c.drift_share.size() > 0) value += c.drift_share[pixel] * (drifted + c.drift_level[index]);
       }
-      for (const CameraModel::Term& term : c.terms) {
-        value += term.value * term.unit({row, column, recording.start_s + t}, shown);
-      }
-      y(k, static_cast<Eigen::Index>(j)) = static_cast<float>(value);
+      place.t_s = recording.start_s + t;
+      for (const CameraModel::Term& term : c.terms) value += term.value * term.unit(place, shown);
+      y(k, j) = static_cast<float>(value);
     }
   }
 }
@@ -93,10 +86,11 @@ std::vector<Step> steps_of(const capture::Chopper& chopper, const StimulusState&
 void filter_frames(const Response& r, Series& y) {
   if (r.filter == FrameFilter::kNone || r.alpha >= 1.0) return;
   const auto alpha = static_cast<float>(r.alpha);
+  const auto blend = [&](Index k) { y.row(k) = alpha * y.row(k) + (1.0F - alpha) * y.row(k - 1); };
   if (r.filter == FrameFilter::kRecursive) {
-    for (Eigen::Index k = 1; k < y.rows(); ++k) y.row(k) = alpha * y.row(k) + (1.0F - alpha) * y.row(k - 1);
+    for (Index k = 1; k < y.rows(); ++k) blend(k);
   } else {
-    for (Eigen::Index k = y.rows() - 1; k > 0; --k) y.row(k) = alpha * y.row(k) + (1.0F - alpha) * y.row(k - 1);
+    for (Index k = y.rows() - 1; k > 0; --k) blend(k);
   }
 }
 
@@ -111,22 +105,23 @@ Series predict_chopper(const Session& session, std::size_t index, const State& s
   const TauTables<StepTable> tables(c.response, varied, [&](const Response& response) {
     return StepTable(steps, response, recording.t.back() + 0.2);
   });
-  Series y(recording.frames(), static_cast<Eigen::Index>(pixels.size()));
+  Series y(recording.frames(), static_cast<Index>(pixels.size()));
   // Pixels of one moment share their values when nothing tells them apart.
   const bool together = !varied && stimulus.sweep_s == 0.0 && c.row_delay_s == 0.0;
-  for (std::size_t j = 0; j < pixels.size(); ++j) {
-    const auto column = static_cast<Eigen::Index>(j);
+  for (Index j = 0; j < y.cols(); ++j) {
     if (together && j > 0) {
-      y.col(column) = y.col(0);
+      y.col(j) = y.col(0);
       continue;
     }
-    const double x = session.grid.column_of(pixels[j]) / std::max(1.0, session.width - 1.0) - 0.5;
-    const double shift = row_time(session, c, session.grid.row_of(pixels[j])) - stimulus.delay_s - stimulus.sweep_s * x;
-    const double own = varied ? static_cast<double>(c.tau[pixels[j]]) : 0.0;
-    for (Eigen::Index k = 0; k < y.rows(); ++k) {
+    const int pixel = pixels[static_cast<std::size_t>(j)];
+    const int row = session.grid.row_of(pixel);
+    const double x = place_in(session, row, session.grid.column_of(pixel), 0.0).column - 0.5;
+    const double shift = row_time(session, c, row) - stimulus.delay_s - stimulus.sweep_s * x;
+    const double own = varied ? c.tau[pixel] : 0.0;
+    for (Index k = 0; k < y.rows(); ++k) {
       const auto frame = static_cast<std::size_t>(k);
       const double t = recording.t[frame] * (1.0 + c.clock_skew) + stimulus.late_s[frame] + shift;
-      y(k, column) = static_cast<float>(cold + tables.at(t, own));
+      y(k, j) = static_cast<float>(cold + tables.at(t, own));
     }
   }
   filter_frames(c.response, y);
@@ -135,26 +130,58 @@ Series predict_chopper(const Session& session, std::size_t index, const State& s
 
 Series predict_bars(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
   const BarsModel model(session, index, state);
-  const Recording& recording = session.recordings[index];
-  Series y(recording.frames(), static_cast<Eigen::Index>(pixels.size()));
   const StimulusState& stimulus = state.stimuli[index];
-  if (recording.kind == Kind::kStillBars) {
-    model.frame(0, stimulus.phase_px, pixels, y.row(0).data(), nullptr);
-    for (Eigen::Index k = 1; k < y.rows(); ++k) y.row(k) = y.row(0);
-    return y;
-  }
-  for (Eigen::Index k = 0; k < y.rows(); ++k) {
+  const bool still = session.recordings[index].kind == Kind::kStillBars;
+  Series y(session.recordings[index].frames(), static_cast<Index>(pixels.size()));
+  for (Index k = 0; k < y.rows(); ++k) {
     const auto frame = static_cast<std::size_t>(k);
-    model.frame(frame, stimulus.shift_px[frame], pixels, y.row(k).data(), nullptr);
+    if (still && k > 0) {
+      y.row(k) = y.row(0);
+    } else {
+      model.frame(frame, still ? stimulus.phase_px : stimulus.shift_px[frame], pixels, y.row(k).data(), nullptr);
+    }
   }
   return y;
 }
 
+TauTables<BarTable> bar_tables(const CameraModel& c, const StimulusState& stimulus, const Bars& bars, bool moving) {
+  const double cold = scene_signal(c, stimulus.level_k[0]);
+  const double span = scene_signal(c, stimulus.level_k[1]) - cold;
+  std::function<double(double)> signal;
+  if (c.edges_in_temperature && (c.radiance != 0.0 || c.reflected != 0.0)) {
+    signal = [&](double share) {
+      const double kelvin = stimulus.level_k[0] + share * (stimulus.level_k[1] - stimulus.level_k[0]);
+      return (scene_signal(c, kelvin) - cold) / span;
+    };
+  }
+  return {c.response, moving, [&](const Response& response) { return BarTable(bars, response, signal); }};
+}
+
+// Speeds come from the nominal clock.
+double true_mean_speed(const StimulusState& stimulus, double clock_skew) {
+  const auto count = static_cast<double>(stimulus.speed_px_s.size());
+  return sum_of(stimulus.speed_px_s, [count](double v) { return v / count; }) / (1.0 + clock_skew);
+}
+
 }  // namespace
 
-double StimulusState::mean_speed() const {
-  return std::accumulate(speed_px_s.begin(), speed_px_s.end(), 0.0) / static_cast<double>(speed_px_s.size());
+Place place_in(const Session& session, int row, int column, double t_s) {
+  return {row / std::max(1.0, session.height - 1.0), column / std::max(1.0, session.width - 1.0), t_s};
 }
+
+double corner_distance2(const Session& session, int row, int column) {
+  const double half_width = (session.width - 1) / 2.0;
+  const double half_height = (session.height - 1) / 2.0;
+  const double dx = column - half_width;
+  const double dy = row - half_height;
+  return (dx * dx + dy * dy) / std::max(1.0, half_width * half_width + half_height * half_height);
+}
+
+double heating_at(const CameraModel& camera, double row) {
+  return camera.heating_k * (1.0 - std::exp(-camera.heating_rate * row));
+}
+
+double StimulusState::mean_speed() const { return sum_of(speed_px_s) / static_cast<double>(speed_px_s.size()); }
 
 double drift_at(const CameraModel& camera, const Recording& recording, std::size_t index, double t_s) {
   const double s = 2.0 * t_s / std::max(1e-9, recording.t.back()) - 1.0;
@@ -196,11 +223,19 @@ bool has_model(const Recording& recording) {
   return recording.kelvin && recording.kind != Kind::kScene && recording.kind != Kind::kField;
 }
 
+std::vector<std::size_t> modelled(const Session& session) {
+  std::vector<std::size_t> all;
+  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
+    if (has_model(session.recordings[i])) all.push_back(i);
+  }
+  return all;
+}
+
 Series predict(const Session& session, std::size_t index, const State& state, std::span<const int> pixels) {
   const Recording& recording = session.recordings[index];
   Series y;
   if (recording.kind == Kind::kUniform) {
-    y.setConstant(recording.frames(), static_cast<Eigen::Index>(pixels.size()),
+    y.setConstant(recording.frames(), static_cast<Index>(pixels.size()),
                   static_cast<float>(scene_signal(state.camera, state.stimuli[index].level_k[0])));
   } else if (recording.kind == Kind::kChopper) {
     y = predict_chopper(session, index, state, pixels);
@@ -210,30 +245,6 @@ Series predict(const Session& session, std::size_t index, const State& state, st
   read_out(session, index, state.camera, pixels, y);
   return y;
 }
-
-namespace {
-
-TauTables<BarTable> bar_tables(const CameraModel& c, const StimulusState& stimulus, const Bars& bars, bool moving) {
-  const double cold = scene_signal(c, stimulus.level_k[0]);
-  const double span = scene_signal(c, stimulus.level_k[1]) - cold;
-  std::function<double(double)> signal;
-  if (c.edges_in_temperature && (c.radiance != 0.0 || c.reflected != 0.0)) {
-    signal = [&](double share) {
-      const double kelvin = stimulus.level_k[0] + share * (stimulus.level_k[1] - stimulus.level_k[0]);
-      return (scene_signal(c, kelvin) - cold) / span;
-    };
-  }
-  return {c.response, moving, [&](const Response& response) { return BarTable(bars, response, signal); }};
-}
-
-// Speeds come from the nominal clock.
-double true_mean_speed(const StimulusState& stimulus, double clock_skew) {
-  double mean = 0.0;
-  for (const double v : stimulus.speed_px_s) mean += v / static_cast<double>(stimulus.speed_px_s.size());
-  return mean / (1.0 + clock_skew);
-}
-
-}  // namespace
 
 BarsModel::BarsModel(const Session& session, std::size_t recording, const State& state)
     : session_(session),
@@ -256,7 +267,7 @@ void BarsModel::frame(std::size_t k, double shift_px, std::span<const int> pixel
     const int row = session_.grid.row_of(pixels[j]);
     const double u = session_.grid.column_of(pixels[j]) - target_.slant_px_per_row * row - shift_px -
                      speed * row_time(session_, camera_, row);
-    const double own = log_speed + (camera_.tau.size() > 0 ? static_cast<double>(camera_.tau[pixels[j]]) : 0.0);
+    const double own = log_speed + (camera_.tau.size() > 0 ? camera_.tau[pixels[j]] : 0.0);
     values[j] = static_cast<float>(cold_ + span_ * tables_.at(u, own));
     if (slopes != nullptr) slopes[j] = static_cast<float>(-span_ * tables_.middle().slope(u));
   }

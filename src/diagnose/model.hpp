@@ -1,4 +1,6 @@
-// What is believed of camera and stimulus, and what they would show.
+// Forward models in closed form: what a pixel shows of a chopper (sums of exponentials) and of moving bars (a Fourier
+// series, whose every harmonic passes optics, pixel and read-out as a factor); what is believed of camera and stimulus,
+// and what they would show.
 #pragma once
 
 #include <array>
@@ -8,10 +10,101 @@
 #include <span>
 #include <vector>
 
-#include "src/diagnose/response.hpp"
 #include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
+
+enum class FrameFilter { kNone, kRecursive, kBox };
+
+// All that is linear between the scene and the read-out.
+struct Response {
+  double tau_s = 0.011;
+  double slow_share = 0.0;  // of the response, with slow_tau_s
+  double slow_tau_s = 0.15;
+  double window_s = 0.0;  // the read-out is the mean over this time; its centre is the sample's time
+  double blur_px2 = 0.0;  // variance of the optics' Gaussian blur
+  double coupling = 0.0;  // to each of four neighbours, in units of the conductance to the substrate
+  FrameFilter filter = FrameFilter::kNone;
+  double alpha = 1.0;       // weight of the new frame
+  double period_s = 0.005;  // between frames
+};
+
+// A step of the input: at t_s it changes by `height`.
+struct Step {
+  double t_s = 0.0;
+  double height = 0.0;
+};
+
+// The response to steps, on a fine grid of times; zero before the first one.
+class StepTable {
+ public:
+  // Steps in order. The table reaches from the first step's time to `end_s`.
+  StepTable(std::span<const Step> steps, const Response& response, double end_s);
+  double at(double t_s) const noexcept;
+
+ private:
+  double instant(double t_s) const noexcept;
+  double integral(double t_s) const noexcept;
+  struct Kink {
+    double t_s;
+    double value;
+  };
+  double start_s_ = 0.0;
+  double window_s_ = 0.0;
+  std::vector<double> value_;
+  std::vector<double> integral_;
+  std::vector<Kink> kinks_;
+  std::vector<int> kink_of_;  // of each interval: index of its kink, -1: none, -2: several
+};
+
+struct Bars {
+  double period_px = 0.0;
+  double bar_width_px = 0.0;
+  double slant_px_per_row = 0.0;
+  double velocity_px_s = 0.0;
+  double edge_px2 = 0.0;     // variance of the target's own edges
+  double aperture_px = 1.0;  // width over which a pixel averages
+};
+
+// What a pixel shows of bars of height 1 on 0, by the phase of the bars at the pixel.
+class BarTable {
+ public:
+  // `signal`: from the share of a pixel that bars cover to the share of the signal that it gets; empty: the same.
+  BarTable(const Bars& bars, const Response& response, const std::function<double(double)>& signal = {});
+  double at(double phase_px) const noexcept;     // phase: any number
+  double slope(double phase_px) const noexcept;  // by phase, 1/px
+
+ private:
+  double covered(double phase_px) const noexcept;  // the share of the signal that a still pixel gets, in closed form
+  double scale_ = 0.0;
+  Bars bars_;
+  bool still_ = false;  // value_ is what conduction adds to covered()
+  double sigma_px_ = 0.0;
+  std::vector<double> signal_;  // of shares from 0 to 1; empty: the same
+  std::vector<float> value_;    // one period and one more
+};
+
+// Band radiance of a black body, 7.5 to 14 um, in kelvin of its own: signal(300 K) = 300, slope 1 there.
+
+// 200..700 K, beyond it goes straight on. Source: Planck's law, integrated over the band. Thread: any.
+double band_signal(double temperature_k) noexcept;
+double band_temperature(double signal) noexcept;
+
+// Between temperature (0) and band radiance (1). `share` 0 gives the argument itself. Thread: any.
+double mixed_signal(double temperature_k, double share) noexcept;
+double mixed_temperature(double signal, double share) noexcept;
+
+// mixed_temperature() of many values between two signals, from a table: off by less than 20 uK.
+class TemperatureTable {
+ public:
+  TemperatureTable(double share, double low, double high);
+  double at(double signal) const noexcept;
+
+ private:
+  double low_ = 0.0;
+  double scale_ = 1.0;
+  std::vector<double> value_;
+};
 
 // Where and when a value was read: what an effect that only adds to the read-out may depend on.
 struct Place {
@@ -19,6 +112,9 @@ struct Place {
   double column = 0.0;  // 0..1
   double t_s = 0.0;     // camera's clock
 };
+Place place_in(const Session& session, int row, int column, double t_s);
+// The square of the distance from the frame's middle; 1 at the corners.
+double corner_distance2(const Session& session, int row, int column);
 
 struct CameraModel {
   Response response;
@@ -48,6 +144,9 @@ struct CameraModel {
   };
   std::vector<Term> terms;
 };
+
+// What the read-out's heat adds in a row, 0..1, K.
+double heating_at(const CameraModel& camera, double row);
 
 // The drift of a recording (its index among the session's) at a time of its own, K: a cubic about its mean.
 double drift_at(const CameraModel& camera, const Recording& recording, std::size_t index, double t_s);
@@ -84,6 +183,7 @@ State nominal_state(const Session& session, const model::CameraProfile& profile)
 // What the pixels (of the grid) of a recording show: frames x pixels, K. Recordings without a stimulus that has a
 // forward model show nothing: has_model() is false. Thread: any.
 bool has_model(const Recording& recording);
+std::vector<std::size_t> modelled(const Session& session);  // the recordings that have a model
 Series predict(const Session& session, std::size_t recording, const State& state, std::span<const int> pixels);
 
 // A table of responses to read off for pixels whose time constants differ: three tables, and Lagrange's polynomial in

@@ -2,13 +2,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
+#include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
-
-using Eigen::Index;
 
 struct Left {
   Series predicted;
@@ -18,11 +18,12 @@ struct Left {
 
 Left left_over(const Session& session, std::size_t i, const State& state, const std::vector<int>& pixels,
                bool used_only) {
-  Left left{predict(session, i, state, pixels), {}, {}};
-  left.residual = session.recordings[i].values - left.predicted;
-  for (Index k = 0; k < left.residual.rows(); ++k) {
-    if (!used_only || session.recordings[i].used[static_cast<std::size_t>(k)] != 0) left.frames.push_back(k);
-  }
+  const Recording& r = session.recordings[i];
+  Left left{predict(session, i, state, pixels), {}, r.used_frames()};
+  left.residual = r.values - left.predicted;
+  if (used_only) return left;
+  left.frames.resize(r.used.size());
+  std::iota(left.frames.begin(), left.frames.end(), 0);
   return left;
 }
 
@@ -35,14 +36,13 @@ Curve profile(const Session& session, const Left& left, bool by_row) {
   const std::size_t width = session.grid.columns.size();
   const std::vector<int>& places = by_row ? session.grid.rows : session.grid.columns;
   Curve curve{{places.begin(), places.end()}, std::vector<double>(places.size(), 0.0)};
-  std::vector<double> count(places.size(), 0.0);
-  for (Index p = 0; p < left.residual.cols(); ++p) {
-    const auto pixel = static_cast<std::size_t>(p);
-    const std::size_t at = by_row ? pixel / width : pixel % width;
-    for (const Index k : left.frames) curve.y[at] += static_cast<double>(left.residual(k, p));
-    count[at] += static_cast<double>(left.frames.size());
+  const auto pixels = static_cast<std::size_t>(left.residual.cols());
+  for (std::size_t p = 0; p < pixels; ++p) {
+    double& sum = curve.y[by_row ? p / width : p % width];
+    for (const Index k : left.frames) sum += left.residual(k, static_cast<Index>(p));
   }
-  for (std::size_t i = 0; i < places.size(); ++i) curve.y[i] /= std::max(1.0, count[i]);
+  const std::size_t values = pixels / places.size() * left.frames.size();  // of each place
+  for (double& y : curve.y) y /= std::max(1.0, static_cast<double>(values));
   return curve;
 }
 
@@ -51,7 +51,7 @@ Curve spectrum(const Session& session, const Left& left) {
   const Index stride = std::max<Index>(1, left.residual.cols() / 96);
   double pixels = 0.0;
   for (Index p = 0; p < left.residual.cols(); p += stride) {
-    if (session.good[static_cast<std::size_t>(p)] == 0) continue;
+    if (!session.is_good(p)) continue;
     const std::vector<double> one = periodogram(left.residual.col(p).cast<double>().array());
     power.resize(one.size(), 0.0);
     for (std::size_t j = 0; j < one.size(); ++j) power[j] += 2.0 * one[j] * session.period_s;
@@ -70,17 +70,15 @@ CapturePlots::Side side(const Session& session, const Left& left, double floor_k
                          profile(session, left, false), spectrum(session, left)};
   double squares = 0.0;
   for (Index p = 0; p < left.residual.cols(); ++p) {
-    double sum = 0.0;
-    for (const Index k : left.frames) {
-      const auto value = static_cast<double>(left.residual(k, p)) / floor_k;
-      sum += value * value;
-    }
-    const auto rms =
-        static_cast<float>(std::sqrt(sum / std::max<double>(1.0, static_cast<double>(left.frames.size()))));
+    const double sum = sum_of(left.frames, [&](Index k) {
+      const double value = left.residual(k, p) / floor_k;
+      return value * value;
+    });
+    const auto rms = static_cast<float>(std::sqrt(sum / std::max(1.0, static_cast<double>(left.frames.size()))));
     out.gap_map.values.push_back(rms);
-    squares += static_cast<double>(rms * rms);
+    squares += rms * rms;
   }
-  out.gap = std::sqrt(squares / std::max<double>(1.0, static_cast<double>(left.residual.cols())));
+  out.gap = std::sqrt(squares / std::max(1.0, static_cast<double>(left.residual.cols())));
   return out;
 }
 
@@ -98,13 +96,12 @@ class Where {
     for (Index p = 0; p < left.residual.cols(); ++p) {
       for (Index from = 0; from < left.residual.rows(); from += kCellFrames) {
         const Index length = std::min<Index>(kCellFrames, left.residual.rows() - from);
-        const double square =
-            static_cast<double>(left.residual.col(p).segment(from, length).squaredNorm()) / (floor_k * floor_k);
+        const double square = left.residual.col(p).segment(from, length).squaredNorm() / (floor_k * floor_k);
         if (square / static_cast<double>(length) < kMuch) continue;
-        rows_.push_back(session.grid.row_of(static_cast<int>(p)));
-        columns_.push_back(session.grid.column_of(static_cast<int>(p)));
-        times_.push_back(r.t[static_cast<std::size_t>(from)]);
-        temperatures_.push_back(static_cast<double>(left.predicted(from + length / 2, p)));
+        rows_.push_back(session.grid.row_of(p));
+        columns_.push_back(session.grid.column_of(p));
+        times_.push_back(r.time_of(from));
+        temperatures_.push_back(left.predicted(from + length / 2, p));
         pixel_bad_.resize(static_cast<std::size_t>(left.residual.cols()), 0);
         pixel_bad_[static_cast<std::size_t>(p)] = 1;
       }
@@ -143,24 +140,19 @@ class Where {
 // The band that holds nine tenths of what a residual has above the floor.
 std::pair<double, double> band(const Curve& spectrum, double floor) {
   constexpr double kAboveFloor = 1.3;
-  double all = 0.0;
-  for (const double y : spectrum.y) all += std::max(0.0, y - kAboveFloor * floor);
+  const auto above = [&](double y) { return std::max(0.0, y - kAboveFloor * floor); };
+  const double all = sum_of(spectrum.y, above);
   if (all <= 0.0) return {0.0, 0.0};
-  double sum = 0.0;
-  std::pair<double, double> found{spectrum.x.front(), spectrum.x.back()};
-  bool low = false;
-  for (std::size_t j = 0; j < spectrum.x.size(); ++j) {
-    sum += std::max(0.0, spectrum.y[j] - kAboveFloor * floor);
-    if (!low && sum > 0.05 * all) {
-      found.first = spectrum.x[j];
-      low = true;
+  // Where the sum first exceeds a share of the whole.
+  const auto reaches = [&](double share, double otherwise) {
+    double sum = 0.0;
+    for (std::size_t j = 0; j < spectrum.x.size(); ++j) {
+      sum += above(spectrum.y[j]);
+      if (sum > share * all) return spectrum.x[j];
     }
-    if (sum > 0.95 * all) {
-      found.second = spectrum.x[j];
-      break;
-    }
-  }
-  return found;
+    return otherwise;
+  };
+  return {reaches(0.05, spectrum.x.front()), reaches(0.95, spectrum.x.back())};
 }
 
 }  // namespace
@@ -171,15 +163,12 @@ void fill_plots(const Fit& fit, double floor_k, Report& report) {
   const std::vector<int> pixels = session.grid.all();
   Where where;
   double widest = 0.0;
-  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
+  for (const std::size_t i : modelled(session)) {
     const Recording& r = session.recordings[i];
-    if (!has_model(r)) continue;
     const Left before = left_over(raw, i, fit.nominal, pixels, false);
     const Left after = left_over(session, i, fit.state, pixels, true);
     Index pixel = session.grid.pixels() / 2 + static_cast<Index>(session.grid.columns.size()) / 2;
-    if (session.good[static_cast<std::size_t>(pixel)] == 0) {
-      pixel = std::ranges::find(session.good, 1) - session.good.begin();
-    }
+    if (!session.is_good(pixel)) pixel = std::ranges::find(session.good, 1) - session.good.begin();
     report.captures.push_back({r.name, std::string(name_of(r.kind)), side(session, before, floor_k),
                                side(session, after, floor_k), trace(r, raw.recordings[i].values, pixel),
                                trace(r, before.predicted, pixel), trace(r, after.predicted, pixel)});
@@ -195,8 +184,7 @@ void fill_plots(const Fit& fit, double floor_k, Report& report) {
     if (values.size() == 0) return;
     Map& map = report.maps.emplace_back(empty_map(session, title, unit));
     for (Index p = 0; p < values.size(); ++p) {
-      const bool good = session.good[static_cast<std::size_t>(p)] != 0;
-      map.values.push_back(good ? values[p] * factor : std::numeric_limits<float>::quiet_NaN());
+      map.values.push_back(session.is_good(p) ? values[p] * factor : std::numeric_limits<float>::quiet_NaN());
     }
   };
   const CameraModel& c = fit.state.camera;

@@ -17,6 +17,11 @@ std::string report_json(const Report& report);
 // A page that needs nothing but itself.
 std::string report_html(const Report& report);
 
+// Parts of the page with drawings; empty when the report has nothing for it.
+std::string captures_part(const Report& report);  // maps, profiles, spectra, answers in time
+std::string noise_part(const Report& report);     // statistics as dumbbells
+std::string maps_part(const Report& report);      // what was diagnosed of single pixels
+
 // The files of a report in `folder`: report.json and report.html.
 std::vector<std::filesystem::path> report_files(const std::filesystem::path& folder);
 
@@ -48,7 +53,6 @@ std::string headline(const Report& report, bool utf8 = false);
 std::string gap_text(double gap);
 
 // What a capture tells without a model, one sentence each: jumps with their frames, freezes, noise, patterns, outliers.
-//
 std::vector<std::string> describe(const Observation& observation);
 
 // "3 stuck: (12, 5), (100, 40), (7, 81)": the first few places.

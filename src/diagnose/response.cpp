@@ -1,4 +1,4 @@
-#include "src/diagnose/response.hpp"
+#include "src/diagnose/model.hpp"
 
 #include <algorithm>
 #include <array>
@@ -23,8 +23,8 @@ struct Pole {
   double tau_s;
   double value = 0.0;
   double integral = 0.0;
-  void run(double dt, double input) {
-    const double decay = std::exp(-dt / tau_s);
+  void run(double dt, double input) { run(dt, input, std::exp(-dt / tau_s)); }
+  void run(double dt, double input, double decay) {
     integral += input * dt + (value - input) * tau_s * (1.0 - decay);
     value = input + (value - input) * decay;
   }
@@ -54,6 +54,12 @@ double soft_ramp(double x, double sigma) {
   const double z = x / sigma;
   return x * 0.5 * std::erfc(-z / std::numbers::sqrt2) +
          sigma * std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
+}
+
+// Between the values of a table, at a place of 0 or more.
+double interpolated(const std::vector<double>& values, double at) {
+  const std::size_t i = std::min(static_cast<std::size_t>(at), values.size() - 2);
+  return values[i] + (at - static_cast<double>(i)) * (values[i + 1] - values[i]);
 }
 
 double sinc(double x) { return std::abs(x) < 1e-9 ? 1.0 : std::sin(std::numbers::pi * x) / (std::numbers::pi * x); }
@@ -92,6 +98,16 @@ const Table& table() {
   return made;
 }
 
+// The temperature of a signal, by Newton's method from a first guess.
+template <typename SignalOf>
+double solved(const SignalOf& signal_of, double signal, double temperature_k, int rounds) {
+  for (int i = 0; i < rounds; ++i) {
+    const double slope = (signal_of(temperature_k + 0.05) - signal_of(temperature_k - 0.05)) / 0.1;
+    temperature_k += (signal - signal_of(temperature_k)) / slope;
+  }
+  return temperature_k;
+}
+
 }  // namespace
 
 StepTable::StepTable(std::span<const Step> steps, const Response& response, double end_s)
@@ -114,11 +130,8 @@ StepTable::StepTable(std::span<const Step> steps, const Response& response, doub
     double now = start_s_ + static_cast<double>(i) * kFine;
     const double end = now + kFine;
     if (next == steps.size() || steps[next].t_s >= end) {  // the common interval: no step inside
-      for (Pole* pole : {&fast, &slow}) {
-        const double decay = pole == &fast ? fine_fast : fine_slow;
-        pole->integral += input * kFine + (pole->value - input) * pole->tau_s * (1.0 - decay);
-        pole->value = input + (pole->value - input) * decay;
-      }
+      fast.run(kFine, input, fine_fast);
+      slow.run(kFine, input, fine_slow);
       continue;
     }
     while (next < steps.size() && steps[next].t_s < end) {
@@ -217,9 +230,7 @@ double BarTable::covered(double phase_px) const noexcept {
   }
   const double share = sum / bars_.aperture_px;
   if (signal_.empty()) return share;
-  const double at = std::clamp(share, 0.0, 1.0) * kShares;
-  const std::size_t i = std::min(static_cast<std::size_t>(at), signal_.size() - 2);
-  return signal_[i] + (at - static_cast<double>(i)) * (signal_[i + 1] - signal_[i]);
+  return interpolated(signal_, std::clamp(share, 0.0, 1.0) * kShares);
 }
 
 double BarTable::at(double phase_px) const noexcept {
@@ -227,7 +238,7 @@ double BarTable::at(double phase_px) const noexcept {
   const double at = (turns - std::floor(turns)) * kPhases;
   const std::size_t i = std::min(static_cast<std::size_t>(at), static_cast<std::size_t>(kPhases - 1));
   const auto f = static_cast<float>(at - static_cast<double>(i));
-  const auto value = static_cast<double>(value_[i] + f * (value_[i + 1] - value_[i]));
+  const double value = value_[i] + f * (value_[i + 1] - value_[i]);
   return still_ ? covered(phase_px) + value : value;
 }
 
@@ -248,12 +259,7 @@ double band_signal(double temperature_k) noexcept {
 double band_temperature(double signal) noexcept {
   const auto& s = table().signal;
   const auto next = std::upper_bound(s.begin() + 1, s.end() - 2, signal);
-  double temperature_k = kLow + kStep * static_cast<double>(next - s.begin());
-  for (int i = 0; i < 3; ++i) {
-    const double slope = (band_signal(temperature_k + 0.05) - band_signal(temperature_k - 0.05)) / 0.1;
-    temperature_k += (signal - band_signal(temperature_k)) / slope;
-  }
-  return temperature_k;
+  return solved(band_signal, signal, kLow + kStep * static_cast<double>(next - s.begin()), 3);
 }
 
 double mixed_signal(double temperature_k, double share) noexcept {
@@ -262,12 +268,7 @@ double mixed_signal(double temperature_k, double share) noexcept {
 
 double mixed_temperature(double signal, double share) noexcept {
   if (share == 0.0) return signal;
-  double temperature_k = signal;
-  for (int i = 0; i < 4; ++i) {
-    const double slope = (mixed_signal(temperature_k + 0.05, share) - mixed_signal(temperature_k - 0.05, share)) / 0.1;
-    temperature_k += (signal - mixed_signal(temperature_k, share)) / slope;
-  }
-  return temperature_k;
+  return solved([share](double t) { return mixed_signal(t, share); }, signal, signal, 4);
 }
 
 TemperatureTable::TemperatureTable(double share, double low, double high) : low_(low) {
@@ -278,9 +279,7 @@ TemperatureTable::TemperatureTable(double share, double low, double high) : low_
 }
 
 double TemperatureTable::at(double signal) const noexcept {
-  const double at = std::max(0.0, (signal - low_) * scale_);
-  const std::size_t i = std::min(static_cast<std::size_t>(at), value_.size() - 2);
-  return value_[i] + (at - static_cast<double>(i)) * (value_[i + 1] - value_[i]);
+  return interpolated(value_, std::max(0.0, (signal - low_) * scale_));
 }
 
 }  // namespace bolo::diagnose

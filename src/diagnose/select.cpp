@@ -5,7 +5,6 @@
 #include <random>
 
 #include "src/diagnose/fit.hpp"
-#include "src/diagnose/pixel_maps.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -57,7 +56,7 @@ State without_effect(const Session& session, const State& from, const State& bas
 // The share of redrawn sets of groups in which the first gains more than the second.
 double confidence_of(const Score& base, const Score& first, const Score* second) {
   std::mt19937 random(12345);
-  const std::size_t groups = base.sum.size();
+  const std::size_t groups = base.groups.size();
   if (groups == 0) return 0.0;
   std::uniform_int_distribution<std::size_t> pick(0, groups - 1);
   int wins = 0;
@@ -67,8 +66,8 @@ double confidence_of(const Score& base, const Score& first, const Score* second)
     double other = 0.0;
     for (std::size_t i = 0; i < groups; ++i) {
       const std::size_t g = pick(random);
-      ours += base.sum[g] - first.sum[g];
-      if (second != nullptr) other += base.sum[g] - second->sum[g];
+      ours += base.groups[g].sum - first.groups[g].sum;
+      if (second != nullptr) other += base.groups[g].sum - second->groups[g].sum;
     }
     if (ours > other && ours > 0.0) ++wins;
   }
@@ -85,22 +84,146 @@ class Selector {
         selection_{base, {}} {}
 
   // Adds the effect that gains most, fitted to the end; false when none gains enough.
-  bool add();
+  bool add() {
+    std::vector<Tried> tried = attempts();
+    if (tried.empty() || !enough(tried.front().gain)) return false;
+    Tried& best = tried.front();
+    // What the winner leaves is what the next effect is judged by.
+    best.fit = settle(data_, std::move(best.fit), kRounds, kSettled);
+    const Score& before = selection_.fit.score;
+    Chosen chosen{best.choice, before.gap(), best.fit.score.gap(), {}, 0.0, false};
+    for (std::size_t i = 1; i < tried.size(); ++i) {
+      chosen.alternatives.push_back({tried[i].choice.effect->name, tried[i].fit.score.gap()});
+    }
+    chosen.confidence = confidence_of(before, best.fit.score, tried.size() > 1 ? &tried[1].fit.score : nullptr);
+    if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) {
+      chosen.confidence = std::max(chosen.confidence, kSoleConfidence);
+    }
+    take(std::move(best.fit), std::move(chosen));
+    return true;
+  }
+
   // Adds an effect that hides in a map of pixels; false when the maps hold none.
-  bool add_hidden();
+  bool add_hidden() {
+    const Session& session = data_.session;
+    for (const Effect* effect : candidates()) {
+      if (effect->hides_in == MapKind::kNone) continue;
+      const double before = row_trend_z(session, map_of(selection_.fit.state.camera, effect->hides_in));
+      if (before < kClearTrend) continue;
+      // From an empty map on, so that the effect takes its part first.
+      State start = selection_.fit.state;
+      map_of(start.camera, effect->hides_in).resize(0);
+      const std::vector<Choice> choices = with(forms_of(*effect).front());
+      FitResult fitted = settle(data_, fit(data_, start, choices, kRounds), kRounds, kSettled);
+      const double after = row_trend_z(session, map_of(fitted.state.camera, effect->hides_in));
+      if (after > before / 2.0 || !worth_naming(session, fitted, choices.size() - 1)) continue;
+      // The map could have taken any part of it: known as well as its trend stands out.
+      double& error = fitted.error.back().front();
+      error = std::max(error, std::abs(fitted.value.back().front()) / before);
+      Chosen chosen{choices.back(), selection_.fit.score.gap(), fitted.score.gap(), {}, kSoleConfidence, true};
+      take(std::move(fitted), std::move(chosen));
+      return true;
+    }
+    return false;
+  }
+
   // Takes out an effect that no longer pays; false when all do.
-  bool drop();
+  bool drop() {
+    auto& all = selection_.chosen;
+    for (std::size_t i = 0; all.size() > 1 && i < all.size(); ++i) {
+      if (all[i].from_map) continue;
+      std::vector<Choice> rest = unformed(selection_.fit.choices);
+      rest.erase(rest.begin() + static_cast<long>(i));
+      const State start = without_effect(data_.session, selection_.fit.state, base_.state, *all[i].choice.effect);
+      FitResult without = fit(data_, start, rest, kRounds);
+      if (enough(gain(without, selection_.fit)) && worth_naming(data_.session, selection_.fit, i)) continue;
+      selection_.fit = std::move(without);
+      all.erase(all.begin() + static_cast<long>(i));
+      return true;
+    }
+    return false;
+  }
+
   const Selection& selection() const { return selection_; }
 
  private:
   bool levels_are_off(const State& state) const { return level_spread(levels_, state) > kLevelsOff * kLevelResolution; }
-  bool chosen(const Effect& effect) const {
-    return std::ranges::any_of(selection_.chosen, [&](const Chosen& c) { return c.choice.effect == &effect; });
+
+  // What a fit gains over another: held-out cells, and how well the levels agree with their files. The second part has
+  // few values behind it, so it counts on its own only when it is large.
+  Gain gain(const FitResult& before, const FitResult& after) const {
+    Gain g = gain_between(before.score, after.score);
+    const double evidence = level_evidence(levels_, after.state) - level_evidence(levels_, before.state);
+    g.total += evidence;
+    // Levels of an imperfect bench scatter still: then it takes more to believe that the camera explains some.
+    const double needed = levels_are_off(after.state) ? kLeastEvidenceScattered : kLeastEvidence;
+    if (evidence > needed && g.total > evidence / 2.0) {
+      g.total += kLeastGain;
+      g.z = std::max(g.z, evidence / 2.0);
+    }
+    return g;
   }
-  Gain gain(const FitResult& before, const FitResult& after) const;
-  std::vector<const Effect*> candidates() const;
-  Tried attempt(const Choice& choice) const;
-  std::vector<Tried> attempts() const;
+
+  std::vector<const Effect*> candidates() const {
+    std::vector<const Effect*> all;
+    for (const Effect& effect : catalogue()) {
+      const bool of_mean = effect.parameters || effect.map != MapKind::kNone;
+      const bool chosen =
+          std::ranges::any_of(selection_.chosen, [&](const Chosen& c) { return c.choice.effect == &effect; });
+      if (of_mean && !chosen && allowed_(effect) && effect.told_by(data_.session)) all.push_back(&effect);
+    }
+    return all;
+  }
+
+  // What was chosen before, whose forms are set already, and one more.
+  std::vector<Choice> with(const Choice& choice) const {
+    std::vector<Choice> choices = unformed(selection_.fit.choices);
+    choices.push_back(choice);
+    return choices;
+  }
+
+  Tried attempt(const Choice& choice) const {
+    const std::vector<Choice> choices = with(choice);
+    Tried tried{choice, fit(data_, selection_.fit.state, choices, kRounds), {}};
+    // Levels, and what mixes them with the surroundings, pull at each other: once more.
+    if (choice.effect->as_levels) tried.fit = fit(data_, tried.fit.state, unformed(choices), kRounds);
+    tried.gain = gain(selection_.fit, tried.fit);
+    return tried;
+  }
+
+  // The most promising candidates, the best first.
+  std::vector<Tried> attempts() const {
+    const std::vector<const Effect*> effects = candidates();
+    std::vector<Choice> choices;
+    for (const Effect* effect : effects) {
+      for (const Choice& form : forms_of(*effect)) choices.push_back(form);
+    }
+    const std::vector<Gain> gains = screen(data_, selection_.fit, choices);
+    std::vector<std::size_t> order(choices.size());
+    std::iota(order.begin(), order.end(), 0U);
+    std::ranges::sort(order, std::greater{}, [&](std::size_t i) { return gains[i].total; });
+    std::vector<Tried> tried;
+    std::vector<const Effect*> seen;
+    for (const std::size_t i : order) {
+      if (seen.size() >= kTried || gains[i].total < kLeastGain / 2.0) break;
+      if (std::ranges::count(seen, choices[i].effect) > 0) continue;
+      seen.push_back(choices[i].effect);
+      tried.push_back(attempt(choices[i]));
+    }
+    // Levels that are off may be the camera's doing, which a fit with free levels cannot see in the residual.
+    for (const Effect* effect : effects) {
+      if (!effect->as_levels || !levels_are_off(selection_.fit.state) || std::ranges::count(seen, effect) > 0) continue;
+      for (const Choice& form : forms_of(*effect)) tried.push_back(attempt(form));
+    }
+    std::erase_if(tried, [&](const Tried& t) { return !worth_naming(data_.session, t.fit, t.fit.choices.size() - 1); });
+    std::ranges::sort(tried, std::greater{}, [](const Tried& t) { return t.gain.total; });
+    return tried;
+  }
+
+  void take(FitResult fit, Chosen chosen) {
+    selection_.fit = std::move(fit);
+    selection_.chosen.push_back(std::move(chosen));
+  }
 
   const FitData& data_;
   const FitResult& base_;
@@ -108,131 +231,6 @@ class Selector {
   std::vector<Nuisance> levels_;
   Selection selection_;
 };
-
-// What a fit gains over another: held-out cells, and how well the levels agree with their files. The second part has
-// few values behind it, so it counts on its own only when it is large.
-Gain Selector::gain(const FitResult& before, const FitResult& after) const {
-  Gain g = gain_between(before.score, after.score);
-  const double evidence = level_evidence(levels_, after.state) - level_evidence(levels_, before.state);
-  g.total += evidence;
-  // Levels of an imperfect bench scatter still: then it takes more to believe that the camera explains some.
-  const double needed = levels_are_off(after.state) ? kLeastEvidenceScattered : kLeastEvidence;
-  if (evidence > needed && g.total > evidence / 2.0) {
-    g.total += kLeastGain;
-    g.z = std::max(g.z, evidence / 2.0);
-  }
-  return g;
-}
-
-std::vector<const Effect*> Selector::candidates() const {
-  std::vector<const Effect*> all;
-  for (const Effect& effect : catalogue()) {
-    const bool of_mean = effect.parameters || effect.map != MapKind::kNone;
-    if (of_mean && allowed_(effect) && effect.told_by(data_.session) && !chosen(effect)) all.push_back(&effect);
-  }
-  return all;
-}
-
-Tried Selector::attempt(const Choice& choice) const {
-  // Forms of what was chosen before are set already: only the new one begins.
-  std::vector<Choice> choices = unformed(selection_.fit.choices);
-  choices.push_back(choice);
-  Tried tried{choice, fit(data_, selection_.fit.state, choices, kRounds), {}};
-  // Levels, and what mixes them with the surroundings, pull at each other: once more.
-  if (choice.effect->as_levels) tried.fit = fit(data_, tried.fit.state, unformed(choices), kRounds);
-  tried.gain = gain(selection_.fit, tried.fit);
-  return tried;
-}
-
-// The most promising candidates, the best first.
-std::vector<Tried> Selector::attempts() const {
-  const std::vector<const Effect*> effects = candidates();
-  std::vector<Choice> choices;
-  for (const Effect* effect : effects) {
-    for (const Choice& form : forms_of(*effect)) choices.push_back(form);
-  }
-  const std::vector<Gain> gains = screen(data_, selection_.fit, choices);
-  std::vector<std::size_t> order(choices.size());
-  std::iota(order.begin(), order.end(), 0U);
-  std::ranges::sort(order, std::greater{}, [&](std::size_t i) { return gains[i].total; });
-  std::vector<Tried> tried;
-  std::vector<const Effect*> seen;
-  for (const std::size_t i : order) {
-    if (seen.size() >= kTried || gains[i].total < kLeastGain / 2.0) break;
-    if (std::ranges::count(seen, choices[i].effect) > 0) continue;
-    seen.push_back(choices[i].effect);
-    tried.push_back(attempt(choices[i]));
-  }
-  // Levels that are off may be the camera's doing, which a fit with free levels cannot see in the residual.
-  for (const Effect* effect : effects) {
-    if (!effect->as_levels || !levels_are_off(selection_.fit.state) || std::ranges::count(seen, effect) > 0) continue;
-    for (const Choice& form : forms_of(*effect)) tried.push_back(attempt(form));
-  }
-  std::erase_if(tried, [&](const Tried& t) { return !worth_naming(data_.session, t.fit, t.fit.choices.size() - 1); });
-  std::ranges::sort(tried, std::greater{}, [](const Tried& t) { return t.gain.total; });
-  return tried;
-}
-
-bool Selector::add() {
-  std::vector<Tried> tried = attempts();
-  if (tried.empty() || !enough(tried.front().gain)) return false;
-  Tried& best = tried.front();
-  // What the winner leaves is what the next effect is judged by.
-  best.fit = settle(data_, std::move(best.fit), kRounds, kSettled);
-  const Score& before = selection_.fit.score;
-  Chosen chosen{best.choice, before.gap(), best.fit.score.gap(), best.gain, {}, 0.0, false};
-  for (std::size_t i = 1; i < tried.size(); ++i) {
-    chosen.alternatives.push_back({tried[i].choice.effect->name, tried[i].fit.score.gap()});
-  }
-  chosen.confidence = confidence_of(before, best.fit.score, tried.size() > 1 ? &tried[1].fit.score : nullptr);
-  if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1)
-    chosen.confidence = std::max(chosen.confidence, kSoleConfidence);
-  selection_.fit = std::move(best.fit);
-  selection_.chosen.push_back(std::move(chosen));
-  return true;
-}
-
-bool Selector::add_hidden() {
-  const Session& session = data_.session;
-  for (const Effect* effect : candidates()) {
-    if (effect->hides_in == MapKind::kNone) continue;
-    const double before = row_trend_z(session, map_of(selection_.fit.state.camera, effect->hides_in));
-    if (before < kClearTrend) continue;
-    // From an empty map on, so that the effect takes its part first.
-    State start = selection_.fit.state;
-    map_of(start.camera, effect->hides_in).resize(0);
-    std::vector<Choice> choices = unformed(selection_.fit.choices);
-    choices.push_back(forms_of(*effect).front());
-    FitResult fitted = settle(data_, fit(data_, start, choices, kRounds), kRounds, kSettled);
-    const double after = row_trend_z(session, map_of(fitted.state.camera, effect->hides_in));
-    if (after > before / 2.0 || !worth_naming(session, fitted, choices.size() - 1)) continue;
-    // The map could have taken any part of it: known as well as its trend stands out.
-    double& error = fitted.error.back().front();
-    error = std::max(error, std::abs(fitted.value.back().front()) / before);
-    Chosen chosen{choices.back(), selection_.fit.score.gap(), fitted.score.gap(), {}, {}, kSoleConfidence, true};
-    selection_.fit = std::move(fitted);
-    selection_.chosen.push_back(std::move(chosen));
-    return true;
-  }
-  return false;
-}
-
-bool Selector::drop() {
-  auto& all = selection_.chosen;
-  for (std::size_t i = 0; all.size() > 1 && i < all.size(); ++i) {
-    if (all[i].from_map) continue;
-    std::vector<Choice> rest = unformed(selection_.fit.choices);
-    rest.erase(rest.begin() + static_cast<long>(i));
-    const Effect& effect = *all[i].choice.effect;
-    FitResult without =
-        fit(data_, without_effect(data_.session, selection_.fit.state, base_.state, effect), rest, kRounds);
-    if (enough(gain(without, selection_.fit)) && worth_naming(data_.session, selection_.fit, i)) continue;
-    selection_.fit = std::move(without);
-    all.erase(all.begin() + static_cast<long>(i));
-    return true;
-  }
-  return false;
-}
 
 }  // namespace
 

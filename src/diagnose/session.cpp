@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <sstream>
 
-#include "src/capture/capture.hpp"
+#include "src/core/statistics.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -13,6 +12,10 @@ namespace {
 constexpr int kMaxRows = 48;
 constexpr int kMaxColumns = 64;
 constexpr double kSaturatedShare = 0.5;
+
+constexpr std::size_t kSortedPixels = 20000;  // enough for quartiles to a hundredth of a sigma
+constexpr double kTrim = 0.1;                 // of the sorted changes, on either side
+constexpr double kTrimmedSigma = 0.6616;      // standard deviation of a unit Gaussian without its outer fifth
 
 Kind kind_of(const capture::Stimulus& stimulus) {
   if (std::holds_alternative<capture::Uniform>(stimulus)) return Kind::kUniform;
@@ -31,53 +34,46 @@ std::string fault(const capture::Stimulus& stimulus) {
     }
     if (!(bars->hot_k > bars->cold_k)) return "hot_k must be above cold_k";
   }
-  if (const auto* chopper = std::get_if<capture::Chopper>(&stimulus)) {
-    if (chopper->on_s.empty()) return "the chopper has no pulse";
-  }
-  return {};
+  const auto* chopper = std::get_if<capture::Chopper>(&stimulus);
+  return chopper != nullptr && chopper->on_s.empty() ? "the chopper has no pulse" : "";
 }
 
-struct Frames {
-  Series values;  // of the grid
-  FrameStatistics statistics;
-  double saturated = 0.0;  // share of the values at the limits of 16 bits
-  bool numbers = true;     // every value is one
-};
-
-Result<Frames> read_frames(const capture::CaptureReader& reader, const Grid& grid) {
-  const StreamFormat& format = reader.info().format;
-  const std::size_t pixels = format.geometry.pixels();
-  const auto width = static_cast<std::size_t>(format.geometry.width);
-  std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
-  std::vector<float> frame(pixels);
-  Frames out{Series(static_cast<Eigen::Index>(reader.info().frames), grid.pixels()), {}, 0.0, true};
-  FrameStatisticsSum statistics(format.geometry.width, format.geometry.height);
-  const auto* counts = reinterpret_cast<const std::uint16_t*>(plane.data());
-  const auto* kelvin = reinterpret_cast<const float*>(plane.data());
+// Reads all frames into `recording`. What is wrong with their values, or nothing.
+Result<std::string> read_frames(const capture::CaptureReader& reader, const Grid& grid, Recording& recording) {
+  const Geometry geometry = reader.info().format.geometry;
+  std::vector<float> frame(geometry.pixels());
+  recording.values.resize(static_cast<Index>(reader.info().frames), grid.pixels());
+  FrameStatisticsSum statistics(geometry.width, geometry.height);
   std::size_t clipped = 0;
-  for (std::size_t k = 0; k < reader.info().frames; ++k) {
-    if (Status status = reader.read_frame(k, plane.data()); !status) return tl::unexpected(status.error());
-    for (std::size_t i = 0; i < pixels; ++i) {
-      const double raw =
-          format.type == PixelType::kUint16 ? static_cast<double>(counts[i]) : static_cast<double>(kelvin[i]);
-      frame[i] = static_cast<float>(format.scale.to_physical(raw));
-      if (format.type == PixelType::kUint16) clipped += counts[i] == 0 || counts[i] == 65535 ? 1 : 0;
+  for (Index k = 0; k < recording.values.rows(); ++k) {
+    const auto at_limits = read_values(reader, static_cast<std::size_t>(k), 0, frame);
+    if (!at_limits) return tl::unexpected(at_limits.error());
+    clipped += *at_limits;
+    if (!std::ranges::all_of(frame, [](float v) { return std::isfinite(v); })) {
+      return "/frames has values that are no numbers";
     }
-    out.numbers = Eigen::Map<const Eigen::ArrayXf>(frame.data(), static_cast<Eigen::Index>(pixels)).allFinite();
-    if (!out.numbers) return out;
     statistics.add(frame);
-    Eigen::Index at = 0;
-    for (const int row : grid.rows) {
-      for (const int column : grid.columns) {
-        out.values(static_cast<Eigen::Index>(k), at++) =
-            frame[static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column)];
-      }
+    for (Index p = 0; p < grid.pixels(); ++p) {
+      recording.values(k, p) = frame[static_cast<std::size_t>(grid.row_of(p) * geometry.width + grid.column_of(p))];
     }
   }
-  out.statistics = statistics.statistics();
-  out.saturated =
-      static_cast<double>(clipped) / static_cast<double>(pixels * std::max<std::size_t>(1, reader.info().frames));
-  return out;
+  recording.statistics = statistics.statistics();
+  const auto values = static_cast<double>(frame.size() * std::max<std::size_t>(1, reader.info().frames));
+  const bool saturated = static_cast<double>(clipped) / values > kSaturatedShare;
+  return saturated ? "most of its values are at the limit of 16 bits" : "";
+}
+
+// Why a capture is of another camera or mode than the session's first one; empty: it is not.
+std::string difference(const capture::CaptureInfo& info, const Session& session, const std::string& camera) {
+  const Geometry g = info.format.geometry;
+  const std::string identity = info.camera_model + "/" + info.camera_serial;
+  if (g != Geometry{session.width, session.height}) {
+    return "is " + std::to_string(g.width) + "x" + std::to_string(g.height) + ", the first capture " +
+           std::to_string(session.width) + "x" + std::to_string(session.height);
+  }
+  if (identity != camera) return "comes from the camera " + identity + ", the first capture from " + camera;
+  const bool same_period = std::abs(info.format.frame_period_s / session.period_s - 1.0) <= 0.01;
+  return same_period ? "" : "has another frame period than the first capture";
 }
 
 // One recording, or the reason why it can't be used.
@@ -85,56 +81,63 @@ Result<Recording> read_recording(const std::filesystem::path& file, Session& ses
   auto reader = capture::CaptureReader::open(file);
   if (!reader) return tl::unexpected(reader.error());
   const capture::CaptureInfo& info = reader->info();
-  const auto refuse = [&](const std::string& what) { return bad_input(file.filename().string() + ": " + what); };
+  Recording recording;
+  recording.name = file.filename().string();
+  const auto refuse = [&](const std::string& what) { return bad_input(recording.name + ": " + what); };
   if (info.frames < kMinFrames) {
     return refuse("has " + std::to_string(info.frames) + " frames, at least " + std::to_string(kMinFrames) +
                   " are needed; left out");
   }
-  const Geometry g = info.format.geometry;
-  const std::string identity = info.camera_model + "/" + info.camera_serial;
   if (session.recordings.empty()) {
-    session.width = g.width;
-    session.height = g.height;
+    session.width = info.format.geometry.width;
+    session.height = info.format.geometry.height;
     session.row_step = info.format.row_step;
     session.period_s = info.format.frame_period_s;
-    session.grid = {spread_over(g.height, kMaxRows), spread_over(g.width, kMaxColumns)};
+    session.grid = {spread_over(session.height, kMaxRows), spread_over(session.width, kMaxColumns)};
     session.good.assign(static_cast<std::size_t>(session.grid.pixels()), 1);
-    camera = identity;
+    camera = info.camera_model + "/" + info.camera_serial;
   }
-  if (g != Geometry{session.width, session.height}) {
-    return refuse("is " + std::to_string(g.width) + "x" + std::to_string(g.height) + ", the first capture " +
-                  std::to_string(session.width) + "x" + std::to_string(session.height) +
-                  "; left out, diagnose it by itself");
-  }
-  if (identity != camera) {
-    return refuse("comes from the camera " + identity + ", the first capture from " + camera +
-                  "; left out, diagnose it by itself");
-  }
-  if (std::abs(info.format.frame_period_s / session.period_s - 1.0) > 0.01) {
-    return refuse("has another frame period than the first capture; left out, diagnose it by itself");
+  if (const std::string what = difference(info, session, camera); !what.empty()) {
+    return refuse(what + "; left out, diagnose it by itself");
   }
   auto stimulus = reader->stimulus();
   if (!stimulus) return tl::unexpected(stimulus.error());
   if (const std::string what = fault(*stimulus); !what.empty()) return refuse("/stimulus: " + what + "; left out");
-  Recording recording;
-  recording.name = file.filename().string();
   recording.kind = kind_of(*stimulus);
   recording.stimulus = std::move(*stimulus);
   recording.kelvin = info.format.scale.unit == Unit::kKelvin;
   if (info.format.type == PixelType::kUint16) recording.step = recording.kelvin ? info.format.scale.scale : 1.0;
   recording.start_s = reader->t().front();
-  for (const double t : reader->t()) recording.t.push_back(t - recording.start_s);
-  auto frames = read_frames(*reader, session.grid);
-  if (!frames) return tl::unexpected(frames.error());
-  if (frames->saturated > kSaturatedShare) return refuse("most of its values are at the limit of 16 bits; left out");
-  if (!frames->numbers) return refuse("/frames has values that are no numbers; left out");
-  recording.values = std::move(frames->values);
-  recording.statistics = std::move(frames->statistics);
-  recording.used.assign(static_cast<std::size_t>(recording.frames()), 1);
+  recording.t = mapped(reader->t(), [&](double t) { return t - recording.start_s; });
+  const auto what = read_frames(*reader, session.grid, recording);
+  if (!what) return tl::unexpected(what.error());
+  if (!what->empty()) return refuse(*what + "; left out");
+  recording.used.assign(recording.t.size(), 1);
   return recording;
 }
 
+std::vector<float> to_vector(const ArrayXd& values) {
+  const ArrayXf single = values.cast<float>();
+  return {single.begin(), single.end()};
+}
+
 }  // namespace
+
+Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_t frame, std::size_t first,
+                                std::span<float> out) {
+  const StreamFormat& format = reader.info().format;
+  std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
+  if (Status status = reader.read_frame(frame, plane.data()); !status) return tl::unexpected(status.error());
+  const auto* counts = reinterpret_cast<const std::uint16_t*>(plane.data()) + first;
+  const auto* kelvin = reinterpret_cast<const float*>(plane.data()) + first;
+  const bool counted = format.type == PixelType::kUint16;
+  std::size_t clipped = 0;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i] = static_cast<float>(format.scale.to_physical(counted ? counts[i] : static_cast<double>(kelvin[i])));
+    clipped += counted && (counts[i] == 0 || counts[i] == 65535) ? 1 : 0;
+  }
+  return clipped;
+}
 
 Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress) {
   Session session;
@@ -168,21 +171,102 @@ std::vector<int> Grid::all() const {
   return pixels_of_it;
 }
 
+std::vector<int> Session::good_pixels() const {
+  std::vector<int> pixels = grid.all();
+  std::erase_if(pixels, [this](int p) { return !is_good(p); });
+  return pixels;
+}
+
+std::vector<Index> Recording::used_frames() const {
+  std::vector<Index> all(used.size());
+  std::iota(all.begin(), all.end(), 0);
+  std::erase_if(all, [this](Index k) { return !is_used(k); });
+  return all;
+}
+
 std::string_view name_of(Kind kind) {
-  switch (kind) {
-    case Kind::kUniform:
-      return "uniform";
-    case Kind::kChopper:
-      return "chopper";
-    case Kind::kMovingBars:
-    case Kind::kStillBars:
-      return "bar_target";
-    case Kind::kScene:
-      return "scene";
-    case Kind::kField:
-      break;
+  constexpr std::string_view kNames[] = {"uniform", "chopper", "bar_target", "bar_target", "scene", "field"};
+  return kNames[static_cast<std::size_t>(kind)];
+}
+
+std::size_t FrameStatistics::distinct_frames() const {
+  return static_cast<std::size_t>(std::ranges::count(repeated, 0));
+}
+
+FrameStatisticsSum::FrameStatisticsSum(int width, int height) {
+  result_.width = width;
+  result_.height = height;
+  const auto pixels = static_cast<Index>(width) * height;
+  stride_ = std::max<std::size_t>(1, static_cast<std::size_t>(pixels) / kSortedPixels);
+  // A stride that shares a factor with the width would see the same few columns in every row.
+  while (std::gcd(stride_, static_cast<std::size_t>(width)) > 1) ++stride_;
+  sum_ = about_ = about2_ = step2_ = ArrayXd::Zero(pixels);
+}
+
+void FrameStatisticsSum::compare(std::span<const float> frame) {
+  sorted_.clear();
+  for (std::size_t p = 0; p < frame.size(); p += stride_) sorted_.push_back(frame[p] - last_[static_cast<Index>(p)]);
+  std::ranges::sort(sorted_);
+  const std::size_t n = sorted_.size();
+  const auto mean_square = [&](double trim, double about) {
+    const auto cut = static_cast<std::size_t>(trim * static_cast<double>(n));
+    double sum = 0.0;
+    double squares = 0.0;
+    for (const float value : std::span(sorted_).subspan(cut, n - 2 * cut)) {
+      const double d = value - about;
+      sum += d;
+      squares += d * d;
+    }
+    const auto count = static_cast<double>(n - 2 * cut);
+    return std::pair{sum / count, squares / count};
+  };
+  const double change = mean_square(0.25, 0.0).first;
+  const auto [off, square] = mean_square(kTrim, change);
+  const auto agreeing = std::ranges::count_if(sorted_, [change](float d) { return d * change > 0.0; });
+  result_.change.back() = change;
+  result_.scatter.back() = std::sqrt(std::max(0.0, square - off * off)) / kTrimmedSigma;
+  result_.agreement.back() = static_cast<double>(agreeing) / static_cast<double>(n);
+}
+
+void FrameStatisticsSum::add(std::span<const float> frame) {
+  const Eigen::Map<const ArrayXf> values(frame.data(), static_cast<Index>(frame.size()));
+  const bool first = result_.repeated.empty();
+  const bool repeated = !first && (values == last_).all();
+  for (std::vector<double>* list : {&result_.change, &result_.scatter, &result_.agreement}) list->push_back(0.0);
+  result_.repeated.push_back(repeated ? 1 : 0);
+  if (repeated) return;
+  if (!first) compare(frame);
+  sorted_.clear();
+  for (std::size_t p = 0; p < frame.size(); p += stride_) sorted_.push_back(frame[p]);
+  const auto middle = sorted_.begin() + static_cast<std::ptrdiff_t>(sorted_.size() / 2);
+  std::nth_element(sorted_.begin(), middle, sorted_.end());
+  const ArrayXd about = (values - *middle).cast<double>();
+  if (first) {
+    low_ = high_ = values;
+  } else {
+    low_ = low_.min(values);
+    high_ = high_.max(values);
+    step2_ += ((values - *middle) - (last_ - centre_)).cast<double>().square();
   }
-  return "field";
+  sum_ += values.cast<double>();
+  about_ += about;
+  about2_ += about.square();
+  count_ += 1.0;
+  last_ = values;
+  centre_ = *middle;
+}
+
+FrameStatistics FrameStatisticsSum::statistics() const {
+  FrameStatistics s = result_;
+  if (count_ == 0.0) return s;
+  s.mean = to_vector(sum_ / count_);
+  const ArrayXf range = high_ - low_;
+  s.range = {range.begin(), range.end()};
+  const ArrayXd variance = (about2_ / count_ - (about_ / count_).square()).max(0.0);
+  s.sigma = to_vector(variance.sqrt());
+  const ArrayXd steps = step2_ / std::max(1.0, count_ - 1.0);
+  s.roughness = to_vector((variance > 0.0).select(steps / variance, 0.0));
+  return s;
 }
 
 }  // namespace bolo::diagnose

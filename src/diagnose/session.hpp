@@ -15,10 +15,16 @@
 
 namespace bolo::diagnose {
 
+using Eigen::ArrayXd;
+using Eigen::ArrayXf;
+using Eigen::Index;
+
 // frames x pixels of the grid, K (counts in a recording that has no kelvin).
 using Series = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 enum class Kind { kUniform, kChopper, kMovingBars, kStillBars, kScene, kField };
+std::string_view name_of(Kind kind);
+inline bool is_bars(Kind kind) { return kind == Kind::kStillBars || kind == Kind::kMovingBars; }
 
 // The pixels that are looked at: some rows times some columns, so that rows and columns keep their meaning.
 struct Grid {
@@ -26,8 +32,8 @@ struct Grid {
   std::vector<int> columns;  // rising
   int pixels() const { return static_cast<int>(rows.size() * columns.size()); }
   std::vector<int> all() const;  // 0 .. pixels() - 1
-  int row_of(int pixel) const { return rows[static_cast<std::size_t>(pixel) / columns.size()]; }
-  int column_of(int pixel) const { return columns[static_cast<std::size_t>(pixel) % columns.size()]; }
+  int row_of(Index pixel) const { return rows[static_cast<std::size_t>(pixel) / columns.size()]; }
+  int column_of(Index pixel) const { return columns[static_cast<std::size_t>(pixel) % columns.size()]; }
 };
 
 // Statistics of every pixel and of every whole frame of a recording, gathered while its frames are read: the grid that
@@ -67,13 +73,13 @@ class FrameStatisticsSum {
   double count_ = 0.0;      // of frames that are no repeats
   float centre_ = 0.0F;     // the last frame's median
   std::vector<float> sorted_;
-  Eigen::ArrayXf last_;
-  Eigen::ArrayXf low_;
-  Eigen::ArrayXf high_;
-  Eigen::ArrayXd sum_;
-  Eigen::ArrayXd about_;  // sum of the values less their frame's median
-  Eigen::ArrayXd about2_;
-  Eigen::ArrayXd step2_;
+  ArrayXf last_;
+  ArrayXf low_;
+  ArrayXf high_;
+  ArrayXd sum_;
+  ArrayXd about_;  // sum of the values less their frame's median
+  ArrayXd about2_;
+  ArrayXd step2_;
 };
 
 struct Recording {
@@ -88,6 +94,9 @@ struct Recording {
   FrameStatistics statistics;  // of all pixels of the frame
   std::vector<char> used;      // of each frame: 0 for a repeated, frozen or torn one
   int frames() const { return static_cast<int>(values.rows()); }
+  bool is_used(Index frame) const { return used[static_cast<std::size_t>(frame)] != 0; }
+  double time_of(Index frame) const { return t[static_cast<std::size_t>(frame)]; }
+  std::vector<Index> used_frames() const;
 };
 
 struct Session {
@@ -99,6 +108,8 @@ struct Session {
   std::vector<char> good;  // of each pixel of the grid: neither dead nor jumping
   std::vector<Recording> recordings;
   std::vector<std::string> warnings;  // captures that were left out
+  bool is_good(Index pixel) const { return good[static_cast<std::size_t>(pixel)] != 0; }
+  std::vector<int> good_pixels() const;
 };
 
 inline constexpr int kMinFrames = 16;
@@ -112,10 +123,13 @@ inline PixelPlace place_of(std::size_t pixel, int width) {
   return {index % width, index / width};
 }
 
+// Values of a frame of a capture, from its pixel `first` on, as K (counts where there is no kelvin). Returns how many
+// of them are at the limits of 16 bits. Thread: one at a time on a reader.
+Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_t frame, std::size_t first,
+                                std::span<float> out);
+
 // Reads the captures that belong together. The first one says which camera it is; a capture of another camera or size,
 // an empty one and a saturated one are left out with a line in `warnings`. kBadInput when none is left. Thread: setup.
 Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress);
-
-std::string_view name_of(Kind kind);
 
 }  // namespace bolo::diagnose

@@ -17,16 +17,12 @@ constexpr int kMoreRounds = 3;     // at a time, until it is settled
 
 // A scattered part of the pixels that are neither dead nor jumping; empty when there are too few.
 std::vector<int> some_pixels(const Session& session) {
-  std::vector<int> good;
-  for (const int p : session.grid.all()) {
-    if (session.good[static_cast<std::size_t>(p)] != 0) good.push_back(p);
-  }
-  if (good.size() < kLeastPixels) return {};
+  const std::vector<int> good = session.good_pixels();
   std::vector<int> some;
   for (std::size_t i = 0; i < good.size(); i += std::max<std::size_t>(1, good.size() / kSomePixels)) {
     some.push_back(good[i]);
   }
-  return some;
+  return good.size() < kLeastPixels ? std::vector<int>{} : some;
 }
 
 // Registers the stimuli; a recording that does not show its own becomes a field recording.
@@ -44,10 +40,10 @@ void match_stimuli(std::span<const int> some, Fit& fit) {
 
 void correct_jumps(const std::vector<Freeze>& freezes, const State& state, Fit& fit) {
   const std::vector<int> all = fit.session.grid.all();
-  for (std::size_t i = 0; i < fit.session.recordings.size(); ++i) {
+  for (const std::size_t i : modelled(fit.session)) {
     const Recording& r = fit.session.recordings[i];
     // Where frames have times of their own, what they miss by is no jump.
-    if (r.kind == Kind::kUniform || !has_model(r) || state.stimuli[i].times_free) continue;
+    if (r.kind == Kind::kUniform || state.stimuli[i].times_free) continue;
     const Series residual = r.values - predict(fit.session, i, state, all);
     if (auto jump = find_jump(fit.session, i, residual, freezes)) {
       remove_jump(fit.session, *jump, residual);

@@ -2,16 +2,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
-#include "src/diagnose/pixel_maps.hpp"
+#include "src/core/statistics.hpp"
+#include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
 namespace {
-
-using Eigen::ArrayXd;
-using Eigen::Index;
 
 // All weights and limits below are set so that sessions without any effect stay under kRemainderLimit (the blind
 // check's effect-free sessions: at most 1 % of them in all).
@@ -84,12 +81,8 @@ struct Probe {
     values += basis != 0.0 ? 1.0 : 0.0;
   }
   double z() const {
-    double sum = 0.0;
-    double squares = 0.0;
-    for (const double p : product) {
-      sum += p;
-      squares += p * p;
-    }
+    const double sum = sum_of(product);
+    const double squares = sum_of(product, [](double p) { return p * p; });
     // Group scatter is the honest error when frames share noise; the noise's own when few groups carry all.
     const double own = std::sqrt(std::max(information, 1e-12));
     const double between = std::sqrt(squares);
@@ -113,28 +106,27 @@ Probes all_probes() {
            {"readout", "the residual is one-sided at the coldest values"}}};
 }
 
-// Means over the first and over the second half of the cells, of each place.
+// Sums over the first and over the second half of the cells, of each place.
 struct Halves {
-  explicit Halves(Index n)
-      : first(ArrayXd::Zero(n)), second(ArrayXd::Zero(n)), n_first(ArrayXd::Zero(n)), n_second(ArrayXd::Zero(n)) {}
+  explicit Halves(Index n) : sum(Eigen::ArrayX2d::Zero(n, 2)), count(sum) {}
   void add(Index at, bool is_second, double value) {
-    (is_second ? second : first)[at] += value;
-    (is_second ? n_second : n_first)[at] += 1.0;
+    sum(at, is_second ? 1 : 0) += value;
+    count(at, is_second ? 1 : 0) += 1.0;
   }
   // What two independent means of each place share is fixed: their correlation, in standard errors; 0 when what they
   // share is smaller than `allowed`.
   double z(double allowed) const {
-    std::vector<double> a;
-    std::vector<double> b;
-    for (Index i = 0; i < first.size(); ++i) {
-      if (n_first[i] < 1.0 || n_second[i] < 1.0) continue;
-      a.push_back(first[i] / n_first[i]);
-      b.push_back(second[i] / n_second[i]);
+    ArrayXd x(sum.rows());
+    ArrayXd y(sum.rows());
+    Index n = 0;
+    for (Index i = 0; i < sum.rows(); ++i) {
+      if (count(i, 0) < 1.0 || count(i, 1) < 1.0) continue;
+      x[n] = sum(i, 0) / count(i, 0);
+      y[n++] = sum(i, 1) / count(i, 1);
     }
-    if (a.size() < 4) return 0.0;
-    const auto n = static_cast<Index>(a.size());
-    ArrayXd x = Eigen::Map<const ArrayXd>(a.data(), n);
-    ArrayXd y = Eigen::Map<const ArrayXd>(b.data(), n);
+    if (n < 4) return 0.0;
+    x.conservativeResize(n);
+    y.conservativeResize(n);
     x -= x.mean();
     y -= y.mean();
     const double scale = std::sqrt(x.square().sum() * y.square().sum());
@@ -142,10 +134,8 @@ struct Halves {
     const double r = std::clamp((x * y).sum() / scale, -0.9999, 0.9999);
     return std::atanh(r) * std::sqrt(std::max(1.0, static_cast<double>(n) - 3.0));
   }
-  ArrayXd first;
-  ArrayXd second;
-  ArrayXd n_first;
-  ArrayXd n_second;
+  Eigen::ArrayX2d sum;
+  Eigen::ArrayX2d count;
 };
 
 // One recording's residual, and what its tests need of the prediction.
@@ -172,19 +162,19 @@ Examined examine(const FitData& data, const State& state, std::size_t i) {
   x.by_tau = (predict(data.session, i, slower, data.all_pixels) - x.predicted) / static_cast<float>(kTauStep);
   x.moving = r.kind == Kind::kMovingBars;
   x.dynamic = x.moving || r.kind == Kind::kChopper;
-  x.mean = static_cast<double>(x.predicted.mean());
-  x.low = static_cast<double>(x.predicted.minCoeff());
-  x.span = std::max(kLeastSpan_k, static_cast<double>(x.predicted.maxCoeff()) - x.low);
+  x.mean = x.predicted.mean();
+  x.low = x.predicted.minCoeff();
+  x.span = std::max(kLeastSpan_k, x.predicted.maxCoeff() - x.low);
   return x;
 }
 
 // What each probe looks for at one value, in floors.
 std::array<double, kProbes> basis_at(const Examined& x, Index frame, Index column, int sensor_row) {
   const Session& session = x.data.session;
-  const double s = 2.0 * x.recording.t[static_cast<std::size_t>(frame)] / std::max(1e-9, x.recording.t.back()) - 1.0;
-  const double about = static_cast<double>(x.predicted(frame, column)) - x.mean;
+  const double s = 2.0 * x.recording.time_of(frame) / std::max(1e-9, x.recording.t.back()) - 1.0;
+  const double about = x.predicted(frame, column) - x.mean;
   const double weight = 1.0 / x.data.floor_k;
-  const double d = static_cast<double>(x.by_tau(frame, column)) * weight;
+  const double d = x.by_tau(frame, column) * weight;
   const double row = 2.0 * sensor_row / std::max(1.0, session.height - 1.0) - 1.0;
   return {x.dynamic ? d : 0.0,
           x.dynamic && d > 0.0 ? d : 0.0,
@@ -217,7 +207,7 @@ void add_frame(const Examined& x, Index k, Probes& probes, Tallies& tallies) {
   double sum = 0.0;
   for (std::size_t j = 0; j < x.data.all_pixels.size(); ++j) {
     const auto c = static_cast<Index>(j);
-    const auto value = static_cast<double>(x.residual(k, c));
+    const double value = x.residual(k, c);
     // One outlier of one pixel is no frame that does not fit.
     square += std::min(value * value, kMostOfOne);
     sum += value;
@@ -255,11 +245,7 @@ struct Collector {
 void test_patterns(const Examined& x, const Tallies& tallies, const Allowance& allowance, bool corrected,
                    const Collector& out) {
   const auto pattern = [&](const std::string& what, double z) {
-    if (x.recording.kind == Kind::kStillBars) {
-      out.misfit("readout", what, z);
-    } else {
-      out.add("readout", what, z);
-    }
+    x.recording.kind == Kind::kStillBars ? out.misfit("readout", what, z) : out.add("readout", what, z);
   };
   if (!x.moving && !corrected) {
     pattern("a fixed pattern of pixels is left", tallies.pixel.z(allowance.pattern));
@@ -286,8 +272,8 @@ void test_frames(const Examined& x, const Tallies& tallies, const Allowance& all
     out.add("transport", "single frames do not fit",
             sorted.back() > kWorseFrame * typical ? worst * kFrameWeight : 0.0);
   }
-  const double all = std::accumulate(sorted.begin(), sorted.end(), 0.0) / frames;
-  out.misfit("pixel", "the prediction misses by more than the noise", (std::sqrt(all) - 1.0) / kMissError);
+  out.misfit("pixel", "the prediction misses by more than the noise",
+             (std::sqrt(sum_of(sorted) / frames) - 1.0) / kMissError);
   // Whole frames: flicker and the pixels' noise move their means by this much.
   const double expected = kFlickerMargin * allowance.flicker * allowance.flicker + kPixelMargin / pixels;
   const double excess = std::sqrt(std::max(0.0, tallies.frame_mean2 / frames - expected));
@@ -304,7 +290,7 @@ void test_recording(const FitData& data, const State& state, const Allowance& al
                   Halves(static_cast<Index>(session.grid.columns.size()))};
   for (Index k = 0; k < x.residual.rows(); ++k) {
     const auto frame = static_cast<std::size_t>(k);
-    if (!data.frame_counts(i, frame)) continue;
+    if (!data.frame_counts(i, k)) continue;
     if (frame % kCellFrames == 0 || probes[0].product.empty()) {
       for (Probe& probe : probes) probe.product.push_back(0.0);
     }
@@ -332,9 +318,7 @@ std::vector<Remainder> test_remainder(const Events& events, const Noise& noise, 
   const Allowance allowance = allowance_of(events, noise, fit);
   std::vector<Remainder> found;
   Probes probes = all_probes();
-  for (std::size_t i = 0; i < fit.session.recordings.size(); ++i) {
-    if (has_model(fit.session.recordings[i])) test_recording(data, fit.state, allowance, i, probes, found);
-  }
+  for (const std::size_t i : modelled(fit.session)) test_recording(data, fit.state, allowance, i, probes, found);
   for (const Probe& probe : probes) found.push_back({probe.stage, probe.where, probe.z() / allowance.slow_noise});
   std::ranges::sort(found, std::greater{}, &Remainder::z);
   test_map(fit.session, fit.state.camera.offset, "offsets", found);

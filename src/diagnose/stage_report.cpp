@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -16,8 +17,10 @@ constexpr double kJumpError_k = 0.003;
 
 double square(double v) { return v * v; }
 
-bool has(const Report& report, const std::string& effect) {
-  return std::ranges::any_of(report.effects, [&](const FoundEffect& e) { return e.name == effect; });
+// Whether one of these effects was found.
+bool has(const Report& report, std::initializer_list<std::string_view> effects) {
+  return std::ranges::any_of(report.effects,
+                             [&](const FoundEffect& e) { return std::ranges::count(effects, e.name) != 0; });
 }
 
 // Effects that show in the values themselves.
@@ -118,14 +121,11 @@ std::map<std::string, double> stimulus_errors(const Recording& r, const Stimulus
     out["delay_s"] = s.delay_s;
     out["softness_s"] = s.softness_s;
   }
-  if (r.kind == Kind::kStillBars || r.kind == Kind::kMovingBars) {
-    out["edge_px"] = std::sqrt(std::max(0.0, s.edge_px2));
-  }
+  if (is_bars(r.kind)) out["edge_px"] = std::sqrt(std::max(0.0, s.edge_px2));
   if (r.kind == Kind::kStillBars) out["phase_px"] = s.phase_px;
   if (r.kind == Kind::kMovingBars) {
     const double mean = s.mean_speed();
-    double scatter = 0.0;
-    for (const double v : s.speed_px_s) scatter += (v / mean - 1.0) * (v / mean - 1.0);
+    const double scatter = sum_of(s.speed_px_s, [mean](double v) { return (v / mean - 1.0) * (v / mean - 1.0); });
     out["phase_px"] = s.shift_px.front();
     out["velocity_error"] = mean / file.speed_px_s.front() - 1.0;
     out["velocity_unevenness"] = std::sqrt(scatter / static_cast<double>(s.speed_px_s.size()));
@@ -142,9 +142,8 @@ void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
   const State files = nominal_state(fit.session, {});
   // The figures beside the plots are those of the held-out cells.
   auto plots = report.captures.begin();
-  for (std::size_t i = 0; i < fit.session.recordings.size(); ++i) {
+  for (const std::size_t i : modelled(fit.session)) {
     const Recording& r = fit.session.recordings[i];
-    if (!has_model(r)) continue;
     report.location.captures[r.name] = fit.before.gap_of(i);
     plots->before.gap = fit.before.gap_of(i);
     (plots++)->after.gap = after.gap_of(i);
@@ -161,13 +160,11 @@ void fill_noise(const Noise& noise, Report& report) {
   const auto share = [nominal](double sigma) { return square(sigma / nominal); };
   const double stripes = share(n.rows.value) + share(n.columns.value);
   report.noise_gap_before = std::sqrt(1.0 + std::abs(share(n.total_k) - 1.0) + share(n.flicker.value) + stripes);
-  const bool flicker = has(report, "flicker");
-  const bool striped = has(report, "stripes");
-  double left = 0.0;
-  if (!flicker) left += share(n.flicker.value);
+  const bool flicker = has(report, {"flicker"});
+  const bool striped = has(report, {"stripes"});
+  const bool spectral = has(report, {"iir", "one_over_f", "noise_level", "heavy_tail", "coarse_quantisation"});
+  double left = flicker ? 0.0 : share(n.flicker.value);
   if (!striped) left += stripes;
-  const bool spectral = has(report, "iir") || has(report, "one_over_f") || has(report, "noise_level") ||
-                        has(report, "heavy_tail") || has(report, "coarse_quantisation");
   if (!spectral) left += std::abs(share(n.sigma_tvh) - 1.0);
   report.noise_gap_after = std::sqrt(1.0 + left);
   for (FoundEffect& e : report.effects) {
@@ -200,7 +197,7 @@ void join_gaps(bool fitted, Report& report) {
 
 void judge(std::vector<Remainder> left, Report& report) {
   std::ranges::sort(left, std::greater{}, &Remainder::z);
-  const double tests = std::max<double>(1.0, static_cast<double>(left.size()));
+  const double tests = std::max(1.0, static_cast<double>(left.size()));
   const double worst = left.empty() ? 0.0 : left.front().z;
   report.unexplained.p_value = std::min(1.0, tests * std::erfc(worst / std::sqrt(2.0)));
   if (worst > kRemainderLimit) {
@@ -238,10 +235,7 @@ void mark_not_testable(const Session& session, const Noise& noise, Report& repor
 }
 
 std::vector<PixelPlace> places_of(const std::vector<int>& pixels, int width) {
-  std::vector<PixelPlace> places;
-  places.reserve(pixels.size());
-  for (const int pixel : pixels) places.push_back(place_of(static_cast<std::size_t>(pixel), width));
-  return places;
+  return mapped(pixels, [width](int pixel) { return place_of(static_cast<std::size_t>(pixel), width); });
 }
 
 template <typename T>

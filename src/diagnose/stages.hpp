@@ -1,21 +1,177 @@
 // The diagnosis as stages, each a function of what came before: Session -> Events -> Noise -> Fit -> Remainders ->
-// Report.
+// Report; and what the stages are made of.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <limits>
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "src/diagnose/diagnose.hpp"
-#include "src/diagnose/events.hpp"
 #include "src/diagnose/fit.hpp"
-#include "src/diagnose/noise.hpp"
-#include "src/diagnose/timing.hpp"
+#include "src/diagnose/model.hpp"
+#include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
+
+// --- Events
+
+struct Freeze {  // frames [first, last] repeat the one before
+  std::size_t recording = 0;
+  std::size_t first = 0;
+  std::size_t last = 0;
+};
+
+// A step of the offset at one frame: global, or of each pixel.
+struct Jump {
+  std::size_t recording = 0;
+  std::size_t frame = 0;  // the first one after it
+  double global_k = 0.0;
+  double pixel_k = 0.0;  // rms over the pixels about the global step, 0: all the same
+  bool after_freeze = false;
+  bool removed = false;  // global_k is what was taken out, not the first guess
+};
+
+struct BadPixels {
+  std::vector<int> stuck;  // of the frame, row-major
+  std::vector<int> noisy;
+  std::vector<int> jumping;  // of the grid: between two levels
+  double step_k = 0.0;       // of the jumping ones, median
+};
+
+inline constexpr std::size_t kFreezeFrames = 12;  // shorter runs are repeated frames
+
+// Runs of `wanted` among the flags: the first, and one past the last. Thread: any.
+std::vector<std::pair<std::size_t, std::size_t>> runs_of(const std::vector<char>& flags, char wanted);
+// Values (of the frame, row-major) of the up to eight pixels around one. Thread: any.
+std::vector<double> values_around(const FrameStatistics& statistics, const std::vector<float>& values, PixelPlace at);
+
+// Runs of identical frames: the long ones; short ones are counted in `repeated`. Marks all but the first of each run as
+// not used.
+std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& repeated_frames);
+
+// Stuck and noisy pixels of the whole frame; then, once jumps have been taken out, those that jump between two levels.
+// Marked in session.good.
+BadPixels find_dead_pixels(Session& session);
+void find_jumping_pixels(Session& session, BadPixels& bad);
+
+// The clearest step in a series of residuals (frames x pixels of the grid, K): of a uniform recording its own values
+// will do.
+std::optional<Jump> find_jump(const Session& session, std::size_t recording, const Series& residual,
+                              const std::vector<Freeze>& freezes);
+
+// Takes a jump out of the recording's values, with the step of every pixel estimated from `residual` (all pixels of the
+// grid).
+void remove_jump(Session& session, Jump& jump, const Series& residual);
+
+// The common step of all values of the recordings.
+double find_step(const Session& session);
+
+// Level at which values pile up at the top of a recording's range; infinity: none.
+double find_ceiling(const Recording& recording, double level_step);
+
+// What a recording tells without a model of what it looks at, from single pixels and whole frames alone: jumps,
+// freezes, flicker, noise, patterns and outlier pixels. Thread: any.
+Observation observe(const Recording& recording);
+
+// --- Noise
+
+// An estimate, and how many of its standard errors lie between it and nothing.
+struct Measured {
+  double value = 0.0;
+  double error = 0.0;
+  double z = 0.0;
+};
+
+// Components of the temporal noise (NVESD's 3-D noise): every pixel and frame for itself (tvh), a whole frame (t), a
+// row (tv) and a column (th) in each frame.
+struct NoiseStatistics {
+  std::size_t frames = 0;  // of still recordings; 0: nothing is known
+  double total_k = 0.0;    // rms of a value about its pixel's mean: the noise floor
+  double sigma_tvh = 0.0;
+  Measured flicker;  // sigma_t
+  Measured rows;     // sigma_tv
+  Measured columns;  // sigma_th
+  // Whittle's likelihood of the pixels' spectra.
+  double white_k = 0.0;  // of the white part, before the frame filter
+  Measured corner_hz;    // where 1/f noise equals the white noise
+  Measured alpha;        // of the frame filter; value 1: none
+  FrameFilter filter = FrameFilter::kNone;
+  double spectrum_misfit = 0.0;  // largest |z| of a band of the spectrum against the fit
+  // Tails.
+  Measured excess_kurtosis;                                  // median over the pixels
+  double degrees = std::numeric_limits<double>::infinity();  // of Student's t
+  double degrees_error = 0.0;
+  // What no effect of the catalogue does.
+  double neighbour_row_z = 0.0;     // correlation with the pixel to the left
+  double neighbour_column_z = 0.0;  // with the pixel above
+  double line_hz = 0.0;
+  double line_p = 1.0;  // of the strongest line in the frames' means or in the difference of their halves
+  // Slow change of the offset, a cubic in each recording.
+  double drift_p = 1.0;
+  double drift_k = 0.0;
+};
+
+// Of all uniform recordings (or, when there is none, of recordings without a stimulus that are still). Jumps have been
+// taken out, bad pixels are marked.
+// `ceiling`: recordings with values there are left out.
+NoiseStatistics measure_noise(const Session& session, double ceiling);
+
+// Whether nothing moves in a recording without a stimulus.
+bool is_still(const Session& session, const Recording& recording);
+
+// A bin of a spectrum.
+struct Bin {
+  double frequency = 0.0;  // Hz
+  double power = 0.0;      // mean over pixels
+  double weight = 0.0;     // half the degrees of freedom
+};
+
+// Fits the spectrum (in order of frequency) by Whittle's likelihood and writes what it says of white noise, corner,
+// filter and misfit.
+void judge_spectrum(const std::vector<Bin>& spectrum, double rate_hz, NoiseStatistics& noise);
+
+// Fits degrees of freedom and scale by likelihood to values without their means; n.sigma_tvh is known.
+void fit_student(const std::vector<double>& x, NoiseStatistics& n);
+
+// Power in each bin from 0 to half the sampling rate through Hann's window; white noise has its variance in every bin.
+std::vector<double> periodogram(const ArrayXd& x);
+
+// --- Timing
+
+// Brings the recordings' phases and delays near enough for a fit: moving bars frame by frame, still bars, choppers.
+// Returns for each recording how well its stimulus correlates with it, 1 for those without a pattern.
+std::vector<double> register_stimuli(const Session& session, State& state, std::span<const int> pixels);
+
+// The local speed of moving bars from their shifts: straight lines over some 20 frames.
+void smooth_speeds(const Session& session, State& state);
+
+struct Transport {
+  int lost = 0;           // frames, in all recordings
+  int inserted = 0;       // frames that came in between, not counting identical ones
+  double jitter_s = 0.0;  // rms, less what the measurement itself scatters
+  double jitter_error_s = 0.0;
+  double measured_s = 0.0;  // scatter of the measurement
+};
+
+// Finds steps of whole frame periods and the jitter of the rest. Writes each frame's lateness (steps only) to
+// state.stimuli[].late_s; choppers are registered anew.
+Transport judge_transport(const Session& session, State& state, double floor_k, std::span<const int> pixels);
+
+// The jitter of frames by the shifts of moving bars as they are in `state`. What the model is off by scatters shifts,
+// so it is asked again when the effects are known.
+void judge_jitter(const Session& session, const State& state, double floor_k, std::span<const int> pixels,
+                  Transport& transport);
+bool is_jittered(const Transport& transport);
+
+// The state that knows nothing of transport: shifts follow a smooth motion, no frame is late.
+State without_transport(const Session& session, const State& state);
+
+// --- Stages
 
 // Something that no effect explains: what a test of the residual found, or what an effect would have explained that was
 // withheld.
@@ -95,5 +251,24 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
                    const Options& options);
 // What is drawn: report.captures, report.maps and the rest of report.location.
 void fill_plots(const Fit& fit, double floor_k, Report& report);
+
+// What is learned from: what was found of the camera.
+struct LearnTask {
+  const Session& session;
+  const State* state = nullptr;  // as fitted; null: there was nothing to fit
+  const std::vector<Jump>& jumps;
+  const BadPixels& bad;
+  FrameFilter filter = FrameFilter::kNone;
+  const std::vector<FoundEffect>& effects;
+  const model::CameraProfile& profile;
+
+  const FoundEffect* found(std::string_view name) const;
+};
+
+// Learned::maps. Offset, gain and time constant of each pixel by regression on all frames that have a model, with the
+// fitted stimuli; smooth effects (vignetting, heating) from their fitted shapes; dead pixels as found. `files`: the
+// session's captures, read a second time. Thread: setup.
+Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std::filesystem::path>& files,
+                                    int threads);
 
 }  // namespace bolo::diagnose

@@ -1,4 +1,4 @@
-#include "src/diagnose/timing.hpp"
+#include "src/diagnose/stages.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,8 +11,6 @@
 
 namespace bolo::diagnose {
 namespace {
-
-using Eigen::Index;
 
 constexpr float kLeastContrast = 0.2F;       // of the prediction's, by which a shift is scaled
 constexpr double kLostCorrelation = 0.01;    // below that of the first frame, from which on a frame is looked for
@@ -27,9 +25,9 @@ struct Match {
   double shift = 0.0;
 };
 
-double correlation(const Eigen::Ref<const Eigen::ArrayXf>& a, const Eigen::Ref<const Eigen::ArrayXf>& b) {
-  const Eigen::ArrayXf x = a - a.mean();
-  const Eigen::ArrayXf y = b - b.mean();
+double correlation(const Eigen::Ref<const ArrayXf>& a, const Eigen::Ref<const ArrayXf>& b) {
+  const ArrayXf x = a - a.mean();
+  const ArrayXf y = b - b.mean();
   const float norm = std::sqrt(x.square().sum() * y.square().sum());
   return norm > 0.0F ? static_cast<double>((x * y).sum() / norm) : 0.0;
 }
@@ -37,15 +35,15 @@ double correlation(const Eigen::Ref<const Eigen::ArrayXf>& a, const Eigen::Ref<c
 class FrameMatcher {
  public:
   FrameMatcher(const BarsModel& model, std::span<const int> pixels)
-      : model_(model), pixels_(pixels), value_(static_cast<Eigen::Index>(pixels.size())), slope_(value_.size()) {}
+      : model_(model), pixels_(pixels), value_(static_cast<Index>(pixels.size())), slope_(value_.size()) {}
 
-  Match at(const Eigen::ArrayXf& seen, std::size_t k, double shift) {
+  Match at(const ArrayXf& seen, std::size_t k, double shift) {
     model_.frame(k, shift, pixels_, value_.data(), nullptr);
     return {correlation(seen, value_), shift};
   }
 
   // Gauss and Newton with the level and the contrast free.
-  Match refine(const Eigen::ArrayXf& seen, std::size_t k, double shift, int rounds = 4) {
+  Match refine(const ArrayXf& seen, std::size_t k, double shift, int rounds = 4) {
     for (int i = 0; i < rounds; ++i) {
       model_.frame(k, shift, pixels_, value_.data(), slope_.data());
       Eigen::Matrix<float, Eigen::Dynamic, 3> x(value_.size(), 3);
@@ -65,19 +63,17 @@ class FrameMatcher {
  private:
   const BarsModel& model_;
   std::span<const int> pixels_;
-  Eigen::ArrayXf value_;
-  Eigen::ArrayXf slope_;
+  ArrayXf value_;
+  ArrayXf slope_;
 };
 
-Eigen::ArrayXf seen_at(const Recording& recording, Eigen::Index k, std::span<const int> pixels) {
-  Eigen::ArrayXf seen(static_cast<Eigen::Index>(pixels.size()));
-  for (std::size_t j = 0; j < pixels.size(); ++j) seen[static_cast<Eigen::Index>(j)] = recording.values(k, pixels[j]);
-  return seen;
+ArrayXf seen_at(const Recording& recording, Index k, std::span<const int> pixels) {
+  return recording.values(k, std::vector<int>(pixels.begin(), pixels.end())).transpose().array();
 }
 
 double period_of(const Recording& recording) { return std::get<capture::BarTarget>(recording.stimulus).period_px; }
 
-Match search(FrameMatcher& matcher, const Eigen::ArrayXf& seen, std::size_t k, double period) {
+Match search(FrameMatcher& matcher, const ArrayXf& seen, std::size_t k, double period) {
   constexpr int kSteps = 96;
   Match best;
   for (int i = 0; i < kSteps; ++i) {
@@ -98,7 +94,7 @@ double follow_bars(const Session& session, std::size_t index, State& state, std:
   std::size_t middle = frames / 2;
   while (middle + 1 < frames && recording.used[middle] == 0) ++middle;
   const Match start =
-      search(matcher, seen_at(recording, static_cast<Eigen::Index>(middle), pixels), middle, period_of(recording));
+      search(matcher, seen_at(recording, static_cast<Index>(middle), pixels), middle, period_of(recording));
   const double step = model.mean_speed() * session.period_s;
   stimulus.shift_px[middle] = start.shift;
   const auto walk = [&](int direction) {
@@ -111,7 +107,7 @@ double follow_bars(const Session& session, std::size_t index, State& state, std:
         stimulus.shift_px[frame] = shift;
         continue;
       }
-      const Eigen::ArrayXf seen = seen_at(recording, k, pixels);
+      const ArrayXf seen = seen_at(recording, k, pixels);
       Match best = matcher.refine(seen, frame, expected);
       if (best.correlation < start.correlation - kLostCorrelation ||
           std::abs(best.shift - expected) > kLostSteps * std::abs(step) + kLostShift_px) {
@@ -133,8 +129,8 @@ double match_still(const Session& session, std::size_t index, State& state, std:
   const Recording& recording = session.recordings[index];
   const BarsModel model(session, index, state);
   FrameMatcher matcher(model, pixels);
-  Eigen::ArrayXf seen = Eigen::ArrayXf::Zero(static_cast<Eigen::Index>(pixels.size()));
-  for (Eigen::Index k = 0; k < recording.frames(); ++k) seen += seen_at(recording, k, pixels);
+  ArrayXf seen = ArrayXf::Zero(static_cast<Index>(pixels.size()));
+  for (Index k = 0; k < recording.frames(); ++k) seen += seen_at(recording, k, pixels);
   seen /= static_cast<float>(recording.frames());
   const Match match = search(matcher, seen, 0, period_of(recording));
   state.stimuli[index].phase_px = match.shift;
@@ -143,8 +139,8 @@ double match_still(const Session& session, std::size_t index, State& state, std:
 
 double match_chopper(const Session& session, std::size_t index, State& state, std::span<const int> pixels) {
   const Recording& recording = session.recordings[index];
-  Eigen::ArrayXf seen(recording.frames());
-  for (Eigen::Index k = 0; k < seen.size(); ++k) seen[k] = seen_at(recording, k, pixels).mean();
+  ArrayXf seen(recording.frames());
+  for (Index k = 0; k < seen.size(); ++k) seen[k] = seen_at(recording, k, pixels).mean();
   Match best;
   for (double delay = -kLargestDelay_s; delay < kLargestDelay_s + 1e-5; delay += kDelayStep_s) {
     state.stimuli[index].delay_s = delay;
@@ -175,6 +171,11 @@ std::pair<long, long> around(long k, long half, long frames) {
   return {from, std::min(frames - 1, from + 2 * half)};
 }
 
+void count_periods(int periods, Transport& t) {
+  if (periods > 0) t.lost += periods;
+  if (periods < 0) t.inserted -= periods;
+}
+
 // Whole periods by which each frame of moving bars is late.
 void count_steps(const Session& session, std::size_t index, State& state, Transport& t) {
   const Recording& r = session.recordings[index];
@@ -189,8 +190,7 @@ void count_steps(const Session& session, std::size_t index, State& state, Transp
       const int periods = static_cast<int>(std::lround(went / session.period_s));
       if (periods != 0 && std::abs(went - periods * session.period_s) < kNearWhole * session.period_s) {
         late += periods;
-        if (periods > 0) t.lost += periods;
-        if (periods < 0) t.inserted -= periods;
+        count_periods(periods, t);
       }
       for (std::size_t between = before + 1; between < k; ++between) s.late_s[between] = late * session.period_s;
     }
@@ -200,127 +200,146 @@ void count_steps(const Session& session, std::size_t index, State& state, Transp
 }
 
 // Scatter of the shifts about a line through their neighbours, s, and what the noise alone makes of it.
-void add_jitter(const Session& session, std::size_t index, const State& state, double floor_k,
-                std::span<const int> pixels, double& sum, double& noise, double& count) {
-  const Recording& r = session.recordings[index];
-  const StimulusState& s = state.stimuli[index];
-  const BarsModel model(session, index, state);
-  std::vector<float> value(pixels.size());
-  std::vector<float> slope(pixels.size());
-  const double speed = s.mean_speed();
-  const auto time = [&](std::size_t k) { return s.shift_px[k] / speed - s.late_s[k]; };
-  for (std::size_t k = 1; k + 1 < r.used.size(); ++k) {
-    if (r.used[k - 1] == 0 || r.used[k] == 0 || r.used[k + 1] == 0 || r.t[k] < kSettling_s) continue;
-    const double bend = time(k) - 0.5 * (time(k - 1) + time(k + 1));
-    model.frame(k, s.shift_px[k], pixels, value.data(), slope.data());
-    double information = 0.0;
-    for (const float g : slope) information += static_cast<double>(g) * static_cast<double>(g);
-    sum += bend * bend / kBendVariance;
-    noise += floor_k * floor_k / (information * speed * speed);
-    count += 1.0;
-  }
-}
+struct JitterSums {
+  double square = 0.0;
+  double noise = 0.0;
+  double count = 0.0;
 
-// What is left of the frames [from, to) when the prediction's level and contrast are free: those may be off by tenths
-// of a kelvin, or jump.
-double predicted_error(const Session& session, std::size_t index, const State& state, const Eigen::ArrayXd& seen,
-                       std::span<const int> few, std::size_t from, std::size_t to) {
-  const Series y = predict(session, index, state, few);
-  Line line;
-  for (std::size_t k = from; k < to; ++k) {
-    if (session.recordings[index].used[k] == 0) continue;
-    const auto x = static_cast<double>(y.row(static_cast<Index>(k)).mean()) - kGainReference;
-    line.add(x, seen[static_cast<Index>(k)] - kGainReference);
+  void add(const Session& session, std::size_t index, const State& state, double floor_k, std::span<const int> pixels) {
+    const Recording& r = session.recordings[index];
+    const StimulusState& s = state.stimuli[index];
+    const BarsModel model(session, index, state);
+    std::vector<float> value(pixels.size());
+    std::vector<float> slope(pixels.size());
+    const double speed = s.mean_speed();
+    const auto time = [&](std::size_t k) { return s.shift_px[k] / speed - s.late_s[k]; };
+    for (std::size_t k = 1; k + 1 < r.used.size(); ++k) {
+      if (r.used[k - 1] == 0 || r.used[k] == 0 || r.used[k + 1] == 0 || r.t[k] < kSettling_s) continue;
+      const double bend = time(k) - 0.5 * (time(k - 1) + time(k + 1));
+      model.frame(k, s.shift_px[k], pixels, value.data(), slope.data());
+      const double information = sum_of(slope, [](double g) { return g * g; });
+      square += bend * bend / kBendVariance;
+      noise += floor_k * floor_k / (information * speed * speed);
+      count += 1.0;
+    }
   }
-  const double xx = line.scatter_x();
-  const double xy = line.scatter_xy();
-  const double yy = line.scatter_y();
-  return xx > 1e-9 && xy > 0.0 ? yy - xy * xy / xx : yy;
-}
+};
 
-// Walks from edge to edge of the chopper: when the next edge comes whole periods early or late, frames were lost or
-// inserted since the last one.
-void count_chopper_steps(const Session& session, std::size_t index, State& state, std::span<const int> pixels,
-                         Transport& t) {
-  const Recording& r = session.recordings[index];
-  const auto& chopper = std::get<capture::Chopper>(r.stimulus);
-  StimulusState& s = state.stimuli[index];
-  std::vector<int> few;
-  for (std::size_t i = 0; i < 9; ++i) few.push_back(pixels[(2 * i + 1) * pixels.size() / 18]);
-  Eigen::ArrayXd seen(r.frames());
-  for (Index k = 0; k < seen.size(); ++k) {
-    double sum = 0.0;
-    for (const int p : few) sum += static_cast<double>(r.values(k, p));
-    seen[k] = sum / static_cast<double>(few.size());
+// One chopper's frames, when they are taken to be late by whole periods from some frame on.
+class ChopperClock {
+ public:
+  ChopperClock(const Session& session, std::size_t index, State& state, std::span<const int> pixels)
+      : session_(session), r_(session.recordings[index]), index_(index), state_(state), seen_(r_.frames()) {
+    for (std::size_t i = 0; i < 9; ++i) few_.push_back(pixels[(2 * i + 1) * pixels.size() / 18]);
+    for (Index k = 0; k < seen_.size(); ++k) {
+      seen_[k] = sum_of(few_, [&](int p) { return r_.values(k, p); }) / static_cast<double>(few_.size());
+    }
+    const auto& chopper = std::get<capture::Chopper>(r_.stimulus);
+    edges_ = chopper.on_s;
+    edges_.insert(edges_.end(), chopper.off_s.begin(), chopper.off_s.end());
+    std::ranges::sort(edges_);
   }
-  std::vector<double> edges;
-  edges.insert(edges.end(), chopper.on_s.begin(), chopper.on_s.end());
-  edges.insert(edges.end(), chopper.off_s.begin(), chopper.off_s.end());
-  std::ranges::sort(edges);
-  const auto frames = static_cast<std::size_t>(r.frames());
-  const auto frame_at = [&](double t_s) {
+
+  // Walks from edge to edge: when the next edge comes whole periods early or late, frames were lost or inserted since
+  // the last one.
+  void count_steps(Transport& t) {
+    StimulusState& s = state_.stimuli[index_];
+    for (std::size_t e = 0; e < edges_.size(); ++e) {
+      const std::size_t begin = frame_at(edges_[e], -kBeforeEdge_s);
+      const std::size_t end = frame_at(edges_[e], kAfterEdge_s);
+      const auto used =
+          std::count(r_.used.begin() + static_cast<long>(begin), r_.used.begin() + static_cast<long>(end), 1);
+      if (begin + 3 >= end || used < kFramesAtEdge) continue;
+      const int periods = periods_at(begin, end);
+      if (periods == 0) continue;
+      if (e == 0) {
+        // Before the first edge a lost frame and another start are the same.
+        s.delay_s -= periods * session_.period_s;
+        continue;
+      }
+      const double later = late_ + periods * session_.period_s;
+      const std::size_t step = step_between(frame_at(edges_[e - 1], -kBeforeEdge_s), begin, end, later);
+      std::fill(s.late_s.begin() + static_cast<long>(step), s.late_s.end(), later);
+      late_ = later;
+      count_periods(periods, t);
+    }
+  }
+
+ private:
+  std::size_t frame_at(double edge_s, double after_s) const {
+    const double t_s = edge_s + state_.stimuli[index_].delay_s - late_ + after_s;
     return static_cast<std::size_t>(
-        std::clamp<long>(std::lround(t_s / session.period_s), 0, static_cast<long>(frames)));
-  };
-  double late = 0.0;
-  for (std::size_t e = 0; e < edges.size(); ++e) {
-    const std::size_t begin = frame_at(edges[e] + s.delay_s - late - kBeforeEdge_s);
-    const std::size_t end = frame_at(edges[e] + s.delay_s - late + kAfterEdge_s);
-    const auto seen_frames =
-        std::count(r.used.begin() + static_cast<long>(begin), r.used.begin() + static_cast<long>(end), 1);
-    if (begin + 3 >= end || seen_frames < kFramesAtEdge) continue;
-    State trial = state;
-    for (std::size_t k = begin; k < frames; ++k) trial.stimuli[index].late_s[k] = late;
-    // A step must explain much better than none.
-    double best = kMuchBetter * predicted_error(session, index, trial, seen, few, begin, end);
+        std::clamp<long>(std::lround(t_s / session_.period_s), 0, static_cast<long>(r_.frames())));
+  }
+
+  // What is left of the frames [from, to) of a trial when the prediction's level and contrast are free: those may be
+  // off by tenths of a kelvin, or jump.
+  double error(const State& trial, std::size_t from, std::size_t to) const {
+    const Series y = predict(session_, index_, trial, few_);
+    Line line;
+    for (auto k = static_cast<Index>(from); k < static_cast<Index>(to); ++k) {
+      if (r_.is_used(k)) line.add(y.row(k).mean() - kGainReference, seen_[k] - kGainReference);
+    }
+    const double xx = line.scatter_x();
+    const double xy = line.scatter_xy();
+    const double yy = line.scatter_y();
+    return xx > 1e-9 && xy > 0.0 ? yy - xy * xy / xx : yy;
+  }
+
+  // The periods by which the frames at an edge are later than those before. A step must explain much better than none.
+  int periods_at(std::size_t begin, std::size_t end) const {
+    State trial = state_;
+    auto& late_s = trial.stimuli[index_].late_s;
+    const auto error_of = [&](int periods) {
+      std::fill(late_s.begin() + static_cast<long>(begin), late_s.end(), late_ + periods * session_.period_s);
+      return error(trial, begin, end);
+    };
+    double best = kMuchBetter * error_of(0);
     int best_periods = 0;
     for (const int periods : {-1, 1, -2, 2, -3, 3}) {
-      for (std::size_t k = begin; k < frames; ++k) trial.stimuli[index].late_s[k] = late + periods * session.period_s;
-      const double error = predicted_error(session, index, trial, seen, few, begin, end);
-      if (error < best) {
-        best = error;
-        best_periods = periods;
-      }
+      const double left = error_of(periods);
+      if (!(left < best)) continue;
+      best = left;
+      best_periods = periods;
     }
-    if (best_periods == 0) continue;
-    if (e == 0) {
-      // Before the first edge a lost frame and another start are the same.
-      s.delay_s -= best_periods * session.period_s;
-      continue;
-    }
-    // The frame at which it happened: anywhere since the edge before.
-    const double next_late = late + best_periods * session.period_s;
-    const std::size_t from = frame_at(edges[e - 1] + s.delay_s - late - kBeforeEdge_s);
+    return best_periods;
+  }
+
+  // The frame from which on they are later: anywhere since the edge before.
+  std::size_t step_between(std::size_t from, std::size_t begin, std::size_t end, double later) const {
+    State trial = state_;
+    auto& late_s = trial.stimuli[index_].late_s;
     double least = 1e300;
     std::size_t where = begin;
-    for (std::size_t k = from; k <= std::min(end, frames - 1); ++k) {
-      for (std::size_t i = from; i < frames; ++i) trial.stimuli[index].late_s[i] = i < k ? late : next_late;
-      const double error = predicted_error(session, index, trial, seen, few, from, end);
-      if (error < least) {
-        least = error;
-        where = k;
-      }
+    for (std::size_t k = from; k <= std::min(end, late_s.size() - 1); ++k) {
+      for (std::size_t i = from; i < late_s.size(); ++i) late_s[i] = i < k ? late_ : later;
+      const double left = error(trial, from, end);
+      if (!(left < least)) continue;
+      least = left;
+      where = k;
     }
-    for (std::size_t i = where; i < frames; ++i) s.late_s[i] = next_late;
-    late = next_late;
-    if (best_periods > 0) t.lost += best_periods;
-    if (best_periods < 0) t.inserted -= best_periods;
+    return where;
   }
-}
+
+  const Session& session_;
+  const Recording& r_;
+  std::size_t index_;
+  State& state_;
+  std::vector<int> few_;  // pixels that are looked at
+  ArrayXd seen_;          // their mean in each frame
+  std::vector<double> edges_;
+  double late_ = 0.0;  // of the frames at the last edge
+};
 
 }  // namespace
 
 std::vector<double> register_stimuli(const Session& session, State& state, std::span<const int> pixels) {
-  std::vector<double> matched;
-  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
-    const Recording& recording = session.recordings[i];
-    double found = 1.0;
-    if (has_model(recording)) {
-      if (recording.kind == Kind::kMovingBars) found = follow_bars(session, i, state, pixels);
-      if (recording.kind == Kind::kStillBars) found = match_still(session, i, state, pixels);
-      if (recording.kind == Kind::kChopper) found = match_chopper(session, i, state, pixels);
-    }
-    matched.push_back(found);
+  std::vector<double> matched(session.recordings.size(), 1.0);
+  for (const std::size_t i : modelled(session)) {
+    const Kind kind = session.recordings[i].kind;
+    if (kind == Kind::kMovingBars) matched[i] = follow_bars(session, i, state, pixels);
+    if (kind == Kind::kStillBars) matched[i] = match_still(session, i, state, pixels);
+    if (kind == Kind::kChopper) matched[i] = match_chopper(session, i, state, pixels);
   }
   smooth_speeds(session, state);
   return matched;
@@ -351,14 +370,10 @@ void smooth_speeds(const Session& session, State& state) {
 
 Transport judge_transport(const Session& session, State& state, double floor_k, std::span<const int> pixels) {
   Transport t;
-  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
-    const Recording& r = session.recordings[i];
-    if (!has_model(r)) continue;
-    if (r.kind == Kind::kMovingBars) {
-      count_steps(session, i, state, t);
-    } else if (r.kind == Kind::kChopper) {
-      count_chopper_steps(session, i, state, pixels, t);
-    }
+  for (const std::size_t i : modelled(session)) {
+    const Kind kind = session.recordings[i].kind;
+    if (kind == Kind::kMovingBars) count_steps(session, i, state, t);
+    if (kind == Kind::kChopper) ChopperClock(session, i, state, pixels).count_steps(t);
   }
   judge_jitter(session, state, floor_k, pixels, t);
   return t;
@@ -366,18 +381,15 @@ Transport judge_transport(const Session& session, State& state, double floor_k, 
 
 void judge_jitter(const Session& session, const State& state, double floor_k, std::span<const int> pixels,
                   Transport& transport) {
-  double sum = 0.0;
-  double noise = 0.0;
-  double count = 0.0;
-  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
-    if (has_model(session.recordings[i]) && session.recordings[i].kind == Kind::kMovingBars) {
-      add_jitter(session, i, state, floor_k, pixels, sum, noise, count);
-    }
+  JitterSums sums;
+  for (const std::size_t i : modelled(session)) {
+    if (session.recordings[i].kind == Kind::kMovingBars) sums.add(session, i, state, floor_k, pixels);
   }
+  const auto& [square, noise, count] = sums;
   if (count <= 10.0) return;
   transport.measured_s = std::sqrt(noise / count);
-  transport.jitter_s = std::sqrt(std::max(0.0, (sum - noise) / count));
-  transport.jitter_error_s = (sum / count) * std::sqrt(3.0 / count) / std::max(1e-9, 2.0 * transport.jitter_s);
+  transport.jitter_s = std::sqrt(std::max(0.0, (square - noise) / count));
+  transport.jitter_error_s = (square / count) * std::sqrt(3.0 / count) / std::max(1e-9, 2.0 * transport.jitter_s);
 }
 
 bool is_jittered(const Transport& t) {

@@ -1,5 +1,5 @@
 // Events that are made here, and what is found of them.
-#include "src/diagnose/events.hpp"
+#include "src/diagnose/stages.hpp"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "src/diagnose/pixel_maps.hpp"
+#include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {

@@ -1,5 +1,5 @@
 // Noise that is made here, by the standard library's generators, and what the statistics say of it.
-#include "src/diagnose/noise.hpp"
+#include "src/diagnose/stages.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // What is told of captures that no model predicts, simulated and real, and of every pixel of a large frame.
-#include "src/diagnose/events.hpp"
+#include "src/diagnose/stages.hpp"
 
 #include <gtest/gtest.h>
 

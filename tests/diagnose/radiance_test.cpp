@@ -1,4 +1,4 @@
-#include "src/diagnose/response.hpp"
+#include "src/diagnose/model.hpp"
 
 #include <gtest/gtest.h>
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "src/diagnose/timing.hpp"
-#include "src/diagnose/unknowns.hpp"
+#include "src/diagnose/fit.hpp"
+#include "src/diagnose/stages.hpp"
 #include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose {

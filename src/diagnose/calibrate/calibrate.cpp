@@ -5,8 +5,8 @@
 #include <cmath>
 #include <memory>
 
-#include "src/capture/capture.hpp"
 #include "src/core/statistics.hpp"
+#include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -29,19 +29,17 @@ struct Moments {
 Result<Moments> moments_of(const FrameSeries& frames, const Progress& progress) {
   const std::size_t pixels = frames.geometry.pixels();
   Moments m;
-  m.y.assign(pixels, 0.0);
-  m.yy = m.y;
-  m.rough = m.y;
+  m.y = m.yy = m.rough = std::vector<double>(pixels, 0.0);
   std::vector<float> last;
   std::vector<double> change(pixels);
   const Status read = frames.for_each("still field", progress, [&](std::size_t k, std::span<const float> frame) {
     if (k == 0) m.base = last = {frame.begin(), frame.end()};
     double sum = 0.0;
     for (std::size_t p = 0; p < pixels; ++p) {
-      const double y = static_cast<double>(frame[p]) - static_cast<double>(m.base[p]);
+      const double y = static_cast<double>(frame[p]) - m.base[p];
       m.y[p] += y;
       m.yy[p] += y * y;
-      change[p] = static_cast<double>(frame[p]) - static_cast<double>(last[p]);
+      change[p] = static_cast<double>(frame[p]) - last[p];
       sum += y;
     }
     const double shared = median(change);
@@ -62,15 +60,16 @@ bool moves(const std::vector<double>& variance, const std::vector<double>& own, 
          quantile(own, 0.95) > kUneven * kUneven * usual;
 }
 
-double rms_over(const std::vector<double>& variances, const std::vector<DeadPixel>& dead) {
-  double sum = 0.0;
-  double count = 0.0;
-  for (std::size_t p = 0; p < variances.size(); ++p) {
-    if (dead[p] != DeadPixel::kGood) continue;
-    sum += variances[p];
-    count += 1.0;
+std::vector<std::size_t> good_of(const std::vector<DeadPixel>& dead) {
+  std::vector<std::size_t> good;
+  for (std::size_t p = 0; p < dead.size(); ++p) {
+    if (dead[p] == DeadPixel::kGood) good.push_back(p);
   }
-  return count > 0.0 ? std::sqrt(sum / count) : 0.0;
+  return good;
+}
+
+double mean_over(const std::vector<double>& values, const std::vector<std::size_t>& pixels) {
+  return sum_of(pixels, [&](std::size_t p) { return values[p]; }) / std::max(1.0, static_cast<double>(pixels.size()));
 }
 
 constexpr std::size_t kKeptBytes = std::size_t{512} << 20U;  // a recording up to this size is read once
@@ -87,19 +86,10 @@ Result<FrameSeries> open_series(const std::filesystem::path& file, const capture
   series.sixteen_bits = counts;
   series.lowest = std::min(format.scale.to_physical(0.0), format.scale.to_physical(65535.0));
   series.highest = std::max(format.scale.to_physical(0.0), format.scale.to_physical(65535.0));
-  const auto read = [&reader, format, plane = std::vector<std::byte>(plane_bytes(format.geometry, format.type))](
-                        std::size_t k, std::span<float> out) mutable -> Status {
-    if (Status status = reader.read_frame(k, plane.data()); !status) return status;
-    const auto* raw16 = reinterpret_cast<const std::uint16_t*>(plane.data());
-    const auto* raw32 = reinterpret_cast<const float*>(plane.data());
-    for (std::size_t i = 0; i < out.size(); ++i) {
-      const double raw =
-          format.type == PixelType::kUint16 ? static_cast<double>(raw16[i]) : static_cast<double>(raw32[i]);
-      out[i] = static_cast<float>(format.scale.to_physical(raw));
-    }
-    return {};
+  series.read = [&reader](std::size_t k, std::span<float> out) -> Status {
+    const auto done = read_values(reader, k, 0, out);
+    return done ? Status{} : tl::unexpected(done.error());
   };
-  series.read = read;
   const std::size_t pixels = format.geometry.pixels();
   if (series.t_s.size() * pixels > kKeptBytes / sizeof(float)) return series;
   auto all = std::make_shared<std::vector<float>>(series.t_s.size() * pixels);
@@ -149,13 +139,12 @@ Result<std::vector<Source>> open_all(const std::vector<std::filesystem::path>& f
 // Several still fields: the noise of all, offsets by their mean, a pixel that one of them calls dead is dead.
 void merge(StillFit& all, const StillFit& more, double before) {
   const auto blend = [before](double a, double b) { return (a * before + b) / (before + 1.0); };
-  all.noise_k = std::sqrt(blend(all.noise_k * all.noise_k, more.noise_k * more.noise_k));
-  all.pixel_noise_k = std::sqrt(blend(all.pixel_noise_k * all.pixel_noise_k, more.pixel_noise_k * more.pixel_noise_k));
-  all.offset_rms_k = std::sqrt(blend(all.offset_rms_k * all.offset_rms_k, more.offset_rms_k * more.offset_rms_k));
+  for (double StillFit::*const rms : {&StillFit::noise_k, &StillFit::pixel_noise_k, &StillFit::offset_rms_k}) {
+    all.*rms = std::sqrt(blend(all.*rms * all.*rms, more.*rms * more.*rms));
+  }
   if (all.offset_k.empty()) all.offset_k.assign(all.dead.size(), 0.0F);
   for (std::size_t p = 0; p < all.dead.size(); ++p) {
-    const double offset = more.offset_k.empty() ? 0.0 : static_cast<double>(more.offset_k[p]);
-    all.offset_k[p] = static_cast<float>(blend(static_cast<double>(all.offset_k[p]), offset));
+    all.offset_k[p] = static_cast<float>(blend(all.offset_k[p], more.offset_k.empty() ? 0.0 : more.offset_k[p]));
     if (all.dead[p] == DeadPixel::kGood) all.dead[p] = more.dead[p];
   }
 }
@@ -182,8 +171,7 @@ void fill_profile(const CalibrationOptions& options, const capture::CaptureInfo&
   for (std::size_t p = 0; result.still && p < result.dead.size(); ++p) {
     if (result.still->dead[p] != DeadPixel::kGood) result.dead[p] = result.still->dead[p];
   }
-  std::vector<std::uint8_t> dead;
-  for (const DeadPixel pixel : result.dead) dead.push_back(pixel == DeadPixel::kGood ? 0 : 1);
+  auto dead = mapped(result.dead, [](DeadPixel pixel) -> std::uint8_t { return pixel == DeadPixel::kGood ? 0 : 1; });
   result.dead_pixels = static_cast<std::size_t>(std::ranges::count(dead, std::uint8_t{1}));
   if (result.dead_pixels > 0) result.maps.dead = std::move(dead);
 }
@@ -216,19 +204,17 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
   std::vector<double> variance(pixels);
   std::vector<double> own(pixels);
   std::vector<double> level(pixels);
-  std::vector<double> noise(pixels);
   for (std::size_t p = 0; p < pixels; ++p) {
     const double mean = moments->y[p] / n;
     variance[p] = std::max(0.0, moments->yy[p] / n - mean * mean) * n / (n - 1.0);
     own[p] = moments->rough[p] / (2.0 * (n - 1.0));
-    level[p] = static_cast<double>(moments->base[p]) + mean;
-    noise[p] = std::sqrt(variance[p]);
+    level[p] = moments->base[p] + mean;
   }
   StillFit fit;
+  const std::vector<double> noise = mapped(variance, [](double v) { return std::sqrt(v); });
   const double usual = median(noise);
   const double centre = median(level);
-  std::vector<double> away(pixels);
-  for (std::size_t p = 0; p < pixels; ++p) away[p] = std::abs(level[p] - centre);
+  const std::vector<double> away = mapped(level, [centre](double v) { return std::abs(v - centre); });
   const double scatter = median(away) / kMadOfSigma + usual;
   fit.dead.assign(pixels, DeadPixel::kGood);
   for (std::size_t p = 0; p < pixels; ++p) {
@@ -236,30 +222,20 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
     if (away[p] > kFarOff * scatter && usual > 0.0) fit.dead[p] = DeadPixel::kSilent;
     if (noise[p] < kFrozen * usual) fit.dead[p] = DeadPixel::kFrozen;
   }
-  fit.noise_k = rms_over(variance, fit.dead);
-  fit.pixel_noise_k = rms_over(own, fit.dead);
-  double drift = 0.0;
-  for (const double v : moments->frame_mean) drift += v / n;
-  double scatter2 = 0.0;
-  for (const double v : moments->frame_mean) scatter2 += (v - drift) * (v - drift) / n;
-  if (moves(variance, own, scatter2, 0.5 * frames.step)) {
+  const std::vector<std::size_t> pixels_left = good_of(fit.dead);
+  const auto good = static_cast<double>(pixels_left.size());
+  fit.noise_k = std::sqrt(mean_over(variance, pixels_left));
+  fit.pixel_noise_k = std::sqrt(mean_over(own, pixels_left));
+  const double drift = sum_of(moments->frame_mean, [n](double v) { return v / n; });
+  const double of_means = sum_of(moments->frame_mean, [=](double v) { return (v - drift) * (v - drift) / n; });
+  if (moves(variance, own, of_means, 0.5 * frames.step)) {
     return bad_input(frames.name +
                      ": is no still field: it changes by more than noise does; give a closed shutter or a flat black "
                      "body");
   }
-
-  double mean = 0.0;
-  double good = 0.0;
-  for (std::size_t p = 0; p < pixels; ++p) {
-    if (fit.dead[p] != DeadPixel::kGood) continue;
-    mean += level[p];
-    good += 1.0;
-  }
-  mean /= std::max(1.0, good);
-  double pattern2 = 0.0;
-  for (std::size_t p = 0; p < pixels; ++p) {
-    if (fit.dead[p] == DeadPixel::kGood) pattern2 += (level[p] - mean) * (level[p] - mean) / std::max(1.0, good - 1.0);
-  }
+  const double mean = mean_over(level, pixels_left);
+  const double pattern2 = sum_of(
+      pixels_left, [&](std::size_t p) { return (level[p] - mean) * (level[p] - mean) / std::max(1.0, good - 1.0); });
   const double error2 = std::pow(fit.pixel_noise_k, 2) / n;
   const double own2 = std::max(0.0, pattern2 - error2);
   fit.offset_rms_k = std::sqrt(own2);
@@ -267,9 +243,7 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
   if (own2 > 4.0 * error2 * std::sqrt(2.0 / std::max(1.0, good)) + 1e-12) {
     const double reliability = own2 / (own2 + error2);
     fit.offset_k.assign(pixels, 0.0F);
-    for (std::size_t p = 0; p < pixels; ++p) {
-      if (fit.dead[p] == DeadPixel::kGood) fit.offset_k[p] = static_cast<float>(-reliability * (level[p] - mean));
-    }
+    for (const std::size_t p : pixels_left) fit.offset_k[p] = static_cast<float>(-reliability * (level[p] - mean));
   }
   return fit;
 }

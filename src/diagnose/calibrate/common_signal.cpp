@@ -1,5 +1,6 @@
 // What the pixels of a recording have in common.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -32,10 +33,10 @@ std::vector<std::size_t> grid_of(const FrameSeries& frames) {
 }
 
 Result<Series> read_grid(const FrameSeries& frames, const std::vector<std::size_t>& pixels, const Progress& progress) {
-  Series values(static_cast<Eigen::Index>(frames.t_s.size()), static_cast<Eigen::Index>(pixels.size()));
+  Series values(static_cast<Index>(frames.t_s.size()), static_cast<Index>(pixels.size()));
   const Status read = frames.for_each("looking for pulses", progress, [&](std::size_t k, std::span<const float> frame) {
-    Eigen::Index at = 0;
-    for (const std::size_t p : pixels) values(static_cast<Eigen::Index>(k), at++) = frame[p];
+    Index at = 0;
+    for (const std::size_t p : pixels) values(static_cast<Index>(k), at++) = frame[p];
   });
   if (!read) return tl::unexpected(read.error());
   return values;
@@ -44,9 +45,9 @@ Result<Series> read_grid(const FrameSeries& frames, const std::vector<std::size_
 // The leading left singular vector of the columns, each of mean 0 and variance 1.
 Eigen::VectorXf leading(Series values) {
   const auto n = static_cast<float>(values.rows());
-  Eigen::Index smoothest = 0;
+  Index smoothest = 0;
   float best = -2.0F;
-  for (Eigen::Index p = 0; p < values.cols(); ++p) {
+  for (Index p = 0; p < values.cols(); ++p) {
     values.col(p).array() -= values.col(p).mean();
     const float norm = values.col(p).norm() / std::sqrt(n);
     values.col(p) *= norm > 0.0F ? 1.0F / norm : 0.0F;
@@ -66,59 +67,51 @@ Eigen::VectorXf leading(Series values) {
   return shape;
 }
 
-// Sums over time of every pixel of the frame.
-struct Sums {
-  std::vector<float> base;  // the first frame: sums are of differences from it
-  std::vector<double> y, yy, ys;
-  std::vector<float> low, high;
-  std::vector<std::uint32_t> at_high, near_high, at_low, near_low, repeated;
+// Pile-ups at a limit: values at the highest, against those a step below. Of values with their sign changed: the
+// lowest.
+struct Extreme {
+  float highest = -std::numeric_limits<float>::infinity();
+  std::uint32_t at = 0;
+  std::uint32_t near = 0;
+  void add(float v, float step) {
+    if (v > highest) {
+      near = v - highest < 1.5F * step ? at : 0;
+      at = 0;
+      highest = v;
+    }
+    at += v >= highest ? 1U : 0U;
+    near += v < highest && highest - v < 1.5F * step ? 1U : 0U;
+  }
 };
 
-// Pile-ups at a limit: values at the extreme of a pixel, against those a step inside.
-void count_extremes(Sums& sums, std::size_t p, float v, float step) {
-  if (v > sums.high[p]) {
-    sums.near_high[p] = v - sums.high[p] < 1.5F * step ? sums.at_high[p] : 0;
-    sums.at_high[p] = 0;
-    sums.high[p] = v;
-  }
-  if (v < sums.low[p]) {
-    sums.near_low[p] = sums.low[p] - v < 1.5F * step ? sums.at_low[p] : 0;
-    sums.at_low[p] = 0;
-    sums.low[p] = v;
-  }
-  sums.at_high[p] += v >= sums.high[p] ? 1U : 0U;
-  sums.at_low[p] += v <= sums.low[p] ? 1U : 0U;
-  sums.near_high[p] += v < sums.high[p] && sums.high[p] - v < 1.5F * step ? 1U : 0U;
-  sums.near_low[p] += v > sums.low[p] && v - sums.low[p] < 1.5F * step ? 1U : 0U;
-}
+// Sums over time of one pixel.
+struct Sums {
+  float base = 0.0F;  // the first value: sums are of differences from it
+  float last = 0.0F;
+  double y = 0.0, yy = 0.0, ys = 0.0;
+  Extreme high, low;
+  std::uint32_t repeated = 0;
+};
 
-Result<Sums> sum_up(const FrameSeries& frames, const std::vector<double>& shape, const Progress& progress) {
-  const std::size_t pixels = frames.geometry.pixels();
-  Sums sums;
-  sums.y.assign(pixels, 0.0);
-  sums.yy = sums.y;
-  sums.ys = sums.y;
-  sums.low.assign(pixels, std::numeric_limits<float>::infinity());
-  sums.high.assign(pixels, -std::numeric_limits<float>::infinity());
-  sums.at_high.assign(pixels, 0);
-  sums.near_high = sums.at_high;
-  sums.at_low = sums.at_high;
-  sums.near_low = sums.at_high;
-  sums.repeated = sums.at_high;
-  std::vector<float> last;
+Result<std::vector<Sums>> sum_up(const FrameSeries& frames, const std::vector<double>& shape,
+                                 const Progress& progress) {
+  std::vector<Sums> sums(frames.geometry.pixels());
   const auto step = static_cast<float>(frames.step);
   const Status read =
       frames.for_each("looking at every pixel", progress, [&](std::size_t k, std::span<const float> frame) {
-        if (k == 0) sums.base = {frame.begin(), frame.end()};
-        for (std::size_t p = 0; p < pixels; ++p) {
-          const double y = static_cast<double>(frame[p]) - static_cast<double>(sums.base[p]);
-          sums.y[p] += y;
-          sums.yy[p] += y * y;
-          sums.ys[p] += y * shape[k];
-          count_extremes(sums, p, frame[p], step);
-          sums.repeated[p] += k > 0 && frame[p] == last[p] ? 1U : 0U;
+        for (std::size_t p = 0; p < sums.size(); ++p) {
+          Sums& s = sums[p];
+          const float v = frame[p];
+          if (k == 0) s.base = v;
+          const double y = static_cast<double>(v) - s.base;
+          s.y += y;
+          s.yy += y * y;
+          s.ys += y * shape[k];
+          s.high.add(v, step);
+          s.low.add(-v, step);
+          s.repeated += k > 0 && v == s.last ? 1U : 0U;
+          s.last = v;
         }
-        last.assign(frame.begin(), frame.end());
       });
   if (!read) return tl::unexpected(read.error());
   return sums;
@@ -126,11 +119,10 @@ Result<Sums> sum_up(const FrameSeries& frames, const std::vector<double>& shape,
 
 // A pixel's values pile up at its highest or lowest: many are there, few a step inside, where noise would have spread
 // them. Only where there is noise to see: elsewhere values hardly ever repeat from frame to frame.
-bool piled_up(const Sums& sums, std::size_t p, double frames) {
-  const auto pile = [&](std::uint32_t at, std::uint32_t near) {
-    return at > 0.03 * frames + 3.0 && at > 6.0 * (near + 1.0) && sums.repeated[p] < at + 0.2 * (frames - at);
-  };
-  return pile(sums.at_high[p], sums.near_high[p]) || pile(sums.at_low[p], sums.near_low[p]);
+bool piled_up(const Sums& sums, double frames) {
+  return std::ranges::any_of(std::array{sums.high, sums.low}, [&](const Extreme& e) {
+    return e.at > 0.03 * frames + 3.0 && e.at > 6.0 * (e.near + 1.0) && sums.repeated < e.at + 0.2 * (frames - e.at);
+  });
 }
 
 }  // namespace
@@ -141,7 +133,7 @@ Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progres
   if (!values) return tl::unexpected(values.error());
   const Eigen::VectorXf shape = leading(std::move(*values));
   CommonSignal common;
-  for (Eigen::Index k = 0; k < shape.size(); ++k) common.shape.push_back(static_cast<double>(shape[k]));
+  common.shape.assign(shape.begin(), shape.end());
   const auto sums = sum_up(frames, common.shape, progress);
   if (!sums) return tl::unexpected(sums.error());
 
@@ -152,17 +144,17 @@ Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progres
   double balance = 0.0;
   double clipped = 0.0;
   for (std::size_t p = 0; p < pixels; ++p) {
-    const double variance = std::max(0.0, sums->yy[p] / n - std::pow(sums->y[p] / n, 2));
+    const Sums& s = (*sums)[p];
+    const double variance = std::max(0.0, s.yy / n - std::pow(s.y / n, 2));
     common.deviation[p] = static_cast<float>(std::sqrt(variance));
     if (!(variance > 0.0)) continue;
-    const double correlation = sums->ys[p] / n / std::sqrt(variance);  // the shape has mean 0 and variance 1
+    const double correlation = s.ys / n / std::sqrt(variance);  // the shape has mean 0 and variance 1
     if (std::abs(correlation) < kLeastCorrelation) continue;
     common.follows[p] = correlation > 0.0 ? 1 : -1;
     balance += correlation;
     ++common.pixels;
-    const bool at_end = frames.sixteen_bits && (static_cast<double>(sums->high[p]) >= frames.highest ||
-                                                static_cast<double>(sums->low[p]) <= frames.lowest);
-    clipped += at_end || piled_up(*sums, p, n) ? 1.0 : 0.0;
+    const bool at_end = frames.sixteen_bits && (s.high.highest >= frames.highest || -s.low.highest <= frames.lowest);
+    clipped += at_end || piled_up(s, n) ? 1.0 : 0.0;
   }
   if (common.pixels == 0) {
     return bad_input(frames.name +
@@ -178,7 +170,7 @@ Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progres
       frames.for_each("the mean of all pixels", progress, [&](std::size_t, std::span<const float> frame) {
         double sum = 0.0;
         for (std::size_t p = 0; p < pixels; ++p) {
-          sum += static_cast<double>(frame[p]) * static_cast<double>(common.follows[p]);
+          sum += frame[p] * static_cast<double>(common.follows[p]);
         }
         common.mean.push_back(sum / static_cast<double>(common.pixels));
       });

@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <optional>
 
 #include "src/core/statistics.hpp"
 #include "src/diagnose/calibrate/pulses.hpp"
+#include "src/diagnose/session.hpp"
 #include "src/report/text.hpp"
 
 namespace bolo::diagnose {
@@ -34,65 +34,60 @@ double student(double degrees) {
          (3.0 * std::pow(z, 7) + 19.0 * std::pow(z, 5) + 17.0 * z * z * z - 15.0 * z) / (384.0 * v * v * v);
 }
 
-double period_of(const FrameSeries& frames) {
-  std::vector<double> gaps;
-  for (std::size_t k = 1; k < frames.t_s.size(); ++k) gaps.push_back(frames.t_s[k] - frames.t_s[k - 1]);
-  return median(std::move(gaps));
-}
+double period_of(const FrameSeries& frames) { return median(gaps_of(frames.t_s)); }
 
 // Whether curves between switches are what the mean signal is made of.
 Status check(const FrameSeries& frames, const CommonSignal& common, const std::optional<SignalFit>& fit) {
-  const double period_s = period_of(frames);
-  const std::string& name = frames.name;
   if (common.clipped_share > kMostClipped) {
-    return bad_input(name +
+    return bad_input(frames.name +
                      format(": %.0f %% of the pixels that see the pulses are clipped; lower the level, or choose "
                             "another temperature range",
                             100.0 * common.clipped_share));
   }
-  const std::string none = name + ": no rectangular pulses: ";
-  if (!fit) return bad_input(none + "nothing in it decays as a pixel does; record a chopper or a switched board");
-  const auto telling = std::ranges::count_if(fit->intervals, [](const Interval& i) { return i.count >= kLeastCount; });
-  const auto n = static_cast<double>(frames.t_s.size());
-  if (telling < 2) {
-    return bad_input(none + "its pixels see nothing switch for " + std::to_string(kLeastCount) +
+  const auto no_pulses = [&](const std::string& why) {
+    return bad_input(frames.name + ": no rectangular pulses: " + why);
+  };
+  if (!fit) return no_pulses("nothing in it decays as a pixel does; record a chopper or a switched board");
+  std::vector<Interval> telling = fit->intervals;
+  std::erase_if(telling, [](const Interval& i) { return i.count < kLeastCount; });
+  if (telling.size() < 2) {
+    return no_pulses("its pixels see nothing switch for " + std::to_string(kLeastCount) +
                      " frames or more; record longer pulses");
   }
-  const double mean = std::accumulate(common.mean.begin(), common.mean.end(), 0.0) / n;
-  double variance = 0.0;
-  for (const double y : common.mean) variance += (y - mean) * (y - mean) / n;
+  const auto n = static_cast<double>(frames.t_s.size());
+  const double mean = sum_of(common.mean) / n;
+  const double variance = sum_of(common.mean, [=](double y) { return (y - mean) * (y - mean) / n; });
   const double explained = 1.0 - fit->sigma * fit->sigma / variance;
   if (explained < kLeastExplained || static_cast<double>(fit->informative_samples) < kLeastUsed * n) {
-    return bad_input(none +
-                     "what its pixels have in common changes all the time; record a chopper or a switched board");
+    return no_pulses("what its pixels have in common changes all the time; record a chopper or a switched board");
   }
   const double variance_of_log =
       fit->information > 0.0 ? std::max(fit->sigma * fit->sigma / fit->information, fit->interval_variance) : 1.0;
   const bool vague = !(std::sqrt(variance_of_log) < kWorstError);
+  const double period_s = period_of(frames);
   if (vague && fit->tau_s < kTooFast * period_s) {
-    return bad_input(name + format(": a frame every %.1f ms doesn't tell tau: after a switch the next frame shows the "
-                                   "new level already; record at a higher frame rate",
-                                   1e3 * period_s));
+    return bad_input(frames.name +
+                     format(": a frame every %.1f ms doesn't tell tau: after a switch the next frame shows the "
+                            "new level already; record at a higher frame rate",
+                            1e3 * period_s));
   }
   // Where tau is real, some interval lasts long enough to come near its level.
-  const auto lasting = std::ranges::count_if(fit->intervals, [&](const Interval& i) {
-    return i.count >= kLeastCount && frames.t_s[i.end() - 1] - frames.t_s[i.first] > 1.5 * fit->tau_s;
-  });
+  const auto lasting = std::ranges::count_if(
+      telling, [&](const Interval& i) { return frames.t_s[i.end() - 1] - frames.t_s[i.first] > 1.5 * fit->tau_s; });
   if (vague || lasting < 2) {
-    return bad_input(none +
-                     "what its pixels have in common decays nowhere in the same way twice; record a chopper or "
-                     "a switched board");
+    return no_pulses(
+        "what its pixels have in common decays nowhere in the same way twice; record a chopper or "
+        "a switched board");
   }
   return {};
 }
 
 // Whether each pixel is what the mean is.
 Status check_pixels(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus) {
-  std::vector<double> left;
-  for (std::size_t p = 0; p < common.follows.size(); ++p) {
-    if (common.follows[p] != 0) left.push_back(static_cast<double>(taus.sigma[p] / common.deviation[p]));
-  }
-  if (median(std::move(left)) < kMostLeft) return {};
+  const double left = median(mapped(following(common.follows), [&](std::size_t p) {
+    return static_cast<double>(taus.sigma[p] / common.deviation[p]);
+  }));
+  if (left < kMostLeft) return {};
   return bad_input(frames.name +
                    ": no rectangular pulses: its pixels have little more in common than noise; record a "
                    "higher contrast, or hold the camera still before a chopper");
@@ -108,132 +103,6 @@ Estimate tau_estimate(double tau_s, double pixel_error, double noise_error, cons
   const double half = student(degrees) * std::sqrt(error2) + bias;
   return {tau_s, tau_s * (1.0 - half), tau_s * (1.0 + half)};
 }
-
-// The steps of one fit, in their order; what one leaves the next ones use.
-class PulseFitter {
- public:
-  PulseFitter(const FrameSeries& frames, CommonSignal common, SignalFit signal, const Progress& progress)
-      : frames_(frames),
-        common_(std::move(common)),
-        follows_(common_.follows),
-        signal_(std::move(signal)),
-        progress_(progress),
-        table_(frames.t_s, signal_.intervals, signal_.tau_s) {}
-
-  Result<PulseFit> run() {
-    describe_switches(frames_.t_s, signal_, fit_);
-    for (const auto step : {&PulseFitter::find_sweep, &PulseFitter::share_tau, &PulseFitter::take_pixels_one_by_one,
-                            &PulseFitter::judge_residual, &PulseFitter::show_pixel}) {
-      if (Status done = (this->*step)(); !done) return tl::unexpected(done.error());
-    }
-    return std::move(fit_);
-  }
-
- private:
-  Status pass_with(std::vector<std::int8_t> nodes) {
-    taus_.node = std::move(nodes);
-    Status done = pass(frames_, table_, switches_, follows_, taus_, progress_);
-    if (done) settle_errors(table_, follows_, taus_);
-    return done;
-  }
-
-  // Where the switches run over the frame; the samples that they spoil go.
-  Status find_sweep() {
-    const double period_s = period_of(frames_);
-    switches_ = between(frames_, table_, signal_, period_s);
-    if (Status done = pass_with({}); !done) return done;
-    const Sweep sweep = fit_sweep(frames_, taus_, signal_.tau_s);
-    trim(frames_, switches_, table_, sweep, signal_);
-    refit(frames_.t_s, common_.mean, signal_);
-    table_ = DecayTable(frames_.t_s, signal_.intervals, signal_.tau_s);
-    if (table_.intervals().size() < 2) {
-      return bad_input(frames_.name +
-                       ": no rectangular pulses: the switches take as long as the pulses; record longer ones");
-    }
-    switches_ = between(frames_, table_, signal_, period_s + sweep.high() - sweep.low());
-    return {};
-  }
-
-  // All good pixels together, as if they shared one tau: no pixel's error is in it, but the curvature of their spread
-  // is.
-  Status share_tau() {
-    if (Status done = pass_with({}); !done) return done;
-    if (Status good = check_pixels(frames_, common_, taus_); !good) return good;
-    fit_.dead = find_dead(frames_, common_, taus_);
-    bool fewer = false;
-    for (std::size_t p = 0; p < follows_.size(); ++p) {
-      fewer = fewer || (follows_[p] != 0 && fit_.dead[p] != DeadPixel::kGood);
-      if (fit_.dead[p] != DeadPixel::kGood) follows_[p] = 0;
-    }
-    if (fewer) {
-      if (Status done = pass_with({}); !done) return done;
-    }
-    std::vector<double> errors;
-    for (std::size_t p = 0; p < taus_.error.size(); ++p) {
-      if (follows_[p] != 0) errors.push_back(static_cast<double>(taus_.error[p]));
-    }
-    usual_error_ = median(std::move(errors));
-    if (!(taus_.information > 0.0)) return bad_input(frames_.name + ": no pixel tells tau; record a higher contrast");
-    const double tau_s = signal_.tau_s * std::exp(std::clamp(taus_.score / taus_.information, -0.3, 0.3));
-    const double error = std::sqrt(taus_.score2) / taus_.information;
-    fit_.tau_s = tau_estimate(tau_s, error, error, signal_, 0.0);
-    return {};
-  }
-
-  Status take_pixels_one_by_one() {
-    const bool each = usual_error_ < kMapError;
-    for (int round = 0; each && round < 2; ++round) {
-      if (Status done = pass_with(nearest_nodes(table_, taus_)); !done) return done;
-    }
-    pixels_ = trusted(taus_, fit_.dead);
-    if (!each || pixels_.empty()) return {};
-    const Population all = population(taus_, pixels_);
-    fit_.spread_significant = all.spread_z > kSignificant && all.spread > kLeastSpread;
-    if (!fit_.spread_significant) return {};
-    fit_.tau_spread = all.spread;
-    fit_.tau_map_s = shrunk_map(taus_, pixels_, all);
-    // What is nonlinear in a pixel's error shifts the mean by some of its square.
-    fit_.tau_s = tau_estimate(all.mean_s, all.error, all.noise_error, signal_, 0.5 * usual_error_ * usual_error_);
-    return {};
-  }
-
-  Status judge_residual() {
-    const Sweep sweep = fit_sweep(frames_, taus_, fit_.tau_s.value);
-    fit_.sweep_x_s = interval(sweep.delay[1], sweep.error[1]);
-    fit_.sweep_y_s = interval(sweep.delay[2], sweep.error[2]);
-    fit_.rmse_k = rms_left(taus_, pixels_);
-    const auto noise_k = late_noise(frames_, table_, taus_, pixels_, progress_);
-    if (!noise_k) return tl::unexpected(noise_k.error());
-    fit_.noise_k = *noise_k;
-    fit_.gap = fit_.noise_k > 0.0 ? fit_.rmse_k / fit_.noise_k : 1.0;
-    if (fit_.gap < kLeastGap && fit_.noise_k > frames_.step) {
-      return bad_input(frames_.name +
-                       ": no rectangular pulses: its intervals are too short for their number; record longer pulses");
-    }
-    fit_.intervals = table_.intervals().size();
-    fit_.pixels = common_.pixels;
-    return {};
-  }
-
-  Status show_pixel() {
-    auto trace = trace_pixel(frames_, signal_, taus_, pixels_);
-    if (!trace) return tl::unexpected(trace.error());
-    fit_.trace = std::move(*trace);
-    return {};
-  }
-
-  const FrameSeries& frames_;
-  CommonSignal common_;
-  std::vector<std::int8_t> follows_;  // those of common_ that are not dead
-  SignalFit signal_;
-  const Progress& progress_;
-  DecayTable table_;
-  std::vector<SwitchBetween> switches_;
-  PixelTaus taus_;
-  std::vector<std::size_t> pixels_;  // that are trusted
-  double usual_error_ = 0.0;         // of a pixel's ln tau
-  PulseFit fit_;
-};
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
@@ -286,11 +155,8 @@ std::vector<Piece> pieces_of(std::span<const double> t_s, const std::vector<Inte
   return pieces;
 }
 
-}  // namespace
-
+// When the mean signal's input switched, and to which levels.
 void describe_switches(std::span<const double> t_s, const SignalFit& signal, PulseFit& fit) {
-  fit.switches_s.clear();
-  fit.levels_k.clear();
   const std::vector<Piece> pieces = pieces_of(t_s, signal.intervals, signal.decays, signal.tau_s, signal.contrast);
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     if (pieces[i].goes_on) continue;
@@ -299,53 +165,49 @@ void describe_switches(std::span<const double> t_s, const SignalFit& signal, Pul
   }
 }
 
-Result<PixelTrace> trace_pixel(const FrameSeries& frames, const SignalFit& signal, const PixelTaus& taus,
-                               const std::vector<std::size_t>& pixels) {
-  PixelTrace trace;
-  if (pixels.empty()) return trace;
-  const int width = frames.geometry.width;
-  const auto distance = [&](std::size_t p) {
-    const std::size_t row = p / static_cast<std::size_t>(width);
-    const double x = static_cast<double>(p % static_cast<std::size_t>(width)) - width / 2.0;
-    const double y = static_cast<double>(row) - frames.geometry.height / 2.0;
-    return x * x + y * y;
-  };
-  std::vector<float> errors;
-  errors.reserve(pixels.size());
-  for (const std::size_t p : pixels) errors.push_back(taus.error[p]);
-  const float usual = median(std::move(errors));
+// The pixel nearest to the middle of the frame among those whose tau is known as well as that of most.
+std::size_t middle_pixel(const FrameSeries& frames, const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
+  const float usual = median(mapped(pixels, [&](std::size_t p) { return taus.error[p]; }));
   std::size_t chosen = pixels.front();
   double nearest = std::numeric_limits<double>::infinity();
   for (const std::size_t p : pixels) {
-    if (taus.error[p] <= usual && distance(p) < nearest) {
-      nearest = distance(p);
-      chosen = p;
-    }
+    const PixelPlace at = place_of(p, frames.geometry.width);
+    const double x = at.x - frames.geometry.width / 2.0;
+    const double y = at.y - frames.geometry.height / 2.0;
+    if (!(taus.error[p] <= usual) || !(x * x + y * y < nearest)) continue;
+    nearest = x * x + y * y;
+    chosen = p;
   }
-  trace.x = static_cast<int>(chosen % static_cast<std::size_t>(width));
-  trace.y = static_cast<int>(chosen / static_cast<std::size_t>(width));
-  trace.tau_s = static_cast<double>(taus.tau_s[chosen]);
+  return chosen;
+}
 
+// Measured and simulated values of one pixel. `signal` has the intervals; levels and amplitudes are the pixel's own.
+Status show_pixel(const FrameSeries& frames, const SignalFit& signal, const PixelTaus& taus,
+                  const std::vector<std::size_t>& pixels, PixelTrace& trace) {
+  if (pixels.empty()) return {};
+  const std::size_t chosen = middle_pixel(frames, taus, pixels);
+  const PixelPlace at = place_of(chosen, frames.geometry.width);
+  trace.x = at.x;
+  trace.y = at.y;
+  trace.tau_s = taus.tau_s[chosen];
   std::vector<float> frame(frames.geometry.pixels());
   for (std::size_t k = 0; k < frames.t_s.size(); ++k) {
-    if (Status read = frames.read(k, frame); !read) return tl::unexpected(read.error());
-    trace.measured_k.push_back(static_cast<double>(frame[chosen]));
+    if (Status read = frames.read(k, frame); !read) return read;
+    trace.measured_k.push_back(frame[chosen]);
     trace.t_s.push_back(frames.t_s[k] - frames.t_s.front());
   }
-  std::vector<Decay> decays;
-  for (const Interval& interval : signal.intervals) {
-    decays.push_back(fit_decay(trace.t_s, trace.measured_k, interval, trace.tau_s));
-  }
+  const std::vector<Decay> decays = mapped(
+      signal.intervals, [&](const Interval& i) { return fit_decay(trace.t_s, trace.measured_k, i, trace.tau_s); });
   const std::vector<Piece> pieces = pieces_of(trace.t_s, signal.intervals, decays, trace.tau_s, signal.contrast);
   const auto simulated = [&](double t_s) {
-    const auto at = std::ranges::find_if(pieces, [t_s](const Piece& piece) { return t_s <= piece.to_s; });
-    return at == pieces.end() ? kNone : at->decay.at(t_s, trace.tau_s);
+    const auto piece = std::ranges::find_if(pieces, [t_s](const Piece& p) { return t_s <= p.to_s; });
+    return piece == pieces.end() ? kNone : piece->decay.at(t_s, trace.tau_s);
   };
   // Samples of no interval, or of one that has none to spare, are not compared.
   trace.simulated_k.assign(trace.t_s.size(), kNone);
-  for (const Interval& interval : signal.intervals) {
-    if (interval.count < kLeastCount) continue;
-    for (std::size_t k = interval.first; k < interval.end(); ++k) trace.simulated_k[k] = simulated(trace.t_s[k]);
+  for (const Interval& i : signal.intervals) {
+    if (i.count < kLeastCount) continue;
+    for (std::size_t k = i.first; k < i.end(); ++k) trace.simulated_k[k] = simulated(trace.t_s[k]);
   }
   constexpr int kFine = 10;
   for (std::size_t k = 0; k + 1 < trace.t_s.size(); ++k) {
@@ -354,8 +216,123 @@ Result<PixelTrace> trace_pixel(const FrameSeries& frames, const SignalFit& signa
       trace.fine_k.push_back(simulated(trace.fine_t_s.back()));
     }
   }
-  return trace;
+  return {};
 }
+
+// The steps of one fit, in their order; what one leaves the next ones use.
+class PulseFitter {
+ public:
+  PulseFitter(const FrameSeries& frames, CommonSignal common, SignalFit signal, const Progress& progress)
+      : frames_(frames),
+        common_(std::move(common)),
+        follows_(common_.follows),
+        signal_(std::move(signal)),
+        progress_(progress),
+        table_(frames.t_s, signal_.intervals, signal_.tau_s) {}
+
+  Result<PulseFit> run() {
+    describe_switches(frames_.t_s, signal_, fit_);
+    for (const auto step : {&PulseFitter::find_sweep, &PulseFitter::share_tau, &PulseFitter::take_pixels_one_by_one,
+                            &PulseFitter::judge_residual}) {
+      if (Status done = (this->*step)(); !done) return tl::unexpected(done.error());
+    }
+    return std::move(fit_);
+  }
+
+ private:
+  Status pass_with(std::vector<std::int8_t> nodes) {
+    taus_.node = std::move(nodes);
+    Status done = pass(frames_, table_, switches_, follows_, taus_, progress_);
+    if (done) settle_errors(table_, follows_, taus_);
+    return done;
+  }
+
+  // Where the switches run over the frame; the samples that they spoil go.
+  Status find_sweep() {
+    const double period_s = period_of(frames_);
+    switches_ = between(frames_, table_, signal_, period_s);
+    if (Status done = pass_with({}); !done) return done;
+    const Sweep sweep = fit_sweep(frames_, taus_, signal_.tau_s);
+    trim(frames_, switches_, table_, sweep, signal_);
+    refit(frames_.t_s, common_.mean, signal_);
+    table_ = DecayTable(frames_.t_s, signal_.intervals, signal_.tau_s);
+    if (table_.intervals().size() < 2) {
+      return bad_input(frames_.name +
+                       ": no rectangular pulses: the switches take as long as the pulses; record longer ones");
+    }
+    switches_ = between(frames_, table_, signal_, period_s + sweep.high() - sweep.low());
+    return {};
+  }
+
+  // All good pixels together, as if they shared one tau: no pixel's error is in it, but the curvature of their spread
+  // is.
+  Status share_tau() {
+    if (Status done = pass_with({}); !done) return done;
+    if (Status good = check_pixels(frames_, common_, taus_); !good) return good;
+    fit_.dead = find_dead(frames_, common_, taus_);
+    for (std::size_t p = 0; p < follows_.size(); ++p) {
+      if (fit_.dead[p] != DeadPixel::kGood) follows_[p] = 0;
+    }
+    if (follows_ != common_.follows) {
+      if (Status done = pass_with({}); !done) return done;
+    }
+    usual_error_ = median(mapped(following(follows_), [this](std::size_t p) { return taus_.error[p]; }));
+    if (!(taus_.information > 0.0)) return bad_input(frames_.name + ": no pixel tells tau; record a higher contrast");
+    const double tau_s = signal_.tau_s * std::exp(std::clamp(taus_.score / taus_.information, -0.3, 0.3));
+    const double error = std::sqrt(taus_.score2) / taus_.information;
+    fit_.tau_s = tau_estimate(tau_s, error, error, signal_, 0.0);
+    return {};
+  }
+
+  Status take_pixels_one_by_one() {
+    const bool each = usual_error_ < kMapError;
+    for (int round = 0; each && round < 2; ++round) {
+      if (Status done = pass_with(nearest_nodes(table_, taus_)); !done) return done;
+    }
+    pixels_ = trusted(taus_, fit_.dead);
+    if (!each || pixels_.empty()) return {};
+    const Population all = population(taus_, pixels_);
+    fit_.spread_significant = all.spread_z > kSignificant && all.spread > kLeastSpread;
+    if (!fit_.spread_significant) return {};
+    fit_.tau_spread = all.spread;
+    fit_.tau_map_s = shrunk_map(taus_, pixels_, all);
+    // What is nonlinear in a pixel's error shifts the mean by some of its square.
+    fit_.tau_s = tau_estimate(all.mean_s, all.error, all.noise_error, signal_, 0.5 * usual_error_ * usual_error_);
+    return {};
+  }
+
+  Status judge_residual() {
+    const Sweep sweep = fit_sweep(frames_, taus_, fit_.tau_s.value);
+    fit_.sweep_x_s = interval(sweep.delay[1], sweep.error[1]);
+    fit_.sweep_y_s = interval(sweep.delay[2], sweep.error[2]);
+    fit_.rmse_k = rms_left(taus_, pixels_);
+    const auto noise_k = late_noise(frames_, table_, taus_, pixels_, progress_);
+    if (!noise_k) return tl::unexpected(noise_k.error());
+    fit_.noise_k = *noise_k;
+    fit_.gap = fit_.noise_k > 0.0 ? fit_.rmse_k / fit_.noise_k : 1.0;
+    if (fit_.gap < kLeastGap && fit_.noise_k > frames_.step) {
+      return bad_input(frames_.name +
+                       ": no rectangular pulses: its intervals are too short for their number; record longer pulses");
+    }
+    fit_.intervals = table_.intervals().size();
+    fit_.pixels = common_.pixels;
+    return show_pixel(frames_, signal_, taus_, pixels_, fit_.trace);
+  }
+
+  const FrameSeries& frames_;
+  CommonSignal common_;
+  std::vector<std::int8_t> follows_;  // those of common_ that are not dead
+  SignalFit signal_;
+  const Progress& progress_;
+  DecayTable table_;
+  std::vector<SwitchBetween> switches_;
+  PixelTaus taus_;
+  std::vector<std::size_t> pixels_;  // that are trusted
+  double usual_error_ = 0.0;         // of a pixel's ln tau
+  PulseFit fit_;
+};
+
+}  // namespace
 
 Result<PulseFit> fit_pulses(const FrameSeries& frames, const Progress& progress) {
   if (frames.t_s.size() < kFewestFrames) {

@@ -92,41 +92,58 @@ struct Score {
 };
 
 Score score_of(std::span<const double> t_s, std::span<const double> y, const Interval& interval, double tau_s) {
-  const std::size_t n = interval.count;
-  std::vector<double> e(n);
-  std::vector<double> u(n);
-  double e_mean = 0.0;
-  double u_mean = 0.0;
-  double y_mean = 0.0;
-  for (std::size_t k = 0; k < n; ++k) {
-    const double age = (t_s[interval.first + k] - t_s[interval.first]) / tau_s;
-    e[k] = std::exp(-age);
-    u[k] = age * e[k];
-    e_mean += e[k] / static_cast<double>(n);
-    u_mean += u[k] / static_cast<double>(n);
-    y_mean += y[interval.first + k] / static_cast<double>(n);
-  }
-  double ee = 0.0;
-  double eu = 0.0;
+  const Regressors x(t_s, interval, tau_s);
+  const auto values = y.subspan(interval.first, interval.count);
+  const auto n = static_cast<double>(interval.count);
+  const double y_mean = sum_of(values, [n](double v) { return v / n; });
   double ey = 0.0;
-  for (std::size_t k = 0; k < n; ++k) {
-    ee += (e[k] - e_mean) * (e[k] - e_mean);
-    eu += (e[k] - e_mean) * (u[k] - u_mean);
-    ey += (e[k] - e_mean) * (y[interval.first + k] - y_mean);
-  }
-  const double amplitude = ey / ee;
+  for (std::size_t k = 0; k < values.size(); ++k) ey += x.e[k] * (values[k] - y_mean);
+  const double amplitude = ey / x.ee;
   Score s;
-  for (std::size_t k = 0; k < n; ++k) {
-    const double own = u[k] - u_mean - eu / ee * (e[k] - e_mean);
-    const double left = y[interval.first + k] - y_mean - amplitude * (e[k] - e_mean);
-    s.score += amplitude * own * left;
-    s.information += amplitude * amplitude * own * own;
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    const double left = values[k] - y_mean - amplitude * x.e[k];
+    s.score += amplitude * x.u[k] * left;
+    s.information += amplitude * amplitude * x.u[k] * x.u[k];
     s.squares += left * left;
   }
   return s;
 }
 
 }  // namespace
+
+Regressors::Regressors(std::span<const double> t_s, const Interval& interval, double tau_s)
+    : e(interval.count), u(interval.count) {
+  const auto n = static_cast<double>(interval.count);
+  for (std::size_t k = 0; k < interval.count; ++k) {
+    const double age = (t_s[interval.first + k] - t_s[interval.first]) / tau_s;
+    e[k] = std::exp(-age);
+    u[k] = age * e[k];
+    e_mean += e[k] / n;
+  }
+  const double u_mean = sum_of(u, [n](double v) { return v / n; });
+  double eu = 0.0;
+  for (std::size_t k = 0; k < interval.count; ++k) {
+    e[k] -= e_mean;
+    u[k] -= u_mean;
+    ee += e[k] * e[k];
+    eu += e[k] * u[k];
+  }
+  for (std::size_t k = 0; k < interval.count; ++k) u[k] -= eu / ee * e[k];
+}
+
+double freedom_of(const std::vector<Interval>& intervals) {
+  double freedom = -1.0;
+  for (const Interval& interval : intervals) {
+    if (interval.count >= kLeastCount) freedom += static_cast<double>(interval.count) - 2.0;
+  }
+  return freedom;
+}
+
+std::vector<double> gaps_of(std::span<const double> t_s) {
+  std::vector<double> gaps;
+  for (std::size_t k = 1; k < t_s.size(); ++k) gaps.push_back(t_s[k] - t_s[k - 1]);
+  return gaps;
+}
 
 double Decay::at(double t_s, double tau_s) const { return level + amplitude * std::exp(-(t_s - t_first_s) / tau_s); }
 
@@ -148,45 +165,28 @@ Decay fit_decay(std::span<const double> t_s, std::span<const double> y, const In
 }
 
 void refit(std::span<const double> t_s, std::span<const double> y, SignalFit& fit) {
+  std::vector<Interval> telling = fit.intervals;
+  std::erase_if(telling, [](const Interval& interval) { return interval.count < kLeastCount; });
   std::vector<Score> scores;
   for (int round = 0; round < 30; ++round) {
-    scores.clear();
-    double score = 0.0;
-    double information = 0.0;
-    for (const Interval& interval : fit.intervals) {
-      if (interval.count < kLeastCount) continue;
-      scores.push_back(score_of(t_s, y, interval, fit.tau_s));
-      score += scores.back().score;
-      information += scores.back().information;
-    }
-    fit.information = information;
-    if (!(information > 0.0)) break;
-    const double step = std::clamp(score / information, -0.2, 0.2);
+    scores = mapped(telling, [&](const Interval& interval) { return score_of(t_s, y, interval, fit.tau_s); });
+    fit.information = sum_of(scores, &Score::information);
+    if (!(fit.information > 0.0)) break;
+    const double step = std::clamp(sum_of(scores, &Score::score) / fit.information, -0.2, 0.2);
     fit.tau_s *= std::exp(step);
     if (std::abs(step) < 1e-10) break;
   }
-  double squares = 0.0;
-  double freedom = -1.0;
-  double sandwich = 0.0;
-  double information2 = 0.0;
+  const double freedom = freedom_of(telling);
   fit.informative_samples = 0;
-  for (const Interval& interval : fit.intervals) {
-    if (interval.count < kLeastCount) continue;
-    freedom += static_cast<double>(interval.count) - 2.0;
-    fit.informative_samples += interval.count;
-  }
-  for (const Score& s : scores) {
-    squares += s.squares;
-    sandwich += s.score * s.score;
-    information2 += s.information * s.information;
-  }
-  fit.sigma = freedom > 0.0 ? std::sqrt(squares / freedom) : 0.0;
+  for (const Interval& interval : telling) fit.informative_samples += interval.count;
+  const double sandwich = sum_of(scores, [](const Score& s) { return s.score * s.score; });
+  const double information2 = sum_of(scores, [](const Score& s) { return s.information * s.information; });
+  fit.sigma = freedom > 0.0 ? std::sqrt(sum_of(scores, &Score::squares) / freedom) : 0.0;
   const double m = information2 > 0.0 ? fit.information * fit.information / information2 : 0.0;
   fit.effective_intervals = m;
   // m / (m - 1): what the fit took out of the scores, whose sum it made zero.
   fit.interval_variance = m > 1.05 ? sandwich / (fit.information * fit.information) * m / (m - 1.0) : 0.0;
-  fit.decays.clear();
-  for (const Interval& interval : fit.intervals) fit.decays.push_back(fit_decay(t_s, y, interval, fit.tau_s));
+  fit.decays = mapped(fit.intervals, [&](const Interval& i) { return fit_decay(t_s, y, i, fit.tau_s); });
 }
 
 std::optional<SignalFit> fit_signal(std::span<const double> t_s, std::span<const double> y) {
@@ -194,9 +194,7 @@ std::optional<SignalFit> fit_signal(std::span<const double> t_s, std::span<const
   const std::vector<double> values(y.begin(), y.end());
   fit.contrast = quantile(values, 0.95) - quantile(values, 0.05);
   if (!(fit.contrast > 0.0)) return std::nullopt;
-  std::vector<double> gaps;
-  for (std::size_t k = 1; k < t_s.size(); ++k) gaps.push_back(t_s[k] - t_s[k - 1]);
-  const double period_s = quantile(gaps, 0.5);
+  const double period_s = quantile(gaps_of(t_s), 0.5);
   // Coarse first: noise and the model's own faults are unknown, so that a per cent of the contrast passes as either.
   std::vector<double> rough;  // noise by third differences, too large where the signal decays
   for (std::size_t k = 3; k < y.size(); ++k) {

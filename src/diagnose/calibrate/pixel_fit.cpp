@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "src/core/statistics.hpp"
 #include "src/diagnose/calibrate/pulses.hpp"
 
 namespace bolo::diagnose {
@@ -30,12 +31,10 @@ class Pass {
         table_(table),
         switches_(switches),
         taus_(taus),
+        pixels_(following(follows)),
         sums_(frames.geometry.pixels()),
         kept_(frames.geometry.pixels()) {
     if (taus.node.empty()) taus.node.assign(frames.geometry.pixels(), DecayTable::kMiddle);
-    for (std::size_t p = 0; p < follows.size(); ++p) {
-      if (follows[p] != 0) pixels_.push_back(p);
-    }
   }
 
   Status run(const Progress& progress) {
@@ -60,8 +59,8 @@ class Pass {
       const double y = static_cast<double>(frame[p]) - static_cast<double>(s.base);
       s.y += y;
       s.yy += y * y;
-      s.ey += static_cast<double>(at.e) * y;
-      s.uy += static_cast<double>(at.u) * y;
+      s.ey += at.e * y;
+      s.uy += at.u * y;
     }
   }
 
@@ -77,8 +76,7 @@ class Pass {
     kept.information += amplitude * amplitude * norm.uu;
     kept.by_noise += norm.uu / norm.ee;
     kept.squares += std::max(0.0, s.yy - s.y * s.y / n - s.ey * amplitude);
-    const Decay now{static_cast<double>(s.base) + s.y / n - amplitude * norm.e_mean, amplitude,
-                    frames_.t_s[interval.first]};
+    const Decay now{s.base + s.y / n - amplitude * norm.e_mean, amplitude, frames_.t_s[interval.first]};
     const auto at = std::ranges::find(switches_, i, [](const SwitchBetween& b) { return b.before + 1; });
     if (i > 0 && at != switches_.end()) {
       const double tau_s = table_.tau_s(taus_.node[p]);
@@ -93,8 +91,7 @@ class Pass {
 
   void conclude() {
     const std::size_t pixels = frames_.geometry.pixels();
-    double freedom = -1.0;
-    for (const Interval& interval : table_.intervals()) freedom += static_cast<double>(interval.count) - 2.0;
+    const double freedom = freedom_of(table_.intervals());
     taus_.tau_s.assign(pixels, std::numeric_limits<float>::quiet_NaN());
     taus_.error.assign(pixels, std::numeric_limits<float>::infinity());
     taus_.sigma.assign(pixels, 0.0F);
@@ -142,29 +139,12 @@ DecayTable::DecayTable(const std::vector<double>& t_s, const std::vector<Interva
   }
   for (const Interval& interval : intervals_) {
     for (int node = 0; node < kNodes; ++node) {
-      const auto n = static_cast<double>(interval.count);
-      const auto age = [&](std::size_t k) { return (t_s[k] - t_s[interval.first]) / tau_s(node); };
-      double e_mean = 0.0;
-      double u_mean = 0.0;
-      for (std::size_t k = interval.first; k < interval.end(); ++k) {
-        e_mean += std::exp(-age(k)) / n;
-        u_mean += age(k) * std::exp(-age(k)) / n;
+      const Regressors x(t_s, interval, tau_s(node));
+      for (std::size_t k = 0; k < interval.count; ++k) {
+        samples_[(interval.first + k) * kNodes + static_cast<std::size_t>(node)] = {static_cast<float>(x.e[k]),
+                                                                                    static_cast<float>(x.u[k])};
       }
-      double ee = 0.0;
-      double eu = 0.0;
-      for (std::size_t k = interval.first; k < interval.end(); ++k) {
-        const double e = std::exp(-age(k)) - e_mean;
-        ee += e * e;
-        eu += e * (age(k) * std::exp(-age(k)) - u_mean);
-      }
-      double uu = 0.0;
-      for (std::size_t k = interval.first; k < interval.end(); ++k) {
-        const double e = std::exp(-age(k)) - e_mean;
-        const double u = age(k) * std::exp(-age(k)) - u_mean - eu / ee * e;
-        uu += u * u;
-        samples_[k * kNodes + static_cast<std::size_t>(node)] = {static_cast<float>(e), static_cast<float>(u)};
-      }
-      norms_.push_back({ee, uu, e_mean});
+      norms_.push_back({x.ee, sum_of(x.u, [](double u) { return u * u; }), x.e_mean});
     }
   }
 }
@@ -176,11 +156,19 @@ Status pass(const FrameSeries& frames, const DecayTable& table, const std::vecto
   return Pass(frames, table, switches, follows, taus).run(progress);
 }
 
+std::vector<std::size_t> following(const std::vector<std::int8_t>& follows) {
+  std::vector<std::size_t> pixels;
+  for (std::size_t p = 0; p < follows.size(); ++p) {
+    if (follows[p] != 0) pixels.push_back(p);
+  }
+  return pixels;
+}
+
 std::vector<std::int8_t> nearest_nodes(const DecayTable& table, const PixelTaus& taus) {
   std::vector<std::int8_t> nodes(taus.tau_s.size(), DecayTable::kMiddle);
   for (std::size_t p = 0; p < nodes.size(); ++p) {
     if (!std::isfinite(taus.tau_s[p])) continue;
-    const double away = std::log(static_cast<double>(taus.tau_s[p]) / table.tau_s(DecayTable::kMiddle));
+    const double away = std::log(taus.tau_s[p] / table.tau_s(DecayTable::kMiddle));
     const double node = std::round(away / DecayTable::kNodeStep) + DecayTable::kMiddle;
     nodes[p] = static_cast<std::int8_t>(std::clamp(node, 0.0, DecayTable::kNodes - 1.0));
   }

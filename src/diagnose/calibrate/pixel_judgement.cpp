@@ -8,6 +8,7 @@
 
 #include "src/core/statistics.hpp"
 #include "src/diagnose/calibrate/pulses.hpp"
+#include "src/diagnose/session.hpp"
 
 namespace bolo::diagnose {
 namespace {
@@ -27,16 +28,12 @@ constexpr double kSweepMargin = 0.05;     // of the sweep
 }  // namespace
 
 void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& follows, PixelTaus& taus) {
-  double freedom = -1.0;
-  for (const Interval& interval : table.intervals()) freedom += static_cast<double>(interval.count) - 2.0;
-  std::vector<double> sigmas;
-  for (std::size_t p = 0; p < follows.size(); ++p) {
-    if (follows[p] != 0) sigmas.push_back(static_cast<double>(taus.sigma[p]));
-  }
-  const double usual = median(std::move(sigmas));
-  for (std::size_t p = 0; p < follows.size(); ++p) {
-    const auto sigma = static_cast<double>(taus.sigma[p]);
-    if (follows[p] == 0 || !(sigma > 0.0)) continue;
+  const double freedom = freedom_of(table.intervals());
+  const std::vector<std::size_t> pixels = following(follows);
+  const double usual = median(mapped(pixels, [&](std::size_t p) { return taus.sigma[p]; }));
+  for (const std::size_t p : pixels) {
+    const double sigma = taus.sigma[p];
+    if (!(sigma > 0.0)) continue;
     const double settled = std::sqrt((freedom * sigma * sigma + kPrior * usual * usual) / (freedom + kPrior));
     taus.error[p] *= static_cast<float>(settled / sigma);
   }
@@ -44,54 +41,35 @@ void settle_errors(const DecayTable& table, const std::vector<std::int8_t>& foll
 
 std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPixel>& dead) {
   std::vector<std::size_t> known;
-  std::vector<double> errors;
-  std::vector<double> values;
   for (std::size_t p = 0; p < taus.tau_s.size(); ++p) {
-    if (dead[p] != DeadPixel::kGood || !std::isfinite(taus.error[p]) || !std::isfinite(taus.tau_s[p])) continue;
-    known.push_back(p);
-    errors.push_back(static_cast<double>(taus.error[p]));
-    values.push_back(static_cast<double>(taus.tau_s[p]));
+    if (dead[p] == DeadPixel::kGood && std::isfinite(taus.error[p]) && std::isfinite(taus.tau_s[p])) known.push_back(p);
   }
-  const double usual = median(errors);
-  const double middle = median(values);
-  for (double& v : values) v = std::abs(v - middle);
-  const double scatter = std::max(median(values) / kMadOfSigma, 1e-9 * middle);
-  std::vector<std::size_t> pixels;
-  for (std::size_t i = 0; i < known.size(); ++i) {
-    if (errors[i] < kMostError * usual && values[i] < kMostScatters * scatter) pixels.push_back(known[i]);
-  }
-  return pixels;
+  const double usual = median(mapped(known, [&](std::size_t p) { return taus.error[p]; }));
+  const double middle = median(mapped(known, [&](std::size_t p) { return taus.tau_s[p]; }));
+  const auto away = [&](std::size_t p) { return std::abs(taus.tau_s[p] - middle); };
+  const double scatter = std::max(median(mapped(known, away)) / kMadOfSigma, 1e-9 * middle);
+  std::erase_if(
+      known, [&](std::size_t p) { return !(taus.error[p] < kMostError * usual && away(p) < kMostScatters * scatter); });
+  return known;
 }
 
 Population population(const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
   Population all;
   all.pixels = pixels.size();
   if (pixels.empty()) return all;
-  std::vector<double> values;
-  values.reserve(pixels.size());
-  for (const std::size_t p : pixels) values.push_back(static_cast<double>(taus.tau_s[p]));
-  const double middle = median(std::move(values));
+  const double middle = median(mapped(pixels, [&](std::size_t p) { return taus.tau_s[p]; }));
+  const auto error2 = [&](std::size_t p) { return std::pow(static_cast<double>(taus.error[p]), 2); };
+  const auto away = [&](std::size_t p) { return taus.tau_s[p] / middle - 1.0; };
   const auto mean_with = [&](double spread2, double& error) {
-    double weights = 0.0;
-    double sum = 0.0;
-    for (const std::size_t p : pixels) {
-      const double w = 1.0 / (std::pow(static_cast<double>(taus.error[p]), 2) + spread2);
-      weights += w;
-      sum += w * (static_cast<double>(taus.tau_s[p]) / middle - 1.0);
-    }
+    const double weights = sum_of(pixels, [&](std::size_t p) { return 1.0 / (error2(p) + spread2); });
+    const double sum = sum_of(pixels, [&](std::size_t p) { return 1.0 / (error2(p) + spread2) * away(p); });
     error = 1.0 / std::sqrt(weights);
     return sum / weights;
   };
   const double fixed = mean_with(0.0, all.noise_error);
-  double q = 0.0;
-  double w1 = 0.0;
-  double w2 = 0.0;
-  for (const std::size_t p : pixels) {
-    const double w = 1.0 / std::pow(static_cast<double>(taus.error[p]), 2);
-    q += w * std::pow(static_cast<double>(taus.tau_s[p]) / middle - 1.0 - fixed, 2);
-    w1 += w;
-    w2 += w * w;
-  }
+  const double q = sum_of(pixels, [&](std::size_t p) { return 1.0 / error2(p) * std::pow(away(p) - fixed, 2); });
+  const double w1 = sum_of(pixels, [&](std::size_t p) { return 1.0 / error2(p); });
+  const double w2 = sum_of(pixels, [&](std::size_t p) { return 1.0 / error2(p) * (1.0 / error2(p)); });
   const double degrees = static_cast<double>(pixels.size()) - 1.0;
   const double spread2 = std::max(0.0, (q - degrees) / (w1 - w2 / w1));
   all.spread = std::sqrt(spread2);
@@ -101,46 +79,33 @@ Population population(const PixelTaus& taus, const std::vector<std::size_t>& pix
 }
 
 std::vector<DeadPixel> find_dead(const FrameSeries& frames, const CommonSignal& common, const PixelTaus& taus) {
-  const std::size_t pixels = frames.geometry.pixels();
-  std::vector<DeadPixel> dead(pixels, DeadPixel::kGood);
-  std::vector<double> sigmas;
-  std::vector<double> deviations;
-  for (std::size_t p = 0; p < pixels; ++p) {
-    if (common.follows[p] == 0) continue;
-    sigmas.push_back(static_cast<double>(taus.sigma[p]));
-    deviations.push_back(static_cast<double>(common.deviation[p]));
-  }
-  const double usual = median(std::move(sigmas));
-  const double swing = median(std::move(deviations));
-  for (int y = 0; y < frames.geometry.height; ++y) {
-    for (int x = 0; x < frames.geometry.width; ++x) {
-      const auto at = [&](int column, int row) {
-        return static_cast<std::size_t>(row) * static_cast<std::size_t>(frames.geometry.width) +
-               static_cast<std::size_t>(column);
-      };
-      const std::size_t p = at(x, y);
-      if (common.follows[p] != 0) {
-        const bool noisy = static_cast<double>(taus.sigma[p]) > kNoisyPixel * usual + kNoisySwing * swing;
-        const bool weak = static_cast<double>(common.deviation[p]) < kWeakPixel * swing;
-        dead[p] = noisy ? DeadPixel::kNoisy : weak ? DeadPixel::kSilent : DeadPixel::kGood;
-        continue;
-      }
-      // It says nothing of the pulses: dead when its neighbours do, else it looks elsewhere.
-      int seen = 0;
-      int follow = 0;
-      for (int row = std::max(0, y - 2); row <= std::min(frames.geometry.height - 1, y + 2); ++row) {
-        for (int column = std::max(0, x - 2); column <= std::min(frames.geometry.width - 1, x + 2); ++column) {
-          if (row == y && column == x) continue;
-          ++seen;
-          follow += common.follows[at(column, row)] != 0 ? 1 : 0;
-        }
-      }
-      if (4 * follow < 3 * seen) continue;
-      const double deviation = static_cast<double>(common.deviation[p]);
-      dead[p] = deviation <= 0.0                 ? DeadPixel::kFrozen
-                : deviation > kLoudPixel * swing ? DeadPixel::kNoisy
-                                                 : DeadPixel::kSilent;
+  const int width = frames.geometry.width;
+  const int height = frames.geometry.height;
+  std::vector<DeadPixel> dead(frames.geometry.pixels(), DeadPixel::kGood);
+  const std::vector<std::size_t> pixels = following(common.follows);
+  const double usual = median(mapped(pixels, [&](std::size_t p) { return taus.sigma[p]; }));
+  const double swing = median(mapped(pixels, [&](std::size_t p) { return common.deviation[p]; }));
+  for (std::size_t p = 0; p < dead.size(); ++p) {
+    const double deviation = common.deviation[p];
+    if (common.follows[p] != 0) {
+      const bool noisy = taus.sigma[p] > kNoisyPixel * usual + kNoisySwing * swing;
+      dead[p] = noisy ? DeadPixel::kNoisy : deviation < kWeakPixel * swing ? DeadPixel::kSilent : DeadPixel::kGood;
+      continue;
     }
+    // It says nothing of the pulses: dead when its neighbours do, else it looks elsewhere.
+    const PixelPlace at = place_of(p, width);
+    int seen = -1;  // besides itself
+    int follow = 0;
+    for (int row = std::max(0, at.y - 2); row <= std::min(height - 1, at.y + 2); ++row) {
+      for (int column = std::max(0, at.x - 2); column <= std::min(width - 1, at.x + 2); ++column) {
+        ++seen;
+        follow += common.follows[static_cast<std::size_t>(row * width + column)] != 0 ? 1 : 0;
+      }
+    }
+    if (4 * follow < 3 * seen) continue;
+    dead[p] = deviation <= 0.0                 ? DeadPixel::kFrozen
+              : deviation > kLoudPixel * swing ? DeadPixel::kNoisy
+                                               : DeadPixel::kSilent;
   }
   return dead;
 }
@@ -175,15 +140,13 @@ Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, co
     if (!read) return tl::unexpected(read.error());
   }
   if (!(count > 0.0)) return 0.0;
-  double sum = 0.0;
-  for (const double s : squares) sum += s / count;
-  return std::sqrt(sum / std::max<double>(1.0, static_cast<double>(pixels.size())));
+  const double sum = sum_of(squares, [count](double s) { return s / count; });
+  return std::sqrt(sum / std::max(1.0, static_cast<double>(pixels.size())));
 }
 
 double rms_left(const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
-  double sum = 0.0;
-  for (const std::size_t p : pixels) sum += std::pow(static_cast<double>(taus.sigma[p]), 2);
-  return std::sqrt(sum / std::max<double>(1.0, static_cast<double>(pixels.size())));
+  const double sum = sum_of(pixels, [&](std::size_t p) { return std::pow(static_cast<double>(taus.sigma[p]), 2); });
+  return std::sqrt(sum / std::max(1.0, static_cast<double>(pixels.size())));
 }
 
 std::vector<float> shrunk_map(const PixelTaus& taus, const std::vector<std::size_t>& pixels, const Population& all) {
@@ -191,37 +154,35 @@ std::vector<float> shrunk_map(const PixelTaus& taus, const std::vector<std::size
   for (const std::size_t p : pixels) {
     const double error2 = std::pow(static_cast<double>(taus.error[p]), 2);
     const double reliability = all.spread * all.spread / (all.spread * all.spread + error2);
-    map[p] = static_cast<float>(all.mean_s + reliability * (static_cast<double>(taus.tau_s[p]) - all.mean_s));
+    map[p] = static_cast<float>(all.mean_s + reliability * (taus.tau_s[p] - all.mean_s));
   }
   return map;
 }
 
 Sweep fit_sweep(const FrameSeries& frames, const PixelTaus& taus, double tau_s) {
   Sweep sweep;
-  const auto width = static_cast<std::size_t>(frames.geometry.width);
-  const double across = frames.geometry.width;
-  const double down = frames.geometry.height;
+  std::vector<std::size_t> pixels;  // whose delay is known
+  for (std::size_t p = 0; p < taus.delay_s.size(); ++p) {
+    if (taus.delay_weight[p] > 0.0F) pixels.push_back(p);
+  }
+  const auto place = [&](std::size_t p) {
+    const PixelPlace at = place_of(p, frames.geometry.width);
+    return Eigen::Vector3d(1.0, (at.x + 0.5) / frames.geometry.width - 0.5,
+                           (at.y + 0.5) / frames.geometry.height - 0.5);
+  };
+  const auto left = [&](std::size_t p) { return taus.delay_s[p] - place(p).dot(sweep.delay); };
   double scatter = std::numeric_limits<double>::infinity();
   for (int round = 0; round < 3; ++round) {  // what is far off, such as an edge taken for its neighbour, goes
     Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 1e-12;
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    std::vector<double> squares;
-    const auto place = [&](std::size_t p) {
-      const std::size_t row = p / width;
-      return Eigen::Vector3d(1.0, (static_cast<double>(p % width) + 0.5) / across - 0.5,
-                             (static_cast<double>(row) + 0.5) / down - 0.5);
-    };
-    const auto left = [&](std::size_t p) { return static_cast<double>(taus.delay_s[p]) - place(p).dot(sweep.delay); };
-    for (std::size_t p = 0; p < taus.delay_s.size(); ++p) {
-      if (!(taus.delay_weight[p] > 0.0F) || std::abs(left(p)) > kFarDelay * scatter) continue;
+    for (const std::size_t p : pixels) {
+      if (std::abs(left(p)) > kFarDelay * scatter) continue;
       normal += place(p) * place(p).transpose();
       right += place(p) * static_cast<double>(taus.delay_s[p]);
     }
     sweep.delay = normal.ldlt().solve(right);
-    for (std::size_t p = 0; p < taus.delay_s.size(); ++p) {
-      if (taus.delay_weight[p] > 0.0F) squares.push_back(std::abs(left(p)));
-    }
-    scatter = std::max(1e-9 * tau_s, median(std::move(squares)) / kMadOfSigma);
+    const double typical = median(mapped(pixels, [&](std::size_t p) { return std::abs(left(p)); }));
+    scatter = std::max(1e-9 * tau_s, typical / kMadOfSigma);
     sweep.error = scatter * normal.inverse().diagonal().array().sqrt();
   }
   return sweep;

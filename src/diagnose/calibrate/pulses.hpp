@@ -32,6 +32,22 @@ struct Decay {
 // The least number of samples that say something about tau.
 inline constexpr std::size_t kLeastCount = 4;
 
+// How many samples all intervals that tell tau have, less the fit's freedom: a level and an amplitude each, and tau.
+double freedom_of(const std::vector<Interval>& intervals);
+
+// Between two frames, s.
+std::vector<double> gaps_of(std::span<const double> t_s);
+
+// Of one interval and one tau: e = exp(-t / tau), less its mean, and u, its derivative by ln tau, less what 1 and e
+// explain.
+struct Regressors {
+  Regressors(std::span<const double> t_s, const Interval& interval, double tau_s);
+  std::vector<double> e;
+  std::vector<double> u;
+  double e_mean = 0.0;
+  double ee = 0.0;  // sum of e^2
+};
+
 // The best cut for a known tau, by dynamic programming: an interval more must pay kIntervalCost in squared residuals
 // over sigma^2. A sample that is taken while the input changes ends up in an interval of its own. Thread: any.
 std::vector<Interval> cut(std::span<const double> t_s, std::span<const double> y, double tau_s, double sigma);
@@ -90,9 +106,9 @@ class DecayTable {
   // Intervals of at least kLeastCount samples.
   DecayTable(const std::vector<double>& t_s, const std::vector<Interval>& intervals, double middle_tau_s);
 
-  struct Sample {
-    float e;  // exp(-t / tau), less its mean
-    float u;  // its derivative by ln tau, less what 1 and e explain
+  struct Sample {  // of Regressors
+    float e;
+    float u;
   };
   struct Norm {
     double ee;      // sum of e^2
@@ -139,6 +155,9 @@ struct SwitchBetween {
 // nearest_nodes(). Thread: setup.
 Status pass(const FrameSeries& frames, const DecayTable& table, const std::vector<SwitchBetween>& switches,
             const std::vector<std::int8_t>& follows, PixelTaus& taus, const Progress& progress);
+
+// The pixels that follow.
+std::vector<std::size_t> following(const std::vector<std::int8_t>& follows);
 
 std::vector<std::int8_t> nearest_nodes(const DecayTable& table, const PixelTaus& taus);
 
@@ -195,13 +214,5 @@ std::vector<SwitchBetween> between(const FrameSeries& frames, const DecayTable& 
 // Samples that some pixel takes while its input is changing belong to no interval. Thread: any.
 void trim(const FrameSeries& frames, const std::vector<SwitchBetween>& switches, const DecayTable& table,
           const Sweep& sweep, SignalFit& fit);
-
-// When the mean signal's input switched, and to which levels: fit.switches_s and fit.levels_k.
-void describe_switches(std::span<const double> t_s, const SignalFit& signal, PulseFit& fit);
-
-// Measured and simulated values of the pixel nearest to the middle of the frame among those whose tau is known as well
-// as that of most. `signal` has the intervals; levels and amplitudes are the pixel's own. Thread: setup.
-Result<PixelTrace> trace_pixel(const FrameSeries& frames, const SignalFit& signal, const PixelTaus& taus,
-                               const std::vector<std::size_t>& pixels);
 
 }  // namespace bolo::diagnose

@@ -5,8 +5,10 @@
 #include <array>
 #include <cmath>
 #include <optional>
+#include <span>
 #include <string_view>
 
+#include "src/core/statistics.hpp"
 #include "src/report/text.hpp"
 
 namespace bolo::diagnose {
@@ -162,6 +164,12 @@ std::string percent(double fraction) {
   return format(value > 99.5 && value < 99.95 ? "%.1f %%" : "%.0f %%", value);
 }
 
+std::string joined(const std::vector<std::string>& parts) {
+  std::string text;
+  for (const std::string& part : parts) text += (text.empty() ? "" : ", ") + part;
+  return text;
+}
+
 std::string lower_first(std::string text) {
   if (text.size() > 1 && text[0] >= 'A' && text[0] <= 'Z' && (text[1] < 'A' || text[1] > 'Z')) {
     text[0] = static_cast<char>(text[0] - 'A' + 'a');
@@ -204,32 +212,34 @@ void add_line(std::string& out, const std::string& name, const std::string& text
 }
 
 std::string parameters_text(const FoundEffect& effect, Wording wording) {
-  std::string text;
-  for (const auto& [key, estimate] : effect.parameters) {
-    text += (text.empty() ? "" : ", ") + key + ' ' + quantity(key, estimate, wording);
-  }
-  return text;
+  return joined(mapped(effect.parameters,
+                       [&](const auto& one) { return one.first + ' ' + quantity(one.first, one.second, wording); }));
 }
 
 // Of K or counts.
 std::string amount(double value, const std::string& unit) { return quantity("size_k", value, {.kelvin = unit == "K"}); }
 
+// The first few, and whether there are more.
+template <typename T>
+std::span<const T> first_of(const std::vector<T>& all, std::size_t most) {
+  return std::span(all).first(std::min(most, all.size()));
+}
+
 std::string jumps_text(const Observation& one) {
   constexpr std::size_t kMost = 12;
-  std::string text =
-      std::to_string(one.jumps.size()) + (one.jumps.size() == 1 ? " jump" : " jumps") + " of the whole picture: ";
-  for (std::size_t i = 0; i < std::min(kMost, one.jumps.size()); ++i) {
-    const auto& [frame, size] = one.jumps[i];
-    text += (i == 0 ? "" : ", ") + amount(size, one.unit) + " at frame " + std::to_string(frame);
-  }
-  return text + (one.jumps.size() > kMost ? ", ..." : "");
+  return std::to_string(one.jumps.size()) + (one.jumps.size() == 1 ? " jump" : " jumps") + " of the whole picture: " +
+         joined(mapped(first_of(one.jumps, kMost),
+                       [&](const Observation::Jump& jump) {
+                         return amount(jump.size, one.unit) + " at frame " + std::to_string(jump.frame);
+                       })) +
+         (one.jumps.size() > kMost ? ", ..." : "");
 }
 
 std::string pattern_text(const Observation& one) {
-  std::string text;
-  if (one.column_pattern > 0.0) text += "columns by " + amount(one.column_pattern, one.unit);
-  if (one.row_pattern > 0.0) text += (text.empty() ? "" : ", ") + ("rows by " + amount(one.row_pattern, one.unit));
-  return text.empty() ? text : "a fixed pattern (or lines of the scene): " + text + " rms";
+  std::vector<std::string> parts;
+  if (one.column_pattern > 0.0) parts.push_back("columns by " + amount(one.column_pattern, one.unit));
+  if (one.row_pattern > 0.0) parts.push_back("rows by " + amount(one.row_pattern, one.unit));
+  return parts.empty() ? "" : "a fixed pattern (or lines of the scene): " + joined(parts) + " rms";
 }
 
 }  // namespace
@@ -237,9 +247,7 @@ std::string pattern_text(const Observation& one) {
 std::string describe(const std::vector<PixelPlace>& pixels, const std::string& what) {
   constexpr std::size_t kMost = 8;
   std::string text = std::to_string(pixels.size()) + ' ' + what + ':';
-  for (std::size_t i = 0; i < std::min(kMost, pixels.size()); ++i) {
-    text += " (" + std::to_string(pixels[i].x) + ", " + std::to_string(pixels[i].y) + ')';
-  }
+  for (const auto& [x, y] : first_of(pixels, kMost)) text += format(" (%d, %d)", x, y);
   return text + (pixels.size() > kMost ? " ..." : "");
 }
 
@@ -247,8 +255,7 @@ std::vector<std::string> describe(const Observation& one) {
   std::vector<std::string> all;
   if (!one.jumps.empty()) all.push_back(jumps_text(one));
   for (const auto& [first, last] : one.freezes) {
-    all.push_back("frozen from frame " + std::to_string(first) + " to " + std::to_string(last) + " of " +
-                  std::to_string(one.frames));
+    all.push_back(format("frozen from frame %zu to %zu of %zu", first, last, one.frames));
   }
   if (one.repeated_frames > 0) all.push_back(std::to_string(one.repeated_frames) + " repeated frames");
   if (std::isfinite(one.noise)) {
@@ -335,10 +342,9 @@ std::string report_summary(const Report& report) {
   if (!report.defects.stuck.empty()) add_line(out, "pixels", describe(report.defects.stuck, "stuck"));
   if (!report.defects.noisy.empty()) add_line(out, "pixels", describe(report.defects.noisy, "noisy"));
   for (const auto& [file, errors] : report.stimulus) {
-    std::string text = file + ':';
-    for (const auto& [key, value] : errors) text += ' ' + key + ' ' + quantity(key, value, wording) + ',';
-    text.pop_back();
-    add_line(out, "stimulus", text);
+    const auto parts =
+        mapped(errors, [&](const auto& one) { return one.first + ' ' + quantity(one.first, one.second, wording); });
+    add_line(out, "stimulus", file + ": " + joined(parts));
   }
   if (!report.unexplained.where.empty()) add_line(out, "unexplained", report.unexplained.where);
   for (const NotIdentifiable& one : report.not_identifiable) {

@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 
-#include "src/diagnose/report/page_parts.hpp"
 #include "src/diagnose/report_output.hpp"
 #include "src/report/scale.hpp"
 #include "src/report/text.hpp"

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "src/diagnose/report/page_parts.hpp"
 #include "src/diagnose/report_output.hpp"
 #include "src/report/plot.hpp"
 #include "src/report/scale.hpp"

@@ -53,7 +53,7 @@ TEST_F(SoakDaemonFile, KeepsAUsersKeysAndProfile) {
   EXPECT_EQ(config->pipeline.deblur.method, deblur::Method::kDual);
   EXPECT_DOUBLE_EQ(config->pipeline.deblur.tau_s, 0.009);
   EXPECT_TRUE(config->pipeline.undo.drop_repeated);
-  EXPECT_EQ(config->sinks[0]->make(), nullptr);
+  EXPECT_EQ(config->sinks[1]->make({}), nullptr) << "V4L2, behind shared memory";
   EXPECT_FALSE(config->metrics.enabled);
 }
 

@@ -1,0 +1,266 @@
+// The effects of the catalogue.
+#include <algorithm>
+#include <cmath>
+
+#include "src/diagnose/effect.hpp"
+#include "src/diagnose/fit.hpp"
+#include "src/diagnose/stages.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+// Reports one number, made of the first parameter.
+template <typename Of>
+EffectReport reported_as(const std::string& key, Of of) {
+  return [key, of](const Fitted& f) { return Estimates{{key, of(f.value[0], f.error[0])}}; };
+}
+
+// A target with soft edges looks the same: what they may be of the whole blur, the interval leaves open.
+Estimates report_blur(const Fitted& f) {
+  double edge_px2 = 0.0;
+  for (const StimulusState& stimulus : f.state.stimuli) edge_px2 = std::max(edge_px2, stimulus.edge_px2);
+  const double whole = f.value[0] + edge_px2;
+  Estimate sigma = root_interval(f.value[0], f.error[0]);
+  sigma.low = std::min(sigma.low, std::sqrt(std::max(0.0, whole - kSoftestEdge_px * kSoftestEdge_px)));
+  sigma.high = std::max(sigma.high, std::sqrt(whole + 1.96 * f.error[0]));
+  return {{"sigma_px", sigma}};
+}
+
+Estimates report_offsets(const Fitted& f) {
+  const MapSpread spread = spread_of(f.session, f.state.camera.offset);
+  const double columns = 0.71 / std::sqrt(std::max(1.0, static_cast<double>(f.session.grid.columns.size())));
+  return {{"pixel_k", interval(spread.pixel, 1.5 * spread.relative_error() * spread.pixel)},
+          {"column_k", interval(spread.column, columns * spread.column)}};
+}
+
+Estimates report_drift(const Fitted& f) {
+  double largest = 0.0;
+  for (const auto& d : f.state.camera.drift) largest = std::max(largest, 2.0 * std::abs(d[0]));
+  double error = 0.0;
+  for (const double one : f.error) error = std::max(error, 2.0 * one);
+  return {{"change_k", interval(largest, error)}};
+}
+
+// A cubic in time for each recording: three parameters each.
+std::vector<Parameter> cubics(const Session& session) {
+  std::vector<Parameter> all;
+  for (const std::size_t i : modelled(session)) {
+    for (std::size_t power = 0; power < 3; ++power) {
+      all.push_back({"drift", 0.01, -5.0, 5.0,
+                     [i, power](const State& s) { return s.camera.drift.empty() ? 0.0 : s.camera.drift[i][power]; },
+                     [i, power](State& s, double v) {
+                       if (s.camera.drift.empty()) s.camera.drift.resize(s.stimuli.size());
+                       s.camera.drift[i][power] = v;
+                     }});
+    }
+  }
+  return all;
+}
+
+Form slow_from(const char* name, double tau_s) {
+  return {name, [tau_s](State& s) { s.camera.response.slow_tau_s = tau_s; }};
+}
+
+// Optics, radiometry, the pixel's response in time, and heat that flows between pixels.
+std::vector<Effect> scene_and_pixel_effects() {
+  constexpr double kSlowTau_s = 0.15;  // about which the second time constant is looked for
+  const Predicate bars = any_of({Kind::kStillBars, Kind::kMovingBars});
+  const Predicate changes = any_of({Kind::kChopper, Kind::kMovingBars});
+  // Pixels at the target's edges average over radiance, or over temperature.
+  const std::vector<Form> edge_forms{{"radiance", [](State& s) { s.camera.edges_in_temperature = false; }},
+                                     {"temperature", [](State& s) { s.camera.edges_in_temperature = true; }}};
+  return {
+      // Blur of the optics, as a Gaussian.
+      {.name = "optical_psf",
+       .stage = "optics",
+       .needs = "a bar target, best a still one",
+       .told_by = bars,
+       .parameters = always({number_of("blur_px2", 0.1, 0.0, 9.0, &Response::blur_px2)}),
+       .least = 0.015,
+       .report = report_blur},
+      // The gain falls towards the corners, with the square of the radius.
+      {.name = "vignetting",
+       .stage = "optics",
+       .needs = "flat black bodies at two temperatures",
+       .told_by = any_of({Kind::kUniform, Kind::kChopper}),
+       .parameters = always({number_of("corner_gain", 0.01, -0.2, 0.2, &CameraModel::corner_gain),
+                             number_of("corner_offset", 0.05, -5.0, 5.0, &CameraModel::corner_offset)}),
+       .least = 0.0006,
+       .hides_in = MapKind::kGain,
+       .report = reported_as("corner_loss", [](double v, double e) { return interval(-v, e); })},
+      // The target is mixed with its surroundings.
+      {.name = "emissivity",
+       .stage = "radiometry",
+       .needs = "black bodies at three temperatures or more",
+       .told_by = any_of({Kind::kUniform, Kind::kChopper, Kind::kStillBars, Kind::kMovingBars}),
+       .parameters = always({number_of("reflected", 0.03, 0.0, 0.5, &CameraModel::reflected),
+                             number_of("surroundings", 0.2, -5.0, 5.0, &CameraModel::surroundings)}),
+       .least = 0.003,
+       .as_levels = true,
+       .forms = edge_forms,
+       .report = reported_as("emissivity", [](double v, double e) { return interval(1.0 - v, e); })},
+      // The pixel follows radiance, not temperature.
+      {.name = "radiometric_nonlinearity",
+       .stage = "radiometry",
+       .needs = "a chopper with pulses of two heights, or a pan over bars of high contrast",
+       .told_by = changes,
+       .parameters = always({number_of("share", 0.5, -0.5, 1.5, &CameraModel::radiance)}),
+       .least = 0.15,
+       .forms = edge_forms,
+       .report = first_as("share")},
+      // The time constant of all pixels, as a share of the profile's.
+      {.name = "tau_global",
+       .stage = "pixel",
+       .needs = "a chopper, or a pan over bars, whose temperatures change within a few frames",
+       .told_by = changes,
+       .parameters =
+           always({{"log_scale", 0.03, -0.7, 0.7,
+                    [](const State& s) { return std::log(s.camera.response.tau_s / s.camera.nominal_tau_s); },
+                    [](State& s, double v) { s.camera.response.tau_s = s.camera.nominal_tau_s * std::exp(v); }}}),
+       .least = 0.003,
+       .report = reported_as("scale", [](double v, double e) { return exp_interval(1.0, v, e); })},
+      // Every pixel has a time constant of its own.
+      {.name = "tau_spread",
+       .stage = "pixel",
+       .needs = "a chopper, which shows all pixels the same",
+       .told_by = changes,
+       .map = MapKind::kTau,
+       .least = 0.002,
+       .report = rms_of(MapKind::kTau)},
+      // A share of the response follows a second, slower time constant.
+      {.name = "slow_pole",
+       .stage = "pixel",
+       .needs = "a chopper with pulses of several lengths up to 0.3 s",
+       .told_by = any_of({Kind::kChopper}),
+       .parameters = always(
+           {number_of("share", 0.01, -0.1, 0.3, &Response::slow_share),
+            log_of(
+                "log_tau", 0.2, 1.7, kSlowTau_s, [](auto& s) -> auto& { return s.camera.response.slow_tau_s; })}),
+       .least = 0.0012,
+       .forms = {slow_from("fast", 0.07), slow_from("middle", kSlowTau_s), slow_from("slow", 0.35)},
+       .report =
+           [](const Fitted& f) {
+             return Estimates{{"share", interval(f.value[0], f.error[0])},
+                              {"slow_tau_s", exp_interval(kSlowTau_s, f.value[1], f.error[1])}};
+           }},
+      // Heat that flows to the neighbours.
+      {.name = "crosstalk",
+       .stage = "pixel",
+       .needs = "a still bar target and a pan over it",
+       .told_by = bars,
+       .parameters = always({number_of("coupling", 0.02, 0.0, 0.5, &Response::coupling)}),
+       .least = 0.0015,
+       .report = first_as("coupling")},
+  };
+}
+
+// The read-out and the package: times of rows and frames, offsets and gains.
+std::vector<Effect> readout_effects() {
+  constexpr double kHeatingRate = 3.0;  // about which it is looked for
+  const Predicate changes = any_of({Kind::kChopper, Kind::kMovingBars});
+  return {
+      // Rows are sampled one after another.
+      {.name = "row_delay",
+       .stage = "readout",
+       .needs = "a pan over bars; two of them, in both directions, tell it from an error of the target",
+       .told_by = changes,
+       .parameters = always({number_of("row_delay_s", 1e-5, -2e-4, 2e-4, &CameraModel::row_delay_s)}),
+       .least = 5e-07,
+       .forms = {{"rolling", [](State& s) { s.camera.two_halves = false; }},
+                 {"halves", [](State& s) { s.camera.two_halves = true; }}},
+       .report = first_as("row_delay_s")},
+      // The read-out averages over a part of the frame. Its mean delay is a start phase; its square is what shows.
+      {.name = "integration_window",
+       .stage = "readout",
+       .needs = "a chopper, and pans over bars at two speeds",
+       .told_by = changes,
+       .parameters = always({square_of(
+           "window_s2", 4e-6, 4e-5, [](auto& s) -> auto& { return s.camera.response.window_s; })}),
+       .least = 4e-08,
+       .report = reported_as("window_s", root_interval)},
+      // The frame period is not the nominal one. Pans cannot tell it from their own speed; a chopper can.
+      {.name = "clock_skew",
+       .stage = "transport",
+       .needs = "a chopper, or two pans over bars",
+       .told_by = changes,
+       .parameters = always({number_of("skew", 0.0002, -0.02, 0.02, &CameraModel::clock_skew)}),
+       .least = 1e-05,
+       .report = first_as("skew")},
+      // Every pixel and every column has an offset of its own.
+      {.name = "fpn_offset",
+       .stage = "readout",
+       .needs = "a closed shutter",
+       .told_by = any_of({Kind::kUniform, Kind::kChopper, Kind::kStillBars}),
+       .map = MapKind::kOffset,
+       .least = 0.0015,
+       .report = report_offsets},
+      // Every pixel has a gain of its own.
+      {.name = "fpn_gain",
+       .stage = "readout",
+       .needs = "flat black bodies at two temperatures",
+       .told_by =
+           [](const Session& s) {
+             return std::ranges::count(s.recordings, Kind::kUniform, &Recording::kind) > 1 ||
+                    has_kind(s, Kind::kChopper);
+           },
+       .map = MapKind::kGain,
+       .least = 0.00025,
+       .report = rms_of(MapKind::kGain)},
+      // Heating by the bias pulse: an offset that grows with the time of the row in the frame.
+      {.name = "self_heating",
+       .stage = "readout",
+       .needs = "a closed shutter",
+       .told_by = any_of({Kind::kUniform}),
+       .parameters =
+           always({number_of("heating_k", 0.02, -5.0, 5.0, &CameraModel::heating_k),
+                   log_of(
+                       "log_rate", 0.1, 2.5, kHeatingRate, [](auto& s) -> auto& { return s.camera.heating_rate; })}),
+       .least = 0.001,
+       .hides_in = MapKind::kOffset,
+       .report = reported_as("amplitude_k", [](double v, double e) { return interval(std::abs(v), e); })},
+      // The offset of all pixels moves slowly with the temperature of the package.
+      {.name = "drift",
+       .stage = "package",
+       .needs = "a closed shutter over a second or more",
+       .told_by = any_of({Kind::kUniform, Kind::kChopper}),
+       .parameters = cubics,
+       .map = MapKind::kDrift,
+       .suspected_by = [](const NoiseStatistics& n) { return n.drift_p < 1e-6 && n.drift_k > 0.003; },
+       .report = report_drift},
+  };
+}
+
+// Effects without a model of the mean: statistics of their own find them, in events.cpp, noise.cpp and timing.cpp.
+std::vector<Effect> statistical_effects() {
+  const Predicate flat = any_of({Kind::kUniform});
+  const Predicate pan = any_of({Kind::kMovingBars});
+  const Predicate any = [](const Session& s) { return !s.recordings.empty(); };
+  const char* const shutter = "a closed shutter or a flat black body";
+  const char* const long_shutter = "a closed shutter over a second or more";
+  return {
+      {"coarse_quantisation", "firmware", "any capture", any},  // steps coarser than the profile says
+      {"dead_pixels", "pixel", shutter, any},                   // stuck, or nothing but noise
+      {"flicker", "readout", shutter, flat},                    // a new offset for the whole frame, every frame
+      {"frame_loss", "transport", "a pan over bars, or a chopper", any},  // lost or repeated, no gap in the counter
+      {"heavy_tail", "noise", shutter, flat},                             // noise with outliers
+      {"iir", "firmware", shutter, flat},                                 // a frame filter: the noise's colour shows it
+      {"jitter", "transport", "a pan over bars", pan},                    // the sampling time of frames varies
+      {"noise_level", "noise", shutter, flat},                            // more noise than the profile says
+      {"nuc_freeze", "firmware", "a capture in which the shutter closed", any},  // frozen frames, then new offsets
+      {"offset_jump", "firmware", "a capture in which the offset jumped", any},  // a step at one frame, everywhere
+      {"one_over_f", "pixel", long_shutter, flat},                         // noise that grows towards low frequencies
+      {"rts", "pixel", long_shutter, flat},                                // pixels that jump between two levels
+      {"saturation", "readout", "a capture that reaches the limit", any},  // values are clipped at a level
+      {"stripes", "readout", shutter, flat},  // a new offset for each column or row in every frame
+  };
+}
+
+}  // namespace
+
+std::vector<Effect> catalogue_effects() {
+  std::vector<Effect> all = scene_and_pixel_effects();
+  for (const auto& more : {readout_effects(), statistical_effects()}) all.insert(all.end(), more.begin(), more.end());
+  return all;
+}
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,148 @@
+// What a recording tells without a model of what it looks at.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "src/core/statistics.hpp"
+#include "src/diagnose/stages.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+// A jump moves nearly all pixels one way, far beyond what frames differ by otherwise. Where a hand is waved over half
+// of the frame, at most 0.64 of the pixels change one way (lepton_hand_fast.h5 of the test data).
+constexpr double kAgreement = 0.9;
+constexpr double kJumpOverFlicker = 10.0;  // in standard deviations of the frames' changes
+constexpr double kJumpOverNoise = 2.0;     // in standard deviations of one pixel's noise
+
+// An outlier stands out of all its neighbours by more than these differ among themselves: no optics draws that.
+constexpr double kOutlierSigmas = 3.0;
+
+// Both halves of the frame must show a pattern, by this many standard errors of their correlation.
+constexpr double kClearPattern = 6.0;
+constexpr double kHighPassGain = 1.5;  // variance of x[i] - (x[i-1] + x[i+1]) / 2 over that of independent x
+
+// Of a statistic of the frames that repeat no other.
+std::vector<double> of_new_frames(const FrameStatistics& s, const std::vector<double>& values) {
+  std::vector<double> all;
+  for (std::size_t k = 1; k < s.frames(); ++k) {
+    if (s.repeated[k] == 0) all.push_back(values[k]);
+  }
+  return all;
+}
+
+// Long runs of repeated frames are freezes.
+void add_freezes(const FrameStatistics& s, Observation& out) {
+  for (const auto& [first, end] : runs_of(s.repeated, 1)) {
+    if (end - first >= kFreezeFrames) {
+      out.freezes.emplace_back(first, end - 1);
+    } else {
+      out.repeated_frames += end - first;
+    }
+  }
+}
+
+// What the lines of each half of the frame differ by from their neighbours, and what both halves share of it.
+double pattern_of(const FrameStatistics& s, bool columns) {
+  const int lines = columns ? s.width : s.height;
+  const int along = columns ? s.height : s.width;
+  if (lines < 16 || along < 16) return 0.0;
+  const auto value = [&](int line, int at) -> double {
+    return s.mean[static_cast<std::size_t>(columns ? at * s.width + line : line * s.width + at)];
+  };
+  std::array<ArrayXd, 2> halves;
+  for (int h = 0; h < 2; ++h) {
+    ArrayXd& half = halves[static_cast<std::size_t>(h)];
+    half.resize(lines - 2);
+    for (int line = 1; line + 1 < lines; ++line) {
+      std::vector<double> apart;
+      for (int at = h * along / 2; at < (h + 1) * along / 2; ++at) {
+        apart.push_back(value(line, at) - (value(line - 1, at) + value(line + 1, at)) / 2.0);
+      }
+      half[line - 1] = median(std::move(apart));
+    }
+    half -= half.mean();
+  }
+  const double shared = (halves[0] * halves[1]).mean();
+  const double scale = std::sqrt(halves[0].square().mean() * halves[1].square().mean());
+  if (shared <= 0.0 || scale <= 0.0) return 0.0;
+  const double z = std::atanh(std::min(0.9999, shared / scale)) * std::sqrt(static_cast<double>(lines) - 5.0);
+  return z > kClearPattern ? std::sqrt(shared / kHighPassGain) : 0.0;
+}
+
+std::vector<PixelPlace> outliers_of(const FrameStatistics& s) {
+  std::vector<double> apart;                       // from the median of the neighbours
+  std::vector<double> beyond(s.mean.size(), 0.0);  // their largest or smallest value, by more than they differ
+  for (int y = 1; y + 1 < s.height; ++y) {
+    for (int x = 1; x + 1 < s.width; ++x) {
+      const auto p = static_cast<std::size_t>(y * s.width + x);
+      const std::vector<double> around = values_around(s, s.mean, {x, y});
+      const auto [low, high] = std::ranges::minmax(around);
+      const double value = s.mean[p];
+      const double outside = std::max(value - high, low - value);
+      apart.push_back(std::abs(value - median(around)));
+      if (outside > high - low) beyond[p] = outside;
+    }
+  }
+  const double limit = std::max(kOutlierSigmas * kSigmaOfMad * median(apart), 1e-6);
+  std::vector<PixelPlace> outliers;
+  for (std::size_t p = 0; p < beyond.size(); ++p) {
+    if (beyond[p] > limit) outliers.push_back(place_of(p, s.width));
+  }
+  return outliers;
+}
+
+}  // namespace
+
+std::vector<std::pair<std::size_t, std::size_t>> runs_of(const std::vector<char>& flags, char wanted) {
+  std::vector<std::pair<std::size_t, std::size_t>> runs;
+  for (std::size_t k = 0; k < flags.size(); ++k) {
+    if (flags[k] != wanted) continue;
+    if (runs.empty() || runs.back().second != k) runs.emplace_back(k, k);
+    ++runs.back().second;
+  }
+  return runs;
+}
+
+std::vector<double> values_around(const FrameStatistics& s, const std::vector<float>& values, PixelPlace at) {
+  std::vector<double> around;
+  for (int y = std::max(0, at.y - 1); y <= std::min(s.height - 1, at.y + 1); ++y) {
+    for (int x = std::max(0, at.x - 1); x <= std::min(s.width - 1, at.x + 1); ++x) {
+      if (x != at.x || y != at.y) around.push_back(values[static_cast<std::size_t>(y * s.width + x)]);
+    }
+  }
+  return around;
+}
+
+Observation observe(const Recording& recording) {
+  const FrameStatistics& s = recording.statistics;
+  Observation out;
+  out.file = recording.name;
+  out.unit = recording.kelvin ? "K" : "count";
+  out.frames = s.frames();
+  add_freezes(s, out);
+  if (s.distinct_frames() < 2) {
+    constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+    out.noise = out.flicker = out.column_pattern = out.row_pattern = kUnknown;
+    return out;
+  }
+  std::vector<double> changes = of_new_frames(s, s.change);
+  const double usual = median(changes);
+  for (double& change : changes) change = std::abs(change - usual);
+  const double sigma = kSigmaOfMad * median(std::move(changes));
+  out.noise = median(of_new_frames(s, s.scatter)) / std::numbers::sqrt2;
+  out.flicker = sigma / std::numbers::sqrt2;
+  const double least = std::max(kJumpOverFlicker * sigma, kJumpOverNoise * out.noise);
+  for (std::size_t k = 1; k < s.frames(); ++k) {
+    const double size = s.change[k] - usual;
+    if (std::abs(size) > least && s.agreement[k] >= kAgreement) out.jumps.push_back({k, size});
+  }
+  out.column_pattern = pattern_of(s, true);
+  out.row_pattern = pattern_of(s, false);
+  out.outliers = outliers_of(s);
+  return out;
+}
+
+}  // namespace bolo::diagnose
