@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 namespace bolo::genicam {
+
 bool Nodes::has(const char* name) {
   if (!ok()) return false;
   ArvGcNode* node = arv_device_get_feature(device_, name);

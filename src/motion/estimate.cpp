@@ -34,8 +34,9 @@ struct Evidence {
   float change;  // of innovation less frame
 };
 
-// How many times the mean square error of the estimate along the motion is that of the other one. Fitted to 275,000
-// blocks of 100 random scenes (as tests/motion/random_scene.hpp draws them) for the least error of what is chosen.
+// How many times the mean square error of the estimate along the motion is that of the other one. Of 100 random scenes
+// (tests/motion/random_scene.hpp, 275,000 blocks): between the least squares fit of its logarithm and the fit for the
+// least error of what is chosen; the constant was raised until MotionSafety's bounds held.
 float risk(const Inertia& inertia, const Evidence& e) {
   const auto of_left = static_cast<float>(inertia.noise());
   const auto of_change = static_cast<float>(inertia.change_noise());

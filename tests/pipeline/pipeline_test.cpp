@@ -11,12 +11,7 @@
 namespace bolo::pipeline {
 namespace {
 
-using test::MemorySink;
-using test::play;
-using test::run_of;
-using test::Script;
-using test::ScriptedSource;
-using test::with_workers;
+using namespace test;
 
 constexpr int kWindow = 17;
 constexpr std::uint64_t kWarmUp = kWindow - 1;

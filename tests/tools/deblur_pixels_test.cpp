@@ -14,17 +14,7 @@
 namespace bolo::tools {
 namespace {
 
-using test::attribute;
-using test::Blurred;
-using test::DeblurVerb;
-using test::frame_of;
-using test::kHeight;
-using test::kPeriod;
-using test::kTau;
-using test::kWidth;
-using test::Outcome;
-using test::Program;
-using test::write_blurred;
+using namespace test;
 
 TEST_F(DeblurVerb, ARegionIsTheSamePixelsBitForBit) {
   Blurred blurred;

@@ -15,13 +15,7 @@ namespace bolo::tools {
 namespace {
 
 namespace fs = std::filesystem;
-using test::Blurred;
-using test::DeblurVerb;
-using test::kHeight;
-using test::kPeriod;
-using test::kWidth;
-using test::Outcome;
-using test::write_blurred;
+using namespace test;
 
 struct Refusal {
   const char* name;

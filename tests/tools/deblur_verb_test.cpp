@@ -20,17 +20,7 @@ namespace bolo::tools {
 namespace {
 
 namespace fs = std::filesystem;
-using test::attribute;
-using test::Blurred;
-using test::DeblurVerb;
-using test::frame_of;
-using test::kHeight;
-using test::kPeriod;
-using test::kTau;
-using test::kWidth;
-using test::Outcome;
-using test::Program;
-using test::write_blurred;
+using namespace test;
 
 constexpr std::size_t kWindow = 17;
 
