@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <set>
 
 #include "tests/diagnose/bench.hpp"
 #include "tools/lab/blind/session.hpp"
@@ -15,6 +16,8 @@ namespace {
 using tools::blind::DrawOptions;
 
 bool go_on(const std::string&, double) { return true; }
+
+constexpr double kHalfPeriodPx = 10.0;  // of the bench's bars
 
 std::string names(const Report& report) {
   std::string all;
@@ -98,6 +101,14 @@ TEST_P(OneEffect, IsNamedFirstWithItsSize) {
   EXPECT_LT(report.gap_after, 1.1) << names(report);
   EXPECT_LT(report.gap_after, report.gap_before + 0.01);
   EXPECT_NE(report.verdict, "no_gap") << names(report);
+  for (const FoundEffect& effect : report.effects) {
+    std::set<std::string> once{effect.name};
+    for (const Alternative& other : effect.alternatives) EXPECT_TRUE(once.insert(other.name).second) << other.name;
+  }
+  for (const auto& [capture, errors] : report.stimulus) {
+    const auto phase = errors.find("phase_px");
+    EXPECT_TRUE(phase == errors.end() || std::abs(phase->second) <= kHalfPeriodPx) << capture;
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(
