@@ -106,7 +106,9 @@ class Reader:
                 prelude += command + "\n"
                 continue
             print(f"  {command}", flush=True)
-            self.shell(command.replace("bolo demo", "bolo demo --seconds 1"), prelude)
+            # In less time, and where no other program listens.
+            briefly = command.replace("bolo demo", "bolo demo --seconds 1").replace("bolo view", "bolo view --port 0")
+            self.shell(briefly, prelude)
             self.ran.append(command)
 
     def python(self, text):
