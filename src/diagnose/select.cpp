@@ -92,8 +92,11 @@ class Selector {
     best.fit = settle(data_, std::move(best.fit), kRounds, kSettled);
     const Score& before = selection_.fit.score;
     Chosen chosen{best.choice, before.gap(), best.fit.score.gap(), {}, 0.0, false};
-    for (std::size_t i = 1; i < tried.size(); ++i) {
-      chosen.alternatives.push_back({tried[i].choice.effect->name, tried[i].fit.score.gap()});
+    for (std::size_t i = 1; i < tried.size(); ++i) {  // the best form of each other effect
+      const Effect* const effect = tried[i].choice.effect;
+      if (effect == best.choice.effect || std::ranges::count(chosen.alternatives, effect->name, &Alternative::name) > 0)
+        continue;
+      chosen.alternatives.push_back({effect->name, tried[i].fit.score.gap()});
     }
     chosen.confidence = confidence_of(before, best.fit.score, tried.size() > 1 ? &tried[1].fit.score : nullptr);
     if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) {

@@ -122,11 +122,13 @@ std::map<std::string, double> stimulus_errors(const Recording& r, const Stimulus
     out["softness_s"] = s.softness_s;
   }
   if (is_bars(r.kind)) out["edge_px"] = std::sqrt(std::max(0.0, s.edge_px2));
-  if (r.kind == Kind::kStillBars) out["phase_px"] = s.phase_px;
+  // Whole periods are no error.
+  const auto phase = [&r](double px) { return std::remainder(px, std::get<capture::BarTarget>(r.stimulus).period_px); };
+  if (r.kind == Kind::kStillBars) out["phase_px"] = phase(s.phase_px);
   if (r.kind == Kind::kMovingBars) {
     const double mean = s.mean_speed();
     const double scatter = sum_of(s.speed_px_s, [mean](double v) { return (v / mean - 1.0) * (v / mean - 1.0); });
-    out["phase_px"] = s.shift_px.front();
+    out["phase_px"] = phase(s.shift_px.front());
     out["velocity_error"] = mean / file.speed_px_s.front() - 1.0;
     out["velocity_unevenness"] = std::sqrt(scatter / static_cast<double>(s.speed_px_s.size()));
   }

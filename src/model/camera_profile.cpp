@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 
 namespace bolo::model {
 namespace {
@@ -28,6 +29,22 @@ void declare(KeyTable& keys, const UndoKey& key, Undo& undo) {
     keys.boolean(key.key, undo.**flag, key.meaning);
   } else {
     keys.choice<FrameFilter>(key.key, undo.*std::get<FrameFilter Undo::*>(key.value), kFilters, key.meaning);
+  }
+}
+
+// What is measured means no more digits than these, and sums of products leave their dust behind them.
+void round_numbers(CameraProfile& profile) {
+  const auto round = [](double& value) {
+    std::array<char, 32> text{};
+    const auto end = std::to_chars(text.begin(), text.end(), value, std::chars_format::scientific, 6).ptr;
+    std::from_chars(text.begin(), end, value);
+  };
+  for (double* value :
+       {&profile.tau_s, &profile.frame_period_s, &profile.noise_k, &profile.quantisation_k, &profile.row_delay_s}) {
+    round(*value);
+  }
+  for (const UndoKey& key : undo_keys()) {
+    if (const auto* const number = std::get_if<double Undo::*>(&key.value)) round(profile.undo.**number);
   }
 }
 
@@ -89,6 +106,28 @@ void undo_effects(Undo& undo, const EffectValue& value_of) {
   }
 }
 
-std::string document_profile(CameraProfile profile) { return std::string(kHeading) + profile_keys(profile).document(); }
+std::string document_profile(CameraProfile profile, const Origins& origins) {
+  round_numbers(profile);
+  KeyTable keys = profile_keys(profile);
+  CameraProfile nominal;
+  const auto defaults = profile_keys(nominal).texts();
+  for (const auto& [path, value] : keys.texts()) {
+    const std::string& usual = defaults.at(path);
+    if (value != usual) keys.explain(path, usual.empty() ? "no default" : "default " + usual);
+  }
+  for (const auto& [path, words] : origins) keys.explain(path, words);
+  return std::string(kHeading) + keys.document();
+}
+
+std::vector<std::string> changes(CameraProfile before, CameraProfile after) {
+  round_numbers(before);
+  round_numbers(after);
+  const auto old = profile_keys(before).texts();
+  std::vector<std::string> list;
+  for (const auto& [path, value] : profile_keys(after).texts()) {
+    if (value != old.at(path)) list.push_back(path + " = " + (value.empty() ? "none" : value));
+  }
+  return list;
+}
 
 }  // namespace bolo::model

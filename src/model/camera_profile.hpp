@@ -2,7 +2,9 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
+#include <vector>
 
 #include "src/core/result.hpp"
 #include "src/model/strict_toml.hpp"
@@ -33,7 +35,14 @@ KeyTable profile_keys(CameraProfile& profile);
 // key. Only the keys given replace the defaults. Thread: setup.
 Result<CameraProfile> read_profile(const std::filesystem::path& file);
 
-// A complete commented profile with the present values of `profile`. Thread: any.
-std::string document_profile(CameraProfile profile);
+// Words by key: "measured, 95 % interval ...".
+using Origins = std::map<std::string, std::string, std::less<>>;
+
+// A complete commented profile with the present values of `profile`, numbers to seven digits; `origins` says where
+// values come from. Thread: any.
+std::string document_profile(CameraProfile profile, const Origins& origins = {});
+
+// "tau_s = 0.0121": the keys of `after` that are written otherwise than those of `before`. Thread: any.
+std::vector<std::string> changes(CameraProfile before, CameraProfile after);
 
 }  // namespace bolo::model

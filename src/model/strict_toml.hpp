@@ -75,6 +75,8 @@ class KeyTable {
 
   // A word on a declared key that document() prints beside its default.
   void mark(std::string_view path, std::string_view word);
+  // What document() says of a key's value instead of "default" and the value.
+  void explain(std::string_view path, std::string_view words);
 
   // What each key had when it was declared, as TOML; empty for one without a value. Of keys declared over variables
   // that were read: what the file says. By path.
@@ -102,7 +104,8 @@ class KeyTable {
     bool optional = false;
     Check check;
     std::string mark{};
-    bool file = false;  // a relative name is resolved against the settings file's folder
+    std::string origin{};  // empty: the default
+    bool file = false;     // a relative name is resolved against the settings file's folder
   };
   struct Section {
     std::string name;

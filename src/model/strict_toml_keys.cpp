@@ -233,6 +233,14 @@ void KeyTable::mark(std::string_view path, std::string_view word) {
   }
 }
 
+void KeyTable::explain(std::string_view path, std::string_view words) {
+  for (Section& section : sections_) {
+    for (Key& key : section.keys) {
+      if (key.path == path) key.origin = words;
+    }
+  }
+}
+
 std::map<std::string, std::string, std::less<>> KeyTable::texts() const {
   std::map<std::string, std::string, std::less<>> texts;
   for (const Section& section : sections_) {
@@ -246,7 +254,8 @@ std::string KeyTable::document() const {
   for (const Section& section : sections_) {
     if (!section.name.empty()) out += "\n[" + section.name + "]  # " + section.meaning + "\n";
     for (const Key& key : section.keys) {
-      const std::string value = (key.optional ? "no default, example " : "default ") + key.initial;
+      const std::string value =
+          !key.origin.empty() ? key.origin : (key.optional ? "no default, example " : "default ") + key.initial;
       out += "\n# " + key.meaning + "\n# " + key.limits + "; " + value + (key.mark.empty() ? "" : "; " + key.mark) +
              "\n" + (key.optional ? "#" : "") + std::string(last_part(key.path)) + " = " + key.initial + "\n";
     }

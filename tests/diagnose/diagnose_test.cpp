@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <set>
 
 #include "tests/diagnose/bench.hpp"
 #include "tools/lab/blind/session.hpp"
@@ -15,6 +16,8 @@ namespace {
 using tools::blind::DrawOptions;
 
 bool go_on(const std::string&, double) { return true; }
+
+constexpr double kHalfPeriodPx = 10.0;  // of the bench's bars
 
 std::string names(const Report& report) {
   std::string all;
@@ -29,8 +32,10 @@ bool has(const Report& report, const std::string& name) {
 class Diagnosis : public ::testing::Test {
  protected:
   // Six captures of the bench, 32x24, all with the effects.
-  std::vector<std::filesystem::path> bench(const std::vector<std::string>& effects, std::uint64_t seed) {
+  std::vector<std::filesystem::path> bench(const std::vector<std::string>& effects, std::uint64_t seed,
+                                           Geometry geometry = {32, 24}) {
     DrawOptions options;
+    options.geometry = geometry;
     options.seed = seed;
     auto session = tools::blind::draw_session(options, tools::blind::Kind::kEffectFree, 0);
     EXPECT_TRUE(session) << session.error().message;
@@ -98,6 +103,10 @@ TEST_P(OneEffect, IsNamedFirstWithItsSize) {
   EXPECT_LT(report.gap_after, 1.1) << names(report);
   EXPECT_LT(report.gap_after, report.gap_before + 0.01);
   EXPECT_NE(report.verdict, "no_gap") << names(report);
+  for (const auto& [capture, errors] : report.stimulus) {
+    const auto phase = errors.find("phase_px");
+    EXPECT_TRUE(phase == errors.end() || std::abs(phase->second) <= kHalfPeriodPx) << capture;
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -108,6 +117,16 @@ INSTANTIATE_TEST_SUITE_P(
                       Case{"flicker:sigma_k=0.009", "flicker", "sigma_k", 0.009, 0.15},
                       Case{"fpn_offset:pixel_k=0.03,column_k=0.015", "fpn_offset", "pixel_k", 0.03, 0.1}),
     [](const auto& made) { return made.param.name; });
+
+// Levels that are off have emissivity tried in both of its forms.
+TEST_F(Diagnosis, NamesEachAlternativeOnce) {
+  const Report report = diagnosed(bench({"slow_pole:share=0.05,slow_tau_s=0.15"}, 12, {64, 24}));
+  ASSERT_FALSE(report.effects.empty()) << names(report);
+  const FoundEffect& first = report.effects.front();
+  EXPECT_GT(first.alternatives.size(), 1U);
+  std::set<std::string> once{first.name};
+  for (const Alternative& other : first.alternatives) EXPECT_TRUE(once.insert(other.name).second) << other.name;
+}
 
 class Withheld : public Diagnosis, public ::testing::WithParamInterface<Case> {};
 

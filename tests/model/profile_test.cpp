@@ -83,6 +83,17 @@ TEST(Profile, WhatIsUndoneReadsBackAsItWasWritten) {
   EXPECT_EQ(read->maps, std::filesystem::path(testing::TempDir()) / "maps of one camera.h5");
 }
 
+TEST(Profile, SaysWhereValuesComeFromAndWhatChanged) {
+  CameraProfile profile;
+  profile.tau_s = 0.011 * 1.1;  // and dust
+  profile.undo.emissivity = 0.96;
+  const std::string text = document_profile(profile, {{"noise_k", "measured"}});
+  EXPECT_NE(text.find("default 0.011\ntau_s = 0.0121\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("; measured\nnoise_k = 0.03\n"), std::string::npos) << text;
+  EXPECT_EQ(changes({}, profile), (std::vector<std::string>{"radiometry.emissivity = 0.96", "tau_s = 0.0121"}));
+  EXPECT_TRUE(changes(profile, profile).empty());
+}
+
 TEST(Profile, ABoxThatCannotBeUndoneIsRefused) {
   const auto profile = read_text("[firmware]\nframe_filter = 'box'\nframe_filter_weight = 0.5\n");
   ASSERT_FALSE(profile);

@@ -25,6 +25,12 @@ TEST(Scale, TicksAreRoundAndWithinTheAxis) {
   EXPECT_EQ(ticks.back().text, "1.0");
 }
 
+TEST(Scale, OneTickAloneIsNoScale) {
+  const auto ticks = Scale({.low = -0.13, .high = 0.13}, {}, false).ticks(2);
+  ASSERT_EQ(ticks.size(), 3U);
+  EXPECT_EQ(ticks[0].text, "\u22120.1");
+}
+
 TEST(Scale, NumbersOfTicksDiffer) {
   const Scale scale({.low = 299.99, .high = 300.01}, {}, false);
   const auto ticks = scale.ticks(4);

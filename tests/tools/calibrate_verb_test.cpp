@@ -3,7 +3,10 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
+#include <regex>
+#include <sstream>
 
 #include "src/capture/pixel_maps_io.hpp"
 #include "src/model/camera_profile.hpp"
@@ -55,7 +58,16 @@ TEST_F(Calibrate, WritesProfileMapsAndPicture) {
 
   const auto profile = model::read_profile(path("mine.toml"));
   ASSERT_TRUE(profile) << profile.error().message;
-  EXPECT_NEAR(profile->tau_s, tau_s, 1e-12);
+  const double low = json.at("tau_ci95")[0];
+  const double high = json.at("tau_ci95")[1];
+  EXPECT_NEAR(profile->tau_s, tau_s, 0.05 * (high - low));
+  std::stringstream text;
+  text << std::ifstream(path("mine.toml")).rdbuf();
+  EXPECT_NE(text.str().find("# 0.0001 to 1 s; measured, 95 % interval 0.01"), std::string::npos) << text.str();
+  EXPECT_NE(text.str().find("# 0 to 100 K; measured\n"), std::string::npos) << text.str();
+  EXPECT_NE(text.str().find("; default \"FLIR A655sc\"\nmodel = \"Bolo"), std::string::npos) << text.str();
+  EXPECT_FALSE(std::regex_search(text.str(), std::regex("\\.[0-9]{11}")))
+      << "more digits than are known: " << text.str();
   EXPECT_EQ(profile->maps.filename(), "mine-maps.h5");
   const auto maps = capture::read_profile_maps(*profile);
   ASSERT_TRUE(maps) << maps.error().message;

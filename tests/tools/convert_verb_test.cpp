@@ -105,6 +105,24 @@ TEST_F(ConvertVerb, PicturesOf16BitsAndBackAreTheSameCounts) {
   EXPECT_EQ(open("c.h5").info().format.scale.unit, Unit::kCount) << "nobody said what a count is";
 }
 
+TEST_F(ConvertVerb, SaysWhichPicturesItWroteAndTakesOneFrame) {
+  write_capture("a.h5", 3);
+  const Outcome all = run({file("a.h5"), "-o", file("p.png")});
+  EXPECT_NE(all.out.find("3 files, " + file("p_000000.png") + " to p_000002.png: 3 frames of 40x24\n"),
+            std::string::npos)
+      << all.out;
+  const Outcome one = run({file("a.h5"), "-o", file("one.png"), "--frame", "1"});
+  ASSERT_EQ(one.exit_code, 0) << one.err;
+  EXPECT_TRUE(one.out.starts_with(file("one.png") + ": 1 frame of 40x24\n")) << one.out;
+  EXPECT_EQ(test::contents(file("one.png")), test::contents(file("p_000001.png")));
+  refused({file("a.h5"), "-o", file("none.png"), "--frame", "3"}, "--frame 3: there are frames 0 to 2");
+  done({file("a.h5"), "-o", file("one.h5"), "--frame", "2"});
+  const capture::CaptureReader reader = open("one.h5");
+  EXPECT_EQ(reader.info().frames, 1U);
+  EXPECT_NEAR(reader.t()[0], 1.010, 1e-12);
+  EXPECT_EQ(reader.events().size(), 0U);
+}
+
 TEST_F(ConvertVerb, TiffIsKelvinInFloatingPoint) {
   write_capture("a.h5", 4);
   done({file("a.h5"), "-o", file("a.tiff")});

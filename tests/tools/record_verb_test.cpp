@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <regex>
 #include <thread>
 
 #include <nlohmann/json.hpp>
@@ -86,6 +87,11 @@ TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   EXPECT_EQ(reader->info().format.scale.offset, 5.0);
   expect_published(*reader, 0);
   EXPECT_FALSE(reader->info().has_motion);
+  const std::string info = run({"info", file()}).out;
+  EXPECT_TRUE(std::regex_search(
+      info, std::regex("recorded   20[0-9-]{8}T[0-9:]{8}\\.[0-9]{3}Z on [^ ]+ by bolo [0-9]+\\.[0-9.]+\n")))
+      << info;
+  EXPECT_NE(info.find(" uint16, 1.495 s, "), std::string::npos) << info;
   EXPECT_FALSE(exists(file() + ".part")) << "renamed";
   EXPECT_FALSE(exists(file() + ".part.journal"));
   EXPECT_FALSE(exists(file() + ".part.live"));

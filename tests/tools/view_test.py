@@ -292,6 +292,35 @@ def check_motion(page, programs, folder):
         page.keys("m")
 
 
+def check_hurry(page):
+    """Frames that were not fully solved are told, and no longer when they are."""
+    shown = lambda: page.run("return !document.getElementById('effort').hidden")
+    page.run("""const fetched = window.fetch;
+        window.fetch = async (path, ...more) => {
+          const answer = await fetched(path, ...more);
+          if (!path.startsWith("/api/frame") || answer.status !== 200 || window.solved) return answer;
+          const buffer = await answer.arrayBuffer();
+          new DataView(buffer).setUint32(72, 64, true);  // inverse, and nothing else
+          return new Response(buffer);
+        };""")
+    wait_for(lambda: page.text("#effort") == "100 % not fully solved", "the words on frames in a hurry")
+    assert shown() and "100 % by the inverse filter" in page.run("return document.getElementById('effort').title")
+    page.run("window.solved = true")
+    wait_for(lambda: not page.text("#effort").startswith("100"), "the end of the hurry")
+
+
+def check_phone(page):
+    """Nothing is cut or pushed out of the window, however narrow it is."""
+    for width in (390, 360, 320):
+        page.size(width, 800, 2, True)
+        cut = page.run("""return [...document.querySelectorAll("header *, main *")].filter((e) => !e.children.length &&
+            !e.matches(".hidden, canvas, option, .thumb") && e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1)
+            .map((e) => e.textContent);""")
+        assert not cut, (width, cut)
+        assert page.run("return document.documentElement.scrollWidth") <= width
+    page.size(1366, 900)
+
+
 def check_token(page, programs):
     """With a token the page opens by it once; the address forgets it, the browser doesn't."""
     token = "e2e-0123456789abcdef"
@@ -329,7 +358,6 @@ def check_usage(programs):
 
 
 def take_pictures(page, folder):
-    page.click('#spans [data-value="2"]')
     wait_for(lambda: page.run("return getComputedStyle(document.getElementById('toast')).opacity") == "0", "quiet")
     for scheme, mode in (("light", "both"), ("dark", "divider")):
         page.size(1280, 960)
@@ -389,6 +417,8 @@ def main(bolo, bolod, pictures):
             time.sleep(3)  # of pictures without a pause, for the figure
             shown = page.text("#shown")
             check_restart(page, programs)
+            check_phone(page)
+            check_hurry(page)
             if pictures:
                 take_pictures(page, pictures)
             check_motion(page, programs, pictures)

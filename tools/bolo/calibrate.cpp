@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "src/diagnose/calibrate.hpp"
@@ -143,6 +144,20 @@ void print_text(const Calibration& r, const Given& given) {
   std::printf("\n");
 }
 
+// The profile's numbers to the digits that they are known to, and how they are known.
+model::Origins round_measured(Calibration& r) {
+  const diagnose::Estimate& tau_s = r.fit.tau_s;
+  const double half = 0.5 * (tau_s.high - tau_s.low);
+  const int digits = half > 0.0 ? std::clamp(1 - static_cast<int>(std::floor(std::log10(half))), 4, 9) : 9;
+  r.profile.tau_s = std::stod(fmt::format("{:.{}f}", tau_s.value, digits));
+  model::Origins origins{
+      {"tau_s", fmt::format("measured, 95 % interval {:.{}f} to {:.{}f}", tau_s.low, digits, tau_s.high, digits)}};
+  if (r.profile.noise_k != r.noise_k) return origins;  // of captures without kelvin
+  r.profile.noise_k = std::stod(fmt::format("{:.4g}", r.noise_k));
+  origins.emplace("noise_k", "measured");
+  return origins;
+}
+
 Status run(const Given& given) {
   if (given.count("output") == 0) return bad_input("no profile to write; give -o PROFILE.toml");
   const auto captures = files_of(given, "capture");
@@ -171,7 +186,9 @@ Status run(const Given& given) {
   }();
   if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted; nothing was written");
   if (!result) return tl::unexpected(result.error());
-  if (Status written = write_profile_files(files.profile, files.maps, result->profile, result->maps); !written) {
+  const model::Origins origins = round_measured(*result);
+  if (Status written = write_profile_files(files.profile, files.maps, result->profile, result->maps, origins);
+      !written) {
     return written;
   }
   if (!plot->empty()) {

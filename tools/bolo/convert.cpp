@@ -18,6 +18,7 @@ constexpr int kMostSide = 1 << 15;
 
 struct Request {
   Files in;
+  std::optional<std::size_t> frame;  // this one only
   Target out;
   Told told;
   std::optional<RawLayout> raw;
@@ -37,6 +38,7 @@ cxxopts::Options make_options() {
        cxxopts::value<double>())                                                                         //
       ("offset", "Kelvin at count 0, likewise", cxxopts::value<double>())                                //
       ("raw", "WxH[:u16le|u16be|f32]: the files are raw frames", cxxopts::value<std::string>())          //
+      ("frame", "Only this frame, counted from 0", cxxopts::value<std::size_t>(), "N")                   //
       ("skip", "Bytes before the first raw frame", cxxopts::value<std::uint64_t>()->default_value("0"))  //
       ("preview", "PNG: 8 bit for the eye instead of 16 linear ones");
   add_overwrite_option(options);
@@ -89,6 +91,7 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
   request.out.file = {parsed["output"].as<std::string>(), replace_of(parsed)};
   request.out.inputs = request.in;
   request.out.preview = parsed.count("preview") != 0;
+  if (parsed.count("frame") != 0) request.frame = parsed["frame"].as<std::size_t>();
   request.told.rate_hz = parsed["rate"].as<double>();
   if (!(request.told.rate_hz > 0.0 && request.told.rate_hz <= 1e6))
     return bad_input("--rate must be above 0 frames a second");
@@ -119,6 +122,30 @@ Result<std::unique_ptr<Footage>> open_footage(const Request& request) {
   return open_capture(request.in.front());
 }
 
+// One frame of other footage.
+class OneFrame final : public Footage {
+ public:
+  OneFrame(std::unique_ptr<Footage> from, std::size_t frame) : from_(std::move(from)), frame_(frame) {
+    info_ = from_->info();
+    info_.frames = 1;
+  }
+  Status read(std::size_t, Frame& frame) override { return from_->read(frame_, frame); }
+
+ private:
+  std::unique_ptr<Footage> from_;
+  std::size_t frame_;
+};
+
+Result<std::unique_ptr<Footage>> chosen_footage(const Request& request) {
+  auto footage = open_footage(request);
+  if (!footage || !request.frame) return footage;
+  const std::size_t frames = (*footage)->info().frames;
+  if (*request.frame >= frames)
+    return bad_input("--frame " + std::to_string(*request.frame) + ": there are frames 0 to " +
+                     std::to_string(frames - 1));
+  return std::make_unique<OneFrame>(std::move(*footage), *request.frame);
+}
+
 Status convert(Footage& footage, FootageSink& sink) {
   Progress progress("converting", footage.info().frames);
   Frame frame;
@@ -142,14 +169,16 @@ int convert_main(int argc, char** argv) {
   if (!request) return report(kVerb, request.error());
   catch_interrupts();
   std::signal(SIGPIPE, SIG_IGN);  // an encoder that ends is an error, not the end
-  const auto footage = open_footage(*request);
+  const auto footage = chosen_footage(*request);
   if (!footage) return report(kVerb, footage.error());
   const auto sink = open_sink(request->out, **footage);
   if (!sink) return report(kVerb, sink.error());
   if (Status good = convert(**footage, **sink); !good) return report(kVerb, good.error());
   const Geometry size = (*footage)->info().format.geometry;
-  std::printf("%s: %zu frames of %dx%d\n", request->out.file.path.c_str(), (*footage)->info().frames, size.width,
-              size.height);
+  const std::string files = (*sink)->files();
+  const std::size_t frames = (*footage)->info().frames;
+  std::printf("%s: %zu frame%s of %dx%d\n", files.empty() ? request->out.file.path.c_str() : files.c_str(), frames,
+              frames == 1 ? "" : "s", size.width, size.height);
   if (const std::string meaning = (*sink)->meaning(); !meaning.empty()) std::printf("values: %s\n", meaning.c_str());
   return kExitDone;
 }

@@ -95,6 +95,13 @@ class Steps {
   int percent_ = -1;
 };
 
+void print_profile(const std::filesystem::path& file, const model::CameraProfile& before,
+                   const model::CameraProfile& after) {
+  const std::vector<std::string> changes = model::changes(before, after);
+  std::cout << "  profile     " << file.string() << (changes.empty() ? ", nothing in it changed" : "") << '\n';
+  for (const std::string& change : changes) std::cout << "              " << change << '\n';
+}
+
 Status run(const Given& given) {
   if (given.count("output") == 0) return bad_input("no folder for the report; give -o DIR");
   const std::vector<std::filesystem::path> captures = files_of(given, "capture");
@@ -130,6 +137,7 @@ Status run(const Given& given) {
     return {};
   }
   std::cout << diagnose::report_summary(*report) << "  report      " << (folder / "report.html").string() << '\n';
+  if (!profile.empty()) print_profile(profile, options->profile, report->learned.profile);
   return {};
 }
 

@@ -258,6 +258,14 @@ void print_capture(const json& info) {
   line("frames", info["frames"].dump() + " of " + info["width"].dump() + "x" + info["height"].dump() + " " +
                      info["type"].get<std::string>() + ", " + number(info["duration_s"]) + " s, row step " +
                      info["row_step"].dump());
+  const json& attributes = info["attributes"];
+  if (attributes.contains("recorded_at")) {
+    const auto word = [&attributes](const char* name) {
+      const json value = attributes.value(name, json("unknown"));
+      return value.is_string() ? value.get<std::string>() : value.dump();
+    };
+    line("recorded", word("recorded_at") + " on " + word("host_name") + " by bolo " + word("bolo_version"));
+  }
   line("unit", unit == "kelvin" ? "kelvin = " + number(info["scale"]) + " * value + " + number(info["offset"]) : unit);
   line("rate",
        number(info["rate"]["measured_hz"]) + " Hz measured, " + number(info["rate"]["stated_hz"]) + " Hz stated");

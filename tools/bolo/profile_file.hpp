@@ -14,6 +14,7 @@ namespace bolo::tools {
 // own folder; without new ones it keeps those it had. Maps first, so that a profile never names a file that is not
 // there. Both replace what `file` may. Sets profile.maps. Thread: setup.
 Status write_profile_files(const OutputFile& file, const std::filesystem::path& maps_file,
-                           model::CameraProfile& profile, const model::PixelMaps& maps);
+                           model::CameraProfile& profile, const model::PixelMaps& maps,
+                           const model::Origins& origins = {});
 
 }  // namespace bolo::tools

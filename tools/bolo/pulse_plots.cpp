@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "src/report/text.hpp"
 
@@ -37,7 +38,13 @@ Window closest(const diagnose::PulseFit& fit) {
 }
 
 plot::Plot signal(const diagnose::PulseFit& fit, Window window) {
-  const auto [low, high] = std::ranges::minmax(fit.trace.measured_k);
+  double low = std::numeric_limits<double>::infinity();
+  double high = -low;
+  for (std::size_t k = 0; k < fit.trace.t_s.size(); ++k) {
+    if (fit.trace.t_s[k] < window.from_s || fit.trace.t_s[k] > window.to_s) continue;
+    low = std::min(low, fit.trace.measured_k[k]);
+    high = std::max(high, fit.trace.measured_k[k]);
+  }
   const double margin = std::max(0.06 * (high - low), 1e-6);
   plot::Plot out{.x = {.name = "time", .unit = "s", .low = window.from_s, .high = window.to_s},
                  .y = {.name = "temperature", .unit = "K", .low = low - margin, .high = high + margin},

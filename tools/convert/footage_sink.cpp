@@ -116,6 +116,12 @@ class PngSink final : public FootageSink {
   }
   Status finish() override { return {}; }
 
+  std::string files() const override {
+    if (info_.frames == 1) return {};
+    return fmt::format("{} files, {} to {}", info_.frames, file_of(0).path.string(),
+                       file_of(info_.frames - 1).path.filename().string());
+  }
+
   std::string meaning() const override {
     if (target_.preview) return "8 bit for the eye: the scale changes from frame to frame";
     return scale_text(is_float() ? target_.picture_scale : info_.format.scale);

@@ -24,6 +24,8 @@ class FootageSink {
   virtual Status finish() = 0;
   // What a value in the files means, in words; empty when they say it themselves.
   virtual std::string meaning() const { return {}; }
+  // What was written, where it is not the file that was named; empty: it is.
+  virtual std::string files() const { return {}; }
 };
 
 // Errors: an output that may not be written (kBadInput), an extension that is none of these (kBadInput), files that

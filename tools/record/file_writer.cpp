@@ -1,9 +1,13 @@
 #include "tools/record/file_writer.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <climits>
 #include <cstdio>
+#include <ctime>
 #include <system_error>
 #include <utility>
 
@@ -30,6 +34,24 @@ bool is_taken(const std::filesystem::path& file) {
     return std::filesystem::exists(std::filesystem::symlink_status(name, ignored));
   };
   return there(file) || there(file.string() + ".part");
+}
+
+// When, where and by what a file was begun.
+std::vector<capture::Attribute> origin() {
+  const auto now = std::chrono::floor<std::chrono::milliseconds>(std::chrono::system_clock::now());
+  const auto ms = static_cast<int>((now.time_since_epoch() % std::chrono::seconds(1)).count());
+  const std::time_t whole = std::chrono::system_clock::to_time_t(now);
+  std::tm utc{};
+  gmtime_r(&whole, &utc);
+  std::array<char, 32> date{};
+  std::strftime(date.data(), date.size(), "%FT%T", &utc);
+  std::array<char, 16> rest{};
+  std::snprintf(rest.data(), rest.size(), ".%03dZ", ms);
+  std::array<char, HOST_NAME_MAX + 1> host{};
+  if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '\0';
+  return {{"recorded_at", std::string(date.data()) + rest.data()},
+          {"host_name", std::string(host.data())},
+          {"bolo_version", std::string(BOLO_VERSION)}};
 }
 
 double seconds(std::int64_t ns) { return static_cast<double>(ns) / kNsPerSecond; }
@@ -108,6 +130,7 @@ Status FileWriter::open_next() {
   capture_.emplace(std::move(*created));
   next_part_ = part + 1;
   frames_in_file_ = 0;
+  if (Status good = capture_->write_attributes(origin()); !good) return good;
   return capture_->write_attributes(options_.attributes);
 }
 

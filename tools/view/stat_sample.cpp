@@ -37,7 +37,7 @@ Latency latency_between(const bolo_shm_header& before, const bolo_shm_header& af
 
 template <typename... Values>
 std::string line(fmt::format_string<Values...> format, Values&&... values) {
-  return printable(fmt::format(format, std::forward<Values>(values)...).substr(0, 79)) + "\n";
+  return printable(fmt::format(format, std::forward<Values>(values)...)) + "\n";
 }
 
 std::string duration(double s) {
@@ -168,7 +168,7 @@ std::string stat_table(const std::string& name, const StatLook& look, const Stat
       stages += fmt::format("{}{} {:.3f}", stages.empty() ? "" : ", ", stage.name,
                             look.told["stages"][std::string(stage.name)].value("p50_ms", 0.0));
     }
-    out += line("stages   {} ms (p50 since the start)", stages);
+    out += line("stages   {} ms (p50 of all)", stages);
   }
   if (look.told.contains("effort")) {
     const auto frames = [&](const char* effort) { return look.told["effort"]["frames"].value(effort, 0ULL); };
@@ -179,6 +179,7 @@ std::string stat_table(const std::string& name, const StatLook& look, const Stat
   out += line("windows  {}", count_words(pipeline::kFrameCounters, frames));
   out += line("lost     {} in all", s.lost_total);
   for (std::size_t i = 0; i < kLossCauses; ++i) {
+    if (s.lost[i] == 0) continue;
     out += line("  {:<16} {:12} {:9.1f} /s", bolo::name(static_cast<LossCause>(i)), s.lost[i], s.lost_hz[i]);
   }
   return out;

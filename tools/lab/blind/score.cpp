@@ -321,8 +321,10 @@ std::string score_text(const Score& score, const Setting& setting) {
     out += format("%s: %d sessions, passed %s\n", std::string(name_of(kind)).c_str(), s.sessions,
                   share(s.passed, s.sessions).c_str());
     out += details(kind, s);
-    out += format("    %-44s %.2f -> %.2f (90 %%: %.2f -> %.2f)\n", "gap before -> after, median", s.gap_before.median,
-                  s.gap_after.median, s.gap_before.p90, s.gap_after.p90);
+    if (s.broken < s.sessions) {
+      out += format("    %-44s %.2f -> %.2f (90 %%: %.2f -> %.2f)\n", "gap before -> after, median",
+                    s.gap_before.median, s.gap_after.median, s.gap_before.p90, s.gap_after.p90);
+    }
     out += format("    %-44s %.1f (90 %%: %.1f)\n", "seconds a session, median", s.seconds.median, s.seconds.p90);
   }
   if (!score.confusion.empty()) {

@@ -188,7 +188,14 @@ std::string schedule_text(const Schedule& schedule) {
 
 // The table of invariants, each one that was broken, how long each kind of trouble was felt, and what was not done.
 std::string report_text(const SoakRequest& request, const SoakResult& result, const Findings& findings) {
-  std::string out = findings.all_hold() ? "All held.\n" : "BROKEN.\n";
+  std::string unjudged;
+  for (std::size_t i = 0; i < kInvariants; ++i) {
+    if (findings.tally(static_cast<Invariant>(i)).looks > 0) continue;
+    unjudged += (unjudged.empty() ? "" : ", ") + std::string(info_of(static_cast<Invariant>(i)).name);
+  }
+  std::string out = !findings.all_hold() ? "BROKEN.\n"
+                    : unjudged.empty()   ? "All held.\n"
+                                         : "What was judged held; not judged: " + unjudged + ".\n";
   for (std::size_t i = 0; i < kInvariants; ++i) {
     const auto& info = info_of(static_cast<Invariant>(i));
     const Findings::Tally tally = findings.tally(static_cast<Invariant>(i));

@@ -27,7 +27,7 @@ function keep(changes) {
   try { localStorage.setItem("bolo", JSON.stringify(kept)); } catch { /* for this visit only */ }
 }
 const narrow = matchMedia("(max-width: 620px)").matches;
-const usual = { palette: "iron", mode: narrow ? "both" : "divider", celsius: true, theme: "auto", span: "8", arrows: false };
+const usual = { palette: "iron", mode: narrow ? "both" : "divider", celsius: true, theme: "auto", span: "0.5", arrows: false };
 const kept = { ...usual, ...recall() };
 
 let frame = null;
@@ -130,11 +130,23 @@ function showState() {
   document.title = `${status?.name ?? "Bolo"} – ${$("pill").textContent}`;
 }
 
+// Frames that the daemon had no time to solve fully, while some are among those that are shown.
+function showEffort() {
+  const share = shown.hurried();
+  $("effort").hidden = !share;
+  if (!share) return;
+  const of = (name) => `${Math.round(100 * shown.hurried(FLAGS[name]))} % `;
+  $("effort").textContent = `${Math.ceil(100 * share)} % not fully solved`;
+  $("effort").title = `The computer is too busy for this solver. Of the frames of the last two seconds: ${of("reduced")}by a ` +
+    `single sweep, ${of("inverse")}by the inverse filter, ${of("raw")}not deblurred`;
+}
+
 function newStatus(next) {
   const before = status;
   status = next;
   showStatus(status, kept.celsius);
   shown.show();
+  showEffort();
   $("nuc").disabled = !status.view.nuc || status.view.nuc_asking;
   const answered = before?.view.nuc_asking && !status.view.nuc_asking;
   if (answered) say(status.view.nuc_trouble || "The camera corrects its pixels");

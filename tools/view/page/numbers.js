@@ -1,5 +1,7 @@
 // The figures of the daemon, its camera and this page.
 
+import { FLAGS } from "./frame.js";
+
 const CAUSES = {
   incomplete: "packets missing", missing: "never came", pool_exhausted: "no free slot", queue_full: "queue full",
   bad_frame: "wrong format", driver: "driver", out_of_order: "too late",
@@ -69,17 +71,21 @@ function showLosses(status) {
 
 // What happened last with frames on this page.
 export class Shown {
-  constructor() { this.times = []; }
+  constructor() { this.frames = []; }
   add(frame) {
     const now = performance.now();
-    this.times.push(now);
+    this.frames.push({ at: now, flags: frame.flags });
     set("frame-id", String(frame.id));
     this.age = this.age === undefined ? frame.age_ms : this.age + (frame.age_ms - this.age) * 0.05;
   }
+  // Of the last two seconds' frames: the share of those with one of the flags.
+  hurried(flags = FLAGS.reduced | FLAGS.inverse | FLAGS.raw) {
+    return this.frames.length && this.frames.filter((frame) => frame.flags & flags).length / this.frames.length;
+  }
   show() {
     const now = performance.now();
-    while (this.times.length && now - this.times[0] > 2000) this.times.shift();
-    set("shown", rate(this.times.length / 2));
+    while (this.frames.length && now - this.frames[0].at > 2000) this.frames.shift();
+    set("shown", rate(this.frames.length / 2));
     set("age", this.age === undefined ? "–" : this.age.toFixed(1));
   }
 }

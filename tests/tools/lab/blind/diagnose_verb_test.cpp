@@ -73,6 +73,10 @@ TEST_F(DiagnoseVerb, WritesAProfileWithWhatItFound) {
   const auto file = folder_ / "learned.toml";
   const Outcome outcome = diagnose({"-o", folder_ / "out", "--write-profile", file, files_[0]});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("  profile     " + file.string() +
+                             "\n              maps = \"learned.h5\"\n              row_delay_s = "),
+            std::string::npos)
+      << outcome.out;
   const auto profile = model::read_profile(file);
   ASSERT_TRUE(profile) << profile.error().message;
   EXPECT_EQ(profile->row_delay_s, 2.8e-5);

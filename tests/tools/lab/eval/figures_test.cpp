@@ -54,6 +54,8 @@ TEST(Figures, OfPulsesHaveAFit) {
   for (const plot::Plot& part : pulse_plots(fit, fit.noise_k)) sheet.rows.push_back({part});
   expect_good(sheet);
   EXPECT_EQ(plots_of(sheet), 3U);
+  for (std::size_t k = 100; k < 400; ++k) fit.trace.measured_k[k] += 15.0;
+  EXPECT_LT(pulse_plots(fit, fit.noise_k)[1].y.high, 325.0) << "of what is magnified only";
   EXPECT_TRUE(pulse_plots({}, 0.03).empty()) << "a fit without a pixel";
 }
 
