@@ -175,7 +175,8 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
     const bool seen = seen_before(static_cast<int>(i));
     const float promised = std::max(error, kLeastError * noise) + unexplained_[i] * age * age;
     const float mine = seen ? promised : kTimesUnseen * promised;
-    const float faster = (in.ahead != nullptr ? kTimesOtherAhead : kTimesOther) * (0.4F + 2.0F * speed_[i]);
+    const float moves = std::min(speed_[i], std::hypot(trail_[i].x, trail_[i].y));  // after a stop it rests
+    const float faster = (in.ahead != nullptr ? kTimesOtherAhead : kTimesOther) * (0.4F + 2.0F * moves);
     const float times = seen ? std::clamp(faster, 1.0F, kMostTimesOther) : 1.0F;
     const float others = in.other_error[i] * noise * times;
     const float mine4 = power4(mine / others);

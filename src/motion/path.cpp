@@ -8,12 +8,13 @@ namespace {
 
 constexpr double kExtrapolated = 0.8;  // of what the last two displacements say of the next
 constexpr double kOfThePast = 0.25;    // the past's mean has its share in the weights' velocity
-// Of the speed. A stop within the newest frame changes its displacement by little: 4 % would tell every stop in its
-// very frame, but costs hands in noise 7 to 25 % more error, which a whole recording has and a stop once.
-constexpr double kAbrupt = 0.15;
-constexpr double kSlowPan = 3.0;        // px a frame: below it a stop does no harm
-constexpr double kUnnoticed = 0.02;     // px a frame: what estimates differ by
-constexpr double kTwiceByChance = 8.0;  // twice what a second difference varies by, over what a displacement does
+constexpr double kAbrupt = 0.04;     // of the speed: half a frame before its time a stop changes a displacement by 13 %
+constexpr double kSlowPan = 1.5;     // px a frame: below it a stop does no harm
+constexpr double kUnnoticed = 0.02;  // px a frame: what estimates differ by
+constexpr double kByChance = 8.0;    // what a second difference may be by noise, in the displacement's uncertainty
+// Of the speed: what second differences were before is taken for a hand's, or for noise that the uncertainty does not
+// cover. More would let noise of .8 K pass for motion (MotionSafety), less costs hands in .5 K of noise 3 %.
+constexpr double kMostUsual = 0.25;
 constexpr int kSpans = kHistory - 1;
 
 using Spans = std::array<Affine, kSpans>;  // u_i, the newest first
@@ -39,13 +40,19 @@ Affine blurring(const Inertia& inertia, const Spans& u, std::size_t first) noexc
   return sum * (1.0 / total);
 }
 
-// Of the picture's middle.
+// The second difference at displacement `i`, of the picture's middle.
+float jerk(std::span<const Affine> d, std::size_t i) noexcept {
+  const Vec2 j = d[i].at(0.0, 0.0) - d[i + 1].at(0.0, 0.0) * 2.0F + d[i + 2].at(0.0, 0.0);
+  return std::hypot(j.x, j.y);
+}
+
 double steadiness(std::span<const Affine> d, double uncertainty) noexcept {
   const Vec2 last = d[1].at(0.0, 0.0);
-  const Vec2 jerk = d[0].at(0.0, 0.0) - last * 2.0F + d[2].at(0.0, 0.0);
   const double speed = std::max<double>(std::hypot(last.x, last.y), kSlowPan);
-  const double relative =
-      std::max(std::hypot(jerk.x, jerk.y) - kUnnoticed - kTwiceByChance * uncertainty, 0.0) / (kAbrupt * speed);
+  const double chance = kByChance * uncertainty;
+  const double before = std::max({jerk(d, 3), jerk(d, 4), jerk(d, 5)});  // not touched by what was abrupt just now
+  const double usual = std::clamp(before, chance, std::max(chance, kMostUsual * speed));
+  const double relative = std::max(jerk(d, 0) - kUnnoticed - usual, 0.0) / (kAbrupt * speed + chance);
   return 1.0 / (1.0 + relative * relative * relative * relative);
 }
 
