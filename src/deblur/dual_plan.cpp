@@ -53,6 +53,14 @@ LostSample lost_sample(const DualPlan& plan, const Grid& grid, const SlotValue& 
   return lost;
 }
 
+bool lost_neighbours(const Pattern& pattern) noexcept {
+  for (int slot = 1; slot < pattern.slots; ++slot) {
+    const auto i = static_cast<std::size_t>(slot);
+    if (!pattern.received[i - 1] && !pattern.received[i]) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 bool dual_bridges(const Pattern& pattern) { return pattern.first == 0 && pattern.slots - pattern.count <= kMostLost; }
@@ -142,6 +150,7 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
   }
   if (plan.lost == 0) return;
   plan.sweeps += plan.near_sweeps + 2 * static_cast<int>(plan.lost) - 1;  // they wait for each other
+  if (lost_neighbours(pattern)) plan.sweeps *= 2;                         // most of all beside each other
   plan.near_sweeps = 0;
 }
 
