@@ -1,5 +1,5 @@
-// ADMM with full matrices, for bins longer than a frame (dense_plan.hpp). Letters as in admm_banded-inl.hpp, but the
-// unknowns are the coefficients D themselves and d = z - u. Included once for every instruction set.
+// ADMM with full matrices, for bins longer than a frame (dense_plan.hpp). Letters as in admm-inl.hpp;
+// d = z - u. Included once for every instruction set.
 #if defined(BOLO_DEBLUR_ADMM_DENSE_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_DEBLUR_ADMM_DENSE_INL
 #undef BOLO_DEBLUR_ADMM_DENSE_INL
@@ -68,7 +68,11 @@ HWY_INLINE void update_dual(const DensePlan& plan, Pair limit, Dense& m) {
 
 void solve_dense(const DensePlan& plan, const PixelRun& run) noexcept {
   for_each_block(run, [&](std::size_t at, std::size_t count) HWY_ATTR {
-    Dense m{};
+    Dense m;
+    for (int i = 0; i < plan.bins; ++i) {
+      store(pair(0.0F), m.b[i]);
+      store(pair(0.0F), m.w[i]);
+    }
     const Pair limit = all(plan.threshold) * load_lambda(run, plan.lambda, at, count);
     Pair estimate = begin_dense(plan, run, at, count, m);
     for (int k = 1; k < plan.iterations; ++k) {

@@ -20,7 +20,7 @@ using Float = hn::ScalableTag<float>;
 using Vec = hn::Vec<Float>;
 
 inline constexpr std::size_t kLanes = hn::MaxLanes(Float());
-// Two vectors side by side: the recursions of the tridiagonal solve wait for their own results, so one would leave the
+// Two vectors side by side: the eliminations of the interior point wait for their own results, so one would leave the
 // processor idle half of the time.
 inline constexpr std::size_t kBlock = 2 * kLanes;
 
@@ -54,6 +54,11 @@ HWY_INLINE void butterfly(Pair& x, Pair& y) {
   y = x - y;
   x = sum;
 }
+HWY_INLINE void butterfly(Vec& x, Vec& y) {
+  const Vec sum = hn::Add(x, y);
+  y = hn::Sub(x, y);
+  x = sum;
+}
 // x limited to [-limit, limit]
 HWY_INLINE Pair clip(Pair x, Pair limit) {
   return {hn::Min(hn::Max(x.a, hn::Neg(limit.a)), limit.a), hn::Min(hn::Max(x.b, hn::Neg(limit.b)), limit.b)};
@@ -81,7 +86,20 @@ HWY_INLINE void narrow(Vec x, std::uint16_t* to) {
   hn::StoreU(hn::DemoteTo(half, hn::NearestInt(limited)), half, to);
 }
 
-// `count` values of a plane from pixel `at`, the rest of the block zero.
+HWY_INLINE Vec load_vector_of(const std::uint16_t* from) { return widen(from); }
+HWY_INLINE Vec load_vector_of(const float* from) { return hn::LoadU(Float(), from); }
+
+// `count` values of a plane from pixel `at`, the rest of the vector zero.
+template <typename T>
+HWY_INLINE Vec load_lanes(const void* plane, std::size_t at, std::size_t count) {
+  const T* from = static_cast<const T*>(plane) + at;
+  if (HWY_LIKELY(count == kLanes)) return load_vector_of(from);
+  HWY_ALIGN T padded[kLanes] = {};
+  std::copy_n(from, count, padded);
+  return load_vector_of(padded);
+}
+
+// The same, a block of them.
 template <typename T>
 HWY_INLINE Pair load_pixels(const void* plane, std::size_t at, std::size_t count) {
   const T* from = static_cast<const T*>(plane) + at;
@@ -113,6 +131,30 @@ HWY_INLINE void store_pixels(const PixelRun& run, Pair x, std::size_t at, std::s
     store(fma(all(run.scale), x, pair(run.offset)), values);
     std::copy_n(values, count, static_cast<float*>(run.out) + at);
   }
+}
+
+template <typename T>
+HWY_INLINE void store_values(const PixelRun& run, Vec x, T* to) {
+  if constexpr (std::is_same_v<T, float>) {
+    hn::StoreU(hn::MulAdd(all(run.scale), x, all(run.offset)), Float(), to);
+  } else {
+    narrow(x, to);
+  }
+}
+
+template <typename T>
+HWY_INLINE void store_lanes(const PixelRun& run, Vec x, std::size_t at, std::size_t count) {
+  T* const to = static_cast<T*>(run.out) + at;
+  if (HWY_LIKELY(count == kLanes)) return store_values(run, x, to);
+  HWY_ALIGN T values[kLanes];
+  store_values(run, x, values);
+  std::copy_n(values, count, to);
+}
+
+// The first `count` of a vector's estimates, from pixel `at`.
+HWY_INLINE void store_lanes(const PixelRun& run, Vec x, std::size_t at, std::size_t count) {
+  run.output == PixelType::kUint16 ? store_lanes<std::uint16_t>(run, x, at, count)
+                                   : store_lanes<float>(run, x, at, count);
 }
 
 // Calls solve(at, count) for every block of the run.

@@ -1,4 +1,5 @@
-// The problem with bins longer than a frame (2^levels < N): at most 32 unknowns, full matrices.
+// The problem with bins longer than a frame (2^levels < N), or a number of iterations that was asked for: full
+// matrices.
 #pragma once
 
 #include <Eigen/Dense>
@@ -8,7 +9,7 @@
 
 namespace bolo::deblur {
 
-inline constexpr int kMaxDenseBins = 32;
+inline constexpr int kMaxDenseBins = 64;
 
 // With the coefficients D = H x and S = G H^T, ADMM's x-update D = (S^T M S + rho I)^-1 (S^T M Y + rho (z - u)) is
 // data * y + feedback * (z - u); y are the samples less their mean.

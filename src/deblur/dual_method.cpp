@@ -6,17 +6,16 @@
 namespace bolo::deblur {
 namespace {
 
-// One lost frame is searched for; a window that lost more, or its oldest, has no square response: there ADMM solves the
-// same problem.
+// What sweeps leave where frames are lost ADMM's iteration mends; ADMM also solves what they do not apply to.
 class DualMethod final : public PixelMethod {
  public:
   DualMethod(const StreamTask& task, const Grid& grid, const DualTuning& tuning)
       : grid_(grid), plan_(make_dual_plan(grid, tuning)), kernels_(best_kernels()), with_gaps_(admm(task)) {}
 
   void prepare(const Pattern& pattern) noexcept override {
-    deblur::prepare(plan_, grid_, pattern);
-    gaps_ = pattern.count < pattern.slots && plan_.gap.searches == 0;
+    gaps_ = pattern.count < pattern.slots;
     if (gaps_) with_gaps_->prepare(pattern);
+    if (!gaps_) deblur::prepare(plan_, grid_, pattern);
   }
 
   void run(const PixelRun& run) const noexcept override {
@@ -27,7 +26,7 @@ class DualMethod final : public PixelMethod {
     }
   }
 
-  int iterations() const noexcept override { return plan_.sweeps + plan_.near_sweeps_whole; }
+  int iterations() const noexcept override { return plan_.sweeps + plan_.near_sweeps; }
   std::string_view isa() const noexcept override { return kernels_.isa; }
 
  private:

@@ -15,40 +15,55 @@ double curvature_of(int i, int bins, double decay) {
   return 1.0 + c / support * (middle + 1.0 + (first ? 1.0 - decay : 1.0));
 }
 
-// Two workers keep 200 frames/s with a gap in every window; more searches would come closer to the optimum.
-constexpr int kSearches = 10;
-constexpr int kSweepsAfterSearch = 2;
-
 // How much bin `bin` counts in coefficient i, without normalisation: 1, -1 or 0.
-double sign_of(int i, int bin) {
+double sign_of(int i, int bin, int bins) {
+  if (bin >= bins) return 0.0;
   if (i == 0) return 1.0;
   const int half = i & -i;
   if (bin < i - half || bin >= i + half) return 0.0;
   return bin < i ? 1.0 : -1.0;
 }
 
-Gap gap_of(const DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept {
-  Gap gap;
-  if (pattern.count != pattern.slots - 1 || pattern.first != 0) return gap;
-  int lost = 0;
-  while (pattern.received[static_cast<std::size_t>(lost)]) ++lost;
-  if (lost == pattern.slots - 1) return gap;
+LostSample lost_sample(const DualPlan& plan, const Grid& grid, const SlotValue& value, int slot) noexcept {
+  LostSample lost;
+  lost.slot = slot;
+  lost.after = value.after;
+  lost.weight = value.weight;
   const double a = std::exp(-grid.ratio);
-  gap.searches = kSearches;
-  gap.bin = lost - 1;
-  gap.inverse_p = static_cast<float>(1.0 / (1.0 - a));
-  for (int i = 0; i < plan.bins; ++i) {
-    const double part = sign_of(i, gap.bin) - a * sign_of(i, gap.bin + 1);
-    if (sign_of(i, gap.bin) == 0.0 && sign_of(i, gap.bin + 1) == 0.0) continue;
-    const auto at = static_cast<std::size_t>(gap.count++);
-    gap.index[at] = i;
-    gap.weight[at] =
-        static_cast<float>(static_cast<double>(plan.row[static_cast<std::size_t>(i)].gain) * part / (1.0 - a));
+  // In one pair of bins only their wavelet would be left to follow, which no bound holds.
+  const bool pair = slot % 2 == 1 || slot == plan.bins;
+  for (const bool around : {false, true}) {
+    for (int i = 0; i < plan.bins; ++i) {
+      const double near = sign_of(i, slot - 1, plan.bins);
+      const double far = sign_of(i, slot, plan.bins);
+      if ((near == 0.0 && far == 0.0) || around != (near == far)) continue;
+      const double move = near - a * far;
+      const double share = move * plan.row[static_cast<std::size_t>(i)].gain;
+      const int level = static_cast<int>(std::lround(std::log2(i == 0 ? plan.bins : 2 * (i & -i)))) - 1;
+      LostSample::Part& part = lost.part[lost.parts++];
+      part.row = i;
+      part.bound = bound_of(i, level);
+      part.move = static_cast<float>(move);
+      part.share = static_cast<float>(share);
+      part.slope = static_cast<float>(share * move);
+      part.inverse = static_cast<float>(1.0 / move);
+    }
+    if (!around || pair) lost.led = lost.parts;
   }
-  return gap;
+  return lost;
+}
+
+bool lost_neighbours(const Pattern& pattern) noexcept {
+  for (int slot = 1; slot < pattern.slots; ++slot) {
+    const auto i = static_cast<std::size_t>(slot);
+    if (!pattern.received[i - 1] && !pattern.received[i]) return true;
+  }
+  return false;
 }
 
 }  // namespace
+
+bool dual_bridges(const Pattern& pattern) { return pattern.first == 0 && pattern.slots - pattern.count <= kMostLost; }
 
 bool dual_applies(const Grid& grid) { return grid.parts == 1 && grid.frames_per_bin == 1 && grid.bins <= kMaxDualBins; }
 
@@ -58,23 +73,52 @@ DualPlan make_dual_plan(const Grid& grid, const DualTuning& tuning) {
   DualPlan plan;
   plan.bins = grid.bins;
   plan.sweeps = tuning.sweeps;
-  plan.near_sweeps = plan.near_sweeps_whole = tuning.near_sweeps;
+  plan.near_sweeps = tuning.near_sweeps;
   plan.lambda = static_cast<float>(grid.lambda / grid.lambda_scale);
-  plan.inverse_gain = static_cast<float>(a / p);
-  plan.begin_jump = static_cast<float>(p);
-  plan.curvature = static_cast<float>(a / (p * p));
-  for (std::size_t i = 0; i < plan.limit.size(); ++i) {
-    plan.limit[i] = static_cast<float>(grid.lambda_scale / std::sqrt(std::exp2(i + 1)));
-  }
+  plan.decay = static_cast<float>(a);
+  plan.inverse_p = static_cast<float>(1.0 / p);
+  plan.mean_to_sum = static_cast<float>(p * grid.bins);
   for (int i = 0; i < plan.bins; ++i) {
-    const double support = i == 0 ? plan.bins : 2 * (i & -i);
+    const int half = i & -i;
+    const double support = i == 0 ? plan.bins : 2 * half;
     const double step = tuning.omega / curvature_of(i, plan.bins, a);
     DualCoefficients& row = plan.row[static_cast<std::size_t>(i)];
-    row.gain = static_cast<float>(step / support);
-    row.keep = static_cast<float>(1.0 - step);
-    row.bend = static_cast<float>(step * a / (p * p) / support);
+    row.gain = step / support;
+    const double bend = row.gain * a / (p * p);
+    row.keep = static_cast<float>(1.0 - step - (half == 1 ? 4.0 * bend : 0.0));
+    row.left = static_cast<float>(i == half ? p * bend : bend);
+    row.right = static_cast<float>(bend);
+    const int level = static_cast<int>(std::lround(std::log2(support))) - 1;
+    plan.bound[bound_of(i, level)] = static_cast<float>(p * grid.lambda_scale / std::sqrt(support) / row.gain);
   }
   return plan;
+}
+
+Estimate dual_estimate(const DualPlan& plan, const Published& bins) noexcept {
+  Estimate e;
+  const auto add_bin = [&](int bin, double weight) {
+    const double scaled = weight * static_cast<double>(plan.inverse_p);
+    e.sample[static_cast<std::size_t>(bin + 1)] += static_cast<float>(scaled);
+    e.sample[static_cast<std::size_t>(bin)] -= static_cast<float>(scaled * static_cast<double>(plan.decay));
+    for (int half = plan.bins; half > 0; half /= 2) {
+      const int i = half == plan.bins ? 0 : (bin & ~(2 * half - 1)) + half;
+      const DualCoefficients& row = plan.row[static_cast<std::size_t>(i)];
+      const bool right = i != 0 && (bin & half) != 0;
+      // Between the bins of a pair the jump is 2 row.right t_i.
+      const double v = row.gain + (half == 1 ? 2.0 * static_cast<double>(row.right) : 0.0);
+      e.term[e.terms++] = {static_cast<std::size_t>(i), static_cast<float>(right ? scaled * v : -scaled * v)};
+    }
+    const bool second = bin % 2 == 1;
+    e.term[e.terms++] = {static_cast<std::size_t>(plan.bins + (bin + 1) / 2),
+                         static_cast<float>(second ? -scaled : scaled)};
+  };
+  if (bins.before == bins.after) {
+    add_bin(bins.before, static_cast<double>(bins.weight_before) + static_cast<double>(bins.weight_after));
+  } else {
+    add_bin(bins.before, static_cast<double>(bins.weight_before));
+    add_bin(bins.after, static_cast<double>(bins.weight_after));
+  }
+  return e;
 }
 
 void fill_lost(const Grid& grid, const Pattern& pattern, std::array<SlotValue, kMaxSlots>& values) noexcept {
@@ -94,10 +138,20 @@ void fill_lost(const Grid& grid, const Pattern& pattern, std::array<SlotValue, k
 }
 
 void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept {
+  std::array<SlotValue, kMaxSlots> values;
+  fill_lost(grid, pattern, values);
   plan.inverse_count = 1.0F / static_cast<float>(pattern.count);
-  fill_lost(grid, pattern, plan.value);
-  plan.gap = gap_of(plan, grid, pattern);
-  plan.near_sweeps = plan.near_sweeps_whole + (plan.gap.searches > 0 ? kSweepsAfterSearch : 0);
+  plan.lost = 0;
+  for (int slot = 0; slot < pattern.slots; ++slot) {
+    const SlotValue& value = values[static_cast<std::size_t>(slot)];
+    plan.stand_in[static_cast<std::size_t>(slot)] = value.before;
+    if (pattern.received[static_cast<std::size_t>(slot)]) continue;
+    plan.gap[plan.lost++] = lost_sample(plan, grid, value, slot);
+  }
+  if (plan.lost == 0) return;
+  plan.sweeps += plan.near_sweeps + 2 * static_cast<int>(plan.lost) - 1;  // they wait for each other
+  if (lost_neighbours(pattern)) plan.sweeps *= 2;                         // most of all beside each other
+  plan.near_sweeps = 0;
 }
 
 }  // namespace bolo::deblur

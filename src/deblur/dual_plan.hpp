@@ -1,6 +1,6 @@
 // Everything about the problem's dual that is the same for all pixels.
 //
-// Without lost frames the response G of N frames is square, G^-1 = B / p with B bidiagonal (banded_plan.hpp), and the
+// Without lost frames the response G of N frames is square, G^-1 = B / p with B bidiagonal, and the
 // dual of  minimise 1/2 ||G x - Y||^2 + lambda ||H x||_1  is
 //   minimise 1/2 t^T Q t - h^T t  over  |t_i| <= lambda,   Q = H B B^T H^T / p^2,   h = H G^-1 Y,   D = h - Q t.
 // h is the Haar transform of the inverse filter's x. B B^T / p^2 = I + c L, c = a / p^2, with L the second difference:
@@ -17,33 +17,58 @@
 namespace bolo::deblur {
 
 inline constexpr int kMaxDualBins = 64;
+inline constexpr int kMaxDualLevels = 6;
+inline constexpr int kMostLost = 3;
+inline constexpr std::size_t kMostParts = 2 * kMaxDualLevels + 1;
+inline constexpr std::size_t kMostTerms = 2 * (kMaxDualLevels + 2);
 
-// Of coefficient i, in the order of the in-place butterflies (banded_plan.hpp); t_i stands divided by sqrt(support), so
-// that v is plain sums and differences. An update is t_i = clip(keep t_i + gain h_i - bend (2 middle - begin - end)).
+// Of coefficient i, in the order of the in-place butterflies: index i != 0 is the wavelet of support 2 (i & -i) that
+// begins at i - (i & -i); 0 is the sum over the window. Transforms are sums and differences without normalisation.
+//
+// The kernels work in p times the samples' unit. With t_i in units of gain_i / p, where gain_i = omega / Q_ii / support
+// and t_i stands divided by sqrt(support), an update is t_i = clip(keep t_i + c_i + begin - 2 middle + end) with c the
+// transform of p times the inverse filter's x, and the jumps scaled by p c.
 struct DualCoefficients {
-  float gain = 0.0F;  // omega / Q_ii / support
-  float keep = 0.0F;  // 1 - omega / Q_ii
-  float bend = 0.0F;  // c omega / Q_ii / support
+  float keep = 0.0F;   // 1 - omega / Q_ii, less what the middle adds where its jump is not kept
+  float left = 0.0F;   // by which the jump at the begin moves with -t_i
+  float right = 0.0F;  // the same at the end; twice that with t_i in the middle
+  double gain = 0.0;
 };
 
-// The value that the dual takes for a slot: the received sample itself (before == after), or, where the frame is lost,
-// what an input that is constant between its neighbours makes of them: before + weight (after - before).
+// The value that stands for a slot: the received sample itself (before == after), or, where the frame is lost, what an
+// input that is constant between its neighbours makes of them: before + weight (after - before).
 struct SlotValue {
   int before = 0;
   int after = 0;
   float weight = 0.0F;
 };
 
-// A window without exactly one frame, between others. Its optimum is that of the whole window for the value y of the
-// lost sample at which the whole window's optimum explains y without residual: the derivative of the whole window's
-// least objective by y is that residual, which rises with y, so that the sign tells on which side the value lies.
-struct Gap {
-  int searches = 0;  // 0: no such gap
-  int bin = 0;       // that ends with the lost sample; the next one begins with it
-  float inverse_p = 0.0F;
-  int count = 0;  // coefficients of h that y is part of: h[index] changes by weight for each unit of y
-  std::array<int, 16> index{};
-  std::array<float, 16> weight{};
+// Where the bound of t_i stands; wavelets at the begin of the window have their own. `level`: log2 of the support,
+// less 1.
+constexpr std::size_t bound_of(int i, int level) {
+  return static_cast<std::size_t>(i == 0 ? 2 * level + 2 : 2 * level + (i == 1 << level ? 1 : 0));
+}
+
+// A lost sample y between bins k and k + 1 of a window. The problem without it has the whole window's optimum for the y
+// that the whole window explains without residual, v_k = a v_{k+1}; v are sums of t, so that y is the multiplier of one
+// linear equation. Between sweeps y moves to where the next one would keep it, as if t_i = clip(rest_i + move_i y): a
+// monotone, piecewise linear function of y alone, for which Newton's method needs few steps.
+struct LostSample {
+  struct Part {
+    int row = 0;
+    std::size_t bound = 0;
+    float move = 0.0F;     // of c_row with y
+    float share = 0.0F;    // of t_row in v_k - a v_{k+1}
+    float slope = 0.0F;    // share move
+    float inverse = 0.0F;  // 1 / move
+  };
+  int slot = 0;
+  int after = 0;        // the next slot that was received; the one before stands in for y
+  float weight = 0.0F;  // y = before + weight (after - before) where the input is constant between them
+  std::size_t parts = 0;
+  std::size_t led =
+      0;  // parts that the step in y reckons with; the others, the wavelets around both bins, hardly follow
+  std::array<Part, kMostParts> part{};
 };
 
 struct DualPlan {
@@ -52,16 +77,29 @@ struct DualPlan {
   // Sweeps after those over only the trees that hold the published bins and their ancestors: what is far away has
   // settled well enough for them by then.
   int near_sweeps = 0;
-  int near_sweeps_whole = 0;     // near_sweeps of a window without lost frames
-  float lambda = 0.0F;           // lambda_half of pixels that bring none of their own, in the units of the values
-  float inverse_gain = 0.0F;     // the input x_j = y_{j+1} + inverse_gain (y_{j+1} - y_j)
-  float inverse_count = 0.0F;    // 1 / received samples
-  float begin_jump = 0.0F;       // 1 - a
-  float curvature = 0.0F;        // c
-  std::array<float, 6> limit{};  // [i]: of coefficients of support 2^(i+1) for a lambda_half of 1
+  float lambda = 0.0F;                                // lambda_half of pixels that bring none of their own
+  float decay = 0.0F;                                 // a
+  float inverse_p = 0.0F;                             // 1 / (1 - a)
+  float mean_to_sum = 0.0F;                           // what the mean is of c_0
+  std::array<float, 2 * kMaxDualLevels + 1> bound{};  // of t_i for a lambda_half of 1
   std::array<DualCoefficients, kMaxDualBins> row{};
-  std::array<SlotValue, kMaxSlots> value{};
-  Gap gap;
+  float inverse_count = 0.0F;             // 1 / received samples
+  std::array<int, kMaxSlots> stand_in{};  // the slot whose sample is taken for a slot's
+  std::size_t lost = 0;
+  std::array<LostSample, kMostLost> gap{};
+};
+
+// How the published value follows from what a kernel has of a pixel.
+struct Estimate {
+  struct Term {
+    std::size_t row = 0;
+    float weight = 0.0F;
+  };
+  std::array<float, kMaxSlots> sample{};
+  float mean = 0.0F;
+  std::size_t terms = 0;  // of the kernel's state: t, then the jumps at the begin of bins 0, 2, 4 ...
+  std::array<Term, kMostTerms> term{};
+  std::array<float, kMaxDualBins> coefficient{};  // of ADMM's z - u
 };
 
 // What stands in for the samples of lost frames. Thread: pipeline.
@@ -73,8 +111,13 @@ bool dual_applies(const Grid& grid);
 // Thread: setup.
 DualPlan make_dual_plan(const Grid& grid, const DualTuning& tuning);
 
-// One lost frame is searched for (Gap). With more it is the optimum for the values filled in, not of the problem
-// without them: a start for ADMM. No allocation. Thread: pipeline.
+// Whether the sweeps can do without the lost frames: none, or up to kMostLost after the oldest. Thread: any.
+bool dual_bridges(const Pattern& pattern);
+
+// For a pattern that the sweeps bridge. No allocation. Thread: pipeline.
 void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept;
+
+// x of the published bins: the inverse filter's less (v + c L v) / p. Thread: worker.
+Estimate dual_estimate(const DualPlan& plan, const Published& bins) noexcept;
 
 }  // namespace bolo::deblur

@@ -7,31 +7,28 @@
 namespace bolo::deblur {
 namespace {
 
+// One iteration from the dual's sweeps. Where these do not apply (bins longer than a frame, the oldest frame or more
+// than three lost) or more iterations are asked for: from least squares, with full matrices.
 class AdmmMethod final : public PixelMethod {
  public:
   explicit AdmmMethod(const StreamTask& task)
       : grid_(reduce(task.settings, task.lambda_half())),
-        whole_(tuning(task, Lost::kNone)),
-        without_one_(tuning(task, Lost::kOne)),
-        without_more_(tuning(task, Lost::kMore)),
-        kernels_(best_kernels()) {
-    if (grid_.frames_per_bin == 1) banded_ = make_banded_plan(grid_);
-  }
+        asked_(task.settings.iterations),
+        whole_(tuning(task, true)),
+        without_(tuning(task, false)),
+        kernels_(best_kernels()) {}
 
   void prepare(const Pattern& pattern) noexcept override {
-    const Tuning& tuned = tuning_for(pattern);
-    if (grid_.frames_per_bin == 1) {
-      deblur::prepare(banded_, grid_, tuned, pattern);
-    } else {
-      deblur::prepare(dense_, grid_, tuned, pattern);
-    }
+    const bool whole = pattern.count == pattern.slots;
+    started_ = dual_applies(grid_) && dual_bridges(pattern) && whole_.iterations == 1;
+    deblur::prepare(plan_, grid_, whole || started_ ? whole_ : without_, pattern);
   }
 
   void run(const PixelRun& run) const noexcept override {
-    if (grid_.frames_per_bin == 1) {
-      kernels_.banded(banded_, run);
+    if (started_) {
+      kernels_.admm(plan_, run);
     } else {
-      kernels_.dense(dense_, run);
+      kernels_.dense(plan_.dense, run);
     }
   }
 
@@ -39,25 +36,19 @@ class AdmmMethod final : public PixelMethod {
   std::string_view isa() const noexcept override { return kernels_.isa; }
 
  private:
-  const Tuning& tuning_for(const Pattern& pattern) const {
-    if (pattern.count == pattern.slots) return whole_;
-    const bool between = pattern.first == 0 && pattern.received[static_cast<std::size_t>(pattern.slots - 1)];
-    return pattern.count == pattern.slots - 1 && between && dual_applies(grid_) ? without_one_ : without_more_;
-  }
-
-  Tuning tuning(const StreamTask& task, Lost lost) const {
-    Tuning tuned = tune(grid_, lambda_to_tune(task), lost);
-    if (task.settings.iterations > 0) tuned.iterations = task.settings.iterations;
+  Tuning tuning(const StreamTask& task, bool bridged) const {
+    Tuning tuned = tune(grid_, lambda_to_tune(task), bridged);
+    if (asked_ > 0) tuned.iterations = asked_;
     return tuned;
   }
 
   Grid grid_;
+  int asked_;
   Tuning whole_;
-  Tuning without_one_;
-  Tuning without_more_;
+  Tuning without_;
   const Kernels& kernels_;
-  BandedPlan banded_;
-  DensePlan dense_;
+  AdmmPlan plan_;
+  bool started_ = false;
 };
 
 class InteriorMethod final : public PixelMethod {

@@ -72,7 +72,7 @@ struct Leaf {
 };
 
 struct Interior {
-  Wavelet wavelet[kMaxDualBins];  // [0]: the sum; [i]: the wavelet with its middle at bin i (banded_plan.hpp)
+  Wavelet wavelet[kMaxDualBins];  // [0]: the sum; [i]: the wavelet with its middle at bin i (dual_plan.hpp)
   Leaf leaf[kMaxDualBins];
   HWY_ALIGN Row sum;   // of all samples
   HWY_ALIGN Row size;  // of the values less their mean

@@ -8,7 +8,7 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#include "src/deblur/admm_banded-inl.hpp"
+#include "src/deblur/admm-inl.hpp"
 #include "src/deblur/admm_dense-inl.hpp"
 #include "src/deblur/dual-inl.hpp"
 #include "src/deblur/targets.hpp"
@@ -29,8 +29,8 @@ void solve_inverse(const InversePlan& plan, const PixelRun& run) noexcept {
 }
 
 const Kernels& kernels() {
-  static const Kernels table{HWY_TARGET == HWY_SCALAR ? "scalar" : hwy::TargetName(HWY_TARGET), solve_banded,
-                             solve_dense, solve_dual, solve_inverse};
+  static const Kernels table{HWY_TARGET == HWY_SCALAR ? "scalar" : hwy::TargetName(HWY_TARGET), solve_admm, solve_dense,
+                             solve_dual, solve_inverse};
   return table;
 }
 

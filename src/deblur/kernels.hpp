@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "src/core/plane.hpp"
-#include "src/deblur/banded_plan.hpp"
+#include "src/deblur/admm_plan.hpp"
 #include "src/deblur/dense_plan.hpp"
 #include "src/deblur/dual_plan.hpp"
 #include "src/deblur/inverse_plan.hpp"
@@ -35,7 +35,7 @@ struct PixelRun {
 // is in the window, and no other pixel's. Thread: worker.
 struct Kernels {
   std::string_view isa;
-  void (*banded)(const BandedPlan& plan, const PixelRun& run) noexcept;
+  void (*admm)(const AdmmPlan& plan, const PixelRun& run) noexcept;
   void (*dense)(const DensePlan& plan, const PixelRun& run) noexcept;
   void (*dual)(const DualPlan& plan, const PixelRun& run) noexcept;
   void (*inverse)(const InversePlan& plan, const PixelRun& run) noexcept;

@@ -15,7 +15,7 @@ namespace {
 //  - ADMM from there: its rate is the best with rho = p^2, alpha = 1.6 (p = 1 - exp(-T / tau), so that p^2 is near the
 //    smallest eigenvalue of G^T G); one iteration takes up to two thirds off what the sweeps leave, and 0.4 to 1.4 mK
 //    rms remain on a street. Without such a start, where bins are longer than frames, it needs kNeeded.
-//  - Lost frames leave directions that only lambda pulls at; such windows start from values filled in and need many
+//  - Lost frames that the sweeps cannot do without leave directions that only lambda pulls at; such windows need many
 //    iterations.
 constexpr std::array kRatios = {0.05, 0.1, 0.2, 0.4545, 1.0, 2.0};              // T / tau
 constexpr std::array kLambdas = {0.0005, 0.005, 0.05, 0.5, 5.0, 50.0};          // K, half-square, 2^7 coefficients
@@ -32,8 +32,6 @@ constexpr Table kNeeded = {{{17, 64, 81, 110, 92, 67},
                             {2, 4, 7, 14, 28, 38},
                             {1, 3, 4, 8, 18, 23},
                             {1, 2, 2, 5, 7, 8}}};
-constexpr int kAfterSweeps = 1;
-constexpr int kAfterSearch = 4;
 
 // Where `value` lies between entries of an ascending axis, on a logarithmic scale; limited to the axis.
 template <std::size_t kSize>
@@ -70,16 +68,13 @@ DualTuning tune_dual(const Grid& grid, double lambda_half_k) {
   return tuning;
 }
 
-Tuning tune(const Grid& grid, double lambda_half_k, Lost lost) {
+Tuning tune(const Grid& grid, double lambda_half_k, bool bridged) {
   const double p = -std::expm1(-grid.ratio);
   const int cold = static_cast<int>(std::ceil(1.1 * needed(kNeeded, grid.ratio, std::max(lambda_half_k, 1e-6))));
   Tuning tuning;
   tuning.rho = p * p * grid.frames_per_bin;
   tuning.start = tune_dual(grid, lambda_half_k);
-  const bool started = grid.frames_per_bin == 1;
-  tuning.iterations = started ? kAfterSweeps : cold;
-  if (lost == Lost::kOne && started) tuning.iterations = kAfterSearch;
-  if (lost == Lost::kMore) tuning.iterations = 2 * cold;
+  tuning.iterations = !bridged ? 2 * cold : grid.frames_per_bin == 1 ? 1 : cold;
   return tuning;
 }
 

@@ -15,17 +15,14 @@ struct DualTuning {
 struct Tuning {
   double rho = 0.1;    // penalty
   double alpha = 1.6;  // over-relaxation
-  int iterations = 2;
-  DualTuning start;  // sweeps on the dual that come before; where it does not apply they are not used
+  int iterations = 1;
+  DualTuning start;  // sweeps on the dual before a single iteration
 };
 
 // `lambda_half_k`: in K. Thread: setup.
 DualTuning tune_dual(const Grid& grid, double lambda_half_k);
 
-// How many frames of a window are lost. The start finds the value of one between others (dual_plan.hpp).
-enum class Lost { kNone, kOne, kMore };
-
-// Thread: setup.
-Tuning tune(const Grid& grid, double lambda_half_k, Lost lost);
+// `bridged`: nothing is lost, or no more than the sweeps do without. Thread: setup.
+Tuning tune(const Grid& grid, double lambda_half_k, bool bridged);
 
 }  // namespace bolo::deblur

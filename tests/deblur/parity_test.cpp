@@ -1,5 +1,5 @@
 // The fast methods, with the iterations they choose themselves, against the exact optimum: 5 mK rms, 50 mK at most, and
-// three times that with a lost frame, whose value is searched for only as long as live work allows.
+// half as much again with lost frames, whose values are searched for only as long as live work allows.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,7 +22,7 @@ using testing::kInputs;
 
 constexpr double kRms = 5e-3;
 constexpr double kLargest = 50e-3;
-constexpr double kWithGap = 3.0;
+constexpr double kWithGap = 1.5;
 
 struct Case {
   int window = 17;
@@ -221,8 +221,7 @@ TEST(Parity, OneLostFrameOfAnyWindow) {
   }
 }
 
-// Two lost frames are not searched for; ADMM from the values filled in reaches the optimum of quiet scenes at the
-// authors' lambda.
+// Two lost frames beside each other hold each other back around 300 K pulses.
 TEST(Parity, TwoAdjacentLostFrames) {
   for (int slot = 0; slot < 15; ++slot) {
     expect_parity({17, 7, 200.0, 0, {slot, slot + 1}, 30}, {Input::kSteps, Input::kPan, Input::kConstant}, {0.5});

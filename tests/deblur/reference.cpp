@@ -48,26 +48,6 @@ double mean_of(const Pattern& pattern, std::span<const double> y) {
   return sum / pattern.count;
 }
 
-// Where the iteration begins: the input that is constant between samples and explains them.
-VectorXd inverse_filter(const Grid& grid, const Pattern& pattern, std::span<const double> y, double mean) {
-  VectorXd x = VectorXd::Zero(grid.bins);
-  int last = pattern.first;
-  double input = 0.0;
-  const auto fill = [&](int to_slot) {
-    for (int bin = last == pattern.first ? 0 : last * grid.parts; bin < to_slot * grid.parts; ++bin) x(bin) = input;
-  };
-  for (int slot = pattern.first + 1; slot < pattern.slots; ++slot) {
-    if (!pattern.received[static_cast<std::size_t>(slot)]) continue;
-    const double decay = std::exp(-grid.ratio * (slot - last));
-    const double before = y[static_cast<std::size_t>(last)] - mean;
-    input = (y[static_cast<std::size_t>(slot)] - mean - decay * before) / (1.0 - decay);
-    fill(slot);
-    last = slot;
-  }
-  fill(grid.frames);
-  return x;
-}
-
 // Samples less their mean; lost ones are what an input that is constant between their neighbours makes of them.
 VectorXd filled(const Grid& grid, const Pattern& pattern, std::span<const double> y, double mean) {
   VectorXd result(pattern.slots);
@@ -178,11 +158,10 @@ double reference_admm(const Grid& grid, const Tuning& tuning, const Pattern& pat
   const Eigen::LLT<MatrixXd> factors(gram + tuning.rho * identity);
   const double limit = grid.lambda / tuning.rho;
 
-  VectorXd x = grid.frames_per_bin == 1 ? inverse_filter(grid, pattern, y, mean)
-                                        : VectorXd(Eigen::LLT<MatrixXd>(gram + 1e-9 * identity).solve(gty));
+  VectorXd x = Eigen::LLT<MatrixXd>(gram + 1e-9 * identity).solve(gty);
   VectorXd w = h * x;
   const Published bins = published_bins(grid, pattern.slots, pattern.target);
-  if (dual_applies(grid)) {
+  if (dual_applies(grid) && tuning.iterations == 1) {
     const DualPoint start = descend(grid, tuning.start, bins, filled(grid, pattern, y, mean));
     w = h * (start.x + start.t / tuning.rho);
   }

@@ -104,7 +104,7 @@ TEST_P(Isas, AdmmIsTheReference) {
           solver->prepare(view);
           solver->solve(view, {0, 0, planes.geometry().width, 1}, out.data());
           const Grid grid = reduce(s, s.half_square_lambda());
-          const Tuning tuning = tune(grid, 0.05, gap ? Lost::kMore : Lost::kNone);
+          const Tuning tuning = tune(grid, 0.05, !gap);
           const Pattern pattern = pattern_of(view);
           for (std::size_t pixel = 0; pixel < out.size(); ++pixel) {
             const double wanted = reference_admm(grid, tuning, pattern, planes.samples(pixel));
