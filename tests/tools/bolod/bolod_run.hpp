@@ -13,16 +13,16 @@
 #include "drivers/shm/shm_reader.hpp"
 #include "src/capture/capture.hpp"
 #include "tests/scratch.hpp"
-#include "tests/tools/bolod/process.hpp"
+#include "tests/tools/program.hpp"
 
 namespace bolo::daemon {
 
 using shm::ReadFrame;
 using shm::ShmReader;
-using testing_tools::eventually;
-using testing_tools::logged;
-using testing_tools::own_address;
-using testing_tools::Process;
+using tools::test::eventually;
+using tools::test::logged;
+using tools::test::own_address;
+using tools::test::Program;
 using Outcome = ShmReader::Outcome;
 
 inline constexpr Geometry kGeometry{64, 24};
@@ -61,16 +61,16 @@ class BolodRun : public testing::Test {
   }
 
   // A daemon that replays `frames` frames at their own rate.
-  std::unique_ptr<Process> start(std::uint64_t frames, const std::string& more = "") {
+  std::unique_ptr<Program> start(std::uint64_t frames, const std::string& more = "") {
     write_capture(folder_ / "in.h5", frames);
     return start_again(more);
   }
-  std::unique_ptr<Process> start_again(const std::string& more = "", const std::string& log = "log") {
+  std::unique_ptr<Program> start_again(const std::string& more = "", const std::string& log = "log") {
     const std::string file = folder_ / "bolod.toml";
     std::ofstream(file) << "name = '" << name_ << "'\n[source]\ntype = 'replay'\nfile = 'in.h5'\n"
                         << "[pipeline]\nlock_memory = false\n"
                         << more;
-    return std::make_unique<Process>(std::vector<std::string>{BOLOD_PROGRAM, "--config", file}, folder_ / log);
+    return std::make_unique<Program>(std::vector<std::string>{BOLOD_PROGRAM, "--config", file}, folder_ / log);
   }
 
   Result<ShmReader> attach() const {

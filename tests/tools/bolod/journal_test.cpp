@@ -73,8 +73,8 @@ class Journal : public BolodRun {
                                           << "[pipeline]\nlock_memory = false\n"
                                           << log;
   }
-  std::unique_ptr<Process> run() const {
-    return std::make_unique<Process>(std::vector<std::string>{BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"},
+  std::unique_ptr<Program> run() const {
+    return std::make_unique<Program>(std::vector<std::string>{BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"},
                                      folder_ / "log");
   }
 
@@ -84,7 +84,7 @@ class Journal : public BolodRun {
 
 TEST_F(Journal, GetsEventsWithTheirCounts) {
   configure("[log]\nformat = 'journal'\n");
-  std::unique_ptr<Process> daemon;
+  std::unique_ptr<Program> daemon;
   const std::string problem = with_own_run([&] {
     journal_ = listen_at(kSocket);
     daemon = run();
@@ -112,7 +112,7 @@ TEST_F(Journal, OneThatHangsKeepsNoSignOfLifeBack) {
   const UniqueFd manager = listen_at(manager_path);
   setenv("NOTIFY_SOCKET", manager_path.c_str(), 1);
   setenv("WATCHDOG_USEC", "400000", 1);
-  std::unique_ptr<Process> daemon;
+  std::unique_ptr<Program> daemon;
   const std::string problem = with_own_run([&] {
     journal_ = listen_at(kSocket);
     daemon = run();
@@ -145,7 +145,7 @@ TEST_F(Journal, OneThatHangsKeepsNoSignOfLifeBack) {
 
 TEST_F(Journal, WithoutAJournalStandardErrorGetsItsForm) {
   configure("[log]\nformat = 'journal'\n");
-  std::unique_ptr<Process> daemon;
+  std::unique_ptr<Program> daemon;
   const std::string problem = with_own_run([&] { daemon = run(); });
   if (!problem.empty()) GTEST_SKIP() << "no /run of our own can be had here: " << problem;
   EXPECT_EQ(daemon->wait(), 0);

@@ -100,13 +100,13 @@ TEST_F(Metrics, TellWhatBecameOfTheFrames) {
 
 TEST_F(Metrics, TellOfTheCamera) {
   write_capture(folder_ / "in.h5", 90);
-  Process camera({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address_, "--loop"}, folder_ / "camera");
+  Program camera({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address_, "--loop"}, folder_ / "camera");
   ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();
   std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address_
                                         << "'\nwidth = 64\nheight = 24\nreconnect_after_ms = 500\n"
                                         << "[pipeline]\nlock_memory = false\n"
                                         << section();
-  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
+  Program daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
   const auto told = [&](const std::string& series, double wanted) {
     return eventually([&] { return value(scrape(address_), series) == wanted; });
   };
@@ -149,7 +149,7 @@ TEST_F(Metrics, ATakenPortOnlyWarnsAndIsTriedAgain) {
                                          << "-second'\n[source]\ntype = 'replay'\nfile = 'in.h5'\n"
                                          << "[pipeline]\nlock_memory = false\n"
                                          << section();
-  Process second({BOLOD_PROGRAM, "--config", folder_ / "second.toml"}, folder_ / "second");
+  Program second({BOLOD_PROGRAM, "--config", folder_ / "second.toml"}, folder_ / "second");
   ASSERT_TRUE(eventually([&] { return ShmReader::open(name_ + "-second").has_value(); })) << second.err();
   EXPECT_TRUE(logged(second, "cannot listen at " + address_ + ":9464 (Address already in use)")) << second.err();
   first->signal(SIGTERM);

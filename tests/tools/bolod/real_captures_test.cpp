@@ -9,14 +9,14 @@
 
 #include "drivers/shm/shm_reader.hpp"
 #include "src/capture/capture.hpp"
-#include "tests/tools/bolod/process.hpp"
+#include "tests/tools/program.hpp"
 
 namespace bolo::daemon {
 namespace {
 
-using testing_tools::eventually;
-using testing_tools::own_address;
-using testing_tools::Process;
+using tools::test::eventually;
+using tools::test::own_address;
+using tools::test::Program;
 using Outcome = shm::ShmReader::Outcome;
 
 struct Recording {
@@ -70,14 +70,14 @@ TEST_P(RealCaptures, ReachAReaderPixelByPixel) {
   const std::string address = own_address();
   const std::string region = std::to_string(crop.x) + "," + std::to_string(crop.y) + "," + std::to_string(crop.width) +
                              "," + std::to_string(crop.height);
-  Process camera(
+  Program camera(
       {BOLO_PROGRAM, "fakecam", capture_, "--interface", address, "--rate", "100", "--loop", "--crop", region},
       folder_ / "camera");
   ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();
   std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address
                                         << "'\nwidth = 0\nheight = 0\nrate_hz = 100.0\nir_format = 'leave'\n"
                                         << "[pipeline]\nlock_memory = false\n";
-  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
+  Program daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
   Result<shm::ShmReader> reader = shm::ShmReader::open(name_);
   ASSERT_TRUE(eventually([&] { return (reader = shm::ShmReader::open(name_)).has_value(); })) << daemon.err();
   EXPECT_EQ(reader->header().width, static_cast<std::uint32_t>(crop.width));

@@ -104,7 +104,7 @@ class Service : public BolodRun {
  protected:
   Service() : manager_(folder_ / "notify") { EXPECT_TRUE(manager_.bound()); }
   // Waits for a word in the daemon's log, and goes on listening meanwhile: the daemon waits for us when we don't.
-  bool logged(const Process& daemon, const std::string& words) {
+  bool logged(const Program& daemon, const std::string& words) {
     return eventually([&] {
       manager_.lines();
       return daemon.err().find(words) != std::string::npos;
@@ -130,7 +130,7 @@ TEST_F(Service, HearsThatItIsReadyThatItLivesAndThatItEnds) {
 
 TEST_F(Service, HearsNothingOfAReadyDaemonWhoseCameraIsAbsent) {
   std::ofstream(folder_ / "absent.toml") << "name = '" << name_ << "'\n[source]\naddress = '127.99.99.99'\n";
-  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "absent.toml"}, folder_ / "log");
+  Program daemon({BOLOD_PROGRAM, "--config", folder_ / "absent.toml"}, folder_ / "log");
   EXPECT_EQ(daemon.wait(), 1) << "2 would keep it from being started again: " << daemon.err();
   EXPECT_EQ(manager_.count("READY=1"), 0U);
 }
@@ -159,12 +159,12 @@ TEST_F(Service, HearsSignsOfLifeWhileALostCameraIsLookedFor) {
   expect_feeding(false);
   write_capture(folder_ / "in.h5", 90);
   const std::string address = own_address();
-  Process camera({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address, "--loop"}, folder_ / "camera");
+  Program camera({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address, "--loop"}, folder_ / "camera");
   ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();
   std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address
                                         << "'\nwidth = 64\nheight = 24\nreconnect_after_ms = 500\n"
                                         << "[pipeline]\nlock_memory = false\n";
-  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
+  Program daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
   ASSERT_TRUE(manager_.heard("WATCHDOG=1", 3)) << daemon.err();
   camera.signal(SIGKILL);
   ASSERT_TRUE(manager_.heard_part("STATUS=camera lost; 0.0 frames/s")) << daemon.err();

@@ -13,15 +13,15 @@
 #include "drivers/shm/shm_reader.hpp"
 #include "src/capture/capture.hpp"
 #include "src/core/loss.hpp"
-#include "tests/tools/bolod/process.hpp"
+#include "tests/tools/program.hpp"
 #include "tools/lab/eval/faults_run.hpp"
 
 namespace bolo::tools::faults {
 namespace {
 
 using shm::ShmReader;
-using testing_tools::eventually;
-using testing_tools::Process;
+using tools::test::eventually;
+using tools::test::Program;
 
 constexpr Geometry kGeometry{64, 24};
 
@@ -38,8 +38,8 @@ class Programs : public testing::Test {
     shm_unlink(("/bolo." + name_).c_str());  // of a daemon that was killed
   }
 
-  std::unique_ptr<Process> run(std::vector<std::string> words, const std::string& log) const {
-    return std::make_unique<Process>(std::move(words), folder_ / log);
+  std::unique_ptr<Program> run(std::vector<std::string> words, const std::string& log) const {
+    return std::make_unique<Program>(std::move(words), folder_ / log);
   }
 
   std::string name_;
