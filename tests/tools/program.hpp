@@ -116,6 +116,12 @@ inline bool logged(const Program& program, const std::string& words) {
   return eventually([&] { return program.err().find(words) != std::string::npos; });
 }
 
+// Ends it by SIGTERM, in good order.
+inline void expect_good_end(Program& program) {
+  program.signal(SIGTERM);
+  EXPECT_EQ(program.wait(), 0) << program.err();
+}
+
 // A test of a program, in a folder of its own. `words`: what each command begins with, the program first.
 class ProgramTest : public ::testing::Test {
  protected:
@@ -124,7 +130,7 @@ class ProgramTest : public ::testing::Test {
   Program start(const std::vector<std::string>& more, const std::string& log = "log") const {
     std::vector<std::string> all = words_;
     all.insert(all.end(), more.begin(), more.end());
-    return {std::move(all), folder_ / log};
+    return {std::move(all), file(log)};
   }
   Outcome run(const std::vector<std::string>& more) const { return start(more).outcome(); }
 
