@@ -1,7 +1,6 @@
 // `bolo calibrate` as its users meet it.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 

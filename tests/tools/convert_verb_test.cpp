@@ -9,7 +9,6 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 
 #include "src/capture/capture.hpp"
 #include "tests/tools/program.hpp"

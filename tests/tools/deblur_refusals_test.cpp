@@ -1,7 +1,6 @@
 // What `bolo deblur` refuses, and in which words.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <limits>

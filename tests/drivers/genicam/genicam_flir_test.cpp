@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <bit>
-#include <cmath>
 
 #include "drivers/genicam/radiometry.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"

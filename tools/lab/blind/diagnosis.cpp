@@ -1,7 +1,6 @@
 #include "tools/lab/blind/diagnosis.hpp"
 
 #include <chrono>
-#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <limits>
