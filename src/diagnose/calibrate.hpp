@@ -25,6 +25,9 @@
 
 namespace bolo::diagnose {
 
+// A fit of fewer is refused.
+inline constexpr std::size_t kFewestFrames = 16;
+
 // One recording's frames, wherever they are kept.
 struct FrameSeries {
   std::string name;  // for messages

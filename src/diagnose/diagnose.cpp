@@ -124,31 +124,6 @@ Result<Learned> learn(const LearnTask& task, const std::vector<std::filesystem::
 
 }  // namespace
 
-const FoundEffect* LearnTask::found(std::string_view name) const {
-  const auto at = std::ranges::find(effects, name, &FoundEffect::name);
-  return at == effects.end() ? nullptr : &*at;
-}
-
-FoundEffect named(const std::string& name, double confidence, std::map<std::string, Estimate> parameters) {
-  return {.name = name,
-          .stage = find_effect(name)->stage,
-          .confidence = confidence,
-          .parameters = std::move(parameters),
-          .alternatives = {}};
-}
-
-bool allowed(const Options& options, const std::string& name) {
-  return std::ranges::count(options.withheld, name) == 0;
-}
-
-void add(Findings& findings, const Options& options, FoundEffect effect, double z, const std::string& where) {
-  if (allowed(options, effect.name)) {
-    findings.effects.push_back(std::move(effect));
-  } else {
-    findings.remainders.push_back({effect.stage, where, z});
-  }
-}
-
 Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, const Options& options,
                         const Progress& progress) {
   for (const std::string& name : options.withheld) {

@@ -18,7 +18,6 @@ namespace {
 constexpr double kLevelReach = 30.0;  // K
 constexpr double kEdgePrior = 0.2;    // px
 constexpr int kFitPixels = 288;
-constexpr double kSettling_s = 0.1;      // of moving bars: what was before the first frame is not known
 constexpr int kBorder = 2;               // pixels at the sensor's edge, whose neighbours are not as the model has them
 constexpr double kClearOfCeiling = 4.0;  // noise floors below a ceiling, from which on values are not used
 constexpr double kPriorFloor = 1e-12;

@@ -12,7 +12,7 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kLargestStep = 8.0;      // of a parameter in one round, in units of its typical size
+constexpr double kTrustRadius = 8.0;      // of a parameter in one round, in units of its typical size
 constexpr double kLargestShift_px = 1.0;  // of moving bars in one round
 constexpr double kLargestLateness_s = 0.0005;
 
@@ -78,7 +78,7 @@ NewtonStep step_of(const Linear& linear, const Unknowns& u, const State& state) 
   right /= step.excess;
   u.add_prior(state, step.normal, right);
   const auto parameters = mapped(u.parameters, [](const Parameter& p) { return &p; });
-  step.by = step_within(parameters, state, kLargestStep, step.normal, right);
+  step.by = step_within(parameters, state, kTrustRadius, step.normal, right);
   return step;
 }
 

@@ -21,7 +21,7 @@ constexpr double kMedianOfPower = 0.6931;  // ln 2: median of an exponential dis
 constexpr double kWindowLoss = 0.9;        // Hann's window: the tail of a bin's power is a little longer
 constexpr double kBound = 1.5;             // the same window binds neighbouring bins together
 constexpr double kStillRatio = 3.0;        // variance over the whole recording to that between two frames
-constexpr Index kMostClipped = 500;        // one value in so many may be clipped
+constexpr Index kClippedOneIn = 500;       // one value in so many may be clipped
 constexpr double kTails = 0.2;             // excess kurtosis, from which on tails are fitted
 
 // The longest run of frames without a gap: frames x pixels of the grid, pixel means taken out; bad pixels are 0.
@@ -85,7 +85,8 @@ double chi2_survival(double x, double degrees) {
   return 0.5 * std::erfc(z / std::numbers::sqrt2);
 }
 
-struct Sums {
+// The mean of squares.
+struct MeanSquare {
   double square = 0.0;
   double count = 0.0;
   void add(double squares, double number) {
@@ -232,7 +233,7 @@ class NoiseSums {
     const double stripes = n_.columns.value * n_.columns.value / width_ + n_.rows.value * n_.rows.value / height_;
     n_.flicker = component(frame_.square, frame_.count, own / good + stripes);
     // Taking out the means of rows and columns binds neighbours by - 1/width or - 1/height.
-    const auto correlation_z = [&](const Sums& s, double bias) {
+    const auto correlation_z = [&](const MeanSquare& s, double bias) {
       return s.count > 0.0 ? (s.mean() / own + bias) * std::sqrt(s.count) : 0.0;
     };
     n_.neighbour_row_z = correlation_z(left_, 1.0 / (width_ * share));
@@ -248,7 +249,7 @@ class NoiseSums {
   double rate_hz_;
   ArrayXd curve_;  // of the block's frames: slow change
   double blocks_ = 0.0;
-  Sums rest_, total_, frame_, row_, column_, left_, above_;
+  MeanSquare rest_, total_, frame_, row_, column_, left_, above_;
   double chi2_ = 0.0;
   double degrees_ = 0.0;
   NoiseStatistics n_;
@@ -277,7 +278,7 @@ NoiseStatistics measure_noise(const Session& session, double ceiling) {
     for (const Recording& r : session.recordings) {
       const bool wanted = uniform ? r.kind == Kind::kUniform : r.kind == Kind::kField && is_still(session, r);
       const auto clipped = (r.values.array() >= static_cast<float>(ceiling)).count();
-      if (!wanted || clipped * kMostClipped > r.values.size()) continue;
+      if (!wanted || clipped * kClippedOneIn > r.values.size()) continue;
       if (const auto block = longest_block(session, r)) {
         sums.add(*block);
         any = true;

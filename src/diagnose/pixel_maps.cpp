@@ -1,6 +1,5 @@
 // Maps of pixels: offset, gain, time constant and share of the drift of each, by regression on the training cells.
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include <Eigen/Dense>

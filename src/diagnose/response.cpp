@@ -12,9 +12,9 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kFine = 25e-6;  // s between two points of a StepTable
-constexpr int kPhases = 8192;
-constexpr int kShares = 512;  // of a pixel that bars cover
+constexpr double kTableStep_s = 25e-6;  // s between two points of a StepTable
+constexpr int kTablePhases = 8192;
+constexpr int kTableShares = 512;  // of a pixel that bars cover
 
 using Complex = std::complex<double>;
 
@@ -37,7 +37,7 @@ Complex thermal(const Response& r, double omega, double lateral) {
                              : (1.0 - r.slow_share) * fast + r.slow_share / (1.0 + i * omega * r.slow_tau_s + lateral);
 }
 
-Complex read_out(const Response& r, double omega) {
+Complex readout_response(const Response& r, double omega) {
   const Complex i(0.0, 1.0);
   Complex factor = 1.0;
   const double turn = omega * r.window_s;
@@ -65,7 +65,7 @@ double interpolated(const std::vector<double>& values, double at) {
 double sinc(double x) { return std::abs(x) < 1e-9 ? 1.0 : std::sin(std::numbers::pi * x) / (std::numbers::pi * x); }
 
 constexpr double kLow = 200.0;
-constexpr double kStep = 0.25;
+constexpr double kTemperatureStep = 0.25;
 constexpr int kPoints = 2001;
 constexpr double kReference = 300.0;
 
@@ -88,7 +88,7 @@ struct Table {
     const double at = planck(kReference);
     const double slope = (planck(kReference + 0.01) - planck(kReference - 0.01)) / 0.02;
     for (int i = 0; i < kPoints; ++i) {
-      signal[static_cast<std::size_t>(i)] = kReference + (planck(kLow + kStep * i) - at) / slope;
+      signal[static_cast<std::size_t>(i)] = kReference + (planck(kLow + kTemperatureStep * i) - at) / slope;
     }
   }
 };
@@ -112,7 +112,7 @@ double solved(const SignalOf& signal_of, double signal, double temperature_k, in
 
 StepTable::StepTable(std::span<const Step> steps, const Response& response, double end_s)
     : start_s_(steps.front().t_s), window_s_(response.window_s) {
-  const auto points = static_cast<std::size_t>(std::max(2.0, std::ceil((end_s - start_s_) / kFine) + 2.0));
+  const auto points = static_cast<std::size_t>(std::max(2.0, std::ceil((end_s - start_s_) / kTableStep_s) + 2.0));
   value_.resize(points);
   integral_.resize(points);
   kink_of_.assign(points, -1);
@@ -120,18 +120,18 @@ StepTable::StepTable(std::span<const Step> steps, const Response& response, doub
   Pole slow{response.slow_tau_s};
   const double share = response.slow_share;
   const auto mixed = [share](double a, double b) { return (1.0 - share) * a + share * b; };
-  const double fine_fast = std::exp(-kFine / response.tau_s);
-  const double fine_slow = std::exp(-kFine / response.slow_tau_s);
+  const double fine_fast = std::exp(-kTableStep_s / response.tau_s);
+  const double fine_slow = std::exp(-kTableStep_s / response.slow_tau_s);
   double input = 0.0;
   std::size_t next = 0;
   for (std::size_t i = 0; i < points; ++i) {
     value_[i] = mixed(fast.value, slow.value);
     integral_[i] = mixed(fast.integral, slow.integral);
-    double now = start_s_ + static_cast<double>(i) * kFine;
-    const double end = now + kFine;
+    double now = start_s_ + static_cast<double>(i) * kTableStep_s;
+    const double end = now + kTableStep_s;
     if (next == steps.size() || steps[next].t_s >= end) {  // the common interval: no step inside
-      fast.run(kFine, input, fine_fast);
-      slow.run(kFine, input, fine_slow);
+      fast.run(kTableStep_s, input, fine_fast);
+      slow.run(kTableStep_s, input, fine_slow);
       continue;
     }
     while (next < steps.size() && steps[next].t_s < end) {
@@ -149,13 +149,13 @@ StepTable::StepTable(std::span<const Step> steps, const Response& response, doub
 }
 
 double StepTable::instant(double t_s) const noexcept {
-  const double at = (t_s - start_s_) / kFine;
+  const double at = (t_s - start_s_) / kTableStep_s;
   if (at <= 0.0) return 0.0;
   const std::size_t i = std::min(static_cast<std::size_t>(at), value_.size() - 2);
   const double f = at - static_cast<double>(i);
   if (kink_of_[i] >= 0) {
     const Kink& kink = kinks_[static_cast<std::size_t>(kink_of_[i])];
-    const double split = (kink.t_s - start_s_) / kFine - static_cast<double>(i);
+    const double split = (kink.t_s - start_s_) / kTableStep_s - static_cast<double>(i);
     if (f <= split) return split <= 0.0 ? kink.value : value_[i] + (kink.value - value_[i]) * f / split;
     return kink.value + (value_[i + 1] - kink.value) * (f - split) / (1.0 - split);
   }
@@ -163,11 +163,11 @@ double StepTable::instant(double t_s) const noexcept {
 }
 
 double StepTable::integral(double t_s) const noexcept {
-  const double at = (t_s - start_s_) / kFine;
+  const double at = (t_s - start_s_) / kTableStep_s;
   if (at <= 0.0) return 0.0;
   const std::size_t i = std::min(static_cast<std::size_t>(at), value_.size() - 2);
-  const double dt = (at - static_cast<double>(i)) * kFine;
-  return integral_[i] + dt * (value_[i] + dt / (2.0 * kFine) * (value_[i + 1] - value_[i]));
+  const double dt = (at - static_cast<double>(i)) * kTableStep_s;
+  return integral_[i] + dt * (value_[i] + dt / (2.0 * kTableStep_s) * (value_[i + 1] - value_[i]));
 }
 
 double StepTable::at(double t_s) const noexcept {
@@ -176,10 +176,10 @@ double StepTable::at(double t_s) const noexcept {
 }
 
 BarTable::BarTable(const Bars& bars, const Response& response, const std::function<double(double)>& signal)
-    : scale_(kPhases / bars.period_px), bars_(bars), still_(bars.velocity_px_s == 0.0) {
+    : scale_(kTablePhases / bars.period_px), bars_(bars), still_(bars.velocity_px_s == 0.0) {
   constexpr double kTwoPi = 2.0 * std::numbers::pi;
-  std::vector<Complex> spectrum(kPhases / 2 + 1);
-  spectrum[0] = bars.bar_width_px / bars.period_px * kPhases;
+  std::vector<Complex> spectrum(kTablePhases / 2 + 1);
+  spectrum[0] = bars.bar_width_px / bars.period_px * kTablePhases;
   const double blur = response.blur_px2 * (1.0 + bars.slant_px_per_row * bars.slant_px_per_row) + bars.edge_px2;
   sigma_px_ = std::sqrt(std::max(0.0, blur));
   for (std::size_t n = 1; n < spectrum.size() - 1; ++n) {
@@ -188,13 +188,13 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
     if (gauss > 40.0) break;
     const double turn = kTwoPi * f * bars.bar_width_px;
     const Complex bar = (1.0 - std::exp(Complex(0.0, -turn))) / Complex(0.0, kTwoPi * static_cast<double>(n));
-    spectrum[n] = bar * sinc(f * bars.aperture_px) * std::exp(-gauss) * static_cast<double>(kPhases);
+    spectrum[n] = bar * sinc(f * bars.aperture_px) * std::exp(-gauss) * static_cast<double>(kTablePhases);
   }
   Eigen::FFT<double> fft;
   fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
-  std::vector<double> phases(kPhases);
+  std::vector<double> phases(kTablePhases);
   if (signal) {
-    fft.inv(phases, spectrum, kPhases);
+    fft.inv(phases, spectrum, kTablePhases);
     for (double& p : phases) p = signal(p);
     fft.fwd(spectrum, phases);
   }
@@ -203,7 +203,7 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
     const double lateral =
         2.0 * response.coupling * (2.0 - std::cos(kTwoPi * f) - std::cos(kTwoPi * f * bars.slant_px_per_row));
     const double omega = -kTwoPi * f * bars.velocity_px_s;
-    const Complex factor = thermal(response, omega, lateral) * read_out(response, omega);
+    const Complex factor = thermal(response, omega, lateral) * readout_response(response, omega);
     spectrum[n] *= still_ ? factor - 1.0 : factor;
   }
   if (still_) {
@@ -211,9 +211,9 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
     // taken from it.
     spectrum.front() = 0.0;
     spectrum.back() = 0.0;
-    for (int i = 0; signal && i <= kShares; ++i) signal_.push_back(signal(static_cast<double>(i) / kShares));
+    for (int i = 0; signal && i <= kTableShares; ++i) signal_.push_back(signal(static_cast<double>(i) / kTableShares));
   }
-  fft.inv(phases, spectrum, kPhases);
+  fft.inv(phases, spectrum, kTablePhases);
   value_.assign(phases.begin(), phases.end());
   value_.push_back(value_.front());
 }
@@ -230,13 +230,13 @@ double BarTable::covered(double phase_px) const noexcept {
   }
   const double share = sum / bars_.aperture_px;
   if (signal_.empty()) return share;
-  return interpolated(signal_, std::clamp(share, 0.0, 1.0) * kShares);
+  return interpolated(signal_, std::clamp(share, 0.0, 1.0) * kTableShares);
 }
 
 double BarTable::at(double phase_px) const noexcept {
-  const double turns = phase_px * scale_ / kPhases;
-  const double at = (turns - std::floor(turns)) * kPhases;
-  const std::size_t i = std::min(static_cast<std::size_t>(at), static_cast<std::size_t>(kPhases - 1));
+  const double turns = phase_px * scale_ / kTablePhases;
+  const double at = (turns - std::floor(turns)) * kTablePhases;
+  const std::size_t i = std::min(static_cast<std::size_t>(at), static_cast<std::size_t>(kTablePhases - 1));
   const auto f = static_cast<float>(at - static_cast<double>(i));
   const double value = value_[i] + f * (value_[i + 1] - value_[i]);
   return still_ ? covered(phase_px) + value : value;
@@ -248,10 +248,10 @@ double BarTable::slope(double phase_px) const noexcept {
 }
 
 double band_signal(double temperature_k) noexcept {
-  const double at = std::clamp((temperature_k - kLow) / kStep, 1.0, kPoints - 3.0);
+  const double at = std::clamp((temperature_k - kLow) / kTemperatureStep, 1.0, kPoints - 3.0);
   const auto i = static_cast<std::size_t>(at);
   const auto& s = table().signal;
-  const double f = (temperature_k - kLow) / kStep - static_cast<double>(i);
+  const double f = (temperature_k - kLow) / kTemperatureStep - static_cast<double>(i);
   const double bend = (s[i + 2] - s[i + 1] - s[i] + s[i - 1]) / 4.0;  // second difference, for a quadratic in between
   return s[i] + f * (s[i + 1] - s[i]) - bend * f * (1.0 - f);
 }
@@ -259,7 +259,7 @@ double band_signal(double temperature_k) noexcept {
 double band_temperature(double signal) noexcept {
   const auto& s = table().signal;
   const auto next = std::upper_bound(s.begin() + 1, s.end() - 2, signal);
-  return solved(band_signal, signal, kLow + kStep * static_cast<double>(next - s.begin()), 3);
+  return solved(band_signal, signal, kLow + kTemperatureStep * static_cast<double>(next - s.begin()), 3);
 }
 
 double mixed_signal(double temperature_k, double share) noexcept {

@@ -113,6 +113,8 @@ struct Session {
 };
 
 inline constexpr int kMinFrames = 16;
+// Of moving bars: what was before the first frame is not known.
+inline constexpr double kSettling_s = 0.1;
 
 // At most `limit` of `count` places, evenly spread, rising. Thread: any.
 std::vector<int> spread_over(int count, int limit);

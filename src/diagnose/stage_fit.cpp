@@ -8,12 +8,12 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr double kLeastCorrelation = 0.6;  // of a recording with its stimulus
+constexpr double kLeastMatch = 0.6;  // of a recording with its stimulus
 constexpr std::size_t kLeastPixels = 16;
 constexpr std::size_t kSomePixels = 256;
-constexpr double kSettled = 5e-4;  // share of the gap
-constexpr int kRounds = 4;         // of a first fit: levels and edges of an imperfect bench take a while
-constexpr int kMoreRounds = 3;     // at a time, until it is settled
+constexpr double kFirstSettled = 5e-4;  // share of the gap
+constexpr int kFirstRounds = 4;         // of a first fit: levels and edges of an imperfect bench take a while
+constexpr int kMoreRounds = 3;          // at a time, until it is settled
 
 // A scattered part of the pixels that are neither dead nor jumping; empty when there are too few.
 std::vector<int> some_pixels(const Session& session) {
@@ -29,7 +29,7 @@ std::vector<int> some_pixels(const Session& session) {
 void match_stimuli(std::span<const int> some, Fit& fit) {
   const std::vector<double> matched = register_stimuli(fit.session, fit.state, some);
   for (std::size_t i = 0; i < matched.size(); ++i) {
-    if (matched[i] >= kLeastCorrelation) continue;
+    if (matched[i] >= kLeastMatch) continue;
     Recording& r = fit.session.recordings[i];
     fit.findings.warnings.push_back(r.name + ": does not show what its /stimulus says (" +
                                     std::string(name_of(r.kind)) +
@@ -63,7 +63,7 @@ void correct_jumps_again(const State& state, Fit& fit) {
 }
 
 FitResult settled(const FitData& data, const State& start, int rounds) {
-  return settle(data, fit(data, start, {}, rounds), kMoreRounds, kSettled);
+  return settle(data, fit(data, start, {}, rounds), kMoreRounds, kFirstSettled);
 }
 
 // The fit with the frames' times of choppers free, or as their files have them; `registered` knows whole periods.
@@ -74,7 +74,7 @@ FitResult with_times(const FitData& data, const FitResult& base, const State& re
     state.stimuli[i].times_free = free;
     state.stimuli[i].late_s = registered.stimuli[i].late_s;
   }
-  return settled(data, state, kRounds);
+  return settled(data, state, kFirstRounds);
 }
 
 // Frames lost or repeated without a gap in the counter.
@@ -93,7 +93,7 @@ void judge_losses(const Transport& transport, const Events& events, const Option
 
 // The stimuli and nothing else: jumps taken out, frames' times as they turn out to be.
 FitResult fit_stimuli(const FitData& data, const Events& events, bool jittered, Fit& out) {
-  FitResult base = settled(data, out.state, kRounds);
+  FitResult base = settled(data, out.state, kFirstRounds);
   if (jittered) base = with_times(data, base, out.state, true);
   correct_jumps(events.freezes, base.state, out);
   if (out.jumps.empty()) return base;

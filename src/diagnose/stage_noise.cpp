@@ -180,7 +180,6 @@ namespace {
 // Sessions without any effect stay below all of these.
 constexpr double kLeastComponent = 0.0015;   // K, of flicker and stripes
 constexpr double kClear = 8.0;               // standard errors
-constexpr double kClearCorner = 5.0;         // the same of 1/f noise, which has few bins
 constexpr double kLeastCorner = 0.08;        // Hz
 constexpr double kLeastKurtosis = 0.25;      // in excess of a Gaussian's
 constexpr double kClearLine = 1e-6;          // p-value

@@ -21,7 +21,7 @@ constexpr double kMeanOfSquare = 0.33;     // of a row's place, -1..1: 1/3, so t
 constexpr double kColdest = 0.02;          // of the span of temperatures
 constexpr double kLeastSpan_k = 0.1;
 constexpr double kMeanOfParabola = 1.0 / 8.0;  // of the span, about which a curve in temperature is centred
-constexpr Index kPhases = 48;                  // of the target's period
+constexpr Index kPhaseBins = 48;               // of the target's period
 constexpr double kQuartilesOfSigma = 1.35;     // distance of a Gaussian's quartiles
 constexpr std::size_t kLeastFrames = 9;
 constexpr double kWorseFrame = 1.4;  // times the usual squared residual, from which on a frame does not fit
@@ -35,7 +35,6 @@ constexpr double kPixelMargin = 2.0;    // the same of what the pixels' noise le
 constexpr double kPattern = 0.06;        // a fixed pattern: what the forward models are off by
 constexpr double kPatternOfTaus = 0.12;  // the same where each pixel has its own tau
 constexpr double kPatternOfSteps = 0.7;  // the same where values come in coarse steps
-constexpr double kClearCorner = 5.0;     // standard errors of 1/f noise
 constexpr double kSlowWidening = 2.5;    // of all tests, where noise is correlated over a capture
 constexpr double kDecade = 2.3;          // ln 10: of 1/f noise, one decade below a capture's own frequency looks fixed
 constexpr double kSlowMargin = 1.5;
@@ -192,7 +191,7 @@ struct Tallies {
   Halves pixel;
   Halves row;
   Halves column;
-  Halves phase{kPhases};
+  Halves phase{kPhaseBins};
   std::vector<double> frame_square{};  // of each frame, about its mean
   double frame_mean2 = 0.0;            // summed over the frames
 };
@@ -219,8 +218,8 @@ void add_frame(const Examined& x, Index k, Probes& probes, Tallies& tallies) {
     if (x.moving) {
       const double u =
           (session.grid.column_of(pixel) - bars->slant_px_per_row * row - x.stimulus.shift_px[frame]) / bars->period_px;
-      const auto phase = static_cast<Index>((u - std::floor(u)) * static_cast<double>(kPhases));
-      tallies.phase.add(std::clamp<Index>(phase, 0, kPhases - 1), second, value);
+      const auto phase = static_cast<Index>((u - std::floor(u)) * static_cast<double>(kPhaseBins));
+      tallies.phase.add(std::clamp<Index>(phase, 0, kPhaseBins - 1), second, value);
     }
     const auto basis = basis_at(x, k, c, row);
     for (std::size_t b = 0; b < kProbes; ++b) probes[b].add(basis[b], value);

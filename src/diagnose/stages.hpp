@@ -187,6 +187,8 @@ struct Remainder {
 
 // Standard errors above which something is left: from sessions without any effect.
 inline constexpr double kRemainderLimit = 5.5;
+// The same of 1/f noise, which has few bins.
+inline constexpr double kClearCorner = 5.0;
 
 // What a stage adds to the report.
 struct Findings {

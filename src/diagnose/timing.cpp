@@ -156,7 +156,6 @@ double match_chopper(const Session& session, std::size_t index, State& state, st
 // All limits are set by effect-free sessions and by sessions with one effect of realistic size (the blind check).
 constexpr double kMuchBetter = 0.3;      // of the squared error without a step
 constexpr double kNearWhole = 0.35;      // of a period, that a step of whole periods may be off by
-constexpr double kSettling_s = 0.1;      // of moving bars: what was before the first frame is not known
 constexpr double kBendVariance = 1.5;    // of x less the mean of its neighbours, over that of independent x
 constexpr double kBeforeEdge_s = 0.012;  // of a chopper: frames by which an edge is judged
 constexpr double kAfterEdge_s = 0.04;

@@ -1,7 +1,6 @@
 // `bolo calibrate` as its users meet it.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -10,7 +9,6 @@
 
 #include "src/capture/pixel_maps_io.hpp"
 #include "src/model/camera_profile.hpp"
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
@@ -18,33 +16,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class Calibrate : public testing::Test {
+class Calibrate : public ProgramTest {
  protected:
-  Outcome bolo(std::vector<std::string> words) const {
-    words.insert(words.begin(), BOLO_PROGRAM);
-    return Program(folder_, std::move(words)).outcome();
-  }
-  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  Calibrate() : ProgramTest({BOLO_PROGRAM}) {}
 
   void simulate(const std::string& name, std::vector<std::string> more) const {
-    std::vector<std::string> words{"simulate", "-o", path(name),   "--width",       "32",
+    std::vector<std::string> words{"simulate", "-o", file(name),   "--width",       "32",
                                    "--height", "24", "--no-truth", "--camera-seed", "5"};
     words.insert(words.end(), more.begin(), more.end());
-    const Outcome done = bolo(words);
-    ASSERT_EQ(done.exit_code, 0) << done.err;
+    done(words);
   }
-
-  const Scratch scratch_;
-  const fs::path folder_ = scratch_.path();
 };
 
 TEST_F(Calibrate, WritesProfileMapsAndPicture) {
   simulate("chopper.h5", {"--stimulus", "chopper", "--effect", "tau_spread:rms=0.05", "--tau", "0.0105"});
   simulate("shutter.h5", {"--stimulus", "uniform", "--effect", "fpn_offset", "--frames", "100"});
-  const Outcome done = bolo({"calibrate", path("chopper.h5"), path("shutter.h5"), "-o", path("mine.toml"), "--plot",
-                             path("fit.svg"), "--json"});
-  ASSERT_EQ(done.exit_code, 0) << done.err;
-  const auto json = nlohmann::json::parse(done.out);
+  const Outcome fitted = run({"calibrate", file("chopper.h5"), file("shutter.h5"), "-o", file("mine.toml"), "--plot",
+                              file("fit.svg"), "--json"});
+  ASSERT_EQ(fitted.exit_code, 0) << fitted.err;
+  const auto json = nlohmann::json::parse(fitted.out);
   const double tau_s = json.at("tau_s");
   EXPECT_NEAR(tau_s, 0.0105, 1e-4);
   ASSERT_EQ(json.at("tau_ci95").size(), 2U);
@@ -56,7 +46,7 @@ TEST_F(Calibrate, WritesProfileMapsAndPicture) {
   EXPECT_EQ(json.at("edges").get<int>(), 22);
   EXPECT_NEAR(json.at("tau_spread").get<double>(), 0.05, 0.005);
 
-  const auto profile = model::read_profile(path("mine.toml"));
+  const auto profile = model::read_profile(file("mine.toml"));
   ASSERT_TRUE(profile) << profile.error().message;
   const double low = json.at("tau_ci95")[0];
   const double high = json.at("tau_ci95")[1];
@@ -73,25 +63,24 @@ TEST_F(Calibrate, WritesProfileMapsAndPicture) {
   ASSERT_TRUE(maps) << maps.error().message;
   EXPECT_EQ(maps->tau_s.size(), 32U * 24U);
   EXPECT_EQ(maps->offset.size(), 32U * 24U);
-  EXPECT_GT(fs::file_size(path("fit.svg")), 10000U);
+  EXPECT_GT(fs::file_size(file("fit.svg")), 10000U);
 
   // What was written is what the deblurring takes.
-  const Outcome sharp = bolo({"deblur", path("chopper.h5"), "-o", path("sharp.h5"), "--profile", path("mine.toml")});
-  EXPECT_EQ(sharp.exit_code, 0) << sharp.err;
+  done({"deblur", file("chopper.h5"), "-o", file("sharp.h5"), "--profile", file("mine.toml")});
 }
 
 TEST_F(Calibrate, StartsFromAProfileAndPutsMapsWhereAsked) {
   simulate("chopper.h5", {"--stimulus", "chopper", "--effect", "tau_spread"});
-  std::ofstream(path("old.toml")) << "row_delay_s = 2.5e-5\n";
-  const Outcome done = bolo({"calibrate", path("chopper.h5"), "-o", path("mine.toml"), "--profile", path("old.toml"),
-                             "--maps", path("pixels.h5")});
-  ASSERT_EQ(done.exit_code, 0) << done.err;
-  EXPECT_NE(done.out.find("tau  "), std::string::npos);
-  const auto profile = model::read_profile(path("mine.toml"));
+  write("old.toml", "row_delay_s = 2.5e-5\n");
+  const Outcome fitted = run({"calibrate", file("chopper.h5"), "-o", file("mine.toml"), "--profile", file("old.toml"),
+                              "--maps", file("pixels.h5")});
+  ASSERT_EQ(fitted.exit_code, 0) << fitted.err;
+  EXPECT_NE(fitted.out.find("tau  "), std::string::npos);
+  const auto profile = model::read_profile(file("mine.toml"));
   ASSERT_TRUE(profile) << profile.error().message;
   EXPECT_EQ(profile->row_delay_s, 2.5e-5);
-  EXPECT_TRUE(fs::exists(path("pixels.h5")));
-  EXPECT_EQ(fs::weakly_canonical(profile->maps), fs::weakly_canonical(path("pixels.h5")));
+  EXPECT_TRUE(fs::exists(file("pixels.h5")));
+  EXPECT_EQ(fs::weakly_canonical(profile->maps), fs::weakly_canonical(file("pixels.h5")));
 }
 
 TEST_F(Calibrate, SaysWhatIsWrongInOneLine) {
@@ -103,25 +92,19 @@ TEST_F(Calibrate, SaysWhatIsWrongInOneLine) {
     std::vector<std::string> words;
     std::string says;
   };
-  const std::string out = path("never.toml");
+  const std::string out = file("never.toml");
   const std::vector<Case> cases{
       {{"calibrate"}, "give -o"},
       {{"calibrate", "-o", out}, "which captures"},
-      {{"calibrate", path("none.h5"), "-o", out}, "none.h5"},
-      {{"calibrate", path("shutter.h5"), "-o", out}, "no capture with pulses"},
-      {{"calibrate", path("pan.h5"), "-o", out}, "no rectangular pulses"},
-      {{"calibrate", path("chopper.h5"), path("bigger.h5"), "-o", out}, "another size"},
-      {{"calibrate", path("chopper.h5"), path("pan.h5"), "-o", out}, "no still field"},
-      {{"calibrate", path("chopper.h5"), "-o", out, "--profile", path("none.toml")}, "none.toml"},
-      {{"calibrate", path("chopper.h5"), "-o", path("nowhere/mine.toml")}, "nowhere/mine.toml"},
-      {{"calibrate", path("chopper.h5"), "-o", out, "--threads", "2"}, "threads"}};
-  for (const Case& one : cases) {
-    const Outcome done = bolo(one.words);
-    EXPECT_EQ(done.exit_code, 2) << one.says << ": " << done.err;
-    EXPECT_NE(done.err.find(one.says), std::string::npos) << done.err;
-    EXPECT_EQ(std::ranges::count(done.err, '\n'), 1) << done.err;
-    EXPECT_EQ(done.out, "");
-  }
+      {{"calibrate", file("none.h5"), "-o", out}, "none.h5"},
+      {{"calibrate", file("shutter.h5"), "-o", out}, "no capture with pulses"},
+      {{"calibrate", file("pan.h5"), "-o", out}, "no rectangular pulses"},
+      {{"calibrate", file("chopper.h5"), file("bigger.h5"), "-o", out}, "another size"},
+      {{"calibrate", file("chopper.h5"), file("pan.h5"), "-o", out}, "no still field"},
+      {{"calibrate", file("chopper.h5"), "-o", out, "--profile", file("none.toml")}, "none.toml"},
+      {{"calibrate", file("chopper.h5"), "-o", file("nowhere/mine.toml")}, "nowhere/mine.toml"},
+      {{"calibrate", file("chopper.h5"), "-o", out, "--threads", "2"}, "threads"}};
+  for (const Case& one : cases) refused(one.words, one.says);
   EXPECT_FALSE(fs::exists(out));
 }
 

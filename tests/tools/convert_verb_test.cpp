@@ -9,10 +9,8 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 
 #include "src/capture/capture.hpp"
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/convert/flir_still.hpp"
 #include "tools/convert/picture.hpp"
@@ -33,23 +31,9 @@ std::uint16_t value_at(std::size_t frame, std::size_t pixel) {
   return static_cast<std::uint16_t>(29000 + 10 * frame + 3 * pixel);
 }
 
-class ConvertVerb : public ::testing::Test {
+class ConvertVerb : public test::ProgramTest {
  protected:
-  Outcome run(std::vector<std::string> words) const {
-    words.insert(words.begin(), {BOLO_PROGRAM, "convert"});
-    return Program(folder_, std::move(words)).outcome();
-  }
-  void done(std::vector<std::string> words) const {
-    const Outcome outcome = run(std::move(words));
-    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  }
-  void refused(std::vector<std::string> words, const std::string& word) const {
-    const Outcome outcome = run(std::move(words));
-    EXPECT_EQ(outcome.exit_code, 2) << word;
-    EXPECT_NE(outcome.err.find(word), std::string::npos) << outcome.err;
-    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-  }
-  std::string file(const std::string& name) const { return (folder_ / name).string(); }
+  ConvertVerb() : ProgramTest({BOLO_PROGRAM, "convert"}) {}
 
   // kelvin = 0.01 v, frame numbers with a gap, an event.
   void write_capture(const std::string& name, std::size_t frames) const {
@@ -84,9 +68,6 @@ class ConvertVerb : public ::testing::Test {
       for (std::size_t p = 0; p < kPixels; ++p) ASSERT_EQ(plane[p], value_at(i, p));
     }
   }
-
-  const Scratch scratch_;
-  const fs::path folder_ = scratch_.path();
 };
 
 TEST_F(ConvertVerb, PicturesOf16BitsAndBackAreTheSameCounts) {
@@ -186,7 +167,7 @@ with h5py.File(sys.argv[1], 'w', userblock_size=512) as f:
 with open(sys.argv[1], 'r+b') as f:
     f.write(b'MATLAB 7.3 MAT-file')
 )";
-  const Outcome made = Program(folder_, {"/usr/bin/python3", "-c", script, file("a.mat")}).outcome();
+  const Outcome made = Program({"/usr/bin/python3", "-c", script, file("a.mat")}, file("made")).outcome();
   if (made.err.find("No module named") != std::string::npos) GTEST_SKIP() << "python3-h5py is not installed";
   ASSERT_EQ(made.exit_code, 0) << made.err;
   done({file("a.mat"), "-o", file("b.h5")});
@@ -232,10 +213,8 @@ TEST_F(ConvertVerb, WrongUsageIsOneLine) {
   refused({file("absent.png"), "-o", file("b.h5")}, "absent.png");
   refused({file("notes.txt"), "-o", file("b.h5")}, "--raw");
   refused({file("a.h5"), "-o", file("b.h5"), "--scale", "0"}, "--scale");
-  std::ofstream(file("bad.tiff")) << "no TIFF";
-  refused({file("bad.tiff"), "-o", file("b.h5")}, "bad.tiff");
-  std::ofstream(file("bad.jpg")) << "no JPEG";
-  refused({file("bad.jpg"), "-o", file("b.h5")}, "bad.jpg");
+  refused({write("bad.tiff", "no TIFF"), "-o", file("b.h5")}, "bad.tiff");
+  refused({write("bad.jpg", "no JPEG"), "-o", file("b.h5")}, "bad.jpg");
 }
 
 // --- radiometric stills ---
@@ -338,11 +317,6 @@ std::string jpeg(const std::string& block) {
   return out + block + "\xFF\xD9";
 }
 
-std::string content_of(const fs::path& name) {
-  std::ifstream in(name, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
 double scene_k(std::size_t pixel) { return 290.0 + 0.05 * static_cast<double>(pixel % kWidth); }
 
 class FlirStills : public ConvertVerb, public ::testing::WithParamInterface<const char*> {
@@ -361,7 +335,7 @@ class FlirStills : public ConvertVerb, public ::testing::WithParamInterface<cons
       for (std::uint16_t& v : stored) v = static_cast<std::uint16_t>(v << 8U | v >> 8U);
     }
     EXPECT_TRUE(write_png16(file("raw.png"), {kWidth, kHeight}, stored.data()));
-    return content_of(file("raw.png"));
+    return test::contents(file("raw.png"));
   }
 };
 
@@ -370,8 +344,7 @@ TEST_P(FlirStills, BecomeKelvin) {
   for (std::size_t p = 0; p < kPixels; ++p) {
     raw[p] = static_cast<std::uint16_t>(std::lround(flir_raw(scene_k(p), constants())));
   }
-  std::ofstream(file("a.jpg"), std::ios::binary) << jpeg(fff(raw_data(image(raw)), camera_info(constants())));
-  done({file("a.jpg"), "-o", file("a.h5")});
+  done({write("a.jpg", jpeg(fff(raw_data(image(raw)), camera_info(constants())))), "-o", file("a.h5")});
   const capture::CaptureReader reader = open("a.h5");
   EXPECT_EQ(reader.info().camera_model, "FLIR A655sc");
   EXPECT_EQ(reader.info().camera_serial, "55001234");

@@ -17,7 +17,6 @@
 #include <nlohmann/json.hpp>
 
 #include "src/capture/capture.hpp"
-#include "tests/scratch.hpp"
 #include "tests/tools/blurred_capture.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/deblur/share.hpp"
@@ -129,12 +128,13 @@ TEST(ShareOfVariables, ThreadsAreSharedByTheRanksOfAHost) {
 
 // --- the verb ---
 
-class DeblurFolder : public testing::Test {
+class DeblurFolder : public test::ProgramTest {
  protected:
+  DeblurFolder() : ProgramTest({BOLO_PROGRAM, "deblur"}) {}
   void SetUp() override {
-    fs::create_directory(path("archive"));
+    fs::create_directory(file("archive"));
     for (const char* name : {"a", "b", "c"})
-      write_blurred(path("archive/" + std::string(name) + ".h5"), capture(name[0]));
+      write_blurred(file("archive/" + std::string(name) + ".h5"), capture(name[0]));
   }
 
   static Blurred capture(char name) {
@@ -144,24 +144,17 @@ class DeblurFolder : public testing::Test {
     return one;
   }
 
-  std::string path(const std::string& name) const { return (folder_ / name).string(); }
-
-  Outcome bolo(Words words) const {
-    words.insert(words.begin(), {BOLO_PROGRAM, "deblur"});
-    return Program(folder_, std::move(words)).outcome();
-  }
-
   // Runs, expects success, and reads what --json says.
   json done(Words words) const {
     words.emplace_back("--json");
-    const Outcome outcome = bolo(words);
+    const Outcome outcome = run(words);
     EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
     json summary = json::parse(outcome.out, nullptr, false);
     if (summary.is_discarded()) throw std::runtime_error("no JSON: " + outcome.out + outcome.err);
     return summary;
   }
   json archive(const Words& more = {}) const {
-    Words words{path("archive"), "-o", path("sharp"), "--overwrite"};
+    Words words{file("archive"), "-o", file("sharp"), "--overwrite"};
     words.insert(words.end(), more.begin(), more.end());
     return done(words);
   }
@@ -174,8 +167,8 @@ class DeblurFolder : public testing::Test {
   }
 
   void expect_same_frames(const std::string& one, const std::string& other) const {
-    const auto a = capture::CaptureReader::open(path(one));
-    const auto b = capture::CaptureReader::open(path(other));
+    const auto a = capture::CaptureReader::open(file(one));
+    const auto b = capture::CaptureReader::open(file(other));
     ASSERT_TRUE(a && b) << one << ", " << other;
     ASSERT_EQ(a->frame_id(), b->frame_id());
     ASSERT_EQ(a->t(), b->t());
@@ -189,11 +182,8 @@ class DeblurFolder : public testing::Test {
 
   // Seconds enough for any file system's clock.
   void make_older(const std::string& name) const {
-    fs::last_write_time(path(name), fs::last_write_time(path(name)) - std::chrono::seconds(10));
+    fs::last_write_time(file(name), fs::last_write_time(file(name)) - std::chrono::seconds(10));
   }
-
-  const Scratch scratch_;
-  const fs::path folder_ = scratch_.path();
 };
 
 TEST_F(DeblurFolder, BecomesAFolderOfTheSameFrames) {
@@ -201,61 +191,61 @@ TEST_F(DeblurFolder, BecomesAFolderOfTheSameFrames) {
   EXPECT_EQ(did(summary), "abc");
   std::uint64_t frames = 0;
   for (const std::string name : {"a.h5", "b.h5", "c.h5"}) {
-    frames += done({path("archive/" + name), "-o", path("one-" + name)}).at("frames_out").get<std::uint64_t>();
+    frames += done({file("archive/" + name), "-o", file("one-" + name)}).at("frames_out").get<std::uint64_t>();
     expect_same_frames("one-" + name, "sharp/" + name);
-    EXPECT_FALSE(fs::exists(path("sharp/" + name + ".part")));
+    EXPECT_FALSE(fs::exists(file("sharp/" + name + ".part")));
   }
   EXPECT_EQ(summary.at("frames_out"), frames);
 }
 
 TEST_F(DeblurFolder, WhatIsDoneIsNotDoneAgain) {
   EXPECT_EQ(did(archive()), "abc");
-  const auto written = fs::last_write_time(path("sharp/a.h5"));
+  const auto written = fs::last_write_time(file("sharp/a.h5"));
   const json again = archive();
   EXPECT_EQ(did(again), "");
   EXPECT_EQ(again.at("skipped").size(), 3U);
-  EXPECT_EQ(fs::last_write_time(path("sharp/a.h5")), written);
-  fs::remove(path("sharp/b.h5"));
+  EXPECT_EQ(fs::last_write_time(file("sharp/a.h5")), written);
+  fs::remove(file("sharp/b.h5"));
   EXPECT_EQ(did(archive()), "b");
 }
 
 TEST_F(DeblurFolder, AnOutputThatIsTornIsMadeAgain) {
   (void)archive();
-  const std::string whole = contents(path("sharp/b.h5"));
-  fs::resize_file(path("sharp/b.h5"), whole.size() - 1);
+  const std::string whole = contents(file("sharp/b.h5"));
+  fs::resize_file(file("sharp/b.h5"), whole.size() - 1);
   EXPECT_EQ(did(archive()), "b");
-  EXPECT_TRUE(contents(path("sharp/b.h5")) == whole);
-  std::ofstream(path("sharp/c.h5")) << "no capture";
+  EXPECT_TRUE(contents(file("sharp/b.h5")) == whole);
+  std::ofstream(file("sharp/c.h5")) << "no capture";
   EXPECT_EQ(did(archive()), "c");
 }
 
 TEST_F(DeblurFolder, OtherSettingsMakeItAgain) {
-  std::ofstream(path("p.toml")) << "tau_s = 0.011\n";
-  std::ofstream(path("points.csv")) << "3,1\n";
+  std::ofstream(file("p.toml")) << "tau_s = 0.011\n";
+  std::ofstream(file("points.csv")) << "3,1\n";
   (void)archive();
   for (const Words& other :
        {Words{"--lambda", "0.5"}, Words{"--lambda", "auto"}, Words{"--lambda", "auto", "--noise", "0.05"},
         Words{"--solver", "mmae"}, Words{"--lookahead", "1"}, Words{"--roi", "0,0,8,4"}, Words{"--type", "uint16"},
-        Words{"--profile", path("p.toml")}, Words{"--points", path("points.csv")}}) {
+        Words{"--profile", file("p.toml")}, Words{"--points", file("points.csv")}}) {
     EXPECT_EQ(did(archive(other)), "abc") << other[1];
     EXPECT_EQ(did(archive(other)), "") << other[1];
   }
-  std::ofstream(path("points.csv")) << "3,2\n";
-  EXPECT_EQ(did(archive({"--points", path("points.csv")})), "abc") << "the same file's other points";
+  std::ofstream(file("points.csv")) << "3,2\n";
+  EXPECT_EQ(did(archive({"--points", file("points.csv")})), "abc") << "the same file's other points";
 }
 
 TEST_F(DeblurFolder, AnotherInputMakesItAgain) {
   (void)archive();
   Blurred longer = capture('a');
   longer.frames += 1;
-  write_blurred(path("archive/a.h5"), longer);
+  write_blurred(file("archive/a.h5"), longer);
   make_older("archive/a.h5");  // as a copy that keeps its time would be
   EXPECT_EQ(did(archive()), "a");
   for (const char* name : {"a", "b", "c"}) make_older("sharp/" + std::string(name) + ".h5");
   make_older("archive/a.h5");
   make_older("archive/c.h5");
   make_older("archive/c.h5");
-  fs::last_write_time(path("archive/b.h5"), fs::file_time_type::clock::now());
+  fs::last_write_time(file("archive/b.h5"), fs::file_time_type::clock::now());
   EXPECT_EQ(did(archive()), "b") << "the input is newer than its output";
 }
 
@@ -276,13 +266,13 @@ TEST_F(DeblurFolder, RanksTakeTheirPartsFromTheirVariables) {
     const json summary = archive();
     EXPECT_EQ(summary.at("shard").at("count"), 2);
     all += did(summary);
-    EXPECT_EQ(bolo({path("archive/a.h5"), "-o", path(std::string("one-") + rank + ".h5")}).exit_code, 0);
+    EXPECT_EQ(run({file("archive/a.h5"), "-o", file(std::string("one-") + rank + ".h5")}).exit_code, 0);
   }
   unsetenv("OMPI_COMM_WORLD_RANK");
   unsetenv("OMPI_COMM_WORLD_SIZE");
   EXPECT_EQ(all, "acb");
-  EXPECT_TRUE(fs::exists(path("one-0.h5")));
-  EXPECT_FALSE(fs::exists(path("one-1.h5"))) << "a single capture is the first rank's alone";
+  EXPECT_TRUE(fs::exists(file("one-0.h5")));
+  EXPECT_FALSE(fs::exists(file("one-1.h5"))) << "a single capture is the first rank's alone";
 }
 
 TEST_F(DeblurFolder, AKilledRunGoesOnWithTheCaptureItWasAt) {
@@ -291,23 +281,20 @@ TEST_F(DeblurFolder, AKilledRunGoesOnWithTheCaptureItWasAt) {
   large.frames = 120;
   large.width = 200;
   large.height = 100;
-  write_blurred(path("archive/b.h5"), large);
-  const Words slow{"--solver", "exact", "--threads", "1"};
-  Words words{BOLO_PROGRAM, "deblur", path("archive"), "-o", path("sharp")};
-  words.insert(words.end(), slow.begin(), slow.end());
+  write_blurred(file("archive/b.h5"), large);
   {
-    const Program program(folder_, words);
-    while (!fs::exists(path("sharp/b.h5.part"))) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    Program program = start({file("archive"), "-o", file("sharp"), "--solver", "exact", "--threads", "1"}, "killed");
+    while (!fs::exists(file("sharp/b.h5.part"))) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     EXPECT_EQ(archive(Words{"--solver", "exact", "--shard", "1/3"}).at("elsewhere").size(), 1U) << "it is at work";
     program.signal(SIGKILL);
-    EXPECT_EQ(program.outcome().exit_code, -1);
+    EXPECT_EQ(program.wait(), 128 + SIGKILL);
   }
-  EXPECT_TRUE(fs::exists(path("sharp/a.h5")));
-  EXPECT_FALSE(fs::exists(path("sharp/b.h5")));
+  EXPECT_TRUE(fs::exists(file("sharp/a.h5")));
+  EXPECT_FALSE(fs::exists(file("sharp/b.h5")));
   const json rest = archive({"--solver", "exact"});
   EXPECT_EQ(did(rest), "bc");
   EXPECT_EQ(rest.at("skipped").size(), 1U);
-  EXPECT_FALSE(fs::exists(path("sharp/b.h5.part")));
+  EXPECT_FALSE(fs::exists(file("sharp/b.h5.part")));
 }
 
 TEST_F(DeblurFolder, OneBadCaptureDoesNotStopTheOthers) {
@@ -316,7 +303,7 @@ TEST_F(DeblurFolder, OneBadCaptureDoesNotStopTheOthers) {
     info.format.geometry = {3, 2};
     info.format.type = PixelType::kFloat32;
     info.format.scale = {Unit::kKelvin, 1.0, 0.0};
-    auto writer = capture::CaptureWriter::create(path("archive/b.h5"), info, {.replace = Replace::kExisting});
+    auto writer = capture::CaptureWriter::create(file("archive/b.h5"), info, {.replace = Replace::kExisting});
     std::vector<float> plane(6, 300.0F);
     for (std::size_t i = 0; i < 60; ++i) {
       if (i == 40) plane[4] = std::numeric_limits<float>::quiet_NaN();
@@ -324,34 +311,34 @@ TEST_F(DeblurFolder, OneBadCaptureDoesNotStopTheOthers) {
     }
     ASSERT_TRUE(writer->close());
   }
-  const Outcome outcome = bolo({path("archive"), "-o", path("sharp"), "--json"});
+  const Outcome outcome = run({file("archive"), "-o", file("sharp"), "--json"});
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_NE(outcome.err.find("b.h5: frame 40, column 1, row 1 of /frames is nan"), std::string::npos) << outcome.err;
   const json summary = json::parse(outcome.out);
   EXPECT_EQ(did(summary), "ac");
   ASSERT_EQ(summary.at("failed").size(), 1U);
-  EXPECT_FALSE(fs::exists(path("sharp/b.h5")));
-  EXPECT_FALSE(fs::exists(path("sharp/b.h5.part")));
+  EXPECT_FALSE(fs::exists(file("sharp/b.h5")));
+  EXPECT_FALSE(fs::exists(file("sharp/b.h5.part")));
 }
 
 TEST_F(DeblurFolder, ANameThatIsNotUtf8IsANameLikeAnyOther) {
   const std::string name = "archive/d\xff\xfe.h5";
-  write_blurred(path(name), capture('d'));
+  write_blurred(file(name), capture('d'));
   const json summary = archive();
   EXPECT_EQ(summary.at("captures").size(), 4U);
-  EXPECT_TRUE(fs::exists(path("sharp/d\xff\xfe.h5")));
+  EXPECT_TRUE(fs::exists(file("sharp/d\xff\xfe.h5")));
   EXPECT_EQ(archive().at("skipped").size(), 4U);
-  EXPECT_EQ(bolo({path(name), "-o", path("\xff.h5"), "--json"}).exit_code, 0);
-  EXPECT_TRUE(fs::exists(path("\xff.h5")));
+  EXPECT_EQ(run({file(name), "-o", file("\xff.h5"), "--json"}).exit_code, 0);
+  EXPECT_TRUE(fs::exists(file("\xff.h5")));
 }
 
 TEST_F(DeblurFolder, WhatWasMadeOtherwiseStaysUnlessItMayBeReplaced) {
   archive();
-  const auto before = contents(path("sharp/a.h5"));
-  const Outcome outcome = bolo({path("archive"), "-o", path("sharp"), "--lambda", "0.5"});
+  const auto before = contents(file("sharp/a.h5"));
+  const Outcome outcome = run({file("archive"), "-o", file("sharp"), "--lambda", "0.5"});
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_NE(outcome.err.find("--overwrite"), std::string::npos) << outcome.err;
-  EXPECT_TRUE(contents(path("sharp/a.h5")) == before);
+  EXPECT_TRUE(contents(file("sharp/a.h5")) == before);
 }
 
 TEST_F(DeblurFolder, WhatCannotBeIsRefusedInOneLine) {
@@ -359,25 +346,25 @@ TEST_F(DeblurFolder, WhatCannotBeIsRefusedInOneLine) {
     Words words;
     const char* said;
   };
-  fs::create_directory(path("empty"));
-  fs::create_directory(path("more"));
-  fs::copy(path("archive/a.h5"), path("more/a.h5"));
-  const std::string a = path("archive/a.h5");
+  fs::create_directory(file("empty"));
+  fs::create_directory(file("more"));
+  fs::copy(file("archive/a.h5"), file("more/a.h5"));
+  const std::string a = file("archive/a.h5");
   const Refusal refusals[] = {
-      {{a, path("archive/b.h5"), "-o", path("out.h5")}, "need a folder"},
-      {{a, path("more/a.h5"), "-o", path("sharp")}, "another capture would also become"},
-      {{path("archive"), "-o", path("archive")}, "is both read and written"},
-      {{path("empty"), "-o", path("sharp")}, "no captures"},
-      {{a, "-o", path("out.h5"), "--shard", "2"}, "--shard '2'"},
-      {{a, "-o", path("out.h5"), "--shard", "3/2"}, "--shard '3/2'"},
-      {{a, path("none.h5"), "-o", path("sharp")}, "none.h5"},
+      {{a, file("archive/b.h5"), "-o", file("out.h5")}, "need a folder"},
+      {{a, file("more/a.h5"), "-o", file("sharp")}, "another capture would also become"},
+      {{file("archive"), "-o", file("archive")}, "is both read and written"},
+      {{file("empty"), "-o", file("sharp")}, "no captures"},
+      {{a, "-o", file("out.h5"), "--shard", "2"}, "--shard '2'"},
+      {{a, "-o", file("out.h5"), "--shard", "3/2"}, "--shard '3/2'"},
+      {{a, file("none.h5"), "-o", file("sharp")}, "none.h5"},
   };
   for (const Refusal& refusal : refusals) {
-    const Outcome outcome = bolo(refusal.words);
+    const Outcome outcome = run(refusal.words);  // which may tell of captures before the wrong one
     EXPECT_EQ(outcome.exit_code, 2) << refusal.said;
     EXPECT_NE(outcome.err.find(refusal.said), std::string::npos) << outcome.err;
     EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
-    fs::remove_all(path("sharp"));
+    fs::remove_all(file("sharp"));
   }
 }
 

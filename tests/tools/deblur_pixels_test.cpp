@@ -26,7 +26,7 @@ TEST_F(DeblurVerb, ARegionIsTheSamePixelsBitForBit) {
   scene.x_px = {0.5, 1.0};
   scene.y_px = {0.0, 0.25};
   blurred.stimulus = scene;
-  write_blurred(path("in.h5"), blurred);
+  write_blurred(file("in.h5"), blurred);
   const auto whole = deblurred({}, "whole.h5");
   const auto part = deblurred({"--roi", "3,1,21,4"}, "part.h5");
   ASSERT_EQ(part.info().format.geometry, (Geometry{21, 4}));
@@ -57,11 +57,11 @@ class DeblurVerbPoints : public DeblurVerb, public testing::WithParamInterface<c
 TEST_P(DeblurVerbPoints, AreTheWholeFramesBits) {
   Blurred blurred;
   blurred.stimulus = capture::Uniform{300.0};
-  write_blurred(path("in.h5"), blurred);
-  std::ofstream(path("p.csv")) << "x,y\n# comment\n3, 1\n\n39,5\r\n0.4,0\n2.5,4.49\n3,1\n";
+  write_blurred(file("in.h5"), blurred);
+  std::ofstream(file("p.csv")) << "x,y\n# comment\n3, 1\n\n39,5\r\n0.4,0\n2.5,4.49\n3,1\n";
   const std::vector<capture::Point> places{{3, 1}, {39, 5}, {0, 0}, {3, 4}, {3, 1}};
   const auto whole = deblurred({"--solver", GetParam()}, "whole.h5");
-  const auto part = deblurred({"--solver", GetParam(), "--points", path("p.csv"), "--json"}, "points.h5");
+  const auto part = deblurred({"--solver", GetParam(), "--points", file("p.csv"), "--json"}, "points.h5");
   const auto json = nlohmann::json::parse(last_.out);
   EXPECT_EQ(json["points"], 5);
   EXPECT_TRUE(json["roi"].is_null());
@@ -84,7 +84,7 @@ TEST_P(DeblurVerbPoints, AreTheWholeFramesBits) {
       ASSERT_EQ(truth[i], whole_truth[at]);
     }
   }
-  const Outcome info = Program(folder_, {BOLO_PROGRAM, "info", path("points.h5")}).outcome();
+  const Outcome info = Program({BOLO_PROGRAM, "info", file("points.h5")}, file("log")).outcome();
   EXPECT_EQ(info.exit_code, 0) << info.err;
   EXPECT_NE(info.out.find("5 single pixels"), std::string::npos) << info.out;
 }
@@ -126,7 +126,7 @@ std::vector<BlockMotion> motion_of(const capture::CaptureReader& reader, std::si
 }
 
 TEST_F(DeblurVerb, MotionIsWrittenBesideTheFrames) {
-  write_pan(path("in.h5"));
+  write_pan(file("in.h5"));
   const auto out = deblurred({"--solver", "motion", "--noise", "0.03"});
   ASSERT_TRUE(out.info().has_motion);
   for (std::size_t n = 3; n < out.info().frames; ++n) {
@@ -146,12 +146,12 @@ TEST_F(DeblurVerb, MotionIsWrittenBesideTheFrames) {
       ASSERT_LE(blocks[i].confidence, 1.0F);
     }
   }
-  const Outcome info = Program(folder_, {BOLO_PROGRAM, "info", path("out.h5")}).outcome();
+  const Outcome info = Program({BOLO_PROGRAM, "info", file("out.h5")}, file("log")).outcome();
   EXPECT_NE(info.out.find("velocity and confidence"), std::string::npos) << info.out;
 }
 
 TEST_F(DeblurVerb, MotionOfARegionIsThatOfItsPlaceAndOtherwiseAbsent) {
-  write_pan(path("in.h5"));
+  write_pan(file("in.h5"));
   const auto whole = deblurred({"--solver", "motion"}, "whole.h5");
   const auto part = deblurred({"--solver", "motion", "--roi", "18,9,33,20"}, "part.h5");
   ASSERT_TRUE(part.info().has_motion);
@@ -160,8 +160,8 @@ TEST_F(DeblurVerb, MotionOfARegionIsThatOfItsPlaceAndOtherwiseAbsent) {
   ASSERT_EQ(some.size(), 5U * 3U);
   EXPECT_EQ(some[0].x, all[13 * 1 + 2].x) << "its middle, 22,13, lies in block 2,1";
   EXPECT_EQ(some[5 * 2 + 4].y, all[13 * 3 + 6].y) << "54,29 in block 6,3";
-  std::ofstream(path("p.csv")) << "3,1\n50,30\n";
-  EXPECT_FALSE(deblurred({"--solver", "motion", "--points", path("p.csv")}, "points.h5").info().has_motion);
+  std::ofstream(file("p.csv")) << "3,1\n50,30\n";
+  EXPECT_FALSE(deblurred({"--solver", "motion", "--points", file("p.csv")}, "points.h5").info().has_motion);
   for (const char* solver : {"admm", "mmae", "inverse"}) {
     EXPECT_FALSE(deblurred({"--solver", solver}, "other.h5").info().has_motion) << solver;
   }
@@ -171,17 +171,17 @@ INSTANTIATE_TEST_SUITE_P(Solvers, DeblurVerbPoints, testing::Values("admm", "dua
                          [](const auto& each) { return std::string(each.param); });
 
 TEST_F(DeblurVerb, TakesMapsFromTheProfileAndFillsDeadPixels) {
-  write_blurred(path("in.h5"), {});
+  write_blurred(file("in.h5"), {});
   const auto plain = deblurred({"--solver", "inverse"}, "plain.h5");
   model::PixelMaps maps;
   maps.geometry = {kWidth, kHeight};
   maps.offset.assign(maps.geometry.pixels(), 0.5F);
   maps.dead.assign(maps.geometry.pixels(), 0);
   maps.dead[static_cast<std::size_t>(kWidth) + 4] = 1;
-  ASSERT_TRUE(capture::write_pixel_maps({path("maps.h5")}, maps));
-  std::ofstream(path("p.toml")) << "maps = \"maps.h5\"\n";
+  ASSERT_TRUE(capture::write_pixel_maps({file("maps.h5")}, maps));
+  std::ofstream(file("p.toml")) << "maps = \"maps.h5\"\n";
   for (const std::vector<std::string>& words : {std::vector<std::string>{}, {"--roi", "0,0,20,3"}}) {
-    std::vector<std::string> all{"--solver", "inverse", "--profile", path("p.toml")};
+    std::vector<std::string> all{"--solver", "inverse", "--profile", file("p.toml")};
     all.insert(all.end(), words.begin(), words.end());
     const auto mapped = deblurred(all, "mapped.h5");
     EXPECT_EQ(attribute<std::string>(mapped, "maps"), "maps.h5");

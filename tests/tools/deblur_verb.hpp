@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "src/capture/capture.hpp"
-#include "tests/scratch.hpp"
 #include "tests/tools/blurred_capture.hpp"
 #include "tests/tools/program.hpp"
 
@@ -20,29 +19,22 @@ namespace bolo::tools::test {
 
 namespace fs = std::filesystem;
 
-class DeblurVerb : public testing::Test {
+class DeblurVerb : public ProgramTest {
  protected:
-  std::string path(const std::string& name) const { return (folder_ / name).string(); }
-
-  Outcome bolo(std::vector<std::string> words) const {
-    words.insert(words.begin(), {BOLO_PROGRAM, "deblur"});
-    return Program(folder_, std::move(words)).outcome();
-  }
+  DeblurVerb() : ProgramTest({BOLO_PROGRAM, "deblur"}) {}
 
   // Runs on in.h5 with `more` options, expects success, and opens the output.
   capture::CaptureReader deblurred(const std::vector<std::string>& more = {}, const std::string& name = "out.h5") {
-    std::vector<std::string> words{path("in.h5"), "-o", path(name), "--overwrite"};
+    std::vector<std::string> words{file("in.h5"), "-o", file(name), "--overwrite"};
     words.insert(words.end(), more.begin(), more.end());
-    last_ = bolo(words);
+    last_ = run(words);
     EXPECT_EQ(last_.exit_code, 0) << last_.err;
-    EXPECT_FALSE(fs::exists(path(name + ".part")));
-    auto reader = capture::CaptureReader::open(path(name));
+    EXPECT_FALSE(fs::exists(file(name + ".part")));
+    auto reader = capture::CaptureReader::open(file(name));
     if (!reader) throw std::runtime_error(reader.error().message);
     return std::move(*reader);
   }
 
-  const Scratch scratch_;
-  const fs::path folder_ = scratch_.path();
   Outcome last_;
 };
 

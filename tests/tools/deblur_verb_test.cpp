@@ -25,7 +25,7 @@ using namespace test;
 constexpr std::size_t kWindow = 17;
 
 TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
-  write_blurred(path("in.h5"), {});
+  write_blurred(file("in.h5"), {});
   const auto out = deblurred({"--json"});
   EXPECT_EQ(out.info().frames, 60U - (kWindow - 1));
   EXPECT_EQ(out.info().format.type, PixelType::kFloat32);
@@ -33,7 +33,7 @@ TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
   EXPECT_EQ(out.info().format.scale, (LinearScale{Unit::kKelvin, 1.0, 0.0}));
   EXPECT_DOUBLE_EQ(out.info().format.frame_period_s, kPeriod);
   EXPECT_EQ(out.info().camera_model, "a camera");
-  const auto in = capture::CaptureReader::open(path("in.h5"));
+  const auto in = capture::CaptureReader::open(file("in.h5"));
   ASSERT_TRUE(in);
   for (std::size_t i = 0; i < out.info().frames; ++i) {
     EXPECT_EQ(out.t()[i], in->t()[i + kWindow - 1]);
@@ -51,10 +51,10 @@ TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
 }
 
 TEST_F(DeblurVerb, TheRmseIsThatOfTheFilesAndTheTruthIsCopied) {
-  write_blurred(path("in.h5"), {});
+  write_blurred(file("in.h5"), {});
   const auto out = deblurred({"--json", "--lambda", "0.05"});
   ASSERT_TRUE(out.info().has_truth);
-  const auto in = capture::CaptureReader::open(path("in.h5"));
+  const auto in = capture::CaptureReader::open(file("in.h5"));
   double blurred = 0.0;
   double sharp = 0.0;
   std::vector<float> truth(static_cast<std::size_t>(kWidth * kHeight));
@@ -77,7 +77,7 @@ TEST_F(DeblurVerb, TheRmseIsThatOfTheFilesAndTheTruthIsCopied) {
 }
 
 TEST_F(DeblurVerb, SettingsStandInTheOutput) {
-  write_blurred(path("in.h5"), {});
+  write_blurred(file("in.h5"), {});
   const auto out = deblurred({"--solver", "exact", "--kappa", "0.2", "--lambda", "0.01", "--window", "9", "--levels",
                               "5", "--lookahead", "2", "--tau", "0.012"});
   EXPECT_EQ(attribute<std::string>(out, "solver"), "exact");
@@ -92,20 +92,20 @@ TEST_F(DeblurVerb, SettingsStandInTheOutput) {
 }
 
 TEST_F(DeblurVerb, IterationsInUseStandInTheOutput) {
-  write_blurred(path("in.h5"), {});
+  write_blurred(file("in.h5"), {});
   EXPECT_EQ(attribute<double>(deblurred({"--iterations", "23"}), "iterations"), 23.0);
   EXPECT_GT(attribute<double>(deblurred({}, "auto.h5"), "iterations").value_or(0.0), 0.0);
 }
 
 TEST_F(DeblurVerb, TauComesFromTheProfileUnlessGiven) {
-  write_blurred(path("in.h5"), {});
-  std::ofstream(path("p.toml")) << "tau_s = 0.009\n";
-  EXPECT_EQ(attribute<double>(deblurred({"--profile", path("p.toml")}), "tau_s"), 0.009);
-  EXPECT_EQ(attribute<double>(deblurred({"--profile", path("p.toml"), "--tau", "0.013"}, "b.h5"), "tau_s"), 0.013);
+  write_blurred(file("in.h5"), {});
+  std::ofstream(file("p.toml")) << "tau_s = 0.009\n";
+  EXPECT_EQ(attribute<double>(deblurred({"--profile", file("p.toml")}), "tau_s"), 0.009);
+  EXPECT_EQ(attribute<double>(deblurred({"--profile", file("p.toml"), "--tau", "0.013"}, "b.h5"), "tau_s"), 0.013);
 }
 
 TEST_F(DeblurVerb, ThreadsChangeNoBit) {
-  write_blurred(path("in.h5"), {});
+  write_blurred(file("in.h5"), {});
   const auto one = deblurred({"--threads", "1"}, "one.h5");
   const auto four = deblurred({"--threads", "4"}, "four.h5");
   ASSERT_EQ(one.info().frames, four.info().frames);
@@ -113,7 +113,7 @@ TEST_F(DeblurVerb, ThreadsChangeNoBit) {
 }
 
 TEST_F(DeblurVerb, LambdaMayBeAutomaticAndNoiseGiven) {
-  write_blurred(path("in.h5"), {});
+  write_blurred(file("in.h5"), {});
   (void)deblurred({"--lambda", "auto", "--noise", "0.05", "--json"}, "a.h5");
   const auto json = nlohmann::json::parse(last_.out);
   EXPECT_EQ(json["settings"]["auto_lambda"], true);
@@ -124,7 +124,7 @@ TEST_F(DeblurVerb, LambdaMayBeAutomaticAndNoiseGiven) {
 }
 
 TEST_F(DeblurVerb, AnInstructionSetCanBeChosen) {
-  write_blurred(path("in.h5"), {});
+  write_blurred(file("in.h5"), {});
   (void)deblurred({"--isa", "scalar", "--json"});
   EXPECT_EQ(nlohmann::json::parse(last_.out)["settings"]["isa"], "scalar");
 }
@@ -132,7 +132,7 @@ TEST_F(DeblurVerb, AnInstructionSetCanBeChosen) {
 TEST_F(DeblurVerb, Uint16OutputKeepsTheInputsScale) {
   Blurred blurred;
   blurred.scale = {Unit::kKelvin, 0.01, 100.0};
-  write_blurred(path("in.h5"), blurred);
+  write_blurred(file("in.h5"), blurred);
   const auto counts = deblurred({"--type", "uint16"}, "counts.h5");
   const auto kelvin = deblurred({}, "kelvin.h5");
   EXPECT_EQ(counts.info().format.type, PixelType::kUint16);
@@ -147,7 +147,7 @@ TEST_F(DeblurVerb, Uint16OutputKeepsTheInputsScale) {
 TEST_F(DeblurVerb, ACaptureInCountsStaysInCountsAndIsNotJudged) {
   Blurred blurred;
   blurred.scale = {Unit::kCount, 1.0, 0.0};
-  write_blurred(path("in.h5"), blurred);
+  write_blurred(file("in.h5"), blurred);
   const auto out = deblurred({"--json", "--lambda", "0.2"});
   EXPECT_EQ(out.info().format.scale.unit, Unit::kCount);
   EXPECT_EQ(out.info().format.type, PixelType::kFloat32);
@@ -159,7 +159,7 @@ TEST_F(DeblurVerb, FloatCapturesAreTaken) {
   Blurred blurred;
   blurred.type = PixelType::kFloat32;
   blurred.scale = {Unit::kKelvin, 1.0, 0.0};
-  write_blurred(path("in.h5"), blurred);
+  write_blurred(file("in.h5"), blurred);
   (void)deblurred({"--json"});
   const auto json = nlohmann::json::parse(last_.out);
   EXPECT_LT(json["rmse"]["deblurred_k"].get<double>(), 0.1 * json["rmse"]["blurred_k"].get<double>());
@@ -171,7 +171,7 @@ TEST_F(DeblurVerb, ALostFrameIsAGapAndEventsStartAgain) {
   blurred.lost = {20};
   blurred.events = {{100.0 + 40 * kPeriod, "nuc"}};
   blurred.stimulus = capture::Uniform{300.0};
-  write_blurred(path("in.h5"), blurred);
+  write_blurred(file("in.h5"), blurred);
   const auto out = deblurred({"--json"});
   EXPECT_EQ(nlohmann::json::parse(last_.out)["lost"], 1);
   std::vector<std::uint64_t> expected;
@@ -187,7 +187,7 @@ TEST_F(DeblurVerb, ALostFrameIsAGapAndEventsStartAgain) {
 }
 
 TEST_F(DeblurVerb, LookaheadLeavesOutFramesAtBothEnds) {
-  write_blurred(path("in.h5"), {});
+  write_blurred(file("in.h5"), {});
   const auto out = deblurred({"--lookahead", "2"});
   ASSERT_EQ(out.info().frames, 60U - (kWindow - 1));
   EXPECT_EQ(out.frame_id().front(), 500U + kWindow - 1 - 2);
@@ -197,7 +197,7 @@ TEST_F(DeblurVerb, LookaheadLeavesOutFramesAtBothEnds) {
 TEST_F(DeblurVerb, WithoutJsonItSaysTheSameInALine) {
   Blurred blurred;
   blurred.truth = false;
-  write_blurred(path("in.h5"), blurred);
+  write_blurred(file("in.h5"), blurred);
   (void)deblurred();
   EXPECT_NE(last_.out.find("44 of 60 frames"), std::string::npos) << last_.out;
   EXPECT_EQ(last_.out.find("truth"), std::string::npos) << last_.out;
@@ -209,25 +209,24 @@ TEST_F(DeblurVerb, AnInterruptionKeepsWhatWasSolved) {
   large.frames = 100;
   large.width = 64;
   large.height = 48;
-  write_blurred(path("in.h5"), large);
+  write_blurred(file("in.h5"), large);
   const std::vector<std::string> exact{"--solver", "exact", "--threads", "1"};
   {
-    const Program program(
-        folder_, {BOLO_PROGRAM, "deblur", path("in.h5"), "-o", path("out.h5"), exact[0], exact[1], exact[2], exact[3]});
+    Program program = start({file("in.h5"), "-o", file("out.h5"), exact[0], exact[1], exact[2], exact[3]});
     std::error_code none;
-    while (fs::file_size(path("out.h5.part"), none) < 20 * 64 * 48 * sizeof(float) || none) {
+    while (fs::file_size(file("out.h5.part"), none) < 20 * 64 * 48 * sizeof(float) || none) {
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     program.signal(SIGINT);
     const Outcome outcome = program.outcome();
     EXPECT_EQ(outcome.exit_code, 1);
-    EXPECT_NE(outcome.err.find("frames are kept in " + path("out.h5.part") + ", which bolo recover finishes"),
+    EXPECT_NE(outcome.err.find("frames are kept in " + file("out.h5.part") + ", which bolo recover finishes"),
               std::string::npos)
         << outcome.err;
   }
-  EXPECT_FALSE(fs::exists(path("out.h5")));
-  EXPECT_EQ(Program(folder_, {BOLO_PROGRAM, "recover", path("out.h5.part")}).outcome().exit_code, 0);
-  const auto kept = capture::CaptureReader::open(path("out.h5"));
+  EXPECT_FALSE(fs::exists(file("out.h5")));
+  EXPECT_EQ(Program({BOLO_PROGRAM, "recover", file("out.h5.part")}, file("log")).wait(), 0);
+  const auto kept = capture::CaptureReader::open(file("out.h5"));
   ASSERT_TRUE(kept);
   const auto whole = deblurred(exact, "whole.h5");
   ASSERT_GE(kept->info().frames, 4U);
@@ -244,10 +243,10 @@ TEST_F(DeblurVerb, AnInterruptionIsHeardInTheMiddleOfAFrame) {
   large.frames = 100;
   large.width = 1024;
   large.height = 768;
-  write_blurred(path("in.h5"), large);
-  const Program program(folder_, {BOLO_PROGRAM, "deblur", path("in.h5"), "-o", path("out.h5"), "--solver", "exact",
-                                  "--levels", "7", "--lambda", "0.001", "--threads", "1"});
-  while (!fs::exists(path("out.h5.part"))) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  write_blurred(file("in.h5"), large);
+  Program program = start({file("in.h5"), "-o", file("out.h5"), "--solver", "exact", "--levels", "7", "--lambda",
+                           "0.001", "--threads", "1"});
+  while (!fs::exists(file("out.h5.part"))) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   std::this_thread::sleep_for(std::chrono::seconds(1));
   const auto told = std::chrono::steady_clock::now();
   program.signal(SIGTERM);
@@ -260,16 +259,16 @@ TEST_F(DeblurVerb, AnInterruptionIsHeardInTheMiddleOfAFrame) {
 TEST_F(DeblurVerb, AnOutputThatStoodThereBeforeSurvivesAFailure) {
   Blurred few;
   few.frames = 5;
-  write_blurred(path("in.h5"), few);
-  std::ofstream(path("out.h5")) << "older";
+  write_blurred(file("in.h5"), few);
+  std::ofstream(file("out.h5")) << "older";
   for (const char* how : {"--json", "--overwrite"}) {
-    EXPECT_EQ(bolo({path("in.h5"), "-o", path("out.h5"), how}).exit_code, 2);
-    EXPECT_EQ(test::contents(path("out.h5")), "older");
+    EXPECT_EQ(run({file("in.h5"), "-o", file("out.h5"), how}).exit_code, 2);
+    EXPECT_EQ(test::contents(file("out.h5")), "older");
   }
 }
 
 TEST_F(DeblurVerb, HelpListsTheOptions) {
-  const Outcome outcome = bolo({"--help"});
+  const Outcome outcome = run({"--help"});
   EXPECT_EQ(outcome.exit_code, 0);
   for (const char* option :
        {"--profile", "--solver", "--iterations", "--kappa", "--lambda", "--lookahead", "--window", "--levels",

@@ -29,7 +29,7 @@ Facts good_host() {
   facts.memlock_limit = ~std::uint64_t{0};
   facts.shared_free = std::uint64_t{1} << 30;
   facts.loopback_module = true;
-  facts.videos = {{"/dev/video10", "v4l2 loopback", "bolo"}};
+  facts.videos = {{"/dev/video10", "v4l2 loopback"}};
   facts.aravis = "0.8.26";
   facts.hdf5 = "1.10.8";
   facts.cameras = {{"FLIR-1", "A655sc", "1", "192.168.7.2"}};
@@ -137,7 +137,7 @@ INSTANTIATE_TEST_SUITE_P(
         Fault{"NoLoopbackModule", "v4l2loopback", Verdict::kProblem, "v4l2loopback-dkms",
               [](Facts& f, Needs&) {
                 f.loopback_module = false;
-                f.videos = {{"/dev/video0", "uvcvideo", "Webcam"}};
+                f.videos = {{"/dev/video0", "uvcvideo"}};
               }},
         Fault{"ModuleWithoutDevice", "v4l2loopback", Verdict::kProblem, "modprobe -r",
               [](Facts& f, Needs&) { f.videos.clear(); }},

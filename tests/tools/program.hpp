@@ -1,19 +1,23 @@
-// Runs a program and keeps what it printed.
+// Programs under test: started, watched, signalled, waited for; and the tests that run them.
 #pragma once
 
 #include <fcntl.h>
-#include <spawn.h>
+#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <thread>
+#include <utility>
 #include <vector>
 
-extern char** environ;
+#include "tests/scratch.hpp"
 
 namespace bolo::tools::test {
 
@@ -23,47 +27,139 @@ inline std::string contents(const std::filesystem::path& file) {
   return text.str();
 }
 
+// A loopback address that no other test has: all 22 bits of the process id are in it (as own_address() of loopback.py).
+inline std::string own_address() {
+  const int pid = getpid();
+  return "127." + std::to_string(64 + pid / 65024) + "." + std::to_string(pid / 254 % 256) + "." +
+         std::to_string(1 + pid % 254);
+}
+
 struct Outcome {
-  int exit_code = -1;  // -1: ended by a signal, or never started
+  int exit_code = -1;  // or 128 + the signal that ended it
   std::string out;
   std::string err;
 };
 
-// A program that runs; its output goes to files in `folder`.
+// Killed in the end, if it still runs.
 class Program {
  public:
-  Program(const std::filesystem::path& folder, std::vector<std::string> words)
-      : out_(folder / "stdout"), err_(folder / "stderr") {
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC;
-    posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, out_.c_str(), kFlags, 0600);
-    posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, err_.c_str(), kFlags, 0600);
+  // Starts words[0]; standard output and error go to LOG.out and LOG.err.
+  Program(std::vector<std::string> words, std::string log) : log_(std::move(log)) {
     std::vector<char*> argv;
-    argv.reserve(words.size() + 1);
     for (std::string& word : words) argv.push_back(word.data());
     argv.push_back(nullptr);
-    started_ = posix_spawn(&pid_, argv[0], &actions, nullptr, argv.data(), environ) == 0;
-    posix_spawn_file_actions_destroy(&actions);
+    const std::string out = log_ + ".out";
+    const std::string err = log_ + ".err";
+    pid_ = fork();
+    if (pid_ != 0) return;
+    redirect(STDIN_FILENO, "/dev/null", O_RDONLY);  // the child allocates nothing: this program may have threads
+    redirect(STDOUT_FILENO, out.c_str(), O_WRONLY | O_CREAT | O_TRUNC);
+    redirect(STDERR_FILENO, err.c_str(), O_WRONLY | O_CREAT | O_TRUNC);
+    execv(argv[0], argv.data());
+    _exit(127);
   }
+  ~Program() {
+    if (running_) signal(SIGKILL);
+    wait();
+    std::remove((log_ + ".out").c_str());
+    std::remove((log_ + ".err").c_str());
+  }
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
 
-  void signal(int number) const {
-    if (started_) kill(pid_, number);
+  std::uint32_t pid() const { return static_cast<std::uint32_t>(pid_); }
+  void signal(int number) const { kill(pid_, number); }
+
+  // The exit code, or 128 + the signal that ended it.
+  int wait() {
+    int status = 0;
+    if (running_ && waitpid(pid_, &status, 0) == pid_) {
+      code_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    }
+    running_ = false;
+    return code_;
   }
+  std::string out() const { return contents(log_ + ".out"); }
+  std::string err() const { return contents(log_ + ".err"); }
 
   // Waits for its end.
-  Outcome outcome() const {
-    int status = 0;
-    if (!started_ || waitpid(pid_, &status, 0) != pid_) return {};
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, contents(out_), contents(err_)};
+  Outcome outcome() {
+    const int code = wait();
+    return {code, out(), err()};
   }
 
  private:
-  std::filesystem::path out_;
-  std::filesystem::path err_;
-  pid_t pid_ = 0;
-  bool started_ = false;
+  static void redirect(int descriptor, const char* file, int flags) {
+    const int fd = open(file, flags, 0600);
+    dup2(fd, descriptor);
+    close(fd);
+  }
+
+  std::string log_;
+  pid_t pid_ = -1;
+  bool running_ = true;
+  int code_ = -1;
+};
+
+// Tries until it is true; false when it never was for a minute, which only a hang can take.
+template <typename Condition>
+bool eventually(Condition condition) {
+  for (int i = 0; i < 6000; ++i) {
+    if (condition()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return false;
+}
+
+// Waits for words on its standard error: a daemon's log is written by a thread of its own, behind what it tells of.
+inline bool logged(const Program& program, const std::string& words) {
+  return eventually([&] { return program.err().find(words) != std::string::npos; });
+}
+
+// Ends it by SIGTERM, in good order.
+inline void expect_good_end(Program& program) {
+  program.signal(SIGTERM);
+  EXPECT_EQ(program.wait(), 0) << program.err();
+}
+
+// A test of a program, in a folder of its own. `words`: what each command begins with, the program first.
+class ProgramTest : public ::testing::Test {
+ protected:
+  explicit ProgramTest(std::vector<std::string> words) : words_(std::move(words)) {}
+
+  Program start(const std::vector<std::string>& more, const std::string& log = "log") const {
+    std::vector<std::string> all = words_;
+    all.insert(all.end(), more.begin(), more.end());
+    return {std::move(all), file(log)};
+  }
+  Outcome run(const std::vector<std::string>& more) const { return start(more).outcome(); }
+
+  // Expects success.
+  void done(const std::vector<std::string>& more) const {
+    const Outcome outcome = run(more);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  }
+  // Expects the exit code 2 and one line of error that says `part`.
+  void refused(const std::vector<std::string>& more, const std::string& part = "") const {
+    const Outcome outcome = run(more);
+    const std::string last = more.empty() ? "nothing" : more.back();
+    EXPECT_EQ(outcome.exit_code, 2) << last << ": " << outcome.err;
+    EXPECT_EQ(outcome.out, "") << last;
+    EXPECT_NE(outcome.err.find(part), std::string::npos) << part << "\nis not in: " << outcome.err;
+    EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << last << ": " << outcome.err;
+  }
+
+  std::string file(const std::string& name) const { return folder_ / name; }
+  std::string write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+    return file(name);
+  }
+
+  const Scratch scratch_;
+  const std::filesystem::path folder_ = scratch_.path();
+
+ private:
+  std::vector<std::string> words_;
 };
 
 }  // namespace bolo::tools::test

@@ -4,7 +4,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
@@ -17,7 +16,6 @@
 
 #include "src/capture/capture.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools {
@@ -30,19 +28,11 @@ using test::Program;
 
 constexpr auto kHangGuard = std::chrono::seconds(60);
 
-class RecordVerb : public ::testing::Test {
+class RecordVerb : public test::ProgramTest {
  protected:
+  RecordVerb() : ProgramTest({BOLO_PROGRAM}) {}
   void SetUp() override { name_ = shm::unique_name(testing::UnitTest::GetInstance()->current_test_info()->name()); }
 
-  Program start(std::vector<std::string> words) const {
-    words.insert(words.begin(), BOLO_PROGRAM);
-    return {folder_, std::move(words)};
-  }
-  Outcome run(std::vector<std::string> words) const { return start(std::move(words)).outcome(); }
-  std::string file(const std::string& name = "a.h5") const { return (folder_ / name).string(); }
-
-  const Scratch scratch_;
-  const fs::path folder_ = scratch_.path();
   std::string name_;
 };
 
@@ -71,15 +61,15 @@ void expect_published(const capture::CaptureReader& reader, std::size_t plane_in
 TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   shm::Writer writer(name_);
   ASSERT_TRUE(writer.open());
-  const Program program = start({"record", name_, "-o", file(), "--frames", "300", "--json"});
-  publish_until(writer, [&] { return exists(file()); });
+  Program program = start({"record", name_, "-o", file("a.h5"), "--frames", "300", "--json"});
+  publish_until(writer, [&] { return exists(file("a.h5")); });
   const Outcome outcome = program.outcome();
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const json told = json::parse(outcome.out);
   EXPECT_EQ(told["frames"], 300);
   EXPECT_EQ(told["lost"]["overwritten"], 0);
   EXPECT_EQ(told["lost"]["no_room"], 0);
-  const auto reader = capture::CaptureReader::open(file());
+  const auto reader = capture::CaptureReader::open(file("a.h5"));
   ASSERT_TRUE(reader) << reader.error().message;
   ASSERT_EQ(reader->info().frames, 300U);
   EXPECT_EQ(reader->info().camera_model, "Model");
@@ -87,22 +77,22 @@ TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   EXPECT_EQ(reader->info().format.scale.offset, 5.0);
   expect_published(*reader, 0);
   EXPECT_FALSE(reader->info().has_motion);
-  const std::string info = run({"info", file()}).out;
+  const std::string info = run({"info", file("a.h5")}).out;
   EXPECT_TRUE(std::regex_search(
       info, std::regex("recorded   20[0-9-]{8}T[0-9:]{8}\\.[0-9]{3}Z on [^ ]+ by bolo [0-9]+\\.[0-9.]+\n")))
       << info;
   EXPECT_NE(info.find(" uint16, 1.495 s, "), std::string::npos) << info;
-  EXPECT_FALSE(exists(file() + ".part")) << "renamed";
-  EXPECT_FALSE(exists(file() + ".part.journal"));
-  EXPECT_FALSE(exists(file() + ".part.live"));
+  EXPECT_FALSE(exists(file("a.h5") + ".part")) << "renamed";
+  EXPECT_FALSE(exists(file("a.h5") + ".part.journal"));
+  EXPECT_FALSE(exists(file("a.h5") + ".part.live"));
 }
 
 TEST_F(RecordVerb, TheScenesMotionIsRecordedWithItsFrames) {
   shm::Writer writer(name_);
   writer.format.motion = true;
   ASSERT_TRUE(writer.open());
-  const Program program =
-      start({"record", name_, "-o", file(), "--frames", "300", "--split-minutes", "0.01", "--planes", "raw"});
+  Program program =
+      start({"record", name_, "-o", file("a.h5"), "--frames", "300", "--split-minutes", "0.01", "--planes", "raw"});
   publish_until(writer, [&] { return exists(file("a_003.h5")); });
   ASSERT_EQ(program.outcome().exit_code, 0);
   for (const char* part : {"a_001.h5", "a_002.h5", "a_003.h5"}) {
@@ -126,8 +116,8 @@ TEST_F(RecordVerb, DeblurredPlanesInFilesOfAGivenLength) {
   shm::Writer writer(name_);
   ASSERT_TRUE(writer.open());
   // A hundredth of a minute are 120 frames of 5 ms.
-  const Program program =
-      start({"record", name_, "-o", file(), "--frames", "300", "--planes", "deblurred", "--split-minutes", "0.01"});
+  Program program = start(
+      {"record", name_, "-o", file("a.h5"), "--frames", "300", "--planes", "deblurred", "--split-minutes", "0.01"});
   publish_until(writer, [&] { return exists(file("a_003.h5")); });
   ASSERT_EQ(program.outcome().exit_code, 0);
   for (const auto& [part, frames] : {std::pair{"a_001.h5", 120U}, {"a_002.h5", 120U}, {"a_003.h5", 60U}}) {
@@ -144,8 +134,8 @@ TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
   ASSERT_TRUE(writer.open());
   std::ofstream(file("a_002.h5")) << "earlier";
   std::ofstream(file("a_003.h5.part")) << "unrecovered";
-  const Program program =
-      start({"record", name_, "-o", file(), "--frames", "300", "--split-minutes", "0.01", "--json"});
+  Program program =
+      start({"record", name_, "-o", file("a.h5"), "--frames", "300", "--split-minutes", "0.01", "--json"});
   publish_until(writer, [&] { return exists(file("a_005.h5")); });
   const Outcome outcome = program.outcome();
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
@@ -165,13 +155,11 @@ TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
 }
 
 TEST_F(RecordVerb, WaitsForADaemonThatIsNotThereYet) {
-  const Program program = start({"record", name_, "-o", file(), "--frames", "20", "--wait", "60"});
-  while (test::contents(folder_ / "stderr").find("waiting for the daemon") == std::string::npos) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
+  Program program = start({"record", name_, "-o", file("a.h5"), "--frames", "20", "--wait", "60"});
+  ASSERT_TRUE(test::logged(program, "waiting for the daemon"));
   shm::Writer writer(name_);
   ASSERT_TRUE(writer.open());
-  publish_until(writer, [&] { return exists(file()); });
+  publish_until(writer, [&] { return exists(file("a.h5")); });
   EXPECT_EQ(program.outcome().exit_code, 0);
 }
 
@@ -189,7 +177,7 @@ TEST_F(RecordVerb, InterruptEndsInGoodOrder) {
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {  // the last: the terminal is closed
     SCOPED_TRACE(signal);
     const std::string name = file(std::to_string(signal) + ".h5");
-    const Program program = start({"record", name_, "-o", name});
+    Program program = start({"record", name_, "-o", name});
     std::uint64_t after_begin = 0;
     publish_until(writer, [&] { return exists(name + ".part") && ++after_begin > 50; });
     program.signal(signal);
@@ -205,17 +193,17 @@ TEST_F(RecordVerb, InterruptEndsInGoodOrder) {
 TEST_F(RecordVerb, FollowsADaemonThatIsStartedAgain) {
   auto writer = std::make_unique<shm::Writer>(name_);
   ASSERT_TRUE(writer->open());
-  const Program program = start({"record", name_, "-o", file(), "--frames", "200", "--json"});
+  Program program = start({"record", name_, "-o", file("a.h5"), "--frames", "200", "--json"});
   std::uint64_t after_begin = 0;
-  publish_until(*writer, [&] { return exists(file() + ".part") && ++after_begin > 60; });
+  publish_until(*writer, [&] { return exists(file("a.h5") + ".part") && ++after_begin > 60; });
   writer->sink.close();
   writer = std::make_unique<shm::Writer>(name_);  // numbers and times begin anew
   ASSERT_TRUE(writer->open());
-  publish_until(*writer, [&] { return exists(file()); });
+  publish_until(*writer, [&] { return exists(file("a.h5")); });
   const Outcome outcome = program.outcome();
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(json::parse(outcome.out)["reconnects"], 1);
-  const auto reader = capture::CaptureReader::open(file());  // refuses numbers and times that don't rise
+  const auto reader = capture::CaptureReader::open(file("a.h5"));  // refuses numbers and times that don't rise
   ASSERT_TRUE(reader) << reader.error().message;
   EXPECT_EQ(reader->info().frames, 200U);
   ASSERT_EQ(reader->events().size(), 1U);
@@ -238,8 +226,8 @@ TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
   const auto begin = std::chrono::steady_clock::now();
   const auto waits = [&] { return std::chrono::steady_clock::now() - begin < kHangGuard; };
   while (!shm::ShmReader::open(name_) && waits()) std::this_thread::yield();
-  const Program program = start({"record", name_, "-o", file(), "--json"});
-  while (!exists(file() + ".part") && waits()) std::this_thread::yield();
+  Program program = start({"record", name_, "-o", file("a.h5"), "--json"});
+  while (!exists(file("a.h5") + ".part") && waits()) std::this_thread::yield();
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   kill(killed, SIGKILL);
   ASSERT_EQ(waitpid(killed, nullptr, 0), killed);
@@ -262,18 +250,18 @@ TEST_F(RecordVerb, FollowsAKilledDaemonBeforeItsSuccessorsRingComesRound) {
 TEST_F(RecordVerb, OverwrittenFramesAreCounted) {
   shm::Writer writer(name_);
   ASSERT_TRUE(writer.open());
-  const Program program = start({"record", name_, "-o", file(), "--frames", "400", "--json"});
+  Program program = start({"record", name_, "-o", file("a.h5"), "--frames", "400", "--json"});
   std::uint64_t after_begin = 0;
-  publish_until(writer, [&] { return exists(file() + ".part") && ++after_begin > 100; });
+  publish_until(writer, [&] { return exists(file("a.h5") + ".part") && ++after_begin > 100; });
   program.signal(SIGSTOP);
   for (int i = 0; i < 3000; ++i) writer.publish();
   program.signal(SIGCONT);
-  publish_until(writer, [&] { return exists(file()); });
+  publish_until(writer, [&] { return exists(file("a.h5")); });
   const Outcome outcome = program.outcome();
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const json told = json::parse(outcome.out);
   EXPECT_GT(told["lost"]["overwritten"], 1000);
-  const auto reader = capture::CaptureReader::open(file());
+  const auto reader = capture::CaptureReader::open(file("a.h5"));
   ASSERT_TRUE(reader) << reader.error().message;
   expect_published(*reader, 0);
   ASSERT_FALSE(reader->events().empty());
@@ -288,14 +276,14 @@ TEST_F(RecordVerb, FullDiskEndsInAGoodCapture) {
   getrlimit(RLIMIT_FSIZE, &before);
   const rlimit limit{rlim_t{12} << 20, before.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
-  const Program program = start({"record", name_, "-o", file(), "--frames", "2000", "--json"});
+  Program program = start({"record", name_, "-o", file("a.h5"), "--frames", "2000", "--json"});
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
-  publish_until(writer, [&] { return exists(file()); });
+  publish_until(writer, [&] { return exists(file("a.h5")); });
   const Outcome outcome = program.outcome();
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_NE(outcome.err.find("no room to write"), std::string::npos) << outcome.err;
   EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-  const auto reader = capture::CaptureReader::open(file());
+  const auto reader = capture::CaptureReader::open(file("a.h5"));
   ASSERT_TRUE(reader) << reader.error().message;
   EXPECT_GT(reader->info().frames, 20U);
   EXPECT_EQ(json::parse(outcome.out)["frames"], reader->info().frames);
@@ -305,35 +293,35 @@ TEST_F(RecordVerb, FullDiskEndsInAGoodCapture) {
 TEST_F(RecordVerb, AKilledRecordingIsRecovered) {
   shm::Writer writer(name_);
   ASSERT_TRUE(writer.open());
-  const Program program = start({"record", name_, "-o", file()});
+  Program program = start({"record", name_, "-o", file("a.h5")});
   std::uint64_t after_begin = 0;
-  publish_until(writer, [&] { return exists(file() + ".part") && ++after_begin > 600; });
+  publish_until(writer, [&] { return exists(file("a.h5") + ".part") && ++after_begin > 600; });
   program.signal(SIGKILL);
-  EXPECT_EQ(program.outcome().exit_code, -1);
+  EXPECT_EQ(program.outcome().exit_code, 128 + SIGKILL);
   std::size_t frames = 0;
   {
-    const auto part = capture::CaptureReader::open(file() + ".part");
+    const auto part = capture::CaptureReader::open(file("a.h5") + ".part");
     ASSERT_TRUE(part) << part.error().message;
     EXPECT_TRUE(part->warnings().empty());
     expect_published(*part, 0);
     frames = part->info().frames;
-    const Outcome early = run({"recover", file() + ".part", "--in-place"});
+    const Outcome early = run({"recover", file("a.h5") + ".part", "--in-place"});
     EXPECT_EQ(early.exit_code, 1);
     EXPECT_NE(early.err.find("another program has it open"), std::string::npos) << early.err;
   }
 
-  const Outcome again = run({"record", name_, "-o", file()});
+  const Outcome again = run({"record", name_, "-o", file("a.h5")});
   EXPECT_EQ(again.exit_code, 2) << "an unfinished recording is not written over";
   EXPECT_NE(again.err.find("bolo recover"), std::string::npos) << again.err;
 
-  const Outcome copied = run({"recover", file() + ".part", "-o", file("b.h5"), "--json"});
+  const Outcome copied = run({"recover", file("a.h5") + ".part", "-o", file("b.h5"), "--json"});
   ASSERT_EQ(copied.exit_code, 0) << copied.err;
   EXPECT_EQ(json::parse(copied.out)["frames"], frames);
-  EXPECT_TRUE(exists(file() + ".part"));
-  const Outcome finished = run({"recover", file() + ".part", "--in-place"});
+  EXPECT_TRUE(exists(file("a.h5") + ".part"));
+  const Outcome finished = run({"recover", file("a.h5") + ".part", "--in-place"});
   ASSERT_EQ(finished.exit_code, 0) << finished.err;
-  EXPECT_FALSE(exists(file() + ".part"));
-  for (const std::string& saved : {file(), file("b.h5")}) {
+  EXPECT_FALSE(exists(file("a.h5") + ".part"));
+  for (const std::string& saved : {file("a.h5"), file("b.h5")}) {
     const auto reader = capture::CaptureReader::open(saved);
     ASSERT_TRUE(reader) << reader.error().message;
     EXPECT_EQ(reader->info().frames, frames);
@@ -342,22 +330,16 @@ TEST_F(RecordVerb, AKilledRecordingIsRecovered) {
 }
 
 TEST_F(RecordVerb, WrongUsageIsOneLine) {
-  const auto refused = [&](std::vector<std::string> words, const std::string& word) {
-    const Outcome outcome = run(std::move(words));
-    EXPECT_EQ(outcome.exit_code, 2) << word;
-    EXPECT_NE(outcome.err.find(word), std::string::npos) << outcome.err;
-    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-  };
-  refused({"record", "-o", file()}, "which daemon");
+  refused({"record", "-o", file("a.h5")}, "which daemon");
   refused({"record", name_}, "where to");
-  refused({"record", name_, "-o", file()}, "no shared memory named");
+  refused({"record", name_, "-o", file("a.h5")}, "no shared memory named");
   refused({"record", name_, "-o", file("a.avi")}, "ends in .h5");
-  refused({"record", name_, "-o", file(), "--frames", "nan"}, "--frames: ");
-  refused({"record", name_, "-o", file(), "--frames=nan"}, "--frames: ");
+  refused({"record", name_, "-o", file("a.h5"), "--frames", "nan"}, "--frames: ");
+  refused({"record", name_, "-o", file("a.h5"), "--frames=nan"}, "--frames: ");
   refused({"info", file("two\nlines.h5")}, "two?lines.h5");
-  refused({"record", name_, "-o", file(), "--frames", "0"}, "--frames");
-  refused({"record", name_, "-o", file(), "--seconds", "-1"}, "--seconds");
-  refused({"record", name_, "-o", file(), "--planes", "both"}, "--planes");
+  refused({"record", name_, "-o", file("a.h5"), "--frames", "0"}, "--frames");
+  refused({"record", name_, "-o", file("a.h5"), "--seconds", "-1"}, "--seconds");
+  refused({"record", name_, "-o", file("a.h5"), "--planes", "both"}, "--planes");
   shm::Writer writer(name_);
   ASSERT_TRUE(writer.open());
   refused({"record", name_, "-o", file("no/such/folder.h5")}, "No such file");
@@ -371,7 +353,7 @@ TEST_F(RecordVerb, ACutOffCaptureIsRecovered) {
   capture::CaptureInfo info;
   info.format.geometry = {64, 48};
   info.format.frame_period_s = 0.005;
-  auto writer = capture::CaptureWriter::create(file(), info);
+  auto writer = capture::CaptureWriter::create(file("a.h5"), info);
   ASSERT_TRUE(writer);
   std::vector<std::uint16_t> plane(64 * 48);
   for (std::uint64_t i = 0; i < 400; ++i) {
@@ -379,15 +361,15 @@ TEST_F(RecordVerb, ACutOffCaptureIsRecovered) {
     ASSERT_TRUE(writer->append(static_cast<double>(i) * 0.005, 2 * i, plane.data()));
   }
   ASSERT_TRUE(writer->close());
-  const auto size = fs::file_size(file());
-  fs::resize_file(file(), size * 6 / 10);
-  EXPECT_EQ(run({"info", file()}).exit_code, 2);
-  const Outcome outcome = run({"recover", file(), "-o", file("b.h5"), "--json"});
+  const auto size = fs::file_size(file("a.h5"));
+  fs::resize_file(file("a.h5"), size * 6 / 10);
+  EXPECT_EQ(run({"info", file("a.h5")}).exit_code, 2);
+  const Outcome outcome = run({"recover", file("a.h5"), "-o", file("b.h5"), "--json"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const json told = json::parse(outcome.out);
   EXPECT_GT(told["frames"], 150);
   EXPECT_FALSE(told["missing"].empty());
-  EXPECT_EQ(fs::file_size(file()), size * 6 / 10);
+  EXPECT_EQ(fs::file_size(file("a.h5")), size * 6 / 10);
   const auto reader = capture::CaptureReader::open(file("b.h5"));
   ASSERT_TRUE(reader) << reader.error().message;
   expect_published(*reader, 0);

@@ -1,24 +1,18 @@
 // `bolo replay` as its users meet it: another process reads the capture's frames from shared memory.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <chrono>
 #include <csignal>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <optional>
 #include <thread>
 
 #include "src/capture/capture.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools {
 namespace {
 
-namespace fs = std::filesystem;
 using test::Outcome;
 using test::Program;
 
@@ -26,8 +20,9 @@ constexpr auto kHangGuard = std::chrono::seconds(60);
 constexpr std::uint64_t kFrames = 40;
 constexpr Geometry kGeometry{24, 10};
 
-class ReplayVerb : public ::testing::Test {
+class ReplayVerb : public test::ProgramTest {
  protected:
+  ReplayVerb() : ProgramTest({BOLO_PROGRAM, "replay"}) {}
   void SetUp() override { name_ = shm::unique_name(testing::UnitTest::GetInstance()->current_test_info()->name()); }
 
   // Frame i is shm_rig's raw pattern of i.
@@ -49,12 +44,6 @@ class ReplayVerb : public ::testing::Test {
     return file;
   }
 
-  Program start(std::vector<std::string> words) const {
-    words.insert(words.begin(), {BOLO_PROGRAM, "replay"});
-    return {folder_, std::move(words)};
-  }
-  Outcome run(std::vector<std::string> words) const { return start(std::move(words)).outcome(); }
-
   std::optional<shm::ShmReader> attach() const {
     const auto begin = std::chrono::steady_clock::now();
     while (std::chrono::steady_clock::now() - begin < kHangGuard) {
@@ -64,13 +53,11 @@ class ReplayVerb : public ::testing::Test {
     return std::nullopt;
   }
 
-  const Scratch scratch_;
-  const fs::path folder_ = scratch_.path();
   std::string name_;
 };
 
 TEST_F(ReplayVerb, LoopedCaptureIsPublishedFrameByFrameUntilInterrupted) {
-  const Program program = start({write_capture(), "--name", name_, "--loop"});
+  Program program = start({write_capture(), "--name", name_, "--loop"});
   auto reader = attach();
   ASSERT_TRUE(reader);
   EXPECT_STREQ(reader->header().camera_model, "Model");
@@ -93,9 +80,9 @@ TEST_F(ReplayVerb, LoopedCaptureIsPublishedFrameByFrameUntilInterrupted) {
 }
 
 TEST_F(ReplayVerb, EndsWhenItsTerminalIsClosed) {
-  const std::string config = folder_ / "replay.toml";
-  std::ofstream(config) << "[pipeline]\nlock_memory = false\n";  // a file that it could read again, as bolod would
-  const Program program = start({write_capture(), "--name", name_, "--config", config, "--loop"});
+  const std::string config =
+      write("replay.toml", "[pipeline]\nlock_memory = false\n");  // a file that it could read again, as bolod would
+  Program program = start({write_capture(), "--name", name_, "--config", config, "--loop"});
   auto reader = attach();
   ASSERT_TRUE(reader);
   shm::ReadFrame frame;
@@ -114,15 +101,10 @@ TEST_F(ReplayVerb, EndsWithTheCapture) {
 }
 
 TEST_F(ReplayVerb, BadInputIsOneLine) {
-  for (const auto& [words, complaint] : {std::pair<std::vector<std::string>, std::string>{{}, "which capture?"},
-                                         {{folder_ / "none.h5"}, "none.h5"},
-                                         {{write_capture(), "--pace", "slow"}, "neither realtime nor fast"},
-                                         {{write_capture(), "--name", "a/b"}, "--name"}}) {
-    const Outcome outcome = run(words);
-    EXPECT_EQ(outcome.exit_code, 2) << complaint;
-    EXPECT_NE(outcome.err.find(complaint), std::string::npos) << outcome.err;
-    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-  }
+  refused({}, "which capture?");
+  refused({file("none.h5")}, "none.h5");
+  refused({write_capture(), "--pace", "slow"}, "neither realtime nor fast");
+  refused({write_capture(), "--name", "a/b"}, "--name");
 }
 
 }  // namespace

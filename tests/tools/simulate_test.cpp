@@ -1,9 +1,6 @@
 // bolo simulate through its executable.
-#include <sys/wait.h>
-
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <thread>
 
@@ -16,29 +13,20 @@ namespace bolo::sim {
 namespace {
 
 using testing::Scratch;
+using tools::test::Outcome;
+using tools::test::Program;
 
-struct Outcome {
-  int exit_code = -1;
-  std::string output;  // stdout and stderr
-};
-
+// What it prints anywhere is in `out`.
 Outcome run_bolo(const std::string& arguments) {
-  const std::string command = std::string(BOLO_PROGRAM) + " simulate " + arguments + " 2>&1";
-  Outcome outcome;
-  std::FILE* pipe = popen(command.c_str(), "r");
-  if (pipe == nullptr) return outcome;
-  char buffer[256];
-  while (std::fgets(buffer, sizeof buffer, pipe) != nullptr) outcome.output += buffer;
-  const int status = pclose(pipe);
-  if (WIFEXITED(status)) outcome.exit_code = WEXITSTATUS(status);
-  return outcome;
+  const Scratch scratch;
+  return Program({"/bin/sh", "-c", BOLO_PROGRAM " simulate " + arguments + " 2>&1"}, scratch / "log").outcome();
 }
 
 // A small capture, written and opened again.
 Result<capture::CaptureReader> simulated(const Scratch& scratch, const std::string& arguments) {
   const auto file = scratch / "a.h5";
   const Outcome outcome = run_bolo("-o '" + file.string() + "' --overwrite --width 32 --height 12 " + arguments);
-  EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
   return capture::CaptureReader::open(file);
 }
 
@@ -46,8 +34,8 @@ TEST(SimulateVerb, TheDefaultsAreThoseOfTheA655sc) {
   const Scratch scratch;
   const auto file = scratch / "a.h5";
   const Outcome outcome = run_bolo("-o '" + file.string() + "' --frames 3");
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
-  EXPECT_EQ(outcome.output.substr(0, outcome.output.find(',')), file.string() + ": 3 frames of 640x120");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.out;
+  EXPECT_EQ(outcome.out.substr(0, outcome.out.find(',')), file.string() + ": 3 frames of 640x120");
   const auto reader = capture::CaptureReader::open(file);
   ASSERT_TRUE(reader) << reader.error().message;
   EXPECT_EQ(reader->info().format.geometry, (Geometry{640, 120}));
@@ -63,14 +51,15 @@ TEST(SimulateVerb, TheDefaultsAreThoseOfTheA655sc) {
 TEST(SimulateVerb, KeepsItsFramesWhenItsTerminalIsClosed) {
   const Scratch scratch;
   const std::string file = (scratch / "a.h5").string();
-  const tools::test::Program program(scratch / "", {BOLO_PROGRAM, "simulate", "-o", file, "--width", "32", "--height",
-                                                    "12", "--stimulus", "uniform", "--frames", "1000000"});
+  Program program({BOLO_PROGRAM, "simulate", "-o", file, "--width", "32", "--height", "12", "--stimulus", "uniform",
+                   "--frames", "1000000"},
+                  scratch / "log");
   for (int i = 0; i < 3000 && !std::filesystem::exists(file + ".part"); ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   std::this_thread::sleep_for(std::chrono::milliseconds(200));  // some frames
   program.signal(SIGHUP);
-  const tools::test::Outcome outcome = program.outcome();
+  const Outcome outcome = program.outcome();
   EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
   EXPECT_NE(outcome.err.find("the capture holds the frames until then"), std::string::npos) << outcome.err;
   EXPECT_FALSE(std::filesystem::exists(file + ".part"));
@@ -130,8 +119,8 @@ TEST(SimulateVerb, JsonSaysWhatWasWritten) {
   const auto file = scratch / "a.h5";
   const Outcome outcome = run_bolo("-o '" + file.string() + "' --width 8 --height 4 --frames 20 --json");
   EXPECT_EQ(outcome.exit_code, 0);
-  EXPECT_NE(outcome.output.find("\"frames\":20"), std::string::npos) << outcome.output;
-  EXPECT_NE(outcome.output.find("\"seconds\":0.1"), std::string::npos) << outcome.output;
+  EXPECT_NE(outcome.out.find("\"frames\":20"), std::string::npos) << outcome.out;
+  EXPECT_NE(outcome.out.find("\"seconds\":0.1"), std::string::npos) << outcome.out;
 }
 
 class Refused : public ::testing::TestWithParam<const char*> {};
@@ -140,9 +129,9 @@ TEST_P(Refused, InOneLineWithExitCodeTwo) {
   const Scratch scratch;
   const auto file = scratch / "a.h5";
   const Outcome outcome = run_bolo("-o '" + file.string() + "' --width 32 --height 12 " + GetParam());
-  EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
-  EXPECT_EQ(outcome.output.find("bolo simulate: "), 0U) << outcome.output;
-  EXPECT_EQ(outcome.output.find('\n'), outcome.output.size() - 1) << outcome.output;
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.out;
+  EXPECT_EQ(outcome.out.find("bolo simulate: "), 0U) << outcome.out;
+  EXPECT_EQ(outcome.out.find('\n'), outcome.out.size() - 1) << outcome.out;
   EXPECT_FALSE(std::filesystem::exists(file));
   EXPECT_FALSE(std::filesystem::exists(file.string() + ".part"));
 }
@@ -200,9 +189,9 @@ TEST(SimulateVerb, TheFileDoesNotSayWhichEffectsThereWere) {
 TEST(SimulateVerb, ListsTheEffects) {
   const Outcome table = run_bolo("--list-effects");
   EXPECT_EQ(table.exit_code, 0);
-  EXPECT_NE(table.output.find("row_delay_s=2.8e-05 s (-0.0001 to 0.0001)"), std::string::npos) << table.output;
+  EXPECT_NE(table.out.find("row_delay_s=2.8e-05 s (-0.0001 to 0.0001)"), std::string::npos) << table.out;
   const Outcome json = run_bolo("--list-effects --json");
-  const auto effects = nlohmann::json::parse(json.output);
+  const auto effects = nlohmann::json::parse(json.out);
   ASSERT_EQ(effects.size(), sim::effect_descriptions().size());
   for (const auto& effect : effects) {
     EXPECT_NE(sim::find_effect(effect.at("name").get<std::string>()), nullptr);
@@ -216,11 +205,11 @@ TEST(SimulateVerb, NeedsAnOutputThatIsNotAnInput) {
   const auto csv = scratch.text("t.csv", "t_s,x_px,y_px\n0,0,0\n9,4,2\n");
   const auto size = std::filesystem::file_size(csv);
   const Outcome outcome = run_bolo("-o '" + csv.string() + "' --frames 2 --trajectory '" + csv.string() + "'");
-  EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.out;
   EXPECT_EQ(std::filesystem::file_size(csv), size);
   const Outcome overwritten =
       run_bolo("-o '" + csv.string() + "' --overwrite --frames 2 --trajectory '" + csv.string() + "'");
-  EXPECT_EQ(overwritten.exit_code, 2) << overwritten.output;
+  EXPECT_EQ(overwritten.exit_code, 2) << overwritten.out;
   EXPECT_EQ(std::filesystem::file_size(csv), size);
 }
 

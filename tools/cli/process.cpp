@@ -25,31 +25,43 @@ void lead(int descriptor, const char* file) {
 }
 
 // In the child: nothing that allocates.
-[[noreturn]] void become(char* const* words, const char* out, const char* err, std::uint64_t most_file_bytes) {
+[[noreturn]] void become(char* const* words, char* const* variables, const Command& command, const char* out,
+                         const char* err) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   lead(STDOUT_FILENO, out);
   lead(STDERR_FILENO, err);
   if (const int null = open("/dev/null", O_RDONLY | O_CLOEXEC); null >= 0) dup2(null, STDIN_FILENO);
-  if (most_file_bytes > 0) {
+  if (command.most_file_bytes > 0) {
     ::signal(SIGXFSZ, SIG_IGN);  // writes fail then, as on a full disk
-    const rlimit limit{most_file_bytes, most_file_bytes};
+    const rlimit limit{command.most_file_bytes, command.most_file_bytes};
     setrlimit(RLIMIT_FSIZE, &limit);
   }
-  execv(words[0], words);
+  close_range(STDERR_FILENO + 1, ~0U, 0);
+  if (command.folder.empty() || chdir(command.folder.c_str()) == 0) execve(words[0], words, variables);
   _exit(127);
+}
+
+std::vector<char*> pointers(const std::vector<std::string>& texts) {
+  std::vector<char*> out;
+  out.reserve(texts.size() + 1);
+  for (const std::string& text : texts) out.push_back(const_cast<char*>(text.c_str()));
+  out.push_back(nullptr);
+  return out;
 }
 
 }  // namespace
 
 Result<Process> Process::start(const Command& command) {
-  std::vector<char*> words;
-  for (const std::string& word : command.words) words.push_back(const_cast<char*>(word.c_str()));
-  words.push_back(nullptr);
+  if (access(command.words.front().c_str(), X_OK) != 0) {
+    return failed(command.words.front() + ": cannot be started: " + std::strerror(errno));
+  }
+  const std::vector<char*> words = pointers(command.words);
+  const std::vector<char*> variables = pointers(command.variables.value_or(std::vector<std::string>{}));
   const std::string out = command.log.string() + ".out";
   const std::string err = command.log.string() + ".err";
   const pid_t pid = fork();
-  if (pid == 0) become(words.data(), out.c_str(), err.c_str(), command.most_file_bytes);
-  if (pid < 0) return failed("cannot start " + command.words.front() + ": " + std::strerror(errno));
+  if (pid == 0) become(words.data(), command.variables ? variables.data() : environ, command, out.c_str(), err.c_str());
+  if (pid < 0) return failed(command.words.front() + ": cannot be started: " + std::strerror(errno));
   return Process(pid, command.log);
 }
 

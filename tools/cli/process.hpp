@@ -17,9 +17,11 @@ struct Command {
   std::vector<std::string> words;     // the first is the program's path
   std::filesystem::path log;          // LOG.out and LOG.err are written on from where they end
   std::uint64_t most_file_bytes = 0;  // no file may grow larger (RLIMIT_FSIZE), as on a full disk; 0: any size
+  std::filesystem::path folder{};     // it works in; empty: this program's
+  std::optional<std::vector<std::string>> variables{};  // all of its environment, "NAME=VALUE"; nothing: this program's
 };
 
-// Ends with its parent, however that ends. Thread: one at a time.
+// Ends with its parent, however that ends, and has none of its open files. Thread: one at a time.
 class Process {
  public:
   static Result<Process> start(const Command& command);

@@ -29,7 +29,6 @@ struct CameraFound {
 struct VideoDevice {
   std::string path;
   std::string driver;  // empty: it could not be asked
-  std::string card;
 };
 
 struct UsbFound {

@@ -140,7 +140,7 @@ void look_at_usb(const fs::path& root, Facts& facts) {
 void look_at_videos(const fs::path& root, Facts& facts) {
   for (const fs::path& entry : entries_of(root / "sys/class/video4linux")) {
     const std::string name = entry.filename();
-    VideoDevice device{"/dev/" + name, "", line_of(entry / "name")};
+    VideoDevice device{"/dev/" + name, ""};
     const UniqueFd descriptor(::open((root / "dev" / name).c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
     v4l2_capability answer{};
     if (descriptor && ioctl(descriptor.get(), VIDIOC_QUERYCAP, &answer) == 0) {

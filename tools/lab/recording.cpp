@@ -1,8 +1,6 @@
 #include "tools/lab/recording.hpp"
 
-#include <cmath>
 #include <cstring>
-#include <memory>
 #include <utility>
 
 #include "src/core/clock.hpp"

@@ -11,7 +11,6 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr std::size_t kFewestFrames = 16;
 constexpr double kNoisy = 4.0;    // times the usual noise
 constexpr double kFrozen = 0.1;   // of the usual noise
 constexpr double kStill = 3.0;    // what a frame's mean may scatter by, in units of a pixel's noise
@@ -111,7 +110,7 @@ struct Source {
   bool still = false;  // by its /stimulus, or because it is not the first
 };
 
-Result<std::vector<Source>> open_all(const std::vector<std::filesystem::path>& files) {
+Result<std::vector<Source>> open_sources(const std::vector<std::filesystem::path>& files) {
   std::vector<Source> sources;
   for (const auto& file : files) {
     auto reader = capture::CaptureReader::open(file);
@@ -251,7 +250,7 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
 Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures, const CalibrationOptions& options,
                               const Progress& progress) {
   if (captures.empty()) return bad_input("no captures; name one with pulses first");
-  auto sources = open_all(captures);
+  auto sources = open_sources(captures);
   if (!sources) return tl::unexpected(sources.error());
   const auto pulses = std::ranges::find(*sources, false, &Source::still);
   if (pulses == sources->end()) {

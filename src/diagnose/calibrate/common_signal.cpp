@@ -58,8 +58,8 @@ Eigen::VectorXf leading(Series values) {
     }
   }
   Eigen::VectorXf shape = values.col(smoothest);
-  constexpr int kRounds = 25;
-  for (int i = 0; i < kRounds && shape.norm() > 0.0F; ++i) {
+  constexpr int kIterations = 25;
+  for (int i = 0; i < kIterations && shape.norm() > 0.0F; ++i) {
     const Eigen::VectorXf weight = values.transpose() * shape;
     shape = values * weight;
     shape /= shape.norm() / std::sqrt(n);
@@ -85,7 +85,7 @@ struct Extreme {
 };
 
 // Sums over time of one pixel.
-struct Sums {
+struct SignalSums {
   float base = 0.0F;  // the first value: sums are of differences from it
   float last = 0.0F;
   double y = 0.0, yy = 0.0, ys = 0.0;
@@ -93,14 +93,14 @@ struct Sums {
   std::uint32_t repeated = 0;
 };
 
-Result<std::vector<Sums>> sum_up(const FrameSeries& frames, const std::vector<double>& shape,
-                                 const Progress& progress) {
-  std::vector<Sums> sums(frames.geometry.pixels());
+Result<std::vector<SignalSums>> sum_up(const FrameSeries& frames, const std::vector<double>& shape,
+                                       const Progress& progress) {
+  std::vector<SignalSums> sums(frames.geometry.pixels());
   const auto step = static_cast<float>(frames.step);
   const Status read =
       frames.for_each("looking at every pixel", progress, [&](std::size_t k, std::span<const float> frame) {
         for (std::size_t p = 0; p < sums.size(); ++p) {
-          Sums& s = sums[p];
+          SignalSums& s = sums[p];
           const float v = frame[p];
           if (k == 0) s.base = v;
           const double y = static_cast<double>(v) - s.base;
@@ -119,7 +119,7 @@ Result<std::vector<Sums>> sum_up(const FrameSeries& frames, const std::vector<do
 
 // A pixel's values pile up at its highest or lowest: many are there, few a step inside, where noise would have spread
 // them. Only where there is noise to see: elsewhere values hardly ever repeat from frame to frame.
-bool piled_up(const Sums& sums, double frames) {
+bool piled_up(const SignalSums& sums, double frames) {
   return std::ranges::any_of(std::array{sums.high, sums.low}, [&](const Extreme& e) {
     return e.at > 0.03 * frames + 3.0 && e.at > 6.0 * (e.near + 1.0) && sums.repeated < e.at + 0.2 * (frames - e.at);
   });
@@ -144,7 +144,7 @@ Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progres
   double balance = 0.0;
   double clipped = 0.0;
   for (std::size_t p = 0; p < pixels; ++p) {
-    const Sums& s = (*sums)[p];
+    const SignalSums& s = (*sums)[p];
     const double variance = std::max(0.0, s.yy / n - std::pow(s.y / n, 2));
     common.deviation[p] = static_cast<float>(std::sqrt(variance));
     if (!(variance > 0.0)) continue;

@@ -12,7 +12,6 @@
 namespace bolo::diagnose {
 namespace {
 
-constexpr std::size_t kFewestFrames = 16;
 constexpr double kMostClipped = 0.2;      // of the pixels that follow
 constexpr double kLeastExplained = 0.98;  // of the mean signal's variance, by curves between switches
 constexpr double kLeastUsed = 0.4;        // of the frames, in intervals long enough to tell tau

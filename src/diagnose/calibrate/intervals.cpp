@@ -85,13 +85,13 @@ std::vector<Interval> joined(std::span<const double> t_s, std::span<const double
 }
 
 // What one interval says about ln tau.
-struct Score {
+struct IntervalScore {
   double score = 0.0;
   double information = 0.0;
   double squares = 0.0;
 };
 
-Score score_of(std::span<const double> t_s, std::span<const double> y, const Interval& interval, double tau_s) {
+IntervalScore score_of(std::span<const double> t_s, std::span<const double> y, const Interval& interval, double tau_s) {
   const Regressors x(t_s, interval, tau_s);
   const auto values = y.subspan(interval.first, interval.count);
   const auto n = static_cast<double>(interval.count);
@@ -99,7 +99,7 @@ Score score_of(std::span<const double> t_s, std::span<const double> y, const Int
   double ey = 0.0;
   for (std::size_t k = 0; k < values.size(); ++k) ey += x.e[k] * (values[k] - y_mean);
   const double amplitude = ey / x.ee;
-  Score s;
+  IntervalScore s;
   for (std::size_t k = 0; k < values.size(); ++k) {
     const double left = values[k] - y_mean - amplitude * x.e[k];
     s.score += amplitude * x.u[k] * left;
@@ -167,21 +167,21 @@ Decay fit_decay(std::span<const double> t_s, std::span<const double> y, const In
 void refit(std::span<const double> t_s, std::span<const double> y, SignalFit& fit) {
   std::vector<Interval> telling = fit.intervals;
   std::erase_if(telling, [](const Interval& interval) { return interval.count < kLeastCount; });
-  std::vector<Score> scores;
+  std::vector<IntervalScore> scores;
   for (int round = 0; round < 30; ++round) {
     scores = mapped(telling, [&](const Interval& interval) { return score_of(t_s, y, interval, fit.tau_s); });
-    fit.information = sum_of(scores, &Score::information);
+    fit.information = sum_of(scores, &IntervalScore::information);
     if (!(fit.information > 0.0)) break;
-    const double step = std::clamp(sum_of(scores, &Score::score) / fit.information, -0.2, 0.2);
+    const double step = std::clamp(sum_of(scores, &IntervalScore::score) / fit.information, -0.2, 0.2);
     fit.tau_s *= std::exp(step);
     if (std::abs(step) < 1e-10) break;
   }
   const double freedom = freedom_of(telling);
   fit.informative_samples = 0;
   for (const Interval& interval : telling) fit.informative_samples += interval.count;
-  const double sandwich = sum_of(scores, [](const Score& s) { return s.score * s.score; });
-  const double information2 = sum_of(scores, [](const Score& s) { return s.information * s.information; });
-  fit.sigma = freedom > 0.0 ? std::sqrt(sum_of(scores, &Score::squares) / freedom) : 0.0;
+  const double sandwich = sum_of(scores, [](const IntervalScore& s) { return s.score * s.score; });
+  const double information2 = sum_of(scores, [](const IntervalScore& s) { return s.information * s.information; });
+  fit.sigma = freedom > 0.0 ? std::sqrt(sum_of(scores, &IntervalScore::squares) / freedom) : 0.0;
   const double m = information2 > 0.0 ? fit.information * fit.information / information2 : 0.0;
   fit.effective_intervals = m;
   // m / (m - 1): what the fit took out of the scores, whose sum it made zero.

@@ -12,7 +12,7 @@ namespace {
 constexpr double kLongestStep = 0.3;  // of ln tau in one pass
 
 // Sums of one pixel over one interval, of values less the first one, and what is kept from interval to interval.
-struct Sums {
+struct IntervalSums {
   double y = 0.0, yy = 0.0, ey = 0.0, uy = 0.0;
   float base = 0.0F;
 };
@@ -53,7 +53,7 @@ class Pass {
   void add(std::size_t k, std::span<const float> frame, bool first) {
     const DecayTable::Sample* samples = table_.samples(k);
     for (const std::size_t p : pixels_) {
-      Sums& s = sums_[p];
+      IntervalSums& s = sums_[p];
       if (first) s = {.base = frame[p]};
       const DecayTable::Sample& at = samples[taus_.node[p]];
       const double y = static_cast<double>(frame[p]) - static_cast<double>(s.base);
@@ -69,7 +69,7 @@ class Pass {
     const Interval& interval = table_.intervals()[i];
     const auto n = static_cast<double>(interval.count);
     const DecayTable::Norm& norm = table_.norm(i, taus_.node[p]);
-    const Sums& s = sums_[p];
+    const IntervalSums& s = sums_[p];
     Kept& kept = kept_[p];
     const double amplitude = s.ey / norm.ee;
     kept.score += amplitude * s.uy;
@@ -126,7 +126,7 @@ class Pass {
   const std::vector<SwitchBetween>& switches_;
   PixelTaus& taus_;
   std::vector<std::size_t> pixels_;
-  std::vector<Sums> sums_;
+  std::vector<IntervalSums> sums_;
   std::vector<Kept> kept_;
 };
 

@@ -82,25 +82,25 @@ constexpr std::array<EffectDescription, 29> kEffectDescriptions{{
 }};
 
 // A unit in which a value is read easily.
-struct Unit {
+struct ShownUnit {
   double factor = 1.0;
   const char* text = "";
 };
 
-Unit unit_of(std::string_view key, double value, Wording wording) {
+ShownUnit unit_of(std::string_view key, double value, Wording wording) {
   constexpr std::array<std::string_view, 7> kShares{"velocity_error", "velocity_unevenness", "rms",     "share",
                                                     "fraction",       "corner_loss",         "coupling"};
   const double size = std::abs(value);
   if (key.ends_with("_s")) {
     if (size > 0.0 && size < 1e-3) return {1e6, wording.utf8 ? " \u00b5s" : " us"};
-    return size < 1.0 ? Unit{1e3, " ms"} : Unit{1.0, " s"};
+    return size < 1.0 ? ShownUnit{1e3, " ms"} : ShownUnit{1.0, " s"};
   }
   if (key.ends_with("_k") && !wording.kelvin) return {1.0, " counts"};
-  if (key.ends_with("_k")) return size < 0.5 ? Unit{1e3, " mK"} : Unit{1.0, " K"};
+  if (key.ends_with("_k")) return size < 0.5 ? ShownUnit{1e3, " mK"} : ShownUnit{1.0, " K"};
   if (key.ends_with("_hz")) return {1.0, " Hz"};
   if (key.ends_with("_px")) return {1.0, " px"};
   if (key == "skew") return {1e6, " ppm"};
-  return std::ranges::count(kShares, key) != 0 ? Unit{100.0, " %"} : Unit{};
+  return std::ranges::count(kShares, key) != 0 ? ShownUnit{100.0, " %"} : ShownUnit{};
 }
 
 // Three significant digits, without an exponent for what a person may meet.
@@ -268,12 +268,12 @@ std::vector<std::string> describe(const Observation& one) {
 }
 
 std::string quantity(const std::string& key, double value, Wording wording) {
-  const Unit unit = unit_of(key, value, wording);
+  const ShownUnit unit = unit_of(key, value, wording);
   return digits(value * unit.factor) + unit.text;
 }
 
 std::string quantity(const std::string& key, const Estimate& estimate, Wording wording) {
-  const Unit unit = unit_of(key, estimate.value, wording);
+  const ShownUnit unit = unit_of(key, estimate.value, wording);
   const double value = estimate.value * unit.factor;
   const double half = 0.5 * unit.factor * (estimate.high - estimate.low);
   const int decimals = decimals_for(value, half);

@@ -2,8 +2,6 @@
 #include <arv.h>
 #include <gtest/gtest.h>
 
-#include <cstring>
-
 #include "tests/drivers/fakecam/synthetic.hpp"
 
 // Aravis and GLib are not built for the thread sanitizer, which can't see their locks.

@@ -21,6 +21,12 @@ class FakeCameraStream : public testing::Test {
     ASSERT_TRUE(camera);
     session.emplace(options.address);
   }
+  // So many frames of the stream; throws when they do not come.
+  std::vector<std::pair<std::uint16_t, test::Block>> receive(std::size_t frames) {
+    auto blocks = test::receive_blocks(session->stream, frames);
+    if (blocks.size() != frames) throw std::runtime_error("only " + std::to_string(blocks.size()) + " frames came");
+    return blocks;
+  }
   // Waits, as long as the hang guard allows, for the camera to come to `condition`.
   template <typename Condition>
   bool eventually(Condition condition) {
@@ -38,8 +44,7 @@ class FakeCameraStream : public testing::Test {
 TEST_F(FakeCameraStream, ServesTheCaptureOnceWithItsIdsTimesAndPixels) {
   serve(test::synthetic(kSmall, 5));
   ASSERT_EQ(session->start(), gvcp::Status::kSuccess);
-  const auto blocks = test::receive_blocks(session->stream, 5);
-  ASSERT_EQ(blocks.size(), 5U);
+  const auto blocks = receive(5);
   for (std::size_t f = 0; f < 5; ++f) {
     const auto& [id, block] = blocks[f];
     EXPECT_EQ(id, 101 + f);
@@ -61,8 +66,7 @@ TEST_F(FakeCameraStream, PacketsAreAsLargeAsAskedFor) {
   serve(test::synthetic(kSmall, 1));  // 2048 bytes
   session->client.write(reg::kStreamPacketSize, 576);
   session->start();
-  const auto blocks = test::receive_blocks(session->stream, 1);
-  ASSERT_EQ(blocks.size(), 1U);
+  const auto blocks = receive(1);
   const auto& payload = blocks[0].second.payload;
   ASSERT_EQ(payload.size(), 4U);  // 540 bytes each
   EXPECT_EQ(payload.at(1).size() + gvsp::kUdpOverhead, 576U);
@@ -76,8 +80,7 @@ TEST_F(FakeCameraStream, JumpInTheCapturesCounterIsAJumpOnTheWire) {
   content.times_s = {1.0, 1.005, 1.025};
   serve(std::move(content));
   session->start();
-  const auto blocks = test::receive_blocks(session->stream, 3);
-  ASSERT_EQ(blocks.size(), 3U);
+  const auto blocks = receive(3);
   EXPECT_EQ(blocks[0].first, 65534);
   EXPECT_EQ(blocks[1].first, 65535);
   EXPECT_EQ(blocks[2].first, 4);
@@ -89,8 +92,7 @@ TEST_F(FakeCameraStream, LoopGoesOnWithoutASeam) {
   options.laps = 3;
   serve(test::synthetic(kSmall, 2), options);
   session->start();
-  const auto blocks = test::receive_blocks(session->stream, 6);
-  ASSERT_EQ(blocks.size(), 6U);
+  const auto blocks = receive(6);
   for (std::size_t f = 0; f < 6; ++f) {
     EXPECT_EQ(blocks[f].first, 101 + f);
     EXPECT_EQ(blocks[f].second.timestamp_ns(), 2'000'000'000U + f * 5'000'000U);
@@ -103,14 +105,13 @@ TEST_F(FakeCameraStream, EachStartBeginsWithTheFirstFrame) {
   options.laps = 0;
   serve(test::synthetic(kSmall, 50), options);
   session->start();
-  EXPECT_EQ(test::receive_blocks(session->stream, 2).size(), 2U);
+  receive(2);
   session->stop();
   EXPECT_FALSE(camera->stats().streaming);
   while (!session->stream.receive(50).empty()) {
   }
   session->start();
-  const auto blocks = test::receive_blocks(session->stream, 1);
-  ASSERT_EQ(blocks.size(), 1U);
+  const auto blocks = receive(1);
   EXPECT_EQ(blocks[0].first, 101);
 }
 
@@ -118,8 +119,7 @@ TEST_F(FakeCameraStream, RateChangesThePaceAndTheTimes) {
   serve(test::synthetic(kSmall, 3));
   session->client.write(reg::kFrameRate, std::bit_cast<std::uint32_t>(1000.0F));
   session->start();
-  const auto blocks = test::receive_blocks(session->stream, 3);
-  ASSERT_EQ(blocks.size(), 3U);
+  const auto blocks = receive(3);
   EXPECT_EQ(blocks[2].second.timestamp_ns() - blocks[0].second.timestamp_ns(), 2'000'000U);
 }
 
@@ -127,7 +127,7 @@ TEST_F(FakeCameraStream, PaceIsNeverFasterThanTheCapture) {
   serve(test::synthetic(kSmall, 21));
   const auto start = std::chrono::steady_clock::now();
   session->start();
-  ASSERT_EQ(test::receive_blocks(session->stream, 21).size(), 21U);
+  receive(21);
   EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(100));
 }
 
@@ -139,8 +139,7 @@ TEST_F(FakeCameraStream, CropAndWindowAddUp) {
   session->client.write(reg::kWidth, 16);
   session->client.write(reg::kIrWindowing, 1);
   session->start();
-  const auto blocks = test::receive_blocks(session->stream, 1);
-  ASSERT_EQ(blocks.size(), 1U);
+  const auto blocks = receive(1);
   EXPECT_EQ(blocks[0].second.region(), (Region{8, 2, 16, 4}));
   const auto pixels = blocks[0].second.pixels();
   ASSERT_EQ(pixels.size(), 64U);
@@ -153,7 +152,7 @@ TEST_F(FakeCameraStream, SingleFrameModeSendsOne) {
   serve(test::synthetic(kSmall, 5));
   session->client.write(reg::kAcquisitionMode, 1);
   session->start();
-  EXPECT_EQ(test::receive_blocks(session->stream, 1).size(), 1U);
+  receive(1);
   EXPECT_TRUE(eventually([](const auto& s) { return s.streams_finished == 1; }));
   EXPECT_EQ(camera->stats().frames_sent, 1U);
 }
@@ -162,12 +161,10 @@ TEST_F(FakeCameraStream, ResentPacketsAreTheSameBytes) {
   serve(test::synthetic(kSmall, 3));
   session->client.write(reg::kStreamPacketSize, 576);
   session->start();
-  const auto blocks = test::receive_blocks(session->stream, 3);
-  ASSERT_EQ(blocks.size(), 3U);
+  const auto blocks = receive(3);
   const auto& [id, block] = blocks[1];
   session->client.send(gvcp::Command::kPacketResend, {id, 0, 0xffffff});
-  const auto again = test::receive_blocks(session->stream, 1);
-  ASSERT_EQ(again.size(), 1U);
+  const auto again = receive(1);
   EXPECT_EQ(again[0].first, id);
   EXPECT_EQ(again[0].second.leader, block.leader);
   EXPECT_EQ(again[0].second.payload, block.payload);
@@ -187,8 +184,7 @@ TEST_F(FakeCameraStream, PacketThatIsGoneIsSaidToBe) {
   serve(test::synthetic(kSmall, 40), options);
   session->client.write(reg::kFrameRate, std::bit_cast<std::uint32_t>(2000.0F));
   session->start();
-  const auto blocks = test::receive_blocks(session->stream, 40);
-  ASSERT_EQ(blocks.size(), 40U);
+  const auto blocks = receive(40);
   session->client.send(gvcp::Command::kPacketResend, {blocks[0].first, 1, 1});
   const auto answer = session->stream.receive(test::kHangGuardMs);
   ASSERT_EQ(answer.size(), gvsp::kHeaderBytes);
@@ -204,7 +200,7 @@ TEST_F(FakeCameraStream, EndsWhenTheClientLetsGo) {
   options.laps = 0;
   serve(test::synthetic(kSmall, 5), options);
   session->start();
-  EXPECT_EQ(test::receive_blocks(session->stream, 3).size(), 3U);
+  receive(3);
   session->client.write(reg::kPrivilege, 0);
   EXPECT_FALSE(camera->stats().streaming);
   EXPECT_FALSE(camera->stats().controlled);

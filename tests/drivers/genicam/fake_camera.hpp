@@ -1,9 +1,13 @@
 // Aravis's fake GigE Vision camera with frames that the tests know, on a network that only the test program has.
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <algorithm>
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
@@ -11,6 +15,7 @@
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/genicam/gobject.hpp"
 #include "src/pipeline/inlet.hpp"
+#include "tests/refusal.hpp"
 
 namespace bolo::genicam::test {
 
@@ -31,7 +36,7 @@ constexpr std::uint16_t pixel(std::uint64_t n, int x, int y) {
 
 struct FakeOptions {
   std::string address = "127.0.0.1";
-  std::string xml;  // GenICam file of its own; empty: Aravis's
+  std::string xml{};  // GenICam file of its own; empty: Aravis's
   bool big_endian = false;
   // Called for each frame n that is sent, before it is; returns the id it is sent with.
   std::function<std::uint16_t(std::uint64_t n)> id = nullptr;
@@ -119,5 +124,51 @@ class Collector {
 
 // Waits until the condition holds, 20 s at most. True when it does.
 bool eventually(const std::function<bool()>& condition);
+
+// A test with cameras on a network that only this program has.
+class CameraTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const std::string why = enter_private_network(); !why.empty()) GTEST_SKIP() << why;
+  }
+
+  // A camera that outlives the source: closing one that is gone takes seconds.
+  FakeCamera& add_camera(FakeOptions options = {}) {
+    return *cameras_.emplace_back(std::make_unique<FakeCamera>(std::move(options)));
+  }
+  void open(CameraOptions options = options_for()) {
+    source_ = std::make_unique<GenicamSource>(std::move(options));
+    const auto info = source_->open();
+    ASSERT_TRUE(info) << info.error().message;
+    info_ = *info;
+  }
+  // Starts what is open: frames go to collector_ from then on.
+  void collect(std::size_t queue = 64) {
+    collector_ = std::make_unique<Collector>(info_.format, queue);
+    const Status started = source_->start(collector_->inlet());
+    ASSERT_TRUE(started) << started.error().message;
+  }
+  void start(CameraOptions options = options_for()) {
+    ASSERT_NO_FATAL_FAILURE(open(std::move(options)));
+    collect();
+  }
+  std::uint64_t lost(LossCause cause) const { return collector_->inlet().losses().value(cause); }
+  // Waits for so many frames more.
+  bool wait_for_more(std::uint64_t frames) const { return collector_->wait_for(collector_->count() + frames); }
+  bool warned(const std::string& part) const {
+    return std::ranges::any_of(source_->warnings(),
+                               [&](const std::string& text) { return text.find(part) != text.npos; });
+  }
+
+  std::vector<std::unique_ptr<FakeCamera>> cameras_;
+  pipeline::SourceInfo info_;
+  std::unique_ptr<Collector> collector_;
+  std::unique_ptr<GenicamSource> source_;
+};
+
+// Expects that opening it is refused, in words with these parts.
+inline void expect_not_opened(const CameraOptions& options, std::initializer_list<std::string> parts) {
+  expect_refused(GenicamSource(options).open(), parts);
+}
 
 }  // namespace bolo::genicam::test

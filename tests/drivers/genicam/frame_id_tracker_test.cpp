@@ -25,6 +25,10 @@ class FrameIdTrackerTest : public testing::Test {
     ids_.finish();
     EXPECT_EQ(ids_.span(), ids_.received() + ids_.lost());
   }
+  void expect_lost(std::uint64_t frames) {
+    expect_all_accounted();
+    EXPECT_EQ(ids_.lost(), frames);
+  }
 
   FrameIdTracker ids_{kPeriodS};
   std::int64_t now_ns_ = 1'000'000'000;
@@ -47,8 +51,7 @@ TEST_F(FrameIdTrackerTest, UnwrapsSixteenBitsAndSkipsZero) {
   complete(65535);
   EXPECT_EQ(complete(1).frame_id, 65536U);
   EXPECT_EQ(complete(2).frame_id, 65537U);
-  expect_all_accounted();
-  EXPECT_EQ(ids_.lost(), 0U);
+  expect_lost(0);
 }
 
 TEST_F(FrameIdTrackerTest, UnwrapsManyTimes) {
@@ -60,16 +63,14 @@ TEST_F(FrameIdTrackerTest, UnwrapsManyTimes) {
     ASSERT_EQ(id, last + 1);
     last = id;
   }
-  expect_all_accounted();
-  EXPECT_EQ(ids_.lost(), 0U);
+  expect_lost(0);
 }
 
 TEST_F(FrameIdTrackerTest, TakesZeroAsAFrameWhenTheCameraSendsIt) {
   complete(65535);
   EXPECT_EQ(complete(0).frame_id, 65536U);
   EXPECT_EQ(complete(1).frame_id, 65537U);
-  expect_all_accounted();
-  EXPECT_EQ(ids_.lost(), 0U);
+  expect_lost(0);
 }
 
 TEST_F(FrameIdTrackerTest, CountsAGapAcrossTheWrap) {
@@ -96,8 +97,7 @@ TEST_F(FrameIdTrackerTest, CallsAFrameMissingOnlyAfterTheReorderWindow) {
   EXPECT_EQ(lost(LossCause::kMissing), 0U);
   complete(2 + FrameIdTracker::kReorderFrames);
   EXPECT_EQ(lost(LossCause::kMissing), 1U);
-  expect_all_accounted();
-  EXPECT_EQ(ids_.lost(), 1U);
+  expect_lost(1);
 }
 
 TEST_F(FrameIdTrackerTest, CountsALateFrameOnceAsOutOfOrder) {
@@ -166,8 +166,7 @@ TEST_F(FrameIdTrackerTest, WhatFillsNoGapWasNoFrame) {
   for (int i = 0; i < 3; ++i) ids_.broken_without_id();
   complete(4);  // 3 is missing, or one of those
   complete(5);
-  expect_all_accounted();
-  EXPECT_EQ(ids_.lost(), 1U);
+  expect_lost(1);
 }
 
 TEST_F(FrameIdTrackerTest, PlacesFramesWithoutIdInALongGap) {
@@ -211,15 +210,13 @@ TEST_F(FrameIdTrackerTest, TakesAJumpThatNoTimeExplainsAsAReset) {
   EXPECT_TRUE(verdict.counter_reset);
   EXPECT_EQ(verdict.frame_id, 60001U);
   EXPECT_FALSE(complete(2).counter_reset);
-  expect_all_accounted();
-  EXPECT_EQ(ids_.lost(), 0U);
+  expect_lost(0);
 }
 
 TEST_F(FrameIdTrackerTest, TakesAStepFarBackAsAReset) {
   for (std::uint64_t id = 1000; id < 1010; ++id) complete(id);
   EXPECT_TRUE(complete(5).counter_reset);
-  expect_all_accounted();
-  EXPECT_EQ(ids_.lost(), 0U);
+  expect_lost(0);
 }
 
 TEST_F(FrameIdTrackerTest, ClosesOpenGapsAtAReset) {
@@ -246,8 +243,7 @@ TEST_F(FrameIdTrackerTest, GoesOnAfterReconnectingWhateverTheCounterSays) {
   EXPECT_TRUE(verdict.deliver);
   EXPECT_TRUE(verdict.counter_reset);
   EXPECT_EQ(verdict.frame_id, 12U);
-  expect_all_accounted();
-  EXPECT_EQ(ids_.lost(), 0U);
+  expect_lost(0);
 }
 
 TEST_F(FrameIdTrackerTest, ReconnectingBeforeTheFirstFrameIsNoRestart) {

@@ -9,19 +9,8 @@ namespace {
 
 using pipeline::LostCause;
 
-class GenicamLossTest : public testing::Test {
+class GenicamLossTest : public CameraTest {
  protected:
-  void SetUp() override {
-    if (const std::string why = enter_private_network(); !why.empty()) GTEST_SKIP() << why;
-  }
-
-  Status start(CameraOptions options = options_for(), std::size_t queue = 64) {
-    source_ = std::make_unique<GenicamSource>(std::move(options));
-    const auto info = source_->open();
-    if (!info) return tl::unexpected<Error>(info.error());
-    collector_ = std::make_unique<Collector>(info->format, queue);
-    return source_->start(collector_->inlet());
-  }
   std::uint64_t lost_by(LostCause cause) const {
     return source_->status()->lost[static_cast<std::size_t>(cause)].value();
   }
@@ -36,18 +25,13 @@ class GenicamLossTest : public testing::Test {
     }
     return texts;
   }
-  std::uint64_t lost(LossCause cause) const { return collector_->inlet().losses().value(cause); }
-
-  std::unique_ptr<Collector> collector_;
-  std::unique_ptr<GenicamSource> source_;
 };
 
 TEST_F(GenicamLossTest, CountsEachFrameOfALossyLinkOnce) {
   FakeCamera fake;
   CameraOptions options = options_for();
   options.packet_size = 576;  // several packets a frame, so that leaders, data and trailers are lost
-  const Status started = start(options);
-  ASSERT_TRUE(started) << started.error().message;
+  start(options);
   ASSERT_TRUE(collector_->wait_for(10));
   fake.set_lost_packets(0.05);
   ASSERT_TRUE(eventually([&] { return fake.sent() >= 300; }));
@@ -71,20 +55,16 @@ TEST_F(GenicamLossTest, CountsEachFrameOfALossyLinkOnce) {
 }
 
 TEST_F(GenicamLossTest, CountsAJumpOfTheCounterAsMissing) {
-  FakeCamera fake({.address = "127.0.0.1", .xml = {}, .big_endian = false, .id = [](std::uint64_t n) {
-                     return static_cast<std::uint16_t>(n < 20 ? 100 + n : 107 + n);
-                   }});
-  ASSERT_TRUE(start());
+  FakeCamera fake({.id = [](std::uint64_t n) { return static_cast<std::uint16_t>(n < 20 ? 100 + n : 107 + n); }});
+  start();
   ASSERT_TRUE(collector_->wait_for(60));
   source_->stop();
   EXPECT_EQ(lost(LossCause::kMissing), 7U);
 }
 
 TEST_F(GenicamLossTest, StartsANewWindowWhenTheCounterIsReset) {
-  FakeCamera fake({.address = "127.0.0.1", .xml = {}, .big_endian = false, .id = [](std::uint64_t n) {
-                     return static_cast<std::uint16_t>(n < 20 ? 30000 + n : n - 19);
-                   }});
-  ASSERT_TRUE(start());
+  FakeCamera fake({.id = [](std::uint64_t n) { return static_cast<std::uint16_t>(n < 20 ? 30000 + n : n - 19); }});
+  start();
   ASSERT_TRUE(collector_->wait_for(60));
   source_->stop();
   const auto& frames = collector_->finish();
@@ -98,10 +78,8 @@ TEST_F(GenicamLossTest, StartsANewWindowWhenTheCounterIsReset) {
 
 TEST_F(GenicamLossTest, CountsFramesThatThePipelineCannotTake) {
   FakeCamera fake;
-  source_ = std::make_unique<GenicamSource>(options_for());
-  const auto info = source_->open();
-  ASSERT_TRUE(info) << info.error().message;
-  pipeline::FrameInlet inlet(info->format, 1, 4);  // nobody takes frames out
+  open();
+  pipeline::FrameInlet inlet(info_.format, 1, 4);  // nobody takes frames out
   ASSERT_TRUE(source_->start(inlet));
   const rt::LossCounters& losses = inlet.losses();
   EXPECT_TRUE(
@@ -112,22 +90,19 @@ TEST_F(GenicamLossTest, CountsFramesThatThePipelineCannotTake) {
 
 TEST_F(GenicamLossTest, RefusesFramesOfAnotherSize) {
   FakeCamera fake;
-  source_ = std::make_unique<GenicamSource>(options_for());
-  const auto info = source_->open();
-  ASSERT_TRUE(info) << info.error().message;
-  Collector collector(info->format);
+  open();
   fake.write_register(ARV_FAKE_CAMERA_REGISTER_HEIGHT, kHeight / 2);
-  ASSERT_TRUE(source_->start(collector.inlet()));
-  ASSERT_TRUE(eventually([&] { return collector.inlet().losses().value(LossCause::kBadFrame) >= 10; }));
+  collect();
+  ASSERT_TRUE(eventually([&] { return lost(LossCause::kBadFrame) >= 10; }));
   source_->stop();
-  EXPECT_EQ(collector.count(), 0U);
+  EXPECT_EQ(collector_->count(), 0U);
 }
 
 TEST_F(GenicamLossTest, ReopensACameraThatComesBack) {
   auto fake = std::make_unique<FakeCamera>();
   CameraOptions options = options_for();
   options.reconnect_after_ms = 300;
-  ASSERT_TRUE(start(options));
+  start(options);
   ASSERT_TRUE(collector_->wait_for(20));
   fake->kill();
   ASSERT_TRUE(eventually([&] { return source_->state() == SourceState::kLost; }));
@@ -152,13 +127,12 @@ TEST_F(GenicamLossTest, ReopensACameraThatComesBack) {
 // Rebooted within the watchdog's patience: it answers, but knows nothing of this program.
 TEST_F(GenicamLossTest, ReopensACameraThatRebootedAtOnce) {
   auto fake = std::make_unique<FakeCamera>();
-  ASSERT_TRUE(start());
+  start();
   ASSERT_TRUE(collector_->wait_for(20));
   fake->kill();
   fake = std::make_unique<FakeCamera>();
   ASSERT_TRUE(eventually([&] { return source_->reconnects() == 1; }));
-  const std::uint64_t before = collector_->count();
-  EXPECT_TRUE(collector_->wait_for(before + 20));
+  EXPECT_TRUE(wait_for_more(20));
   EXPECT_EQ(lost_by(LostCause::kControlLost) + lost_by(LostCause::kNoAnswer), 1U);
   source_->stop();
 }
@@ -167,12 +141,11 @@ TEST_F(GenicamLossTest, ReopensACameraThatAnswersButSendsNothing) {
   FakeCamera fake;
   CameraOptions options = options_for();
   options.reconnect_after_ms = 400;
-  ASSERT_TRUE(start(options));
+  start(options);
   ASSERT_TRUE(collector_->wait_for(10));
   fake.write_register(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);
   ASSERT_TRUE(eventually([&] { return source_->reconnects() == 1; }));
-  const std::uint64_t before = collector_->count();
-  EXPECT_TRUE(collector_->wait_for(before + 10)) << "it was told to send again";
+  EXPECT_TRUE(wait_for_more(10)) << "it was told to send again";
   EXPECT_TRUE(eventually([&] { return source_->state() == SourceState::kStreaming; }));
   EXPECT_EQ(changes(), (std::vector<std::string>{"!camera stalled", "!camera lost (stalled)", "camera opened again"}));
   source_->stop();
@@ -182,7 +155,7 @@ TEST_F(GenicamLossTest, TellsThatFramesComeAgainAfterAStall) {
   FakeCamera fake;
   CameraOptions options = options_for();
   options.reconnect_after_ms = 60'000;
-  ASSERT_TRUE(start(options));
+  start(options);
   ASSERT_TRUE(collector_->wait_for(10));
   fake.write_register(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);
   ASSERT_TRUE(eventually([&] { return source_->state() == SourceState::kStalled; }));
@@ -197,7 +170,7 @@ TEST_F(GenicamLossTest, SaysThatItStallsWithoutReopeningWhenToldSo) {
   FakeCamera fake;
   CameraOptions options = options_for();
   options.reconnect_after_ms = 0;
-  ASSERT_TRUE(start(options));
+  start(options);
   ASSERT_TRUE(collector_->wait_for(10));
   fake.write_register(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);  // connected, but silent
   EXPECT_TRUE(eventually([&] { return source_->state() == SourceState::kStalled; }));
@@ -207,19 +180,18 @@ TEST_F(GenicamLossTest, SaysThatItStallsWithoutReopeningWhenToldSo) {
 
 TEST_F(GenicamLossTest, TakesControlBackWhenItWasTakenAway) {
   FakeCamera fake;
-  ASSERT_TRUE(start());
+  start();
   ASSERT_TRUE(collector_->wait_for(10));
   fake.take_control_away();
   ASSERT_TRUE(eventually([&] { return source_->reconnects() >= 1; }));
-  const std::uint64_t before = collector_->count();
-  EXPECT_TRUE(collector_->wait_for(before + 10));
+  EXPECT_TRUE(wait_for_more(10));
   EXPECT_EQ(lost_by(LostCause::kControlLost), 1U);
   source_->stop();
 }
 
 TEST_F(GenicamLossTest, StopsInBoundedTimeWhenTheCameraIsGone) {
   FakeCamera fake;
-  ASSERT_TRUE(start());
+  start();
   ASSERT_TRUE(collector_->wait_for(10));
   fake.kill();
   const std::int64_t before_ns = monotonic_ns();

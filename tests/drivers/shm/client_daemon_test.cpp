@@ -2,18 +2,17 @@
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 
-#include <chrono>
 #include <filesystem>
 
 #include "src/capture/capture.hpp"
 #include "tests/drivers/shm/client_rig.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
-#include "tests/tools/bolod/process.hpp"
+#include "tests/tools/program.hpp"
 
 namespace bolo::shm {
 namespace {
 
-using testing_tools::Process;
+using tools::test::Program;
 
 void write_capture(const std::filesystem::path& file, Geometry geometry) {
   capture::CaptureInfo info;
@@ -41,10 +40,10 @@ class ClientDaemon : public testing::Test {
   }
 
   // The daemon with a capture of this size for a camera, again and again.
-  std::unique_ptr<Process> start(Geometry geometry, const std::string& log) {
+  std::unique_ptr<Program> start(Geometry geometry, const std::string& log) {
     const std::string capture = folder_ / (log + ".h5");
     write_capture(capture, geometry);
-    return std::make_unique<Process>(
+    return std::make_unique<Program>(
         std::vector<std::string>{BOLO_PROGRAM, "replay", capture, "--name", name_, "--loop"}, folder_ / log);
   }
 

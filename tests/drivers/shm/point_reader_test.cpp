@@ -15,6 +15,7 @@
 #include "src/pipeline/pipeline.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/pipeline/fakes.hpp"
+#include "tests/refusal.hpp"
 
 namespace bolo::shm {
 namespace {
@@ -102,8 +103,7 @@ TEST_P(PointReaders, GiveThePublishedPlanesBits) {
   const std::vector<std::uint32_t> pixels{0, 100, 6, 167, 7, 24, 100};
   if (GetParam().maps) {
     const auto refused = open_points(name_, pixels);
-    ASSERT_FALSE(refused);
-    EXPECT_NE(refused.error().message.find("give the writer's maps"), std::string::npos);
+    expect_error(refused, {"give the writer's maps"});
   }
   auto points = open_points(name_, pixels, GetParam().maps ? maps_of(geometry) : model::PixelMaps{});
   ASSERT_TRUE(points) << points.error().message;
@@ -155,8 +155,7 @@ TEST(PointReader, WrongPointsAndNamesAreRefused) {
   ASSERT_TRUE(writer.open());
   const std::string name = unique_name("points-wrong");
   const auto outside = open_points(name, {0, 33 * 7});
-  ASSERT_FALSE(outside);
-  EXPECT_NE(outside.error().message.find("not inside the frame of 33x7"), std::string::npos) << outside.error().message;
+  expect_error(outside, {"not inside the frame of 33x7"});
   EXPECT_FALSE(open_points(name, {}));
   EXPECT_FALSE(open_points(unique_name("points-none"), {0}));
 }
@@ -170,8 +169,7 @@ TEST(PointReader, FramesThatAreChangedAroundTheSolverAreRefused) {
   writer.format.undone = true;
   ASSERT_TRUE(writer.open());
   const auto refused = open_points(name, {0});
-  ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().message.find("read the deblurred planes"), std::string::npos) << refused.error().message;
+  expect_error(refused, {"read the deblurred planes"});
 }
 
 }  // namespace

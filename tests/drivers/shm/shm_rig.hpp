@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -78,6 +79,23 @@ struct Writer {
   std::uint64_t next = 0;
   std::vector<std::uint16_t> raw;
   std::vector<std::uint16_t> deblurred;
+};
+
+// A stream under a name of the test's own and a reader of it, both open. `change`: of the writer, before it opens.
+struct Stream {
+  explicit Stream(
+      const std::string& test, Geometry geometry = {33, 7}, void (*change)(Writer&) = [](Writer&) {})
+      : name(unique_name(test)), writer(name, geometry) {
+    change(writer);
+    const Status opened = writer.open();
+    if (!opened) throw std::runtime_error(opened.error().message);
+    reader = ShmReader::open(name);
+    if (!reader) throw std::runtime_error(reader.error().message);
+  }
+
+  std::string name;
+  Writer writer;
+  Result<ShmReader> reader = failed("");
 };
 
 // Whether every value of the frame is that of frame `number`.

@@ -13,6 +13,7 @@
 #include "drivers/shm/shm_object.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/drivers/shm/unprivileged.hpp"
+#include "tests/refusal.hpp"
 
 namespace bolo::shm {
 namespace {
@@ -35,9 +36,7 @@ TEST(ShmWriters, TwoLivingWritersOfOneNameAreRefused) {
   ASSERT_TRUE(first.open());
   Writer second(name);
   const Status status = second.open();
-  ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
-  EXPECT_TRUE(contains(status.error().message, "is written by process " + std::to_string(getpid())));
+  expect_refused(status, {"is written by process " + std::to_string(getpid())});
   auto reader = ShmReader::open(name);
   ASSERT_TRUE(reader) << "the first one is unharmed";
   first.publish();
@@ -139,8 +138,7 @@ TEST(ShmWriters, NamesThatAreNoneAreNotListed) {
   for (const std::string& name : ShmReader::names()) EXPECT_EQ(name.find('\x1b'), std::string::npos);
   const auto none = ShmReader::open("a\x1b[31m\nb");
   unlink(evil.c_str());
-  ASSERT_FALSE(none);
-  EXPECT_TRUE(contains(none.error().message, "'a?[31m?b' is no name")) << none.error().message;
+  expect_error(none, {"'a?[31m?b' is no name"});
 }
 
 TEST(ShmWriters, AStoppedWritersNameIsTakenOver) {
@@ -223,9 +221,7 @@ TEST(ShmWriters, AFullFilesystemIsAClearError) {
   Writer writer(unique_name("full"), {30000, 30000});
   ShmSink sink({unique_name("full"), 60000, 0644, ""});
   const Status status = sink.open(writer.format);
-  ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
-  EXPECT_TRUE(contains(status.error().message, "/dev/shm has no room")) << status.error().message;
+  expect_refused(status, {"/dev/shm has no room"});
   EXPECT_FALSE(ShmReader::open(unique_name("full")));
 }
 

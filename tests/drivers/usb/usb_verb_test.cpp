@@ -1,27 +1,23 @@
 // `bolo usb` as its users meet it, with an emulated camera that it finds in another process.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cstdlib>
-#include <filesystem>
 
 #include <nlohmann/json.hpp>
 
 #include "tests/drivers/usb/mock_camera.hpp"
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::usb {
 namespace {
 
-namespace fs = std::filesystem;
 using nlohmann::json;
 using testing::MockCamera;
 using tools::test::Outcome;
-using tools::test::Program;
 
-class UsbVerb : public ::testing::Test {
+class UsbVerb : public tools::test::ProgramTest {
  protected:
+  UsbVerb() : ProgramTest({BOLO_PROGRAM, "usb"}) {}
   void SetUp() override {
     setenv("LD_PRELOAD", UMOCKDEV_PRELOAD, 1);              // the program itself knows nothing of it
     setenv("ASAN_OPTIONS", "verify_asan_link_order=0", 1);  // it then comes before the sanitizer's library
@@ -30,13 +26,6 @@ class UsbVerb : public ::testing::Test {
     unsetenv("LD_PRELOAD");
     unsetenv("ASAN_OPTIONS");
   }
-  Outcome run(std::vector<std::string> words) const {
-    words.insert(words.begin(), {BOLO_PROGRAM, "usb"});
-    return Program(folder_, std::move(words)).outcome();
-  }
-
-  const Scratch scratch_;
-  const fs::path folder_ = scratch_.path();
   MockCamera camera_{"SN-77"};
 };
 
@@ -71,9 +60,7 @@ TEST_F(UsbVerb, BadInputIsOneLine) {
                             {"--device", "first"},
                             {"--report", "--watch"},
                             {"--report", "--device", "09cb:0001"}}) {
-    const Outcome outcome = run(words);
-    EXPECT_EQ(outcome.exit_code, 2) << words.back();
-    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    refused(words);
   }
 }
 

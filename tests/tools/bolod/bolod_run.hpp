@@ -12,17 +12,17 @@
 
 #include "drivers/shm/shm_reader.hpp"
 #include "src/capture/capture.hpp"
-#include "tests/scratch.hpp"
-#include "tests/tools/bolod/process.hpp"
+#include "tests/tools/program.hpp"
 
 namespace bolo::daemon {
 
 using shm::ReadFrame;
 using shm::ShmReader;
-using testing_tools::eventually;
-using testing_tools::logged;
-using testing_tools::own_address;
-using testing_tools::Process;
+using tools::test::eventually;
+using tools::test::expect_good_end;
+using tools::test::logged;
+using tools::test::own_address;
+using tools::test::Program;
 using Outcome = ShmReader::Outcome;
 
 inline constexpr Geometry kGeometry{64, 24};
@@ -49,28 +49,51 @@ inline void write_capture(const std::filesystem::path& file, std::uint64_t frame
   ASSERT_TRUE(writer->close());
 }
 
-class BolodRun : public testing::Test {
+inline constexpr const char* kReplay = "type = 'replay'\nfile = 'in.h5'\n";
+
+class BolodRun : public tools::test::ProgramTest {
  protected:
   BolodRun()
-      : name_(std::string("test-") + testing::UnitTest::GetInstance()->current_test_info()->name() + "-" +
+      : ProgramTest({BOLOD_PROGRAM, "--config"}),
+        name_(std::string("test-") + testing::UnitTest::GetInstance()->current_test_info()->name() + "-" +
               std::to_string(getpid())) {
+    std::ranges::replace(name_, '/', '-');                       // of a test with a parameter
     setenv("RUNTIME_DIRECTORY", testing::TempDir().c_str(), 1);  // for the control sockets of the daemons started here
   }
   ~BolodRun() override {
     shm_unlink(("/bolo." + name_).c_str());  // of a daemon that was killed
   }
 
+  // A configuration: what is in [source], and what comes after it. Its file.
+  std::string configure(const std::string& source, const std::string& more = "") const {
+    return write("bolod.toml",
+                 "name = '" + name_ + "'\n[source]\n" + source + "[pipeline]\nlock_memory = false\n" + more);
+  }
+
   // A daemon that replays `frames` frames at their own rate.
-  std::unique_ptr<Process> start(std::uint64_t frames, const std::string& more = "") {
+  std::unique_ptr<Program> start(std::uint64_t frames, const std::string& more = "") {
     write_capture(folder_ / "in.h5", frames);
     return start_again(more);
   }
-  std::unique_ptr<Process> start_again(const std::string& more = "", const std::string& log = "log") {
-    const std::string file = folder_ / "bolod.toml";
-    std::ofstream(file) << "name = '" << name_ << "'\n[source]\ntype = 'replay'\nfile = 'in.h5'\n"
-                        << "[pipeline]\nlock_memory = false\n"
-                        << more;
-    return std::make_unique<Process>(std::vector<std::string>{BOLOD_PROGRAM, "--config", file}, folder_ / log);
+  std::unique_ptr<Program> start_again(const std::string& more = "", const std::string& log = "log") {
+    return start_with(configure(kReplay, more), log);
+  }
+  std::unique_ptr<Program> start_with(const std::string& config, const std::string& log = "log") const {
+    return std::make_unique<Program>(std::vector<std::string>{BOLOD_PROGRAM, "--config", config}, file(log));
+  }
+
+  // A camera at `address` that serves a capture again and again.
+  std::unique_ptr<Program> start_camera(const std::string& address, const std::vector<std::string>& more = {},
+                                        const std::string& capture = "in.h5") const {
+    std::vector<std::string> words{BOLO_PROGRAM, "fakecam", folder_ / capture, "--interface", address, "--loop"};
+    words.insert(words.end(), more.begin(), more.end());
+    auto camera = std::make_unique<Program>(words, file("camera"));
+    EXPECT_TRUE(eventually([&] { return camera->out().find("serving") != std::string::npos; })) << camera->err();
+    return camera;
+  }
+  // The source that it is to a daemon.
+  static std::string source_at(const std::string& address, const std::string& more) {
+    return "address = '" + address + "'\nwidth = 64\nheight = 24\n" + more;
   }
 
   Result<ShmReader> attach() const {
@@ -80,7 +103,6 @@ class BolodRun : public testing::Test {
   }
 
   std::string name_;
-  Scratch folder_;
 };
 
 }  // namespace bolo::daemon

@@ -66,8 +66,7 @@ TEST_F(BolodRun, SigtermEndsItInGoodOrder) {
   ASSERT_TRUE(logged(*daemon, "reload: nothing to take up"));
   const std::uint64_t before = reader->published();
   EXPECT_NE(reader->read(before + 5, frame, 60'000), Outcome::kClosed) << "SIGHUP does not end it";
-  daemon->signal(SIGTERM);
-  EXPECT_EQ(daemon->wait(), 0) << daemon->err();
+  expect_good_end(*daemon);
   EXPECT_TRUE(reader->closed());
   EXPECT_EQ(reader->header().state, std::uint32_t{BOLO_SHM_CLOSED});
   EXPECT_FALSE(ShmReader::open(name_)) << "the name is free again";
@@ -98,19 +97,16 @@ TEST_F(BolodRun, AKilledDaemonIsFollowedByAnother) {
     auto reader = ShmReader::open(name_);
     return reader && reader->header().writer_pid == second->pid() && reader->read(0, frame, 100) == Outcome::kFrame;
   })) << second->err();
-  second->signal(SIGTERM);
-  EXPECT_EQ(second->wait(), 0);
+  expect_good_end(*second);
 }
 
 TEST_F(BolodRun, AFastReplayLosesNothing) {
   write_capture(folder_ / "in.h5", 400);
-  std::ofstream(folder_ / "fast.toml") << "name = '" << name_
-                                       << "'\n[source]\ntype = 'replay'\nfile = 'in.h5'\npace = 'fast'\n"
-                                       << "[deblur]\nsolver = 'inverse'\nlookahead = 1\n";
-  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "fast.toml"}, folder_ / "fast");
-  EXPECT_EQ(daemon.wait(), 0);
-  EXPECT_NE(daemon.err().find(" info: ended: 399 frames in, 399 out, lost: 1 missing;"), std::string::npos)
-      << daemon.err();
+  const auto daemon =
+      start_with(configure(std::string(kReplay) + "pace = 'fast'\n", "[deblur]\nsolver = 'inverse'\nlookahead = 1\n"));
+  EXPECT_EQ(daemon->wait(), 0);
+  EXPECT_NE(daemon->err().find(" info: ended: 399 frames in, 399 out, lost: 1 missing;"), std::string::npos)
+      << daemon->err();
 }
 
 TEST_F(BolodRun, StatShowsARunningDaemon) {
@@ -119,7 +115,7 @@ TEST_F(BolodRun, StatShowsARunningDaemon) {
   ASSERT_TRUE(reader) << daemon->err();
   ReadFrame frame;
   ASSERT_NE(reader->read(20, frame, 60'000), Outcome::kTimeout);
-  Process json({BOLO_PROGRAM, "stat", name_, "--once", "--json", "--interval", "0.3"}, folder_ / "json");
+  Program json({BOLO_PROGRAM, "stat", name_, "--once", "--json", "--interval", "0.3"}, folder_ / "json");
   ASSERT_EQ(json.wait(), 0) << json.err();
   const auto object = nlohmann::json::parse(json.out());
   EXPECT_EQ(object["name"], name_);
@@ -134,15 +130,15 @@ TEST_F(BolodRun, StatShowsARunningDaemon) {
                 efforts["raw"].get<int>(),
             0)
       << object;
-  Process table({BOLO_PROGRAM, "stat", name_, "--once", "--interval", "0.1"}, folder_ / "table");
+  Program table({BOLO_PROGRAM, "stat", name_, "--once", "--interval", "0.1"}, folder_ / "table");
   ASSERT_EQ(table.wait(), 0) << table.err();
   EXPECT_NE(table.out().find("Test camera 42, 64x24 at 200 Hz"), std::string::npos) << table.out();
   EXPECT_NE(table.out().find("pool_exhausted"), std::string::npos);
   EXPECT_NE(table.out().find("effort   "), std::string::npos) << table.out();
   EXPECT_NE(table.out().find("stages   arrival"), std::string::npos) << table.out();
-  Process unknown({BOLO_PROGRAM, "stat", "no-such-daemon"}, folder_ / "unknown");
+  Program unknown({BOLO_PROGRAM, "stat", "no-such-daemon"}, folder_ / "unknown");
   EXPECT_EQ(unknown.wait(), 2);
-  Process nuc({BOLO_PROGRAM, "nuc", name_}, folder_ / "nuc");
+  Program nuc({BOLO_PROGRAM, "nuc", name_}, folder_ / "nuc");
   EXPECT_EQ(nuc.wait(), 1);
   EXPECT_NE(nuc.err().find("no camera to correct"), std::string::npos) << nuc.err();
   EXPECT_NE(unknown.err().find(name_), std::string::npos) << "the names that exist: " << unknown.err();
@@ -151,10 +147,9 @@ TEST_F(BolodRun, StatShowsARunningDaemon) {
 TEST_F(BolodRun, StatFollowsARestart) {
   auto daemon = start(20'000);
   ASSERT_TRUE(attach());
-  Process stat({BOLO_PROGRAM, "stat", name_, "--json", "--interval", "0.1"}, folder_ / "stat");
+  Program stat({BOLO_PROGRAM, "stat", name_, "--json", "--interval", "0.1"}, folder_ / "stat");
   ASSERT_TRUE(eventually([&] { return stat.out().find("\"running\"") != std::string::npos; })) << stat.err();
-  daemon->signal(SIGTERM);
-  EXPECT_EQ(daemon->wait(), 0);
+  expect_good_end(*daemon);
   ASSERT_TRUE(eventually([&] { return stat.out().find("\"closed\"") != std::string::npos; }));
   daemon = start_again();
   ASSERT_TRUE(eventually([&] {
@@ -163,23 +158,17 @@ TEST_F(BolodRun, StatFollowsARestart) {
   })) << stat.out();
   stat.signal(SIGINT);
   EXPECT_EQ(stat.wait(), 0);
-  daemon->signal(SIGTERM);
-  EXPECT_EQ(daemon->wait(), 0);
+  expect_good_end(*daemon);
 }
 
 // Over the network, from the camera that replays: what it sends is what readers get, before it is lost and after.
 TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
   write_capture(folder_ / "in.h5", 90);  // below kLostId: nothing is missing
   const std::string address = own_address();
-  const std::vector<std::string> serve{BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address, "--loop"};
-  auto camera = std::make_unique<Process>(serve, folder_ / "camera");
-  ASSERT_TRUE(eventually([&] { return camera->out().find("serving") != std::string::npos; })) << camera->err();
-  std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address
-                                        << "'\nwidth = 64\nheight = 24\nreconnect_after_ms = 500\n"
-                                        << "[pipeline]\nlock_memory = false\n";
-  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
+  auto camera = start_camera(address);
+  const auto daemon = start_with(configure(source_at(address, "reconnect_after_ms = 500\n")));
   auto reader = attach();
-  ASSERT_TRUE(reader) << daemon.err();
+  ASSERT_TRUE(reader) << daemon->err();
 
   ReadFrame frame;
   const auto good_frames = [&](int wanted) {
@@ -197,27 +186,27 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
     }
     return good;
   };
-  EXPECT_EQ(good_frames(50), 50) << daemon.err();
+  EXPECT_EQ(good_frames(50), 50) << daemon->err();
   camera->signal(SIGKILL);
-  ASSERT_TRUE(logged(daemon, "camera lost")) << daemon.err();
+  ASSERT_TRUE(logged(*daemon, "camera lost")) << daemon->err();
   EXPECT_FALSE(reader->closed()) << "a lost camera does not end the daemon";
-  camera = std::make_unique<Process>(serve, folder_ / "camera");
-  EXPECT_EQ(good_frames(50), 50) << daemon.err();
-  ASSERT_TRUE(logged(daemon, "camera opened again"));
+  camera = nullptr;
+  camera = start_camera(address);
+  EXPECT_EQ(good_frames(50), 50) << daemon->err();
+  ASSERT_TRUE(logged(*daemon, "camera opened again"));
   EXPECT_GT(reader->header().restarts, 0U);
-  Process stat({BOLO_PROGRAM, "stat", name_, "--once", "--json", "--interval", "0.1"}, folder_ / "stat");
+  Program stat({BOLO_PROGRAM, "stat", name_, "--once", "--json", "--interval", "0.1"}, folder_ / "stat");
   ASSERT_EQ(stat.wait(), 0) << stat.err();
   const auto told = nlohmann::json::parse(stat.out())["camera"];
   EXPECT_EQ(told["state"], "streaming") << told;
   EXPECT_EQ(told["lost"]["no_answer"], 1) << told;
   EXPECT_EQ(told["reopened"], 1) << told;
   EXPECT_GT(told["received_packets"], 100) << told;
-  Process nuc({BOLO_PROGRAM, "nuc", name_}, folder_ / "nuc");
+  Program nuc({BOLO_PROGRAM, "nuc", name_}, folder_ / "nuc");
   EXPECT_EQ(nuc.wait(), 0) << nuc.err();
-  EXPECT_TRUE(logged(daemon, "NUC (asked for)")) << daemon.err();
+  EXPECT_TRUE(logged(*daemon, "NUC (asked for)")) << daemon->err();
   EXPECT_TRUE(eventually([&] { return reader->camera()->corrections == 1; }));
-  daemon.signal(SIGTERM);
-  EXPECT_EQ(daemon.wait(), 0) << daemon.err();
+  expect_good_end(*daemon);
 }
 
 // A camera that sends 180 frames a second where 200 are configured: its own clock's period is what frames are solved
@@ -226,16 +215,11 @@ TEST_F(BolodRun, ACamerasFramesReachAReaderBeforeAndAfterItIsLost) {
 TEST_F(BolodRun, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
   write_capture(folder_ / "in.h5", 90, 100);
   const std::string address = own_address();
-  Process camera({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address, "--loop", "--rate", "180"},
-                 folder_ / "camera");
-  ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();
-  std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address
-                                        << "'\nwidth = 64\nheight = 24\ntrue_rate_hz = 200\n"
-                                        << "[deblur]\nsolver = 'inverse'\ntau_s = 0.011\n"
-                                        << "[pipeline]\nlock_memory = false\n";
-  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
+  const auto camera = start_camera(address, {"--rate", "180"});
+  const auto daemon = start_with(
+      configure(source_at(address, "true_rate_hz = 200\n"), "[deblur]\nsolver = 'inverse'\ntau_s = 0.011\n"));
   auto reader = attach();
-  ASSERT_TRUE(reader) << daemon.err();
+  ASSERT_TRUE(reader) << daemon->err();
   const auto added = [](double rate_hz) {
     const double a = std::exp(-1.0 / (rate_hz * 0.011));
     return 100.0 * a / (1.0 - a);
@@ -245,7 +229,7 @@ TEST_F(BolodRun, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
   for (std::uint64_t number = reader->published(), read = 0; read < 2000; ++number) {
     const Outcome outcome = reader->read(number, frame, 60'000);
     if (outcome == Outcome::kOverwritten) continue;
-    ASSERT_EQ(outcome, Outcome::kFrame) << daemon.err();
+    ASSERT_EQ(outcome, Outcome::kFrame) << daemon->err();
     ++read;
     const unsigned place =
         (frame.raw[0] - static_cast<unsigned>(kFirstId)) / 100;  // in the capture, which begins again
@@ -253,10 +237,9 @@ TEST_F(BolodRun, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
     last = static_cast<double>(frame.deblurred[0]) - frame.raw[0];
     if (std::abs(last - added(180.0)) < 2.0) break;
   }
-  EXPECT_NEAR(last, added(180.0), 2.0) << "200 Hz would add " << added(200.0) << '\n' << daemon.err();
-  EXPECT_TRUE(logged(daemon, "180 frames come a second, not 200")) << daemon.err();
-  daemon.signal(SIGTERM);
-  EXPECT_EQ(daemon.wait(), 0) << daemon.err();
+  EXPECT_NEAR(last, added(180.0), 2.0) << "200 Hz would add " << added(200.0) << '\n' << daemon->err();
+  EXPECT_TRUE(logged(*daemon, "180 frames come a second, not 200")) << daemon->err();
+  expect_good_end(*daemon);
 }
 
 }  // namespace

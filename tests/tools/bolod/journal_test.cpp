@@ -55,6 +55,8 @@ std::string received(int socket) {
   }
 }
 
+constexpr const char* kJournal = "[log]\nformat = 'journal'\n";
+
 class Journal : public BolodRun {
  protected:
   // All entries so far, in the journal's own form: a line a field, entries apart by an empty line.
@@ -67,27 +69,16 @@ class Journal : public BolodRun {
     const std::size_t begin = before == std::string::npos ? 0 : before + 2;
     return entries_.substr(begin, entries_.find("\n\n", at) - begin);
   }
-  void configure(const std::string& log) {
-    write_capture(folder_ / "in.h5", 200);
-    std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\ntype = 'replay'\nfile = 'in.h5'\n"
-                                          << "[pipeline]\nlock_memory = false\n"
-                                          << log;
-  }
-  std::unique_ptr<Process> run() const {
-    return std::make_unique<Process>(std::vector<std::string>{BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"},
-                                     folder_ / "log");
-  }
 
   UniqueFd journal_;
   std::string entries_;
 };
 
 TEST_F(Journal, GetsEventsWithTheirCounts) {
-  configure("[log]\nformat = 'journal'\n");
-  std::unique_ptr<Process> daemon;
+  std::unique_ptr<Program> daemon;
   const std::string problem = with_own_run([&] {
     journal_ = listen_at(kSocket);
-    daemon = run();
+    daemon = start(200, kJournal);
   });
   if (!problem.empty()) GTEST_SKIP() << "no /run of our own can be had here: " << problem;
   ASSERT_TRUE(eventually([&] { return !entry_of("end").empty(); })) << entries() << daemon->err();
@@ -106,16 +97,14 @@ TEST_F(Journal, GetsEventsWithTheirCounts) {
 // Each reload is a message; the journal's socket holds a few that nobody takes. Signs of life are no messages: they go
 // on.
 TEST_F(Journal, OneThatHangsKeepsNoSignOfLifeBack) {
-  configure("[log]\nformat = 'journal'\n");
-  write_capture(folder_ / "in.h5", 40'000);  // 200 s
   const std::string manager_path = folder_ / "notify";
   const UniqueFd manager = listen_at(manager_path);
   setenv("NOTIFY_SOCKET", manager_path.c_str(), 1);
   setenv("WATCHDOG_USEC", "400000", 1);
-  std::unique_ptr<Process> daemon;
+  std::unique_ptr<Program> daemon;
   const std::string problem = with_own_run([&] {
     journal_ = listen_at(kSocket);
-    daemon = run();
+    daemon = start(40'000, kJournal);  // 200 s
   });
   unsetenv("NOTIFY_SOCKET");
   unsetenv("WATCHDOG_USEC");
@@ -139,23 +128,20 @@ TEST_F(Journal, OneThatHangsKeepsNoSignOfLifeBack) {
     told.clear();
     ASSERT_TRUE(hears("WATCHDOG=1"));
   }
-  daemon->signal(SIGTERM);
-  EXPECT_EQ(daemon->wait(), 0);
+  expect_good_end(*daemon);
 }
 
 TEST_F(Journal, WithoutAJournalStandardErrorGetsItsForm) {
-  configure("[log]\nformat = 'journal'\n");
-  std::unique_ptr<Process> daemon;
-  const std::string problem = with_own_run([&] { daemon = run(); });
+  std::unique_ptr<Program> daemon;
+  const std::string problem = with_own_run([&] { daemon = start(200, kJournal); });
   if (!problem.empty()) GTEST_SKIP() << "no /run of our own can be had here: " << problem;
   EXPECT_EQ(daemon->wait(), 0);
   EXPECT_NE(daemon->err().find("<6>ended: 199 frames in"), std::string::npos) << daemon->err();
 }
 
 TEST_F(Journal, AProgramOfATerminalWritesText) {
-  configure("");
   setenv("JOURNAL_STREAM", "8:1", 1);  // inherited from a service that is not this program's
-  const auto daemon = run();
+  const auto daemon = start(200);
   EXPECT_EQ(daemon->wait(), 0);
   unsetenv("JOURNAL_STREAM");
   EXPECT_NE(daemon->err().find(" info: ended: 199 frames in"), std::string::npos) << daemon->err();

@@ -91,8 +91,7 @@ TEST_F(Metrics, TellWhatBecameOfTheFrames) {
   std::ofstream(folder_ / "metrics.txt") << text;
   const std::string lint = "promtool check metrics < '" + (folder_ / "metrics.txt").string() + "' > '" +
                            (folder_ / "lint.txt").string() + "' 2>&1";
-  daemon->signal(SIGTERM);
-  EXPECT_EQ(daemon->wait(), 0) << daemon->err();
+  expect_good_end(*daemon);
   if (std::system("command -v promtool > /dev/null") != 0) GTEST_SKIP() << "promtool (package prometheus) is missing";
   EXPECT_EQ(std::system(lint.c_str()), 0)
       << (std::ostringstream() << std::ifstream(folder_ / "lint.txt").rdbuf()).str();
@@ -100,24 +99,18 @@ TEST_F(Metrics, TellWhatBecameOfTheFrames) {
 
 TEST_F(Metrics, TellOfTheCamera) {
   write_capture(folder_ / "in.h5", 90);
-  Process camera({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address_, "--loop"}, folder_ / "camera");
-  ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();
-  std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address_
-                                        << "'\nwidth = 64\nheight = 24\nreconnect_after_ms = 500\n"
-                                        << "[pipeline]\nlock_memory = false\n"
-                                        << section();
-  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
+  const auto camera = start_camera(address_);
+  const auto daemon = start_with(configure(source_at(address_, "reconnect_after_ms = 500\n"), section()));
   const auto told = [&](const std::string& series, double wanted) {
     return eventually([&] { return value(scrape(address_), series) == wanted; });
   };
-  EXPECT_TRUE(told("bolo_camera_state{state=\"streaming\"}", 1.0)) << daemon.err();
+  EXPECT_TRUE(told("bolo_camera_state{state=\"streaming\"}", 1.0)) << daemon->err();
   const std::string text = scrape(address_);
   EXPECT_EQ(value(text, "bolo_camera_state{state=\"lost\"}"), 0.0) << text;
   EXPECT_EQ(value(text, "bolo_camera_lost_total{cause=\"no_answer\"}"), 0.0);
   EXPECT_EQ(value(text, "bolo_camera_reconnects_total"), 0.0);
   EXPECT_TRUE(eventually([&] { return value(scrape(address_), "bolo_camera_packets_received_total") > 0.0; }));
-  daemon.signal(SIGTERM);
-  EXPECT_EQ(daemon.wait(), 0) << daemon.err();
+  expect_good_end(*daemon);
 }
 
 TEST_F(Metrics, NothingElseIsAnswered) {
@@ -145,19 +138,15 @@ TEST_F(Metrics, IdleConnectionsStarveNobody) {
 TEST_F(Metrics, ATakenPortOnlyWarnsAndIsTriedAgain) {
   const auto first = start(20'000, section());
   ASSERT_TRUE(eventually([&] { return !scrape(address_).empty(); })) << first->err();
-  std::ofstream(folder_ / "second.toml") << "name = '" << name_
-                                         << "-second'\n[source]\ntype = 'replay'\nfile = 'in.h5'\n"
-                                         << "[pipeline]\nlock_memory = false\n"
-                                         << section();
-  Process second({BOLOD_PROGRAM, "--config", folder_ / "second.toml"}, folder_ / "second");
-  ASSERT_TRUE(eventually([&] { return ShmReader::open(name_ + "-second").has_value(); })) << second.err();
-  EXPECT_TRUE(logged(second, "cannot listen at " + address_ + ":9464 (Address already in use)")) << second.err();
-  first->signal(SIGTERM);
-  EXPECT_EQ(first->wait(), 0);
-  EXPECT_TRUE(eventually([&] { return scrape(address_).find(name_ + "-second") != std::string::npos; }))
-      << second.err();
-  second.signal(SIGTERM);
-  EXPECT_EQ(second.wait(), 0) << second.err();
+  const std::string other = name_ + "-second";
+  const auto second = start_with(write("second.toml", "name = '" + other + "'\n[source]\n" + kReplay +
+                                                          "[pipeline]\nlock_memory = false\n" + section()),
+                                 "second");
+  ASSERT_TRUE(eventually([&] { return ShmReader::open(other).has_value(); })) << second->err();
+  EXPECT_TRUE(logged(*second, "cannot listen at " + address_ + ":9464 (Address already in use)")) << second->err();
+  expect_good_end(*first);
+  EXPECT_TRUE(eventually([&] { return scrape(address_).find(other) != std::string::npos; })) << second->err();
+  expect_good_end(*second);
 }
 
 }  // namespace

@@ -1,43 +1,28 @@
 // Real recordings, the whole way: fake camera, GigE Vision packets, bolod, shared memory, a reader. Every raw plane
 // that arrives is the recording's, pixel by pixel.
 #include <gtest/gtest.h>
-#include <sys/mman.h>
 
 #include <cstdlib>
 #include <filesystem>
 #include <set>
 
-#include "drivers/shm/shm_reader.hpp"
 #include "src/capture/capture.hpp"
-#include "tests/tools/bolod/process.hpp"
+#include "tests/tools/bolod/bolod_run.hpp"
 
 namespace bolo::daemon {
 namespace {
-
-using testing_tools::eventually;
-using testing_tools::own_address;
-using testing_tools::Process;
-using Outcome = shm::ShmReader::Outcome;
 
 struct Recording {
   const char* file;
   Region crop;  // of the recording's frames; the camera's sensor
 };
 
-class RealCaptures : public testing::TestWithParam<Recording> {
+class RealCaptures : public BolodRun, public testing::WithParamInterface<Recording> {
  protected:
   void SetUp() override {
     const char* data = std::getenv("BOLO_TEST_DATA");
     if (data == nullptr) GTEST_SKIP() << "BOLO_TEST_DATA is unset: no real captures";
     capture_ = std::filesystem::path(data) / "captures" / GetParam().file;
-    name_ = "real-" + std::to_string(getpid());
-    folder_ = testing::TempDir() + name_;
-    std::filesystem::create_directory(folder_);
-  }
-  void TearDown() override {
-    if (name_.empty()) return;
-    std::filesystem::remove_all(folder_);
-    shm_unlink(("/bolo." + name_).c_str());
   }
 
   // The recording's planes, cropped, row-major.
@@ -60,9 +45,7 @@ class RealCaptures : public testing::TestWithParam<Recording> {
     return all;
   }
 
-  std::string name_;
   std::filesystem::path capture_;
-  std::filesystem::path folder_;
 };
 
 TEST_P(RealCaptures, ReachAReaderPixelByPixel) {
@@ -70,35 +53,29 @@ TEST_P(RealCaptures, ReachAReaderPixelByPixel) {
   const std::string address = own_address();
   const std::string region = std::to_string(crop.x) + "," + std::to_string(crop.y) + "," + std::to_string(crop.width) +
                              "," + std::to_string(crop.height);
-  Process camera(
-      {BOLO_PROGRAM, "fakecam", capture_, "--interface", address, "--rate", "100", "--loop", "--crop", region},
-      folder_ / "camera");
-  ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();
-  std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address
-                                        << "'\nwidth = 0\nheight = 0\nrate_hz = 100.0\nir_format = 'leave'\n"
-                                        << "[pipeline]\nlock_memory = false\n";
-  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
-  Result<shm::ShmReader> reader = shm::ShmReader::open(name_);
-  ASSERT_TRUE(eventually([&] { return (reader = shm::ShmReader::open(name_)).has_value(); })) << daemon.err();
+  const auto camera = start_camera(address, {"--rate", "100", "--crop", region}, capture_);
+  const auto daemon = start_with(
+      configure("address = '" + address + "'\nwidth = 0\nheight = 0\nrate_hz = 100.0\nir_format = 'leave'\n"));
+  auto reader = attach();
+  ASSERT_TRUE(reader) << daemon->err();
   EXPECT_EQ(reader->header().width, static_cast<std::uint32_t>(crop.width));
   EXPECT_EQ(reader->header().height, static_cast<std::uint32_t>(crop.height));
 
   const auto recorded = planes();
   std::set<std::vector<std::uint16_t>> seen;
-  shm::ReadFrame frame;
+  ReadFrame frame;
   std::size_t good = 0;
   std::size_t wrong = 0;
   for (std::uint64_t number = reader->published(); good + wrong < 200; ++number) {
     const Outcome outcome = reader->read(number, frame, 60'000);
     if (outcome == Outcome::kOverwritten) continue;
-    ASSERT_EQ(outcome, Outcome::kFrame) << daemon.err();
+    ASSERT_EQ(outcome, Outcome::kFrame) << daemon->err();
     recorded.contains(frame.raw) ? ++good : ++wrong;
     seen.insert(frame.raw);
   }
   EXPECT_EQ(wrong, 0U);
   EXPECT_GT(seen.size(), recorded.size() / 2) << "frames repeat";
-  daemon.signal(SIGTERM);
-  EXPECT_EQ(daemon.wait(), 0) << daemon.err();
+  expect_good_end(*daemon);
 }
 
 INSTANTIATE_TEST_SUITE_P(Captures, RealCaptures,

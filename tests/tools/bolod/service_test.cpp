@@ -104,7 +104,7 @@ class Service : public BolodRun {
  protected:
   Service() : manager_(folder_ / "notify") { EXPECT_TRUE(manager_.bound()); }
   // Waits for a word in the daemon's log, and goes on listening meanwhile: the daemon waits for us when we don't.
-  bool logged(const Process& daemon, const std::string& words) {
+  bool logged(const Program& daemon, const std::string& words) {
     return eventually([&] {
       manager_.lines();
       return daemon.err().find(words) != std::string::npos;
@@ -122,16 +122,14 @@ TEST_F(Service, HearsThatItIsReadyThatItLivesAndThatItEnds) {
   EXPECT_TRUE(manager_.heard("WATCHDOG=1", 5)) << daemon->err();
   EXPECT_TRUE(manager_.heard_part("frames/s, latency p50 "));
   EXPECT_EQ(manager_.count("STOPPING=1"), 0U);
-  daemon->signal(SIGTERM);
-  EXPECT_EQ(daemon->wait(), 0) << daemon->err();
+  expect_good_end(*daemon);
   EXPECT_EQ(manager_.count("STOPPING=1"), 1U);
   EXPECT_EQ(manager_.count("READY=1"), 1U);
 }
 
 TEST_F(Service, HearsNothingOfAReadyDaemonWhoseCameraIsAbsent) {
-  std::ofstream(folder_ / "absent.toml") << "name = '" << name_ << "'\n[source]\naddress = '127.99.99.99'\n";
-  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "absent.toml"}, folder_ / "log");
-  EXPECT_EQ(daemon.wait(), 1) << "2 would keep it from being started again: " << daemon.err();
+  const auto daemon = start_with(configure("address = '127.99.99.99'\n"));
+  EXPECT_EQ(daemon->wait(), 1) << "2 would keep it from being started again: " << daemon->err();
   EXPECT_EQ(manager_.count("READY=1"), 0U);
 }
 
@@ -151,30 +149,24 @@ TEST_F(Service, HearsNoSignOfLifeWhileAThreadOfThePipelineHangs) {
   EXPECT_EQ(manager_.count("WATCHDOG=1"), fed);
   hang.release();
   EXPECT_TRUE(manager_.heard("WATCHDOG=1", fed + 3)) << "the pipeline goes on";
-  daemon->signal(SIGTERM);
-  EXPECT_EQ(daemon->wait(), 0) << daemon->err();
+  expect_good_end(*daemon);
 }
 
 TEST_F(Service, HearsSignsOfLifeWhileALostCameraIsLookedFor) {
   expect_feeding(false);
   write_capture(folder_ / "in.h5", 90);
   const std::string address = own_address();
-  Process camera({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--interface", address, "--loop"}, folder_ / "camera");
-  ASSERT_TRUE(eventually([&] { return camera.out().find("serving") != std::string::npos; })) << camera.err();
-  std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address
-                                        << "'\nwidth = 64\nheight = 24\nreconnect_after_ms = 500\n"
-                                        << "[pipeline]\nlock_memory = false\n";
-  Process daemon({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, folder_ / "log");
-  ASSERT_TRUE(manager_.heard("WATCHDOG=1", 3)) << daemon.err();
-  camera.signal(SIGKILL);
-  ASSERT_TRUE(manager_.heard_part("STATUS=camera lost; 0.0 frames/s")) << daemon.err();
+  const auto camera = start_camera(address);
+  const auto daemon = start_with(configure(source_at(address, "reconnect_after_ms = 500\n")));
+  ASSERT_TRUE(manager_.heard("WATCHDOG=1", 3)) << daemon->err();
+  camera->signal(SIGKILL);
+  ASSERT_TRUE(manager_.heard_part("STATUS=camera lost; 0.0 frames/s")) << daemon->err();
   const std::int64_t lost_ns = monotonic_ns();
   const std::size_t fed = manager_.count("WATCHDOG=1");
-  EXPECT_TRUE(manager_.heard("WATCHDOG=1", fed + 30)) << daemon.err();  // longer than any patience with a hang
+  EXPECT_TRUE(manager_.heard("WATCHDOG=1", fed + 30)) << daemon->err();  // longer than any patience with a hang
   EXPECT_GT(monotonic_ns() - lost_ns, 2'500'000'000) << "signs of life came faster than they are due";
-  EXPECT_EQ(daemon.err().find("no signs of life"), std::string::npos) << daemon.err();
-  daemon.signal(SIGTERM);
-  EXPECT_EQ(daemon.wait(), 0) << daemon.err();
+  EXPECT_EQ(daemon->err().find("no signs of life"), std::string::npos) << daemon->err();
+  expect_good_end(*daemon);
 }
 
 TEST_F(Service, HearsOfAReload) {
@@ -183,36 +175,29 @@ TEST_F(Service, HearsOfAReload) {
   ASSERT_TRUE(manager_.heard("READY=1")) << daemon->err();
   auto reader = attach();
   ASSERT_TRUE(reader);
-  const auto configure = [&](const std::string& more) {
-    std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\ntype = 'replay'\nfile = 'in.h5'\n"
-                                          << "[pipeline]\nlock_memory = false\n"
-                                          << more;
-  };
-
-  configure("[log]\nlevel = 'info'\nlevle = 'debug'\n");
+  configure(kReplay, "[log]\nlevel = 'info'\nlevle = 'debug'\n");
   daemon->signal(SIGHUP);
   ASSERT_TRUE(manager_.heard("READY=1", 2));
   EXPECT_TRUE(manager_.heard("RELOADING=1"));
   EXPECT_TRUE(manager_.heard_part("MONOTONIC_USEC="));
   EXPECT_TRUE(logged(*daemon, "unknown key 'log.levle'")) << daemon->err();
 
-  configure("queue_frames = 32\n[nuc]\ninterval_s = 60\n[log]\nlevel = 'info'\n");
+  configure(kReplay, "queue_frames = 32\n[nuc]\ninterval_s = 60\n[log]\nlevel = 'info'\n");
   daemon->signal(SIGHUP);
   EXPECT_TRUE(logged(*daemon, "reload: took up nuc.interval_s")) << daemon->err();
   EXPECT_TRUE(logged(*daemon, "reload: needs a restart: pipeline.queue_frames")) << daemon->err();
 
-  configure("[nuc]\ninterval_s = 60\n[log]\nlevel = 'error'\n");
+  configure(kReplay, "[nuc]\ninterval_s = 60\n[log]\nlevel = 'error'\n");
   daemon->signal(SIGHUP);
   ASSERT_TRUE(manager_.heard("READY=1", 4));
-  configure("[nuc]\ninterval_s = 70\n[log]\nlevel = 'error'\n");
+  configure(kReplay, "[nuc]\ninterval_s = 70\n[log]\nlevel = 'error'\n");
   daemon->signal(SIGHUP);
   ASSERT_TRUE(manager_.heard("READY=1", 5));
   EXPECT_EQ(daemon->err().find("took up log.level"), std::string::npos) << "the new level holds at once";
 
   const std::uint64_t before = reader->published();
   EXPECT_TRUE(eventually([&] { return reader->published() > before + 5; })) << "frames flow on";
-  daemon->signal(SIGTERM);
-  EXPECT_EQ(daemon->wait(), 0) << daemon->err();
+  expect_good_end(*daemon);
   EXPECT_EQ(daemon->err().find("ended:"), std::string::npos) << "information is not logged any more";
 }
 

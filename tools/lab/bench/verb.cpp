@@ -1,8 +1,6 @@
 // bolo-lab bench: how fast the deblurring is on this machine, and how near to the optimum; what readers cost the
 // daemon.
-#include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <new>
 #include <string>
 

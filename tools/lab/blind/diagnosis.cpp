@@ -1,32 +1,18 @@
 #include "tools/lab/blind/diagnosis.hpp"
 
-#include <fcntl.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <chrono>
-#include <cmath>
-#include <csignal>
 #include <cstdlib>
-#include <cstring>
 #include <fstream>
 #include <limits>
+#include <optional>
 #include <sstream>
-#include <thread>
 
 #include <nlohmann/json.hpp>
 
+#include "tools/cli/process.hpp"
+
 namespace bolo::tools::blind {
 namespace {
-
-std::vector<char*> pointers(std::vector<std::string>& words) {
-  std::vector<char*> out;
-  out.reserve(words.size() + 1);
-  for (std::string& word : words) out.push_back(word.data());
-  out.push_back(nullptr);
-  return out;
-}
 
 std::vector<std::string> words_of(const ChildWork& work) {
   std::vector<std::string> words{work.program.string(), "diagnose", "-o", work.folder.string(), "--threads", "1"};
@@ -43,24 +29,6 @@ std::vector<std::string> environment() {
   return out;
 }
 
-Result<pid_t> start(const ChildWork& work, const std::filesystem::path& log) {
-  std::vector<std::string> words = words_of(work);
-  std::vector<std::string> variables = environment();
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
-  posix_spawn_file_actions_addchdir_np(&actions, work.folder.parent_path().c_str());
-  posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
-  pid_t pid = 0;
-  const int error =
-      posix_spawn(&pid, work.program.c_str(), &actions, nullptr, pointers(words).data(), pointers(variables).data());
-  posix_spawn_file_actions_destroy(&actions);
-  if (error != 0) return failed(work.program.string() + ": cannot be started: " + std::strerror(error));
-  return pid;
-}
-
 // The last line that says something.
 std::string last_line(const std::filesystem::path& log) {
   std::ifstream in(log);
@@ -69,12 +37,6 @@ std::string last_line(const std::filesystem::path& log) {
     if (!line.empty()) last = line;
   }
   return last;
-}
-
-void end(pid_t pid) {
-  int ignored = 0;
-  kill(pid, SIGKILL);
-  waitpid(pid, &ignored, 0);
 }
 
 using nlohmann::json;
@@ -116,29 +78,21 @@ Finding finding_of(const json& report) {
 }  // namespace
 
 Status run_child(const ChildWork& work, const std::atomic<bool>& stop) {
-  const std::filesystem::path log = work.folder.parent_path() / "diagnose.log";
-  const auto pid = start(work, log);
-  if (!pid) return tl::unexpected(pid.error());
-  const auto started = std::chrono::steady_clock::now();
-  int status = 0;
-  while (true) {
-    const pid_t ended = waitpid(*pid, &status, WNOHANG);
-    if (ended == *pid) break;
-    if (ended < 0) return failed("the diagnosis was lost: " + std::string(std::strerror(errno)));
-    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - started;
-    if (stop || took.count() > work.limit_s) {
-      end(*pid);
-      return failed(took.count() > work.limit_s ? "the diagnosis took too long" : "interrupted");
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  const std::filesystem::path folder = work.folder.parent_path();
+  auto child = Process::start(
+      {.words = words_of(work), .log = folder / "diagnose", .folder = folder, .variables = environment()});
+  if (!child) return tl::unexpected(child.error());
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(work.limit_s);
+  std::optional<int> code;
+  while (!(code = child->wait(0.02))) {
+    if (stop) return failed("interrupted");
+    if (std::chrono::steady_clock::now() > deadline) return failed("the diagnosis took too long");
   }
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return {};
-  std::ostringstream what;
-  what << "the diagnosis ended with ";
-  WIFEXITED(status) ? what << "exit code " << WEXITSTATUS(status) : what << "signal " << WTERMSIG(status);
-  const std::string said = last_line(log);
-  if (!said.empty()) what << ": " << said;
-  return failed(what.str());
+  if (*code == 0) return {};
+  const std::string ending =
+      *code > 128 ? "signal " + std::to_string(*code - 128) : "exit code " + std::to_string(*code);
+  const std::string said = last_line(folder / "diagnose.err");
+  return failed("the diagnosis ended with " + ending + (said.empty() ? "" : ": " + said));
 }
 
 Result<Finding> parse_finding(const std::string& text) {

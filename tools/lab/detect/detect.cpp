@@ -1,10 +1,7 @@
 // `bolo-lab eval detect`: what deblurring is worth to object detectors.
 
 #include <algorithm>
-#include <charconv>
 #include <cstdio>
-#include <new>
-#include <sstream>
 #include <system_error>
 
 #include "src/report/text.hpp"

@@ -2,10 +2,7 @@
 
 #include <dlfcn.h>
 
-#include <algorithm>
-#include <cmath>
 #include <system_error>
-#include <utility>
 
 namespace bolo::tools::detect {
 namespace {

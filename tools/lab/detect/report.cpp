@@ -1,7 +1,6 @@
 #include "tools/lab/detect/report.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 

@@ -1,7 +1,6 @@
 #include "tools/lab/eval/faults.hpp"
 
 #include <cstdio>
-#include <filesystem>
 #include <numeric>
 #include <sstream>
 #include <string>

@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -214,7 +213,6 @@ Result<RunResult> run(const RunTask& task) {
   const Status waited = wait_for_end(**fake, task.seconds, ended);
   RunResult result;
   result.injected = (*fake)->injected();
-  result.transport = camera.transport_stats();
   result.reconnects = camera.reconnects();
   stop.store(true, std::memory_order_relaxed);
   runner.join();
@@ -224,8 +222,6 @@ Result<RunResult> run(const RunTask& task) {
   result.frames = sink.take();
   const pipeline::PipelineStats& stats = line.stats();
   for (std::size_t c = 0; c < kLossCauses; ++c) result.lost[c] = stats.inlet.losses().value(static_cast<LossCause>(c));
-  result.received = stats.inlet.received();
-  result.restarts = stats.restarts.value();
   const auto deblurred = static_cast<double>(stats.published.value() - stats.warm_up.value());
   if (deblurred > 0.0) result.deblur_ms = static_cast<double>(stats.deblur_ns.value()) * kMsPerNs / deblurred;
   result.camera = (*fake)->stats();

@@ -38,13 +38,10 @@ struct Published {
 struct RunResult {
   std::vector<Published> frames;
   Losses lost{};
-  std::uint64_t received = 0;
-  std::uint64_t restarts = 0;
   double deblur_ms = 0.0;  // of a deblurred frame, mean
   std::uint64_t reconnects = 0;
   std::vector<fakecam::InjectedFault> injected;  // as in the task's script
   fakecam::FakeCameraStats camera;
-  genicam::TransportStats transport;
   std::vector<double> latency_ms;  // first packet received to published, of each frame
   // UDP packets that this computer dropped meanwhile for want of room in a socket, whosever they were: when there are
   // any, frames may be missing that no fault took.

@@ -1,11 +1,8 @@
 // `bolo-lab eval fidelity`: which estimator is good where.
 
 #include <algorithm>
-#include <charconv>
 #include <cstdio>
-#include <new>
 #include <optional>
-#include <sstream>
 
 #include "src/report/text.hpp"
 #include "src/sim/path.hpp"

@@ -6,7 +6,6 @@
 #include <limits>
 #include <mutex>
 #include <numeric>
-#include <optional>
 #include <random>
 #include <utility>
 

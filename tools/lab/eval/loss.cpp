@@ -2,8 +2,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
-#include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>

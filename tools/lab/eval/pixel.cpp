@@ -6,7 +6,6 @@
 #include <numeric>
 #include <random>
 #include <span>
-#include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>

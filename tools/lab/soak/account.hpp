@@ -44,10 +44,8 @@ struct Mark {
   std::uint64_t streams = 0;
   std::uint64_t must_be_lost = 0;  // frames that faults took for good
   // The daemon's.
-  int life = 0;              // which process
-  std::uint64_t number = 0;  // the frame's, in publication order
+  int life = 0;  // which process
   std::uint64_t frame_id = 0;
-  faults::Losses lost{};
   // The reader's, of all lives so far.
   std::uint64_t published = 0;  // frames, that of the mark included
   std::uint64_t lost_total = 0;

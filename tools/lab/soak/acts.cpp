@@ -8,7 +8,6 @@
 #include <csignal>
 #include <fstream>
 #include <memory>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <utility>

@@ -6,9 +6,7 @@
 #include <array>
 #include <cstdio>
 #include <ctime>
-#include <fstream>
 #include <set>
-#include <thread>
 
 #include <nlohmann/json.hpp>
 

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstdio>
 #include <map>
 #include <string>
 #include <thread>
@@ -88,7 +87,6 @@ void Sampler::take_flow(Second& second) {
   for (std::size_t i = 0; i < flow.flags.size(); ++i) sum_.flags[i] += flow.flags[i];
   sum_.missed += flow.missed;
   second.undone = flow.flags[static_cast<std::size_t>(std::countr_zero(std::uint32_t{BOLO_FLAG_RAW}))];
-  second.clean = flow.grades[static_cast<std::size_t>(Grade::kClean)];
   const LatencyFigures latency = figures_of(flow.latency_ms);
   second.p50_ms = latency.p50_ms;
   second.p99_ms = latency.p99_ms;
@@ -209,7 +207,6 @@ void Books::look(const CameraBook& camera, const Watcher& watcher, double now_s)
     Mark mark = waiting_[i].mark;
     mark.at_s = now_s;
     mark.life = position->life;
-    mark.number = position->number;
     mark.frame_id = position->frame_id;
     mark.published = position->published;
     mark.lost_total = position->lost;

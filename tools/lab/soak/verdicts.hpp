@@ -37,7 +37,6 @@ struct Second {
   double at_s = 0.0;  // its end
   bool quiet = false;
   std::uint64_t frames = 0;
-  std::uint64_t clean = 0;
   std::uint64_t undone = 0;  // published as they came, for too many were waiting
   double p50_ms = 0.0;
   double p99_ms = 0.0;

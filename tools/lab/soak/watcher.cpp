@@ -209,12 +209,6 @@ void Watcher::begin_life() {
 void Watcher::count(const shm::ShmReader& reader) {
   const bolo_shm_header header = reader.header();
   for (std::size_t c = 0; c < kLossCauses; ++c) counters_.lost[c] = lost_before_[c] + header.lost[c];
-  counters_.published = published_;
-  counters_.window_restarts = header.restarts;
-  if (const auto camera = reader.camera()) {
-    counters_.reopened = camera->reopened;
-    counters_.outage_frames = camera->outage_frames;
-  }
 }
 
 void Watcher::allow(const Allowed& allowed) {

@@ -114,10 +114,6 @@ struct GoodRun {
 struct Counters {
   int life = 0;
   faults::Losses lost{};  // all lives
-  std::uint64_t published = 0;
-  std::uint64_t reopened = 0;  // of this life, as the next
-  std::uint64_t outage_frames = 0;
-  std::uint64_t window_restarts = 0;
 };
 
 class Watcher {

@@ -1,25 +1,19 @@
 // bolo bench through its executable: what it prints, not how fast anything is.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cstdlib>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 #include <vector>
 
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
 namespace {
 
-Outcome bench(std::vector<std::string> words) {
-  const Scratch scratch;
-  words.insert(words.begin(), {BOLO_LAB_PROGRAM, "bench"});
-  return Program(scratch.path(), words).outcome();
-}
+struct BenchVerb : ProgramTest {
+  BenchVerb() : ProgramTest({BOLO_LAB_PROGRAM, "bench"}) {}
+};
 
 void expect_measured(const nlohmann::json& m) {
   for (const char* key : {"solver", "isa"}) EXPECT_TRUE(m.at(key).is_string()) << m;
@@ -33,8 +27,8 @@ void expect_measured(const nlohmann::json& m) {
   EXPECT_GE(m.at("max_error_k").get<double>(), m.at("rms_error_k").get<double>());
 }
 
-TEST(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
-  const Outcome outcome = bench({"deblur", "--json", "--seconds", "0.1"});
+TEST_F(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
+  const Outcome outcome = run({"deblur", "--json", "--seconds", "0.1"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const nlohmann::json result = nlohmann::json::parse(outcome.out);
   expect_measured(result);
@@ -57,9 +51,9 @@ TEST(BenchVerb, JsonHasTheMainFiguresAndEveryVariant) {
   EXPECT_GE(result.at("machine").at("processors").get<int>(), 1);
 }
 
-TEST(BenchVerb, OptionsChooseTheMainFigures) {
+TEST_F(BenchVerb, OptionsChooseTheMainFigures) {
   const Outcome outcome =
-      bench({"deblur", "--json", "--seconds", "0.1", "--solver", "inverse", "--isa", "SSE4", "--threads", "2"});
+      run({"deblur", "--json", "--seconds", "0.1", "--solver", "inverse", "--isa", "SSE4", "--threads", "2"});
   if (outcome.exit_code == 2 && outcome.err.find("--isa SSE4") != std::string::npos) GTEST_SKIP() << outcome.err;
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const nlohmann::json result = nlohmann::json::parse(outcome.out);
@@ -68,23 +62,20 @@ TEST(BenchVerb, OptionsChooseTheMainFigures) {
   EXPECT_EQ(result.at("threads"), 2);
 }
 
-TEST(BenchVerb, WrongOptionsAreOneLineAndExitCode2) {
-  const std::vector<std::vector<std::string>> wrong = {{},
-                                                       {"kettle"},
-                                                       {"deblur", "--solver", "magic"},
-                                                       {"deblur", "--isa", "MMX"},
-                                                       {"deblur", "--threads", "0"},
-                                                       {"deblur", "--lambda", "-1"},
-                                                       {"deblur", "--seconds", "0"}};
-  for (const auto& words : wrong) {
-    const Outcome outcome = bench(words);
-    EXPECT_EQ(outcome.exit_code, 2) << (words.empty() ? "" : words.back());
-    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+TEST_F(BenchVerb, WrongOptionsAreOneLineAndExitCode2) {
+  for (const auto& words : {std::vector<std::string>{},
+                            {"kettle"},
+                            {"deblur", "--solver", "magic"},
+                            {"deblur", "--isa", "MMX"},
+                            {"deblur", "--threads", "0"},
+                            {"deblur", "--lambda", "-1"},
+                            {"deblur", "--seconds", "0"}}) {
+    refused(words);
   }
 }
 
-TEST(BenchVerb, ReadersOfAllKindsAreMeasured) {
-  const Outcome outcome = bench({"readers", "--json", "--seconds", "0"});
+TEST_F(BenchVerb, ReadersOfAllKindsAreMeasured) {
+  const Outcome outcome = run({"readers", "--json", "--seconds", "0"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const nlohmann::json result = nlohmann::json::parse(outcome.out);
   EXPECT_NE(result.at("method").get<std::string>().find("libbolo-client"), std::string::npos);

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/lab/blind/blind.hpp"
 #include "tools/lab/blind/session.hpp"
@@ -14,16 +13,14 @@ namespace {
 using nlohmann::json;
 using test::Outcome;
 
-Outcome run_blind(const Scratch& folder, const std::vector<std::string>& words) {
-  std::vector<std::string> all{BOLO_PROGRAM, "blind",    "--bolo", BOLO_PROGRAM,     "--width",
-                               "8",          "--height", "8",      "--frames-scale", "0.1"};
-  all.insert(all.end(), words.begin(), words.end());
-  return test::Program(folder.path(), all).outcome();
-}
+struct BlindVerb : test::ProgramTest {
+  BlindVerb()
+      : ProgramTest({BOLO_PROGRAM, "blind", "--bolo", BOLO_PROGRAM, "--width", "8", "--height", "8", "--frames-scale",
+                     "0.1"}) {}
+};
 
-TEST(BlindVerb, SealsDiagnosesOpensAndScores) {
-  const Scratch folder;
-  const Outcome outcome = run_blind(folder, {"--kind", "single", "--only", "row_delay", "--sessions", "2"});
+TEST_F(BlindVerb, SealsDiagnosesOpensAndScores) {
+  const Outcome outcome = run({"--kind", "single", "--only", "row_delay", "--sessions", "2"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const std::size_t sealed = outcome.out.find("sealed 2 answers: sha256 ");
   const std::size_t opened = outcome.out.find("opened: the answers are those that were sealed");
@@ -33,9 +30,8 @@ TEST(BlindVerb, SealsDiagnosesOpensAndScores) {
   EXPECT_NE(outcome.out.find("row_delay.row_delay_s"), std::string::npos) << outcome.out;
 }
 
-TEST(BlindVerb, ScoresEveryKindAsJson) {
-  const Scratch folder;
-  const Outcome outcome = run_blind(folder, {"--sessions", "1", "--json", "--imperfect"});
+TEST_F(BlindVerb, ScoresEveryKindAsJson) {
+  const Outcome outcome = run({"--sessions", "1", "--json", "--imperfect"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const json score = json::parse(outcome.out);
   EXPECT_EQ(score.at("kinds").size(), blind::kKinds);
@@ -45,11 +41,10 @@ TEST(BlindVerb, ScoresEveryKindAsJson) {
   EXPECT_EQ(score.at("sealed_sha256").get<std::string>().size(), 64U);
 }
 
-TEST(BlindVerb, TheChildCannotSeeTheAnswers) {
-  const Scratch folder;
-  const auto keep = folder / "kept";
-  const Outcome outcome = run_blind(
-      folder, {"--kind", "single", "--only", "iir", "--sessions", "1", "--seed", "424242", "--keep", keep.string()});
+TEST_F(BlindVerb, TheChildCannotSeeTheAnswers) {
+  const auto keep = folder_ / "kept";
+  const Outcome outcome =
+      run({"--kind", "single", "--only", "iir", "--sessions", "1", "--seed", "424242", "--keep", keep.string()});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const std::string seen = test::contents(keep / "single-0" / "seen.txt");
   ASSERT_NE(seen.find("capture-1.h5"), std::string::npos);
@@ -63,11 +58,9 @@ TEST(BlindVerb, TheChildCannotSeeTheAnswers) {
   EXPECT_NE(test::contents(keep / "answers.json").find("iir"), std::string::npos);
 }
 
-TEST(BlindVerb, KeptAnswersMatchTheSeal) {
-  const Scratch folder;
-  const auto keep = folder / "kept";
-  const Outcome outcome =
-      run_blind(folder, {"--kind", "effect-free", "--sessions", "1", "--json", "--keep", keep.string()});
+TEST_F(BlindVerb, KeptAnswersMatchTheSeal) {
+  const auto keep = folder_ / "kept";
+  const Outcome outcome = run({"--kind", "effect-free", "--sessions", "1", "--json", "--keep", keep.string()});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const std::string digest = json::parse(outcome.out).at("sealed_sha256");
   EXPECT_EQ(blind::sha256(test::contents(keep / "answers.json") + test::contents(keep / "nonce.txt")), digest);
@@ -75,28 +68,23 @@ TEST(BlindVerb, KeptAnswersMatchTheSeal) {
   EXPECT_TRUE(std::filesystem::exists(keep / "effect-free-0" / "report" / "report.html"));
 }
 
-TEST(BlindVerb, OneSessionDrawnAgainIsTheSame) {
-  const Scratch folder;
-  ASSERT_EQ(run_blind(folder, {"--kind", "pair", "--sessions", "3", "--keep", (folder / "a").string()}).exit_code, 0);
-  ASSERT_EQ(run_blind(folder, {"--kind", "pair", "--first", "2", "--sessions", "1", "--keep", (folder / "b").string()})
-                .exit_code,
+TEST_F(BlindVerb, OneSessionDrawnAgainIsTheSame) {
+  ASSERT_EQ(run({"--kind", "pair", "--sessions", "3", "--keep", (folder_ / "a").string()}).exit_code, 0);
+  ASSERT_EQ(run({"--kind", "pair", "--first", "2", "--sessions", "1", "--keep", (folder_ / "b").string()}).exit_code,
             0);
-  const json all = json::parse(std::ifstream(folder / "a" / "answers.json"));
-  const json one = json::parse(std::ifstream(folder / "b" / "answers.json"));
+  const json all = json::parse(std::ifstream(folder_ / "a" / "answers.json"));
+  const json one = json::parse(std::ifstream(folder_ / "b" / "answers.json"));
   EXPECT_EQ(all.at(2), one.at(0));
 }
 
-TEST(BlindVerb, WrongUsageIsRefused) {
-  const Scratch folder;
-  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{{"--kind", "double"},
-                                                                                     {"--sessions", "0"},
-                                                                                     {"--jobs", "0"},
-                                                                                     {"--magnitude", "0"},
-                                                                                     {"--frames-scale", "100"},
-                                                                                     {"--only", "nothing"}}) {
-    const Outcome outcome = run_blind(folder, words);
-    EXPECT_EQ(outcome.exit_code, 2) << words[0];
-    EXPECT_NE(outcome.err.find("bolo-lab blind: "), std::string::npos) << outcome.err;
+TEST_F(BlindVerb, WrongUsageIsRefused) {
+  for (const auto& words : {std::vector<std::string>{"--kind", "double"},
+                            {"--sessions", "0"},
+                            {"--jobs", "0"},
+                            {"--magnitude", "0"},
+                            {"--frames-scale", "100"},
+                            {"--only", "nothing"}}) {
+    refused(words, "bolo-lab blind: ");
   }
 }
 

@@ -26,7 +26,7 @@ TEST(BlindChild, GetsTheWordsOfADiagnosis) {
   work.withheld = "iir";
   ASSERT_TRUE(run_child(work, kNever));
   std::string said;
-  std::getline(std::ifstream(folder / "diagnose.log") >> std::ws, said);
+  std::getline(std::ifstream(folder / "diagnose.err") >> std::ws, said);
   EXPECT_EQ(said, "diagnose -o " + (folder / "report").string() + " --threads 1 --withhold iir " +
                       (folder / "capture-1.h5").string());
 }

@@ -1,12 +1,10 @@
 #include <fstream>
-#include <sstream>
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "src/capture/pixel_maps_io.hpp"
 #include "src/model/camera_profile.hpp"
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 #include "tools/lab/blind/session.hpp"
 
@@ -16,34 +14,20 @@ namespace {
 using nlohmann::json;
 using test::Outcome;
 
-std::string slurp(const std::filesystem::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
-
-class DiagnoseVerb : public testing::Test {
+class DiagnoseVerb : public test::ProgramTest {
  protected:
-  DiagnoseVerb() {
+  DiagnoseVerb() : ProgramTest({BOLO_PROGRAM, "diagnose"}) {
     blind::DrawOptions options;
     options.geometry = {8, 8};
     options.frames_scale = 0.1;
-    files_ = blind::write_captures(blind::draw_session(options, blind::Kind::kEffectFree, 0).value(), folder_.path())
-                 .value();
+    files_ = blind::write_captures(blind::draw_session(options, blind::Kind::kEffectFree, 0).value(), folder_).value();
   }
 
-  Outcome diagnose(const std::vector<std::string>& words) const {
-    std::vector<std::string> all{BOLO_PROGRAM, "diagnose"};
-    all.insert(all.end(), words.begin(), words.end());
-    return test::Program(folder_.path(), all).outcome();
-  }
-
-  Scratch folder_;
   std::vector<std::filesystem::path> files_;
 };
 
 TEST_F(DiagnoseVerb, WritesTheReportAndSaysWhatItFound) {
-  const Outcome outcome = diagnose({"-o", folder_ / "out", files_[0], files_[1]});
+  const Outcome outcome = run({"-o", folder_ / "out", files_[0], files_[1]});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find("Rows are sampled 28 us after one another"), std::string::npos) << outcome.out;
   EXPECT_NE(outcome.err.find("reading"), std::string::npos) << outcome.err;
@@ -53,7 +37,7 @@ TEST_F(DiagnoseVerb, WritesTheReportAndSaysWhatItFound) {
 }
 
 TEST_F(DiagnoseVerb, PrintsTheReportAsJson) {
-  const Outcome outcome = diagnose({"-o", folder_ / "out", "--json", "--withhold", "row_delay", files_[0]});
+  const Outcome outcome = run({"-o", folder_ / "out", "--json", "--withhold", "row_delay", files_[0]});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const json printed = json::parse(outcome.out);
   EXPECT_EQ(printed.at("withheld"), json::array({"row_delay"}));
@@ -64,14 +48,14 @@ TEST_F(DiagnoseVerb, PrintsTheReportAsJson) {
 TEST_F(DiagnoseVerb, AFileNameMayHaveACommaAndBlanks) {
   const auto file = folder_ / "a, b.h5";
   std::filesystem::copy_file(files_[0], file);
-  const Outcome outcome = diagnose({"-o", folder_ / "out", "--json", file});
+  const Outcome outcome = run({"-o", folder_ / "out", "--json", file});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(json::parse(outcome.out).at("inputs"), json::array({file.string()}));
 }
 
 TEST_F(DiagnoseVerb, WritesAProfileWithWhatItFound) {
   const auto file = folder_ / "learned.toml";
-  const Outcome outcome = diagnose({"-o", folder_ / "out", "--write-profile", file, files_[0]});
+  const Outcome outcome = run({"-o", folder_ / "out", "--write-profile", file, files_[0]});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find("  profile     " + file.string() +
                              "\n              maps = \"learned.h5\"\n              row_delay_s = "),
@@ -86,7 +70,8 @@ TEST_F(DiagnoseVerb, WritesAProfileWithWhatItFound) {
   ASSERT_TRUE(maps) << maps.error().message;
   EXPECT_EQ(maps->offset, (std::vector<float>{0.25F, -0.5F}));
   EXPECT_EQ(maps->row_delay_s, 2.8e-5);
-  EXPECT_NE(slurp(file).find("maps = \"learned.h5\""), std::string::npos) << "both files can be moved together";
+  EXPECT_NE(test::contents(file).find("maps = \"learned.h5\""), std::string::npos)
+      << "both files can be moved together";
 }
 
 TEST_F(DiagnoseVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {
@@ -99,7 +84,7 @@ TEST_F(DiagnoseVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {
       {"-o", files_[1] / "sub", files_[0]},                                    // a folder in a file
   };
   for (const auto& words : wrong) {
-    const Outcome outcome = diagnose(words);
+    const Outcome outcome = run(words);
     EXPECT_EQ(outcome.exit_code, 2) << words.back();
     const std::size_t last = outcome.err.rfind("bolo diagnose: ");
     ASSERT_NE(last, std::string::npos) << outcome.err;

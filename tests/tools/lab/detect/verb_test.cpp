@@ -3,37 +3,24 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
 namespace {
 
-class DetectVerb : public ::testing::Test {
- protected:
-  Outcome run(std::vector<std::string> words) const {
-    words.insert(words.begin(), {BOLO_LAB_PROGRAM, "eval", "detect"});
-    return Program(folder_, std::move(words)).outcome();
-  }
-  std::string text(const std::string& name, const std::string& content) const {
-    std::ofstream(folder_ / name) << content;
-    return (folder_ / name).string();
-  }
-
-  const Scratch scratch_;
-  const std::filesystem::path folder_ = scratch_.path();
+struct DetectVerb : ProgramTest {
+  DetectVerb() : ProgramTest({BOLO_LAB_PROGRAM, "eval", "detect"}) {}
 };
 
 TEST_F(DetectVerb, RefusesWrongInputInOneLine) {
-  const std::string csv = text("hand.csv", "t_s,x_px,y_px\n0,0,0\n9,1,1\n");
-  const std::string toml = text("one.toml",
-                                "name = \"one\"\n[network]\nformat = \"onnx\"\ngraph = \"one.onnx\"\n"
-                                "[classes]\nnames = \"person\"\n");
-  text("one.onnx", "not a network");
-  const std::string broken = text("broken.toml", "name = 1\n");
+  const std::string csv = write("hand.csv", "t_s,x_px,y_px\n0,0,0\n9,1,1\n");
+  const std::string toml = write("one.toml",
+                                 "name = \"one\"\n[network]\nformat = \"onnx\"\ngraph = \"one.onnx\"\n"
+                                 "[classes]\nnames = \"person\"\n");
+  write("one.onnx", "not a network");
+  const std::string broken = write("broken.toml", "name = 1\n");
   const std::vector<std::string> good{"--scenes", "x.png", "--trajectories", csv, "--detectors", toml};
   const auto with = [&](std::vector<std::string> more) {
     more.insert(more.begin(), good.begin(), good.end());
@@ -59,13 +46,7 @@ TEST_F(DetectVerb, RefusesWrongInputInOneLine) {
       with({}),  // the network is none, the still is not there
       with({"--unknown"}),
       with({"stray"})};
-  for (const auto& words : wrong) {
-    const Outcome outcome = run(words);
-    const std::string last = words.empty() ? "nothing" : words.back();
-    EXPECT_EQ(outcome.exit_code, 2) << last << outcome.err;
-    EXPECT_TRUE(outcome.out.empty()) << last;
-    EXPECT_EQ(outcome.err.find('\n'), outcome.err.size() - 1) << outcome.err;
-  }
+  for (const auto& words : wrong) refused(words);
 }
 
 TEST_F(DetectVerb, HelpSaysWhatTheJsonHolds) {

@@ -3,33 +3,22 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
 namespace {
 
-class FidelityVerb : public ::testing::Test {
+class FidelityVerb : public ProgramTest {
  protected:
-  Outcome run(std::vector<std::string> words) const {
-    words.insert(words.begin(), {BOLO_LAB_PROGRAM, "eval", "fidelity"});
-    return Program(folder_, std::move(words)).outcome();
-  }
+  FidelityVerb() : ProgramTest({BOLO_LAB_PROGRAM, "eval", "fidelity"}) {}
+
   Outcome run_small(std::vector<std::string> words) const {
     const std::vector<std::string> small{"--crop", "64x16", "--frames", "3", "--noises", "0.1", "--speeds", "300"};
     words.insert(words.begin(), small.begin(), small.end());
-    return run(std::move(words));
+    return run(words);
   }
-  std::string text(const std::string& name, const std::string& content) const {
-    std::ofstream(folder_ / name) << content;
-    return (folder_ / name).string();
-  }
-
-  const Scratch scratch_;
-  const std::filesystem::path folder_ = scratch_.path();
 };
 
 TEST_F(FidelityVerb, JsonHasEveryColumnOfEveryCell) {
@@ -84,8 +73,8 @@ TEST_F(FidelityVerb, FollowsATrajectoryOverAPictureAndDraws) {
     const double t = 0.04 * i;
     csv += std::to_string(t) + "," + std::to_string(60 * t) + "," + std::to_string(20 * t * t) + "\n";
   }
-  const std::string trajectory = text("hand.csv", csv);
-  const std::string page = (folder_ / "fidelity.html").string();
+  const std::string trajectory = write("hand.csv", csv);
+  const std::string page = file("fidelity.html");
   const Outcome outcome = run_small({"--json", "--lookaheads", "0", "--trajectory", trajectory, "--plot", page});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const auto json = nlohmann::json::parse(outcome.out);
@@ -122,8 +111,7 @@ TEST_F(FidelityVerb, RealScenesAndTrajectories) {
 }
 
 TEST_F(FidelityVerb, RefusesWrongInputInOneLine) {
-  const std::string damaged = text("bad.csv", "t_s,x_px,y_px\n0,0\n");
-  const std::string file = text("file", "");
+  const std::string damaged = write("bad.csv", "t_s,x_px,y_px\n0,0\n");
   const std::vector<std::vector<std::string>> wrong{{"--crop", "320"},
                                                     {"--crop", "8x8"},
                                                     {"--crop", "64x16x2"},
@@ -142,12 +130,7 @@ TEST_F(FidelityVerb, RefusesWrongInputInOneLine) {
                                                     {"--seed", "x"},
                                                     {"--unknown"},
                                                     {"stray"}};
-  for (const auto& words : wrong) {
-    const Outcome outcome = run(words);
-    EXPECT_EQ(outcome.exit_code, 2) << words.front() << ' ' << words.back();
-    EXPECT_TRUE(outcome.out.empty()) << words.front();
-    EXPECT_EQ(outcome.err.find('\n'), outcome.err.size() - 1) << outcome.err;
-  }
+  for (const auto& words : wrong) refused(words);
 }
 
 TEST_F(FidelityVerb, HelpSaysWhatTheJsonHolds) {

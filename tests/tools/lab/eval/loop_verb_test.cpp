@@ -1,23 +1,15 @@
 // bolo-lab eval loop through its executable.
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
 namespace {
 
-class LoopVerb : public ::testing::Test {
- protected:
-  Outcome run(std::vector<std::string> words) const {
-    words.insert(words.begin(), {BOLO_LAB_PROGRAM, "eval", "loop"});
-    return Program(folder_, std::move(words)).outcome();
-  }
-  const Scratch scratch_;
-  const std::filesystem::path folder_ = scratch_.path();
+struct LoopVerb : ProgramTest {
+  LoopVerb() : ProgramTest({BOLO_LAB_PROGRAM, "eval", "loop"}) {}
 };
 
 TEST_F(LoopVerb, WhatIsDiagnosedRecoversWhatTheTruthWould) {
@@ -34,11 +26,9 @@ TEST_F(LoopVerb, WhatIsDiagnosedRecoversWhatTheTruthWould) {
 }
 
 TEST_F(LoopVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {
-  for (const std::vector<std::string>& words :
+  for (const auto& words :
        {std::vector<std::string>{"--effects", "gremlins"}, {"--threads", "0"}, {"--frames-scale", "0"}, {"x"}}) {
-    const Outcome outcome = run(words);
-    EXPECT_EQ(outcome.exit_code, 2) << outcome.out;
-    EXPECT_EQ(outcome.err.find('\n'), outcome.err.size() - 1) << outcome.err;
+    refused(words);
   }
 }
 

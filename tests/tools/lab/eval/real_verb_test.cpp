@@ -6,7 +6,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
@@ -14,22 +13,18 @@ namespace {
 
 using Json = nlohmann::json;
 
-class RealVerb : public ::testing::Test {
- protected:
-  Outcome run(std::vector<std::string> words) const {
-    words.insert(words.begin(), {BOLO_LAB_PROGRAM, "eval", "real"});
-    return Program(scratch_.path(), std::move(words)).outcome();
-  }
-  const Scratch scratch_;
+struct RealVerb : ProgramTest {
+  RealVerb() : ProgramTest({BOLO_LAB_PROGRAM, "eval", "real"}) {}
 };
 
 // A pan of 2.9 px a frame: what the pixels saw foretells the next frame, and one that was left out, to about the noise;
 // what lags or is blurred does not. The picture that foretells better is the one that is nearer to the truth.
 TEST_F(RealVerb, RanksPicturesAsTheTruthDoes) {
   constexpr double kNoise = 0.03;
-  const std::string pan = (scratch_.path() / "pan.h5").string();
-  const Outcome made = Program(scratch_.path(), {BOLO_PROGRAM, "simulate", "-o", pan, "--width", "160", "--speed",
-                                                 "586", "--noise", "0.03", "--frames", "44"})
+  const std::string pan = file("pan.h5");
+  const Outcome made = Program({BOLO_PROGRAM, "simulate", "-o", pan, "--width", "160", "--speed", "586", "--noise",
+                                "0.03", "--frames", "44"},
+                               file("made"))
                            .outcome();
   ASSERT_EQ(made.exit_code, 0) << made.err;
   const Outcome outcome = run({pan, "--json"});
@@ -72,12 +67,12 @@ TEST_F(RealVerb, RecordingsOfRealCameras) {
 }
 
 TEST_F(RealVerb, RefusesWrongInputInOneLine) {
-  const std::vector<std::vector<std::string>> wrong{
-      {}, {"none.h5"}, {"none.h5", "--tau", "0"}, {"none.h5", "--frames", "3"}, {"none.h5", "--period", "-1"}};
-  for (const auto& words : wrong) {
-    const Outcome outcome = run(words);
-    EXPECT_EQ(outcome.exit_code, 2) << (words.empty() ? "" : words.back());
-    EXPECT_EQ(outcome.err.find('\n'), outcome.err.size() - 1) << outcome.err;
+  for (const auto& words : {std::vector<std::string>{},
+                            {"none.h5"},
+                            {"none.h5", "--tau", "0"},
+                            {"none.h5", "--frames", "3"},
+                            {"none.h5", "--period", "-1"}}) {
+    refused(words);
   }
 }
 

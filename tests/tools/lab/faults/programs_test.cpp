@@ -13,37 +13,29 @@
 #include "drivers/shm/shm_reader.hpp"
 #include "src/capture/capture.hpp"
 #include "src/core/loss.hpp"
-#include "tests/tools/bolod/process.hpp"
+#include "tests/tools/program.hpp"
 #include "tools/lab/eval/faults_run.hpp"
 
 namespace bolo::tools::faults {
 namespace {
 
 using shm::ShmReader;
-using testing_tools::eventually;
-using testing_tools::Process;
+using test::eventually;
+using test::Program;
 
 constexpr Geometry kGeometry{64, 24};
 
-class Programs : public testing::Test {
+class Programs : public test::ProgramTest {
  protected:
   Programs()
-      : name_(std::string("faults-") + testing::UnitTest::GetInstance()->current_test_info()->name() + "-" +
-              std::to_string(getpid())),
-        folder_(testing::TempDir() + name_) {
-    std::filesystem::create_directory(folder_);
-  }
+      : ProgramTest({}),
+        name_(std::string("faults-") + testing::UnitTest::GetInstance()->current_test_info()->name() + "-" +
+              std::to_string(getpid())) {}
   ~Programs() override {
-    std::filesystem::remove_all(folder_);
     shm_unlink(("/bolo." + name_).c_str());  // of a daemon that was killed
   }
 
-  std::unique_ptr<Process> run(std::vector<std::string> words, const std::string& log) const {
-    return std::make_unique<Process>(std::move(words), folder_ / log);
-  }
-
   std::string name_;
-  std::filesystem::path folder_;
 };
 
 void write_capture(const std::filesystem::path& file, std::uint64_t frames) {
@@ -59,19 +51,19 @@ void write_capture(const std::filesystem::path& file, std::uint64_t frames) {
 }
 
 TEST_F(Programs, FakecamListsEveryFault) {
-  const auto list = run({BOLO_PROGRAM, "fakecam", "--list-faults", "--json"}, "list");
-  ASSERT_EQ(list->wait(), 0) << list->err();
+  Program list = start({BOLO_PROGRAM, "fakecam", "--list-faults", "--json"}, "list");
+  ASSERT_EQ(list.wait(), 0) << list.err();
   std::set<std::string> names;
-  for (const auto& fault : nlohmann::json::parse(list->out())) names.insert(fault.at("name").get<std::string>());
+  for (const auto& fault : nlohmann::json::parse(list.out())) names.insert(fault.at("name").get<std::string>());
   EXPECT_EQ(names.size(), fakecam::fault_types().size());
   EXPECT_TRUE(names.contains("resend_unanswered"));
 }
 
 TEST_F(Programs, FakecamRefusesAFaultThatIsNone) {
-  const auto fake = run({BOLO_PROGRAM, "fakecam", "no.h5", "--fault", "loss:rate=0.1", "--fault", "rebot"}, "fake");
-  EXPECT_EQ(fake->wait(), 2);
+  Program fake = start({BOLO_PROGRAM, "fakecam", "no.h5", "--fault", "loss:rate=0.1", "--fault", "rebot"}, "fake");
+  EXPECT_EQ(fake.wait(), 2);
   EXPECT_EQ(
-      fake->err(),
+      fake.err(),
       "bolo fakecam: --fault: there is no fault 'rebot'; did you mean 'reboot'? (bolo fakecam --list-faults shows "
       "all)\n");
 }
@@ -79,24 +71,22 @@ TEST_F(Programs, FakecamRefusesAFaultThatIsNone) {
 TEST_F(Programs, TheDaemonCountsWhatTheFakeCameraSaysItTook) {
   write_capture(folder_ / "in.h5", 100);
   const std::string address = fresh_address();
-  const auto fake = run({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--loop", "--interface", address, "--json",
-                         "--fault", "loss:at=0.2,for=0.3,rate=0.1", "--fault", "stall:at=0.7,frames=9"},
-                        "fake");
-  ASSERT_TRUE(eventually([&] { return fake->out().find("serving") != std::string::npos; })) << fake->err();
+  Program fake = start({BOLO_PROGRAM, "fakecam", folder_ / "in.h5", "--loop", "--interface", address, "--json",
+                        "--fault", "loss:at=0.2,for=0.3,rate=0.1", "--fault", "stall:at=0.7,frames=9"},
+                       "fake");
+  ASSERT_TRUE(eventually([&] { return fake.out().find("serving") != std::string::npos; })) << fake.err();
   std::ofstream(folder_ / "bolod.toml") << "name = '" << name_ << "'\n[source]\naddress = '" << address
                                         << "'\nwidth = 64\nheight = 24\nrate_hz = 200.0\npacket_size = 576\n"
                                         << "[pipeline]\nlock_memory = false\n";
-  const auto daemon = run({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, "daemon");
+  Program daemon = start({BOLOD_PROGRAM, "--config", folder_ / "bolod.toml"}, "daemon");
   Result<ShmReader> reader = ShmReader::open(name_);
-  ASSERT_TRUE(eventually([&] { return (reader = ShmReader::open(name_)).has_value(); })) << daemon->err();
+  ASSERT_TRUE(eventually([&] { return (reader = ShmReader::open(name_)).has_value(); })) << daemon.err();
   constexpr std::uint64_t kPastAll = 260;  // frames: 1.3 s and more
-  ASSERT_TRUE(eventually([&] { return reader->header().published >= kPastAll; })) << daemon->err();
-  daemon->signal(SIGTERM);
-  EXPECT_EQ(daemon->wait(), 0) << daemon->err();
-  fake->signal(SIGTERM);
-  EXPECT_EQ(fake->wait(), 0) << fake->err();
+  ASSERT_TRUE(eventually([&] { return reader->header().published >= kPastAll; })) << daemon.err();
+  test::expect_good_end(daemon);
+  test::expect_good_end(fake);
 
-  const std::string out = fake->out();
+  const std::string out = fake.out();
   const auto summary = nlohmann::json::parse(out.substr(out.find('\n') + 1));
   const auto frames = [&summary](std::size_t fault) {
     return summary.at("faults")[fault].at("frames").get<std::uint64_t>();

@@ -2,13 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 
 #include <nlohmann/json.hpp>
 
 #include "drivers/shm/shm_reader.hpp"
-#include "tests/scratch.hpp"
-#include "tests/tools/bolod/process.hpp"
 #include "tests/tools/program.hpp"
 
 namespace bolo::tools::test {
@@ -16,20 +13,16 @@ namespace {
 
 using nlohmann::json;
 
-class SoakVerb : public testing::Test {
+class SoakVerb : public ProgramTest {
  protected:
-  Outcome run(std::vector<std::string> words) const {
-    words.insert(words.begin(), {BOLO_LAB_PROGRAM, "soak"});
-    return Program(folder_.path(), std::move(words)).outcome();
-  }
+  SoakVerb() : ProgramTest({BOLO_LAB_PROGRAM, "soak"}) {}
+
   // A small camera, and a daemon that locks no memory: sanitizers reserve more than any computer has.
   std::vector<std::string> small(std::vector<std::string> more) const {
-    const std::string config = folder_ / "base.toml";
-    std::ofstream(config) << "[pipeline]\nlock_memory = false\n";
-    more.insert(more.begin(), {"--size", "64x24", "--config", config, "--json"});
+    more.insert(more.begin(),
+                {"--size", "64x24", "--config", write("base.toml", "[pipeline]\nlock_memory = false\n"), "--json"});
     return more;
   }
-  Scratch folder_;
 };
 
 TEST_F(SoakVerb, HoldsThroughAKilledDaemonAndAFailingCamera) {
@@ -54,13 +47,11 @@ TEST_F(SoakVerb, HoldsThroughAKilledDaemonAndAFailingCamera) {
 
 // By another's hand, not by the schedule.
 TEST_F(SoakVerb, NamesADaemonThatDies) {
-  std::vector<std::string> words = small({"--seconds", "10", "--only", "reload"});
-  words.insert(words.begin(), {BOLO_LAB_PROGRAM, "soak"});
-  testing_tools::Process soak(words, folder_ / "log");
+  Program soak = start(small({"--seconds", "10", "--only", "reload"}));
   const std::string name = "soak-" + std::to_string(soak.pid());
   auto reader = shm::ShmReader::open(name);
   constexpr std::uint64_t kUnderWay = 400;  // frames
-  ASSERT_TRUE(testing_tools::eventually([&] {
+  ASSERT_TRUE(eventually([&] {
     if (!reader) reader = shm::ShmReader::open(name);
     return reader && reader->published() > kUnderWay;
   })) << soak.err();
@@ -82,16 +73,11 @@ TEST_F(SoakVerb, PrintsTheSameScheduleForASeed) {
 }
 
 TEST_F(SoakVerb, RefusesWhatMakesNoSense) {
-  const auto refused = [this](std::vector<std::string> words, const std::string& why) {
-    const Outcome outcome = run(std::move(words));
-    EXPECT_EQ(outcome.exit_code, 2);
-    EXPECT_NE(outcome.err.find(why), std::string::npos) << outcome.err;
-  };
   refused({"--size", "640"}, "WIDTHxHEIGHT");
   refused({"--seconds", "1"}, "10 s to 24 hours");
   refused({"--seconds", "20", "--minutes", "1"}, "not both");
   refused({"--only", "reboots"}, "no kind");
-  refused({"--seconds", "20", "--config", "no.toml"}, "no.toml");
+  refused({"--seconds", "20", "--config", "no.toml", "--json"}, "no.toml");
 }
 
 }  // namespace

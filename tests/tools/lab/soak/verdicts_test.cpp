@@ -13,7 +13,7 @@ SoakResult ten_minutes() {
     Second second;
     second.at_s = i;
     second.quiet = true;
-    second.frames = second.clean = 200;
+    second.frames = 200;
     second.daemon = Usage{.rss_mib = 170.0, .private_mib = 28.0, .descriptors = 14, .threads = 9};
     result.timeline.push_back(second);
   }
