@@ -52,7 +52,7 @@ TEST_F(Calibrate, WritesProfileMapsAndPicture) {
   const double high = json.at("tau_ci95")[1];
   EXPECT_NEAR(profile->tau_s, tau_s, 0.05 * (high - low));
   std::stringstream text;
-  text << std::ifstream(path("mine.toml")).rdbuf();
+  text << std::ifstream(file("mine.toml")).rdbuf();
   EXPECT_NE(text.str().find("# 0.0001 to 1 s; measured, 95 % interval 0.01"), std::string::npos) << text.str();
   EXPECT_NE(text.str().find("# 0 to 100 K; measured\n"), std::string::npos) << text.str();
   EXPECT_NE(text.str().find("; default \"FLIR A655sc\"\nmodel = \"Bolo"), std::string::npos) << text.str();
