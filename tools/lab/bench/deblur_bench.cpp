@@ -1,6 +1,7 @@
 #include "tools/lab/bench/deblur_bench.hpp"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -27,14 +28,17 @@ constexpr int kExactRows = 4;
 constexpr double kLambdas[] = {0.5, 0.05, 0.005};  // lambda_half, K
 constexpr int kFewestRepeats = 3;
 constexpr double kRowDelay_s = 2e-5;
+constexpr std::size_t kMostLost = 2;
+
+using Planes = std::vector<const void*>;
+
+deblur::WindowView window_of(const Planes& planes) { return {planes, static_cast<int>(planes.size()) - 1}; }
 
 // The newest window of a street that pans past the camera, 30 mK of noise, 10 mK a count.
 struct Input {
   StreamFormat format;
   std::vector<std::vector<std::uint16_t>> frames;
-  std::vector<const void*> planes;
-
-  deblur::WindowView window() const { return {planes, static_cast<int>(planes.size()) - 1}; }
+  std::array<Planes, kMostLost + 1> without;  // so many frames before the newest
 };
 
 Result<Input> make_input(const deblur::Settings& settings) {
@@ -50,7 +54,11 @@ Result<Input> make_input(const deblur::Settings& settings) {
     input.frames.emplace_back(kFrame.pixels());
     std::memcpy(input.frames.back().data(), bytes.data(), bytes.size());
   }
-  for (const auto& frame : input.frames) input.planes.push_back(frame.data());
+  for (std::size_t lost = 0; lost <= kMostLost; ++lost) {
+    Planes& planes = input.without[lost];
+    for (const auto& frame : input.frames) planes.push_back(frame.data());
+    std::fill_n(planes.end() - 1 - static_cast<std::ptrdiff_t>(lost), lost, nullptr);
+  }
   return input;
 }
 
@@ -84,13 +92,13 @@ class Corrected {
     correction_.apply(to, pixels);
   }
   void finish() noexcept { correction_.finish(frames_.back().data()); }
-  deblur::WindowView window() const { return {planes_, static_cast<int>(planes_.size()) - 1}; }
+  deblur::WindowView window() const { return window_of(planes_); }
 
  private:
   const std::vector<std::uint16_t>& raw_;
   corrections::PixelCorrection correction_;
   std::vector<std::vector<float>> frames_;
-  std::vector<const void*> planes_;
+  Planes planes_;
 };
 
 // A variant while it is measured.
@@ -152,7 +160,9 @@ class Runner {
   const std::vector<float>& out() const { return out_; }
 
  private:
-  deblur::WindowView window() const { return what_.profile ? corrected_.window() : input_.window(); }
+  deblur::WindowView window() const {
+    return what_.profile ? corrected_.window() : window_of(input_.without[static_cast<std::size_t>(what_.lost)]);
+  }
   void correct(int worker) noexcept {
     const auto begin = [&](int w) { return kFrame.pixels() * static_cast<std::size_t>(w) / team_threads(); };
     corrected_.correct({begin(worker), begin(worker + 1)});
@@ -199,6 +209,10 @@ std::vector<Measured> list_variants(const BenchOptions& options, double lambda_h
       list.push_back(variant(solver, options.isa, 1, lambda));
       list.push_back(list.back());
       list.back().profile = true;
+      for (int lost = 1; lost <= static_cast<int>(kMostLost); ++lost) {
+        list.push_back(variant(solver, options.isa, 1, lambda));
+        list.back().lost = lost;
+      }
     }
     if (options.isa.empty()) {
       for (const auto isa : deblur::available_isas()) {
@@ -228,19 +242,20 @@ Status check(const BenchOptions& options) {
   return {};
 }
 
-// The optimum for each lambda, of the first rows.
-Result<std::map<double, std::vector<float>>> optima(const Input& input, Corrected& corrected,
-                                                    const std::vector<Measured>& list) {
-  std::map<double, std::vector<float>> result;
+// The optimum for each lambda and number of lost frames, of the first rows.
+using Optima = std::map<std::pair<double, int>, std::vector<float>>;
+Result<Optima> optima(const Input& input, Corrected& corrected, const std::vector<Measured>& list) {
+  Optima result;
   for (const Measured& what : list) {
-    if (result.count(what.lambda_half_k) != 0) continue;
-    Runner exact(input, corrected, settings_of(variant("exact", "", 1, what.lambda_half_k)),
-                 variant("exact", "", 1, what.lambda_half_k));
+    if (result.count({what.lambda_half_k, what.lost}) != 0) continue;
+    Measured reference = variant("exact", "", 1, what.lambda_half_k);
+    reference.lost = what.lost;
+    Runner exact(input, corrected, settings_of(reference), reference);
     if (const Status opened = exact.open(); !opened) return tl::unexpected(opened.error());
     exact.measure();
     std::vector<float> rows = exact.out();
     rows.resize(static_cast<std::size_t>(kExactRows * kFrame.width));
-    result.emplace(what.lambda_half_k, std::move(rows));
+    result.emplace(std::pair(what.lambda_half_k, what.lost), std::move(rows));
   }
   return result;
 }
@@ -252,8 +267,8 @@ void compare_with_others(std::vector<Measured>& results) {
         continue;
       }
       const double faster = other.ms_per_frame / result.ms_per_frame;
-      if (other.threads == 1 && other.profile == result.profile) result.scaling = faster;
-      if (other.threads == result.threads && result.profile && !other.profile) result.of_plain = faster;
+      if (other.threads == 1 && other.profile == result.profile && other.lost == result.lost) result.scaling = faster;
+      if (other.threads == result.threads && !other.profile && other.lost == 0) result.of_plain = faster;
     }
   }
 }
@@ -289,7 +304,7 @@ Result<BenchReport> bench_deblur(const BenchOptions& options) {
   }
   std::vector<Measured> results;
   for (std::size_t i = 0; i < list.size(); ++i) {
-    results.push_back(runners[i]->result(exact->at(list[i].lambda_half_k)));
+    results.push_back(runners[i]->result(exact->at({list[i].lambda_half_k, list[i].lost})));
   }
   compare_with_others(results);
   report.main = results.front();

@@ -23,6 +23,7 @@ struct Measured {
   std::string isa;
   int threads = 1;
   bool profile = false;  // with maps of gain, offset, time constant and dead pixels, and a row delay
+  int lost = 0;          // frames before the newest that are missing
   int iterations = 0;
   double lambda_half_k = 0.0;
   std::size_t pixels = 0;  // measured
@@ -34,7 +35,7 @@ struct Measured {
   double max_error_k = 0.0;
   double realtime_factor = 0.0;  // frame period / ms_per_frame
   double scaling = 1.0;          // time of one thread / (this time), where that was measured
-  double of_plain = 1.0;         // frames a second with the profile / those without
+  double of_plain = 1.0;         // frames a second with the profile, or lost frames, / those without
 };
 
 struct BenchReport {

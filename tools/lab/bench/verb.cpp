@@ -38,6 +38,7 @@ nlohmann::json to_json(const Measured& m) {
           {"isa", m.isa},
           {"threads", m.threads},
           {"profile", m.profile},
+          {"lost_frames", m.lost},
           {"iterations", m.iterations},
           {"lambda_half", m.lambda_half_k},
           {"pixels", m.pixels},
@@ -60,10 +61,11 @@ void print_json(const BenchReport& report) {
 }
 
 void print_row(const Measured& m) {
-  std::printf("%-8s %-7s %3d %-4s %9g %5d %10.3f %10.3f %9.2f %9.2f %9.2f %9.2f %7.2f", m.solver.c_str(), m.isa.c_str(),
-              m.threads, m.profile ? "yes" : "", m.lambda_half_k, m.iterations, m.ms_per_frame, m.median_ms_per_frame,
-              m.ns_per_pixel, 1e3 * m.rms_error_k, 1e3 * m.max_error_k, m.realtime_factor, m.scaling);
-  if (m.profile) std::printf("  %.2f of the frames without", m.of_plain);
+  std::printf("%-8s %-7s %3d %-4s %4d %9g %5d %10.3f %10.3f %9.2f %9.2f %9.2f %9.2f %7.2f", m.solver.c_str(),
+              m.isa.c_str(), m.threads, m.profile ? "yes" : "", m.lost, m.lambda_half_k, m.iterations, m.ms_per_frame,
+              m.median_ms_per_frame, m.ns_per_pixel, 1e3 * m.rms_error_k, 1e3 * m.max_error_k, m.realtime_factor,
+              m.scaling);
+  if (m.profile || m.lost > 0) std::printf("  %.2f of the frames without", m.of_plain);
   std::puts("");
 }
 
@@ -72,9 +74,10 @@ void print_table(const BenchReport& report) {
   std::printf("Repeats of all variants in turn; errors against exact on 2560 pixels at the same lambda.\n");
   std::printf("exact is timed on 2560 pixels, scaled.\n");
   std::printf("prof: with maps of gain, offset, time constant and dead pixels (0.5 %%), and a row delay.\n");
+  std::printf("lost: so many frames before the newest one are missing.\n");
   std::printf("Machine: %d processors.\n\n", report.processors);
-  std::printf("%-8s %-7s %3s %-4s %9s %5s %10s %10s %9s %9s %9s %9s %7s\n", "solver", "isa", "thr", "prof", "lambda/2k",
-              "iter", "min ms", "median ms", "ns/pixel", "rms mK", "max mK", "realtime", "scaling");
+  std::printf("%-8s %-7s %3s %-4s %4s %9s %5s %10s %10s %9s %9s %9s %9s %7s\n", "solver", "isa", "thr", "prof", "lost",
+              "lambda/2k", "iter", "min ms", "median ms", "ns/pixel", "rms mK", "max mK", "realtime", "scaling");
   print_row(report.main);
   std::puts("");
   for (const Measured& variant : report.variants) print_row(variant);
