@@ -31,7 +31,7 @@ std::vector<Tick> linear_ticks(double low, double high, int wanted) {
   for (double i = std::ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i += 1.0) {
     out.push_back({i * step, linear_text(i * step, step, largest)});
   }
-  if (out.size() < 2 && wanted > 1) return linear_ticks(low, high, 2 * wanted);  // one alone is no scale
+  if (out.size() < 2 && wanted > 1 && wanted < 32) return linear_ticks(low, high, 2 * wanted);  // one alone is no scale
   return out;
 }
 
