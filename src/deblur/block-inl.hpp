@@ -75,9 +75,6 @@ HWY_INLINE Vec widen(const std::uint16_t* from) {
   return hn::ConvertTo(Float(), hn::PromoteTo(whole, hn::LoadU(half, from)));
 }
 
-HWY_INLINE Pair load_input(const std::uint16_t* from) { return {widen(from), widen(from + kLanes)}; }
-HWY_INLINE Pair load_input(const float* from) { return {hn::LoadU(Float(), from), hn::LoadU(Float(), from + kLanes)}; }
-
 // Rounded and limited to uint16; NaN becomes 0.
 HWY_INLINE void narrow(Vec x, std::uint16_t* to) {
   const hn::Rebind<std::uint16_t, Float> half;
@@ -102,11 +99,8 @@ HWY_INLINE Vec load_lanes(const void* plane, std::size_t at, std::size_t count) 
 // The same, a block of them.
 template <typename T>
 HWY_INLINE Pair load_pixels(const void* plane, std::size_t at, std::size_t count) {
-  const T* from = static_cast<const T*>(plane) + at;
-  if (HWY_LIKELY(count == kBlock)) return load_input(from);
-  HWY_ALIGN T padded[kBlock] = {};
-  std::copy_n(from, count, padded);
-  return load_input(padded);
+  const std::size_t first = std::min(count, kLanes);
+  return {load_lanes<T>(plane, at, first), load_lanes<T>(plane, at + first, count - first)};
 }
 
 HWY_INLINE Pair load_pixels(const PixelRun& run, int slot, std::size_t at, std::size_t count) {
@@ -118,19 +112,6 @@ HWY_INLINE Pair load_pixels(const PixelRun& run, int slot, std::size_t at, std::
 // lambda_half of the block's pixels; `common` where they bring none of their own.
 HWY_INLINE Pair load_lambda(const PixelRun& run, float common, std::size_t at, std::size_t count) {
   return run.lambda == nullptr ? pair(common) : load_pixels<float>(run.lambda, at, count);
-}
-
-HWY_INLINE void store_pixels(const PixelRun& run, Pair x, std::size_t at, std::size_t count) {
-  if (run.output == PixelType::kUint16) {
-    HWY_ALIGN std::uint16_t values[kBlock];
-    narrow(x.a, values);
-    narrow(x.b, values + kLanes);
-    std::copy_n(values, count, static_cast<std::uint16_t*>(run.out) + at);
-  } else {
-    HWY_ALIGN float values[kBlock];
-    store(fma(all(run.scale), x, pair(run.offset)), values);
-    std::copy_n(values, count, static_cast<float*>(run.out) + at);
-  }
 }
 
 template <typename T>
@@ -155,6 +136,13 @@ HWY_INLINE void store_lanes(const PixelRun& run, Vec x, std::size_t at, std::siz
 HWY_INLINE void store_lanes(const PixelRun& run, Vec x, std::size_t at, std::size_t count) {
   run.output == PixelType::kUint16 ? store_lanes<std::uint16_t>(run, x, at, count)
                                    : store_lanes<float>(run, x, at, count);
+}
+
+// The same, a block of them.
+HWY_INLINE void store_pixels(const PixelRun& run, Pair x, std::size_t at, std::size_t count) {
+  const std::size_t first = std::min(count, kLanes);
+  store_lanes(run, x.a, at, first);
+  store_lanes(run, x.b, at + first, count - first);
 }
 
 // Calls solve(at, count) for every block of the run.

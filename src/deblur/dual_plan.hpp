@@ -66,8 +66,8 @@ struct LostSample {
   int after = 0;        // the next slot that was received; the one before stands in for y
   float weight = 0.0F;  // y = before + weight (after - before) where the input is constant between them
   std::size_t parts = 0;
-  std::size_t led =
-      0;  // parts that the step in y reckons with; the others, the wavelets around both bins, hardly follow
+  // Parts that the step in y reckons with; the others, the wavelets around both bins, hardly follow.
+  std::size_t led = 0;
   std::array<Part, kMostParts> part{};
 };
 

@@ -4,9 +4,8 @@
 //   c_i        transform of p times the inverse filter's x
 //   t_i        dual variable of Haar coefficient i, times p / gain_i
 //   v          H^T of the dual
-//   jump[j]    p c (v_{2j-1} - v_{2j}), the jump at the begin of bin 2j; the first and the last are those at the ends
-//   of
-//              the window. A jump between two bins of a pair moves with its wavelet alone and is not kept.
+//   jump[j]    p c (v_{2j-1} - v_{2j}), the jump at the begin of bin 2j; the first and the last are those at the
+//              window's ends. A jump between two bins of a pair moves with its wavelet alone and is not kept.
 #if defined(BOLO_DEBLUR_DUAL_STATE_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_DEBLUR_DUAL_STATE_INL
 #undef BOLO_DEBLUR_DUAL_STATE_INL
