@@ -14,6 +14,7 @@ Made common_offset(const Setup& setup, const StreamFormat& input);
 Made radiometry(const Setup& setup, const StreamFormat& input);
 Made slow_pole(const Setup& setup, const StreamFormat& input);
 Made pixel_correction(const Setup& setup, const StreamFormat& input);
+Made scene_nuc(const Setup& setup, const StreamFormat& input);
 Made conduction(const Setup& setup, const StreamFormat& input);
 Made ceiling(const Setup& setup, const StreamFormat& input);
 
@@ -21,7 +22,8 @@ namespace {
 
 // The reverse of the camera's order. Maps commute with filter and slow pole, and are small enough for the curves.
 constexpr Made (*kTable[])(const Setup&, const StreamFormat&) = {
-    &repeated_frames, &frame_filter, &common_offset, &radiometry, &slow_pole, &pixel_correction, &conduction, &ceiling,
+    &repeated_frames,  &frame_filter, &common_offset, &radiometry, &slow_pole,
+    &pixel_correction, &scene_nuc,    &conduction,    &ceiling,
 };
 
 }  // namespace

@@ -9,7 +9,6 @@
 namespace bolo::deblur {
 namespace {
 
-constexpr int kSmallestSide = 24;            // px: less shows no motion
 constexpr double kLargestDifference = 31.6;  // K, of innovations that are matched: what is more counts no more
 constexpr float kLargestValue = 1e7F;
 
@@ -62,7 +61,7 @@ MotionSolver::MotionSolver(const StreamTask& task)
 }
 
 bool MotionSolver::usable() const noexcept {
-  return std::min(task_.input.geometry.width, task_.input.geometry.height) >= kSmallestSide;
+  return std::min(task_.input.geometry.width, task_.input.geometry.height) >= motion::kLeastSide;
 }
 
 double MotionSolver::noise_k() const noexcept { return task_.in_kelvin(mmae_.noise()); }

@@ -16,10 +16,11 @@ constexpr std::array<std::pair<std::string_view, bool>, 2> kByteOrders{{{"little
 constexpr std::array<std::pair<std::string_view, FrameFilter>, 3> kFilters{
     {{"none", FrameFilter::kNone}, {"recursive", FrameFilter::kRecursive}, {"box", FrameFilter::kBox}}};
 
-constexpr std::array<std::pair<std::string_view, std::string_view>, 3> kUndoSections{
+constexpr std::array<std::pair<std::string_view, std::string_view>, 4> kUndoSections{
     {{"pixel", "how the pixels answer, beyond tau_s"},
      {"radiometry", "from what is looked at to what the frames show"},
-     {"firmware", "what the camera does to its frames"}}};
+     {"firmware", "what the camera does to its frames"},
+     {"corrections", "what is learnt from the stream and taken out"}}};
 
 // What `bolo diagnose --write-profile` finds beyond the first keys.
 void declare(KeyTable& keys, const UndoKey& key, Undo& undo) {

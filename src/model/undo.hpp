@@ -34,6 +34,7 @@ struct Undo {
   double flicker_k = 0.0;
   bool follow_jumps = false;
   bool drop_repeated = false;
+  bool scene_nuc = false;
 
   bool operator==(const Undo&) const = default;
 };
@@ -80,6 +81,8 @@ inline const std::vector<UndoKey>& undo_keys() {
        "Steps of all pixels by the same amount, from one frame to the next, are the camera's: taken out."},
       {"firmware", "drop_repeated", &Undo::drop_repeated, {}, {"frame_loss", "nuc_freeze"}, "",
        "A frame that repeats the one before bit for bit counts as lost: the camera had none, or was busy."},
+      {"corrections", "scene_nuc", &Undo::scene_nuc, {}, {}, "",
+       "The pattern that stays while the scene moves is learnt from the stream, and taken out (scene-based NUC)."},
   };
   // clang-format on
   return kKeys;

@@ -15,6 +15,9 @@
 
 namespace bolo::motion {
 
+// A frame narrower or lower than this, px, shows no motion.
+inline constexpr int kLeastSide = 24;
+
 // Thermal inertia at a frame rate.
 struct Inertia {
   double tau = 2.2;  // periods

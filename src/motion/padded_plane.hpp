@@ -1,6 +1,7 @@
 // A plane of floats with a rim around it, so that kernels may read beyond the frame.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <vector>
 
@@ -30,6 +31,7 @@ class PaddedPlane {
   float* at(int x, int y) noexcept { return values_.data() + offset(x, y); }
   const float* at(int x, int y) const noexcept { return values_.data() + offset(x, y); }
 
+  void fill(float value) noexcept { std::ranges::fill(values_, value); }
   // Repeats the frame's border beyond it: to the sides of rows [begin, end), and above and below the frame where these
   // are its first and last. Thread: worker.
   void extend_sides(int begin, int end) noexcept;

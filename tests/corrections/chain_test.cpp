@@ -9,6 +9,7 @@
 #include <random>
 
 #include "src/model/band_radiance.hpp"
+#include "tests/motion/scenes.hpp"
 
 namespace bolo::corrections {
 namespace {
@@ -313,6 +314,46 @@ TEST(Corrections, HeatThatFlowsSidewaysIsGivenBack) {
       EXPECT_NEAR(static_cast<double>(solved[p]), x[p], 0.01) << p;
     }
   }
+}
+
+TEST(Corrections, APatternThatStaysWhileTheSceneMovesIsTakenOut) {
+  const motion::testing::Texture texture(3, 300.0);
+  Frames scene(80, std::vector<double>(kPicture.pixels()));
+  for (std::size_t k = 0; k < scene.size(); ++k) {
+    for (std::size_t p = 0; p < kPicture.pixels(); ++p) {
+      const double x = static_cast<double>(p % 96) - 1.7 * static_cast<double>(k);
+      const double y = static_cast<double>(p / 96) - 0.9 * static_cast<double>(k);
+      scene[k][p] = 30'000.0 + texture(x, y);
+    }
+  }
+  Frames seen = scene;
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal(0.0, 8.0);
+  for (std::size_t p = 0; p < kPicture.pixels(); ++p) {
+    const double offset = normal(random);
+    for (auto& frame : seen) frame[p] += offset;
+  }
+  const auto left = [&](Chain& chain) {  // root mean square in the last frame
+    const Passed passed = pass(chain, seen, all_of(seen));
+    double squares = 0.0;
+    for (std::size_t p = 0; p < kPicture.pixels(); ++p) {
+      const double e = passed.planes.back()[p] - scene.back()[p];
+      squares += e * e / static_cast<double>(kPicture.pixels());
+    }
+    return std::sqrt(squares);
+  };
+  const auto chain = make({.scene_nuc = true}, floats(kPicture));
+  EXPECT_TRUE(chain->beyond_maps());
+  EXPECT_LT(left(*chain), 0.6 * 8.0);
+  FrameMeta later;
+  later.frame_id = 1'000;
+  std::vector<float> raw(kPicture.pixels(), 30'000.0F);
+  chain->begin(later, raw.data(), true);
+  for (std::size_t p = 0; p < chain->passes(); ++p) {
+    chain->begin_pass(p);
+    chain->apply(p, {0, kPicture.pixels()});
+  }
+  EXPECT_EQ(std::memcmp(chain->plane(), raw.data(), raw.size() * sizeof(float)), 0) << "after a NUC all is new";
 }
 
 TEST(Corrections, MapsOfAnotherSizeAreRefused) {

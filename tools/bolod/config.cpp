@@ -62,6 +62,7 @@ struct Overrides {
   std::optional<genicam::PixelOrder> pixel_order;
   std::optional<int> metadata_rows;
   std::optional<double> tau_s;
+  bool scene_nuc = false;  // as the profile says, else
 };
 
 void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
@@ -194,6 +195,9 @@ void deblur_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.text("isa", c.isa, "Instruction set of the kernels: AVX3, AVX2, SSE4 ...; auto: the best that runs here.");
   keys.number("tau_s", o.tau_s, c.profile.tau_s, {1e-4, 1.0, "s"},
               "Thermal time constant. Left out: the profile's tau_s.");
+  keys.section("corrections", "what is taken out of frames before they are made sharp, beyond what the profile says");
+  keys.boolean("scene_nuc", o.scene_nuc,
+               "Learn the pattern that stays while the scene moves, and take it out (scene-based NUC).");
 }
 
 void pipeline_keys(KeyTable& keys, DaemonConfig& c) {
@@ -284,6 +288,7 @@ Status apply_profile(DaemonConfig& config, const Overrides& overrides) {
   config.camera.pixel_order = overrides.pixel_order.value_or(order);
   config.camera.metadata_rows = overrides.metadata_rows.value_or(profile.metadata_rows);
   if (overrides.tau_s) config.pipeline.deblur.tau_s = *overrides.tau_s;
+  config.pipeline.undo.scene_nuc |= overrides.scene_nuc;
   config.pipeline.deblur.period_s = profile.frame_period_s;
   config.pipeline.thread.name = "bolo-deblur";
   if (!config.control.enabled) config.control.socket.clear();

@@ -170,6 +170,7 @@ cxxopts::Options deblur_command_line() {
     ("profile", "Camera profile: what is known of the camera and undone", cxxopts::value<std::string>(), "P.toml")
     ("tau", "Thermal time constant, s (default: the profile's, else " + text(defaults.tau_s) + ")",
      cxxopts::value<double>(), "S")
+    ("scene-nuc", "Learn the pattern that stays while the scene moves, and take it out")
     ("solver", "admm, dual, exact, inverse, mmae or motion", cxxopts::value<std::string>()->default_value("admm"))
     ("iterations", "ADMM iterations; 0: as many as the accuracy needs",
      cxxopts::value<int>()->default_value(text(defaults.iterations)), "I")
@@ -206,6 +207,7 @@ Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args) {
   if (Status status = read_files(args, request); !status) return tl::unexpected(status.error());
   if (Status status = read_profile(args, request); !status) return tl::unexpected(status.error());
   if (Status status = read_settings(args, request.options.deblur); !status) return tl::unexpected(status.error());
+  request.options.undo.scene_nuc |= args.count("scene-nuc") != 0;
   if (Status status = deblur::choose_isa(args["isa"].as<std::string>()); !status) return at("--isa", status.error());
   request.isa_given = args["isa"].as<std::string>() != "auto";
   const auto type = type_from_name(args["type"].as<std::string>());

@@ -1,0 +1,76 @@
+// The fixed pattern of a camera, from its scene: a pattern stays where it is while the scene moves across it
+// (registration-based, scene-based non-uniformity correction). Offsets of single pixels, finer than blocks of 8 x 8:
+// what is smooth, or even along the motion, and all that a still camera shows cannot be told from the scene.
+//
+// The innovation z of a moving scene is that of the frame before, moved, whatever the speed was before that; a fixed
+// pattern f is in z as it is in the frame. So z_k(p) - f(p) is compared with r(p - d), a mean of innovations less their
+// pattern that moves along, and each pixel's f follows the difference as a Kalman filter of one state: fast while
+// little is known, slowly afterwards, and hardly where a block of pixels differs by more than noise and pattern
+// explain.
+#pragma once
+
+#include "src/core/crew.hpp"
+#include "src/core/pixel_range.hpp"
+#include "src/motion/block_field.hpp"
+#include "src/motion/global_motion.hpp"
+#include "src/motion/innovation.hpp"
+
+namespace bolo::motion {
+
+// In the values' own unit; times in periods.
+struct PatternSettings {
+  double noise = 3.0;        // standard deviation of a pixel's noise
+  double spread = 10.0;      // of the pattern, before anything is known
+  double memory = 60'000.0;  // time in which a pattern becomes another
+};
+
+class FixedPattern {
+ public:
+  // Frames narrower or lower than 24 px show no motion: the pattern stays 0. Thread: setup.
+  FixedPattern(Geometry geometry, const Inertia& inertia, const PatternSettings& settings);
+
+  // All that is known; or only the frame before, because the next one does not follow it. Thread: pipeline.
+  void forget() noexcept;
+  void skip() noexcept { has_before_ = has_reference_ = false; }
+  // The next frame, as it came: row-major. No allocation. Thread: pipeline.
+  void learn(const float* frame) noexcept;
+
+  // Subtracts what is known of it from these pixels of a frame. Thread: worker.
+  void take_out(float* frame, PixelRange pixels) const noexcept;
+
+ private:
+  void begin_frame(const float* frame) noexcept;
+  void begin_reference() noexcept;
+  bool moved_enough() noexcept;
+  float newest_of_all() const noexcept;
+  void compare() noexcept;
+  void follow() noexcept;
+  void follow_block(int column, int row) noexcept;
+  float innovation_noise() const noexcept;
+
+  Geometry geometry_;
+  Inertia inertia_;
+  PatternSettings settings_;
+  const Kernels& kernels_;
+  Alone alone_;
+  GlobalMotion global_;
+  PaddedPlane pattern_;
+  PaddedPlane variance_;  // of what is not known of it
+  PaddedPlane now_;       // frames less the pattern
+  PaddedPlane before_;
+  PaddedPlane innovation_;
+  PaddedPlane reference_;  // r
+  PaddedPlane moved_;      // r(p - d)
+  Pyramid seen_;
+  Pyramid seen_before_;
+  VectorField displacement_;
+  ScalarField excess_;  // mean square of the difference beyond what is expected
+  ScalarField mean_;    // of the difference
+  ScalarField mismatch_;
+  bool has_before_ = false;
+  bool has_reference_ = false;
+  float reference_noise_ = 1.0F;  // its variance, in units of an innovation's
+  int age_ = 0;                   // frames since the reference's
+};
+
+}  // namespace bolo::motion
