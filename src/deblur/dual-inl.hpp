@@ -148,14 +148,15 @@ constexpr int first_tree() {
   return log2_of(kBins) % 2 == 1 ? 2 : 4;
 }
 
+// No part of what calls it: that would be compiled for admm and dual alike.
 template <int kBins, bool kFirst>
-HWY_INLINE void sweep(const DualPlan& plan, Dual<kBins>& m) {
+HWY_NOINLINE void sweep(const DualPlan& plan, Dual<kBins>& m) {
   sweep_sum<kBins, kFirst>(plan, m);
   sweep_levels<kBins, kBins, first_tree<kBins>(), kFirst>(plan, m);
 }
 
 template <int kBins>
-HWY_INLINE void sweep_near(const DualPlan& plan, const Published& bins, Dual<kBins>& m) {
+HWY_NOINLINE void sweep_near(const DualPlan& plan, const Published& bins, Dual<kBins>& m) {
   sweep_sum<kBins, false>(plan, m);
   sweep_near_levels<kBins, kBins, first_tree<kBins>()>(plan, bins, m);
 }
@@ -233,7 +234,7 @@ HWY_INLINE void newton(const LostSample& lost, std::size_t v, const Dual<kBins>&
 
 // Moves the lost samples to where the next sweep would keep their equations: from anywhere the first time.
 template <bool kFirst, int kBins>
-HWY_INLINE void balance(const DualPlan& plan, Dual<kBins>& m) {
+HWY_NOINLINE void balance(const DualPlan& plan, Dual<kBins>& m) {
   Step<kBins> s;
   for (std::size_t k = 0; k < plan.lost; ++k) {
     const LostSample& lost = plan.gap[k];

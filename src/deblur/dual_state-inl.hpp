@@ -168,7 +168,7 @@ HWY_INLINE void load_pixels(const DualRun& run, std::size_t first, std::size_t c
 
 // The vectors of up to kPixels pixels that begin at `first`.
 template <int kBins>
-HWY_INLINE void load_block(const DualRun& run, std::size_t first, Dual<kBins>& m) {
+HWY_NOINLINE void load_block(const DualRun& run, std::size_t first, Dual<kBins>& m) {
   const std::size_t count = std::min(Dual<kBins>::kPixels, run.pixels.end - first);
   if (run.pixels.input == PixelType::kUint16) {
     load_pixels<std::uint16_t>(run, first, count, m);
