@@ -201,7 +201,8 @@ Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const Told& t
   for (const std::filesystem::path& file : files) {
     std::size_t pages = 1;
     if (kind_of(file) == Kind::kUnknown) {
-      return bad_input(file.string() + ": expected .h5, .mat, .part, .png, .tiff or .jpg; a raw dump needs --raw WxH");
+      return bad_input(file.string() +
+                       ": expected .h5, .mat, .part, .cptv, .png, .tiff or .jpg; a raw dump needs --raw WxH");
     }
     if (kind_of(file) == Kind::kTiff) {
       const Result<std::size_t> counted = count_tiff_pages(file);
