@@ -99,6 +99,13 @@ class Cptv(unittest.TestCase):
             self.assertEqual(capture.attrs["recorded_at"].decode(), "2019-07-23T23:57:42.123Z")
             self.assertEqual([(round(e["t"], 3), e["kind"].decode()) for e in capture["events"][:]], [(5.345, "nuc")])
 
+    def test_a_correction_long_ago_is_no_event(self):
+        zero = np.zeros((HEIGHT, WIDTH), np.uint16)
+        text = header() + b"".join(frame(zero, zero, 60_000 + 115 * n, ffc_ms=30_000 + 115 * n) for n in range(4))
+        self.assertEqual(self.convert(text).returncode, 0)
+        with h5py.File(self.folder / "a.h5") as capture:
+            self.assertNotIn("events", capture)
+
     def test_a_scale_makes_kelvin_of_it(self):
         self.assertEqual(self.convert(self.film(), "--scale", "0.01").returncode, 0)
         with h5py.File(self.folder / "a.h5") as capture:

@@ -21,7 +21,8 @@ namespace {
 constexpr std::uint32_t kMostSide = 1U << 14;
 constexpr std::size_t kMostPixelsOfAFrame = std::size_t{1} << 24;
 constexpr unsigned kMostBits = 32;
-constexpr double kUsualRate_hz = 9.0;  // a Lepton's, where neither header nor times tell
+constexpr std::uint32_t kCorrecting_ms = 2000;  // a correction is over by then
+constexpr double kUsualRate_hz = 9.0;           // a Lepton's, where neither header nor times tell
 
 struct Header {
   Geometry geometry;
@@ -224,7 +225,9 @@ class CptvFootage final : public Footage {
 
   Status copy_extras(capture::CaptureWriter& writer) const override {
     for (std::size_t i = 1; i < heads_.size(); ++i) {
-      if (heads_[i].ffc_ms == heads_[i - 1].ffc_ms) continue;
+      const FrameHead& head = heads_[i];
+      const bool just_now = head.ffc_ms <= head.time_ms && head.time_ms - head.ffc_ms < kCorrecting_ms;
+      if (head.ffc_ms == heads_[i - 1].ffc_ms || !just_now) continue;
       if (Status good = writer.add_event({times_s_[i], "nuc"}); !good) return good;
     }
     std::vector<capture::Attribute> attributes{{"device_name", header_.device}};

@@ -82,11 +82,11 @@ std::string count_words(const Rows& rows, const CountOf& count_of) {
 
 // The host's clock, as its kernel knows it.
 std::string clock_words(const bolo_shm_header& h) {
-  std::string words = "the host's clock runs by itself: nothing bounds its error";
+  std::string words = "host's clock runs by itself, error not known";
   if (h.clock_synchronised != 0) {
-    words = fmt::format("the host's clock is synchronised, to {:.3g} ms", static_cast<double>(h.clock_error_ns) * 1e-6);
+    words = fmt::format("host's clock synchronised, to {:.3g} ms", static_cast<double>(h.clock_error_ns) * 1e-6);
   }
-  return h.clock_steps == 0 ? words : words + fmt::format("; it was set {} times", h.clock_steps);
+  return h.clock_steps == 0 ? words : words + fmt::format("; set {} times", h.clock_steps);
 }
 
 // How the camera does, and its clock and corrections as far as they are known.
