@@ -126,7 +126,7 @@ TEST(StatSample, TellsHowTheCameraDoes) {
   const std::string table = stat_table("cam", look, compare(first_look(), look));
   EXPECT_NE(table.find("lost for 3.0 s; lost 2 (2 no answer), stalled 0; 84 frames missed"), std::string::npos)
       << table;
-  EXPECT_EQ(table.find("clock"), std::string::npos) << table;
+  EXPECT_EQ(table.find("\nclock "), std::string::npos) << table;
   camera.clock_offset_ns = -5;
   camera.clock_drift_ppm = -20.5;
   EXPECT_NE(stat_table("cam", look, compare(first_look(), look)).find("drift -20.5 ppm"), std::string::npos);
