@@ -10,7 +10,7 @@ if(TARGET manual)
   add_dependencies(shipped manual)
 endif()
 
-install(FILES config/a655sc.toml config/bolod.toml config/demo.toml
+install(FILES config/a655sc.toml config/boson.toml config/lepton.toml config/bolod.toml config/demo.toml
   DESTINATION ${CMAKE_INSTALL_FULL_SYSCONFDIR}/bolo COMPONENT bolo)
 
 set(systemd_files ${PROJECT_SOURCE_DIR}/systemd)

@@ -28,6 +28,10 @@ constexpr std::uint32_t kMaxPacketDelayTicks = 10'000'000;
 constexpr float kMaxRateHz = 10'000.0F;
 constexpr float kMinRateHz = 0.01F;
 constexpr std::uint32_t kSingleFrame = 1;
+constexpr std::uint32_t kPtpDisabled = 2;  // as SFNC numbers the states
+constexpr std::uint32_t kPtpListening = 3;
+constexpr std::uint32_t kPtpSlave = 8;
+constexpr int kPtpOffset_ns = -37;
 constexpr std::uint32_t kRate50Hz = 0;
 
 // The measurement ranges of an A655sc: -40..150, 100..650 and 300..2000 degrees Celsius.
@@ -113,6 +117,7 @@ CameraFeatures::CameraFeatures(RegisterMap& registers, Counters& counters, const
   fill_infrared(format.scale.unit);
   fill_floats();
   fill_cases();
+  fill_ptp();
 }
 
 void CameraFeatures::fill_image(double rate_hz) {
@@ -219,6 +224,22 @@ void CameraFeatures::fill_cases() {
   });
   registers_.writable_range(reg::kCurrentCase, 0, kCases.size() - 1);
   show(0);
+}
+
+// Once switched on it listens at the first look, and follows a master from the second on.
+void CameraFeatures::fill_ptp() {
+  registers_.set(reg::kPtpStatus, kPtpDisabled);
+  registers_.writable(reg::kPtpEnable, [this](std::uint32_t value) -> WriteOutcome {
+    if (value > 1) return refuse(gvcp::Status::kInvalidParameter);
+    if (value == 0) registers_.set(reg::kPtpStatus, kPtpDisabled);
+    return value;
+  });
+  command(reg::kPtpLatch, [this] {
+    if (registers_.get(reg::kPtpEnable) == 0) return;
+    const bool listens = registers_.get(reg::kPtpStatus) == kPtpDisabled;
+    registers_.set(reg::kPtpStatus, listens ? kPtpListening : kPtpSlave);
+    registers_.set(reg::kPtpOffset, listens ? 0U : static_cast<std::uint32_t>(kPtpOffset_ns));
+  });
 }
 
 void CameraFeatures::image_register(std::uint32_t address, WriteRule rule) {

@@ -55,6 +55,7 @@ class CameraFeatures {
                  bool& offset_given);
   void fill_floats();
   void fill_cases();
+  void fill_ptp();
 
   WriteOutcome write_windowing(std::uint32_t value);
   void update_payload();

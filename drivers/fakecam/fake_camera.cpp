@@ -160,7 +160,10 @@ void FakeCamera::Impl::fire_test_packet(std::uint32_t packet_size) {
 
 WriteOutcome FakeCamera::Impl::write_timestamp_control(std::uint32_t value) {
   const std::int64_t now_ns = monotonic_ns();
-  if ((value & reg::kTimestampReset) != 0) clock_origin_ns = now_ns;
+  if ((value & reg::kTimestampReset) != 0) {
+    clock_origin_ns = now_ns;
+    counters.add(&FakeCameraStats::clock_resets);
+  }
   if ((value & reg::kTimestampLatch) != 0) {
     const std::uint64_t camera_ns =
         streaming() ? session->camera_time_ns(now_ns) : static_cast<std::uint64_t>(now_ns - clock_origin_ns);

@@ -111,7 +111,13 @@ inline constexpr std::uint32_t kAlpha2 = 0xa1dc;
 inline constexpr std::uint32_t kBeta1 = 0xa1e0;
 inline constexpr std::uint32_t kBeta2 = 0xa1e4;
 
-inline constexpr std::uint32_t kRegistersEnd = 0xa200;
+// The clock, kept by PTP (IEEE 1588)
+inline constexpr std::uint32_t kPtpEnable = 0xa200;
+inline constexpr std::uint32_t kPtpLatch = 0xa204;
+inline constexpr std::uint32_t kPtpStatus = 0xa208;  // 2 disabled, 3 listening, 8 slave
+inline constexpr std::uint32_t kPtpOffset = 0xa20c;  // ns, with a sign
+
+inline constexpr std::uint32_t kRegistersEnd = 0xa210;
 inline constexpr std::uint32_t kDescription = 0x10000;  // the GenICam XML, read-only
 
 inline constexpr std::uint32_t kPrivilegeExclusive = 1U << 0;

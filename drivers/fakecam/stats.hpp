@@ -29,6 +29,7 @@ struct FakeCameraStats {
   std::uint64_t streams_started = 0;
   std::uint64_t streams_finished = 0;  // ... that reached the capture's end
   std::uint64_t nuc_actions = 0;
+  std::uint64_t clock_resets = 0;
   std::uint64_t first_stream_ns = 0;  // CLOCK_MONOTONIC of the first start: where the faults' clock begins; 0: not yet
   StreamPosition position;
   bool controlled = false;

@@ -299,6 +299,19 @@ void ConnectionManager::check_scene() {
   if (now_ns < next_temperature_ns_) return;
   next_temperature_ns_ = now_ns + kTemperaturePeriodNs;
   status_->temperature_k.set(session_->temperature_k());
+  check_ptp();
+}
+
+// Reports how the camera's clock is kept, each time that this changes.
+void ConnectionManager::check_ptp() {
+  const PtpState ptp = session_->ptp();
+  if (ptp.status == ptp_status_) return;
+  ptp_status_ = ptp.status;
+  if (ptp.status == "Slave") {
+    report(false, fmt::format("PTP keeps the camera's clock, {} ns from its master", ptp.offset_ns));
+  } else if (ptp.enabled && ptp.status != "Master") {
+    report(true, "PTP does not keep the camera's clock yet: it is " + ptp.status);
+  }
 }
 
 // --- NUC ---

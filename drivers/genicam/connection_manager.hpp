@@ -94,6 +94,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   void report_transport();
   void check_period();
   void check_scene();
+  void check_ptp();
   void serve_requests();
   void apply_nuc_options();
   Status run_nuc(const std::string& why);
@@ -120,6 +121,7 @@ class ConnectionManager : public std::enable_shared_from_this<ConnectionManager>
   bool period_reported_ = false;
   NucSchedule schedule_;
   std::int64_t next_temperature_ns_ = 0;
+  std::string ptp_status_;  // as last reported
   std::int64_t next_transport_ns_ = 0;
   SessionCloser closer_;  // stop() waits for it when the monitoring thread has ended
 

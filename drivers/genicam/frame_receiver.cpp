@@ -62,7 +62,7 @@ void FrameReceiver::finish() noexcept {
 void FrameReceiver::deliver(const CameraFrame& frame, std::int64_t now_ns) noexcept {
   if (!agreed(frame)) return ids_.broken(frame.id, LossCause::kBadFrame, now_ns);
   note_arrival(now_ns);
-  const FrameIdTracker::Verdict verdict = ids_.complete(frame.id, now_ns);
+  const pipeline::FrameIdTracker::Verdict verdict = ids_.complete(frame.id, now_ns);
   if (!verdict.deliver) return;
   if (verdict.counter_reset) inlet_.restart_window();
   const std::int64_t host_ns = map_time(verdict, frame.camera_ns, frame.receive_ns);
@@ -100,13 +100,13 @@ std::uint32_t FrameReceiver::note_nuc(std::int64_t now_ns) noexcept {
 }
 
 // The camera's time on the host's clock; publishes the state of the clocks.
-std::int64_t FrameReceiver::map_time(const FrameIdTracker::Verdict& verdict, std::int64_t camera_ns,
+std::int64_t FrameReceiver::map_time(const pipeline::FrameIdTracker::Verdict& verdict, std::int64_t camera_ns,
                                      std::int64_t receive_ns) noexcept {
   if (verdict.counter_reset) {
     clock_.restart();
     period_.restart();
   }
-  const HostClock::Mapped mapped = clock_.map(verdict.frame_id, camera_ns, receive_ns);
+  const pipeline::HostClock::Mapped mapped = clock_.map(verdict.frame_id, camera_ns, receive_ns);
   if (mapped.jumped) {
     status_.clock_jumps.add();
     period_.restart();

@@ -7,11 +7,11 @@
 #include <vector>
 
 #include "drivers/genicam/camera_frame.hpp"
-#include "drivers/genicam/frame_id_tracker.hpp"
 #include "drivers/genicam/genicam_source.hpp"
-#include "drivers/genicam/host_clock.hpp"
 #include "drivers/genicam/scene_watch.hpp"
 #include "src/core/plane.hpp"
+#include "src/pipeline/frame_id_tracker.hpp"
+#include "src/pipeline/host_clock.hpp"
 #include "src/pipeline/inlet.hpp"
 #include "src/pipeline/source_status.hpp"
 #include "src/rt/counters.hpp"
@@ -53,7 +53,7 @@ class FrameReceiver {
   void deliver(const CameraFrame& frame, std::int64_t now_ns) noexcept;
   void note_arrival(std::int64_t now_ns) noexcept;
   std::uint32_t note_nuc(std::int64_t now_ns) noexcept;
-  std::int64_t map_time(const FrameIdTracker::Verdict& verdict, std::int64_t camera_ns,
+  std::int64_t map_time(const pipeline::FrameIdTracker::Verdict& verdict, std::int64_t camera_ns,
                         std::int64_t receive_ns) noexcept;
   bool agreed(const CameraFrame& frame) const noexcept;
   void post_losses() noexcept;
@@ -62,11 +62,11 @@ class FrameReceiver {
   const StreamFormat format_;
   const PixelOrder order_;
   const int metadata_rows_;
-  FrameIdTracker ids_;
+  pipeline::FrameIdTracker ids_;
   std::array<std::uint64_t, kLossCauses> posted_{};  // of the tracker's losses, those that the inlet has
   pipeline::SourceStatus& status_;
-  HostClock clock_;
-  PeriodMeter period_;
+  pipeline::HostClock clock_;
+  pipeline::PeriodMeter period_;
   SceneWatch scene_;
   const std::uint16_t* kelvin_table_ = nullptr;  // null: counts stay as they are
   rt::Gauge<std::int64_t> nuc_until_ns_;

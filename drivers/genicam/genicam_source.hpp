@@ -61,6 +61,7 @@ struct CameraOptions {
   int packet_size = 0;    // bytes, kSmallestPacket or more; 0: the largest that the link carries
   int socket_buffer_bytes = 8 << 20;
   bool resend = false;  // ask for lost packets again
+  bool ptp = false;     // switch PTP (IEEE 1588) on; false: leave it as the camera has it
   int packet_timeout_us = 2000;
   // Limit of the time that an incomplete frame delays the ones behind it. Without resends it delays none, and waits
   // 100 ms.

@@ -71,6 +71,14 @@ void Nodes::set_real(const char* name, double value) {
   check(error, name, fmt::format("{:g}", value));
 }
 
+bool Nodes::boolean(const char* name) {
+  if (!ok()) return false;
+  GlibError error;
+  const bool value = arv_device_get_boolean_feature_value(device_, name, error.out()) == TRUE;
+  check(error, name);
+  return value && ok();
+}
+
 void Nodes::set_boolean(const char* name, bool value) {
   if (!ok()) return;
   GlibError error;

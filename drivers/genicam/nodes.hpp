@@ -25,6 +25,8 @@ class Nodes {
   std::string text(const char* name);                  // strings, and the entry of an enumeration
   std::vector<std::string> entries(const char* name);  // that an enumeration offers now
 
+  bool boolean(const char* name);
+
   void set_integer(const char* name, std::int64_t value);
   void set_real(const char* name, double value);
   void set_boolean(const char* name, bool value);

@@ -119,7 +119,8 @@ Status Session::prepare(FrameReceiver& receiver, std::vector<std::string>& warni
 Status Session::begin() {
   began_ = true;
   Nodes nodes(connection_.device.get());
-  if (nodes.has("GevTimestampControlReset")) nodes.execute("GevTimestampControlReset");
+  // A clock that PTP keeps is not this program's to set.
+  if (!read_ptp(nodes).enabled && nodes.has("GevTimestampControlReset")) nodes.execute("GevTimestampControlReset");
   if (nodes.has("TLParamsLocked")) nodes.set_integer("TLParamsLocked", 1);
   nodes.execute("AcquisitionStart");
   if (!nodes.ok()) return at(connection_.name, nodes.status().error());
@@ -139,6 +140,12 @@ Status Session::set_nuc(const NucOptions& nuc, std::vector<std::string>& warning
   Nodes nodes(connection_.device.get());
   configure_nuc(nodes, nuc, warnings);
   return nodes.status();
+}
+
+PtpState Session::ptp() {
+  Nodes nodes(connection_.device.get());
+  PtpState state = read_ptp(nodes);
+  return nodes.ok() ? std::move(state) : PtpState{};
 }
 
 double Session::temperature_k() {

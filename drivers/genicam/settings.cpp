@@ -41,6 +41,15 @@ const IrFormatEntry* entry_of(IrFormat format) {
   return at != kIrFormats.end() ? at : nullptr;
 }
 
+void enable_ptp(Nodes& nodes, Warnings& warnings) {
+  for (const char* enable : {"PtpEnable", "GevIEEE1588"}) {
+    if (!nodes.has(enable)) continue;
+    if (!nodes.boolean(enable)) nodes.set_boolean(enable, true);
+    return;
+  }
+  warnings.push_back("the camera has no PTP (neither PtpEnable nor GevIEEE1588): its clock runs by itself");
+}
+
 // Sets IRFormat; returns the scale of a count with it.
 LinearScale configure_ir_format(Nodes& nodes, IrFormat wanted, Warnings& warnings) {
   const IrFormatEntry* entry = entry_of(wanted);
@@ -183,6 +192,21 @@ std::size_t choose_case(const std::vector<Case>& cases, double low_k, double hig
 
 }  // namespace
 
+// By the names of SFNC 2.3 on, or those of GigE Vision cameras before it. The numbers are those of the last latch.
+PtpState read_ptp(Nodes& nodes) {
+  PtpState state;
+  for (const char* enable : {"PtpEnable", "GevIEEE1588"}) {
+    if (nodes.has(enable)) state.enabled = state.enabled || nodes.boolean(enable);
+  }
+  if (!state.enabled) return state;
+  if (nodes.has("PtpDataSetLatch")) nodes.execute("PtpDataSetLatch");
+  for (const char* status : {"PtpStatus", "GevIEEE1588Status"}) {
+    if (state.status.empty() && nodes.has(status)) state.status = nodes.text(status);
+  }
+  if (nodes.has("PtpOffsetFromMaster")) state.offset_ns = nodes.integer("PtpOffsetFromMaster");
+  return state;
+}
+
 Result<Negotiated> configure(const Connection& connection, const CameraOptions& options, Warnings& warnings) {
   Nodes nodes(connection.device.get());
   Negotiated result;
@@ -209,6 +233,7 @@ Result<Negotiated> configure(const Connection& connection, const CameraOptions& 
   format.geometry.width = static_cast<int>(nodes.integer("Width"));
   format.geometry.height = static_cast<int>(nodes.integer("Height")) - options.metadata_rows;
 
+  if (options.ptp) enable_ptp(nodes, warnings);
   const double rate_hz = configure_rate(nodes, options.rate_hz, warnings);
   if (nodes.has("AcquisitionMode")) nodes.choose("AcquisitionMode", "Continuous", 0);
   if (!nodes.ok()) return at(connection.name, nodes.status().error());

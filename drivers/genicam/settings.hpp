@@ -15,6 +15,14 @@
 
 namespace bolo::genicam {
 
+// What the camera says of its clock's synchronisation by PTP.
+struct PtpState {
+  bool enabled = false;
+  std::string status{};        // "Slave": it follows a master; "Listening", "Master" ...; empty: it does not say
+  std::int64_t offset_ns = 0;  // from its master, as the camera reckons; 0 where it does not say
+};
+PtpState read_ptp(Nodes& nodes);
+
 struct Negotiated {
   pipeline::SourceInfo info;                // geometry without metadata rows
   std::vector<std::uint16_t> kelvin_table;  // from the camera's counts to those of `info`; empty: they are the same

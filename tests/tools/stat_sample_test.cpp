@@ -50,6 +50,21 @@ StatLook second_look() {
   return look;
 }
 
+TEST(StatTable, TellsHowTheHostsClockIsKept) {
+  StatLook look = second_look();
+  const auto table = [&look] { return stat_table("front", look, compare(first_look(), look)); };
+  EXPECT_NE(table().find("\nutc      host's clock runs by itself, error not known\n"), std::string::npos) << table();
+  look.header.clock_synchronised = 1;
+  look.header.clock_error_ns = 1'250'000;
+  look.header.clock_steps = 2;
+  EXPECT_NE(table().find("\nutc      host's clock synchronised, to 1.25 ms; set 2 times\n"), std::string::npos)
+      << table();
+  const auto json = stat_json("front", look, compare(first_look(), look));
+  EXPECT_EQ(json["clock"]["synchronised"], true);
+  EXPECT_DOUBLE_EQ(json["clock"]["error_s"].get<double>(), 0.00125);
+  EXPECT_EQ(json["clock"]["steps"], 2);
+}
+
 TEST(StatSample, RatesAndLatencyAreThoseOfTheInterval) {
   const StatSample s = compare(first_look(), second_look());
   EXPECT_DOUBLE_EQ(s.interval_s, 2.0);
@@ -111,7 +126,7 @@ TEST(StatSample, TellsHowTheCameraDoes) {
   const std::string table = stat_table("cam", look, compare(first_look(), look));
   EXPECT_NE(table.find("lost for 3.0 s; lost 2 (2 no answer), stalled 0; 84 frames missed"), std::string::npos)
       << table;
-  EXPECT_EQ(table.find("clock"), std::string::npos) << table;
+  EXPECT_EQ(table.find("\nclock "), std::string::npos) << table;
   camera.clock_offset_ns = -5;
   camera.clock_drift_ppm = -20.5;
   EXPECT_NE(stat_table("cam", look, compare(first_look(), look)).find("drift -20.5 ppm"), std::string::npos);

@@ -7,6 +7,7 @@
 
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/convert/cptv.hpp"
 #include "tools/convert/footage.hpp"
 #include "tools/convert/footage_sink.hpp"
 
@@ -26,8 +27,8 @@ struct Request {
 
 cxxopts::Options make_options() {
   cxxopts::Options options("bolo convert",
-                           "From captures (.h5, .part, the authors' .mat), PNG and TIFF pictures, FLIR radiometric "
-                           "JPEG stills and raw dumps\n"
+                           "From captures (.h5, .part, the authors' .mat), CPTV films, PNG and TIFF pictures, FLIR "
+                           "radiometric JPEG stills and raw dumps\n"
                            "to a capture (.h5), PNG or TIFF pictures, or a film for the eye (.mp4)\n");
   options.positional_help("IN...").show_positional_help();
   options.add_options()                                                                                 //
@@ -116,7 +117,9 @@ bool is_capture(const std::filesystem::path& file) {
 
 Result<std::unique_ptr<Footage>> open_footage(const Request& request) {
   if (request.raw) return open_raw(request.in, *request.raw, request.told);
-  if (!is_capture(request.in.front())) return open_pictures(request.in, request.told);
+  const bool film = request.in.front().extension() == ".cptv";
+  if (film && request.in.size() == 1) return open_cptv(request.in.front(), request.told);
+  if (!film && !is_capture(request.in.front())) return open_pictures(request.in, request.told);
   if (request.in.size() > 1)
     return bad_input("one capture at a time; " + std::to_string(request.in.size()) + " files were given");
   return open_capture(request.in.front());

@@ -25,6 +25,10 @@ Result<ComposedSource> make_replay(const ReplayOptions& options) {
 Result<ComposedSource> make_source(const DaemonConfig& config) {
   if (config.source == SourceType::kReplay) return make_replay(config.replay);
   ComposedSource composed;
+  if (config.source == SourceType::kV4l2) {
+    composed.source = std::make_unique<v4l2_source::V4l2Source>(config.video);
+    return composed;
+  }
   auto source = std::make_unique<genicam::GenicamSource>(config.camera);
   composed.camera = source.get();
   composed.source = std::move(source);

@@ -34,7 +34,12 @@ constexpr std::string_view kHeading =
 template <typename Enum, std::size_t N>
 using Names = std::array<std::pair<std::string_view, Enum>, N>;
 
-constexpr Names<SourceType, 2> kSources{{{"genicam", SourceType::kGenicam}, {"replay", SourceType::kReplay}}};
+constexpr Names<SourceType, 3> kSources{
+    {{"genicam", SourceType::kGenicam}, {"v4l2", SourceType::kV4l2}, {"replay", SourceType::kReplay}}};
+constexpr Names<v4l2_source::Container, 4> kContainers{{{"y16", v4l2_source::Container::kY16},
+                                                        {"y14", v4l2_source::Container::kY14},
+                                                        {"y12", v4l2_source::Container::kY12},
+                                                        {"yuyv", v4l2_source::Container::kYuyv}}};
 constexpr Names<replay::Pace, 2> kPaces{
     {{"realtime", replay::Pace::kRealTime}, {"fast", replay::Pace::kAsFastAsPossible}}};
 constexpr Names<genicam::PixelOrder, 2> kPixelOrders{
@@ -63,12 +68,16 @@ struct Overrides {
   std::optional<int> metadata_rows;
   std::optional<double> tau_s;
   bool scene_nuc = false;  // as the profile says, else
+  std::vector<int> rows;
+  double scale_k = 0.0;
 };
 
 void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.section("source", "where frames come from");
-  keys.choice<SourceType>("type", c.source, kSources,
-                          "genicam: a GigE Vision or USB3 Vision camera. replay: a capture file.");
+  keys.choice<SourceType>(
+      "type", c.source, kSources,
+      "genicam: a GigE Vision or USB3 Vision camera. v4l2: a camera on USB that is a video device of the kernel and "
+      "sends 16 bits a pixel (Boson, Lepton ...). replay: a capture file.");
   keys.text("address", c.camera.address,
             "Camera: IP address or Aravis device id; empty: the only camera that answers.");
   keys.text(
@@ -94,6 +103,10 @@ void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
   keys.integer("socket_buffer_bytes", c.camera.socket_buffer_bytes, {65536, 1 << 30, "bytes"},
                "Camera: receive buffer; the system's limit is net.core.rmem_max.");
   keys.boolean("resend", c.camera.resend, "Camera: ask for lost packets again; only for cameras that answer.");
+  keys.boolean(
+      "ptp", c.camera.ptp,
+      "Camera: switch PTP (IEEE 1588) on, where it has it; false: as the camera has it. A clock that PTP keeps "
+      "is never reset.");
   keys.integer("packet_timeout_us", c.camera.packet_timeout_us, {100, 1000000, "us"},
                "Camera: how long to wait for a packet before asking again.");
   keys.integer("frame_retention_us", c.camera.frame_retention_us, {1000, 10000000, "us"},
@@ -105,6 +118,19 @@ void source_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
                "Camera: without a frame for this long the stream counts as stalled.");
   keys.integer("reconnect_after_ms", c.camera.reconnect_after_ms, {0, 600000, "ms"},
                "Camera: stalled for this long it is opened again; 0: never.");
+  keys.text("device", c.video.device,
+            "Video device: /dev/videoN, or the serial number of the camera on USB. Its size is as it has it: "
+            "v4l2-ctl --set-fmt-video. A lost camera is looked for by its serial number.");
+  keys.choice<v4l2_source::Container>(
+      "format", c.video.format, kContainers,
+      "Video device: what its driver calls the format. yuyv: 16-bit values under the name of a colour format, as cores "
+      "with stacked images send them. Values are taken as they are.");
+  keys.integers("rows", o.rows, {0, 16384, ""},
+                "Video device: [first, count], the rows of its frames that are the image; the others are metadata or "
+                "another image. []: all.");
+  keys.number("scale_k", o.scale_k, {0.0, 100.0, "K"},
+              "Video device: kelvin a count, of a radiometric camera; 0: values are counts.");
+  keys.number("offset_k", c.video.scale.offset, {-1000.0, 1000.0, "K"}, "Video device: kelvin at count 0.");
   keys.file("file", c.replay.file, "capture.h5", "Replay: the capture.");
   keys.choice<replay::Pace>(
       "pace", c.replay.pace, kPaces,
@@ -291,6 +317,13 @@ Status apply_profile(DaemonConfig& config, const Overrides& overrides) {
   config.pipeline.undo.scene_nuc |= overrides.scene_nuc;
   config.pipeline.deblur.period_s = profile.frame_period_s;
   config.pipeline.thread.name = "bolo-deblur";
+  v4l2_source::V4l2SourceOptions& video = config.video;
+  if (overrides.scale_k > 0.0) video.scale = {Unit::kKelvin, overrides.scale_k, video.scale.offset};
+  if (overrides.rows.size() == 2) video.rows = {overrides.rows[0], overrides.rows[1]};
+  video.frame_period_s = profile.frame_period_s;
+  video.realtime_priority = config.camera.realtime_priority;
+  video.stall_ms = config.camera.stall_ms;
+  video.reconnect_after_ms = config.camera.reconnect_after_ms;
   if (!config.control.enabled) config.control.socket.clear();
   if (config.control.enabled && config.control.socket.empty()) {
     config.control.socket = default_control_socket(config.name);
@@ -298,7 +331,7 @@ Status apply_profile(DaemonConfig& config, const Overrides& overrides) {
   return {};
 }
 
-Status check_together(const KeyTable& keys, const DaemonConfig& config) {
+Status check_together(const KeyTable& keys, const DaemonConfig& config, const Overrides& overrides) {
   const auto here = [&keys](std::string_view path, const std::string& message) {
     return bad_input(keys.where(path) + message);
   };
@@ -310,6 +343,12 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config) {
         fmt::format("source.packet_size = {} is too small: give {} bytes or more, or 0 for the largest that the "
                     "link carries",
                     packet, genicam::kSmallestPacket));
+  }
+  if (!overrides.rows.empty() && (overrides.rows.size() != 2 || overrides.rows[1] == 0)) {
+    return here("source.rows", "source.rows must be [first, count], for example [192, 192], or [] for all");
+  }
+  if (config.source == SourceType::kV4l2 && config.video.device.empty()) {
+    return here("source.device", "source.device is empty: give /dev/videoN, or the camera's serial number");
   }
   if (config.source == SourceType::kReplay && config.replay.file.empty()) {
     return here("source.type", "source.type = \"replay\" needs source.file, the capture to replay");
@@ -345,7 +384,7 @@ DaemonConfig::DaemonConfig() {
 }
 
 pipeline::SinkContext DaemonConfig::sink_context() const {
-  const Geometry frame = source == SourceType::kReplay ? Geometry{} : Geometry{camera.width, camera.height};
+  const Geometry frame = source == SourceType::kGenicam ? Geometry{camera.width, camera.height} : Geometry{};
   return {name, control.socket, frame, pipeline.deblur};
 }
 
@@ -357,7 +396,8 @@ Result<DaemonConfig> read_config(const std::filesystem::path& file) {
   config.file = file;
   config.texts = config_keys(config, overrides).texts();
   if (const Status status = apply_profile(config, overrides); !status) return tl::unexpected<Error>(status.error());
-  if (const Status status = check_together(keys, config); !status) return tl::unexpected<Error>(status.error());
+  if (const Status status = check_together(keys, config, overrides); !status)
+    return tl::unexpected<Error>(status.error());
   note_profile(config);
   return config;
 }

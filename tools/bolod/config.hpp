@@ -10,6 +10,7 @@
 
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/replay/replay_source.hpp"
+#include "drivers/v4l2_source/v4l2_source.hpp"
 #include "src/core/result.hpp"
 #include "src/model/camera_profile.hpp"
 #include "src/pipeline/pipeline.hpp"
@@ -20,6 +21,7 @@ namespace bolo::daemon {
 enum class SourceType {
   kGenicam,  // a camera, or its fake, on the network
   kReplay,   // a capture file, in process
+  kV4l2,     // a video device of the kernel
 };
 
 struct ReplayOptions {
@@ -68,6 +70,7 @@ struct DaemonConfig {
   SourceType source = SourceType::kGenicam;
   genicam::CameraOptions camera;
   ReplayOptions replay;
+  v4l2_source::V4l2SourceOptions video;
   pipeline::PipelineOptions pipeline;
   std::string isa = "auto";  // instruction set of the solver's kernels
   bool lock_memory = true;

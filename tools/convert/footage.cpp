@@ -33,6 +33,7 @@ class CaptureFootage final : public Footage {
   Status read(std::size_t index, Frame& frame) override {
     frame.t_s = reader_.t()[index];
     frame.id = reader_.frame_id()[index];
+    frame.times = capture::times_of(reader_, index);
     const std::size_t pixels = info_.format.geometry.pixels();
     if (info_.format.type == PixelType::kUint16) {
       frame.u16.resize(pixels);
@@ -200,7 +201,8 @@ Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const Told& t
   for (const std::filesystem::path& file : files) {
     std::size_t pages = 1;
     if (kind_of(file) == Kind::kUnknown) {
-      return bad_input(file.string() + ": expected .h5, .mat, .part, .png, .tiff or .jpg; a raw dump needs --raw WxH");
+      return bad_input(file.string() +
+                       ": expected .h5, .mat, .part, .cptv, .png, .tiff or .jpg; a raw dump needs --raw WxH");
     }
     if (kind_of(file) == Kind::kTiff) {
       const Result<std::size_t> counted = count_tiff_pages(file);

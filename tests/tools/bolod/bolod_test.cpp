@@ -32,8 +32,25 @@ TEST_F(Bolod, CheckConfigSaysWhatIsWrong) {
 
 TEST_F(Bolod, TheShippedConfigurationsAreRight) {
   EXPECT_EQ(run({"--check-config", "--config", BOLO_SOURCE_DIR "/config/bolod.toml"}).exit_code, 0);
-  const std::string file = config("profile = '" BOLO_SOURCE_DIR "/config/a655sc.toml'\n");
-  EXPECT_EQ(run({"--check-config", "--config", file}).exit_code, 0);
+  for (const char* camera : {"a655sc", "boson", "lepton"}) {
+    const std::string file = config(std::string("profile = '") + BOLO_SOURCE_DIR "/config/" + camera +
+                                    ".toml'\n[source]\ntype = 'v4l2'\nrows = [192, 192]\nscale_k = 0.01\n");
+    const Outcome checked = run({"--check-config", "--config", file});
+    EXPECT_EQ(checked.exit_code, 0) << checked.err;
+  }
+}
+
+TEST_F(Bolod, AVideoDeviceIsRefusedInOneLine) {
+  const auto refused = [&](const std::string& keys, const std::string& why) {
+    const std::string file = config("[source]\ntype = 'v4l2'\n" + keys);
+    const Outcome ended = run({"--config", file});
+    EXPECT_EQ(ended.exit_code, 2);
+    EXPECT_NE(ended.err.find(why), std::string::npos) << ended.err;
+  };
+  refused("device = '/dev/video-that-is-not'\n", "/dev/video-that-is-not: it is not there: plug the camera in");
+  refused("device = '/dev/null'\n", "/dev/null: it is no video device");
+  refused("device = ''\n", "source.device is empty");
+  refused("rows = [3]\n", "source.rows must be [first, count]");
 }
 
 TEST_F(Bolod, PrintConfigIsAConfiguration) {

@@ -161,7 +161,7 @@ TEST_F(Config, MistakesAreNamed) {
        "'.'"},
       {"profile = 'none.toml'", "none.toml: no such file"},
       {"profile = 'bad.toml'", "bad.toml:2:1: unknown key 'taus'; did you mean 'tau_s'?"},
-      {"[source]\ntype = 'disk'", "bolod.toml:2:8: source.type = \"disk\" is none of \"genicam\" | \"replay\""},
+      {"[source]\ntype = 'disk'", "bolod.toml:2:8: source.type = \"disk\" is none of \"genicam\" | \"v4l2\" | \"replay\""},
       {"[source]\ntype = 'replay'",
        "bolod.toml:2:8: source.type = \"replay\" needs source.file, the capture to replay"},
       {"[source]\nwidth = 5000", "bolod.toml:2:9: source.width = 5000 is out of range: 0 to 4096 pixels"},

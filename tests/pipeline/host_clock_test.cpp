@@ -1,5 +1,5 @@
 // HostClock: offset and drift from arrivals that are late by chance, and jumps.
-#include "drivers/genicam/host_clock.hpp"
+#include "src/pipeline/host_clock.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <random>
 
-namespace bolo::genicam {
+namespace bolo::pipeline {
 namespace {
 
 constexpr double kPeriodS = 0.005;
@@ -102,4 +102,4 @@ TEST(HostClock, SeesAJumpOfTheCamerasClockAndBeginsAnew) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam
+}  // namespace bolo::pipeline

@@ -1,9 +1,9 @@
-#include "drivers/genicam/host_clock.hpp"
+#include "src/pipeline/host_clock.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-namespace bolo::genicam {
+namespace bolo::pipeline {
 namespace {
 
 constexpr double kBucketNs = 0.5e9;
@@ -98,4 +98,4 @@ void HostClock::fit() noexcept {
   level_ns_ = a.late_ns - slope_ * a.camera_ns;
 }
 
-}  // namespace bolo::genicam
+}  // namespace bolo::pipeline

@@ -8,7 +8,7 @@
 
 #include "src/core/clock.hpp"
 
-namespace bolo::genicam {
+namespace bolo::pipeline {
 
 // A frame arrives late by the way from camera to host: at least its shortest, more when something was busy. Arrival
 // minus camera time, over camera time, therefore lies above a line whose slope is the drift of the clocks. The line is
@@ -112,4 +112,4 @@ class PeriodMeter {
   std::int64_t last_ns_ = 0;
 };
 
-}  // namespace bolo::genicam
+}  // namespace bolo::pipeline

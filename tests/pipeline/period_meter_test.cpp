@@ -1,8 +1,8 @@
-#include "drivers/genicam/host_clock.hpp"
+#include "src/pipeline/host_clock.hpp"
 
 #include <gtest/gtest.h>
 
-namespace bolo::genicam {
+namespace bolo::pipeline {
 namespace {
 
 // The last measurement of frames so many ns apart, with ids as given.
@@ -40,4 +40,4 @@ TEST(PeriodMeterTest, SaysNothingBeforeItKnows) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam
+}  // namespace bolo::pipeline

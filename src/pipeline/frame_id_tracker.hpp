@@ -6,7 +6,7 @@
 
 #include "src/core/loss.hpp"
 
-namespace bolo::genicam {
+namespace bolo::pipeline {
 
 // Frames may arrive in any order within a window of kReorderFrames: a frame that is not there yet when a later one
 // arrives is called missing only when it has fallen out of that window, because it may still come late or broken.
@@ -85,4 +85,4 @@ class FrameIdTracker {
   std::array<std::uint64_t, kLossCauses> counted_{};
 };
 
-}  // namespace bolo::genicam
+}  // namespace bolo::pipeline

@@ -1,4 +1,4 @@
-#include "drivers/genicam/frame_id_tracker.hpp"
+#include "src/pipeline/frame_id_tracker.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-namespace bolo::genicam {
+namespace bolo::pipeline {
 namespace {
 
 constexpr double kPeriodS = 0.005;
@@ -325,4 +325,4 @@ TEST_F(FrameIdTrackerTest, AccountsForEveryFrameOfAShuffledStream) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam
+}  // namespace bolo::pipeline

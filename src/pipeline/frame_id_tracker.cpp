@@ -1,4 +1,4 @@
-#include "drivers/genicam/frame_id_tracker.hpp"
+#include "src/pipeline/frame_id_tracker.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -6,7 +6,7 @@
 
 #include "src/core/clock.hpp"
 
-namespace bolo::genicam {
+namespace bolo::pipeline {
 namespace {
 
 constexpr std::uint64_t kLargest16 = 0xFFFF;
@@ -146,4 +146,4 @@ bool FrameIdTracker::is_reset(std::int64_t steps, std::int64_t arrival_ns) const
   return static_cast<double>(steps) > kBelievedFrames + kTimeMargin * elapsed_frames;
 }
 
-}  // namespace bolo::genicam
+}  // namespace bolo::pipeline

@@ -1,0 +1,343 @@
+#include "drivers/v4l2_source/v4l2_source.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "drivers/v4l2_source/video_device.hpp"
+#include "src/core/clock.hpp"
+#include "src/core/duration_text.hpp"
+#include "src/pipeline/frame_id_tracker.hpp"
+#include "src/pipeline/host_clock.hpp"
+#include "src/rt/thread.hpp"
+
+namespace bolo::v4l2_source {
+namespace {
+
+namespace event = pipeline::event;
+using pipeline::LostCause;
+using pipeline::SourceState;
+
+constexpr int kTickMs = 20;
+constexpr std::int64_t kFirstFrameNs = 3'000'000'000;  // cameras on USB take seconds to begin
+constexpr auto kPauseBetweenAttempts = std::chrono::milliseconds(200);
+constexpr std::int64_t kOldestStampNs = 1'000'000'000;  // an older one is no time of this frame
+
+std::int64_t stamp_ns(const v4l2_buffer& buffer) {
+  return std::int64_t{buffer.timestamp.tv_sec} * 1'000'000'000 + std::int64_t{buffer.timestamp.tv_usec} * 1000;
+}
+
+bool is_monotonic(const v4l2_buffer& buffer) {
+  return (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+}
+
+}  // namespace
+
+struct V4l2Source::Impl {
+  Impl(V4l2SourceOptions o, VideoSystem& s) : options(std::move(o)), system(s) {}
+
+  Result<pipeline::SourceInfo> inspect(const VideoDevice& from) const;
+
+  // --- the receiving thread ---
+  void run();
+  void drain();
+  void deliver(const VideoFrame& frame, std::int64_t now_ns) noexcept;
+  std::uint64_t unwrap(const VideoFrame& frame) noexcept;
+  std::int64_t map_time(const pipeline::FrameIdTracker::Verdict& verdict, const v4l2_buffer& buffer,
+                        std::int64_t now_ns) noexcept;
+  void post_losses() noexcept;
+  void watch(std::int64_t now_ns);
+  void lose(LostCause cause);
+  void reopen();
+  void check_period();
+  void set_state(SourceState state);
+
+  const V4l2SourceOptions options;
+  VideoSystem& system;
+  pipeline::SourceStatus status;
+  pipeline::Notices notices;
+  pipeline::SourceInfo info;
+  std::unique_ptr<VideoDevice> device;
+  pipeline::FrameInlet* inlet = nullptr;
+  std::unique_ptr<pipeline::FrameIdTracker> ids;
+  std::unique_ptr<pipeline::HostClock> clock;
+  pipeline::PeriodMeter period;
+  std::array<std::uint64_t, kLossCauses> posted{};
+  pipeline::WatchLimits limits{};
+  std::int64_t since_ns = 0;       // when the device was opened last
+  std::int64_t last_frame_ns = 0;  // good ones; CLOCK_MONOTONIC
+  std::int64_t outage_from_ns = 0;
+  std::uint64_t id = 0;  // of the last buffer, unwrapped
+  std::uint32_t sequence = 0;
+  std::int64_t stamp = 0;
+  bool any = false;  // since the device was opened
+  bool period_reported = false;
+  std::atomic<bool> stop_requested{false};
+  std::thread thread;
+};
+
+// What the frames of this device are, cut to the rows that are asked for.
+Result<pipeline::SourceInfo> V4l2Source::Impl::inspect(const VideoDevice& from) const {
+  const Geometry whole = from.geometry();
+  const int rows = options.rows.count != 0 ? options.rows.count : whole.height - options.rows.first;
+  if (rows < 1 || options.rows.first + rows > whole.height) {
+    return bad_input(fmt::format("{}: its frames have {} rows, and source.rows asks for {} from row {} on", from.path(),
+                                 whole.height, rows, options.rows.first));
+  }
+  pipeline::SourceInfo found;
+  found.format.geometry = {whole.width, rows};
+  found.format.scale = options.scale;
+  found.format.frame_period_s = from.period_s() > 0.0 ? from.period_s() : options.frame_period_s;
+  found.camera_model = from.model();
+  found.camera_serial = from.serial();
+  return found;
+}
+
+void V4l2Source::Impl::set_state(SourceState state) {
+  status.since_ns.set(monotonic_ns());
+  status.state.set(state);
+}
+
+void V4l2Source::Impl::run() {
+  if (Status done = rt::apply_to_this_thread({.name = "bolo-video-in", .realtime_priority = options.realtime_priority});
+      !done) {
+    notices.report(true, done.error().message);
+  }
+  if (Status started = device->start(); !started) {
+    notices.report(true, started.error().message);
+    lose(LostCause::kControlLost);
+  }
+  while (!stop_requested.load(std::memory_order_relaxed)) {
+    if (device == nullptr) {
+      reopen();
+    } else if (device->wait(kTickMs) != 0) {
+      drain();
+    }
+    const std::int64_t now_ns = monotonic_ns();
+    status.watched_ns.set(now_ns);
+    watch(now_ns);
+    check_period();
+  }
+  ids->finish();
+  post_losses();
+  device.reset();
+}
+
+void V4l2Source::Impl::drain() {
+  VideoFrame frame;
+  for (int error = 0; !stop_requested.load(std::memory_order_relaxed);) {
+    error = device->take(frame);
+    if (error == EAGAIN) return;
+    if (error == EIO) {  // one buffer was lost, says the kernel: its number will be missing
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      return;
+    }
+    if (error != 0) return lose(LostCause::kNoAnswer);
+    deliver(frame, monotonic_ns());
+    device->give_back(frame);
+    post_losses();
+  }
+}
+
+// The driver's counter in 64 bits. One that stands still while time goes on does not count: buffers are counted then.
+std::uint64_t V4l2Source::Impl::unwrap(const VideoFrame& frame) noexcept {
+  const std::int64_t now_stamp = stamp_ns(frame.buffer);
+  if (!any) {
+    id = frame.buffer.sequence;
+  } else if (frame.buffer.sequence == sequence && now_stamp != stamp) {
+    ++id;
+  } else {
+    const auto steps = static_cast<std::int32_t>(frame.buffer.sequence - sequence);
+    id += static_cast<std::uint64_t>(static_cast<std::int64_t>(steps));
+  }
+  any = true;
+  sequence = frame.buffer.sequence;
+  stamp = now_stamp;
+  return id;
+}
+
+// When it was taken, on the host's clock, which is the driver's for most; publishes the state of the clocks.
+std::int64_t V4l2Source::Impl::map_time(const pipeline::FrameIdTracker::Verdict& verdict, const v4l2_buffer& buffer,
+                                        std::int64_t now_ns) noexcept {
+  const std::int64_t camera_ns = stamp_ns(buffer);
+  if (verdict.counter_reset) {
+    clock->restart();
+    period.restart();
+  }
+  const pipeline::HostClock::Mapped mapped = clock->map(verdict.frame_id, camera_ns, now_ns);
+  if (mapped.jumped) {
+    status.clock_jumps.add();
+    period.restart();
+    inlet->restart_window();
+  }
+  if (const double period_s = period.add(verdict.frame_id, camera_ns); period_s > 0.0) {
+    status.measured_period_s.set(period_s);
+  }
+  status.clock_offset_ns.set(clock->offset_ns());
+  status.clock_drift_ppm.set(clock->drift_ppm());
+  status.clock_jitter_ns.set(clock->jitter_ns());
+  const bool same_clock = is_monotonic(buffer) && camera_ns <= now_ns && now_ns - camera_ns < kOldestStampNs;
+  return same_clock ? camera_ns : mapped.host_ns;
+}
+
+void V4l2Source::Impl::deliver(const VideoFrame& frame, std::int64_t now_ns) noexcept {
+  const std::uint64_t number = unwrap(frame);
+  if ((frame.buffer.flags & V4L2_BUF_FLAG_ERROR) != 0) return ids->broken(number, LossCause::kIncomplete, now_ns);
+  if (!device->is_whole(frame.bytes.size())) return ids->broken(number, LossCause::kBadFrame, now_ns);
+  last_frame_ns = now_ns;
+  const pipeline::FrameIdTracker::Verdict verdict = ids->complete(number, now_ns);
+  if (!verdict.deliver) return;
+  if (verdict.counter_reset) inlet->restart_window();
+  const std::int64_t host_ns = map_time(verdict, frame.buffer, now_ns);
+  rt::FrameSlot* slot = inlet->borrow();
+  if (slot == nullptr) return;  // counted by the inlet
+  const Geometry image = info.format.geometry;
+  const std::size_t row_bytes = sizeof(std::uint16_t) * static_cast<std::size_t>(image.width);
+  const std::byte* from = frame.bytes.data() + static_cast<std::size_t>(options.rows.first) * device->stride();
+  for (std::size_t row = 0; row < static_cast<std::size_t>(image.height); ++row) {
+    std::memcpy(slot->data + row * row_bytes, from + row * device->stride(), row_bytes);
+  }
+  slot->meta.frame_id = verdict.frame_id;
+  slot->meta.camera_ns = stamp_ns(frame.buffer);
+  slot->meta.receive_ns = std::min(host_ns, now_ns);  // its first byte: the kernel's stamp
+  slot->meta.host_ns = host_ns;
+  inlet->commit(*slot);
+}
+
+// The inlet's counters are read while the stream runs; the tracker's are not.
+void V4l2Source::Impl::post_losses() noexcept {
+  for (std::size_t i = 0; i < kLossCauses; ++i) {
+    const std::uint64_t counted = ids->counted(static_cast<LossCause>(i));
+    if (counted != posted[i]) inlet->count_loss(static_cast<LossCause>(i), counted - posted[i]);
+    posted[i] = counted;
+  }
+}
+
+// Says that frames flow, have stopped, or have stopped for good.
+void V4l2Source::Impl::watch(std::int64_t now_ns) {
+  if (device == nullptr) return;
+  const bool arrived = last_frame_ns >= since_ns;
+  const std::int64_t quiet_ns = now_ns - std::max(last_frame_ns, since_ns);
+  const SourceState before = status.state.value();
+  if (quiet_ns <= (arrived ? limits.stall_ns : std::max(limits.stall_ns, kFirstFrameNs))) {
+    if (!arrived || before == SourceState::kStreaming) return;
+    const std::string outage = seconds_text(last_frame_ns - outage_from_ns, 2);
+    if (before == SourceState::kStalled)
+      notices.report(false, "frames arrive again after " + outage, event::kFramesFlow);
+    if (before == SourceState::kLost) {
+      status.outage_frames.add(pipeline::frames_between(outage_from_ns, last_frame_ns, info.format.frame_period_s));
+      notices.report(false, "camera opened again after " + outage, event::kCameraBack);
+    }
+    return set_state(SourceState::kStreaming);
+  }
+  if (before == SourceState::kStreaming) {
+    outage_from_ns = now_ns - quiet_ns;
+    status.stalls.add();
+    set_state(SourceState::kStalled);
+    notices.report(true, "camera stalled: no frame for " + seconds_text(quiet_ns, 2), event::kCameraStalled);
+  }
+  if (options.reconnect_after_ms > 0 && quiet_ns > std::max(limits.lost_ns, arrived ? 0 : kFirstFrameNs)) {
+    lose(LostCause::kStalled);
+  }
+}
+
+void V4l2Source::Impl::lose(LostCause cause) {
+  device.reset();
+  if (status.state.value() == SourceState::kLost) return;
+  if (status.state.value() == SourceState::kStreaming) outage_from_ns = std::max(last_frame_ns, since_ns);
+  status.lost[static_cast<std::size_t>(cause)].add();
+  set_state(SourceState::kLost);
+  notices.report(true, "camera lost (" + std::string(name(cause)) + "); opening it again until it answers",
+                 event::kCameraLost);
+}
+
+void V4l2Source::Impl::reopen() {
+  const auto fail = [this](const std::string& why) {
+    notices.report(true, "reconnecting: " + why, event::kCameraReconnecting);
+    device.reset();
+    std::this_thread::sleep_for(kPauseBetweenAttempts);
+  };
+  auto again = VideoDevice::open(system, options, info.camera_serial);
+  if (!again) return fail(again.error().message);
+  const auto found = inspect(**again);
+  if (!found) return fail(found.error().message);
+  if (found->format != info.format) {
+    return fail("the camera came back with another size or rate; restart to use it so");
+  }
+  if (found->camera_serial.empty() && found->camera_model != info.camera_model) {
+    return fail("another camera is at " + (*again)->path() + ": " + found->camera_model);
+  }
+  if (Status started = (*again)->start(); !started) return fail(started.error().message);
+  device = std::move(*again);
+  ids->restart();
+  clock->restart();
+  period.restart();
+  inlet->restart_window();
+  any = false;
+  since_ns = monotonic_ns();
+  status.reopened.add();
+}
+
+// Reports once that frames come at another rate than the driver says.
+void V4l2Source::Impl::check_period() {
+  const double measured_s = status.measured_period_s.value();
+  const double assumed_s = info.format.frame_period_s;
+  if (period_reported || measured_s <= 0.0 || std::abs(measured_s / assumed_s - 1.0) < pipeline::kSamePeriod) return;
+  period_reported = true;
+  notices.report(true, fmt::format("{:.5g} frames come a second, not {:.5g} as the driver says, and they are solved so "
+                                   "from now on",
+                                   1.0 / measured_s, 1.0 / assumed_s));
+}
+
+V4l2Source::V4l2Source(V4l2SourceOptions options, VideoSystem& system)
+    : impl_(std::make_unique<Impl>(std::move(options), system)) {}
+
+V4l2Source::~V4l2Source() { stop(); }
+
+Result<pipeline::SourceInfo> V4l2Source::open() {
+  auto device = VideoDevice::open(impl_->system, impl_->options, {});
+  if (!device) return tl::unexpected<Error>(std::move(device.error()));
+  auto info = impl_->inspect(**device);
+  if (!info) return info;
+  impl_->device = std::move(*device);
+  impl_->info = *info;
+  return info;
+}
+
+Status V4l2Source::start(pipeline::FrameInlet& inlet) {
+  Impl& self = *impl_;
+  const double period_s = self.info.format.frame_period_s;
+  self.inlet = &inlet;
+  self.ids = std::make_unique<pipeline::FrameIdTracker>(period_s);
+  self.clock = std::make_unique<pipeline::HostClock>(period_s);
+  self.limits = pipeline::watch_limits(self.options.stall_ms, self.options.reconnect_after_ms, period_s);
+  self.since_ns = monotonic_ns();
+  self.set_state(SourceState::kStreaming);
+  try {
+    self.thread = std::thread([&self] { self.run(); });
+  } catch (const std::system_error& e) {
+    return failed(std::string("the receiving thread cannot be started: ") + e.what());
+  }
+  return {};
+}
+
+void V4l2Source::stop() noexcept {
+  impl_->stop_requested.store(true, std::memory_order_relaxed);
+  if (!impl_->thread.joinable()) return;
+  impl_->thread.join();
+  impl_->set_state(SourceState::kIdle);
+}
+
+const pipeline::SourceStatus* V4l2Source::status() const noexcept { return &impl_->status; }
+
+std::vector<pipeline::Notice> V4l2Source::take_notices() { return impl_->notices.take(); }
+
+}  // namespace bolo::v4l2_source

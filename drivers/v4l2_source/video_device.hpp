@@ -1,0 +1,84 @@
+// One opening of a video device, from the first look at it to its last buffer.
+#pragma once
+
+#include <linux/videodev2.h>
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "drivers/v4l2_source/v4l2_source.hpp"
+#include "src/core/plane.hpp"
+#include "src/core/result.hpp"
+
+namespace bolo::v4l2_source {
+
+// A frame as the driver hands it out; its bytes are the device's until give_back().
+struct VideoFrame {
+  v4l2_buffer buffer{};
+  std::span<const std::byte> bytes;
+};
+
+class VideoDevice {
+ public:
+  // Finds the device that the options name, and asks for its format and its buffers; nothing flows yet. `serial`: of
+  // the camera that it must be, wherever it is now; empty: any. Errors (kBadInput) say what to do. Thread: setup, or
+  // acquire.
+  static Result<std::unique_ptr<VideoDevice>> open(VideoSystem& system, const V4l2SourceOptions& options,
+                                                   const std::string& serial);
+  ~VideoDevice();
+  VideoDevice(const VideoDevice&) = delete;
+  VideoDevice& operator=(const VideoDevice&) = delete;
+
+  // Frames flow. Thread: acquire.
+  Status start();
+
+  // 1: a frame waits, or the device is gone. 0: neither in time. Thread: acquire.
+  int wait(int timeout_ms) noexcept { return system_.poll(fd_, timeout_ms); }
+  // 0: `frame` is the next one. EAGAIN: there is none. Any other errno: the device's. Thread: acquire.
+  int take(VideoFrame& frame) noexcept;
+  // Thread: acquire.
+  void give_back(VideoFrame& frame) noexcept { system_.ioctl(fd_, VIDIOC_QBUF, &frame.buffer); }
+
+  const std::string& path() const noexcept { return path_; }
+  const std::string& serial() const noexcept { return serial_; }
+  const std::string& model() const noexcept { return model_; }
+  // Of a whole frame of the device, metadata and stacked images among it.
+  Geometry geometry() const noexcept { return geometry_; }
+  std::size_t stride() const noexcept { return stride_; }  // bytes a row
+  double period_s() const noexcept { return period_s_; }   // 0: the driver does not say
+  // A frame of so many bytes is one of this format.
+  bool is_whole(std::size_t bytes) const noexcept {
+    return bytes == stride_ * static_cast<std::size_t>(geometry_.height) || bytes == image_bytes_;
+  }
+
+ private:
+  struct Buffer {
+    void* memory = nullptr;
+    std::size_t bytes = 0;
+  };
+  VideoDevice(VideoSystem& system, int fd, std::string path, std::string serial)
+      : system_(system), fd_(fd), path_(std::move(path)), serial_(std::move(serial)) {}
+
+  Status check_capabilities();
+  Status agree_on_format(Container format);
+  void ask_period();
+  Status request_buffers(int count);
+  std::string offered();
+  tl::unexpected<Error> refused(const std::string& what) const;
+
+  VideoSystem& system_;
+  int fd_;
+  std::string path_;
+  std::string serial_;
+  std::string model_;
+  Geometry geometry_;
+  std::size_t stride_ = 0;
+  std::size_t image_bytes_ = 0;
+  double period_s_ = 0.0;
+  bool streaming_ = false;
+  std::vector<Buffer> buffers_;
+};
+
+}  // namespace bolo::v4l2_source
