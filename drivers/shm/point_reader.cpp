@@ -125,7 +125,7 @@ PointReader::Outcome PointReader::Impl::fill_window(std::uint64_t first, std::ui
     bolo_shm_slot head{};
     const std::size_t place = number - first;
     if (!reader.read_samples(number, copied, head, samples[place].data())) return Outcome::kOverwritten;
-    const FrameMeta meta{head.frame_id, head.camera_ns, head.receive_ns, head.flags};
+    const FrameMeta meta = meta_of(head);
     const bool begins = number == first || meta.frame_id <= last_id;
     const void* plane = correction ? corrected_plane(place, begins ? 0 : meta.frame_id - last_id)
                                    : static_cast<const void*>(samples[place].data());

@@ -122,6 +122,7 @@ const char* first_fault(const bolo_shm_header& h, std::size_t bytes) {
   if (h.slot_count == 0 || h.slot_count > kMaxSlots) return "impossible number of slots";
   if (h.unit != BOLO_UNIT_KELVIN && h.unit != BOLO_UNIT_COUNT) return "unknown unit";
   if (!std::isfinite(h.scale) || !std::isfinite(h.offset)) return "impossible scale";
+  if (!std::isfinite(h.row_delay_s)) return "impossible row delay";
   if (!(h.frame_period_s > 0.0 && h.frame_period_s <= kMaxPeriod_s)) return "impossible frame period";
   const std::uint64_t plane = round_up(std::size_t{2} * h.width * h.height, kWord);  // below 2^32
   const auto aligned = [](std::uint64_t offset) { return offset % kWord == 0; };
@@ -228,6 +229,11 @@ StreamFormat format_of(const bolo_shm_header& header) {
   return format;
 }
 
+FrameMeta meta_of(const bolo_shm_slot& head) noexcept {
+  return {head.frame_id, head.camera_ns, head.receive_ns,        head.flags,
+          head.host_ns,  head.utc_ns,    head.utc_uncertainty_ns};
+}
+
 Result<ShmReader> ShmReader::open(const std::string& name, Refusal* refusal) {
   Opened<std::unique_ptr<Impl>> impl = Impl::open(name);
   if (refusal != nullptr) *refusal = impl ? Refusal::kNone : impl.error().refusal;
@@ -249,6 +255,7 @@ bolo_shm_header ShmReader::header() const noexcept {
   header.motion_offset = impl_->checked.motion_offset;
   header.motion_across = impl_->checked.motion_across;
   header.motion_down = impl_->checked.motion_down;
+  header.row_delay_s = impl_->checked.row_delay_s;
   return header;
 }
 
@@ -340,7 +347,7 @@ ShmReader::Outcome ShmReader::read(std::uint64_t number, ReadFrame& frame, int t
   if (!has_motion(self.layout, head)) frame.motion.clear();
   std::copy(std::begin(whole.affine), std::end(whole.affine), frame.affine.begin());
   frame.number = number;
-  frame.meta = {head.frame_id, head.camera_ns, head.receive_ns, head.flags, head.host_ns};
+  frame.meta = meta_of(head);
   frame.publish_ns = head.publish_ns;
   return Outcome::kFrame;
 }

@@ -30,6 +30,9 @@ struct ReadFrame {
 // What a frame of this writer is. Thread: any.
 StreamFormat format_of(const bolo_shm_header& header);
 
+// Thread: any.
+FrameMeta meta_of(const bolo_shm_slot& head) noexcept;
+
 // A frame where it lies in the ring, nothing copied but its head. The writer may overwrite the planes at any time: what
 // was made of them counts only if still_there() says so afterwards. Good as long as the reader that gave it, or a
 // hold() of that, lives.

@@ -14,6 +14,7 @@
 #include "drivers/shm/shm_object.hpp"
 #include "drivers/shm/waker.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/utc_clock.hpp"
 
 namespace bolo::shm {
 namespace {
@@ -112,6 +113,7 @@ void describe(bolo_shm_header& header, const pipeline::SinkFormat& format, int s
     header.motion_across = static_cast<std::uint32_t>(blocks.width);
     header.motion_down = static_cast<std::uint32_t>(blocks.height);
   }
+  header.row_delay_s = format.row_delay_s;
   header.scale = stream.scale.scale;
   header.offset = stream.scale.offset;
   header.frame_period_s = stream.frame_period_s;
@@ -124,6 +126,7 @@ void describe(bolo_shm_header& header, const pipeline::SinkFormat& format, int s
   put_text(header.camera_serial, format.source.camera_serial);
   put_text(header.solver, format.solver_text);
   header.start_ns = monotonic_ns();
+  header.clock_error_ns = kUnboundedClockErrorNs;
   header.heartbeat_ns = static_cast<std::uint64_t>(header.start_ns);
 }
 
@@ -238,6 +241,8 @@ void ShmSink::publish(const pipeline::PublishedFrame& frame, const pipeline::Pip
   head.flags = frame.meta.flags;
   head.noise_k = frame.noise_k;
   head.host_ns = frame.meta.host_ns;
+  head.utc_ns = frame.meta.utc_ns;
+  head.utc_uncertainty_ns = frame.meta.utc_uncertainty_ns;
   bolo_shm_motion whole{};
   MotionPart motion;
   if (frame.motion != nullptr && self.layout.motion_blocks != 0) {

@@ -98,6 +98,7 @@ struct bolo_client_info {
   const char* solver;                       /* in words */
   const struct bolo_shm_settings* settings; /* what frames are solved with; NULL: the daemon does not tell */
   const char* control_socket;               /* path of the daemon's control socket; "": none */
+  double row_delay_s; /* sensor row r is sampled r * row_delay_s after the frame's time */
 };
 
 /* A frame in the ring. Filled by bolo_client_next() and bolo_client_latest(). */
@@ -113,7 +114,7 @@ struct bolo_client_frame {
   uint32_t flags;     /* enum bolo_shm_flag */
   uint32_t width;     /* pixels */
   uint32_t height;    /* pixels */
-  uint32_t reserved_0;
+  uint32_t utc_uncertainty_us; /* of utc_ns, at most, in microseconds; 16,000,000 and more: nothing bounds it */
   const uint16_t* raw;       /* as the camera gave it */
   const uint16_t* deblurred; /* with the pixels' inertia undone */
   const void* slot;          /* the library's */
@@ -123,13 +124,13 @@ struct bolo_client_frame {
   const struct bolo_shm_block_motion* motion_blocks; /* of 8x8 pixels each, row-major: motion_across * motion_down */
   uint32_t motion_across;
   uint32_t motion_down;
-  uint64_t reserved[1];
+  int64_t utc_ns; /* host_ns (receive_ns where that is 0) in UTC: ns since 1970; 0: not known */
 };
 
 /* What daemon and camera do. Owned by the handle, as of the last bolo_client_get_state(). */
 struct bolo_client_state {
   uint32_t alive; /* 0: the daemon ended, or gave no sign of life for BOLO_SHM_STALE_NS */
-  uint32_t reserved_0;
+  uint32_t clock_synchronised; /* 1: something disciplines the host's clock, as its kernel says */
   int64_t heartbeat_age_ns;
   uint64_t published;                   /* frames */
   uint64_t received;                    /* whole frames from the camera */
@@ -139,6 +140,8 @@ struct bolo_client_state {
   uint64_t lost_frames;                 /* before publication, all causes */
   uint64_t lost[BOLO_SHM_LOSS_CAUSES];  /* by cause, as in struct bolo_shm_header */
   const struct bolo_shm_camera* camera; /* NULL: the daemon does not tell */
+  int64_t clock_error_ns;               /* of the host's UTC, at most; 16 s: nothing bounds it */
+  uint64_t clock_steps;                 /* times that somebody set it */
 };
 
 struct bolo_client_point {

@@ -57,11 +57,17 @@
  *   "<QIIIIIIQQQQddddIIII64s64s64sq"  magic .. start_ns        at   0
  *   "<Q"                              settings_offset          at 312
  *   "<QIIQQQQQQ16Q192Q"               published .. latency     at 320
- *   "<QII"                            motion_offset ..         at 2048  (2,112 bytes in all)
- * and a slot's: "<QQqqqIIdq" at 0, 64 bytes, then the planes at raw_offset and deblurred_offset, and at motion_offset
- * "<6d", from byte 64 of it on "<3f" for each block.
+ *   "<QIIdQqQ"                        motion_offset ..         at 2048  (2,112 bytes in all)
+ * and a slot's: "<QQqqqIIdqqq" at 0, 128 bytes, then the planes at raw_offset and deblurred_offset, and at
+ * motion_offset "<6d", from byte 64 of it on "<3f" for each block.
  *
- * Versions: a reader takes its own alone. 2 has motion; 1 had not, and a header of 2,048 bytes.
+ * Times. camera_ns is the camera's own clock, host_ns and receive_ns the host's CLOCK_MONOTONIC, utc_ns the same
+ * moment in UTC. Monotonic times and camera times never step; where somebody sets the host's clock, utc_ns does, and
+ * header.clock_steps counts it. Sensor row r of a frame (stored row r / row_step) is sampled r * header.row_delay_s
+ * after the frame's time, in all of them.
+ *
+ * Versions: a reader takes its own alone. 3 has UTC and row_delay_s, and slots of 128 bytes before their planes; 2 has
+ * motion; 1 had not, and a header of 2,048 bytes.
  */
 #ifndef BOLO_SHM_LAYOUT_H
 #define BOLO_SHM_LAYOUT_H
@@ -70,7 +76,7 @@
 #include <stdint.h>
 
 #define BOLO_SHM_MAGIC 0x4d48534f4c4f42ULL /* "BOLOSHM" */
-#define BOLO_SHM_VERSION 2u
+#define BOLO_SHM_VERSION 3u
 #define BOLO_SHM_LOSS_CAUSES 16u
 #define BOLO_SHM_LATENCY_BUCKETS 192u
 #define BOLO_SHM_STALE_NS 2000000000LL /* a heartbeat older than this belongs to a dead or stopped writer */
@@ -138,7 +144,13 @@ struct bolo_shm_header {
   uint64_t motion_offset __attribute__((aligned(64))); /* of struct bolo_shm_motion from the slot's start; 0: none */
   uint32_t motion_across;                              /* blocks of 8x8 pixels: (width + 7) / 8; 0: none */
   uint32_t motion_down;
-  uint64_t reserved[6];
+  double row_delay_s; /* from the sample of one sensor row to that of the next; 0: all at once, or not known */
+
+  /* Written while running. */
+  uint64_t clock_synchronised; /* 1: the kernel says that something disciplines the host's clock */
+  int64_t clock_error_ns;      /* of the host's UTC, at most, as the kernel knows it; 16 s: nothing bounds it */
+  uint64_t clock_steps;        /* times that somebody set the host's clock */
+  uint64_t reserved[2];
 };
 
 struct bolo_shm_slot {
@@ -152,6 +164,11 @@ struct bolo_shm_slot {
   double noise_k;         /* temporal noise that the frame was solved with, K (counts without kelvin); 0: not used */
   int64_t host_ns; /* camera_ns on the host's CLOCK_MONOTONIC: when the camera took the frame; 0: not known. Its error
                       is the shortest way from camera to host, constant and well below a frame's period */
+  int64_t utc_ns;  /* host_ns in UTC, or receive_ns where that is not known: ns since 1970; 0: not known */
+  int64_t utc_uncertainty_ns; /* of utc_ns, at most: the host clock's error as the kernel knows it, and that of
+                                 host_ns: the way from camera to host, a frame's period and its jitter. 16 s and more:
+                                 nothing disciplines the host's clock, and nothing bounds its error */
+  uint64_t reserved[6];
 };
 
 /* How the scene moved through the picture from the frame before to this one: px a frame, to the right and down. */
@@ -237,7 +254,7 @@ struct bolo_shm_camera {
 #else
 #define BOLO_SHM_ASSERT(condition) _Static_assert(condition, "the layout is a contract with other programs")
 #endif
-BOLO_SHM_ASSERT(sizeof(struct bolo_shm_slot) == 64);
+BOLO_SHM_ASSERT(sizeof(struct bolo_shm_slot) == 128);
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_header) == 2112);
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_motion) == 64);
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_block_motion) == 12);
@@ -259,6 +276,10 @@ BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, motion_offset) == 2048);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, flags) == 40);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, noise_k) == 48);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, host_ns) == 56);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, utc_ns) == 64);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_slot, utc_uncertainty_ns) == 72);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, row_delay_s) == 2064);
+BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, clock_synchronised) == 2072);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_settings, camera_offset) == 20);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_camera, reopened) == 88);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_camera, control_socket) == 192);

@@ -160,6 +160,37 @@ Status read_series(hid_t file, Trust trust, Contents& contents) {
   return {};
 }
 
+// /t_host and /t_utc are both there or neither.
+Status read_other_times(hid_t file, Trust trust, Contents& contents) {
+  contents.info.has_times = h5::exists(file, "/t_host") || h5::exists(file, "/t_utc");
+  if (!contents.info.has_times) return {};
+  for (const auto& [path, values] : {std::pair{"/t_host", &contents.t_host}, {"/t_utc", &contents.t_utc}}) {
+    Result<std::vector<double>> read = h5::read_doubles(file, path, expect_of(trust));
+    if (!read && trust == Trust::kDamaged) {
+      contents.warnings.push_back(read.error().message + "; /t_host and /t_utc are left out");
+      contents.info.has_times = false;
+      return {};
+    }
+    if (!read) return tl::unexpected<Error>(std::move(read.error()));
+    *values = std::move(*read);
+  }
+  return {};
+}
+
+// Neither need rise: the host may have been started anew, its clock been set.
+Status check_other_times(Contents& contents) {
+  if (!contents.info.has_times) {
+    contents.t_host.clear();
+    contents.t_utc.clear();
+    return {};
+  }
+  for (const auto& [path, values] : {std::pair{"/t_host", &contents.t_host}, {"/t_utc", &contents.t_utc}}) {
+    if (std::all_of(values->begin(), values->end(), [](double t) { return std::isfinite(t); })) continue;
+    return bad_input(std::string(path) + " has a time that is not a finite number of seconds");
+  }
+  return {};
+}
+
 Status check_length(const char* path, std::size_t length, std::size_t frames) {
   if (length == frames) return {};
   return bad_input(std::string(path) + " has " + std::to_string(length) + " values but /frames has " +
@@ -170,6 +201,8 @@ Status check_lengths(const Contents& contents) {
   const std::size_t frames = contents.info.frames;
   Status good = check_length("/t", contents.t.size(), frames);
   if (good) good = check_length("/frame_id", contents.frame_id.size(), frames);
+  if (good && contents.info.has_times) good = check_length("/t_host", contents.t_host.size(), frames);
+  if (good && contents.info.has_times) good = check_length("/t_utc", contents.t_utc.size(), frames);
   if (good && contents.truth) good = check_length("/truth/frames", contents.truth->frames(), frames);
   if (good && contents.motion) good = check_length("/motion", contents.motion->frames(), frames);
   return good;
@@ -178,6 +211,7 @@ Status check_lengths(const Contents& contents) {
 // A recording that was killed while its lengths were being written: what all datasets have is whole.
 Status cut_to_shortest(Contents& contents) {
   std::size_t frames = std::min({contents.info.frames, contents.t.size(), contents.frame_id.size()});
+  if (contents.info.has_times) frames = std::min({frames, contents.t_host.size(), contents.t_utc.size()});
   if (contents.truth) frames = std::min(frames, contents.truth->frames());
   if (contents.motion) frames = std::min(frames, contents.motion->frames());
   if (frames == 0) return bad_input("the recording was cut off before its first frame was stored");
@@ -188,6 +222,10 @@ Status cut_to_shortest(Contents& contents) {
   contents.info.frames = frames;
   contents.t.resize(frames);
   contents.frame_id.resize(frames);
+  if (contents.info.has_times) {
+    contents.t_host.resize(frames);
+    contents.t_utc.resize(frames);
+  }
   return {};
 }
 
@@ -264,6 +302,7 @@ Result<Contents> read_bolo_capture(hid_t file, Trust trust) {
   if (good) good = check_format_values(contents.info.format);
   if (good) good = read_frames(file, trust, contents);
   if (good) good = read_series(file, trust, contents);
+  if (good) good = read_other_times(file, trust, contents);
   if (good) good = read_truth(file, trust, contents);
   if (good) good = read_motion(file, trust, contents);
   if (good && trust == Trust::kDamaged) {
@@ -273,6 +312,7 @@ Result<Contents> read_bolo_capture(hid_t file, Trust trust) {
   if (good) good = trust == Trust::kWhole ? check_lengths(contents) : cut_to_shortest(contents);
   if (good) good = check_times(contents.t);
   if (good) good = check_ids(contents.frame_id);
+  if (good) good = check_other_times(contents);
   if (good) good = read_extras(file, trust, contents);
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
   check_plausible(contents);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <variant>
@@ -20,6 +21,14 @@ namespace bolo::capture {
 struct Event {
   double t_s = 0.0;  // on the clock of /t
   std::string kind;  // "nuc", "gap", "reconnect" ...
+};
+
+// A frame's time on clocks other than the camera's.
+struct FrameTimes {
+  double host_s = 0.0;  // CLOCK_MONOTONIC of the host that recorded it
+  double utc_s = 0.0;   // UTC, since 1970
+  double uncertainty_s =
+      0.0;  // of utc_s, at most; written: root attribute utc_uncertainty_s has the largest. 0: not said
 };
 
 // A pixel of the camera's frame: column and row.
@@ -71,6 +80,7 @@ struct CaptureInfo {
   std::size_t frames = 0;
   bool has_truth = false;
   bool has_motion = false;
+  bool has_times = false;  // /t_host and /t_utc
 };
 
 enum class FileFormat {
@@ -106,6 +116,8 @@ class CaptureReader {
   const CaptureInfo& info() const noexcept;
   const std::vector<double>& t() const noexcept;                // s, strictly rising
   const std::vector<std::uint64_t>& frame_id() const noexcept;  // strictly rising
+  const std::vector<double>& t_host() const noexcept;           // s, of the recording host's CLOCK_MONOTONIC, and
+  const std::vector<double>& t_utc() const noexcept;            // s since 1970; empty where has_times is not set
   const std::vector<Event>& events() const noexcept;
   // Root attributes beyond the format's own, by name; those that are neither number nor string are left out.
   Result<std::vector<Attribute>> attributes() const;
@@ -131,6 +143,12 @@ class CaptureReader {
   std::unique_ptr<Impl> impl_;
 };
 
+// Nothing where the capture has none. Thread: any.
+inline std::optional<FrameTimes> times_of(const CaptureReader& reader, std::size_t index) {
+  if (!reader.info().has_times) return std::nullopt;
+  return FrameTimes{reader.t_host()[index], reader.t_utc()[index]};
+}
+
 struct WriterOptions {
   bool truth = false;     // a /truth/frames plane comes with every frame
   int deflate_level = 0;  // 0: no compression; 1..9 gzip with byte shuffle
@@ -138,6 +156,7 @@ struct WriterOptions {
   bool survives_power_cut = false;
   Replace replace = Replace::kNothing;  // of the file of the final name, and of a ".part" that somebody left there
   bool motion = false;                  // /motion is written: of every frame what is known of the scene's motion
+  bool times = false;                   // /t_host and /t_utc come with every frame
 };
 
 // Writes a capture frame by frame, and commits them twice a second of frames. Whatever was appended before a failure
@@ -153,9 +172,10 @@ class CaptureWriter {
   ~CaptureWriter();
 
   // `plane` in info.format.type; `truth` (K) exactly when options.truth; `motion`, of motion_blocks() of the frame,
-  // only when options.motion: null is not known, and written as zeros. t_s and frame_id must rise.
+  // only when options.motion: null is not known, and written as zeros; `times` exactly when options.times. t_s and
+  // frame_id must rise.
   Status append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth = nullptr,
-                const BlockMotion* motion = nullptr);
+                const BlockMotion* motion = nullptr, const FrameTimes* times = nullptr);
   Status write_stimulus(const Stimulus& stimulus);
   Status add_event(const Event& event);
   // /points/x and /points/y, int32: one for each pixel of the frames, which are one row. Once.

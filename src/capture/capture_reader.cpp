@@ -101,6 +101,8 @@ const CaptureInfo& CaptureReader::info() const noexcept { return impl_->contents
 FileFormat CaptureReader::file_format() const noexcept { return impl_->contents.file_format; }
 const std::vector<double>& CaptureReader::t() const noexcept { return impl_->contents.t; }
 const std::vector<std::uint64_t>& CaptureReader::frame_id() const noexcept { return impl_->contents.frame_id; }
+const std::vector<double>& CaptureReader::t_host() const noexcept { return impl_->contents.t_host; }
+const std::vector<double>& CaptureReader::t_utc() const noexcept { return impl_->contents.t_utc; }
 const std::vector<Event>& CaptureReader::events() const noexcept { return impl_->contents.events; }
 const std::vector<std::string>& CaptureReader::warnings() const noexcept { return impl_->contents.warnings; }
 Result<Stimulus> CaptureReader::stimulus() const {

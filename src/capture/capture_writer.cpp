@@ -80,11 +80,17 @@ struct CaptureWriter::Impl {
   std::vector<BlockMotion> no_motion;  // of a frame
   h5::Handle t;
   h5::Handle frame_id;
+  h5::Handle t_host;
+  h5::Handle t_utc;
 
   std::size_t written = 0;  // frames in /frames; those of them in /t and /frame_id are `written - pending_t.size()`
   std::size_t commit_frames = 1;
   std::vector<double> pending_t;
   std::vector<std::uint64_t> pending_id;
+  std::vector<double> pending_host;
+  std::vector<double> pending_utc;
+  double uncertainty_s = 0.0;         // of UTC, the largest
+  double stated_uncertainty_s = 0.0;  // as the attribute has it
   std::vector<Event> pending_events;
   double last_t_s = -std::numeric_limits<double>::infinity();
   std::uint64_t last_id = 0;
@@ -96,6 +102,7 @@ struct CaptureWriter::Impl {
   Status write_planes(const void* plane, const float* truth_plane, const BlockMotion* blocks);
   Status write_attribute(const Attribute& attribute);
   Status commit();
+  bool state_uncertainty();
   Status close_file();
   void discard();
 
@@ -143,6 +150,11 @@ Status CaptureWriter::Impl::create_items() {
     no_motion.resize(blocks.pixels());
     create_planes(motion, "/motion",
                   {1, static_cast<hsize_t>(blocks.height), static_cast<hsize_t>(blocks.width), kMotionValues});
+  }
+  if (options.times) {
+    t_host = h5::create_growing(file.get(), "/t_host", H5T_NATIVE_DOUBLE, {kSeriesChunk});
+    t_utc = h5::create_growing(file.get(), "/t_utc", H5T_NATIVE_DOUBLE, {kSeriesChunk});
+    good = good && t_host && t_utc;
   }
   if (!good || !t || !frame_id) return broken("the datasets cannot be created");
   return commit();
@@ -201,6 +213,13 @@ Status CaptureWriter::Impl::commit() {
     if (!h5::write_rows(frame_id.get(), H5T_NATIVE_UINT64, begin, count, pending_id.data())) {
       return broken("/frame_id cannot be written");
     }
+    for (const auto& [dataset, values] : {std::pair{&t_host, &pending_host}, {&t_utc, &pending_utc}}) {
+      if (!*dataset) continue;
+      if (!h5::write_rows(dataset->get(), H5T_NATIVE_DOUBLE, begin, count, values->data())) {
+        return broken("/t_host and /t_utc cannot be written");
+      }
+      values->clear();
+    }
     pending_t.clear();
     pending_id.clear();
   }
@@ -208,14 +227,25 @@ Status CaptureWriter::Impl::commit() {
     if (!append_events(file.get(), pending_events)) return broken("/events cannot be written");
     pending_events.clear();
   }
+  if (!state_uncertainty()) return broken("root attribute 'utc_uncertainty_s' cannot be written");
   if (H5Fflush(file.get(), H5F_SCOPE_LOCAL) < 0) return broken("cannot be committed");
   return {};
+}
+
+bool CaptureWriter::Impl::state_uncertainty() {
+  if (uncertainty_s <= stated_uncertainty_s) return true;
+  const h5::Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
+  const char* const name = "utc_uncertainty_s";
+  const bool gone = stated_uncertainty_s == 0.0 || H5Adelete(root.get(), name) >= 0;
+  stated_uncertainty_s = uncertainty_s;
+  return gone && h5::write_attribute(root.get(), name, uncertainty_s);
 }
 
 // On failure the file is given up, as its last commit left it.
 Status CaptureWriter::Impl::close_file() {
   driven->ending = true;
-  for (h5::Handle* dataset : {&frames.dataset, &truth.dataset, &motion.dataset, &t, &frame_id}) dataset->close();
+  for (h5::Handle* dataset : {&frames.dataset, &truth.dataset, &motion.dataset, &t, &frame_id, &t_host, &t_utc})
+    dataset->close();
   const bool closed = file.close();
   const int error = driven->error;
   if (closed && error == 0) return {};
@@ -265,7 +295,7 @@ Result<CaptureWriter> CaptureWriter::create(const std::filesystem::path& file, c
 }
 
 Status CaptureWriter::append(double t_s, std::uint64_t frame_id, const void* plane, const float* truth,
-                             const BlockMotion* motion) {
+                             const BlockMotion* motion, const FrameTimes* times) {
   const h5::Quiet quiet;
   Impl& w = *impl_;
   if (!w.file) return w.closed();
@@ -273,12 +303,20 @@ Status CaptureWriter::append(double t_s, std::uint64_t frame_id, const void* pla
     return failed(w.final_name.string() + ": a truth plane must come with every frame or with none");
   }
   if (motion != nullptr && !w.options.motion) return failed(w.final_name.string() + ": it was begun without /motion");
+  if ((times != nullptr) != w.options.times) {
+    return failed(w.final_name.string() + ": /t_host and /t_utc must come with every frame or with none");
+  }
   if (Status good = w.check_order(t_s, frame_id); !good) return good;
   if (Status good = w.make_room(w.frame_bytes()); !good) return good;
   if (Status good = w.write_planes(plane, truth, motion); !good) return good;
   ++w.written;
   w.pending_t.push_back(t_s);
   w.pending_id.push_back(frame_id);
+  if (times != nullptr) {
+    w.pending_host.push_back(times->host_s);
+    w.pending_utc.push_back(times->utc_s);
+    w.uncertainty_s = std::max(w.uncertainty_s, times->uncertainty_s);
+  }
   w.last_t_s = t_s;
   w.last_id = frame_id;
   return w.pending_t.size() >= w.commit_frames ? w.commit() : Status{};

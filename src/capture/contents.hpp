@@ -16,6 +16,8 @@ struct Contents {
   FileFormat file_format = FileFormat::kBoloCapture;
   std::vector<double> t;
   std::vector<std::uint64_t> frame_id;
+  std::vector<double> t_host;  // both empty, or one for each frame
+  std::vector<double> t_utc;
   std::vector<Event> events;
   Result<Stimulus> stimulus = Stimulus{};  // an error is for those who ask for it: frames are good without
   std::vector<std::string> warnings;

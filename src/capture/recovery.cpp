@@ -62,8 +62,9 @@ class FrameCopy {
     after_gap_ = false;
     if (done_.frames++ == 0) done_.first_t_s = t_s;
     done_.last_t_s = t_s;
+    const std::optional<FrameTimes> times = times_of(reader_, i);
     return writer_.append(t_s, reader_.frame_id()[i], plane_.data(), truth_.empty() ? nullptr : truth_.data(),
-                          motion_.empty() ? nullptr : motion_.data());
+                          motion_.empty() ? nullptr : motion_.data(), times ? &*times : nullptr);
   }
 
  private:
@@ -88,6 +89,7 @@ Result<Recovered> write_copy(const std::filesystem::path& damaged, const std::fi
   WriterOptions options;
   options.truth = reader->info().has_truth;
   options.motion = reader->info().has_motion;
+  options.times = reader->info().has_times;
   Result<CaptureWriter> writer = CaptureWriter::create(out, reader->info(), options);
   if (!writer) return tl::unexpected<Error>(writer.error());
   Status good = copy_extras(*reader, *writer);

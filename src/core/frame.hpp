@@ -22,6 +22,15 @@ struct FrameMeta {
   std::uint32_t flags = kFlagNone;
   std::int64_t host_ns =
       0;  // camera_ns on the host's CLOCK_MONOTONIC, as a watched camera's source estimates it; 0: not
+  // Of host_ns, or of receive_ns where that is not known; the pipeline fills it in. ns since 1970; 0: not known.
+  std::int64_t utc_ns = 0;
+  std::int64_t utc_uncertainty_ns = 0;  // at most; see bolo_shm_slot
 };
+
+// When the frame was taken, on the host's CLOCK_MONOTONIC: where the camera's clock is not mapped, when it came.
+// Thread: any.
+inline std::int64_t host_time_ns(const FrameMeta& meta) noexcept {
+  return meta.host_ns != 0 ? meta.host_ns : meta.receive_ns;
+}
 
 }  // namespace bolo

@@ -26,6 +26,7 @@ inline constexpr std::string_view kCameraLost = "camera_lost";
 inline constexpr std::string_view kCameraReconnecting = "camera_reconnecting";  // an attempt failed
 inline constexpr std::string_view kCameraBack = "camera_back";
 inline constexpr std::string_view kNuc = "nuc";
+inline constexpr std::string_view kClockStep = "clock_step";  // somebody set the host's clock
 inline constexpr std::string_view kVideoLost = "video_lost";
 inline constexpr std::string_view kVideoBack = "video_back";
 inline constexpr std::string_view kReload = "reload";

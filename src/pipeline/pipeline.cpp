@@ -1,6 +1,7 @@
 #include "src/pipeline/pipeline.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <iterator>
 #include <memory>
@@ -114,6 +115,21 @@ void Pipeline::Impl::work_alone() noexcept {
   for (int worker = 0; worker < team.size(); ++worker) work(worker);
 }
 
+void Pipeline::Impl::look_at_clock(std::int64_t now_ns) noexcept {
+  if (utc.update(now_ns)) stats.clock_steps.add();
+  stats.clock_synchronised.set(utc.state().synchronised ? 1 : 0);
+  stats.clock_error_ns.set(utc.state().error_ns);
+}
+
+// A frame came to the host within a period of its time: that bounds how late host_ns and receive_ns are, but for the
+// jitter of the way.
+void Pipeline::Impl::stamp_utc(FrameMeta& meta) noexcept {
+  meta.utc_ns = utc.at(host_time_ns(meta));
+  const double way_ns = info.format.frame_period_s * kNsPerSecond +
+                        (stats.source != nullptr ? stats.source->clock_jitter_ns.value() : 0.0);
+  meta.utc_uncertainty_ns = utc.state().error_ns + std::llround(way_ns);
+}
+
 void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
   PublishedFrame published{.meta = frame.frame.meta, .raw = raw_of[frame.frame.token], .deblurred = deblurred.data()};
   if (!frame.full) published.meta.flags |= kFlagWarmUp;
@@ -133,6 +149,8 @@ void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
   if ((published.meta.flags & kFlagGap) != 0) stats.gap_frames.add();
   stats.published.add();
   published.publish_ns = monotonic_ns();
+  look_at_clock(published.publish_ns);
+  stamp_utc(published.meta);
   stats.latency.add(published.publish_ns - published.meta.receive_ns);
   stats.stages.deblur.add(published.publish_ns - work_began_ns);
   for (FrameSink* sink : sinks) sink->publish(published, stats);
@@ -216,6 +234,7 @@ bool Pipeline::Impl::process_next() noexcept {
 void Pipeline::Impl::idle_sinks() noexcept {
   const std::int64_t now_ns = monotonic_ns();
   if (now_ns - last_sign_ns < kPollNs) return;
+  look_at_clock(now_ns);
   for (FrameSink* sink : sinks) sink->idle(stats);
   last_sign_ns = now_ns;
 }
@@ -282,6 +301,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .maps = !options.maps.empty(),
                           .motion = impl->settings.method == deblur::Method::kMotion,
                           .undone = impl->corrections->beyond_maps(),
+                          .row_delay_s = options.maps.row_delay_s,
                           .region = options.region,
                           .points = options.points};
   impl->all_sinks = sinks;
@@ -321,6 +341,11 @@ std::vector<Notice> Pipeline::take_notices() {
   std::vector<Notice> notices = impl_->source->take_notices();
   for (FrameSink* sink : impl_->all_sinks) {
     std::ranges::move(sink->take_notices(), std::back_inserter(notices));
+  }
+  if (const std::uint64_t steps = impl_->stats.clock_steps.value(); steps != impl_->steps_told.exchange(steps)) {
+    notices.push_back({true,
+                       "somebody set the host's clock: UTC of the frames stepped with it, their other times did not",
+                       event::kClockStep});
   }
   return notices;
 }

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "src/core/utc_clock.hpp"
 #include "src/corrections/chain.hpp"
 #include "src/deblur/window.hpp"
 #include "src/pipeline/pipeline.hpp"
@@ -134,6 +135,8 @@ struct Pipeline::Impl {
   void prepare(const deblur::WindowView& view) noexcept;
   bool deblur(const deblur::Window::Ready& frame) noexcept;
   void publish(const deblur::Window::Ready& frame) noexcept;
+  void look_at_clock(std::int64_t now_ns) noexcept;
+  void stamp_utc(FrameMeta& meta) noexcept;
   void idle_sinks() noexcept;
   const void* corrected(const rt::FrameSlot& slot, bool restart_window) noexcept;
 
@@ -192,7 +195,9 @@ struct Pipeline::Impl {
     delete spending;
   }
 
-  std::int64_t last_sign_ns = 0;   // when the sinks were last called
+  UtcClock utc;                              // of the pipeline thread
+  std::atomic<std::uint64_t> steps_told{0};  // of it, as notices
+  std::int64_t last_sign_ns = 0;             // when the sinks were last called
   std::int64_t work_began_ns = 0;  // on the frame that is published next: it was taken, or the last one was out
 };
 

@@ -38,6 +38,7 @@ struct SinkFormat {
   bool maps = false;         // pixels have parameters of their own
   bool motion = false;       // frames may tell the scene's motion
   bool undone = false;       // frames are changed before or after the solver (PipelineOptions::undo)
+  double row_delay_s = 0.0;  // sensor row r is sampled r * row_delay_s after the frame's time
   // As in PipelineOptions: only these pixels of the deblurred planes are solved; with points the planes hold these
   // alone. A sink of whole frames refuses both in open().
   std::optional<Region> region{};

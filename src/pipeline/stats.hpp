@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "bolo/shm_layout.h"
+#include "src/core/utc_clock.hpp"
 #include "src/pipeline/counter_row.hpp"
 #include "src/pipeline/inlet.hpp"
 #include "src/pipeline/quality_level.hpp"
@@ -48,7 +49,10 @@ struct PipelineStats {
   rt::Gauge<QualityLevel> effort;  // of the last one
   rt::Counter deblur_ns;           // time spent solving, summed over frames
   rt::Counter repeats;             // frames that repeated the one before and were dropped; among the missing, too
-  rt::LatencyHistogram latency;    // first byte received -> publish_ns, right before the sinks get it
+  rt::Counter clock_steps;         // somebody set the host's clock
+  rt::Gauge<std::uint64_t> clock_synchronised;                     // 1: something disciplines it, as the kernel says
+  rt::Gauge<std::int64_t> clock_error_ns{kUnboundedClockErrorNs};  // of its UTC, at most
+  rt::LatencyHistogram latency;  // first byte received -> publish_ns, right before the sinks get it
   StageLatencies stages;
   // CLOCK_MONOTONIC, when the pipeline thread last polled for a frame, which it does ten times a second at least;
   // 0: it does not run yet.
@@ -84,6 +88,13 @@ inline constexpr std::array kFrameCounters{
     FrameRow(word_of<&PipelineStats::restarts>, offsetof(bolo_shm_header, restarts), "restarts",
              "bolo_window_restarts_total", "Windows emptied: NUC, reconnect, a jump in time", InStat{"restarts"}),
     FrameRow(word_of<&PipelineStats::deblur_ns>, offsetof(bolo_shm_header, deblur_ns)),
+    FrameRow(word_of<&PipelineStats::clock_synchronised>, offsetof(bolo_shm_header, clock_synchronised), "",
+             "bolo_clock_synchronised", "1 while something disciplines the host's clock, as its kernel says"),
+    FrameRow(word_of<&PipelineStats::clock_error_ns>, offsetof(bolo_shm_header, clock_error_ns), "",
+             "bolo_clock_error_seconds", "Of the host's UTC, at most; 16 s: nothing bounds it",
+             Reading{RowKind::kNs, 1e-9, 1e-9}),
+    FrameRow(word_of<&PipelineStats::clock_steps>, offsetof(bolo_shm_header, clock_steps), "clock_steps",
+             "bolo_clock_steps_total", "Times that somebody set the host's clock"),
 };
 
 // Parts of a frame's latency, in the order in which it passes them.

@@ -71,6 +71,61 @@ INSTANTIATE_TEST_SUITE_P(Variants, CaptureRoundTrip,
                          ::testing::Combine(::testing::Values(PixelType::kUint16, PixelType::kFloat32),
                                             ::testing::Bool(), ::testing::Values(0, 4)));
 
+// UTC goes back where the host's clock was set.
+FrameTimes times_at(std::size_t i) {
+  return {100.0 + 0.005 * static_cast<double>(i), 1.76e9 + (i < 4 ? 0.005 : -0.005) * static_cast<double>(i),
+          i == 6 ? 0.2 : 0.1};
+}
+
+void append_timed(CaptureWriter& writer, std::size_t begin, std::size_t end) {
+  const std::vector<std::uint16_t> plane(21, 7);
+  for (std::size_t i = begin; i < end; ++i) {
+    const FrameTimes times = times_at(i);
+    ASSERT_TRUE(writer.append(0.005 * static_cast<double>(i), i, plane.data(), nullptr, nullptr, &times));
+  }
+}
+
+TEST(CaptureWriterTimes, ComeBackAlsoFromAnUnfinishedFile) {
+  const Scratch folder;
+  const auto file = folder / "timed.h5";
+  WriterOptions options;
+  options.times = true;
+  for (const bool whole : {true, false}) {
+    {
+      auto writer = CaptureWriter::create(file, small_info(), options);
+      ASSERT_TRUE(writer) << writer.error().message;
+      append_timed(*writer, 0, 5);
+      ASSERT_TRUE(writer->commit()) << "what is worse comes later";
+      append_timed(*writer, 5, 9);
+      if (whole) {
+        ASSERT_TRUE(writer->close());
+      }
+      options.replace = Replace::kExisting;
+    }
+    const auto reader = CaptureReader::open(file.string() + (whole ? "" : ".part"));
+    ASSERT_TRUE(reader) << reader.error().message;
+    ASSERT_TRUE(reader->info().has_times);
+    ASSERT_EQ(reader->t_utc().size(), 9U);
+    for (std::size_t i = 0; i < 9; ++i) {
+      EXPECT_EQ(reader->t_host()[i], times_at(i).host_s);
+      EXPECT_EQ(reader->t_utc()[i], times_at(i).utc_s);
+    }
+    EXPECT_EQ(std::get<double>(reader->attributes()->front().value), 0.2);
+  }
+}
+
+TEST(CaptureWriterTimes, ComeWithEveryFrameOrNone) {
+  const Scratch folder;
+  const std::vector<std::uint16_t> plane(21);
+  const FrameTimes times;
+  auto without = CaptureWriter::create(folder / "a.h5", small_info());
+  EXPECT_FALSE(without->append(0.0, 0, plane.data(), nullptr, nullptr, &times));
+  WriterOptions options;
+  options.times = true;
+  auto with = CaptureWriter::create(folder / "b.h5", small_info(), options);
+  EXPECT_FALSE(with->append(0.0, 0, plane.data()));
+}
+
 BlockMotion motion_at(std::size_t frame, std::size_t block) {
   const auto value = static_cast<float>(10 * frame + block);
   return {value, -value, 0.5F};

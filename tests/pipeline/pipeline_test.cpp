@@ -6,6 +6,7 @@
 #include <numeric>
 #include <thread>
 
+#include "src/core/utc_clock.hpp"
 #include "tests/pipeline/fakes.hpp"
 
 namespace bolo::pipeline {
@@ -32,6 +33,10 @@ TEST(Pipeline, PublishesEachFrameOnceInOrder) {
     EXPECT_EQ(sink.frames[i].meta.frame_id, i);
     EXPECT_EQ(sink.frames[i].meta.camera_ns, static_cast<std::int64_t>(i) * test::kPeriodNs);
     EXPECT_GE(sink.frames[i].publish_ns, sink.frames[i].meta.receive_ns);
+    const FrameMeta& meta = sink.frames[i].meta;
+    EXPECT_EQ(meta.utc_ns - meta.receive_ns, sink.frames[0].meta.utc_ns - sink.frames[0].meta.receive_ns);
+    EXPECT_LT(std::abs(meta.utc_ns + monotonic_ns() - meta.receive_ns - realtime_ns()), 1'000'000'000) << "it is UTC";
+    EXPECT_GE(meta.utc_uncertainty_ns, kPeriodNs);
     EXPECT_EQ(sink.frames[i].meta.flags, i < kWarmUp ? kFlagWarmUp : kFlagNone) << i;
   }
   EXPECT_EQ(sink.opened, 1);

@@ -34,7 +34,7 @@ Facts good_host() {
   facts.hdf5 = "1.10.8";
   facts.cameras = {{"FLIR-1", "A655sc", "1", "192.168.7.2"}};
   facts.answers = true;
-  facts.clock_synchronised = true;
+  facts.clock = ClockState{true, 800'000};
   return facts;
 }
 
@@ -154,15 +154,41 @@ INSTANTIATE_TEST_SUITE_P(
                 f.answers.reset();
                 n.address.clear();
               }},
-        Fault{"FreeClock", "clock", Verdict::kAdvice, "chrony",
-              [](Facts& f, Needs&) { f.clock_synchronised = false; }}),
+        Fault{"FreeClock", "clock", Verdict::kAdvice, "chrony", [](Facts& f, Needs&) { f.clock = ClockState{}; }}),
     [](const auto& each) { return std::string(each.param.label); });
+
+TEST(Doctor, SaysWhoKeepsTheClockAndHowWell) {
+  // As chronyd 4.3 and ptp4l 3.1 print them.
+  const std::string tracking =
+      "C0A80701,ntp.example,2,1763926262.123456789,-0.000012345,0.000001,0.000020,-4.512,0.001,0.021,0.000412,0.000310,"
+      "64.2,Normal\n";
+  EXPECT_EQ(chrony_words(tracking), "chrony follows ntp.example (stratum 2), 0.0123 ms away");
+  EXPECT_EQ(chrony_words("00000000,,0,0.0,0.0,0.0,0.0,0.0,0.0,0.0,1.0,1.0,0.0,Not synchronised\n"),
+            "chrony runs, but follows nothing yet");
+  EXPECT_EQ(chrony_words("506 Cannot talk to daemon\n"), "");
+  EXPECT_EQ(chrony_words(""), "");
+  const std::string ptp =
+      "sending: GET TIME_STATUS_NP\n\taa.bb-0 seq 0 RESPONSE MANAGEMENT TIME_STATUS_NP\n\t\tmaster_offset  -37\n"
+      "\t\tgmPresent   true\n";
+  EXPECT_EQ(ptp_words(ptp), "ptp4l follows a grandmaster, -37 ns away");
+  EXPECT_EQ(ptp_words("\t\tmaster_offset 0\n\t\tgmPresent false\n"), "ptp4l runs, but follows no grandmaster");
+  EXPECT_EQ(ptp_words("sending: GET TIME_STATUS_NP\n"), "");
+
+  Facts facts = good_host();
+  facts.time_services = {chrony_words(tracking)};
+  EXPECT_EQ(check_of(judge(facts, live_needs()), "clock").found,
+            "the clock is synchronised, to 0.8 ms; chrony follows ntp.example (stratum 2), 0.0123 ms away");
+  facts.clock = ClockState{};
+  const Check untold = check_of(judge(facts, live_needs()), "clock");
+  EXPECT_EQ(untold.verdict, Verdict::kAdvice);
+  EXPECT_NE(untold.fix.find("rtcsync"), std::string::npos) << "chrony keeps it, but the kernel was not told";
+}
 
 TEST(Doctor, WhatCannotBeLookedAtIsUnknown) {
   Facts facts = good_host();
   facts.receive_buffer_max.reset();
   facts.route_interface.reset();
-  facts.clock_synchronised.reset();
+  facts.clock.reset();
   const auto checks = judge(facts, live_needs());
   for (const char* name : {"receive_buffer", "mtu", "clock"}) {
     EXPECT_EQ(check_of(checks, name).verdict, Verdict::kUnknown) << name;

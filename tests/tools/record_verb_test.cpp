@@ -87,6 +87,45 @@ TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   EXPECT_FALSE(exists(file("a.h5") + ".part.live"));
 }
 
+// Somebody sets the clock in the middle of it, by an hour, and later back by more.
+TEST_F(RecordVerb, UtcIsRecordedAndAStepOfTheClockIsSaid) {
+  shm::Writer writer(name_);
+  ASSERT_TRUE(writer.open());
+  constexpr std::int64_t kHour = 3'600'000'000'000;
+  Program program = start({"record", name_, "-o", file("a.h5"), "--frames", "300"});
+  std::uint64_t ahead = 0;
+  std::uint64_t back = 0;
+  publish_until(writer, [&] {
+    if (ahead == 0 && writer.next > 0 && exists(file("a.h5.part"))) ahead = writer.next + 60;
+    if (ahead != 0) back = ahead + 60;
+    writer.clock_set_by_ns = ahead == 0 || writer.next < ahead ? 0 : writer.next < back ? kHour : -kHour;
+    return exists(file("a.h5"));
+  });
+  ASSERT_EQ(program.outcome().exit_code, 0);
+  const auto reader = capture::CaptureReader::open(file("a.h5"));
+  ASSERT_TRUE(reader) << reader.error().message;
+  ASSERT_TRUE(reader->info().has_times);
+  std::vector<double> steps_s;
+  for (const auto& event : reader->events()) {
+    if (event.kind == "clock_step") steps_s.push_back(event.t_s);
+  }
+  ASSERT_EQ(steps_s.size(), 2U);
+  EXPECT_NEAR(steps_s[0], static_cast<double>(ahead) * 0.005, 1e-9) << "the first frame of the new time";
+  EXPECT_NEAR(steps_s[1], static_cast<double>(back) * 0.005, 1e-9);
+  for (std::size_t i = 0; i < 300; ++i) {
+    const std::uint64_t number = reader->frame_id()[i] / 2;
+    const std::int64_t set_by = number < ahead ? 0 : number < back ? kHour : -kHour;
+    ASSERT_NEAR(reader->t_host()[i], static_cast<double>(1000 + number) * 1e-9, 1e-12) << "it does not step";
+    ASSERT_NEAR(reader->t_utc()[i], static_cast<double>(shm::utc_of(number) + set_by) * 1e-9, 1e-6);
+  }
+  const auto json_info = nlohmann::json::parse(run({"info", file("a.h5"), "--json"}).out);
+  EXPECT_NEAR(json_info["attributes"]["utc_uncertainty_s"].get<double>(), 0.001500001, 1e-12);
+  const std::string info = run({"info", file("a.h5")}).out;
+  EXPECT_NE(info.find("  utc        2025-11-23T19:31:02.000Z to 2025-11-23T18:31:02.000Z, within 0.0015 s\n"),
+            std::string::npos)
+      << info;
+}
+
 TEST_F(RecordVerb, TheScenesMotionIsRecordedWithItsFrames) {
   shm::Writer writer(name_);
   writer.format.motion = true;

@@ -11,6 +11,7 @@
 #include "src/capture/capture.hpp"
 #include "src/core/printable.hpp"
 #include "src/core/statistics.hpp"
+#include "src/core/utc_clock.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 
@@ -21,6 +22,7 @@ using capture::CaptureReader;
 using nlohmann::json;
 
 constexpr std::size_t kPlacesShown = 5;
+constexpr double kLastUtc_s = 4e9;  // the year 2096: later ones are no times
 constexpr double kIrregular = 0.2;  // of a period, off the frame grid
 
 // Interval before each frame in periods' worth: dt divided by the jump of the frame number.
@@ -135,9 +137,20 @@ json fields(const capture::SceneStimulus& s) {
           {"trajectory_y_px", {*top, *bottom}}};
 }
 
+// UTC of a time of /t: that of the frame there, or of the first one after it.
+json utc_at(const CaptureReader& reader, double t_s) {
+  const auto frame = std::lower_bound(reader.t().begin(), reader.t().end(), t_s);
+  if (!reader.info().has_times || frame == reader.t().end()) return nullptr;
+  const double utc_s = reader.t_utc()[static_cast<std::size_t>(frame - reader.t().begin())];
+  const bool known = utc_s > 0.0 && utc_s < kLastUtc_s;
+  return known ? json(utc_text(to_ns(utc_s))) : json(nullptr);
+}
+
 json events_of(const CaptureReader& reader) {
   json events = json::array();
-  for (const auto& event : reader.events()) events.push_back({{"t_s", event.t_s}, {"kind", event.kind}});
+  for (const auto& event : reader.events()) {
+    events.push_back({{"t_s", event.t_s}, {"kind", event.kind}, {"utc", utc_at(reader, event.t_s)}});
+  }
   return events;
 }
 
@@ -174,6 +187,7 @@ Result<json> describe(const CaptureReader& reader) {
               {"frames", info.frames},
               {"frame_period_s", format.frame_period_s},
               {"duration_s", reader.t().back() - reader.t().front()},
+              {"utc", {{"first", utc_at(reader, reader.t().front())}, {"last", utc_at(reader, reader.t().back())}}},
               {"rate", rate_of(reader)},
               {"lost_frames", lost_frames(reader)},
               {"irregular_times", irregular_times(reader)},
@@ -252,6 +266,15 @@ std::string events_text(const json& events) {
   return text;
 }
 
+std::string uncertainty_text(const json& attributes) {
+  const json uncertainty_s = attributes.value("utc_uncertainty_s", json(nullptr));
+  if (!uncertainty_s.is_number()) return "";
+  if (uncertainty_s.get<double>() * kNsPerSecond >= static_cast<double>(kUnboundedClockErrorNs)) {
+    return "; nothing kept that host's clock: its error is not known";
+  }
+  return fmt::format(", within {} s", number(uncertainty_s, 3));
+}
+
 void print_capture(const json& info) {
   const std::string unit = info["values"]["unit"];
   line("format", info["format"]);
@@ -265,6 +288,10 @@ void print_capture(const json& info) {
       return value.is_string() ? value.get<std::string>() : value.dump();
     };
     line("recorded", word("recorded_at") + " on " + word("host_name") + " by bolo " + word("bolo_version"));
+  }
+  if (const json& utc = info["utc"]; utc["first"].is_string() && utc["last"].is_string()) {
+    line("utc",
+         utc["first"].get<std::string>() + " to " + utc["last"].get<std::string>() + uncertainty_text(attributes));
   }
   line("unit", unit == "kelvin" ? "kelvin = " + number(info["scale"]) + " * value + " + number(info["offset"]) : unit);
   line("rate",

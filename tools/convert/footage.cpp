@@ -33,6 +33,7 @@ class CaptureFootage final : public Footage {
   Status read(std::size_t index, Frame& frame) override {
     frame.t_s = reader_.t()[index];
     frame.id = reader_.frame_id()[index];
+    frame.times = capture::times_of(reader_, index);
     const std::size_t pixels = info_.format.geometry.pixels();
     if (info_.format.type == PixelType::kUint16) {
       frame.u16.resize(pixels);

@@ -15,6 +15,7 @@ namespace bolo::tools {
 struct Frame {
   double t_s = 0.0;
   std::uint64_t id = 0;
+  std::optional<capture::FrameTimes> times{};  // exactly where Footage::info().has_times
   std::vector<std::uint16_t> u16;
   std::vector<float> f32;
 

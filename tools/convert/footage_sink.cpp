@@ -75,13 +75,17 @@ class CaptureSink final : public FootageSink {
     info.has_truth = false;
     capture::WriterOptions how;
     how.replace = target.file.replace;
+    how.times = info.has_times;
     auto writer = capture::CaptureWriter::create(target.file.path, info, how);
     if (!writer) return tl::unexpected<Error>(writer.error());
     if (Status good = footage.copy_extras(*writer); !good) return tl::unexpected<Error>(good.error());
     return std::make_unique<CaptureSink>(std::move(*writer), info.format.type);
   }
   CaptureSink(capture::CaptureWriter writer, PixelType type) : writer_(std::move(writer)), type_(type) {}
-  Status write(const Frame& frame) override { return writer_.append(frame.t_s, frame.id, frame.plane(type_)); }
+  Status write(const Frame& frame) override {
+    return writer_.append(frame.t_s, frame.id, frame.plane(type_), nullptr, nullptr,
+                          frame.times ? &*frame.times : nullptr);
+  }
   Status finish() override { return writer_.close(); }
 
  private:

@@ -43,6 +43,7 @@ Status DeblurSink::open(const pipeline::SinkFormat& format) {
   const capture::CaptureInfo& info = frames_.written();
   capture::WriterOptions how;
   how.truth = info.has_truth;
+  how.times = info.has_times;
   how.motion = format.motion && frames_.choice().points().empty();
   how.replace = output_.replace;
   auto writer = capture::CaptureWriter::create(output_.path, info, how);
@@ -72,8 +73,9 @@ Status DeblurSink::take(const pipeline::PublishedFrame& frame) {
   squares_.deblurred += errors->deblurred;
   ++frames_out_;
   const capture::CaptureReader& input = frames_.input();
+  const std::optional<capture::FrameTimes> times = capture::times_of(input, frames_.index());
   return writer_->append(input.t()[frames_.index()], input.frame_id()[frames_.index()], frames_.deblurred(), *truth,
-                         motion_of(frame));
+                         motion_of(frame), times ? &*times : nullptr);
 }
 
 // The frame's blocks, or those in whose place the blocks of a region lie; null: not known, or for points.
@@ -121,6 +123,12 @@ Status DeblurSink::write_settings(std::string_view isa, const Files& files) {
     then([&] { return writer_->write_stimulus(stimulus); });
   }
   for (const capture::Event& event : frames_.input().events()) then([&] { return writer_->add_event(event); });
+  if (frames_.written().has_times) {
+    const auto attributes = frames_.input().attributes();
+    for (const capture::Attribute& attribute : attributes.value_or(std::vector<capture::Attribute>{})) {
+      if (attribute.name == "utc_uncertainty_s") then([&] { return writer_->write_attributes({attribute}); });
+    }
+  }
   text("solver", deblur::name(settings.method));
   text("isa", isa);
   if (choice.points().empty()) text("roi", in_words(choice.region()));

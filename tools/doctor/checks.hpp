@@ -35,6 +35,11 @@ struct Needs {
   bool video = false;              // a video device is wanted
 };
 
+// What `chronyc -c tracking` and `pmc 'GET TIME_STATUS_NP'` print, in words; empty: nothing that can be read. Thread:
+// any.
+std::string chrony_words(const std::string& tracking);
+std::string ptp_words(const std::string& time_status);
+
 // Pure: says of each fact what it means. Order: the network, the processor, memory, devices, libraries, the camera.
 // Thread: any.
 std::vector<Check> judge(const Facts& facts, const Needs& needs);

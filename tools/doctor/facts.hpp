@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "src/core/utc_clock.hpp"
+
 namespace bolo::tools::doctor {
 
 struct Interface {
@@ -64,7 +66,8 @@ struct Facts {
   std::vector<CameraFound> cameras;  // that answered
   std::optional<bool> answers;       // the address that was asked for
 
-  std::optional<bool> clock_synchronised;
+  std::optional<ClockState> clock;
+  std::vector<std::string> time_services;  // what they say of it: chrony, linuxptp
 };
 
 // What is asked of the camera's network.

@@ -26,7 +26,7 @@
 #include "drivers/genicam/network.hpp"
 #include "src/core/unique_fd.hpp"
 #include "src/rt/thread.hpp"
-#include "tools/doctor/facts.hpp"
+#include "tools/doctor/checks.hpp"
 
 namespace bolo::tools::doctor {
 namespace {
@@ -199,10 +199,18 @@ void try_limits(Facts& facts) {
   }
 }
 
+// Those that are not installed print nothing.
 void ask_clock(Facts& facts) {
   timex state{};
-  const int answer = adjtimex(&state);
-  if (answer >= 0) facts.clock_synchronised = answer != TIME_ERROR && (state.status & STA_UNSYNC) == 0;
+  if (adjtimex(&state) >= 0) facts.clock = read_clock_state();
+  std::error_code error;
+  std::vector<std::string> words{chrony_words(output_of("timeout 2 chronyc -c tracking 2>/dev/null"))};
+  if (fs::exists("/run/ptp4l", error)) {
+    words.push_back(ptp_words(output_of("timeout 2 pmc -u -b 0 'GET TIME_STATUS_NP' 2>/dev/null")));
+  }
+  for (std::string& service : words) {
+    if (!service.empty()) facts.time_services.push_back(std::move(service));
+  }
 }
 
 void ask_cameras(const Question& question, Facts& facts) {

@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <sstream>
 #include <utility>
 
 #include <fmt/format.h>
@@ -307,11 +309,19 @@ Check camera(const Facts& facts, const Needs& needs) {
 
 Check clock(const Facts& facts) {
   Check check{"clock", "Time synchronisation"};
-  if (!facts.clock_synchronised) return unknown(std::move(check), "the kernel does not say");
-  check.found = *facts.clock_synchronised ? "the clock is synchronised" : "the clock runs by itself";
-  if (*facts.clock_synchronised) return check;
+  if (!facts.clock) return unknown(std::move(check), "the kernel does not say");
+  check.found = "the clock runs by itself: UTC of frames has no known error";
+  if (facts.clock->synchronised) {
+    check.found =
+        fmt::format("the clock is synchronised, to {:.3g} ms", static_cast<double>(facts.clock->error_ns) * 1e-6);
+  }
+  if (!facts.time_services.empty()) check.found += "; " + list(facts.time_services);
+  if (facts.clock->synchronised) return check;
   check.verdict = Verdict::kAdvice;
-  check.fix = "apt install chrony (or systemd-timesyncd): frames can then be told apart from other sensors' by time";
+  check.fix =
+      facts.time_services.empty()
+          ? "apt install chrony (or systemd-timesyncd): frames can then be told apart from other sensors' by time"
+          : "let it tell the kernel: 'rtcsync' in chrony.conf; of linuxptp, run phc2sys";
   return check;
 }
 
@@ -329,6 +339,33 @@ std::string_view word(Verdict verdict) {
       break;
   }
   return "unknown";
+}
+
+// Comma-separated: ..., name, stratum, time, offset of the system's clock (s), ...
+std::string chrony_words(const std::string& tracking) {
+  std::istringstream line(tracking);
+  std::vector<std::string> fields;
+  for (std::string field; std::getline(line, field, ',');) fields.push_back(field);
+  constexpr std::size_t kFields = 14;
+  if (fields.size() < kFields) return {};
+  double offset_s = 0.0;
+  if (std::sscanf(fields[4].c_str(), "%lf", &offset_s) != 1) return {};
+  if (fields[2] == "0") return "chrony runs, but follows nothing yet";
+  return fmt::format("chrony follows {} (stratum {}), {:.3g} ms away", fields[1].empty() ? fields[0] : fields[1],
+                     fields[2], std::abs(offset_s) * 1e3);
+}
+
+// Lines of a name and a value, among them "master_offset 12" (ns) and "gmPresent true".
+std::string ptp_words(const std::string& time_status) {
+  std::istringstream words(time_status);
+  std::string offset_ns;
+  bool present = false;
+  for (std::string word; words >> word;) {
+    if (word == "master_offset") words >> offset_ns;
+    if (word == "gmPresent" && words >> word) present = word == "true";
+  }
+  if (offset_ns.empty()) return {};
+  return present ? "ptp4l follows a grandmaster, " + offset_ns + " ns away" : "ptp4l runs, but follows no grandmaster";
 }
 
 std::vector<Check> judge(const Facts& facts, const Needs& needs) {

@@ -7,11 +7,11 @@
 #include <chrono>
 #include <climits>
 #include <cstdio>
-#include <ctime>
 #include <system_error>
 #include <utility>
 
 #include "src/core/clock.hpp"
+#include "src/core/utc_clock.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::tools {
@@ -38,18 +38,9 @@ bool is_taken(const std::filesystem::path& file) {
 
 // When, where and by what a file was begun.
 std::vector<capture::Attribute> origin() {
-  const auto now = std::chrono::floor<std::chrono::milliseconds>(std::chrono::system_clock::now());
-  const auto ms = static_cast<int>((now.time_since_epoch() % std::chrono::seconds(1)).count());
-  const std::time_t whole = std::chrono::system_clock::to_time_t(now);
-  std::tm utc{};
-  gmtime_r(&whole, &utc);
-  std::array<char, 32> date{};
-  std::strftime(date.data(), date.size(), "%FT%T", &utc);
-  std::array<char, 16> rest{};
-  std::snprintf(rest.data(), rest.size(), ".%03dZ", ms);
   std::array<char, HOST_NAME_MAX + 1> host{};
   if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '\0';
-  return {{"recorded_at", std::string(date.data()) + rest.data()},
+  return {{"recorded_at", utc_text(realtime_ns())},
           {"host_name", std::string(host.data())},
           {"bolo_version", std::string(BOLO_VERSION)}};
 }
@@ -139,6 +130,7 @@ Result<capture::CaptureWriter> FileWriter::create(std::size_t part) const {
   how.survives_power_cut = true;
   how.replace = options_.replace;
   how.motion = options_.motion;
+  how.times = true;
   return capture::CaptureWriter::create(file_of_part(options_, part), options_.info, how);
 }
 
@@ -213,12 +205,15 @@ Status FileWriter::append(const rt::FrameSlot& slot, std::uint32_t marks) {
     if (Status good = open_next(); !good) return good;
     take_closed(false);
   }
-  for (const auto& [mark, kind] : {std::pair{kMarkReconnect, "reconnect"}, {kMarkGap, "gap"}, {kMarkNuc, "nuc"}}) {
+  for (const auto& [mark, kind] :
+       {std::pair{kMarkReconnect, "reconnect"}, {kMarkGap, "gap"}, {kMarkNuc, "nuc"}, {kMarkClockStep, "clock_step"}}) {
     if ((marks & mark) == 0) continue;
     if (Status good = capture_->add_event({t_s, kind}); !good) return good;
   }
   const BlockMotion* motion = (marks & kMarkMotion) != 0 ? motion_of(slot) : nullptr;
-  if (Status good = capture_->append(t_s, slot.meta.frame_id, slot.data, nullptr, motion); !good) return good;
+  const capture::FrameTimes times{seconds(host_time_ns(slot.meta)), seconds(slot.meta.utc_ns),
+                                  seconds(slot.meta.utc_uncertainty_ns)};
+  if (Status good = capture_->append(t_s, slot.meta.frame_id, slot.data, nullptr, motion, &times); !good) return good;
   if (frames_in_file_++ == 0) file_begin_s_ = t_s;
   if (result_.frames == 0) result_.first_t_s = t_s;
   result_.last_t_s = t_s;

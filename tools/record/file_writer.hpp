@@ -40,6 +40,7 @@ enum Mark : std::uint32_t {
   kMarkReconnect = 1U << 1,  // the daemon or the camera was started again
   kMarkNuc = 1U << 2,        // the camera began to correct
   kMarkMotion = 1U << 3,     // not before it: the frame's motion is known
+  kMarkClockStep = 1U << 4,  // somebody set the host's clock
 };
 
 struct FileWriterResult {

@@ -9,6 +9,7 @@
 
 #include "drivers/shm/followed_stream.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/utc_clock.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -113,14 +114,14 @@ class Recording {
                                             raw ? nullptr : plane, writer_->motion_of(*slot_))) {
       return skip_overwritten(1);
     }
-    const FrameMeta meta =
-        rising_.place({head.frame_id, head.camera_ns, head.receive_ns, head.flags, head.host_ns}, restarted_);
+    const FrameMeta meta = rising_.place(shm::meta_of(head), restarted_);
     restarted_ = false;
     if (rising_.shifted()) marks_ |= kMarkReconnect;
     count_jump(meta);
     const bool nuc = (meta.flags & kFlagNuc) != 0;
     if (nuc && !nuc_) marks_ |= kMarkNuc;
     nuc_ = nuc;
+    if (clock_stepped(meta)) marks_ |= kMarkClockStep;
     if (slot_ == nullptr) {
       ++result_.lost_no_room;
       marks_ |= kMarkGap;
@@ -130,6 +131,14 @@ class Recording {
     if (shm::has_motion(frame.layout, head)) marks_ |= kMarkMotion;
     writer_->put(*std::exchange(slot_, nullptr), std::exchange(marks_, kMarkNone));
     if (taken_++ == 0) first_ns_ = monotonic_ns();
+  }
+
+  // Whether somebody set the host's clock between the frame before and this one: UTC went on otherwise than monotonic
+  // time did.
+  bool clock_stepped(const FrameMeta& meta) {
+    if (meta.utc_ns == 0) return false;
+    const std::int64_t before_ns = std::exchange(utc_offset_ns_, meta.utc_ns - host_time_ns(meta));
+    return before_ns != 0 && std::abs(utc_offset_ns_ - before_ns) > kClockStepNs;
   }
 
   // What the numbers skip beyond what was overwritten here was lost before. Nothing is missing where a count began
@@ -182,6 +191,7 @@ class Recording {
   std::uint64_t last_id_ = 0;
   std::uint64_t lost_here_ = 0;  // overwritten since the last frame taken
   std::uint32_t marks_ = kMarkNone;
+  std::int64_t utc_offset_ns_ = 0;  // UTC - the host's clock, at the last frame; 0: not known
   bool any_ = false;
   bool restarted_ = false;
   bool nuc_ = false;

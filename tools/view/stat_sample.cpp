@@ -80,6 +80,15 @@ std::string count_words(const Rows& rows, const CountOf& count_of) {
   return text;
 }
 
+// The host's clock, as its kernel knows it.
+std::string clock_words(const bolo_shm_header& h) {
+  std::string words = "the host's clock runs by itself: nothing bounds its error";
+  if (h.clock_synchronised != 0) {
+    words = fmt::format("the host's clock is synchronised, to {:.3g} ms", static_cast<double>(h.clock_error_ns) * 1e-6);
+  }
+  return h.clock_steps == 0 ? words : words + fmt::format("; it was set {} times", h.clock_steps);
+}
+
 // How the camera does, and its clock and corrections as far as they are known.
 std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
   std::uint64_t lost = 0;
@@ -149,6 +158,7 @@ std::string stat_table(const std::string& name, const StatLook& look, const Stat
   out += line("camera   {} {}, {}x{} at {:.4g} Hz, tau {:.4g} ms", h.camera_model, h.camera_serial, h.width, h.height,
               h.frame_period_s > 0.0 ? 1.0 / h.frame_period_s : 0.0, h.tau_s * 1e3);
   if (look.camera && look.camera->state != BOLO_CAMERA_IDLE) out += camera_lines(*look.camera, look.at_ns);
+  out += line("utc      {}", clock_words(h));
   out += line("solver   {}", h.solver);
   out += line("window   {} frames, look-ahead {}; ring of {} slots", h.window, h.lookahead, h.slot_count);
   if (look.motion) {
@@ -215,6 +225,8 @@ nlohmann::ordered_json stat_json(const std::string& name, const StatLook& look, 
   for (const auto& row : pipeline::kFrameCounters) {
     if (!row.words.empty()) json[std::string(row.key)] = frame_count(look, row);
   }
+  json["clock"] = {
+      {"synchronised", h.clock_synchronised != 0}, {"error_s", seconds(h.clock_error_ns)}, {"steps", h.clock_steps}};
   json["lost_total"] = s.lost_total;
   for (std::size_t i = 0; i < kLossCauses; ++i) {
     const std::string cause(bolo::name(static_cast<LossCause>(i)));

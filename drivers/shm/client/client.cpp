@@ -21,13 +21,15 @@ struct bolo_client_hold {
 // NOLINTEND(readability-identifier-naming)
 
 // Programs in use rely on these; bolo.py declares the same structures.
-static_assert(sizeof(bolo_client_info) == 120);
+static_assert(sizeof(bolo_client_info) == 128);
 static_assert(sizeof(bolo_client_frame) == 136);
-static_assert(sizeof(bolo_client_state) == 200);
+static_assert(sizeof(bolo_client_state) == 216);
 static_assert(offsetof(bolo_client_info, camera_model) == 80);
 static_assert(offsetof(bolo_client_frame, raw) == 80);
 static_assert(offsetof(bolo_client_frame, motion) == 104);
 static_assert(offsetof(bolo_client_frame, motion_across) == 120);
+static_assert(offsetof(bolo_client_frame, utc_uncertainty_us) == 76);
+static_assert(offsetof(bolo_client_frame, utc_ns) == 128);
 static_assert(offsetof(bolo_client_state, camera) == 192);
 
 namespace bolo::shm {

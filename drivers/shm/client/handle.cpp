@@ -1,12 +1,24 @@
 #include "drivers/shm/client/handle.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
 #include <utility>
 
 #include "src/core/clock.hpp"
 
 namespace bolo::shm {
+
+namespace {
+
+// Rounded up, into 32 bits.
+std::uint32_t microseconds(std::int64_t ns) noexcept {
+  constexpr std::int64_t kNsPerUs = 1000;
+  constexpr std::int64_t kMost = std::numeric_limits<std::uint32_t>::max();
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(ns / kNsPerUs + (ns % kNsPerUs > 0 ? 1 : 0), 0, kMost));
+}
+
+}  // namespace
 
 void ErrorText::set(std::string_view text) noexcept {
   const std::size_t length = std::min(text.size(), text_.size() - 1);
@@ -46,6 +58,7 @@ void Handle::fill_info() {
   info_.solver = header_.solver;
   info_.settings = settings_ ? &*settings_ : nullptr;
   info_.control_socket = control_socket_.c_str();
+  info_.row_delay_s = header_.row_delay_s;
 }
 
 const bolo_client_state& Handle::update_state() {
@@ -62,6 +75,9 @@ const bolo_client_state& Handle::update_state() {
   std::copy(std::begin(now.lost), std::end(now.lost), std::begin(state_.lost));
   state_.lost_frames = std::accumulate(std::begin(now.lost), std::end(now.lost), std::uint64_t{0});
   state_.camera = camera_ ? &*camera_ : nullptr;
+  state_.clock_synchronised = now.clock_synchronised != 0 ? 1 : 0;
+  state_.clock_error_ns = now.clock_error_ns;
+  state_.clock_steps = now.clock_steps;
   return state_;
 }
 
@@ -100,6 +116,8 @@ int Handle::given(FollowedStream::Outcome outcome, const BorrowedFrame& lent, st
   frame.camera_ns = lent.head.camera_ns;
   frame.host_ns = lent.head.host_ns;
   frame.receive_ns = lent.head.receive_ns;
+  frame.utc_ns = lent.head.utc_ns;
+  frame.utc_uncertainty_us = microseconds(lent.head.utc_uncertainty_ns);
   frame.publish_ns = lent.head.publish_ns;
   frame.noise_k = lent.head.noise_k;
   frame.flags = lent.head.flags;

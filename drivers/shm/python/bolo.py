@@ -103,22 +103,24 @@ class _Info(ctypes.Structure):  # struct bolo_client_info
     _fields_ += [("start_ns", ctypes.c_int64), ("restarts", ctypes.c_uint64)]
     _fields_ += [(name, ctypes.c_char_p) for name in ("camera_model", "camera_serial", "solver")]
     _fields_ += [("settings", ctypes.POINTER(_Settings)), ("control_socket", ctypes.c_char_p)]
+    _fields_ += [("row_delay_s", ctypes.c_double)]
 
 
 class _Frame(ctypes.Structure):  # struct bolo_client_frame
     _fields_ = [(name, ctypes.c_uint64) for name in ("number", "missed", "frame_id")]
     _fields_ += [(name, ctypes.c_int64) for name in ("camera_ns", "host_ns", "receive_ns", "publish_ns")]
     _fields_ += [("noise_k", ctypes.c_double)]
-    _fields_ += [(name, ctypes.c_uint32) for name in ("flags", "width", "height", "reserved_0")]
+    _fields_ += [(name, ctypes.c_uint32) for name in ("flags", "width", "height", "utc_uncertainty_us")]
     _fields_ += [(name, ctypes.c_void_p) for name in ("raw", "deblurred", "slot", "motion", "motion_blocks")]
     _fields_ += [(name, ctypes.c_uint32) for name in ("motion_across", "motion_down")]
-    _fields_ += [("reserved", ctypes.c_uint64)]
+    _fields_ += [("utc_ns", ctypes.c_int64)]
 
 
 class _State(ctypes.Structure):  # struct bolo_client_state
-    _fields_ = [("alive", ctypes.c_uint32), ("reserved_0", ctypes.c_uint32), ("heartbeat_age_ns", ctypes.c_int64)]
+    _fields_ = [("alive", ctypes.c_uint32), ("clock_synchronised", ctypes.c_uint32), ("heartbeat_age_ns", ctypes.c_int64)]
     _fields_ += [(name, ctypes.c_uint64) for name in ("published", "received", "restarts", "warm_up", "gap_frames")]
     _fields_ += [("lost_frames", ctypes.c_uint64), ("lost", ctypes.c_uint64 * 16), ("camera", ctypes.POINTER(_Camera))]
+    _fields_ += [("clock_error_ns", ctypes.c_int64), ("clock_steps", ctypes.c_uint64)]
 
 
 def _load() -> ctypes.CDLL:
@@ -189,6 +191,7 @@ class Info:
     scale: float
     offset: float
     row_step: int
+    row_delay_s: float  # sensor row r is sampled r * row_delay_s after the frame's time
     frame_period_s: float
     tau_s: float
     window: int
@@ -233,6 +236,9 @@ class State:
     camera: Optional[str]  # "streaming", "lost" ...; None: the daemon does not tell
     reopened: int
     temperature_k: Optional[float]
+    clock_synchronised: bool  # something disciplines the host's clock, as its kernel says
+    clock_error_s: float  # of the host's UTC, at most; 16: nothing bounds it
+    clock_steps: int  # times that somebody set it
 
     @staticmethod
     def _of(state: _State) -> "State":
@@ -247,6 +253,9 @@ class State:
             camera=_CAMERA_STATES[camera.state] if known else None,
             reopened=camera.reopened if camera else 0,
             temperature_k=camera.temperature_k if camera and camera.temperature_k > 0 else None,
+            clock_synchronised=bool(state.clock_synchronised),
+            clock_error_s=state.clock_error_ns * 1e-9,
+            clock_steps=state.clock_steps,
         )
 
 
@@ -357,6 +366,21 @@ class Frame:
     def host_time(self) -> Optional[float]:
         """When it was taken; None: not known."""
         return self._lent.host_ns * 1e-9 if self._lent.host_ns else None
+
+    @property
+    def utc_ns(self) -> Optional[int]:
+        """When it was taken, by host_time, or receive_time where that is None: ns since 1970, UTC; None: not known."""
+        return self._lent.utc_ns or None
+
+    @property
+    def utc(self) -> Optional[float]:
+        """The same in seconds, as time.time() has them; a float holds them to 0.2 us."""
+        return self._lent.utc_ns * 1e-9 if self._lent.utc_ns else None
+
+    @property
+    def utc_uncertainty(self) -> float:
+        """How wrong utc is at most, s; 16 and more: nothing disciplines the host's clock, and nothing bounds it."""
+        return self._lent.utc_uncertainty_us * 1e-6
 
     @property
     def receive_time(self) -> float:

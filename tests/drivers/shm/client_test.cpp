@@ -124,6 +124,8 @@ TEST_F(ClientTest, FramesComeInOrderInPlace) {
     EXPECT_EQ(frame_.camera_ns, static_cast<std::int64_t>(n) * 5'000'000);
     EXPECT_EQ(frame_.receive_ns, static_cast<std::int64_t>(1000 + n));
     EXPECT_EQ(frame_.publish_ns, static_cast<std::int64_t>(2000 + n));
+    EXPECT_EQ(frame_.utc_ns, utc_of(n));
+    EXPECT_EQ(frame_.utc_uncertainty_us, 1501U) << "rounded up";
     EXPECT_EQ(frame_.flags, 0U);
   }
   publish(1);

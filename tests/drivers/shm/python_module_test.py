@@ -99,6 +99,9 @@ class WithDaemon(unittest.TestCase):
                 self.assertEqual(frame.raw.shape, (24, 64))
                 self.assertEqual(frame.deblurred.dtype, np.uint16)
                 self.assertGreaterEqual(frame.publish_time, frame.receive_time)
+                self.assertLess(abs(frame.utc - time.time()), HANG_S)
+                self.assertEqual(frame.utc, frame.utc_ns * 1e-9)
+                self.assertGreater(frame.utc_uncertainty, camera.info.frame_period_s / 2)
                 self.assertLess(abs(time.monotonic() - frame.publish_time), HANG_S)
                 if before is not None:
                     self.assertEqual(frame.number, before.number + 1 + frame.missed)
@@ -345,7 +348,7 @@ class Alone(unittest.TestCase):
     def test_structures_are_as_long_as_the_librarys(self):
         # client.cpp asserts the same numbers.
         sizes = [ctypes.sizeof(s) for s in (bolo._Info, bolo._Frame, bolo._State, bolo._Settings, bolo._Camera)]
-        self.assertEqual(sizes, [120, 136, 200, 64, 304])
+        self.assertEqual(sizes, [128, 136, 216, 64, 304])
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <random>
 
 #include "tests/drivers/shm/foreign_object.hpp"
@@ -13,7 +14,8 @@ namespace bolo::shm {
 namespace {
 
 // A header that a reader must accept, for an object of kBytes.
-constexpr std::size_t kBytes = sizeof(bolo_shm_header) + 4 * (64 + 2 * 64);
+constexpr std::size_t kSlot = sizeof(bolo_shm_slot) + 2 * 64;
+constexpr std::size_t kBytes = sizeof(bolo_shm_header) + 4 * kSlot;
 bolo_shm_header good_header() {
   bolo_shm_header h{};
   h.magic = BOLO_SHM_MAGIC;
@@ -25,9 +27,9 @@ bolo_shm_header good_header() {
   h.scale = 0.01;
   h.frame_period_s = 0.005;
   h.slots_offset = sizeof(h);
-  h.slot_stride = 64 + 2 * 64;
-  h.raw_offset = 64;
-  h.deblurred_offset = 128;
+  h.slot_stride = kSlot;
+  h.raw_offset = sizeof(bolo_shm_slot);
+  h.deblurred_offset = sizeof(bolo_shm_slot) + 64;
   h.motion_across = h.motion_down = 1;  // not looked at without motion_offset
   h.state = BOLO_SHM_RUNNING;
   h.published = 3;
@@ -50,6 +52,8 @@ TEST(ShmHostile, EachImpossibleFieldIsRefused) {
       {"magic", [](auto& h) { h.magic += 1; }},
       {"starting", [](auto& h) { h.magic = 0; }},
       {"a later version", [](auto& h) { h.version = BOLO_SHM_VERSION + 1; }},
+      {"the version before", [](auto& h) { h.version = BOLO_SHM_VERSION - 1; }},
+      {"a row delay that is no number", [](auto& h) { h.row_delay_s = std::numeric_limits<double>::quiet_NaN(); }},
       {"an earlier version", [](auto& h) { h.version = 1; }},
       {"header_bytes", [](auto& h) { h.header_bytes = 64; }},
       {"header_bytes past slots", [](auto& h) { h.header_bytes = sizeof(h) + 64; }},
@@ -74,18 +78,19 @@ TEST(ShmHostile, EachImpossibleFieldIsRefused) {
       {"stride odd", [](auto& h) { h.slot_stride -= 1; }},
       {"stride huge", [](auto& h) { h.slot_stride = kHuge; }},
       {"raw in head", [](auto& h) { h.raw_offset = 8; }},
-      {"raw odd", [](auto& h) { h.raw_offset = 65; }},
-      {"raw past end", [](auto& h) { h.raw_offset = 64 + 128 - 48; }},
+      {"raw odd", [](auto& h) { h.raw_offset += 1; }},
+      {"raw past end", [](auto& h) { h.raw_offset = kSlot - 48; }},
       {"raw huge", [](auto& h) { h.raw_offset = kHuge; }},
-      {"deblurred past end", [](auto& h) { h.deblurred_offset = 64 + 128 - 48; }},
+      {"deblurred past end", [](auto& h) { h.deblurred_offset = kSlot - 48; }},
       {"deblurred huge", [](auto& h) { h.deblurred_offset = kHuge; }},
       {"motion in head", [](auto& h) { h.motion_offset = 8; }},
-      {"motion odd", [](auto& h) { h.motion_offset = 65; }},
-      {"motion past end", [](auto& h) { h.motion_offset = 64 + 128 - 72; }},
+      {"motion odd", [](auto& h) { h.motion_offset = sizeof(bolo_shm_slot) + 1; }},
+      {"motion past end", [](auto& h) { h.motion_offset = kSlot - 72; }},
       {"motion huge", [](auto& h) { h.motion_offset = kHuge; }},
-      {"motion of no block", [](auto& h) { h.motion_offset = 64, h.motion_across = 0; }},
-      {"motion of too many", [](auto& h) { h.motion_offset = 64, h.motion_down = 2; }},
-      {"motion of very many", [](auto& h) { h.motion_offset = 64, h.motion_across = h.motion_down = 0x80000001; }},
+      {"motion of no block", [](auto& h) { h.motion_offset = sizeof(bolo_shm_slot), h.motion_across = 0; }},
+      {"motion of too many", [](auto& h) { h.motion_offset = sizeof(bolo_shm_slot), h.motion_down = 2; }},
+      {"motion of very many",
+       [](auto& h) { h.motion_offset = sizeof(bolo_shm_slot), h.motion_across = h.motion_down = 0x80000001; }},
   };
   for (const auto& [what, damage] : cases) {
     bolo_shm_header header = good_header();

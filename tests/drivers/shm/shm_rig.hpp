@@ -27,6 +27,11 @@ inline void fill(std::vector<std::uint16_t>& plane, std::uint64_t frame, std::si
   for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = pattern(frame, which, i);
 }
 
+// UTC of a frame, whose first byte came at 1000 + number ns of the host's clock.
+inline std::int64_t utc_of(std::uint64_t frame) {
+  return 1'763'926'262'000'000'000 + static_cast<std::int64_t>(1000 + frame);
+}
+
 // The same for its motion; every seventh frame's is not known.
 inline bool moves(std::uint64_t frame) { return frame % 7 != 3; }
 inline float motion_pattern(std::uint64_t frame, std::size_t block, std::size_t value) {
@@ -54,7 +59,9 @@ struct Writer {
     fill(raw, next, 0);
     fill(deblurred, next, 1);
     const auto n = static_cast<std::int64_t>(next);
-    const FrameMeta meta{2 * next, n * 5'000'000, 1000 + n, next % 5 == 0 ? std::uint32_t{kFlagGap} : 0U};
+    FrameMeta meta{2 * next, n * 5'000'000, 1000 + n, next % 5 == 0 ? std::uint32_t{kFlagGap} : 0U};
+    meta.utc_ns = utc_of(next) + clock_set_by_ns;
+    meta.utc_uncertainty_ns = 1'500'001;
     pipeline::PublishedFrame frame{meta, 2000 + n, raw.data(), deblurred.data()};
     if (format.motion && moves(next)) frame.motion = &move();
     sink.publish(frame, stats);
@@ -77,6 +84,7 @@ struct Writer {
   pipeline::PipelineStats stats{inlet};
   ShmSink sink;
   std::uint64_t next = 0;
+  std::int64_t clock_set_by_ns = 0;  // of the host's clock, since the first frame
   std::vector<std::uint16_t> raw;
   std::vector<std::uint16_t> deblurred;
 };

@@ -25,6 +25,7 @@ TEST(ShmRoundTrip, HeaderSaysWhatTheWriterWasGiven) {
     writer.format.deblur.tau_s = 0.012;
     writer.format.source.format.row_step = 4;
     writer.format.solver_text = std::string(100, 'x');
+    writer.format.row_delay_s = 2.8e-5;
   });
   const bolo_shm_header header = stream.reader->header();
   EXPECT_EQ(header.width, 33U);
@@ -37,6 +38,8 @@ TEST(ShmRoundTrip, HeaderSaysWhatTheWriterWasGiven) {
   EXPECT_EQ(header.window, 17U);
   EXPECT_EQ(header.lookahead, 1U);
   EXPECT_EQ(header.row_step, 4U);
+  EXPECT_DOUBLE_EQ(header.row_delay_s, 2.8e-5);
+  EXPECT_EQ(header.clock_error_ns, kUnboundedClockErrorNs) << "nothing is known of the clock yet";
   EXPECT_EQ(header.writer_pid, static_cast<std::uint32_t>(getpid()));
   EXPECT_STREQ(header.camera_model, "Model");
   EXPECT_STREQ(header.camera_serial, "1234");
@@ -59,6 +62,8 @@ TEST(ShmRoundTrip, FramesArePixelExactForEveryOddSize) {
       EXPECT_EQ(frame.meta.camera_ns, i * 5'000'000);
       EXPECT_EQ(frame.meta.receive_ns, 1000 + i);
       EXPECT_EQ(frame.publish_ns, 2000 + i);
+      EXPECT_EQ(frame.meta.utc_ns, utc_of(n));
+      EXPECT_EQ(frame.meta.utc_uncertainty_ns, 1'500'001);
       EXPECT_EQ(frame.meta.flags, n % 5 == 0 ? std::uint32_t{kFlagGap} : 0U);
     }
   }
@@ -72,6 +77,9 @@ TEST(ShmRoundTrip, CountersReachTheReader) {
   stream.writer.stats.warm_up.add(5);
   stream.writer.stats.gap_frames.add(6);
   stream.writer.stats.deblur_ns.add(7);
+  stream.writer.stats.clock_steps.add(8);
+  stream.writer.stats.clock_synchronised.set(1);
+  stream.writer.stats.clock_error_ns.set(900);
   stream.writer.stats.latency.add(3'000'000);
   stream.writer.publish();
   const bolo_shm_header header = stream.reader->header();
@@ -82,6 +90,9 @@ TEST(ShmRoundTrip, CountersReachTheReader) {
   EXPECT_EQ(header.warm_up, 5U);
   EXPECT_EQ(header.gap_frames, 6U);
   EXPECT_EQ(header.deblur_ns, 7U);
+  EXPECT_EQ(header.clock_steps, 8U);
+  EXPECT_EQ(header.clock_synchronised, 1U);
+  EXPECT_EQ(header.clock_error_ns, 900);
   EXPECT_EQ(header.latency[rt::LatencyHistogram::bucket(3'000'000)], 1U);
   stream.writer.inlet.count_loss(LossCause::kMissing, 1);
   stream.writer.sink.idle(stream.writer.stats);
@@ -117,7 +128,7 @@ TEST(ShmRoundTrip, StreamsWithoutMotionHaveNoRoomForIt) {
   const bolo_shm_header header = stream.reader->header();
   EXPECT_EQ(header.motion_offset, 0U);
   EXPECT_EQ(header.motion_across * header.motion_down, 0U);
-  EXPECT_EQ(header.slot_stride, 64U + 2 * 512U) << "33 x 7 pixels of 2 bytes, twice";
+  EXPECT_EQ(header.slot_stride, 128U + 2 * 512U) << "33 x 7 pixels of 2 bytes, twice";
   ReadFrame frame;
   ASSERT_EQ(stream.reader->read(0, frame, 0), Outcome::kFrame);
   EXPECT_TRUE(frame.motion.empty());

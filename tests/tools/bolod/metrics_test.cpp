@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "src/core/unique_fd.hpp"
+#include "src/core/utc_clock.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
 
 namespace bolo::daemon {
@@ -85,6 +86,11 @@ TEST_F(Metrics, TellWhatBecameOfTheFrames) {
   EXPECT_GT(value(text, "bolo_stage_latency_seconds_sum{stage=\"deblur\"}"), 0.0);
   EXPECT_EQ(value(text, "bolo_flowing"), 1.0);
   EXPECT_NEAR(value(text, "bolo_frame_period_seconds"), 0.005, 1e-6);
+  const ClockState clock = read_clock_state();
+  EXPECT_EQ(value(text, "bolo_clock_synchronised"), clock.synchronised ? 1.0 : 0.0);
+  EXPECT_GT(value(text, "bolo_clock_error_seconds"), 0.0);
+  EXPECT_LE(value(text, "bolo_clock_error_seconds"), 16.0);
+  EXPECT_EQ(value(text, "bolo_clock_steps_total"), 0.0);
   EXPECT_NE(text.find("camera_serial=\"42\""), std::string::npos);
   EXPECT_EQ(text.find("bolo_camera_state"), std::string::npos) << "a replay has no camera";
 
