@@ -265,6 +265,8 @@ class Source(unittest.TestCase):
                 np.testing.assert_array_equal(pixels(buffer, buffer_caps), expected)
                 meta = buffer.get_reference_timestamp_meta(Gst.Caps.from_string("timestamp/x-bolo-camera"))
                 self.assertAlmostEqual(meta.timestamp / NS, frame.camera_time, places=6)
+                utc = buffer.get_reference_timestamp_meta(Gst.Caps.from_string("timestamp/x-unix"))
+                self.assertAlmostEqual(utc.timestamp / NS, frame.utc, places=5)
             steps = np.diff([b.pts for b, _ in got])
             self.assertTrue((steps >= 0).all())
             self.assertAlmostEqual(float(np.median(steps)) / NS, 0.02, delta=0.005)

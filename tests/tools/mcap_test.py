@@ -244,6 +244,9 @@ class Mcap(unittest.TestCase):
         cls.capture("kelvin.h5", ramp, {"unit": "kelvin", "scale": 1.0, "offset": 0.0})
         cls.capture("linear.h5", (ramp * 100).astype(np.uint16), {"unit": "kelvin", "scale": 0.01, "offset": -0.25,
                                                                    "recorded_at": "2026-11-23T12:34:56.789Z"})
+        cls.capture("utc.h5", (ramp * 100).astype(np.uint16), {"unit": "kelvin", "scale": 0.01, "offset": -0.25,
+                                                                "recorded_at": "2001-01-01T00:00:00Z"},
+                    events=[(5.05, "nuc")], utc=True)
         cls.capture("sharp.h5", (ramp[4:] * 100).astype(np.uint16), {
             "unit": "kelvin", "scale": 0.01, "offset": -0.25, "solver": "admm", "tau_s": 0.011}, first=4)
 
@@ -256,7 +259,7 @@ class Mcap(unittest.TestCase):
         return os.path.join(cls.folder, name)
 
     @classmethod
-    def capture(cls, name, frames, attributes, events=(), first=0):
+    def capture(cls, name, frames, attributes, events=(), first=0, utc=False):
         with h5py.File(cls.path(name), "w") as f:
             n = len(frames)
             f.create_dataset("frames", data=frames, chunks=(1, *frames.shape[1:]))
@@ -265,6 +268,9 @@ class Mcap(unittest.TestCase):
             f["frame_id"] = (np.uint64(2**32 - 40) + 3 * index.astype(np.uint64)).astype(np.uint64)
             f.attrs.update({"format": "bolo-capture", "version": 1, "frame_period_s": 0.00512345, "row_step": 2,
                             "camera_model": "FLIR A655sc é", "camera_serial": "55001234", **attributes})
+            if utc:
+                f["t_utc"] = 1_790_000_000.123456 + f["t"][:] * 1.00001  # the camera's clock drifts
+                f["t_host"] = 77.7 + f["t"][:]
             if events:
                 kind = np.dtype([("t", "f8"), ("kind", h5py.string_dtype())])
                 f.create_dataset("events", data=np.array(list(events), dtype=kind))
@@ -327,7 +333,7 @@ class Mcap(unittest.TestCase):
         self.assertGreater(len(mcap.indexes), 0)
 
     def test_a_capture_survives_the_way_there_and_back(self):
-        for name in ("counts.h5", "kelvin.h5", "linear.h5", "sharp.h5"):
+        for name in ("counts.h5", "kelvin.h5", "linear.h5", "utc.h5", "sharp.h5"):
             self.convert(name, "b.mcap")
             self.convert("b.mcap", "b.h5")
             self.assert_same_capture(name, "b.h5")
@@ -343,6 +349,18 @@ class Mcap(unittest.TestCase):
         with h5py.File(self.path("linear.h5")) as f:
             for i, time in enumerate(times):
                 self.assertLessEqual(abs(time - times[0] - (f["t"][i] - f["t"][0]) * 1e9), 1.0)
+
+    def test_stamps_are_utc_where_the_capture_has_it(self):
+        self.convert("utc.h5", "u.mcap")
+        times = self.assert_images("u.mcap", "/thermal/image_raw", "utc.h5")
+        mcap = File(self.path("u.mcap"))
+        with h5py.File(self.path("utc.h5")) as f:
+            self.assertEqual(times, [round(t * 1e9) for t in f["t_utc"]])
+            frames = [m for _, _, m in mcap.topic("/thermal/frame")]
+            self.assertEqual([m["t_utc"] for m in frames], list(f["t_utc"]))
+            self.assertEqual([m["t_host"] for m in frames], list(f["t_host"]))
+            event = mcap.topic("/diagnostics")[0][1]
+            self.assertAlmostEqual(event * 1e-9, float(f["t_utc"][0]) + 0.05, places=5)
 
     def test_raw_and_sharp_captures_share_a_file(self):
         self.bolo(self.path("linear.h5"), self.path("sharp.h5"), "-o", self.path("both.mcap"), "--name", "car/left")

@@ -27,6 +27,7 @@ struct Still {
   std::uint64_t stamp_ns = 0;
   double t_s = 0.0;
   std::uint64_t id = 0;
+  std::optional<capture::FrameTimes> times{};
 };
 
 struct Series {
@@ -68,7 +69,7 @@ struct Found {
       return bad_input(topic + ": its images are not all of one size and type");
     }
     if (series.pictures.size() >= kMostFrames) return bad_input(topic + ": has too many images");
-    series.pictures.push_back({message, image->stamp_ns});
+    series.pictures.push_back({.message = message, .stamp_ns = image->stamp_ns});
     return {};
   }
 };
@@ -94,6 +95,7 @@ void number_pictures(const Found& found, Series& series) {
     const auto frame = found.frames.find({picture.message.log_ns, picture.message.sequence});
     const bool ours = frame != found.frames.end();
     picture.t_s = ours ? frame->second.t_s : static_cast<double>(picture.stamp_ns) / kNsPerSecond;
+    if (ours && frame->second.utc_s > 0.0) picture.times = {frame->second.host_s, frame->second.utc_s};
     picture.id = ours ? frame->second.number : picture.message.sequence;
   }
   std::stable_sort(series.pictures.begin(), series.pictures.end(),
@@ -141,6 +143,7 @@ class McapFootage final : public Footage {
         std::find_if(begin, end, [&](const auto& entry) { return text_in(entry.second, "topic") == topic; });
     if (own != end) texts_ = own->second;
     info_.frames = series_.pictures.size();
+    info_.has_times = std::ranges::all_of(series_.pictures, [](const Still& one) { return one.times.has_value(); });
     StreamFormat& format = info_.format;
     format.geometry = series_.size;
     format.type = series_.type;
@@ -166,6 +169,8 @@ class McapFootage final : public Footage {
       return bad_input("the file was changed meanwhile");
     frame.t_s = picture.t_s;
     frame.id = picture.id;
+    frame.times.reset();
+    if (info_.has_times) frame.times = picture.times;
     const bool whole = series_.type == PixelType::kUint16;
     frame.u16.resize(whole ? series_.size.pixels() : 0);
     frame.f32.resize(whole ? 0 : series_.size.pixels());

@@ -63,8 +63,7 @@ class McapSink final : public FootageSink {
 
   Status write(const Frame& frame) override {
     const Part& part = parts_[frame.part];
-    if (!base_ns_) base_ns_ = begun_s_ ? to_ns(*begun_s_) : std::max(to_ns(frame.t_s), std::int64_t{0});
-    if (!first_t_s_) first_t_s_ = frame.t_s;
+    place_clock(frame);
     if (Status good = write_events(frame.t_s); !good) return good;
     const std::uint64_t ns = stamp_ns(frame.t_s);
     const ros::Header header{ns, name_};
@@ -75,7 +74,7 @@ class McapSink final : public FootageSink {
     if (!good || ns == last_ns_) return good;  // the raw and the sharp plane of one frame
     last_ns_ = ns;
     good = writer_.write(infos_, number, ns, ros::camera_info(header, part.format.geometry));
-    return good ? writer_.write(frames_, number, ns, ros::frame(header, {frame.id, frame.t_s})) : good;
+    return good ? writer_.write(frames_, number, ns, ros::frame(header, identity_of(frame))) : good;
   }
 
   Status finish() override {
@@ -86,7 +85,8 @@ class McapSink final : public FootageSink {
   std::string meaning() const override {
     std::string topics;
     for (const Part& part : parts_) topics += (topics.empty() ? "" : ", ") + part.topic;
-    return "topics " + topics + (begun_s_ ? "" : "; stamps are the camera's clock: when it was recorded is not known");
+    return "topics " + topics +
+           (begun_s_ || has_utc_ ? "" : "; stamps are the camera's clock: when it was recorded is not known");
   }
 
  private:
@@ -112,6 +112,7 @@ class McapSink final : public FootageSink {
         begun_s_ = utc_s(*at);
       }
       if (events_.empty()) events_ = extras->events;
+      has_utc_ = has_utc_ || footage->info().has_times;
       serial_ = footage->info().camera_serial;
       if (Status good = writer_.add_metadata(mcap_names::kCapture, described(part.topic, footage->info(), *extras));
           !good) {
@@ -137,8 +138,26 @@ class McapSink final : public FootageSink {
     return status;
   }
 
+  static ros::Frame identity_of(const Frame& frame) {
+    ros::Frame identity{frame.id, frame.t_s};
+    if (frame.times) identity.utc_s = frame.times->utc_s;
+    if (frame.times) identity.host_s = frame.times->host_s;
+    return identity;
+  }
+
+  // UTC where the frame has it; else as time went on from the first one, which stands at the recording's begin.
+  void place_clock(const Frame& frame) {
+    if (frame.times && frame.times->utc_s > 0.0) {
+      base_ns_ = to_ns(frame.times->utc_s);
+      base_t_s_ = frame.t_s;
+    } else if (!base_ns_) {
+      base_ns_ = begun_s_ ? to_ns(*begun_s_) : std::max(to_ns(frame.t_s), std::int64_t{0});
+      base_t_s_ = frame.t_s;
+    }
+  }
+
   std::uint64_t stamp_ns(double t_s) const {
-    const std::int64_t ns = *base_ns_ + to_ns(t_s - *first_t_s_);
+    const std::int64_t ns = *base_ns_ + to_ns(t_s - base_t_s_);
     return static_cast<std::uint64_t>(std::max(ns, std::int64_t{0}));
   }
 
@@ -165,8 +184,9 @@ class McapSink final : public FootageSink {
   std::vector<capture::Event> events_;
   std::size_t next_event_ = 0;
   std::optional<double> begun_s_;  // UTC of the first frame
-  std::optional<std::int64_t> base_ns_;
-  std::optional<double> first_t_s_;
+  bool has_utc_ = false;
+  std::optional<std::int64_t> base_ns_;  // the stamp of what was taken at base_t_s_
+  double base_t_s_ = 0.0;
   std::optional<std::uint64_t> last_ns_;
 };
 

@@ -300,6 +300,7 @@ void stamp(State& state, const bolo_client_frame& frame, GstClockTime running, G
   state.last_id = frame.frame_id;
   state.any = true;
   add_reference(buffer, "timestamp/x-bolo-camera", frame.camera_ns);
+  if (frame.utc_ns != 0) add_reference(buffer, "timestamp/x-unix", frame.utc_ns);
 }
 
 GstFlowReturn create(GstPushSrc* source, GstBuffer** out) {
