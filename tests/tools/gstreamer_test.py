@@ -79,8 +79,8 @@ class Pipeline:
     def message(self, kind, seconds=HANG_S):
         return self.pipeline.get_bus().timed_pop_filtered(int(seconds * NS), kind)
 
-    def error(self):
-        message = self.message(Gst.MessageType.ERROR)
+    def error(self, seconds=HANG_S):
+        message = self.message(Gst.MessageType.ERROR, seconds)
         return message.parse_error()[0].message if message else ""
 
 
@@ -298,17 +298,19 @@ class Source(unittest.TestCase):
 
     def test_it_goes_on_after_a_restart_with_another_size(self):
         other = os.path.join(self.folder.name, "other.h5")
-        simulate(other, "--width", "40", "--height", "32", "--frames", "100", "--rate", "25")
-        with Pipeline(f"bolosrc camera={self.name}") as live:
+        simulate(other, "--width", "40", "--height", "32", "--frames", "100", "--rate", "100")
+        with Pipeline(f"bolosrc camera={self.name} restart-timeout=60000") as live:
             self.assertIsNotNone(live.pull())
             self.end(kill=True)
             self.start(other)
             end = time.monotonic() + HANG_S
             while time.monotonic() < end:
-                buffer, caps = live.pull()
+                pulled = live.pull()
+                self.assertIsNotNone(pulled, live.error(0))
+                buffer, caps = pulled
                 if caps.get_structure(0).get_int("width")[1] == 40:
                     break
-            self.assertEqual(caps.get_structure(0).get_fraction("framerate")[1:], (25, 1))
+            self.assertEqual(caps.get_structure(0).get_fraction("framerate")[1:], (100, 1))
             self.assertTrue(buffer.has_flags(Gst.BufferFlags.DISCONT))
             self.assertEqual(pixels(buffer, caps).shape, (32, 40))
 
