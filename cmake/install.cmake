@@ -6,9 +6,11 @@ install(TARGETS bolo bolod RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT
 
 # Everything that packages are made of.
 add_custom_target(shipped DEPENDS bolo bolod bolo_client)
-if(TARGET manual)
-  add_dependencies(shipped manual)
-endif()
+foreach(optional manual gstbolo)
+  if(TARGET ${optional})
+    add_dependencies(shipped ${optional})
+  endif()
+endforeach()
 
 install(FILES config/a655sc.toml config/boson.toml config/lepton.toml config/bolod.toml config/demo.toml
   DESTINATION ${CMAKE_INSTALL_FULL_SYSCONFDIR}/bolo COMPONENT bolo)

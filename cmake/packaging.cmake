@@ -98,4 +98,12 @@ bolo_package(python3-bolo
   ARCHITECTURE all
   DEPENDS python3 python3-numpy "libbolo-client (>= ${PROJECT_VERSION})")
 
+bolo_package(gstreamer1.0-bolo
+  SECTION video
+  SUMMARY "sharp frames from moving thermal cameras (GStreamer plugin)"
+  TEXT "The elements bolosrc, a live source of the frames that bolod publishes, and"
+       "bolodeblur, which undoes the thermal inertia of a microbolometer's pixels in"
+       "any stream of 16-bit grey, without the daemon."
+  SUGGESTS bolo)
+
 include(CPack)

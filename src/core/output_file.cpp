@@ -42,16 +42,6 @@ tl::unexpected<Error> not_written(const fs::path& file, int error) {
   return failed(line);
 }
 
-Status write_all(int descriptor, std::string_view content) {
-  while (!content.empty()) {
-    const ssize_t done = ::write(descriptor, content.data(), content.size());
-    if (done < 0 && errno == EINTR) continue;
-    if (done < 0) return failed(std::strerror(errno));
-    content.remove_prefix(static_cast<std::size_t>(done));
-  }
-  return {};
-}
-
 // Some file systems and folders cannot be flushed (EINVAL): there is nothing more to do then.
 bool flush(int descriptor) { return descriptor >= 0 && (::fsync(descriptor) == 0 || errno == EINVAL); }
 
@@ -153,12 +143,20 @@ Status FileBeside::publish() {
   return told(error, path_, output_);
 }
 
+Status FileBeside::write(std::string_view content) {
+  while (!content.empty()) {
+    const ssize_t done = ::write(file_.get(), content.data(), content.size());
+    if (done < 0 && errno == EINTR) continue;
+    if (done < 0) return failed(output_.path.string() + ": cannot be written: " + std::strerror(errno));
+    content.remove_prefix(static_cast<std::size_t>(done));
+  }
+  return {};
+}
+
 Status write_file(const OutputFile& output, std::string_view content) {
   Result<FileBeside> file = FileBeside::create(output);
   if (!file) return tl::unexpected(file.error());
-  if (Status good = write_all(file->descriptor(), content); !good) {
-    return failed(output.path.string() + ": cannot be written: " + good.error().message);
-  }
+  if (Status good = file->write(content); !good) return good;
   return file->publish();
 }
 

@@ -58,6 +58,8 @@ class FileBeside {
 
   const std::filesystem::path& path() const { return path_; }
   int descriptor() const { return file_.get(); }
+  // Appends. Errors: a disk that takes only a part (kFailed).
+  Status write(std::string_view content);
   // Once; whatever else has it open has closed it.
   Status publish();
 

@@ -9,7 +9,9 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <regex>
+#include <sstream>
 #include <thread>
 
 #include <nlohmann/json.hpp>
@@ -56,6 +58,63 @@ void expect_published(const capture::CaptureReader& reader, std::size_t plane_in
     for (std::size_t p = 0; p < plane.size(); ++p) ASSERT_EQ(plane[p], shm::pattern(number, plane_index, p));
     ASSERT_NEAR(reader.t()[i], static_cast<double>(number) * 0.005, 1e-9);
   }
+}
+
+TEST_F(RecordVerb, SeveralCamerasGoIntoOneFolder) {
+  shm::Writer left(name_ + "-l");
+  shm::Writer right(name_ + "-r");
+  ASSERT_TRUE(left.open());
+  ASSERT_TRUE(right.open());
+  Program program = start({"record", name_ + "-l", name_ + "-r", "-o", file("rig"), "--frames", "100", "--json"});
+  const std::string files[] = {file("rig/" + name_ + "-l.h5"), file("rig/" + name_ + "-r.h5")};
+  publish_until(left, [&] {
+    right.publish();
+    return exists(files[0]) && exists(files[1]);
+  });
+  const Outcome outcome = program.outcome();
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  for (const std::string& one : files) {
+    EXPECT_NE(outcome.out.find(one), std::string::npos) << outcome.out;
+    const auto reader = capture::CaptureReader::open(one);
+    ASSERT_TRUE(reader) << reader.error().message;
+    EXPECT_EQ(reader->info().frames, 100U);
+    expect_published(*reader, 0);
+  }
+  refused({"record", name_ + "-l", name_ + "-l", "-o", file("rig")}, "is named twice");
+  refused({"record", name_ + "-l", name_ + "-r", "-o", file("rig.h5")}, "into a folder");
+}
+
+TEST_F(RecordVerb, AnInterruptEndsAllInGoodOrder) {
+  shm::Writer left(name_ + "-l");
+  ASSERT_TRUE(left.open());
+  // One that is not there costs the other nothing, and is told.
+  Program program = start({"record", name_ + "-l", name_ + "-none", "-o", file("rig")});
+  const std::string recorded = file("rig/" + name_ + "-l.h5");
+  publish_until(left, [&] { return exists(recorded + ".part") && program.err().find("-none") != std::string::npos; });
+  int frames = 0;
+  publish_until(left, [&] { return ++frames > 100; });
+  program.signal(SIGINT);
+  const Outcome outcome = program.outcome();
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+  EXPECT_TRUE(exists(recorded)) << outcome.err;
+}
+
+TEST_F(RecordVerb, StatShowsAllThatRun) {
+  shm::Writer left(name_ + "-l");
+  shm::Writer right(name_ + "-r");
+  ASSERT_TRUE(left.open());
+  ASSERT_TRUE(right.open());
+  std::map<std::string, std::string> state;
+  std::istringstream lines(run({"stat", "--once", "--json", "--interval", "0.1"}).out);
+  for (std::string line; std::getline(lines, line);) {
+    const json row = json::parse(line);
+    state[row["name"]] = row["state"];
+  }
+  EXPECT_TRUE(state.contains(name_ + "-l") && state.contains(name_ + "-r")) << state.size();
+  const Outcome table = run({"stat", "--once", "--interval", "0.1"});
+  EXPECT_EQ(table.exit_code, 0) << table.err;
+  EXPECT_TRUE(table.out.starts_with("camera ")) << table.out;
+  EXPECT_GE(std::ranges::count(table.out, '\n'), 3) << table.out;
 }
 
 TEST_F(RecordVerb, FramesAreThePublishedOnes) {

@@ -34,6 +34,7 @@ CASES = {
     "simulate": Case("simulate -o {o}/a.h5 --trajectory {i}/t.csv --frames 300 --width 160 --height 120", ["t.csv"],
                      ["a.h5"], ("{o}/a.h5", "t.csv")),
     "convert .h5": Case("convert {i}/big.h5 -o {o}/b.h5", ["big.h5"], ["b.h5"], ("{o}/b.h5", "big.h5")),
+    "convert .mcap": Case("convert {i}/big.h5 -o {o}/b.mcap", ["big.h5"], ["b.mcap"], ("{o}/b.mcap", "big.h5")),
     "convert .tiff": Case("convert {i}/big.h5 -o {o}/b.tiff", ["big.h5"], ["b.tiff"], ("{o}/b.tiff", "big.h5")),
     "convert .png": Case("convert {i}/one.png -o {o}/b.png", ["one.png"], ["b.png"], ("{o}/b.png", "one.png"), (0,)),
     "convert .mp4": Case("convert {i}/big.h5 -o {o}/b.mp4", ["big.h5"], ["b.mp4"], ("{o}/b.mp4", "big.h5"), (0,)),

@@ -21,15 +21,17 @@ struct Request {
   Files in;
   std::optional<std::size_t> frame;  // this one only
   Target out;
+  std::string topic;
   Told told;
   std::optional<RawLayout> raw;
 };
 
 cxxopts::Options make_options() {
   cxxopts::Options options("bolo convert",
-                           "From captures (.h5, .part, the authors' .mat), CPTV films, PNG and TIFF pictures, FLIR "
-                           "radiometric JPEG stills and raw dumps\n"
-                           "to a capture (.h5), PNG or TIFF pictures, or a film for the eye (.mp4)\n");
+                           "From captures (.h5, .part, the authors' .mat), ROS 2 recordings (.mcap), CPTV films, PNG "
+                           "and TIFF pictures, FLIR radiometric JPEG stills and raw dumps\n"
+                           "to a capture (.h5), a ROS 2 recording (.mcap), PNG or TIFF pictures, or a film for the eye "
+                           "(.mp4)\n");
   options.positional_help("IN...").show_positional_help();
   options.add_options()                                                                                 //
       ("in", "Files to convert, in order", cxxopts::value<std::vector<std::string>>())                  //
@@ -41,6 +43,9 @@ cxxopts::Options make_options() {
       ("raw", "WxH[:u16le|u16be|f32]: the files are raw frames", cxxopts::value<std::string>())          //
       ("frame", "Only this frame, counted from 0", cxxopts::value<std::size_t>(), "N")                   //
       ("skip", "Bytes before the first raw frame", cxxopts::value<std::uint64_t>()->default_value("0"))  //
+      ("name", "MCAP to write: the camera's name, as in /NAME/image_raw and /NAME/image_deblurred",
+       cxxopts::value<std::string>()->default_value("thermal"))                                        //
+      ("topic", "MCAP to read: whose images, where there are several", cxxopts::value<std::string>())  //
       ("preview", "PNG: 8 bit for the eye instead of 16 linear ones");
   add_overwrite_option(options);
   options.parse_positional({"in"});
@@ -71,6 +76,18 @@ Result<RawLayout> parse_raw(const std::string& text) {
   return layout;
 }
 
+// A name that ROS takes: letters, digits and '_' between slashes, beginning with a letter.
+Status check_name(const std::string& name) {
+  bool begins = true;
+  for (const char c : name) {
+    const bool letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+    const bool good = letter || (!begins && (c == '_' || c == '/' || (c >= '0' && c <= '9')));
+    if (!good) return bad_input("--name '" + name + "' is no name for ROS: letters, digits, _ and / after a letter");
+    begins = c == '/';
+  }
+  return begins ? bad_input("--name must not be empty or end in /") : Status{};
+}
+
 Status read_scale(const cxxopts::ParseResult& parsed, Request& request) {
   if (parsed.count("scale") == 0 && parsed.count("offset") == 0) return {};
   LinearScale scale{Unit::kKelvin, 1.0, 0.0};
@@ -93,6 +110,9 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
   request.out.inputs = request.in;
   request.out.preview = parsed.count("preview") != 0;
   if (parsed.count("frame") != 0) request.frame = parsed["frame"].as<std::size_t>();
+  request.out.name = parsed["name"].as<std::string>();
+  if (Status good = check_name(request.out.name); !good) return tl::unexpected<Error>(good.error());
+  if (parsed.count("topic") != 0) request.topic = parsed["topic"].as<std::string>();
   request.told.rate_hz = parsed["rate"].as<double>();
   if (!(request.told.rate_hz > 0.0 && request.told.rate_hz <= 1e6))
     return bad_input("--rate must be above 0 frames a second");
@@ -117,12 +137,17 @@ bool is_capture(const std::filesystem::path& file) {
 
 Result<std::unique_ptr<Footage>> open_footage(const Request& request) {
   if (request.raw) return open_raw(request.in, *request.raw, request.told);
-  const bool film = request.in.front().extension() == ".cptv";
-  if (film && request.in.size() == 1) return open_cptv(request.in.front(), request.told);
-  if (!film && !is_capture(request.in.front())) return open_pictures(request.in, request.told);
+  const auto kind = request.in.front().extension();
+  const bool film = kind == ".cptv";
+  const bool recording = kind == ".mcap";
+  const bool capture = !film && !recording;
+  if (capture && !is_capture(request.in.front())) return open_pictures(request.in, request.told);
+  if (capture && request.out.file.path.extension() == ".mcap") return open_captures(request.in);
   if (request.in.size() > 1)
-    return bad_input("one capture at a time; " + std::to_string(request.in.size()) + " files were given");
-  return open_capture(request.in.front());
+    return bad_input("one " + std::string(film ? "film" : recording ? "recording" : "capture") + " at a time; " +
+                     std::to_string(request.in.size()) + " files were given");
+  if (film) return open_cptv(request.in.front(), request.told);
+  return recording ? open_mcap(request.in.front(), request.topic, request.told) : open_capture(request.in.front());
 }
 
 // One frame of other footage.

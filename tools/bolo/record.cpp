@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tools/bolo/record_several.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/record/recording.hpp"
@@ -19,10 +20,12 @@ cxxopts::Options make_options() {
   cxxopts::Options options("bolo record",
                            "Record a running daemon's frames. A killed process or a cut of power costs the last "
                            "fraction of a second; see bolo recover\n");
-  options.positional_help("NAME").show_positional_help();
+  options.positional_help("NAME...").show_positional_help();
   options.add_options()                                                                                  //
-      ("name", "The daemon's name, as in its configuration", cxxopts::value<std::string>())              //
-      ("o,output", "Capture file to write (.h5)", cxxopts::value<std::string>())                         //
+      ("name", "The daemon's name, as in its configuration; several are recorded side by side",          //
+       cxxopts::value<std::vector<std::string>>())                                                       //
+      ("o,output", "Capture file to write (.h5); of several the folder: FOLDER/NAME.h5",                 //
+       cxxopts::value<std::string>())                                                                    //
       ("seconds", "End after so many seconds", cxxopts::value<double>())                                 //
       ("frames", "End after so many frames", cxxopts::value<std::uint64_t>())                            //
       ("planes", "raw or deblurred", cxxopts::value<std::string>()->default_value("raw"))                //
@@ -55,7 +58,7 @@ Result<RecordRequest> read_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("name") == 0) return bad_input("which daemon? usage: bolo record NAME -o FILE.h5");
   if (parsed.count("output") == 0) return bad_input("where to? usage: bolo record NAME -o FILE.h5");
   RecordRequest request;
-  request.name = parsed["name"].as<std::string>();
+  request.name = parsed["name"].as<std::vector<std::string>>().front();
   request.file = parsed["output"].as<std::string>();
   if (parsed.count("frames") != 0) {
     request.frames = parsed["frames"].as<std::uint64_t>();
@@ -132,6 +135,7 @@ int record_main(int argc, char** argv) {
   auto options = make_options();
   cxxopts::ParseResult parsed;
   if (const auto code = parse(options, argc, argv, parsed)) return *code;
+  if (parsed.count("name") > 1) return record_several(parsed);
   const auto request = read_request(parsed);
   if (!request) return report(kVerb, request.error());
   catch_interrupts();

@@ -2,12 +2,19 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <map>
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
 
 #include "drivers/shm/followed_stream.hpp"
+#include "drivers/shm/shm_object.hpp"
 #include "src/core/clock.hpp"
+#include "src/core/printable.hpp"
 #include "tools/bolo/control_client.hpp"
 #include "tools/bolo/stat_history.hpp"
 #include "tools/bolo/stat_screen.hpp"
@@ -18,6 +25,8 @@
 namespace bolo::tools {
 namespace {
 
+// Texts in shared memory may be cut within a letter.
+constexpr auto kReplace = nlohmann::ordered_json::error_handler_t::replace;
 constexpr double kMinInterval = 0.05;
 constexpr double kMaxInterval = 3600.0;
 
@@ -43,6 +52,18 @@ StatLook look_at(const shm::ShmReader& reader, const StatOptions& options) {
   return look;
 }
 
+// Calls `look` meanwhile, several times a second. False when interrupted.
+template <typename Look>
+bool pause_for(double seconds, const Look& look) {
+  const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(seconds * kNsPerSecond);
+  for (std::int64_t left_ns = end_ns - monotonic_ns(); left_ns > 0; left_ns = end_ns - monotonic_ns()) {
+    if (interrupted().load(std::memory_order_relaxed)) return false;
+    std::this_thread::sleep_for(std::chrono::nanoseconds(std::min<std::int64_t>(left_ns, 50'000'000)));
+    look();
+  }
+  return !interrupted().load(std::memory_order_relaxed);
+}
+
 // Shows samples: JSON a line each, tables one below the other, or on a terminal one over the other with their history.
 class Display {
  public:
@@ -65,19 +86,12 @@ class Display {
 
   // False when interrupted.
   bool pause() {
-    const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(options_.interval_s * kNsPerSecond);
-    for (std::int64_t left_ns = end_ns - monotonic_ns(); left_ns > 0; left_ns = end_ns - monotonic_ns()) {
-      if (interrupted().load(std::memory_order_relaxed)) return false;
-      std::this_thread::sleep_for(std::chrono::nanoseconds(std::min<std::int64_t>(left_ns, 50'000'000)));
+    return pause_for(options_.interval_s, [this] {
       if (screen_) screen_->follow_size(history_);
-    }
-    return !interrupted().load(std::memory_order_relaxed);
+    });
   }
 
  private:
-  // Texts in shared memory may be cut within a letter.
-  static constexpr auto kReplace = nlohmann::ordered_json::error_handler_t::replace;
-
   const StatOptions& options_;
   StatHistory history_;
   std::optional<StatScreen> screen_;
@@ -97,25 +111,101 @@ int follow(const StatOptions& options, shm::FollowedStream stream) {
   return kExitDone;
 }
 
+// One of several cameras, followed across restarts.
+struct Followed {
+  shm::FollowedStream stream;
+  StatLook before;
+};
+
+// Takes up daemons that have come since the last call.
+void find_cameras(std::map<std::string, Followed>& cameras) {
+  for (const std::string& name : shm::object_names()) {
+    if (cameras.contains(name)) continue;
+    auto stream = shm::FollowedStream::open(name, 0);
+    if (!stream || stream->reader().closed()) continue;
+    StatLook look = look_at(stream->reader(), {.name = name});
+    cameras.emplace(name, Followed{std::move(*stream), std::move(look)});
+  }
+}
+
+std::string row_of(const std::string& name, const StatLook& look, const StatSample& s) {
+  const bolo_shm_header& h = look.header;
+  return fmt::format("{:<16} {:<9} {:>9} {:>7.1f} {:>7.1f} {:>8.2f} {:>8.2f} {:>9}  {}\n", name.substr(0, 16), s.state,
+                     fmt::format("{}x{}", h.width, h.height), s.received_hz, s.published_hz, s.latency_p50_ms,
+                     s.latency_p99_ms, s.lost_total, printable(h.solver));
+}
+
+// Shows a row a camera an interval, of all that run, for as long as they are known.
+class Overview {
+ public:
+  explicit Overview(const StatOptions& options) : options_(options) {}
+
+  int run(std::map<std::string, Followed> cameras) {
+    while (pause_for(options_.interval_s, [] {})) {
+      std::string text = fmt::format("{:<16} {:<9} {:>9} {:>7} {:>7} {:>8} {:>8} {:>9}  {}\n", "camera", "state",
+                                     "size", "in/s", "out/s", "p50 ms", "p99 ms", "lost", "solver");
+      for (auto& [name, camera] : cameras) {
+        StatOptions one = options_;
+        one.name = name;
+        StatLook now = look_at(camera.stream.reader(), one);
+        const StatSample sample = compare(camera.before, now);
+        if (options_.json) std::puts(stat_json(name, now, sample).dump(-1, ' ', true, kReplace).c_str());
+        text += row_of(name, now, sample);
+        camera.before = camera.stream.follow() ? look_at(camera.stream.reader(), one) : std::move(now);
+      }
+      if (!options_.json) show(text);
+      std::fflush(stdout);
+      if (options_.once) break;
+      find_cameras(cameras);
+    }
+    return kExitDone;
+  }
+
+ private:
+  void show(const std::string& text) {
+    if (options_.once || !StatScreen::is_there()) {
+      std::printf("%s%s", drawn_ > 0 ? "\n" : "", text.c_str());
+      drawn_ = 1;
+      return;
+    }
+    const std::vector<std::string> lines = fitted(text, {}, terminal_space());
+    std::fputs(redrawn(lines, drawn_).c_str(), stdout);
+    drawn_ = static_cast<int>(lines.size());
+  }
+
+  const StatOptions& options_;
+  int drawn_ = 0;  // lines above the cursor
+};
+
+// All that run; a single one as by its name.
+int show_all(StatOptions options) {
+  std::map<std::string, Followed> cameras;
+  find_cameras(cameras);
+  if (cameras.empty()) return report("stat", {ErrorKind::kBadInput, "no daemon runs: start one, see bolo demo"});
+  catch_interrupts();
+  if (cameras.size() > 1) return Overview(options).run(std::move(cameras));
+  options.name = cameras.begin()->first;
+  return follow(options, std::move(cameras.begin()->second.stream));
+}
+
 }  // namespace
 
 int stat_main(int argc, char** argv) {
-  cxxopts::Options cli("bolo stat", "Show what a running daemon does: rates, losses, latency.");
+  cxxopts::Options cli(
+      "bolo stat", "Show what a running daemon does: rates, losses, latency. Without NAME all that run, a line each\n");
   StatOptions options;
   cli.add_options()("name", "The daemon's name", cxxopts::value(options.name))(
       "interval", "Seconds from sample to sample", cxxopts::value(options.interval_s)->default_value("1"), "S")(
       "once", "One sample over one interval, and end", cxxopts::value(options.once))("json", "One JSON object a line",
                                                                                      cxxopts::value(options.json));
   cli.parse_positional({"name"});
-  cli.positional_help("NAME");
+  cli.positional_help("[NAME]");
   cxxopts::ParseResult parsed;
   if (const auto code = parse(cli, argc, argv, parsed)) return *code;
-  if (options.name.empty()) {
-    return report("stat", {ErrorKind::kBadInput, "NAME is missing: bolo stat NAME"});
-  }
   if (!(options.interval_s >= kMinInterval && options.interval_s <= kMaxInterval)) {
     return report("stat", {ErrorKind::kBadInput, "--interval is out of range: 0.05 to 3600 s"});
   }
+  if (options.name.empty()) return show_all(options);
   auto stream = shm::FollowedStream::open(options.name, 0);
   if (!stream) return report("stat", stream.error());
   catch_interrupts();

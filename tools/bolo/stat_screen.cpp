@@ -11,12 +11,6 @@
 namespace bolo::tools {
 namespace {
 
-TextSpace size_of_terminal() {
-  winsize size{};
-  if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0 || size.ws_row == 0) return {};
-  return {size.ws_col, size.ws_row};
-}
-
 bool is_set(const char* variable) {
   const char* value = std::getenv(variable);  // NOLINT(concurrency-mt-unsafe): nothing sets it
   return value != nullptr && *value != '\0';
@@ -33,6 +27,12 @@ std::string cut(std::string_view line, int columns) {
 }
 
 }  // namespace
+
+TextSpace terminal_space() {
+  winsize size{};
+  if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0 || size.ws_row == 0) return {};
+  return {size.ws_col, size.ws_row};
+}
 
 std::vector<std::string> fitted(const std::string& table, const std::vector<std::string>& below, TextSpace space) {
   std::vector<std::string> lines;
@@ -61,7 +61,7 @@ bool StatScreen::is_there() {
   return isatty(STDOUT_FILENO) == 1 && kind != nullptr && std::string_view(kind) != "dumb";
 }
 
-StatScreen::StatScreen() : colour_(!is_set("NO_COLOR")), space_(size_of_terminal()) {}
+StatScreen::StatScreen() : colour_(!is_set("NO_COLOR")), space_(terminal_space()) {}
 
 void StatScreen::show(const std::string& table, const StatHistory& history) {
   table_ = table;
@@ -77,7 +77,7 @@ void StatScreen::show(const std::string& table, const StatHistory& history) {
 }
 
 void StatScreen::follow_size(const StatHistory& history) {
-  const TextSpace now = size_of_terminal();
+  const TextSpace now = terminal_space();
   if (table_.empty() || (now.columns == space_.columns && now.rows == space_.rows)) return;
   space_ = now;
   // Lines that have been broken stand anywhere.

@@ -15,6 +15,9 @@ std::vector<std::string> fitted(const std::string& table, const std::vector<std:
 // What is sent to draw `lines` where `drawn` lines stand above the cursor: nothing is blank in between. Thread: any.
 std::string redrawn(const std::vector<std::string>& lines, int drawn);
 
+// Of standard output; 80 by 24 where it is no terminal. Thread: any.
+TextSpace terminal_space();
+
 class StatScreen {
  public:
   // Whether standard output can be drawn over.

@@ -223,18 +223,19 @@ class CptvFootage final : public Footage {
     return {};
   }
 
-  Status copy_extras(capture::CaptureWriter& writer) const override {
+  Result<Extras> extras() const override {
+    Extras extras;
     for (std::size_t i = 1; i < heads_.size(); ++i) {
       const FrameHead& head = heads_[i];
       const bool just_now = head.ffc_ms <= head.time_ms && head.time_ms - head.ffc_ms < kCorrecting_ms;
       if (head.ffc_ms == heads_[i - 1].ffc_ms || !just_now) continue;
-      if (Status good = writer.add_event({times_s_[i], "nuc"}); !good) return good;
+      extras.events.push_back({times_s_[i], "nuc"});
     }
-    std::vector<capture::Attribute> attributes{{"device_name", header_.device}};
+    extras.attributes.push_back({"device_name", header_.device});
     if (header_.recorded_us > 0 && header_.recorded_us < kLastUtc_us) {
-      attributes.push_back({"recorded_at", utc_text(header_.recorded_us * 1000)});
+      extras.attributes.push_back({"recorded_at", utc_text(header_.recorded_us * 1000)});
     }
-    return writer.write_attributes(attributes);
+    return extras;
   }
 
  private:

@@ -43,19 +43,54 @@ class CaptureFootage final : public Footage {
     return reader_.read_frame(index, frame.f32.data());
   }
 
-  Status copy_extras(capture::CaptureWriter& writer) const override {
-    for (const capture::Event& event : reader_.events()) {
-      if (Status good = writer.add_event(event); !good) return good;
-    }
-    const auto attributes = reader_.attributes();
+  Result<Extras> extras() const override {
+    auto attributes = reader_.attributes();
     if (!attributes) return tl::unexpected<Error>(attributes.error());
-    if (Status good = writer.write_attributes(*attributes); !good) return good;
-    const auto stimulus = reader_.stimulus();
-    return stimulus ? writer.write_stimulus(*stimulus) : Status{};
+    // A stimulus that is wrong is left out; opening the file has said so.
+    return Extras{reader_.events(), std::move(*attributes), reader_.stimulus().value_or(capture::NoStimulus{})};
   }
 
  private:
   CaptureReader reader_;
+};
+
+class MergedFootage final : public Footage {
+ public:
+  explicit MergedFootage(std::vector<std::unique_ptr<Footage>> footages) : next_(footages.size()) {
+    info_ = footages.front()->info();
+    info_.frames = 0;
+    for (std::unique_ptr<Footage>& footage : footages) {
+      info_.frames += footage->info().frames;
+      waiting_.emplace_back();
+      footages_.push_back(std::move(footage));
+    }
+  }
+
+  Status read(std::size_t, Frame& frame) override {
+    std::size_t earliest = footages_.size();
+    for (std::size_t i = 0; i < footages_.size(); ++i) {
+      if (!waiting_[i] && next_[i] < footages_[i]->info().frames) {
+        if (Status good = footages_[i]->read(next_[i]++, waiting_[i].emplace()); !good) return good;
+      }
+      const bool before = earliest == footages_.size() || (waiting_[i] && waiting_[i]->t_s < waiting_[earliest]->t_s);
+      if (waiting_[i] && before) earliest = i;
+    }
+    frame = std::move(*waiting_[earliest]);
+    frame.part = earliest;
+    waiting_[earliest].reset();
+    return {};
+  }
+
+  std::vector<const Footage*> parts() const override {
+    std::vector<const Footage*> parts;
+    for (const auto& footage : footages_) parts.push_back(footage.get());
+    return parts;
+  }
+
+ private:
+  std::vector<std::unique_ptr<Footage>> footages_;
+  std::vector<std::size_t> next_;              // to be read of each
+  std::vector<std::optional<Frame>> waiting_;  // of each, the frame that was read and not given yet
 };
 
 enum class Kind { kPng, kTiff, kFlirStill, kUnknown };
@@ -196,13 +231,24 @@ Result<std::unique_ptr<Footage>> open_capture(const std::filesystem::path& file)
   return std::make_unique<CaptureFootage>(std::move(*reader));
 }
 
+Result<std::unique_ptr<Footage>> open_captures(const Files& files) {
+  std::vector<std::unique_ptr<Footage>> footages;
+  for (const std::filesystem::path& file : files) {
+    auto footage = open_capture(file);
+    if (!footage) return footage;
+    footages.push_back(std::move(*footage));
+  }
+  if (footages.size() == 1) return std::move(footages.front());
+  return std::make_unique<MergedFootage>(std::move(footages));
+}
+
 Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const Told& told) {
   std::vector<Place> places;
   for (const std::filesystem::path& file : files) {
     std::size_t pages = 1;
     if (kind_of(file) == Kind::kUnknown) {
       return bad_input(file.string() +
-                       ": expected .h5, .mat, .part, .cptv, .png, .tiff or .jpg; a raw dump needs --raw WxH");
+                       ": expected .h5, .mat, .part, .mcap, .cptv, .png, .tiff or .jpg; a raw dump needs --raw WxH");
     }
     if (kind_of(file) == Kind::kTiff) {
       const Result<std::size_t> counted = count_tiff_pages(file);

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "src/capture/capture.hpp"
@@ -18,10 +19,18 @@ struct Frame {
   std::optional<capture::FrameTimes> times{};  // exactly where Footage::info().has_times
   std::vector<std::uint16_t> u16;
   std::vector<float> f32;
+  std::size_t part = 0;  // of Footage::parts()
 
   const void* plane(PixelType type) const {
     return type == PixelType::kUint16 ? static_cast<const void*>(u16.data()) : static_cast<const void*>(f32.data());
   }
+};
+
+// Beyond frames.
+struct Extras {
+  std::vector<capture::Event> events;
+  std::vector<capture::Attribute> attributes;
+  capture::Stimulus stimulus;
 };
 
 class Footage {
@@ -30,8 +39,10 @@ class Footage {
   const capture::CaptureInfo& info() const noexcept { return info_; }
   // Frame `index` below info().frames, in rising order.
   virtual Status read(std::size_t index, Frame& frame) = 0;
-  // Beyond frames, for a capture that is written: events, stimulus, attributes. Nothing for pictures.
-  virtual Status copy_extras(capture::CaptureWriter&) const { return {}; }
+  // Nothing for pictures.
+  virtual Result<Extras> extras() const { return Extras{}; }
+  // What it was put together from, and outlives: by Frame::part. Usually itself.
+  virtual std::vector<const Footage*> parts() const { return {this}; }
 
  protected:
   capture::CaptureInfo info_;
@@ -54,6 +65,11 @@ using Files = std::vector<std::filesystem::path>;
 
 // Errors (kBadInput) name the file and what is wrong in it. Thread: any one at a time.
 Result<std::unique_ptr<Footage>> open_capture(const std::filesystem::path& file);
+// Several captures of one camera, frame by frame in the order of their times.
+Result<std::unique_ptr<Footage>> open_captures(const Files& files);
+// The images of one topic of a recording of ROS 2; empty: of the only one that has images.
+Result<std::unique_ptr<Footage>> open_mcap(const std::filesystem::path& file, const std::string& topic,
+                                           const Told& told);
 // PNG (16-bit grey), TIFF (uint16 or float32, any number of pages) and radiometric JPEG, by their extensions; all of
 // one size and type.
 Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const Told& told);

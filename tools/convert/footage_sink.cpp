@@ -68,6 +68,15 @@ class Preview {
   bool begun_ = false;
 };
 
+Status write_extras(const Extras& extras, capture::CaptureWriter& writer) {
+  for (const capture::Event& event : extras.events) {
+    if (Status good = writer.add_event(event); !good) return good;
+  }
+  if (Status good = writer.write_attributes(extras.attributes); !good) return good;
+  if (std::holds_alternative<capture::NoStimulus>(extras.stimulus)) return {};
+  return writer.write_stimulus(extras.stimulus);
+}
+
 class CaptureSink final : public FootageSink {
  public:
   static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
@@ -78,7 +87,9 @@ class CaptureSink final : public FootageSink {
     how.times = info.has_times;
     auto writer = capture::CaptureWriter::create(target.file.path, info, how);
     if (!writer) return tl::unexpected<Error>(writer.error());
-    if (Status good = footage.copy_extras(*writer); !good) return tl::unexpected<Error>(good.error());
+    const Result<Extras> extras = footage.extras();
+    if (!extras) return tl::unexpected<Error>(extras.error());
+    if (Status good = write_extras(*extras, *writer); !good) return tl::unexpected<Error>(good.error());
     return std::make_unique<CaptureSink>(std::move(*writer), info.format.type);
   }
   CaptureSink(capture::CaptureWriter writer, PixelType type) : writer_(std::move(writer)), type_(type) {}
@@ -248,12 +259,16 @@ class FilmSink final : public FootageSink {
 
 Result<std::unique_ptr<FootageSink>> open_sink(const Target& target, const Footage& footage) {
   const std::string extension = target.file.path.extension().string();
+  if (footage.parts().size() > 1 && extension != ".mcap") {
+    return bad_input("several captures go together into an .mcap only; " + target.file.path.string() + " is none");
+  }
+  if (extension == ".mcap") return open_mcap_sink(target, footage);
   if (extension == ".h5") return CaptureSink::open(target, footage);
   if (extension == ".tif" || extension == ".tiff") return TiffSink::open(target, footage);
   if (extension == ".mp4") return FilmSink::open(target, footage);
   if (extension == ".png") return PngSink::open(target, footage);
   return bad_input(target.file.path.string() +
-                   ": what is it to be? its name must end in .h5, .png, .tif, .tiff or .mp4");
+                   ": what is it to be? its name must end in .h5, .mcap, .png, .tif, .tiff or .mp4");
 }
 
 }  // namespace bolo::tools

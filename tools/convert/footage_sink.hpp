@@ -11,10 +11,11 @@
 namespace bolo::tools {
 
 struct Target {
-  OutputFile file;       // its extension says what is written: .h5, .png, .tif, .tiff, .mp4
+  OutputFile file;       // its extension says what is written: .h5, .mcap, .png, .tif, .tiff, .mp4
   Files inputs;          // that it must not be
   bool preview = false;  // PNG: 8 bit for the eye instead of 16 linear ones
   LinearScale picture_scale{Unit::kKelvin, 0.01, 0.0};  // of 16-bit pictures of footage in floating point
+  std::string name = "thermal";                         // MCAP: the camera's, in its topics
 };
 
 class FootageSink {
@@ -31,5 +32,6 @@ class FootageSink {
 // Errors: an output that may not be written (kBadInput), an extension that is none of these (kBadInput), files that
 // cannot be created. Thread: any one at a time.
 Result<std::unique_ptr<FootageSink>> open_sink(const Target& target, const Footage& footage);
+Result<std::unique_ptr<FootageSink>> open_mcap_sink(const Target& target, const Footage& footage);
 
 }  // namespace bolo::tools

@@ -1,0 +1,339 @@
+#!/usr/bin/env python3
+"""The plugin for GStreamer, by GStreamer's own tools and by appsrc and appsink: bolosrc against what a daemon in another
+process publishes, bolodeblur against what `bolo deblur` makes of the same capture.
+
+usage: gstreamer_test.py BOLO PLUGIN_FOLDER MODULE_FOLDER LIBRARY. Exit code 77 where GStreamer's Python or h5py is missing.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+BOLO, PLUGINS, MODULE, LIBRARY = sys.argv[1:5]
+del sys.argv[1:5]
+os.environ["GST_PLUGIN_PATH"] = PLUGINS
+os.environ["BOLO_CLIENT_LIBRARY"] = LIBRARY
+registry = tempfile.TemporaryDirectory()
+os.environ["GST_REGISTRY"] = os.path.join(registry.name, "registry.bin")
+sys.path.insert(0, MODULE)
+
+try:
+    import gi
+    import h5py
+    import numpy as np
+
+    gi.require_version("Gst", "1.0")
+    gi.require_version("GstApp", "1.0")
+    gi.require_version("GstVideo", "1.0")
+    from gi.repository import Gst, GstApp, GstVideo  # noqa: F401
+except (ImportError, ValueError) as error:
+    print("skipped:", error)
+    sys.exit(77)
+
+import bolo  # noqa: E402
+
+Gst.init(None)
+HANG_S = 60
+NS = 10**9
+
+
+def pixels(buffer, caps):
+    """The plane of a buffer, whatever its row stride."""
+    info = GstVideo.VideoInfo.new_from_caps(caps)
+    kind = np.uint8 if info.finfo.format == GstVideo.VideoFormat.GRAY8 else np.dtype("<u2")
+    good, memory = buffer.map(Gst.MapFlags.READ)
+    assert good
+    rows = np.frombuffer(memory.data, np.uint8).reshape(info.height, info.stride[0])
+    plane = rows[:, :info.width * np.dtype(kind).itemsize].copy().view(kind)
+    buffer.unmap(memory)
+    return plane
+
+
+def simulate(file, *more):
+    subprocess.run([BOLO, "simulate", "-o", file, "--no-truth", *more], check=True, capture_output=True)
+
+
+class Pipeline:
+    """A pipeline that ends in an appsink named "sink"."""
+
+    def __init__(self, text):
+        self.pipeline = Gst.parse_launch(text + " ! appsink name=sink sync=false max-buffers=400")
+        self.sink = self.pipeline.get_by_name("sink")
+
+    def __enter__(self):
+        self.pipeline.set_state(Gst.State.PLAYING)
+        return self
+
+    def __exit__(self, *_):
+        self.pipeline.set_state(Gst.State.NULL)
+
+    def pull(self, seconds=HANG_S):
+        """(buffer, caps), or None at the end of the stream or after an error."""
+        sample = self.sink.try_pull_sample(int(seconds * NS))
+        return sample and (sample.get_buffer(), sample.get_caps())
+
+    def message(self, kind, seconds=HANG_S):
+        return self.pipeline.get_bus().timed_pop_filtered(int(seconds * NS), kind)
+
+    def error(self, seconds=HANG_S):
+        message = self.message(Gst.MessageType.ERROR, seconds)
+        return message.parse_error()[0].message if message else ""
+
+
+class Tools(unittest.TestCase):
+    def run_tool(self, *words):
+        done = subprocess.run(words, capture_output=True, text=True, timeout=HANG_S)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        self.assertNotIn("CRITICAL", done.stderr)
+        return done.stdout
+
+    def test_gst_inspect_knows_both(self):
+        self.assertIn("2 features", self.run_tool("gst-inspect-1.0", "bolo"))
+        self.assertIn("restart-timeout", self.run_tool("gst-inspect-1.0", "bolosrc"))
+        self.assertIn("lookahead", self.run_tool("gst-inspect-1.0", "bolodeblur"))
+
+    def test_gst_launch_runs_the_filter_on_any_source(self):
+        for size in ("width=64,height=48", "width=63,height=5"):  # rows with and without padding
+            caps = f"video/x-raw,format=GRAY16_LE,framerate=60/1,{size}"
+            self.run_tool("gst-launch-1.0", "videotestsrc", "num-buffers=40", "!", caps, "!", "bolodeblur", "lookahead=1",
+                          "tau=0.01", "!", "videoconvert", "!", "fakesink")
+
+    def test_what_cannot_be_is_an_error_in_words(self):
+        for wrong, says in (("bolodeblur solver=fast", "fast"), ("bolodeblur window=16", "window"),
+                            ("bolodeblur lookahead=200", "lookahead")):
+            with Pipeline(f"videotestsrc ! video/x-raw,format=GRAY16_LE,framerate=60/1 ! {wrong}") as wrong_one:
+                self.assertIn(says, wrong_one.error())
+        with Pipeline("appsrc name=in is-live=true format=time "
+                      "caps=video/x-raw,format=GRAY16_LE,width=8,height=8,framerate=0/1 ! bolodeblur") as rateless:
+            rateless.pipeline.get_by_name("in").push_buffer(Gst.Buffer.new_wrapped(bytes(128)))
+            self.assertIn("frame rate", rateless.error())
+
+
+class Filter(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.capture = os.path.join(cls.folder.name, "in.h5")
+        simulate(cls.capture, "--width", "70", "--height", "33", "--frames", "60", "--rate", "60", "--speed", "120")
+        cls.lossy = os.path.join(cls.folder.name, "lossy.h5")
+        with h5py.File(cls.capture) as whole, h5py.File(cls.lossy, "w") as lossy:
+            kept = [i for i in range(60) if i not in (25, 26, 40)]
+            for name in ("frames", "t", "frame_id"):
+                lossy[name] = whole[name][kept]
+            lossy.attrs.update(dict(whole.attrs))
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def deblurred(self, capture, *options):
+        out = os.path.join(self.folder.name, "out.h5")
+        subprocess.run([BOLO, "deblur", capture, "-o", out, "--overwrite", "--type", "uint16", *options], check=True,
+                       capture_output=True)
+        with h5py.File(out) as f:
+            return {int(n): plane for n, plane in zip(f["frame_id"], f["frames"][:])}
+
+    def filtered(self, capture, options, flag_lost=False):
+        """{frame id: plane} and flags of what comes out, and the frames that went in."""
+        with h5py.File(capture) as f:
+            frames, times, ids = f["frames"][:], f["t"][:], f["frame_id"][:]
+            scale = float(f.attrs["scale"])
+        height, width = frames.shape[1:]
+        caps = f"video/x-raw,format=GRAY16_LE,width={width},height={height},framerate=60/1"
+        stride = (2 * width + 3) // 4 * 4
+        out = {}
+        with Pipeline(f"appsrc name=in format=time caps={caps} ! bolodeblur scale={scale} {options}") as filter_:
+            source = filter_.pipeline.get_by_name("in")
+            for n, (frame, t, id_) in enumerate(zip(frames, times, ids)):
+                rows = np.zeros((height, stride), np.uint8)
+                rows[:, :2 * width] = frame.view(np.uint8)
+                buffer = Gst.Buffer.new_wrapped(rows.tobytes())
+                buffer.pts = int(round((t - times[0]) * NS))
+                buffer.offset = int(id_)
+                if flag_lost and n > 0 and id_ != ids[n - 1] + 1:
+                    gap = Gst.Buffer.new_wrapped(bytes(rows.nbytes))
+                    gap.pts = int(round((times[n - 1] + 1 / 60 - times[0]) * NS))
+                    gap.set_flags(Gst.BufferFlags.GAP)
+                    self.assertEqual(source.push_buffer(gap), Gst.FlowReturn.OK)
+                    buffer.set_flags(Gst.BufferFlags.DISCONT)
+                self.assertEqual(source.push_buffer(buffer), Gst.FlowReturn.OK)
+            source.end_of_stream()
+            while pulled := filter_.pull():
+                buffer, got_caps = pulled
+                out[buffer.offset] = pixels(buffer, got_caps)
+                self.assertEqual(buffer.pts, int(round((times[list(ids).index(buffer.offset)] - times[0]) * NS)))
+            self.assertIsNotNone(filter_.message(Gst.MessageType.EOS))
+        self.assertEqual(list(out), list(ids), "one for each, in order")
+        return out, dict(zip((int(i) for i in ids), frames))
+
+    def assert_same(self, capture, command, element, **how):
+        sharp = self.deblurred(capture, *command)
+        out, came = self.filtered(capture, element, **how)
+        self.assertGreater(len(sharp), 20)
+        for number, plane in out.items():
+            np.testing.assert_array_equal(plane, sharp.get(number, came[number]), str(number))
+        changed = sum((out[n] != came[n]).any() for n in sharp)
+        self.assertEqual(changed, len(sharp), "nothing was deblurred")
+
+    def test_pixels_are_those_of_bolo_deblur(self):
+        self.assert_same(self.capture, ["--tau", "0.009", "--lambda", "0.002"], "tau=0.009 lambda=0.002")
+
+    def test_look_ahead_comes_later_and_whole(self):
+        self.assert_same(self.capture, ["--lookahead", "2"], "lookahead=2 workers=3")
+
+    def test_every_solver(self):
+        for solver in ("dual", "inverse", "mmae", "motion"):
+            self.assert_same(self.capture, ["--solver", solver], f"solver={solver}")
+
+    def test_lost_frames_are_gaps(self):
+        self.assert_same(self.lossy, ["--lookahead", "1"], "lookahead=1")
+        self.assert_same(self.lossy, ["--lambda", "0.002"], "lambda=0.002", flag_lost=True)
+
+    def test_latency_has_the_look_ahead(self):
+        caps = "video/x-raw,format=GRAY16_LE,framerate=50/1"
+        with Pipeline(f"videotestsrc is-live=true ! {caps} ! bolodeblur name=deblur lookahead=3") as live:
+            self.assertIsNotNone(live.pull())
+            query = Gst.Query.new_latency()
+            self.assertTrue(live.pipeline.get_by_name("deblur").get_static_pad("src").query(query))
+            is_live, least, _ = query.parse_latency()
+            self.assertTrue(is_live)
+            self.assertGreaterEqual(least, 4 * NS // 50)
+
+
+class Source(unittest.TestCase):
+    """A second process replays a capture for ever."""
+
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        self.capture = os.path.join(self.folder.name, "in.h5")
+        simulate(self.capture, "--width", "66", "--height", "24", "--frames", "150", "--rate", "50")
+        self.name = f"test-gst-{os.getpid()}-{self._testMethodName}"[:40]
+        self.daemon = None
+        self.addCleanup(self.end)
+        self.start()
+
+    def start(self, capture=None):
+        self.daemon = subprocess.Popen([BOLO, "replay", capture or self.capture, "--name", self.name, "--loop"],
+                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        with bolo.Camera(self.name, timeout=HANG_S) as camera:
+            while not camera.state().alive:
+                time.sleep(0.05)
+
+    def end(self, kill=False):
+        if self.daemon:
+            (self.daemon.kill if kill else self.daemon.terminate)()
+            self.daemon.wait()
+        self.daemon = None
+
+    def seen_in_shared_memory(self, plane, seconds):
+        """{frame id: plane} by another reader, meanwhile."""
+        seen = {}
+
+        def read():
+            end = time.monotonic() + seconds
+            with bolo.Camera(self.name, timeout=HANG_S) as camera:
+                while time.monotonic() < end:
+                    frame = camera.next(1.0)
+                    copy = frame and frame.copy()
+                    if copy:
+                        seen[copy.frame_id] = (getattr(copy, plane), copy)
+
+        thread = threading.Thread(target=read)
+        thread.start()
+        return seen, thread
+
+    def test_pixels_numbers_and_times_are_those_of_shared_memory(self):
+        for plane in ("deblurred", "raw"):
+            seen, thread = self.seen_in_shared_memory(plane, 3.0)
+            with Pipeline(f"bolosrc name={self.name} plane={plane} num-buffers=100") as live:
+                got = []
+                while pulled := live.pull():
+                    got.append(pulled)
+            thread.join()
+            caps = got[0][1].get_structure(0)
+            self.assertEqual(caps.get_string("format"), "GRAY16_LE")
+            self.assertEqual(caps.get_fraction("framerate")[1:], (50, 1))
+            common = [(b, c) for b, c in got if b.offset in seen]
+            self.assertGreater(len(common), 30)
+            for buffer, buffer_caps in common:
+                expected, frame = seen[buffer.offset]
+                np.testing.assert_array_equal(pixels(buffer, buffer_caps), expected)
+                meta = buffer.get_reference_timestamp_meta(Gst.Caps.from_string("timestamp/x-bolo-camera"))
+                self.assertAlmostEqual(meta.timestamp / NS, frame.camera_time, places=6)
+                utc = buffer.get_reference_timestamp_meta(Gst.Caps.from_string("timestamp/x-unix"))
+                self.assertAlmostEqual(utc.timestamp / NS, frame.utc, places=5)
+            steps = np.diff([b.pts for b, _ in got])
+            self.assertTrue((steps >= 0).all())
+            self.assertAlmostEqual(float(np.median(steps)) / NS, 0.02, delta=0.005)
+            numbers = [b.offset for b, _ in got]
+            breaks = [b.has_flags(Gst.BufferFlags.DISCONT) for b, _ in got]
+            self.assertEqual(breaks, [True] + [b != a + 1 for a, b in zip(numbers, numbers[1:])])
+
+    def test_the_raw_plane_is_the_captures(self):
+        with h5py.File(self.capture) as f, Pipeline(f"bolosrc camera={self.name} plane=raw num-buffers=20") as live:
+            for _ in range(20):
+                buffer, caps = live.pull()
+                first = int(f["frame_id"][0])
+                np.testing.assert_array_equal(pixels(buffer, caps), f["frames"][(buffer.offset - first) % 150])
+
+    def test_gray8_is_the_agc_of_the_same_plane(self):
+        seen, thread = self.seen_in_shared_memory("deblurred", 3.0)
+        with Pipeline(f"bolosrc camera={self.name} num-buffers=60 ! video/x-raw,format=GRAY8") as live:
+            got = []
+            while pulled := live.pull():
+                got.append(pulled)
+        thread.join()
+        common = [(b, c) for b, c in got if b.offset in seen]
+        self.assertGreater(len(common), 10)
+        for buffer, caps in common:
+            counts, greys = seen[buffer.offset][0].ravel(), pixels(buffer, caps).ravel().astype(int)
+            order = np.argsort(counts, kind="stable")
+            self.assertTrue((np.diff(greys[order]) >= 0).all(), "a hotter pixel is never darker")
+            self.assertGreater(greys.max() - greys.min(), 100)
+
+    def test_it_goes_on_after_a_restart_with_another_size(self):
+        other = os.path.join(self.folder.name, "other.h5")
+        simulate(other, "--width", "40", "--height", "32", "--frames", "100", "--rate", "100")
+        with Pipeline(f"bolosrc camera={self.name} restart-timeout=60000") as live:
+            self.assertIsNotNone(live.pull())
+            self.end(kill=True)
+            self.start(other)
+            end = time.monotonic() + HANG_S
+            while time.monotonic() < end:
+                pulled = live.pull()
+                self.assertIsNotNone(pulled, live.error(0))
+                buffer, caps = pulled
+                if caps.get_structure(0).get_int("width")[1] == 40:
+                    break
+            self.assertEqual(caps.get_structure(0).get_fraction("framerate")[1:], (100, 1))
+            self.assertTrue(buffer.has_flags(Gst.BufferFlags.DISCONT))
+            self.assertEqual(pixels(buffer, caps).shape, (32, 40))
+
+    def test_it_ends_when_the_daemon_does_not_come_back(self):
+        with Pipeline(f"bolosrc camera={self.name} restart-timeout=300") as live:
+            self.assertIsNotNone(live.pull())
+            self.end()
+            while live.pull():
+                continue
+            self.assertIsNotNone(live.message(Gst.MessageType.EOS))
+
+    def test_a_camera_that_is_not_there_is_an_error_in_words(self):
+        with Pipeline("bolosrc camera=nobody-here") as none:
+            self.assertIn("nobody-here", none.error())
+
+    def test_several_filters_in_a_row(self):
+        with Pipeline(f"bolosrc camera={self.name} plane=raw num-buffers=40 ! bolodeblur lookahead=1 ! queue "
+                      "! videoconvert ! video/x-raw,format=GRAY8") as live:
+            count = 0
+            while live.pull():
+                count += 1
+            self.assertEqual(count, 40)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,221 @@
+// Recordings of ROS 2 (MCAP) as footage: Bolo's own with all that a capture holds, others' with pictures and their
+// times.
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <tuple>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "src/core/clock.hpp"
+#include "src/core/parse_text.hpp"
+#include "src/core/printable.hpp"
+#include "src/core/statistics.hpp"
+#include "tools/convert/footage.hpp"
+#include "tools/convert/mcap_names.hpp"
+#include "tools/convert/mcap_reader.hpp"
+#include "tools/convert/ros_messages.hpp"
+
+namespace bolo::tools {
+namespace {
+
+constexpr std::size_t kMostFrames = std::size_t{1} << 24U;  // 23 hours at 200 Hz
+
+struct Still {
+  mcap::Message message;
+  std::uint64_t stamp_ns = 0;
+  double t_s = 0.0;
+  std::uint64_t id = 0;
+  std::optional<capture::FrameTimes> times{};
+};
+
+struct Series {
+  Geometry size;
+  PixelType type = PixelType::kUint16;
+  std::vector<Still> pictures;
+};
+
+// What one pass through the file finds.
+struct Found {
+  std::map<std::string, Series> images;                                   // by topic
+  std::map<std::tuple<std::uint64_t, std::uint32_t>, ros::Frame> frames;  // by log time and sequence
+  std::vector<capture::Event> events;
+
+  Status see(const mcap::Topic& topic, const mcap::Message& message, std::string_view data) {
+    if (topic.type == ros::kImage) return see_image(topic.name, message, data);
+    if (topic.type == ros::kFrame) {
+      const auto frame = ros::read_frame(data);
+      if (!frame) return tl::unexpected<Error>(frame.error());
+      frames.emplace(std::tuple(message.log_ns, message.sequence), *frame);
+    } else if (topic.type == ros::kDiagnostics) {
+      auto event = ros::read_diagnostics(data);
+      if (!event) return tl::unexpected<Error>(event.error());
+      if (!event->kind.empty()) events.push_back(std::move(*event));
+    }
+    return frames.size() + events.size() <= kMostFrames ? Status{} : bad_input("has too many frames");
+  }
+
+ private:
+  Status see_image(const std::string& topic, const mcap::Message& message, std::string_view data) {
+    const auto image = ros::read_image(data);
+    if (!image) return at(topic, image.error());
+    Series& series = images[topic];
+    if (series.pictures.empty()) {
+      series.size = image->size;
+      series.type = image->type;
+    }
+    if (!(series.size == image->size) || series.type != image->type) {
+      return bad_input(topic + ": its images are not all of one size and type");
+    }
+    if (series.pictures.size() >= kMostFrames) return bad_input(topic + ": has too many images");
+    series.pictures.push_back({.message = message, .stamp_ns = image->stamp_ns});
+    return {};
+  }
+};
+
+std::string list_of(const std::map<std::string, Series>& images) {
+  std::string text;
+  for (const auto& [topic, series] : images) text += (text.empty() ? "" : ", ") + topic;
+  return text;
+}
+
+Result<std::string> chosen_topic(const Found& found, const std::string& asked) {
+  if (found.images.empty()) return bad_input("has no images (sensor_msgs/msg/Image, mono16, 16UC1 or 32FC1)");
+  if (asked.empty() && found.images.size() == 1) return found.images.begin()->first;
+  if (asked.empty()) return bad_input("has images on several topics; choose one by --topic: " + list_of(found.images));
+  if (!found.images.contains(asked)) return bad_input("has no images on " + asked + "; on " + list_of(found.images));
+  return asked;
+}
+
+// Times and numbers as Bolo wrote them; those of other programs' files from stamp and sequence.
+void number_pictures(const Found& found, Series& series) {
+  bool counted = true;
+  for (Still& picture : series.pictures) {
+    const auto frame = found.frames.find({picture.message.log_ns, picture.message.sequence});
+    const bool ours = frame != found.frames.end();
+    picture.t_s = ours ? frame->second.t_s : static_cast<double>(picture.stamp_ns) / kNsPerSecond;
+    if (ours && frame->second.utc_s > 0.0) picture.times = {frame->second.host_s, frame->second.utc_s};
+    picture.id = ours ? frame->second.number : picture.message.sequence;
+  }
+  std::stable_sort(series.pictures.begin(), series.pictures.end(),
+                   [](const Still& a, const Still& b) { return a.t_s < b.t_s; });
+  for (std::size_t i = 1; i < series.pictures.size(); ++i) {
+    counted = counted && series.pictures[i].id > series.pictures[i - 1].id;
+  }
+  if (counted) return;
+  for (std::size_t i = 0; i < series.pictures.size(); ++i) series.pictures[i].id = i;
+}
+
+Status check_times(const Series& series) {
+  for (std::size_t i = 0; i < series.pictures.size(); ++i) {
+    const double t = series.pictures[i].t_s;
+    const bool rises = i == 0 || t > series.pictures[i - 1].t_s;
+    if (!std::isfinite(t) || !rises) return bad_input(fmt::format("image {} has no time of its own", i));
+  }
+  return {};
+}
+
+double usual_period(const Series& series, double otherwise) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < series.pictures.size(); ++i) {
+    steps.push_back(series.pictures[i].t_s - series.pictures[i - 1].t_s);
+  }
+  return steps.empty() ? otherwise : quantile(steps, 0.5);
+}
+
+double number_in(const mcap::Texts& texts, const char* key, double otherwise) {
+  const auto found = texts.find(key);
+  return found == texts.end() ? otherwise : number_of(found->second).value_or(otherwise);
+}
+
+std::string text_in(const mcap::Texts& texts, const char* key) {
+  const auto found = texts.find(key);
+  return found == texts.end() ? std::string() : printable(found->second.substr(0, 1000));
+}
+
+class McapFootage final : public Footage {
+ public:
+  McapFootage(mcap::Reader reader, Found found, const std::string& topic, const Told& told)
+      : reader_(std::move(reader)), series_(std::move(found.images[topic])), events_(std::move(found.events)) {
+    const auto [begin, end] = reader_.metadata().equal_range(mcap_names::kCapture);
+    const auto own =
+        std::find_if(begin, end, [&](const auto& entry) { return text_in(entry.second, "topic") == topic; });
+    if (own != end) texts_ = own->second;
+    info_.frames = series_.pictures.size();
+    info_.has_times = std::ranges::all_of(series_.pictures, [](const Still& one) { return one.times.has_value(); });
+    StreamFormat& format = info_.format;
+    format.geometry = series_.size;
+    format.type = series_.type;
+    format.frame_period_s = number_in(texts_, "frame_period_s", usual_period(series_, 1.0 / told.rate_hz));
+    format.row_step = static_cast<int>(std::clamp(number_in(texts_, "row_step", 1.0), 1.0, 1024.0));
+    format.scale = told.scale.value_or(LinearScale{Unit::kCount, 1.0, 0.0});
+    if (series_.type == PixelType::kFloat32) format.scale = {Unit::kKelvin, 1.0, 0.0};
+    if (own != end) {
+      const Unit unit = text_in(texts_, "unit") == "kelvin" ? Unit::kKelvin : Unit::kCount;
+      format.scale = {unit, number_in(texts_, "scale", 1.0), number_in(texts_, "offset", 0.0)};
+    }
+    info_.camera_model = text_in(texts_, "camera_model");
+    info_.camera_serial = text_in(texts_, "camera_serial");
+  }
+
+  Status read(std::size_t index, Frame& frame) override {
+    const Still& picture = series_.pictures[index];
+    const auto data = reader_.data(picture.message);
+    if (!data) return tl::unexpected<Error>(data.error());
+    const auto image = ros::read_image(*data);
+    if (!image) return tl::unexpected<Error>(image.error());
+    if (!(image->size == series_.size) || image->type != series_.type)
+      return bad_input("the file was changed meanwhile");
+    frame.t_s = picture.t_s;
+    frame.id = picture.id;
+    frame.times.reset();
+    if (info_.has_times) frame.times = picture.times;
+    const bool whole = series_.type == PixelType::kUint16;
+    frame.u16.resize(whole ? series_.size.pixels() : 0);
+    frame.f32.resize(whole ? 0 : series_.size.pixels());
+    image->copy_to(whole ? static_cast<void*>(frame.u16.data()) : static_cast<void*>(frame.f32.data()));
+    return {};
+  }
+
+  Result<Extras> extras() const override {
+    Extras extras;
+    extras.events = events_;
+    for (const auto& [key, value] : texts_) {
+      if (const std::string name = mcap_names::attribute_in(key, mcap_names::kText); !name.empty()) {
+        extras.attributes.push_back({name, value.substr(0, value.find('\0'))});
+      }
+      const std::string name = mcap_names::attribute_in(key, mcap_names::kNumber);
+      if (const auto number = number_of(value); !name.empty() && number) extras.attributes.push_back({name, *number});
+    }
+    return extras;
+  }
+
+ private:
+  mcap::Reader reader_;
+  Series series_;
+  std::vector<capture::Event> events_;
+  mcap::Texts texts_;  // of the capture that the topic was made of; empty: of another program
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Footage>> open_mcap(const std::filesystem::path& file, const std::string& topic,
+                                           const Told& told) {
+  const auto named = [&](const Error& error) { return at(file.string(), error); };
+  Result<mcap::Reader> reader = mcap::Reader::open(file);
+  if (!reader) return named(reader.error());
+  Found found;
+  const Status walked = reader->walk([&](const mcap::Topic& on, const mcap::Message& message, std::string_view data) {
+    return found.see(on, message, data);
+  });
+  if (!walked) return named(walked.error());
+  const Result<std::string> chosen = chosen_topic(found, topic);
+  if (!chosen) return named(chosen.error());
+  Series& series = found.images[*chosen];
+  number_pictures(found, series);
+  if (Status good = check_times(series); !good) return at(file.string() + ": " + *chosen, good.error());
+  return std::make_unique<McapFootage>(std::move(*reader), std::move(found), *chosen, told);
+}
+
+}  // namespace bolo::tools

@@ -1,0 +1,215 @@
+#include "tools/convert/mcap_reader.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include <zstd.h>
+
+#include "src/core/printable.hpp"
+
+namespace bolo::tools::mcap {
+namespace {
+
+// Writers' chunks hold 1 to 4 MiB; one with a single large message may hold more.
+constexpr std::uint64_t kMostRecord = std::uint64_t{256} << 20U;
+constexpr std::uint64_t kPiece = std::uint64_t{1} << 20U;
+constexpr std::size_t kMessageHead = 22;  // of a message's fields, before its data
+constexpr std::size_t kMostTopics = 4096;
+
+tl::unexpected<Error> damaged(std::uint64_t at, const std::string& what) {
+  return bad_input("damaged at byte " + std::to_string(at) + ": " + what);
+}
+
+}  // namespace
+
+Result<Reader> Reader::open(const std::filesystem::path& name) {
+  std::ifstream file(name, std::ios::binary);
+  file.seekg(0, std::ios::end);
+  const std::streamoff size = file ? static_cast<std::streamoff>(file.tellg()) : -1;
+  if (size < 0) return bad_input("cannot be read");
+  file.seekg(0);
+  Reader reader(std::move(file), static_cast<std::uint64_t>(size));
+  const auto magic = reader.take(kMagic.size(), reader.record_);
+  if (!magic || *magic != kMagic) return bad_input("is not an MCAP file");
+  return reader;
+}
+
+Result<std::string_view> Reader::take(std::uint64_t bytes, std::string& into) {
+  if (bytes > size_ - at_)
+    return bad_input("ends in the middle, at byte " + std::to_string(size_) + ": it was cut off or never finished");
+  into.resize(static_cast<std::size_t>(bytes));
+  if (!file_.read(into.data(), static_cast<std::streamsize>(bytes))) {
+    return failed("cannot be read at byte " + std::to_string(at_));
+  }
+  crc_ = crc_of(crc_, into);
+  at_ += bytes;
+  return std::string_view(into);
+}
+
+Status Reader::skip(std::uint64_t bytes) {
+  for (std::uint64_t left = bytes; left > 0; left -= std::min(left, kPiece)) {
+    if (const auto piece = take(std::min(left, kPiece), record_); !piece) return tl::unexpected<Error>(piece.error());
+  }
+  return {};
+}
+
+Result<Reader::Head> Reader::next_head() {
+  const auto bytes = take(kRecordHead, record_);
+  if (!bytes) return tl::unexpected<Error>(bytes.error());
+  FieldReader fields(*bytes);
+  const auto op = static_cast<Op>(fields.number<std::uint8_t>());
+  return Head{op, fields.number<std::uint64_t>()};
+}
+
+Status Reader::walk(const Visit& visit) {
+  for (;;) {
+    const std::uint64_t at = at_;
+    const std::uint32_t crc = crc_;
+    const Result<Head> head = next_head();
+    if (!head) return tl::unexpected<Error>(head.error());
+    if (head->op == Op::kFooter) return {};  // no end of data is marked: as good as it gets
+    const bool known = head->op == Op::kSchema || head->op == Op::kChannel || head->op == Op::kMessage ||
+                       head->op == Op::kChunk || head->op == Op::kMetadata || head->op == Op::kDataEnd;
+    if (!known) {
+      if (Status good = skip(head->bytes); !good) return good;
+      continue;
+    }
+    if (head->bytes > kMostRecord) return damaged(at, "a record of " + std::to_string(head->bytes) + " bytes");
+    const auto fields = take(head->bytes, record_);
+    if (!fields) return tl::unexpected<Error>(fields.error());
+    if (head->op == Op::kDataEnd) {
+      const auto said = FieldReader(*fields).number<std::uint32_t>();
+      return said == 0 || said == crc ? Status{} : bad_input("damaged: its checksum does not hold");
+    }
+    if (Status good = see(head->op, *fields, at, visit); !good) return good;
+  }
+}
+
+Status Reader::see(Op op, std::string_view fields, std::uint64_t at, const Visit& visit) {
+  FieldReader reader(fields);
+  switch (op) {
+    case Op::kSchema: {
+      const auto id = reader.number<std::uint16_t>();
+      types_.insert_or_assign(id, std::string(reader.text().substr(0, kPiece)));
+      break;
+    }
+    case Op::kChannel:
+      return see_channel(fields);
+    case Op::kMetadata: {
+      const std::string name(reader.text());
+      metadata_.emplace(name, reader.texts());
+      break;
+    }
+    case Op::kMessage:
+      return see_message(fields, {.record = at, .offset = kMessageHead}, visit);
+    case Op::kChunk:
+      return see_chunk(fields, at, visit);
+    default:
+      break;
+  }
+  return reader.good() ? Status{} : damaged(at, "a record is shorter than it says");
+}
+
+Status Reader::see_channel(std::string_view fields) {
+  FieldReader reader(fields);
+  const auto id = reader.number<std::uint16_t>();
+  const auto schema = reader.number<std::uint16_t>();
+  const std::string_view topic = reader.text();
+  const std::string_view encoding = reader.text();
+  if (!reader.good()) return bad_input("damaged: a channel is shorter than it says");
+  if (topics_.size() >= kMostTopics && !topics_.contains(id)) return bad_input("has too many topics");
+  const auto type = types_.find(schema);
+  std::optional<Topic>& known = topics_[id];
+  known.reset();
+  if (encoding == "cdr" && type != types_.end()) known = Topic{printable(topic.substr(0, 200)), type->second};
+  return {};
+}
+
+Status Reader::see_message(std::string_view fields, const Message& place, const Visit& visit) {
+  FieldReader reader(fields);
+  Message message = place;
+  message.channel = reader.number<std::uint16_t>();
+  message.sequence = reader.number<std::uint32_t>();
+  message.log_ns = reader.number<std::uint64_t>();
+  reader.number<std::uint64_t>();
+  if (!reader.good()) return damaged(place.record, "a message is shorter than it says");
+  message.bytes = reader.rest().size();
+  const auto topic = topics_.find(message.channel);
+  if (topic == topics_.end()) return damaged(place.record, "a message of no topic");
+  return topic->second ? visit(*topic->second, message, reader.rest()) : Status{};
+}
+
+Status Reader::see_chunk(std::string_view fields, std::uint64_t at, const Visit& visit) {
+  const auto records = unpack(fields);
+  if (!records) return damaged(at, records.error().message);
+  unpacked_at_ = at;
+  FieldReader reader(*records);
+  while (!reader.rest().empty()) {
+    const auto op = static_cast<Op>(reader.number<std::uint8_t>());
+    const std::string_view inside = reader.raw(reader.number<std::uint64_t>());
+    if (!reader.good()) return damaged(at, "a chunk is shorter than its records");
+    const auto offset = static_cast<std::uint64_t>(inside.data() - records->data());
+    Status good;
+    if (op == Op::kMessage) good = see_message(inside, {.record = at, .offset = offset + kMessageHead}, visit);
+    if (op == Op::kSchema || op == Op::kChannel) good = see(op, inside, at, visit);
+    if (!good) return good;
+  }
+  return {};
+}
+
+Result<std::string_view> Reader::unpack(std::string_view chunk) {
+  FieldReader reader(chunk);
+  reader.number<std::uint64_t>();
+  reader.number<std::uint64_t>();
+  const auto size = reader.number<std::uint64_t>();
+  const auto crc = reader.number<std::uint32_t>();
+  const std::string_view compression = reader.text();
+  const std::string_view packed = reader.raw(reader.number<std::uint64_t>());
+  if (!reader.good()) return bad_input("a chunk is shorter than it says");
+  if (size > kMostRecord) return bad_input("a chunk of " + std::to_string(size) + " bytes");
+  if (compression.empty()) {
+    unpacked_ = packed;
+  } else if (compression == "zstd") {
+    // A frame that says another size is refused before memory is taken for it.
+    const unsigned long long said = ZSTD_getFrameContentSize(packed.data(), packed.size());
+    if (said == ZSTD_CONTENTSIZE_ERROR || (said != ZSTD_CONTENTSIZE_UNKNOWN && said > size)) {
+      return bad_input("a chunk does not unpack");
+    }
+    unpacked_.resize(static_cast<std::size_t>(size));
+    const std::size_t done = ZSTD_decompress(unpacked_.data(), unpacked_.size(), packed.data(), packed.size());
+    if (ZSTD_isError(done) != 0) return bad_input(std::string("a chunk does not unpack: ") + ZSTD_getErrorName(done));
+    unpacked_.resize(done);
+  } else {
+    return bad_input("a chunk is packed by '" + printable(compression.substr(0, 20)) + "'; expected zstd or none");
+  }
+  if (unpacked_.size() != size) return bad_input("a chunk unpacks to another size than it says");
+  if (crc != 0 && crc != crc_of(0, unpacked_)) return bad_input("a chunk's checksum does not hold");
+  return std::string_view(unpacked_);
+}
+
+Result<std::string_view> Reader::data(const Message& message) {
+  if (unpacked_at_ != message.record) {
+    unpacked_at_.reset();
+    file_.clear();
+    file_.seekg(static_cast<std::streamoff>(message.record));
+    at_ = message.record;
+    const Result<Head> head = next_head();
+    if (!head) return tl::unexpected<Error>(head.error());
+    if (head->bytes > kMostRecord) return bad_input("the file was changed meanwhile");
+    const auto fields = take(head->bytes, record_);
+    if (!fields) return tl::unexpected<Error>(fields.error());
+    if (head->op == Op::kChunk) {
+      if (const auto records = unpack(*fields); !records) return tl::unexpected<Error>(records.error());
+    } else {
+      unpacked_ = *fields;
+    }
+    unpacked_at_ = message.record;
+  }
+  FieldReader reader(unpacked_);
+  reader.raw(message.offset);
+  const std::string_view bytes = reader.raw(message.bytes);
+  if (!reader.good()) return bad_input("the file was changed meanwhile");
+  return bytes;
+}
+
+}  // namespace bolo::tools::mcap

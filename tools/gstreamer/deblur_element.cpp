@@ -1,0 +1,323 @@
+// "bolodeblur": undoes the inertia of a thermal camera's pixels in any stream of 16-bit grey.
+#include <gst/base/gstbasetransform.h>
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "src/core/clock.hpp"
+#include "tools/gstreamer/elements.hpp"
+#include "tools/gstreamer/stream_deblur.hpp"
+
+namespace bolo::tools {
+namespace {
+
+constexpr int kMostWorkers = 64;
+
+struct BufferDeleter {
+  void operator()(GstBuffer* buffer) const { gst_buffer_unref(buffer); }
+};
+using Buffer = std::unique_ptr<GstBuffer, BufferDeleter>;
+
+// Read under the object's lock, taken up with the next caps.
+struct Options {
+  std::string solver = "admm";
+  deblur::Settings settings;
+  double scale = 0.0;  // K a count; 0: counts
+  double period_s = 0.0;
+  int workers = 2;
+};
+
+struct State {
+  Options options;
+  GstVideoInfo info{};
+  std::unique_ptr<StreamDeblur> stream;  // none before caps
+  double period_s = 0.0;
+  std::deque<Buffer> waiting;  // pushed and not given yet: their times and all that hangs on them
+  std::vector<std::uint16_t> plane;
+  std::int64_t last_ns = 0;
+  bool restart = true;
+};
+
+struct BoloDeblur {
+  GstBaseTransform parent;
+  State* state;
+};
+struct BoloDeblurClass {
+  GstBaseTransformClass parent;
+};
+
+enum Property { kSolver = 1, kTau, kLambda, kKappa, kScale, kPeriod, kWindow, kLookahead, kWorkers };
+
+GstStaticPadTemplate sink_template =
+    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("GRAY16_LE")));
+GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("GRAY16_LE")));
+
+G_DEFINE_TYPE(BoloDeblur, bolo_deblur, GST_TYPE_BASE_TRANSFORM)
+
+BoloDeblur* self_of(gpointer object) { return static_cast<BoloDeblur*>(object); }
+
+void set_property(GObject* object, guint id, const GValue* value, GParamSpec* /*spec*/) {
+  GST_OBJECT_LOCK(object);
+  Options& options = self_of(object)->state->options;
+  if (id == kSolver) options.solver = g_value_get_string(value) != nullptr ? g_value_get_string(value) : "";
+  if (id == kTau) options.settings.tau_s = g_value_get_double(value);
+  if (id == kLambda) options.settings.lambda = g_value_get_double(value);
+  if (id == kKappa) options.settings.kappa = g_value_get_double(value);
+  if (id == kScale) options.scale = g_value_get_double(value);
+  if (id == kPeriod) options.period_s = g_value_get_double(value);
+  if (id == kWindow) options.settings.window = g_value_get_int(value);
+  if (id == kLookahead) options.settings.lookahead = g_value_get_int(value);
+  if (id == kWorkers) options.workers = g_value_get_int(value);
+  GST_OBJECT_UNLOCK(object);
+}
+
+void get_property(GObject* object, guint id, GValue* value, GParamSpec* /*spec*/) {
+  GST_OBJECT_LOCK(object);
+  const Options& options = self_of(object)->state->options;
+  if (id == kSolver) g_value_set_string(value, options.solver.c_str());
+  if (id == kTau) g_value_set_double(value, options.settings.tau_s);
+  if (id == kLambda) g_value_set_double(value, options.settings.lambda);
+  if (id == kKappa) g_value_set_double(value, options.settings.kappa);
+  if (id == kScale) g_value_set_double(value, options.scale);
+  if (id == kPeriod) g_value_set_double(value, options.period_s);
+  if (id == kWindow) g_value_set_int(value, options.settings.window);
+  if (id == kLookahead) g_value_set_int(value, options.settings.lookahead);
+  if (id == kWorkers) g_value_set_int(value, options.workers);
+  GST_OBJECT_UNLOCK(object);
+}
+
+void finalize(GObject* object) {
+  delete self_of(object)->state;
+  G_OBJECT_CLASS(bolo_deblur_parent_class)->finalize(object);
+}
+
+// What the properties and the stream ask for.
+Result<std::unique_ptr<StreamDeblur>> make_stream(const Options& options, const GstVideoInfo& info, double period_s) {
+  const auto method = deblur::method_from_name(options.solver);
+  if (!method) return tl::unexpected<Error>(method.error());
+  if (!(period_s > 0.0)) {
+    return bad_input("the stream has no frame rate: set one by a capsfilter, or the property period");
+  }
+  deblur::Settings settings = options.settings;
+  settings.method = *method;
+  settings.period_s = period_s;
+  settings.auto_lambda = settings.lambda == 0.0;
+  StreamFormat format;
+  format.geometry = {info.width, info.height};
+  format.frame_period_s = period_s;
+  format.scale =
+      options.scale > 0.0 ? LinearScale{Unit::kKelvin, options.scale, 0.0} : LinearScale{Unit::kCount, 1.0, 0.0};
+  return StreamDeblur::create(settings, format, options.workers);
+}
+
+void forget_frames(State& state) {
+  state.waiting.clear();
+  state.restart = true;
+}
+
+gboolean set_caps(GstBaseTransform* transform, GstCaps* in, GstCaps* /*out*/) {
+  State& state = *self_of(transform)->state;
+  GstVideoInfo info;
+  if (gst_video_info_from_caps(&info, in) == FALSE) return FALSE;
+  GST_OBJECT_LOCK(transform);
+  const Options options = state.options;
+  GST_OBJECT_UNLOCK(transform);
+  const double rate = info.fps_n > 0 ? static_cast<double>(info.fps_n) / info.fps_d : 0.0;
+  const double period_s = options.period_s > 0.0 ? options.period_s : (rate > 0.0 ? 1.0 / rate : 0.0);
+  auto stream = make_stream(options, info, period_s);
+  if (!stream) {
+    GST_ELEMENT_ERROR(transform, LIBRARY, SETTINGS, ("%s", stream.error().message.c_str()), (nullptr));
+    return FALSE;
+  }
+  deblur::Settings settings = options.settings;
+  settings.period_s = period_s;
+  if (const std::string little = deblur::little_to_undo(settings); !little.empty()) {
+    GST_ELEMENT_WARNING(transform, STREAM, FORMAT, ("%s", little.c_str()), (nullptr));
+  }
+  state.stream = std::move(*stream);
+  state.info = info;
+  GST_OBJECT_LOCK(transform);
+  state.period_s = period_s;
+  GST_OBJECT_UNLOCK(transform);
+  state.plane.resize(static_cast<std::size_t>(info.width) * static_cast<std::size_t>(info.height));
+  forget_frames(state);
+  return TRUE;
+}
+
+// Its time: the stamp, or a period after the frame before.
+std::int64_t time_of(State& state, GstBuffer* buffer) {
+  if (GST_BUFFER_PTS_IS_VALID(buffer)) {
+    state.last_ns = static_cast<std::int64_t>(GST_BUFFER_PTS(buffer));
+  } else {
+    state.last_ns += to_ns(state.period_s);
+  }
+  return state.last_ns;
+}
+
+GstFlowReturn take_in(BoloDeblur* self, Buffer buffer) {
+  State& state = *self->state;
+  if (GST_BUFFER_FLAG_IS_SET(buffer.get(), GST_BUFFER_FLAG_GAP)) return GST_FLOW_OK;  // a lost frame: nothing to see
+  {
+    const MappedFrame frame(state.info, buffer.get(), GST_MAP_READ);
+    if (!frame) {
+      GST_ELEMENT_ERROR(self, STREAM, FORMAT, ("a buffer holds no frame of its caps"), (nullptr));
+      return GST_FLOW_ERROR;
+    }
+    frame.give(state.stream->borrow());
+  }
+  // Lost frames show as a jump in time; a break without times, or back in time, is none of known length.
+  const bool breaks = GST_BUFFER_FLAG_IS_SET(buffer.get(), GST_BUFFER_FLAG_DISCONT) != FALSE &&
+                      GST_BUFFER_PTS_IS_VALID(buffer.get()) == FALSE;
+  const std::int64_t time_ns = time_of(state, buffer.get());
+  state.stream->push(time_ns, state.restart || breaks);
+  state.restart = false;
+  state.waiting.push_back(std::move(buffer));
+  return GST_FLOW_OK;
+}
+
+// The next frame that is ready; null: none.
+Buffer give_out(BoloDeblur* self) {
+  State& state = *self->state;
+  StreamDeblur::Ready ready;
+  if (!state.stream->next(ready, state.plane.data()) || state.waiting.empty()) return nullptr;
+  Buffer in = std::move(state.waiting.front());
+  state.waiting.pop_front();
+  Buffer out(gst_buffer_new_allocate(nullptr, state.info.size, nullptr));
+  constexpr auto kAll =
+      static_cast<GstBufferCopyFlags>(GST_BUFFER_COPY_FLAGS | GST_BUFFER_COPY_TIMESTAMPS | GST_BUFFER_COPY_META);
+  gst_buffer_copy_into(out.get(), in.get(), kAll, 0, static_cast<gsize>(-1));
+  // The layout of the frame that came, not of this one.
+  if (GstVideoMeta* layout = gst_buffer_get_video_meta(out.get()); layout != nullptr) {
+    gst_buffer_remove_meta(out.get(), &layout->meta);
+  }
+  const MappedFrame frame(state.info, out.get(), GST_MAP_WRITE);
+  if (!frame) return nullptr;
+  frame.take(state.plane.data());
+  return out;
+}
+
+GstFlowReturn generate_output(GstBaseTransform* transform, GstBuffer** out) {
+  BoloDeblur* self = self_of(transform);
+  Buffer in(transform->queued_buf);
+  transform->queued_buf = nullptr;
+  *out = nullptr;
+  if (!self->state->stream) return GST_FLOW_NOT_NEGOTIATED;
+  if (in) {
+    if (const GstFlowReturn flow = take_in(self, std::move(in)); flow != GST_FLOW_OK) return flow;
+  }
+  *out = give_out(self).release();
+  return GST_FLOW_OK;
+}
+
+// Frames that wait for their look-ahead go before what ends the stream or changes it.
+void drain(BoloDeblur* self) {
+  State& state = *self->state;
+  if (!state.stream) return;
+  state.stream->finish();
+  while (Buffer out = give_out(self)) {
+    if (gst_pad_push(GST_BASE_TRANSFORM_SRC_PAD(self), out.release()) != GST_FLOW_OK) break;
+  }
+  StreamDeblur::Ready ready;
+  while (state.stream->next(ready, state.plane.data())) continue;
+  forget_frames(state);
+}
+
+gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
+  BoloDeblur* self = self_of(transform);
+  const GstEventType type = GST_EVENT_TYPE(event);
+  if (type == GST_EVENT_EOS || type == GST_EVENT_SEGMENT || type == GST_EVENT_CAPS) drain(self);
+  if (type == GST_EVENT_FLUSH_STOP && self->state->stream) {
+    self->state->stream->finish();
+    StreamDeblur::Ready ready;
+    while (self->state->stream->next(ready, self->state->plane.data())) continue;
+    forget_frames(*self->state);
+  }
+  return GST_BASE_TRANSFORM_CLASS(bolo_deblur_parent_class)->sink_event(transform, event);
+}
+
+gboolean query(GstBaseTransform* transform, GstPadDirection direction, GstQuery* asked) {
+  const gboolean known = GST_BASE_TRANSFORM_CLASS(bolo_deblur_parent_class)->query(transform, direction, asked);
+  if (direction != GST_PAD_SRC || GST_QUERY_TYPE(asked) != GST_QUERY_LATENCY || known == FALSE) return known;
+  gboolean live = FALSE;
+  GstClockTime least = 0;
+  GstClockTime most = 0;
+  gst_query_parse_latency(asked, &live, &least, &most);
+  GST_OBJECT_LOCK(transform);
+  const State& state = *self_of(transform)->state;
+  // The look-ahead, and a period in which the solver must keep up.
+  const double added_s = (state.options.settings.lookahead + 1) * state.period_s;
+  GST_OBJECT_UNLOCK(transform);
+  const auto added = static_cast<GstClockTime>(to_ns(added_s));
+  if (most != GST_CLOCK_TIME_NONE) most += added;
+  gst_query_set_latency(asked, live, least + added, most);
+  return TRUE;
+}
+
+gboolean stop(GstBaseTransform* transform) {
+  State& state = *self_of(transform)->state;
+  forget_frames(state);
+  state.stream.reset();
+  return TRUE;
+}
+
+void bolo_deblur_init(BoloDeblur* self) {
+  self->state = new State;
+  self->state->options.settings.lambda = 0.0;
+  gst_base_transform_set_qos_enabled(GST_BASE_TRANSFORM(self), FALSE);  // a frame dropped here would be a gap
+}
+
+void install_properties(GObjectClass* object) {
+  const deblur::Settings defaults;
+  const auto number = [&](Property id, const char* name, const char* about, double least, double most, double value) {
+    g_object_class_install_property(object, id,
+                                    g_param_spec_double(name, nullptr, about, least, most, value, kProperty));
+  };
+  const auto count = [&](Property id, const char* name, const char* about, int least, int most, int value) {
+    g_object_class_install_property(object, id, g_param_spec_int(name, nullptr, about, least, most, value, kProperty));
+  };
+  g_object_class_install_property(
+      object, kSolver,
+      g_param_spec_string("solver", nullptr, "admm, dual, exact, inverse, mmae or motion", "admm", kProperty));
+  number(kTau, "tau", "Thermal time constant of the camera's pixels, s", 1e-5, 1.0, defaults.tau_s);
+  number(kLambda, "lambda", "Weight of the prior, in kelvin (counts where scale is 0); 0: follows noise and motion",
+         0.0, 1e6, 0.0);
+  number(kKappa, "kappa", "Weight of the data", 1e-6, 1e6, defaults.kappa);
+  number(kScale, "scale", "Kelvin a count; 0: counts", 0.0, 1e3, 0.0);
+  number(kPeriod, "period", "Time from frame to frame, s; 0: of the caps' frame rate", 0.0, 60.0, 0.0);
+  count(kWindow, "window", "Frames that one is estimated from: 2^k + 1", 3, 1025, defaults.window);
+  count(kLookahead, "lookahead", "Frames of the window that come after the one estimated: so much later it is out", 0,
+        1024, defaults.lookahead);
+  count(kWorkers, "workers", "Threads that solve a frame", 1, kMostWorkers, 2);
+}
+
+void bolo_deblur_class_init(BoloDeblurClass* type) {
+  auto* object = G_OBJECT_CLASS(type);
+  object->set_property = set_property;
+  object->get_property = get_property;
+  object->finalize = finalize;
+  install_properties(object);
+  auto* element = GST_ELEMENT_CLASS(type);
+  gst_element_class_set_static_metadata(element, "Thermal deblurring", "Filter/Effect/Video",
+                                        "Undoes the thermal inertia of a microbolometer's pixels", "bolo");
+  gst_element_class_add_static_pad_template(element, &sink_template);
+  gst_element_class_add_static_pad_template(element, &src_template);
+  auto* transform = GST_BASE_TRANSFORM_CLASS(type);
+  transform->set_caps = set_caps;
+  transform->generate_output = generate_output;
+  transform->sink_event = sink_event;
+  transform->query = query;
+  transform->stop = stop;
+}
+
+}  // namespace
+
+gboolean register_deblur(GstPlugin* plugin) {
+  return gst_element_register(plugin, "bolodeblur", GST_RANK_NONE, bolo_deblur_get_type());
+}
+
+}  // namespace bolo::tools
