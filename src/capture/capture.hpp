@@ -42,8 +42,12 @@ struct Point {
 // lengths in stored pixels.
 struct NoStimulus {};  // a field recording
 
+// How well a bench knows its temperatures where it does not say: standard deviation, K.
+inline constexpr double kLevelAccuracyK = 0.5;
+
 struct Uniform {  // closed shutter or flat black body
   double temperature_k = 0.0;
+  double level_accuracy_k = kLevelAccuracyK;
 };
 
 struct Chopper {  // the whole field is at level_k[i] from on_s[i] to off_s[i], at cold_k otherwise
@@ -51,6 +55,7 @@ struct Chopper {  // the whole field is at level_k[i] from on_s[i] to off_s[i], 
   std::vector<double> on_s;
   std::vector<double> off_s;
   std::vector<double> level_k;
+  double level_accuracy_k = kLevelAccuracyK;
 };
 
 struct BarTarget {  // hot bars on cold, moving along +x; velocity 0 is a static target
@@ -60,6 +65,7 @@ struct BarTarget {  // hot bars on cold, moving along +x; velocity 0 is a static
   double bar_width_px = 0.0;
   double slant_px_per_row = 0.0;
   double velocity_px_s = 0.0;
+  double level_accuracy_k = kLevelAccuracyK;
 };
 
 struct SceneStimulus {  // a still panned along a trajectory: the frame's pixel (0, 0) looks at image (x_px, y_px)

@@ -25,13 +25,17 @@ constexpr const char* name_of(const BarTarget*) { return "bar_target"; }
 constexpr const char* name_of(const SceneStimulus*) { return "scene"; }
 
 // The fields of each kind, in the order of the file, for who reads or writes them.
-void each_field(auto& fields, Of<Uniform> auto& u) { fields.number("temperature_k", u.temperature_k); }
+void each_field(auto& fields, Of<Uniform> auto& u) {
+  fields.number("temperature_k", u.temperature_k);
+  fields.accuracy("level_accuracy_k", u.level_accuracy_k);
+}
 
 void each_field(auto& fields, Of<Chopper> auto& c) {
   fields.number("cold_k", c.cold_k);
   fields.series("on_s", c.on_s);
   fields.series("off_s", c.off_s);
   fields.series("level_k", c.level_k);
+  fields.accuracy("level_accuracy_k", c.level_accuracy_k);
 }
 
 void each_field(auto& fields, Of<BarTarget> auto& b) {
@@ -41,6 +45,7 @@ void each_field(auto& fields, Of<BarTarget> auto& b) {
   fields.number("bar_width_px", b.bar_width_px);
   fields.number("slant_px_per_row", b.slant_px_per_row);
   fields.number("velocity_px_s", b.velocity_px_s);
+  fields.accuracy("level_accuracy_k", b.level_accuracy_k);
 }
 
 void each_field(auto& fields, Of<SceneStimulus> auto& s) {
@@ -56,6 +61,10 @@ class FieldReader {
   FieldReader(hid_t file, hid_t group) : file_(file), owner_{group, kGroup} {}
 
   void number(const char* name, double& out) { take(h5::number_attribute(owner_, name), out); }
+  // Stays as it is where the file has none.
+  void accuracy(const char* name, double& out) {
+    if (H5Aexists(owner_.id, name) > 0) number(name, out);
+  }
   void series(const char* name, std::vector<double>& out) { take(h5::read_doubles(file_, kGroup + "/" + name), out); }
   void image(const char* name, int& width, int& height, std::vector<float>& values) {
     StillImage image;
@@ -83,6 +92,10 @@ class FieldReader {
 
 struct FieldWriter {
   void number(const char* name, double value) { good = good && h5::write_attribute(group, name, value); }
+  // Written where it is not what its absence says.
+  void accuracy(const char* name, double value) {
+    if (value != kLevelAccuracyK) number(name, value);
+  }
   void series(const char* name, const std::vector<double>& values) {
     good = good && h5::write_dataset(group, name, H5T_NATIVE_DOUBLE, {values.size()}, values.data());
   }
@@ -120,15 +133,22 @@ Status first_error(Statuses... statuses) {
   return out;
 }
 
+Status accuracy(double kelvin) {
+  if (kelvin > 0.0 && std::isfinite(kelvin)) return {};
+  return bad_input(kGroup + " attribute 'level_accuracy_k' is " + text(kelvin) + "; expected kelvin above 0");
+}
+
 Status check(const NoStimulus&) { return {}; }
 
-Status check(const Uniform& u) { return absolute_temperature("temperature_k", u.temperature_k); }
+Status check(const Uniform& u) {
+  return first_error(absolute_temperature("temperature_k", u.temperature_k), accuracy(u.level_accuracy_k));
+}
 
 Status check(const Chopper& c) {
   Status good =
       first_error(absolute_temperature("cold_k", c.cold_k), all_finite("on_s", c.on_s), all_finite("off_s", c.off_s),
                   all_finite("level_k", c.level_k), same_length("off_s", c.off_s.size(), "on_s", c.on_s.size()),
-                  same_length("level_k", c.level_k.size(), "on_s", c.on_s.size()));
+                  same_length("level_k", c.level_k.size(), "on_s", c.on_s.size()), accuracy(c.level_accuracy_k));
   for (std::size_t i = 0; good && i < c.on_s.size(); ++i) {
     if (c.off_s[i] <= c.on_s[i]) {
       return bad_input(kGroup + "/off_s: value " + std::to_string(i) + " (" + text(c.off_s[i]) +
@@ -139,7 +159,8 @@ Status check(const Chopper& c) {
 }
 
 Status check(const BarTarget& b) {
-  Status good = first_error(absolute_temperature("cold_k", b.cold_k), absolute_temperature("hot_k", b.hot_k));
+  Status good = first_error(absolute_temperature("cold_k", b.cold_k), absolute_temperature("hot_k", b.hot_k),
+                            accuracy(b.level_accuracy_k));
   if (!good) return good;
   if (!(b.period_px > 0.0) || !std::isfinite(b.period_px)) {
     return bad_input(kGroup + " attribute 'period_px' is " + text(b.period_px) + "; expected pixels above 0");

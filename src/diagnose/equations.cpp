@@ -6,6 +6,7 @@
 #include <numeric>
 #include <optional>
 #include <thread>
+#include <variant>
 
 #include <Eigen/Dense>
 
@@ -33,6 +34,16 @@ Parameter target_edge() {
     for (StimulusState& stimulus : s.stimuli) stimulus.edge_px2 = value * value;
   };
   return {"edge", 0.04, 0.0, kSoftestEdge_px, get, set};
+}
+
+// What the bench says of its temperatures.
+double accuracy_of(const capture::Stimulus& stimulus) {
+  return std::visit(
+      [](const auto& of) {
+        if constexpr (requires { of.level_accuracy_k; }) return of.level_accuracy_k;
+        return capture::kLevelAccuracyK;
+      },
+      stimulus);
 }
 
 bool touches(int owner, const Session& session, std::size_t recording) {
@@ -151,7 +162,7 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
       all.push_back({number_at(
                          "level", 1.0, level - kLevelReach, level + kLevelReach,
                          [ i, l ](auto& s) -> auto& { return s.stimuli[i].level_k[l]; }),
-                     static_cast<int>(i), true, level, 0.0});
+                     static_cast<int>(i), true, level, accuracy_of(recording.stimulus)});
     }
     if (recording.kind == Kind::kChopper) {
       // Frames whose times are free tell no common delay.
@@ -178,16 +189,35 @@ double level_spread(const std::vector<Nuisance>& all, const State& state) {
   double count = 0.0;
   for (const Nuisance& n : all) {
     if (!n.is_level) continue;
-    const double error = n.parameter.get(state) - n.nominal;
+    const double error = (n.parameter.get(state) - n.nominal) / n.prior;
     sum += error * error;
     count += 1.0;
   }
-  return std::sqrt(sum / std::max(1.0, count) + kLevelResolution * kLevelResolution);
+  return std::sqrt(std::min(1.0, sum / std::max(1.0, count)));
+}
+
+double level_width(const Nuisance& level, double spread) { return std::hypot(spread * level.prior, kLevelResolution); }
+
+double level_error(const std::vector<Nuisance>& all, const State& state) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (const Nuisance& n : all) {
+    if (!n.is_level) continue;
+    sum += std::pow(n.parameter.get(state) - n.nominal, 2);
+    count += 1.0;
+  }
+  return std::sqrt(sum / std::max(1.0, count));
 }
 
 double level_evidence(const std::vector<Nuisance>& all, const State& state) {
-  const auto count = static_cast<double>(std::ranges::count_if(all, &Nuisance::is_level));
-  return -count * std::log(level_spread(all, state) / kLevelResolution);
+  const double spread = level_spread(all, state);
+  double evidence = 0.0;
+  for (const Nuisance& n : all) {
+    if (!n.is_level) continue;
+    const double width = level_width(n, spread);
+    evidence -= std::log(width / kLevelResolution) + 0.5 * std::pow((n.parameter.get(state) - n.nominal) / width, 2);
+  }
+  return evidence;
 }
 
 std::vector<Choice> unformed(std::vector<Choice> choices) {
@@ -217,7 +247,7 @@ void Unknowns::add_prior(const State& state, MatrixXd& normal, VectorXd& right) 
   const double spread = level_spread(nuisances, state);
   for (std::size_t i = 0; i < nuisances.size(); ++i) {
     const Nuisance& n = nuisances[i];
-    const double width = n.is_level ? spread : n.prior;
+    const double width = n.is_level ? level_width(n, spread) : n.prior;
     if (width <= 0.0) continue;
     const auto j = static_cast<Index>(i);
     normal(j, j) += 1.0 / (width * width);

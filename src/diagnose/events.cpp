@@ -23,6 +23,7 @@ constexpr double kStepOverWithin = 3.2;   // times the scatter about the two
 constexpr double kLeastShare = 0.02;      // of the frames at the rarer level
 constexpr int kFramesAJump = 8;           // at least, on average
 constexpr double kSlower = 0.75;          // of the usual roughness
+constexpr double kHop = 1.4;              // of the step between values: less is one value that hops to the next
 constexpr double kHysteresis = 0.2;       // of the step, about the middle
 
 // A jump of the whole frame: set by the same.
@@ -139,7 +140,7 @@ TwoLevels two_levels(const std::vector<float>& x) {
   return t;
 }
 
-void judge_still(const Session& session, const Recording& r, BadPixels& bad, std::vector<double>& steps) {
+void judge_still(const Session& session, const Recording& r, double hop_k, BadPixels& bad, std::vector<double>& steps) {
   const auto steady = steady_series(r);
   if (steady.front().size() < kLeastSteady) return;
   const auto levels = mapped(steady, [](const auto& series) { return two_levels(smooth(series)); });
@@ -149,8 +150,8 @@ void judge_still(const Session& session, const Recording& r, BadPixels& bad, std
   for (const int pixel : session.good_pixels()) {
     const auto p = static_cast<std::size_t>(pixel);
     const TwoLevels& t = levels[p];
-    if (t.step > kStepOverTypical * typical_step && t.step > kStepOverWithin * t.within && t.share > kLeastShare &&
-        t.jumps > 0 && t.jumps < static_cast<int>(steady[p].size()) / kFramesAJump &&
+    if (t.step > hop_k && t.step > kStepOverTypical * typical_step && t.step > kStepOverWithin * t.within &&
+        t.share > kLeastShare && t.jumps > 0 && t.jumps < static_cast<int>(steady[p].size()) / kFramesAJump &&
         rough[p] < kSlower * usual_rough) {
       bad.jumping.push_back(pixel);
       steps.push_back(t.step);
@@ -165,6 +166,18 @@ bool is_stuck(const Recording& r, std::size_t pixel, double typical_range) {
   if (typical_range <= 0.0) return true;
   if (r.kind != Kind::kField && r.kind != Kind::kScene) return s.range[pixel] < kStuckRange * typical_range;
   return s.range[pixel] <= 0.0F && median(values_around(s, s.range, place_of(pixel, s.width))) > kNoiseSteps * r.step;
+}
+
+// Whether a recording shows pixels that do not follow: a stimulus that changes in time by far more than the noise.
+bool changes_much(const Recording& r) {
+  constexpr double kLeastRange = 40.0;  // of the noise, from the smallest value to the largest
+  if (r.kind != Kind::kChopper && r.kind != Kind::kMovingBars) return false;
+  const FrameStatistics& s = r.statistics;
+  if (s.distinct_frames() < kLeastSteady) return false;
+  std::vector<double> scatter;  // of neighbouring frames, that do not change much
+  for (const double one : s.scatter) scatter.push_back(one);
+  std::ranges::sort(scatter);
+  return median(s.range) > kLeastRange * std::max(scatter[scatter.size() / 10], r.step / kNoiseSteps);
 }
 
 void make_unique(std::vector<int>& pixels) {
@@ -278,26 +291,34 @@ std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& rep
 BadPixels find_dead_pixels(Session& session) {
   BadPixels bad;
   const auto pixels = static_cast<std::size_t>(session.width) * static_cast<std::size_t>(session.height);
-  std::vector<std::size_t> stuck(pixels, 0);  // in how many recordings
+  std::vector<std::size_t> stuck(pixels, 0);  // in how many recordings that are asked
+  std::vector<std::size_t> noisy(pixels, 0);
+  std::size_t asked = 0;
+  std::size_t steady = 0;
+  // Where a stimulus changes, a pixel that does not follow is dead, however noisy; stillness then says nothing of it.
+  const bool changes = std::ranges::any_of(session.recordings, changes_much);
   for (const Recording& r : session.recordings) {
     const FrameStatistics& s = r.statistics;
-    const double typical = median(s.range);
-    for (std::size_t p = 0; p < pixels; ++p) stuck[p] += is_stuck(r, p, typical) ? 1U : 0U;
+    if (!changes || changes_much(r)) {
+      ++asked;
+      const double typical = median(s.range);
+      for (std::size_t p = 0; p < pixels; ++p) stuck[p] += is_stuck(r, p, typical) ? 1U : 0U;
+    }
     if (r.kind != Kind::kUniform || s.distinct_frames() < kLeastSteady) continue;
+    ++steady;
     const double usual = median(s.sigma);
     const double usual_rough = median(s.roughness);
     for (std::size_t p = 0; p < pixels && usual > 0.0; ++p) {
-      if (s.sigma[p] > kNoisySigma * usual && s.roughness[p] > 0.5 * usual_rough) {
-        bad.noisy.push_back(static_cast<int>(p));
-      }
+      if (s.sigma[p] > kNoisySigma * usual && s.roughness[p] > 0.5 * usual_rough) ++noisy[p];
     }
   }
-  // Stuck everywhere: where a ceiling or a frozen recording holds all pixels, a few are not told from the others.
+  // Stuck everywhere: where a ceiling or a frozen recording holds all pixels, a few are not told from the others. Noisy
+  // everywhere: one outlier of one capture is none.
   for (std::size_t p = 0; p < pixels; ++p) {
-    if (stuck[p] == session.recordings.size()) bad.stuck.push_back(static_cast<int>(p));
+    if (stuck[p] == asked) bad.stuck.push_back(static_cast<int>(p));
+    if (noisy[p] > 0 && noisy[p] == steady) bad.noisy.push_back(static_cast<int>(p));
   }
   if (bad.stuck.size() * 2 > pixels) bad.stuck.clear();
-  make_unique(bad.noisy);
   for (std::size_t p = 0; p < session.good.size(); ++p) {
     const auto pixel = static_cast<Index>(p);
     const int at = session.grid.row_of(pixel) * session.width + session.grid.column_of(pixel);
@@ -306,10 +327,10 @@ BadPixels find_dead_pixels(Session& session) {
   return bad;
 }
 
-void find_jumping_pixels(Session& session, BadPixels& bad) {
+void find_jumping_pixels(Session& session, BadPixels& bad, double step_k) {
   std::vector<double> steps;
   for (const Recording& r : session.recordings) {
-    if (r.kind == Kind::kUniform) judge_still(session, r, bad, steps);
+    if (r.kind == Kind::kUniform) judge_still(session, r, kHop * step_k, bad, steps);
   }
   make_unique(bad.jumping);
   for (const int pixel : bad.jumping) session.good[static_cast<std::size_t>(pixel)] = 0;
@@ -412,7 +433,7 @@ Events find_events(Session session, const Options& options) {
       events.jumps.push_back(*jump);
     }
   }
-  find_jumping_pixels(session, events.bad);
+  find_jumping_pixels(session, events.bad, events.coarse ? events.step_k : 0.0);
   events.session = std::move(session);
   return events;
 }

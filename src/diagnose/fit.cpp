@@ -247,7 +247,8 @@ std::vector<Gain> screen(const FitData& data, const FitResult& base, const std::
   std::vector<Gain> gains(candidates.size());
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const Effect& effect = *candidates[i].effect;
-    if (effect.map != MapKind::kNone && !effect.parameters) {
+    // What the drift's map multiplies is its own cubics; others can be tried by themselves.
+    if (effect.map != MapKind::kNone && effect.map != MapKind::kDrift) {
       gains[i] = gain_between(base.score, map_gain(data, base.state, base.score, effect.map));
     } else if (with[i].size() > chosen.size()) {
       std::vector<double> parts = wide.loss(with[i]);

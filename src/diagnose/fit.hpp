@@ -112,18 +112,24 @@ struct Nuisance {
   int recording = kAllBars;
   bool is_level = false;  // shares its prior with all other levels
   double nominal = 0.0;
-  double prior = 0.0;  // standard deviation about `nominal`; 0: free. Levels: see level_spread()
+  double prior =
+      0.0;  // standard deviation about `nominal`; 0: free. Of levels: what the bench says, see level_spread()
 };
 
 std::vector<Nuisance> nuisances(const Session& session, const State& nominal);
 
 inline constexpr double kSoftestEdge_px = 0.35;  // of a target, standard deviation
 
-// Levels that agree with the files to a few millikelvin say so together: their spread is estimated from themselves.
+// Levels that agree with the files to a few millikelvin say so together: their spread, as a share of what the bench
+// says of their accuracy, is estimated from themselves, but is never more than all of it.
 inline constexpr double kLevelResolution = 0.005;  // K
 double level_spread(const std::vector<Nuisance>& all, const State& state);
+// The standard deviation of one level at this spread, K.
+double level_width(const Nuisance& level, double spread);
+// Root mean square of the levels' errors, K.
+double level_error(const std::vector<Nuisance>& all, const State& state);
 
-// Log-likelihood (up to a constant) of the levels' errors, their common spread unknown.
+// Log-likelihood (up to a constant) of the levels' errors.
 double level_evidence(const std::vector<Nuisance>& all, const State& state);
 
 // An effect in one of its forms.
@@ -158,8 +164,8 @@ inline constexpr std::array<MapKind, 4> kMapKinds{MapKind::kOffset, MapKind::kGa
 template <typename T>
 using OfMaps = std::array<T, kMapKinds.size()>;
 
-// What a map does to the readings: frames x pixels, per unit: 1, T - kGainReference, dT / d ln tau, the drift. Thread:
-// any.
+// What a map does to the readings: frames x pixels, per unit: 1, T - the gains' reference, dT / d ln tau, the drift.
+// Thread: any.
 Series basis_of(const Session& session, std::size_t recording, const State& state, MapKind kind,
                 std::span<const int> pixels);
 

@@ -17,8 +17,8 @@ constexpr int kTauRounds = 2;
 enum Basis : std::size_t { kOffset, kGain, kTau, kDrift };  // in the order of kMapKinds
 using Wanted = OfMaps<bool>;
 
-// What was found of every pixel, row-major over the frame: K, share of T - kGainReference, log of tau's share, share
-// of the drift; and the variance that noise gives each, summed over the pixels.
+// What was found of every pixel, row-major over the frame: K, share of T - the gains' reference, log of tau's share,
+// share of the drift; and the variance that noise gives each, summed over the pixels.
 struct Found {
   OfMaps<std::vector<double>> value;
   OfMaps<double> noise2{};
@@ -171,11 +171,12 @@ Added added_at(const LearnTask& task, const Found& found, std::size_t pixel) {
   const CameraModel& c = task.state->camera;
   const Recording& last = session.recordings.back();
   const PixelPlace at = place_of(pixel, session.width);
-  const double radius2 = corner_distance2(session, at.y, at.x);
   const Place place = place_in(session, at.y, at.x, last.start_s + last.t.back());
-  Added added{found.value[kGain][pixel] + c.corner_gain * radius2,
-              found.value[kOffset][pixel] + c.corner_offset * radius2 + heating_at(c, place.row)};
-  for (const CameraModel::Term& term : c.terms) added.offset += term.value * term.unit(place, kGainReference);
+  const double own = found.value[kGain][pixel];
+  const double corner = corner_gain_at(session, c, at.y, at.x);
+  Added added{own + corner, found.value[kOffset][pixel] - own * c.gain_reference_k - corner * c.corner_reference_k +
+                                heating_at(c, place.row)};
+  for (const CameraModel::Term& term : c.terms) added.offset += term.value * term.unit(place, kReference);
   // A package that has drifted stays so: what it had come to at the end of the session.
   if (task.found("drift") != nullptr && !c.drift.empty() && !c.drift_level.empty()) {
     const std::size_t index = session.recordings.size() - 1;
@@ -198,7 +199,7 @@ void fill(const LearnTask& task, const Found& found, bool tau, model::PixelMaps&
     any_gain = any_gain || added.gain != 0.0;
     any_offset = any_offset || added.gain != 0.0 || added.offset != 0.0;
     gain[p] = static_cast<float>(1.0 / (1.0 + std::clamp(added.gain, -0.5, 0.5)));
-    offset[p] = gain[p] * static_cast<float>(kGainReference * added.gain - added.offset);
+    offset[p] = gain[p] * static_cast<float>(-added.offset);
   }
   if (any_gain) maps.gain = std::move(gain);
   if (any_offset) maps.offset = std::move(offset);

@@ -31,23 +31,22 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
     const TemperatureTable temperature(c.radiance, y.minCoeff(), y.maxCoeff());
     for (float& v : y.reshaped()) v = static_cast<float>(temperature.at(v));
   }
-  const bool plain = c.corner_gain == 0.0 && c.corner_offset == 0.0 && c.heating_k == 0.0 && c.offset.size() == 0 &&
-                     c.gain.size() == 0 && c.terms.empty() && c.drift.empty();
+  const bool plain = c.corner_gain == 0.0 && c.tilt_x == 0.0 && c.tilt_y == 0.0 && c.heating_k == 0.0 &&
+                     c.offset.size() == 0 && c.gain.size() == 0 && c.terms.empty() && c.drift.empty();
   if (plain) return;
   for (Index j = 0; j < y.cols(); ++j) {
     const int pixel = pixels[static_cast<std::size_t>(j)];
     const int row = session.grid.row_of(pixel);
     const int column = session.grid.column_of(pixel);
-    const double radius2 = corner_distance2(session, row, column);
     Place place = place_in(session, row, column, 0.0);
-    double fixed = c.corner_offset * radius2 + heating_at(c, place.row);
+    const double corner = corner_gain_at(session, c, row, column);
+    double fixed = heating_at(c, place.row);
     if (c.offset.size() > 0) fixed += c.offset[pixel];
-    double gain = c.corner_gain * radius2;
-    if (c.gain.size() > 0) gain += c.gain[pixel];
+    const double gain = c.gain.size() > 0 ? c.gain[pixel] : 0.0;
     for (Index k = 0; k < y.rows(); ++k) {
       const double t = recording.time_of(k);
       const double shown = y(k, j);
-      double value = shown + gain * (shown - kGainReference) + fixed;
+      double value = shown + gain * (shown - c.gain_reference_k) + corner * (shown - c.corner_reference_k) + fixed;
       if (!c.drift.empty()) {
         const double drifted = drift_at(c, recording, index, t);
         value += drifted;
@@ -169,12 +168,14 @@ Place place_in(const Session& session, int row, int column, double t_s) {
   return {row / std::max(1.0, session.height - 1.0), column / std::max(1.0, session.width - 1.0), t_s};
 }
 
-double corner_distance2(const Session& session, int row, int column) {
+double corner_gain_at(const Session& session, const CameraModel& camera, int row, int column) {
   const double half_width = (session.width - 1) / 2.0;
   const double half_height = (session.height - 1) / 2.0;
   const double dx = column - half_width;
   const double dy = row - half_height;
-  return (dx * dx + dy * dy) / std::max(1.0, half_width * half_width + half_height * half_height);
+  const double radius2 = (dx * dx + dy * dy) / std::max(1.0, half_width * half_width + half_height * half_height);
+  return camera.corner_gain * radius2 + camera.tilt_x * dx / std::max(1.0, half_width) +
+         camera.tilt_y * dy / std::max(1.0, half_height);
 }
 
 double heating_at(const CameraModel& camera, double row) {
@@ -255,10 +256,10 @@ BarsModel::BarsModel(const Session& session, std::size_t recording, const State&
       mean_speed_(moving_ ? true_mean_speed(stimulus_, camera_.clock_skew) : 0.0),
       cold_(scene_signal(camera_, stimulus_.level_k[0])),
       span_(scene_signal(camera_, stimulus_.level_k[1]) - cold_),
-      tables_(bar_tables(
-          camera_, stimulus_,
-          {target_.period_px, target_.bar_width_px, target_.slant_px_per_row, mean_speed_, stimulus_.edge_px2},
-          moving_)) {}
+      tables_(bar_tables(camera_, stimulus_,
+                         {target_.period_px, target_.bar_width_px, target_.slant_px_per_row, mean_speed_,
+                          stimulus_.edge_px2, 1.0, std::abs(target_.slant_px_per_row) * camera_.pixel_height},
+                         moving_)) {}
 
 void BarsModel::frame(std::size_t k, double shift_px, std::span<const int> pixels, float* values, float* slopes) const {
   const double speed = moving_ ? stimulus_.speed_px_s[k] / (1.0 + camera_.clock_skew) : 0.0;

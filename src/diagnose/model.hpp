@@ -64,6 +64,7 @@ struct Bars {
   double velocity_px_s = 0.0;
   double edge_px2 = 0.0;     // variance of the target's own edges
   double aperture_px = 1.0;  // width over which a pixel averages
+  double lean_px = 0.0;      // by which bars lean within the height that a pixel sees
 };
 
 // What a pixel shows of bars of height 1 on 0, by the phase of the bars at the pixel.
@@ -75,6 +76,7 @@ class BarTable {
   double slope(double phase_px) const noexcept;  // by phase, 1/px
 
  private:
+  double covered_across(double phase_px) const noexcept;  // the share of one line through a pixel
   double covered(double phase_px) const noexcept;  // the share of the signal that a still pixel gets, in closed form
   double scale_ = 0.0;
   Bars bars_;
@@ -113,26 +115,31 @@ struct Place {
   double t_s = 0.0;     // camera's clock
 };
 Place place_in(const Session& session, int row, int column, double t_s);
-// The square of the distance from the frame's middle; 1 at the corners.
-double corner_distance2(const Session& session, int row, int column);
+
+// About which the references of gains are looked for.
+inline constexpr double kReference = 300.0;
 
 struct CameraModel {
   Response response;
-  double nominal_tau_s = 0.011;       // of the profile
-  double row_delay_s = 0.0;           // of one sensor row
-  bool two_halves = false;            // both halves of the rows are read at the same time
-  double radiance = 0.0;              // 1: the pixel is of first order in radiance, 0: in temperature
-  bool edges_in_temperature = false;  // pixels average over the target's temperature, not its radiance
-  double reflected = 0.0;             // 1 - emissivity
-  double surroundings = 0.0;          // radiance of the surroundings times `reflected`, less that of kSurroundings
-  double corner_gain = 0.0;           // added at the corners, growing with the square of the radius
-  double corner_offset = 0.0;         // K
-  double clock_skew = 0.0;            // the frame period is longer by this share
+  double nominal_tau_s = 0.011;            // of the profile
+  double row_delay_s = 0.0;                // of one sensor row
+  bool two_halves = false;                 // both halves of the rows are read at the same time
+  double radiance = 0.0;                   // 1: the pixel is of first order in radiance, 0: in temperature
+  bool edges_in_temperature = false;       // pixels average over the target's temperature, not its radiance
+  double reflected = 0.0;                  // 1 - emissivity
+  double surroundings = 0.0;               // radiance of the surroundings times `reflected`, less that of kSurroundings
+  double pixel_height = 0.0;               // of the rows' distance, over which a pixel sees; it shows where bars lean
+  double corner_gain = 0.0;                // added at the corners, growing with the square of the radius
+  double tilt_x = 0.0;                     // with the above: added at the right and the lower edge, for a centre
+  double tilt_y = 0.0;                     // that is not the image's
+  double corner_reference_k = kReference;  // at which these make no difference: the housing that shows in their place
+  double clock_skew = 0.0;                 // the frame period is longer by this share
   double clip_k = std::numeric_limits<double>::infinity();  // values from here on up say nothing
   double heating_k = 0.0;  // the offset grows with the row: heating_k (1 - exp(-heating_rate row)), row 0..1
   double heating_rate = 3.0;
   Eigen::VectorXf offset;                    // K of each pixel of the grid; empty: none
-  Eigen::VectorXf gain;                      // share of T - kGainReference; empty: none
+  Eigen::VectorXf gain;                      // share of T - gain_reference_k; empty: none
+  double gain_reference_k = kReference;      // at which gains were last made equal
   Eigen::VectorXf tau;                       // share of tau; empty: none
   std::vector<std::array<double, 3>> drift;  // K of each recording: linear, quadratic, cubic in its own time
   std::vector<double> drift_level;           // K of each recording: its mean drift, which its levels have taken up
@@ -145,6 +152,9 @@ struct CameraModel {
   std::vector<Term> terms;
 };
 
+// What is added to a pixel's gain by light that is lost towards the corners.
+double corner_gain_at(const Session& session, const CameraModel& camera, int row, int column);
+
 // What the read-out's heat adds in a row, 0..1, K.
 double heating_at(const CameraModel& camera, double row);
 
@@ -152,7 +162,6 @@ double heating_at(const CameraModel& camera, double row);
 double drift_at(const CameraModel& camera, const Recording& recording, std::size_t index, double t_s);
 
 inline constexpr double kSurroundings = 295.0;
-inline constexpr double kGainReference = 300.0;
 
 // Errors of one recording's stimulus, and when its frames were taken.
 struct StimulusState {

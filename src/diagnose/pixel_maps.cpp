@@ -64,7 +64,7 @@ Series basis_of(const Session& session, std::size_t recording, const State& stat
   if (kind == MapKind::kOffset) return Series::Ones(r.frames(), static_cast<Index>(pixels.size()));
   if (kind == MapKind::kGain) {
     Series t = predict(session, recording, state, pixels);
-    t.array() -= static_cast<float>(kGainReference);
+    t.array() -= static_cast<float>(state.camera.gain_reference_k);
     return t;
   }
   if (kind == MapKind::kDrift) {

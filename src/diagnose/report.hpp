@@ -139,7 +139,8 @@ struct Learned {
   // The profile that the diagnosis began with, and what was found of the camera as a whole. `maps` in it is as before.
   model::CameraProfile profile;
   // What undoes the rest, of the full frame, when Options::maps asked for it: the camera shows
-  // (1 + g) T - g 300 K + o of a temperature T, so gain = 1 / (1 + g) and offset = (300 K g - o) / (1 + g). An empty
+  // (1 + g) T - g R + o of a temperature T, R where gains make no difference, so gain = 1 / (1 + g) and offset =
+  // (g R - o) / (1 + g). An empty
   // map: nothing of its kind was found. row_delay_s is the profile's.
   model::PixelMaps maps;
 };
@@ -150,9 +151,11 @@ struct Report {
   double gap_after = 1.0;
   double closed_fraction = 0.0;  // (before - after) / (before - 1), 0 when there was no gap
   // no_gap, explained, partly_explained, unknown_effect; not_testable: no capture that a model predicts, so that gaps
-  // are NaN and `needs` says what would do.
+  // are NaN and `needs` says what would do; bench_description: /stimulus contradicts the pictures, gaps are NaN, no
+  // effect is named and `needs` says what would fit.
   std::string verdict = "no_gap";
   std::string needs;
+  bool tested() const { return verdict != "not_testable" && verdict != "bench_description"; }
   std::vector<FoundEffect> effects;
   Location location;
   std::map<std::string, std::map<std::string, double>> stimulus;  // by file name: errors of the stimulus

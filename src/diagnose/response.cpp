@@ -188,7 +188,8 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
     if (gauss > 40.0) break;
     const double turn = kTwoPi * f * bars.bar_width_px;
     const Complex bar = (1.0 - std::exp(Complex(0.0, -turn))) / Complex(0.0, kTwoPi * static_cast<double>(n));
-    spectrum[n] = bar * sinc(f * bars.aperture_px) * std::exp(-gauss) * static_cast<double>(kTablePhases);
+    spectrum[n] = bar * sinc(f * bars.aperture_px) * sinc(f * bars.lean_px) * std::exp(-gauss) *
+                  static_cast<double>(kTablePhases);
   }
   Eigen::FFT<double> fft;
   fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
@@ -219,6 +220,15 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
 }
 
 double BarTable::covered(double phase_px) const noexcept {
+  constexpr int kParts = 6;  // of the height that a pixel sees
+  const int parts = bars_.lean_px > 1e-6 ? kParts : 1;
+  double share = 0.0;
+  for (int i = 0; i < parts; ++i) share += covered_across(phase_px + ((i + 0.5) / parts - 0.5) * bars_.lean_px) / parts;
+  if (signal_.empty()) return share;
+  return interpolated(signal_, std::clamp(share, 0.0, 1.0) * kTableShares);
+}
+
+double BarTable::covered_across(double phase_px) const noexcept {
   const double half = bars_.aperture_px / 2.0;
   const double u = phase_px - bars_.period_px * std::floor(phase_px / bars_.period_px);
   double sum = 0.0;
@@ -228,9 +238,7 @@ double BarTable::covered(double phase_px) const noexcept {
     sum += soft_ramp(from + half, sigma_px_) - soft_ramp(from - half, sigma_px_) - soft_ramp(to + half, sigma_px_) +
            soft_ramp(to - half, sigma_px_);
   }
-  const double share = sum / bars_.aperture_px;
-  if (signal_.empty()) return share;
-  return interpolated(signal_, std::clamp(share, 0.0, 1.0) * kTableShares);
+  return sum / bars_.aperture_px;
 }
 
 double BarTable::at(double phase_px) const noexcept {

@@ -14,7 +14,7 @@ constexpr double kSettled = 3e-4;  // share of the gap
 constexpr std::size_t kTried = 3;  // candidates that are refitted in earnest
 constexpr std::size_t kMostEffects = 8;
 constexpr double kLeastEvidence = 8.0;  // of the levels alone
-constexpr double kLeastEvidenceScattered = 13.0;
+constexpr double kLeastEvidenceScattered = 10.0;
 constexpr double kLevelsOff = 4.0;        // times what levels that agree scatter by
 constexpr double kSoleConfidence = 0.99;  // of an effect beside which no other gains anything
 
@@ -150,7 +150,7 @@ class Selector {
   const Selection& selection() const { return selection_; }
 
  private:
-  bool levels_are_off(const State& state) const { return level_spread(levels_, state) > kLevelsOff * kLevelResolution; }
+  bool levels_are_off(const State& state) const { return level_error(levels_, state) > kLevelsOff * kLevelResolution; }
 
   // What a fit gains over another: held-out cells, and how well the levels agree with their files. The second part has
   // few values behind it, so it counts on its own only when it is large.

@@ -13,7 +13,8 @@ constexpr std::size_t kLeastPixels = 16;
 constexpr std::size_t kSomePixels = 256;
 constexpr double kFirstSettled = 5e-4;  // share of the gap
 constexpr int kFirstRounds = 4;         // of a first fit: levels and edges of an imperfect bench take a while
-constexpr int kMoreRounds = 3;          // at a time, until it is settled
+constexpr double kLeastJumpOfJittered_k = 0.08;
+constexpr int kMoreRounds = 3;  // at a time, until it is settled
 
 // A scattered part of the pixels that are neither dead nor jumping; empty when there are too few.
 std::vector<int> some_pixels(const Session& session) {
@@ -28,6 +29,8 @@ std::vector<int> some_pixels(const Session& session) {
 // Registers the stimuli; a recording that does not show its own becomes a field recording.
 void match_stimuli(std::span<const int> some, Fit& fit) {
   const std::vector<double> matched = register_stimuli(fit.session, fit.state, some);
+  fit.wrong_description = doubt_description(fit.session, fit.state, some);
+  if (!fit.wrong_description.empty()) return;
   for (std::size_t i = 0; i < matched.size(); ++i) {
     if (matched[i] >= kLeastMatch) continue;
     Recording& r = fit.session.recordings[i];
@@ -38,7 +41,7 @@ void match_stimuli(std::span<const int> some, Fit& fit) {
   }
 }
 
-void correct_jumps(const std::vector<Freeze>& freezes, const State& state, Fit& fit) {
+void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const State& state, Fit& fit) {
   const std::vector<int> all = fit.session.grid.all();
   for (const std::size_t i : modelled(fit.session)) {
     const Recording& r = fit.session.recordings[i];
@@ -46,6 +49,8 @@ void correct_jumps(const std::vector<Freeze>& freezes, const State& state, Fit& 
     if (r.kind == Kind::kUniform || state.stimuli[i].times_free) continue;
     const Series residual = r.values - predict(fit.session, i, state, all);
     if (auto jump = find_jump(fit.session, i, residual, freezes)) {
+      // The speed of a pan is less sure where its frames' times are.
+      if (jittered && std::abs(jump->global_k) < kLeastJumpOfJittered_k) continue;
       remove_jump(fit.session, *jump, residual);
       fit.jumps.push_back(*jump);
     }
@@ -94,8 +99,18 @@ void judge_losses(const Transport& transport, const Events& events, const Option
 // The stimuli and nothing else: jumps taken out, frames' times as they turn out to be.
 FitResult fit_stimuli(const FitData& data, const Events& events, bool jittered, Fit& out) {
   FitResult base = settled(data, out.state, kFirstRounds);
+  const bool lean = std::ranges::any_of(out.session.recordings, [](const Recording& r) {
+    return is_bars(r.kind) && std::get<capture::BarTarget>(r.stimulus).slant_px_per_row != 0.0;
+  });
+  if (lean) {
+    // Bars that lean are softer for a pixel that sees all of its row than for one that sees the middle of it.
+    State tall = out.state;
+    tall.camera.pixel_height = 1.0;
+    FitResult other = settled(data, tall, kFirstRounds);
+    if (other.score.gap() < base.score.gap()) base = std::move(other);
+  }
   if (jittered) base = with_times(data, base, out.state, true);
-  correct_jumps(events.freezes, base.state, out);
+  correct_jumps(events.freezes, jittered, base.state, out);
   if (out.jumps.empty()) return base;
   base = fit(data, base.state, {}, kMoreRounds);
   correct_jumps_again(base.state, out);
@@ -131,7 +146,7 @@ Result<Fit> fit_means(const Events& events, const Noise& noise, const Options& o
   if (some.empty()) return bad_input("fewer than 16 pixels are neither dead nor jumping; nothing can be judged");
   if (!progress("finding the stimuli", 0.1)) return failed("interrupted");
   match_stimuli(some, out);
-  if (!testable()) return out;
+  if (!testable() || !out.wrong_description.empty()) return out;
   out.state.camera.clip_k = events.ceiling_k;
   if (std::isfinite(events.ceiling_k)) {
     add(out.findings, options,

@@ -215,6 +215,13 @@ void judge(std::vector<Remainder> left, Report& report) {
   report.location.stage = report.effects.empty() ? report.unexplained.stage : report.effects.front().stage;
 }
 
+// Whether the levels are off by more than they would be of a bench that is as it says.
+bool levels_scatter(const Fit& fit) {
+  constexpr double kOff_k = 0.02;
+  const State files = nominal_state(fit.session, {});
+  return level_error(nuisances(fit.session, files), fit.state) > kOff_k;
+}
+
 // What would test the simulator, where nothing does.
 std::string needs_of(const Session& session) {
   return std::string(
@@ -234,6 +241,17 @@ void mark_not_testable(const Session& session, const Noise& noise, Report& repor
   for (FoundEffect& e : report.effects) {
     if (!e.of_noise) e.gap_before = e.gap_after = kUnknown;
   }
+}
+
+// Beside a description that does not fit nothing is said of the camera.
+void mark_wrong_description(const std::vector<std::string>& wrong, Report& report) {
+  report.verdict = "bench_description";
+  report.effects.clear();
+  report.needs = "/stimulus says otherwise than the pictures show: ";
+  for (const std::string& one : wrong) report.needs += (&one == wrong.data() ? "" : "; ") + one;
+  report.unexplained = {0.0, {}, report.needs};
+  report.location.stage.clear();
+  report.gap_before = report.gap_after = report.closed_fraction = kUnknown;
 }
 
 std::vector<PixelPlace> places_of(const std::vector<int>& pixels, int width) {
@@ -293,6 +311,12 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
       report.not_identifiable.push_back({effect.name, effect.needs});
     }
   }
+  // What a little reflection does to the levels, errors of the bench do, too.
+  if (fit.done && allowed(options, "emissivity") && levels_scatter(fit) &&
+      std::ranges::none_of(fit.selection.chosen,
+                           [](const Chosen& c) { return c.choice.effect->name == "emissivity"; })) {
+    report.not_identifiable.push_back({"emissivity", "black bodies whose temperatures are known better than these"});
+  }
   report.kelvin = session.recordings.front().kelvin;
   fill_noise(noise, report);
   join_gaps(fit.done, report);
@@ -307,6 +331,7 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
     if (!has_model(r)) report.observations.push_back(observe(r));
   }
   if (std::ranges::none_of(session.recordings, has_model)) mark_not_testable(session, noise, report);
+  if (!fit.wrong_description.empty()) mark_wrong_description(fit.wrong_description, report);
   report.withheld = options.withheld;
   return report;
 }

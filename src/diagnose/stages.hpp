@@ -54,10 +54,11 @@ std::vector<double> values_around(const FrameStatistics& statistics, const std::
 // not used.
 std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& repeated_frames);
 
-// Stuck and noisy pixels of the whole frame; then, once jumps have been taken out, those that jump between two levels.
+// Stuck and noisy pixels of the whole frame; then, once jumps have been taken out, those that jump between two levels:
+// by more than `step_k`, between whose multiples a value hops that lies at their border.
 // Marked in session.good.
 BadPixels find_dead_pixels(Session& session);
-void find_jumping_pixels(Session& session, BadPixels& bad);
+void find_jumping_pixels(Session& session, BadPixels& bad, double step_k = 0.0);
 
 // The clearest step in a series of residuals (frames x pixels of the grid, K): of a uniform recording its own values
 // will do.
@@ -147,6 +148,10 @@ std::vector<double> periodogram(const ArrayXd& x);
 // Returns for each recording how well its stimulus correlates with it, 1 for those without a pattern.
 std::vector<double> register_stimuli(const Session& session, State& state, std::span<const int> pixels);
 
+// What the files say of the bench that its pictures deny, and what would fit: signs, factors, hot and cold exchanged.
+// One line each; empty: the description fits as it is, or nothing else fits better. `state`: as registered.
+std::vector<std::string> doubt_description(const Session& session, const State& state, std::span<const int> pixels);
+
 // The local speed of moving bars from their shifts: straight lines over some 20 frames.
 void smooth_speeds(const Session& session, State& state);
 
@@ -232,8 +237,9 @@ struct Fit {
   Session session;  // as that of the events, without the jumps that only a prediction shows
   Session raw;
   std::vector<Jump> jumps;
-  bool done = false;  // false: there is nothing to fit, and what follows is empty
-  State nominal;      // with the errors of the stimuli but nothing of the camera
+  std::vector<std::string> wrong_description;  // of the bench: then nothing is fitted
+  bool done = false;                           // false: there is nothing to fit, and what follows is empty
+  State nominal;                               // with the errors of the stimuli but nothing of the camera
   State state;
   FitResult base;  // the stimuli alone
   Selection selection;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <optional>
 #include <utility>
 
@@ -18,6 +19,7 @@ constexpr double kLostSteps = 0.3;           // of the steps between frames, or
 constexpr double kLostShift_px = 0.2;        // so many pixels off where it is expected
 constexpr double kBetterCorrelation = 1e-4;  // of another place
 constexpr double kLargestDelay_s = 0.015;    // of a chopper
+constexpr double kClearMatch = 0.6;          // of a chopper upside down
 constexpr double kDelayStep_s = 0.0005;
 
 struct Match {
@@ -111,7 +113,7 @@ double follow_bars(const Session& session, std::size_t index, State& state, std:
       Match best = matcher.refine(seen, frame, expected);
       if (best.correlation < start.correlation - kLostCorrelation ||
           std::abs(best.shift - expected) > kLostSteps * std::abs(step) + kLostShift_px) {
-        for (const double jump : {1.0, -1.0, 2.0, -2.0, 3.0}) {
+        for (const double jump : {1.0, -1.0, 2.0, -2.0, 3.0, 4.0, 5.0}) {
           const Match other = matcher.refine(seen, frame, expected + jump * step);
           if (other.correlation > best.correlation + kBetterCorrelation) best = other;
         }
@@ -137,6 +139,62 @@ double match_still(const Session& session, std::size_t index, State& state, std:
   return match.correlation;
 }
 
+// What a still, or the middle frame of a pan, looks like.
+ArrayXf typical_frame(const Recording& r, std::span<const int> pixels, Index& at) {
+  at = 0;
+  if (r.kind == Kind::kMovingBars) {
+    at = r.frames() / 2;
+    while (at + 1 < r.frames() && !r.is_used(at)) ++at;
+    return seen_at(r, at, pixels);
+  }
+  ArrayXf seen = ArrayXf::Zero(static_cast<Index>(pixels.size()));
+  for (Index k = 0; k < r.frames(); ++k) seen += seen_at(r, k, pixels);
+  return seen / static_cast<float>(r.frames());
+}
+
+// One way in which a description of bars may be wrong.
+struct Doubt {
+  std::string words;
+  std::function<void(capture::BarTarget&)> mend;
+};
+
+std::vector<Doubt> doubts() {
+  std::vector<Doubt> all{
+      {"slant_px_per_row has the other sign (rows counted from the other end, or a mirrored picture)",
+       [](auto& b) { b.slant_px_per_row = -b.slant_px_per_row; }},
+      {"hot and cold bars are exchanged: bar_width_px is that of the cold ones",
+       [](auto& b) { b.bar_width_px = b.period_px - b.bar_width_px; }}};
+  const auto add = [&all](const std::string& key, double factor, std::function<void(capture::BarTarget&)> mend) {
+    std::string number = std::to_string(factor);
+    number.resize(4);
+    all.push_back({key + " is about " + number + " times what the file says", std::move(mend)});
+  };
+  for (const double f : {0.5, 0.67, 0.8, 1.25, 1.5, 2.0}) {
+    add("period_px, and bar_width_px with it,", f, [f](auto& b) { b.period_px *= f, b.bar_width_px *= f; });
+    add("slant_px_per_row", f, [f](auto& b) { b.slant_px_per_row *= f; });
+    add("bar_width_px", f, [f](auto& b) { b.bar_width_px = std::min(b.bar_width_px * f, 0.95 * b.period_px); });
+  }
+  return all;
+}
+
+// How well the bars of all recordings match, each as 1 less the correlation, when the files' description is mended.
+std::vector<double> mismatches(const Session& session, const State& state, std::span<const int> pixels,
+                               const std::function<void(capture::BarTarget&)>& mend) {
+  Session mended = session;
+  std::vector<double> all;
+  for (const std::size_t i : modelled(session)) {
+    Recording& r = mended.recordings[i];
+    if (!is_bars(r.kind)) continue;
+    if (mend) mend(std::get<capture::BarTarget>(r.stimulus));
+    const BarsModel model(mended, i, state);
+    FrameMatcher matcher(model, pixels);
+    Index at = 0;
+    const ArrayXf seen = typical_frame(r, pixels, at);
+    all.push_back(1.0 - search(matcher, seen, static_cast<std::size_t>(at), period_of(r)).correlation);
+  }
+  return all;
+}
+
 double match_chopper(const Session& session, std::size_t index, State& state, std::span<const int> pixels) {
   const Recording& recording = session.recordings[index];
   ArrayXf seen(recording.frames());
@@ -154,12 +212,8 @@ double match_chopper(const Session& session, std::size_t index, State& state, st
 }
 
 // All limits are set by effect-free sessions and by sessions with one effect of realistic size (the blind check).
-constexpr double kMuchBetter = 0.3;      // of the squared error without a step
-constexpr double kNearWhole = 0.35;      // of a period, that a step of whole periods may be off by
-constexpr double kBendVariance = 1.5;    // of x less the mean of its neighbours, over that of independent x
-constexpr double kBeforeEdge_s = 0.012;  // of a chopper: frames by which an edge is judged
-constexpr double kAfterEdge_s = 0.04;
-constexpr long kFramesAtEdge = 7;
+constexpr double kNearWhole = 0.35;    // of a period, that a step of whole periods may be off by
+constexpr double kBendVariance = 1.5;  // of x less the mean of its neighbours, over that of independent x
 constexpr double kLeastJitter_s = 4e-5;
 constexpr double kJitterOverMeasured = 2.0;
 constexpr double kJitterOverError = 5.0;
@@ -224,7 +278,9 @@ struct JitterSums {
   }
 };
 
-// One chopper's frames, when they are taken to be late by whole periods from some frame on.
+// When each frame of one chopper was taken: by whole periods later than its number says, a step function of the number
+// that costs something for each step (Viterbi), for every start of the chopper. Lost and inserted frames, any number of
+// them at a time, are told from another start or clock by this alone.
 class ChopperClock {
  public:
   ChopperClock(const Session& session, std::size_t index, State& state, std::span<const int> pixels)
@@ -233,91 +289,83 @@ class ChopperClock {
     for (Index k = 0; k < seen_.size(); ++k) {
       seen_[k] = sum_of(few_, [&](int p) { return r_.values(k, p); }) / static_cast<double>(few_.size());
     }
-    const auto& chopper = std::get<capture::Chopper>(r_.stimulus);
-    edges_ = chopper.on_s;
-    edges_.insert(edges_.end(), chopper.off_s.begin(), chopper.off_s.end());
-    std::ranges::sort(edges_);
+    sigma_k_ = kMisfit * (seen_.maxCoeff() - seen_.minCoeff());
   }
 
-  // Walks from edge to edge: when the next edge comes whole periods early or late, frames were lost or inserted since
-  // the last one.
   void count_steps(Transport& t) {
+    Path best;
+    double best_delay_s = 0.0;
+    for (double delay_s = -0.5; delay_s < 0.45; delay_s += 0.1) {
+      const Path path = path_of(delay_s * session_.period_s);
+      if (!(path.cost < best.cost)) continue;
+      best = path;
+      best_delay_s = delay_s * session_.period_s;
+    }
+    const std::vector<int>& late = best.late;
+    if (late.empty() || std::ranges::count(late, late.front()) == std::ssize(late)) return;
+    // Before the first edge a lost frame and another start are the same.
     StimulusState& s = state_.stimuli[index_];
-    for (std::size_t e = 0; e < edges_.size(); ++e) {
-      const std::size_t begin = frame_at(edges_[e], -kBeforeEdge_s);
-      const std::size_t end = frame_at(edges_[e], kAfterEdge_s);
-      const auto used =
-          std::count(r_.used.begin() + static_cast<long>(begin), r_.used.begin() + static_cast<long>(end), 1);
-      if (begin + 3 >= end || used < kFramesAtEdge) continue;
-      const int periods = periods_at(begin, end);
-      if (periods == 0) continue;
-      if (e == 0) {
-        // Before the first edge a lost frame and another start are the same.
-        s.delay_s -= periods * session_.period_s;
-        continue;
-      }
-      const double later = late_ + periods * session_.period_s;
-      const std::size_t step = step_between(frame_at(edges_[e - 1], -kBeforeEdge_s), begin, end, later);
-      std::fill(s.late_s.begin() + static_cast<long>(step), s.late_s.end(), later);
-      late_ = later;
-      count_periods(periods, t);
+    s.delay_s -= best_delay_s + late.front() * session_.period_s;
+    for (std::size_t k = 0; k < late.size(); ++k) {
+      s.late_s[k] = (late[k] - late.front()) * session_.period_s;
+      if (k > 0) count_periods(late[k] - late[k - 1], t);
     }
   }
 
  private:
-  std::size_t frame_at(double edge_s, double after_s) const {
-    const double t_s = edge_s + state_.stimuli[index_].delay_s - late_ + after_s;
-    return static_cast<std::size_t>(
-        std::clamp<long>(std::lround(t_s / session_.period_s), 0, static_cast<long>(r_.frames())));
-  }
+  static constexpr int kMost = 8;  // periods, either way
+  static constexpr int kPlaces = 2 * kMost + 1;
+  static constexpr double kMisfit = 0.03;     // of the contrast, that levels and time constants may be off by
+  static constexpr double kMostOfFrame = 25;  // of the cost of one frame
+  static constexpr double kStepCost = 20.0;   // and of one frame that was lost or inserted
 
-  // What is left of the frames [from, to) of a trial when the prediction's level and contrast are free: those may be
-  // off by tenths of a kelvin, or jump.
-  double error(const State& trial, std::size_t from, std::size_t to) const {
-    const Series y = predict(session_, index_, trial, few_);
-    Line line;
-    for (auto k = static_cast<Index>(from); k < static_cast<Index>(to); ++k) {
-      if (r_.is_used(k)) line.add(y.row(k).mean() - kGainReference, seen_[k] - kGainReference);
-    }
-    const double xx = line.scatter_x();
-    const double xy = line.scatter_xy();
-    const double yy = line.scatter_y();
-    return xx > 1e-9 && xy > 0.0 ? yy - xy * xy / xx : yy;
-  }
+  struct Path {
+    double cost = 1e300;
+    std::vector<int> late;  // of each frame, periods
+  };
 
-  // The periods by which the frames at an edge are later than those before. A step must explain much better than none.
-  int periods_at(std::size_t begin, std::size_t end) const {
+  // What every frame would cost at every lateness.
+  Eigen::ArrayXXd costs(double later_s) const {
+    Eigen::ArrayXXd cost(seen_.size(), kPlaces);
     State trial = state_;
-    auto& late_s = trial.stimuli[index_].late_s;
-    const auto error_of = [&](int periods) {
-      std::fill(late_s.begin() + static_cast<long>(begin), late_s.end(), late_ + periods * session_.period_s);
-      return error(trial, begin, end);
-    };
-    double best = kMuchBetter * error_of(0);
-    int best_periods = 0;
-    for (const int periods : {-1, 1, -2, 2, -3, 3}) {
-      const double left = error_of(periods);
-      if (!(left < best)) continue;
-      best = left;
-      best_periods = periods;
+    for (int place = 0; place < kPlaces; ++place) {
+      std::ranges::fill(trial.stimuli[index_].late_s, (place - kMost) * session_.period_s + later_s);
+      const Series y = predict(session_, index_, trial, few_);
+      for (Index k = 0; k < seen_.size(); ++k) {
+        const double expected = std::min<double>(y.row(k).mean(), trial.camera.clip_k);
+        const double miss = (seen_[k] - expected) / sigma_k_;
+        cost(k, place) = r_.is_used(k) ? std::min(miss * miss, kMostOfFrame) : 0.0;
+      }
     }
-    return best_periods;
+    return cost;
   }
 
-  // The frame from which on they are later: anywhere since the edge before.
-  std::size_t step_between(std::size_t from, std::size_t begin, std::size_t end, double later) const {
-    State trial = state_;
-    auto& late_s = trial.stimuli[index_].late_s;
-    double least = 1e300;
-    std::size_t where = begin;
-    for (std::size_t k = from; k <= std::min(end, late_s.size() - 1); ++k) {
-      for (std::size_t i = from; i < late_s.size(); ++i) late_s[i] = i < k ? late_ : later;
-      const double left = error(trial, from, end);
-      if (!(left < least)) continue;
-      least = left;
-      where = k;
+  Path path_of(double later_s) const {
+    const Eigen::ArrayXXd cost = costs(later_s);
+    const Index frames = cost.rows();
+    Eigen::ArrayXXi from(frames, kPlaces);
+    ArrayXd sum = cost.row(0).transpose();
+    for (Index k = 1; k < frames; ++k) {
+      ArrayXd next(kPlaces);
+      for (int to = 0; to < kPlaces; ++to) {
+        int best = to;
+        for (int at = 0; at < kPlaces; ++at) {
+          if (sum[at] + kStepCost * std::abs(at - to) < sum[best] + kStepCost * std::abs(best - to)) best = at;
+        }
+        from(k, to) = best;
+        next[to] = sum[best] + kStepCost * std::abs(best - to) + cost(k, to);
+      }
+      sum = next;
     }
-    return where;
+    Index place = 0;
+    Path path;
+    path.cost = sum.minCoeff(&place);
+    path.late.assign(static_cast<std::size_t>(frames), 0);
+    for (Index k = frames - 1; k >= 0; --k) {
+      path.late[static_cast<std::size_t>(k)] = static_cast<int>(place) - kMost;
+      if (k > 0) place = from(k, place);
+    }
+    return path;
   }
 
   const Session& session_;
@@ -326,8 +374,7 @@ class ChopperClock {
   State& state_;
   std::vector<int> few_;  // pixels that are looked at
   ArrayXd seen_;          // their mean in each frame
-  std::vector<double> edges_;
-  double late_ = 0.0;  // of the frames at the last edge
+  double sigma_k_ = 1.0;
 };
 
 }  // namespace
@@ -344,9 +391,42 @@ std::vector<double> register_stimuli(const Session& session, State& state, std::
   return matched;
 }
 
+std::vector<std::string> doubt_description(const Session& session, const State& state, std::span<const int> pixels) {
+  constexpr double kPoor = 0.01;    // below it the files are right
+  constexpr double kBetter = 0.35;  // of what is missed, at most, by a description that is right
+  constexpr double kLeastSpeed = 0.8;
+  constexpr double kMostSpeed = 1.25;
+  std::vector<std::string> wrong;
+  const std::vector<double> stated = mismatches(session, state, pixels, {});
+  double least = kBetter * sum_of(stated);
+  if (sum_of(stated) > kPoor * static_cast<double>(stated.size())) {
+    for (const Doubt& doubt : doubts()) {
+      const std::vector<double> mended = mismatches(session, state, pixels, doubt.mend);
+      if (sum_of(mended) >= least) continue;
+      least = sum_of(mended);
+      wrong = {"the bar target's " + doubt.words};
+    }
+  }
+  for (const std::size_t i : modelled(session)) {
+    const Recording& r = session.recordings[i];
+    if (r.kind == Kind::kMovingBars && wrong.empty()) {
+      const double share = median(state.stimuli[i].speed_px_s) / std::get<capture::BarTarget>(r.stimulus).velocity_px_s;
+      if (share > kLeastSpeed && share < kMostSpeed) continue;
+      wrong.push_back(r.name + ": velocity_px_s is " + (share < 0.0 ? "of the other sign" : "off by a factor"));
+    }
+    if (r.kind != Kind::kChopper) continue;
+    State swapped = state;
+    StimulusState& s = swapped.stimuli[i];
+    for (double& level : s.level_k) level = 2.0 * kReference - level;  // hot when it should be cold
+    if (match_chopper(session, i, swapped, pixels) > kClearMatch)
+      wrong.push_back(r.name + ": on and off are exchanged");
+  }
+  return wrong;
+}
+
 void smooth_speeds(const Session& session, State& state) {
   const bool jittered = std::ranges::any_of(state.stimuli, &StimulusState::times_free);
-  const long half = jittered ? 20 : 12;
+  const long half = jittered ? 40 : 12;
   for (std::size_t i = 0; i < session.recordings.size(); ++i) {
     const Recording& recording = session.recordings[i];
     if (recording.kind != Kind::kMovingBars) continue;

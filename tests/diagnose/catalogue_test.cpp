@@ -89,10 +89,12 @@ TEST(Catalogue, AnEffectAtItsTypicalSizeChangesThePrediction) {
   for (int p = 0; p < full.grid.pixels(); p += 5) pixels.push_back(p);
   for (const Effect& effect : catalogue()) {
     if (!effect.parameters) continue;
-    State state = nominal_state(full, {});
+    State plain = nominal_state(full, {});
+    // The reference of gains is that of a pattern.
+    if (effect.map == MapKind::kGain) plain.camera.gain = Eigen::VectorXf::Constant(full.grid.pixels(), 0.01F);
+    State state = plain;
     if (!effect.forms.empty() && effect.forms.front().begin) effect.forms.front().begin(state);
     for (const Parameter& c : effect.parameters(full)) c.set(state, c.step);
-    const State plain = nominal_state(full, {});
     double largest = 0.0;
     for (std::size_t i = 0; i < full.recordings.size(); ++i) {
       const Series change = predict(full, i, state, pixels) - predict(full, i, plain, pixels);

@@ -174,7 +174,7 @@ TEST(Nuisances, LevelsThatAgreeWithTheFilesSayThatTheBenchIsGood) {
     if (n.is_level) n.parameter.set(state, n.nominal + 0.5);
   }
   EXPECT_LT(good, 0.02);
-  EXPECT_GT(level_spread(all, state), 0.2);
+  EXPECT_GT(level_spread(all, state), 0.4);
   EXPECT_LT(level_evidence(all, state), evidence);
 }
 

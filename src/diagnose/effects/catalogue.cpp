@@ -41,6 +41,24 @@ Estimates report_drift(const Fitted& f) {
   return {{"change_k", interval(largest, error)}};
 }
 
+// A temperature at which gains make no difference, less the one that it is looked for about.
+Parameter about_reference(const char* name, double CameraModel::*member) {
+  constexpr double kReach = 60.0;  // K
+  return {name,
+          5.0,
+          -kReach,
+          kReach,
+          [member](const State& s) { return s.camera.*member - kReference; },
+          [member](State& s, double v) { s.camera.*member = kReference + v; }};
+}
+
+// Where a camera's gains were last made equal is its own affair: no pattern of offsets is needed for it.
+Estimates report_gains(const Fitted& f) {
+  Estimates out = rms_of(MapKind::kGain)(f);
+  out["reference_k"] = interval(kReference + f.value[0], f.error[0]);
+  return out;
+}
+
 // A cubic in time for each recording: three parameters each.
 std::vector<Parameter> cubics(const Session& session) {
   std::vector<Parameter> all;
@@ -84,7 +102,9 @@ std::vector<Effect> scene_and_pixel_effects() {
        .needs = "flat black bodies at two temperatures",
        .told_by = any_of({Kind::kUniform, Kind::kChopper}),
        .parameters = always({number_of("corner_gain", 0.01, -0.2, 0.2, &CameraModel::corner_gain),
-                             number_of("corner_offset", 0.05, -5.0, 5.0, &CameraModel::corner_offset)}),
+                             number_of("tilt_x", 0.005, -0.2, 0.2, &CameraModel::tilt_x),
+                             number_of("tilt_y", 0.005, -0.2, 0.2, &CameraModel::tilt_y),
+                             about_reference("housing", &CameraModel::corner_reference_k)}),
        .least = 0.0006,
        .hides_in = MapKind::kGain,
        .report = reported_as("corner_loss", [](double v, double e) { return interval(-v, e); })},
@@ -203,9 +223,10 @@ std::vector<Effect> readout_effects() {
              return std::ranges::count(s.recordings, Kind::kUniform, &Recording::kind) > 1 ||
                     has_kind(s, Kind::kChopper);
            },
+       .parameters = always({about_reference("reference", &CameraModel::gain_reference_k)}),
        .map = MapKind::kGain,
        .least = 0.00025,
-       .report = rms_of(MapKind::kGain)},
+       .report = report_gains},
       // Heating by the bias pulse: an offset that grows with the time of the row in the frame.
       {.name = "self_heating",
        .stage = "readout",

@@ -302,6 +302,9 @@ std::string headline(const Report& report, bool utf8) {
     return "The simulator was not tested: nothing in these captures is known well enough to be predicted. Needed: " +
            sentence_end(report.needs);
   }
+  if (report.verdict == "bench_description") {
+    return "The bench is not as its file says, so that nothing is said of the camera: " + sentence_end(report.needs);
+  }
   if (report.verdict == "no_gap") {
     return "The simulator cannot be told from the camera in these captures: nothing needs to be added.";
   }
@@ -318,7 +321,7 @@ std::string report_summary(const Report& report) {
   const Wording wording{.kelvin = report.kelvin};
   std::string out = headline(report) + '\n';
   add_line(out, "verdict", report.verdict);
-  if (report.verdict != "not_testable") {
+  if (report.tested()) {
     add_line(out, "gap",
              gap_text(report.gap_before) + " -> " + gap_text(report.gap_after) + " noise floors (1.00: none)");
   }

@@ -162,7 +162,7 @@ std::string head_part(const Report& report) {
     out += '.';
   }
   out += "</p><div class=facts>";
-  const bool tested = report.verdict != "not_testable";
+  const bool tested = report.tested();
   if (!tested && !std::isfinite(report.noise_gap_before)) return out + "</div>";
   if (tested)
     out += fact(arrow(report.gap_before, report.gap_after), "gap of the prediction, in noise floors; 1.00 is none");
@@ -178,7 +178,7 @@ std::string head_part(const Report& report) {
 }
 
 std::string waterfall_part(const Report& report) {
-  if (report.verdict == "not_testable") return {};
+  if (!report.tested()) return {};
   std::vector<double> gaps{report.gap_before, report.gap_after};
   const bool noise = std::ranges::any_of(report.effects, [](const FoundEffect& e) { return e.of_noise; });
   if (noise) gaps.insert(gaps.end(), {report.noise_gap_before, report.noise_gap_after});
@@ -202,7 +202,7 @@ std::string waterfall_part(const Report& report) {
 }
 
 std::string location_part(const Report& report) {
-  if (report.verdict == "not_testable" || (report.effects.empty() && report.unexplained.stage.empty())) return {};
+  if (!report.tested() || (report.effects.empty() && report.unexplained.stage.empty())) return {};
   const Location& where = report.location;
   std::string out = "<h2>Where the gap is</h2>" + chain(report) + "<div class=facts>";
   out += fact(format("%d to %d", where.row_first, where.row_last), "rows");
@@ -228,9 +228,9 @@ std::string location_part(const Report& report) {
 
 std::string unexplained_part(const Report& report) {
   const Unexplained& left = report.unexplained;
-  if (report.verdict == "not_testable" && left.stage.empty()) return {};
+  if (!report.tested() && left.stage.empty()) return {};
   const bool significant =
-      report.verdict == "not_testable" || report.verdict == "unknown_effect" || report.verdict == "partly_explained";
+      !report.tested() || report.verdict == "unknown_effect" || report.verdict == "partly_explained";
   if (!significant) {
     return format(
         "<h2>What is left</h2><p>Nothing that the tests can see: all of them together have a p-value of "

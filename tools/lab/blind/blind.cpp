@@ -68,12 +68,15 @@ cxxopts::Options command_line() {
   const auto number = [](const char* value) { return cxxopts::value<double>()->default_value(value); };
   const auto count = [](const char* value) { return cxxopts::value<std::int64_t>()->default_value(value); };
   const auto pixels = [](const char* value) { return cxxopts::value<int>()->default_value(value); };
-  options.add_options("Sessions")("kind", "effect-free, single, pair, outside, withheld, forms, or all; repeatable",
+  options.add_options("Sessions")("kind",
+                                  "effect-free, single, pair, outside, withheld, forms, bench, or all; repeatable",
                                   cxxopts::value<Words>()->default_value("all"))(
       "sessions", "Of each kind", count("29"))("first", "Index of the first session of each kind", count("0"))(
       "only", "The effect of every session", cxxopts::value<std::string>(), "EFFECT")(
-      "imperfect", "The stimuli have errors of their own")("magnitude", "Of the effects' strength, 1: realistic",
-                                                           number("1"))(
+      "imperfect", "The stimuli have errors of their own")(
+      "reality", "first: the project's simulator; second: a camera and a bench that share nothing with it",
+      cxxopts::value<std::string>()->default_value("first"))("magnitude", "Of the effects' strength, 1: realistic",
+                                                             number("1"))(
       "seed", "The same sessions each time", cxxopts::value<std::uint64_t>()->default_value("1"))(
       "width", "Pixels", pixels("32"))("height", "Pixels", pixels("24"))("frames-scale", "Of the captures' lengths",
                                                                          number("1"));
@@ -93,6 +96,10 @@ Status read_draw(const Given& given, DrawOptions& draw) {
   draw.magnitude = given["magnitude"].as<double>();
   draw.imperfect = given.count("imperfect") != 0;
   if (given.count("only") != 0) draw.only = given["only"].as<std::string>();
+  const auto reality = given["reality"].as<std::string>();
+  if (reality != "first" && reality != "second")
+    return bad_input("--reality " + reality + ": expected first or second");
+  draw.reality = reality == "second" ? Reality::kSecond : Reality::kFirst;
   if (draw.geometry.width < 8 || draw.geometry.height < 8 || draw.geometry.pixels() > std::size_t{640} * 480) {
     return bad_input("--width, --height: expected at least 8 and at most 640x480 pixels");
   }
@@ -107,7 +114,8 @@ Status draw_sessions(const Given& given, Request& request) {
     for (std::size_t i = 0; name == "all" && i < kKinds; ++i) kinds.push_back(static_cast<Kind>(i));
     if (kind) kinds.push_back(*kind);
     if (!kind && name != "all") {
-      return bad_input("--kind " + name + ": expected effect-free, single, pair, outside, withheld, forms or all");
+      return bad_input("--kind " + name +
+                       ": expected effect-free, single, pair, outside, withheld, forms, bench or all");
     }
   }
   const auto first = given["first"].as<std::int64_t>();

@@ -54,6 +54,8 @@ bool passes(Kind kind, const Judgement& j) {
       return j.flagged;
     case Kind::kForms:
       return j.right_first || j.flagged;
+    case Kind::kBench:
+      return j.doubted && !j.false_effect;
   }
   return false;
 }
@@ -155,6 +157,7 @@ void tabulate(const Trial& trial, const Judgement& judgement, Score& out) {
       ++out.instead[hidden][judgement.flagged ? kUnknown : said];
       break;
     case Kind::kPair:
+    case Kind::kBench:
       break;
   }
 }
@@ -193,7 +196,8 @@ const std::map<Kind, std::vector<Detail>> kDetails{
      {{"the right name first, or flagged", &S::passed},
       {"the right name first", &S::right_first},
       {"flagged as not fully explained", &S::flagged},
-      kSilent}}};
+      kSilent}},
+    {Kind::kBench, {{"the description doubted, and no effect", &S::passed}, {"an effect named", &S::false_effect}}}};
 
 std::string details(Kind kind, const KindScore& s) {
   std::string out;
@@ -258,6 +262,7 @@ Judgement judge(const Trial& trial) {
   const auto& hidden = session.effects;
   const auto is_named = [&](const sim::EffectSpec& effect) { return names(finding, effect.name); };
   j.flagged = finding.verdict == "unknown_effect" || finding.verdict == "partly_explained";
+  j.doubted = finding.verdict == "bench_description";
   j.nothing = finding.effects.empty() && !j.flagged;
   j.false_effect =
       std::ranges::any_of(finding.effects, [&](const Named& effect) { return !hides(session, effect.name); });
@@ -306,6 +311,7 @@ std::string rerun_words(const Failure& failure, const DrawOptions& draw) {
   std::string words =
       format("bolo-lab blind --kind %s --seed %llu --first %zu --sessions 1",
              std::string(name_of(failure.kind)).c_str(), static_cast<unsigned long long>(draw.seed), failure.index);
+  if (draw.reality == Reality::kSecond) words += " --reality second";
   if (draw.imperfect) words += " --imperfect";
   if (draw.magnitude != 1.0) words += format(" --magnitude %g", draw.magnitude);
   if (!draw.only.empty()) words += " --only " + draw.only;
@@ -356,6 +362,7 @@ ordered_json score_json(const Score& score, const Setting& setting) {
                         {"again", rerun_words(failure, setting.draw)}});
   }
   return {{"bolo_blind", 1},
+          {"reality", setting.draw.reality == Reality::kSecond ? "second" : "first"},
           {"seed", setting.draw.seed},
           {"imperfect", setting.draw.imperfect},
           {"magnitude", setting.draw.magnitude},

@@ -39,6 +39,7 @@ struct Judgement {
   bool blamed = false;          // explained by what was not there, and nothing unknown said
   bool sure = false;            // confidence of at least 0.95 in the first named
   bool sure_right = false;      // and it was right
+  bool doubted = false;         // what /stimulus says does not fit
   bool nothing = false;         // neither an effect nor anything unknown
 };
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #include <memory>
 #include <mutex>
 #include <set>
@@ -13,6 +14,7 @@
 
 #include "src/sim/simulator.hpp"
 #include "src/sim/stimulus_error.hpp"
+#include "tools/lab/blind/reality.hpp"
 #include "tools/lab/common.hpp"
 
 namespace bolo::tools::blind {
@@ -161,7 +163,8 @@ std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::ve
   return plans;
 }
 
-constexpr std::array<std::string_view, kKinds> kNames{"effect-free", "single", "pair", "outside", "withheld", "forms"};
+constexpr std::array<std::string_view, kKinds> kNames{"effect-free", "single", "pair", "outside",
+                                                      "withheld",    "forms",  "bench"};
 
 // An effect and its form.
 struct Choice {
@@ -173,7 +176,7 @@ struct Choice {
 std::vector<Choice> choices(Kind kind) {
   std::vector<Choice> out;
   for (const sim::EffectDescription& effect : sim::effect_descriptions()) {
-    if (effect.in_catalogue == (kind == Kind::kOutside) || kind == Kind::kEffectFree) continue;
+    if (effect.in_catalogue == (kind == Kind::kOutside) || kind == Kind::kEffectFree || kind == Kind::kBench) continue;
     if (kind != Kind::kForms) out.push_back({effect.name, {}});
     for (std::size_t i = 1; kind == Kind::kForms && i < effect.forms.size(); ++i) {
       out.push_back({effect.name, effect.forms[i]});
@@ -197,7 +200,8 @@ Result<sim::EffectSpec> drawn(const Choice& choice, double magnitude, Dice& dice
 }
 
 Status draw_effects(const DrawOptions& options, Session& session, Dice& dice) {
-  if (session.kind == Kind::kEffectFree) return {};
+  if (session.kind == Kind::kBench) session.misdescribed = kMisdescribed[session.index % kMisdescribed.size()];
+  if (session.kind == Kind::kEffectFree || session.kind == Kind::kBench) return {};
   std::vector<Choice> all = choices(session.kind);
   if (!options.only.empty()) {
     std::erase_if(all, [&](const Choice& c) { return c.effect != options.only; });
@@ -286,16 +290,33 @@ std::vector<std::byte> simulated(sim::Simulator& simulator, std::size_t frames) 
   return planes;
 }
 
+// What the file says of the bench, wrong in one way.
+capture::Stimulus described(capture::Stimulus stimulus, std::string_view wrong) {
+  if (auto* bars = std::get_if<capture::BarTarget>(&stimulus)) {
+    if (wrong == "slant") bars->slant_px_per_row *= -1.0;
+    if (wrong == "velocity") bars->velocity_px_s *= -1.0;
+    if (wrong == "speed") bars->velocity_px_s *= 0.5;
+    if (wrong == "period") bars->period_px *= 1.5, bars->bar_width_px *= 1.5;
+    if (wrong == "width") bars->bar_width_px *= 0.5;
+  }
+  if (auto* chopper = std::get_if<capture::Chopper>(&stimulus); chopper != nullptr && wrong == "on_off") {
+    const double highest = *std::ranges::max_element(chopper->level_k);
+    for (double& level : chopper->level_k) level = chopper->cold_k;
+    chopper->cold_k = highest;
+  }
+  return stimulus;
+}
+
 // Without the attributes that sim::write_capture() adds: they tell seeds.
 Status write_planes(const std::filesystem::path& file, const StreamFormat& format, const CapturePlan& plan,
-                    const std::vector<std::byte>& planes) {
+                    std::string_view misdescribed, const std::vector<std::byte>& planes) {
   const std::lock_guard lock(hdf5_mutex());
   capture::CaptureInfo info;
   info.format = format;
   info.camera_model = "camera";
   auto writer = capture::CaptureWriter::create(file, info);
   if (!writer) return tl::unexpected(writer.error());
-  Status status = writer->write_stimulus(plan.stimulus);
+  Status status = writer->write_stimulus(described(plan.stimulus, misdescribed));
   const std::size_t bytes = plane_bytes(format.geometry, format.type);
   for (std::size_t k = 0; status && k < plan.frames; ++k) {
     status = writer->append(static_cast<double>(k) * kPeriodS, k, planes.data() + k * bytes);
@@ -303,13 +324,27 @@ Status write_planes(const std::filesystem::path& file, const StreamFormat& forma
   return status ? writer->close() : status;
 }
 
+// The second reality's frames, in the same format.
+Status write_film(const Session& session, const CapturePlan& plan, const std::filesystem::path& file) {
+  const std::vector<std::uint16_t> counts = second::film(session, plan);
+  std::vector<std::byte> planes(counts.size() * sizeof(counts[0]));
+  std::memcpy(planes.data(), counts.data(), planes.size());
+  StreamFormat format;
+  format.geometry = session.geometry;
+  format.type = PixelType::kUint16;
+  format.scale = {Unit::kKelvin, 0.01, 0.0};
+  format.frame_period_s = kPeriodS;
+  return write_planes(file, format, plan, session.misdescribed, planes);
+}
+
 Status write_capture(const Session& session, const CapturePlan& plan, const std::filesystem::path& file) {
+  if (session.reality == Reality::kSecond) return write_film(session, plan, file);
   auto field = sim::with_errors(nominal_field(plan.stimulus), plan.faults, session.geometry);
   if (!field) return tl::unexpected(field.error());
   const auto simulator = sim::Simulator::create(camera_of(session, plan), std::move(*field));
   if (!simulator) return tl::unexpected(simulator.error());
   const auto planes = simulated(**simulator, plan.frames);
-  return write_planes(file, (*simulator)->format(), plan, planes);
+  return write_planes(file, (*simulator)->format(), plan, session.misdescribed, planes);
 }
 
 }  // namespace
@@ -322,7 +357,8 @@ std::optional<Kind> kind_named(std::string_view name) {
   return static_cast<Kind>(found - kNames.begin());
 }
 
-std::vector<std::string> effects_of(Kind kind) {
+std::vector<std::string> effects_of(Kind kind, Reality reality) {
+  if (reality == Reality::kSecond) return second::effects_of(kind);
   std::vector<std::string> names;
   for (const Choice& choice : choices(kind)) {
     if (names.empty() || names.back() != choice.effect) names.emplace_back(choice.effect);
@@ -347,6 +383,7 @@ sim::EffectSpec weakened(sim::EffectSpec effect, double magnitude) {
 }
 
 Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index) {
+  if (options.reality == Reality::kSecond) return second::draw_session(options, kind, index);
   Session session;
   session.kind = kind;
   session.index = index;
@@ -367,13 +404,16 @@ nlohmann::json to_json(const Session& session) {
                         {"session_start_s", plan.session_start_s},
                         {"noise_seed", plan.noise_seed},
                         {"effects", to_json(plan.effects)},
-                        {"stimulus_error", sim::stimulus_error_text(plan.faults)}});
+                        {"stimulus_error", sim::stimulus_error_text(plan.faults)},
+                        {"bench", plan.bench}});
   }
   return {{"kind", name_of(session.kind)},
+          {"reality", session.reality == Reality::kSecond ? "second" : "first"},
           {"index", session.index},
           {"seed", session.seed},
           {"effects", to_json(session.effects)},
           {"withheld", session.withheld},
+          {"misdescribed", session.misdescribed},
           {"width", session.geometry.width},
           {"height", session.geometry.height},
           {"camera_seed", session.camera_seed},

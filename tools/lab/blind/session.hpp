@@ -1,9 +1,11 @@
 // Sessions of the blind check: what is hidden in them, drawn from a seed.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -26,8 +28,12 @@ enum class Kind {
   kOutside,   // one that is not in the catalogue
   kWithheld,  // one of the catalogue, which the diagnosis may not use
   kForms,     // one of the catalogue in another physical form than the standard one
+  kBench,     // no effect, but a /stimulus that describes another bench
 };
-inline constexpr std::size_t kKinds = 6;
+inline constexpr std::size_t kKinds = 7;
+
+// What makes the captures: the project's simulator, or a camera that shares nothing with it (reality.hpp).
+enum class Reality { kFirst, kSecond };
 
 // "effect-free", "single" ... Thread: any.
 std::string_view name_of(Kind kind);
@@ -40,6 +46,7 @@ struct DrawOptions {
   double magnitude = 1.0;     // of the effects' strength, 1: realistic
   bool imperfect = false;     // the stimuli have errors
   std::string only;           // the effect of every session; empty: all in turn
+  Reality reality = Reality::kFirst;
 };
 
 struct CapturePlan {
@@ -48,29 +55,35 @@ struct CapturePlan {
   std::size_t frames = 0;
   double session_start_s = 0.0;
   std::uint64_t noise_seed = 0;
-  std::vector<sim::EffectSpec> effects;  // those at work in this capture
-  sim::StimulusError faults;             // how the true stimulus differs from the nominal one
+  std::vector<sim::EffectSpec> effects;                // those at work in this capture
+  sim::StimulusError faults;                           // how the true stimulus differs from the nominal one
+  std::map<std::string, double, std::less<>> bench{};  // the same, of the second reality
 };
 
 // The answer to one question of the check.
 struct Session {
   Kind kind = Kind::kEffectFree;
-  std::size_t index = 0;   // among its kind
+  std::size_t index = 0;  // among its kind
+  Reality reality = Reality::kFirst;
   std::uint64_t seed = 0;  // of everything in it
   std::vector<sim::EffectSpec> effects;
   std::string withheld;
+  std::string misdescribed;  // what /stimulus has wrong
   Geometry geometry;
   std::uint64_t camera_seed = 0;
   std::vector<CapturePlan> captures;
 };
 
 // The names among which the sessions of a kind go in turn. Thread: any.
-std::vector<std::string> effects_of(Kind kind);
+std::vector<std::string> effects_of(Kind kind, Reality reality = Reality::kFirst);
 
 // Six captures: closed shutter, hot flat, chopper, slow pan, fast pan the other way, static target; 10 mK a count.
 // The same options, kind and index give the same session, whatever others are drawn. kBadInput when `only` names no
 // effect of the kind. Thread: any.
 Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index);
+
+// What /stimulus may have wrong, in turn.
+inline constexpr std::array<const char*, 6> kMisdescribed{"slant", "velocity", "period", "width", "speed", "on_off"};
 
 // The effect with its strength times `magnitude` (1: unchanged), within what the simulator accepts. Thread: any.
 sim::EffectSpec weakened(sim::EffectSpec effect, double magnitude);

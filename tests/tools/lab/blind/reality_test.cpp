@@ -1,0 +1,77 @@
+// The second reality against closed forms of the simplest cases.
+#include "tools/lab/blind/reality.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include <gtest/gtest.h>
+
+namespace bolo::tools::blind {
+namespace {
+
+Session drawn(Kind kind, std::size_t index, const std::string& only = {}) {
+  DrawOptions options;
+  options.reality = Reality::kSecond;
+  options.geometry = {16, 12};
+  options.only = only;
+  return draw_session(options, kind, index).value();
+}
+
+// Mean of the frame, K.
+double mean_of(const std::vector<std::uint16_t>& counts, std::size_t frame) {
+  constexpr std::size_t kPixels = 16 * 12;
+  double sum = 0.0;
+  for (std::size_t p = 0; p < kPixels; ++p) sum += counts[frame * kPixels + p] * 0.01;
+  return sum / static_cast<double>(kPixels);
+}
+
+TEST(SecondReality, TheSameSeedGivesTheSameFrames) {
+  const Session session = drawn(Kind::kPair, 3);
+  EXPECT_EQ(to_json(session), to_json(drawn(Kind::kPair, 3)));
+  EXPECT_EQ(second::film(session, session.captures[5]), second::film(session, session.captures[5]));
+}
+
+TEST(SecondReality, AStillFieldIsAtItsTemperature) {
+  const Session session = drawn(Kind::kEffectFree, 0);
+  const auto counts = second::film(session, session.captures[0]);
+  EXPECT_NEAR(mean_of(counts, 100), 299.0 - 0.005, 0.01);  // values are cut to counts of 10 mK
+}
+
+// tau dT/dt + T = T_ss: after a switch the frames' means fall as exp(-t / tau).
+TEST(SecondReality, PixelsFollowTheirTimeConstant) {
+  for (const double scale : {1.0, 0.9}) {
+    Session session = drawn(Kind::kEffectFree, 0);
+    CapturePlan plan = session.captures[2];
+    if (scale != 1.0) plan.effects.push_back({"tau_global", "", {{"scale", scale}}});
+    const auto counts = second::film(session, plan);
+    const auto& chopper = std::get<capture::Chopper>(plan.stimulus);
+    const auto first = static_cast<std::size_t>(chopper.off_s[0] / 0.005) + 4;
+    const double ratio = (mean_of(counts, first + 4) - 296.495) / (mean_of(counts, first) - 296.495);
+    EXPECT_NEAR(-0.02 / std::log(ratio), 0.011 * scale, 0.011 * 0.02) << scale;
+  }
+}
+
+TEST(SecondReality, EveryEffectOfTheCatalogueIsHidden) {
+  const auto names = effects_of(Kind::kSingle, Reality::kSecond);
+  for (const std::string& name : effects_of(Kind::kSingle)) {
+    EXPECT_EQ(std::ranges::count(names, name), 1) << name;
+  }
+}
+
+// Were it to use them, it would be no second one.
+TEST(SecondReality, UsesNeitherSimulatorNorDiagnosis) {
+  for (const char* name : {"reality.cpp", "reality_draw.cpp", "reality.hpp"}) {
+    std::ifstream file(std::filesystem::path(BOLO_SOURCE_DIR) / "tools/lab/blind" / name);
+    ASSERT_TRUE(file) << name;
+    std::stringstream text;
+    text << file.rdbuf();
+    EXPECT_EQ(text.str().find("#include \"src/sim"), std::string::npos) << name;
+    EXPECT_EQ(text.str().find("#include \"src/diagnose"), std::string::npos) << name;
+  }
+}
+
+}  // namespace
+}  // namespace bolo::tools::blind
