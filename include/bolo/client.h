@@ -98,7 +98,7 @@ struct bolo_client_info {
   const char* solver;                       /* in words */
   const struct bolo_shm_settings* settings; /* what frames are solved with; NULL: the daemon does not tell */
   const char* control_socket;               /* path of the daemon's control socket; "": none */
-  double row_delay_s; /* sensor row r is sampled r * row_delay_s after the frame's time */
+  double row_delay_s;                       /* sensor row r is sampled r * row_delay_s after the frame's time */
 };
 
 /* A frame in the ring. Filled by bolo_client_next() and bolo_client_latest(). */
@@ -115,9 +115,9 @@ struct bolo_client_frame {
   uint32_t width;     /* pixels */
   uint32_t height;    /* pixels */
   uint32_t utc_uncertainty_us; /* of utc_ns, at most, in microseconds; 16,000,000 and more: nothing bounds it */
-  const uint16_t* raw;       /* as the camera gave it */
-  const uint16_t* deblurred; /* with the pixels' inertia undone */
-  const void* slot;          /* the library's */
+  const uint16_t* raw;         /* as the camera gave it */
+  const uint16_t* deblurred;   /* with the pixels' inertia undone */
+  const void* slot;            /* the library's */
   /* How the scene moved from the frame before to this one, where the daemon's solver estimates it ("motion") and could
    * for this frame; else NULL and 0. In place, as the planes: counts if bolo_client_valid() holds afterwards. */
   const struct bolo_shm_motion* motion;              /* of the whole picture */
@@ -129,7 +129,7 @@ struct bolo_client_frame {
 
 /* What daemon and camera do. Owned by the handle, as of the last bolo_client_get_state(). */
 struct bolo_client_state {
-  uint32_t alive; /* 0: the daemon ended, or gave no sign of life for BOLO_SHM_STALE_NS */
+  uint32_t alive;              /* 0: the daemon ended, or gave no sign of life for BOLO_SHM_STALE_NS */
   uint32_t clock_synchronised; /* 1: something disciplines the host's clock, as its kernel says */
   int64_t heartbeat_age_ns;
   uint64_t published;                   /* frames */

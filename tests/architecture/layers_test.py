@@ -22,7 +22,7 @@ ALLOWED = {
     "model": {"core"},
     "motion": {"core"},
     "deblur": {"core", "model", "motion"},
-    "corrections": {"core", "model", "deblur"},
+    "corrections": {"core", "model", "motion", "deblur"},
     "capture": {"core", "model"},
     "sim": {"core", "rt", "model", "capture"},
     "report": {"core"},

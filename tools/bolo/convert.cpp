@@ -144,8 +144,11 @@ Result<std::unique_ptr<Footage>> open_footage(const Request& request) {
   if (capture && !is_capture(request.in.front())) return open_pictures(request.in, request.told);
   if (capture && request.out.file.path.extension() == ".mcap") return open_captures(request.in);
   if (request.in.size() > 1)
-    return bad_input("one " + std::string(film ? "film" : recording ? "recording" : "capture") + " at a time; " +
-                     std::to_string(request.in.size()) + " files were given");
+    return bad_input("one " +
+                     std::string(film        ? "film"
+                                 : recording ? "recording"
+                                             : "capture") +
+                     " at a time; " + std::to_string(request.in.size()) + " files were given");
   if (film) return open_cptv(request.in.front(), request.told);
   return recording ? open_mcap(request.in.front(), request.topic, request.told) : open_capture(request.in.front());
 }
