@@ -92,7 +92,7 @@ HWY_INLINE Vec load_lanes(const void* plane, std::size_t at, std::size_t count) 
   const T* from = static_cast<const T*>(plane) + at;
   if (HWY_LIKELY(count == kLanes)) return load_vector_of(from);
   HWY_ALIGN T padded[kLanes] = {};
-  std::copy_n(from, count, padded);
+  std::copy_n(from, std::min(count, kLanes), padded);  // GCC sees no bound, else
   return load_vector_of(padded);
 }
 
@@ -129,7 +129,7 @@ HWY_INLINE void store_lanes(const PixelRun& run, Vec x, std::size_t at, std::siz
   if (HWY_LIKELY(count == kLanes)) return store_values(run, x, to);
   HWY_ALIGN T values[kLanes];
   store_values(run, x, values);
-  std::copy_n(values, count, to);
+  std::copy_n(values, std::min(count, kLanes), to);
 }
 
 // The first `count` of a vector's estimates, from pixel `at`.

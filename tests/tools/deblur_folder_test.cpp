@@ -209,6 +209,16 @@ TEST_F(DeblurFolder, WhatIsDoneIsNotDoneAgain) {
   EXPECT_EQ(did(archive()), "b");
 }
 
+TEST_F(DeblurFolder, WhatAKillLeftBesideADoneCaptureGoes) {
+  (void)archive();
+  std::ofstream(file("sharp/a.h5.part.journal")) << "left";
+  std::ofstream(file("sharp/b.h5.part.journal")) << "of one that works on it";
+  std::ofstream(file("sharp/b.h5.part")) << "now";
+  EXPECT_EQ(did(archive()), "");
+  EXPECT_FALSE(fs::exists(file("sharp/a.h5.part.journal")));
+  EXPECT_TRUE(fs::exists(file("sharp/b.h5.part.journal")));
+}
+
 TEST_F(DeblurFolder, AnOutputThatIsTornIsMadeAgain) {
   (void)archive();
   const std::string whole = contents(file("sharp/b.h5"));

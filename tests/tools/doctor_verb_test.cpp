@@ -47,7 +47,7 @@ TEST_F(DoctorVerb, ReadsTheConfiguration) {
   const Outcome outcome = run({"--no-camera", "--config", config});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_NE(outcome.out.find("names CPU 4000"), std::string::npos) << outcome.out;
-  EXPECT_NE(outcome.out.find("17581.8 MiB needed"), std::string::npos) << outcome.out;  // 60000 slots of two planes
+  EXPECT_NE(outcome.out.find("17585.5 MiB needed"), std::string::npos) << outcome.out;  // 60000 slots of two planes
 }
 
 TEST_F(DoctorVerb, AWrongConfigurationIsOneLineAndExitCode2) {

@@ -7,6 +7,7 @@
 #include <system_error>
 #include <utility>
 
+#include "src/capture/commit_records.hpp"
 #include "src/core/clock.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
@@ -45,6 +46,13 @@ Status deblur_one(const DeblurRequest& request) {
   return {};
 }
 
+// Killed between giving a file its name and removing the records of its commits, a process leaves these.
+void remove_left_records(const std::filesystem::path& output) {
+  const std::filesystem::path part = output.string() + ".part";
+  std::error_code ignored;
+  if (!std::filesystem::exists(part, ignored)) capture::remove_records(part);
+}
+
 // One capture of many: what is done stays, and what another process is at is left to it.
 Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, FolderSummary& summary) {
   auto run = CaptureRun::open(request, file.input);
@@ -52,6 +60,7 @@ Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, 
   const auto source = made_from(request, run->reader());
   if (!source) return tl::unexpected(source.error());
   if (is_made(file.output, file.input, *source)) {
+    remove_left_records(file.output);
     summary.skipped.push_back(file.output);
     return {};
   }

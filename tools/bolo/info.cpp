@@ -149,7 +149,8 @@ json utc_at(const CaptureReader& reader, double t_s) {
 json events_of(const CaptureReader& reader) {
   json events = json::array();
   for (const auto& event : reader.events()) {
-    events.push_back({{"t_s", event.t_s}, {"kind", event.kind}, {"utc", utc_at(reader, event.t_s)}});
+    events.push_back({{"t_s", event.t_s}, {"kind", event.kind}});
+    if (json utc = utc_at(reader, event.t_s); !utc.is_null()) events.back()["utc"] = std::move(utc);
   }
   return events;
 }
