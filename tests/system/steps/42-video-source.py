@@ -68,3 +68,5 @@ check(ended == 0, f"it ended with {ended}")
 config.write_text(CONFIGURATION.replace("[deblur]", 'rows = [20, 8]\n[deblur]'))
 text = run("bolod", "--config", str(config), expect=2)
 check("its frames have 24 rows" in text, "the refusal does not say why")
+for left in (config, pathlib.Path("/tmp/second.log")):
+    left.unlink()

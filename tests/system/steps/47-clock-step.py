@@ -26,6 +26,7 @@ finally:
 check(clock["steps"] == steps + 1, f"the daemon counts {clock['steps']} steps, not {steps + 1}")
 
 info = json.loads(run("bolo", "info", str(file), "--json"))
+file.unlink()
 kinds = [event["kind"] for event in info["events"]]
 check(kinds == ["clock_step"], f"the recording's events are {kinds}")
 check(info["irregular_times"]["count"] <= 2, f"camera times moved: {info['irregular_times']}")
