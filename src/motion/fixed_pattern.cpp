@@ -110,14 +110,12 @@ void FixedPattern::learn(const float* frame) noexcept {
   begin_frame(frame);
   if (has_before_) {
     find_innovation(kernels_, inertia_, now_, before_, alone_, innovation_, seen_);
-    if (!has_reference_) {
-      begin_reference();
-    } else if (moved_enough()) {
+    if (has_reference_ && moved_enough()) {
       compare();
       follow();
       std::swap(seen_, seen_before_);
       age_ = 0;
-    } else if (++age_ > kOldest) {
+    } else if (!has_reference_ || ++age_ > kOldest) {
       begin_reference();
     }
   }
