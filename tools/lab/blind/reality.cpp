@@ -100,7 +100,8 @@ Plane corner_loss(const Hidden& hidden, Geometry g) {
   double most = 0.0;
   for (std::size_t p = 0; p < loss.size(); ++p) {
     const auto x = static_cast<double>(p % static_cast<std::size_t>(g.width)) + 0.5 - cx;
-    const auto y = static_cast<double>(p / static_cast<std::size_t>(g.width)) + 0.5 - cy;
+    const std::size_t row = p / static_cast<std::size_t>(g.width);
+    const double y = static_cast<double>(row) + 0.5 - cy;
     const double tan2 = 0.05 * (x * x + y * y) / (g.width * g.width / 4.0);
     loss[p] = 1.0 - 1.0 / ((1.0 + tan2) * (1.0 + tan2));
     most = std::max(most, loss[p]);
@@ -260,7 +261,8 @@ class Array {
     const double turn = luck.even(0.0, kTwoPi);
     for (std::size_t p = 0; p < tau_.size(); ++p) {
       const double x = static_cast<double>(p % static_cast<std::size_t>(g_.width)) / g_.width - 0.5;
-      const double y = static_cast<double>(p / static_cast<std::size_t>(g_.width)) / g_.height - 0.5;
+      const std::size_t row = p / static_cast<std::size_t>(g_.width);
+      const double y = static_cast<double>(row) / g_.height - 0.5;
       const double smooth = std::sqrt(2.0) * std::sin(4.0 * (x * std::cos(turn) + y * std::sin(turn)) + turn);
       tau_[p] = 0.8 * luck.even(-1.732, 1.732) + 0.6 * smooth;
     }
