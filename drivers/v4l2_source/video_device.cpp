@@ -154,6 +154,12 @@ Status VideoDevice::agree_on_format(Container container) {
   geometry_ = {static_cast<int>(pixels.width), static_cast<int>(pixels.height)};
   stride_ = std::max<std::size_t>(pixels.bytesperline, kBytesAPixel * pixels.width);
   image_bytes_ = pixels.sizeimage;
+  // Frames of either size are taken as whole, so their last row must be within both.
+  const std::size_t last_row = stride_ * (pixels.height - 1);
+  if (image_bytes_ < last_row + kBytesAPixel * pixels.width) {
+    return refused(fmt::format("it sends frames of {} bytes, too few for {}x{} pixels of 16 bits", image_bytes_,
+                               pixels.width, pixels.height));
+  }
   ask_period();
   return {};
 }

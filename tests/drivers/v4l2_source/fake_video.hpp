@@ -28,6 +28,7 @@ struct FakeCamera {
   std::uint32_t width = 8;
   std::uint32_t height = 6;
   std::uint32_t padding = 0;  // bytes behind each row
+  std::uint32_t missing = 0;  // of the bytes that an image of this size has
   v4l2_fract period{1, 60};   // 0/0: it does not say
   bool there = true;
   int busy = 0;  // errno of S_FMT and REQBUFS
@@ -42,7 +43,7 @@ struct FakeCamera {
   std::deque<v4l2_buffer> done{};
 
   std::size_t stride() const { return 2 * width + padding; }
-  std::size_t bytes() const { return stride() * height; }
+  std::size_t bytes() const { return stride() * height - missing; }
 };
 
 struct Sent {

@@ -288,6 +288,12 @@ TEST_F(V4l2SourceTest, WhatCannotBeTakenIsRefusedInOneLine) {
   camera().width = 0;
   refuse("frames of 0x6");
   camera().width = 8;
+  camera().padding = 6;
+  camera().missing = 5;  // padding behind the last row may be missing
+  ASSERT_TRUE(open());
+  camera().missing = 7;
+  refuse("frames of 125 bytes, too few for 8x6 pixels");
+  camera().padding = camera().missing = 0;
   camera().capabilities = V4L2_CAP_VIDEO_OUTPUT | V4L2_CAP_STREAMING;
   refuse("it gives no frames");
 }
