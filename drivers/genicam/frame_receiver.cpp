@@ -15,9 +15,7 @@ FrameReceiver::FrameReceiver(pipeline::FrameInlet& inlet, const CameraOptions& o
       format_(inlet.format()),
       order_(options.pixel_order),
       metadata_rows_(options.metadata_rows),
-      ids_(format_.frame_period_s),
-      status_(status),
-      clock_(format_.frame_period_s),
+      arrivals_(inlet, status),
       scene_(format_, watched_still_k(options.nuc)) {}
 
 void FrameReceiver::take(const CameraFrame& frame) noexcept {
@@ -28,44 +26,36 @@ void FrameReceiver::take(const CameraFrame& frame) noexcept {
       if (numbered) {
         deliver(frame, now_ns);
       } else {
-        ids_.broken_without_id();  // whole, but its leader was not: neither its number nor its shape is known
+        arrivals_.ids.broken_without_id();  // whole, but its leader was not: neither its number nor its shape is known
       }
       break;
     case FrameEnd::kIncomplete:
       if (numbered) {
-        ids_.broken(frame.id, LossCause::kIncomplete, now_ns);
+        arrivals_.ids.broken(frame.id, LossCause::kIncomplete, now_ns);
       } else {
-        ids_.broken_without_id();
+        arrivals_.ids.broken_without_id();
       }
       break;
     case FrameEnd::kDriver:
-      if (numbered) ids_.broken(frame.id, LossCause::kDriver, now_ns);
+      if (numbered) arrivals_.ids.broken(frame.id, LossCause::kDriver, now_ns);
       break;
   }
-  post_losses();
+  arrivals_.post_losses();
 }
 
 void FrameReceiver::begin(const std::vector<std::uint16_t>& kelvin_table) noexcept {
   kelvin_table_ = kelvin_table.empty() ? nullptr : kelvin_table.data();
-  if (last_frame_ns() != 0) ids_.restart();
-  clock_.restart();
-  period_.restart();
+  arrivals_.restart();
   scene_.restart();
   first_of_connection_ = true;
 }
 
-void FrameReceiver::finish() noexcept {
-  ids_.finish();
-  post_losses();
-}
-
 void FrameReceiver::deliver(const CameraFrame& frame, std::int64_t now_ns) noexcept {
-  if (!agreed(frame)) return ids_.broken(frame.id, LossCause::kBadFrame, now_ns);
+  if (!agreed(frame)) return arrivals_.ids.broken(frame.id, LossCause::kBadFrame, now_ns);
   note_arrival(now_ns);
-  const pipeline::FrameIdTracker::Verdict verdict = ids_.complete(frame.id, now_ns);
+  const pipeline::FrameIdTracker::Verdict verdict = arrivals_.ids.complete(frame.id, now_ns);
   if (!verdict.deliver) return;
-  if (verdict.counter_reset) inlet_.restart_window();
-  const std::int64_t host_ns = map_time(verdict, frame.camera_ns, frame.receive_ns);
+  const std::int64_t host_ns = arrivals_.map_time(verdict, frame.camera_ns, frame.receive_ns);
   const std::uint32_t flags = note_nuc(now_ns);
   rt::FrameSlot* slot = inlet_.borrow();
   if (slot == nullptr) return;  // counted by the inlet
@@ -99,28 +89,6 @@ std::uint32_t FrameReceiver::note_nuc(std::int64_t now_ns) noexcept {
   return correcting ? kFlagNuc : kFlagNone;
 }
 
-// The camera's time on the host's clock; publishes the state of the clocks.
-std::int64_t FrameReceiver::map_time(const pipeline::FrameIdTracker::Verdict& verdict, std::int64_t camera_ns,
-                                     std::int64_t receive_ns) noexcept {
-  if (verdict.counter_reset) {
-    clock_.restart();
-    period_.restart();
-  }
-  const pipeline::HostClock::Mapped mapped = clock_.map(verdict.frame_id, camera_ns, receive_ns);
-  if (mapped.jumped) {
-    status_.clock_jumps.add();
-    period_.restart();
-    inlet_.restart_window();
-  }
-  if (const double period_s = period_.add(verdict.frame_id, camera_ns); period_s > 0.0) {
-    status_.measured_period_s.set(period_s);
-  }
-  status_.clock_offset_ns.set(clock_.offset_ns());
-  status_.clock_drift_ppm.set(clock_.drift_ppm());
-  status_.clock_jitter_ns.set(clock_.jitter_ns());
-  return mapped.host_ns;
-}
-
 // The frame has the size and format that the stream was opened with.
 bool FrameReceiver::agreed(const CameraFrame& frame) const noexcept {
   const int height = format_.geometry.height + metadata_rows_;
@@ -129,16 +97,6 @@ bool FrameReceiver::agreed(const CameraFrame& frame) const noexcept {
   }
   const auto stride = static_cast<std::size_t>(format_.geometry.width) * 2 + static_cast<std::size_t>(frame.x_padding);
   return frame.pixels.size() >= stride * static_cast<std::size_t>(height);
-}
-
-// The inlet's counters are read while the stream runs; the tracker's are not.
-void FrameReceiver::post_losses() noexcept {
-  for (std::size_t i = 0; i < kLossCauses; ++i) {
-    const auto cause = static_cast<LossCause>(i);
-    const std::uint64_t counted = ids_.counted(cause);
-    if (counted != posted_[i]) inlet_.count_loss(cause, counted - posted_[i]);
-    posted_[i] = counted;
-  }
 }
 
 }  // namespace bolo::genicam

@@ -1,7 +1,6 @@
 // Checks each frame of the camera, copies it into a pool slot and commits it; or counts it as lost.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <cstdint>
 #include <vector>
@@ -10,10 +9,7 @@
 #include "drivers/genicam/genicam_source.hpp"
 #include "drivers/genicam/scene_watch.hpp"
 #include "src/core/plane.hpp"
-#include "src/pipeline/frame_id_tracker.hpp"
-#include "src/pipeline/host_clock.hpp"
-#include "src/pipeline/inlet.hpp"
-#include "src/pipeline/source_status.hpp"
+#include "src/pipeline/arrivals.hpp"
 #include "src/rt/counters.hpp"
 
 namespace bolo::genicam {
@@ -36,7 +32,7 @@ class FrameReceiver {
   // Takes the threshold of a scene that stands still. Thread: any.
   void set_nuc(const NucOptions& nuc) noexcept { scene_.set_still_k(watched_still_k(nuc)); }
   // The last frame has come: counts what is still missing. Thread: setup, while no connection delivers.
-  void finish() noexcept;
+  void finish() noexcept { arrivals_.finish(); }
 
   // CLOCK_MONOTONIC of the last complete frame, 0 before the first. Thread: any.
   std::int64_t last_frame_ns() const noexcept {
@@ -53,20 +49,13 @@ class FrameReceiver {
   void deliver(const CameraFrame& frame, std::int64_t now_ns) noexcept;
   void note_arrival(std::int64_t now_ns) noexcept;
   std::uint32_t note_nuc(std::int64_t now_ns) noexcept;
-  std::int64_t map_time(const pipeline::FrameIdTracker::Verdict& verdict, std::int64_t camera_ns,
-                        std::int64_t receive_ns) noexcept;
   bool agreed(const CameraFrame& frame) const noexcept;
-  void post_losses() noexcept;
 
   pipeline::FrameInlet& inlet_;
   const StreamFormat format_;
   const PixelOrder order_;
   const int metadata_rows_;
-  pipeline::FrameIdTracker ids_;
-  std::array<std::uint64_t, kLossCauses> posted_{};  // of the tracker's losses, those that the inlet has
-  pipeline::SourceStatus& status_;
-  pipeline::HostClock clock_;
-  pipeline::PeriodMeter period_;
+  pipeline::Arrivals arrivals_;
   SceneWatch scene_;
   const std::uint16_t* kelvin_table_ = nullptr;  // null: counts stay as they are
   rt::Gauge<std::int64_t> nuc_until_ns_;

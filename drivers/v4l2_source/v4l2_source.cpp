@@ -15,8 +15,7 @@
 #include "drivers/v4l2_source/video_device.hpp"
 #include "src/core/clock.hpp"
 #include "src/core/duration_text.hpp"
-#include "src/pipeline/frame_id_tracker.hpp"
-#include "src/pipeline/host_clock.hpp"
+#include "src/pipeline/arrivals.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::v4l2_source {
@@ -51,9 +50,6 @@ struct V4l2Source::Impl {
   void drain();
   void deliver(const VideoFrame& frame, std::int64_t now_ns) noexcept;
   std::uint64_t unwrap(const VideoFrame& frame) noexcept;
-  std::int64_t map_time(const pipeline::FrameIdTracker::Verdict& verdict, const v4l2_buffer& buffer,
-                        std::int64_t now_ns) noexcept;
-  void post_losses() noexcept;
   void watch(std::int64_t now_ns);
   void lose(LostCause cause);
   void reopen();
@@ -67,10 +63,7 @@ struct V4l2Source::Impl {
   pipeline::SourceInfo info;
   std::unique_ptr<VideoDevice> device;
   pipeline::FrameInlet* inlet = nullptr;
-  std::unique_ptr<pipeline::FrameIdTracker> ids;
-  std::unique_ptr<pipeline::HostClock> clock;
-  pipeline::PeriodMeter period;
-  std::array<std::uint64_t, kLossCauses> posted{};
+  std::unique_ptr<pipeline::Arrivals> arrivals;
   pipeline::WatchLimits limits{};
   std::int64_t since_ns = 0;       // when the device was opened last
   std::int64_t last_frame_ns = 0;  // good ones; CLOCK_MONOTONIC
@@ -126,8 +119,7 @@ void V4l2Source::Impl::run() {
     watch(now_ns);
     check_period();
   }
-  ids->finish();
-  post_losses();
+  arrivals->finish();
   device.reset();
 }
 
@@ -143,7 +135,7 @@ void V4l2Source::Impl::drain() {
     if (error != 0) return lose(LostCause::kNoAnswer);
     deliver(frame, monotonic_ns());
     device->give_back(frame);
-    post_losses();
+    arrivals->post_losses();
   }
 }
 
@@ -164,39 +156,19 @@ std::uint64_t V4l2Source::Impl::unwrap(const VideoFrame& frame) noexcept {
   return id;
 }
 
-// When it was taken, on the host's clock, which is the driver's for most; publishes the state of the clocks.
-std::int64_t V4l2Source::Impl::map_time(const pipeline::FrameIdTracker::Verdict& verdict, const v4l2_buffer& buffer,
-                                        std::int64_t now_ns) noexcept {
-  const std::int64_t camera_ns = stamp_ns(buffer);
-  if (verdict.counter_reset) {
-    clock->restart();
-    period.restart();
-  }
-  const pipeline::HostClock::Mapped mapped = clock->map(verdict.frame_id, camera_ns, now_ns);
-  if (mapped.jumped) {
-    status.clock_jumps.add();
-    period.restart();
-    inlet->restart_window();
-  }
-  if (const double period_s = period.add(verdict.frame_id, camera_ns); period_s > 0.0) {
-    status.measured_period_s.set(period_s);
-  }
-  status.clock_offset_ns.set(clock->offset_ns());
-  status.clock_drift_ppm.set(clock->drift_ppm());
-  status.clock_jitter_ns.set(clock->jitter_ns());
-  const bool same_clock = is_monotonic(buffer) && camera_ns <= now_ns && now_ns - camera_ns < kOldestStampNs;
-  return same_clock ? camera_ns : mapped.host_ns;
-}
-
 void V4l2Source::Impl::deliver(const VideoFrame& frame, std::int64_t now_ns) noexcept {
   const std::uint64_t number = unwrap(frame);
-  if ((frame.buffer.flags & V4L2_BUF_FLAG_ERROR) != 0) return ids->broken(number, LossCause::kIncomplete, now_ns);
-  if (!device->is_whole(frame.bytes.size())) return ids->broken(number, LossCause::kBadFrame, now_ns);
+  pipeline::FrameIdTracker& ids = arrivals->ids;
+  if ((frame.buffer.flags & V4L2_BUF_FLAG_ERROR) != 0) return ids.broken(number, LossCause::kIncomplete, now_ns);
+  if (!device->is_whole(frame.bytes.size())) return ids.broken(number, LossCause::kBadFrame, now_ns);
   last_frame_ns = now_ns;
-  const pipeline::FrameIdTracker::Verdict verdict = ids->complete(number, now_ns);
+  const pipeline::FrameIdTracker::Verdict verdict = ids.complete(number, now_ns);
   if (!verdict.deliver) return;
-  if (verdict.counter_reset) inlet->restart_window();
-  const std::int64_t host_ns = map_time(verdict, frame.buffer, now_ns);
+  const std::int64_t camera_ns = stamp_ns(frame.buffer);
+  const std::int64_t mapped_ns = arrivals->map_time(verdict, camera_ns, now_ns);
+  // Most drivers' clock is the host's.
+  const bool same_clock = is_monotonic(frame.buffer) && camera_ns <= now_ns && now_ns - camera_ns < kOldestStampNs;
+  const std::int64_t host_ns = same_clock ? camera_ns : mapped_ns;
   rt::FrameSlot* slot = inlet->borrow();
   if (slot == nullptr) return;  // counted by the inlet
   const Geometry image = info.format.geometry;
@@ -206,19 +178,10 @@ void V4l2Source::Impl::deliver(const VideoFrame& frame, std::int64_t now_ns) noe
     std::memcpy(slot->data + row * row_bytes, from + row * device->stride(), row_bytes);
   }
   slot->meta.frame_id = verdict.frame_id;
-  slot->meta.camera_ns = stamp_ns(frame.buffer);
+  slot->meta.camera_ns = camera_ns;
   slot->meta.receive_ns = std::min(host_ns, now_ns);  // its first byte: the kernel's stamp
   slot->meta.host_ns = host_ns;
   inlet->commit(*slot);
-}
-
-// The inlet's counters are read while the stream runs; the tracker's are not.
-void V4l2Source::Impl::post_losses() noexcept {
-  for (std::size_t i = 0; i < kLossCauses; ++i) {
-    const std::uint64_t counted = ids->counted(static_cast<LossCause>(i));
-    if (counted != posted[i]) inlet->count_loss(static_cast<LossCause>(i), counted - posted[i]);
-    posted[i] = counted;
-  }
 }
 
 // Says that frames flow, have stopped, or have stopped for good.
@@ -277,9 +240,7 @@ void V4l2Source::Impl::reopen() {
   }
   if (Status started = (*again)->start(); !started) return fail(started.error().message);
   device = std::move(*again);
-  ids->restart();
-  clock->restart();
-  period.restart();
+  arrivals->restart();
   inlet->restart_window();
   any = false;
   since_ns = monotonic_ns();
@@ -316,8 +277,7 @@ Status V4l2Source::start(pipeline::FrameInlet& inlet) {
   Impl& self = *impl_;
   const double period_s = self.info.format.frame_period_s;
   self.inlet = &inlet;
-  self.ids = std::make_unique<pipeline::FrameIdTracker>(period_s);
-  self.clock = std::make_unique<pipeline::HostClock>(period_s);
+  self.arrivals = std::make_unique<pipeline::Arrivals>(inlet, self.status);
   self.limits = pipeline::watch_limits(self.options.stall_ms, self.options.reconnect_after_ms, period_s);
   self.since_ns = monotonic_ns();
   self.set_state(SourceState::kStreaming);

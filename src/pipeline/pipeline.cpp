@@ -76,7 +76,7 @@ QualityLevel Pipeline::Impl::choose_quality() noexcept {
 
 void Pipeline::Impl::prepare(const deblur::WindowView& view) noexcept {
   if (quality < QualityLevel::kInverse) {
-    TeamCrew crew(team);
+    rt::TeamCrew crew(team);
     solvers.at(quality).prepare(view, crew);
   } else {
     solvers.at(quality).prepare(view);

@@ -35,32 +35,6 @@ class Plane {
   void* data_;
 };
 
-// The team as what helps a solver to prepare. Thread: pipeline.
-class TeamCrew final : public Crew {
- public:
-  explicit TeamCrew(rt::WorkerTeam& team) : team_(team) {}
-  void run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept override {
-    const int parts = team_.size();
-    struct Call {
-      void (*work)(void*, int, int) noexcept;
-      void* self;
-      int rows;
-      int parts;
-    } call{work, self, rows, parts};
-    if (parts == 1 || rows < kFewestRows) return work(self, 0, rows);
-    team_.run(
-        [](void* context, int worker) {
-          const Call& c = *static_cast<const Call*>(context);
-          c.work(c.self, c.rows * worker / c.parts, c.rows * (worker + 1) / c.parts);
-        },
-        &call);
-  }
-
- private:
-  static constexpr int kFewestRows = 8;  // less is done before the others are awake
-  rt::WorkerTeam& team_;
-};
-
 // The sinks that are open; closes each once.
 class OpenSinks {
  public:

@@ -81,4 +81,21 @@ void WorkerTeam::work(int worker, const ThreadOptions& options, Status& applied)
   }
 }
 
+void TeamCrew::run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept {
+  constexpr int kFewestRows = 8;  // less is done before the others are awake
+  struct Call {
+    void (*work)(void*, int, int) noexcept;
+    void* self;
+    int rows;
+    int parts;
+  } call{work, self, rows, team_.size()};
+  if (call.parts == 1 || rows < kFewestRows) return work(self, 0, rows);
+  team_.run(
+      [](void* context, int worker) {
+        const Call& c = *static_cast<const Call*>(context);
+        c.work(c.self, c.rows * worker / c.parts, c.rows * (worker + 1) / c.parts);
+      },
+      &call);
+}
+
 }  // namespace bolo::rt

@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "src/core/crew.hpp"
 #include "src/core/result.hpp"
 #include "src/rt/spsc_queue.hpp"
 #include "src/rt/thread.hpp"
@@ -46,6 +47,16 @@ class WorkerTeam {
   void* context_ = nullptr;
   std::vector<std::thread> threads_;
   Status status_;
+};
+
+// The team as a crew: shares rows out among its workers. Thread: pipeline.
+class TeamCrew final : public Crew {
+ public:
+  explicit TeamCrew(WorkerTeam& team) : team_(team) {}
+  void run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept override;
+
+ private:
+  WorkerTeam& team_;
 };
 
 }  // namespace bolo::rt

@@ -6,35 +6,8 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
-#include "src/core/crew.hpp"
 
 namespace bolo::tools {
-namespace {
-
-// The team shares rows out among its workers.
-class TeamCrew final : public Crew {
- public:
-  explicit TeamCrew(rt::WorkerTeam& team) : team_(team) {}
-  void run(int rows, void (*work)(void*, int, int) noexcept, void* self) noexcept override {
-    struct Call {
-      void (*work)(void*, int, int) noexcept;
-      void* self;
-      int rows;
-      int parts;
-    } call{work, self, rows, team_.size()};
-    team_.run(
-        [](void* context, int worker) {
-          const Call& c = *static_cast<const Call*>(context);
-          c.work(c.self, c.rows * worker / c.parts, c.rows * (worker + 1) / c.parts);
-        },
-        &call);
-  }
-
- private:
-  rt::WorkerTeam& team_;
-};
-
-}  // namespace
 
 Result<std::unique_ptr<StreamDeblur>> StreamDeblur::create(const deblur::Settings& settings, const StreamFormat& format,
                                                            int workers) {
@@ -93,7 +66,7 @@ bool StreamDeblur::next(Ready& ready, std::uint16_t* out) noexcept {
 }
 
 void StreamDeblur::solve(const deblur::WindowView& view, std::uint16_t* out) noexcept {
-  TeamCrew crew(team_);
+  rt::TeamCrew crew(team_);
   solver_->prepare(view, crew);
   for_parts(crew, format_.geometry.height, [&](int begin, int end) {
     solver_->solve(view, {0, begin, format_.geometry.width, end - begin}, out);
