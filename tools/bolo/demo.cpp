@@ -20,6 +20,7 @@
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/cli/process.hpp"
+#include "tools/cli/scratch_folder.hpp"
 #include "tools/demo/live_check.hpp"
 
 namespace bolo::tools {
@@ -43,32 +44,24 @@ struct Request {
 };
 
 // A folder that is gone afterwards, or the one that the user named.
-class Folder {
- public:
+struct Folder {
   static Result<Folder> make(const fs::path& named) {
-    std::error_code error;
-    if (!named.empty()) {
-      fs::create_directories(named, error);
-      if (error) return bad_input("-o " + named.string() + ": " + error.message());
-      return Folder(fs::absolute(named), false);
+    if (named.empty()) {
+      auto scratch = ScratchFolder::make();
+      if (!scratch) return tl::unexpected<Error>(scratch.error());
+      const fs::path path = scratch->path();
+      return Folder{path, std::move(*scratch)};
     }
-    std::string pattern = (fs::temp_directory_path(error) / "bolo-demo-XXXXXX").string();
-    if (error || mkdtemp(pattern.data()) == nullptr)
-      return failed("cannot make a folder for the demonstration's files");
-    return Folder(pattern, true);
+    std::error_code error;
+    fs::create_directories(named, error);
+    if (error) return bad_input("-o " + named.string() + ": " + error.message());
+    return Folder{fs::absolute(named), std::nullopt};
   }
-  Folder(Folder&& other) noexcept : path_(std::move(other.path_)), mine_(std::exchange(other.mine_, false)) {}
-  ~Folder() {
-    std::error_code ignored;
-    if (mine_) fs::remove_all(path_, ignored);
-  }
-  fs::path operator/(const std::string& name) const { return path_ / name; }
-  bool stays() const { return !mine_; }
+  fs::path operator/(const std::string& name) const { return path / name; }
+  bool stays() const { return !scratch; }
 
- private:
-  Folder(fs::path path, bool mine) : path_(std::move(path)), mine_(mine) {}
-  fs::path path_;
-  bool mine_;
+  fs::path path;
+  std::optional<ScratchFolder> scratch;
 };
 
 std::string contents(const fs::path& file) {

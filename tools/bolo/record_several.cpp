@@ -17,6 +17,7 @@
 #include "drivers/shm/shm_object.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/cli/process.hpp"
+#include "tools/cli/scratch_folder.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -25,25 +26,6 @@ namespace fs = std::filesystem;
 
 constexpr const char* kVerb = "record";
 constexpr auto kLook = std::chrono::milliseconds(50);
-
-// Where the recordings' words go until they are shown; gone at the end.
-class LogFolder {
- public:
-  LogFolder() {
-    std::string pattern = (fs::temp_directory_path() / "bolo_record_XXXXXX").string();
-    if (mkdtemp(pattern.data()) != nullptr) path_ = pattern;
-  }
-  ~LogFolder() {
-    std::error_code ignored;
-    if (!path_.empty()) fs::remove_all(path_, ignored);
-  }
-  LogFolder(const LogFolder&) = delete;
-  LogFolder& operator=(const LogFolder&) = delete;
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 struct Recorder {
   std::string name;
@@ -135,10 +117,10 @@ int record_several(const cxxopts::ParseResult& parsed) {
   Status good = check_names(names);
   if (good) good = make_folder(parsed, folder);
   if (!good) return report(kVerb, good.error());
-  const LogFolder logs;
-  if (logs.path().empty()) return report(kVerb, Error{ErrorKind::kFailed, "no temporary folder can be made"});
+  const auto logs = ScratchFolder::make();
+  if (!logs) return report(kVerb, logs.error());
   catch_interrupts();
-  auto recorders = start(names, common_words(parsed), folder, logs.path());
+  auto recorders = start(names, common_words(parsed), folder, logs->path());
   if (!recorders) return report(kVerb, recorders.error());
   return wait_for(*recorders);
 }

@@ -19,19 +19,6 @@ Result<Geometry> size_of(const std::string& text, const char* option, Geometry l
                                 least.width, least.height, most.width, most.height));
 }
 
-Result<ScratchFolder> ScratchFolder::make(const std::filesystem::path& parent) {
-  std::string name = (std::filesystem::absolute(parent) / "bolo-XXXXXX").string();
-  if (mkdtemp(name.data()) == nullptr) {
-    return failed(parent.string() + ": no folder can be made there; choose another with TMPDIR");
-  }
-  return ScratchFolder(name);
-}
-
-ScratchFolder::~ScratchFolder() {
-  std::error_code ignored;
-  if (!path_.empty()) std::filesystem::remove_all(path_, ignored);
-}
-
 Status Jobs::run(int threads, Progress& progress, std::uint64_t& done) {
   std::vector<Status> outcomes(jobs_.size());
   std::atomic<std::size_t> next{0};

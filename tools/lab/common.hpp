@@ -15,6 +15,7 @@
 #include "src/core/splitmix.hpp"
 #include "src/report/text.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/cli/scratch_folder.hpp"
 
 namespace bolo::tools {
 
@@ -40,23 +41,6 @@ inline Status within(double value, const char* option, double low, double high) 
 
 // "640x480". Thread: any.
 Result<Geometry> size_of(const std::string& text, const char* option, Geometry least, Geometry most);
-
-// A folder of its own, gone afterwards with all that is in it.
-class ScratchFolder {
- public:
-  // kFailed where no folder can be made in `parent`. Thread: any.
-  static Result<ScratchFolder> make(const std::filesystem::path& parent = std::filesystem::temp_directory_path());
-  ScratchFolder(ScratchFolder&& other) noexcept : path_(std::exchange(other.path_, {})) {}
-  ScratchFolder& operator=(ScratchFolder&&) = delete;
-  ~ScratchFolder();
-  const std::filesystem::path& path() const { return path_; }
-  // Gives up the folder: it stays.
-  void keep() { path_.clear(); }
-
- private:
-  explicit ScratchFolder(std::filesystem::path path) : path_(std::move(path)) {}
-  std::filesystem::path path_;
-};
 
 // Random draws that depend on nothing but a key: SplitMix64's words from number `first` on.
 class Dice {
