@@ -62,7 +62,10 @@ Pixels in_both(Geometry g, int column, int row, Vec2 d) {
 FixedPattern::FixedPattern(Geometry geometry, const Inertia& inertia, const PatternSettings& settings)
     : geometry_(geometry),
       inertia_(inertia),
-      settings_(settings),
+      noise_(settings.noise),
+      prior_(static_cast<float>(settings.spread * settings.spread)),
+      innovation_noise_(static_cast<float>(settings.noise * settings.noise * inertia.noise())),
+      kept_(static_cast<float>(std::exp(-1.0 / settings.memory))),
       kernels_(best_kernels()),
       global_(geometry),
       pattern_(geometry),
@@ -83,12 +86,8 @@ FixedPattern::FixedPattern(Geometry geometry, const Inertia& inertia, const Patt
 
 void FixedPattern::forget() noexcept {
   pattern_.fill(0.0F);
-  variance_.fill(static_cast<float>(settings_.spread * settings_.spread));
+  variance_.fill(prior_);
   skip();
-}
-
-float FixedPattern::innovation_noise() const noexcept {
-  return static_cast<float>(settings_.noise * settings_.noise * inertia_.noise());
 }
 
 void FixedPattern::begin_frame(const float* frame) noexcept {
@@ -133,7 +132,7 @@ void FixedPattern::begin_reference() noexcept {
 
 // From the reference to this frame.
 bool FixedPattern::moved_enough() noexcept {
-  const Affine motion = global_.find(kernels_, inertia_, seen_before_, seen_, settings_.noise, alone_);
+  const Affine motion = global_.find(kernels_, inertia_, seen_before_, seen_, noise_, alone_);
   spread(motion, geometry_, 1, displacement_);
   double squares = 0.0;
   for (const Vec2 d : displacement_) squares += static_cast<double>(d.x * d.x + d.y * d.y);
@@ -147,7 +146,7 @@ float FixedPattern::newest_of_all() const noexcept {
 
 // What each block has of the innovation beyond the reference: its mean, and its square beyond noise and pattern.
 void FixedPattern::compare() noexcept {
-  const float noise = innovation_noise();
+  const float noise = innovation_noise_;
   for (int row = 0; row < displacement_.down(); ++row) {
     kernels_.shift(reference_, displacement_.row(row), row, moved_);
     for (int column = 0; column < displacement_.across(); ++column) {
@@ -189,12 +188,12 @@ void FixedPattern::follow() noexcept {
 // Pattern, its variance and the reference (into moved_) of a block; frame and innovation are less the new pattern then.
 void FixedPattern::follow_block(int column, int row) noexcept {
   const Vec2 d = displacement_.at(column, row);
-  const float noise = innovation_noise();
+  const float noise = innovation_noise_;
   const float excess = kExcessPrice * std::max(excess_.at(column, row), 0.0F);
   const float newest = std::max(excess / (excess + noise), newest_of_all());
   const float trust = std::min(d.x * d.x + d.y * d.y, 1.0F);
-  const auto kept = static_cast<float>(std::exp(-1.0 / settings_.memory));
-  const auto renewed = static_cast<float>(settings_.spread * settings_.spread) * (1.0F - kept * kept);
+  const float kept = kept_;
+  const float renewed = prior_ * (1.0F - kept * kept);
   const float mean = mean_.at(column, row);
   const Pixels seen = in_both(geometry_, column, row, d);
   const Row columns = seen.across(column);

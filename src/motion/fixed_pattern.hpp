@@ -46,11 +46,13 @@ class FixedPattern {
   void compare() noexcept;
   void follow() noexcept;
   void follow_block(int column, int row) noexcept;
-  float innovation_noise() const noexcept;
 
   Geometry geometry_;
   Inertia inertia_;
-  PatternSettings settings_;
+  double noise_;
+  float prior_;             // variance of the pattern before anything is known
+  float innovation_noise_;  // variance
+  float kept_;              // of the pattern from one period to the next
   const Kernels& kernels_;
   Alone alone_;
   GlobalMotion global_;

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -115,7 +114,10 @@ Result<std::unique_ptr<StreamDeblur>> make_stream(const Options& options, const 
   return StreamDeblur::create(settings, format, options.workers);
 }
 
+// What a finished stream still holds goes unseen; the next frame begins anew.
 void forget_frames(State& state) {
+  StreamDeblur::Ready ready;
+  while (state.stream && state.stream->next(ready, state.plane.data())) continue;
   state.waiting.clear();
   state.restart = true;
 }
@@ -222,8 +224,6 @@ void drain(BoloDeblur* self) {
   while (Buffer out = give_out(self)) {
     if (gst_pad_push(GST_BASE_TRANSFORM_SRC_PAD(self), out.release()) != GST_FLOW_OK) break;
   }
-  StreamDeblur::Ready ready;
-  while (state.stream->next(ready, state.plane.data())) continue;
   forget_frames(state);
 }
 
@@ -233,8 +233,6 @@ gboolean sink_event(GstBaseTransform* transform, GstEvent* event) {
   if (type == GST_EVENT_EOS || type == GST_EVENT_SEGMENT || type == GST_EVENT_CAPS) drain(self);
   if (type == GST_EVENT_FLUSH_STOP && self->state->stream) {
     self->state->stream->finish();
-    StreamDeblur::Ready ready;
-    while (self->state->stream->next(ready, self->state->plane.data())) continue;
     forget_frames(*self->state);
   }
   return GST_BASE_TRANSFORM_CLASS(bolo_deblur_parent_class)->sink_event(transform, event);
@@ -260,8 +258,8 @@ gboolean query(GstBaseTransform* transform, GstPadDirection direction, GstQuery*
 
 gboolean stop(GstBaseTransform* transform) {
   State& state = *self_of(transform)->state;
-  forget_frames(state);
   state.stream.reset();
+  forget_frames(state);
   return TRUE;
 }
 
