@@ -27,7 +27,7 @@ using Given = cxxopts::ParseResult;
 using diagnose::Calibration;
 using diagnose::DeadPixel;
 
-cxxopts::Options declare() {
+cxxopts::Options calibrate_options() {
   cxxopts::Options options(
       "bolo calibrate",
       "Measures a camera: the time constant of its pixels from rectangular pulses, noise, offsets and dead pixels\n"
@@ -59,7 +59,7 @@ struct ProfileFiles {
   std::filesystem::path maps;
 };
 
-ProfileFiles files_to_write(const Given& given) {
+ProfileFiles calibrate_files(const Given& given) {
   const std::filesystem::path profile = given["output"].as<std::string>();
   const auto maps =
       given.count("maps") != 0 ? std::filesystem::path(given["maps"].as<std::string>()) : maps_beside(profile);
@@ -118,7 +118,7 @@ nlohmann::ordered_json to_json(const Calibration& r, const Given& given) {
   return j;
 }
 
-void print_text(const Calibration& r, const Given& given) {
+void print_calibration(const Calibration& r, const Given& given) {
   using diagnose::quantity;
   const diagnose::PulseFit& fit = r.fit;
   std::printf("tau          %.4f ms   95 %%: %.4f to %.4f\n", 1e3 * fit.tau_s.value, 1e3 * fit.tau_s.low,
@@ -158,13 +158,13 @@ model::Origins round_measured(Calibration& r) {
   return origins;
 }
 
-Status run(const Given& given) {
+Status run_calibrate(const Given& given) {
   if (given.count("output") == 0) return bad_input("no profile to write; give -o PROFILE.toml");
   const auto captures = files_of(given, "capture");
   if (captures.empty()) return bad_input("which captures? give one with pulses, then still ones");
   const auto plot = plot_file_of(given);
   if (!plot) return tl::unexpected(plot.error());
-  const ProfileFiles files = files_to_write(given);
+  const ProfileFiles files = calibrate_files(given);
   std::vector<std::filesystem::path> inputs = captures;
   diagnose::CalibrationOptions options;
   if (given.count("profile") != 0) {
@@ -199,7 +199,7 @@ Status run(const Given& given) {
   if (given.count("json") != 0) {
     std::cout << to_json(*result, given).dump() << '\n';
   } else {
-    print_text(*result, given);
+    print_calibration(*result, given);
   }
   return {};
 }
@@ -207,11 +207,11 @@ Status run(const Given& given) {
 }  // namespace
 
 int calibrate_main(int argc, char** argv) {
-  cxxopts::Options options = declare();
+  cxxopts::Options options = calibrate_options();
   Given given;
   if (const auto code = parse(options, argc, argv, given)) return *code;
   try {
-    const Status status = run(given);
+    const Status status = run_calibrate(given);
     return status ? kExitDone : report("calibrate", status.error());
   } catch (const std::bad_alloc&) {
     return report("calibrate", Error{ErrorKind::kFailed, "not enough memory; take shorter captures"});

@@ -14,10 +14,10 @@
 namespace bolo::tools {
 namespace {
 
-constexpr const char* kVerb = "convert";
+constexpr const char* kConvertVerb = "convert";
 constexpr int kMostSide = 1 << 15;
 
-struct Request {
+struct ConvertRequest {
   Files in;
   std::optional<std::size_t> frame;  // this one only
   Target out;
@@ -26,7 +26,7 @@ struct Request {
   std::optional<RawLayout> raw;
 };
 
-cxxopts::Options make_options() {
+cxxopts::Options convert_options() {
   cxxopts::Options options("bolo convert",
                            "From captures (.h5, .part, the authors' .mat), ROS 2 recordings (.mcap), CPTV films, PNG "
                            "and TIFF pictures, FLIR radiometric JPEG stills and raw dumps\n"
@@ -88,7 +88,7 @@ Status check_name(const std::string& name) {
   return begins ? bad_input("--name must not be empty or end in /") : Status{};
 }
 
-Status read_scale(const cxxopts::ParseResult& parsed, Request& request) {
+Status read_scale(const cxxopts::ParseResult& parsed, ConvertRequest& request) {
   if (parsed.count("scale") == 0 && parsed.count("offset") == 0) return {};
   LinearScale scale{Unit::kKelvin, 1.0, 0.0};
   if (parsed.count("scale") != 0) scale.scale = parsed["scale"].as<double>();
@@ -101,10 +101,10 @@ Status read_scale(const cxxopts::ParseResult& parsed, Request& request) {
   return {};
 }
 
-Result<Request> read_request(const cxxopts::ParseResult& parsed) {
+Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("in") == 0) return bad_input("which files? usage: bolo convert IN... -o OUT");
   if (parsed.count("output") == 0) return bad_input("where to? usage: bolo convert IN... -o OUT");
-  Request request;
+  ConvertRequest request;
   for (const std::string& file : parsed["in"].as<std::vector<std::string>>()) request.in.emplace_back(file);
   request.out.file = {parsed["output"].as<std::string>(), replace_of(parsed)};
   request.out.inputs = request.in;
@@ -135,7 +135,7 @@ bool is_capture(const std::filesystem::path& file) {
   return extension == ".h5" || extension == ".mat" || extension == ".part" || extension == ".hdf5";
 }
 
-Result<std::unique_ptr<Footage>> open_footage(const Request& request) {
+Result<std::unique_ptr<Footage>> open_footage(const ConvertRequest& request) {
   if (request.raw) return open_raw(request.in, *request.raw, request.told);
   const auto kind = request.in.front().extension();
   const bool film = kind == ".cptv";
@@ -167,7 +167,7 @@ class OneFrame final : public Footage {
   std::size_t frame_;
 };
 
-Result<std::unique_ptr<Footage>> chosen_footage(const Request& request) {
+Result<std::unique_ptr<Footage>> chosen_footage(const ConvertRequest& request) {
   auto footage = open_footage(request);
   if (!footage || !request.frame) return footage;
   const std::size_t frames = (*footage)->info().frames;
@@ -193,18 +193,18 @@ Status convert(Footage& footage, FootageSink& sink) {
 }  // namespace
 
 int convert_main(int argc, char** argv) {
-  auto options = make_options();
+  auto options = convert_options();
   cxxopts::ParseResult parsed;
   if (const auto code = parse(options, argc, argv, parsed)) return *code;
-  const auto request = read_request(parsed);
-  if (!request) return report(kVerb, request.error());
+  const auto request = convert_request(parsed);
+  if (!request) return report(kConvertVerb, request.error());
   catch_interrupts();
   std::signal(SIGPIPE, SIG_IGN);  // an encoder that ends is an error, not the end
   const auto footage = chosen_footage(*request);
-  if (!footage) return report(kVerb, footage.error());
+  if (!footage) return report(kConvertVerb, footage.error());
   const auto sink = open_sink(request->out, **footage);
-  if (!sink) return report(kVerb, sink.error());
-  if (Status good = convert(**footage, **sink); !good) return report(kVerb, good.error());
+  if (!sink) return report(kConvertVerb, sink.error());
+  if (Status good = convert(**footage, **sink); !good) return report(kConvertVerb, good.error());
   const Geometry size = (*footage)->info().format.geometry;
   const std::string files = (*sink)->files();
   const std::size_t frames = (*footage)->info().frames;

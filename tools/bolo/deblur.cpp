@@ -19,7 +19,7 @@
 namespace bolo::tools {
 namespace {
 
-constexpr const char* kVerb = "deblur";
+constexpr const char* kDeblurVerb = "deblur";
 
 double seconds_since(std::int64_t start_ns) { return static_cast<double>(monotonic_ns() - start_ns) / kNsPerSecond; }
 
@@ -40,7 +40,7 @@ Status deblur_one(const DeblurRequest& request) {
   auto run = CaptureRun::open(request, file.input);
   if (!run) return tl::unexpected(run.error());
   const std::int64_t start_ns = monotonic_ns();
-  const auto capture = deblur(*run, file, request.replace, "", kVerb);
+  const auto capture = deblur(*run, file, request.replace, "", kDeblurVerb);
   if (!capture) return tl::unexpected(capture.error());
   print_capture(request, *capture, seconds_since(start_ns));
   return {};
@@ -70,7 +70,7 @@ Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, 
                      " is there already, made otherwise; choose another folder, or --overwrite it");
   }
   // What a run that was killed has left under the output's ".part" is begun again.
-  auto capture = deblur(*run, file, Replace::kExisting, *source, kVerb + (" " + file.input.filename().string()));
+  auto capture = deblur(*run, file, Replace::kExisting, *source, kDeblurVerb + (" " + file.input.filename().string()));
   if (capture) {
     summary.captures.push_back(std::move(*capture));
   } else if (is_being_made(file.output)) {
@@ -87,7 +87,7 @@ int deblur_many(const DeblurRequest& request) {
   std::filesystem::create_directories(request.output, error);
   if (error) {
     const std::string why = request.output.string() + ": cannot be made a folder: " + error.message();
-    return report(kVerb, Error{ErrorKind::kBadInput, why});
+    return report(kDeblurVerb, Error{ErrorKind::kBadInput, why});
   }
   const std::int64_t start_ns = monotonic_ns();
   FolderSummary summary;
@@ -110,14 +110,14 @@ int deblur_main(int argc, char** argv) {
   cxxopts::ParseResult args;
   if (const auto code = parse(options, argc, argv, args)) return *code;
   Result<DeblurRequest> request = read_deblur_request(args);
-  if (!request) return report(kVerb, request.error());
+  if (!request) return report(kDeblurVerb, request.error());
   request->options.warn = [](const std::string& line) { std::fprintf(stderr, "bolo deblur: %s\n", line.c_str()); };
   catch_interrupts();
   request->options.give_up = &interrupted();
   if (request->into_folder) return deblur_many(*request);
   if (!request->share.has(0)) return kExitDone;  // another rank's
   const Status status = deblur_one(*request);
-  return status ? kExitDone : report(kVerb, status.error());
+  return status ? kExitDone : report(kDeblurVerb, status.error());
 }
 
 }  // namespace bolo::tools

@@ -29,14 +29,14 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-constexpr const char* kVerb = "demo";
+constexpr const char* kDemoVerb = "demo";
 constexpr auto kStartLimit = 30s;
 constexpr double kEndLimit_s = 10.0;
 constexpr double kLongest_s = 86400.0;
 // The paper's first; the page goes on with the last.
 constexpr std::array kSolvers{"admm", "motion"};
 
-struct Request {
+struct DemoRequest {
   fs::path folder;  // of capture, logs and picture; empty: one that goes with the demonstration
   double seconds = 10.0;
   bool page = true;
@@ -74,7 +74,7 @@ class Demonstration {
  public:
   Demonstration(Folder folder, Replace replace) : folder_(std::move(folder)), replace_(replace) {}
 
-  Status run(const Request& request) {
+  Status run(const DemoRequest& request) {
     if (Status good = check_outputs({capture(), picture()}, {}, replace_); !good) return good;
     for (const auto& [name, path] : {std::pair{"bolo", &bolo_}, std::pair{"bolod", &bolod_}}) {
       auto found = find_own_program(name);
@@ -228,7 +228,7 @@ int demo_main(int argc, char** argv) {
                            "Bolo without hardware: a simulated camera sends real GigE Vision packets, bolod deblurs "
                            "them live, with the solver admm and then with motion, and the frames are compared with the "
                            "simulation's truth. Then a live page shows them until Ctrl-C.");
-  Request request;
+  DemoRequest request;
   std::string folder;
   options.add_options()("seconds", "How long to compare each solver",
                         cxxopts::value(request.seconds)->default_value("10"),
@@ -241,14 +241,14 @@ int demo_main(int argc, char** argv) {
   request.page = given.count("no-page") == 0;
   request.replace = replace_of(given);
   if (!(request.seconds > 0.0 && request.seconds <= kLongest_s)) {
-    return report(kVerb, {ErrorKind::kBadInput, "--seconds must lie in 0 to 86400"});
+    return report(kDemoVerb, {ErrorKind::kBadInput, "--seconds must lie in 0 to 86400"});
   }
   auto place = Folder::make(request.folder);
-  if (!place) return report(kVerb, place.error());
+  if (!place) return report(kDemoVerb, place.error());
   catch_interrupts();
   Demonstration demonstration(std::move(*place), request.replace);
   const Status done = demonstration.run(request);
-  return done ? kExitDone : report(kVerb, done.error());
+  return done ? kExitDone : report(kDemoVerb, done.error());
 }
 
 }  // namespace bolo::tools

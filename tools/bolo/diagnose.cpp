@@ -19,7 +19,7 @@ namespace {
 
 using Given = cxxopts::ParseResult;
 
-cxxopts::Options declare() {
+cxxopts::Options diagnose_options() {
   using Words = std::vector<std::string>;
   cxxopts::Options options("bolo diagnose",
                            "Says how far the simulator is from a camera, why, and what closes the gap.\n"
@@ -57,7 +57,7 @@ struct Files {
   Replace replace = Replace::kNothing;
 };
 
-Files files_to_write(const Given& given) {
+Files diagnose_files(const Given& given) {
   Files files{given["output"].as<std::string>(), {}, {}, replace_of(given)};
   if (given.count("write-profile") == 0) return files;
   files.profile = given["write-profile"].as<std::string>();
@@ -102,14 +102,14 @@ void print_profile(const std::filesystem::path& file, const model::CameraProfile
   for (const std::string& change : changes) std::cout << "              " << change << '\n';
 }
 
-Status run(const Given& given) {
+Status run_diagnose(const Given& given) {
   if (given.count("output") == 0) return bad_input("no folder for the report; give -o DIR");
   const std::vector<std::filesystem::path> captures = files_of(given, "capture");
   if (captures.empty()) return bad_input("which captures? give those of one session, CAPTURE.h5...");
   const Result<diagnose::Options> options = options_of(given);
   if (!options) return tl::unexpected(options.error());
 
-  const Files files = files_to_write(given);
+  const Files files = diagnose_files(given);
   std::vector<std::filesystem::path> inputs = captures;
   if (given.count("profile") != 0) {
     inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options->profile.maps});
@@ -144,11 +144,11 @@ Status run(const Given& given) {
 }  // namespace
 
 int diagnose_main(int argc, char** argv) {
-  cxxopts::Options options = declare();
+  cxxopts::Options options = diagnose_options();
   Given given;
   if (const auto code = parse(options, argc, argv, given)) return *code;
   try {
-    const Status status = run(given);
+    const Status status = run_diagnose(given);
     return status ? kExitDone : report("diagnose", status.error());
   } catch (const std::bad_alloc&) {
     return report("diagnose", Error{ErrorKind::kFailed, "not enough memory; take fewer or shorter captures"});

@@ -23,10 +23,10 @@ using fakecam::FakeCamera;
 using fakecam::FakeCameraOptions;
 using fakecam::FakeCameraStats;
 
-constexpr const char* kVerb = "fakecam";
+constexpr const char* kFakeCameraVerb = "fakecam";
 constexpr double kShortestTell_s = 0.05;
 
-struct Request {
+struct FakeCameraRequest {
   std::string capture;
   FakeCameraOptions camera;
   double tell_every_s = 0.0;  // 0: only at the end
@@ -50,7 +50,7 @@ Result<Region> parse_region(std::string_view text) {
   return Region{numbers[0], numbers[1], numbers[2], numbers[3]};
 }
 
-cxxopts::Options make_options() {
+cxxopts::Options fakecam_options() {
   cxxopts::Options options("bolo fakecam", "Serve a capture as a GigE Vision camera (a FLIR A655sc's features)\n");
   options.positional_help("CAPTURE").show_positional_help();
   options.add_options()                                                                                           //
@@ -85,8 +85,8 @@ Result<fakecam::FaultScript> read_faults(const cxxopts::ParseResult& parsed) {
   return script;
 }
 
-Result<Request> read_request(const cxxopts::ParseResult& parsed) {
-  Request request;
+Result<FakeCameraRequest> fakecam_request(const cxxopts::ParseResult& parsed) {
+  FakeCameraRequest request;
   if (parsed.count("capture") == 0) return bad_input("no CAPTURE given; see bolo fakecam --help");
   request.capture = parsed["capture"].as<std::string>();
   request.once = parsed.count("once") != 0;
@@ -121,7 +121,7 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
   return request;
 }
 
-void print_serving(const Request& request, const FakeCamera& camera) {
+void print_serving(const FakeCameraRequest& request, const FakeCamera& camera) {
   const Geometry sensor = camera.sensor();
   if (request.json) {
     const nlohmann::json line{{"serving", request.camera.address},
@@ -150,7 +150,7 @@ nlohmann::json to_json(const std::vector<fakecam::InjectedFault>& injected) {
   return all;
 }
 
-void print_summary(const Request& request, const FakeCameraStats& stats,
+void print_summary(const FakeCameraRequest& request, const FakeCameraStats& stats,
                    const std::vector<fakecam::InjectedFault>& injected) {
   const double worst_ms = static_cast<double>(stats.worst_lateness_ns) * 1e-6;
   if (request.json) {
@@ -190,7 +190,7 @@ void print_summary(const Request& request, const FakeCameraStats& stats,
   }
 }
 
-void wait_for_end(const Request& request, const FakeCamera& camera) {
+void wait_for_end(const FakeCameraRequest& request, const FakeCamera& camera) {
   const auto period_ns = static_cast<std::int64_t>(request.tell_every_s * kNsPerSecond);
   std::int64_t next_tell_ns = monotonic_ns() + period_ns;
   while (!interrupted().load(std::memory_order_relaxed)) {
@@ -206,25 +206,25 @@ void wait_for_end(const Request& request, const FakeCamera& camera) {
 }  // namespace
 
 int fakecam_main(int argc, char** argv) {
-  auto options = make_options();
+  auto options = fakecam_options();
   cxxopts::ParseResult parsed;
   if (const auto code = parse(options, argc, argv, parsed)) return *code;
   if (parsed.count("list-faults") != 0) {
     print_faults(parsed.count("json") != 0);
     return kExitDone;
   }
-  const auto request = read_request(parsed);
-  if (!request) return report(kVerb, request.error());
+  const auto request = fakecam_request(parsed);
+  if (!request) return report(kFakeCameraVerb, request.error());
   catch_interrupts();
   auto provider = fakecam::open_capture(request->capture);
-  if (!provider) return report(kVerb, provider.error());
+  if (!provider) return report(kFakeCameraVerb, provider.error());
   auto camera = FakeCamera::start(request->camera, std::move(*provider));
-  if (!camera) return report(kVerb, camera.error());
+  if (!camera) return report(kFakeCameraVerb, camera.error());
   print_serving(*request, **camera);
   wait_for_end(*request, **camera);
   (*camera)->stop();
   print_summary(*request, (*camera)->stats(), (*camera)->injected());
-  if (const auto result = (*camera)->result(); !result) return report(kVerb, result.error());
+  if (const auto result = (*camera)->result(); !result) return report(kFakeCameraVerb, result.error());
   return kExitDone;
 }
 

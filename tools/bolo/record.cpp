@@ -12,11 +12,11 @@
 namespace bolo::tools {
 namespace {
 
-constexpr const char* kVerb = "record";
+constexpr const char* kRecordVerb = "record";
 constexpr double kMostSeconds = 1e8;
 constexpr std::size_t kMostBuffer_mb = std::size_t{64} * 1024;
 
-cxxopts::Options make_options() {
+cxxopts::Options record_options() {
   cxxopts::Options options("bolo record",
                            "Record a running daemon's frames. A killed process or a cut of power costs the last "
                            "fraction of a second; see bolo recover\n");
@@ -54,7 +54,7 @@ Status check_output_of(const RecordRequest& request) {
   return check_first_file(options);
 }
 
-Result<RecordRequest> read_request(const cxxopts::ParseResult& parsed) {
+Result<RecordRequest> record_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("name") == 0) return bad_input("which daemon? usage: bolo record NAME -o FILE.h5");
   if (parsed.count("output") == 0) return bad_input("where to? usage: bolo record NAME -o FILE.h5");
   RecordRequest request;
@@ -132,19 +132,19 @@ void print(const RecordResult& result) {
 }  // namespace
 
 int record_main(int argc, char** argv) {
-  auto options = make_options();
+  auto options = record_options();
   cxxopts::ParseResult parsed;
   if (const auto code = parse(options, argc, argv, parsed)) return *code;
   if (parsed.count("name") > 1) return record_several(parsed);
-  const auto request = read_request(parsed);
-  if (!request) return report(kVerb, request.error());
+  const auto request = record_request(parsed);
+  if (!request) return report(kRecordVerb, request.error());
   catch_interrupts();
   Result<RecordResult> result = failed("");
   {
     Progress progress("recording", request->frames);
     result = record(*request, interrupted(), [&](std::uint64_t frames) { progress.update(frames); });
   }
-  if (!result) return report(kVerb, result.error());
+  if (!result) return report(kRecordVerb, result.error());
   if (parsed.count("json") != 0) {
     std::cout << to_json(*result).dump() << '\n';
   } else {
@@ -155,7 +155,7 @@ int record_main(int argc, char** argv) {
   const std::string saved = written.files.empty()
                                 ? "; no file was finished"
                                 : "; " + std::to_string(written.frames) + " frames are in " + files_text(written);
-  report(kVerb, Error{ErrorKind::kFailed, result->status.error().message + saved});
+  report(kRecordVerb, Error{ErrorKind::kFailed, result->status.error().message + saved});
   return kExitFailed;
 }
 

@@ -24,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kVerb = "record";
+constexpr const char* kRecordSeveralVerb = "record";
 constexpr auto kLook = std::chrono::milliseconds(50);
 
 struct Recorder {
@@ -69,7 +69,7 @@ Result<std::vector<Recorder>> start(const std::vector<std::string>& names, const
   const std::string program = fs::read_symlink("/proc/self/exe").string();
   for (const std::string& name : names) {
     Command command;
-    command.words = {program, kVerb, name, "-o", (folder / (name + ".h5")).string()};
+    command.words = {program, kRecordSeveralVerb, name, "-o", (folder / (name + ".h5")).string()};
     command.words.insert(command.words.end(), common.begin(), common.end());
     command.log = logs / name;
     auto process = Process::start(command);
@@ -116,12 +116,12 @@ int record_several(const cxxopts::ParseResult& parsed) {
   fs::path folder;
   Status good = check_names(names);
   if (good) good = make_folder(parsed, folder);
-  if (!good) return report(kVerb, good.error());
+  if (!good) return report(kRecordSeveralVerb, good.error());
   const auto logs = ScratchFolder::make();
-  if (!logs) return report(kVerb, logs.error());
+  if (!logs) return report(kRecordSeveralVerb, logs.error());
   catch_interrupts();
   auto recorders = start(names, common_words(parsed), folder, logs->path());
-  if (!recorders) return report(kVerb, recorders.error());
+  if (!recorders) return report(kRecordSeveralVerb, recorders.error());
   return wait_for(*recorders);
 }
 

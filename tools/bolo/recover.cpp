@@ -12,15 +12,15 @@
 namespace bolo::tools {
 namespace {
 
-constexpr const char* kVerb = "recover";
+constexpr const char* kRecoverVerb = "recover";
 
-struct Request {
+struct RecoverRequest {
   std::filesystem::path damaged;
   OutputFile out;
   bool in_place = false;
 };
 
-cxxopts::Options make_options() {
+cxxopts::Options recover_options() {
   cxxopts::Options options("bolo recover",
                            "Save what an interrupted recording (FILE.h5.part) or a damaged capture holds. The file "
                            "itself stays as it is unless --in-place\n");
@@ -35,9 +35,9 @@ cxxopts::Options make_options() {
   return options;
 }
 
-Result<Request> read_request(const cxxopts::ParseResult& parsed) {
+Result<RecoverRequest> recover_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("file") == 0) return bad_input("which file? usage: bolo recover FILE.h5.part [-o OUT.h5]");
-  Request request;
+  RecoverRequest request;
   request.damaged = parsed["file"].as<std::string>();
   request.in_place = parsed.count("in-place") != 0;
   const bool part = request.damaged.extension() == ".part";
@@ -58,7 +58,7 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
   return request;
 }
 
-nlohmann::json to_json(const Request& request, const capture::Recovered& done) {
+nlohmann::json to_json(const RecoverRequest& request, const capture::Recovered& done) {
   return {{"file", request.damaged.string()},
           {"output", request.out.path.string()},
           {"frames", done.frames},
@@ -68,7 +68,7 @@ nlohmann::json to_json(const Request& request, const capture::Recovered& done) {
           {"missing", done.remarks}};
 }
 
-void print(const Request& request, const capture::Recovered& done) {
+void print(const RecoverRequest& request, const capture::Recovered& done) {
   std::printf("%s: %llu frames saved, %.3f s, the last at %.6f s\n", request.out.path.c_str(),
               static_cast<unsigned long long>(done.frames), done.last_t_s - done.first_t_s, done.last_t_s);
   if (done.unreadable > 0) {
@@ -78,7 +78,7 @@ void print(const Request& request, const capture::Recovered& done) {
   if (!request.in_place) std::printf("%s is as it was\n", request.damaged.c_str());
 }
 
-Result<capture::Recovered> recover(const Request& request) {
+Result<capture::Recovered> recover(const RecoverRequest& request) {
   if (request.in_place) return capture::recover_in_place(request.damaged, request.out);
   std::unique_ptr<Progress> progress;
   return capture::recover_copy(request.damaged, request.out, [&](std::uint64_t frames, std::uint64_t of) {
@@ -91,14 +91,14 @@ Result<capture::Recovered> recover(const Request& request) {
 }  // namespace
 
 int recover_main(int argc, char** argv) {
-  auto options = make_options();
+  auto options = recover_options();
   cxxopts::ParseResult parsed;
   if (const auto code = parse(options, argc, argv, parsed)) return *code;
-  const auto request = read_request(parsed);
-  if (!request) return report(kVerb, request.error());
+  const auto request = recover_request(parsed);
+  if (!request) return report(kRecoverVerb, request.error());
   catch_interrupts();
   const Result<capture::Recovered> done = recover(*request);
-  if (!done) return report(kVerb, done.error());
+  if (!done) return report(kRecoverVerb, done.error());
   if (parsed.count("json") != 0) {
     std::cout << to_json(*request, *done).dump() << '\n';
   } else {

@@ -11,9 +11,9 @@
 namespace bolo::tools {
 namespace {
 
-constexpr const char* kVerb = "replay";
+constexpr const char* kReplayVerb = "replay";
 
-cxxopts::Options make_options() {
+cxxopts::Options replay_options() {
   cxxopts::Options options("bolo replay",
                            "Publish a capture in shared memory as if its camera was live, in this process\n");
   options.positional_help("CAPTURE").show_positional_help();
@@ -28,7 +28,7 @@ cxxopts::Options make_options() {
   return options;
 }
 
-Result<daemon::DaemonConfig> read_request(const cxxopts::ParseResult& parsed) {
+Result<daemon::DaemonConfig> replay_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("capture") == 0) return bad_input("which capture? usage: bolo replay CAPTURE [--name NAME]");
   daemon::DaemonConfig config;
   config.name = "replay";
@@ -52,15 +52,15 @@ Result<daemon::DaemonConfig> read_request(const cxxopts::ParseResult& parsed) {
 }  // namespace
 
 int replay_main(int argc, char** argv) {
-  auto options = make_options();
+  auto options = replay_options();
   cxxopts::ParseResult parsed;
   if (const auto code = parse(options, argc, argv, parsed)) return *code;
-  const auto config = read_request(parsed);
-  if (!config) return report(kVerb, config.error());
+  const auto config = replay_request(parsed);
+  if (!config) return report(kReplayVerb, config.error());
   daemon::block_signals();
   auto made = daemon::Daemon::create(*config, daemon::make_log(config->log, config->name));
-  if (!made) return report(kVerb, made.error());
-  if (const Status status = (*made)->run(daemon::OnHangup::kEnd); !status) return report(kVerb, status.error());
+  if (!made) return report(kReplayVerb, made.error());
+  if (const Status status = (*made)->run(daemon::OnHangup::kEnd); !status) return report(kReplayVerb, status.error());
   return kExitDone;
 }
 

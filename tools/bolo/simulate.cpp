@@ -19,7 +19,7 @@ namespace {
 
 using Options = cxxopts::ParseResult;
 
-cxxopts::Options declare() {
+cxxopts::Options simulate_options() {
   cxxopts::Options options("bolo simulate", "Writes a capture of a simulated camera, with its truth and its stimulus");
   const auto text = [](const char* value = nullptr) {
     return value != nullptr ? cxxopts::value<std::string>()->default_value(value) : cxxopts::value<std::string>();
@@ -185,7 +185,7 @@ Status simulate(const Options& given) {
 }  // namespace
 
 int simulate_main(int argc, char** argv) {
-  cxxopts::Options options = declare();
+  cxxopts::Options options = simulate_options();
   Options given;
   if (const auto code = parse(options, argc, argv, given)) return *code;
   try {

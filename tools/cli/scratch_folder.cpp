@@ -12,7 +12,8 @@ Result<ScratchFolder> ScratchFolder::make(std::filesystem::path parent) {
   if (!error) parent = std::filesystem::absolute(parent, error);
   std::string name = (parent / "bolo-XXXXXX").string();
   if (error || mkdtemp(name.data()) == nullptr) {
-    return failed(parent.string() + ": no folder can be made there; choose another with TMPDIR");
+    return failed((parent.empty() ? "TMPDIR" : parent.string()) +
+                  ": no folder can be made there; choose another with TMPDIR");
   }
   return ScratchFolder(name);
 }
