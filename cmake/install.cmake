@@ -6,7 +6,7 @@ install(TARGETS bolo bolod RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT
 
 # Everything that packages are made of.
 add_custom_target(shipped DEPENDS bolo bolod bolo_client)
-foreach(optional manual gstbolo)
+foreach(optional manual gstbolo bolo-ros2)
   if(TARGET ${optional})
     add_dependencies(shipped ${optional})
   endif()

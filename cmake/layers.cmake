@@ -22,7 +22,7 @@ option(BOLO_UNITY "Compile the files of a library or test together" OFF)
 set(CMAKE_UNITY_BUILD ${BOLO_UNITY})
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 12)
 if(BOLO_UNITY)  # a class of one file with a member of that file's own: GCC takes the file for a header here
-  target_compile_options(bolo_options INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+  target_compile_options(bolo_options INTERFACE $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-subobject-linkage>)
 endif()
 
 # bolo_layer(NAME SOURCES file... DEPENDS layer... LIBRARIES target...)

@@ -106,4 +106,12 @@ bolo_package(gstreamer1.0-bolo
        "any stream of 16-bit grey, without the daemon."
   SUGGESTS bolo)
 
+bolo_package(bolo-ros2
+  SECTION video
+  SUMMARY "sharp frames from moving thermal cameras (ROS 2 topics)"
+  TEXT "With [ros2] enable = true in its configuration, bolod publishes its frames as"
+       "topics of ROS 2, by Cyclone DDS: sensor_msgs/Image, raw and sharp, and"
+       "sensor_msgs/CameraInfo. No ROS 2 is needed on the camera's computer."
+  DEPENDS "bolo ${this_version}")
+
 include(CPack)

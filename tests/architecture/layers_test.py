@@ -31,7 +31,7 @@ ALLOWED = {
     "daemon": PIPELINE,  # and daemon_drivers()
 }
 # Folders of tools, each below the next. Nothing but the laboratory may use the laboratory.
-TOOLS = ["cli", "record", "convert", "doctor", "view", "deblur", "demo", "gstreamer", "bolod", "bolo", "manual", "lab"]
+TOOLS = ["cli", "record", "convert", "doctor", "view", "deblur", "demo", "gstreamer", "ros2", "bolod", "bolo", "manual", "lab"]
 LAB = ["", "bench", "blind", "eval", "detect", "soak"]
 SUFFIXES = {".hpp", ".cpp", ".h", ".c"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.M)

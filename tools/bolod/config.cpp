@@ -242,6 +242,7 @@ void pipeline_keys(KeyTable& keys, DaemonConfig& c) {
 
 void output_keys(KeyTable& keys, DaemonConfig& c) {
   for (const auto& sink : c.sinks) sink->declare(keys);
+  c.ros2.declare(keys);
   keys.section("control", "commands to the running daemon: `bolo nuc NAME`");
   keys.boolean("enable", c.control.enabled, "Listen on a unix socket.");
   keys.text(
@@ -366,6 +367,7 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config, const Ov
   for (std::size_t i = 0; i < config.sinks.size(); ++i) {
     if (Status sink = config.sinks[i]->check(keys, context, {config.sinks.data(), i}); !sink) return sink;
   }
+  if (Status ros2 = config.ros2.check(keys, !config.sinks.front()->describe(context).empty()); !ros2) return ros2;
   if (const Status listen = check_listen(config.metrics); !listen)
     return here("metrics.listen", listen.error().message);
   if (const std::string& socket = config.control.socket; socket != default_control_socket(config.name)) {

@@ -15,6 +15,7 @@
 #include "src/model/camera_profile.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "src/pipeline/sink_section.hpp"
+#include "tools/bolod/ros2.hpp"
 
 namespace bolo::daemon {
 
@@ -75,6 +76,7 @@ struct DaemonConfig {
   std::string isa = "auto";  // instruction set of the solver's kernels
   bool lock_memory = true;
   std::vector<std::shared_ptr<pipeline::SinkSection>> sinks = sink_sections();  // shared by copies
+  Ros2Options ros2;
   ControlOptions control;
   MetricsOptions metrics;
   LogOptions log;

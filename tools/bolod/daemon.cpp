@@ -27,6 +27,7 @@
 #include "tools/bolod/metrics.hpp"
 #include "tools/bolod/metrics_server.hpp"
 #include "tools/bolod/reload.hpp"
+#include "tools/bolod/ros2.hpp"
 #include "tools/bolod/service_manager.hpp"
 #include "tools/bolod/state.hpp"
 #include "tools/bolod/supervisor.hpp"
@@ -206,9 +207,11 @@ void Daemon::Impl::lock_memory() const {
 }
 
 void Daemon::Impl::watch(OnHangup on_hangup) {
+  Ros2Process ros2(config.ros2, config.name);
   while (!ended.load(std::memory_order_acquire)) {  // partner: the pipeline thread's store in run()
     if (take_signal(on_hangup)) break;
     supervisor->poll();
+    ros2.poll([this](const std::string& what) { log->warn(what); });
     follow_period();
     serve_metrics();
   }

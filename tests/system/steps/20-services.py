@@ -40,6 +40,9 @@ enable = true
 
 [metrics]
 enable = true
+
+[ros2]
+enable = true
 """
 
 settings = pathlib.Path("/etc/systemd/system/bolo-fakecam.service.d/small.conf")

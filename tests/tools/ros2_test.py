@@ -1,0 +1,193 @@
+#!/usr/bin/env python3
+"""[ros2] of bolod: what a subscriber of another vendor (Fast DDS) reads of its topics, in a process of its own, against
+the capture that the daemon replays; and that neither strangers' packets nor the end of either program harm the other.
+
+usage: ros2_test.py BOLO BOLOD SUBSCRIBER. Exit code 77 where h5py is missing.
+"""
+
+import os
+import pathlib
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import zlib
+
+BOLO, BOLOD, SUBSCRIBER = sys.argv[1:4]
+del sys.argv[1:4]
+try:
+    import h5py
+    import numpy as np
+except ImportError as error:
+    print("skipped:", error)
+    sys.exit(77)
+
+DOMAIN = 1 + os.getpid() % 100
+FRAMES = 600
+SECONDS = 8  # the subscriber's: until it knows the topics, and while they run
+PORTS = [7400 + 250 * DOMAIN + offset for offset in (0, 1, 10, 11, 12, 13)]  # DDSI-RTPS 9.6.1
+
+
+def running(parent):
+    """The process ids of bolo-ros2 below this one."""
+    found = subprocess.run(["pgrep", "-P", str(parent), "bolo-ros2"], capture_output=True, text=True, check=False)
+    return [int(line) for line in found.stdout.split()]
+
+
+def wait_for(what, seconds=10):
+    end = time.monotonic() + seconds
+    while not what() and time.monotonic() < end:
+        time.sleep(0.02)
+    return what()
+
+
+class Ros2(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory()
+        cls.folder = pathlib.Path(cls.scratch.name)
+        cls.capture = cls.folder / "drive.h5"
+        subprocess.run([BOLO, "simulate", "-o", cls.capture, "--no-truth", "--frames", str(FRAMES)],
+                       check=True, capture_output=True)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.scratch.cleanup()
+
+    def setUp(self):
+        self.name = f"ros2-{os.getpid()}"
+        self.running = []
+
+    def tearDown(self):
+        for process in self.running:
+            process.kill()
+            process.communicate()
+
+    def config(self, ros2="", rest=""):
+        file = self.folder / "bolod.toml"
+        file.write_text(f"""name = "{self.name}"
+[source]
+type = "replay"
+file = "{self.capture}"
+[ros2]
+enable = true
+domain = {DOMAIN}
+{ros2}
+{rest}""")
+        return file
+
+    def daemon(self, ros2=""):
+        with open(self.folder / "bolod.log", "w") as log:
+            self.running.append(subprocess.Popen([BOLOD, "--config", self.config(ros2)], stderr=log))
+        return self.running[-1]
+
+    def log(self):
+        return (self.folder / "bolod.log").read_text()
+
+    def subscribe(self, plane):
+        self.running.append(subprocess.Popen([SUBSCRIBER, self.name.replace("-", "_"), plane, str(SECONDS)], stdout=subprocess.PIPE, text=True,
+                                             env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)}))
+        time.sleep(0.5)
+        return self.running[-1]
+
+    def read(self, subscriber):
+        """([(stamp in ns, encoding, width, height, step, frame_id, crc)], [(stamp, width, height, frame_id)])."""
+        out, _ = subscriber.communicate(timeout=60)
+        lines = [line.split() for line in out.splitlines()]
+        images = [(int(w[0]), w[1], int(w[2]), int(w[3]), int(w[4]), w[5], int(w[6])) for w in lines if w[0] != "info"]
+        return images, [(int(w[1]), int(w[2]), int(w[3]), w[4]) for w in lines if w[0] == "info"]
+
+    def check_images(self, images, planes, encoding, frame_id):
+        self.assertGreater(len(images), FRAMES // 2)
+        height, width = planes[0].shape
+        form = {(encoding, width, height, width * planes[0].itemsize, frame_id)}
+        self.assertEqual({image[1:6] for image in images}, form)
+        expected = [zlib.crc32(plane.tobytes()) for plane in planes]
+        places = [expected.index(image[6]) for image in images]  # each is a frame of the capture, bit for bit; some may
+        # be lost on a busy machine: sensor data is not sent again
+        self.assertEqual(places, sorted(places))
+        steps = np.diff([image[0] for image in images]) / np.diff(places) / 1e6
+        self.assertAlmostEqual(float(np.median(steps)), 5.0, delta=0.2)
+        self.assertLess(abs(images[-1][0] / 1e9 - time.time()), 60)
+
+    def planes(self):
+        with h5py.File(self.capture) as file:
+            frames = file["frames"]
+            return frames[:], float(file.attrs["scale"]), float(file.attrs["offset"])
+
+    def test_a_subscriber_has_frames_bit_for_bit_with_their_times(self):
+        subscriber = self.subscribe("image_raw")
+        self.daemon()
+        images, infos = self.read(subscriber)
+        frames, _, _ = self.planes()
+        self.check_images(images, list(frames), "mono16", self.name)
+        self.assertEqual({info[1:] for info in infos}, {(frames.shape[2], frames.shape[1], self.name)})
+        self.assertTrue({info[0] for info in infos} & {image[0] for image in images})
+
+    def test_kelvin_and_a_frame_of_coordinates_of_its_own(self):
+        subscriber = self.subscribe("image_raw")
+        self.daemon('kelvin = true\nframe_id = "thermal_optical"')
+        images, _ = self.read(subscriber)
+        frames, scale, offset = self.planes()
+        kelvin = [(scale * frame + offset).astype("<f4") for frame in frames]
+        self.check_images(images, kelvin, "32FC1", "thermal_optical")
+
+    def test_strangers_packets_end_nothing(self):
+        draw = random.Random(7)
+        subscriber = self.subscribe("image_deblurred")
+        daemon = self.daemon()
+        self.assertTrue(wait_for(lambda: running(daemon.pid)))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            for i in range(3000):
+                junk = draw.randbytes(draw.randrange(1, 1400))
+                if i % 2:
+                    junk = b"RTPS\x02\x01\x01\x10" + junk  # one that looks right at first
+                sender.sendto(junk, ("127.0.0.1", PORTS[i % len(PORTS)]))
+        images, _ = self.read(subscriber)
+        self.assertGreater(len(images), FRAMES // 2)
+        daemon.wait(timeout=30)
+        self.assertEqual(daemon.returncode, 0)
+        self.assertNotIn("bolo-ros2 ended", self.log())
+
+    def test_it_is_started_again_and_the_daemon_goes_on(self):
+        daemon = self.daemon()
+        self.assertTrue(wait_for(lambda: running(daemon.pid)))
+        first = running(daemon.pid)
+        os.kill(first[0], signal.SIGKILL)
+        self.assertTrue(wait_for(lambda: running(daemon.pid) not in ([], first)))
+        daemon.wait(timeout=30)
+        self.assertEqual(daemon.returncode, 0)
+        self.assertIn("bolo-ros2 ended by signal 9; it is started again", self.log())
+        self.assertIn(f"ended: {FRAMES} frames in, {FRAMES} out", self.log())
+
+    def test_it_ends_with_the_daemon(self):
+        for end in (signal.SIGTERM, signal.SIGKILL):
+            daemon = self.daemon()
+            self.assertTrue(wait_for(lambda: running(daemon.pid)))
+            child = running(daemon.pid)[0]
+            time.sleep(0.3)  # a process that has just begun has not asked for it yet
+            daemon.send_signal(end)
+            daemon.wait(timeout=10)
+            self.assertTrue(wait_for(lambda: not os.path.exists(f"/proc/{child}")), end)
+
+    def refusal(self, config, program=BOLOD):
+        done = subprocess.run([program, "--check-config", "--config", config], capture_output=True, text=True, check=False)
+        self.assertEqual((done.returncode, done.stderr.count("\n")), (2, 1), done.stderr)
+        return done.stderr
+
+    def test_what_it_lacks_is_said_in_one_line(self):
+        self.assertIn("bolod.toml:6:10: ros2.enable needs shm.enable = true",
+                      self.refusal(self.config(rest="[shm]\nenable = false")))
+        alone = self.folder / "alone"
+        alone.mkdir()
+        shutil.copy(BOLOD, alone / "bolod")
+        self.assertIn("install the package bolo-ros2", self.refusal(self.config(), alone / "bolod"))
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,49 @@
+// [ros2]: the program bolo-ros2, which hands the daemon's frames to ROS 2. It runs beside the daemon, not in it:
+// whatever the network sends to DDS, frames flow on.
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "src/core/result.hpp"
+#include "src/model/strict_toml.hpp"
+
+namespace bolo::daemon {
+
+struct Ros2Options {
+  bool enabled = false;
+  bool kelvin = false;
+  std::string frame_id;  // empty: the daemon's name
+  int domain = 0;        // ROS_DOMAIN_ID
+
+  // Thread: any.
+  void declare(model::KeyTable& keys);
+  // kBadInput where bolo-ros2 is not installed. Thread: any.
+  Status check(const model::KeyTable& keys, bool has_shared_memory) const;
+};
+
+// Runs it, and again when it ended. Thread: main.
+class Ros2Process {
+ public:
+  Ros2Process(const Ros2Options& options, const std::string& name);
+  Ros2Process(const Ros2Process&) = delete;
+  Ros2Process& operator=(const Ros2Process&) = delete;
+  ~Ros2Process();  // ends it
+
+  // Starts it where it does not run; `warn` hears of an end that was not asked for, once until it runs for a while.
+  void poll(const std::function<void(const std::string&)>& warn);
+
+ private:
+  void start(const std::function<void(const std::string&)>& warn);
+
+  std::vector<std::string> words_;  // empty: not asked for
+  pid_t pid_ = -1;
+  std::int64_t started_ns_ = 0;
+  bool warned_ = false;
+};
+
+}  // namespace bolo::daemon
