@@ -32,7 +32,7 @@ class Rig {
     server_ = std::move(*server);
     const Access access{.token = "0123456789abcdef", .beyond_loopback = true, .host_name = "host", .port = 8640};
     site_ = std::make_unique<Site>(
-        access, stream_, []() -> Status { return failed("no camera"); }, "");
+        access, std::vector{&stream_}, [](const std::string& /*name*/) -> Status { return failed("no camera"); }, "");
     thread_ = std::thread([this] { server_->run([this](const Request& r) { return site_->answer(r); }, end_); });
   }
   ~Rig() {

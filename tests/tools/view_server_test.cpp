@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <filesystem>
@@ -51,19 +52,25 @@ std::string receive_all(const UniqueFd& fd) {
 // A view of a daemon that is not there.
 class ViewServer : public testing::Test {
  protected:
-  void serve(HttpServer::Limits limits = {}) {
+  void serve(HttpServer::Limits limits) { serve(1, limits); }
+  void serve(int cameras = 1, HttpServer::Limits limits = {}) {
     Access access{.token = kToken};
     auto server = HttpServer::listen({"127.0.0.1"}, 0, limits, Site::headers());
     ASSERT_TRUE(server) << server.error().message;
     server_ = std::move(*server);
     access.port = server_->port();
-    stream_ = std::make_unique<LiveStream>("test-view-none-" + std::to_string(getpid()), [] {});
-    const auto ask = [this]() -> Status {
+    std::vector<LiveStream*> lent;
+    for (int i = 0; i < cameras; ++i) {
+      const std::string name = "test-view-none-" + std::to_string(i) + "-" + std::to_string(getpid());
+      streams_.push_back(std::make_unique<LiveStream>(name, [] {}));
+      lent.push_back(streams_.back().get());
+    }
+    const auto ask = [this](const std::string& /*name*/) -> Status {
       ++nucs_;
       while (hold_nuc_.load()) std::this_thread::yield();
       return failed("the camera does not answer");
     };
-    site_ = std::make_unique<Site>(access, *stream_, ask, "");
+    site_ = std::make_unique<Site>(access, lent, ask, "");
     thread_ =
         std::thread([this] { server_->run([this](const Request& request) { return site_->answer(request); }, end_); });
   }
@@ -97,7 +104,7 @@ class ViewServer : public testing::Test {
   }
 
   std::unique_ptr<HttpServer> server_;
-  std::unique_ptr<LiveStream> stream_;
+  std::vector<std::unique_ptr<LiveStream>> streams_;
   std::unique_ptr<Site> site_;
   std::atomic<int> nucs_{0};
   std::atomic<bool> hold_nuc_{false};
@@ -120,6 +127,29 @@ TEST_F(ViewServer, ServesThePageAndOnlyIt) {
                            "/api/", "/page", "/index.html/"}) {
     EXPECT_EQ(status(std::string("GET ") + path), 404) << path;
   }
+}
+
+TEST_F(ViewServer, ServesSeveralCamerasEachAtItsPlace) {
+  serve(2);
+  const auto content = [](std::string_view name) {
+    const auto files = page_files();
+    return std::find_if(files.begin(), files.end(), [name](const PageFile& f) { return f.name == name; })->content;
+  };
+  const std::string first = "/camera/" + streams_[0]->name();
+  EXPECT_TRUE(ask("GET /").ends_with(content("all.html")));
+  EXPECT_TRUE(ask("GET " + first + "/").ends_with(content("index.html")));
+  EXPECT_TRUE(ask("GET " + first + "/app.js").ends_with(content("app.js")));
+  EXPECT_TRUE(ask("GET /api/cameras").ends_with("[\"" + streams_[0]->name() + "\",\"" + streams_[1]->name() + "\"]"));
+  for (const auto& stream : streams_) {
+    EXPECT_NE(ask("GET /camera/" + stream->name() + "/api/status").find("\"name\":\"" + stream->name() + "\""),
+              std::string::npos);
+  }
+  EXPECT_EQ(status("POST " + first + "/api/nuc", "Origin: http://localhost\r\n"), 202);
+  for (const char* path :
+       {"/api/status", "/api/frame?epoch=0&after=0", "/camera/", "/camera/none/", "/camera//api/status"}) {
+    EXPECT_EQ(status(std::string("GET ") + path), 404) << path;
+  }
+  EXPECT_EQ(status("GET " + first), 404);  // links on the page are relative to the slash behind it
 }
 
 TEST_F(ViewServer, RefusesOtherMethods) {

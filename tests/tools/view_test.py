@@ -29,7 +29,7 @@ if browser.missing():
 
 WIDTH, HEIGHT, RATE = (int(v) for v in os.environ.get("BOLO_VIEW_FORMAT", "160,48,100").split(","))
 PATIENCE_S = 60  # a guard against hanging, not an expectation
-HEAD = struct.Struct("<4sHHIIddQQQqdIIII")  # FrameHead of tools/view/live_stream.hpp
+HEAD = struct.Struct("<4sHHIIddQQQqdIIIIq")  # FrameHead of tools/view/live_stream.hpp
 
 
 def wait_for(condition, what):
@@ -298,7 +298,7 @@ def check_hurry(page):
     page.run("""const fetched = window.fetch;
         window.fetch = async (path, ...more) => {
           const answer = await fetched(path, ...more);
-          if (!path.startsWith("/api/frame") || answer.status !== 200 || window.solved) return answer;
+          if (!path.startsWith("api/frame") || answer.status !== 200 || window.solved) return answer;
           const buffer = await answer.arrayBuffer();
           new DataView(buffer).setUint32(72, 64, true);  // inverse, and nothing else
           return new Response(buffer);
@@ -336,6 +336,31 @@ def check_token(page, programs):
     page.open(url)
     wait_for(lambda: page.text("#pill") == "live", "the page by its cookie")
     page.log("browser")  # the refusal
+
+
+def check_several(page, programs, folder):
+    """Two cameras: both side by side with moving pictures and times, and each on a page of its own."""
+    other = programs.name + "-rear"
+    programs.start(programs.bolo, "replay", os.path.join(programs.folder, "street.h5"), "--name", other, "--loop")
+    before = programs.output()
+    programs.start(programs.bolo, "view", programs.name, other, "--port", "0", "--json")
+    told = json.loads(wait_for(lambda: re.search(rb'{"url".*}', programs.output()[len(before):]), "the view").group())
+    assert told["name"] == f"{programs.name}, {other}", told
+    page.open(told["url"])
+    canvas = "document.querySelectorAll('.camera canvas')[arguments[0]]"
+    picture = f"return {canvas} && {canvas}.width > 300 ? '' : {canvas}?.toDataURL() ?? ''"
+    for i in range(2):
+        first = wait_for(lambda: page.run(picture, i), "a picture")
+        wait_for(lambda: page.run(picture, i) != first, "another picture")
+        wait_for(lambda: re.fullmatch(r"\d\d:\d\d:\d\d\.\d{3}", page.run(
+            "return document.querySelectorAll('.camera span')[arguments[0]].textContent", i)), "its time")
+    if folder:
+        page.screenshot(os.path.join(folder, "view_all.png"))
+    page.run("document.querySelectorAll('.camera')[1].click()")
+    wait_for(lambda: page.text("#pill") == "live", "the page of one")
+    wait_for(lambda: page.text("#name") == other, "its name")
+    check_frames_move(page)
+    page.log("browser")
 
 
 def check_strangers(programs):
@@ -424,6 +449,7 @@ def main(bolo, bolod, pictures):
             check_motion(page, programs, pictures)
             check_requests(page)
             check_token(page, programs)
+            check_several(page, programs, pictures)
             check_usage(programs)
             programs.view.send_signal(signal.SIGTERM)
             assert programs.view.wait() == 0

@@ -1,13 +1,17 @@
 // `bolo view`: a live page of a running daemon's frames.
 #include <unistd.h>
 
+#include <algorithm>
 #include <climits>
 #include <cstdio>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "drivers/shm/followed_stream.hpp"
 #include "drivers/shm/shm_object.hpp"
 #include "tools/bolo/control_client.hpp"
 #include "tools/bolo/verbs.hpp"
@@ -18,7 +22,7 @@ namespace bolo::tools {
 namespace {
 
 struct ViewOptions {
-  std::string name;
+  std::vector<std::string> names;
   std::uint16_t port = 8640;
   std::string listen;
   std::string token;
@@ -27,18 +31,21 @@ struct ViewOptions {
   bool json = false;
 };
 
-// The one daemon that there is, where none was named.
-Result<std::string> choose_daemon(const std::string& named) {
-  if (!named.empty()) {
-    const Result<std::string> good = shm::object_path(named);
-    return good ? Result<std::string>(named) : tl::unexpected<Error>(good.error());
+// All that run, where none was named.
+Result<std::vector<std::string>> choose_daemons(const std::vector<std::string>& named) {
+  for (const std::string& name : named) {
+    if (const Result<std::string> good = shm::object_path(name); !good) return tl::unexpected<Error>(good.error());
+    if (std::count(named.begin(), named.end(), name) > 1) return bad_input(name + " is named twice");
   }
-  const std::vector<std::string> names = shm::ShmReader::names();
-  if (names.size() == 1) return names.front();
+  if (!named.empty()) return named;
+  std::vector<std::string> names = shm::ShmReader::names();
+  const auto ended = [](const std::string& name) {
+    const auto stream = shm::FollowedStream::open(name, 0);
+    return !stream || stream->reader().closed();
+  };
+  if (names.size() > 1) std::erase_if(names, ended);
   if (names.empty()) return bad_input("no daemon runs here; start bolod, or name the one to wait for: bolo view NAME");
-  std::string all;
-  for (const std::string& name : names) all += " " + name;
-  return bad_input("several daemons run here; name one of them:" + all);
+  return names;
 }
 
 Result<view::Access> access_of(const ViewOptions& options) {
@@ -94,8 +101,8 @@ void say_where(const ViewOptions& options, const std::string& name, const std::s
 }
 
 Status view_daemon(const ViewOptions& options) {
-  const Result<std::string> name = choose_daemon(options.name);
-  if (!name) return tl::unexpected<Error>(name.error());
+  const Result<std::vector<std::string>> names = choose_daemons(options.names);
+  if (!names) return tl::unexpected<Error>(names.error());
   Result<view::Access> access = access_of(options);
   if (!access) return tl::unexpected<Error>(access.error());
   const auto addresses =
@@ -104,13 +111,18 @@ Status view_daemon(const ViewOptions& options) {
   if (!server) return tl::unexpected<Error>(server.error());
   access->port = (*server)->port();
   catch_interrupts();
-  view::LiveStream stream(*name, [&server] { (*server)->wake(); });
-  const auto ask_for_nuc = [&name]() -> Status {
-    const Result<std::string> answer = ask_daemon_named(*name, "nuc");
+  std::vector<std::unique_ptr<view::LiveStream>> streams;
+  std::vector<view::LiveStream*> lent;
+  for (const std::string& name : *names) {
+    streams.push_back(std::make_unique<view::LiveStream>(name, [&server] { (*server)->wake(); }));
+    lent.push_back(streams.back().get());
+  }
+  const auto ask_for_nuc = [](const std::string& name) -> Status {
+    const Result<std::string> answer = ask_daemon_named(name, "nuc");
     return answer ? judge_answer(*answer) : tl::unexpected<Error>(answer.error());
   };
-  view::Site site(*access, stream, ask_for_nuc, options.page);
-  say_where(options, *name, url_of(options, *access));
+  view::Site site(*access, lent, ask_for_nuc, options.page);
+  say_where(options, fmt::format("{}", fmt::join(*names, ", ")), url_of(options, *access));
   (*server)->run([&site](const view::Request& request) { return site.answer(request); }, interrupted());
   return {};
 }
@@ -122,7 +134,8 @@ int view_main(int argc, char** argv) {
                        "Serve a live page of a running daemon: blurred, deblurred, traces, rates, losses.");
   ViewOptions options;
   auto add = cli.add_options();
-  add("name", "The daemon's name; may be left out where only one runs", cxxopts::value(options.name));
+  add("name", "The daemons' names; left out: all that run. Several are shown side by side",
+      cxxopts::value<std::vector<std::string>>());
   add("port", "TCP port; 0: any that is free", cxxopts::value(options.port)->default_value("8640"));
   add("listen", "IP address to serve on instead of 127.0.0.1 and ::1; where other computers reach it, give a token",
       cxxopts::value(options.listen), "ADDRESS");
@@ -132,9 +145,10 @@ int view_main(int argc, char** argv) {
   add("json", "Print {\"url\": ...} once it serves", cxxopts::value(options.json));
   add("page", "Serve the page's files from this folder, for work on the page", cxxopts::value(options.page), "FOLDER");
   cli.parse_positional({"name"});
-  cli.positional_help("[NAME]");
+  cli.positional_help("[NAME...]");
   cxxopts::ParseResult parsed;
   if (const auto code = parse(cli, argc, argv, parsed)) return *code;
+  for (const auto& name : files_of(parsed, "name")) options.names.push_back(name.string());
   const Status done = view_daemon(options);
   return done ? kExitDone : report("view", done.error());
 }

@@ -126,6 +126,7 @@ std::shared_ptr<const std::string> LiveStream::newest_frame(const Place& seen) {
     head.camera_ns = frame->head.camera_ns;
     head.age_ms = static_cast<double>(monotonic_ns() - frame->head.receive_ns) * 1e-6;
     head.flags = frame->head.flags;
+    head.utc_ns = frame->head.utc_ns;
     std::string copy;
     const std::size_t moving = shm::has_motion(frame->layout, frame->head) ? frame->layout.motion_blocks : 0;
     head.motion_across = moving > 0 ? across : 0;

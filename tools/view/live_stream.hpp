@@ -45,8 +45,9 @@ struct FrameHead {
   std::uint32_t row_step = 1;
   std::uint32_t motion_across = 0;  // blocks; 0: the scene's motion is not known for this frame
   std::uint32_t motion_down = 0;
+  std::int64_t utc_ns = 0;  // when the camera took it: ns since 1970; 0: not known
 };
-static_assert(sizeof(FrameHead) == 88);
+static_assert(sizeof(FrameHead) == 96);
 
 class LiveStream {
  public:

@@ -50,10 +50,45 @@ std::string contents(const std::filesystem::path& file) {
   return text.str();
 }
 
+std::optional<Answer> frame(LiveStream& stream, const Request& request) {
+  const auto seen = place(request);
+  if (!seen) return line(400, "epoch and after must be whole numbers");
+  if (auto body = stream.newest_frame(*seen)) return Answer{.type = "application/octet-stream", .body = body};
+  if (request.waited() < kFramePatience) return std::nullopt;
+  return Answer{.status = 204};
+}
+
+Answer trace(LiveStream& stream, const Request& request) {
+  const auto x = number<std::uint32_t>(request, "x");
+  const auto y = number<std::uint32_t>(request, "y");
+  const auto seen = place(request);
+  if (!x || !y || !seen) return line(400, "x, y, epoch and after must be whole numbers");
+  const auto trace = stream.trace(*x, *y, *seen);
+  if (!trace) return line(404, "no stream, no such pixel in it, or too many pixels are followed");
+  return json_answer(*trace);
+}
+
+Answer status(LiveStream& stream, const NucAsker& nuc) {
+  nlohmann::ordered_json json = stream.status();
+  json["view"]["nuc_asking"] = nuc.asking();
+  json["view"]["nuc_trouble"] = nuc.trouble();
+  return json_answer(json);
+}
+
+Answer nuc(NucAsker& asker) {
+  return asker.start() ? line(202, "the camera is asked") : line(409, "a NUC is being asked for already");
+}
+
 }  // namespace
 
-Site::Site(Access access, LiveStream& stream, NucAsker::Ask ask_for_nuc, std::filesystem::path page_folder)
-    : access_(std::move(access)), stream_(stream), page_folder_(std::move(page_folder)), nuc_(std::move(ask_for_nuc)) {}
+Site::Site(Access access, const std::vector<LiveStream*>& streams, const Ask& ask_for_nuc,
+           std::filesystem::path page_folder)
+    : access_(std::move(access)), page_folder_(std::move(page_folder)) {
+  for (LiveStream* stream : streams) {
+    const auto ask = [ask_for_nuc, name = stream->name()] { return ask_for_nuc(name); };
+    cameras_.push_back({*stream, std::make_unique<NucAsker>(ask)});
+  }
+}
 
 std::vector<std::pair<std::string, std::string>> Site::headers() {
   return {{"Content-Security-Policy",
@@ -73,58 +108,51 @@ std::optional<Answer> Site::answer(const Request& request) {
   return answer;
 }
 
+// Takes "/camera/NAME" off the path. Null: the path is nobody's in particular; of a name that is not there it stays
+// whole.
+Site::Camera* Site::camera_of(std::string& path) {
+  if (cameras_.size() == 1) return &cameras_.front();
+  for (Camera& camera : cameras_) {
+    const std::string prefix = "/camera/" + camera.stream.name();
+    if (!path.starts_with(prefix + "/")) continue;
+    path.erase(0, prefix.size());
+    return &camera;
+  }
+  return nullptr;
+}
+
 std::optional<Answer> Site::route(const Request& request) {
-  const bool post = request.path() == "/api/nuc";
+  std::string path = request.path();
+  Camera* camera = camera_of(path);
+  const bool post = camera != nullptr && path == "/api/nuc";
   if (request.method() != (post ? "POST" : "GET")) {
     Answer refused = line(405, post ? "a NUC is asked for by POST" : "only GET is allowed here");
     refused.headers.emplace_back("Allow", post ? "POST" : "GET");
     return refused;
   }
-  if (post) return nuc();
-  if (request.path() == "/api/frame") return frame(request);
-  if (request.path() == "/api/trace") return trace(request);
-  if (request.path() == "/api/status") return status();
-  return page(request);
+  if (path == "/api/cameras") return cameras();
+  if (camera == nullptr) return page(path, false);
+  if (post) return nuc(*camera->nuc);
+  if (path == "/api/frame") return frame(camera->stream, request);
+  if (path == "/api/trace") return trace(camera->stream, request);
+  if (path == "/api/status") return status(camera->stream, *camera->nuc);
+  return page(path, true);
 }
 
-Answer Site::page(const Request& request) const {
-  const std::string& path = request.path();  // as it was sent: perhaps without a slash, or empty
-  if (!path.starts_with('/')) return line(404, "there is no such page");
-  const std::string name = path == "/" ? "index.html" : path.substr(1);
+Answer Site::cameras() const {
+  nlohmann::ordered_json names = nlohmann::ordered_json::array();
+  for (const Camera& camera : cameras_) names.push_back(camera.stream.name());
+  return json_answer(names);
+}
+
+Answer Site::page(const std::string& path, bool of_one) const {
+  if (!path.starts_with('/')) return line(404, "there is no such page");  // as it was sent: perhaps empty
+  const std::string name = path != "/" ? path.substr(1) : of_one ? "index.html" : "all.html";
   const auto files = page_files();
   const auto file = std::find_if(files.begin(), files.end(), [&](const PageFile& f) { return f.name == name; });
   if (file == files.end()) return line(404, "there is no such page");
   const std::string content = page_folder_.empty() ? std::string(file->content) : contents(page_folder_ / file->name);
   return {.type = type_of(name), .body = std::make_shared<const std::string>(content)};
-}
-
-std::optional<Answer> Site::frame(const Request& request) {
-  const auto seen = place(request);
-  if (!seen) return line(400, "epoch and after must be whole numbers");
-  if (auto body = stream_.newest_frame(*seen)) return Answer{.type = "application/octet-stream", .body = body};
-  if (request.waited() < kFramePatience) return std::nullopt;
-  return Answer{.status = 204};
-}
-
-Answer Site::trace(const Request& request) const {
-  const auto x = number<std::uint32_t>(request, "x");
-  const auto y = number<std::uint32_t>(request, "y");
-  const auto seen = place(request);
-  if (!x || !y || !seen) return line(400, "x, y, epoch and after must be whole numbers");
-  const auto trace = stream_.trace(*x, *y, *seen);
-  if (!trace) return line(404, "no stream, no such pixel in it, or too many pixels are followed");
-  return json_answer(*trace);
-}
-
-Answer Site::status() const {
-  nlohmann::ordered_json json = stream_.status();
-  json["view"]["nuc_asking"] = nuc_.asking();
-  json["view"]["nuc_trouble"] = nuc_.trouble();
-  return json_answer(json);
-}
-
-Answer Site::nuc() {
-  return nuc_.start() ? line(202, "the camera is asked") : line(409, "a NUC is being asked for already");
 }
 
 }  // namespace bolo::view

@@ -17,15 +17,16 @@ async function get(path) {
   return answer;
 }
 
-// onFrame(frame); onTrouble(words), null when it is over. `stopped()`: frames are not wanted now.
-export async function followFrames({ onFrame, onTrouble, stopped }) {
+// onFrame(frame); onTrouble(words), null when it is over. `stopped()`: frames are not wanted now. `of`: where the camera's
+// answers are, relative to the page.
+export async function followFrames({ of = "", onFrame, onTrouble, stopped }) {
   let seen = { epoch: 0, number: 0 };
   for (;;) {
     await visible();
     if (stopped()) { await pause(100); continue; }
     const begun = performance.now();
     try {
-      const answer = await get(`/api/frame?epoch=${seen.epoch}&after=${seen.number}`);
+      const answer = await get(`${of}api/frame?epoch=${seen.epoch}&after=${seen.number}`);
       if (answer.status === 200) {
         const frame = parseFrame(await answer.arrayBuffer());
         seen = frame;
@@ -44,7 +45,7 @@ export async function followStatus({ onStatus }) {
   for (;;) {
     await visible();
     try {
-      onStatus(await (await get("/api/status")).json());
+      onStatus(await (await get("api/status")).json());
     } catch { /* followFrames tells */ }
     await pause(STATUS_MS);
   }
@@ -62,7 +63,7 @@ export async function followTrace({ pixel, onSamples, stopped }) {
     if (wanted !== of) place = { epoch: 0, next: 0 };
     of = wanted;
     try {
-      const path = `/api/trace?x=${of.x}&y=${of.y}&epoch=${place.epoch}&after=${place.next}`;
+      const path = `api/trace?x=${of.x}&y=${of.y}&epoch=${place.epoch}&after=${place.next}`;
       const samples = await (await get(path)).json();
       if (pixel() === of) onSamples(samples, place.epoch !== samples.epoch);
       place = samples;
@@ -74,6 +75,6 @@ export async function followTrace({ pixel, onSamples, stopped }) {
 
 // Asks for a NUC; the status says what came of it.
 export async function askForNuc() {
-  const answer = await fetch("/api/nuc", { method: "POST" });
+  const answer = await fetch("api/nuc", { method: "POST" });
   if (!answer.ok) throw new Error((await answer.text()).trim());
 }

@@ -22,6 +22,7 @@ export function parseFrame(buffer) {
     rowStep: head.getUint32(76, true),
     raw: new Uint16Array(buffer, bytes, width * height),
     sharp: new Uint16Array(buffer, bytes + 2 * width * height, width * height),
+    utc_ms: Number(head.getBigInt64(88, true) / 1000n) / 1000, // 0: not known
     motion: motionOf(buffer, bytes + 4 * width * height, head.getUint32(80, true), head.getUint32(84, true)),
     at: new Date(),
   };
