@@ -35,6 +35,8 @@ endforeach()
 install(FILES ${completion}/_bolo DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/zsh/vendor-completions COMPONENT bolo)
 install(FILES ${completion}/bolo.fish DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/fish/vendor_completions.d COMPONENT bolo)
 
+install(FILES config/grafana.json DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/bolo COMPONENT bolo)
+
 install(FILES README.md ARCHITECTURE.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT bolo)
 install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT bolo)
 install(FILES tools/slurm/bolo-deblur.sbatch DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT bolo)

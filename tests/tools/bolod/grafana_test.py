@@ -1,0 +1,98 @@
+"""The dashboard for Grafana: a real Prometheus, which scrapes a real daemon, has something to say to every panel.
+
+usage: grafana_test.py BOLO BOLOD DASHBOARD. Exit code 77: prometheus is not there.
+"""
+
+import json
+import os
+import pathlib
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.error
+import urllib.parse
+import urllib.request
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
+from loopback import own_address  # noqa: E402
+
+BOLO, BOLOD, DASHBOARD = sys.argv[1:4]
+HANG_GUARD_S = 90.0
+if shutil.which("prometheus") is None:
+    print("skipped: prometheus is not installed")
+    sys.exit(77)
+
+
+def free_port():
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        return server.getsockname()[1]
+
+
+def query(port, expression):
+    url = f"http://127.0.0.1:{port}/api/v1/query?" + urllib.parse.urlencode({"query": expression})
+    try:
+        with urllib.request.urlopen(url, timeout=20) as answer:
+            return json.load(answer)["data"]["result"]
+    except urllib.error.HTTPError as error:
+        raise AssertionError(f"{expression}: {error.read().decode()}") from error
+    except urllib.error.URLError:
+        return []  # it is not up yet
+
+
+def expressions():
+    """(expression, labels that its legend names) of every panel."""
+    dashboard = json.loads(pathlib.Path(DASHBOARD).read_text(encoding="utf-8"))
+    for panel in dashboard["panels"]:
+        for target in panel["targets"]:
+            expression = target["expr"].replace("$camera", ".+").replace("$__rate_interval", "10s")
+            assert "$" not in expression, expression
+            yield expression, re.findall(r"{{(\w+)}}", target["legendFormat"])
+
+
+def main(folder):
+    address, metrics, prometheus = own_address(), free_port(), free_port()
+    capture, config, scrapes = folder / "street.h5", folder / "bolod.toml", folder / "prometheus.yml"
+    subprocess.run([BOLO, "simulate", "-o", capture, "--no-truth", "--width=160", "--height=48", "--frames=200"],
+                   check=True, capture_output=True)
+    config.write_text(f'name = "test-grafana-{os.getpid()}"\n[source]\naddress = "{address}"\nwidth = 160\nheight = 48\n'
+                      f'[deblur]\nlambda = 0.001\n[control]\nenable = false\n'
+                      f'[metrics]\nenable = true\nlisten = "127.0.0.1:{metrics}"\n')
+    scrapes.write_text("global: {scrape_interval: 500ms, scrape_timeout: 500ms}\nscrape_configs:\n- job_name: bolo\n"
+                       f"  static_configs: [{{targets: ['127.0.0.1:{metrics}']}}]\n")
+    log = open(folder / "log", "wb")  # noqa: SIM115
+    running = [subprocess.Popen(words, stdout=log, stderr=log) for words in (
+        [BOLO, "fakecam", capture, "--loop", "--interface", address],
+        ["prometheus", f"--config.file={scrapes}", f"--storage.tsdb.path={folder}/data",
+         f"--web.listen-address=127.0.0.1:{prometheus}"])]
+    try:
+        end = time.monotonic() + HANG_GUARD_S
+        while b"serving" not in (folder / "log").read_bytes() and time.monotonic() < end:
+            time.sleep(0.05)
+        running.append(subprocess.Popen([BOLOD, "--config", config], stdout=log, stderr=log))
+        silent = dict(expressions())
+        assert len(silent) >= 8, silent
+        while silent and time.monotonic() < end:
+            time.sleep(0.5)
+            for expression, labels in list(silent.items()):
+                results = query(prometheus, expression)
+                if results and all(label in result["metric"] for result in results for label in labels):
+                    del silent[expression]
+        assert not silent, f"Prometheus has nothing, or not these labels: {silent}"
+    except BaseException:
+        sys.stderr.write((folder / "log").read_text()[-3000:])
+        raise
+    finally:
+        for program in running:
+            program.terminate()
+            program.wait()
+        log.close()
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as scratch:
+        main(pathlib.Path(scratch))
