@@ -29,7 +29,8 @@ try:
     gi.require_version("Gst", "1.0")
     gi.require_version("GstApp", "1.0")
     gi.require_version("GstVideo", "1.0")
-    from gi.repository import Gst, GstApp, GstVideo  # noqa: F401
+    gi.require_version("GstRtspServer", "1.0")
+    from gi.repository import GLib, Gst, GstApp, GstRtspServer, GstVideo  # noqa: F401
 except (ImportError, ValueError) as error:
     print("skipped:", error)
     sys.exit(77)
@@ -325,6 +326,30 @@ class Source(unittest.TestCase):
     def test_a_camera_that_is_not_there_is_an_error_in_words(self):
         with Pipeline("bolosrc camera=nobody-here") as none:
             self.assertIn("nobody-here", none.error())
+
+    def test_rtsp_clients_see_the_picture(self):
+        """By gst-rtsp-server, as JPEG: two clients, one after the other."""
+        server = GstRtspServer.RTSPServer(address="127.0.0.1", service="0")
+        factory = GstRtspServer.RTSPMediaFactory(shared=True)
+        factory.set_launch(f"( bolosrc camera={self.name} ! video/x-raw,format=GRAY8 ! videoconvert ! video/x-raw,format=I420 ! jpegenc quality=95 "
+                           "! rtpjpegpay name=pay0 pt=26 )")
+        server.get_mount_points().add_factory("/front", factory)
+        server.attach(None)
+        loop = GLib.MainLoop()
+        serving = threading.Thread(target=loop.run)
+        serving.start()
+        self.addCleanup(serving.join)
+        self.addCleanup(loop.quit)
+        for transport in ("tcp", "udp"):
+            seen, thread = self.seen_in_shared_memory("deblurred", 6.0)
+            with Pipeline(f"rtspsrc location=rtsp://127.0.0.1:{server.get_bound_port()}/front protocols={transport} latency=0 "
+                          "! rtpjpegdepay ! jpegdec ! videoconvert ! video/x-raw,format=GRAY8") as client:
+                shown = [pulled for pulled in (client.pull(10) for _ in range(20)) if pulled]
+            thread.join()
+            self.assertEqual(len(shown), 20, transport)
+            picture = pixels(*shown[-1])[:24, :66].ravel().astype(float)  # JPEG's blocks pad it
+            likeness = max(np.corrcoef(picture, plane.ravel())[0, 1] for plane, _ in seen.values())
+            self.assertGreater(likeness, 0.95)
 
     def test_several_filters_in_a_row(self):
         with Pipeline(f"bolosrc camera={self.name} plane=raw num-buffers=40 ! bolodeblur lookahead=1 ! queue "
