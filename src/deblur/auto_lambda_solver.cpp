@@ -82,12 +82,12 @@ void AutoLambdaSolver::solve_blocks(const WindowView& window, const Region& part
   const int count = (part.x + part.width - 1) / kStatBlock - first + 1;
   Posteriors posteriors;
   posterior_.find(window, part.y / kStatBlock, first, count, posteriors);
+  const std::array<int, kStatBlocks> best = risk_.best(posteriors, count);
   std::array<int, kStatColumns> choice{};
   for (int block = 0; block < count; ++block) {
-    const int best = risk_.best(posteriors.of[block]);
     const int begin = std::max(0, (first + block) * kStatBlock - part.x);
     const int end = std::min(part.width, (first + block + 1) * kStatBlock - part.x);
-    std::fill(choice.begin() + begin, choice.begin() + end, best);
+    std::fill(choice.begin() + begin, choice.begin() + end, best[static_cast<std::size_t>(block)]);
   }
   for (int y = 0; y < part.height; ++y) {
     const Region row{part.x, part.y + y, part.width, 1};

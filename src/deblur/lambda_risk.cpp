@@ -60,7 +60,7 @@ StreamTask table_task(const StreamTask& task, int slots) {
 
 }  // namespace
 
-LambdaRisk::LambdaRisk(const StreamTask& task, const MotionModels& models) {
+LambdaRisk::LambdaRisk(const StreamTask& task, const MotionModels& models) : kernels_(best_mmae_kernels()) {
   const StreamTask table = table_task(task, models.slots());
   const Pattern pattern = whole_pattern(table.settings);
   // A plan of its own for each lambda: with one plan for all, those far from the plan's lambda do not converge.
@@ -88,23 +88,26 @@ LambdaRisk::LambdaRisk(const StreamTask& task, const MotionModels& models) {
   run.lambda = lambda.data();
   for (std::size_t model = 0; model < kModels; ++model) {
     draw(models, static_cast<int>(model), random, draws);
-    risk_[model].fill(std::numeric_limits<float>::max() / kModels);
+    std::fill_n(risk_.of[model], kChoices, std::numeric_limits<float>::max() / kModels);
     for (std::size_t step = 0; step < kLambdaSteps.size(); ++step) {
       std::fill(lambda.begin(), lambda.end(), kLambdaSteps[step]);
       methods[step]->run(run);
-      risk_[model][step] = static_cast<float>(mean_square(estimate, draws.truth));
+      risk_.of[model][step] = static_cast<float>(mean_square(estimate, draws.truth));
     }
-    risk_[model][kRawChoice] =
+    risk_.of[model][kRawChoice] =
         static_cast<float>(mean_square(draws.planes[static_cast<std::size_t>(pattern.target)], draws.truth));
   }
 }
 
-int LambdaRisk::best(const float* posterior) const noexcept {
-  std::array<float, kChoices> risk{};
-  for (std::size_t model = 0; model < kModels; ++model) {
-    for (std::size_t i = 0; i < kChoices; ++i) risk[i] += posterior[model] * risk_[model][i];
+std::array<int, kStatBlocks> LambdaRisk::best(const Posteriors& posteriors, int blocks) const noexcept {
+  BlockRisks risk;
+  kernels_.risks(risk_, posteriors, risk);
+  std::array<int, kStatBlocks> choice{};
+  for (int b = 0; b < blocks; ++b) {
+    choice[static_cast<std::size_t>(b)] =
+        static_cast<int>(std::min_element(risk.of[b], risk.of[b] + kRawChoice + 1) - risk.of[b]);
   }
-  return static_cast<int>(std::min_element(risk.begin(), risk.begin() + kRawChoice + 1) - risk.begin());
+  return choice;
 }
 
 }  // namespace bolo::deblur

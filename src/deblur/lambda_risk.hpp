@@ -4,6 +4,7 @@
 #include <array>
 
 #include "src/deblur/method.hpp"
+#include "src/deblur/mmae_kernels.hpp"
 #include "src/deblur/motion_models.hpp"
 
 namespace bolo::deblur {
@@ -13,8 +14,7 @@ namespace bolo::deblur {
 inline constexpr std::array kLambdaSteps = {0.001F, 0.05F, 0.1F, 0.2F, 0.35F, 0.5F,  0.7F,
                                             1.0F,   1.4F,  2.0F, 3.0F, 5.0F,  10.0F, 20.0F};
 inline constexpr int kRawChoice = static_cast<int>(kLambdaSteps.size());
-inline constexpr int kChoices = 16;  // padded; the last ones are never chosen
-static_assert(kRawChoice < kChoices);
+static_assert(kRawChoice < kChoices);  // the last ones are never chosen
 
 // Mean squared error against x at the target's time, in units of the noise's variance.
 class LambdaRisk {
@@ -22,11 +22,12 @@ class LambdaRisk {
   // Draws samples of every model and estimates them with every choice. Some 0.1 s. Thread: setup.
   LambdaRisk(const StreamTask& task, const MotionModels& models);
 
-  // The choice with the least risk under these posterior probabilities. Thread: worker.
-  int best(const float* posterior) const noexcept;
+  // The choices with the least risk under the posterior probabilities of some blocks. Thread: worker.
+  std::array<int, kStatBlocks> best(const Posteriors& posteriors, int blocks) const noexcept;
 
  private:
-  std::array<std::array<float, kChoices>, kModels> risk_{};
+  RiskTable risk_;
+  const MmaeKernels& kernels_;
 };
 
 }  // namespace bolo::deblur

@@ -213,6 +213,19 @@ void mix_weights(const ModelTables& tables, int offset, const Posteriors& poster
   }
 }
 
+// Of all blocks at once, so that no sum waits for the one before it; blocks that are not there do no harm.
+void mix_risks(const RiskTable& table, const Posteriors& posteriors, BlockRisks& risk) noexcept {
+  for (std::size_t at = 0; at < kChoices; at += kLanes) {
+    Vec sum[kStatBlocks];
+    for (Vec& s : sum) s = hn::Zero(Float());
+    for (std::size_t k = 0; k < kModels; ++k) {
+      const Vec row = hn::Load(Float(), table.of[k] + at);
+      for (int b = 0; b < kStatBlocks; ++b) sum[b] = hn::MulAdd(all(posteriors.of[b][k]), row, sum[b]);
+    }
+    for (int b = 0; b < kStatBlocks; ++b) hn::Store(sum[b], Float(), risk.of[b] + at);
+  }
+}
+
 HWY_INLINE void store_values(const FilterRow& row, Vec x, std::size_t at, std::size_t count) {
   if (row.output == PixelType::kUint16) {
     HWY_ALIGN std::uint16_t values[kLanes];
@@ -328,8 +341,12 @@ void add_squared_differences(PixelType type, const void* const* planes, int orde
 }
 
 const MmaeKernels& mmae_kernels() {
-  static const MmaeKernels table{HWY_TARGET == HWY_SCALAR ? "scalar" : hwy::TargetName(HWY_TARGET), find_posteriors,
-                                 mix_weights, filter, add_squared_differences};
+  static const MmaeKernels table{HWY_TARGET == HWY_SCALAR ? "scalar" : hwy::TargetName(HWY_TARGET),
+                                 find_posteriors,
+                                 mix_weights,
+                                 mix_risks,
+                                 filter,
+                                 add_squared_differences};
   return table;
 }
 

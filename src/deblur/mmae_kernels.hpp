@@ -31,6 +31,15 @@ struct Posteriors {
   alignas(64) float of[kStatBlocks][kModels];
 };
 
+// Risks of some choices, by model, and by block.
+inline constexpr int kChoices = 16;
+struct RiskTable {
+  alignas(64) float of[kModels][kChoices] = {};
+};
+struct BlockRisks {
+  alignas(64) float of[kStatBlocks][kChoices];
+};
+
 // Weights of the samples, by block: [tap][block]; at the end the mean square errors (ModelTables::Weights).
 struct BlockWeights {
   alignas(64) float tap[kMostSamples + 1][kWeightStride];
@@ -59,6 +68,8 @@ struct MmaeKernels {
   // worker.
   void (*mix)(const ModelTables& tables, int offset, const Posteriors& posteriors, int blocks, BlockWeights& out,
               int at) noexcept;
+  // risk[b] = sum over models of posterior * that model's risks. Thread: worker.
+  void (*risks)(const RiskTable& table, const Posteriors& posteriors, BlockRisks& risk) noexcept;
   // Thread: worker.
   void (*filter)(int samples, const FilterRow& row, const BlockWeights& upper, const BlockWeights& lower) noexcept;
   // For every column the sum over `rows` rows of the squared difference of the given order in time of `order` + 1

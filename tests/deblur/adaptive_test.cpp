@@ -193,12 +193,12 @@ TEST(LambdaRisk, FollowsTheMotion) {
   const StreamTask task{settings, kelvin_format(), PixelType::kFloat32};
   const MotionModels models(settings, {0.0});
   const LambdaRisk risk(task, models);
-  std::vector<float> posterior(kModels, 0.0F);
-  posterior[0] = 1.0F;
-  EXPECT_GE(kLambdaSteps[static_cast<std::size_t>(risk.best(posterior.data()))], 0.7F);
-  posterior[0] = 0.0F;
-  posterior[1 + 9 * 4 + 6] = 1.0F;  // 400 px/s, contrast 200 noises
-  EXPECT_LE(kLambdaSteps[static_cast<std::size_t>(risk.best(posterior.data()))], 0.2F);
+  Posteriors posteriors{};
+  posteriors.of[0][0] = 1.0F;
+  posteriors.of[kStatBlocks - 1][1 + 9 * 4 + 6] = 1.0F;  // 400 px/s, contrast 200 noises
+  const auto choice = risk.best(posteriors, kStatBlocks);
+  EXPECT_GE(kLambdaSteps[static_cast<std::size_t>(choice.front())], 0.7F);
+  EXPECT_LE(kLambdaSteps[static_cast<std::size_t>(choice.back())], 0.2F);
 }
 
 }  // namespace
