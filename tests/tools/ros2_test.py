@@ -60,7 +60,7 @@ class Ros2(unittest.TestCase):
         cls.scratch.cleanup()
 
     def setUp(self):
-        self.name = f"ros2-{os.getpid()}"
+        self.name = f"-ros2-{os.getpid()}"  # a name that is no option
         self.running = []
 
     def tearDown(self):
@@ -143,16 +143,18 @@ domain = {DOMAIN}
         daemon = self.daemon()
         self.assertTrue(wait_for(lambda: running(daemon.pid)))
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            for i in range(3000):
+            for i in range(6000):
                 junk = draw.randbytes(draw.randrange(1, 1400))
-                if i % 2:
-                    junk = b"RTPS\x02\x01\x01\x10" + junk  # one that looks right at first
+                if i % 2:  # looks right at first: DATA, with or without its end
+                    junk = b"RTPS\x02\x01\x01\x10" + draw.randbytes(12) + b"\x15\x05" + junk
                 sender.sendto(junk, ("127.0.0.1", PORTS[i % len(PORTS)]))
         images, _ = self.read(subscriber)
         self.assertGreater(len(images), FRAMES // 2)
         daemon.wait(timeout=30)
         self.assertEqual(daemon.returncode, 0)
         self.assertNotIn("bolo-ros2 ended", self.log())
+        self.assertIn("bolo-ros2: DDS: more is not shown", self.log())
+        self.assertLess(len(self.log()), 10_000)
 
     def test_it_is_started_again_and_the_daemon_goes_on(self):
         daemon = self.daemon()

@@ -56,9 +56,10 @@ Status Ros2Options::check(const model::KeyTable& keys, bool has_shared_memory) c
 
 Ros2Process::Ros2Process(const Ros2Options& options, const std::string& name) {
   if (!options.enabled) return;
-  words_ = {program().string(), name, "--with-parent", "--domain", std::to_string(options.domain)};
+  words_ = {program().string(), "--with-parent", "--domain", std::to_string(options.domain)};
   if (options.kelvin) words_.emplace_back("--kelvin");
   if (!options.frame_id.empty()) words_.push_back("--frame-id=" + options.frame_id);
+  words_.insert(words_.end(), {"--", name});  // which may begin with a '-'
 }
 
 Ros2Process::~Ros2Process() {

@@ -5,15 +5,19 @@
 // effort, the last five kept: ROS 2's profile for sensor data. Names on DDS: ros2/design, "Topic and Service name
 // mapping to DDS".
 #include <dds/dds.h>
+#include <dds/ddsrt/log.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -51,6 +55,18 @@ using Client = std::unique_ptr<bolo_client, ClientDeleter>;
 
 tl::unexpected<Error> dds_failed(const std::string& what, dds_return_t code) {
   return failed(what + ": " + dds_strretcode(code));
+}
+
+// What DDS says, a few times: it has something to say of every packet that is not DDS, and strangers send any number.
+void log_dds(void* /*unused*/, const dds_log_data_t* said) {
+  static std::atomic<int> lines{0};
+  constexpr int kLines = 20;
+  constexpr int kLetters = 200;
+  const int line = lines.fetch_add(1, std::memory_order_relaxed);
+  if (line > kLines) return;
+  const std::string_view text(said->message, std::min<std::size_t>(said->size, kLetters));
+  const std::string shown = line < kLines ? printable(text.substr(0, text.find('\n'))) : "more is not shown";
+  std::fprintf(stderr, "bolo-ros2: DDS: %s\n", shown.c_str());
 }
 
 // One topic and its writer; they go with the participant.
@@ -103,9 +119,11 @@ class Bridge {
   Bridge& operator=(const Bridge&) = delete;
   ~Bridge() {
     if (participant_ > 0) dds_delete(participant_);
+    dds_set_log_sink(nullptr, nullptr);
   }
 
   Status open() {
+    dds_set_log_sink(log_dds, nullptr);
     participant_ = dds_create_participant(static_cast<dds_domainid_t>(request_.domain), nullptr, nullptr);
     if (participant_ < 0) return dds_failed("DDS does not start", participant_);
     const std::string name = topic_name(request_.name);
