@@ -10,9 +10,8 @@
 //   alpha, beta  of a subtree: the sum of its steps is alpha + beta y for a common force y on all its leaves
 #include "src/deblur/interior_kernel.hpp"
 
-// Built in as kernels.cpp is.
-#define HWY_COMPILE_ALL_ATTAINABLE
-#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
+#include "src/core/simd_targets.hpp"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "src/deblur/interior_kernel.cpp"
 #include <hwy/foreach_target.h>

@@ -21,12 +21,21 @@ as_root() {
   fi
 }
 
-# install_packages GROUP...: the Debian packages of those groups of tools/packages.txt that are missing.
-install_packages() {
-  local wanted=() missing=() group package
+# cache_folder: where what takes long to make is kept.
+cache_folder() { echo "${BOLO_CACHE:-${XDG_CACHE_HOME:-${HOME:-/var/tmp}/.cache}/bolo}"; }
+
+# packages_of GROUP...: the Debian packages of those groups of tools/packages.txt.
+packages_of() {
+  local group package
   while read -r group package _; do
-    case " $* " in *" $group "*) wanted+=("$package") ;; esac
-  done < <(sed 's/#.*//' "$root/tools/packages.txt" | grep -v '^[[:space:]]*$')
+    case " $* " in *" $group "*) echo "$package" ;; esac
+  done < <(sed 's/#.*//' "$root/tools/packages.txt")
+}
+
+# install_packages GROUP...: those of them that are missing.
+install_packages() {
+  local wanted=() missing=() package
+  mapfile -t wanted < <(packages_of "$@")
   for package in "${wanted[@]}"; do
     [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || missing+=("$package")
   done
@@ -48,11 +57,15 @@ install_packages() {
 # build PRESET [TARGET...]. Where ccache is installed, objects of the same code are taken from earlier builds, wherever
 # the project lay then.
 build() {
-  local preset=$1 cache=()
+  local preset=$1 cache=() sysroot
   shift
   if command -v ccache >/dev/null 2>&1; then
     export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
     cache=(-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+  fi
+  if [ "$preset" = arm64 ]; then
+    sysroot=$("$root/tools/lib/sysroot")
+    cache+=("-DCMAKE_SYSROOT=$sysroot")
   fi
   (cd "$root" && cmake --preset "$preset" -DBOLO_UNITY=ON "${cache[@]}" >"${TMPDIR:-/tmp}/bolo-cmake.$$.log" 2>&1) || {
     tail -20 "${TMPDIR:-/tmp}/bolo-cmake.$$.log" >&2

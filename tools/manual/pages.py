@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Writes the manual pages: pages.py BOLO BOLOD CONFIG FOLDER VERSION DATE.
+"""Writes the manual pages: pages.py BOLO BOLOD CONFIG FOLDER VERSION DATE [EMULATOR...].
 
 Pages of commands come from their --help, those of settings from the commented files in CONFIG: nothing is said twice.
+EMULATOR runs programs of another processor.
 """
 
 import pathlib
@@ -57,8 +58,11 @@ class Writer:
         file.write_text(f"{head}.SH NAME\n{roff(name)} \\- {roff(summary)}\n{body}")
 
 
+EMULATOR = sys.argv[7:]
+
+
 def help_of(*command):
-    return subprocess.run([*command, "--help"], capture_output=True, text=True, check=True).stdout
+    return subprocess.run([*EMULATOR, *command, "--help"], capture_output=True, text=True, check=True).stdout
 
 
 def options_of(lines):
@@ -134,6 +138,6 @@ def main(bolo, bolod, config, folder, version, date):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 7:
+    if len(sys.argv) < 7:
         sys.exit(__doc__)
-    main(*sys.argv[1:])
+    main(*sys.argv[1:7])
