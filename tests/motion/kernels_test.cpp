@@ -300,7 +300,7 @@ TEST_P(MotionKernels, Covariance) {
 // The instruction sets that are built in and that this processor runs.
 std::vector<std::string_view> isas() {
   std::vector<std::string_view> found;
-  for (const std::string_view isa : {"AVX3", "AVX2", "SSE4", "scalar"}) {
+  for (const std::string_view isa : {"AVX3", "AVX2", "SSE4", "NEON", "scalar"}) {
     if (best_kernels(isa).isa == isa) found.push_back(isa);
   }
   return found;
