@@ -27,6 +27,7 @@ HWY_INLINE Vec all(float value) { return hn::Set(Float(), value); }
 HWY_INLINE Vec load(const float* from) { return hn::LoadU(Float(), from); }
 HWY_INLINE void store(Vec x, float* to) { hn::StoreU(x, Float(), to); }
 HWY_INLINE float sum(Vec x) { return hn::GetLane(hn::SumOfLanes(Float(), x)); }
+HWY_INLINE Vec between(Vec a, Vec b, Vec share) { return hn::MulAdd(share, hn::Sub(b, a), a); }
 HWY_INLINE Vec count_from(float first) { return hn::Iota(Float(), first); }
 
 // Where a block's source lies: its whole part as an offset from the block, bilinear weights for the rest.

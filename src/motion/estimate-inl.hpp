@@ -141,97 +141,108 @@ struct Shares {
   HWY_ALIGN float before[kBlock];
   HWY_ALIGN float here[kBlock];
   HWY_ALIGN float after[kBlock];
+  HWY_ALIGN float beside[kBlock];  // of the one of the two that counts
 
   Shares() {
     for (int i = 0; i < kBlock; ++i) {
       const float off = (static_cast<float>(i) - 0.5F * (kBlock - 1)) / kBlock;
       before[i] = std::max(-off, 0.0F);
       after[i] = std::max(off, 0.0F);
-      here[i] = 1.0F - before[i] - after[i];
+      beside[i] = before[i] + after[i];
+      here[i] = 1.0F - beside[i];
     }
   }
 };
 
-// The weights of one row of pixels at the centres of its blocks.
-HWY_INLINE void mix_rows(const FilterWeights* const* weights, const Shares& shares, int r, int blocks, float* out) {
-  const FilterWeights* near = shares.before[r] > 0.0F ? weights[0] : weights[2];
-  const Vec share = all(shares.before[r] + shares.after[r]);
-  for (int c = 0; c < blocks; ++c) {
-    for (int i = 0; i < FilterWeights::kStride; i += kLanes) {
-      const Vec here = load(weights[1][c].w + i);
-      store(hn::MulAdd(share, hn::Sub(load(near[c].w + i), here), here), out + c * FilterWeights::kStride + i);
+// The weights of a block's pixels, by tap and column: in its middle, and how they change up to the middle of the block
+// above or below.
+struct PixelWeights {
+  HWY_ALIGN float middle[FilterWeights::kError][kBlock];
+  HWY_ALIGN float change[2][FilterWeights::kError][kBlock];
+};
+
+HWY_INLINE void spread_weights(const FilterWeights* const* rows, int block, int last, int taps, const Shares& shares,
+                               PixelWeights& out) {
+  const int before = std::max(block - 1, 0);
+  const int after = std::min(block + 1, last);
+  for (int x = 0; x < kBlock; x += kLanes) {
+    const auto left = hn::Lt(count_from(static_cast<float>(x)), all(0.5F * kBlock));
+    const Vec share = hn::Load(Float(), shares.beside + x);
+    for (int i = 0; i < taps; ++i) {
+      const auto of = [&](const FilterWeights* row) HWY_ATTR {
+        return between(all(row[block].w[i]), hn::IfThenElse(left, all(row[before].w[i]), all(row[after].w[i])), share);
+      };
+      const Vec middle = of(rows[1]);
+      hn::Store(middle, Float(), out.middle[i] + x);
+      hn::Store(hn::Sub(of(rows[0]), middle), Float(), out.change[0][i] + x);
+      hn::Store(hn::Sub(of(rows[2]), middle), Float(), out.change[1][i] + x);
     }
   }
 }
 
-// Sums for the blocks before, at and after.
-struct Three {
-  Vec before;
-  Vec here;
-  Vec after;
+// Sums with the weights of the block's middle, and with their change.
+struct HalfBlock {
+  static constexpr int kRows = kBlock / 2;
+  Vec middle[kRows];
+  Vec change[kRows];
 
-  HWY_INLINE void add(Vec value, const float* left, const float* mid, const float* right) {
-    before = hn::MulAdd(all(*left), value, before);
-    here = hn::MulAdd(all(*mid), value, here);
-    after = hn::MulAdd(all(*right), value, after);
+  HWY_INLINE HalfBlock() {
+    for (int r = 0; r < kRows; ++r) middle[r] = change[r] = hn::Zero(Float());
+  }
+  HWY_INLINE void add(int r, Vec value, Vec in_middle, Vec by_row) {
+    middle[r] = hn::MulAdd(in_middle, value, middle[r]);
+    change[r] = hn::MulAdd(by_row, value, change[r]);
   }
 };
 
-constexpr int kMostBlocks = 64;  // across, that are filtered at once
-
-void filter_blocks(const FilterInputs& in, const Vec2* direction, const FilterWeights* const* weights, int block_row,
-                   int first, int end, PaddedPlane& out) {
-  const Shares shares;
-  const int y0 = block_row * kBlock;
-  const int last = in.now->blocks_across() - 1;
-  const int from = std::max(first - 1, 0);
-  const int to = std::min(end, last) + 1;
-  const FilterWeights* rows[3] = {weights[0] + from, weights[1] + from, weights[2] + from};
-  HWY_ALIGN float mixed[(kMostBlocks + 2) * FilterWeights::kStride];
-  Source tap[kMostBlocks][kTaps];
-  for (int c = first; c < end; ++c) {
-    for (int j = 0; j < kTaps; ++j) {
-      const auto q = static_cast<float>(j - kReach);
-      tap[c - first][j] = source_at(*in.now, c * kBlock, y0, q * direction[c].x, q * direction[c].y);
-    }
-  }
+// Four rows of kLanes columns from (x, y) on, which are the block's `column` and after.
+HWY_INLINE void filter_half(const FilterInputs& in, const Source* taps, const PixelWeights& weights,
+                            const Shares& shares, int x, int y, int column, PaddedPlane& out) {
+  const int half = y % kBlock / HalfBlock::kRows;
   const std::ptrdiff_t stride = in.now->stride();
-  for (int r = 0; r < kBlock; ++r) {
-    mix_rows(rows, shares, r, to - from, mixed);
-    for (int c = first; c < end; ++c) {
-      const float* mid = mixed + (c - from) * FilterWeights::kStride;
-      const float* left = c > 0 ? mid - FilterWeights::kStride : mid;
-      const float* right = c < last ? mid + FilterWeights::kStride : mid;
-      for (int x = 0; x < kBlock; x += kLanes) {
-        const int column = c * kBlock + x;
-        Three s{hn::Zero(Float()), hn::Zero(Float()), hn::Zero(Float())};
-        const auto along = [&](const PaddedPlane& plane, int w) HWY_ATTR {
-          const float* p = plane.at(column, y0 + r);
-          for (int j = 0; j < kTaps; ++j) {
-            const Source& at = tap[c - first][j];
-            s.add(sample(p + at.offset, stride, at), left + w + j, mid + w + j, right + w + j);
-          }
-        };
-        along(*in.now, 0);
-        along(*in.mean, FilterWeights::kMean);
-        if (in.ahead != nullptr) along(*in.ahead, FilterWeights::kAhead);
-        for (int i = 0; i < 2; ++i) {
-          const int w = FilterWeights::kBefore + i;
-          s.add(load(in.before[i]->at(column, y0 + r)), left + w, mid + w, right + w);
-        }
-        Vec v = hn::Mul(hn::Load(Float(), shares.before + x), s.before);
-        v = hn::MulAdd(hn::Load(Float(), shares.here + x), s.here, v);
-        store(hn::MulAdd(hn::Load(Float(), shares.after + x), s.after, v), out.at(column, y0 + r));
-      }
-    }
+  HalfBlock sums;
+  const auto along = [&](const Source& s, const PaddedPlane& plane, int tap) HWY_ATTR {
+    const Vec middle = hn::Load(Float(), weights.middle[tap] + column);
+    const Vec change = hn::Load(Float(), weights.change[half][tap] + column);
+    const float* from = plane.at(x, y) + s.offset;
+    for (int r = 0; r < HalfBlock::kRows; ++r) sums.add(r, sample(from + r * stride, stride, s), middle, change);
+  };
+  for (int j = 0; j < kTaps; ++j) {
+    const Source s = taps[j];
+    along(s, *in.now, j);
+    along(s, *in.mean, FilterWeights::kMean + j);
+    if (in.ahead != nullptr) along(s, *in.ahead, FilterWeights::kAhead + j);
+  }
+  for (int i = 0; i < 2; ++i) {
+    const int tap = FilterWeights::kBefore + i;
+    const Vec middle = hn::Load(Float(), weights.middle[tap] + column);
+    const Vec change = hn::Load(Float(), weights.change[half][tap] + column);
+    for (int r = 0; r < HalfBlock::kRows; ++r) sums.add(r, load(in.before[i]->at(x, y + r)), middle, change);
+  }
+  for (int r = 0; r < HalfBlock::kRows; ++r) {
+    const Vec share = all(shares.beside[y % kBlock + r]);
+    store(hn::MulAdd(share, sums.change[r], sums.middle[r]), out.at(x, y + r));
   }
 }
 
 void filter(const FilterInputs& in, const Vec2* direction, const FilterWeights* const* weights, int block_row,
             PaddedPlane& out) noexcept {
-  const int blocks = in.now->blocks_across();
-  for (int first = 0; first < blocks; first += kMostBlocks) {
-    filter_blocks(in, direction, weights, block_row, first, std::min(first + kMostBlocks, blocks), out);
+  const Shares shares;
+  const int y0 = block_row * kBlock;
+  const int last = in.now->blocks_across() - 1;
+  PixelWeights of_pixels;
+  for (int c = 0; c <= last; ++c) {
+    Source taps[kTaps];
+    for (int j = 0; j < kTaps; ++j) {
+      const auto q = static_cast<float>(j - kReach);
+      taps[j] = source_at(*in.now, c * kBlock, y0, q * direction[c].x, q * direction[c].y);
+    }
+    spread_weights(weights, c, last, in.ahead != nullptr ? FilterWeights::kError : FilterWeights::kAhead, shares,
+                   of_pixels);
+    for (int x = 0; x < kBlock; x += kLanes) {
+      filter_half(in, taps, of_pixels, shares, c * kBlock + x, y0, x, out);
+      filter_half(in, taps, of_pixels, shares, c * kBlock + x, y0 + HalfBlock::kRows, x, out);
+    }
   }
 }
 

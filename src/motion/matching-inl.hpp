@@ -14,73 +14,100 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::motion::HWY_NAMESPACE {
 
-constexpr std::ptrdiff_t kMovedStride = 16;
-constexpr int kMoved = kBlock + 2;
+// What Sobel's gradients are made of in one row of a moved plane; every row is looked at once.
+struct Slopes {
+  Vec value;
+  Vec across;  // right - left
+  Vec smooth;  // left + 2 value + right
 
-// The block and one pixel around it, moved. The last vector of a row overlaps the one before.
-HWY_INLINE void move_block(const PaddedPlane& a, int x0, int y0, Vec2 d, float* out) {
-  const Source s = source_at(a, x0, y0, -d.x, -d.y);
-  const float* from = a.at(x0 - 1, y0 - 1) + s.offset;
-  for (int r = 0; r < kMoved; ++r) {
-    const float* row = from + r * a.stride();
-    for (int next = 0; next < kMoved; next += kLanes) {
-      const int x = std::min(next, kMoved - kLanes);
-      store(sample(row + x, a.stride(), s), out + r * kMovedStride + x);
+  HWY_INLINE Slopes(const float* at, Vec share) {
+    const Vec here = load(at);
+    const Vec next = load(at + 1);
+    const Vec left = between(load(at - 1), here, share);
+    const Vec right = between(next, load(at + 2), share);
+    value = between(here, next, share);
+    across = hn::Sub(right, left);
+    smooth = hn::MulAdd(all(2.0F), value, hn::Add(left, right));
+  }
+  HWY_INLINE Slopes(const Slopes& upper, const Slopes& lower, Vec share)
+      : value(between(upper.value, lower.value, share)),
+        across(between(upper.across, lower.across, share)),
+        smooth(between(upper.smooth, lower.smooth, share)) {}
+};
+
+struct MatchVectors {
+  Vec xx;
+  Vec xy;
+  Vec yy;
+  Vec xe;
+  Vec ye;
+  Vec ee;
+  Vec count;
+
+  HWY_INLINE MatchVectors() { xx = xy = yy = xe = ye = ee = count = hn::Zero(Float()); }
+  HWY_INLINE void add(Vec gx, Vec gy, Vec e) {
+    xx = hn::MulAdd(gx, gx, xx);
+    xy = hn::MulAdd(gx, gy, xy);
+    yy = hn::MulAdd(gy, gy, yy);
+    xe = hn::MulAdd(gx, e, xe);
+    ye = hn::MulAdd(gy, e, ye);
+    ee = hn::MulAdd(e, e, ee);
+  }
+};
+
+// `kWhole`: every pixel counts.
+template <bool kWhole>
+HWY_INLINE void add_matches(const PaddedPlane& a, const PaddedPlane& b, int x0, int y0, const Whole& from,
+                            const Inside& inside, MatchVectors& sums) {
+  const Vec right = all(from.fx);
+  const Vec down = all(from.fy);
+  for (int x = x0; x < x0 + kBlock; x += kLanes) {
+    const float* row = a.at(x + from.x, y0 + from.y - 1);
+    const auto next = [&]() HWY_ATTR { return Slopes(row += a.stride(), right); };
+    const Vec in = kWhole ? all(1.0F) : inside.mask(x);
+    Slopes source = next();
+    Slopes up(Slopes(row - a.stride(), right), source, down);
+    Slopes lower = next();
+    Slopes mid(source, lower, down);
+    for (int y = y0; y < y0 + kBlock; ++y) {
+      source = lower;
+      lower = next();
+      const Slopes low(source, lower, down);
+      Vec gx = hn::MulAdd(all(2.0F), mid.across, hn::Add(up.across, low.across));
+      Vec gy = hn::Sub(low.smooth, up.smooth);
+      Vec e = hn::Sub(load(b.at(x, y)), mid.value);
+      up = mid;
+      mid = low;
+      if constexpr (!kWhole) {
+        if (!inside.row(y)) continue;
+        gx = hn::Mul(gx, in);
+        gy = hn::Mul(gy, in);
+        e = hn::Mul(e, in);
+        sums.count = hn::Add(sums.count, in);
+      }
+      sums.add(gx, gy, e);
     }
   }
 }
 
 HWY_INLINE MatchSums match_block(const PaddedPlane& a, const PaddedPlane& b, int x0, int y0, Vec2 d, float margin) {
-  HWY_ALIGN float moved[kMoved * kMovedStride];
-  move_block(a, x0, y0, d, moved);
+  const Whole from = whole_of(a, x0, y0, -d.x, -d.y);
   const Inside inside(a.geometry(), d, margin);
   const bool whole = inside.whole(x0, y0);
-  Vec xx = hn::Zero(Float());
-  Vec xy = xx;
-  Vec yy = xx;
-  Vec xe = xx;
-  Vec ye = xx;
-  Vec ee = xx;
-  Vec count = xx;
-  for (int r = 0; r < kBlock; ++r) {
-    if (!whole && !inside.row(y0 + r)) continue;
-    for (int x = 0; x < kBlock; x += kLanes) {
-      const float* up = moved + r * kMovedStride + x;
-      const float* mid = up + kMovedStride;
-      const float* low = mid + kMovedStride;
-      const Vec up_left = load(up);
-      const Vec up_right = load(up + 2);
-      const Vec low_left = load(low);
-      const Vec low_right = load(low + 2);
-      const Vec two = all(2.0F);
-      Vec gx = hn::Add(hn::Sub(up_right, up_left), hn::Sub(low_right, low_left));
-      gx = hn::MulAdd(two, hn::Sub(load(mid + 2), load(mid)), gx);
-      Vec gy = hn::Add(hn::Sub(low_left, up_left), hn::Sub(low_right, up_right));
-      gy = hn::MulAdd(two, hn::Sub(load(low + 1), load(up + 1)), gy);
-      Vec e = hn::Sub(load(b.at(x0 + x, y0 + r)), load(mid + 1));
-      if (!whole) {
-        const Vec in = inside.mask(x0 + x);
-        gx = hn::Mul(gx, in);
-        gy = hn::Mul(gy, in);
-        e = hn::Mul(e, in);
-        count = hn::Add(count, in);
-      }
-      xx = hn::MulAdd(gx, gx, xx);
-      xy = hn::MulAdd(gx, gy, xy);
-      yy = hn::MulAdd(gy, gy, yy);
-      xe = hn::MulAdd(gx, e, xe);
-      ye = hn::MulAdd(gy, e, ye);
-      ee = hn::MulAdd(e, e, ee);
-    }
+  MatchVectors s;
+  if (whole) {
+    add_matches<true>(a, b, x0, y0, from, inside, s);
+  } else {
+    add_matches<false>(a, b, x0, y0, from, inside, s);
   }
   constexpr float kSobel = 1.0F / 8.0F;
-  return {kSobel * kSobel * sum(xx),
-          kSobel * kSobel * sum(xy),
-          kSobel * kSobel * sum(yy),
-          kSobel * sum(xe),
-          kSobel * sum(ye),
-          sum(ee),
-          whole ? kBlock * kBlock : sum(count)};
+  return {kSobel * kSobel * sum(s.xx),
+          kSobel * kSobel * sum(s.xy),
+          kSobel * kSobel * sum(s.yy),
+          kSobel * sum(s.xe),
+          kSobel * sum(s.ye),
+          sum(s.ee),
+          whole ? kBlock * kBlock : sum(s.count)};
 }
 
 void match(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_row, float margin,
