@@ -10,34 +10,35 @@ namespace {
 constexpr float kGaussSide = 0.16638F;
 constexpr float kGaussMiddle = 1.0F - 2.0F * kGaussSide;
 
-void weigh_9(const ScalarField& from, ScalarField& to, float side, float middle) noexcept {
-  const int last_column = from.across() - 1;
-  const int last_row = from.down() - 1;
-  for (int r = 0; r <= last_row; ++r) {
-    const float* above = from.row(std::max(r - 1, 0));
-    const float* here = from.row(r);
-    const float* below = from.row(std::min(r + 1, last_row));
-    float* out = to.row(r);
-    const auto column = [&](int c) { return side * (above[c] + below[c]) + middle * here[c]; };
-    float left = column(0);
-    float mid = left;
-    for (int c = 0; c <= last_column; ++c) {
-      const float right = c < last_column ? column(c + 1) : mid;
-      out[c] = side * (left + right) + middle * mid;
-      left = mid;
-      mid = right;
-    }
+void weigh_9(const ScalarField& from, int row, ScalarField& to, float side, float middle) noexcept {
+  const int last = from.across() - 1;
+  const float* above = from.row(std::max(row - 1, 0));
+  const float* here = from.row(row);
+  const float* below = from.row(std::min(row + 1, from.down() - 1));
+  float* out = to.row(row);
+  const auto column = [&](int c) { return side * (above[c] + below[c]) + middle * here[c]; };
+  float left = column(0);
+  float mid = left;
+  for (int c = 0; c <= last; ++c) {
+    const float right = c < last ? column(c + 1) : mid;
+    out[c] = side * (left + right) + middle * mid;
+    left = mid;
+    mid = right;
   }
 }
 
 }  // namespace
 
-void mean_of_9(const ScalarField& from, ScalarField& to) noexcept { weigh_9(from, to, 1.0F / 3.0F, 1.0F / 3.0F); }
+void mean_of_9(const ScalarField& from, int row, ScalarField& to) noexcept {
+  weigh_9(from, row, to, 1.0F / 3.0F, 1.0F / 3.0F);
+}
 
-void gauss_of_9(const ScalarField& from, ScalarField& to) noexcept { weigh_9(from, to, kGaussSide, kGaussMiddle); }
+void gauss_of_9(const ScalarField& from, int row, ScalarField& to) noexcept {
+  weigh_9(from, row, to, kGaussSide, kGaussMiddle);
+}
 
 // The median of nine by 19 exchanges: Paeth, "Median finding on a 3 x 3 grid", Graphics Gems (1990).
-void median_of_9(const VectorField& from, VectorField& to) noexcept {
+void median_of_9(const VectorField& from, int row, VectorField& to) noexcept {
   constexpr std::array<std::array<unsigned char, 2>, 19> kExchanges = {{{1, 2},
                                                                         {4, 5},
                                                                         {7, 8},
@@ -57,19 +58,17 @@ void median_of_9(const VectorField& from, VectorField& to) noexcept {
                                                                         {4, 2},
                                                                         {6, 4},
                                                                         {4, 2}}};
-  for (int r = 0; r < from.down(); ++r) {
-    const std::array rows{from.row(std::max(r - 1, 0)), from.row(r), from.row(std::min(r + 1, from.down() - 1))};
-    for (int c = 0; c < from.across(); ++c) {
-      const std::array columns{std::max(c - 1, 0), c, std::min(c + 1, from.across() - 1)};
-      std::array<Vec2, 9> v;
-      for (std::size_t i = 0; i < v.size(); ++i) v[i] = rows[i / 3][columns[i % 3]];
-      for (const auto& [a, b] : kExchanges) {
-        const Vec2 low{std::min(v[a].x, v[b].x), std::min(v[a].y, v[b].y)};
-        v[b] = {std::max(v[a].x, v[b].x), std::max(v[a].y, v[b].y)};
-        v[a] = low;
-      }
-      to.at(c, r) = v[4];
+  const std::array rows{from.row(std::max(row - 1, 0)), from.row(row), from.row(std::min(row + 1, from.down() - 1))};
+  for (int c = 0; c < from.across(); ++c) {
+    const std::array columns{std::max(c - 1, 0), c, std::min(c + 1, from.across() - 1)};
+    std::array<Vec2, 9> v;
+    for (std::size_t i = 0; i < v.size(); ++i) v[i] = rows[i / 3][columns[i % 3]];
+    for (const auto& [a, b] : kExchanges) {
+      const Vec2 low{std::min(v[a].x, v[b].x), std::min(v[a].y, v[b].y)};
+      v[b] = {std::max(v[a].x, v[b].x), std::max(v[a].y, v[b].y)};
+      v[a] = low;
     }
+    to.at(c, row) = v[4];
   }
 }
 

@@ -50,11 +50,11 @@ class BlockField {
 using VectorField = BlockField<Vec2>;
 using ScalarField = BlockField<float>;
 
-// Mean over 3 x 3 blocks; the border is mirrored (its blocks count twice). Thread: worker.
-void mean_of_9(const ScalarField& from, ScalarField& to) noexcept;
+// One row of means over 3 x 3 blocks; the border is mirrored (its blocks count twice). Thread: worker.
+void mean_of_9(const ScalarField& from, int row, ScalarField& to) noexcept;
 // The same with the weights of a Gaussian of 0.6 blocks.
-void gauss_of_9(const ScalarField& from, ScalarField& to) noexcept;
-// The median of each component over 3 x 3 blocks; the border is repeated.
-void median_of_9(const VectorField& from, VectorField& to) noexcept;
+void gauss_of_9(const ScalarField& from, int row, ScalarField& to) noexcept;
+// One row of medians of each component over 3 x 3 blocks; the border is repeated.
+void median_of_9(const VectorField& from, int row, VectorField& to) noexcept;
 
 }  // namespace bolo::motion

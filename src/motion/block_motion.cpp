@@ -33,20 +33,25 @@ BlockMotions::BlockMotions(Geometry geometry) : geometry_(geometry), found_(geom
 void BlockMotions::find(const Kernels& kernels, const Inertia& inertia, const BlockMotionInputs& in,
                         Crew& crew) noexcept {
   spread(in.trail, geometry_, 1, trail_);
-  for (std::size_t i = 0; i < matched_.size(); ++i) matched_[i] = in.global[i] + in.deviation[i];
-  for_rows(crew, matched_.down(),
-           [&](int row) { kernels.match(in.before, in.now, matched_.row(row), row, 0.0F, sums_.row(row)); });
-  for (std::size_t i = 0; i < sums_.size(); ++i) {
-    const std::array values{sums_[i].xx, sums_[i].xy, sums_[i].yy, sums_[i].ee};
-    for (std::size_t k = 0; k < values.size(); ++k) raw_[k][i] = values[k] / kBlockPixels;
-  }
-  for (std::size_t k = 0; k < raw_.size(); ++k) mean_of_9(raw_[k], mean_[k]);
+  for_rows(crew, matched_.down(), [&](int row) {
+    for (int c = 0; c < matched_.across(); ++c) matched_.at(c, row) = in.global.at(c, row) + in.deviation.at(c, row);
+    kernels.match(in.before, in.now, matched_.row(row), row, 0.0F, sums_.row(row));
+    for (int c = 0; c < sums_.across(); ++c) {
+      const MatchSums& s = sums_.at(c, row);
+      const std::array values{s.xx, s.xy, s.yy, s.ee};
+      for (std::size_t k = 0; k < values.size(); ++k) raw_[k].at(c, row) = values[k] / kBlockPixels;
+    }
+  });
   const auto noise = static_cast<float>(inertia.noise() * in.noise * in.noise * kSmoothedNoise);
-  for (std::size_t i = 0; i < sums_.size(); ++i) {
-    const Vec2 v = trail_[i] + in.deviation[i];
-    found_.blocks[i] = {v.x, v.y,
-                        confidence_of(mean_[0][i], mean_[1][i], mean_[2][i], mean_[3][i], in.misfit[i], noise)};
-  }
+  for_rows(crew, matched_.down(), [&](int row) {
+    for (std::size_t k = 0; k < raw_.size(); ++k) mean_of_9(raw_[k], row, mean_[k]);
+    for (int c = 0; c < sums_.across(); ++c) {
+      const auto i = static_cast<std::size_t>(row * sums_.across() + c);
+      const Vec2 v = trail_[i] + in.deviation[i];
+      found_.blocks[i] = {v.x, v.y,
+                          confidence_of(mean_[0][i], mean_[1][i], mean_[2][i], mean_[3][i], in.misfit[i], noise)};
+    }
+  });
   const double per_pixel = 2.0 / geometry_.width;  // an Affine counts halves of the frame's width
   const std::array<double, 6>& p = in.trail.p;
   found_.affine = {p[0], p[1] * per_pixel, p[2] * per_pixel, p[3], p[4] * per_pixel, p[5] * per_pixel};

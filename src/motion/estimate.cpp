@@ -115,19 +115,21 @@ void Estimator::align_past(const Kernels& kernels, const EstimateInputs& in, Cre
 }
 
 void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
-  for_rows(crew, weights_.down(),
-           [&](int row) { kernels.fit(*in.now, mean_, direction_.row(row), lag_.row(row), row, fit_.row(row)); });
-  for (std::size_t i = 0; i < fit_.size(); ++i) {
-    raw_[0][i] = fit_[i].error;
-    raw_[1][i] = fit_[i].gradient;
-    raw_[2][i] = fit_[i].structure;
-  }
-  gauss_of_9(raw_[0], smooth_[0]);
-  gauss_of_9(raw_[1], smooth_[1]);
-  mean_of_9(raw_[2], smooth_[2]);
+  for_rows(crew, weights_.down(), [&](int row) {
+    kernels.fit(*in.now, mean_, direction_.row(row), lag_.row(row), row, fit_.row(row));
+    for (int c = 0; c < fit_.across(); ++c) {
+      const FitSums& fit = fit_.at(c, row);
+      raw_[0].at(c, row) = fit.error;
+      raw_[1].at(c, row) = fit.gradient;
+      raw_[2].at(c, row) = fit.structure;
+    }
+  });
   const auto noise = static_cast<float>(in.noise * in.noise);
   const float of_mean = noise / kPast;
   for_rows(crew, weights_.down(), [&](int row) {
+    gauss_of_9(raw_[0], row, smooth_[0]);
+    gauss_of_9(raw_[1], row, smooth_[1]);
+    mean_of_9(raw_[2], row, smooth_[2]);
     for (int c = 0; c < weights_.across(); ++c) {
       const float unexplained = std::max(smooth_[0].at(c, row) - kMargin * (noise + of_mean), 0.0F);
       const float gradient = std::max(smooth_[1].at(c, row) - 0.5F * of_mean, 0.0F) + kLeastGradient * of_mean;
@@ -160,13 +162,18 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
   for_rows(crew, weights_.down(), [&](int row) {
     kernels.check(x_, *in.innovation, *in.now, trail_.row(row), ratio, row, left_, raw_[0].row(row), raw_[1].row(row));
   });
-  gauss_of_9(raw_[0], smooth_[0]);
-  gauss_of_9(raw_[1], smooth_[1]);
+  for_rows(crew, weights_.down(), [&](int row) { judge(in, row); });
+}
+
+void Estimator::judge(const EstimateInputs& in, int row) noexcept {
+  gauss_of_9(raw_[0], row, smooth_[0]);
+  gauss_of_9(raw_[1], row, smooth_[1]);
   const auto noise = static_cast<float>(in.noise * in.noise);
   const auto of_innovation = kMargin * static_cast<float>(inertia_.noise()) * noise;
   const auto of_change = static_cast<float>(inertia_.change_noise()) * noise;
   const auto age = static_cast<float>(inertia_.tau) / kMeanAge;
-  for (std::size_t i = 0; i < step_.size(); ++i) {
+  const auto first = static_cast<std::size_t>(row) * static_cast<std::size_t>(step_.across());
+  for (std::size_t i = first; i < first + static_cast<std::size_t>(step_.across()); ++i) {
     const float error = std::max(weights_[i].w[FilterWeights::kError], 0.0F) * noise;
     const float left = std::max(smooth_[0][i] - of_innovation, 0.0F);
     const float change = std::max(smooth_[1][i] - of_change, 0.0F) + kLeastChange * noise;
@@ -185,23 +192,20 @@ void Estimator::check(const Kernels& kernels, const EstimateInputs& in, Crew& cr
     share_[i] *= static_cast<float>(in.path.steady) / (1.0F + power4(risk(inertia_, evidence)));
     if (!std::isfinite(share_[i]) || !std::isfinite(step_[i])) share_[i] = step_[i] = 0.0F;
   }
-  spare_what_rests(in);
 }
 
 // Shares are interpolated between blocks. A block that a per-pixel estimate has nearly right takes none from one beside
 // it that moves another way: with it would come some of that motion.
-void Estimator::spare_what_rests(const EstimateInputs& in) noexcept {
-  for (int r = 0; r < share_.down(); ++r) {
-    for (int c = 0; c < share_.across(); ++c) {
-      const auto here = static_cast<std::size_t>(r * share_.across() + c);
-      most_[here] = 1.0F;
-      for (int v = std::max(r - 1, 0); v <= std::min(r + 1, share_.down() - 1); ++v) {
-        for (int u = std::max(c - 1, 0); u <= std::min(c + 1, share_.across() - 1); ++u) {
-          const auto beside = static_cast<std::size_t>(v * share_.across() + u);
-          const Vec2 apart = trail_[here] - trail_[beside];
-          const bool rests = in.other_error[here] < kNearlyRight * in.other_error[beside];
-          if (rests && apart.x * apart.x + apart.y * apart.y >= kAnotherWay * kAnotherWay) most_[here] = share_[here];
-        }
+void Estimator::spare_what_rests(const EstimateInputs& in, int row) noexcept {
+  for (int c = 0; c < share_.across(); ++c) {
+    const auto here = static_cast<std::size_t>(row * share_.across() + c);
+    most_[here] = 1.0F;
+    for (int v = std::max(row - 1, 0); v <= std::min(row + 1, share_.down() - 1); ++v) {
+      for (int u = std::max(c - 1, 0); u <= std::min(c + 1, share_.across() - 1); ++u) {
+        const auto beside = static_cast<std::size_t>(v * share_.across() + u);
+        const Vec2 apart = trail_[here] - trail_[beside];
+        const bool rests = in.other_error[here] < kNearlyRight * in.other_error[beside];
+        if (rests && apart.x * apart.x + apart.y * apart.y >= kAnotherWay * kAnotherWay) most_[here] = share_[here];
       }
     }
   }
@@ -221,7 +225,10 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
   });
   x_.extend_ends();
   check(kernels, in, crew);
-  for_rows(crew, weights_.down(), [&](int row) { kernels.correct(left_, rows_around(step_, row).data(), row, x_); });
+  for_rows(crew, weights_.down(), [&](int row) {
+    spare_what_rests(in, row);
+    kernels.correct(left_, rows_around(step_, row).data(), row, x_);
+  });
   const PaddedPlane& sharp = in.row_delay.empty() ? x_ : at_frame_time(kernels, in, crew);
   for_rows(crew, weights_.down(),
            [&](int row) { kernels.blend(sharp, in.other, rows_around(share_, row).data(), most_.row(row), row, out); });

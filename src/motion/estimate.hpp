@@ -46,7 +46,8 @@ class Estimator {
   void align_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void choose_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void check(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
-  void spare_what_rests(const EstimateInputs& in) noexcept;
+  void judge(const EstimateInputs& in, int row) noexcept;
+  void spare_what_rests(const EstimateInputs& in, int row) noexcept;
   bool seen_before(int block) const noexcept;
   const PaddedPlane& at_frame_time(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   template <typename T>

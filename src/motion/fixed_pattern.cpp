@@ -171,7 +171,7 @@ void FixedPattern::compare() noexcept {
       mismatch_.at(column, row) = total(beyond) / pixels;
     }
   }
-  mean_of_9(mismatch_, excess_);
+  for (int row = 0; row < excess_.down(); ++row) mean_of_9(mismatch_, row, excess_);
 }
 
 void FixedPattern::follow() noexcept {

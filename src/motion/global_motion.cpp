@@ -160,7 +160,8 @@ GlobalMotion::GlobalMotion(Geometry geometry) : geometry_(geometry) {
   const Pyramid like(geometry);
   for (const PaddedPlane& plane : like.level) {
     levels_.push_back({VectorField(plane.blocks_across(), plane.blocks_down()),
-                       BlockField<MatchSums>(plane.blocks_across(), plane.blocks_down())});
+                       BlockField<MatchSums>(plane.blocks_across(), plane.blocks_down()),
+                       VectorField(plane.blocks_across(), plane.blocks_down())});
   }
   errors_.resize(levels_.front().sums.size());
 }
@@ -236,7 +237,7 @@ void GlobalMotion::Unseen::forget(Affine& motion) const noexcept {
 }
 
 // Of blocks that are weighed by how well they fit.
-Equations GlobalMotion::equations(const Inertia& inertia, int level, float typical, double variance) const noexcept {
+Equations GlobalMotion::equations(int level, float typical, double variance) const noexcept {
   const Level& work = levels_[static_cast<std::size_t>(level)];
   Equations sums;
   for (int r = 0; r < work.sums.down(); ++r) {
@@ -246,7 +247,7 @@ Equations GlobalMotion::equations(const Inertia& inertia, int level, float typic
       if (s.count <= kSeen * kPixels) continue;
       const double relative = s.ee / s.count / (3.0 * typical + 1e-9);
       const double weight = 1.0 / ((1.0 + relative) * (1.0 + relative));
-      const Vec2 pull = level == 0 ? pull_of_noise(inertia, work.displacement.at(c, r)) : Vec2{};
+      const Vec2 pull = work.pull.at(c, r);
       row.add(weight, centre_of(geometry_, 1 << level, c, r).x, s,
               {-s.xe - variance * s.count * pull.x, -s.ye - variance * s.count * pull.y});
     }
@@ -275,11 +276,15 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
   const PaddedPlane& to = b.level[static_cast<std::size_t>(level)];
   const int scale = 1 << level;
   spread(motion, geometry_, scale, work.displacement);
-  for_rows(crew, work.sums.down(),
-           [&](int row) { kernels.match(from, to, work.displacement.row(row), row, 1.0F, work.sums.row(row)); });
+  for_rows(crew, work.sums.down(), [&](int row) {
+    const Vec2* d = work.displacement.row(row);
+    kernels.match(from, to, d, row, 1.0F, work.sums.row(row));
+    if (level == 0)
+      pull_of_noise(kernels, inertia, {d, static_cast<std::size_t>(work.sums.across())}, work.pull.row(row));
+  });
   const float typical = typical_error(work);
   if (typical < 0.0F) return false;
-  Equations sums = equations(inertia, level, typical, noise * noise);
+  Equations sums = equations(level, typical, noise * noise);
   if (level == std::min(kSteps.front().level, a.levels() - 1)) {
     find_unseen(sums, level, inertia.noise() * noise * noise);
   }

@@ -46,6 +46,7 @@ class GlobalMotion {
   struct Level {
     VectorField displacement;
     BlockField<MatchSums> sums;
+    VectorField pull;  // of the noise, on the sums; only at full size
   };
   // A scene whose edges are all parallel does not show how it moves along them (the aperture problem): what is found
   // there is chance, and taken back. Two directions, and how little is seen of each at the coarsest level, 0 to 1.
@@ -62,7 +63,7 @@ class GlobalMotion {
     void forget(Affine& motion) const noexcept;
   };
   Affine start(const Kernels& kernels, const Pyramid& a, const Pyramid& b) const noexcept;
-  Equations equations(const Inertia& inertia, int level, float typical, double variance) const noexcept;
+  Equations equations(int level, float typical, double variance) const noexcept;
   void find_unseen(const Equations& sums, int level, double innovation_noise) noexcept;
   bool improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, int level,
                bool affine, double noise, Crew& crew, Affine& motion) noexcept;

@@ -18,20 +18,9 @@ int rows_of(int block_row, int height, int& begin) {
 
 Inertia::Inertia(double tau_periods) : tau(tau_periods), rho(std::exp(-1.0 / tau_periods)) {}
 
-// With s^2 the smoothing's variance, the shared noise has the autocovariance of a Gaussian of variance 2 s^2, which the
-// matching widens: by moving (linear between pixels) and by its gradient, that of a mean over 2 pixels along and
-// (1 2 1) / 4 across. Its derivative at d is what stands in the sum.
-Vec2 pull_of_noise(const Inertia& inertia, Vec2 d) noexcept {
-  constexpr float kFar = 50.0F;  // px^2: nothing is left there
-  if (d.x * d.x + d.y * d.y > kFar) return {};
-  const auto shared = static_cast<float>(inertia.rho * inertia.gain() * inertia.gain() / (2.0 * std::numbers::pi));
-  const auto along_axis = [&](float along, float across) {
-    const float a = 2.0F * kSmoothing + 1.0F / 3.0F + spread_by_moving(along);
-    const float b = 2.0F * kSmoothing + 1.0F / 2.0F + spread_by_moving(across);
-    const float height = shared / (std::sqrt(a * b) * a);
-    return height * along * std::exp(-0.5F * (along * along / a + across * across / b));
-  };
-  return {along_axis(d.x, d.y), along_axis(d.y, d.x)};
+void pull_of_noise(const Kernels& kernels, const Inertia& inertia, std::span<const Vec2> d, Vec2* out) noexcept {
+  const double shared = inertia.rho * inertia.gain() * inertia.gain() / (2.0 * std::numbers::pi);
+  kernels.pull(d.data(), static_cast<int>(d.size()), static_cast<float>(shared), out);
 }
 
 Pyramid::Pyramid(Geometry geometry) {

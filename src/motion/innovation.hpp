@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cmath>
+#include <span>
 #include <vector>
 
 #include "src/core/crew.hpp"
@@ -45,8 +46,8 @@ inline float spread_by_moving(float v) noexcept {
 
 // The noise of the frame between two innovations stands in both, with opposite signs. For what is matched that is a
 // pattern which is best matched anywhere but where it is: of the sum of gradient times difference (MatchSums, a pixel)
-// at a displacement of d px it makes this much, in units of a frame's noise variance. Thread: any.
-Vec2 pull_of_noise(const Inertia& inertia, Vec2 d) noexcept;
+// at displacements d, px, it makes this much, in units of a frame's noise variance. Thread: any.
+void pull_of_noise(const Kernels& kernels, const Inertia& inertia, std::span<const Vec2> d, Vec2* out) noexcept;
 
 // A smoothed innovation at full size, halved, and so on while there is something to see.
 struct Pyramid {

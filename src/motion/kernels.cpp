@@ -133,6 +133,7 @@ const Kernels& kernels() {
                              halve,
                              mean_difference,
                              match,
+                             pull,
                              cost,
                              search,
                              energy,

@@ -42,7 +42,8 @@ struct LocalMotion::Task {
 LocalMotion::LocalMotion(Geometry geometry) {
   const int across = blocks_over(geometry.width);
   const int down = blocks_over(geometry.height);
-  for (VectorField* f : {&total_, &small_, &large_, &found_, &unsmoothed_, &offered_}) *f = VectorField(across, down);
+  for (VectorField* f : {&total_, &small_, &large_, &found_, &unsmoothed_, &offered_, &pull_})
+    *f = VectorField(across, down);
   sums_ = BlockField<MatchSums>(across, down);
   for (std::size_t i = 0; i < mean_.size(); ++i) mean_[i] = raw_[i] = ScalarField(across, down);
   for (ScalarField* f : {&cost_small_, &cost_large_, &cost_now_, &energy_, &misfit_}) *f = ScalarField(across, down);
@@ -69,59 +70,88 @@ float LocalMotion::spread_of_deviations(const Task& task) const noexcept {
   return information > 0.0F ? std::sqrt(std::max(excess, 0.0F) / information) : 0.0F;
 }
 
+// What is matched with unsmoothed_, and summed up.
+void LocalMotion::match_row(const Task& task, int row) noexcept {
+  const auto across = static_cast<std::size_t>(total_.across());
+  Vec2* const d = total_.row(row);
+  MatchSums* const sums = sums_.row(row);
+  Vec2* const pull = pull_.row(row);
+  for (std::size_t c = 0; c < across; ++c) d[c] = task.global.row(row)[c] + unsmoothed_.row(row)[c];
+  task.kernels.match(task.a, task.b, d, row, 0.0F, sums);
+  pull_of_noise(task.kernels, task.inertia, {d, across}, pull);
+  for (std::size_t c = 0; c < across; ++c) {
+    const MatchSums& s = sums[c];
+    const float noise = task.frame_noise * s.count;
+    const std::array values{s.xx, s.xy, s.yy, -s.xe - noise * pull[c].x, -s.ye - noise * pull[c].y, s.ee};
+    for (std::size_t k = 0; k < values.size(); ++k) raw_[k].row(row)[c] = values[k] / kLocalPixels;
+  }
+}
+
+void LocalMotion::step_row(const Task& task, const VectorField& base, float looseness, int row) noexcept {
+  for (int c = 0; c < total_.across(); ++c) {
+    Vec2& d = unsmoothed_.at(c, row);
+    const float hold = std::max(mean_[5].at(c, row), 2.0F * task.noise) / kSamples / (looseness * looseness);
+    const Vec2 back = (base.at(c, row) - d) * hold;
+    const float xx = mean_[0].at(c, row) + hold;
+    const float xy = mean_[1].at(c, row);
+    const float yy = mean_[2].at(c, row) + hold;
+    const float bx = mean_[3].at(c, row) + back.x;
+    const float by = mean_[4].at(c, row) + back.y;
+    const float det = xx * yy - xy * xy;
+    if (!(det > 0.0F)) continue;
+    d.x += std::clamp((yy * bx - xy * by) / det, -kLongestStep, kLongestStep);
+    d.y += std::clamp((xx * by - xy * bx) / det, -kLongestStep, kLongestStep);
+  }
+}
+
 // Two steps of Lucas and Kanade from `base`, which holds d back as much as `looseness` says; without one, as much as
 // the first step shows.
 void LocalMotion::refine(const Task& task, const VectorField& base, std::optional<float> looseness,
                          VectorField& d) noexcept {
   unsmoothed_ = base;
+  const int rows = total_.down();
   for (int step = 0; step < 2; ++step) {
-    for (std::size_t i = 0; i < total_.size(); ++i) total_[i] = task.global[i] + unsmoothed_[i];
-    for_rows(task.crew, total_.down(),
-             [&](int row) { task.kernels.match(task.a, task.b, total_.row(row), row, 0.0F, sums_.row(row)); });
-    for (std::size_t i = 0; i < sums_.size(); ++i) {
-      const MatchSums& s = sums_[i];
-      const Vec2 v = total_[i];
-      const Vec2 pull = pull_of_noise(task.inertia, v) * (task.frame_noise * s.count);
-      const std::array values{s.xx, s.xy, s.yy, -s.xe - pull.x, -s.ye - pull.y, s.ee};
-      for (std::size_t k = 0; k < values.size(); ++k) raw_[k][i] = values[k] / kLocalPixels;
-    }
-    for (std::size_t k = 0; k < mean_.size(); ++k) mean_of_9(raw_[k], mean_[k]);
+    for_rows(task.crew, rows, [&](int row) {
+      if (step > 0) step_row(task, base, *looseness, row);
+      match_row(task, row);
+    });
+    for_rows(task.crew, rows, [&](int row) {
+      for (std::size_t k = 0; k < mean_.size(); ++k) mean_of_9(raw_[k], row, mean_[k]);
+      if (step > 0) step_row(task, base, *looseness, row);
+    });
     if (!looseness) looseness = std::clamp(kGuarded * spread_of_deviations(task), kTight, kLoose);
-    for (std::size_t i = 0; i < total_.size(); ++i) {
-      const float hold = std::max(mean_[5][i], 2.0F * task.noise) / kSamples / (*looseness * *looseness);
-      const Vec2 back = (base[i] - unsmoothed_[i]) * hold;
-      const float xx = mean_[0][i] + hold;
-      const float xy = mean_[1][i];
-      const float yy = mean_[2][i] + hold;
-      const float bx = mean_[3][i] + back.x;
-      const float by = mean_[4][i] + back.y;
-      const float det = xx * yy - xy * xy;
-      if (!(det > 0.0F)) continue;
-      unsmoothed_[i].x += std::clamp((yy * bx - xy * by) / det, -kLongestStep, kLongestStep);
-      unsmoothed_[i].y += std::clamp((xx * by - xy * bx) / det, -kLongestStep, kLongestStep);
-    }
   }
-  median_of_9(unsmoothed_, d);
+  for_rows(task.crew, rows, [&](int row) { median_of_9(unsmoothed_, row, d); });
+}
+
+// Into raw_[0].
+void LocalMotion::cost_row(const Task& task, const VectorField& d, int row) noexcept {
+  for (int c = 0; c < total_.across(); ++c) total_.at(c, row) = task.global.at(c, row) + d.at(c, row);
+  task.kernels.cost(task.a, task.b, total_.row(row), row, task.cap, raw_[0].row(row));
 }
 
 void LocalMotion::costs(const Task& task, const VectorField& d, ScalarField& out) noexcept {
-  for (std::size_t i = 0; i < total_.size(); ++i) total_[i] = task.global[i] + d[i];
-  for_rows(task.crew, total_.down(),
-           [&](int row) { task.kernels.cost(task.a, task.b, total_.row(row), row, task.cap, raw_[0].row(row)); });
-  mean_of_9(raw_[0], out);
+  for_rows(task.crew, total_.down(), [&](int row) { cost_row(task, d, row); });
+  for_rows(task.crew, total_.down(), [&](int row) { mean_of_9(raw_[0], row, out); });
 }
 
 // Blocks that the global motion does not explain.
 void LocalMotion::find_poor(const Task& task) noexcept {
-  for_rows(task.crew, energy_.down(),
-           [&](int row) { task.kernels.energy(task.b, row, raw_[0].row(row), raw_[1].row(row)); });
-  for (std::size_t i = 0; i < energy_.size(); ++i) raw_[2][i] = raw_[1][i] + raw_[0][i] * raw_[0][i];
-  mean_of_9(raw_[0], mean_[0]);
-  mean_of_9(raw_[2], mean_[2]);
-  for (std::size_t i = 0; i < energy_.size(); ++i) {
-    energy_[i] = std::max(mean_[2][i] - mean_[0][i] * mean_[0][i], 0.0F);
-    poor_[i] = cost_small_[i] > kNoiseLimit * task.noise + kTextureLimit * energy_[i] ? 1 : 0;
-  }
+  for_rows(task.crew, energy_.down(), [&](int row) {
+    cost_row(task, small_, row);
+    task.kernels.energy(task.b, row, raw_[1].row(row), raw_[2].row(row));
+    for (int c = 0; c < energy_.across(); ++c) raw_[2].at(c, row) += raw_[1].at(c, row) * raw_[1].at(c, row);
+  });
+  for_rows(task.crew, energy_.down(), [&](int row) {
+    mean_of_9(raw_[0], row, cost_small_);
+    mean_of_9(raw_[1], row, mean_[1]);
+    mean_of_9(raw_[2], row, mean_[2]);
+    for (int c = 0; c < energy_.across(); ++c) {
+      const float energy = std::max(mean_[2].at(c, row) - mean_[1].at(c, row) * mean_[1].at(c, row), 0.0F);
+      energy_.at(c, row) = energy;
+      poor_.at(c, row) = cost_small_.at(c, row) > kNoiseLimit * task.noise + kTextureLimit * energy ? 1 : 0;
+    }
+  });
 }
 
 // Whole displacements at half size, for poor blocks.
@@ -179,7 +209,6 @@ const VectorField& LocalMotion::find(const Kernels& kernels, const Inertia& iner
                   crew};
   std::fill(large_.begin(), large_.end(), Vec2{});
   refine(task, large_, std::nullopt, small_);
-  costs(task, small_, cost_small_);
   find_poor(task);
   const auto allowed = [&](std::size_t i) { return kNoiseLimit * task.noise + kUnmatched * energy_[i] + 1e-30F; };
   for (std::size_t i = 0; i < misfit_.size(); ++i) misfit_[i] = cost_small_[i] / allowed(i);

@@ -29,7 +29,10 @@ class LocalMotion {
  private:
   struct Task;
   float spread_of_deviations(const Task& task) const noexcept;
+  void match_row(const Task& task, int row) noexcept;
+  void step_row(const Task& task, const VectorField& base, float looseness, int row) noexcept;
   void refine(const Task& task, const VectorField& base, std::optional<float> looseness, VectorField& d) noexcept;
+  void cost_row(const Task& task, const VectorField& d, int row) noexcept;
   void costs(const Task& task, const VectorField& d, ScalarField& out) noexcept;
   void find_poor(const Task& task) noexcept;
   void search(const Task& task) noexcept;
@@ -41,6 +44,7 @@ class LocalMotion {
   VectorField found_;
   VectorField unsmoothed_;
   VectorField offered_;
+  VectorField pull_;  // of the noise, on the sums
   BlockField<MatchSums> sums_;
   std::array<ScalarField, 6> mean_;
   std::array<ScalarField, 6> raw_;

@@ -9,7 +9,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include <hwy/contrib/math/math-inl.h>
+
 #include "src/motion/block-inl.hpp"
+#include "src/motion/innovation.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::motion::HWY_NAMESPACE {
@@ -114,6 +117,40 @@ void match(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_
            MatchSums* out) noexcept {
   const int y0 = block_row * kBlock;
   for (int c = 0; c < a.blocks_across(); ++c) out[c] = match_block(a, b, c * kBlock, y0, d[c], margin);
+}
+
+// With s^2 the smoothing's variance, the shared noise has the autocovariance of a Gaussian of variance 2 s^2, which the
+// matching widens: by moving (linear between pixels) and by its gradient, that of a mean over 2 pixels along and
+// (1 2 1) / 4 across. Its derivative at d is what stands in the sum.
+HWY_INLINE Vec pull_along(Vec along, Vec across, Vec shared) {
+  const auto widened = [](Vec v, float by) HWY_ATTR {
+    const Vec part = hn::Sub(v, hn::Floor(v));
+    return hn::MulAdd(part, hn::Sub(all(1.0F), part), all(2.0F * kSmoothing + by));
+  };
+  const Vec a = widened(along, 1.0F / 3.0F);
+  const Vec b = widened(across, 1.0F / 2.0F);
+  const Vec height = hn::Div(shared, hn::Mul(hn::Sqrt(hn::Mul(a, b)), a));
+  const Vec square = hn::Add(hn::Div(hn::Mul(along, along), a), hn::Div(hn::Mul(across, across), b));
+  return hn::Mul(hn::Mul(height, along), hn::Exp(Float(), hn::Mul(all(-0.5F), square)));
+}
+
+void pull(const Vec2* d, int count, float shared, Vec2* out) noexcept {
+  constexpr float kFar = 50.0F;  // px^2: nothing is left there
+  for (int first = 0; first < count; first += kLanes) {
+    const int together = std::min(kLanes, count - first);
+    HWY_ALIGN float x[kLanes] = {};
+    HWY_ALIGN float y[kLanes] = {};
+    for (int i = 0; i < together; ++i) {
+      x[i] = d[first + i].x;
+      y[i] = d[first + i].y;
+    }
+    const Vec dx = hn::Load(Float(), x);
+    const Vec dy = hn::Load(Float(), y);
+    const auto near = hn::Le(hn::MulAdd(dx, dx, hn::Mul(dy, dy)), all(kFar));
+    hn::Store(hn::IfThenElseZero(near, pull_along(dx, dy, all(shared))), Float(), x);
+    hn::Store(hn::IfThenElseZero(near, pull_along(dy, dx, all(shared))), Float(), y);
+    for (int i = 0; i < together; ++i) out[first + i] = {x[i], y[i]};
+  }
 }
 
 void cost(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_row, float cap, float* out) noexcept {

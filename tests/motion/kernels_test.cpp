@@ -116,6 +116,21 @@ TEST_P(MotionKernels, Match) {
   }
 }
 
+TEST_P(MotionKernels, PullOfNoise) {
+  constexpr int kCount = 21;  // no whole number of vectors
+  std::vector<Vec2> d(kCount);
+  for (int i = 0; i < kCount; ++i) d[static_cast<std::size_t>(i)] = {0.37F * static_cast<float>(i - 8), 0.6F};
+  std::vector<Vec2> pull(kCount);
+  kernels_.pull(d.data(), kCount, 2.0F, pull.data());
+  for (std::size_t i = 0; i < d.size(); ++i) {
+    EXPECT_NEAR(pull[i].x, 2.0 * reference::pull(d[i].x, d[i].y), 1e-5) << i;
+    EXPECT_NEAR(pull[i].y, 2.0 * reference::pull(d[i].y, d[i].x), 1e-5) << i;
+  }
+  d[0] = {7.0F, 1.1F};  // so far that nothing is left
+  kernels_.pull(d.data(), 1, 2.0F, pull.data());
+  EXPECT_EQ(pull[0].x, 0.0F);
+}
+
 TEST_P(MotionKernels, CostAndEnergy) {
   constexpr float kCap = 2.0F;
   ScalarField cost = field();

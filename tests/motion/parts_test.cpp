@@ -256,7 +256,7 @@ TEST(MedianOf9, IsThatOfTheSortedNeighbours) {
   const auto next = [&] { return static_cast<float>((state = state * 1664525U + 1013904223U) >> 24U); };
   for (Vec2& v : field) v = {next(), next()};
   VectorField found(9, 7);
-  median_of_9(field, found);
+  for (int r = 0; r < 7; ++r) median_of_9(field, r, found);
   for (int r = 0; r < 7; ++r) {
     for (int c = 0; c < 9; ++c) {
       std::vector<float> x;

@@ -76,6 +76,14 @@ inline std::array<double, 7> match(const PaddedPlane& a, const PaddedPlane& b, P
   return s;
 }
 
+// What shared noise of unit weight pulls a match at d by, along d's first component.
+inline double pull(double along, double across) {
+  const auto moved = [](double v) { return (v - std::floor(v)) * (1.0 - v + std::floor(v)); };
+  const double a = 2.0 + 1.0 / 3.0 + moved(along);
+  const double b = 2.0 + 1.0 / 2.0 + moved(across);
+  return along / (std::sqrt(a * b) * a) * std::exp(-0.5 * (along * along / a + across * across / b));
+}
+
 // A block field at a pixel, interpolated between the blocks' centres; at(column, row) within the field.
 template <typename At>
 double between(Geometry g, int x, int y, const At& at) {
