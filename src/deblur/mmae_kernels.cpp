@@ -14,6 +14,7 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include <hwy/cache_control.h>
 #include <hwy/contrib/math/math-inl.h>
 
 #include "src/deblur/block-inl.hpp"
@@ -58,6 +59,8 @@ HWY_INLINE void load_differences(const BlockSamples& in, int samples, std::size_
       const std::size_t at = column + v;
       const auto columns = static_cast<std::size_t>(in.columns);
       const std::size_t count = at < columns ? std::min(kLanes, columns - at) : 0;
+      // Samples lie whole frames apart, where no processor looks for what comes next.
+      for (int i = 0; i < samples; ++i) hwy::Prefetch(static_cast<const T*>(in.values[r][i]) + at + kStatColumns);
       Vec before = load_values(static_cast<const T*>(in.values[r][0]) + at, count);
       for (int i = 1; i < samples; ++i) {
         const Vec value = load_values(static_cast<const T*>(in.values[r][i]) + at, count);
