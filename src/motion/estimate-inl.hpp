@@ -27,7 +27,9 @@ HWY_INLINE void cubic(float f, float* w) {
   w[3] = 1.0F - w[0] - w[1] - w[2];
 }
 
-HWY_INLINE void move_cubic(const PaddedPlane& a, int x0, int y0, Vec2 d, float* out) {
+// put(value, row, column) for every vector of the block at p - d.
+template <typename Put>
+HWY_INLINE void move_cubic(const PaddedPlane& a, int x0, int y0, Vec2 d, const Put& put) {
   const Whole s = whole_of(a, x0, y0, -d.x, -d.y);
   float wx[4];
   float wy[4];
@@ -48,20 +50,33 @@ HWY_INLINE void move_cubic(const PaddedPlane& a, int x0, int y0, Vec2 d, float* 
       const float* p = across + r * kRow + x;
       Vec v = hn::Mul(all(wy[0]), load(p));
       for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(wy[i]), load(p + i * kRow), v);
-      store(v, out + r * kRow + x);
+      put(v, r, x);
     }
   }
 }
 
-HWY_INLINE void add_inside(const float* block, const Inside& inside, int x0, int y0, float* total, float* count) {
-  for (int r = 0; r < kBlock; ++r) {
-    if (!inside.row(y0 + r)) continue;
-    for (int x = 0; x < kBlock; x += kLanes) {
-      const int at = r * kBlock + x;
+// Sums of the planes' values at a block, and how many see each pixel.
+struct SeenSums {
+  HWY_ALIGN float total[kBlock * kBlock] = {};
+  HWY_ALIGN float count[kBlock * kBlock] = {};
+  bool whole = true;  // all planes see all pixels, and are not counted
+};
+
+HWY_INLINE void add_moved(const PaddedPlane& plane, const Inside& inside, int x0, int y0, Vec2 d, SeenSums& sums) {
+  if (sums.whole) {
+    move_cubic(plane, x0, y0, d, [&](Vec v, int r, int x) HWY_ATTR {
+      float* total = sums.total + r * kRow + x;
+      store(hn::Add(load(total), v), total);
+    });
+  } else {
+    move_cubic(plane, x0, y0, d, [&](Vec v, int r, int x) HWY_ATTR {
+      if (!inside.row(y0 + r)) return;
+      float* total = sums.total + r * kRow + x;
+      float* count = sums.count + r * kRow + x;
       const Vec in = inside.mask(x0 + x);
-      store(hn::MulAdd(in, load(block + at), load(total + at)), total + at);
-      store(hn::Add(in, load(count + at)), count + at);
-    }
+      store(hn::MulAdd(in, v, load(total)), total);
+      store(hn::Add(in, load(count)), count);
+    });
   }
 }
 
@@ -70,29 +85,32 @@ void align(const PaddedPlane* const* planes, const Vec2* const* d, int planes_co
   const int y0 = block_row * kBlock;
   for (int c = 0; c < now.blocks_across(); ++c) {
     const int x0 = c * kBlock;
-    HWY_ALIGN float total[kBlock * kBlock] = {};
-    HWY_ALIGN float count[kBlock * kBlock] = {};
-    HWY_ALIGN float moved[kBlock * kBlock];
-    for (int i = 0; i < planes_count; ++i) {
-      move_cubic(*planes[i], x0, y0, d[i][c], moved);
-      add_inside(moved, Inside(now.geometry(), d[i][c], 0.0F), x0, y0, total, count);
-    }
+    const auto inside = [&](int i) { return Inside(now.geometry(), d[i][c], 0.0F); };
+    SeenSums sums;
+    for (int i = 0; i < planes_count; ++i) sums.whole = sums.whole && inside(i).whole(x0, y0);
+    for (int i = 0; i < planes_count; ++i) add_moved(*planes[i], inside(i), x0, y0, d[i][c], sums);
+    const Vec every = all(static_cast<float>(planes_count));
     for (int r = 0; r < kBlock; ++r) {
       for (int x = 0; x < kBlock; x += kLanes) {
-        const Vec n = load(count + r * kRow + x);
-        const Vec mean = hn::Div(load(total + r * kRow + x), hn::Max(n, all(1.0F)));
-        const Vec old = load(now.at(x0 + x, y0 + r));
-        store(hn::IfThenElse(hn::Gt(n, hn::Zero(Float())), mean, old), out.at(x0 + x, y0 + r));
+        const Vec total = load(sums.total + r * kRow + x);
+        float* to = out.at(x0 + x, y0 + r);
+        if (sums.whole) {
+          store(hn::Div(total, every), to);
+          continue;
+        }
+        const Vec n = load(sums.count + r * kRow + x);
+        const Vec mean = hn::Div(total, hn::Max(n, all(1.0F)));
+        store(hn::IfThenElse(hn::Gt(n, hn::Zero(Float())), mean, load(now.at(x0 + x, y0 + r))), to);
       }
     }
   }
 }
 
 void shift(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& out) noexcept {
-  HWY_ALIGN float moved[kBlock * kBlock];
   for (int c = 0; c < from.blocks_across(); ++c) {
-    move_cubic(from, c * kBlock, block_row * kBlock, d[c], moved);
-    for (int r = 0; r < kBlock; ++r) std::copy_n(moved + r * kRow, kBlock, out.at(c * kBlock, block_row * kBlock + r));
+    const int x0 = c * kBlock;
+    const int y0 = block_row * kBlock;
+    move_cubic(from, x0, y0, d[c], [&](Vec v, int r, int x) HWY_ATTR { store(v, out.at(x0 + x, y0 + r)); });
   }
 }
 
