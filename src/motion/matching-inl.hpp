@@ -173,68 +173,73 @@ void cost(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_r
 constexpr int kSearchAcross = 9;
 constexpr int kSearchDown = 5;
 constexpr int kSide = 12;  // of the half-size window
-constexpr std::ptrdiff_t kPatchStride = 40;
 constexpr int kPatchRows = kSide + 2 * kSearchDown;
-constexpr int kPatchColumns = kSide + 2 * kSearchAcross;
+constexpr int kPlaces = 3 * kBlock;             // across, in whole vectors
+constexpr int kPatchColumns = kSide + kPlaces;  // that are read
+static_assert(kPlaces > 2 * kSearchAcross);
+constexpr std::ptrdiff_t kPatchStride = kPatchColumns;
 
 // Values of a plane at p - d for a patch from (x0, y0) on; beyond the frame its border.
 HWY_INLINE void move_patch(const PaddedPlane& a, int x0, int y0, Vec2 d, float* out) {
   const float ix = std::floor(-d.x);
   const float iy = std::floor(-d.y);
-  const float fx = -d.x - ix;
-  const float fy = -d.y - iy;
+  const Vec fx = all(-d.x - ix);
+  const Vec fy = all(-d.y - iy);
   const int left = x0 + static_cast<int>(std::clamp(ix, -1e6F, 1e6F));
   const int top = y0 + static_cast<int>(std::clamp(iy, -1e6F, 1e6F));
   const Geometry g = a.geometry();
+  const bool in_rim = left >= -kRim && left + kPatchColumns + kBlock < static_cast<int>(a.stride()) - kRim;
+  HWY_ALIGN float rows[2][kPatchColumns + kBlock];
   for (int r = 0; r < kPatchRows; ++r) {
-    const float* upper = a.at(0, std::clamp(top + r, 0, g.height - 1));
-    const float* lower = a.at(0, std::clamp(top + r + 1, 0, g.height - 1));
-    const auto down = [&](int x) { return upper[x] + fy * (lower[x] - upper[x]); };
-    float here = down(std::clamp(left, 0, g.width - 1));
-    for (int c = 0; c < kPatchColumns; ++c) {
-      const float next = down(std::clamp(left + c + 1, 0, g.width - 1));
-      out[r * kPatchStride + c] = here + fx * (next - here);
-      here = next;
+    const float* lines[2];
+    for (int i = 0; i < 2; ++i) {
+      const float* line = a.at(0, std::clamp(top + r + i, 0, g.height - 1));
+      lines[i] = line + left;
+      if (in_rim) continue;
+      for (int c = 0; c <= kPatchColumns; ++c) rows[i][c] = line[std::clamp(left + c, 0, g.width - 1)];
+      lines[i] = rows[i];
+    }
+    const auto [upper, lower] = lines;
+    const auto down = [&](int c) HWY_ATTR { return between(load(upper + c), load(lower + c), fy); };
+    for (int next = 0; next < kPatchColumns; next += kLanes) {
+      const int c = std::min(next, kPatchColumns - kLanes);
+      store(between(down(c), down(c + 1), fx), out + r * kPatchStride + c);
     }
   }
+}
+
+// Sums of squared differences for every place across, from right to left, at `down` rows below the patch's first.
+HWY_INLINE void differences(const float* patch, const float* const* rows, int down, float* out) {
+  constexpr int kVectors = kPlaces / kLanes;
+  Vec total[kVectors];
+  for (Vec& t : total) t = hn::Zero(Float());
+  for (int r = 0; r < kSide; ++r) {
+    for (int x = 0; x < kSide; ++x) {
+      const Vec value = all(rows[r][x]);
+      const float* p = patch + (r + down) * kPatchStride + x;
+      for (int i = 0; i < kVectors; ++i) {
+        const Vec e = hn::Sub(value, load(p + i * kLanes));
+        total[i] = hn::MulAdd(e, e, total[i]);
+      }
+    }
+  }
+  for (int i = 0; i < kVectors; ++i) store(total[i], out + i * kLanes);
 }
 
 Vec2 search(const PaddedPlane& a, const PaddedPlane& b, int column, int row, Vec2 d, float price) noexcept {
   const int x0 = column * (kBlock / 2) - (kSide - kBlock / 2) / 2;
   const int y0 = row * (kBlock / 2) - (kSide - kBlock / 2) / 2;
-  HWY_ALIGN float from[kPatchRows * kPatchStride] = {};
-  HWY_ALIGN float to[kSide * 2 * kBlock] = {};
-  move_patch(a, x0 - kSearchAcross, y0 - kSearchDown, d, from);
-  const Geometry g = b.geometry();
-  for (int r = 0; r < kSide; ++r) {
-    const float* line = b.at(0, std::clamp(y0 + r, 0, g.height - 1));
-    for (int c = 0; c < kSide; ++c) to[r * 2 * kBlock + c] = line[std::clamp(x0 + c, 0, g.width - 1)];
-  }
+  HWY_ALIGN float patch[kPatchRows * kPatchStride];
+  HWY_ALIGN float errors[kPlaces];
+  move_patch(a, x0 - kSearchAcross, y0 - kSearchDown, d, patch);
+  const float* rows[kSide];
+  for (int r = 0; r < kSide; ++r) rows[r] = b.at(x0, std::clamp(y0 + r, 0, b.geometry().height - 1));
   float best = 1e30F;
   Vec2 found;
   for (int sy = -kSearchDown; sy <= kSearchDown; ++sy) {
+    differences(patch, rows, kSearchDown - sy, errors);
     for (int sx = -kSearchAcross; sx <= kSearchAcross; ++sx) {
-      Vec total = hn::Zero(Float());
-      for (int r = 0; r < kSide; ++r) {
-        const float* p = from + (r + kSearchDown - sy) * kPatchStride + kSearchAcross - sx;
-        const float* q = to + r * (2 * kRow);
-        for (int x = 0; x < kBlock; x += kLanes) {
-          const Vec e = hn::Sub(load(q + x), load(p + x));
-          total = hn::MulAdd(e, e, total);
-        }
-        if constexpr (kLanes == kBlock) {
-          const Vec tail =
-              hn::IfThenElseZero(hn::Lt(count_from(0.0F), all(static_cast<float>(kSide - kBlock))), all(1.0F));
-          const Vec e = hn::Mul(hn::Sub(load(q + kBlock), load(p + kBlock)), tail);
-          total = hn::MulAdd(e, e, total);
-        } else {
-          for (int x = kBlock; x < kSide; x += kLanes) {
-            const Vec e = hn::Sub(load(q + x), load(p + x));
-            total = hn::MulAdd(e, e, total);
-          }
-        }
-      }
-      const float error = sum(total) / (kSide * kSide) + price * static_cast<float>(sx * sx + sy * sy);
+      const float error = errors[kSearchAcross - sx] / (kSide * kSide) + price * static_cast<float>(sx * sx + sy * sy);
       if (error >= best) continue;
       best = error;
       found = {static_cast<float>(sx), static_cast<float>(sy)};
