@@ -231,12 +231,15 @@ void mix_risks(const RiskTable& table, const Posteriors& posteriors, BlockRisks&
 
 HWY_INLINE void store_values(const FilterRow& row, Vec x, std::size_t at, std::size_t count) {
   if (row.output == PixelType::kUint16) {
+    if (count == kLanes) return narrow(x, static_cast<std::uint16_t*>(row.out) + at);
     HWY_ALIGN std::uint16_t values[kLanes];
     narrow(x, values);
     std::copy_n(values, count, static_cast<std::uint16_t*>(row.out) + at);
   } else {
+    const Vec scaled = hn::MulAdd(all(row.scale), x, all(row.offset));
+    if (count == kLanes) return hn::StoreU(scaled, Float(), static_cast<float*>(row.out) + at);
     HWY_ALIGN float values[kLanes];
-    hn::Store(hn::MulAdd(all(row.scale), x, all(row.offset)), Float(), values);
+    hn::Store(scaled, Float(), values);
     std::copy_n(values, count, static_cast<float*>(row.out) + at);
   }
 }

@@ -360,14 +360,17 @@ void blend(const PaddedPlane& x, const float* other, const float* const* c, cons
         const int column = b * kBlock + k;
         const int count = std::min(kLanes, g.width - column);
         if (count <= 0) break;
-        HWY_ALIGN float part[kLanes];
-        for (int i = 0; i < count; ++i) part[i] = other[row + static_cast<std::size_t>(column + i)];
-        for (int i = count; i < kLanes; ++i) part[i] = 0.0F;
-        const Vec old = hn::Load(Float(), part);
+        const std::size_t at = row + static_cast<std::size_t>(column);
         const Vec share = hn::Min(between(shares, c, r, b, last, k), all(most[b]));
-        const Vec v = hn::MulAdd(share, hn::Sub(load(x.at(column, y)), old), old);
-        hn::Store(v, Float(), part);
-        std::copy_n(part, count, out + row + static_cast<std::size_t>(column));
+        const auto mixed = [&](Vec old) HWY_ATTR { return between(old, load(x.at(column, y)), share); };
+        if (count == kLanes) {
+          store(mixed(load(other + at)), out + at);
+          continue;
+        }
+        HWY_ALIGN float part[kLanes] = {};
+        std::copy_n(other + at, count, part);
+        hn::Store(mixed(hn::Load(Float(), part)), Float(), part);
+        std::copy_n(part, count, out + at);
       }
     }
   }
