@@ -72,18 +72,18 @@ void MotionSolver::forget() noexcept {
   for (Displacement& d : displacements_) d.there = false;
 }
 
-void MotionSolver::load(const void* plane, Crew& crew, motion::PaddedPlane& to) const noexcept {
+void MotionSolver::load(const void* plane, motion::PaddedPlane& to) const noexcept {
   const Geometry g = to.geometry();
-  for_rows(crew, g.height, [&](int y) {
-    const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(g.width);
+  const auto width = static_cast<std::size_t>(g.width);
+  for (int y = 0; y < g.height; ++y) {
+    const std::size_t row = static_cast<std::size_t>(y) * width;
     if (task_.input.type == PixelType::kUint16) {
       load_row(static_cast<const std::uint16_t*>(plane) + row, g.width, to.at(0, y));
     } else {
       load_row(static_cast<const float*>(plane) + row, g.width, to.at(0, y));
     }
-    to.extend_sides(y, y + 1);
-  });
-  to.extend_ends();
+  }
+  to.extend();
 }
 
 // The next period's frame; null: lost.
@@ -95,7 +95,7 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   now.there = plane != nullptr;
   z.there = now.there && frame(1).there;
   d.there = z.there && innovation(1).there;
-  if (now.there) load(plane, crew, now.values);
+  if (now.there) load(plane, now.values);
   if (z.there) find_innovation(kernels_, inertia_, now.values, frame(1).values, crew, z.values, z.smoothed);
   if (d.there) {
     d.motion = global_.find(kernels_, inertia_, innovation(1).smoothed, z.smoothed, mmae_.noise(), crew);

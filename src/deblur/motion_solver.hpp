@@ -55,7 +55,7 @@ class MotionSolver final : public Solver {
   bool usable() const noexcept;
   void forget() noexcept;
   void take(const void* plane, Crew& crew) noexcept;
-  void load(const void* plane, Crew& crew, motion::PaddedPlane& to) const noexcept;
+  void load(const void* plane, motion::PaddedPlane& to) const noexcept;
   bool find_path(motion::Path& path, bool& ahead) noexcept;
   void solve_per_pixel(const WindowView& window, Crew& crew) noexcept;
   // Of `back` periods before the newest.

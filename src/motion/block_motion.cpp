@@ -43,15 +43,14 @@ void BlockMotions::find(const Kernels& kernels, const Inertia& inertia, const Bl
     }
   });
   const auto noise = static_cast<float>(inertia.noise() * in.noise * in.noise * kSmoothedNoise);
-  for_rows(crew, matched_.down(), [&](int row) {
+  for (int row = 0; row < sums_.down(); ++row) {
     for (std::size_t k = 0; k < raw_.size(); ++k) mean_of_9(raw_[k], row, mean_[k]);
-    for (int c = 0; c < sums_.across(); ++c) {
-      const auto i = static_cast<std::size_t>(row * sums_.across() + c);
-      const Vec2 v = trail_[i] + in.deviation[i];
-      found_.blocks[i] = {v.x, v.y,
-                          confidence_of(mean_[0][i], mean_[1][i], mean_[2][i], mean_[3][i], in.misfit[i], noise)};
-    }
-  });
+  }
+  for (std::size_t i = 0; i < sums_.size(); ++i) {
+    const Vec2 v = trail_[i] + in.deviation[i];
+    found_.blocks[i] = {v.x, v.y,
+                        confidence_of(mean_[0][i], mean_[1][i], mean_[2][i], mean_[3][i], in.misfit[i], noise)};
+  }
   const double per_pixel = 2.0 / geometry_.width;  // an Affine counts halves of the frame's width
   const std::array<double, 6>& p = in.trail.p;
   found_.affine = {p[0], p[1] * per_pixel, p[2] * per_pixel, p[3], p[4] * per_pixel, p[5] * per_pixel};

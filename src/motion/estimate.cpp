@@ -225,13 +225,18 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
   });
   x_.extend_ends();
   check(kernels, in, crew);
+  const bool at_once = in.row_delay.empty();
+  const auto blend = [&](const PaddedPlane& sharp, int row) {
+    kernels.blend(sharp, in.other, rows_around(share_, row).data(), most_.row(row), row, out);
+  };
   for_rows(crew, weights_.down(), [&](int row) {
     spare_what_rests(in, row);
     kernels.correct(left_, rows_around(step_, row).data(), row, x_);
+    if (at_once) blend(x_, row);
   });
-  const PaddedPlane& sharp = in.row_delay.empty() ? x_ : at_frame_time(kernels, in, crew);
-  for_rows(crew, weights_.down(),
-           [&](int row) { kernels.blend(sharp, in.other, rows_around(share_, row).data(), most_.row(row), row, out); });
+  if (at_once) return;
+  const PaddedPlane& sharp = at_frame_time(kernels, in, crew);
+  for_rows(crew, weights_.down(), [&](int row) { blend(sharp, row); });
 }
 
 // What rows that are sampled later show, moved back to where it was at the frame's time.

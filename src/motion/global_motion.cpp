@@ -79,6 +79,30 @@ Centre centre_of(Geometry frame, int scale, int column, int row) noexcept {
   return {((column + 0.5) * kBlock * scale - half) / half, ((row + 0.5) * kBlock * scale - 0.5 * frame.height) / half};
 }
 
+// Of a row of blocks: weighted sums of 1, x and x^2 times the gradients' products and what is left along them.
+struct RowSums {
+  std::array<double, 3> xx{};
+  std::array<double, 3> xy{};
+  std::array<double, 3> yy{};
+  std::array<double, 2> bx{};
+  std::array<double, 2> by{};
+  double pixels = 0.0;
+
+  void add(double weight, double x, const MatchSums& s, std::array<double, 2> b) noexcept {
+    const std::array<double, 3> power{weight, weight * x, weight * x * x};
+    pixels += weight * s.count;
+    for (std::size_t k = 0; k < power.size(); ++k) {
+      xx[k] += power[k] * s.xx;
+      xy[k] += power[k] * s.xy;
+      yy[k] += power[k] * s.yy;
+    }
+    for (std::size_t k = 0; k < bx.size(); ++k) {
+      bx[k] += power[k] * b[0];
+      by[k] += power[k] * b[1];
+    }
+  }
+};
+
 }  // namespace
 
 // Normal equations of the six parameters of an Affine.
@@ -140,7 +164,6 @@ GlobalMotion::GlobalMotion(Geometry geometry) : geometry_(geometry) {
                        VectorField(plane.blocks_across(), plane.blocks_down())});
   }
   errors_.resize(levels_.front().sums.size());
-  rows_.resize(static_cast<std::size_t>(levels_.front().sums.down()));
 }
 
 // The whole displacement of the smallest level that fits best, refined by one at each larger level but the full one.
@@ -214,9 +237,10 @@ void GlobalMotion::Unseen::forget(Affine& motion) const noexcept {
 }
 
 // Of blocks that are weighed by how well they fit.
-Equations GlobalMotion::equations(int level, float typical, double variance, Crew& crew) noexcept {
+Equations GlobalMotion::equations(int level, float typical, double variance) const noexcept {
   const Level& work = levels_[static_cast<std::size_t>(level)];
-  for_rows(crew, work.sums.down(), [&](int r) {
+  Equations sums;
+  for (int r = 0; r < work.sums.down(); ++r) {
     RowSums row;
     for (int c = 0; c < work.sums.across(); ++c) {
       const MatchSums& s = work.sums.at(c, r);
@@ -227,11 +251,7 @@ Equations GlobalMotion::equations(int level, float typical, double variance, Cre
       row.add(weight, centre_of(geometry_, 1 << level, c, r).x, s,
               {-s.xe - variance * s.count * pull.x, -s.ye - variance * s.count * pull.y});
     }
-    rows_[static_cast<std::size_t>(r)] = row;
-  });
-  Equations sums;
-  for (int r = 0; r < work.sums.down(); ++r) {
-    sums.add(rows_[static_cast<std::size_t>(r)], centre_of(geometry_, 1 << level, 0, r).y);
+    sums.add(row, centre_of(geometry_, 1 << level, 0, r).y);
   }
   return sums;
 }
@@ -264,7 +284,7 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
   });
   const float typical = typical_error(work);
   if (typical < 0.0F) return false;
-  Equations sums = equations(level, typical, noise * noise, crew);
+  Equations sums = equations(level, typical, noise * noise);
   if (level == std::min(kSteps.front().level, a.levels() - 1)) {
     find_unseen(sums, level, inertia.noise() * noise * noise);
   }

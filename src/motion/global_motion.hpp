@@ -27,30 +27,6 @@ struct Affine {
 // The field at the centres of `scale` times 8 pixels, as of a level of a pyramid, in that level's pixels.
 void spread(const Affine& motion, Geometry frame, int scale, VectorField& out) noexcept;
 
-// Of a row of blocks: weighted sums of 1, x and x^2 times the gradients' products and what is left along them.
-struct RowSums {
-  std::array<double, 3> xx{};
-  std::array<double, 3> xy{};
-  std::array<double, 3> yy{};
-  std::array<double, 2> bx{};
-  std::array<double, 2> by{};
-  double pixels = 0.0;
-
-  void add(double weight, double x, const MatchSums& s, std::array<double, 2> b) noexcept {
-    const std::array<double, 3> power{weight, weight * x, weight * x * x};
-    pixels += weight * s.count;
-    for (std::size_t k = 0; k < power.size(); ++k) {
-      xx[k] += power[k] * s.xx;
-      xy[k] += power[k] * s.xy;
-      yy[k] += power[k] * s.yy;
-    }
-    for (std::size_t k = 0; k < bx.size(); ++k) {
-      bx[k] += power[k] * b[0];
-      by[k] += power[k] * b[1];
-    }
-  }
-};
-
 struct Equations;
 
 class GlobalMotion {
@@ -87,7 +63,7 @@ class GlobalMotion {
     void forget(Affine& motion) const noexcept;
   };
   Affine start(const Kernels& kernels, const Pyramid& a, const Pyramid& b) const noexcept;
-  Equations equations(int level, float typical, double variance, Crew& crew) noexcept;
+  Equations equations(int level, float typical, double variance) const noexcept;
   void find_unseen(const Equations& sums, int level, double innovation_noise) noexcept;
   bool improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, int level,
                bool affine, double noise, Crew& crew, Affine& motion) noexcept;
@@ -96,7 +72,6 @@ class GlobalMotion {
   Geometry geometry_;
   std::vector<Level> levels_;
   std::vector<float> errors_;
-  std::vector<RowSums> rows_;
   Unseen unseen_;
   double uncertainty_ = 0.0;
 };

@@ -105,9 +105,8 @@ void LocalMotion::step_row(const Task& task, const VectorField& base, float loos
 }
 
 // Two steps of Lucas and Kanade from `base`, which holds d back as much as `looseness` says; without one, as much as
-// the first step shows.
-void LocalMotion::refine(const Task& task, const VectorField& base, std::optional<float> looseness,
-                         VectorField& d) noexcept {
+// the first step shows. Into unsmoothed_.
+void LocalMotion::refine(const Task& task, const VectorField& base, std::optional<float> looseness) noexcept {
   unsmoothed_ = base;
   const int rows = total_.down();
   for (int step = 0; step < 2; ++step) {
@@ -121,7 +120,6 @@ void LocalMotion::refine(const Task& task, const VectorField& base, std::optiona
     });
     if (!looseness) looseness = std::clamp(kGuarded * spread_of_deviations(task), kTight, kLoose);
   }
-  for_rows(task.crew, rows, [&](int row) { median_of_9(unsmoothed_, row, d); });
 }
 
 // Into raw_[0].
@@ -138,6 +136,7 @@ void LocalMotion::costs(const Task& task, const VectorField& d, ScalarField& out
 // Blocks that the global motion does not explain.
 void LocalMotion::find_poor(const Task& task) noexcept {
   for_rows(task.crew, energy_.down(), [&](int row) {
+    median_of_9(unsmoothed_, row, small_);
     cost_row(task, small_, row);
     task.kernels.energy(task.b, row, raw_[1].row(row), raw_[2].row(row));
     for (int c = 0; c < energy_.across(); ++c) raw_[2].at(c, row) += raw_[1].at(c, row) * raw_[1].at(c, row);
@@ -208,7 +207,7 @@ const VectorField& LocalMotion::find(const Kernels& kernels, const Inertia& iner
                   cap,
                   crew};
   std::fill(large_.begin(), large_.end(), Vec2{});
-  refine(task, large_, std::nullopt, small_);
+  refine(task, large_, std::nullopt);
   find_poor(task);
   const auto allowed = [&](std::size_t i) { return kNoiseLimit * task.noise + kUnmatched * energy_[i] + 1e-30F; };
   for (std::size_t i = 0; i < misfit_.size(); ++i) misfit_[i] = cost_small_[i] / allowed(i);
@@ -216,8 +215,12 @@ const VectorField& LocalMotion::find(const Kernels& kernels, const Inertia& iner
   if (static_cast<double>(poor) < kFewPoor * static_cast<double>(poor_.size())) return small_;
   search(task);
   choose(task);
-  refine(task, large_, kLoose, found_);
-  costs(task, found_, cost_large_);
+  refine(task, large_, kLoose);
+  for_rows(crew, found_.down(), [&](int row) {
+    median_of_9(unsmoothed_, row, found_);
+    cost_row(task, found_, row);
+  });
+  for_rows(crew, found_.down(), [&](int row) { mean_of_9(raw_[0], row, cost_large_); });
   for (std::size_t i = 0; i < taken_.size(); ++i) {
     taken_[i] = poor_[i] != 0 && cost_large_[i] < kWorthTaking * cost_small_[i] ? 1 : 0;
   }
