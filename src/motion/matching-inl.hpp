@@ -199,8 +199,7 @@ HWY_INLINE void move_patch(const PaddedPlane& a, int x0, int y0, Vec2 d, float* 
       for (int c = 0; c <= kPatchColumns; ++c) rows[i][c] = line[std::clamp(left + c, 0, g.width - 1)];
       lines[i] = rows[i];
     }
-    const auto [upper, lower] = lines;
-    const auto down = [&](int c) HWY_ATTR { return between(load(upper + c), load(lower + c), fy); };
+    const auto down = [&](int c) HWY_ATTR { return between(load(lines[0] + c), load(lines[1] + c), fy); };
     for (int next = 0; next < kPatchColumns; next += kLanes) {
       const int c = std::min(next, kPatchColumns - kLanes);
       store(between(down(c), down(c + 1), fx), out + r * kPatchStride + c);
