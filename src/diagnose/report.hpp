@@ -5,6 +5,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -84,6 +85,15 @@ struct PixelDefects {
   std::vector<PixelPlace> noisy;  // nothing but noise
 };
 
+// What the motion of an unknown scene tells (field_motion.hpp).
+struct FromMotion {
+  std::size_t frames = 0;   // whose motion is known
+  double usual_px_s = 0.0;  // speed of the picture's centre, median
+  double fastest_px_s = 0.0;
+  std::optional<Estimate> tau_s;        // nothing: it moves too little, too evenly
+  std::optional<Estimate> row_delay_s;  // of one sensor row
+};
+
 // What single pixels and whole frames of a capture tell that no model predicts: without a stimulus, or in counts.
 // Frames count from 0, sizes are in `unit`.
 struct Observation {
@@ -102,6 +112,7 @@ struct Observation {
   double column_pattern = 0.0;  // fixed, sigma; 0: none that both halves of the frame show
   double row_pattern = 0.0;
   std::vector<PixelPlace> outliers;  // hotter or colder than all their neighbours, by more than these differ
+  std::optional<FromMotion> motion;
 };
 
 // A picture of values, row-major; one value may stand for several pixels.

@@ -222,6 +222,75 @@ TEST_F(Observations, PatternsOutliersFlickerAndNoiseOfAField) {
   EXPECT_EQ(seen.outliers, (std::vector<PixelPlace>{{40, 30}}));
 }
 
+// A camera (tau 12.1 ms, where the profile says 11) that looks at a street along `path`.
+struct Hand {
+  sim::Path path;
+  std::string effect;
+};
+
+constexpr Geometry kHandView{320, 120};
+constexpr double kHandTau = 0.0121;
+
+// Starts, stops and turns, up to 750 px/s.
+sim::Path restless() {
+  std::vector<sim::PathPoint> points;
+  for (double t = -0.5; t < 5.0; t += 0.001) {
+    points.push_back({t, 27.0 * std::sin(11.0 * t) + 17.0 * std::sin(23.0 * t + 1.0), 7.0 * std::sin(17.0 * t)});
+  }
+  return sim::Path(std::move(points));
+}
+
+std::unique_ptr<sim::Simulator> camera_in(const Hand& hand, int frames) {
+  const auto street = sim::make_street(kHandView, 3);
+  const auto origin = sim::centred_origin(*street, hand.path, kHandView, -0.5, 0.005 * frames);
+  auto field = sim::pan_over(*street, hand.path, origin, kHandView, -0.5, 0.005 * frames);
+  EXPECT_TRUE(field) << field.error().message;
+  sim::CameraSettings camera;
+  camera.geometry = kHandView;
+  camera.tau_s = kHandTau;
+  if (!hand.effect.empty()) camera.effects.push_back(sim::parse_effect(hand.effect).value());
+  auto simulator = sim::Simulator::create(camera, std::move(*field));
+  EXPECT_TRUE(simulator) << simulator.error().message;
+  return std::move(*simulator);
+}
+
+TEST_F(Observations, ARestlessHandTellsTimeConstantAndRowDelay) {
+  constexpr int kFrames = 700;
+  for (const double delay_s : {0.0, 28e-6}) {
+    const auto camera =
+        camera_in({restless(), delay_s > 0.0 ? "row_delay:row_delay_s=" + std::to_string(delay_s) : ""}, kFrames);
+    const auto file = write("hand-" + std::to_string(delay_s) + ".h5", kHandView, kFrames,
+                            [&](int, Frame& plane) { camera->next(plane.data(), nullptr); });
+    const Report report = diagnosed({file});
+    ASSERT_TRUE(only(report).motion);
+    const FromMotion& motion = *only(report).motion;
+    EXPECT_GT(motion.frames, 600U);
+    EXPECT_GT(motion.fastest_px_s, 400.0);
+    ASSERT_TRUE(motion.tau_s);
+    EXPECT_NEAR(motion.tau_s->value, kHandTau, 0.05 * kHandTau);
+    ASSERT_TRUE(motion.row_delay_s);
+    EXPECT_NEAR(motion.row_delay_s->value, delay_s, 1.5e-6);
+    expect_said(report, "time constant 1");
+    const auto json = nlohmann::json::parse(report_json(report)).at("observations").begin()->at("motion");
+    EXPECT_EQ(json.at("tau_s").at("value"), motion.tau_s->value);
+    EXPECT_EQ(json.at("row_delay_s").at("ci95").size(), 2U);
+  }
+}
+
+// A pan blurs all frames alike: what it shows may be a soft scene as well as a slow pixel.
+TEST_F(Observations, AnEvenPanTellsNoTimeConstant) {
+  constexpr int kFrames = 400;
+  const auto camera = camera_in({sim::steady_pan(500.0), ""}, kFrames);
+  const auto file =
+      write("pan.h5", kHandView, kFrames, [&](int, Frame& plane) { camera->next(plane.data(), nullptr); });
+  const Report report = diagnosed({file});
+  ASSERT_TRUE(only(report).motion);
+  EXPECT_NEAR(only(report).motion->usual_px_s, 500.0, 5.0);
+  EXPECT_FALSE(only(report).motion->tau_s);
+  EXPECT_FALSE(only(report).motion->row_delay_s);
+  expect_said(report, "too evenly");
+}
+
 constexpr const char* kNoData = "BOLO_TEST_DATA is not set";
 
 TEST_F(Observations, OfARealDriveItSaysWhatThePixelsTell) {

@@ -242,6 +242,22 @@ std::string pattern_text(const Observation& one) {
   return parts.empty() ? "" : "a fixed pattern (or lines of the scene): " + joined(parts) + " rms";
 }
 
+std::string interval_text(const char* name, const Estimate& e, double factor, const char* unit) {
+  return format("%s %.2f %s (%.2f to %.2f)", name, e.value * factor, unit, e.low * factor, e.high * factor);
+}
+
+std::string motion_text(const FromMotion& motion) {
+  std::vector<std::string> parts{format("the scene moves by %.0f px/s, at most %.0f (%zu frames)", motion.usual_px_s,
+                                        motion.fastest_px_s, motion.frames)};
+  if (motion.tau_s) parts.push_back(interval_text("contrast against speed: time constant", *motion.tau_s, 1e3, "ms"));
+  if (motion.row_delay_s) {
+    parts.push_back(interval_text("shear against acceleration: delay of a row", *motion.row_delay_s, 1e6, "us"));
+  }
+  if (!motion.tau_s)
+    parts.emplace_back("too little is seen, or moves too little or too evenly, to tell the time constant");
+  return joined(parts);
+}
+
 }  // namespace
 
 std::string describe(const std::vector<PixelPlace>& pixels, const std::string& what) {
@@ -263,6 +279,7 @@ std::vector<std::string> describe(const Observation& one) {
                   amount(one.flicker, one.unit) + " (motion adds to both)");
   }
   if (std::string pattern = pattern_text(one); !pattern.empty()) all.push_back(std::move(pattern));
+  if (one.motion) all.push_back(motion_text(*one.motion));
   if (!one.outliers.empty()) all.push_back(describe(one.outliers, "pixels stand out of all their neighbours"));
   return all;
 }

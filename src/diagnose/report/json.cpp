@@ -58,6 +58,12 @@ static ordered_json pixels_of(const std::vector<PixelPlace>& pixels) {
   return {{"count", pixels.size()}, {"places", std::move(places)}};
 }
 
+static void to_json(ordered_json& out, const FromMotion& motion) {
+  out = {{"frames", motion.frames}, {"usual_px_s", motion.usual_px_s}, {"fastest_px_s", motion.fastest_px_s}};
+  if (motion.tau_s) out["tau_s"] = *motion.tau_s;
+  if (motion.row_delay_s) out["row_delay_s"] = *motion.row_delay_s;
+}
+
 static void to_json(ordered_json& out, const Observation& one) {
   out = {{"unit", one.unit},
          {"frames", one.frames},
@@ -69,6 +75,7 @@ static void to_json(ordered_json& out, const Observation& one) {
          {"column_pattern", one.column_pattern},
          {"row_pattern", one.row_pattern},
          {"outliers", pixels_of(one.outliers)}};
+  if (one.motion) out["motion"] = *one.motion;
 }
 
 std::string report_json(const Report& report) {
