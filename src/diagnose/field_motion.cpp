@@ -26,6 +26,7 @@ constexpr double kMemory = 7.0;       // time constants that a pixel remembers
 constexpr double kClearPower = 10.0;  // over the noise, of a frequency in a frame
 constexpr double kTauStep = 0.06;     // of the logarithm of the time constants that are tried
 constexpr int kTaus = 17;
+constexpr int kNominal = kTaus / 2;       // of the profile, among them
 constexpr double kMostDeviation = 1.5;    // of a logarithm: more says that another scene is seen
 constexpr double kWidestInterval = 0.1;   // half of it, of the value: a wider one tells nothing
 constexpr double kMostDelayError = 3e-6;  // s, half of a row delay's interval: the same
@@ -203,7 +204,7 @@ struct PixelMemory {
   Eigen::MatrixXf weight;  // steps x time constants, of what was seen then
 };
 
-double tau_tried(double nominal, double index) { return nominal * std::exp(kTauStep * (index - kTaus / 2)); }
+double tau_tried(double nominal, double index) { return nominal * std::exp(kTauStep * (index - kNominal)); }
 
 PixelMemory pixel_of(double tau_s, double period_s) {
   PixelMemory pixel;
@@ -237,7 +238,7 @@ Eigen::ArrayXXf left_of(const Followed& all, Index k, const PixelMemory& pixel, 
     const std::array<double, 2> then = place_before(all, k, (j + 0.5) / kSubsteps);
     const auto x = harmonics(kAcross + 1, 2.0 * std::numbers::pi * (then[0] - here[0]) / geometry.width);
     const auto y = harmonics(kDown + 1, 2.0 * std::numbers::pi * (then[1] - here[1]) / geometry.height);
-    for (int row = 0; row < kRows; ++row) waves.col(j).segment(row * kColumns, kColumns) = x * y[row];
+    for (Index row = 0; row < kRows; ++row) waves.col(j).segment(row * kColumns, kColumns) = x * y[row];
   }
   const WaveMatrix left = waves * pixel.weight.cast<Wave>();
   const Eigen::ArrayXXf power = left.array().abs2();
@@ -269,7 +270,7 @@ Eigen::ArrayXd deviations(const Followed& all, Index first, const PixelMemory& p
   std::vector<double> ratio;
   for (Index f = 0; f < static_cast<Index>(at.size()); ++f) {
     const auto power = [&](Index i) { return all.at(first + i).power[f] - noise; };
-    const auto nominal = [&](Index i) { return std::exp(left[static_cast<std::size_t>(i)](f, kTaus / 2)); };
+    const auto nominal = [&](Index i) { return std::exp(left[static_cast<std::size_t>(i)](f, kNominal)); };
     ratio.clear();
     for (Index i = 0; i < kStretch; ++i) ratio.push_back(power(i) / nominal(i));
     const double scene = median(ratio);
@@ -281,10 +282,9 @@ Eigen::ArrayXd deviations(const Followed& all, Index first, const PixelMemory& p
     if (clear.size() < kStretch / 2) continue;
     any = true;
     for (Index t = 0; t < kTaus; ++t) {
-      std::vector<double> rest;
-      for (const Index i : clear) {
-        rest.push_back(std::log(std::max(power(i), 0.3F * noise)) - left[static_cast<std::size_t>(i)](f, t));
-      }
+      const auto rest = mapped(clear, [&](Index i) -> double {
+        return std::log(std::max(power(i), 0.3F * noise)) - left[static_cast<std::size_t>(i)](f, t);
+      });
       const double middle = median(rest);
       for (const double r : rest) sums[t] += std::min(std::abs(r - middle), kMostDeviation);
     }
@@ -346,6 +346,7 @@ std::vector<Shear> shears_of(const Followed& all, std::size_t axis) {
     out.push_back({static_cast<int>(k * kLeftOut / count), velocity_at(all, k, axis) - velocity_at(all, k - 1, axis),
                    all.at(k).affine[3 * axis + 2]});
   }
+  if (out.empty()) return out;
   const double middle = median(mapped(out, [](const Shear& s) { return s.shear; }));
   const double spread = kSigmaOfMad * median(mapped(out, [&](const Shear& s) { return std::abs(s.shear - middle); }));
   std::erase_if(out, [&](const Shear& s) { return std::abs(s.shear - middle) > kOutlyingShear * spread; });

@@ -291,6 +291,19 @@ TEST_F(Observations, AnEvenPanTellsNoTimeConstant) {
   expect_said(report, "too evenly");
 }
 
+// Motion is known from the second full window on: of one frame here.
+TEST_F(Observations, AFewFramesTellNothingOfTime) {
+  constexpr int kFrames = 18;
+  const auto camera = camera_in({restless(), ""}, kFrames);
+  const auto file =
+      write("few.h5", kHandView, kFrames, [&](int, Frame& plane) { camera->next(plane.data(), nullptr); });
+  const Report report = diagnosed({file});
+  ASSERT_TRUE(only(report).motion);
+  EXPECT_LE(only(report).motion->frames, 2U);
+  EXPECT_FALSE(only(report).motion->tau_s);
+  EXPECT_FALSE(only(report).motion->row_delay_s);
+}
+
 constexpr const char* kNoData = "BOLO_TEST_DATA is not set";
 
 TEST_F(Observations, OfARealDriveItSaysWhatThePixelsTell) {
