@@ -305,6 +305,8 @@ void ConnectionManager::check_scene() {
 // Reports how the camera's clock is kept, each time that this changes.
 void ConnectionManager::check_ptp() {
   const PtpState ptp = session_->ptp();
+  status_->ptp_offset_ns.set(ptp.offset_ns);
+  status_->ptp.set(ptp_status(ptp));
   if (ptp.status == ptp_status_) return;
   ptp_status_ = ptp.status;
   if (ptp.status == "Slave") {

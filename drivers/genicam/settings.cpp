@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <string_view>
 
 #include <fmt/format.h>
 
@@ -205,6 +207,23 @@ PtpState read_ptp(Nodes& nodes) {
   }
   if (nodes.has("PtpOffsetFromMaster")) state.offset_ns = nodes.integer("PtpOffsetFromMaster");
   return state;
+}
+
+pipeline::PtpStatus ptp_status(const PtpState& ptp) {
+  if (!ptp.enabled) return pipeline::PtpStatus::kOff;
+  const auto letters = [](std::string_view text) {
+    std::string kept;
+    for (const char c : text) {
+      if (std::isalpha(static_cast<unsigned char>(c)) != 0)
+        kept += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    }
+    return kept;
+  };
+  const std::string told = letters(ptp.status);
+  for (std::size_t i = 1; i < pipeline::kPtpStatuses; ++i) {
+    if (letters(name(static_cast<pipeline::PtpStatus>(i))) == told) return static_cast<pipeline::PtpStatus>(i);
+  }
+  return pipeline::PtpStatus::kOff;
 }
 
 Result<Negotiated> configure(const Connection& connection, const CameraOptions& options, Warnings& warnings) {

@@ -22,6 +22,8 @@ struct PtpState {
   std::int64_t offset_ns = 0;  // from its master, as the camera reckons; 0 where it does not say
 };
 PtpState read_ptp(Nodes& nodes);
+// By SFNC's names of the states ("PreMaster"); kOff for one that it does not have. Thread: any.
+pipeline::PtpStatus ptp_status(const PtpState& ptp);
 
 struct Negotiated {
   pipeline::SourceInfo info;                // geometry without metadata rows

@@ -17,6 +17,7 @@ static_assert(static_cast<std::uint64_t>(SourceState::kStreaming) == BOLO_CAMERA
 static_assert(static_cast<std::uint64_t>(SourceState::kStalled) == BOLO_CAMERA_STALLED);
 static_assert(static_cast<std::uint64_t>(SourceState::kLost) == BOLO_CAMERA_LOST);
 static_assert(static_cast<std::uint64_t>(SourceState::kCorrecting) == BOLO_CAMERA_CORRECTING);
+static_assert(static_cast<std::uint64_t>(pipeline::PtpStatus::kSlave) == 9, "as shm_layout.h says");
 static_assert(kLostCauses <= BOLO_SHM_LOST_CAUSES);
 
 using Words = std::array<std::uint64_t, sizeof(bolo_shm_camera) / sizeof(std::uint64_t)>;
@@ -54,12 +55,17 @@ const char* camera_state_word(const bolo_shm_camera& camera) noexcept {
   return camera.state < pipeline::kSourceStates ? name(static_cast<SourceState>(camera.state)).data() : "unknown";
 }
 
+const char* ptp_word(const bolo_shm_camera& camera) noexcept {
+  return camera.ptp < pipeline::kPtpStatuses ? name(static_cast<pipeline::PtpStatus>(camera.ptp)).data() : "unknown";
+}
+
 ordered_json camera_json(const bolo_shm_camera& camera, std::int64_t now_ns) {
   const auto words = std::bit_cast<Words>(camera);
   ordered_json json{{"state", camera_state_word(camera)}, {"state_age_s", seconds_since(camera.since_ns, now_ns)}};
   for (const auto& row : kCameraCounters) {
     if (!row.key.empty() && row.parts == 1) json[std::string(row.key)] = value_of(row, words, now_ns);
   }
+  json["ptp"] = camera.ptp == 0 ? ordered_json(nullptr) : ordered_json(ptp_word(camera));
   for (const auto& row : kCameraCounters) {
     for (std::size_t i = 0; row.parts > 1 && i < row.parts; ++i) {
       json[std::string(row.key)][part_key(row, i)] = words[row.shared / sizeof(std::uint64_t) + i];

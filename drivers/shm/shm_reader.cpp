@@ -283,12 +283,14 @@ std::optional<bolo_shm_camera> ShmReader::camera() const noexcept {
   if (!told || told->camera_offset % kWord != 0) return std::nullopt;
   const std::uint64_t begin = told->camera_offset;
   const bolo_shm_header& h = impl_->checked;
-  if (begin < h.settings_offset + sizeof(bolo_shm_settings) || begin + sizeof(bolo_shm_camera) > h.slots_offset) {
+  if (begin < h.settings_offset + sizeof(bolo_shm_settings) || begin + BOLO_SHM_CAMERA_BYTES_FIRST > h.slots_offset) {
     return std::nullopt;
   }
   bolo_shm_camera camera{};
-  copy_out(&camera, impl_->mapping->data() + begin, sizeof(camera));
-  if (camera.bytes < sizeof(camera)) return std::nullopt;
+  const std::size_t room = std::min<std::size_t>(sizeof(camera), h.slots_offset - begin);
+  copy_out(&camera, impl_->mapping->data() + begin, room);
+  if (camera.bytes < BOLO_SHM_CAMERA_BYTES_FIRST) return std::nullopt;
+  if (camera.bytes < sizeof(camera) || room < sizeof(camera)) camera.ptp = 0, camera.ptp_offset_ns = 0;
   end_text(camera.control_socket);
   return camera;
 }

@@ -247,7 +247,12 @@ struct bolo_shm_camera {
   uint64_t resent_packets;
   double temperature_k;     /* of the camera; 0: it does not tell */
   char control_socket[112]; /* path of the writer's control socket; empty: none. Written before magic, never changed */
+  uint64_t ptp;             /* port state of its PTP clock, as IEEE 1588 numbers them (9: slave); 0: off, or not told */
+  int64_t ptp_offset_ns;    /* of its clock from its PTP master, as it reckons */
 };
+
+/* What writers before `ptp` have of it. */
+#define BOLO_SHM_CAMERA_BYTES_FIRST 304u
 
 #ifdef __cplusplus
 #define BOLO_SHM_ASSERT(condition) static_assert(condition, "the layout is a contract with other programs")
@@ -259,7 +264,7 @@ BOLO_SHM_ASSERT(sizeof(struct bolo_shm_header) == 2112);
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_motion) == 64);
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_block_motion) == 12);
 BOLO_SHM_ASSERT(sizeof(struct bolo_shm_settings) == 64);
-BOLO_SHM_ASSERT(sizeof(struct bolo_shm_camera) == 304);
+BOLO_SHM_ASSERT(sizeof(struct bolo_shm_camera) == 320);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, width) == 16);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, slots_offset) == 32);
 BOLO_SHM_ASSERT(offsetof(struct bolo_shm_header, scale) == 64);

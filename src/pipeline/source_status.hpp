@@ -33,6 +33,22 @@ enum class LostCause : std::size_t {
   kCount
 };
 
+// How the camera's clock is kept: PTP's port states, numbered as IEEE 1588-2019, table 20, does.
+enum class PtpStatus : std::uint32_t {
+  kOff,  // or the camera does not say
+  kInitializing,
+  kFaulty,
+  kDisabled,
+  kListening,
+  kPreMaster,
+  kMaster,
+  kPassive,
+  kUncalibrated,
+  kSlave,  // it follows a master
+  kCount
+};
+
+inline constexpr std::size_t kPtpStatuses = static_cast<std::size_t>(PtpStatus::kCount);
 inline constexpr std::size_t kSourceStates = static_cast<std::size_t>(SourceState::kCount);
 inline constexpr std::size_t kLostCauses = static_cast<std::size_t>(LostCause::kCount);
 
@@ -44,6 +60,12 @@ constexpr std::string_view name(SourceState state) {
 constexpr std::string_view name(LostCause cause) {
   constexpr std::array<std::string_view, kLostCauses> kNames{"control lost", "no answer", "stalled"};
   return kNames[static_cast<std::size_t>(cause)];
+}
+constexpr std::string_view name(PtpStatus status) {
+  constexpr std::array<std::string_view, kPtpStatuses> kNames{"off",          "initializing", "faulty", "disabled",
+                                                              "listening",    "pre-master",   "master", "passive",
+                                                              "uncalibrated", "slave"};
+  return kNames[static_cast<std::size_t>(status)];
 }
 
 // Since the source was made. Written by the source's threads, read by any; each value stands alone.
@@ -66,6 +88,8 @@ struct SourceStatus {
   rt::Gauge<std::uint64_t> missing_packets;   //
   rt::Gauge<std::uint64_t> resent_packets;    //
   rt::Gauge<double> temperature_k;            // of the camera; 0: not known
+  rt::Gauge<PtpStatus> ptp{PtpStatus::kOff};
+  rt::Gauge<std::int64_t> ptp_offset_ns;  // from its master, as the camera reckons
 };
 
 using CameraRow = CounterRow<SourceStatus>;
@@ -102,6 +126,9 @@ inline constexpr std::array kCameraCounters{
               "bolo_camera_packets_resent_total", "Packets that came when asked for again", InStat{"sent again"}),
     CameraRow(word_of<&SourceStatus::temperature_k>, offsetof(bolo_shm_camera, temperature_k), "temperature_k", "", "",
               Reading{RowKind::kReal}),
+    CameraRow(word_of<&SourceStatus::ptp>, offsetof(bolo_shm_camera, ptp)),
+    CameraRow(word_of<&SourceStatus::ptp_offset_ns>, offsetof(bolo_shm_camera, ptp_offset_ns), "ptp_offset_s", "", "",
+              Reading{RowKind::kNs, 1e-9, 1.0, offsetof(bolo_shm_camera, ptp)}),
 };
 
 // Limits of the time that a source may be silent.

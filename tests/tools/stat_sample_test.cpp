@@ -132,6 +132,23 @@ TEST(StatSample, TellsHowTheCameraDoes) {
   EXPECT_NE(stat_table("cam", look, compare(first_look(), look)).find("drift -20.5 ppm"), std::string::npos);
 }
 
+TEST(StatSample, TellsWhetherPtpKeepsTheCamerasClock) {
+  StatLook look = second_look();
+  bolo_shm_camera& camera = look.camera.emplace();
+  const auto json = [&] { return stat_json("cam", look, compare(first_look(), look))["camera"]; };
+  camera.state = BOLO_CAMERA_STREAMING;
+  EXPECT_TRUE(json()["ptp"].is_null() && json()["ptp_offset_s"].is_null());
+  EXPECT_EQ(stat_table("cam", look, compare(first_look(), look)).find("\nptp "), std::string::npos);
+  camera.ptp = static_cast<std::uint64_t>(pipeline::PtpStatus::kSlave);
+  camera.ptp_offset_ns = -37;
+  EXPECT_EQ(json()["ptp"], "slave");
+  EXPECT_DOUBLE_EQ(json()["ptp_offset_s"], -37e-9);
+  const std::string table = stat_table("cam", look, compare(first_look(), look));
+  EXPECT_NE(table.find("ptp      slave, -37 ns from its master\n"), std::string::npos) << table;
+  camera.ptp = 1234;
+  EXPECT_EQ(json()["ptp"], "unknown");
+}
+
 TEST(StatSample, TellsHowThePictureMoves) {
   StatLook look = second_look();
   EXPECT_TRUE(stat_json("cam", look, compare(first_look(), look))["motion"].is_null());

@@ -141,6 +141,12 @@ void add_latencies(const pipeline::PipelineStats& stats, Families& to) {
 void add_camera(const pipeline::SourceStatus& source, Families& to) {
   add_choice("bolo_camera_state", "1 for the state that the camera is in", "state", pipeline::kSourceStates,
              source.state.value(), to);
+  if (source.ptp.value() != pipeline::PtpStatus::kOff) {
+    add_choice("bolo_camera_ptp_state", "1 for the state of its PTP clock", "state", pipeline::kPtpStatuses,
+               source.ptp.value(), to);
+    to.gauge("bolo_camera_ptp_offset_seconds", "Of its clock from its PTP master, as it reckons",
+             static_cast<double>(source.ptp_offset_ns.value()) * 1e-9);
+  }
   add_rows(pipeline::kCameraCounters, source, to);
   const double temperature_k = source.temperature_k.value();
   if (temperature_k > 0.0) {

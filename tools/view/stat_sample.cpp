@@ -102,6 +102,7 @@ std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
     out += line("clock    drift {:+.1f} ppm, jitter {:.3f} ms, {} jumps", camera.clock_drift_ppm,
                 camera.clock_jitter_ns * 1e-6, camera.clock_jumps);
   }
+  if (camera.ptp != 0) out += line("ptp      {}, {} ns from its master", shm::ptp_word(camera), camera.ptp_offset_ns);
   if (camera.correction_ns != 0) {
     out += line("nuc      {}, the last {} ago", camera.corrections,
                 duration(shm::seconds_since(camera.correction_ns, now_ns)));

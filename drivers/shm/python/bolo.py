@@ -93,7 +93,7 @@ class _Camera(ctypes.Structure):  # struct bolo_shm_camera
     _fields_ += [("clock_drift_ppm", ctypes.c_double), ("clock_jitter_ns", ctypes.c_double)]
     _fields_ += [(name, ctypes.c_uint64) for name in ("clock_jumps", "received_packets", "missing_packets")]
     _fields_ += [("resent_packets", ctypes.c_uint64), ("temperature_k", ctypes.c_double)]
-    _fields_ += [("control_socket", ctypes.c_char * 112)]
+    _fields_ += [("control_socket", ctypes.c_char * 112), ("ptp", ctypes.c_uint64), ("ptp_offset_ns", ctypes.c_int64)]
 
 
 class _Info(ctypes.Structure):  # struct bolo_client_info
@@ -218,6 +218,8 @@ class Info:
 
 
 _CAMERA_STATES = ("idle", "streaming", "stalled", "lost", "correcting")
+_PTP_STATES = ("off", "initializing", "faulty", "disabled", "listening", "pre-master", "master", "passive")
+_PTP_STATES += ("uncalibrated", "slave")
 _LOSS_CAUSES = ("incomplete", "missing", "pool_exhausted", "queue_full", "bad_frame", "driver", "out_of_order")
 
 
@@ -236,6 +238,8 @@ class State:
     camera: Optional[str]  # "streaming", "lost" ...; None: the daemon does not tell
     reopened: int
     temperature_k: Optional[float]
+    ptp: Optional[str]  # port state of the camera's PTP clock, "slave" ...; None: PTP is off, or not told
+    ptp_offset_s: Optional[float]  # from its PTP master, as the camera reckons
     clock_synchronised: bool  # something disciplines the host's clock, as its kernel says
     clock_error_s: float  # of the host's UTC, at most; 16: nothing bounds it
     clock_steps: int  # times that somebody set it
@@ -243,6 +247,7 @@ class State:
     @staticmethod
     def _of(state: _State) -> "State":
         camera = state.camera.contents if state.camera else None
+        ptp = camera.ptp if camera and 0 < camera.ptp < len(_PTP_STATES) else 0
         known = camera is not None and camera.state < len(_CAMERA_STATES)
         counts = ("published", "received", "restarts", "warm_up", "gap_frames")
         return State(
@@ -253,6 +258,8 @@ class State:
             camera=_CAMERA_STATES[camera.state] if known else None,
             reopened=camera.reopened if camera else 0,
             temperature_k=camera.temperature_k if camera and camera.temperature_k > 0 else None,
+            ptp=_PTP_STATES[ptp] if ptp else None,
+            ptp_offset_s=camera.ptp_offset_ns * 1e-9 if ptp else None,
             clock_synchronised=bool(state.clock_synchronised),
             clock_error_s=state.clock_error_ns * 1e-9,
             clock_steps=state.clock_steps,

@@ -36,11 +36,15 @@ class Ptp : public testing::Test {
       for (const auto& notice : source.take_notices()) said += notice.text + "\n";
       if (wanted.empty() && inlet.received() > 5) break;
     }
+    told_ = source.status()->ptp.value();
+    offset_ns_ = source.status()->ptp_offset_ns.value();
     source.stop();
     return said;
   }
 
   std::unique_ptr<fakecam::FakeCamera> camera_;
+  pipeline::PtpStatus told_ = pipeline::PtpStatus::kOff;
+  std::int64_t offset_ns_ = 0;
 };
 
 TEST_F(Ptp, StateAndOffsetAreToldAndTheClockIsNotReset) {
@@ -48,11 +52,14 @@ TEST_F(Ptp, StateAndOffsetAreToldAndTheClockIsNotReset) {
   const std::string said = run(true, told);
   EXPECT_NE(said.find(told), std::string::npos) << said;
   EXPECT_EQ(camera_->stats().clock_resets, 0U);
+  EXPECT_EQ(told_, pipeline::PtpStatus::kSlave);
+  EXPECT_EQ(offset_ns_, -37);
 }
 
 TEST_F(Ptp, WithoutItTheClockBeginsWithTheStream) {
   EXPECT_EQ(run(false, "").find("PTP"), std::string::npos);
   EXPECT_EQ(camera_->stats().clock_resets, 1U);
+  EXPECT_EQ(told_, pipeline::PtpStatus::kOff);
 }
 
 }  // namespace

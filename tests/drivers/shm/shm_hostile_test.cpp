@@ -123,6 +123,49 @@ TEST(ShmHostile, AnotherVersionSaysWhatToDo) {
   expect_error(reader, {"another layout version: use the same release"});
 }
 
+// A writer from before the camera's PTP state: the rest of its camera is read, and nothing beyond.
+TEST(ShmHostile, AShorterCameraIsReadAsFarAsItGoes) {
+  constexpr std::size_t kSettingsAt = sizeof(bolo_shm_header);
+  constexpr std::size_t kCameraAt = kSettingsAt + sizeof(bolo_shm_settings);
+  const auto camera_of = [&](std::uint64_t bytes, std::size_t slots_at) {
+    std::vector<char> memory(slots_at + 4 * kSlot, '\x07');
+    bolo_shm_header header = good_header();
+    header.settings_offset = kSettingsAt;
+    header.slots_offset = slots_at;
+    bolo_shm_settings settings{};
+    settings.bytes = sizeof(settings);
+    settings.camera_offset = kCameraAt;
+    bolo_shm_camera camera{};
+    camera.bytes = bytes;
+    camera.reopened = 5;
+    camera.ptp = 9;
+    camera.ptp_offset_ns = -37;
+    std::memcpy(memory.data(), &header, sizeof(header));
+    std::memcpy(memory.data() + kSettingsAt, &settings, sizeof(settings));
+    std::memcpy(memory.data() + kCameraAt, &camera, std::min(sizeof(camera), slots_at - kCameraAt));
+    const ForeignObject object(unique_name("camera"));
+    object.fill(memory.data(), memory.size(), memory.size());
+    const auto reader = ShmReader::open(object.name());
+    EXPECT_TRUE(reader);
+    return reader ? reader->camera() : std::nullopt;
+  };
+  constexpr std::size_t kLong = kCameraAt + sizeof(bolo_shm_camera);
+  const auto whole = camera_of(sizeof(bolo_shm_camera), kLong);
+  ASSERT_TRUE(whole);
+  EXPECT_EQ(whole->ptp, 9U);
+  for (const std::size_t slots_at : {kCameraAt + BOLO_SHM_CAMERA_BYTES_FIRST, kLong}) {
+    const auto first = camera_of(BOLO_SHM_CAMERA_BYTES_FIRST, slots_at);
+    ASSERT_TRUE(first);
+    EXPECT_EQ(first->reopened, 5U);
+    EXPECT_EQ(first->ptp, 0U);
+    EXPECT_EQ(first->ptp_offset_ns, 0);
+  }
+  const auto lying = camera_of(sizeof(bolo_shm_camera), kCameraAt + BOLO_SHM_CAMERA_BYTES_FIRST);
+  ASSERT_TRUE(lying);
+  EXPECT_EQ(lying->ptp, 0U);
+  EXPECT_FALSE(camera_of(BOLO_SHM_CAMERA_BYTES_FIRST - 8, kLong));
+}
+
 // A slot that claims another number of blocks than the stream has carries none.
 TEST(ShmHostile, OnlyTheStreamsOwnNumberOfBlocksIsMotion) {
   const SlotLayout layout = slot_layout(50, 1);
