@@ -104,6 +104,24 @@ TEST_F(ConvertVerb, SaysWhichPicturesItWroteAndTakesOneFrame) {
   EXPECT_EQ(reader.events().size(), 0U);
 }
 
+TEST_F(ConvertVerb, PreviewsOfARangeHaveTheSameGreysInEveryFrame) {
+  write_capture("a.h5", 40);
+  const Outcome made = run({file("a.h5"), "-o", file("p.png"), "--preview", "--range", "290.5,315.5"});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_NE(made.out.find("black at 290.5, white at 315.5 K"), std::string::npos) << made.out;
+  for (const std::size_t frame : {0U, 39U}) {
+    const auto picture = read_png_picture(file(frame == 0 ? "p_000000.png" : "p_000039.png"));
+    ASSERT_TRUE(picture) << picture.error().message;
+    for (std::size_t p = 0; p < kPixels; ++p) {
+      const double level = (0.01 * value_at(frame, p) - 290.5) / 25.0 * 255.0;
+      ASSERT_NEAR(picture->u16[p] / 257, std::clamp(level, 0.0, 255.0), 1.01) << frame << " " << p;  // read as 16 bits
+    }
+  }
+  refused({file("a.h5"), "-o", file("q.png"), "--preview", "--range", "300"}, "--range must be LOW,HIGH");
+  refused({file("a.h5"), "-o", file("q.png"), "--preview", "--range", "300,290"}, "LOW below HIGH");
+  refused({file("a.h5"), "-o", file("q.png"), "--range", "290,300"}, "add --preview");
+}
+
 TEST_F(ConvertVerb, TiffIsKelvinInFloatingPoint) {
   write_capture("a.h5", 4);
   done({file("a.h5"), "-o", file("a.tiff")});

@@ -46,7 +46,10 @@ cxxopts::Options convert_options() {
       ("name", "MCAP to write: the camera's name, as in /NAME/image_raw and /NAME/image_deblurred",
        cxxopts::value<std::string>()->default_value("thermal"))                                        //
       ("topic", "MCAP to read: whose images, where there are several", cxxopts::value<std::string>())  //
-      ("preview", "PNG: 8 bit for the eye instead of 16 linear ones");
+      ("preview", "PNG: 8 bit for the eye instead of 16 linear ones")                                  //
+      ("range",
+       "Of such pictures and films: black and white, K (counts without kelvin); without it they follow the scene",
+       cxxopts::value<std::vector<double>>(), "LOW,HIGH");
   add_overwrite_option(options);
   options.parse_positional({"in"});
   return options;
@@ -101,6 +104,17 @@ Status read_scale(const cxxopts::ParseResult& parsed, ConvertRequest& request) {
   return {};
 }
 
+Status read_range(const cxxopts::ParseResult& parsed, Target& out) {
+  if (parsed.count("range") == 0) return {};
+  const auto range = parsed["range"].as<std::vector<double>>();
+  if (range.size() != 2 || !std::isfinite(range[0]) || !std::isfinite(range[1]) || range[0] >= range[1])
+    return bad_input("--range must be LOW,HIGH, LOW below HIGH, for example 285,315");
+  if (!out.preview && out.file.path.extension() != ".mp4")
+    return bad_input("--range is of pictures for the eye: add --preview, or write a film (.mp4)");
+  out.range = {range[0], range[1]};
+  return {};
+}
+
 Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
   if (parsed.count("in") == 0) return bad_input("which files? usage: bolo convert IN... -o OUT");
   if (parsed.count("output") == 0) return bad_input("where to? usage: bolo convert IN... -o OUT");
@@ -109,6 +123,7 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
   request.out.file = {parsed["output"].as<std::string>(), replace_of(parsed)};
   request.out.inputs = request.in;
   request.out.preview = parsed.count("preview") != 0;
+  if (Status good = read_range(parsed, request.out); !good) return tl::unexpected<Error>(good.error());
   if (parsed.count("frame") != 0) request.frame = parsed["frame"].as<std::size_t>();
   request.out.name = parsed["name"].as<std::string>();
   if (Status good = check_name(request.out.name); !good) return tl::unexpected<Error>(good.error());

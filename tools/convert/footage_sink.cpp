@@ -20,11 +20,24 @@ std::string scale_text(const LinearScale& scale) {
   return fmt::format("kelvin = {:.9g} * value + {:.9g}", scale.scale, scale.offset);
 }
 
+using Range = std::optional<std::pair<double, double>>;  // as Target has it
+
+// What 8 bits mean, in words.
+std::string eye_meaning(const StreamFormat& format, const Range& range, const char* without) {
+  if (!range) return fmt::format("8 bit for the eye: {}", without);
+  return fmt::format("8 bit for the eye: black at {:g}, white at {:g} {}", range->first, range->second,
+                     format.scale.unit == Unit::kKelvin ? "K" : "counts");
+}
+
 // Grey pictures of 8 bits for the eye: the darkest and the brightest hundredth of the pixels are black and white, and
-// follow the scene slowly, so that pictures after one another don't flicker.
+// follow the scene slowly, so that pictures after one another don't flicker; unless a range is given.
 class Preview {
  public:
-  explicit Preview(StreamFormat format) : format_(format) {}
+  Preview(const StreamFormat& format, const Range& range) : format_(format), fixed_(range.has_value()) {
+    if (!range) return;
+    low_ = (range->first - format.scale.offset) / format.scale.scale;
+    high_ = (range->second - format.scale.offset) / format.scale.scale;
+  }
   // The levels of one frame, row-major; good until the next call.
   const std::vector<std::uint8_t>& levels(const Frame& frame) {
     if (format_.type == PixelType::kUint16) {
@@ -32,13 +45,10 @@ class Preview {
     } else {
       values_ = frame.f32;
     }
-    sample_ = values_;
-    std::erase_if(sample_, [](float v) { return !std::isfinite(v); });
-    if (!sample_.empty()) {
-      const double low = quantile(sample_, kShare);
-      follow(low, quantile(sample_, 1.0 - kShare));
-    }
-    const double gain = 255.0 / std::max(high_ - low_, kLeastSpan);
+    if (!fixed_) follow_scene();
+    // A scale may be below 0: then hot is a low count, and still white.
+    const double span = high_ - low_;
+    const double gain = 255.0 / (fixed_ ? span : std::max(span, kLeastSpan));
     levels_.resize(values_.size());
     std::transform(values_.begin(), values_.end(), levels_.begin(), [&](float v) {
       const double level = (v - low_) * gain;
@@ -52,6 +62,14 @@ class Preview {
   static constexpr double kFollow_s = 0.5;    // time constant
   static constexpr double kLeastSpan = 1e-6;  // of a scene without contrast
 
+  void follow_scene() {
+    sample_ = values_;
+    std::erase_if(sample_, [](float v) { return !std::isfinite(v); });
+    if (sample_.empty()) return;
+    const double low = quantile(sample_, kShare);
+    follow(low, quantile(sample_, 1.0 - kShare));
+  }
+
   void follow(double low, double high) {
     const double weight = begun_ ? 1.0 - std::exp(-format_.frame_period_s / kFollow_s) : 1.0;
     low_ += weight * (low - low_);
@@ -60,6 +78,7 @@ class Preview {
   }
 
   StreamFormat format_;
+  bool fixed_;
   std::vector<float> values_;
   std::vector<float> sample_;
   std::vector<std::uint8_t> levels_;
@@ -118,7 +137,7 @@ class PngSink final : public FootageSink {
     return sink;
   }
   PngSink(Target target, const capture::CaptureInfo& info)
-      : target_(std::move(target)), info_(info), preview_(info.format) {}
+      : target_(std::move(target)), info_(info), preview_(info.format, target_.range) {}
 
   Status write(const Frame& frame) override {
     const OutputFile output = file_of(written_++);
@@ -138,7 +157,7 @@ class PngSink final : public FootageSink {
   }
 
   std::string meaning() const override {
-    if (target_.preview) return "8 bit for the eye: the scale changes from frame to frame";
+    if (target_.preview) return eye_meaning(info_.format, target_.range, "the scale changes from frame to frame");
     return scale_text(is_float() ? target_.picture_scale : info_.format.scale);
   }
 
@@ -235,10 +254,13 @@ class FilmSink final : public FootageSink {
     words.push_back("file:" + file->path().string());
     Result<FedProgram> ffmpeg = FedProgram::start(words, "ffmpeg");
     if (!ffmpeg) return tl::unexpected<Error>(ffmpeg.error());
-    return std::make_unique<FilmSink>(std::move(*file), std::move(*ffmpeg), format);
+    return std::make_unique<FilmSink>(std::move(*file), std::move(*ffmpeg), format, target.range);
   }
-  FilmSink(FileBeside file, FedProgram ffmpeg, StreamFormat format)
-      : file_(std::move(file)), ffmpeg_(std::move(ffmpeg)), preview_(format) {}
+  FilmSink(FileBeside file, FedProgram ffmpeg, const StreamFormat& format, const Range& range)
+      : file_(std::move(file)),
+        ffmpeg_(std::move(ffmpeg)),
+        preview_(format, range),
+        meaning_(eye_meaning(format, range, "the scale follows the scene")) {}
   Status write(const Frame& frame) override {
     const std::vector<std::uint8_t>& levels = preview_.levels(frame);
     return ffmpeg_.write(levels.data(), levels.size());
@@ -247,12 +269,13 @@ class FilmSink final : public FootageSink {
     Status ended = ffmpeg_.finish();
     return ended ? file_.publish() : ended;
   }
-  std::string meaning() const override { return "8 bit for the eye: the scale follows the scene"; }
+  std::string meaning() const override { return meaning_; }
 
  private:
   FileBeside file_;
   FedProgram ffmpeg_;  // ends before the file goes
   Preview preview_;
+  std::string meaning_;
 };
 
 }  // namespace

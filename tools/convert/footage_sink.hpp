@@ -3,7 +3,9 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 
 #include "src/core/output_file.hpp"
 #include "tools/convert/footage.hpp"
@@ -14,6 +16,8 @@ struct Target {
   OutputFile file;       // its extension says what is written: .h5, .mcap, .png, .tif, .tiff, .mp4
   Files inputs;          // that it must not be
   bool preview = false;  // PNG: 8 bit for the eye instead of 16 linear ones
+  // Of pictures for the eye, K (counts without kelvin): black and white; none: they follow the scene.
+  std::optional<std::pair<double, double>> range{};
   LinearScale picture_scale{Unit::kKelvin, 0.01, 0.0};  // of 16-bit pictures of footage in floating point
   std::string name = "thermal";                         // MCAP: the camera's, in its topics
 };
