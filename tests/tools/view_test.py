@@ -348,7 +348,8 @@ def check_several(page, programs, folder):
     assert told["name"] == f"{programs.name}, {other}", told
     page.open(told["url"])
     canvas = "document.querySelectorAll('.camera canvas')[arguments[0]]"
-    picture = f"return {canvas} && {canvas}.width > 300 ? '' : {canvas}?.toDataURL() ?? ''"
+    # 300 pixels wide is a canvas that nothing was drawn on.
+    picture = f"return {canvas} && {canvas}.width === 300 ? '' : {canvas}?.toDataURL() ?? ''"
     for i in range(2):
         first = wait_for(lambda: page.run(picture, i), "a picture")
         wait_for(lambda: page.run(picture, i) != first, "another picture")
