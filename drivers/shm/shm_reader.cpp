@@ -286,11 +286,13 @@ std::optional<bolo_shm_camera> ShmReader::camera() const noexcept {
   if (begin < h.settings_offset + sizeof(bolo_shm_settings) || begin + BOLO_SHM_CAMERA_BYTES_FIRST > h.slots_offset) {
     return std::nullopt;
   }
+  const std::byte* const from = impl_->mapping->data() + begin;
   bolo_shm_camera camera{};
-  const std::size_t room = std::min<std::size_t>(sizeof(camera), h.slots_offset - begin);
-  copy_out(&camera, impl_->mapping->data() + begin, room);
-  if (camera.bytes < BOLO_SHM_CAMERA_BYTES_FIRST) return std::nullopt;
-  if (camera.bytes < sizeof(camera) || room < sizeof(camera)) camera.ptp = 0, camera.ptp_offset_ns = 0;
+  copy_out(&camera.bytes, from, sizeof(camera.bytes));
+  // What an older writer does not have stays 0.
+  const auto told_bytes = std::min<std::uint64_t>({sizeof(camera), camera.bytes, h.slots_offset - begin});
+  if (told_bytes < BOLO_SHM_CAMERA_BYTES_FIRST) return std::nullopt;
+  copy_out(&camera, from, told_bytes);
   end_text(camera.control_socket);
   return camera;
 }

@@ -159,7 +159,7 @@ Result<Followed> follow(const capture::CaptureReader& reader, const Recording& r
     place[0] += motion->affine[0];
     place[1] += motion->affine[3];
     frame.place = place;
-    if (auto read = read_values(reader, k, 0, values); !read) return tl::unexpected(read.error());
+    physical_values(format, plane.data(), 0, values);
     frame.power = spectrum.of(Eigen::Map<const Eigen::Matrix<float, -1, -1, Eigen::RowMajor>>(
         values.data(), format.geometry.height, format.geometry.width));
     out.noise = (*solver)->noise_k();

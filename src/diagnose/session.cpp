@@ -123,13 +123,10 @@ std::vector<float> to_vector(const ArrayXd& values) {
 
 }  // namespace
 
-Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_t frame, std::size_t first,
-                                std::span<float> out) {
-  const StreamFormat& format = reader.info().format;
-  std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
-  if (Status status = reader.read_frame(frame, plane.data()); !status) return tl::unexpected(status.error());
-  const auto* counts = reinterpret_cast<const std::uint16_t*>(plane.data()) + first;
-  const auto* kelvin = reinterpret_cast<const float*>(plane.data()) + first;
+std::size_t physical_values(const StreamFormat& format, const std::byte* plane, std::size_t first,
+                            std::span<float> out) {
+  const auto* counts = reinterpret_cast<const std::uint16_t*>(plane) + first;
+  const auto* kelvin = reinterpret_cast<const float*>(plane) + first;
   const bool counted = format.type == PixelType::kUint16;
   std::size_t clipped = 0;
   for (std::size_t i = 0; i < out.size(); ++i) {
@@ -137,6 +134,14 @@ Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_
     clipped += counted && (counts[i] == 0 || counts[i] == 65535) ? 1 : 0;
   }
   return clipped;
+}
+
+Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_t frame, std::size_t first,
+                                std::span<float> out) {
+  const StreamFormat& format = reader.info().format;
+  std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
+  if (Status status = reader.read_frame(frame, plane.data()); !status) return tl::unexpected(status.error());
+  return physical_values(format, plane.data(), first, out);
 }
 
 Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress) {

@@ -20,10 +20,8 @@ std::string scale_text(const LinearScale& scale) {
   return fmt::format("kelvin = {:.9g} * value + {:.9g}", scale.scale, scale.offset);
 }
 
-using Range = std::optional<std::pair<double, double>>;  // as Target has it
-
 // What 8 bits mean, in words.
-std::string eye_meaning(const StreamFormat& format, const Range& range, const char* without) {
+std::string eye_meaning(const StreamFormat& format, const EyeRange& range, const char* without) {
   if (!range) return fmt::format("8 bit for the eye: {}", without);
   return fmt::format("8 bit for the eye: black at {:g}, white at {:g} {}", range->first, range->second,
                      format.scale.unit == Unit::kKelvin ? "K" : "counts");
@@ -33,7 +31,7 @@ std::string eye_meaning(const StreamFormat& format, const Range& range, const ch
 // follow the scene slowly, so that pictures after one another don't flicker; unless a range is given.
 class Preview {
  public:
-  Preview(const StreamFormat& format, const Range& range) : format_(format), fixed_(range.has_value()) {
+  Preview(const StreamFormat& format, const EyeRange& range) : format_(format), fixed_(range.has_value()) {
     if (!range) return;
     low_ = (range->first - format.scale.offset) / format.scale.scale;
     high_ = (range->second - format.scale.offset) / format.scale.scale;
@@ -256,7 +254,7 @@ class FilmSink final : public FootageSink {
     if (!ffmpeg) return tl::unexpected<Error>(ffmpeg.error());
     return std::make_unique<FilmSink>(std::move(*file), std::move(*ffmpeg), format, target.range);
   }
-  FilmSink(FileBeside file, FedProgram ffmpeg, const StreamFormat& format, const Range& range)
+  FilmSink(FileBeside file, FedProgram ffmpeg, const StreamFormat& format, const EyeRange& range)
       : file_(std::move(file)),
         ffmpeg_(std::move(ffmpeg)),
         preview_(format, range),

@@ -12,12 +12,14 @@
 
 namespace bolo::tools {
 
+// Black and white of 8-bit pictures, K (counts without kelvin); none: they follow the scene.
+using EyeRange = std::optional<std::pair<double, double>>;
+
 struct Target {
   OutputFile file;       // its extension says what is written: .h5, .mcap, .png, .tif, .tiff, .mp4
   Files inputs;          // that it must not be
   bool preview = false;  // PNG: 8 bit for the eye instead of 16 linear ones
-  // Of pictures for the eye, K (counts without kelvin): black and white; none: they follow the scene.
-  std::optional<std::pair<double, double>> range{};
+  EyeRange range{};      // of these, and of films
   LinearScale picture_scale{Unit::kKelvin, 0.01, 0.0};  // of 16-bit pictures of footage in floating point
   std::string name = "thermal";                         // MCAP: the camera's, in its topics
 };
