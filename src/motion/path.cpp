@@ -17,10 +17,10 @@ constexpr double kByChance = 8.0;    // what a second difference may be by noise
 // cover. More would let noise of .8 K pass for motion (MotionSafety), less costs hands in .5 K of noise 3 %.
 constexpr double kMostUsual = 0.25;
 // Where a bend is told, what harms is that trails are taken to be straight: it drowns in noise.
-constexpr double kTold = 6.0;        // times kByChance
-constexpr double kRougher = 1.2;     // of the squared changes, by which a gyro's own noise may raise them
-constexpr double kGyroNoise = 0.02;  // px a frame
-constexpr double kRest = 0.1;        // px a frame
+constexpr double kTold = 6.0;         // times kByChance
+constexpr double kUnexplained = 0.5;  // of the squared changes, that a gyro may leave, and what noise makes of them
+constexpr double kGyroNoise = 0.02;   // px a frame
+constexpr double kRest = 0.1;         // px a frame
 constexpr double kStein = 1.5;
 
 using Spans = std::array<Affine, kHistory - 1>;  // u_i, the newest first
@@ -101,8 +101,8 @@ bool rests(const Affine& u) noexcept {
 }  // namespace
 
 bool bears_out(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept {
-  const double chance = kHistory * (kGyroNoise * kGyroNoise + uncertainty * uncertainty);
-  return roughness(left) <= kRougher * roughness(displacements) + chance;
+  const double chance = kHistory * (6.0 * uncertainty * uncertainty + 3.0 * kGyroNoise * kGyroNoise);
+  return roughness(left) <= kUnexplained * roughness(displacements) + chance;
 }
 
 Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, double uncertainty,

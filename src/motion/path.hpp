@@ -34,9 +34,9 @@ struct Told {
   Displacements spans{};
 };
 
-// Whether what the gyro leaves of the displacements changes less from one to the next than they do themselves, or no
-// more than by chance: its scale and what it does not see (a bias, the camera's way) may be wrong, but where it is
-// wrong about how the motion changes it is of no use. Thread: any.
+// Whether what the gyro leaves of the displacements changes by chance alone, or less than half as much (squared) from
+// one to the next as they do themselves: what it does not see (a bias, the camera's way) does no harm, and where it
+// does not know how the motion changes it is of no use. Thread: any.
 bool bears_out(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept;
 
 // `left`: displacements of the newest frame, the one before it and so on, less what is `told` of them (null: nothing);
