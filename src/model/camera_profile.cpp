@@ -75,7 +75,7 @@ KeyTable profile_keys(CameraProfile& profile) {
                "Rows at the end of each frame that are not image. Unproven: some firmware sends 3.");
   constexpr Range kPixels{-1e4, 1e4, "pixels"};
   keys.section("lens", "how what turns moves in the picture: for a gyro beside the camera");
-  keys.number("focal_px", profile.gyro.focal_px, {0.0, 1e6, "pixels"},
+  keys.number("focal_px", profile.gyro.focal_px, {0.0, 1e5, "pixels"},
               "Focal length: (width / 2) / tan(half the horizontal field of view). 0: not known.");
   keys.number("principal_x_px", profile.gyro.principal_x_px, kPixels, "Principal point, right of the frame's centre.");
   keys.number("principal_y_px", profile.gyro.principal_y_px, kPixels, "The same, below it.");
