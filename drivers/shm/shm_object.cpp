@@ -184,10 +184,18 @@ std::vector<std::string> object_names() {
   return names;
 }
 
-bool is_believed(uid_t owner) {
-  if (owner == 0 || owner == geteuid() || uid_of(kPackagedUser) == owner) return true;
+std::vector<uid_t> believed_users() {
+  std::vector<uid_t> users{0, geteuid()};
   const char* const named = std::getenv("BOLO_USER");  // NOLINT(concurrency-mt-unsafe): nothing here sets it
-  return named != nullptr && *named != '\0' && uid_of(named) == owner;
+  for (const char* const user : {kPackagedUser, named != nullptr ? named : ""}) {
+    if (const auto uid = *user != '\0' ? uid_of(user) : std::nullopt) users.push_back(*uid);
+  }
+  return users;
+}
+
+bool is_believed(uid_t owner) {
+  const std::vector<uid_t> users = believed_users();
+  return std::ranges::find(users, owner) != users.end();
 }
 
 std::string user_words(uid_t user) {

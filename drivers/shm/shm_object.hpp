@@ -22,6 +22,7 @@ std::vector<std::string> object_names();
 // Whether frames of this user's objects are believed: anybody may make a file of any name in /dev/shm. Believed are
 // root, this process's own user, "bolo", which the packaged daemon runs as, and the user that the environment's
 // BOLO_USER names or numbers. Thread: any.
+std::vector<uid_t> believed_users();
 bool is_believed(uid_t owner);
 // "user alice (uid 1000)". Thread: any.
 std::string user_words(uid_t user);

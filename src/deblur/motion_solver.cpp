@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/core/clock.hpp"
 #include "src/deblur/method.hpp"
 #include "src/deblur/plane_solver.hpp"
 
@@ -11,6 +12,7 @@ namespace {
 
 constexpr double kLargestDifference = 31.6;  // K, of innovations that are matched: what is more counts no more
 constexpr float kLargestValue = 1e7F;
+constexpr float kMovesItself = 0.5F;  // px a frame
 
 // As the task, in the values' own unit and float.
 StreamTask in_values(StreamTask task) {
@@ -43,6 +45,7 @@ MotionSolver::MotionSolver(const StreamTask& task)
       kernels_(motion::best_kernels(mmae_.isa())),
       inertia_(task.settings.tau_s / task.settings.period_s),
       global_(task.input.geometry),
+      gyro_(task.input.geometry, task.input.row_step, task.settings.gyro_setup, task.settings.period_s, inertia_),
       local_(task.input.geometry),
       told_(task.input.geometry) {
   const Geometry g = task.input.geometry;
@@ -103,20 +106,71 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   }
 }
 
+// The displacements of the period `newest` before the newest and of those before it, less what is told of them. Where
+// frames are lost nothing is known but that: what is left is taken to have stayed.
+motion::Displacements MotionSolver::history(int newest, const motion::Told& told) noexcept {
+  motion::Displacements left;
+  motion::Affine last = displacement(newest).motion + told.displacements[0] * -1.0;
+  for (std::size_t i = 0; i < left.size(); ++i) {
+    const Displacement& d = displacement(static_cast<int>(i) + newest);
+    if (d.there) last = d.motion + told.displacements[i] * -1.0;
+    left[i] = last;
+  }
+  return left;
+}
+
+// What the gyro tells, if it goes with the displacements, and what it leaves of them.
+bool MotionSolver::ask_gyro(const FrameMeta& meta, int newest, motion::Displacements& left,
+                            motion::Told& told) noexcept {
+  Gyro* const gyro = task_.settings.gyro;
+  if (gyro == nullptr) return false;
+  const double later_s = (task_.settings.lookahead - newest) * task_.settings.period_s;
+  gyro_use_ = GyroUse::kSilent;
+  if (!gyro_.find(gyro->samples(), gyro->time_of(meta) + to_ns(later_s), told)) return false;
+  const motion::Displacements rest = history(newest, told);
+  gyro_use_ = GyroUse::kIgnored;
+  if (!motion::bears_out(left, rest, displacement(newest).uncertainty)) return false;
+  gyro_use_ = GyroUse::kUsed;
+  left = rest;
+  return true;
+}
+
 // False when the estimated frame's own displacement is not known.
-bool MotionSolver::find_path(motion::Path& path, bool& ahead) noexcept {
+bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ahead) noexcept {
   const int target = task_.settings.lookahead;
+  gyro_use_.reset();
   if (!displacement(target).there) return false;
   ahead = target == 1 && displacement(0).there;
-  std::array<motion::Affine, motion::kHistory> history;
-  motion::Affine last = displacement(target).motion;
-  for (std::size_t i = 0; i < history.size(); ++i) {
-    const Displacement& d = displacement(static_cast<int>(i) + (ahead ? 0 : target));
-    if (d.there) last = d.motion;
-    history[i] = last;
-  }
-  path = motion::path_of(inertia_, history, ahead, displacement(ahead ? 0 : target).uncertainty);
+  const int newest = ahead ? 0 : target;
+  motion::Told told;
+  motion::Displacements left = history(newest, told);
+  const bool knows = ask_gyro(meta, newest, left, told);
+  path = motion::path_of(inertia_, left, ahead, displacement(newest).uncertainty, knows ? &told : nullptr);
+  motion::spread(path.displacement, task_.input.geometry, 1, field_);
   return true;
+}
+
+// The camera is told to have rested for so many frames: each innovation since is the scene itself, and their mean
+// stands beside what a per-pixel estimate still takes for moving, in blocks that do not move by themselves.
+void MotionSolver::use_rest(int rests, const motion::VectorField& deviation) noexcept {
+  const int target = task_.settings.lookahead;
+  const int count = std::min(rests, 2);  // the innovations that the displacement is of
+  const double rho = inertia_.rho;
+  const double of_first = (1.0 - rho) * (1.0 - rho);
+  const auto error = static_cast<float>((1.0 + rho * rho + (count - 1) * of_first) / (of_first * count * count));
+  const Geometry g = task_.input.geometry;
+  for (int y = 0; y < g.height; ++y) {
+    for (int x = 0; x < g.width; ++x) {
+      const int block = y / motion::kBlock * field_.across() + x / motion::kBlock;
+      const auto b = static_cast<std::size_t>(block);
+      if (std::hypot(deviation[b].x, deviation[b].y) > kMovesItself) continue;
+      const float other = per_pixel_error_[b];
+      float mean = 0.0F;
+      for (int i = target; i < target + count; ++i) mean += *innovation(i).values.at(x, y) / static_cast<float>(count);
+      float& value = per_pixel_[static_cast<std::size_t>(y * g.width + x)];
+      value += other * other / (other * other + error * error) * (mean - value);
+    }
+  }
 }
 
 // In parts of whole rows of blocks, so that each block's error is written once.
@@ -148,17 +202,17 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   }
   motion::Path path;
   bool ahead = false;
-  knows_motion_ = usable() && find_path(path, ahead);
+  knows_motion_ = usable() && find_path(window.meta, path, ahead);
   if (!knows_motion_) {
     estimate_ = per_pixel_;
     return;
   }
   const int target = task_.settings.lookahead;
-  motion::spread(displacement(target).motion, task_.input.geometry, 1, field_);
   const auto cap = static_cast<float>(kLargestDifference / task_.kelvin_per_value());
   const motion::VectorField& deviation =
       local_.find(kernels_, inertia_, innovation(target + 1).smoothed, innovation(target).smoothed, field_,
                   mmae_.noise(), cap * cap, crew);
+  if (path.rests > 0) use_rest(path.rests, deviation);
   told_.find(kernels_, inertia_,
              {path.trail, field_, deviation, local_.misfit(), innovation(target + 1).smoothed.level[0],
               innovation(target).smoothed.level[0], mmae_.noise()},

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "src/deblur/mmae_solver.hpp"
@@ -10,6 +11,7 @@
 #include "src/motion/block_motion.hpp"
 #include "src/motion/estimate.hpp"
 #include "src/motion/global_motion.hpp"
+#include "src/motion/gyro_motion.hpp"
 #include "src/motion/innovation.hpp"
 #include "src/motion/local_motion.hpp"
 
@@ -33,6 +35,7 @@ class MotionSolver final : public Solver {
   std::string_view isa() const noexcept override { return mmae_.isa(); }
   double noise_k() const noexcept override;
   const SceneMotion* motion() const noexcept override { return knows_motion_ ? &told_.found() : nullptr; }
+  std::optional<GyroUse> gyro_use() const noexcept override { return gyro_use_; }
 
  private:
   static constexpr int kFrames = motion::kPast + 2;    // that an estimate looks at: with the one after it
@@ -56,7 +59,10 @@ class MotionSolver final : public Solver {
   void forget() noexcept;
   void take(const void* plane, Crew& crew) noexcept;
   void load(const void* plane, motion::PaddedPlane& to) const noexcept;
-  bool find_path(motion::Path& path, bool& ahead) noexcept;
+  bool find_path(const FrameMeta& meta, motion::Path& path, bool& ahead) noexcept;
+  motion::Displacements history(int newest, const motion::Told& told) noexcept;
+  bool ask_gyro(const FrameMeta& meta, int newest, motion::Displacements& left, motion::Told& told) noexcept;
+  void use_rest(int rests, const motion::VectorField& deviation) noexcept;
   void solve_per_pixel(const WindowView& window, Crew& crew) noexcept;
   // Of `back` periods before the newest.
   Frame& frame(int back) noexcept { return frames_[place(back, frames_.size())]; }
@@ -71,6 +77,8 @@ class MotionSolver final : public Solver {
   const motion::Kernels& kernels_;
   motion::Inertia inertia_;
   motion::GlobalMotion global_;
+  motion::GyroMotion gyro_;
+  std::optional<GyroUse> gyro_use_;
   motion::LocalMotion local_;
   std::vector<motion::Estimator> estimators_;  // without look-ahead, and with it
   std::array<Frame, kFrames> frames_;

@@ -90,6 +90,12 @@ Status validate(const Settings& settings) {
   return complaints.status();
 }
 
+Status check_gyro(const Settings& settings) {
+  if (settings.method != Method::kMotion) return bad_input("a gyro is of use to the solver motion alone");
+  if (settings.gyro_setup.focal_px > 0.0) return {};
+  return bad_input("a gyro needs lens.focal_px in the camera profile");
+}
+
 std::string little_to_undo(const Settings& settings) {
   const double left = std::exp(-settings.period_s / settings.tau_s);
   if (left > kLittleLeft) return {};

@@ -4,6 +4,7 @@
 #include <string>
 #include <string_view>
 
+#include "src/core/gyro.hpp"
 #include "src/core/result.hpp"
 #include "src/model/a655sc.hpp"
 
@@ -35,6 +36,8 @@ struct Settings {
   double noise_k = 0.0;      // temporal noise for auto_lambda, kMmae and kMotion, K (counts as lambda); 0: measured
   int iterations = 0;        // ADMM, or sweeps of kDual; 0: as many as the accuracy needs at this lambda
   int lookahead = 0;         // L: the window ends L frames after the frame that is estimated
+  Gyro* gyro = nullptr;      // of kMotion; outlives the solver. Null: none
+  GyroSetup gyro_setup{};
 
   // lambda in units of 1/2 ||.||^2 + lambda ||D||_1.
   constexpr double half_square_lambda() const { return lambda / (2.0 * kappa); }
@@ -42,6 +45,9 @@ struct Settings {
 
 // Every wrong value is named with its range. Thread: setup.
 Status validate(const Settings& settings);
+
+// Whether a gyro is of use with them. Thread: setup.
+Status check_gyro(const Settings& settings);
 
 // T / tau above which a look-ahead is refused: what lies before and after a frame's time then has little in common, and
 // its mean would show both (a hand twice).

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "src/core/crew.hpp"
@@ -22,6 +23,7 @@ struct WindowView {
   // Counts the periods of one stream: that of the newest entry, so that a solver can tell how far the window went on.
   // 0: not known, nothing of earlier windows can be used.
   std::uint64_t newest = 0;
+  FrameMeta meta{};  // of the target: its times, for a gyro's sake
 };
 
 class Solver {
@@ -61,6 +63,8 @@ class Solver {
   // How the scene moved up to the frame that was solved last; null where the method does not estimate it, or could not.
   // Good until the next prepare(). Thread: pipeline.
   virtual const SceneMotion* motion() const noexcept { return nullptr; }
+  // What became of the gyro in the last prepare(); nothing where there is none, or no motion to tell. Thread: pipeline.
+  virtual std::optional<GyroUse> gyro_use() const noexcept { return std::nullopt; }
 };
 
 }  // namespace bolo::deblur

@@ -103,7 +103,7 @@ bool Window::show_target(Ready& ready, bool full) noexcept {
     gap |= !p.taken;
   }
   ready.frame = target.frame;
-  ready.view = {planes_, static_cast<int>(target_), periods_};
+  ready.view = {planes_, static_cast<int>(target_), periods_, target.frame.meta};
   ready.full = full;
   if (!full) ready.frame.meta.flags |= kFlagWarmUp;
   if (full && gap) ready.frame.meta.flags |= kFlagGap;

@@ -73,6 +73,15 @@ KeyTable profile_keys(CameraProfile& profile) {
                     "Byte order of Mono16 pixels on the wire. Unproven: other FLIR models send big-endian.");
   keys.integer("metadata_rows", profile.metadata_rows, {0, 64, "rows"},
                "Rows at the end of each frame that are not image. Unproven: some firmware sends 3.");
+  constexpr Range kPixels{-1e4, 1e4, "pixels"};
+  keys.section("lens", "how what turns moves in the picture: for a gyro beside the camera");
+  keys.number("focal_px", profile.gyro.focal_px, {0.0, 1e5, "pixels"},
+              "Focal length: (width / 2) / tan(half the horizontal field of view). 0: not known.");
+  keys.number("principal_x_px", profile.gyro.principal_x_px, kPixels, "Principal point, right of the frame's centre.");
+  keys.number("principal_y_px", profile.gyro.principal_y_px, kPixels, "The same, below it.");
+  keys.section("gyro", "a gyro beside the camera: bolod's [motion] gyro, bolo deblur --gyro");
+  keys.number("delay_s", profile.gyro.delay_s, {-1.0, 1.0, "s"},
+              "By how much later than a frame of the same moment a sample is stamped.");
   for (const auto& [section, meaning] : kUndoSections) {
     keys.section(section, meaning);
     for (const UndoKey& key : undo_keys()) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "src/core/gyro.hpp"
 #include "src/core/result.hpp"
 #include "src/model/strict_toml.hpp"
 #include "src/model/undo.hpp"
@@ -21,6 +22,7 @@ struct CameraProfile {
   double quantisation_k = 0.01;  // K a count
   double row_delay_s = 0.0;      // from the sample of one sensor row to that of the next
   std::filesystem::path maps;    // per-pixel parameters (capture/pixel_maps_io.hpp); empty: none
+  GyroSetup gyro;                // what a gyro beside the camera needs
   Undo undo;                     // what else the camera does to its frames
 
   // How the camera sends its frames; each of these is configurable because it was not proven on every camera.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 namespace bolo::motion {
 namespace {
@@ -15,17 +16,44 @@ constexpr double kByChance = 8.0;    // what a second difference may be by noise
 // Of the speed: what second differences were before is taken for a hand's, or for noise that the uncertainty does not
 // cover. More would let noise of .8 K pass for motion (MotionSafety), less costs hands in .5 K of noise 3 %.
 constexpr double kMostUsual = 0.25;
-constexpr int kSpans = kHistory - 1;
+// Where a bend is told, what harms is that trails are taken to be straight: it drowns in noise.
+constexpr double kTold = 6.0;         // times kByChance
+constexpr double kUnexplained = 0.5;  // of the squared changes, that a gyro may leave, and what noise makes of them
+constexpr double kGyroNoise = 0.02;   // px a frame
+constexpr double kRest = 0.1;         // px a frame
+constexpr double kStein = 1.5;
 
-using Spans = std::array<Affine, kSpans>;  // u_i, the newest first
+using Spans = std::array<Affine, kHistory - 1>;  // u_i, the newest first
 
-Spans spans_of(const Inertia& inertia, std::span<const Affine> d) noexcept {
+Spans spans_of(const Inertia& inertia, const Displacements& d, const Displacements& told) noexcept {
   Spans u;
   for (std::size_t i = 0; i < u.size(); ++i) {
     const Affine change = i == 0 ? (d[0] + d[1] * -1.0) * kExtrapolated : d[i - 1] + d[i] * -1.0;
-    u[i] = d[i] + change * inertia.age();
+    u[i] = told[i] + d[i] + change * inertia.age();
   }
   return u;
+}
+
+Displacements operator+(const Displacements& a, const Displacements& b) noexcept {
+  Displacements sum;
+  std::ranges::transform(a, b, sum.begin(), std::plus());
+  return sum;
+}
+
+// Of the picture's middle.
+double square(const Affine& a) noexcept { return a.p[0] * a.p[0] + a.p[3] * a.p[3]; }
+
+Affine mean_of(const Displacements& d) noexcept {
+  Affine sum;
+  for (const Affine& one : d) sum = sum + one;
+  return sum * (1.0 / kHistory);
+}
+
+// The sum of the squared changes.
+double roughness(const Displacements& d) noexcept {
+  double sum = 0.0;
+  for (std::size_t i = 1; i < d.size(); ++i) sum += square(d[i] + d[i - 1] * -1.0);
+  return sum;
 }
 
 // The velocity that blurred the frame at the end of span `first`: later spans count for less by rho each.
@@ -41,12 +69,12 @@ Affine blurring(const Inertia& inertia, const Spans& u, std::size_t first) noexc
 }
 
 // The second difference at displacement `i`, of the picture's middle.
-float jerk(std::span<const Affine> d, std::size_t i) noexcept {
+float jerk(const Displacements& d, std::size_t i) noexcept {
   const Vec2 j = d[i].at(0.0, 0.0) - d[i + 1].at(0.0, 0.0) * 2.0F + d[i + 2].at(0.0, 0.0);
   return std::hypot(j.x, j.y);
 }
 
-double steadiness(std::span<const Affine> d, double uncertainty) noexcept {
+double steadiness(const Displacements& d, double uncertainty) noexcept {
   const Vec2 last = d[1].at(0.0, 0.0);
   const double speed = std::max<double>(std::hypot(last.x, last.y), kSlowPan);
   const double chance = kByChance * uncertainty;
@@ -56,10 +84,34 @@ double steadiness(std::span<const Affine> d, double uncertainty) noexcept {
   return 1.0 / (1.0 + relative * relative * relative * relative);
 }
 
+// James and Stein's estimator: towards the mean by the share of the scatter that chance explains.
+void smooth(Displacements& left, double uncertainty) noexcept {
+  const Affine mean = mean_of(left);
+  double scatter = 0.0;
+  for (const Affine& d : left) scatter += square(d + mean * -1.0) / (kHistory - 1);
+  const double chance = 2.0 * (uncertainty * uncertainty + kGyroNoise * kGyroNoise);
+  const double keep = std::max(0.0, 1.0 - kStein * chance / std::max(scatter, 1e-12));
+  for (Affine& d : left) d = mean + (d + mean * -1.0) * keep;
+}
+
+bool rests(const Affine& u) noexcept {
+  return std::ranges::all_of(u.p, [](double p) { return std::abs(p) < kRest; });
+}
+
 }  // namespace
 
-Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool ahead, double uncertainty) noexcept {
-  const Spans u = spans_of(inertia, displacements);
+bool bears_out(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept {
+  const double chance = kHistory * (6.0 * uncertainty * uncertainty + 3.0 * kGyroNoise * kGyroNoise);
+  return roughness(left) <= kUnexplained * roughness(displacements) + chance;
+}
+
+Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, double uncertainty,
+             const Told* told) noexcept {
+  static constexpr Told kNothing;
+  const Told& known = told != nullptr ? *told : kNothing;
+  Displacements d = left;
+  if (told != nullptr) smooth(d, uncertainty);
+  const Spans u = spans_of(inertia, d, known.spans);
   const std::size_t now = ahead ? 1 : 0;  // the span that ends at the estimated frame
   const Affine v0 = blurring(inertia, u, now);
   // Frames blurred at other velocities have their scene elsewhere on their trails, whose mean age is tau.
@@ -68,7 +120,11 @@ Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool
   };
   Path path;
   path.trail = u[now];
-  path.steady = steadiness(displacements, uncertainty);
+  path.displacement = d[now] + known.displacements[now];
+  path.steady = std::min({steadiness(left, uncertainty), steadiness(d + known.displacements, kTold * uncertainty),
+                          steadiness(d + known.spans, kTold * uncertainty)});
+  const Affine mean = mean_of(left);
+  for (std::size_t i = now; told != nullptr && i < u.size() && rests(mean + told->spans[i]); ++i) ++path.rests;
   Affine moved;
   Affine before;
   for (std::size_t j = 0; j < path.past.size(); ++j) {

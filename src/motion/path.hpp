@@ -6,7 +6,6 @@
 #pragma once
 
 #include <array>
-#include <span>
 
 #include "src/motion/global_motion.hpp"
 #include "src/motion/innovation.hpp"
@@ -23,11 +22,27 @@ struct Path {
   // How far the last displacements bear out that the motion goes on as it was, 1 to 0: a second difference that is much
   // of the speed is a stop, a knock or a cut, of which the newest innovation has seen a part at most.
   double steady = 1.0;
+  Affine displacement;  // of the estimated frame
+  int rests = 0;        // frames up to the estimated one during which the camera is told to have rested
 };
 
-// `displacements`: of the newest frame, the one before it and so on, at least kHistory; with `ahead` the first belongs
-// to the frame after the estimated one. `uncertainty`: GlobalMotion::uncertainty() of the newest. Thread: any.
-Path path_of(const Inertia& inertia, std::span<const Affine> displacements, bool ahead,
-             double uncertainty = 0.0) noexcept;
+using Displacements = std::array<Affine, kHistory>;  // the newest first
+
+// What a gyro says of d_k, d_{k-1} ... and of u_0, u_1 ...
+struct Told {
+  Displacements displacements{};
+  Displacements spans{};
+};
+
+// Whether what the gyro leaves of the displacements changes by chance alone, or less than half as much (squared) from
+// one to the next as they do themselves: what it does not see (a bias, the camera's way) does no harm, and where it
+// does not know how the motion changes it is of no use. Thread: any.
+bool bears_out(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept;
+
+// `left`: displacements of the newest frame, the one before it and so on, less what is `told` of them (null: nothing);
+// with `ahead` the first belongs to the frame after the estimated one. `uncertainty`: GlobalMotion::uncertainty() of
+// the newest. Thread: any.
+Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, double uncertainty = 0.0,
+             const Told* told = nullptr) noexcept;
 
 }  // namespace bolo::motion

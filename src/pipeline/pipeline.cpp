@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
+#include "src/core/statistics.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/pipeline/pipeline_impl.hpp"
 
@@ -17,6 +18,8 @@ namespace {
 // The pipeline waits this long for a frame before it checks for a stop. The sinks hear of a silence as old as this at
 // the next check: after twice the time at most.
 constexpr std::int64_t kPollNs = 100'000'000;
+
+constexpr double kGyroFrames = 400;  // after which is looked what became of the gyro
 
 constexpr int kMaxWorkers = 64;
 constexpr int kMaxQueueFrames = 4096;
@@ -140,6 +143,7 @@ void Pipeline::Impl::publish(const deblur::Window::Ready& frame) noexcept {
     if (solves()) {
       published.noise_k = solvers.at(quality).noise_k();
       published.motion = solvers.at(quality).motion();
+      if (const auto use = solvers.at(quality).gyro_use()) stats.gyro[static_cast<std::size_t>(*use)].add();
     }
   }
   for (const Flag& flag : band_saturated) {
@@ -231,6 +235,23 @@ bool Pipeline::Impl::process_next() noexcept {
   return true;
 }
 
+// One line when most frames begin to go without the gyro, and one when they no longer do.
+std::optional<Notice> Pipeline::Impl::gyro_notice() {
+  std::array<std::uint64_t, kGyroUses> fresh{};
+  for (std::size_t i = 0; i < kGyroUses; ++i) fresh[i] = stats.gyro[i].value() - gyro_told[i];
+  if (sum_of(fresh) < kGyroFrames) return std::nullopt;
+  for (std::size_t i = 0; i < kGyroUses; ++i) gyro_told[i] += fresh[i];
+  const auto most = static_cast<GyroUse>(std::ranges::max_element(fresh) - fresh.begin());
+  if (most == std::exchange(gyro_said, most)) return std::nullopt;
+  if (most == GyroUse::kUsed) return Notice{false, "the gyro tells the motion again", event::kGyro};
+  return Notice{true,
+                most == GyroUse::kSilent
+                    ? "the gyro has no samples of the frames' time, so the motion comes from the frames alone"
+                    : "the picture moves otherwise than the gyro says, which is ignored: its axes, signs, scale "
+                      "(lens.focal_px) or delay (gyro.delay_s) are wrong",
+                event::kGyro};
+}
+
 void Pipeline::Impl::idle_sinks() noexcept {
   const std::int64_t now_ns = monotonic_ns();
   if (now_ns - last_sign_ns < kPollNs) return;
@@ -300,7 +321,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .isa = std::string(deblur::best_isa()),
                           .maps = !options.maps.empty(),
                           .motion = impl->settings.method == deblur::Method::kMotion,
-                          .undone = impl->corrections->beyond_maps(),
+                          .undone = impl->corrections->beyond_maps() || impl->settings.gyro != nullptr,
                           .row_delay_s = options.maps.row_delay_s,
                           .region = options.region,
                           .points = options.points};
@@ -347,6 +368,7 @@ std::vector<Notice> Pipeline::take_notices() {
                        "somebody set the host's clock: UTC of the frames stepped with it, their other times did not",
                        event::kClockStep});
   }
+  if (auto notice = impl_->gyro_notice()) notices.push_back(std::move(*notice));
   return notices;
 }
 

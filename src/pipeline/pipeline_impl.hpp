@@ -1,12 +1,14 @@
 // What Pipeline is made of, for its two files: the pipeline thread's part and the workers'.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <memory>
 #include <new>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -94,6 +96,7 @@ struct Pipeline::Impl {
   }
 
   Status keep_up();
+  std::optional<Notice> gyro_notice();
 
   // --- the pipeline thread ---
   void take_period() noexcept;
@@ -169,9 +172,11 @@ struct Pipeline::Impl {
     delete spending;
   }
 
-  UtcClock utc;                              // of the pipeline thread
-  std::atomic<std::uint64_t> steps_told{0};  // of it, as notices
-  std::int64_t last_sign_ns = 0;             // when the sinks were last called
+  UtcClock utc;                                      // of the pipeline thread
+  std::atomic<std::uint64_t> steps_told{0};          // of it, as notices
+  std::array<std::uint64_t, kGyroUses> gyro_told{};  // of stats, as notices
+  GyroUse gyro_said = GyroUse::kUsed;
+  std::int64_t last_sign_ns = 0;   // when the sinks were last called
   std::int64_t work_began_ns = 0;  // on the frame that is published next: it was taken, or the last one was out
 };
 

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "bolo/shm_layout.h"
+#include "src/core/gyro.hpp"
 #include "src/core/utc_clock.hpp"
 #include "src/pipeline/counter_row.hpp"
 #include "src/pipeline/inlet.hpp"
@@ -49,8 +50,9 @@ struct PipelineStats {
   rt::Gauge<QualityLevel> effort;  // of the last one
   rt::Counter deblur_ns;           // time spent solving, summed over frames
   rt::Counter repeats;             // frames that repeated the one before and were dropped; among the missing, too
-  rt::Counter clock_steps;         // somebody set the host's clock
-  rt::Gauge<std::uint64_t> clock_synchronised;                     // 1: something disciplines it, as the kernel says
+  std::array<rt::Counter, kGyroUses> gyro;      // frames whose motion it was asked for, by what became of it
+  rt::Counter clock_steps;                      // somebody set the host's clock
+  rt::Gauge<std::uint64_t> clock_synchronised;  // 1: something disciplines it, as the kernel says
   rt::Gauge<std::int64_t> clock_error_ns{kUnboundedClockErrorNs};  // of its UTC, at most
   rt::LatencyHistogram latency;  // first byte received -> publish_ns, right before the sinks get it
   StageLatencies stages;
@@ -88,6 +90,9 @@ inline constexpr std::array kFrameCounters{
     FrameRow(word_of<&PipelineStats::restarts>, offsetof(bolo_shm_header, restarts), "restarts",
              "bolo_window_restarts_total", "Windows emptied: NUC, reconnect, a jump in time", InStat{"restarts"}),
     FrameRow(word_of<&PipelineStats::deblur_ns>, offsetof(bolo_shm_header, deblur_ns)),
+    FrameRow(word_of<&PipelineStats::gyro>, 0, "gyro", "bolo_frames_gyro_total",
+             "Frames whose motion the gyro was asked for: used, no samples of their time, not in line with the picture",
+             by<GyroUse>("use", kGyroUses)),
     FrameRow(word_of<&PipelineStats::clock_synchronised>, offsetof(bolo_shm_header, clock_synchronised), "",
              "bolo_clock_synchronised", "1 while something disciplines the host's clock, as its kernel says"),
     FrameRow(word_of<&PipelineStats::clock_error_ns>, offsetof(bolo_shm_header, clock_error_ns), "",

@@ -46,6 +46,13 @@ TEST_P(DeblurVerbRefuses, InOneLineWithExitCode2AndNoOutput) {
   std::ofstream(file("bad.csv")) << "# points\nx,y\n1,2\n3;4\n";
   std::ofstream(file("far.csv")) << "39.5,2\n";
   std::ofstream(file("empty.csv")) << "x,y\n# none\n";
+  std::ofstream(file("lens.toml")) << "[lens]\nfocal_px = 1400\n";
+  std::ofstream(file("gyro-nan.csv")) << "t_s,x_rad_s,y_rad_s,z_rad_s\n1,0,0,0\n2,nan,0,0\n";
+  std::ofstream(file("gyro-few.csv")) << "1,0,0,0\n2,0,0\n";
+  std::ofstream(file("gyro-many.csv")) << "1,0,0,0,0\n";
+  std::ofstream(file("gyro-fast.csv")) << "1,0,0,101\n";
+  std::ofstream(file("gyro-back.csv")) << "1,0,0,0\n# one\n1,0,0,0\n";
+  std::ofstream(file("gyro-none.csv")) << "# none\n\nt_s,x_rad_s,y_rad_s,z_rad_s\n";
   model::PixelMaps turned;
   turned.geometry = {kHeight, kWidth};
   turned.gain.assign(turned.geometry.pixels(), 1.0F);
@@ -107,6 +114,37 @@ INSTANTIATE_TEST_SUITE_P(
             "RegionAndPoints", {"@in.h5", "-o", "@out.h5", "--roi", "0,0,2,2", "--points", "@far.csv"}, "one of them"},
         Refusal{
             "MapsOfAnotherSize", {"@in.h5", "-o", "@out.h5", "--profile", "@turned.toml"}, "for frames of 6x40, but"},
+        Refusal{"GyroOfAnotherSolver",
+                {"@in.h5", "-o", "@out.h5", "--profile", "@lens.toml", "--gyro", "@gyro-nan.csv"},
+                "--gyro: a gyro is of use to the solver motion alone"},
+        Refusal{"GyroWithoutALens",
+                {"@in.h5", "-o", "@out.h5", "--solver", "motion", "--gyro", "@gyro-nan.csv"},
+                "needs lens.focal_px"},
+        Refusal{"GyroNotANumber",
+                {"@in.h5", "-o", "@out.h5", "--solver", "motion", "--profile", "@lens.toml", "--gyro", "@gyro-nan.csv"},
+                "gyro-nan.csv:3: '2,nan,0,0' is no sample"},
+        Refusal{"GyroTooFewNumbers",
+                {"@in.h5", "-o", "@out.h5", "--solver", "motion", "--profile", "@lens.toml", "--gyro", "@gyro-few.csv"},
+                "gyro-few.csv:2: '2,0,0' is no sample"},
+        Refusal{
+            "GyroTooMany",
+            {"@in.h5", "-o", "@out.h5", "--solver", "motion", "--profile", "@lens.toml", "--gyro", "@gyro-many.csv"},
+            "gyro-many.csv:1: '1,0,0,0,0' is no sample"},
+        Refusal{
+            "GyroFasterThanAnyHand",
+            {"@in.h5", "-o", "@out.h5", "--solver", "motion", "--profile", "@lens.toml", "--gyro", "@gyro-fast.csv"},
+            "gyro-fast.csv:1: '1,0,0,101' is no sample"},
+        Refusal{
+            "GyroTimeGoesBack",
+            {"@in.h5", "-o", "@out.h5", "--solver", "motion", "--profile", "@lens.toml", "--gyro", "@gyro-back.csv"},
+            "gyro-back.csv:3: time does not rise"},
+        Refusal{
+            "GyroWithoutSamples",
+            {"@in.h5", "-o", "@out.h5", "--solver", "motion", "--profile", "@lens.toml", "--gyro", "@gyro-none.csv"},
+            "gyro-none.csv: no samples"},
+        Refusal{"GyroMissing",
+                {"@in.h5", "-o", "@out.h5", "--solver", "motion", "--profile", "@lens.toml", "--gyro", "@none.csv"},
+                "none.csv: cannot be opened"},
         Refusal{"NoThreads", {"@in.h5", "-o", "@out.h5", "--threads", "0"}, "workers = 0"},
         Refusal{"RegionOfThree", {"@in.h5", "-o", "@out.h5", "--roi", "1,2,3"}, "four numbers"},
         Refusal{"RegionOutside", {"@in.h5", "-o", "@out.h5", "--roi", "30,0,11,2"}, "not inside the frame of 40x6"},

@@ -50,6 +50,39 @@ TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
   EXPECT_LT(json["rmse"]["deblurred_k"].get<double>(), 0.1 * json["rmse"]["blurred_k"].get<double>());
 }
 
+// A gyro whose times are others' changes no bit; one whose times are the frames' is used, and said so.
+TEST_F(DeblurVerb, AGyroIsOnTheCapturesClock) {
+  Blurred square;
+  square.height = kWidth;
+  write_blurred(file("in.h5"), square);
+  std::ofstream(file("lens.toml")) << "[lens]\nfocal_px = 1400\n";
+  std::ofstream here(file("here.csv"));
+  std::ofstream elsewhere(file("elsewhere.csv"));
+  for (int i = 0; i < 400; ++i) {
+    here << 99.95 + 0.001 * i << ",0.01,0.02,0\n";
+    elsewhere << 200.0 + 0.001 * i << ",0.01,0.02,0\n";
+  }
+  here.close();
+  elsewhere.close();
+  const std::vector<std::string> motion{"--json", "--solver", "motion", "--profile", file("lens.toml")};
+  const auto with = [&](const std::string& csv, const std::string& name) {
+    std::vector<std::string> words = motion;
+    words.insert(words.end(), {"--gyro", file(csv)});
+    return deblurred(words, name);
+  };
+  const auto alone = deblurred(motion, "alone.h5");
+  EXPECT_FALSE(nlohmann::json::parse(last_.out).contains("gyro"));
+  const auto silent = with("elsewhere.csv", "silent.h5");
+  auto said = nlohmann::json::parse(last_.out)["gyro"];
+  EXPECT_EQ(said["used"], 0);
+  EXPECT_GT(said["silent"], 30);
+  for (std::size_t i = 0; i < alone.info().frames; ++i) EXPECT_EQ(frame_of(alone, i), frame_of(silent, i)) << i;
+  const auto told = with("here.csv", "told.h5");
+  said = nlohmann::json::parse(last_.out)["gyro"];
+  EXPECT_GT(said["used"], 0);
+  EXPECT_EQ(said["silent"], 0);
+}
+
 TEST_F(DeblurVerb, TheRmseIsThatOfTheFilesAndTheTruthIsCopied) {
   write_blurred(file("in.h5"), {});
   const auto out = deblurred({"--json", "--lambda", "0.05"});

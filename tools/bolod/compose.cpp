@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "drivers/shm/shm_gyro.hpp"
 #include "drivers/shm/shm_section.hpp"
 #include "drivers/v4l2/v4l2_section.hpp"
 
@@ -48,6 +49,11 @@ std::vector<std::shared_ptr<pipeline::SinkSection>> sink_sections() {
       std::make_shared<V4l2Section>("v4l2_second", "another such device, as raw frames beside sharp ones",
                                     v4l2::V4l2Options{.device = "/dev/video11", .plane = v4l2::Plane::kRaw}),
   };
+}
+
+Result<std::unique_ptr<Gyro>> make_gyro(const DaemonConfig& config) {
+  if (config.gyro.empty()) return nullptr;
+  return shm::ShmGyro::create(config.gyro.substr(kShmGyro.size()));
 }
 
 std::vector<std::unique_ptr<pipeline::FrameSink>> make_sinks(const DaemonConfig& config) {

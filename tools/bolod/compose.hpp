@@ -23,6 +23,9 @@ Result<ComposedSource> make_source(const DaemonConfig& config);
 // True when the source waits until its frames are taken, so that a full queue is no overload. Thread: any.
 bool waits_for_frames(const DaemonConfig& config);
 
+// Null where none was asked for. Thread: setup.
+Result<std::unique_ptr<Gyro>> make_gyro(const DaemonConfig& config);
+
 // One a section of config.sinks; null for those that were not asked for. Thread: setup.
 std::vector<std::unique_ptr<pipeline::FrameSink>> make_sinks(const DaemonConfig& config);
 

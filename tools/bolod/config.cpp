@@ -226,6 +226,22 @@ void deblur_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
                "Learn the pattern that stays while the scene moves, and take it out (scene-based NUC).");
 }
 
+void motion_keys(KeyTable& keys, DaemonConfig& c) {
+  keys.section("motion", "what helps solver = \"motion\"");
+  keys.text("gyro", c.gyro,
+            "A gyro beside the camera: \"shm:NAME\", angular rates in the shared memory /bolo-gyro.NAME "
+            "(bolo/gyro_shm.h); the profile has its [lens]. Empty: none. It is never needed.");
+}
+
+Status check_gyro(const DaemonConfig& config) {
+  if (config.gyro.empty()) return {};
+  if (!config.gyro.starts_with(kShmGyro)) return bad_input("motion.gyro must be \"shm:NAME\", or empty for none");
+  if (const auto path = shm::object_path(config.gyro.substr(kShmGyro.size())); !path) {
+    return bad_input("motion.gyro: " + path.error().message);
+  }
+  return deblur::check_gyro(config.pipeline.deblur);
+}
+
 void pipeline_keys(KeyTable& keys, DaemonConfig& c) {
   keys.section("pipeline", "threads and memory");
   keys.integer("queue_frames", c.pipeline.queue_frames, {1, 4096, "frames"},
@@ -272,6 +288,7 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
   keys.removed("source.type", "usb", "use \"genicam\", which receives USB3 Vision cameras too, or \"replay\"");
   keys.removed("usb", "", "delete the section; source.type = \"genicam\" receives USB3 Vision cameras");
   deblur_keys(keys, config, overrides);
+  motion_keys(keys, config);
   pipeline_keys(keys, config);
   output_keys(keys, config);
   for (const std::string& key : live_keys(config)) keys.mark(key, "live");
@@ -363,6 +380,7 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config, const Ov
   if (const Status camera = check_camera(config.camera); !camera) return here("camera", camera.error().message);
   if (const Status isa = deblur::check_isa(config.isa); !isa) return here("deblur.isa", isa.error().message);
   if (const Status status = deblur::validate(config.pipeline.deblur); !status) return here("", status.error().message);
+  if (const Status gyro = check_gyro(config); !gyro) return here("motion.gyro", gyro.error().message);
   const pipeline::SinkContext context = config.sink_context();
   for (std::size_t i = 0; i < config.sinks.size(); ++i) {
     if (Status sink = config.sinks[i]->check(keys, context, {config.sinks.data(), i}); !sink) return sink;

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "drivers/genicam/genicam_source.hpp"
@@ -30,6 +31,8 @@ struct ReplayOptions {
   replay::Pace pace = replay::Pace::kRealTime;
   replay::Laps laps = replay::Laps::kOne;
 };
+
+inline constexpr std::string_view kShmGyro = "shm:";
 
 enum class LogLevel { kDebug, kInfo, kWarning, kError };
 enum class LogFormat {
@@ -73,6 +76,7 @@ struct DaemonConfig {
   ReplayOptions replay;
   v4l2_source::V4l2SourceOptions video;
   pipeline::PipelineOptions pipeline;
+  std::string gyro;          // kShmGyro and a name; empty: none
   std::string isa = "auto";  // instruction set of the solver's kernels
   bool lock_memory = true;
   std::vector<std::shared_ptr<pipeline::SinkSection>> sinks = sink_sections();  // shared by copies

@@ -89,6 +89,7 @@ struct Daemon::Impl {
   DaemonConfig config;
   std::shared_ptr<spdlog::logger> log;
   std::vector<std::unique_ptr<pipeline::FrameSink>> sinks;  // of make_sinks(); outlive the pipeline
+  std::unique_ptr<Gyro> gyro;                               // outlives the pipeline; null: none
   genicam::GenicamSource* camera = nullptr;                 // owned by the pipeline
   replay::ReplaySource* replay = nullptr;                   // owned by the pipeline
   std::unique_ptr<pipeline::Pipeline> pipeline;
@@ -122,12 +123,16 @@ Status Daemon::Impl::compose() {
   camera = source->camera;
   replay = source->replay;
   sinks = make_sinks(config);
+  auto gyro_made = make_gyro(config);
+  if (!gyro_made) return tl::unexpected<Error>(gyro_made.error());
+  gyro = std::move(*gyro_made);
   std::vector<pipeline::FrameSink*> lent;
   for (const auto& sink : sinks) {
     if (sink != nullptr) lent.push_back(sink.get());
   }
   if (Status status = deblur::choose_isa(config.isa); !status) return status;
   pipeline::PipelineOptions options = config.pipeline;
+  options.deblur.gyro = gyro.get();
   options.must_keep_up = !waits_for_frames(config);
   options.degrade = options.degrade && options.must_keep_up;
   options.warn = [log = log](const std::string& what) { log->warn(what); };

@@ -6,6 +6,7 @@
 #include "drivers/replay/replay_source.hpp"
 #include "src/core/clock.hpp"
 #include "src/pipeline/pipeline.hpp"
+#include "tools/deblur/gyro_file.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -32,7 +33,10 @@ Error interruption(DeblurSink& sink, const pipeline::Pipeline& pipeline, const D
 
 CaptureRun::CaptureRun(const DeblurRequest& request, std::filesystem::path file,
                        std::shared_ptr<const capture::CaptureReader> reader, pipeline::PipelineOptions options)
-    : request_(&request), file_(std::move(file)), reader_(std::move(reader)), options_(std::move(options)) {}
+    : request_(&request), file_(std::move(file)), reader_(std::move(reader)), options_(std::move(options)) {
+  if (request.gyro != nullptr) gyro_ = std::make_unique<GyroOfCapture>(request.gyro, reader_);
+  options_.deblur.gyro = gyro_.get();
+}
 
 Result<CaptureRun> CaptureRun::open(const DeblurRequest& request, const std::filesystem::path& file) {
   auto reader = capture::CaptureReader::open(file);
@@ -77,13 +81,15 @@ Result<RunFacts> CaptureRun::run(const OutputFile& output, const std::string& ma
     return tl::unexpected(status.error());
   }
   const pipeline::PipelineStats& stats = (*pipeline)->stats();
-  return RunFacts{sink.frames_out(),
-                  stats.inlet.losses().total(),
-                  static_cast<double>(stats.deblur_ns.value()) * kMsPerNs,
-                  (*pipeline)->settings(),
-                  std::string((*pipeline)->isa()),
-                  (*pipeline)->solver_text(),
-                  sink.rmse()};
+  RunFacts facts{sink.frames_out(),
+                 stats.inlet.losses().total(),
+                 static_cast<double>(stats.deblur_ns.value()) * kMsPerNs,
+                 (*pipeline)->settings(),
+                 std::string((*pipeline)->isa()),
+                 (*pipeline)->solver_text(),
+                 sink.rmse()};
+  for (std::size_t i = 0; i < kGyroUses; ++i) facts.gyro[i] = stats.gyro[i].value();
+  return facts;
 }
 
 }  // namespace bolo::tools

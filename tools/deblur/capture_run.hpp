@@ -1,6 +1,7 @@
 // One capture through the same pipeline as the camera's frames.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -24,6 +25,7 @@ struct RunFacts {
   std::string isa;
   std::string solver_text;
   std::optional<Rmse> rmse;
+  std::array<std::uint64_t, kGyroUses> gyro{};  // frames by what became of it
 };
 
 // Frames without a window are refused before there is a pipeline. Errors name the file. Thread: setup.
@@ -51,6 +53,7 @@ class CaptureRun {
   std::filesystem::path file_;
   std::shared_ptr<const capture::CaptureReader> reader_;
   pipeline::PipelineOptions options_;
+  std::unique_ptr<Gyro> gyro_;
 };
 
 }  // namespace bolo::tools

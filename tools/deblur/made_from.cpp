@@ -95,6 +95,7 @@ Result<std::string> made_from(const DeblurRequest& request, const capture::Captu
   Status status = add_file("profile", request.profile_file, all);
   if (status) status = add_file("maps", request.maps_file, all);
   if (status) status = add_file("points", request.points_file, all);
+  if (status) status = add_file("gyro", request.gyro_file, all);
   if (!status) return tl::unexpected(status.error());
   return all.dump();
 }

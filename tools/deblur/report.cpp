@@ -29,12 +29,14 @@ Json common_json(const DeblurRequest& request, const std::vector<CaptureSummary>
   std::uint64_t frames_in = 0;
   if (!captures.empty()) all = captures.front().facts;
   all.frames_out = all.lost = 0;
+  all.gyro = {};
   all.deblur_ms = 0.0;
   for (const CaptureSummary& capture : captures) {
     frames_in += capture.frames_in;
     all.frames_out += capture.facts.frames_out;
     all.lost += capture.facts.lost;
     all.deblur_ms += capture.facts.deblur_ms;
+    for (std::size_t i = 0; i < kGyroUses; ++i) all.gyro[i] += capture.facts.gyro[i];
   }
   Json json{{"frames_in", frames_in},
             {"frames_out", all.frames_out},
@@ -59,6 +61,8 @@ Json common_json(const DeblurRequest& request, const std::vector<CaptureSummary>
   if (request.options.region) json["roi"] = in_words(*request.options.region);
   json["points"] = captures.empty() ? 0 : captures.front().points;
   json["maps"] = request.maps_file.filename().string();
+  for (std::size_t i = 0; request.gyro != nullptr && i < kGyroUses; ++i)
+    json["gyro"][name(static_cast<GyroUse>(i))] = all.gyro[i];
   json["rmse"] = captures.size() == 1 ? rmse_json(all.rmse) : Json(nullptr);
   return json;
 }
@@ -100,6 +104,13 @@ void print_truth(const RunFacts& facts) {
               facts.rmse->deblurred_k);
 }
 
+void print_gyro(const DeblurRequest& request, const RunFacts& facts) {
+  if (request.gyro == nullptr) return;
+  const auto& [used, silent, ignored] = facts.gyro;
+  std::printf("gyro: used for %llu frames; ignored for %llu, where the picture moved otherwise; no samples for %llu\n",
+              count(used), count(ignored), count(silent));
+}
+
 }  // namespace
 
 void print_capture(const DeblurRequest& request, const CaptureSummary& capture, double seconds) {
@@ -112,6 +123,7 @@ void print_capture(const DeblurRequest& request, const CaptureSummary& capture, 
               capture.file.output.c_str(), count(facts.frames_out), count(capture.frames_in), count(facts.lost),
               facts.solver_text.c_str(), ms_per_frame(facts), request.options.workers, seconds);
   print_truth(facts);
+  print_gyro(request, facts);
 }
 
 void print_folder(const DeblurRequest& request, const FolderSummary& s) {
@@ -129,6 +141,7 @@ void print_folder(const DeblurRequest& request, const FolderSummary& s) {
                 count(capture.facts.frames_out), count(capture.frames_in), count(capture.facts.lost),
                 capture.facts.solver_text.c_str(), ms_per_frame(capture.facts));
     print_truth(capture.facts);
+    print_gyro(request, capture.facts);
   }
   std::printf("%zu captures, %llu frames in %.1f s; %zu done before", s.captures.size(), count(frames), s.seconds,
               s.skipped.size());

@@ -14,6 +14,7 @@
 #include "src/model/camera_profile.hpp"
 #include "src/pipeline/apply_profile.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/deblur/gyro_file.hpp"
 #include "tools/deblur/pixel_choice.hpp"
 
 namespace bolo::tools {
@@ -55,6 +56,16 @@ Status read_settings(const cxxopts::ParseResult& args, deblur::Settings& setting
   settings.kappa = args["kappa"].as<double>();
   settings.noise_k = args["noise"].as<double>();
   return read_lambda(args["lambda"].as<std::string>(), settings);
+}
+
+Status read_gyro_file(const cxxopts::ParseResult& args, DeblurRequest& request) {
+  if (args.count("gyro") == 0) return {};
+  request.gyro_file = args["gyro"].as<std::string>();
+  if (const Status status = deblur::check_gyro(request.options.deblur); !status) return at("--gyro", status.error());
+  auto samples = read_gyro(request.gyro_file);
+  if (!samples) return tl::unexpected(samples.error());
+  request.gyro = std::make_shared<const std::vector<GyroSample>>(std::move(*samples));
+  return {};
 }
 
 Result<PixelType> type_from_name(const std::string& name) {
@@ -145,7 +156,7 @@ Status read_share(const cxxopts::ParseResult& args, DeblurRequest& request) {
 // In a folder what is there already is looked at when its turn comes.
 Status check_files(const DeblurRequest& request) {
   std::vector<fs::path> outputs;
-  std::vector<fs::path> inputs{request.points_file, request.profile_file, request.maps_file};
+  std::vector<fs::path> inputs{request.points_file, request.profile_file, request.maps_file, request.gyro_file};
   for (const DeblurFile& file : request.files) {
     outputs.push_back(file.output);
     inputs.push_back(file.input);
@@ -170,6 +181,8 @@ cxxopts::Options deblur_command_line() {
     ("profile", "Camera profile: what is known of the camera and undone", cxxopts::value<std::string>(), "P.toml")
     ("tau", "Thermal time constant, s (default: the profile's, else " + text(defaults.tau_s) + ")",
      cxxopts::value<double>(), "S")
+    ("gyro", "Angular rates beside the captures, for the solver motion: a line t_s,x_rad_s,y_rad_s,z_rad_s for each",
+     cxxopts::value<std::string>(), "G.csv")
     ("scene-nuc", "Learn the pattern that stays while the scene moves, and take it out")
     ("solver", "admm, dual, exact, inverse, mmae or motion", cxxopts::value<std::string>()->default_value("admm"))
     ("iterations", "ADMM iterations; 0: as many as the accuracy needs",
@@ -207,6 +220,7 @@ Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args) {
   if (Status status = read_files(args, request); !status) return tl::unexpected(status.error());
   if (Status status = read_profile(args, request); !status) return tl::unexpected(status.error());
   if (Status status = read_settings(args, request.options.deblur); !status) return tl::unexpected(status.error());
+  if (Status status = read_gyro_file(args, request); !status) return tl::unexpected(status.error());
   request.options.undo.scene_nuc |= args.count("scene-nuc") != 0;
   if (Status status = deblur::choose_isa(args["isa"].as<std::string>()); !status) return at("--isa", status.error());
   request.isa_given = args["isa"].as<std::string>() != "auto";
@@ -247,6 +261,7 @@ std::vector<std::pair<std::string, std::string>> files_behind(const DeblurReques
   if (!request.points_file.empty()) names.emplace_back("points_file", request.points_file.filename().string());
   if (!request.profile_file.empty()) names.emplace_back("profile", request.profile_file.filename().string());
   if (!request.maps_file.empty()) names.emplace_back("maps", request.maps_file.filename().string());
+  if (!request.gyro_file.empty()) names.emplace_back("gyro", request.gyro_file.filename().string());
   return names;
 }
 

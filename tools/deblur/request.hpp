@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -10,6 +11,7 @@
 #include <cxxopts.hpp>
 
 #include "src/capture/capture.hpp"
+#include "src/core/gyro.hpp"
 #include "src/core/result.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tools/deblur/share.hpp"
@@ -28,7 +30,9 @@ struct DeblurRequest {
   std::filesystem::path points_file;
   std::filesystem::path profile_file;
   std::filesystem::path maps_file;
-  pipeline::PipelineOptions options;  // points are of a capture (points_of)
+  std::filesystem::path gyro_file;
+  std::shared_ptr<const std::vector<GyroSample>> gyro;  // of gyro_file; null: none
+  pipeline::PipelineOptions options;                    // points are of a capture (points_of)
   Replace replace = Replace::kNothing;
   bool isa_given = false;
   bool json = false;

@@ -54,6 +54,23 @@ TEST_F(Config, AnEmptyFileIsAnA655scAt200Hz) {
   EXPECT_EQ(config->sinks.at(0)->describe(config->sink_context()), "shared memory /bolo.camera");
 }
 
+TEST_F(Config, AGyroNeedsTheSolverAndTheLens) {
+  write("lens.toml", "[lens]\nfocal_px = 1400\n[gyro]\ndelay_s = 0.002\n");
+  const std::string motion = "[deblur]\nsolver = 'motion'\n";
+  const auto config = read("profile = 'lens.toml'\n" + motion + "[motion]\ngyro = 'shm:imu'\n");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->gyro, "shm:imu");
+  EXPECT_EQ(config->pipeline.deblur.gyro_setup.focal_px, 1400.0);
+  EXPECT_EQ(config->pipeline.deblur.gyro_setup.delay_s, 0.002);
+  const std::string gyro = "[motion]\ngyro = 'shm:imu'\n";
+  EXPECT_NE(complaint(motion + gyro).find("lens.focal_px"), std::string::npos);
+  EXPECT_NE(complaint("profile = 'lens.toml'\n" + gyro).find("solver motion"), std::string::npos);
+  EXPECT_NE(complaint("profile = 'lens.toml'\n" + motion + "[motion]\ngyro = 'imu'\n").find("shm:NAME"),
+            std::string::npos);
+  EXPECT_NE(complaint("profile = 'lens.toml'\n" + motion + "[motion]\ngyro = 'shm:a/b'\n").find("no name"),
+            std::string::npos);
+}
+
 TEST_F(Config, KeysReachTheirPlaces) {
   write("a.h5", "");
   const auto config = read(

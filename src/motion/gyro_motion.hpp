@@ -1,0 +1,34 @@
+// What a gyro tells of the picture's motion over the frames that a path is made of.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "src/core/geometry.hpp"
+#include "src/core/gyro.hpp"
+#include "src/motion/path.hpp"
+
+namespace bolo::motion {
+
+class GyroMotion {
+ public:
+  // Thread: setup.
+  GyroMotion(Geometry frame, int row_step, const GyroSetup& setup, double period_s, const Inertia& inertia);
+
+  // The motion before `time_ns`, the time of the newest of the displacements. False where the samples do not reach over
+  // it: late by more than half a frame, begun after it, or with pauses of more than three. Thread: pipeline.
+  bool find(std::span<const GyroSample> samples, std::int64_t time_ns, Told& told) const noexcept;
+
+ private:
+  static constexpr int kPartsOfFrame = 4;
+  Affine motion_of(const std::array<double, 3>& turn) const noexcept;
+
+  Geometry frame_;
+  double row_step_;
+  GyroSetup setup_;
+  double period_ns_;
+  std::array<double, kPartsOfFrame + 1> weights_{};  // of the innovation's parts, the newest first
+};
+
+}  // namespace bolo::motion
