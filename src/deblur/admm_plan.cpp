@@ -5,8 +5,6 @@
 namespace bolo::deblur {
 namespace {
 
-int support_of(int i, int bins) { return i == 0 ? bins : 2 * (i & -i); }
-
 // Where the coefficient stands in the matrices' order: coarse to fine, each level from the window's begin.
 std::size_t ordered(int i, int bins) {
   const int support = support_of(i, bins);

@@ -86,6 +86,9 @@ HWY_INLINE void narrow(Vec x, std::uint16_t* to) {
 HWY_INLINE Vec load_vector_of(const std::uint16_t* from) { return widen(from); }
 HWY_INLINE Vec load_vector_of(const float* from) { return hn::LoadU(Float(), from); }
 
+HWY_INLINE void store_vector(Vec x, std::uint16_t* to) { narrow(x, to); }
+HWY_INLINE void store_vector(Vec x, float* to) { hn::StoreU(x, Float(), to); }
+
 // `count` values of a plane from pixel `at`, the rest of the vector zero.
 template <typename T>
 HWY_INLINE Vec load_lanes(const void* plane, std::size_t at, std::size_t count) {
@@ -116,11 +119,7 @@ HWY_INLINE Pair load_lambda(const PixelRun& run, float common, std::size_t at, s
 
 template <typename T>
 HWY_INLINE void store_values(const PixelRun& run, Vec x, T* to) {
-  if constexpr (std::is_same_v<T, float>) {
-    hn::StoreU(hn::MulAdd(all(run.scale), x, all(run.offset)), Float(), to);
-  } else {
-    narrow(x, to);
-  }
+  store_vector(std::is_same_v<T, float> ? hn::MulAdd(all(run.scale), x, all(run.offset)) : x, to);
 }
 
 template <typename T>

@@ -12,23 +12,25 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
-// Of a lost sample's value, before the second sweep and before each later one.
-inline constexpr int kFirstSteps = 8;
-inline constexpr int kLaterSteps = 2;
+// Steps of a lost sample's value, and after how many of them its bounds are worth finding.
+inline constexpr int kMostSteps = 20;
+inline constexpr int kFreeSteps = 2;
+inline constexpr int kMostRounds = 4;  // of moving two
+inline constexpr float kFar = 1e20F;
 
 // What an update needs besides the pixel's own values.
 struct Weights {
   Vec keep;
   Vec left;
   Vec right;
-  Vec twice;
+  Vec middle;
   std::size_t bound;
 };
 
 // `level`: log2 of the coefficient's support, less 1.
 HWY_INLINE Weights weights_of(const DualPlan& plan, int i, int level) {
   const DualCoefficients& row = plan.row[static_cast<std::size_t>(i)];
-  return {all(row.keep), all(row.left), all(row.right), all(2.0F * row.right), bound_of(i, level)};
+  return {all(row.keep), all(row.left), all(row.right), all(row.middle), bound_of(i, level)};
 }
 
 // One coefficient; returns how far it moved. In the first sweep t is still zero.
@@ -55,7 +57,7 @@ HWY_INLINE void move_wavelet(const Weights& w, int i, std::size_t v, Dual<kBins>
   const Vec ends = hn::Add(left, right);
   const Vec moved = move<kFirst>(w, i, kFirst ? ends : hn::NegMulAdd(all(2.0F), middle, ends), v, m);
   left = hn::NegMulAdd(w.left, moved, left);
-  middle = kFirst ? hn::Mul(w.twice, moved) : hn::MulAdd(w.twice, moved, middle);
+  middle = kFirst ? hn::Mul(w.middle, moved) : hn::MulAdd(w.middle, moved, middle);
   right = hn::NegMulAdd(w.right, moved, right);
 }
 
@@ -171,55 +173,57 @@ HWY_INLINE Vec unbounded(const DualPlan& plan, int i, std::size_t v, Dual<kBins>
   return hn::Add(rest, half == 1 ? ends : hn::NegMulAdd(all(2.0F), at(m.jump(i) + v), ends));
 }
 
-// What the steps of a lost sample need: where t would go, how far the sample has moved, and between which bounds.
+// What the steps of a lost sample need: where each t would go, and how far the sample moves, between which bounds.
 template <int kBins>
 struct Step {
   using Wide = typename Dual<kBins>::Wide;
-  HWY_ALIGN Wide rest[most_parts(kBins)];
-  HWY_ALIGN Wide others;  // the equation's terms that hardly follow
+  HWY_ALIGN Wide rest[std::size_t{3 * log2_of(kBins)}];
   HWY_ALIGN Wide y;
   HWY_ALIGN Wide low;
   HWY_ALIGN Wide high;
 };
 
-template <bool kFirst, int kBins>
+template <int kBins>
 HWY_INLINE void begin_step(const DualPlan& plan, const LostSample& lost, std::size_t v, Dual<kBins>& m,
                            Step<kBins>& s) {
-  Vec others = hn::Zero(Float());
-  for (std::size_t k = lost.led; k < lost.parts; ++k) {
-    others = hn::MulAdd(all(lost.part[k].share), at(m.t(lost.part[k].row) + v), others);
-  }
-  put(others, s.others + v);
-  Vec low = kFirst ? all(kFar) : all(-kFar);
-  Vec high = hn::Neg(low);
-  for (std::size_t k = 0; k < lost.led; ++k) {
+  for (std::size_t k = 0; k < lost.parts; ++k) put(unbounded(plan, lost.part[k].row, v, m), s.rest[k] + v);
+  put(hn::Zero(Float()), s.y + v);
+  put(all(-kFar), s.low + v);
+  put(all(kFar), s.high + v);
+}
+
+// Beyond these no t follows any more.
+template <int kBins>
+HWY_INLINE void find_bounds(const LostSample& lost, std::size_t v, const Dual<kBins>& m, Step<kBins>& s) {
+  Vec low = all(kFar);
+  Vec high = all(-kFar);
+  for (std::size_t k = 0; k < lost.parts; ++k) {
     const LostSample::Part& part = lost.part[k];
-    const Vec rest = unbounded(plan, part.row, v, m);
-    put(rest, s.rest[k] + v);
-    if (!kFirst) continue;
-    const Vec middle = hn::Mul(all(-part.inverse), rest);
+    const Vec middle = hn::Mul(all(-part.inverse), at(s.rest[k] + v));
     const Vec width = hn::Mul(all(std::abs(part.inverse)), at(m.high[part.bound] + v));
     low = hn::Min(low, hn::Sub(middle, width));
     high = hn::Max(high, hn::Add(middle, width));
   }
-  put(low, s.low + v);
-  put(high, s.high + v);
-  put(kFirst ? hn::Min(hn::Max(hn::Zero(Float()), low), high) : hn::Zero(Float()), s.y + v);
+  put(hn::Max(low, at(s.low + v)), s.low + v);
+  put(hn::Min(high, at(s.high + v)), s.high + v);
 }
 
 // A step of Newton's method between the bounds; half-way between them where it leads out or no t is free to follow.
+// Pixels whose equation holds stay; false when all do.
 template <int kBins>
-HWY_INLINE void newton(const LostSample& lost, std::size_t v, const Dual<kBins>& m, Step<kBins>& s) {
+HWY_INLINE bool newton(const LostSample& lost, std::size_t v, const Dual<kBins>& m, Step<kBins>& s) {
   const Vec y = at(s.y + v);
-  Vec sum = at(s.others + v);
+  Vec sum = hn::Zero(Float());
   Vec slope = hn::Zero(Float());
-  for (std::size_t k = 0; k < lost.led; ++k) {
+  for (std::size_t k = 0; k < lost.parts; ++k) {
     const LostSample::Part& part = lost.part[k];
     const Vec to = hn::MulAdd(all(part.move), y, at(s.rest[k] + v));
     const Vec t = clip(to, m.low[part.bound] + v, m.high[part.bound] + v);
     sum = hn::MulAdd(all(part.share), t, sum);
     slope = hn::Add(slope, hn::IfThenElseZero(hn::Eq(to, t), all(part.slope)));
   }
+  const Vec tolerance = hn::Mul(all(lost.tolerance), at(m.high[lost.part[0].bound] + v));
+  const auto off = hn::Gt(hn::Abs(sum), tolerance);
   const auto above = hn::Gt(sum, hn::Zero(Float()));
   const Vec high = hn::IfThenElse(above, y, at(s.high + v));
   const Vec low = hn::IfThenElse(above, at(s.low + v), y);
@@ -229,20 +233,72 @@ HWY_INLINE void newton(const LostSample& lost, std::size_t v, const Dual<kBins>&
   const auto inside = hn::And(hn::Ge(next, low), hn::Le(next, high));
   const auto bounded = hn::Lt(hn::Sub(high, low), all(kFar));
   const Vec halfway = hn::IfThenElse(bounded, hn::Mul(all(0.5F), hn::Add(low, high)), y);
-  put(hn::IfThenElse(inside, next, halfway), s.y + v);
+  put(hn::IfThenElse(off, hn::IfThenElse(inside, next, halfway), y), s.y + v);
+  return !hn::AllFalse(Float(), off);
 }
 
-// Moves the lost samples to where the next sweep would keep their equations: from anywhere the first time.
-template <bool kFirst, int kBins>
-HWY_NOINLINE void balance(const DualPlan& plan, Dual<kBins>& m) {
+template <int kBins>
+HWY_INLINE void shift_lost(const LostSample& lost, float in_estimate, Vec by, std::size_t v, Dual<kBins>& m) {
+  for (std::size_t k = 0; k < lost.parts; ++k) {
+    float* const c = m.c[lost.part[k].row] + v;
+    put(hn::MulAdd(all(lost.part[k].move), by, at(c)), c);
+  }
+  put(hn::MulAdd(all(in_estimate), by, at(m.estimate + v)), m.estimate + v);
+}
+
+// Moves a lost sample to where the next sweep would keep its equation; false when it is there.
+template <int kBins>
+HWY_INLINE bool solve_lost(const DualRun& run, std::size_t index, Dual<kBins>& m) {
+  const LostSample& lost = run.plan.gap[index];
   Step<kBins> s;
-  for (std::size_t k = 0; k < plan.lost; ++k) {
-    const LostSample& lost = plan.gap[k];
-    for (std::size_t v = 0; v < m.end; v += kLanes) begin_step<kFirst>(plan, lost, v, m, s);
-    for (int step = 0; step < (kFirst ? kFirstSteps : kLaterSteps); ++step) {
-      for (std::size_t v = 0; v < m.end; v += kLanes) newton(lost, v, m, s);
+  for (std::size_t v = 0; v < m.end; v += kLanes) begin_step(run.plan, lost, v, m, s);
+  for (int step = 0; step < kMostSteps; ++step) {
+    bool off = false;
+    for (std::size_t v = 0; v < m.end; v += kLanes) {
+      if (step == kFreeSteps) find_bounds(lost, v, m, s);
+      off |= newton(lost, v, m, s);
     }
-    for (std::size_t v = 0; v < m.end; v += kLanes) shift_lost(lost, at(s.y + v), v, m);
+    if (!off && step == 0) return false;
+    if (!off) break;
+  }
+  for (std::size_t v = 0; v < m.end; v += kLanes) shift_lost(lost, run.lost[index], at(s.y + v), v, m);
+  return true;
+}
+
+// Sets t of a pair's wavelet to what the lost sample's equation asks for, and the sample to what holds it there.
+template <int kBins>
+HWY_INLINE void solve_pair(const DualRun& run, std::size_t index, std::size_t v, Dual<kBins>& m) {
+  const LostSample& lost = run.plan.gap[index];
+  const int i = lost.slot;
+  const DualCoefficients& row = run.plan.row[static_cast<std::size_t>(i)];
+  Vec t = hn::Zero(Float());
+  for (std::size_t k = 1; k < lost.parts; ++k) {
+    t = hn::MulAdd(all(lost.part[k].share), at(m.t(lost.part[k].row) + v), t);
+  }
+  const Vec moved = hn::Sub(t, at(m.t(i) + v));
+  const Vec left = hn::NegMulAdd(all(row.left), moved, at(m.jump(i - 1) + v));
+  const Vec right = hn::NegMulAdd(all(row.right), moved, at(m.jump(i + 1) + v));
+  put(t, m.t(i) + v);
+  put(left, m.jump(i - 1) + v);
+  put(right, m.jump(i + 1) + v);
+  const Vec rest = hn::Add(hn::MulAdd(all(row.keep), t, at(m.c[i] + v)), hn::Add(left, right));
+  shift_lost(lost, run.lost[index], hn::Mul(all(lost.part[0].inverse), hn::Sub(t, rest)), v, m);
+}
+
+// Before a sweep, or, where none follows, only what no sweep sets: the lost samples of pairs.
+template <int kBins>
+HWY_NOINLINE void balance(const DualRun& run, bool last, Dual<kBins>& m) {
+  bool moved = true;
+  for (int round = 0; moved && round < kMostRounds; ++round) {
+    moved = false;
+    for (std::size_t k = 0; k < run.plan.moves; ++k) {
+      if (!run.plan.gap[k].pair) {
+        moved |= !last && solve_lost(run, k, m);
+      } else if (round == 0) {
+        for (std::size_t v = 0; v < m.end; v += kLanes) solve_pair(run, k, v, m);
+      }
+    }
+    if (run.plan.moves == run.plan.lost) break;
   }
 }
 
@@ -270,10 +326,14 @@ HWY_INLINE void for_each_dual(const DualRun& run, const Finish& finish) {
     load_block(run, first, m);
     sweep<kBins, true>(run.plan, m);
     for (int k = 1; k < run.plan.sweeps; ++k) {
-      k == 1 ? balance<true>(run.plan, m) : balance<false>(run.plan, m);
+      balance(run, false, m);
       sweep<kBins, false>(run.plan, m);
     }
-    for (int k = 0; k < run.plan.near_sweeps; ++k) sweep_near(run.plan, run.pixels.published, m);
+    for (int k = 0; k < run.plan.near_sweeps; ++k) {
+      balance(run, false, m);
+      sweep_near(run.plan, run.pixels.published, m);
+    }
+    balance(run, true, m);
     finish(first, m);
   }
 }

@@ -6,27 +6,25 @@
 namespace bolo::deblur {
 namespace {
 
-// What sweeps leave where frames are lost ADMM's iteration mends; ADMM also solves what they do not apply to.
+// ADMM solves the patterns of lost frames that the sweeps do not apply to.
 class DualMethod final : public PixelMethod {
  public:
   DualMethod(const StreamTask& task, const Grid& grid, const DualTuning& tuning)
-      : grid_(grid), plan_(make_dual_plan(grid, tuning)), kernels_(best_kernels()), with_gaps_(admm(task)) {}
+      : grid_(grid), tuning_(tuning), kernels_(best_kernels()), otherwise_(admm(task)) {}
 
   void prepare(const Pattern& pattern) noexcept override {
-    gaps_ = pattern.count < pattern.slots;
-    if (gaps_) with_gaps_->prepare(pattern);
-    if (!gaps_) deblur::prepare(plan_, grid_, pattern);
+    applies_ = dual_bridges(pattern);
+    if (!applies_) return otherwise_->prepare(pattern);
+    plan_ = make_dual_plan(grid_, tuning_);
+    deblur::prepare(plan_, grid_, pattern);
   }
 
   void run(const PixelRun& run) const noexcept override {
-    if (gaps_) {
-      with_gaps_->run(run);
-    } else {
-      kernels_.dual(plan_, run);
-    }
+    if (applies_) return kernels_.dual(plan_, run);
+    otherwise_->run(run);
   }
 
-  int iterations() const noexcept override { return plan_.sweeps + plan_.near_sweeps; }
+  int iterations() const noexcept override { return tuning_.sweeps + tuning_.near_sweeps; }
   std::string_view isa() const noexcept override { return kernels_.isa; }
 
  private:
@@ -36,10 +34,11 @@ class DualMethod final : public PixelMethod {
   }
 
   Grid grid_;
+  DualTuning tuning_;
   DualPlan plan_;
   const Kernels& kernels_;
-  std::unique_ptr<PixelMethod> with_gaps_;
-  bool gaps_ = false;
+  std::unique_ptr<PixelMethod> otherwise_;
+  bool applies_ = true;
 };
 
 }  // namespace

@@ -6,14 +6,19 @@
 namespace bolo::deblur {
 namespace {
 
+// How well a lost sample's equation must hold, in lambdas: more shows in the estimate beside it.
+constexpr double kTolerance = 0.001;
+
 // Q_ii: a wavelet's squared jumps are 1 + 4 + 1; the one at the begin of the window counts 1 - a.
 double curvature_of(int i, int bins, double decay) {
   const double c = decay / ((1.0 - decay) * (1.0 - decay));
-  const int support = i == 0 ? bins : 2 * (i & -i);
+  const int support = support_of(i, bins);
   const double middle = i == 0 ? 0.0 : 4.0;
   const bool first = i == 0 || i - (i & -i) == 0;
   return 1.0 + c / support * (middle + 1.0 + (first ? 1.0 - decay : 1.0));
 }
+
+int level_of(int i, int bins) { return static_cast<int>(std::lround(std::log2(support_of(i, bins)))) - 1; }
 
 // How much bin `bin` counts in coefficient i, without normalisation: 1, -1 or 0.
 double sign_of(int i, int bin, int bins) {
@@ -24,46 +29,132 @@ double sign_of(int i, int bin, int bins) {
   return bin < i ? 1.0 : -1.0;
 }
 
-LostSample lost_sample(const DualPlan& plan, const Grid& grid, const SlotValue& value, int slot) noexcept {
-  LostSample lost;
-  lost.slot = slot;
-  lost.after = value.after;
-  lost.weight = value.weight;
-  const double a = std::exp(-grid.ratio);
-  // In one pair of bins only their wavelet would be left to follow, which no bound holds.
-  const bool pair = slot % 2 == 1 || slot == plan.bins;
-  for (const bool around : {false, true}) {
-    for (int i = 0; i < plan.bins; ++i) {
-      const double near = sign_of(i, slot - 1, plan.bins);
-      const double far = sign_of(i, slot, plan.bins);
-      if ((near == 0.0 && far == 0.0) || around != (near == far)) continue;
-      const double move = near - a * far;
-      const double share = move * plan.row[static_cast<std::size_t>(i)].gain;
-      const int level = static_cast<int>(std::lround(std::log2(i == 0 ? plan.bins : 2 * (i & -i)))) - 1;
+// The most that t of a pair's wavelet must be is tanh(T / 2 tau) times what all other coefficients can add up to.
+bool stays_in_bound(const Grid& grid) {
+  double sum = 1.0 / std::sqrt(grid.bins);
+  for (int support = 4; support <= grid.bins; support *= 2) sum += 1.0 / std::sqrt(support);
+  return std::tanh(grid.ratio / 2.0) * sum < std::sqrt(0.5);
+}
+
+// Fills a plan's lost samples and the directions that they move in.
+class GapBuilder {
+ public:
+  GapBuilder(DualPlan& plan, const Grid& grid)
+      : plan_(plan), decay_(std::exp(-grid.ratio)), lambda_scale_(grid.lambda_scale) {
+    plan_.lost = 0;
+    plan_.moves = 0;
+  }
+
+  // Of pairs first.
+  void add(int slot, const SlotValue& value, bool pair) noexcept {
+    LostSample& lost = plan_.gap[plan_.lost];
+    lost = {};
+    lost.slot = slot;
+    lost.value = value;
+    lost.pair = pair;
+    lost.along[plan_.lost] = 1.0F;
+    Bins& shift = shifts_[plan_.lost];
+    shift = {};
+    if (slot > 0) shift[static_cast<std::size_t>(slot - 1)] = 1.0;
+    if (slot < plan_.bins) shift[static_cast<std::size_t>(slot)] = -decay_;
+    for (std::size_t k = 0; !pair && k < plan_.lost && plan_.gap[k].pair; ++k) add_along(plan_.gap[k].slot, k);
+    finish();
+    plan_.lost = plan_.moves;
+  }
+
+  // Where two that are in no pair share coefficients, each alone can hold the other back: also moves both, so that the
+  // coefficient that holds them the most stays.
+  void add_both() noexcept {
+    if (plan_.lost < 2 || plan_.gap[plan_.lost - 2].pair) return;
+    const std::size_t first = plan_.lost - 2;
+    int shared = 0;
+    double most = 0.0;
+    for (int i = 1; i < plan_.bins; ++i) {
+      if (!parts_at(i, plan_.gap[first].slot) || !parts_at(i, plan_.gap[first + 1].slot)) continue;
+      const double both = std::abs(move_of(i, first) * move_of(i, first + 1)) / support_of(i, plan_.bins);
+      if (both <= most) continue;
+      most = both;
+      shared = i;
+    }
+    if (shared == 0) return;
+    plan_.gap[plan_.moves] = {};
+    plan_.gap[plan_.moves].along[first] = 1.0F;
+    shifts_[plan_.moves] = shifts_[first];
+    add_along(shared, first + 1);
+    finish();
+  }
+
+ private:
+  using Bins = std::array<double, kMaxDualBins>;
+
+  // Whether coefficient i tells the bins beside a slot apart.
+  bool parts_at(int i, int slot) const noexcept {
+    return sign_of(i, slot - 1, plan_.bins) != sign_of(i, slot, plan_.bins);
+  }
+
+  // How far coefficient i moves with lost sample k.
+  double move_of(int i, std::size_t k) const noexcept {
+    double move = 0.0;
+    for (int bin = 0; bin < plan_.bins; ++bin) {
+      move += sign_of(i, bin, plan_.bins) * shifts_[k][static_cast<std::size_t>(bin)];
+    }
+    return std::abs(move) < 1e-9 ? 0.0 : move;
+  }
+
+  // Lets lost sample k move with the newest direction, so that coefficient i does not.
+  void add_along(int i, std::size_t k) noexcept {
+    const double by = -move_of(i, plan_.moves) / move_of(i, k);
+    for (std::size_t bin = 0; bin < kMaxDualBins; ++bin) shifts_[plan_.moves][bin] += by * shifts_[k][bin];
+    plan_.gap[plan_.moves].along[k] = static_cast<float>(by);
+  }
+
+  // The newest direction's parts.
+  void finish() noexcept {
+    LostSample& lost = plan_.gap[plan_.moves];
+    for (int i = 0; i < plan_.bins; ++i) {
+      const double move = move_of(i, plan_.moves);
+      if (move == 0.0) continue;
+      const double share = move * plan_.row[static_cast<std::size_t>(i)].gain;
       LostSample::Part& part = lost.part[lost.parts++];
       part.row = i;
-      part.bound = bound_of(i, level);
+      part.bound = bound_of(i, level_of(i, plan_.bins));
       part.move = static_cast<float>(move);
       part.share = static_cast<float>(share);
       part.slope = static_cast<float>(share * move);
       part.inverse = static_cast<float>(1.0 / move);
+      if (lost.pair && i == lost.slot) std::swap(part, lost.part[0]);
     }
-    if (!around || pair) lost.led = lost.parts;
+    const double p = 1.0 - decay_;
+    lost.tolerance = static_cast<float>(kTolerance * p * p * lambda_scale_) / plan_.bound[lost.part[0].bound];
+    for (std::size_t k = 1; lost.pair && k < lost.parts; ++k) lost.part[k].share /= -lost.part[0].share;
+    ++plan_.moves;
   }
-  return lost;
-}
 
-bool lost_neighbours(const Pattern& pattern) noexcept {
-  for (int slot = 1; slot < pattern.slots; ++slot) {
-    const auto i = static_cast<std::size_t>(slot);
-    if (!pattern.received[i - 1] && !pattern.received[i]) return true;
+  DualPlan& plan_;
+  double decay_;
+  double lambda_scale_;
+  std::array<Bins, kMostLost + 1> shifts_;
+};
+
+// A window that begins at a later sample has neither input nor residual before it: the jump to its first bin weighs
+// what the one at the begin of the whole window does.
+void begin_at(DualPlan& plan, int first) noexcept {
+  const float p = 1.0F / plan.inverse_p;
+  if (first == 1) {
+    plan.row[1].keep += 2.0F * plan.decay * plan.row[1].middle;
+    plan.row[1].middle *= p;
+  } else if (first == 2) {
+    plan.row[1].right *= p;
+    plan.row[2].middle *= p;
+    plan.row[3].left *= p;
   }
-  return false;
 }
 
 }  // namespace
 
-bool dual_bridges(const Pattern& pattern) { return pattern.first == 0 && pattern.slots - pattern.count <= kMostLost; }
+bool dual_bridges(const Pattern& pattern) {
+  return pattern.first <= std::min(2, pattern.slots / 4) && pattern.slots - pattern.count <= kMostLost;
+}
 
 bool dual_applies(const Grid& grid) { return grid.parts == 1 && grid.frames_per_bin == 1 && grid.bins <= kMaxDualBins; }
 
@@ -88,8 +179,9 @@ DualPlan make_dual_plan(const Grid& grid, const DualTuning& tuning) {
     row.keep = static_cast<float>(1.0 - step - (half == 1 ? 4.0 * bend : 0.0));
     row.left = static_cast<float>(i == half ? p * bend : bend);
     row.right = static_cast<float>(bend);
-    const int level = static_cast<int>(std::lround(std::log2(support))) - 1;
-    plan.bound[bound_of(i, level)] = static_cast<float>(p * grid.lambda_scale / std::sqrt(support) / row.gain);
+    row.middle = static_cast<float>(2.0 * bend);
+    plan.bound[bound_of(i, level_of(i, plan.bins))] =
+        static_cast<float>(p * grid.lambda_scale / std::sqrt(support) / row.gain);
   }
   return plan;
 }
@@ -104,8 +196,7 @@ Estimate dual_estimate(const DualPlan& plan, const Published& bins) noexcept {
       const int i = half == plan.bins ? 0 : (bin & ~(2 * half - 1)) + half;
       const DualCoefficients& row = plan.row[static_cast<std::size_t>(i)];
       const bool right = i != 0 && (bin & half) != 0;
-      // Between the bins of a pair the jump is 2 row.right t_i.
-      const double v = row.gain + (half == 1 ? 2.0 * static_cast<double>(row.right) : 0.0);
+      const double v = row.gain + (half == 1 ? static_cast<double>(row.middle) : 0.0);
       e.term[e.terms++] = {static_cast<std::size_t>(i), static_cast<float>(right ? scaled * v : -scaled * v)};
     }
     const bool second = bin % 2 == 1;
@@ -141,17 +232,18 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
   std::array<SlotValue, kMaxSlots> values;
   fill_lost(grid, pattern, values);
   plan.inverse_count = 1.0F / static_cast<float>(pattern.count);
-  plan.lost = 0;
-  for (int slot = 0; slot < pattern.slots; ++slot) {
-    const SlotValue& value = values[static_cast<std::size_t>(slot)];
-    plan.stand_in[static_cast<std::size_t>(slot)] = value.before;
-    if (pattern.received[static_cast<std::size_t>(slot)]) continue;
-    plan.gap[plan.lost++] = lost_sample(plan, grid, value, slot);
+  const bool pairs = stays_in_bound(grid);
+  GapBuilder gap(plan, grid);
+  for (const bool pair : {true, false}) {
+    for (int slot = 0; slot < pattern.slots; ++slot) {
+      if (pattern.received[static_cast<std::size_t>(slot)] || (pairs && slot % 2 == 1) != pair) continue;
+      gap.add(slot, values[static_cast<std::size_t>(slot)], pair);
+      plan.sweeps += pair ? 0 : 1;
+    }
   }
-  if (plan.lost == 0) return;
-  plan.sweeps += plan.near_sweeps + 2 * static_cast<int>(plan.lost) - 1;  // they wait for each other
-  if (lost_neighbours(pattern)) plan.sweeps *= 2;                         // most of all beside each other
-  plan.near_sweeps = 0;
+  if (plan.lost > 0 && plan.near_sweeps > 1) ++plan.sweeps;  // the larger lambda, the longer they wait for each other
+  gap.add_both();
+  begin_at(plan, pattern.first);
 }
 
 }  // namespace bolo::deblur

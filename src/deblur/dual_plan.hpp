@@ -19,7 +19,7 @@ namespace bolo::deblur {
 inline constexpr int kMaxDualBins = 64;
 inline constexpr int kMaxDualLevels = 6;
 inline constexpr int kMostLost = 3;
-inline constexpr std::size_t kMostParts = 2 * kMaxDualLevels + 1;
+inline constexpr std::size_t kMostParts = 3 * kMaxDualLevels;
 inline constexpr std::size_t kMostTerms = 2 * (kMaxDualLevels + 2);
 
 // Of coefficient i, in the order of the in-place butterflies: index i != 0 is the wavelet of support 2 (i & -i) that
@@ -29,11 +29,20 @@ inline constexpr std::size_t kMostTerms = 2 * (kMaxDualLevels + 2);
 // and t_i stands divided by sqrt(support), an update is t_i = clip(keep t_i + c_i + begin - 2 middle + end) with c the
 // transform of p times the inverse filter's x, and the jumps scaled by p c.
 struct DualCoefficients {
-  float keep = 0.0F;   // 1 - omega / Q_ii, less what the middle adds where its jump is not kept
-  float left = 0.0F;   // by which the jump at the begin moves with -t_i
-  float right = 0.0F;  // the same at the end; twice that with t_i in the middle
+  float keep = 0.0F;    // 1 - omega / Q_ii, less what the middle adds where its jump is not kept
+  float left = 0.0F;    // by which the jump at the begin moves with -t_i
+  float right = 0.0F;   // the same at the end
+  float middle = 0.0F;  // by which the jump in the middle moves with t_i
   double gain = 0.0;
 };
+
+constexpr int support_of(int i, int bins) { return i == 0 ? bins : 2 * (i & -i); }
+
+// Where the bound of t_i stands; wavelets at the begin of the window have their own. `level`: log2 of the support,
+// less 1.
+constexpr std::size_t bound_of(int i, int level) {
+  return static_cast<std::size_t>(i == 0 ? 2 * level + 2 : 2 * level + (i == 1 << level ? 1 : 0));
+}
 
 // The value that stands for a slot: the received sample itself (before == after), or, where the frame is lost, what an
 // input that is constant between its neighbours makes of them: before + weight (after - before).
@@ -43,32 +52,30 @@ struct SlotValue {
   float weight = 0.0F;
 };
 
-// Where the bound of t_i stands; wavelets at the begin of the window have their own. `level`: log2 of the support,
-// less 1.
-constexpr std::size_t bound_of(int i, int level) {
-  return static_cast<std::size_t>(i == 0 ? 2 * level + 2 : 2 * level + (i == 1 << level ? 1 : 0));
-}
-
 // A lost sample y between bins k and k + 1 of a window. The problem without it has the whole window's optimum for the y
 // that the whole window explains without residual, v_k = a v_{k+1}; v are sums of t, so that y is the multiplier of one
-// linear equation. Between sweeps y moves to where the next one would keep it, as if t_i = clip(rest_i + move_i y): a
-// monotone, piecewise linear function of y alone, for which Newton's method needs few steps.
+// linear equation. y shifts c_i by move_i y. Between sweeps it moves to where the equation holds:
+//  - Bins k and k + 1 are a pair. The equation says what t of the pair's wavelet is: less than its bound, while T / tau
+//    is small, so that the wavelet's coefficient is 0 and the two bins are one. t and the y that holds it are set.
+//  - Else to where the next sweep would keep the equation, as if t_i = clip(rest_i + move_i y): a monotone, piecewise
+//    linear function of y alone, for Newton's method. The lost samples of pairs beside it move along, so that no
+//    coefficient of theirs does.
 struct LostSample {
   struct Part {
     int row = 0;
     std::size_t bound = 0;
     float move = 0.0F;     // of c_row with y
-    float share = 0.0F;    // of t_row in v_k - a v_{k+1}
+    float share = 0.0F;    // of t_row in v_k - a v_{k+1}; of a pair: in what t of its wavelet, the first part, must be
     float slope = 0.0F;    // share move
     float inverse = 0.0F;  // 1 / move
   };
   int slot = 0;
-  int after = 0;        // the next slot that was received; the one before stands in for y
-  float weight = 0.0F;  // y = before + weight (after - before) where the input is constant between them
+  SlotValue value;  // at first
+  bool pair = false;
+  float tolerance = 0.0F;  // of the equation, in bounds of the first part
   std::size_t parts = 0;
-  // Parts that the step in y reckons with; the others, the wavelets around both bins, hardly follow.
-  std::size_t led = 0;
   std::array<Part, kMostParts> part{};
+  std::array<float, kMostLost> along{};  // how far each of the window's lost samples moves with y
 };
 
 struct DualPlan {
@@ -83,10 +90,10 @@ struct DualPlan {
   float mean_to_sum = 0.0F;                           // what the mean is of c_0
   std::array<float, 2 * kMaxDualLevels + 1> bound{};  // of t_i for a lambda_half of 1
   std::array<DualCoefficients, kMaxDualBins> row{};
-  float inverse_count = 0.0F;             // 1 / received samples
-  std::array<int, kMaxSlots> stand_in{};  // the slot whose sample is taken for a slot's
+  float inverse_count = 0.0F;  // 1 / received samples
   std::size_t lost = 0;
-  std::array<LostSample, kMostLost> gap{};
+  std::size_t moves = 0;  // the lost samples, those of pairs first, and, where it is needed, one that moves two of them
+  std::array<LostSample, kMostLost + 1> gap{};
 };
 
 // How the published value follows from what a kernel has of a pixel.
@@ -111,7 +118,8 @@ bool dual_applies(const Grid& grid);
 // Thread: setup.
 DualPlan make_dual_plan(const Grid& grid, const DualTuning& tuning);
 
-// Whether the sweeps can do without the lost frames: none, or up to kMostLost after the oldest. Thread: any.
+// Whether the sweeps can do without the lost frames: none, or up to kMostLost, of which at most two are the oldest.
+// Thread: any.
 bool dual_bridges(const Pattern& pattern);
 
 // For a pattern that the sweeps bridge. No allocation. Thread: pipeline.

@@ -28,9 +28,6 @@ constexpr std::size_t vectors_of(int bins) {
 constexpr std::size_t state_rows(int bins) { return static_cast<std::size_t>(bins + bins / 2 + 1); }
 constexpr int log2_of(int n) { return n <= 1 ? 0 : 1 + log2_of(n / 2); }
 
-inline constexpr float kFar = 1e20F;
-constexpr std::size_t most_parts(int bins) { return static_cast<std::size_t>(2 * log2_of(bins) + 1); }
-
 // Memory of vectors_of(kBins) vectors of pixels.
 template <int kBins>
 struct Dual {
@@ -60,6 +57,7 @@ struct DualRun {
   const Estimate& estimate;
   HWY_ALIGN float weight[kMaxSlots][kLanes];  // of each sample in the estimate
   HWY_ALIGN float term[kMostTerms][kLanes];   // and of the state's rows
+  float lost[kMostLost + 1];                  // what the estimate moves by with each of the plan's moves
 
   DualRun(const DualPlan& the_plan, const PixelRun& run, const Estimate& the_estimate)
       : plan(the_plan), pixels(run), estimate(the_estimate) {
@@ -67,6 +65,12 @@ struct DualRun {
       put(all(estimate.sample[s]), weight[s]);
     }
     for (std::size_t k = 0; k < estimate.terms; ++k) put(all(estimate.term[k].weight), term[k]);
+    for (std::size_t k = 0; k < plan.moves; ++k) {
+      lost[k] = 0.0F;
+      for (std::size_t n = 0; n < plan.lost; ++n) {
+        lost[k] += plan.gap[k].along[n] * estimate.sample[static_cast<std::size_t>(plan.gap[n].slot)];
+      }
+    }
   }
 };
 
@@ -76,15 +80,6 @@ HWY_INLINE void set_bounds(const DualPlan& plan, std::size_t v, Vec lambda, Dual
     const Vec bound = hn::Mul(all(plan.bound[i]), lambda);
     put(bound, m.high[i] + v);
     put(hn::Neg(bound), m.low[i] + v);
-  }
-}
-
-// Moves a lost sample.
-template <int kBins>
-HWY_INLINE void shift_lost(const LostSample& lost, Vec by, std::size_t v, Dual<kBins>& m) {
-  for (std::size_t k = 0; k < lost.parts; ++k) {
-    float* const c = m.c[lost.part[k].row] + v;
-    put(hn::MulAdd(all(lost.part[k].move), by, at(c)), c);
   }
 }
 
@@ -141,10 +136,16 @@ HWY_INLINE void load_vector(const DualRun& run, const T* const* planes, std::siz
   const Vec mean = hn::Mul(all(plan.inverse_count), sum);
   put(hn::MulAdd(all(run.estimate.mean), mean, estimate), m.estimate + v);
   put(hn::NegMulAdd(all(plan.mean_to_sum), mean, sums[0]), m.c[0] + v);
-  for (std::size_t k = 0; k < plan.lost; ++k) {
-    const LostSample& lost = plan.gap[k];
-    const Vec rise = hn::Sub(load_vector_of(planes[lost.after] + pixel), load_vector_of(planes[lost.slot] + pixel));
-    shift_lost(lost, hn::Mul(all(lost.weight), rise), v, m);
+}
+
+// What stands in for a lost sample at first.
+template <typename T>
+HWY_INLINE void stand_in(const DualRun& run, const SlotValue& value, std::size_t first, std::size_t count, T* to) {
+  for (std::size_t v = 0; v < count; v += kLanes) {
+    const std::size_t lanes = std::min(kLanes, count - v);
+    const Vec before = load_lanes<T>(run.pixels.planes[value.before], first + v, lanes);
+    const Vec after = load_lanes<T>(run.pixels.planes[value.after], first + v, lanes);
+    store_vector(hn::MulAdd(all(value.weight), hn::Sub(after, before), before), to + v);
   }
 }
 
@@ -152,8 +153,11 @@ template <typename T, int kBins>
 HWY_INLINE void load_pixels(const DualRun& run, std::size_t first, std::size_t count, Dual<kBins>& m) {
   constexpr std::size_t kSlots = kBins + 1;
   const T* planes[kSlots];
-  for (std::size_t s = 0; s < kSlots; ++s) {
-    planes[s] = static_cast<const T*>(run.pixels.planes[run.plan.stand_in[s]]) + first;
+  for (std::size_t s = 0; s < kSlots; ++s) planes[s] = static_cast<const T*>(run.pixels.planes[s]) + first;
+  HWY_ALIGN T lost[kMostLost][Dual<kBins>::kPixels];
+  for (std::size_t k = 0; k < run.plan.lost; ++k) {
+    stand_in(run, run.plan.gap[k].value, first, count, lost[k]);
+    planes[run.plan.gap[k].slot] = lost[k];
   }
   for (m.end = 0; m.end + kLanes <= count; m.end += kLanes) load_vector(run, planes, m.end, m.end, m);
   if (m.end == count) return;

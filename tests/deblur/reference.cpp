@@ -48,22 +48,9 @@ double mean_of(const Pattern& pattern, std::span<const double> y) {
   return sum / pattern.count;
 }
 
-// Samples less their mean; lost ones are what an input that is constant between their neighbours makes of them.
-VectorXd filled(const Grid& grid, const Pattern& pattern, std::span<const double> y, double mean) {
-  VectorXd result(pattern.slots);
-  for (int slot = 0; slot < pattern.slots; ++slot) {
-    const bool here = pattern.received[static_cast<std::size_t>(slot)];
-    const int before = here ? slot : pattern.before(slot);
-    const int after = here ? slot : pattern.after(slot);
-    const auto value = [&](int s) { return y[static_cast<std::size_t>(s)] - mean; };
-    if (before < 0 || after < 0 || before == after) {
-      result(slot) = value(std::max(before, after));
-    } else {
-      const double input = (value(after) - value(before) * std::exp(-grid.ratio * (after - before))) /
-                           -std::expm1(-grid.ratio * (after - before));
-      result(slot) = input + (value(before) - input) * std::exp(-grid.ratio * (slot - before));
-    }
-  }
+VectorXd without_mean(std::span<const double> y, double mean) {
+  VectorXd result(static_cast<Eigen::Index>(y.size()));
+  for (std::size_t slot = 0; slot < y.size(); ++slot) result(static_cast<Eigen::Index>(slot)) = y[slot] - mean;
   return result;
 }
 
@@ -145,7 +132,7 @@ double estimate(const Published& bins, const VectorXd& x) {
 double reference_dual(const Grid& grid, const DualTuning& tuning, const Pattern& pattern, std::span<const double> y) {
   const double mean = mean_of(pattern, y);
   const Published bins = published_bins(grid, pattern.slots, pattern.target);
-  return mean + estimate(bins, descend(grid, tuning, bins, filled(grid, pattern, y, mean)).x);
+  return mean + estimate(bins, descend(grid, tuning, bins, without_mean(y, mean)).x);
 }
 
 double reference_admm(const Grid& grid, const Tuning& tuning, const Pattern& pattern, std::span<const double> y) {
@@ -162,7 +149,7 @@ double reference_admm(const Grid& grid, const Tuning& tuning, const Pattern& pat
   VectorXd w = h * x;
   const Published bins = published_bins(grid, pattern.slots, pattern.target);
   if (dual_applies(grid) && tuning.iterations == 1) {
-    const DualPoint start = descend(grid, tuning.start, bins, filled(grid, pattern, y, mean));
+    const DualPoint start = descend(grid, tuning.start, bins, without_mean(y, mean));
     w = h * (start.x + start.t / tuning.rho);
   }
   for (int k = 0; k < tuning.iterations; ++k) {

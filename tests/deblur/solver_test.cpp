@@ -94,8 +94,7 @@ TEST_P(Isas, AdmmIsTheReference) {
         for (const bool gap : {false, true}) {
           const Settings s = settings_for(window, 0.05, lookahead);
           Planes planes = fill(s, {37, 1}, input);
-          if (gap) planes.lose(0);
-          if (gap) planes.lose(window > 5 ? static_cast<std::size_t>(window / 2) : 1);
+          for (std::size_t slot = 0; gap && slot < 3; ++slot) planes.lose(slot);  // more than the sweeps do without
           const WindowView view = planes.view(window - 1 - lookahead);
           const auto solver = make(s, kelvin_format(planes.geometry(), s.period_s));
           ASSERT_NE(solver, nullptr);
