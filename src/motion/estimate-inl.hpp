@@ -116,6 +116,11 @@ void shift(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& o
 
 // ------------------------------------------------------------------ along the motion
 
+// To the next pixel along the axis that is more across `e`.
+HWY_INLINE std::ptrdiff_t step_across(Vec2 e, std::ptrdiff_t stride) {
+  return std::abs(e.x) >= std::abs(e.y) ? stride : 1;
+}
+
 void fit(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction, const float* lag, int block_row,
          FitSums* out) noexcept {
   const int y0 = block_row * kBlock;
@@ -129,6 +134,8 @@ void fit(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction,
     Vec error = hn::Zero(Float());
     Vec gradient = error;
     Vec structure = error;
+    Vec across = error;
+    const std::ptrdiff_t beside = 2 * step_across(e, stride);
     for (int r = 0; r < kBlock; ++r) {
       for (int x = 0; x < kBlock; x += kLanes) {
         const float* m = mean.at(x0 + x, y0 + r);
@@ -136,13 +143,15 @@ void fit(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction,
         const Vec off = hn::Sub(load(now.at(x0 + x, y0 + r)), here);
         const Vec g = hn::Sub(sample(m + ahead.offset, stride, ahead), sample(m + behind.offset, stride, behind));
         const Vec s = hn::Sub(sample(m + away.offset, stride, away), here);
+        const Vec b = hn::Sub(load(m + beside), here);
         error = hn::MulAdd(off, off, error);
         gradient = hn::MulAdd(g, g, gradient);
         structure = hn::MulAdd(s, s, structure);
+        across = hn::MulAdd(b, b, across);
       }
     }
     constexpr float kMean = 1.0F / (kBlock * kBlock);
-    out[c] = {kMean * sum(error), 0.25F * kMean * sum(gradient), kMean * sum(structure)};
+    out[c] = {kMean * sum(error), 0.25F * kMean * sum(gradient), kMean * sum(structure), kMean * sum(across)};
   }
 }
 
@@ -260,6 +269,28 @@ void filter(const FilterInputs& in, const Vec2* direction, const FilterWeights* 
     for (int x = 0; x < kBlock; x += kLanes) {
       filter_half(in, taps, of_pixels, shares, c * kBlock + x, y0, x, out);
       filter_half(in, taps, of_pixels, shares, c * kBlock + x, y0 + HalfBlock::kRows, x, out);
+    }
+  }
+}
+
+// ------------------------------------------------------------------ across the motion
+
+void across(const PaddedPlane& from, const Vec2* direction, const AcrossWeights* weights, int block_row,
+            PaddedPlane& out) noexcept {
+  const int y0 = block_row * kBlock;
+  for (int c = 0; c < from.blocks_across(); ++c) {
+    const std::ptrdiff_t step = step_across(direction[c], from.stride());
+    for (int r = 0; r < kBlock; ++r) {
+      for (int x = c * kBlock; x < (c + 1) * kBlock; x += kLanes) {
+        const float* p = from.at(x, y0 + r);
+        const Vec here = load(p);
+        Vec v = here;
+        for (int i = 1; i <= AcrossWeights::kReach; ++i) {
+          const Vec both = hn::Add(load(p + i * step), load(p - i * step));
+          v = hn::MulAdd(all(weights[c].w[i - 1]), hn::NegMulAdd(all(2.0F), here, both), v);
+        }
+        store(v, out.at(x, y0 + r));
+      }
     }
   }
 }

@@ -54,6 +54,7 @@ Estimator::Estimator(Geometry geometry, const Inertia& inertia, int ahead)
       table_(WeightTable::of(inertia.tau, ahead)),
       mean_(geometry),
       ahead_(geometry),
+      along_(geometry),
       x_(geometry),
       left_(geometry) {
   const int across = blocks_over(geometry.width);
@@ -64,6 +65,7 @@ Estimator::Estimator(Geometry geometry, const Inertia& inertia, int ahead)
   for (std::size_t i = 0; i < raw_.size(); ++i) raw_[i] = smooth_[i] = ScalarField(across, down);
   fit_ = BlockField<FitSums>(across, down);
   weights_ = BlockField<FilterWeights>(across, down);
+  across_ = BlockField<AcrossWeights>(across, down);
 }
 
 template <typename T>
@@ -122,6 +124,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
       raw_[0].at(c, row) = fit.error;
       raw_[1].at(c, row) = fit.gradient;
       raw_[2].at(c, row) = fit.structure;
+      raw_[3].at(c, row) = fit.across;
     }
   });
   const auto noise = static_cast<float>(in.noise * in.noise);
@@ -130,16 +133,19 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
     gauss_of_9(raw_[0], row, smooth_[0]);
     gauss_of_9(raw_[1], row, smooth_[1]);
     mean_of_9(raw_[2], row, smooth_[2]);
+    mean_of_9(raw_[3], row, smooth_[3]);
     for (int c = 0; c < weights_.across(); ++c) {
       const float unexplained = std::max(smooth_[0].at(c, row) - kMargin * (noise + of_mean), 0.0F);
       const float gradient = std::max(smooth_[1].at(c, row) - 0.5F * of_mean, 0.0F) + kLeastGradient * of_mean;
       const float structure = std::max(0.5F * smooth_[2].at(c, row) - of_mean, 0.0F);
+      const float across = std::max(0.5F * smooth_[3].at(c, row) - of_mean, 0.0F);
       const float speed = speed_.at(c, row);
       const float from_fit = unexplained / gradient / (kMeanAge * kMeanAge);
       const float sigma =
           std::sqrt(from_fit + kLeastUncertainty * kLeastUncertainty + kOfSpeed * kOfSpeed * speed * speed);
       unexplained_.at(c, row) = unexplained;
       table_->find(kernels, speed, structure / noise, sigma / std::max(speed, kSlowest), weights_.at(c, row));
+      table_->find_across(weights_.at(c, row), speed, direction_.at(c, row), across / noise, across_.at(c, row));
     }
   });
 }
@@ -220,7 +226,12 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
                             in.ahead != nullptr ? &ahead_ : nullptr,
                             {in.past[0], in.past[1] != nullptr ? in.past[1] : in.past[0]}};
   for_rows(crew, weights_.down(), [&](int row) {
-    kernels.filter(inputs, direction_.row(row), rows_around(weights_, row).data(), row, x_);
+    kernels.filter(inputs, direction_.row(row), rows_around(weights_, row).data(), row, along_);
+    along_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+  });
+  along_.extend_ends();
+  for_rows(crew, weights_.down(), [&](int row) {
+    kernels.across(along_, direction_.row(row), across_.row(row), row, x_);
     x_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
   });
   x_.extend_ends();

@@ -58,6 +58,7 @@ class Estimator {
   std::shared_ptr<const WeightTable> table_;
   PaddedPlane mean_;
   PaddedPlane ahead_;
+  PaddedPlane along_;  // not yet smoothed across
   PaddedPlane x_;
   PaddedPlane left_;
   std::array<VectorField, kPast> past_;
@@ -68,8 +69,9 @@ class Estimator {
   ScalarField lag_;
   BlockField<FitSums> fit_;
   BlockField<FilterWeights> weights_;
-  std::array<ScalarField, 3> raw_;
-  std::array<ScalarField, 3> smooth_;
+  BlockField<AcrossWeights> across_;
+  std::array<ScalarField, 4> raw_;
+  std::array<ScalarField, 4> smooth_;
   ScalarField unexplained_;
   ScalarField step_;  // how much of what is left is added
   ScalarField share_;

@@ -142,6 +142,7 @@ const Kernels& kernels() {
                              fit,
                              mix,
                              filter,
+                             across,
                              check,
                              correct,
                              blend,

@@ -23,8 +23,8 @@ struct MatchSums {
 };
 
 // Weights of the estimate of one block: of the newest frame along the motion, of the past's mean along the motion, of
-// the pixel itself one and two frames before; the mean square error that they should have, in units of the noise's
-// variance.
+// the pixel itself one and two frames before; the mean square error that they should have, and what of it is noise, in
+// units of the noise's variance.
 inline constexpr int kReach = 5;
 inline constexpr int kTaps = 2 * kReach + 1;
 inline constexpr int kPast = 3;  // frames in the past's mean
@@ -33,8 +33,16 @@ struct alignas(64) FilterWeights {
   static constexpr int kBefore = 2 * kTaps;
   static constexpr int kAhead = 2 * kTaps + 2;
   static constexpr int kError = 3 * kTaps + 2;
+  static constexpr int kNoise = kError + 1;
   static constexpr std::ptrdiff_t kStride = 40;
   float w[kStride] = {};
+};
+
+// Of a pixel's neighbours up to 3 px away on both sides, along the axis that is more across the motion: how much of
+// their difference from it is added to it.
+struct AcrossWeights {
+  static constexpr int kReach = 3;
+  float w[kReach] = {};
 };
 
 // Sums over a block.
@@ -42,6 +50,7 @@ struct FitSums {
   float error = 0.0F;      // (y - M)^2
   float gradient = 0.0F;   // of M along the motion, squared
   float structure = 0.0F;  // (M(p + lag e) - M(p))^2
+  float across = 0.0F;     // the same 2 px along the axis that is more across the motion
 };
 
 struct FilterInputs {
@@ -88,6 +97,9 @@ struct Kernels {
   void (*mix)(const FilterWeights* const* corners, const float* shares, FilterWeights& out) noexcept;
   // x = sum of weights; `weights` holds the rows of blocks above, of and below `block_row`.
   void (*filter)(const FilterInputs& in, const Vec2* direction, const FilterWeights* const* weights, int block_row,
+                 PaddedPlane& out) noexcept;
+  // Smoothed across the motion, each block with its weights; `from` is extended.
+  void (*across)(const PaddedPlane& from, const Vec2* direction, const AcrossWeights* weights, int block_row,
                  PaddedPlane& out) noexcept;
   // left = z - (x averaged along the trail d of one frame, share(f) ~ exp(-f ratio)); sums over blocks of left^2 and
   // (z - y)^2.

@@ -18,7 +18,12 @@ constexpr double kModelError = 1e-6;        // of the scene's variance: interpol
 constexpr double kSmallestContrast = 1e-4;  // noise variances; a decade a step
 constexpr unsigned kMostThreads = 4;
 constexpr std::array kUncertain = {0.03, 0.1, 0.3, 1.0};  // of the speed
-constexpr float kLargestIndex = 1e-4F;                    // below the last, so that there is one above
+constexpr int kNodes = 48;                                // of ages
+constexpr double kSmallestRatio = 1e-3;                   // of contrast across to noise
+constexpr double kRatioDecades = 0.15;                    // a step
+constexpr float kLeastAcross = 0.007F;                    // noise variances
+constexpr float kSlanted = 0.7F;        // of the noise, that values between pixels have less on the diagonal
+constexpr float kLargestIndex = 1e-4F;  // below the last, so that there is one above
 
 // Gauss-Hermite nodes of the standard normal: 5 along the motion, 3 across, of which two see the same.
 struct Node {
@@ -158,7 +163,9 @@ WeightTable::WeightTable(double tau_periods, int ahead)
     log_speed_[i] = static_cast<float>(std::log(speed_[i]));
     const double lag = lag_of(static_cast<float>(speed_[i]));
     lag_factor_[i] = static_cast<float>(structure(speed_[i], 2.0) / structure(speed_[i], lag));
+    across_factor_[i] = static_cast<float>((scene(0.0) - scene(2.0)) / structure_across(speed_[i]));
   }
+  fill_across();
   std::atomic<int> next{0};
   const auto fill_some = [&] {
     for (int i = next++; i < kSpeeds * kUncertainties; i = next++) {
@@ -188,13 +195,42 @@ FilterWeights& WeightTable::cell(int speed, int contrast, int uncertainty) noexc
 // Half the mean square difference of y over `lag` pixels, for a scene of variance 1: 96 equally likely differences of
 // two values' ages.
 double WeightTable::structure(double speed, double lag) const {
-  constexpr int kNodes = 48;
   double sum = 0.0;
   for (int i = 0; i < kNodes; ++i) {
     const double t = -std::log(1.0 - (i + 0.5) / kNodes) * tau_;
     for (const double s : {t, -t}) sum += scene(speed * s) - scene(lag + speed * s);
   }
   return sum / (2 * kNodes);
+}
+
+// The same over 2 pixels across the motion.
+double WeightTable::structure_across(double speed) const {
+  double sum = 0.0;
+  for (int i = 0; i < kNodes; ++i) {
+    const double way = -std::log(1.0 - (i + 0.5) / kNodes) * tau_ * speed;
+    sum += scene(way) - scene(std::hypot(2.0, way));
+  }
+  return sum / kNodes;
+}
+
+// Linear minimum-mean-square weights of unit sum for the scene's autocovariance in white noise.
+void WeightTable::fill_across() noexcept {
+  constexpr int kSide = AcrossWeights::kReach;
+  constexpr int kSize = 2 * kSide + 1;
+  using Matrix = Eigen::Matrix<double, kSize, kSize>;
+  using Vector = Eigen::Matrix<double, kSize, 1>;
+  for (int i = 0; i < kRatios; ++i) {
+    const double variance = kSmallestRatio * std::pow(10.0, kRatioDecades * i) / (scene(0.0) - scene(2.0));
+    Matrix values;
+    for (int a = 0; a < kSize; ++a) {
+      for (int b = 0; b < kSize; ++b) values(a, b) = variance * scene(a - b);
+    }
+    const Eigen::LDLT<Matrix> factors(values + Matrix::Identity());
+    const Vector a = factors.solve(values.col(kSide));
+    const Vector b = factors.solve(Vector::Ones());
+    const Vector w = a + (1.0 - a.sum()) / b.sum() * b;
+    for (int k = 0; k < kSide; ++k) across_[static_cast<std::size_t>(i)].w[k] = static_cast<float>(w(kSide + 1 + k));
+  }
 }
 
 void WeightTable::fill(int speed, int uncertainty) {
@@ -230,10 +266,28 @@ void WeightTable::fill(int speed, int uncertainty) {
     FilterWeights& out = cell(speed, c, uncertainty);
     for (int i = 0; i < count_of(ahead_); ++i) out.w[i] = static_cast<float>(w(i));
     out.w[FilterWeights::kError] = static_cast<float>(variance - 2.0 * variance * w.dot(truth_part) + w.dot(all * w));
+    out.w[FilterWeights::kNoise] = static_cast<float>(w.dot(noise_part * w));
   }
 }
 
 float WeightTable::lag_of(float speed) noexcept { return std::clamp(2.0F + 0.8F * (speed - 1.0F), 2.0F, 24.0F); }
+
+void WeightTable::find_across(const FilterWeights& along, float speed, Vec2 e, float structure,
+                              AcrossWeights& out) const noexcept {
+  const float a = index_in(log_speed_.data(), kSpeeds, std::log(std::max(speed, 1e-6F)));
+  const auto at = static_cast<std::size_t>(a);
+  const float fa = a - static_cast<float>(at);
+  const float factor = across_factor_[at] + fa * (across_factor_[at + 1] - across_factor_[at]);
+  const float noise = along.w[FilterWeights::kNoise] * (1.0F - kSlanted * 2.0F * std::abs(e.x * e.y));
+  const float ratio = std::max(structure, kLeastAcross) * factor / std::max(noise, 1e-9F);
+  const auto decades = static_cast<float>(std::log10(static_cast<double>(ratio) / kSmallestRatio));
+  const float b = std::clamp(decades / static_cast<float>(kRatioDecades), 0.0F, kRatios - 1.0F - kLargestIndex);
+  const auto ib = static_cast<std::size_t>(b);
+  const float fb = b - static_cast<float>(ib);
+  for (int i = 0; i < AcrossWeights::kReach; ++i) {
+    out.w[i] = across_[ib].w[i] + fb * (across_[ib + 1].w[i] - across_[ib].w[i]);
+  }
+}
 
 void WeightTable::find(const Kernels& kernels, float speed, float structure, float uncertainty,
                        FilterWeights& out) const noexcept {

@@ -6,6 +6,8 @@
 //   y_k(p) = mean over a of x_k(p + v a), a ~ exp(-a T / tau),
 // plus white noise of variance 1 and a fixed pattern of 1/2. The velocity is uncertain along and across: covariances
 // are means over it, both with the same nodes, or they would not be covariances.
+//
+// What they leave of the noise is white across the motion, where the scene is not: a second filter takes it out.
 #pragma once
 
 #include <array>
@@ -28,6 +30,10 @@ class WeightTable {
   // less its noise, in units of the noise's variance, and the speed's standard deviation over the speed. Thread: any.
   void find(const Kernels& kernels, float speed, float structure, float uncertainty, FilterWeights& out) const noexcept;
 
+  // Weights across the motion for what `along` makes; `structure`: half the mean square difference of the past's mean
+  // over 2 px across, less its noise. `e`: direction of the motion. Thread: any.
+  void find_across(const FilterWeights& along, float speed, Vec2 e, float structure, AcrossWeights& out) const noexcept;
+
   // Over how many pixels the contrast is measured: along a long trail neighbours are alike. Thread: any.
   static float lag_of(float speed) noexcept;
 
@@ -36,16 +42,22 @@ class WeightTable {
   static constexpr int kContrasts = 11;
   static constexpr int kUncertainties = 4;
 
+  static constexpr int kRatios = 41;
+
   double structure(double speed, double lag) const;
+  double structure_across(double speed) const;
   void fill(int speed, int uncertainty);
+  void fill_across() noexcept;
   FilterWeights& cell(int speed, int contrast, int uncertainty) noexcept;
 
   double tau_;
   int ahead_;
   std::array<double, kSpeeds> speed_{};
   std::array<float, kSpeeds> log_speed_{};
-  std::array<float, kSpeeds> lag_factor_{};  // of the contrast at lag_of(speed) to that at two pixels
+  std::array<float, kSpeeds> lag_factor_{};     // of the contrast at lag_of(speed) to that at two pixels
+  std::array<float, kSpeeds> across_factor_{};  // of the scene's contrast over 2 px to that of y across the motion
   std::vector<FilterWeights> cells_;
+  std::array<AcrossWeights, kRatios> across_;  // by contrast over 2 px in units of the noise's variance
 };
 
 }  // namespace bolo::motion

@@ -202,7 +202,7 @@ TEST_P(MotionKernels, Fit) {
     for (int c = 0; c < d_.across(); ++c) {
       const reference::Point u = unit_.at(c, r);
       const double l = lag.at(c, r);
-      std::array<double, 3> want{};
+      std::array<double, 4> want{};
       for (int i = 0; i < kBlock * kBlock; ++i) {
         const int x = c * kBlock + i % kBlock;
         const int y = r * kBlock + i / kBlock;
@@ -213,10 +213,12 @@ TEST_P(MotionKernels, Fit) {
         want[0] += e * e / 64;
         want[1] += g * g / 64;
         want[2] += s * s / 64;
+        want[3] += std::pow(reference::across(b_, x, y, u, 2) - m, 2) / 64;
       }
       ASSERT_NEAR(sums.at(c, r).error, want[0], 1e-4);
       ASSERT_NEAR(sums.at(c, r).gradient, want[1], 1e-4);
       ASSERT_NEAR(sums.at(c, r).structure, want[2], 1e-4);
+      ASSERT_NEAR(sums.at(c, r).across, want[3], 1e-4);
     }
   }
 }
@@ -242,6 +244,22 @@ TEST_P(MotionKernels, Filter) {
       want += weight(FilterWeights::kAhead + j) * reference::bilinear(c_, px, py);
     }
     ASSERT_NEAR(*out_.at(x, y), want, 1e-3) << x << " " << y;
+  });
+}
+
+TEST_P(MotionKernels, Across) {
+  BlockField<AcrossWeights> weights(d_.across(), d_.down());
+  for (AcrossWeights& w : weights) w = {0.2F * normal_(random_), 0.2F * normal_(random_), 0.2F * normal_(random_)};
+  for (int r = 0; r < d_.down(); ++r) kernels_.across(a_, unit_.row(r), weights.row(r), r, out_);
+  for_pixels([&](int x, int y) {
+    const reference::Point u = unit_.at(x / kBlock, y / kBlock);
+    const double here = *a_.at(x, y);
+    double want = here;
+    for (int i = 1; i <= AcrossWeights::kReach; ++i) {
+      const double beside = reference::across(a_, x, y, u, i) + reference::across(a_, x, y, u, -i);
+      want += weights.at(x / kBlock, y / kBlock).w[i - 1] * (beside - 2 * here);
+    }
+    ASSERT_NEAR(*out_.at(x, y), want, 1e-4) << x << " " << y;
   });
 }
 

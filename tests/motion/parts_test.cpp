@@ -250,6 +250,24 @@ TEST(Weights, ErrorsGrowWithUncertainty) {
   }
 }
 
+// Of a flat scene nearly all noise is taken out, of a contrast well above it nothing; on the diagonal less.
+TEST(Weights, SmoothAcrossWhatIsNoise) {
+  const auto table = WeightTable::of(kTau, 0);
+  FilterWeights along;
+  table->find(best_kernels(), 3.0F, 10.0F, 0.05F, along);
+  const auto left = [&](float structure, Vec2 e) {
+    AcrossWeights w;
+    table->find_across(along, 3.0F, e, structure, w);
+    double middle = 1.0;
+    double squares = 0.0;
+    for (const float v : w.w) middle -= 2.0 * static_cast<double>(v), squares += 2.0 * static_cast<double>(v * v);
+    return middle * middle + squares;
+  };
+  EXPECT_LT(left(0.0F, {1.0F, 0.0F}), 0.2);
+  EXPECT_GT(left(1e4F, {0.0F, 1.0F}), 0.98);
+  EXPECT_GT(left(1.0F, {0.6F, 0.8F}), left(1.0F, {1.0F, 0.0F}));
+}
+
 TEST(MedianOf9, IsThatOfTheSortedNeighbours) {
   VectorField field(9, 7);
   std::uint32_t state = 1;

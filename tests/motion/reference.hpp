@@ -49,6 +49,12 @@ inline double bicubic(const PaddedPlane& p, double x, double y) {
   return sum;
 }
 
+// `pixels` away along the axis that is more across u.
+inline double across(const PaddedPlane& p, int x, int y, Point u, int pixels) {
+  const bool down = std::abs(u.x) >= std::abs(u.y);
+  return value(p, down ? x : x + pixels, down ? y + pixels : y);
+}
+
 inline bool inside(Geometry g, double x, double y, double margin) {
   return x >= margin && x <= g.width - 1 - margin && y >= margin && y <= g.height - 1 - margin;
 }
