@@ -229,7 +229,9 @@ bool Pipeline::Impl::process_next() noexcept {
   }
   const bool restart_window = arrival.restart_window || std::exchange(restart_window_next, false);
   raw_of[slot.index] = slot.data;
-  const bool restarted = window.push({slot.meta, corrected(slot, restart_window), slot.index}, restart_window);
+  const void* plane = corrected(slot, restart_window);
+  if (gap) gap->offer(slot.meta, plane, restart_window);
+  const bool restarted = window.push({slot.meta, plane, slot.index}, restart_window);
   if (restarted) stats.restarts.add();
   publish_ready();
   return true;
@@ -363,6 +365,7 @@ std::vector<Notice> Pipeline::take_notices() {
   for (FrameSink* sink : impl_->all_sinks) {
     std::ranges::move(sink->take_notices(), std::back_inserter(notices));
   }
+  if (impl_->gap) std::ranges::move(impl_->gap->take_notices(), std::back_inserter(notices));
   if (const std::uint64_t steps = impl_->stats.clock_steps.value(); steps != impl_->steps_told.exchange(steps)) {
     notices.push_back({true,
                        "somebody set the host's clock: UTC of the frames stepped with it, their other times did not",

@@ -41,6 +41,7 @@ struct PipelineOptions {
   // the raw frames as they came.
   model::Undo undo{};
   double pixel_noise_k = 0.03;  // of one pixel, K (counts without kelvin): tells flicker and jumps from what moves
+  double watch_gap_s = 0.0;     // how often the stream is compared with the profile (gap_watch.hpp); 0: never
   // Only these pixels are solved, with the whole frame's surroundings, bit for bit as within the whole frame. A region:
   // the deblurred plane is a whole one of which nothing else is written. Points (row-major indices, any order): the
   // deblurred "plane" has one value for each. Not both.

@@ -15,6 +15,7 @@
 #include "src/core/utc_clock.hpp"
 #include "src/corrections/chain.hpp"
 #include "src/deblur/window.hpp"
+#include "src/pipeline/gap_watch.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "src/pipeline/solver_ladder.hpp"
 #include "src/rt/worker_team.hpp"
@@ -89,7 +90,10 @@ struct Pipeline::Impl {
         deblurred(solved_pixels(info.format.geometry, options) * bytes_of(options.output)),
         team(options.workers, options.thread),
         band_saturated(static_cast<std::size_t>(team.size())),
-        raw_of(static_cast<std::size_t>(window.slots() + options.queue_frames + kSlotsBeside), nullptr) {}
+        raw_of(static_cast<std::size_t>(window.slots() + options.queue_frames + kSlotsBeside), nullptr) {
+    if (options.watch_gap_s <= 0.0) return;
+    gap.emplace(corrections->format(), settings.tau_s, options.pixel_noise_k, options.watch_gap_s, stats);
+  }
 
   void warn(const Status& status) const {
     if (!status && options.warn) options.warn(status.error().message);
@@ -172,6 +176,7 @@ struct Pipeline::Impl {
     delete spending;
   }
 
+  std::optional<GapWatch> gap;                        // goes before what it writes to
   UtcClock utc;                                      // of the pipeline thread
   std::atomic<std::uint64_t> steps_told{0};          // of it, as notices
   std::array<std::uint64_t, kGyroUses> gyro_told{};  // of stats, as notices

@@ -54,7 +54,12 @@ struct PipelineStats {
   rt::Counter clock_steps;                      // somebody set the host's clock
   rt::Gauge<std::uint64_t> clock_synchronised;  // 1: something disciplines it, as the kernel says
   rt::Gauge<std::int64_t> clock_error_ns{kUnboundedClockErrorNs};  // of its UTC, at most
-  rt::LatencyHistogram latency;  // first byte received -> publish_ns, right before the sinks get it
+  // What a GapWatch found last; ratios are 0 until known.
+  rt::Counter gap_bursts;             // looked at
+  rt::Gauge<double> gap_ratio;        // of the prediction's error to the noise
+  rt::Gauge<double> gap_tau_ratio;    // of the pixels' time constant to the profile's
+  rt::Gauge<double> gap_noise_ratio;  // of the noise to the profile's
+  rt::LatencyHistogram latency;       // first byte received -> publish_ns, right before the sinks get it
   StageLatencies stages;
   // CLOCK_MONOTONIC, when the pipeline thread last polled for a frame, which it does ten times a second at least;
   // 0: it does not run yet.
@@ -100,6 +105,14 @@ inline constexpr std::array kFrameCounters{
              Reading{RowKind::kNs, 1e-9, 1e-9}),
     FrameRow(word_of<&PipelineStats::clock_steps>, offsetof(bolo_shm_header, clock_steps), "clock_steps",
              "bolo_clock_steps_total", "Times that somebody set the host's clock"),
+    FrameRow(word_of<&PipelineStats::gap_bursts>, 0, "gap_bursts", "bolo_gap_bursts_total",
+             "Bursts of frames that were compared with the profile"),
+    FrameRow(word_of<&PipelineStats::gap_ratio>, 0, "gap_ratio", "bolo_gap_ratio",
+             "Error of the pixel model's prediction over the noise; 0: not told yet", Reading{RowKind::kReal}),
+    FrameRow(word_of<&PipelineStats::gap_tau_ratio>, 0, "gap_tau_ratio", "bolo_gap_tau_ratio",
+             "The pixels' time constant over the profile's; 0: not told yet", Reading{RowKind::kReal}),
+    FrameRow(word_of<&PipelineStats::gap_noise_ratio>, 0, "gap_noise_ratio", "bolo_gap_noise_ratio",
+             "The camera's noise over the profile's; 0: not told yet", Reading{RowKind::kReal}),
 };
 
 // Parts of a frame's latency, in the order in which it passes them.

@@ -61,6 +61,8 @@ constexpr Names<LogLevel, 4> kLevels{{{"debug", LogLevel::kDebug},
 constexpr Names<LogFormat, 3> kFormats{
     {{"auto", LogFormat::kAuto}, {"text", LogFormat::kText}, {"journal", LogFormat::kJournal}}};
 
+constexpr double kWatchGapS = 60.0;
+
 // Keys that take the place of a value of the profile when they are given.
 struct Overrides {
   std::optional<double> rate_hz;
@@ -68,6 +70,7 @@ struct Overrides {
   std::optional<int> metadata_rows;
   std::optional<double> tau_s;
   bool scene_nuc = false;  // as the profile says, else
+  bool watch_gap = false;
   std::vector<int> rows;
   double scale_k = 0.0;
 };
@@ -256,7 +259,11 @@ void pipeline_keys(KeyTable& keys, DaemonConfig& c) {
   keys.boolean("lock_memory", c.lock_memory, "Keep all memory from being swapped out (mlockall), when allowed.");
 }
 
-void output_keys(KeyTable& keys, DaemonConfig& c) {
+void output_keys(KeyTable& keys, DaemonConfig& c, Overrides& o) {
+  keys.section("watch", "whether the camera still does what its profile says");
+  keys.boolean("gap", o.watch_gap,
+               "Once a minute, compare 32 frames with what the profile foretells of them; `bolo stat`, the metrics and "
+               "the log (gap_grew) say when time constant or noise are others.");
   for (const auto& sink : c.sinks) sink->declare(keys);
   c.ros2.declare(keys);
   keys.section("control", "commands to the running daemon: `bolo nuc NAME`");
@@ -290,7 +297,7 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
   deblur_keys(keys, config, overrides);
   motion_keys(keys, config);
   pipeline_keys(keys, config);
-  output_keys(keys, config);
+  output_keys(keys, config, overrides);
   for (const std::string& key : live_keys(config)) keys.mark(key, "live");
   return keys;
 }
@@ -335,6 +342,7 @@ Status apply_profile(DaemonConfig& config, const Overrides& overrides) {
   config.pipeline.undo.scene_nuc |= overrides.scene_nuc;
   config.pipeline.deblur.period_s = profile.frame_period_s;
   config.pipeline.thread.name = "bolo-deblur";
+  if (overrides.watch_gap) config.pipeline.watch_gap_s = kWatchGapS;
   v4l2_source::V4l2SourceOptions& video = config.video;
   if (overrides.scale_k > 0.0) video.scale = {Unit::kKelvin, overrides.scale_k, video.scale.offset};
   if (overrides.rows.size() == 2) video.rows = {overrides.rows[0], overrides.rows[1]};

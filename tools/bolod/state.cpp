@@ -1,5 +1,7 @@
 #include "tools/bolod/state.hpp"
 
+#include <bit>
+
 #include "drivers/shm/camera_block.hpp"
 #include "src/core/clock.hpp"
 #include "tools/bolod/health.hpp"
@@ -43,7 +45,12 @@ ordered_json state_json(const DaemonConfig& config, const pipeline::Pipeline& pi
   const pipeline::PipelineStats& stats = pipeline.stats();
   ordered_json json{{"ok", true}, {"name", config.name}, {"received", stats.inlet.received()}};
   for (const auto& row : pipeline::kFrameCounters) {  // the others are in shared memory
-    if (row.shared == 0 && !row.key.empty()) json[std::string(row.key)] = row.read(stats, 0);
+    if (row.shared != 0 || row.key.empty()) continue;
+    const std::uint64_t word = row.read(stats, 0);
+    json[std::string(row.key)] = word;
+    if (row.kind == pipeline::RowKind::kReal) {
+      json[std::string(row.key)] = word == 0 ? ordered_json() : ordered_json(std::bit_cast<double>(word));
+    }
   }
   json["lost_total"] = stats.inlet.losses().total();
   json["lost"] = by_name<LossCause>(loss_counts(stats));

@@ -89,6 +89,16 @@ std::string clock_words(const bolo_shm_header& h) {
   return h.clock_steps == 0 ? words : words + fmt::format("; set {} times", h.clock_steps);
 }
 
+// How well the profile fits, as far as that was seen.
+std::string gap_words(const nlohmann::ordered_json& told) {
+  const auto times = [&told](const char* key) {
+    const auto found = told.find(key);
+    return found != told.end() && found->is_number() ? fmt::format("{:.2f}", found->get<double>()) : "?";
+  };
+  return fmt::format("foretells frames to {} x noise; time constant {} x, noise {} x the profile's", times("gap_ratio"),
+                     times("gap_tau_ratio"), times("gap_noise_ratio"));
+}
+
 // How the camera does, and its clock and corrections as far as they are known.
 std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
   std::uint64_t lost = 0;
@@ -186,6 +196,8 @@ std::string stat_table(const std::string& name, const StatLook& look, const Stat
     out += line("effort   {}; {} frames reduced, {} inverse, {} raw", look.told["effort"].value("now", "unknown"),
                 frames("reduced"), frames("inverse"), frames("raw"));
   }
+  if (look.told.is_object() && look.told.value("gap_bursts", 0ULL) > 0)
+    out += line("profile  {}", gap_words(look.told));
   const auto frames = [&look](const auto& row) { return frame_count(look, row); };
   out += line("windows  {}", count_words(pipeline::kFrameCounters, frames));
   out += line("lost     {} in all", s.lost_total);

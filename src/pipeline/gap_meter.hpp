@@ -1,0 +1,82 @@
+// How well the pixel's equation foretells what the camera measures, and which time constant would do so best.
+//
+// The equation says y_k = rho y_{k-1} + (1 - rho) x_k, rho = exp(-T / tau), x_k what the scene showed during frame k.
+// During an earlier frame j it showed (y_j - rho y_{j-1}) / (1 - rho), and has moved by D since. So frame k should be
+//   rho y_{k-1}(p) + (y_j - rho y_{j-1})(p - D).
+// In steady motion that holds for every rho, for then the blurred picture moves as a whole. Between two frames that
+// were blurred by different velocities it holds for the true rho alone, which therefore is the regression of
+//   a = y_k - y_j(p - D)   on   b = y_{k-1} - y_{j-1}(p - D).
+// The noise of y_{k-1} stands in b: the regression is by an instrument q, the same of the frames' changes two periods
+// before, whose noise stands in neither. What an error of D makes goes along with the picture's gradient, which is
+// taken out of a, b and q in each window of the picture, with their means.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "src/core/plane.hpp"
+#include "src/deblur/stream_task.hpp"
+#include "src/motion/global_motion.hpp"
+#include "src/motion/innovation.hpp"
+#include "src/motion/kernels.hpp"
+
+namespace bolo::pipeline {
+
+struct GapFigures {
+  double noise_k = 0.0;  // temporal, K (counts without kelvin)
+  double speed = 0.0;    // of the picture where it was fastest, px a frame
+  // What the prediction with the given time constant leaves over what noise leaves, root mean squares; 0: not told, for
+  // the picture did not change its velocity enough.
+  double ratio = 0.0;
+  double tau_ratio = 0.0;  // the pixels' time constant over the given one; 0: not told
+  double tau_sigma = 0.0;  // standard error of that
+};
+
+class GapMeter {
+ public:
+  static constexpr int kFrames = 32;  // of a burst
+
+  // Takes all memory but a few kilobytes. Thread: setup.
+  GapMeter(const StreamFormat& format, double tau_s);
+
+  // Of kFrames consecutive planes, `period_s` apart. Thread: one at a time.
+  GapFigures measure(std::span<const void* const> planes, double period_s);
+
+ private:
+  struct Pair {
+    int early;
+    int late;
+    double change;  // of the squared velocities that blurred them, px^2
+  };
+  struct Sample {  // sums of products over a window of the picture, of one pair
+    std::size_t window;
+    double count, qa, qb, aa, ab, bb;
+    double left(double rho) const { return (aa - 2.0 * rho * ab + rho * rho * bb) / count; }
+  };
+
+  void load(int frame, motion::PaddedPlane& to) const;
+  void innovate(int frame, motion::Pyramid& to);
+  void follow();
+  std::vector<Pair> choose() const;
+  void add(int frame, const motion::Affine& by, float share, motion::PaddedPlane& to);
+  void compare(const Pair& pair);
+  void sum_up(const Region& part, std::size_t window);
+  void regress(GapFigures& figures);
+
+  deblur::StreamTask task_;
+  double tau_s_;
+  const motion::Kernels& kernels_;
+  motion::GlobalMotion global_;
+  motion::Inertia inertia_{1.0};               // of the burst, as the next four
+  std::span<const void* const> planes_;        //
+  double noise_ = 0.0;                         // in the values' unit
+  std::array<motion::Affine, kFrames> moved_;  // from the frame before
+  std::vector<Sample> samples_;
+  std::array<motion::PaddedPlane, 3> work_;
+  motion::PaddedPlane a_, b_, q_, z_;
+  std::array<motion::Pyramid, 2> pyramids_;
+  motion::VectorField field_;
+};
+
+}  // namespace bolo::pipeline

@@ -1,0 +1,94 @@
+// Watches on the stream itself whether the pixels still do what the profile says (gap_meter.hpp).
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "src/core/frame.hpp"
+#include "src/pipeline/gap_meter.hpp"
+#include "src/pipeline/notices.hpp"
+#include "src/pipeline/stats.hpp"
+
+namespace bolo::pipeline {
+
+// What the bursts so far say together: medians of the last five that told, once three did. Thread: one at a time.
+class GapTrend {
+ public:
+  // The profile's time constant and noise (K, or counts).
+  GapTrend(double tau_s, double noise_k) : tau_s_(tau_s), noise_k_(noise_k) {}
+
+  // A notice when it begins or ceases to differ from the profile for good: the time constant by 10 % (again within 5),
+  // the noise, which only still pictures tell, by half (again within 30 %).
+  std::optional<Notice> add(const GapFigures& figures);
+
+  // 0: not known yet.
+  double ratio() const { return ratio_.median(); }
+  double tau_ratio() const { return tau_.median(); }
+  double noise_ratio() const { return noise_.median(); }
+
+ private:
+  class Last {
+   public:
+    void add(double value);
+    double median() const;
+
+   private:
+    std::deque<double> values_;
+  };
+
+  double tau_s_;
+  double noise_k_;
+  Last ratio_;
+  Last tau_;
+  Last noise_;
+  bool grown_ = false;
+};
+
+// Takes a burst of consecutive frames once in a while, and looks at it on a thread of the lowest priority.
+class GapWatch {
+ public:
+  // Planes of `format`. `interval_s`: from one burst's end to the next's begin. Results go to the stats' gauges.
+  // Thread: setup.
+  GapWatch(const StreamFormat& format, double tau_s, double noise_k, double interval_s, PipelineStats& stats);
+  ~GapWatch();
+  GapWatch(const GapWatch&) = delete;
+  GapWatch& operator=(const GapWatch&) = delete;
+
+  // Copies the frame, while a burst is wanted; one with a hole, a NUC or a new window in it begins anew. Thread:
+  // pipeline.
+  void offer(const FrameMeta& meta, const void* plane, bool restart) noexcept;
+
+  // Thread: any.
+  std::vector<Notice> take_notices() { return notices_.take(); }
+
+ private:
+  void run();
+  void look();
+
+  const std::size_t plane_bytes_;
+  PipelineStats& stats_;
+  GapMeter meter_;
+  GapTrend trend_;
+  std::vector<std::byte> burst_;
+  // Whose the burst is: handed over by the watcher's store to offer()'s load, and back by offer()'s to run()'s wait.
+  enum Turn : int { kWatcher, kPipeline };
+  std::atomic<int> turn_{kWatcher};
+  int taken_ = 0;
+  FrameMeta first_;
+  FrameMeta last_;
+  Notices notices_;
+  const std::int64_t interval_ns_;
+  std::mutex mutex_;
+  std::condition_variable end_;
+  bool ends_ = false;
+  std::thread thread_;
+};
+
+}  // namespace bolo::pipeline

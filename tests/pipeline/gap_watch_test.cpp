@@ -1,0 +1,183 @@
+// Whether the camera does what its profile says: told from its own stream, and not told where nothing can tell.
+#include "src/pipeline/gap_watch.hpp"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <numbers>
+#include <thread>
+#include <vector>
+
+#include "src/pipeline/pipeline.hpp"
+#include "tests/motion/scenes.hpp"
+#include "tests/pipeline/fakes.hpp"
+
+namespace bolo::pipeline {
+namespace {
+
+using motion::testing::Scene;
+using motion::testing::Texture;
+
+constexpr Geometry kFrame{128, 80};
+constexpr double kScale = 0.01;
+constexpr double kTau = 2.2;  // of the profile, periods
+constexpr double kPeriodS = 0.005;
+constexpr int kSwing = 48;  // frames of a hand's way to and fro
+
+using Planes = std::vector<std::vector<std::uint16_t>>;
+
+StreamFormat format() {
+  StreamFormat f;
+  f.geometry = kFrame;
+  f.scale = {Unit::kKelvin, kScale, 0.0};
+  return f;
+}
+
+// A texture before a hand that goes `reach` px to and fro, more across than down, or before a steady pan.
+Scene hand(std::uint32_t seed, double reach) {
+  return [texture = Texture(seed), reach, seed](double x, double y, double t) {
+    const double angle = 2.0 * std::numbers::pi * t / kSwing + seed;
+    return texture(x - reach * std::sin(angle), y - 0.3 * reach * std::cos(angle));
+  };
+}
+Scene pan(std::uint32_t seed, double speed) {
+  return [texture = Texture(seed), speed](double x, double y, double t) { return texture(x - speed * t, y); };
+}
+
+Planes planes_of(const Scene& scene, double tau, double noise_k, int count = GapMeter::kFrames) {
+  constexpr int kBefore = 16;  // the watch begins at rest
+  auto frames = motion::testing::watch(scene, kFrame, tau, kBefore + count, 4);
+  motion::testing::add_noise(frames, noise_k, 7);
+  Planes planes;
+  for (auto frame = frames.begin() + kBefore; frame != frames.end(); ++frame) {
+    auto& plane = planes.emplace_back();
+    for (const double v : *frame) plane.push_back(static_cast<std::uint16_t>(std::lround((300.0 + v) / kScale)));
+  }
+  return planes;
+}
+
+GapFigures measure(const Planes& planes) {
+  GapMeter meter(format(), kTau * kPeriodS);
+  std::vector<const void*> pointers;
+  for (const auto& plane : planes) pointers.push_back(plane.data());
+  return meter.measure(pointers, kPeriodS);
+}
+
+TEST(GapMeter, TellsTheTimeConstantOfHandsInLittleAndMuchNoise) {
+  for (const double times : {0.85, 1.0, 1.15}) {
+    for (const std::uint32_t seed : {11U, 12U}) {
+      const double noise_k = seed == 11U ? 0.03 : 0.1;
+      const GapFigures f = measure(planes_of(hand(seed, 16.0), kTau * times, noise_k));
+      EXPECT_NEAR(f.tau_ratio / times, 1.0, 0.04 + 3.0 * f.tau_sigma)
+          << "seed " << seed << ", " << times << " times tau";
+      EXPECT_GT(f.ratio, 0.5);
+    }
+  }
+}
+
+TEST(GapMeter, PredictionGetsWorseWithAWrongProfile) {
+  const double right = measure(planes_of(hand(21, 16.0), kTau, 0.03)).ratio;
+  EXPECT_LT(right, 1.5);
+  EXPECT_GT(measure(planes_of(hand(21, 16.0), 1.15 * kTau, 0.03)).ratio, 1.5 * right);
+}
+
+TEST(GapMeter, WhatRestsOrMovesSteadilyTellsNoiseAlone) {
+  for (const Scene& scene : {pan(31, 0.0), pan(32, 1.5), pan(33, 3.0)}) {
+    const GapFigures f = measure(planes_of(scene, 1.3 * kTau, 0.1));
+    EXPECT_EQ(f.tau_ratio, 0.0);
+    EXPECT_EQ(f.ratio, 0.0);
+    EXPECT_NEAR(f.noise_k, 0.1, 0.02);
+  }
+}
+
+TEST(GapMeter, ACutIsNotTakenForAnotherCamera) {
+  Planes planes = planes_of(hand(41, 16.0), kTau, 0.03);
+  const Planes others = planes_of(hand(42, 16.0), kTau, 0.03);
+  std::copy(others.begin() + 18, others.end(), planes.begin() + 18);
+  const GapFigures f = measure(planes);
+  EXPECT_TRUE(f.tau_ratio == 0.0 || std::abs(f.tau_ratio - 1.0) < 0.1) << f.tau_ratio;
+}
+
+GapFigures told(double tau_ratio) { return {.noise_k = 0.03, .speed = 3.0, .ratio = 1.0, .tau_ratio = tau_ratio}; }
+GapFigures still(double noise_k) { return {.noise_k = noise_k}; }
+
+TEST(GapTrend, TellsAnAgedCameraOnceAndWhenItFitsAgain) {
+  GapTrend trend(0.011, 0.03);
+  EXPECT_FALSE(trend.add(told(1.2)));
+  EXPECT_FALSE(trend.add(told(1.15)));
+  EXPECT_EQ(trend.tau_ratio(), 0.0);
+  const auto grew = trend.add(told(1.22));
+  ASSERT_TRUE(grew);
+  EXPECT_TRUE(grew->warning);
+  EXPECT_EQ(grew->event, event::kGapGrew);
+  EXPECT_NE(grew->text.find("time constant 13.2 ms instead of 11"), std::string::npos) << grew->text;
+  for (int i = 0; i < 5; ++i) EXPECT_FALSE(trend.add(told(1.07)));  // neither here nor there
+  EXPECT_FALSE(trend.add(told(1.0)));
+  EXPECT_FALSE(trend.add(told(1.0)));
+  const auto fits = trend.add(told(1.0));
+  ASSERT_TRUE(fits);
+  EXPECT_FALSE(fits->warning);
+}
+
+TEST(GapTrend, OneBurstThatIsWrongSaysNothing) {
+  GapTrend trend(0.011, 0.03);
+  for (const double ratio : {1.0, 0.3, 1.02, 1.6, 0.97, 0.0, 1.01}) EXPECT_FALSE(trend.add(told(ratio)));
+}
+
+TEST(GapTrend, NoiseIsToldByStillPicturesAlone) {
+  GapTrend trend(0.011, 0.03);
+  GapFigures moves = still(0.09);
+  moves.speed = 2.0;
+  for (int i = 0; i < 9; ++i) EXPECT_FALSE(trend.add(moves));
+  for (int i = 0; i < 9; ++i) EXPECT_FALSE(trend.add(still(0.033)));
+  EXPECT_FALSE(trend.add(still(0.06)));
+  EXPECT_FALSE(trend.add(still(0.06)));
+  const auto grew = trend.add(still(0.06));
+  ASSERT_TRUE(grew);
+  EXPECT_NE(grew->text.find("noise 0.06 instead of 0.03"), std::string::npos) << grew->text;
+}
+
+// What a pipeline says of a stream once `bursts` were looked at. `hole`: so often a frame is lost; 0: never.
+std::vector<Notice> notices_of(const Planes& planes, std::uint64_t bursts, std::uint64_t hole = 0) {
+  test::Script script;
+  script.info.format = format();
+  script.frames.clear();
+  for (std::uint64_t id = 0; id < 2'000'000; ++id) {
+    if (hole == 0 || id % hole != 0) script.frames.push_back({id});
+  }
+  script.fill = [&planes](rt::FrameSlot& slot, const StreamFormat&) {
+    const auto& plane = planes[slot.meta.frame_id % planes.size()];
+    std::copy(plane.begin(), plane.end(), slot.u16());
+  };
+  PipelineOptions options;
+  options.deblur.method = deblur::Method::kInverse;
+  options.deblur.tau_s = kTau * kPeriodS;
+  options.watch_gap_s = 0.001;
+  auto made = Pipeline::create(std::make_unique<test::ScriptedSource>(std::move(script)), {}, options);
+  EXPECT_TRUE(made) << made.error().message;
+  std::atomic<bool> stop{false};
+  std::thread runner([&] { EXPECT_TRUE((*made)->run(stop)); });
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(hole == 0 ? 60 : 1);
+  while ((*made)->stats().gap_bursts.value() < bursts && std::chrono::steady_clock::now() < end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  stop = true;
+  runner.join();
+  EXPECT_EQ((*made)->stats().gap_bursts.value() >= bursts, hole == 0);
+  return (*made)->take_notices();
+}
+
+TEST(GapWatch, APipelineTellsOfAnotherCameraAndOfItsOwnNothing) {
+  EXPECT_TRUE(notices_of(planes_of(hand(51, 16.0), kTau, 0.03, kSwing), 6).empty());
+  const auto notices = notices_of(planes_of(hand(52, 16.0), 1.15 * kTau, 0.03, kSwing), 6);
+  ASSERT_EQ(notices.size(), 1U);
+  EXPECT_EQ(notices.front().event, event::kGapGrew);
+}
+
+TEST(GapWatch, BurstsHaveNoHoles) {
+  EXPECT_TRUE(notices_of(planes_of(hand(61, 16.0), kTau, 0.03, kSwing), 1, GapMeter::kFrames).empty());
+}
+
+}  // namespace
+}  // namespace bolo::pipeline
