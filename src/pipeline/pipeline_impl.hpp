@@ -176,7 +176,7 @@ struct Pipeline::Impl {
     delete spending;
   }
 
-  std::optional<GapWatch> gap;                        // goes before what it writes to
+  std::optional<GapWatch> gap;                       // goes before what it writes to
   UtcClock utc;                                      // of the pipeline thread
   std::atomic<std::uint64_t> steps_told{0};          // of it, as notices
   std::array<std::uint64_t, kGyroUses> gyro_told{};  // of stats, as notices
