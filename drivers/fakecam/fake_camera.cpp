@@ -199,18 +199,14 @@ Result<std::unique_ptr<FakeCamera>> FakeCamera::start(const FakeCameraOptions& o
   if (options.faults.size() > kMaxFaults) {
     return bad_input(fmt::format("{} faults; a camera takes at most {}", options.faults.size(), kMaxFaults));
   }
-  const auto sensor = sensor_of(options, *provider);
-  if (!sensor) return tl::unexpected<Error>(sensor.error());
-  const auto local = find_local_address(options.address);
-  if (!local) return tl::unexpected<Error>(local.error());
-  auto server = ControlServer::bind(*local, gvcp::kPort);
-  if (!server) return tl::unexpected<Error>(server.error());
-  auto stream_socket = open_stream_socket(local->address);
-  if (!stream_socket) return tl::unexpected<Error>(stream_socket.error());
+  ASSIGN_OR_RETURN(const auto sensor, sensor_of(options, *provider));
+  ASSIGN_OR_RETURN(const auto local, find_local_address(options.address));
+  ASSIGN_OR_RETURN(auto server, ControlServer::bind(local, gvcp::kPort));
+  ASSIGN_OR_RETURN(auto stream_socket, open_stream_socket(local.address));
   UniqueFd stop_event(eventfd(0, EFD_CLOEXEC));
   if (!stop_event) return failed("can't make an event descriptor: too many open files");
-  auto impl = std::make_unique<Impl>(options, std::move(provider), *sensor, std::move(*server),
-                                     std::move(*stream_socket), std::move(stop_event), *local);
+  auto impl = std::make_unique<Impl>(options, std::move(provider), sensor, std::move(server), std::move(stream_socket),
+                                     std::move(stop_event), local);
   impl->thread = std::thread([camera = impl.get()] { camera->serve(); });
   return std::unique_ptr<FakeCamera>(new FakeCamera(std::move(impl)));
 }

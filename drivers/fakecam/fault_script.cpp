@@ -143,16 +143,15 @@ std::span<const FaultType> fault_types() {
 
 Result<Fault> parse_fault(std::string_view text) {
   const std::size_t colon = text.find(':');
-  const auto type = find_type(text.substr(0, colon));
-  if (!type) return tl::unexpected<Error>(type.error());
-  Fault fault{*type, {}};
+  ASSIGN_OR_RETURN(const auto type, find_type(text.substr(0, colon)));
+  Fault fault{type, {}};
   for (std::string_view rest = colon == std::string_view::npos ? "" : text.substr(colon); !rest.empty();) {
     rest.remove_prefix(1);  // the colon, or a comma
     const std::size_t comma = std::min(rest.find(','), rest.size());
-    if (Status taken = take_item(fault, rest.substr(0, comma)); !taken) return tl::unexpected<Error>(taken.error());
+    RETURN_IF_ERROR(take_item(fault, rest.substr(0, comma)));
     rest.remove_prefix(comma);
   }
-  if (Status fine = check_together(fault); !fine) return tl::unexpected<Error>(fine.error());
+  RETURN_IF_ERROR(check_together(fault));
   return fault;
 }
 

@@ -29,9 +29,7 @@ Result<MemoryFrames::Content> preload(const capture::CaptureReader& reader) {
   MemoryFrames::Content content{info.format, reader.frame_id(), reader.t(),
                                 std::vector<std::byte>(stride * info.frames), info.camera_serial};
   for (std::size_t i = 0; i < info.frames; ++i) {
-    if (auto status = reader.read_frame(i, content.planes.data() + i * stride); !status) {
-      return tl::unexpected<Error>(status.error());
-    }
+    RETURN_IF_ERROR(reader.read_frame(i, content.planes.data() + i * stride));
   }
   return content;
 }
@@ -60,16 +58,14 @@ Status MemoryFrames::read(std::size_t index, void* out) {
 }
 
 Result<std::unique_ptr<FrameProvider>> open_capture(const std::filesystem::path& file, std::size_t preload_bytes) {
-  auto reader = capture::CaptureReader::open(file);
-  if (!reader) return tl::unexpected<Error>(reader.error());
-  const auto& info = reader->info();
+  ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
+  const auto& info = reader.info();
   if (info.frames == 0) return bad_input(file.string() + ": /frames is empty; a camera needs at least one frame");
   if (info.frames * plane_bytes(info.format.geometry, info.format.type) > preload_bytes) {
-    return std::make_unique<CaptureFrames>(std::move(*reader));
+    return std::make_unique<CaptureFrames>(std::move(reader));
   }
-  auto content = preload(*reader);
-  if (!content) return tl::unexpected<Error>(content.error());
-  return std::make_unique<MemoryFrames>(std::move(*content));
+  ASSIGN_OR_RETURN(auto content, preload(reader));
+  return std::make_unique<MemoryFrames>(std::move(content));
 }
 
 CountConverter::CountConverter(const StreamFormat& format, IrFormat ir_format, Region region)

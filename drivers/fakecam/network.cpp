@@ -131,9 +131,7 @@ std::string dotted(std::uint32_t address) {
 Result<ControlServer> ControlServer::bind(const LocalAddress& local, std::uint16_t port) {
   ControlServer server;
   server.local_ = local;
-  auto socket = bind_exclusive(local.address, port);
-  if (!socket) return tl::unexpected<Error>(socket.error());
-  server.socket_ = std::move(*socket);
+  ASSIGN_OR_RETURN(server.socket_, bind_exclusive(local.address, port));
   for (const std::uint32_t address : {kLimitedBroadcast, local.address | ~local.netmask}) {
     if (auto fd = bind_broadcast(address, port)) server.broadcast_sockets_.push_back(std::move(fd));
   }

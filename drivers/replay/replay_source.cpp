@@ -5,7 +5,6 @@
 #include <system_error>
 #include <utility>
 
-#include "drivers/replay/copy_region.hpp"
 #include "src/core/clock.hpp"
 #include "src/rt/thread.hpp"
 

@@ -4,15 +4,32 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <optional>
 #include <thread>
 #include <vector>
 
 #include "src/capture/capture.hpp"
+#include "src/core/geometry.hpp"
 #include "src/pipeline/source.hpp"
 
 namespace bolo::replay {
+
+// --- Part of a plane as a plane of its own.
+
+// Copies `region` of a plane of geometry `whole` with values of `value_bytes` into `out`, row after row without gaps.
+// The region lies inside. Thread: any.
+inline void copy_region(const void* plane, Geometry whole, std::size_t value_bytes, const Region& region, void* out) {
+  const std::size_t row_bytes = static_cast<std::size_t>(region.width) * value_bytes;
+  const auto* from = static_cast<const std::byte*>(plane);
+  auto* to = static_cast<std::byte*>(out);
+  for (int y = region.y; y < region.y + region.height; ++y, to += row_bytes) {
+    const auto first =
+        static_cast<std::size_t>(y) * static_cast<std::size_t>(whole.width) + static_cast<std::size_t>(region.x);
+    std::memcpy(to, from + first * value_bytes, row_bytes);
+  }
+}
 
 enum class Pace {
   kAsFastAsPossible,  // waits for the pipeline: nothing is ever lost

@@ -33,10 +33,9 @@ Result<deblur::Method> method_of(std::uint32_t code) {
 }
 
 Result<deblur::Settings> settings_of(const bolo_shm_header& header, const bolo_shm_settings& told) {
-  const Result<deblur::Method> method = method_of(told.method);
-  if (!method) return tl::unexpected<Error>(method.error());
+  ASSIGN_OR_RETURN(const deblur::Method method, method_of(told.method));
   deblur::Settings s;
-  s.method = *method;
+  s.method = method;
   s.tau_s = header.tau_s;
   s.period_s = header.frame_period_s;
   s.window = static_cast<int>(header.window);
@@ -47,7 +46,7 @@ Result<deblur::Settings> settings_of(const bolo_shm_header& header, const bolo_s
   s.lambda = told.lambda;
   s.auto_lambda = (told.flags & BOLO_SETTINGS_AUTO_LAMBDA) != 0;
   s.noise_k = told.noise_k;
-  if (const Status good = deblur::validate(s); !good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(deblur::validate(s));
   return s;
 }
 
@@ -99,19 +98,16 @@ Status PointReader::Impl::make_solver(double noise_k) {
   const WithIsa same(isa);
   deblur::Settings with_noise = settings;
   with_noise.noise_k = noise_k;
-  auto made = deblur::Solver::create(with_noise, format, PixelType::kUint16, row_delay_s);
-  if (!made) return tl::unexpected<Error>(made.error());
-  solver = std::move(*made);
+  ASSIGN_OR_RETURN(solver, deblur::Solver::create(with_noise, format, PixelType::kUint16, row_delay_s));
   solver_noise_k = noise_k;
   return {};
 }
 
 // Its planes are then float32, as the solver's input.
 Status PointReader::Impl::set_correction(const model::PixelMaps& maps) {
-  auto made = corrections::PixelCorrection::create(settings, format, maps);
-  if (!made) return tl::unexpected<Error>(made.error());
-  if (!made->changes_samples()) return {};
-  correction = std::move(*made);
+  ASSIGN_OR_RETURN(auto made, corrections::PixelCorrection::create(settings, format, maps));
+  if (!made.changes_samples()) return {};
+  correction = std::move(made);
   format.type = PixelType::kFloat32;
   return {};
 }

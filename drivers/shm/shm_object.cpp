@@ -208,21 +208,17 @@ std::string user_words(uid_t user) {
 }
 
 Result<OwnedObject> OwnedObject::create(const std::string& name, std::size_t bytes) {
-  const Result<std::string> path = object_path(name);
-  if (!path) return tl::unexpected<Error>(path.error());
-  Result<UniqueFd> lock = lock_name("/" + std::string(kLockPrefix) + name, *path);
-  if (!lock) return tl::unexpected<Error>(lock.error());
+  ASSIGN_OR_RETURN(const std::string path, object_path(name));
+  ASSIGN_OR_RETURN(UniqueFd lock, lock_name("/" + std::string(kLockPrefix) + name, path));
   OwnedObject object;
-  object.path_ = *path;
+  object.path_ = path;
   object.lock_path_ = "/" + std::string(kLockPrefix) + name;
-  object.lock_ = std::move(*lock);
-  Result<UniqueFd> made = make_object(*path);
-  if (!made) return tl::unexpected<Error>(made.error());
-  object.object_ = std::move(*made);
+  object.lock_ = std::move(lock);
+  ASSIGN_OR_RETURN(object.object_, make_object(path));
   const int fd = object.object_.get();
-  if (const Status status = reserve(fd, *path, bytes); !status) return tl::unexpected<Error>(status.error());
+  RETURN_IF_ERROR(reserve(fd, path, bytes));
   void* memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd, 0);
-  if (memory == MAP_FAILED) return failed("cannot map shared memory " + *path + ": " + errno_text(errno));
+  if (memory == MAP_FAILED) return failed("cannot map shared memory " + path + ": " + errno_text(errno));
   object.data_ = static_cast<std::byte*>(memory);
   object.bytes_ = bytes;
   return object;
@@ -253,9 +249,8 @@ OwnedObject::~OwnedObject() {
 
 Status OwnedObject::publish_to(unsigned mode, const std::string& group) {
   if (!group.empty()) {
-    const Result<gid_t> gid = group_id(group);
-    if (!gid) return tl::unexpected<Error>(gid.error());
-    if (fchown(object_.get(), static_cast<uid_t>(-1), *gid) != 0) {
+    ASSIGN_OR_RETURN(const gid_t gid, group_id(group));
+    if (fchown(object_.get(), static_cast<uid_t>(-1), gid) != 0) {
       return bad_input("cannot give shared memory " + path_ + " to group '" + group + "': " + errno_text(errno) +
                        "; make the daemon's user a member of it (adduser USER " + group + ") and start it again");
     }

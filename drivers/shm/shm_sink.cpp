@@ -209,21 +209,19 @@ ShmSink::~ShmSink() { close(); }
 Status ShmSink::open(const pipeline::SinkFormat& format) {
   Impl& self = *impl_;
   if (Status status = check(self.options, format); !status) return status;
-  const Result<int> slots = choose_slots(self.options.slots, format.deblur);
-  if (!slots) return tl::unexpected<Error>(slots.error());
-  self.slot_count = static_cast<std::uint64_t>(*slots);
+  ASSIGN_OR_RETURN(const int slots, choose_slots(self.options.slots, format.deblur));
+  self.slot_count = static_cast<std::uint64_t>(slots);
   self.layout = layout_of(format.source.format.geometry, format.motion);
   self.published = 0;
-  Result<OwnedObject> object =
-      OwnedObject::create(self.options.name, kSlotsOffset + self.slot_count * self.layout.stride);
-  if (!object) return tl::unexpected<Error>(object.error());
-  describe(*reinterpret_cast<bolo_shm_header*>(object->data()), format, *slots, self.layout);
-  describe(*reinterpret_cast<bolo_shm_settings*>(object->data() + kSettingsOffset), format);
-  auto& camera = *reinterpret_cast<bolo_shm_camera*>(object->data() + kCameraOffset);
+  ASSIGN_OR_RETURN(OwnedObject object,
+                   OwnedObject::create(self.options.name, kSlotsOffset + self.slot_count * self.layout.stride));
+  describe(*reinterpret_cast<bolo_shm_header*>(object.data()), format, slots, self.layout);
+  describe(*reinterpret_cast<bolo_shm_settings*>(object.data() + kSettingsOffset), format);
+  auto& camera = *reinterpret_cast<bolo_shm_camera*>(object.data() + kCameraOffset);
   camera.bytes = sizeof(camera);
   put_text(camera.control_socket, self.options.control_socket);
-  if (Status status = object->publish_to(self.options.mode, self.options.group); !status) return status;
-  self.object = std::move(*object);
+  if (Status status = object.publish_to(self.options.mode, self.options.group); !status) return status;
+  self.object = std::move(object);
   bolo_shm_header& header = self.header();
   self.waker.emplace(header.wake);
   store_release(header.state, static_cast<std::uint32_t>(BOLO_SHM_RUNNING));

@@ -6,12 +6,226 @@
 #include <array>
 #include <charconv>
 #include <fstream>
+#include <memory>
+#include <span>
+#include <string_view>
 #include <tuple>
+#include <utility>
 
 #include <fmt/format.h>
 
 namespace bolo::usb {
 namespace {
+
+struct FreeConfig {
+  void operator()(libusb_config_descriptor* config) const noexcept { libusb_free_config_descriptor(config); }
+};
+using Config = std::unique_ptr<libusb_config_descriptor, FreeConfig>;
+
+using Bytes = std::span<const unsigned char>;
+
+// USB-IF, "Defined Class Codes".
+std::string_view class_name(unsigned code) {
+  switch (code) {
+    case LIBUSB_CLASS_PER_INTERFACE:
+      return "told by the interfaces";
+    case LIBUSB_CLASS_AUDIO:
+      return "audio";
+    case LIBUSB_CLASS_COMM:
+      return "communications";
+    case LIBUSB_CLASS_HID:
+      return "human interface";
+    case LIBUSB_CLASS_PHYSICAL:
+      return "physical";
+    case LIBUSB_CLASS_IMAGE:
+      return "still image (PTP)";
+    case LIBUSB_CLASS_PRINTER:
+      return "printer";
+    case LIBUSB_CLASS_MASS_STORAGE:
+      return "mass storage";
+    case LIBUSB_CLASS_HUB:
+      return "hub";
+    case LIBUSB_CLASS_DATA:
+      return "communications data";
+    case LIBUSB_CLASS_SMART_CARD:
+      return "smart card";
+    case LIBUSB_CLASS_CONTENT_SECURITY:
+      return "content security";
+    case LIBUSB_CLASS_VIDEO:
+      return "video (UVC)";
+    case LIBUSB_CLASS_PERSONAL_HEALTHCARE:
+      return "personal healthcare";
+    case LIBUSB_CLASS_DIAGNOSTIC_DEVICE:
+      return "diagnostic device";
+    case LIBUSB_CLASS_WIRELESS:
+      return "wireless controller, RNDIS";
+    case LIBUSB_CLASS_MISCELLANEOUS:
+      return "miscellaneous, USB3 Vision";
+    case LIBUSB_CLASS_APPLICATION:
+      return "application specific";
+    case LIBUSB_CLASS_VENDOR_SPEC:
+      return "vendor specific";
+    default:
+      return "unknown";
+  }
+}
+
+// Table 10-12 of USB 3.2 (9.6.2, device capability type codes).
+std::string_view capability_name(unsigned type) {
+  switch (type) {
+    case 1:
+      return "wireless USB";
+    case LIBUSB_BT_USB_2_0_EXTENSION:
+      return "USB 2.0 extension";
+    case LIBUSB_BT_SS_USB_DEVICE_CAPABILITY:
+      return "SuperSpeed";
+    case LIBUSB_BT_CONTAINER_ID:
+      return "container id";
+    case 5:
+      return "platform";
+    case 6:
+      return "power delivery";
+    case 10:
+      return "SuperSpeedPlus";
+    default:
+      return "unknown";
+  }
+}
+
+std::string_view transfer_name(unsigned attributes) {
+  constexpr std::array<std::string_view, 4> kNames{"control", "isochronous", "bulk", "interrupt"};
+  return kNames[attributes & LIBUSB_TRANSFER_TYPE_MASK];
+}
+
+// Lines of text, indented, and the strings that descriptors refer to.
+class Page {
+ public:
+  explicit Page(libusb_device_handle* handle) : handle_(handle) {}
+
+  template <typename... Values>
+  void line(int depth, fmt::format_string<Values...> pattern, Values&&... values) {
+    text_.append(2 * static_cast<std::size_t>(depth), ' ');
+    text_ += fmt::format(pattern, std::forward<Values>(values)...) + "\n";
+  }
+
+  void string(int depth, const char* name, std::uint8_t index) {
+    if (index == 0) return;
+    std::array<unsigned char, 256> text{};
+    if (handle_ == nullptr) return line(depth, "{:<18} string {}, not read: no permission", name, index);
+    const int size = libusb_get_string_descriptor_ascii(handle_, index, text.data(), static_cast<int>(text.size()) - 1);
+    if (size < 0) return line(depth, "{:<18} string {}, not read: {}", name, index, reason(size));
+    line(depth, "{:<18} \"{}\"", name, reinterpret_cast<const char*>(text.data()));
+  }
+
+  void hex(int depth, const char* name, Bytes bytes) {
+    constexpr std::size_t kPerLine = 32;
+    for (std::size_t at = 0; at < bytes.size(); at += kPerLine) {
+      const Bytes part = bytes.subspan(at, std::min(kPerLine, bytes.size() - at));
+      line(depth, "{:<18} {:02x}", at == 0 ? name : "", fmt::join(part.begin(), part.end(), " "));
+    }
+  }
+
+  std::string take() { return std::move(text_); }
+
+ private:
+  libusb_device_handle* handle_;  // null: the device may not be opened
+  std::string text_;
+};
+
+// Class-specific descriptors, one after the other; each begins with its length.
+void put_extra(Page& page, int depth, const unsigned char* extra, int length) {
+  Bytes left(extra, length > 0 ? static_cast<std::size_t>(length) : 0);
+  while (!left.empty()) {
+    const std::size_t size = left[0] >= 2 && left[0] <= left.size() ? left[0] : left.size();
+    page.hex(depth, "class specific", left.first(size));
+    left = left.subspan(size);
+  }
+}
+
+void put_endpoint(Page& page, const libusb_endpoint_descriptor& endpoint) {
+  const bool in = (endpoint.bEndpointAddress & LIBUSB_ENDPOINT_DIR_MASK) == LIBUSB_ENDPOINT_IN;
+  // Bits 12..11 of a high-speed periodic endpoint: further transactions a microframe (USB 2.0, table 9-13).
+  const unsigned packet = endpoint.wMaxPacketSize & 0x7FFU;
+  const unsigned transactions = 1 + ((endpoint.wMaxPacketSize >> 11) & 3U);
+  page.line(3, "endpoint 0x{:02x}: {} {}, packets of {} bytes x {}, interval {}", endpoint.bEndpointAddress,
+            transfer_name(endpoint.bmAttributes), in ? "in" : "out", packet, transactions, endpoint.bInterval);
+  put_extra(page, 4, endpoint.extra, endpoint.extra_length);
+}
+
+void put_interface(Page& page, const libusb_interface_descriptor& setting) {
+  page.line(
+      2, "interface {}, alternate setting {}: class 0x{:02x} ({}), subclass 0x{:02x}, protocol 0x{:02x}, {} endpoints",
+      setting.bInterfaceNumber, setting.bAlternateSetting, setting.bInterfaceClass, class_name(setting.bInterfaceClass),
+      setting.bInterfaceSubClass, setting.bInterfaceProtocol, setting.bNumEndpoints);
+  page.string(3, "name", setting.iInterface);
+  put_extra(page, 3, setting.extra, setting.extra_length);
+  for (const auto& endpoint : std::span(setting.endpoint, setting.bNumEndpoints)) put_endpoint(page, endpoint);
+}
+
+void put_configuration(Page& page, libusb_device* device, std::uint8_t index, bool superspeed) {
+  libusb_config_descriptor* given = nullptr;
+  const bool is_given = libusb_get_config_descriptor(device, index, &given) == 0;
+  const Config config(is_given ? given : nullptr);
+  if (config == nullptr) return page.line(1, "configuration {}: not given", index);
+  page.line(1, "configuration {}: attributes 0x{:02x}{}{}, at most {} mA, {} interfaces", config->bConfigurationValue,
+            config->bmAttributes, (config->bmAttributes & 0x40U) != 0 ? ", self-powered" : "",
+            (config->bmAttributes & 0x20U) != 0 ? ", remote wake-up" : "",
+            static_cast<unsigned>(config->MaxPower) * (superspeed ? 8U : 2U), config->bNumInterfaces);
+  page.string(2, "name", config->iConfiguration);
+  put_extra(page, 2, config->extra, config->extra_length);
+  for (const auto& interface : std::span(config->interface, config->bNumInterfaces)) {
+    for (int i = 0; i < interface.num_altsetting; ++i) put_interface(page, interface.altsetting[i]);
+  }
+}
+
+// Binary device object store: what USB 2.1 and later devices can do.
+void put_bos(Page& page, libusb_device_handle* handle, std::uint16_t usb_release) {
+  constexpr std::uint16_t kFirstWithBos = 0x0201;
+  if (usb_release < kFirstWithBos) return page.line(1, "BOS: none before USB 2.01");
+  if (handle == nullptr) return page.line(1, "BOS: not read: no permission");
+  libusb_bos_descriptor* bos = nullptr;
+  if (const int code = libusb_get_bos_descriptor(handle, &bos); code != 0) {
+    return page.line(1, "BOS: not given: {}", reason(code));
+  }
+  page.line(1, "BOS: {} capabilities", bos->bNumDeviceCaps);
+  for (int i = 0; i < bos->bNumDeviceCaps; ++i) {
+    const libusb_bos_dev_capability_descriptor& one = *bos->dev_capability[i];
+    page.line(2, "capability 0x{:02x} ({})", one.bDevCapabilityType, capability_name(one.bDevCapabilityType));
+    constexpr std::size_t kHead = 3;  // length, type, capability
+    if (one.bLength > kHead) page.hex(3, "data", Bytes(one.dev_capability_data, one.bLength - kHead));
+  }
+  libusb_free_bos_descriptor(bos);
+}
+
+void put_device(Page& page, const UsbDevice& known, const libusb_device_descriptor& d) {
+  page.line(0, "USB device {} at bus {} address {}, port {}, {}", id_text(d.idVendor, d.idProduct), known.bus,
+            known.address, known.port_path, known.speed);
+  page.line(1, "{:<18} \"{}\"", "manufacturer", known.manufacturer);
+  page.line(1, "{:<18} \"{}\"", "product", known.product_name);
+  page.line(1, "{:<18} \"{}\"", "serial number", known.serial);
+  page.line(1, "{:<18} {:x}.{:02x}", "USB release", d.bcdUSB >> 8, d.bcdUSB & 0xFFU);
+  page.line(1, "{:<18} {:x}.{:02x}", "device release", d.bcdDevice >> 8, d.bcdDevice & 0xFFU);
+  page.line(1, "{:<18} 0x{:02x} ({}), subclass 0x{:02x}, protocol 0x{:02x}", "class", d.bDeviceClass,
+            class_name(d.bDeviceClass), d.bDeviceSubClass, d.bDeviceProtocol);
+  page.line(1, "{:<18} {} bytes", "control packets", d.bMaxPacketSize0);
+  page.line(1, "{:<18} {}", "configurations", d.bNumConfigurations);
+}
+
+std::string report_of(libusb_device* device) {
+  const UsbDevice known = describe(device);
+  libusb_device_descriptor descriptor{};
+  libusb_get_device_descriptor(device, &descriptor);
+  libusb_device_handle* opened = nullptr;
+  const int code = libusb_open(device, &opened);
+  const Handle handle(code == 0 ? opened : nullptr);
+  Page page(handle.get());
+  put_device(page, known, descriptor);
+  if (code != 0) page.line(1, "{:<18} {}: {}", "not opened", known.node, reason(code));
+  const bool superspeed = libusb_get_device_speed(device) >= LIBUSB_SPEED_SUPER;
+  for (std::uint8_t i = 0; i < descriptor.bNumConfigurations; ++i) put_configuration(page, device, i, superspeed);
+  put_bos(page, handle.get(), descriptor.bcdUSB);
+  return page.take();
+}
 
 // USB 3 allows hubs seven levels deep.
 constexpr int kMostPorts = 7;
@@ -159,9 +373,21 @@ Result<std::vector<UsbDevice>> list_devices(libusb_context* context, const Devic
 }
 
 Result<std::vector<UsbDevice>> list_devices(const DeviceFilter& filter) {
-  const auto context = make_context();
-  if (!context) return tl::unexpected<Error>(context.error());
-  return list_devices(context->get(), filter);
+  ASSIGN_OR_RETURN(const auto context, make_context());
+  return list_devices(context.get(), filter);
+}
+
+Result<std::string> descriptor_report(const DeviceFilter& filter) {
+  ASSIGN_OR_RETURN(const auto context, make_context());
+  const DeviceList devices(context.get());
+  if (devices.error() != 0) return failed("USB: devices cannot be listed: " + reason(devices.error()));
+  std::string reports;
+  for (libusb_device* device : devices) {
+    if (!filter.matches(describe(device))) continue;
+    reports += (reports.empty() ? "" : "\n") + report_of(device);
+  }
+  if (reports.empty()) return bad_input("no " + filter.text() + " is connected; `bolo usb --vendor any` lists all");
+  return reports;
 }
 
 }  // namespace bolo::usb

@@ -26,10 +26,9 @@ bool has(const std::vector<UsbDevice>& devices, const UsbDevice& device) {
 }  // namespace
 
 Result<std::unique_ptr<Hotplug>> Hotplug::start(DeviceFilter filter, Callback callback, Means means) {
-  auto context = make_context();
-  if (!context) return tl::unexpected<Error>(context.error());
-  if (auto first = list_devices(context->get(), filter); !first) return tl::unexpected<Error>(first.error());
-  return std::unique_ptr<Hotplug>(new Hotplug(std::move(*context), std::move(filter), std::move(callback), means));
+  ASSIGN_OR_RETURN(auto context, make_context());
+  RETURN_IF_ERROR(list_devices(context.get(), filter));
+  return std::unique_ptr<Hotplug>(new Hotplug(std::move(context), std::move(filter), std::move(callback), means));
 }
 
 Hotplug::Hotplug(Context context, DeviceFilter filter, Callback callback, Means means)

@@ -264,11 +264,10 @@ V4l2Source::V4l2Source(V4l2SourceOptions options, VideoSystem& system)
 V4l2Source::~V4l2Source() { stop(); }
 
 Result<pipeline::SourceInfo> V4l2Source::open() {
-  auto device = VideoDevice::open(impl_->system, impl_->options, {});
-  if (!device) return tl::unexpected<Error>(std::move(device.error()));
-  auto info = impl_->inspect(**device);
+  ASSIGN_OR_RETURN(auto device, VideoDevice::open(impl_->system, impl_->options, {}));
+  auto info = impl_->inspect(*device);
   if (!info) return info;
-  impl_->device = std::move(*device);
+  impl_->device = std::move(device);
   impl_->info = *info;
   return info;
 }

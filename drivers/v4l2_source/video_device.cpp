@@ -82,10 +82,9 @@ tl::unexpected<Error> VideoDevice::refused(const std::string& what) const { retu
 
 Result<std::unique_ptr<VideoDevice>> VideoDevice::open(VideoSystem& system, const V4l2SourceOptions& options,
                                                        const std::string& serial) {
-  const auto nodes = candidates(system, options.device, serial);
-  if (!nodes) return tl::unexpected<Error>(nodes.error());
+  ASSIGN_OR_RETURN(const auto nodes, candidates(system, options.device, serial));
   Status status;
-  for (const VideoNode& node : *nodes) {
+  for (const VideoNode& node : nodes) {
     const int fd = system.open(node.path.c_str());
     if (fd < 0) {
       status = bad_input(node.path + ": " + why_not(errno));

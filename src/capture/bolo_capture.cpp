@@ -67,24 +67,15 @@ Result<LinearScale> read_scale(const h5::Owner& root) {
 }
 
 Status read_attributes(const h5::Owner& root, CaptureInfo& info) {
-  const Result<LinearScale> scale = read_scale(root);
-  if (!scale) return tl::unexpected<Error>(scale.error());
-  const Result<double> period = h5::number_attribute(root, "frame_period_s");
-  if (!period) return tl::unexpected<Error>(period.error());
-  const Result<double> row_step = number_or(root, "row_step", 1.0);
-  if (!row_step) return tl::unexpected<Error>(row_step.error());
-  if (*row_step < 1.0 || *row_step > kMostRowStep || *row_step != std::floor(*row_step)) {
-    return bad_input("root attribute 'row_step' is " + text(*row_step) + "; expected a whole number of at least 1");
+  ASSIGN_OR_RETURN(info.format.scale, read_scale(root));
+  ASSIGN_OR_RETURN(info.format.frame_period_s, h5::number_attribute(root, "frame_period_s"));
+  ASSIGN_OR_RETURN(const double row_step, number_or(root, "row_step", 1.0));
+  if (row_step < 1.0 || row_step > kMostRowStep || row_step != std::floor(row_step)) {
+    return bad_input("root attribute 'row_step' is " + text(row_step) + "; expected a whole number of at least 1");
   }
-  Result<std::string> model = string_or_empty(root, "camera_model");
-  if (!model) return tl::unexpected<Error>(std::move(model.error()));
-  Result<std::string> serial = string_or_empty(root, "camera_serial");
-  if (!serial) return tl::unexpected<Error>(std::move(serial.error()));
-  info.format.scale = *scale;
-  info.format.frame_period_s = *period;
-  info.format.row_step = static_cast<int>(*row_step);
-  info.camera_model = std::move(*model);
-  info.camera_serial = std::move(*serial);
+  ASSIGN_OR_RETURN(info.camera_model, string_or_empty(root, "camera_model"));
+  ASSIGN_OR_RETURN(info.camera_serial, string_or_empty(root, "camera_serial"));
+  info.format.row_step = static_cast<int>(row_step);
   return {};
 }
 
@@ -101,15 +92,14 @@ Result<FrameStore> open_frames(hid_t file, const std::string& path, Trust trust,
 }
 
 Status read_frames(hid_t file, Trust trust, Contents& contents) {
-  Result<FrameStore> frames = open_frames(file, "/frames", trust);
-  if (!frames) return tl::unexpected<Error>(std::move(frames.error()));
-  if (frames->stored_type() != "uint16" && frames->stored_type() != "float32") {
-    return bad_input("/frames is of type " + frames->stored_type() + "; expected uint16 or float32");
+  ASSIGN_OR_RETURN(FrameStore frames, open_frames(file, "/frames", trust));
+  if (frames.stored_type() != "uint16" && frames.stored_type() != "float32") {
+    return bad_input("/frames is of type " + frames.stored_type() + "; expected uint16 or float32");
   }
-  contents.info.format.geometry = frames->geometry();
-  contents.info.format.type = frames->type();
-  contents.info.frames = frames->frames();
-  contents.frames = std::move(*frames);
+  contents.info.format.geometry = frames.geometry();
+  contents.info.format.type = frames.type();
+  contents.info.frames = frames.frames();
+  contents.frames = std::move(frames);
   return {};
 }
 
@@ -151,12 +141,8 @@ Status read_motion(hid_t file, Trust trust, Contents& contents) {
 }
 
 Status read_series(hid_t file, Trust trust, Contents& contents) {
-  Result<std::vector<double>> t = h5::read_doubles(file, "/t", expect_of(trust));
-  if (!t) return tl::unexpected<Error>(std::move(t.error()));
-  Result<std::vector<std::uint64_t>> frame_id = h5::read_counts(file, "/frame_id", expect_of(trust));
-  if (!frame_id) return tl::unexpected<Error>(std::move(frame_id.error()));
-  contents.t = std::move(*t);
-  contents.frame_id = std::move(*frame_id);
+  ASSIGN_OR_RETURN(contents.t, h5::read_doubles(file, "/t", expect_of(trust)));
+  ASSIGN_OR_RETURN(contents.frame_id, h5::read_counts(file, "/frame_id", expect_of(trust)));
   return {};
 }
 

@@ -32,25 +32,23 @@ bool looks_like_matlab_capture(hid_t file) {
 Result<Contents> read_matlab_capture(hid_t file) {
   Contents contents;
   contents.file_format = FileFormat::kMatlab;
-  Result<FrameStore> frames = FrameStore::open(file, "/frames", FrameOrder::kMatlab);
-  if (!frames) return tl::unexpected<Error>(std::move(frames.error()));
-  Result<std::vector<double>> t = h5::read_doubles(file, "/t");
-  if (!t) return tl::unexpected<Error>(std::move(t.error()));
-  if (t->size() != frames->frames()) {
-    return bad_input("t has " + std::to_string(t->size()) +
-                     " values but frames, in MATLAB's order n x width x height, is " +
-                     std::to_string(frames->frames()) + " x " + std::to_string(frames->geometry().width) + " x " +
-                     std::to_string(frames->geometry().height));
+  ASSIGN_OR_RETURN(FrameStore frames, FrameStore::open(file, "/frames", FrameOrder::kMatlab));
+  ASSIGN_OR_RETURN(std::vector<double> t, h5::read_doubles(file, "/t"));
+  if (t.size() != frames.frames()) {
+    return bad_input("t has " + std::to_string(t.size()) +
+                     " values but frames, in MATLAB's order n x width x height, is " + std::to_string(frames.frames()) +
+                     " x " + std::to_string(frames.geometry().width) + " x " +
+                     std::to_string(frames.geometry().height));
   }
-  if (t->size() < 2) return bad_input("t has a single value; the frame period needs at least two frames");
-  if (Status good = check_times(*t); !good) return tl::unexpected<Error>(std::move(good.error()));
+  if (t.size() < 2) return bad_input("t has a single value; the frame period needs at least two frames");
+  RETURN_IF_ERROR(check_times(t));
 
-  const double period_s = median_step(*t);
-  contents.info.format = {frames->geometry(), frames->type(), LinearScale{Unit::kKelvin, 1.0, 0.0}, period_s, 1};
-  contents.info.frames = frames->frames();
-  contents.frame_id = ids_from_times(*t, period_s);
-  contents.t = std::move(*t);
-  contents.frames = std::move(*frames);
+  const double period_s = median_step(t);
+  contents.info.format = {frames.geometry(), frames.type(), LinearScale{Unit::kKelvin, 1.0, 0.0}, period_s, 1};
+  contents.info.frames = frames.frames();
+  contents.frame_id = ids_from_times(t, period_s);
+  contents.t = std::move(t);
+  contents.frames = std::move(frames);
   check_plausible(contents);
   return contents;
 }

@@ -82,9 +82,8 @@ Status read_fixed(hid_t dataset, hid_t kind_type, std::vector<Event>& events) {
 
 Result<std::vector<Event>> read_events(hid_t file) {
   if (!h5::exists(file, kPath)) return std::vector<Event>{};
-  const Result<h5::Handle> dataset = h5::open_dataset(file, kPath);
-  if (!dataset) return tl::unexpected<Error>(dataset.error());
-  const h5::Handle type(H5Dget_type(dataset->get()));
+  ASSIGN_OR_RETURN(const h5::Handle dataset, h5::open_dataset(file, kPath));
+  const h5::Handle type(H5Dget_type(dataset.get()));
   if (H5Tget_class(type.get()) != H5T_COMPOUND) {
     return bad_input(kPath + " is of type " + h5::type_text(type.get()) +
                      "; expected compound (t float64, kind string)");
@@ -99,13 +98,13 @@ Result<std::vector<Event>> read_events(hid_t file) {
   if (!member_inside(type.get(), "t") || !member_inside(type.get(), "kind")) {
     return bad_input(kPath + ": a member lies outside its row; the file is damaged");
   }
-  const h5::Dims dims = h5::shape(dataset->get());
+  const h5::Dims dims = h5::shape(dataset.get());
   if (dims.size() != 1) return bad_input(kPath + " has the shape " + h5::text(dims) + "; expected one dimension");
 
   std::vector<Event> events(dims[0]);
   if (events.empty()) return events;
-  Status good = H5Tis_variable_str(kind.get()) > 0 ? read_variable(dataset->get(), kind.get(), events)
-                                                   : read_fixed(dataset->get(), kind.get(), events);
+  Status good = H5Tis_variable_str(kind.get()) > 0 ? read_variable(dataset.get(), kind.get(), events)
+                                                   : read_fixed(dataset.get(), kind.get(), events);
   for (std::size_t i = 0; good && i < events.size(); ++i) {
     if (!std::isfinite(events[i].t_s)) {
       good = bad_input(kPath + ": the time of event " + std::to_string(i) + " is not finite");

@@ -85,14 +85,12 @@ Status check_shape(const std::string& path, const h5::Dims& dims, FrameOrder ord
 
 Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOrder order, h5::Expect expect,
                                     std::size_t block_bytes, hsize_t values) {
-  Result<h5::Handle> dataset = h5::open_dataset(file, path, expect);
-  if (!dataset) return tl::unexpected<Error>(std::move(dataset.error()));
-  const h5::Dims dims = h5::shape(dataset->get());
-  if (Status good = check_shape(path, dims, order, expect, values); !good)
-    return tl::unexpected<Error>(std::move(good.error()));
+  ASSIGN_OR_RETURN(h5::Handle dataset, h5::open_dataset(file, path, expect));
+  const h5::Dims dims = h5::shape(dataset.get());
+  RETURN_IF_ERROR(check_shape(path, dims, order, expect, values));
 
   FrameStore store;
-  const h5::Handle type(H5Dget_type(dataset->get()));
+  const h5::Handle type(H5Dget_type(dataset.get()));
   store.stored_type_ = h5::type_text(type.get());
   if (!h5::is_number(type.get())) {
     return bad_input(path + " is of type " + store.stored_type_ + "; expected numbers");
@@ -107,7 +105,7 @@ Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOr
   store.one_frame_ = dims;
   store.one_frame_[0] = 1;
 
-  const h5::Dims chunk = chunk_shape(dataset->get(), dims.size());
+  const h5::Dims chunk = chunk_shape(dataset.get(), dims.size());
   store.contiguous_ = chunk.empty();
   if (expect == h5::Expect::kPart && !chunk.empty() && chunk != store.one_frame_) {
     return bad_input(path + " is chunked by " + h5::text(chunk) + ", not by the frame of " + h5::text(dims) +
@@ -116,7 +114,7 @@ Result<FrameStore> FrameStore::open(hid_t file, const std::string& path, FrameOr
   const std::size_t cache = chunks_of_a_frame(dims, chunk, frame_major ? 0 : 2, H5Tget_size(type.get()));
   store.block_frames_ =
       std::clamp(block_bytes / plane_bytes(store.geometry_, store.type_), std::size_t{1}, store.frames_);
-  store.checks_chunk_ = frame_major && chunk == store.one_frame_ && !is_filtered(dataset->get());
+  store.checks_chunk_ = frame_major && chunk == store.one_frame_ && !is_filtered(dataset.get());
   store.dataset_ = with_cache(file, path, cache);
   if (!store.dataset_) return bad_input(path + " cannot be opened" + h5::because());
   return store;

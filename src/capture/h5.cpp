@@ -141,21 +141,20 @@ std::vector<T> read_readable_part(hid_t dataset, hid_t memory_type, std::size_t 
 
 template <typename T>
 Result<std::vector<T>> read_series(hid_t file, const std::string& path, Expect expect, hid_t memory_type) {
-  Result<Handle> dataset = open_dataset(file, path, expect);
-  if (!dataset) return tl::unexpected<Error>(std::move(dataset.error()));
-  const Handle type(H5Dget_type(dataset->get()));
+  ASSIGN_OR_RETURN(Handle dataset, open_dataset(file, path, expect));
+  const Handle type(H5Dget_type(dataset.get()));
   if (!is_number(type.get())) return bad_input(path + " is of type " + type_text(type.get()) + "; expected numbers");
-  const Dims dims = shape(dataset->get());
+  const Dims dims = shape(dataset.get());
   const std::size_t values = product(dims).value_or(0);
   const bool vector_of_matlab = dims.size() == 2 && (dims[0] == 1 || dims[1] == 1);
   if (dims.size() != 1 && !vector_of_matlab) {
     return bad_input(path + " has the shape " + text(dims) + "; expected one dimension");
   }
   if (expect == Expect::kPart && dims.size() == 1) {
-    return read_readable_part<T>(dataset->get(), memory_type, values, H5Tget_size(type.get()));
+    return read_readable_part<T>(dataset.get(), memory_type, values, H5Tget_size(type.get()));
   }
   std::vector<T> out(values);
-  if (!read_rows(dataset->get(), memory_type, values, true, out.data())) {
+  if (!read_rows(dataset.get(), memory_type, values, true, out.data())) {
     return bad_input(path + " cannot be read" + because());
   }
   return out;
@@ -252,14 +251,13 @@ std::optional<std::size_t> product(const Dims& dims) {
 bool has_attribute(const Owner& owner, const std::string& name) { return H5Aexists(owner.id, name.c_str()) > 0; }
 
 Result<double> number_attribute(const Owner& owner, const std::string& name) {
-  Result<Handle> attribute = open_attribute(owner, name);
-  if (!attribute) return tl::unexpected<Error>(std::move(attribute.error()));
-  const Handle type(H5Aget_type(attribute->get()));
+  ASSIGN_OR_RETURN(Handle attribute, open_attribute(owner, name));
+  const Handle type(H5Aget_type(attribute.get()));
   if (!is_number(type.get())) {
     return bad_input(attribute_text(owner, name) + " is of type " + type_text(type.get()) + "; expected a number");
   }
   double value = 0.0;
-  if (H5Aread(attribute->get(), H5T_NATIVE_DOUBLE, &value) < 0) {
+  if (H5Aread(attribute.get(), H5T_NATIVE_DOUBLE, &value) < 0) {
     return bad_input(attribute_text(owner, name) + " cannot be read" + because());
   }
   if (!std::isfinite(value)) return bad_input(attribute_text(owner, name) + " is not a finite number");
@@ -267,13 +265,12 @@ Result<double> number_attribute(const Owner& owner, const std::string& name) {
 }
 
 Result<std::string> string_attribute(const Owner& owner, const std::string& name) {
-  Result<Handle> attribute = open_attribute(owner, name);
-  if (!attribute) return tl::unexpected<Error>(std::move(attribute.error()));
-  const Handle type(H5Aget_type(attribute->get()));
+  ASSIGN_OR_RETURN(Handle attribute, open_attribute(owner, name));
+  const Handle type(H5Aget_type(attribute.get()));
   if (H5Tget_class(type.get()) != H5T_STRING) {
     return bad_input(attribute_text(owner, name) + " is of type " + type_text(type.get()) + "; expected a string");
   }
-  return read_string(attribute->get(), type.get(), attribute_text(owner, name));
+  return read_string(attribute.get(), type.get(), attribute_text(owner, name));
 }
 
 bool write_attribute(hid_t owner, const std::string& name, double value) {

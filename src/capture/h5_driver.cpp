@@ -172,15 +172,14 @@ h5::Handle create_hdf5(const std::filesystem::path& name, const std::shared_ptr<
 
 Result<h5::Handle> open_hdf5(const std::filesystem::path& file, FileUse use) {
   std::array<char, 128> head{};
-  if (Status good = read_head(file, head); !good) return tl::unexpected<Error>(std::move(good.error()));
+  RETURN_IF_ERROR(read_head(file, head));
   if (std::string_view(head.data(), kOldMatlab.size()) == kOldMatlab) {
     return bad_input("is a MATLAB file before version 7.3; save it again with save(..., '-v7.3')");
   }
   if (H5Fis_hdf5(file.c_str()) == 0) return bad_input("is not an HDF5 file; expected a capture (.h5 or .mat v7.3)");
-  Result<std::unique_ptr<CrashSafeFile>> opened = CrashSafeFile::open(file);
-  if (!opened) return tl::unexpected<Error>(std::move(opened.error()));
+  ASSIGN_OR_RETURN(std::unique_ptr<CrashSafeFile> opened, CrashSafeFile::open(file));
   const auto driven = std::make_shared<DrivenFile>();
-  driven->file = std::move(*opened);
+  driven->file = std::move(opened);
   driven->salvages = use == FileUse::kSalvage;
   const h5::Handle access = file_access(driven);
   if (!access) return bad_input("cannot be opened" + h5::because());

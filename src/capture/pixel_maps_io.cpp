@@ -58,24 +58,22 @@ Status check_shape(hid_t dataset, const Rule& rule, Geometry geometry) {
 template <typename T>
 Status read_map(hid_t file, const Rule& rule, hid_t memory_type, Geometry geometry, std::vector<T>& values) {
   if (!h5::exists(file, rule.path)) return {};
-  const Result<h5::Handle> dataset = h5::open_dataset(file, rule.path);
-  if (!dataset) return tl::unexpected<Error>(dataset.error());
-  if (Status good = check_shape(dataset->get(), rule, geometry); !good) return good;
+  ASSIGN_OR_RETURN(const h5::Handle dataset, h5::open_dataset(file, rule.path));
+  if (Status good = check_shape(dataset.get(), rule, geometry); !good) return good;
   values.resize(geometry.pixels());
-  if (H5Dread(dataset->get(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
+  if (H5Dread(dataset.get(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
     return bad_input(std::string(rule.path) + " cannot be read" + h5::because());
   }
   return check_values(rule, values, geometry);
 }
 
 Result<int> side(const h5::Owner& root, const char* name) {
-  const Result<double> value = h5::number_attribute(root, name);
-  if (!value) return tl::unexpected<Error>(value.error());
-  if (*value < 1.0 || *value > kMostPixelsASide || *value != std::floor(*value)) {
-    return bad_input(std::string("root attribute '") + name + "' is " + h5::text(*value) +
+  ASSIGN_OR_RETURN(const double value, h5::number_attribute(root, name));
+  if (value < 1.0 || value > kMostPixelsASide || value != std::floor(value)) {
+    return bad_input(std::string("root attribute '") + name + "' is " + h5::text(value) +
                      "; expected a whole number from 1 to " + std::to_string(kMostPixelsASide));
   }
-  return static_cast<int>(*value);
+  return static_cast<int>(value);
 }
 
 Result<Geometry> read_identity(hid_t file) {
@@ -85,16 +83,13 @@ Result<Geometry> read_identity(hid_t file) {
   if (!format) return bad_input(format.error().message + "; expected a \"bolo-maps\" file");
   if (*format != "bolo-maps")
     return bad_input("root attribute 'format' is \"" + *format + "\"; expected \"bolo-maps\"");
-  const Result<double> version = h5::number_attribute(root, "version");
-  if (!version) return tl::unexpected<Error>(version.error());
-  if (*version != kMapsVersion) {
-    return bad_input("root attribute 'version' is " + h5::text(*version) + "; this program reads version 1");
+  ASSIGN_OR_RETURN(const double version, h5::number_attribute(root, "version"));
+  if (version != kMapsVersion) {
+    return bad_input("root attribute 'version' is " + h5::text(version) + "; this program reads version 1");
   }
-  const Result<int> width = side(root, "width");
-  if (!width) return tl::unexpected<Error>(width.error());
-  const Result<int> height = side(root, "height");
-  if (!height) return tl::unexpected<Error>(height.error());
-  return Geometry{*width, *height};
+  ASSIGN_OR_RETURN(const int width, side(root, "width"));
+  ASSIGN_OR_RETURN(const int height, side(root, "height"));
+  return Geometry{width, height};
 }
 
 // Calls each(rule, type in memory and in the file, values) for each map, up to the first error.
@@ -107,12 +102,11 @@ Status each_map(auto& maps, auto each) {
 }
 
 Result<model::PixelMaps> read_all(hid_t file) {
-  const Result<Geometry> geometry = read_identity(file);
-  if (!geometry) return tl::unexpected<Error>(geometry.error());
+  ASSIGN_OR_RETURN(const Geometry geometry, read_identity(file));
   model::PixelMaps maps;
-  maps.geometry = *geometry;
+  maps.geometry = geometry;
   Status good = each_map(
-      maps, [&](const Rule& rule, hid_t type, auto& values) { return read_map(file, rule, type, *geometry, values); });
+      maps, [&](const Rule& rule, hid_t type, auto& values) { return read_map(file, rule, type, geometry, values); });
   if (!good) return tl::unexpected<Error>(good.error());
   return maps;
 }
@@ -149,7 +143,7 @@ Result<std::string> to_bytes(const model::PixelMaps& maps) {
   if (H5Pset_fapl_core(access.get(), kStep, 0) < 0) return failed("cannot be made in memory" + h5::because());
   const h5::Handle file(H5Fcreate("bolo-maps in memory", H5F_ACC_TRUNC, H5P_DEFAULT, access.get()));
   if (!file) return failed("cannot be made in memory" + h5::because());
-  if (Status good = write_maps(file.get(), maps); !good) return tl::unexpected(good.error());
+  RETURN_IF_ERROR(write_maps(file.get(), maps));
   const ssize_t size = H5Fflush(file.get(), H5F_SCOPE_LOCAL) < 0 ? -1 : H5Fget_file_image(file.get(), nullptr, 0);
   std::string bytes(size > 0 ? static_cast<std::size_t>(size) : 0, '\0');
   if (size > 0 && H5Fget_file_image(file.get(), bytes.data(), bytes.size()) == size) return bytes;

@@ -84,25 +84,23 @@ tl::unexpected<Error> nothing_readable(const std::filesystem::path& file) {
 Result<Recovered> write_copy(const std::filesystem::path& damaged, const std::filesystem::path& out,
                              const std::function<bool(std::uint64_t, std::uint64_t)>& progress) {
   Recovered done;
-  const Result<CaptureReader> reader = open_damaged(damaged, done.remarks);
-  if (!reader) return tl::unexpected<Error>(reader.error());
+  ASSIGN_OR_RETURN(const CaptureReader reader, open_damaged(damaged, done.remarks));
   WriterOptions options;
-  options.truth = reader->info().has_truth;
-  options.motion = reader->info().has_motion;
-  options.times = reader->info().has_times;
-  Result<CaptureWriter> writer = CaptureWriter::create(out, reader->info(), options);
-  if (!writer) return tl::unexpected<Error>(writer.error());
-  Status good = copy_extras(*reader, *writer);
-  for (std::size_t i = 0; good && i < reader->events().size(); ++i) good = writer->add_event(reader->events()[i]);
-  FrameCopy frames(*reader, *writer, done);
-  for (std::size_t i = 0; good && i < reader->info().frames; ++i) {
+  options.truth = reader.info().has_truth;
+  options.motion = reader.info().has_motion;
+  options.times = reader.info().has_times;
+  ASSIGN_OR_RETURN(CaptureWriter writer, CaptureWriter::create(out, reader.info(), options));
+  Status good = copy_extras(reader, writer);
+  for (std::size_t i = 0; good && i < reader.events().size(); ++i) good = writer.add_event(reader.events()[i]);
+  FrameCopy frames(reader, writer, done);
+  for (std::size_t i = 0; good && i < reader.info().frames; ++i) {
     good = frames.copy(i);
-    if (good && progress && !progress(i + 1, reader->info().frames)) good = failed(out.string() + ": interrupted");
+    if (good && progress && !progress(i + 1, reader.info().frames)) good = failed(out.string() + ": interrupted");
   }
   if (good && done.frames == 0) good = nothing_readable(damaged);
-  if (good) good = writer->close();
+  if (good) good = writer.close();
   if (!good) return tl::unexpected<Error>(good.error());
-  done.remarks.insert(done.remarks.end(), reader->warnings().begin(), reader->warnings().end());
+  done.remarks.insert(done.remarks.end(), reader.warnings().begin(), reader.warnings().end());
   return done;
 }
 
@@ -117,7 +115,7 @@ std::filesystem::path copy_name(const std::filesystem::path& out) {
 
 Result<Recovered> recover_copy(const std::filesystem::path& damaged, const OutputFile& out,
                                const std::function<bool(std::uint64_t, std::uint64_t)>& progress) {
-  if (Status good = check_output(out); !good) return tl::unexpected(good.error());
+  RETURN_IF_ERROR(check_output(out));
   const std::filesystem::path copy = copy_name(out.path);
   Result<Recovered> done = write_copy(damaged, copy, progress);
   if (!done) {
@@ -126,28 +124,27 @@ Result<Recovered> recover_copy(const std::filesystem::path& damaged, const Outpu
     remove_records(copy.string() + ".part");
     return done;
   }
-  if (Status good = publish(copy, out); !good) return tl::unexpected(good.error());
+  RETURN_IF_ERROR(publish(copy, out));
   return done;
 }
 
 Result<Recovered> recover_in_place(const std::filesystem::path& part, const OutputFile& out) {
-  if (Status good = check_output(out); !good) return tl::unexpected(good.error());
+  RETURN_IF_ERROR(check_output(out));
   Recovered done;
   {
-    const Result<CaptureReader> reader = CaptureReader::open(part);
-    if (!reader) return tl::unexpected<Error>(reader.error());
-    if (!reader->warnings().empty()) {
-      return bad_input(part.string() + ": " + reader->warnings().front() + "; recover it to another file");
+    ASSIGN_OR_RETURN(const CaptureReader reader, CaptureReader::open(part));
+    if (!reader.warnings().empty()) {
+      return bad_input(part.string() + ": " + reader.warnings().front() + "; recover it to another file");
     }
-    done.frames = reader->info().frames;
-    done.first_t_s = reader->t().front();
-    done.last_t_s = reader->t().back();
+    done.frames = reader.info().frames;
+    done.first_t_s = reader.t().front();
+    done.last_t_s = reader.t().back();
   }
   if (!apply_records(part)) {
     const std::string why = errno == EWOULDBLOCK ? "another program has it open" : std::strerror(errno);
     return failed(part.string() + ": cannot be finished: " + why);
   }
-  if (Status good = publish(part, out); !good) return tl::unexpected(good.error());
+  RETURN_IF_ERROR(publish(part, out));
   remove_records(part);
   return done;
 }

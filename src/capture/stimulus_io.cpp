@@ -221,15 +221,14 @@ Result<Stimulus> read_stimulus(hid_t file) {
   if (!h5::exists(file, kGroup)) return NoStimulus{};
   const h5::Handle group(H5Oopen(file, kGroup.c_str(), H5P_DEFAULT));
   if (!group || H5Iget_type(group.get()) != H5I_GROUP) return bad_input(kGroup + " is not a group");
-  const Result<std::string> kind = h5::string_attribute({group.get(), kGroup}, "kind");
-  if (!kind) return tl::unexpected<Error>(kind.error());
+  ASSIGN_OR_RETURN(const std::string kind, h5::string_attribute({group.get(), kGroup}, "kind"));
 
   FieldReader fields(file, group.get());
   Stimulus stimulus;
-  const bool known = read_as<Uniform>(*kind, fields, stimulus) || read_as<Chopper>(*kind, fields, stimulus) ||
-                     read_as<BarTarget>(*kind, fields, stimulus) || read_as<SceneStimulus>(*kind, fields, stimulus);
+  const bool known = read_as<Uniform>(kind, fields, stimulus) || read_as<Chopper>(kind, fields, stimulus) ||
+                     read_as<BarTarget>(kind, fields, stimulus) || read_as<SceneStimulus>(kind, fields, stimulus);
   if (!known) {
-    return bad_input(kGroup + " attribute 'kind' is '" + *kind + "'; expected uniform, chopper, bar_target or scene");
+    return bad_input(kGroup + " attribute 'kind' is '" + kind + "'; expected uniform, chopper, bar_target or scene");
   }
   Status good = fields.status() ? check_stimulus(stimulus) : fields.status();
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
@@ -250,19 +249,18 @@ Status write_stimulus(hid_t file, const Stimulus& stimulus) {
 }
 
 Result<StillImage> read_image(hid_t file, const std::string& path) {
-  Result<h5::Handle> dataset = h5::open_dataset(file, path);
-  if (!dataset) return tl::unexpected<Error>(std::move(dataset.error()));
-  const h5::Dims dims = h5::shape(dataset->get());
+  ASSIGN_OR_RETURN(h5::Handle dataset, h5::open_dataset(file, path));
+  const h5::Dims dims = h5::shape(dataset.get());
   const std::size_t pixels = h5::product(dims).value_or(kMostImagePixels + 1);
   if (dims.size() != 2 || pixels == 0 || pixels > kMostImagePixels) {
     return bad_input(path + " has the shape " + text(dims) + "; expected an image (height, width)");
   }
-  const h5::Handle type(H5Dget_type(dataset->get()));
+  const h5::Handle type(H5Dget_type(dataset.get()));
   if (!h5::is_number(type.get())) {
     return bad_input(path + " is of type " + h5::type_text(type.get()) + "; expected numbers");
   }
   StillImage image{static_cast<int>(dims[1]), static_cast<int>(dims[0]), std::vector<float>(pixels)};
-  if (H5Dread(dataset->get(), H5T_NATIVE_FLOAT, H5S_ALL, H5S_ALL, H5P_DEFAULT, image.kelvin.data()) < 0) {
+  if (H5Dread(dataset.get(), H5T_NATIVE_FLOAT, H5S_ALL, H5S_ALL, H5P_DEFAULT, image.kelvin.data()) < 0) {
     return bad_input(path + " cannot be read" + h5::because());
   }
   return image;

@@ -123,7 +123,7 @@ Status publish(const fs::path& written, const OutputFile& output) {
 }
 
 Result<FileBeside> FileBeside::create(OutputFile output) {
-  if (Status good = check_output(output); !good) return tl::unexpected(good.error());
+  RETURN_IF_ERROR(check_output(output));
   for (int i = 0; i < kMostNames; ++i) {
     fs::path beside = output.path.string() + ".new-" + std::to_string(::getpid()) + "-" + std::to_string(i);
     UniqueFd file(::open(beside.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
@@ -154,10 +154,9 @@ Status FileBeside::write(std::string_view content) {
 }
 
 Status write_file(const OutputFile& output, std::string_view content) {
-  Result<FileBeside> file = FileBeside::create(output);
-  if (!file) return tl::unexpected(file.error());
-  if (Status good = file->write(content); !good) return good;
-  return file->publish();
+  ASSIGN_OR_RETURN(FileBeside file, FileBeside::create(output));
+  if (Status good = file.write(content); !good) return good;
+  return file.publish();
 }
 
 }  // namespace bolo

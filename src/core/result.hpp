@@ -45,3 +45,21 @@ inline tl::unexpected<Error> at(std::string_view where, Error error) {
 }
 
 }  // namespace bolo
+
+// NOLINTBEGIN(bugprone-macro-parentheses): a target is no expression
+#define BOLO_JOIN_NAMES(a, b) a##b
+#define BOLO_LINE_NAME(name, line) BOLO_JOIN_NAMES(name, line)
+#define BOLO_ASSIGN_OR_RETURN(result, target, ...)                            \
+  auto result = (__VA_ARGS__);                                                \
+  if (!result) return tl::unexpected<bolo::Error>(std::move(result).error()); \
+  target = *std::move(result)
+
+// Gives `target`, a variable or a declaration, the value of a Result; an error ends the function and is its result:
+//   ASSIGN_OR_RETURN(const auto reader, CaptureReader::open(file));
+#define ASSIGN_OR_RETURN(target, ...) BOLO_ASSIGN_OR_RETURN(BOLO_LINE_NAME(result_, __LINE__), target, __VA_ARGS__)
+
+// The same of a Status, or of a Result whose value does not matter.
+#define RETURN_IF_ERROR(...) BOLO_RETURN_IF_ERROR(BOLO_LINE_NAME(status_, __LINE__), __VA_ARGS__)
+#define BOLO_RETURN_IF_ERROR(status, ...) \
+  if (auto status = (__VA_ARGS__); !status) return tl::unexpected<bolo::Error>(std::move(status).error())
+// NOLINTEND(bugprone-macro-parentheses)

@@ -76,7 +76,7 @@ std::vector<std::uint32_t> good_ring(Geometry g, const std::vector<std::uint8_t>
 
 Result<PixelCorrection> PixelCorrection::create(const deblur::Settings& settings, const StreamFormat& input,
                                                 const model::PixelMaps& maps) {
-  if (const Status good = check(input.geometry, maps); !good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(check(input.geometry, maps));
   PixelCorrection correction;
   correction.ratio_ = settings.period_s / settings.tau_s;
   if (!maps.gain.empty() || !maps.offset.empty()) correction.set_scale(input, maps);
@@ -182,10 +182,9 @@ void PixelCorrection::finish(float* values) noexcept {
 }
 
 Made pixel_correction(const Setup& setup, const StreamFormat& input) {
-  auto made = PixelCorrection::create(setup.settings, input, setup.maps);
-  if (!made) return tl::unexpected(made.error());
-  if (!made->changes_samples()) return nullptr;
-  return std::make_unique<PixelCorrection>(std::move(*made));
+  ASSIGN_OR_RETURN(auto made, PixelCorrection::create(setup.settings, input, setup.maps));
+  if (!made.changes_samples()) return nullptr;
+  return std::make_unique<PixelCorrection>(std::move(made));
 }
 
 }  // namespace bolo::corrections

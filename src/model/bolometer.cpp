@@ -1,12 +1,16 @@
 #include "src/model/bolometer.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 namespace bolo::model {
 namespace {
+
+constexpr double kHalf = 1.0 / std::numbers::sqrt2;
 
 Eigen::Index ssize(std::span<const double> values) { return static_cast<Eigen::Index>(values.size()); }
 
@@ -66,6 +70,38 @@ double fine_column_bound(int frames, double period_s, double tau_s) {
   const double edge = std::expm1(-period_s / (2.0 * parts * tau_s));
   const double response = -std::expm1(-period_s / tau_s);  // of a sample to its frame's input
   return std::sqrt(parts) * edge * edge / response * unit_l1(frames);
+}
+
+Eigen::MatrixXd haar_matrix(int bins) {
+  Eigen::MatrixXd h = Eigen::MatrixXd::Identity(bins, bins);
+  for (Eigen::Index column = 0; column < bins; ++column) {
+    haar_forward({h.col(column).data(), static_cast<std::size_t>(bins)});
+  }
+  return h;
+}
+
+void haar_forward(std::span<double> values) {
+  assert(std::has_single_bit(values.size()));
+  std::vector<double> next(values.size());
+  for (std::size_t sums = values.size() / 2; sums > 0; sums /= 2) {
+    for (std::size_t k = 0; k < sums; ++k) {
+      next[k] = kHalf * (values[2 * k] + values[2 * k + 1]);
+      next[sums + k] = kHalf * (values[2 * k] - values[2 * k + 1]);
+    }
+    std::copy_n(next.begin(), 2 * sums, values.begin());
+  }
+}
+
+void haar_inverse(std::span<double> values) {
+  assert(std::has_single_bit(values.size()));
+  std::vector<double> next(values.size());
+  for (std::size_t sums = 1; sums < values.size(); sums *= 2) {
+    for (std::size_t k = 0; k < sums; ++k) {
+      next[2 * k] = kHalf * (values[k] + values[sums + k]);
+      next[2 * k + 1] = kHalf * (values[k] - values[sums + k]);
+    }
+    std::copy_n(next.begin(), 2 * sums, values.begin());
+  }
 }
 
 }  // namespace bolo::model

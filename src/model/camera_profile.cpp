@@ -94,7 +94,7 @@ KeyTable profile_keys(CameraProfile& profile) {
 Result<CameraProfile> read_profile(const std::filesystem::path& file) {
   CameraProfile profile;
   KeyTable keys = profile_keys(profile);
-  if (Status status = keys.read(file); !status) return tl::unexpected<Error>(status.error());
+  RETURN_IF_ERROR(keys.read(file));
   if (profile.undo.filter == FrameFilter::kBox && profile.undo.filter_weight <= kLeastBoxWeight) {
     return bad_input(keys.where("firmware.frame_filter_weight") + "frame_filter_weight of a box must be above 0.5: " +
                      "with less, what is undone grows without end");

@@ -117,13 +117,12 @@ struct KeyTable::Reading {
 };
 
 Status KeyTable::read(const std::filesystem::path& file) {
-  const Result<std::string> text = slurp(file);
-  if (!text) return tl::unexpected<Error>(text.error());
+  ASSIGN_OR_RETURN(const std::string text, slurp(file));
   file_ = file;
   places_.clear();
   Reading reading{*this, {}, {}, {}};
   try {
-    reading.walk(toml::parse(*text, file.string()), "");
+    reading.walk(toml::parse(text, file.string()), "");
   } catch (const toml::parse_error& e) {
     return bad_input(position(file, e.source().begin.line, e.source().begin.column) + std::string(e.description()));
   }

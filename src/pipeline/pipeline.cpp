@@ -60,16 +60,15 @@ Status check(const PipelineOptions& options, const StreamFormat& format) {
 Result<Pipeline::Timed> Pipeline::Timed::create(const PipelineOptions& options, const StreamFormat& format) {
   deblur::Settings settings = options.deblur;
   settings.period_s = format.frame_period_s;
-  if (Status status = deblur::validate(settings); !status) return tl::unexpected(status.error());
+  RETURN_IF_ERROR(deblur::validate(settings));
   const auto planes = static_cast<std::size_t>(deblur::Window(settings).slots());
   auto corrections =
       corrections::Chain::create({options.undo, settings, options.maps, options.pixel_noise_k}, format, planes);
   if (!corrections) return tl::unexpected(corrections.error());
-  auto solvers = SolverLadder::create(settings, (*corrections)->format(), options.output, options.maps.row_delay_s,
-                                      options.degrade);
-  if (!solvers) return tl::unexpected(solvers.error());
-  settings.iterations = solvers->full().iterations();
-  return Timed{settings, std::move(*corrections), std::move(*solvers)};
+  ASSIGN_OR_RETURN(auto solvers, SolverLadder::create(settings, (*corrections)->format(), options.output,
+                                                      options.maps.row_delay_s, options.degrade));
+  settings.iterations = solvers.full().iterations();
+  return Timed{settings, std::move(*corrections), std::move(solvers)};
 }
 
 QualityLevel Pipeline::Impl::choose_quality() noexcept {
@@ -303,18 +302,16 @@ Status Pipeline::Impl::keep_up() {
 Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> source,
                                                    const std::vector<FrameSink*>& sinks,
                                                    const PipelineOptions& options) {
-  Result<SourceInfo> info = source->open();
-  if (!info) return tl::unexpected(info.error());
-  if (Status status = check(options, info->format); !status) return tl::unexpected(status.error());
-  auto timed = Timed::create(options, info->format);
-  if (!timed) return tl::unexpected(timed.error());
+  ASSIGN_OR_RETURN(SourceInfo info, source->open());
+  RETURN_IF_ERROR(check(options, info.format));
+  ASSIGN_OR_RETURN(auto timed, Timed::create(options, info.format));
 
-  auto impl = std::make_unique<Impl>(std::move(source), std::move(*info), std::move(*timed), options);
+  auto impl = std::make_unique<Impl>(std::move(source), std::move(info), std::move(timed), options);
   impl->warn(impl->team.status());
   if (const std::string little = deblur::little_to_undo(impl->settings); !little.empty() && options.warn) {
     options.warn(little);
   }
-  if (Status status = impl->keep_up(); !status) return tl::unexpected(status.error());
+  RETURN_IF_ERROR(impl->keep_up());
   const SinkFormat format{.source = impl->info,
                           .deblurred_type = options.output,
                           .deblur = impl->settings,
@@ -328,7 +325,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::create(std::unique_ptr<FrameSource> 
                           .region = options.region,
                           .points = options.points};
   impl->all_sinks = sinks;
-  if (Status status = impl->sinks.open(sinks, format); !status) return tl::unexpected(status.error());
+  RETURN_IF_ERROR(impl->sinks.open(sinks, format));
   return std::unique_ptr<Pipeline>(new Pipeline(std::move(impl)));
 }
 
@@ -347,10 +344,9 @@ Status Pipeline::run(const std::atomic<bool>& stop_requested) {
 Status Pipeline::set_period(double period_s) {
   StreamFormat format = impl_->info.format;
   format.frame_period_s = period_s;
-  auto timed = Timed::create(impl_->options, format);
-  if (!timed) return tl::unexpected(timed.error());
+  ASSIGN_OR_RETURN(auto timed, Timed::create(impl_->options, format));
   delete impl_->spent.exchange(nullptr, std::memory_order_acquire);  // partners: take_period()
-  delete impl_->next_timed.exchange(new Timed(std::move(*timed)), std::memory_order_acq_rel);
+  delete impl_->next_timed.exchange(new Timed(std::move(timed)), std::memory_order_acq_rel);
   return {};
 }
 

@@ -113,9 +113,9 @@ Result<SolverLadder> SolverLadder::create(const deblur::Settings& settings, cons
   for (const QualityLevel level : {QualityLevel::kFull, QualityLevel::kReduced, QualityLevel::kInverse}) {
     const bool full = level == QualityLevel::kFull;
     if (!full && !degrade) break;
-    auto made = deblur::Solver::create(full ? settings : cheaper(settings, level), input, output, row_delay_s);
-    if (!made) return tl::unexpected<Error>(std::move(made.error()));
-    ladder.solvers_[static_cast<std::size_t>(level)] = std::move(*made);
+    ASSIGN_OR_RETURN(auto made,
+                     deblur::Solver::create(full ? settings : cheaper(settings, level), input, output, row_delay_s));
+    ladder.solvers_[static_cast<std::size_t>(level)] = std::move(made);
   }
   return ladder;
 }

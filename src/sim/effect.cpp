@@ -45,11 +45,10 @@ Status check_value(const EffectDescription& effect, std::string_view name, doubl
 }
 
 Status check(const EffectSpec& spec) {
-  const auto effect = known(spec.name);
-  if (!effect) return tl::unexpected(effect.error());
-  if (Status form = check_form(**effect, spec.form); !form) return form;
+  ASSIGN_OR_RETURN(const auto effect, known(spec.name));
+  if (Status form = check_form(*effect, spec.form); !form) return form;
   for (const auto& [name, value] : spec.values) {
-    if (Status fine = check_value(**effect, name, value); !fine) return fine;
+    if (Status fine = check_value(*effect, name, value); !fine) return fine;
   }
   return {};
 }
@@ -162,20 +161,20 @@ Result<EffectSpec> parse_effect(std::string_view text) {
   const std::size_t colon = text.find(':');
   EffectSpec spec;
   spec.name = text.substr(0, colon);
-  if (const auto effect = known(spec.name); !effect) return tl::unexpected(effect.error());
+  RETURN_IF_ERROR(known(spec.name));
   std::string_view rest = colon == std::string_view::npos ? std::string_view() : text.substr(colon + 1);
   if (colon != std::string_view::npos && rest.empty()) {
     return bad_input("effect " + spec.name + ": nothing follows the colon; expected key=value");
   }
   while (!rest.empty()) {
     const std::size_t comma = rest.find(',');
-    if (Status taken = take_item(spec, rest.substr(0, comma)); !taken) return tl::unexpected(taken.error());
+    RETURN_IF_ERROR(take_item(spec, rest.substr(0, comma)));
     rest = comma == std::string_view::npos ? std::string_view() : rest.substr(comma + 1);
     if (comma != std::string_view::npos && rest.empty()) {
       return bad_input("effect " + spec.name + ": nothing follows the last comma; expected key=value");
     }
   }
-  if (Status fine = check(spec); !fine) return tl::unexpected(fine.error());
+  RETURN_IF_ERROR(check(spec));
   return spec;
 }
 
@@ -191,11 +190,10 @@ Status check_effects(std::span<const EffectSpec> effects) {
 }
 
 Result<EffectSpec> draw_effect(std::string_view name, std::uint64_t seed) {
-  const auto effect = known(name);
-  if (!effect) return tl::unexpected(effect.error());
+  ASSIGN_OR_RETURN(const auto effect, known(name));
   EffectSpec spec{std::string(name), {}, {}};
   SplitMix random(name_key(name, seed));
-  for (const Parameter& parameter : (*effect)->parameters) {
+  for (const Parameter& parameter : effect->parameters) {
     if (!parameter.realistic.empty()) {
       spec.values.emplace(parameter.key, draw_value(parameter.realistic, random));
     }

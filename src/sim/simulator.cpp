@@ -132,7 +132,7 @@ double history_s(const CameraSettings& settings) {
 
 Result<std::unique_ptr<Simulator>> Simulator::create(const CameraSettings& settings,
                                                      std::unique_ptr<const Field> field) {
-  if (const auto valid = checked(settings); !valid) return tl::unexpected(valid.error());
+  RETURN_IF_ERROR(checked(settings));
   const double highest_k = 65535.0 * settings.readout.quantisation_k;
   if (settings.readout.type == PixelType::kUint16 && field->extremes().high_k > highest_k) {
     return bad_input("16 bits of " + std::to_string(settings.readout.quantisation_k) + " K reach only " +
@@ -259,21 +259,20 @@ Status write_capture(Simulator& simulator, const OutputFile& file, const Capture
   how.truth = options.truth;
   how.deflate_level = options.deflate_level;
   how.replace = file.replace;
-  auto writer = capture::CaptureWriter::create(file.path, info, how);
-  if (!writer) return tl::unexpected(writer.error());
+  ASSIGN_OR_RETURN(auto writer, capture::CaptureWriter::create(file.path, info, how));
   const double last_s = static_cast<double>(std::max<std::size_t>(options.frames, 2) - 1) / settings.rate_hz;
-  Status status = writer->write_stimulus(simulator.field().stimulus(-history_s(settings), last_s));
-  if (status) status = write_settings(*writer, settings);
+  Status status = writer.write_stimulus(simulator.field().stimulus(-history_s(settings), last_s));
+  if (status) status = write_settings(writer, settings);
 
   std::vector<std::byte> plane(plane_bytes(info.format.geometry, info.format.type));
   std::vector<float> truth(options.truth ? info.format.geometry.pixels() : 0);
   float* const truth_plane = options.truth ? truth.data() : nullptr;
   for (std::size_t k = 0; status && k < options.frames; ++k) {
     simulator.next(plane.data(), truth_plane);
-    status = writer->append(static_cast<double>(k) / settings.rate_hz, k, plane.data(), truth_plane);
+    status = writer.append(static_cast<double>(k) / settings.rate_hz, k, plane.data(), truth_plane);
     if (status && !progress(k + 1)) break;
   }
-  return status ? writer->close() : status;
+  return status ? writer.close() : status;
 }
 
 }  // namespace bolo::sim

@@ -131,7 +131,7 @@ Result<StimulusError> parse_stimulus_error(std::string_view text) {
   StimulusError error;
   while (true) {
     const std::size_t comma = text.find(',');
-    if (Status taken = take(error, text.substr(0, comma)); !taken) return tl::unexpected(taken.error());
+    RETURN_IF_ERROR(take(error, text.substr(0, comma)));
     if (comma == std::string_view::npos) return error;
     text.remove_prefix(comma + 1);
   }

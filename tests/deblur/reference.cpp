@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "src/deblur/dual_plan.hpp"
-#include "src/model/haar.hpp"
+#include "src/model/bolometer.hpp"
 
 namespace bolo::deblur {
 namespace {

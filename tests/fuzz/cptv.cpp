@@ -1,6 +1,6 @@
 // A CPTV film. zlib also gives bytes that are not gzip's as they are, so the fuzzer gets past it.
-#include "tools/convert/cptv.hpp"
 #include "tests/fuzz/input.hpp"
+#include "tools/convert/footage.hpp"
 
 using namespace bolo;
 

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <vector>
 
-#include "src/model/haar.hpp"
-
 namespace bolo::model {
 namespace {
 

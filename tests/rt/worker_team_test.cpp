@@ -1,13 +1,20 @@
-#include "src/rt/worker_team.hpp"
-
 #include <gtest/gtest.h>
-
 #include <pthread.h>
+#include <sched.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
 #include <set>
 #include <string>
+#include <thread>
 #include <vector>
+
+#include "src/rt/thread.hpp"
+#include "src/rt/worker_team.hpp"
 
 namespace bolo::rt {
 namespace {
@@ -91,5 +98,67 @@ TEST(WorkerTeam, TellsARefusalAndWorksOn) {
   EXPECT_EQ(calls, 1);
 }
 
+// The options would stay on the thread that runs the tests.
+void on_own_thread(const std::function<void()>& check) { std::thread(check).join(); }
+
+TEST(ApplyToThisThread, CutsLongNamesToWhatTheKernelShows) {
+  on_own_thread([] {
+    ASSERT_TRUE(apply_to_this_thread({.name = "a-name-of-twenty-one"}));
+    std::array<char, 16> name{};
+    pthread_getname_np(pthread_self(), name.data(), name.size());
+    EXPECT_STREQ(name.data(), "a-name-of-twent");
+  });
+}
+
+TEST(ApplyToThisThread, PlacesTheThread) {
+  on_own_thread([] {
+    cpu_set_t allowed;
+    ASSERT_EQ(pthread_getaffinity_np(pthread_self(), sizeof allowed, &allowed), 0);
+    int cpu = 0;
+    while (!CPU_ISSET(static_cast<std::size_t>(cpu), &allowed)) ++cpu;
+    const Status status = apply_to_this_thread({.name = "", .realtime_priority = 0, .cpus = {cpu}});
+    ASSERT_TRUE(status) << status.error().message;
+    cpu_set_t now;
+    ASSERT_EQ(pthread_getaffinity_np(pthread_self(), sizeof now, &now), 0);
+    EXPECT_EQ(CPU_COUNT(&now), 1);
+    EXPECT_TRUE(CPU_ISSET(static_cast<std::size_t>(cpu), &now));
+  });
+}
+
+TEST(ApplyToThisThread, RefusesPrioritiesOutOfRange) {
+  for (const int priority : {-1, 100}) {
+    const Status status = apply_to_this_thread({.name = "t", .realtime_priority = priority});
+    ASSERT_FALSE(status);
+    EXPECT_EQ(status.error().kind, ErrorKind::kBadInput);
+    EXPECT_NE(status.error().message.find("1 to 99"), std::string::npos) << status.error().message;
+  }
+}
+
+TEST(ApplyToThisThread, RefusesCpusThatCannotBe) {
+  for (const int cpu : {-1, 1 << 20}) {
+    const Status status = apply_to_this_thread({.name = "t", .realtime_priority = 0, .cpus = {cpu}});
+    ASSERT_FALSE(status);
+    EXPECT_NE(status.error().message.find("CPU " + std::to_string(cpu)), std::string::npos);
+  }
+}
+
+// Asks for a priority as a process that may have none, and ends.
+[[noreturn]] void ask_without_privileges() {
+  const rlimit none{0, 0};
+  setrlimit(RLIMIT_RTPRIO, &none);
+  if (geteuid() == 0 && setuid(65534) != 0) std::_Exit(3);
+  const Status status = apply_to_this_thread({.name = "bolo-deblur", .realtime_priority = 20});
+  std::fprintf(stderr, "%s\n", status ? "granted" : status.error().message.c_str());
+  std::_Exit(status ? 0 : status.error().exit_code());
+}
+
+// In a child: the test program itself may be root, which is never refused.
+TEST(ApplyToThisThread, ARefusedPriorityNamesTheLimitToRaise) {
+  EXPECT_EXIT(ask_without_privileges(), testing::ExitedWithCode(2),
+              "thread 'bolo-deblur': SCHED_FIFO priority 20 refused .*, RLIMIT_RTPRIO is 0; set LimitRTPRIO=20 in the "
+              "systemd unit, or 'ulimit -r 20'");
+}
+
 }  // namespace
+
 }  // namespace bolo::rt

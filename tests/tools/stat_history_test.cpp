@@ -4,8 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include "tools/bolo/stat_screen.hpp"
-
 namespace bolo::tools {
 namespace {
 

@@ -46,12 +46,11 @@ Result<Window> make_window(int frames) {
   auto field =
       sim::pan_over(*scene, path, sim::centred_origin(*scene, path, kFrame, from_s, to_s), kFrame, from_s, to_s);
   if (!field) return tl::unexpected(field.error());
-  const auto simulator = sim::Simulator::create(camera, std::move(*field));
-  if (!simulator) return tl::unexpected(simulator.error());
-  Window window{(*simulator)->format(), {}};
+  ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera, std::move(*field)));
+  Window window{simulator->format(), {}};
   for (int i = 0; i < frames; ++i) {
     window.frames.emplace_back(kFrame.pixels());
-    (*simulator)->next(window.frames.back().data(), nullptr);
+    simulator->next(window.frames.back().data(), nullptr);
   }
   return window;
 }
@@ -72,20 +71,19 @@ Result<Speed> measure(const Window& input, deblur::Method method, int threads, d
   deblur::Settings settings;
   settings.method = method;
   settings.auto_lambda = method == deblur::Method::kAdmm || method == deblur::Method::kDual;
-  auto solver = deblur::Solver::create(settings, input.format, PixelType::kUint16);
-  if (!solver) return tl::unexpected(solver.error());
+  ASSIGN_OR_RETURN(auto solver, deblur::Solver::create(settings, input.format, PixelType::kUint16));
   rt::WorkerTeam team(threads, rt::ThreadOptions{"bolo-bench"});
   if (team.size() < threads) return failed("cannot start " + std::to_string(threads) + " threads");
   std::vector<const void*> planes;
   for (const auto& frame : input.frames) planes.push_back(frame.data());
   const deblur::WindowView window{planes, settings.window - 1};
   std::vector<std::uint16_t> out(kFrame.pixels());
-  Band band{**solver, window, threads, out.data()};
+  Band band{*solver, window, threads, out.data()};
   std::vector<double> ms;
   const auto end = Clock::now() + std::chrono::duration<double>(seconds);
   while (ms.size() < 5 || Clock::now() < end) {
     const auto start = Clock::now();
-    (*solver)->prepare(window);
+    solver->prepare(window);
     team.run([](void* self, int worker) { (*static_cast<Band*>(self))(worker); }, &band);
     ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
   }
@@ -98,16 +96,14 @@ Status bench(int threads, double seconds, bool json) {
   if (!(seconds > 0.0 && seconds <= 3600.0)) return bad_input("--seconds: expected more than 0, at most 3600");
   nlohmann::ordered_json result{
       {"width", kFrame.width}, {"height", kFrame.height}, {"rate_hz", 200}, {"threads", threads}};
-  const auto window = make_window(deblur::Settings{}.window);
-  if (!window) return tl::unexpected(window.error());
+  ASSIGN_OR_RETURN(const auto window, make_window(deblur::Settings{}.window));
   std::string line;
   for (const deblur::Method method : kMethods) {
-    const auto speed = measure(*window, method, threads, seconds / static_cast<double>(std::size(kMethods)));
-    if (!speed) return tl::unexpected(speed.error());
-    result["solvers"].push_back({{"solver", speed->solver},
-                                 {"ms_per_frame", speed->ms_per_frame},
-                                 {"realtime_factor", speed->realtime_factor}});
-    line += fmt::format("{}{} {:.1f}", line.empty() ? "" : ", ", speed->solver, speed->realtime_factor);
+    ASSIGN_OR_RETURN(const auto speed,
+                     measure(window, method, threads, seconds / static_cast<double>(std::size(kMethods))));
+    result["solvers"].push_back(
+        {{"solver", speed.solver}, {"ms_per_frame", speed.ms_per_frame}, {"realtime_factor", speed.realtime_factor}});
+    line += fmt::format("{}{} {:.1f}", line.empty() ? "" : ", ", speed.solver, speed.realtime_factor);
   }
   if (json) {
     std::puts(result.dump(2).c_str());

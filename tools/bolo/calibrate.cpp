@@ -168,14 +168,10 @@ Status run_calibrate(const Given& given) {
   std::vector<std::filesystem::path> inputs = captures;
   diagnose::CalibrationOptions options;
   if (given.count("profile") != 0) {
-    auto profile = model::read_profile(given["profile"].as<std::string>());
-    if (!profile) return tl::unexpected(profile.error());
-    options.profile = std::move(*profile);
+    ASSIGN_OR_RETURN(options.profile, model::read_profile(given["profile"].as<std::string>()));
     inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options.profile.maps});
   }
-  if (Status good = check_outputs({files.profile.path, files.maps, plot->path}, inputs, files.profile.replace); !good) {
-    return good;
-  }
+  RETURN_IF_ERROR(check_outputs({files.profile.path, files.maps, plot->path}, inputs, files.profile.replace));
   catch_interrupts();
   auto result = [&] {
     Progress progress("calibrate", 100);
@@ -187,10 +183,7 @@ Status run_calibrate(const Given& given) {
   if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted; nothing was written");
   if (!result) return tl::unexpected(result.error());
   const model::Origins origins = round_measured(*result);
-  if (Status written = write_profile_files(files.profile, files.maps, result->profile, result->maps, origins);
-      !written) {
-    return written;
-  }
+  RETURN_IF_ERROR(write_profile_files(files.profile, files.maps, result->profile, result->maps, origins));
   if (!plot->empty()) {
     plot::Sheet sheet{.title = "Calibration of a camera"};
     for (const plot::Plot& part : pulse_plots(result->fit, result->noise_k)) sheet.rows.push_back({part});

@@ -54,11 +54,9 @@ Result<std::string> ask_daemon(const std::string& path, std::string_view request
 }
 
 Result<std::string> ask_daemon_named(const std::string& name, std::string_view request) {
-  const auto reader = shm::ShmReader::open(name);
-  if (!reader) return tl::unexpected<Error>(reader.error());
-  const auto path = control_socket_of(*reader, name);
-  if (!path) return tl::unexpected<Error>(path.error());
-  return ask_daemon(*path, request);
+  ASSIGN_OR_RETURN(const auto reader, shm::ShmReader::open(name));
+  ASSIGN_OR_RETURN(const auto path, control_socket_of(reader, name));
+  return ask_daemon(path, request);
 }
 
 Status judge_answer(const std::string& answer) {

@@ -7,7 +7,6 @@
 
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/convert/cptv.hpp"
 #include "tools/convert/footage.hpp"
 #include "tools/convert/footage_sink.hpp"
 
@@ -123,20 +122,19 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
   request.out.file = {parsed["output"].as<std::string>(), replace_of(parsed)};
   request.out.inputs = request.in;
   request.out.preview = parsed.count("preview") != 0;
-  if (Status good = read_range(parsed, request.out); !good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(read_range(parsed, request.out));
   if (parsed.count("frame") != 0) request.frame = parsed["frame"].as<std::size_t>();
   request.out.name = parsed["name"].as<std::string>();
-  if (Status good = check_name(request.out.name); !good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(check_name(request.out.name));
   if (parsed.count("topic") != 0) request.topic = parsed["topic"].as<std::string>();
   request.told.rate_hz = parsed["rate"].as<double>();
   if (!(request.told.rate_hz > 0.0 && request.told.rate_hz <= 1e6))
     return bad_input("--rate must be above 0 frames a second");
-  if (Status good = read_scale(parsed, request); !good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(read_scale(parsed, request));
   if (parsed.count("raw") != 0) {
-    Result<RawLayout> layout = parse_raw(parsed["raw"].as<std::string>());
-    if (!layout) return tl::unexpected<Error>(layout.error());
-    layout->skip_bytes = parsed["skip"].as<std::uint64_t>();
-    request.raw = *layout;
+    ASSIGN_OR_RETURN(RawLayout layout, parse_raw(parsed["raw"].as<std::string>()));
+    layout.skip_bytes = parsed["skip"].as<std::uint64_t>();
+    request.raw = layout;
   }
   // The files of a series of pictures are looked at when their number is known.
   if (request.out.file.path.extension() == ".png") return request;

@@ -37,12 +37,10 @@ Result<CaptureSummary> deblur(CaptureRun& run, const DeblurFile& file, Replace r
 
 Status deblur_one(const DeblurRequest& request) {
   const DeblurFile& file = request.files.front();
-  auto run = CaptureRun::open(request, file.input);
-  if (!run) return tl::unexpected(run.error());
+  ASSIGN_OR_RETURN(auto run, CaptureRun::open(request, file.input));
   const std::int64_t start_ns = monotonic_ns();
-  const auto capture = deblur(*run, file, request.replace, "", kDeblurVerb);
-  if (!capture) return tl::unexpected(capture.error());
-  print_capture(request, *capture, seconds_since(start_ns));
+  ASSIGN_OR_RETURN(const auto capture, deblur(run, file, request.replace, "", kDeblurVerb));
+  print_capture(request, capture, seconds_since(start_ns));
   return {};
 }
 
@@ -55,11 +53,9 @@ void remove_left_records(const std::filesystem::path& output) {
 
 // One capture of many: what is done stays, and what another process is at is left to it.
 Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, FolderSummary& summary) {
-  auto run = CaptureRun::open(request, file.input);
-  if (!run) return tl::unexpected(run.error());
-  const auto source = made_from(request, run->reader());
-  if (!source) return tl::unexpected(source.error());
-  if (is_made(file.output, file.input, *source)) {
+  ASSIGN_OR_RETURN(auto run, CaptureRun::open(request, file.input));
+  ASSIGN_OR_RETURN(const auto source, made_from(request, run.reader()));
+  if (is_made(file.output, file.input, source)) {
     remove_left_records(file.output);
     summary.skipped.push_back(file.output);
     return {};
@@ -70,7 +66,7 @@ Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, 
                      " is there already, made otherwise; choose another folder, or --overwrite it");
   }
   // What a run that was killed has left under the output's ".part" is begun again.
-  auto capture = deblur(*run, file, Replace::kExisting, *source, kDeblurVerb + (" " + file.input.filename().string()));
+  auto capture = deblur(run, file, Replace::kExisting, source, kDeblurVerb + (" " + file.input.filename().string()));
   if (capture) {
     summary.captures.push_back(std::move(*capture));
   } else if (is_being_made(file.output)) {

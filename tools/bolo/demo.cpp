@@ -47,10 +47,9 @@ struct DemoRequest {
 struct Folder {
   static Result<Folder> make(const fs::path& named) {
     if (named.empty()) {
-      auto scratch = ScratchFolder::make();
-      if (!scratch) return tl::unexpected<Error>(scratch.error());
-      const fs::path path = scratch->path();
-      return Folder{path, std::move(*scratch)};
+      ASSIGN_OR_RETURN(auto scratch, ScratchFolder::make());
+      const fs::path path = scratch.path();
+      return Folder{path, std::move(scratch)};
     }
     std::error_code error;
     fs::create_directories(named, error);
@@ -77,9 +76,7 @@ class Demonstration {
   Status run(const DemoRequest& request) {
     if (Status good = check_outputs({capture(), picture()}, {}, replace_); !good) return good;
     for (const auto& [name, path] : {std::pair{"bolo", &bolo_}, std::pair{"bolod", &bolod_}}) {
-      auto found = find_own_program(name);
-      if (!found) return tl::unexpected(found.error());
-      *path = std::move(*found);
+      ASSIGN_OR_RETURN(*path, find_own_program(name));
     }
     if (Status done = simulate(); !done) return done;
     if (Status done = start_camera(); !done) return done;
@@ -114,9 +111,10 @@ class Demonstration {
   }
 
   Status start_camera() {
-    auto camera = start({bolo_, "fakecam", capture(), "--rate", "200", "--loop", "--interface", address()}, "fakecam");
-    if (!camera) return tl::unexpected(camera.error());
-    camera_.emplace(std::move(*camera));
+    ASSIGN_OR_RETURN(
+        auto camera,
+        start({bolo_, "fakecam", capture(), "--rate", "200", "--loop", "--interface", address()}, "fakecam"));
+    camera_.emplace(std::move(camera));
     return wait_for(*camera_, "fakecam.out", "serving", "the fake camera");
   }
 
@@ -124,9 +122,8 @@ class Demonstration {
     std::ofstream(folder_ / "bolod.toml") << "name = \"" << name() << "\"\n\n[source]\ntype = \"genicam\"\naddress = \""
                                           << address() << "\"\nwidth = 640\nheight = 120\nrate_hz = 200.0\n\n"
                                           << "[deblur]\nsolver = \"" << solver << "\"\n";
-    auto daemon = start({bolod_, "--config", folder_ / "bolod.toml"}, "bolod");
-    if (!daemon) return tl::unexpected(daemon.error());
-    daemon_.emplace(std::move(*daemon));
+    ASSIGN_OR_RETURN(auto daemon, start({bolod_, "--config", folder_ / "bolod.toml"}, "bolod"));
+    daemon_.emplace(std::move(daemon));
     return wait_for(*daemon_, "bolod.err", "frames arrive", "bolod");
   }
 
@@ -135,11 +132,10 @@ class Demonstration {
     std::fflush(stdout);
     // All solvers are shown with the same frame of the capture.
     const auto shown = outcomes_.empty() ? std::nullopt : std::optional(outcomes_.front().shown.shown().index);
-    auto outcome = check_live(name(), capture(), seconds, shown);
-    if (!outcome) return tl::unexpected(outcome.error());
-    print_text(to_json(*outcome));
+    ASSIGN_OR_RETURN(auto outcome, check_live(name(), capture(), seconds, shown));
+    print_text(to_json(outcome));
     std::fflush(stdout);
-    outcomes_.push_back(std::move(*outcome));
+    outcomes_.push_back(std::move(outcome));
     return {};
   }
 
@@ -160,13 +156,12 @@ class Demonstration {
   }
 
   Status show_page() {
-    auto page = start({bolo_, "view", name(), "--port", "0"}, "view");
-    if (!page) return tl::unexpected(page.error());
-    if (Status serving = wait_for(*page, "view.out", "http://", "bolo view"); !serving) return serving;
+    ASSIGN_OR_RETURN(auto page, start({bolo_, "view", name(), "--port", "0"}, "view"));
+    if (Status serving = wait_for(page, "view.out", "http://", "bolo view"); !serving) return serving;
     std::printf("\n%s", contents(folder_ / "view.out").c_str());
     std::fflush(stdout);
     while (!interrupted()) {
-      if (page->ended()) return ended_early("bolo view", *page);
+      if (page.ended()) return ended_early("bolo view", page);
       if (camera_->ended()) return ended_early("the fake camera", *camera_);
       if (daemon_->ended()) return ended_early("bolod", *daemon_);
       std::this_thread::sleep_for(50ms);

@@ -43,9 +43,7 @@ Result<diagnose::Options> options_of(const Given& given) {
   if (given.count("withhold") != 0) options.withheld = given["withhold"].as<std::vector<std::string>>();
   options.maps = given.count("write-profile") != 0;
   if (given.count("profile") == 0) return options;
-  auto profile = model::read_profile(given["profile"].as<std::string>());
-  if (!profile) return tl::unexpected(profile.error());
-  options.profile = std::move(*profile);
+  ASSIGN_OR_RETURN(options.profile, model::read_profile(given["profile"].as<std::string>()));
   return options;
 }
 
@@ -106,20 +104,19 @@ Status run_diagnose(const Given& given) {
   if (given.count("output") == 0) return bad_input("no folder for the report; give -o DIR");
   const std::vector<std::filesystem::path> captures = files_of(given, "capture");
   if (captures.empty()) return bad_input("which captures? give those of one session, CAPTURE.h5...");
-  const Result<diagnose::Options> options = options_of(given);
-  if (!options) return tl::unexpected(options.error());
+  ASSIGN_OR_RETURN(const diagnose::Options options, options_of(given));
 
   const Files files = diagnose_files(given);
   std::vector<std::filesystem::path> inputs = captures;
   if (given.count("profile") != 0) {
-    inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options->profile.maps});
+    inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options.profile.maps});
   }
   if (Status good = check(files, inputs); !good) return good;
 
   catch_interrupts();
   Result<diagnose::Report> report = [&] {
     Steps steps;
-    return diagnose::diagnose(captures, *options, [&steps](const std::string& step, double done) {
+    return diagnose::diagnose(captures, options, [&steps](const std::string& step, double done) {
       steps.update(step, done);
       return !interrupted().load(std::memory_order_relaxed);
     });
@@ -137,7 +134,7 @@ Status run_diagnose(const Given& given) {
     return {};
   }
   std::cout << diagnose::report_summary(*report) << "  report      " << (folder / "report.html").string() << '\n';
-  if (!profile.empty()) print_profile(profile, options->profile, report->learned.profile);
+  if (!profile.empty()) print_profile(profile, options.profile, report->learned.profile);
   return {};
 }
 

@@ -21,9 +21,7 @@ using doctor::Verdict;
 Result<doctor::Needs> needs_of(const cxxopts::ParseResult& given) {
   daemon::DaemonConfig config;
   if (given.count("config") != 0) {
-    auto read = daemon::read_config(given["config"].as<std::string>());
-    if (!read) return tl::unexpected<Error>(read.error());
-    config = std::move(*read);
+    ASSIGN_OR_RETURN(config, daemon::read_config(given["config"].as<std::string>()));
   }
   doctor::Needs needs;
   needs.socket_buffer_bytes = config.camera.socket_buffer_bytes;

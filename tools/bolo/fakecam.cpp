@@ -111,13 +111,9 @@ Result<FakeCameraRequest> fakecam_request(const cxxopts::ParseResult& parsed) {
   if (loops && request.once) return bad_input("--loop never ends, so --once can't end it; use --repeat N --once");
   if (loops) camera.laps = 0;
   if (parsed.count("crop") != 0) {
-    const auto crop = parse_region(parsed["crop"].as<std::string>());
-    if (!crop) return tl::unexpected<Error>(crop.error());
-    camera.crop = *crop;
+    ASSIGN_OR_RETURN(camera.crop, parse_region(parsed["crop"].as<std::string>()));
   }
-  auto faults = read_faults(parsed);
-  if (!faults) return tl::unexpected<Error>(faults.error());
-  camera.faults = std::move(*faults);
+  ASSIGN_OR_RETURN(camera.faults, read_faults(parsed));
   return request;
 }
 

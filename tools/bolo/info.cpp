@@ -90,7 +90,7 @@ Result<json> range_of_frame(const CaptureReader& reader, std::size_t index) {
   std::vector<float> floats(format.geometry.pixels());
   const bool is_uint16 = format.type == PixelType::kUint16;
   void* plane = is_uint16 ? static_cast<void*>(counts.data()) : static_cast<void*>(floats.data());
-  if (Status good = reader.read_frame(index, plane); !good) return tl::unexpected<Error>(std::move(good.error()));
+  RETURN_IF_ERROR(reader.read_frame(index, plane));
   std::vector<double> values(format.geometry.pixels());
   for (std::size_t i = 0; i < values.size(); ++i) {
     values[i] = format.scale.to_physical(is_uint16 ? counts[i] : static_cast<double>(floats[i]));
@@ -156,10 +156,9 @@ json events_of(const CaptureReader& reader) {
 }
 
 Result<json> attributes_of(const CaptureReader& reader) {
-  const Result<std::vector<capture::Attribute>> attributes = reader.attributes();
-  if (!attributes) return tl::unexpected<Error>(attributes.error());
+  ASSIGN_OR_RETURN(const std::vector<capture::Attribute> attributes, reader.attributes());
   json out = json::object();
-  for (const auto& attribute : *attributes) {
+  for (const auto& attribute : attributes) {
     std::visit([&](const auto& value) { out[attribute.name] = value; }, attribute.value);
   }
   return out;
@@ -174,8 +173,7 @@ Result<json> describe(const CaptureReader& reader) {
   if (!attributes) return attributes;
   const capture::Stimulus stimulus =
       reader.stimulus().value_or(capture::NoStimulus{});  // warnings() says what is wrong
-  const Result<std::vector<capture::Point>> points = reader.points();
-  if (!points) return tl::unexpected<Error>(points.error());
+  ASSIGN_OR_RETURN(const std::vector<capture::Point> points, reader.points());
   return json{{"kind", "capture"},
               {"format", reader.file_format() == capture::FileFormat::kMatlab ? "matlab-v7.3" : "bolo-capture"},
               {"width", format.geometry.width},
@@ -196,7 +194,7 @@ Result<json> describe(const CaptureReader& reader) {
               {"stimulus", std::visit([](const auto& kind) { return fields(kind); }, stimulus)},
               {"truth", info.has_truth},
               {"motion", info.has_motion},
-              {"points", points->size()},
+              {"points", points.size()},
               {"events", events_of(reader)},
               {"camera_model", info.camera_model},
               {"camera_serial", info.camera_serial},

@@ -1,21 +1,213 @@
 // bolo simulate: a capture of a simulated camera, with its truth and its stimulus.
+#include <algorithm>
+#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <sstream>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include <cxxopts.hpp>
 #include <nlohmann/json.hpp>
 
+#include "src/core/result.hpp"
 #include "src/sim/simulator.hpp"
 #include "src/sim/stimulus_error.hpp"
 #include "tools/bolo/listings.hpp"
-#include "tools/bolo/simulate_field.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
 namespace {
+
+using Field = std::unique_ptr<const sim::Field>;
+using Options = cxxopts::ParseResult;
+
+enum StimulusKind : unsigned { kUniform = 1, kChopper = 2, kBars = 4, kScene = 8 };
+
+struct StimulusName {
+  std::string_view name;
+  StimulusKind kind;
+};
+constexpr std::array<StimulusName, 4> kStimuli{
+    {{"uniform", kUniform}, {"chopper", kChopper}, {"bar_target", kBars}, {"scene", kScene}}};
+
+// Which stimuli an option has a meaning for.
+struct OptionUse {
+  const char* option;
+  unsigned stimuli;
+};
+constexpr std::array<OptionUse, 14> kUses{{{"scene", kBars | kScene},
+                                           {"speed", kBars | kScene},
+                                           {"trajectory", kScene},
+                                           {"trajectory-scale", kScene},
+                                           {"trajectory-start", kScene},
+                                           {"origin", kScene},
+                                           {"cold", kChopper | kBars | kScene},
+                                           {"hot", kBars | kScene},
+                                           {"temperature", kUniform},
+                                           {"levels", kChopper},
+                                           {"pulses", kChopper},
+                                           {"gap", kChopper},
+                                           {"period", kBars},
+                                           {"slant", kBars}}};
+
+// The stimulus that --stimulus and --scene ask for together; every option given must have a meaning for it.
+Result<StimulusKind> stimulus_kind(const Options& given) {
+  const bool bars = given["scene"].as<std::string>() == "bars";
+  StimulusName chosen = bars ? kStimuli[2] : kStimuli[3];
+  if (given.count("stimulus") != 0) {
+    const auto name = given["stimulus"].as<std::string>();
+    const auto* const found = std::ranges::find(kStimuli, name, &StimulusName::name);
+    if (found == kStimuli.end()) {
+      return bad_input("--stimulus " + name + ": expected uniform, chopper, bar_target or scene");
+    }
+    chosen = *found;
+  }
+  for (const OptionUse& use : kUses) {
+    if (given.count(use.option) != 0 && (use.stimuli & chosen.kind) == 0) {
+      return bad_input("--" + std::string(use.option) + " has no meaning with the stimulus " +
+                       std::string(chosen.name) + "; leave it out");
+    }
+  }
+  if (given.count("scene") != 0 && bars != (chosen.kind == kBars)) {
+    return bad_input("--scene " + given["scene"].as<std::string>() + " contradicts --stimulus " +
+                     std::string(chosen.name) + "; 'bars' and 'bar_target' go together");
+  }
+  return chosen.kind;
+}
+
+Result<double> ranged(const Options& given, const std::string& option, double low, double high) {
+  const double value = given[option].as<double>();
+  if (value >= low && value <= high) return value;
+  std::ostringstream message;
+  message << "--" << option << ' ' << value << ": expected " << low << " to " << high;
+  return bad_input(message.str());
+}
+
+Result<double> kelvin(const Options& given, const std::string& option, double fallback = 0.0) {
+  if (given.count(option) == 0 && fallback > 0.0) return fallback;
+  return ranged(given, option, 1.0, 2000.0);
+}
+
+Result<Field> uniform_field(const Options& given) {
+  return kelvin(given, "temperature").map([](double k) { return sim::make_uniform(k); });
+}
+
+// Every length at every height, over and over, as many as end within the capture. The default gap is no multiple of a
+// frame, so that the pulses begin at many phases of it.
+Result<Field> chopper_field(const Options& given, double duration_s) {
+  ASSIGN_OR_RETURN(const double cold, kelvin(given, "cold", 295.0));
+  ASSIGN_OR_RETURN(const double gap_ms, ranged(given, "gap", 0.1, 1e6));
+  const auto levels = given["levels"].as<std::vector<double>>();
+  const auto pulses = given["pulses"].as<std::vector<double>>();
+  for (const double level : levels) {
+    if (!(level >= 1.0 && level <= 2000.0)) return bad_input("--levels: expected 1 to 2000 K each");
+  }
+  for (const double ms : pulses) {
+    if (!(ms >= 0.1 && ms <= 1e6)) return bad_input("--pulses: expected 0.1 to 1000000 ms each");
+  }
+  capture::Chopper chopper;
+  chopper.cold_k = cold;
+  double on_s = gap_ms / 1e3;
+  for (std::size_t i = 0;; ++i) {
+    const double off_s = on_s + pulses[i % pulses.size()] / 1e3;
+    if (off_s > duration_s) break;
+    chopper.on_s.push_back(on_s);
+    chopper.off_s.push_back(off_s);
+    chopper.level_k.push_back(levels[i / pulses.size() % levels.size()]);
+    on_s = off_s + gap_ms / 1e3;
+  }
+  if (chopper.on_s.empty())
+    return bad_input("the capture ends before the first pulse of the chopper; take more frames");
+  return sim::make_chopper(std::move(chopper));
+}
+
+Result<Field> bars_field(const Options& given) {
+  struct Value {
+    Result<double> value;
+    double capture::BarTarget::*field;
+  };
+  const std::array<Value, 5> values{{{kelvin(given, "cold", 285.0), &capture::BarTarget::cold_k},
+                                     {kelvin(given, "hot"), &capture::BarTarget::hot_k},
+                                     {ranged(given, "period", 2.0, 1e5), &capture::BarTarget::period_px},
+                                     {ranged(given, "slant", -100.0, 100.0), &capture::BarTarget::slant_px_per_row},
+                                     {ranged(given, "speed", -1e5, 1e5), &capture::BarTarget::velocity_px_s}}};
+  capture::BarTarget target;
+  for (const Value& value : values) {
+    if (!value.value) return tl::unexpected(value.value.error());
+    target.*value.field = *value.value;
+  }
+  if (target.cold_k >= target.hot_k) return bad_input("--cold must be below --hot");
+  target.bar_width_px = target.period_px / 2.0;
+  return sim::make_bars(target);
+}
+
+Result<sim::Path> camera_motion(const Options& given, const sim::CameraSettings& camera, double from_s, double to_s) {
+  if (given.count("trajectory") == 0) {
+    for (const char* option : {"trajectory-scale", "trajectory-start"}) {
+      if (given.count(option) != 0) return bad_input("--" + std::string(option) + " needs --trajectory");
+    }
+    return ranged(given, "speed", -1e5, 1e5).map(sim::steady_pan);
+  }
+  if (given.count("speed") != 0) return bad_input("--speed contradicts --trajectory; leave one out");
+  ASSIGN_OR_RETURN(const double scale, ranged(given, "trajectory-scale", -100.0, 100.0));
+  const auto file = given["trajectory"].as<std::string>();
+  ASSIGN_OR_RETURN(const auto points, sim::read_trajectory(file));
+  const bool has_start = given.count("trajectory-start") != 0;
+  const double start_s = has_start ? given["trajectory-start"].as<double>() : points.front().t_s;
+  constexpr double kPointsPerFrame = 8.0;
+  auto path = sim::follow_trajectory(points, {scale, start_s, from_s, to_s, 1.0 / (camera.rate_hz * kPointsPerFrame)});
+  if (!path) return at(file, path.error());
+  return path;
+}
+
+Result<std::unique_ptr<const sim::Scene>> scene_of(const Options& given, const sim::CameraSettings& camera) {
+  const auto name = given["scene"].as<std::string>();
+  const bool street = name == "street";
+  const bool has_span = given.count("cold") + given.count("hot") != 0;
+  ASSIGN_OR_RETURN(const bool grey, street ? Result<bool>(false) : sim::has_grey_levels(name));
+  if (has_span && !grey)
+    return bad_input("--cold and --hot are for PNG and JPEG; " + name + " has temperatures of its own");
+  if (street) return sim::make_street(camera.geometry, camera.readout.seed);
+  ASSIGN_OR_RETURN(const double cold, kelvin(given, "cold", 285.0));
+  ASSIGN_OR_RETURN(const double hot, kelvin(given, "hot"));
+  if (cold >= hot) return bad_input("--cold must be below --hot");
+  return sim::read_image(name, {cold, hot}).map(sim::make_still_scene);
+}
+
+Result<Field> scene_field(const Options& given, const sim::CameraSettings& camera, double from_s, double to_s) {
+  ASSIGN_OR_RETURN(const auto scene, scene_of(given, camera));
+  ASSIGN_OR_RETURN(const auto motion, camera_motion(given, camera, from_s, to_s));
+  sim::Position origin = sim::centred_origin(*scene, motion, camera.geometry, from_s, to_s);
+  if (given.count("origin") != 0) {
+    const auto xy = given["origin"].as<std::vector<double>>();
+    if (xy.size() != 2) return bad_input("--origin: expected X,Y");
+    origin = {xy[0], xy[1]};
+  }
+  return sim::pan_over(*scene, motion, origin, camera.geometry, from_s, to_s);
+}
+
+// The field for a capture of `frames` frames. Options that contradict each other, or have no meaning for the stimulus
+// asked for, are kBadInput. Thread: setup.
+Result<std::unique_ptr<const sim::Field>> simulated_field(const cxxopts::ParseResult& given,
+                                                          const sim::CameraSettings& camera, std::size_t frames) {
+  ASSIGN_OR_RETURN(const StimulusKind kind, stimulus_kind(given));
+  const double to_s = static_cast<double>(frames) / camera.rate_hz;
+  switch (kind) {
+    case kUniform:
+      return uniform_field(given);
+    case kChopper:
+      return chopper_field(given, to_s);
+    case kBars:
+      return bars_field(given);
+    case kScene:
+      break;
+  }
+  return scene_field(given, camera, -sim::history_s(camera), to_s);
+}
 
 using Options = cxxopts::ParseResult;
 
@@ -98,9 +290,7 @@ Result<sim::CameraSettings> camera_of(const Options& given) {
   camera.readout.quantisation_k = type == "uint16" ? 0.01 : 0.0;
   if (given.count("quantisation") != 0) camera.readout.quantisation_k = given["quantisation"].as<double>();
   camera.readout.seed = given["seed"].as<std::uint64_t>();
-  auto effects = effects_of(given);
-  if (!effects) return tl::unexpected(effects.error());
-  camera.effects = std::move(*effects);
+  ASSIGN_OR_RETURN(camera.effects, effects_of(given));
   if (given.count("camera-seed") != 0) camera.camera_seed = given["camera-seed"].as<std::uint64_t>();
   camera.session_start_s = given["session-start"].as<double>();
   return sim::checked(camera);
@@ -119,7 +309,7 @@ Result<OutputFile> output_of(const Options& given) {
   for (const char* input : {"scene", "trajectory"}) {
     if (given.count(input) != 0) inputs.emplace_back(given[input].as<std::string>());
   }
-  if (Status good = check_outputs({file.path}, inputs, file.replace); !good) return tl::unexpected(good.error());
+  RETURN_IF_ERROR(check_outputs({file.path}, inputs, file.replace));
   return file;
 }
 
@@ -155,30 +345,25 @@ Result<std::unique_ptr<const sim::Field>> field_of(const Options& given, const s
 }
 
 Status simulate(const Options& given) {
-  const auto file = output_of(given);
-  if (!file) return tl::unexpected(file.error());
-  const auto camera = camera_of(given);
-  if (!camera) return tl::unexpected(camera.error());
-  const auto frames = frames_of(given);
-  if (!frames) return tl::unexpected(frames.error());
-  auto field = field_of(given, *camera, *frames);
-  if (!field) return tl::unexpected(field.error());
-  const auto simulator = sim::Simulator::create(*camera, std::move(*field));
-  if (!simulator) return tl::unexpected(simulator.error());
+  ASSIGN_OR_RETURN(const auto file, output_of(given));
+  ASSIGN_OR_RETURN(const auto camera, camera_of(given));
+  ASSIGN_OR_RETURN(const auto frames, frames_of(given));
+  ASSIGN_OR_RETURN(auto field, field_of(given, camera, frames));
+  ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera, std::move(field)));
 
   catch_interrupts();
-  const sim::CaptureOptions options{*frames, given.count("no-truth") == 0, given.count("compress") != 0 ? 1 : 0};
+  const sim::CaptureOptions options{frames, given.count("no-truth") == 0, given.count("compress") != 0 ? 1 : 0};
   Status status;
   {
-    Progress progress("simulate", *frames);
-    status = sim::write_capture(**simulator, *file, options, [&progress](std::size_t done) {
+    Progress progress("simulate", frames);
+    status = sim::write_capture(*simulator, file, options, [&progress](std::size_t done) {
       progress.update(done);
       return !interrupted().load(std::memory_order_relaxed);
     });
   }
   if (!status) return status;
-  print_result(given, file->path, **simulator);
-  if ((*simulator)->frames_done() < *frames) return failed("interrupted; the capture holds the frames until then");
+  print_result(given, file.path, *simulator);
+  if (simulator->frames_done() < frames) return failed("interrupted; the capture holds the frames until then");
   return {};
 }
 

@@ -17,7 +17,6 @@
 #include "src/core/printable.hpp"
 #include "tools/bolo/control_client.hpp"
 #include "tools/bolo/stat_history.hpp"
-#include "tools/bolo/stat_screen.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/view/stat_sample.hpp"

@@ -11,7 +11,6 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "drivers/usb/descriptor_report.hpp"
 #include "drivers/usb/devices.hpp"
 #include "drivers/usb/hotplug.hpp"
 #include "src/core/printable.hpp"
@@ -69,8 +68,8 @@ Json to_json(const UsbDevice& device) {
 }
 
 // Strings come from devices, and need not be UTF-8.
-std::string text_of(const Json& json, int indent) {
-  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+std::string text_of(const Json& value, int indent) {
+  return value.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
 
 std::string line_of(const UsbDevice& device) {
@@ -84,10 +83,10 @@ std::string line_of(const UsbDevice& device) {
   return printable(line);
 }
 
-int list(const usb::DeviceFilter& filter, bool json) {
+int list(const usb::DeviceFilter& filter, bool as_json) {
   const auto devices = usb::list_devices(filter);
   if (!devices) return report("usb", devices.error());
-  if (json) {
+  if (as_json) {
     Json all = Json::array();
     for (const UsbDevice& device : *devices) all.push_back(to_json(device));
     std::puts(text_of({{"devices", std::move(all)}}, 2).c_str());
@@ -98,19 +97,19 @@ int list(const usb::DeviceFilter& filter, bool json) {
   return kExitDone;
 }
 
-int print_report(const usb::DeviceFilter& filter, bool json) {
+int print_report(const usb::DeviceFilter& filter, bool as_json) {
   const auto text = usb::descriptor_report(filter);
   if (!text) return report("usb", text.error());
-  std::fputs((json ? text_of({{"report", *text}}, 2) + "\n" : *text).c_str(), stdout);
+  std::fputs((as_json ? text_of({{"report", *text}}, 2) + "\n" : *text).c_str(), stdout);
   return kExitDone;
 }
 
-int watch(const usb::DeviceFilter& filter, bool json) {
+int watch(const usb::DeviceFilter& filter, bool as_json) {
   catch_interrupts();
-  const auto say = [json](usb::Hotplug::Change change, const UsbDevice& device) {
+  const auto say = [as_json](usb::Hotplug::Change change, const UsbDevice& device) {
     const bool arrived = change == usb::Hotplug::Change::kArrived;
     const Json event{{"event", arrived ? "arrived" : "left"}, {"device", to_json(device)}};
-    std::puts(json ? text_of(event, -1).c_str() : ((arrived ? "arrived  " : "left     ") + line_of(device)).c_str());
+    std::puts(as_json ? text_of(event, -1).c_str() : ((arrived ? "arrived  " : "left     ") + line_of(device)).c_str());
     std::fflush(stdout);
   };
   const auto hotplug = usb::Hotplug::start(filter, say);
@@ -130,15 +129,15 @@ int usb_main(int argc, char** argv) {
       "watch", "Print arrivals and departures until interrupted")("json", "Print as JSON");
   cxxopts::ParseResult given;
   if (const auto code = parse(options, argc, argv, given)) return *code;
-  const bool json = given.count("json") != 0;
+  const bool as_json = given.count("json") != 0;
   if (given.count("report") != 0 && given.count("watch") != 0) {
     return report("usb", {ErrorKind::kBadInput, "--report and --watch exclude each other; give one"});
   }
   const auto filter = filter_of(given);
   if (!filter) return report("usb", filter.error());
-  if (given.count("report") != 0) return print_report(*filter, json);
-  if (given.count("watch") != 0) return watch(*filter, json);
-  return list(*filter, json);
+  if (given.count("report") != 0) return print_report(*filter, as_json);
+  if (given.count("watch") != 0) return watch(*filter, as_json);
+  return list(*filter, as_json);
 }
 
 }  // namespace bolo::tools

@@ -34,7 +34,7 @@ struct ViewOptions {
 // All that run, where none was named.
 Result<std::vector<std::string>> choose_daemons(const std::vector<std::string>& named) {
   for (const std::string& name : named) {
-    if (const Result<std::string> good = shm::object_path(name); !good) return tl::unexpected<Error>(good.error());
+    RETURN_IF_ERROR(shm::object_path(name));
     if (std::count(named.begin(), named.end(), name) > 1) return bad_input(name + " is named twice");
   }
   if (!named.empty()) return named;
@@ -60,21 +60,17 @@ Result<view::Access> access_of(const ViewOptions& options) {
     return bad_input("--token and --token-file exclude each other");
   }
   if (!options.token_file.empty()) {
-    Result<std::string> token = view::read_token(options.token_file);
-    if (!token) return tl::unexpected<Error>(token.error());
-    access.token = std::move(*token);
+    ASSIGN_OR_RETURN(access.token, view::read_token(options.token_file));
   }
   if (!access.token.empty()) {
-    if (const Status good = view::check_token(access.token); !good) return tl::unexpected<Error>(good.error());
+    RETURN_IF_ERROR(view::check_token(access.token));
   }
   if (access.beyond_loopback && access.token.empty()) {
     return bad_input("--listen " + options.listen +
                      " lets other computers in: give --token TOKEN or --token-file FILE");
   }
   if (access.token.empty()) {
-    Result<std::string> token = view::random_token();
-    if (!token) return tl::unexpected<Error>(token.error());
-    access.token = std::move(*token);
+    ASSIGN_OR_RETURN(access.token, view::random_token());
   }
   char host_name[HOST_NAME_MAX + 1] = {};
   if (gethostname(host_name, sizeof host_name - 1) == 0) access.host_name = host_name;
@@ -101,19 +97,17 @@ void say_where(const ViewOptions& options, const std::string& name, const std::s
 }
 
 Status view_daemon(const ViewOptions& options) {
-  const Result<std::vector<std::string>> names = choose_daemons(options.names);
-  if (!names) return tl::unexpected<Error>(names.error());
-  Result<view::Access> access = access_of(options);
-  if (!access) return tl::unexpected<Error>(access.error());
+  ASSIGN_OR_RETURN(const std::vector<std::string> names, choose_daemons(options.names));
+  ASSIGN_OR_RETURN(view::Access access, access_of(options));
   const auto addresses =
       options.listen.empty() ? std::vector<std::string>{"127.0.0.1", "::1"} : std::vector<std::string>{options.listen};
   const auto server = view::HttpServer::listen(addresses, options.port, {}, view::Site::headers());
   if (!server) return tl::unexpected<Error>(server.error());
-  access->port = (*server)->port();
+  access.port = (*server)->port();
   catch_interrupts();
   std::vector<std::unique_ptr<view::LiveStream>> streams;
   std::vector<view::LiveStream*> lent;
-  for (const std::string& name : *names) {
+  for (const std::string& name : names) {
     streams.push_back(std::make_unique<view::LiveStream>(name, [&server] { (*server)->wake(); }));
     lent.push_back(streams.back().get());
   }
@@ -121,8 +115,8 @@ Status view_daemon(const ViewOptions& options) {
     const Result<std::string> answer = ask_daemon_named(name, "nuc");
     return answer ? judge_answer(*answer) : tl::unexpected<Error>(answer.error());
   };
-  view::Site site(*access, lent, ask_for_nuc, options.page);
-  say_where(options, fmt::format("{}", fmt::join(*names, ", ")), url_of(options, *access));
+  view::Site site(access, lent, ask_for_nuc, options.page);
+  say_where(options, fmt::format("{}", fmt::join(names, ", ")), url_of(options, access));
   (*server)->run([&site](const view::Request& request) { return site.answer(request); }, interrupted());
   return {};
 }

@@ -1,4 +1,4 @@
-#include "tools/convert/cptv.hpp"
+#include "tools/convert/footage.hpp"
 
 #include <zlib.h>
 
@@ -111,18 +111,16 @@ Result<Header> CptvFile::read_header() {
   std::uint32_t width = 0;
   std::uint32_t height = 0;
   for (int left = static_cast<std::uint8_t>(begin[6]); left > 0; --left) {
-    const auto field = read_field();
-    if (!field) return tl::unexpected<Error>(field.error());
-    if (field->code == 'X') width = field->as<std::uint32_t>();
-    if (field->code == 'Y') height = field->as<std::uint32_t>();
-    if (field->code == 'C') compression = field->as<std::uint8_t>();
-    if (field->code == 'T') header.recorded_us = field->as<std::int64_t>();
-    if (field->code == 'Z') header.rate_hz = field->as<std::uint8_t>();
-    if (field->code == 'D') header.device = field->text();
-    if (field->code == 'E') header.model = field->text();
-    if (field->code == 'N') {
-      header.serial =
-          field->bytes == sizeof(std::uint32_t) ? std::to_string(field->as<std::uint32_t>()) : field->text();
+    ASSIGN_OR_RETURN(const auto field, read_field());
+    if (field.code == 'X') width = field.as<std::uint32_t>();
+    if (field.code == 'Y') height = field.as<std::uint32_t>();
+    if (field.code == 'C') compression = field.as<std::uint8_t>();
+    if (field.code == 'T') header.recorded_us = field.as<std::int64_t>();
+    if (field.code == 'Z') header.rate_hz = field.as<std::uint8_t>();
+    if (field.code == 'D') header.device = field.text();
+    if (field.code == 'E') header.model = field.text();
+    if (field.code == 'N') {
+      header.serial = field.bytes == sizeof(std::uint32_t) ? std::to_string(field.as<std::uint32_t>()) : field.text();
     }
   }
   if (width == 0 || width > kMostSide || height == 0 || height > kMostSide ||
@@ -144,13 +142,12 @@ Result<std::optional<FrameHead>> CptvFile::read_frame_head(Geometry geometry) {
   if (begin[0] != 'F') return wrong("something other than a frame stands where one should begin");
   FrameHead frame;
   for (int left = begin[1]; left > 0; --left) {
-    const auto field = read_field();
-    if (!field) return tl::unexpected<Error>(field.error());
-    if (field->code == 't') frame.time_ms = field->as<std::uint32_t>();
-    if (field->code == 'c') frame.ffc_ms = field->as<std::uint32_t>();
-    if (field->code == 'f') frame.bytes = field->as<std::uint32_t>();
-    if (field->code == 'w') frame.bits = field->as<std::uint8_t>();
-    if (field->code == 'g') frame.background = field->as<std::uint8_t>() != 0;
+    ASSIGN_OR_RETURN(const auto field, read_field());
+    if (field.code == 't') frame.time_ms = field.as<std::uint32_t>();
+    if (field.code == 'c') frame.ffc_ms = field.as<std::uint32_t>();
+    if (field.code == 'f') frame.bytes = field.as<std::uint32_t>();
+    if (field.code == 'w') frame.bits = field.as<std::uint8_t>();
+    if (field.code == 'g') frame.background = field.as<std::uint8_t>() != 0;
   }
   if (frame.bits < 1 || frame.bits > kMostBits) return wrong(fmt::format("a frame has {} bits a pixel", frame.bits));
   const std::size_t least = 4 + ((geometry.pixels() - 1) * frame.bits + 7) / 8;
@@ -195,17 +192,14 @@ class CptvFootage final : public Footage {
 
   Status open(const Told& told) {
     CptvFile scanned(path_);
-    Result<Header> header = scanned.read_header();
-    if (!header) return tl::unexpected<Error>(header.error());
-    header_ = std::move(*header);
+    ASSIGN_OR_RETURN(header_, scanned.read_header());
     plane_.resize(header_.geometry.pixels());
     std::vector<std::uint8_t> data;
     for (;;) {
-      const auto frame = scanned.read_frame_head(header_.geometry);
-      if (!frame) return tl::unexpected<Error>(frame.error());
-      if (!*frame) break;
-      if (Status good = scanned.read_data(data, (*frame)->bytes); !good) return good;
-      if (!(*frame)->background) heads_.push_back(**frame);
+      ASSIGN_OR_RETURN(const auto frame, scanned.read_frame_head(header_.geometry));
+      if (!frame) break;
+      if (Status good = scanned.read_data(data, frame->bytes); !good) return good;
+      if (!frame->background) heads_.push_back(*frame);
     }
     if (heads_.empty()) return scanned.wrong("it has no frame");
     describe(told);
@@ -266,14 +260,13 @@ class CptvFootage final : public Footage {
   // Into plane_; background frames are differences, too, and are passed.
   Status read_next() {
     for (;;) {
-      const auto head = file_->read_frame_head(header_.geometry);
-      if (!head) return tl::unexpected<Error>(head.error());
-      if (!*head) return file_->wrong("it has changed meanwhile");
-      if (Status good = file_->read_data(data_, (*head)->bytes); !good) return good;
-      if (!add_difference(data_, (*head)->bits, header_.geometry, plane_)) {
+      ASSIGN_OR_RETURN(const auto head, file_->read_frame_head(header_.geometry));
+      if (!head) return file_->wrong("it has changed meanwhile");
+      if (Status good = file_->read_data(data_, head->bytes); !good) return good;
+      if (!add_difference(data_, head->bits, header_.geometry, plane_)) {
         return file_->wrong(fmt::format("frame {} has a value beyond 16 bits: it is damaged", next_));
       }
-      if (!(*head)->background) return {};
+      if (!head->background) return {};
     }
   }
 
@@ -291,7 +284,7 @@ class CptvFootage final : public Footage {
 
 Result<std::unique_ptr<Footage>> open_cptv(const std::filesystem::path& file, const Told& told) {
   auto footage = std::make_unique<CptvFootage>(file);
-  if (Status good = footage->open(told); !good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(footage->open(told));
   return footage;
 }
 

@@ -65,9 +65,9 @@ class TemporaryFile {
 };
 
 Result<json> read_tags(const std::filesystem::path& file) {
-  const Result<std::string> text = output_of({"exiftool", "-json", "-n", "-FLIR:all", "--", file.string()}, kPackage);
-  if (!text) return tl::unexpected<Error>(text.error());
-  const json tags = json::parse(*text, nullptr, false);
+  ASSIGN_OR_RETURN(const std::string text,
+                   output_of({"exiftool", "-json", "-n", "-FLIR:all", "--", file.string()}, kPackage));
+  const json tags = json::parse(text, nullptr, false);
   if (!tags.is_array() || tags.empty() || !tags[0].is_object()) return failed("exiftool said nothing of it");
   return tags[0];
 }
@@ -122,10 +122,10 @@ std::string text_of(const json& tags, const char* name) {
 }
 
 Result<Picture> read_raw(const std::filesystem::path& file, const std::string& type) {
-  const Result<std::string> bytes = output_of({"exiftool", "-b", "-RawThermalImage", "--", file.string()}, kPackage);
-  if (!bytes) return tl::unexpected<Error>(bytes.error());
-  if (bytes->empty()) return bad_input("there is no raw thermal image in it; not a radiometric still");
-  const TemporaryFile image(*bytes);
+  ASSIGN_OR_RETURN(const std::string bytes,
+                   output_of({"exiftool", "-b", "-RawThermalImage", "--", file.string()}, kPackage));
+  if (bytes.empty()) return bad_input("there is no raw thermal image in it; not a radiometric still");
+  const TemporaryFile image(bytes);
   if (type != "PNG") return read_tiff_page(image.name(), 0);
   Result<Picture> picture = read_png_picture(image.name());
   if (picture && looks_swapped(picture->geometry, picture->u16)) {
@@ -166,14 +166,11 @@ bool looks_swapped(Geometry geometry, std::span<const std::uint16_t> values) {
 
 Result<FlirStill> read_flir_still(const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(file)) return bad_input("is not there");
-  const Result<json> tags = read_tags(file);
-  if (!tags) return tl::unexpected<Error>(tags.error());
-  const Result<FlirConstants> constants = constants_of(*tags);
-  if (!constants) return tl::unexpected<Error>(constants.error());
-  Result<Picture> raw = read_raw(file, text_of(*tags, "RawThermalImageType"));
-  if (!raw) return tl::unexpected<Error>(raw.error());
-  if (raw->type != PixelType::kUint16) return bad_input("its raw thermal image is not of 16 bits");
-  return FlirStill{std::move(*raw), *constants, text_of(*tags, "CameraModel"), text_of(*tags, "CameraSerialNumber")};
+  ASSIGN_OR_RETURN(const json tags, read_tags(file));
+  ASSIGN_OR_RETURN(const FlirConstants constants, constants_of(tags));
+  ASSIGN_OR_RETURN(Picture raw, read_raw(file, text_of(tags, "RawThermalImageType")));
+  if (raw.type != PixelType::kUint16) return bad_input("its raw thermal image is not of 16 bits");
+  return FlirStill{std::move(raw), constants, text_of(tags, "CameraModel"), text_of(tags, "CameraSerialNumber")};
 }
 
 Picture to_kelvin(const FlirStill& still) {

@@ -44,10 +44,9 @@ class CaptureFootage final : public Footage {
   }
 
   Result<Extras> extras() const override {
-    auto attributes = reader_.attributes();
-    if (!attributes) return tl::unexpected<Error>(attributes.error());
+    ASSIGN_OR_RETURN(auto attributes, reader_.attributes());
     // A stimulus that is wrong is left out; opening the file has said so.
-    return Extras{reader_.events(), std::move(*attributes), reader_.stimulus().value_or(capture::NoStimulus{})};
+    return Extras{reader_.events(), std::move(attributes), reader_.stimulus().value_or(capture::NoStimulus{})};
   }
 
  private:
@@ -117,11 +116,10 @@ class PictureFootage final : public Footage {
   // The first picture decides what all of them must be.
   static Result<std::unique_ptr<Footage>> open(std::vector<Place> places, const Told& told) {
     auto footage = std::unique_ptr<PictureFootage>(new PictureFootage(std::move(places)));
-    Result<Picture> first = footage->read_picture(0);
-    if (!first) return tl::unexpected<Error>(first.error());
+    ASSIGN_OR_RETURN(Picture first, footage->read_picture(0));
     StreamFormat& format = footage->info_.format;
-    format.geometry = first->geometry;
-    format.type = first->type;
+    format.geometry = first.geometry;
+    format.type = first.type;
     format.frame_period_s = 1.0 / told.rate_hz;
     format.scale = scale_of(format.type, told);
     footage->info_.frames = footage->places_.size();
@@ -129,16 +127,15 @@ class PictureFootage final : public Footage {
   }
 
   Status read(std::size_t index, Frame& frame) override {
-    Result<Picture> picture = read_picture(index);
-    if (!picture) return tl::unexpected<Error>(picture.error());
-    if (!(picture->geometry == info_.format.geometry) || picture->type != info_.format.type) {
-      return bad_input(places_[index].file.string() + ": is " + size_text(picture->geometry) + ", the first one " +
+    ASSIGN_OR_RETURN(Picture picture, read_picture(index));
+    if (!(picture.geometry == info_.format.geometry) || picture.type != info_.format.type) {
+      return bad_input(places_[index].file.string() + ": is " + size_text(picture.geometry) + ", the first one " +
                        size_text(info_.format.geometry) + ", or of another type; all must be alike");
     }
     frame.t_s = static_cast<double>(index) * info_.format.frame_period_s;
     frame.id = index;
-    frame.u16 = std::move(picture->u16);
-    frame.f32 = std::move(picture->f32);
+    frame.u16 = std::move(picture.u16);
+    frame.f32 = std::move(picture.f32);
     return {};
   }
 
@@ -161,11 +158,10 @@ class PictureFootage final : public Footage {
       default:
         break;
     }
-    const Result<FlirStill> still = read_flir_still(place.file);
-    if (!still) return tl::unexpected<Error>(still.error());
-    info_.camera_model = still->camera_model;
-    info_.camera_serial = still->camera_serial;
-    return to_kelvin(*still);
+    ASSIGN_OR_RETURN(const FlirStill still, read_flir_still(place.file));
+    info_.camera_model = still.camera_model;
+    info_.camera_serial = still.camera_serial;
+    return to_kelvin(still);
   }
 
   std::vector<Place> places_;
@@ -226,9 +222,8 @@ class RawFootage final : public Footage {
 }  // namespace
 
 Result<std::unique_ptr<Footage>> open_capture(const std::filesystem::path& file) {
-  Result<CaptureReader> reader = CaptureReader::open(file);
-  if (!reader) return tl::unexpected<Error>(reader.error());
-  return std::make_unique<CaptureFootage>(std::move(*reader));
+  ASSIGN_OR_RETURN(CaptureReader reader, CaptureReader::open(file));
+  return std::make_unique<CaptureFootage>(std::move(reader));
 }
 
 Result<std::unique_ptr<Footage>> open_captures(const Files& files) {

@@ -102,12 +102,10 @@ class CaptureSink final : public FootageSink {
     capture::WriterOptions how;
     how.replace = target.file.replace;
     how.times = info.has_times;
-    auto writer = capture::CaptureWriter::create(target.file.path, info, how);
-    if (!writer) return tl::unexpected<Error>(writer.error());
-    const Result<Extras> extras = footage.extras();
-    if (!extras) return tl::unexpected<Error>(extras.error());
-    if (Status good = write_extras(*extras, *writer); !good) return tl::unexpected<Error>(good.error());
-    return std::make_unique<CaptureSink>(std::move(*writer), info.format.type);
+    ASSIGN_OR_RETURN(auto writer, capture::CaptureWriter::create(target.file.path, info, how));
+    ASSIGN_OR_RETURN(const Extras extras, footage.extras());
+    RETURN_IF_ERROR(write_extras(extras, writer));
+    return std::make_unique<CaptureSink>(std::move(writer), info.format.type);
   }
   CaptureSink(capture::CaptureWriter writer, PixelType type) : writer_(std::move(writer)), type_(type) {}
   Status write(const Frame& frame) override {
@@ -129,9 +127,7 @@ class PngSink final : public FootageSink {
     auto sink = std::make_unique<PngSink>(target, footage.info());
     Files files;
     for (std::size_t i = 0; i < footage.info().frames; ++i) files.push_back(sink->file_of(i).path);
-    if (Status good = check_outputs(files, target.inputs, target.file.replace); !good) {
-      return tl::unexpected<Error>(good.error());
-    }
+    RETURN_IF_ERROR(check_outputs(files, target.inputs, target.file.replace));
     return sink;
   }
   PngSink(Target target, const capture::CaptureInfo& info)
@@ -139,12 +135,11 @@ class PngSink final : public FootageSink {
 
   Status write(const Frame& frame) override {
     const OutputFile output = file_of(written_++);
-    Result<FileBeside> file = FileBeside::create(output);
-    if (!file) return tl::unexpected<Error>(file.error());
+    ASSIGN_OR_RETURN(FileBeside file, FileBeside::create(output));
     const Geometry geometry = info_.format.geometry;
-    const Status good = target_.preview ? write_png8(file->path(), geometry, preview_.levels(frame).data())
-                                        : write_png16(file->path(), geometry, values(frame));
-    return good ? file->publish() : at(output.path.string(), good.error());
+    const Status good = target_.preview ? write_png8(file.path(), geometry, preview_.levels(frame).data())
+                                        : write_png16(file.path(), geometry, values(frame));
+    return good ? file.publish() : at(output.path.string(), good.error());
   }
   Status finish() override { return {}; }
 
@@ -192,11 +187,10 @@ class PngSink final : public FootageSink {
 class TiffSink final : public FootageSink {
  public:
   static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
-    Result<FileBeside> file = FileBeside::create(target.file);
-    if (!file) return tl::unexpected<Error>(file.error());
-    Result<TiffWriter> writer = TiffWriter::create(file->path());
+    ASSIGN_OR_RETURN(FileBeside file, FileBeside::create(target.file));
+    Result<TiffWriter> writer = TiffWriter::create(file.path());
     if (!writer) return at(target.file.path.string(), writer.error());
-    return std::make_unique<TiffSink>(std::move(*file), std::move(*writer), target.file.path.string(),
+    return std::make_unique<TiffSink>(std::move(file), std::move(*writer), target.file.path.string(),
                                       footage.info().format);
   }
   TiffSink(FileBeside file, TiffWriter writer, std::string name, StreamFormat format)
@@ -240,8 +234,7 @@ class FilmSink final : public FootageSink {
  public:
   static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
     const StreamFormat& format = footage.info().format;
-    Result<FileBeside> file = FileBeside::create(target.file);
-    if (!file) return tl::unexpected<Error>(file.error());
+    ASSIGN_OR_RETURN(FileBeside file, FileBeside::create(target.file));
     std::vector<std::string> words{"ffmpeg"};
     std::istringstream options(
         fmt::format("-v error -nostdin -y -f rawvideo -pix_fmt gray -s {}x{} -r {:.6g} "
@@ -249,10 +242,9 @@ class FilmSink final : public FootageSink {
                     "-movflags +faststart -f mp4",
                     format.geometry.width, format.geometry.height, 1.0 / format.frame_period_s));
     for (std::string word; options >> word;) words.push_back(word);
-    words.push_back("file:" + file->path().string());
-    Result<FedProgram> ffmpeg = FedProgram::start(words, "ffmpeg");
-    if (!ffmpeg) return tl::unexpected<Error>(ffmpeg.error());
-    return std::make_unique<FilmSink>(std::move(*file), std::move(*ffmpeg), format, target.range);
+    words.push_back("file:" + file.path().string());
+    ASSIGN_OR_RETURN(FedProgram ffmpeg, FedProgram::start(words, "ffmpeg"));
+    return std::make_unique<FilmSink>(std::move(file), std::move(ffmpeg), format, target.range);
   }
   FilmSink(FileBeside file, FedProgram ffmpeg, const StreamFormat& format, const EyeRange& range)
       : file_(std::move(file)),

@@ -13,8 +13,8 @@
 #include "src/core/printable.hpp"
 #include "src/core/statistics.hpp"
 #include "tools/convert/footage.hpp"
-#include "tools/convert/mcap_names.hpp"
 #include "tools/convert/mcap_reader.hpp"
+#include "tools/convert/mcap_records.hpp"
 #include "tools/convert/ros_messages.hpp"
 
 namespace bolo::tools {
@@ -45,13 +45,11 @@ struct Found {
   Status see(const mcap::Topic& topic, const mcap::Message& message, std::string_view data) {
     if (topic.type == ros::kImage) return see_image(topic.name, message, data);
     if (topic.type == ros::kFrame) {
-      const auto frame = ros::read_frame(data);
-      if (!frame) return tl::unexpected<Error>(frame.error());
-      frames.emplace(std::tuple(message.log_ns, message.sequence), *frame);
+      ASSIGN_OR_RETURN(const auto frame, ros::read_frame(data));
+      frames.emplace(std::tuple(message.log_ns, message.sequence), frame);
     } else if (topic.type == ros::kDiagnostics) {
-      auto event = ros::read_diagnostics(data);
-      if (!event) return tl::unexpected<Error>(event.error());
-      if (!event->kind.empty()) events.push_back(std::move(*event));
+      ASSIGN_OR_RETURN(auto event, ros::read_diagnostics(data));
+      if (!event.kind.empty()) events.push_back(std::move(event));
     }
     return frames.size() + events.size() <= kMostFrames ? Status{} : bad_input("has too many frames");
   }
@@ -138,7 +136,7 @@ class McapFootage final : public Footage {
  public:
   McapFootage(mcap::Reader reader, Found found, const std::string& topic, const Told& told)
       : reader_(std::move(reader)), series_(std::move(found.images[topic])), events_(std::move(found.events)) {
-    const auto [begin, end] = reader_.metadata().equal_range(mcap_names::kCapture);
+    const auto [begin, end] = reader_.metadata().equal_range(mcap::kCapture);
     const auto own =
         std::find_if(begin, end, [&](const auto& entry) { return text_in(entry.second, "topic") == topic; });
     if (own != end) texts_ = own->second;
@@ -161,12 +159,9 @@ class McapFootage final : public Footage {
 
   Status read(std::size_t index, Frame& frame) override {
     const Still& picture = series_.pictures[index];
-    const auto data = reader_.data(picture.message);
-    if (!data) return tl::unexpected<Error>(data.error());
-    const auto image = ros::read_image(*data);
-    if (!image) return tl::unexpected<Error>(image.error());
-    if (!(image->size == series_.size) || image->type != series_.type)
-      return bad_input("the file was changed meanwhile");
+    ASSIGN_OR_RETURN(const auto data, reader_.data(picture.message));
+    ASSIGN_OR_RETURN(const auto image, ros::read_image(data));
+    if (!(image.size == series_.size) || image.type != series_.type) return bad_input("the file was changed meanwhile");
     frame.t_s = picture.t_s;
     frame.id = picture.id;
     frame.times.reset();
@@ -174,7 +169,7 @@ class McapFootage final : public Footage {
     const bool whole = series_.type == PixelType::kUint16;
     frame.u16.resize(whole ? series_.size.pixels() : 0);
     frame.f32.resize(whole ? 0 : series_.size.pixels());
-    image->copy_to(whole ? static_cast<void*>(frame.u16.data()) : static_cast<void*>(frame.f32.data()));
+    image.copy_to(whole ? static_cast<void*>(frame.u16.data()) : static_cast<void*>(frame.f32.data()));
     return {};
   }
 
@@ -182,10 +177,10 @@ class McapFootage final : public Footage {
     Extras extras;
     extras.events = events_;
     for (const auto& [key, value] : texts_) {
-      if (const std::string name = mcap_names::attribute_in(key, mcap_names::kText); !name.empty()) {
+      if (const std::string name = mcap::attribute_in(key, mcap::kText); !name.empty()) {
         extras.attributes.push_back({name, value.substr(0, value.find('\0'))});
       }
-      const std::string name = mcap_names::attribute_in(key, mcap_names::kNumber);
+      const std::string name = mcap::attribute_in(key, mcap::kNumber);
       if (const auto number = number_of(value); !name.empty() && number) extras.attributes.push_back({name, *number});
     }
     return extras;

@@ -9,8 +9,8 @@
 #include "src/core/clock.hpp"
 #include "src/core/shortest.hpp"
 #include "tools/convert/footage_sink.hpp"
-#include "tools/convert/mcap_names.hpp"
-#include "tools/convert/mcap_writer.hpp"
+#include "tools/convert/mcap_reader.hpp"
+#include "tools/convert/mcap_records.hpp"
 #include "tools/convert/ros_messages.hpp"
 
 namespace bolo::tools {
@@ -45,7 +45,7 @@ mcap::Texts described(const std::string& topic, const capture::CaptureInfo& info
                     {"camera_serial", info.camera_serial}};
   for (const capture::Attribute& attribute : extras.attributes) {
     const double* number = std::get_if<double>(&attribute.value);
-    const std::string key(number != nullptr ? mcap_names::kNumber : mcap_names::kText);
+    const std::string key(number != nullptr ? mcap::kNumber : mcap::kText);
     texts[key + attribute.name] = number != nullptr ? shortest(*number) : std::get<std::string>(attribute.value);
   }
   return texts;
@@ -54,10 +54,9 @@ mcap::Texts described(const std::string& topic, const capture::CaptureInfo& info
 class McapSink final : public FootageSink {
  public:
   static Result<std::unique_ptr<FootageSink>> open(const Target& target, const Footage& footage) {
-    auto writer = mcap::Writer::create(target.file, "bolo " BOLO_VERSION);
-    if (!writer) return tl::unexpected<Error>(writer.error());
-    std::unique_ptr<McapSink> sink(new McapSink(std::move(*writer), target.name));
-    if (Status good = sink->begin(footage.parts()); !good) return tl::unexpected<Error>(good.error());
+    ASSIGN_OR_RETURN(auto writer, mcap::Writer::create(target.file, "bolo " BOLO_VERSION));
+    std::unique_ptr<McapSink> sink(new McapSink(std::move(writer), target.name));
+    RETURN_IF_ERROR(sink->begin(footage.parts()));
     return sink;
   }
 
@@ -101,23 +100,19 @@ class McapSink final : public FootageSink {
   Status begin(const std::vector<const Footage*>& footages) {
     std::set<std::string> topics;
     for (const Footage* footage : footages) {
-      const Result<Extras> extras = footage->extras();
-      if (!extras) return tl::unexpected<Error>(extras.error());
-      const bool sharp = text_of(extras->attributes, "solver") != nullptr;
+      ASSIGN_OR_RETURN(const Extras extras, footage->extras());
+      const bool sharp = text_of(extras.attributes, "solver") != nullptr;
       Part part{"/" + name_ + (sharp ? "/image_deblurred" : "/image_raw"), footage->info().format};
       if (!topics.insert(part.topic).second) {
         return bad_input("two captures would be " + part.topic + "; convert a raw and a sharp one, or each by itself");
       }
-      if (const std::string* at = text_of(extras->attributes, "recorded_at"); at != nullptr && !begun_s_) {
+      if (const std::string* at = text_of(extras.attributes, "recorded_at"); at != nullptr && !begun_s_) {
         begun_s_ = utc_s(*at);
       }
-      if (events_.empty()) events_ = extras->events;
+      if (events_.empty()) events_ = extras.events;
       has_utc_ = has_utc_ || footage->info().has_times;
       serial_ = footage->info().camera_serial;
-      if (Status good = writer_.add_metadata(mcap_names::kCapture, described(part.topic, footage->info(), *extras));
-          !good) {
-        return good;
-      }
+      RETURN_IF_ERROR(writer_.add_metadata(mcap::kCapture, described(part.topic, footage->info(), extras)));
       parts_.push_back(std::move(part));
     }
     return add_channels();

@@ -73,9 +73,8 @@ Status read_rows(TIFF* tiff, const Layout& layout, std::byte* out) {
 }  // namespace
 
 Result<Picture> read_png_picture(const std::filesystem::path& file) {
-  Result<sim::GreyImage> image = sim::read_png(file);
-  if (!image) return tl::unexpected<Error>(image.error());
-  return Picture{{image->width, image->height}, PixelType::kUint16, std::move(image->level), {}};
+  ASSIGN_OR_RETURN(sim::GreyImage image, sim::read_png(file));
+  return Picture{{image.width, image.height}, PixelType::kUint16, std::move(image.level), {}};
 }
 
 Status write_png16(const std::filesystem::path& file, Geometry geometry, const std::uint16_t* plane) {
@@ -117,7 +116,7 @@ Result<Picture> read_tiff_page(const std::filesystem::path& file, std::size_t pa
   if (is_uint16) picture.u16.resize(pixels);
   auto* out =
       is_float ? reinterpret_cast<std::byte*>(picture.f32.data()) : reinterpret_cast<std::byte*>(picture.u16.data());
-  if (Status good = read_rows(tiff.get(), layout, out); !good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(read_rows(tiff.get(), layout, out));
   return picture;
 }
 

@@ -70,9 +70,8 @@ Status wait_for(const std::string& name, pid_t pid, int errors) {
 Result<std::string> output_of(const std::vector<std::string>& words, const std::string& install) {
   const UniqueFd output = memory_file("output");
   const UniqueFd errors = memory_file("errors");
-  const Result<pid_t> pid = spawn(words, 0, output.get(), errors.get(), install);
-  if (!pid) return tl::unexpected<Error>(pid.error());
-  if (Status good = wait_for(words[0], *pid, errors.get()); !good) return tl::unexpected<Error>(good.error());
+  ASSIGN_OR_RETURN(const pid_t pid, spawn(words, 0, output.get(), errors.get(), install));
+  RETURN_IF_ERROR(wait_for(words[0], pid, errors.get()));
   return content_of(output.get());
 }
 
@@ -82,9 +81,8 @@ Result<FedProgram> FedProgram::start(const std::vector<std::string>& words, cons
   const UniqueFd output(ends[0]);
   UniqueFd input(ends[1]);
   UniqueFd errors = memory_file("errors");
-  const Result<pid_t> pid = spawn(words, output.get(), errors.get(), errors.get(), install);
-  if (!pid) return tl::unexpected<Error>(pid.error());
-  return FedProgram(words[0], *pid, std::move(input), std::move(errors));
+  ASSIGN_OR_RETURN(const pid_t pid, spawn(words, output.get(), errors.get(), errors.get(), install));
+  return FedProgram(words[0], pid, std::move(input), std::move(errors));
 }
 
 FedProgram::~FedProgram() { (void)finish(); }

@@ -204,7 +204,7 @@ Result<ImageView> read_image(std::string_view message) {
   image.big_endian = cdr.number<std::uint8_t>() != 0;
   image.step = cdr.number<std::uint32_t>();
   image.bytes = cdr.bytes();
-  if (Status good = cdr.check("an image"); !good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(cdr.check("an image"));
   if (encoding == "32FC1") {
     image.type = PixelType::kFloat32;
   } else if (encoding != "mono16" && encoding != "16UC1") {
@@ -228,7 +228,7 @@ Result<Frame> read_frame(std::string_view message) {
   frame.t_s = cdr.number<double>();
   frame.utc_s = cdr.number<double>();
   frame.host_s = cdr.number<double>();
-  if (Status good = cdr.check("a frame's number"); !good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(cdr.check("a frame's number"));
   return frame;
 }
 
@@ -244,7 +244,7 @@ Result<capture::Event> read_diagnostics(std::string_view message) {
   const auto time = number_of(cdr.text());
   const std::string_view kind_key = cdr.text();
   const std::string_view kind = cdr.text();
-  if (Status good = cdr.check("a diagnosis"); !good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(cdr.check("a diagnosis"));
   if (time_key != "t" || !time || kind_key != "event") return event;
   event.t_s = *time;
   event.kind = printable(kind.substr(0, 200));

@@ -39,47 +39,40 @@ CaptureRun::CaptureRun(const DeblurRequest& request, std::filesystem::path file,
 }
 
 Result<CaptureRun> CaptureRun::open(const DeblurRequest& request, const std::filesystem::path& file) {
-  auto reader = capture::CaptureReader::open(file);
-  if (!reader) return tl::unexpected(reader.error());
-  if (Status status = check_capture(request, file, reader->info()); !status) return tl::unexpected(status.error());
-  for (const std::string& line : reader->warnings()) {
+  ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
+  RETURN_IF_ERROR(check_capture(request, file, reader.info()));
+  for (const std::string& line : reader.warnings()) {
     std::fprintf(stderr, "bolo deblur: %s: %s\n", file.c_str(), line.c_str());
   }
   pipeline::PipelineOptions options = request.options;
-  auto points = points_of(request, reader->info().format.geometry);
-  if (!points) return tl::unexpected(points.error());
-  options.points = std::move(*points);
-  return CaptureRun(request, file, std::make_shared<const capture::CaptureReader>(std::move(*reader)),
+  ASSIGN_OR_RETURN(options.points, points_of(request, reader.info().format.geometry));
+  return CaptureRun(request, file, std::make_shared<const capture::CaptureReader>(std::move(reader)),
                     std::move(options));
 }
 
 Result<ChosenFrames> CaptureRun::chosen() const {
-  auto own_reader = capture::CaptureReader::open(file_);
-  if (!own_reader) return tl::unexpected(own_reader.error());
+  ASSIGN_OR_RETURN(auto own_reader, capture::CaptureReader::open(file_));
   PixelChoice choice(info().format.geometry, options_.region, options_.points);
-  return ChosenFrames(file_, std::move(*own_reader), std::move(choice));
+  return ChosenFrames(file_, std::move(own_reader), std::move(choice));
 }
 
 Result<RunFacts> CaptureRun::run(const OutputFile& output, const std::string& made_from,
                                  const DeblurSink::Heard& heard) {
-  auto chosen = this->chosen();
-  if (!chosen) return tl::unexpected(chosen.error());
-  DeblurSink sink(std::move(*chosen), output, heard);
+  ASSIGN_OR_RETURN(auto chosen, this->chosen());
+  DeblurSink sink(std::move(chosen), output, heard);
   auto source = std::make_unique<replay::ReplaySource>(reader_, replay::Pace::kAsFastAsPossible);
   const replay::ReplaySource& replayed = *source;
   auto pipeline = pipeline::Pipeline::create(std::move(source), {&sink}, options_);
   if (!pipeline) return tl::unexpected(pipeline.error());
   const Status run = (*pipeline)->run(sink.stop_requested());
-  for (const Status& status : {run, replayed.result(), sink.status()}) {
-    if (!status) return tl::unexpected(status.error());
-  }
+  RETURN_IF_ERROR(run);
+  RETURN_IF_ERROR(replayed.result());
+  RETURN_IF_ERROR(sink.status());
   if (options_.give_up != nullptr && options_.give_up->load(std::memory_order_relaxed)) {
     return tl::unexpected(interruption(sink, **pipeline, *request_, output.path));
   }
   if (sink.frames_out() == 0) return tl::unexpected(no_window(file_, *request_).error());
-  if (Status status = sink.finish((*pipeline)->isa(), files_behind(*request_), made_from); !status) {
-    return tl::unexpected(status.error());
-  }
+  RETURN_IF_ERROR(sink.finish((*pipeline)->isa(), files_behind(*request_), made_from));
   const pipeline::PipelineStats& stats = (*pipeline)->stats();
   RunFacts facts{sink.frames_out(),
                  stats.inlet.losses().total(),

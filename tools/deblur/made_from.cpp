@@ -79,7 +79,7 @@ Result<std::uint64_t> checksum_of(const capture::CaptureReader& input) {
   const StreamFormat& format = input.info().format;
   std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
   for (const std::size_t index : {std::size_t{0}, input.info().frames - 1}) {
-    if (Status status = input.read_frame(index, plane.data()); !status) return tl::unexpected(status.error());
+    RETURN_IF_ERROR(input.read_frame(index, plane.data()));
     sum.add(plane);
   }
   return sum.value();
@@ -89,9 +89,8 @@ Result<std::uint64_t> checksum_of(const capture::CaptureReader& input) {
 
 Result<std::string> made_from(const DeblurRequest& request, const capture::CaptureReader& input) {
   json all{{"settings", settings_of(request)}, {"frames", input.info().frames}};
-  const auto sum = checksum_of(input);
-  if (!sum) return tl::unexpected(sum.error());
-  all["input"] = *sum;
+  ASSIGN_OR_RETURN(const auto sum, checksum_of(input));
+  all["input"] = sum;
   Status status = add_file("profile", request.profile_file, all);
   if (status) status = add_file("maps", request.maps_file, all);
   if (status) status = add_file("points", request.points_file, all);

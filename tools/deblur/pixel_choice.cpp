@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "drivers/replay/copy_region.hpp"
+#include "drivers/replay/replay_source.hpp"
 #include "src/core/parse_text.hpp"
 
 namespace bolo::tools {

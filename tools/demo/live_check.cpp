@@ -1,5 +1,6 @@
 #include "tools/demo/live_check.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -16,7 +17,6 @@
 #include "src/core/statistics.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/cli/plot_option.hpp"
-#include "tools/demo/truth_clock.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -120,21 +120,32 @@ Status check_match(const capture::CaptureInfo& info, const bolo_shm_header& head
 
 }  // namespace
 
+TruthClock::TruthClock(const std::vector<double>& t, double period_s)
+    : t_(t), period_s_(period_s), first_s_(t.front()), lap_s_(t.back() - t.front() + period_s) {
+  for (double& time : t_) time -= first_s_;
+}
+
+std::optional<std::size_t> TruthClock::frame_at(std::int64_t camera_ns) const {
+  const double since_first = static_cast<double>(camera_ns) / kNsPerSecond - first_s_;
+  if (since_first < -period_s_ / 4) return std::nullopt;
+  // A quarter period early, so that rounding cannot push a lap's first frame to the end of the lap before.
+  const double in_lap = std::fmod(since_first + period_s_ / 4, lap_s_) - period_s_ / 4;
+  const auto after = std::lower_bound(t_.begin(), t_.end(), in_lap - period_s_ / 4);
+  if (after == t_.end() || std::abs(*after - in_lap) > period_s_ / 4) return std::nullopt;
+  return static_cast<std::size_t>(after - t_.begin());
+}
+
 Result<LiveOutcome> check_live(const std::string& name, const std::filesystem::path& truth, double seconds,
                                std::optional<std::size_t> shown) {
-  auto reader = capture::CaptureReader::open(truth);
-  if (!reader) return tl::unexpected(reader.error());
-  auto memory = shm::ShmReader::open(name);
-  if (!memory) return tl::unexpected(memory.error());
-  const bolo_shm_header header = memory->header();
-  if (auto match = check_match(reader->info(), header); !match) return at(truth.string(), match.error());
+  ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(truth));
+  ASSIGN_OR_RETURN(auto memory, shm::ShmReader::open(name));
+  const bolo_shm_header header = memory.header();
+  if (auto match = check_match(reader.info(), header); !match) return at(truth.string(), match.error());
   LiveOutcome outcome;
   outcome.shown = FrameChoice(shown);
-  Judge judge(*reader, header);
-  const double two_laps_s = 2.0 * (reader->t().back() - reader->t().front());
-  if (auto watched = watch(*memory, judge, seconds, two_laps_s, outcome); !watched) {
-    return tl::unexpected(watched.error());
-  }
+  Judge judge(reader, header);
+  const double two_laps_s = 2.0 * (reader.t().back() - reader.t().front());
+  RETURN_IF_ERROR(watch(memory, judge, seconds, two_laps_s, outcome));
   if (outcome.frames_judged == 0) {
     return failed(fmt::format(
         "none of {} frames could be matched with the truth in {}: is it the capture that the fake camera replays?",

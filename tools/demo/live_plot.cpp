@@ -60,7 +60,7 @@ struct Range {
   double high = 1.0;
 };
 
-Range range_of(const std::vector<float>& values) {
+Range value_range_of(const std::vector<float>& values) {
   const std::vector<double> sorted(values.begin(), values.end());
   return {quantile(sorted, 0.005), quantile(sorted, 0.995)};
 }
@@ -166,7 +166,7 @@ void FrameChoice::take(const bolo_shm_header& header, const shm::ReadFrame& fram
 plot::Sheet sheet_of(std::span<const LiveResult> results) {
   const ShownFrame& shown = *results.front().shown;
   const Geometry g = shown.geometry;
-  const Range range = range_of(shown.truth);
+  const Range range = value_range_of(shown.truth);
   const Region close_up = busiest(shown.truth, g);
   std::vector<Layer> layers{
       {&shown.blurred,

@@ -1,12 +1,86 @@
 // What of a host stands between a camera and sharp frames, each with the fix for it.
 #pragma once
 
+#include <cstdint>
+#include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "tools/doctor/facts.hpp"
+#include "src/core/utc_clock.hpp"
 
 namespace bolo::tools::doctor {
+
+// --- What is so on this host, without judgement.
+
+struct Interface {
+  std::string name;
+  std::string address;  // dotted
+  unsigned prefix = 0;  // bits of the network
+  int mtu = 0;
+  bool loopback = false;
+  bool up = false;
+  bool operator==(const Interface&) const = default;
+};
+
+struct CameraFound {
+  std::string id;  // Aravis's
+  std::string model;
+  std::string serial;
+  std::string address;
+};
+
+struct VideoDevice {
+  std::string path;
+  std::string driver;  // empty: it could not be asked
+};
+
+struct UsbFound {
+  std::string id;       // "09cb:1996"
+  std::string product;  // may be empty
+  std::string node;     // /dev/bus/usb/...
+  bool writable = false;
+};
+
+// An empty optional: it could not be found out.
+struct Facts {
+  std::optional<int> receive_buffer_max;  // net.core.rmem_max, bytes
+  std::optional<int> backlog;             // net.core.netdev_max_backlog, packets
+  std::vector<Interface> interfaces;
+  std::optional<std::string> route_interface;  // that leads to the camera
+  std::vector<std::string> firewalls;          // that are active: "ufw", "firewalld", "nftables", "iptables"
+  std::optional<bool> reverse_path_strict;     // of the camera's interface or all
+
+  int processors = 1;
+  std::vector<std::string> governors;  // one a processor; empty: no frequency scaling here
+  std::vector<int> isolated;           // processors
+  long priority_limit = 0;             // RLIMIT_RTPRIO; 99 and more with CAP_SYS_NICE
+  std::uint64_t memlock_limit = 0;     // bytes; all ones: none
+
+  std::optional<std::uint64_t> shared_free;  // of /dev/shm, bytes
+  bool loopback_module = false;              // v4l2loopback is loaded
+  std::vector<VideoDevice> videos;
+  std::vector<UsbFound> usb;  // devices of FLIR
+
+  std::string aravis;
+  std::string hdf5;
+
+  std::vector<CameraFound> cameras;  // that answered
+  std::optional<bool> answers;       // the address that was asked for
+
+  std::optional<ClockState> clock;
+  std::vector<std::string> time_services;  // what they say of it: chrony, linuxptp
+};
+
+// What is asked of the camera's network.
+struct Question {
+  std::string address;      // empty: whoever answers
+  bool ask_network = true;  // false: nothing is sent
+};
+
+// Reads the host below `root` ("/"; another one for tests, which then sees files only) and asks the network. Takes up
+// to some seconds. Thread: setup.
+Facts gather(const Question& question, const std::filesystem::path& root = "/");
 
 enum class Verdict {
   kGood,

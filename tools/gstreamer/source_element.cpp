@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "bolo/client.h"
-#include "drivers/v4l2/agc.hpp"
+#include "drivers/v4l2/image.hpp"
 #include "src/core/clock.hpp"
 #include "tools/gstreamer/elements.hpp"
 

@@ -79,9 +79,7 @@ class Jobs {
 template <typename T, typename Make>
 Jobs::Job keep(std::optional<T>& place, Make make) {
   return [&place, make]() -> Status {
-    auto made = make();
-    if (!made) return tl::unexpected(made.error());
-    place = std::move(*made);
+    ASSIGN_OR_RETURN(place, make());
     return {};
   };
 }

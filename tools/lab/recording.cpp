@@ -13,16 +13,14 @@ Result<Recording> record_street(const sim::CameraSettings& camera, const StreetP
   const double from_s = -sim::history_s(camera);
   const double to_s = static_cast<double>(pass.frames + pass.more_frames) / camera.rate_hz;
   const sim::Position origin = sim::centred_origin(*street, path, camera.geometry, from_s, to_s);
-  auto field = sim::pan_over(*street, path, origin, camera.geometry, from_s, to_s);
-  if (!field) return tl::unexpected(field.error());
-  const auto simulator = sim::Simulator::create(camera, std::move(*field));
-  if (!simulator) return tl::unexpected(simulator.error());
+  ASSIGN_OR_RETURN(auto field, sim::pan_over(*street, path, origin, camera.geometry, from_s, to_s));
+  ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera, std::move(field)));
   Recording recording;
-  recording.format = (*simulator)->format();
+  recording.format = simulator->format();
   for (std::size_t k = 0; k < pass.frames; ++k) {
     recording.planes.emplace_back(plane_bytes(recording.format.geometry, recording.format.type));
     recording.truth.emplace_back(recording.format.geometry.pixels());
-    (*simulator)->next(recording.planes.back().data(), recording.truth.back().data());
+    simulator->next(recording.planes.back().data(), recording.truth.back().data());
   }
   return recording;
 }

@@ -82,7 +82,7 @@ Result<std::unique_ptr<FileWriter>> FileWriter::start(FileWriterOptions options)
   } catch (const std::bad_alloc&) {
     return bad_input("not enough memory for the buffer; make it smaller with --buffer-mb");
   }
-  if (Status good = writer->open_next(); !good) return tl::unexpected<Error>(std::move(good.error()));
+  RETURN_IF_ERROR(writer->open_next());
   writer->last_commit_ns_ = monotonic_ns();
   try {
     writer->thread_ = std::thread([self = writer.get()] { self->run(); });

@@ -244,11 +244,9 @@ FrameMeta RisingStream::place(FrameMeta meta, bool restarted) noexcept {
 
 Result<RecordResult> record(const RecordRequest& request, const std::atomic<bool>& stop,
                             const std::function<void(std::uint64_t)>& progress) {
-  Result<FollowedStream> stream = open_daemon(request, stop);
-  if (!stream) return tl::unexpected<Error>(stream.error());
-  auto writer = FileWriter::start(writer_options(request, stream->reader().header()));
-  if (!writer) return tl::unexpected<Error>(writer.error());
-  return Recording(request, std::move(*stream), std::move(*writer), stop).run(progress);
+  ASSIGN_OR_RETURN(FollowedStream stream, open_daemon(request, stop));
+  ASSIGN_OR_RETURN(auto writer, FileWriter::start(writer_options(request, stream.reader().header())));
+  return Recording(request, std::move(stream), std::move(writer), stop).run(progress);
 }
 
 }  // namespace bolo::tools

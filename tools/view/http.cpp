@@ -51,13 +51,12 @@ std::string why_not(const std::string& address, std::uint16_t port) {
 
 // `absent`: the host does not have this address, or not this family of addresses.
 Result<UniqueFd> listening_socket(const std::string& text, std::uint16_t port, bool& absent) {
-  const Result<Address> address = parse_address(text, port);
-  if (!address) return tl::unexpected<Error>(address.error());
-  UniqueFd fd(socket(address->place.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  ASSIGN_OR_RETURN(const Address address, parse_address(text, port));
+  UniqueFd fd(socket(address.place.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int on = 1;
   if (fd) setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-  if (fd && address->place.ss_family == AF_INET6) setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &on, sizeof on);
-  if (!fd || bind(fd.get(), reinterpret_cast<const sockaddr*>(&address->place), address->bytes) != 0 ||
+  if (fd && address.place.ss_family == AF_INET6) setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &on, sizeof on);
+  if (!fd || bind(fd.get(), reinterpret_cast<const sockaddr*>(&address.place), address.bytes) != 0 ||
       ::listen(fd.get(), kBacklog) != 0) {
     absent = errno == EADDRNOTAVAIL || errno == EAFNOSUPPORT;
     return bad_input(why_not(text, port));
@@ -114,10 +113,9 @@ Result<std::unique_ptr<HttpServer>> HttpServer::listen(const std::vector<std::st
 }
 
 Status HttpServer::add_listener(const std::string& address, bool& absent) {
-  const Result<UniqueFd> fd = listening_socket(address, port_, absent);
-  if (!fd) return tl::unexpected<Error>(fd.error());
-  if (port_ == 0) port_ = port_of(fd->get());
-  const int copy = fcntl(fd->get(), F_DUPFD_CLOEXEC, 0);  // which the library closes
+  ASSIGN_OR_RETURN(const UniqueFd fd, listening_socket(address, port_, absent));
+  if (port_ == 0) port_ = port_of(fd.get());
+  const int copy = fcntl(fd.get(), F_DUPFD_CLOEXEC, 0);  // which the library closes
   MHD_Daemon* listener =
       MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME, 0, nullptr, nullptr, &HttpServer::on_request, this,
                        MHD_OPTION_EXTERNAL_LOGGER, &ignore, nullptr, MHD_OPTION_LISTEN_SOCKET, copy,

@@ -9,20 +9,69 @@
 //   POST /api/nuc                  has the camera correct its pixels: 202; the status says what came of it
 #pragma once
 
+#include <atomic>
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
+#include "src/core/result.hpp"
 #include "tools/view/access.hpp"
 #include "tools/view/http.hpp"
 #include "tools/view/live_stream.hpp"
-#include "tools/view/nuc_asker.hpp"
 
 namespace bolo::view {
+
+// --- Asks for a NUC without holding up who wants it: one at a time.
+
+class NucAsker {
+ public:
+  // Asks and waits for the answer; called on a thread of the asker's.
+  using Ask = std::function<Status()>;
+
+  explicit NucAsker(Ask ask) : ask_(std::move(ask)) {}
+  // Waits for an answer that is still to come.
+  ~NucAsker() {
+    if (thread_.joinable()) thread_.join();
+  }
+  NucAsker(const NucAsker&) = delete;
+  NucAsker& operator=(const NucAsker&) = delete;
+
+  // False while the one before is not answered. Thread: one at a time.
+  bool start() {
+    if (asking_.exchange(true)) return false;
+    if (thread_.joinable()) thread_.join();
+    thread_ = std::thread([this] {
+      const Status done = ask_();
+      {
+        const std::lock_guard lock(mutex_);
+        trouble_ = done ? "" : done.error().message;
+      }
+      asking_.store(false);
+    });
+    return true;
+  }
+
+  // Thread: any.
+  bool asking() const noexcept { return asking_.load(); }
+  // Why the last one was not made; empty: it was, or none was asked for. Thread: any.
+  std::string trouble() const {
+    const std::lock_guard lock(mutex_);
+    return trouble_;
+  }
+
+ private:
+  const Ask ask_;
+  std::thread thread_;
+  std::atomic<bool> asking_{false};
+  mutable std::mutex mutex_;
+  std::string trouble_;
+};
 
 class Site {
  public:

@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "drivers/replay/copy_region.hpp"
 #include "src/core/clock.hpp"
 #include "tests/scratch.hpp"
 

@@ -7,7 +7,6 @@
 #include <mutex>
 #include <thread>
 
-#include "drivers/usb/descriptor_report.hpp"
 #include "drivers/usb/hotplug.hpp"
 #include "tests/drivers/usb/mock_camera.hpp"
 

@@ -1,4 +1,4 @@
-#include "tools/demo/truth_clock.hpp"
+#include "tools/demo/live_check.hpp"
 
 #include <gtest/gtest.h>
 

@@ -97,22 +97,22 @@ Result<DetectorDescription> read_description(const std::filesystem::path& file) 
   DetectorDescription d;
   FileNames files;
   model::KeyTable keys = keys_of(d, files);
-  if (Status read = keys.read(file); !read) return tl::unexpected(read.error());
+  RETURN_IF_ERROR(keys.read(file));
   d.files.graph = files.graph;
   d.files.weights = files.weights;
   d.files.least_score = d.least_score;
-  if (Status good = check(keys, d); !good) return tl::unexpected(good.error());
+  RETURN_IF_ERROR(check(keys, d));
   return d;
 }
 
 Result<DetectorDescription> with_files_in(DetectorDescription d, const std::filesystem::path& folder) {
-  if (Status there = place(d.files.graph, folder); !there) return tl::unexpected(there.error());
+  RETURN_IF_ERROR(place(d.files.graph, folder));
   if (!d.files.weights.empty()) {
-    if (Status there = place(d.files.weights, folder); !there) return tl::unexpected(there.error());
+    RETURN_IF_ERROR(place(d.files.weights, folder));
   }
   if (!d.class_file.empty()) {
     std::filesystem::path names = d.class_file;
-    if (Status there = place(names, folder); !there) return tl::unexpected(there.error());
+    RETURN_IF_ERROR(place(names, folder));
     d.class_file = names.string();
   }
   return d;

@@ -8,7 +8,6 @@
 #include "tools/cli/cli.hpp"
 #include "tools/cli/plot_option.hpp"
 #include "tools/lab/common.hpp"
-#include "tools/lab/detect/report.hpp"
 #include "tools/lab/detect/table.hpp"
 #include "tools/lab/verbs.hpp"
 
@@ -77,9 +76,8 @@ Result<std::vector<DetectorDescription>> detectors_of(const cxxopts::ParseResult
       files.push_back(name);
       continue;
     }
-    const auto inside = files_in(name, {".toml"});
-    if (!inside) return tl::unexpected(inside.error());
-    files.insert(files.end(), inside->begin(), inside->end());
+    ASSIGN_OR_RETURN(const auto inside, files_in(name, {".toml"}));
+    files.insert(files.end(), inside.begin(), inside.end());
   }
   std::vector<DetectorDescription> detectors;
   for (const std::filesystem::path& file : files) {
@@ -97,34 +95,22 @@ Result<std::vector<DetectorDescription>> detectors_of(const cxxopts::ParseResult
 }
 
 Status check(const Options& o) {
-  for (const Status& good : {within(o.repeats, "repeats", 1, 100), within(o.noise_k, "noise", 0.0, 100.0),
-                             within(o.least_area_px2, "least-area", 0.0, 1e6),
-                             within(o.resamples, "resamples", 10, 100000), within(o.threads, "threads", 1, 64)}) {
-    if (!good) return good;
-  }
+  RETURN_IF_ERROR(within(o.repeats, "repeats", 1, 100));
+  RETURN_IF_ERROR(within(o.noise_k, "noise", 0.0, 100.0));
+  RETURN_IF_ERROR(within(o.least_area_px2, "least-area", 0.0, 1e6));
+  RETURN_IF_ERROR(within(o.resamples, "resamples", 10, 100000));
+  RETURN_IF_ERROR(within(o.threads, "threads", 1, 64));
   return {};
 }
 
 Result<Options> options_of(const cxxopts::ParseResult& given) {
   Options options;
-  auto scenes = listed(given, "scenes", "street", {".png", ".jpg", ".jpeg"});
-  if (!scenes) return tl::unexpected(scenes.error());
-  auto trajectories = listed(given, "trajectories", "trajectories", {".csv"});
-  if (!trajectories) return tl::unexpected(trajectories.error());
-  auto detectors = detectors_of(given);
-  if (!detectors) return tl::unexpected(detectors.error());
-  auto classes = classes_of(given["classes"].as<std::string>());
-  if (!classes) return tl::unexpected(classes.error());
-  const auto size = size_of(given["size"].as<std::string>(), "size", {64, 64}, {2048, 2048});
-  if (!size) return tl::unexpected(size.error());
-  auto plot = plot_file_of(given);
-  if (!plot) return tl::unexpected(plot.error());
-  options.scenes = std::move(*scenes);
-  options.trajectories = std::move(*trajectories);
-  options.detectors = std::move(*detectors);
-  options.classes = std::move(*classes);
-  options.picture = *size;
-  options.plot = std::move(*plot);
+  ASSIGN_OR_RETURN(options.scenes, listed(given, "scenes", "street", {".png", ".jpg", ".jpeg"}));
+  ASSIGN_OR_RETURN(options.trajectories, listed(given, "trajectories", "trajectories", {".csv"}));
+  ASSIGN_OR_RETURN(options.detectors, detectors_of(given));
+  ASSIGN_OR_RETURN(options.classes, classes_of(given["classes"].as<std::string>()));
+  ASSIGN_OR_RETURN(options.picture, size_of(given["size"].as<std::string>(), "size", {64, 64}, {2048, 2048}));
+  ASSIGN_OR_RETURN(options.plot, plot_file_of(given));
   if (given.count("model") != 0) {
     const auto models = given["model"].as<std::vector<std::string>>();
     options.models.assign(models.begin(), models.end());
@@ -136,24 +122,21 @@ Result<Options> options_of(const cxxopts::ParseResult& given) {
   options.seed = given["seed"].as<std::uint64_t>();
   options.threads = given["threads"].as<int>();
   options.json = given.count("json") != 0;
-  if (Status good = check(options); !good) return tl::unexpected(good.error());
+  RETURN_IF_ERROR(check(options));
   return options;
 }
 
 Status evaluate(const cxxopts::ParseResult& given) {
-  const auto asked = options_of(given);
-  if (!asked) return tl::unexpected(asked.error());
-  const Options& options = *asked;
-  const auto found = run(options);
-  if (!found) return tl::unexpected(found.error());
-  const Table table = table_of(*found, options);
+  ASSIGN_OR_RETURN(const Options options, options_of(given));
+  ASSIGN_OR_RETURN(const auto found, run(options));
+  const Table table = table_of(found, options);
   if (options.json) {
     std::printf("%s\n", to_json(options, table).dump(2).c_str());
   } else {
     print_text(options, table);
   }
   if (options.plot.empty()) return {};
-  plot::Sheet sheet = sheet_of(table, *found, options);
+  plot::Sheet sheet = sheet_of(table, found, options);
   sheet.how = plot::format(
       "bolo-lab eval detect --size %dx%d --repeats %d --seed %llu: simulated camera, 200 frames/s, tau 11 ms, noise %g "
       "K.",

@@ -161,9 +161,8 @@ Result<std::vector<Detection>> decode_nanodet(std::span<const Tensor> outputs, G
   for (const int stride : layout.strides) {
     const int across = (input.width + stride - 1) / stride;
     const int down = (input.height + stride - 1) / stride;
-    const auto pair = pair_of(outputs, Geometry{across, down}.pixels(), stride, layout.bins);
-    if (!pair) return tl::unexpected(pair.error());
-    add_places(*pair, across, stride, layout.bins, least_score, found);
+    ASSIGN_OR_RETURN(const auto pair, pair_of(outputs, Geometry{across, down}.pixels(), stride, layout.bins));
+    add_places(pair, across, stride, layout.bins, least_score, found);
   }
   return found;
 }
@@ -219,13 +218,10 @@ Result<Detector> Detector::open(const DetectorDescription& description, const st
                                 const std::filesystem::path& library) {
   std::vector<std::string> names = split_names(description.class_names);
   if (names.empty()) {
-    auto read = read_names(description.class_file);
-    if (!read) return tl::unexpected(read.error());
-    names = std::move(*read);
+    ASSIGN_OR_RETURN(names, read_names(description.class_file));
   }
-  auto network = open_network(description.files, library);
-  if (!network) return tl::unexpected(network.error());
-  Detector detector(description, std::move(*network), names, classes);
+  ASSIGN_OR_RETURN(auto network, open_network(description.files, library));
+  Detector detector(description, std::move(network), names, classes);
   if (std::ranges::all_of(detector.labels_, [](int label) { return label < 0; })) {
     return bad_input(description.name + ": knows none of the judged classes; name them as the detector does");
   }
@@ -250,9 +246,8 @@ Result<std::vector<Detection>> Detector::decoded(std::span<const Tensor> outputs
 }
 
 Result<std::vector<Detection>> Detector::detect(const Levels& levels, Geometry picture) {
-  const auto outputs = network_->forward(input_of(levels, picture, description_));
-  if (!outputs) return tl::unexpected(outputs.error());
-  auto found = decoded(*outputs);
+  ASSIGN_OR_RETURN(const auto outputs, network_->forward(input_of(levels, picture, description_)));
+  auto found = decoded(outputs);
   if (!found) return at(description_.files.graph.string(), found.error());
   const Fit fit = fit_of(picture, description_.input, description_.resize);
   std::vector<Detection> judged;
@@ -270,22 +265,20 @@ LearnedDeblurring::LearnedDeblurring(std::filesystem::path file, std::unique_ptr
 
 Result<LearnedDeblurring> LearnedDeblurring::open(const std::filesystem::path& file,
                                                   const std::filesystem::path& library) {
-  auto network = open_network({NetworkFormat::kOnnx, file, {}, 0.0}, library);
-  if (!network) return tl::unexpected(network.error());
-  return LearnedDeblurring(file, std::move(*network));
+  ASSIGN_OR_RETURN(auto network, open_network({NetworkFormat::kOnnx, file, {}, 0.0}, library));
+  return LearnedDeblurring(file, std::move(network));
 }
 
 Result<Levels> LearnedDeblurring::apply(const Levels& blurred, Geometry picture) {
   constexpr float kWhite = 255.0F;
   Tensor input{{1, 1, picture.height, picture.width}, blurred};
   for (float& value : input.values) value /= kWhite;
-  const auto outputs = network_->forward(input);
-  if (!outputs) return tl::unexpected(outputs.error());
-  if (outputs->size() != 1 || outputs->front().shape != input.shape) {
+  ASSIGN_OR_RETURN(const auto outputs, network_->forward(input));
+  if (outputs.size() != 1 || outputs.front().shape != input.shape) {
     return bad_input(file_.string() + ": gives no image of " + std::to_string(picture.width) + "x" +
                      std::to_string(picture.height) + " with one channel; give a network that does");
   }
-  Levels levels = outputs->front().values;
+  Levels levels = outputs.front().values;
   for (float& value : levels) {
     value = std::isfinite(value) ? std::clamp(std::round(value * kWhite), 0.0F, kWhite) : 0.0F;
   }

@@ -32,10 +32,9 @@ std::filesystem::path networks_library() {
 }
 
 Result<std::unique_ptr<Network>> open_network(const NetworkFiles& files, const std::filesystem::path& library) {
-  const auto open = find_in(library);
-  if (!open) return tl::unexpected(open.error());
+  ASSIGN_OR_RETURN(const auto open, find_in(library));
   Result<std::unique_ptr<Network>> made;
-  (*open)(files, made);
+  open(files, made);
   return made;
 }
 

@@ -95,22 +95,19 @@ class OpencvNetwork final : public Network {
 };
 
 Result<cv::dnn::Net> read_net(const NetworkFiles& files) {
-  const auto graph = contents_of(files.graph);
-  if (!graph) return tl::unexpected(graph.error());
-  if (files.format == NetworkFormat::kOnnx) return cv::dnn::readNetFromONNX(graph->data(), graph->size());
-  const auto weights = contents_of(files.weights);
-  if (!weights) return tl::unexpected(weights.error());
-  const std::string text = with_threshold(*graph, files.least_score);
-  return cv::dnn::readNetFromDarknet(text.data(), text.size(), weights->data(), weights->size());
+  ASSIGN_OR_RETURN(const auto graph, contents_of(files.graph));
+  if (files.format == NetworkFormat::kOnnx) return cv::dnn::readNetFromONNX(graph.data(), graph.size());
+  ASSIGN_OR_RETURN(const auto weights, contents_of(files.weights));
+  const std::string text = with_threshold(graph, files.least_score);
+  return cv::dnn::readNetFromDarknet(text.data(), text.size(), weights.data(), weights.size());
 }
 
 Result<std::unique_ptr<Network>> open(const NetworkFiles& files) {
   const std::string kind = files.format == NetworkFormat::kOnnx ? "an ONNX network" : "a Darknet network";
   try {
-    auto net = read_net(files);
-    if (!net) return tl::unexpected(net.error());
-    if (net->empty()) return bad_input(files.graph.string() + ": is not " + kind + "; give one");
-    return std::make_unique<OpencvNetwork>(*net, files.graph);
+    ASSIGN_OR_RETURN(auto net, read_net(files));
+    if (net.empty()) return bad_input(files.graph.string() + ": is not " + kind + "; give one");
+    return std::make_unique<OpencvNetwork>(net, files.graph);
   } catch (const cv::Exception& e) {
     return bad_input(files.graph.string() + ": is not " + kind + " that OpenCV " + CV_VERSION +
                      " understands: " + reason_of(e) + "; give another or export it again");

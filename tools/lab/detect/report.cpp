@@ -1,4 +1,4 @@
-#include "tools/lab/detect/report.hpp"
+#include "tools/lab/detect/table.hpp"
 
 #include <algorithm>
 #include <cmath>

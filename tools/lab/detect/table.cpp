@@ -49,14 +49,12 @@ class Lender {
 Result<Networks> open_networks(const Options& options) {
   Networks networks;
   for (const DetectorDescription& description : options.detectors) {
-    auto detector = Detector::open(description, options.classes);
-    if (!detector) return tl::unexpected(detector.error());
-    networks.detectors.push_back(std::move(*detector));
+    ASSIGN_OR_RETURN(auto detector, Detector::open(description, options.classes));
+    networks.detectors.push_back(std::move(detector));
   }
   for (const std::filesystem::path& file : options.models) {
-    auto model = LearnedDeblurring::open(file);
-    if (!model) return tl::unexpected(model.error());
-    networks.models.push_back(std::move(*model));
+    ASSIGN_OR_RETURN(auto model, LearnedDeblurring::open(file));
+    networks.models.push_back(std::move(model));
   }
   return networks;
 }
@@ -75,7 +73,7 @@ class Runner {
   explicit Runner(const Options& options) : options_(options) {}
 
   Result<Found> run() {
-    if (Status ready = prepare(); !ready) return tl::unexpected(ready.error());
+    RETURN_IF_ERROR(prepare());
     Progress progress("detect", found_.looks.size());
     std::uint64_t done = 0;
     Jobs jobs;
@@ -87,25 +85,23 @@ class Runner {
         return outcome;
       });
     }
-    if (Status outcome = jobs.run(options_.threads, progress, done); !outcome) return tl::unexpected(outcome.error());
+    RETURN_IF_ERROR(jobs.run(options_.threads, progress, done));
     return std::move(found_);
   }
 
  private:
   Status prepare() {
     for (int i = 0; i < options_.threads; ++i) {
-      auto networks = open_networks(options_);
-      if (!networks) return tl::unexpected(networks.error());
+      ASSIGN_OR_RETURN(auto networks, open_networks(options_));
       if (i == 0) {
-        describe(*networks);
-        if (Status good = try_out(*networks); !good) return good;
+        describe(networks);
+        if (Status good = try_out(networks); !good) return good;
       }
-      lender_.add(std::move(*networks));
+      lender_.add(std::move(networks));
     }
     for (const std::filesystem::path& file : options_.scenes) {
-      auto still = read_still(file, options_.classes);
-      if (!still) return tl::unexpected(still.error());
-      found_.stills.push_back(std::move(*still));
+      ASSIGN_OR_RETURN(auto still, read_still(file, options_.classes));
+      found_.stills.push_back(std::move(still));
     }
     const auto views =
         plan_views(found_.stills, options_.trajectories, {options_.picture, options_.repeats, options_.seed});
@@ -129,10 +125,10 @@ class Runner {
   Status try_out(Networks& networks) const {
     const Levels grey(options_.picture.pixels(), 128.0F);
     for (Detector& detector : networks.detectors) {
-      if (auto boxes = detector.detect(grey, options_.picture); !boxes) return tl::unexpected(boxes.error());
+      RETURN_IF_ERROR(detector.detect(grey, options_.picture));
     }
     for (LearnedDeblurring& model : networks.models) {
-      if (auto made = model.apply(grey, options_.picture); !made) return tl::unexpected(made.error());
+      RETURN_IF_ERROR(model.apply(grey, options_.picture));
     }
     return {};
   }
@@ -153,21 +149,19 @@ class Runner {
   Status look(std::size_t index, Networks& networks) {
     Look& look = found_.looks[index];
     const Still& still = found_.stills[look.view.still];
-    const auto clean = simulate(still, options_.trajectories[look.view.motion], look.view, options_.picture);
-    if (!clean) return tl::unexpected(clean.error());
-    look.speed_px_s = std::hypot(clean->content_v.front().x_px, clean->content_v.front().y_px);
+    ASSIGN_OR_RETURN(const auto clean,
+                     simulate(still, options_.trajectories[look.view.motion], look.view, options_.picture));
+    look.speed_px_s = std::hypot(clean.content_v.front().x_px, clean.content_v.front().y_px);
     if (still.labelled) {
       look.labels = truth_in_view(still.labels, static_cast<int>(options_.classes.size()), still.size, options_.picture,
                                   look.view.looks_at);
     }
-    auto shown = shown_columns(fidelity::read_out(*clean, options_.noise_k, options_.seed + index));
-    if (!shown) return tl::unexpected(shown.error());
+    ASSIGN_OR_RETURN(auto shown, shown_columns(fidelity::read_out(clean, options_.noise_k, options_.seed + index)));
     for (LearnedDeblurring& model : networks.models) {
-      auto made = model.apply((*shown)[kBlurredColumn].levels, options_.picture);
-      if (!made) return tl::unexpected(made.error());
-      shown->push_back({std::move(*made), {}});
+      ASSIGN_OR_RETURN(auto made, model.apply(shown[kBlurredColumn].levels, options_.picture));
+      shown.push_back({std::move(made), {}});
     }
-    return detect(index, *shown, networks.detectors);
+    return detect(index, shown, networks.detectors);
   }
 
   Status detect(std::size_t index, std::vector<Shown>& shown, std::vector<Detector>& detectors) {

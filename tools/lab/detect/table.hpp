@@ -4,9 +4,12 @@
 #include <string>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
 #include "src/core/geometry.hpp"
 #include "src/core/output_file.hpp"
 #include "src/core/result.hpp"
+#include "src/report/sheet.hpp"
 #include "tools/lab/detect/average_precision.hpp"
 #include "tools/lab/detect/description.hpp"
 #include "tools/lab/detect/views.hpp"
@@ -116,5 +119,17 @@ std::string motion_words(const Table& table, std::size_t motion);
 // boxes on the sharp frame from `truth_score` on. Thread: any.
 std::vector<Truth> truth_of(const Look& look, bool labelled, std::size_t detector, double truth_score,
                             const std::vector<bool>& knows);
+
+// --- The result of `bolo-lab eval detect`, as text and as JSON.
+
+// The schema is in the verb's --help. Thread: any.
+nlohmann::ordered_json to_json(const Options& options, const Table& table);
+
+// To stdout. Thread: one at a time.
+void print_text(const Options& options, const Table& table);
+
+// For each motion one look as the columns show it, with the boxes that one detector found; a page has the table, too.
+// Thread: any.
+plot::Sheet sheet_of(const Table& table, const Found& found, const Options& options);
 
 }  // namespace bolo::tools::detect

@@ -57,9 +57,8 @@ class Columns {
   void show(const fidelity::Picked& picked) { show(picked.planes.front(), picked.setting); }
 
   Status solve(const deblur::Settings& settings) {
-    const auto planes = fidelity::estimate(s_, settings);
-    if (!planes) return tl::unexpected(planes.error());
-    show(planes->front());
+    ASSIGN_OR_RETURN(const auto planes, fidelity::estimate(s_, settings));
+    show(planes.front());
     return {};
   }
 
@@ -78,17 +77,14 @@ std::vector<std::vector<fidelity::Tap>> kernels(const fidelity::CleanSequence& c
 }  // namespace
 
 Result<Still> read_still(const std::filesystem::path& file, const std::vector<JudgedClass>& classes) {
-  const auto image = sim::read_image(file, {});
-  if (!image) return tl::unexpected(image.error());
-  Still still{file, {image->width, image->height}, false, {}};
+  ASSIGN_OR_RETURN(const auto image, sim::read_image(file, {}));
+  Still still{file, {image.width, image.height}, false, {}};
   std::filesystem::path labels = file;
   labels.replace_extension(".txt");
   std::error_code ignored;
   if (!std::filesystem::exists(labels, ignored)) return still;
-  auto read = read_labels(labels, still.size, classes);
-  if (!read) return tl::unexpected(read.error());
+  ASSIGN_OR_RETURN(still.labels, read_labels(labels, still.size, classes));
   still.labelled = true;
-  still.labels = std::move(*read);
   return still;
 }
 
@@ -96,10 +92,9 @@ Result<std::vector<View>> plan_views(const std::vector<Still>& stills,
                                      const std::vector<std::filesystem::path>& trajectories, const ViewPlan& plan) {
   std::vector<View> views;
   for (std::size_t motion = 0; motion < trajectories.size(); ++motion) {
-    const auto points = sim::read_trajectory(trajectories[motion]);
-    if (!points) return tl::unexpected(points.error());
-    const double first_s = points->front().t_s + kBefore_s;
-    const double last_s = points->back().t_s - kAfter_s;
+    ASSIGN_OR_RETURN(const auto points, sim::read_trajectory(trajectories[motion]));
+    const double first_s = points.front().t_s + kBefore_s;
+    const double last_s = points.back().t_s - kAfter_s;
     if (first_s >= last_s) {
       return bad_input(trajectories[motion].string() + ": is shorter than " + std::to_string(kBefore_s + kAfter_s) +
                        " s; give a longer one");
@@ -160,7 +155,7 @@ Result<std::vector<Shown>> shown_columns(const Sequence& s) {
   for (const Solved& solved : solved_columns()) {
     deblur::Settings settings = fidelity::settings_of(solved.method, solved.lookahead);
     settings.auto_lambda = solved.auto_lambda;
-    if (Status done = columns.solve(settings); !done) return tl::unexpected(done.error());
+    RETURN_IF_ERROR(columns.solve(settings));
   }
   const auto told = kernels(clean, 1.0);
   const auto told_wrongly = kernels(clean, kWrongSpeed);

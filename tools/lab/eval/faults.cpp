@@ -43,89 +43,12 @@ constexpr Disturbance kWhile{.from_s = 0.3, .to_s = 0.5};
 // What strikes at 0.3 s and is over at once.
 constexpr Disturbance kOnce{.from_s = 0.3, .to_s = 0.3};
 
-std::vector<Scenario> of_the_network() {
-  return {
-      {.name = "loss", .faults = "loss:at=0.3,for=0.2,rate=0.05", .seconds = 0.75, .disturbance = kWhile},
-      {.name = "loss, resent",
-       .faults = "loss:at=0.3,for=0.2,rate=0.05",
-       .seconds = 0.75,
-       .disturbance = kWhile,
-       .resends = true,
-       .exact = false,
-       .prepare = ask_patiently},
-      {.name = "loss, unanswered",
-       .faults = "loss:at=0.3,for=0.2,rate=0.05 resend_unanswered",
-       .seconds = 0.75,
-       .disturbance = kWhile,
-       .prepare = ask_for_resends},
-      {.name = "reorder", .faults = "reorder:at=0.3,for=0.2,rate=0.3,by=3", .seconds = 0.75, .disturbance = kWhile},
-      {.name = "duplicate", .faults = "duplicate:at=0.3,for=0.2,rate=0.3", .seconds = 0.75, .disturbance = kWhile},
-      {.name = "garbage", .faults = "garbage:at=0.3,for=0.2,rate=0.05", .seconds = 0.75, .disturbance = kWhile},
-  };
-}
-
-std::vector<Scenario> of_the_frames() {
-  return {
-      {.name = "id gap", .faults = "id_gap:at=0.3,ids=7", .seconds = 0.6, .disturbance = kOnce},
-      {.name = "time jump",
-       .faults = "time_jump:at=0.3,by=0.5",
-       .seconds = 0.6,
-       .disturbance = {.from_s = 0.3, .to_s = 0.3, .clock_shift_s = 0.5}},
-      {.name = "time jump back",
-       .faults = "time_jump:at=0.3,by=-0.5",
-       .seconds = 0.6,
-       .disturbance = {.from_s = 0.3, .to_s = 0.3, .clock_shift_s = -0.5}},
-      {.name = "short stall",
-       .faults = "stall:at=0.3,frames=5",
-       .seconds = 0.6,
-       .disturbance = {.from_s = 0.3, .to_s = 0.325}},
-      {.name = "stall", .faults = "stall:at=0.3,for=0.2", .seconds = 0.8, .disturbance = kWhile},
-      {.name = "nuc",
-       .faults = "nuc:at=0.3,for=0.2,offset=0.5",
-       .seconds = 0.8,
-       .disturbance = {.from_s = 0.3, .to_s = 0.5, .offset_counts = 50},
-       .prepare = [](RunTask& task) { task.pipeline.undo.drop_repeated = true; }},
-      {.name = "byte order",
-       .faults = "byte_order",
-       .seconds = 0.4,
-       .prepare = [](RunTask& task) { task.camera.pixel_order = genicam::PixelOrder::kBigEndian; }},
-      {.name = "metadata rows", .faults = "metadata_rows:rows=3", .seconds = 0.4, .prepare = add_metadata_rows},
-  };
-}
-
-std::vector<Scenario> of_the_camera() {
-  return {
-      {.name = "freeze", .faults = "freeze:at=0.3,for=0.2", .seconds = 0.8, .disturbance = kWhile},
-      {.name = "long stall",
-       .faults = "stall:at=0.3,for=0.8",
-       .seconds = 1.8,
-       .disturbance = {.from_s = 0.3, .to_s = 1.1},
-       .least_reconnects = 1,
-       .most_reconnects = 1,
-       .exact = false},
-      {.name = "control loss",
-       .faults = "control_loss:at=0.3",
-       .seconds = 2.0,
-       .disturbance = kOnce,
-       .least_reconnects = 1,
-       .most_reconnects = 1},
-      {.name = "reboot",
-       .faults = "reboot:at=0.3,for=0.5",
-       .seconds = 2.0,
-       .disturbance = {.from_s = 0.3, .to_s = 0.8},
-       .least_reconnects = 1,
-       .most_reconnects = 2},
-      {.name = "windowing drop", .faults = "windowing_drop:for=0.5", .seconds = 0.4},
-  };
-}
-
 Result<fakecam::FaultScript> script_of(const std::string& texts) {
   fakecam::FaultScript script;
   std::istringstream words(texts);
   for (std::string text; words >> text;) {
-    auto fault = fakecam::parse_fault(text);
-    if (!fault) return tl::unexpected<Error>(fault.error());
-    script.push_back(std::move(*fault));
+    ASSIGN_OR_RETURN(auto fault, fakecam::parse_fault(text));
+    script.push_back(std::move(fault));
   }
   return script;
 }
@@ -170,7 +93,7 @@ Result<Row> row_of(const Scenario& scenario, const Stage& stage, int repeats) {
   return row;
 }
 
-std::string equality(const Row& row) { return row.equal ? "yes" : row.scenario->exact ? "NO" : "no"; }
+std::string equality(const Row& row) { return row.equal ? "yes" : row.scenario->demands.exact ? "NO" : "no"; }
 
 void print_row(const Row& row) {
   std::printf("%-17s %-26s %-26s %-6s %8.0f %8.0f %11llu  %s\n", row.scenario->name.c_str(), row.injected.c_str(),
@@ -195,8 +118,7 @@ Status evaluate(const cxxopts::ParseResult& given) {
   const auto only = given["only"].as<std::string>();
   const bool json = given.count("json") != 0;
   if (Status good = within(repeats, "repeats", 1, 1000); !good) return good;
-  const auto stage = make_stage();
-  if (!stage) return tl::unexpected<Error>(stage.error());
+  ASSIGN_OR_RETURN(const auto stage, make_stage());
   if (!json) {
     std::printf("%-17s %-26s %-26s %-6s %8s %8s %11s  %s\n", "fault", "injected", "counted as lost", "equal", "median",
                 "worst ms", "reconnects", "output");
@@ -206,7 +128,7 @@ Status evaluate(const cxxopts::ParseResult& given) {
   Progress progress("faults", scenarios().size());
   for (const Scenario& scenario : scenarios()) {
     if (!only.empty() && scenario.name != only) continue;
-    const auto row = row_of(scenario, *stage, repeats);
+    const auto row = row_of(scenario, stage, repeats);
     if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted");
     if (!row) return tl::unexpected<Error>(row.error());
     if (!json) print_row(*row);
@@ -230,13 +152,54 @@ Status evaluate(const cxxopts::ParseResult& given) {
 }  // namespace
 
 const std::vector<Scenario>& scenarios() {
-  static const std::vector<Scenario> kScenarios = [] {
-    std::vector<Scenario> all = of_the_network();
-    for (auto* more : {of_the_frames, of_the_camera}) {
-      for (Scenario& scenario : more()) all.push_back(std::move(scenario));
-    }
-    return all;
-  }();
+  static const std::vector<Scenario> kScenarios{
+      // The network.
+      {"loss", "loss:at=0.3,for=0.2,rate=0.05", 0.75, kWhile},
+      {"loss, resent",
+       "loss:at=0.3,for=0.2,rate=0.05",
+       0.75,
+       kWhile,
+       {.resends = true, .exact = false, .prepare = ask_patiently}},
+      {"loss, unanswered",
+       "loss:at=0.3,for=0.2,rate=0.05 resend_unanswered",
+       0.75,
+       kWhile,
+       {.prepare = ask_for_resends}},
+      {"reorder", "reorder:at=0.3,for=0.2,rate=0.3,by=3", 0.75, kWhile},
+      {"duplicate", "duplicate:at=0.3,for=0.2,rate=0.3", 0.75, kWhile},
+      {"garbage", "garbage:at=0.3,for=0.2,rate=0.05", 0.75, kWhile},
+      // The frames.
+      {"id gap", "id_gap:at=0.3,ids=7", 0.6, kOnce},
+      {"time jump", "time_jump:at=0.3,by=0.5", 0.6, {.from_s = 0.3, .to_s = 0.3, .clock_shift_s = 0.5}},
+      {"time jump back", "time_jump:at=0.3,by=-0.5", 0.6, {.from_s = 0.3, .to_s = 0.3, .clock_shift_s = -0.5}},
+      {"short stall", "stall:at=0.3,frames=5", 0.6, {.from_s = 0.3, .to_s = 0.325}},
+      {"stall", "stall:at=0.3,for=0.2", 0.8, kWhile},
+      {"nuc",
+       "nuc:at=0.3,for=0.2,offset=0.5",
+       0.8,
+       {.from_s = 0.3, .to_s = 0.5, .offset_counts = 50},
+       {.prepare = [](RunTask& task) { task.pipeline.undo.drop_repeated = true; }}},
+      {"byte order",
+       "byte_order",
+       0.4,
+       {},
+       {.prepare = [](RunTask& task) { task.camera.pixel_order = genicam::PixelOrder::kBigEndian; }}},
+      {"metadata rows", "metadata_rows:rows=3", 0.4, {}, {.prepare = add_metadata_rows}},
+      // The camera.
+      {"freeze", "freeze:at=0.3,for=0.2", 0.8, kWhile},
+      {"long stall",
+       "stall:at=0.3,for=0.8",
+       1.8,
+       {.from_s = 0.3, .to_s = 1.1},
+       {.least_reconnects = 1, .most_reconnects = 1, .exact = false}},
+      {"control loss", "control_loss:at=0.3", 2.0, kOnce, {.least_reconnects = 1, .most_reconnects = 1}},
+      {"reboot",
+       "reboot:at=0.3,for=0.5",
+       2.0,
+       {.from_s = 0.3, .to_s = 0.8},
+       {.least_reconnects = 1, .most_reconnects = 2}},
+      {"windowing drop", "windowing_drop:for=0.5", 0.4},
+  };
   return kScenarios;
 }
 
@@ -245,40 +208,34 @@ Result<Stage> make_stage() {
   camera.geometry = kGeometry;
   camera.rate_hz = kRateHz;
   camera.threads = 1;
-  auto scene = record_street(camera, {.frames = static_cast<std::size_t>(kSeconds * kRateHz)});
-  if (!scene) return tl::unexpected<Error>(scene.error());
+  ASSIGN_OR_RETURN(auto scene, record_street(camera, {.frames = static_cast<std::size_t>(kSeconds * kRateHz)}));
   Stage stage;
-  stage.scene = std::move(*scene);
+  stage.scene = std::move(scene);
   stage.pipeline.workers = 1;
-  auto reference = undisturbed(stage.scene, stage.pipeline);
-  if (!reference) return tl::unexpected<Error>(reference.error());
-  stage.reference = std::move(*reference);
+  ASSIGN_OR_RETURN(stage.reference, undisturbed(stage.scene, stage.pipeline));
   return stage;
 }
 
 Result<Outcome> play(const Scenario& scenario, const Stage& stage, int seed) {
-  auto script = script_of(scenario.faults);
-  if (!script) return tl::unexpected<Error>(script.error());
-  for (fakecam::Fault& fault : *script) {
+  ASSIGN_OR_RETURN(auto script, script_of(scenario.faults));
+  for (fakecam::Fault& fault : script) {
     if (fault.has("seed")) fault.values["seed"] = seed;
   }
   Outcome outcome;
   for (int attempt = 0; attempt < kTries; ++attempt) {
     RunTask task;
     task.scene = &stage.scene;
-    task.faults = *script;
+    task.faults = script;
     task.camera = camera_options(stage.scene, fresh_address());
     task.pipeline = stage.pipeline;
     task.seconds = scenario.seconds;
-    if (scenario.prepare) scenario.prepare(task);
-    auto result = run(task);
-    if (!result) return tl::unexpected<Error>(result.error());
-    outcome.run = std::move(*result);
+    if (scenario.demands.prepare) scenario.demands.prepare(task);
+    ASSIGN_OR_RETURN(outcome.run, run(task));
     if (outcome.run.host_dropped == 0) break;
   }
   outcome.verdict =
       judge(outcome.run, stage.scene, stage.reference, stage.pipeline.deblur.window, scenario.disturbance);
-  outcome.expected = expected_losses(*script, outcome.run.injected, scenario.resends);
+  outcome.expected = expected_losses(script, outcome.run.injected, scenario.demands.resends);
   return outcome;
 }
 
@@ -291,15 +248,15 @@ std::string what_is_wrong(const Scenario& scenario, const Outcome& outcome) {
   const std::uint64_t lost = std::accumulate(outcome.run.lost.begin(), outcome.run.lost.end(), std::uint64_t{0});
   require(lost >= v.never_came,
           std::to_string(v.never_came) + " frames never came, " + std::to_string(lost) + " are counted");
-  require(!scenario.resends || 4 * lost <= kMostLostOfFour * outcome.run.injected.front().frames,
+  require(!scenario.demands.resends || 4 * lost <= kMostLostOfFour * outcome.run.injected.front().frames,
           std::to_string(lost) + " frames lost in spite of resends");
-  require(outcome.losses_match() || !scenario.exact,
+  require(outcome.losses_match() || !scenario.demands.exact,
           "lost " + text_of(outcome.run.lost) + ", injected " + text_of(outcome.expected));
   require(v.wrong == 0, std::to_string(v.wrong) + " wrong planes without a flag");
   require(v.strange == 0, std::to_string(v.strange) + " raw planes that the camera did not send");
   require(v.recovered, "the last frame is not right");
   const auto reconnects = static_cast<int>(outcome.run.reconnects);
-  require(reconnects >= scenario.least_reconnects && reconnects <= scenario.most_reconnects,
+  require(reconnects >= scenario.demands.least_reconnects && reconnects <= scenario.demands.most_reconnects,
           std::to_string(reconnects) + " reconnects");
   return all;
 }

@@ -188,9 +188,8 @@ Result<RunResult> run(const RunTask& task) {
   fake_options.address = task.camera.address;
   fake_options.laps = 0;
   fake_options.faults = task.faults;
-  auto fake = fakecam::FakeCamera::start(
-      fake_options, std::make_unique<fakecam::MemoryFrames>(content_of(*task.scene, task.rows_below)));
-  if (!fake) return tl::unexpected<Error>(fake.error());
+  ASSIGN_OR_RETURN(auto fake, fakecam::FakeCamera::start(fake_options, std::make_unique<fakecam::MemoryFrames>(
+                                                                           content_of(*task.scene, task.rows_below))));
   const std::uint64_t dropped_before = host_dropped();
 
   KeepingSink sink(static_cast<std::size_t>(task.seconds / task.scene->format.frame_period_s) + kSpareFrames);
@@ -210,9 +209,9 @@ Result<RunResult> run(const RunTask& task) {
     ran = (*made)->run(stop);
     ended.store(true, std::memory_order_relaxed);  // what it wrote is read after the join
   });
-  const Status waited = wait_for_end(**fake, task.seconds, ended);
+  const Status waited = wait_for_end(*fake, task.seconds, ended);
   RunResult result;
-  result.injected = (*fake)->injected();
+  result.injected = fake->injected();
   result.reconnects = camera.reconnects();
   stop.store(true, std::memory_order_relaxed);
   runner.join();
@@ -224,7 +223,7 @@ Result<RunResult> run(const RunTask& task) {
   for (std::size_t c = 0; c < kLossCauses; ++c) result.lost[c] = stats.inlet.losses().value(static_cast<LossCause>(c));
   const auto deblurred = static_cast<double>(stats.published.value() - stats.warm_up.value());
   if (deblurred > 0.0) result.deblur_ms = static_cast<double>(stats.deblur_ns.value()) * kMsPerNs / deblurred;
-  result.camera = (*fake)->stats();
+  result.camera = fake->stats();
   for (const Published& frame : result.frames) {
     result.latency_ms.push_back(static_cast<double>(frame.publish_ns - frame.meta.receive_ns) * kMsPerNs);
   }
@@ -234,10 +233,9 @@ Result<RunResult> run(const RunTask& task) {
 
 Result<std::vector<Counts>> undisturbed(const Recording& scene, const pipeline::PipelineOptions& options) {
   KeepingSink sink(scene.planes.size());
-  auto line = pipeline::Pipeline::create(std::make_unique<RecordingSource>(scene), {&sink}, options);
-  if (!line) return tl::unexpected<Error>(line.error());
+  ASSIGN_OR_RETURN(auto line, pipeline::Pipeline::create(std::make_unique<RecordingSource>(scene), {&sink}, options));
   const std::atomic<bool> never{false};
-  if (Status ran = (*line)->run(never); !ran) return tl::unexpected<Error>(ran.error());
+  RETURN_IF_ERROR(line->run(never));
   std::vector<Counts> planes(scene.planes.size());
   for (Published& frame : sink.take()) {
     if ((frame.meta.flags & kFlagWarmUp) == 0) planes[frame.meta.frame_id] = std::move(frame.deblurred);

@@ -58,20 +58,20 @@ Result<std::vector<std::string>> scenes_of(const cxxopts::ParseResult& given) {
   auto scenes = given["scene"].as<std::vector<std::string>>();
   for (const std::string& scene : scenes) {
     if (scene == "street") continue;
-    if (const auto image = sim::read_image(scene, {}); !image) return tl::unexpected(image.error());
+    RETURN_IF_ERROR(sim::read_image(scene, {}));
   }
   return scenes;
 }
 
 Result<std::vector<Motion>> motions_of(const cxxopts::ParseResult& given) {
   const auto speeds = given["speeds"].as<std::vector<double>>();
-  if (const Status good = all_within(speeds, "speeds", -5000.0, 5000.0); !good) return tl::unexpected(good.error());
+  RETURN_IF_ERROR(all_within(speeds, "speeds", -5000.0, 5000.0));
   std::vector<Motion> motions;
   motions.reserve(speeds.size());
   for (const double speed : speeds) motions.push_back({speed, {}});
   if (given.count("trajectory") == 0) return motions;
   for (const std::string& file : given["trajectory"].as<std::vector<std::string>>()) {
-    if (const auto points = sim::read_trajectory(file); !points) return tl::unexpected(points.error());
+    RETURN_IF_ERROR(sim::read_trajectory(file));
     motions.push_back({0.0, file});
   }
   return motions;
@@ -92,7 +92,7 @@ class Evaluation {
   Result<Table> run() {
     for (const std::string& scene : options_.scenes) {
       for (const Motion& motion : options_.motions) {
-        if (Status done = run_motion(scene, motion); !done) return tl::unexpected(done.error());
+        RETURN_IF_ERROR(run_motion(scene, motion));
       }
     }
     table_.verdicts = verdicts(table_.cells, table_.drops);
@@ -204,15 +204,9 @@ class Evaluation {
 
 Result<Options> options_of(const cxxopts::ParseResult& given) {
   Options options;
-  auto scenes = scenes_of(given);
-  if (!scenes) return tl::unexpected(scenes.error());
-  auto motions = motions_of(given);
-  if (!motions) return tl::unexpected(motions.error());
-  const auto crop = size_of(given["crop"].as<std::string>(), "crop", {32, 16}, {4096, 4096});
-  if (!crop) return tl::unexpected(crop.error());
-  options.scenes = std::move(*scenes);
-  options.motions = std::move(*motions);
-  options.crop = *crop;
+  ASSIGN_OR_RETURN(options.scenes, scenes_of(given));
+  ASSIGN_OR_RETURN(options.motions, motions_of(given));
+  ASSIGN_OR_RETURN(options.crop, size_of(given["crop"].as<std::string>(), "crop", {32, 16}, {4096, 4096}));
   options.noises_k = given["noises"].as<std::vector<double>>();
   options.lookaheads = given["lookaheads"].as<std::vector<int>>();
   options.frames = given["frames"].as<int>();
@@ -221,31 +215,25 @@ Result<Options> options_of(const cxxopts::ParseResult& given) {
   options.json = given.count("json") != 0;
   const bool drops = given.count("drop") != 0;
   if (drops) options.drop = given["drop"].as<double>();
-  auto plot = plot_file_of(given);
-  if (!plot) return tl::unexpected(plot.error());
-  options.plot = std::move(*plot);
-  for (const Status& good :
-       {all_within(options.noises_k, "noises", 0.0, 100.0),
-        all_within(options.lookaheads, "lookaheads", 0, kWindow - 2), within(options.frames, "frames", 1, 1000),
-        within(options.threads, "threads", 1, 64), drops ? within(options.drop, "drop", 0.0001, 0.5) : Status{}}) {
-    if (!good) return tl::unexpected(good.error());
-  }
+  ASSIGN_OR_RETURN(options.plot, plot_file_of(given));
+  RETURN_IF_ERROR(all_within(options.noises_k, "noises", 0.0, 100.0));
+  RETURN_IF_ERROR(all_within(options.lookaheads, "lookaheads", 0, kWindow - 2));
+  RETURN_IF_ERROR(within(options.frames, "frames", 1, 1000));
+  RETURN_IF_ERROR(within(options.threads, "threads", 1, 64));
+  RETURN_IF_ERROR(drops ? within(options.drop, "drop", 0.0001, 0.5) : Status{});
   return options;
 }
 
 Status run(const cxxopts::ParseResult& given) {
-  const auto asked = options_of(given);
-  if (!asked) return tl::unexpected(asked.error());
-  const Options& options = *asked;
-  auto table = Evaluation(options).run();
-  if (!table) return tl::unexpected(table.error());
+  ASSIGN_OR_RETURN(const Options options, options_of(given));
+  ASSIGN_OR_RETURN(auto table, Evaluation(options).run());
   if (options.json) {
-    std::printf("%s\n", to_json(options, *table).dump(2).c_str());
+    std::printf("%s\n", to_json(options, table).dump(2).c_str());
   } else {
-    print_text(options, *table);
+    print_text(options, table);
   }
   if (options.plot.empty()) return {};
-  plot::Sheet sheet = sheet_of(*table);
+  plot::Sheet sheet = sheet_of(table);
   sheet.how = plot::format(
       "bolo-lab eval fidelity --frames %d --crop %dx%d --seed %llu: simulated camera, 200 frames/s, tau 11 ms.",
       options.frames, options.crop.width, options.crop.height, static_cast<unsigned long long>(options.seed));

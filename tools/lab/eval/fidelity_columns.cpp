@@ -44,12 +44,11 @@ std::vector<std::vector<Tap>> motion_kernels(const CleanSequence& clean, double 
 Result<Column> qp_columns(const Sequence& s, const Planes& truth, int lookahead, Cell& cell) {
   Oracle oracle(truth);
   for (const double lambda : kLambdas) {
-    auto planes = estimate(s, settings_of(deblur::Method::kAdmm, lookahead, lambda));
-    if (!planes) return tl::unexpected(planes.error());
+    ASSIGN_OR_RETURN(auto planes, estimate(s, settings_of(deblur::Method::kAdmm, lookahead, lambda)));
     if (lambda == kAuthorsLambda) {
-      cell.columns.push_back({ColumnKind::kQpAuthors, "", "", measure(*planes, truth, judged_size(s))});
+      cell.columns.push_back({ColumnKind::kQpAuthors, "", "", measure(planes, truth, judged_size(s))});
     }
-    const double error = oracle.offer(std::move(*planes), plot::format("lambda %g", lambda));
+    const double error = oracle.offer(std::move(planes), plot::format("lambda %g", lambda));
     cell.grid.push_back({lambda, error});
   }
   return column_of(ColumnKind::kQpBest, oracle.best(), truth, s);
@@ -99,8 +98,7 @@ double mean_squared_error(const Plane& a, const Plane& b) {
 // hide what was lost. Mean squared error of each frame, K^2; NaN where there is no full window.
 Result<std::vector<double>> stream_errors(const Sequence& s, const deblur::Settings& settings,
                                           const std::vector<std::size_t>& numbers, bool closed_up) {
-  const auto solver = make_solver(s, settings);
-  if (!solver) return tl::unexpected(solver.error());
+  ASSIGN_OR_RETURN(const auto solver, make_solver(s, settings));
   const CleanSequence& clean = *s.clean;
   deblur::Window window(settings);
   deblur::Window::Ready ready;
@@ -116,8 +114,8 @@ Result<std::vector<double>> stream_errors(const Sequence& s, const deblur::Setti
     window.push(frame, false);
     while (window.next(ready)) {
       if (!ready.full) continue;
-      (*solver)->prepare(ready.view);
-      (*solver)->solve(ready.view, clean.judged, whole.data());
+      solver->prepare(ready.view);
+      solver->solve(ready.view, clean.judged, whole.data());
       errors[ready.frame.token] =
           mean_squared_error(cut(whole, clean.geometry, clean.judged), clean.truth[ready.frame.token]);
     }
@@ -196,8 +194,7 @@ Result<std::unique_ptr<deblur::Solver>> make_solver(const Sequence& s, const deb
 }
 
 Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings, double* noise_k) {
-  const auto solver = make_solver(s, settings);
-  if (!solver) return tl::unexpected(solver.error());
+  ASSIGN_OR_RETURN(const auto solver, make_solver(s, settings));
   const CleanSequence& clean = *s.clean;
   const auto lookahead = static_cast<std::size_t>(settings.lookahead);
   Planes out;
@@ -206,13 +203,13 @@ Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings, dou
   for (std::size_t k = kWindow - 1; next != clean.targets.end(); ++k) {
     const auto planes = s.window_ending_at(k + lookahead);
     const deblur::WindowView window{planes, kWindow - 1 - settings.lookahead, k + lookahead + 1};
-    (*solver)->prepare(window);
+    solver->prepare(window);
     if (k != *next) continue;
-    (*solver)->solve(window, clean.judged, whole.data());
+    solver->solve(window, clean.judged, whole.data());
     out.push_back(cut(whole, clean.geometry, clean.judged));
     ++next;
   }
-  if (noise_k != nullptr) *noise_k = (*solver)->noise_k();
+  if (noise_k != nullptr) *noise_k = solver->noise_k();
   return out;
 }
 
@@ -220,11 +217,10 @@ Result<deblur::Settings> live_settings(ColumnKind kind, const Sequence& s, int l
   const deblur::Method method = kColumns[static_cast<std::size_t>(kind)].live.value_or(deblur::Method::kAdmm);
   deblur::Settings settings = settings_of(method, lookahead);
   settings.auto_lambda = kind == ColumnKind::kAuto;
-  const auto solver = make_solver(s, settings);
-  if (!solver) return tl::unexpected(solver.error());
+  ASSIGN_OR_RETURN(const auto solver, make_solver(s, settings));
   const auto planes = s.window_ending_at(kWindow - 1);
-  (*solver)->prepare({planes, kWindow - 1 - lookahead});
-  if ((*solver)->noise_k() > 0.0) return settings;
+  solver->prepare({planes, kWindow - 1 - lookahead});
+  if (solver->noise_k() > 0.0) return settings;
   return bad_input("this build's solver does not measure the noise");
 }
 
@@ -246,12 +242,10 @@ Result<Cell> evaluate(const Sequence& s, const Sequence& training, int lookahead
   const Geometry size = judged_size(s);
   Cell cell{{s.clean->task.scene, s.clean->task.motion, s.noise_k, lookahead}, edge_width(truth, truth, size), {}, {}};
   cell.columns.push_back({ColumnKind::kBlurred, "", "", measure(blurred(s), truth, size)});
-  const auto inverse = estimate(s, settings_of(deblur::Method::kInverse, lookahead));
-  if (!inverse) return tl::unexpected(inverse.error());
-  cell.columns.push_back({ColumnKind::kInverse, "", "", measure(*inverse, truth, size)});
-  auto best = qp_columns(s, truth, lookahead, cell);
-  if (!best) return tl::unexpected(best.error());
-  cell.columns.push_back(*best);
+  ASSIGN_OR_RETURN(const auto inverse, estimate(s, settings_of(deblur::Method::kInverse, lookahead)));
+  cell.columns.push_back({ColumnKind::kInverse, "", "", measure(inverse, truth, size)});
+  ASSIGN_OR_RETURN(auto best, qp_columns(s, truth, lookahead, cell));
+  cell.columns.push_back(best);
   for (const ColumnName& column : kColumns) {
     if (column.live) cell.columns.push_back(live_column(s, truth, column.kind, lookahead));
   }

@@ -19,11 +19,10 @@ Result<std::unique_ptr<const sim::Scene>> scene_of(const SequenceTask& task, Geo
 // By default from the middle of a trajectory's file: where hand-held recordings are neither being started nor put away.
 Result<sim::Path> path_of(const Motion& motion, double from_s, double to_s) {
   if (motion.is_pan()) return sim::steady_pan(motion.speed_px_s);
-  const auto points = sim::read_trajectory(motion.trajectory);
-  if (!points) return tl::unexpected(points.error());
-  const double start_s = motion.start_s.value_or((points->front().t_s + points->back().t_s) / 2.0);
+  ASSIGN_OR_RETURN(const auto points, sim::read_trajectory(motion.trajectory));
+  const double start_s = motion.start_s.value_or((points.front().t_s + points.back().t_s) / 2.0);
   constexpr double kPointsPerFrame = 8.0;
-  auto path = sim::follow_trajectory(*points, {1.0, start_s, from_s, to_s, kPeriodS / kPointsPerFrame});
+  auto path = sim::follow_trajectory(points, {1.0, start_s, from_s, to_s, kPeriodS / kPointsPerFrame});
   if (!path) return at(motion.trajectory.string(), path.error());
   return path;
 }
@@ -66,30 +65,26 @@ Result<CleanSequence> simulate(const SequenceTask& task) {
   const int rows_around = task.motion.is_pan() ? 0 : kMargin;
   made.geometry = {task.crop.width + 2 * kMargin, task.crop.height + 2 * rows_around};
   made.judged = {kMargin, rows_around, task.crop.width, task.crop.height};
-  const auto scene = scene_of(task, made.geometry);
-  if (!scene) return tl::unexpected(scene.error());
+  ASSIGN_OR_RETURN(const auto scene, scene_of(task, made.geometry));
   const sim::CameraSettings camera = camera_of(made.geometry, task.threads);
   const auto frames = static_cast<std::size_t>(kLeadIn + (task.targets - 1) * task.stride + task.lookahead + 1);
   const double from_s = -sim::history_s(camera);
   const double to_s = static_cast<double>(frames) * kPeriodS;
-  const auto path = path_of(task.motion, from_s, to_s);
-  if (!path) return tl::unexpected(path.error());
-  made.path = *path;
-  const sim::Position origin = origin_of(task, made, **scene, *path, from_s, to_s);
-  auto field = sim::pan_over(**scene, *path, origin, made.geometry, from_s, to_s);
-  if (!field) return tl::unexpected(field.error());
-  const auto simulator = sim::Simulator::create(camera, std::move(*field));
-  if (!simulator) return tl::unexpected(simulator.error());
+  ASSIGN_OR_RETURN(const auto path, path_of(task.motion, from_s, to_s));
+  made.path = path;
+  const sim::Position origin = origin_of(task, made, *scene, path, from_s, to_s);
+  ASSIGN_OR_RETURN(auto field, sim::pan_over(*scene, path, origin, made.geometry, from_s, to_s));
+  ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera, std::move(field)));
 
   Plane truth(made.geometry.pixels());
   for (std::size_t k = 0; k < frames; ++k) {
     made.shown.emplace_back(made.geometry.pixels());
-    (*simulator)->next(made.shown.back().data(), truth.data());
+    simulator->next(made.shown.back().data(), truth.data());
     made.truth.push_back(cut(truth, made.geometry, made.judged));
   }
   for (int i = 0; i < task.targets; ++i) {
     made.targets.push_back(static_cast<std::size_t>(kLeadIn + i * task.stride));
-    made.content_v.push_back(content_velocity(*path, static_cast<double>(made.targets.back()) * kPeriodS));
+    made.content_v.push_back(content_velocity(path, static_cast<double>(made.targets.back()) * kPeriodS));
   }
   return made;
 }

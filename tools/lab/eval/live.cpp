@@ -17,9 +17,9 @@ Status evaluate(const cxxopts::ParseResult& given) {
   }
   const double seconds = given["seconds"].as<double>();
   if (Status good = within(seconds, "seconds", 0.001, 86400.0); !good) return good;
-  const auto outcome = check_live(given["name"].as<std::string>(), given["truth"].as<std::string>(), seconds);
-  if (!outcome) return tl::unexpected(outcome.error());
-  const nlohmann::ordered_json figures = to_json(*outcome);
+  ASSIGN_OR_RETURN(const auto outcome,
+                   check_live(given["name"].as<std::string>(), given["truth"].as<std::string>(), seconds));
+  const nlohmann::ordered_json figures = to_json(outcome);
   given.count("json") != 0 ? void(std::puts(figures.dump(2).c_str())) : print_text(figures);
   return {};
 }

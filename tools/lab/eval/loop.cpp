@@ -68,33 +68,29 @@ Result<std::vector<std::vector<float>>> measure(const blind::Session& session, s
   camera.readout.noise_k = 0.0;
   camera.readout.quantisation_k = 0.0;
   camera.readout.type = PixelType::kFloat32;
-  const auto simulator = sim::Simulator::create(camera, std::move(field));
-  if (!simulator) return tl::unexpected(simulator.error());
+  ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera, std::move(field)));
   std::vector<std::vector<float>> shown(frames, std::vector<float>(session.geometry.pixels()));
-  for (std::vector<float>& frame : shown) (*simulator)->next(frame.data(), nullptr);
+  for (std::vector<float>& frame : shown) simulator->next(frame.data(), nullptr);
   return shown;
 }
 
 Status measure_maps(const blind::Session& session, double tau_s, model::PixelMaps& maps) {
   constexpr double kCold = 290.0;
   constexpr double kHot = 310.0;
-  const auto cold = measure(session, sim::make_uniform(kCold), 1);
-  if (!cold) return tl::unexpected(cold.error());
-  const auto hot = measure(session, sim::make_uniform(kHot), 1);
-  if (!hot) return tl::unexpected(hot.error());
-  const auto step = measure(session, sim::make_chopper({kCold, {0.0501}, {0.5}, {kHot}}), 16);
-  if (!step) return tl::unexpected(step.error());
+  ASSIGN_OR_RETURN(const auto cold, measure(session, sim::make_uniform(kCold), 1));
+  ASSIGN_OR_RETURN(const auto hot, measure(session, sim::make_uniform(kHot), 1));
+  ASSIGN_OR_RETURN(const auto step, measure(session, sim::make_chopper({kCold, {0.0501}, {0.5}, {kHot}}), 16));
   constexpr std::size_t kFrom = 12;
   constexpr std::size_t kTo = 15;
   maps.geometry = session.geometry;
   for (std::size_t p = 0; p < session.geometry.pixels(); ++p) {
     const auto at = [p](const std::vector<float>& frame) { return static_cast<double>(frame[p]); };
-    const double shows = (at(hot->front()) - at(cold->front())) / (kHot - kCold);
+    const double shows = (at(hot.front()) - at(cold.front())) / (kHot - kCold);
     const bool dead = std::abs(shows - 1.0) > 0.3;
     maps.dead.push_back(dead ? 1 : 0);
     maps.gain.push_back(dead ? 1.0F : static_cast<float>(1.0 / shows));
-    maps.offset.push_back(dead ? 0.0F : static_cast<float>(kCold - at(cold->front()) / shows));
-    const double left = (at(hot->front()) - at((*step)[kTo])) / (at(hot->front()) - at((*step)[kFrom]));
+    maps.offset.push_back(dead ? 0.0F : static_cast<float>(kCold - at(cold.front()) / shows));
+    const double left = (at(hot.front()) - at(step[kTo])) / (at(hot.front()) - at(step[kFrom]));
     const bool measured = !dead && left > 0.0 && left < 1.0;
     maps.tau_s.push_back(
         static_cast<float>(measured ? -static_cast<double>(kTo - kFrom) * kPeriodS / std::log(left) : tau_s));
@@ -185,10 +181,9 @@ Result<double> deblurred_error(const Recording& scene, const diagnose::Learned& 
   options.output = PixelType::kFloat32;
   options.workers = 1;
   ErrorSink sink(scene);
-  auto made = pipeline::Pipeline::create(std::make_unique<RecordingSource>(scene), {&sink}, options);
-  if (!made) return tl::unexpected(made.error());
+  ASSIGN_OR_RETURN(auto made, pipeline::Pipeline::create(std::make_unique<RecordingSource>(scene), {&sink}, options));
   const std::atomic<bool> stop{false};
-  if (Status ran = (*made)->run(stop); !ran) return tl::unexpected(ran.error());
+  RETURN_IF_ERROR(made->run(stop));
   if (!sink.any()) return failed("no frame of the scene had a full window");
   return sink.rmse();
 }
@@ -229,51 +224,38 @@ Result<Request> read_request(const cxxopts::ParseResult& args) {
   request.draw.seed = args["seed"].as<std::uint64_t>();
   request.draw.frames_scale = args["frames-scale"].as<double>();
   request.threads = args["threads"].as<int>();
-  for (const Status& good :
-       {within(request.draw.frames_scale, "frames-scale", 0.1, 10.0), within(request.threads, "threads", 1, 64)}) {
-    if (!good) return tl::unexpected(good.error());
-  }
+  RETURN_IF_ERROR(within(request.draw.frames_scale, "frames-scale", 0.1, 10.0));
+  RETURN_IF_ERROR(within(request.threads, "threads", 1, 64));
   request.json = args.count("json") != 0;
   return request;
 }
 
 Result<diagnose::Report> diagnosed(const blind::Session& session, const Request& request) {
-  const auto scratch = ScratchFolder::make();
-  if (!scratch) return tl::unexpected(scratch.error());
-  const auto files = blind::write_captures(session, scratch->path());
-  if (!files) return tl::unexpected(files.error());
+  ASSIGN_OR_RETURN(const auto scratch, ScratchFolder::make());
+  ASSIGN_OR_RETURN(const auto files, blind::write_captures(session, scratch.path()));
   diagnose::Options options;
   options.threads = request.threads;
   options.maps = true;
-  return diagnose::diagnose(*files, options,
+  return diagnose::diagnose(files, options,
                             [](const std::string&, double) { return !interrupted().load(std::memory_order_relaxed); });
 }
 
 Result<Row> row_of(const std::string& effect, const Request& request) {
   blind::DrawOptions draw = request.draw;
   draw.only = effect;
-  const auto session = blind::draw_session(draw, blind::Kind::kSingle, 0);
-  if (!session) return tl::unexpected(session.error());
-  const auto report = diagnosed(*session, request);
-  if (!report) return tl::unexpected(report.error());
-  const auto scene = record_scene(*session, true);
-  if (!scene) return tl::unexpected(scene.error());
-  const auto clean = record_scene(*session, false);
-  if (!clean) return tl::unexpected(clean.error());
-  const auto truth = true_profile(*session);
-  if (!truth) return tl::unexpected(truth.error());
+  ASSIGN_OR_RETURN(const auto session, blind::draw_session(draw, blind::Kind::kSingle, 0));
+  ASSIGN_OR_RETURN(const auto report, diagnosed(session, request));
+  ASSIGN_OR_RETURN(const auto scene, record_scene(session, true));
+  ASSIGN_OR_RETURN(const auto clean, record_scene(session, false));
+  ASSIGN_OR_RETURN(const auto truth, true_profile(session));
 
   Row row;
   row.effect = effect;
-  for (const diagnose::FoundEffect& found : report->effects) row.found.push_back(found.name);
-  const std::pair<double*, Result<double>> errors[] = {{&row.without_k, deblurred_error(*clean, {})},
-                                                       {&row.nominal_k, deblurred_error(*scene, {})},
-                                                       {&row.diagnosed_k, deblurred_error(*scene, report->learned)},
-                                                       {&row.true_k, deblurred_error(*scene, *truth)}};
-  for (const auto& [into, error] : errors) {
-    if (!error) return tl::unexpected(error.error());
-    *into = *error;
-  }
+  for (const diagnose::FoundEffect& found : report.effects) row.found.push_back(found.name);
+  ASSIGN_OR_RETURN(row.without_k, deblurred_error(clean, {}));
+  ASSIGN_OR_RETURN(row.nominal_k, deblurred_error(scene, {}));
+  ASSIGN_OR_RETURN(row.diagnosed_k, deblurred_error(scene, report.learned));
+  ASSIGN_OR_RETURN(row.true_k, deblurred_error(scene, truth));
   return row;
 }
 
@@ -310,9 +292,7 @@ void print_json(const std::vector<Row>& rows, const Request& request) {
 }
 
 Status evaluate(const cxxopts::ParseResult& given) {
-  const auto read = read_request(given);
-  if (!read) return tl::unexpected(read.error());
-  const Request& request = *read;
+  ASSIGN_OR_RETURN(const Request request, read_request(given));
   std::vector<Row> rows;
   Progress progress("effects", request.effects.size());
   if (!request.json) print_header();

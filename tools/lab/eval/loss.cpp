@@ -1,4 +1,4 @@
-#include "tools/lab/eval/loss.hpp"
+#include "tools/lab/eval/faults.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -40,11 +40,10 @@ std::size_t number_of(const Published& frame, double period_s) {
 }
 
 Result<fakecam::FaultScript> script_of(const LossTask& task) {
-  auto fault = fakecam::parse_fault("loss");
-  if (!fault) return tl::unexpected<Error>(fault.error());
-  fault->values["rate"] = task.rate;
-  fault->values["for"] = task.seconds - kCleanEndS;
-  return fakecam::FaultScript{std::move(*fault)};
+  ASSIGN_OR_RETURN(auto fault, fakecam::parse_fault("loss"));
+  fault.values["rate"] = task.rate;
+  fault.values["for"] = task.seconds - kCleanEndS;
+  return fakecam::FaultScript{std::move(fault)};
 }
 
 void print_header() {
@@ -85,12 +84,11 @@ Status evaluate(const cxxopts::ParseResult& given) {
   pipeline.deblur.lookahead = given["lookahead"].as<int>();
   pipeline.workers = given["threads"].as<int>();
   const auto [least, most] = std::ranges::minmax(rates);
-  for (const Status& good : {within(least, "rates", 0.0, 1.0), within(most, "rates", 0.0, 1.0),
-                             within(packet_size, "packet-size", 576, 9000), within(seconds, "seconds", 0.5, 60.0)}) {
-    if (!good) return good;
-  }
-  const auto scene = loss_scene(seconds);
-  if (!scene) return tl::unexpected<Error>(scene.error());
+  RETURN_IF_ERROR(within(least, "rates", 0.0, 1.0));
+  RETURN_IF_ERROR(within(most, "rates", 0.0, 1.0));
+  RETURN_IF_ERROR(within(packet_size, "packet-size", 576, 9000));
+  RETURN_IF_ERROR(within(seconds, "seconds", 0.5, 60.0));
+  ASSIGN_OR_RETURN(const auto scene, loss_scene(seconds));
   if (!json) print_header();
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   Progress progress("runs", 2 * rates.size());
@@ -98,10 +96,9 @@ Status evaluate(const cxxopts::ParseResult& given) {
     for (const bool resend : {false, true}) {
       if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted");
       const LossTask task{rate, resend, packet_size, seconds};
-      const auto row = try_loss(task, *scene, pipeline);
-      if (!row) return tl::unexpected<Error>(row.error());
-      if (!json) print_row(task, *row);
-      rows.push_back(to_json(task, *row));
+      ASSIGN_OR_RETURN(const auto row, try_loss(task, scene, pipeline));
+      if (!json) print_row(task, row);
+      rows.push_back(to_json(task, row));
       progress.update(rows.size());
     }
   }
@@ -123,11 +120,10 @@ Result<Recording> loss_scene(double seconds) {
 }
 
 Result<LossRow> try_loss(const LossTask& task, const Recording& scene, const pipeline::PipelineOptions& options) {
-  auto script = script_of(task);
-  if (!script) return tl::unexpected<Error>(script.error());
+  ASSIGN_OR_RETURN(auto script, script_of(task));
   RunTask run_task;
   run_task.scene = &scene;
-  run_task.faults = std::move(*script);
+  run_task.faults = std::move(script);
   run_task.camera = camera_options(scene, fresh_address());
   run_task.camera.packet_size = task.packet_size;
   run_task.camera.resend = task.resend;

@@ -11,7 +11,6 @@
 #include <nlohmann/json.hpp>
 
 #include "src/model/bolometer.hpp"
-#include "src/model/haar.hpp"
 #include "tools/cli/cli.hpp"
 #include "tools/lab/common.hpp"
 #include "tools/lab/verbs.hpp"
@@ -93,10 +92,9 @@ Status evaluate(const cxxopts::ParseResult& given) {
   const int draws = given["draws"].as<int>();
   std::vector<double> lambdas{0.1, 0.001};
   if (given.count("lambda") != 0) lambdas = {given["lambda"].as<double>()};
-  for (const Status& good : {within(noise_k, "noise", 1e-6, 100.0), within(draws, "draws", 1, 100000),
-                             within(lambdas.front(), "lambda", 1e-9, 1000.0)}) {
-    if (!good) return good;
-  }
+  RETURN_IF_ERROR(within(noise_k, "noise", 1e-6, 100.0));
+  RETURN_IF_ERROR(within(draws, "draws", 1, 100000));
+  RETURN_IF_ERROR(within(lambdas.front(), "lambda", 1e-9, 1000.0));
   PixelTrial trial;
   std::vector<PixelScore> scores;
   for (const double lambda : lambdas) {

@@ -82,10 +82,9 @@ Status evaluate(const cxxopts::ParseResult& given) {
   const int seeds = given["seeds"].as<int>();
   const double tau_s = given["tau"].as<double>();
   const double noise_k = given.count("noise") != 0 ? given["noise"].as<double>() : PulseTrial{}.noise_k;
-  for (const Status& good :
-       {within(seeds, "seeds", 1, 100000), within(tau_s, "tau", 0.003, 0.1), within(noise_k, "noise", 0.0, 100.0)}) {
-    if (!good) return good;
-  }
+  RETURN_IF_ERROR(within(seeds, "seeds", 1, 100000));
+  RETURN_IF_ERROR(within(tau_s, "tau", 0.003, 0.1));
+  RETURN_IF_ERROR(within(noise_k, "noise", 0.0, 100.0));
   const bool json = given.count("json") != 0;
   auto rows = nlohmann::ordered_json::array();
   if (!json) print_heading();
@@ -93,10 +92,9 @@ Status evaluate(const cxxopts::ParseResult& given) {
     if (given.count("noise") != 0 && trial.noise_k != PulseTrial{}.noise_k) continue;
     if (given.count("noise") != 0) trial.noise_k = noise_k;
     trial.tau_s = tau_s;
-    const auto score = score_pulses(trial, seeds, interrupted());
-    if (!score) return tl::unexpected(score.error());
-    if (!json) print(*score);
-    rows.push_back(to_json(*score));
+    ASSIGN_OR_RETURN(const auto score, score_pulses(trial, seeds, interrupted()));
+    if (!json) print(score);
+    rows.push_back(to_json(score));
     if (interrupted()) return failed("interrupted");
   }
   if (json) std::puts(nlohmann::ordered_json{{"tau_s", tau_s}, {"trials", rows}}.dump(2).c_str());
@@ -114,13 +112,10 @@ Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial) {
   error.cold_k = -0.5 * trial.level_error_k;
   auto field = sim::make_chopper(chopper_of(trial));
   if (trial.sweep_s != 0.0 || trial.softness_s != 0.0 || trial.level_error_k != 0.0) {
-    auto imperfect = sim::with_errors(std::move(field), error, camera.geometry);
-    if (!imperfect) return tl::unexpected(imperfect.error());
-    field = std::move(*imperfect);
+    ASSIGN_OR_RETURN(field, sim::with_errors(std::move(field), error, camera.geometry));
   }
-  const auto simulator = sim::Simulator::create(camera, std::move(field));
-  if (!simulator) return tl::unexpected(simulator.error());
-  const StreamFormat format = (*simulator)->format();
+  ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera, std::move(field)));
+  const StreamFormat format = simulator->format();
   const std::size_t pixels = camera.geometry.pixels();
   auto all = std::make_shared<std::vector<float>>(trial.frames * pixels);
   std::vector<std::uint16_t> plane(pixels);
@@ -130,7 +125,7 @@ Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial) {
   series.step = format.scale.scale;
   for (std::size_t k = 0; k < trial.frames; ++k) {
     series.t_s.push_back(static_cast<double>(k) / trial.rate_hz);
-    (*simulator)->next(plane.data(), nullptr);
+    simulator->next(plane.data(), nullptr);
     for (std::size_t p = 0; p < pixels; ++p) {
       (*all)[k * pixels + p] = static_cast<float>(format.scale.to_physical(static_cast<double>(plane[p])));
     }
@@ -183,10 +178,9 @@ Result<PulseScore> score_pulses(const PulseTrial& trial, int seeds, const std::a
   for (int seed = 1; seed <= seeds && !stop.load(std::memory_order_relaxed); ++seed) {
     PulseTrial one = trial;
     one.seed = static_cast<std::uint64_t>(seed);
-    const auto series = simulate_pulses(one);
-    if (!series) return tl::unexpected(series.error());
+    ASSIGN_OR_RETURN(const auto series, simulate_pulses(one));
     ++score.trials;
-    const auto fit = diagnose::fit_pulses(*series, [](const std::string&, double) { return true; });
+    const auto fit = diagnose::fit_pulses(series, [](const std::string&, double) { return true; });
     if (!fit) {
       ++score.failed;
       continue;

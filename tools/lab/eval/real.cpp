@@ -64,19 +64,18 @@ struct Task {
 constexpr std::array kTasks{Task{"next", 1, 1.0}, Task{"left_out", 2, -0.5}};
 
 Result<Recording> read(const std::string& file, std::size_t most_frames, double period_s) {
-  const auto reader = capture::CaptureReader::open(file);
-  if (!reader) return tl::unexpected(reader.error());
-  const capture::CaptureInfo& info = reader->info();
+  ASSIGN_OR_RETURN(const auto reader, capture::CaptureReader::open(file));
+  const capture::CaptureInfo& info = reader.info();
   Recording made;
   std::vector<std::byte> raw(plane_bytes(info.format.geometry, info.format.type));
   for (std::size_t i = 0; i < std::min(most_frames, info.frames); ++i) {
-    if (Status good = reader->read_frame(i, raw.data()); !good) return tl::unexpected(good.error());
+    RETURN_IF_ERROR(reader.read_frame(i, raw.data()));
     Plane& plane = made.frames.emplace_back(info.format.geometry.pixels());
     pipeline::convert(info.format, raw.data(), PixelType::kFloat32, plane.data(), PixelRange{0, plane.size()});
-    made.place.push_back(reader->frame_id()[i] - reader->frame_id()[0]);
+    made.place.push_back(reader.frame_id()[i] - reader.frame_id()[0]);
     if (!info.has_truth) continue;
     Plane& truth = made.truth.emplace_back(plane.size());
-    if (Status good = reader->read_truth(i, truth.data()); !good) return tl::unexpected(good.error());
+    RETURN_IF_ERROR(reader.read_truth(i, truth.data()));
   }
   made.format = info.format;
   made.format.type = PixelType::kFloat32;
@@ -132,7 +131,7 @@ class Judge {
   }
 
   Result<Json> run() {
-    if (Status made = make_pictures(); !made) return tl::unexpected(made.error());
+    RETURN_IF_ERROR(make_pictures());
     deblur::Window window(settings_);
     deblur::Window::Ready ready;
     Progress progress(task_.name, recording_.frames.size());
@@ -321,23 +320,20 @@ Status evaluate(const cxxopts::ParseResult& given) {
   const double tau_s = given["tau"].as<double>();
   const double period_s = given["period"].as<double>();
   const int frames = given["frames"].as<int>();
-  for (const Status& good : {within(tau_s, "tau", 0.0005, 1.0), within(period_s, "period", 0.0, 1.0),
-                             within(frames, "frames", deblur::Settings{}.window + 1, 100000)}) {
-    if (!good) return good;
-  }
+  RETURN_IF_ERROR(within(tau_s, "tau", 0.0005, 1.0));
+  RETURN_IF_ERROR(within(period_s, "period", 0.0, 1.0));
+  RETURN_IF_ERROR(within(frames, "frames", deblur::Settings{}.window + 1, 100000));
   Json captures = Json::array();
   for (const std::string& file : given["captures"].as<std::vector<std::string>>()) {
-    const auto recording = read(file, static_cast<std::size_t>(frames), period_s);
-    if (!recording) return tl::unexpected(recording.error());
-    Json& made =
-        captures.emplace_back(Json{{"file", file},
-                                   {"frames", recording->frames.size()},
-                                   {"frame_period_s", recording->format.frame_period_s},
-                                   {"tau_s", tau_s},
-                                   {"unit", recording->format.scale.unit == Unit::kKelvin ? "kelvin" : "count"},
-                                   {"tasks", Json::array()}});
+    ASSIGN_OR_RETURN(const auto recording, read(file, static_cast<std::size_t>(frames), period_s));
+    Json& made = captures.emplace_back(Json{{"file", file},
+                                            {"frames", recording.frames.size()},
+                                            {"frame_period_s", recording.format.frame_period_s},
+                                            {"tau_s", tau_s},
+                                            {"unit", recording.format.scale.unit == Unit::kKelvin ? "kelvin" : "count"},
+                                            {"tasks", Json::array()}});
     for (const Task& task : kTasks) {
-      auto judged = Judge(*recording, tau_s, task).run();
+      auto judged = Judge(recording, tau_s, task).run();
       made["tasks"].push_back(judged ? std::move(*judged)
                                      : Json{{"name", task.name}, {"skipped", judged.error().message}});
     }

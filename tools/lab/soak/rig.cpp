@@ -62,9 +62,7 @@ Status write_profile(const DaemonFile& file, const std::optional<std::string>& b
   toml::table profile;
   if (base) {
     const std::filesystem::path from = file.base.parent_path() / *base;
-    auto parsed = parse(from);
-    if (!parsed) return tl::unexpected<Error>(parsed.error());
-    profile = std::move(*parsed);
+    ASSIGN_OR_RETURN(profile, parse(from));
     if (const auto maps = profile["maps"].value<std::string>()) {
       profile.insert_or_assign("maps", std::filesystem::absolute(from.parent_path() / *maps).string());
     }
@@ -100,9 +98,7 @@ Result<Programs> find_programs() {
   std::error_code error;
   programs.lab = std::filesystem::read_symlink("/proc/self/exe", error);
   for (const auto& [name, path] : {std::pair{"bolo", &programs.bolo}, std::pair{"bolod", &programs.bolod}}) {
-    auto found = find_own_program(name);
-    if (!found) return tl::unexpected<Error>(found.error());
-    *path = std::move(*found);
+    ASSIGN_OR_RETURN(*path, find_own_program(name));
   }
   programs.stress = find_program("stress-ng");
   return programs;
@@ -141,7 +137,7 @@ std::uint64_t CameraBook::sent() const { return past_sent_ + (present_ ? present
 
 Result<std::unique_ptr<Rig>> Rig::set_up(const Programs& programs, const RigRequest& request) {
   std::unique_ptr<Rig> rig(new Rig(programs, request));
-  if (Status made = rig->make_files(); !made) return tl::unexpected<Error>(made.error());
+  RETURN_IF_ERROR(rig->make_files());
   return rig;
 }
 
@@ -161,17 +157,15 @@ Status Rig::make_files() {
   file_.rate_hz = request_.rate_hz;
   file_.packet_size = request_.geometry.pixels() < kSmallFrame ? kSmallPacket : 0;
   if (Status written = write_daemon_file(file_); !written) return written;
-  const auto config = daemon::read_config(config_of(file_));
-  if (!config) return tl::unexpected<Error>(config.error());
-  if (Status chosen = deblur::choose_isa(config->isa); !chosen) return chosen;
-  degrades_ = config->pipeline.degrade;
+  ASSIGN_OR_RETURN(const auto config, daemon::read_config(config_of(file_)));
+  if (Status chosen = deblur::choose_isa(config.isa); !chosen) return chosen;
+  degrades_ = config.pipeline.degrade;
   SceneRequest scene;
   scene.geometry = request_.geometry;
   scene.rate_hz = request_.rate_hz;
   scene.frames = static_cast<std::size_t>(std::max(50.0, kLap_s * request_.rate_hz));
-  auto truth = make_scene(scene, config->pipeline, file("scene.h5"));
-  if (!truth) return tl::unexpected<Error>(truth.error());
-  truth_.emplace(std::move(*truth));
+  ASSIGN_OR_RETURN(auto truth, make_scene(scene, config.pipeline, file("scene.h5")));
+  truth_.emplace(std::move(truth));
   return {};
 }
 
@@ -187,9 +181,8 @@ Status Rig::start_camera(const Round& round) {
   book_.begin();
   command.log = file("camera-" + std::to_string(book_.camera()));
   camera_lines_.emplace(command.log.string() + ".out");
-  auto started = Process::start(command);
-  if (!started) return tl::unexpected<Error>(started.error());
-  camera_.emplace(std::move(*started));
+  ASSIGN_OR_RETURN(auto started, Process::start(command));
+  camera_.emplace(std::move(started));
   return {};
 }
 
@@ -220,9 +213,8 @@ Status Rig::end_camera() {
 }
 
 Status Rig::start_daemon() {
-  auto started = Process::start({{programs_.bolod, "--config", config_of(file_)}, file("bolod")});
-  if (!started) return tl::unexpected<Error>(started.error());
-  daemon_.emplace(std::move(*started));
+  ASSIGN_OR_RETURN(auto started, Process::start({{programs_.bolod, "--config", config_of(file_)}, file("bolod")}));
+  daemon_.emplace(std::move(started));
   return {};
 }
 
@@ -234,9 +226,8 @@ Command Rig::reader(const std::string& log, int slow_ms) const {
 
 Status Rig::start_readers() {
   while (readers_.size() < kReaders) {
-    auto started = Process::start(reader("reader-" + std::to_string(started_readers_++), 0));
-    if (!started) return tl::unexpected<Error>(started.error());
-    readers_.push_back(std::move(*started));
+    ASSIGN_OR_RETURN(auto started, Process::start(reader("reader-" + std::to_string(started_readers_++), 0)));
+    readers_.push_back(std::move(started));
   }
   return {};
 }
@@ -257,9 +248,7 @@ std::filesystem::path config_of(const DaemonFile& file) { return file.folder / "
 Status write_daemon_file(const DaemonFile& file) {
   toml::table table;
   if (!file.base.empty()) {
-    auto parsed = parse(file.base);
-    if (!parsed) return tl::unexpected<Error>(parsed.error());
-    table = std::move(*parsed);
+    ASSIGN_OR_RETURN(table, parse(file.base));
   }
   if (Status written = write_profile(file, table["profile"].value<std::string>()); !written) return written;
   table.insert_or_assign("name", file.name);

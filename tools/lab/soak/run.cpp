@@ -96,7 +96,7 @@ class Run {
 // --- before and after ---
 
 Result<SoakResult> Run::run() {
-  if (Status ready = set_up(); !ready) return tl::unexpected<Error>(ready.error());
+  RETURN_IF_ERROR(set_up());
   for (std::size_t r = 0; r < request_.schedule.rounds.size() && !stop_; ++r) play(r);
   result_.interrupted = stop_;
   wind_up();
@@ -104,9 +104,7 @@ Result<SoakResult> Run::run() {
 }
 
 Status Run::set_up() {
-  auto rig = Rig::set_up(programs_, request_.rig);
-  if (!rig) return tl::unexpected<Error>(rig.error());
-  rig_ = std::move(*rig);
+  ASSIGN_OR_RETURN(rig_, Rig::set_up(programs_, request_.rig));
   if (Status started = rig_->start_camera(request_.schedule.rounds.front()); !started) return started;
   if (!rig_->wait_for_camera()) return failed("the fake camera does not start: " + rig_->camera_error());
   if (Status started = rig_->start_daemon(); !started) return started;

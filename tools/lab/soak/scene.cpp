@@ -32,13 +32,12 @@ Status write(const Recording& scene, const std::filesystem::path& file) {
   info.format = scene.format;
   info.camera_model = "Soak";
   info.camera_serial = kSerial;
-  auto writer = capture::CaptureWriter::create(file, info);
-  if (!writer) return tl::unexpected<Error>(writer.error());
+  ASSIGN_OR_RETURN(auto writer, capture::CaptureWriter::create(file, info));
   for (std::size_t k = 0; k < scene.planes.size(); ++k) {
     const double t_s = static_cast<double>(k + 1) * scene.format.frame_period_s;
-    if (Status done = writer->append(t_s, kFirstId + k, scene.planes[k].data()); !done) return done;
+    if (Status done = writer.append(t_s, kFirstId + k, scene.planes[k].data()); !done) return done;
   }
-  return writer->close();
+  return writer.close();
 }
 
 // Two laps, of which the second is as every later one: its first windows reach over the seam.
@@ -109,18 +108,16 @@ Result<Truth> make_scene(const SceneRequest& request, const pipeline::PipelineOp
   sim::CameraSettings camera;
   camera.geometry = request.geometry;
   camera.rate_hz = request.rate_hz;
-  auto scene = record_street(camera, {.street = request.street, .frames = request.frames});
-  if (!scene) return tl::unexpected<Error>(scene.error());
-  scene->truth.clear();
-  if (Status written = write(*scene, capture); !written) return tl::unexpected<Error>(written.error());
-  auto deblurred = deblurred_loop(*scene, pipeline);
-  if (!deblurred) return tl::unexpected<Error>(deblurred.error());
+  ASSIGN_OR_RETURN(auto scene, record_street(camera, {.street = request.street, .frames = request.frames}));
+  scene.truth.clear();
+  RETURN_IF_ERROR(write(scene, capture));
+  ASSIGN_OR_RETURN(auto deblurred, deblurred_loop(scene, pipeline));
   Truth::Planes raw;
-  for (const auto& bytes : scene->planes) {
+  for (const auto& bytes : scene.planes) {
     raw.emplace_back(request.geometry.pixels());
     std::memcpy(raw.back().data(), bytes.data(), bytes.size());
   }
-  return Truth(request.geometry, raw, std::move(*deblurred));
+  return Truth(request.geometry, raw, std::move(deblurred));
 }
 
 }  // namespace bolo::tools::soak

@@ -289,20 +289,18 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
   request.report = parsed["report"].as<std::string>();
   request.replace = replace_of(parsed);
   const bool small = parsed.count("shortened") != 0 && parsed.count("size") == 0;
-  const auto size = size_of(small ? "64x24" : parsed["size"].as<std::string>(), "size", {32, 16}, {640, 480});
-  if (!size) return tl::unexpected<Error>(size.error());
+  ASSIGN_OR_RETURN(const auto size,
+                   size_of(small ? "64x24" : parsed["size"].as<std::string>(), "size", {32, 16}, {640, 480}));
   RigRequest& rig = request.soak.rig;
-  rig.geometry = *size;
+  rig.geometry = size;
   rig.rate_hz = parsed["rate"].as<double>();
-  if (Status good = within(rig.rate_hz, "rate", 20.0, 1000.0); !good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(within(rig.rate_hz, "rate", 20.0, 1000.0));
   const std::string config = parsed["config"].as<std::string>();
   if (!config.empty()) rig.base_config = fs::absolute(config);
   request.soak.latency_limit_ms = parsed["latency-ms"].as<double>();
-  const auto seconds = read_seconds(parsed);
-  if (!seconds) return tl::unexpected<Error>(seconds.error());
-  const auto kinds = read_kinds(parsed);
-  if (!kinds) return tl::unexpected<Error>(kinds.error());
-  request.soak.schedule = draw_schedule({parsed["seed"].as<std::uint64_t>(), *seconds, *kinds});
+  ASSIGN_OR_RETURN(const auto seconds, read_seconds(parsed));
+  ASSIGN_OR_RETURN(const auto kinds, read_kinds(parsed));
+  request.soak.schedule = draw_schedule({parsed["seed"].as<std::uint64_t>(), seconds, kinds});
   return request;
 }
 
@@ -334,19 +332,16 @@ Status write_report(const Request& request, const ordered_json& json, const std:
 }
 
 Status soak_and_report(Request& request, const std::string& command) {
-  const auto programs = find_programs();
-  if (!programs) return tl::unexpected<Error>(programs.error());
-  const auto folder = ScratchFolder::make();
-  if (!folder) return tl::unexpected<Error>(folder.error());
+  ASSIGN_OR_RETURN(const auto programs, find_programs());
+  ASSIGN_OR_RETURN(const auto folder, ScratchFolder::make());
   if (Status good = prepare_report(request); !good) return good;
-  request.soak.rig.folder = folder->path();
-  const ordered_json measured = circumstances(request.soak, *programs, command);
+  request.soak.rig.folder = folder.path();
+  const ordered_json measured = circumstances(request.soak, programs, command);
   Findings findings;
   const auto tell = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
-  const auto result = run_soak(request.soak, *programs, interrupted(), tell, findings);
-  if (!result) return tl::unexpected<Error>(result.error());
-  const ordered_json json = report_json(request.soak, measured, *result, findings);
-  const std::string text = report_text(request.soak, *result, findings);
+  ASSIGN_OR_RETURN(const auto result, run_soak(request.soak, programs, interrupted(), tell, findings));
+  const ordered_json json = report_json(request.soak, measured, result, findings);
+  const std::string text = report_text(request.soak, result, findings);
   if (Status written = write_report(request, json, text); !written) return written;
   std::fputs(request.json ? (json.dump(2) + "\n").c_str() : text.c_str(), stdout);
   return findings.all_hold() ? Status{} : failed("something did not hold");
@@ -356,13 +351,12 @@ Status evaluate(const cxxopts::ParseResult& parsed, const std::string& command) 
   if (parsed.count("read") != 0) {
     return read_along(parsed["read"].as<std::string>(), parsed["slow-ms"].as<int>(), interrupted());
   }
-  auto request = read_request(parsed);
-  if (!request) return tl::unexpected<Error>(request.error());
+  ASSIGN_OR_RETURN(auto request, read_request(parsed));
   const bool only_schedule = parsed.count("schedule") != 0;
-  if (only_schedule || !request->json) {
-    std::fputs(schedule_text(request->soak.schedule).c_str(), only_schedule ? stdout : stderr);
+  if (only_schedule || !request.json) {
+    std::fputs(schedule_text(request.soak.schedule).c_str(), only_schedule ? stdout : stderr);
   }
-  return only_schedule ? Status{} : soak_and_report(*request, command);
+  return only_schedule ? Status{} : soak_and_report(request, command);
 }
 
 }  // namespace

@@ -116,9 +116,8 @@ bool settled(const std::deque<Position>& seen, std::size_t at) {
 }
 
 Result<std::unique_ptr<Watcher>> Watcher::start(const std::string& name, const Truth& truth, Findings& findings) {
-  auto stream = shm::FollowedStream::open(name, kOpenLimit_ms);
-  if (!stream) return tl::unexpected<Error>(stream.error());
-  std::unique_ptr<Watcher> watcher(new Watcher(std::move(*stream), truth, findings));
+  ASSIGN_OR_RETURN(auto stream, shm::FollowedStream::open(name, kOpenLimit_ms));
+  std::unique_ptr<Watcher> watcher(new Watcher(std::move(stream), truth, findings));
   watcher->thread_ = std::thread([self = watcher.get()] { self->run(); });
   return watcher;
 }

@@ -7,7 +7,7 @@
 #include "tests/report/markup.hpp"
 #include "tools/bolo/pulse_plots.hpp"
 #include "tools/demo/live_plot.hpp"
-#include "tools/lab/detect/report.hpp"
+#include "tools/lab/detect/table.hpp"
 #include "tools/lab/eval/fidelity_report.hpp"
 
 namespace bolo::tools {

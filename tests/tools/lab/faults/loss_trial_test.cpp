@@ -1,7 +1,7 @@
 // Lost packets at full size: what is counted, and that asking again brings them back.
 #include <gtest/gtest.h>
 
-#include "tools/lab/eval/loss.hpp"
+#include "tools/lab/eval/faults.hpp"
 
 namespace bolo::tools::faults {
 namespace {

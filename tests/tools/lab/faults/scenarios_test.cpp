@@ -3,15 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <cctype>
+#include <cstring>
 #include <ostream>
 #include <thread>
 
 #include "tools/lab/eval/faults.hpp"
+#include "tools/lab/eval/faults_run.hpp"
 
 namespace bolo::tools::faults {
-
-void PrintTo(const Scenario& scenario, std::ostream* out) { *out << scenario.faults; }
-
 namespace {
 
 const Result<Stage>& stage() {
@@ -78,5 +77,118 @@ TEST(AQuietCamera, LosesNothing) {
   EXPECT_EQ(outcome->verdict.gap, 0U);
 }
 
+// --- The judgement itself: that it sees what is wrong.
+
+constexpr std::size_t kFrames = 60;
+constexpr int kWindow = 17;
+constexpr std::int64_t kPeriodNs = 5'000'000;
+
+// A scene of one-pixel frames 1000, 1001 ... whose deblurred planes are 2000, 2001 ...
+class JudgeTest : public testing::Test {
+ protected:
+  JudgeTest() {
+    scene_.format.geometry = {1, 1};
+    for (std::size_t k = 0; k < kFrames; ++k) {
+      const auto value = static_cast<std::uint16_t>(1000 + k);
+      scene_.planes.emplace_back(sizeof(value));
+      std::memcpy(scene_.planes.back().data(), &value, sizeof(value));
+      reference_.push_back({static_cast<std::uint16_t>(2000 + k)});
+    }
+    result_.camera.first_stream_ns = 1;
+  }
+  Published& publish(std::size_t k, std::uint32_t flags = 0) {
+    Published frame;
+    frame.meta.camera_ns = kFirstCameraNs + static_cast<std::int64_t>(k) * kPeriodNs;
+    frame.meta.flags = flags;
+    frame.publish_ns = 1 + static_cast<std::int64_t>(k) * kPeriodNs;
+    frame.raw = {static_cast<std::uint16_t>(1000 + k)};
+    frame.deblurred = {static_cast<std::uint16_t>(2000 + k)};
+    result_.frames.push_back(frame);
+    return result_.frames.back();
+  }
+  Verdict verdict(const Disturbance& disturbance = {}) const {
+    return judge(result_, scene_, reference_, kWindow, disturbance);
+  }
+
+  Recording scene_;
+  std::vector<Counts> reference_;
+  RunResult result_;
+};
+
+TEST_F(JudgeTest, AllRightNeedsNoRecovery) {
+  for (std::size_t k = 0; k < 10; ++k) publish(k);
+  const Verdict v = verdict({0.02, 0.02});
+  EXPECT_EQ(v.right, 10U);
+  EXPECT_TRUE(v.recovered);
+  EXPECT_EQ(v.recovery_ms, 0.0);
+}
+
+TEST_F(JudgeTest, AnotherPlaneWithoutAFlagIsWrong) {
+  for (std::size_t k = 0; k < 10; ++k) publish(k);
+  result_.frames[5].deblurred[0] += 1;
+  EXPECT_EQ(verdict().wrong, 1U);
+}
+
+TEST_F(JudgeTest, IsExcusedForAWindowAfterTheDisturbanceOnly) {
+  for (std::size_t k = 0; k < 50; ++k) publish(k);
+  for (const std::size_t k : {9U, 12U, 28U, 29U}) result_.frames[k].deblurred[0] += 1;
+  const Verdict v = verdict({0.05, 0.06});  // frames 10 to 12, and 17 more
+  EXPECT_EQ(v.settling, 2U);
+  EXPECT_EQ(v.wrong, 2U);
+}
+
+TEST_F(JudgeTest, FlaggedPlanesAreCountedApart) {
+  publish(0, kFlagWarmUp).deblurred[0] = 7;
+  publish(1, kFlagGap).deblurred[0] = 7;
+  publish(2, kFlagGap);
+  const Verdict v = verdict();
+  EXPECT_EQ(v.warm_up, 1U);
+  EXPECT_EQ(v.gap, 1U);
+  EXPECT_EQ(v.right, 1U);
+}
+
+TEST_F(JudgeTest, ARawPlaneThatTheCameraNeverSentIsStrange) {
+  publish(0).raw[0] = 1;
+  EXPECT_EQ(verdict().strange, 1U);
+  EXPECT_FALSE(verdict().recovered);
+}
+
+TEST_F(JudgeTest, CountsTheFramesThatNeverCameStreamByStream) {
+  for (const std::size_t k : {3U, 4U, 8U, 0U, 1U, 3U}) publish(k);
+  EXPECT_EQ(verdict().never_came, 3U + 1U);
+}
+
+TEST_F(JudgeTest, RecoveryLastsUntilOnlyRightFramesCome) {
+  for (std::size_t k = 0; k < 40; ++k) publish(k, k >= 20 && k < 30 ? kFlagGap : kFlagNone);
+  for (std::size_t k = 20; k < 30; ++k) result_.frames[k].deblurred[0] = 0;
+  const Verdict v = verdict({0.1, 0.11});
+  EXPECT_TRUE(v.recovered);
+  EXPECT_NEAR(v.recovery_ms, 40.0, 1e-3);  // frame 30, at 150 ms
+}
+
+TEST_F(JudgeTest, FollowsTheCamerasClockAndOffset) {
+  for (std::size_t k = 0; k < 10; ++k) publish(k);
+  for (std::size_t k = 5; k < 10; ++k) {
+    result_.frames[k].meta.camera_ns += 500'000'000;
+    result_.frames[k].raw[0] += 50;
+    result_.frames[k].deblurred[0] += 51;  // within rounding
+  }
+  EXPECT_EQ(verdict({0.025, 0.025, 0.5, 50}).right, 10U);
+  EXPECT_EQ(verdict().strange, 5U);
+}
+
+TEST(ExpectedLosses, FollowTheCamerasAccount) {
+  fakecam::FaultScript script;
+  for (const char* text : {"loss", "stall", "id_gap", "reorder"}) script.push_back(*fakecam::parse_fault(text));
+  const std::vector<fakecam::InjectedFault> injected{{"", 0, 5, 7}, {"", 1, 40, 0}, {"", 1, 3, 0}, {"", 0, 9, 9}};
+  const Losses expected = expected_losses(script, injected, false);
+  EXPECT_EQ(expected[static_cast<std::size_t>(LossCause::kIncomplete)], 5U);
+  EXPECT_EQ(expected[static_cast<std::size_t>(LossCause::kMissing)], 43U);
+  EXPECT_EQ(expected_losses(script, injected, true)[static_cast<std::size_t>(LossCause::kIncomplete)], 0U);
+}
+
 }  // namespace
+
+void PrintTo(const Scenario& scenario, std::ostream* out) { *out << scenario.faults; }
+
 }  // namespace bolo::tools::faults

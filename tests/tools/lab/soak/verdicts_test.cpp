@@ -1,6 +1,13 @@
 // What is made of the seconds of a soak: growth, latency, overload.
 #include <gtest/gtest.h>
 
+#include <csignal>
+#include <fstream>
+
+#include "tests/scratch.hpp"
+#include "tools/cli/process.hpp"
+#include "tools/lab/soak/findings.hpp"
+#include "tools/lab/soak/rig.hpp"
 #include "tools/lab/soak/verdicts.hpp"
 
 namespace bolo::tools::soak {
@@ -103,5 +110,112 @@ TEST(SoakVerdicts, OthersCountFromTheFirstFullSecond) {
   EXPECT_EQ(others_since(timeline, 2.5), 0.0);
 }
 
+// --- What is watched beside the frames: growth, the log, processes, findings.
+
+std::vector<Reading> readings(double seconds, double (*value)(double)) {
+  std::vector<Reading> all;
+  for (double t = 0.0; t < seconds; t += 1.0) all.push_back({t, value(t)});
+  return all;
+}
+
+bool grows_by_one(const std::vector<Reading>& all, double settle_s) {
+  return grows(growth_of(all, settle_s), all.back().at_s - settle_s, 1.0);
+}
+
+TEST(SoakGrowth, IsFoundWhereItIsSteady) {
+  EXPECT_TRUE(grows_by_one(readings(600, [](double t) { return 100.0 + t * 0.003; }), 60));  // 1.6 MiB
+}
+
+TEST(SoakGrowth, IsNotWhatHappensBeforeItSettles) {
+  EXPECT_FALSE(grows_by_one(readings(600, [](double t) { return t < 50 ? 20.0 + t : 70.0; }), 60));
+}
+
+TEST(SoakGrowth, IsNotASingleOddReadingNorAWobble) {
+  EXPECT_FALSE(grows_by_one(readings(600, [](double t) { return t == 599.0 ? 500.0 : 100.0; }), 60));
+  EXPECT_FALSE(grows_by_one(readings(600, [](double t) { return 100.0 + static_cast<int>(t) % 7 * 0.5; }), 60));
+}
+
+TEST(SoakGrowth, IsNotJudgedOfTooShortALife) {
+  EXPECT_FALSE(growth_of(readings(70, [](double t) { return t; }), 60).judged);
+  EXPECT_FALSE(growth_of({}, 60).judged);
+}
+
+TEST(SoakLog, TellsLinesApart) {
+  const auto line = [](const std::string& rest) { return classify("2026-11-22 10:00:00.123 " + rest); };
+  EXPECT_EQ(line("info: frames arrive"), LogLine::kUsual);
+  EXPECT_EQ(line("warning: camera lost (no answer)"), LogLine::kWarning);
+  EXPECT_EQ(line("error: reload: bolod.toml:3: no such key; all stays as it was"), LogLine::kRefusedReload);
+  EXPECT_EQ(line("error: no signs of life to the watchdog: hangs"), LogLine::kNoLife);
+  EXPECT_EQ(line("error: the disk burns"), LogLine::kError);
+  EXPECT_EQ(classify("bolod: no camera answers"), LogLine::kNoStart);
+  EXPECT_EQ(classify("Segmentation fault"), LogLine::kForeign);
+  EXPECT_EQ(classify(""), LogLine::kForeign);
+}
+
+TEST(SoakProcess, TellsHowItEnded) {
+  const Scratch folder;
+  auto well = Process::start({{"/bin/sh", "-c", "echo one; echo two >&2; exit 3"}, folder / "well"});
+  ASSERT_TRUE(well.has_value());
+  EXPECT_EQ(well->wait(20.0), 3);
+  LineTail lines((folder / "well").string() + ".out");
+  EXPECT_EQ(lines.take(), std::vector<std::string>{"one"});
+  EXPECT_TRUE(lines.take().empty());
+  auto killed = Process::start({{"/bin/sleep", "100"}, folder / "killed"});
+  ASSERT_TRUE(killed.has_value());
+  EXPECT_FALSE(killed->ended().has_value());
+  EXPECT_TRUE(usage_of(killed->pid()).has_value());
+  killed->signal(SIGKILL);
+  EXPECT_EQ(killed->wait(20.0), 128 + SIGKILL);
+  EXPECT_FALSE(usage_of(killed->pid()).has_value());
+}
+
+TEST(SoakProcess, FindsAFullDisk) {
+  const Scratch folder;
+  auto full = Process::start(
+      {{"/bin/sh", "-c", "head -c 100000 /dev/zero > " + (folder / "file").string()}, folder / "log", 65'536});
+  ASSERT_TRUE(full.has_value());
+  EXPECT_NE(full->wait(20.0), 0);
+  EXPECT_EQ(std::filesystem::file_size(folder / "file"), 65'536U);
+}
+
+TEST(SoakProcess, ALineIsTakenWhenItIsWhole) {
+  const Scratch folder;
+  LineTail lines(folder / "log");
+  std::ofstream out(folder / "log");
+  out << "first\nsec" << std::flush;
+  EXPECT_EQ(lines.take(), std::vector<std::string>{"first"});
+  out << "ond\n" << std::flush;
+  EXPECT_EQ(lines.take(), std::vector<std::string>{"second"});
+}
+
+TEST(SoakReader, TellsAndIsUnderstood) {
+  const Scratch folder;
+  std::ofstream(folder / "reader.out") << text_of({1, 0, 0, 0}) << '\n' << text_of({20, 3, 2, 1}) << '\n';
+  const ReaderAccount account = last_account(folder / "reader.out");
+  EXPECT_EQ(account.frames, 20U);
+  EXPECT_EQ(account.missed, 3U);
+  EXPECT_EQ(account.restarts, 2U);
+  EXPECT_EQ(account.disorder, 1U);
+  EXPECT_EQ(last_account(folder / "nothing").frames, 0U);
+}
+
+TEST(SoakFindings, NameWhatBrokeWhenAndDuringWhat) {
+  Findings findings;
+  findings.now(12.5, "reboot");
+  EXPECT_TRUE(findings.require(Invariant::kLog, true, ""));
+  EXPECT_TRUE(findings.all_hold());
+  EXPECT_FALSE(findings.require(Invariant::kRecovery, false, "7 s"));
+  EXPECT_FALSE(findings.all_hold());
+  ASSERT_EQ(findings.breaches().size(), 1U);
+  const Breach breach = findings.breaches().front();
+  EXPECT_EQ(info_of(breach.invariant).name, "recovery");
+  EXPECT_EQ(breach.at_s, 12.5);
+  EXPECT_EQ(breach.during, "reboot");
+  for (int i = 0; i < 100; ++i) findings.broken(Invariant::kLog, "again");
+  EXPECT_EQ(findings.tally(Invariant::kLog).broken, 100U);
+  EXPECT_LE(findings.breaches().size(), 1 + Findings::kKept);
+}
+
 }  // namespace
+
 }  // namespace bolo::tools::soak

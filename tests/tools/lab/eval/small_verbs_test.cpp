@@ -1,5 +1,4 @@
-// `bolo-lab eval real` through its executable: on a simulated capture, where it is known which picture is right, and on
-// recordings of real cameras.
+// The evaluations `real`, `pulses`, `pixel` and `loop` of bolo-lab through their executable.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -13,6 +12,7 @@ namespace {
 
 using Json = nlohmann::json;
 
+// On a simulated capture, where it is known which picture is right, and on recordings of real cameras.
 struct RealVerb : ProgramTest {
   RealVerb() : ProgramTest({BOLO_LAB_PROGRAM, "eval", "real"}) {}
 };
@@ -76,5 +76,51 @@ TEST_F(RealVerb, RefusesWrongInputInOneLine) {
   }
 }
 
+// --- `bolo-lab eval pulses` and `eval pixel` through their executable.
+
+struct TrialsVerb : ProgramTest {
+  TrialsVerb() : ProgramTest({BOLO_LAB_PROGRAM, "eval"}) {}
+};
+
+TEST_F(TrialsVerb, PrintsNumbers) {
+  const Outcome pulses = run({"pulses", "--seeds", "1", "--json"});
+  ASSERT_EQ(pulses.exit_code, 0) << pulses.err;
+  const auto trials = nlohmann::json::parse(pulses.out).at("trials");
+  EXPECT_EQ(trials.size(), 9U);
+  for (const auto& trial : trials) EXPECT_LT(trial.at("worst_error").get<double>(), 0.01);
+  const Outcome pixel = run({"pixel", "--draws", "3", "--json"});
+  ASSERT_EQ(pixel.exit_code, 0) << pixel.err;
+  EXPECT_EQ(nlohmann::json::parse(pixel.out).at("cases").size(), 4U);
+  refused({"pulses", "--seeds", "0"});
+  refused({"pixel", "--noise", "-1"});
+}
+
+// --- bolo-lab eval loop through its executable.
+
+struct LoopVerb : ProgramTest {
+  LoopVerb() : ProgramTest({BOLO_LAB_PROGRAM, "eval", "loop"}) {}
+};
+
+TEST_F(LoopVerb, WhatIsDiagnosedRecoversWhatTheTruthWould) {
+  const Outcome outcome = run({"--effects", "fpn_offset,tau_global", "--json"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  ASSERT_EQ(json.at("rows").size(), 2U);
+  for (const auto& row : json.at("rows")) {
+    EXPECT_GT(row.at("hurts"), 0.05) << row;
+    EXPECT_GT(row.at("recovered_share"), 0.8) << row;
+    EXPECT_LT(row.at("recovered_share"), 1.2) << row;
+    EXPECT_EQ(row.at("found"), nlohmann::json::array({row.at("effect")}));
+  }
+}
+
+TEST_F(LoopVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {
+  for (const auto& words :
+       {std::vector<std::string>{"--effects", "gremlins"}, {"--threads", "0"}, {"--frames-scale", "0"}, {"x"}}) {
+    refused(words);
+  }
+}
+
 }  // namespace
+
 }  // namespace bolo::tools::test
