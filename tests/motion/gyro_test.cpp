@@ -42,6 +42,7 @@ struct Errors {
   double delay_s = 0.002;
   double scale = 1.0;
   bool swapped = false;
+  double roll = 0.0;  // rad/s, of noise about the view's axis
 };
 
 // Of the way that the picture takes, sampled a thousand times a second.
@@ -57,6 +58,7 @@ TestGyro gyro_of(const Way& way, int frames, const Errors& e) {
                                -e.scale * (b.x - a.x) / (2.0 * kHalf) / kFocal, 0.0};
     if (e.swapped) std::swap(rate[0], rate[1]);
     for (double& r : rate) r += e.bias + normal(random);
+    rate[2] += e.roll / e.noise * normal(random);
     gyro.list.push_back({to_ns(kFirst_s + t), rate});
   }
   return gyro;
@@ -151,6 +153,7 @@ TEST(MotionGyro, AWrongOneDoesNoHarm) {
       expect_harmless("axes", made({.delay_s = 0.0, .swapped = true}));
       EXPECT_LT(expect_harmless("sign", made({.delay_s = 0.0, .scale = -1.0})), 4);
       EXPECT_EQ(expect_harmless("rubbish", made({.noise = 3.0})), 0);
+      EXPECT_EQ(expect_harmless("rubbish about one axis", made({.roll = 3.0})), 0);
       TestGyro late = made({});
       while (late.list.back().time_ns > to_ns(kFirst_s + 22 * kPeriod)) late.list.pop_back();
       expect_harmless("ends", late);
