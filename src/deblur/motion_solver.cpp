@@ -13,6 +13,7 @@ namespace {
 constexpr double kLargestDifference = 31.6;  // K, of innovations that are matched: what is more counts no more
 constexpr float kLargestValue = 1e7F;
 constexpr float kMovesItself = 0.5F;  // px a frame
+constexpr double kAbrupt = 0.9;       // of Path::steady: above it nothing stopped just now
 
 // As the task, in the values' own unit and float.
 StreamTask in_values(StreamTask task) {
@@ -212,7 +213,7 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   const motion::VectorField& deviation =
       local_.find(kernels_, inertia_, innovation(target + 1).smoothed, innovation(target).smoothed, field_,
                   mmae_.noise(), cap * cap, crew);
-  if (path.rests > 0) use_rest(path.rests, deviation);
+  if (path.rests > 0 && path.steady < kAbrupt) use_rest(path.rests, deviation);
   told_.find(kernels_, inertia_,
              {path.trail, field_, deviation, local_.misfit(), innovation(target + 1).smoothed.level[0],
               innovation(target).smoothed.level[0], mmae_.noise()},

