@@ -12,10 +12,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
 
-// Steps of a lost sample's value, and after how many of them its bounds are worth finding.
-inline constexpr int kMostSteps = 20;
-inline constexpr int kFreeSteps = 2;
-inline constexpr int kMostRounds = 4;  // of moving two
+inline constexpr int kMostSteps = 20;  // of a lost sample's value
+inline constexpr int kMostRounds = 2;  // of moving two
 inline constexpr float kFar = 1e20F;
 
 // What an update needs besides the pixel's own values.
@@ -173,68 +171,85 @@ HWY_INLINE Vec unbounded(const DualPlan& plan, int i, std::size_t v, Dual<kBins>
   return hn::Add(rest, half == 1 ? ends : hn::NegMulAdd(all(2.0F), at(m.jump(i) + v), ends));
 }
 
-// What the steps of a lost sample need: where each t would go, and how far the sample moves, between which bounds.
+// What the steps of a lost sample need of a few vectors of pixels: where each t would go, and how far the sample moves,
+// between which bounds.
 template <int kBins>
-struct Step {
-  using Wide = typename Dual<kBins>::Wide;
+struct Steps {
+  static constexpr std::size_t kPixels = std::min(2 * kLanes, Dual<kBins>::kPixels);
+  using Wide = float[kPixels];
   HWY_ALIGN Wide rest[std::size_t{3 * log2_of(kBins)}];
   HWY_ALIGN Wide y;
   HWY_ALIGN Wide low;
   HWY_ALIGN Wide high;
 };
 
+// Where a part's t would be 0.
 template <int kBins>
-HWY_INLINE void begin_step(const DualPlan& plan, const LostSample& lost, std::size_t v, Dual<kBins>& m,
-                           Step<kBins>& s) {
-  for (std::size_t k = 0; k < lost.parts; ++k) put(unbounded(plan, lost.part[k].row, v, m), s.rest[k] + v);
-  put(hn::Zero(Float()), s.y + v);
+HWY_INLINE Vec middle_of(const LostSample& lost, std::size_t k, std::size_t v, const Steps<kBins>& s) {
+  return hn::Mul(all(-lost.part[k].inverse), at(s.rest[k] + v));
+}
+
+// From where the sample is, or, the first time, from the middle one of the three parts that weigh the most.
+template <int kBins>
+HWY_INLINE void begin_steps(const DualPlan& plan, const LostSample& lost, bool first, std::size_t from, std::size_t v,
+                            Dual<kBins>& m, Steps<kBins>& s) {
+  for (std::size_t k = 0; k < lost.parts; ++k) put(unbounded(plan, lost.part[k].row, from + v, m), s.rest[k] + v);
+  Vec y = hn::Zero(Float());
+  if (first && lost.parts >= 3) {
+    const Vec a = middle_of(lost, 0, v, s);
+    const Vec b = middle_of(lost, 1, v, s);
+    y = hn::Max(hn::Min(a, b), hn::Min(hn::Max(a, b), middle_of(lost, 2, v, s)));
+  }
+  put(y, s.y + v);
   put(all(-kFar), s.low + v);
   put(all(kFar), s.high + v);
 }
 
-// Beyond these no t follows any more.
+// The nearest part's middle below y, or above it, half-way to the bound where none is before it.
 template <int kBins>
-HWY_INLINE void find_bounds(const LostSample& lost, std::size_t v, const Dual<kBins>& m, Step<kBins>& s) {
-  Vec low = all(kFar);
-  Vec high = all(-kFar);
+HWY_INLINE Vec hop(const LostSample& lost, hn::Mask<Float> below, std::size_t v, const Steps<kBins>& s) {
+  const Vec y = at(s.y + v);
+  const Vec low = at(s.low + v);
+  const Vec high = at(s.high + v);
+  Vec next = hn::IfThenElse(below, low, high);
   for (std::size_t k = 0; k < lost.parts; ++k) {
-    const LostSample::Part& part = lost.part[k];
-    const Vec middle = hn::Mul(all(-part.inverse), at(s.rest[k] + v));
-    const Vec width = hn::Mul(all(std::abs(part.inverse)), at(m.high[part.bound] + v));
-    low = hn::Min(low, hn::Sub(middle, width));
-    high = hn::Max(high, hn::Add(middle, width));
+    const Vec middle = middle_of(lost, k, v, s);
+    const Vec down = hn::IfThenElse(hn::Lt(middle, y), hn::Max(next, middle), next);
+    const Vec up = hn::IfThenElse(hn::Gt(middle, y), hn::Min(next, middle), next);
+    next = hn::IfThenElse(below, down, up);
   }
-  put(hn::Max(low, at(s.low + v)), s.low + v);
-  put(hn::Min(high, at(s.high + v)), s.high + v);
+  const auto none = hn::Or(hn::Le(next, low), hn::Ge(next, high));
+  const auto bounded = hn::Lt(hn::Sub(high, low), all(kFar));
+  const Vec halfway = hn::IfThenElse(bounded, hn::Mul(all(0.5F), hn::Add(low, high)), y);
+  return hn::IfThenElse(none, halfway, next);
 }
 
-// A step of Newton's method between the bounds; half-way between them where it leads out or no t is free to follow.
-// Pixels whose equation holds stay; false when all do.
+// A step of Newton's method; from part to part where it leads out of the bounds or no t is free to follow. Pixels whose
+// equation holds stay; false when all do.
 template <int kBins>
-HWY_INLINE bool newton(const LostSample& lost, std::size_t v, const Dual<kBins>& m, Step<kBins>& s) {
+HWY_INLINE bool step(const LostSample& lost, std::size_t from, std::size_t v, const Dual<kBins>& m, Steps<kBins>& s) {
   const Vec y = at(s.y + v);
   Vec sum = hn::Zero(Float());
   Vec slope = hn::Zero(Float());
   for (std::size_t k = 0; k < lost.parts; ++k) {
     const LostSample::Part& part = lost.part[k];
     const Vec to = hn::MulAdd(all(part.move), y, at(s.rest[k] + v));
-    const Vec t = clip(to, m.low[part.bound] + v, m.high[part.bound] + v);
+    const Vec t = clip(to, m.low[part.bound] + from + v, m.high[part.bound] + from + v);
     sum = hn::MulAdd(all(part.share), t, sum);
     slope = hn::Add(slope, hn::IfThenElseZero(hn::Eq(to, t), all(part.slope)));
   }
-  const Vec tolerance = hn::Mul(all(lost.tolerance), at(m.high[lost.part[0].bound] + v));
-  const auto off = hn::Gt(hn::Abs(sum), tolerance);
+  const auto off = hn::Gt(hn::Abs(sum), hn::Mul(all(lost.tolerance), at(m.high[lost.part[0].bound] + from + v)));
+  if (hn::AllFalse(Float(), off)) return false;
   const auto above = hn::Gt(sum, hn::Zero(Float()));
   const Vec high = hn::IfThenElse(above, y, at(s.high + v));
   const Vec low = hn::IfThenElse(above, at(s.low + v), y);
   put(high, s.high + v);
   put(low, s.low + v);
-  const Vec next = hn::Sub(y, hn::Div(sum, slope));  // 0 / 0 and 1 / 0 are not between the bounds
+  Vec next = hn::Sub(y, hn::Div(sum, slope));  // 0 / 0 and 1 / 0 are not between the bounds
   const auto inside = hn::And(hn::Ge(next, low), hn::Le(next, high));
-  const auto bounded = hn::Lt(hn::Sub(high, low), all(kFar));
-  const Vec halfway = hn::IfThenElse(bounded, hn::Mul(all(0.5F), hn::Add(low, high)), y);
-  put(hn::IfThenElse(off, hn::IfThenElse(inside, next, halfway), y), s.y + v);
-  return !hn::AllFalse(Float(), off);
+  if (!hn::AllTrue(Float(), hn::Or(inside, hn::Not(off)))) next = hn::IfThenElse(inside, next, hop(lost, above, v, s));
+  put(hn::IfThenElse(off, next, y), s.y + v);
+  return true;
 }
 
 template <int kBins>
@@ -248,54 +263,66 @@ HWY_INLINE void shift_lost(const LostSample& lost, float in_estimate, Vec by, st
 
 // Moves a lost sample to where the next sweep would keep its equation; false when it is there.
 template <int kBins>
-HWY_INLINE bool solve_lost(const DualRun& run, std::size_t index, Dual<kBins>& m) {
+HWY_INLINE bool solve_lost(const DualRun& run, std::size_t index, bool first, Dual<kBins>& m) {
   const LostSample& lost = run.plan.gap[index];
-  Step<kBins> s;
-  for (std::size_t v = 0; v < m.end; v += kLanes) begin_step(run.plan, lost, v, m, s);
-  for (int step = 0; step < kMostSteps; ++step) {
-    bool off = false;
-    for (std::size_t v = 0; v < m.end; v += kLanes) {
-      if (step == kFreeSteps) find_bounds(lost, v, m, s);
-      off |= newton(lost, v, m, s);
+  bool moved = false;
+  Steps<kBins> s;
+  for (std::size_t from = 0; from < m.end; from += Steps<kBins>::kPixels) {
+    const std::size_t end = std::min(Steps<kBins>::kPixels, m.end - from);
+    for (std::size_t v = 0; v < end; v += kLanes) begin_steps(run.plan, lost, first, from, v, m, s);
+    bool off = true;
+    for (int k = 0; off && k < kMostSteps; ++k) {
+      off = false;
+      for (std::size_t v = 0; v < end; v += kLanes) off |= step(lost, from, v, m, s);
+      moved |= off;
     }
-    if (!off && step == 0) return false;
-    if (!off) break;
+    for (std::size_t v = 0; v < end; v += kLanes) shift_lost(lost, run.lost[index], at(s.y + v), from + v, m);
   }
-  for (std::size_t v = 0; v < m.end; v += kLanes) shift_lost(lost, run.lost[index], at(s.y + v), v, m);
-  return true;
+  return moved;
 }
 
 // Sets t of a pair's wavelet to what the lost sample's equation asks for, and the sample to what holds it there.
 template <int kBins>
-HWY_INLINE void solve_pair(const DualRun& run, std::size_t index, std::size_t v, Dual<kBins>& m) {
+HWY_INLINE void solve_pair(const DualRun& run, std::size_t index, Dual<kBins>& m) {
+  constexpr std::size_t kParts = log2_of(kBins) + 1;
   const LostSample& lost = run.plan.gap[index];
   const int i = lost.slot;
   const DualCoefficients& row = run.plan.row[static_cast<std::size_t>(i)];
-  Vec t = hn::Zero(Float());
-  for (std::size_t k = 1; k < lost.parts; ++k) {
-    t = hn::MulAdd(all(lost.part[k].share), at(m.t(lost.part[k].row) + v), t);
+  const Vec keep = all(row.keep);
+  const Vec to_left = all(row.left);
+  const Vec to_right = all(row.right);
+  for (std::size_t v = 0; v < m.end; v += kLanes) {
+    Vec t = hn::Zero(Float());
+    HWY_UNROLL(6) for (std::size_t k = 1; k < kParts; ++k) {
+      t = hn::MulAdd(all(lost.part[k].share), at(m.t(lost.part[k].row) + v), t);
+    }
+    const Vec moved = hn::Sub(t, at(m.t(i) + v));
+    const Vec left = hn::NegMulAdd(to_left, moved, at(m.jump(i - 1) + v));
+    const Vec right = hn::NegMulAdd(to_right, moved, at(m.jump(i + 1) + v));
+    put(t, m.t(i) + v);
+    put(left, m.jump(i - 1) + v);
+    put(right, m.jump(i + 1) + v);
+    const Vec rest = hn::Add(hn::MulAdd(keep, t, at(m.c[i] + v)), hn::Add(left, right));
+    const Vec by = hn::Mul(all(lost.part[0].inverse), hn::Sub(t, rest));
+    HWY_UNROLL(7) for (std::size_t k = 0; k < kParts; ++k) {
+      float* const c = m.c[lost.part[k].row] + v;
+      put(hn::MulAdd(all(lost.part[k].move), by, at(c)), c);
+    }
+    put(hn::MulAdd(all(run.lost[index]), by, at(m.estimate + v)), m.estimate + v);
   }
-  const Vec moved = hn::Sub(t, at(m.t(i) + v));
-  const Vec left = hn::NegMulAdd(all(row.left), moved, at(m.jump(i - 1) + v));
-  const Vec right = hn::NegMulAdd(all(row.right), moved, at(m.jump(i + 1) + v));
-  put(t, m.t(i) + v);
-  put(left, m.jump(i - 1) + v);
-  put(right, m.jump(i + 1) + v);
-  const Vec rest = hn::Add(hn::MulAdd(all(row.keep), t, at(m.c[i] + v)), hn::Add(left, right));
-  shift_lost(lost, run.lost[index], hn::Mul(all(lost.part[0].inverse), hn::Sub(t, rest)), v, m);
 }
 
-// Before a sweep, or, where none follows, only what no sweep sets: the lost samples of pairs.
+// Before sweep `next`, or, where it is 0, after the last: what no sweep sets, the lost samples of pairs.
 template <int kBins>
-HWY_NOINLINE void balance(const DualRun& run, bool last, Dual<kBins>& m) {
+HWY_NOINLINE void balance(const DualRun& run, int next, Dual<kBins>& m) {
   bool moved = true;
   for (int round = 0; moved && round < kMostRounds; ++round) {
     moved = false;
     for (std::size_t k = 0; k < run.plan.moves; ++k) {
       if (!run.plan.gap[k].pair) {
-        moved |= !last && solve_lost(run, k, m);
+        moved |= next > 0 && solve_lost(run, k, next == 1 && round == 0 && k < run.plan.lost, m);
       } else if (round == 0) {
-        for (std::size_t v = 0; v < m.end; v += kLanes) solve_pair(run, k, v, m);
+        solve_pair(run, k, m);
       }
     }
     if (run.plan.moves == run.plan.lost) break;
@@ -326,14 +353,14 @@ HWY_INLINE void for_each_dual(const DualRun& run, const Finish& finish) {
     load_block(run, first, m);
     sweep<kBins, true>(run.plan, m);
     for (int k = 1; k < run.plan.sweeps; ++k) {
-      balance(run, false, m);
+      balance(run, k, m);
       sweep<kBins, false>(run.plan, m);
     }
     for (int k = 0; k < run.plan.near_sweeps; ++k) {
-      balance(run, false, m);
+      balance(run, run.plan.sweeps + k, m);
       sweep_near(run.plan, run.pixels.published, m);
     }
-    balance(run, true, m);
+    balance(run, 0, m);
     finish(first, m);
   }
 }

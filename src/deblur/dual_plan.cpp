@@ -124,6 +124,11 @@ class GapBuilder {
       part.inverse = static_cast<float>(1.0 / move);
       if (lost.pair && i == lost.slot) std::swap(part, lost.part[0]);
     }
+    if (!lost.pair) {
+      std::sort(lost.part.begin(), lost.part.begin() + lost.parts, [&](const auto& x, const auto& y) {
+        return std::abs(x.share) * plan_.bound[x.bound] > std::abs(y.share) * plan_.bound[y.bound];
+      });
+    }
     const double p = 1.0 - decay_;
     lost.tolerance = static_cast<float>(kTolerance * p * p * lambda_scale_) / plan_.bound[lost.part[0].bound];
     for (std::size_t k = 1; lost.pair && k < lost.parts; ++k) lost.part[k].share /= -lost.part[0].share;
@@ -232,6 +237,11 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
   std::array<SlotValue, kMaxSlots> values;
   fill_lost(grid, pattern, values);
   plan.inverse_count = 1.0F / static_cast<float>(pattern.count);
+  if (pattern.count == pattern.slots) {
+    plan.lost = plan.moves = 0;
+    return;
+  }
+  const int sweeps = plan.sweeps;
   const bool pairs = stays_in_bound(grid);
   GapBuilder gap(plan, grid);
   for (const bool pair : {true, false}) {
@@ -241,7 +251,8 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
       plan.sweeps += pair ? 0 : 1;
     }
   }
-  if (plan.lost > 0 && plan.near_sweeps > 1) ++plan.sweeps;  // the larger lambda, the longer they wait for each other
+  if (sweeps > 2)
+    plan.sweeps += sweeps / 2;  // the larger lambda, the longer they and the lost samples wait for each other
   gap.add_both();
   begin_at(plan, pattern.first);
 }

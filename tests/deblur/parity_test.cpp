@@ -208,7 +208,7 @@ TEST(Parity, SlowCamerasKeepTheFastMethods) {
 }
 
 TEST(Parity, OneLostFrame) {
-  for (int slot = 0; slot < 16; ++slot) expect_parity({17, 7, 200.0, 0, {slot}});
+  for (int slot = 0; slot < 16; ++slot) expect_parity({17, 7, 200.0, 0, {slot}}, kScenes);
 }
 
 TEST(Parity, OneLostFrameOfAnyWindow) {

@@ -201,26 +201,27 @@ Measured variant(std::string solver, std::string isa, int threads, double lambda
   return what;
 }
 
-// The main one first.
+// The main one first. Plain scalar code is far slower than all others: one variant is enough of it.
 std::vector<Measured> list_variants(const BenchOptions& options, double lambda_half_k, int processors) {
   std::vector<Measured> list{variant(options.solver, options.isa, options.threads, lambda_half_k)};
+  std::vector<std::string> isas{options.isa};
+  const auto all = deblur::available_isas();
+  if (options.isa.empty()) isas.assign(all.begin(), all.end());
   for (const char* solver : {"admm", "dual"}) {
-    for (const double lambda : kLambdas) {
-      list.push_back(variant(solver, options.isa, 1, lambda));
-      list.push_back(list.back());
-      list.back().profile = true;
-      for (int lost = 1; lost <= static_cast<int>(kMostLost); ++lost) {
-        list.push_back(variant(solver, options.isa, 1, lambda));
-        list.back().lost = lost;
+    for (const std::string& isa : isas) {
+      for (int threads = 1; threads <= std::min(2, processors); ++threads) {
+        for (const double lambda : kLambdas) {
+          const int most = isa == "scalar" && isas.size() > 1 ? -1 : static_cast<int>(kMostLost);
+          for (int lost = 0; lost <= most; ++lost) {
+            list.push_back(variant(solver, isa, threads, lambda));
+            list.back().lost = lost;
+          }
+          if (threads > 1 || isa != isas.front()) continue;
+          list.push_back(variant(solver, isa, 1, lambda));
+          list.back().profile = true;
+        }
       }
-    }
-    if (options.isa.empty()) {
-      for (const auto isa : deblur::available_isas()) {
-        if (isa != deblur::best_isa()) list.push_back(variant(solver, std::string(isa), 1, kLambdas[0]));
-      }
-    }
-    for (int threads = 2; threads < 2 * processors; threads *= 2) {
-      list.push_back(variant(solver, options.isa, std::min(threads, processors), kLambdas[0]));
+      if (isa == "scalar" && isas.size() > 1) list.push_back(variant(solver, isa, 1, kLambdas[0]));
     }
   }
   list.push_back(variant("inverse", options.isa, 1, 0.0));
