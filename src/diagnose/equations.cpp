@@ -18,14 +18,16 @@ namespace {
 
 constexpr double kLevelReach = 30.0;  // K
 constexpr double kEdgePrior = 0.2;    // px
+constexpr double kShapePrior = 0.5;   // between a Gaussian and a straight ramp nothing is known
 constexpr int kFitPixels = 288;
 constexpr int kBorder = 2;               // pixels at the sensor's edge, whose neighbours are not as the model has them
 constexpr double kClearOfCeiling = 4.0;  // noise floors below a ceiling, from which on values are not used
 constexpr double kPriorFloor = 1e-12;
 constexpr float kLeastSlope = 100.0F;  // squared, in units of the noise: below it a frame says nothing of its time
 
-// Of the standard deviation, not the variance: where an edge just reaches a pixel it shows to first order.
-Parameter target_edge() {
+// Width of the edges of all targets, and their shape. Of the standard deviation, not the variance: where an edge just
+// reaches a pixel it shows to first order.
+std::array<Parameter, 2> target_edge() {
   const auto get = [](const State& s) {
     const auto soft = std::ranges::find_if(s.stimuli, [](const StimulusState& one) { return one.edge_px2 != 0.0; });
     return soft == s.stimuli.end() ? 0.0 : std::sqrt(soft->edge_px2);
@@ -33,7 +35,11 @@ Parameter target_edge() {
   const auto set = [](State& s, double value) {
     for (StimulusState& stimulus : s.stimuli) stimulus.edge_px2 = value * value;
   };
-  return {"edge", 0.04, 0.0, kSoftestEdge_px, get, set};
+  const auto shape = [](const State& s) { return s.stimuli.empty() ? 0.0 : s.stimuli.front().edge_ramp; };
+  const auto set_shape = [](State& s, double value) {
+    for (StimulusState& stimulus : s.stimuli) stimulus.edge_ramp = value;
+  };
+  return {{{"edge", 0.04, 0.0, kSoftestEdge_px, get, set}, {"edge_ramp", 0.2, 0.0, 1.0, shape, set_shape}}};
 }
 
 // What the bench says of its temperatures.
@@ -64,7 +70,8 @@ double root_mean(const Score& score, std::optional<std::size_t> wanted) {
   return count > 0.0 ? std::sqrt(sum / count) : 1.0;
 }
 
-// Adds one group's frames to augmented normal matrices: train and test.
+// Adds one group's frames to augmented normal matrices: train and test. In double: what levels and emissivity do to a
+// picture differs by less than sums of floats can tell.
 void add_group(const Session& session, const Series& residual, const std::vector<Series>& columns,
                std::span<const int> pixels, Index from, Index to, Group& group) {
   std::vector<Index> present;
@@ -80,14 +87,16 @@ void add_group(const Session& session, const Series& residual, const std::vector
     cells[held_out(session, from, pixels[p]) ? 1 : 0].push_back(static_cast<Index>(p));
   }
   for (const std::size_t side : {0U, 1U}) {
-    Eigen::MatrixXf x(static_cast<Index>(cells[side].size()) * (to - from), static_cast<Index>(present.size()));
+    MatrixXd x(static_cast<Index>(cells[side].size()) * (to - from), static_cast<Index>(present.size()));
     for (std::size_t j = 0; j < sources.size(); ++j) {
       Index at = 0;
       for (Index k = from; k < to; ++k) {
         for (const Index p : cells[side]) x(at++, static_cast<Index>(j)) = (*sources[j])(k, p);
       }
     }
-    (side == 0 ? group.train : group.test)(present, present) += (x.transpose() * x).cast<double>();
+    MatrixXd products = MatrixXd::Zero(x.cols(), x.cols());
+    products.selfadjointView<Eigen::Lower>().rankUpdate(x.transpose());
+    (side == 0 ? group.train : group.test)(present, present) += MatrixXd(products.selfadjointView<Eigen::Lower>());
   }
 }
 
@@ -180,7 +189,11 @@ std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
     // Known from the noise to a percent; the late edges tell it better.
     all.push_back({number_of("alpha", 0.02, 0.05, 1.0, &Response::alpha), kAllRecordings, false, 1.0, 0.0});
   }
-  if (bars) all.push_back({target_edge(), kAllBars, false, 0.0, kEdgePrior});
+  if (bars) {
+    auto [width, shape] = target_edge();
+    all.push_back({std::move(width), kAllBars, false, 0.0, kEdgePrior});
+    all.push_back({std::move(shape), kAllBars, false, 0.5, kShapePrior});
+  }
   return all;
 }
 

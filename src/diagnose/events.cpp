@@ -3,6 +3,8 @@
 #include <array>
 #include <cmath>
 
+#include <Eigen/Dense>
+
 #include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
@@ -185,18 +187,33 @@ void make_unique(std::vector<int>& pixels) {
   pixels.erase(std::unique(pixels.begin(), pixels.end()), pixels.end());
 }
 
+MatrixXd levels_in(const std::vector<Index>& frames, const MatrixXd& levels) {
+  if (levels.size() == 0) return MatrixXd::Ones(static_cast<Index>(frames.size()), 1);
+  return levels(frames, Eigen::all);
+}
+
+// Multiplied with values of these frames: the step before frame `first`, when levels take up what they can.
+VectorXd step_weights(const std::vector<Index>& frames, const MatrixXd& levels, Index first) {
+  VectorXd step(static_cast<Index>(frames.size()));
+  std::ranges::transform(frames, step.begin(), [first](Index k) { return k >= first ? 1.0 : 0.0; });
+  step -= levels * levels.colPivHouseholderQr().solve(step);
+  return step / std::max(1e-9, step.squaredNorm());
+}
+
 // A series of residuals in which a jump is looked for: good pixels in the frames that are used.
 struct JumpSearch {
   std::vector<Index> frames;
   Eigen::ArrayXXd value;  // frames x pixels
+  MatrixXd levels;        // frames x levels of the stimulus
   ArrayXd mean;           // of each frame
   bool still = false;     // of a still field
   double flicker = 0.0;   // of one frame's mean
   double noise2 = 0.0;    // of one value
 
-  JumpSearch(const Session& session, const Recording& r, const Series& residual)
+  JumpSearch(const Session& session, const Recording& r, const Series& residual, const MatrixXd& of_levels)
       : frames(r.used_frames()),
         value(residual(frames, session.good_pixels()).cast<double>().array()),
+        levels(levels_in(frames, of_levels)),
         still(r.kind == Kind::kUniform) {}
 
   // Whether there is enough to judge by; then the noise is known.
@@ -219,33 +236,38 @@ struct JumpSearch {
   // something moves, what the model is off by changes the pixels, so that only their mean does.
   double explained(Index a) const {
     const Index n = value.rows();
-    Eigen::ArrayXXd whole = value.rowwise() - value.colwise().mean();
-    if (!still) whole = Eigen::ArrayXXd(whole.rowwise().mean());
+    MatrixXd whole = still ? MatrixXd(value.matrix()) : MatrixXd(mean.matrix());
+    whole -= levels * levels.colPivHouseholderQr().solve(whole);
     const Index blocks = n / kSide;
+    const VectorXd weights = weights_of(a);
+    double by_step = (weights.transpose() * whole).squaredNorm() / (weights.squaredNorm() * static_cast<double>(n));
     double all = 0.0;
-    const ArrayXd before = whole.topRows(a).colwise().mean().transpose();
-    const ArrayXd after = whole.bottomRows(n - a).colwise().mean().transpose();
-    double by_step =
-        (before.square().sum() * static_cast<double>(a) + after.square().sum() * static_cast<double>(n - a)) /
-        static_cast<double>(n);
     for (Index b = 0; b < blocks; ++b) {
-      all += whole.middleRows(b * kSide, kSide).colwise().mean().square().sum() / static_cast<double>(blocks);
+      all += whole.middleRows(b * kSide, kSide).colwise().mean().squaredNorm() / static_cast<double>(blocks);
     }
     const auto pixels = static_cast<double>(value.cols());
     const double noise_of_all = still ? pixels * noise2 : noise2 / pixels + flicker * flicker;
     all -= noise_of_all / kSide;
-    by_step -= 2.0 * noise_of_all / static_cast<double>(n);
+    by_step -= noise_of_all / static_cast<double>(n);
     return all > 0.0 ? by_step / all : 0.0;
   }
 
+  VectorXd weights_of(Index a) const { return step_weights(frames, levels, frames[static_cast<std::size_t>(a)]); }
+
   // A jump before frame `a`, when it is stronger than `strongest`, which is raised to it. By the means of kSide frames
-  // on either side.
+  // on either side; where the stimulus changes, by all frames.
   std::optional<Jump> at(Index a, bool thawed, double& strongest) const {
     const ArrayXd change = value.middleRows(a, kSide).colwise().mean().transpose() -
                            value.middleRows(a - kSide, kSide).colwise().mean().transpose();
-    const double global = change.mean();
+    double global = change.mean();
     const double scatter2 = (change - global).square().mean() - 2.0 * noise2 / kSide;
-    const double sudden = mean[a] - mean[a - 1];
+    double sudden = mean[a] - mean[a - 1];
+    if (!still) {
+      global = weights_of(a).dot(mean.matrix());
+      VectorXd before = mean.matrix();
+      before.tail(before.size() - a).array() -= global;
+      sudden -= (levels.row(a) - levels.row(a - 1)).dot(levels.colPivHouseholderQr().solve(before));
+    }
     const double global_z = std::abs(global) / (flicker * std::sqrt(2.0 / kSide) + 1e-6);
     const bool global_jump = global_z > kJumpZ && std::abs(global) > kLeastJump_k && sudden * global > 0.0 &&
                              std::abs(sudden) > kSuddenLeast * std::abs(global) &&
@@ -338,8 +360,8 @@ void find_jumping_pixels(Session& session, BadPixels& bad, double step_k) {
 }
 
 std::optional<Jump> find_jump(const Session& session, std::size_t recording, const Series& residual,
-                              const std::vector<Freeze>& freezes) {
-  JumpSearch search(session, session.recordings[recording], residual);
+                              const std::vector<Freeze>& freezes, const MatrixXd& levels) {
+  JumpSearch search(session, session.recordings[recording], residual, levels);
   if (!search.prepare()) return std::nullopt;
   double strength = 0.0;
   std::optional<Jump> strongest;
@@ -356,17 +378,13 @@ std::optional<Jump> find_jump(const Session& session, std::size_t recording, con
   return strongest;
 }
 
-void remove_jump(Session& session, Jump& jump, const Series& residual) {
+void remove_jump(Session& session, Jump& jump, const Series& residual, const MatrixXd& levels) {
   Recording& r = session.recordings[jump.recording];
   const std::vector<Index> frames = r.used_frames();
   const auto first = static_cast<Index>(jump.frame);
-  const auto before = static_cast<double>(std::ranges::count_if(frames, [first](Index k) { return k < first; }));
-  const double after = static_cast<double>(frames.size()) - before;
-  if (before < 1.0 || after < 1.0) return;
-  ArrayXd step = ArrayXd::Zero(residual.cols());
-  for (Index p = 0; p < residual.cols(); ++p) {
-    for (const Index k : frames) step[p] += residual(k, p) * (k >= first ? 1.0 / after : -1.0 / before);
-  }
+  if (frames.empty() || first <= frames.front() || first > frames.back()) return;
+  const VectorXd weights = step_weights(frames, levels_in(frames, levels), first);
+  const VectorXd step = residual(frames, Eigen::all).cast<double>().transpose() * weights;
   const std::vector<int> good = session.good_pixels();
   const double mean = sum_of(good, [&](int p) { return step[p]; }) / std::max(1.0, static_cast<double>(good.size()));
   // Pixels have steps of their own only when a pattern was seen; else the mean is the better estimate of each.

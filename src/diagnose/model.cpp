@@ -174,8 +174,9 @@ double corner_gain_at(const Session& session, const CameraModel& camera, int row
   const double dx = column - half_width;
   const double dy = row - half_height;
   const double radius2 = (dx * dx + dy * dy) / std::max(1.0, half_width * half_width + half_height * half_height);
-  return camera.corner_gain * radius2 + camera.tilt_x * dx / std::max(1.0, half_width) +
-         camera.tilt_y * dy / std::max(1.0, half_height);
+  const double gain = camera.corner_gain * radius2 + camera.tilt_x * dx / std::max(1.0, half_width) +
+                      camera.tilt_y * dy / std::max(1.0, half_height);
+  return gain * (1.0 + camera.corner_bend * radius2);
 }
 
 double heating_at(const CameraModel& camera, double row) {
@@ -256,10 +257,12 @@ BarsModel::BarsModel(const Session& session, std::size_t recording, const State&
       mean_speed_(moving_ ? true_mean_speed(stimulus_, camera_.clock_skew) : 0.0),
       cold_(scene_signal(camera_, stimulus_.level_k[0])),
       span_(scene_signal(camera_, stimulus_.level_k[1]) - cold_),
-      tables_(bar_tables(camera_, stimulus_,
-                         {target_.period_px, target_.bar_width_px, target_.slant_px_per_row, mean_speed_,
-                          stimulus_.edge_px2, 1.0, std::abs(target_.slant_px_per_row) * camera_.pixel_height},
-                         moving_)) {}
+      tables_(bar_tables(
+          camera_, stimulus_,
+          {target_.period_px, target_.bar_width_px, target_.slant_px_per_row, mean_speed_,
+           (1.0 - stimulus_.edge_ramp) * stimulus_.edge_px2, std::sqrt(12.0 * stimulus_.edge_ramp * stimulus_.edge_px2),
+           1.0, std::abs(target_.slant_px_per_row) * camera_.pixel_height},
+          moving_)) {}
 
 void BarsModel::frame(std::size_t k, double shift_px, std::span<const int> pixels, float* values, float* slopes) const {
   const double speed = moving_ ? stimulus_.speed_px_s[k] / (1.0 + camera_.clock_skew) : 0.0;

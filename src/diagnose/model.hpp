@@ -62,7 +62,8 @@ struct Bars {
   double bar_width_px = 0.0;
   double slant_px_per_row = 0.0;
   double velocity_px_s = 0.0;
-  double edge_px2 = 0.0;     // variance of the target's own edges
+  double edge_px2 = 0.0;     // variance of the target's own edges, as far as they are Gaussian
+  double ramp_px = 0.0;      // and over which they are straight ramps
   double aperture_px = 1.0;  // width over which a pixel averages
   double lean_px = 0.0;      // by which bars lean within the height that a pixel sees
 };
@@ -76,7 +77,6 @@ class BarTable {
   double slope(double phase_px) const noexcept;  // by phase, 1/px
 
  private:
-  double covered_across(double phase_px) const noexcept;  // the share of one line through a pixel
   double covered(double phase_px) const noexcept;  // the share of the signal that a still pixel gets, in closed form
   double scale_ = 0.0;
   Bars bars_;
@@ -132,6 +132,7 @@ struct CameraModel {
   double corner_gain = 0.0;                // added at the corners, growing with the square of the radius
   double tilt_x = 0.0;                     // with the above: added at the right and the lower edge, for a centre
   double tilt_y = 0.0;                     // that is not the image's
+  double corner_bend = 0.0;                // the same grows by this share of itself towards the corners
   double corner_reference_k = kReference;  // at which these make no difference: the housing that shows in their place
   double clock_skew = 0.0;                 // the frame period is longer by this share
   double clip_k = std::numeric_limits<double>::infinity();  // values from here on up say nothing
@@ -170,7 +171,8 @@ struct StimulusState {
   double sweep_s = 0.0;            // chopper: from the first to the last column
   double softness_s = 0.0;         // chopper: over which a pixel is covered or uncovered
   double phase_px = 0.0;           // still bars
-  double edge_px2 = 0.0;           // bars
+  double edge_px2 = 0.0;           // bars: variance of the edges along x
+  double edge_ramp = 0.5;          // bars: the share of it that straight ramps have; the rest is Gaussian
   std::vector<double> shift_px;    // moving bars: of the target at each frame, at row 0
   std::vector<double> speed_px_s;  // moving bars: local
   std::vector<double> late_s;      // each frame was taken this much later than its time says

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
+#include <span>
+#include <utility>
 
 #include <Eigen/Core>
 #include <unsupported/Eigen/FFT>
@@ -48,12 +50,23 @@ Complex readout_response(const Response& r, double omega) {
   return factor;
 }
 
-// The integral of a step that a Gaussian blurs.
-double soft_ramp(double x, double sigma) {
-  if (sigma < 1e-6) return std::max(0.0, x);
-  const double z = x / sigma;
-  return x * 0.5 * std::erfc(-z / std::numbers::sqrt2) +
-         sigma * std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
+// The n-th integral of a step that a Gaussian blurs.
+double soft_step(int n, double x, double sigma) {
+  const double z = x / std::max(sigma, 1e-6);
+  double before = std::exp(-0.5 * z * z) / (std::max(sigma, 1e-6) * std::sqrt(2.0 * std::numbers::pi));
+  double now = 0.5 * std::erfc(-z / std::numbers::sqrt2);
+  for (int i = 1; i <= n; ++i) before = std::exchange(now, (x * now + sigma * sigma * before) / i);
+  return now;
+}
+
+// The same step as the mean over boxes of these widths, one after another.
+double boxed_step(std::span<const double> widths, int n, double x, double sigma) {
+  if (widths.empty()) return soft_step(n, x, sigma);
+  constexpr double kNarrow = 0.005;  // px: no box
+  const double w = widths.front();
+  if (w < kNarrow) return boxed_step(widths.subspan(1), n, x, sigma);
+  const auto at = [&](double place) { return boxed_step(widths.subspan(1), n + 1, place, sigma); };
+  return (at(x + w / 2.0) - at(x - w / 2.0)) / w;
 }
 
 // Between the values of a table, at a place of 0 or more.
@@ -188,8 +201,8 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
     if (gauss > 40.0) break;
     const double turn = kTwoPi * f * bars.bar_width_px;
     const Complex bar = (1.0 - std::exp(Complex(0.0, -turn))) / Complex(0.0, kTwoPi * static_cast<double>(n));
-    spectrum[n] = bar * sinc(f * bars.aperture_px) * sinc(f * bars.lean_px) * std::exp(-gauss) *
-                  static_cast<double>(kTablePhases);
+    spectrum[n] = bar * sinc(f * bars.aperture_px) * sinc(f * bars.lean_px) * sinc(f * bars.ramp_px) *
+                  std::exp(-gauss) * static_cast<double>(kTablePhases);
   }
   Eigen::FFT<double> fft;
   fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
@@ -220,25 +233,15 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
 }
 
 double BarTable::covered(double phase_px) const noexcept {
-  constexpr int kParts = 6;  // of the height that a pixel sees
-  const int parts = bars_.lean_px > 1e-6 ? kParts : 1;
+  const std::array widths{bars_.aperture_px, bars_.lean_px, bars_.ramp_px};
+  const double u = phase_px - bars_.period_px * std::floor(phase_px / bars_.period_px);
   double share = 0.0;
-  for (int i = 0; i < parts; ++i) share += covered_across(phase_px + ((i + 0.5) / parts - 0.5) * bars_.lean_px) / parts;
+  for (int m = -1; m <= 1; ++m) {
+    const double from = u - m * bars_.period_px;
+    share += boxed_step(widths, 0, from, sigma_px_) - boxed_step(widths, 0, from - bars_.bar_width_px, sigma_px_);
+  }
   if (signal_.empty()) return share;
   return interpolated(signal_, std::clamp(share, 0.0, 1.0) * kTableShares);
-}
-
-double BarTable::covered_across(double phase_px) const noexcept {
-  const double half = bars_.aperture_px / 2.0;
-  const double u = phase_px - bars_.period_px * std::floor(phase_px / bars_.period_px);
-  double sum = 0.0;
-  for (int m = -2; m <= 2; ++m) {
-    const double from = u - m * bars_.period_px;
-    const double to = from - bars_.bar_width_px;
-    sum += soft_ramp(from + half, sigma_px_) - soft_ramp(from - half, sigma_px_) - soft_ramp(to + half, sigma_px_) +
-           soft_ramp(to - half, sigma_px_);
-  }
-  return sum / bars_.aperture_px;
 }
 
 double BarTable::at(double phase_px) const noexcept {

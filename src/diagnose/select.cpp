@@ -1,7 +1,9 @@
 // Which effects are chosen: forward with nested refits, then backward.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
+#include <optional>
 #include <random>
 
 #include "src/diagnose/fit.hpp"
@@ -53,8 +55,10 @@ State without_effect(const Session& session, const State& from, const State& bas
   return state;
 }
 
-// The share of redrawn sets of groups in which the first gains more than the second.
-double confidence_of(const Score& base, const Score& first, const Score* second) {
+// The share of redrawn sets of groups in which the first gains more than the second (null: than nothing). The levels
+// say something of each, too: log-likelihoods.
+double confidence_of(const Score& base, const Score& first, double by_levels, const Score* second,
+                     double second_by_levels) {
   std::mt19937 random(12345);
   const std::size_t groups = base.groups.size();
   if (groups == 0) return 0.0;
@@ -62,8 +66,8 @@ double confidence_of(const Score& base, const Score& first, const Score* second)
   int wins = 0;
   constexpr int kDraws = 400;
   for (int d = 0; d < kDraws; ++d) {
-    double ours = 0.0;
-    double other = 0.0;
+    double ours = 2.0 * by_levels;
+    double other = second != nullptr ? 2.0 * second_by_levels : 0.0;
     for (std::size_t i = 0; i < groups; ++i) {
       const std::size_t g = pick(random);
       ours += base.groups[g].sum - first.groups[g].sum;
@@ -98,7 +102,10 @@ class Selector {
         continue;
       chosen.alternatives.push_back({effect->name, tried[i].fit.score.gap()});
     }
-    chosen.confidence = confidence_of(before, best.fit.score, tried.size() > 1 ? &tried[1].fit.score : nullptr);
+    const Tried* const other = tried.size() > 1 ? &tried[1] : nullptr;
+    chosen.confidence =
+        confidence_of(before, best.fit.score, by_levels(best.fit), other == nullptr ? nullptr : &other->fit.score,
+                      other == nullptr ? 0.0 : by_levels(other->fit));
     if (best.gain.z > 2.0 * kLeastZ && tried.size() == 1) {
       chosen.confidence = std::max(chosen.confidence, kSoleConfidence);
     }
@@ -130,27 +137,38 @@ class Selector {
     return false;
   }
 
-  // Takes out an effect that no longer pays; false when all do.
+  // Takes out the effect that pays least beside all others; false when all earn their place.
   bool drop() {
     auto& all = selection_.chosen;
+    std::optional<std::size_t> least;
+    double least_gain = std::numeric_limits<double>::infinity();
+    FitResult without_least;
     for (std::size_t i = 0; all.size() > 1 && i < all.size(); ++i) {
       if (all[i].from_map) continue;
       std::vector<Choice> rest = unformed(selection_.fit.choices);
       rest.erase(rest.begin() + static_cast<long>(i));
       const State start = without_effect(data_.session, selection_.fit.state, base_.state, *all[i].choice.effect);
       FitResult without = fit(data_, start, rest, kRounds);
-      if (enough(gain(without, selection_.fit)) && worth_naming(data_.session, selection_.fit, i)) continue;
-      selection_.fit = std::move(without);
-      all.erase(all.begin() + static_cast<long>(i));
-      return true;
+      const Gain paid = gain(without, selection_.fit);
+      if ((enough(paid) && worth_naming(data_.session, selection_.fit, i)) || paid.total >= least_gain) continue;
+      least = i;
+      least_gain = paid.total;
+      without_least = std::move(without);
     }
-    return false;
+    if (!least) return false;
+    selection_.fit = settle(data_, std::move(without_least), kRounds, kSettled);
+    all.erase(all.begin() + static_cast<long>(*least));
+    return true;
   }
 
   const Selection& selection() const { return selection_; }
 
  private:
   bool levels_are_off(const State& state) const { return level_error(levels_, state) > kLevelsOff * kLevelResolution; }
+
+  double by_levels(const FitResult& fit) const {
+    return level_evidence(levels_, fit.state) - level_evidence(levels_, selection_.fit.state);
+  }
 
   // What a fit gains over another: held-out cells, and how well the levels agree with their files. The second part has
   // few values behind it, so it counts on its own only when it is large.
@@ -246,7 +264,10 @@ Selection select_effects(const FitData& data, const FitResult& base, const std::
   }
   while (selector.drop()) {
   }
-  while (selector.add_hidden()) {
+  bool hidden = false;
+  while (selector.add_hidden()) hidden = true;
+  // What is smooth and has a name leaves less to the maps that had hidden it.
+  while (hidden && selector.drop()) {
   }
   return selector.selection();
 }

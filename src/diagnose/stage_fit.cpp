@@ -41,6 +41,22 @@ void match_stimuli(std::span<const int> some, Fit& fit) {
   }
 }
 
+// What one kelvin more of each of its levels adds to a recording's frames, on average.
+MatrixXd level_slopes(const Session& session, std::size_t i, const State& state) {
+  const std::vector<int> pixels = session.good_pixels();
+  const auto means = [&](const State& of) -> VectorXd {
+    return predict(session, i, of, pixels).rowwise().mean().cast<double>();
+  };
+  const VectorXd base = means(state);
+  MatrixXd slopes(base.size(), static_cast<Index>(state.stimuli[i].level_k.size()));
+  for (Index l = 0; l < slopes.cols(); ++l) {
+    State hotter = state;
+    hotter.stimuli[i].level_k[static_cast<std::size_t>(l)] += 1.0;
+    slopes.col(l) = means(hotter) - base;
+  }
+  return slopes;
+}
+
 void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const State& state, Fit& fit) {
   const std::vector<int> all = fit.session.grid.all();
   for (const std::size_t i : modelled(fit.session)) {
@@ -48,10 +64,11 @@ void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const Stat
     // Where frames have times of their own, what they miss by is no jump.
     if (r.kind == Kind::kUniform || state.stimuli[i].times_free) continue;
     const Series residual = r.values - predict(fit.session, i, state, all);
-    if (auto jump = find_jump(fit.session, i, residual, freezes)) {
+    const MatrixXd levels = level_slopes(fit.session, i, state);
+    if (auto jump = find_jump(fit.session, i, residual, freezes, levels)) {
       // The speed of a pan is less sure where its frames' times are.
       if (jittered && std::abs(jump->global_k) < kLeastJumpOfJittered_k) continue;
-      remove_jump(fit.session, *jump, residual);
+      remove_jump(fit.session, *jump, residual, levels);
       fit.jumps.push_back(*jump);
     }
   }
@@ -63,7 +80,8 @@ void correct_jumps_again(const State& state, Fit& fit) {
   for (Jump& jump : fit.jumps) {
     const Recording& r = fit.session.recordings[jump.recording];
     if (r.kind == Kind::kUniform) continue;
-    remove_jump(fit.session, jump, r.values - predict(fit.session, jump.recording, state, all));
+    remove_jump(fit.session, jump, r.values - predict(fit.session, jump.recording, state, all),
+                level_slopes(fit.session, jump.recording, state));
   }
 }
 

@@ -121,7 +121,10 @@ std::map<std::string, double> stimulus_errors(const Recording& r, const Stimulus
     out["delay_s"] = s.delay_s;
     out["softness_s"] = s.softness_s;
   }
-  if (is_bars(r.kind)) out["edge_px"] = std::sqrt(std::max(0.0, s.edge_px2));
+  if (is_bars(r.kind)) {
+    out["edge_px"] = std::sqrt(std::max(0.0, s.edge_px2));
+    out["edge_ramp"] = s.edge_ramp;
+  }
   // Whole periods are no error.
   const auto phase = [&r](double px) { return std::remainder(px, std::get<capture::BarTarget>(r.stimulus).period_px); };
   if (r.kind == Kind::kStillBars) out["phase_px"] = phase(s.phase_px);

@@ -61,13 +61,14 @@ BadPixels find_dead_pixels(Session& session);
 void find_jumping_pixels(Session& session, BadPixels& bad, double step_k = 0.0);
 
 // The clearest step in a series of residuals (frames x pixels of the grid, K): of a uniform recording its own values
-// will do.
+// will do. `levels`: what each of the stimulus' levels adds to the frames (frames x levels), since a fit of levels
+// takes up a part of every jump; empty: one level that all frames show.
 std::optional<Jump> find_jump(const Session& session, std::size_t recording, const Series& residual,
-                              const std::vector<Freeze>& freezes);
+                              const std::vector<Freeze>& freezes, const MatrixXd& levels = {});
 
 // Takes a jump out of the recording's values, with the step of every pixel estimated from `residual` (all pixels of the
 // grid).
-void remove_jump(Session& session, Jump& jump, const Series& residual);
+void remove_jump(Session& session, Jump& jump, const Series& residual, const MatrixXd& levels = {});
 
 // The common step of all values of the recordings.
 double find_step(const Session& session);

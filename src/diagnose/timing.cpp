@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <optional>
 #include <utility>
 
 #include <Eigen/Dense>
@@ -229,26 +228,38 @@ void count_periods(int periods, Transport& t) {
   if (periods < 0) t.inserted -= periods;
 }
 
-// Whole periods by which each frame of moving bars is late.
+// Whole periods by which each frame of moving bars is late. What jitter makes of one frame the next takes back; a frame
+// that was lost or inserted shows in all that follow.
 void count_steps(const Session& session, std::size_t index, State& state, Transport& t) {
+  constexpr std::size_t kSide = 3;  // frames on either side that must agree
   const Recording& r = session.recordings[index];
   StimulusState& s = state.stimuli[index];
-  int late = 0;
-  std::optional<std::size_t> last;  // that was used
+  std::vector<std::size_t> seen;
+  std::vector<double> ahead_s;  // of the clock, as the target's place tells
   for (std::size_t k = 0; k < r.used.size(); ++k) {
     if (r.used[k] == 0) continue;
-    if (last) {
-      const std::size_t before = *last;
-      const double went = (s.shift_px[k] - s.shift_px[before]) / s.speed_px_s[k] - (r.t[k] - r.t[before]);
-      const int periods = static_cast<int>(std::lround(went / session.period_s));
-      if (periods != 0 && std::abs(went - periods * session.period_s) < kNearWhole * session.period_s) {
-        late += periods;
-        count_periods(periods, t);
-      }
-      for (std::size_t between = before + 1; between < k; ++between) s.late_s[between] = late * session.period_s;
+    double went = 0.0;
+    if (!seen.empty()) went = (s.shift_px[k] - s.shift_px[seen.back()]) / s.speed_px_s[k] - (r.t[k] - r.t[seen.back()]);
+    ahead_s.push_back(seen.empty() ? 0.0 : ahead_s.back() + went);
+    seen.push_back(k);
+  }
+  const auto whole = [&](double time_s) {
+    const auto periods = static_cast<int>(std::lround(time_s / session.period_s));
+    return std::abs(time_s - periods * session.period_s) < kNearWhole * session.period_s ? periods : 0;
+  };
+  const auto middle = [&](std::size_t from, std::size_t to) {
+    return median(
+        std::vector<double>(ahead_s.begin() + static_cast<long>(from), ahead_s.begin() + static_cast<long>(to)));
+  };
+  int late = 0;
+  for (std::size_t j = 1; j < seen.size(); ++j) {
+    const int periods = whole(ahead_s[j] - ahead_s[j - 1]);
+    const double lasting = middle(j, std::min(j + kSide, seen.size())) - middle(j - std::min(j, kSide), j);
+    if (periods != 0 && whole(lasting) == periods) {
+      late += periods;
+      count_periods(periods, t);
     }
-    s.late_s[k] = late * session.period_s;
-    last = k;
+    for (std::size_t k = seen[j - 1] + 1; k <= seen[j]; ++k) s.late_s[k] = late * session.period_s;
   }
 }
 

@@ -6,6 +6,8 @@
 #include <limits>
 #include <random>
 
+#include <Eigen/Dense>
+
 #include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose {
@@ -125,6 +127,23 @@ TEST_F(Events, AJumpAfterAFreezeBelongsToIt) {
   EXPECT_EQ(found[0].frame, 150U);
 }
 
+// A fit of two levels, each of which only a part of the frames shows, has taken up what it could of the jump.
+TEST_F(Events, AJumpIsFoundThatLevelsHaveTakenUpInPart) {
+  MatrixXd levels = MatrixXd::Zero(kFrames, 2);
+  for (int k = 0; k < kFrames; ++k) levels(k, k % 40 < 16 || k >= 190 ? 1 : 0) = 1.0;
+  VectorXd step = VectorXd::Zero(kFrames);
+  step.tail(kFrames - 120).setConstant(0.5);
+  step -= levels * levels.colPivHouseholderQr().solve(step);
+  Session session = shutter([&](int k, int, int) { return step[k]; });
+  session.recordings[0].kind = Kind::kChopper;
+  auto jump = find_jump(session, 0, session.recordings[0].values, {}, levels);
+  ASSERT_TRUE(jump);
+  EXPECT_EQ(jump->frame, 120U);
+  EXPECT_NEAR(jump->global_k, 0.5, 0.02);
+  remove_jump(session, *jump, session.recordings[0].values, levels);
+  EXPECT_NEAR(jump->global_k, 0.5, 0.005);
+}
+
 TEST_F(Events, ASlowChangeIsNoJump) {
   EXPECT_TRUE(jumps(shutter([](int k, int, int) { return 0.3 * k / kFrames; })).empty());
   EXPECT_TRUE(jumps(shutter([](int k, int, int) { return 0.2 * std::sin(0.05 * k); })).empty());
@@ -153,6 +172,16 @@ TEST_F(Events, StuckAndNoisyPixelsAreDead) {
   EXPECT_EQ(std::ranges::count(session.good, 0), 2);
 }
 
+TEST_F(Events, APixelThatDoesNotFollowIsDeadThoughItIsNoisy) {
+  std::vector<Recording> all{quiet(), testing::record(testing::noisy_camera(), testing::odd_chopper(), kFrames)};
+  const int silent = 9 * kWidth + 13;
+  for (Recording& r : all) {
+    for (int k = 0; k < kFrames; ++k) r.values(k, silent) = static_cast<float>(303.0 + noise(3.0 * kSigma));
+  }
+  Session session = testing::session_of(std::move(all));
+  EXPECT_EQ(find_dead_pixels(session).stuck, std::vector<int>{silent});
+}
+
 TEST_F(Events, APixelThatSticksInOneCaptureOnlyIsNotDead) {
   Session session = testing::session_of({quiet(), quiet()});
   session.recordings[0].values.col(100).setConstant(300.0F);
@@ -171,6 +200,19 @@ TEST_F(Events, PixelsThatJumpBetweenTwoLevelsAreFound) {
   EXPECT_EQ(bad.jumping, chosen);
   EXPECT_NEAR(bad.step_k, 0.2, 0.02);
   EXPECT_TRUE(bad.stuck.empty());
+}
+
+// Slow drift takes pixels over the border between two multiples: one hop there and back, and no telegraph.
+TEST_F(Events, PixelsThatHopBetweenTwoCoarseValuesDoNotJump) {
+  const auto rounded = [this](int k, int, int c) {
+    return 0.1 * std::round(10.0 * (noise(0.005) + (c == 7 && (k / 50) % 2 == 1 ? 0.09 : 0.0)));
+  };
+  Session session = testing::session_of({testing::shutter(kFrames, rounded)});
+  BadPixels bad = find_dead_pixels(session);
+  find_jumping_pixels(session, bad, 0.1);
+  EXPECT_TRUE(bad.jumping.empty());
+  find_jumping_pixels(session, bad, 0.0);
+  EXPECT_FALSE(bad.jumping.empty());
 }
 
 TEST_F(Events, ACoarseStepIsFound) {

@@ -153,7 +153,7 @@ TEST(StepTable, SeveralStepsWithinOneCellAddUp) {
 }
 
 TEST(BarTable, HasTheBarsMeanAndTheirPeriod) {
-  const Bars bars{20.0, 8.0, 0.0, 150.0, 0.0, 1.0};
+  const Bars bars{.period_px = 20.0, .bar_width_px = 8.0, .velocity_px_s = 150.0};
   const BarTable table(bars, {});
   double mean = 0.0;
   for (int i = 0; i < 2000; ++i) mean += table.at(i * 0.01) / 2000.0;
@@ -162,6 +162,33 @@ TEST(BarTable, HasTheBarsMeanAndTheirPeriod) {
     EXPECT_NEAR(table.at(u), table.at(u + 20.0), 1e-6);
     EXPECT_NEAR(table.at(u), table.at(u - 60.0), 1e-6);
     EXPECT_NEAR(table.slope(u), (table.at(u + 0.02) - table.at(u - 0.02)) / 0.04, 1e-5);
+  }
+}
+
+// Bars whose edges are part Gaussian, part straight ramp, and which lean within a pixel: point by point.
+TEST(BarTable, EdgesAreRampsAndGaussians) {
+  Bars bars{.period_px = 20.0, .bar_width_px = 8.0, .edge_px2 = 0.04, .ramp_px = 0.7, .lean_px = 0.3};
+  const auto hot = [&](double u) {  // its Gaussian by its distribution
+    double share = 0.0;
+    for (const double from : {-20.0, 0.0, 20.0}) {
+      share += 0.5 * (std::erf((u - from) / std::sqrt(0.08)) - std::erf((u - from - 8.0) / std::sqrt(0.08)));
+    }
+    return share;
+  };
+  constexpr int kParts = 40;
+  const auto place = [](int i, double width) { return ((i + 0.5) / kParts - 0.5) * width; };
+  for (const double velocity : {0.0, 1e-3}) {
+    bars.velocity_px_s = velocity;
+    const BarTable table(bars, {});
+    for (const double phase : {-0.7, -0.2, 0.1, 0.9, 4.0, 7.6, 8.3, 12.0}) {
+      double mean = 0.0;
+      for (int i = 0; i < kParts; ++i) {
+        for (int j = 0; j < kParts; ++j) {
+          for (int k = 0; k < kParts; ++k) mean += hot(phase + place(i, 1.0) + place(j, 0.3) + place(k, 0.7));
+        }
+      }
+      EXPECT_NEAR(table.at(phase), mean / std::pow(kParts, 3), 2e-4) << velocity << " px/s at " << phase;
+    }
   }
 }
 

@@ -96,7 +96,7 @@ std::vector<Effect> scene_and_pixel_effects() {
        .parameters = always({number_of("blur_px2", 0.1, 0.0, 9.0, &Response::blur_px2)}),
        .least = 0.015,
        .report = report_blur},
-      // The gain falls towards the corners, with the square of the radius.
+      // The gain falls towards the corners, about with the square of the radius: what is smooth is no map of pixels.
       {.name = "vignetting",
        .stage = "optics",
        .needs = "flat black bodies at two temperatures",
@@ -104,10 +104,15 @@ std::vector<Effect> scene_and_pixel_effects() {
        .parameters = always({number_of("corner_gain", 0.01, -0.2, 0.2, &CameraModel::corner_gain),
                              number_of("tilt_x", 0.005, -0.2, 0.2, &CameraModel::tilt_x),
                              number_of("tilt_y", 0.005, -0.2, 0.2, &CameraModel::tilt_y),
-                             about_reference("housing", &CameraModel::corner_reference_k)}),
+                             about_reference("housing", &CameraModel::corner_reference_k),
+                             number_of("bend", 0.2, -1.0, 1.0, &CameraModel::corner_bend)}),
        .least = 0.0006,
        .hides_in = MapKind::kGain,
-       .report = reported_as("corner_loss", [](double v, double e) { return interval(-v, e); })},
+       .report =
+           [](const Fitted& f) {
+             const double bent = 1.0 + f.value[4];
+             return Estimates{{"corner_loss", interval(-f.value[0] * bent, std::abs(f.error[0] * bent))}};
+           }},
       // The target is mixed with its surroundings.
       {.name = "emissivity",
        .stage = "radiometry",

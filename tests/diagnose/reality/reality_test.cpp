@@ -15,8 +15,9 @@ namespace blind = tools::blind;
 
 class SecondReality : public ::testing::Test {
  protected:
-  Report diagnosed(blind::Kind kind, std::size_t index, const std::string& only = {}) {
+  Report diagnosed(blind::Kind kind, std::size_t index, const std::string& only = {}, bool imperfect = false) {
     blind::DrawOptions options;
+    options.imperfect = imperfect;
     options.reality = blind::Reality::kSecond;
     options.only = only;
     const auto session = blind::draw_session(options, kind, index);
@@ -39,6 +40,22 @@ class SecondReality : public ::testing::Test {
 // Its bars lean within the height of a pixel.
 TEST_F(SecondReality, WithoutAnEffectShowsNoGap) {
   EXPECT_EQ(names(diagnosed(blind::Kind::kEffectFree, 0)), "no_gap:");
+}
+
+// The edges of its target are straight ramps.
+TEST_F(SecondReality, AnImperfectBenchIsNotTheCameras) {
+  const Report report = diagnosed(blind::Kind::kEffectFree, 1, {}, true);
+  EXPECT_EQ(names(report), "no_gap:");
+}
+
+// Its loss towards the corners is a cosine law about a place of its own.
+TEST_F(SecondReality, WhatIsSmoothIsNoMapOfPixels) {
+  EXPECT_EQ(names(diagnosed(blind::Kind::kSingle, 0, "vignetting")), "explained: vignetting");
+}
+
+// Levels that are free would swallow it.
+TEST_F(SecondReality, LevelsOfAGoodBenchTellTheEmissivity) {
+  EXPECT_EQ(names(diagnosed(blind::Kind::kSingle, 0, "emissivity")), "explained: emissivity");
 }
 
 // Its gains were made equal at 298.15 K.
