@@ -243,7 +243,9 @@ void name_spectrum_and_tails(const Noise& noise, bool coarse, const model::Camer
     out.name("iir", n.alpha.z, {{"alpha", interval(n.alpha.value, n.alpha.error)}},
              "the noise is correlated from frame to frame");
   }
-  if (n.corner_hz.z > kClearCorner && n.corner_hz.value > kLeastCorner) {
+  // Coarse steps of what a filter has smoothed hop slowly.
+  const bool hops = coarse && n.filter != FrameFilter::kNone;
+  if (n.corner_hz.z > kClearCorner && n.corner_hz.value > kLeastCorner && !hops) {
     out.name("one_over_f", n.corner_hz.z, {{"corner_hz", interval(n.corner_hz.value, n.corner_hz.error)}},
              "the noise grows towards low frequencies");
   }

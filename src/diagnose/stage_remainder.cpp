@@ -42,6 +42,7 @@ constexpr double kSlowMargin = 1.5;
 struct Allowance {
   double pattern = kPattern;
   double slow_noise = 1.0;      // by how much noise that is correlated in time widens the tests
+  double still_scatter = 1.0;   // of a still field, in floors: at the border of two coarse steps it hops by half of one
   bool times_free = false;      // of a chopper's frames: those at its very edges may miss
   double flicker = 0.0;         // of whole frames
   std::vector<char> corrected;  // recordings out of which a jump was taken: the estimate leaves a pattern
@@ -59,7 +60,10 @@ Allowance allowance_of(const Events& events, const Noise& noise, const Fit& fit)
     a.pattern = std::hypot(a.pattern, kSlowMargin * std::sqrt(decade) * n.white_k / noise.floor_k);
   }
   if (fit.state.camera.tau.size() > 0) a.pattern = std::max(a.pattern, kPatternOfTaus);
-  if (events.coarse) a.pattern = kPatternOfSteps;
+  if (events.coarse) {
+    a.pattern = kPatternOfSteps;
+    a.still_scatter = std::max(1.0, std::hypot(noise.nominal_k, events.step_k / 2.0) / noise.floor_k);
+  }
   a.flicker = n.flicker.value / noise.floor_k;
   a.times_free = std::ranges::any_of(fit.state.stimuli, &StimulusState::times_free);
   return a;
@@ -267,12 +271,14 @@ void test_frames(const Examined& x, const Tallies& tallies, const Allowance& all
   const double worst = (sorted.back() - typical) / spread;
   const bool chopper = x.recording.kind == Kind::kChopper;
   const bool edges = allowance.times_free && chopper;
-  if (!edges) {
+  const bool still = x.recording.kind == Kind::kUniform || x.recording.kind == Kind::kStillBars;
+  const bool hops = still && allowance.still_scatter > 1.0;  // from frame to frame, as the noise has it
+  if (!edges && !hops) {
     out.add("transport", "single frames do not fit",
             sorted.back() > kWorseFrame * typical ? worst * kFrameWeight : 0.0);
   }
   out.misfit("pixel", "the prediction misses by more than the noise",
-             (std::sqrt(sum_of(sorted) / frames) - 1.0) / kMissError);
+             (std::sqrt(sum_of(sorted) / frames) - (still ? allowance.still_scatter : 1.0)) / kMissError);
   // Whole frames: flicker and the pixels' noise move their means by this much.
   const double expected = kFlickerMargin * allowance.flicker * allowance.flicker + kPixelMargin / pixels;
   const double excess = std::sqrt(std::max(0.0, tallies.frame_mean2 / frames - expected));

@@ -205,7 +205,7 @@ TEST_F(Events, PixelsThatJumpBetweenTwoLevelsAreFound) {
 // Slow drift takes pixels over the border between two multiples: one hop there and back, and no telegraph.
 TEST_F(Events, PixelsThatHopBetweenTwoCoarseValuesDoNotJump) {
   const auto rounded = [this](int k, int, int c) {
-    return 0.1 * std::round(10.0 * (noise(0.005) + (c == 7 && (k / 50) % 2 == 1 ? 0.09 : 0.0)));
+    return 0.1 * std::round(10.0 * (noise(0.022) + (c == 7 && (k / 50) % 2 == 1 ? 0.09 : 0.0)));
   };
   Session session = testing::session_of({testing::shutter(kFrames, rounded)});
   BadPixels bad = find_dead_pixels(session);
