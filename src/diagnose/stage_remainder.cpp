@@ -28,6 +28,7 @@ constexpr double kWorseFrame = 1.4;  // times the usual squared residual, from w
 constexpr double kFrameWeight = 0.5;
 constexpr double kMissError = 0.012;    // of a capture's rms residual, in floors
 constexpr double kFrameError = 0.03;    // of whole frames' rms residual, in floors
+constexpr double kStartLeft = 0.03;     // of a filter's start, that no longer shows
 constexpr double kFlickerMargin = 1.3;  // times the flicker's variance, that whole frames may move by
 constexpr double kPixelMargin = 2.0;    // the same of what the pixels' noise leaves in a frame's mean
 
@@ -45,6 +46,7 @@ struct Allowance {
   double still_scatter = 1.0;   // of a still field, in floors: at the border of two coarse steps it hops by half of one
   bool times_free = false;      // of a chopper's frames: those at its very edges may miss
   double flicker = 0.0;         // of whole frames
+  long settling = 0;            // first frames, before a frame filter has settled: it may start as it likes
   std::vector<char> corrected;  // recordings out of which a jump was taken: the estimate leaves a pattern
 };
 
@@ -65,6 +67,9 @@ Allowance allowance_of(const Events& events, const Noise& noise, const Fit& fit)
     a.still_scatter = std::max(1.0, std::hypot(noise.nominal_k, events.step_k / 2.0) / noise.floor_k);
   }
   a.flicker = n.flicker.value / noise.floor_k;
+  if (n.filter != FrameFilter::kNone) {
+    a.settling = std::lround(std::ceil(std::log(kStartLeft) / std::log1p(-std::min(n.alpha.value, 0.99))));
+  }
   a.times_free = std::ranges::any_of(fit.state.stimuli, &StimulusState::times_free);
   return a;
 }
@@ -260,7 +265,8 @@ void test_patterns(const Examined& x, const Tallies& tallies, const Allowance& a
 
 void test_frames(const Examined& x, const Tallies& tallies, const Allowance& allowance, bool corrected,
                  const Collector& out) {
-  std::vector<double> sorted = tallies.frame_square;
+  const auto& square = tallies.frame_square;
+  std::vector<double> sorted(square.begin() + std::min(allowance.settling, std::ssize(square)), square.end());
   std::ranges::sort(sorted);
   if (sorted.size() < kLeastFrames) return;
   const auto pixels = static_cast<double>(x.data.all_pixels.size());
