@@ -9,6 +9,8 @@ namespace {
 // As Aravis has them, whose behaviour towards cameras this keeps.
 constexpr std::int64_t kFirstTimeoutNs = 1'000'000;  // until a packet that others overtook is asked for
 constexpr std::uint32_t kMostAskedPart = 4;          // of a frame's packets no more than this part is asked for again
+constexpr std::int64_t kSpanGrows = 8;               // by a part, from frame to frame
+constexpr std::int64_t kSpanStepNs = 20'000;
 constexpr std::int64_t kLateFrames = 100;  // this far behind a packet is late; further, the counter began anew
 
 // The counter can be ahead by this many frames, and by what the time that has passed allows, with a margin.
@@ -58,6 +60,9 @@ void Assembler::take(std::span<const std::byte> datagram, std::int64_t now_ns) n
   while (frame->prefix < frame->packets && frame->states[frame->prefix].received) ++frame->prefix;
   if (frame->prefix == frame->packets && frame->has_trailer) {
     frame->whole = true;
+    if (frame->asked == 0) {  // one that was read late must not hold up the next
+      span_ns_ = std::min(now_ns - frame->first_ns, span_ns_ + span_ns_ / kSpanGrows + kSpanStepNs);
+    }
     deliver(now_ns);
   } else {
     request_missing(*frame, packet->packet_id, now_ns);

@@ -66,6 +66,11 @@ class Assembler {
   void expire(std::int64_t now_ns) noexcept;
   // Frames are under way.
   bool busy() const noexcept;
+  // How much longer the newest frame's packets should take, by what those of the frames before took; not above 0: they
+  // are all there, or late.
+  std::int64_t rest_ns(std::int64_t now_ns) const noexcept {
+    return latest_ != nullptr && latest_->open && !latest_->whole ? latest_->first_ns + span_ns_ - now_ns : 0;
+  }
   // Thread: any.
   const StreamCounts& counts() const noexcept { return counts_; }
 
@@ -130,9 +135,10 @@ class Assembler {
   const std::uint64_t frames_held_;  // that an incomplete frame can hold up
   const std::int64_t patience_ns_;   // with an incomplete frame
   std::vector<Frame> frames_;
-  Frame* latest_ = nullptr;  // that a packet came for
-  bool started_ = false;     // a frame was whole
-  bool extended_ = false;    // its ids were
+  Frame* latest_ = nullptr;   // that a packet came for
+  std::int64_t span_ns_ = 0;  // from a frame's first packet to its last
+  bool started_ = false;      // a frame was whole
+  bool extended_ = false;     // its ids were
   std::uint64_t newest_ = 0;
   std::int64_t newest_ns_ = 0;
   std::uint64_t emitted_ = 0;

@@ -48,6 +48,7 @@ class Receiver final : private FrameOutput {
   explicit Receiver(UniqueFd socket, const sockaddr_in& camera) : socket_(std::move(socket)), camera_(camera) {}
 
   void run() noexcept;
+  void pause(std::int64_t rest_ns) const noexcept;
   void take_frame(const CameraFrame& frame) noexcept override { take_(frame); }
   void request_resend(const ResendRequest& request) noexcept override;
 
@@ -57,6 +58,7 @@ class Receiver final : private FrameOutput {
   UniqueFd wake_;
   std::uint16_t request_id_ = 0;
   StreamPlan plan_;
+  double pause_share_ = 0.0;  // of the time that a frame still takes
   std::function<void(const CameraFrame&)> take_;
   std::unique_ptr<Assembler> assembler_;
   std::vector<std::byte> bytes_;  // of a batch of datagrams
