@@ -177,7 +177,7 @@ template <int kBins>
 struct Steps {
   static constexpr std::size_t kPixels = std::min(2 * kLanes, Dual<kBins>::kPixels);
   using Wide = float[kPixels];
-  HWY_ALIGN Wide rest[std::size_t{3 * log2_of(kBins)}];
+  HWY_ALIGN Wide rest[std::size_t{4 * log2_of(kBins)}];
   HWY_ALIGN Wide y;
   HWY_ALIGN Wide low;
   HWY_ALIGN Wide high;

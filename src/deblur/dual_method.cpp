@@ -6,14 +6,14 @@
 namespace bolo::deblur {
 namespace {
 
-// ADMM solves the patterns of lost frames that the sweeps do not apply to.
+// ADMM solves the patterns of lost frames that the sweeps do not apply to, or, with three, leave something to do.
 class DualMethod final : public PixelMethod {
  public:
   DualMethod(const StreamTask& task, const Grid& grid, const DualTuning& tuning)
       : grid_(grid), tuning_(tuning), kernels_(best_kernels()), otherwise_(admm(task)) {}
 
   void prepare(const Pattern& pattern) noexcept override {
-    applies_ = dual_bridges(pattern);
+    applies_ = dual_bridges(pattern) && pattern.slots - pattern.count < kMostLost;
     if (!applies_) return otherwise_->prepare(pattern);
     plan_ = make_dual_plan(grid_, tuning_);
     deblur::prepare(plan_, grid_, pattern);

@@ -62,34 +62,36 @@ class GapBuilder {
     plan_.lost = plan_.moves;
   }
 
-  // Where two that are in no pair share coefficients, each alone can hold the other back: also moves both, so that the
-  // coefficient that holds them the most stays.
+  // Where two that are in no pair share coefficients, each alone can hold the other back: also moves both, so that one
+  // of the coefficients that hold them stays. With every such direction no corner is left where both wait.
   void add_both() noexcept {
-    if (plan_.lost < 2 || plan_.gap[plan_.lost - 2].pair) return;
-    const std::size_t first = plan_.lost - 2;
-    int shared = 0;
-    double most = 0.0;
-    for (int i = 1; i < plan_.bins; ++i) {
-      if (!parts_at(i, plan_.gap[first].slot) || !parts_at(i, plan_.gap[first + 1].slot)) continue;
-      const double both = std::abs(move_of(i, first) * move_of(i, first + 1)) / support_of(i, plan_.bins);
-      if (both <= most) continue;
-      most = both;
-      shared = i;
+    for (std::size_t second = 1; second < plan_.lost; ++second) {
+      for (std::size_t first = 0; first < second; ++first) {
+        if (!plan_.gap[first].pair && !plan_.gap[second].pair) add_both(first, second);
+      }
     }
-    if (shared == 0) return;
-    plan_.gap[plan_.moves] = {};
-    plan_.gap[plan_.moves].along[first] = 1.0F;
-    shifts_[plan_.moves] = shifts_[first];
-    add_along(shared, first + 1);
-    finish();
   }
 
  private:
   using Bins = std::array<double, kMaxDualBins>;
 
-  // Whether coefficient i tells the bins beside a slot apart.
-  bool parts_at(int i, int slot) const noexcept {
-    return sign_of(i, slot - 1, plan_.bins) != sign_of(i, slot, plan_.bins);
+  // Coefficients that move alike ask for the same direction.
+  void add_both(std::size_t first, std::size_t second) noexcept {
+    const std::size_t before = plan_.moves;
+    for (int i = 0; i < plan_.bins && plan_.moves < kMostMoves; ++i) {
+      const double move = move_of(i, first);
+      if (move == 0.0 || move_of(i, second) == 0.0) continue;
+      const auto by = static_cast<float>(-move / move_of(i, second));
+      const auto known = [&](const LostSample& other) {
+        return std::abs(other.along[second] - by) < 1e-3F * std::abs(by);
+      };
+      if (std::any_of(plan_.gap.begin() + before, plan_.gap.begin() + plan_.moves, known)) continue;
+      plan_.gap[plan_.moves] = {};
+      plan_.gap[plan_.moves].along[first] = 1.0F;
+      shifts_[plan_.moves] = shifts_[first];
+      add_along(i, second);
+      finish();
+    }
   }
 
   // How far coefficient i moves with lost sample k.
@@ -138,7 +140,7 @@ class GapBuilder {
   DualPlan& plan_;
   double decay_;
   double lambda_scale_;
-  std::array<Bins, kMostLost + 1> shifts_;
+  std::array<Bins, kMostMoves> shifts_;
 };
 
 // A window that begins at a later sample has neither input nor residual before it: the jump to its first bin weighs
@@ -253,6 +255,13 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
   }
   if (sweeps > 2)
     plan.sweeps += sweeps / 2;  // the larger lambda, the longer they and the lost samples wait for each other
+  // With look-ahead, one beside the published time or before that.
+  bool near = false;
+  for (int slot = std::max(0, pattern.target - 2); slot <= pattern.target + 1 && pattern.target + 1 < pattern.slots;
+       ++slot) {
+    near |= !pattern.received[static_cast<std::size_t>(slot)];
+  }
+  plan.sweeps += near ? 1 : 0;
   gap.add_both();
   begin_at(plan, pattern.first);
 }

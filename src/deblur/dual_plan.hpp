@@ -19,7 +19,8 @@ namespace bolo::deblur {
 inline constexpr int kMaxDualBins = 64;
 inline constexpr int kMaxDualLevels = 6;
 inline constexpr int kMostLost = 3;
-inline constexpr std::size_t kMostParts = 3 * kMaxDualLevels;
+inline constexpr std::size_t kMostMoves = 16;
+inline constexpr std::size_t kMostParts = 4 * kMaxDualLevels;  // of two lost samples that move together
 inline constexpr std::size_t kMostTerms = 2 * (kMaxDualLevels + 2);
 
 // Of coefficient i, in the order of the in-place butterflies: index i != 0 is the wavelet of support 2 (i & -i) that
@@ -92,8 +93,8 @@ struct DualPlan {
   std::array<DualCoefficients, kMaxDualBins> row{};
   float inverse_count = 0.0F;  // 1 / received samples
   std::size_t lost = 0;
-  std::size_t moves = 0;  // the lost samples, those of pairs first, and, where it is needed, one that moves two of them
-  std::array<LostSample, kMostLost + 1> gap{};
+  std::size_t moves = 0;  // the lost samples, those of pairs first, and what moves two of them
+  std::array<LostSample, kMostMoves> gap{};
 };
 
 // How the published value follows from what a kernel has of a pixel.

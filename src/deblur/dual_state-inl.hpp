@@ -57,7 +57,7 @@ struct DualRun {
   const Estimate& estimate;
   HWY_ALIGN float weight[kMaxSlots][kLanes];  // of each sample in the estimate
   HWY_ALIGN float term[kMostTerms][kLanes];   // and of the state's rows
-  float lost[kMostLost + 1];                  // what the estimate moves by with each of the plan's moves
+  float lost[kMostMoves];                     // what the estimate moves by with each of the plan's moves
 
   DualRun(const DualPlan& the_plan, const PixelRun& run, const Estimate& the_estimate)
       : plan(the_plan), pixels(run), estimate(the_estimate) {

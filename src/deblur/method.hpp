@@ -28,7 +28,7 @@ class PixelMethod {
 std::unique_ptr<PixelMethod> make_admm(const StreamTask& task);
 // The interior point where wavelets within a frame interval can be used (interior_plan.hpp).
 std::unique_ptr<PixelMethod> make_interior(const StreamTask& task);
-// ADMM where the dual does not apply: bins longer or shorter than a frame, windows that lost more than three.
+// ADMM where the dual does not apply: bins longer or shorter than a frame, windows that lost more than two.
 std::unique_ptr<PixelMethod> make_dual(const StreamTask& task);
 std::unique_ptr<PixelMethod> make_exact(const StreamTask& task);
 std::unique_ptr<PixelMethod> make_inverse(const StreamTask& task);

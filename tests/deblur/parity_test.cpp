@@ -211,19 +211,30 @@ TEST(Parity, OneLostFrame) {
   for (int slot = 0; slot < 16; ++slot) expect_parity({17, 7, 200.0, 0, {slot}}, kScenes);
 }
 
+TEST(Parity, OneLostFrameWithLookAhead) {
+  for (int slot = 0; slot < 17; ++slot) {
+    if (slot != 15) expect_parity({17, 7, 200.0, 1, {slot}, 40}, kScenes);
+  }
+}
+
 TEST(Parity, OneLostFrameOfAnyWindow) {
   for (const int window : {9, 33, 65}) {
     for (const int slot : {0, 1, window / 2, window - 2}) expect_parity({window, 7, 200.0, 0, {slot}, 20}, kScenes);
   }
 }
 
-TEST(Parity, TwoLostFrames) {
-  for (int first = 0; first < 15; ++first) {
-    for (int second = first + 1; second < 16; ++second) {
-      expect_parity({17, 7, 200.0, 0, {first, second}, 20}, kScenes);
+void expect_parity_without_two(int lookahead) {
+  const int target = 16 - lookahead;
+  for (int first = 0; first < 16; ++first) {
+    for (int second = first + 1; second < 17; ++second) {
+      if (first == target || second == target) continue;
+      expect_parity({17, 7, 200.0, lookahead, {first, second}, 20}, kScenes);
     }
   }
 }
+
+TEST(Parity, TwoLostFrames) { expect_parity_without_two(0); }
+TEST(Parity, TwoLostFramesWithLookAhead) { expect_parity_without_two(1); }
 
 }  // namespace
 }  // namespace bolo::deblur
