@@ -255,8 +255,9 @@ std::vector<Remainder> test_remainder(const Events& events, const Noise& noise, 
 std::string stage_of_misfits(std::span<const Remainder> remainders);
 
 // What is said in the end.
-Report make_report(const Events& events, const Noise& noise, const Fit& fit, const std::vector<Remainder>& left,
-                   const Options& options);
+struct Field;  // field.hpp
+Report make_report(const Events& events, const Noise& noise, const Fit& fit, const Field& field,
+                   const std::vector<Remainder>& left, const Options& options);
 // What is drawn: report.captures, report.maps and the rest of report.location.
 void fill_plots(const Fit& fit, double floor_k, Report& report);
 
