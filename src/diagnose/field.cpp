@@ -14,7 +14,8 @@ namespace {
 
 // A pixel of a still recording sees something move when it varies more, against its change from frame to frame, than
 // others do.
-constexpr double kOwnMotion = 3.5;  // standard deviations of the quiet pixels' ratios
+constexpr double kOwnMotion = 6.0;  // standard deviations of the quiet pixels' ratios
+constexpr double kLeastOwn = 1.3;   // times their usual ratio
 constexpr Index kAround = 2;        // pixels of the grid about it that go with it
 constexpr std::size_t kFewestSights = 12;
 
@@ -115,7 +116,7 @@ void leave_out_movers(Session& session, const Recording& r) {
   constexpr Index kEnough = 8;  // of the pixels, one in so many
   const std::vector<double> ratio = wander(session, r);
   const Quiet quiet = quiet_of(ratio);
-  const double most = quiet.ratio + kOwnMotion * quiet.spread;
+  const double most = std::max(quiet.ratio + kOwnMotion * quiet.spread, kLeastOwn * quiet.ratio);
   const auto across = static_cast<Index>(session.grid.columns.size());
   const auto down = static_cast<Index>(session.grid.rows.size());
   std::vector<char> good = session.good;

@@ -122,14 +122,10 @@ Lines lines_of(const Cells& cells, Line kind, const std::vector<char>& bad) {
     out.mean[static_cast<std::size_t>(h)] = out.weight[static_cast<std::size_t>(h)] =
         Series::Zero(cells.sights(), count);
   }
-  // Edges of the scene that run along a line leave the same of themselves in both halves: the flatter blocks tell.
-  const std::span<const float> contrasts(cells.residual.contrast.data(),
-                                         static_cast<std::size_t>(cells.residual.contrast.size()));
-  const float flat = median(std::vector<float>(contrasts.begin(), contrasts.end()));
   for (Index i = 0; i < cells.sights(); ++i) {
     for (Index p = 0; p < cells.residual.values.cols(); ++p) {
       const Index b = cells.block_of(p);
-      if (bad[static_cast<std::size_t>(p)] != 0 || cells.residual.contrast(i, b) > flat) continue;
+      if (bad[static_cast<std::size_t>(p)] != 0) continue;
       const float w = cells.weight(i, b);
       const auto h = static_cast<std::size_t>(half_of_line(kind, p, g.width));
       const Index line = line_of(kind, p, g.width);
