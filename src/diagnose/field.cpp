@@ -24,7 +24,6 @@ constexpr std::size_t kFewestSights = 12;
 constexpr double kClear = 6.0;
 constexpr double kLeastPattern = 0.4;  // slow noise of pixels is a pattern for a while
 constexpr double kLeastColumn = 0.2;
-constexpr double kLeastLine = 0.12;
 constexpr double kLeastFlicker = 0.08;
 constexpr double kLeastGainMap = 0.002;
 constexpr double kLeastTau = 0.045;  // of a logarithm
@@ -37,7 +36,7 @@ constexpr std::array kStillTells{"coarse_quantisation", "dead_pixels", "flicker"
 // The noise's level and colour are not among them: texture finer than a pixel, moved, looks like noise.
 constexpr std::array kMotionTells{"coarse_quantisation", "dead_pixels", "flicker",    "fpn_gain",
                                   "fpn_offset",          "frame_loss",  "nuc_freeze", "offset_jump",
-                                  "row_delay",           "saturation",  "stripes",    "tau_global"};
+                                  "row_delay",           "saturation",  "tau_global"};
 
 bool has_bench(const Session& session) { return std::ranges::any_of(session.recordings, has_model); }
 
@@ -171,11 +170,6 @@ void name_parts(const FieldParts& parts, Namer& out) {
   }
   if (clear(parts.flicker, kLeastFlicker)) {
     out.name("flicker", parts.flicker.z, {{"sigma_k", estimate(parts.flicker)}}, "whole frames differ by an offset");
-  }
-  if (clear(parts.rows, kLeastLine) || clear(parts.columns, kLeastLine)) {
-    out.name("stripes", std::max(parts.rows.z, parts.columns.z),
-             {{"column_k", estimate(parts.columns)}, {"row_k", estimate(parts.rows)}},
-             "rows or columns differ by an offset in every frame");
   }
 }
 
