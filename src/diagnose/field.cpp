@@ -12,11 +12,12 @@
 namespace bolo::diagnose {
 namespace {
 
-// A pixel of a still recording sees something move when it varies more, against its change from frame to frame, than
-// others do.
-constexpr double kOwnMotion = 6.0;  // standard deviations of the quiet pixels' ratios
-constexpr double kLeastOwn = 1.3;   // times their usual ratio
-constexpr Index kAround = 2;        // pixels of the grid about it that go with it
+// Tiles of a still recording see something move when they change more than others do.
+constexpr double kOwnMotion = 6.0;  // standard deviations of the quiet tiles
+constexpr double kLeastOwn = 1.5;   // times the quiet tiles
+constexpr int kTiles = 8;           // of the picture's width and of its height
+// Of a followed scene: the share of blocks that go their own way, from which on it is not followed.
+constexpr double kMostOwn = 0.35;
 constexpr std::size_t kFewestSights = 12;
 
 // Both halves of the data must show a part by so many standard errors, and by so much of the noise: recordings without
@@ -24,19 +25,14 @@ constexpr std::size_t kFewestSights = 12;
 constexpr double kClear = 6.0;
 constexpr double kLeastPattern = 0.4;  // slow noise of pixels is a pattern for a while
 constexpr double kLeastColumn = 0.2;
-constexpr double kLeastFlicker = 0.08;
-constexpr double kLeastGainMap = 0.002;
-constexpr double kLeastTau = 0.045;  // of a logarithm
-constexpr double kClearTau = 3.0;
-constexpr double kLeastDelay_s = 4e-6;
 
 constexpr std::array kStillTells{"coarse_quantisation", "dead_pixels", "flicker",     "frame_loss",
                                  "heavy_tail",          "iir",         "noise_level", "nuc_freeze",
                                  "offset_jump",         "one_over_f",  "saturation",  "stripes"};
-// The noise's level and colour are not among them: texture finer than a pixel, moved, looks like noise.
-constexpr std::array kMotionTells{"coarse_quantisation", "dead_pixels", "flicker",    "fpn_gain",
-                                  "fpn_offset",          "frame_loss",  "nuc_freeze", "offset_jump",
-                                  "row_delay",           "saturation",  "tau_global"};
+// No noise, flicker or stripes: texture finer than a pixel, moved, and the edges of what is not quite followed look
+// alike.
+constexpr std::array kMotionTells{"coarse_quantisation", "dead_pixels", "fpn_offset", "frame_loss",
+                                  "nuc_freeze",          "offset_jump", "saturation"};
 
 bool has_bench(const Session& session) { return std::ranges::any_of(session.recordings, has_model); }
 
@@ -78,10 +74,10 @@ std::vector<double> wander(const Session& session, const Recording& r) {
   });
 }
 
-// The quarter of the pixels that wander least.
+// The quarter that wanders least.
 struct Quiet {
   double ratio = 0.0;   // usual of these
-  double spread = 0.0;  // of one pixel's
+  double spread = 0.0;  // of a single one
 };
 
 Quiet quiet_of(const std::vector<double>& ratio) {
@@ -110,24 +106,68 @@ bool stands_still(const Session& session, const Recording& r) {
   return kSigmaOfMad * median(mapped(noise, [usual](double v) { return std::abs(v - usual); })) < kAlike * usual;
 }
 
-// Marks the pixels where something moves in a recording that stands still otherwise.
-void leave_out_movers(Session& session, const Recording& r) {
-  constexpr Index kEnough = 8;  // of the pixels, one in so many
-  const std::vector<double> ratio = wander(session, r);
-  const Quiet quiet = quiet_of(ratio);
-  const double most = std::max(quiet.ratio + kOwnMotion * quiet.spread, kLeastOwn * quiet.ratio);
+// Of tiles of a still picture, what they do in time: means of their pixels, less the frame's median, outliers clipped.
+Series tiles_of(const Session& session, const Recording& r) {
+  constexpr float kClip = 2.5F;  // standard deviations of a pixel
+  Series x = r.values(r.used_frames(), Eigen::all);
+  x.rowwise() -= x.colwise().mean().eval();
+  for (Index k = 0; k < x.rows(); ++k) x.row(k).array() -= median(std::vector<float>(x.row(k).begin(), x.row(k).end()));
+  const double sigma = std::sqrt(median(mapped(session.grid.all(), [&x](int p) {
+    return static_cast<double>((x.col(p).tail(x.rows() - 1) - x.col(p).head(x.rows() - 1)).squaredNorm()) / 2.0 /
+           static_cast<double>(x.rows() - 1);
+  })));
+  const float most = kClip * static_cast<float>(std::max(sigma, r.step));
   const auto across = static_cast<Index>(session.grid.columns.size());
   const auto down = static_cast<Index>(session.grid.rows.size());
-  std::vector<char> good = session.good;
-  for (Index p = 0; p < across * down; ++p) {
-    if (ratio[static_cast<std::size_t>(p)] <= most) continue;
-    for (Index y = std::max<Index>(0, p / across - kAround); y <= std::min(down - 1, p / across + kAround); ++y) {
-      for (Index x = std::max<Index>(0, p % across - kAround); x <= std::min(across - 1, p % across + kAround); ++x) {
-        good[static_cast<std::size_t>(y * across + x)] = 0;
-      }
+  Series tiles = Series::Zero(x.rows(), kTiles * kTiles);
+  std::vector<float> pixels(static_cast<std::size_t>(tiles.cols()), 0.0F);
+  for (Index p = 0; p < x.cols(); ++p) {
+    const Index tile = p / across * kTiles / down * kTiles + p % across * kTiles / across;
+    tiles.col(tile) += x.col(p).cwiseMax(-most).cwiseMin(most);
+    pixels[static_cast<std::size_t>(tile)] += 1.0F;
+  }
+  for (Index t = 0; t < tiles.cols(); ++t)
+    tiles.col(t) /= std::sqrt(std::max(1.0F, pixels[static_cast<std::size_t>(t)]));
+  return tiles;
+}
+
+// Whether something moves by itself where the camera stands still: tiles wander, or change from frame to frame, more
+// than most do.
+bool something_moves(const Session& session, const Recording& r) {
+  const Series tiles = tiles_of(session, r);
+  std::vector<double> ratio;
+  std::vector<double> rough;
+  for (Index t = 0; t < tiles.cols(); ++t) {
+    const ArrayXd x = tiles.col(t).cast<double>().array();
+    rough.push_back((x.tail(x.size() - 1) - x.head(x.size() - 1)).square().mean() / 2.0);
+    ratio.push_back((x - x.mean()).square().mean() / std::max(1e-12, rough.back()));
+  }
+  return std::ranges::any_of(std::array{&ratio, &rough}, [](const std::vector<double>* all) {
+    const Quiet quiet = quiet_of(*all);
+    const double most = std::max(quiet.ratio + kOwnMotion * quiet.spread, kLeastOwn * quiet.ratio);
+    return std::ranges::any_of(*all, [most](double one) { return one > most; });
+  });
+}
+
+// Of a field where nothing moves: pixels far noisier than most.
+void find_noisy_pixels(Events& events, const Recording& r) {
+  constexpr double kNoisy = 5.0;
+  const FrameStatistics& s = r.statistics;
+  const double usual = median(s.sigma);
+  const double usual_rough = median(s.roughness);
+  for (std::size_t p = 0; p < s.sigma.size(); ++p) {
+    const int pixel = static_cast<int>(p);
+    if (s.sigma[p] > kNoisy * usual && s.roughness[p] > 0.5 * usual_rough &&
+        std::ranges::count(events.bad.noisy, pixel) == 0) {
+      events.bad.noisy.push_back(pixel);
     }
   }
-  if (std::ranges::count(good, 1) * kEnough >= across * down) session.good = std::move(good);
+  std::ranges::sort(events.bad.noisy);
+  Session& session = events.session;
+  for (const int p : session.grid.all()) {
+    const int at = session.grid.row_of(p) * session.width + session.grid.column_of(p);
+    if (std::ranges::binary_search(events.bad.noisy, at)) session.good[static_cast<std::size_t>(p)] = 0;
+  }
 }
 
 class Namer {
@@ -163,34 +203,6 @@ void name_parts(const FieldParts& parts, Namer& out) {
     out.name("fpn_offset", std::max(parts.offset.z, parts.offset_column.z),
              {{"pixel_k", estimate(parts.offset)}, {"column_k", estimate(parts.offset_column)}},
              "a pattern stays with the pixels while the scene moves on");
-  }
-  if (parts.gain.z > kClear && parts.gain.value > kLeastGainMap) {
-    out.name("fpn_gain", parts.gain.z, {{"rms", estimate(parts.gain)}},
-             "what a pixel is off by grows with the scene's temperature");
-  }
-  if (clear(parts.flicker, kLeastFlicker)) {
-    out.name("flicker", parts.flicker.z, {{"sigma_k", estimate(parts.flicker)}}, "whole frames differ by an offset");
-  }
-}
-
-void name_motion(const FromMotion& motion, const Options& options, Namer& out) {
-  if (motion.tau_s) {
-    const double nominal = options.profile.tau_s;
-    const double off = std::log(motion.tau_s->value / nominal);
-    const double error = (motion.tau_s->high - motion.tau_s->low) / (2.0 * 1.96) / motion.tau_s->value;
-    if (std::abs(off) > kLeastTau && std::abs(off) > kClearTau * error) {
-      out.name("tau_global", std::abs(off) / error,
-               {{"scale", interval(motion.tau_s->value / nominal, error * motion.tau_s->value / nominal)}},
-               "contrast falls with speed otherwise than the time constant says");
-    }
-  }
-  if (motion.row_delay_s) {
-    const double error = (motion.row_delay_s->high - motion.row_delay_s->low) / (2.0 * 1.96);
-    const double off = motion.row_delay_s->value - options.profile.row_delay_s;
-    if (std::abs(off) > kLeastDelay_s && std::abs(off) > kClear * error) {
-      out.name("row_delay", std::abs(off) / error, {{"row_delay_s", *motion.row_delay_s}},
-               "the picture shears when the motion changes");
-    }
   }
 }
 
@@ -242,8 +254,10 @@ Result<std::optional<FieldParts>> judge_moving(const std::filesystem::path& file
   }
   const FieldMotion motion = follow_field(*frames, first_noise(r, options));
   if (motion.sights.size() < kFewestSights) return std::optional<FieldParts>();
-  FieldParts parts = take_field_apart(*frames, motion.sights, dead_of(events));
+  if (!follows(*frames, motion.sights)) return std::optional<FieldParts>();
   const std::vector<char> known = dead_of(events);
+  FieldParts parts = take_field_apart(*frames, motion.sights, known);
+  if (parts.moving > kMostOwn) return std::optional<FieldParts>();
   for (std::size_t p = 0; p < parts.dead.size(); ++p) {
     if (parts.dead[p] != 0 && known[p] == 0) events.bad.noisy.push_back(static_cast<int>(p));
   }
@@ -259,14 +273,22 @@ bool Field::tells(std::string_view effect) const {
 
 void prepare_field(Events& events) {
   if (has_bench(events.session)) return;
+  std::erase_if(events.bad.stuck, [&events](int p) {  // what a ceiling holds is not stuck
+    return std::ranges::any_of(events.session.recordings, [&](const Recording& r) {
+      return r.statistics.mean[static_cast<std::size_t>(p)] >= events.ceiling_k;
+    });
+  });
   for (std::size_t i = 0; i < events.session.recordings.size(); ++i) {
-    take_jumps(events, i);
     Recording& r = events.session.recordings[i];
+    if (r.kind == Kind::kUniform) continue;  // is told to be flat, though in counts
+    take_jumps(events, i);
     take_drift(r);
-    // Noise is measured of fields that stand still; what moves is a scene.
-    r.kind = stands_still(events.session, r) ? Kind::kField : Kind::kScene;
-    if (r.kind == Kind::kField) leave_out_movers(events.session, r);
+    // Noise is measured of fields where nothing moves; what moves is a scene.
+    const bool still = stands_still(events.session, r) && !something_moves(events.session, r);
+    r.kind = still ? Kind::kField : Kind::kScene;
+    if (still) find_noisy_pixels(events, r);
   }
+  find_jumping_pixels(events.session, events.bad, events.coarse ? events.step_k : 0.0, Kind::kField);
 }
 
 Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Events& events, const Noise& noise,
@@ -286,13 +308,16 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
     if (!motion) return tl::unexpected(motion.error());
     if (*motion) out.motion[r.name] = **motion;
     if (bench || r.used_frames().size() < kMinFrames) continue;
-    if (r.kind == Kind::kField) {
+    if (r.kind == Kind::kField || r.kind == Kind::kUniform) {
       out.still = out.still || noise.statistics.frames > 0;
       continue;
     }
     const auto parts = judge_moving(*file, r, events, options);
     if (!parts) return tl::unexpected(parts.error());
-    if (!*parts) continue;
+    if (!*parts) {
+      out.why = " (" + r.name + ": something moves by itself, or the motion is not followed)";
+      continue;
+    }
     out.moving = true;
     const auto count = static_cast<double>((*parts)->cells);
     cells += count;
@@ -301,7 +326,6 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
     out.gaps[r.name] = namer.gap_before = (*parts)->gap_before;
     namer.gap_after = (*parts)->gap_after;
     name_parts(**parts, namer);
-    if (*motion) name_motion(**motion, options, namer);
   }
   out.judged = out.moving || out.still;
   if (cells > 0.0) {

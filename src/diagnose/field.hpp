@@ -14,6 +14,7 @@ namespace bolo::diagnose {
 // only.
 struct Field {
   bool judged = false;  // false: nothing is known well enough, or there is a bench
+  std::string why;      // not
   bool moving = false;  // one of them was followed
   bool still = false;   // one of them stands still
   // Of what is predicted from the scene itself, on halves of the data that were not fitted; 1 where it stands still.

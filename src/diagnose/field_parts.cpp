@@ -21,7 +21,6 @@ constexpr double kSeenContrast = 6.0;  // sigmas that a pixel's scene must vary 
 constexpr double kFollows = 0.4;       // slope of what a pixel shows against what it should: less is deaf
 constexpr double kFollow = 0.85;       // of its neighbours, at least
 constexpr double kNoisy = 5.0;         // times the usual scatter
-constexpr double kWhiteOfThree = 1.5;  // variance of x - (y + z) / 2 over that of each
 
 // A residual with what its blocks weigh.
 struct Cells {
@@ -72,8 +71,8 @@ Cells cells_of(const Residual& r, const PredictionFloor& floor, const std::vecto
   return out;
 }
 
-// What two estimates of the same numbers share, as a standard deviation (of `scale` times the variance), with the
-// scatter over groups of them as its error.
+// What two estimates of the same numbers share, as a standard deviation, with the scatter over groups of them as
+// its error.
 struct Sharing {
   std::vector<double> product;
   std::vector<double> weight;
@@ -82,10 +81,10 @@ struct Sharing {
     product[group] += w * a * b;
     weight[group] += w;
   }
-  Measured measured(double scale) const {
+  Measured measured() const {
     std::vector<double> each;
     for (std::size_t g = 0; g < product.size(); ++g) {
-      if (weight[g] > 0.0) each.push_back(product[g] / weight[g] / scale);
+      if (weight[g] > 0.0) each.push_back(product[g] / weight[g]);
     }
     if (each.size() < 4) return {};
     const auto n = static_cast<double>(each.size());
@@ -95,76 +94,6 @@ struct Sharing {
     return {value, value > 0.0 ? error / (2.0 * value) : 0.0, mean / std::max(error, 1e-12)};
   }
 };
-
-// Means of lines of each sight, from every second block along them: frames (one line), rows or columns.
-enum class Line { kFrame, kRow, kColumn };
-
-struct Lines {
-  std::array<Series, 2> mean;    // sights x lines
-  std::array<Series, 2> weight;  // of each
-};
-
-Index line_of(Line kind, Index pixel, int width) {
-  return kind == Line::kFrame ? 0 : kind == Line::kRow ? pixel / width : pixel % width;
-}
-
-int half_of_line(Line kind, Index pixel, int width) {
-  const Index x = pixel % width / kBlock;
-  const Index y = pixel / width / kBlock;
-  return static_cast<int>((kind == Line::kFrame ? x + y : kind == Line::kRow ? x : y) % 2);
-}
-
-Lines lines_of(const Cells& cells, Line kind, const std::vector<char>& bad) {
-  const Geometry g = cells.residual.geometry;
-  const Index count = kind == Line::kFrame ? 1 : kind == Line::kRow ? g.height : g.width;
-  Lines out;
-  for (int h = 0; h < 2; ++h) {
-    out.mean[static_cast<std::size_t>(h)] = out.weight[static_cast<std::size_t>(h)] =
-        Series::Zero(cells.sights(), count);
-  }
-  for (Index i = 0; i < cells.sights(); ++i) {
-    for (Index p = 0; p < cells.residual.values.cols(); ++p) {
-      const Index b = cells.block_of(p);
-      if (bad[static_cast<std::size_t>(p)] != 0) continue;
-      const float w = cells.weight(i, b);
-      const auto h = static_cast<std::size_t>(half_of_line(kind, p, g.width));
-      const Index line = line_of(kind, p, g.width);
-      const float most = static_cast<float>(kClip) / std::sqrt(std::max(w, 1e-20F));
-      out.mean[h](i, line) += w * std::clamp(cells.residual.values(i, p), -most, most);
-      out.weight[h](i, line) += w;
-    }
-  }
-  for (std::size_t h = 0; h < 2; ++h) {
-    out.mean[h].array() /= out.weight[h].array().max(1e-20F);
-  }
-  return out;
-}
-
-Measured shared(const Lines& lines) {
-  Sharing sharing(kGroups);
-  const Index n = lines.mean[0].rows();
-  for (Index i = 0; i < n; ++i) {
-    for (Index line = 0; line < lines.mean[0].cols(); ++line) {
-      const double w0 = lines.weight[0](i, line);
-      const double w1 = lines.weight[1](i, line);
-      if (w0 <= 0.0 || w1 <= 0.0) continue;
-      sharing.add(static_cast<std::size_t>(i * kGroups / n), lines.mean[0](i, line), lines.mean[1](i, line),
-                  w0 * w1 / (w0 + w1));
-    }
-  }
-  return sharing.measured(kWhiteOfThree);
-}
-
-// Takes from each pixel what the other half of its line shows.
-void take_lines(const Cells& cells, Line kind, const Lines& lines, Residual& out) {
-  for (Index i = 0; i < out.values.rows(); ++i) {
-    for (Index p = 0; p < out.values.cols(); ++p) {
-      if (out.valid(i, cells.block_of(p)) == 0) continue;
-      const auto other = static_cast<std::size_t>(1 - half_of_line(kind, p, out.geometry.width));
-      out.values(i, p) -= lines.mean[other](i, line_of(kind, p, out.geometry.width));
-    }
-  }
-}
 
 // The fixed pattern that explains what the residuals of some sights have in common: residual = o - (o moved).
 ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const std::vector<Index>& of,
@@ -196,55 +125,6 @@ ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const s
   return pattern;
 }
 
-// Slopes of the residual of each pixel against what it shows, about the pixels around: gains.
-ArrayXf slopes_of(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights,
-                  const std::vector<Index>& of, const std::vector<char>& bad) {
-  const Index pixels = cells.residual.values.cols();
-  ArrayXf slope = ArrayXf::Zero(pixels);
-  for (Index p = 0; p < pixels; ++p) {
-    if (bad[static_cast<std::size_t>(p)] != 0) continue;
-    double sw = 0.0, su = 0.0, sr = 0.0, suu = 0.0, sur = 0.0, looks = 0.0;
-    for (const Index i : of) {
-      const double w = cells.weight(i, cells.block_of(p));
-      if (w <= 0.0) continue;
-      const double most = kClip / std::sqrt(w);
-      const double r = std::clamp<double>(cells.residual.values(i, p), -most, most);
-      const double u = frames.values(sights[static_cast<std::size_t>(i)].frame, p) - cells.residual.values(i, p);
-      looks += 1.0;
-      sw += w;
-      su += w * u;
-      sr += w * r;
-      suu += w * u * u;
-      sur += w * u * r;
-    }
-    const double width = sw > 0.0 ? suu - su * su / sw : 0.0;
-    if (looks < kLeastLooks || width <= kSeenContrast) continue;  // in units of the floor: w is 1 / variance
-    slope[p] = static_cast<float>((sur - su * sr / sw) / width);
-  }
-  return slope;
-}
-
-// Less the median of the pixels around: what neighbours share is the scene's.
-ArrayXf about_neighbours(const ArrayXf& map, Geometry g) {
-  ArrayXf out = ArrayXf::Zero(map.size());
-  std::vector<float> around;
-  for (int y = 0; y < g.height; ++y) {
-    for (int x = 0; x < g.width; ++x) {
-      const Index p = static_cast<Index>(y) * g.width + x;
-      if (map[p] == 0.0F) continue;
-      around.clear();
-      for (int v = std::max(0, y - 2); v <= std::min(g.height - 1, y + 2); ++v) {
-        for (int u = std::max(0, x - 2); u <= std::min(g.width - 1, x + 2); ++u) {
-          const float value = map[static_cast<Index>(v) * g.width + u];
-          if (value != 0.0F) around.push_back(value);
-        }
-      }
-      out[p] = map[p] - median(around);
-    }
-  }
-  return out;
-}
-
 ArrayXf column_means(const ArrayXf& map, Geometry g) {
   ArrayXf out = ArrayXf::Zero(g.width);
   for (int x = 0; x < g.width; ++x) {
@@ -266,7 +146,7 @@ Measured shared(const std::array<ArrayXf, 2>& half, Geometry g) {
     const Index tile = p / g.width * 4 / g.height * 4 + p % g.width * 4 / g.width;
     sharing.add(static_cast<std::size_t>(tile), half[0][p], half[1][p], 1.0);
   }
-  return sharing.measured(1.0);
+  return sharing.measured();
 }
 
 Measured shared_lines(const std::array<ArrayXf, 2>& half) {
@@ -274,7 +154,7 @@ Measured shared_lines(const std::array<ArrayXf, 2>& half) {
   for (Index x = 0; x < half[0].size(); ++x) {
     sharing.add(static_cast<std::size_t>(x * kGroups / half[0].size()), half[0][x], half[1][x], 1.0);
   }
-  return sharing.measured(1.0);
+  return sharing.measured();
 }
 
 std::array<std::vector<Index>, 2> halves_of(Index sights) {
@@ -296,34 +176,48 @@ double around(const ArrayXf& map, Index p, Geometry g) {
   return values.size() < 3 ? 0.0 : median(std::move(values));
 }
 
-// Pixels that do not follow the scene that crosses them where their neighbours do, or scatter far more than these.
-void find_deaf(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights, double floor,
-               std::vector<char>& dead) {
+// Pixels that, in some of the sights, do not follow the scene that crosses them where their neighbours do, or scatter
+// far more than these.
+std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights,
+                          const std::vector<Index>& of, double floor) {
   const Geometry g = cells.residual.geometry;
   const Index pixels = cells.residual.values.cols();
   ArrayXf scatter = ArrayXf::Zero(pixels);
   ArrayXf follows = ArrayXf::Zero(pixels);  // slope and one half; 0: not known
   std::vector<double> size;
   for (Index p = 0; p < pixels; ++p) {
-    bolo::Line line;
+    Line line;
     size.clear();
-    for (Index i = 0; i < cells.sights(); ++i) {
+    for (const Index i : of) {
       if (cells.residual.valid(i, cells.block_of(p)) == 0) continue;
       const double y = frames.values(sights[static_cast<std::size_t>(i)].frame, p);
       line.add(y - cells.residual.values(i, p), y);
       size.push_back(cells.residual.values(i, p));
     }
-    if (line.count() < 2.0 * kLeastLooks) continue;
+    if (line.count() < kLeastLooks) continue;
     const double middle = median(size);
     for (double& one : size) one = std::abs(one - middle);
     scatter[p] = static_cast<float>(median(size));
     const double varies = std::sqrt(line.scatter_x() / line.count());
     if (varies > kSeenContrast * floor) follows[p] = static_cast<float>(std::max(line.slope(), -0.4) + 0.5);
   }
+  std::vector<char> deaf(static_cast<std::size_t>(pixels), 0);
   for (Index p = 0; p < pixels; ++p) {
-    const bool deaf = follows[p] > 0.0F && follows[p] < kFollows + 0.5 && around(follows, p, g) > kFollow + 0.5;
+    const bool still = follows[p] > 0.0F && follows[p] < kFollows + 0.5 && around(follows, p, g) > kFollow + 0.5;
     const double usual = around(scatter, p, g);
-    if (deaf || (usual > 0.0 && scatter[p] > kNoisy * usual)) dead[static_cast<std::size_t>(p)] = 1;
+    deaf[static_cast<std::size_t>(p)] = still || (usual > 0.0 && scatter[p] > kNoisy * usual) ? 1 : 0;
+  }
+  return deaf;
+}
+
+// Adds the pixels that both halves of the time show.
+void find_deaf(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights, double floor,
+               std::vector<char>& dead) {
+  const auto halves = halves_of(cells.sights());
+  const std::vector<char> first = deaf_of(cells, frames, sights, halves[0], floor);
+  const std::vector<char> second = deaf_of(cells, frames, sights, halves[1], floor);
+  for (std::size_t p = 0; p < dead.size(); ++p) {
+    if (first[p] != 0 && second[p] != 0) dead[p] = 1;
   }
 }
 
@@ -417,31 +311,12 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
   Residual left = raw;
   PatternMover mover(g);
   ArrayXf moved(raw.values.cols());
-  const auto take_pattern = [&] {
-    for (std::size_t h = 0; h < 2; ++h) {
-      for (const Index i : halves[h]) {
-        mover.move(sights[static_cast<std::size_t>(i)], pattern[1 - h].data(), moved.data());
-        for (Index p = 0; p < moved.size(); ++p) {
-          if (raw.valid(i, cells.block_of(p)) != 0) left.values(i, p) -= pattern[1 - h][p] - moved[p];
-        }
+  for (std::size_t h = 0; h < 2; ++h) {
+    for (const Index i : halves[h]) {
+      mover.move(sights[static_cast<std::size_t>(i)], pattern[1 - h].data(), moved.data());
+      for (Index p = 0; p < moved.size(); ++p) {
+        if (raw.valid(i, cells.block_of(p)) != 0) left.values(i, p) -= pattern[1 - h][p] - moved[p];
       }
-    }
-  };
-  take_pattern();
-  std::array<ArrayXf, 2> gains;
-  {
-    const PredictionFloor floor(left, dead);
-    const Cells now = cells_of(left, floor, dead);
-    for (std::size_t h = 0; h < 2; ++h) {
-      gains[h] = about_neighbours(slopes_of(now, frames, sights, halves[h], dead), g);
-    }
-    out.gain = shared(gains, g);
-    for (const Line kind : {Line::kFrame, Line::kRow, Line::kColumn}) {
-      const Cells current = cells_of(left, floor, dead);
-      const Lines lines = lines_of(current, kind, dead);
-      Measured& measured = kind == Line::kFrame ? out.flicker : kind == Line::kRow ? out.rows : out.columns;
-      measured = shared(lines);
-      take_lines(current, kind, lines, left);
     }
   }
   const PredictionFloor floor(left, dead);

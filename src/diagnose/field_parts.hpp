@@ -31,12 +31,8 @@ struct FieldParts {
   std::size_t cells = 0;  // blocks of frames that were predicted
   double gap_before = 1.0;
   double gap_after = 1.0;
-  Measured flicker;  // of whole frames
-  Measured rows;     // new in each frame
-  Measured columns;
   Measured offset;         // fixed, of single pixels, columns apart
   Measured offset_column;  // fixed, of whole columns
-  Measured gain;
   std::vector<char> dead;
 };
 

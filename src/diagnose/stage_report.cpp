@@ -244,9 +244,9 @@ std::string needs_of(const Session& session) {
 }
 
 // Nothing was predicted, so that nothing can be said of how well.
-void mark_not_testable(const Session& session, const Noise& noise, Report& report) {
+void mark_not_testable(const Session& session, const Noise& noise, const std::string& why, Report& report) {
   report.verdict = "not_testable";
-  report.needs = needs_of(session);
+  report.needs = needs_of(session) + why;
   report.gap_before = report.gap_after = report.closed_fraction = kUnknown;
   if (noise.statistics.frames == 0) {
     report.noise_gap_before = report.noise_gap_after = report.noise_floor_k = kUnknown;
@@ -344,7 +344,8 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
     const auto motion = field.motion.find(r.name);
     if (motion != field.motion.end()) report.observations.back().motion = motion->second;
   }
-  if (!field.judged && std::ranges::none_of(session.recordings, has_model)) mark_not_testable(session, noise, report);
+  if (!field.judged && std::ranges::none_of(session.recordings, has_model))
+    mark_not_testable(session, noise, field.why, report);
   if (!fit.wrong_description.empty()) mark_wrong_description(fit.wrong_description, report);
   report.withheld = options.withheld;
   return report;
