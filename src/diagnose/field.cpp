@@ -254,10 +254,9 @@ Result<std::optional<FieldParts>> judge_moving(const std::filesystem::path& file
   }
   const FieldMotion motion = follow_field(*frames, first_noise(r, options));
   if (motion.sights.size() < kFewestSights) return std::optional<FieldParts>();
-  if (!follows(*frames, motion.sights)) return std::optional<FieldParts>();
   const std::vector<char> known = dead_of(events);
   FieldParts parts = take_field_apart(*frames, motion.sights, known);
-  if (parts.moving > kMostOwn) return std::optional<FieldParts>();
+  if (!parts.followed || parts.moving > kMostOwn) return std::optional<FieldParts>();
   for (std::size_t p = 0; p < parts.dead.size(); ++p) {
     if (parts.dead[p] != 0 && known[p] == 0) events.bad.noisy.push_back(static_cast<int>(p));
   }

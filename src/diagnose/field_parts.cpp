@@ -20,6 +20,7 @@ constexpr double kLeastLooks = 6.0;    // at a pixel, of each half
 constexpr double kSeenContrast = 6.0;  // sigmas that a pixel's scene must vary by to show whether it follows
 constexpr double kFollows = 0.4;       // slope of what a pixel shows against what it should: less is deaf
 constexpr double kFollow = 0.85;       // of its neighbours, at least
+constexpr double kMostPattern = 0.2;   // of the picture's standard deviation
 constexpr double kNoisy = 5.0;         // times the usual scatter
 
 // A residual with what its blocks weigh.
@@ -242,6 +243,16 @@ void fill_dead(FieldFrames& frames, const std::vector<char>& dead) {
   }
 }
 
+// Standard deviation of the picture, rms over the frames.
+double contrast_of(const FieldFrames& frames) {
+  double sum = 0.0;
+  for (Index i = 0; i < frames.values.rows(); ++i) {
+    const ArrayXf x = frames.values.row(i).transpose().array();
+    sum += static_cast<double>((x - x.mean()).square().mean());
+  }
+  return std::sqrt(sum / static_cast<double>(std::max<Index>(1, frames.values.rows())));
+}
+
 }  // namespace
 
 PredictionFloor::PredictionFloor(const Residual& residual, const std::vector<char>& bad) {
@@ -319,6 +330,8 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
       }
     }
   }
+  // A pattern that is much of the picture is what stands still behind something that moves.
+  out.followed = out.offset.value < kMostPattern * contrast_of(frames) && follows(frames, sights, left);
   const PredictionFloor floor(left, dead);
   const Cells after = cells_of(left, floor, dead);
   double sum_before = 0.0;

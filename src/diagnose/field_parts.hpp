@@ -28,6 +28,7 @@ class PredictionFloor {
 struct FieldParts {
   double noise = 0.0;     // of one value where the scene is flat, sigma
   double moving = 0.0;    // share of the blocks whose motion is their own: left out
+  bool followed = false;  // the scene, not a pattern or something before it
   std::size_t cells = 0;  // blocks of frames that were predicted
   double gap_before = 1.0;
   double gap_after = 1.0;

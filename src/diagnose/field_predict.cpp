@@ -253,36 +253,34 @@ Residual predict_field(const FieldFrames& frames, const std::vector<Sight>& sigh
   return out;
 }
 
-bool follows(const FieldFrames& frames, const std::vector<Sight>& sights) {
+bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const Residual& with) {
   constexpr std::size_t kLooks = 40;
   constexpr double kTells = 1.3;      // times the other's square
   constexpr double kLeastTell = 0.1;  // of the blocks
   constexpr double kMost = 3.0;       // times those that say otherwise
-  std::vector<Sight> moved;
-  for (std::size_t i = 0; i < sights.size(); i += std::max<std::size_t>(1, sights.size() / kLooks)) {
-    moved.push_back(sights[i]);
-  }
-  std::vector<Sight> stood = moved;
-  for (Sight& one : stood) {
-    for (VectorField* field : {&one.from_before, &one.from_after}) {
+  const std::size_t every = std::max<std::size_t>(1, sights.size() / kLooks);
+  std::vector<Sight> stood;
+  for (std::size_t i = 0; i < sights.size(); i += every) {
+    stood.push_back(sights[i]);
+    for (VectorField* field : {&stood.back().from_before, &stood.back().from_after}) {
       for (std::size_t b = 0; b < field->size(); ++b) (*field)[b] = Vec2{};
     }
   }
-  const Residual with = predict_field(frames, moved);
   const Residual without = predict_field(frames, stood);
   const Blocks blocks(frames.geometry);
   const int width = frames.geometry.width;
   std::array<double, 3> count{};  // of all, for and against
-  for (Index i = 0; i < with.values.rows(); ++i) {
+  for (Index i = 0; i < without.values.rows(); ++i) {
+    const Index k = i * static_cast<Index>(every);
     std::vector<std::array<double, 2>> square(static_cast<std::size_t>(blocks.count()));
     for (Index p = 0; p < with.values.cols(); ++p) {
       auto& of =
           square[static_cast<std::size_t>(p / width / motion::kBlock * blocks.across + p % width / motion::kBlock)];
-      of[0] += std::pow(static_cast<double>(with.values(i, p)), 2);
+      of[0] += std::pow(static_cast<double>(with.values(k, p)), 2);
       of[1] += std::pow(static_cast<double>(without.values(i, p)), 2);
     }
     for (int b = 0; b < blocks.count(); ++b) {
-      if (with.valid(i, b) == 0 || without.valid(i, b) == 0) continue;
+      if (with.valid(k, b) == 0 || without.valid(i, b) == 0) continue;
       const auto& of = square[static_cast<std::size_t>(b)];
       count[0] += 1.0;
       if (of[1] > kTells * of[0]) count[1] += 1.0;

@@ -63,8 +63,9 @@ struct Residual {
 Residual predict_field(const FieldFrames& frames, const std::vector<Sight>& sights);
 
 // Whether the scene moves as the sights say: most blocks that tell are nearer to what has moved than to what stood
-// still. Otherwise it is the pattern of a still picture, or something in it, that was followed.
-bool follows(const FieldFrames& frames, const std::vector<Sight>& sights);
+// still. Otherwise it is the pattern of a still picture, or something in it, that was followed. `with`: the residual of
+// the sights without the fixed pattern, which moves against the scene.
+bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const Residual& with);
 
 // What a fixed pattern (a row of values, one a pixel) becomes in the prediction of a sight.
 class PatternMover {

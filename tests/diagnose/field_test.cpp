@@ -29,7 +29,7 @@ sim::Path restless() {
 Shot shot_of(Geometry view, sim::Path path) {
   Shot shot;
   shot.view = view;
-  shot.frames = 300;
+  shot.frames = 220;
   shot.path = std::move(path);
   return shot;
 }
@@ -64,14 +64,23 @@ bool untold(const Report& report, const std::string& effect) {
 }
 
 TEST_F(FieldRecording, WithoutAnEffectThereIsNoGap) {
+  for (const Shot& shot : {still(), hand()}) {
+    const Report report = diagnosed(shot);
+    EXPECT_EQ(report.verdict, "no_gap") << report.unexplained.where;
+    EXPECT_EQ(effects_of(report), "");
+    EXPECT_LT(report.gap_after, 1.1);
+  }
+}
+
+// A scene that the camera sweeps over is followed all the same; before a still camera it is the only thing that moves.
+TEST_F(FieldRecording, WhatMovesByItselfIsNoEffect) {
   for (Shot shot : {still(), hand()}) {
-    for (const double mover : {0.0, 120.0}) {
-      shot.mover_px_s = mover;
-      const Report report = diagnosed(shot);
-      EXPECT_EQ(report.verdict, "no_gap") << effects_of(report) << report.unexplained.where;
-      EXPECT_EQ(effects_of(report), "") << "mover " << mover;
-      EXPECT_LT(report.gap_after, 1.1);
-    }
+    const bool stands = shot.view.width == 64;
+    shot.mover_px_s = 120.0;
+    const Report report = diagnosed(shot);
+    EXPECT_EQ(report.verdict, stands ? "not_testable" : "no_gap");
+    EXPECT_EQ(report.needs.find("moves by itself") != std::string::npos, stands) << report.needs;
+    EXPECT_EQ(effects_of(report), "");
   }
 }
 
@@ -83,6 +92,7 @@ TEST_F(FieldRecording, SaysWhichEffectsItCannotTell) {
   EXPECT_FALSE(untold(stood, "flicker"));
   const Report moved = diagnosed(hand());
   EXPECT_FALSE(untold(moved, "fpn_offset"));
+  EXPECT_TRUE(untold(moved, "fpn_gain"));
   EXPECT_TRUE(untold(moved, "clock_skew"));
 }
 
@@ -92,8 +102,7 @@ struct Case {
 };
 
 TEST_F(FieldRecording, NamesTheEffectOrSaysThatSomethingIsLeft) {
-  for (const Case& c : {Case{still(), "flicker"}, Case{still(), "stripes"}, Case{still(), "noise_level"},
-                        Case{hand(), "fpn_offset"}, Case{hand(), "flicker"}}) {
+  for (const Case& c : {Case{still(), "flicker"}, Case{still(), "stripes"}, Case{hand(), "fpn_offset"}}) {
     Shot shot = c.shot;
     shot.effects = {c.effect};
     const Report named = diagnosed(shot);
