@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "src/core/statistics.hpp"
-#include "src/diagnose/field_motion.hpp"
+#include "src/diagnose/field.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -123,21 +123,6 @@ Result<Learned> learn(const LearnTask& task, const std::vector<std::filesystem::
   return learned;
 }
 
-// What the captures that no model predicts tell by their motion.
-Status look_at_motion(const std::vector<std::filesystem::path>& captures, const Session& session,
-                      const Options& options, Report& report) {
-  for (Observation& one : report.observations) {
-    const auto named = [&one](const auto& name) { return name == one.file; };
-    const auto file = std::ranges::find_if(captures, named, [](const auto& path) { return path.filename().string(); });
-    const auto recording = std::ranges::find_if(session.recordings, named, &Recording::name);
-    if (file == captures.end() || recording == session.recordings.end()) continue;
-    auto motion = learn_from_motion(*file, *recording, session, options.profile);
-    if (!motion) return tl::unexpected(motion.error());
-    one.motion = *motion;
-  }
-  return {};
-}
-
 }  // namespace
 
 Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, const Options& options,
@@ -150,7 +135,8 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
   auto session = read_session(captures, progress);
   if (!session) return tl::unexpected(session.error());
   if (!progress("events and pixels", 0.03)) return failed("interrupted");
-  const Events events = find_events(std::move(*session), options);
+  Events events = find_events(std::move(*session), options);
+  prepare_field(events);
   if (!progress("noise", 0.06)) return failed("interrupted");
   const Noise noise = judge_noise(events, options);
   const auto fit = fit_means(events, noise, options, progress);
@@ -160,11 +146,9 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
     if (!progress("looking at what is left", 0.85)) return failed("interrupted");
     left = test_remainder(events, noise, *fit, options.threads);
   }
-  Report report = make_report(events, noise, *fit, left, options);
-  if (!report.observations.empty() && !progress("following the scene", 0.9)) return failed("interrupted");
-  if (Status status = look_at_motion(captures, events.session, options, report); !status) {
-    return tl::unexpected(status.error());
-  }
+  const auto field = judge_field(captures, events, noise, options, progress);
+  if (!field) return tl::unexpected(field.error());
+  Report report = make_report(events, noise, *fit, *field, left, options);
   auto learned = learn({fit->session, fit->done ? &fit->state : nullptr, fit->jumps, events.bad,
                         noise.statistics.filter, report.effects, options.profile},
                        captures, options, progress);

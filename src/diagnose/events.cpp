@@ -349,11 +349,12 @@ BadPixels find_dead_pixels(Session& session) {
   return bad;
 }
 
-void find_jumping_pixels(Session& session, BadPixels& bad, double step_k) {
+void find_jumping_pixels(Session& session, BadPixels& bad, double step_k, Kind of) {
   std::vector<double> steps;
   for (const Recording& r : session.recordings) {
-    if (r.kind == Kind::kUniform) judge_still(session, r, kHop * step_k, bad, steps);
+    if (r.kind == of) judge_still(session, r, kHop * step_k, bad, steps);
   }
+  if (steps.empty()) return;
   make_unique(bad.jumping);
   for (const int pixel : bad.jumping) session.good[static_cast<std::size_t>(pixel)] = 0;
   bad.step_k = median(std::move(steps));

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "src/core/statistics.hpp"
+#include "src/diagnose/field.hpp"
 #include "src/diagnose/stages.hpp"
 
 namespace bolo::diagnose {
@@ -16,6 +17,11 @@ constexpr double kStepScatter = 0.4;  // of the jumping pixels' steps, relative
 constexpr double kJumpError_k = 0.003;
 
 double square(double v) { return v * v; }
+
+template <typename T>
+void append(std::vector<T>& to, const std::vector<T>& from) {
+  to.insert(to.end(), from.begin(), from.end());
+}
 
 // Whether one of these effects was found.
 bool has(const Report& report, std::initializer_list<std::string_view> effects) {
@@ -156,6 +162,13 @@ void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
   }
 }
 
+// Of recordings without a bench.
+void fill_field(const Field& field, Report& report) {
+  report.gap_before = field.gap_before;
+  report.gap_after = field.gap_after;
+  report.location.captures = field.gaps;
+}
+
 // By how much the noise's variance, and its parts, differ from what is expected.
 void fill_noise(const Noise& noise, Report& report) {
   const NoiseStatistics& n = noise.statistics;
@@ -234,9 +247,9 @@ std::string needs_of(const Session& session) {
 }
 
 // Nothing was predicted, so that nothing can be said of how well.
-void mark_not_testable(const Session& session, const Noise& noise, Report& report) {
+void mark_not_testable(const Session& session, const Noise& noise, const std::string& why, Report& report) {
   report.verdict = "not_testable";
-  report.needs = needs_of(session);
+  report.needs = needs_of(session) + why;
   report.gap_before = report.gap_after = report.closed_fraction = kUnknown;
   if (noise.statistics.frames == 0) {
     report.noise_gap_before = report.noise_gap_after = report.noise_floor_k = kUnknown;
@@ -259,11 +272,6 @@ void mark_wrong_description(const std::vector<std::string>& wrong, Report& repor
 
 std::vector<PixelPlace> places_of(const std::vector<int>& pixels, int width) {
   return mapped(pixels, [width](int pixel) { return place_of(static_cast<std::size_t>(pixel), width); });
-}
-
-template <typename T>
-void append(std::vector<T>& to, const std::vector<T>& from) {
-  to.insert(to.end(), from.begin(), from.end());
 }
 
 }  // namespace
@@ -293,8 +301,8 @@ void add(Findings& findings, const Options& options, FoundEffect effect, double 
   }
 }
 
-Report make_report(const Events& events, const Noise& noise, const Fit& fit, const std::vector<Remainder>& left,
-                   const Options& options) {
+Report make_report(const Events& events, const Noise& noise, const Fit& fit, const Field& field,
+                   const std::vector<Remainder>& left, const Options& options) {
   const Session& session = fit.session;
   Report report;
   for (const Recording& r : session.recordings) {
@@ -302,15 +310,18 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
     report.frames += static_cast<std::size_t>(r.frames());
   }
   const Findings values = judge_values(events, noise, options);
-  for (const Findings* of : {&noise.findings, &values, &fit.findings}) append(report.effects, of->effects);
+  for (const Findings* of : {&noise.findings, &values, &fit.findings, &field.findings}) {
+    append(report.effects, of->effects);
+  }
   if (fit.done) fill_fit(fit, noise, report);
+  if (field.judged) fill_field(field, report);
   const Findings jumps = judge_jumps(events, fit.jumps, report, options);
   append(report.effects, jumps.effects);
   for (const auto* warnings : {&session.warnings, &events.warnings, &noise.findings.warnings, &fit.findings.warnings}) {
     append(report.warnings, *warnings);
   }
   for (const Effect& effect : catalogue()) {
-    if (!effect.told_by(session) && allowed(options, effect.name)) {
+    if (!effect.told_by(session) && !field.tells(effect.name) && allowed(options, effect.name)) {
       report.not_identifiable.push_back({effect.name, effect.needs});
     }
   }
@@ -322,18 +333,22 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
   }
   report.kelvin = session.recordings.front().kelvin;
   fill_noise(noise, report);
-  join_gaps(fit.done, report);
+  join_gaps(fit.done || field.judged, report);
   std::vector<Remainder> all;
-  for (const auto* of :
-       {&noise.findings.remainders, &values.remainders, &fit.findings.remainders, &left, &jumps.remainders}) {
+  for (const auto* of : {&noise.findings.remainders, &values.remainders, &fit.findings.remainders,
+                         &field.findings.remainders, &left, &jumps.remainders}) {
     append(all, *of);
   }
   judge(std::move(all), report);
   report.defects = {places_of(events.bad.stuck, session.width), places_of(events.bad.noisy, session.width)};
   for (const Recording& r : session.recordings) {
-    if (!has_model(r)) report.observations.push_back(observe(r));
+    if (has_model(r)) continue;
+    report.observations.push_back(observe(r));
+    const auto motion = field.motion.find(r.name);
+    if (motion != field.motion.end()) report.observations.back().motion = motion->second;
   }
-  if (std::ranges::none_of(session.recordings, has_model)) mark_not_testable(session, noise, report);
+  if (!field.judged && std::ranges::none_of(session.recordings, has_model))
+    mark_not_testable(session, noise, field.why, report);
   if (!fit.wrong_description.empty()) mark_wrong_description(fit.wrong_description, report);
   report.withheld = options.withheld;
   return report;

@@ -56,9 +56,9 @@ std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& rep
 
 // Stuck and noisy pixels of the whole frame; then, once jumps have been taken out, those that jump between two levels:
 // by more than `step_k`, between whose multiples a value hops that lies at their border.
-// Marked in session.good.
+// Marked in session.good. `of`: the recordings that are asked.
 BadPixels find_dead_pixels(Session& session);
-void find_jumping_pixels(Session& session, BadPixels& bad, double step_k = 0.0);
+void find_jumping_pixels(Session& session, BadPixels& bad, double step_k = 0.0, Kind of = Kind::kUniform);
 
 // The clearest step in a series of residuals (frames x pixels of the grid, K): of a uniform recording its own values
 // will do. `levels`: what each of the stimulus' levels adds to the frames (frames x levels), since a fit of levels
@@ -256,8 +256,9 @@ std::vector<Remainder> test_remainder(const Events& events, const Noise& noise, 
 std::string stage_of_misfits(std::span<const Remainder> remainders);
 
 // What is said in the end.
-Report make_report(const Events& events, const Noise& noise, const Fit& fit, const std::vector<Remainder>& left,
-                   const Options& options);
+struct Field;  // field.hpp
+Report make_report(const Events& events, const Noise& noise, const Fit& fit, const Field& field,
+                   const std::vector<Remainder>& left, const Options& options);
 // What is drawn: report.captures, report.maps and the rest of report.location.
 void fill_plots(const Fit& fit, double floor_k, Report& report);
 

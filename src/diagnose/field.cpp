@@ -1,0 +1,338 @@
+#include "src/diagnose/field.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "src/core/statistics.hpp"
+#include "src/diagnose/field_motion.hpp"
+#include "src/diagnose/field_parts.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+// Tiles of a still recording see something move when they change more than others do.
+constexpr double kOwnMotion = 6.0;  // standard deviations of the quiet tiles
+constexpr double kLeastOwn = 1.5;   // times the quiet tiles
+constexpr int kTiles = 8;           // of the picture's width and of its height
+// Of a followed scene: the share of blocks that go their own way, from which on it is not followed.
+constexpr double kMostOwn = 0.35;
+constexpr std::size_t kFewestSights = 12;
+
+// Both halves of the data must show a part by so many standard errors, and by so much of the noise: recordings without
+// any effect stay below both.
+constexpr double kClear = 6.0;
+constexpr double kLeastPattern = 0.4;  // slow noise of pixels is a pattern for a while
+constexpr double kLeastColumn = 0.2;
+
+constexpr std::array kStillTells{"coarse_quantisation", "dead_pixels", "flicker",     "frame_loss",
+                                 "heavy_tail",          "iir",         "noise_level", "nuc_freeze",
+                                 "offset_jump",         "one_over_f",  "saturation",  "stripes"};
+// No noise, flicker or stripes: texture finer than a pixel, moved, and the edges of what is not quite followed look
+// alike.
+constexpr std::array kMotionTells{"coarse_quantisation", "dead_pixels", "fpn_offset", "frame_loss",
+                                  "nuc_freeze",          "offset_jump", "saturation"};
+
+bool has_bench(const Session& session) { return std::ranges::any_of(session.recordings, has_model); }
+
+// Steps of the whole picture, as the frames' own statistics show them.
+void take_jumps(Events& events, std::size_t index) {
+  Recording& r = events.session.recordings[index];
+  for (const Observation::Jump& seen : observe(r).jumps) {
+    Jump jump{.recording = index, .frame = seen.frame, .global_k = seen.size};
+    jump.after_freeze = std::ranges::any_of(
+        events.freezes, [&](const Freeze& f) { return f.recording == index && f.last + 1 == seen.frame; });
+    jump.removed = true;
+    r.values.bottomRows(r.values.rows() - static_cast<Index>(seen.frame)).array() -= static_cast<float>(seen.size);
+    events.jumps.push_back(jump);
+  }
+}
+
+// A straight line in time, of all pixels alike: a camera that warms, or a scene.
+void take_drift(Recording& r) {
+  Line line;
+  std::vector<float> frame(static_cast<std::size_t>(r.values.cols()));
+  for (const Index k : r.used_frames()) {
+    std::ranges::copy(r.values.row(k), frame.begin());
+    line.add(static_cast<double>(k), median(frame));
+  }
+  if (line.count() < kMinFrames) return;
+  const double slope = line.slope();
+  for (Index k = 0; k < r.values.rows(); ++k)
+    r.values.row(k).array() -= static_cast<float>(slope * static_cast<double>(k));
+}
+
+// Of each pixel: its variance over that between two frames.
+std::vector<double> wander(const Session& session, const Recording& r) {
+  return mapped(session.grid.all(), [&](int p) {
+    const ArrayXd x = r.values(r.used_frames(), p).cast<double>().array();
+    const Index n = x.size();
+    if (n < 3) return 1.0;
+    const double variance = (x - x.mean()).square().mean();
+    return variance / std::max(1e-12, (x.tail(n - 1) - x.head(n - 1)).square().mean() / 2.0);
+  });
+}
+
+// The quarter that wanders least.
+struct Quiet {
+  double ratio = 0.0;   // usual of these
+  double spread = 0.0;  // of a single one
+};
+
+Quiet quiet_of(const std::vector<double>& ratio) {
+  constexpr double kBetween = 0.97;  // standard deviations of a Gaussian between the two quantiles
+  const double quarter = quantile(ratio, 0.25);
+  return {quarter, std::max(quarter - quantile(ratio, 0.05), 0.0) / kBetween};
+}
+
+// Whether the camera stands still: a quarter of the pixels wander no more than noise does, and these are as noisy as
+// one another, however much of the scene each of them sees.
+bool stands_still(const Session& session, const Recording& r) {
+  constexpr double kStillRatio = 3.0;
+  constexpr double kAlike = 0.35;
+  const std::vector<Index> used = r.used_frames();
+  if (used.size() < kMinFrames) return false;
+  const std::vector<double> ratio = wander(session, r);
+  const double quarter = quiet_of(ratio).ratio;
+  if (quarter >= kStillRatio) return false;
+  std::vector<double> noise;
+  for (Index p = 0; p < r.values.cols(); ++p) {
+    if (ratio[static_cast<std::size_t>(p)] > quarter) continue;
+    const ArrayXd x = r.values(used, p).cast<double>().array();
+    noise.push_back(std::sqrt((x.tail(x.size() - 1) - x.head(x.size() - 1)).square().mean()));
+  }
+  const double usual = median(noise);
+  return kSigmaOfMad * median(mapped(noise, [usual](double v) { return std::abs(v - usual); })) < kAlike * usual;
+}
+
+// Of tiles of a still picture, what they do in time: means of their pixels, less the frame's median, outliers clipped.
+Series tiles_of(const Session& session, const Recording& r) {
+  constexpr float kClip = 2.5F;  // standard deviations of a pixel
+  Series x = r.values(r.used_frames(), Eigen::all);
+  x.rowwise() -= x.colwise().mean().eval();
+  for (Index k = 0; k < x.rows(); ++k) x.row(k).array() -= median(std::vector<float>(x.row(k).begin(), x.row(k).end()));
+  const double sigma = std::sqrt(median(mapped(session.grid.all(), [&x](int p) {
+    return static_cast<double>((x.col(p).tail(x.rows() - 1) - x.col(p).head(x.rows() - 1)).squaredNorm()) / 2.0 /
+           static_cast<double>(x.rows() - 1);
+  })));
+  const float most = kClip * static_cast<float>(std::max(sigma, r.step));
+  const auto across = static_cast<Index>(session.grid.columns.size());
+  const auto down = static_cast<Index>(session.grid.rows.size());
+  Series tiles = Series::Zero(x.rows(), kTiles * kTiles);
+  std::vector<float> pixels(static_cast<std::size_t>(tiles.cols()), 0.0F);
+  for (Index p = 0; p < x.cols(); ++p) {
+    const Index tile = p / across * kTiles / down * kTiles + p % across * kTiles / across;
+    tiles.col(tile) += x.col(p).cwiseMax(-most).cwiseMin(most);
+    pixels[static_cast<std::size_t>(tile)] += 1.0F;
+  }
+  for (Index t = 0; t < tiles.cols(); ++t)
+    tiles.col(t) /= std::sqrt(std::max(1.0F, pixels[static_cast<std::size_t>(t)]));
+  return tiles;
+}
+
+// Whether something moves by itself where the camera stands still: tiles wander, or change from frame to frame, more
+// than most do.
+bool something_moves(const Session& session, const Recording& r) {
+  const Series tiles = tiles_of(session, r);
+  std::vector<double> ratio;
+  std::vector<double> rough;
+  for (Index t = 0; t < tiles.cols(); ++t) {
+    const ArrayXd x = tiles.col(t).cast<double>().array();
+    rough.push_back((x.tail(x.size() - 1) - x.head(x.size() - 1)).square().mean() / 2.0);
+    ratio.push_back((x - x.mean()).square().mean() / std::max(1e-12, rough.back()));
+  }
+  return std::ranges::any_of(std::array{&ratio, &rough}, [](const std::vector<double>* all) {
+    const Quiet quiet = quiet_of(*all);
+    const double most = std::max(quiet.ratio + kOwnMotion * quiet.spread, kLeastOwn * quiet.ratio);
+    return std::ranges::any_of(*all, [most](double one) { return one > most; });
+  });
+}
+
+// Of a field where nothing moves: pixels far noisier than most.
+void find_noisy_pixels(Events& events, const Recording& r) {
+  constexpr double kNoisy = 5.0;
+  const FrameStatistics& s = r.statistics;
+  const double usual = median(s.sigma);
+  const double usual_rough = median(s.roughness);
+  for (std::size_t p = 0; p < s.sigma.size(); ++p) {
+    const int pixel = static_cast<int>(p);
+    if (s.sigma[p] > kNoisy * usual && s.roughness[p] > 0.5 * usual_rough &&
+        std::ranges::count(events.bad.noisy, pixel) == 0) {
+      events.bad.noisy.push_back(pixel);
+    }
+  }
+  std::ranges::sort(events.bad.noisy);
+  Session& session = events.session;
+  for (const int p : session.grid.all()) {
+    const int at = session.grid.row_of(p) * session.width + session.grid.column_of(p);
+    if (std::ranges::binary_search(events.bad.noisy, at)) session.good[static_cast<std::size_t>(p)] = 0;
+  }
+}
+
+class Namer {
+ public:
+  Namer(const Options& options, const Findings& known, Field& field)
+      : options_(options), known_(known), field_(field) {}
+
+  void name(const std::string& name, double z, std::map<std::string, Estimate> parameters, const std::string& where) {
+    for (const Findings* of : std::array<const Findings*, 2>{&known_, &field_.findings}) {
+      if (std::ranges::find(of->effects, name, &FoundEffect::name) != of->effects.end()) return;
+    }
+    FoundEffect e = named(name, 1.0 - 0.5 * std::erfc(std::min(z, 6.0) / 2.0), std::move(parameters));
+    e.gap_before = gap_before;
+    e.gap_after = gap_after;
+    add(field_.findings, options_, std::move(e), std::max(z, 2.0 * kRemainderLimit), where);
+  }
+  double gap_before = 1.0;
+  double gap_after = 1.0;
+
+ private:
+  const Options& options_;
+  const Findings& known_;  // of the noise
+  Field& field_;
+};
+
+Estimate estimate(const Measured& m) { return interval(m.value, m.error); }
+
+void name_parts(const FieldParts& parts, Namer& out) {
+  const auto clear = [&](const Measured& m, double least) { return m.z > kClear && m.value > least * parts.noise; };
+  const bool pattern = clear(parts.offset, kLeastPattern);
+  const bool columns = clear(parts.offset_column, kLeastColumn);
+  if (pattern || columns) {
+    out.name("fpn_offset", std::max(parts.offset.z, parts.offset_column.z),
+             {{"pixel_k", estimate(parts.offset)}, {"column_k", estimate(parts.offset_column)}},
+             "a pattern stays with the pixels while the scene moves on");
+  }
+}
+
+// What the values themselves say, of any field recording.
+void name_values(const Events& events, Namer& out) {
+  const std::size_t repeated = sum_of(events.repeated) > 0.0 ? static_cast<std::size_t>(sum_of(events.repeated)) : 0;
+  if (repeated > 0) {
+    const double frames = sum_of(events.session.recordings, [](const Recording& r) { return r.frames(); });
+    const double rate = 1e3 * static_cast<double>(repeated) / frames;
+    out.name("frame_loss", 10.0, {{"per_thousand", interval(rate, rate / std::sqrt(static_cast<double>(repeated)))}},
+             "frames repeat the one before");
+  }
+  if (std::isfinite(events.ceiling_k)) {
+    out.name("saturation", 20.0, {{"level_k", interval(events.ceiling_k, events.session.recordings.front().step)}},
+             "values pile up at a ceiling");
+  }
+}
+
+std::vector<char> dead_of(const Events& events) {
+  std::vector<char> dead(
+      static_cast<std::size_t>(events.session.width) * static_cast<std::size_t>(events.session.height), 0);
+  for (const auto* of : {&events.bad.stuck, &events.bad.noisy}) {
+    for (const int p : *of) dead[static_cast<std::size_t>(p)] = 1;
+  }
+  return dead;
+}
+
+// A value's noise where there is no profile to ask, or the scene is still for a moment.
+double first_noise(const Recording& r, const Options& options) {
+  std::vector<double> scatter;
+  for (std::size_t k = 1; k < r.statistics.frames(); ++k) {
+    if (r.statistics.repeated[k] == 0) scatter.push_back(r.statistics.scatter[k]);
+  }
+  const double seen = quantile(std::move(scatter), 0.1) / std::numbers::sqrt2;
+  return r.kelvin ? std::min(options.profile.noise_k, std::max(seen, 1e-4)) : std::max(seen, 0.5);
+}
+
+// Of one recording whose scene moves; nothing when it cannot be followed.
+Result<std::optional<FieldParts>> judge_moving(const std::filesystem::path& file, const Recording& r, Events& events,
+                                               const Options& options) {
+  auto frames = read_field(file, r);
+  if (!frames) return tl::unexpected(frames.error());
+  for (const Jump& jump : events.jumps) {
+    if (&events.session.recordings[jump.recording] != &r) continue;
+    for (Index i = 0; i < frames->values.rows(); ++i) {
+      if (frames->frame[static_cast<std::size_t>(i)] < static_cast<Index>(jump.frame)) continue;
+      frames->values.row(i).array() -= static_cast<float>(jump.global_k);
+    }
+  }
+  const FieldMotion motion = follow_field(*frames, first_noise(r, options));
+  if (motion.sights.size() < kFewestSights) return std::optional<FieldParts>();
+  const std::vector<char> known = dead_of(events);
+  FieldParts parts = take_field_apart(*frames, motion.sights, known);
+  if (!parts.followed || parts.moving > kMostOwn) return std::optional<FieldParts>();
+  for (std::size_t p = 0; p < parts.dead.size(); ++p) {
+    if (parts.dead[p] != 0 && known[p] == 0) events.bad.noisy.push_back(static_cast<int>(p));
+  }
+  return std::optional(std::move(parts));
+}
+
+}  // namespace
+
+bool Field::tells(std::string_view effect) const {
+  return (still && std::ranges::count(kStillTells, effect) != 0) ||
+         (moving && std::ranges::count(kMotionTells, effect) != 0);
+}
+
+void prepare_field(Events& events) {
+  if (has_bench(events.session)) return;
+  std::erase_if(events.bad.stuck, [&events](int p) {  // what a ceiling holds is not stuck
+    return std::ranges::any_of(events.session.recordings, [&](const Recording& r) {
+      return r.statistics.mean[static_cast<std::size_t>(p)] >= events.ceiling_k;
+    });
+  });
+  for (std::size_t i = 0; i < events.session.recordings.size(); ++i) {
+    Recording& r = events.session.recordings[i];
+    if (r.kind == Kind::kUniform) continue;  // is told to be flat, though in counts
+    take_jumps(events, i);
+    take_drift(r);
+    // Noise is measured of fields where nothing moves; what moves is a scene.
+    const bool still = stands_still(events.session, r) && !something_moves(events.session, r);
+    r.kind = still ? Kind::kField : Kind::kScene;
+    if (still) find_noisy_pixels(events, r);
+  }
+  find_jumping_pixels(events.session, events.bad, events.coarse ? events.step_k : 0.0, Kind::kField);
+}
+
+Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Events& events, const Noise& noise,
+                          const Options& options, const Progress& progress) {
+  Field out;
+  Namer namer(options, noise.findings, out);
+  double cells = 0.0;
+  double before = 0.0;
+  double after = 0.0;
+  const bool bench = has_bench(events.session);
+  for (const Recording& r : events.session.recordings) {
+    if (has_model(r)) continue;
+    const auto file = std::ranges::find(files, r.name, [](const auto& path) { return path.filename().string(); });
+    if (file == files.end()) continue;
+    if (!progress("following the scene", 0.9)) return failed("interrupted");
+    auto motion = learn_from_motion(*file, r, events.session, options.profile);
+    if (!motion) return tl::unexpected(motion.error());
+    if (*motion) out.motion[r.name] = **motion;
+    if (bench || r.used_frames().size() < kMinFrames) continue;
+    if (r.kind == Kind::kField || r.kind == Kind::kUniform) {
+      out.still = out.still || noise.statistics.frames > 0;
+      continue;
+    }
+    const auto parts = judge_moving(*file, r, events, options);
+    if (!parts) return tl::unexpected(parts.error());
+    if (!*parts) {
+      out.why = " (" + r.name + ": something moves by itself, or the motion is not followed)";
+      continue;
+    }
+    out.moving = true;
+    const auto count = static_cast<double>((*parts)->cells);
+    cells += count;
+    before += count * (*parts)->gap_before * (*parts)->gap_before;
+    after += count * (*parts)->gap_after * (*parts)->gap_after;
+    out.gaps[r.name] = namer.gap_before = (*parts)->gap_before;
+    namer.gap_after = (*parts)->gap_after;
+    name_parts(**parts, namer);
+  }
+  out.judged = out.moving || out.still;
+  if (cells > 0.0) {
+    out.gap_before = namer.gap_before = std::sqrt(before / cells);
+    out.gap_after = namer.gap_after = std::sqrt(after / cells);
+  }
+  if (out.judged) name_values(events, namer);
+  return out;
+}
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,360 @@
+#include "src/diagnose/field_parts.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "src/core/statistics.hpp"
+#include "src/motion/padded_plane.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+constexpr int kBlock = motion::kBlock;
+constexpr std::size_t kBins = 12;      // of contrast
+constexpr double kOwnVariance = 4.0;   // times the floor's variance: the block does not move as it was taken to
+constexpr int kGroups = 16;            // of time, of which every second is one half
+constexpr int kRounds = 8;             // of the search for a fixed pattern
+constexpr double kStep = 0.7;          // of each
+constexpr double kClip = 3.0;          // sigmas, of a value that counts
+constexpr double kLeastLooks = 6.0;    // at a pixel, of each half
+constexpr double kSeenContrast = 6.0;  // sigmas that a pixel's scene must vary by to show whether it follows
+constexpr double kFollows = 0.4;       // slope of what a pixel shows against what it should: less is deaf
+constexpr double kFollow = 0.85;       // of its neighbours, at least
+constexpr double kMostPattern = 0.2;   // of the picture's standard deviation
+constexpr double kNoisy = 5.0;         // times the usual scatter
+
+// A residual with what its blocks weigh.
+struct Cells {
+  const Residual& residual;
+  Blocks blocks;
+  Series weight;  // sights x blocks: 1 / variance, 0 where it is not predicted or moves by itself
+  Series square;  // mean square of the residual
+
+  Index sights() const { return residual.values.rows(); }
+  int block_of(Index pixel) const {
+    const int width = residual.geometry.width;
+    return static_cast<int>(pixel / width / kBlock) * blocks.across + static_cast<int>(pixel % width / kBlock);
+  }
+};
+
+int half_of_time(Index sight, Index sights) { return static_cast<int>(sight * kGroups / sights) % 2; }
+
+// Mean square of each block without its bad pixels; negative where it is not predicted.
+Series squares_of(const Residual& r, const std::vector<char>& bad) {
+  const Blocks blocks(r.geometry);
+  Series sum = Series::Zero(r.values.rows(), blocks.count());
+  ArrayXf count = ArrayXf::Zero(blocks.count());
+  for (Index p = 0; p < r.values.cols(); ++p) {
+    if (bad[static_cast<std::size_t>(p)] != 0) continue;
+    const Index width = r.geometry.width;
+    const Index b = p / width / kBlock * blocks.across + p % width / kBlock;
+    sum.col(b) += r.values.col(p).array().square().matrix();
+    count[b] += 1.0F;
+  }
+  for (Index i = 0; i < sum.rows(); ++i) {
+    for (Index b = 0; b < sum.cols(); ++b) {
+      sum(i, b) = r.valid(i, b) != 0 && count[b] > 0.0F ? sum(i, b) / count[b] : -1.0F;
+    }
+  }
+  return sum;
+}
+
+Cells cells_of(const Residual& r, const PredictionFloor& floor, const std::vector<char>& bad) {
+  Cells out{r, Blocks(r.geometry), {}, squares_of(r, bad)};
+  out.weight.setZero(out.square.rows(), out.square.cols());
+  for (Index i = 0; i < out.square.rows(); ++i) {
+    for (Index b = 0; b < out.square.cols(); ++b) {
+      const double expected = floor.variance(r.contrast(i, b));
+      const double seen = out.square(i, b);
+      if (seen >= 0.0 && seen < kOwnVariance * expected) out.weight(i, b) = static_cast<float>(1.0 / expected);
+    }
+  }
+  return out;
+}
+
+// What two estimates of the same numbers share, as a standard deviation, with the scatter over groups of them as
+// its error.
+struct Sharing {
+  std::vector<double> product;
+  std::vector<double> weight;
+  explicit Sharing(std::size_t groups) : product(groups, 0.0), weight(groups, 0.0) {}
+  void add(std::size_t group, double a, double b, double w) {
+    product[group] += w * a * b;
+    weight[group] += w;
+  }
+  Measured measured() const {
+    std::vector<double> each;
+    for (std::size_t g = 0; g < product.size(); ++g) {
+      if (weight[g] > 0.0) each.push_back(product[g] / weight[g]);
+    }
+    if (each.size() < 4) return {};
+    const auto n = static_cast<double>(each.size());
+    const double mean = sum_of(each) / n;
+    const double error = std::sqrt(sum_of(each, [mean](double v) { return (v - mean) * (v - mean); }) / n / (n - 1.0));
+    const double value = std::sqrt(std::max(0.0, mean));
+    return {value, value > 0.0 ? error / (2.0 * value) : 0.0, mean / std::max(error, 1e-12)};
+  }
+};
+
+// The fixed pattern that explains what the residuals of some sights have in common: residual = o - (o moved).
+ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const std::vector<Index>& of,
+                   const std::vector<char>& bad) {
+  const Index pixels = cells.residual.values.cols();
+  ArrayXf pattern = ArrayXf::Zero(pixels);
+  ArrayXf moved(pixels);
+  PatternMover mover(cells.residual.geometry);
+  for (int round = 0; round < kRounds; ++round) {
+    ArrayXf sum = ArrayXf::Zero(pixels);
+    ArrayXf weight = ArrayXf::Zero(pixels);
+    for (const Index i : of) {
+      mover.move(sights[static_cast<std::size_t>(i)], pattern.data(), moved.data());
+      for (Index p = 0; p < pixels; ++p) {
+        const float w = cells.weight(i, cells.block_of(p));
+        if (w <= 0.0F) continue;
+        const float most = static_cast<float>(kClip) / std::sqrt(w);
+        sum[p] += w * std::clamp(cells.residual.values(i, p) - pattern[p] + moved[p], -most, most);
+        weight[p] += w;
+      }
+    }
+    const float least = static_cast<float>(kLeastLooks / 2.0) * weight.mean() / static_cast<float>(of.size());
+    for (Index p = 0; p < pixels; ++p) {
+      if (weight[p] > least && bad[static_cast<std::size_t>(p)] == 0) {
+        pattern[p] += static_cast<float>(kStep) * sum[p] / weight[p];
+      }
+    }
+  }
+  return pattern;
+}
+
+ArrayXf column_means(const ArrayXf& map, Geometry g) {
+  ArrayXf out = ArrayXf::Zero(g.width);
+  for (int x = 0; x < g.width; ++x) {
+    std::vector<float> of;
+    for (int y = 0; y < g.height; ++y) {
+      const float value = map[static_cast<Index>(y) * g.width + x];
+      if (value != 0.0F) of.push_back(value);
+    }
+    out[x] = median(of);
+  }
+  return out;
+}
+
+// Groups of pixels are tiles of the picture.
+Measured shared(const std::array<ArrayXf, 2>& half, Geometry g) {
+  Sharing sharing(kGroups);
+  for (Index p = 0; p < half[0].size(); ++p) {
+    if (half[0][p] == 0.0F || half[1][p] == 0.0F) continue;
+    const Index tile = p / g.width * 4 / g.height * 4 + p % g.width * 4 / g.width;
+    sharing.add(static_cast<std::size_t>(tile), half[0][p], half[1][p], 1.0);
+  }
+  return sharing.measured();
+}
+
+Measured shared_lines(const std::array<ArrayXf, 2>& half) {
+  Sharing sharing(kGroups);
+  for (Index x = 0; x < half[0].size(); ++x) {
+    sharing.add(static_cast<std::size_t>(x * kGroups / half[0].size()), half[0][x], half[1][x], 1.0);
+  }
+  return sharing.measured();
+}
+
+std::array<std::vector<Index>, 2> halves_of(Index sights) {
+  std::array<std::vector<Index>, 2> out;
+  for (Index i = 0; i < sights; ++i) out[static_cast<std::size_t>(half_of_time(i, sights))].push_back(i);
+  return out;
+}
+
+// The median of a map over the eight pixels around one, of those that are known.
+double around(const ArrayXf& map, Index p, Geometry g) {
+  std::vector<float> values;
+  const PixelPlace at = place_of(static_cast<std::size_t>(p), g.width);
+  for (int y = std::max(0, at.y - 1); y <= std::min(g.height - 1, at.y + 1); ++y) {
+    for (int x = std::max(0, at.x - 1); x <= std::min(g.width - 1, at.x + 1); ++x) {
+      const float value = map[static_cast<Index>(y) * g.width + x];
+      if ((x != at.x || y != at.y) && value > 0.0F) values.push_back(value);
+    }
+  }
+  return values.size() < 3 ? 0.0 : median(std::move(values));
+}
+
+// Pixels that, in some of the sights, do not follow the scene that crosses them where their neighbours do, or scatter
+// far more than these.
+std::vector<char> deaf_of(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights,
+                          const std::vector<Index>& of, double floor) {
+  const Geometry g = cells.residual.geometry;
+  const Index pixels = cells.residual.values.cols();
+  ArrayXf scatter = ArrayXf::Zero(pixels);
+  ArrayXf follows = ArrayXf::Zero(pixels);  // slope and one half; 0: not known
+  std::vector<double> size;
+  for (Index p = 0; p < pixels; ++p) {
+    Line line;
+    size.clear();
+    for (const Index i : of) {
+      if (cells.residual.valid(i, cells.block_of(p)) == 0) continue;
+      const double y = frames.values(sights[static_cast<std::size_t>(i)].frame, p);
+      line.add(y - cells.residual.values(i, p), y);
+      size.push_back(cells.residual.values(i, p));
+    }
+    if (line.count() < kLeastLooks) continue;
+    const double middle = median(size);
+    for (double& one : size) one = std::abs(one - middle);
+    scatter[p] = static_cast<float>(median(size));
+    const double varies = std::sqrt(line.scatter_x() / line.count());
+    if (varies > kSeenContrast * floor) follows[p] = static_cast<float>(std::max(line.slope(), -0.4) + 0.5);
+  }
+  std::vector<char> deaf(static_cast<std::size_t>(pixels), 0);
+  for (Index p = 0; p < pixels; ++p) {
+    const bool still = follows[p] > 0.0F && follows[p] < kFollows + 0.5 && around(follows, p, g) > kFollow + 0.5;
+    const double usual = around(scatter, p, g);
+    deaf[static_cast<std::size_t>(p)] = still || (usual > 0.0 && scatter[p] > kNoisy * usual) ? 1 : 0;
+  }
+  return deaf;
+}
+
+// Adds the pixels that both halves of the time show.
+void find_deaf(const Cells& cells, const FieldFrames& frames, const std::vector<Sight>& sights, double floor,
+               std::vector<char>& dead) {
+  const auto halves = halves_of(cells.sights());
+  const std::vector<char> first = deaf_of(cells, frames, sights, halves[0], floor);
+  const std::vector<char> second = deaf_of(cells, frames, sights, halves[1], floor);
+  for (std::size_t p = 0; p < dead.size(); ++p) {
+    if (first[p] != 0 && second[p] != 0) dead[p] = 1;
+  }
+}
+
+// A dead pixel shows the mean of its good neighbours from now on.
+void fill_dead(FieldFrames& frames, const std::vector<char>& dead) {
+  const Geometry g = frames.geometry;
+  for (std::size_t p = 0; p < dead.size(); ++p) {
+    if (dead[p] == 0) continue;
+    std::vector<Index> good;
+    const PixelPlace at = place_of(p, g.width);
+    for (int y = std::max(0, at.y - 1); y <= std::min(g.height - 1, at.y + 1); ++y) {
+      for (int x = std::max(0, at.x - 1); x <= std::min(g.width - 1, at.x + 1); ++x) {
+        const auto q = static_cast<std::size_t>(y * g.width + x);
+        if (dead[q] == 0) good.push_back(static_cast<Index>(q));
+      }
+    }
+    if (good.empty()) continue;
+    frames.values.col(static_cast<Index>(p)).setZero();
+    for (const Index q : good) {
+      frames.values.col(static_cast<Index>(p)) += frames.values.col(q) / static_cast<float>(good.size());
+    }
+  }
+}
+
+// Standard deviation of the picture, rms over the frames.
+double contrast_of(const FieldFrames& frames) {
+  double sum = 0.0;
+  for (Index i = 0; i < frames.values.rows(); ++i) {
+    const ArrayXf x = frames.values.row(i).transpose().array();
+    sum += static_cast<double>((x - x.mean()).square().mean());
+  }
+  return std::sqrt(sum / static_cast<double>(std::max<Index>(1, frames.values.rows())));
+}
+
+}  // namespace
+
+PredictionFloor::PredictionFloor(const Residual& residual, const std::vector<char>& bad) {
+  const Series square = squares_of(residual, bad);
+  std::vector<std::pair<double, double>> all;
+  for (Index i = 0; i < square.rows(); ++i) {
+    for (Index b = 0; b < square.cols(); ++b) {
+      if (square(i, b) >= 0.0F) all.emplace_back(residual.contrast(i, b), square(i, b));
+    }
+  }
+  std::ranges::sort(all);
+  for (std::size_t bin = 0; bin < kBins; ++bin) {
+    const auto part =
+        std::span(all).subspan(bin * all.size() / kBins, (bin + 1) * all.size() / kBins - bin * all.size() / kBins);
+    if (part.empty()) continue;
+    contrast_.push_back(part[part.size() / 2].first);
+    const double middle = median(mapped(part, [](const auto& one) { return one.second; }));
+    variance_.push_back(std::max({middle, 1e-9, variance_.empty() ? 0.0 : variance_.back()}));
+  }
+  if (variance_.empty()) {
+    contrast_ = {0.0};
+    variance_ = {1.0};
+  }
+}
+
+double PredictionFloor::variance(double contrast) const {
+  const auto above = std::ranges::upper_bound(contrast_, contrast);
+  if (above == contrast_.begin()) return variance_.front();
+  if (above == contrast_.end()) {
+    // Errors grow with the contrast, also beyond what most blocks have.
+    return variance_.back() * std::max(1.0, contrast / std::max(contrast_.back(), 1e-9));
+  }
+  const auto i = static_cast<std::size_t>(above - contrast_.begin());
+  const double share = (contrast - contrast_[i - 1]) / std::max(contrast_[i] - contrast_[i - 1], 1e-12);
+  return variance_[i - 1] + share * (variance_[i] - variance_[i - 1]);
+}
+
+FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sights, std::vector<char> dead) {
+  FieldParts out;
+  const Geometry g = frames.geometry;
+  Series nominal;  // mean squares of the blocks, whatever their pixels do
+  {
+    const Residual first = predict_field(frames, sights);
+    nominal = squares_of(first, std::vector<char>(dead.size(), 0));
+    const PredictionFloor floor(first, dead);
+    find_deaf(cells_of(first, floor, dead), frames, sights, std::sqrt(floor.flat()), dead);
+  }
+  fill_dead(frames, dead);
+  const Residual raw = predict_field(frames, sights);
+  const PredictionFloor first_floor(raw, dead);
+  const Cells cells = cells_of(raw, first_floor, dead);
+  const auto halves = halves_of(cells.sights());
+
+  std::array<ArrayXf, 2> pattern;
+  for (std::size_t h = 0; h < 2; ++h) pattern[h] = pattern_of(cells, sights, halves[h], dead);
+  const std::array<ArrayXf, 2> columns{column_means(pattern[0], g), column_means(pattern[1], g)};
+  std::array<ArrayXf, 2> single = pattern;
+  for (std::size_t h = 0; h < 2; ++h) {
+    for (Index p = 0; p < single[h].size(); ++p) {
+      if (single[h][p] != 0.0F) single[h][p] -= columns[h][p % g.width];
+    }
+  }
+  out.offset = shared(single, g);
+  out.offset_column = shared_lines(columns);
+
+  // Each half is told the other one's pattern.
+  Residual left = raw;
+  PatternMover mover(g);
+  ArrayXf moved(raw.values.cols());
+  for (std::size_t h = 0; h < 2; ++h) {
+    for (const Index i : halves[h]) {
+      mover.move(sights[static_cast<std::size_t>(i)], pattern[1 - h].data(), moved.data());
+      for (Index p = 0; p < moved.size(); ++p) {
+        if (raw.valid(i, cells.block_of(p)) != 0) left.values(i, p) -= pattern[1 - h][p] - moved[p];
+      }
+    }
+  }
+  // A pattern that is much of the picture is what stands still behind something that moves.
+  out.followed = out.offset.value < kMostPattern * contrast_of(frames) && follows(frames, sights, left);
+  const PredictionFloor floor(left, dead);
+  const Cells after = cells_of(left, floor, dead);
+  double sum_before = 0.0;
+  double sum_after = 0.0;
+  double count = 0.0;
+  double predicted = 0.0;
+  for (Index i = 0; i < after.square.rows(); ++i) {
+    for (Index b = 0; b < after.square.cols(); ++b) {
+      predicted += raw.valid(i, b) != 0 ? 1.0 : 0.0;
+      if (after.weight(i, b) <= 0.0F) continue;
+      sum_before += nominal(i, b) * after.weight(i, b);
+      sum_after += after.square(i, b) * after.weight(i, b);
+      count += 1.0;
+    }
+  }
+  out.cells = static_cast<std::size_t>(count);
+  out.moving = predicted > 0.0 ? 1.0 - count / predicted : 0.0;
+  out.gap_before = std::sqrt(sum_before / std::max(1.0, count));
+  out.gap_after = std::sqrt(sum_after / std::max(1.0, count));
+  const double gain = median(mapped(sights, [](const Sight& s) { return s.noise_gain; }));
+  out.noise = std::sqrt(floor.flat() / gain);
+  out.dead = std::move(dead);
+  return out;
+}
+
+}  // namespace bolo::diagnose

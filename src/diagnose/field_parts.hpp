@@ -1,0 +1,44 @@
+// What the residual of a followed scene is made of. Every part is found twice, from two halves of the data that have
+// nothing in common: what both show is there, what only one shows is chance, or the scene.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "src/diagnose/field_predict.hpp"
+#include "src/diagnose/report.hpp"
+#include "src/diagnose/stages.hpp"
+
+namespace bolo::diagnose {
+
+// How well a block is predicted where nothing moves by itself: what noise, and interpolation between pixels that see an
+// edge, leave of it. The median over blocks of like contrast.
+class PredictionFloor {
+ public:
+  PredictionFloor(const Residual& residual, const std::vector<char>& bad);
+  double variance(double contrast) const;
+  // Of the flattest blocks, where noise is nearly all there is.
+  double flat() const { return variance_.front(); }
+
+ private:
+  std::vector<double> contrast_;  // rising
+  std::vector<double> variance_;  // rising
+};
+
+struct FieldParts {
+  double noise = 0.0;     // of one value where the scene is flat, sigma
+  double moving = 0.0;    // share of the blocks whose motion is their own: left out
+  bool followed = false;  // the scene, not a pattern or something before it
+  std::size_t cells = 0;  // blocks of frames that were predicted
+  double gap_before = 1.0;
+  double gap_after = 1.0;
+  Measured offset;         // fixed, of single pixels, columns apart
+  Measured offset_column;  // fixed, of whole columns
+  std::vector<char> dead;
+};
+
+// Of a recording whose scene moves. `dead`: of each pixel, as known before; those that do not follow the scene are
+// added. `frames`: dead pixels are filled.
+FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sights, std::vector<char> dead);
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,306 @@
+#include "src/diagnose/field_predict.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <random>
+
+#include "src/core/crew.hpp"
+#include "src/motion/global_motion.hpp"
+#include "src/motion/local_motion.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+using motion::PaddedPlane;
+using motion::Vec2;
+using motion::VectorField;
+
+constexpr std::size_t kMostValues = 48'000'000;  // of frames in memory
+constexpr std::size_t kMostResidual = 16'000'000;
+constexpr Index kMostSights = 320;
+// So far a fixed pattern must have moved against the scene to be told from it: beyond the reach of a pixel's
+// neighbours.
+constexpr double kLeastMove_px = 3.0;
+constexpr Index kFarthest = 16;             // frames on either side
+constexpr double kLargestDifference = 1e3;  // in noises, of values that are matched: what is more counts no more
+// Frames are matched as they are, with their inertia: what an innovation of this time constant (in periods) is.
+constexpr double kAsTheyAre = 0.05;
+
+void load(const float* from, PaddedPlane& to) {
+  const Geometry g = to.geometry();
+  for (int y = 0; y < g.height; ++y) std::copy_n(from + static_cast<std::ptrdiff_t>(y) * g.width, g.width, to.at(0, y));
+  to.extend();
+}
+
+// Frames of one size, matched with one another.
+class Matcher {
+ public:
+  Matcher(const FieldFrames& frames, double noise)
+      : frames_(frames),
+        noise_(noise),
+        kernels_(motion::best_kernels()),
+        inertia_(kAsTheyAre),
+        global_(frames.geometry),
+        local_(frames.geometry),
+        plane_(frames.geometry),
+        innovation_(frames.geometry),
+        field_(motion::blocks_over(frames.geometry.width), motion::blocks_over(frames.geometry.height)) {}
+
+  void smooth(Index frame, motion::Pyramid& out) {
+    load(frames_.values.row(frame).data(), plane_);
+    motion::find_innovation(kernels_, inertia_, plane_, plane_, crew_, innovation_, out);
+  }
+
+  motion::Affine whole(const motion::Pyramid& a, const motion::Pyramid& b) {
+    return global_.find(kernels_, inertia_, a, b, noise_, crew_);
+  }
+
+  VectorField blocks(const motion::Pyramid& a, const motion::Pyramid& b) {
+    motion::spread(whole(a, b), frames_.geometry, 1, field_);
+    const auto cap = static_cast<float>(kLargestDifference * noise_);
+    const VectorField& deviation = local_.find(kernels_, inertia_, a, b, field_, noise_, cap * cap, crew_);
+    VectorField out = field_;
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] = out[i] + deviation[i];
+    return out;
+  }
+
+ private:
+  const FieldFrames& frames_;
+  double noise_;
+  const motion::Kernels& kernels_;
+  motion::Inertia inertia_;
+  motion::GlobalMotion global_;
+  motion::LocalMotion local_;
+  PaddedPlane plane_;
+  PaddedPlane innovation_;
+  VectorField field_;
+  Alone crew_;
+};
+
+using Shift = std::array<double, 2>;
+
+// The nearest frame, in the direction of `by`, from which the scene has moved far enough.
+std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by) {
+  const auto& here = place[static_cast<std::size_t>(k)];
+  for (Index i = 1; i <= kFarthest; ++i) {
+    const Index other = k + by * i;
+    if (other < 0 || other >= static_cast<Index>(place.size())) return std::nullopt;
+    const auto& there = place[static_cast<std::size_t>(other)];
+    if (std::hypot(there[0] - here[0], there[1] - here[1]) >= kLeastMove_px) return other;
+  }
+  return std::nullopt;
+}
+
+// Mean of two planes moved onto a third.
+class Aligner {
+ public:
+  explicit Aligner(Geometry geometry)
+      : kernels_(motion::best_kernels()), before_(geometry), after_(geometry), now_(geometry), out_(geometry) {}
+
+  const PaddedPlane& mean(const Sight& sight, const float* before, const float* after, const float* now) {
+    load(before, before_);
+    if (after != before) load(after, after_);
+    load(now, now_);
+    const std::array<const PaddedPlane*, 2> planes{&before_, after != before ? &after_ : &before_};
+    for (int row = 0; row < out_.blocks_down(); ++row) {
+      const std::array<const Vec2*, 2> d{sight.from_before.row(row), sight.from_after.row(row)};
+      kernels_.align(planes.data(), d.data(), 2, now_, row, out_);
+    }
+    return out_;
+  }
+
+ private:
+  const motion::Kernels& kernels_;
+  PaddedPlane before_;
+  PaddedPlane after_;
+  PaddedPlane now_;
+  PaddedPlane out_;
+};
+
+// Whether all of a block has come from inside the frame.
+bool seen(Geometry g, int x0, int y0, Vec2 d) {
+  constexpr float kTaps = 2.0F;
+  const auto inside = [](int first, int length, float from, int size) {
+    const float low = static_cast<float>(first) - from;
+    const float high = static_cast<float>(std::min(first + length, size) - 1) - from;
+    return low >= kTaps && high <= static_cast<float>(size - 1) - kTaps;
+  };
+  return inside(x0, motion::kBlock, d.x, g.width) && inside(y0, motion::kBlock, d.y, g.height);
+}
+
+double mean_gradient(const PaddedPlane& p, int x0, int y0) {
+  const Geometry g = p.geometry();
+  double sum = 0.0;
+  int count = 0;
+  for (int y = y0; y < std::min(y0 + motion::kBlock, g.height); ++y) {
+    for (int x = x0; x < std::min(x0 + motion::kBlock, g.width); ++x) {
+      const double gx = *p.at(std::min(x + 1, g.width - 1), y) - *p.at(std::max(x - 1, 0), y);
+      const double gy = *p.at(x, std::min(y + 1, g.height - 1)) - *p.at(x, std::max(y - 1, 0));
+      sum += gx * gx + gy * gy;
+      ++count;
+    }
+  }
+  return sum / 4.0 / std::max(1, count);
+}
+
+// What white noise leaves in a sight's residual, by trying.
+double noise_gain(Aligner& aligner, const Sight& sight, const Series& noise) {
+  const PaddedPlane& mean = aligner.mean(sight, noise.row(0).data(), noise.row(1).data(), noise.row(2).data());
+  const Geometry g = mean.geometry();
+  double sum = 0.0;
+  for (int y = 0; y < g.height; ++y) {
+    for (int x = 0; x < g.width; ++x) {
+      const double r = noise(2, static_cast<Index>(y) * g.width + x) - *mean.at(x, y);
+      sum += r * r;
+    }
+  }
+  return std::max(1.0, sum / static_cast<double>(g.pixels()));
+}
+
+}  // namespace
+
+Result<FieldFrames> read_field(const std::filesystem::path& file, const Recording& recording) {
+  auto reader = capture::CaptureReader::open(file);
+  if (!reader) return tl::unexpected(reader.error());
+  FieldFrames out;
+  out.geometry = reader->info().format.geometry;
+  out.frame = recording.used_frames();
+  const std::size_t most = std::max<std::size_t>(kMinFrames, kMostValues / out.geometry.pixels());
+  out.all = out.frame.size() <= most;
+  if (!out.all) out.frame.resize(most);
+  out.values.resize(static_cast<Index>(out.frame.size()), static_cast<Index>(out.geometry.pixels()));
+  for (Index i = 0; i < out.values.rows(); ++i) {
+    const auto frame = static_cast<std::size_t>(out.frame[static_cast<std::size_t>(i)]);
+    const auto clipped =
+        read_values(*reader, frame, 0, {out.values.row(i).data(), static_cast<std::size_t>(out.values.cols())});
+    if (!clipped) return tl::unexpected(clipped.error());
+  }
+  return out;
+}
+
+FieldMotion follow_field(const FieldFrames& frames, double noise) {
+  FieldMotion out;
+  const Index n = frames.values.rows();
+  if (std::min(frames.geometry.width, frames.geometry.height) < motion::kLeastSide) return out;
+  Matcher matcher(frames, noise);
+  motion::Pyramid last(frames.geometry);
+  motion::Pyramid now(frames.geometry);
+  std::vector<Shift> place(static_cast<std::size_t>(n));
+  out.step.resize(static_cast<std::size_t>(n));
+  for (Index k = 0; k < n; ++k) {
+    std::swap(last, now);
+    matcher.smooth(k, now);
+    if (k == 0) continue;
+    const motion::Affine d = matcher.whole(last, now);
+    const auto i = static_cast<std::size_t>(k);
+    out.step[i] = {d.p[0], d.p[3]};
+    place[i] = {place[i - 1][0] + d.p[0], place[i - 1][1] + d.p[3]};
+  }
+  std::vector<Sight> all;
+  for (Index k = 0; k < n; ++k) {
+    const auto before = partner(place, k, -1);
+    const auto after = partner(place, k, 1);
+    if (before && after) all.push_back({k, *before, *after, {}, {}});
+  }
+  const auto limit = std::min<Index>(kMostSights, static_cast<Index>(kMostResidual / frames.geometry.pixels()));
+  Aligner aligner(frames.geometry);
+  std::mt19937 engine{1};
+  std::normal_distribution<float> unit;
+  Series white(3, frames.values.cols());
+  for (float& v : white.reshaped()) v = unit(engine);
+  motion::Pyramid other(frames.geometry);
+  for (const int i : spread_over(static_cast<int>(all.size()), static_cast<int>(std::max<Index>(limit, 16)))) {
+    Sight sight = std::move(all[static_cast<std::size_t>(i)]);
+    matcher.smooth(sight.frame, now);
+    matcher.smooth(sight.before, other);
+    sight.from_before = matcher.blocks(other, now);
+    matcher.smooth(sight.after, other);
+    sight.from_after = matcher.blocks(other, now);
+    sight.noise_gain = noise_gain(aligner, sight, white);
+    out.sights.push_back(std::move(sight));
+  }
+  return out;
+}
+
+Residual predict_field(const FieldFrames& frames, const std::vector<Sight>& sights) {
+  const Geometry g = frames.geometry;
+  const Blocks blocks(g);
+  const auto n = static_cast<Index>(sights.size());
+  Residual out{g, Series::Zero(n, frames.values.cols()), Series::Zero(n, blocks.count()), {}};
+  out.valid.setZero(n, blocks.count());
+  Aligner aligner(g);
+  for (Index i = 0; i < n; ++i) {
+    const Sight& sight = sights[static_cast<std::size_t>(i)];
+    const float* now = frames.values.row(sight.frame).data();
+    const PaddedPlane& mean =
+        aligner.mean(sight, frames.values.row(sight.before).data(), frames.values.row(sight.after).data(), now);
+    for (int b = 0; b < blocks.count(); ++b) {
+      const int x0 = b % blocks.across * motion::kBlock;
+      const int y0 = b / blocks.across * motion::kBlock;
+      const auto place = static_cast<std::size_t>(b);
+      if (!seen(g, x0, y0, sight.from_before[place]) && !seen(g, x0, y0, sight.from_after[place])) continue;
+      out.valid(i, b) = 1;
+      out.contrast(i, b) = static_cast<float>(mean_gradient(mean, x0, y0));
+      for (int y = y0; y < std::min(y0 + motion::kBlock, g.height); ++y) {
+        for (int x = x0; x < std::min(x0 + motion::kBlock, g.width); ++x) {
+          const Index p = static_cast<Index>(y) * g.width + x;
+          out.values(i, p) = now[p] - *mean.at(x, y);
+        }
+      }
+    }
+  }
+  return out;
+}
+
+bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const Residual& with) {
+  constexpr std::size_t kLooks = 40;
+  constexpr double kTells = 1.3;      // times the other's square
+  constexpr double kLeastTell = 0.1;  // of the blocks
+  constexpr double kMost = 3.0;       // times those that say otherwise
+  const std::size_t every = std::max<std::size_t>(1, sights.size() / kLooks);
+  std::vector<Sight> stood;
+  for (std::size_t i = 0; i < sights.size(); i += every) {
+    stood.push_back(sights[i]);
+    for (VectorField* field : {&stood.back().from_before, &stood.back().from_after}) {
+      for (std::size_t b = 0; b < field->size(); ++b) (*field)[b] = Vec2{};
+    }
+  }
+  const Residual without = predict_field(frames, stood);
+  const Blocks blocks(frames.geometry);
+  const int width = frames.geometry.width;
+  std::array<double, 3> count{};  // of all, for and against
+  for (Index i = 0; i < without.values.rows(); ++i) {
+    const Index k = i * static_cast<Index>(every);
+    std::vector<std::array<double, 2>> square(static_cast<std::size_t>(blocks.count()));
+    for (Index p = 0; p < with.values.cols(); ++p) {
+      auto& of =
+          square[static_cast<std::size_t>(p / width / motion::kBlock * blocks.across + p % width / motion::kBlock)];
+      of[0] += std::pow(static_cast<double>(with.values(k, p)), 2);
+      of[1] += std::pow(static_cast<double>(without.values(i, p)), 2);
+    }
+    for (int b = 0; b < blocks.count(); ++b) {
+      if (with.valid(k, b) == 0 || without.valid(i, b) == 0) continue;
+      const auto& of = square[static_cast<std::size_t>(b)];
+      count[0] += 1.0;
+      if (of[1] > kTells * of[0]) count[1] += 1.0;
+      if (of[0] > kTells * of[1]) count[2] += 1.0;
+    }
+  }
+  return count[1] > kLeastTell * count[0] && count[1] > kMost * count[2];
+}
+
+struct PatternMover::Inside {
+  Aligner aligner;
+};
+
+PatternMover::PatternMover(Geometry geometry) : inside_(std::make_unique<Inside>(Inside{Aligner(geometry)})) {}
+PatternMover::~PatternMover() = default;
+
+void PatternMover::move(const Sight& sight, const float* pattern, float* out) {
+  const PaddedPlane& mean = inside_->aligner.mean(sight, pattern, pattern, pattern);
+  const Geometry g = mean.geometry();
+  for (int y = 0; y < g.height; ++y) out = std::copy_n(mean.at(0, y), g.width, out);
+}
+
+}  // namespace bolo::diagnose

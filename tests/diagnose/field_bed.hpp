@@ -1,0 +1,122 @@
+// Simulated recordings without a bench: a still or a street that a hand or a drive passes by, with or without something
+// that moves by itself.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "src/capture/capture.hpp"
+#include "src/sim/scene.hpp"
+#include "src/sim/simulator.hpp"
+
+namespace bolo::diagnose::bed {
+
+// A warm box with a pattern on it that crosses the picture, over what is behind it.
+class WithMover final : public sim::Field {
+ public:
+  WithMover(std::unique_ptr<const sim::Field> behind, Geometry view, double speed_px_s)
+      : behind_(std::move(behind)), view_(view), speed_px_s_(speed_px_s) {}
+
+  void sample_from(double t_s, double column, int row, std::span<float> out) const noexcept override {
+    behind_->sample_from(t_s, column, row, out);
+    const double height = 0.35 * view_.height;
+    const double width = 0.2 * view_.width;
+    const double top = 0.4 * view_.height + 6.0 * std::sin(5.0 * t_s);
+    const double left = std::fmod(speed_px_s_ * (t_s + 10.0), view_.width + 2.0 * width) - width;
+    const double in_rows = cover(row, top, top + height);
+    for (std::size_t i = 0; i < out.size() && in_rows > 0.0; ++i) {
+      const double x = column + static_cast<double>(i);
+      const double share = in_rows * cover(x, left, left + width);
+      const double value = 306.0 + 2.0 * std::sin(0.7 * (x - left)) * std::cos(0.5 * (row - top));
+      out[i] += static_cast<float>(share * (value - static_cast<double>(out[i])));
+    }
+  }
+  void instants(double from_s, double to_s, double response_s, std::vector<double>& out) const override {
+    constexpr double kStep = 0.0005;
+    std::vector<double> all;
+    behind_->instants(from_s, to_s, response_s, all);
+    for (double t = kStep * (std::floor(from_s / kStep) + 1.0); t < to_s; t += kStep) all.push_back(t);
+    std::sort(all.begin(), all.end());
+    for (const double t : all) {
+      if (t > from_s && t <= to_s && (out.empty() || t > out.back())) out.push_back(t);
+    }
+  }
+  sim::Extremes extremes() const override {
+    const sim::Extremes e = behind_->extremes();
+    return {std::min(e.low_k, 303.0), std::max(e.high_k, 309.0)};
+  }
+  capture::Stimulus stimulus(double, double) const override { return capture::NoStimulus{}; }
+
+ private:
+  // Of a pixel about `at`, between two borders.
+  static double cover(double at, double low, double high) {
+    return std::clamp(std::min(at + 0.5, high) - std::max(at - 0.5, low), 0.0, 1.0);
+  }
+  std::unique_ptr<const sim::Field> behind_;
+  Geometry view_;
+  double speed_px_s_;
+};
+
+struct Shot {
+  Geometry view{160, 120};
+  double rate_hz = 200.0;
+  int frames = 400;
+  double noise_k = 0.03;
+  double tau_s = 0.011;
+  std::uint64_t seed = 3;
+  std::filesystem::path still;  // empty: the simulator's street
+  sim::Path path = sim::steady_pan(300.0);
+  double mover_px_s = 0.0;  // 0: nothing moves by itself
+  std::vector<std::string> effects;
+};
+
+// Writes the recording, without a stimulus; what went wrong, or nothing.
+inline std::string shoot(const Shot& shot, const std::filesystem::path& file) {
+  std::unique_ptr<const sim::Scene> scene;
+  if (shot.still.empty()) {
+    scene = sim::make_street(shot.view, shot.seed);
+  } else {
+    auto image = sim::read_image(shot.still, {});
+    if (!image) return image.error().message;
+    scene = sim::make_still_scene(std::move(*image));
+  }
+  const double end_s = shot.frames / shot.rate_hz + 0.1;
+  const auto origin = sim::centred_origin(*scene, shot.path, shot.view, -0.5, end_s);
+  auto field = sim::pan_over(*scene, shot.path, origin, shot.view, -0.5, end_s);
+  if (!field) return field.error().message;
+  std::unique_ptr<const sim::Field> seen = std::move(*field);
+  if (shot.mover_px_s != 0.0) seen = std::make_unique<WithMover>(std::move(seen), shot.view, shot.mover_px_s);
+  sim::CameraSettings camera;
+  camera.geometry = shot.view;
+  camera.rate_hz = shot.rate_hz;
+  camera.tau_s = shot.tau_s;
+  camera.readout.noise_k = shot.noise_k;
+  camera.readout.seed = shot.seed;
+  camera.camera_seed = shot.seed + 77;
+  for (const std::string& text : shot.effects) {
+    auto effect = sim::parse_effect(text);
+    if (!effect) return effect.error().message;
+    camera.effects.push_back(std::move(*effect));
+  }
+  auto simulator = sim::Simulator::create(camera, std::move(seen));
+  if (!simulator) return simulator.error().message;
+  capture::CaptureInfo info;
+  info.format = (*simulator)->format();
+  auto writer = capture::CaptureWriter::create(file, info);
+  if (!writer) return writer.error().message;
+  std::vector<std::uint16_t> plane(shot.view.pixels());
+  for (int k = 0; k < shot.frames; ++k) {
+    (*simulator)->next(plane.data(), nullptr);
+    const Status good = writer->append(k / shot.rate_hz, static_cast<std::uint64_t>(k), plane.data());
+    if (!good) return good.error().message;
+  }
+  const Status closed = writer->close();
+  return closed ? "" : closed.error().message;
+}
+
+}  // namespace bolo::diagnose::bed
