@@ -121,6 +121,7 @@ class Reader:
         assert said.rstrip().endswith("KeyboardInterrupt"), said
 
     def close(self):
+        pathlib.Path("/dev/shm/bolo-gyro.imu").unlink(missing_ok=True)  # the guide's gyro
         for program in self.running:
             os.killpg(program.pid, signal.SIGTERM)
             assert program.wait(PATIENCE_S) == 0, "a daemon of the page did not end in good order"
