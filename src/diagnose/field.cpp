@@ -119,7 +119,7 @@ Series tiles_of(const Session& session, const Recording& r) {
   const float most = kClip * static_cast<float>(std::max(sigma, r.step));
   const auto across = static_cast<Index>(session.grid.columns.size());
   const auto down = static_cast<Index>(session.grid.rows.size());
-  Series tiles = Series::Zero(x.rows(), kTiles * kTiles);
+  Series tiles = Series::Zero(x.rows(), Index{kTiles} * kTiles);
   std::vector<float> pixels(static_cast<std::size_t>(tiles.cols()), 0.0F);
   for (Index p = 0; p < x.cols(); ++p) {
     const Index tile = p / across * kTiles / down * kTiles + p % across * kTiles / across;
