@@ -33,8 +33,9 @@ function(bolo_layer name)
   if(arg_SOURCES)
     add_library(bolo_${name} STATIC ${arg_SOURCES})
     target_link_libraries(bolo_${name} PUBLIC ${arg_DEPENDS} ${arg_LIBRARIES} PRIVATE bolo_options)
-    # Checks of every pointer double the time to compile what uses large headers: tools and tests do without them.
-    if(BOLO_SANITIZE_LAYERS)
+    # Checks of every pointer double the time to compile what uses large headers: tools, tests and arithmetic with Eigen
+    # do without them.
+    if(BOLO_SANITIZE_LAYERS AND NOT name MATCHES "^(motion|deblur|sim|diagnose|report)$")
       target_compile_options(bolo_${name} PRIVATE -fsanitize=${BOLO_SANITIZE_LAYERS})
     endif()
     target_include_directories(bolo_${name} PUBLIC ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR})

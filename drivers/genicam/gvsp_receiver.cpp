@@ -156,19 +156,19 @@ void Receiver::pause(std::int64_t rest_ns) const noexcept {
 // GVCP's PACKETRESEND command, from the stream's own port, without an answer.
 void Receiver::request_resend(const ResendRequest& request) noexcept {
   constexpr unsigned kKey = 0x42;
-  constexpr unsigned kExtendedIds = 0x10;
+  constexpr unsigned kExtendedIdsFlag = 0x10;
   constexpr unsigned kPacketResend = 0x0040;
-  constexpr std::uint32_t kShortPacketId = 0x00ffffff;
+  constexpr std::uint32_t kShortId = 0x00ffffff;
   request_id_ = request_id_ == 0xffff ? std::uint16_t{1} : static_cast<std::uint16_t>(request_id_ + 1);
   GvcpWords words;
-  words.add16(kKey << 8U | (request.extended ? kExtendedIds : 0U));
+  words.add16(kKey << 8U | (request.extended ? kExtendedIdsFlag : 0U));
   words.add16(kPacketResend);
   words.add16(request.extended ? 20 : 12);
   words.add16(request_id_);
   words.add16(0);  // stream channel
   words.add16(request.extended ? 0U : static_cast<unsigned>(request.frame_id));
-  words.add32(request.extended ? request.first : request.first & kShortPacketId);
-  words.add32(request.extended ? request.last : request.last & kShortPacketId);
+  words.add32(request.extended ? request.first : request.first & kShortId);
+  words.add32(request.extended ? request.last : request.last & kShortId);
   if (request.extended) {
     words.add32(static_cast<std::uint32_t>(request.frame_id >> 32U));
     words.add32(static_cast<std::uint32_t>(request.frame_id));

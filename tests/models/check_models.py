@@ -40,7 +40,7 @@ def explore(model, definitions):
     with tempfile.TemporaryDirectory() as folder:
         flags = ["-D" + word for word in definitions.split()]
         subprocess.run(["spin", *flags, "-a", HERE / f"{model}.pml"], cwd=folder, check=True, capture_output=True)
-        subprocess.run(["gcc", "-O1", "-w", "-DSAFETY", "-DVECTORSZ=4096", "-o", "pan", "pan.c"], cwd=folder, check=True)
+        subprocess.run(["gcc", "-O0", "-w", "-DSAFETY", "-DVECTORSZ=4096", "-o", "pan", "pan.c"], cwd=folder, check=True)
         out = subprocess.run(["./pan", "-m1000000"], cwd=folder, capture_output=True, text=True).stdout
     if "max search depth too small" in out or "out of memory" in out:
         raise AssertionError(f"{model} {definitions}: not all states were seen\n{out}")

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <functional>
 #include <random>
-#include <tuple>
 
 #include "tests/motion/scenes.hpp"
 
@@ -18,7 +17,10 @@ class RandomScene {
     scene_ = back;
     switch (static_cast<int>(unit() * 6.0)) {
       case 0: {  // a mover
-        const auto [path, front, x, y] = std::tuple{motion(), texture(), 100.0 * unit(), 70.0 * unit()};
+        const auto path = motion();
+        const auto front = texture();
+        const double x = 100.0 * unit();
+        const double y = 70.0 * unit();
         const double half = 8.0 + 24.0 * unit();
         scene_ = [=](double px, double py, double t) {
           const Place p = path(t);
