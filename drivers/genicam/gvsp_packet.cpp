@@ -10,7 +10,6 @@ using Bytes = std::span<const std::byte>;
 constexpr std::uint32_t kExtendedIds = 0x80000000;
 constexpr std::uint32_t kContentMask = 0x7f000000;
 constexpr unsigned kContentShift = 24;
-constexpr std::uint32_t kShortPacketId = 0x00ffffff;
 constexpr std::uint16_t kError = 0x8000;
 constexpr std::uint16_t kImage = 0x0001;
 constexpr std::uint16_t kPayloadTypeMask = 0x3fff;  // above: whether chunks follow

@@ -11,6 +11,7 @@ namespace bolo::genicam::gvsp {
 inline constexpr std::size_t kNetworkBytes = 20 + 8;  // IP and UDP headers, which a packet size counts
 inline constexpr std::size_t kHeaderBytes = 8;
 inline constexpr std::size_t kExtendedHeaderBytes = 20;
+inline constexpr std::uint32_t kShortPacketId = 0x00ffffff;  // a packet's id where ids are not extended
 
 enum class Content : std::uint8_t { kLeader = 1, kTrailer = 2, kPayload = 3 };
 

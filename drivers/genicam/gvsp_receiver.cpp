@@ -156,19 +156,18 @@ void Receiver::pause(std::int64_t rest_ns) const noexcept {
 // GVCP's PACKETRESEND command, from the stream's own port, without an answer.
 void Receiver::request_resend(const ResendRequest& request) noexcept {
   constexpr unsigned kKey = 0x42;
-  constexpr unsigned kExtendedIdsFlag = 0x10;
+  constexpr unsigned kResendExtendedIds = 0x10;
   constexpr unsigned kPacketResend = 0x0040;
-  constexpr std::uint32_t kShortId = 0x00ffffff;
   request_id_ = request_id_ == 0xffff ? std::uint16_t{1} : static_cast<std::uint16_t>(request_id_ + 1);
   GvcpWords words;
-  words.add16(kKey << 8U | (request.extended ? kExtendedIdsFlag : 0U));
+  words.add16(kKey << 8U | (request.extended ? kResendExtendedIds : 0U));
   words.add16(kPacketResend);
   words.add16(request.extended ? 20 : 12);
   words.add16(request_id_);
   words.add16(0);  // stream channel
   words.add16(request.extended ? 0U : static_cast<unsigned>(request.frame_id));
-  words.add32(request.extended ? request.first : request.first & kShortId);
-  words.add32(request.extended ? request.last : request.last & kShortId);
+  words.add32(request.extended ? request.first : request.first & kShortPacketId);
+  words.add32(request.extended ? request.last : request.last & kShortPacketId);
   if (request.extended) {
     words.add32(static_cast<std::uint32_t>(request.frame_id >> 32U));
     words.add32(static_cast<std::uint32_t>(request.frame_id));
