@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "src/core/statistics.hpp"
 #include "src/diagnose/field_motion.hpp"
@@ -25,14 +26,16 @@ constexpr std::size_t kFewestSights = 12;
 constexpr double kClear = 6.0;
 constexpr double kLeastPattern = 0.4;  // slow noise of pixels is a pattern for a while
 constexpr double kLeastColumn = 0.2;
+constexpr double kLeastGain = 0.0015;
+constexpr double kClearTime = 3.5;  // standard errors of a time, which have what the models are off by in them
 
 constexpr std::array kStillTells{"coarse_quantisation", "dead_pixels", "flicker",     "frame_loss",
                                  "heavy_tail",          "iir",         "noise_level", "nuc_freeze",
                                  "offset_jump",         "one_over_f",  "saturation",  "stripes"};
 // No noise, flicker or stripes: texture finer than a pixel, moved, and the edges of what is not quite followed look
 // alike.
-constexpr std::array kMotionTells{"coarse_quantisation", "dead_pixels", "fpn_offset", "frame_loss",
-                                  "nuc_freeze",          "offset_jump", "saturation"};
+constexpr std::array kMotionTells{"coarse_quantisation", "dead_pixels", "fpn_gain",    "fpn_offset",
+                                  "frame_loss",          "nuc_freeze",  "offset_jump", "saturation"};
 
 bool has_bench(const Session& session) { return std::ranges::any_of(session.recordings, has_model); }
 
@@ -184,6 +187,7 @@ class Namer {
     e.gap_after = gap_after;
     add(field_.findings, options_, std::move(e), std::max(z, 2.0 * kRemainderLimit), where);
   }
+  const Field& field() const { return field_; }
   double gap_before = 1.0;
   double gap_after = 1.0;
 
@@ -197,23 +201,43 @@ Estimate estimate(const Measured& m) { return interval(m.value, m.error); }
 
 void name_parts(const FieldParts& parts, Namer& out) {
   const auto clear = [&](const Measured& m, double least) { return m.z > kClear && m.value > least * parts.noise; };
-  const bool pattern = clear(parts.offset, kLeastPattern);
-  const bool columns = clear(parts.offset_column, kLeastColumn);
-  if (pattern || columns) {
-    out.name("fpn_offset", std::max(parts.offset.z, parts.offset_column.z),
-             {{"pixel_k", estimate(parts.offset)}, {"column_k", estimate(parts.offset_column)}},
+  const bool gain = parts.gain.z > kClear && parts.gain.value > kLeastGain;
+  const Measured& offset = gain ? parts.offset_beside_gain : parts.offset;
+  if (gain) {
+    out.name("fpn_gain", parts.gain.z, {{"pixel", estimate(parts.gain)}},
+             "pixels show more or less of the scene's changes than others");
+  }
+  if (clear(offset, kLeastPattern) || clear(parts.offset_column, kLeastColumn)) {
+    out.name("fpn_offset", std::max(offset.z, parts.offset_column.z),
+             {{"pixel_k", estimate(offset)}, {"column_k", estimate(parts.offset_column)}},
              "a pattern stays with the pixels while the scene moves on");
   }
 }
 
+// Time as the moving scene tells it, against the profile's.
+void name_times(const FromMotion& motion, const model::CameraProfile& profile, Namer& out) {
+  const auto name = [&out](const char* effect, const char* key, const FromMotion::Figure& found, double nominal,
+                           double unit) {
+    const double z = std::abs(found.value.value - nominal) / found.value.error();
+    if (z < kClearTime) return;
+    out.gap_before = found.gap_before;
+    out.gap_after = found.gap_after;
+    out.name(effect, z, {{key, interval(found.value.value / unit, found.value.error() / unit)}},
+             "the moving scene tells another time than the profile");
+  };
+  if (motion.tau_s) name("tau_global", "scale", *motion.tau_s, profile.tau_s, profile.tau_s);
+  if (motion.row_delay_s) name("row_delay", "row_delay_s", *motion.row_delay_s, profile.row_delay_s, 1.0);
+}
+
 // What the values themselves say, of any field recording.
 void name_values(const Events& events, Namer& out) {
-  const std::size_t repeated = sum_of(events.repeated) > 0.0 ? static_cast<std::size_t>(sum_of(events.repeated)) : 0;
-  if (repeated > 0) {
+  std::size_t missed = std::accumulate(events.repeated.begin(), events.repeated.end(), std::size_t{0});
+  for (const auto& [file, frames] : out.field().lost) missed += frames.size();
+  if (missed > 0) {
     const double frames = sum_of(events.session.recordings, [](const Recording& r) { return r.frames(); });
-    const double rate = 1e3 * static_cast<double>(repeated) / frames;
-    out.name("frame_loss", 10.0, {{"per_thousand", interval(rate, rate / std::sqrt(static_cast<double>(repeated)))}},
-             "frames repeat the one before");
+    const double rate = 1e3 * static_cast<double>(missed) / frames;
+    out.name("frame_loss", 10.0, {{"per_thousand", interval(rate, rate / std::sqrt(static_cast<double>(missed)))}},
+             "frames repeat the one before, or leap beyond the next one");
   }
   if (std::isfinite(events.ceiling_k)) {
     out.name("saturation", 20.0, {{"level_k", interval(events.ceiling_k, events.session.recordings.front().step)}},
@@ -260,6 +284,8 @@ Result<std::optional<FieldParts>> judge_moving(const std::filesystem::path& file
   for (std::size_t p = 0; p < parts.dead.size(); ++p) {
     if (parts.dead[p] != 0 && known[p] == 0) events.bad.noisy.push_back(static_cast<int>(p));
   }
+  for (const Index k : motion.lost)
+    parts.lost.push_back(static_cast<std::size_t>(frames->frame[static_cast<std::size_t>(k)]));
   return std::optional(std::move(parts));
 }
 
@@ -267,7 +293,8 @@ Result<std::optional<FieldParts>> judge_moving(const std::filesystem::path& file
 
 bool Field::tells(std::string_view effect) const {
   return (still && std::ranges::count(kStillTells, effect) != 0) ||
-         (moving && std::ranges::count(kMotionTells, effect) != 0);
+         (moving && std::ranges::count(kMotionTells, effect) != 0) || (tells_tau && effect == "tau_global") ||
+         (tells_delay && effect == "row_delay");
 }
 
 void prepare_field(Events& events) {
@@ -325,6 +352,15 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
     out.gaps[r.name] = namer.gap_before = (*parts)->gap_before;
     namer.gap_after = (*parts)->gap_after;
     name_parts(**parts, namer);
+    if (!(*parts)->lost.empty()) out.lost[r.name] = (*parts)->lost;
+    if (out.scene.empty()) {
+      out.scene = (*parts)->scene;
+      for (Map& map : out.scene) map.unit = r.kelvin ? "K" : "counts";
+    }
+    if (!*motion) continue;
+    out.tells_tau = out.tells_tau || (*motion)->tau_s.has_value();
+    out.tells_delay = out.tells_delay || (*motion)->row_delay_s.has_value();
+    name_times(**motion, options.profile, namer);
   }
   out.judged = out.moving || out.still;
   if (cells > 0.0) {

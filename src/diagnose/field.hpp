@@ -13,16 +13,20 @@ namespace bolo::diagnose {
 // What field recordings say. Where any recording of a session has a model, the bench speaks and these are observed
 // only.
 struct Field {
-  bool judged = false;  // false: nothing is known well enough, or there is a bench
-  std::string why;      // not
-  bool moving = false;  // one of them was followed
-  bool still = false;   // one of them stands still
+  bool judged = false;       // false: nothing is known well enough, or there is a bench
+  std::string why;           // not
+  bool moving = false;       // one of them was followed
+  bool still = false;        // one of them stands still
+  bool tells_tau = false;    // of those that were followed, one changes its speed enough
+  bool tells_delay = false;  // the same
   // Of what is predicted from the scene itself, on halves of the data that were not fitted; 1 where it stands still.
   double gap_before = 1.0;
   double gap_after = 1.0;
   Findings findings;
-  std::map<std::string, FromMotion> motion;  // by file name
-  std::map<std::string, double> gaps;        // before, by file name
+  std::map<std::string, FromMotion> motion;              // by file name
+  std::map<std::string, double> gaps;                    // before, by file name
+  std::map<std::string, std::vector<std::size_t>> lost;  // Observation::lost_before, by file name
+  std::vector<Map> scene;                                // Report::scene
 
   // Whether such recordings tell an effect of this name.
   bool tells(std::string_view effect) const;

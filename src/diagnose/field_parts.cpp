@@ -243,6 +243,43 @@ void fill_dead(FieldFrames& frames, const std::vector<char>& dead) {
   }
 }
 
+// Of each pixel, in some of the sights: by what share of the scene's changes its residual goes along with them, less
+// what its block's pixels have in common, which are the prediction's errors. 0: not known.
+ArrayXf gains_of(const Cells& cells, const Residual& left, const FieldFrames& frames, const std::vector<Sight>& sights,
+                 const std::vector<Index>& of, const std::vector<char>& dead) {
+  const Index pixels = left.values.cols();
+  ArrayXf gain = ArrayXf::Zero(pixels);
+  std::vector<std::vector<Index>> block(static_cast<std::size_t>(cells.blocks.count()));
+  for (Index p = 0; p < pixels; ++p) {
+    const int b = cells.block_of(p);
+    Line line;
+    for (const Index i : of) {
+      if (dead[static_cast<std::size_t>(p)] != 0 || cells.weight(i, b) <= 0.0F) continue;
+      const Index frame = sights[static_cast<std::size_t>(i)].frame;
+      line.add(frames.values(frame, p) - cells.residual.values(i, p), left.values(i, p));
+    }
+    if (line.count() < kLeastLooks || line.scatter_x() <= 0.0) continue;
+    gain[p] = static_cast<float>(line.slope());
+    block[static_cast<std::size_t>(b)].push_back(p);
+  }
+  for (const std::vector<Index>& all : block) {
+    if (all.empty()) continue;
+    const float common = gain(all).mean();
+    for (const Index p : all) gain[p] -= common;
+  }
+  return gain;
+}
+
+// By how much offsets go along with gains, K: each half's offsets against the other's gains, whose errors are others.
+double along(const std::array<ArrayXf, 2>& offset, const std::array<ArrayXf, 2>& gain) {
+  const auto both = static_cast<double>((gain[0] * gain[1]).sum());
+  return static_cast<double>((offset[0] * gain[1] + offset[1] * gain[0]).sum()) / 2.0 / std::max(both, 1e-12);
+}
+
+Map picture(const char* title, const Eigen::Ref<const Eigen::RowVectorXf>& values, Geometry g) {
+  return {title, "", g.width, g.height, {values.begin(), values.end()}};
+}
+
 // Standard deviation of the picture, rms over the frames.
 double contrast_of(const FieldFrames& frames) {
   double sum = 0.0;
@@ -294,8 +331,14 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
   FieldParts out;
   const Geometry g = frames.geometry;
   Series nominal;  // mean squares of the blocks, whatever their pixels do
+  const auto shown = static_cast<Index>(sights.size() / 2);
+  const Index frame = sights[sights.size() / 2].frame;
   {
     const Residual first = predict_field(frames, sights);
+    out.scene = {picture("a frame, as it came", frames.values.row(frame), g),
+                 {},
+                 picture("what other frames do not foretell of it", first.values.row(shown), g),
+                 {}};
     nominal = squares_of(first, std::vector<char>(dead.size(), 0));
     const PredictionFloor floor(first, dead);
     find_deaf(cells_of(first, floor, dead), frames, sights, std::sqrt(floor.flat()), dead);
@@ -330,8 +373,21 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
       }
     }
   }
+  std::array<ArrayXf, 2> gains;
+  for (std::size_t h = 0; h < 2; ++h) gains[h] = gains_of(cells, left, frames, sights, halves[h], dead);
+  out.gain = shared(gains, g);
+  // What a gain makes of the scene's mean is an offset, too.
+  const auto share = static_cast<float>(along(single, gains));
+  for (std::size_t h = 0; h < 2; ++h)
+    single[h] = (single[h] != 0.0F && gains[h] != 0.0F).select(single[h] - share * gains[h], 0.0F);
+  out.offset_beside_gain = shared(single, g);
+
   // A pattern that is much of the picture is what stands still behind something that moves.
   out.followed = out.offset.value < kMostPattern * contrast_of(frames) && follows(frames, sights, left);
+  const auto told = 1 - static_cast<std::size_t>(half_of_time(shown, cells.sights()));
+  out.scene[1] =
+      picture("less what the pixels are off by", frames.values.row(frame) - pattern[told].matrix().transpose(), g);
+  out.scene[3] = picture("and then", left.values.row(shown), g);
   const PredictionFloor floor(left, dead);
   const Cells after = cells_of(left, floor, dead);
   double sum_before = 0.0;

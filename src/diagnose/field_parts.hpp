@@ -32,9 +32,13 @@ struct FieldParts {
   std::size_t cells = 0;  // blocks of frames that were predicted
   double gap_before = 1.0;
   double gap_after = 1.0;
-  Measured offset;         // fixed, of single pixels, columns apart
-  Measured offset_column;  // fixed, of whole columns
+  Measured offset;              // fixed, of single pixels, columns apart
+  Measured offset_column;       // fixed, of whole columns
+  Measured gain;                // of single pixels, where the scene changes enough before them
+  Measured offset_beside_gain;  // `offset` without what goes along with these gains
   std::vector<char> dead;
+  std::vector<std::size_t> lost;  // frames before which others are missing
+  std::vector<Map> scene;         // Report::scene, without units
 };
 
 // Of a recording whose scene moves. `dead`: of each pixel, as known before; those that do not follow the scene are

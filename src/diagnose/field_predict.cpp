@@ -92,6 +92,32 @@ std::optional<Index> partner(const std::vector<Shift>& place, Index k, Index by)
   return std::nullopt;
 }
 
+std::vector<Index> find_lost(const std::vector<Index>& frame, const std::vector<Shift>& step) {
+  constexpr Index kAround = 2;         // steps on either side
+  constexpr double kLeastSpeed = 0.7;  // px a frame
+  constexpr double kUneven = 0.15;     // of a step, that its neighbours differ from their mean
+  constexpr double kOff = 0.2;         // of a step, that the long one differs from whole steps by
+  constexpr double kMost = 4.0;        // steps at once
+  std::vector<Index> lost;
+  for (Index k = kAround + 1; k + kAround < static_cast<Index>(frame.size()); ++k) {
+    const auto at = [&](Index i) { return step[static_cast<std::size_t>(k + i)]; };
+    if (frame[static_cast<std::size_t>(k + kAround)] - frame[static_cast<std::size_t>(k - kAround - 1)] !=
+        2 * kAround + 1)
+      continue;
+    Shift mean{};
+    for (const Index i : {-2, -1, 1, 2}) mean = {mean[0] + at(i)[0] / 4.0, mean[1] + at(i)[1] / 4.0};
+    const double speed = std::hypot(mean[0], mean[1]);
+    const auto off = [&](Index i, double steps) {
+      return std::hypot(at(i)[0] - steps * mean[0], at(i)[1] - steps * mean[1]);
+    };
+    const double steps = std::round(std::hypot(at(0)[0], at(0)[1]) / std::max(speed, 1e-9));
+    const bool even = std::ranges::none_of(std::array<Index, 4>{-2, -1, 1, 2},
+                                           [&](Index i) { return off(i, 1.0) > kUneven * speed; });
+    if (even && speed > kLeastSpeed && steps > 1.5 && steps <= kMost && off(0, steps) < kOff * speed) lost.push_back(k);
+  }
+  return lost;
+}
+
 // Mean of two planes moved onto a third.
 class Aligner {
  public:
@@ -197,6 +223,7 @@ FieldMotion follow_field(const FieldFrames& frames, double noise) {
     out.step[i] = {d.p[0], d.p[3]};
     place[i] = {place[i - 1][0] + d.p[0], place[i - 1][1] + d.p[3]};
   }
+  out.lost = find_lost(frames.frame, out.step);
   std::vector<Sight> all;
   for (Index k = 0; k < n; ++k) {
     const auto before = partner(place, k, -1);

@@ -40,6 +40,9 @@ struct FieldMotion {
   // Displacement since the frame before, px, of all frames but the first; 0 where nothing moves.
   std::vector<std::array<double, 2>> step;
   std::vector<Sight> sights;  // empty: it stands still, or is too small to be followed
+  // Rows of FieldFrames::values before which frames were lost although the counter runs on: the scene goes on by two
+  // steps or more at once where it goes evenly before and after.
+  std::vector<Index> lost;
 };
 
 // `noise`: standard deviation of one value. At most `most` sights, evenly spread.

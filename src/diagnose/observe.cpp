@@ -39,7 +39,7 @@ void add_freezes(const FrameStatistics& s, Observation& out) {
     if (end - first >= kFreezeFrames) {
       out.freezes.emplace_back(first, end - 1);
     } else {
-      out.repeated_frames += end - first;
+      for (std::size_t k = first; k < end; ++k) out.repeated.push_back(k);
     }
   }
 }

@@ -19,6 +19,8 @@ struct Estimate {
   double value = 0.0;
   double low = 0.0;  // 95 % confidence interval
   double high = 0.0;
+
+  double error() const { return (high - low) / (2.0 * 1.96); }  // standard error
 };
 
 // value +- 1.96 errors.
@@ -90,8 +92,14 @@ struct FromMotion {
   std::size_t frames = 0;   // whose motion is known
   double usual_px_s = 0.0;  // speed of the picture's centre, median
   double fastest_px_s = 0.0;
-  std::optional<Estimate> tau_s;        // nothing: it moves too little, too evenly
-  std::optional<Estimate> row_delay_s;  // of one sensor row
+  // How well it, too, predicts with the profile's value, and with this one, in units of what noise leaves.
+  struct Figure {
+    Estimate value;
+    double gap_before = 1.0;
+    double gap_after = 1.0;
+  };
+  std::optional<Figure> tau_s;        // nothing: it moves too little, too evenly
+  std::optional<Figure> row_delay_s;  // of one sensor row
 };
 
 // What single pixels and whole frames of a capture tell that no model predicts: without a stimulus, or in counts.
@@ -106,7 +114,8 @@ struct Observation {
   std::size_t frames = 0;
   std::vector<Jump> jumps;                                   // of all pixels at once
   std::vector<std::pair<std::size_t, std::size_t>> freezes;  // first and last frame that repeats the one before
-  std::size_t repeated_frames = 0;                           // outside of these
+  std::vector<std::size_t> repeated;                         // frames outside of these
+  std::vector<std::size_t> lost_before;                      // frames before which the moving scene leaps
   double noise = 0.0;                                        // of one pixel from frame to frame, sigma
   double flicker = 0.0;         // of whole frames, sigma; what moves in the scene adds to it
   double column_pattern = 0.0;  // fixed, sigma; 0: none that both halves of the frame show
@@ -183,8 +192,11 @@ struct Report {
   std::vector<Observation> observations;  // of the captures that no model predicts
   std::vector<CapturePlots> captures;
   std::vector<Map> maps;  // of what was diagnosed: offsets, gains, time constants, dead pixels
-  Learned learned;        // what the pipeline can use of it
-  double seconds = 0.0;   // that the diagnosis took
+  // Of a field recording that was followed, one frame: as it came, without what was found of single pixels, and what
+  // its prediction from other frames misses, before and after that. Empty: none was.
+  std::vector<Map> scene;
+  Learned learned;       // what the pipeline can use of it
+  double seconds = 0.0;  // that the diagnosis took
   std::size_t frames = 0;
 };
 

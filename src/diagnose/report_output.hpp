@@ -21,8 +21,12 @@ std::string report_html(const Report& report);
 std::string captures_part(const Report& report);  // maps, profiles, spectra, answers in time
 std::string noise_part(const Report& report);     // statistics as dumbbells
 std::string maps_part(const Report& report);      // what was diagnosed of single pixels
+std::string scene_part(const Report& report);     // a frame of a field recording, before and after
 
-// The files of a report in `folder`: report.json and report.html.
+// scene_part() as a picture of its own; empty when there is none.
+std::string scene_svg(const Report& report);
+
+// The files of a report in `folder`: report.json, report.html and, of field recordings that were followed, scene.svg.
 std::vector<std::filesystem::path> report_files(const std::filesystem::path& folder);
 
 // Writes report_files(); makes the folder. Thread: setup.

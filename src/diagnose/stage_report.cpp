@@ -167,6 +167,7 @@ void fill_field(const Field& field, Report& report) {
   report.gap_before = field.gap_before;
   report.gap_after = field.gap_after;
   report.location.captures = field.gaps;
+  report.scene = field.scene;
 }
 
 // By how much the noise's variance, and its parts, differ from what is expected.
@@ -344,6 +345,8 @@ Report make_report(const Events& events, const Noise& noise, const Fit& fit, con
   for (const Recording& r : session.recordings) {
     if (has_model(r)) continue;
     report.observations.push_back(observe(r));
+    const auto lost = field.lost.find(r.name);
+    if (lost != field.lost.end()) report.observations.back().lost_before = lost->second;
     const auto motion = field.motion.find(r.name);
     if (motion != field.motion.end()) report.observations.back().motion = motion->second;
   }

@@ -43,7 +43,7 @@ double GapTrend::Last::median() const {
   return sorted[sorted.size() / 2];
 }
 
-std::optional<Notice> GapTrend::add(const GapFigures& figures) {
+std::optional<Notice> GapTrend::add(const deblur::GapFigures& figures) {
   ratio_.add(figures.ratio);
   tau_.add(figures.tau_ratio);
   if (figures.speed < kCalm && noise_k_ > 0.0) noise_.add(figures.noise_k / noise_k_);
@@ -70,7 +70,7 @@ GapWatch::GapWatch(const StreamFormat& format, double tau_s, double noise_k, dou
       stats_(stats),
       meter_(format, tau_s),
       trend_(tau_s, noise_k),
-      burst_(plane_bytes_ * GapMeter::kFrames),
+      burst_(plane_bytes_ * deblur::GapMeter::kFrames),
       interval_ns_(static_cast<std::int64_t>(interval_s * kNsPerSecond)),
       thread_([this] { run(); }) {}
 
@@ -92,7 +92,7 @@ void GapWatch::offer(const FrameMeta& meta, const void* plane, bool restart) noe
   if ((meta.flags & kFlagNuc) != 0) return;
   if (taken_ == 0) first_ = meta;
   std::memcpy(burst_.data() + static_cast<std::size_t>(taken_) * plane_bytes_, plane, plane_bytes_);
-  if (++taken_ < GapMeter::kFrames) return;
+  if (++taken_ < deblur::GapMeter::kFrames) return;
   turn_.store(kWatcher, std::memory_order_release);
   turn_.notify_one();
 }
@@ -108,15 +108,15 @@ void GapWatch::run() {
       turn_.store(kPipeline, std::memory_order_release);
     }
     turn_.wait(kPipeline, std::memory_order_acquire);
-    if (taken_ == GapMeter::kFrames) look();
+    if (taken_ == deblur::GapMeter::kFrames) look();
   }
 }
 
 void GapWatch::look() {
-  std::array<const void*, GapMeter::kFrames> planes{};
+  std::array<const void*, deblur::GapMeter::kFrames> planes{};
   for (std::size_t i = 0; i < planes.size(); ++i) planes[i] = burst_.data() + i * plane_bytes_;
   const double period_s =
-      static_cast<double>(last_.camera_ns - first_.camera_ns) / (GapMeter::kFrames - 1) / kNsPerSecond;
+      static_cast<double>(last_.camera_ns - first_.camera_ns) / (deblur::GapMeter::kFrames - 1) / kNsPerSecond;
   if (!(period_s > 0.0)) return;
   if (auto notice = trend_.add(meter_.measure(planes, period_s))) {
     notices_.report(notice->warning, std::move(notice->text), notice->event);

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "src/core/frame.hpp"
-#include "src/pipeline/gap_meter.hpp"
+#include "src/deblur/gap_meter.hpp"
 #include "src/pipeline/notices.hpp"
 #include "src/pipeline/stats.hpp"
 
@@ -26,7 +26,7 @@ class GapTrend {
 
   // A notice when it begins or ceases to differ from the profile for good: the time constant by 10 % (again within 5),
   // the noise, which only still pictures tell, by half (again within 30 %).
-  std::optional<Notice> add(const GapFigures& figures);
+  std::optional<Notice> add(const deblur::GapFigures& figures);
 
   // 0: not known yet.
   double ratio() const { return ratio_.median(); }
@@ -74,7 +74,7 @@ class GapWatch {
 
   const std::size_t plane_bytes_;
   PipelineStats& stats_;
-  GapMeter meter_;
+  deblur::GapMeter meter_;
   GapTrend trend_;
   std::vector<std::byte> burst_;
   // Whose the burst is: handed over by the watcher's store to offer()'s load, and back by offer()'s to run()'s wait.

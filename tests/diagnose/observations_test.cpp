@@ -266,12 +266,12 @@ TEST_F(Observations, ARestlessHandTellsTimeConstantAndRowDelay) {
     EXPECT_GT(motion.frames, 600U);
     EXPECT_GT(motion.fastest_px_s, 400.0);
     ASSERT_TRUE(motion.tau_s);
-    EXPECT_NEAR(motion.tau_s->value, kHandTau, 0.05 * kHandTau);
+    EXPECT_NEAR(motion.tau_s->value.value, kHandTau, 0.05 * kHandTau);
     ASSERT_TRUE(motion.row_delay_s);
-    EXPECT_NEAR(motion.row_delay_s->value, delay_s, 1.5e-6);
+    EXPECT_NEAR(motion.row_delay_s->value.value, delay_s, 1.5e-6);
     expect_said(report, "time constant 1");
     const auto json = nlohmann::json::parse(report_json(report)).at("observations").begin()->at("motion");
-    EXPECT_EQ(json.at("tau_s").at("value"), motion.tau_s->value);
+    EXPECT_EQ(json.at("tau_s").at("value"), motion.tau_s->value.value);
     EXPECT_EQ(json.at("row_delay_s").at("ci95").size(), 2U);
   }
 }

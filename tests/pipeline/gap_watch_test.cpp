@@ -16,6 +16,8 @@
 namespace bolo::pipeline {
 namespace {
 
+using deblur::GapFigures;
+using deblur::GapMeter;
 using motion::testing::Scene;
 using motion::testing::Texture;
 

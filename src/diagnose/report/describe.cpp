@@ -242,6 +242,13 @@ std::string pattern_text(const Observation& one) {
   return parts.empty() ? "" : "a fixed pattern (or lines of the scene): " + joined(parts) + " rms";
 }
 
+std::string frames_text(const std::vector<std::size_t>& frames, const char* what) {
+  constexpr std::size_t kMost = 8;
+  return format("%zu frames %s: ", frames.size(), what) +
+         joined(mapped(first_of(frames, kMost), [](std::size_t k) { return std::to_string(k); })) +
+         (frames.size() > kMost ? ", ..." : "");
+}
+
 std::string interval_text(const char* name, const Estimate& e, double factor, const char* unit) {
   return format("%s %.2f %s (%.2f to %.2f)", name, e.value * factor, unit, e.low * factor, e.high * factor);
 }
@@ -249,9 +256,10 @@ std::string interval_text(const char* name, const Estimate& e, double factor, co
 std::string motion_text(const FromMotion& motion) {
   std::vector<std::string> parts{format("the scene moves by %.0f px/s, at most %.0f (%zu frames)", motion.usual_px_s,
                                         motion.fastest_px_s, motion.frames)};
-  if (motion.tau_s) parts.push_back(interval_text("contrast against speed: time constant", *motion.tau_s, 1e3, "ms"));
+  if (motion.tau_s)
+    parts.push_back(interval_text("the pixel's equation: time constant", motion.tau_s->value, 1e3, "ms"));
   if (motion.row_delay_s) {
-    parts.push_back(interval_text("shear against acceleration: delay of a row", *motion.row_delay_s, 1e6, "us"));
+    parts.push_back(interval_text("shear against acceleration: delay of a row", motion.row_delay_s->value, 1e6, "us"));
   }
   if (!motion.tau_s)
     parts.emplace_back("too little is seen, or moves too little or too evenly, to tell the time constant");
@@ -273,7 +281,8 @@ std::vector<std::string> describe(const Observation& one) {
   for (const auto& [first, last] : one.freezes) {
     all.push_back(format("frozen from frame %zu to %zu of %zu", first, last, one.frames));
   }
-  if (one.repeated_frames > 0) all.push_back(std::to_string(one.repeated_frames) + " repeated frames");
+  if (!one.repeated.empty()) all.push_back(frames_text(one.repeated, "repeated"));
+  if (!one.lost_before.empty()) all.push_back(frames_text(one.lost_before, "after a loss"));
   if (std::isfinite(one.noise)) {
     all.push_back("noise of a pixel " + amount(one.noise, one.unit) + ", of whole frames " +
                   amount(one.flicker, one.unit) + " (motion adds to both)");

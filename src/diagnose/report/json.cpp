@@ -60,8 +60,8 @@ static ordered_json pixels_of(const std::vector<PixelPlace>& pixels) {
 
 static void to_json(ordered_json& out, const FromMotion& motion) {
   out = {{"frames", motion.frames}, {"usual_px_s", motion.usual_px_s}, {"fastest_px_s", motion.fastest_px_s}};
-  if (motion.tau_s) out["tau_s"] = *motion.tau_s;
-  if (motion.row_delay_s) out["row_delay_s"] = *motion.row_delay_s;
+  if (motion.tau_s) out["tau_s"] = motion.tau_s->value;
+  if (motion.row_delay_s) out["row_delay_s"] = motion.row_delay_s->value;
 }
 
 static void to_json(ordered_json& out, const Observation& one) {
@@ -69,7 +69,9 @@ static void to_json(ordered_json& out, const Observation& one) {
          {"frames", one.frames},
          {"jumps", one.jumps},
          {"freezes", one.freezes},
-         {"repeated_frames", one.repeated_frames},
+         {"repeated_frames", one.repeated.size()},
+         {"repeated_at", one.repeated},
+         {"lost_before", one.lost_before},
          {"noise", one.noise},
          {"flicker", one.flicker},
          {"column_pattern", one.column_pattern},
@@ -122,7 +124,7 @@ std::string report_json(const Report& report) {
 }
 
 std::vector<std::filesystem::path> report_files(const std::filesystem::path& folder) {
-  return {folder / "report.json", folder / "report.html"};
+  return {folder / "report.json", folder / "report.html", folder / "scene.svg"};
 }
 
 Status write_report(const Report& report, const std::filesystem::path& folder, Replace replace) {
@@ -132,8 +134,9 @@ Status write_report(const Report& report, const std::filesystem::path& folder, R
     return bad_input(folder.string() + ": cannot be made a folder: " + error.message() + "; choose another");
   }
   const auto files = report_files(folder);
-  const Status json = write_file({files[0], replace}, report_json(report) + '\n');
-  return json ? write_file({files[1], replace}, report_html(report)) : json;
+  Status written = write_file({files[0], replace}, report_json(report) + '\n');
+  if (written) written = write_file({files[1], replace}, report_html(report));
+  return written && !report.scene.empty() ? write_file({files[2], replace}, scene_svg(report)) : written;
 }
 
 }  // namespace bolo::diagnose

@@ -368,7 +368,7 @@ std::string report_html(const Report& report) {
   out += plot::page_style() + kReportStyle;
   out += "</style></head><body><main>\n";
   for (const auto part : {head_part, waterfall_part, effects_part, location_part, unexplained_part, observed_part,
-                          captures_part, noise_part, maps_part, stimulus_part, limits_part}) {
+                          captures_part, scene_part, noise_part, maps_part, stimulus_part, limits_part}) {
     out += part(report);
     out += '\n';
   }

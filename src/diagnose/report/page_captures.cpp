@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "src/diagnose/report_output.hpp"
+#include "src/report/data_picture.hpp"
 #include "src/report/plot.hpp"
 #include "src/report/scale.hpp"
 #include "src/report/text.hpp"
@@ -30,6 +31,23 @@ plot::Plot map_plot(const Map& map) {
   constexpr double kSides = 60.0;  // px, of the width that the axis takes
   plot.height = (kFigureWidth - kSides) * std::max(1, map.height) / std::max(1, map.width);
   return plot;
+}
+
+// Two above two; those beside each other in the same colours.
+plot::Rows scene_plots(const Report& report) {
+  plot::Rows rows;
+  for (std::size_t i = 0; i + 1 < report.scene.size(); i += 2) {
+    std::vector<plot::Plot>& row = rows.emplace_back();
+    for (std::size_t side = 0; side < 2; ++side) {
+      row.push_back(map_plot(report.scene[i + side]));
+      row.back().title = report.scene[i + side].title;
+      if (i == 0) row.back().plane.ramp = plot::Ramp::kIron;
+      const plot::PlaneSpan span = plot::span_of(row.front().plane);
+      row.back().plane.low = span.low;
+      row.back().plane.high = span.high;
+    }
+  }
+  return rows;
 }
 
 constexpr double kWorthOpening = 1.1;  // gap of a capture that is shown at once
@@ -254,6 +272,17 @@ std::string noise_part(const Report& report) {
   }
   return out + "</div><div class=\"value blank\"></div></div>";
 }
+
+std::string scene_part(const Report& report) {
+  if (report.scene.empty()) return {};
+  std::string figures;
+  for (const std::vector<plot::Plot>& row : scene_plots(report)) {
+    for (const plot::Plot& plot : row) figures += figure_html(plot);
+  }
+  return "<h2>A frame, before and after</h2><div class=\"pair\">" + figures + "</div>";
+}
+
+std::string scene_svg(const Report& report) { return plot::to_svg(scene_plots(report)); }
 
 std::string maps_part(const Report& report) {
   std::string figures;

@@ -1,4 +1,4 @@
-#include "src/pipeline/gap_meter.hpp"
+#include "src/deblur/gap_meter.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +9,7 @@
 #include "src/deblur/grid.hpp"
 #include "src/deblur/noise_meter.hpp"
 
-namespace bolo::pipeline {
+namespace bolo::deblur {
 namespace {
 
 using motion::Affine;
@@ -25,7 +25,14 @@ constexpr int kBorder = 6;            // px, whose smoothed values are not the p
 constexpr double kLeastChange = 0.3;  // px^2, of a pair: what errors of the motion make is a tenth of it
 constexpr double kMostUncertain = 0.011;   // of tau; what moves too fast shows little of it, and that wrongly
 constexpr double kMostUnexplained = 0.05;  // of what the two frames differ by: else the motion was not found
-constexpr int kSteps = 3;                  // of weighing windows by what is left in them
+constexpr int kWeighings = 3;                  // of weighing windows by what is left in them
+
+// Variance of the age of what a frame's innovation shows, which is at most one period old.
+double own_variance(const motion::Inertia& inertia) {
+  const double tau = inertia.tau;
+  const double square = 2.0 * tau * tau - (1.0 + 2.0 * tau) * inertia.rho * inertia.gain();
+  return square - inertia.age() * inertia.age();
+}
 
 template <typename T>
 void load_row(const T* from, int width, float* to) {
@@ -33,6 +40,11 @@ void load_row(const T* from, int width, float* to) {
 }
 
 }  // namespace
+
+double GapFigures::ratio_with(double times) const {
+  const double rho = std::exp(-1.0 / (times * tau_periods));
+  return std::sqrt(std::max(0.0, square[0] + rho * (square[1] + rho * square[2])));
+}
 
 GapMeter::GapMeter(const StreamFormat& format, double tau_s)
     : task_{.settings = {}, .input = format},
@@ -146,6 +158,7 @@ void GapMeter::compare(const Pair& pair) {
   add_change(3, late, early, -1.0F, q_);
   add(pair.late, {}, 1.0F, z_);
   add(pair.late - 1, {}, -static_cast<float>(inertia_.rho), z_);
+  take_own_blur(pair);
   const Geometry g = task_.input.geometry;
   const auto from = [&](std::size_t axis) {
     return kBorder + static_cast<int>(std::ceil(std::max({0.0, way.p[axis], early.p[axis], late.p[axis]})));
@@ -161,6 +174,35 @@ void GapMeter::compare(const Pair& pair) {
       const Region part{left, top, std::min(x + kWindow, until(0, g.width)) - left,
                         std::min(y + kWindow, until(3, g.height)) - top};
       if (part.width > kWindow / 4 && part.height > kWindow / 4) sum_up(part, window);
+    }
+  }
+}
+
+// What the motion during the two frames themselves makes of a: half the variance of each frame's trail, which differ,
+// times the second derivatives of (1 - rho) x, which is z.
+void GapMeter::take_own_blur(const Pair& pair) {
+  const double own = own_variance(inertia_);
+  const auto velocity = [&](int k, std::size_t axis) {  // in the middle of frame k, which its innovation is of
+    const std::size_t next = std::min(static_cast<std::size_t>(k) + 1, moved_.size() - 1);
+    return 0.5 * (moved_[static_cast<std::size_t>(k)].p[axis] + moved_[next].p[axis]);
+  };
+  const auto change = [&](std::size_t u, std::size_t v) {
+    return static_cast<float>(
+        0.5 * own *
+        (velocity(pair.late, u) * velocity(pair.late, v) - velocity(pair.early, u) * velocity(pair.early, v)));
+  };
+  const float across = change(0, 0);
+  const float both = 0.5F * change(0, 3);
+  const float down = change(3, 3);
+  const Geometry g = task_.input.geometry;
+  for (int y = 1; y < g.height - 1; ++y) {
+    const float* up = z_.at(0, y - 1);
+    const float* z = z_.at(0, y);
+    const float* low = z_.at(0, y + 1);
+    float* a = a_.at(0, y);
+    for (int x = 1; x < g.width - 1; ++x) {
+      a[x] -= across * (z[x + 1] - 2.0F * z[x] + z[x - 1]) + down * (low[x] - 2.0F * z[x] + up[x]) +
+              both * (low[x + 1] - low[x - 1] - up[x + 1] + up[x - 1]);
     }
   }
 }
@@ -199,7 +241,7 @@ void GapMeter::regress(GapFigures& figures) {
   double power = 0.0;
   std::vector<double> errors(field_.size());  // a window is larger than a block
   const auto weight = [&](const Sample& s) { return 1.0 / (1.0 + std::max(s.left(rho), 0.0) / floor); };
-  for (int step = 0; step < kSteps; ++step) {
+  for (int step = 0; step < kWeighings; ++step) {
     double product = 0.0;
     power = 0.0;
     for (const Sample& s : samples_) {
@@ -210,24 +252,25 @@ void GapMeter::regress(GapFigures& figures) {
     if (!(next > 0.0 && next < 1.0)) return;
     rho = next;
   }
-  double left = 0.0;
-  double least = 0.0;
-  double all = 0.0;
+  std::array<double, 3> left{};  // by powers of rho
   double weights = 0.0;
   for (const Sample& s : samples_) {
     const double w = weight(s);
     errors[s.window] += w * (s.qa - rho * s.qb);
-    left += w * s.count * s.left(given);
-    least += w * s.count * s.left(rho);
-    all += w * s.aa;
+    left[0] += w * s.aa;
+    left[1] -= w * 2.0 * s.ab;
+    left[2] += w * s.bb;
     weights += w * s.count;
   }
+  const double least = left[0] + rho * (left[1] + rho * left[2]);
   double square = 0.0;
   for (const double e : errors) square += e * e;
   const double tau = -1.0 / std::log(rho);
   const double sigma = std::sqrt(square) / std::abs(power) * tau * tau / rho / inertia_.tau;
-  if (least - floor * weights > kMostUnexplained * all || !(sigma < kMostUncertain)) return;
-  figures.ratio = std::sqrt(left / weights / floor);
+  if (least - floor * weights > kMostUnexplained * left[0] || !(sigma < kMostUncertain)) return;
+  for (std::size_t i = 0; i < left.size(); ++i) figures.square[i] = left[i] / weights / floor;
+  figures.tau_periods = inertia_.tau;
+  figures.ratio = figures.ratio_with(1.0);
   figures.tau_ratio = tau / inertia_.tau;
   figures.tau_sigma = sigma;
 }
@@ -235,8 +278,8 @@ void GapMeter::regress(GapFigures& figures) {
 GapFigures GapMeter::measure(std::span<const void* const> planes, double period_s) {
   planes_ = planes;
   inertia_ = motion::Inertia(tau_s_ / period_s);
-  deblur::NoiseMeter meter(task_);
-  deblur::Pattern pattern;
+  NoiseMeter meter(task_);
+  Pattern pattern;
   pattern.slots = kFrames;
   std::fill_n(pattern.received.begin(), kFrames, true);
   meter.look({planes, kFrames - 1, 0}, pattern);
@@ -252,4 +295,4 @@ GapFigures GapMeter::measure(std::span<const void* const> planes, double period_
   return figures;
 }
 
-}  // namespace bolo::pipeline
+}  // namespace bolo::deblur

@@ -8,7 +8,8 @@
 //   a = y_k - y_j(p - D)   on   b = y_{k-1} - y_{j-1}(p - D).
 // The noise of y_{k-1} stands in b: the regression is by an instrument q, the same of the frames' changes two periods
 // before, whose noise stands in neither. What an error of D makes goes along with the picture's gradient, which is
-// taken out of a, b and q in each window of the picture, with their means.
+// taken out of a, b and q in each window of the picture, with their means. x_k is itself blurred by the motion during
+// frame k, which two frames have in different measure; that, known from their velocities, is taken out of a.
 #pragma once
 
 #include <array>
@@ -21,7 +22,7 @@
 #include "src/motion/innovation.hpp"
 #include "src/motion/kernels.hpp"
 
-namespace bolo::pipeline {
+namespace bolo::deblur {
 
 struct GapFigures {
   double noise_k = 0.0;  // temporal, K (counts without kelvin)
@@ -29,8 +30,13 @@ struct GapFigures {
   // What the prediction with the given time constant leaves over what noise leaves, root mean squares; 0: not told, for
   // the picture did not change its velocity enough.
   double ratio = 0.0;
-  double tau_ratio = 0.0;  // the pixels' time constant over the given one; 0: not told
-  double tau_sigma = 0.0;  // standard error of that
+  double tau_ratio = 0.0;          // the pixels' time constant over the given one; 0: not told
+  double tau_sigma = 0.0;          // standard error of that
+  double tau_periods = 0.0;        // the given time constant
+  std::array<double, 3> square{};  // of the ratio, by powers of rho
+
+  // The ratio with another time constant, in units of the given one. Thread: any.
+  double ratio_with(double times) const;
 };
 
 class GapMeter {
@@ -60,11 +66,12 @@ class GapMeter {
   void follow();
   std::vector<Pair> choose() const;
   void add(int frame, const motion::Affine& by, float share, motion::PaddedPlane& to);
+  void take_own_blur(const Pair& pair);
   void compare(const Pair& pair);
   void sum_up(const Region& part, std::size_t window);
   void regress(GapFigures& figures);
 
-  deblur::StreamTask task_;
+  StreamTask task_;
   double tau_s_;
   const motion::Kernels& kernels_;
   motion::GlobalMotion global_;
@@ -79,4 +86,4 @@ class GapMeter {
   motion::VectorField field_;
 };
 
-}  // namespace bolo::pipeline
+}  // namespace bolo::deblur
