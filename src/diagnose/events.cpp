@@ -33,6 +33,7 @@ constexpr double kJumpZ = 9.0;
 constexpr double kLeastJump_k = 0.02;
 constexpr double kSuddenLeast = 0.6;  // of the jump, between the two frames
 constexpr double kSuddenMost = 1.6;
+constexpr double kLeastOfLeap = 0.1;  // of what the prediction changes by between them: other time constants do less
 constexpr double kPatternZ = 25.0;  // of a jump of each pixel by itself
 constexpr double kPatternOverNoise = 2.5;
 constexpr double kPatternAtOnce = 0.5;  // of the pattern, between the two frames
@@ -205,15 +206,18 @@ struct JumpSearch {
   std::vector<Index> frames;
   Eigen::ArrayXXd value;  // frames x pixels
   MatrixXd levels;        // frames x levels of the stimulus
+  VectorXd shown;         // mean of each frame, as predicted
   ArrayXd mean;           // of each frame
   bool still = false;     // of a still field
   double flicker = 0.0;   // of one frame's mean
   double noise2 = 0.0;    // of one value
 
-  JumpSearch(const Session& session, const Recording& r, const Series& residual, const MatrixXd& of_levels)
+  JumpSearch(const Session& session, const Recording& r, const Series& residual, const MatrixXd& of_levels,
+             const VectorXd& predicted)
       : frames(r.used_frames()),
         value(residual(frames, session.good_pixels()).cast<double>().array()),
         levels(levels_in(frames, of_levels)),
+        shown(predicted.size() > 0 ? VectorXd(predicted(frames)) : VectorXd::Zero(value.rows())),
         still(r.kind == Kind::kUniform) {}
 
   // Whether there is enough to judge by; then the noise is known.
@@ -271,7 +275,8 @@ struct JumpSearch {
     const double global_z = std::abs(global) / (flicker * std::sqrt(2.0 / kSide) + 1e-6);
     const bool global_jump = global_z > kJumpZ && std::abs(global) > kLeastJump_k && sudden * global > 0.0 &&
                              std::abs(sudden) > kSuddenLeast * std::abs(global) &&
-                             std::abs(sudden) < kSuddenMost * std::abs(global);
+                             std::abs(sudden) < kSuddenMost * std::abs(global) &&
+                             std::abs(global) > kLeastOfLeap * std::abs(shown[a] - shown[a - 1]);
     const double scatter_z = scatter2 / (2.0 * noise2 / kSide) * std::sqrt(static_cast<double>(value.cols()) / 2.0);
     const ArrayXd first = value.row(a) - value.row(a - 1);
     const double first2 = (first - first.mean()).square().mean() - 2.0 * noise2;
@@ -361,8 +366,8 @@ void find_jumping_pixels(Session& session, BadPixels& bad, double step_k, Kind o
 }
 
 std::optional<Jump> find_jump(const Session& session, std::size_t recording, const Series& residual,
-                              const std::vector<Freeze>& freezes, const MatrixXd& levels) {
-  JumpSearch search(session, session.recordings[recording], residual, levels);
+                              const std::vector<Freeze>& freezes, const MatrixXd& levels, const VectorXd& shown) {
+  JumpSearch search(session, session.recordings[recording], residual, levels, shown);
   if (!search.prepare()) return std::nullopt;
   double strength = 0.0;
   std::optional<Jump> strongest;

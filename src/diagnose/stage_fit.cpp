@@ -63,9 +63,11 @@ void correct_jumps(const std::vector<Freeze>& freezes, bool jittered, const Stat
     const Recording& r = fit.session.recordings[i];
     // Where frames have times of their own, what they miss by is no jump.
     if (r.kind == Kind::kUniform || state.stimuli[i].times_free) continue;
-    const Series residual = r.values - predict(fit.session, i, state, all);
+    const Series predicted = predict(fit.session, i, state, all);
+    const Series residual = r.values - predicted;
     const MatrixXd levels = level_slopes(fit.session, i, state);
-    if (auto jump = find_jump(fit.session, i, residual, freezes, levels)) {
+    const VectorXd shown = predicted.rowwise().mean().cast<double>();
+    if (auto jump = find_jump(fit.session, i, residual, freezes, levels, shown)) {
       // The speed of a pan is less sure where its frames' times are.
       if (jittered && std::abs(jump->global_k) < kLeastJumpOfJittered_k) continue;
       remove_jump(fit.session, *jump, residual, levels);

@@ -62,9 +62,11 @@ void find_jumping_pixels(Session& session, BadPixels& bad, double step_k = 0.0, 
 
 // The clearest step in a series of residuals (frames x pixels of the grid, K): of a uniform recording its own values
 // will do. `levels`: what each of the stimulus' levels adds to the frames (frames x levels), since a fit of levels
-// takes up a part of every jump; empty: one level that all frames show.
+// takes up a part of every jump; empty: one level that all frames show. `shown`: the mean of each frame as predicted:
+// where it leaps itself, a camera that leaps a little differently is no jump; empty: it stands still.
 std::optional<Jump> find_jump(const Session& session, std::size_t recording, const Series& residual,
-                              const std::vector<Freeze>& freezes, const MatrixXd& levels = {});
+                              const std::vector<Freeze>& freezes, const MatrixXd& levels = {},
+                              const VectorXd& shown = {});
 
 // Takes a jump out of the recording's values, with the step of every pixel estimated from `residual` (all pixels of the
 // grid).

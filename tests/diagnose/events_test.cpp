@@ -140,6 +140,9 @@ TEST_F(Events, AJumpIsFoundThatLevelsHaveTakenUpInPart) {
   ASSERT_TRUE(jump);
   EXPECT_EQ(jump->frame, 120U);
   EXPECT_NEAR(jump->global_k, 0.5, 0.02);
+  VectorXd shown = VectorXd::Zero(kFrames);  // leaps by far more in the very frame
+  shown.tail(kFrames - 120).setConstant(10.0);
+  EXPECT_FALSE(find_jump(session, 0, session.recordings[0].values, {}, levels, shown));
   remove_jump(session, *jump, session.recordings[0].values, levels);
   EXPECT_NEAR(jump->global_k, 0.5, 0.005);
 }
