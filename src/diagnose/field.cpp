@@ -27,7 +27,8 @@ constexpr double kClear = 6.0;
 constexpr double kLeastPattern = 0.4;  // slow noise of pixels is a pattern for a while
 constexpr double kLeastColumn = 0.2;
 constexpr double kLeastGain = 0.0015;
-constexpr double kClearTime = 3.5;  // standard errors of a time, which have what the models are off by in them
+constexpr double kMostLikeness = 0.2;  // of gains of neighbours
+constexpr double kClearTime = 3.5;     // standard errors of a time, which have what the models are off by in them
 
 constexpr std::array kStillTells{"coarse_quantisation", "dead_pixels", "flicker",     "frame_loss",
                                  "heavy_tail",          "iir",         "noise_level", "nuc_freeze",
@@ -178,18 +179,23 @@ class Namer {
   Namer(const Options& options, const Findings& known, Field& field)
       : options_(options), known_(known), field_(field) {}
 
-  void name(const std::string& name, double z, std::map<std::string, Estimate> parameters, const std::string& where) {
+  // `alike`: another effect that would show the same.
+  void name(const std::string& name, double z, std::map<std::string, Estimate> parameters, const std::string& where,
+            const char* alike = nullptr) {
     for (const Findings* of : std::array<const Findings*, 2>{&known_, &field_.findings}) {
       if (std::ranges::find(of->effects, name, &FoundEffect::name) != of->effects.end()) return;
     }
     FoundEffect e = named(name, 1.0 - 0.5 * std::erfc(std::min(z, 6.0) / 2.0), std::move(parameters));
     e.gap_before = gap_before;
     e.gap_after = gap_after;
+    if (alike != nullptr) e.alternatives = {{alike, gap_after}};
     add(field_.findings, options_, std::move(e), std::max(z, 2.0 * kRemainderLimit), where);
   }
   const Field& field() const { return field_; }
+  bool allows(const char* effect) const { return allowed(options_, effect); }
   double gap_before = 1.0;
   double gap_after = 1.0;
+  double closed = 0.0;  // of the gap's square, by what the scene's motion tells of time
 
  private:
   const Options& options_;
@@ -201,32 +207,35 @@ Estimate estimate(const Measured& m) { return interval(m.value, m.error); }
 
 void name_parts(const FieldParts& parts, Namer& out) {
   const auto clear = [&](const Measured& m, double least) { return m.z > kClear && m.value > least * parts.noise; };
-  const bool gain = parts.gain.z > kClear && parts.gain.value > kLeastGain;
-  const Measured& offset = gain ? parts.offset_beside_gain : parts.offset;
+  const bool gain =
+      parts.gain.z > kClear && parts.gain.value > kLeastGain && std::abs(parts.gain_likeness) < kMostLikeness;
+  const Offsets& offset = gain ? parts.beside_gain : parts.offset;
   if (gain) {
     out.name("fpn_gain", parts.gain.z, {{"pixel", estimate(parts.gain)}},
              "pixels show more or less of the scene's changes than others");
   }
-  if (clear(offset, kLeastPattern) || clear(parts.offset_column, kLeastColumn)) {
-    out.name("fpn_offset", std::max(offset.z, parts.offset_column.z),
-             {{"pixel_k", estimate(offset)}, {"column_k", estimate(parts.offset_column)}},
-             "a pattern stays with the pixels while the scene moves on");
+  if (clear(offset.pixel, kLeastPattern) || clear(offset.column, kLeastColumn)) {
+    out.name("fpn_offset", std::max(offset.pixel.z, offset.column.z),
+             {{"pixel_k", estimate(offset.pixel)}, {"column_k", estimate(offset.column)}},
+             "a pattern stays with the pixels while the scene moves on",
+             !gain && parts.gain.value > kLeastGain ? "fpn_gain" : nullptr);
   }
 }
 
 // Time as the moving scene tells it, against the profile's.
 void name_times(const FromMotion& motion, const model::CameraProfile& profile, Namer& out) {
   const auto name = [&out](const char* effect, const char* key, const FromMotion::Figure& found, double nominal,
-                           double unit) {
+                           double unit, const char* alike) {
     const double z = std::abs(found.value.value - nominal) / found.value.error();
     if (z < kClearTime) return;
     out.gap_before = found.gap_before;
     out.gap_after = found.gap_after;
+    if (out.allows(effect)) out.closed += found.gap_before * found.gap_before - found.gap_after * found.gap_after;
     out.name(effect, z, {{key, interval(found.value.value / unit, found.value.error() / unit)}},
-             "the moving scene tells another time than the profile");
+             "the moving scene tells another time than the profile", alike);
   };
-  if (motion.tau_s) name("tau_global", "scale", *motion.tau_s, profile.tau_s, profile.tau_s);
-  if (motion.row_delay_s) name("row_delay", "row_delay_s", *motion.row_delay_s, profile.row_delay_s, 1.0);
+  if (motion.tau_s) name("tau_global", "scale", *motion.tau_s, profile.tau_s, profile.tau_s, "iir");
+  if (motion.row_delay_s) name("row_delay", "row_delay_s", *motion.row_delay_s, profile.row_delay_s, 1.0, nullptr);
 }
 
 // What the values themselves say, of any field recording.
@@ -364,7 +373,7 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
   }
   out.judged = out.moving || out.still;
   if (cells > 0.0) {
-    out.gap_before = namer.gap_before = std::sqrt(before / cells);
+    out.gap_before = namer.gap_before = std::sqrt(before / cells + std::max(0.0, namer.closed));
     out.gap_after = namer.gap_after = std::sqrt(after / cells);
   }
   if (out.judged) name_values(events, namer);

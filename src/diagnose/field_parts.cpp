@@ -158,6 +158,16 @@ Measured shared_lines(const std::array<ArrayXf, 2>& half) {
   return sharing.measured();
 }
 
+Offsets offsets_of(std::array<ArrayXf, 2> pattern, Geometry g) {
+  const std::array<ArrayXf, 2> columns{column_means(pattern[0], g), column_means(pattern[1], g)};
+  for (std::size_t h = 0; h < 2; ++h) {
+    for (Index p = 0; p < pattern[h].size(); ++p) {
+      if (pattern[h][p] != 0.0F) pattern[h][p] -= columns[h][p % g.width];
+    }
+  }
+  return {shared(pattern, g), shared_lines(columns)};
+}
+
 std::array<std::vector<Index>, 2> halves_of(Index sights) {
   std::array<std::vector<Index>, 2> out;
   for (Index i = 0; i < sights; ++i) out[static_cast<std::size_t>(half_of_time(i, sights))].push_back(i);
@@ -243,37 +253,91 @@ void fill_dead(FieldFrames& frames, const std::vector<char>& dead) {
   }
 }
 
+struct Gains {
+  ArrayXf slope;  // 0: not known
+  ArrayXf level;  // mean of what the pixel should have shown
+};
+
 // Of each pixel, in some of the sights: by what share of the scene's changes its residual goes along with them, less
-// what its block's pixels have in common, which are the prediction's errors. 0: not known.
-ArrayXf gains_of(const Cells& cells, const Residual& left, const FieldFrames& frames, const std::vector<Sight>& sights,
-                 const std::vector<Index>& of, const std::vector<char>& dead) {
+// what its block's pixels have in common, which are the prediction's errors. The frames that predict have gains, too:
+// residual = g x - (g x moved).
+Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& frames, const std::vector<Sight>& sights,
+               const std::vector<Index>& of, const std::vector<char>& dead) {
   const Index pixels = left.values.cols();
-  ArrayXf gain = ArrayXf::Zero(pixels);
+  Gains gain{ArrayXf::Zero(pixels), ArrayXf::Zero(pixels)};
+  // What all pixels should show in sight i, and which of them count.
+  const auto shown = [&](Index i) -> ArrayXf {
+    const Index frame = sights[static_cast<std::size_t>(i)].frame;
+    return (frames.values.row(frame) - cells.residual.values.row(i)).transpose().array();
+  };
+  const auto counts = [&](Index i, Index p) {
+    return dead[static_cast<std::size_t>(p)] == 0 && cells.weight(i, cells.block_of(p)) > 0.0F ? 1.0F : 0.0F;
+  };
+  ArrayXf looks = ArrayXf::Zero(pixels);
+  for (const Index i : of) {
+    const ArrayXf one = ArrayXf::NullaryExpr(pixels, [&](Index p) { return counts(i, p); });
+    looks += one;
+    gain.level += one * shown(i);
+  }
+  gain.level /= looks.max(1.0F);
+  ArrayXf moved(pixels);
+  PatternMover mover(left.geometry);
+  for (int round = 0; round < kRounds; ++round) {
+    ArrayXf along = ArrayXf::Zero(pixels);
+    ArrayXf spread = ArrayXf::Zero(pixels);
+    for (const Index i : of) {
+      const ArrayXf x = shown(i) - gain.level;
+      const ArrayXf own = gain.slope * x;
+      mover.move(sights[static_cast<std::size_t>(i)], own.data(), moved.data());
+      for (Index p = 0; p < pixels; ++p) {
+        const float seen = counts(i, p) * x[p];
+        along[p] += seen * (left.values(i, p) - own[p] + moved[p]);
+        spread[p] += seen * x[p];
+      }
+    }
+    gain.slope += (looks >= static_cast<float>(kLeastLooks) && spread > 0.0F)
+                      .select(static_cast<float>(kStep) * along / spread.max(1e-12F), 0.0F);
+  }
   std::vector<std::vector<Index>> block(static_cast<std::size_t>(cells.blocks.count()));
   for (Index p = 0; p < pixels; ++p) {
-    const int b = cells.block_of(p);
-    Line line;
-    for (const Index i : of) {
-      if (dead[static_cast<std::size_t>(p)] != 0 || cells.weight(i, b) <= 0.0F) continue;
-      const Index frame = sights[static_cast<std::size_t>(i)].frame;
-      line.add(frames.values(frame, p) - cells.residual.values(i, p), left.values(i, p));
-    }
-    if (line.count() < kLeastLooks || line.scatter_x() <= 0.0) continue;
-    gain[p] = static_cast<float>(line.slope());
-    block[static_cast<std::size_t>(b)].push_back(p);
+    if (gain.slope[p] != 0.0F) block[static_cast<std::size_t>(cells.block_of(p))].push_back(p);
   }
   for (const std::vector<Index>& all : block) {
     if (all.empty()) continue;
-    const float common = gain(all).mean();
-    for (const Index p : all) gain[p] -= common;
+    const float common = gain.slope(all).mean();
+    for (const Index p : all) gain.slope[p] -= common;
   }
   return gain;
 }
 
-// By how much offsets go along with gains, K: each half's offsets against the other's gains, whose errors are others.
-double along(const std::array<ArrayXf, 2>& offset, const std::array<ArrayXf, 2>& gain) {
-  const auto both = static_cast<double>((gain[0] * gain[1]).sum());
-  return static_cast<double>((offset[0] * gain[1] + offset[1] * gain[0]).sum()) / 2.0 / std::max(both, 1e-12);
+// Correlation of neighbours. A camera's pixels know nothing of each other; what the prediction misses of a scene that
+// comes by again in the other half of the time is as large as the scene's structures.
+double likeness(const std::array<ArrayXf, 2>& half, Geometry g) {
+  double beside = 0.0;
+  double same = 0.0;
+  for (Index p = 0; p + g.width < half[0].size(); ++p) {
+    if ((p + 1) % g.width == 0) continue;
+    for (const Index q : {p + 1, p + g.width}) {
+      if (half[0][p] == 0.0F || half[1][p] == 0.0F || half[0][q] == 0.0F || half[1][q] == 0.0F) continue;
+      beside += static_cast<double>(half[0][p] * half[1][q] + half[1][p] * half[0][q]);
+      same += static_cast<double>(half[0][p] * half[1][p] + half[0][q] * half[1][q]);
+    }
+  }
+  return same > 0.0 ? beside / same : 1.0;
+}
+
+// A pattern without what gains make of it: gain times what the pixel saw in the mean, less the level at which gains
+// make no difference, which is what offsets have in common with the gains of the other half, whose errors are others.
+std::array<ArrayXf, 2> without_gains(std::array<ArrayXf, 2> pattern, const std::array<Gains, 2>& gains) {
+  for (std::size_t h = 0; h < 2; ++h) {
+    const Gains& of = gains[h];
+    const float usual = of.level.sum() / std::max(1.0F, static_cast<float>((of.slope != 0.0F).count()));
+    pattern[h] = (of.slope != 0.0F).select(pattern[h] - of.slope * (of.level - usual), 0.0F);
+  }
+  const float both = (gains[0].slope * gains[1].slope).sum();
+  const float shared = (pattern[0] * gains[1].slope + pattern[1] * gains[0].slope).sum() / 2.0F;
+  for (std::size_t h = 0; h < 2; ++h) pattern[h] -= shared / std::max(both, 1e-12F) * gains[h].slope;
+  return pattern;
 }
 
 Map picture(const char* title, const Eigen::Ref<const Eigen::RowVectorXf>& values, Geometry g) {
@@ -335,9 +399,9 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
   const Index frame = sights[sights.size() / 2].frame;
   {
     const Residual first = predict_field(frames, sights);
-    out.scene = {picture("a frame, as it came", frames.values.row(frame), g),
+    out.scene = {picture("A frame, as it came", frames.values.row(frame), g),
                  {},
-                 picture("what other frames do not foretell of it", first.values.row(shown), g),
+                 picture("What other frames miss of it", first.values.row(shown), g),
                  {}};
     nominal = squares_of(first, std::vector<char>(dead.size(), 0));
     const PredictionFloor floor(first, dead);
@@ -351,15 +415,7 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
 
   std::array<ArrayXf, 2> pattern;
   for (std::size_t h = 0; h < 2; ++h) pattern[h] = pattern_of(cells, sights, halves[h], dead);
-  const std::array<ArrayXf, 2> columns{column_means(pattern[0], g), column_means(pattern[1], g)};
-  std::array<ArrayXf, 2> single = pattern;
-  for (std::size_t h = 0; h < 2; ++h) {
-    for (Index p = 0; p < single[h].size(); ++p) {
-      if (single[h][p] != 0.0F) single[h][p] -= columns[h][p % g.width];
-    }
-  }
-  out.offset = shared(single, g);
-  out.offset_column = shared_lines(columns);
+  out.offset = offsets_of(pattern, g);
 
   // Each half is told the other one's pattern.
   Residual left = raw;
@@ -373,21 +429,19 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
       }
     }
   }
-  std::array<ArrayXf, 2> gains;
+  std::array<Gains, 2> gains;
   for (std::size_t h = 0; h < 2; ++h) gains[h] = gains_of(cells, left, frames, sights, halves[h], dead);
-  out.gain = shared(gains, g);
-  // What a gain makes of the scene's mean is an offset, too.
-  const auto share = static_cast<float>(along(single, gains));
-  for (std::size_t h = 0; h < 2; ++h)
-    single[h] = (single[h] != 0.0F && gains[h] != 0.0F).select(single[h] - share * gains[h], 0.0F);
-  out.offset_beside_gain = shared(single, g);
+  const std::array<ArrayXf, 2> slopes{gains[0].slope, gains[1].slope};
+  out.gain = shared(slopes, g);
+  out.gain_likeness = likeness(slopes, g);
+  out.beside_gain = offsets_of(without_gains(pattern, gains), g);
 
   // A pattern that is much of the picture is what stands still behind something that moves.
-  out.followed = out.offset.value < kMostPattern * contrast_of(frames) && follows(frames, sights, left);
+  out.followed = out.offset.pixel.value < kMostPattern * contrast_of(frames) && follows(frames, sights, left);
   const auto told = 1 - static_cast<std::size_t>(half_of_time(shown, cells.sights()));
   out.scene[1] =
-      picture("less what the pixels are off by", frames.values.row(frame) - pattern[told].matrix().transpose(), g);
-  out.scene[3] = picture("and then", left.values.row(shown), g);
+      picture("The same without the pixels' offsets", frames.values.row(frame) - pattern[told].matrix().transpose(), g);
+  out.scene[3] = picture("What they miss without the offsets", left.values.row(shown), g);
   const PredictionFloor floor(left, dead);
   const Cells after = cells_of(left, floor, dead);
   double sum_before = 0.0;

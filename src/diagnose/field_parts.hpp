@@ -25,6 +25,12 @@ class PredictionFloor {
   std::vector<double> variance_;  // rising
 };
 
+// Fixed ones.
+struct Offsets {
+  Measured pixel;   // of single pixels, columns apart
+  Measured column;  // of whole columns
+};
+
 struct FieldParts {
   double noise = 0.0;     // of one value where the scene is flat, sigma
   double moving = 0.0;    // share of the blocks whose motion is their own: left out
@@ -32,10 +38,10 @@ struct FieldParts {
   std::size_t cells = 0;  // blocks of frames that were predicted
   double gap_before = 1.0;
   double gap_after = 1.0;
-  Measured offset;              // fixed, of single pixels, columns apart
-  Measured offset_column;       // fixed, of whole columns
-  Measured gain;                // of single pixels, where the scene changes enough before them
-  Measured offset_beside_gain;  // `offset` without what goes along with these gains
+  Offsets offset;
+  Measured gain;               // of single pixels, where the scene changes enough before them
+  double gain_likeness = 0.0;  // correlation of these with their neighbours
+  Offsets beside_gain;         // `offset` without what these gains make of the scene
   std::vector<char> dead;
   std::vector<std::size_t> lost;  // frames before which others are missing
   std::vector<Map> scene;         // Report::scene, without units

@@ -73,6 +73,7 @@ struct Shot {
   sim::Path path = sim::steady_pan(300.0);
   double mover_px_s = 0.0;  // 0: nothing moves by itself
   std::vector<std::string> effects;
+  std::vector<int> lost;  // frames that never come, though the counter of those that do runs on
 };
 
 // Writes the recording, without a stimulus; what went wrong, or nothing.
@@ -110,9 +111,12 @@ inline std::string shoot(const Shot& shot, const std::filesystem::path& file) {
   auto writer = capture::CaptureWriter::create(file, info);
   if (!writer) return writer.error().message;
   std::vector<std::uint16_t> plane(shot.view.pixels());
+  int written = 0;
   for (int k = 0; k < shot.frames; ++k) {
     (*simulator)->next(plane.data(), nullptr);
-    const Status good = writer->append(k / shot.rate_hz, static_cast<std::uint64_t>(k), plane.data());
+    if (std::ranges::count(shot.lost, k) != 0) continue;
+    const Status good = writer->append(written / shot.rate_hz, static_cast<std::uint64_t>(written), plane.data());
+    ++written;
     if (!good) return good.error().message;
   }
   const Status closed = writer->close();

@@ -34,6 +34,7 @@ Shot shot_of(Geometry view, sim::Path path) {
   return shot;
 }
 Shot still() { return shot_of({64, 48}, sim::steady_pan(0.0)); }
+Shot pan() { return shot_of({96, 72}, sim::steady_pan(240.0)); }
 Shot hand() { return shot_of({96, 72}, restless()); }
 
 class FieldRecording : public ::testing::Test {
@@ -102,7 +103,8 @@ struct Case {
 };
 
 TEST_F(FieldRecording, NamesTheEffectOrSaysThatSomethingIsLeft) {
-  for (const Case& c : {Case{still(), "flicker"}, Case{still(), "stripes"}, Case{hand(), "fpn_offset"}}) {
+  for (const Case& c :
+       {Case{still(), "flicker"}, Case{still(), "stripes"}, Case{hand(), "fpn_offset"}, Case{pan(), "fpn_gain"}}) {
     Shot shot = c.shot;
     shot.effects = {c.effect};
     const Report named = diagnosed(shot);
@@ -124,6 +126,15 @@ TEST_F(FieldRecording, NamesTheFrameThatJumped) {
     ASSERT_EQ(report.observations.front().jumps.size(), 1U);
     EXPECT_EQ(report.observations.front().jumps[0].frame, 150U);
   }
+}
+
+// The second loss is one of two frames, and each is named by the frame after it.
+TEST_F(FieldRecording, NamesTheFramesBeforeWhichOthersWereLost) {
+  Shot shot = pan();
+  shot.lost = {60, 120, 121};
+  const Report report = diagnosed(shot);
+  EXPECT_EQ(effects_of(report), "frame_loss");
+  EXPECT_EQ(report.observations.front().lost_before, (std::vector<std::size_t>{60, 119}));
 }
 
 struct Real {
