@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <iterator>
+#include <type_traits>
 #include <vector>
 
 #include "src/deblur/kernels.hpp"
@@ -101,8 +102,11 @@ HWY_INLINE void store_block_sums(const Vec* pair, float (*moments)[kMostPairs], 
 #endif
 }
 
+// Of pairs i <= j of differences those from i on that are looked at: where `mirrored`, the others are added to these.
+constexpr int end_of_row(bool mirrored, int i, int differences) { return mirrored ? differences - i : differences; }
+
 // M = sum over a block's pixels of d d^T, pairs i <= j row by row.
-template <typename T>
+template <bool kMirrored, typename T>
 HWY_INLINE void add_moments(const BlockSamples& in, int samples, Vec inverse_noise, float (*moments)[kMostPairs]) {
   constexpr std::size_t kVectors = kUnit / kLanes;
   Differences m;
@@ -113,14 +117,20 @@ HWY_INLINE void add_moments(const BlockSamples& in, int samples, Vec inverse_noi
     Vec pair[8];
     std::size_t p = 0;
     for (int i = 0; i < differences; ++i) {
-      Vec left[kStatRows * kVectors];
-      for (std::size_t k = 0; k < kStatRows * kVectors; ++k) {
-        left[k] = hn::Load(Float(), m.d[k / kVectors][i] + k % kVectors * kLanes);
-      }
-      for (int j = i; j < differences; ++j, ++p) {
+      constexpr std::size_t kParts = kStatRows * kVectors;
+      const auto part = [&](int difference, std::size_t k) HWY_ATTR {
+        return hn::Load(Float(), m.d[k / kVectors][difference] + k % kVectors * kLanes);
+      };
+      const int opposite = differences - 1 - i;
+      Vec left[kParts];
+      Vec right[kParts];
+      for (std::size_t k = 0; k < kParts; ++k) left[k] = part(i, k);
+      for (std::size_t k = 0; kMirrored && k < kParts; ++k) right[k] = part(opposite, k);
+      for (int j = i; j < end_of_row(kMirrored, i, differences); ++j, ++p) {
         Vec sum = hn::Zero(Float());
-        for (std::size_t k = 0; k < kStatRows * kVectors; ++k) {
-          sum = hn::MulAdd(left[k], hn::Load(Float(), m.d[k / kVectors][j] + k % kVectors * kLanes), sum);
+        for (std::size_t k = 0; k < kParts; ++k) sum = hn::MulAdd(left[k], part(j, k), sum);
+        if (kMirrored && j < opposite) {
+          for (std::size_t k = 0; k < kParts; ++k) sum = hn::MulAdd(right[k], part(differences - 1 - j, k), sum);
         }
         pair[p % 8] = sum;
         if (p % 8 == 7) store_block_sums(pair, block, p - 7);
@@ -137,20 +147,23 @@ inline constexpr std::size_t kChunk = kModelVectors < 4 ? kModelVectors : 4;  //
 inline constexpr int kTogether = kLanes >= 16 ? 4 : 2;                        // blocks in registers at once
 
 // Scores of `kTogether` blocks: every entry of the table is loaded once for all of them.
-HWY_INLINE void add_scores(const ModelTables& tables, int pairs, const float (*moments)[kMostPairs],
-                           float (*score)[kModels]) {
+HWY_INLINE void add_scores(const ModelTables& tables, const float (*moments)[kMostPairs], float (*score)[kModels]) {
+  const int differences = tables.samples - 1;
   for (std::size_t chunk = 0; chunk < kModelVectors; chunk += kChunk) {
     Vec sum[kTogether][kChunk];
     for (int b = 0; b < kTogether; ++b) {
       for (std::size_t c = 0; c < kChunk; ++c) sum[b][c] = hn::Load(Float(), score[b] + (chunk + c) * kLanes);
     }
-    for (int p = 0; p < pairs; ++p) {
-      const float* table = tables.score[static_cast<std::size_t>(p)].data() + chunk * kLanes;
-      Vec entry[kChunk];
-      for (std::size_t c = 0; c < kChunk; ++c) entry[c] = hn::Load(Float(), table + c * kLanes);
-      for (int b = 0; b < kTogether; ++b) {
-        const Vec moment = all(moments[b][p]);
-        for (std::size_t c = 0; c < kChunk; ++c) sum[b][c] = hn::MulAdd(moment, entry[c], sum[b][c]);
+    const auto* row = tables.score.data();
+    for (int i = 0, p = 0; i < differences; row += differences - i, ++i) {
+      for (int j = i; j < end_of_row(tables.mirrored, i, differences); ++j, ++p) {
+        const float* table = row[j - i].data() + chunk * kLanes;
+        Vec entry[kChunk];
+        for (std::size_t c = 0; c < kChunk; ++c) entry[c] = hn::Load(Float(), table + c * kLanes);
+        for (int b = 0; b < kTogether; ++b) {
+          const Vec moment = all(moments[b][p]);
+          for (std::size_t c = 0; c < kChunk; ++c) sum[b][c] = hn::MulAdd(moment, entry[c], sum[b][c]);
+        }
       }
     }
     for (int b = 0; b < kTogether; ++b) {
@@ -178,11 +191,17 @@ HWY_INLINE void normalise(float* score) {
 void find_posteriors(const ModelTables& tables, const BlockSamples& in, float inverse_noise, Posteriors& out) noexcept {
   HWY_ALIGN float moments[kStatBlocks][kMostPairs];
   const int blocks = (in.columns + kStatBlock - 1) / kStatBlock;
-  const int differences = tables.samples - 1;
-  if (in.type == PixelType::kUint16) {
-    add_moments<std::uint16_t>(in, tables.samples, all(inverse_noise), moments);
+  const auto add = [&]<bool kMirrored>(std::bool_constant<kMirrored>) HWY_ATTR {
+    if (in.type == PixelType::kUint16) {
+      add_moments<kMirrored, std::uint16_t>(in, tables.samples, all(inverse_noise), moments);
+    } else {
+      add_moments<kMirrored, float>(in, tables.samples, all(inverse_noise), moments);
+    }
+  };
+  if (tables.mirrored) {
+    add(std::true_type());
   } else {
-    add_moments<float>(in, tables.samples, all(inverse_noise), moments);
+    add(std::false_type());
   }
   for (int b = 0; b < kStatBlocks; ++b) {
     const int columns = std::clamp(in.columns - b * kStatBlock, 0, kStatBlock);
@@ -191,7 +210,7 @@ void find_posteriors(const ModelTables& tables, const BlockSamples& in, float in
     if (b >= blocks) std::fill_n(moments[b], kMostPairs, 0.0F);
   }
   for (int b = 0; b < blocks; b += kTogether) {
-    add_scores(tables, differences * (differences + 1) / 2, moments + b, out.of + b);
+    add_scores(tables, moments + b, out.of + b);
   }
   for (int b = 0; b < blocks; ++b) normalise(out.of[b]);
 }

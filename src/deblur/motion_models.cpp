@@ -152,6 +152,11 @@ void MotionModels::prepare(ModelTables& tables, const Pattern& pattern) const no
     if (!pattern.received[static_cast<std::size_t>(slot)]) continue;
     tables.slot[static_cast<std::size_t>(tables.samples++)] = slot;
   }
+  tables.mirrored = true;
+  for (int i = 0; i < tables.samples; ++i) {
+    const auto slot = [&](int k) { return tables.slot[static_cast<std::size_t>(k)]; };
+    tables.mirrored &= slot(i) + slot(tables.samples - 1 - i) == slot(0) + slot(tables.samples - 1);
+  }
   for (int model = 0; model < kModels; ++model) prepare_model(tables, model);
 }
 

@@ -31,6 +31,9 @@ struct ModelTables {
   Pattern pattern;  // of the whole window
   int samples = 0;
   std::array<int, kMostSamples> slot{};  // of each sample, oldest first
+  // The samples lie alike from both ends, so that score is the same for differences i, j as for those as far from the
+  // other end.
+  bool mirrored = false;
   // log likelihood, tempered: sum_p score[p][k] M_p + n per_pixel[k] + prior[k]; p runs over pairs i <= j of
   // differences row by row, M in units of the noise's variance.
   alignas(64) std::array<std::array<float, kModels>, kMostPairs> score{};
