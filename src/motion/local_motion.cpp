@@ -15,6 +15,7 @@ constexpr float kBothWays = 0.01F;  // of the trace squared: what is less shows 
 constexpr float kSamples = 36.0F;   // independent ones in a window of 24 x 24 smoothed pixels, by the matching's scale
 constexpr float kLongestStep = 1.0F;    // px
 constexpr float kNoiseLimit = 6.0F;     // variances of the smoothed innovation: a good match has 2
+constexpr float kAllSeen = 0.9F;        // of the blocks around: what has just come in matches anything
 constexpr float kTextureLimit = 0.03F;  // of the texture's energy
 constexpr double kFewPoor = 0.004;      // of the blocks: not worth a search
 constexpr float kWorthALook = 0.8F;     // of the cost near the global motion
@@ -104,10 +105,33 @@ void LocalMotion::step_row(const Task& task, const VectorField& base, float loos
   }
 }
 
+// Means over those of nine blocks that were matched within a step of where the middle one was, as if there.
+void LocalMotion::mean_of_near(int row) noexcept {
+  for (int c = 0; c < total_.across(); ++c) {
+    const Vec2 here = total_.at(c, row);
+    std::array<float, 6> sum{};
+    float count = 0.0F;
+    for (int v = std::max(row - 1, 0); v <= std::min(row + 1, total_.down() - 1); ++v) {
+      for (int u = std::max(c - 1, 0); u <= std::min(c + 1, total_.across() - 1); ++u) {
+        const Vec2 off = total_.at(u, v) - here;
+        if (off.x * off.x + off.y * off.y > kLongestStep * kLongestStep) continue;
+        std::array<float, 6> s;
+        for (std::size_t k = 0; k < s.size(); ++k) s[k] = raw_[k].at(u, v);
+        s[3] += s[0] * off.x + s[1] * off.y;
+        s[4] += s[1] * off.x + s[2] * off.y;
+        for (std::size_t k = 0; k < s.size(); ++k) sum[k] += s[k];
+        count += 1.0F;
+      }
+    }
+    for (std::size_t k = 0; k < sum.size(); ++k) mean_[k].at(c, row) = sum[k] / count;
+  }
+}
+
 // Two steps of Lucas and Kanade from `base`, which holds d back as much as `looseness` says; without one, as much as
 // the first step shows. Into unsmoothed_.
 void LocalMotion::refine(const Task& task, const VectorField& base, std::optional<float> looseness) noexcept {
   unsmoothed_ = base;
+  const bool alike = !looseness;  // all are matched with the global motion
   const int rows = total_.down();
   for (int step = 0; step < 2; ++step) {
     for_rows(task.crew, rows, [&](int row) {
@@ -115,7 +139,11 @@ void LocalMotion::refine(const Task& task, const VectorField& base, std::optiona
       match_row(task, row);
     });
     for_rows(task.crew, rows, [&](int row) {
-      for (std::size_t k = 0; k < mean_.size(); ++k) mean_of_9(raw_[k], row, mean_[k]);
+      if (alike) {
+        for (std::size_t k = 0; k < mean_.size(); ++k) mean_of_9(raw_[k], row, mean_[k]);
+      } else {
+        mean_of_near(row);
+      }
       if (step > 0) step_row(task, base, *looseness, row);
     });
     if (!looseness) looseness = std::clamp(kGuarded * spread_of_deviations(task), kTight, kLoose);
@@ -139,16 +167,22 @@ void LocalMotion::find_poor(const Task& task) noexcept {
     median_of_9(unsmoothed_, row, small_);
     cost_row(task, small_, row);
     task.kernels.energy(task.b, row, raw_[1].row(row), raw_[2].row(row));
-    for (int c = 0; c < energy_.across(); ++c) raw_[2].at(c, row) += raw_[1].at(c, row) * raw_[1].at(c, row);
+    for (int c = 0; c < energy_.across(); ++c) {
+      raw_[2].at(c, row) += raw_[1].at(c, row) * raw_[1].at(c, row);
+      raw_[3].at(c, row) = sums_.at(c, row).count;
+    }
   });
   for_rows(task.crew, energy_.down(), [&](int row) {
     mean_of_9(raw_[0], row, cost_small_);
     mean_of_9(raw_[1], row, mean_[1]);
     mean_of_9(raw_[2], row, mean_[2]);
+    mean_of_9(raw_[3], row, mean_[3]);
     for (int c = 0; c < energy_.across(); ++c) {
       const float energy = std::max(mean_[2].at(c, row) - mean_[1].at(c, row) * mean_[1].at(c, row), 0.0F);
       energy_.at(c, row) = energy;
-      poor_.at(c, row) = cost_small_.at(c, row) > kNoiseLimit * task.noise + kTextureLimit * energy ? 1 : 0;
+      const bool seen = mean_[3].at(c, row) > kAllSeen * kLocalPixels;
+      const bool poor = cost_small_.at(c, row) > kNoiseLimit * task.noise + kTextureLimit * energy;
+      poor_.at(c, row) = seen && poor ? 1 : 0;
     }
   });
 }

@@ -31,6 +31,7 @@ class LocalMotion {
   float spread_of_deviations(const Task& task) const noexcept;
   void match_row(const Task& task, int row) noexcept;
   void step_row(const Task& task, const VectorField& base, float looseness, int row) noexcept;
+  void mean_of_near(int row) noexcept;
   void refine(const Task& task, const VectorField& base, std::optional<float> looseness) noexcept;
   void cost_row(const Task& task, const VectorField& d, int row) noexcept;
   void costs(const Task& task, const VectorField& d, ScalarField& out) noexcept;
