@@ -13,6 +13,8 @@ namespace {
 constexpr double kLargestDifference = 31.6;  // K, of innovations that are matched: what is more counts no more
 constexpr float kLargestValue = 1e7F;
 constexpr float kMovesItself = 0.5F;  // px a frame
+constexpr double kCut = 2.0;          // px that half of the picture is off
+constexpr double kTimesNext = 4.0;    // as far off as the displacement after it leaves it
 constexpr double kAbrupt = 0.9;       // of Path::steady: above it nothing stopped just now
 
 // As the task, in the values' own unit and float.
@@ -104,17 +106,31 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   if (d.there) {
     d.motion = global_.find(kernels_, inertia_, innovation(1).smoothed, z.smoothed, mmae_.noise(), crew);
     d.uncertainty = global_.uncertainty();
+    d.misfit = global_.misfit();
   }
 }
 
+// How many displacements up to that of the period `newest` before the newest are within one scene. What does not match
+// at all, where the next does, is a cut; what never matches is a scene of many motions.
+int MotionSolver::scene_length(int newest) noexcept {
+  int length = 1;
+  for (; length < motion::kHistory; ++length) {
+    const Displacement& d = displacement(newest + length);
+    const Displacement& next = displacement(newest + length - 1);
+    if (d.there && next.there && d.misfit > std::max(kCut, kTimesNext * next.misfit)) break;
+  }
+  return length;
+}
+
 // The displacements of the period `newest` before the newest and of those before it, less what is told of them. Where
-// frames are lost nothing is known but that: what is left is taken to have stayed.
+// frames are lost, and before a cut, nothing is known but that: what is left is taken to have stayed.
 motion::Displacements MotionSolver::history(int newest, const motion::Told& told) noexcept {
   motion::Displacements left;
   motion::Affine last = displacement(newest).motion + told.displacements[0] * -1.0;
+  const auto length = static_cast<std::size_t>(scene_length(newest));
   for (std::size_t i = 0; i < left.size(); ++i) {
     const Displacement& d = displacement(static_cast<int>(i) + newest);
-    if (d.there) last = d.motion + told.displacements[i] * -1.0;
+    if (d.there && i < length) last = d.motion + told.displacements[i] * -1.0;
     left[i] = last;
   }
   return left;
@@ -143,6 +159,7 @@ bool MotionSolver::find_path(const FrameMeta& meta, motion::Path& path, bool& ah
   if (!displacement(target).there) return false;
   ahead = target == 1 && displacement(0).there;
   const int newest = ahead ? 0 : target;
+  if (target >= newest + scene_length(newest)) return false;
   motion::Told told;
   motion::Displacements left = history(newest, told);
   const bool knows = ask_gyro(meta, newest, left, told);
@@ -221,9 +238,11 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   motion::EstimateInputs in;
   in.now = &frame(target).values;
   in.innovation = &innovation(target).values;
+  const int newest = ahead ? 0 : target;
+  const int of_scene = newest + scene_length(newest);
   for (int j = 0; j < motion::kPast; ++j) {
     Frame& past = frame(target + 1 + j);
-    in.past[static_cast<std::size_t>(j)] = past.there ? &past.values : nullptr;
+    in.past[static_cast<std::size_t>(j)] = past.there && target + j < of_scene ? &past.values : nullptr;
   }
   in.ahead = ahead ? &frame(0).values : nullptr;
   in.path = path;

@@ -53,6 +53,7 @@ class MotionSolver final : public Solver {
     bool there = false;
     motion::Affine motion;
     double uncertainty = 0.0;
+    double misfit = 0.0;
   };
 
   bool usable() const noexcept;
@@ -60,6 +61,7 @@ class MotionSolver final : public Solver {
   void take(const void* plane, Crew& crew) noexcept;
   void load(const void* plane, motion::PaddedPlane& to) const noexcept;
   bool find_path(const FrameMeta& meta, motion::Path& path, bool& ahead) noexcept;
+  int scene_length(int newest) noexcept;
   motion::Displacements history(int newest, const motion::Told& told) noexcept;
   bool ask_gyro(const FrameMeta& meta, int newest, motion::Displacements& left, motion::Told& told) noexcept;
   void use_rest(int rests, const motion::VectorField& deviation) noexcept;

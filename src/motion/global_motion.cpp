@@ -14,6 +14,7 @@ constexpr double kSeen = 0.3;              // of a block, or it does not count
 constexpr double kFewest = 0.15;           // of the picture
 constexpr double kAlike = 12.6;            // px^2 of smoothed noise that go together: 1 / kSmoothedNoise
 constexpr double kTypicalWeight = 0.5625;  // of a block whose error is the median
+constexpr double kMatched = 2.5;           // variances of the smoothed innovation: a good match has 2
 constexpr double kRidge = 1e-4;            // of the mean diagonal
 constexpr double kInexact = 0.05;          // of what is said of noise
 constexpr double kUnlikely = 2.0;          // standard deviations
@@ -295,7 +296,10 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
     m[1] = {m[0][3], m[3][3]};
     v[1] = v[3];
   }
-  uncertainty_ = std::sqrt(kAlike * kTypicalWeight * typical / std::max(0.5 * (m[0][0] + m[each][each]), 1e-30));
+  const double seen = std::max(0.5 * (m[0][0] + m[each][each]), 1e-30);
+  uncertainty_ = std::sqrt(kAlike * kTypicalWeight * typical / seen);
+  const double by_noise = kMatched * kSmoothedNoise * inertia.noise() * noise * noise;
+  misfit_ = std::sqrt(std::max(typical - by_noise, 0.0) * pixels / seen);
   double trace = 0.0;
   for (std::size_t i = 0; i < 2 * each; ++i) trace += m[i][i];
   for (std::size_t i = 0; i < 2 * each; ++i) m[i][i] += kRidge * trace / (2.0 * static_cast<double>(each));

@@ -42,6 +42,10 @@ class GlobalMotion {
   // What noise alone makes the middle of the last find() vary by, px: standard deviation. Thread: pipeline.
   double uncertainty() const noexcept { return uncertainty_; }
 
+  // How far off, px, the last find() leaves half of the picture: more than a few where the two show different scenes.
+  // Thread: pipeline.
+  double misfit() const noexcept { return misfit_; }
+
  private:
   struct Level {
     VectorField displacement;
@@ -74,6 +78,7 @@ class GlobalMotion {
   std::vector<float> errors_;
   Unseen unseen_;
   double uncertainty_ = 0.0;
+  double misfit_ = 0.0;
 };
 
 }  // namespace bolo::motion
