@@ -315,6 +315,7 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
 Affine GlobalMotion::find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                           double noise, Crew& crew) noexcept {
   unseen_ = {};
+  misfit_ = 0.0;
   Affine motion = start(kernels, a, b);
   for (const Step& step : kSteps) {
     if (step.level >= a.levels()) continue;
