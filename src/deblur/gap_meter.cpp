@@ -25,7 +25,7 @@ constexpr int kBorder = 6;            // px, whose smoothed values are not the p
 constexpr double kLeastChange = 0.3;  // px^2, of a pair: what errors of the motion make is a tenth of it
 constexpr double kMostUncertain = 0.011;   // of tau; what moves too fast shows little of it, and that wrongly
 constexpr double kMostUnexplained = 0.05;  // of what the two frames differ by: else the motion was not found
-constexpr int kWeighings = 3;                  // of weighing windows by what is left in them
+constexpr int kWeighings = 3;              // of weighing windows by what is left in them
 
 // Variance of the age of what a frame's innovation shows, which is at most one period old.
 double own_variance(const motion::Inertia& inertia) {
