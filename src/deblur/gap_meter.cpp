@@ -34,6 +34,10 @@ double own_variance(const motion::Inertia& inertia) {
   return square - inertia.age() * inertia.age();
 }
 
+double polynomial(const std::array<double, 3>& by_powers, double rho) {
+  return by_powers[0] + rho * (by_powers[1] + rho * by_powers[2]);
+}
+
 template <typename T>
 void load_row(const T* from, int width, float* to) {
   for (int x = 0; x < width; ++x) to[x] = static_cast<float>(from[x]);
@@ -43,7 +47,7 @@ void load_row(const T* from, int width, float* to) {
 
 double GapFigures::ratio_with(double times) const {
   const double rho = std::exp(-1.0 / (times * tau_periods));
-  return std::sqrt(std::max(0.0, square[0] + rho * (square[1] + rho * square[2])));
+  return std::sqrt(std::max(0.0, polynomial(square, rho)));
 }
 
 GapMeter::GapMeter(const StreamFormat& format, double tau_s)
@@ -262,7 +266,7 @@ void GapMeter::regress(GapFigures& figures) {
     left[2] += w * s.bb;
     weights += w * s.count;
   }
-  const double least = left[0] + rho * (left[1] + rho * left[2]);
+  const double least = polynomial(left, rho);
   double square = 0.0;
   for (const double e : errors) square += e * e;
   const double tau = -1.0 / std::log(rho);

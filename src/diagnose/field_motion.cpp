@@ -102,19 +102,21 @@ Result<Followed> follow(const capture::CaptureReader& reader, const Recording& r
 
 // A value, and that without each block of the data, as an interval.
 template <typename Of>
-std::optional<Estimate> jackknifed(int blocks, const Of& without) {
+std::optional<Estimate> jackknifed(const Of& without) {
   const std::optional<double> value = without(-1);
-  if (!value || blocks < 2) return std::nullopt;
+  if (!value) return std::nullopt;
   double squares = 0.0;
-  for (int b = 0; b < blocks; ++b) {
+  for (int b = 0; b < kBlocks; ++b) {
     const std::optional<double> other = without(b);
     if (!other) return std::nullopt;
     squares += (*other - *value) * (*other - *value);
   }
-  return interval(*value, std::sqrt(squares * (blocks - 1) / blocks));
+  return interval(*value, std::sqrt(squares * (kBlocks - 1) / kBlocks));
 }
 
 // ------------------------------------------------------------------ prediction by the pixel's equation
+
+int block_of(std::size_t burst, std::size_t bursts) { return static_cast<int>(burst * kBlocks / bursts); }
 
 // The mean time constant of the bursts but a block of them, in units of the given one; those that are less sure count
 // less, those far from the others nothing.
@@ -127,7 +129,7 @@ std::optional<double> mean_of(const std::vector<GapFigures>& bursts, int left_ou
   double weights = 0.0;
   for (std::size_t i = 0; i < bursts.size(); ++i) {
     const GapFigures& f = bursts[i];
-    const bool out = static_cast<int>(i * kBlocks / bursts.size()) == left_out;
+    const bool out = block_of(i, bursts.size()) == left_out;
     if (out || std::abs(f.tau_ratio - middle) > kOutlyingBurst * spread) continue;
     const double weight = 1.0 / (f.tau_sigma * f.tau_sigma + spread * spread);
     sum += weight * f.tau_ratio;
@@ -138,22 +140,24 @@ std::optional<double> mean_of(const std::vector<GapFigures>& bursts, int left_ou
 
 std::optional<FromMotion::Figure> find_tau(const std::vector<GapFigures>& bursts, double tau_s) {
   if (bursts.size() < kFewestBursts) return std::nullopt;
-  const auto found = jackknifed(kBlocks, [&](int left_out) { return mean_of(bursts, left_out); });
+  const auto found = jackknifed([&](int left_out) { return mean_of(bursts, left_out); });
   if (!found) return std::nullopt;
   const double ratio = found->value;
   const double error = std::hypot(found->error(), kTauError * ratio);
   if (1.96 * error > kWidestInterval * ratio) return std::nullopt;
   // Each burst is predicted with what the others say.
-  const auto gap = [&](bool nominal) {
-    double squares = 0.0;
-    for (std::size_t i = 0; i < bursts.size(); ++i) {
-      const auto others = mean_of(bursts, static_cast<int>(i * kBlocks / bursts.size()));
-      const double one = bursts[i].ratio_with(nominal ? 1.0 : others.value_or(ratio));
-      squares += one * one;
-    }
-    return std::sqrt(squares / static_cast<double>(bursts.size()));
-  };
-  return FromMotion::Figure{interval(tau_s * ratio, tau_s * error), gap(true), gap(false)};
+  std::array<double, kBlocks> others{};
+  for (int b = 0; b < kBlocks; ++b) others[static_cast<std::size_t>(b)] = mean_of(bursts, b).value_or(ratio);
+  double before = 0.0;
+  double after = 0.0;
+  for (std::size_t i = 0; i < bursts.size(); ++i) {
+    const auto block = static_cast<std::size_t>(block_of(i, bursts.size()));
+    before += std::pow(bursts[i].ratio, 2);
+    after += std::pow(bursts[i].ratio_with(others[block]), 2);
+  }
+  const auto count = static_cast<double>(bursts.size());
+  return FromMotion::Figure{interval(tau_s * ratio, tau_s * error), std::sqrt(before / count),
+                            std::sqrt(after / count)};
 }
 
 // ------------------------------------------------------------------ shear against acceleration
@@ -199,7 +203,7 @@ std::optional<FromMotion::Figure> find_row_delay(const Followed& all, double per
   for (const std::size_t axis : {std::size_t{0}, std::size_t{1}}) {
     const std::vector<Shear> shears = shears_of(all, axis);
     if (shears.size() < kFewestShears) return std::nullopt;
-    const auto one = jackknifed(kBlocks, [&](int left_out) -> std::optional<double> {
+    const auto one = jackknifed([&](int left_out) -> std::optional<double> {
       double products = 0.0;
       double squares = 0.0;
       for (const Shear& s : shears) {
