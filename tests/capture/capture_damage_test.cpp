@@ -19,7 +19,7 @@
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
 
-namespace bolo::capture {
+namespace bolo::capture::capture_damage_test {
 namespace {
 
 using namespace bolo::capture::testing;
@@ -192,4 +192,4 @@ TEST(CaptureDamageLayout, ContiguousFramesAreWhole) {
 }
 
 }  // namespace
-}  // namespace bolo::capture
+}  // namespace bolo::capture::capture_damage_test

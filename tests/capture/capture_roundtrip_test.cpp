@@ -6,7 +6,7 @@
 #include "src/capture/recovery.hpp"
 #include "tests/capture/small_captures.hpp"
 
-namespace bolo::capture {
+namespace bolo::capture::capture_roundtrip_test {
 namespace {
 
 using testing::plane_of;
@@ -213,4 +213,4 @@ TEST(CaptureWriterMotion, IsAbsentUnlessAskedFor) {
 }
 
 }  // namespace
-}  // namespace bolo::capture
+}  // namespace bolo::capture::capture_roundtrip_test

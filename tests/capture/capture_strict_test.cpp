@@ -8,7 +8,7 @@
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
 
-namespace bolo::capture {
+namespace bolo::capture::capture_strict_test {
 namespace {
 
 using namespace bolo::capture::testing;
@@ -312,4 +312,4 @@ TEST(CaptureStrictFile, TruncatedFileIsCutOff) {
 }
 
 }  // namespace
-}  // namespace bolo::capture
+}  // namespace bolo::capture::capture_strict_test

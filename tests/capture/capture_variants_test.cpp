@@ -6,7 +6,7 @@
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
 
-namespace bolo::capture {
+namespace bolo::capture::capture_variants_test {
 namespace {
 
 using namespace bolo::capture::testing;
@@ -211,4 +211,4 @@ TEST(StillImage, RefusesWhatIsNoStill) {
 }
 
 }  // namespace
-}  // namespace bolo::capture
+}  // namespace bolo::capture::capture_variants_test

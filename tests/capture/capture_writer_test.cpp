@@ -11,7 +11,7 @@
 #include "tests/capture/small_captures.hpp"
 #include "tests/refusal.hpp"
 
-namespace bolo::capture {
+namespace bolo::capture::capture_writer_test {
 namespace {
 
 using namespace bolo::capture::testing;
@@ -364,4 +364,4 @@ TEST(CaptureWriterNames, WithoutAFrameNothingStays) {
 }
 
 }  // namespace
-}  // namespace bolo::capture
+}  // namespace bolo::capture::capture_writer_test

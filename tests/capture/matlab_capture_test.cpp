@@ -8,7 +8,7 @@
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
 
-namespace bolo::capture {
+namespace bolo::capture::matlab_capture_test {
 namespace {
 
 using namespace bolo::capture::testing;
@@ -131,4 +131,4 @@ TEST(FrameStore, MatlabOrderByTheBlock) {
 }
 
 }  // namespace
-}  // namespace bolo::capture
+}  // namespace bolo::capture::matlab_capture_test

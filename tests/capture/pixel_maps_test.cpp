@@ -10,7 +10,7 @@
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
 
-namespace bolo::capture {
+namespace bolo::capture::pixel_maps_test {
 namespace {
 
 model::PixelMaps some_maps() {
@@ -147,4 +147,4 @@ TEST_F(PixelMapsFile, NoFileAndNoMapsAreToldApart) {
 }
 
 }  // namespace
-}  // namespace bolo::capture
+}  // namespace bolo::capture::pixel_maps_test

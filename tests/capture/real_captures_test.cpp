@@ -5,7 +5,7 @@
 
 #include "tests/capture/small_captures.hpp"
 
-namespace bolo::capture {
+namespace bolo::capture::real_captures_test {
 namespace {
 
 std::filesystem::path test_data() {
@@ -73,4 +73,4 @@ TEST(RealStill, RadiometricSceneIsInKelvin) {
 }
 
 }  // namespace
-}  // namespace bolo::capture
+}  // namespace bolo::capture::real_captures_test

@@ -14,7 +14,7 @@
 #include "src/core/output_file.hpp"
 #include "tests/scratch.hpp"
 
-namespace bolo {
+namespace bolo::output_file_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -118,4 +118,4 @@ TEST_F(OutputFileTest, AFullDiskCostsNothing) {
 }
 
 }  // namespace
-}  // namespace bolo
+}  // namespace bolo::output_file_test

@@ -4,7 +4,7 @@
 
 #include <cstdlib>
 
-namespace bolo {
+namespace bolo::utc_clock_test {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
@@ -105,4 +105,4 @@ TEST(UtcText, IsIso8601) {
 }
 
 }  // namespace
-}  // namespace bolo
+}  // namespace bolo::utc_clock_test

@@ -11,7 +11,7 @@
 #include "src/model/band_radiance.hpp"
 #include "tests/motion/scenes.hpp"
 
-namespace bolo::corrections {
+namespace bolo::corrections::chain_test {
 namespace {
 
 constexpr Geometry kSmall{24, 16};
@@ -383,4 +383,4 @@ TEST(Corrections, ValuesAtTheCeilingAreTold) {
 }
 
 }  // namespace
-}  // namespace bolo::corrections
+}  // namespace bolo::corrections::chain_test

@@ -15,7 +15,7 @@
 #include "src/deblur/solver.hpp"
 #include "tests/deblur/inputs.hpp"
 
-namespace bolo::corrections {
+namespace bolo::corrections::pixel_correction_test {
 namespace {
 
 using deblur::Method;
@@ -307,4 +307,4 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& each) { return std::string(each.param.what); });
 
 }  // namespace
-}  // namespace bolo::corrections
+}  // namespace bolo::corrections::pixel_correction_test

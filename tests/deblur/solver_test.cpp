@@ -14,7 +14,7 @@
 #include "tests/deblur/inputs.hpp"
 #include "tests/deblur/reference.hpp"
 
-namespace bolo::deblur {
+namespace bolo::deblur::solver_test {
 namespace {
 
 using testing::Input;
@@ -307,4 +307,4 @@ TEST(SolverSettings, TellWhereThereIsNextToNothingToUndo) {
 }
 
 }  // namespace
-}  // namespace bolo::deblur
+}  // namespace bolo::deblur::solver_test

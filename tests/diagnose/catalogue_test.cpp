@@ -8,7 +8,7 @@
 #include "src/sim/effect.hpp"
 #include "tests/diagnose/bench.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::catalogue_test {
 namespace {
 
 std::set<std::string> diagnosed() {
@@ -159,4 +159,4 @@ TEST(SpreadOf, TellsColumnsFromPixels) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::catalogue_test

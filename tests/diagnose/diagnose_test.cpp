@@ -10,7 +10,7 @@
 #include "tests/diagnose/bench.hpp"
 #include "tools/lab/blind/session.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::diagnose_test {
 namespace {
 
 using tools::blind::DrawOptions;
@@ -200,4 +200,4 @@ TEST_F(FieldRecording, OfADriveBlamesNothingThatItCannotTell) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::diagnose_test

@@ -10,7 +10,7 @@
 
 #include "tests/diagnose/bench.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::events_test {
 namespace {
 
 using testing::kHeight;
@@ -234,4 +234,4 @@ TEST_F(Events, ValuesThatPileUpAtTheTopAreACeiling) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::events_test

@@ -8,7 +8,7 @@
 #include "tests/diagnose/bench.hpp"
 #include "tools/lab/blind/session.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::learn_test {
 namespace {
 
 class Learning : public ::testing::Test {
@@ -115,4 +115,4 @@ TEST_F(Learning, ConstantsOfTheCameraAsAWhole) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::learn_test

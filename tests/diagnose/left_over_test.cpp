@@ -6,7 +6,7 @@
 #include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::left_over_test {
 namespace {
 
 constexpr int kWidth = 32;
@@ -66,4 +66,4 @@ TEST(StageOfMisfits, AsksOnlyThoseThatAreClear) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::left_over_test

@@ -10,7 +10,7 @@
 #include "src/diagnose/report_output.hpp"
 #include "tests/diagnose/bench.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::new_effect_test {
 namespace {
 
 constexpr const char* kNew = "column_droop";
@@ -66,4 +66,4 @@ TEST(NewEffect, IsSimulatedAndDiagnosed) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::new_effect_test

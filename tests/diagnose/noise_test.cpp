@@ -7,7 +7,7 @@
 
 #include "tests/diagnose/bench.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::noise_test {
 namespace {
 
 using testing::kHeight;
@@ -223,4 +223,4 @@ TEST(IsStill, ToldFromMotion) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::noise_test

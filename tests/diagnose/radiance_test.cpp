@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::radiance_test {
 namespace {
 
 // Planck's law over the band by Simpson's rule, ten times as fine as the table's.
@@ -65,4 +65,4 @@ TEST(TemperatureTable, OfASingleValueIsFinite) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::radiance_test

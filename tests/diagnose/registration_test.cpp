@@ -8,7 +8,7 @@
 #include "src/diagnose/stages.hpp"
 #include "tests/diagnose/bench.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::registration_test {
 namespace {
 
 using testing::noisy_camera;
@@ -194,4 +194,4 @@ TEST(Nuisances, LevelsThatAgreeWithTheFilesSayThatTheBenchIsGood) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::registration_test

@@ -9,7 +9,7 @@
 #include "src/diagnose/report_output.hpp"
 #include "tests/diagnose/invented.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::report_html_test {
 namespace {
 
 std::size_t count(const std::string& text, const std::string& part) {
@@ -118,4 +118,4 @@ TEST(ReportHtml, WhatCouldNotBeMeasuredDoesNotSpoilThePage) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::report_html_test

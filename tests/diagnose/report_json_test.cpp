@@ -10,7 +10,7 @@
 #include "tests/diagnose/invented.hpp"
 #include "tests/scratch.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::report_json_test {
 namespace {
 
 using nlohmann::json;
@@ -101,4 +101,4 @@ TEST(ReportFiles, AFolderThatCannotBeIsBadInput) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::report_json_test

@@ -4,7 +4,7 @@
 
 #include "tests/diagnose/invented.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::report_words_test {
 namespace {
 
 TEST(ReportWords, QuantitiesHaveTheUnitThatReadsEasily) {
@@ -72,4 +72,4 @@ TEST(ReportWords, FiguresOfCapturesInCountsAreNotCalledKelvin) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::report_words_test

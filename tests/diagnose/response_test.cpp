@@ -7,7 +7,7 @@
 #include "src/diagnose/model.hpp"
 #include "tests/diagnose/bench.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::response_test {
 namespace {
 
 using testing::ideal_camera;
@@ -193,4 +193,4 @@ TEST(BarTable, EdgesAreRampsAndGaussians) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::response_test

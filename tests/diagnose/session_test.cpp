@@ -10,7 +10,7 @@
 #include "src/diagnose/diagnose.hpp"
 #include "tests/diagnose/bench.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::session_test {
 namespace {
 
 using testing::noisy_camera;
@@ -168,4 +168,4 @@ TEST_F(SessionFiles, ALevelThatIsOff) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::session_test

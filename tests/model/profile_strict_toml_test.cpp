@@ -8,7 +8,7 @@
 
 #include "src/model/strict_toml.hpp"
 
-namespace bolo::model {
+namespace bolo::model::profile_strict_toml_test {
 namespace {
 
 enum class Fruit { kApple, kPear };
@@ -214,4 +214,4 @@ TEST_F(StrictToml, TheDocumentReadsBackAsTheDefaults) {
 }
 
 }  // namespace
-}  // namespace bolo::model
+}  // namespace bolo::model::profile_strict_toml_test

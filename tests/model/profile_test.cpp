@@ -6,7 +6,7 @@
 
 #include "src/model/camera_profile.hpp"
 
-namespace bolo::model {
+namespace bolo::model::profile_test {
 namespace {
 
 const std::string kShipped = std::string(BOLO_SOURCE_DIR) + "/config/a655sc.toml";
@@ -103,4 +103,4 @@ TEST(Profile, ABoxThatCannotBeUndoneIsRefused) {
 }
 
 }  // namespace
-}  // namespace bolo::model
+}  // namespace bolo::model::profile_test

@@ -6,7 +6,7 @@
 
 #include "tests/motion/scenes.hpp"
 
-namespace bolo::motion {
+namespace bolo::motion::fixed_pattern_test {
 namespace {
 
 using namespace testing;
@@ -142,4 +142,4 @@ TEST(FixedPattern, SmallFramesAreLeftAlone) {
 }
 
 }  // namespace
-}  // namespace bolo::motion
+}  // namespace bolo::motion::fixed_pattern_test

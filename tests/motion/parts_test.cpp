@@ -12,7 +12,7 @@
 #include "src/motion/weights.hpp"
 #include "tests/motion/scenes.hpp"
 
-namespace bolo::motion {
+namespace bolo::motion::parts_test {
 namespace {
 
 using testing::add_noise;
@@ -291,4 +291,4 @@ TEST(MedianOf9, IsThatOfTheSortedNeighbours) {
 }
 
 }  // namespace
-}  // namespace bolo::motion
+}  // namespace bolo::motion::parts_test

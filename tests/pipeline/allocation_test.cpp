@@ -13,7 +13,7 @@
 #include "tests/pipeline/count_allocations.hpp"
 #include "tests/pipeline/fakes.hpp"
 
-namespace bolo::pipeline {
+namespace bolo::pipeline::allocation_test {
 namespace {
 
 using test::run_of;
@@ -182,4 +182,4 @@ TEST(Allocation, AMallocIsSeen) {
 }
 
 }  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::allocation_test

@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-namespace bolo::pipeline {
+namespace bolo::pipeline::convert_test {
 namespace {
 
 StreamFormat format_of(PixelType type, LinearScale scale) {
@@ -79,4 +79,4 @@ TEST(Saturated, FloatPlanesHaveNoTop) {
 }
 
 }  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::convert_test

@@ -10,7 +10,7 @@
 #include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/fakes.hpp"
 
-namespace bolo::pipeline {
+namespace bolo::pipeline::corrections_test {
 namespace {
 
 std::vector<test::MemorySink::Frame> published(test::Script script, const model::Undo& undo) {
@@ -78,4 +78,4 @@ TEST(PipelineCorrections, RepeatedFramesCountAsLost) {
 }
 
 }  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::corrections_test

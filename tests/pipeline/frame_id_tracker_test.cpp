@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-namespace bolo::pipeline {
+namespace bolo::pipeline::frame_id_tracker_test {
 namespace {
 
 constexpr double kPeriodS = 0.005;
@@ -325,4 +325,4 @@ TEST_F(FrameIdTrackerTest, AccountsForEveryFrameOfAShuffledStream) {
 }
 
 }  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::frame_id_tracker_test

@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <random>
 
-namespace bolo::pipeline {
+namespace bolo::pipeline::host_clock_test {
 namespace {
 
 constexpr double kPeriodS = 0.005;
@@ -102,4 +102,4 @@ TEST(HostClock, SeesAJumpOfTheCamerasClockAndBeginsAnew) {
 }
 
 }  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::host_clock_test

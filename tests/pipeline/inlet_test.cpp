@@ -5,7 +5,7 @@
 #include <thread>
 #include <vector>
 
-namespace bolo::pipeline {
+namespace bolo::pipeline::inlet_test {
 namespace {
 
 constexpr std::int64_t kNoWait = 0;
@@ -130,4 +130,4 @@ TEST(FrameInlet, FinishEndsAWaitAndLosesNoFrame) {
 }
 
 }  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::inlet_test

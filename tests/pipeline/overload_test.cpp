@@ -11,7 +11,7 @@
 #include "src/pipeline/pipeline.hpp"
 #include "tests/pipeline/fakes.hpp"
 
-namespace bolo::pipeline {
+namespace bolo::pipeline::overload_test {
 namespace {
 
 using test::MemorySink;
@@ -243,4 +243,4 @@ TEST(Overload, ASolverThatKeepsUpIsLeftAlone) {
 }
 
 }  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::overload_test

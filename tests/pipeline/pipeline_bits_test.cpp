@@ -6,7 +6,7 @@
 #include "src/deblur/solver.hpp"
 #include "tests/pipeline/fakes.hpp"
 
-namespace bolo::pipeline {
+namespace bolo::pipeline::pipeline_bits_test {
 namespace {
 
 using namespace test;
@@ -157,4 +157,4 @@ TEST(Pipeline, PixelsOutsideTheFrameAreRefused) {
 }
 
 }  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::pipeline_bits_test

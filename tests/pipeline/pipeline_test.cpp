@@ -9,7 +9,7 @@
 #include "src/core/utc_clock.hpp"
 #include "tests/pipeline/fakes.hpp"
 
-namespace bolo::pipeline {
+namespace bolo::pipeline::pipeline_test {
 namespace {
 
 using namespace test;
@@ -348,4 +348,4 @@ TEST(Pipeline, ARefusedPlaceIsToldAndTheFramesFlow) {
 }
 
 }  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::pipeline_test

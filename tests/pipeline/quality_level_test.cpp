@@ -9,7 +9,7 @@
 #include <random>
 #include <vector>
 
-namespace bolo::pipeline {
+namespace bolo::pipeline::quality_level_test {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
@@ -182,4 +182,4 @@ TEST(SolverLadder, MeasuresAFrameOfAStreamThatFlows) {
 }
 
 }  // namespace
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::quality_level_test

@@ -7,7 +7,7 @@
 #include "src/pipeline/notices.hpp"
 #include "src/pipeline/source_status.hpp"
 
-namespace bolo::pipeline {
+namespace bolo::pipeline::watch_test {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
@@ -91,4 +91,4 @@ TEST(PeriodMeterTest, SaysNothingBeforeItKnows) {
 
 }  // namespace
 
-}  // namespace bolo::pipeline
+}  // namespace bolo::pipeline::watch_test

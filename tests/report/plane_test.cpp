@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-namespace bolo::plot {
+namespace bolo::plot::plane_test {
 namespace {
 
 using Bytes = std::vector<unsigned char>;
@@ -84,4 +84,4 @@ TEST(Plane, OfAnotherSizeThanItSaysIsNotDrawn) {
 }
 
 }  // namespace
-}  // namespace bolo::plot
+}  // namespace bolo::plot::plane_test

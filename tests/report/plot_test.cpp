@@ -11,7 +11,7 @@
 #include "tests/report/markup.hpp"
 #include "tests/scratch.hpp"
 
-namespace bolo::plot {
+namespace bolo::plot::plot_test {
 namespace {
 
 using test::elements_of;
@@ -208,4 +208,4 @@ TEST(Sheet, IsWrittenAsItsNameSays) {
 }
 
 }  // namespace
-}  // namespace bolo::plot
+}  // namespace bolo::plot::plot_test

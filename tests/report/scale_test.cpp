@@ -7,7 +7,7 @@
 #include "src/report/scale.hpp"
 #include "src/report/text.hpp"
 
-namespace bolo::plot {
+namespace bolo::plot::scale_test {
 namespace {
 
 TEST(Scale, TicksAreRoundAndWithinTheAxis) {
@@ -141,4 +141,4 @@ TEST(Colours, RampsRiseInLightness) {
 
 }  // namespace
 
-}  // namespace bolo::plot
+}  // namespace bolo::plot::scale_test

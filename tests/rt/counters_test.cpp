@@ -11,7 +11,7 @@
 
 #include "bolo/shm_layout.h"
 
-namespace bolo::rt {
+namespace bolo::rt::counters_test {
 namespace {
 
 TEST(Counter, AddsFromManyThreads) {
@@ -96,4 +96,4 @@ TEST(LatencyHistogram, PercentileOfOneAndOfNone) {
 }
 
 }  // namespace
-}  // namespace bolo::rt
+}  // namespace bolo::rt::counters_test

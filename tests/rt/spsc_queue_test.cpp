@@ -9,7 +9,7 @@
 #include "src/rt/frame_pool.hpp"
 #include "src/rt/spsc_queue.hpp"
 
-namespace bolo::rt {
+namespace bolo::rt::spsc_queue_test {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
@@ -264,4 +264,4 @@ TEST(FramePool, SlotsGoRoundBetweenTwoThreads) {
 
 }  // namespace
 
-}  // namespace bolo::rt
+}  // namespace bolo::rt::spsc_queue_test

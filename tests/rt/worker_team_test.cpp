@@ -16,7 +16,7 @@
 #include "src/rt/thread.hpp"
 #include "src/rt/worker_team.hpp"
 
-namespace bolo::rt {
+namespace bolo::rt::worker_team_test {
 namespace {
 
 TEST(WorkerTeam, RunsTheJobOnceOnEachWorkerAndEachOnItsOwnThread) {
@@ -161,4 +161,4 @@ TEST(ApplyToThisThread, ARefusedPriorityNamesTheLimitToRaise) {
 
 }  // namespace
 
-}  // namespace bolo::rt
+}  // namespace bolo::rt::worker_team_test

@@ -3,7 +3,7 @@
 
 #include "tests/sim/support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::capture_file_test {
 namespace {
 
 using testing::Scratch;
@@ -142,4 +142,4 @@ TEST(WriteCapture, AFolderThatIsNotThereIsRefused) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::capture_file_test

@@ -3,7 +3,7 @@
 
 #include "tests/sim/effect_support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::effect_camera_test {
 namespace {
 
 using namespace testing;
@@ -208,4 +208,4 @@ TEST(EffectCamera, RefusesWhatItCannotDo) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::effect_camera_test

@@ -4,7 +4,7 @@
 
 #include "tests/sim/effect_support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::effect_noise_test {
 namespace {
 
 using namespace testing;
@@ -138,4 +138,4 @@ TEST(DeadPixels, AreStuckOrNothingButNoise) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::effect_noise_test

@@ -4,7 +4,7 @@
 
 #include "tests/sim/effect_support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::effect_pixel_test {
 namespace {
 
 using namespace testing;
@@ -279,4 +279,4 @@ TEST(LensGhost, ShowsAFaintCopy) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::effect_pixel_test

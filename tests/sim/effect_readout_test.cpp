@@ -3,7 +3,7 @@
 
 #include "tests/sim/effect_support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::effect_readout_test {
 namespace {
 
 using namespace testing;
@@ -206,4 +206,4 @@ TEST(OffsetJump, IsAStepOfAllPixels) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::effect_readout_test

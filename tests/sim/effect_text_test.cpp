@@ -7,7 +7,7 @@
 #include <cmath>
 #include <set>
 
-namespace bolo::sim {
+namespace bolo::sim::effect_text_test {
 namespace {
 
 std::string refusal(std::string_view text) {
@@ -119,4 +119,4 @@ TEST(DrawEffect, UsesTheWholeRange) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::effect_text_test

@@ -1,7 +1,7 @@
 // Effects of when rows and frames are taken, and which of them arrive.
 #include "tests/sim/effect_support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::effect_time_test {
 namespace {
 
 using namespace testing;
@@ -159,4 +159,4 @@ TEST(TornFrames, TheLowerPartIsTheFrameBefore) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::effect_time_test

@@ -4,7 +4,7 @@
 
 #include "tests/sim/support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::fields_test {
 namespace {
 
 using testing::columns;
@@ -140,4 +140,4 @@ TEST(CentredOrigin, PutsThePathsMiddleOnTheScenesMiddle) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::fields_test

@@ -7,7 +7,7 @@
 
 #include "tests/sim/support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::image_file_test {
 namespace {
 
 using testing::Scratch;
@@ -168,4 +168,4 @@ TEST(ReadImage, RealScenesAreRead) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::image_file_test

@@ -6,7 +6,7 @@
 
 #include "tests/sim/support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::path_test {
 namespace {
 
 TEST(SteadyPan, MovesWhatIsSeenAlongX) {
@@ -127,4 +127,4 @@ TEST(FollowTrajectory, RefusesACaptureThatOutlivesIt) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::path_test

@@ -2,7 +2,7 @@
 #include "src/sim/random.hpp"
 #include "tests/sim/effect_support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::readout_test {
 namespace {
 
 using namespace testing;
@@ -74,4 +74,4 @@ TEST(ReadRow, NoiseHasItsRmsBesideTheQuantisations) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::readout_test

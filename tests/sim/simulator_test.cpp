@@ -7,7 +7,7 @@
 
 #include "tests/sim/effect_support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::simulator_test {
 namespace {
 
 using namespace testing;
@@ -281,4 +281,4 @@ TEST(ExposureStep, AddsTheMeanOfAQuadraticInput) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::simulator_test

@@ -5,7 +5,7 @@
 
 #include "tests/sim/effect_support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::stimulus_error_test {
 namespace {
 
 using namespace testing;
@@ -156,4 +156,4 @@ TEST(ImperfectScene, OnlyReflects) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::stimulus_error_test

@@ -4,7 +4,7 @@
 
 #include "tests/sim/support.hpp"
 
-namespace bolo::sim {
+namespace bolo::sim::street_test {
 namespace {
 
 constexpr Geometry kView{320, 120};
@@ -69,4 +69,4 @@ TEST(Street, IsComposedForTheViewsHeight) {
 }
 
 }  // namespace
-}  // namespace bolo::sim
+}  // namespace bolo::sim::street_test

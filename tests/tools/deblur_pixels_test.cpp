@@ -11,7 +11,7 @@
 #include "src/capture/pixel_maps_io.hpp"
 #include "tests/tools/deblur_verb.hpp"
 
-namespace bolo::tools {
+namespace bolo::tools::deblur_pixels_test {
 namespace {
 
 using namespace test;
@@ -201,4 +201,4 @@ TEST_F(DeblurVerb, TakesMapsFromTheProfileAndFillsDeadPixels) {
 }
 
 }  // namespace
-}  // namespace bolo::tools
+}  // namespace bolo::tools::deblur_pixels_test

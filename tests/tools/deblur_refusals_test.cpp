@@ -10,7 +10,7 @@
 #include "src/capture/pixel_maps_io.hpp"
 #include "tests/tools/deblur_verb.hpp"
 
-namespace bolo::tools {
+namespace bolo::tools::deblur_refusals_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -152,4 +152,4 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& suite) { return suite.param.name; });
 
 }  // namespace
-}  // namespace bolo::tools
+}  // namespace bolo::tools::deblur_refusals_test

@@ -16,7 +16,7 @@
 
 #include "tests/tools/deblur_verb.hpp"
 
-namespace bolo::tools {
+namespace bolo::tools::deblur_verb_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -315,4 +315,4 @@ TEST_F(DeblurVerb, HelpListsTheOptions) {
 }
 
 }  // namespace
-}  // namespace bolo::tools
+}  // namespace bolo::tools::deblur_verb_test

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-namespace bolo::tools {
+namespace bolo::tools::stat_history_test {
 namespace {
 
 StatSample sample(double p50_ms, double p99_ms, double lost_hz = 0.0) {
@@ -98,4 +98,4 @@ TEST(StatScreen, RedrawsWithoutABlankPictureInBetween) {
 }
 
 }  // namespace
-}  // namespace bolo::tools
+}  // namespace bolo::tools::stat_history_test

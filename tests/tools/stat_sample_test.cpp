@@ -8,7 +8,7 @@
 #include "src/rt/counters.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 
-namespace bolo::tools {
+namespace bolo::tools::stat_sample_test {
 namespace {
 
 constexpr std::int64_t kSecondNs = 1'000'000'000;
@@ -215,4 +215,4 @@ TEST(StatSample, TableHasOnlyTheCausesThatTookFrames) {
 }
 
 }  // namespace
-}  // namespace bolo::tools
+}  // namespace bolo::tools::stat_sample_test

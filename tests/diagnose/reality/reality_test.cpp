@@ -8,7 +8,7 @@
 #include "tests/scratch.hpp"
 #include "tools/lab/blind/session.hpp"
 
-namespace bolo::diagnose {
+namespace bolo::diagnose::reality_test {
 namespace {
 
 namespace blind = tools::blind;
@@ -78,4 +78,4 @@ TEST_F(SecondReality, AWrongDescriptionIsNotTheCameras) {
 }
 
 }  // namespace
-}  // namespace bolo::diagnose
+}  // namespace bolo::diagnose::reality_test

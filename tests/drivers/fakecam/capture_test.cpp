@@ -8,7 +8,7 @@
 #include "tests/drivers/fakecam/synthetic.hpp"
 #include "tests/scratch.hpp"
 
-namespace bolo::fakecam {
+namespace bolo::fakecam::capture_test {
 namespace {
 
 void write_kelvin_capture(const std::filesystem::path& file, std::size_t frames) {
@@ -90,4 +90,4 @@ TEST(FakeCameraCapture, RealDriveGoesOutAsItIs) {
 }
 
 }  // namespace
-}  // namespace bolo::fakecam
+}  // namespace bolo::fakecam::capture_test

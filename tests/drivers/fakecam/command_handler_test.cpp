@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-namespace bolo::fakecam {
+namespace bolo::fakecam::command_handler_test {
 namespace {
 
 using Packet = std::vector<std::uint8_t>;
@@ -249,4 +249,4 @@ TEST_F(CommandHandlerTest, SurvivesRandomPackets) {
 }
 
 }  // namespace
-}  // namespace bolo::fakecam
+}  // namespace bolo::fakecam::command_handler_test

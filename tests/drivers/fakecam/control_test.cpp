@@ -6,7 +6,7 @@
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
 
-namespace bolo::fakecam {
+namespace bolo::fakecam::control_test {
 namespace {
 
 using test::Packet;
@@ -153,4 +153,4 @@ TEST(FakeCameraControl, ClockLatchesAndResets) {
 }
 
 }  // namespace
-}  // namespace bolo::fakecam
+}  // namespace bolo::fakecam::control_test

@@ -6,7 +6,7 @@
 
 #include "drivers/fakecam/fault_script.hpp"
 
-namespace bolo::fakecam {
+namespace bolo::fakecam::fault_script_test {
 namespace {
 
 constexpr std::int64_t kPeriodNs = 5'000'000;
@@ -108,4 +108,4 @@ TEST(FaultSchedule, FramesAreCountedExactlyWhateverTheirTimesAreRoundedTo) {
 }
 
 }  // namespace
-}  // namespace bolo::fakecam
+}  // namespace bolo::fakecam::fault_script_test

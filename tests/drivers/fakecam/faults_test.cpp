@@ -11,7 +11,7 @@
 
 #include "drivers/fakecam/frames.hpp"
 
-namespace bolo::fakecam {
+namespace bolo::fakecam::faults_test {
 namespace {
 
 constexpr std::int64_t kPeriodNs = 5'000'000;
@@ -366,4 +366,4 @@ TEST(ControlFaults, AChangeOfWindowingDropsTheConnectionBeforeAnyStreamToo) {
 }
 
 }  // namespace
-}  // namespace bolo::fakecam
+}  // namespace bolo::fakecam::faults_test

@@ -5,7 +5,7 @@
 #include <bit>
 #include <limits>
 
-namespace bolo::fakecam {
+namespace bolo::fakecam::features_test {
 namespace {
 
 class FeaturesTest : public testing::Test {
@@ -113,4 +113,4 @@ TEST_F(FeaturesTest, FormatFollowsTheCapturesUnit) {
 }
 
 }  // namespace
-}  // namespace bolo::fakecam
+}  // namespace bolo::fakecam::features_test

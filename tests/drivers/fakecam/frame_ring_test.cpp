@@ -6,7 +6,7 @@
 #include <chrono>
 #include <thread>
 
-namespace bolo::fakecam {
+namespace bolo::fakecam::frame_ring_test {
 namespace {
 
 void write_one(FrameRing& ring, std::uint16_t id) {
@@ -122,4 +122,4 @@ TEST(FrameRing, ThreeThreadsSeeOnlyWholeFrames) {
 }
 
 }  // namespace
-}  // namespace bolo::fakecam
+}  // namespace bolo::fakecam::frame_ring_test

@@ -8,7 +8,7 @@
 #include <limits>
 #include <type_traits>
 
-namespace bolo::fakecam {
+namespace bolo::fakecam::frames_test {
 namespace {
 
 StreamFormat row_format(int width, PixelType type, LinearScale scale) {
@@ -122,4 +122,4 @@ TEST(Timeline, OneFrameIsAStillThatGoesOn) {
 }
 
 }  // namespace
-}  // namespace bolo::fakecam
+}  // namespace bolo::fakecam::frames_test

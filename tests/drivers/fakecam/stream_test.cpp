@@ -8,7 +8,7 @@
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
 
-namespace bolo::fakecam {
+namespace bolo::fakecam::stream_test {
 namespace {
 
 constexpr Geometry kSmall{64, 16};
@@ -272,4 +272,4 @@ TEST(FakeCameraRead, ErrorEndsTheStreamAndIsTold) {
 }
 
 }  // namespace
-}  // namespace bolo::fakecam
+}  // namespace bolo::fakecam::stream_test

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <vector>
 
-namespace bolo::genicam {
+namespace bolo::genicam::camera_frame_test {
 namespace {
 
 // Bytes on the wire of the values 0x0100, 0x0302, ... in little-endian order: byte i holds i.
@@ -52,4 +52,4 @@ TEST(CopyRowsTest, LeavesOutPaddingAndRowsAfterTheImage) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam
+}  // namespace bolo::genicam::camera_frame_test

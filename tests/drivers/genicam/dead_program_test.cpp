@@ -7,7 +7,7 @@
 #include "tests/drivers/fakecam/raw_client.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
 
-namespace bolo::genicam {
+namespace bolo::genicam::dead_program_test {
 namespace {
 
 using fakecam::FakeCamera;
@@ -58,4 +58,4 @@ TEST_F(DeadProgram, HasNothingToLetGoOfWhenNobodyIsInControl) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam
+}  // namespace bolo::genicam::dead_program_test

@@ -22,7 +22,7 @@
 #include "tests/drivers/genicam/fake_camera.hpp"
 #include "tests/drivers/genicam/gvsp_packets.hpp"
 
-namespace bolo::genicam {
+namespace bolo::genicam::forged_packets_test {
 namespace {
 
 constexpr Geometry kFrame{640, 120};
@@ -148,4 +148,4 @@ TEST(ForgedPackets, EndNothingAndEveryFrameIsPublishedOrCounted) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam
+}  // namespace bolo::genicam::forged_packets_test

@@ -4,7 +4,7 @@
 
 #include <memory>
 
-namespace bolo::genicam {
+namespace bolo::genicam::gate_test {
 namespace {
 
 TEST(GateTest, IsShutUntilOpened) {
@@ -53,4 +53,4 @@ TEST(GateTest, NobodyIsInsideAfterShut) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam
+}  // namespace bolo::genicam::gate_test

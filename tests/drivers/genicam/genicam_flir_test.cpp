@@ -6,7 +6,7 @@
 #include "drivers/genicam/radiometry.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 
-namespace bolo::genicam::test {
+namespace bolo::genicam::test::genicam_flir_test {
 namespace {
 
 enum Register : std::uint32_t {
@@ -275,4 +275,4 @@ TEST_F(GenicamFlirTest, FindsTheLostCameraWhenAnotherHasItsAddress) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam::test
+}  // namespace bolo::genicam::test::genicam_flir_test

@@ -4,7 +4,7 @@
 #include "src/core/clock.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 
-namespace bolo::genicam::test {
+namespace bolo::genicam::test::genicam_loss_test {
 namespace {
 
 using pipeline::LostCause;
@@ -203,4 +203,4 @@ TEST_F(GenicamLossTest, StopsInBoundedTimeWhenTheCameraIsGone) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam::test
+}  // namespace bolo::genicam::test::genicam_loss_test

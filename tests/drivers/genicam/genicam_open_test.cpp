@@ -4,7 +4,7 @@
 #include "tests/drivers/genicam/fake_camera.hpp"
 #include "tests/drivers/genicam/swapping_relay.hpp"
 
-namespace bolo::genicam::test {
+namespace bolo::genicam::test::genicam_open_test {
 namespace {
 
 using GenicamOpenTest = CameraTest;
@@ -215,4 +215,4 @@ TEST_F(GenicamOpenTest, FindsTheOnlyCamera) {
 TEST_F(GenicamOpenTest, SaysThatNoCameraAnswersAtAll) { expect_not_opened(options_for(""), {"no camera answers"}); }
 
 }  // namespace
-}  // namespace bolo::genicam::test
+}  // namespace bolo::genicam::test::genicam_open_test

@@ -4,7 +4,7 @@
 #include "src/core/clock.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
 
-namespace bolo::genicam::test {
+namespace bolo::genicam::test::genicam_stream_test {
 namespace {
 
 using GenicamStreamTest = CameraTest;
@@ -108,4 +108,4 @@ TEST_F(GenicamStreamTest, LeavesTheCameraToOthersAfterStop) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam::test
+}  // namespace bolo::genicam::test::genicam_stream_test

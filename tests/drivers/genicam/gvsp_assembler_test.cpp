@@ -8,7 +8,7 @@
 
 #include "tests/drivers/genicam/gvsp_packets.hpp"
 
-namespace bolo::genicam::gvsp {
+namespace bolo::genicam::gvsp::gvsp_assembler_test {
 namespace {
 
 using test::Datagram;
@@ -287,4 +287,4 @@ INSTANTIATE_TEST_SUITE_P(Ids, GvspAssembler, testing::Bool());
 INSTANTIATE_TEST_SUITE_P(Ids, GvspResend, testing::Bool());
 
 }  // namespace
-}  // namespace bolo::genicam::gvsp
+}  // namespace bolo::genicam::gvsp::gvsp_assembler_test

@@ -9,7 +9,7 @@
 
 #include "src/core/unique_fd.hpp"
 
-namespace bolo::genicam {
+namespace bolo::genicam::network_test {
 namespace {
 
 TEST(NetworkTest, KnowsAnIpv4AddressFromADeviceId) {
@@ -78,4 +78,4 @@ TEST(NetworkTest, LetsOnlyTheCamerasStreamIn) {
 TEST(NetworkTest, ReadsTheKernelsLimit) { EXPECT_GT(largest_socket_buffer(), 0); }
 
 }  // namespace
-}  // namespace bolo::genicam
+}  // namespace bolo::genicam::network_test

@@ -7,7 +7,7 @@
 #include "drivers/genicam/genicam_source.hpp"
 #include "tests/drivers/fakecam/synthetic.hpp"
 
-namespace bolo::genicam {
+namespace bolo::genicam::ptp_test {
 namespace {
 
 class Ptp : public testing::Test {
@@ -63,4 +63,4 @@ TEST_F(Ptp, WithoutItTheClockBeginsWithTheStream) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam
+}  // namespace bolo::genicam::ptp_test

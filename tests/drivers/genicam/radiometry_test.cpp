@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-namespace bolo::genicam {
+namespace bolo::genicam::radiometry_test {
 namespace {
 
 const Planck kPlanck{17000.0, 1428.0, 1.0, 4000.0, 60.0};
@@ -44,4 +44,4 @@ TEST(Radiometry, TheTableIsInStepsOf10mK) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam
+}  // namespace bolo::genicam::radiometry_test

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-namespace bolo::genicam {
+namespace bolo::genicam::scene_watch_test {
 namespace {
 
 constexpr std::int64_t kSecondNs = 1'000'000'000;
@@ -101,4 +101,4 @@ TEST(NucSchedule, StillWaitsForTheSceneAndTheInterval) {
 }
 
 }  // namespace
-}  // namespace bolo::genicam
+}  // namespace bolo::genicam::scene_watch_test

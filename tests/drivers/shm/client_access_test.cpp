@@ -16,7 +16,7 @@
 #include "tests/drivers/shm/unprivileged.hpp"
 #include "tests/tools/program.hpp"
 
-namespace bolo::shm {
+namespace bolo::shm::client_access_test {
 namespace {
 
 constexpr uid_t kStranger = 4321;
@@ -208,4 +208,4 @@ TEST_F(ClientDaemon, ARivalIsRefusedAndReadersStay) {
 
 }  // namespace
 
-}  // namespace bolo::shm
+}  // namespace bolo::shm::client_access_test

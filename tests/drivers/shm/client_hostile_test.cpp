@@ -11,7 +11,7 @@
 #include "tests/drivers/shm/foreign_object.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 
-namespace bolo::shm {
+namespace bolo::shm::client_hostile_test {
 namespace {
 
 // The bytes of a stream with 40 frames in it.
@@ -125,4 +125,4 @@ TEST(ClientHostile, APeriodThatIsNoneIsRefusedAtOnce) {
 }
 
 }  // namespace
-}  // namespace bolo::shm
+}  // namespace bolo::shm::client_hostile_test

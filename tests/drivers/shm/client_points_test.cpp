@@ -11,7 +11,7 @@
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/pipeline/fakes.hpp"
 
-namespace bolo::shm {
+namespace bolo::shm::client_points_test {
 namespace {
 
 constexpr std::uint64_t kFrames = 60;  // all of them stay in the ring
@@ -78,4 +78,4 @@ TEST(ClientPoints, AreThePublishedPlanesValues) {
 }
 
 }  // namespace
-}  // namespace bolo::shm
+}  // namespace bolo::shm::client_points_test

@@ -8,7 +8,7 @@
 #include "tests/drivers/shm/client_rig.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 
-namespace bolo::shm {
+namespace bolo::shm::client_test {
 namespace {
 
 bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
@@ -380,4 +380,4 @@ TEST(ClientLibrary, ExportsItsFunctionsAndNothingElse) {
 }
 
 }  // namespace
-}  // namespace bolo::shm
+}  // namespace bolo::shm::client_test

@@ -17,7 +17,7 @@
 #include "tests/pipeline/fakes.hpp"
 #include "tests/refusal.hpp"
 
-namespace bolo::shm {
+namespace bolo::shm::point_reader_test {
 namespace {
 
 Result<PointReader> open_points(const std::string& name, const std::vector<std::uint32_t>& pixels,
@@ -173,4 +173,4 @@ TEST(PointReader, FramesThatAreChangedAroundTheSolverAreRefused) {
 }
 
 }  // namespace
-}  // namespace bolo::shm
+}  // namespace bolo::shm::point_reader_test

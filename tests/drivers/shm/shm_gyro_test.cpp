@@ -16,7 +16,7 @@
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/pipeline/count_allocations.hpp"
 
-namespace bolo::shm {
+namespace bolo::shm::shm_gyro_test {
 namespace {
 
 constexpr std::uint32_t kCapacity = 64;
@@ -201,4 +201,4 @@ TEST(ShmGyro, RandomBytesDoNoHarm) {
 }
 
 }  // namespace
-}  // namespace bolo::shm
+}  // namespace bolo::shm::shm_gyro_test

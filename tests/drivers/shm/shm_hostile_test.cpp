@@ -10,7 +10,7 @@
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/refusal.hpp"
 
-namespace bolo::shm {
+namespace bolo::shm::shm_hostile_test {
 namespace {
 
 // A header that a reader must accept, for an object of kBytes.
@@ -215,4 +215,4 @@ TEST(ShmHostile, RandomDamageNeverReadsOutside) {
 }
 
 }  // namespace
-}  // namespace bolo::shm
+}  // namespace bolo::shm::shm_hostile_test

@@ -15,7 +15,7 @@
 #include "drivers/shm/waker.hpp"
 #include "tests/drivers/shm/shm_rig.hpp"
 
-namespace bolo::shm {
+namespace bolo::shm::shm_stress_test {
 namespace {
 
 using Outcome = ShmReader::Outcome;
@@ -153,4 +153,4 @@ TEST(Waker, ItsEndWakesWhoStillWaits) {
 
 }  // namespace
 
-}  // namespace bolo::shm
+}  // namespace bolo::shm::shm_stress_test

@@ -13,7 +13,7 @@
 #include "tests/drivers/shm/shm_rig.hpp"
 #include "tests/refusal.hpp"
 
-namespace bolo::shm {
+namespace bolo::shm::shm_test {
 namespace {
 
 using Outcome = ShmReader::Outcome;
@@ -279,4 +279,4 @@ TEST(ShmReader, RefusesNamesThatAreNoNames) {
 }
 
 }  // namespace
-}  // namespace bolo::shm
+}  // namespace bolo::shm::shm_test

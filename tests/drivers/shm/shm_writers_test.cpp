@@ -15,7 +15,7 @@
 #include "tests/drivers/shm/unprivileged.hpp"
 #include "tests/refusal.hpp"
 
-namespace bolo::shm {
+namespace bolo::shm::shm_writers_test {
 namespace {
 
 using Outcome = ShmReader::Outcome;
@@ -226,4 +226,4 @@ TEST(ShmWriters, AFullFilesystemIsAClearError) {
 }
 
 }  // namespace
-}  // namespace bolo::shm
+}  // namespace bolo::shm::shm_writers_test

@@ -10,7 +10,7 @@
 #include "drivers/usb/hotplug.hpp"
 #include "tests/drivers/usb/mock_camera.hpp"
 
-namespace bolo::usb {
+namespace bolo::usb::devices_test {
 namespace {
 
 using testing::MockCamera;
@@ -114,4 +114,4 @@ TEST_P(HotplugBy, TellsWhatIsThereComesAndLeaves) {
 INSTANTIATE_TEST_SUITE_P(Means, HotplugBy, ::testing::Values(Hotplug::Means::kEvents, Hotplug::Means::kPolling));
 
 }  // namespace
-}  // namespace bolo::usb
+}  // namespace bolo::usb::devices_test

@@ -8,7 +8,7 @@
 #include "tests/drivers/usb/mock_camera.hpp"
 #include "tests/tools/program.hpp"
 
-namespace bolo::usb {
+namespace bolo::usb::usb_verb_test {
 namespace {
 
 using nlohmann::json;
@@ -65,4 +65,4 @@ TEST_F(UsbVerb, BadInputIsOneLine) {
 }
 
 }  // namespace
-}  // namespace bolo::usb
+}  // namespace bolo::usb::usb_verb_test

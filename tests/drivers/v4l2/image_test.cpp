@@ -8,7 +8,7 @@
 
 #include "drivers/v4l2/image.hpp"
 
-namespace bolo::v4l2 {
+namespace bolo::v4l2::image_test {
 namespace {
 
 constexpr Geometry kGeometry{4, 2};
@@ -176,4 +176,4 @@ TEST(Grey, EndsAreBlackAndWhiteAndWhatLiesBeyondIsToo) {
 
 }  // namespace
 
-}  // namespace bolo::v4l2
+}  // namespace bolo::v4l2::image_test

@@ -7,7 +7,7 @@
 
 #include "tests/scratch.hpp"
 
-namespace bolo::v4l2 {
+namespace bolo::v4l2::loopback_port_test {
 namespace {
 
 std::string refusal(const std::string& path) {
@@ -49,4 +49,4 @@ TEST(LoopbackPort, CanBeClosedTwice) {
 }
 
 }  // namespace
-}  // namespace bolo::v4l2
+}  // namespace bolo::v4l2::loopback_port_test

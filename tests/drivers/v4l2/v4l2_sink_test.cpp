@@ -10,7 +10,7 @@
 
 #include "drivers/v4l2/v4l2_section.hpp"
 
-namespace bolo::v4l2 {
+namespace bolo::v4l2::v4l2_sink_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -233,4 +233,4 @@ TEST_F(V4l2SinkTest, TakesUpOtherTonesWhileItRuns) {
 }
 
 }  // namespace
-}  // namespace bolo::v4l2
+}  // namespace bolo::v4l2::v4l2_sink_test

@@ -21,7 +21,7 @@
 #include "tests/drivers/fakecam/synthetic.hpp"
 #include "tests/pipeline/count_allocations.hpp"
 
-namespace bolo::daemon {
+namespace bolo::daemon::allocation_test {
 namespace {
 
 constexpr Geometry kGeometry{64, 24};
@@ -138,4 +138,4 @@ TEST(Allocation, NoneFromACamerasPacketsToSharedMemoryAndVideo) { EXPECT_EQ(allo
 TEST(Allocation, OneIsSeen) { EXPECT_EQ(allocations_of_a_run(true), 1U); }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::allocation_test

@@ -9,7 +9,7 @@
 #include "src/core/loss.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
 
-namespace bolo::daemon {
+namespace bolo::daemon::bolod_run_test {
 namespace {
 
 TEST_F(BolodRun, FramesOfACaptureReachAReader) {
@@ -243,4 +243,4 @@ TEST_F(BolodRun, FramesAreSolvedWithThePeriodOfTheCamerasClock) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::bolod_run_test

@@ -3,7 +3,7 @@
 
 #include "tests/tools/program.hpp"
 
-namespace bolo::daemon {
+namespace bolo::daemon::bolod_test {
 namespace {
 
 using tools::test::Outcome;
@@ -111,4 +111,4 @@ TEST_F(Bolod, HelpAndVersionEndWell) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::bolod_test

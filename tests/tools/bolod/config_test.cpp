@@ -10,7 +10,7 @@
 #include "drivers/v4l2/v4l2_section.hpp"
 #include "src/capture/pixel_maps_io.hpp"
 
-namespace bolo::daemon {
+namespace bolo::daemon::config_test {
 namespace {
 
 const std::string kShipped = std::string(BOLO_SOURCE_DIR) + "/config/bolod.toml";
@@ -327,4 +327,4 @@ TEST_F(Config, TheShippedFileIsTheDocumentedDefault) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::config_test

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace bolo::daemon {
+namespace bolo::daemon::flow_watch_test {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
@@ -104,4 +104,4 @@ TEST(FlowWatch, HasPatienceWithASlowCameraThatLooksAhead) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::flow_watch_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace bolo::daemon {
+namespace bolo::daemon::health_test {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
@@ -103,4 +103,4 @@ TEST(Health, LeavesTheFlowOfAWatchedCameraToIt) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::health_test

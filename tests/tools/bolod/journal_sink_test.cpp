@@ -7,7 +7,7 @@
 
 #include <algorithm>
 
-namespace bolo::daemon {
+namespace bolo::daemon::journal_sink_test {
 namespace {
 
 using Fields = std::vector<std::string>;
@@ -77,4 +77,4 @@ TEST(StderrIsJournal, OnlyWhenTheVariableNamesThisVeryFile) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::journal_sink_test

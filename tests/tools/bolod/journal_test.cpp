@@ -15,7 +15,7 @@
 #include "src/core/unique_fd.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
 
-namespace bolo::daemon {
+namespace bolo::daemon::journal_test {
 namespace {
 
 constexpr const char* kSocket = "/run/systemd/journal/socket";
@@ -148,4 +148,4 @@ TEST_F(Journal, AProgramOfATerminalWritesText) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::journal_test

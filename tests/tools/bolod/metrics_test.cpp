@@ -13,7 +13,7 @@
 #include "src/core/utc_clock.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
 
-namespace bolo::daemon {
+namespace bolo::daemon::metrics_test {
 namespace {
 
 constexpr std::uint16_t kPort = 9464;
@@ -158,4 +158,4 @@ TEST_F(Metrics, ATakenPortOnlyWarnsAndIsTriedAgain) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::metrics_test

@@ -11,7 +11,7 @@
 #include <spdlog/logger.h>
 #include <spdlog/sinks/base_sink.h>
 
-namespace bolo::daemon {
+namespace bolo::daemon::queued_sink_test {
 namespace {
 
 // Takes messages while it is open.
@@ -107,4 +107,4 @@ TEST(QueuedSink, ItsEndDoesNotWaitForEver) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::queued_sink_test

@@ -9,7 +9,7 @@
 #include "src/capture/capture.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
 
-namespace bolo::daemon {
+namespace bolo::daemon::real_captures_test {
 namespace {
 
 struct Recording {
@@ -85,4 +85,4 @@ INSTANTIATE_TEST_SUITE_P(Captures, RealCaptures,
                          [](const auto& each) { return std::filesystem::path(each.param.file).stem().string(); });
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::real_captures_test

@@ -7,7 +7,7 @@
 
 #include "tests/scratch.hpp"
 
-namespace bolo::daemon {
+namespace bolo::daemon::reload_test {
 namespace {
 
 using Keys = std::vector<std::string>;
@@ -61,4 +61,4 @@ TEST_F(Reload, EveryLiveKeyExists) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::reload_test

@@ -17,7 +17,7 @@
 #include "tests/scratch.hpp"
 #include "tools/bolod/control.hpp"
 
-namespace bolo::daemon {
+namespace bolo::daemon::request_server_test {
 namespace {
 
 constexpr int kForEver_ms = 600'000;  // longer than any test
@@ -164,4 +164,4 @@ TEST(ControlServer, AnothersFolderIsRefused) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::request_server_test

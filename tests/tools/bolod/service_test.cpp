@@ -13,7 +13,7 @@
 #include "src/core/clock.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
 
-namespace bolo::daemon {
+namespace bolo::daemon::service_test {
 namespace {
 
 // The service manager's end of sd_notify(3).
@@ -202,4 +202,4 @@ TEST_F(Service, HearsOfAReload) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::service_test

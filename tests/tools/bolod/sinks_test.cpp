@@ -11,7 +11,7 @@
 #include "tools/bolod/metrics.hpp"
 #include "tools/bolod/state.hpp"
 
-namespace bolo::daemon {
+namespace bolo::daemon::sinks_test {
 namespace {
 
 // Takes no image.
@@ -91,4 +91,4 @@ TEST_F(Sinks, TellTheirNoticesThroughThePipeline) {
 }
 
 }  // namespace
-}  // namespace bolo::daemon
+}  // namespace bolo::daemon::sinks_test

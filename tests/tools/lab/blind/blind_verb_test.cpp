@@ -7,7 +7,7 @@
 #include "tools/lab/blind/blind.hpp"
 #include "tools/lab/blind/session.hpp"
 
-namespace bolo::tools {
+namespace bolo::tools::blind_verb_test {
 namespace {
 
 using nlohmann::json;
@@ -89,4 +89,4 @@ TEST_F(BlindVerb, WrongUsageIsRefused) {
 }
 
 }  // namespace
-}  // namespace bolo::tools
+}  // namespace bolo::tools::blind_verb_test

@@ -5,7 +5,7 @@
 #include "src/capture/capture.hpp"
 #include "tests/scratch.hpp"
 
-namespace bolo::tools::blind {
+namespace bolo::tools::blind::captures_test {
 namespace {
 
 using capture::CaptureReader;
@@ -78,4 +78,4 @@ TEST(BlindCaptures, TheStimulusStartsWhereItWasDrawn) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::blind
+}  // namespace bolo::tools::blind::captures_test

@@ -7,7 +7,7 @@
 
 #include "tests/scratch.hpp"
 
-namespace bolo::tools::blind {
+namespace bolo::tools::blind::child_test {
 namespace {
 
 // A program of one shell line in `folder`.
@@ -63,4 +63,4 @@ TEST(BlindChild, IsEndedWhenItTakesTooLongOrIsNotWanted) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::blind
+}  // namespace bolo::tools::blind::child_test

@@ -8,7 +8,7 @@
 #include "tests/tools/program.hpp"
 #include "tools/lab/blind/session.hpp"
 
-namespace bolo::tools {
+namespace bolo::tools::diagnose_verb_test {
 namespace {
 
 using nlohmann::json;
@@ -93,4 +93,4 @@ TEST_F(DiagnoseVerb, WrongUsageIsOneLineAndTheExitCodeTwo) {
 }
 
 }  // namespace
-}  // namespace bolo::tools
+}  // namespace bolo::tools::diagnose_verb_test

@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-namespace bolo::tools::blind {
+namespace bolo::tools::blind::reality_test {
 namespace {
 
 Session drawn(Kind kind, std::size_t index, const std::string& only = {}) {
@@ -74,4 +74,4 @@ TEST(SecondReality, UsesNeitherSimulatorNorDiagnosis) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::blind
+}  // namespace bolo::tools::blind::reality_test

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-namespace bolo::tools::blind {
+namespace bolo::tools::blind::score_test {
 namespace {
 
 Finding said(const std::string& verdict, const std::vector<std::string>& effects) {
@@ -150,4 +150,4 @@ TEST(BlindFinding, ReadsWhatAReportSays) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::blind
+}  // namespace bolo::tools::blind::score_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace bolo::tools::blind {
+namespace bolo::tools::blind::seal_test {
 namespace {
 
 std::vector<Session> two_sessions() {
@@ -44,4 +44,4 @@ TEST(BlindSeal, TheSameAnswersHaveAnotherDigestEachTime) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::blind
+}  // namespace bolo::tools::blind::seal_test

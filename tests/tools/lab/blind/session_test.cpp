@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace bolo::tools::blind {
+namespace bolo::tools::blind::session_test {
 namespace {
 
 Session drawn(Kind kind, std::size_t index, const DrawOptions& options = {}) {
@@ -152,4 +152,4 @@ TEST(BlindSession, KindsHaveNamesBothWays) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::blind
+}  // namespace bolo::tools::blind::session_test

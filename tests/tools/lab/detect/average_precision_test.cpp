@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-namespace bolo::tools::detect {
+namespace bolo::tools::detect::average_precision_test {
 namespace {
 
 Detection detected(double score, Box box, int label = 0) { return {label, score, box}; }
@@ -198,4 +198,4 @@ TEST(AveragePrecision, AWeightIsARepetition) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::detect
+}  // namespace bolo::tools::detect::average_precision_test

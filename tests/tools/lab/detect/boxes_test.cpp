@@ -9,7 +9,7 @@
 #include "tools/lab/detect/average_precision.hpp"
 #include "tools/lab/detect/boxes.hpp"
 
-namespace bolo::tools::detect {
+namespace bolo::tools::detect::boxes_test {
 namespace {
 
 TEST(Boxes, OverlapAsByHand) {
@@ -120,4 +120,4 @@ TEST(Bootstrap, TheIntervalIsTheMiddleOfTheNumbers) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::detect
+}  // namespace bolo::tools::detect::boxes_test

@@ -11,7 +11,7 @@
 #include "tools/lab/detect/description.hpp"
 #include "tools/lab/detect/detector.hpp"
 
-namespace bolo::tools::detect {
+namespace bolo::tools::detect::detector_test {
 namespace {
 
 TEST(Picture, LevelsAreThoseOfAVideo) {
@@ -262,4 +262,4 @@ TEST(Descriptions, OfBoloAreGood) {
 
 }  // namespace
 
-}  // namespace bolo::tools::detect
+}  // namespace bolo::tools::detect::detector_test

@@ -11,7 +11,7 @@
 #include "tests/scratch.hpp"
 #include "tools/lab/detect/boxes.hpp"
 
-namespace bolo::tools::detect {
+namespace bolo::tools::detect::views_test {
 namespace {
 
 constexpr Geometry kStill{160, 128};
@@ -141,4 +141,4 @@ TEST_F(Views, RefuseWhatIsTooShortOrMissing) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::detect
+}  // namespace bolo::tools::detect::views_test

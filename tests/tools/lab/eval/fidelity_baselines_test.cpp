@@ -12,7 +12,7 @@
 #include "tools/lab/eval/fidelity_measures.hpp"
 #include "tools/lab/eval/fidelity_report.hpp"
 
-namespace bolo::tools::fidelity {
+namespace bolo::tools::fidelity::fidelity_baselines_test {
 namespace {
 
 constexpr Geometry kSize{120, 40};
@@ -302,4 +302,4 @@ TEST(FidelityVerdicts, SayNothingOfAColumnThatIsNotThere) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::fidelity
+}  // namespace bolo::tools::fidelity::fidelity_baselines_test

@@ -6,7 +6,7 @@
 
 #include "tools/lab/eval/fidelity_measures.hpp"
 
-namespace bolo::tools::fidelity {
+namespace bolo::tools::fidelity::fidelity_measures_test {
 namespace {
 
 constexpr Geometry kSize{96, 24};
@@ -194,4 +194,4 @@ TEST(FidelityMeasures, AgreeWithTheirParts) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::fidelity
+}  // namespace bolo::tools::fidelity::fidelity_measures_test

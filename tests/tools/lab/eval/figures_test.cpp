@@ -10,7 +10,7 @@
 #include "tools/lab/detect/table.hpp"
 #include "tools/lab/eval/fidelity_report.hpp"
 
-namespace bolo::tools {
+namespace bolo::tools::figures_test {
 namespace {
 
 std::size_t plots_of(const plot::Sheet& sheet) {
@@ -195,4 +195,4 @@ TEST(Figures, OfDetectorsShowWhatEachColumnShows) {
 }
 
 }  // namespace
-}  // namespace bolo::tools
+}  // namespace bolo::tools::figures_test

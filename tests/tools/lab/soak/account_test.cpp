@@ -5,7 +5,7 @@
 #include "tools/lab/soak/rig.hpp"
 #include "tools/lab/soak/watcher.hpp"
 
-namespace bolo::tools::soak {
+namespace bolo::tools::soak::account_test {
 namespace {
 
 constexpr double kPeriod_s = 0.005;
@@ -188,4 +188,4 @@ TEST(SoakSettled, NeedsTimesInWhichNothingIsLost) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::soak
+}  // namespace bolo::tools::soak::account_test

@@ -7,7 +7,7 @@
 #include "tools/bolod/config.hpp"
 #include "tools/lab/soak/rig.hpp"
 
-namespace bolo::tools::soak {
+namespace bolo::tools::soak::daemon_file_test {
 namespace {
 
 class SoakDaemonFile : public testing::Test {
@@ -68,4 +68,4 @@ TEST_F(SoakDaemonFile, NamesABaseThatCannotBeRead) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::soak
+}  // namespace bolo::tools::soak::daemon_file_test

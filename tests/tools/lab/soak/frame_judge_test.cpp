@@ -5,7 +5,7 @@
 #include "src/core/byte_order.hpp"
 #include "tools/lab/soak/watcher.hpp"
 
-namespace bolo::tools::soak {
+namespace bolo::tools::soak::frame_judge_test {
 namespace {
 
 constexpr Geometry kGeometry{4, 6};
@@ -186,4 +186,4 @@ TEST_F(SoakFrameJudge, AnotherDaemonCountsAnew) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::soak
+}  // namespace bolo::tools::soak::frame_judge_test

@@ -7,7 +7,7 @@
 #include "drivers/fakecam/fault_script.hpp"
 #include "tools/lab/soak/schedule.hpp"
 
-namespace bolo::tools::soak {
+namespace bolo::tools::soak::schedule_test {
 namespace {
 
 std::set<Kind> all_kinds() {
@@ -128,4 +128,4 @@ TEST(SoakSchedule, SaysWhatFoundNoRoom) {
 }
 
 }  // namespace
-}  // namespace bolo::tools::soak
+}  // namespace bolo::tools::soak::schedule_test

@@ -10,7 +10,7 @@
 #include "tools/lab/soak/rig.hpp"
 #include "tools/lab/soak/verdicts.hpp"
 
-namespace bolo::tools::soak {
+namespace bolo::tools::soak::verdicts_test {
 namespace {
 
 // Ten quiet minutes of one daemon that uses the same all the time.
@@ -218,4 +218,4 @@ TEST(SoakFindings, NameWhatBrokeWhenAndDuringWhat) {
 
 }  // namespace
 
-}  // namespace bolo::tools::soak
+}  // namespace bolo::tools::soak::verdicts_test
