@@ -17,6 +17,11 @@ if(BOLO_SANITIZE)
   target_compile_options(bolo_options INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
 endif()
 
+# Sanitizers find as much without optimisation, which takes half the time to compile: for folders that compute little.
+if(BOLO_SANITIZE AND NOT BOLO_SANITIZE MATCHES "fuzzer")
+  set(BOLO_LEAST_OPTIMISATION -O0)
+endif()
+
 # Files that are compiled together parse what they include once: a third of the time to build everything.
 option(BOLO_UNITY "Compile the files of a library or test together" OFF)
 set(CMAKE_UNITY_BUILD ${BOLO_UNITY})

@@ -73,6 +73,7 @@ def main():
     single = json.loads((build / "compile_commands.json").read_text())
     unity = json.loads((build / "unity" / "compile_commands.json").read_text())
     groups = list(joined(unity, pathlib.Path(database.name), set(files)))
+    groups.sort(key=lambda group: -pathlib.Path(group[0]["file"]).stat().st_size)  # no long one alone at the end
     entries = [*single, *(entry for entry, _ in groups)]
     (pathlib.Path(database.name) / "compile_commands.json").write_text(json.dumps(entries))
     commands = preprocessing_commands(entries)
