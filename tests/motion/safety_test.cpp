@@ -53,13 +53,13 @@ double sum_of(const Picture& p, int x0, int y0, int width, int height) {
   return sum;
 }
 
-Worst worst_of(Stream& stream, double noise) {
+Worst worst_of(Stream& stream, double noise, int from = kWindow) {
   Run motion(stream, Method::kMotion, noise);
   Run mmae(stream, Method::kMmae, noise);
   Picture total(kFrame.pixels());
   Picture others(kFrame.pixels());
   Worst worst;
-  for (int k = kWindow; k < kFrames; ++k) {
+  for (int k = from; k < kFrames; ++k) {
     if (stream.counts(k).empty()) continue;
     const Picture a = motion.errors(k);
     const Picture b = mmae.errors(k);
@@ -163,6 +163,15 @@ TEST(MotionSafety, ACutIsForgotten) {
   Stream disturbed(cut, 0.05, kEvent + 13);
   Stream fresh(after, 0.05, kEvent + 13);
   EXPECT_LT(disturbed.error(settings, kEvent + 12), 1.05 * fresh.error(settings, kEvent + 12));
+}
+
+// Motion is known from the second frame after a cut, and nothing from before it is used.
+TEST(MotionSafety, ANewSceneIsSharpAtOnce) {
+  const Scene before = pan(4.0, 0.5);
+  const Scene after = pan(-2.0, 0.3, 17);
+  Stream stream([&](double x, double y, double t) { return t < kEvent ? before(x, y, t) : after(x, y, t); }, 0.05,
+                kFrames);
+  EXPECT_LT(worst_of(stream, 0.05, kEvent + 2).frame, 0.75);
 }
 
 class Threads final : public Crew {
