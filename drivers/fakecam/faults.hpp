@@ -1,4 +1,4 @@
-// What the faults of a script do: to the packets on the network, to frames, and to the camera as a whole.
+// Effects of a script's faults on the packets on the network, on frames, and on the camera as a whole.
 #pragma once
 
 #include <cstdint>

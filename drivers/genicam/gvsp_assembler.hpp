@@ -66,7 +66,7 @@ class Assembler {
   void expire(std::int64_t now_ns) noexcept;
   // Frames are under way.
   bool busy() const noexcept;
-  // How much longer the newest frame's packets should take, by what those of the frames before took; not above 0: they
+  // Expected remaining time of the newest frame's packets, by the frames before; not above 0: they
   // are all there, or late.
   std::int64_t rest_ns(std::int64_t now_ns) const noexcept {
     return latest_ != nullptr && latest_->open && !latest_->whole ? latest_->first_ns + span_ns_ - now_ns : 0;

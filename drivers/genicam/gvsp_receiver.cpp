@@ -98,7 +98,7 @@ Status Receiver::start(const StreamPlan& plan, std::uint16_t source_port, int re
     filter_stream(socket_.get(), text.data(), source_port);
   }
   plan_ = plan;
-  // What comes meanwhile takes up to twice its size of the socket's buffer, half of which stays free.
+  // Packets take up to twice their size of the socket's buffer, half of which stays free.
   int buffer = 0;
   socklen_t size = sizeof buffer;
   getsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &buffer, &size);

@@ -53,7 +53,7 @@ class Session {
   Status trigger_nuc();
   // Writes the NUC mode. Blocks as trigger_nuc(). Thread: setup.
   Status set_nuc(const NucOptions& nuc, std::vector<std::string>& warnings);
-  // How its clock is kept. Blocks as above. Thread: setup.
+  // Synchronisation of its clock. Blocks as above. Thread: setup.
   PtpState ptp();
   // Of the camera, K; 0 when it does not tell. Blocks as above. Thread: setup.
   double temperature_k();

@@ -15,7 +15,7 @@
 
 namespace bolo::genicam {
 
-// What the camera says of its clock's synchronisation by PTP.
+// The camera's report of its clock's synchronisation by PTP.
 struct PtpState {
   bool enabled = false;
   std::string status{};        // "Slave": it follows a master; "Listening", "Master" ...; empty: it does not say

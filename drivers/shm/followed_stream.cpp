@@ -22,7 +22,7 @@ class Deadline {
                            : monotonic_ns() + std::int64_t{timeout_ms} * 1'000'000) {}
 
   bool passed() const noexcept { return monotonic_ns() >= ns_; }
-  // What is left, rounded up, but at most `most`.
+  // The remaining time, rounded up, but at most `most`.
   int left_ms(int most) const noexcept {
     const std::int64_t left_ns = ns_ - monotonic_ns();
     return static_cast<int>(std::clamp<std::int64_t>((left_ns - 1) / 1'000'000 + 1, 0, most));
@@ -33,7 +33,7 @@ class Deadline {
   std::int64_t ns_;
 };
 
-// That the object is not to be read now says nothing about the next moment: its writer may be starting.
+// An object that cannot be read now may be readable the next moment: its writer may be starting.
 bool may_pass(Refusal refusal) {
   return refusal == Refusal::kAbsent || refusal == Refusal::kNotReady || refusal == Refusal::kDenied ||
          refusal == Refusal::kForeign;

@@ -43,7 +43,7 @@ inline constexpr std::size_t kWord = sizeof(std::uint64_t);
 
 constexpr std::size_t round_up(std::size_t bytes, std::size_t to) { return (bytes + to - 1) / to * to; }
 
-// Where things lie in one slot. Offsets are multiples of 8 and leave room for whole words.
+// Layout of one slot. Offsets are multiples of 8 and leave room for whole words.
 struct SlotLayout {
   std::size_t raw_offset = 0;
   std::size_t deblurred_offset = 0;
@@ -141,7 +141,7 @@ inline bool still_holds_after_plain_reads(const std::byte* slot, std::uint64_t n
   return still_holds(slot, number);
 }
 
-// Whether a frame carries motion, by the copied head. Thread: any.
+// True if a frame carries motion, by the copied head. Thread: any.
 inline bool has_motion(const SlotLayout& layout, const bolo_shm_slot& head) noexcept {
   return layout.motion_blocks != 0 && head.motion_blocks == layout.motion_blocks;
 }

@@ -56,7 +56,7 @@ std::optional<uid_t> uid_of(const std::string& user) {
   return found != nullptr ? std::optional<uid_t>(found->pw_uid) : std::nullopt;
 }
 
-// What an object says of its writer; nothing when it says nothing yet, or can't be read.
+// An object's header; nothing when there is none yet, or it can't be read.
 std::optional<bolo_shm_header> told_by(const std::string& path) {
   const UniqueFd fd(shm_open(path.c_str(), O_RDONLY, 0));
   bolo_shm_header header{};

@@ -19,7 +19,7 @@ Result<std::string> object_path(const std::string& name);
 // memory are left out. Thread: any.
 std::vector<std::string> object_names();
 
-// Whether frames of this user's objects are believed: anybody may make a file of any name in /dev/shm. Believed are
+// True if this user's objects are trusted: anybody may make a file of any name in /dev/shm. Trusted are
 // root, this process's own user, "bolo", which the packaged daemon runs as, and the user that the environment's
 // BOLO_USER names or numbers. Thread: any.
 std::vector<uid_t> believed_users();

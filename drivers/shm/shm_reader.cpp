@@ -289,7 +289,7 @@ std::optional<bolo_shm_camera> ShmReader::camera() const noexcept {
   const std::byte* const from = impl_->mapping->data() + begin;
   bolo_shm_camera camera{};
   copy_out(&camera.bytes, from, sizeof(camera.bytes));
-  // What an older writer does not have stays 0.
+  // Fields that an older writer does not have stay 0.
   const auto told_bytes = std::min<std::uint64_t>({sizeof(camera), camera.bytes, h.slots_offset - begin});
   if (told_bytes < BOLO_SHM_CAMERA_BYTES_FIRST) return std::nullopt;
   copy_out(&camera, from, told_bytes);

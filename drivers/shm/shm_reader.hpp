@@ -27,7 +27,7 @@ struct ReadFrame {
   std::array<double, 6> affine{};             // as in bolo_shm_motion; zeros: none
 };
 
-// What a frame of this writer is. Thread: any.
+// Format of this writer's frames. Thread: any.
 StreamFormat format_of(const bolo_shm_header& header);
 
 // Thread: any.
@@ -57,7 +57,7 @@ struct BorrowedFrame {
     return reinterpret_cast<const std::uint16_t*>(slot + offset);
   }
 
-  // Whether the slot held this frame while all reads before this call were made. Thread: any.
+  // True if the slot held this frame during all reads before this call. Thread: any.
   bool still_there() const noexcept { return still_holds_after_plain_reads(slot, number); }
 };
 
@@ -116,10 +116,10 @@ class ShmReader {
   bool read_samples(std::uint64_t number, std::span<const std::uint32_t> pixels, bolo_shm_slot& head,
                     std::uint16_t* out) const noexcept;
 
-  // What the writer solves frames with; nothing when it does not tell. Thread: any.
+  // The writer's solver settings; nothing when it does not tell. Thread: any.
   std::optional<bolo_shm_settings> settings() const noexcept;
 
-  // What the writer knows of its camera, as it is now; nothing when it does not tell. Thread: any.
+  // The camera's present state; nothing when the writer does not tell. Thread: any.
   std::optional<bolo_shm_camera> camera() const noexcept;
 
   // Frames published so far: the newest is published() - 1. Thread: any.

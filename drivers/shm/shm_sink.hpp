@@ -17,7 +17,7 @@ struct ShmOptions {
   std::string control_socket{};  // where the daemon hears commands, told to readers; empty: nowhere
 };
 
-// What is wrong with the permissions, whatever the frames are. Thread: any.
+// Checks the permissions, whatever the frames are. Thread: any.
 Status check_mode(const ShmOptions& options);
 
 // Bytes of the object for such frames; those of a ring of the least size where options.slots is out of range. Thread:

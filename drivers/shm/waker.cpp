@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kAtOnce = 4;
 
-// How many of at most `most` it woke.
+// Wakes at most `most` waiters; returns their number.
 long wake_waiting(const std::uint32_t& word, int most) noexcept {
   return syscall(SYS_futex, &word, FUTEX_WAKE, most, nullptr, nullptr, 0);
 }

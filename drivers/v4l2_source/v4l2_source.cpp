@@ -77,7 +77,7 @@ struct V4l2Source::Impl {
   std::thread thread;
 };
 
-// What the frames of this device are, cut to the rows that are asked for.
+// Format of this device's frames, cut to the rows that are asked for.
 Result<pipeline::SourceInfo> V4l2Source::Impl::inspect(const VideoDevice& from) const {
   const Geometry whole = from.geometry();
   const int rows = options.rows.count != 0 ? options.rows.count : whole.height - options.rows.first;

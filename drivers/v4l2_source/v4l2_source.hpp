@@ -10,7 +10,7 @@
 
 namespace bolo::v4l2_source {
 
-// What the driver calls the format; all are 16 bits a pixel, low byte first, and their values are taken as they are.
+// Pixel formats by the driver's names; all are 16 bits a pixel, low byte first, values taken as they are.
 enum class Container {
   kY16,
   kY14,

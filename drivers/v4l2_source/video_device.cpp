@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t kBytesAPixel = 2;
 constexpr std::uint32_t kMostSide = 1U << 14;
 
-// What the driver calls each, and how many bits of it are the pixel's.
+// The driver's code of each, and the number of bits that are the pixel's.
 struct ContainerCode {
   Container container;
   std::uint32_t code;

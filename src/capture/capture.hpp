@@ -42,7 +42,7 @@ struct Point {
 // lengths in stored pixels.
 struct NoStimulus {};  // a field recording
 
-// How well a bench knows its temperatures where it does not say: standard deviation, K.
+// Accuracy of a bench's temperatures where it states none: standard deviation, K.
 inline constexpr double kLevelAccuracyK = 0.5;
 
 struct Uniform {  // closed shutter or flat black body

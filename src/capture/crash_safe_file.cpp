@@ -246,7 +246,7 @@ bool CrashSafeFile::commit_for_power() {
   return true;
 }
 
-// Where no thread can be had now the pages wait for the next commit.
+// If no thread can be started the pages wait for the next commit.
 void CrashSafeFile::begin_disk() {
   on_way_ = {sequence_, std::move(waiting_)};
   waiting_.clear();

@@ -18,7 +18,7 @@ namespace {
 
 constexpr haddr_t kMostAddress = (haddr_t{1} << 62U) - 1;
 
-// What the access list has for open_file().
+// The access list's property for open_file().
 struct Access {
   const std::shared_ptr<DrivenFile>* driven = nullptr;
 };

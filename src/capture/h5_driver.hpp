@@ -9,7 +9,7 @@
 
 namespace bolo::capture {
 
-// What HDF5's handle of a file and its writer share. HDF5 ends in a crash after a file that it could not close. So,
+// Shared by HDF5's handle of a file and its writer. HDF5 crashes after a file that it could not close. So,
 // once `ending` is set, a write that fails (a full disk) is noted here and not told HDF5; nothing is committed any
 // more: the file stays at the commit before.
 struct DrivenFile {

@@ -1,4 +1,4 @@
-// What travels with a frame through the pipeline.
+// Metadata of a frame in the pipeline.
 #pragma once
 
 #include <cstdint>

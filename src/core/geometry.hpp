@@ -32,7 +32,7 @@ enum class Unit {
   kCount,   // uncalibrated camera counts: scale and offset carry no meaning
 };
 
-// How a stored value becomes a temperature.
+// Conversion of stored values to temperatures.
 struct LinearScale {
   Unit unit = Unit::kKelvin;
   double scale = 0.01;  // K a count; 10 mK is the A655sc's TemperatureLinear10mK

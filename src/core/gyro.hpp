@@ -26,7 +26,7 @@ inline bool is_turn(const std::array<double, 3>& rate) noexcept {
 class Gyro {
  public:
   virtual ~Gyro() = default;
-  // What is known by now, times strictly rising, all is_turn(); good until the next call. No allocation, no lock.
+  // The samples so far, times strictly rising, all is_turn(); good until the next call. No allocation, no lock.
   // Thread: pipeline.
   virtual std::span<const GyroSample> samples() noexcept = 0;
   // When a frame was taken, on the samples' clock. Thread: any.
@@ -41,7 +41,7 @@ struct GyroSetup {
   double delay_s = 0.0;         // by which samples are stamped later than frames of the same moment
 };
 
-// What became of the gyro in a frame.
+// Use of the gyro in a frame.
 enum class GyroUse : std::uint8_t {
   kUsed,
   kSilent,   // no samples of the frame's time

@@ -33,7 +33,7 @@ bool is_one_of(const std::set<FileId>& files, const fs::path& file) {
   return id && files.contains(*id);
 }
 
-// What the user can put right by another name, or what broke.
+// Bad input where another name would help, else a failure.
 tl::unexpected<Error> not_written(const fs::path& file, int error) {
   const std::string line = file.string() + ": cannot be written: " + std::strerror(error);
   for (const int place : {ENOENT, ENOTDIR, EACCES, EPERM, EROFS, ENAMETOOLONG, ELOOP, EISDIR, EINVAL}) {

@@ -19,7 +19,7 @@ constexpr std::size_t bytes_of(PixelType type) { return type == PixelType::kUint
 // Bytes of one whole plane. Thread: any.
 constexpr std::size_t plane_bytes(Geometry g, PixelType type) { return g.pixels() * bytes_of(type); }
 
-// What every frame of a stream has in common; fixed from open to close.
+// Format of a stream's frames; fixed from open to close.
 struct StreamFormat {
   Geometry geometry;
   PixelType type = PixelType::kUint16;

@@ -9,7 +9,7 @@
 
 namespace bolo {
 
-// What the program's exit code must say about a failure.
+// Kinds of failures, as exit codes tell them.
 enum class ErrorKind {
   kFailed,    // something broke while running: exit code 1
   kBadInput,  // usage, configuration, file or device the user can put right: exit code 2

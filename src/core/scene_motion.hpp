@@ -1,4 +1,4 @@
-// How the scene moved through the picture from the frame before to a frame.
+// Motion of the scene through the picture from the frame before to a frame.
 #pragma once
 
 #include <array>

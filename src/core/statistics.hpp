@@ -39,7 +39,7 @@ double sum_of(const Range& values, Of of = {}) {
   return sum;
 }
 
-// What `of` makes of each value, in their order.
+// `of` applied to each value, in their order.
 template <typename Range, typename Of>
 auto mapped(const Range& values, Of of) {
   std::vector<std::remove_cvref_t<std::invoke_result_t<Of&, decltype(*std::begin(values))>>> out;

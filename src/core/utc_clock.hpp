@@ -11,7 +11,7 @@ namespace bolo {
 // The error of a clock that nothing disciplines has no bound. The kernel's word for that is its largest, 16 s.
 inline constexpr std::int64_t kUnboundedClockErrorNs = 16'000'000'000;
 
-// What the kernel knows of CLOCK_REALTIME (adjtimex), from whoever disciplines it: an NTP client, phc2sys, a receiver.
+// The kernel's state of CLOCK_REALTIME (adjtimex), set by whatever disciplines it: an NTP client, phc2sys, a receiver.
 struct ClockState {
   bool synchronised = false;
   std::int64_t error_ns = kUnboundedClockErrorNs;  // of UTC, at most, as that one claims; without it unbounded

@@ -28,7 +28,7 @@ class Chain {
   bool drops(const void* raw) noexcept;
   // A new frame; with `restart` nothing of before is remembered. Thread: pipeline.
   void begin(const FrameMeta& meta, const void* raw, bool restart) noexcept;
-  // What needs the whole frame begins a pass of its own. Thread: pipeline.
+  // A correction that needs the whole frame begins a pass of its own. Thread: pipeline.
   std::size_t passes() const noexcept { return pass_begin_.size(); }
   void begin_pass(std::size_t pass) noexcept;
   // Pixels of the frame, disjoint between concurrent calls. Thread: worker.

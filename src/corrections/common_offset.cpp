@@ -118,7 +118,7 @@ void CommonOffset::measure(const float* plane) noexcept {
   } else {
     usual_ += kTrendTaken * (step - usual_);
   }
-  // Where nearly all moves nothing is known of flicker.
+  // Flicker cannot be told while nearly all of the picture moves.
   if (flicker_taken_) flicker_ = kFlickerKept * flicker_ + (still ? difference - trend_ : 0.0);
   trend_ += kTrendTaken * (difference - trend_);
   for (float& d : difference_) d = static_cast<float>(std::abs(static_cast<double>(d) - difference));

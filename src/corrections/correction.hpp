@@ -1,4 +1,4 @@
-// What a camera does to its frames beyond the inertia of its pixels is corrected around the solver. Each correction is
+// Effects of a camera beyond the inertia of its pixels are corrected around the solver. Each correction is
 // one file here; the table in chain.cpp makes them and has their order. Values are as stored: counts, or kelvin by the
 // stream's scale.
 #pragma once
@@ -16,7 +16,7 @@
 
 namespace bolo::corrections {
 
-// What corrections are made from.
+// Inputs to the making of corrections.
 struct Setup {
   model::Undo undo;
   deblur::Settings settings;  // period_s and the nominal tau_s

@@ -1,4 +1,4 @@
-// What is known of single pixels (model::PixelMaps), undone frame by frame before the window: gain and offset, thermal
+// Corrections of single pixels (model::PixelMaps), frame by frame before the window: gain and offset, thermal
 // inertia of the pixel's own, and dead pixels.
 //
 // Thermal inertia. A pixel of time constant tau reaches y_{+g} = a^g y + (1 - a^g) x over g frame periods of constant

@@ -5,7 +5,7 @@
 namespace bolo::deblur {
 namespace {
 
-// Where the coefficient stands in the matrices' order: coarse to fine, each level from the window's begin.
+// Index of the coefficient in the matrices' order: coarse to fine, each level from the window's begin.
 std::size_t ordered(int i, int bins) {
   const int support = support_of(i, bins);
   return static_cast<std::size_t>(i == 0 ? 0 : bins / support + i / support);

@@ -31,7 +31,7 @@ void prepare(ExactPlan& plan, const Settings& settings, double lambda_half, cons
 // One pixel's coefficients D: y holds its received samples in the order of time, less `mean`. Thread: worker.
 void solve(const ExactPlan& plan, std::span<const double> y, double lambda_half, Coefficients& d) noexcept;
 
-// What is published is publish_weights() . D, less the mean; bins are those of reduce(). Thread: worker.
+// The published value is publish_weights() . D, less the mean; bins are those of reduce(). Thread: worker.
 Coefficients publish_weights(const ExactPlan& plan, const Published& published) noexcept;
 
 }  // namespace bolo::deblur

@@ -182,7 +182,7 @@ void GapMeter::compare(const Pair& pair) {
   }
 }
 
-// What the motion during the two frames themselves makes of a: half the variance of each frame's trail, which differ,
+// The share of a that motion within the two frames makes: half the variance of each frame's trail, which differ,
 // times the second derivatives of (1 - rho) x, which is z.
 void GapMeter::take_own_blur(const Pair& pair) {
   const double own = own_variance(inertia_);

@@ -1,4 +1,4 @@
-// How well the pixel's equation foretells what the camera measures, and which time constant would do so best.
+// Prediction error of the pixel's equation on a camera's stream, and the time constant with the least.
 //
 // The equation says y_k = rho y_{k-1} + (1 - rho) x_k, rho = exp(-T / tau), x_k what the scene showed during frame k.
 // During an earlier frame j it showed (y_j - rho y_{j-1}) / (1 - rho), and has moved by D since. So frame k should be
@@ -27,7 +27,7 @@ namespace bolo::deblur {
 struct GapFigures {
   double noise_k = 0.0;  // temporal, K (counts without kelvin)
   double speed = 0.0;    // of the picture where it was fastest, px a frame
-  // What the prediction with the given time constant leaves over what noise leaves, root mean squares; 0: not told, for
+  // Residual of the prediction with the given time constant over that of noise, root mean squares; 0: not told, for
   // the picture did not change its velocity enough.
   double ratio = 0.0;
   double tau_ratio = 0.0;          // the pixels' time constant over the given one; 0: not told

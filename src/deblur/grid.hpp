@@ -57,7 +57,7 @@ Pattern whole_pattern(const Settings& settings) noexcept;
 // Thread: any.
 Pattern pattern_of(const WindowView& window) noexcept;
 
-// What is published: weight_before * x[before] + weight_after * x[after]. Twice the last bin, or the mean of those
+// The published value: weight_before * x[before] + weight_after * x[after]. Twice the last bin, or the mean of those
 // before and after the target's time. Thread: any.
 struct Published {
   int before = 0;

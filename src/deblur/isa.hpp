@@ -12,7 +12,7 @@ namespace bolo::deblur {
 // "AVX2", "SSE4", "scalar". Thread: setup.
 std::vector<std::string_view> available_isas();
 
-// What solvers created from now on will use: the best one, or the one forced. Thread: setup.
+// The instruction set of solvers created from now on: the best one, or the one forced. Thread: setup.
 std::string_view best_isa();
 
 // Solvers created from now on use this instruction set; "" goes back to the best. False, and nothing changes, when it

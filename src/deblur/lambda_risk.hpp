@@ -1,4 +1,4 @@
-// What each lambda costs on each motion model: the table from which lambda is chosen.
+// Risk of each lambda on each motion model: the table from which lambda is chosen.
 #pragma once
 
 #include <array>

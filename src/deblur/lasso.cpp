@@ -17,7 +17,7 @@ constexpr Eigen::Index kPathSteps = 20;  // times the number of columns: far mor
 
 double soft(double x, double limit) { return x - std::clamp(x, -limit, limit); }
 
-// Where a straight piece of the path ends: a coefficient joins or leaves, or lambda is reached (neither).
+// End of a straight piece of the path: a coefficient joins or leaves, or lambda is reached (neither).
 struct PathEvent {
   double length = 0.0;
   Eigen::Index joins = -1;

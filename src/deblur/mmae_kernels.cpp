@@ -263,7 +263,7 @@ HWY_INLINE void store_values(const FilterRow& row, Vec x, std::size_t at, std::s
   }
 }
 
-// Where the pixels of a vector lie between the centres of blocks, for a vector that begins `phase` pixels after one.
+// Positions of a vector's pixels between the centres of blocks, for a vector that begins `phase` pixels after one.
 struct Places {
   HWY_ALIGN std::int32_t cell[kLanes];
   HWY_ALIGN float share[kLanes];

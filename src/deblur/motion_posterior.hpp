@@ -1,4 +1,4 @@
-// How well each motion model explains each block of 8 x 8 pixels of a window.
+// Posterior probabilities of the motion models for each block of 8 x 8 pixels of a window.
 #pragma once
 
 #include <cstdint>

@@ -110,7 +110,7 @@ void MotionSolver::take(const void* plane, Crew& crew) noexcept {
   }
 }
 
-// How many displacements up to that of the period `newest` before the newest are within one scene. What does not match
+// Number of displacements up to that of the period `newest` before the newest within one scene. What does not match
 // at all, where the next does, is a cut; what never matches is a scene of many motions.
 int MotionSolver::scene_length(int newest) noexcept {
   int length = 1;
@@ -136,7 +136,7 @@ motion::Displacements MotionSolver::history(int newest, const motion::Told& told
   return left;
 }
 
-// What the gyro tells, if it goes with the displacements, and what it leaves of them.
+// The gyro's displacements, if they agree with the picture's, and what they leave of those.
 bool MotionSolver::ask_gyro(const FrameMeta& meta, int newest, motion::Displacements& left,
                             motion::Told& told) noexcept {
   Gyro* const gyro = task_.settings.gyro;

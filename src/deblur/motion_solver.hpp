@@ -21,7 +21,7 @@ namespace bolo::deblur {
 // which is taken, pixel by pixel, where the motion does not explain what is seen, and for whole frames where no motion
 // can be had: the frame before is lost, or the picture is too small.
 //
-// What is remembered of earlier windows is only what this one would give again: each displacement is that of three
+// Memory of earlier windows holds only values that this one would give again: each displacement is that of three
 // frames, all of them in the window (and, where it is measured, the noise, as in mmae).
 class MotionSolver final : public Solver {
  public:

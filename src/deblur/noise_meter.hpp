@@ -24,7 +24,7 @@ class NoiseMeter {
   // quantisation makes. Thread: pipeline.
   double noise() const noexcept;
 
-  // What the looks so far have left, for a meter that goes on elsewhere; 0: nothing. Thread: pipeline.
+  // The estimate so far, for a meter that goes on elsewhere; 0: none. Thread: pipeline.
 
  private:
   double measure(const void* const* planes, int order) noexcept;

@@ -1,4 +1,4 @@
-// What the deblurring is asked to do; the same for live and offline work.
+// Settings of the deblurring; the same for live and offline work.
 #pragma once
 
 #include <string>
@@ -46,7 +46,7 @@ struct Settings {
 // Every wrong value is named with its range. Thread: setup.
 Status validate(const Settings& settings);
 
-// Whether a gyro is of use with them. Thread: setup.
+// Refuses a gyro with methods that have no use for one. Thread: setup.
 Status check_gyro(const Settings& settings);
 
 // T / tau above which a look-ahead is refused: what lies before and after a frame's time then has little in common, and

@@ -60,10 +60,10 @@ class Solver {
   // Temporal noise that the last prepare() worked with, K (counts for a stream without kelvin); 0 where the method does
   // not use it. Thread: pipeline.
   virtual double noise_k() const noexcept { return 0.0; }
-  // How the scene moved up to the frame that was solved last; null where the method does not estimate it, or could not.
+  // Motion up to the frame that was solved last; null where the method does not estimate it, or could not.
   // Good until the next prepare(). Thread: pipeline.
   virtual const SceneMotion* motion() const noexcept { return nullptr; }
-  // What became of the gyro in the last prepare(); nothing where there is none, or no motion to tell. Thread: pipeline.
+  // Use of the gyro in the last prepare(); nothing without a gyro or without motion. Thread: pipeline.
   virtual std::optional<GyroUse> gyro_use() const noexcept { return std::nullopt; }
 };
 

@@ -1,4 +1,4 @@
-// What every method needs to know of its stream.
+// The stream's properties that every method needs.
 #pragma once
 
 #include "src/core/frame.hpp"
@@ -13,11 +13,11 @@ struct StreamTask {
   PixelType output = PixelType::kUint16;
   double row_period = 0.0;  // from a stored row's sample to the next one's, frame periods
 
-  // How much later than the frame's time a stored row is sampled, frame periods.
+  // Delay of a stored row's sample after the frame's time, frame periods.
   double row_delay(int row) const { return row * row_period; }
   bool delays_rows() const { return row_period != 0.0; }
 
-  // What one unit of the values is worth, K; camera counts are taken for 10 mK, as in the A655sc's linear modes.
+  // Kelvin a unit of the values; camera counts are taken for 10 mK, as in the A655sc's linear modes.
   double kelvin_per_value() const;
   // A difference of values in the unit that users see: K, or counts.
   double in_kelvin(double value) const;

@@ -33,7 +33,7 @@ constexpr Table kNeeded = {{{17, 64, 81, 110, 92, 67},
                             {1, 3, 4, 8, 18, 23},
                             {1, 2, 2, 5, 7, 8}}};
 
-// Where `value` lies between entries of an ascending axis, on a logarithmic scale; limited to the axis.
+// Position of `value` between entries of an ascending axis, on a logarithmic scale; limited to the axis.
 template <std::size_t kSize>
 double place(const std::array<double, kSize>& axis, double value) {
   for (std::size_t i = 0; i + 1 < kSize; ++i) {

@@ -1,4 +1,4 @@
-// How fast ADMM and the dual get there: penalty, over-relaxation and the number of iterations, from lambda and T / tau.
+// Convergence of ADMM and the dual: penalty, over-relaxation and the number of iterations, from lambda and T / tau.
 #pragma once
 
 #include "src/deblur/grid.hpp"

@@ -73,7 +73,7 @@ bool Window::next(Ready& ready) noexcept {
   return false;
 }
 
-// What waits for its look-ahead is shown first, then the window empties.
+// Frames that wait for their look-ahead are shown first, then the window empties.
 void Window::finish_window() noexcept {
   drain_left_ = places_.size() - 1 - target_;
   if (drain_left_ == 0) clear();

@@ -22,7 +22,7 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 4> kUndoSect
      {"firmware", "what the camera does to its frames"},
      {"corrections", "what is learnt from the stream and taken out"}}};
 
-// What `bolo diagnose --write-profile` finds beyond the first keys.
+// Keys that `bolo diagnose --write-profile` adds to the basic ones.
 void declare(KeyTable& keys, const UndoKey& key, Undo& undo) {
   if (const auto* const number = std::get_if<double Undo::*>(&key.value)) {
     keys.number(key.key, undo.**number, key.range, key.meaning);
@@ -33,7 +33,7 @@ void declare(KeyTable& keys, const UndoKey& key, Undo& undo) {
   }
 }
 
-// What is measured means no more digits than these, and sums of products leave their dust behind them.
+// Measured values have no more digits than these; sums of products leave rounding errors behind them.
 void round_numbers(CameraProfile& profile) {
   const auto round = [](double& value) {
     std::array<char, 32> text{};

@@ -1,4 +1,4 @@
-// What is known of single pixels and rows of one camera.
+// Maps of single pixels and rows of one camera.
 #pragma once
 
 #include <cstdint>

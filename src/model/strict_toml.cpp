@@ -51,7 +51,7 @@ std::string_view last_part(std::string_view path) {
   return dot == std::string_view::npos ? path : path.substr(dot + 1);
 }
 
-// What one read() has found so far. Values are stored only when the whole file is right.
+// State of one read(). Values are stored only when the whole file is right.
 struct KeyTable::Reading {
   const KeyTable& keys;
   std::vector<Commit> commits;

@@ -75,10 +75,10 @@ class KeyTable {
 
   // A word on a declared key that document() prints beside its default.
   void mark(std::string_view path, std::string_view word);
-  // What document() says of a key's value instead of "default" and the value.
+  // Replaces "default" and the value in document()'s line for a key.
   void explain(std::string_view path, std::string_view words);
 
-  // What each key had when it was declared, as TOML; empty for one without a value. Of keys declared over variables
+  // Each key's value at declaration, as TOML; empty for one without a value. Of keys declared over variables
   // that were read: what the file says. By path.
   std::map<std::string, std::string, std::less<>> texts() const;
 
@@ -88,7 +88,7 @@ class KeyTable {
   // A TOML text with every key, its meaning, unit, range and value; a key without a value is commented out.
   std::string document() const;
 
-  // What a file can hold for a key, and what a key makes of it: how to store it, or what is wrong (" must be ...").
+  // A value in a file, and the key's answer to it: how to store it, or what is wrong (" must be ...").
   struct WrongType {};
   using Value = std::variant<std::int64_t, double, bool, std::string, std::vector<std::int64_t>, WrongType>;
   using Commit = std::function<void()>;

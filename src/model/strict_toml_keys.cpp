@@ -1,4 +1,4 @@
-// What a table of keys may hold, and how it documents itself; strict_toml.cpp reads files.
+// Types of a table's keys and their documentation; strict_toml.cpp reads files.
 #include "src/model/strict_toml.hpp"
 
 #include <algorithm>

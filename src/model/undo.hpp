@@ -1,4 +1,4 @@
-// What a camera does to its frames beyond the inertia of its pixels, as far as it can be corrected: constants, not
+// A camera's effects on its frames beyond the inertia of its pixels, as far as they can be corrected: constants, not
 // maps. Each has a key in the camera's profile; src/corrections says how it is undone, and what that costs in noise.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace bolo::model {
 
-// How the camera averages frames before it sends them; x is what it read, y what it sends, w the new frame's weight.
+// The camera's averaging of frames before it sends them; x read, y sent, w the new frame's weight.
 enum class FrameFilter {
   kNone,
   kRecursive,  // y_k = w x_k + (1 - w) y_{k-1}
@@ -91,7 +91,7 @@ inline const std::vector<UndoKey>& undo_keys() {
 // The value of an effect's parameter, or any number for "" where the effect is there; else empty.
 using EffectValue = std::function<std::optional<double>(std::string_view effect, std::string_view parameter)>;
 
-// What undoes the effects that `value_of` knows, as far as their parameters are one number: not frame filters.
+// Sets the corrections of the effects that `value_of` knows, if they have one parameter: not frame filters.
 // Thread: any.
 void undo_effects(Undo& undo, const EffectValue& value_of);
 

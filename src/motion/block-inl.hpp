@@ -1,4 +1,4 @@
-// Where the source of a block that has moved lies, and what is there. Included once for every instruction set.
+// Position and values of a moved block's source. Included once for every instruction set.
 #if defined(BOLO_MOTION_BLOCK_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_MOTION_BLOCK_INL
 #undef BOLO_MOTION_BLOCK_INL
@@ -30,7 +30,7 @@ HWY_INLINE float sum(Vec x) { return hn::GetLane(hn::SumOfLanes(Float(), x)); }
 HWY_INLINE Vec between(Vec a, Vec b, Vec share) { return hn::MulAdd(share, hn::Sub(b, a), a); }
 HWY_INLINE Vec count_from(float first) { return hn::Iota(Float(), first); }
 
-// Where a block's source lies: its whole part as an offset from the block, bilinear weights for the rest.
+// A block's source: the whole part as an offset from the block, bilinear weights for the rest.
 struct Source {
   std::ptrdiff_t offset;
   float w00;

@@ -1,4 +1,4 @@
-// What belongs to blocks of 8 x 8 pixels.
+// Values of blocks of 8 x 8 pixels.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// What is told of the motion beside the picture: of each block a velocity, and how sure it is.
+// The published motion: a velocity and its confidence by block.
 #pragma once
 
 #include <array>

@@ -28,7 +28,7 @@ constexpr float kMeanAge = 0.5F * (kPast + 1);  // of the past's frames, periods
 
 float power4(float v) { return v * v * v * v; }
 
-// What is known of a block's two estimates; errors and energies in units of the noise's variance.
+// Evidence about a block's two estimates; errors and energies in units of the noise's variance.
 struct Evidence {
   float mine;    // mean square error that the estimate along the motion should have
   float other;   // and the per-pixel one
@@ -36,7 +36,7 @@ struct Evidence {
   float change;  // of innovation less frame
 };
 
-// How many times the mean square error of the estimate along the motion is that of the other one. Of 100 random scenes
+// Expected ratio of the two estimates' mean square errors, along the motion over per pixel. Of 100 random scenes
 // (tests/motion/random_scene.hpp, 275,000 blocks): between the least squares fit of its logarithm and the fit for the
 // least error of what is chosen; the constant was raised until MotionSafety's bounds held.
 float risk(const Inertia& inertia, const Evidence& e) {
@@ -152,7 +152,7 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
   });
 }
 
-// Whether the frame before saw what is in the middle of a block now; what has just come in has no past to go by.
+// True if the frame before saw what is in the middle of a block now; what has just come in has no past to go by.
 bool Estimator::seen_before(int block) const noexcept {
   const Vec2 d = past_[0][static_cast<std::size_t>(block)];
   const int left = block % share_.across() * kBlock;
@@ -252,7 +252,7 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
   for_rows(crew, weights_.down(), [&](int row) { blend(sharp, row); });
 }
 
-// What rows that are sampled later show, moved back to where it was at the frame's time.
+// Rows that are sampled later, moved back to the frame's time.
 const PaddedPlane& Estimator::at_frame_time(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   for_rows(crew, weights_.down(), [&](int row) {
     x_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));

@@ -23,7 +23,7 @@ struct EstimateInputs {
   Path path;
   const VectorField* deviation = nullptr;  // of the blocks from the path, px a frame
   double noise = 0.0;                      // standard deviation, in the values' unit
-  // How much later than the frame's time the middle of each row of blocks is sampled, periods; empty: with it.
+  // Delay of the middle of each row of blocks after the frame's time, periods; empty: none.
   std::span<const float> row_delay{};
   // The per-pixel estimate of the whole frame and its mean square error by block, in units of the noise's variance.
   const float* other = nullptr;
@@ -38,7 +38,7 @@ class Estimator {
   // Into `out`, a plane of the frame's size. No allocation. Thread: pipeline.
   void find(const Kernels& kernels, const EstimateInputs& in, Crew& crew, float* out) noexcept;
 
-  // How much of each block was taken from the estimate along the motion, 0 to 1. Of the last find(). Thread: pipeline.
+  // Share of each block taken from the estimate along the motion, 0 to 1. Of the last find(). Thread: pipeline.
   const ScalarField& confidence() const noexcept { return share_; }
 
  private:

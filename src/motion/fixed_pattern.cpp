@@ -144,7 +144,7 @@ float FixedPattern::newest_of_all() const noexcept {
   return std::max(reference_noise_ / (1.0F + reference_noise_), kLeastNewest);
 }
 
-// What each block has of the innovation beyond the reference: its mean, and its square beyond noise and pattern.
+// The innovation beyond the reference, by block: its mean, and its square beyond noise and pattern.
 void FixedPattern::compare() noexcept {
   const float noise = innovation_noise_;
   for (int row = 0; row < displacement_.down(); ++row) {

@@ -20,7 +20,7 @@ constexpr double kInexact = 0.05;          // of what is said of noise
 constexpr double kUnlikely = 2.0;          // standard deviations
 constexpr double kCrooked = 0.003;         // of all gradients: what pixels make along a straight edge
 
-// What noise alone makes of the squared gradients of the moved plane, a pixel, in units of the innovation's noise
+// Noise's share of the squared gradients of the moved plane, a pixel, in units of the innovation's noise
 // variance: that of a Gaussian whose variance is the smoothing's, and what the gradient (see pull_of_noise) and moving
 // add; the factor is measured.
 struct NoiseOfLevel {

@@ -39,10 +39,10 @@ class GlobalMotion {
   Affine find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, double noise,
               Crew& crew) noexcept;
 
-  // What noise alone makes the middle of the last find() vary by, px: standard deviation. Thread: pipeline.
+  // Standard deviation, px, that noise alone gives the middle of the last find(). Thread: pipeline.
   double uncertainty() const noexcept { return uncertainty_; }
 
-  // How far off, px, the last find() leaves half of the picture: more than a few where the two show different scenes.
+  // Residual displacement, px, that the last find() leaves half of the picture: above a few where scenes differ.
   // Thread: pipeline.
   double misfit() const noexcept { return misfit_; }
 

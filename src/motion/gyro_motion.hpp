@@ -1,4 +1,4 @@
-// What a gyro tells of the picture's motion over the frames that a path is made of.
+// The picture's motion by a gyro, over the frames of a path.
 #pragma once
 
 #include <array>

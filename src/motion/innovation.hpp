@@ -26,7 +26,7 @@ struct Inertia {
 
   explicit Inertia(double tau_periods);
   double gain() const { return 1.0 / (1.0 - rho); }
-  // How old the innovation's centre of mass is, periods.
+  // Age of the innovation's centre of mass, periods.
   double age() const { return tau - rho / (1.0 - rho); }
   // Variance of the innovation's noise, and of innovation less frame, in units of the frame's.
   double noise() const { return gain() * gain() * (1.0 + rho * rho); }
@@ -35,7 +35,7 @@ struct Inertia {
 
 // Variance of the Gaussian that innovations are smoothed with before they are matched, px^2.
 inline constexpr float kSmoothing = 1.0F;
-// What is left of the variance of white noise.
+// The share of white noise's variance that smoothing leaves.
 inline constexpr double kSmoothedNoise = 1.0 / (12.566370614359172 * static_cast<double>(kSmoothing));
 
 // Variance, px^2, that moving by v adds to a smoothed plane: it is linear between pixels. Thread: any.

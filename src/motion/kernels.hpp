@@ -74,7 +74,7 @@ struct Kernels {
   // A row of blocks; `margin`: pixels inside the frame's border that a source must keep.
   void (*match)(const PaddedPlane& a, const PaddedPlane& b, const Vec2* d, int block_row, float margin,
                 MatchSums* out) noexcept;
-  // What the noise of the frame between two innovations makes of the sums (xe, ye) a pixel, for `count` displacements;
+  // Bias of the sums (xe, ye) a pixel by the noise of the frame between two innovations, for `count` displacements;
   // `shared`: of it, in both innovations (innovation.hpp).
   void (*pull)(const Vec2* d, int count, float shared, Vec2* out) noexcept;
   // Mean over the block of min(e^2, cap).

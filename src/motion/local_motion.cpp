@@ -51,7 +51,7 @@ LocalMotion::LocalMotion(Geometry geometry) {
   poor_ = taken_ = BlockField<unsigned char>(across, down);
 }
 
-// How far blocks really deviate, px, standard deviation: what their own displacements vary by beyond what the noise of
+// True spread of the blocks' deviations, px, standard deviation: the variance of their displacements less the noise of
 // each makes (the moments of DerSimonian and Laird's random effects).
 float LocalMotion::spread_of_deviations(const Task& task) const noexcept {
   float excess = 0.0F;
@@ -71,7 +71,7 @@ float LocalMotion::spread_of_deviations(const Task& task) const noexcept {
   return information > 0.0F ? std::sqrt(std::max(excess, 0.0F) / information) : 0.0F;
 }
 
-// What is matched with unsmoothed_, and summed up.
+// Matches a row of blocks at unsmoothed_ into raw_.
 void LocalMotion::match_row(const Task& task, int row) noexcept {
   const auto across = static_cast<std::size_t>(total_.across());
   Vec2* const d = total_.row(row);

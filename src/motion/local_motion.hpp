@@ -1,4 +1,4 @@
-// What blocks of 8 x 8 pixels do beyond the motion of the whole picture.
+// Motion of blocks of 8 x 8 pixels beyond that of the whole picture.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// How well blocks of two planes match. Included once for every instruction set.
+// Matching of blocks of two planes. Included once for every instruction set.
 #if defined(BOLO_MOTION_MATCHING_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef BOLO_MOTION_MATCHING_INL
 #undef BOLO_MOTION_MATCHING_INL
@@ -17,7 +17,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace bolo::motion::HWY_NAMESPACE {
 
-// What Sobel's gradients are made of in one row of a moved plane; every row is looked at once.
+// Sobel sums of one row of a moved plane; every row is read once.
 struct Slopes {
   Vec value;
   Vec across;  // right - left

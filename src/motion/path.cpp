@@ -16,7 +16,7 @@ constexpr double kByChance = 8.0;    // what a second difference may be by noise
 // Of the speed: what second differences were before is taken for a hand's, or for noise that the uncertainty does not
 // cover. More would let noise of .8 K pass for motion (MotionSafety), less costs hands in .5 K of noise 3 %.
 constexpr double kMostUsual = 0.25;
-// Where a bend is told, what harms is that trails are taken to be straight: it drowns in noise.
+// With a bend that is told only the error of straight trails remains, and it drowns in noise.
 constexpr double kTold = 6.0;         // times kByChance
 constexpr double kUnexplained = 0.5;  // of the squared changes, that a gyro may leave, and what noise makes of them
 constexpr double kGyroNoise = 0.02;   // px a frame

@@ -1,4 +1,4 @@
-// How the scene moved over the frames that blur a picture, and between them.
+// Motion of the scene over the frames that blur a picture, and between them.
 //
 // Innovations are centred `age` before their frames, so that their displacements d_k are those of an earlier time; what
 // the scene did over [t_{k-i-1}, t_{k-i}] is u_i = d_{k-i} + age (d_{k-i+1} - d_{k-i}), and, where the next
@@ -19,7 +19,7 @@ struct Path {
   Affine velocity;                   // that its weights are for: mostly the one that blurred the frame
   std::array<Affine, kPast> past{};  // moves the frames 1, 2 and 3 before onto it
   Affine ahead;                      // moves the frame after onto it
-  // How far the last displacements bear out that the motion goes on as it was, 1 to 0: a second difference that is much
+  // Evidence in the last displacements that the motion goes on as it was, 1 to 0: a second difference that is much
   // of the speed is a stop, a knock or a cut, of which the newest innovation has seen a part at most.
   double steady = 1.0;
   Affine displacement;  // of the estimated frame
@@ -28,13 +28,13 @@ struct Path {
 
 using Displacements = std::array<Affine, kHistory>;  // the newest first
 
-// What a gyro says of d_k, d_{k-1} ... and of u_0, u_1 ...
+// A gyro's d_k, d_{k-1} ... and u_0, u_1 ...
 struct Told {
   Displacements displacements{};
   Displacements spans{};
 };
 
-// Whether what the gyro leaves of the displacements changes by chance alone, or less than half as much (squared) from
+// True if what the gyro leaves of the displacements changes by chance alone, or less than half as much (squared) from
 // one to the next as they do themselves: what it does not see (a bias, the camera's way) does no harm, and where it
 // does not know how the motion changes it is of no use. Thread: any.
 bool bears_out(const Displacements& displacements, const Displacements& left, double uncertainty) noexcept;

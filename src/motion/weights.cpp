@@ -142,7 +142,7 @@ class Covariances {
   std::map<std::pair<int, long long>, double> known_;
 };
 
-// What noise and pattern share between two values that are interpolated from pixels.
+// Correlation of noise and pattern between two values that are interpolated from pixels.
 double overlap(const Raw& a, const Raw& b) { return std::clamp(1.0 - std::abs(a.at - b.at), 0.0, 1.0); }
 
 float index_in(const float* grid, int size, float value) {

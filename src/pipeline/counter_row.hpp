@@ -20,7 +20,7 @@ enum class RowKind : std::uint8_t {
   kReal,   // double
 };
 
-// What only some rows have.
+// Optional parts of a row.
 struct InStat {
   std::string_view words{};  // behind the number in `bolo stat`
 };

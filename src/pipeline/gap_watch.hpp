@@ -18,7 +18,7 @@
 
 namespace bolo::pipeline {
 
-// What the bursts so far say together: medians of the last five that told, once three did. Thread: one at a time.
+// Medians of the last five bursts that told, once three did. Thread: one at a time.
 class GapTrend {
  public:
   // The profile's time constant and noise (K, or counts).

@@ -37,7 +37,7 @@ struct PipelineOptions {
   bool must_keep_up = false;
   rt::ThreadOptions thread;  // of the pipeline thread and its workers
   model::PixelMaps maps{};   // what is known of the source's single pixels; of its frame size
-  // What else the camera did to its frames (src/corrections): undone before and after the solver. Sinks get
+  // The camera's other effects on its frames (src/corrections): undone before and after the solver. Sinks get
   // the raw frames as they came.
   model::Undo undo{};
   double pixel_noise_k = 0.03;  // of one pixel, K (counts without kelvin): tells flicker and jumps from what moves

@@ -1,4 +1,4 @@
-// What Pipeline is made of, for its two files: the pipeline thread's part and the workers'.
+// Pipeline::Impl, for its two files: the pipeline thread's part and the workers'.
 #pragma once
 
 #include <array>

@@ -84,7 +84,7 @@ class FrameSink {
   // Its own numbers. Thread: any.
   virtual SinkStatistics statistics() const { return {}; }
 
-  // What has happened since the last call, newest last. Thread: any.
+  // Notices since the last call, newest last. Thread: any.
   virtual std::vector<Notice> take_notices() { return {}; }
 
   // Takes up the live keys of its section, which was read again. Thread: any, but one at a time.

@@ -15,7 +15,7 @@
 
 namespace bolo::pipeline {
 
-// What sinks are told of the daemon that they belong to.
+// The daemon that a sink belongs to.
 struct SinkContext {
   std::string name;            // the daemon's
   std::string control_socket;  // where it hears commands; empty: nowhere
@@ -33,7 +33,7 @@ class SinkSection {
   // Paths of those keys that a running sink takes up (FrameSink::reload). Thread: any.
   virtual std::vector<std::string> live_keys() const { return {}; }
 
-  // What the keys say together, and beside the sections before this one; errors begin with the place in the file.
+  // Checks the keys together, and beside the sections before this one; errors begin with the place in the file.
   // Thread: any.
   virtual Status check(const model::KeyTable& /*keys*/, const SinkContext& /*context*/,
                        std::span<const std::shared_ptr<SinkSection>> /*before*/) const {

@@ -33,7 +33,7 @@ enum class LostCause : std::size_t {
   kCount
 };
 
-// How the camera's clock is kept: PTP's port states, numbered as IEEE 1588-2019, table 20, does.
+// Synchronisation of the camera's clock: PTP's port states, numbered as in IEEE 1588-2019, table 20.
 enum class PtpStatus : std::uint32_t {
   kOff,  // or the camera does not say
   kInitializing,

@@ -54,7 +54,7 @@ struct PipelineStats {
   rt::Counter clock_steps;                      // somebody set the host's clock
   rt::Gauge<std::uint64_t> clock_synchronised;  // 1: something disciplines it, as the kernel says
   rt::Gauge<std::int64_t> clock_error_ns{kUnboundedClockErrorNs};  // of its UTC, at most
-  // What a GapWatch found last; ratios are 0 until known.
+  // Last results of a GapWatch; ratios are 0 until known.
   rt::Counter gap_bursts;             // looked at
   rt::Gauge<double> gap_ratio;        // of the prediction's error to the noise
   rt::Gauge<double> gap_tau_ratio;    // of the pixels' time constant to the profile's

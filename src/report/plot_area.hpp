@@ -35,7 +35,7 @@ class PlotArea {
     std::string text;
     Hue hue = Hue::kSoft;
   };
-  // What is not named where it ends: a sample and its name above the area.
+  // Legend entry of a series that is not named at its end: a sample and its name above the area.
   struct Key {
     std::string label;
     Kind kind = Kind::kLine;

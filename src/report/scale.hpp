@@ -1,4 +1,4 @@
-// Where values come to stand along an axis, and its ticks.
+// Positions of values along an axis, and its ticks.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// What stands between the axes: curves, points, bars, bands, planes.
+// Drawing of series between the axes: curves, points, bars, bands, planes.
 #pragma once
 
 #include <string>

@@ -16,7 +16,7 @@ bool is_number(const std::string& cell) {
   return at < cell.size() && cell[at] >= '0' && cell[at] <= '9';
 }
 
-// Whether most of a column are numbers: then all of it stands to the right.
+// Columns that are mostly numbers: they are aligned to the right.
 std::vector<bool> number_columns(const Table& table) {
   std::vector<bool> out(table.head.size());
   for (std::size_t c = 0; c < out.size(); ++c) {

@@ -1,4 +1,4 @@
-// What a verb has to show, in one file: `--plot FILE.svg` or `--plot FILE.html`.
+// A verb's plots and tables in one file: `--plot FILE.svg` or `--plot FILE.html`.
 #pragma once
 
 #include <filesystem>

@@ -17,7 +17,7 @@ std::size_t utf8_length(unsigned char lead) {
   return lead >= 0xF0 && lead < 0xF5 ? 4 : 0;
 }
 
-// Whether the bytes after the first of `length` are those of a character.
+// True if the bytes after the first of `length` continue a UTF-8 character.
 bool continues(std::string_view text, std::size_t at, std::size_t length) {
   if (length == 0 || at + length > text.size()) return false;
   for (std::size_t i = 1; i < length; ++i) {

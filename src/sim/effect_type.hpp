@@ -1,4 +1,4 @@
-// What an effect is made of. An effect overrides the hooks it needs; the camera calls them in the order of Order.
+// Interface of effects. An effect overrides the hooks it needs; the camera calls them in the order of Order.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@
 
 namespace bolo::sim {
 
-// Where in the signal's way an effect acts. Hooks run in this order, within one place by name. White noise is added
+// Place of an effect in the signal chain. Hooks run in this order, within one place by name. White noise is added
 // between kOffset and kDefect.
 enum class Order {
   kEmission,    // what the scene sends out
@@ -53,7 +53,7 @@ struct CameraModel {
   double look_ahead_s = 0.0;   // the most that shift_s() may give, either way
 };
 
-// What an effect may know of the frame in work. The index counts the frames the camera takes, from 0; it is negative
+// The frame in work. The index counts the frames the camera takes, from 0; it is negative
 // while the firmware warms up.
 struct FrameInstant {
   std::int64_t index = 0;
@@ -77,7 +77,7 @@ class View {
   virtual ~View() = default;
   // The signal at `patch`, row by row, at t. Thread: one at a time.
   virtual void draw(double t_s, const Patch& patch, std::span<float> out) = 0;
-  // How many times longer than for the bare field its steps in time may be, as the eye blurs what jumps.
+  // Factor by which its time steps may be longer than the bare field's, as optics blur what jumps.
   virtual double patience() const { return 1.0; }
   // This view through a blur, when it is known in closed form; else nullptr. Thread: setup.
   virtual std::unique_ptr<View> blurred(const Blur& /*blur*/) const { return nullptr; }
@@ -117,7 +117,7 @@ class Effect {
   // Puts itself between the scene and the pixels. Called once for each band of rows. Thread: setup.
   virtual std::unique_ptr<View> look(std::unique_ptr<View> inner, const CameraModel&) const { return inner; }
 
-  // How much later than nominal the frame is taken, s. Called once a frame, in order. Thread: one at a time.
+  // Delay of the frame after its nominal time, s. Called once a frame, in order. Thread: one at a time.
   virtual double shift_s(std::int64_t, double) { return 0.0; }
 
   // Once a frame, in order, before its rows. Thread: one at a time.
@@ -131,7 +131,7 @@ class Effect {
   virtual int frames_lost(std::uint64_t) { return 0; }
 };
 
-// What an effect is made from.
+// Inputs to the making of an effect.
 class EffectSetup {
  public:
   EffectSetup(const EffectDescription& description, const EffectSpec& spec, const CameraSettings& settings,
@@ -184,7 +184,7 @@ struct PlacedEffect {
 };
 std::vector<PlacedEffect> make_effects(const CameraSettings& settings, Extremes extremes);
 
-// How an effect of the class T is made.
+// Factory of an effect of the class T.
 template <typename T>
 auto maker() {
   return [](const EffectSetup& setup) -> std::unique_ptr<Effect> { return std::make_unique<T>(setup); };
@@ -215,7 +215,7 @@ class HookEffect final : public Effect {
   Hook hook_;
 };
 
-// How an effect is made from the hook that `hook_of(setup)` gives.
+// Factory of an effect from the hook that `hook_of(setup)` gives.
 template <typename HookOf>
 auto hooked(HookOf hook_of) {
   return [hook_of](const EffectSetup& setup) -> std::unique_ptr<Effect> {
@@ -223,7 +223,7 @@ auto hooked(HookOf hook_of) {
   };
 }
 
-// What of a plane of the frame is the row's. Thread: any.
+// One row of a plane of the frame. Thread: any.
 template <typename Plane>
 auto row_of(Plane& plane, int row, std::size_t width) noexcept {
   return std::span(plane).subspan(static_cast<std::size_t>(row) * width, width);

@@ -1,4 +1,4 @@
-// What the pixels see: the steady-state temperature T_ss of each pixel at any time. A field knows its own structure in
+// Input of the pixels: the steady-state temperature T_ss of each pixel at any time. A field knows its own structure in
 // time, so that it is integrated exactly, or to a stated error, with few steps.
 #pragma once
 
@@ -20,7 +20,7 @@ struct Extremes {
   double high_k = 0.0;
 };
 
-// What optics spread a point over: a Gaussian, or a disc of radius 2 sigma, which has the same variance.
+// Point spread of the optics: a Gaussian, or a disc of radius 2 sigma, which has the same variance.
 struct Blur {
   double sigma_px = 0.0;  // along x and along y
   bool disc = false;

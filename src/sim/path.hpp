@@ -1,4 +1,4 @@
-// Where the camera looks over time: straight lines between points.
+// The camera's position over time: straight lines between points.
 #pragma once
 
 #include <filesystem>

@@ -49,7 +49,7 @@ const KelvinTable& table() noexcept {
   return made;
 }
 
-// Where in the table a radiance is found: for each of many equal cells the last place below it.
+// Index into the table of radiances: for each of many equal cells the last place below it.
 class Guide {
  public:
   Guide() : low_(table().values().front()), cell_((table().values().back() - low_) / kCells) {

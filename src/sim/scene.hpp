@@ -15,7 +15,7 @@ namespace bolo::sim {
 class Scene {
  public:
   virtual ~Scene() = default;
-  // Where the scene has its subject: [0, width) x [0, height). It goes on beyond.
+  // Size of the scene's subject: [0, width) x [0, height). The scene goes on beyond.
   virtual Geometry size() const = 0;
   // The temperatures of a rectangle anywhere in the plane, K; the same pixel has the same value whatever the rectangle.
   // Thread: setup.
@@ -29,7 +29,7 @@ std::unique_ptr<const Scene> make_still_scene(capture::StillImage image);
 // its height spans from the roofs to the road. Each seed is another street. Thread: setup.
 std::unique_ptr<const Scene> make_street(Geometry view, std::uint64_t seed);
 
-// What the grey levels of a picture mean: black is cold_k, white hot_k, linear between.
+// Temperatures of a picture's grey levels: black is cold_k, white hot_k, linear between.
 struct GreySpan {
   double cold_k = 285.0;
   double hot_k = 310.0;
@@ -39,7 +39,7 @@ struct GreySpan {
 // by their first bytes. kBadInput when the file is none of them, damaged, or over 64 million pixels. Thread: setup.
 Result<capture::StillImage> read_image(const std::filesystem::path& file, const GreySpan& span);
 
-// Whether a picture's values come from grey levels (PNG, JPEG) rather than kelvin (HDF5).
+// True if a picture's values come from grey levels (PNG, JPEG) rather than kelvin (HDF5).
 Result<bool> has_grey_levels(const std::filesystem::path& file);
 
 // A picture as grey levels.

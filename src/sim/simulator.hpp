@@ -56,7 +56,7 @@ Result<CameraSettings> checked(const CameraSettings& settings);
 // The time before t = 0 that a pixel still remembers, s: the field must be valid from its negative on. Thread: any.
 double history_s(const CameraSettings& settings);
 
-// What a pixel shows after a step in which T_ss is the quadratic through `start`, `middle` and `end`:
+// A pixel's value after a step in which T_ss is the quadratic through `start`, `middle` and `end`:
 //   keep * before + start * T_ss(0) + middle * T_ss(h / 2) + end * T_ss(h).
 struct StepWeights {
   double keep = 0.0;

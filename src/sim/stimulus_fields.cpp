@@ -223,7 +223,7 @@ class BarField final : public Field {
   capture::BarTarget target_;
 };
 
-// What a pixel sees of an edge at distance d to its left: the mean over the pixel of a step that is blurred by a
+// A pixel's view of an edge at distance d to its left: the mean over the pixel of a step that is blurred by a
 // Gaussian, and by a disc seen from its side.
 class EdgeProfile {
  public:

@@ -9,7 +9,7 @@
 
 namespace bolo::tools {
 
-// Where the daemon hears that writes this shared memory. Thread: any.
+// The control socket of the daemon that writes this shared memory. Thread: any.
 Result<std::string> control_socket_of(const shm::ShmReader& reader, const std::string& name);
 
 // Sends one request line, returns the answer without its end. Blocks ten seconds at most. Thread: any.
@@ -18,7 +18,7 @@ Result<std::string> ask_daemon(const std::string& socket_path, std::string_view 
 // The same to the daemon whose shared memory has this name. Thread: any.
 Result<std::string> ask_daemon_named(const std::string& name, std::string_view request);
 
-// Whether an answer says that what was asked for was done; if not, why. Thread: any.
+// The daemon's answer as a status. Thread: any.
 Status judge_answer(const std::string& answer);
 
 }  // namespace bolo::tools

@@ -65,7 +65,7 @@ Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, 
     return bad_input(file.output.string() +
                      " is there already, made otherwise; choose another folder, or --overwrite it");
   }
-  // What a run that was killed has left under the output's ".part" is begun again.
+  // Output that a killed run left under ".part" is begun again.
   auto capture = deblur(run, file, Replace::kExisting, source, kDeblurVerb + (" " + file.input.filename().string()));
   if (capture) {
     summary.captures.push_back(std::move(*capture));

@@ -47,7 +47,7 @@ Result<diagnose::Options> options_of(const Given& given) {
   return options;
 }
 
-// What is written; empty: no profile.
+// Output files; empty: no profile.
 struct Files {
   std::filesystem::path folder;
   std::filesystem::path profile;

@@ -1,4 +1,4 @@
-// What `bolo simulate --list-effects` and `bolo fakecam --list-faults` print: a table, or one JSON array.
+// Output of `bolo simulate --list-effects` and `bolo fakecam --list-faults`: a table, or one JSON array.
 #pragma once
 
 namespace bolo::tools {

@@ -61,7 +61,7 @@ std::string in_colour(const std::string& text, const char* colour, bool wanted) 
   return wanted ? colour + text + kPlain : text;
 }
 
-// How many were lost in each interval: a digit, or + for ten and more.
+// Frames lost in each interval: a digit, or + for ten and more.
 std::string loss_marks(std::span<const StatColumn> shown) {
   std::string out;
   for (const StatColumn& column : shown) {
@@ -174,7 +174,7 @@ StatScreen::StatScreen() : colour_(!is_set("NO_COLOR")), space_(terminal_space()
 void StatScreen::show(const std::string& table, const StatHistory& history) {
   table_ = table;
   const auto lines_of_table = static_cast<int>(std::ranges::count(table, '\n'));
-  // Where the terminal is low, the bars get four lines and the table is cut.
+  // On a low terminal the bars get four lines and the table is cut.
   constexpr int kLeastHistory = 4;
   const TextSpace below{space_.columns, std::max(kLeastHistory, space_.rows - 1 - lines_of_table)};
   const std::vector<std::string> lines = fitted(table, history_lines(history, below, colour_), space_);

@@ -11,7 +11,7 @@
 
 namespace bolo::tools {
 
-// What one interval adds.
+// One interval's column.
 struct StatColumn {
   double p50_ms = 0.0;  // not a number when no frame came
   double p99_ms = 0.0;
@@ -52,7 +52,7 @@ std::vector<std::string> history_lines(const StatHistory& history, TextSpace spa
 // as one column each. Thread: any.
 std::vector<std::string> fitted(const std::string& table, const std::vector<std::string>& below, TextSpace space);
 
-// What is sent to draw `lines` where `drawn` lines stand above the cursor: nothing is blank in between. Thread: any.
+// Text that draws `lines` over the `drawn` lines above the cursor without blanking them in between. Thread: any.
 std::string redrawn(const std::vector<std::string>& lines, int drawn);
 
 // Of standard output; 80 by 24 where it is no terminal. Thread: any.
@@ -60,7 +60,7 @@ TextSpace terminal_space();
 
 class StatScreen {
  public:
-  // Whether standard output can be drawn over.
+  // True if standard output is a terminal that can be drawn over.
   static bool is_there();
 
   StatScreen();

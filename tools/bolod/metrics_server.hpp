@@ -22,7 +22,7 @@ class MetricsServer {
   // Collects the metrics for a scrape. Thread: the server's.
   using Collect = std::function<std::vector<prometheus::MetricFamily>()>;
 
-  // That the address can't be had now, for another program has it or no interface does, is a failure. Thread: setup.
+  // An address that another program has, or no interface, is a failure. Thread: setup.
   static Result<std::unique_ptr<MetricsServer>> start(const MetricsOptions& options, Collect collect);
 
  private:

@@ -7,7 +7,7 @@
 
 namespace bolo::daemon {
 
-// What has become of the frames, where their time goes, by stage ({"arrival": {"p50_ms": .., "p99_ms": .., "max_ms":
+// Counts of frames, latency by stage ({"arrival": {"p50_ms": .., "p99_ms": .., "max_ms":
 // ..}, ...}), camera and sinks. Thread: any.
 nlohmann::ordered_json state_json(const DaemonConfig& config, const pipeline::Pipeline& pipeline);
 

@@ -1,4 +1,4 @@
-// What the verbs share: options, exit codes, errors, progress and interruption.
+// Shared by the verbs: options, exit codes, errors, progress and interruption.
 #pragma once
 
 #include <atomic>
@@ -20,7 +20,7 @@ inline constexpr int kExitDone = 0;
 inline constexpr int kExitFailed = 1;
 inline constexpr int kExitUsage = 2;
 
-// What messages begin with: "bolo", or another program that uses these functions. Thread: setup.
+// The program's name at the start of messages: "bolo", or another that uses these functions. Thread: setup.
 void set_program_name(std::string name);
 
 // Parses argv; adds --help. On --help prints it and returns the exit code 0; on wrong usage prints one line to stderr
@@ -51,7 +51,7 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
   void update(std::uint64_t done);
-  // What was done up to here took no work, or other work: the rate and the time left are those of what follows.
+  // Restarts the rate: work up to here was none, or of another kind.
   void start_rate(std::uint64_t done);
 
  private:

@@ -22,7 +22,7 @@ void print_usage(const Program& program, std::span<const Verb> verbs, std::FILE*
   }
 }
 
-// What was printed may have gone to a file on a full disk: that is a failure, too.
+// Output may have gone to a file on a full disk: that is a failure, too.
 int printed(const std::string& program, std::string_view verb, int code) {
   std::cout.flush();
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good()) return code;

@@ -24,7 +24,7 @@ double radiation(double kelvin, const FlirConstants& c) {
   return c.planck_r1 / (c.planck_r2 * (std::exp(c.planck_b / kelvin) - c.planck_f)) - c.planck_o;
 }
 
-// What a raw value is beside the object's own radiation, and the factor of that.
+// raw value = factor * the object's own radiation + offset.
 struct Path {
   double factor;
   double offset;

@@ -1,4 +1,4 @@
-// What `bolo convert` reads: frames one after the other, wherever they come from.
+// Inputs of `bolo convert`: frames one after the other.
 #pragma once
 
 #include <cstdint>
@@ -41,14 +41,14 @@ class Footage {
   virtual Status read(std::size_t index, Frame& frame) = 0;
   // Nothing for pictures.
   virtual Result<Extras> extras() const { return Extras{}; }
-  // What it was put together from, and outlives: by Frame::part. Usually itself.
+  // Its parts, which it outlives: by Frame::part. Usually itself.
   virtual std::vector<const Footage*> parts() const { return {this}; }
 
  protected:
   capture::CaptureInfo info_;
 };
 
-// What a user says of files that don't say it themselves.
+// Properties that the user states for files without them.
 struct Told {
   double rate_hz = 30.0;
   std::optional<LinearScale> scale;  // of whole numbers; nothing: counts

@@ -20,7 +20,7 @@ std::string scale_text(const LinearScale& scale) {
   return fmt::format("kelvin = {:.9g} * value + {:.9g}", scale.scale, scale.offset);
 }
 
-// What 8 bits mean, in words.
+// Meaning of 8-bit values, in words.
 std::string eye_meaning(const StreamFormat& format, const EyeRange& range, const char* without) {
   if (!range) return fmt::format("8 bit for the eye: {}", without);
   return fmt::format("8 bit for the eye: black at {:g}, white at {:g} {}", range->first, range->second,

@@ -1,4 +1,4 @@
-// What `bolo convert` writes: a capture, pictures, or a film.
+// Outputs of `bolo convert`: a capture, pictures, or a film.
 #pragma once
 
 #include <filesystem>
@@ -29,9 +29,9 @@ class FootageSink {
   virtual ~FootageSink() = default;
   virtual Status write(const Frame& frame) = 0;
   virtual Status finish() = 0;
-  // What a value in the files means, in words; empty when they say it themselves.
+  // Meaning of the files' values, in words; empty when they state it themselves.
   virtual std::string meaning() const { return {}; }
-  // What was written, where it is not the file that was named; empty: it is.
+  // The files written, where they are not the one named; empty: they are.
   virtual std::string files() const { return {}; }
 };
 

@@ -36,7 +36,7 @@ struct Series {
   std::vector<Still> pictures;
 };
 
-// What one pass through the file finds.
+// Results of one pass through the file.
 struct Found {
   std::map<std::string, Series> images;                                   // by topic
   std::map<std::tuple<std::uint64_t, std::uint32_t>, ros::Frame> frames;  // by log time and sequence

@@ -79,7 +79,7 @@ class Reader {
 // --- Writes an MCAP file: chunks compressed by zstd, each with an index of its messages, and a summary of all at the
 // end.
 
-// What a topic carries: messages in CDR of a ROS 2 type.
+// A topic's messages: CDR of a ROS 2 type.
 struct Channel {
   std::string topic;
   std::string type;        // "sensor_msgs/msg/Image"

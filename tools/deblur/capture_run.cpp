@@ -16,7 +16,7 @@ Status no_window(const std::filesystem::path& file, const DeblurRequest& request
                    " frames between its breaks (events, jumps in time); give a smaller --window");
 }
 
-// What was solved before the run was given up.
+// The error that states what was solved before the run was given up.
 Error interruption(DeblurSink& sink, const pipeline::Pipeline& pipeline, const DeblurRequest& request,
                    const std::filesystem::path& output) {
   if (sink.frames_out() == 0) {

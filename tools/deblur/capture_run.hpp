@@ -16,7 +16,7 @@
 
 namespace bolo::tools {
 
-// What a run was, and how long it took.
+// Counts and duration of a run.
 struct RunFacts {
   std::uint64_t frames_out = 0;
   std::uint64_t lost = 0;

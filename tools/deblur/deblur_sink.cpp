@@ -36,7 +36,7 @@ double square_error(PixelType type, const LinearScale& scale, const void* plane,
 
 std::filesystem::path part_of(std::filesystem::path file) { return file += ".part"; }
 
-// What the chosen pixels see. Through a region the still's pixel (0, 0) is another one of the frame; points have no
+// The stimulus as chosen pixels see it. In a region the still's pixel (0, 0) is another of the frame; points have no
 // picture, only what is the same everywhere.
 capture::Stimulus seen_through(capture::Stimulus stimulus, const PixelChoice& choice) {
   const bool picture =

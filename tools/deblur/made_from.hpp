@@ -1,4 +1,4 @@
-// What an output was made from, so that it is known later whether it is still what would be made.
+// Record of an output's inputs and settings, to tell later whether it is up to date.
 #pragma once
 
 #include <filesystem>

@@ -1,4 +1,4 @@
-// What `bolo deblur` says in the end, for people and for programs.
+// Report of `bolo deblur`, as text and JSON.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What `bolo deblur` is asked to do.
+// The request to `bolo deblur`.
 #pragma once
 
 #include <filesystem>
@@ -46,7 +46,7 @@ cxxopts::Options deblur_command_line();
 // Thread: setup.
 Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args);
 
-// What can be said of a capture before any work. Thread: setup.
+// Checks a capture before any work. Thread: setup.
 Status check_capture(const DeblurRequest& request, const std::filesystem::path& file, const capture::CaptureInfo& info);
 
 // The pixels of --points in this frame; none without it. Thread: setup.

@@ -37,7 +37,7 @@ void add_errors(const bolo_shm_header& header, const shm::ReadFrame& frame, cons
   sum.values += truth.size();
 }
 
-// What the reader compares a live frame with; buffers are reused from frame to frame.
+// Compares live frames with the truth; buffers are reused from frame to frame.
 class Judge {
  public:
   Judge(const capture::CaptureReader& reader, const bolo_shm_header& header)

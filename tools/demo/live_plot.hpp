@@ -1,4 +1,4 @@
-// What is drawn of `bolo-lab eval live` and `bolo demo`: one live frame blurred, deblurred and true, a line through its
+// Plot of `bolo-lab eval live` and `bolo demo`: one live frame blurred, deblurred and true, a line through its
 // steepest edges, and the latency of all frames.
 #pragma once
 

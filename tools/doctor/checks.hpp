@@ -1,4 +1,4 @@
-// What of a host stands between a camera and sharp frames, each with the fix for it.
+// Faults of a host that keep a camera's frames from being sharp, each with its fix.
 #pragma once
 
 #include <cstdint>
@@ -72,7 +72,7 @@ struct Facts {
   std::vector<std::string> time_services;  // what they say of it: chrony, linuxptp
 };
 
-// What is asked of the camera's network.
+// The camera to look for on the network.
 struct Question {
   std::string address;      // empty: whoever answers
   bool ask_network = true;  // false: nothing is sent
@@ -98,7 +98,7 @@ struct Check {
   std::string fix{};    // what to do; empty where nothing is
 };
 
-// What the daemon will ask of the host.
+// The daemon's demands on the host.
 struct Needs {
   int socket_buffer_bytes = 8 << 20;
   int packet_bytes = 0;  // 0: the largest that the link carries
@@ -109,7 +109,7 @@ struct Needs {
   bool video = false;              // a video device is wanted
 };
 
-// What `chronyc -c tracking` and `pmc 'GET TIME_STATUS_NP'` print, in words; empty: nothing that can be read. Thread:
+// Output of `chronyc -c tracking` and `pmc 'GET TIME_STATUS_NP'` in words; empty: it cannot be read. Thread:
 // any.
 std::string chrony_words(const std::string& tracking);
 std::string ptp_words(const std::string& time_status);

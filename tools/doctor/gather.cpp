@@ -199,7 +199,7 @@ void try_limits(Facts& facts) {
   }
 }
 
-// Those that are not installed print nothing.
+// Programs that are not installed print nothing.
 void ask_clock(Facts& facts) {
   timex state{};
   if (adjtimex(&state) >= 0) facts.clock = read_clock_state();

@@ -29,7 +29,7 @@ class StreamDeblur {
   static Result<std::unique_ptr<StreamDeblur>> create(const deblur::Settings& settings, const StreamFormat& format,
                                                       int workers);
 
-  // Where the next frame's plane goes, row-major without padding.
+  // The next frame's plane, row-major without padding.
   std::uint16_t* borrow() noexcept { return plane_of(free_.back()); }
   // The frame that was filled in, taken at `time_ns`; a jump in time is frames lost. `restart`: it does not go on from
   // those before.
@@ -206,7 +206,7 @@ void finalize(GObject* object) {
   G_OBJECT_CLASS(bolo_deblur_parent_class)->finalize(object);
 }
 
-// What the properties and the stream ask for.
+// A solver by the properties and the stream.
 Result<std::unique_ptr<StreamDeblur>> make_stream(const Options& options, const GstVideoInfo& info, double period_s) {
   ASSIGN_OR_RETURN(const auto method, deblur::method_from_name(options.solver));
   if (!(period_s > 0.0)) {
@@ -224,7 +224,7 @@ Result<std::unique_ptr<StreamDeblur>> make_stream(const Options& options, const 
   return StreamDeblur::create(settings, format, options.workers);
 }
 
-// What a finished stream still holds goes unseen; the next frame begins anew.
+// Drops frames that a finished stream still holds; the next frame begins anew.
 void forget_frames(State& state) {
   StreamDeblur::Ready ready;
   while (state.stream && state.stream->next(ready, state.plane.data())) continue;

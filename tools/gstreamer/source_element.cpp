@@ -187,7 +187,7 @@ gboolean stop(GstBaseSrc* source) {
   return TRUE;
 }
 
-// What the camera has, in both formats; before it is open anything.
+// The camera's caps in both formats; before it is open, any.
 GstCaps* get_caps(GstBaseSrc* source, GstCaps* filter) {
   const State& state = *self_of(source)->state;
   GstCaps* caps = gst_pad_get_pad_template_caps(GST_BASE_SRC_PAD(source));

@@ -18,7 +18,7 @@ namespace bolo::tools {
 namespace {
 
 constexpr std::int64_t kIdle_ns = 100'000'000;
-// How much a kill may cost.
+// Most that a kill may cost.
 constexpr std::int64_t kCommitAfter_ns = 150'000'000;
 constexpr std::size_t kFewestSlots = 16;
 

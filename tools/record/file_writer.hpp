@@ -33,7 +33,7 @@ struct FileWriterOptions {
   std::function<void(const std::string&)> tell = [](const std::string&) {};
 };
 
-// What stands before a frame, as bits.
+// Marks of events before a frame, as bits.
 enum Mark : std::uint32_t {
   kMarkNone = 0,
   kMarkGap = 1U << 0,        // frames were lost by the recorder
@@ -57,7 +57,7 @@ struct FileWriterResult {
 // The name of file number `index` from 0: FILE itself without splitting, else FILE_001.h5 ... Thread: any.
 std::filesystem::path file_of_part(const FileWriterOptions& options, std::size_t index);
 
-// That of the first file may be written: neither a recording nor an unfinished one is there. Thread: setup.
+// Refuses a first file where a recording, finished or not, exists. Thread: setup.
 Status check_first_file(const FileWriterOptions& options);
 
 class FileWriter {

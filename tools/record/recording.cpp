@@ -133,7 +133,7 @@ class Recording {
     if (taken_++ == 0) first_ns_ = monotonic_ns();
   }
 
-  // Whether somebody set the host's clock between the frame before and this one: UTC went on otherwise than monotonic
+  // True if somebody set the host's clock between the frame before and this one: UTC went on otherwise than monotonic
   // time did.
   bool clock_stepped(const FrameMeta& meta) {
     if (meta.utc_ns == 0) return false;
@@ -141,7 +141,7 @@ class Recording {
     return before_ns != 0 && std::abs(utc_offset_ns_ - before_ns) > kClockStepNs;
   }
 
-  // What the numbers skip beyond what was overwritten here was lost before. Nothing is missing where a count began
+  // Numbers skipped beyond those overwritten here were lost before. Nothing is missing where a count began
   // anew: nobody took these frames.
   void count_jump(const FrameMeta& meta) {
     const bool follows = any_ && (marks_ & kMarkReconnect) == 0;
@@ -213,7 +213,7 @@ Result<FollowedStream> open_daemon(const RecordRequest& request, const std::atom
 
 }  // namespace
 
-// Where nothing was started again the camera's clock is believed: a replay may run faster than the host's.
+// Without a restart the camera's clock is trusted: a replay may run faster than the host's.
 bool RisingStream::continues(const FrameMeta& meta, bool restarted) const noexcept {
   if (meta.frame_id <= last_->frame_id || meta.camera_ns <= last_->camera_ns) return false;
   const std::int64_t by_camera_ns = meta.camera_ns - last_->camera_ns;

@@ -57,7 +57,7 @@ tl::unexpected<Error> dds_failed(const std::string& what, dds_return_t code) {
   return failed(what + ": " + dds_strretcode(code));
 }
 
-// What DDS says, a few times: it has something to say of every packet that is not DDS, and strangers send any number.
+// Logs DDS's first messages: it writes one for every packet that is not DDS, and strangers send any number.
 void log_dds(void* /*unused*/, const dds_log_data_t* said) {
   static std::atomic<int> lines{0};
   constexpr int kLines = 20;

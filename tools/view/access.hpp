@@ -26,20 +26,20 @@ Result<std::string> random_token();
 // The first line of a file that only its owner may read. Thread: setup.
 Result<std::string> read_token(const std::string& file);
 
-// What a request is refused with: 400 (no Host), 403 (a Host that is not this computer: DNS rebinding; another site's
+// The refusal of a request: 400 (no Host), 403 (a Host that is not this computer: DNS rebinding; another site's
 // page; a change without an Origin that is this page), 401 (no token). Nothing: it may pass. Thread: any.
 std::optional<Answer> refusal(const Access& access, const Request& request);
 
 // The cookie to be set for a request that brought the token as ?token=; nothing otherwise. Thread: any.
 std::optional<std::string> cookie_for(const Access& access, const Request& request);
 
-// Whether a Host header ("localhost:8640", "[::1]") names this computer. Thread: any.
+// True if a Host header ("localhost:8640", "[::1]") names this computer. Thread: any.
 bool is_this_computer(const Access& access, const std::string& host);
 
-// Whether it is an IP address, and no more than that. Thread: any.
+// True for an IP address, and no more than that. Thread: any.
 bool is_numeric(const std::string& address);
 
-// Whether a numeric address is of the loopback interface. Thread: any.
+// True for a numeric address of the loopback interface. Thread: any.
 bool is_loopback(const std::string& address);
 
 }  // namespace bolo::view

@@ -30,7 +30,7 @@ class Request {
   std::optional<std::string> argument(const char* name) const { return value(MHD_GET_ARGUMENT_KIND, name); }
   std::optional<std::string> cookie(const char* name) const { return value(MHD_COOKIE_KIND, name); }
 
-  // How long its answer has been waited for.
+  // Time since the request.
   std::chrono::milliseconds waited() const {
     return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() - since_);
   }

@@ -1,4 +1,4 @@
-// What the page shows of a daemon, whatever daemons come and go under its name: newest frame, traces of pixels, status.
+// A daemon's stream for the page, through restarts of the daemon: newest frame, traces of pixels, status.
 #pragma once
 
 #include <atomic>
@@ -69,7 +69,7 @@ class LiveStream {
   // no stream, or too many pixels at once. Thread: any.
   std::optional<nlohmann::ordered_json> trace(std::uint32_t x, std::uint32_t y, const Place& seen);
 
-  // What `bolo stat --json` prints, over about a second, and "view": {"stream": "live" | "silent" | "gone",
+  // The output of `bolo stat --json` over about a second, and "view": {"stream": "live" | "silent" | "gone",
   // "obstacle", "followed", "epoch", "nuc"}. Thread: any.
   nlohmann::ordered_json status();
 

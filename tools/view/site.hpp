@@ -1,4 +1,4 @@
-// What the view answers: the page, and what the page asks for.
+// The view's HTTP resources: the page, and its data.
 //
 //   GET  /                         the page of the only camera, or of all side by side; other files by their names
 //   GET  /camera/NAME/...          what follows, of one of several cameras

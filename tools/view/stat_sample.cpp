@@ -63,7 +63,7 @@ std::uint64_t shared_count(const Shared& block, const Row& row) {
   return count;
 }
 
-// What is not in shared memory the daemon tells.
+// A count from shared memory, or else from the daemon's answer.
 std::uint64_t frame_count(const StatLook& look, const pipeline::FrameRow& row) {
   if (row.shared != 0) return shared_count(look.header, row);
   return look.told.is_object() ? look.told.value(std::string(row.key), std::uint64_t{0}) : 0;
@@ -89,7 +89,7 @@ std::string clock_words(const bolo_shm_header& h) {
   return h.clock_steps == 0 ? words : words + fmt::format("; set {} times", h.clock_steps);
 }
 
-// How well the profile fits, as far as that was seen.
+// The gap watch's ratio in words.
 std::string gap_words(const nlohmann::ordered_json& told) {
   const auto times = [&told](const char* key) {
     const auto found = told.find(key);
@@ -99,7 +99,7 @@ std::string gap_words(const nlohmann::ordered_json& told) {
                      times("gap_tau_ratio"), times("gap_noise_ratio"));
 }
 
-// How the camera does, and its clock and corrections as far as they are known.
+// State of the camera, its clock and corrections as far as they are known.
 std::string camera_lines(const bolo_shm_camera& camera, std::int64_t now_ns) {
   std::uint64_t lost = 0;
   for (const std::uint64_t count : camera.lost) lost += count;

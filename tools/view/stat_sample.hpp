@@ -1,4 +1,4 @@
-// What `bolo stat` shows: the difference of two looks at a daemon's shared memory, in numbers, words and JSON.
+// Contents of `bolo stat`: the difference of two samples of a daemon's shared memory, in numbers, words and JSON.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@
 
 namespace bolo::tools {
 
-// How the scene moved up to the newest frame.
+// Motion up to the newest frame.
 struct StatMotion {
   double x_px = 0.0;  // a frame, of the whole picture at its centre
   double y_px = 0.0;
@@ -30,7 +30,7 @@ struct StatLook {
   bool closed = false;                      // ended, or its heartbeat stopped
   std::optional<bolo_shm_camera> camera{};  // none: the writer does not tell
   std::optional<StatMotion> motion{};       // none: not known
-  // What the daemon answers to `state` on its control socket; null when it has none, or does not answer.
+  // The daemon's answer to `state` on its control socket; null when it has none, or does not answer.
   nlohmann::ordered_json told{};
 };
 

@@ -1,4 +1,4 @@
-// What stands behind a bolo_client: C++ on the inside, the C structures that its user reads on the outside.
+// The implementation of bolo_client: C++ on the inside, the C structures that its user reads on the outside.
 #pragma once
 
 #include <array>

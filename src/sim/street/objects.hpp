@@ -1,4 +1,4 @@
-// What stands and moves in the street. Each is drawn from its own random numbers, at a place in the street's units.
+// Objects in the street. Each is drawn from its own random numbers, at a place in the street's units.
 #pragma once
 
 #include "src/sim/random.hpp"

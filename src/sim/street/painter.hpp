@@ -48,7 +48,7 @@ class Painter {
   // `pixels`: the part of the picture to draw; `pixels_per_unit`: its resolution.
   Painter(Region pixels, double pixels_per_unit);
 
-  // What lies inside this box may be seen.
+  // Only objects inside this box may be seen.
   const Box& box() const noexcept { return box_; }
   // The pixels' mean temperatures, row-major. `out` has pixels.width * pixels.height values, rows `stride` apart.
   void average(float* out, std::size_t stride) const;

@@ -1,4 +1,4 @@
-// Where things stand in the street. The plane is cut into slots for each kind of thing; what stands in a slot follows
+// Layout of the street. The plane is cut into slots for each kind of thing; what stands in a slot follows
 // from the seed and the slot's number alone, so the street has no end and any part of it can be drawn by itself.
 #include <cmath>
 
