@@ -7,6 +7,8 @@
 #include <random>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "src/core/geometry.hpp"
 #include "src/motion/padded_plane.hpp"
 
@@ -21,25 +23,23 @@ class Texture {
     for (int i = 0; i < kWaves; ++i) {
       const double length = 6.0 * std::pow(20.0, unit(random));  // 6 to 120 px
       const double angle = 6.283185 * unit(random);
-      waves_.push_back({std::cos(angle) * 6.283185 / length, std::sin(angle) * 6.283185 / length,
-                        6.283185 * unit(random), contrast_k * std::sqrt(length / 60.0) / std::sqrt(kWaves / 2.0)});
+      x_[i] = std::cos(angle) * 6.283185 / length;
+      y_[i] = std::sin(angle) * 6.283185 / length;
+      phase_[i] = 6.283185 * unit(random);
+      amplitude_[i] = static_cast<float>(contrast_k * std::sqrt(length / 60.0) / std::sqrt(kWaves / 2.0));
     }
   }
   double operator()(double x, double y) const {
-    double sum = 0.0;
-    for (const Wave& w : waves_) sum += w.amplitude * std::sin(w.x * x + w.y * y + w.phase);
-    return sum;
+    const Eigen::Array<float, kWaves, 1> angle = (x * x_ + y * y_ + phase_).cast<float>();  // of floats: four at a time
+    return static_cast<double>((angle.sin() * amplitude_).sum());
   }
 
  private:
   static constexpr int kWaves = 24;
-  struct Wave {
-    double x;
-    double y;
-    double phase;
-    double amplitude;
-  };
-  std::vector<Wave> waves_;
+  Eigen::Array<double, kWaves, 1> x_;
+  Eigen::Array<double, kWaves, 1> y_;
+  Eigen::Array<double, kWaves, 1> phase_;
+  Eigen::Array<float, kWaves, 1> amplitude_;
 };
 
 // What is at a pixel at a time (in frames).
