@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace bolo::motion {
 namespace {
@@ -9,6 +10,8 @@ namespace {
 constexpr int kSearch = 8;              // px of the smallest level in each direction
 constexpr double kPrefersStill = 0.03;  // of the difference, that a displacement must save
 constexpr double kChance = 2.5;         // times 1 / sqrt(pixels): what chance saves where there is little to see
+constexpr float kCompetes = 2.0F;       // times the least difference of whole displacements
+constexpr float kAsWell = 1.2F;         // times the least error of exact ones
 constexpr double kPixels = kBlock * kBlock;
 constexpr double kSeen = 0.3;              // of a block, or it does not count
 constexpr double kFewest = 0.15;           // of the picture
@@ -44,6 +47,12 @@ struct Step {
   bool affine;
 };
 constexpr std::array kSteps = {Step{2, 3, false}, Step{1, 2, true}, Step{0, 3, true}};
+
+// Share of the difference without a displacement that one must stay below: what it saves is more than chance.
+float still_share(const PaddedPlane& plane) noexcept {
+  const double pixels = plane.geometry().width * plane.geometry().height;
+  return static_cast<float>(1.0 - std::max(kPrefersStill, kChance / std::sqrt(pixels)));
+}
 
 // Solves the symmetric positive definite n x n system in place by Cholesky's factors; false when it is not.
 bool solve(std::array<std::array<double, 6>, 6>& m, std::array<double, 6>& v, std::size_t n) noexcept {
@@ -167,41 +176,97 @@ GlobalMotion::GlobalMotion(Geometry geometry) : geometry_(geometry) {
   errors_.resize(levels_.front().sums.size());
 }
 
-// The whole displacement of the smallest level that fits best, refined by one at each larger level but the full one.
-Affine GlobalMotion::start(const Kernels& kernels, const Pyramid& a, const Pyramid& b) const noexcept {
+// Finds the whole displacements of the smallest level that fit better than those around them, the best first; `found`
+// are those whose error is near that of the best. A repeated texture fits in many places.
+std::span<const GlobalMotion::Start> GlobalMotion::search(const Kernels& kernels, const Pyramid& a, const Pyramid& b,
+                                                          std::array<Start, kStarts>& found) const noexcept {
+  constexpr int kWidth = 2 * kSearch + 1;
+  const PaddedPlane& from = a.level.back();
+  const PaddedPlane& to = b.level.back();
+  std::array<float, kWidth * kWidth> errors{};
+  const auto error_at = [&errors](int x, int y) -> float& {
+    return errors[static_cast<std::size_t>((y + kSearch) * kWidth + x + kSearch)];
+  };
+  for (int y = -kSearch; y <= kSearch; ++y) {
+    for (int x = -kSearch; x <= kSearch; ++x) error_at(x, y) = kernels.mean_difference(from, to, x, y);
+  }
+  error_at(0, 0) *= still_share(from);
+  std::size_t count = 0;
+  for (int y = -kSearch; y <= kSearch; ++y) {
+    for (int x = -kSearch; x <= kSearch; ++x) {
+      const float here = error_at(x, y);
+      float least = here;
+      for (int v = std::max(y - 1, -kSearch); v <= std::min(y + 1, kSearch); ++v) {
+        for (int u = std::max(x - 1, -kSearch); u <= std::min(x + 1, kSearch); ++u)
+          least = std::min(least, error_at(u, v));
+      }
+      if (here > least) continue;
+      // Differences grow with the distance from what fits, which lies between whole pixels.
+      float between = 0.0F;
+      if (std::abs(x) < kSearch) between += 0.5F * std::abs(error_at(x - 1, y) - error_at(x + 1, y));
+      if (std::abs(y) < kSearch) between += 0.5F * std::abs(error_at(x, y - 1) - error_at(x, y + 1));
+      const Start start{std::max(here - between, 0.0F), x, y};
+      if (count == kStarts && start.error >= found.back().error) continue;
+      if (count < kStarts) ++count;
+      std::size_t i = count - 1;
+      for (; i > 0 && found[i - 1].error > start.error; --i) found[i] = found[i - 1];
+      found[i] = start;
+    }
+  }
+  while (count > 1 && found[count - 1].error > kCompetes * found[0].error) --count;
+  return {found.data(), count};
+}
+
+// Refines a displacement of the smallest level by one pixel of each larger one down to a quarter of the full size.
+Affine GlobalMotion::refined(const Kernels& kernels, const Pyramid& a, const Pyramid& b, Start start) const noexcept {
   const int top = a.levels() - 1;
-  int x = 0;
-  int y = 0;
-  for (int i = top; i >= std::min(2, top); --i) {
+  for (int i = top - 1; i >= std::min(2, top); --i) {
     const PaddedPlane& from = a.level[static_cast<std::size_t>(i)];
     const PaddedPlane& to = b.level[static_cast<std::size_t>(i)];
-    const int reach = i == top ? kSearch : 1;
-    if (i != top) {
-      x *= 2;
-      y *= 2;
-    }
-    const double pixels = from.geometry().width * from.geometry().height;
-    const double saves = std::max(kPrefersStill, kChance / std::sqrt(pixels));
-    float best = static_cast<float>(1.0 - saves) * kernels.mean_difference(from, to, 0, 0);
-    int best_x = 0;
-    int best_y = 0;
-    for (int dy = y - reach; dy <= y + reach; ++dy) {
-      for (int dx = x - reach; dx <= x + reach; ++dx) {
-        const float error = kernels.mean_difference(from, to, dx, dy);
-        if (error >= best) continue;
-        best = error;
-        best_x = dx;
-        best_y = dy;
+    Start best{still_share(from) * kernels.mean_difference(from, to, 0, 0), 0, 0};
+    for (int y = 2 * start.y - 1; y <= 2 * start.y + 1; ++y) {
+      for (int x = 2 * start.x - 1; x <= 2 * start.x + 1; ++x) {
+        const float error = kernels.mean_difference(from, to, x, y);
+        if (error < best.error) best = {error, x, y};
       }
     }
-    x = best_x;
-    y = best_y;
+    start = best;
   }
   const double scale = 1 << std::min(2, top);
   Affine motion;
-  motion.p[0] = scale * x;
-  motion.p[3] = scale * y;
+  motion.p[0] = scale * start.x;
+  motion.p[3] = scale * start.y;
   return motion;
+}
+
+// Where several displacements fit, the smallest of those that fit about as well as the best once they are exact: one
+// that is too large takes apart what was never blurred.
+Affine GlobalMotion::start(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
+                           double noise, Crew& crew) noexcept {
+  std::array<Start, kStarts> list;
+  const auto found = search(kernels, a, b, list);
+  if (found.size() == 1) return refined(kernels, a, b, found[0]);
+  const int level = std::min(kSteps.front().level, a.levels() - 1);
+  std::array<Affine, kStarts> from;
+  std::array<float, kStarts> error{};
+  float least = std::numeric_limits<float>::max();
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    from[k] = refined(kernels, a, b, found[k]);
+    Affine motion = from[k];
+    unseen_ = {};
+    for (int i = 0; i < kSteps.front().count; ++i) improve(kernels, inertia, a, b, level, false, noise, crew, motion);
+    error[k] = typical_;
+    if (typical_ >= 0.0F) least = std::min(least, typical_);
+  }
+  unseen_ = {};
+  const auto length = [&from](std::size_t k) { return std::hypot(from[k].p[0], from[k].p[3]); };
+  std::size_t best = 0;
+  for (std::size_t k = 1; k < found.size(); ++k) {
+    const bool fits = error[k] >= 0.0F && error[k] <= kAsWell * least;
+    const bool best_fits = error[best] >= 0.0F && error[best] <= kAsWell * least;
+    if (fits && (!best_fits || length(k) < length(best))) best = k;
+  }
+  return from[best];
 }
 
 // The median of the mean square errors of the blocks that are seen; negative when these are too few.
@@ -283,7 +348,7 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
     if (level == 0)
       pull_of_noise(kernels, inertia, {d, static_cast<std::size_t>(work.sums.across())}, work.pull.row(row));
   });
-  const float typical = typical_error(work);
+  const float typical = typical_ = typical_error(work);
   if (typical < 0.0F) return false;
   Equations sums = equations(level, typical, noise * noise);
   if (level == std::min(kSteps.front().level, a.levels() - 1)) {
@@ -316,7 +381,7 @@ Affine GlobalMotion::find(const Kernels& kernels, const Inertia& inertia, const 
                           double noise, Crew& crew) noexcept {
   unseen_ = {};
   misfit_ = 0.0;
-  Affine motion = start(kernels, a, b);
+  Affine motion = start(kernels, inertia, a, b, noise, crew);
   for (const Step& step : kSteps) {
     if (step.level >= a.levels()) continue;
     for (int i = 0; i < step.count; ++i) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <span>
 #include <vector>
 
 #include "src/core/crew.hpp"
@@ -66,7 +67,19 @@ class GlobalMotion {
     void find(double xx, double xy, double yy, double chance) noexcept;
     void forget(Affine& motion) const noexcept;
   };
-  Affine start(const Kernels& kernels, const Pyramid& a, const Pyramid& b) const noexcept;
+  // A whole displacement of the smallest level, and its mean difference.
+  struct Start {
+    float error = 0.0F;
+    int x = 0;
+    int y = 0;
+  };
+  static constexpr std::size_t kStarts = 4;
+
+  std::span<const Start> search(const Kernels& kernels, const Pyramid& a, const Pyramid& b,
+                                std::array<Start, kStarts>& found) const noexcept;
+  Affine refined(const Kernels& kernels, const Pyramid& a, const Pyramid& b, Start start) const noexcept;
+  Affine start(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, double noise,
+               Crew& crew) noexcept;
   Equations equations(int level, float typical, double variance) const noexcept;
   void find_unseen(const Equations& sums, int level, double innovation_noise) noexcept;
   bool improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b, int level,
@@ -77,6 +90,7 @@ class GlobalMotion {
   std::vector<Level> levels_;
   std::vector<float> errors_;
   Unseen unseen_;
+  float typical_ = 0.0F;  // error of the last improve()
   double uncertainty_ = 0.0;
   double misfit_ = 0.0;
 };
