@@ -11,7 +11,9 @@ constexpr int kSearch = 8;              // px of the smallest level in each dire
 constexpr double kPrefersStill = 0.03;  // of the difference, that a displacement must save
 constexpr double kChance = 2.5;         // times 1 / sqrt(pixels): what chance saves where there is little to see
 constexpr float kCompetes = 2.0F;       // times the least difference of whole displacements
-constexpr float kAsWell = 1.2F;         // times the least error of exact ones
+constexpr float kInexactly = 0.05F;     // of the mean difference: what is said of it between pixels
+constexpr int kTries = 3;               // steps that make a displacement exact
+constexpr float kAsWell = 1.35F;        // times the least error of exact ones
 constexpr double kPixels = kBlock * kBlock;
 constexpr double kSeen = 0.3;              // of a block, or it does not count
 constexpr double kFewest = 0.15;           // of the picture
@@ -176,8 +178,8 @@ GlobalMotion::GlobalMotion(Geometry geometry) : geometry_(geometry) {
   errors_.resize(levels_.front().sums.size());
 }
 
-// Finds the whole displacements of the smallest level that fit better than those around them, the best first; `found`
-// are those whose error is near that of the best. A repeated texture fits in many places.
+// Finds the whole displacements of the smallest level that fit better than those around them and nearly as well as the
+// best of these: the smallest ones first, the best among them. A repeated texture fits in many places.
 std::span<const GlobalMotion::Start> GlobalMotion::search(const Kernels& kernels, const Pyramid& a, const Pyramid& b,
                                                           std::array<Start, kStarts>& found) const noexcept {
   constexpr int kWidth = 2 * kSearch + 1;
@@ -187,33 +189,54 @@ std::span<const GlobalMotion::Start> GlobalMotion::search(const Kernels& kernels
   const auto error_at = [&errors](int x, int y) -> float& {
     return errors[static_cast<std::size_t>((y + kSearch) * kWidth + x + kSearch)];
   };
+  float sum = 0.0F;
   for (int y = -kSearch; y <= kSearch; ++y) {
-    for (int x = -kSearch; x <= kSearch; ++x) error_at(x, y) = kernels.mean_difference(from, to, x, y);
+    for (int x = -kSearch; x <= kSearch; ++x) sum += error_at(x, y) = kernels.mean_difference(from, to, x, y);
   }
   error_at(0, 0) *= still_share(from);
-  std::size_t count = 0;
-  for (int y = -kSearch; y <= kSearch; ++y) {
-    for (int x = -kSearch; x <= kSearch; ++x) {
-      const float here = error_at(x, y);
-      float least = here;
-      for (int v = std::max(y - 1, -kSearch); v <= std::min(y + 1, kSearch); ++v) {
-        for (int u = std::max(x - 1, -kSearch); u <= std::min(x + 1, kSearch); ++u)
-          least = std::min(least, error_at(u, v));
+  const auto is_least = [&](int x, int y) {
+    for (int v = std::max(y - 1, -kSearch); v <= std::min(y + 1, kSearch); ++v) {
+      for (int u = std::max(x - 1, -kSearch); u <= std::min(x + 1, kSearch); ++u) {
+        if (error_at(u, v) < error_at(x, y)) return false;
       }
-      if (here > least) continue;
-      // Differences grow with the distance from what fits, which lies between whole pixels.
-      float between = 0.0F;
-      if (std::abs(x) < kSearch) between += 0.5F * std::abs(error_at(x - 1, y) - error_at(x + 1, y));
-      if (std::abs(y) < kSearch) between += 0.5F * std::abs(error_at(x, y - 1) - error_at(x, y + 1));
-      const Start start{std::max(here - between, 0.0F), x, y};
-      if (count == kStarts && start.error >= found.back().error) continue;
-      if (count < kStarts) ++count;
-      std::size_t i = count - 1;
-      for (; i > 0 && found[i - 1].error > start.error; --i) found[i] = found[i - 1];
-      found[i] = start;
     }
+    return true;
+  };
+  // Differences grow with the distance from what fits, which lies between whole pixels.
+  const auto between = [&](int x, int y) {
+    float error = error_at(x, y);
+    if (std::abs(x) < kSearch) error -= 0.5F * std::abs(error_at(x - 1, y) - error_at(x + 1, y));
+    if (std::abs(y) < kSearch) error -= 0.5F * std::abs(error_at(x, y - 1) - error_at(x, y + 1));
+    return std::max(error, 0.0F);
+  };
+  const auto each_least = [&](const auto& visit) {
+    for (int y = -kSearch; y <= kSearch; ++y) {
+      for (int x = -kSearch; x <= kSearch; ++x) {
+        if (is_least(x, y)) visit(Start{between(x, y), x, y});
+      }
+    }
+  };
+  Start best{std::numeric_limits<float>::max(), 0, 0};
+  each_least([&best](const Start& start) {
+    if (start.error < best.error) best = start;
+  });
+  const float enough = kCompetes * best.error + kInexactly * sum / static_cast<float>(errors.size());
+  const auto length = [](const Start& start) { return start.x * start.x + start.y * start.y; };
+  std::size_t count = 1;
+  found[0] = {between(0, 0), 0, 0};  // texture finer than this level's pixels may fit anywhere here
+  each_least([&](const Start& start) {
+    if (length(start) == 0 || start.error > enough) return;
+    if (count == kStarts && length(start) >= length(found.back())) return;
+    if (count < kStarts) ++count;
+    std::size_t i = count - 1;
+    for (; length(found[i - 1]) > length(start); --i) found[i] = found[i - 1];
+    found[i] = start;
+  });
+  if (count == kStarts && length(best) > length(found.back())) found.back() = best;
+  if (count == 2 && !(is_least(0, 0) && found[0].error <= enough)) {
+    found[0] = best;
+    count = 1;
   }
-  while (count > 1 && found[count - 1].error > kCompetes * found[0].error) --count;
   return {found.data(), count};
 }
 
@@ -243,18 +266,18 @@ Affine GlobalMotion::refined(const Kernels& kernels, const Pyramid& a, const Pyr
 // that is too large takes apart what was never blurred.
 Affine GlobalMotion::start(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                            double noise, Crew& crew) noexcept {
-  std::array<Start, kStarts> list;
+  std::array<Start, kStarts> list{};
   const auto found = search(kernels, a, b, list);
   if (found.size() == 1) return refined(kernels, a, b, found[0]);
-  const int level = std::min(kSteps.front().level, a.levels() - 1);
   std::array<Affine, kStarts> from;
   std::array<float, kStarts> error{};
   float least = std::numeric_limits<float>::max();
   for (std::size_t k = 0; k < found.size(); ++k) {
     from[k] = refined(kernels, a, b, found[k]);
-    Affine motion = from[k];
     unseen_ = {};
-    for (int i = 0; i < kSteps.front().count; ++i) improve(kernels, inertia, a, b, level, false, noise, crew, motion);
+    for (int level = std::min(2, a.levels() - 1); level >= std::min(1, a.levels() - 1); --level) {
+      for (int i = 0; i < kTries; ++i) improve(kernels, inertia, a, b, level, false, noise, crew, from[k]);
+    }
     error[k] = typical_;
     if (typical_ >= 0.0F) least = std::min(least, typical_);
   }
