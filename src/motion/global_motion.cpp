@@ -182,12 +182,12 @@ GlobalMotion::GlobalMotion(Geometry geometry) : geometry_(geometry) {
 // best of these: the smallest ones first, the best among them. A repeated texture fits in many places.
 std::span<const GlobalMotion::Start> GlobalMotion::search(const Kernels& kernels, const Pyramid& a, const Pyramid& b,
                                                           std::array<Start, kStarts>& found) const noexcept {
-  constexpr int kWidth = 2 * kSearch + 1;
+  constexpr std::size_t kWidth = 2 * kSearch + 1;
   const PaddedPlane& from = a.level.back();
   const PaddedPlane& to = b.level.back();
   std::array<float, kWidth * kWidth> errors{};
   const auto error_at = [&errors](int x, int y) -> float& {
-    return errors[static_cast<std::size_t>((y + kSearch) * kWidth + x + kSearch)];
+    return errors[static_cast<std::size_t>(y + kSearch) * kWidth + static_cast<std::size_t>(x + kSearch)];
   };
   float sum = 0.0F;
   for (int y = -kSearch; y <= kSearch; ++y) {
