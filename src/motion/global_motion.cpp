@@ -56,6 +56,51 @@ float still_share(const PaddedPlane& plane) noexcept {
   return static_cast<float>(1.0 - std::max(kPrefersStill, kChance / std::sqrt(pixels)));
 }
 
+// Mean differences of two planes at every whole displacement up to kSearch.
+class Differences {
+ public:
+  Differences(const Kernels& kernels, const PaddedPlane& from, const PaddedPlane& to) noexcept {
+    for (int y = -kSearch; y <= kSearch; ++y) {
+      for (int x = -kSearch; x <= kSearch; ++x) sum_ += at(x, y) = kernels.mean_difference(from, to, x, y);
+    }
+    at(0, 0) *= still_share(from);
+  }
+  float mean() const noexcept { return sum_ / static_cast<float>(values_.size()); }
+  float& at(int x, int y) noexcept {
+    return values_[static_cast<std::size_t>(y + kSearch) * kWidth + static_cast<std::size_t>(x + kSearch)];
+  }
+  // Not above those around it.
+  bool is_least(int x, int y) noexcept {
+    for (int v = std::max(y - 1, -kSearch); v <= std::min(y + 1, kSearch); ++v) {
+      for (int u = std::max(x - 1, -kSearch); u <= std::min(x + 1, kSearch); ++u) {
+        if (at(u, v) < at(x, y)) return false;
+      }
+    }
+    return true;
+  }
+  // Differences grow with the distance from what fits, which lies between whole pixels: what is left there.
+  float between(int x, int y) noexcept {
+    float error = at(x, y);
+    if (std::abs(x) < kSearch) error -= 0.5F * std::abs(at(x - 1, y) - at(x + 1, y));
+    if (std::abs(y) < kSearch) error -= 0.5F * std::abs(at(x, y - 1) - at(x, y + 1));
+    return std::max(error, 0.0F);
+  }
+  // Calls visit(x, y) for each that is least.
+  template <typename Visit>
+  void each_least(const Visit& visit) noexcept {
+    for (int y = -kSearch; y <= kSearch; ++y) {
+      for (int x = -kSearch; x <= kSearch; ++x) {
+        if (is_least(x, y)) visit(x, y);
+      }
+    }
+  }
+
+ private:
+  static constexpr std::size_t kWidth = 2 * kSearch + 1;
+  std::array<float, kWidth * kWidth> values_{};
+  float sum_ = 0.0F;
+};
+
 // Solves the symmetric positive definite n x n system in place by Cholesky's factors; false when it is not.
 bool solve(std::array<std::array<double, 6>, 6>& m, std::array<double, 6>& v, std::size_t n) noexcept {
   for (std::size_t i = 0; i < n; ++i) {
@@ -182,49 +227,18 @@ GlobalMotion::GlobalMotion(Geometry geometry) : geometry_(geometry) {
 // best of these: the smallest ones first, the best among them. A repeated texture fits in many places.
 std::span<const GlobalMotion::Start> GlobalMotion::search(const Kernels& kernels, const Pyramid& a, const Pyramid& b,
                                                           std::array<Start, kStarts>& found) const noexcept {
-  constexpr std::size_t kWidth = 2 * kSearch + 1;
-  const PaddedPlane& from = a.level.back();
-  const PaddedPlane& to = b.level.back();
-  std::array<float, kWidth * kWidth> errors{};
-  const auto error_at = [&errors](int x, int y) -> float& {
-    return errors[static_cast<std::size_t>(y + kSearch) * kWidth + static_cast<std::size_t>(x + kSearch)];
-  };
-  float sum = 0.0F;
-  for (int y = -kSearch; y <= kSearch; ++y) {
-    for (int x = -kSearch; x <= kSearch; ++x) sum += error_at(x, y) = kernels.mean_difference(from, to, x, y);
-  }
-  error_at(0, 0) *= still_share(from);
-  const auto is_least = [&](int x, int y) {
-    for (int v = std::max(y - 1, -kSearch); v <= std::min(y + 1, kSearch); ++v) {
-      for (int u = std::max(x - 1, -kSearch); u <= std::min(x + 1, kSearch); ++u) {
-        if (error_at(u, v) < error_at(x, y)) return false;
-      }
-    }
-    return true;
-  };
-  // Differences grow with the distance from what fits, which lies between whole pixels.
-  const auto between = [&](int x, int y) {
-    float error = error_at(x, y);
-    if (std::abs(x) < kSearch) error -= 0.5F * std::abs(error_at(x - 1, y) - error_at(x + 1, y));
-    if (std::abs(y) < kSearch) error -= 0.5F * std::abs(error_at(x, y - 1) - error_at(x, y + 1));
-    return std::max(error, 0.0F);
-  };
-  const auto each_least = [&](const auto& visit) {
-    for (int y = -kSearch; y <= kSearch; ++y) {
-      for (int x = -kSearch; x <= kSearch; ++x) {
-        if (is_least(x, y)) visit(Start{between(x, y), x, y});
-      }
-    }
-  };
+  Differences differences(kernels, a.level.back(), b.level.back());
   Start best{std::numeric_limits<float>::max(), 0, 0};
-  each_least([&best](const Start& start) {
-    if (start.error < best.error) best = start;
+  differences.each_least([&](int x, int y) {
+    const float error = differences.between(x, y);
+    if (error < best.error) best = {error, x, y};
   });
-  const float enough = kCompetes * best.error + kInexactly * sum / static_cast<float>(errors.size());
+  const float enough = kCompetes * best.error + kInexactly * differences.mean();
   const auto length = [](const Start& start) { return start.x * start.x + start.y * start.y; };
   std::size_t count = 1;
-  found[0] = {between(0, 0), 0, 0};  // texture finer than this level's pixels may fit anywhere here
-  each_least([&](const Start& start) {
+  found[0] = {differences.between(0, 0), 0, 0};  // texture finer than this level's pixels may fit anywhere here
+  differences.each_least([&](int x, int y) {
+    const Start start{differences.between(x, y), x, y};
     if (length(start) == 0 || start.error > enough) return;
     if (count == kStarts && length(start) >= length(found.back())) return;
     if (count < kStarts) ++count;
@@ -233,7 +247,7 @@ std::span<const GlobalMotion::Start> GlobalMotion::search(const Kernels& kernels
     found[i] = start;
   });
   if (count == kStarts && length(best) > length(found.back())) found.back() = best;
-  if (count == 2 && !(is_least(0, 0) && found[0].error <= enough)) {
+  if (count == 2 && !(differences.is_least(0, 0) && found[0].error <= enough)) {
     found[0] = best;
     count = 1;
   }
