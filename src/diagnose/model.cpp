@@ -34,28 +34,38 @@ void read_out(const Session& session, std::size_t index, const CameraModel& c, s
   const bool plain = c.corner_gain == 0.0 && c.tilt_x == 0.0 && c.tilt_y == 0.0 && c.heating_k == 0.0 &&
                      c.offset.size() == 0 && c.gain.size() == 0 && c.terms.empty() && c.drift.empty();
   if (plain) return;
+  using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
+  Row gain = Row::Zero(y.cols());
+  Row corner(y.cols());
+  Row fixed(y.cols());
+  Row share = Row::Zero(y.cols());  // of the drift, beyond the mean's
+  std::vector<Place> places;
   for (Index j = 0; j < y.cols(); ++j) {
     const int pixel = pixels[static_cast<std::size_t>(j)];
     const int row = session.grid.row_of(pixel);
     const int column = session.grid.column_of(pixel);
-    Place place = place_in(session, row, column, 0.0);
-    const double corner = corner_gain_at(session, c, row, column);
-    double fixed = heating_at(c, place.row);
-    if (c.offset.size() > 0) fixed += c.offset[pixel];
-    const double gain = c.gain.size() > 0 ? c.gain[pixel] : 0.0;
-    for (Index k = 0; k < y.rows(); ++k) {
-      const double t = recording.time_of(k);
-      const double shown = y(k, j);
-      double value = shown + gain * (shown - c.gain_reference_k) + corner * (shown - c.corner_reference_k) + fixed;
-      if (!c.drift.empty()) {
-        const double drifted = drift_at(c, recording, index, t);
-        value += drifted;
-        if (c.drift_share.size() > 0) value += c.drift_share[pixel] * (drifted + c.drift_level[index]);
-      }
-      place.t_s = recording.start_s + t;
-      for (const CameraModel::Term& term : c.terms) value += term.value * term.unit(place, shown);
-      y(k, j) = static_cast<float>(value);
+    places.push_back(place_in(session, row, column, 0.0));
+    corner[j] = corner_gain_at(session, c, row, column);
+    fixed[j] = heating_at(c, places.back().row);
+    if (c.offset.size() > 0) fixed[j] += c.offset[pixel];
+    if (c.gain.size() > 0) gain[j] = c.gain[pixel];
+    if (c.drift_share.size() > 0) share[j] = c.drift_share[pixel];
+  }
+  for (Index k = 0; k < y.rows(); ++k) {
+    const double t = recording.time_of(k);
+    const Row shown = y.row(k).array().cast<double>();
+    Row value = shown + gain * (shown - c.gain_reference_k) + corner * (shown - c.corner_reference_k) + fixed;
+    if (!c.drift.empty()) {
+      const double drifted = drift_at(c, recording, index, t);
+      value += drifted;
+      if (c.drift_share.size() > 0) value += share * (drifted + c.drift_level[index]);
     }
+    for (Index j = 0; !c.terms.empty() && j < y.cols(); ++j) {
+      Place& place = places[static_cast<std::size_t>(j)];
+      place.t_s = recording.start_s + t;
+      for (const CameraModel::Term& term : c.terms) value[j] += term.value * term.unit(place, shown[j]);
+    }
+    y.row(k) = value.cast<float>().matrix();
   }
 }
 
@@ -262,15 +272,20 @@ BarsModel::BarsModel(const Session& session, std::size_t recording, const State&
           {target_.period_px, target_.bar_width_px, target_.slant_px_per_row, mean_speed_,
            (1.0 - stimulus_.edge_ramp) * stimulus_.edge_px2, std::sqrt(12.0 * stimulus_.edge_ramp * stimulus_.edge_px2),
            1.0, std::abs(target_.slant_px_per_row) * camera_.pixel_height},
-          moving_)) {}
+          moving_)) {
+  for (const int pixel : session_.grid.all()) {
+    const int row = session_.grid.row_of(pixel);
+    places_.push_back(
+        {session_.grid.column_of(pixel) - target_.slant_px_per_row * row, row_time(session_, camera_, row)});
+  }
+}
 
 void BarsModel::frame(std::size_t k, double shift_px, std::span<const int> pixels, float* values, float* slopes) const {
   const double speed = moving_ ? stimulus_.speed_px_s[k] / (1.0 + camera_.clock_skew) : 0.0;
   const double log_speed = moving_ ? std::clamp(speed / mean_speed_ - 1.0, -0.1, 0.1) : 0.0;
   for (std::size_t j = 0; j < pixels.size(); ++j) {
-    const int row = session_.grid.row_of(pixels[j]);
-    const double u = session_.grid.column_of(pixels[j]) - target_.slant_px_per_row * row - shift_px -
-                     speed * row_time(session_, camera_, row);
+    const Place& place = places_[static_cast<std::size_t>(pixels[j])];
+    const double u = place.x - shift_px - speed * place.late_s;
     const double own = log_speed + (camera_.tau.size() > 0 ? camera_.tau[pixels[j]] : 0.0);
     values[j] = static_cast<float>(cold_ + span_ * tables_.at(u, own));
     if (slopes != nullptr) slopes[j] = static_cast<float>(-span_ * tables_.middle().slope(u));

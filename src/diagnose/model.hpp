@@ -76,6 +76,16 @@ class BarTable {
   double at(double phase_px) const noexcept;     // phase: any number
   double slope(double phase_px) const noexcept;  // by phase, 1/px
 
+  // Tables that differ in their response alone are read at the same place: it is found once.
+  struct Cell {
+    std::size_t index = 0;
+    float share = 0.0F;  // of the way to the next value
+  };
+  Cell cell(double phase_px) const noexcept;
+  double moving_at(Cell cell) const noexcept {
+    return value_[cell.index] + cell.share * (value_[cell.index + 1] - value_[cell.index]);
+  }
+
  private:
   double covered(double phase_px) const noexcept;  // the share of the signal that a still pixel gets, in closed form
   double scale_ = 0.0;
@@ -217,8 +227,15 @@ struct TauTables {
   double at(double x, double log_tau) const {
     if (tables.size() == 1) return tables[0].at(x);
     const double f = log_tau / kStep;
-    return f * (f - 1.0) / 2.0 * tables[0].at(x) + (1.0 - f * f) * tables[1].at(x) +
-           f * (f + 1.0) / 2.0 * tables[2].at(x);
+    const auto mixed = [f](double shorter, double middle, double longer) {
+      return f * (f - 1.0) / 2.0 * shorter + (1.0 - f * f) * middle + f * (f + 1.0) / 2.0 * longer;
+    };
+    if constexpr (requires { tables[0].cell(x); }) {
+      const auto cell = tables[0].cell(x);
+      return mixed(tables[0].moving_at(cell), tables[1].moving_at(cell), tables[2].moving_at(cell));
+    } else {
+      return mixed(tables[0].at(x), tables[1].at(x), tables[2].at(x));
+    }
   }
   std::vector<Table> tables;
 };
@@ -240,6 +257,11 @@ class BarsModel {
   double cold_;
   double span_;
   TauTables<BarTable> tables_;
+  struct Place {
+    double x = 0.0;  // across the bars, px
+    double late_s = 0.0;
+  };
+  std::vector<Place> places_;  // of the grid's pixels
 };
 
 }  // namespace bolo::diagnose

@@ -213,6 +213,7 @@ BarTable::BarTable(const Bars& bars, const Response& response, const std::functi
     fft.fwd(spectrum, phases);
   }
   for (std::size_t n = 1; n < spectrum.size() - 1; ++n) {
+    if (spectrum[n] == 0.0) continue;
     const double f = static_cast<double>(n) / bars.period_px;
     const double lateral =
         2.0 * response.coupling * (2.0 - std::cos(kTwoPi * f) - std::cos(kTwoPi * f * bars.slant_px_per_row));
@@ -244,12 +245,15 @@ double BarTable::covered(double phase_px) const noexcept {
   return interpolated(signal_, std::clamp(share, 0.0, 1.0) * kTableShares);
 }
 
-double BarTable::at(double phase_px) const noexcept {
+BarTable::Cell BarTable::cell(double phase_px) const noexcept {
   const double turns = phase_px * scale_ / kTablePhases;
   const double at = (turns - std::floor(turns)) * kTablePhases;
   const std::size_t i = std::min(static_cast<std::size_t>(at), static_cast<std::size_t>(kTablePhases - 1));
-  const auto f = static_cast<float>(at - static_cast<double>(i));
-  const double value = value_[i] + f * (value_[i + 1] - value_[i]);
+  return {i, static_cast<float>(at - static_cast<double>(i))};
+}
+
+double BarTable::at(double phase_px) const noexcept {
+  const double value = moving_at(cell(phase_px));
   return still_ ? covered(phase_px) + value : value;
 }
 
