@@ -10,7 +10,6 @@ namespace bolo::diagnose {
 namespace {
 
 constexpr int kBlock = motion::kBlock;
-constexpr std::size_t kBins = 12;      // of contrast
 constexpr double kOwnVariance = 4.0;   // times the floor's variance: the block does not move as it was taken to
 constexpr int kGroups = 16;            // of time, of which every second is one half
 constexpr int kRounds = 8;             // of the search for a fixed pattern
@@ -38,26 +37,6 @@ struct Cells {
 };
 
 int half_of_time(Index sight, Index sights) { return static_cast<int>(sight * kGroups / sights) % 2; }
-
-// Mean square of each block without its bad pixels; negative where it is not predicted.
-Series squares_of(const Residual& r, const std::vector<char>& bad) {
-  const Blocks blocks(r.geometry);
-  Series sum = Series::Zero(r.values.rows(), blocks.count());
-  ArrayXf count = ArrayXf::Zero(blocks.count());
-  for (Index p = 0; p < r.values.cols(); ++p) {
-    if (bad[static_cast<std::size_t>(p)] != 0) continue;
-    const Index width = r.geometry.width;
-    const Index b = p / width / kBlock * blocks.across + p % width / kBlock;
-    sum.col(b) += r.values.col(p).array().square().matrix();
-    count[b] += 1.0F;
-  }
-  for (Index i = 0; i < sum.rows(); ++i) {
-    for (Index b = 0; b < sum.cols(); ++b) {
-      sum(i, b) = r.valid(i, b) != 0 && count[b] > 0.0F ? sum(i, b) / count[b] : -1.0F;
-    }
-  }
-  return sum;
-}
 
 Cells cells_of(const Residual& r, const PredictionFloor& floor, const std::vector<char>& bad) {
   Cells out{r, Blocks(r.geometry), {}, squares_of(r, bad)};
@@ -355,41 +334,6 @@ double contrast_of(const FieldFrames& frames) {
 }
 
 }  // namespace
-
-PredictionFloor::PredictionFloor(const Residual& residual, const std::vector<char>& bad) {
-  const Series square = squares_of(residual, bad);
-  std::vector<std::pair<double, double>> all;
-  for (Index i = 0; i < square.rows(); ++i) {
-    for (Index b = 0; b < square.cols(); ++b) {
-      if (square(i, b) >= 0.0F) all.emplace_back(residual.contrast(i, b), square(i, b));
-    }
-  }
-  std::ranges::sort(all);
-  for (std::size_t bin = 0; bin < kBins; ++bin) {
-    const auto part =
-        std::span(all).subspan(bin * all.size() / kBins, (bin + 1) * all.size() / kBins - bin * all.size() / kBins);
-    if (part.empty()) continue;
-    contrast_.push_back(part[part.size() / 2].first);
-    const double middle = median(mapped(part, [](const auto& one) { return one.second; }));
-    variance_.push_back(std::max({middle, 1e-9, variance_.empty() ? 0.0 : variance_.back()}));
-  }
-  if (variance_.empty()) {
-    contrast_ = {0.0};
-    variance_ = {1.0};
-  }
-}
-
-double PredictionFloor::variance(double contrast) const {
-  const auto above = std::ranges::upper_bound(contrast_, contrast);
-  if (above == contrast_.begin()) return variance_.front();
-  if (above == contrast_.end()) {
-    // Errors grow with the contrast, also beyond what most blocks have.
-    return variance_.back() * std::max(1.0, contrast / std::max(contrast_.back(), 1e-9));
-  }
-  const auto i = static_cast<std::size_t>(above - contrast_.begin());
-  const double share = (contrast - contrast_[i - 1]) / std::max(contrast_[i] - contrast_[i - 1], 1e-12);
-  return variance_[i - 1] + share * (variance_[i] - variance_[i - 1]);
-}
 
 FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sights, std::vector<char> dead) {
   FieldParts out;

@@ -11,20 +11,6 @@
 
 namespace bolo::diagnose {
 
-// How well a block is predicted where nothing moves by itself: what noise, and interpolation between pixels that see an
-// edge, leave of it. The median over blocks of like contrast.
-class PredictionFloor {
- public:
-  PredictionFloor(const Residual& residual, const std::vector<char>& bad);
-  double variance(double contrast) const;
-  // Of the flattest blocks, where noise is nearly all there is.
-  double flat() const { return variance_.front(); }
-
- private:
-  std::vector<double> contrast_;  // rising
-  std::vector<double> variance_;  // rising
-};
-
 // Fixed ones.
 struct Offsets {
   Measured pixel;   // of single pixels, columns apart

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "src/core/crew.hpp"
+#include "src/core/statistics.hpp"
 #include "src/motion/global_motion.hpp"
 #include "src/motion/local_motion.hpp"
 
@@ -19,6 +20,7 @@ using motion::VectorField;
 constexpr std::size_t kMostValues = 48'000'000;  // of frames in memory
 constexpr std::size_t kMostResidual = 16'000'000;
 constexpr Index kMostSights = 320;
+constexpr std::size_t kBins = 12;  // of contrast, of the floor
 // So far a fixed pattern must have moved against the scene to be told from it: beyond the reach of a pixel's
 // neighbours.
 constexpr double kLeastMove_px = 3.0;
@@ -315,6 +317,60 @@ bool follows(const FieldFrames& frames, const std::vector<Sight>& sights, const 
     }
   }
   return count[1] > kLeastTell * count[0] && count[1] > kMost * count[2];
+}
+
+Series squares_of(const Residual& r, const std::vector<char>& bad) {
+  const Blocks blocks(r.geometry);
+  Series sum = Series::Zero(r.values.rows(), blocks.count());
+  ArrayXf count = ArrayXf::Zero(blocks.count());
+  for (Index p = 0; p < r.values.cols(); ++p) {
+    if (bad[static_cast<std::size_t>(p)] != 0) continue;
+    const Index width = r.geometry.width;
+    const Index b = p / width / motion::kBlock * blocks.across + p % width / motion::kBlock;
+    sum.col(b) += r.values.col(p).array().square().matrix();
+    count[b] += 1.0F;
+  }
+  for (Index i = 0; i < sum.rows(); ++i) {
+    for (Index b = 0; b < sum.cols(); ++b) {
+      sum(i, b) = r.valid(i, b) != 0 && count[b] > 0.0F ? sum(i, b) / count[b] : -1.0F;
+    }
+  }
+  return sum;
+}
+
+PredictionFloor::PredictionFloor(const Residual& residual, const std::vector<char>& bad) {
+  const Series square = squares_of(residual, bad);
+  std::vector<std::pair<double, double>> all;
+  for (Index i = 0; i < square.rows(); ++i) {
+    for (Index b = 0; b < square.cols(); ++b) {
+      if (square(i, b) >= 0.0F) all.emplace_back(residual.contrast(i, b), square(i, b));
+    }
+  }
+  std::ranges::sort(all);
+  for (std::size_t bin = 0; bin < kBins; ++bin) {
+    const auto part =
+        std::span(all).subspan(bin * all.size() / kBins, (bin + 1) * all.size() / kBins - bin * all.size() / kBins);
+    if (part.empty()) continue;
+    contrast_.push_back(part[part.size() / 2].first);
+    const double middle = median(mapped(part, [](const auto& one) { return one.second; }));
+    variance_.push_back(std::max({middle, 1e-9, variance_.empty() ? 0.0 : variance_.back()}));
+  }
+  if (variance_.empty()) {
+    contrast_ = {0.0};
+    variance_ = {1.0};
+  }
+}
+
+double PredictionFloor::variance(double contrast) const {
+  const auto above = std::ranges::upper_bound(contrast_, contrast);
+  if (above == contrast_.begin()) return variance_.front();
+  if (above == contrast_.end()) {
+    // Errors grow with the contrast, also beyond what most blocks have.
+    return variance_.back() * std::max(1.0, contrast / std::max(contrast_.back(), 1e-9));
+  }
+  const auto i = static_cast<std::size_t>(above - contrast_.begin());
+  const double share = (contrast - contrast_[i - 1]) / std::max(contrast_[i] - contrast_[i - 1], 1e-12);
+  return variance_[i - 1] + share * (variance_[i] - variance_[i - 1]);
 }
 
 struct PatternMover::Inside {

@@ -65,6 +65,23 @@ struct Residual {
 
 Residual predict_field(const FieldFrames& frames, const std::vector<Sight>& sights);
 
+// Mean square of each block (sights x blocks) without its bad pixels; negative where it is not predicted.
+Series squares_of(const Residual& residual, const std::vector<char>& bad);
+
+// How well a block is predicted where nothing moves by itself: what noise, and interpolation between pixels that see an
+// edge, leave of it. The median over blocks of like contrast.
+class PredictionFloor {
+ public:
+  PredictionFloor(const Residual& residual, const std::vector<char>& bad);
+  double variance(double contrast) const;
+  // Of the flattest blocks, where noise is nearly all there is.
+  double flat() const { return variance_.front(); }
+
+ private:
+  std::vector<double> contrast_;  // rising
+  std::vector<double> variance_;  // rising
+};
+
 // Whether the scene moves as the sights say: most blocks that tell are nearer to what has moved than to what stood
 // still. Otherwise it is the pattern of a still picture, or something in it, that was followed. `with`: the residual of
 // the sights without the fixed pattern, which moves against the scene.

@@ -256,7 +256,7 @@ std::vector<Effect> readout_effects() {
   };
 }
 
-// Effects without a model of the mean: statistics of their own find them, in events.cpp, noise.cpp and timing.cpp.
+// Effects without a model of the mean: statistics of their own find them, in events.cpp, noise.cpp and transport.cpp.
 std::vector<Effect> statistical_effects() {
   const Predicate flat = any_of({Kind::kUniform});
   const Predicate pan = any_of({Kind::kMovingBars});

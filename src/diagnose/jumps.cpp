@@ -1,0 +1,171 @@
+// Steps of the offset, of all pixels or of each by itself: looked for in a series of residuals, and taken out.
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Dense>
+
+#include "src/core/statistics.hpp"
+#include "src/diagnose/stages.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+// Set by effect-free shutters of 160 to 240 frames.
+constexpr Index kSide = 12;  // frames on either side of a jump that it is judged by
+constexpr double kJumpZ = 9.0;
+constexpr double kLeastJump_k = 0.02;
+constexpr double kSuddenLeast = 0.6;  // of the jump, between the two frames
+constexpr double kSuddenMost = 1.6;
+constexpr double kLeastOfLeap = 0.1;  // of what the prediction changes by between them: other time constants do less
+constexpr double kPatternZ = 25.0;    // of a jump of each pixel by itself
+constexpr double kPatternOverNoise = 2.5;
+constexpr double kPatternAtOnce = 0.5;  // of the pattern, between the two frames
+constexpr double kThawZ = 6.0;          // after a freeze, where a jump is expected
+constexpr double kExplains = 0.6;       // of what changes slowly, by a step and nothing else
+constexpr double kMedianStep = 0.954;   // median of |a - b| of two Gaussian values, in sigmas
+
+MatrixXd levels_in(const std::vector<Index>& frames, const MatrixXd& levels) {
+  if (levels.size() == 0) return MatrixXd::Ones(static_cast<Index>(frames.size()), 1);
+  return levels(frames, Eigen::all);
+}
+
+// Multiplied with values of these frames: the step before frame `first`, when levels take up what they can.
+VectorXd step_weights(const std::vector<Index>& frames, const MatrixXd& levels, Index first) {
+  VectorXd step(static_cast<Index>(frames.size()));
+  std::ranges::transform(frames, step.begin(), [first](Index k) { return k >= first ? 1.0 : 0.0; });
+  step -= levels * levels.colPivHouseholderQr().solve(step);
+  return step / std::max(1e-9, step.squaredNorm());
+}
+
+// A series of residuals in which a jump is looked for: good pixels in the frames that are used.
+struct JumpSearch {
+  std::vector<Index> frames;
+  Eigen::ArrayXXd value;  // frames x pixels
+  MatrixXd levels;        // frames x levels of the stimulus
+  VectorXd shown;         // mean of each frame, as predicted
+  ArrayXd mean;           // of each frame
+  bool still = false;     // of a still field
+  double flicker = 0.0;   // of one frame's mean
+  double noise2 = 0.0;    // of one value
+
+  JumpSearch(const Session& session, const Recording& r, const Series& residual, const MatrixXd& of_levels,
+             const VectorXd& predicted)
+      : frames(r.used_frames()),
+        value(residual(frames, session.good_pixels()).cast<double>().array()),
+        levels(levels_in(frames, of_levels)),
+        shown(predicted.size() > 0 ? VectorXd(predicted(frames)) : VectorXd::Zero(value.rows())),
+        still(r.kind == Kind::kUniform) {}
+
+  // Whether there is enough to judge by; then the noise is known.
+  bool prepare() {
+    const Index n = value.rows();
+    if (n < 2 * kSide + 2 || value.cols() < 8) return false;
+    mean = value.rowwise().mean();
+    std::vector<double> steps;
+    for (Index a = 1; a < n; ++a) steps.push_back(std::abs(mean[a] - mean[a - 1]));
+    flicker = median(std::move(steps)) / kMedianStep;
+    std::vector<double> rough;
+    for (Index p = 0; p < value.cols(); p += std::max<Index>(1, value.cols() / 64)) {
+      rough.push_back((value.col(p).bottomRows(n - 1) - value.col(p).topRows(n - 1)).square().mean() / 2.0);
+    }
+    noise2 = std::max(1e-12, median(std::move(rough)));
+    return true;
+  }
+
+  // The share of what changes slowly that a step before frame `a` explains. Of a still field every pixel tells; where
+  // something moves, what the model is off by changes the pixels, so that only their mean does.
+  double explained(Index a) const {
+    const Index n = value.rows();
+    MatrixXd whole = still ? MatrixXd(value.matrix()) : MatrixXd(mean.matrix());
+    whole -= levels * levels.colPivHouseholderQr().solve(whole);
+    const Index blocks = n / kSide;
+    const VectorXd weights = weights_of(a);
+    double by_step = (weights.transpose() * whole).squaredNorm() / (weights.squaredNorm() * static_cast<double>(n));
+    double all = 0.0;
+    for (Index b = 0; b < blocks; ++b) {
+      all += whole.middleRows(b * kSide, kSide).colwise().mean().squaredNorm() / static_cast<double>(blocks);
+    }
+    const auto pixels = static_cast<double>(value.cols());
+    const double noise_of_all = still ? pixels * noise2 : noise2 / pixels + flicker * flicker;
+    all -= noise_of_all / kSide;
+    by_step -= noise_of_all / static_cast<double>(n);
+    return all > 0.0 ? by_step / all : 0.0;
+  }
+
+  VectorXd weights_of(Index a) const { return step_weights(frames, levels, frames[static_cast<std::size_t>(a)]); }
+
+  // A jump before frame `a`, when it is stronger than `strongest`, which is raised to it. By the means of kSide frames
+  // on either side; where the stimulus changes, by all frames.
+  std::optional<Jump> at(Index a, bool thawed, double& strongest) const {
+    const ArrayXd change = value.middleRows(a, kSide).colwise().mean().transpose() -
+                           value.middleRows(a - kSide, kSide).colwise().mean().transpose();
+    double global = change.mean();
+    const double scatter2 = (change - global).square().mean() - 2.0 * noise2 / kSide;
+    double sudden = mean[a] - mean[a - 1];
+    if (!still) {
+      global = weights_of(a).dot(mean.matrix());
+      VectorXd before = mean.matrix();
+      before.tail(before.size() - a).array() -= global;
+      sudden -= (levels.row(a) - levels.row(a - 1)).dot(levels.colPivHouseholderQr().solve(before));
+    }
+    const double global_z = std::abs(global) / (flicker * std::sqrt(2.0 / kSide) + 1e-6);
+    const bool global_jump = global_z > kJumpZ && std::abs(global) > kLeastJump_k && sudden * global > 0.0 &&
+                             std::abs(sudden) > kSuddenLeast * std::abs(global) &&
+                             std::abs(sudden) < kSuddenMost * std::abs(global) &&
+                             std::abs(global) > kLeastOfLeap * std::abs(shown[a] - shown[a - 1]);
+    const double scatter_z = scatter2 / (2.0 * noise2 / kSide) * std::sqrt(static_cast<double>(value.cols()) / 2.0);
+    const ArrayXd first = value.row(a) - value.row(a - 1);
+    const double first2 = (first - first.mean()).square().mean() - 2.0 * noise2;
+    const bool pixel_jump = still && scatter_z > kPatternZ && scatter2 > kPatternOverNoise * noise2 / kSide &&
+                            first2 > kPatternAtOnce * scatter2;
+    const bool expected = thawed && (scatter_z > kThawZ || global_z > kThawZ);
+    if (!global_jump && !pixel_jump && !expected) return std::nullopt;
+    const double strength = std::max(global_jump ? global_z : 0.0, scatter_z) + (thawed ? 1e6 : 0.0);
+    if (strength <= strongest || (!thawed && explained(a) < kExplains)) return std::nullopt;
+    strongest = strength;
+    const bool pattern = scatter_z > kThawZ && (still || thawed);
+    return Jump{
+        .global_k = global, .pixel_k = pattern ? std::sqrt(std::max(0.0, scatter2)) : 0.0, .after_freeze = thawed};
+  }
+};
+
+}  // namespace
+
+std::optional<Jump> find_jump(const Session& session, std::size_t recording, const Series& residual,
+                              const std::vector<Freeze>& freezes, const MatrixXd& levels, const VectorXd& shown) {
+  JumpSearch search(session, session.recordings[recording], residual, levels, shown);
+  if (!search.prepare()) return std::nullopt;
+  double strength = 0.0;
+  std::optional<Jump> strongest;
+  for (Index a = kSide; a + kSide <= search.value.rows(); ++a) {
+    const auto frame = static_cast<std::size_t>(search.frames[static_cast<std::size_t>(a)]);
+    const bool thawed =
+        std::ranges::any_of(freezes, [&](const Freeze& f) { return f.recording == recording && f.last + 1 == frame; });
+    auto jump = search.at(a, thawed, strength);
+    if (!jump) continue;
+    strongest = jump;
+    strongest->recording = recording;
+    strongest->frame = frame;
+  }
+  return strongest;
+}
+
+void remove_jump(Session& session, Jump& jump, const Series& residual, const MatrixXd& levels) {
+  Recording& r = session.recordings[jump.recording];
+  const std::vector<Index> frames = r.used_frames();
+  const auto first = static_cast<Index>(jump.frame);
+  if (frames.empty() || first <= frames.front() || first > frames.back()) return;
+  const VectorXd weights = step_weights(frames, levels_in(frames, levels), first);
+  const VectorXd step = residual(frames, Eigen::all).cast<double>().transpose() * weights;
+  const std::vector<int> good = session.good_pixels();
+  const double mean = sum_of(good, [&](int p) { return step[p]; }) / std::max(1.0, static_cast<double>(good.size()));
+  // Pixels have steps of their own only when a pattern was seen; else the mean is the better estimate of each.
+  for (Index p = 0; p < residual.cols(); ++p) {
+    const double own = jump.pixel_k > 0.0 ? step[p] : mean;
+    r.values.col(p).bottomRows(r.values.rows() - first).array() -= static_cast<float>(own);
+  }
+  jump.global_k += jump.removed ? mean : mean - jump.global_k;
+  jump.removed = true;
+}
+
+}  // namespace bolo::diagnose

@@ -1,0 +1,270 @@
+// When frames were really taken: lost and inserted ones, jitter, and the speeds that follow.
+#include "src/diagnose/stages.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <utility>
+
+#include <Eigen/Dense>
+
+#include "src/core/statistics.hpp"
+
+namespace bolo::diagnose {
+namespace {
+
+// All limits are set by effect-free sessions and by sessions with one effect of realistic size (the blind check).
+constexpr double kNearWhole = 0.35;    // of a period, that a step of whole periods may be off by
+constexpr double kBendVariance = 1.5;  // of x less the mean of its neighbours, over that of independent x
+constexpr double kLeastJitter_s = 4e-5;
+constexpr double kJitterOverMeasured = 2.0;
+constexpr double kJitterOverError = 5.0;
+
+// The frames about k, at most `half` on either side; as many at the ends of a recording.
+std::pair<long, long> around(long k, long half, long frames) {
+  const long from = std::max(0L, std::min(k - half, frames - 1 - 2 * half));
+  return {from, std::min(frames - 1, from + 2 * half)};
+}
+
+void count_periods(int periods, Transport& t) {
+  if (periods > 0) t.lost += periods;
+  if (periods < 0) t.inserted -= periods;
+}
+
+// Whole periods by which each frame of moving bars is late. What jitter makes of one frame the next takes back; a frame
+// that was lost or inserted shows in all that follow.
+void count_steps(const Session& session, std::size_t index, State& state, Transport& t) {
+  constexpr std::size_t kSide = 3;  // frames on either side that must agree
+  const Recording& r = session.recordings[index];
+  StimulusState& s = state.stimuli[index];
+  std::vector<std::size_t> seen;
+  std::vector<double> ahead_s;  // of the clock, as the target's place tells
+  for (std::size_t k = 0; k < r.used.size(); ++k) {
+    if (r.used[k] == 0) continue;
+    double went = 0.0;
+    if (!seen.empty()) went = (s.shift_px[k] - s.shift_px[seen.back()]) / s.speed_px_s[k] - (r.t[k] - r.t[seen.back()]);
+    ahead_s.push_back(seen.empty() ? 0.0 : ahead_s.back() + went);
+    seen.push_back(k);
+  }
+  const auto whole = [&](double time_s) {
+    const auto periods = static_cast<int>(std::lround(time_s / session.period_s));
+    return std::abs(time_s - periods * session.period_s) < kNearWhole * session.period_s ? periods : 0;
+  };
+  const auto middle = [&](std::size_t from, std::size_t to) {
+    return median(
+        std::vector<double>(ahead_s.begin() + static_cast<long>(from), ahead_s.begin() + static_cast<long>(to)));
+  };
+  int late = 0;
+  for (std::size_t j = 1; j < seen.size(); ++j) {
+    const int periods = whole(ahead_s[j] - ahead_s[j - 1]);
+    const double lasting = middle(j, std::min(j + kSide, seen.size())) - middle(j - std::min(j, kSide), j);
+    if (periods != 0 && whole(lasting) == periods) {
+      late += periods;
+      count_periods(periods, t);
+    }
+    for (std::size_t k = seen[j - 1] + 1; k <= seen[j]; ++k) s.late_s[k] = late * session.period_s;
+  }
+}
+
+// Scatter of the shifts about a line through their neighbours, s, and what the noise alone makes of it.
+struct JitterSums {
+  double square = 0.0;
+  double noise = 0.0;
+  double count = 0.0;
+
+  void add(const Session& session, std::size_t index, const State& state, double floor_k, std::span<const int> pixels) {
+    const Recording& r = session.recordings[index];
+    const StimulusState& s = state.stimuli[index];
+    const BarsModel model(session, index, state);
+    std::vector<float> value(pixels.size());
+    std::vector<float> slope(pixels.size());
+    const double speed = s.mean_speed();
+    const auto time = [&](std::size_t k) { return s.shift_px[k] / speed - s.late_s[k]; };
+    for (std::size_t k = 1; k + 1 < r.used.size(); ++k) {
+      if (r.used[k - 1] == 0 || r.used[k] == 0 || r.used[k + 1] == 0 || r.t[k] < kSettling_s) continue;
+      const double bend = time(k) - 0.5 * (time(k - 1) + time(k + 1));
+      model.frame(k, s.shift_px[k], pixels, value.data(), slope.data());
+      const double information = sum_of(slope, [](double g) { return g * g; });
+      square += bend * bend / kBendVariance;
+      noise += floor_k * floor_k / (information * speed * speed);
+      count += 1.0;
+    }
+  }
+};
+
+// When each frame of one chopper was taken: by whole periods later than its number says, a step function of the number
+// that costs something for each step (Viterbi), for every start of the chopper. Lost and inserted frames, any number of
+// them at a time, are told from another start or clock by this alone.
+class ChopperClock {
+ public:
+  ChopperClock(const Session& session, std::size_t index, State& state, std::span<const int> pixels)
+      : session_(session), r_(session.recordings[index]), index_(index), state_(state), seen_(r_.frames()) {
+    for (std::size_t i = 0; i < 9; ++i) few_.push_back(pixels[(2 * i + 1) * pixels.size() / 18]);
+    for (Index k = 0; k < seen_.size(); ++k) {
+      seen_[k] = sum_of(few_, [&](int p) { return r_.values(k, p); }) / static_cast<double>(few_.size());
+    }
+    sigma_k_ = kMisfit * (seen_.maxCoeff() - seen_.minCoeff());
+  }
+
+  void count_steps(Transport& t) {
+    Path best;
+    double best_delay_s = 0.0;
+    for (double delay_s = -0.5; delay_s < 0.45; delay_s += 0.1) {
+      const Path path = path_of(delay_s * session_.period_s);
+      if (!(path.cost < best.cost)) continue;
+      best = path;
+      best_delay_s = delay_s * session_.period_s;
+    }
+    const std::vector<int>& late = best.late;
+    if (late.empty() || std::ranges::count(late, late.front()) == std::ssize(late)) return;
+    // Before the first edge a lost frame and another start are the same.
+    StimulusState& s = state_.stimuli[index_];
+    s.delay_s -= best_delay_s + late.front() * session_.period_s;
+    for (std::size_t k = 0; k < late.size(); ++k) {
+      s.late_s[k] = (late[k] - late.front()) * session_.period_s;
+      if (k > 0) count_periods(late[k] - late[k - 1], t);
+    }
+  }
+
+ private:
+  static constexpr int kMost = 8;  // periods, either way
+  static constexpr int kPlaces = 2 * kMost + 1;
+  static constexpr double kMisfit = 0.03;     // of the contrast, that levels and time constants may be off by
+  static constexpr double kMostOfFrame = 25;  // of the cost of one frame
+  static constexpr double kStepCost = 20.0;   // and of one frame that was lost or inserted
+
+  struct Path {
+    double cost = 1e300;
+    std::vector<int> late;  // of each frame, periods
+  };
+
+  // What every frame would cost at every lateness.
+  Eigen::ArrayXXd costs(double later_s) const {
+    Eigen::ArrayXXd cost(seen_.size(), kPlaces);
+    State trial = state_;
+    for (int place = 0; place < kPlaces; ++place) {
+      std::ranges::fill(trial.stimuli[index_].late_s, (place - kMost) * session_.period_s + later_s);
+      const Series y = predict(session_, index_, trial, few_);
+      for (Index k = 0; k < seen_.size(); ++k) {
+        const double expected = std::min<double>(y.row(k).mean(), trial.camera.clip_k);
+        const double miss = (seen_[k] - expected) / sigma_k_;
+        cost(k, place) = r_.is_used(k) ? std::min(miss * miss, kMostOfFrame) : 0.0;
+      }
+    }
+    return cost;
+  }
+
+  Path path_of(double later_s) const {
+    const Eigen::ArrayXXd cost = costs(later_s);
+    const Index frames = cost.rows();
+    Eigen::ArrayXXi from(frames, kPlaces);
+    ArrayXd sum = cost.row(0).transpose();
+    for (Index k = 1; k < frames; ++k) {
+      ArrayXd next(kPlaces);
+      for (int to = 0; to < kPlaces; ++to) {
+        int best = to;
+        for (int at = 0; at < kPlaces; ++at) {
+          if (sum[at] + kStepCost * std::abs(at - to) < sum[best] + kStepCost * std::abs(best - to)) best = at;
+        }
+        from(k, to) = best;
+        next[to] = sum[best] + kStepCost * std::abs(best - to) + cost(k, to);
+      }
+      sum = next;
+    }
+    Index place = 0;
+    Path path;
+    path.cost = sum.minCoeff(&place);
+    path.late.assign(static_cast<std::size_t>(frames), 0);
+    for (Index k = frames - 1; k >= 0; --k) {
+      path.late[static_cast<std::size_t>(k)] = static_cast<int>(place) - kMost;
+      if (k > 0) place = from(k, place);
+    }
+    return path;
+  }
+
+  const Session& session_;
+  const Recording& r_;
+  std::size_t index_;
+  State& state_;
+  std::vector<int> few_;  // pixels that are looked at
+  ArrayXd seen_;          // their mean in each frame
+  double sigma_k_ = 1.0;
+};
+
+}  // namespace
+
+void smooth_speeds(const Session& session, State& state) {
+  const bool jittered = std::ranges::any_of(state.stimuli, &StimulusState::times_free);
+  const long half = jittered ? 40 : 12;
+  for (std::size_t i = 0; i < session.recordings.size(); ++i) {
+    const Recording& recording = session.recordings[i];
+    if (recording.kind != Kind::kMovingBars) continue;
+    StimulusState& s = state.stimuli[i];
+    const auto frames = static_cast<long>(recording.frames());
+    for (long k = 0; k < frames; ++k) {
+      // The slope of a straight line through the neighbours that were seen.
+      const auto [from, to] = around(k, half, frames);
+      Line line;
+      for (long a = from; a <= to; ++a) {
+        const auto frame = static_cast<std::size_t>(a);
+        if (recording.used[frame] == 0) continue;
+        const double t = recording.t[frame] + s.late_s[frame] - recording.t[static_cast<std::size_t>(k)];
+        line.add(t, s.shift_px[frame]);
+      }
+      if (line.count() >= 4.0 && line.width() > 0.0) s.speed_px_s[static_cast<std::size_t>(k)] = line.slope();
+    }
+  }
+}
+
+Transport judge_transport(const Session& session, State& state, double floor_k, std::span<const int> pixels) {
+  Transport t;
+  for (const std::size_t i : modelled(session)) {
+    const Kind kind = session.recordings[i].kind;
+    if (kind == Kind::kMovingBars) count_steps(session, i, state, t);
+    if (kind == Kind::kChopper) ChopperClock(session, i, state, pixels).count_steps(t);
+  }
+  judge_jitter(session, state, floor_k, pixels, t);
+  return t;
+}
+
+void judge_jitter(const Session& session, const State& state, double floor_k, std::span<const int> pixels,
+                  Transport& transport) {
+  JitterSums sums;
+  for (const std::size_t i : modelled(session)) {
+    if (session.recordings[i].kind == Kind::kMovingBars) sums.add(session, i, state, floor_k, pixels);
+  }
+  const auto& [square, noise, count] = sums;
+  if (count <= 10.0) return;
+  transport.measured_s = std::sqrt(noise / count);
+  transport.jitter_s = std::sqrt(std::max(0.0, (square - noise) / count));
+  transport.jitter_error_s = (square / count) * std::sqrt(3.0 / count) / std::max(1e-9, 2.0 * transport.jitter_s);
+}
+
+bool is_jittered(const Transport& t) {
+  return t.jitter_s > kLeastJitter_s && t.jitter_s > kJitterOverMeasured * t.measured_s &&
+         t.jitter_s > kJitterOverError * t.jitter_error_s;
+}
+
+State without_transport(const Session& session, const State& state) {
+  State plain = state;
+  for (std::size_t i = 0; i < plain.stimuli.size(); ++i) {
+    StimulusState& s = plain.stimuli[i];
+    if (session.recordings[i].kind == Kind::kMovingBars) {
+      const double speed = s.mean_speed();
+      std::vector<double> offset(s.shift_px.size());
+      for (std::size_t k = 0; k < offset.size(); ++k) offset[k] = s.shift_px[k] - speed * s.late_s[k];
+      constexpr long kHalf = 10;
+      for (long k = 0; k < static_cast<long>(offset.size()); ++k) {
+        // A straight line through the neighbours, its value in the middle.
+        const auto [from, to] = around(k, kHalf, static_cast<long>(offset.size()));
+        Line line;
+        for (long a = from; a <= to; ++a) line.add(static_cast<double>(a - k), offset[static_cast<std::size_t>(a)]);
+        s.shift_px[static_cast<std::size_t>(k)] = line.at(0.0);
+      }
+    }
+    std::ranges::fill(s.late_s, 0.0);
+  }
+  return plain;
+}
+
+}  // namespace bolo::diagnose
