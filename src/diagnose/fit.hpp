@@ -101,6 +101,8 @@ std::vector<Group> groups_of(const Session& session, const Series& residual, con
 VectorXd solve_within(const MatrixXd& normal, const VectorXd& right, const VectorXd& low, const VectorXd& high);
 
 MatrixXd inverse(const MatrixXd& normal);
+// What each column of the basis counts in each column of values.
+MatrixXd least_squares(const MatrixXd& basis, const MatrixXd& values);
 
 // Owners of what several recordings share.
 inline constexpr int kAllBars = -1;

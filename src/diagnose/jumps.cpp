@@ -33,7 +33,7 @@ MatrixXd levels_in(const std::vector<Index>& frames, const MatrixXd& levels) {
 VectorXd step_weights(const std::vector<Index>& frames, const MatrixXd& levels, Index first) {
   VectorXd step(static_cast<Index>(frames.size()));
   std::ranges::transform(frames, step.begin(), [first](Index k) { return k >= first ? 1.0 : 0.0; });
-  step -= levels * levels.colPivHouseholderQr().solve(step);
+  step -= levels * least_squares(levels, step);
   return step / std::max(1e-9, step.squaredNorm());
 }
 
@@ -77,7 +77,7 @@ struct JumpSearch {
   double explained(Index a) const {
     const Index n = value.rows();
     MatrixXd whole = still ? MatrixXd(value.matrix()) : MatrixXd(mean.matrix());
-    whole -= levels * levels.colPivHouseholderQr().solve(whole);
+    whole -= levels * least_squares(levels, whole);
     const Index blocks = n / kSide;
     const VectorXd weights = weights_of(a);
     double by_step = (weights.transpose() * whole).squaredNorm() / (weights.squaredNorm() * static_cast<double>(n));
@@ -106,7 +106,7 @@ struct JumpSearch {
       global = weights_of(a).dot(mean.matrix());
       VectorXd before = mean.matrix();
       before.tail(before.size() - a).array() -= global;
-      sudden -= (levels.row(a) - levels.row(a - 1)).dot(levels.colPivHouseholderQr().solve(before));
+      sudden -= ((levels.row(a) - levels.row(a - 1)) * least_squares(levels, before)).value();
     }
     const double global_z = std::abs(global) / (flicker * std::sqrt(2.0 / kSide) + 1e-6);
     const bool global_jump = global_z > kJumpZ && std::abs(global) > kLeastJump_k && sudden * global > 0.0 &&

@@ -79,7 +79,7 @@ Eigen::MatrixXd powers_of_time(Index n) {
 // The cubic in time that is nearest to it.
 ArrayXd cubic_of(const ArrayXd& x) {
   const Eigen::MatrixXd basis = powers_of_time(x.size());
-  const Eigen::VectorXd solved = basis.colPivHouseholderQr().solve(x.matrix());
+  const Eigen::VectorXd solved = least_squares(basis, x.matrix());
   return (basis * solved).array();
 }
 
@@ -96,7 +96,7 @@ double likelihood_of_walk(const ArrayXd& x, Index powers) {
     white.bottomRows(n - 1) -= rho * both.topRows(n - 1);
     white.row(0) *= std::sqrt(1.0 - rho * rho);
     const auto basis = white.leftCols(powers);
-    const Eigen::VectorXd left = white.col(powers) - basis * basis.colPivHouseholderQr().solve(white.col(powers));
+    const Eigen::VectorXd left = white.col(powers) - basis * least_squares(basis, white.col(powers));
     const double variance = std::max(left.squaredNorm() / static_cast<double>(n), 1e-18);
     best = std::max(best, 0.5 * std::log(1.0 - rho * rho) - 0.5 * static_cast<double>(n) * std::log(variance));
   }

@@ -245,9 +245,7 @@ double row_trend_z(const Session& session, const Eigen::VectorXf& map) {
     basis.row(r) << weight, weight * s, weight * s * s;
     mean[r] = weight * sum[r] / count[r];
   }
-  const auto explained = [&mean](const MatrixXd& by) {
-    return (by * by.colPivHouseholderQr().solve(mean)).squaredNorm();
-  };
+  const auto explained = [&mean](const MatrixXd& by) { return (by * least_squares(by, mean)).squaredNorm(); };
   return std::sqrt(std::max(0.0, explained(basis) - explained(basis.leftCols(1))));
 }
 
