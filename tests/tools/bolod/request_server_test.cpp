@@ -141,6 +141,25 @@ TEST_F(RequestServerTest, WithoutDescriptorsItDoesNotSpin) {
   EXPECT_EQ(hear(waiting), "two two\n") << "as soon as there are some again";
 }
 
+// One that was started when the process had no descriptor left serves, and ends when it is told to.
+TEST_F(RequestServerTest, WithoutDescriptorsAtTheStartItStillEnds) {
+  UniqueFd listener(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  const sockaddr_un place = place_of(path_);
+  ASSERT_EQ(bind(listener.get(), reinterpret_cast<const sockaddr*>(&place), sizeof place), 0);
+  ASSERT_EQ(listen(listener.get(), 64), 0);
+  rlimit before{};
+  getrlimit(RLIMIT_NOFILE, &before);
+  UniqueFd last(dup(listener.get()));  // the lowest that was free: all below are taken
+  const rlimit none{static_cast<rlim_t>(last.get()) + 1, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none), 0);
+  server_.emplace(std::move(listener), RequestServer::Limits{.clients = 16, .patience_ms = kForEver_ms},
+                  [](std::string_view) { return "yes"; });
+  setrlimit(RLIMIT_NOFILE, &before);
+  last = UniqueFd();
+  EXPECT_EQ(answer_to("one\n"), "yes");
+  server_.reset();
+}
+
 // /tmp is everybody's: a folder that was there first may be somebody's who waits for a daemon's socket.
 TEST(ControlServer, AnothersFolderIsRefused) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root, to give a folder away";
