@@ -2,6 +2,7 @@
 #include "tools/bolod/request_server.hpp"
 
 #include <gtest/gtest.h>
+#include <pthread.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -11,11 +12,16 @@
 #include <array>
 #include <chrono>
 #include <ctime>
+#include <filesystem>
+#include <string>
 #include <thread>
 #include <vector>
 
+#include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
+#include "tests/tools/program.hpp"
 #include "tools/bolod/control.hpp"
+#include "tools/bolod/metrics_server.hpp"
 
 namespace bolo::daemon::request_server_test {
 namespace {
@@ -180,6 +186,26 @@ TEST(ControlServer, AnothersFolderIsRefused) {
   EXPECT_FALSE(start()) << "everybody's";
   ASSERT_EQ(chmod(folder.c_str(), 01777), 0);
   EXPECT_TRUE(start()) << "everybody's, but files are their owners'";
+}
+
+// A thread may be refused at any time, as when all that the service may have are taken. A stack that no computer has
+// room for stands for it.
+TEST(RequestServers, WithoutAThreadThereIsAnErrorAndNoSocket) {
+  pthread_attr_t before{};
+  pthread_attr_t huge{};
+  ASSERT_EQ(pthread_getattr_default_np(&before), 0);
+  pthread_attr_init(&huge);
+  ASSERT_EQ(pthread_attr_setstacksize(&huge, std::size_t{1} << 46), 0);
+  ASSERT_EQ(pthread_setattr_default_np(&huge), 0);
+  const Scratch scratch;
+  const std::string path = (scratch.path() / "s").string();
+  const auto control = ControlServer::start(path, 0600, [](std::string_view) { return "{}"; });
+  const auto metrics = MetricsServer::start({true, tools::test::own_address() + ":9464", false},
+                                            [] { return std::vector<prometheus::MetricFamily>(); });
+  pthread_setattr_default_np(&before);
+  expect_error(control, {"no thread"});
+  EXPECT_FALSE(std::filesystem::exists(path));
+  expect_error(metrics, {"no thread"});
 }
 
 }  // namespace
