@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "drivers/genicam/description.hpp"
 #include "drivers/genicam/discovery.hpp"
 #include "drivers/genicam/nodes.hpp"
 
@@ -46,6 +47,14 @@ Result<FoundCamera> choose_camera(const std::string& id, const std::string& seri
   return bad_input("no camera named '" + id + "' answers; found: " + list_of(cameras));
 }
 
+// Lets the device go if what it says of itself must not be evaluated.
+Status check_device(Connection& connection) {
+  Status good = check_description(arv_device_get_genicam(connection.device.get()));
+  if (good) return good;
+  connection.device.reset();
+  return bad_input(connection.name + ": " + good.error().message);
+}
+
 // Opens the device at the connection's address: as its controller, unless another program is.
 Status open_device(Connection& connection) {
   const Ref<GInetAddress> local(g_inet_address_new_from_string(connection.route.local_address.c_str()));
@@ -53,7 +62,7 @@ Status open_device(Connection& connection) {
   GlibError error;
   connection.device.reset();
   connection.device.reset(arv_gv_device_new(local.get(), remote.get(), error.out()));
-  if (!error && connection.device != nullptr) return {};
+  if (!error && connection.device != nullptr) return check_device(connection);
   connection.device.reset();
   return failed(connection.name + " answers but cannot be opened (" + error.message() + ")");
 }
@@ -95,6 +104,7 @@ Result<Connection> open_by_id(const std::string& id) {
     return bad_input("camera " + id + " cannot be opened (" + error.message() +
                      "): check that no other program uses it and that you may access the device");
   }
+  RETURN_IF_ERROR(check_device(connection));
   return connection;
 }
 

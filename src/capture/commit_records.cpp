@@ -82,8 +82,16 @@ PageRecord read_live(const std::filesystem::path& file) {
   return newest;
 }
 
+// The records lie beside the file itself, not beside a link to it.
+std::filesystem::path real_name(const std::filesystem::path& file) {
+  std::error_code error;
+  std::filesystem::path real = std::filesystem::canonical(file, error);
+  return error ? file : real;
+}
+
 // A live record that is older than the journal's knows nothing of what has been written to the file since.
-Records read_both(const std::filesystem::path& file) {
+Records read_both(const std::filesystem::path& name) {
+  const std::filesystem::path file = real_name(name);
   Records records;
   if (const UniqueFd journal = open_to_read(journal_of(file))) {
     records.journal = read_record(journal.get(), 0).value_or(PageRecord{});
@@ -190,7 +198,7 @@ CacheName cache_of(int descriptor) {
 LiveRecord::LiveRecord(UniqueFd file) : file_(std::move(file)), cache_(cache_of(file_.get())) {}
 
 Result<LiveRecord> LiveRecord::create(const std::filesystem::path& file) {
-  UniqueFd live(::open(live_of(file).c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
+  UniqueFd live(::open(live_of(file).c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666));
   if (!live) return failed(std::strerror(errno));
   return LiveRecord(std::move(live));
 }

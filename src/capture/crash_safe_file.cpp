@@ -47,9 +47,24 @@ bool for_each_page(std::uint64_t offset, std::size_t bytes, Use use) {
   return true;
 }
 
+// What is written, emptied and removed in the end must be under no other name: whoever can put a link here would have
+// another file's content go.
+Status check_only_name(const std::filesystem::path& file) {
+  struct stat there {};
+  if (::lstat(file.c_str(), &there) != 0 || (S_ISREG(there.st_mode) && there.st_nlink == 1)) return {};
+  return bad_input("cannot be begun: " + file.filename().string() +
+                   " is a link, has another name too, or is no file; remove it, or choose another name");
+}
+
+Status check_only_names(const std::filesystem::path& file, Replace replace) {
+  if (replace == Replace::kExisting) RETURN_IF_ERROR(check_only_name(file));
+  RETURN_IF_ERROR(check_only_name(journal_of(file)));
+  return check_only_name(live_of(file));
+}
+
 // A record of an earlier file must not be laid over this one, not even after a cut of power.
 UniqueFd create_journal(const std::filesystem::path& file, bool power) {
-  UniqueFd journal(::open(journal_of(file).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
+  UniqueFd journal(::open(journal_of(file).c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666));
   struct stat info {};
   if (!journal || ::fstat(journal.get(), &info) != 0) return {};
   if (info.st_size == 0) return journal;
@@ -105,8 +120,9 @@ bool still_named(int descriptor, const std::filesystem::path& file) {
 // Nothing of a file that another writer holds is touched. The records are emptied before the file is.
 Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::create(const std::filesystem::path& file, SurvivesCut survives,
                                                              Replace replace) {
+  RETURN_IF_ERROR(check_only_names(file, replace));
   const int exclusive = replace == Replace::kNothing ? O_EXCL : 0;
-  UniqueFd descriptor(::open(file.c_str(), O_RDWR | O_CREAT | exclusive | O_CLOEXEC, 0666));
+  UniqueFd descriptor(::open(file.c_str(), O_RDWR | O_CREAT | exclusive | O_CLOEXEC | O_NOFOLLOW, 0666));
   if (!descriptor && errno == EEXIST) return is_there(file);
   if (!descriptor) return not_opened("created");
   std::unique_ptr<CrashSafeFile> made(new CrashSafeFile(file, std::move(descriptor)));

@@ -44,8 +44,8 @@ enum class SurvivesCut { kProcess, kPower };
 
 class CrashSafeFile {
  public:
-  // Creates the file and its records, or empties one that may be replaced, and locks it. Errors: kBadInput with the
-  // cause. Thread: setup.
+  // Creates the file and its records, or empties one that may be replaced, and locks it. A link in the place of any of
+  // them is refused, and what it stands for not touched. Errors: kBadInput with the cause. Thread: setup.
   static Result<std::unique_ptr<CrashSafeFile>> create(const std::filesystem::path& file, SurvivesCut survives,
                                                        Replace replace);
   // For reading, as the last commit left it. Thread: setup.

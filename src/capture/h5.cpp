@@ -73,6 +73,13 @@ Status check_filters(hid_t properties, const std::string& path) {
   return {};
 }
 
+// Values must be in the file itself. Elsewhere is wherever its maker wrote: any file that only the reader may read, a
+// pipe that nobody feeds, or this same dataset, round and round.
+Status check_place(hid_t properties, const std::string& path) {
+  if (H5Pget_layout(properties) != H5D_VIRTUAL && H5Pget_external_count(properties) <= 0) return {};
+  return bad_input(path + " has its values in other files, which are not read; write them into this one");
+}
+
 // Elements that storage is allocated for: whole chunks, or the shape itself.
 std::optional<std::size_t> allocated_values(hid_t properties, const Dims& dims) {
   if (H5Pget_layout(properties) != H5D_CHUNKED || dims.empty()) return product(dims);
@@ -305,7 +312,8 @@ Result<Handle> open_dataset(hid_t file, const std::string& path, Expect expect) 
   if (H5Sget_simple_extent_type(space.get()) == H5S_NULL) return bad_input(path + " is empty");
   const Handle properties(H5Dget_create_plist(object.get()));
   if (!properties) return bad_input(path + " cannot be opened" + because());
-  Status good = check_filters(properties.get(), path);
+  Status good = check_place(properties.get(), path);
+  if (good) good = check_filters(properties.get(), path);
   if (good && expect == Expect::kWhole) good = check_stored(object.get(), properties.get(), path);
   if (!good) return tl::unexpected<Error>(std::move(good.error()));
   return object;

@@ -130,6 +130,10 @@ Result<Recovered> recover_copy(const std::filesystem::path& damaged, const Outpu
 
 Result<Recovered> recover_in_place(const std::filesystem::path& part, const OutputFile& out) {
   RETURN_IF_ERROR(check_output(out));
+  std::error_code ignored;
+  if (std::filesystem::is_symlink(part, ignored)) {
+    return bad_input(part.string() + ": is a link; finish the file that it stands for, or save it to another one");
+  }
   Recovered done;
   {
     ASSIGN_OR_RETURN(const CaptureReader reader, CaptureReader::open(part));

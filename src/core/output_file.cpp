@@ -99,11 +99,12 @@ Status check_outputs(const std::vector<fs::path>& outputs, const std::vector<fs:
   for (const fs::path& output : outputs) {
     if (output.empty()) continue;
     const std::string name = output.string();
-    std::string part = name + ".part";
     if (is_one_of(read, output)) return bad_input(name + ": is both read and written; choose another name");
-    if (is_one_of(read, part)) {
-      return bad_input(
-          part.append(": is read, and written while ").append(name).append(" is made; choose another name"));
+    for (const char* ending : {".part", ".part.journal", ".part.live"}) {
+      const std::string meanwhile = name + ending;
+      if (is_one_of(read, meanwhile)) {
+        return bad_input(meanwhile + ": is read, and written while " + name + " is made; choose another name");
+      }
     }
     if (!names.emplace(id_of(folder_of(output)), output.filename()).second) {
       return bad_input(name + ": would be written twice; choose another name");

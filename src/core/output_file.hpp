@@ -34,8 +34,8 @@ struct OutputFile {
 Status check_output(const OutputFile& output);
 
 // For a verb, before any work: each output may be written, is none of the inputs (by inode, so through links too) and
-// none of the others; neither is what is written meanwhile under an output's name and ".part". Empty names are passed
-// over. Errors: kBadInput. Thread: any.
+// none of the others; neither is what is written meanwhile under an output's name and ".part", and beside it. Empty
+// names are passed over. Errors: kBadInput. Thread: any.
 Status check_outputs(const std::vector<std::filesystem::path>& outputs,
                      const std::vector<std::filesystem::path>& inputs, Replace replace);
 

@@ -11,6 +11,8 @@ namespace bolo::model {
 namespace {
 
 constexpr std::uintmax_t kMaxFileBytes = 1U << 20;
+constexpr std::size_t kMostDots = 32;        // on a line
+constexpr std::size_t kLongestGuessed = 80;  // key that may be a slip
 
 // Levenshtein's distance, one row at a time.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
@@ -40,8 +42,34 @@ Result<std::string> slurp(const std::filesystem::path& file) {
   std::string text(kMaxFileBytes + 1, '\0');
   in.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(in.gcount()));
+  if (in.bad()) return bad_input(file.string() + ": cannot be read");
   if (text.size() > kMaxFileBytes) return bad_input(file.string() + ": larger than 1 MiB: this is no settings file");
   return text;
+}
+
+// The first line with a key of more parts than any has, or 0: the library reads and frees tables in tables one within
+// the other, until there is no stack left.
+std::int64_t line_of_deep_key(std::string_view text) {
+  std::int64_t line = 1;
+  std::size_t dots = 0;
+  char quote = '\0';
+  bool comment = false;
+  for (const char c : text) {
+    if (c == '\n') {
+      ++line;
+      dots = 0;
+      quote = '\0';
+      comment = false;
+    } else if (quote != '\0') {
+      if (c == quote) quote = '\0';
+    } else if (c == '"' || c == '\'') {
+      quote = c;
+    } else {
+      comment = comment || c == '#';
+      if (c == '.' && !comment && ++dots > kMostDots) return line;
+    }
+  }
+  return 0;
 }
 
 }  // namespace
@@ -118,6 +146,9 @@ struct KeyTable::Reading {
 
 Status KeyTable::read(const std::filesystem::path& file) {
   ASSIGN_OR_RETURN(const std::string text, slurp(file));
+  if (const std::int64_t line = line_of_deep_key(text); line != 0) {
+    return bad_input(position(file, line, 1) + "no key has so many parts");
+  }
   file_ = file;
   places_.clear();
   Reading reading{*this, {}, {}, {}};
@@ -165,6 +196,7 @@ const KeyTable::Removed* KeyTable::find_removed(std::string_view path, std::stri
 
 // "; did you mean '...'?" for a slip of a third of the letters or less, or a key under the wrong section.
 std::string KeyTable::nearest(std::string_view path) const {
+  if (path.size() > kLongestGuessed) return "";
   std::string_view best;
   std::size_t best_distance = std::max<std::size_t>(2, last_part(path).size() / 3) + 1;
   const auto offer = [&](std::string_view candidate, std::size_t distance) {

@@ -115,6 +115,31 @@ void forged_times(hid_t f) {
   set_dataset(f, "/t", H5T_NATIVE_DOUBLE, {hsize_t{1} << 50}, H5T_NATIVE_DOUBLE, nullptr, {1024}, 1);
 }
 
+// /frames whose values are in the file or dataset that `point` names.
+template <typename Point>
+void frames_elsewhere(hid_t f, Point point) {
+  drop(f, "/frames");
+  const std::vector<hsize_t> dims{3, 3, 7};
+  const hid_t space = H5Screate_simple(3, dims.data(), nullptr);
+  const hid_t properties = H5Pcreate(H5P_DATASET_CREATE);
+  EXPECT_GE(point(properties, space), 0);
+  const hid_t id = H5Dcreate2(f, "/frames", H5T_NATIVE_UINT16, space, H5P_DEFAULT, properties, H5P_DEFAULT);
+  EXPECT_GE(id, 0);
+  H5Dclose(id);
+  H5Pclose(properties);
+  H5Sclose(space);
+}
+
+void frames_of_any_file(hid_t f) {
+  frames_elsewhere(f, [](hid_t properties, hid_t) { return H5Pset_external(properties, "/proc/self/exe", 0, 126); });
+}
+
+// Its own values, round and round.
+void frames_of_themselves(hid_t f) {
+  frames_elsewhere(
+      f, [](hid_t properties, hid_t space) { return H5Pset_virtual(properties, space, ".", "/frames", space); });
+}
+
 void events_without_kind(hid_t f) {
   const hid_t type = H5Tcreate(H5T_COMPOUND, 8);
   H5Tinsert(type, "t", 0, H5T_NATIVE_DOUBLE);
@@ -194,6 +219,8 @@ const std::vector<Corruption>& corruptions() {
       {"frames_none", with_dataset("/frames", H5T_NATIVE_UINT16, {0, 3, 7}), {"/frames is empty", "(0, 3, 7)"}},
       {"frames_no_width", with_dataset("/frames", H5T_NATIVE_UINT16, {3, 3, 0}), {"/frames is empty", "(3, 3, 0)"}},
       {"frames_forged", forged_frames, {"/frames", "1099511627776", "cut off"}},
+      {"frames_of_any_file", frames_of_any_file, {"/frames", "in other files"}},
+      {"frames_of_themselves", frames_of_themselves, {"/frames", "in other files"}},
       {"frames_unknown_filter", unknown_filter, {"/frames", "555", "nobody's", "h5repack"}},
 
       {"t_missing", without_item("/t"), {"/t is missing"}},
@@ -302,6 +329,16 @@ TEST(CaptureStrictFile, WhatIsNoCaptureIsToldApart) {
   expect_refused(scratch / "text.h5", "not an HDF5 file");
   std::ofstream(scratch / "old.mat") << "MATLAB 5.0 MAT-file, Platform: GLNXA64" << std::string(200, ' ');
   expect_refused(scratch / "old.mat", "-v7.3");
+}
+
+// Nor does what reads as much as it can of a damaged file look elsewhere.
+TEST(CaptureStrictFile, ValuesOfOtherFilesAreNotReadOfADamagedOneEither) {
+  const Scratch scratch;
+  const auto file = valid_file(scratch);
+  edit(file, frames_of_themselves);
+  const auto salvaged = CaptureReader::salvage(file);
+  ASSERT_FALSE(salvaged);
+  EXPECT_NE(salvaged.error().message.find("in other files"), std::string::npos) << salvaged.error().message;
 }
 
 TEST(CaptureStrictFile, TruncatedFileIsCutOff) {

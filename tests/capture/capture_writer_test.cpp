@@ -6,8 +6,11 @@
 
 #include <csignal>
 #include <fstream>
+#include <iterator>
 #include <limits>
+#include <string>
 
+#include "src/capture/recovery.hpp"
 #include "tests/capture/small_captures.hpp"
 #include "tests/refusal.hpp"
 
@@ -323,6 +326,32 @@ TEST(CaptureWriterDisk, GivingUpOnAFullDiskIsNoCrash) {
   }
 }
 
+// The records of its commits lie beside the file, not beside a link to it.
+TEST(CaptureWriterName, AKilledRecordingIsTheSameThroughALink) {
+  const Scratch scratch;
+  const pid_t pid = fork();
+  ASSERT_GE(pid, 0);
+  if (pid == 0) {
+    WriterOptions options;
+    options.survives_power_cut = true;
+    auto writer = CaptureWriter::create(scratch / "a.h5", small_info(), options);
+    bool good = writer.has_value();
+    for (std::size_t i = 0; good && i < 20; ++i) good = append(*writer, i) && writer->commit();
+    _exit(good ? 0 : 1);
+  }
+  ASSERT_EQ(exit_code_of(pid), 0);
+  std::filesystem::create_directory(scratch / "elsewhere");
+  const auto link = scratch / "elsewhere" / "b.h5.part";
+  std::filesystem::create_symlink(scratch / "a.h5.part", link);
+  {
+    const auto reader = CaptureReader::open(link);
+    ASSERT_TRUE(reader) << reader.error().message;
+    EXPECT_EQ(reader->info().frames, 20U);
+  }
+  expect_refused(recover_in_place(link, scratch / "elsewhere" / "b.h5"), {"is a link"});
+  EXPECT_TRUE(recover_in_place(scratch / "a.h5.part", scratch / "a.h5"));
+}
+
 TEST(CaptureWriterNames, NothingThatExistsIsReplaced) {
   const Scratch scratch;
   const auto file = scratch / "a.h5";
@@ -343,6 +372,28 @@ TEST(CaptureWriterNames, NothingThatExistsIsReplaced) {
   ASSERT_TRUE(append(*writer, 0));
   ASSERT_TRUE(writer->close());
   EXPECT_TRUE(CaptureReader::open(file));
+}
+
+// Whoever may write to the folder can put a link in the place of the part or of its records.
+TEST(CaptureWriterNames, WhatALinkStandsForIsNotTouched) {
+  WriterOptions options;
+  options.replace = Replace::kExisting;
+  options.survives_power_cut = true;
+  for (const std::string name : {"a.h5.part", "a.h5.part.journal", "a.h5.part.live"}) {
+    for (const bool symbolic : {true, false}) {
+      const Scratch scratch;
+      const auto theirs = scratch / "theirs";
+      std::ofstream(theirs) << "precious";
+      symbolic ? std::filesystem::create_symlink(theirs, scratch / name)
+               : std::filesystem::create_hard_link(theirs, scratch / name);
+      expect_refused(CaptureWriter::create(scratch / "a.h5", small_info(), options), {name, "remove it"});
+      std::string content;
+      std::getline(std::ifstream(theirs), content);
+      EXPECT_EQ(content, "precious");
+      const std::filesystem::directory_iterator files(scratch.path());
+      EXPECT_EQ(std::distance(begin(files), end(files)), 2) << "nothing is left";
+    }
+  }
 }
 
 // A name that somebody takes while a capture is written: both stay.

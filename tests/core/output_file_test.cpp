@@ -57,9 +57,11 @@ TEST_F(OutputFileTest, NoOutputIsAnInput) {
   for (const fs::path& name : {input_, soft, hard, scratch_ / "." / "input.h5"}) {
     expect_refused(check_outputs({free_, name}, {there_, input_}, Replace::kExisting), "both read and written");
   }
-  const fs::path part = scratch_ / "free.h5.part";
-  std::ofstream(part) << "unfinished";
-  expect_refused(check_outputs({free_}, {part}, Replace::kExisting), "is read, and written while");
+  for (const char* name : {"free.h5.part", "free.h5.part.journal", "free.h5.part.live"}) {
+    const fs::path part = scratch_ / name;
+    std::ofstream(part) << "unfinished";
+    expect_refused(check_outputs({free_}, {part}, Replace::kExisting), "is read, and written while");
+  }
 }
 
 TEST_F(OutputFileTest, NothingThatExistsIsReplaced) {

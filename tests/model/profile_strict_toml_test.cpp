@@ -93,6 +93,21 @@ TEST_F(StrictToml, EveryKindOfValueIsRead) {
   EXPECT_EQ(things_.second, Fruit::kPear);
 }
 
+// They are read and freed one within the other, on the stack.
+TEST_F(StrictToml, TablesInTablesWithoutEndAreRefused) {
+  std::string key = "a";
+  for (int i = 0; i < 100'000; ++i) key += ".a";
+  EXPECT_EQ(complaint("weight = 1\n" + key + " = 1\n"), "2:1: no key has so many parts");
+  const std::string dots(100, '.');
+  EXPECT_EQ(complaint("# " + dots + "\nlabel = '" + dots + "'  # " + dots + "\n"), "") << "no key's";
+}
+
+TEST_F(StrictToml, WhatTheDiskDoesNotGiveIsNotTakenForNothing) {
+  const Status status = things_.keys().read("/proc/self/mem");  // opens, and cannot be read
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().message, "/proc/self/mem: cannot be read");
+}
+
 TEST_F(StrictToml, ANumberMayBeAWord) {
   EXPECT_EQ(complaint("share = 1\n"), "");
   EXPECT_EQ(things_.share, 1.0);

@@ -342,6 +342,33 @@ TEST_F(DeblurFolder, ANameThatIsNotUtf8IsANameLikeAnyOther) {
   EXPECT_TRUE(fs::exists(file("\xff.h5")));
 }
 
+// A folder goes on without it, and without anybody's having asked for an unfinished recording of the same name to go.
+TEST_F(DeblurFolder, ARecordingThatWasCutOffIsNotBegunAgain) {
+  fs::create_directory(file("sharp"));
+  const std::string part = file("sharp/b.h5.part");
+  {
+    capture::CaptureInfo info;
+    info.format.geometry = {2, 1};
+    info.format.frame_period_s = 0.005;
+    auto writer = capture::CaptureWriter::create(file("sharp/b.h5"), info);
+    ASSERT_TRUE(writer);
+    ASSERT_TRUE(writer->write_attribute("recorded_at", std::string("2020-01-01T00:00:00Z")));
+    const std::vector<std::uint16_t> plane(2, 7);
+    ASSERT_TRUE(writer->append(0.0, 0, plane.data()));
+  }
+  const std::string before = contents(part);
+  const Outcome outcome = run({file("archive"), "-o", file("sharp")});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_NE(outcome.err.find("b.h5.part is there: an unfinished recording"), std::string::npos) << outcome.err;
+  EXPECT_TRUE(contents(part) == before);
+  EXPECT_TRUE(fs::exists(file("sharp/c.h5")));
+}
+
+TEST_F(DeblurFolder, ALinkThatLeadsNowhereIsNoCapture) {
+  fs::create_symlink("round.h5", file("archive/round.h5"));
+  EXPECT_EQ(did(archive()), "abc");
+}
+
 TEST_F(DeblurFolder, WhatWasMadeOtherwiseStaysUnlessItMayBeReplaced) {
   archive();
   const auto before = contents(file("sharp/a.h5"));

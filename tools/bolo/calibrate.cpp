@@ -18,6 +18,7 @@
 #include "tools/bolo/pulse_plots.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/cli/json_text.hpp"
 #include "tools/cli/plot_option.hpp"
 
 namespace bolo::tools {
@@ -190,7 +191,7 @@ Status run_calibrate(const Given& given) {
     if (Status drawn = save(sheet, *plot); !drawn) return drawn;
   }
   if (given.count("json") != 0) {
-    std::cout << to_json(*result, given).dump() << '\n';
+    std::cout << json_text(to_json(*result, given)) << '\n';
   } else {
     print_calibration(*result, given);
   }

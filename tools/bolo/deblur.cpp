@@ -65,6 +65,10 @@ Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, 
     return bad_input(file.output.string() +
                      " is there already, made otherwise; choose another folder, or --overwrite it");
   }
+  if (request.replace == Replace::kNothing && is_unfinished_recording(file.output)) {
+    return bad_input(file.output.string() +
+                     ".part is there: an unfinished recording; save it with bolo recover, or choose another folder");
+  }
   // Output that a killed run left under ".part" is begun again.
   auto capture = deblur(run, file, Replace::kExisting, source, kDeblurVerb + (" " + file.input.filename().string()));
   if (capture) {

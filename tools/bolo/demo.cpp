@@ -35,6 +35,7 @@ constexpr double kEndLimit_s = 10.0;
 constexpr double kLongest_s = 86400.0;
 // The paper's first; the page goes on with the last.
 constexpr std::array kSolvers{"admm", "motion"};
+constexpr std::array kLogs{"simulate", "fakecam", "bolod", "view"};  // .out and .err each
 
 struct DemoRequest {
   fs::path folder;  // of capture, logs and picture; empty: one that goes with the demonstration
@@ -74,7 +75,11 @@ class Demonstration {
   Demonstration(Folder folder, Replace replace) : folder_(std::move(folder)), replace_(replace) {}
 
   Status run(const DemoRequest& request) {
-    if (Status good = check_outputs({capture(), picture()}, {}, replace_); !good) return good;
+    std::vector<fs::path> outputs{capture(), picture(), configuration()};
+    for (const std::string log : kLogs) {
+      for (const char* ending : {".out", ".err"}) outputs.push_back(folder_ / (log + ending));
+    }
+    if (Status good = check_outputs(outputs, {}, replace_); !good) return good;
     for (const auto& [name, path] : {std::pair{"bolo", &bolo_}, std::pair{"bolod", &bolod_}}) {
       ASSIGN_OR_RETURN(*path, find_own_program(name));
     }
@@ -119,10 +124,12 @@ class Demonstration {
   }
 
   Status start_daemon(const std::string& solver) {
-    std::ofstream(folder_ / "bolod.toml") << "name = \"" << name() << "\"\n\n[source]\ntype = \"genicam\"\naddress = \""
-                                          << address() << "\"\nwidth = 640\nheight = 120\nrate_hz = 200.0\n\n"
-                                          << "[deblur]\nsolver = \"" << solver << "\"\n";
-    ASSIGN_OR_RETURN(auto daemon, start({bolod_, "--config", folder_ / "bolod.toml"}, "bolod"));
+    const std::string text = "name = \"" + name() + "\"\n\n[source]\ntype = \"genicam\"\naddress = \"" + address() +
+                             "\"\nwidth = 640\nheight = 120\nrate_hz = 200.0\n\n[deblur]\nsolver = \"" + solver +
+                             "\"\n";
+    RETURN_IF_ERROR(write_file({configuration(), replace_configuration_}, text));
+    replace_configuration_ = Replace::kExisting;  // it is this demonstration's own from here on
+    ASSIGN_OR_RETURN(auto daemon, start({bolod_, "--config", configuration()}, "bolod"));
     daemon_.emplace(std::move(daemon));
     return wait_for(*daemon_, "bolod.err", "frames arrive", "bolod");
   }
@@ -206,9 +213,11 @@ class Demonstration {
   static std::string address() { return "127.0.77." + std::to_string(1 + getpid() % 250); }
   fs::path capture() const { return folder_ / "street.h5"; }
   fs::path picture() const { return folder_ / "before_after.svg"; }
+  fs::path configuration() const { return folder_ / "bolod.toml"; }
 
   Folder folder_;
   Replace replace_;
+  Replace replace_configuration_ = replace_;  // of configuration()
   fs::path bolo_;
   fs::path bolod_;
   std::optional<Process> camera_;

@@ -15,6 +15,7 @@
 #include "tools/bolo/listings.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/cli/json_text.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -127,7 +128,7 @@ void print_serving(const FakeCameraRequest& request, const FakeCamera& camera) {
                               {"height", sensor.height},
                               {"rate_hz", camera.rate_hz()},
                               {"broadcast", camera.hears_broadcasts()}};
-    std::cout << line.dump() << std::endl;
+    std::cout << json_text(line) << std::endl;
     return;
   }
   std::printf("serving %s as camera %s at %s:%u, %dx%d, %g frames/s%s\n", request.capture.c_str(),
@@ -170,7 +171,7 @@ void print_summary(const FakeCameraRequest& request, const FakeCameraStats& stat
                               {"streams_finished", stats.streams_finished},
                               {"nuc_actions", stats.nuc_actions},
                               {"faults", to_json(injected)}};
-    std::cout << line.dump() << std::endl;
+    std::cout << json_text(line) << std::endl;
     return;
   }
   const auto n = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };

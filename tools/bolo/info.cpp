@@ -14,6 +14,7 @@
 #include "src/core/utc_clock.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/cli/json_text.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -252,7 +253,7 @@ std::string pairs_text(const json& object) {
   for (const auto& [name, value] : object.items()) {
     if (!text.empty()) text += ", ";
     const bool is_long = value.is_array() && value.size() > kPlacesShown;
-    text += name + " " + (is_long ? "of " + std::to_string(value.size()) + " values" : value.dump());
+    text += name + " " + (is_long ? "of " + std::to_string(value.size()) + " values" : json_text(value));
   }
   return text.empty() ? "none" : text;
 }

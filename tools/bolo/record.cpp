@@ -20,6 +20,7 @@
 #include "drivers/shm/shm_object.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/cli/json_text.hpp"
 #include "tools/cli/process.hpp"
 #include "tools/cli/scratch_folder.hpp"
 #include "tools/record/recording.hpp"
@@ -263,7 +264,7 @@ int record_main(int argc, char** argv) {
   }
   if (!result) return report(kRecordVerb, result.error());
   if (parsed.count("json") != 0) {
-    std::cout << to_json(*result).dump() << '\n';
+    std::cout << json_text(to_json(*result)) << '\n';
   } else {
     print(*result);
   }

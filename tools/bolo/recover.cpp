@@ -8,6 +8,7 @@
 #include "src/capture/recovery.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/cli/json_text.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -100,7 +101,7 @@ int recover_main(int argc, char** argv) {
   const Result<capture::Recovered> done = recover(*request);
   if (!done) return report(kRecoverVerb, done.error());
   if (parsed.count("json") != 0) {
-    std::cout << to_json(*request, *done).dump() << '\n';
+    std::cout << json_text(to_json(*request, *done)) << '\n';
   } else {
     print(*request, *done);
   }

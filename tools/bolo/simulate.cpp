@@ -18,6 +18,7 @@
 #include "tools/bolo/listings.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/cli/json_text.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -325,7 +326,7 @@ void print_result(const Options& given, const std::filesystem::path& file, const
                                 {"height", camera.geometry.height},
                                 {"seconds", seconds},
                                 {"bytes", bytes}};
-    std::puts(result.dump().c_str());
+    std::puts(json_text(result).c_str());
     return;
   }
   std::printf("%s: %llu frames of %dx%d, %g s, %.1f MB\n", file.c_str(),

@@ -4,9 +4,10 @@
 
 #include <array>
 #include <fstream>
-#include <iterator>
 #include <optional>
+#include <sstream>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include <fmt/format.h>
@@ -304,8 +305,9 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
 
 // Tells another content of a file from this one.
 std::string content(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
+  std::ostringstream text;
+  text << std::ifstream(file, std::ios::binary).rdbuf();
+  return text.str();
 }
 
 // Maps are large, and replaced as a whole.
@@ -379,7 +381,8 @@ Status check_together(const KeyTable& keys, const DaemonConfig& config, const Ov
   if (config.source == SourceType::kReplay && config.replay.file.empty()) {
     return here("source.type", "source.type = \"replay\" needs source.file, the capture to replay");
   }
-  if (config.source == SourceType::kReplay && !std::filesystem::exists(config.replay.file)) {
+  std::error_code none;  // of a name that no file can have
+  if (config.source == SourceType::kReplay && !std::filesystem::exists(config.replay.file, none)) {
     return here("source.file", "source.file: there is no " + config.replay.file.string());
   }
   if (const Status address = check_address(config.camera.address); !address) {

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <filesystem>
 #include <optional>
+#include <system_error>
 #include <utility>
 
 #include "drivers/shm/shm_object.hpp"
@@ -94,7 +95,12 @@ Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& p
   const int fd = listener.get();
   if (fd < 0 || bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return cannot(path, errno);
   if (chmod(path.c_str(), static_cast<mode_t>(mode)) != 0 || listen(fd, kBacklog) != 0) return cannot(path, errno);
-  return std::unique_ptr<ControlServer>(new ControlServer(path, std::move(listener), std::move(answer)));
+  try {
+    return std::unique_ptr<ControlServer>(new ControlServer(path, std::move(listener), std::move(answer)));
+  } catch (const std::system_error& e) {
+    unlink(path.c_str());
+    return failed("control socket " + path + ": no thread can be started: " + e.what());
+  }
 }
 
 // A request is a line.

@@ -20,6 +20,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/core/clock.hpp"
+#include "src/core/printable.hpp"
 #include "src/deblur/isa.hpp"
 #include "tools/bolod/compose.hpp"
 #include "tools/bolod/control.hpp"
@@ -181,7 +182,10 @@ void Daemon::Impl::serve_metrics() {
 
 // On the control server's thread.
 std::string Daemon::Impl::answer(std::string_view request) const {
-  const auto refused = [](const std::string& why) { return nlohmann::json{{"ok", false}, {"error", why}}.dump(); };
+  // The camera's own words may be in it, which need be no UTF-8.
+  const auto refused = [](const std::string& why) {
+    return nlohmann::json{{"ok", false}, {"error", printable(why)}}.dump();
+  };
   if (request == "state") return state_json(config, *pipeline).dump();
   if (request != "nuc") return refused("unknown request; there are: nuc, state");
   if (const Status done = pipeline->trigger_nuc(); !done) return refused(done.error().message);

@@ -1,6 +1,8 @@
 // `bolod`: the daemon. One instance a camera.
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <iostream>
 #include <string>
 
@@ -52,6 +54,7 @@ int run(const std::string& file, bool check_only) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::signal(SIGXFSZ, SIG_IGN);  // a limit on files is then a full disk: an error of the write, which is told
   cxxopts::Options options = bolo::tools::bolod_options();
   try {
     const cxxopts::ParseResult parsed = options.parse(argc, argv);
@@ -72,5 +75,7 @@ int main(int argc, char** argv) {
     return run(parsed["config"].as<std::string>(), parsed.count("check-config") != 0);
   } catch (const cxxopts::exceptions::exception& e) {
     return usage(e.what());
+  } catch (const std::exception& e) {  // for want of memory or threads
+    return report({bolo::ErrorKind::kFailed, std::string("cannot go on: ") + e.what()});
   }
 }

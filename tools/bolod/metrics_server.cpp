@@ -9,6 +9,7 @@
 #include <cstring>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include <prometheus/text_serializer.h>
@@ -109,7 +110,11 @@ Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const MetricsOptions
   if (const Status good = check_listen(options); !good) return tl::unexpected<Error>(good.error());
   Result<UniqueFd> listener = listen_at(*parse(options.listen));
   if (!listener) return tl::unexpected<Error>(listener.error());
-  return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(*listener), std::move(collect)));
+  try {
+    return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(*listener), std::move(collect)));
+  } catch (const std::system_error& e) {
+    return failed(std::string("metrics: no thread can be started: ") + e.what());
+  }
 }
 
 MetricsServer::MetricsServer(UniqueFd listener, Collect collect)

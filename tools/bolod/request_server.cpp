@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <cstdint>
 #include <thread>
@@ -20,6 +21,7 @@ namespace {
 
 constexpr int kNsPerMs = 1'000'000;
 constexpr int kNoRoomPause_ms = 100;  // where the process has no descriptor left for a client
+constexpr int kLook_ms = 100;         // for the end, where it had none for the event that tells of it
 
 struct Client {
   UniqueFd socket;
@@ -51,7 +53,7 @@ struct RequestServer::Impl {
     for (;;) {
       list(events);
       if (poll(events.data(), events.size(), wait_ms()) < 0 && errno != EINTR) return;
-      if ((events[0].revents & POLLIN) != 0) return;
+      if ((events[0].revents & POLLIN) != 0 || ending.load(std::memory_order_relaxed)) return;
       attend(events);
       if ((events[1].revents & POLLIN) != 0) accept_all();
     }
@@ -69,6 +71,7 @@ struct RequestServer::Impl {
   // Until the first client's time is over, or there may be descriptors again.
   int wait_ms() const {
     std::int64_t until_ns = monotonic_ns() < no_room_until_ns ? no_room_until_ns : INT64_MAX;
+    if (!stop) until_ns = std::min(until_ns, monotonic_ns() + std::int64_t{kLook_ms} * kNsPerMs);
     for (const Client& client : clients) until_ns = std::min(until_ns, client.deadline_ns);
     if (until_ns == INT64_MAX) return -1;
     return static_cast<int>(std::max<std::int64_t>(0, until_ns - monotonic_ns()) / kNsPerMs + 1);
@@ -115,6 +118,7 @@ struct RequestServer::Impl {
 
   UniqueFd listener;
   UniqueFd stop;
+  std::atomic<bool> ending{false};
   Limits limits;
   Answer answer;
   std::vector<Client> clients{};  // who came first, first
@@ -128,6 +132,7 @@ RequestServer::RequestServer(UniqueFd listener, const Limits& limits, Answer ans
 }
 
 RequestServer::~RequestServer() {
+  impl_->ending.store(true, std::memory_order_relaxed);
   const std::uint64_t one = 1;
   [[maybe_unused]] const ssize_t written = write(impl_->stop.get(), &one, sizeof one);
   impl_->thread.join();

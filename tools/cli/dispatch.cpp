@@ -4,9 +4,12 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <exception>
 #include <iostream>
+#include <new>
 #include <string>
 
+#include "src/core/printable.hpp"
 #include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
@@ -31,6 +34,19 @@ int printed(const std::string& program, std::string_view verb, int code) {
   return code == kExitDone ? kExitFailed : code;
 }
 
+// What a library throws beyond its edge, for want of memory or threads, is a failure that is told, not the end of the
+// process without a word.
+int guarded(const std::string& program, const Verb& verb, int argc, char** argv) {
+  try {
+    return verb.run(argc, argv);
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "%s %s: not enough memory\n", program.c_str(), std::string(verb.name).c_str());
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "%s %s: %s\n", program.c_str(), std::string(verb.name).c_str(), printable(e.what()).c_str());
+  }
+  return kExitFailed;
+}
+
 }  // namespace
 
 int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char** argv) {
@@ -52,7 +68,7 @@ int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char
   for (const Verb& verb : verbs) {
     if (verb.name != word) continue;
     std::signal(SIGXFSZ, SIG_IGN);  // a limit on files is then a full disk: an error of the write, which is told
-    return printed(name, verb.name, verb.run(argc - 1, argv + 1));
+    return printed(name, verb.name, guarded(name, verb, argc - 1, argv + 1));
   }
   std::fprintf(stderr, "%s: no verb '%s'; '%s --help' lists them\n", name.c_str(), argv[1], name.c_str());
   return kExitUsage;

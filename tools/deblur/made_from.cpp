@@ -112,6 +112,14 @@ bool is_made(const fs::path& output, const fs::path& input, const std::string& m
          });
 }
 
+// Recordings say from the first commit on when they were begun; what this verb writes doesn't.
+bool is_unfinished_recording(const fs::path& output) {
+  const auto reader = capture::CaptureReader::open(output.string() + ".part");
+  if (!reader) return false;
+  const auto attributes = reader->attributes();
+  return attributes && std::ranges::any_of(*attributes, [](const auto& one) { return one.name == "recorded_at"; });
+}
+
 bool is_being_made(const fs::path& output) {
   const UniqueFd part(::open((output.string() + ".part").c_str(), O_RDWR | O_CLOEXEC));
   return part && ::flock(part.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;

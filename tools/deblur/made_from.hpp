@@ -21,6 +21,10 @@ Result<std::string> made_from(const DeblurRequest& request, const capture::Captu
 // `output` is there, whole, made from that, and not older than `input`. Thread: any one at a time.
 bool is_made(const std::filesystem::path& output, const std::filesystem::path& input, const std::string& made_from);
 
+// A recording that was cut off waits for `bolo recover` under the name that `output` has while it is written. Thread:
+// any one at a time.
+bool is_unfinished_recording(const std::filesystem::path& output);
+
 // Another process is writing `output`. Thread: any.
 bool is_being_made(const std::filesystem::path& output);
 

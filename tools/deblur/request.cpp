@@ -94,8 +94,9 @@ Result<std::vector<fs::path>> captures_in(const fs::path& given) {
   std::error_code error;
   if (!fs::is_directory(given, error)) return std::vector<fs::path>{given};
   std::vector<fs::path> captures;
-  for (const fs::directory_entry& entry : fs::directory_iterator(given, error)) {
-    if (entry.is_regular_file() && is_capture_name(entry.path())) captures.push_back(entry.path());
+  for (fs::directory_iterator at(given, error), end; !error && at != end; at.increment(error)) {
+    std::error_code ignored;  // of a link that leads nowhere
+    if (at->is_regular_file(ignored) && is_capture_name(at->path())) captures.push_back(at->path());
   }
   if (error) return bad_input(given.string() + ": cannot be read: " + error.message());
   if (captures.empty()) return bad_input(given.string() + ": no captures (.h5, .mat) in this folder");

@@ -100,6 +100,16 @@ TEST_F(BolodRun, AKilledDaemonIsFollowedByAnother) {
   expect_good_end(*second);
 }
 
+// Shared memory is a file, too: beyond the limit on files is a full /dev/shm, not the end by a signal.
+TEST_F(BolodRun, ALimitOnFilesIsAFullDisk) {
+  write_capture(folder_ / "in.h5", 100);
+  Program limited({"/bin/sh", "-c", "ulimit -f 8; exec \"$0\" --config \"$1\"", BOLOD_PROGRAM, configure(kReplay)},
+                  file("limited"));
+  EXPECT_EQ(limited.wait(), 2);
+  EXPECT_NE(limited.err().find("/dev/shm has no room"), std::string::npos) << limited.err();
+  EXPECT_FALSE(std::filesystem::exists("/dev/shm/bolo." + name_));
+}
+
 TEST_F(BolodRun, AFastReplayLosesNothing) {
   write_capture(folder_ / "in.h5", 400);
   const auto daemon =

@@ -71,6 +71,11 @@ TEST_F(Config, AGyroNeedsTheSolverAndTheLens) {
             std::string::npos);
 }
 
+TEST_F(Config, ANameThatNoFileCanHaveIsNotThere) {
+  const std::string name(300, 'n');
+  EXPECT_NE(complaint("[source]\ntype = 'replay'\nfile = '" + name + "'\n").find("there is no"), std::string::npos);
+}
+
 TEST_F(Config, KeysReachTheirPlaces) {
   write("a.h5", "");
   const auto config = read(

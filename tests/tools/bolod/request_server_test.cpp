@@ -2,6 +2,7 @@
 #include "tools/bolod/request_server.hpp"
 
 #include <gtest/gtest.h>
+#include <pthread.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -11,11 +12,16 @@
 #include <array>
 #include <chrono>
 #include <ctime>
+#include <filesystem>
+#include <string>
 #include <thread>
 #include <vector>
 
+#include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
+#include "tests/tools/program.hpp"
 #include "tools/bolod/control.hpp"
+#include "tools/bolod/metrics_server.hpp"
 
 namespace bolo::daemon::request_server_test {
 namespace {
@@ -141,6 +147,25 @@ TEST_F(RequestServerTest, WithoutDescriptorsItDoesNotSpin) {
   EXPECT_EQ(hear(waiting), "two two\n") << "as soon as there are some again";
 }
 
+// One that was started when the process had no descriptor left serves, and ends when it is told to.
+TEST_F(RequestServerTest, WithoutDescriptorsAtTheStartItStillEnds) {
+  UniqueFd listener(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  const sockaddr_un place = place_of(path_);
+  ASSERT_EQ(bind(listener.get(), reinterpret_cast<const sockaddr*>(&place), sizeof place), 0);
+  ASSERT_EQ(listen(listener.get(), 64), 0);
+  rlimit before{};
+  getrlimit(RLIMIT_NOFILE, &before);
+  UniqueFd last(dup(listener.get()));  // the lowest that was free: all below are taken
+  const rlimit none{static_cast<rlim_t>(last.get()) + 1, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none), 0);
+  server_.emplace(std::move(listener), RequestServer::Limits{.clients = 16, .patience_ms = kForEver_ms},
+                  [](std::string_view) { return "yes"; });
+  setrlimit(RLIMIT_NOFILE, &before);
+  last = UniqueFd();
+  EXPECT_EQ(answer_to("one\n"), "yes");
+  server_.reset();
+}
+
 // /tmp is everybody's: a folder that was there first may be somebody's who waits for a daemon's socket.
 TEST(ControlServer, AnothersFolderIsRefused) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root, to give a folder away";
@@ -161,6 +186,26 @@ TEST(ControlServer, AnothersFolderIsRefused) {
   EXPECT_FALSE(start()) << "everybody's";
   ASSERT_EQ(chmod(folder.c_str(), 01777), 0);
   EXPECT_TRUE(start()) << "everybody's, but files are their owners'";
+}
+
+// A thread may be refused at any time, as when all that the service may have are taken. A stack that no computer has
+// room for stands for it.
+TEST(RequestServers, WithoutAThreadThereIsAnErrorAndNoSocket) {
+  pthread_attr_t before{};
+  pthread_attr_t huge{};
+  ASSERT_EQ(pthread_getattr_default_np(&before), 0);
+  pthread_attr_init(&huge);
+  ASSERT_EQ(pthread_attr_setstacksize(&huge, std::size_t{1} << 46), 0);
+  ASSERT_EQ(pthread_setattr_default_np(&huge), 0);
+  const Scratch scratch;
+  const std::string path = (scratch.path() / "s").string();
+  const auto control = ControlServer::start(path, 0600, [](std::string_view) { return "{}"; });
+  const auto metrics = MetricsServer::start({true, tools::test::own_address() + ":9464", false},
+                                            [] { return std::vector<prometheus::MetricFamily>(); });
+  pthread_setattr_default_np(&before);
+  expect_error(control, {"no thread"});
+  EXPECT_FALSE(std::filesystem::exists(path));
+  expect_error(metrics, {"no thread"});
 }
 
 }  // namespace

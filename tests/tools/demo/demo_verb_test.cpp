@@ -1,0 +1,26 @@
+// `bolo demo` in a folder that the user named, and where files of his are.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/tools/program.hpp"
+
+namespace bolo::tools::test {
+namespace {
+
+class DemoVerb : public ProgramTest {
+ protected:
+  DemoVerb() : ProgramTest({BOLO_PROGRAM, "demo", "--no-page", "--seconds", "1"}) {}
+};
+
+TEST_F(DemoVerb, ReplacesNothing) {
+  for (const std::string name : {"street.h5", "before_after.svg", "bolod.toml", "bolod.err", "view.out"}) {
+    const std::string theirs = write(name, "precious");
+    refused({"-o", folder_}, name + " is there already");
+    EXPECT_EQ(contents(theirs), "precious");
+    std::filesystem::remove(theirs);
+  }
+}
+
+}  // namespace
+}  // namespace bolo::tools::test
