@@ -11,7 +11,7 @@ namespace bolo::model {
 namespace {
 
 constexpr std::uintmax_t kMaxFileBytes = 1U << 20;
-constexpr std::size_t kMostDots = 32;        // on a line
+constexpr std::size_t kMostDots = 32;        // of a key
 constexpr std::size_t kLongestGuessed = 80;  // key that may be a slip
 
 // Levenshtein's distance, one row at a time.
@@ -66,6 +66,7 @@ std::int64_t line_of_deep_key(std::string_view text) {
       quote = c;
     } else {
       comment = comment || c == '#';
+      if (c == '=' || c == ',') dots = 0;  // numbers have dots, too
       if (c == '.' && !comment && ++dots > kMostDots) return line;
     }
   }

@@ -100,6 +100,9 @@ TEST_F(StrictToml, TablesInTablesWithoutEndAreRefused) {
   EXPECT_EQ(complaint("weight = 1\n" + key + " = 1\n"), "2:1: no key has so many parts");
   const std::string dots(100, '.');
   EXPECT_EQ(complaint("# " + dots + "\nlabel = '" + dots + "'  # " + dots + "\n"), "") << "no key's";
+  std::string numbers = "0.5";
+  for (int i = 0; i < 100; ++i) numbers += ", 0.5";
+  EXPECT_EQ(complaint("numbers = [" + numbers + "]\n").find("so many parts"), std::string::npos);
 }
 
 TEST_F(StrictToml, WhatTheDiskDoesNotGiveIsNotTakenForNothing) {
