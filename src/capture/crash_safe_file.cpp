@@ -148,7 +148,7 @@ Result<std::unique_ptr<CrashSafeFile>> CrashSafeFile::open(const std::filesystem
   struct stat info {};
   if (::fstat(made->descriptor(), &info) != 0) return not_opened("opened");
   made->waiting_ = read_records(file);
-  made->size_ = static_cast<std::uint64_t>(info.st_size);
+  made->size_ = made->opened_bytes_ = static_cast<std::uint64_t>(info.st_size);
   return made;
 }
 
@@ -179,6 +179,10 @@ bool CrashSafeFile::read(std::uint64_t offset, std::size_t bytes, void* out) con
   auto* to = static_cast<std::byte*>(out);
   const ssize_t done = read_some(file_.get(), offset, bytes, to);
   if (done < 0) return false;
+  if (static_cast<std::size_t>(done) < bytes && offset + static_cast<std::uint64_t>(done) < opened_bytes_) {
+    errno = EIO;
+    return false;
+  }
   std::memset(to + done, 0, bytes - static_cast<std::size_t>(done));
   return for_each_page(offset, bytes, [&](std::uint64_t number, std::size_t inside, std::size_t count, std::size_t at) {
     if (const Page* page = in_memory(number)) std::memcpy(to + at, page->data() + inside, count);

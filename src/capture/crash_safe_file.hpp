@@ -59,7 +59,8 @@ class CrashSafeFile {
   // limit); what was reserved before stays. Thread of this and all below: any one at a time.
   Status reserve(std::uint64_t end);
 
-  // False on failure, errno tells why. What lies beyond size() is read as zeros.
+  // False on failure, errno tells why. What lies beyond size() is read as zeros; what the file had when it was opened
+  // for reading, and has no longer, is a failure.
   bool read(std::uint64_t offset, std::size_t bytes, void* out) const;
   bool write(std::uint64_t offset, std::size_t bytes, const void* data);
   // The file is at least `end` bytes long afterwards. Tells what failed on the disk since the last commit, too; after a
@@ -91,8 +92,9 @@ class CrashSafeFile {
   bool power_ = false;
   std::uint64_t reserved_ = 0;
   std::uint64_t size_ = 0;
-  std::uint64_t length_ = 0;  // of the file itself: without what waits
-  std::uint64_t end_ = 0;     // that the last commit was told
+  std::uint64_t length_ = 0;        // of the file itself: without what waits
+  std::uint64_t opened_bytes_ = 0;  // that the file had; 0 when writing
+  std::uint64_t end_ = 0;           // that the last commit was told
   std::uint64_t committed_pages_ = 0;
   std::uint64_t sequence_ = 0;
   Pages waiting_;               // of a file that is read: what the records lay over it

@@ -348,5 +348,18 @@ TEST(CaptureStrictFile, TruncatedFileIsCutOff) {
   expect_refused(file, "cut off");
 }
 
+// As by a recorder that begins it again: its frames are not zeros.
+TEST(CaptureStrictFile, OneThatIsCutWhileItIsReadIsAnError) {
+  const Scratch scratch;
+  const auto file = valid_file(scratch);
+  const auto reader = CaptureReader::open(file);
+  ASSERT_TRUE(reader) << reader.error().message;
+  std::filesystem::resize_file(file, 1000);
+  std::vector<std::uint16_t> plane(21);
+  const Status status = reader->read_frame(2, plane.data());
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().message.rfind(file.string() + ": ", 0), 0U) << status.error().message;
+}
+
 }  // namespace
 }  // namespace bolo::capture::capture_strict_test
