@@ -101,9 +101,10 @@ Status check_outputs(const std::vector<fs::path>& outputs, const std::vector<fs:
     const std::string name = output.string();
     if (is_one_of(read, output)) return bad_input(name + ": is both read and written; choose another name");
     for (const char* ending : {".part", ".part.journal", ".part.live"}) {
-      const std::string meanwhile = name + ending;
+      std::string meanwhile = name + ending;
       if (is_one_of(read, meanwhile)) {
-        return bad_input(meanwhile + ": is read, and written while " + name + " is made; choose another name");
+        return bad_input(
+            meanwhile.append(": is read, and written while ").append(name).append(" is made; choose another name"));
       }
     }
     if (!names.emplace(id_of(folder_of(output)), output.filename()).second) {
