@@ -58,7 +58,7 @@ std::optional<uid_t> uid_of(const std::string& user) {
 
 // An object's header; nothing when there is none yet, or it can't be read.
 std::optional<bolo_shm_header> told_by(const std::string& path) {
-  const UniqueFd fd(shm_open(path.c_str(), O_RDONLY, 0));
+  const UniqueFd fd(shm_open(path.c_str(), O_RDONLY | O_NONBLOCK, 0));  // anybody can put a pipe there
   bolo_shm_header header{};
   const ssize_t got = fd ? pread(fd.get(), &header, sizeof(header), 0) : -1;
   if (got != static_cast<ssize_t>(sizeof(header)) || header.magic != BOLO_SHM_MAGIC) return std::nullopt;

@@ -93,7 +93,7 @@ tl::unexpected<Refused> not_believed(const std::string& name, uid_t owner) {
 Opened<std::shared_ptr<const Mapping>> map_object(const std::string& name) {
   const Result<std::string> path = object_path(name);
   if (!path) return refuse(Refusal::kBadName, path.error().message);
-  const UniqueFd fd(shm_open(path->c_str(), O_RDONLY, 0));
+  const UniqueFd fd(shm_open(path->c_str(), O_RDONLY | O_NONBLOCK, 0));  // anybody can put a pipe there
   if (!fd) return cannot_open(name, errno);
   struct stat status {};
   if (fstat(fd.get(), &status) != 0) return cannot_open(name, errno);

@@ -1,5 +1,7 @@
 // Objects that another program made, or damaged: the reader refuses them and never reads outside.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <functional>
@@ -187,6 +189,15 @@ TEST(ShmHostile, ShortObjectsAreRefused) {
 }
 
 // Damaged headers are refused or read within their object: the sanitizers and the page behind the mapping watch.
+// Which whoever opens it to read would wait at, and everybody may make.
+TEST(ShmHostile, APipeOfTheNameKeepsNobodyWaiting) {
+  const std::string name = unique_name("pipe");
+  const std::string place = "/dev/shm/bolo." + name;
+  ASSERT_EQ(mkfifo(place.c_str(), 0600), 0);
+  EXPECT_FALSE(ShmReader::open(name));
+  ::unlink(place.c_str());
+}
+
 TEST(ShmHostile, RandomDamageNeverReadsOutside) {
   const ForeignObject object(unique_name("random"));
   std::mt19937_64 random(7);  // NOLINT: the same damage each time
