@@ -160,14 +160,19 @@ HWY_NOINLINE void sweep_near(const DualPlan& plan, const Published& bins, Dual<k
 // Before sweep `next`, or, where it is 0, after the last: what no sweep sets, the lost samples of pairs.
 template <int kBins>
 HWY_NOINLINE void balance(const DualRun& run, int next, Dual<kBins>& m) {
-  for (std::size_t k = 0; k < run.plan.moves; ++k) {
-    const LostMove& lost = run.plan.move[k];
-    if (run.plan.gap[lost.first].pair) {
-      solve_pair(run, lost, m);
-    } else if (next > 0 && lost.first == lost.second) {
-      solve_lost<false>(run, lost, next == 1, m);
-    } else if (next > 0) {
-      solve_lost<true>(run, lost, next == 1, m);
+  const DualPlan& plan = run.plan;
+  std::size_t pairs = 0;
+  for (; pairs < plan.moves && plan.gap[plan.move[pairs].first].pair; ++pairs) solve_pair(run, plan.move[pairs], m);
+  // Of three, every two wait for the third.
+  const int rounds = next == 0 ? 0 : plan.moves - pairs > 1 ? kMostRounds : 1;
+  for (int round = 0; round < rounds; ++round) {
+    for (std::size_t k = pairs; k < plan.moves; ++k) {
+      const LostMove& lost = plan.move[k];
+      if (lost.first == lost.second) {
+        solve_lost<false>(run, lost, next == 1, m);
+      } else {
+        solve_lost<true>(run, lost, next == 1, m);
+      }
     }
   }
 }

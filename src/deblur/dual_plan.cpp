@@ -244,9 +244,8 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
   }
   if (sweeps > 2)
     plan.sweeps += sweeps / 2;  // the larger lambda, the longer they and the lost samples wait for each other
-  // With look-ahead, one for each beside the published time or before that.
-  for (int slot = std::max(0, pattern.target - 2); slot <= pattern.target + 1 && pattern.target + 1 < pattern.slots;
-       ++slot) {
+  // With look-ahead, one for each beside the published time, before that or after it.
+  for (int slot = std::max(0, pattern.target - 2); slot < pattern.slots && pattern.target + 1 < pattern.slots; ++slot) {
     plan.sweeps += pattern.received[static_cast<std::size_t>(slot)] ? 0 : 1;
   }
   gap.add_moves();
