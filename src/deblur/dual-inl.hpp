@@ -7,14 +7,10 @@
 #define BOLO_DEBLUR_DUAL_INL
 #endif
 
-#include "src/deblur/dual_state-inl.hpp"
+#include "src/deblur/dual_lost-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::deblur::HWY_NAMESPACE {
-
-inline constexpr int kMostSteps = 20;  // of a lost sample's value
-inline constexpr int kMostRounds = 2;  // of moving two
-inline constexpr float kFar = 1e20F;
 
 // What an update needs besides the pixel's own values.
 struct Weights {
@@ -161,171 +157,23 @@ HWY_NOINLINE void sweep_near(const DualPlan& plan, const Published& bins, Dual<k
   sweep_near_levels<kBins, kBins, first_tree<kBins>()>(plan, bins, m);
 }
 
-// Where a coefficient's t would go without its bound.
-template <int kBins>
-HWY_INLINE Vec unbounded(const DualPlan& plan, int i, std::size_t v, Dual<kBins>& m) {
-  const Vec rest = hn::MulAdd(all(plan.row[static_cast<std::size_t>(i)].keep), at(m.t(i) + v), at(m.c[i] + v));
-  if (i == 0) return hn::Add(rest, hn::Sub(at(m.jump(0) + v), at(m.jump(kBins) + v)));
-  const int half = i & -i;
-  const Vec ends = hn::Add(at(m.jump(i - half) + v), at(m.jump(i + half) + v));
-  return hn::Add(rest, half == 1 ? ends : hn::NegMulAdd(all(2.0F), at(m.jump(i) + v), ends));
-}
-
-// What the steps of a lost sample need of a few vectors of pixels: where each t would go, and how far the sample moves,
-// between which bounds.
-template <int kBins>
-struct Steps {
-  static constexpr std::size_t kPixels = std::min(2 * kLanes, Dual<kBins>::kPixels);
-  using Wide = float[kPixels];
-  HWY_ALIGN Wide rest[std::size_t{4 * log2_of(kBins)}];
-  HWY_ALIGN Wide y;
-  HWY_ALIGN Wide low;
-  HWY_ALIGN Wide high;
-};
-
-// Where a part's t would be 0.
-template <int kBins>
-HWY_INLINE Vec middle_of(const LostSample& lost, std::size_t k, std::size_t v, const Steps<kBins>& s) {
-  return hn::Mul(all(-lost.part[k].inverse), at(s.rest[k] + v));
-}
-
-// From where the sample is, or, the first time, from the middle one of the three parts that weigh the most.
-template <int kBins>
-HWY_INLINE void begin_steps(const DualPlan& plan, const LostSample& lost, bool first, std::size_t from, std::size_t v,
-                            Dual<kBins>& m, Steps<kBins>& s) {
-  for (std::size_t k = 0; k < lost.parts; ++k) put(unbounded(plan, lost.part[k].row, from + v, m), s.rest[k] + v);
-  Vec y = hn::Zero(Float());
-  if (first && lost.parts >= 3) {
-    const Vec a = middle_of(lost, 0, v, s);
-    const Vec b = middle_of(lost, 1, v, s);
-    y = hn::Max(hn::Min(a, b), hn::Min(hn::Max(a, b), middle_of(lost, 2, v, s)));
-  }
-  put(y, s.y + v);
-  put(all(-kFar), s.low + v);
-  put(all(kFar), s.high + v);
-}
-
-// The nearest part's middle below y, or above it, half-way to the bound where none is before it.
-template <int kBins>
-HWY_INLINE Vec hop(const LostSample& lost, hn::Mask<Float> below, std::size_t v, const Steps<kBins>& s) {
-  const Vec y = at(s.y + v);
-  const Vec low = at(s.low + v);
-  const Vec high = at(s.high + v);
-  Vec next = hn::IfThenElse(below, low, high);
-  for (std::size_t k = 0; k < lost.parts; ++k) {
-    const Vec middle = middle_of(lost, k, v, s);
-    const Vec down = hn::IfThenElse(hn::Lt(middle, y), hn::Max(next, middle), next);
-    const Vec up = hn::IfThenElse(hn::Gt(middle, y), hn::Min(next, middle), next);
-    next = hn::IfThenElse(below, down, up);
-  }
-  const auto none = hn::Or(hn::Le(next, low), hn::Ge(next, high));
-  const auto bounded = hn::Lt(hn::Sub(high, low), all(kFar));
-  const Vec halfway = hn::IfThenElse(bounded, hn::Mul(all(0.5F), hn::Add(low, high)), y);
-  return hn::IfThenElse(none, halfway, next);
-}
-
-// A step of Newton's method; from part to part where it leads out of the bounds or no t is free to follow. Pixels whose
-// equation holds stay; false when all do.
-template <int kBins>
-HWY_INLINE bool step(const LostSample& lost, std::size_t from, std::size_t v, const Dual<kBins>& m, Steps<kBins>& s) {
-  const Vec y = at(s.y + v);
-  Vec sum = hn::Zero(Float());
-  Vec slope = hn::Zero(Float());
-  for (std::size_t k = 0; k < lost.parts; ++k) {
-    const LostSample::Part& part = lost.part[k];
-    const Vec to = hn::MulAdd(all(part.move), y, at(s.rest[k] + v));
-    const Vec t = clip(to, m.low[part.bound] + from + v, m.high[part.bound] + from + v);
-    sum = hn::MulAdd(all(part.share), t, sum);
-    slope = hn::Add(slope, hn::IfThenElseZero(hn::Eq(to, t), all(part.slope)));
-  }
-  const auto off = hn::Gt(hn::Abs(sum), hn::Mul(all(lost.tolerance), at(m.high[lost.part[0].bound] + from + v)));
-  if (hn::AllFalse(Float(), off)) return false;
-  const auto above = hn::Gt(sum, hn::Zero(Float()));
-  const Vec high = hn::IfThenElse(above, y, at(s.high + v));
-  const Vec low = hn::IfThenElse(above, at(s.low + v), y);
-  put(high, s.high + v);
-  put(low, s.low + v);
-  Vec next = hn::Sub(y, hn::Div(sum, slope));  // 0 / 0 and 1 / 0 are not between the bounds
-  const auto inside = hn::And(hn::Ge(next, low), hn::Le(next, high));
-  if (!hn::AllTrue(Float(), hn::Or(inside, hn::Not(off)))) next = hn::IfThenElse(inside, next, hop(lost, above, v, s));
-  put(hn::IfThenElse(off, next, y), s.y + v);
-  return true;
-}
-
-template <int kBins>
-HWY_INLINE void shift_lost(const LostSample& lost, float in_estimate, Vec by, std::size_t v, Dual<kBins>& m) {
-  for (std::size_t k = 0; k < lost.parts; ++k) {
-    float* const c = m.c[lost.part[k].row] + v;
-    put(hn::MulAdd(all(lost.part[k].move), by, at(c)), c);
-  }
-  put(hn::MulAdd(all(in_estimate), by, at(m.estimate + v)), m.estimate + v);
-}
-
-// Moves a lost sample to where the next sweep would keep its equation; false when it is there.
-template <int kBins>
-HWY_INLINE bool solve_lost(const DualRun& run, std::size_t index, bool first, Dual<kBins>& m) {
-  const LostSample& lost = run.plan.gap[index];
-  bool moved = false;
-  Steps<kBins> s;
-  for (std::size_t from = 0; from < m.end; from += Steps<kBins>::kPixels) {
-    const std::size_t end = std::min(Steps<kBins>::kPixels, m.end - from);
-    for (std::size_t v = 0; v < end; v += kLanes) begin_steps(run.plan, lost, first, from, v, m, s);
-    bool off = true;
-    for (int k = 0; off && k < kMostSteps; ++k) {
-      off = false;
-      for (std::size_t v = 0; v < end; v += kLanes) off |= step(lost, from, v, m, s);
-      moved |= off;
-    }
-    for (std::size_t v = 0; v < end; v += kLanes) shift_lost(lost, run.lost[index], at(s.y + v), from + v, m);
-  }
-  return moved;
-}
-
-// Sets t of a pair's wavelet to what the lost sample's equation asks for, and the sample to what holds it there.
-template <int kBins>
-HWY_INLINE void solve_pair(const DualRun& run, std::size_t index, Dual<kBins>& m) {
-  constexpr std::size_t kParts = log2_of(kBins) + 1;
-  const LostSample& lost = run.plan.gap[index];
-  const int i = lost.slot;
-  const DualCoefficients& row = run.plan.row[static_cast<std::size_t>(i)];
-  const Vec keep = all(row.keep);
-  const Vec to_left = all(row.left);
-  const Vec to_right = all(row.right);
-  for (std::size_t v = 0; v < m.end; v += kLanes) {
-    Vec t = hn::Zero(Float());
-    HWY_UNROLL(6) for (std::size_t k = 1; k < kParts; ++k) {
-      t = hn::MulAdd(all(lost.part[k].share), at(m.t(lost.part[k].row) + v), t);
-    }
-    const Vec moved = hn::Sub(t, at(m.t(i) + v));
-    const Vec left = hn::NegMulAdd(to_left, moved, at(m.jump(i - 1) + v));
-    const Vec right = hn::NegMulAdd(to_right, moved, at(m.jump(i + 1) + v));
-    put(t, m.t(i) + v);
-    put(left, m.jump(i - 1) + v);
-    put(right, m.jump(i + 1) + v);
-    const Vec rest = hn::Add(hn::MulAdd(keep, t, at(m.c[i] + v)), hn::Add(left, right));
-    const Vec by = hn::Mul(all(lost.part[0].inverse), hn::Sub(t, rest));
-    HWY_UNROLL(7) for (std::size_t k = 0; k < kParts; ++k) {
-      float* const c = m.c[lost.part[k].row] + v;
-      put(hn::MulAdd(all(lost.part[k].move), by, at(c)), c);
-    }
-    put(hn::MulAdd(all(run.lost[index]), by, at(m.estimate + v)), m.estimate + v);
-  }
-}
-
 // Before sweep `next`, or, where it is 0, after the last: what no sweep sets, the lost samples of pairs.
 template <int kBins>
 HWY_NOINLINE void balance(const DualRun& run, int next, Dual<kBins>& m) {
-  bool moved = true;
-  for (int round = 0; moved && round < kMostRounds; ++round) {
-    moved = false;
-    for (std::size_t k = 0; k < run.plan.moves; ++k) {
-      if (!run.plan.gap[k].pair) {
-        moved |= next > 0 && solve_lost(run, k, next == 1 && round == 0 && k < run.plan.lost, m);
-      } else if (round == 0) {
-        solve_pair(run, k, m);
+  const DualPlan& plan = run.plan;
+  std::size_t pairs = 0;
+  for (; pairs < plan.moves && plan.gap[plan.move[pairs].first].pair; ++pairs) solve_pair(run, plan.move[pairs], m);
+  // Of three, every two wait for the third.
+  const int rounds = next == 0 ? 0 : plan.moves - pairs > 1 ? kMostRounds : 1;
+  for (int round = 0; round < rounds; ++round) {
+    for (std::size_t k = pairs; k < plan.moves; ++k) {
+      const LostMove& lost = plan.move[k];
+      if (lost.first == lost.second) {
+        solve_lost<false>(run, lost, next == 1, m);
+      } else {
+        solve_lost<true>(run, lost, next == 1, m);
       }
     }
-    if (run.plan.moves == run.plan.lost) break;
   }
 }
 

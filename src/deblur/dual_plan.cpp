@@ -8,6 +8,9 @@ namespace {
 
 // How well a lost sample's equation must hold, in lambdas: more shows in the estimate beside it.
 constexpr double kTolerance = 0.001;
+// What a t at its bound adds to the slopes of two samples' equations, of what it would if it were free: enough for a
+// direction where too few are.
+constexpr double kBoundSlope = 1e-4;
 
 // Q_ii: a wavelet's squared jumps are 1 + 4 + 1; the one at the begin of the window counts 1 - a.
 double curvature_of(int i, int bins, double decay) {
@@ -36,7 +39,7 @@ bool stays_in_bound(const Grid& grid) {
   return std::tanh(grid.ratio / 2.0) * sum < std::sqrt(0.5);
 }
 
-// Fills a plan's lost samples and the directions that they move in.
+// Fills a plan's lost samples and what moves them.
 class GapBuilder {
  public:
   GapBuilder(DualPlan& plan, const Grid& grid)
@@ -48,51 +51,28 @@ class GapBuilder {
   // Of pairs first.
   void add(int slot, const SlotValue& value, bool pair) noexcept {
     LostSample& lost = plan_.gap[plan_.lost];
-    lost = {};
-    lost.slot = slot;
-    lost.value = value;
-    lost.pair = pair;
+    lost = {slot, value, pair, {}};
     lost.along[plan_.lost] = 1.0F;
     Bins& shift = shifts_[plan_.lost];
     shift = {};
     if (slot > 0) shift[static_cast<std::size_t>(slot - 1)] = 1.0;
     if (slot < plan_.bins) shift[static_cast<std::size_t>(slot)] = -decay_;
-    for (std::size_t k = 0; !pair && k < plan_.lost && plan_.gap[k].pair; ++k) add_along(plan_.gap[k].slot, k);
-    finish();
-    plan_.lost = plan_.moves;
+    for (std::size_t k = 0; !pair && k < plan_.lost && plan_.gap[k].pair; ++k) add_along(k);
+    ++plan_.lost;
   }
 
-  // Where two that are in no pair share coefficients, each alone can hold the other back: also moves both, so that one
-  // of the coefficients that hold them stays. With every such direction no corner is left where both wait.
-  void add_both() noexcept {
-    for (std::size_t second = 1; second < plan_.lost; ++second) {
-      for (std::size_t first = 0; first < second; ++first) {
-        if (!plan_.gap[first].pair && !plan_.gap[second].pair) add_both(first, second);
-      }
+  // Each of a pair by itself; of the others every two together.
+  void add_moves() noexcept {
+    std::size_t pairs = 0;
+    for (; pairs < plan_.lost && plan_.gap[pairs].pair; ++pairs) add_move(pairs, pairs);
+    if (pairs + 1 == plan_.lost) add_move(pairs, pairs);
+    for (std::size_t second = pairs + 1; second < plan_.lost; ++second) {
+      for (std::size_t first = pairs; first < second; ++first) add_move(first, second);
     }
   }
 
  private:
   using Bins = std::array<double, kMaxDualBins>;
-
-  // Coefficients that move alike ask for the same direction.
-  void add_both(std::size_t first, std::size_t second) noexcept {
-    const std::size_t before = plan_.moves;
-    for (int i = 0; i < plan_.bins && plan_.moves < kMostMoves; ++i) {
-      const double move = move_of(i, first);
-      if (move == 0.0 || move_of(i, second) == 0.0) continue;
-      const auto by = static_cast<float>(-move / move_of(i, second));
-      const auto known = [&](const LostSample& other) {
-        return std::abs(other.along[second] - by) < 1e-3F * std::abs(by);
-      };
-      if (std::any_of(plan_.gap.begin() + before, plan_.gap.begin() + plan_.moves, known)) continue;
-      plan_.gap[plan_.moves] = {};
-      plan_.gap[plan_.moves].along[first] = 1.0F;
-      shifts_[plan_.moves] = shifts_[first];
-      add_along(i, second);
-      finish();
-    }
-  }
 
   // How far coefficient i moves with lost sample k.
   double move_of(int i, std::size_t k) const noexcept {
@@ -103,44 +83,53 @@ class GapBuilder {
     return std::abs(move) < 1e-9 ? 0.0 : move;
   }
 
-  // Lets lost sample k move with the newest direction, so that coefficient i does not.
-  void add_along(int i, std::size_t k) noexcept {
-    const double by = -move_of(i, plan_.moves) / move_of(i, k);
-    for (std::size_t bin = 0; bin < kMaxDualBins; ++bin) shifts_[plan_.moves][bin] += by * shifts_[k][bin];
-    plan_.gap[plan_.moves].along[k] = static_cast<float>(by);
+  // Lets lost sample k, of a pair, move with the newest, so that the pair's coefficient does not.
+  void add_along(std::size_t k) noexcept {
+    const int i = plan_.gap[k].slot;
+    const double by = -move_of(i, plan_.lost) / move_of(i, k);
+    for (std::size_t bin = 0; bin < kMaxDualBins; ++bin) shifts_[plan_.lost][bin] += by * shifts_[k][bin];
+    plan_.gap[plan_.lost].along[k] = static_cast<float>(by);
   }
 
-  // The newest direction's parts.
-  void finish() noexcept {
-    LostSample& lost = plan_.gap[plan_.moves];
+  void add_move(std::size_t first, std::size_t second) noexcept {
+    LostMove& to = plan_.move[plan_.moves++];
+    to = {};
+    to.first = first;
+    to.second = second;
+    const bool pair = plan_.gap[first].pair;
+    std::array<double, 3> slopes{};
     for (int i = 0; i < plan_.bins; ++i) {
-      const double move = move_of(i, plan_.moves);
-      if (move == 0.0) continue;
-      const double share = move * plan_.row[static_cast<std::size_t>(i)].gain;
-      LostSample::Part& part = lost.part[lost.parts++];
+      const double move = move_of(i, first);
+      const double other = first == second ? 0.0 : move_of(i, second);
+      if (move == 0.0 && other == 0.0) continue;
+      const double gain = plan_.row[static_cast<std::size_t>(i)].gain;
+      LostMove::Part& part = to.part[to.parts++];
       part.row = i;
       part.bound = bound_of(i, level_of(i, plan_.bins));
       part.move = static_cast<float>(move);
-      part.share = static_cast<float>(share);
-      part.slope = static_cast<float>(share * move);
-      part.inverse = static_cast<float>(1.0 / move);
-      if (lost.pair && i == lost.slot) std::swap(part, lost.part[0]);
+      part.other = static_cast<float>(other);
+      part.inverse = move == 0.0 ? 0.0F : static_cast<float>(-1.0 / move);
+      part.share = static_cast<float>(pair ? gain * move : gain);
+      slopes[0] += gain * move * move;
+      slopes[1] += gain * move * other;
+      slopes[2] += gain * other * other;
+      if (pair && i == plan_.gap[first].slot) std::swap(part, to.part[0]);
     }
-    if (!lost.pair) {
-      std::sort(lost.part.begin(), lost.part.begin() + lost.parts, [&](const auto& x, const auto& y) {
-        return std::abs(x.share) * plan_.bound[x.bound] > std::abs(y.share) * plan_.bound[y.bound];
+    if (!pair) {
+      std::sort(to.part.begin(), to.part.begin() + to.parts, [&](const auto& x, const auto& y) {
+        return std::abs(x.share * x.move) * plan_.bound[x.bound] > std::abs(y.share * y.move) * plan_.bound[y.bound];
       });
     }
+    for (std::size_t k = 0; k < slopes.size(); ++k) to.slopes[k] = static_cast<float>(kBoundSlope * slopes[k]);
     const double p = 1.0 - decay_;
-    lost.tolerance = static_cast<float>(kTolerance * p * p * lambda_scale_) / plan_.bound[lost.part[0].bound];
-    for (std::size_t k = 1; lost.pair && k < lost.parts; ++k) lost.part[k].share /= -lost.part[0].share;
-    ++plan_.moves;
+    to.tolerance = static_cast<float>(kTolerance * p * p * lambda_scale_) / plan_.bound[to.part[0].bound];
+    for (std::size_t k = 1; pair && k < to.parts; ++k) to.part[k].share /= -to.part[0].share;
   }
 
   DualPlan& plan_;
   double decay_;
   double lambda_scale_;
-  std::array<Bins, kMostMoves> shifts_;
+  std::array<Bins, kMostLost> shifts_;
 };
 
 // A window that begins at a later sample has neither input nor residual before it: the jump to its first bin weighs
@@ -250,19 +239,16 @@ void prepare(DualPlan& plan, const Grid& grid, const Pattern& pattern) noexcept 
     for (int slot = 0; slot < pattern.slots; ++slot) {
       if (pattern.received[static_cast<std::size_t>(slot)] || (pairs && slot % 2 == 1) != pair) continue;
       gap.add(slot, values[static_cast<std::size_t>(slot)], pair);
-      plan.sweeps += pair ? 0 : 1;
+      if (!pair) plan.sweeps = sweeps + 1;
     }
   }
   if (sweeps > 2)
     plan.sweeps += sweeps / 2;  // the larger lambda, the longer they and the lost samples wait for each other
-  // With look-ahead, one beside the published time or before that.
-  bool near = false;
-  for (int slot = std::max(0, pattern.target - 2); slot <= pattern.target + 1 && pattern.target + 1 < pattern.slots;
-       ++slot) {
-    near |= !pattern.received[static_cast<std::size_t>(slot)];
+  // With look-ahead, one for each beside the published time, before that or after it.
+  for (int slot = std::max(0, pattern.target - 2); slot < pattern.slots && pattern.target + 1 < pattern.slots; ++slot) {
+    plan.sweeps += pattern.received[static_cast<std::size_t>(slot)] ? 0 : 1;
   }
-  plan.sweeps += near ? 1 : 0;
-  gap.add_both();
+  gap.add_moves();
   begin_at(plan, pattern.first);
 }
 

@@ -19,7 +19,6 @@ namespace bolo::deblur {
 inline constexpr int kMaxDualBins = 64;
 inline constexpr int kMaxDualLevels = 6;
 inline constexpr int kMostLost = 3;
-inline constexpr std::size_t kMostMoves = 16;
 inline constexpr std::size_t kMostParts = 4 * kMaxDualLevels;  // of two lost samples that move together
 inline constexpr std::size_t kMostTerms = 2 * (kMaxDualLevels + 2);
 
@@ -60,23 +59,32 @@ struct SlotValue {
 //    is small, so that the wavelet's coefficient is 0 and the two bins are one. t and the y that holds it are set.
 //  - Else to where the next sweep would keep the equation, as if t_i = clip(rest_i + move_i y): a monotone, piecewise
 //    linear function of y alone, for Newton's method. The lost samples of pairs beside it move along, so that no
-//    coefficient of theirs does.
+//    coefficient of theirs does. Two such samples would hold each other back where they share coefficients: both move,
+//    along the line of Newton's step for the two equations, to where the one along that line holds.
 struct LostSample {
-  struct Part {
-    int row = 0;
-    std::size_t bound = 0;
-    float move = 0.0F;     // of c_row with y
-    float share = 0.0F;    // of t_row in v_k - a v_{k+1}; of a pair: in what t of its wavelet, the first part, must be
-    float slope = 0.0F;    // share move
-    float inverse = 0.0F;  // 1 / move
-  };
   int slot = 0;
   SlotValue value;  // at first
   bool pair = false;
-  float tolerance = 0.0F;  // of the equation, in bounds of the first part
+  std::array<float, kMostLost> along{};  // how far each of the window's lost samples moves with y
+};
+
+// What moves one of them, or two together.
+struct LostMove {
+  struct Part {
+    int row = 0;
+    std::size_t bound = 0;
+    float move = 0.0F;     // of c_row with y of the first sample
+    float other = 0.0F;    // and of the second
+    float inverse = 0.0F;  // -1 / move
+    float share = 0.0F;    // of t_row in the equation, for a move of 1; of a pair: in what t of its wavelet, the first
+                           // part, must be
+  };
+  std::size_t first = 0;  // the lost samples that it moves
+  std::size_t second = 0;
+  float tolerance = 0.0F;         // of an equation, in bounds of the first part
+  std::array<float, 3> slopes{};  // of the two equations where every t is at its bound: first, both, second
   std::size_t parts = 0;
   std::array<Part, kMostParts> part{};
-  std::array<float, kMostLost> along{};  // how far each of the window's lost samples moves with y
 };
 
 struct DualPlan {
@@ -93,8 +101,9 @@ struct DualPlan {
   std::array<DualCoefficients, kMaxDualBins> row{};
   float inverse_count = 0.0F;  // 1 / received samples
   std::size_t lost = 0;
-  std::size_t moves = 0;  // the lost samples, those of pairs first, and what moves two of them
-  std::array<LostSample, kMostMoves> gap{};
+  std::array<LostSample, kMostLost> gap{};  // those of pairs first
+  std::size_t moves = 0;
+  std::array<LostMove, kMostLost> move{};
 };
 
 // How the published value follows from what a kernel has of a pixel.

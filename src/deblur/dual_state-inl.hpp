@@ -57,7 +57,7 @@ struct DualRun {
   const Estimate& estimate;
   HWY_ALIGN float weight[kMaxSlots][kLanes];  // of each sample in the estimate
   HWY_ALIGN float term[kMostTerms][kLanes];   // and of the state's rows
-  float lost[kMostMoves];                     // what the estimate moves by with each of the plan's moves
+  float lost[std::size_t{kMostLost}];         // what the estimate moves by with each lost sample
 
   DualRun(const DualPlan& the_plan, const PixelRun& run, const Estimate& the_estimate)
       : plan(the_plan), pixels(run), estimate(the_estimate) {
@@ -65,7 +65,7 @@ struct DualRun {
       put(all(estimate.sample[s]), weight[s]);
     }
     for (std::size_t k = 0; k < estimate.terms; ++k) put(all(estimate.term[k].weight), term[k]);
-    for (std::size_t k = 0; k < plan.moves; ++k) {
+    for (std::size_t k = 0; k < plan.lost; ++k) {
       lost[k] = 0.0F;
       for (std::size_t n = 0; n < plan.lost; ++n) {
         lost[k] += plan.gap[k].along[n] * estimate.sample[static_cast<std::size_t>(plan.gap[n].slot)];

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "src/deblur/dual_plan.hpp"
 #include "src/deblur/exact_plan.hpp"
 #include "src/deblur/solver.hpp"
 #include "tests/deblur/inputs.hpp"
@@ -229,6 +230,23 @@ void expect_parity_without_two(int lookahead) {
     for (int second = first + 1; second < 17; ++second) {
       if (first == target || second == target) continue;
       expect_parity({17, 7, 200.0, lookahead, {first, second}, 20}, kScenes);
+    }
+  }
+}
+
+// More would be exact as well, at many times the cost.
+TEST(Parity, LostFramesAreMovedNoMoreOftenThanTheyAreMany) {
+  const Settings s = settings_of({}, Method::kDual, 0.5);
+  const Grid grid = reduce(s, 0.5);
+  for (std::size_t first = 0; first < 16; ++first) {
+    for (std::size_t second = first + 1; second < 17; ++second) {
+      Pattern pattern = whole_pattern(s);
+      pattern.received[first] = pattern.received[second] = false;
+      pattern.count -= 2;
+      pattern.first = pattern.after(-1);
+      DualPlan plan = make_dual_plan(grid, tune_dual(grid, 0.5));
+      prepare(plan, grid, pattern);
+      EXPECT_LE(plan.moves, plan.lost) << "without " << first << " and " << second;
     }
   }
 }

@@ -38,7 +38,7 @@ deblur::WindowView window_of(const Planes& planes) { return {planes, static_cast
 struct Input {
   StreamFormat format;
   std::vector<std::vector<std::uint16_t>> frames;
-  std::array<Planes, kMostLost + 1> without;  // so many frames before the newest
+  std::array<Planes, kMostLost + 1> without;  // so many frames, every other one before the newest
 };
 
 Result<Input> make_input(const deblur::Settings& settings) {
@@ -57,7 +57,7 @@ Result<Input> make_input(const deblur::Settings& settings) {
   for (std::size_t lost = 0; lost <= kMostLost; ++lost) {
     Planes& planes = input.without[lost];
     for (const auto& frame : input.frames) planes.push_back(frame.data());
-    std::fill_n(planes.end() - 1 - static_cast<std::ptrdiff_t>(lost), lost, nullptr);
+    for (std::size_t k = 1; k <= lost; ++k) planes[planes.size() - 1 - 2 * k] = nullptr;
   }
   return input;
 }

@@ -74,7 +74,7 @@ void print_table(const BenchReport& report) {
   std::printf("Repeats of all variants in turn; errors against exact on 2560 pixels at the same lambda.\n");
   std::printf("exact is timed on 2560 pixels, scaled.\n");
   std::printf("prof: with maps of gain, offset, time constant and dead pixels (0.5 %%), and a row delay.\n");
-  std::printf("lost: so many frames before the newest one are missing.\n");
+  std::printf("lost: so many frames are missing, every other one before the newest: those that cost the most.\n");
   std::printf("Machine: %d processors.\n\n", report.processors);
   std::printf("%-8s %-7s %3s %-4s %4s %9s %5s %10s %10s %9s %9s %9s %9s %7s\n", "solver", "isa", "thr", "prof", "lost",
               "lambda/2k", "iter", "min ms", "median ms", "ns/pixel", "rms mK", "max mK", "realtime", "scaling");
