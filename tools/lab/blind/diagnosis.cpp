@@ -1,15 +1,11 @@
-#include "tools/lab/blind/diagnosis.hpp"
-
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
 #include <limits>
-#include <optional>
 #include <sstream>
 
-#include <nlohmann/json.hpp>
-
 #include "tools/cli/process.hpp"
+#include "tools/lab/blind/blind.hpp"
 
 namespace bolo::tools::blind {
 namespace {
@@ -66,12 +62,12 @@ Finding finding_of(const json& report) {
   finding.location_stage = report.at("location").value("stage", "");
   finding.gap_before = number(report.at("gap").at("before"));
   finding.gap_after = number(report.at("gap").at("after"));
-  const double noise_before = report.contains("noise_gap_before") ? number(report["noise_gap_before"]) : 1.0;
+  const double noise_before = number(report.value("noise_gap_before", json(1.0)));
   if (noise_before > finding.gap_before) {
     finding.gap_before = noise_before;
     finding.gap_after = number(report.at("noise_gap_after"));
   }
-  finding.seconds = report.contains("seconds") ? number(report["seconds"]) : 0.0;
+  finding.seconds = number(report.value("seconds", json(0.0)));
   return finding;
 }
 
@@ -79,12 +75,13 @@ Finding finding_of(const json& report) {
 
 Status run_child(const ChildWork& work, const std::atomic<bool>& stop) {
   const std::filesystem::path folder = work.folder.parent_path();
-  auto child = Process::start(
-      {.words = words_of(work), .log = folder / "diagnose", .folder = folder, .variables = environment()});
-  if (!child) return tl::unexpected(child.error());
+  ASSIGN_OR_RETURN(
+      auto child,
+      Process::start(
+          {.words = words_of(work), .log = folder / "diagnose", .folder = folder, .variables = environment()}));
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(work.limit_s);
   std::optional<int> code;
-  while (!(code = child->wait(0.02))) {
+  while (!(code = child.wait(0.02))) {
     if (stop) return failed("interrupted");
     if (std::chrono::steady_clock::now() > deadline) return failed("the diagnosis took too long");
   }

@@ -6,7 +6,7 @@
 #include <utility>
 #include <variant>
 
-#include "tools/lab/blind/reality.hpp"
+#include "tools/lab/blind/session.hpp"
 
 namespace bolo::tools::blind::second {
 namespace {

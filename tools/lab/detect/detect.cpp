@@ -4,10 +4,7 @@
 #include <cstdio>
 #include <system_error>
 
-#include "src/report/text.hpp"
-#include "tools/cli/cli.hpp"
 #include "tools/cli/plot_option.hpp"
-#include "tools/lab/common.hpp"
 #include "tools/lab/detect/table.hpp"
 #include "tools/lab/verbs.hpp"
 
@@ -81,26 +78,14 @@ Result<std::vector<DetectorDescription>> detectors_of(const cxxopts::ParseResult
   }
   std::vector<DetectorDescription> detectors;
   for (const std::filesystem::path& file : files) {
-    auto description = read_description(file);
-    if (description)
-      description = with_files_in(std::move(*description), networks.empty() ? file.parent_path() : networks);
-    if (!description) return tl::unexpected(description.error());
-    const auto same = [&](const DetectorDescription& other) { return other.name == description->name; };
-    if (std::ranges::any_of(detectors, same)) {
-      return bad_input(file.string() + ": another detector is called '" + description->name + "' too; rename one");
+    ASSIGN_OR_RETURN(const auto description, read_description(file));
+    if (std::ranges::find(detectors, description.name, &DetectorDescription::name) != detectors.end()) {
+      return bad_input(file.string() + ": another detector is called '" + description.name + "' too; rename one");
     }
-    detectors.push_back(std::move(*description));
+    ASSIGN_OR_RETURN(auto placed, with_files_in(description, networks.empty() ? file.parent_path() : networks));
+    detectors.push_back(std::move(placed));
   }
   return detectors;
-}
-
-Status check(const Options& o) {
-  RETURN_IF_ERROR(within(o.repeats, "repeats", 1, 100));
-  RETURN_IF_ERROR(within(o.noise_k, "noise", 0.0, 100.0));
-  RETURN_IF_ERROR(within(o.least_area_px2, "least-area", 0.0, 1e6));
-  RETURN_IF_ERROR(within(o.resamples, "resamples", 10, 100000));
-  RETURN_IF_ERROR(within(o.threads, "threads", 1, 64));
-  return {};
 }
 
 Result<Options> options_of(const cxxopts::ParseResult& given) {
@@ -115,25 +100,24 @@ Result<Options> options_of(const cxxopts::ParseResult& given) {
     const auto models = given["model"].as<std::vector<std::string>>();
     options.models.assign(models.begin(), models.end());
   }
-  options.repeats = given["repeats"].as<int>();
-  options.noise_k = given["noise"].as<double>();
-  options.least_area_px2 = given["least-area"].as<double>();
-  options.resamples = given["resamples"].as<int>();
+  ASSIGN_OR_RETURN(options.repeats, number_of<int>(given, "repeats", 1, 100));
+  ASSIGN_OR_RETURN(options.noise_k, number_of<double>(given, "noise", 0.0, 100.0));
+  ASSIGN_OR_RETURN(options.least_area_px2, number_of<double>(given, "least-area", 0.0, 1e6));
+  ASSIGN_OR_RETURN(options.resamples, number_of<int>(given, "resamples", 10, 100000));
+  ASSIGN_OR_RETURN(options.threads, number_of<int>(given, "threads", 1, 64));
   options.seed = given["seed"].as<std::uint64_t>();
-  options.threads = given["threads"].as<int>();
   options.json = given.count("json") != 0;
-  RETURN_IF_ERROR(check(options));
   return options;
 }
 
 Status evaluate(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const Options options, options_of(given));
   ASSIGN_OR_RETURN(const auto found, run(options));
-  const Table table = table_of(found, options);
+  const Json table = table_of(found, options);
   if (options.json) {
-    std::printf("%s\n", to_json(options, table).dump(2).c_str());
+    std::puts(table.dump(2).c_str());
   } else {
-    print_text(options, table);
+    print_text(options, found, table);
   }
   if (options.plot.empty()) return {};
   plot::Sheet sheet = sheet_of(table, found, options);
@@ -149,30 +133,37 @@ Status evaluate(const cxxopts::ParseResult& given) {
 
 int eval_detect_main(int argc, char** argv) {
   cxxopts::Options cli("bolo-lab eval detect", kSummary);
-  const auto texts = [] { return cxxopts::value<std::vector<std::string>>(); };
-  cli.add_options("What is looked at")(
-      "data",
-      "Folder with street/*.png (or .jpg), trajectories/*.csv (t_s,x_px,y_px) and the networks' files in detectors",
-      cxxopts::value<std::string>(), "FOLDER")("scenes", "These stills instead of FOLDER/street", texts(), "IMAGE,..")(
-      "trajectories", "These motions instead of FOLDER/trajectories", texts(), "FILE.csv,..")(
-      "repeats", "Looks at each still in each motion", cxxopts::value<int>()->default_value("2"))(
-      "size", "Pixels of the camera; 640x480 is the A655sc's whole sensor, which it cannot send 200 times a second",
-      cxxopts::value<std::string>()->default_value("640x480"),
-      "WxH")("noise", "K rms", cxxopts::value<double>()->default_value("0.03"))(
-      "seed", "Of looks, noise and bootstrap", cxxopts::value<std::uint64_t>()->default_value("1"));
-  cli.add_options("Who looks")("detectors", "Descriptions, or folders of them",
-                               texts()->default_value("config/detectors"), "FILE.toml,..")(
-      "networks", "Folder of their files instead of FOLDER/detectors; without either: where the description is",
-      cxxopts::value<std::string>(),
-      "FOLDER")("model", "Learned deblurring beside the other columns: one-channel image in (0 to 1), the same out",
-                texts(), "FILE.onnx,..");
-  cli.add_options("How it is judged")("classes", "Judged classes: the label files' numbers, the detectors' names",
-                                      cxxopts::value<std::string>()->default_value("1:person,2:bicycle,3:car"),
-                                      "NUMBER:NAME,..")("least-area", "Smaller objects are ignored, px^2",
-                                                        cxxopts::value<double>()->default_value("0"))(
-      "resamples", "Of the bootstrap", cxxopts::value<int>()->default_value("1000"))(
-      "threads", "The result does not depend on them", cxxopts::value<int>()->default_value("2"));
-  cli.add_options("Output")("json", "Print one JSON object");
+  using Texts = std::vector<std::string>;
+  const char* group = "What is looked at";
+  add_option<std::string>(cli, "data",
+                          "Folder with street/*.png (or .jpg), trajectories/*.csv (t_s,x_px,y_px) and the networks' "
+                          "files in detectors",
+                          nullptr, "FOLDER", group);
+  add_option<Texts>(cli, "scenes", "These stills instead of FOLDER/street", nullptr, "IMAGE,..", group);
+  add_option<Texts>(cli, "trajectories", "These motions instead of FOLDER/trajectories", nullptr, "FILE.csv,..", group);
+  add_option<int>(cli, "repeats", "Looks at each still in each motion", "2", "", group);
+  add_option<std::string>(
+      cli, "size",
+      "Pixels of the camera; 640x480 is the A655sc's whole sensor, which it cannot send 200 times a "
+      "second",
+      "640x480", "WxH", group);
+  add_option<double>(cli, "noise", "K rms", "0.03", "", group);
+  add_option<std::uint64_t>(cli, "seed", "Of looks, noise and bootstrap", "1", "", group);
+  group = "Who looks";
+  add_option<Texts>(cli, "detectors", "Descriptions, or folders of them", "config/detectors", "FILE.toml,..", group);
+  add_option<std::string>(cli, "networks",
+                          "Folder of their files instead of FOLDER/detectors; without either: where the description is",
+                          nullptr, "FOLDER", group);
+  add_option<Texts>(cli, "model",
+                    "Learned deblurring beside the other columns: one-channel image in (0 to 1), the same out", nullptr,
+                    "FILE.onnx,..", group);
+  group = "How it is judged";
+  add_option<std::string>(cli, "classes", "Judged classes: the label files' numbers, the detectors' names",
+                          "1:person,2:bicycle,3:car", "NUMBER:NAME,..", group);
+  add_option<double>(cli, "least-area", "Smaller objects are ignored, px^2", "0", "", group);
+  add_option<int>(cli, "resamples", "Of the bootstrap", "1000", "", group);
+  add_option<int>(cli, "threads", "The result does not depend on them", "2", "", group);
+  add_option<bool>(cli, "json", "Print one JSON object");
   add_plot_option(cli, "Draw the table, and frames with their boxes");
   return run_verb("eval detect", std::move(cli), argc, argv, evaluate);
 }

@@ -1,11 +1,9 @@
-#include "tools/lab/detect/views.hpp"
-
 #include <system_error>
 #include <utility>
 
 #include "src/sim/scene.hpp"
-#include "tools/lab/common.hpp"
-#include "tools/lab/eval/fidelity_columns.hpp"
+#include "tools/lab/detect/table.hpp"
+#include "tools/lab/eval/fidelity.hpp"
 #include "tools/lab/eval/fidelity_filters.hpp"
 
 namespace bolo::tools::detect {

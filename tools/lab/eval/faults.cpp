@@ -1,17 +1,9 @@
 #include "tools/lab/eval/faults.hpp"
 
-#include <cstdio>
 #include <numeric>
 #include <sstream>
-#include <string>
-#include <utility>
-#include <vector>
-
-#include <nlohmann/json.hpp>
 
 #include "src/core/statistics.hpp"
-#include "tools/cli/cli.hpp"
-#include "tools/lab/common.hpp"
 #include "tools/lab/verbs.hpp"
 
 namespace bolo::tools::faults {
@@ -53,100 +45,74 @@ Result<fakecam::FaultScript> script_of(const std::string& texts) {
   return script;
 }
 
-// One scenario, a few times.
-struct Row {
-  const Scenario* scenario = nullptr;
-  std::string injected;  // of the last run
-  std::string lost;      // of the last run
-  bool equal = true;     // what was lost is what was injected, in every run
-  std::vector<double> recovery_ms;
-  std::uint64_t reconnects = 0;  // of the last run
-  std::string wrong;             // the first that was found; empty: nothing
-};
-
 std::string injected_text(const std::vector<fakecam::InjectedFault>& injected) {
-  std::string text;
-  const auto add = [&text](std::uint64_t n, const char* what) {
-    if (n > 0) text += (text.empty() ? "" : ", ") + std::to_string(n) + " " + what;
+  std::vector<std::string> words;
+  const auto add = [&words](std::uint64_t n, const char* what) {
+    if (n > 0) words.push_back(std::to_string(n) + " " + what);
   };
   for (const fakecam::InjectedFault& fault : injected) {
     add(fault.frames, "frames");
     add(fault.packets, "packets");
     if (fault.frames + fault.packets == 0) add(fault.times, "time");
   }
-  return text;
+  return joined(words);
 }
 
-Result<Row> row_of(const Scenario& scenario, const Stage& stage, int repeats) {
-  Row row;
-  row.scenario = &scenario;
+// One scenario, a few times: what was injected, lost and reconnected in the last run, whether what was lost is what was
+// injected, in every run, and the first thing that was found wrong.
+Result<Json> row_of(const Scenario& scenario, const Stage& stage, int repeats) {
+  Json row{{"fault", scenario.name}, {"script", scenario.faults}};
+  std::vector<double> recovery_ms;
+  std::string wrong;
+  bool equal = true;
   for (int i = 0; i < repeats && !interrupted().load(std::memory_order_relaxed); ++i) {
     const auto outcome = play(scenario, stage, i + 1);
     if (!outcome) return at(scenario.name, outcome.error());
-    row.injected = injected_text(outcome->run.injected);
-    row.lost = text_of(outcome->run.lost);
-    row.equal = row.equal && outcome->losses_match();
-    row.recovery_ms.push_back(outcome->verdict.recovery_ms);
-    row.reconnects = outcome->run.reconnects;
-    if (row.wrong.empty()) row.wrong = what_is_wrong(scenario, *outcome);
+    equal = equal && outcome->losses_match();
+    recovery_ms.push_back(outcome->verdict.recovery_ms);
+    if (wrong.empty()) wrong = what_is_wrong(scenario, *outcome);
+    row.update({{"injected", injected_text(outcome->run.injected)},
+                {"lost", text_of(outcome->run.lost)},
+                {"equal", equal},
+                {"recovery_ms", {{"median", quantile(recovery_ms, 0.5)}, {"worst", quantile(recovery_ms, 1.0)}}},
+                {"reconnects", outcome->run.reconnects},
+                {"wrong", wrong}});
   }
   return row;
 }
 
-std::string equality(const Row& row) { return row.equal ? "yes" : row.scenario->demands.exact ? "NO" : "no"; }
-
-void print_row(const Row& row) {
-  std::printf("%-17s %-26s %-26s %-6s %8.0f %8.0f %11llu  %s\n", row.scenario->name.c_str(), row.injected.c_str(),
-              row.lost.c_str(), equality(row).c_str(), quantile(row.recovery_ms, 0.5), quantile(row.recovery_ms, 1.0),
-              static_cast<unsigned long long>(row.reconnects), row.wrong.empty() ? "right" : row.wrong.c_str());
-  std::fflush(stdout);
-}
-
-nlohmann::ordered_json to_json(const Row& row) {
-  return {{"fault", row.scenario->name},
-          {"script", row.scenario->faults},
-          {"injected", row.injected},
-          {"lost", row.lost},
-          {"equal", row.equal},
-          {"recovery_ms", {{"median", quantile(row.recovery_ms, 0.5)}, {"worst", quantile(row.recovery_ms, 1.0)}}},
-          {"reconnects", row.reconnects},
-          {"wrong", row.wrong}};
-}
+const std::vector<TextColumn> kColumns{{"fault", -17, "fault"},
+                                       {"injected", -26, "injected"},
+                                       {"counted as lost", -26, "lost"},
+                                       {"equal", -6, "equal"},
+                                       {"median", 8, "recovery_ms/median", "%.0f"},
+                                       {"worst ms", 8, "recovery_ms/worst", "%.0f"},
+                                       {"reconnects", 11, "reconnects"},
+                                       {" wrong", 0, "wrong"}};
 
 Status evaluate(const cxxopts::ParseResult& given) {
-  const int repeats = given["repeats"].as<int>();
+  ASSIGN_OR_RETURN(const int repeats, number_of<int>(given, "repeats", 1, 1000));
   const auto only = given["only"].as<std::string>();
-  const bool json = given.count("json") != 0;
-  if (Status good = within(repeats, "repeats", 1, 1000); !good) return good;
   ASSIGN_OR_RETURN(const auto stage, make_stage());
-  if (!json) {
-    std::printf("%-17s %-26s %-26s %-6s %8s %8s %11s  %s\n", "fault", "injected", "counted as lost", "equal", "median",
-                "worst ms", "reconnects", "output");
-  }
-  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-  std::string wrong;
+  Rows rows(given.count("json") != 0, kColumns);
+  std::vector<std::string> wrong;
   Progress progress("faults", scenarios().size());
   for (const Scenario& scenario : scenarios()) {
     if (!only.empty() && scenario.name != only) continue;
-    const auto row = row_of(scenario, stage, repeats);
+    auto row = row_of(scenario, stage, repeats);
     if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted");
-    if (!row) return tl::unexpected<Error>(row.error());
-    if (!json) print_row(*row);
-    if (!row->wrong.empty()) wrong += (wrong.empty() ? "" : ", ") + scenario.name;
-    rows.push_back(to_json(*row));
-    progress.update(rows.size());
+    RETURN_IF_ERROR(row);
+    if ((*row)["wrong"] != "") wrong.push_back(scenario.name);
+    rows.add(std::move(*row));
+    progress.update(rows.count());
   }
-  if (rows.empty()) return bad_input("there is no fault '" + only + "' here; without --only all are tried");
-  if (json) {
-    std::puts(nlohmann::ordered_json{{"repeats", repeats}, {"rows", rows}}.dump(2).c_str());
-  } else {
-    std::printf(
-        "%d run(s) each, 64x24 pixels at 200 Hz; a silent camera is opened again after 0.6 s. Recovery: from the\n"
-        "fault's end until every published plane is that of an undisturbed run again; a window of 17 frames is 85 ms.\n"
-        "Where 'equal' may be no: frames that a camera does not send while it is opened again, which are nobody's.\n",
-        repeats);
-  }
-  return wrong.empty() ? Status{} : failed("what must hold does not: " + wrong);
+  if (rows.count() == 0) return bad_input("there is no fault '" + only + "' here; without --only all are tried");
+  rows.finish(
+      {{"repeats", repeats}}, "rows",
+      "64x24 pixels at 200 Hz; a silent camera is opened again after 0.6 s. Recovery: from the fault's end until\n"
+      "every published plane is that of an undisturbed run again; a window of 17 frames is 85 ms. Where 'equal'\n"
+      "may be no: frames that a camera does not send while it is opened again, which are nobody's.");
+  return wrong.empty() ? Status{} : failed("what must hold does not: " + joined(wrong));
 }
 
 }  // namespace
@@ -241,9 +207,9 @@ Result<Outcome> play(const Scenario& scenario, const Stage& stage, int seed) {
 
 std::string what_is_wrong(const Scenario& scenario, const Outcome& outcome) {
   const Verdict& v = outcome.verdict;
-  std::string all;
+  std::vector<std::string> all;
   const auto require = [&all](bool holds, const std::string& text) {
-    if (!holds) all += (all.empty() ? "" : "; ") + text;
+    if (!holds) all.push_back(text);
   };
   const std::uint64_t lost = std::accumulate(outcome.run.lost.begin(), outcome.run.lost.end(), std::uint64_t{0});
   require(lost >= v.never_came,
@@ -258,27 +224,27 @@ std::string what_is_wrong(const Scenario& scenario, const Outcome& outcome) {
   const auto reconnects = static_cast<int>(outcome.run.reconnects);
   require(reconnects >= scenario.demands.least_reconnects && reconnects <= scenario.demands.most_reconnects,
           std::to_string(reconnects) + " reconnects");
-  return all;
+  return joined(all, "; ");
 }
 
 std::string text_of(const Losses& losses) {
-  std::string text;
+  std::vector<std::string> words;
   for (std::size_t c = 0; c < kLossCauses; ++c) {
     if (losses[c] == 0) continue;
-    text += (text.empty() ? "" : ", ") + std::string(name(static_cast<LossCause>(c))) + " " + std::to_string(losses[c]);
+    words.push_back(std::string(name(static_cast<LossCause>(c))) + " " + std::to_string(losses[c]));
   }
-  return text.empty() ? "none" : text;
+  return words.empty() ? "none" : joined(words);
 }
 
 int eval_faults_main(int argc, char** argv) {
-  cxxopts::Options options("bolo-lab eval faults",
-                           "Runs the daemon's pipeline against a fake camera that fails, one fault after the other,\n"
-                           "through real packets, and compares what it counts with what was injected and what it\n"
-                           "publishes with an undisturbed run.\n");
-  options.add_options()("repeats", "Runs of each fault", cxxopts::value<int>()->default_value("3"), "N")(
-      "only", "This fault only, by its name in the table", cxxopts::value<std::string>()->default_value(""), "NAME")(
-      "json", "Print the table as JSON");
-  return run_verb("eval faults", std::move(options), argc, argv, evaluate);
+  cxxopts::Options cli("bolo-lab eval faults",
+                       "Runs the daemon's pipeline against a fake camera that fails, one fault after the other,\n"
+                       "through real packets, and compares what it counts with what was injected and what it\n"
+                       "publishes with an undisturbed run.\n");
+  add_option<int>(cli, "repeats", "Runs of each fault", "3", "N");
+  add_option<std::string>(cli, "only", "This fault only, by its name in the table", "", "NAME");
+  add_option<bool>(cli, "json", "Print the table as JSON");
+  return run_verb("eval faults", std::move(cli), argc, argv, evaluate);
 }
 
 }  // namespace bolo::tools::faults

@@ -11,9 +11,6 @@
 #include <Eigen/Dense>
 #include <unsupported/Eigen/FFT>
 
-#include "src/report/text.hpp"
-#include "tools/lab/eval/fidelity_measures.hpp"
-
 namespace bolo::tools::fidelity {
 namespace {
 

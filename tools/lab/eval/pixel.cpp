@@ -6,13 +6,8 @@
 #include <numeric>
 #include <random>
 #include <span>
-#include <vector>
-
-#include <nlohmann/json.hpp>
 
 #include "src/model/bolometer.hpp"
-#include "tools/cli/cli.hpp"
-#include "tools/lab/common.hpp"
 #include "tools/lab/verbs.hpp"
 
 namespace bolo::tools {
@@ -62,48 +57,38 @@ double overshoot(const PixelTrial& trial, const std::vector<double>& bins) {
   return std::max({0.0, most - high, low - least});
 }
 
-nlohmann::ordered_json to_json(const PixelTrial& trial, const std::vector<PixelScore>& scores) {
-  auto cases = nlohmann::ordered_json::array();
-  for (const PixelScore& s : scores) {
-    cases.push_back({{"noise_k", s.noise_k},
-                     {"lambda", s.lambda},
-                     {"ols_rmse_k", s.ols_rmse_k},
-                     {"qp_rmse_k", s.qp_rmse_k},
-                     {"ols_overshoot_k", s.ols_overshoot_k},
-                     {"qp_overshoot_k", s.qp_overshoot_k}});
-  }
-  return {{"tau_s", trial.tau_s},   {"frame_period_s", trial.period_s},
-          {"frames", trial.frames}, {"bins", 1 << trial.levels},
-          {"kappa", trial.kappa},   {"cases", cases}};
-}
-
-void print(const PixelTrial& trial, const std::vector<PixelScore>& scores) {
-  std::printf("one pixel, tau %g ms, %d frames every %g ms, %d bins, kappa %g, four jumps of the input\n",
-              1e3 * trial.tau_s, trial.frames, 1e3 * trial.period_s, 1 << trial.levels, trial.kappa);
-  std::printf("noise K  lambda   RMSE, K: least squares  quadratic programme   overshoot, K: l.s.   q.p.\n");
-  for (const PixelScore& s : scores) {
-    std::printf("%7.2f  %6g  %23.3f %20.3f %20.2f %6.2f\n", s.noise_k, s.lambda, s.ols_rmse_k, s.qp_rmse_k,
-                s.ols_overshoot_k, s.qp_overshoot_k);
-  }
-}
+const std::vector<TextColumn> kColumns{{"noise K", 7, "noise_k", "%.2f"},
+                                       {"lambda", 7, "lambda"},
+                                       {"least squares: RMSE K", 22, "ols_rmse_k", "%.3f"},
+                                       {"overshoot K", 12, "ols_overshoot_k", "%.2f"},
+                                       {"programme: RMSE K", 18, "qp_rmse_k", "%.3f"},
+                                       {"overshoot K", 12, "qp_overshoot_k", "%.2f"}};
 
 Status evaluate(const cxxopts::ParseResult& given) {
-  const double noise_k = given["noise"].as<double>();
-  const int draws = given["draws"].as<int>();
   std::vector<double> lambdas{0.1, 0.001};
   if (given.count("lambda") != 0) lambdas = {given["lambda"].as<double>()};
-  RETURN_IF_ERROR(within(noise_k, "noise", 1e-6, 100.0));
-  RETURN_IF_ERROR(within(draws, "draws", 1, 100000));
+  ASSIGN_OR_RETURN(const double noise_k, number_of<double>(given, "noise", 1e-6, 100.0));
+  ASSIGN_OR_RETURN(const int draws, number_of<int>(given, "draws", 1, 100000));
   RETURN_IF_ERROR(within(lambdas.front(), "lambda", 1e-9, 1000.0));
   PixelTrial trial;
-  std::vector<PixelScore> scores;
+  const bool json = given.count("json") != 0;
+  if (!json) {
+    std::printf("one pixel, tau %g ms, %d frames every %g ms, %d bins, kappa %g, four jumps of the input\n",
+                1e3 * trial.tau_s, trial.frames, 1e3 * trial.period_s, 1 << trial.levels, trial.kappa);
+  }
+  Rows rows(json, kColumns);
   for (const double lambda : lambdas) {
     trial.lambda = lambda;
     for (const double noise : {0.0, noise_k}) {
-      scores.push_back(score_pixel(trial, noise, draws, given["seed"].as<std::uint64_t>()));
+      rows.add(score_pixel(trial, noise, draws, given["seed"].as<std::uint64_t>()));
     }
   }
-  given.count("json") != 0 ? void(std::puts(to_json(trial, scores).dump(2).c_str())) : print(trial, scores);
+  rows.finish({{"tau_s", trial.tau_s},
+               {"frame_period_s", trial.period_s},
+               {"frames", trial.frames},
+               {"bins", 1 << trial.levels},
+               {"kappa", trial.kappa}},
+              "cases");
   return {};
 }
 
@@ -177,30 +162,32 @@ double rmse(const std::vector<double>& a, const std::vector<double>& b) {
   return std::sqrt(sum / static_cast<double>(a.size()));
 }
 
-PixelScore score_pixel(const PixelTrial& trial, double noise_k, int draws, std::uint64_t seed) {
-  PixelScore score;
-  score.noise_k = noise_k;
-  score.lambda = trial.lambda;
+Json score_pixel(const PixelTrial& trial, double noise_k, int draws, std::uint64_t seed) {
   const std::vector<double> truth = truth_of(trial);
   const std::vector<double> clean = sample_pixel(trial);
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   if (noise_k <= 0.0) draws = 1;
-  double ols2 = 0.0;
-  double qp2 = 0.0;
+  struct {
+    double square = 0.0;
+    double overshoot = 0.0;
+  } ols, qp;
   for (int i = 0; i < draws; ++i) {
     std::vector<double> samples = clean;
     for (double& v : samples) v += noise_k * normal(random);
-    const std::vector<double> ols = least_squares(trial, samples);
-    const std::vector<double> qp = quadratic_programme(trial, samples);
-    ols2 += std::pow(rmse(ols, truth), 2) / draws;
-    qp2 += std::pow(rmse(qp, truth), 2) / draws;
-    score.ols_overshoot_k += overshoot(trial, ols) / draws;
-    score.qp_overshoot_k += overshoot(trial, qp) / draws;
+    for (auto* sum : {&ols, &qp}) {
+      const std::vector<double> bins =
+          sum == &ols ? least_squares(trial, samples) : quadratic_programme(trial, samples);
+      sum->square += std::pow(rmse(bins, truth), 2) / draws;
+      sum->overshoot += overshoot(trial, bins) / draws;
+    }
   }
-  score.ols_rmse_k = std::sqrt(ols2);
-  score.qp_rmse_k = std::sqrt(qp2);
-  return score;
+  return {{"noise_k", noise_k},
+          {"lambda", trial.lambda},
+          {"ols_rmse_k", std::sqrt(ols.square)},
+          {"qp_rmse_k", std::sqrt(qp.square)},
+          {"ols_overshoot_k", ols.overshoot},
+          {"qp_overshoot_k", qp.overshoot}};
 }
 
 int eval_pixel_main(int argc, char** argv) {
@@ -208,11 +195,11 @@ int eval_pixel_main(int argc, char** argv) {
                        "One pixel whose input jumps four times within a window of 17 frames (80 ms): ordinary least\n"
                        "squares against the paper's quadratic programme, without noise and with 0.5 K (the paper's\n"
                        "Fig. 4), at the authors' lambda and at this project's.");
-  cli.add_options()("noise", "K rms of the noisy case", cxxopts::value<double>()->default_value("0.5"))(
-      "draws", "of the noise", cxxopts::value<int>()->default_value("100"))(
-      "seed", "of the noise", cxxopts::value<std::uint64_t>()->default_value("1"))(
-      "lambda", "of the paper's objective, with kappa 0.1 (default: 0.1, the authors', and 0.001)",
-      cxxopts::value<double>())("json", "print one JSON object");
+  add_option<double>(cli, "noise", "K rms of the noisy case", "0.5");
+  add_option<int>(cli, "draws", "of the noise", "100");
+  add_option<std::uint64_t>(cli, "seed", "of the noise", "1");
+  add_option<double>(cli, "lambda", "of the paper's objective, with kappa 0.1 (default: 0.1, the authors', and 0.001)");
+  add_option<bool>(cli, "json", "print one JSON object");
   return run_verb("eval pixel", std::move(cli), argc, argv, evaluate);
 }
 

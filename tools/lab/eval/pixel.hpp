@@ -2,8 +2,9 @@
 // make of its samples (the paper's Fig. 4).
 #pragma once
 
-#include <cstdint>
 #include <vector>
+
+#include "tools/lab/common.hpp"
 
 namespace bolo::tools {
 
@@ -33,15 +34,8 @@ std::vector<double> quadratic_programme(const PixelTrial& trial, const std::vect
 
 double rmse(const std::vector<double>& a, const std::vector<double>& b);
 
-// What `draws` draws of white noise come to. No noise: one draw.
-struct PixelScore {
-  double noise_k = 0.0;
-  double lambda = 0.0;
-  double ols_rmse_k = 0.0;
-  double qp_rmse_k = 0.0;
-  double ols_overshoot_k = 0.0;  // beyond the input's range, largest, mean over the draws
-  double qp_overshoot_k = 0.0;
-};
-PixelScore score_pixel(const PixelTrial& trial, double noise_k, int draws, std::uint64_t seed);
+// What `draws` draws of white noise come to: errors and, mean over the draws, how far the largest and least bins lie
+// beyond the input's range. No noise: one draw.
+Json score_pixel(const PixelTrial& trial, double noise_k, int draws, std::uint64_t seed);
 
 }  // namespace bolo::tools

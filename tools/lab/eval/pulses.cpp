@@ -2,18 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <memory>
 #include <random>
-#include <string>
-#include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "src/core/statistics.hpp"
 #include "src/sim/field.hpp"
 #include "src/sim/simulator.hpp"
 #include "src/sim/stimulus_error.hpp"
-#include "tools/cli/cli.hpp"
 #include "tools/lab/common.hpp"
 #include "tools/lab/verbs.hpp"
 
@@ -52,52 +47,34 @@ sim::CameraSettings camera_of(const PulseTrial& trial) {
   return camera;
 }
 
-nlohmann::ordered_json to_json(const PulseScore& s) {
-  return {{"name", s.name},
-          {"trials", s.trials},
-          {"failed", s.failed},
-          {"inside_ci95", s.inside},
-          {"mean_error", s.mean_error},
-          {"worst_error", s.worst_error},
-          {"ci95_half_width", s.half_width},
-          {"gap", s.gap},
-          {"rmse_k", s.rmse_k},
-          {"sweep_s", s.sweep_ms / 1e3},
-          {"tau_spread", s.spread}};
-}
-
-void print_heading() {
-  std::printf("%-20s %7s %7s %8s %9s %9s %9s %7s %8s %9s %8s\n", "trial", "seeds", "failed", "in CI95", "mean err",
-              "worst err", "CI95 +-", "gap", "rmse K", "sweep ms", "spread");
-}
-
-void print(const PulseScore& s) {
-  std::printf("%-20s %7d %7d %7.0f%% %+8.4f%% %8.4f%% %8.4f%% %7.4f %8.4f %9.3f %7.2f%%\n", s.name.c_str(), s.trials,
-              s.failed, s.trials > 0 ? 100.0 * s.inside / s.trials : 0.0, 100.0 * s.mean_error, 100.0 * s.worst_error,
-              100.0 * s.half_width, s.gap, s.rmse_k, s.sweep_ms, 100.0 * s.spread);
-  std::fflush(stdout);
-}
+const std::vector<TextColumn> kColumns{{"trial", -20, "name"},
+                                       {"seeds", 7, "trials"},
+                                       {"failed", 7, "failed"},
+                                       {"in CI95", 8, "inside_ci95_share", "%.0f%%", 100.0},
+                                       {"mean err", 9, "mean_error", "%+.4f%%", 100.0},
+                                       {"worst err", 9, "worst_error", "%.4f%%", 100.0},
+                                       {"CI95 +-", 9, "ci95_half_width", "%.4f%%", 100.0},
+                                       {"gap", 7, "gap", "%.4f"},
+                                       {"rmse K", 8, "rmse_k", "%.4f"},
+                                       {"sweep ms", 9, "sweep_s", "%.3f", 1e3},
+                                       {"spread", 8, "tau_spread", "%.2f%%", 100.0}};
 
 Status evaluate(const cxxopts::ParseResult& given) {
-  const int seeds = given["seeds"].as<int>();
-  const double tau_s = given["tau"].as<double>();
-  const double noise_k = given.count("noise") != 0 ? given["noise"].as<double>() : PulseTrial{}.noise_k;
-  RETURN_IF_ERROR(within(seeds, "seeds", 1, 100000));
-  RETURN_IF_ERROR(within(tau_s, "tau", 0.003, 0.1));
-  RETURN_IF_ERROR(within(noise_k, "noise", 0.0, 100.0));
-  const bool json = given.count("json") != 0;
-  auto rows = nlohmann::ordered_json::array();
-  if (!json) print_heading();
+  ASSIGN_OR_RETURN(const int seeds, number_of<int>(given, "seeds", 1, 100000));
+  ASSIGN_OR_RETURN(const double tau_s, number_of<double>(given, "tau", 0.003, 0.1));
+  const bool one_noise = given.count("noise") != 0;
+  Rows rows(given.count("json") != 0, kColumns);
   for (PulseTrial& trial : pulse_trials()) {
-    if (given.count("noise") != 0 && trial.noise_k != PulseTrial{}.noise_k) continue;
-    if (given.count("noise") != 0) trial.noise_k = noise_k;
+    if (one_noise && trial.noise_k != PulseTrial{}.noise_k) continue;
+    if (one_noise) {
+      ASSIGN_OR_RETURN(trial.noise_k, number_of<double>(given, "noise", 0.0, 100.0));
+    }
     trial.tau_s = tau_s;
-    ASSIGN_OR_RETURN(const auto score, score_pulses(trial, seeds, interrupted()));
-    if (!json) print(score);
-    rows.push_back(to_json(score));
+    ASSIGN_OR_RETURN(auto score, score_pulses(trial, seeds, interrupted()));
+    rows.add(std::move(score));
     if (interrupted()) return failed("interrupted");
   }
-  if (json) std::puts(nlohmann::ordered_json{{"tau_s", tau_s}, {"trials", rows}}.dump(2).c_str());
+  rows.finish({{"tau_s", tau_s}}, "trials");
   return {};
 }
 
@@ -147,55 +124,51 @@ Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial) {
 }
 
 std::vector<PulseTrial> pulse_trials() {
-  std::vector<PulseTrial> trials(9);
-  trials[1].name = "sweep 2 ms";
-  trials[1].sweep_s = 0.002;
-  trials[2].name = "spread 5 %";
-  trials[2].tau_spread = 0.05;
-  trials[3].name = "levels 0.5 K off";
-  trials[3].level_error_k = 0.5;
-  trials[4].name = "soft edge 1 ms";
-  trials[4].softness_s = 0.001;
-  trials[5].name = "a part of the field";
-  trials[5].part_of_field = true;
-  trials[6].name = "all of these";
-  trials[6].sweep_s = 0.002;
-  trials[6].tau_spread = 0.05;
-  trials[6].level_error_k = 0.5;
-  trials[6].softness_s = 0.001;
-  trials[7] = trials[6];
-  trials[7].name = "all, noise 0.5 K";
-  trials[7].noise_k = 0.5;
-  trials[8].name = "noise 0.5 K";
-  trials[8].noise_k = 0.5;
-  return trials;
+  PulseTrial all{
+      .name = "all of these", .sweep_s = 0.002, .softness_s = 0.001, .tau_spread = 0.05, .level_error_k = 0.5};
+  PulseTrial all_noisy = all;
+  all_noisy.name = "all, noise 0.5 K";
+  all_noisy.noise_k = 0.5;
+  return {{},
+          {.name = "sweep 2 ms", .sweep_s = 0.002},
+          {.name = "spread 5 %", .tau_spread = 0.05},
+          {.name = "levels 0.5 K off", .level_error_k = 0.5},
+          {.name = "soft edge 1 ms", .softness_s = 0.001},
+          {.name = "a part of the field", .part_of_field = true},
+          all,
+          all_noisy,
+          {.name = "noise 0.5 K", .noise_k = 0.5}};
 }
 
-Result<PulseScore> score_pulses(const PulseTrial& trial, int seeds, const std::atomic<bool>& stop) {
-  PulseScore score;
-  score.name = trial.name;
-  const auto n = static_cast<double>(seeds);
-  for (int seed = 1; seed <= seeds && !stop.load(std::memory_order_relaxed); ++seed) {
+Result<Json> score_pulses(const PulseTrial& trial, int seeds, const std::atomic<bool>& stop) {
+  std::vector<diagnose::PulseFit> fits;
+  int trials = 0;
+  for (; trials < seeds && !stop.load(std::memory_order_relaxed); ++trials) {
     PulseTrial one = trial;
-    one.seed = static_cast<std::uint64_t>(seed);
+    one.seed = static_cast<std::uint64_t>(trials) + 1;
     ASSIGN_OR_RETURN(const auto series, simulate_pulses(one));
-    ++score.trials;
-    const auto fit = diagnose::fit_pulses(series, [](const std::string&, double) { return true; });
-    if (!fit) {
-      ++score.failed;
-      continue;
-    }
-    const double error = fit->tau_s.value / trial.tau_s - 1.0;
-    score.mean_error += error / n;
-    score.worst_error = std::max(score.worst_error, std::abs(error));
-    score.inside += fit->tau_s.low <= trial.tau_s && trial.tau_s <= fit->tau_s.high ? 1 : 0;
-    score.half_width += (fit->tau_s.high - fit->tau_s.low) / (2.0 * trial.tau_s) / n;
-    score.gap += fit->gap / n;
-    score.rmse_k += fit->rmse_k / n;
-    score.sweep_ms += fit->sweep_x_s.value * 1e3 / n;
-    score.spread += fit->tau_spread / n;
+    auto fit = diagnose::fit_pulses(series, [](const std::string&, double) { return true; });
+    if (fit) fits.push_back(std::move(*fit));
   }
-  return score;
+  const auto mean = [&](auto of) { return sum_of(fits, of) / seeds; };
+  const auto error = [&](const auto& fit) { return fit.tau_s.value / trial.tau_s - 1.0; };
+  double worst = 0.0;
+  for (const auto& fit : fits) worst = std::max(worst, std::abs(error(fit)));
+  const auto inside = std::ranges::count_if(
+      fits, [&](const auto& fit) { return fit.tau_s.low <= trial.tau_s && trial.tau_s <= fit.tau_s.high; });
+  return Json{
+      {"name", trial.name},
+      {"trials", trials},
+      {"failed", trials - static_cast<int>(fits.size())},
+      {"inside_ci95", inside},
+      {"inside_ci95_share", static_cast<double>(inside) / std::max(1, trials)},
+      {"mean_error", mean(error)},
+      {"worst_error", worst},
+      {"ci95_half_width", mean([](const auto& fit) { return fit.tau_s.high - fit.tau_s.low; }) / (2.0 * trial.tau_s)},
+      {"gap", mean(&diagnose::PulseFit::gap)},
+      {"rmse_k", mean(&diagnose::PulseFit::rmse_k)},
+      {"sweep_s", mean([](const auto& fit) { return fit.sweep_x_s.value; })},
+      {"tau_spread", mean(&diagnose::PulseFit::tau_spread)}};
 }
 
 int eval_pulses_main(int argc, char** argv) {
@@ -204,10 +177,10 @@ int eval_pulses_main(int argc, char** argv) {
       "Simulates choppers before a camera of tau 11 ms and fits tau from the frames alone, as 'bolo\n"
       "calibrate' does (the paper's Fig. 3): errors, how often the 95 % interval has the truth, and the\n"
       "residual in units of the noise (gap). 64x48 pixels, 2 s, each seed with another noise and start.");
-  cli.add_options()("seeds", "recordings of each kind", cxxopts::value<int>()->default_value("20"))(
-      "noise", "K rms, in all kinds (default: 0.03, and 0.5 in two more)", cxxopts::value<double>())(
-      "tau", "s, of the simulated camera", cxxopts::value<double>()->default_value("0.011"))("json",
-                                                                                             "print one JSON object");
+  add_option<int>(cli, "seeds", "recordings of each kind", "20");
+  add_option<double>(cli, "noise", "K rms, in all kinds (default: 0.03, and 0.5 in two more)");
+  add_option<double>(cli, "tau", "s, of the simulated camera", "0.011");
+  add_option<bool>(cli, "json", "print one JSON object");
   return run_verb("eval pulses", std::move(cli), argc, argv, evaluate);
 }
 

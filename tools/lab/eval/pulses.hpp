@@ -2,12 +2,9 @@
 #pragma once
 
 #include <atomic>
-#include <cstdint>
-#include <string>
-#include <vector>
 
-#include "src/core/result.hpp"
 #include "src/diagnose/calibrate.hpp"
+#include "tools/lab/common.hpp"
 
 namespace bolo::tools {
 
@@ -38,22 +35,8 @@ Result<diagnose::FrameSeries> simulate_pulses(const PulseTrial& trial);
 // The trials that `bolo-lab eval pulses` goes through. Thread: any.
 std::vector<PulseTrial> pulse_trials();
 
-// What many seeds of one trial came to.
-struct PulseScore {
-  std::string name;
-  int trials = 0;
-  int failed = 0;            // no fit
-  int inside = 0;            // of the fits' own 95 % intervals
-  double mean_error = 0.0;   // relative
-  double worst_error = 0.0;  // largest |relative error|
-  double half_width = 0.0;   // mean half width of the interval, relative
-  double gap = 0.0;          // mean
-  double rmse_k = 0.0;       // mean
-  double sweep_ms = 0.0;     // mean
-  double spread = 0.0;       // mean
-};
-
-// Seeds 1 .. `seeds`; fewer when `stop` is set. Thread: setup.
-Result<PulseScore> score_pulses(const PulseTrial& trial, int seeds, const std::atomic<bool>& stop);
+// What seeds 1 .. `seeds` of one trial came to; fewer when `stop` is set. Errors are relative; sums are means.
+// Thread: setup.
+Result<Json> score_pulses(const PulseTrial& trial, int seeds, const std::atomic<bool>& stop);
 
 }  // namespace bolo::tools

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/report/text.hpp"
-#include "tools/lab/eval/faults_run.hpp"
+#include "tools/lab/eval/faults.hpp"
 
 namespace bolo::tools::soak {
 namespace {

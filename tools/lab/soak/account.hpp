@@ -11,7 +11,7 @@
 
 #include "drivers/fakecam/fault_script.hpp"
 #include "src/core/loss.hpp"
-#include "tools/lab/eval/faults_run.hpp"
+#include "tools/lab/eval/faults.hpp"
 #include "tools/lab/soak/findings.hpp"
 
 namespace bolo::tools::soak {

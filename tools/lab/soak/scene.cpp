@@ -8,7 +8,7 @@
 
 #include "src/capture/capture.hpp"
 #include "src/core/byte_order.hpp"
-#include "tools/lab/eval/faults_run.hpp"
+#include "tools/lab/eval/faults.hpp"
 #include "tools/lab/recording.hpp"
 
 namespace bolo::tools::soak {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "drivers/shm/followed_stream.hpp"
-#include "tools/lab/eval/faults_run.hpp"
+#include "tools/lab/eval/faults.hpp"
 #include "tools/lab/soak/findings.hpp"
 #include "tools/lab/soak/scene.hpp"
 

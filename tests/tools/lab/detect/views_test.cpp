@@ -1,5 +1,5 @@
 // Looks at a still: a bright box in the picture is where the moved label says.
-#include "tools/lab/detect/views.hpp"
+#include "tools/lab/detect/table.hpp"
 
 #include <gtest/gtest.h>
 #include <png.h>
