@@ -1,7 +1,5 @@
 #include "tools/lab/common.hpp"
 
-#include <atomic>
-#include <cmath>
 #include <cstdio>
 #include <mutex>
 #include <thread>

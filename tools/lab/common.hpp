@@ -153,7 +153,7 @@ class Jobs {
 
 // Runs a job that makes a Result and keeps its value.
 template <typename T, typename Make>
-Jobs::Job keep(std::optional<T>& place, Make make) {
+Jobs::Job keep(T& place, Make make) {
   return [&place, make]() -> Status {
     ASSIGN_OR_RETURN(place, make());
     return {};

@@ -1,9 +1,6 @@
 // What `bolo-lab bench` measures, as it prints it with --json.
 #pragma once
 
-#include <string>
-
-#include "src/core/result.hpp"
 #include "tools/lab/common.hpp"
 
 namespace bolo::tools {

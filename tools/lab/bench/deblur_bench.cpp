@@ -1,18 +1,12 @@
 // Time and accuracy of the ways to deblur one 640x120 frame, all in one run on one input.
 #include <algorithm>
 #include <array>
-#include <chrono>
-#include <cmath>
 #include <cstring>
 #include <map>
-#include <memory>
-#include <thread>
-#include <utility>
 
 #include "src/corrections/pixel_correction.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/deblur/solver.hpp"
-#include "src/rt/worker_team.hpp"
 #include "tools/lab/bench/bench.hpp"
 #include "tools/lab/recording.hpp"
 
@@ -151,13 +145,11 @@ class Runner {
   Json result(const std::vector<float>& exact) {
     std::ranges::sort(times_);
     const auto pixels = static_cast<std::size_t>(rows_ * kFrame.width);
-    const std::size_t common = std::min(exact.size(), pixels);
-    double squares = 0.0;
+    SquareSum errors;
     double most = 0.0;
-    for (std::size_t i = 0; i < common; ++i) {
-      const double error = std::abs(static_cast<double>(out_[i]) - static_cast<double>(exact[i]));
-      squares += error * error;
-      most = std::max(most, error);
+    for (std::size_t i = 0; i < std::min(exact.size(), pixels); ++i) {
+      errors.add(out_[i], exact[i]);
+      most = std::max(most, std::abs(static_cast<double>(out_[i]) - static_cast<double>(exact[i])));
     }
     return {{"solver", what_.solver},
             {"isa", what_.isa},
@@ -171,7 +163,7 @@ class Runner {
             {"ms_per_frame", times_.front()},
             {"median_ms_per_frame", times_[times_.size() / 2]},
             {"ns_per_pixel", 1e6 * times_.front() / static_cast<double>(kFrame.pixels())},
-            {"rms_error_k", std::sqrt(squares / static_cast<double>(common))},
+            {"rms_error_k", errors.root_mean()},
             {"max_error_k", most},
             {"realtime_factor", 1e3 * settings_.period_s / times_.front()},
             {"scaling", 1.0},

@@ -10,7 +10,6 @@
 #include <ctime>
 #include <memory>
 #include <numeric>
-#include <string>
 #include <thread>
 
 #include "bolo/client.h"

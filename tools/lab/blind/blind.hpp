@@ -1,8 +1,6 @@
 // The blind check: answers are sealed, captures diagnosed in a process of its own, answers opened, and scored.
 #pragma once
 
-#include <atomic>
-
 #include "tools/lab/blind/session.hpp"
 
 namespace bolo::tools::blind {
@@ -71,7 +69,6 @@ struct Finding {
   std::string location_stage;
   double gap_before = 0.0;  // of the residual, or of the noise's own statistics where that is larger
   double gap_after = 0.0;
-  double seconds = 0.0;
 };
 
 // Reads a report.json. kFailed when it is none. Thread: any.

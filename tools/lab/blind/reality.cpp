@@ -2,9 +2,6 @@
 #include "tools/lab/blind/reality.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <numbers>
 #include <numeric>
 #include <random>
 
@@ -35,15 +32,6 @@ class Inverse {
   std::array<double, kPoints + 1> table_{};
 };
 
-// Noise and patterns: fixed ones from the camera's seed, others from the capture's.
-struct Luck {
-  std::mt19937_64 of;
-  double normal() { return gauss(of); }
-  double even(double low, double high) { return std::uniform_real_distribution<double>(low, high)(of); }
-  bool chance(double p) { return even(0.0, 1.0) < p; }
-  std::normal_distribution<double> gauss;
-};
-
 // The heat equation of all pixels by an explicit rule of third order, and its past.
 class Array {
  public:
@@ -54,7 +42,7 @@ class Array {
         begin_s_(begin_s),
         input_(g_.pixels()),
         tau_(g_.pixels()) {
-    Luck luck{std::mt19937_64(session.camera_seed + 1), {}};
+    Luck luck(session.camera_seed + 1);
     const double scale = hidden.number("tau_global", "scale", 1.0);
     const double spread = hidden.number("tau_spread", "rms", 0.0);
     const double turn = luck.even(0.0, kTwoPi);
@@ -179,8 +167,8 @@ class Readout {
       : plan_(plan),
         hidden_(hidden),
         g_(session.geometry),
-        luck_{std::mt19937_64(plan.noise_seed), {}},
-        fixed_{std::mt19937_64(session.camera_seed), {}},
+        luck_(plan.noise_seed),
+        fixed_(session.camera_seed),
         gain_(g_.pixels(), 0.0),
         offset_(gain_),
         share_(gain_),
@@ -361,7 +349,7 @@ std::vector<std::uint16_t> film(const Session& session, const CapturePlan& plan)
   const Scene scene = scene_of(plan, hidden, g);
   Array array(session, scene, hidden, std::holds_alternative<capture::BarTarget>(plan.stimulus) ? -kBeforeS : -0.02);
   Readout readout(session, plan, hidden);
-  Luck luck{std::mt19937_64(plan.noise_seed + 7), {}};
+  Luck luck(plan.noise_seed + 7);
   const double window_s = hidden.number("integration_window", "window_s", 0.0);
   std::vector<std::uint16_t> counts;
   Plane shown(g.pixels());

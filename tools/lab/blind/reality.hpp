@@ -1,8 +1,8 @@
 // What the parts of the second reality share.
 #pragma once
 
-#include <functional>
 #include <numbers>
+#include <random>
 
 #include "tools/lab/blind/session.hpp"
 
@@ -28,6 +28,19 @@ struct Hidden {
     const auto value = effect->values.find(key);
     return value == effect->values.end() ? absent : value->second;
   }
+};
+
+// Random draws: fixed patterns from the camera's seed, noise from the capture's.
+struct Luck {
+  explicit Luck(std::uint64_t seed) : of(seed) {}
+  double normal() { return gauss(of); }
+  double normal(double sigma) { return std::normal_distribution<double>(0.0, sigma)(of); }  // of two words, each time
+  double even(double low, double high) { return std::uniform_real_distribution<double>(low, high)(of); }
+  bool chance(double p) { return even(0.0, 1.0) < p; }
+  std::size_t below(std::size_t n) { return std::uniform_int_distribution<std::size_t>(0, n - 1)(of); }
+  std::uint64_t word() { return of() >> 2U; }
+  std::mt19937_64 of;
+  std::normal_distribution<double> gauss;
 };
 
 // Radiance of a black body from 8 to 12 um, in units in which it is 300 with slope 1 at 300 K, and the other way round.

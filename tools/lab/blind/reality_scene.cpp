@@ -1,7 +1,5 @@
 // The bench of the second reality, and its optics.
 #include <algorithm>
-#include <cmath>
-#include <memory>
 
 #include "tools/lab/blind/reality.hpp"
 

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 
 #include "src/core/statistics.hpp"
 #include "tools/lab/blind/blind.hpp"

@@ -1,16 +1,9 @@
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <memory>
 #include <mutex>
 #include <set>
-#include <string>
-#include <utility>
-#include <variant>
 
 #include "src/sim/simulator.hpp"
 #include "tools/lab/blind/session.hpp"
-#include "tools/lab/common.hpp"
 
 namespace bolo::tools::blind {
 namespace {
@@ -25,16 +18,7 @@ constexpr double kGapS = 0.0837;  // no multiple of a frame: pulses begin at man
 constexpr double kBarsColdK = 290.0;
 constexpr double kBarsHotK = 315.0;
 
-struct Length {
-  const char* file;
-  int frames;
-};
-constexpr std::array<Length, 6> kCaptures{{{"capture-1.h5", 380},
-                                           {"capture-2.h5", 240},
-                                           {"capture-3.h5", 400},
-                                           {"capture-4.h5", 340},
-                                           {"capture-5.h5", 340},
-                                           {"capture-6.h5", 300}}};
+constexpr std::array<int, 6> kFrames{380, 240, 400, 340, 340, 300};  // of the captures
 
 bool is_moment(const sim::EffectSpec& effect) { return effect.name == "nuc_freeze" || effect.name == "offset_jump"; }
 
@@ -142,10 +126,10 @@ std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::ve
   std::vector<CapturePlan> plans;
   const Bench bench = draw_bench(options.imperfect, dice);
   double start_s = 0.0;
-  for (std::size_t i = 0; i < kCaptures.size(); ++i) {
+  for (std::size_t i = 0; i < kFrames.size(); ++i) {
     CapturePlan plan;
-    plan.file = kCaptures[i].file;
-    plan.frames = static_cast<std::size_t>(std::max(20.0, std::round(kCaptures[i].frames * options.frames_scale)));
+    plan.file = "capture-" + std::to_string(i + 1) + ".h5";
+    plan.frames = static_cast<std::size_t>(std::max(20.0, std::round(kFrames[i] * options.frames_scale)));
     const double duration_s = static_cast<double>(plan.frames) * kPeriodS;
     plan.stimulus = stimulus_of(i, options.geometry, duration_s);
     plan.session_start_s = start_s;

@@ -2,15 +2,7 @@
 #pragma once
 
 #include <array>
-#include <filesystem>
-#include <functional>
 #include <map>
-#include <optional>
-#include <string>
-#include <string_view>
-#include <vector>
-
-#include <nlohmann/json.hpp>
 
 #include "src/capture/capture.hpp"
 #include "src/sim/effect.hpp"

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <utility>
 
 #include "src/core/statistics.hpp"
 #include "tools/lab/common.hpp"

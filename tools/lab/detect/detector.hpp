@@ -2,11 +2,8 @@
 // boxes.
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <span>
-#include <string>
-#include <vector>
 
 #include "tools/lab/detect/boxes.hpp"
 

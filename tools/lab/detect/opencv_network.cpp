@@ -3,7 +3,6 @@
 #include <fstream>
 #include <iterator>
 #include <mutex>
-#include <utility>
 
 #include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>

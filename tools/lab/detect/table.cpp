@@ -1,9 +1,5 @@
 #include <algorithm>
-#include <cmath>
-#include <memory>
 #include <mutex>
-#include <numeric>
-#include <utility>
 
 #include "src/core/statistics.hpp"
 #include "tools/lab/detect/table.hpp"
@@ -15,29 +11,6 @@ namespace {
 struct Networks {
   std::vector<Detector> detectors;
   std::vector<LearnedDeblurring> models;
-};
-
-// Lends each of several things to one thread at a time.
-template <typename T>
-class Lender {
- public:
-  void add(T one) { free_.push_back(std::make_unique<T>(std::move(one))); }
-
-  // There must be as many as threads that ask.
-  std::unique_ptr<T> take() {
-    const std::lock_guard lock(mutex_);
-    std::unique_ptr<T> one = std::move(free_.back());
-    free_.pop_back();
-    return one;
-  }
-  void give_back(std::unique_ptr<T> one) {
-    const std::lock_guard lock(mutex_);
-    free_.push_back(std::move(one));
-  }
-
- private:
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<T>> free_;
 };
 
 Result<Networks> open_networks(const Options& options) {
@@ -73,9 +46,15 @@ class Runner {
     Jobs jobs;
     for (std::size_t i = 0; i < found_.looks.size(); ++i) {
       jobs.add([this, i]() -> Status {
-        std::unique_ptr<Networks> networks = lender_.take();
-        Status outcome = look(i, *networks);
-        lender_.give_back(std::move(networks));
+        Networks networks = [this] {
+          const std::lock_guard lock(mutex_);
+          Networks free = std::move(free_.back());
+          free_.pop_back();
+          return free;
+        }();
+        Status outcome = look(i, networks);
+        const std::lock_guard lock(mutex_);
+        free_.push_back(std::move(networks));
         return outcome;
       });
     }
@@ -91,7 +70,7 @@ class Runner {
         describe(networks);
         RETURN_IF_ERROR(try_out(networks));
       }
-      lender_.add(std::move(networks));
+      free_.push_back(std::move(networks));
     }
     for (const std::filesystem::path& file : options_.scenes) {
       ASSIGN_OR_RETURN(auto still, read_still(file, options_.classes));
@@ -151,32 +130,32 @@ class Runner {
     }
     ASSIGN_OR_RETURN(auto shown, shown_columns(fidelity::read_out(clean, options_.noise_k, options_.seed + index)));
     for (LearnedDeblurring& model : networks.models) {
-      ASSIGN_OR_RETURN(auto made, model.apply(shown[kBlurredColumn].levels, options_.picture));
-      shown.push_back({std::move(made), {}});
+      ASSIGN_OR_RETURN(auto made, model.apply(shown[kBlurredColumn], options_.picture));
+      shown.push_back(std::move(made));
     }
     return detect(index, shown, networks.detectors);
   }
 
-  Status detect(std::size_t index, std::vector<Shown>& shown, std::vector<Detector>& detectors) {
+  Status detect(std::size_t index, std::vector<Levels>& shown, std::vector<Detector>& detectors) {
     Look& look = found_.looks[index];
     look.found.resize(detectors.size());
-    for (const Shown& one : shown) {
-      look.settings.push_back(one.setting);
+    for (const Levels& one : shown) {
       for (std::size_t d = 0; d < detectors.size(); ++d) {
-        ASSIGN_OR_RETURN(auto boxes, detectors[d].detect(one.levels, options_.picture));
+        ASSIGN_OR_RETURN(auto boxes, detectors[d].detect(one, options_.picture));
         look.found[d].push_back(std::move(boxes));
       }
     }
     for (Exhibit& exhibit : found_.exhibits) {
       if (exhibit.look != index) continue;
-      for (Shown& one : shown) exhibit.frames.push_back(std::move(one.levels));
+      exhibit.frames = std::move(shown);
     }
     return {};
   }
 
   const Options& options_;
   Found found_;
-  Lender<Networks> lender_;
+  std::mutex mutex_;
+  std::vector<Networks> free_;  // as many as threads
 };
 
 constexpr double kPercent = 100.0;

@@ -2,12 +2,7 @@
 // stills, each seen several times by a camera in somebody's hands.
 #pragma once
 
-#include <string>
-#include <vector>
-
-#include "src/core/output_file.hpp"
 #include "src/report/sheet.hpp"
-#include "tools/lab/detect/average_precision.hpp"
 #include "tools/lab/detect/detector.hpp"
 #include "tools/lab/eval/fidelity_data.hpp"
 
@@ -64,15 +59,9 @@ inline constexpr std::size_t kSharpColumn = 0;
 inline constexpr std::size_t kBlurredColumn = 1;
 const std::vector<Column>& own_columns();
 
-// What a column shows of one look.
-struct Shown {
-  Levels levels;
-  std::string setting;  // what was picked with the truth, or measured
-};
-
-// own_columns() of the sequence's only target. Black and white are those of the still. kBadInput or kFailed from the
-// solvers. Thread: any, several at once.
-Result<std::vector<Shown>> shown_columns(const fidelity::Sequence& sequence);
+// What own_columns() show of the sequence's only target. Black and white are those of the still. kBadInput or kFailed
+// from the solvers. Thread: any, several at once.
+Result<std::vector<Levels>> shown_columns(const fidelity::Sequence& sequence);
 
 // --- What is found.
 
@@ -100,7 +89,6 @@ struct Look {
   double speed_px_s = 0.0;    // of the picture over the pixels, at the judged instant
   std::vector<Truth> labels;  // people's boxes as the look shows them; empty when the still has none
   std::vector<std::vector<std::vector<Detection>>> found;  // [detector][column]
-  std::vector<std::string> settings;                       // of each column
 };
 
 // A look as it is drawn: the frame of each column.

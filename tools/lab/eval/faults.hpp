@@ -3,15 +3,11 @@
 #pragma once
 
 #include <array>
-#include <functional>
-#include <string>
-#include <vector>
 
 #include "drivers/fakecam/fake_camera.hpp"
 #include "drivers/genicam/genicam_source.hpp"
 #include "src/core/frame.hpp"
 #include "src/core/loss.hpp"
-#include "src/core/result.hpp"
 #include "src/pipeline/pipeline.hpp"
 #include "tools/lab/common.hpp"
 #include "tools/lab/recording.hpp"

@@ -3,18 +3,11 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
-#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <memory>
 #include <mutex>
-#include <optional>
 #include <sstream>
-#include <thread>
-#include <utility>
 
 #include "src/core/clock.hpp"
 

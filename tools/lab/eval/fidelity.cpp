@@ -100,7 +100,7 @@ class Evaluation {
     Sequence training;
     Sequence lossy;
     Json spatial;
-    std::vector<std::optional<Json>> cells;
+    std::vector<Json> cells;
     std::vector<Json> drops;
     Json latency;
   };
@@ -158,31 +158,29 @@ class Evaluation {
   void add_jobs(Jobs& jobs, Noise& noise, bool latency) {
     noise.cells.resize(options_.lookaheads.size());
     noise.drops.resize(options_.lookaheads.size());
-    const auto add = [&jobs](Json& place, auto make) {
-      jobs.add([&place, make]() -> Status {
-        place = make();
-        return {};
-      });
-    };
-    add(noise.spatial, [&noise] { return spatial_columns(noise.sequence); });
-    if (latency) add(noise.latency, [&noise] { return latency_curves(noise.sequence, kLongestLookahead); });
+    jobs.add(keep(noise.spatial, [&noise] { return Result<Json>(spatial_columns(noise.sequence)); }));
+    if (latency) {
+      jobs.add(
+          keep(noise.latency, [&noise] { return Result<Json>(latency_curves(noise.sequence, kLongestLookahead)); }));
+    }
     for (std::size_t l = 0; l < options_.lookaheads.size(); ++l) {
       const int lookahead = options_.lookaheads[l];
       jobs.add(
           keep(noise.cells[l], [&noise, lookahead] { return evaluate(noise.sequence, noise.training, lookahead); }));
       if (options_.drop <= 0.0) continue;
-      add(noise.drops[l],
-          [this, &noise, lookahead] { return drop_rows(noise.lossy, lookahead, options_.drop, options_.seed); });
+      jobs.add(keep(noise.drops[l], [this, &noise, lookahead] {
+        return Result<Json>(drop_rows(noise.lossy, lookahead, options_.drop, options_.seed));
+      }));
     }
   }
 
   void collect(Noise& noise) {
-    for (auto& cell : noise.cells) {
+    for (Json& cell : noise.cells) {
       Json columns;
-      cell->at("columns").update(noise.spatial);
-      for (const Column& column : kColumns) columns[column.name] = cell->at("columns")[column.name];
-      cell->at("columns") = columns;
-      table_["cells"].push_back(std::move(*cell));
+      cell["columns"].update(noise.spatial);
+      for (const Column& column : kColumns) columns[column.name] = cell["columns"][column.name];
+      cell["columns"] = columns;
+      table_["cells"].push_back(std::move(cell));
     }
     for (const Json& rows : noise.drops) {
       for (const Json& row : rows) table_["drops"].push_back(row);
@@ -237,8 +235,10 @@ Status run(const cxxopts::ParseResult& given) {
 
 }  // namespace
 
-int eval_fidelity_main(int argc, char** argv) {
-  cxxopts::Options cli("bolo-lab eval fidelity", kSummary);
+}  // namespace bolo::tools::fidelity
+
+int bolo::tools::eval_fidelity_main(int argc, char** argv) {
+  cxxopts::Options cli("bolo-lab eval fidelity", fidelity::kSummary);
   using Texts = std::vector<std::string>;
   using Numbers = std::vector<double>;
   add_option<Texts>(cli, "scene", "street, or pictures: PNG, JPEG (black to white is 25 K), HDF5 with image_k",
@@ -256,7 +256,5 @@ int eval_fidelity_main(int argc, char** argv) {
   add_option<int>(cli, "threads", "The result does not depend on them", "2");
   add_option<bool>(cli, "json", "Print one JSON object");
   add_plot_option(cli, "Draw the table");
-  return run_verb("eval fidelity", std::move(cli), argc, argv, run);
+  return run_verb("fidelity", std::move(cli), argc, argv, fidelity::run);
 }
-
-}  // namespace bolo::tools::fidelity

@@ -2,12 +2,10 @@
 #include <mutex>
 #include <numeric>
 #include <random>
-#include <utility>
 
 #include "src/core/clock.hpp"
 #include "src/deblur/window.hpp"
 #include "tools/lab/eval/fidelity.hpp"
-#include "tools/lab/eval/fidelity_filters.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {

@@ -2,12 +2,6 @@
 // how far an estimate is from the truth.
 #pragma once
 
-#include <filesystem>
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
-
 #include "src/core/plane.hpp"
 #include "src/model/a655sc.hpp"
 #include "src/sim/path.hpp"

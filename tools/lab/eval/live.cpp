@@ -32,7 +32,7 @@ int eval_live_main(int argc, char** argv) {
   add_option<bool>(cli, "json", "print one JSON object");
   cli.parse_positional({"name"});
   cli.positional_help("NAME");
-  return run_verb("eval live", std::move(cli), argc, argv, evaluate);
+  return run_verb("live", std::move(cli), argc, argv, evaluate);
 }
 
 }  // namespace bolo::tools

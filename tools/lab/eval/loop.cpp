@@ -1,23 +1,12 @@
 // `bolo-lab eval loop`: what a diagnosis is worth to the deblurring: camera -> diagnosis -> profile -> pipeline.
 
 #include <algorithm>
-#include <array>
-#include <atomic>
-#include <cmath>
-#include <memory>
-#include <optional>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
 
 #include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/report.hpp"
 #include "src/pipeline/apply_profile.hpp"
 #include "src/pipeline/pipeline.hpp"
-#include "src/sim/simulator.hpp"
 #include "tools/lab/blind/session.hpp"
-#include "tools/lab/common.hpp"
 #include "tools/lab/recording.hpp"
 #include "tools/lab/verbs.hpp"
 
@@ -255,7 +244,9 @@ Status evaluate(const cxxopts::ParseResult& given) {
 
 }  // namespace
 
-int eval_loop_main(int argc, char** argv) {
+}  // namespace bolo::tools::loop
+
+int bolo::tools::eval_loop_main(int argc, char** argv) {
   cxxopts::Options cli(
       "bolo-lab eval loop",
       "For each effect: simulates a bench session and a moving scene of one camera, diagnoses the session without "
@@ -266,7 +257,5 @@ int eval_loop_main(int argc, char** argv) {
   add_option<int>(cli, "threads", "Of a diagnosis", "2", "W");
   add_option<double>(cli, "frames-scale", "Of the bench captures' lengths", "1", "S");
   add_option<bool>(cli, "json", "Print the table as JSON");
-  return run_verb("eval loop", std::move(cli), argc, argv, evaluate);
+  return run_verb("loop", std::move(cli), argc, argv, loop::evaluate);
 }
-
-}  // namespace bolo::tools::loop

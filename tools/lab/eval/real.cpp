@@ -1,14 +1,9 @@
 // `bolo-lab eval real`: recordings without a truth. How well does a sharp picture foretell what the camera measured,
 // through the pixel's own equation tau dy/dt + y = x?
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstdio>
 #include <map>
 #include <memory>
 #include <numeric>
-#include <string>
-#include <vector>
 
 #include "src/capture/capture.hpp"
 #include "src/core/clock.hpp"
@@ -328,8 +323,10 @@ Status evaluate(const cxxopts::ParseResult& given) {
 
 }  // namespace
 
-int eval_real_main(int argc, char** argv) {
-  cxxopts::Options cli("bolo-lab eval real", kSummary);
+}  // namespace bolo::tools::real
+
+int bolo::tools::eval_real_main(int argc, char** argv) {
+  cxxopts::Options cli("bolo-lab eval real", real::kSummary);
   add_option<std::vector<std::string>>(cli, "captures", "");
   add_option<double>(cli, "tau", "thermal time constant, s", "0.011", "S");
   add_option<double>(cli, "period", "between frames, s; 0: as the captures say", "0", "S");
@@ -337,7 +334,5 @@ int eval_real_main(int argc, char** argv) {
   add_option<bool>(cli, "json", "print one JSON object");
   cli.parse_positional({"captures"});
   cli.positional_help("CAPTURE.h5...");
-  return run_verb("eval real", std::move(cli), argc, argv, evaluate);
+  return run_verb("real", std::move(cli), argc, argv, real::evaluate);
 }
-
-}  // namespace bolo::tools::real

@@ -8,7 +8,6 @@
 #include <random>
 
 #include "tools/lab/eval/fidelity.hpp"
-#include "tools/lab/eval/fidelity_filters.hpp"
 
 namespace bolo::tools::fidelity::fidelity_baselines_test {
 namespace {

@@ -1,15 +1,23 @@
-// The numbers behind `bolo-lab eval pulses` and `bolo-lab eval pixel`.
+// The numbers behind `bolo-lab eval pulses` and `bolo-lab eval pixel`, and how a row of such is shown.
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <cmath>
 
 #include "src/deblur/solver.hpp"
-#include "tools/lab/eval/pixel.hpp"
-#include "tools/lab/eval/pulses.hpp"
+#include "tools/lab/eval/trials.hpp"
 
 namespace bolo::tools {
 namespace {
+
+TEST(TextColumns, ShowWhatARowHas) {
+  const std::vector<TextColumn> columns{
+      {"name", -6, "name"}, {"share", 7, "in/share", "%.0f %%", 100.0}, {"none", 5, "none"}, {"list", 0, "list"}};
+  EXPECT_EQ(line_of(columns), "name     share  none list");
+  const Json row{{"name", "a"}, {"in", {{"share", 0.25}}}, {"none", nullptr}, {"list", {"x", "y"}}};
+  EXPECT_EQ(line_of(columns, row), "a         25 %     - x y");
+  EXPECT_EQ(line_of(columns, {{"in", {{"share", NAN}}}}), "-            -     - -");
+}
 
 TEST(PulseTrials, AllKindsComeOutWithinAPerCent) {
   const std::atomic<bool> stop{false};
