@@ -1,8 +1,6 @@
 #include "tools/lab/common.hpp"
 
-#include <atomic>
 #include <cstdio>
-#include <cstdlib>
 #include <mutex>
 #include <thread>
 
@@ -17,6 +15,46 @@ Result<Geometry> size_of(const std::string& text, const char* option, Geometry l
   }
   return bad_input(plot::format("--%s '%s': expected WIDTHxHEIGHT, %dx%d to %dx%d pixels", option, text.c_str(),
                                 least.width, least.height, most.width, most.height));
+}
+
+std::string joined(const std::vector<std::string>& words, const char* between) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : between) + word;
+  return text;
+}
+
+std::string line_of(std::span<const TextColumn> columns, const Json& row) {
+  const auto text_of = [&row](const TextColumn& column) -> std::string {
+    if (row.is_null()) return column.head;
+    const Json::json_pointer place("/" + column.key);
+    const Json value = row.contains(place) ? row.at(place) : Json();
+    if (value.is_string()) return value.get<std::string>();
+    if (value.is_array() && !value.empty()) return joined(value.get<std::vector<std::string>>(), " ");
+    if (value.is_boolean()) return value.get<bool>() ? "yes" : "no";
+    if (!value.is_number() || !std::isfinite(value.get<double>())) return "-";
+    return plot::format(column.form, column.times * value.get<double>());
+  };
+  std::string line;
+  for (const TextColumn& column : columns) {
+    line += plot::format("%s%*s", line.empty() ? "" : " ", column.width, text_of(column).c_str());
+  }
+  return line;
+}
+
+Rows::Rows(bool json, std::vector<TextColumn> columns) : json_(json), columns_(std::move(columns)) {
+  if (!json_) std::puts(line_of(columns_).c_str());
+}
+
+void Rows::add(Json row) {
+  if (!json_) std::puts(line_of(columns_, row).c_str());
+  std::fflush(stdout);
+  rows_.push_back(std::move(row));
+}
+
+void Rows::finish(Json around, const char* key, const char* words) {
+  around[key] = std::move(rows_);
+  if (json_) std::puts(around.dump(2).c_str());
+  if (!json_ && words != nullptr) std::puts(words);
 }
 
 Status Jobs::run(int threads, Progress& progress, std::uint64_t& done) {

@@ -1,14 +1,17 @@
-// What the laboratory's verbs share: their frame, options, folders, random draws, work on several threads.
+// What the laboratory's verbs share: their frame, options, tables, random draws, work on several threads.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
-#include <filesystem>
 #include <functional>
 #include <new>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include <nlohmann/json.hpp>
 
 #include "src/core/geometry.hpp"
 #include "src/core/result.hpp"
@@ -19,12 +22,13 @@
 
 namespace bolo::tools {
 
-// Parses, does `work(given)`, and reports what went wrong. Returns the exit code. Thread: setup.
+// Parses, does `work(given)`, and reports what went wrong. Returns the exit code. `looks`: the work looks at
+// interrupted(), and ends in good order. Thread: setup.
 template <typename Work>
-int run_verb(const char* verb, cxxopts::Options options, int argc, char** argv, Work&& work) {
+int run_verb(const char* verb, cxxopts::Options options, int argc, char** argv, Work&& work, bool looks = true) {
   cxxopts::ParseResult given;
   if (const auto code = parse(options, argc, argv, given)) return *code;
-  catch_interrupts();
+  if (looks) catch_interrupts();
   try {
     const Status done = work(given);
     return done ? kExitDone : report(verb, done.error());
@@ -39,8 +43,80 @@ inline Status within(double value, const char* option, double low, double high) 
   return bad_input(plot::format("--%s %g: expected %g to %g", option, value, low, high));
 }
 
+// An option of a verb: what follows it, its value when it is not given (nullptr: none), and the value's name in the
+// help. bool: a flag. Thread: setup.
+template <typename T>
+void add_option(cxxopts::Options& options, const char* name, const char* words, const char* standard = nullptr,
+                const char* argument = "", const char* group = "") {
+  auto value = cxxopts::value<T>();
+  if (standard != nullptr) value->default_value(standard);
+  options.add_option(group, {name, words, value, argument});
+}
+
+// The value of an option; kBadInput unless it lies in the range. Thread: any.
+template <typename T>
+Result<T> number_of(const cxxopts::ParseResult& given, const char* option, double low, double high) {
+  const T value = given[option].as<T>();
+  RETURN_IF_ERROR(within(static_cast<double>(value), option, low, high));
+  return value;
+}
+
 // "640x480". Thread: any.
 Result<Geometry> size_of(const std::string& text, const char* option, Geometry least, Geometry most);
+
+// The words in a row. Thread: any.
+std::string joined(const std::vector<std::string>& words, const char* between = ", ");
+
+using Json = nlohmann::ordered_json;
+
+// The object that describes each of several things, in their order. Thread: any.
+template <typename Range, typename Of>
+Json list_of(const Range& items, Of json_of) {
+  Json list = Json::array();
+  for (const auto& item : items) list.push_back(json_of(item));
+  return list;
+}
+
+// What a line of text shows of a row, which is a JSON object.
+struct TextColumn {
+  std::string head;
+  int width = 0;            // below 0: to the left
+  std::string key;          // of the row; with slashes between: of what stands in it
+  const char* form = "%g";  // printf's, of a number
+  double times = 1.0;       // 100 for percent
+};
+
+// The columns of a row, "-" for what is no number; without a row their heads. Thread: any.
+std::string line_of(std::span<const TextColumn> columns, const Json& row = {});
+
+// A table's rows: each is printed as it comes, or all of them as JSON in the end. Thread: one at a time.
+class Rows {
+ public:
+  Rows(bool json, std::vector<TextColumn> columns);
+  void add(Json row);
+  std::size_t count() const { return rows_.size(); }
+  // Prints `around` with the rows in it as `key`; of the text what there is to say below it.
+  void finish(Json around, const char* key, const char* words = nullptr);
+
+ private:
+  bool json_;
+  std::vector<TextColumn> columns_;
+  Json rows_ = Json::array();
+};
+
+// Squared differences, summed up.
+struct SquareSum {
+  double sum = 0.0;
+  std::size_t count = 0;
+
+  void add(double a, double b) {
+    sum += (a - b) * (a - b);
+    ++count;
+  }
+  void add(float a, float b) { add(static_cast<double>(a), static_cast<double>(b)); }
+  double mean() const { return sum / static_cast<double>(count); }  // NaN of nothing
+  double root_mean() const { return std::sqrt(mean()); }
+};
 
 // Random draws that depend on nothing but a key: SplitMix64's words from number `first` on.
 class Dice {
@@ -77,7 +153,7 @@ class Jobs {
 
 // Runs a job that makes a Result and keeps its value.
 template <typename T, typename Make>
-Jobs::Job keep(std::optional<T>& place, Make make) {
+Jobs::Job keep(T& place, Make make) {
   return [&place, make]() -> Status {
     ASSIGN_OR_RETURN(place, make());
     return {};

@@ -1,7 +1,6 @@
 #include "tools/lab/recording.hpp"
 
 #include <cstring>
-#include <utility>
 
 #include "src/core/clock.hpp"
 #include "src/sim/scene.hpp"

@@ -1,20 +1,13 @@
-#include "tools/lab/bench/deblur_bench.hpp"
-
+// Time and accuracy of the ways to deblur one 640x120 frame, all in one run on one input.
 #include <algorithm>
 #include <array>
-#include <chrono>
-#include <cmath>
-#include <cstdint>
 #include <cstring>
 #include <map>
-#include <memory>
-#include <thread>
-#include <utility>
 
 #include "src/corrections/pixel_correction.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/deblur/solver.hpp"
-#include "src/rt/worker_team.hpp"
+#include "tools/lab/bench/bench.hpp"
 #include "tools/lab/recording.hpp"
 
 namespace bolo::tools {
@@ -44,13 +37,12 @@ struct Input {
 Result<Input> make_input(const deblur::Settings& settings) {
   sim::CameraSettings camera;
   camera.geometry = kFrame;
-  const auto street = record_street(
-      camera,
-      {.street = 1, .speed_px_s = kSpeed, .frames = static_cast<std::size_t>(settings.window), .more_frames = 0});
-  if (!street) return tl::unexpected(street.error());
+  const StreetPass pass{
+      .street = 1, .speed_px_s = kSpeed, .frames = static_cast<std::size_t>(settings.window), .more_frames = 0};
+  ASSIGN_OR_RETURN(const auto street, record_street(camera, pass));
   Input input;
-  input.format = street->format;
-  for (const auto& bytes : street->planes) {
+  input.format = street.format;
+  for (const auto& bytes : street.planes) {
     input.frames.emplace_back(kFrame.pixels());
     std::memcpy(input.frames.back().data(), bytes.data(), bytes.size());
   }
@@ -101,12 +93,25 @@ class Corrected {
   Planes planes_;
 };
 
+// One way to deblur a frame.
+struct Variant {
+  std::string solver;  // as --solver
+  std::string isa;     // "": the best
+  int threads = 1;
+  double lambda_half_k = 0.0;
+  int lost = 0;          // frames before the newest that are missing
+  bool profile = false;  // with maps of gain, offset, time constant and dead pixels, and a row delay
+};
+
 // A variant while it is measured.
 class Runner {
  public:
   // `corrected`: for a variant with a profile; the same one serves all, as one window serves those without.
-  Runner(const Input& input, Corrected& corrected, const deblur::Settings& settings, Measured what)
-      : input_(input), corrected_(corrected), settings_(settings), what_(std::move(what)), out_(kFrame.pixels()) {}
+  Runner(const Input& input, Corrected& corrected, Variant what)
+      : input_(input), corrected_(corrected), what_(std::move(what)), out_(kFrame.pixels()) {
+    settings_.method = *deblur::method_from_name(what_.solver);
+    settings_.lambda = what_.lambda_half_k * 2.0 * settings_.kappa;
+  }
 
   Status open() {
     if (!deblur::force_isa(what_.isa)) return bad_input("--isa " + what_.isa + ": not available here");
@@ -114,13 +119,9 @@ class Runner {
     StreamFormat format = input_.format;
     if (what_.profile) format.type = PixelType::kFloat32;
     const double row_delay_s = what_.profile ? kRowDelay_s : 0.0;
-    auto solver = deblur::Solver::create(settings_, format, PixelType::kFloat32, row_delay_s);
-    if (!solver) return tl::unexpected(solver.error());
-    solver_ = std::move(*solver);
+    ASSIGN_OR_RETURN(solver_, deblur::Solver::create(settings_, format, PixelType::kFloat32, row_delay_s));
     solver_->prepare(window());
-    what_.iterations = solver_->iterations();
     what_.isa = solver_->isa();
-    what_.pixels = static_cast<std::size_t>(rows_ * kFrame.width);
     team_ = std::make_unique<rt::WorkerTeam>(what_.threads, rt::ThreadOptions{"bolo-bench"});
     if (team_->size() < what_.threads) return failed("cannot start " + std::to_string(what_.threads) + " threads");
     return {};
@@ -135,26 +136,38 @@ class Runner {
     }
     team_->run([](void* self, int worker) { static_cast<Runner*>(self)->work(worker); }, this);
     const double ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-    times_.push_back(ms * static_cast<double>(kFrame.pixels()) / static_cast<double>(what_.pixels));
+    times_.push_back(ms * kFrame.height / rows_);
   }
 
-  // Against the optimum of the first pixels.
-  Measured result(const std::vector<float>& exact) {
-    std::sort(times_.begin(), times_.end());
-    what_.repeats = static_cast<int>(times_.size());
-    what_.ms_per_frame = times_.front();
-    what_.median_ms_per_frame = times_[times_.size() / 2];
-    what_.ns_per_pixel = 1e6 * what_.ms_per_frame / static_cast<double>(kFrame.pixels());
-    what_.realtime_factor = 1e3 * settings_.period_s / what_.ms_per_frame;
-    const std::size_t common = std::min(exact.size(), what_.pixels);
-    double squares = 0.0;
-    for (std::size_t i = 0; i < common; ++i) {
-      const double error = std::abs(static_cast<double>(out_[i]) - static_cast<double>(exact[i]));
-      squares += error * error;
-      what_.max_error_k = std::max(what_.max_error_k, error);
+  // Times are of a whole frame, the fastest repeat's; errors against the optimum of the first pixels. Beside `scaling`,
+  // the time of one thread over this time, `throughput_of_plain` tells frames a second against those without profile or
+  // losses: 1 where no such variant was measured.
+  Json result(const std::vector<float>& exact) {
+    std::ranges::sort(times_);
+    const auto pixels = static_cast<std::size_t>(rows_ * kFrame.width);
+    SquareSum errors;
+    double most = 0.0;
+    for (std::size_t i = 0; i < std::min(exact.size(), pixels); ++i) {
+      errors.add(out_[i], exact[i]);
+      most = std::max(most, std::abs(static_cast<double>(out_[i]) - static_cast<double>(exact[i])));
     }
-    what_.rms_error_k = std::sqrt(squares / static_cast<double>(common));
-    return what_;
+    return {{"solver", what_.solver},
+            {"isa", what_.isa},
+            {"threads", what_.threads},
+            {"profile", what_.profile},
+            {"lost_frames", what_.lost},
+            {"iterations", solver_->iterations()},
+            {"lambda_half", what_.lambda_half_k},
+            {"pixels", pixels},
+            {"repeats", times_.size()},
+            {"ms_per_frame", times_.front()},
+            {"median_ms_per_frame", times_[times_.size() / 2]},
+            {"ns_per_pixel", 1e6 * times_.front() / static_cast<double>(kFrame.pixels())},
+            {"rms_error_k", errors.root_mean()},
+            {"max_error_k", most},
+            {"realtime_factor", 1e3 * settings_.period_s / times_.front()},
+            {"scaling", 1.0},
+            {"throughput_of_plain", 1.0}};
   }
 
   const std::vector<float>& out() const { return out_; }
@@ -177,7 +190,7 @@ class Runner {
   const Input& input_;
   Corrected& corrected_;
   deblur::Settings settings_;
-  Measured what_;
+  Variant what_;
   int rows_ = 0;
   std::unique_ptr<deblur::Solver> solver_;
   std::unique_ptr<rt::WorkerTeam> team_;
@@ -185,131 +198,108 @@ class Runner {
   std::vector<double> times_;
 };
 
-deblur::Settings settings_of(const Measured& what) {
-  deblur::Settings settings;
-  settings.method = *deblur::method_from_name(what.solver);
-  settings.lambda = what.lambda_half_k * 2.0 * settings.kappa;
-  return settings;
-}
-
-Measured variant(std::string solver, std::string isa, int threads, double lambda_half_k) {
-  Measured what;
-  what.solver = std::move(solver);
-  what.isa = std::move(isa);
-  what.threads = threads;
-  what.lambda_half_k = lambda_half_k;
-  return what;
-}
-
 // The main one first. Plain scalar code is far slower than all others: one variant is enough of it.
-std::vector<Measured> list_variants(const BenchOptions& options, double lambda_half_k, int processors) {
-  std::vector<Measured> list{variant(options.solver, options.isa, options.threads, lambda_half_k)};
+std::vector<Variant> list_variants(const BenchOptions& options, double lambda_half_k, int processors) {
+  std::vector<Variant> list{{options.solver, options.isa, options.threads, lambda_half_k}};
   std::vector<std::string> isas{options.isa};
   const auto all = deblur::available_isas();
   if (options.isa.empty()) isas.assign(all.begin(), all.end());
   for (const char* solver : {"admm", "dual"}) {
     for (const std::string& isa : isas) {
+      const bool slow = isa == "scalar" && isas.size() > 1;
       for (int threads = 1; threads <= std::min(2, processors); ++threads) {
         for (const double lambda : kLambdas) {
-          const int most = isa == "scalar" && isas.size() > 1 ? -1 : static_cast<int>(kMostLost);
-          for (int lost = 0; lost <= most; ++lost) {
-            list.push_back(variant(solver, isa, threads, lambda));
-            list.back().lost = lost;
+          for (int lost = 0; !slow && lost <= static_cast<int>(kMostLost); ++lost) {
+            list.push_back({solver, isa, threads, lambda, lost});
           }
-          if (threads > 1 || isa != isas.front()) continue;
-          list.push_back(variant(solver, isa, 1, lambda));
-          list.back().profile = true;
+          if (threads == 1 && isa == isas.front()) list.push_back({solver, isa, 1, lambda, 0, true});
         }
       }
-      if (isa == "scalar" && isas.size() > 1) list.push_back(variant(solver, isa, 1, kLambdas[0]));
+      if (slow) list.push_back({solver, isa, 1, kLambdas[0]});
     }
   }
-  list.push_back(variant("inverse", options.isa, 1, 0.0));
-  for (const double lambda : kLambdas) list.push_back(variant("exact", "", 1, lambda));
+  list.push_back({"inverse", options.isa});
+  for (const double lambda : kLambdas) list.push_back({"exact", "", 1, lambda});
   return list;
 }
 
 Status check(const BenchOptions& options) {
-  const auto method = deblur::method_from_name(options.solver);
-  if (!method) return tl::unexpected(method.error());
+  RETURN_IF_ERROR(deblur::method_from_name(options.solver));
   if (options.threads < 1 || options.threads > 256) return bad_input("--threads: expected 1 to 256");
   if (!(options.seconds > 0.0 && options.seconds <= 3600.0)) return bad_input("--seconds: expected above 0, to 3600");
   const auto isas = deblur::available_isas();
   if (!options.isa.empty() && std::find(isas.begin(), isas.end(), options.isa) == isas.end()) {
-    std::string names;
-    for (const auto isa : isas) names += (names.empty() ? "" : ", ") + std::string(isa);
-    return bad_input("--isa " + options.isa + ": this program and processor have " + names);
+    return bad_input("--isa " + options.isa + ": this program and processor have " +
+                     joined({isas.begin(), isas.end()}));
   }
   return {};
 }
 
 // The optimum for each lambda and number of lost frames, of the first rows.
 using Optima = std::map<std::pair<double, int>, std::vector<float>>;
-Result<Optima> optima(const Input& input, Corrected& corrected, const std::vector<Measured>& list) {
+Result<Optima> optima(const Input& input, Corrected& corrected, const std::vector<Variant>& list) {
   Optima result;
-  for (const Measured& what : list) {
-    if (result.count({what.lambda_half_k, what.lost}) != 0) continue;
-    Measured reference = variant("exact", "", 1, what.lambda_half_k);
-    reference.lost = what.lost;
-    Runner exact(input, corrected, settings_of(reference), reference);
-    if (const Status opened = exact.open(); !opened) return tl::unexpected(opened.error());
+  for (const Variant& what : list) {
+    std::vector<float>& rows = result[{what.lambda_half_k, what.lost}];
+    if (!rows.empty()) continue;
+    Runner exact(input, corrected, {"exact", "", 1, what.lambda_half_k, what.lost});
+    RETURN_IF_ERROR(exact.open());
     exact.measure();
-    std::vector<float> rows = exact.out();
+    rows = exact.out();
     rows.resize(static_cast<std::size_t>(kExactRows * kFrame.width));
-    result.emplace(std::pair(what.lambda_half_k, what.lost), std::move(rows));
   }
   return result;
 }
 
-void compare_with_others(std::vector<Measured>& results) {
-  for (Measured& result : results) {
-    for (const Measured& other : results) {
-      if (other.solver != result.solver || other.isa != result.isa || other.lambda_half_k != result.lambda_half_k) {
-        continue;
-      }
-      const double faster = other.ms_per_frame / result.ms_per_frame;
-      if (other.threads == 1 && other.profile == result.profile && other.lost == result.lost) result.scaling = faster;
-      if (other.threads == result.threads && !other.profile && other.lost == 0) result.of_plain = faster;
+void compare_with_others(std::vector<Json>& results) {
+  const auto alike = [](const Json& a, const Json& b, std::initializer_list<const char*> keys) {
+    return std::ranges::all_of(keys, [&](const char* key) { return a[key] == b[key]; });
+  };
+  for (Json& result : results) {
+    for (const Json& other : results) {
+      if (!alike(result, other, {"solver", "isa", "lambda_half"})) continue;
+      const double faster = other["ms_per_frame"].get<double>() / result["ms_per_frame"].get<double>();
+      if (other["threads"] == 1 && alike(result, other, {"profile", "lost_frames"})) result["scaling"] = faster;
+      const bool plain = other["profile"] == false && other["lost_frames"] == 0;
+      if (plain && alike(result, other, {"threads"})) result["throughput_of_plain"] = faster;
     }
   }
 }
 
 }  // namespace
 
-Result<BenchReport> bench_deblur(const BenchOptions& options) {
-  if (const Status good = check(options); !good) return tl::unexpected(good.error());
+Result<Json> bench_deblur(const BenchOptions& options) {
+  RETURN_IF_ERROR(check(options));
   deblur::Settings defaults;
   if (options.lambda >= 0.0) defaults.lambda = options.lambda;
-  if (const Status good = deblur::validate(defaults); !good) return tl::unexpected(good.error());
-  BenchReport report;
-  report.processors = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  const auto input = make_input(defaults);
-  if (!input) return tl::unexpected(input.error());
-  const auto list = list_variants(options, defaults.half_square_lambda(), report.processors);
-  auto correction = corrections::PixelCorrection::create(defaults, input->format, neutral_maps(defaults));
-  if (!correction) return tl::unexpected(correction.error());
-  Corrected corrected(*input, std::move(*correction));
-  const auto exact = optima(*input, corrected, list);
-  if (!exact) return tl::unexpected(exact.error());
+  RETURN_IF_ERROR(deblur::validate(defaults));
+  const int processors = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  ASSIGN_OR_RETURN(const auto input, make_input(defaults));
+  const auto list = list_variants(options, defaults.half_square_lambda(), processors);
+  ASSIGN_OR_RETURN(auto correction,
+                   corrections::PixelCorrection::create(defaults, input.format, neutral_maps(defaults)));
+  Corrected corrected(input, std::move(correction));
+  ASSIGN_OR_RETURN(const auto exact, optima(input, corrected, list));
 
   std::vector<std::unique_ptr<Runner>> runners;
-  for (const Measured& what : list) {
-    runners.push_back(std::make_unique<Runner>(*input, corrected, settings_of(what), what));
+  for (const Variant& what : list) {
+    runners.push_back(std::make_unique<Runner>(input, corrected, what));
     const Status opened = runners.back()->open();
     deblur::force_isa("");
-    if (!opened) return tl::unexpected(opened.error());
+    RETURN_IF_ERROR(opened);
   }
   const auto end = Clock::now() + std::chrono::duration<double>(options.seconds);
   for (int repeat = 0; repeat < kFewestRepeats || Clock::now() < end; ++repeat) {
     for (const auto& runner : runners) runner->measure();
   }
-  std::vector<Measured> results;
+  std::vector<Json> results;
   for (std::size_t i = 0; i < list.size(); ++i) {
-    results.push_back(runners[i]->result(exact->at({list[i].lambda_half_k, list[i].lost})));
+    results.push_back(runners[i]->result(exact.at({list[i].lambda_half_k, list[i].lost})));
   }
   compare_with_others(results);
-  report.main = results.front();
-  report.variants.assign(results.begin() + 1, results.end());
+  Json report = results.front();
+  report["machine"] = {{"processors", processors}};
+  report["variants"] = std::vector(results.begin() + 1, results.end());
   return report;
 }
 

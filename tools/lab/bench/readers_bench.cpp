@@ -1,5 +1,5 @@
-#include "tools/lab/bench/readers_bench.hpp"
-
+// What readers of shared memory cost the writer: its rate and latency with 0, 1, 4 and 16 of them, each a process that
+// reads through libbolo-client.
 #include <sched.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
@@ -10,7 +10,6 @@
 #include <ctime>
 #include <memory>
 #include <numeric>
-#include <string>
 #include <thread>
 
 #include "bolo/client.h"
@@ -20,6 +19,7 @@
 #include "src/pipeline/inlet.hpp"
 #include "src/pipeline/stats.hpp"
 #include "src/rt/thread.hpp"
+#include "tools/lab/bench/bench.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -204,8 +204,8 @@ Result<Phase> run_phase(int count, int priority) {
   const std::string name = "bench-" + std::to_string(getpid());
   const Readers readers(name, count);  // before the writer has a thread of its own
   Writer writer;
-  if (const Status opened = writer.open(name); !opened) return tl::unexpected<Error>(opened.error());
-  if (const Status ready = readers.wait_until_ready(); !ready) return tl::unexpected<Error>(ready.error());
+  RETURN_IF_ERROR(writer.open(name));
+  RETURN_IF_ERROR(readers.wait_until_ready());
   const sched_param ordinary{};
   (void)rt::apply_to_this_thread({"", priority});
   const Phase phase = pace(writer, readers);
@@ -213,57 +213,63 @@ Result<Phase> run_phase(int count, int priority) {
   return phase;
 }
 
-double median_of(const std::vector<Phase>& phases, double Phase::*figure) {
-  std::vector<double> values(phases.size());
-  std::transform(phases.begin(), phases.end(), values.begin(), [&](const Phase& phase) { return phase.*figure; });
-  return quantile(values, 0.5);
-}
-
-double median_ratio(const std::vector<Phase>& phases, const std::vector<Phase>& alone, double Phase::*figure) {
-  std::vector<double> ratios(phases.size());
-  for (std::size_t i = 0; i < phases.size(); ++i) ratios[i] = phases[i].*figure / alone[i].*figure;
-  return quantile(ratios, 0.5);
-}
-
-ReadersMeasured measured(int readers, const std::vector<Phase>& phases, const std::vector<Phase>& alone) {
-  ReadersMeasured m;
-  m.readers = readers;
-  for (int i = 0; i < readers; ++i) {
-    m.frozen += manner_of(i, readers) == Manner::kFrozen ? 1 : 0;
-    m.killed += manner_of(i, readers) == Manner::kKilled ? 1 : 0;
-    m.slow += manner_of(i, readers) == Manner::kSlow ? 1 : 0;
-  }
-  m.rate_hz = median_of(phases, &Phase::rate_hz);
-  m.publish_us_p50 = median_of(phases, &Phase::publish_us_p50);
-  m.publish_us_p99 = median_of(phases, &Phase::publish_us_p99);
-  m.due_us_p99 = median_of(phases, &Phase::due_us_p99);
-  m.read_fraction = median_of(phases, &Phase::read_fraction);
-  m.rate_ratio = median_ratio(phases, alone, &Phase::rate_hz);
-  m.publish_p99_ratio = median_ratio(phases, alone, &Phase::publish_us_p99);
-  m.due_p99_ratio = median_ratio(phases, alone, &Phase::due_us_p99);
-  return m;
+// Medians of the rounds; ratios are taken within a round, to its phase without readers.
+Json measured(int readers, const std::vector<Phase>& phases, const std::vector<Phase>& alone) {
+  const auto of_manner = [readers](Manner manner) {
+    int count = 0;
+    for (int i = 0; i < readers; ++i) count += manner_of(i, readers) == manner ? 1 : 0;
+    return count;
+  };
+  const auto typical = [&](double Phase::*figure) { return quantile(mapped(phases, figure), 0.5); };
+  const auto ratio = [&](double Phase::*figure) {
+    std::vector<double> ratios;
+    for (std::size_t i = 0; i < phases.size(); ++i) ratios.push_back(phases[i].*figure / alone[i].*figure);
+    return quantile(ratios, 0.5);
+  };
+  return {{"readers", readers},
+          {"frozen", of_manner(Manner::kFrozen)},
+          {"killed", of_manner(Manner::kKilled)},
+          {"slow", of_manner(Manner::kSlow)},
+          {"rate_hz", typical(&Phase::rate_hz)},
+          {"publish_us_p50", typical(&Phase::publish_us_p50)},
+          {"publish_us_p99", typical(&Phase::publish_us_p99)},
+          {"due_us_p99", typical(&Phase::due_us_p99)},
+          {"rate_ratio", ratio(&Phase::rate_hz)},
+          {"publish_p99_ratio", ratio(&Phase::publish_us_p99)},
+          {"due_p99_ratio", ratio(&Phase::due_us_p99)},
+          {"read_fraction", typical(&Phase::read_fraction)}};
 }
 
 }  // namespace
 
-Result<ReadersReport> bench_readers(const ReadersOptions& options) {
-  ReadersReport report;
-  report.frames_per_phase = kFrames;
-  report.processors = static_cast<int>(std::thread::hardware_concurrency());
-  report.realtime = options.priority > 0 && rt::apply_to_this_thread({"", options.priority}).has_value();
+Result<Json> bench_readers(double seconds, int priority) {
+  const unsigned processors = std::thread::hardware_concurrency();
+  const bool realtime = priority > 0 && rt::apply_to_this_thread({"", priority}).has_value();
   std::array<std::vector<Phase>, kReaders.size()> phases;
-  const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(options.seconds * kNsPerSecond);
-  for (; report.rounds == 0 || monotonic_ns() < end_ns; ++report.rounds) {
+  const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(seconds * kNsPerSecond);
+  std::size_t rounds = 0;
+  for (; rounds == 0 || monotonic_ns() < end_ns; ++rounds) {
     for (std::size_t i = 0; i < kReaders.size(); ++i) {
       // Each round begins with another one, so that what changes on the machine meets all of them.
-      const std::size_t which = (i + static_cast<std::size_t>(report.rounds)) % kReaders.size();
-      const Result<Phase> phase = run_phase(kReaders[which], options.priority);
-      if (!phase) return tl::unexpected<Error>(phase.error());
-      phases[which].push_back(*phase);
+      const std::size_t which = (i + rounds) % kReaders.size();
+      ASSIGN_OR_RETURN(const auto phase, run_phase(kReaders[which], priority));
+      phases[which].push_back(phase);
     }
   }
+  const std::string method =
+      "one writer of 640x120 frames at 200 Hz (" + std::string(realtime ? "SCHED_FIFO" : "default scheduler") + ", " +
+      std::to_string(processors) +
+      " processors); readers are processes that copy every frame through libbolo-client. Of 4 and 16 readers one is "
+      "stopped, one killed while they read, one reads a tenth. Phases of " +
+      std::to_string(kFrames) + " frames in turn, " + std::to_string(rounds) +
+      " rounds: medians; ratios within a round to its phase without readers";
+  Json report{{"method", method},
+              {"rounds", rounds},
+              {"frames_per_phase", kFrames},
+              {"processors", processors},
+              {"realtime", realtime}};
   for (std::size_t i = 0; i < kReaders.size(); ++i) {
-    report.cases.push_back(measured(kReaders[i], phases[i], phases[0]));
+    report["cases"].push_back(measured(kReaders[i], phases[i], phases[0]));
   }
   return report;
 }

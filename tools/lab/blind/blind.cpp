@@ -1,22 +1,15 @@
-#include "tools/lab/blind/blind.hpp"
-
 #include <sys/random.h>
 
 #include <algorithm>
-#include <array>
-#include <chrono>
 #include <cstdio>
-#include <iostream>
-#include <memory>
-#include <utility>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
 
 #include <glib.h>
 
 #include "tools/cli/process.hpp"
-#include "tools/lab/blind/diagnosis.hpp"
-#include "tools/lab/blind/score.hpp"
-#include "tools/lab/blind/session.hpp"
-#include "tools/lab/common.hpp"
+#include "tools/lab/blind/blind.hpp"
 #include "tools/lab/verbs.hpp"
 
 namespace bolo::tools::blind {
@@ -65,26 +58,27 @@ cxxopts::Options command_line() {
       "bolo-lab blind",
       "Draws bench sessions with hidden effects, seals the answers, diagnoses the captures in processes that cannot\n"
       "read them, opens the answers and scores. A session is six captures of about 2,000 frames in all.");
-  const auto number = [](const char* value) { return cxxopts::value<double>()->default_value(value); };
-  const auto count = [](const char* value) { return cxxopts::value<std::int64_t>()->default_value(value); };
-  const auto pixels = [](const char* value) { return cxxopts::value<int>()->default_value(value); };
-  options.add_options("Sessions")("kind",
-                                  "effect-free, single, pair, outside, withheld, forms, bench, or all; repeatable",
-                                  cxxopts::value<Words>()->default_value("all"))(
-      "sessions", "Of each kind", count("29"))("first", "Index of the first session of each kind", count("0"))(
-      "only", "The effect of every session", cxxopts::value<std::string>(), "EFFECT")(
-      "imperfect", "The stimuli have errors of their own")(
-      "reality", "first: the project's simulator; second: a camera and a bench that share nothing with it",
-      cxxopts::value<std::string>()->default_value("first"))("magnitude", "Of the effects' strength, 1: realistic",
-                                                             number("1"))(
-      "seed", "The same sessions each time", cxxopts::value<std::uint64_t>()->default_value("1"))(
-      "width", "Pixels", pixels("32"))("height", "Pixels", pixels("24"))("frames-scale", "Of the captures' lengths",
-                                                                         number("1"));
-  options.add_options("Run")("bolo", "Whose diagnosis is checked (default: the one beside this program)",
-                             cxxopts::value<std::string>(),
-                             "PROGRAM")("jobs", "Sessions at the same time", cxxopts::value<int>()->default_value("2"))(
-      "keep", "Keep captures, reports and answers here", cxxopts::value<std::string>(), "DIR")(
-      "json", "Print the score as JSON");
+  const char* group = "Sessions";
+  add_option<Words>(options, "kind", "effect-free, single, pair, outside, withheld, forms, bench, or all; repeatable",
+                    "all", "", group);
+  add_option<std::int64_t>(options, "sessions", "Of each kind", "29", "", group);
+  add_option<std::int64_t>(options, "first", "Index of the first session of each kind", "0", "", group);
+  add_option<std::string>(options, "only", "The effect of every session", nullptr, "EFFECT", group);
+  add_option<bool>(options, "imperfect", "The stimuli have errors of their own", nullptr, "", group);
+  add_option<std::string>(options, "reality",
+                          "first: the project's simulator; second: a camera and a bench that share nothing with it",
+                          "first", "", group);
+  add_option<double>(options, "magnitude", "Of the effects' strength, 1: realistic", "1", "", group);
+  add_option<std::uint64_t>(options, "seed", "The same sessions each time", "1", "", group);
+  add_option<int>(options, "width", "Pixels", "32", "", group);
+  add_option<int>(options, "height", "Pixels", "24", "", group);
+  add_option<double>(options, "frames-scale", "Of the captures' lengths", "1", "", group);
+  group = "Run";
+  add_option<std::string>(options, "bolo", "Whose diagnosis is checked (default: the one beside this program)", nullptr,
+                          "PROGRAM", group);
+  add_option<int>(options, "jobs", "Sessions at the same time", "2", "", group);
+  add_option<std::string>(options, "keep", "Keep captures, reports and answers here", nullptr, "DIR", group);
+  add_option<bool>(options, "json", "Print the score as JSON", nullptr, "", group);
   add_overwrite_option(options);
   return options;
 }
@@ -92,7 +86,6 @@ cxxopts::Options command_line() {
 Status read_draw(const Given& given, DrawOptions& draw) {
   draw.seed = given["seed"].as<std::uint64_t>();
   draw.geometry = {given["width"].as<int>(), given["height"].as<int>()};
-  draw.frames_scale = given["frames-scale"].as<double>();
   draw.magnitude = given["magnitude"].as<double>();
   draw.imperfect = given.count("imperfect") != 0;
   if (given.count("only") != 0) draw.only = given["only"].as<std::string>();
@@ -104,7 +97,8 @@ Status read_draw(const Given& given, DrawOptions& draw) {
     return bad_input("--width, --height: expected at least 8 and at most 640x480 pixels");
   }
   if (!(draw.magnitude > 0.0 && draw.magnitude <= 2.0)) return bad_input("--magnitude: expected above 0, up to 2");
-  return within(draw.frames_scale, "frames-scale", 0.1, 10.0);
+  ASSIGN_OR_RETURN(draw.frames_scale, number_of<double>(given, "frames-scale", 0.1, 10.0));
+  return {};
 }
 
 Status draw_sessions(const Given& given, Request& request) {
@@ -125,9 +119,8 @@ Status draw_sessions(const Given& given, Request& request) {
   }
   for (const Kind kind : kinds) {
     for (std::int64_t i = first; i < first + count; ++i) {
-      auto session = draw_session(request.draw, kind, static_cast<std::size_t>(i));
-      if (!session) return tl::unexpected(session.error());
-      request.sessions.push_back(std::move(*session));
+      ASSIGN_OR_RETURN(auto session, draw_session(request.draw, kind, static_cast<std::size_t>(i)));
+      request.sessions.push_back(std::move(session));
     }
   }
   return {};
@@ -140,9 +133,8 @@ Status prepare_kept(const Request& request) {
   fs::create_directories(request.keep, error);
   if (error) return bad_input(request.keep.string() + ": cannot be made a folder: " + error.message());
   std::vector<fs::path> files;
-  files.reserve(kKeptFiles.size());
   for (const char* name : kKeptFiles) files.push_back(request.keep / name);
-  if (Status good = check_outputs(files, {}, request.replace); !good) return good;
+  RETURN_IF_ERROR(check_outputs(files, {}, request.replace));
   for (const Session& session : request.sessions) {
     if (request.replace == Replace::kExisting || !fs::exists(request.kept(session), error)) continue;
     return bad_input(request.kept(session).string() + " is there already; choose another folder, or --overwrite it");
@@ -154,17 +146,14 @@ Result<Request> read_request(const Given& given) {
   Request request;
   request.json = given.count("json") != 0;
   request.replace = replace_of(given);
-  request.jobs = given["jobs"].as<int>();
   if (given.count("keep") != 0) request.keep = fs::absolute(given["keep"].as<std::string>());
-  auto program = given.count("bolo") != 0 ? Result<fs::path>(fs::absolute(given["bolo"].as<std::string>()))
-                                          : find_own_program("bolo");
-  if (!program) return tl::unexpected(program.error());
-  request.program = std::move(*program);
-  Status status = within(request.jobs, "jobs", 1, 64);
-  if (status) status = read_draw(given, request.draw);
-  if (status) status = draw_sessions(given, request);
-  if (status) status = prepare_kept(request);
-  if (!status) return tl::unexpected(status.error());
+  ASSIGN_OR_RETURN(request.program, given.count("bolo") != 0
+                                        ? Result<fs::path>(fs::absolute(given["bolo"].as<std::string>()))
+                                        : find_own_program("bolo"));
+  ASSIGN_OR_RETURN(request.jobs, number_of<int>(given, "jobs", 1, 64));
+  RETURN_IF_ERROR(read_draw(given, request.draw));
+  RETURN_IF_ERROR(draw_sessions(given, request));
+  RETURN_IF_ERROR(prepare_kept(request));
   return request;
 }
 
@@ -184,34 +173,28 @@ Status keep_as(ScratchFolder& folder, const fs::path& target, Replace replace) {
 // broke is a trial without a finding; kFailed: the disk, the simulator, or an interrupt.
 Result<Trial> run_trial(const Session& session, const Request& request) {
   const auto started = std::chrono::steady_clock::now();
-  auto folder = request.keep.empty() ? ScratchFolder::make() : ScratchFolder::make(request.keep);
-  if (!folder) return tl::unexpected(folder.error());
-  auto captures = write_captures(session, folder->path());
-  if (!captures) return tl::unexpected(captures.error());
-  const ChildWork work{request.program, std::move(*captures), folder->path() / "report", session.withheld};
+  ASSIGN_OR_RETURN(auto folder, request.keep.empty() ? ScratchFolder::make() : ScratchFolder::make(request.keep));
+  ASSIGN_OR_RETURN(const auto captures, write_captures(session, folder.path()));
+  const ChildWork work{request.program, captures, folder.path() / "report", session.withheld};
   const Status ran = run_child(work, interrupted());
   if (interrupted()) return failed("interrupted; nothing was scored");
   Trial trial{session, std::nullopt, {}, 0.0};
   auto finding = ran ? read_finding(work.folder / "report.json") : tl::unexpected(ran.error());
   finding ? void(trial.finding = std::move(*finding)) : void(trial.error = finding.error().message);
   trial.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
-  if (request.keep.empty()) return trial;
-  const Status kept = keep_as(*folder, request.kept(session), request.replace);
-  return kept ? Result<Trial>(std::move(trial)) : tl::unexpected(kept.error());
+  if (!request.keep.empty()) RETURN_IF_ERROR(keep_as(folder, request.kept(session), request.replace));
+  return trial;
 }
 
 Result<std::vector<Trial>> run_trials(const Request& request) {
-  std::vector<std::optional<Trial>> places(request.sessions.size());
+  std::vector<Trial> trials(request.sessions.size());
   Jobs jobs;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    jobs.add(keep(places[i], [&request, i] { return run_trial(request.sessions[i], request); }));
+  for (std::size_t i = 0; i < trials.size(); ++i) {
+    jobs.add(keep(trials[i], [&request, i] { return run_trial(request.sessions[i], request); }));
   }
-  Progress progress("blind", places.size());
+  Progress progress("blind", trials.size());
   std::uint64_t done = 0;
-  if (Status ran = jobs.run(request.jobs, progress, done); !ran) return tl::unexpected(ran.error());
-  std::vector<Trial> trials;
-  trials.reserve(places.size());
-  for (std::optional<Trial>& place : places) trials.push_back(std::move(*place));
+  RETURN_IF_ERROR(jobs.run(request.jobs, progress, done));
   return trials;
 }
 
@@ -219,7 +202,7 @@ Status keep_answers(const Request& request, const Opened& opened) {
   if (request.keep.empty()) return {};
   const std::array texts{opened.answers, opened.nonce, opened.digest + "  sha256 of answers.json and nonce.txt\n"};
   for (std::size_t i = 0; i < texts.size(); ++i) {
-    if (Status kept = write_file({request.keep / kKeptFiles[i], request.replace}, texts[i]); !kept) return kept;
+    RETURN_IF_ERROR(write_file({request.keep / kKeptFiles[i], request.replace}, texts[i]));
   }
   return {};
 }
@@ -227,27 +210,22 @@ Status keep_answers(const Request& request, const Opened& opened) {
 // The seal is shown before anything is diagnosed, beside the JSON, which is alone on stdout.
 Status draw_and_score(const Request& request) {
   const auto started = std::chrono::steady_clock::now();
-  const auto seal = Seal::close(request.sessions);
-  if (!seal) return tl::unexpected(seal.error());
+  ASSIGN_OR_RETURN(const auto seal, Seal::close(request.sessions));
   std::FILE* const where = request.json ? stderr : stdout;
-  std::fprintf(where, "sealed %zu answers: sha256 %s\n", request.sessions.size(), seal->digest().c_str());
+  std::fprintf(where, "sealed %zu answers: sha256 %s\n", request.sessions.size(), seal.digest().c_str());
   std::fflush(where);
-  const auto trials = run_trials(request);
-  if (!trials) return tl::unexpected(trials.error());
+  ASSIGN_OR_RETURN(const auto trials, run_trials(request));
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - started;
-  const auto opened = seal->open(request.sessions);
-  if (!opened) return tl::unexpected(opened.error());
-  if (Status kept = keep_answers(request, *opened); !kept) return kept;
-  const Score scored = score(*trials);
-  const Setting setting{request.draw, seal->digest(), took.count()};
+  ASSIGN_OR_RETURN(const auto opened, seal.open(request.sessions));
+  RETURN_IF_ERROR(keep_answers(request, opened));
+  const Json scored = score(trials, {request.draw, seal.digest(), took.count()});
   if (request.json) {
     // A broken diagnosis may have said anything, no UTF-8 included.
-    std::cout << score_json(scored, setting).dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
+    std::puts(scored.dump(2, ' ', false, Json::error_handler_t::replace).c_str());
   } else {
-    std::cout << "opened: the answers are those that were sealed\n" << score_text(scored, setting);
+    std::printf("opened: the answers are those that were sealed\n%s", score_text(scored).c_str());
   }
-  std::cout.flush();
-  if (std::ranges::all_of(*trials, [](const Trial& trial) { return trial.finding.has_value(); })) return {};
+  if (std::ranges::all_of(trials, [](const Trial& trial) { return trial.finding.has_value(); })) return {};
   return failed("some diagnoses broke; they are listed among the failed");
 }
 
@@ -261,10 +239,8 @@ std::string sha256(const std::string& text) {
 }
 
 Result<Seal> Seal::close(const std::vector<Session>& sessions) {
-  auto nonce = fresh_nonce();
-  if (!nonce) return tl::unexpected(nonce.error());
   Seal seal;
-  seal.nonce_ = std::move(*nonce);
+  ASSIGN_OR_RETURN(seal.nonce_, fresh_nonce());
   seal.digest_ = sha256(canonical(sessions) + seal.nonce_);
   return seal;
 }
@@ -276,11 +252,112 @@ Result<Opened> Seal::open(const std::vector<Session>& sessions) const {
   return opened;
 }
 
-int blind_main(int argc, char** argv) {
-  return run_verb("blind", command_line(), argc, argv, [](const Given& given) -> Status {
-    const auto request = read_request(given);
-    return request ? draw_and_score(*request) : tl::unexpected(request.error());
-  });
+namespace {
+
+std::vector<std::string> words_of(const ChildWork& work) {
+  std::vector<std::string> words{work.program.string(), "diagnose", "-o", work.folder.string(), "--threads", "1"};
+  if (!work.withheld.empty()) words.insert(words.end(), {"--withhold", work.withheld});
+  for (const auto& file : work.captures) words.push_back(file.string());
+  return words;
+}
+
+std::vector<std::string> environment() {
+  std::vector<std::string> out;
+  for (const char* name : {"PATH", "HOME", "TMPDIR", "ASAN_OPTIONS", "LSAN_OPTIONS", "TSAN_OPTIONS", "UBSAN_OPTIONS"}) {
+    if (const char* value = std::getenv(name); value != nullptr) out.push_back(std::string(name) + '=' + value);
+  }
+  return out;
+}
+
+// The last line that says something.
+std::string last_line(const std::filesystem::path& log) {
+  std::ifstream in(log);
+  std::string last;
+  for (std::string line; std::getline(in, line);) {
+    if (!line.empty()) last = line;
+  }
+  return last;
+}
+
+using nlohmann::json;
+
+// null stands for what could not be measured.
+double number(const json& value) {
+  return value.is_number() ? value.get<double>() : std::numeric_limits<double>::quiet_NaN();
+}
+
+Named named_of(const json& effect) {
+  Named named;
+  named.name = effect.at("name").get<std::string>();
+  named.confidence = number(effect.at("confidence"));
+  for (const auto& [key, estimate] : effect.at("parameters").items()) {
+    const json& ends = estimate.at("ci95");
+    named.parameters[key] = {number(estimate.at("value")), number(ends.at(0)), number(ends.at(1))};
+  }
+  for (const json& other : effect.at("alternatives")) named.alternatives.push_back(other.at("name"));
+  return named;
+}
+
+Finding finding_of(const json& report) {
+  Finding finding;
+  finding.verdict = report.at("verdict").get<std::string>();
+  for (const json& effect : report.at("effects")) finding.effects.push_back(named_of(effect));
+  finding.unexplained_stage = report.at("unexplained").value("stage", "");
+  finding.location_stage = report.at("location").value("stage", "");
+  finding.gap_before = number(report.at("gap").at("before"));
+  finding.gap_after = number(report.at("gap").at("after"));
+  const double noise_before = number(report.value("noise_gap_before", json(1.0)));
+  if (noise_before > finding.gap_before) {
+    finding.gap_before = noise_before;
+    finding.gap_after = number(report.at("noise_gap_after"));
+  }
+  return finding;
+}
+
+}  // namespace
+
+Status run_child(const ChildWork& work, const std::atomic<bool>& stop) {
+  const std::filesystem::path folder = work.folder.parent_path();
+  ASSIGN_OR_RETURN(
+      auto child,
+      Process::start(
+          {.words = words_of(work), .log = folder / "diagnose", .folder = folder, .variables = environment()}));
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(work.limit_s);
+  std::optional<int> code;
+  while (!(code = child.wait(0.02))) {
+    if (stop) return failed("interrupted");
+    if (std::chrono::steady_clock::now() > deadline) return failed("the diagnosis took too long");
+  }
+  if (*code == 0) return {};
+  const std::string ending =
+      *code > 128 ? "signal " + std::to_string(*code - 128) : "exit code " + std::to_string(*code);
+  const std::string said = last_line(folder / "diagnose.err");
+  return failed("the diagnosis ended with " + ending + (said.empty() ? "" : ": " + said));
+}
+
+Result<Finding> parse_finding(const std::string& text) {
+  try {
+    const json report = json::parse(text);
+    if (report.at("bolo_report") != 1) return failed("report.json: not a report of version 1");
+    return finding_of(report);
+  } catch (const json::exception& e) {
+    return failed(std::string("report.json: ") + e.what());
+  }
+}
+
+Result<Finding> read_finding(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) return failed(file.filename().string() + ": the diagnosis wrote none");
+  std::ostringstream text;
+  text << in.rdbuf();
+  return parse_finding(text.str());
 }
 
 }  // namespace bolo::tools::blind
+
+int bolo::tools::blind_main(int argc, char** argv) {
+  return run_verb("blind", blind::command_line(), argc, argv, [](const blind::Given& given) -> Status {
+    ASSIGN_OR_RETURN(const auto request, blind::read_request(given));
+    return blind::draw_and_score(request);
+  });
+}

@@ -1,15 +1,13 @@
-// Answers that cannot be changed after the question was asked: their digest is published before anything is diagnosed,
-// and tells nobody the answers. Nonce and answers are in this process's memory alone until they are opened, and the
-// diagnosis, in a process of its own (diagnosis.hpp), is told of neither.
+// The blind check: answers are sealed, captures diagnosed in a process of its own, answers opened, and scored.
 #pragma once
 
-#include <string>
-#include <vector>
-
-#include "src/core/result.hpp"
 #include "tools/lab/blind/session.hpp"
 
 namespace bolo::tools::blind {
+
+// --- Answers that cannot be changed after the question was asked: their digest is published before anything is
+// diagnosed, and tells nobody the answers. Nonce and answers are in this process's memory alone until they are opened,
+// and the diagnosis is told of neither.
 
 // SHA-256 in 64 hexadecimal digits. Thread: any.
 std::string sha256(const std::string& text);
@@ -34,5 +32,103 @@ class Seal {
   std::string nonce_;
   std::string digest_;
 };
+
+// --- The diagnosis, and what its report says as far as the score needs it.
+
+struct ChildWork {
+  std::filesystem::path program;  // `bolo`, or what answers to `diagnose` as it does
+  std::vector<std::filesystem::path> captures;
+  std::filesystem::path folder;  // for the report
+  std::string withheld;          // empty: none
+  double limit_s = 900.0;        // it is ended when it takes longer
+};
+
+// Runs `program diagnose CAPTURES -o FOLDER --threads 1 [--withhold EFFECT]` to its end. The child gets these words, an
+// environment of PATH, HOME, TMPDIR and the sanitizers' options alone, no open file of this process, and the folder
+// above FOLDER as its working directory. All names must be absolute. kFailed with what it
+// said when it does not end with 0; kFailed on `stop`, then the child is ended. Thread: any.
+Status run_child(const ChildWork& work, const std::atomic<bool>& stop);
+
+struct Interval {
+  double value = 0.0;
+  double low = 0.0;
+  double high = 0.0;
+};
+
+struct Named {
+  std::string name;
+  double confidence = 0.0;
+  std::map<std::string, Interval> parameters;
+  std::vector<std::string> alternatives;
+};
+
+struct Finding {
+  std::string verdict;
+  std::vector<Named> effects;  // in the order of the report
+  std::string unexplained_stage;
+  std::string location_stage;
+  double gap_before = 0.0;  // of the residual, or of the noise's own statistics where that is larger
+  double gap_after = 0.0;
+};
+
+// Reads a report.json. kFailed when it is none. Thread: any.
+Result<Finding> read_finding(const std::filesystem::path& file);
+Result<Finding> parse_finding(const std::string& text);
+
+// --- How well the hidden effects were told.
+
+// One session with what the diagnosis made of it.
+struct Trial {
+  Session session;
+  std::optional<Finding> finding;  // none: the diagnosis broke
+  std::string error;               // why it broke
+  double seconds = 0.0;            // simulation and diagnosis
+};
+
+// Which of these hold is a matter of the session's kind; what does not apply is false.
+struct Judgement {
+  bool passed = false;          // what the kind asks for
+  bool broken = false;          // no report
+  bool right_first = false;     // the hidden effect is named first
+  bool right_in_three = false;  // among the first three named, or the first one's best two alternatives
+  bool exact = false;           // just the hidden effects are named
+  bool any_right = false;       // at least one of them
+  bool all_right = false;       // all of them
+  bool false_effect = false;    // an effect is named that was not there
+  bool flagged = false;         // it says that something unknown is left
+  bool right_stage = false;     // and in the right place
+  bool blamed = false;          // explained by what was not there, and nothing unknown said
+  bool sure = false;            // confidence of at least 0.95 in the first named
+  bool sure_right = false;      // and it was right
+  bool doubted = false;         // what /stimulus says does not fit
+  bool nothing = false;         // neither an effect nor anything unknown
+};
+
+// What counts as passed: effect-free: nothing said; single: right first; pair: both named; outside: flagged; withheld:
+// flagged; forms: right first, or flagged. Thread: any.
+Judgement judge(const Trial& trial);
+
+// How to draw the same sessions again.
+struct Setting {
+  DrawOptions draw;
+  std::string digest;
+  double seconds = 0.0;  // of the whole check
+};
+
+// As the verb prints it with --json. Of each kind: sessions, in how many what a judgement tells holds, spreads of the
+// gap and of the time. `confusion`, of sessions with one hidden effect: [hidden][first named], "-" for nothing, "?" for
+// something unknown; not of withheld ones, whose name cannot come: of those and of effects outside the catalogue
+// `said_instead`. `intervals`: by "effect.key", those that held the true value, of all given for effects that were
+// named. Thread: any.
+Json score(const std::vector<Trial>& trials, const Setting& setting);
+
+// Median and 90 %, nearest ranks; 0 for none. NaN are left out. Thread: any.
+Json spread_of(std::vector<double> values);
+
+// Lines for a terminal, each ended. Thread: any.
+std::string score_text(const Json& score);
+
+// The words that draw one session again. Thread: any.
+std::string rerun_words(Kind kind, std::size_t index, const DrawOptions& draw);
 
 }  // namespace bolo::tools::blind

@@ -2,82 +2,23 @@
 #include "tools/lab/blind/reality.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <numbers>
 #include <numeric>
 #include <random>
-#include <variant>
 
 namespace bolo::tools::blind::second {
 namespace {
 
 constexpr double kFrameS = 0.005;
-constexpr double kSubstepS = 1.25e-4;
 constexpr double kTauS = 0.011;
 constexpr double kNoiseK = 0.03;
 constexpr double kCountK = 0.01;
 constexpr double kGainCorrectedAtK = 298.15;
-constexpr double kHousingK = 301.0;
-constexpr double kTwoPi = 2.0 * std::numbers::pi;
 
-using Plane = std::vector<double>;
-
-// A number of an effect that is at work in the capture; `absent` where it is not.
-struct Hidden {
-  const std::vector<sim::EffectSpec>& effects;
-  const sim::EffectSpec* find(std::string_view name) const {
-    const auto at = std::ranges::find(effects, name, &sim::EffectSpec::name);
-    return at == effects.end() ? nullptr : &*at;
-  }
-  bool has(std::string_view name) const { return find(name) != nullptr; }
-  bool has(std::string_view name, std::string_view form) const { return has(name) && find(name)->form == form; }
-  double number(std::string_view name, std::string_view key, double absent) const {
-    const sim::EffectSpec* effect = find(name);
-    if (effect == nullptr) return absent;
-    const auto value = effect->values.find(key);
-    return value == effect->values.end() ? absent : value->second;
-  }
-};
-
-// Radiance of a black body from 8 to 12 um by the trapezoid rule, in units in which it is 300 with slope 1 at 300 K.
-class Planck {
- public:
-  Planck() : at_(sum(300.0)), slope_((sum(300.01) - sum(299.99)) / 0.02) {}
-  double radiance(double kelvin) const { return 300.0 + (sum(kelvin) - at_) / slope_; }
-  double temperature(double radiance) const {
-    double kelvin = 300.0;
-    for (int i = 0; i < 12; ++i) {
-      const double here = this->radiance(kelvin);
-      kelvin -= (here - radiance) / ((this->radiance(kelvin + 0.01) - here) / 0.01);
-    }
-    return kelvin;
-  }
-
- private:
-  static double sum(double kelvin) {
-    double total = 0.0;
-    constexpr int kParts = 40;
-    for (int i = 0; i <= kParts; ++i) {
-      const double um = 8.0 + 4.0 * i / kParts;
-      total += (i == 0 || i == kParts ? 0.5 : 1.0) / (std::pow(um, 5) * std::expm1(14387.77 / (um * kelvin)));
-    }
-    return total;
-  }
-  double at_;
-  double slope_;
-};
-
-const Planck& planck() {
-  static const Planck one;
-  return one;
-}
-
-// The same inverse for many values of one capture.
+// temperature_of() for many values.
 class Inverse {
  public:
   Inverse() {
-    for (int i = 0; i <= kPoints; ++i) table_[static_cast<std::size_t>(i)] = planck().temperature(240.0 + i * kStep);
+    for (int i = 0; i <= kPoints; ++i) table_[static_cast<std::size_t>(i)] = temperature_of(240.0 + i * kStep);
   }
   double at(double radiance) const {
     const double s = std::clamp((radiance - 240.0) / kStep, 0.0, kPoints - 1e-9);
@@ -91,160 +32,6 @@ class Inverse {
   std::array<double, kPoints + 1> table_{};
 };
 
-// Where light is lost towards the corners: cos^4 about a centre that need not be the image's; 1 in the farthest corner.
-Plane corner_loss(const Hidden& hidden, Geometry g) {
-  Plane loss(g.pixels(), 0.0);
-  if (!hidden.has("vignetting")) return loss;
-  const double cx = g.width * (0.5 + hidden.number("vignetting", "centre_x", 0.0));
-  const double cy = g.height * (0.5 + hidden.number("vignetting", "centre_y", 0.0));
-  double most = 0.0;
-  for (std::size_t p = 0; p < loss.size(); ++p) {
-    const auto x = static_cast<double>(p % static_cast<std::size_t>(g.width)) + 0.5 - cx;
-    const std::size_t row = p / static_cast<std::size_t>(g.width);
-    const double y = static_cast<double>(row) + 0.5 - cy;
-    const double tan2 = 0.05 * (x * x + y * y) / (g.width * g.width / 4.0);
-    loss[p] = 1.0 - 1.0 / ((1.0 + tan2) * (1.0 + tan2));
-    most = std::max(most, loss[p]);
-  }
-  for (double& one : loss) one *= hidden.number("vignetting", "corner_loss", 0.0) / most;
-  return loss;
-}
-
-// What falls on each pixel.
-class Scene {
- public:
-  Scene(const CapturePlan& plan, const Hidden& hidden, Geometry g)
-      : plan_(plan), hidden_(hidden), g_(g), loss_(corner_loss(hidden, g)) {
-    if (const auto* bars = std::get_if<capture::BarTarget>(&plan.stimulus)) tabulate(*bars);
-  }
-
-  // Mean over [t, t + kSubstepS).
-  void draw(double t_s, Plane& out) const {
-    std::visit([&](const auto& stimulus) { paint(stimulus, t_s, out); }, plan_.stimulus);
-    if (const double share = hidden_.number("lens_ghost", "share", 0.0); share > 0.0) {
-      const Plane seen = out;
-      for (std::size_t p = 0; p < out.size(); ++p) out[p] += share * (seen[seen.size() - 1 - p] - seen[p]);
-    }
-    const double housing = signal(kHousingK, false);
-    for (std::size_t p = 0; p < out.size(); ++p) out[p] += loss_[p] * (housing - out[p]);
-  }
-
- private:
-  double bench(std::string_view key) const {
-    const auto at = plan_.bench.find(key);
-    return at == plan_.bench.end() ? 0.0 : at->second;
-  }
-
-  // What the pixel answers to: temperature as it appears, or radiance.
-  double signal(double kelvin, bool target) const {
-    if (target && hidden_.has("emissivity")) {
-      const double e = hidden_.number("emissivity", "emissivity", 1.0);
-      const double around = planck().radiance(hidden_.number("emissivity", "surroundings_k", 293.15));
-      kelvin = planck().temperature(e * planck().radiance(kelvin) + (1.0 - e) * around);
-    }
-    return hidden_.has("radiometric_nonlinearity") ? planck().radiance(kelvin) : kelvin;
-  }
-
-  void paint(const capture::Uniform& u, double, Plane& out) const {
-    std::ranges::fill(out, signal(u.temperature_k + bench("level_0"), true));
-  }
-
-  void paint(const capture::Chopper& c, double t_s, Plane& out) const {
-    const double cold = signal(c.cold_k + bench("level_0"), true);
-    std::vector<double> height;
-    for (const double level : c.level_k) {
-      const double off = bench(level == c.level_k.front() ? "level_1" : "level_2");
-      height.push_back(signal(level + off, true) - cold);
-    }
-    for (int x = 0; x < g_.width; ++x) {
-      const double t = t_s - bench("start_s") - bench("sweep_s") * (static_cast<double>(x) / (g_.width - 1) - 0.5);
-      double value = cold;
-      for (std::size_t i = 0; i < c.on_s.size(); ++i) {
-        const double open = std::min(t + kSubstepS, c.off_s[i]) - std::max(t, c.on_s[i]);
-        if (open > 0.0) value += height[i] * open / kSubstepS;
-      }
-      for (int y = 0; y < g_.height; ++y) out[static_cast<std::size_t>(y * g_.width + x)] = value;
-    }
-  }
-
-  void paint(const capture::BarTarget& b, double t_s, Plane& out) const {
-    const double cold = signal(b.cold_k + bench("level_0"), true);
-    const double height = signal(b.hot_k + bench("level_1"), true) - cold;
-    const double t = t_s + kSubstepS / 2.0;
-    const double travelled = b.velocity_px_s * (1.0 + bench("velocity")) * t;
-    const double wobble = b.velocity_px_s == 0.0 ? 0.0 : bench("wobble_px") * std::sin(kTwoPi * 0.6 * t);
-    for (int y = 0; y < g_.height; ++y) {
-      const double at_row = bench("phase_px") + travelled + wobble + b.slant_px_per_row * y;
-      for (int x = 0; x < g_.width; ++x) {
-        const double u = (x - at_row) / b.period_px;
-        const double place = (u - std::floor(u)) * kTable;
-        const auto i = static_cast<std::size_t>(place);
-        const double share = covered_[i] + (place - static_cast<double>(i)) * (covered_[i + 1] - covered_[i]);
-        out[static_cast<std::size_t>(y * g_.width + x)] = cold + height * share;
-      }
-    }
-  }
-  template <typename Other>
-  void paint(const Other&, double, Plane&) const {}
-
-  // The share of a pixel that bars cover, its left end at u periods: exact along x, then blurred point by point.
-  void tabulate(const capture::BarTarget& b) {
-    const auto hot_up_to = [&](double x) {  // length of hot in [0, x)
-      const double whole = std::floor(x / b.period_px);
-      return whole * b.bar_width_px + std::min(x - whole * b.period_px, b.bar_width_px);
-    };
-    const double sigma = hidden_.number("optical_psf", "sigma_px", 0.0);
-    const bool disc = hidden_.has("optical_psf", "disc");
-    const double lean = std::sqrt(1.0 + b.slant_px_per_row * b.slant_px_per_row);
-    constexpr int kPoints = 41;  // of a blur, even in its probability
-    std::vector<double> shifts;
-    for (int i = 0; i < kPoints; ++i) {
-      const double s = (i + 0.5) / kPoints * 2.0 - 1.0;
-      shifts.push_back(disc ? 2.0 * sigma * s * lean : 3.5 * sigma * s * lean);
-    }
-    const auto weight = [&](double shift) {
-      if (sigma <= 0.0) return 1.0;
-      const double r = shift / (sigma * lean);
-      return disc ? std::sqrt(std::max(0.0, 1.0 - r * r / 4.0)) : std::exp(-r * r / 2.0);
-    };
-    covered_.assign(kTable + 2, 0.0);
-    constexpr int kWithin = 8;  // of the row's height, over which the bars lean; and of the target's soft edge
-    for (std::size_t i = 0; i < covered_.size(); ++i) {
-      double sum = 0.0;
-      double weights = 0.0;
-      for (int y = 0; y < kWithin; ++y) {
-        const double within = b.slant_px_per_row * (y + 0.5) / kWithin;
-        for (int e = 0; e < kWithin; ++e) {
-          const double edge = bench("edge_px") * ((e + 0.5) / kWithin - 0.5);
-          for (const double shift : shifts) {
-            const double u = static_cast<double>(i) / kTable * b.period_px - within + edge + shift;
-            sum += weight(shift) * (hot_up_to(u + 1.0) - hot_up_to(u));
-            weights += weight(shift);
-            if (sigma <= 0.0) break;
-          }
-        }
-      }
-      covered_[i] = sum / weights;
-    }
-  }
-
-  static constexpr int kTable = 2048;
-  const CapturePlan& plan_;
-  const Hidden& hidden_;
-  Geometry g_;
-  Plane loss_;
-  std::vector<double> covered_;
-};
-
-// Noise and patterns: fixed ones from the camera's seed, others from the capture's.
-struct Luck {
-  std::mt19937_64 of;
-  double normal() { return gauss(of); }
-  double even(double low, double high) { return std::uniform_real_distribution<double>(low, high)(of); }
-  bool chance(double p) { return even(0.0, 1.0) < p; }
-  std::normal_distribution<double> gauss;
-};
-
 // The heat equation of all pixels by an explicit rule of third order, and its past.
 class Array {
  public:
@@ -255,7 +42,7 @@ class Array {
         begin_s_(begin_s),
         input_(g_.pixels()),
         tau_(g_.pixels()) {
-    Luck luck{std::mt19937_64(session.camera_seed + 1), {}};
+    Luck luck(session.camera_seed + 1);
     const double scale = hidden.number("tau_global", "scale", 1.0);
     const double spread = hidden.number("tau_spread", "rms", 0.0);
     const double turn = luck.even(0.0, kTwoPi);
@@ -269,7 +56,7 @@ class Array {
     // A spread is one about the mean.
     const double mean = std::accumulate(tau_.begin(), tau_.end(), 0.0) / static_cast<double>(tau_.size());
     for (double& one : tau_) one = kTauS * scale * (1.0 + spread * (one - mean));
-    scene_.draw(begin_s, input_);
+    scene_(begin_s, input_);
     fast_ = slow_ = input_;
     past_.assign(kPast, input_);
   }
@@ -322,7 +109,7 @@ class Array {
   }
 
   void step() {
-    scene_.draw(begin_s_ + static_cast<double>(steps_) * kSubstepS, input_);
+    scene_(begin_s_ + static_cast<double>(steps_) * kSubstepS, input_);
     Plane third(fast_);
     Plane half(fast_);
     move(fast_, fast_, kSubstepS / 3.0, third);
@@ -380,8 +167,8 @@ class Readout {
       : plan_(plan),
         hidden_(hidden),
         g_(session.geometry),
-        luck_{std::mt19937_64(plan.noise_seed), {}},
-        fixed_{std::mt19937_64(session.camera_seed), {}},
+        luck_(plan.noise_seed),
+        fixed_(session.camera_seed),
         gain_(g_.pixels(), 0.0),
         offset_(gain_),
         share_(gain_),
@@ -559,10 +346,10 @@ std::vector<std::uint16_t> film(const Session& session, const CapturePlan& plan)
   constexpr double kBeforeS = 1.5;  // the bench has been running
   const Hidden hidden{plan.effects};
   const Geometry g = session.geometry;
-  const Scene scene(plan, hidden, g);
+  const Scene scene = scene_of(plan, hidden, g);
   Array array(session, scene, hidden, std::holds_alternative<capture::BarTarget>(plan.stimulus) ? -kBeforeS : -0.02);
   Readout readout(session, plan, hidden);
-  Luck luck{std::mt19937_64(plan.noise_seed + 7), {}};
+  Luck luck(plan.noise_seed + 7);
   const double window_s = hidden.number("integration_window", "window_s", 0.0);
   std::vector<std::uint16_t> counts;
   Plane shown(g.pixels());

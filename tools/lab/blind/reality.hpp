@@ -1,30 +1,55 @@
-// A second reality for the blind check: another camera before another bench, made without src/sim and src/diagnose. It
-// steps the equations of the effects in time, explicitly and slowly, with forms, signs, references, centres and draws
-// of its own, so that what simulator and diagnosis share by habit shows as an error of the diagnosis.
-//
-// Its conventions, where they differ: pixels cover [x, x + 1) and bars lean within a row; gains are corrected at
-// 298.15 K; the camera's housing is at 301 K; vignetting is a cosine law about a centre of its own; rows may be read
-// from the bottom; values are cut, not rounded, to counts; a window of integration begins at the frame's time; a frame
-// sent twice stands in the place of the next one; lost frames come in bursts; a frame filter starts at its first frame.
+// What the parts of the second reality share.
 #pragma once
 
-#include <cstdint>
-#include <string_view>
-#include <vector>
+#include <numbers>
+#include <random>
 
-#include "src/core/result.hpp"
 #include "tools/lab/blind/session.hpp"
 
 namespace bolo::tools::blind::second {
 
-// The names among which the sessions of a kind go in turn. Thread: any.
-std::vector<std::string> effects_of(Kind kind);
+using Plane = std::vector<double>;
 
-// A session of six captures; its effects are hidden by name, with the numbers of this reality. kBadInput when `only`
-// names no effect of the kind, or a magnitude is asked for. Thread: any.
-Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t index);
+inline constexpr double kSubstepS = 1.25e-4;
+inline constexpr double kTwoPi = 2.0 * std::numbers::pi;
 
-// All frames of a capture, row-major, 10 mK a count. Thread: any.
-std::vector<std::uint16_t> film(const Session& session, const CapturePlan& plan);
+// A number of an effect that is at work in the capture; `absent` where it is not.
+struct Hidden {
+  const std::vector<sim::EffectSpec>& effects;
+  const sim::EffectSpec* find(std::string_view name) const {
+    const auto at = std::ranges::find(effects, name, &sim::EffectSpec::name);
+    return at == effects.end() ? nullptr : &*at;
+  }
+  bool has(std::string_view name) const { return find(name) != nullptr; }
+  bool has(std::string_view name, std::string_view form) const { return has(name) && find(name)->form == form; }
+  double number(std::string_view name, std::string_view key, double absent) const {
+    const sim::EffectSpec* effect = find(name);
+    if (effect == nullptr) return absent;
+    const auto value = effect->values.find(key);
+    return value == effect->values.end() ? absent : value->second;
+  }
+};
+
+// Random draws: fixed patterns from the camera's seed, noise from the capture's.
+struct Luck {
+  explicit Luck(std::uint64_t seed) : of(seed) {}
+  double normal() { return gauss(of); }
+  double normal(double sigma) { return std::normal_distribution<double>(0.0, sigma)(of); }  // of two words, each time
+  double even(double low, double high) { return std::uniform_real_distribution<double>(low, high)(of); }
+  bool chance(double p) { return even(0.0, 1.0) < p; }
+  std::size_t below(std::size_t n) { return std::uniform_int_distribution<std::size_t>(0, n - 1)(of); }
+  std::uint64_t word() { return of() >> 2U; }
+  std::mt19937_64 of;
+  std::normal_distribution<double> gauss;
+};
+
+// Radiance of a black body from 8 to 12 um, in units in which it is 300 with slope 1 at 300 K, and the other way round.
+double radiance_of(double kelvin);
+double temperature_of(double radiance);
+
+// What falls on each pixel before the bench of a capture: the mean over [t, t + kSubstepS). Plan and effects outlive
+// it.
+using Scene = std::function<void(double t_s, Plane& out)>;
+Scene scene_of(const CapturePlan& plan, const Hidden& hidden, Geometry geometry);
 
 }  // namespace bolo::tools::blind::second

@@ -1,10 +1,6 @@
 // What the second reality hides, and before what bench.
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <random>
-#include <utility>
-#include <variant>
 
 #include "tools/lab/blind/reality.hpp"
 
@@ -87,19 +83,7 @@ std::vector<const Entry*> entries_of(Kind kind) {
   return out;
 }
 
-class Lot {
- public:
-  explicit Lot(std::uint64_t seed) : of_(seed) {}
-  double even(double low, double high) { return std::uniform_real_distribution<double>(low, high)(of_); }
-  double normal(double sigma) { return std::normal_distribution<double>(0.0, sigma)(of_); }
-  std::size_t below(std::size_t n) { return std::uniform_int_distribution<std::size_t>(0, n - 1)(of_); }
-  std::uint64_t word() { return of_() >> 2U; }
-
- private:
-  std::mt19937_64 of_;
-};
-
-sim::EffectSpec drawn(const Entry& entry, Lot& lot) {
+sim::EffectSpec drawn(const Entry& entry, Luck& lot) {
   sim::EffectSpec effect{entry.name, entry.form, {}};
   for (const Number& number : entry.numbers) {
     double value = lot.even(number.low, number.high);
@@ -144,7 +128,7 @@ capture::Stimulus stimulus_of(std::size_t i, double duration_s, double slant) {
 }
 
 // How the bench truly is: start phases always, the rest of an imperfect one.
-void draw_bench(bool imperfect, double edge_px, CapturePlan& plan, Lot& lot) {
+void draw_bench(bool imperfect, double edge_px, CapturePlan& plan, Luck& lot) {
   auto& bench = plan.bench;
   const bool bars = std::holds_alternative<capture::BarTarget>(plan.stimulus);
   if (bars) bench["phase_px"] = lot.even(0.0, 18.0);
@@ -161,7 +145,7 @@ void draw_bench(bool imperfect, double edge_px, CapturePlan& plan, Lot& lot) {
 }
 
 std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::vector<sim::EffectSpec>& effects,
-                                       Lot& lot) {
+                                       Luck& lot) {
   constexpr std::array<int, 6> kFrames{360, 260, 410, 330, 330, 290};
   const double slant = lot.below(2) == 0 ? 0.21 : -0.27;
   const double edge_px = lot.even(0.0, 0.8);
@@ -211,7 +195,7 @@ Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t 
   session.index = index;
   session.seed = options.seed * 1'000'003 + static_cast<std::uint64_t>(kind) * 10'007 + index;
   session.geometry = options.geometry;
-  Lot lot(session.seed);
+  Luck lot(session.seed);
   session.camera_seed = lot.word();
   std::vector<const Entry*> all = entries_of(kind);
   if (!options.only.empty()) std::erase_if(all, [&](const Entry* e) { return e->name != options.only; });

@@ -1,12 +1,7 @@
-#include "tools/lab/blind/score.hpp"
-
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <map>
-#include <vector>
 
-#include "src/report/text.hpp"
+#include "src/core/statistics.hpp"
+#include "tools/lab/blind/blind.hpp"
 
 namespace bolo::tools::blind {
 namespace {
@@ -60,101 +55,89 @@ bool passes(Kind kind, const Judgement& j) {
   return false;
 }
 
-std::string joined(const std::string& before, const std::string& name) {
-  return before.empty() ? name : before + " + " + name;
-}
-
 std::string hidden_text(const Session& session) {
-  std::string text;
-  for (const sim::EffectSpec& effect : session.effects) {
-    text = joined(text, effect.form.empty() ? effect.name : effect.name + '(' + effect.form + ')');
-  }
+  const std::string text =
+      joined(mapped(session.effects,
+                    [](const sim::EffectSpec& effect) {
+                      return effect.form.empty() ? effect.name : effect.name + '(' + effect.form + ')';
+                    }),
+             " + ");
   return text.empty() ? "none" : text;
 }
 
 std::string said_text(const Trial& trial) {
   if (!trial.finding) return trial.error;
-  std::string text;
-  for (const Named& effect : trial.finding->effects) text = joined(text, effect.name);
+  const std::string text = joined(mapped(trial.finding->effects, &Named::name), " + ");
   return text.empty() ? trial.finding->verdict : trial.finding->verdict + ": " + text;
 }
 
-std::string first_named(const Finding& finding, const Judgement& judgement) {
-  if (!finding.effects.empty()) return finding.effects.front().name;
-  return judgement.flagged ? kUnknown : kNothing;
-}
-
 // What is counted of each kind, in the order of the JSON.
-struct Count {
-  const char* key;
-  bool Judgement::*holds;
-  int KindScore::*count;
-};
-constexpr std::array<Count, 14> kCounts{{{"passed", &Judgement::passed, &KindScore::passed},
-                                         {"broken", &Judgement::broken, &KindScore::broken},
-                                         {"right_first", &Judgement::right_first, &KindScore::right_first},
-                                         {"right_in_top_three", &Judgement::right_in_three, &KindScore::right_in_three},
-                                         {"exact", &Judgement::exact, &KindScore::exact},
-                                         {"at_least_one", &Judgement::any_right, &KindScore::any_right},
-                                         {"all_named", &Judgement::all_right, &KindScore::all_right},
-                                         {"false_effect", &Judgement::false_effect, &KindScore::false_effect},
-                                         {"flagged", &Judgement::flagged, &KindScore::flagged},
-                                         {"flagged_right_stage", &Judgement::right_stage, &KindScore::right_stage},
-                                         {"blamed", &Judgement::blamed, &KindScore::blamed},
-                                         {"nothing", &Judgement::nothing, &KindScore::nothing},
-                                         {"sure", &Judgement::sure, &KindScore::sure},
-                                         {"sure_right", &Judgement::sure_right, &KindScore::sure_right}}};
+constexpr std::array<std::pair<const char*, bool Judgement::*>, 14> kCounts{
+    {{"passed", &Judgement::passed},
+     {"broken", &Judgement::broken},
+     {"right_first", &Judgement::right_first},
+     {"right_in_top_three", &Judgement::right_in_three},
+     {"exact", &Judgement::exact},
+     {"at_least_one", &Judgement::any_right},
+     {"all_named", &Judgement::all_right},
+     {"false_effect", &Judgement::false_effect},
+     {"flagged", &Judgement::flagged},
+     {"flagged_right_stage", &Judgement::right_stage},
+     {"blamed", &Judgement::blamed},
+     {"nothing", &Judgement::nothing},
+     {"sure", &Judgement::sure},
+     {"sure_right", &Judgement::sure_right}}};
 
-void count(KindScore& kind, const Judgement& judgement) {
-  ++kind.sessions;
-  for (const Count& one : kCounts) kind.*one.count += judgement.*one.holds ? 1 : 0;
+Json kind_score(const std::vector<const Trial*>& trials) {
+  Json out{{"sessions", trials.size()}};
+  for (const auto& [key, holds] : kCounts) {
+    out[key] = std::ranges::count_if(trials, [holds = holds](const Trial* trial) { return judge(*trial).*holds; });
+  }
+  const auto spread = [&](auto of) {
+    std::vector<double> values;
+    for (const Trial* trial : trials) {
+      if (trial->finding) values.push_back(of(*trial->finding));
+    }
+    return spread_of(values);
+  };
+  out["gap_before"] = spread([](const Finding& finding) { return finding.gap_before; });
+  out["gap_after"] = spread([](const Finding& finding) { return finding.gap_after; });
+  out["seconds"] = spread_of(mapped(trials, [](const Trial* trial) { return trial->seconds; }));
+  return out;
 }
 
-void cover(std::map<std::string, Coverage>& coverage, const Session& session, const Finding& finding) {
+using Table = std::map<std::string, std::map<std::string, int>>;
+
+void cover(Table& coverage, const Session& session, const Finding& finding) {
   for (const sim::EffectSpec& hidden : session.effects) {
     const auto named = std::ranges::find(finding.effects, hidden.name, &Named::name);
     if (named == finding.effects.end() || !hidden.form.empty()) continue;
     for (const auto& [key, truth] : hidden.values) {
       const auto found = named->parameters.find(key);
       if (found == named->parameters.end() || !std::isfinite(truth)) continue;
-      Coverage& one = coverage[hidden.name + '.' + key];
-      ++one.all;
-      one.inside += found->second.low <= truth && truth <= found->second.high;
+      std::map<std::string, int>& one = coverage[hidden.name + '.' + key];
+      ++one["all"];
+      one["inside"] += found->second.low <= truth && truth <= found->second.high;
     }
   }
 }
 
-void spread_kinds(const std::vector<Trial>& trials, Score& out) {
-  for (auto& [kind, kind_score] : out.kinds) {
-    std::vector<double> before;
-    std::vector<double> after;
-    std::vector<double> seconds;
-    for (const Trial& trial : trials) {
-      if (trial.session.kind != kind) continue;
-      seconds.push_back(trial.seconds);
-      if (!trial.finding) continue;
-      before.push_back(trial.finding->gap_before);
-      after.push_back(trial.finding->gap_after);
-    }
-    kind_score.gap_before = spread_of(std::move(before));
-    kind_score.gap_after = spread_of(std::move(after));
-    kind_score.seconds = spread_of(std::move(seconds));
-  }
-}
-
-void tabulate(const Trial& trial, const Judgement& judgement, Score& out) {
+void tabulate(const Trial& trial, Table& confusion, Table& instead) {
   const Session& session = trial.session;
-  const std::string said = first_named(*trial.finding, judgement);
-  const std::string hidden = session.effects.empty() ? kNothing : session.effects.front().name;
+  const std::string hidden = session.effects.empty() ? "-" : session.effects.front().name;
+  const bool flagged = judge(trial).flagged;
+  const std::string unknown = flagged ? "?" : "-";
+  const auto& named = trial.finding->effects;
+  const std::string said = named.empty() ? unknown : named.front().name;
   switch (session.kind) {
     case Kind::kEffectFree:
     case Kind::kSingle:
     case Kind::kForms:
-      ++out.confusion[hidden][said];
+      ++confusion[hidden][said];
       break;
     case Kind::kOutside:
     case Kind::kWithheld:
-      ++out.instead[hidden][judgement.flagged ? kUnknown : said];
+      ++instead[hidden][flagged ? "?" : said];
       break;
     case Kind::kPair:
     case Kind::kBench:
@@ -162,93 +145,85 @@ void tabulate(const Trial& trial, const Judgement& judgement, Score& out) {
   }
 }
 
-using nlohmann::ordered_json;
 using plot::format;
 
 std::string share(int part, int all) {
-  if (all == 0) return "-";
-  return format("%d of %d (%.1f %%)", part, all, 100.0 * part / all);
+  return all == 0 ? "-" : format("%d of %d (%.1f %%)", part, all, 100.0 * part / all);
 }
 
 // What is asked of each kind, then what else is worth knowing of it.
 struct Detail {
   const char* words;
-  int KindScore::*part;
+  const char* part;
 };
-using S = KindScore;
-constexpr Detail kFalse{"another effect besides, or instead", &S::false_effect};
-constexpr Detail kSilent{"nothing said", &S::nothing};
-constexpr Detail kFlagged{"flagged as unknown or partly explained", &S::flagged};
-constexpr Detail kPlaced{"flagged, and the right stage named", &S::right_stage};
-const std::map<Kind, std::vector<Detail>> kDetails{
-    {Kind::kEffectFree, {{"a false camera effect", &S::false_effect}, {"a false unknown", &S::flagged}}},
-    {Kind::kSingle,
-     {{"right cause first", &S::right_first},
-      {"right cause in the top three", &S::right_in_three},
-      {"just the right cause", &S::exact},
+constexpr Detail kFalse{"another effect besides, or instead", "false_effect"};
+constexpr Detail kSilent{"nothing said", "nothing"};
+constexpr Detail kFlagged{"flagged as unknown or partly explained", "flagged"};
+constexpr Detail kPlaced{"flagged, and the right stage named", "flagged_right_stage"};
+const std::map<std::string, std::vector<Detail>> kDetails{
+    {"effect-free", {{"a false camera effect", "false_effect"}, {"a false unknown", "flagged"}}},
+    {"single",
+     {{"right cause first", "right_first"},
+      {"right cause in the top three", "right_in_top_three"},
+      {"just the right cause", "exact"},
       kFalse,
       kSilent}},
-    {Kind::kPair,
-     {{"both named", &S::all_right}, {"just these two", &S::exact}, {"at least one of them", &S::any_right}, kFalse}},
-    {Kind::kOutside, {kFlagged, kPlaced, {"silently blamed on the catalogue", &S::blamed}, kSilent}},
-    {Kind::kWithheld, {kFlagged, kPlaced, {"silently blamed on another", &S::blamed}, kSilent}},
-    {Kind::kForms,
-     {{"the right name first, or flagged", &S::passed},
-      {"the right name first", &S::right_first},
-      {"flagged as not fully explained", &S::flagged},
+    {"pair",
+     {{"both named", "all_named"}, {"just these two", "exact"}, {"at least one of them", "at_least_one"}, kFalse}},
+    {"outside", {kFlagged, kPlaced, {"silently blamed on the catalogue", "blamed"}, kSilent}},
+    {"withheld", {kFlagged, kPlaced, {"silently blamed on another", "blamed"}, kSilent}},
+    {"forms",
+     {{"the right name first, or flagged", "passed"},
+      {"the right name first", "right_first"},
+      {"flagged as not fully explained", "flagged"},
       kSilent}},
-    {Kind::kBench, {{"the description doubted, and no effect", &S::passed}, {"an effect named", &S::false_effect}}}};
+    {"bench", {{"the description doubted, and no effect", "passed"}, {"an effect named", "false_effect"}}}};
 
-std::string details(Kind kind, const KindScore& s) {
-  std::string out;
-  for (const Detail& one : kDetails.at(kind)) {
-    out += format("    %-44s %s\n", one.words, share(s.*one.part, s.sessions).c_str());
+std::string kind_text(const std::string& kind, const Json& s) {
+  const int sessions = s["sessions"];
+  const auto line = [](const char* words, const std::string& figure) {
+    return format("    %-44s %s\n", words, figure.c_str());
+  };
+  std::string out = kind + ": " + std::to_string(sessions) + " sessions, passed " + share(s["passed"], sessions) + "\n";
+  for (const Detail& one : kDetails.at(kind)) out += line(one.words, share(s[one.part], sessions));
+  if (kind == "single") out += line("of those it is sure of (0.95), right", share(s["sure_right"], s["sure"]));
+  if (s["broken"] > 0) out += line("no report", share(s["broken"], sessions));
+  const auto figure = [&s](const char* key, const char* rank) { return s[key][rank].get<double>(); };
+  if (s["broken"] < sessions) {
+    out += line("gap before -> after, median",
+                format("%.2f -> %.2f (90 %%: %.2f -> %.2f)", figure("gap_before", "median"),
+                       figure("gap_after", "median"), figure("gap_before", "p90"), figure("gap_after", "p90")));
   }
-  if (kind == Kind::kSingle) {
-    out += format("    %-44s %s\n", "of those it is sure of (0.95), right", share(s.sure_right, s.sure).c_str());
-  }
-  if (s.broken > 0) out += format("    %-44s %s\n", "no report", share(s.broken, s.sessions).c_str());
-  return out;
+  return out + line("seconds a session, median",
+                    format("%.1f (90 %%: %.1f)", figure("seconds", "median"), figure("seconds", "p90")));
 }
 
 // "row_delay        12: row_delay 11, clock_skew 1"
-std::string named_text(const std::map<std::string, std::map<std::string, int>>& table) {
+std::string named_text(const Json& table) {
   std::string out;
-  for (const auto& [hidden, said] : table) {
-    std::vector<std::pair<std::string, int>> counts(said.begin(), said.end());
+  for (const auto& [hidden, said] : table.items()) {
+    std::vector<std::pair<std::string, int>> counts;
+    for (const auto& [name, count] : said.items()) counts.emplace_back(name, count.get<int>());
     std::ranges::stable_sort(counts, [](const auto& a, const auto& b) { return a.second > b.second; });
     int all = 0;
-    std::string text;
-    for (const auto& [name, count] : counts) {
-      all += count;
-      text += format("%s%s %d", text.empty() ? "" : ", ", name.c_str(), count);
-    }
+    for (const auto& [name, count] : counts) all += count;
+    const auto text =
+        joined(mapped(counts, [](const auto& one) { return one.first + " " + std::to_string(one.second); }));
     out += format("    %-26s %4d: %s\n", hidden.c_str(), all, text.c_str());
   }
   return out;
 }
 
-std::string coverage_text(const Score& score) {
-  Coverage sum;
+std::string coverage_text(const Json& intervals) {
+  int inside = 0;
+  int all = 0;
   std::string out;
-  for (const auto& [key, one] : score.coverage) {
-    sum.inside += one.inside;
-    sum.all += one.all;
-    out += format("    %-36s %s\n", key.c_str(), share(one.inside, one.all).c_str());
+  for (const auto& [key, one] : intervals.items()) {
+    inside += one["inside"].get<int>();
+    all += one["all"].get<int>();
+    out += format("    %-36s %s\n", key.c_str(), share(one["inside"], one["all"]).c_str());
   }
-  if (sum.all == 0) return {};
-  return "  parameters within their 95 % interval: " + share(sum.inside, sum.all) + "\n" + out;
-}
-
-ordered_json spread_json(const Spread& spread) { return {{"median", spread.median}, {"p90", spread.p90}}; }
-
-ordered_json kind_json(const KindScore& s) {
-  ordered_json out{{"sessions", s.sessions}};
-  for (const Count& one : kCounts) out[one.key] = s.*one.count;
-  out.update({{"gap_before", spread_json(s.gap_before)},
-              {"gap_after", spread_json(s.gap_after)},
-              {"seconds", spread_json(s.seconds)}});
-  return out;
+  return all == 0 ? "" : "  parameters within their 95 % interval: " + share(inside, all) + "\n" + out;
 }
 
 }  // namespace
@@ -279,88 +254,40 @@ Judgement judge(const Trial& trial) {
   return j;
 }
 
-Spread spread_of(std::vector<double> values) {
+Json spread_of(std::vector<double> values) {
   std::erase_if(values, [](double v) { return std::isnan(v); });
-  if (values.empty()) return {};
   std::ranges::sort(values);
   const auto rank = [&](double share) {
+    if (values.empty()) return 0.0;
     const auto place = static_cast<std::size_t>(std::ceil(share * static_cast<double>(values.size())));
     return values[std::clamp<std::size_t>(place, 1, values.size()) - 1];
   };
-  return {rank(0.5), rank(0.9)};
+  return {{"median", rank(0.5)}, {"p90", rank(0.9)}};
 }
 
-Score score(const std::vector<Trial>& trials) {
-  Score out;
+Json score(const std::vector<Trial>& trials, const Setting& setting) {
+  std::map<Kind, std::vector<const Trial*>> kinds;
+  Table confusion;
+  Table instead;
+  Table coverage;
+  Json failures = Json::array();
   for (const Trial& trial : trials) {
-    const Judgement judgement = judge(trial);
     const Session& session = trial.session;
-    count(out.kinds[session.kind], judgement);
-    if (!judgement.passed) {
-      out.failures.push_back({session.kind, session.index, session.seed, hidden_text(session), said_text(trial)});
+    kinds[session.kind].push_back(&trial);
+    if (!judge(trial).passed) {
+      failures.push_back({{"kind", name_of(session.kind)},
+                          {"index", session.index},
+                          {"seed", session.seed},
+                          {"hidden", hidden_text(session)},
+                          {"said", said_text(trial)},
+                          {"again", rerun_words(session.kind, session.index, setting.draw)}});
     }
     if (!trial.finding) continue;
-    cover(out.coverage, session, *trial.finding);
-    tabulate(trial, judgement, out);
+    cover(coverage, session, *trial.finding);
+    tabulate(trial, confusion, instead);
   }
-  spread_kinds(trials, out);
-  return out;
-}
-
-std::string rerun_words(const Failure& failure, const DrawOptions& draw) {
-  std::string words =
-      format("bolo-lab blind --kind %s --seed %llu --first %zu --sessions 1",
-             std::string(name_of(failure.kind)).c_str(), static_cast<unsigned long long>(draw.seed), failure.index);
-  if (draw.reality == Reality::kSecond) words += " --reality second";
-  if (draw.imperfect) words += " --imperfect";
-  if (draw.magnitude != 1.0) words += format(" --magnitude %g", draw.magnitude);
-  if (!draw.only.empty()) words += " --only " + draw.only;
-  if (draw.geometry.width != 32) words += format(" --width %d", draw.geometry.width);
-  if (draw.geometry.height != 24) words += format(" --height %d", draw.geometry.height);
-  if (draw.frames_scale != 1.0) words += format(" --frames-scale %g", draw.frames_scale);
-  return words;
-}
-
-std::string score_text(const Score& score, const Setting& setting) {
-  std::string out;
-  for (const auto& [kind, s] : score.kinds) {
-    out += format("%s: %d sessions, passed %s\n", std::string(name_of(kind)).c_str(), s.sessions,
-                  share(s.passed, s.sessions).c_str());
-    out += details(kind, s);
-    if (s.broken < s.sessions) {
-      out += format("    %-44s %.2f -> %.2f (90 %%: %.2f -> %.2f)\n", "gap before -> after, median",
-                    s.gap_before.median, s.gap_after.median, s.gap_before.p90, s.gap_after.p90);
-    }
-    out += format("    %-44s %.1f (90 %%: %.1f)\n", "seconds a session, median", s.seconds.median, s.seconds.p90);
-  }
-  if (!score.confusion.empty()) {
-    out += "  hidden, and what was named first (- nothing, ? something unknown)\n" + named_text(score.confusion);
-  }
-  if (!score.instead.empty()) {
-    out += "  outside the catalogue or withheld, and what was said (? flagged)\n" + named_text(score.instead);
-  }
-  out += coverage_text(score);
-  if (!score.failures.empty()) out += format("  failed: %zu\n", score.failures.size());
-  for (const Failure& failure : score.failures) {
-    out += "    " + failure.hidden + " -> " + failure.said + "\n      " + rerun_words(failure, setting.draw) + '\n';
-  }
-  return out;
-}
-
-ordered_json score_json(const Score& score, const Setting& setting) {
-  ordered_json kinds = ordered_json::object();
-  for (const auto& [kind, s] : score.kinds) kinds[std::string(name_of(kind))] = kind_json(s);
-  ordered_json coverage = ordered_json::object();
-  for (const auto& [key, one] : score.coverage) coverage[key] = {{"inside", one.inside}, {"all", one.all}};
-  ordered_json failures = ordered_json::array();
-  for (const Failure& failure : score.failures) {
-    failures.push_back({{"kind", name_of(failure.kind)},
-                        {"index", failure.index},
-                        {"seed", failure.seed},
-                        {"hidden", failure.hidden},
-                        {"said", failure.said},
-                        {"again", rerun_words(failure, setting.draw)}});
-  }
+  Json scores = Json::object();
+  for (const auto& [kind, of_kind] : kinds) scores[std::string(name_of(kind))] = kind_score(of_kind);
   return {{"bolo_blind", 1},
           {"reality", setting.draw.reality == Reality::kSecond ? "second" : "first"},
           {"seed", setting.draw.seed},
@@ -371,11 +298,43 @@ ordered_json score_json(const Score& score, const Setting& setting) {
           {"frames_scale", setting.draw.frames_scale},
           {"sealed_sha256", setting.digest},
           {"seconds", setting.seconds},
-          {"kinds", std::move(kinds)},
-          {"confusion", score.confusion},
-          {"said_instead", score.instead},
-          {"intervals", std::move(coverage)},
-          {"failures", std::move(failures)}};
+          {"kinds", scores},
+          {"confusion", confusion},
+          {"said_instead", instead},
+          {"intervals", coverage},
+          {"failures", failures}};
+}
+
+std::string rerun_words(Kind kind, std::size_t index, const DrawOptions& draw) {
+  std::string words = format("bolo-lab blind --kind %s --seed %llu --first %zu --sessions 1",
+                             std::string(name_of(kind)).c_str(), static_cast<unsigned long long>(draw.seed), index);
+  if (draw.reality == Reality::kSecond) words += " --reality second";
+  if (draw.imperfect) words += " --imperfect";
+  if (draw.magnitude != 1.0) words += format(" --magnitude %g", draw.magnitude);
+  if (!draw.only.empty()) words += " --only " + draw.only;
+  if (draw.geometry.width != 32) words += format(" --width %d", draw.geometry.width);
+  if (draw.geometry.height != 24) words += format(" --height %d", draw.geometry.height);
+  if (draw.frames_scale != 1.0) words += format(" --frames-scale %g", draw.frames_scale);
+  return words;
+}
+
+std::string score_text(const Json& score) {
+  std::string out;
+  for (const auto& [kind, s] : score["kinds"].items()) out += kind_text(kind, s);
+  if (!score["confusion"].empty()) {
+    out += "  hidden, and what was named first (- nothing, ? something unknown)\n" + named_text(score["confusion"]);
+  }
+  if (!score["said_instead"].empty()) {
+    out += "  outside the catalogue or withheld, and what was said (? flagged)\n" + named_text(score["said_instead"]);
+  }
+  out += coverage_text(score["intervals"]);
+  const Json& failures = score["failures"];
+  if (!failures.empty()) out += format("  failed: %zu\n", failures.size());
+  for (const Json& failure : failures) {
+    out += "    " + failure["hidden"].get<std::string>() + " -> " + failure["said"].get<std::string>() + "\n      " +
+           failure["again"].get<std::string>() + '\n';
+  }
+  return out;
 }
 
 }  // namespace bolo::tools::blind

@@ -1,21 +1,9 @@
-#include "tools/lab/blind/session.hpp"
-
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstddef>
-#include <cstring>
-#include <memory>
 #include <mutex>
 #include <set>
-#include <string>
-#include <utility>
-#include <variant>
 
 #include "src/sim/simulator.hpp"
-#include "src/sim/stimulus_error.hpp"
-#include "tools/lab/blind/reality.hpp"
-#include "tools/lab/common.hpp"
+#include "tools/lab/blind/session.hpp"
 
 namespace bolo::tools::blind {
 namespace {
@@ -30,16 +18,7 @@ constexpr double kGapS = 0.0837;  // no multiple of a frame: pulses begin at man
 constexpr double kBarsColdK = 290.0;
 constexpr double kBarsHotK = 315.0;
 
-struct Length {
-  const char* file;
-  int frames;
-};
-constexpr std::array<Length, 6> kCaptures{{{"capture-1.h5", 380},
-                                           {"capture-2.h5", 240},
-                                           {"capture-3.h5", 400},
-                                           {"capture-4.h5", 340},
-                                           {"capture-5.h5", 340},
-                                           {"capture-6.h5", 300}}};
+constexpr std::array<int, 6> kFrames{380, 240, 400, 340, 340, 300};  // of the captures
 
 bool is_moment(const sim::EffectSpec& effect) { return effect.name == "nuc_freeze" || effect.name == "offset_jump"; }
 
@@ -147,10 +126,10 @@ std::vector<CapturePlan> plan_captures(const DrawOptions& options, const std::ve
   std::vector<CapturePlan> plans;
   const Bench bench = draw_bench(options.imperfect, dice);
   double start_s = 0.0;
-  for (std::size_t i = 0; i < kCaptures.size(); ++i) {
+  for (std::size_t i = 0; i < kFrames.size(); ++i) {
     CapturePlan plan;
-    plan.file = kCaptures[i].file;
-    plan.frames = static_cast<std::size_t>(std::max(20.0, std::round(kCaptures[i].frames * options.frames_scale)));
+    plan.file = "capture-" + std::to_string(i + 1) + ".h5";
+    plan.frames = static_cast<std::size_t>(std::max(20.0, std::round(kFrames[i] * options.frames_scale)));
     const double duration_s = static_cast<double>(plan.frames) * kPeriodS;
     plan.stimulus = stimulus_of(i, options.geometry, duration_s);
     plan.session_start_s = start_s;
@@ -192,11 +171,10 @@ std::uint64_t session_seed(const DrawOptions& options, Kind kind, std::size_t in
 }
 
 Result<sim::EffectSpec> drawn(const Choice& choice, double magnitude, Dice& dice) {
-  auto effect = sim::draw_effect(choice.effect, dice.word());
-  if (!effect) return effect;
-  effect->form = choice.form;
-  place_in_scene(*effect, dice);
-  return weakened(std::move(*effect), magnitude);
+  ASSIGN_OR_RETURN(auto effect, sim::draw_effect(choice.effect, dice.word()));
+  effect.form = choice.form;
+  place_in_scene(effect, dice);
+  return weakened(std::move(effect), magnitude);
 }
 
 Status draw_effects(const DrawOptions& options, Session& session, Dice& dice) {
@@ -217,9 +195,8 @@ Status draw_effects(const DrawOptions& options, Session& session, Dice& dice) {
     chosen.push_back(others[dice.below(others.size())]);
   }
   for (const Choice& choice : chosen) {
-    auto effect = drawn(choice, options.magnitude, dice);
-    if (!effect) return tl::unexpected(effect.error());
-    session.effects.push_back(std::move(*effect));
+    ASSIGN_OR_RETURN(auto effect, drawn(choice, options.magnitude, dice));
+    session.effects.push_back(std::move(effect));
   }
   if (session.kind == Kind::kWithheld) session.withheld = session.effects[0].name;
   return {};
@@ -241,18 +218,12 @@ Strength strength_of(const sim::EffectSpec& effect, std::string_view key) {
   return key == "fraction" && effect.name != "rts" ? Strength::kAboutZero : Strength::kNone;
 }
 
-nlohmann::json to_json(const sim::EffectSpec& effect) {
-  nlohmann::json values = nlohmann::json::object();
+Json json_of(const sim::EffectSpec& effect) {
+  Json values = Json::object();
   for (const auto& [key, value] : effect.values) {
     if (std::isfinite(value)) values[key] = value;
   }
   return {{"name", effect.name}, {"form", effect.form}, {"values", std::move(values)}};
-}
-
-nlohmann::json to_json(const std::vector<sim::EffectSpec>& effects) {
-  nlohmann::json out = nlohmann::json::array();
-  for (const sim::EffectSpec& effect : effects) out.push_back(to_json(effect));
-  return out;
 }
 
 // The HDF5 library is not made for two threads.
@@ -279,17 +250,6 @@ sim::CameraSettings camera_of(const Session& session, const CapturePlan& plan) {
   return camera;
 }
 
-// All frames one after another.
-std::vector<std::byte> simulated(sim::Simulator& simulator, std::size_t frames) {
-  const StreamFormat format = simulator.format();
-  const std::size_t bytes = plane_bytes(format.geometry, format.type);
-  std::vector<std::byte> planes(bytes * frames);
-  for (std::size_t k = 0; k < frames; ++k) {
-    simulator.next(planes.data() + k * bytes, nullptr);
-  }
-  return planes;
-}
-
 // What the file says of the bench, wrong in one way.
 capture::Stimulus described(capture::Stimulus stimulus, std::string_view wrong) {
   if (auto* bars = std::get_if<capture::BarTarget>(&stimulus)) {
@@ -309,42 +269,30 @@ capture::Stimulus described(capture::Stimulus stimulus, std::string_view wrong) 
 
 // Without the attributes that sim::write_capture() adds: they tell seeds.
 Status write_planes(const std::filesystem::path& file, const StreamFormat& format, const CapturePlan& plan,
-                    std::string_view misdescribed, const std::vector<std::byte>& planes) {
+                    std::string_view misdescribed, const std::vector<std::uint16_t>& counts) {
   const std::lock_guard lock(hdf5_mutex());
   capture::CaptureInfo info;
   info.format = format;
   info.camera_model = "camera";
-  auto writer = capture::CaptureWriter::create(file, info);
-  if (!writer) return tl::unexpected(writer.error());
-  Status status = writer->write_stimulus(described(plan.stimulus, misdescribed));
-  const std::size_t bytes = plane_bytes(format.geometry, format.type);
-  for (std::size_t k = 0; status && k < plan.frames; ++k) {
-    status = writer->append(static_cast<double>(k) * kPeriodS, k, planes.data() + k * bytes);
+  ASSIGN_OR_RETURN(auto writer, capture::CaptureWriter::create(file, info));
+  RETURN_IF_ERROR(writer.write_stimulus(described(plan.stimulus, misdescribed)));
+  for (std::size_t k = 0; k < plan.frames; ++k) {
+    const std::uint16_t* const plane = counts.data() + k * format.geometry.pixels();
+    RETURN_IF_ERROR(writer.append(static_cast<double>(k) * kPeriodS, k, plane));
   }
-  return status ? writer->close() : status;
-}
-
-// The second reality's frames, in the same format.
-Status write_film(const Session& session, const CapturePlan& plan, const std::filesystem::path& file) {
-  const std::vector<std::uint16_t> counts = second::film(session, plan);
-  std::vector<std::byte> planes(counts.size() * sizeof(counts[0]));
-  std::memcpy(planes.data(), counts.data(), planes.size());
-  StreamFormat format;
-  format.geometry = session.geometry;
-  format.type = PixelType::kUint16;
-  format.scale = {Unit::kKelvin, 0.01, 0.0};
-  format.frame_period_s = kPeriodS;
-  return write_planes(file, format, plan, session.misdescribed, planes);
+  return writer.close();
 }
 
 Status write_capture(const Session& session, const CapturePlan& plan, const std::filesystem::path& file) {
-  if (session.reality == Reality::kSecond) return write_film(session, plan, file);
-  auto field = sim::with_errors(nominal_field(plan.stimulus), plan.faults, session.geometry);
-  if (!field) return tl::unexpected(field.error());
-  const auto simulator = sim::Simulator::create(camera_of(session, plan), std::move(*field));
-  if (!simulator) return tl::unexpected(simulator.error());
-  const auto planes = simulated(**simulator, plan.frames);
-  return write_planes(file, (*simulator)->format(), plan, session.misdescribed, planes);
+  if (session.reality == Reality::kSecond) {
+    const StreamFormat format{session.geometry, PixelType::kUint16, {Unit::kKelvin, 0.01, 0.0}, kPeriodS, 1};
+    return write_planes(file, format, plan, session.misdescribed, second::film(session, plan));
+  }
+  ASSIGN_OR_RETURN(auto field, sim::with_errors(nominal_field(plan.stimulus), plan.faults, session.geometry));
+  ASSIGN_OR_RETURN(const auto simulator, sim::Simulator::create(camera_of(session, plan), std::move(field)));
+  std::vector<std::uint16_t> counts(session.geometry.pixels() * plan.frames);
+  for (std::size_t k = 0; k < plan.frames; ++k) simulator->next(counts.data() + k * session.geometry.pixels(), nullptr);
+  return write_planes(file, simulator->format(), plan, session.misdescribed, counts);
 }
 
 }  // namespace
@@ -391,41 +339,39 @@ Result<Session> draw_session(const DrawOptions& options, Kind kind, std::size_t 
   session.geometry = options.geometry;
   Dice dice(session.seed, 1);
   session.camera_seed = dice.word() >> 1U;
-  if (Status drawn = draw_effects(options, session, dice); !drawn) return tl::unexpected(drawn.error());
+  RETURN_IF_ERROR(draw_effects(options, session, dice));
   session.captures = plan_captures(options, session.effects, dice);
   return session;
 }
 
 nlohmann::json to_json(const Session& session) {
-  nlohmann::json captures = nlohmann::json::array();
-  for (const CapturePlan& plan : session.captures) {
-    captures.push_back({{"file", plan.file},
-                        {"frames", plan.frames},
-                        {"session_start_s", plan.session_start_s},
-                        {"noise_seed", plan.noise_seed},
-                        {"effects", to_json(plan.effects)},
-                        {"stimulus_error", sim::stimulus_error_text(plan.faults)},
-                        {"bench", plan.bench}});
-  }
+  const auto capture_json = [](const CapturePlan& plan) {
+    return Json{{"file", plan.file},
+                {"frames", plan.frames},
+                {"session_start_s", plan.session_start_s},
+                {"noise_seed", plan.noise_seed},
+                {"effects", list_of(plan.effects, json_of)},
+                {"stimulus_error", sim::stimulus_error_text(plan.faults)},
+                {"bench", plan.bench}};
+  };
   return {{"kind", name_of(session.kind)},
           {"reality", session.reality == Reality::kSecond ? "second" : "first"},
           {"index", session.index},
           {"seed", session.seed},
-          {"effects", to_json(session.effects)},
+          {"effects", list_of(session.effects, json_of)},
           {"withheld", session.withheld},
           {"misdescribed", session.misdescribed},
           {"width", session.geometry.width},
           {"height", session.geometry.height},
           {"camera_seed", session.camera_seed},
-          {"captures", std::move(captures)}};
+          {"captures", list_of(session.captures, capture_json)}};
 }
 
 Result<std::vector<std::filesystem::path>> write_captures(const Session& session, const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> files;
   for (const CapturePlan& plan : session.captures) {
     files.push_back(folder / plan.file);
-    const Status status = write_capture(session, plan, files.back());
-    if (!status) return tl::unexpected(status.error());
+    RETURN_IF_ERROR(write_capture(session, plan, files.back()));
   }
   return files;
 }

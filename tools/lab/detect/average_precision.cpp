@@ -1,10 +1,8 @@
-#include "tools/lab/detect/average_precision.hpp"
+#include "tools/lab/detect/boxes.hpp"
 
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <limits>
-#include <utility>
 
 #include "src/core/splitmix.hpp"
 

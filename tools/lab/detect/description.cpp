@@ -1,9 +1,8 @@
-#include "tools/lab/detect/description.hpp"
-
 #include <array>
 #include <system_error>
 
 #include "src/model/strict_toml.hpp"
+#include "tools/lab/detect/detector.hpp"
 
 namespace bolo::tools::detect {
 namespace {
@@ -63,23 +62,24 @@ model::KeyTable keys_of(DetectorDescription& d, FileNames& files) {
 }
 
 Status check(const model::KeyTable& keys, const DetectorDescription& d) {
+  const auto wrong = [&keys](const char* key, const std::string& what) { return bad_input(keys.where(key) + what); };
   const bool darknet = d.files.format == NetworkFormat::kDarknet;
-  if (d.name.empty()) return bad_input(keys.where("name") + "name is missing: say what tables call the detector");
-  if (d.files.graph.empty())
-    return bad_input(keys.where("network.graph") + "network.graph is missing: name the network's file");
-  if (darknet == d.files.weights.empty()) {
-    return bad_input(keys.where("network.weights") +
-                     (darknet ? "network.weights is missing: name the .weights of Darknet"
-                              : "network.weights belongs to format \"darknet\"; leave it out"));
+  if (d.name.empty()) return wrong("name", "name is missing: say what tables call the detector");
+  if (d.files.graph.empty()) return wrong("network.graph", "network.graph is missing: name the network's file");
+  if (darknet && d.files.weights.empty()) {
+    return wrong("network.weights", "network.weights is missing: name the .weights of Darknet");
+  }
+  if (!darknet && !d.files.weights.empty()) {
+    return wrong("network.weights", "network.weights belongs to format \"darknet\"; leave it out");
   }
   if (d.class_names.empty() == d.class_file.empty()) {
-    return bad_input(keys.where("classes.names") + "give either classes.names or classes.file");
+    return wrong("classes.names", "give either classes.names or classes.file");
   }
   if (d.truth_score < d.least_score) {
-    return bad_input(keys.where("detections.truth_score") + "detections.truth_score is below least_score; raise it");
+    return wrong("detections.truth_score", "detections.truth_score is below least_score; raise it");
   }
   if (d.output == OutputKind::kNanodetGfl && d.strides.empty()) {
-    return bad_input(keys.where("output.strides") + "output.strides is empty; nanodet_gfl needs one for each output");
+    return wrong("output.strides", "output.strides is empty; nanodet_gfl needs one for each output");
   }
   return {};
 }
@@ -107,14 +107,11 @@ Result<DetectorDescription> read_description(const std::filesystem::path& file) 
 
 Result<DetectorDescription> with_files_in(DetectorDescription d, const std::filesystem::path& folder) {
   RETURN_IF_ERROR(place(d.files.graph, folder));
-  if (!d.files.weights.empty()) {
-    RETURN_IF_ERROR(place(d.files.weights, folder));
+  std::filesystem::path names = d.class_file;
+  for (std::filesystem::path* file : {&d.files.weights, &names}) {
+    if (!file->empty()) RETURN_IF_ERROR(place(*file, folder));
   }
-  if (!d.class_file.empty()) {
-    std::filesystem::path names = d.class_file;
-    RETURN_IF_ERROR(place(names, folder));
-    d.class_file = names.string();
-  }
+  d.class_file = names.string();
   return d;
 }
 

@@ -1,13 +1,9 @@
 // `bolo-lab eval detect`: what deblurring is worth to object detectors.
-
 #include <algorithm>
 #include <cstdio>
 #include <system_error>
 
-#include "src/report/text.hpp"
-#include "tools/cli/cli.hpp"
 #include "tools/cli/plot_option.hpp"
-#include "tools/lab/common.hpp"
 #include "tools/lab/detect/table.hpp"
 #include "tools/lab/verbs.hpp"
 
@@ -81,26 +77,14 @@ Result<std::vector<DetectorDescription>> detectors_of(const cxxopts::ParseResult
   }
   std::vector<DetectorDescription> detectors;
   for (const std::filesystem::path& file : files) {
-    auto description = read_description(file);
-    if (description)
-      description = with_files_in(std::move(*description), networks.empty() ? file.parent_path() : networks);
-    if (!description) return tl::unexpected(description.error());
-    const auto same = [&](const DetectorDescription& other) { return other.name == description->name; };
-    if (std::ranges::any_of(detectors, same)) {
-      return bad_input(file.string() + ": another detector is called '" + description->name + "' too; rename one");
+    ASSIGN_OR_RETURN(const auto description, read_description(file));
+    if (std::ranges::find(detectors, description.name, &DetectorDescription::name) != detectors.end()) {
+      return bad_input(file.string() + ": another detector is called '" + description.name + "' too; rename one");
     }
-    detectors.push_back(std::move(*description));
+    ASSIGN_OR_RETURN(auto placed, with_files_in(description, networks.empty() ? file.parent_path() : networks));
+    detectors.push_back(std::move(placed));
   }
   return detectors;
-}
-
-Status check(const Options& o) {
-  RETURN_IF_ERROR(within(o.repeats, "repeats", 1, 100));
-  RETURN_IF_ERROR(within(o.noise_k, "noise", 0.0, 100.0));
-  RETURN_IF_ERROR(within(o.least_area_px2, "least-area", 0.0, 1e6));
-  RETURN_IF_ERROR(within(o.resamples, "resamples", 10, 100000));
-  RETURN_IF_ERROR(within(o.threads, "threads", 1, 64));
-  return {};
 }
 
 Result<Options> options_of(const cxxopts::ParseResult& given) {
@@ -115,25 +99,24 @@ Result<Options> options_of(const cxxopts::ParseResult& given) {
     const auto models = given["model"].as<std::vector<std::string>>();
     options.models.assign(models.begin(), models.end());
   }
-  options.repeats = given["repeats"].as<int>();
-  options.noise_k = given["noise"].as<double>();
-  options.least_area_px2 = given["least-area"].as<double>();
-  options.resamples = given["resamples"].as<int>();
+  ASSIGN_OR_RETURN(options.repeats, number_of<int>(given, "repeats", 1, 100));
+  ASSIGN_OR_RETURN(options.noise_k, number_of<double>(given, "noise", 0.0, 100.0));
+  ASSIGN_OR_RETURN(options.least_area_px2, number_of<double>(given, "least-area", 0.0, 1e6));
+  ASSIGN_OR_RETURN(options.resamples, number_of<int>(given, "resamples", 10, 100000));
+  ASSIGN_OR_RETURN(options.threads, number_of<int>(given, "threads", 1, 64));
   options.seed = given["seed"].as<std::uint64_t>();
-  options.threads = given["threads"].as<int>();
   options.json = given.count("json") != 0;
-  RETURN_IF_ERROR(check(options));
   return options;
 }
 
 Status evaluate(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const Options options, options_of(given));
   ASSIGN_OR_RETURN(const auto found, run(options));
-  const Table table = table_of(found, options);
+  const Json table = table_of(found, options);
   if (options.json) {
-    std::printf("%s\n", to_json(options, table).dump(2).c_str());
+    std::puts(table.dump(2).c_str());
   } else {
-    print_text(options, table);
+    print_text(options, found, table);
   }
   if (options.plot.empty()) return {};
   plot::Sheet sheet = sheet_of(table, found, options);
@@ -147,34 +130,183 @@ Status evaluate(const cxxopts::ParseResult& given) {
 
 }  // namespace
 
-int eval_detect_main(int argc, char** argv) {
-  cxxopts::Options cli("bolo-lab eval detect", kSummary);
-  const auto texts = [] { return cxxopts::value<std::vector<std::string>>(); };
-  cli.add_options("What is looked at")(
-      "data",
-      "Folder with street/*.png (or .jpg), trajectories/*.csv (t_s,x_px,y_px) and the networks' files in detectors",
-      cxxopts::value<std::string>(), "FOLDER")("scenes", "These stills instead of FOLDER/street", texts(), "IMAGE,..")(
-      "trajectories", "These motions instead of FOLDER/trajectories", texts(), "FILE.csv,..")(
-      "repeats", "Looks at each still in each motion", cxxopts::value<int>()->default_value("2"))(
-      "size", "Pixels of the camera; 640x480 is the A655sc's whole sensor, which it cannot send 200 times a second",
-      cxxopts::value<std::string>()->default_value("640x480"),
-      "WxH")("noise", "K rms", cxxopts::value<double>()->default_value("0.03"))(
-      "seed", "Of looks, noise and bootstrap", cxxopts::value<std::uint64_t>()->default_value("1"));
-  cli.add_options("Who looks")("detectors", "Descriptions, or folders of them",
-                               texts()->default_value("config/detectors"), "FILE.toml,..")(
-      "networks", "Folder of their files instead of FOLDER/detectors; without either: where the description is",
-      cxxopts::value<std::string>(),
-      "FOLDER")("model", "Learned deblurring beside the other columns: one-channel image in (0 to 1), the same out",
-                texts(), "FILE.onnx,..");
-  cli.add_options("How it is judged")("classes", "Judged classes: the label files' numbers, the detectors' names",
-                                      cxxopts::value<std::string>()->default_value("1:person,2:bicycle,3:car"),
-                                      "NUMBER:NAME,..")("least-area", "Smaller objects are ignored, px^2",
-                                                        cxxopts::value<double>()->default_value("0"))(
-      "resamples", "Of the bootstrap", cxxopts::value<int>()->default_value("1000"))(
-      "threads", "The result does not depend on them", cxxopts::value<int>()->default_value("2"));
-  cli.add_options("Output")("json", "Print one JSON object");
-  add_plot_option(cli, "Draw the table, and frames with their boxes");
-  return run_verb("eval detect", std::move(cli), argc, argv, evaluate);
+namespace {
+
+using plot::format;
+using plot::Hue;
+
+void add_box(plot::Series& series, const Box& box) {
+  const double left = box.x - 0.5;  // planes are centred on whole numbers
+  const double top = box.y - 0.5;
+  const double right = left + box.width;
+  const double bottom = top + box.height;
+  series.x.insert(series.x.end(), {left, right, right, left, left, plot::kNone});
+  series.y.insert(series.y.end(), {top, top, bottom, bottom, top, plot::kNone});
+}
+
+// A frame with the boxes found in it and those that were to be found.
+plot::Plot frame_of(const Found& found, const Options& options, const Exhibit& exhibit, std::size_t detector,
+                    std::size_t column) {
+  const Look& look = found.looks[exhibit.look];
+  const double least_score = options.detectors[detector].truth_score;
+  plot::Plot frame{.title = found.columns[column].title,
+                   .plane = {.width = options.picture.width,
+                             .height = options.picture.height,
+                             .values = exhibit.frames[column],
+                             .ramp = plot::Ramp::kIron,
+                             .low = 0.0,
+                             .high = 255.0},
+                   .width = 520.0,
+                   .height = 360.0};
+  plot::Series wanted{.kind = plot::Kind::kLine, .hue = Hue::kWhite, .dashed = true, .width = 1.0};
+  plot::Series boxes{.kind = plot::Kind::kLine, .hue = Hue::kGreen, .width = 1.5};
+  const bool labelled = found.stills[look.view.still].labelled;
+  for (const Truth& truth : truth_of(look, labelled, detector, least_score, found.knows[detector])) {
+    if (truth.kind == TruthKind::kObject) add_box(wanted, truth.box);
+  }
+  for (const Detection& one : look.found[detector][column]) {
+    if (one.score >= least_score) add_box(boxes, one.box);
+  }
+  for (plot::Series* series : {&wanted, &boxes}) {
+    if (!series->x.empty()) frame.series.push_back(std::move(*series));
+  }
+  return frame;
+}
+
+// The detector that is surest of most boxes in the sharp frame.
+std::size_t busiest_detector(const Look& look, const Options& options) {
+  std::size_t best = 0;
+  std::ptrdiff_t most = -1;
+  for (std::size_t d = 0; d < options.detectors.size(); ++d) {
+    const auto sure = [&](const Detection& one) { return one.score >= options.detectors[d].truth_score; };
+    const std::ptrdiff_t boxes = std::ranges::count_if(look.found[d][kSharpColumn], sure);
+    if (boxes > most) best = d;
+    most = std::max(most, boxes);
+  }
+  return best;
+}
+
+void add_exhibit(plot::Sheet& sheet, const Found& found, const Options& options, const Exhibit& exhibit) {
+  const Look& look = found.looks[exhibit.look];
+  const std::size_t detector = busiest_detector(look, options);
+  std::vector<plot::Plot> frames;
+  for (std::size_t column = 0; column < exhibit.frames.size(); ++column) {
+    frames.push_back(frame_of(found, options, exhibit, detector, column));
+  }
+  frames.front().caption =
+      format("%s, at %.0f px/s. Green: what %s finds with a score of at least %g; dashed: what was to be found.",
+             options.trajectories[look.view.motion].stem().c_str(), look.speed_px_s,
+             options.detectors[detector].name.c_str(), options.detectors[detector].truth_score);
+  constexpr std::size_t kBeside = 3;
+  for (std::size_t i = 0; i < frames.size(); i += kBeside) {
+    const auto end = frames.begin() + static_cast<std::ptrdiff_t>(std::min(i + kBeside, frames.size()));
+    sheet.rows.emplace_back(frames.begin() + static_cast<std::ptrdiff_t>(i), end);
+  }
+}
+
+std::string detector_of(const Json& row) {
+  return row["detector"].is_null() ? "mean" : row["detector"].get<std::string>();
+}
+
+const std::vector<TextColumn> kContest{{"Bolo's", -12, "bolo"},
+                                       {"against", -15, "baseline"},
+                                       {"points", 7, "delta_ap", "%+.1f"},
+                                       {"from", 6, "delta_ap_ci95/0", "%+.1f"},
+                                       {"to", 6, "delta_ap_ci95/1", "%+.1f"}};
+const std::vector<TextColumn> kCell{{"", -12, "title"},
+                                    {"AP", 6, "ap", "%.1f"},
+                                    {"against blurred", 15, "delta_ap", "%+.1f"},
+                                    {"from", 6, "delta_ap_ci95/0", "%+.1f"},
+                                    {"to", 6, "delta_ap_ci95/1", "%+.1f"},
+                                    {"regained", 8, "recovered", "%.0f %%", 100.0}};
+
+plot::Table rows_table(const Json& table, const Found& found, const std::string& truth) {
+  plot::Table shown{.caption = truth == "labels" ? "AP in percent, judged against people's labels"
+                                                 : "AP in percent, judged against own boxes on the sharp frame"};
+  shown.head = {"motion", "detector"};
+  for (const Column& column : found.columns) shown.head.push_back(column.title);
+  for (const Json& row : table["rows"]) {
+    if (row["truth"] != truth) continue;
+    std::vector<std::string> line{row["motion"].get<std::string>(), detector_of(row)};
+    for (const Json& cell : row["columns"])
+      line.push_back(line_of(std::vector<TextColumn>{{"", 0, "ap", "%.1f"}}, cell));
+    shown.rows.push_back(std::move(line));
+  }
+  return shown;
+}
+
+}  // namespace
+
+void print_text(const Options& options, const Found& found, const Json& table) {
+  std::printf(
+      "AP in percent (COCO: IoU 0.5 to 0.95), with 95 %% intervals over stills (%d draws); %dx%d pixels, noise %g K, "
+      "tau 11 ms, 200 frames/s\n",
+      options.resamples, options.picture.width, options.picture.height, options.noise_k);
+  for (const Column& column : found.columns) std::printf("  %-12s  %s\n", column.title.c_str(), column.words.c_str());
+  for (const Json& motion : table["motions"]) {
+    std::printf("%s: median %.0f px/s\n", motion["name"].get<std::string>().c_str(),
+                motion["speed_px_s"]["p50"].get<double>());
+  }
+  for (const Json& row : table["rows"]) {
+    std::printf("\n%s, %s, %s: %d looks at %d stills, %.0f objects\n%s\n", row["motion"].get<std::string>().c_str(),
+                row["truth"] == "labels" ? "people's labels" : "own boxes on the sharp frame", detector_of(row).c_str(),
+                row["looks"].get<int>(), row["stills"].get<int>(), row["objects"].get<double>(),
+                line_of(kCell).c_str());
+    for (const Column& column : found.columns) {
+      Json cell = row["columns"][column.name];
+      cell["title"] = column.title;
+      std::puts(line_of(kCell, cell).c_str());
+    }
+    std::printf("best column, AP\n%s\n%s\n", line_of(kContest).c_str(),
+                line_of(kContest, row["bolo_over_best_baseline"]).c_str());
+  }
+}
+
+plot::Sheet sheet_of(const Json& table, const Found& found, const Options& options) {
+  plot::Sheet sheet{.title = "What deblurring is worth to object detectors"};
+  for (const Exhibit& exhibit : found.exhibits) add_exhibit(sheet, found, options, exhibit);
+  for (const char* truth : {"labels", "own_boxes"}) {
+    plot::Table shown = rows_table(table, found, truth);
+    if (!shown.rows.empty()) sheet.tables.push_back(std::move(shown));
+  }
+  return sheet;
 }
 
 }  // namespace bolo::tools::detect
+
+int bolo::tools::eval_detect_main(int argc, char** argv) {
+  cxxopts::Options cli("bolo-lab eval detect", detect::kSummary);
+  using Texts = std::vector<std::string>;
+  const char* group = "What is looked at";
+  add_option<std::string>(cli, "data",
+                          "Folder with street/*.png (or .jpg), trajectories/*.csv (t_s,x_px,y_px) and the networks' "
+                          "files in detectors",
+                          nullptr, "FOLDER", group);
+  add_option<Texts>(cli, "scenes", "These stills instead of FOLDER/street", nullptr, "IMAGE,..", group);
+  add_option<Texts>(cli, "trajectories", "These motions instead of FOLDER/trajectories", nullptr, "FILE.csv,..", group);
+  add_option<int>(cli, "repeats", "Looks at each still in each motion", "2", "", group);
+  add_option<std::string>(
+      cli, "size",
+      "Pixels of the camera; 640x480 is the A655sc's whole sensor, which it cannot send 200 times a "
+      "second",
+      "640x480", "WxH", group);
+  add_option<double>(cli, "noise", "K rms", "0.03", "", group);
+  add_option<std::uint64_t>(cli, "seed", "Of looks, noise and bootstrap", "1", "", group);
+  group = "Who looks";
+  add_option<Texts>(cli, "detectors", "Descriptions, or folders of them", "config/detectors", "FILE.toml,..", group);
+  add_option<std::string>(cli, "networks",
+                          "Folder of their files instead of FOLDER/detectors; without either: where the description is",
+                          nullptr, "FOLDER", group);
+  add_option<Texts>(cli, "model",
+                    "Learned deblurring beside the other columns: one-channel image in (0 to 1), the same out", nullptr,
+                    "FILE.onnx,..", group);
+  group = "How it is judged";
+  add_option<std::string>(cli, "classes", "Judged classes: the label files' numbers, the detectors' names",
+                          "1:person,2:bicycle,3:car", "NUMBER:NAME,..", group);
+  add_option<double>(cli, "least-area", "Smaller objects are ignored, px^2", "0", "", group);
+  add_option<int>(cli, "resamples", "Of the bootstrap", "1000", "", group);
+  add_option<int>(cli, "threads", "The result does not depend on them", "2", "", group);
+  add_option<bool>(cli, "json", "Print one JSON object");
+  add_plot_option(cli, "Draw the table, and frames with their boxes");
+  return run_verb("detect", std::move(cli), argc, argv, detect::evaluate);
+}

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <string>
-#include <utility>
+
+#include "src/core/statistics.hpp"
+#include "tools/lab/common.hpp"
 
 namespace bolo::tools::detect {
 namespace {
@@ -22,12 +22,6 @@ Rows rows_of(const Tensor& tensor) {
   if (tensor.shape.empty() || tensor.shape.back() < 1) return {};
   const auto length = static_cast<std::size_t>(tensor.shape.back());
   return {tensor.values.size() / length, length, tensor.values.data()};
-}
-
-std::string shape_text(const Tensor& tensor) {
-  std::string text;
-  for (const int extent : tensor.shape) text += (text.empty() ? "" : "x") + std::to_string(extent);
-  return text.empty() ? "nothing" : text;
 }
 
 void add_classes(std::span<const float> scores, const Box& box, double least_score, std::vector<Detection>& out) {
@@ -66,8 +60,7 @@ Result<GflPair> pair_of(std::span<const Tensor> outputs, std::size_t places, int
     if (fitting[1].length != length) std::swap(fitting[0], fitting[1]);
     if (fitting[1].length == length) return GflPair{fitting[0], fitting[1]};
   }
-  std::string given;
-  for (const Tensor& tensor : outputs) given += (given.empty() ? "" : ", ") + shape_text(tensor);
+  const auto given = joined(mapped(outputs, [](const Tensor& tensor) { return shape_text(tensor.shape); }));
   return bad_input("for stride " + std::to_string(stride) + " expected outputs 1x" + std::to_string(places) +
                    "xCLASSES and 1x" + std::to_string(places) + "x" + std::to_string(4 * bins) +
                    ", the network gives " + given + "; put output.kind, strides and bins right");
@@ -134,6 +127,11 @@ Levels resized(const Levels& levels, Geometry picture, Geometry input, const Fit
 
 }  // namespace
 
+std::string shape_text(const std::vector<int>& shape) {
+  const auto text = joined(mapped(shape, [](int extent) { return std::to_string(extent); }), "x");
+  return text.empty() ? "nothing" : text;
+}
+
 Result<std::vector<Detection>> decode_yolo(std::span<const Tensor> outputs, Geometry input, double least_score) {
   constexpr std::size_t kBeforeClasses = 5;
   std::vector<Detection> found;
@@ -141,7 +139,7 @@ Result<std::vector<Detection>> decode_yolo(std::span<const Tensor> outputs, Geom
     const Rows rows = rows_of(tensor);
     if (rows.length <= kBeforeClasses) {
       return bad_input("expected rows of cx, cy, w, h, objectness and class scores, the network gives " +
-                       shape_text(tensor) + "; put output.kind right");
+                       shape_text(tensor.shape) + "; put output.kind right");
     }
     for (std::size_t i = 0; i < rows.rows; ++i) {
       const std::span<const float> row = rows.row(i);
@@ -214,13 +212,12 @@ Tensor input_of(const Levels& levels, Geometry picture, const DetectorDescriptio
   return input;
 }
 
-Result<Detector> Detector::open(const DetectorDescription& description, const std::vector<JudgedClass>& classes,
-                                const std::filesystem::path& library) {
+Result<Detector> Detector::open(const DetectorDescription& description, const std::vector<JudgedClass>& classes) {
   std::vector<std::string> names = split_names(description.class_names);
   if (names.empty()) {
     ASSIGN_OR_RETURN(names, read_names(description.class_file));
   }
-  ASSIGN_OR_RETURN(auto network, open_network(description.files, library));
+  ASSIGN_OR_RETURN(auto network, open_network(description.files));
   Detector detector(description, std::move(network), names, classes);
   if (std::ranges::all_of(detector.labels_, [](int label) { return label < 0; })) {
     return bad_input(description.name + ": knows none of the judged classes; name them as the detector does");
@@ -228,8 +225,8 @@ Result<Detector> Detector::open(const DetectorDescription& description, const st
   return detector;
 }
 
-Detector::Detector(DetectorDescription description, std::unique_ptr<Network> network,
-                   const std::vector<std::string>& names, const std::vector<JudgedClass>& classes)
+Detector::Detector(DetectorDescription description, Network network, const std::vector<std::string>& names,
+                   const std::vector<JudgedClass>& classes)
     : description_(std::move(description)), network_(std::move(network)) {
   for (const std::string& name : names) {
     const auto judged = std::ranges::find(classes, name, &JudgedClass::name);
@@ -246,7 +243,7 @@ Result<std::vector<Detection>> Detector::decoded(std::span<const Tensor> outputs
 }
 
 Result<std::vector<Detection>> Detector::detect(const Levels& levels, Geometry picture) {
-  ASSIGN_OR_RETURN(const auto outputs, network_->forward(input_of(levels, picture, description_)));
+  ASSIGN_OR_RETURN(const auto outputs, network_(input_of(levels, picture, description_)));
   auto found = decoded(outputs);
   if (!found) return at(description_.files.graph.string(), found.error());
   const Fit fit = fit_of(picture, description_.input, description_.resize);
@@ -260,12 +257,8 @@ Result<std::vector<Detection>> Detector::detect(const Levels& levels, Geometry p
   return suppressed(std::move(judged), description_.nms_iou);
 }
 
-LearnedDeblurring::LearnedDeblurring(std::filesystem::path file, std::unique_ptr<Network> network)
-    : file_(std::move(file)), network_(std::move(network)) {}
-
-Result<LearnedDeblurring> LearnedDeblurring::open(const std::filesystem::path& file,
-                                                  const std::filesystem::path& library) {
-  ASSIGN_OR_RETURN(auto network, open_network({NetworkFormat::kOnnx, file, {}, 0.0}, library));
+Result<LearnedDeblurring> LearnedDeblurring::open(const std::filesystem::path& file) {
+  ASSIGN_OR_RETURN(auto network, open_network({NetworkFormat::kOnnx, file, {}, 0.0}));
   return LearnedDeblurring(file, std::move(network));
 }
 
@@ -273,7 +266,7 @@ Result<Levels> LearnedDeblurring::apply(const Levels& blurred, Geometry picture)
   constexpr float kWhite = 255.0F;
   Tensor input{{1, 1, picture.height, picture.width}, blurred};
   for (float& value : input.values) value /= kWhite;
-  ASSIGN_OR_RETURN(const auto outputs, network_->forward(input));
+  ASSIGN_OR_RETURN(const auto outputs, network_(input));
   if (outputs.size() != 1 || outputs.front().shape != input.shape) {
     return bad_input(file_.string() + ": gives no image of " + std::to_string(picture.width) + "x" +
                      std::to_string(picture.height) + " with one channel; give a network that does");

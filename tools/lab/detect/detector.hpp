@@ -1,19 +1,87 @@
-// From what networks give to boxes.
+// A detector in words (a small TOML file, config/detectors), the network that it is, and from what the network gives to
+// boxes.
 #pragma once
 
-#include <filesystem>
-#include <memory>
+#include <functional>
 #include <span>
-#include <string>
-#include <vector>
 
-#include "src/core/geometry.hpp"
-#include "src/core/result.hpp"
 #include "tools/lab/detect/boxes.hpp"
-#include "tools/lab/detect/description.hpp"
-#include "tools/lab/detect/network.hpp"
 
 namespace bolo::tools::detect {
+
+// --- Neural networks, run by OpenCV's DNN module.
+
+struct Tensor {
+  std::vector<int> shape;     // outermost first: {1, channels, height, width}
+  std::vector<float> values;  // the last index runs fastest
+};
+
+// "1x3x416x416". Thread: any.
+std::string shape_text(const std::vector<int>& shape);
+
+enum class NetworkFormat : std::uint8_t {
+  kDarknet,  // a .cfg and its .weights
+  kOnnx,
+};
+
+struct NetworkFiles {
+  NetworkFormat format = NetworkFormat::kOnnx;
+  std::filesystem::path graph;
+  std::filesystem::path weights;  // of Darknet
+  double least_score = 0.01;      // Darknet's [yolo] layers leave out what is below
+};
+
+// From an input to the outputs, in the order of their names. kBadInput names the file when the network does not take
+// this input. Thread: one at a time; different networks at once.
+using Network = std::function<Result<std::vector<Tensor>>(const Tensor& input)>;
+
+// kBadInput in a build without OpenCV, and when a file is missing, damaged or not understood. Thread: setup.
+Result<Network> open_network(const NetworkFiles& files);
+
+// --- What is said of a detector.
+
+enum class OutputKind : std::uint8_t {
+  kYolo,        // Darknet's [yolo] layers as OpenCV gives them: rows of cx, cy, w, h, objectness, score of each class
+  kNanodetGfl,  // NanoDet: scores and distances as distributions (generalised focal loss), one pair a stride
+};
+enum class Resize : std::uint8_t {
+  kStretch,    // the picture fills the input, whatever its shape
+  kLetterbox,  // keeps its shape, centred, grey around
+};
+enum class ChannelOrder : std::uint8_t { kRgb, kBgr };
+
+struct Channel {
+  double mean = 0.0;   // in grey levels, 0 to 255
+  double scale = 1.0;  // input = (level - mean) * scale
+};
+
+struct DetectorDescription {
+  std::string name;
+  NetworkFiles files;  // as written: relative to whatever folder the networks are in
+  Geometry input{416, 416};
+  Resize resize = Resize::kStretch;
+  ChannelOrder order = ChannelOrder::kRgb;
+  Channel red;
+  Channel green;
+  Channel blue;
+  OutputKind output = OutputKind::kYolo;
+  std::vector<int> strides{8, 16, 32};  // of kNanodetGfl
+  int bins = 8;                         // of a distance's distribution
+  std::string class_names;              // between commas; empty: in the file
+  std::string class_file;
+  double least_score = 0.01;  // what is kept for the curve of precision over recall
+  double truth_score = 0.4;   // what counts as there when the detector's own boxes on the sharp frame are the truth
+  double nms_iou = 0.5;       // of two boxes of a class that overlap more, the better stays
+};
+
+// kBadInput: file, line and what to write instead; also when keys do not go together. Thread: setup.
+Result<DetectorDescription> read_description(const std::filesystem::path& file);
+
+// The same with its networks' files in `folder` (those with absolute names stay). kBadInput names a file that is not
+// there. Thread: setup.
+Result<DetectorDescription> with_files_in(DetectorDescription description, const std::filesystem::path& folder);
+
+// --- From what networks give to boxes.
 
 // Detections here have the network's own numbers of classes as labels, and boxes in pixels of its input. Errors are
 // kBadInput: what does not fit the description, without the file.
@@ -69,11 +137,10 @@ class Detector {
  public:
   // `description` with its files' places. kBadInput when the network or the list of classes cannot be read, or the
   // detector knows none of the judged classes. Thread: setup.
-  static Result<Detector> open(const DetectorDescription& description, const std::vector<JudgedClass>& classes,
-                               const std::filesystem::path& library = networks_library());
+  static Result<Detector> open(const DetectorDescription& description, const std::vector<JudgedClass>& classes);
 
   // With an open network, for tests. `names`: of the network's classes.
-  Detector(DetectorDescription description, std::unique_ptr<Network> network, const std::vector<std::string>& names,
+  Detector(DetectorDescription description, Network network, const std::vector<std::string>& names,
            const std::vector<JudgedClass>& classes);
 
   // Boxes of the judged classes within the picture, falling scores; one class's boxes overlap by nms_iou at most.
@@ -87,7 +154,7 @@ class Detector {
   Result<std::vector<Detection>> decoded(std::span<const Tensor> outputs) const;
 
   DetectorDescription description_;
-  std::unique_ptr<Network> network_;
+  Network network_;
   std::vector<int> labels_;  // of the network's classes; -1: not judged
 };
 
@@ -96,8 +163,7 @@ class Detector {
 class LearnedDeblurring {
  public:
   // kBadInput when the file is no ONNX network that can be run. Thread: setup.
-  static Result<LearnedDeblurring> open(const std::filesystem::path& file,
-                                        const std::filesystem::path& library = networks_library());
+  static Result<LearnedDeblurring> open(const std::filesystem::path& file);
 
   // The network is given {1, 1, height, width} of levels / 255, and must give the same; the result is rounded and
   // clamped. kBadInput when it gives something else. Thread: one at a time.
@@ -106,10 +172,11 @@ class LearnedDeblurring {
   std::string name() const { return file_.stem().string(); }
 
  private:
-  LearnedDeblurring(std::filesystem::path file, std::unique_ptr<Network> network);
+  LearnedDeblurring(std::filesystem::path file, Network network)
+      : file_(std::move(file)), network_(std::move(network)) {}
 
   std::filesystem::path file_;
-  std::unique_ptr<Network> network_;
+  Network network_;
 };
 
 }  // namespace bolo::tools::detect

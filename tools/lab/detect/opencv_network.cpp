@@ -1,15 +1,14 @@
-// bolo-networks.so: networks by OpenCV's DNN module (4.6 and later), on the caller's thread.
+// Networks by OpenCV's DNN module (4.6 and later), on the caller's thread.
 #include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <mutex>
-#include <utility>
 
 #include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
 
-#include "tools/lab/detect/network.hpp"
+#include "tools/lab/detect/detector.hpp"
 
 namespace bolo::tools::detect {
 namespace {
@@ -60,39 +59,24 @@ Tensor tensor_of(const cv::Mat& mat) {
   return tensor;
 }
 
-class OpencvNetwork final : public Network {
- public:
-  OpencvNetwork(const cv::dnn::Net& net, std::filesystem::path file)
-      : net_(net), file_(std::move(file)), outputs_(net_.getUnconnectedOutLayersNames()) {
-    net_.setPreferableBackend(cv::dnn::DNN_BACKEND_OPENCV);
-  }
-
-  Result<std::vector<Tensor>> forward(const Tensor& input) override {
-    try {
-      cv::Mat blob(input.shape, CV_32F);
-      std::ranges::copy(input.values, blob.ptr<float>());
-      net_.setInput(blob);
-      std::vector<cv::Mat> mats;
-      net_.forward(mats, outputs_);
-      std::vector<Tensor> tensors;
-      for (const cv::Mat& mat : mats) {
-        if (mat.type() != CV_32F) return bad_input(file_.string() + ": gives no 32-bit floats; export it so");
-        tensors.push_back(tensor_of(mat));
-      }
-      return tensors;
-    } catch (const cv::Exception& e) {
-      std::string size;
-      for (const int extent : input.shape) size += (size.empty() ? "" : "x") + std::to_string(extent);
-      return bad_input(file_.string() + ": does not take an input of " + size + " (" + reason_of(e) +
-                       "); give the size that it was made for");
+Result<std::vector<Tensor>> forward(cv::dnn::Net& net, const std::string& file, const Tensor& input) {
+  try {
+    cv::Mat blob(input.shape, CV_32F);
+    std::ranges::copy(input.values, blob.ptr<float>());
+    net.setInput(blob);
+    std::vector<cv::Mat> mats;
+    net.forward(mats, net.getUnconnectedOutLayersNames());
+    std::vector<Tensor> tensors;
+    for (const cv::Mat& mat : mats) {
+      if (mat.type() != CV_32F) return bad_input(file + ": gives no 32-bit floats; export it so");
+      tensors.push_back(tensor_of(mat));
     }
+    return tensors;
+  } catch (const cv::Exception& e) {
+    return bad_input(file + ": does not take an input of " + shape_text(input.shape) + " (" + reason_of(e) +
+                     "); give the size that it was made for");
   }
-
- private:
-  cv::dnn::Net net_;
-  std::filesystem::path file_;
-  std::vector<std::string> outputs_;
-};
+}
 
 Result<cv::dnn::Net> read_net(const NetworkFiles& files) {
   ASSIGN_OR_RETURN(const auto graph, contents_of(files.graph));
@@ -102,23 +86,21 @@ Result<cv::dnn::Net> read_net(const NetworkFiles& files) {
   return cv::dnn::readNetFromDarknet(text.data(), text.size(), weights.data(), weights.size());
 }
 
-Result<std::unique_ptr<Network>> open(const NetworkFiles& files) {
+}  // namespace
+
+Result<Network> open_network(const NetworkFiles& files) {
+  quieten();
+  const std::string file = files.graph.string();
   const std::string kind = files.format == NetworkFormat::kOnnx ? "an ONNX network" : "a Darknet network";
   try {
     ASSIGN_OR_RETURN(auto net, read_net(files));
-    if (net.empty()) return bad_input(files.graph.string() + ": is not " + kind + "; give one");
-    return std::make_unique<OpencvNetwork>(net, files.graph);
+    if (net.empty()) return bad_input(file + ": is not " + kind + "; give one");
+    net.setPreferableBackend(cv::dnn::DNN_BACKEND_OPENCV);
+    return [net, file](const Tensor& input) mutable { return forward(net, file, input); };
   } catch (const cv::Exception& e) {
-    return bad_input(files.graph.string() + ": is not " + kind + " that OpenCV " + CV_VERSION +
-                     " understands: " + reason_of(e) + "; give another or export it again");
+    return bad_input(file + ": is not " + kind + " that OpenCV " + CV_VERSION + " understands: " + reason_of(e) +
+                     "; give another or export it again");
   }
 }
 
-}  // namespace
 }  // namespace bolo::tools::detect
-
-extern "C" [[gnu::visibility("default")]] void bolo_open_network(
-    const bolo::tools::detect::NetworkFiles& files, bolo::Result<std::unique_ptr<bolo::tools::detect::Network>>& made) {
-  bolo::tools::detect::quieten();
-  made = bolo::tools::detect::open(files);
-}

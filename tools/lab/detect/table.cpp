@@ -1,18 +1,8 @@
-#include "tools/lab/detect/table.hpp"
-
 #include <algorithm>
-#include <cmath>
-#include <memory>
 #include <mutex>
-#include <numeric>
-#include <utility>
 
 #include "src/core/statistics.hpp"
-#include "src/report/text.hpp"
-#include "tools/lab/common.hpp"
-#include "tools/lab/detect/boxes.hpp"
-#include "tools/lab/detect/detector.hpp"
-#include "tools/lab/detect/network.hpp"
+#include "tools/lab/detect/table.hpp"
 
 namespace bolo::tools::detect {
 namespace {
@@ -21,29 +11,6 @@ namespace {
 struct Networks {
   std::vector<Detector> detectors;
   std::vector<LearnedDeblurring> models;
-};
-
-// Lends each of several things to one thread at a time.
-template <typename T>
-class Lender {
- public:
-  void add(T one) { free_.push_back(std::make_unique<T>(std::move(one))); }
-
-  // There must be as many as threads that ask.
-  std::unique_ptr<T> take() {
-    const std::lock_guard lock(mutex_);
-    std::unique_ptr<T> one = std::move(free_.back());
-    free_.pop_back();
-    return one;
-  }
-  void give_back(std::unique_ptr<T> one) {
-    const std::lock_guard lock(mutex_);
-    free_.push_back(std::move(one));
-  }
-
- private:
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<T>> free_;
 };
 
 Result<Networks> open_networks(const Options& options) {
@@ -79,9 +46,15 @@ class Runner {
     Jobs jobs;
     for (std::size_t i = 0; i < found_.looks.size(); ++i) {
       jobs.add([this, i]() -> Status {
-        std::unique_ptr<Networks> networks = lender_.take();
-        Status outcome = look(i, *networks);
-        lender_.give_back(std::move(networks));
+        Networks networks = [this] {
+          const std::lock_guard lock(mutex_);
+          Networks free = std::move(free_.back());
+          free_.pop_back();
+          return free;
+        }();
+        Status outcome = look(i, networks);
+        const std::lock_guard lock(mutex_);
+        free_.push_back(std::move(networks));
         return outcome;
       });
     }
@@ -95,18 +68,17 @@ class Runner {
       ASSIGN_OR_RETURN(auto networks, open_networks(options_));
       if (i == 0) {
         describe(networks);
-        if (Status good = try_out(networks); !good) return good;
+        RETURN_IF_ERROR(try_out(networks));
       }
-      lender_.add(std::move(networks));
+      free_.push_back(std::move(networks));
     }
     for (const std::filesystem::path& file : options_.scenes) {
       ASSIGN_OR_RETURN(auto still, read_still(file, options_.classes));
       found_.stills.push_back(std::move(still));
     }
-    const auto views =
-        plan_views(found_.stills, options_.trajectories, {options_.picture, options_.repeats, options_.seed});
-    if (!views) return tl::unexpected(views.error());
-    for (const View& view : *views) found_.looks.emplace_back().view = view;
+    ASSIGN_OR_RETURN(const auto views, plan_views(found_.stills, options_.trajectories,
+                                                  {options_.picture, options_.repeats, options_.seed}));
+    for (const View& view : views) found_.looks.emplace_back().view = view;
     if (!options_.plot.empty()) choose_exhibits();
     return {};
   }
@@ -158,33 +130,32 @@ class Runner {
     }
     ASSIGN_OR_RETURN(auto shown, shown_columns(fidelity::read_out(clean, options_.noise_k, options_.seed + index)));
     for (LearnedDeblurring& model : networks.models) {
-      ASSIGN_OR_RETURN(auto made, model.apply(shown[kBlurredColumn].levels, options_.picture));
-      shown.push_back({std::move(made), {}});
+      ASSIGN_OR_RETURN(auto made, model.apply(shown[kBlurredColumn], options_.picture));
+      shown.push_back(std::move(made));
     }
     return detect(index, shown, networks.detectors);
   }
 
-  Status detect(std::size_t index, std::vector<Shown>& shown, std::vector<Detector>& detectors) {
+  Status detect(std::size_t index, std::vector<Levels>& shown, std::vector<Detector>& detectors) {
     Look& look = found_.looks[index];
     look.found.resize(detectors.size());
-    for (const Shown& one : shown) {
-      look.settings.push_back(one.setting);
+    for (const Levels& one : shown) {
       for (std::size_t d = 0; d < detectors.size(); ++d) {
-        auto boxes = detectors[d].detect(one.levels, options_.picture);
-        if (!boxes) return tl::unexpected(boxes.error());
-        look.found[d].push_back(std::move(*boxes));
+        ASSIGN_OR_RETURN(auto boxes, detectors[d].detect(one, options_.picture));
+        look.found[d].push_back(std::move(boxes));
       }
     }
     for (Exhibit& exhibit : found_.exhibits) {
       if (exhibit.look != index) continue;
-      for (Shown& one : shown) exhibit.frames.push_back(std::move(one.levels));
+      exhibit.frames = std::move(shown);
     }
     return {};
   }
 
   const Options& options_;
   Found found_;
-  Lender<Networks> lender_;
+  std::mutex mutex_;
+  std::vector<Networks> free_;  // as many as threads
 };
 
 constexpr double kPercent = 100.0;
@@ -204,35 +175,42 @@ struct Group {
   std::vector<std::size_t> stills;  // those that can be drawn
 };
 
-class Figures {
- public:
-  explicit Figures(const Scores& scores) : s_(scores) {}
+// A figure, and its interval over the draws.
+void add(Json& to, const std::string& key, double value, std::vector<double> draws) {
+  const Interval interval = interval_95(std::move(draws));
+  to[key] = value;
+  to[key + "_ci95"] = std::isfinite(interval.low) ? Json{interval.low, interval.high} : Json();
+}
 
-  Figure ap(std::size_t column) const { return {s_.ap[column], interval_95(s_.draws[column])}; }
+void add_difference(Json& to, const Scores& s, std::size_t column, std::size_t from) {
+  std::vector<double> draws = s.draws[column];
+  for (std::size_t i = 0; i < draws.size(); ++i) draws[i] -= s.draws[from][i];
+  add(to, "delta_ap", s.ap[column] - s.ap[from], std::move(draws));
+}
 
-  Figure difference(std::size_t column, std::size_t from) const {
-    std::vector<double> draws(s_.draws[column].size());
-    for (std::size_t i = 0; i < draws.size(); ++i) draws[i] = s_.draws[column][i] - s_.draws[from][i];
-    return {s_.ap[column] - s_.ap[from], interval_95(std::move(draws))};
+// (AP - blurred) / (sharp - blurred); of a loss that there is none of, nothing can be recovered.
+double share_recovered(double ap, double blurred, double sharp) {
+  constexpr double kLeastLoss = 0.1;  // percent points
+  return sharp - blurred > kLeastLoss ? (ap - blurred) / (sharp - blurred) : kNoScore;
+}
+
+Json cell_of(const Scores& s, std::size_t column, const std::vector<JudgedClass>& classes) {
+  Json cell;
+  add(cell, "ap", s.ap[column], s.draws[column]);
+  cell["ap_50"] = kPercent * s.all[column].total.ap50;
+  cell["ap_75"] = kPercent * s.all[column].total.ap75;
+  add_difference(cell, s, column, kBlurredColumn);
+  std::vector<double> draws(s.draws[column].size());
+  for (std::size_t i = 0; i < draws.size(); ++i) {
+    draws[i] = share_recovered(s.draws[column][i], s.draws[kBlurredColumn][i], s.draws[kSharpColumn][i]);
   }
-
-  Figure recovered(std::size_t column) const {
-    std::vector<double> draws(s_.draws[column].size());
-    for (std::size_t i = 0; i < draws.size(); ++i) {
-      draws[i] = share(s_.draws[column][i], s_.draws[kBlurredColumn][i], s_.draws[kSharpColumn][i]);
-    }
-    return {share(s_.ap[column], s_.ap[kBlurredColumn], s_.ap[kSharpColumn]), interval_95(std::move(draws))};
+  add(cell, "recovered", share_recovered(s.ap[column], s.ap[kBlurredColumn], s.ap[kSharpColumn]), std::move(draws));
+  for (std::size_t c = 0; c < s.all[column].classes.size(); ++c) {
+    const ClassScore& one = s.all[column].classes[c];
+    cell["classes"][classes[c].name] = {{"ap", kPercent * one.ap}, {"objects", one.objects}};
   }
-
- private:
-  // Of a loss that there is none of, nothing can be recovered.
-  static double share(double ap, double blurred, double sharp) {
-    constexpr double kLeastLoss = 0.1;  // percent points
-    return sharp - blurred > kLeastLoss ? (ap - blurred) / (sharp - blurred) : kNoScore;
-  }
-
-  const Scores& s_;
-};
+  return cell;
+}
 
 class Judge {
  public:
@@ -252,20 +230,20 @@ class Judge {
     return scores;
   }
 
-  Row row(const Group& group, std::string detector, const Scores& scores) const {
-    Row row;
-    row.labelled = group.labelled;
-    row.detector = std::move(detector);
-    row.motion = group.motion;
-    row.looks = static_cast<int>(group.looks.size());
-    row.stills = static_cast<int>(group.stills.size());
-    const Figures figures(scores);
+  // `detector`: null for the mean of all.
+  Json row(const Group& group, const Json& detector, const Scores& scores) const {
+    Json columns;
     for (std::size_t column = 0; column < found_.columns.size(); ++column) {
-      row.cells.push_back({scores.all[column], figures.ap(column), figures.difference(column, kBlurredColumn),
-                           figures.recovered(column)});
+      columns[found_.columns[column].name] = cell_of(scores, column, options_.classes);
     }
-    row.contest = contest_of(scores, figures);
-    return row;
+    return {{"truth", group.labelled ? "labels" : "own_boxes"},
+            {"detector", detector},
+            {"motion", options_.trajectories[group.motion].stem().string()},
+            {"looks", group.looks.size()},
+            {"stills", group.stills.size()},
+            {"objects", scores.all.front().total.objects},
+            {"columns", columns},
+            {"bolo_over_best_baseline", contest_of(scores)}};
   }
 
  private:
@@ -292,7 +270,8 @@ class Judge {
     return weights;
   }
 
-  Contest contest_of(const Scores& scores, const Figures& figures) const {
+  // Bolo's best column against the best of the baselines and learned models.
+  Json contest_of(const Scores& scores) const {
     const auto best = [&](auto&& of_this_kind) {
       std::size_t choice = kBlurredColumn;
       for (std::size_t column = 0; column < found_.columns.size(); ++column) {
@@ -301,11 +280,11 @@ class Judge {
       }
       return choice;
     };
-    Contest contest;
-    contest.bolo = best([](ColumnKind kind) { return kind == ColumnKind::kBolo; });
-    contest.baseline =
+    const std::size_t bolo = best([](ColumnKind kind) { return kind == ColumnKind::kBolo; });
+    const std::size_t baseline =
         best([](ColumnKind kind) { return kind == ColumnKind::kBaseline || kind == ColumnKind::kLearned; });
-    contest.delta = figures.difference(contest.bolo, contest.baseline);
+    Json contest{{"bolo", found_.columns[bolo].name}, {"baseline", found_.columns[baseline].name}};
+    add_difference(contest, scores, bolo, baseline);
     return contest;
   }
 
@@ -347,12 +326,12 @@ Group group_of(const Found& found, std::size_t motion, bool labelled) {
   return group;
 }
 
-Speeds speeds_of(const Found& found, std::size_t motion) {
+std::vector<double> speeds_of(const Found& found, std::size_t motion) {
   std::vector<double> speeds;
   for (const Look& look : found.looks) {
     if (look.view.motion == motion) speeds.push_back(look.speed_px_s);
   }
-  return {bolo::quantile(speeds, 0.1), bolo::quantile(speeds, 0.5), bolo::quantile(speeds, 0.9)};
+  return speeds;
 }
 
 }  // namespace
@@ -373,35 +352,47 @@ std::vector<Truth> truth_of(const Look& look, bool labelled, std::size_t detecto
   return truth;
 }
 
-std::string motion_words(const Table& table, std::size_t motion) {
-  return plot::format("%s (median %.0f px/s)", table.motions[motion].c_str(), table.speeds[motion].p50);
-}
-
-Table table_of(const Found& found, const Options& options) {
-  Table table;
-  table.columns = found.columns;
+Json table_of(const Found& found, const Options& options) {
+  Json motions = Json::array();
+  std::vector<std::pair<double, std::size_t>> order;  // by speed
   for (std::size_t motion = 0; motion < options.trajectories.size(); ++motion) {
-    table.motions.push_back(options.trajectories[motion].stem().string());
-    table.speeds.push_back(speeds_of(found, motion));
+    const auto speed = [&](double share) { return bolo::quantile(speeds_of(found, motion), share); };
+    motions.push_back({{"name", options.trajectories[motion].stem().string()},
+                       {"speed_px_s", {{"p10", speed(0.1)}, {"p50", speed(0.5)}, {"p90", speed(0.9)}}}});
+    order.emplace_back(speed(0.5), motion);
   }
-  std::vector<std::size_t> order(table.motions.size());
-  std::iota(order.begin(), order.end(), 0U);
-  std::ranges::stable_sort(order, {}, [&](std::size_t motion) { return table.speeds[motion].p50; });
+  std::ranges::sort(order);
   const Judge judge(found, options);
+  Json rows = Json::array();
   for (const bool labelled : {true, false}) {
-    for (const std::size_t motion : order) {
+    for (const auto& [speed, motion] : order) {
       const Group group = group_of(found, motion, labelled);
       if (group.looks.empty()) continue;
       std::vector<Scores> all;
       for (std::size_t d = 0; d < options.detectors.size(); ++d) {
         all.push_back(judge.score(group, d, found.knows[d]));
-        table.rows.push_back(judge.row(group, options.detectors[d].name, all.back()));
+        rows.push_back(judge.row(group, options.detectors[d].name, all.back()));
       }
       const auto finite = [](const Scores& one) { return std::isfinite(one.ap.front()); };
-      if (std::ranges::count_if(all, finite) > 1) table.rows.push_back(judge.row(group, {}, mean_of(all)));
+      if (std::ranges::count_if(all, finite) > 1) rows.push_back(judge.row(group, {}, mean_of(all)));
     }
   }
-  return table;
+  return {{"settings",
+           {{"picture", {options.picture.width, options.picture.height}},
+            {"repeats", options.repeats},
+            {"noise_k", options.noise_k},
+            {"least_area_px2", options.least_area_px2},
+            {"resamples", options.resamples},
+            {"seed", options.seed},
+            {"tau_s", fidelity::kTauS},
+            {"frame_period_s", fidelity::kPeriodS},
+            {"classes", list_of(options.classes, [](const JudgedClass& one) { return one.name; })}}},
+          {"columns", list_of(found.columns,
+                              [](const Column& c) {
+                                return Json{{"name", c.name}, {"words", c.words}};
+                              })},
+          {"motions", motions},
+          {"rows", rows}};
 }
 
 }  // namespace bolo::tools::detect

@@ -1,20 +1,69 @@
-// Every detector on every column of every look.
+// `bolo-lab eval detect`: every detector on every column of every look. The pictures that detectors are given are
+// stills, each seen several times by a camera in somebody's hands.
 #pragma once
 
-#include <string>
-#include <vector>
-
-#include <nlohmann/json.hpp>
-
-#include "src/core/geometry.hpp"
-#include "src/core/output_file.hpp"
-#include "src/core/result.hpp"
 #include "src/report/sheet.hpp"
-#include "tools/lab/detect/average_precision.hpp"
-#include "tools/lab/detect/description.hpp"
-#include "tools/lab/detect/views.hpp"
+#include "tools/lab/detect/detector.hpp"
+#include "tools/lab/eval/fidelity_data.hpp"
 
 namespace bolo::tools::detect {
+
+struct Still {
+  std::filesystem::path file;
+  Geometry size;
+  bool labelled = false;      // a label file of the same name stands beside it: NAME.txt
+  std::vector<Truth> labels;  // in pixels of the still
+};
+
+// kBadInput when the picture or its labels cannot be read. Thread: setup.
+Result<Still> read_still(const std::filesystem::path& file, const std::vector<JudgedClass>& classes);
+
+// One look at a still, at one instant of a motion.
+struct View {
+  std::size_t still = 0;
+  std::size_t motion = 0;
+  double start_s = 0.0;    // in the trajectory's file
+  sim::Position looks_at;  // the still's pixel that the picture's (0, 0) shows at the judged instant
+};
+
+struct ViewPlan {
+  Geometry picture{640, 480};
+  int repeats = 2;  // looks at each still in each motion
+  std::uint64_t seed = 1;
+};
+
+// Draws them: instants all over a trajectory's file, the middle of the picture up to kJitter from the still's.
+// kBadInput when a trajectory cannot be read or is too short. Thread: setup.
+inline constexpr Geometry kJitter{48, 24};
+Result<std::vector<View>> plan_views(const std::vector<Still>& stills,
+                                     const std::vector<std::filesystem::path>& trajectories, const ViewPlan& plan);
+
+// The frames that a camera sends until a look, and the frame after it, with one target: tau 11 ms, 200 frames/s, 10 mK
+// a step. kBadInput when the still cannot be read. Thread: any.
+Result<fidelity::CleanSequence> simulate(const Still& still, const std::filesystem::path& trajectory, const View& view,
+                                         Geometry picture);
+
+// --- The columns of the table: what the detectors are shown of each look.
+
+enum class ColumnKind : std::uint8_t { kSharp, kBlurred, kLive, kBolo, kBaseline, kLearned };
+
+struct Column {
+  ColumnKind kind = ColumnKind::kSharp;
+  std::string name;   // in JSON
+  std::string title;  // in tables
+  std::string words;  // in the help and on the page
+};
+
+// In the order in which shown_columns() makes them; learned ones follow.
+inline constexpr std::size_t kSharpColumn = 0;
+inline constexpr std::size_t kBlurredColumn = 1;
+const std::vector<Column>& own_columns();
+
+// What own_columns() show of the sequence's only target. Black and white are those of the still. kBadInput or kFailed
+// from the solvers. Thread: any, several at once.
+Result<std::vector<Levels>> shown_columns(const fidelity::Sequence& sequence);
+
+// --- What is found.
 
 // What `bolo-lab eval detect` is asked for.
 struct Options {
@@ -40,7 +89,6 @@ struct Look {
   double speed_px_s = 0.0;    // of the picture over the pixels, at the judged instant
   std::vector<Truth> labels;  // people's boxes as the look shows them; empty when the still has none
   std::vector<std::vector<std::vector<Detection>>> found;  // [detector][column]
-  std::vector<std::string> settings;                       // of each column
 };
 
 // A look as it is drawn: the frame of each column.
@@ -63,73 +111,20 @@ Result<Found> run(const Options& options);
 
 // --- What deblurring is worth to detectors: AP of every column, against the blurred one, with intervals.
 
-// Percent, or a share; NaN where it cannot be said.
-struct Figure {
-  double value = kNoScore;
-  Interval interval{kNoScore, kNoScore};
-};
-
-struct Cell {
-  ApScore score;     // of one detector; of several, the means
-  Figure ap;         // percent
-  Figure delta;      // against blurred, percent points
-  Figure recovered;  // (AP - blurred) / (sharp - blurred)
-};
-
-// Who won: Bolo's best column against the best of the baselines and learned models.
-struct Contest {
-  std::size_t bolo = 0;  // columns
-  std::size_t baseline = 0;
-  Figure delta;  // Bolo's AP less the baseline's, percent points
-};
-
-// One detector in one motion, or the mean of all detectors there.
-struct Row {
-  bool labelled = false;  // judged against people's labels; else against the detector's own boxes on the sharp frame
-  std::string detector;   // empty: the mean
-  std::size_t motion = 0;
-  int looks = 0;
-  int stills = 0;
-  std::vector<Cell> cells;  // one a column
-  Contest contest;
-
-  bool is_mean() const { return detector.empty(); }
-};
-
-struct Speeds {
-  double p10 = 0.0;
-  double p50 = 0.0;
-  double p90 = 0.0;
-};
-
-struct Table {
-  std::vector<Column> columns;
-  std::vector<std::string> motions;
-  std::vector<Speeds> speeds;  // of the motions, px/s
-  std::vector<Row> rows;       // labelled ones first; motions from slow to fast, detectors as given, then their mean
-};
-
-// Thread: any.
-Table table_of(const Found& found, const Options& options);
-
-// "slow_indoor (median 118 px/s)". Thread: any.
-std::string motion_words(const Table& table, std::size_t motion);
+// As the verb prints it with --json: the schema is in its --help. Rows that people labelled come first; motions from
+// slow to fast, detectors as given, then their mean. Thread: any.
+Json table_of(const Found& found, const Options& options);
 
 // What a detector had to find in a look: people's labels of classes that it knows, or, where there are none, its own
 // boxes on the sharp frame from `truth_score` on. Thread: any.
 std::vector<Truth> truth_of(const Look& look, bool labelled, std::size_t detector, double truth_score,
                             const std::vector<bool>& knows);
 
-// --- The result of `bolo-lab eval detect`, as text and as JSON.
-
-// The schema is in the verb's --help. Thread: any.
-nlohmann::ordered_json to_json(const Options& options, const Table& table);
-
 // To stdout. Thread: one at a time.
-void print_text(const Options& options, const Table& table);
+void print_text(const Options& options, const Found& found, const Json& table);
 
 // For each motion one look as the columns show it, with the boxes that one detector found; a page has the table, too.
 // Thread: any.
-plot::Sheet sheet_of(const Table& table, const Found& found, const Options& options);
+plot::Sheet sheet_of(const Json& table, const Found& found, const Options& options);
 
 }  // namespace bolo::tools::detect

@@ -1,12 +1,8 @@
-#include "tools/lab/detect/views.hpp"
-
 #include <system_error>
-#include <utility>
 
 #include "src/sim/scene.hpp"
-#include "tools/lab/common.hpp"
-#include "tools/lab/eval/fidelity_columns.hpp"
-#include "tools/lab/eval/fidelity_filters.hpp"
+#include "tools/lab/detect/table.hpp"
+#include "tools/lab/eval/fidelity.hpp"
 
 namespace bolo::tools::detect {
 namespace {
@@ -45,29 +41,6 @@ const std::vector<Solved>& solved_columns() {
   };
   return columns;
 }
-
-class Columns {
- public:
-  explicit Columns(const Sequence& sequence) : s_(sequence) {}
-
-  void show(const Plane& judged, std::string setting = {}) {
-    const sim::GreySpan span;
-    shown_.push_back({levels_of(judged, span.cold_k, span.hot_k), std::move(setting)});
-  }
-  void show(const fidelity::Picked& picked) { show(picked.planes.front(), picked.setting); }
-
-  Status solve(const deblur::Settings& settings) {
-    ASSIGN_OR_RETURN(const auto planes, fidelity::estimate(s_, settings));
-    show(planes.front());
-    return {};
-  }
-
-  std::vector<Shown> take() { return std::move(shown_); }
-
- private:
-  const Sequence& s_;
-  std::vector<Shown> shown_;
-};
 
 std::vector<std::vector<fidelity::Tap>> kernels(const fidelity::CleanSequence& clean, double factor) {
   const double t_s = static_cast<double>(clean.targets.front()) * fidelity::kPeriodS;
@@ -145,26 +118,30 @@ const std::vector<Column>& own_columns() {
   return columns;
 }
 
-Result<std::vector<Shown>> shown_columns(const Sequence& s) {
+Result<std::vector<Levels>> shown_columns(const Sequence& s) {
   const fidelity::CleanSequence& clean = *s.clean;
   const Planes truth = fidelity::target_truth(clean);
   const Planes frames{s.kelvin(clean.targets.front())};
-  Columns columns(s);
-  columns.show(truth.front());
-  columns.show(fidelity::cut(frames.front(), clean.geometry, clean.judged));
+  std::vector<Levels> columns;
+  const auto show = [&columns, span = sim::GreySpan{}](const Plane& judged) {
+    columns.push_back(levels_of(judged, span.cold_k, span.hot_k));
+  };
+  show(truth.front());
+  show(fidelity::cut(frames.front(), clean.geometry, clean.judged));
   for (const Solved& solved : solved_columns()) {
     deblur::Settings settings = fidelity::settings_of(solved.method, solved.lookahead);
     settings.auto_lambda = solved.auto_lambda;
-    RETURN_IF_ERROR(columns.solve(settings));
+    ASSIGN_OR_RETURN(const auto planes, fidelity::estimate(s, settings));
+    show(planes.front());
   }
   const auto told = kernels(clean, 1.0);
   const auto told_wrongly = kernels(clean, kWrongSpeed);
   const fidelity::SpatialTask task{s, truth, frames, told};
-  columns.show(fidelity::picked_unsharp(s, truth, frames));
-  columns.show(fidelity::picked_wiener(task));
-  columns.show(fidelity::picked_wiener({s, truth, frames, told_wrongly}));
-  columns.show(fidelity::picked_lucy(task, kLucyIterations));
-  return columns.take();
+  show(fidelity::picked_unsharp(s, truth, frames).planes.front());
+  show(fidelity::picked_wiener(task).planes.front());
+  show(fidelity::picked_wiener({s, truth, frames, told_wrongly}).planes.front());
+  show(fidelity::picked_lucy(task, kLucyIterations).planes.front());
+  return columns;
 }
 
 }  // namespace bolo::tools::detect

@@ -1,17 +1,9 @@
-#include "tools/lab/eval/faults.hpp"
-
-#include <cstdio>
 #include <numeric>
 #include <sstream>
-#include <string>
-#include <utility>
-#include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "src/core/clock.hpp"
 #include "src/core/statistics.hpp"
-#include "tools/cli/cli.hpp"
-#include "tools/lab/common.hpp"
+#include "tools/lab/eval/faults.hpp"
 #include "tools/lab/verbs.hpp"
 
 namespace bolo::tools::faults {
@@ -23,20 +15,6 @@ constexpr double kSeconds = 5.0;  // of the scene: longer than any stream
 constexpr int kTries = 3;
 
 constexpr std::uint64_t kMostLostOfFour = 1;  // of the frames that are hit, with working resends on a busy machine
-
-void ask_for_resends(RunTask& task) { task.camera.resend = true; }
-
-// With time for the answers, also where the camera's thread has to wait for a processor.
-void ask_patiently(RunTask& task) {
-  task.camera.resend = true;
-  task.camera.packet_timeout_us = 10'000;
-  task.camera.frame_retention_us = 200'000;
-}
-
-void add_metadata_rows(RunTask& task) {
-  task.rows_below = 3;
-  task.camera.metadata_rows = 3;
-}
 
 // What strikes from 0.3 to 0.5 s.
 constexpr Disturbance kWhile{.from_s = 0.3, .to_s = 0.5};
@@ -53,153 +31,120 @@ Result<fakecam::FaultScript> script_of(const std::string& texts) {
   return script;
 }
 
-// One scenario, a few times.
-struct Row {
-  const Scenario* scenario = nullptr;
-  std::string injected;  // of the last run
-  std::string lost;      // of the last run
-  bool equal = true;     // what was lost is what was injected, in every run
-  std::vector<double> recovery_ms;
-  std::uint64_t reconnects = 0;  // of the last run
-  std::string wrong;             // the first that was found; empty: nothing
-};
-
 std::string injected_text(const std::vector<fakecam::InjectedFault>& injected) {
-  std::string text;
-  const auto add = [&text](std::uint64_t n, const char* what) {
-    if (n > 0) text += (text.empty() ? "" : ", ") + std::to_string(n) + " " + what;
+  std::vector<std::string> words;
+  const auto add = [&words](std::uint64_t n, const char* what) {
+    if (n > 0) words.push_back(std::to_string(n) + " " + what);
   };
   for (const fakecam::InjectedFault& fault : injected) {
     add(fault.frames, "frames");
     add(fault.packets, "packets");
     if (fault.frames + fault.packets == 0) add(fault.times, "time");
   }
-  return text;
+  return joined(words);
 }
 
-Result<Row> row_of(const Scenario& scenario, const Stage& stage, int repeats) {
-  Row row;
-  row.scenario = &scenario;
+// One scenario, a few times: what was injected, lost and reconnected in the last run, whether what was lost is what was
+// injected, in every run, and the first thing that was found wrong.
+Result<Json> row_of(const Scenario& scenario, const Stage& stage, int repeats) {
+  Json row{{"fault", scenario.name}, {"script", scenario.faults}};
+  std::vector<double> recovery_ms;
+  std::string wrong;
+  bool equal = true;
   for (int i = 0; i < repeats && !interrupted().load(std::memory_order_relaxed); ++i) {
     const auto outcome = play(scenario, stage, i + 1);
     if (!outcome) return at(scenario.name, outcome.error());
-    row.injected = injected_text(outcome->run.injected);
-    row.lost = text_of(outcome->run.lost);
-    row.equal = row.equal && outcome->losses_match();
-    row.recovery_ms.push_back(outcome->verdict.recovery_ms);
-    row.reconnects = outcome->run.reconnects;
-    if (row.wrong.empty()) row.wrong = what_is_wrong(scenario, *outcome);
+    equal = equal && outcome->losses_match();
+    recovery_ms.push_back(outcome->verdict.recovery_ms);
+    if (wrong.empty()) wrong = what_is_wrong(scenario, *outcome);
+    row.update({{"injected", injected_text(outcome->run.injected)},
+                {"lost", text_of(outcome->run.lost)},
+                {"equal", equal},
+                {"recovery_ms", {{"median", quantile(recovery_ms, 0.5)}, {"worst", quantile(recovery_ms, 1.0)}}},
+                {"reconnects", outcome->run.reconnects},
+                {"wrong", wrong}});
   }
   return row;
 }
 
-std::string equality(const Row& row) { return row.equal ? "yes" : row.scenario->demands.exact ? "NO" : "no"; }
+const std::vector<TextColumn> kFaultColumns{{"fault", -17, "fault"},
+                                            {"injected", -26, "injected"},
+                                            {"counted as lost", -26, "lost"},
+                                            {"equal", -6, "equal"},
+                                            {"median", 8, "recovery_ms/median", "%.0f"},
+                                            {"worst ms", 8, "recovery_ms/worst", "%.0f"},
+                                            {"reconnects", 11, "reconnects"},
+                                            {" wrong", 0, "wrong"}};
 
-void print_row(const Row& row) {
-  std::printf("%-17s %-26s %-26s %-6s %8.0f %8.0f %11llu  %s\n", row.scenario->name.c_str(), row.injected.c_str(),
-              row.lost.c_str(), equality(row).c_str(), quantile(row.recovery_ms, 0.5), quantile(row.recovery_ms, 1.0),
-              static_cast<unsigned long long>(row.reconnects), row.wrong.empty() ? "right" : row.wrong.c_str());
-  std::fflush(stdout);
-}
-
-nlohmann::ordered_json to_json(const Row& row) {
-  return {{"fault", row.scenario->name},
-          {"script", row.scenario->faults},
-          {"injected", row.injected},
-          {"lost", row.lost},
-          {"equal", row.equal},
-          {"recovery_ms", {{"median", quantile(row.recovery_ms, 0.5)}, {"worst", quantile(row.recovery_ms, 1.0)}}},
-          {"reconnects", row.reconnects},
-          {"wrong", row.wrong}};
-}
-
-Status evaluate(const cxxopts::ParseResult& given) {
-  const int repeats = given["repeats"].as<int>();
+Status evaluate_fault(const cxxopts::ParseResult& given) {
+  ASSIGN_OR_RETURN(const int repeats, number_of<int>(given, "repeats", 1, 1000));
   const auto only = given["only"].as<std::string>();
-  const bool json = given.count("json") != 0;
-  if (Status good = within(repeats, "repeats", 1, 1000); !good) return good;
   ASSIGN_OR_RETURN(const auto stage, make_stage());
-  if (!json) {
-    std::printf("%-17s %-26s %-26s %-6s %8s %8s %11s  %s\n", "fault", "injected", "counted as lost", "equal", "median",
-                "worst ms", "reconnects", "output");
-  }
-  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-  std::string wrong;
+  Rows rows(given.count("json") != 0, kFaultColumns);
+  std::vector<std::string> wrong;
   Progress progress("faults", scenarios().size());
   for (const Scenario& scenario : scenarios()) {
     if (!only.empty() && scenario.name != only) continue;
-    const auto row = row_of(scenario, stage, repeats);
+    auto row = row_of(scenario, stage, repeats);
     if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted");
-    if (!row) return tl::unexpected<Error>(row.error());
-    if (!json) print_row(*row);
-    if (!row->wrong.empty()) wrong += (wrong.empty() ? "" : ", ") + scenario.name;
-    rows.push_back(to_json(*row));
-    progress.update(rows.size());
+    RETURN_IF_ERROR(row);
+    if ((*row)["wrong"] != "") wrong.push_back(scenario.name);
+    rows.add(std::move(*row));
+    progress.update(rows.count());
   }
-  if (rows.empty()) return bad_input("there is no fault '" + only + "' here; without --only all are tried");
-  if (json) {
-    std::puts(nlohmann::ordered_json{{"repeats", repeats}, {"rows", rows}}.dump(2).c_str());
-  } else {
-    std::printf(
-        "%d run(s) each, 64x24 pixels at 200 Hz; a silent camera is opened again after 0.6 s. Recovery: from the\n"
-        "fault's end until every published plane is that of an undisturbed run again; a window of 17 frames is 85 ms.\n"
-        "Where 'equal' may be no: frames that a camera does not send while it is opened again, which are nobody's.\n",
-        repeats);
-  }
-  return wrong.empty() ? Status{} : failed("what must hold does not: " + wrong);
+  if (rows.count() == 0) return bad_input("there is no fault '" + only + "' here; without --only all are tried");
+  rows.finish(
+      {{"repeats", repeats}}, "rows",
+      "64x24 pixels at 200 Hz; a silent camera is opened again after 0.6 s. Recovery: from the fault's end until\n"
+      "every published plane is that of an undisturbed run again; a window of 17 frames is 85 ms. Where 'equal'\n"
+      "may be no: frames that a camera does not send while it is opened again, which are nobody's.");
+  return wrong.empty() ? Status{} : failed("what must hold does not: " + joined(wrong));
 }
 
 }  // namespace
 
 const std::vector<Scenario>& scenarios() {
-  static const std::vector<Scenario> kScenarios{
-      // The network.
-      {"loss", "loss:at=0.3,for=0.2,rate=0.05", 0.75, kWhile},
-      {"loss, resent",
-       "loss:at=0.3,for=0.2,rate=0.05",
-       0.75,
-       kWhile,
-       {.resends = true, .exact = false, .prepare = ask_patiently}},
-      {"loss, unanswered",
-       "loss:at=0.3,for=0.2,rate=0.05 resend_unanswered",
-       0.75,
-       kWhile,
-       {.prepare = ask_for_resends}},
-      {"reorder", "reorder:at=0.3,for=0.2,rate=0.3,by=3", 0.75, kWhile},
-      {"duplicate", "duplicate:at=0.3,for=0.2,rate=0.3", 0.75, kWhile},
-      {"garbage", "garbage:at=0.3,for=0.2,rate=0.05", 0.75, kWhile},
-      // The frames.
-      {"id gap", "id_gap:at=0.3,ids=7", 0.6, kOnce},
-      {"time jump", "time_jump:at=0.3,by=0.5", 0.6, {.from_s = 0.3, .to_s = 0.3, .clock_shift_s = 0.5}},
-      {"time jump back", "time_jump:at=0.3,by=-0.5", 0.6, {.from_s = 0.3, .to_s = 0.3, .clock_shift_s = -0.5}},
-      {"short stall", "stall:at=0.3,frames=5", 0.6, {.from_s = 0.3, .to_s = 0.325}},
-      {"stall", "stall:at=0.3,for=0.2", 0.8, kWhile},
-      {"nuc",
-       "nuc:at=0.3,for=0.2,offset=0.5",
-       0.8,
-       {.from_s = 0.3, .to_s = 0.5, .offset_counts = 50},
-       {.prepare = [](RunTask& task) { task.pipeline.undo.drop_repeated = true; }}},
-      {"byte order",
-       "byte_order",
-       0.4,
-       {},
-       {.prepare = [](RunTask& task) { task.camera.pixel_order = genicam::PixelOrder::kBigEndian; }}},
-      {"metadata rows", "metadata_rows:rows=3", 0.4, {}, {.prepare = add_metadata_rows}},
-      // The camera.
-      {"freeze", "freeze:at=0.3,for=0.2", 0.8, kWhile},
-      {"long stall",
-       "stall:at=0.3,for=0.8",
-       1.8,
-       {.from_s = 0.3, .to_s = 1.1},
-       {.least_reconnects = 1, .most_reconnects = 1, .exact = false}},
-      {"control loss", "control_loss:at=0.3", 2.0, kOnce, {.least_reconnects = 1, .most_reconnects = 1}},
-      {"reboot",
-       "reboot:at=0.3,for=0.5",
-       2.0,
-       {.from_s = 0.3, .to_s = 0.8},
-       {.least_reconnects = 1, .most_reconnects = 2}},
-      {"windowing drop", "windowing_drop:for=0.5", 0.4},
-  };
+  static const std::vector<Scenario> kScenarios = [] {
+    const Demands ask{.prepare = [](RunTask& task) { task.camera.resend = true; }};
+    // With time for the answers, also where the camera's thread has to wait for a processor.
+    const Demands ask_patiently{.resends = true, .exact = false, .prepare = [](RunTask& task) {
+                                  task.camera.resend = true;
+                                  task.camera.packet_timeout_us = 10'000;
+                                  task.camera.frame_retention_us = 200'000;
+                                }};
+    const Demands metadata{.prepare = [](RunTask& task) { task.rows_below = task.camera.metadata_rows = 3; }};
+    const Demands big_endian{
+        .prepare = [](RunTask& task) { task.camera.pixel_order = genicam::PixelOrder::kBigEndian; }};
+    const Demands drop_repeated{.prepare = [](RunTask& task) { task.pipeline.undo.drop_repeated = true; }};
+    const Demands reconnect{.least_reconnects = 1, .most_reconnects = 1};
+    const Demands reconnect_lossy{.least_reconnects = 1, .most_reconnects = 1, .exact = false};
+    const Demands reconnect_twice{.least_reconnects = 1, .most_reconnects = 2};
+
+    return std::vector<Scenario>{
+        // The network.
+        {"loss", "loss:at=0.3,for=0.2,rate=0.05", 0.75, kWhile},
+        {"loss, resent", "loss:at=0.3,for=0.2,rate=0.05", 0.75, kWhile, ask_patiently},
+        {"loss, unanswered", "loss:at=0.3,for=0.2,rate=0.05 resend_unanswered", 0.75, kWhile, ask},
+        {"reorder", "reorder:at=0.3,for=0.2,rate=0.3,by=3", 0.75, kWhile},
+        {"duplicate", "duplicate:at=0.3,for=0.2,rate=0.3", 0.75, kWhile},
+        {"garbage", "garbage:at=0.3,for=0.2,rate=0.05", 0.75, kWhile},
+        // The frames.
+        {"id gap", "id_gap:at=0.3,ids=7", 0.6, kOnce},
+        {"time jump", "time_jump:at=0.3,by=0.5", 0.6, {.from_s = 0.3, .to_s = 0.3, .clock_shift_s = 0.5}},
+        {"time jump back", "time_jump:at=0.3,by=-0.5", 0.6, {.from_s = 0.3, .to_s = 0.3, .clock_shift_s = -0.5}},
+        {"short stall", "stall:at=0.3,frames=5", 0.6, {.from_s = 0.3, .to_s = 0.325}},
+        {"stall", "stall:at=0.3,for=0.2", 0.8, kWhile},
+        {"nuc", "nuc:at=0.3,for=0.2,offset=0.5", 0.8, {0.3, 0.5, 0.0, 50}, drop_repeated},
+        {"byte order", "byte_order", 0.4, {}, big_endian},
+        {"metadata rows", "metadata_rows:rows=3", 0.4, {}, metadata},
+        // The camera.
+        {"freeze", "freeze:at=0.3,for=0.2", 0.8, kWhile},
+        {"long stall", "stall:at=0.3,for=0.8", 1.8, {.from_s = 0.3, .to_s = 1.1}, reconnect_lossy},
+        {"control loss", "control_loss:at=0.3", 2.0, kOnce, reconnect},
+        {"reboot", "reboot:at=0.3,for=0.5", 2.0, {.from_s = 0.3, .to_s = 0.8}, reconnect_twice},
+        {"windowing drop", "windowing_drop:for=0.5", 0.4},
+    };
+  }();
   return kScenarios;
 }
 
@@ -241,9 +186,9 @@ Result<Outcome> play(const Scenario& scenario, const Stage& stage, int seed) {
 
 std::string what_is_wrong(const Scenario& scenario, const Outcome& outcome) {
   const Verdict& v = outcome.verdict;
-  std::string all;
+  std::vector<std::string> all;
   const auto require = [&all](bool holds, const std::string& text) {
-    if (!holds) all += (all.empty() ? "" : "; ") + text;
+    if (!holds) all.push_back(text);
   };
   const std::uint64_t lost = std::accumulate(outcome.run.lost.begin(), outcome.run.lost.end(), std::uint64_t{0});
   require(lost >= v.never_came,
@@ -258,27 +203,151 @@ std::string what_is_wrong(const Scenario& scenario, const Outcome& outcome) {
   const auto reconnects = static_cast<int>(outcome.run.reconnects);
   require(reconnects >= scenario.demands.least_reconnects && reconnects <= scenario.demands.most_reconnects,
           std::to_string(reconnects) + " reconnects");
-  return all;
+  return joined(all, "; ");
 }
 
 std::string text_of(const Losses& losses) {
-  std::string text;
+  std::vector<std::string> words;
   for (std::size_t c = 0; c < kLossCauses; ++c) {
     if (losses[c] == 0) continue;
-    text += (text.empty() ? "" : ", ") + std::string(name(static_cast<LossCause>(c))) + " " + std::to_string(losses[c]);
+    words.push_back(std::string(name(static_cast<LossCause>(c))) + " " + std::to_string(losses[c]));
   }
-  return text.empty() ? "none" : text;
+  return words.empty() ? "none" : joined(words);
 }
 
-int eval_faults_main(int argc, char** argv) {
-  cxxopts::Options options("bolo-lab eval faults",
-                           "Runs the daemon's pipeline against a fake camera that fails, one fault after the other,\n"
-                           "through real packets, and compares what it counts with what was injected and what it\n"
-                           "publishes with an undisturbed run.\n");
-  options.add_options()("repeats", "Runs of each fault", cxxopts::value<int>()->default_value("3"), "N")(
-      "only", "This fault only, by its name in the table", cxxopts::value<std::string>()->default_value(""), "NAME")(
-      "json", "Print the table as JSON");
-  return run_verb("eval faults", std::move(options), argc, argv, evaluate);
+namespace {
+
+constexpr double kTrialRateHz = 200.0;
+constexpr double kSpeedPxS = 200.0;
+constexpr double kCleanEndS = 0.1;  // without loss, so that every frame that is hit is also judged before the end
+constexpr double kSpareS = 1.0;     // the run outlasts its time by what stopping takes
+
+void add(SquareSum& sum, const Counts& shown, const std::vector<float>& truth, const LinearScale& scale) {
+  for (std::size_t p = 0; p < truth.size(); ++p) {
+    sum.add(scale.to_physical(shown[p]), static_cast<double>(truth[p]));
+  }
+}
+
+std::size_t frame_number(const Published& frame, double period_s) {
+  const double since_first_s = static_cast<double>(frame.meta.camera_ns - kFirstCameraNs) / kNsPerSecond;
+  return static_cast<std::size_t>(std::lround(since_first_s / period_s));
+}
+
+Result<fakecam::FaultScript> script_of(const LossTask& task) {
+  ASSIGN_OR_RETURN(auto fault, fakecam::parse_fault("loss"));
+  fault.values["rate"] = task.rate;
+  fault.values["for"] = task.seconds - kCleanEndS;
+  return fakecam::FaultScript{std::move(fault)};
+}
+
+const std::vector<TextColumn> kLossColumns{{"packets", 8, "rate", "%.2f %%", 100.0},
+                                           {"resend", -6, "resend"},
+                                           {"frames", 7, "frames_sent", "%.0f"},
+                                           {"hit", 7, "frames_hit", "%.0f"},
+                                           {"network", 8, "frames_lost/network", "%.0f"},
+                                           {"behind", 7, "frames_lost/behind", "%.0f"},
+                                           {"frames/s", 9, "frames_per_s", "%.1f"},
+                                           {"ms each", 8, "deblur_ms_per_frame", "%.2f"},
+                                           {"p50 ms", 8, "latency_ms/p50", "%.2f"},
+                                           {"p99 ms", 8, "latency_ms/p99", "%.2f"},
+                                           {"raw K", 8, "rmse_raw_k", "%.4f"},
+                                           {"sharp K", 8, "rmse_deblurred_k", "%.4f"},
+                                           {"dropped here", 12, "host_dropped_packets", "%.0f"}};
+
+Status evaluate_loss(const cxxopts::ParseResult& given) {
+  const auto rates = given["rates"].as<std::vector<double>>();
+  pipeline::PipelineOptions pipeline;
+  pipeline.deblur.lookahead = given["lookahead"].as<int>();
+  pipeline.workers = given["threads"].as<int>();
+  for (const double rate : rates) RETURN_IF_ERROR(within(rate, "rates", 0.0, 1.0));
+  ASSIGN_OR_RETURN(const int packet_size, number_of<int>(given, "packet-size", 576, 9000));
+  ASSIGN_OR_RETURN(const double seconds, number_of<double>(given, "seconds", 0.5, 60.0));
+  ASSIGN_OR_RETURN(const auto scene, loss_scene(seconds));
+  Rows rows(given.count("json") != 0, kLossColumns);
+  Progress progress("runs", 2 * rates.size());
+  for (const double rate : rates) {
+    for (const bool resend : {false, true}) {
+      if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted");
+      ASSIGN_OR_RETURN(auto row, try_loss({rate, resend, packet_size, seconds}, scene, pipeline));
+      rows.add(std::move(row));
+      progress.update(rows.count());
+    }
+  }
+  rows.finish({}, "rows",
+              "hit: frames that lost a packet at first. Counted as lost: network (incomplete, missing), behind "
+              "(deblurring\ncould not keep up). ms each: deblurring. Latency: first packet received to published. RMSE "
+              "against the truth\nover the frames that came, those with a lost one in their window included. dropped "
+              "here: packets, by this computer.");
+  return {};
+}
+
+}  // namespace
+
+Result<Recording> loss_scene(double seconds) {
+  sim::CameraSettings camera;
+  camera.rate_hz = kTrialRateHz;
+  return record_street(
+      camera, {.speed_px_s = kSpeedPxS, .frames = static_cast<std::size_t>((seconds + kSpareS) * camera.rate_hz)});
+}
+
+Result<Json> try_loss(const LossTask& task, const Recording& scene, const pipeline::PipelineOptions& options) {
+  RunTask run_task;
+  run_task.scene = &scene;
+  ASSIGN_OR_RETURN(run_task.faults, script_of(task));
+  run_task.camera = camera_options(scene, fresh_address());
+  run_task.camera.packet_size = task.packet_size;
+  run_task.camera.resend = task.resend;
+  run_task.pipeline = options;
+  run_task.seconds = task.seconds;
+  ASSIGN_OR_RETURN(const auto result, run(run_task));
+  SquareSum raw;
+  SquareSum deblurred;
+  for (const Published& frame : result.frames) {
+    const std::size_t number = frame_number(frame, scene.format.frame_period_s);
+    if ((frame.meta.flags & kFlagWarmUp) != 0 || number >= scene.truth.size()) continue;
+    add(raw, frame.raw, scene.truth[number], scene.format.scale);
+    add(deblurred, frame.deblurred, scene.truth[number], scene.format.scale);
+  }
+  const auto lost = [&result](LossCause cause) { return result.lost[static_cast<std::size_t>(cause)]; };
+  return Json{{"rate", task.rate},
+              {"resend", task.resend},
+              {"packet_size", task.packet_size},
+              {"frames_sent", result.camera.frames_sent},
+              {"frames_hit", result.injected.front().frames},
+              {"frames_lost",
+               {{"network", lost(LossCause::kIncomplete) + lost(LossCause::kMissing)},
+                {"behind", lost(LossCause::kPoolExhausted) + lost(LossCause::kQueueFull)}}},
+              {"deblur_ms_per_frame", result.deblur_ms},
+              {"frames_per_s", static_cast<double>(result.frames.size()) / task.seconds},
+              {"latency_ms", {{"p50", quantile(result.latency_ms, 0.5)}, {"p99", quantile(result.latency_ms, 0.99)}}},
+              {"rmse_raw_k", raw.root_mean()},
+              {"rmse_deblurred_k", deblurred.root_mean()},
+              {"host_dropped_packets", result.host_dropped}};
 }
 
 }  // namespace bolo::tools::faults
+
+int bolo::tools::eval_faults_main(int argc, char** argv) {
+  cxxopts::Options cli("bolo-lab eval faults",
+                       "Runs the daemon's pipeline against a fake camera that fails, one fault after the other,\n"
+                       "through real packets, and compares what it counts with what was injected and what it\n"
+                       "publishes with an undisturbed run.\n");
+  add_option<int>(cli, "repeats", "Runs of each fault", "3", "N");
+  add_option<std::string>(cli, "only", "This fault only, by its name in the table", "", "NAME");
+  add_option<bool>(cli, "json", "Print the table as JSON");
+  return run_verb("faults", std::move(cli), argc, argv, faults::evaluate_fault);
+}
+
+int bolo::tools::eval_loss_main(int argc, char** argv) {
+  cxxopts::Options cli("bolo-lab eval loss",
+                       "Streams a street of 640x120 pixels at 200 Hz from a fake camera that loses packets, once\n"
+                       "without and once with asking for them again, and judges what is published.\n");
+  add_option<std::vector<double>>(cli, "rates", "Shares of the packets that are lost, separated by commas",
+                                  "0,0.001,0.01,0.05", "A,B");
+  add_option<int>(cli, "packet-size", "Bytes: 1500 on every link, up to 9000 with jumbo frames", "1500", "BYTES");
+  add_option<double>(cli, "seconds", "Of each run", "4", "S");
+  add_option<int>(cli, "lookahead", "Frames", "0", "L");
+  add_option<int>(cli, "threads", "Of the deblurring", "2", "W");
+  add_option<bool>(cli, "json", "Print the table as JSON");
+  return run_verb("loss", std::move(cli), argc, argv, faults::evaluate_loss);
+}

@@ -1,20 +1,13 @@
-#include "tools/lab/eval/faults_run.hpp"
+#include "tools/lab/eval/faults.hpp"
 
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
-#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <memory>
 #include <mutex>
-#include <optional>
 #include <sstream>
-#include <thread>
-#include <utility>
 
 #include "src/core/clock.hpp"
 
@@ -196,17 +189,15 @@ Result<RunResult> run(const RunTask& task) {
   auto source = std::make_unique<genicam::GenicamSource>(task.camera);
   const genicam::GenicamSource& camera = *source;
   static std::mutex opening;  // Aravis reads a camera's description with what the whole process shares
-  auto made = [&] {
+  ASSIGN_OR_RETURN(const auto line, [&] {
     const std::lock_guard lock(opening);
     return pipeline::Pipeline::create(std::move(source), {&sink}, task.pipeline);
-  }();
-  if (!made) return tl::unexpected<Error>(made.error());
-  const pipeline::Pipeline& line = **made;
+  }());
   std::atomic<bool> stop{false};
   std::atomic<bool> ended{false};
   Status ran;
   std::thread runner([&] {
-    ran = (*made)->run(stop);
+    ran = line->run(stop);
     ended.store(true, std::memory_order_relaxed);  // what it wrote is read after the join
   });
   const Status waited = wait_for_end(*fake, task.seconds, ended);
@@ -215,11 +206,11 @@ Result<RunResult> run(const RunTask& task) {
   result.reconnects = camera.reconnects();
   stop.store(true, std::memory_order_relaxed);
   runner.join();
-  if (!ran) return tl::unexpected<Error>(ran.error());
-  if (!waited) return tl::unexpected<Error>(waited.error());
+  RETURN_IF_ERROR(ran);
+  RETURN_IF_ERROR(waited);
 
   result.frames = sink.take();
-  const pipeline::PipelineStats& stats = line.stats();
+  const pipeline::PipelineStats& stats = line->stats();
   for (std::size_t c = 0; c < kLossCauses; ++c) result.lost[c] = stats.inlet.losses().value(static_cast<LossCause>(c));
   const auto deblurred = static_cast<double>(stats.published.value() - stats.warm_up.value());
   if (deblurred > 0.0) result.deblur_ms = static_cast<double>(stats.deblur_ns.value()) * kMsPerNs / deblurred;

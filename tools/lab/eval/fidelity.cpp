@@ -2,15 +2,10 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <optional>
 
-#include "src/report/text.hpp"
-#include "src/sim/path.hpp"
 #include "src/sim/scene.hpp"
-#include "tools/cli/cli.hpp"
 #include "tools/cli/plot_option.hpp"
-#include "tools/lab/common.hpp"
-#include "tools/lab/eval/fidelity_report.hpp"
+#include "tools/lab/eval/fidelity.hpp"
 #include "tools/lab/verbs.hpp"
 
 namespace bolo::tools::fidelity {
@@ -89,13 +84,12 @@ class Evaluation {
         longest_(*std::ranges::max_element(options.lookaheads)),
         progress_("fidelity", options.scenes.size() * options.motions.size() * jobs_a_motion()) {}
 
-  Result<Table> run() {
+  Result<Json> run() {
+    table_["cells"] = Json::array();
     for (const std::string& scene : options_.scenes) {
-      for (const Motion& motion : options_.motions) {
-        RETURN_IF_ERROR(run_motion(scene, motion));
-      }
+      for (const Motion& motion : options_.motions) RETURN_IF_ERROR(run_motion(scene, motion));
     }
-    table_.verdicts = verdicts(table_.cells, table_.drops);
+    table_["verdicts"] = verdicts(table_["cells"], table_.value("drops", Json::array()));
     return std::move(table_);
   }
 
@@ -105,10 +99,10 @@ class Evaluation {
     Sequence sequence;
     Sequence training;
     Sequence lossy;
-    std::vector<Column> spatial;
-    std::vector<std::optional<Cell>> cells;
-    std::vector<std::optional<std::vector<DropRow>>> drops;
-    std::optional<LatencyCurves> latency;
+    Json spatial;
+    std::vector<Json> cells;
+    std::vector<Json> drops;
+    Json latency;
   };
 
   std::uint64_t jobs_a_motion() const {
@@ -140,26 +134,23 @@ class Evaluation {
     lossy.targets = kDropTargets;
     lossy.stride = 1;
     lossy.crop.height = std::min(lossy.crop.height, kDropRows);
-    const auto clean = simulate(task);
-    const auto training = simulate(other);
-    const auto stream = options_.drop > 0.0 ? simulate(lossy) : Result<CleanSequence>(CleanSequence{});
-    for (const auto* made : {&clean, &training, &stream}) {
-      if (!*made) return tl::unexpected(made->error());
-    }
+    ASSIGN_OR_RETURN(const auto clean, simulate(task));
+    ASSIGN_OR_RETURN(const auto training, simulate(other));
+    ASSIGN_OR_RETURN(const auto stream, options_.drop > 0.0 ? simulate(lossy) : CleanSequence{});
     std::vector<Noise> noises(options_.noises_k.size());
     Jobs jobs;
     for (std::size_t n = 0; n < noises.size(); ++n) {
       jobs.add([&, n]() -> Status {
         const double noise_k = options_.noises_k[n];
-        noises[n].sequence = read_out(*clean, noise_k, options_.seed);
-        noises[n].training = read_out(*training, noise_k, options_.seed + kOtherStreet);
-        if (options_.drop > 0.0) noises[n].lossy = read_out(*stream, noise_k, options_.seed);
+        noises[n].sequence = read_out(clean, noise_k, options_.seed);
+        noises[n].training = read_out(training, noise_k, options_.seed + kOtherStreet);
+        if (options_.drop > 0.0) noises[n].lossy = read_out(stream, noise_k, options_.seed);
         return {};
       });
     }
-    if (Status done = jobs.run(options_.threads, progress_, done_); !done) return done;
+    RETURN_IF_ERROR(jobs.run(options_.threads, progress_, done_));
     for (Noise& noise : noises) add_jobs(jobs, noise, shows_latency(scene, motion));
-    if (Status done = jobs.run(options_.threads, progress_, done_); !done) return done;
+    RETURN_IF_ERROR(jobs.run(options_.threads, progress_, done_));
     for (Noise& noise : noises) collect(noise);
     return {};
   }
@@ -167,39 +158,41 @@ class Evaluation {
   void add_jobs(Jobs& jobs, Noise& noise, bool latency) {
     noise.cells.resize(options_.lookaheads.size());
     noise.drops.resize(options_.lookaheads.size());
-    jobs.add([&noise]() -> Status {
-      noise.spatial = spatial_columns(noise.sequence);
-      return {};
-    });
-    if (latency) jobs.add(keep(noise.latency, [&noise] { return latency_curves(noise.sequence, kLongestLookahead); }));
+    jobs.add(keep(noise.spatial, [&noise] { return Result<Json>(spatial_columns(noise.sequence)); }));
+    if (latency) {
+      jobs.add(
+          keep(noise.latency, [&noise] { return Result<Json>(latency_curves(noise.sequence, kLongestLookahead)); }));
+    }
     for (std::size_t l = 0; l < options_.lookaheads.size(); ++l) {
       const int lookahead = options_.lookaheads[l];
       jobs.add(
           keep(noise.cells[l], [&noise, lookahead] { return evaluate(noise.sequence, noise.training, lookahead); }));
       if (options_.drop <= 0.0) continue;
       jobs.add(keep(noise.drops[l], [this, &noise, lookahead] {
-        return drop_rows(noise.lossy, lookahead, options_.drop, options_.seed);
+        return Result<Json>(drop_rows(noise.lossy, lookahead, options_.drop, options_.seed));
       }));
     }
   }
 
   void collect(Noise& noise) {
-    for (auto& cell : noise.cells) {
-      cell->columns.insert(cell->columns.end(), noise.spatial.begin(), noise.spatial.end());
-      std::ranges::sort(cell->columns, {}, &Column::kind);
-      table_.cells.push_back(std::move(*cell));
+    for (Json& cell : noise.cells) {
+      Json columns;
+      cell["columns"].update(noise.spatial);
+      for (const Column& column : kColumns) columns[column.name] = cell["columns"][column.name];
+      cell["columns"] = columns;
+      table_["cells"].push_back(std::move(cell));
     }
-    for (auto& rows : noise.drops) {
-      if (rows) table_.drops.insert(table_.drops.end(), rows->begin(), rows->end());
+    for (const Json& rows : noise.drops) {
+      for (const Json& row : rows) table_["drops"].push_back(row);
     }
-    if (noise.latency) table_.latency.push_back(std::move(*noise.latency));
+    if (!noise.latency.is_null()) table_["latency"].push_back(noise.latency);
   }
 
   const Options& options_;
   int longest_;
   Progress progress_;
   std::uint64_t done_ = 0;
-  Table table_;
+  Json table_;
 };
 
 Result<Options> options_of(const cxxopts::ParseResult& given) {
@@ -209,26 +202,26 @@ Result<Options> options_of(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(options.crop, size_of(given["crop"].as<std::string>(), "crop", {32, 16}, {4096, 4096}));
   options.noises_k = given["noises"].as<std::vector<double>>();
   options.lookaheads = given["lookaheads"].as<std::vector<int>>();
-  options.frames = given["frames"].as<int>();
   options.seed = given["seed"].as<std::uint64_t>();
-  options.threads = given["threads"].as<int>();
   options.json = given.count("json") != 0;
-  const bool drops = given.count("drop") != 0;
-  if (drops) options.drop = given["drop"].as<double>();
   ASSIGN_OR_RETURN(options.plot, plot_file_of(given));
   RETURN_IF_ERROR(all_within(options.noises_k, "noises", 0.0, 100.0));
   RETURN_IF_ERROR(all_within(options.lookaheads, "lookaheads", 0, kWindow - 2));
-  RETURN_IF_ERROR(within(options.frames, "frames", 1, 1000));
-  RETURN_IF_ERROR(within(options.threads, "threads", 1, 64));
-  RETURN_IF_ERROR(drops ? within(options.drop, "drop", 0.0001, 0.5) : Status{});
+  ASSIGN_OR_RETURN(options.frames, number_of<int>(given, "frames", 1, 1000));
+  ASSIGN_OR_RETURN(options.threads, number_of<int>(given, "threads", 1, 64));
+  if (given.count("drop") != 0) {
+    ASSIGN_OR_RETURN(options.drop, number_of<double>(given, "drop", 0.0001, 0.5));
+  }
   return options;
 }
 
 Status run(const cxxopts::ParseResult& given) {
   ASSIGN_OR_RETURN(const Options options, options_of(given));
-  ASSIGN_OR_RETURN(auto table, Evaluation(options).run());
+  ASSIGN_OR_RETURN(const Json table, Evaluation(options).run());
   if (options.json) {
-    std::printf("%s\n", to_json(options, table).dump(2).c_str());
+    Json whole = head_of(options);
+    whole.update(table);
+    std::puts(whole.dump(2).c_str());
   } else {
     print_text(options, table);
   }
@@ -242,24 +235,26 @@ Status run(const cxxopts::ParseResult& given) {
 
 }  // namespace
 
-int eval_fidelity_main(int argc, char** argv) {
-  cxxopts::Options cli("bolo-lab eval fidelity", kSummary);
-  const auto texts = [](const char* value) { return cxxopts::value<std::vector<std::string>>()->default_value(value); };
-  const auto numbers = [](const char* value) { return cxxopts::value<std::vector<double>>()->default_value(value); };
-  cli.add_options("What is compared")(
-      "scene", "street, or pictures: PNG, JPEG (black to white is 25 K), HDF5 with image_k", texts("street"),
-      "street|IMAGE,..")("speeds", "Pans along +x, pixels/s", numbers("100,300,600"))(
-      "trajectory", "Hand-held motions beside the pans, from the middle of each file: CSV of t_s,x_px,y_px",
-      cxxopts::value<std::vector<std::string>>(), "FILE.csv,..")("noises", "K rms", numbers("0.03,0.1,0.5"))(
-      "lookaheads", "Frames", cxxopts::value<std::vector<int>>()->default_value("0,1,2"))(
-      "frames", "Targets judged in a cell", cxxopts::value<int>()->default_value("24"))(
-      "crop", "Pixels judged", cxxopts::value<std::string>()->default_value("320x64"), "WxH")(
-      "drop", "Also lose this share of the frames, at random", cxxopts::value<double>(), "SHARE")(
-      "seed", "Of the street, the noise and the losses", cxxopts::value<std::uint64_t>()->default_value("1"))(
-      "threads", "The result does not depend on them", cxxopts::value<int>()->default_value("2"));
-  cli.add_options("Output")("json", "Print one JSON object");
-  add_plot_option(cli, "Draw the table");
-  return run_verb("eval fidelity", std::move(cli), argc, argv, run);
-}
-
 }  // namespace bolo::tools::fidelity
+
+int bolo::tools::eval_fidelity_main(int argc, char** argv) {
+  cxxopts::Options cli("bolo-lab eval fidelity", fidelity::kSummary);
+  using Texts = std::vector<std::string>;
+  using Numbers = std::vector<double>;
+  add_option<Texts>(cli, "scene", "street, or pictures: PNG, JPEG (black to white is 25 K), HDF5 with image_k",
+                    "street", "street|IMAGE,..");
+  add_option<Numbers>(cli, "speeds", "Pans along +x, pixels/s", "100,300,600");
+  add_option<Texts>(cli, "trajectory",
+                    "Hand-held motions beside the pans, from the middle of each file: CSV of t_s,x_px,y_px", nullptr,
+                    "FILE.csv,..");
+  add_option<Numbers>(cli, "noises", "K rms", "0.03,0.1,0.5");
+  add_option<std::vector<int>>(cli, "lookaheads", "Frames", "0,1,2");
+  add_option<int>(cli, "frames", "Targets judged in a cell", "24");
+  add_option<std::string>(cli, "crop", "Pixels judged", "320x64", "WxH");
+  add_option<double>(cli, "drop", "Also lose this share of the frames, at random", nullptr, "SHARE");
+  add_option<std::uint64_t>(cli, "seed", "Of the street, the noise and the losses", "1");
+  add_option<int>(cli, "threads", "The result does not depend on them", "2");
+  add_option<bool>(cli, "json", "Print one JSON object");
+  add_plot_option(cli, "Draw the table");
+  return run_verb("fidelity", std::move(cli), argc, argv, fidelity::run);
+}

@@ -1,18 +1,11 @@
-#include "tools/lab/eval/fidelity_columns.hpp"
-
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <limits>
 #include <mutex>
 #include <numeric>
 #include <random>
-#include <utility>
 
 #include "src/core/clock.hpp"
 #include "src/deblur/window.hpp"
-#include "src/report/text.hpp"
-#include "tools/lab/eval/fidelity_filters.hpp"
+#include "tools/lab/eval/fidelity.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {
@@ -21,8 +14,36 @@ constexpr double kWrongSpeed = 1.1;
 
 Geometry judged_size(const Sequence& s) { return {s.clean->judged.width, s.clean->judged.height}; }
 
-Column column_of(ColumnKind kind, const Picked& picked, const Planes& truth, const Sequence& s) {
-  return {kind, picked.setting, "", measure(picked.planes, truth, judged_size(s))};
+// A column's figures; `setting`: what was picked, or measured.
+Json figures_of(const Planes& planes, const Planes& truth, const Sequence& s, const std::string& setting = "") {
+  Json figures = measure(planes, truth, judged_size(s));
+  if (!setting.empty()) figures["setting"] = setting;
+  return figures;
+}
+
+// What a row of a table is of.
+Json place_of(const Sequence& s) {
+  return {{"scene", s.clean->task.scene}, {"motion", s.clean->task.motion.label()}, {"noise_k", s.noise_k}};
+}
+
+// A solver for the sequence's stream, kelvin out; one is made at a time.
+Result<std::unique_ptr<deblur::Solver>> make_solver(const Sequence& s, const deblur::Settings& settings) {
+  static std::mutex one_at_a_time;  // set-up is no place for two threads
+  const std::lock_guard lock(one_at_a_time);
+  return deblur::Solver::create(settings, s.format, PixelType::kFloat32);
+}
+
+// Settings of `auto`, `mmae` or `motion` that this build can run; kBadInput says why there are none. They work from the
+// measured noise, so that a solver which does not measure it is not the one asked for.
+Result<deblur::Settings> live_settings(std::string_view column, const Sequence& s, int lookahead) {
+  const auto* const asked = std::ranges::find(kColumns, column, &Column::name);
+  deblur::Settings settings = settings_of(asked->live.value_or(deblur::Method::kAdmm), lookahead);
+  settings.auto_lambda = column == "auto";
+  ASSIGN_OR_RETURN(const auto solver, make_solver(s, settings));
+  const auto planes = s.window_ending_at(kWindow - 1);
+  solver->prepare({planes, kWindow - 1 - lookahead});
+  if (solver->noise_k() > 0.0) return settings;
+  return bad_input("this build's solver does not measure the noise");
 }
 
 Planes blurred(const Sequence& s) {
@@ -41,58 +62,46 @@ std::vector<std::vector<Tap>> motion_kernels(const CleanSequence& clean, double 
 }
 
 // The QP at every lambda of the grid.
-Result<Column> qp_columns(const Sequence& s, const Planes& truth, int lookahead, Cell& cell) {
+Status add_qp(const Sequence& s, const Planes& truth, int lookahead, Json& cell) {
   Oracle oracle(truth);
   for (const double lambda : kLambdas) {
     ASSIGN_OR_RETURN(auto planes, estimate(s, settings_of(deblur::Method::kAdmm, lookahead, lambda)));
-    if (lambda == kAuthorsLambda) {
-      cell.columns.push_back({ColumnKind::kQpAuthors, "", "", measure(planes, truth, judged_size(s))});
-    }
+    if (lambda == kAuthorsLambda) cell["columns"]["qp_authors"] = figures_of(planes, truth, s);
     const double error = oracle.offer(std::move(planes), plot::format("lambda %g", lambda));
-    cell.grid.push_back({lambda, error});
+    cell["qp_grid"].push_back({{"lambda", lambda}, {"rmse_k", error}});
   }
-  return column_of(ColumnKind::kQpBest, oracle.best(), truth, s);
+  cell["columns"]["qp_best"] = figures_of(oracle.best().planes, truth, s, oracle.best().setting);
+  return {};
 }
 
-Column live_column(const Sequence& s, const Planes& truth, ColumnKind kind, int lookahead) {
-  const auto settings = live_settings(kind, s, lookahead);
-  if (!settings) return {kind, "", settings.error().message, {}};
+Json live_column(const Sequence& s, const Planes& truth, std::string_view column, int lookahead) {
   double noise_k = 0.0;
-  const auto planes = estimate(s, *settings, &noise_k);
-  if (!planes) return {kind, "", planes.error().message, {}};
-  return {kind, plot::format("noise measured %.3f K", noise_k), "", measure(*planes, truth, judged_size(s))};
-}
-
-double live_rmse(const Sequence& s, const Planes& truth, ColumnKind kind, int lookahead) {
-  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  if (kind == ColumnKind::kQpBest) {
-    Oracle oracle(truth);
-    for (const double lambda : kLambdas) {
-      auto planes = estimate(s, settings_of(deblur::Method::kAdmm, lookahead, lambda));
-      if (!planes) return kNone;
-      oracle.offer(std::move(*planes), "");
-    }
-    return oracle.rmse_k();
-  }
-  const auto settings = kind == ColumnKind::kInverse
-                            ? Result<deblur::Settings>(settings_of(deblur::Method::kInverse, lookahead))
-                            : live_settings(kind, s, lookahead);
-  if (!settings) return kNone;
-  const auto planes = estimate(s, *settings);
-  return planes ? rmse(*planes, truth) : kNone;
+  const auto planes = live_settings(column, s, lookahead).and_then([&](const deblur::Settings& settings) {
+    return estimate(s, settings, &noise_k);
+  });
+  if (!planes) return {{"skipped", planes.error().message}};
+  return figures_of(*planes, truth, s, plot::format("noise measured %.3f K", noise_k));
 }
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr double kDefaultLambda = deblur::Settings{}.lambda;
 
-double mean_squared_error(const Plane& a, const Plane& b) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    const double d = static_cast<double>(a[i]) - static_cast<double>(b[i]);
-    sum += d * d;
+double live_rmse(const Sequence& s, const Planes& truth, std::string_view column, int lookahead) {
+  if (column == "qp_best") {
+    double best = kNone;
+    for (const double lambda : kLambdas) {
+      const auto planes = estimate(s, settings_of(deblur::Method::kAdmm, lookahead, lambda));
+      if (!planes) return kNone;
+      best = std::fmin(best, rmse(*planes, truth));
+    }
+    return best;
   }
-  return sum / static_cast<double>(a.size());
+  const auto settings = column == "inverse" ? Result<deblur::Settings>(settings_of(deblur::Method::kInverse, lookahead))
+                                            : live_settings(column, s, lookahead);
+  const auto planes = settings.and_then([&](const deblur::Settings& good) { return estimate(s, good); });
+  return planes ? rmse(*planes, truth) : kNone;
 }
+
+constexpr double kDefaultLambda = deblur::Settings{}.lambda;
 
 // Solves a stream as the pipeline does. `numbers` are the frames that arrive; with `closed_up` their counters and times
 // hide what was lost. Mean squared error of each frame, K^2; NaN where there is no full window.
@@ -116,14 +125,16 @@ Result<std::vector<double>> stream_errors(const Sequence& s, const deblur::Setti
       if (!ready.full) continue;
       solver->prepare(ready.view);
       solver->solve(ready.view, clean.judged, whole.data());
-      errors[ready.frame.token] =
-          mean_squared_error(cut(whole, clean.geometry, clean.judged), clean.truth[ready.frame.token]);
+      SquareSum error;
+      const Plane judged = cut(whole, clean.geometry, clean.judged);
+      for (std::size_t p = 0; p < judged.size(); ++p) error.add(judged[p], clean.truth[ready.frame.token][p]);
+      errors[ready.frame.token] = error.mean();
     }
   }
   return errors;
 }
 
-// Root of the mean over frames.
+// Root of the mean over frames: of the whole stream, and of that with losses, which are noticed, or not.
 struct Sums {
   std::array<double, 3> sum{};
   int frames = 0;
@@ -132,9 +143,9 @@ struct Sums {
     for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += errors[i];
     ++frames;
   }
-  DropErrors errors() const {
+  Json errors() const {
     const auto rms = [this](std::size_t i) { return frames > 0 ? std::sqrt(sum[i] / frames) : kNone; };
-    return {rms(0), rms(1), rms(2), frames};
+    return {{"frames", frames}, {"whole_rmse_k", rms(0)}, {"gap_aware_rmse_k", rms(1)}, {"gap_blind_rmse_k", rms(2)}};
   }
 };
 
@@ -146,35 +157,26 @@ bool near_loss(const std::vector<bool>& lost, std::size_t k) {
   return false;
 }
 
-Status fill(const Sequence& s, const deblur::Settings& settings, const std::vector<bool>& lost, DropRow& row) {
+Result<Json> drop_figures(const Sequence& s, const deblur::Settings& settings, const std::vector<bool>& lost) {
   std::vector<std::size_t> all(s.frames.size());
   std::iota(all.begin(), all.end(), 0U);
   std::vector<std::size_t> arrived;
   std::ranges::copy_if(all, std::back_inserter(arrived), [&](std::size_t k) { return !lost[k]; });
-  const std::array streams{stream_errors(s, settings, all, false), stream_errors(s, settings, arrived, false),
-                           stream_errors(s, settings, arrived, true)};
-  for (const auto& stream : streams) {
-    if (!stream) return tl::unexpected(stream.error());
-  }
+  ASSIGN_OR_RETURN(const auto whole, stream_errors(s, settings, all, false));
+  ASSIGN_OR_RETURN(const auto aware, stream_errors(s, settings, arrived, false));
+  ASSIGN_OR_RETURN(const auto blind, stream_errors(s, settings, arrived, true));
   Sums every;
   Sums near;
   for (std::size_t k = kLeadIn; k < all.size(); ++k) {
-    const std::array errors{(*streams[0])[k], (*streams[1])[k], (*streams[2])[k]};
+    const std::array errors{whole[k], aware[k], blind[k]};
     if (std::ranges::any_of(errors, [](double e) { return std::isnan(e); })) continue;
     every.add(errors);
     if (near_loss(lost, k)) near.add(errors);
   }
-  row.all = every.errors();
-  row.near = near.errors();
-  row.frames_lost = static_cast<int>(std::ranges::count(lost, true));
-  return {};
+  return Json{{"frames_lost", std::ranges::count(lost, true)}, {"all", every.errors()}, {"near", near.errors()}};
 }
 
 }  // namespace
-
-const Column& Cell::column(ColumnKind kind) const {
-  return *std::ranges::find_if(columns, [kind](const Column& c) { return c.kind == kind; });
-}
 
 deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda) {
   deblur::Settings settings;
@@ -185,12 +187,6 @@ deblur::Settings settings_of(deblur::Method method, int lookahead, double lambda
   settings.lambda = lambda;
   settings.lookahead = lookahead;
   return settings;
-}
-
-Result<std::unique_ptr<deblur::Solver>> make_solver(const Sequence& s, const deblur::Settings& settings) {
-  static std::mutex one_at_a_time;  // set-up is no place for two threads
-  const std::lock_guard lock(one_at_a_time);
-  return deblur::Solver::create(settings, s.format, PixelType::kFloat32);
 }
 
 Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings, double* noise_k) {
@@ -213,59 +209,46 @@ Result<Planes> estimate(const Sequence& s, const deblur::Settings& settings, dou
   return out;
 }
 
-Result<deblur::Settings> live_settings(ColumnKind kind, const Sequence& s, int lookahead) {
-  const deblur::Method method = kColumns[static_cast<std::size_t>(kind)].live.value_or(deblur::Method::kAdmm);
-  deblur::Settings settings = settings_of(method, lookahead);
-  settings.auto_lambda = kind == ColumnKind::kAuto;
-  ASSIGN_OR_RETURN(const auto solver, make_solver(s, settings));
-  const auto planes = s.window_ending_at(kWindow - 1);
-  solver->prepare({planes, kWindow - 1 - lookahead});
-  if (solver->noise_k() > 0.0) return settings;
-  return bad_input("this build's solver does not measure the noise");
-}
-
-std::vector<Column> spatial_columns(const Sequence& s) {
+Json spatial_columns(const Sequence& s) {
   const Planes truth = target_truth(*s.clean);
   Planes frames;
   for (const std::size_t target : s.clean->targets) frames.push_back(s.kelvin(target));
   const auto told = motion_kernels(*s.clean, 1.0);
   const auto told_wrongly = motion_kernels(*s.clean, kWrongSpeed);
   const SpatialTask task{s, truth, frames, told};
-  return {column_of(ColumnKind::kUnsharp, picked_unsharp(s, truth, frames), truth, s),
-          column_of(ColumnKind::kSpatialWiener, picked_wiener(task), truth, s),
-          column_of(ColumnKind::kSpatialWienerOff, picked_wiener({s, truth, frames, told_wrongly}), truth, s),
-          column_of(ColumnKind::kRichardsonLucy, picked_lucy(task), truth, s)};
+  const auto shown = [&](const Picked& picked) { return figures_of(picked.planes, truth, s, picked.setting); };
+  return {{"unsharp", shown(picked_unsharp(s, truth, frames))},
+          {"spatial_wiener", shown(picked_wiener(task))},
+          {"spatial_wiener_10", shown(picked_wiener({s, truth, frames, told_wrongly}))},
+          {"richardson_lucy", shown(picked_lucy(task))}};
 }
 
-Result<Cell> evaluate(const Sequence& s, const Sequence& training, int lookahead) {
+Result<Json> evaluate(const Sequence& s, const Sequence& training, int lookahead) {
   const Planes truth = target_truth(*s.clean);
-  const Geometry size = judged_size(s);
-  Cell cell{{s.clean->task.scene, s.clean->task.motion, s.noise_k, lookahead}, edge_width(truth, truth, size), {}, {}};
-  cell.columns.push_back({ColumnKind::kBlurred, "", "", measure(blurred(s), truth, size)});
+  const Motion& motion = s.clean->task.motion;
+  Json cell = place_of(s);
+  cell["speed_px_s"] = motion.is_pan() ? Json(motion.speed_px_s) : Json();
+  cell["trajectory"] = motion.is_pan() ? Json() : Json(motion.trajectory.string());
+  cell["lookahead"] = lookahead;
+  cell["truth_edge_width_px"] = edge_width(truth, truth, judged_size(s));
+  cell["columns"]["blurred"] = figures_of(blurred(s), truth, s);
   ASSIGN_OR_RETURN(const auto inverse, estimate(s, settings_of(deblur::Method::kInverse, lookahead)));
-  cell.columns.push_back({ColumnKind::kInverse, "", "", measure(inverse, truth, size)});
-  ASSIGN_OR_RETURN(auto best, qp_columns(s, truth, lookahead, cell));
-  cell.columns.push_back(best);
-  for (const ColumnName& column : kColumns) {
-    if (column.live) cell.columns.push_back(live_column(s, truth, column.kind, lookahead));
+  cell["columns"]["inverse"] = figures_of(inverse, truth, s);
+  RETURN_IF_ERROR(add_qp(s, truth, lookahead, cell));
+  for (const Column& column : kColumns) {
+    if (column.live) cell["columns"][column.name] = live_column(s, truth, column.name, lookahead);
   }
-  const Planes fitted = TemporalWiener(training, lookahead).apply(s);
-  cell.columns.push_back({ColumnKind::kTemporalWiener, "", "", measure(fitted, truth, size)});
+  cell["columns"]["temporal_wiener"] = figures_of(TemporalWiener(training, lookahead).apply(s), truth, s);
   return cell;
 }
 
-Result<LatencyCurves> latency_curves(const Sequence& s, int longest) {
+Json latency_curves(const Sequence& s, int longest) {
   const Planes truth = target_truth(*s.clean);
-  LatencyCurves curves;
-  curves.scene = s.clean->task.scene;
-  curves.motion = s.clean->task.motion;
-  curves.noise_k = s.noise_k;
-  curves.blurred_rmse_k = rmse(blurred(s), truth);
+  Json curves = place_of(s);
+  curves["blurred_rmse_k"] = rmse(blurred(s), truth);
   for (int lookahead = 0; lookahead <= longest; ++lookahead) {
-    curves.lookaheads.push_back(lookahead);
-    for (std::size_t c = 0; c < kLiveColumns.size(); ++c) {
-      curves.rmse_k[c].push_back(live_rmse(s, truth, kLiveColumns[c], lookahead));
-    }
+    curves["lookaheads"].push_back(lookahead);
+    for (const char* column : kLiveColumns) curves[column].push_back(live_rmse(s, truth, column, lookahead));
   }
   return curves;
 }
@@ -287,23 +270,20 @@ std::vector<bool> losses(std::size_t frames, double share, std::uint64_t seed) {
   return lost;
 }
 
-Result<std::vector<DropRow>> drop_rows(const Sequence& s, int lookahead, double share, std::uint64_t seed) {
+Json drop_rows(const Sequence& s, int lookahead, double share, std::uint64_t seed) {
   const std::vector<bool> lost = losses(s.frames.size(), share, seed);
   using deblur::Method;
   const std::vector<std::pair<std::string, Result<deblur::Settings>>> methods{
       {"admm", settings_of(Method::kAdmm, lookahead, kDefaultLambda)},
       {"inverse", settings_of(Method::kInverse, lookahead)},
-      {"auto", live_settings(ColumnKind::kAuto, s, lookahead)},
-      {"mmae", live_settings(ColumnKind::kMmae, s, lookahead)}};
-  std::vector<DropRow> rows;
+      {"auto", live_settings("auto", s, lookahead)},
+      {"mmae", live_settings("mmae", s, lookahead)}};
+  Json rows = Json::array();
   for (const auto& [name, settings] : methods) {
-    DropRow row{{s.clean->task.scene, s.clean->task.motion, s.noise_k, lookahead}, name, "", 0, {}, {}};
-    if (!settings) {
-      row.skipped = settings.error().message;
-    } else if (const Status filled = fill(s, *settings, lost, row); !filled) {
-      row.skipped = filled.error().message;
-    }
-    rows.push_back(std::move(row));
+    Json& row = rows.emplace_back(place_of(s));
+    row.update({{"lookahead", lookahead}, {"method", name}});
+    const auto figures = settings.and_then([&](const deblur::Settings& good) { return drop_figures(s, good, lost); });
+    row.update(figures ? *figures : Json{{"skipped", figures.error().message}});
   }
   return rows;
 }

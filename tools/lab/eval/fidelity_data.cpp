@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <memory>
 
-#include "src/report/text.hpp"
 #include "src/sim/simulator.hpp"
 
 namespace bolo::tools::fidelity {

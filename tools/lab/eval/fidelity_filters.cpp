@@ -1,18 +1,12 @@
-#include "tools/lab/eval/fidelity_filters.hpp"
+#include "tools/lab/eval/fidelity.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <complex>
 #include <map>
 #include <numeric>
-#include <utility>
 
 #include <Eigen/Dense>
 #include <unsupported/Eigen/FFT>
-
-#include "src/report/text.hpp"
-#include "tools/lab/eval/fidelity_measures.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {

@@ -1,12 +1,8 @@
-#include "tools/lab/eval/fidelity_measures.hpp"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <limits>
 #include <numeric>
 
 #include "src/core/statistics.hpp"
+#include "tools/lab/eval/fidelity_data.hpp"
 #include "tools/lab/eval/sample.hpp"
 
 namespace bolo::tools::fidelity {
@@ -244,16 +240,11 @@ double best_shifted_error(const Plane& estimate, const Plane& truth, Geometry g)
 }  // namespace
 
 double rmse(const Planes& estimate, const Planes& truth) {
-  double sum = 0.0;
-  std::size_t values = 0;
+  SquareSum sum;
   for (std::size_t k = 0; k < truth.size(); ++k) {
-    for (std::size_t i = 0; i < truth[k].size(); ++i) {
-      const double d = static_cast<double>(estimate[k][i]) - static_cast<double>(truth[k][i]);
-      sum += d * d;
-    }
-    values += truth[k].size();
+    for (std::size_t i = 0; i < truth[k].size(); ++i) sum.add(estimate[k][i], truth[k][i]);
   }
-  return values > 0 ? std::sqrt(sum / static_cast<double>(values)) : 0.0;
+  return sum.count > 0 ? sum.root_mean() : 0.0;
 }
 
 double psnr(double rmse, double range) {
@@ -300,8 +291,7 @@ double edge_width(const Planes& estimate, const Planes& truth, Geometry g) {
 }
 
 double edge_rmse(const Planes& estimate, const Planes& truth, Geometry g) {
-  double sum = 0.0;
-  std::size_t values = 0;
+  SquareSum sum;
   std::vector<std::pair<double, std::size_t>> order(g.pixels());
   for (std::size_t k = 0; k < truth.size(); ++k) {
     for (int y = 0; y < g.height; ++y) {
@@ -310,14 +300,9 @@ double edge_rmse(const Planes& estimate, const Planes& truth, Geometry g) {
     const std::size_t steep = std::max<std::size_t>(1, order.size() / 20);
     std::nth_element(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(steep - 1), order.end(),
                      std::greater<>());
-    for (std::size_t i = 0; i < steep; ++i) {
-      const std::size_t p = order[i].second;
-      const double d = static_cast<double>(estimate[k][p]) - static_cast<double>(truth[k][p]);
-      sum += d * d;
-    }
-    values += steep;
+    for (std::size_t i = 0; i < steep; ++i) sum.add(estimate[k][order[i].second], truth[k][order[i].second]);
   }
-  return values > 0 ? std::sqrt(sum / static_cast<double>(values)) : 0.0;
+  return sum.count > 0 ? sum.root_mean() : 0.0;
 }
 
 double shifted_rmse(const Planes& estimate, const Planes& truth, Geometry g) {
@@ -356,16 +341,15 @@ double flat_noise(const Planes& estimate, const Planes& truth, Geometry g) {
   return std::sqrt(std::max(0.0, sum / static_cast<double>(tiles.size())));
 }
 
-Measures measure(const Planes& estimate, const Planes& truth, Geometry g) {
-  Measures m;
-  m.rmse_k = rmse(estimate, truth);
-  m.psnr_db = psnr(m.rmse_k, kContrastK);
-  m.ssim = ssim_of_all(estimate, truth, g);
-  m.edge_width_px = edge_width(estimate, truth, g);
-  m.edge_rmse_k = edge_rmse(estimate, truth, g);
-  m.shifted_rmse_k = shifted_rmse(estimate, truth, g);
-  m.flat_noise_k = flat_noise(estimate, truth, g);
-  return m;
+Json measure(const Planes& estimate, const Planes& truth, Geometry g) {
+  const double rmse_k = rmse(estimate, truth);
+  return {{"rmse_k", rmse_k},
+          {"psnr_db", psnr(rmse_k, kContrastK)},
+          {"ssim", ssim_of_all(estimate, truth, g)},
+          {"edge_width_px", edge_width(estimate, truth, g)},
+          {"edge_rmse_k", edge_rmse(estimate, truth, g)},
+          {"shifted_rmse_k", shifted_rmse(estimate, truth, g)},
+          {"flat_noise_k", flat_noise(estimate, truth, g)}};
 }
 
 }  // namespace bolo::tools::fidelity

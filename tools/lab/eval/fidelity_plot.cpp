@@ -1,10 +1,8 @@
-#include "tools/lab/eval/fidelity_report.hpp"
-
 #include <algorithm>
-#include <filesystem>
+#include <map>
 #include <set>
 
-#include "src/report/text.hpp"
+#include "tools/lab/eval/fidelity.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {
@@ -13,33 +11,31 @@ using plot::format;
 using plot::Hue;
 
 struct Look {
-  ColumnKind kind;
+  const char* column;
   const char* label;
   Hue hue;
 };
 
 // What a camera's stream can be given to, live. Blurred is the line that they are compared with.
-constexpr std::array kLive{Look{ColumnKind::kInverse, "inverse filter", Hue::kAmber},
-                           Look{ColumnKind::kQpAuthors, "QP, the authors' lambda", Hue::kSoft},
-                           Look{ColumnKind::kQpBest, "QP, best lambda (picked with the truth)", Hue::kPurple},
-                           Look{ColumnKind::kAuto, "QP, lambda auto", Hue::kDeblurred},
-                           Look{ColumnKind::kMmae, "mmae", Hue::kGreen},
-                           Look{ColumnKind::kMotion, "motion, estimated live", Hue::kBad}};
+constexpr std::array kLive{Look{"inverse", "inverse filter", Hue::kAmber},
+                           Look{"qp_authors", "QP, the authors' lambda", Hue::kSoft},
+                           Look{"qp_best", "QP, best lambda (picked with the truth)", Hue::kPurple},
+                           Look{"auto", "QP, lambda auto", Hue::kDeblurred},
+                           Look{"mmae", "mmae", Hue::kGreen},
+                           Look{"motion", "motion, estimated live", Hue::kBad}};
 // What a person would try, told what no live camera knows.
-constexpr std::array kTold{Look{ColumnKind::kUnsharp, "unsharp mask", Hue::kSoft},
-                           Look{ColumnKind::kSpatialWiener, "spatial Wiener", Hue::kPurple},
-                           Look{ColumnKind::kSpatialWienerOff, "the same, told 10 % too much speed", Hue::kBad},
-                           Look{ColumnKind::kRichardsonLucy, "Richardson-Lucy", Hue::kAmber},
-                           Look{ColumnKind::kTemporalWiener, "temporal filter, fitted", Hue::kDeblurred},
-                           Look{ColumnKind::kMmae, "mmae, for comparison", Hue::kGreen}};
+constexpr std::array kTold{Look{"unsharp", "unsharp mask", Hue::kSoft},
+                           Look{"spatial_wiener", "spatial Wiener", Hue::kPurple},
+                           Look{"spatial_wiener_10", "the same, told 10 % too much speed", Hue::kBad},
+                           Look{"richardson_lucy", "Richardson-Lucy", Hue::kAmber},
+                           Look{"temporal_wiener", "temporal filter, fitted", Hue::kDeblurred},
+                           Look{"mmae", "mmae, for comparison", Hue::kGreen}};
 
 constexpr double kLeastRatio = 0.08;
 constexpr double kMostRatio = 4.0;
 constexpr std::size_t kCellsBeside = 4;  // with so few, both panels of a look-ahead stand beside each other
 
-std::string stem_of(const std::string& scene) { return std::filesystem::path(scene).stem().string(); }
-
-plot::Plot panel(const std::vector<const Cell*>& cells, std::span<const Look> looks, const std::string& title,
+plot::Plot panel(const std::vector<Json>& cells, std::span<const Look> looks, const std::string& title,
                  const std::string& caption) {
   plot::Plot panel{
       .title = title,
@@ -51,34 +47,32 @@ plot::Plot panel(const std::vector<const Cell*>& cells, std::span<const Look> lo
   for (const Look& look : looks) {
     plot::Series series{.kind = plot::Kind::kBars, .label = look.label, .hue = look.hue, .base = 1.0};
     for (std::size_t i = 0; i < cells.size(); ++i) {
-      const Column& column = cells[i]->column(look.kind);
-      if (!column.there()) continue;
-      const double ratio = column.measures.rmse_k / cells[i]->column(ColumnKind::kBlurred).measures.rmse_k;
+      const Json& columns = cells[i]["columns"];
+      if (columns[look.column].contains("skipped")) continue;
+      const double rmse_k = columns[look.column]["rmse_k"];
+      const double ratio = rmse_k / columns["blurred"]["rmse_k"].get<double>();
       series.x.push_back(static_cast<double>(i));
       series.y.push_back(std::clamp(ratio, kLeastRatio, kMostRatio));
-      series.titles.push_back(format("%s: %.3f K, %.2f of blurred", look.label, column.measures.rmse_k, ratio));
+      series.titles.push_back(format("%s: %.3f K, %.2f of blurred", look.label, rmse_k, ratio));
     }
     if (!series.x.empty()) panel.series.push_back(std::move(series));
   }
-  for (const Cell* cell : cells) {
-    panel.x.categories.push_back(format("%s, %g K", cell->motion.label().c_str(), cell->noise_k));
+  for (const Json& cell : cells) {
+    panel.x.categories.push_back(
+        format("%s, %g K", cell["motion"].get<std::string>().c_str(), cell["noise_k"].get<double>()));
   }
   panel.x.name = "motion and noise";
   return panel;
 }
 
-void add_scene(plot::Sheet& sheet, const std::string& scene, const Table& table) {
-  std::set<int> lookaheads;
-  for (const Cell& cell : table.cells) {
-    if (cell.scene == scene) lookaheads.insert(cell.lookahead);
+void add_scene(plot::Sheet& sheet, const std::string& scene, const Json& table) {
+  std::map<int, std::vector<Json>> by_lookahead;
+  for (const Json& cell : table["cells"]) {
+    if (cell["scene"] == scene) by_lookahead[cell["lookahead"].get<int>()].push_back(cell);
   }
-  for (const int lookahead : lookaheads) {
-    std::vector<const Cell*> cells;
-    for (const Cell& cell : table.cells) {
-      if (cell.scene == scene && cell.lookahead == lookahead) cells.push_back(&cell);
-    }
+  for (const auto& [lookahead, cells] : by_lookahead) {
     const std::string where =
-        format("%s, look-ahead %d frame%s (%d ms more latency). ", stem_of(scene).c_str(), lookahead,
+        format("%s, look-ahead %d frame%s (%d ms more latency). ", stem_of(cells.front()).c_str(), lookahead,
                lookahead == 1 ? "" : "s", lookahead * static_cast<int>(kPeriodS * 1e3));
     plot::Plot live = panel(cells, kLive, "Live estimators",
                             where +
@@ -88,51 +82,49 @@ void add_scene(plot::Sheet& sheet, const std::string& scene, const Table& table)
                             where +
                                 "Spatial methods are told the motion of the whole picture, the temporal filter was "
                                 "fitted to the same motion and noise, strengths were picked with the truth.");
-    if (cells.size() <= kCellsBeside) {
-      sheet.rows.push_back({std::move(live), std::move(told)});
-    } else {
-      sheet.rows.push_back({std::move(live)});
-      sheet.rows.push_back({std::move(told)});
-    }
+    sheet.rows.push_back({std::move(live)});
+    if (cells.size() > kCellsBeside) sheet.rows.emplace_back();
+    sheet.rows.back().push_back(std::move(told));
   }
 }
 
-plot::Plot latency_panel(const LatencyCurves& curves, double high_k) {
-  plot::Plot panel{.title = format("Noise %g K", curves.noise_k),
+plot::Plot latency_panel(const Json& curves, double high_k) {
+  plot::Plot panel{.title = format("Noise %g K", curves["noise_k"].get<double>()),
                    .x = {.name = "added latency", .unit = "ms", .low = 0.0},
                    .y = {.name = "RMSE", .unit = "K", .low = 0.0, .high = high_k},
-                   .levels = {{curves.blurred_rmse_k, "blurred", Hue::kBlurred}},
+                   .levels = {{curves["blurred_rmse_k"], "blurred", Hue::kBlurred}},
                    .width = 400.0,
                    .height = 230.0};
   std::vector<double> ms;
-  for (const int lookahead : curves.lookaheads) ms.push_back(lookahead * kPeriodS * 1e3);
+  for (const int lookahead : curves["lookaheads"]) ms.push_back(lookahead * kPeriodS * 1e3);
   constexpr std::array<Look, kLiveColumns.size()> kLooks{
-      Look{ColumnKind::kInverse, "inverse", Hue::kAmber}, Look{ColumnKind::kQpBest, "QP, best", Hue::kPurple},
-      Look{ColumnKind::kAuto, "QP, auto", Hue::kDeblurred}, Look{ColumnKind::kMmae, "mmae", Hue::kGreen}};
+      Look{"inverse", "inverse", Hue::kAmber}, Look{"qp_best", "QP, best", Hue::kPurple},
+      Look{"auto", "QP, auto", Hue::kDeblurred}, Look{"mmae", "mmae", Hue::kGreen}};
   constexpr std::array<double, kLiveColumns.size()> kWidths{6.5, 4.5, 2.5, 2.0};  // those below show beneath
   for (std::size_t c = 0; c < kLooks.size(); ++c) {
     panel.series.push_back(
-        {.label = kLooks[c].label, .hue = kLooks[c].hue, .x = ms, .y = curves.rmse_k[c], .width = kWidths[c]});
+        {.label = kLooks[c].label, .hue = kLooks[c].hue, .x = ms, .y = curves[kLooks[c].column], .width = kWidths[c]});
   }
   return panel;
 }
 
 }  // namespace
 
-plot::Sheet sheet_of(const Table& table) {
+plot::Sheet sheet_of(const Json& table) {
   plot::Sheet sheet{.title = "Which estimator is good where"};
+  const Json all_curves = table.value("latency", Json::array());
   double high_k = 0.0;
-  for (const LatencyCurves& curves : table.latency) high_k = std::max(high_k, 1.1 * curves.blurred_rmse_k);
+  for (const Json& curves : all_curves) high_k = std::max(high_k, 1.1 * curves["blurred_rmse_k"].get<double>());
   std::vector<plot::Plot> latency;
-  for (const LatencyCurves& curves : table.latency) latency.push_back(latency_panel(curves, high_k));
+  for (const Json& curves : all_curves) latency.push_back(latency_panel(curves, high_k));
   if (!latency.empty()) {
-    const LatencyCurves& first = table.latency.front();
-    latency.front().caption = "Error over latency: " + stem_of(first.scene) + ", " + first.motion.label() +
+    const Json& first = all_curves.front();
+    latency.front().caption = "Error over latency: " + stem_of(first) + ", " + first["motion"].get<std::string>() +
                               ". What it is worth to wait for frames after the one that is estimated.";
     sheet.rows.push_back(std::move(latency));
   }
   std::set<std::string> scenes;
-  for (const Cell& cell : table.cells) scenes.insert(cell.scene);
+  for (const Json& cell : table["cells"]) scenes.insert(cell["scene"].get<std::string>());
   for (const std::string& scene : scenes) add_scene(sheet, scene, table);
   return sheet;
 }

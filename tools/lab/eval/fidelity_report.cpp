@@ -1,374 +1,254 @@
-#include "tools/lab/eval/fidelity_report.hpp"
-
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
-#include <filesystem>
-#include <functional>
-#include "src/report/text.hpp"
+
+#include "tools/lab/eval/fidelity.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {
 
-using enum ColumnKind;
+using Names = std::vector<std::string>;
 
-const std::vector<ColumnKind> kPixelwise{kBlurred, kInverse, kQpAuthors, kQpBest};
-const std::vector<ColumnKind> kWithBaselines{kBlurred,          kInverse,        kQpAuthors,
-                                             kQpBest,           kUnsharp,        kSpatialWiener,
-                                             kSpatialWienerOff, kRichardsonLucy, kTemporalWiener};
+std::string label_of(const Json& row) {
+  return plot::format("%s, %s, noise %g K, look-ahead %d", stem_of(row).c_str(),
+                      row["motion"].get<std::string>().c_str(), row["noise_k"].get<double>(),
+                      row["lookahead"].get<int>());
+}
 
-std::string_view name_of(ColumnKind kind) { return kColumns[static_cast<std::size_t>(kind)].name; }
+// A column's RMSE in a cell; NaN where it was skipped.
+double rmse_of(const Json& cell, const std::string& column) {
+  return cell["columns"][column].value("rmse_k", std::numeric_limits<double>::quiet_NaN());
+}
 
 // Collects ratios; those above the limit miss.
 class Judge {
  public:
-  Judge(std::string name, std::string words, double limit) : limit_(limit) {
-    verdict_.name = std::move(name);
-    verdict_.words = std::move(words);
-  }
+  Judge(std::string name, std::string words, double limit)
+      : verdict_{{"name", std::move(name)}, {"words", std::move(words)}}, limit_(limit) {}
 
-  void add(const std::string& cell, std::string against, double ratio) {
+  void add(const Json& cell, const std::string& against, double ratio) {
     if (!std::isfinite(ratio)) return;
-    ++verdict_.cells;
+    ++cells_;
     logs_ += std::log(ratio);
-    verdict_.worst_ratio = std::max(verdict_.worst_ratio, ratio);
-    if (ratio > limit_) verdict_.misses.push_back({cell, std::move(against), ratio});
+    worst_ = std::max(worst_, ratio);
+    if (ratio > limit_) misses_.push_back({{"cell", label_of(cell)}, {"against", against}, {"ratio", ratio}});
   }
 
-  Verdict verdict() const {
-    Verdict done = verdict_;
-    if (done.cells > 0) done.mean_ratio = std::exp(logs_ / done.cells);
-    return done;
+  Json verdict() {
+    const bool judged = cells_ > 0;
+    verdict_.update({{"cells", cells_},
+                     {"holds", judged ? Json(misses_.empty()) : Json()},
+                     {"mean_ratio", judged ? Json(std::exp(logs_ / cells_)) : Json()},
+                     {"worst_ratio", judged ? Json(worst_) : Json()},
+                     {"misses", misses_}});
+    return verdict_;
   }
 
  private:
-  Verdict verdict_;
+  Json verdict_;
   double limit_;
+  int cells_ = 0;
   double logs_ = 0.0;
+  double worst_ = 0.0;
+  Json misses_ = Json::array();
 };
 
 // A column against the best of others in every cell.
-Verdict against_best(const std::vector<Cell>& cells, ColumnKind kind, const std::vector<ColumnKind>& others,
-                     std::string name, std::string words, double limit) {
-  Judge judge(std::move(name), std::move(words), limit);
-  for (const Cell& cell : cells) {
-    if (!cell.column(kind).there()) continue;
-    const Column* best = nullptr;
-    for (const ColumnKind other : others) {
-      const Column& column = cell.column(other);
-      if (!column.there() || other == kind) continue;
-      if (best == nullptr || column.measures.rmse_k < best->measures.rmse_k) best = &column;
+struct Claim {
+  const char* column;
+  Names others;
+  const char* name;
+  const char* words;
+  double limit;
+};
+
+Json judged(const Json& cells, const Claim& claim) {
+  Judge judge(claim.name, claim.words, claim.limit);
+  for (const Json& cell : cells) {
+    std::string best;
+    for (const std::string& other : claim.others) {
+      const double error = rmse_of(cell, other);
+      if (std::isfinite(error) && (best.empty() || error < rmse_of(cell, best))) best = other;
     }
-    if (best == nullptr) continue;
-    judge.add(label_of(cell), std::string(name_of(best->kind)),
-              cell.column(kind).measures.rmse_k / best->measures.rmse_k);
+    if (!best.empty()) judge.add(cell, best, rmse_of(cell, claim.column) / rmse_of(cell, best));
   }
   return judge.verdict();
 }
 
-bool same_but_lookahead(const Place& a, const Place& b) {
-  return a.scene == b.scene && a.motion.label() == b.motion.label() && a.noise_k == b.noise_k;
-}
-
-constexpr double kLowNoiseK = 0.1;
-constexpr double kLookaheadGain = 0.6;
-
-Verdict lookahead_gain(const std::vector<Cell>& cells, ColumnKind kind) {
-  const std::string name(name_of(kind));
-  Judge judge("lookahead_gain_" + name,
-              name + ": look-ahead 1 at most 0.6 of look-ahead 0 where the noise is at most 0.1 K", kLookaheadGain);
-  for (const Cell& one : cells) {
-    if (one.lookahead != 1 || one.noise_k > kLowNoiseK || !one.column(kind).there()) continue;
-    for (const Cell& none : cells) {
-      if (none.lookahead != 0 || !same_but_lookahead(one, none)) continue;
-      judge.add(label_of(one), "look-ahead 0", one.column(kind).measures.rmse_k / none.column(kind).measures.rmse_k);
+Json lookahead_gain(const Json& cells, const std::string& column) {
+  constexpr double kLowNoiseK = 0.1;
+  Judge judge("lookahead_gain_" + column,
+              column + ": look-ahead 1 at most 0.6 of look-ahead 0 where the noise is at most 0.1 K", 0.6);
+  for (const Json& one : cells) {
+    if (one["lookahead"] != 1 || one["noise_k"] > kLowNoiseK) continue;
+    for (const Json& none : cells) {
+      const auto same = [&](const char* key) { return one[key] == none[key]; };
+      if (none["lookahead"] != 0 || !same("scene") || !same("motion") || !same("noise_k")) continue;
+      judge.add(one, "look-ahead 0", rmse_of(one, column) / rmse_of(none, column));
     }
   }
   return judge.verdict();
 }
 
-constexpr double kDropGrowth = 1.10;
+double ratio_of(const Json& errors, const char* key, const char* to) {
+  return errors[key].get<double>() / errors[to].get<double>();
+}
 
-Verdict drop_growth(const std::vector<DropRow>& rows, const std::string& method) {
-  Judge judge("lost_frames_" + method, method + ": with lost frames the error grows by less than 10 %", kDropGrowth);
-  for (const DropRow& row : rows) {
-    if (row.method != method || !row.skipped.empty()) continue;
-    judge.add(label_of(row), "no losses", row.all.gap_aware_k / row.all.whole_k);
+void add_drops(const Json& rows, const std::string& method, Json& all) {
+  Judge growth("lost_frames_" + method, method + ": with lost frames the error grows by less than 10 %", 1.10);
+  Judge noticed("gap_noticed_" + method,
+                method + ": near lost frames, leaving the gap empty is no worse than not noticing it", 1.0);
+  for (const Json& row : rows) {
+    if (row["method"] != method || row.contains("skipped")) continue;
+    growth.add(row, "no losses", ratio_of(row["all"], "gap_aware_rmse_k", "whole_rmse_k"));
+    noticed.add(row, "gap not noticed", ratio_of(row["near"], "gap_aware_rmse_k", "gap_blind_rmse_k"));
   }
-  return judge.verdict();
+  all.push_back(growth.verdict());
+  all.push_back(noticed.verdict());
 }
 
-Verdict gap_noticed(const std::vector<DropRow>& rows, const std::string& method) {
-  Judge judge("gap_noticed_" + method,
-              method + ": near lost frames, leaving the gap empty is no worse than not noticing it", 1.0);
-  for (const DropRow& row : rows) {
-    if (row.method != method || !row.skipped.empty()) continue;
-    judge.add(label_of(row), "gap not noticed", row.near.gap_aware_k / row.near.gap_blind_k);
+// --- The text.
+
+const std::vector<TextColumn> kPlace{
+    {"scene", -16, "scene"}, {"motion", -16, "motion"}, {"noise", 5, "noise_k"}, {"L", 2, "lookahead"}};
+
+void print_rows(const std::string& title, const std::vector<TextColumn>& columns, Json rows) {
+  std::printf("\n%s\n%s\n", title.c_str(), line_of(columns).c_str());
+  for (Json& row : rows) {
+    row["scene"] = stem_of(row);
+    std::puts(line_of(columns, row).c_str());
   }
-  return judge.verdict();
 }
 
-using Json = nlohmann::ordered_json;
-
-Json json_of(const Column& column) {
-  if (!column.there()) return {{"skipped", column.skipped}};
-  const Measures& m = column.measures;
-  Json json{{"rmse_k", m.rmse_k},
-            {"psnr_db", m.psnr_db},
-            {"ssim", m.ssim},
-            {"edge_width_px", m.edge_width_px},
-            {"edge_rmse_k", m.edge_rmse_k},
-            {"shifted_rmse_k", m.shifted_rmse_k},
-            {"flat_noise_k", m.flat_noise_k}};
-  if (!column.setting.empty()) json["setting"] = column.setting;
-  return json;
-}
-
-Json json_of(const Cell& cell) {
-  Json columns;
-  for (const Column& column : cell.columns) {
-    columns[std::string(kColumns[static_cast<std::size_t>(column.kind)].name)] = json_of(column);
+void print_measure(const Json& cells, const char* title, const std::string& measure, const char* form) {
+  std::vector<TextColumn> columns = kPlace;
+  if (measure == "edge_width_px") columns.push_back({"truth", 10, "truth_edge_width_px", form});
+  for (const Column& column : kColumns) {
+    columns.push_back({column.title, 10, std::string("columns/") + column.name + "/" + measure, form});
   }
-  Json grid = Json::array();
-  for (const LambdaError& e : cell.grid) grid.push_back({{"lambda", e.lambda}, {"rmse_k", e.rmse_k}});
-  const bool pan = cell.motion.is_pan();
-  return {{"scene", cell.scene},
-          {"motion", cell.motion.label()},
-          {"speed_px_s", pan ? Json(cell.motion.speed_px_s) : Json()},
-          {"trajectory", pan ? Json() : Json(cell.motion.trajectory.string())},
-          {"noise_k", cell.noise_k},
-          {"lookahead", cell.lookahead},
-          {"truth_edge_width_px", cell.truth_edge_width_px},
-          {"columns", columns},
-          {"qp_grid", grid}};
+  print_rows(title, columns, cells);
 }
 
-Json json_of(const DropErrors& errors) {
-  return {{"frames", errors.frames},
-          {"whole_rmse_k", errors.whole_k},
-          {"gap_aware_rmse_k", errors.gap_aware_k},
-          {"gap_blind_rmse_k", errors.gap_blind_k}};
-}
-
-Json json_of(const DropRow& row) {
-  Json json{{"scene", row.scene},
-            {"motion", row.motion.label()},
-            {"noise_k", row.noise_k},
-            {"lookahead", row.lookahead},
-            {"method", row.method}};
-  if (!row.skipped.empty()) {
-    json["skipped"] = row.skipped;
-    return json;
-  }
-  json.update({{"frames_lost", row.frames_lost}, {"all", json_of(row.all)}, {"near", json_of(row.near)}});
-  return json;
-}
-
-Json json_of(const LatencyCurves& curves) {
-  Json json{{"scene", curves.scene},
-            {"motion", curves.motion.label()},
-            {"noise_k", curves.noise_k},
-            {"blurred_rmse_k", curves.blurred_rmse_k},
-            {"lookaheads", curves.lookaheads}};
-  for (std::size_t c = 0; c < kLiveColumns.size(); ++c) {
-    json[std::string(kColumns[static_cast<std::size_t>(kLiveColumns[c])].name)] = curves.rmse_k[c];
-  }
-  return json;
-}
-
-Json json_of(const Verdict& verdict) {
-  Json misses = Json::array();
-  for (const Miss& m : verdict.misses) misses.push_back({{"cell", m.cell}, {"against", m.against}, {"ratio", m.ratio}});
-  const bool judged = verdict.cells > 0;
-  return {{"name", verdict.name},
-          {"words", verdict.words},
-          {"cells", verdict.cells},
-          {"holds", judged ? Json(verdict.holds()) : Json()},
-          {"mean_ratio", judged ? Json(verdict.mean_ratio) : Json()},
-          {"worst_ratio", judged ? Json(verdict.worst_ratio) : Json()},
-          {"misses", misses}};
-}
-
-template <typename T>
-Json list_of(const std::vector<T>& items) {
-  Json list = Json::array();
-  for (const T& item : items) list.push_back(json_of(item));
-  return list;
-}
-
-void print_number(double value, int digits) {
-  std::isfinite(value) ? std::printf(" %10.*f", digits, value) : std::printf(" %10s", "-");
-}
-
-void print_place(const Place& place) {
-  const std::string stem = std::filesystem::path(place.scene).stem().string();
-  std::printf("%-16.16s %-16.16s %5g %2d", stem.c_str(), place.motion.label().c_str(), place.noise_k, place.lookahead);
-}
-
-using Measure = std::function<double(const Measures&)>;
-
-void print_table(const std::vector<Cell>& cells, const char* title, int digits, const Measure& measure,
-                 bool edges = false) {
-  std::printf("\n%s\n%-16s %-16s %5s %2s", title, "scene", "motion", "noise", "L");
-  if (edges) std::printf(" %10s", "truth");
-  for (const ColumnName& column : kColumns) std::printf(" %10s", column.title.data());
-  std::printf("\n");
-  for (const Cell& cell : cells) {
-    print_place(cell);
-    if (edges) print_number(cell.truth_edge_width_px, digits);
-    for (const Column& column : cell.columns) {
-      column.there() ? print_number(measure(column.measures), digits)
-                     : static_cast<void>(std::printf(" %10s", "skipped"));
+void print_settings(const Json& cells) {
+  std::printf("\nWhat was picked with the truth, measured without it, and skipped\n");
+  for (Json cell : cells) {
+    cell["scene"] = stem_of(cell);
+    std::printf("%s", line_of(kPlace, cell).c_str());
+    for (const Column& column : kColumns) {
+      const Json& figures = cell["columns"][column.name];
+      const std::string said = figures.contains("skipped") ? "skipped: " + figures["skipped"].get<std::string>()
+                                                           : figures.value("setting", "");
+      if (!said.empty()) std::printf("  %s: %s;", column.title, said.c_str());
     }
     std::printf("\n");
   }
 }
 
-void print_settings(const std::vector<Cell>& cells) {
-  std::printf("\nWhat was picked with the truth, and measured without it\n");
-  for (const Cell& cell : cells) {
-    print_place(cell);
-    for (const Column& column : cell.columns) {
-      if (column.setting.empty()) continue;
-      std::printf("  %s: %s;", kColumns[static_cast<std::size_t>(column.kind)].title.data(), column.setting.c_str());
+void print_drops(const Options& options, Json rows) {
+  std::vector<TextColumn> columns = kPlace;
+  columns.insert(columns.end(), {{"method", 10, "method"},
+                                 {"RMSE, K", 10, "all/whole_rmse_k", "%.3f"},
+                                 {"aware", 10, "all/aware", "%.3f"},
+                                 {"blind", 10, "all/blind", "%.3f"},
+                                 {"near:aware", 10, "near/aware", "%.3f"},
+                                 {"near:blind", 10, "near/blind", "%.3f"},
+                                 {"lost", 7, "frames_lost"},
+                                 {" skipped", 0, "skipped"}});
+  for (Json& row : rows) {
+    for (const char* part : {"all", "near"}) {
+      if (!row.contains(part)) continue;
+      row[part]["aware"] = ratio_of(row[part], "gap_aware_rmse_k", "whole_rmse_k");
+      row[part]["blind"] = ratio_of(row[part], "gap_blind_rmse_k", "whole_rmse_k");
     }
-    std::printf("\n");
   }
+  print_rows(plot::format("RMSE with %g %% of the frames lost over RMSE without losses: gaps left empty (aware) or not "
+                          "noticed (blind), over all frames and over those at most %d frames from a loss",
+                          options.drop * 100.0, kNearLoss),
+             columns, std::move(rows));
 }
 
-void print_drops(const Options& options, const std::vector<DropRow>& rows) {
-  if (rows.empty()) return;
-  std::printf(
-      "\nRMSE with %g %% of the frames lost over RMSE without losses: gaps left empty (aware) or not noticed (blind), "
-      "over all frames and over those at most %d frames from a loss\n",
-      options.drop * 100.0, kNearLoss);
-  std::printf("%-16s %-16s %5s %2s %10s %10s %10s %10s %10s %10s %7s\n", "scene", "motion", "noise", "L", "method",
-              "RMSE, K", "aware", "blind", "near:aware", "near:blind", "lost");
-  for (const DropRow& row : rows) {
-    print_place(row);
-    std::printf(" %10s", row.method.c_str());
-    if (!row.skipped.empty()) {
-      std::printf(" skipped: %s\n", row.skipped.c_str());
-      continue;
-    }
-    print_number(row.all.whole_k, 3);
-    for (const DropErrors& errors : {row.all, row.near}) {
-      print_number(errors.gap_aware_k / errors.whole_k, 3);
-      print_number(errors.gap_blind_k / errors.whole_k, 3);
-    }
-    std::printf(" %7d\n", row.frames_lost);
-  }
-}
-
-void print_skipped(const std::vector<Cell>& cells) {
-  if (cells.empty()) return;
-  for (const Column& column : cells.front().columns) {
-    if (column.there()) continue;
-    std::printf("\n%s was skipped: %s\n", kColumns[static_cast<std::size_t>(column.kind)].name.data(),
-                column.skipped.c_str());
-  }
-}
-
-void print_verdicts(const std::vector<Verdict>& verdicts) {
+void print_verdicts(const Json& verdicts) {
   std::printf("\nVerdicts (ratios of RMSE)\n");
-  for (const Verdict& verdict : verdicts) {
-    if (verdict.cells == 0) {
-      std::printf("  not judged  %s\n", verdict.words.c_str());
-      continue;
-    }
-    std::printf("  %-10s  %s: %zu of %d cells miss, mean %.3f, worst %.3f\n", verdict.holds() ? "holds" : "MISSED",
-                verdict.words.c_str(), verdict.misses.size(), verdict.cells, verdict.mean_ratio, verdict.worst_ratio);
-    for (const Miss& miss : verdict.misses) {
-      std::printf("                %s: %.3f against %s\n", miss.cell.c_str(), miss.ratio, miss.against.c_str());
+  for (const Json& verdict : verdicts) {
+    const Json& holds = verdict["holds"];
+    const std::string words = verdict["words"];
+    if (holds.is_null()) std::printf("  not judged  %s\n", words.c_str());
+    if (holds.is_null()) continue;
+    std::printf("  %-10s  %s: %zu of %d cells miss, mean %.3f, worst %.3f\n", holds == true ? "holds" : "MISSED",
+                words.c_str(), verdict["misses"].size(), verdict["cells"].get<int>(),
+                verdict["mean_ratio"].get<double>(), verdict["worst_ratio"].get<double>());
+    for (const Json& miss : verdict["misses"]) {
+      std::printf("                %s: %.3f against %s\n", miss["cell"].get<std::string>().c_str(),
+                  miss["ratio"].get<double>(), miss["against"].get<std::string>().c_str());
     }
   }
 }
 
 }  // namespace
 
-std::string label_of(const Place& place) {
-  return plot::format("%s, %s, noise %g K, look-ahead %d", std::filesystem::path(place.scene).stem().c_str(),
-                      place.motion.label().c_str(), place.noise_k, place.lookahead);
-}
-
-std::vector<Verdict> verdicts(const std::vector<Cell>& cells, const std::vector<DropRow>& drops) {
-  std::vector<ColumnKind> all_but_mmae = kWithBaselines;
-  std::vector<ColumnKind> pixelwise_and_auto = kPixelwise;
-  for (auto* others : {&all_but_mmae, &pixelwise_and_auto}) others->push_back(kAuto);
-  struct Claim {
-    ColumnKind kind;
-    std::vector<ColumnKind> others;
-    const char* name;
-    const char* words;
-    double limit;
-  };
+Json verdicts(const Json& cells, const Json& drops) {
+  const Names pixelwise{"blurred", "inverse", "qp_authors", "qp_best"};
+  Names pixelwise_and_auto = pixelwise;
+  pixelwise_and_auto.emplace_back("auto");
+  Names with_baselines = pixelwise;
+  with_baselines.insert(with_baselines.end(),
+                        {"unsharp", "spatial_wiener", "spatial_wiener_10", "richardson_lucy", "temporal_wiener"});
+  Names all_but_mmae = with_baselines;
+  all_but_mmae.emplace_back("auto");
   const std::vector<Claim> claims{
-      {kAuto, kWithBaselines, "auto_near_best", "auto within 2 % of the best other column, baselines included", 1.02},
-      {kAuto, kPixelwise, "auto_near_best_pixelwise",
+      {"auto", with_baselines, "auto_near_best", "auto within 2 % of the best other column, baselines included", 1.02},
+      {"auto", pixelwise, "auto_near_best_pixelwise",
        "auto within 2 % of the best of blurred, inverse and the QP at every lambda", 1.02},
-      {kAuto, {kBlurred}, "auto_not_worse_than_blurred", "auto never worse than blurred", 1.0},
-      {kMmae, {kBlurred}, "mmae_not_worse_than_blurred", "mmae never worse than blurred", 1.0},
-      {kMotion, {kBlurred}, "motion_not_worse_than_blurred", "motion never worse than blurred", 1.0},
-      {kMotion, {kMmae}, "motion_not_worse_than_mmae", "motion within 3 % of mmae", 1.03},
-      {kMotion,
-       {kSpatialWiener},
+      {"auto", {"blurred"}, "auto_not_worse_than_blurred", "auto never worse than blurred", 1.0},
+      {"mmae", {"blurred"}, "mmae_not_worse_than_blurred", "mmae never worse than blurred", 1.0},
+      {"motion", {"blurred"}, "motion_not_worse_than_blurred", "motion never worse than blurred", 1.0},
+      {"motion", {"mmae"}, "motion_not_worse_than_mmae", "motion within 3 % of mmae", 1.03},
+      {"motion",
+       {"spatial_wiener"},
        "motion_better_than_told",
        "motion better than the spatial Wiener filter that is told the motion",
        1.0},
-      {kMmae, all_but_mmae, "mmae_best", "mmae better than the best other column", 1.0},
-      {kMmae, pixelwise_and_auto, "mmae_best_pixelwise",
+      {"mmae", all_but_mmae, "mmae_best", "mmae better than the best other column", 1.0},
+      {"mmae", pixelwise_and_auto, "mmae_best_pixelwise",
        "mmae better than blurred, inverse, auto and the QP at every lambda", 1.0}};
-  std::vector<Verdict> all;
-  all.reserve(std::size(claims));
-  for (const Claim& c : claims) all.push_back(against_best(cells, c.kind, c.others, c.name, c.words, c.limit));
-  for (const ColumnKind kind : {kInverse, kQpBest, kAuto, kMmae}) all.push_back(lookahead_gain(cells, kind));
+  Json all = Json::array();
+  for (const Claim& claim : claims) all.push_back(judged(cells, claim));
+  for (const char* column : {"inverse", "qp_best", "auto", "mmae"}) all.push_back(lookahead_gain(cells, column));
   if (drops.empty()) return all;
-  for (const char* method : {"admm", "inverse", "auto", "mmae"}) {
-    all.push_back(drop_growth(drops, method));
-    all.push_back(gap_noticed(drops, method));
-  }
+  for (const char* method : {"admm", "inverse", "auto", "mmae"}) add_drops(drops, method, all);
   return all;
 }
 
-nlohmann::ordered_json to_json(const Options& options, const Table& table) {
-  Json columns = Json::array();
-  for (const ColumnName& column : kColumns) columns.push_back({{"name", column.name}, {"words", column.words}});
-  Json json{{"settings",
-             {{"crop", {options.crop.width, options.crop.height}},
-              {"frames", options.frames},
-              {"stride", {{"pan", stride_of({})}, {"trajectory", stride_of({0.0, "any"})}}},
-              {"seed", options.seed},
-              {"tau_s", kTauS},
-              {"frame_period_s", kPeriodS},
-              {"window", kWindow},
-              {"quantisation_k", kQuantisationK},
-              {"range_k", kContrastK}}},
-            {"columns", columns},
-            {"cells", list_of(table.cells)}};
-  if (!table.drops.empty()) json["drops"] = list_of(table.drops);
-  if (!table.latency.empty()) json["latency"] = list_of(table.latency);
-  json["verdicts"] = list_of(table.verdicts);
-  return json;
+Json head_of(const Options& options) {
+  return {{"settings",
+           {{"crop", {options.crop.width, options.crop.height}},
+            {"frames", options.frames},
+            {"stride", {{"pan", stride_of({})}, {"trajectory", stride_of({0.0, "any"})}}},
+            {"seed", options.seed},
+            {"tau_s", kTauS},
+            {"frame_period_s", kPeriodS},
+            {"window", kWindow},
+            {"quantisation_k", kQuantisationK},
+            {"range_k", kContrastK}}},
+          {"columns", list_of(kColumns, [](const Column& c) {
+             return Json{{"name", c.name}, {"words", c.words}};
+           })}};
 }
 
-void print_text(const Options& options, const Table& table) {
+void print_text(const Options& options, const Json& table) {
   std::printf("%d targets a cell, %dx%d pixels, tau 11 ms, 200 frames/s, window %d, steps of 10 mK; L: look-ahead\n",
               options.frames, options.crop.width, options.crop.height, kWindow);
-  for (const ColumnName& column : kColumns) std::printf("  %-10s  %s\n", column.title.data(), column.words.data());
-  print_skipped(table.cells);
-  print_table(table.cells, "RMSE, K", 3, [](const Measures& m) { return m.rmse_k; });
-  print_table(table.cells, "RMSE after the best shift of each frame, K", 3,
-              [](const Measures& m) { return m.shifted_rmse_k; });
-  print_table(table.cells, "Noise in the flattest tiles, K", 3, [](const Measures& m) { return m.flat_noise_k; });
-  print_table(table.cells, "RMSE at the 5 % steepest pixels, K", 3, [](const Measures& m) { return m.edge_rmse_k; });
-  print_table(table.cells, "PSNR, dB (range 25 K)", 1, [](const Measures& m) { return m.psnr_db; });
-  print_table(table.cells, "SSIM (range 25 K)", 4, [](const Measures& m) { return m.ssim; });
-  print_table(
-      table.cells, "Width of the strongest vertical edges, 10-90 %, px", 2,
-      [](const Measures& m) { return m.edge_width_px; }, true);
-  print_settings(table.cells);
-  print_drops(options, table.drops);
-  print_verdicts(table.verdicts);
+  for (const Column& column : kColumns) std::printf("  %-10s  %s\n", column.title, column.words);
+  const Json& cells = table["cells"];
+  print_measure(cells, "RMSE, K", "rmse_k", "%.3f");
+  print_measure(cells, "RMSE after the best shift of each frame, K", "shifted_rmse_k", "%.3f");
+  print_measure(cells, "Noise in the flattest tiles, K", "flat_noise_k", "%.3f");
+  print_measure(cells, "RMSE at the 5 % steepest pixels, K", "edge_rmse_k", "%.3f");
+  print_measure(cells, "PSNR, dB (range 25 K)", "psnr_db", "%.1f");
+  print_measure(cells, "SSIM (range 25 K)", "ssim", "%.4f");
+  print_measure(cells, "Width of the strongest vertical edges, 10-90 %, px", "edge_width_px", "%.2f");
+  print_settings(cells);
+  if (table.contains("drops")) print_drops(options, table["drops"]);
+  print_verdicts(table["verdicts"]);
 }
 
 }  // namespace bolo::tools::fidelity

@@ -1,28 +1,12 @@
 // `bolo-lab eval loop`: what a diagnosis is worth to the deblurring: camera -> diagnosis -> profile -> pipeline.
 
 #include <algorithm>
-#include <array>
-#include <atomic>
-#include <cmath>
-#include <cstdio>
-#include <cstdlib>
-#include <memory>
-#include <optional>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
-
-#include <nlohmann/json.hpp>
 
 #include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/report.hpp"
 #include "src/pipeline/apply_profile.hpp"
 #include "src/pipeline/pipeline.hpp"
-#include "src/sim/simulator.hpp"
-#include "tools/cli/cli.hpp"
 #include "tools/lab/blind/session.hpp"
-#include "tools/lab/common.hpp"
 #include "tools/lab/recording.hpp"
 #include "tools/lab/verbs.hpp"
 
@@ -131,20 +115,14 @@ class ErrorSink final : public pipeline::FrameSink {
     if ((frame.meta.flags & kFlagWarmUp) != 0) return;
     const std::vector<float>& truth = scene_.truth[frame.meta.frame_id];
     const auto* const values = static_cast<const float*>(frame.deblurred);
-    for (std::size_t p = 0; p < truth.size(); ++p) {
-      const auto error = static_cast<double>(values[p] - truth[p]);
-      squares_ += error * error;
-    }
-    count_ += static_cast<double>(truth.size());
+    for (std::size_t p = 0; p < truth.size(); ++p) squares_.add(static_cast<double>(values[p] - truth[p]), 0.0);
   }
   void close() noexcept override {}
-  double rmse() const { return std::sqrt(squares_ / std::max(1.0, count_)); }
-  bool any() const { return count_ > 0.0; }
+  const SquareSum& squares() const { return squares_; }
 
  private:
   const Recording& scene_;
-  double squares_ = 0.0;
-  double count_ = 0.0;
+  SquareSum squares_;
 };
 
 // The camera of the session, with its effects or without, looks at a street that passes by, after the session: the same
@@ -184,151 +162,100 @@ Result<double> deblurred_error(const Recording& scene, const diagnose::Learned& 
   ASSIGN_OR_RETURN(auto made, pipeline::Pipeline::create(std::make_unique<RecordingSource>(scene), {&sink}, options));
   const std::atomic<bool> stop{false};
   RETURN_IF_ERROR(made->run(stop));
-  if (!sink.any()) return failed("no frame of the scene had a full window");
-  return sink.rmse();
+  if (sink.squares().count == 0) return failed("no frame of the scene had a full window");
+  return sink.squares().root_mean();
 }
 
-// RMSE of one deblurred scene, K.
-struct Row {
-  std::string effect;
-  double without_k = 0.0;    // of the camera without the effect, nominal profile
-  double nominal_k = 0.0;    // with the effect
-  double diagnosed_k = 0.0;  // with the effect, profile as diagnosed
-  double true_k = 0.0;       // with the effect, profile as it truly is
-  std::vector<std::string> found;
-
-  double hurts() const { return nominal_k / without_k - 1.0; }
-  // (nominal - diagnosed) / (nominal - true); none where the true parameters gain less than 1 %.
-  std::optional<double> recovered() const {
-    if (nominal_k - true_k < 0.01 * nominal_k) return std::nullopt;
-    return (nominal_k - diagnosed_k) / (nominal_k - true_k);
-  }
-};
-
-struct Request {
-  std::vector<std::string> effects;
-  blind::DrawOptions draw;
-  int threads = 2;
-  bool json = false;
-};
-
-Result<Request> read_request(const cxxopts::ParseResult& args) {
-  Request request;
+Result<std::vector<std::string>> effects_of(const cxxopts::ParseResult& given) {
   const std::vector<std::string> all = blind::effects_of(blind::Kind::kSingle);
-  request.effects = args.count("effects") != 0 ? args["effects"].as<std::vector<std::string>>() : all;
-  for (const std::string& name : request.effects) {
-    if (std::ranges::find(all, name) == all.end()) {
-      return bad_input("--effects " + name + ": no effect of the catalogue; 'bolo simulate --list-effects' names them");
-    }
+  if (given.count("effects") == 0) return all;
+  auto named = given["effects"].as<std::vector<std::string>>();
+  for (const std::string& name : named) {
+    if (std::ranges::find(all, name) != all.end()) continue;
+    return bad_input("--effects " + name + ": no effect of the catalogue; 'bolo simulate --list-effects' names them");
   }
-  request.draw.seed = args["seed"].as<std::uint64_t>();
-  request.draw.frames_scale = args["frames-scale"].as<double>();
-  request.threads = args["threads"].as<int>();
-  RETURN_IF_ERROR(within(request.draw.frames_scale, "frames-scale", 0.1, 10.0));
-  RETURN_IF_ERROR(within(request.threads, "threads", 1, 64));
-  request.json = args.count("json") != 0;
-  return request;
+  return named;
 }
 
-Result<diagnose::Report> diagnosed(const blind::Session& session, const Request& request) {
+Result<diagnose::Report> diagnosed(const blind::Session& session, int threads) {
   ASSIGN_OR_RETURN(const auto scratch, ScratchFolder::make());
   ASSIGN_OR_RETURN(const auto files, blind::write_captures(session, scratch.path()));
   diagnose::Options options;
-  options.threads = request.threads;
+  options.threads = threads;
   options.maps = true;
   return diagnose::diagnose(files, options,
                             [](const std::string&, double) { return !interrupted().load(std::memory_order_relaxed); });
 }
 
-Result<Row> row_of(const std::string& effect, const Request& request) {
-  blind::DrawOptions draw = request.draw;
-  draw.only = effect;
+// RMSE of the deblurred scene, K: of the camera without the effect and a nominal profile; then with the effect, and the
+// profile nominal, as diagnosed, and as it truly is.
+Result<Json> row_of(const blind::DrawOptions& draw, int threads) {
   ASSIGN_OR_RETURN(const auto session, blind::draw_session(draw, blind::Kind::kSingle, 0));
-  ASSIGN_OR_RETURN(const auto report, diagnosed(session, request));
+  ASSIGN_OR_RETURN(const auto report, diagnosed(session, threads));
   ASSIGN_OR_RETURN(const auto scene, record_scene(session, true));
   ASSIGN_OR_RETURN(const auto clean, record_scene(session, false));
   ASSIGN_OR_RETURN(const auto truth, true_profile(session));
-
-  Row row;
-  row.effect = effect;
-  for (const diagnose::FoundEffect& found : report.effects) row.found.push_back(found.name);
-  ASSIGN_OR_RETURN(row.without_k, deblurred_error(clean, {}));
-  ASSIGN_OR_RETURN(row.nominal_k, deblurred_error(scene, {}));
-  ASSIGN_OR_RETURN(row.diagnosed_k, deblurred_error(scene, report.learned));
-  ASSIGN_OR_RETURN(row.true_k, deblurred_error(scene, truth));
-  return row;
+  ASSIGN_OR_RETURN(const double without_k, deblurred_error(clean, {}));
+  ASSIGN_OR_RETURN(const double nominal_k, deblurred_error(scene, {}));
+  ASSIGN_OR_RETURN(const double diagnosed_k, deblurred_error(scene, report.learned));
+  ASSIGN_OR_RETURN(const double true_k, deblurred_error(scene, truth));
+  const bool worth_it = nominal_k - true_k >= 0.01 * nominal_k;
+  return Json{{"effect", draw.only},
+              {"without_k", without_k},
+              {"nominal_k", nominal_k},
+              {"diagnosed_k", diagnosed_k},
+              {"true_k", true_k},
+              {"hurts", nominal_k / without_k - 1.0},
+              {"recovered_share", worth_it ? Json((nominal_k - diagnosed_k) / (nominal_k - true_k)) : Json()},
+              {"found", list_of(report.effects, [](const auto& found) { return found.name; })}};
 }
 
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : " ") + word;
-  return text.empty() ? "-" : text;
-}
-
-void print_header() {
-  std::printf("%-25s %9s %9s %9s %9s %7s %9s  %s\n", "effect", "without", "nominal", "diagnosed", "true", "hurts",
-              "recovered", "found");
-}
-
-void print_row(const Row& row) {
-  char share[32] = "-";
-  if (const auto recovered = row.recovered()) std::snprintf(share, sizeof share, "%.0f %%", 100.0 * *recovered);
-  std::printf("%-25s %9.4f %9.4f %9.4f %9.4f %5.0f %% %9s  %s\n", row.effect.c_str(), row.without_k, row.nominal_k,
-              row.diagnosed_k, row.true_k, 100.0 * row.hurts(), share, joined(row.found).c_str());
-  std::fflush(stdout);
-}
-
-void print_json(const std::vector<Row>& rows, const Request& request) {
-  nlohmann::ordered_json json{{"seed", request.draw.seed}, {"rows", nlohmann::ordered_json::array()}};
-  for (const Row& row : rows) {
-    nlohmann::ordered_json one{{"effect", row.effect},       {"without_k", row.without_k},
-                               {"nominal_k", row.nominal_k}, {"diagnosed_k", row.diagnosed_k},
-                               {"true_k", row.true_k},       {"hurts", row.hurts()},
-                               {"recovered_share", nullptr}, {"found", row.found}};
-    if (const auto recovered = row.recovered()) one["recovered_share"] = *recovered;
-    json["rows"].push_back(std::move(one));
-  }
-  std::puts(json.dump(2).c_str());
-}
+const std::vector<TextColumn> kColumns{{"effect", -25, "effect"},
+                                       {"without", 9, "without_k", "%.4f"},
+                                       {"nominal", 9, "nominal_k", "%.4f"},
+                                       {"diagnosed", 9, "diagnosed_k", "%.4f"},
+                                       {"true", 9, "true_k", "%.4f"},
+                                       {"hurts", 7, "hurts", "%.0f %%", 100.0},
+                                       {"recovered", 9, "recovered_share", "%.0f %%", 100.0},
+                                       {" found", 0, "found"}};
 
 Status evaluate(const cxxopts::ParseResult& given) {
-  ASSIGN_OR_RETURN(const Request request, read_request(given));
-  std::vector<Row> rows;
-  Progress progress("effects", request.effects.size());
-  if (!request.json) print_header();
-  for (const std::string& effect : request.effects) {
-    auto row = row_of(effect, request);
+  ASSIGN_OR_RETURN(const auto effects, effects_of(given));
+  blind::DrawOptions draw;
+  draw.seed = given["seed"].as<std::uint64_t>();
+  ASSIGN_OR_RETURN(draw.frames_scale, number_of<double>(given, "frames-scale", 0.1, 10.0));
+  ASSIGN_OR_RETURN(const int threads, number_of<int>(given, "threads", 1, 64));
+  Progress progress("effects", effects.size());
+  Rows rows(given.count("json") != 0, kColumns);
+  for (const std::string& effect : effects) {
+    draw.only = effect;
+    auto row = row_of(draw, threads);
     if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted");
     if (!row) return at(effect, row.error());
-    if (!request.json) print_row(*row);
-    rows.push_back(std::move(*row));
-    progress.update(rows.size());
+    rows.add(std::move(*row));
+    progress.update(rows.count());
   }
-  if (request.json) print_json(rows, request);
-  if (!request.json) {
-    std::puts(
-        "RMSE of the deblurred scene against the truth, K. hurts: nominal against the camera without the effect;\n"
-        "recovered: (nominal - diagnosed) / (nominal - true), - where true parameters gain less than 1 %.");
-  }
+  rows.finish(
+      {{"seed", draw.seed}}, "rows",
+      "RMSE of the deblurred scene against the truth, K. hurts: nominal against the camera without the effect;\n"
+      "recovered: (nominal - diagnosed) / (nominal - true), - where true parameters gain less than 1 %.");
   return {};
 }
 
 }  // namespace
 
-int eval_loop_main(int argc, char** argv) {
-  cxxopts::Options options(
+}  // namespace bolo::tools::loop
+
+int bolo::tools::eval_loop_main(int argc, char** argv) {
+  cxxopts::Options cli(
       "bolo-lab eval loop",
       "For each effect: simulates a bench session and a moving scene of one camera, diagnoses the session without "
-      "being\n"
-      "told, and deblurs the scene with the nominal profile, the diagnosed one, and the true one.");
-  options.add_options()("effects", "Of the catalogue, separated by commas (default: all)",
-                        cxxopts::value<std::vector<std::string>>(),
-                        "A,B")("seed", "Another one draws other strengths and another camera",
-                               cxxopts::value<std::uint64_t>()->default_value("1"),
-                               "N")("threads", "Of a diagnosis", cxxopts::value<int>()->default_value("2"), "W")(
-      "frames-scale", "Of the bench captures' lengths", cxxopts::value<double>()->default_value("1"), "S")(
-      "json", "Print the table as JSON");
-  return run_verb("eval loop", std::move(options), argc, argv, evaluate);
+      "being\ntold, and deblurs the scene with the nominal profile, the diagnosed one, and the true one.");
+  add_option<std::vector<std::string>>(cli, "effects", "Of the catalogue, separated by commas (default: all)", nullptr,
+                                       "A,B");
+  add_option<std::uint64_t>(cli, "seed", "Another one draws other strengths and another camera", "1", "N");
+  add_option<int>(cli, "threads", "Of a diagnosis", "2", "W");
+  add_option<double>(cli, "frames-scale", "Of the bench captures' lengths", "1", "S");
+  add_option<bool>(cli, "json", "Print the table as JSON");
+  return run_verb("loop", std::move(cli), argc, argv, loop::evaluate);
 }
-
-}  // namespace bolo::tools::loop

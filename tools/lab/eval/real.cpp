@@ -1,16 +1,9 @@
 // `bolo-lab eval real`: recordings without a truth. How well does a sharp picture foretell what the camera measured,
 // through the pixel's own equation tau dy/dt + y = x?
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstdio>
 #include <map>
 #include <memory>
 #include <numeric>
-#include <string>
-#include <vector>
-
-#include <nlohmann/json.hpp>
 
 #include "src/capture/capture.hpp"
 #include "src/core/clock.hpp"
@@ -44,7 +37,6 @@ nowhere beyond the frame: what rests is foretold by everything.
             (as motion measured it), moving_share (of the pixels), speed_px (median of their displacement), pictures:
             {NAME: {still, moved, truth (error of the picture itself; null: not known)} or {skipped: why}}}]}])";
 
-using Json = nlohmann::ordered_json;
 using Plane = std::vector<float>;  // row-major, K or counts
 
 struct Recording {
@@ -94,26 +86,15 @@ std::array<double, 16> ages_of(double periods) {
   return ages;
 }
 
-// Squared errors over the judged pixels.
-struct Squares {
-  double sum = 0.0;
-  std::size_t count = 0;
-  void add(double a, double b) {
-    sum += (a - b) * (a - b);
-    ++count;
-  }
-  double root_mean() const { return std::sqrt(sum / static_cast<double>(count)); }  // NaN of nothing
-};
-
 struct Picture {
   std::string name;
   std::unique_ptr<deblur::Solver> solver{};  // none: the blurred frame
   std::string skipped{};                     // why there are no figures
   Plane now{};
   Plane before{};  // of the frame shown before
-  Squares still{};
-  Squares moved{};
-  Squares truth{};
+  SquareSum still{};
+  SquareSum moved{};
+  SquareSum truth{};
 };
 
 class Judge {
@@ -247,26 +228,25 @@ class Judge {
 
   // Blocks in which the two newest frames differ by more than noise.
   std::vector<bool> moving_blocks(const Plane& now, const Plane& shown_before) const {
-    std::vector<Squares> change(motion_blocks(g_).pixels());
+    std::vector<SquareSum> change(motion_blocks(g_).pixels());
     for (std::size_t i = 0; i < now.size(); ++i) {
       change[block_of(i)].add(static_cast<double>(now[i]), static_cast<double>(shown_before[i]));
     }
     std::vector<bool> moves;
     moves.reserve(change.size());
-    for (const Squares& s : change) moves.push_back(s.root_mean() > 3.0 * std::sqrt(2.0) * noises_.back());
+    for (const SquareSum& s : change) moves.push_back(s.root_mean() > 3.0 * std::sqrt(2.0) * noises_.back());
     return moves;
   }
 
   Json figures() const {
-    const auto number = [](double v) { return std::isfinite(v) ? Json(v) : Json(); };
     Json pictures;
     for (const Picture& p : pictures_) {
-      pictures[p.name] = p.skipped.empty() ? Json{{"still", number(p.still.root_mean())},
-                                                  {"moved", number(p.moved.root_mean())},
-                                                  {"truth", number(p.truth.root_mean())}}
-                                           : Json{{"skipped", p.skipped}};
+      pictures[p.name] =
+          p.skipped.empty()
+              ? Json{{"still", p.still.root_mean()}, {"moved", p.moved.root_mean()}, {"truth", p.truth.root_mean()}}
+              : Json{{"skipped", p.skipped}};
     }
-    pictures["only_moved"] = {{"moved", number(only_moved_.root_mean())}};
+    pictures["only_moved"] = {{"moved", only_moved_.root_mean()}};
     return {{"name", task_.name},
             {"judged", noises_.size()},
             {"noise", median(noises_)},
@@ -283,12 +263,18 @@ class Judge {
   deblur::Settings settings_;
   std::map<std::uint64_t, std::size_t> index_;  // of frames by their places
   std::vector<Picture> pictures_;               // the blurred frame first, motion last
-  Squares only_moved_;
+  SquareSum only_moved_;
   std::vector<double> noises_;  // a judged frame
   std::vector<float> speeds_;   // a judged pixel
   std::size_t pixels_ = 0;      // of all those frames
   std::uint64_t looked_at_ = 0;
 };
+
+const std::vector<TextColumn> kColumns{{"", -10, "name"},
+                                       {"still", 12, "still", "%.4g"},
+                                       {"moved", 12, "moved", "%.4g"},
+                                       {"truth", 12, "truth", "%.4g"},
+                                       {" skipped", 0, "skipped"}};
 
 void print(const Json& capture) {
   std::printf("%s: %d frames, %.3g ms apart, tau %.3g ms; in %ss\n", capture["file"].get<std::string>().c_str(),
@@ -301,28 +287,20 @@ void print(const Json& capture) {
     std::printf("%d frames judged, noise %.3g; %.0f %% of the pixels move, by a median of %.2g px\n",
                 task["judged"].get<int>(), task["noise"].get<double>(), 1e2 * task["moving_share"].get<double>(),
                 task["speed_px"].get<double>());
-    constexpr std::array kColumns{"still", "moved", "truth"};
-    std::printf("    %-10s", "");
-    for (const char* column : kColumns) std::printf(" %12s", column);
+    std::printf("    %s\n", line_of(kColumns).c_str());
     for (const auto& [name, figures] : task["pictures"].items()) {
-      std::printf("\n    %-10s", name.c_str());
-      for (const char* column : kColumns) {
-        const Json value = figures.value(column, Json());
-        value.is_null() ? std::printf(" %12s", "-") : std::printf(" %12.4g", value.get<double>());
-      }
+      Json row = figures;
+      row["name"] = name;
+      std::printf("    %s\n", line_of(kColumns, row).c_str());
     }
-    std::printf("\n");
   }
 }
 
 Status evaluate(const cxxopts::ParseResult& given) {
   if (given.count("captures") == 0) return bad_input("CAPTURE.h5 is missing: which recordings?");
-  const double tau_s = given["tau"].as<double>();
-  const double period_s = given["period"].as<double>();
-  const int frames = given["frames"].as<int>();
-  RETURN_IF_ERROR(within(tau_s, "tau", 0.0005, 1.0));
-  RETURN_IF_ERROR(within(period_s, "period", 0.0, 1.0));
-  RETURN_IF_ERROR(within(frames, "frames", deblur::Settings{}.window + 1, 100000));
+  ASSIGN_OR_RETURN(const double tau_s, number_of<double>(given, "tau", 0.0005, 1.0));
+  ASSIGN_OR_RETURN(const double period_s, number_of<double>(given, "period", 0.0, 1.0));
+  ASSIGN_OR_RETURN(const int frames, number_of<int>(given, "frames", deblur::Settings{}.window + 1, 100000));
   Json captures = Json::array();
   for (const std::string& file : given["captures"].as<std::vector<std::string>>()) {
     ASSIGN_OR_RETURN(const auto recording, read(file, static_cast<std::size_t>(frames), period_s));
@@ -345,16 +323,16 @@ Status evaluate(const cxxopts::ParseResult& given) {
 
 }  // namespace
 
-int eval_real_main(int argc, char** argv) {
-  cxxopts::Options cli("bolo-lab eval real", kSummary);
-  cli.add_options()("captures", "", cxxopts::value<std::vector<std::string>>())(
-      "tau", "thermal time constant, s", cxxopts::value<double>()->default_value("0.011"), "S")(
-      "period", "between frames, s; 0: as the captures say", cxxopts::value<double>()->default_value("0"), "S")(
-      "frames", "the most that are read of a capture", cxxopts::value<int>()->default_value("200"))(
-      "json", "print one JSON object");
+}  // namespace bolo::tools::real
+
+int bolo::tools::eval_real_main(int argc, char** argv) {
+  cxxopts::Options cli("bolo-lab eval real", real::kSummary);
+  add_option<std::vector<std::string>>(cli, "captures", "");
+  add_option<double>(cli, "tau", "thermal time constant, s", "0.011", "S");
+  add_option<double>(cli, "period", "between frames, s; 0: as the captures say", "0", "S");
+  add_option<int>(cli, "frames", "the most that are read of a capture", "200");
+  add_option<bool>(cli, "json", "print one JSON object");
   cli.parse_positional({"captures"});
   cli.positional_help("CAPTURE.h5...");
-  return run_verb("eval real", std::move(cli), argc, argv, evaluate);
+  return run_verb("real", std::move(cli), argc, argv, real::evaluate);
 }
-
-}  // namespace bolo::tools::real

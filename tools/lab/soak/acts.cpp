@@ -1,37 +1,16 @@
-#include "tools/lab/soak/acts.hpp"
-
 #include <time.h>
 
 #include <algorithm>
-#include <chrono>
-#include <cmath>
 #include <csignal>
 #include <fstream>
-#include <memory>
-#include <string>
-#include <thread>
-#include <utility>
 
-#include "src/capture/capture.hpp"
 #include "src/core/clock.hpp"
 #include "tools/lab/soak/rig.hpp"
 
 namespace bolo::tools::soak {
 namespace {
 
-struct RecordingJob {
-  Programs programs;
-  std::string daemon;  // its name
-  std::filesystem::path file;
-  const Truth* truth = nullptr;
-  Kind end = Kind::kRecording;  // or kRecorderKilled, kDiskFull
-  double seconds = 1.0;
-  std::uint64_t most_bytes = 0;  // kDiskFull
-};
-
 constexpr double kEndLimit_s = 20.0;  // for a disk and processors that others use as well
-
-void pause(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
 
 // The first plane that is wrong, in words; empty: none.
 std::string what_is_wrong(const std::filesystem::path& file, const Truth& truth) {
@@ -49,13 +28,6 @@ std::string what_is_wrong(const std::filesystem::path& file, const Truth& truth)
   return {};
 }
 
-void judge_file(const std::filesystem::path& file, const RecordingJob& job, Findings& findings) {
-  const std::string wrong = what_is_wrong(file, *job.truth);
-  findings.require(Invariant::kRecordings, wrong.empty(), wrong);
-  std::error_code ignored;
-  std::filesystem::remove(file, ignored);
-}
-
 // Ends it as the job says; what its exit code should be.
 int end_recording(Process& recorder, Kind end) {
   if (end == Kind::kDiskFull) return 1;
@@ -64,13 +36,13 @@ int end_recording(Process& recorder, Kind end) {
   return number == SIGKILL ? 128 + SIGKILL : 0;
 }
 
-bool recovered(const RecordingJob& job, Findings& findings) {
-  const std::filesystem::path part = job.file.string() + ".part";
-  auto recover = Process::start({{job.programs.bolo, "recover", part}, job.file.string() + ".recover"});
+bool recovered(const std::filesystem::path& bolo, const std::filesystem::path& file, Findings& findings) {
+  const std::filesystem::path part = file.string() + ".part";
+  const std::filesystem::path log = file.string() + ".recover";
+  auto recover = Process::start({{bolo, "recover", part}, log});
   const auto code = recover ? recover->wait(kEndLimit_s) : std::nullopt;
-  const bool saved =
-      findings.require(Invariant::kRecordings, code == 0,
-                       "bolo recover of a killed recording: " + contents(job.file.string() + ".recover.err"));
+  const bool saved = findings.require(Invariant::kRecordings, code == 0,
+                                      "bolo recover of a killed recording: " + contents(log.string() + ".err"));
   for (const char* const end : {"", ".journal", ".live"}) {
     std::error_code ignored;
     std::filesystem::remove(part.string() + end, ignored);
@@ -99,19 +71,21 @@ std::uint64_t available_memory() {
 // Or until it has taken too long.
 void wait_for_first_frame(Process& reader) {
   const std::int64_t limit_ns = monotonic_ns() + static_cast<std::int64_t>(kReaderBegin_s * kNsPerSecond);
-  while (monotonic_ns() < limit_ns && !reader.ended() && last_account(reader.log().string() + ".out").frames == 0) {
+  while (monotonic_ns() < limit_ns && !reader.ended() && last_account(reader.log().string() + ".out")["frames"] == 0) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
 }
 
-// Records, ends it so, saves what a killed one left, and looks at every plane. Blocks.
-void record_and_judge(const RecordingJob& job, Findings& findings) {
-  const std::filesystem::path log = job.file.string() + ".log";
-  auto recorder = Process::start(
-      {{job.programs.bolo, "record", job.daemon, "-o", job.file, "--buffer-mb", "32"}, log, job.most_bytes});
+// Records, ends it as the disturbance says, saves what a killed one left, and looks at every plane. `most_bytes`: of
+// the disk that gets full. Blocks.
+void record_and_judge(const Rig& rig, const Disturbance& d, const std::filesystem::path& file, std::uint64_t most_bytes,
+                      Findings& findings) {
+  const std::filesystem::path log = file.string() + ".log";
+  const std::filesystem::path& bolo = rig.programs().bolo;
+  auto recorder = Process::start({{bolo, "record", rig.name(), "-o", file, "--buffer-mb", "32"}, log, most_bytes});
   if (!findings.require(Invariant::kRecordings, recorder.has_value(), recorder ? "" : recorder.error().message)) return;
-  pause(job.seconds);
-  const int expected = end_recording(*recorder, job.end);
+  std::this_thread::sleep_for(std::chrono::duration<double>(d.for_s));
+  const int expected = end_recording(*recorder, d.kind);
   const auto code = recorder->wait(kEndLimit_s);
   const std::string said = contents(log.string() + ".err");
   const std::string ending = code ? "exit code " + std::to_string(*code) : std::string("no end");
@@ -119,12 +93,15 @@ void record_and_judge(const RecordingJob& job, Findings& findings) {
                         "bolo record: " + ending + " instead of " + std::to_string(expected) + ": " + said)) {
     return;
   }
-  if (job.end == Kind::kDiskFull) {
+  if (d.kind == Kind::kDiskFull) {
     findings.require(Invariant::kRecordings, said.find("no room to write") != std::string::npos,
                      "a full disk was called: " + said);
   }
-  if (job.end == Kind::kRecorderKilled && !recovered(job, findings)) return;
-  judge_file(job.file, job, findings);
+  if (d.kind == Kind::kRecorderKilled && !recovered(bolo, file, findings)) return;
+  const std::string wrong = what_is_wrong(file, rig.truth());
+  findings.require(Invariant::kRecordings, wrong.empty(), wrong);
+  std::error_code ignored;
+  std::filesystem::remove(file, ignored);
 }
 
 // bolo nuc. Blocks.
@@ -209,16 +186,14 @@ void Acts::end(const Disturbance& d) {
     case Kind::kReaderStopped:
       return rig_.readers().front().signal(SIGCONT);
     case Kind::kReaderKilled:
-      if (Status done = rig_.replace_reader(); !done) findings_.broken(Invariant::kProcesses, done.error().message);
+      findings_.done(Invariant::kProcesses, rig_.replace_reader());
       return;
     case Kind::kReaderSlow:
       return end_helper(true);
     case Kind::kClockStep:
       return step_clock(-kClockStep_s);
     case Kind::kBadReload:
-      if (Status done = write_daemon_file(rig_.daemon_file()); !done) {
-        findings_.broken(Invariant::kCommands, done.error().message);
-      }
+      findings_.done(Invariant::kCommands, write_daemon_file(rig_.daemon_file()));
       return;
     case Kind::kCpuTaken:
     case Kind::kMemoryTaken:
@@ -229,19 +204,11 @@ void Acts::end(const Disturbance& d) {
 }
 
 void Acts::record(const Disturbance& d) {
-  RecordingJob job;
-  job.programs = rig_.programs();
-  job.daemon = rig_.name();
-  job.file = rig_.file("recording-" + std::to_string(++count_) + ".h5");
-  job.truth = &rig_.truth();
-  job.end = d.kind;
-  job.seconds = d.for_s;
-  if (d.kind == Kind::kDiskFull) {
-    const RigRequest& rig = rig_.request();
-    const double bytes = kFullAfter_s * rig.rate_hz * static_cast<double>(rig.geometry.pixels() * 2);
-    job.most_bytes = std::max(kLeastDisk, static_cast<std::uint64_t>(bytes));
-  }
-  jobs_.add([this, job] { record_and_judge(job, findings_); });
+  const std::filesystem::path file = rig_.file("recording-" + std::to_string(++count_) + ".h5");
+  const DaemonFile& daemon = rig_.daemon_file();
+  const double bytes = kFullAfter_s * daemon.rate_hz * static_cast<double>(daemon.geometry.pixels() * 2);
+  const std::uint64_t most = d.kind == Kind::kDiskFull ? std::max(kLeastDisk, static_cast<std::uint64_t>(bytes)) : 0;
+  jobs_.add([this, d, file, most] { record_and_judge(rig_, d, file, most, findings_); });
 }
 
 void Acts::take_processors(double seconds) {
@@ -271,9 +238,9 @@ void Acts::end_helper(bool must_be_well) {
     helper->signal(SIGTERM);
     const auto code = helper->wait(kHelperEnd_s);
     if (!must_be_well) return;
-    const ReaderAccount account = last_account(helper->log().string() + ".out");
-    findings_.require(Invariant::kReaders, code == 0 && account.frames > 0 && account.disorder == 0,
-                      "a slow reader: exit code " + std::to_string(code.value_or(-1)) + ", " + text_of(account));
+    const Json account = last_account(helper->log().string() + ".out");
+    findings_.require(Invariant::kReaders, code == 0 && account["frames"] > 0 && account["disorder"] == 0,
+                      "a slow reader: exit code " + std::to_string(code.value_or(-1)) + ", " + account.dump());
   });
   helper_.reset();
 }

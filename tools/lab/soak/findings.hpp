@@ -1,14 +1,9 @@
-// What stands in the daemon's log.
+// What must hold, what stands in the daemon's log, and the books of camera and daemon: whether they agree.
 #pragma once
 
-#include <array>
-#include <cstdint>
-#include <map>
 #include <mutex>
-#include <span>
-#include <string>
-#include <string_view>
-#include <vector>
+
+#include "tools/lab/eval/faults.hpp"
 
 namespace bolo::tools::soak {
 
@@ -79,6 +74,8 @@ class Findings {
   void broken(Invariant invariant, std::string what);
   // Both in one: it holds, or `what` says why not.
   bool require(Invariant invariant, bool holds, const std::string& what);
+  // What should have been done; broken() says why it was not.
+  bool done(Invariant invariant, const Status& status);
   void figure(Invariant invariant, std::string text);
 
   Tally tally(Invariant invariant) const;
@@ -92,5 +89,66 @@ class Findings {
   std::array<Tally, kInvariants> tallies_{};
   std::vector<Breach> breaches_;
 };
+
+// --- The books of camera and daemon.
+
+// Of all causes. Thread: any.
+std::uint64_t total(const faults::Losses& lost);
+
+// What a fake camera says of itself (bolo fakecam --json --tell-every).
+struct CameraAccount {
+  std::int64_t time_ns = 0;
+  std::int64_t first_stream_ns = 0;  // 0: nobody has opened it yet
+  std::int64_t last_timestamp_ns = 0;
+  std::uint64_t passed = 0;  // frames whose turn has come, sent or withheld
+  std::uint64_t sent = 0;
+  std::uint64_t streams = 0;
+  std::vector<fakecam::InjectedFault> injected;
+
+  std::uint64_t skipped_ids() const;  // by id_gap
+};
+// Nothing when the line is no account. Thread: any.
+std::optional<CameraAccount> parse_account(const std::string& line);
+
+// Both books at one frame, with nothing under way that one of them has and the other has not yet.
+struct Mark {
+  double at_s = 0.0;
+  // The camera's.
+  int camera = 0;            // which process
+  std::uint64_t passed = 0;  // of all camera processes so far
+  std::uint64_t skipped_ids = 0;
+  std::uint64_t streams = 0;
+  std::uint64_t must_be_lost = 0;  // frames that faults took for good
+  // The daemon's.
+  int life = 0;  // which process
+  std::uint64_t frame_id = 0;
+  // The reader's, of all lives so far.
+  std::uint64_t published = 0;  // frames, that of the mark included
+  std::uint64_t lost_total = 0;
+  double silence_s = 0.0;  // in which nothing was published
+};
+
+// Whether what happened from one mark to the next adds up.
+struct Balance {
+  std::uint64_t passed = 0;  // by the camera, numbers that it skipped included
+  std::uint64_t published = 0;
+  std::uint64_t lost = 0;      // by cause, all of them
+  std::uint64_t numbered = 0;  // ids that the daemon gave out; of one life only
+  std::int64_t unheard = 0;    // passed, neither published nor lost: sent to nobody
+  bool one_life = true;        // of the daemon
+  bool one_stream = true;      // of the camera, too
+  std::uint64_t must_be_lost = 0;
+};
+// Thread: any.
+Balance balance_of(const Mark& from, const Mark& to);
+
+inline constexpr std::int64_t kUnheardMargin = 40;  // frames in flight when a stream breaks
+
+// Judges a balance. `period_s`: of the frames. Thread: any.
+void check_balance(const Balance& balance, double silence_s, double period_s, Findings& findings);
+
+// The frames that these faults took and nothing brings back, of a camera whose client asks for lost packets: those of
+// stall, freeze, id_gap and nuc, and of loss where requests are not answered. Thread: any.
+std::uint64_t must_be_lost(const std::vector<fakecam::InjectedFault>& injected);
 
 }  // namespace bolo::tools::soak

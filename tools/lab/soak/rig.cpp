@@ -1,28 +1,19 @@
-#include "tools/lab/soak/rig.hpp"
-
 #include <sys/mman.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <fstream>
-#include <memory>
-#include <optional>
 #include <sstream>
-#include <thread>
-#include <utility>
 
 #include <toml++/toml.h>
-
-#include <nlohmann/json.hpp>
 
 #include "bolo/client.h"
 #include "src/core/clock.hpp"
 #include "src/deblur/isa.hpp"
-#include "src/report/text.hpp"
 #include "tools/bolod/config.hpp"
+#include "tools/lab/soak/rig.hpp"
 
 namespace bolo::tools::soak {
 namespace {
@@ -80,11 +71,6 @@ struct Close {
   void operator()(bolo_client* client) const { bolo_client_close(client); }
 };
 
-void tell(const ReaderAccount& account) {
-  std::puts(text_of(account).c_str());
-  std::fflush(stdout);
-}
-
 }  // namespace
 
 std::string contents(const std::filesystem::path& file) {
@@ -135,8 +121,8 @@ Mark CameraBook::mark() const {
 
 std::uint64_t CameraBook::sent() const { return past_sent_ + (present_ ? present_->sent : 0); }
 
-Result<std::unique_ptr<Rig>> Rig::set_up(const Programs& programs, const RigRequest& request) {
-  std::unique_ptr<Rig> rig(new Rig(programs, request));
+Result<std::unique_ptr<Rig>> Rig::set_up(const Programs& programs, const DaemonFile& file) {
+  std::unique_ptr<Rig> rig(new Rig(programs, file));
   RETURN_IF_ERROR(rig->make_files());
   return rig;
 }
@@ -149,22 +135,15 @@ Rig::~Rig() {
 }
 
 Status Rig::make_files() {
-  file_.base = request_.base_config;
-  file_.folder = request_.folder;
   file_.name = "soak-" + std::to_string(getpid());
   file_.address = faults::fresh_address();
-  file_.geometry = request_.geometry;
-  file_.rate_hz = request_.rate_hz;
-  file_.packet_size = request_.geometry.pixels() < kSmallFrame ? kSmallPacket : 0;
-  if (Status written = write_daemon_file(file_); !written) return written;
+  file_.packet_size = file_.geometry.pixels() < kSmallFrame ? kSmallPacket : 0;
+  RETURN_IF_ERROR(write_daemon_file(file_));
   ASSIGN_OR_RETURN(const auto config, daemon::read_config(config_of(file_)));
-  if (Status chosen = deblur::choose_isa(config.isa); !chosen) return chosen;
+  RETURN_IF_ERROR(deblur::choose_isa(config.isa));
   degrades_ = config.pipeline.degrade;
-  SceneRequest scene;
-  scene.geometry = request_.geometry;
-  scene.rate_hz = request_.rate_hz;
-  scene.frames = static_cast<std::size_t>(std::max(50.0, kLap_s * request_.rate_hz));
-  ASSIGN_OR_RETURN(auto truth, make_scene(scene, config.pipeline, file("scene.h5")));
+  const auto frames = static_cast<std::size_t>(std::max(50.0, kLap_s * file_.rate_hz));
+  ASSIGN_OR_RETURN(auto truth, make_scene(file_.geometry, file_.rate_hz, frames, config.pipeline, file("scene.h5")));
   truth_.emplace(std::move(truth));
   return {};
 }
@@ -172,7 +151,7 @@ Status Rig::make_files() {
 Status Rig::start_camera(const Round& round) {
   Command command;
   command.words = {
-      programs_.bolo, "fakecam",     file("scene.h5"), "--loop",       "--rate", plot::format("%g", request_.rate_hz),
+      programs_.bolo, "fakecam",     file("scene.h5"), "--loop",       "--rate", plot::format("%g", file_.rate_hz),
       "--interface",  file_.address, "--json",         "--tell-every", "0.25"};
   for (const std::string& fault : round.faults()) {
     command.words.emplace_back("--fault");
@@ -194,10 +173,6 @@ bool Rig::wait_for_camera() {
   }
   return false;
 }
-
-std::string Rig::camera_error() const { return contents(camera_->log().string() + ".err"); }
-
-std::string Rig::daemon_error() const { return contents(daemon_log()); }
 
 Status Rig::end_camera() {
   camera_->signal(SIGCONT);
@@ -250,7 +225,7 @@ Status write_daemon_file(const DaemonFile& file) {
   if (!file.base.empty()) {
     ASSIGN_OR_RETURN(table, parse(file.base));
   }
-  if (Status written = write_profile(file, table["profile"].value<std::string>()); !written) return written;
+  RETURN_IF_ERROR(write_profile(file, table["profile"].value<std::string>()));
   table.insert_or_assign("name", file.name);
   table.insert_or_assign("profile", (file.folder / "profile.toml").string());
   toml::table& source = section(table, "source");
@@ -276,25 +251,15 @@ Status write_daemon_file(const DaemonFile& file) {
   return save(config_of(file), table);
 }
 
-std::string text_of(const ReaderAccount& account) {
-  return nlohmann::ordered_json{{"frames", account.frames},
-                                {"missed", account.missed},
-                                {"restarts", account.restarts},
-                                {"disorder", account.disorder}}
-      .dump();
-}
-
 // From the end of the file: it grows for hours.
-ReaderAccount last_account(const std::string& file) {
+Json last_account(const std::string& file) {
   std::ifstream in(file, std::ios::ate);
   const std::streamoff size = in.tellg();
   in.seekg(std::max<std::streamoff>(0, size - kEnd));
-  ReaderAccount account;
+  Json account{{"frames", 0}, {"missed", 0}, {"restarts", 0}, {"disorder", 0}};
   for (std::string line; std::getline(in, line);) {
-    const auto json = nlohmann::json::parse(line, nullptr, false);
-    if (!json.is_object()) continue;
-    account = {json.value("frames", 0ULL), json.value("missed", 0ULL), json.value("restarts", 0ULL),
-               json.value("disorder", 0ULL)};
+    const Json told = Json::parse(line, nullptr, false);
+    if (told.is_object()) account.update(told);
   }
   return account;
 }
@@ -306,30 +271,38 @@ Status read_along(const std::string& name, int slow_ms, const std::atomic<bool>&
   const bolo_client_info* info = bolo_client_get_info(client.get());
   std::vector<std::uint16_t> raw(std::size_t{info->width} * info->height);
   std::vector<std::uint16_t> deblurred(raw.size());
-  ReaderAccount account;
+  std::uint64_t frames = 0;
+  std::uint64_t missed = 0;
+  std::uint64_t restarts = 0;
+  std::uint64_t disorder = 0;
+  const auto tell = [&] {
+    const Json account{{"frames", frames}, {"missed", missed}, {"restarts", restarts}, {"disorder", disorder}};
+    std::puts(account.dump().c_str());
+    std::fflush(stdout);
+  };
   bolo_client_frame frame{};
   std::int64_t last_publish_ns = 0;
   std::int64_t next_tell_ns = monotonic_ns();
   while (!stop.load(std::memory_order_relaxed)) {
     if (monotonic_ns() >= next_tell_ns) {
-      tell(account);
+      tell();
       next_tell_ns = monotonic_ns() + kTellNs;
     }
     const int got = bolo_client_next(client.get(), kReaderLook_ms, &frame);
-    if (got == BOLO_CLIENT_RESTARTED) ++account.restarts;
+    if (got == BOLO_CLIENT_RESTARTED) ++restarts;
     if (got < 0) return failed(bolo_client_error(client.get()));
     if (got != BOLO_CLIENT_OK) continue;
-    account.missed += frame.missed;
+    missed += frame.missed;
     if (bolo_client_copy(&frame, raw.data(), deblurred.data()) != BOLO_CLIENT_OK) {
-      ++account.missed;
+      ++missed;
       continue;
     }
-    ++account.frames;
-    if (frame.publish_ns <= last_publish_ns) ++account.disorder;
+    ++frames;
+    if (frame.publish_ns <= last_publish_ns) ++disorder;
     last_publish_ns = frame.publish_ns;
     if (slow_ms > 0) std::this_thread::sleep_for(std::chrono::milliseconds(slow_ms));
   }
-  tell(account);
+  tell();
   return {};
 }
 

@@ -1,33 +1,22 @@
-// The processes of a soak: camera, daemon, readers; and what is known of them.
+// The processes of a soak: camera, daemon, readers; what is known of them, and what each kind of trouble does to them.
 #pragma once
 
-#include <array>
-#include <atomic>
-#include <filesystem>
-#include <map>
-#include <memory>
-#include <optional>
-#include <string>
-#include <vector>
+#include <future>
 
-#include "src/core/geometry.hpp"
-#include "src/core/result.hpp"
 #include "tools/cli/process.hpp"
-#include "tools/lab/soak/account.hpp"
-#include "tools/lab/soak/scene.hpp"
+#include "tools/lab/soak/findings.hpp"
 #include "tools/lab/soak/schedule.hpp"
+#include "tools/lab/soak/watcher.hpp"
 
 namespace bolo::tools::soak {
 
-// The configuration of the soak's daemon: a user's own, or the defaults, with what the soak must decide put over
-// it.
-
+// The configuration of the soak's daemon: a user's own, or the defaults, with what the soak must decide put over it.
 struct DaemonFile {
   std::filesystem::path base;    // empty: bolod's defaults
-  std::filesystem::path folder;  // where the files are written: bolod.toml, profile.toml
+  std::filesystem::path folder;  // for all files, bolod.toml and profile.toml among them; exists
   std::string name;              // of the shared memory
   std::string address;           // of the camera
-  Geometry geometry;
+  Geometry geometry{640, 120};
   double rate_hz = 200.0;
   int packet_size = 0;
   double nuc_interval_s = 300.0;  // a live key, with nuc.policy = "camera" of no effect: to see a reload taken up
@@ -50,13 +39,6 @@ struct Programs {
 };
 // bolo and bolod are beside this program or in PATH. kBadInput: one is not there. Thread: any.
 Result<Programs> find_programs();
-
-struct RigRequest {
-  std::filesystem::path folder;  // for all files; exists
-  std::filesystem::path base_config;
-  Geometry geometry{640, 120};
-  double rate_hz = 200.0;
-};
 
 // The books of all camera processes: those that ended, and the present one.
 class CameraBook {
@@ -87,7 +69,8 @@ class CameraBook {
 // Thread: one at a time.
 class Rig {
  public:
-  static Result<std::unique_ptr<Rig>> set_up(const Programs& programs, const RigRequest& request);
+  // Gives the daemon's file a name, an address and a size of packets.
+  static Result<std::unique_ptr<Rig>> set_up(const Programs& programs, const DaemonFile& file);
   ~Rig();
   Rig(const Rig&) = delete;
   Rig& operator=(const Rig&) = delete;
@@ -96,8 +79,8 @@ class Rig {
   Status start_camera(const Round& round);
   // Waits until it serves; false when it does not, and camera_error() says why.
   bool wait_for_camera();
-  std::string camera_error() const;
-  std::string daemon_error() const;
+  std::string camera_error() const { return contents(camera_->log().string() + ".err"); }
+  std::string daemon_error() const { return contents(daemon_log()); }
   // Ends it and closes its book.
   Status end_camera();
   Status start_daemon();
@@ -115,20 +98,18 @@ class Rig {
   const Truth& truth() const { return *truth_; }
   DaemonFile& daemon_file() { return file_; }
   const Programs& programs() const noexcept { return programs_; }
-  const RigRequest& request() const noexcept { return request_; }
   const std::string& name() const noexcept { return file_.name; }
-  std::filesystem::path daemon_log() const { return request_.folder / "bolod.err"; }
-  std::filesystem::path file(const std::string& name) const { return request_.folder / name; }
+  std::filesystem::path daemon_log() const { return file_.folder / "bolod.err"; }
+  std::filesystem::path file(const std::string& name) const { return file_.folder / name; }
 
   // A reader process of this rig, by its log's name. slow_ms: it takes as long for each frame.
   Command reader(const std::string& log, int slow_ms) const;
 
  private:
-  Rig(Programs programs, RigRequest request) : programs_(std::move(programs)), request_(std::move(request)) {}
+  Rig(Programs programs, DaemonFile file) : programs_(std::move(programs)), file_(std::move(file)) {}
   Status make_files();
 
   Programs programs_;
-  RigRequest request_;
   DaemonFile file_;
   std::optional<Truth> truth_;
   CameraBook book_;
@@ -146,15 +127,54 @@ class Rig {
 // that came in another order than their numbers and times say. slow_ms: what it takes for each frame. Thread: setup.
 Status read_along(const std::string& name, int slow_ms, const std::atomic<bool>& stop);
 
-// That line.
-struct ReaderAccount {
-  unsigned long long frames = 0;
-  unsigned long long missed = 0;
-  unsigned long long restarts = 0;
-  unsigned long long disorder = 0;
+// The last whole line of such; zeros of none. Thread: any.
+Json last_account(const std::string& file);
+
+// --- What takes its time and is judged at its end, beside the soak's own thread: recordings, commands, work for
+// processors and memory.
+
+// Waits for all of them in the end. Thread: one at a time.
+class Jobs {
+ public:
+  void add(std::function<void()> job) { running_.push_back(std::async(std::launch::async, std::move(job))); }
+  ~Jobs() { finish(); }
+  Jobs() = default;
+  Jobs(const Jobs&) = delete;
+  Jobs& operator=(const Jobs&) = delete;
+  void finish() {
+    for (std::future<void>& job : running_) job.wait();
+    running_.clear();
+  }
+
+ private:
+  std::vector<std::future<void>> running_;
 };
-std::string text_of(const ReaderAccount& account);
-// Of the last whole line of such; zeros of none. Thread: any.
-ReaderAccount last_account(const std::string& file);
+
+// What each kind of trouble does to the processes. Thread: one at a time. What the camera does by its script needs no
+// act.
+class Acts {
+ public:
+  Acts(Rig& rig, Findings& findings) : rig_(rig), findings_(findings) {}
+
+  void begin(const Disturbance& disturbance);
+  void end(const Disturbance& disturbance);
+  // Waits for what still runs.
+  void finish() { jobs_.finish(); }
+
+ private:
+  void record(const Disturbance& disturbance);
+  void take_processors(double seconds);
+  void take_memory(double seconds);
+  void start_helper(const Command& command);
+  void end_helper(bool must_be_well);
+  void write_config(bool right);
+  void step_clock(double by_s);
+
+  Rig& rig_;
+  Findings& findings_;
+  Jobs jobs_;
+  std::optional<Process> helper_;  // a slow reader, stress-ng
+  int count_ = 0;
+};
 
 }  // namespace bolo::tools::soak

@@ -1,23 +1,8 @@
-#include "tools/lab/soak/run.hpp"
-
-#include <unistd.h>
-
 #include <algorithm>
-#include <cmath>
 #include <csignal>
-#include <limits>
-#include <map>
-#include <thread>
-#include <utility>
 
 #include "src/core/clock.hpp"
-#include "src/report/text.hpp"
-#include "tools/lab/soak/account.hpp"
-#include "tools/lab/soak/acts.hpp"
-#include "tools/lab/soak/findings.hpp"
-#include "tools/lab/soak/rig.hpp"
 #include "tools/lab/soak/verdicts.hpp"
-#include "tools/lab/soak/watcher.hpp"
 
 namespace bolo::tools::soak {
 namespace {
@@ -41,30 +26,321 @@ class Run {
       const std::function<void(const std::string&)>& progress, Findings& findings)
       : request_(request), programs_(programs), stop_(stop), progress_(progress), findings_(findings) {}
 
-  Result<SoakResult> run();
+  // --- before and after ---
+
+  Result<SoakResult> run() {
+    RETURN_IF_ERROR(set_up());
+    for (std::size_t r = 0; r < request_.schedule.rounds.size() && !stop_; ++r) play(r);
+    result_.interrupted = stop_;
+    wind_up();
+    return std::move(result_);
+  }
 
  private:
-  Status set_up();
-  void play(std::size_t round);
-  bool change_camera(std::size_t round);
-  bool wait_for_stream();
-  void follow(std::size_t round);
-  void tick();
-  void begin(Struck& struck);
-  void end(Struck& struck);
-  void look_at_recoveries();
-  void look_at_processes();
-  void look_at_log();
-  void look_at_readers();
-  void tell();
-  void close_books();
-  void wind_up();
-  Allowed allowed() const;
-  std::string what_happens() const;
-  bool is_quiet() const;
-  bool struck_now(Kind kind, double margin_s) const;
-  bool shows(Kind kind) const;
-  double camera_lag_s() const;
+  Status set_up() {
+    ASSIGN_OR_RETURN(rig_, Rig::set_up(programs_, request_.rig));
+    RETURN_IF_ERROR(rig_->start_camera(request_.schedule.rounds.front()));
+    if (!rig_->wait_for_camera()) return failed("the fake camera does not start: " + rig_->camera_error());
+    RETURN_IF_ERROR(rig_->start_daemon());
+    auto watcher = Watcher::start(rig_->name(), rig_->truth(), findings_);
+    if (!watcher) return failed(watcher.error().message + "; bolod says: " + rig_->daemon_error());
+    watcher_ = std::move(*watcher);
+    result_.solver = watcher_->first_header().solver;
+    RETURN_IF_ERROR(rig_->start_readers());
+    acts_ = std::make_unique<Acts>(*rig_, findings_);
+    log_ = std::make_unique<LineTail>(rig_->daemon_log());
+    books_ = std::make_unique<Books>(1.0 / request_.rig.rate_hz, findings_);
+    sampler_ = std::make_unique<Sampler>(*rig_, *watcher_, findings_);
+    start_ns_ = monotonic_ns();
+    return {};
+  }
+
+  void wind_up() {
+    acts_->finish();
+    look_at_recoveries();
+    close_books();
+    for (Process& reader : rig_->readers()) {
+      reader.signal(SIGTERM);
+      const auto code = reader.wait(5.0);
+      const Json account = last_account(reader.log().string() + ".out");
+      findings_.require(Invariant::kReaders, code == 0 && account["disorder"] == 0,
+                        "a reader: exit code " + std::to_string(code.value_or(-1)) + ", " + account.dump());
+    }
+    rig_->daemon().signal(SIGTERM);
+    const auto code = rig_->daemon().wait(10.0);
+    findings_.require(Invariant::kProcesses, code == 0,
+                      code ? "bolod ended with exit code " + std::to_string(*code) : "bolod does not end on SIGTERM");
+    findings_.done(Invariant::kProcesses, rig_->end_camera());
+    look_at_log();
+    const auto require_all = [this](int answered, Kind kind, const char* what) {
+      const auto struck = std::ranges::count_if(
+          result_.struck, [kind](const Struck& s) { return s.disturbance.kind == kind && s.begin_s >= 0.0; });
+      findings_.require(Invariant::kCommands, answered == struck,
+                        std::to_string(answered) + what + ", of " + std::to_string(struck));
+    };
+    require_all(refused_reloads_, Kind::kBadReload, " wrong files were refused");
+    require_all(taken_reloads_, Kind::kReload, " changed files were taken up");
+    result_.seconds = now_s();
+    result_.injected = rig_->book().ended();
+    result_.frames["sent"] = rig_->book().sent();
+    sampler_->finish(result_);
+    judge_latency(sampler_->quiet_ms(), request_.latency_limit_ms, result_, findings_);
+    judge_growth(request_.growth_limit_mib, result_, findings_);
+  }
+
+  // --- one camera's time ---
+
+  void play(std::size_t round) {
+    round_first_ = result_.struck.size();
+    round_origin_s_ = std::numeric_limits<double>::infinity();  // until its camera sends
+    for (const Disturbance& d : request_.schedule.rounds[round].disturbances) {
+      result_.struck.push_back({d, round, -1.0, -1.0, false, std::nullopt});
+    }
+    if (round > 0 && !change_camera(round)) return;
+    if (wait_for_stream()) follow(round);
+  }
+
+  bool change_camera(std::size_t round) {
+    Struck& replaced = result_.struck[round_first_];
+    begin(replaced);
+    findings_.done(Invariant::kProcesses, rig_->end_camera());
+    const double until_s = now_s() + replaced.disturbance.for_s;
+    while (now_s() < until_s) tick();
+    if (!findings_.done(Invariant::kProcesses, rig_->start_camera(request_.schedule.rounds[round]))) return false;
+    const bool serves = rig_->wait_for_camera();
+    end(replaced);
+    return findings_.require(Invariant::kProcesses, serves, "the fake camera does not start: " + rig_->camera_error());
+  }
+
+  // What drops the connection does it when the camera is set up, before its first stream.
+  bool wait_for_stream() {
+    for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
+      if (result_.struck[i].disturbance.kind == Kind::kWindowingDrop) begin(result_.struck[i]);
+    }
+    const double limit_s = now_s() + kFirstFrame_s;
+    const auto streams = [this] { return rig_->book().present() && rig_->book().present()->first_stream_ns != 0; };
+    while (!streams() && now_s() < limit_s && !stop_) tick();
+    if (!streams()) {
+      if (!stop_) findings_.broken(Invariant::kProcesses, "the camera was not told to stream for 40 s");
+      return false;
+    }
+    round_origin_s_ = at_s(rig_->book().present()->first_stream_ns);
+    for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
+      Struck& struck = result_.struck[i];
+      if (struck.disturbance.kind != Kind::kWindowingDrop) continue;
+      end(struck);
+      struck.end_s = round_origin_s_;
+    }
+    return true;
+  }
+
+  void follow(std::size_t round) {
+    const double end_s = static_cast<double>(round + 1) * request_.schedule.round_s;
+    while (now_s() < end_s && !stop_) {
+      for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
+        Struck& struck = result_.struck[i];
+        const double due_s = round_origin_s_ + struck.disturbance.at_s;
+        if (struck.begin_s < 0.0 && now_s() >= due_s) begin(struck);
+        if (struck.begin_s >= 0.0 && !struck.over && now_s() >= due_s + struck.disturbance.for_s) end(struck);
+      }
+      tick();
+    }
+  }
+
+  void begin(Struck& struck) {
+    struck.begin_s = now_s();
+    findings_.now(now_s(), what_happens());
+    if (struck.disturbance.kind == Kind::kDaemonKilled) daemon_start_s_ = now_s() + struck.disturbance.for_s;
+    watcher_->allow(allowed());
+    acts_->begin(struck.disturbance);
+  }
+
+  void end(Struck& struck) {
+    acts_->end(struck.disturbance);
+    struck.end_s = now_s();
+    struck.over = true;
+  }
+
+  void tick() {
+    std::this_thread::sleep_for(kTick);
+    findings_.now(now_s(), what_happens());
+    rig_->read_camera();
+    watcher_->allow(allowed());
+    look_at_processes();
+    look_at_log();
+    look_at_recoveries();
+    books_->look(rig_->book(), *watcher_, now_s());
+    if (now_s() >= next_sample_s_) {
+      next_sample_s_ += kSample_s;
+      sampler_->sample(now_s(), is_quiet());
+      if (sampler_->timeline().size() % 2 == 0) look_at_readers();
+    }
+    if (now_s() >= next_tell_s_) tell();
+  }
+
+  // --- what happens now ---
+
+  bool struck_now(Kind kind, double margin_s) const {
+    for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
+      const Struck& s = result_.struck[i];
+      if (s.disturbance.kind != kind) continue;
+      const double from_s = round_origin_s_ + s.disturbance.at_s;
+      if (now_s() >= from_s - margin_s && now_s() <= from_s + s.disturbance.for_s + margin_s) return true;
+    }
+    return false;
+  }
+
+  // How far the camera is behind its schedule, as far as it has told: on a machine at its limit its frames come late.
+  double camera_lag_s() const {
+    const auto& told = rig_->book().present();
+    if (!told || told->first_stream_ns == 0) return 0.0;
+    const double played_s = static_cast<double>(told->passed) / request_.rig.rate_hz;
+    return std::max(0.0, now_s() - at_s(told->first_stream_ns) - played_s);
+  }
+
+  // Whether frames may arrive now that show this fault of the camera's.
+  bool shows(Kind kind) const { return struck_now(kind, kBeforeAndAfter_s + camera_lag_s()); }
+
+  // A shutter's offset stays until its camera is replaced, whose last frames may still be on their way.
+  Allowed allowed() const {
+    Allowed out;
+    out.swapped = shows(Kind::kByteOrder);
+    out.metadata = shows(Kind::kMetadataRows);
+    const bool shut = std::ranges::any_of(result_.struck, [this](const Struck& s) {
+      return s.disturbance.kind == Kind::kShutter && s.begin_s >= 0.0 &&
+             (s.round == result_.struck.back().round || now_s() < round_origin_s_ + kBeforeAndAfter_s);
+    });
+    if (shut || shows(Kind::kShutter)) {
+      out.offset = static_cast<int>(std::lround(kShutterOffset_k * kCountsPerKelvin));
+    }
+    return out;
+  }
+
+  std::string what_happens() const {
+    std::string text;
+    for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
+      const Struck& s = result_.struck[i];
+      if (s.begin_s < 0.0 || s.recovery_s) continue;
+      text += (text.empty() ? "" : ", ") + std::string(info_of(s.disturbance.kind).name);
+      if (s.over) text += " (recovering)";
+    }
+    return text.empty() ? "quiet" : text;
+  }
+
+  bool is_quiet() const {
+    const bool open =
+        std::ranges::any_of(result_.struck, [](const Struck& s) { return s.begin_s >= 0.0 && !s.recovery_s; });
+    return !open && now_s() > calm_since_s_ + kCalm_s;
+  }
+
+  // --- what is looked at, all the time ---
+
+  void look_at_recoveries() {
+    const GoodRun run = watcher_->good_run();
+    const std::uint64_t window = watcher_->first_header().window + watcher_->first_header().lookahead;
+    for (Struck& struck : result_.struck) {
+      if (!struck.over || struck.recovery_s) continue;
+      const KindInfo& info = info_of(struck.disturbance.kind);
+      // Longer than what is under way to the daemon, so that a disturbance has shown what it does.
+      const bool seen = run.frames >= window && at_s(run.last_ns) > struck.end_s + kCalm_s;
+      const bool given_up = now_s() > struck.end_s + std::max(kPatience_s, 4.0 * info.recovers_within_s);
+      if (!seen && !given_up) continue;
+      struck.recovery_s = seen ? std::max(0.0, at_s(run.since_ns) - struck.end_s) : now_s() - struck.end_s;
+      calm_since_s_ = now_s();
+      // A machine at its limit recovers when it can; but it does.
+      if (seen && others_since(sampler_->timeline(), struck.end_s) > kMostOthers) continue;
+      const std::string text = plot::format("%s: right again %.2f s after its end, limit %.1f s",
+                                            std::string(info.name).c_str(), *struck.recovery_s, info.recovers_within_s);
+      findings_.require(Invariant::kRecovery, *struck.recovery_s <= info.recovers_within_s, text);
+    }
+  }
+
+  void look_at_processes() {
+    if (const auto code = rig_->has_camera() ? rig_->camera().ended() : std::nullopt) {
+      findings_.broken(Invariant::kProcesses, "the fake camera ended with exit code " + std::to_string(*code));
+    }
+    const auto ended = rig_->daemon().ended();
+    if (ended && !daemon_start_s_) {
+      findings_.broken(Invariant::kProcesses, "bolod ended by itself with exit code " + std::to_string(*ended));
+      daemon_start_s_ = now_s() + kRestart_s;
+    }
+    if (ended && daemon_start_s_ && now_s() >= *daemon_start_s_ && starts_ < kMostStarts) {
+      ++starts_;
+      daemon_start_s_.reset();
+      findings_.done(Invariant::kProcesses, rig_->start_daemon());
+    }
+  }
+
+  void look_at_log() {
+    for (const std::string& line : log_->take()) {
+      findings_.looked(Invariant::kLog);
+      if (line.find("reload: took up") != std::string::npos) ++taken_reloads_;
+      switch (classify(line)) {
+        case LogLine::kUsual:
+        case LogLine::kWarning:
+          break;
+        case LogLine::kRefusedReload:
+          ++refused_reloads_;
+          break;
+        case LogLine::kNoLife:  // a daemon that stood still, or got no processor, finds so itself
+          if (!struck_now(Kind::kDaemonStopped, kStillness_s) && !struck_now(Kind::kCpuTaken, kStillness_s) &&
+              others_since(sampler_->timeline(), now_s() - kStillness_s) <= kMostOthers) {
+            findings_.broken(Invariant::kLog, line);
+          }
+          break;
+        case LogLine::kNoStart:
+        case LogLine::kError:
+        case LogLine::kForeign:
+          findings_.broken(Invariant::kLog, line);
+      }
+    }
+  }
+
+  // Readers go on while frames flow.
+  void look_at_readers() {
+    for (Process& reader : rig_->readers()) {
+      const Json account = last_account(reader.log().string() + ".out");
+      const auto before = read_.find(reader.pid());
+      if (before != read_.end() && is_quiet()) {
+        findings_.require(Invariant::kReaders, account["frames"] > before->second && account["disorder"] == 0,
+                          "a reader does not read on: " + account.dump());
+      }
+      read_[reader.pid()] = account["frames"];
+    }
+  }
+
+  void tell() {
+    next_tell_s_ += kTell_s;
+    const std::vector<Second>& timeline = sampler_->timeline();
+    const std::size_t seconds = std::min<std::size_t>(timeline.size(), static_cast<std::size_t>(kTell_s));
+    std::uint64_t frames = 0;
+    double p99_ms = 0.0;
+    for (std::size_t i = timeline.size() - seconds; i < timeline.size(); ++i) {
+      frames += timeline[i].frames;
+      p99_ms = std::max(p99_ms, timeline[i].p99_ms);
+    }
+    int holding = 0;
+    for (std::size_t i = 0; i < kInvariants; ++i) {
+      if (findings_.tally(static_cast<Invariant>(i)).broken == 0) ++holding;
+    }
+    progress_(plot::format("%7.1f s  %6.1f Hz  p99 %6.1f ms  lost %6llu  %d of %d hold  %s", now_s(),
+                           static_cast<double>(frames) / std::max<double>(1.0, static_cast<double>(seconds)), p99_ms,
+                           static_cast<unsigned long long>(total(watcher_->counters().lost)), holding,
+                           static_cast<int>(kInvariants), what_happens().c_str()));
+  }
+
+  // The last mark, so that nothing is left out.
+  void close_books() {
+    const double after_s = now_s();
+    while (now_s() < after_s + kLastMark_s && books_->last_mark_s() < after_s) {
+      std::this_thread::sleep_for(kTick);
+      rig_->read_camera();
+      look_at_recoveries();
+      books_->look(rig_->book(), *watcher_, now_s());
+    }
+    books_->close(watcher_->counters().lost, result_);
+  }
+
   double now_s() const { return static_cast<double>(monotonic_ns() - start_ns_) / kNsPerSecond; }
   double at_s(std::int64_t ns) const { return static_cast<double>(ns - start_ns_) / kNsPerSecond; }
 
@@ -90,332 +366,8 @@ class Run {
   double next_sample_s_ = kSample_s;
   double next_tell_s_ = kTell_s;
   double calm_since_s_ = 0.0;
-  std::map<pid_t, unsigned long long> read_;  // frames of each reader, at the last look
+  std::map<pid_t, std::uint64_t> read_;  // frames of each reader, at the last look
 };
-
-// --- before and after ---
-
-Result<SoakResult> Run::run() {
-  RETURN_IF_ERROR(set_up());
-  for (std::size_t r = 0; r < request_.schedule.rounds.size() && !stop_; ++r) play(r);
-  result_.interrupted = stop_;
-  wind_up();
-  return std::move(result_);
-}
-
-Status Run::set_up() {
-  ASSIGN_OR_RETURN(rig_, Rig::set_up(programs_, request_.rig));
-  if (Status started = rig_->start_camera(request_.schedule.rounds.front()); !started) return started;
-  if (!rig_->wait_for_camera()) return failed("the fake camera does not start: " + rig_->camera_error());
-  if (Status started = rig_->start_daemon(); !started) return started;
-  auto watcher = Watcher::start(rig_->name(), rig_->truth(), findings_);
-  if (!watcher) return failed(watcher.error().message + "; bolod says: " + rig_->daemon_error());
-  watcher_ = std::move(*watcher);
-  result_.solver = watcher_->first_header().solver;
-  if (Status started = rig_->start_readers(); !started) return started;
-  acts_ = std::make_unique<Acts>(*rig_, findings_);
-  log_ = std::make_unique<LineTail>(rig_->daemon_log());
-  books_ = std::make_unique<Books>(1.0 / request_.rig.rate_hz, findings_);
-  sampler_ = std::make_unique<Sampler>(*rig_, *watcher_, findings_);
-  start_ns_ = monotonic_ns();
-  return {};
-}
-
-void Run::wind_up() {
-  acts_->finish();
-  look_at_recoveries();
-  close_books();
-  for (Process& reader : rig_->readers()) {
-    reader.signal(SIGTERM);
-    const auto code = reader.wait(5.0);
-    const ReaderAccount account = last_account(reader.log().string() + ".out");
-    findings_.require(Invariant::kReaders, code == 0 && account.disorder == 0,
-                      "a reader: exit code " + std::to_string(code.value_or(-1)) + ", " + text_of(account));
-  }
-  rig_->daemon().signal(SIGTERM);
-  const auto code = rig_->daemon().wait(10.0);
-  findings_.require(Invariant::kProcesses, code == 0,
-                    code ? "bolod ended with exit code " + std::to_string(*code) : "bolod does not end on SIGTERM");
-  if (Status ended = rig_->end_camera(); !ended) findings_.broken(Invariant::kProcesses, ended.error().message);
-  look_at_log();
-  const auto struck_times = [this](Kind kind) {
-    return static_cast<int>(std::ranges::count_if(
-        result_.struck, [kind](const Struck& s) { return s.disturbance.kind == kind && s.begin_s >= 0.0; }));
-  };
-  findings_.require(Invariant::kCommands, refused_reloads_ == struck_times(Kind::kBadReload),
-                    std::to_string(refused_reloads_) + " wrong files were refused, of " +
-                        std::to_string(struck_times(Kind::kBadReload)));
-  findings_.require(Invariant::kCommands, taken_reloads_ == struck_times(Kind::kReload),
-                    std::to_string(taken_reloads_) + " changed files were taken up, of " +
-                        std::to_string(struck_times(Kind::kReload)));
-  result_.seconds = now_s();
-  result_.injected = rig_->book().ended();
-  result_.sent = rig_->book().sent();
-  sampler_->finish(result_);
-  judge_latency(sampler_->quiet_ms(), request_.latency_limit_ms, result_, findings_);
-  judge_growth(request_.growth_limit_mib, result_, findings_);
-}
-
-// --- one camera's time ---
-
-void Run::play(std::size_t round) {
-  round_first_ = result_.struck.size();
-  round_origin_s_ = std::numeric_limits<double>::infinity();  // until its camera sends
-  for (const Disturbance& d : request_.schedule.rounds[round].disturbances) {
-    result_.struck.push_back({d, round, -1.0, -1.0, false, std::nullopt});
-  }
-  if (round > 0 && !change_camera(round)) return;
-  if (wait_for_stream()) follow(round);
-}
-
-bool Run::change_camera(std::size_t round) {
-  Struck& replaced = result_.struck[round_first_];
-  begin(replaced);
-  if (Status ended = rig_->end_camera(); !ended) findings_.broken(Invariant::kProcesses, ended.error().message);
-  const double until_s = now_s() + replaced.disturbance.for_s;
-  while (now_s() < until_s) tick();
-  if (Status started = rig_->start_camera(request_.schedule.rounds[round]); !started) {
-    findings_.broken(Invariant::kProcesses, started.error().message);
-    return false;
-  }
-  const bool serves = rig_->wait_for_camera();
-  end(replaced);
-  return findings_.require(Invariant::kProcesses, serves, "the fake camera does not start: " + rig_->camera_error());
-}
-
-// What drops the connection does it when the camera is set up, before its first stream.
-bool Run::wait_for_stream() {
-  for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
-    if (result_.struck[i].disturbance.kind == Kind::kWindowingDrop) begin(result_.struck[i]);
-  }
-  const double limit_s = now_s() + kFirstFrame_s;
-  const auto streams = [this] { return rig_->book().present() && rig_->book().present()->first_stream_ns != 0; };
-  while (!streams() && now_s() < limit_s && !stop_) tick();
-  if (!streams()) {
-    if (!stop_) findings_.broken(Invariant::kProcesses, "the camera was not told to stream for 40 s");
-    return false;
-  }
-  round_origin_s_ = at_s(rig_->book().present()->first_stream_ns);
-  for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
-    Struck& struck = result_.struck[i];
-    if (struck.disturbance.kind != Kind::kWindowingDrop) continue;
-    end(struck);
-    struck.end_s = round_origin_s_;
-  }
-  return true;
-}
-
-void Run::follow(std::size_t round) {
-  const double end_s = static_cast<double>(round + 1) * request_.schedule.round_s;
-  while (now_s() < end_s && !stop_) {
-    for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
-      Struck& struck = result_.struck[i];
-      const double due_s = round_origin_s_ + struck.disturbance.at_s;
-      if (struck.begin_s < 0.0 && now_s() >= due_s) begin(struck);
-      if (struck.begin_s >= 0.0 && !struck.over && now_s() >= due_s + struck.disturbance.for_s) end(struck);
-    }
-    tick();
-  }
-}
-
-void Run::begin(Struck& struck) {
-  struck.begin_s = now_s();
-  findings_.now(now_s(), what_happens());
-  if (struck.disturbance.kind == Kind::kDaemonKilled) daemon_start_s_ = now_s() + struck.disturbance.for_s;
-  watcher_->allow(allowed());
-  acts_->begin(struck.disturbance);
-}
-
-void Run::end(Struck& struck) {
-  acts_->end(struck.disturbance);
-  struck.end_s = now_s();
-  struck.over = true;
-}
-
-void Run::tick() {
-  std::this_thread::sleep_for(kTick);
-  findings_.now(now_s(), what_happens());
-  rig_->read_camera();
-  watcher_->allow(allowed());
-  look_at_processes();
-  look_at_log();
-  look_at_recoveries();
-  books_->look(rig_->book(), *watcher_, now_s());
-  if (now_s() >= next_sample_s_) {
-    next_sample_s_ += kSample_s;
-    sampler_->sample(now_s(), is_quiet());
-    if (sampler_->timeline().size() % 2 == 0) look_at_readers();
-  }
-  if (now_s() >= next_tell_s_) tell();
-}
-
-// --- what happens now ---
-
-bool Run::struck_now(Kind kind, double margin_s) const {
-  for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
-    const Struck& s = result_.struck[i];
-    if (s.disturbance.kind != kind) continue;
-    const double from_s = round_origin_s_ + s.disturbance.at_s;
-    if (now_s() >= from_s - margin_s && now_s() <= from_s + s.disturbance.for_s + margin_s) return true;
-  }
-  return false;
-}
-
-// How far the camera is behind its schedule, as far as it has told: on a machine at its limit its frames come late.
-double Run::camera_lag_s() const {
-  const auto& told = rig_->book().present();
-  if (!told || told->first_stream_ns == 0) return 0.0;
-  const double played_s = static_cast<double>(told->passed) / request_.rig.rate_hz;
-  return std::max(0.0, now_s() - at_s(told->first_stream_ns) - played_s);
-}
-
-// Whether frames may arrive now that show this fault of the camera's.
-bool Run::shows(Kind kind) const { return struck_now(kind, kBeforeAndAfter_s + camera_lag_s()); }
-
-// A shutter's offset stays until its camera is replaced, whose last frames may still be on their way.
-Allowed Run::allowed() const {
-  Allowed out;
-  out.swapped = shows(Kind::kByteOrder);
-  out.metadata = shows(Kind::kMetadataRows);
-  const bool shut = std::ranges::any_of(result_.struck, [this](const Struck& s) {
-    return s.disturbance.kind == Kind::kShutter && s.begin_s >= 0.0 &&
-           (s.round == result_.struck.back().round || now_s() < round_origin_s_ + kBeforeAndAfter_s);
-  });
-  if (shut || shows(Kind::kShutter)) {
-    out.offset = static_cast<int>(std::lround(kShutterOffset_k * kCountsPerKelvin));
-  }
-  return out;
-}
-
-std::string Run::what_happens() const {
-  std::string text;
-  for (std::size_t i = round_first_; i < result_.struck.size(); ++i) {
-    const Struck& s = result_.struck[i];
-    if (s.begin_s < 0.0 || s.recovery_s) continue;
-    text += (text.empty() ? "" : ", ") + std::string(info_of(s.disturbance.kind).name);
-    if (s.over) text += " (recovering)";
-  }
-  return text.empty() ? "quiet" : text;
-}
-
-bool Run::is_quiet() const {
-  const bool open =
-      std::ranges::any_of(result_.struck, [](const Struck& s) { return s.begin_s >= 0.0 && !s.recovery_s; });
-  return !open && now_s() > calm_since_s_ + kCalm_s;
-}
-
-// --- what is looked at, all the time ---
-
-void Run::look_at_recoveries() {
-  const GoodRun run = watcher_->good_run();
-  const std::uint64_t window = watcher_->first_header().window + watcher_->first_header().lookahead;
-  for (Struck& struck : result_.struck) {
-    if (!struck.over || struck.recovery_s) continue;
-    const KindInfo& info = info_of(struck.disturbance.kind);
-    // Longer than what is under way to the daemon, so that a disturbance has shown what it does.
-    const bool seen = run.frames >= window && at_s(run.last_ns) > struck.end_s + kCalm_s;
-    const bool given_up = now_s() > struck.end_s + std::max(kPatience_s, 4.0 * info.recovers_within_s);
-    if (!seen && !given_up) continue;
-    struck.recovery_s = seen ? std::max(0.0, at_s(run.since_ns) - struck.end_s) : now_s() - struck.end_s;
-    calm_since_s_ = now_s();
-    // A machine at its limit recovers when it can; but it does.
-    if (seen && others_since(sampler_->timeline(), struck.end_s) > kMostOthers) continue;
-    const std::string text = plot::format("%s: right again %.2f s after its end, limit %.1f s",
-                                          std::string(info.name).c_str(), *struck.recovery_s, info.recovers_within_s);
-    findings_.require(Invariant::kRecovery, *struck.recovery_s <= info.recovers_within_s, text);
-  }
-}
-
-void Run::look_at_processes() {
-  if (rig_->has_camera()) {
-    if (const auto code = rig_->camera().ended()) {
-      findings_.broken(Invariant::kProcesses, "the fake camera ended with exit code " + std::to_string(*code));
-    }
-  }
-  const auto ended = rig_->daemon().ended();
-  if (ended && !daemon_start_s_) {
-    findings_.broken(Invariant::kProcesses, "bolod ended by itself with exit code " + std::to_string(*ended));
-    daemon_start_s_ = now_s() + kRestart_s;
-  }
-  if (ended && daemon_start_s_ && now_s() >= *daemon_start_s_ && starts_ < kMostStarts) {
-    ++starts_;
-    daemon_start_s_.reset();
-    if (Status started = rig_->start_daemon(); !started)
-      findings_.broken(Invariant::kProcesses, started.error().message);
-  }
-}
-
-void Run::look_at_log() {
-  for (const std::string& line : log_->take()) {
-    findings_.looked(Invariant::kLog);
-    if (line.find("reload: took up") != std::string::npos) ++taken_reloads_;
-    switch (classify(line)) {
-      case LogLine::kUsual:
-      case LogLine::kWarning:
-        break;
-      case LogLine::kRefusedReload:
-        ++refused_reloads_;
-        break;
-      case LogLine::kNoLife:  // a daemon that stood still, or got no processor, finds so itself
-        if (!struck_now(Kind::kDaemonStopped, kStillness_s) && !struck_now(Kind::kCpuTaken, kStillness_s) &&
-            others_since(sampler_->timeline(), now_s() - kStillness_s) <= kMostOthers) {
-          findings_.broken(Invariant::kLog, line);
-        }
-        break;
-      case LogLine::kNoStart:
-      case LogLine::kError:
-      case LogLine::kForeign:
-        findings_.broken(Invariant::kLog, line);
-    }
-  }
-}
-
-// Readers go on while frames flow.
-void Run::look_at_readers() {
-  for (Process& reader : rig_->readers()) {
-    const ReaderAccount account = last_account(reader.log().string() + ".out");
-    const auto before = read_.find(reader.pid());
-    if (before != read_.end() && is_quiet()) {
-      findings_.require(Invariant::kReaders, account.frames > before->second && account.disorder == 0,
-                        "a reader does not read on: " + text_of(account));
-    }
-    read_[reader.pid()] = account.frames;
-  }
-}
-
-void Run::tell() {
-  next_tell_s_ += kTell_s;
-  const std::vector<Second>& timeline = sampler_->timeline();
-  const std::size_t seconds = std::min<std::size_t>(timeline.size(), static_cast<std::size_t>(kTell_s));
-  std::uint64_t frames = 0;
-  double p99_ms = 0.0;
-  for (std::size_t i = timeline.size() - seconds; i < timeline.size(); ++i) {
-    frames += timeline[i].frames;
-    p99_ms = std::max(p99_ms, timeline[i].p99_ms);
-  }
-  int holding = 0;
-  for (std::size_t i = 0; i < kInvariants; ++i) {
-    if (findings_.tally(static_cast<Invariant>(i)).broken == 0) ++holding;
-  }
-  const std::string text =
-      plot::format("%7.1f s  %6.1f Hz  p99 %6.1f ms  lost %6llu  %d of %d hold  %s", now_s(),
-                   static_cast<double>(frames) / std::max<double>(1.0, static_cast<double>(seconds)), p99_ms,
-                   static_cast<unsigned long long>(total(watcher_->counters().lost)), holding,
-                   static_cast<int>(kInvariants), what_happens().c_str());
-  progress_(text);
-}
-
-// The last mark, so that nothing is left out.
-void Run::close_books() {
-  const double after_s = now_s();
-  while (now_s() < after_s + kLastMark_s && books_->last_mark_s() < after_s) {
-    std::this_thread::sleep_for(kTick);
-    rig_->read_camera();
-    look_at_recoveries();
-    books_->look(rig_->book(), *watcher_, now_s());
-  }
-  books_->close(watcher_->counters().lost, result_);
-}
 
 }  // namespace
 

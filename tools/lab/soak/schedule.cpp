@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <cstddef>
 
 #include "tools/lab/common.hpp"
 
@@ -13,43 +11,44 @@ namespace {
 // Times to recover are limits, for a machine that others use as well. What takes long: a camera that is silent is asked
 // after 0.2 s and opened again, with its start-up; a killed daemon is started again after 0.3 s, and
 // promised to be back 2 s after the kill (PROMISES.md).
+// AT, FOR: of the disturbance; LONGER: requests for lost packets come after them.
 constexpr std::array<KindInfo, 31> kKinds{{
-    {Kind::kLoss, "loss", "packets are lost and asked for again", 0.3, 0.8, 3.0, 2.2, true},
-    {Kind::kReorder, "reorder", "packets arrive late", 0.3, 0.8, 3.0, 2.2, true},
-    {Kind::kDuplicate, "duplicate", "packets arrive twice", 0.3, 0.8, 3.0, 2.2, true},
-    {Kind::kGarbage, "garbage", "packets of random bytes between the camera's", 0.3, 0.8, 4.0, 2.4, true},
+    {Kind::kLoss, "loss", "packets are lost and asked for again", 0.3, 0.8, 3.0, 2.2,
+     "at=AT,for=FOR,rate=RATE,seed=SEED"},
+    {Kind::kReorder, "reorder", "packets arrive late", 0.3, 0.8, 3.0, 2.2, "at=AT,for=FOR,rate=RATE,seed=SEED"},
+    {Kind::kDuplicate, "duplicate", "packets arrive twice", 0.3, 0.8, 3.0, 2.2, "at=AT,for=FOR,rate=RATE,seed=SEED"},
+    {Kind::kGarbage, "garbage", "packets of random bytes between the camera's", 0.3, 0.8, 4.0, 2.4,
+     "at=AT,for=FOR,rate=RATE,seed=SEED"},
     {Kind::kNoResend, "resend_unanswered", "packets are lost, and requests for them not answered", 0.3, 0.8, 3.0, 2.4,
-     true},
-    {Kind::kIdGap, "id_gap", "the camera's counter jumps", 0.0, 0.0, 3.0, 1.6, true},
-    {Kind::kTimeJump, "time_jump", "the camera's clock jumps", 0.0, 0.0, 3.0, 1.6, true},
-    {Kind::kStall, "stall", "the camera sends nothing, but answers", 0.2, 0.6, 6.0, 2.6, true},
-    {Kind::kFreeze, "freeze", "the camera neither sends nor answers", 0.3, 1.0, 8.0, 3.6, true},
-    {Kind::kControlLoss, "control_loss", "the camera takes control away", 0.0, 0.0, 10.0, 3.2, true},
-    {Kind::kReboot, "reboot", "the camera starts anew and forgets all", 0.5, 1.0, 10.0, 4.2, true},
-    {Kind::kShutter, "nuc", "the camera's shutter: repeated frames, then an offset", 0.3, 0.5, 3.0, 2.2, true},
-    {Kind::kByteOrder, "byte_order", "pixels come with their bytes swapped", 0.2, 0.5, 3.0, 2.0, true},
-    {Kind::kMetadataRows, "metadata_rows", "the last rows hold metadata", 0.2, 0.5, 3.0, 2.0, true},
+     "at=AT,for=LONGER loss:at=AT,for=FOR,rate=RATE,seed=SEED"},
+    {Kind::kIdGap, "id_gap", "the camera's counter jumps", 0.0, 0.0, 3.0, 1.6, "at=AT,ids=IDS"},
+    {Kind::kTimeJump, "time_jump", "the camera's clock jumps", 0.0, 0.0, 3.0, 1.6, "at=AT,by=BY"},
+    {Kind::kStall, "stall", "the camera sends nothing, but answers", 0.2, 0.6, 6.0, 2.6, "at=AT,for=FOR"},
+    {Kind::kFreeze, "freeze", "the camera neither sends nor answers", 0.3, 1.0, 8.0, 3.6, "at=AT,for=FOR"},
+    {Kind::kControlLoss, "control_loss", "the camera takes control away", 0.0, 0.0, 10.0, 3.2, "at=AT"},
+    {Kind::kReboot, "reboot", "the camera starts anew and forgets all", 0.5, 1.0, 10.0, 4.2, "at=AT,for=FOR"},
+    {Kind::kShutter, "nuc", "the camera's shutter: repeated frames, then an offset", 0.3, 0.5, 3.0, 2.2,
+     "at=AT,for=FOR,offset=0.5"},
+    {Kind::kByteOrder, "byte_order", "pixels come with their bytes swapped", 0.2, 0.5, 3.0, 2.0, "at=AT,for=FOR"},
+    {Kind::kMetadataRows, "metadata_rows", "the last rows hold metadata", 0.2, 0.5, 3.0, 2.0, "at=AT,for=FOR,rows=3"},
     {Kind::kWindowingDrop, "windowing_drop", "the camera drops the connection that sets it up", 0.5, 1.0, 15.0, 4.5,
-     true},
-    {Kind::kCameraStopped, "camera_stopped", "SIGSTOP of the camera, then SIGCONT", 0.3, 1.0, 10.0, 4.0, false},
-    {Kind::kCameraReplaced, "camera_replaced", "the camera ends; another process takes its place", 0.3, 0.8, 15.0, 4.5,
-     false},
-    {Kind::kDaemonStopped, "daemon_stopped", "SIGSTOP of bolod, then SIGCONT", 0.2, 1.2, 5.0, 3.4, false},
-    {Kind::kDaemonKilled, "daemon_killed", "SIGKILL of bolod; started again, as a service is", 0.3, 0.3, 1.7, 5.0,
-     false},
-    {Kind::kReaderKilled, "reader_killed", "SIGKILL of a reader; another one begins", 0.2, 0.5, 2.0, 1.6, false},
-    {Kind::kReaderStopped, "reader_stopped", "SIGSTOP of a reader, then SIGCONT", 0.5, 1.2, 2.0, 2.2, false},
-    {Kind::kReaderSlow, "reader_slow", "a reader that takes 50 ms a frame", 0.8, 1.5, 2.0, 2.4, false},
-    {Kind::kRecording, "recording", "a recording, ended in good order", 1.0, 1.5, 3.0, 3.0, false},
-    {Kind::kRecorderKilled, "recorder_killed", "SIGKILL of a recording; what is left is recovered", 1.2, 1.8, 3.0, 3.2,
-     false},
-    {Kind::kDiskFull, "disk_full", "a recording on a disk without room", 1.5, 2.5, 3.0, 3.8, false},
-    {Kind::kClockStep, "clock_step", "CLOCK_REALTIME is set by seconds, then back", 0.5, 1.0, 3.0, 2.4, false},
-    {Kind::kCpuTaken, "cpu_taken", "other programs on every processor", 0.8, 1.5, 5.0, 3.2, false},
-    {Kind::kMemoryTaken, "memory_taken", "another program fills memory", 0.8, 1.5, 5.0, 3.2, false},
-    {Kind::kReload, "reload", "SIGHUP with a changed file", 0.0, 0.0, 2.0, 1.4, false},
-    {Kind::kBadReload, "bad_reload", "SIGHUP with a file that is wrong", 0.5, 0.5, 2.0, 1.8, false},
-    {Kind::kCorrection, "correction", "bolo nuc: the camera is told to correct its pixels", 0.6, 0.6, 3.0, 2.4, false},
+     "for=FOR"},
+    {Kind::kCameraStopped, "camera_stopped", "SIGSTOP of the camera, then SIGCONT", 0.3, 1.0, 10.0, 4.0},
+    {Kind::kCameraReplaced, "camera_replaced", "the camera ends; another process takes its place", 0.3, 0.8, 15.0, 4.5},
+    {Kind::kDaemonStopped, "daemon_stopped", "SIGSTOP of bolod, then SIGCONT", 0.2, 1.2, 5.0, 3.4},
+    {Kind::kDaemonKilled, "daemon_killed", "SIGKILL of bolod; started again, as a service is", 0.3, 0.3, 1.7, 5.0},
+    {Kind::kReaderKilled, "reader_killed", "SIGKILL of a reader; another one begins", 0.2, 0.5, 2.0, 1.6},
+    {Kind::kReaderStopped, "reader_stopped", "SIGSTOP of a reader, then SIGCONT", 0.5, 1.2, 2.0, 2.2},
+    {Kind::kReaderSlow, "reader_slow", "a reader that takes 50 ms a frame", 0.8, 1.5, 2.0, 2.4},
+    {Kind::kRecording, "recording", "a recording, ended in good order", 1.0, 1.5, 3.0, 3.0},
+    {Kind::kRecorderKilled, "recorder_killed", "SIGKILL of a recording; what is left is recovered", 1.2, 1.8, 3.0, 3.2},
+    {Kind::kDiskFull, "disk_full", "a recording on a disk without room", 1.5, 2.5, 3.0, 3.8},
+    {Kind::kClockStep, "clock_step", "CLOCK_REALTIME is set by seconds, then back", 0.5, 1.0, 3.0, 2.4},
+    {Kind::kCpuTaken, "cpu_taken", "other programs on every processor", 0.8, 1.5, 5.0, 3.2},
+    {Kind::kMemoryTaken, "memory_taken", "another program fills memory", 0.8, 1.5, 5.0, 3.2},
+    {Kind::kReload, "reload", "SIGHUP with a changed file", 0.0, 0.0, 2.0, 1.4},
+    {Kind::kBadReload, "bad_reload", "SIGHUP with a file that is wrong", 0.5, 0.5, 2.0, 1.8},
+    {Kind::kCorrection, "correction", "bolo nuc: the camera is told to correct its pixels", 0.6, 0.6, 3.0, 2.4},
 }};
 
 constexpr double kFirstQuiet_s = 2.5;  // before the first disturbance of a round: the camera has just begun
@@ -67,39 +66,23 @@ double jump(Dice& dice) { return std::floor(dice.between(0.2, 2.0) * 100.0) / 10
 
 // The camera's script for one of its kinds.
 std::string faults_of(const Disturbance& d, Dice& dice) {
-  const std::string name(info_of(d.kind).name);
-  const std::string at = plot::format("at=%.3f", d.at_s);
-  const std::string lasting = ":" + at + plot::format(",for=%.3f", d.for_s);
-  const std::string seed = ",seed=" + std::to_string(d.seed % 1'000'000);
-  switch (d.kind) {
-    case Kind::kLoss:
-    case Kind::kReorder:
-    case Kind::kDuplicate:
-    case Kind::kGarbage:
-      return name + lasting + plot::format(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
-    case Kind::kNoResend:  // requests come after the packets: unanswered a little longer
-      return name + ":" + at + plot::format(",for=%.3f", d.for_s + 0.3) + " loss" + lasting +
-             plot::format(",rate=%.3f", dice.between(0.01, 0.05)) + seed;
-    case Kind::kIdGap:
-      return name + ":" + at + plot::format(",ids=%.0f", 1.0 + static_cast<double>(dice.below(40)));
-    case Kind::kTimeJump:
-      return name + ":" + at + plot::format(",by=%.4f", (dice.below(2) == 0 ? 1.0 : -1.0) * jump(dice));
-    case Kind::kShutter:
-      return name + lasting + plot::format(",offset=%.1f", 0.5);
-    case Kind::kByteOrder:
-    case Kind::kStall:
-    case Kind::kFreeze:
-    case Kind::kReboot:
-      return name + lasting;
-    case Kind::kMetadataRows:
-      return name + lasting + ",rows=3";
-    case Kind::kControlLoss:
-      return name + ":" + at;
-    case Kind::kWindowingDrop:
-      return name + plot::format(":for=%.3f", d.for_s);
-    default:
-      return {};
-  }
+  std::string text = std::string(info_of(d.kind).name) + ":" + std::string(info_of(d.kind).script);
+  const auto put = [&text](std::string_view word, auto value) {
+    for (auto at = text.find(word); at != std::string::npos; at = text.find(word))
+      text.replace(at, word.size(), value());
+  };
+  // First, for there is an AT in it.
+  put("RATE", [&] { return plot::format("%.3f", dice.between(0.01, 0.05)); });
+  put("AT", [&] { return plot::format("%.3f", d.at_s); });
+  put("FOR", [&] { return plot::format("%.3f", d.for_s); });
+  put("LONGER", [&] { return plot::format("%.3f", d.for_s + 0.3); });
+  put("IDS", [&] { return std::to_string(1 + dice.below(40)); });
+  put("BY", [&] {
+    const double sign = dice.below(2) == 0 ? 1.0 : -1.0;
+    return plot::format("%.4f", sign * jump(dice));
+  });
+  put("SEED", [&] { return std::to_string(d.seed % 1'000'000); });
+  return text;
 }
 
 Disturbance make(Kind kind, double at_s, std::size_t round, Dice& dice) {
@@ -110,7 +93,7 @@ Disturbance make(Kind kind, double at_s, std::size_t round, Dice& dice) {
   d.for_s = std::round(dice.between(info.shortest_s, info.longest_s) * 1000.0) / 1000.0;
   if (kind == Kind::kStall && round % 2 == 1) d.for_s = kLongStall_s;
   d.seed = dice.word();
-  if (info.of_camera) d.faults = faults_of(d, dice);
+  if (!info.script.empty()) d.faults = faults_of(d, dice);
   return d;
 }
 

@@ -57,7 +57,7 @@ struct KindInfo {
   double longest_s = 0.0;
   double recovers_within_s = 0.0;  // after its end: until frames flow that are right, without a gap
   double room_s = 0.0;             // from its start to the next one's at least: lasting, recovery, a quiet time
-  bool of_camera = false;          // a fault of the fake camera's script
+  std::string_view script{};       // a fault of the fake camera's, as parse_fault() reads what follows its name
 };
 
 // All of them, in the order of Kind. Thread: any.

@@ -3,37 +3,28 @@
 #include <sys/utsname.h>
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <ctime>
-#include <set>
-
-#include <nlohmann/json.hpp>
 
 #include "bolo/client.h"
 #include "tools/cli/plot_option.hpp"
-#include "tools/lab/common.hpp"
-#include "tools/lab/soak/run.hpp"
+#include "tools/lab/soak/verdicts.hpp"
 #include "tools/lab/verbs.hpp"
 
 namespace bolo::tools::soak {
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::ordered_json;
 using plot::format;
 
 constexpr double kShortest_s = 10.0;
 constexpr double kLongest_s = 86400.0;
 constexpr double kDefault_s = 120.0;
-constexpr std::array<const char*, 8> kFlagNames{"gap",    "warm_up", "nuc",     "saturated",
-                                                "jitter", "reduced", "inverse", "raw"};
-constexpr std::array<const char*, kGrades> kGradeNames{"clean", "sparing", "flagged", "settling", "wrong"};
 
 // --- the report ---
 
 // Where and how it was measured.
-ordered_json circumstances(const SoakRequest& request, const Programs& programs, const std::string& command) {
+Json circumstances(const SoakRequest& request, const Programs& programs, const std::string& command) {
   utsname names{};
   uname(&names);
   const std::time_t now = std::time(nullptr);
@@ -73,88 +64,44 @@ std::vector<std::string> not_done(const Schedule& schedule) {
   return all;
 }
 
-ordered_json losses_json(const std::array<std::uint64_t, kLossCauses>& lost) {
-  ordered_json json;
-  for (std::size_t c = 0; c < kLossCauses; ++c) json[std::string(name(static_cast<LossCause>(c)))] = lost[c];
-  return json;
-}
-
-ordered_json latency_json(const LatencyFigures& f) {
-  return {{"frames", f.frames}, {"p50", f.p50_ms}, {"p99", f.p99_ms}, {"max", f.max_ms}};
-}
-
-ordered_json growth_json(const Growth& g) {
-  if (!g.judged) return nullptr;
-  return {{"first", g.first}, {"last", g.last}, {"by", g.by()}, {"slope_per_hour", g.slope_per_hour}};
-}
-
-ordered_json json_of(const Invariant invariant, const Findings::Tally& tally) {
+Json json_of(const Invariant invariant, const Findings::Tally& tally) {
   return {{"name", info_of(invariant).name}, {"about", info_of(invariant).about},
           {"holds", tally.broken == 0},      {"looks", tally.looks},
           {"broken", tally.broken},          {"figure", tally.figure}};
 }
 
-ordered_json json_of(const Breach& breach) {
+Json json_of(const Breach& breach) {
   return {{"invariant", info_of(breach.invariant).name},
           {"at_s", breach.at_s},
           {"what", breach.what},
           {"during", breach.during}};
 }
 
-ordered_json json_of(const Struck& s) {
+Json json_of(const Struck& s) {
   const KindInfo& info = info_of(s.disturbance.kind);
   return {{"kind", info.name},
           {"round", s.round},
           {"begin_s", s.begin_s},
-          {"end_s", s.over ? ordered_json(s.end_s) : ordered_json(nullptr)},
-          {"recovery_s", s.recovery_s ? ordered_json(*s.recovery_s) : ordered_json(nullptr)},
+          {"end_s", s.over ? Json(s.end_s) : Json(nullptr)},
+          {"recovery_s", s.recovery_s ? Json(*s.recovery_s) : Json(nullptr)},
           {"limit_s", info.recovers_within_s},
           {"faults", s.disturbance.faults}};
 }
 
-ordered_json json_of(const LifeGrowth& g) {
-  return {{"life", g.life},
-          {"from_s", g.from_s},
-          {"to_s", g.to_s},
-          {"private_mib", growth_json(g.private_mib)},
-          {"rss_mib", growth_json(g.rss_mib)},
-          {"descriptors", growth_json(g.descriptors)},
-          {"threads", growth_json(g.threads)}};
-}
-
-ordered_json json_of(const fakecam::InjectedFault& f) {
+Json json_of(const fakecam::InjectedFault& f) {
   return {{"fault", f.fault}, {"times", f.times}, {"frames", f.frames}, {"packets", f.packets}};
 }
 
-template <typename T>
-ordered_json list_of(const std::vector<T>& items) {
-  ordered_json list = ordered_json::array();
-  for (const T& item : items) list.push_back(json_of(item));
-  return list;
-}
-
-ordered_json frames_json(const SoakResult& result) {
-  ordered_json json{{"passed", result.passed},          {"sent", result.sent},
-                    {"published", result.published},    {"lost", losses_json(result.lost)},
-                    {"sent_to_nobody", result.unheard}, {"balances", result.balances},
-                    {"unread", result.unread}};
-  for (std::size_t i = 0; i < kGrades; ++i) json[kGradeNames[i]] = result.grades[i];
-  for (std::size_t bit = 0; bit < kFlagNames.size(); ++bit) json["flags"][kFlagNames[bit]] = result.flags[bit];
-  return json;
-}
-
-ordered_json report_json(const SoakRequest& request, ordered_json measured, const SoakResult& result,
-                         const Findings& findings) {
+Json report_json(const SoakRequest& request, Json measured, const SoakResult& result, const Findings& findings) {
   measured["solver"] = result.solver;
   measured["others_share_in_quiet"] = result.others_in_quiet;
-  ordered_json minutes = ordered_json::array();
-  for (const LatencyFigures& minute : result.minutes) minutes.push_back(latency_json(minute));
-  ordered_json invariants = ordered_json::array();
+  Json invariants = Json::array();
   for (std::size_t i = 0; i < kInvariants; ++i) {
     invariants.push_back(json_of(static_cast<Invariant>(i), findings.tally(static_cast<Invariant>(i))));
   }
   std::vector<Struck> struck;
   std::ranges::copy_if(result.struck, std::back_inserter(struck), [](const Struck& s) { return s.begin_s >= 0.0; });
+  const auto list = [](const auto& items) { return list_of(items, [](const auto& item) { return json_of(item); }); };
   return {{"bolo_soak", 1},
           {"holds", findings.all_hold()},
           {"interrupted", result.interrupted},
@@ -163,12 +110,12 @@ ordered_json report_json(const SoakRequest& request, ordered_json measured, cons
           {"measured", measured},
           {"not_done", not_done(request.schedule)},
           {"invariants", invariants},
-          {"breaches", list_of(findings.breaches())},
-          {"frames", frames_json(result)},
-          {"latency_ms", {{"quiet", latency_json(result.quiet)}, {"minutes", minutes}}},
-          {"lives", list_of(result.lives)},
-          {"disturbances", list_of(struck)},
-          {"injected", list_of(result.injected)}};
+          {"breaches", list(findings.breaches())},
+          {"frames", result.frames},
+          {"latency_ms", {{"quiet", result.quiet}, {"minutes", result.minutes}}},
+          {"lives", result.lives},
+          {"disturbances", list(struck)},
+          {"injected", list(result.injected)}};
 }
 
 // The schedule, a line for each disturbance.
@@ -186,22 +133,21 @@ std::string schedule_text(const Schedule& schedule) {
 
 // The table of invariants, each one that was broken, how long each kind of trouble was felt, and what was not done.
 std::string report_text(const SoakRequest& request, const SoakResult& result, const Findings& findings) {
-  std::string unjudged;
-  for (std::size_t i = 0; i < kInvariants; ++i) {
-    if (findings.tally(static_cast<Invariant>(i)).looks > 0) continue;
-    unjudged += (unjudged.empty() ? "" : ", ") + std::string(info_of(static_cast<Invariant>(i)).name);
-  }
-  std::string out = !findings.all_hold() ? "BROKEN.\n"
-                    : unjudged.empty()   ? "All held.\n"
-                                         : "What was judged held; not judged: " + unjudged + ".\n";
+  std::vector<std::string> unjudged;
+  std::string table;
   for (std::size_t i = 0; i < kInvariants; ++i) {
     const auto& info = info_of(static_cast<Invariant>(i));
     const Findings::Tally tally = findings.tally(static_cast<Invariant>(i));
-    out += format("%-12s %-7s %9llu looks  %s\n", info.name.data(),
-                  tally.broken == 0 ? (tally.looks == 0 ? "-" : "holds") : "BROKEN",
-                  static_cast<unsigned long long>(tally.looks),
-                  tally.figure.empty() ? info.about.data() : tally.figure.c_str());
+    if (tally.looks == 0) unjudged.emplace_back(info.name);
+    table += format("%-12s %-7s %9llu looks  %s\n", info.name.data(),
+                    tally.broken == 0 ? (tally.looks == 0 ? "-" : "holds") : "BROKEN",
+                    static_cast<unsigned long long>(tally.looks),
+                    tally.figure.empty() ? info.about.data() : tally.figure.c_str());
   }
+  std::string out = !findings.all_hold() ? "BROKEN.\n"
+                    : unjudged.empty()   ? "All held.\n"
+                                         : "What was judged held; not judged: " + joined(unjudged) + ".\n";
+  out += table;
   double worst_s = 0.0;
   std::size_t struck = 0;
   for (const Struck& s : result.struck) {
@@ -233,27 +179,24 @@ cxxopts::Options make_options() {
       "Run a fake camera, bolod and readers for a long time while everything goes wrong that can,\n"
       "and check all the time that every frame is accounted for, every pixel right, and nothing\n"
       "grows. Exit code 1: something did not hold. A daemon of this computer is not touched.\n");
-  const auto text = [](const char* value) { return cxxopts::value<std::string>()->default_value(value); };
-  options.add_options()                                                      //
-      ("seconds", "How long (default: 120)", cxxopts::value<double>(), "S")  //
-      ("minutes", "The same in minutes", cxxopts::value<double>(), "M")      //
-      ("shortened", "A small camera (64x24), for a build's checks")          //
-      ("seed", "Another one draws other times, orders and sizes", cxxopts::value<std::uint64_t>()->default_value("1"),
-       "N")                                                                              //
-      ("size", "Frames", text("640x120"), "WxH")                                         //
-      ("rate", "Frames a second", cxxopts::value<double>()->default_value("200"), "HZ")  //
-      ("config", "bolod's configuration; source, name and profile's drop_repeated are the soak's own", text(""),
-       "FILE")                                                                                             //
-      ("only", "These kinds of trouble only; may be given again (--schedule shows all)",                   //
-       cxxopts::value<std::string>(), "KIND")                                                              //
-      ("step-clock", "Set this computer's clock by 2 s and back, too; as root")                            //
-      ("latency-ms", "Most that 99 % of the frames of quiet times may take",                               //
-       cxxopts::value<double>()->default_value("100"), "MS")                                               //
-      ("report", "Folder for report.txt, report.json and the daemon's log", text(""), "DIR")               //
-      ("schedule", "Print what would happen when, and end")                                                //
-      ("json", "Print the report as JSON")                                                                 //
-      ("read", "Be one of the readers of a soak: a daemon's name", cxxopts::value<std::string>(), "NAME")  //
-      ("slow-ms", "With --read: take so long for each frame", cxxopts::value<int>()->default_value("0"), "MS");
+  add_option<double>(options, "seconds", "How long (default: 120)", nullptr, "S");
+  add_option<double>(options, "minutes", "The same in minutes", nullptr, "M");
+  add_option<bool>(options, "shortened", "A small camera (64x24), for a build's checks");
+  add_option<std::uint64_t>(options, "seed", "Another one draws other times, orders and sizes", "1", "N");
+  add_option<std::string>(options, "size", "Frames", "640x120", "WxH");
+  add_option<double>(options, "rate", "Frames a second", "200", "HZ");
+  add_option<std::string>(options, "config",
+                          "bolod's configuration; source, name and profile's drop_repeated are the soak's own", "",
+                          "FILE");
+  add_option<std::string>(options, "only", "These kinds of trouble only; may be given again (--schedule shows all)",
+                          nullptr, "KIND");
+  add_option<bool>(options, "step-clock", "Set this computer's clock by 2 s and back, too; as root");
+  add_option<double>(options, "latency-ms", "Most that 99 % of the frames of quiet times may take", "100", "MS");
+  add_option<std::string>(options, "report", "Folder for report.txt, report.json and the daemon's log", "", "DIR");
+  add_option<bool>(options, "schedule", "Print what would happen when, and end");
+  add_option<bool>(options, "json", "Print the report as JSON");
+  add_option<std::string>(options, "read", "Be one of the readers of a soak: a daemon's name", nullptr, "NAME");
+  add_option<int>(options, "slow-ms", "With --read: take so long for each frame", "0", "MS");
   add_overwrite_option(options);
   return options;
 }
@@ -289,14 +232,12 @@ Result<Request> read_request(const cxxopts::ParseResult& parsed) {
   request.report = parsed["report"].as<std::string>();
   request.replace = replace_of(parsed);
   const bool small = parsed.count("shortened") != 0 && parsed.count("size") == 0;
-  ASSIGN_OR_RETURN(const auto size,
+  DaemonFile& rig = request.soak.rig;
+  ASSIGN_OR_RETURN(rig.geometry,
                    size_of(small ? "64x24" : parsed["size"].as<std::string>(), "size", {32, 16}, {640, 480}));
-  RigRequest& rig = request.soak.rig;
-  rig.geometry = size;
-  rig.rate_hz = parsed["rate"].as<double>();
-  RETURN_IF_ERROR(within(rig.rate_hz, "rate", 20.0, 1000.0));
+  ASSIGN_OR_RETURN(rig.rate_hz, number_of<double>(parsed, "rate", 20.0, 1000.0));
   const std::string config = parsed["config"].as<std::string>();
-  if (!config.empty()) rig.base_config = fs::absolute(config);
+  if (!config.empty()) rig.base = fs::absolute(config);
   request.soak.latency_limit_ms = parsed["latency-ms"].as<double>();
   ASSIGN_OR_RETURN(const auto seconds, read_seconds(parsed));
   ASSIGN_OR_RETURN(const auto kinds, read_kinds(parsed));
@@ -313,20 +254,18 @@ Status prepare_report(const Request& request) {
   fs::create_directories(request.report, error);
   if (error) return bad_input("--report " + request.report.string() + ": " + error.message());
   std::vector<fs::path> files;
-  files.reserve(std::size(kReportFiles));
   for (const char* name : kReportFiles) files.push_back(request.report / name);
   return check_outputs(files, {}, request.replace);
 }
 
-Status write_report(const Request& request, const ordered_json& json, const std::string& text) {
+Status write_report(const Request& request, const Json& json, const std::string& text) {
   if (request.report.empty()) return {};
   if (auto copy = FileBeside::create({request.report / kReportFiles[2], request.replace})) {
     std::error_code error;
     fs::copy_file(request.soak.rig.folder / "bolod.err", copy->path(), fs::copy_options::overwrite_existing, error);
     if (!error) (void)copy->publish();  // a log is no reason to do without the report
   }
-  Status written = write_file({request.report / kReportFiles[0], request.replace}, json.dump(1) + "\n");
-  if (!written) return written;
+  RETURN_IF_ERROR(write_file({request.report / kReportFiles[0], request.replace}, json.dump(1) + "\n"));
   return write_file({request.report / kReportFiles[1], request.replace},
                     text + "\n" + schedule_text(request.soak.schedule));
 }
@@ -334,15 +273,15 @@ Status write_report(const Request& request, const ordered_json& json, const std:
 Status soak_and_report(Request& request, const std::string& command) {
   ASSIGN_OR_RETURN(const auto programs, find_programs());
   ASSIGN_OR_RETURN(const auto folder, ScratchFolder::make());
-  if (Status good = prepare_report(request); !good) return good;
+  RETURN_IF_ERROR(prepare_report(request));
   request.soak.rig.folder = folder.path();
-  const ordered_json measured = circumstances(request.soak, programs, command);
+  const Json measured = circumstances(request.soak, programs, command);
   Findings findings;
   const auto tell = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
   ASSIGN_OR_RETURN(const auto result, run_soak(request.soak, programs, interrupted(), tell, findings));
-  const ordered_json json = report_json(request.soak, measured, result, findings);
+  const Json json = report_json(request.soak, measured, result, findings);
   const std::string text = report_text(request.soak, result, findings);
-  if (Status written = write_report(request, json, text); !written) return written;
+  RETURN_IF_ERROR(write_report(request, json, text));
   std::fputs(request.json ? (json.dump(2) + "\n").c_str() : text.c_str(), stdout);
   return findings.all_hold() ? Status{} : failed("something did not hold");
 }
@@ -361,11 +300,11 @@ Status evaluate(const cxxopts::ParseResult& parsed, const std::string& command) 
 
 }  // namespace
 
-int soak_main(int argc, char** argv) {
+}  // namespace bolo::tools::soak
+
+int bolo::tools::soak_main(int argc, char** argv) {
   std::string command = "bolo-lab";
   for (int i = 0; i < argc; ++i) command += std::string(" ") + argv[i];
-  return run_verb("soak", make_options(), argc, argv,
-                  [&](const cxxopts::ParseResult& parsed) { return evaluate(parsed, command); });
+  return run_verb("soak", soak::make_options(), argc, argv,
+                  [&](const cxxopts::ParseResult& parsed) { return soak::evaluate(parsed, command); });
 }
-
-}  // namespace bolo::tools::soak

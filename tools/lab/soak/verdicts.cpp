@@ -1,21 +1,13 @@
-#include "tools/lab/soak/verdicts.hpp"
-
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <bit>
-#include <filesystem>
 #include <fstream>
-#include <map>
 #include <sstream>
-#include <string>
-#include <thread>
-#include <utility>
 
 #include "bolo/shm_layout.h"
 #include "src/core/statistics.hpp"
-#include "src/report/text.hpp"
+#include "tools/lab/soak/verdicts.hpp"
 
 namespace bolo::tools::soak {
 namespace {
@@ -96,17 +88,9 @@ Growth growth_of_life(const Life& life, double settle_s, bool quiet_only, Value 
   return growth_of(readings, settle_s);
 }
 
-// `settle_s`: of open files and threads, which come at once; memory takes its minute.
-LifeGrowth measured(int number, const Life& life, double settle_s) {
-  LifeGrowth g;
-  g.life = number;
-  g.from_s = life.front()->at_s;
-  g.to_s = life.back()->at_s;
-  g.rss_mib = growth_of_life(life, kSettle_s, false, &Usage::rss_mib);
-  g.private_mib = growth_of_life(life, kSettle_s, false, &Usage::private_mib);
-  g.descriptors = growth_of_life(life, settle_s, true, &Usage::descriptors);
-  g.threads = growth_of_life(life, settle_s, true, &Usage::threads);
-  return g;
+Json growth_json(const Growth& g) {
+  if (!g.judged) return nullptr;
+  return {{"first", g.first}, {"last", g.last}, {"by", g.by()}, {"slope_per_hour", g.slope_per_hour}};
 }
 
 constexpr std::size_t kMostWaiting = 12;  // accounts: three seconds
@@ -190,10 +174,7 @@ void Sampler::take_flow(Second& second) {
   for (std::size_t i = 0; i < flow.flags.size(); ++i) sum_.flags[i] += flow.flags[i];
   sum_.missed += flow.missed;
   second.undone = flow.flags[static_cast<std::size_t>(std::countr_zero(std::uint32_t{BOLO_FLAG_RAW}))];
-  const LatencyFigures latency = figures_of(flow.latency_ms);
-  second.p50_ms = latency.p50_ms;
-  second.p99_ms = latency.p99_ms;
-  second.max_ms = latency.max_ms;
+  second.p99_ms = quantile(flow.latency_ms, 0.99);
   if (second.quiet) quiet_ms_.insert(quiet_ms_.end(), flow.latency_ms.begin(), flow.latency_ms.end());
   minute_ms_.insert(minute_ms_.end(), flow.latency_ms.begin(), flow.latency_ms.end());
   const Counters counters = watcher_.counters();
@@ -224,16 +205,19 @@ void Sampler::take_usage(Second& second) {
 }
 
 void Sampler::finish(SoakResult& result) {
+  constexpr std::array kGradeNames{"clean", "sparing", "flagged", "settling", "wrong"};
+  constexpr std::array kFlagNames{"gap", "warm_up", "nuc", "saturated", "jitter", "reduced", "inverse", "raw"};
   if (!minute_ms_.empty()) minutes_.push_back(figures_of(minute_ms_));
   result.timeline = std::move(timeline_);
   result.minutes = std::move(minutes_);
-  result.grades = sum_.grades;
-  result.flags = sum_.flags;
-  result.unread = sum_.missed;
+  result.frames["unread"] = sum_.missed;
+  for (std::size_t i = 0; i < kGrades; ++i) result.frames[kGradeNames[i]] = sum_.grades[i];
+  for (std::size_t bit = 0; bit < kFlagNames.size(); ++bit) result.frames["flags"][kFlagNames[bit]] = sum_.flags[bit];
 }
 
-LatencyFigures figures_of(const std::vector<double>& latency_ms) {
-  return {latency_ms.size(), quantile(latency_ms, 0.5), quantile(latency_ms, 0.99), quantile(latency_ms, 1.0)};
+Json figures_of(const std::vector<double>& latency_ms) {
+  const auto at = [&](double share) { return quantile(latency_ms, share); };
+  return {{"frames", latency_ms.size()}, {"p50", at(0.5)}, {"p99", at(0.99)}, {"max", at(1.0)}};
 }
 
 double others_since(const std::vector<Second>& timeline, double from_s) {
@@ -256,22 +240,20 @@ std::uint64_t lost_too_early(const std::vector<Second>& timeline) {
 
 void judge_latency(const std::vector<double>& quiet_ms, double limit_ms, SoakResult& result, Findings& findings) {
   result.quiet = figures_of(quiet_ms);
-  double others = 0.0;
-  double seconds = 0.0;
+  std::vector<double> others;
   for (const Second& second : result.timeline) {
-    if (!second.quiet) continue;
-    others += second.others;
-    seconds += 1.0;
+    if (second.quiet) others.push_back(second.others);
   }
-  result.others_in_quiet = seconds > 0.0 ? others / seconds : 0.0;
+  result.others_in_quiet = others.empty() ? 0.0 : sum_of(others) / static_cast<double>(others.size());
   const bool busy = result.others_in_quiet > kMostOthers;
-  const std::string text = plot::format(
-      "p50 %.2f, p99 %.2f, max %.1f ms of %llu frames in quiet times; limit of p99 %.0f ms%s", result.quiet.p50_ms,
-      result.quiet.p99_ms, result.quiet.max_ms, static_cast<unsigned long long>(result.quiet.frames), limit_ms,
-      busy ? ", not judged: other programs take the processors" : "");
+  const auto figure = [&](const char* key) { return result.quiet[key].get<double>(); };
+  const std::string text =
+      plot::format("p50 %.2f, p99 %.2f, max %.1f ms of %zu frames in quiet times; limit of p99 %.0f ms%s",
+                   figure("p50"), figure("p99"), figure("max"), quiet_ms.size(), limit_ms,
+                   busy ? ", not judged: other programs take the processors" : "");
   findings.figure(Invariant::kLatency, text);
-  if (busy || result.quiet.frames == 0) return;
-  findings.require(Invariant::kLatency, result.quiet.p99_ms <= limit_ms, text);
+  if (busy || quiet_ms.empty()) return;
+  findings.require(Invariant::kLatency, figure("p99") <= limit_ms, text);
 }
 
 void judge_growth(double limit_mib, SoakResult& result, Findings& findings) {
@@ -279,22 +261,30 @@ void judge_growth(double limit_mib, SoakResult& result, Findings& findings) {
   for (const Second& second : result.timeline) {
     if (second.daemon) lives[second.life].push_back(&second);
   }
-  for (const auto& life : lives) {
-    const double lasted_s = life.second.back()->at_s - life.second.front()->at_s;
-    const double settle_s = std::min(kSettle_s, lasted_s / 3.0);
-    const LifeGrowth g = measured(life.first, life.second, settle_s);
-    const auto judge = [&](Invariant invariant, const Growth& growth, double span_s, double limit, const char* what) {
+  for (const auto& numbered : lives) {
+    const Life& life = numbered.second;
+    const double lasted_s = life.back()->at_s - life.front()->at_s;
+    const double settle_s = std::min(kSettle_s, lasted_s / 3.0);  // open files and threads come at once
+    Json& json = result.lives.emplace_back(
+        Json{{"life", numbered.first}, {"from_s", life.front()->at_s}, {"to_s", life.back()->at_s}});
+    const auto judge = [&](Invariant invariant, const char* key, const Growth& growth, double span_s, double limit,
+                           const char* what) {
+      json[key] = growth_json(growth);
       if (!growth.judged) return;
-      const std::string text =
-          plot::format("life %d, %.0f s: %s from %.2f to %.2f", g.life, lasted_s, what, growth.first, growth.last);
+      const std::string text = plot::format("life %d, %.0f s: %s from %.2f to %.2f", numbered.first, lasted_s, what,
+                                            growth.first, growth.last);
       findings.figure(invariant, text);
       findings.require(invariant, !grows(growth, span_s, limit), text);
     };
-    judge(Invariant::kMemory, g.rss_mib, lasted_s - kSettle_s, limit_mib, "resident memory, MiB,");
-    judge(Invariant::kMemory, g.private_mib, lasted_s - kSettle_s, limit_mib, "private memory, MiB,");
-    judge(Invariant::kDescriptors, g.threads, lasted_s - settle_s, kMostThreads, "threads");
-    judge(Invariant::kDescriptors, g.descriptors, lasted_s - settle_s, kMostDescriptors, "open files");
-    result.lives.push_back(g);
+    const double memory_s = lasted_s - kSettle_s;
+    judge(Invariant::kMemory, "rss_mib", growth_of_life(life, kSettle_s, false, &Usage::rss_mib), memory_s, limit_mib,
+          "resident memory, MiB,");
+    judge(Invariant::kMemory, "private_mib", growth_of_life(life, kSettle_s, false, &Usage::private_mib), memory_s,
+          limit_mib, "private memory, MiB,");
+    judge(Invariant::kDescriptors, "threads", growth_of_life(life, settle_s, true, &Usage::threads),
+          lasted_s - settle_s, kMostThreads, "threads");
+    judge(Invariant::kDescriptors, "descriptors", growth_of_life(life, settle_s, true, &Usage::descriptors),
+          lasted_s - settle_s, kMostDescriptors, "open files");
   }
 }
 
@@ -334,19 +324,19 @@ void Books::compare(const Mark& mark) {
 
 void Books::close(const faults::Losses& lost, SoakResult& result) const {
   findings_.require(Invariant::kAccount, balances_ > 0, "the books were never compared: no quiet moment");
+  const Balance all = first_ ? balance_of(*first_, *last_) : Balance{};
+  result.frames = {
+      {"passed", all.passed}, {"published", all.published}, {"sent_to_nobody", unheard_}, {"balances", balances_}};
+  for (std::size_t cause = 0; cause < kLossCauses; ++cause) {
+    result.frames["lost"][std::string(name(static_cast<LossCause>(cause)))] = first_ ? lost[cause] : 0;
+  }
   if (!first_) return;
-  const Balance all = balance_of(*first_, *last_);
-  result.passed = all.passed;
-  result.published = all.published;
-  result.lost = lost;
-  result.unheard = unheard_;
-  result.balances = balances_;
-  const std::string text =
+  findings_.figure(
+      Invariant::kCamera,
       plot::format("%llu passed = %llu published + %llu lost + %lld sent to nobody; compared %llu times",
                    static_cast<unsigned long long>(all.passed), static_cast<unsigned long long>(all.published),
                    static_cast<unsigned long long>(all.lost), static_cast<long long>(unheard_),
-                   static_cast<unsigned long long>(balances_));
-  findings_.figure(Invariant::kCamera, text);
+                   static_cast<unsigned long long>(balances_)));
 }
 
 }  // namespace bolo::tools::soak

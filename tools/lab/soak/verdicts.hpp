@@ -1,23 +1,11 @@
-// What a soak saw.
+// A soak, camera, daemon and readers as processes of their own, disturbed as the schedule says and watched all the
+// time; and what it saw.
 #pragma once
 
-#include <sys/types.h>
-
-#include <array>
-#include <cstdint>
-#include <deque>
 #include <limits>
 #include <map>
-#include <optional>
-#include <string>
-#include <vector>
 
-#include "drivers/fakecam/fault_script.hpp"
-#include "src/core/loss.hpp"
-#include "tools/lab/soak/findings.hpp"
 #include "tools/lab/soak/rig.hpp"
-#include "tools/lab/soak/schedule.hpp"
-#include "tools/lab/soak/watcher.hpp"
 
 namespace bolo::tools::soak {
 
@@ -79,55 +67,42 @@ struct Second {
   bool quiet = false;
   std::uint64_t frames = 0;
   std::uint64_t undone = 0;  // published as they came, for too many were waiting
-  double p50_ms = 0.0;
   double p99_ms = 0.0;
-  double max_ms = 0.0;
-  std::array<std::uint64_t, kLossCauses> lost{};  // in it
-  int life = 0;                                   // of the daemon
+  faults::Losses lost{};  // in it
+  int life = 0;           // of the daemon
   std::optional<Usage> daemon;
   double others = 0.0;  // share of the processors' time that programs beside the soak's took
 };
 
-struct LatencyFigures {
-  std::uint64_t frames = 0;
-  double p50_ms = 0.0;
-  double p99_ms = 0.0;
-  double max_ms = 0.0;
-};
-
-// The daemon's memory over one of its lives.
-struct LifeGrowth {
-  int life = 0;
-  double from_s = 0.0;
-  double to_s = 0.0;
-  Growth rss_mib;
-  Growth private_mib;
-  Growth descriptors;
-  Growth threads;
-};
-
+// Latencies: {frames, p50, p99, max}, ms.
 struct SoakResult {
   double seconds = 0.0;
   bool interrupted = false;
   std::vector<Struck> struck;
   std::vector<Second> timeline;
-  std::vector<LatencyFigures> minutes;
-  LatencyFigures quiet;
+  Json minutes = Json::array();  // latencies of each
+  Json quiet;                    // and of quiet times
   double others_in_quiet = 0.0;
-  std::vector<LifeGrowth> lives;
-  // The books, from the first mark to the last.
-  std::uint64_t passed = 0;  // by the camera, numbers that it skipped included
-  std::uint64_t sent = 0;
-  std::uint64_t published = 0;
-  std::array<std::uint64_t, kLossCauses> lost{};
-  std::int64_t unheard = 0;    // sent while nobody listened
-  std::uint64_t balances = 0;  // times that both books were compared
-  std::uint64_t unread = 0;    // published, but overwritten before the soak read them
-  std::array<std::uint64_t, 32> flags{};
-  std::array<std::uint64_t, kGrades> grades{};
+  Json lives = Json::array();  // what grew in each life of the daemon
+  // From the first mark to the last: frames that the camera passed (numbers that it skipped included) and sent, those
+  // published and lost by cause, those sent while nobody listened, how often both books were compared; by grade and
+  // flag; and those unread, published but overwritten before the soak read them.
+  Json frames;
   std::vector<fakecam::InjectedFault> injected;
   std::string solver;
 };
+
+struct SoakRequest {
+  DaemonFile rig;
+  Schedule schedule;
+  double latency_limit_ms = 100.0;  // of 99 % of the frames of quiet times
+  double growth_limit_mib = 1.0;
+};
+
+// `progress` gets a line every few seconds. The findings outlive the call. An error: it could not be set up.
+// Thread: setup.
+Result<SoakResult> run_soak(const SoakRequest& request, const Programs& programs, const std::atomic<bool>& stop,
+                            const std::function<void(const std::string&)>& progress, Findings& findings);
 
 // --- Looks at the processes once a second, and keeps what it saw.
 
@@ -152,7 +127,7 @@ class Sampler {
   Watcher& watcher_;
   Findings& findings_;
   std::vector<Second> timeline_;
-  std::vector<LatencyFigures> minutes_;
+  Json minutes_ = Json::array();
   std::vector<double> minute_ms_;
   std::vector<double> quiet_ms_;
   Flow sum_;             // without latencies
@@ -168,7 +143,7 @@ class Sampler {
 inline constexpr double kMostOthers = 0.15;
 
 // Thread: any.
-LatencyFigures figures_of(const std::vector<double>& latency_ms);
+Json figures_of(const std::vector<double>& latency_ms);
 
 // The most that other programs took in any full second since then. Thread: any.
 double others_since(const std::vector<Second>& timeline, double from_s);

@@ -1,22 +1,79 @@
-// Judges each published frame: its order, its pixels, its flags.
+// What the soak's camera looks at and what must become of it; and each published frame judged: its order, its pixels,
+// its flags.
 #pragma once
 
-#include <array>
-#include <atomic>
-#include <cstdint>
 #include <deque>
-#include <mutex>
-#include <optional>
-#include <string>
-#include <thread>
-#include <vector>
+#include <unordered_map>
 
 #include "drivers/shm/followed_stream.hpp"
-#include "tools/lab/eval/faults_run.hpp"
 #include "tools/lab/soak/findings.hpp"
-#include "tools/lab/soak/scene.hpp"
 
 namespace bolo::tools::soak {
+
+// --- Every plane that bolod may publish.
+
+// How a camera that fails shows a frame.
+struct Manner {
+  int offset = 0;         // of all pixels, counts: a shutter's
+  bool swapped = false;   // the bytes of each pixel
+  bool metadata = false;  // the last rows are no pixels
+
+  bool operator==(const Manner&) const = default;
+};
+
+struct Recognised {
+  std::size_t index = 0;  // in the capture
+  Manner manner;
+};
+
+// A plane's checksum (CRC-32 of its values less the first one's, so that an offset of all does not matter), of the
+// whole and without the last rows. Thread: any.
+struct Fingerprint {
+  std::uint32_t whole = 0;
+  std::uint32_t upper = 0;
+};
+Fingerprint fingerprint(const std::uint16_t* plane, Geometry geometry, std::vector<std::uint16_t>& scratch);
+
+inline constexpr int kRowsBelow = 3;
+inline constexpr double kShutterOffset_k = 0.5;
+
+class Truth {
+ public:
+  using Planes = std::vector<std::vector<std::uint16_t>>;
+  struct Scratch {
+    std::vector<std::uint16_t> differences;
+    std::vector<std::uint16_t> unswapped;
+  };
+
+  // `deblurred`: of the same frames in an endless loop; empty: not known. Thread: setup.
+  Truth(Geometry geometry, const Planes& raw, Planes deblurred);
+
+  // The frame of the capture that this plane is, value by value (by its checksum), however the camera shows it.
+  // `scratch`: memory to work in, the caller's. Thread: any.
+  std::optional<Recognised> recognise(const std::uint16_t* raw, Scratch& scratch) const;
+
+  // Whether this is what an undisturbed run makes of the capture's frame; with an offset, within its rounding.
+  // Thread: any.
+  bool right(const std::uint16_t* deblurred, std::size_t index, int offset) const;
+
+  std::size_t frames() const noexcept { return first_.size(); }
+
+ private:
+  std::optional<Recognised> find(const std::uint16_t* raw, bool swapped, Scratch& scratch) const;
+
+  Geometry geometry_;
+  std::unordered_map<std::uint32_t, std::size_t> by_whole_;
+  std::unordered_map<std::uint32_t, std::size_t> by_upper_;
+  std::vector<std::uint16_t> first_;  // value of each frame's first pixel
+  Planes deblurred_;
+};
+
+// A street that passes by, written as a capture for the fake camera, and what `pipeline` makes of it in an endless
+// loop. Thread: setup.
+Result<Truth> make_scene(Geometry geometry, double rate_hz, std::size_t frames,
+                         const pipeline::PipelineOptions& pipeline, const std::filesystem::path& capture);
+
+// --- Each published frame.
 
 struct Shown {
   std::uint64_t number = 0;  // publication order
@@ -117,6 +174,12 @@ struct Counters {
 };
 
 class Watcher {
+  template <typename Get>
+  auto locked(Get get) const {
+    const std::lock_guard lock(mutex_);
+    return get();
+  }
+
  public:
   // Waits for the stream; `truth` and `findings` outlive this. Thread: setup.
   static Result<std::unique_ptr<Watcher>> start(const std::string& name, const Truth& truth, Findings& findings);
@@ -125,17 +188,24 @@ class Watcher {
   Watcher& operator=(const Watcher&) = delete;
 
   // Thread: any.
-  void allow(const Allowed& allowed);
-  Flow take_flow();
-  GoodRun good_run() const;
-  Counters counters() const;
+  void allow(const Allowed& allowed) {
+    locked([&] { judge_.allow(allowed); });
+  }
+  Flow take_flow() {
+    return locked([&] { return std::exchange(flow_, {}); });
+  }
+  GoodRun good_run() const {
+    return locked([&] { return good_; });
+  }
+  Counters counters() const {
+    return locked([&] { return counters_; });
+  }
   // The frame with this camera time that was received about then; nothing as long as it is not settled.
   std::optional<Position> find(std::int64_t camera_ns, std::int64_t about_ns) const;
   const bolo_shm_header& first_header() const noexcept { return first_header_; }
 
  private:
   Watcher(shm::FollowedStream stream, const Truth& truth, Findings& findings);
-  void run();
   void look();
   void take(const shm::BorrowedFrame& frame, std::uint64_t missed);
   void begin_life();

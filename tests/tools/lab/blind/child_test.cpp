@@ -1,4 +1,4 @@
-#include "tools/lab/blind/diagnosis.hpp"
+#include "tools/lab/blind/blind.hpp"
 
 #include <atomic>
 #include <fstream>

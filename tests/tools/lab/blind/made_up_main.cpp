@@ -9,6 +9,6 @@ int main(int argc, char** argv) {
   const std::string_view verb = argc > 1 ? argv[1] : "";
   if (verb == "diagnose") return bolo::tools::diagnose_main(argc - 1, argv + 1);
   if (verb == "blind") bolo::tools::set_program_name("bolo-lab");
-  if (verb == "blind") return bolo::tools::blind::blind_main(argc - 1, argv + 1);
+  if (verb == "blind") return bolo::tools::blind_main(argc - 1, argv + 1);
   return 2;
 }

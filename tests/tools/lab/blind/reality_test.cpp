@@ -1,5 +1,5 @@
 // The second reality against closed forms of the simplest cases.
-#include "tools/lab/blind/reality.hpp"
+#include "tools/lab/blind/session.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -63,7 +63,7 @@ TEST(SecondReality, EveryEffectOfTheCatalogueIsHidden) {
 
 // Were it to use them, it would be no second one.
 TEST(SecondReality, UsesNeitherSimulatorNorDiagnosis) {
-  for (const char* name : {"reality.cpp", "reality_draw.cpp", "reality.hpp"}) {
+  for (const char* name : {"reality.cpp", "reality_draw.cpp", "reality_scene.cpp", "reality.hpp"}) {
     std::ifstream file(std::filesystem::path(BOLO_SOURCE_DIR) / "tools/lab/blind" / name);
     ASSERT_TRUE(file) << name;
     std::stringstream text;

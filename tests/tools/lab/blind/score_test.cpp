@@ -1,4 +1,4 @@
-#include "tools/lab/blind/score.hpp"
+#include "tools/lab/blind/blind.hpp"
 
 #include <limits>
 
@@ -100,36 +100,34 @@ TEST(BlindScore, CountsIntervalsAndConfusion) {
   Trial off = good;
   off.finding->effects[0].parameters = {{"alpha", {0.7, 0.68, 0.72}}};
   const Trial wrong = trial(Kind::kSingle, {"iir"}, said("explained", {"drift"}));
-  const Score all = score({good, off, wrong, trial(Kind::kOutside, {"iir"}, said("unknown_effect", {}))});
-  EXPECT_EQ(all.coverage.at("iir.alpha").all, 2);
-  EXPECT_EQ(all.coverage.at("iir.alpha").inside, 1);
-  EXPECT_EQ(all.confusion.at("iir").at("iir"), 2);
-  EXPECT_EQ(all.confusion.at("iir").at("drift"), 1);
-  EXPECT_EQ(all.instead.at("iir").at(kUnknown), 1);
-  EXPECT_EQ(all.kinds.at(Kind::kSingle).right_first, 2);
-  EXPECT_EQ(all.kinds.at(Kind::kSingle).sure, 3);
-  EXPECT_EQ(all.kinds.at(Kind::kSingle).sure_right, 2);
-  ASSERT_EQ(all.failures.size(), 1U);
-  EXPECT_EQ(all.failures[0].said, "explained: drift");
-  EXPECT_EQ(all.kinds.at(Kind::kSingle).gap_before.median, 3.0);
+  const Json all = score({good, off, wrong, trial(Kind::kOutside, {"iir"}, said("unknown_effect", {}))}, {});
+  EXPECT_EQ(all.at("intervals").at("iir.alpha").at("all"), 2);
+  EXPECT_EQ(all.at("intervals").at("iir.alpha").at("inside"), 1);
+  EXPECT_EQ(all.at("confusion").at("iir").at("iir"), 2);
+  EXPECT_EQ(all.at("confusion").at("iir").at("drift"), 1);
+  EXPECT_EQ(all.at("said_instead").at("iir").at("?"), 1);
+  const Json& single = all.at("kinds").at("single");
+  EXPECT_EQ(single.at("right_first"), 2);
+  EXPECT_EQ(single.at("sure"), 3);
+  EXPECT_EQ(single.at("sure_right"), 2);
+  ASSERT_EQ(all.at("failures").size(), 1U);
+  EXPECT_EQ(all.at("failures")[0].at("said"), "explained: drift");
+  EXPECT_EQ(single.at("gap_before").at("median"), 3.0);
 }
 
 TEST(BlindScore, SpreadsAreNearestRanks) {
-  EXPECT_EQ(spread_of({}).median, 0.0);
-  const Spread ten = spread_of({10, 9, 8, 7, 6, 5, 4, 3, 2, 1, std::numeric_limits<double>::quiet_NaN()});
-  EXPECT_EQ(ten.median, 5.0);
-  EXPECT_EQ(ten.p90, 9.0);
+  EXPECT_EQ(spread_of({}).at("median"), 0.0);
+  const Json ten = spread_of({10, 9, 8, 7, 6, 5, 4, 3, 2, 1, std::numeric_limits<double>::quiet_NaN()});
+  EXPECT_EQ(ten.at("median"), 5.0);
+  EXPECT_EQ(ten.at("p90"), 9.0);
 }
 
 TEST(BlindScore, AFailureCanBeDrawnAgain) {
-  Failure failure;
-  failure.kind = Kind::kWithheld;
-  failure.index = 17;
   DrawOptions draw;
   draw.seed = 5;
   draw.imperfect = true;
   draw.magnitude = 0.33;
-  EXPECT_EQ(rerun_words(failure, draw),
+  EXPECT_EQ(rerun_words(Kind::kWithheld, 17, draw),
             "bolo-lab blind --kind withheld --seed 5 --first 17 --sessions 1 --imperfect --magnitude 0.33");
 }
 

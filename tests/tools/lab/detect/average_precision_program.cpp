@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <iostream>
 
-#include "tools/lab/detect/average_precision.hpp"
+#include "tools/lab/detect/boxes.hpp"
 
 int main() {
   using namespace bolo::tools::detect;

@@ -1,5 +1,5 @@
 // Average precision on examples that were worked by hand, and by others.
-#include "tools/lab/detect/average_precision.hpp"
+#include "tools/lab/detect/boxes.hpp"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,6 @@
 #include <numeric>
 
 #include "tests/scratch.hpp"
-#include "tools/lab/detect/average_precision.hpp"
 #include "tools/lab/detect/boxes.hpp"
 
 namespace bolo::tools::detect::boxes_test {

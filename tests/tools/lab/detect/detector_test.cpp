@@ -8,7 +8,6 @@
 
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
-#include "tools/lab/detect/description.hpp"
 #include "tools/lab/detect/detector.hpp"
 
 namespace bolo::tools::detect::detector_test {
@@ -133,16 +132,6 @@ TEST(Suppression, KeepsTheBestOfEachClass) {
   EXPECT_EQ(kept[2].score, 0.3);
 }
 
-// A network that gives what it was told.
-class Told final : public Network {
- public:
-  explicit Told(std::vector<Tensor> outputs) : outputs_(std::move(outputs)) {}
-  Result<std::vector<Tensor>> forward(const Tensor&) override { return outputs_; }
-
- private:
-  std::vector<Tensor> outputs_;
-};
-
 TEST(Detector, GivesJudgedClassesInThePicturesPixels) {
   DetectorDescription d;
   d.input = {200, 100};
@@ -151,7 +140,8 @@ TEST(Detector, GivesJudgedClassesInThePicturesPixels) {
                                               0.0F,  0.5F, 0.2F, 0.2F, 1.0F, 0.0F, 0.6F, 0.0F,  //
                                               0.51F, 0.5F, 0.5F, 0.5F, 1.0F, 0.0F, 0.0F, 0.7F}}};
   const std::vector<JudgedClass> classes{{"person", 1}, {"bicycle", 2}, {"car", 3}};
-  Detector detector(d, std::make_unique<Told>(outputs), {"dog", "car", "person"}, classes);
+  const auto told = [&outputs](const Tensor&) { return Result<std::vector<Tensor>>(outputs); };
+  Detector detector(d, told, {"dog", "car", "person"}, classes);
   EXPECT_TRUE(detector.knows(0));
   EXPECT_FALSE(detector.knows(1));
   const auto found = detector.detect(Levels(400 * 200, 0.0F), {400, 200});

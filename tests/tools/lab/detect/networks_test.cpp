@@ -22,12 +22,11 @@ class Networks : public ::testing::Test {
     return scratch_ / name;
   }
   const Scratch scratch_;
-  const std::filesystem::path library_ = BOLO_NETWORKS;
 };
 
 TEST_F(Networks, ALearnedDeblurringIsAppliedToThePicture) {
   const auto onnx = file("sharpen.onnx", test::convolution_onnx(kSharpen, kSize.width, kSize.height));
-  auto model = LearnedDeblurring::open(onnx, library_);
+  auto model = LearnedDeblurring::open(onnx);
   ASSERT_TRUE(model) << model.error().message;
   EXPECT_EQ(model->name(), "sharpen");
   Levels picture(kSize.pixels());
@@ -53,7 +52,7 @@ TEST_F(Networks, ALearnedDeblurringIsAppliedToThePicture) {
 
 TEST_F(Networks, AModelThatGivesAnotherShapeIsRefused) {
   const auto onnx = file("three.onnx", test::convolution_onnx(kSharpen, kSize.width, kSize.height, 3));
-  auto model = LearnedDeblurring::open(onnx, library_);
+  auto model = LearnedDeblurring::open(onnx);
   ASSERT_TRUE(model) << model.error().message;
   const auto refused = model->apply(Levels(kSize.pixels(), 1.0F), kSize);
   expect_error(refused, {"three.onnx: gives no image of 12x10"});
@@ -68,17 +67,10 @@ TEST_F(Networks, FilesThatAreNoneAreRefusedInOneLine) {
                                         {NetworkFormat::kDarknet, text, text, 0.0},
                                         {NetworkFormat::kDarknet, text, scratch_ / "none.weights", 0.0}};
   for (const NetworkFiles& files : wrong) {
-    const auto refused = open_network(files, library_);
+    const auto refused = open_network(files);
     expect_refused(refused, {scratch_.path().string()});
     EXPECT_EQ(refused.error().message.find('\n'), std::string::npos) << refused.error().message;
   }
-}
-
-TEST_F(Networks, WithoutTheLibraryOneLineSaysWhatIsMissing) {
-  const auto refused = open_network({NetworkFormat::kOnnx, "x.onnx", {}, 0.0}, scratch_ / "bolo-networks.so");
-  expect_error(refused, {"libopencv-dnn-dev"});
-  const auto damaged = open_network({NetworkFormat::kOnnx, "x.onnx", {}, 0.0}, file("bolo-networks.so", "x"));
-  expect_error(damaged, {"cannot be loaded"});
 }
 
 }  // namespace

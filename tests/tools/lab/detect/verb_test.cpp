@@ -63,9 +63,7 @@ TEST_F(DetectVerb, JudgesRealStills) {
   const std::filesystem::path data = set != nullptr ? set : "";
   const auto still = data / "street" / "FLIR_05573.png";
   if (!std::filesystem::exists(still)) GTEST_SKIP() << "BOLO_TEST_DATA has no street frames and detectors";
-  if (!std::filesystem::exists(std::filesystem::path(BOLO_LAB_PROGRAM).parent_path() / "bolo-networks.so")) {
-    GTEST_SKIP() << "this build has no networks (libopencv-dnn-dev)";
-  }
+  if (!BOLO_NETWORKS) GTEST_SKIP() << "this build has no networks (libopencv-dnn-dev)";
   const std::string page = (folder_ / "detect.html").string();
   const Outcome outcome =
       run({"--data", data.string(), "--detectors", std::string(BOLO_DETECTORS) + "/yolo_fastest_xl.toml", "--scenes",

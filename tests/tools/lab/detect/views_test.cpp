@@ -1,5 +1,5 @@
 // Looks at a still: a bright box in the picture is where the moved label says.
-#include "tools/lab/detect/views.hpp"
+#include "tools/lab/detect/table.hpp"
 
 #include <gtest/gtest.h>
 #include <png.h>
@@ -113,7 +113,7 @@ TEST_F(Views, ShowEveryColumnAndDeblurringBringsTheEdgeBack) {
       if (own_columns()[c].name != name) continue;
       double sum = 0.0;
       for (std::size_t i = 0; i < kPicture.pixels(); ++i) {
-        const auto off = static_cast<double>((*shown)[c].levels[i] - (*shown)[kSharpColumn].levels[i]);
+        const auto off = static_cast<double>((*shown)[c][i] - (*shown)[kSharpColumn][i]);
         sum += off * off;
       }
       return std::sqrt(sum / static_cast<double>(kPicture.pixels()));

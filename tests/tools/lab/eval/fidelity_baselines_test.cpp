@@ -7,10 +7,7 @@
 #include <numeric>
 #include <random>
 
-#include "tools/lab/eval/fidelity_columns.hpp"
-#include "tools/lab/eval/fidelity_filters.hpp"
-#include "tools/lab/eval/fidelity_measures.hpp"
-#include "tools/lab/eval/fidelity_report.hpp"
+#include "tools/lab/eval/fidelity.hpp"
 
 namespace bolo::tools::fidelity::fidelity_baselines_test {
 namespace {
@@ -211,11 +208,11 @@ TEST(FidelityCell, HoldsEveryColumnOnTheSameTargets) {
   const Sequence s = read_out(clean, 0.03, 1);
   const auto cell = evaluate(s, s, 1);
   ASSERT_TRUE(cell) << cell.error().message;
-  EXPECT_EQ(cell->columns.size() + spatial_columns(s).size(), kColumns.size());
-  EXPECT_EQ(cell->grid.size(), kLambdas.size());
-  const double best = cell->column(ColumnKind::kQpBest).measures.rmse_k;
-  for (const LambdaError& e : cell->grid) EXPECT_GE(e.rmse_k, best);
-  EXPECT_LT(cell->column(ColumnKind::kInverse).measures.rmse_k, cell->column(ColumnKind::kBlurred).measures.rmse_k);
+  const Json& columns = cell->at("columns");
+  EXPECT_EQ(columns.size() + spatial_columns(s).size(), kColumns.size());
+  EXPECT_EQ(cell->at("qp_grid").size(), kLambdas.size());
+  for (const Json& e : cell->at("qp_grid")) EXPECT_GE(e.at("rmse_k"), columns.at("qp_best").at("rmse_k"));
+  EXPECT_LT(columns.at("inverse").at("rmse_k"), columns.at("blurred").at("rmse_k"));
 }
 
 TEST(FidelityDrops, LosesTheShareAskedForAndNeverTheStart) {
@@ -239,66 +236,61 @@ TEST(FidelityDrops, AGapThatIsNotNoticedCostsMore) {
   task.threads = 1;
   const auto clean = simulate(task);
   ASSERT_TRUE(clean) << clean.error().message;
-  const auto rows = drop_rows(read_out(*clean, 0.03, 1), 1, 0.05, 2);
-  ASSERT_TRUE(rows);
-  ASSERT_EQ(rows->size(), 4U);
-  for (const DropRow& row : *rows) {
-    if (!row.skipped.empty()) continue;
-    EXPECT_EQ(row.frames_lost, 2) << row.method;  // 5 % of 40
-    EXPECT_GT(row.all.frames, 30) << row.method;
-    EXPECT_LE(row.near.frames, 8) << row.method;
-    const bool fills = row.method == "inverse" || row.method == "mmae";
-    EXPECT_GT((fills ? 1.0 : kWithASmallLambda) * row.near.gap_blind_k, row.near.gap_aware_k) << row.method;
-    EXPECT_GT(row.near.gap_aware_k, row.near.whole_k) << row.method;
+  const Json rows = drop_rows(read_out(*clean, 0.03, 1), 1, 0.05, 2);
+  ASSERT_EQ(rows.size(), 4U);
+  for (const Json& row : rows) {
+    if (row.contains("skipped")) continue;
+    SCOPED_TRACE(row.dump());
+    EXPECT_EQ(row.at("frames_lost"), 2);  // 5 % of 40
+    EXPECT_GT(row.at("all").at("frames"), 30);
+    EXPECT_LE(row.at("near").at("frames"), 8);
+    const bool fills = row.at("method") == "inverse" || row.at("method") == "mmae";
+    const auto near = [&](const char* key) { return row.at("near").at(key).get<double>(); };
+    EXPECT_GT((fills ? 1.0 : kWithASmallLambda) * near("gap_blind_rmse_k"), near("gap_aware_rmse_k"));
+    EXPECT_GT(near("gap_aware_rmse_k"), near("whole_rmse_k"));
   }
 }
 
 // A cell with given errors, in kColumns' order.
-Cell cell_of(int lookahead, std::array<double, kColumns.size()> errors) {
-  Cell cell;
-  cell.scene = "made";
-  cell.noise_k = 0.1;
-  cell.lookahead = lookahead;
-  for (std::size_t c = 0; c < errors.size(); ++c) {
-    Column column;
-    column.kind = kColumns[c].kind;
-    column.measures.rmse_k = errors[c];
-    cell.columns.push_back(column);
-  }
+Json cell_of(int lookahead, std::array<double, kColumns.size()> errors) {
+  Json cell{{"scene", "made"}, {"motion", "300 px/s"}, {"noise_k", 0.1}, {"lookahead", lookahead}};
+  for (std::size_t c = 0; c < errors.size(); ++c) cell["columns"][kColumns[c].name]["rmse_k"] = errors[c];
   return cell;
 }
 
-const Verdict& named(const std::vector<Verdict>& all, std::string_view name) {
-  return *std::ranges::find(all, name, &Verdict::name);
+Json named(const Json& all, std::string_view name) {
+  return *std::ranges::find_if(all, [&](const Json& verdict) { return verdict.at("name") == name; });
 }
 
 TEST(FidelityVerdicts, AreComputedFromTheTable) {
   //                                 blurred inverse qp.1 best auto mmae motion unsharp wiener +10 lucy temporal
-  const std::vector<Cell> cells{cell_of(0, {2.0, 1.0, 2.5, 0.9, 0.91, 0.8, 0.3, 2.0, 3.0, 3.0, 3.0, 0.95}),
+  const std::vector<Json> cells{cell_of(0, {2.0, 1.0, 2.5, 0.9, 0.91, 0.8, 0.3, 2.0, 3.0, 3.0, 3.0, 0.95}),
                                 cell_of(1, {2.0, 0.5, 2.1, 0.5, 0.60, 0.4, 0.35, 2.0, 0.3, 0.4, 0.4, 0.55})};
-  const auto all = verdicts(cells, {});
-  const Verdict& near = named(all, "auto_near_best_pixelwise");
-  ASSERT_EQ(near.misses.size(), 1U);
-  EXPECT_NEAR(near.misses[0].ratio, 1.2, 1e-9);
-  EXPECT_EQ(near.cells, 2);
-  EXPECT_FALSE(near.holds());
-  EXPECT_EQ(named(all, "auto_near_best").misses[0].against, "spatial_wiener");
-  EXPECT_TRUE(named(all, "auto_not_worse_than_blurred").holds());
-  EXPECT_TRUE(named(all, "mmae_best_pixelwise").holds());
-  EXPECT_FALSE(named(all, "mmae_best").holds());
-  EXPECT_TRUE(named(all, "motion_not_worse_than_mmae").holds());
-  EXPECT_FALSE(named(all, "motion_better_than_told").holds());
-  EXPECT_TRUE(named(all, "lookahead_gain_inverse").holds());
-  EXPECT_FALSE(named(all, "lookahead_gain_auto").holds());
-  EXPECT_NEAR(named(all, "lookahead_gain_auto").worst_ratio, 0.60 / 0.91, 1e-9);
+  const Json all = verdicts(cells, Json::array());
+  const auto holds = [&all](std::string_view name) { return named(all, name).at("holds").get<bool>(); };
+  const Json near = named(all, "auto_near_best_pixelwise");
+  ASSERT_EQ(near.at("misses").size(), 1U);
+  EXPECT_NEAR(near.at("misses")[0].at("ratio").get<double>(), 1.2, 1e-9);
+  EXPECT_EQ(near.at("misses")[0].at("cell"), "made, 300 px/s, noise 0.1 K, look-ahead 1");
+  EXPECT_EQ(near.at("cells"), 2);
+  EXPECT_FALSE(near.at("holds"));
+  EXPECT_EQ(named(all, "auto_near_best").at("misses")[0].at("against"), "spatial_wiener");
+  EXPECT_TRUE(holds("auto_not_worse_than_blurred"));
+  EXPECT_TRUE(holds("mmae_best_pixelwise"));
+  EXPECT_FALSE(holds("mmae_best"));
+  EXPECT_TRUE(holds("motion_not_worse_than_mmae"));
+  EXPECT_FALSE(holds("motion_better_than_told"));
+  EXPECT_TRUE(holds("lookahead_gain_inverse"));
+  EXPECT_FALSE(holds("lookahead_gain_auto"));
+  EXPECT_NEAR(named(all, "lookahead_gain_auto").at("worst_ratio").get<double>(), 0.60 / 0.91, 1e-9);
 }
 
 TEST(FidelityVerdicts, SayNothingOfAColumnThatIsNotThere) {
-  Cell cell = cell_of(0, {2.0, 1.0, 2.5, 0.9, 0.91, 0.8, 0.3, 2.0, 3.0, 3.0, 3.0, 0.95});
-  cell.columns[static_cast<std::size_t>(ColumnKind::kMmae)].skipped = "not built";
-  const Verdict verdict = named(verdicts({cell}, {}), "mmae_not_worse_than_blurred");
-  EXPECT_EQ(verdict.cells, 0);
-  EXPECT_FALSE(verdict.holds());
+  Json cell = cell_of(0, {2.0, 1.0, 2.5, 0.9, 0.91, 0.8, 0.3, 2.0, 3.0, 3.0, 3.0, 0.95});
+  cell["columns"]["mmae"] = {{"skipped", "not built"}};
+  const Json verdict = named(verdicts(std::vector{cell}, Json::array()), "mmae_not_worse_than_blurred");
+  EXPECT_EQ(verdict.at("cells"), 0);
+  EXPECT_TRUE(verdict.at("holds").is_null());
 }
 
 }  // namespace

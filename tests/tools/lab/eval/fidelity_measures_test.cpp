@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "tools/lab/eval/fidelity_measures.hpp"
+#include "tools/lab/eval/fidelity_data.hpp"
 
 namespace bolo::tools::fidelity::fidelity_measures_test {
 namespace {
@@ -120,7 +120,8 @@ TEST(FidelityEdgeWidth, OfASharpStepIsBelowAPixel) {
 TEST(FidelityEdgeWidth, OfAnExponentialTrailIsLnNineLengths) {
   const Planes truth{step_edge()};
   EXPECT_NEAR(edge_width({trailing(5.0)}, truth, kSize), 5.0 * std::log(9.0), 0.25);
-  EXPECT_NEAR(edge_width({trailing(3.0)}, truth, kSize), 3.0 * std::log(9.0), 0.25);  // linear between pixels
+  EXPECT_NEAR(edge_width({trailing(3.0)}, truth, kSize), 3.0 * std::log(9.0),
+              0.25);  // linear between pixels
 }
 
 TEST(FidelityEdgeWidth, DoesNotCareForTheEdgesSignOrSide) {
@@ -169,7 +170,8 @@ TEST(FidelityShiftedRmse, TakesOutLagAndNothingElse) {
   EXPECT_LT(shifted_rmse({lags}, {truth}, kSize), 0.01);
   EXPECT_NEAR(shifted_rmse({noisy(lags, 0.5F, 9)}, {truth}, kSize), 0.5, 0.03);
   EXPECT_NEAR(shifted_rmse({trailing(5.0)}, {step_edge()}, kSize), rmse({trailing(5.0)}, {step_edge()}), 0.6);
-  EXPECT_GT(shifted_rmse({trailing(5.0)}, {step_edge()}, kSize), 0.5);  // blur is no lag
+  EXPECT_GT(shifted_rmse({trailing(5.0)}, {step_edge()}, kSize),
+            0.5);  // blur is no lag
 }
 
 TEST(FidelityFlatNoise, LooksAwayFromEdges) {
@@ -183,14 +185,14 @@ TEST(FidelityFlatNoise, LooksAwayFromEdges) {
 TEST(FidelityMeasures, AgreeWithTheirParts) {
   const Planes truth{step_edge()};
   const Planes estimate{trailing(3.0)};
-  const Measures m = measure(estimate, truth, kSize);
-  EXPECT_EQ(m.rmse_k, rmse(estimate, truth));
-  EXPECT_EQ(m.psnr_db, psnr(m.rmse_k, 25.0));
-  EXPECT_EQ(m.edge_rmse_k, edge_rmse(estimate, truth, kSize));
-  EXPECT_EQ(m.shifted_rmse_k, shifted_rmse(estimate, truth, kSize));
-  EXPECT_EQ(m.flat_noise_k, flat_noise(estimate, truth, kSize));
-  EXPECT_GT(m.ssim, 0.5);
-  EXPECT_LT(m.ssim, 1.0);
+  const Json m = measure(estimate, truth, kSize);
+  EXPECT_EQ(m.at("rmse_k"), rmse(estimate, truth));
+  EXPECT_EQ(m.at("psnr_db"), psnr(rmse(estimate, truth), 25.0));
+  EXPECT_EQ(m.at("edge_rmse_k"), edge_rmse(estimate, truth, kSize));
+  EXPECT_EQ(m.at("shifted_rmse_k"), shifted_rmse(estimate, truth, kSize));
+  EXPECT_EQ(m.at("flat_noise_k"), flat_noise(estimate, truth, kSize));
+  EXPECT_GT(m.at("ssim"), 0.5);
+  EXPECT_LT(m.at("ssim"), 1.0);
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 #include "tools/bolo/pulse_plots.hpp"
 #include "tools/demo/live_plot.hpp"
 #include "tools/lab/detect/table.hpp"
-#include "tools/lab/eval/fidelity_report.hpp"
+#include "tools/lab/eval/fidelity.hpp"
 
 namespace bolo::tools::figures_test {
 namespace {
@@ -60,35 +60,24 @@ TEST(Figures, OfPulsesHaveAFit) {
 }
 
 TEST(Figures, OfFidelityHaveLatencyAndAPanelForEachLookAhead) {
-  using namespace fidelity;
-  Table table;
+  Json table;
   for (const int lookahead : {0, 1}) {
     for (const double noise : {0.03, 0.5}) {
-      Cell cell;
-      cell.scene = "street";
-      cell.motion.speed_px_s = 300.0;
-      cell.noise_k = noise;
-      cell.lookahead = lookahead;
-      for (const ColumnName& name : kColumns) {
-        Column column;
-        column.kind = name.kind;
-        column.measures.rmse_k = 0.5 + 0.2 * static_cast<double>(name.kind);
-        if (name.kind == ColumnKind::kUnsharp) column.skipped = "not here";
-        cell.columns.push_back(column);
+      Json cell{{"scene", "street"}, {"motion", "300 px/s"}, {"noise_k", noise}, {"lookahead", lookahead}};
+      double rmse_k = 0.3;
+      for (const fidelity::Column& column : fidelity::kColumns) {
+        cell["columns"][column.name]["rmse_k"] = rmse_k += 0.2;
       }
-      table.cells.push_back(cell);
+      cell["columns"]["unsharp"] = {{"skipped", "not here"}};
+      table["cells"].push_back(cell);
     }
   }
-  LatencyCurves curves;
-  curves.scene = "street";
-  curves.motion.speed_px_s = 300.0;
-  curves.noise_k = 0.03;
-  curves.blurred_rmse_k = 1.9;
-  curves.lookaheads = {0, 1, 2};
-  for (auto& line : curves.rmse_k) line = {1.1, 0.7, 0.65};
-  curves.rmse_k[0] = {NAN, NAN, NAN};
-  table.latency = {curves, curves};
-  const plot::Sheet sheet = sheet_of(table);
+  Json curves{{"scene", "street"}, {"motion", "300 px/s"}, {"noise_k", 0.03}, {"blurred_rmse_k", 1.9}};
+  curves["lookaheads"] = {0, 1, 2};
+  for (const char* column : fidelity::kLiveColumns) curves[column] = {1.1, 0.7, 0.65};
+  curves["inverse"] = {NAN, NAN, NAN};
+  table["latency"] = {curves, curves};
+  const plot::Sheet sheet = fidelity::sheet_of(table);
   expect_good(sheet);
   EXPECT_EQ(plots_of(sheet), 2U + 4U);
 }
@@ -170,24 +159,29 @@ TEST(Figures, OfDetectorsShowWhatEachColumnShows) {
   options.detectors[1].name = "second";
   options.resamples = 20;
   const detect::Found found = found_boxes(options);
-  const detect::Table table = table_of(found, options);
-  ASSERT_EQ(table.rows.size(), 6U);  // of labels and of own boxes: each detector, and their mean
-  EXPECT_EQ(table.speeds[0].p50, 200.0);
-  for (const detect::Row& row : table.rows) {
-    EXPECT_EQ(row.looks, 2);
-    EXPECT_EQ(row.stills, 1);
-    EXPECT_NEAR(row.cells[detect::kSharpColumn].ap.value, 100.0, 1e-9) << row.detector;
+  const Json table = table_of(found, options);
+  const Json& rows = table.at("rows");
+  ASSERT_EQ(rows.size(), 6U);  // of labels and of own boxes: each detector, and their mean
+  EXPECT_EQ(table.at("motions")[0].at("speed_px_s").at("p50"), 200.0);
+  for (const Json& row : rows) {
+    SCOPED_TRACE(row.dump());
+    EXPECT_EQ(row.at("looks"), 2);
+    EXPECT_EQ(row.at("stills"), 1);
+    const auto figure = [&](const char* column, const char* key) {
+      return row.at("columns").at(column).at(key).get<double>();
+    };
+    EXPECT_NEAR(figure("sharp", "ap"), 100.0, 1e-9);
     // One of two pictures: the recalls 0 to 0.5 of 101.
-    EXPECT_NEAR(row.cells[detect::kBlurredColumn].ap.value, 100.0 * 51.0 / 101.0, 1e-9) << row.detector;
-    EXPECT_NEAR(row.cells[4].delta.value, 100.0 * 50.0 / 101.0, 1e-9);
-    EXPECT_NEAR(row.cells[4].recovered.value, 1.0, 1e-9);
-    EXPECT_NEAR(row.contest.delta.value, 0.0, 1e-9);
+    EXPECT_NEAR(figure("blurred", "ap"), 100.0 * 51.0 / 101.0, 1e-9);
+    EXPECT_NEAR(figure("auto", "delta_ap"), 100.0 * 50.0 / 101.0, 1e-9);
+    EXPECT_NEAR(figure("auto", "recovered"), 1.0, 1e-9);
+    EXPECT_NEAR(row.at("bolo_over_best_baseline").at("delta_ap").get<double>(), 0.0, 1e-9);
   }
-  EXPECT_EQ(table.rows[0].cells[0].score.total.objects, 4.0);
-  EXPECT_EQ(table.rows[1].cells[0].score.total.objects, 2.0);  // it does not know cars
-  EXPECT_TRUE(table.rows[2].is_mean());
-  EXPECT_TRUE(table.rows[0].labelled);
-  EXPECT_FALSE(table.rows[3].labelled);
+  EXPECT_EQ(rows[0].at("objects"), 4.0);
+  EXPECT_EQ(rows[1].at("objects"), 2.0);  // it does not know cars
+  EXPECT_TRUE(rows[2].at("detector").is_null());
+  EXPECT_EQ(rows[0].at("truth"), "labels");
+  EXPECT_EQ(rows[3].at("truth"), "own_boxes");
   const plot::Sheet sheet = sheet_of(table, found, options);
   expect_good(sheet);
   EXPECT_EQ(plots_of(sheet), found.columns.size());

@@ -16,14 +16,14 @@ class LossTrial : public testing::Test {
     return kScene;
   }
   // The work on the pixels is another test's: few iterations, so that a busy machine keeps up.
-  static LossRow row(double rate, bool resend) {
+  static Json row(double rate, bool resend) {
     EXPECT_TRUE(scene().has_value()) << scene().error().message;
     pipeline::PipelineOptions options;
     options.deblur.method = deblur::Method::kInverse;
     for (int i = 0; i < kTries; ++i) {
       const auto row = try_loss({rate, resend, 9000, kSeconds}, *scene(), options);
       EXPECT_TRUE(row.has_value()) << row.error().message;
-      if (!row || row->host_dropped == 0) return row.value_or(LossRow{});
+      if (!row || row->at("host_dropped_packets") == 0) return row.value_or(Json());
     }
     ADD_FAILURE() << "this computer dropped packets by itself, " << kTries << " times";
     return {};
@@ -31,16 +31,16 @@ class LossTrial : public testing::Test {
 };
 
 TEST_F(LossTrial, EachFrameThatIsHitIsLostOnce) {
-  const LossRow lossy = row(0.02, false);
-  EXPECT_GT(lossy.hit, 10U);
-  EXPECT_EQ(lossy.network, lossy.hit);
-  EXPECT_LT(lossy.rmse_deblurred_k, lossy.rmse_raw_k);
+  const Json lossy = row(0.02, false);
+  EXPECT_GT(lossy.at("frames_hit"), 10U);
+  EXPECT_EQ(lossy.at("frames_lost").at("network"), lossy.at("frames_hit"));
+  EXPECT_LT(lossy.at("rmse_deblurred_k"), lossy.at("rmse_raw_k"));
 }
 
 TEST_F(LossTrial, AskingAgainBringsMostOfThemBack) {
-  const LossRow lossy = row(0.02, true);
-  EXPECT_GT(lossy.hit, 10U);
-  EXPECT_LT(lossy.network, lossy.hit / 2);
+  const Json lossy = row(0.02, true);
+  EXPECT_GT(lossy.at("frames_hit"), 10U);
+  EXPECT_LT(lossy.at("frames_lost").at("network").get<int>(), lossy.at("frames_hit").get<int>() / 2);
 }
 
 }  // namespace

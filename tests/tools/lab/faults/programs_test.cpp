@@ -14,7 +14,7 @@
 #include "src/capture/capture.hpp"
 #include "src/core/loss.hpp"
 #include "tests/tools/program.hpp"
-#include "tools/lab/eval/faults_run.hpp"
+#include "tools/lab/eval/faults.hpp"
 
 namespace bolo::tools::faults {
 namespace {

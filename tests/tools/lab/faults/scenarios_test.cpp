@@ -8,7 +8,6 @@
 #include <thread>
 
 #include "tools/lab/eval/faults.hpp"
-#include "tools/lab/eval/faults_run.hpp"
 
 namespace bolo::tools::faults {
 namespace {

@@ -1,7 +1,6 @@
 // The books of camera and daemon: that a frame which one has and the other has not is found.
 #include <gtest/gtest.h>
 
-#include "tools/lab/soak/account.hpp"
 #include "tools/lab/soak/rig.hpp"
 #include "tools/lab/soak/watcher.hpp"
 

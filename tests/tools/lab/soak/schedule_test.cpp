@@ -49,7 +49,7 @@ TEST(SoakKinds, HoldEveryFaultOfTheFakeCamera) {
   for (const fakecam::FaultType& type : fakecam::fault_types()) {
     const auto kind = kind_named(type.name);
     ASSERT_TRUE(kind.has_value()) << type.name;
-    EXPECT_TRUE(info_of(*kind).of_camera) << type.name;
+    EXPECT_FALSE(info_of(*kind).script.empty()) << type.name;
   }
 }
 

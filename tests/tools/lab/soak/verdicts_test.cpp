@@ -6,8 +6,6 @@
 
 #include "tests/scratch.hpp"
 #include "tools/cli/process.hpp"
-#include "tools/lab/soak/findings.hpp"
-#include "tools/lab/soak/rig.hpp"
 #include "tools/lab/soak/verdicts.hpp"
 
 namespace bolo::tools::soak::verdicts_test {
@@ -40,7 +38,7 @@ TEST(SoakVerdicts, NothingGrowsInAQuietDaemon) {
   EXPECT_TRUE(findings.all_hold());
   EXPECT_EQ(findings.tally(Invariant::kMemory).looks, 2U);
   ASSERT_EQ(result.lives.size(), 1U);
-  EXPECT_TRUE(result.lives.front().rss_mib.judged);
+  EXPECT_FALSE(result.lives.front().at("rss_mib").is_null());
 }
 
 TEST(SoakVerdicts, FindMemoryThatGrows) {
@@ -190,13 +188,14 @@ TEST(SoakProcess, ALineIsTakenWhenItIsWhole) {
 
 TEST(SoakReader, TellsAndIsUnderstood) {
   const Scratch folder;
-  std::ofstream(folder / "reader.out") << text_of({1, 0, 0, 0}) << '\n' << text_of({20, 3, 2, 1}) << '\n';
-  const ReaderAccount account = last_account(folder / "reader.out");
-  EXPECT_EQ(account.frames, 20U);
-  EXPECT_EQ(account.missed, 3U);
-  EXPECT_EQ(account.restarts, 2U);
-  EXPECT_EQ(account.disorder, 1U);
-  EXPECT_EQ(last_account(folder / "nothing").frames, 0U);
+  std::ofstream(folder / "reader.out") << R"({"frames":1,"missed":0,"restarts":0,"disorder":0})" << '\n'
+                                       << R"({"frames":20,"missed":3,"restarts":2,"disorder":1})" << '\n';
+  const Json account = last_account(folder / "reader.out");
+  EXPECT_EQ(account.at("frames"), 20U);
+  EXPECT_EQ(account.at("missed"), 3U);
+  EXPECT_EQ(account.at("restarts"), 2U);
+  EXPECT_EQ(account.at("disorder"), 1U);
+  EXPECT_EQ(last_account(folder / "nothing").at("frames"), 0U);
 }
 
 TEST(SoakFindings, NameWhatBrokeWhenAndDuringWhat) {
