@@ -40,7 +40,8 @@ void print_deblur(const Json& report) {
       "Repeats of all variants in turn; errors against exact on 2560 pixels at the same lambda.\n"
       "exact is timed on 2560 pixels, scaled.\n"
       "prof: with maps of gain, offset, time constant and dead pixels (0.5 %%), and a row delay.\n"
-      "lost: so many are missing, every other one before the newest: those that cost the most. of plain: frames a second, of those without both.\n"
+      "lost: so many are missing, every other one before the newest: those that cost the most. of plain: frames a "
+      "second, of those without both.\n"
       "Machine: %d processors.\n\n",
       report["machine"]["processors"].get<int>());
   std::printf("%s\n%s\n\n", line_of(kDeblurColumns).c_str(), line_of(kDeblurColumns, report).c_str());
