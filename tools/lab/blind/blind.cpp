@@ -8,6 +8,7 @@
 
 #include <glib.h>
 
+#include "src/core/statistics.hpp"
 #include "tools/cli/process.hpp"
 #include "tools/lab/blind/blind.hpp"
 #include "tools/lab/verbs.hpp"
@@ -132,8 +133,7 @@ Status prepare_kept(const Request& request) {
   std::error_code error;
   fs::create_directories(request.keep, error);
   if (error) return bad_input(request.keep.string() + ": cannot be made a folder: " + error.message());
-  std::vector<fs::path> files;
-  for (const char* name : kKeptFiles) files.push_back(request.keep / name);
+  const auto files = mapped(kKeptFiles, [&](const char* name) { return request.keep / name; });
   RETURN_IF_ERROR(check_outputs(files, {}, request.replace));
   for (const Session& session : request.sessions) {
     if (request.replace == Replace::kExisting || !fs::exists(request.kept(session), error)) continue;

@@ -148,6 +148,7 @@ class Runner {
     for (Exhibit& exhibit : found_.exhibits) {
       if (exhibit.look != index) continue;
       exhibit.frames = std::move(shown);
+      break;
     }
     return {};
   }

@@ -88,7 +88,7 @@ Status evaluate_fault(const cxxopts::ParseResult& given) {
     auto row = row_of(scenario, stage, repeats);
     if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted");
     RETURN_IF_ERROR(row);
-    if ((*row)["wrong"] != "") wrong.push_back(scenario.name);
+    if (!(*row)["wrong"].get_ref<const std::string&>().empty()) wrong.push_back(scenario.name);
     rows.add(std::move(*row));
     progress.update(rows.count());
   }

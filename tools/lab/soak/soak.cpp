@@ -7,6 +7,7 @@
 #include <ctime>
 
 #include "bolo/client.h"
+#include "src/core/statistics.hpp"
 #include "tools/cli/plot_option.hpp"
 #include "tools/lab/soak/verdicts.hpp"
 #include "tools/lab/verbs.hpp"
@@ -253,9 +254,8 @@ Status prepare_report(const Request& request) {
   std::error_code error;
   fs::create_directories(request.report, error);
   if (error) return bad_input("--report " + request.report.string() + ": " + error.message());
-  std::vector<fs::path> files;
-  for (const char* name : kReportFiles) files.push_back(request.report / name);
-  return check_outputs(files, {}, request.replace);
+  return check_outputs(mapped(kReportFiles, [&](const char* name) { return request.report / name; }), {},
+                       request.replace);
 }
 
 Status write_report(const Request& request, const Json& json, const std::string& text) {
