@@ -153,10 +153,6 @@ void take_out_shifts(const FitData& data, std::size_t recording, const Series& s
 
 }  // namespace
 
-MatrixXd least_squares(const MatrixXd& basis, const MatrixXd& values) {
-  return basis.colPivHouseholderQr().solve(values);
-}
-
 std::vector<Nuisance> nuisances(const Session& session, const State& nominal) {
   std::vector<Nuisance> all;
   bool bars = false;

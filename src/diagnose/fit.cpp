@@ -6,6 +6,8 @@
 #include <limits>
 #include <numeric>
 
+#include <Eigen/Dense>
+
 #include "src/core/statistics.hpp"
 #include "src/diagnose/stages.hpp"
 
@@ -185,6 +187,10 @@ struct Wide {
 };
 
 }  // namespace
+
+MatrixXd least_squares(const MatrixXd& basis, const MatrixXd& values) {
+  return basis.colPivHouseholderQr().solve(values);
+}
 
 FitResult fit(const FitData& data, const State& start, const std::vector<Choice>& choices, int rounds) {
   FitResult result{start, {}, choices, {}, {}};
