@@ -10,6 +10,7 @@
 #include "tools/bolo/verbs.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/cli/json_text.hpp"
 #include "tools/doctor/checks.hpp"
 
 namespace bolo::tools {
@@ -78,7 +79,7 @@ int doctor_main(int argc, char** argv) {
   const std::vector<Check> checks =
       doctor::judge(doctor::gather({needs->address, given.count("no-camera") == 0}), *needs);
   if (given.count("json") != 0) {
-    std::puts(to_json(checks).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+    std::puts(json_text(to_json(checks), 2).c_str());
   } else {
     print(checks);
   }

@@ -336,7 +336,7 @@ int info_main(int argc, char** argv) {
   if (!info) return report("info", info.error());
   (*info)["file"] = file;
   if (parsed.count("json") != 0) {
-    std::cout << info->dump(2, ' ', false, json::error_handler_t::replace) << '\n';
+    std::cout << json_text(*info, 2) << '\n';
     return kExitDone;
   }
   std::printf("%s\n", printable(file).c_str());

@@ -16,6 +16,7 @@
 #include "src/core/printable.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/cli/json_text.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -67,11 +68,6 @@ Json to_json(const UsbDevice& device) {
           {"allowed", device.allowed}};
 }
 
-// Strings come from devices, and need not be UTF-8.
-std::string text_of(const Json& value, int indent) {
-  return value.dump(indent, ' ', false, Json::error_handler_t::replace);
-}
-
 std::string line_of(const UsbDevice& device) {
   std::string line = fmt::format("{}:{}  port {}  {}  {}", device.bus, device.address, device.port_path,
                                  usb::id_text(device.vendor, device.product), device.speed);
@@ -89,7 +85,7 @@ int list(const usb::DeviceFilter& filter, bool as_json) {
   if (as_json) {
     Json all = Json::array();
     for (const UsbDevice& device : *devices) all.push_back(to_json(device));
-    std::puts(text_of({{"devices", std::move(all)}}, 2).c_str());
+    std::puts(json_text(Json{{"devices", std::move(all)}}, 2).c_str());
     return kExitDone;
   }
   for (const UsbDevice& device : *devices) std::puts(line_of(device).c_str());
@@ -100,7 +96,7 @@ int list(const usb::DeviceFilter& filter, bool as_json) {
 int print_report(const usb::DeviceFilter& filter, bool as_json) {
   const auto text = usb::descriptor_report(filter);
   if (!text) return report("usb", text.error());
-  std::fputs((as_json ? text_of({{"report", *text}}, 2) + "\n" : *text).c_str(), stdout);
+  std::fputs((as_json ? json_text(Json{{"report", *text}}, 2) + "\n" : *text).c_str(), stdout);
   return kExitDone;
 }
 
@@ -109,7 +105,7 @@ int watch(const usb::DeviceFilter& filter, bool as_json) {
   const auto say = [as_json](usb::Hotplug::Change change, const UsbDevice& device) {
     const bool arrived = change == usb::Hotplug::Change::kArrived;
     const Json event{{"event", arrived ? "arrived" : "left"}, {"device", to_json(device)}};
-    std::puts(as_json ? text_of(event, -1).c_str() : ((arrived ? "arrived  " : "left     ") + line_of(device)).c_str());
+    std::puts(as_json ? json_text(event).c_str() : ((arrived ? "arrived  " : "left     ") + line_of(device)).c_str());
     std::fflush(stdout);
   };
   const auto hotplug = usb::Hotplug::start(filter, say);

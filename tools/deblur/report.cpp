@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/core/clock.hpp"
+#include "tools/cli/json_text.hpp"
 #include "tools/deblur/pixel_choice.hpp"
 
 namespace bolo::tools {
@@ -96,7 +97,7 @@ Json folder_json(const DeblurRequest& request, const FolderSummary& s) {
 }
 
 // Files have names that need not be UTF-8, which JSON must be.
-void print(const Json& json) { std::puts(json.dump(2, ' ', false, Json::error_handler_t::replace).c_str()); }
+void print(const Json& json) { std::puts(json_text(json, 2).c_str()); }
 
 void print_truth(const RunFacts& facts) {
   if (!facts.rmse) return;

@@ -9,6 +9,7 @@
 #include <glib.h>
 
 #include "src/core/statistics.hpp"
+#include "tools/cli/json_text.hpp"
 #include "tools/cli/process.hpp"
 #include "tools/lab/blind/blind.hpp"
 #include "tools/lab/verbs.hpp"
@@ -221,7 +222,7 @@ Status draw_and_score(const Request& request) {
   const Json scored = score(trials, {request.draw, seal.digest(), took.count()});
   if (request.json) {
     // A broken diagnosis may have said anything, no UTF-8 included.
-    std::puts(scored.dump(2, ' ', false, Json::error_handler_t::replace).c_str());
+    std::puts(json_text(scored, 2).c_str());
   } else {
     std::printf("opened: the answers are those that were sealed\n%s", score_text(scored).c_str());
   }
