@@ -36,72 +36,84 @@ HWY_INLINE void move_cubic(const PaddedPlane& a, int x0, int y0, Vec2 d, const P
   cubic(s.fx, wx);
   cubic(s.fy, wy);
   const float* from = a.at(x0 + s.x - 1, y0 + s.y - 1);
-  HWY_ALIGN float across[(kBlock + 3) * kBlock];
-  for (int r = 0; r < kBlock + 3; ++r) {
-    for (int x = 0; x < kBlock; x += kLanes) {
+  for (int x = 0; x < kBlock; x += kLanes) {
+    const auto across = [&](int r) HWY_ATTR {
       const float* p = from + r * a.stride() + x;
       Vec v = hn::Mul(all(wx[0]), load(p));
       for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(wx[i]), load(p + i), v);
-      store(v, across + r * kRow + x);
-    }
-  }
-  for (int r = 0; r < kBlock; ++r) {
-    for (int x = 0; x < kBlock; x += kLanes) {
-      const float* p = across + r * kRow + x;
-      Vec v = hn::Mul(all(wy[0]), load(p));
-      for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(wy[i]), load(p + i * kRow), v);
+      return v;
+    };
+    Vec rows[4] = {across(0), across(1), across(2)};
+    HWY_UNROLL(8)
+    for (int r = 0; r < kBlock; ++r) {
+      rows[(r + 3) % 4] = across(r + 3);
+      Vec v = hn::Mul(all(wy[0]), rows[r % 4]);
+      for (int i = 1; i < 4; ++i) v = hn::MulAdd(all(wy[i]), rows[(r + i) % 4], v);
       put(v, r, x);
     }
   }
 }
 
-// Sums of the planes' values at a block, and how many see each pixel.
-struct SeenSums {
-  HWY_ALIGN float total[kBlock * kBlock] = {};
-  HWY_ALIGN float count[kBlock * kBlock] = {};
-  bool whole = true;  // all planes see all pixels, and are not counted
+// A block in registers.
+struct BlockSum {
+  Vec row[kBlock][kBlock / kLanes];
+
+  HWY_INLINE BlockSum() { std::fill_n(&row[0][0], sizeof(row) / sizeof(Vec), hn::Zero(Float())); }
 };
 
-HWY_INLINE void add_moved(const PaddedPlane& plane, const Inside& inside, int x0, int y0, Vec2 d, SeenSums& sums) {
-  if (sums.whole) {
-    move_cubic(plane, x0, y0, d, [&](Vec v, int r, int x) HWY_ATTR {
-      float* total = sums.total + r * kRow + x;
-      store(hn::Add(load(total), v), total);
-    });
-  } else {
-    move_cubic(plane, x0, y0, d, [&](Vec v, int r, int x) HWY_ATTR {
-      if (!inside.row(y0 + r)) return;
-      float* total = sums.total + r * kRow + x;
-      float* count = sums.count + r * kRow + x;
-      const Vec in = inside.mask(x0 + x);
-      store(hn::MulAdd(in, v, load(total)), total);
-      store(hn::Add(in, load(count)), count);
-    });
+// The sum of the planes moved by their displacements, which all see the whole block.
+HWY_INLINE void add_moved(const PaddedPlane* const* planes, const Vec2* const* d, int count, int x0, int y0,
+                          BlockSum& sum) {
+  for (int i = 0; i < count; ++i) {
+    move_cubic(*planes[i], x0, y0, d[i][x0 / kBlock],
+               [&](Vec v, int r, int x) HWY_ATTR { sum.row[r][x / kLanes] = hn::Add(sum.row[r][x / kLanes], v); });
   }
 }
 
-void align(const PaddedPlane* const* planes, const Vec2* const* d, int planes_count, const PaddedPlane& now,
-           int block_row, PaddedPlane& out) noexcept {
+// Their mean at a block that not all of them see; `otherwise` where none does.
+HWY_NOINLINE void align_seen(const PaddedPlane* const* planes, const Vec2* const* d, int count,
+                             const PaddedPlane& otherwise, int x0, int y0, PaddedPlane& out) {
+  HWY_ALIGN float total[kBlock * kBlock] = {};
+  HWY_ALIGN float seen[kBlock * kBlock] = {};
+  for (int i = 0; i < count; ++i) {
+    const Vec2 by = d[i][x0 / kBlock];
+    const Inside inside(otherwise.geometry(), by, 0.0F);
+    move_cubic(*planes[i], x0, y0, by, [&](Vec v, int r, int x) HWY_ATTR {
+      if (!inside.row(y0 + r)) return;
+      const Vec in = inside.mask(x0 + x);
+      store(hn::MulAdd(in, v, load(total + r * kBlock + x)), total + r * kBlock + x);
+      store(hn::Add(in, load(seen + r * kBlock + x)), seen + r * kBlock + x);
+    });
+  }
+  for (int r = 0; r < kBlock; ++r) {
+    for (int x = 0; x < kBlock; x += kLanes) {
+      const Vec n = load(seen + r * kBlock + x);
+      const Vec mean = hn::Div(load(total + r * kBlock + x), hn::Max(n, all(1.0F)));
+      store(hn::IfThenElse(hn::Gt(n, hn::Zero(Float())), mean, load(otherwise.at(x0 + x, y0 + r))),
+            out.at(x0 + x, y0 + r));
+    }
+  }
+}
+
+HWY_INLINE bool all_see(const Vec2* const* d, int count, Geometry g, float margin, int x0, int y0) {
+  bool whole = true;
+  for (int i = 0; i < count; ++i) whole = whole && Inside(g, d[i][x0 / kBlock], margin).whole(x0, y0);
+  return whole;
+}
+
+void align(const PaddedPlane* const* planes, const Vec2* const* d, int count, const PaddedPlane& now, int block_row,
+           PaddedPlane& out) noexcept {
   const int y0 = block_row * kBlock;
-  for (int c = 0; c < now.blocks_across(); ++c) {
-    const int x0 = c * kBlock;
-    const auto inside = [&](int i) { return Inside(now.geometry(), d[i][c], 0.0F); };
-    SeenSums sums;
-    for (int i = 0; i < planes_count; ++i) sums.whole = sums.whole && inside(i).whole(x0, y0);
-    for (int i = 0; i < planes_count; ++i) add_moved(*planes[i], inside(i), x0, y0, d[i][c], sums);
-    const Vec every = all(static_cast<float>(planes_count));
+  const Vec every = all(static_cast<float>(count));
+  for (int x0 = 0; x0 < now.blocks_across() * kBlock; x0 += kBlock) {
+    if (!all_see(d, count, now.geometry(), 0.0F, x0, y0)) {
+      align_seen(planes, d, count, now, x0, y0, out);
+      continue;
+    }
+    BlockSum sum;
+    add_moved(planes, d, count, x0, y0, sum);
     for (int r = 0; r < kBlock; ++r) {
-      for (int x = 0; x < kBlock; x += kLanes) {
-        const Vec total = load(sums.total + r * kRow + x);
-        float* to = out.at(x0 + x, y0 + r);
-        if (sums.whole) {
-          store(hn::Div(total, every), to);
-          continue;
-        }
-        const Vec n = load(sums.count + r * kRow + x);
-        const Vec mean = hn::Div(total, hn::Max(n, all(1.0F)));
-        store(hn::IfThenElse(hn::Gt(n, hn::Zero(Float())), mean, load(now.at(x0 + x, y0 + r))), to);
-      }
+      for (int x = 0; x < kBlock; x += kLanes) store(hn::Div(sum.row[r][x / kLanes], every), out.at(x0 + x, y0 + r));
     }
   }
 }
@@ -111,6 +123,30 @@ void shift(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& o
     const int x0 = c * kBlock;
     const int y0 = block_row * kBlock;
     move_cubic(from, x0, y0, d[c], [&](Vec v, int r, int x) HWY_ATTR { store(v, out.at(x0 + x, y0 + r)); });
+  }
+}
+
+constexpr float kBeyond = 1.0F;  // px, where a repeated border will do
+
+void differ(const PaddedPlane* const* planes, const Vec2* const* d, int count, const PaddedPlane& from, int block_row,
+            Columns columns, PaddedPlane& out, float* square) noexcept {
+  const int y0 = block_row * kBlock;
+  const Vec share = all(1.0F / static_cast<float>(count));
+  for (int c = columns.begin; c < columns.end; ++c) {
+    const int x0 = c * kBlock;
+    const bool whole = all_see(d, count, from.geometry(), -kBeyond, x0, y0);
+    BlockSum moved;
+    if (whole) add_moved(planes, d, count, x0, y0, moved);
+    Vec total = hn::Zero(Float());
+    for (int r = 0; r < kBlock; ++r) {
+      for (int x = 0; x < kBlock; x += kLanes) {
+        const Vec mean = hn::Mul(share, moved.row[r][x / kLanes]);
+        const Vec off = whole ? hn::Sub(mean, load(from.at(x0 + x, y0 + r))) : hn::Zero(Float());
+        store(off, out.at(x0 + x, y0 + r));
+        total = hn::MulAdd(off, off, total);
+      }
+    }
+    square[c] = whole ? sum(total) / (kBlock * kBlock) : kUnseen;
   }
 }
 
@@ -155,10 +191,10 @@ void fit(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction,
   }
 }
 
-void mix(const FilterWeights* const* corners, const float* shares, FilterWeights& out) noexcept {
+void mix(const FilterWeights* const* corners, const float* shares, std::size_t count, FilterWeights& out) noexcept {
   for (int i = 0; i < FilterWeights::kStride; i += kLanes) {
     Vec w = hn::Zero(Float());
-    for (int k = 0; k < 8; ++k) w = hn::MulAdd(all(shares[k]), load(corners[k]->w + i), w);
+    for (std::size_t k = 0; k < count; ++k) w = hn::MulAdd(all(shares[k]), load(corners[k]->w + i), w);
     store(w, out.w + i);
   }
 }
@@ -363,11 +399,11 @@ HWY_INLINE Vec between(const Shares& shares, const float* const* rows, int r, in
   return hn::MulAdd(hn::Load(Float(), shares.after + x), all(at(std::min(c + 1, last))), v);
 }
 
-void correct(const PaddedPlane& left, const float* const* w, int block_row, PaddedPlane& x) noexcept {
+void correct(const PaddedPlane& left, const float* const* w, int block_row, Columns columns, PaddedPlane& x) noexcept {
   const Shares shares;
   const int last = x.blocks_across() - 1;
   for (int r = 0; r < kBlock; ++r) {
-    for (int c = 0; c <= last; ++c) {
+    for (int c = columns.begin; c < columns.end; ++c) {
       for (int k = 0; k < kBlock; k += kLanes) {
         float* to = x.at(c * kBlock + k, block_row * kBlock + r);
         const Vec e = load(left.at(c * kBlock + k, block_row * kBlock + r));

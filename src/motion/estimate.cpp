@@ -24,7 +24,25 @@ constexpr float kMostTimesOther = 8.0F;
 constexpr float kLeastError = 1e-3F;            // noise variances
 constexpr float kNearlyRight = 0.05F;           // of the mean square error beside it
 constexpr float kAnotherWay = 1.0F;             // px a frame
-constexpr float kMeanAge = 0.5F * (kPast + 1);  // of the past's frames, periods
+constexpr float kMeanAge = 0.5F * (kNear + 1);  // of the near past's frames, periods
+constexpr std::size_t kFar = kPast - kNear;     // frames
+constexpr float kFarPart = float{kFar} / kPast;
+
+// The far past counts for less where it differs from the near one by more than chance: in a block, and, where a wrong
+// motion drowns in each block's noise, in most of them.
+constexpr float kMisfit = 2.0F;      // beyond what is best if the difference were noise
+constexpr float kUnusual = 0.2F;     // of chance, in the median block
+constexpr std::size_t kSample = 11;  // every so many blocks tell of all
+
+// Variance of what cubic interpolation (estimate-inl.hpp) at x makes of white noise.
+float noise_of_cubic(float x) {
+  constexpr float a = -0.75F;
+  const float f = x - std::floor(x);
+  const float g = 1.0F - f;
+  const auto far = [](float t) { return a * t * (1.0F - t) * (1.0F - t); };
+  const auto near = [](float t) { return ((a + 2.0F) * t - (a + 3.0F)) * t * t + 1.0F; };
+  return far(f) * far(f) + near(f) * near(f) + near(g) * near(g) + far(g) * far(g);
+}
 
 float power4(float v) { return v * v * v * v; }
 
@@ -55,6 +73,7 @@ Estimator::Estimator(Geometry geometry, const Inertia& inertia, int ahead)
       inertia_(inertia),
       table_(WeightTable::of(inertia.tau, ahead)),
       mean_(geometry),
+      far_(geometry),
       ahead_(geometry),
       along_(geometry),
       x_(geometry),
@@ -63,16 +82,23 @@ Estimator::Estimator(Geometry geometry, const Inertia& inertia, int ahead)
   const int down = blocks_over(geometry.height);
   for (VectorField& f : past_) f = VectorField(across, down);
   for (VectorField* f : {&next_, &trail_, &direction_}) *f = VectorField(across, down);
-  for (ScalarField* f : {&speed_, &lag_, &unexplained_, &step_, &share_, &most_}) *f = ScalarField(across, down);
+  for (ScalarField* f :
+       {&speed_, &lag_, &far_gain_, &far_share_, &contrast_across_, &unexplained_, &step_, &share_, &most_})
+    *f = ScalarField(across, down);
   for (std::size_t i = 0; i < raw_.size(); ++i) raw_[i] = smooth_[i] = ScalarField(across, down);
   fit_ = BlockField<FitSums>(across, down);
   weights_ = BlockField<FilterWeights>(across, down);
   across_ = BlockField<AcrossWeights>(across, down);
+  place_ = BlockField<WeightTable::Place>(across, down);
 }
 
 template <typename T>
 std::array<const T*, 3> Estimator::rows_around(const BlockField<T>& field, int row) const noexcept {
   return {field.row(std::max(row - 1, 0)), field.row(row), field.row(std::min(row + 1, field.down() - 1))};
+}
+
+void Estimator::extend_row(int row, PaddedPlane& plane) const noexcept {
+  plane.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
 }
 
 // Displacements and velocities of the blocks.
@@ -97,22 +123,28 @@ void Estimator::set_fields(const EstimateInputs& in) noexcept {
   }
 }
 
+// Of the past's frames [begin, end) those that are there.
+int Estimator::past_of(const EstimateInputs& in, std::size_t begin, std::size_t end, int row,
+                       PastRows& rows) const noexcept {
+  int count = 0;
+  for (std::size_t j = begin; j < end; ++j) {
+    if (in.past[j] == nullptr) continue;
+    rows.planes[static_cast<std::size_t>(count)] = in.past[j];
+    rows.displacements[static_cast<std::size_t>(count++)] = past_[j].row(row);
+  }
+  return count;
+}
+
 void Estimator::align_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   for_rows(crew, weights_.down(), [&](int row) {
-    std::array<const PaddedPlane*, kPast> planes{};
-    std::array<const Vec2*, kPast> displacements{};
-    int count = 0;
-    for (std::size_t j = 0; j < in.past.size(); ++j) {
-      if (in.past[j] == nullptr) continue;
-      planes[static_cast<std::size_t>(count)] = in.past[j];
-      displacements[static_cast<std::size_t>(count++)] = past_[j].row(row);
-    }
-    kernels.align(planes.data(), displacements.data(), count, *in.now, row, mean_);
-    mean_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+    PastRows near;
+    const int count = past_of(in, 0, kNear, row, near);
+    kernels.align(near.planes.data(), near.displacements.data(), count, *in.now, row, mean_);
+    extend_row(row, mean_);
     if (in.ahead == nullptr) return;
     const Vec2* ahead = next_.row(row);
     kernels.align(&in.ahead, &ahead, 1, *in.now, row, ahead_);
-    ahead_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+    extend_row(row, ahead_);
   });
   mean_.extend_ends();
   if (in.ahead != nullptr) ahead_.extend_ends();
@@ -130,7 +162,8 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
     }
   });
   const auto noise = static_cast<float>(in.noise * in.noise);
-  const float of_mean = noise / kPast;
+  const float of_mean = noise / kNear;
+  const bool far = std::ranges::find(in.past, nullptr) == in.past.end();
   for_rows(crew, weights_.down(), [&](int row) {
     gauss_of_9(raw_[0], row, smooth_[0]);
     gauss_of_9(raw_[1], row, smooth_[1]);
@@ -139,17 +172,97 @@ void Estimator::choose_weights(const Kernels& kernels, const EstimateInputs& in,
     for (int c = 0; c < weights_.across(); ++c) {
       const float unexplained = std::max(smooth_[0].at(c, row) - kMargin * (noise + of_mean), 0.0F);
       const float gradient = std::max(smooth_[1].at(c, row) - 0.5F * of_mean, 0.0F) + kLeastGradient * of_mean;
-      const float structure = std::max(0.5F * smooth_[2].at(c, row) - of_mean, 0.0F);
-      const float across = std::max(0.5F * smooth_[3].at(c, row) - of_mean, 0.0F);
       const float speed = speed_.at(c, row);
       const float from_fit = unexplained / gradient / (kMeanAge * kMeanAge);
       const float sigma =
           std::sqrt(from_fit + kLeastUncertainty * kLeastUncertainty + kOfSpeed * kOfSpeed * speed * speed);
       unexplained_.at(c, row) = unexplained;
-      table_->find(kernels, speed, structure / noise, sigma / std::max(speed, kSlowest), weights_.at(c, row));
-      table_->find_across(weights_.at(c, row), speed, direction_.at(c, row), across / noise, across_.at(c, row));
+      const float structure = std::max(0.5F * smooth_[2].at(c, row) - of_mean, 0.0F);
+      const float across = std::max(0.5F * smooth_[3].at(c, row) - of_mean, 0.0F);
+      contrast_across_.at(c, row) = across / noise;
+      place_.at(c, row) = table_->place_of(speed, structure / noise, sigma / std::max(speed, kSlowest));
+      far_gain_.at(c, row) = table_->far_gain(place_.at(c, row));
+      far_share_.at(c, row) = 0.0F;
     }
   });
+  if (far) add_far_past(kernels, in, crew);
+  for_rows(crew, weights_.down(), [&](int row) {
+    for (int c = 0; c < weights_.across(); ++c) {
+      table_->find(kernels, place_.at(c, row), far_share_.at(c, row) / kFarPart, weights_.at(c, row));
+      table_->find_across(weights_.at(c, row), speed_.at(c, row), direction_.at(c, row), contrast_across_.at(c, row),
+                          across_.at(c, row));
+    }
+  });
+}
+
+// Blocks beside which, or in which, the far past is of use.
+Columns Estimator::next_columns(int row, int begin) const noexcept {
+  const auto wants = [&](int c) {
+    return std::ranges::any_of(rows_around(far_gain_, row), [&](const float* gain) {
+      return std::any_of(gain + std::max(c - 1, 0), gain + std::min(c + 2, far_gain_.across()),
+                         [](float g) { return g > 0.0F; });
+    });
+  };
+  Columns found{begin, begin};
+  while (found.begin < far_gain_.across() && !wants(found.begin)) ++found.begin;
+  found.end = found.begin;
+  while (found.end < far_gain_.across() && wants(found.end)) ++found.end;
+  return found;
+}
+
+// What noise alone makes of the mean square difference of both means, noise variances: mean over some blocks.
+float Estimator::noise_of_difference() const noexcept {
+  float sum = 0.0F;
+  int count = 0;
+  for (std::size_t i = 0; i < far_gain_.size(); i += kSample, ++count) {
+    for (std::size_t j = 0; j < past_.size(); ++j) {
+      const float frames = j < kNear ? kNear : kFar;
+      sum += noise_of_cubic(past_[j][i].x) * noise_of_cubic(past_[j][i].y) / (frames * frames);
+    }
+  }
+  return sum / static_cast<float>(count);
+}
+
+// The median, over some of the blocks in which the far past is of use.
+float Estimator::usual_difference() noexcept {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < far_gain_.size(); i += kSample) {
+    if (far_gain_[i] > 0.0F && smooth_[0][i] < kUnseen / 100.0F) step_[count++] = smooth_[0][i];
+  }
+  if (count == 0) return kUnseen;
+  const auto middle = step_.begin() + static_cast<std::ptrdiff_t>(count / 2);
+  std::nth_element(step_.begin(), middle, step_.begin() + static_cast<std::ptrdiff_t>(count));
+  return *middle;
+}
+
+// Where there is little to see in the noise, adds to the past's mean what does not differ from it by more than noise.
+void Estimator::add_far_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
+  for_rows(crew, weights_.down(), [&](int row) {
+    std::fill_n(raw_[0].row(row), raw_[0].across(), kUnseen);
+    PastRows far;
+    const int count = past_of(in, kNear, kPast, row, far);
+    for (Columns some = next_columns(row, 0); some.begin < some.end; some = next_columns(row, some.end)) {
+      kernels.differ(far.planes.data(), far.displacements.data(), count, mean_, row, some, far_, raw_[0].row(row));
+    }
+  });
+  for_rows(crew, weights_.down(), [&](int row) { gauss_of_9(raw_[0], row, smooth_[0]); });
+  const auto noise = static_cast<float>(in.noise * in.noise);
+  const float chance = noise * noise_of_difference() + 1e-30F;
+  const float usual = usual_difference() / chance;
+  const float most = kFarPart / (1.0F + power4(std::max(usual - 1.0F, 0.0F) / kUnusual));
+  for_rows(crew, weights_.down(), [&](int row) {
+    for (int c = 0; c < far_share_.across(); ++c) {
+      const float more = std::max(smooth_[0].at(c, row) / chance - 1.0F, 0.0F);
+      far_share_.at(c, row) = most * far_gain_.at(c, row) / (1.0F + more + kMisfit * more * more);
+    }
+  });
+  for_rows(crew, weights_.down(), [&](int row) {
+    for (Columns some = next_columns(row, 0); some.begin < some.end; some = next_columns(row, some.end)) {
+      kernels.correct(far_, rows_around(far_share_, row).data(), row, some, mean_);
+    }
+    extend_row(row, mean_);
+  });
+  mean_.extend_ends();
 }
 
 // True if the frame before saw what is in the middle of a block now; what has just come in has no past to go by.
@@ -182,7 +295,7 @@ void Estimator::judge(const EstimateInputs& in, int row) noexcept {
   const auto age = static_cast<float>(inertia_.tau) / kMeanAge;
   const auto first = static_cast<std::size_t>(row) * static_cast<std::size_t>(step_.across());
   for (std::size_t i = first; i < first + static_cast<std::size_t>(step_.across()); ++i) {
-    const float error = std::max(weights_[i].w[FilterWeights::kError], 0.0F) * noise;
+    const float error = std::max(table_->near_error(place_[i]), 0.0F) * noise;
     const float left = std::max(smooth_[0][i] - of_innovation, 0.0F);
     const float change = std::max(smooth_[1][i] - of_change, 0.0F) + kLeastChange * noise;
     step_[i] = left / (left + of_innovation + kOfError * error + 1e-30F);
@@ -229,12 +342,12 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
                             {in.past[0], in.past[1] != nullptr ? in.past[1] : in.past[0]}};
   for_rows(crew, weights_.down(), [&](int row) {
     kernels.filter(inputs, direction_.row(row), rows_around(weights_, row).data(), row, along_);
-    along_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+    extend_row(row, along_);
   });
   along_.extend_ends();
   for_rows(crew, weights_.down(), [&](int row) {
     kernels.across(along_, direction_.row(row), across_.row(row), row, x_);
-    x_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+    extend_row(row, x_);
   });
   x_.extend_ends();
   check(kernels, in, crew);
@@ -244,7 +357,7 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
   };
   for_rows(crew, weights_.down(), [&](int row) {
     spare_what_rests(in, row);
-    kernels.correct(left_, rows_around(step_, row).data(), row, x_);
+    kernels.correct(left_, rows_around(step_, row).data(), row, {0, step_.across()}, x_);
     if (at_once) blend(x_, row);
   });
   if (at_once) return;
@@ -255,7 +368,7 @@ void Estimator::find(const Kernels& kernels, const EstimateInputs& in, Crew& cre
 // Rows that are sampled later, moved back to the frame's time.
 const PaddedPlane& Estimator::at_frame_time(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept {
   for_rows(crew, weights_.down(), [&](int row) {
-    x_.extend_sides(row * kBlock, std::min((row + 1) * kBlock, geometry_.height));
+    extend_row(row, x_);
     const float delay = in.row_delay[static_cast<std::size_t>(row)];
     for (int c = 0; c < trail_.across(); ++c) trail_.at(c, row) = trail_.at(c, row) * -delay;
   });

@@ -18,7 +18,7 @@ namespace bolo::motion {
 struct EstimateInputs {
   const PaddedPlane* now = nullptr;              // all extended
   const PaddedPlane* innovation = nullptr;       // of this frame
-  std::array<const PaddedPlane*, kPast> past{};  // 1, 2 and 3 frames before; null: lost, but for the first
+  std::array<const PaddedPlane*, kPast> past{};  // 1, 2 ... frames before; null: lost, but for the first
   const PaddedPlane* ahead = nullptr;            // the frame after; null without look-ahead
   Path path;
   const VectorField* deviation = nullptr;  // of the blocks from the path, px a frame
@@ -42,9 +42,20 @@ class Estimator {
   const ScalarField& confidence() const noexcept { return share_; }
 
  private:
+  struct PastRows {
+    std::array<const PaddedPlane*, kPast> planes{};
+    std::array<const Vec2*, kPast> displacements{};
+  };
+
   void set_fields(const EstimateInputs& in) noexcept;
+  void extend_row(int row, PaddedPlane& plane) const noexcept;
+  int past_of(const EstimateInputs& in, std::size_t begin, std::size_t end, int row, PastRows& rows) const noexcept;
   void align_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void choose_weights(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
+  Columns next_columns(int row, int begin) const noexcept;
+  float noise_of_difference() const noexcept;
+  float usual_difference() noexcept;
+  void add_far_past(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void check(const Kernels& kernels, const EstimateInputs& in, Crew& crew) noexcept;
   void judge(const EstimateInputs& in, int row) noexcept;
   void spare_what_rests(const EstimateInputs& in, int row) noexcept;
@@ -57,6 +68,7 @@ class Estimator {
   Inertia inertia_;
   std::shared_ptr<const WeightTable> table_;
   PaddedPlane mean_;
+  PaddedPlane far_;  // the far past's mean, then how it differs from the near past's
   PaddedPlane ahead_;
   PaddedPlane along_;  // not yet smoothed across
   PaddedPlane x_;
@@ -70,8 +82,12 @@ class Estimator {
   BlockField<FitSums> fit_;
   BlockField<FilterWeights> weights_;
   BlockField<AcrossWeights> across_;
+  BlockField<WeightTable::Place> place_;
   std::array<ScalarField, 4> raw_;
   std::array<ScalarField, 4> smooth_;
+  ScalarField contrast_across_;  // noise variances
+  ScalarField far_gain_;         // how much of the far past is of use, and taken
+  ScalarField far_share_;
   ScalarField unexplained_;
   ScalarField step_;  // how much of what is left is added
   ScalarField share_;

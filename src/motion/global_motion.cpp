@@ -12,6 +12,7 @@ constexpr double kPrefersStill = 0.03;  // of the difference, that a displacemen
 constexpr double kChance = 2.5;         // times 1 / sqrt(pixels): what chance saves where there is little to see
 constexpr float kCompetes = 2.0F;       // times the least difference of whole displacements
 constexpr float kInexactly = 0.05F;     // of the mean difference: what is said of it between pixels
+constexpr double kSettled = 0.03;       // px of the level, anywhere in the picture
 constexpr int kTries = 3;               // steps that make a displacement exact
 constexpr float kAsWell = 1.35F;        // times the least error of exact ones
 constexpr double kPixels = kBlock * kBlock;
@@ -371,7 +372,7 @@ void GlobalMotion::find_unseen(const Equations& sums, int level, double innovati
   unseen_.find(sums.m[0][0] / along_x, sums.m[0][3] / std::sqrt(along_x * along_y), sums.m[3][3] / along_y, chance);
 }
 
-// One step of Gauss and Newton. False when too little is seen.
+// One step of Gauss and Newton. False when too little is seen, or another would hardly move it.
 bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,
                            int level, bool affine, double noise, Crew& crew, Affine& motion) noexcept {
   Level& work = levels_[static_cast<std::size_t>(level)];
@@ -406,12 +407,14 @@ bool GlobalMotion::improve(const Kernels& kernels, const Inertia& inertia, const
   for (std::size_t i = 0; i < 2 * each; ++i) trace += m[i][i];
   for (std::size_t i = 0; i < 2 * each; ++i) m[i][i] += kRidge * trace / (2.0 * static_cast<double>(each));
   if (!solve(m, v, 2 * each)) return false;
+  double moved = 0.0;
   for (std::size_t i = 0; i < each; ++i) {
     motion.p[i] += scale * v[i];
     motion.p[3 + i] += scale * v[each + i];
+    moved += std::abs(v[i]) + std::abs(v[each + i]);
   }
   unseen_.forget(motion);
-  return true;
+  return moved > kSettled;
 }
 
 Affine GlobalMotion::find(const Kernels& kernels, const Inertia& inertia, const Pyramid& a, const Pyramid& b,

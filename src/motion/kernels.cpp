@@ -139,6 +139,7 @@ const Kernels& kernels() {
                              energy,
                              align,
                              shift,
+                             differ,
                              fit,
                              mix,
                              filter,

@@ -27,7 +27,8 @@ struct MatchSums {
 // units of the noise's variance.
 inline constexpr int kReach = 5;
 inline constexpr int kTaps = 2 * kReach + 1;
-inline constexpr int kPast = 3;  // frames in the past's mean
+inline constexpr int kPast = 8;  // frames that are moved onto the newest
+inline constexpr int kNear = 3;  // of them in the near past's mean; the others are the far past
 struct alignas(64) FilterWeights {
   static constexpr int kMean = kTaps;
   static constexpr int kBefore = 2 * kTaps;
@@ -51,6 +52,14 @@ struct FitSums {
   float gradient = 0.0F;   // of M along the motion, squared
   float structure = 0.0F;  // (M(p + lag e) - M(p))^2
   float across = 0.0F;     // the same 2 px along the axis that is more across the motion
+};
+
+inline constexpr float kUnseen = 1e30F;
+
+// Blocks of a row.
+struct Columns {
+  int begin = 0;
+  int end = 0;
 };
 
 struct FilterInputs {
@@ -91,10 +100,14 @@ struct Kernels {
                 int block_row, PaddedPlane& out) noexcept;
   // One bicubic shift of a row of blocks: out(p) = from(p - d).
   void (*shift)(const PaddedPlane& from, const Vec2* d, int block_row, PaddedPlane& out) noexcept;
+  // out = mean of the planes moved by their displacements (bicubic), less `from`; means over blocks of its square.
+  // Where not all planes see a whole block: 0 and kUnseen.
+  void (*differ)(const PaddedPlane* const* planes, const Vec2* const* d, int count, const PaddedPlane& from,
+                 int block_row, Columns columns, PaddedPlane& out, float* square) noexcept;
   void (*fit)(const PaddedPlane& now, const PaddedPlane& mean, const Vec2* direction, const float* lag, int block_row,
               FitSums* out) noexcept;
-  // Eight corners by their shares.
-  void (*mix)(const FilterWeights* const* corners, const float* shares, FilterWeights& out) noexcept;
+  // Corners by their shares.
+  void (*mix)(const FilterWeights* const* corners, const float* shares, std::size_t count, FilterWeights& out) noexcept;
   // x = sum of weights; `weights` holds the rows of blocks above, of and below `block_row`.
   void (*filter)(const FilterInputs& in, const Vec2* direction, const FilterWeights* const* weights, int block_row,
                  PaddedPlane& out) noexcept;
@@ -106,7 +119,8 @@ struct Kernels {
   void (*check)(const PaddedPlane& x, const PaddedPlane& z, const PaddedPlane& y, const Vec2* d, float ratio,
                 int block_row, PaddedPlane& left, float* left_square, float* change_square) noexcept;
   // x += w left, w interpolated between blocks; rows of w as in filter.
-  void (*correct)(const PaddedPlane& left, const float* const* w, int block_row, PaddedPlane& x) noexcept;
+  void (*correct)(const PaddedPlane& left, const float* const* w, int block_row, Columns columns,
+                  PaddedPlane& x) noexcept;
   // out = c x + (1 - c) other, whole rows of the frame; c is interpolated between blocks, as w in correct, and within a
   // block no more than its `most`. `other` and `out` are planes of the frame's width.
   void (*blend)(const PaddedPlane& x, const float* other, const float* const* c, const float* most, int block_row,

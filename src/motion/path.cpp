@@ -58,12 +58,13 @@ double roughness(const Displacements& d) noexcept {
   return sum;
 }
 
-// The velocity that blurred the frame at the end of span `first`: later spans count for less by rho each.
+// The velocity that blurred the frame at the end of span `first`: earlier spans count for less by rho each. Before the
+// history everything is taken to have gone on as in its last spans.
 Affine blurring(const Inertia& inertia, const Spans& u, std::size_t first) noexcept {
   Affine sum;
   double weight = 1.0;
   double total = 0.0;
-  for (std::size_t i = first; i + 1 < u.size(); ++i, weight *= inertia.rho) {
+  for (std::size_t i = std::min(first, u.size() - 2); i + 1 < u.size(); ++i, weight *= inertia.rho) {
     sum = sum + u[i] * weight;
     total += weight;
   }
@@ -130,10 +131,10 @@ Path path_of(const Inertia& inertia, const Displacements& left, bool ahead, doub
   Affine moved;
   Affine before;
   for (std::size_t j = 0; j < path.past.size(); ++j) {
-    moved = moved + u[now + j];
+    moved = moved + u[std::min(now + j, u.size() - 1)];
     const Affine v = blurring(inertia, u, now + j + 1);
     path.past[j] = aligned(moved, v);
-    before = before + v * (1.0 / kPast);
+    if (j < kNear) before = before + v * (1.0 / kNear);
   }
   path.velocity = v0 * (1.0 - kOfThePast) + before * kOfThePast;
   if (ahead) path.ahead = aligned(u[0] * -1.0, blurring(inertia, u, 0));

@@ -17,7 +17,7 @@ inline constexpr int kHistory = 8;  // displacements that a path is made of
 struct Path {
   Affine trail;                      // u_0: during the estimated frame
   Affine velocity;                   // that its weights are for: mostly the one that blurred the frame
-  std::array<Affine, kPast> past{};  // moves the frames 1, 2 and 3 before onto it
+  std::array<Affine, kPast> past{};  // moves the frames 1, 2, 3 ... before onto it
   Affine ahead;                      // moves the frame after onto it
   // Evidence in the last displacements that the motion goes on as it was, 1 to 0: a second difference that is much
   // of the speed is a stop, a knock or a cut, of which the newest innovation has seen a part at most.

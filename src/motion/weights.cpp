@@ -21,7 +21,9 @@ constexpr std::array kUncertain = {0.03, 0.1, 0.3, 1.0};  // of the speed
 constexpr int kNodes = 48;                                // of ages
 constexpr double kSmallestRatio = 1e-3;                   // of contrast across to noise
 constexpr double kRatioDecades = 0.15;                    // a step
-constexpr float kLeastAcross = 0.007F;                    // noise variances
+constexpr float kMayAdd = 0.03F;        // of the mean square error, that the far past adds where it is not yet used
+constexpr float kWorthwhile = 0.1F;     // between that and where it is used in full
+constexpr float kLeastAcross = 0.007F;  // noise variances
 constexpr float kSlanted = 0.7F;        // of the noise, that values between pixels have less on the diagonal
 constexpr float kLargestIndex = 1e-4F;  // below the last, so that there is one above
 
@@ -49,29 +51,33 @@ struct Raw {
 // Weighted sums of raw values that get one weight together.
 struct Taps {
   std::vector<Raw> raw;
-  Eigen::MatrixXd rows;
+  std::array<Eigen::MatrixXd, 2> rows;  // with the near past's mean, and the whole past's
 };
 
 int count_of(int ahead) { return 2 * kTaps + 2 + (ahead > 0 ? kTaps : 0); }
 
 // In the order of FilterWeights.
 Taps taps_at(double speed, int ahead) {
-  std::vector<std::vector<std::pair<Raw, double>>> rows;
-  for (int j = -kReach; j <= kReach; ++j) rows.push_back({{{0, static_cast<double>(j)}, 1.0}});
+  std::vector<std::vector<Raw>> rows;
+  for (int j = -kReach; j <= kReach; ++j) rows.push_back({{0, static_cast<double>(j)}});
   for (int j = -kReach; j <= kReach; ++j) {
     rows.emplace_back();
-    for (int k = 1; k <= kPast; ++k) rows.back().push_back({{k, j - speed * k}, 1.0 / kPast});
+    for (int k = 1; k <= kPast; ++k) rows.back().push_back({k, j - speed * k});
   }
-  for (int k = 1; k <= 2; ++k) rows.push_back({{{k, 0.0}, 1.0}});
-  for (int j = -kReach; ahead > 0 && j <= kReach; ++j) rows.push_back({{{-1, j + speed}, 1.0}});
+  for (int k = 1; k <= 2; ++k) rows.push_back({{k, 0.0}});
+  for (int j = -kReach; ahead > 0 && j <= kReach; ++j) rows.push_back({{-1, j + speed}});
   Taps taps;
-  for (const auto& row : rows) {
-    for (const auto& [raw, weight] : row) taps.raw.push_back(raw);
+  for (const auto& row : rows) taps.raw.insert(taps.raw.end(), row.begin(), row.end());
+  for (Eigen::MatrixXd& m : taps.rows) {
+    m = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(rows.size()), static_cast<Eigen::Index>(taps.raw.size()));
   }
-  taps.rows = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(rows.size()), static_cast<Eigen::Index>(taps.raw.size()));
   Eigen::Index column = 0;
   for (std::size_t r = 0; r < rows.size(); ++r) {
-    for (const auto& entry : rows[r]) taps.rows(static_cast<Eigen::Index>(r), column++) = entry.second;
+    const bool near = rows[r].size() == 1;
+    for (const Raw& raw : rows[r]) {
+      taps.rows[0](static_cast<Eigen::Index>(r), column) = near ? 1.0 : raw.back <= kNear ? 1.0 / kNear : 0.0;
+      taps.rows[1](static_cast<Eigen::Index>(r), column++) = 1.0 / static_cast<double>(rows[r].size());
+    }
   }
   return taps;
 }
@@ -84,7 +90,7 @@ struct Inertia {
   std::vector<double> lag_share;
 
   Inertia(double tau, double fastest) {
-    const double longest = std::min(tau / 22.0, 0.25 / std::max(fastest, 1e-3));
+    const double longest = std::min(tau / 22.0, 0.4 / std::max(fastest, 1e-3));
     const double step = 1.0 / std::ceil(1.0 / longest);
     const int n = static_cast<int>(9.0 * tau / step);
     const double e = std::exp(-step / tau);
@@ -154,8 +160,8 @@ float index_in(const float* grid, int size, float value) {
 
 }  // namespace
 
-WeightTable::WeightTable(double tau_periods, int ahead)
-    : tau_(tau_periods), ahead_(ahead), cells_(std::size_t{kSpeeds} * kContrasts * kUncertainties) {
+WeightTable::WeightTable(double tau_periods, int ahead) : tau_(tau_periods), ahead_(ahead), far_gain_(kCells) {
+  for (std::vector<FilterWeights>& cells : cells_) cells.resize(kCells);
   constexpr std::array kSlow = {0.02, 0.05, 0.1};
   for (std::size_t i = 0; i < kSpeeds; ++i) {
     const double decades = -0.8 + 2.4 * (static_cast<double>(i) - 3.0) / 18.0;
@@ -166,9 +172,9 @@ WeightTable::WeightTable(double tau_periods, int ahead)
     across_factor_[i] = static_cast<float>((scene(0.0) - scene(2.0)) / structure_across(speed_[i]));
   }
   fill_across();
-  std::atomic<int> next{0};
+  std::atomic<std::size_t> next{0};
   const auto fill_some = [&] {
-    for (int i = next++; i < kSpeeds * kUncertainties; i = next++) {
+    for (std::size_t i = next++; i < kSpeeds * kUncertainties; i = next++) {
       fill(kSpeeds - 1 - i / kUncertainties, i % kUncertainties);  // the fast ones take longest
     }
   };
@@ -186,10 +192,6 @@ std::shared_ptr<const WeightTable> WeightTable::of(double tau_periods, int ahead
   std::shared_ptr<const WeightTable>& table = made[{tau_periods, ahead}];
   if (table == nullptr) table = std::make_shared<const WeightTable>(tau_periods, ahead);
   return table;
-}
-
-FilterWeights& WeightTable::cell(int speed, int contrast, int uncertainty) noexcept {
-  return cells_[static_cast<std::size_t>((speed * kContrasts + contrast) * kUncertainties + uncertainty)];
 }
 
 // Half the mean square difference of y over `lag` pixels, for a scene of variance 1: 96 equally likely differences of
@@ -233,40 +235,48 @@ void WeightTable::fill_across() noexcept {
   }
 }
 
-void WeightTable::fill(int speed, int uncertainty) {
-  const double v = speed_[static_cast<std::size_t>(speed)];
+void WeightTable::fill(std::size_t speed, std::size_t uncertainty) {
+  const double v = speed_[speed];
   const Taps taps = taps_at(v, ahead_);
   const auto n = static_cast<Eigen::Index>(taps.raw.size());
-  Covariances covariances(tau_, v, kUncertain[static_cast<std::size_t>(uncertainty)] * v);
+  Covariances covariances(tau_, v, kUncertain[uncertainty] * v);
   Eigen::MatrixXd y(n, n);
   Eigen::MatrixXd noise(n, n);
   Eigen::VectorXd truth(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const Raw& a = taps.raw[static_cast<std::size_t>(i)];
     truth(i) = covariances.with_truth(a);
-    for (Eigen::Index j = 0; j < n; ++j) {
+    for (Eigen::Index j = 0; j <= i; ++j) {
       const Raw& b = taps.raw[static_cast<std::size_t>(j)];
-      y(i, j) = covariances.of(a, b);
-      noise(i, j) = overlap(a, b) * ((a.back == b.back ? 1.0 : 0.0) + kFixedPattern * kFixedPattern);
+      y(i, j) = y(j, i) = covariances.of(a, b);
+      noise(i, j) = noise(j, i) = overlap(a, b) * ((a.back == b.back ? 1.0 : 0.0) + kFixedPattern * kFixedPattern);
     }
   }
-  const Eigen::MatrixXd scene_part = taps.rows * y * taps.rows.transpose();
-  const Eigen::MatrixXd noise_part = taps.rows * noise * taps.rows.transpose();
-  const Eigen::VectorXd truth_part = taps.rows * truth;
-  const Eigen::VectorXd sums = taps.rows.rowwise().sum();
   const double unit = structure(v, 2.0);
-  for (int c = 0; c < kContrasts; ++c) {
-    const double variance = kSmallestContrast * std::pow(10.0, c) / unit;
-    Eigen::MatrixXd all = variance * scene_part + noise_part;
-    all.diagonal().array() += kModelError * variance + 1e-9;
-    const Eigen::LDLT<Eigen::MatrixXd> factors(all);
-    const Eigen::VectorXd a = factors.solve(variance * truth_part);
-    const Eigen::VectorXd b = factors.solve(sums);
-    const Eigen::VectorXd w = a + (1.0 - sums.dot(a)) / sums.dot(b) * b;
-    FilterWeights& out = cell(speed, c, uncertainty);
-    for (int i = 0; i < count_of(ahead_); ++i) out.w[i] = static_cast<float>(w(i));
-    out.w[FilterWeights::kError] = static_cast<float>(variance - 2.0 * variance * w.dot(truth_part) + w.dot(all * w));
-    out.w[FilterWeights::kNoise] = static_cast<float>(w.dot(noise_part * w));
+  for (std::size_t far = 0; far < cells_.size(); ++far) {
+    const Eigen::MatrixXd& rows = taps.rows[far];
+    const Eigen::MatrixXd scene_part = rows * y * rows.transpose();
+    const Eigen::MatrixXd noise_part = rows * noise * rows.transpose();
+    const Eigen::VectorXd truth_part = rows * truth;
+    const Eigen::VectorXd sums = rows.rowwise().sum();
+    for (std::size_t c = 0; c < kContrasts; ++c) {
+      const double variance = kSmallestContrast * std::pow(10.0, static_cast<double>(c)) / unit;
+      Eigen::MatrixXd all = variance * scene_part + noise_part;
+      all.diagonal().array() += kModelError * variance + 1e-9;
+      const Eigen::LDLT<Eigen::MatrixXd> factors(all);
+      const Eigen::VectorXd a = factors.solve(variance * truth_part);
+      const Eigen::VectorXd b = factors.solve(sums);
+      const Eigen::VectorXd w = a + (1.0 - sums.dot(a)) / sums.dot(b) * b;
+      FilterWeights& out = cells_[far][cell(speed, c, uncertainty)];
+      for (int i = 0; i < count_of(ahead_); ++i) out.w[i] = static_cast<float>(w(i));
+      out.w[FilterWeights::kError] = static_cast<float>(variance - 2.0 * variance * w.dot(truth_part) + w.dot(all * w));
+      out.w[FilterWeights::kNoise] = static_cast<float>(w.dot(noise_part * w));
+    }
+  }
+  for (std::size_t c = 0; c < kContrasts; ++c) {
+    const std::size_t i = cell(speed, c, uncertainty);
+    const float less = 1.0F - cells_[1][i].w[FilterWeights::kError] / cells_[0][i].w[FilterWeights::kError];
+    far_gain_[i] = std::clamp((less + kMayAdd) / kWorthwhile, 0.0F, 1.0F);
   }
 }
 
@@ -289,8 +299,7 @@ void WeightTable::find_across(const FilterWeights& along, float speed, Vec2 e, f
   }
 }
 
-void WeightTable::find(const Kernels& kernels, float speed, float structure, float uncertainty,
-                       FilterWeights& out) const noexcept {
+WeightTable::Place WeightTable::place_of(float speed, float structure, float uncertainty) const noexcept {
   static const std::array<float, kUncertainties> kLogUncertain = [] {
     std::array<float, kUncertainties> logs{};
     for (std::size_t i = 0; i < kUncertainties; ++i) logs[i] = static_cast<float>(std::log(kUncertain[i]));
@@ -308,17 +317,44 @@ void WeightTable::find(const Kernels& kernels, float speed, float structure, flo
   const float c = index_in(kLogUncertain.data(), kUncertainties, std::log(std::max(uncertainty, 1e-6F)));
   const int ic = static_cast<int>(c);
   const float fc = c - static_cast<float>(ic);
-  std::array<const FilterWeights*, 8> corners;
-  std::array<float, 8> shares;
-  for (std::size_t k = 0; k < corners.size(); ++k) {
+  Place place;
+  for (std::size_t k = 0; k < place.cell.size(); ++k) {
     const std::size_t da = k & 1U;
     const std::size_t db = (k >> 1U) & 1U;
     const std::size_t dc = k >> 2U;
-    shares[k] = (da != 0 ? fa : 1.0F - fa) * (db != 0 ? fb : 1.0F - fb) * (dc != 0 ? fc : 1.0F - fc);
-    corners[k] = &cells_[((at + da) * kContrasts + static_cast<std::size_t>(ib) + db) * kUncertainties +
-                         static_cast<std::size_t>(ic) + dc];
+    place.share[k] = (da != 0 ? fa : 1.0F - fa) * (db != 0 ? fb : 1.0F - fb) * (dc != 0 ? fc : 1.0F - fc);
+    place.cell[k] =
+        static_cast<std::uint16_t>(cell(at + da, static_cast<std::size_t>(ib) + db, static_cast<std::size_t>(ic) + dc));
   }
-  kernels.mix(corners.data(), shares.data(), out);
+  return place;
+}
+
+float WeightTable::near_error(const Place& place) const noexcept {
+  float error = 0.0F;
+  for (std::size_t k = 0; k < place.cell.size(); ++k) {
+    error += place.share[k] * cells_[0][place.cell[k]].w[FilterWeights::kError];
+  }
+  return error;
+}
+
+float WeightTable::far_gain(const Place& place) const noexcept {
+  float gain = 0.0F;
+  for (std::size_t k = 0; k < place.cell.size(); ++k) gain += place.share[k] * far_gain_[place.cell[k]];
+  return gain;
+}
+
+void WeightTable::find(const Kernels& kernels, const Place& place, float far, FilterWeights& out) const noexcept {
+  std::array<const FilterWeights*, 16> corners;
+  std::array<float, 16> shares;
+  std::size_t count = 0;
+  for (const std::size_t past : {0U, 1U}) {
+    const float part = past == 0 ? 1.0F - far : far;
+    for (std::size_t k = 0; part > 0.0F && k < place.cell.size(); ++k) {
+      corners[count] = &cells_[past][place.cell[k]];
+      shares[count++] = part * place.share[k];
+    }
+  }
+  kernels.mix(corners.data(), shares.data(), count, out);
 }
 
 }  // namespace bolo::motion

@@ -11,6 +11,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -21,14 +22,26 @@ namespace bolo::motion {
 class WeightTable {
  public:
   // `tau_periods`: tau / T. `ahead`: 1 when the frame after the estimated one is known too. Made once a process
-  // for the same arguments, and kept (150 kB). Thread: setup.
+  // for the same arguments, and kept (300 kB). Thread: setup.
   static std::shared_ptr<const WeightTable> of(double tau_periods, int ahead);
 
   WeightTable(double tau_periods, int ahead);
 
-  // Weights at a speed (px a frame), with half the mean square difference of the past's mean over lag_of(speed),
-  // less its noise, in units of the noise's variance, and the speed's standard deviation over the speed. Thread: any.
-  void find(const Kernels& kernels, float speed, float structure, float uncertainty, FilterWeights& out) const noexcept;
+  // The cells around a place in the table, and their shares in what is there.
+  struct Place {
+    std::array<std::uint16_t, 8> cell{};
+    std::array<float, 8> share{};
+  };
+  // For a speed (px a frame), half the mean square difference of the near past's mean over lag_of(speed), less its
+  // noise, in units of the noise's variance, and the speed's standard deviation over the speed. Thread: any.
+  Place place_of(float speed, float structure, float uncertainty) const noexcept;
+  // How much of the far past is of use, 0 to 1: more frames take out more noise, and show less sharply what there is to
+  // see. Thread: any.
+  float far_gain(const Place& place) const noexcept;
+  // Mean square error that the weights for the near past should have, noise variances. Thread: any.
+  float near_error(const Place& place) const noexcept;
+  // Weights for a past's mean of kNear frames (`far` 0), of kPast (1), or between. Thread: any.
+  void find(const Kernels& kernels, const Place& place, float far, FilterWeights& out) const noexcept;
 
   // Weights across the motion for what `along` makes; `structure`: half the mean square difference of the past's mean
   // over 2 px across, less its noise. `e`: direction of the motion. Thread: any.
@@ -38,25 +51,29 @@ class WeightTable {
   static float lag_of(float speed) noexcept;
 
  private:
-  static constexpr int kSpeeds = 22;
-  static constexpr int kContrasts = 11;
-  static constexpr int kUncertainties = 4;
+  static constexpr std::size_t kSpeeds = 22;
+  static constexpr std::size_t kContrasts = 11;
+  static constexpr std::size_t kUncertainties = 4;
+  static constexpr std::size_t kCells = kSpeeds * kContrasts * kUncertainties;
 
   static constexpr int kRatios = 41;
 
   double structure(double speed, double lag) const;
   double structure_across(double speed) const;
-  void fill(int speed, int uncertainty);
+  void fill(std::size_t speed, std::size_t uncertainty);
   void fill_across() noexcept;
-  FilterWeights& cell(int speed, int contrast, int uncertainty) noexcept;
+  static constexpr std::size_t cell(std::size_t speed, std::size_t contrast, std::size_t uncertainty) noexcept {
+    return (speed * kContrasts + contrast) * kUncertainties + uncertainty;
+  }
 
   double tau_;
   int ahead_;
   std::array<double, kSpeeds> speed_{};
   std::array<float, kSpeeds> log_speed_{};
-  std::array<float, kSpeeds> lag_factor_{};     // of the contrast at lag_of(speed) to that at two pixels
-  std::array<float, kSpeeds> across_factor_{};  // of the scene's contrast over 2 px to that of y across the motion
-  std::vector<FilterWeights> cells_;
+  std::array<float, kSpeeds> lag_factor_{};          // of the contrast at lag_of(speed) to that at two pixels
+  std::array<float, kSpeeds> across_factor_{};       // of the scene's contrast over 2 px to that of y across the motion
+  std::array<std::vector<FilterWeights>, 2> cells_;  // with the near past's mean, and the whole past's
+  std::vector<float> far_gain_;
   std::array<AcrossWeights, kRatios> across_;  // by contrast over 2 px in units of the noise's variance
 };
 

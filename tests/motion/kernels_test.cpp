@@ -193,6 +193,46 @@ TEST_P(MotionKernels, AlignTakesTheMeanOfThoseThatSee) {
   });
 }
 
+TEST_P(MotionKernels, DifferIsTheMeanOfWhatAllSeeLessAPlane) {
+  const std::array<const PaddedPlane*, 2> planes{&a_, &b_};
+  for (Vec2& d : d_) d = d * 0.5F;
+  out_.fill(7.0F);
+  ScalarField square = field();
+  for (int r = 0; r < d_.down(); ++r) {
+    const std::array<const Vec2*, 2> d{d_.row(r), e_.row(r)};
+    kernels_.differ(planes.data(), d.data(), 2, c_, r, {0, 1}, out_, square.row(r));
+    kernels_.differ(planes.data(), d.data(), 2, c_, r, {1, 3}, out_, square.row(r));
+  }
+  int whole = 0;
+  for (int r = 0; r < d_.down(); ++r) {
+    for (int c = 0; c < 3; ++c) {
+      const auto sees = [&](Vec2 d, int x, int y) {
+        return reference::inside(kFrame, x - static_cast<double>(d.x), y - static_cast<double>(d.y), -1.0);
+      };
+      bool seen = true;
+      for (const Vec2 d : {d_.at(c, r), e_.at(c, r)}) {
+        seen = seen && sees(d, c * kBlock, r * kBlock) && sees(d, (c + 1) * kBlock - 1, (r + 1) * kBlock - 1);
+      }
+      whole += seen ? 1 : 0;
+      double sum = 0.0;
+      for (int i = 0; i < kBlock * kBlock; ++i) {
+        const int x = c * kBlock + i % kBlock;
+        const int y = r * kBlock + i / kBlock;
+        const reference::Point d = d_.at(c, r);
+        const reference::Point e = e_.at(c, r);
+        const double mean = 0.5 * (reference::bicubic(a_, x - d.x, y - d.y) + reference::bicubic(b_, x - e.x, y - e.y));
+        const double want = seen ? mean - static_cast<double>(*c_.at(x, y)) : 0.0;
+        ASSERT_NEAR(*out_.at(x, y), want, 1e-4) << x << " " << y;
+        sum += want * want / 64;
+      }
+      EXPECT_NEAR(square.at(c, r), seen ? sum : static_cast<double>(kUnseen), 1e-4) << c << " " << r;
+    }
+  }
+  EXPECT_GT(whole, 2);
+  EXPECT_LT(whole, 12);
+  EXPECT_EQ(*out_.at(3 * kBlock, 0), 7.0F);  // of other columns
+}
+
 TEST_P(MotionKernels, Fit) {
   ScalarField lag = field();
   for (float& l : lag) l = 2.0F + std::abs(3.0F * normal_(random_));
@@ -305,7 +345,8 @@ TEST_P(MotionKernels, CorrectAndBlend) {
   std::vector<float> other(kFrame.pixels());
   for (float& v : other) v = normal_(random_);
   for (int r = 0; r < w.down(); ++r) {
-    kernels_.correct(b_, rows(w, r).data(), r, a_);
+    kernels_.correct(b_, rows(w, r).data(), r, {0, 2}, a_);
+    kernels_.correct(b_, rows(w, r).data(), r, {2, w.across()}, a_);
     kernels_.blend(a_, other.data(), rows(w, r).data(), most.row(r), r, blended.data());
   }
   for_pixels([&](int x, int y) {

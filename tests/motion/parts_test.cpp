@@ -231,8 +231,8 @@ TEST(Weights, SumToOneAndPromiseLessErrorWithLookahead) {
       for (const float contrast : {1e-3F, 1.0F, 1e3F, 1e5F}) {
         FilterWeights a;
         FilterWeights b;
-        live.find(best_kernels(), speed, contrast, 0.05F, a);
-        late.find(best_kernels(), speed, contrast, 0.05F, b);
+        live.find(best_kernels(), live.place_of(speed, contrast, 0.05F), 0.0F, a);
+        late.find(best_kernels(), late.place_of(speed, contrast, 0.05F), 0.0F, b);
         double sum = 0.0;
         double sum_late = 0.0;
         for (int i = 0; i < FilterWeights::kError; ++i) sum += a.w[i];
@@ -251,9 +251,32 @@ TEST(Weights, ErrorsGrowWithUncertainty) {
   float before = 0.0F;
   for (const float uncertainty : {0.03F, 0.1F, 0.3F, 1.0F}) {
     FilterWeights w;
-    table->find(best_kernels(), 3.0F, 1e3F, uncertainty, w);
+    table->find(best_kernels(), table->place_of(3.0F, 1e3F, uncertainty), 0.0F, w);
     EXPECT_GT(w.w[FilterWeights::kError], before);
     before = w.w[FilterWeights::kError];
+  }
+}
+
+// More frames take out noise, where there is more of that than of the scene.
+TEST(Weights, TheFarPastIsOfUseInNoise) {
+  const auto table = WeightTable::of(kTau, 0);
+  const auto error = [&](const WeightTable::Place& place, float far) {
+    FilterWeights w;
+    table->find(best_kernels(), place, far, w);
+    double sum = 0.0;
+    for (int i = 0; i < FilterWeights::kError; ++i) sum += w.w[i];
+    EXPECT_NEAR(sum, 1.0, 2e-3) << far;
+    return w.w[FilterWeights::kError];
+  };
+  for (const float speed : {0.1F, 0.5F, 1.0F}) {
+    const WeightTable::Place dull = table->place_of(speed, 0.01F, 0.05F);
+    EXPECT_FLOAT_EQ(table->far_gain(dull), 1.0F) << speed;
+    EXPECT_LT(error(dull, 1.0F), error(dull, 0.0F)) << speed;
+    EXPECT_NEAR(error(dull, 0.5F), 0.5F * (error(dull, 0.0F) + error(dull, 1.0F)), 1e-6F) << speed;
+    EXPECT_EQ(table->near_error(dull), error(dull, 0.0F)) << speed;
+  }
+  for (const float speed : {3.0F, 8.0F}) {
+    EXPECT_LT(table->far_gain(table->place_of(speed, 1e3F, 0.05F)), 0.1F) << speed;
   }
 }
 
@@ -261,7 +284,7 @@ TEST(Weights, ErrorsGrowWithUncertainty) {
 TEST(Weights, SmoothAcrossWhatIsNoise) {
   const auto table = WeightTable::of(kTau, 0);
   FilterWeights along;
-  table->find(best_kernels(), 3.0F, 10.0F, 0.05F, along);
+  table->find(best_kernels(), table->place_of(3.0F, 10.0F, 0.05F), 0.0F, along);
   const auto left = [&](float structure, Vec2 e) {
     AcrossWeights w;
     table->find_across(along, 3.0F, e, structure, w);
