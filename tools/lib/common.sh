@@ -60,7 +60,7 @@ build() {
   local preset=$1 cache=() sysroot
   shift
   if command -v ccache >/dev/null 2>&1; then
-    export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
+    export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1 CCACHE_SLOPPINESS=pch_defines,time_macros
     cache=(-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
   fi
   if [ "$preset" = arm64 ]; then
