@@ -18,7 +18,7 @@ struct Identity {
   std::uint32_t netmask = 0;
 };
 
-// The GenICam description (a655sc.xml), built into the program. Thread: any.
+// The GenICam description. Thread: any.
 std::string_view description();
 
 // The bootstrap registers that never change, and those that only keep what is written to them. Thread: setup.

@@ -14,7 +14,7 @@
 namespace bolo::fakecam {
 
 // Addresses of the registers: the bootstrap registers of GigE Vision 1.2 (chapter 17) and, from 0xa000, the camera's
-// own, which a655sc.xml names. All are big-endian 32-bit words unless said otherwise.
+// own, which description.cpp names. All are big-endian 32-bit words unless said otherwise.
 namespace reg {
 
 // Bootstrap

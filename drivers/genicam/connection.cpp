@@ -75,17 +75,15 @@ Result<Connection> open_gige(const std::string& ipv4) {
   Connection connection;
   connection.name = "camera " + ipv4;
   connection.address = ipv4;
-  auto route = route_to(ipv4);
-  if (!route) return tl::unexpected<Error>(std::move(route.error()));
-  connection.route = std::move(*route);
+  ASSIGN_OR_RETURN(connection.route, route_to(ipv4));
   if (!answers_gvcp(ipv4)) {
     return bad_input("no camera answers at " + ipv4 + " through " + connection.route.interface + " (" +
                      connection.route.local_address +
                      "): check its power and cable, its address, and that no firewall drops UDP port 3956");
   }
-  if (Status opened = open_device(connection); !opened) return tl::unexpected<Error>(std::move(opened.error()));
+  RETURN_IF_ERROR(open_device(connection));
   if (!is_controller(connection) && free_from_dead_program(ipv4, connection.route.local_address)) {
-    if (Status opened = open_device(connection); !opened) return tl::unexpected<Error>(std::move(opened.error()));
+    RETURN_IF_ERROR(open_device(connection));
   }
   if (!is_controller(connection)) {
     return bad_input("camera " + ipv4 +
@@ -123,11 +121,12 @@ void use_legacy_register_order(ArvDevice* device) {
   arv_dom_element_set_attribute(root, "SchemaMinorVersion", "0");
 }
 
-Result<Connection> open_by_serial(const std::string& serial) {
-  auto camera = choose_camera({}, serial);
-  if (!camera) return tl::unexpected<Error>(std::move(camera.error()));
-  return is_ipv4(camera->address) ? open_gige(camera->address) : open_by_id(camera->id);
+Result<Connection> open_found(Result<FoundCamera> found) {
+  ASSIGN_OR_RETURN(const FoundCamera camera, std::move(found));
+  return is_ipv4(camera.address) ? open_gige(camera.address) : open_by_id(camera.id);
 }
+
+Result<Connection> open_by_serial(const std::string& serial) { return open_found(choose_camera({}, serial)); }
 
 Result<Connection> open(const CameraOptions& options, bool search) {
   if (is_ipv4(options.address)) {
@@ -137,9 +136,7 @@ Result<Connection> open(const CameraOptions& options, bool search) {
     return moved ? std::move(moved) : std::move(connection);
   }
   if (options.address.empty() && !options.serial.empty()) return open_by_serial(options.serial);
-  auto camera = choose_camera(options.address, {});
-  if (!camera) return tl::unexpected<Error>(std::move(camera.error()));
-  return is_ipv4(camera->address) ? open_gige(camera->address) : open_by_id(camera->id);
+  return open_found(choose_camera(options.address, {}));
 }
 
 // Opens the camera by `open_camera`, again with the older schema where that gives the right byte order of the

@@ -33,9 +33,7 @@ GenicamSource::~GenicamSource() { stop(); }
 
 Result<pipeline::SourceInfo> GenicamSource::open() {
   std::vector<std::string> found;
-  auto session = Session::open(impl_->options, true, impl_->never, found);
-  if (!session) return tl::unexpected<Error>(std::move(session.error()));
-  impl_->opened = std::move(*session);
+  ASSIGN_OR_RETURN(impl_->opened, Session::open(impl_->options, true, impl_->never, found));
   impl_->info = impl_->opened->info();
   if (!impl_->opened->address().empty()) impl_->options.address = impl_->opened->address();
   if (impl_->options.serial.empty()) impl_->options.serial = impl_->info.camera_serial;
@@ -48,7 +46,7 @@ Status GenicamSource::start(pipeline::FrameInlet& inlet) {
   stop();
   if (impl_->opened == nullptr) {
     const pipeline::SourceInfo before = impl_->info;
-    if (auto again = open(); !again) return tl::unexpected<Error>(std::move(again.error()));
+    RETURN_IF_ERROR(open());
     if (before.format.geometry.pixels() > 0 && impl_->info.format != before.format) {
       return failed("the camera came back with another size, rate or unit than it was opened with");
     }

@@ -71,9 +71,7 @@ Result<std::unique_ptr<Session>> Session::open(const CameraOptions& options, boo
       }
     }
     if (negotiated && !negotiated->windowing_changed) {
-      if (Status size = configure_packet_size(*connection, options, found); !size) {
-        return tl::unexpected<Error>(std::move(size.error()));
-      }
+      RETURN_IF_ERROR(configure_packet_size(*connection, options, found));
       warnings.insert(warnings.end(), found.begin(), found.end());
       return std::unique_ptr<Session>(new Session(std::move(*connection), std::move(*negotiated), options));
     }
@@ -106,13 +104,10 @@ Session::~Session() {
 
 Status Session::prepare(FrameReceiver& receiver, std::vector<std::string>& warnings) {
   receiver_ = &receiver;
-  auto payload = payload_bytes();
-  if (!payload) return tl::unexpected<Error>(std::move(payload.error()));
-  if (connection_.is_gige()) return start_gvsp(*payload, warnings);
-  auto stream = AravisStream::start(
-      connection_, options_, *payload, [this](const CameraFrame& frame) { take(frame); }, warnings);
-  if (!stream) return tl::unexpected<Error>(std::move(stream.error()));
-  other_ = std::move(*stream);
+  ASSIGN_OR_RETURN(const std::size_t payload, payload_bytes());
+  if (connection_.is_gige()) return start_gvsp(payload, warnings);
+  const auto take_frame = [this](const CameraFrame& frame) { take(frame); };
+  ASSIGN_OR_RETURN(other_, AravisStream::start(connection_, options_, payload, take_frame, warnings));
   return {};
 }
 
@@ -205,9 +200,8 @@ Status Session::start_gvsp(std::size_t payload_bytes, std::vector<std::string>& 
   arv_device_write_register(device, kStreamAddress, ntohl(own.s_addr), error.out());
   if (!error) arv_device_write_register(device, kStreamPort, gvsp_->port(), error.out());
   if (error) return failed(connection_.name + ": it is not told where to send its stream (" + error.message() + ")");
-  auto plan = plan_stream(payload_bytes, warnings);
-  if (!plan) return tl::unexpected<Error>(std::move(plan.error()));
-  if (!gvsp_->start(*plan, source_port(), options_.realtime_priority,
+  ASSIGN_OR_RETURN(const gvsp::StreamPlan plan, plan_stream(payload_bytes, warnings));
+  if (!gvsp_->start(plan, source_port(), options_.realtime_priority,
                     [this](const CameraFrame& frame) { take(frame); })) {
     warnings.push_back(gvsp::refused_priority(options_.realtime_priority));
   }

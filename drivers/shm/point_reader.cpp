@@ -13,29 +13,12 @@
 namespace bolo::shm {
 namespace {
 
-Result<deblur::Method> method_of(std::uint32_t code) {
-  switch (code) {
-    case BOLO_METHOD_ADMM:
-      return deblur::Method::kAdmm;
-    case BOLO_METHOD_DUAL:
-      return deblur::Method::kDual;
-    case BOLO_METHOD_EXACT:
-      return deblur::Method::kExact;
-    case BOLO_METHOD_INVERSE:
-      return deblur::Method::kInverse;
-    case BOLO_METHOD_MMAE:
-      return deblur::Method::kMmae;
-    case BOLO_METHOD_MOTION:
-      return deblur::Method::kMotion;
-    default:
-      return bad_input("its solver is unknown here: use the same release on both sides");
-  }
-}
-
 Result<deblur::Settings> settings_of(const bolo_shm_header& header, const bolo_shm_settings& told) {
-  ASSIGN_OR_RETURN(const deblur::Method method, method_of(told.method));
+  if (told.method > BOLO_METHOD_MOTION) {
+    return bad_input("its solver is unknown here: use the same release on both sides");
+  }
   deblur::Settings s;
-  s.method = method;
+  s.method = static_cast<deblur::Method>(told.method);
   s.tau_s = header.tau_s;
   s.period_s = header.frame_period_s;
   s.window = static_cast<int>(header.window);

@@ -20,7 +20,7 @@ constexpr std::int64_t kLastTimeNs = std::int64_t{1} << 62;
 }  // namespace
 
 Result<std::unique_ptr<Gyro>> ShmGyro::create(const std::string& name) {
-  if (const auto path = object_path(name); !path) return tl::unexpected(path.error());
+  RETURN_IF_ERROR(object_path(name));
   return std::unique_ptr<Gyro>(new ShmGyro("/dev/shm/bolo-gyro." + name));
 }
 

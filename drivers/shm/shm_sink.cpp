@@ -33,6 +33,17 @@ static_assert(flag_of(pipeline::QualityLevel::kInverse) == std::uint32_t{BOLO_FL
 static_assert(flag_of(pipeline::QualityLevel::kRaw) == std::uint32_t{BOLO_FLAG_RAW});
 static_assert(sizeof(BlockMotion) == sizeof(bolo_shm_block_motion));
 
+// Readers make methods of these numbers again (point_reader.cpp).
+constexpr bool is_numbered(deblur::Method method, bolo_shm_method number) {
+  return static_cast<int>(method) == static_cast<int>(number);
+}
+static_assert(is_numbered(deblur::Method::kAdmm, BOLO_METHOD_ADMM));
+static_assert(is_numbered(deblur::Method::kDual, BOLO_METHOD_DUAL));
+static_assert(is_numbered(deblur::Method::kExact, BOLO_METHOD_EXACT));
+static_assert(is_numbered(deblur::Method::kInverse, BOLO_METHOD_INVERSE));
+static_assert(is_numbered(deblur::Method::kMmae, BOLO_METHOD_MMAE));
+static_assert(is_numbered(deblur::Method::kMotion, BOLO_METHOD_MOTION));
+
 constexpr int kMinSlots = 64;        // a third of a second at 200 Hz to fetch a frame in
 constexpr int kMostSlots = 1 << 16;  // bounds the arithmetic; memory runs out long before
 constexpr int kReadingMargin = 16;   // frames that a reader of a whole window has time for
@@ -46,24 +57,6 @@ constexpr unsigned kOthersWrite = 0022;  // readers must not be able to disturb 
 template <std::size_t N>
 void put_text(char (&to)[N], const std::string& text) {
   std::memcpy(to, text.data(), std::min(text.size(), N - 1));  // the rest is zero already
-}
-
-std::uint32_t method_code(deblur::Method method) {
-  switch (method) {
-    case deblur::Method::kAdmm:
-      return BOLO_METHOD_ADMM;
-    case deblur::Method::kDual:
-      return BOLO_METHOD_DUAL;
-    case deblur::Method::kExact:
-      return BOLO_METHOD_EXACT;
-    case deblur::Method::kInverse:
-      return BOLO_METHOD_INVERSE;
-    case deblur::Method::kMmae:
-      return BOLO_METHOD_MMAE;
-    case deblur::Method::kMotion:
-      return BOLO_METHOD_MOTION;
-  }
-  return BOLO_METHOD_ADMM;
 }
 
 Result<int> choose_slots(int asked, const deblur::Settings& settings) {
@@ -132,7 +125,7 @@ void describe(bolo_shm_header& header, const pipeline::SinkFormat& format, int s
 
 void describe(bolo_shm_settings& settings, const pipeline::SinkFormat& format) {
   settings.bytes = sizeof(settings);
-  settings.method = method_code(format.deblur.method);
+  settings.method = static_cast<std::uint32_t>(format.deblur.method);
   if (format.deblur.auto_lambda) settings.flags |= BOLO_SETTINGS_AUTO_LAMBDA;
   if (format.maps) settings.flags |= BOLO_SETTINGS_MAPS;
   if (format.undone) settings.flags |= BOLO_SETTINGS_UNDONE;

@@ -24,73 +24,48 @@ using Config = std::unique_ptr<libusb_config_descriptor, FreeConfig>;
 
 using Bytes = std::span<const unsigned char>;
 
-// USB-IF, "Defined Class Codes".
-std::string_view class_name(unsigned code) {
-  switch (code) {
-    case LIBUSB_CLASS_PER_INTERFACE:
-      return "told by the interfaces";
-    case LIBUSB_CLASS_AUDIO:
-      return "audio";
-    case LIBUSB_CLASS_COMM:
-      return "communications";
-    case LIBUSB_CLASS_HID:
-      return "human interface";
-    case LIBUSB_CLASS_PHYSICAL:
-      return "physical";
-    case LIBUSB_CLASS_IMAGE:
-      return "still image (PTP)";
-    case LIBUSB_CLASS_PRINTER:
-      return "printer";
-    case LIBUSB_CLASS_MASS_STORAGE:
-      return "mass storage";
-    case LIBUSB_CLASS_HUB:
-      return "hub";
-    case LIBUSB_CLASS_DATA:
-      return "communications data";
-    case LIBUSB_CLASS_SMART_CARD:
-      return "smart card";
-    case LIBUSB_CLASS_CONTENT_SECURITY:
-      return "content security";
-    case LIBUSB_CLASS_VIDEO:
-      return "video (UVC)";
-    case LIBUSB_CLASS_PERSONAL_HEALTHCARE:
-      return "personal healthcare";
-    case LIBUSB_CLASS_DIAGNOSTIC_DEVICE:
-      return "diagnostic device";
-    case LIBUSB_CLASS_WIRELESS:
-      return "wireless controller, RNDIS";
-    case LIBUSB_CLASS_MISCELLANEOUS:
-      return "miscellaneous, USB3 Vision";
-    case LIBUSB_CLASS_APPLICATION:
-      return "application specific";
-    case LIBUSB_CLASS_VENDOR_SPEC:
-      return "vendor specific";
-    default:
-      return "unknown";
-  }
+// Names of numbers.
+using Names = std::span<const std::pair<int, std::string_view>>;
+std::string_view name_in(Names names, int number, std::string_view otherwise = "unknown") {
+  const auto found = std::ranges::find(names, number, &Names::value_type::first);
+  return found != names.end() ? found->second : otherwise;
 }
 
+// USB-IF, "Defined Class Codes".
+constexpr std::pair<int, std::string_view> kClasses[]{{LIBUSB_CLASS_PER_INTERFACE, "told by the interfaces"},
+                                                      {LIBUSB_CLASS_AUDIO, "audio"},
+                                                      {LIBUSB_CLASS_COMM, "communications"},
+                                                      {LIBUSB_CLASS_HID, "human interface"},
+                                                      {LIBUSB_CLASS_PHYSICAL, "physical"},
+                                                      {LIBUSB_CLASS_IMAGE, "still image (PTP)"},
+                                                      {LIBUSB_CLASS_PRINTER, "printer"},
+                                                      {LIBUSB_CLASS_MASS_STORAGE, "mass storage"},
+                                                      {LIBUSB_CLASS_HUB, "hub"},
+                                                      {LIBUSB_CLASS_DATA, "communications data"},
+                                                      {LIBUSB_CLASS_SMART_CARD, "smart card"},
+                                                      {LIBUSB_CLASS_CONTENT_SECURITY, "content security"},
+                                                      {LIBUSB_CLASS_VIDEO, "video (UVC)"},
+                                                      {LIBUSB_CLASS_PERSONAL_HEALTHCARE, "personal healthcare"},
+                                                      {LIBUSB_CLASS_DIAGNOSTIC_DEVICE, "diagnostic device"},
+                                                      {LIBUSB_CLASS_WIRELESS, "wireless controller, RNDIS"},
+                                                      {LIBUSB_CLASS_MISCELLANEOUS, "miscellaneous, USB3 Vision"},
+                                                      {LIBUSB_CLASS_APPLICATION, "application specific"},
+                                                      {LIBUSB_CLASS_VENDOR_SPEC, "vendor specific"}};
+
 // Table 10-12 of USB 3.2 (9.6.2, device capability type codes).
-std::string_view capability_name(unsigned type) {
-  switch (type) {
-    case 1:
-      return "wireless USB";
-    case LIBUSB_BT_USB_2_0_EXTENSION:
-      return "USB 2.0 extension";
-    case LIBUSB_BT_SS_USB_DEVICE_CAPABILITY:
-      return "SuperSpeed";
-    case LIBUSB_BT_CONTAINER_ID:
-      return "container id";
-    case 5:
-      return "platform";
-    case 6:
-      return "power delivery";
-    case 10:
-      return "SuperSpeedPlus";
-    default:
-      return "unknown";
-  }
-}
+constexpr std::pair<int, std::string_view> kCapabilities[]{{1, "wireless USB"},
+                                                           {LIBUSB_BT_USB_2_0_EXTENSION, "USB 2.0 extension"},
+                                                           {LIBUSB_BT_SS_USB_DEVICE_CAPABILITY, "SuperSpeed"},
+                                                           {LIBUSB_BT_CONTAINER_ID, "container id"},
+                                                           {5, "platform"},
+                                                           {6, "power delivery"},
+                                                           {10, "SuperSpeedPlus"}};
+
+constexpr std::pair<int, std::string_view> kSpeeds[]{{LIBUSB_SPEED_LOW, "1.5 Mbit/s"},
+                                                     {LIBUSB_SPEED_FULL, "12 Mbit/s"},
+                                                     {LIBUSB_SPEED_HIGH, "480 Mbit/s"},
+                                                     {LIBUSB_SPEED_SUPER, "5 Gbit/s"},
+                                                     {LIBUSB_SPEED_SUPER_PLUS, "10 Gbit/s"}};
 
 std::string_view transfer_name(unsigned attributes) {
   constexpr std::array<std::string_view, 4> kNames{"control", "isochronous", "bulk", "interrupt"};
@@ -155,8 +130,9 @@ void put_endpoint(Page& page, const libusb_endpoint_descriptor& endpoint) {
 void put_interface(Page& page, const libusb_interface_descriptor& setting) {
   page.line(
       2, "interface {}, alternate setting {}: class 0x{:02x} ({}), subclass 0x{:02x}, protocol 0x{:02x}, {} endpoints",
-      setting.bInterfaceNumber, setting.bAlternateSetting, setting.bInterfaceClass, class_name(setting.bInterfaceClass),
-      setting.bInterfaceSubClass, setting.bInterfaceProtocol, setting.bNumEndpoints);
+      setting.bInterfaceNumber, setting.bAlternateSetting, setting.bInterfaceClass,
+      name_in(kClasses, setting.bInterfaceClass), setting.bInterfaceSubClass, setting.bInterfaceProtocol,
+      setting.bNumEndpoints);
   page.string(3, "name", setting.iInterface);
   put_extra(page, 3, setting.extra, setting.extra_length);
   for (const auto& endpoint : std::span(setting.endpoint, setting.bNumEndpoints)) put_endpoint(page, endpoint);
@@ -190,7 +166,7 @@ void put_bos(Page& page, libusb_device_handle* handle, std::uint16_t usb_release
   page.line(1, "BOS: {} capabilities", bos->bNumDeviceCaps);
   for (int i = 0; i < bos->bNumDeviceCaps; ++i) {
     const libusb_bos_dev_capability_descriptor& one = *bos->dev_capability[i];
-    page.line(2, "capability 0x{:02x} ({})", one.bDevCapabilityType, capability_name(one.bDevCapabilityType));
+    page.line(2, "capability 0x{:02x} ({})", one.bDevCapabilityType, name_in(kCapabilities, one.bDevCapabilityType));
     constexpr std::size_t kHead = 3;  // length, type, capability
     if (one.bLength > kHead) page.hex(3, "data", Bytes(one.dev_capability_data, one.bLength - kHead));
   }
@@ -206,7 +182,7 @@ void put_device(Page& page, const UsbDevice& known, const libusb_device_descript
   page.line(1, "{:<18} {:x}.{:02x}", "USB release", d.bcdUSB >> 8, d.bcdUSB & 0xFFU);
   page.line(1, "{:<18} {:x}.{:02x}", "device release", d.bcdDevice >> 8, d.bcdDevice & 0xFFU);
   page.line(1, "{:<18} 0x{:02x} ({}), subclass 0x{:02x}, protocol 0x{:02x}", "class", d.bDeviceClass,
-            class_name(d.bDeviceClass), d.bDeviceSubClass, d.bDeviceProtocol);
+            name_in(kClasses, d.bDeviceClass), d.bDeviceSubClass, d.bDeviceProtocol);
   page.line(1, "{:<18} {} bytes", "control packets", d.bMaxPacketSize0);
   page.line(1, "{:<18} {}", "configurations", d.bNumConfigurations);
 }
@@ -236,23 +212,6 @@ std::string port_path(libusb_device* device) {
   const int count = libusb_get_port_numbers(device, ports.data(), kMostPorts);
   if (count <= 0) return "usb" + std::to_string(bus);
   return fmt::format("{}-{}", bus, fmt::join(ports.begin(), ports.begin() + count, "."));
-}
-
-std::string speed_text(int speed) {
-  switch (speed) {
-    case LIBUSB_SPEED_LOW:
-      return "1.5 Mbit/s";
-    case LIBUSB_SPEED_FULL:
-      return "12 Mbit/s";
-    case LIBUSB_SPEED_HIGH:
-      return "480 Mbit/s";
-    case LIBUSB_SPEED_SUPER:
-      return "5 Gbit/s";
-    case LIBUSB_SPEED_SUPER_PLUS:
-      return "10 Gbit/s";
-    default:
-      return "unknown speed";
-  }
 }
 
 // As the kernel read it when the device was connected.
@@ -345,7 +304,7 @@ UsbDevice describe(libusb_device* device) {
   found.vendor = descriptor.idVendor;
   found.product = descriptor.idProduct;
   found.release = descriptor.bcdDevice;
-  found.speed = speed_text(libusb_get_device_speed(device));
+  found.speed = name_in(kSpeeds, libusb_get_device_speed(device), "unknown speed");
   found.manufacturer = kernel_string(found.port_path, "manufacturer");
   found.product_name = kernel_string(found.port_path, "product");
   found.serial = kernel_string(found.port_path, "serial");

@@ -86,8 +86,7 @@ Result<FrameStore> open_frames(hid_t file, const std::string& path, Trust trust,
   Result<FrameStore> frames =
       FrameStore::open(file, path, FrameOrder::kFrameMajor, expect_of(trust), FrameStore::kBlockBytes, values);
   if (!frames || trust == Trust::kWhole) return frames;
-  Status good = frames->drop_missing_end(trust == Trust::kDamaged ? kMostDamaged : kMostUncommitted);
-  if (!good) return tl::unexpected<Error>(std::move(good.error()));
+  RETURN_IF_ERROR(frames->drop_missing_end(trust == Trust::kDamaged ? kMostDamaged : kMostUncommitted));
   return frames;
 }
 

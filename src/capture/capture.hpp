@@ -40,7 +40,9 @@ struct Point {
 
 // The scene before the camera during a capture: the `/stimulus` group. Times in s from `/t[0]`, temperatures in K,
 // lengths in stored pixels.
-struct NoStimulus {};  // a field recording
+struct NoStimulus {  // a field recording
+  bool operator==(const NoStimulus&) const = default;
+};
 
 // Accuracy of a bench's temperatures where it states none: standard deviation, K.
 inline constexpr double kLevelAccuracyK = 0.5;
@@ -48,6 +50,7 @@ inline constexpr double kLevelAccuracyK = 0.5;
 struct Uniform {  // closed shutter or flat black body
   double temperature_k = 0.0;
   double level_accuracy_k = kLevelAccuracyK;
+  bool operator==(const Uniform&) const = default;
 };
 
 struct Chopper {  // the whole field is at level_k[i] from on_s[i] to off_s[i], at cold_k otherwise
@@ -56,6 +59,7 @@ struct Chopper {  // the whole field is at level_k[i] from on_s[i] to off_s[i], 
   std::vector<double> off_s;
   std::vector<double> level_k;
   double level_accuracy_k = kLevelAccuracyK;
+  bool operator==(const Chopper&) const = default;
 };
 
 struct BarTarget {  // hot bars on cold, moving along +x; velocity 0 is a static target
@@ -66,6 +70,7 @@ struct BarTarget {  // hot bars on cold, moving along +x; velocity 0 is a static
   double slant_px_per_row = 0.0;
   double velocity_px_s = 0.0;
   double level_accuracy_k = kLevelAccuracyK;
+  bool operator==(const BarTarget&) const = default;
 };
 
 struct SceneStimulus {  // a still panned along a trajectory: the frame's pixel (0, 0) looks at image (x_px, y_px)
@@ -75,6 +80,7 @@ struct SceneStimulus {  // a still panned along a trajectory: the frame's pixel 
   std::vector<double> t_s;
   std::vector<double> x_px;
   std::vector<double> y_px;
+  bool operator==(const SceneStimulus&) const = default;
 };
 
 using Stimulus = std::variant<NoStimulus, Uniform, Chopper, BarTarget, SceneStimulus>;
@@ -187,8 +193,7 @@ class CaptureWriter {
   // /points/x and /points/y, int32: one for each pixel of the frames, which are one row. Once.
   Status write_points(const std::vector<Point>& points);
   // A root attribute beyond the format's own: settings of a deblurring run and the like.
-  Status write_attribute(const std::string& name, double value);
-  Status write_attribute(const std::string& name, const std::string& value);
+  Status write_attribute(const std::string& name, const std::variant<double, std::string>& value);
   Status write_attributes(const std::vector<Attribute>& attributes);
 
   // Commits what was appended since the last commit: for sources that pause.

@@ -367,11 +367,7 @@ Status CaptureWriter::write_points(const std::vector<Point>& points) {
   return {};
 }
 
-Status CaptureWriter::write_attribute(const std::string& name, double value) {
-  return impl_->write_attribute({name, value});
-}
-
-Status CaptureWriter::write_attribute(const std::string& name, const std::string& value) {
+Status CaptureWriter::write_attribute(const std::string& name, const std::variant<double, std::string>& value) {
   return impl_->write_attribute({name, value});
 }
 

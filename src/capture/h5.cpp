@@ -332,11 +332,6 @@ bool read_block(hid_t dataset, hid_t memory_type, const Dims& start, const Dims&
   return from && H5Dread(dataset, memory_type, simple_space(count).get(), from.get(), H5P_DEFAULT, out) >= 0;
 }
 
-bool write_block(hid_t dataset, hid_t memory_type, const Dims& start, const Dims& count, const void* values) {
-  const Handle to = selection(dataset, start, count);
-  return to && H5Dwrite(dataset, memory_type, simple_space(count).get(), to.get(), H5P_DEFAULT, values) >= 0;
-}
-
 bool write_rows(hid_t dataset, hid_t memory_type, hsize_t begin, hsize_t count, const void* values) {
   Dims dims = shape(dataset);
   Dims start(dims.size(), 0);
@@ -344,7 +339,8 @@ bool write_rows(hid_t dataset, hid_t memory_type, hsize_t begin, hsize_t count, 
   start[0] = begin;
   if (H5Dset_extent(dataset, dims.data()) < 0) return false;
   dims[0] = count;
-  return write_block(dataset, memory_type, start, dims, values);
+  const Handle to = selection(dataset, start, dims);
+  return to && H5Dwrite(dataset, memory_type, simple_space(dims).get(), to.get(), H5P_DEFAULT, values) >= 0;
 }
 
 Handle create_growing(hid_t file, const std::string& path, hid_t type, const Dims& chunk, int deflate_level) {

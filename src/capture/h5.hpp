@@ -20,11 +20,8 @@ class Handle {
   Handle() = default;
   explicit Handle(hid_t id) noexcept : id_(id) {}
   Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, H5I_INVALID_HID)) {}
-  Handle& operator=(Handle&& other) noexcept {
-    if (this != &other) {
-      close();
-      id_ = std::exchange(other.id_, H5I_INVALID_HID);
-    }
+  Handle& operator=(Handle other) noexcept {
+    std::swap(id_, other.id_);
     return *this;
   }
   ~Handle() { close(); }
@@ -97,9 +94,8 @@ enum class Expect {
 Result<Handle> open_dataset(hid_t file, const std::string& path, Expect expect = Expect::kWhole);
 Dims shape(hid_t dataset);
 
-// Reads or writes `count` values along each axis from `start` on. False on failure. Thread: any one at a time.
+// Reads `count` values along each axis from `start` on. False on failure. Thread: any one at a time.
 bool read_block(hid_t dataset, hid_t memory_type, const Dims& start, const Dims& count, void* out);
-bool write_block(hid_t dataset, hid_t memory_type, const Dims& start, const Dims& count, const void* values);
 // Writes `count` rows from row `begin` on; the dataset grows to hold them.
 bool write_rows(hid_t dataset, hid_t memory_type, hsize_t begin, hsize_t count, const void* values);
 

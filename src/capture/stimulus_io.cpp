@@ -133,10 +133,7 @@ Status first_error(Statuses... statuses) {
   return out;
 }
 
-Status accuracy(double kelvin) {
-  if (kelvin > 0.0 && std::isfinite(kelvin)) return {};
-  return bad_input(kGroup + " attribute 'level_accuracy_k' is " + text(kelvin) + "; expected kelvin above 0");
-}
+Status accuracy(double kelvin) { return absolute_temperature("level_accuracy_k", kelvin); }
 
 Status check(const NoStimulus&) { return {}; }
 

@@ -31,12 +31,11 @@ constexpr Made (*kTable[])(const Setup&, const StreamFormat&) = {
 Result<std::unique_ptr<Chain>> Chain::create(const Setup& setup, const StreamFormat& input, std::size_t planes) {
   std::unique_ptr<Chain> chain(new Chain(input, planes));
   for (const auto make : kTable) {
-    Made made = make(setup, input);
-    if (!made) return tl::unexpected(made.error());
-    if (*made == nullptr) continue;
-    const Hooks& hooks = (*made)->hooks();
+    ASSIGN_OR_RETURN(auto made, make(setup, input));
+    if (made == nullptr) continue;
+    const Hooks& hooks = made->hooks();
     chain->beyond_maps_ |= make != &pixel_correction && (hooks.samples || hooks.deblurred);
-    chain->add(std::move(*made));
+    chain->add(std::move(made));
   }
   if (!chain->before()) return chain;
   chain->format_.type = PixelType::kFloat32;

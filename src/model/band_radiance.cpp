@@ -1,7 +1,10 @@
 #include "src/model/band_radiance.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
+#include <utility>
 
 namespace bolo::model {
 namespace {
@@ -11,18 +14,32 @@ constexpr double kColdestK = 100.0;
 constexpr double kHottestK = 1500.0;
 
 // To a factor; Simpson's rule over 26 steps is good to a millionth from 100 K on.
-double planck(double kelvin) noexcept {
-  constexpr double kFromUm = 7.5;
-  constexpr double kToUm = 14.0;
-  constexpr int kSteps = 26;
-  constexpr double kSecondRadiationUmK = 14387.769;
-  double sum = 0.0;
-  for (int i = 0; i <= kSteps; ++i) {
-    const double um = kFromUm + (kToUm - kFromUm) * i / kSteps;
-    const double simpson = i == 0 || i == kSteps ? 1.0 : (i % 2 == 1 ? 4.0 : 2.0);
-    sum += simpson / std::pow(um, 5) / std::expm1(kSecondRadiationUmK / (um * kelvin));
+class PlanckBand {
+ public:
+  PlanckBand() noexcept {
+    constexpr double kFromUm = 7.5;
+    constexpr double kToUm = 14.0;
+    constexpr double kSecondRadiationUmK = 14387.769;
+    for (int i = 0; i <= kSteps; ++i) {
+      const double um = kFromUm + (kToUm - kFromUm) * i / kSteps;
+      const double simpson = i == 0 || i == kSteps ? 1.0 : (i % 2 == 1 ? 4.0 : 2.0);
+      points_[static_cast<std::size_t>(i)] = {simpson / std::pow(um, 5), kSecondRadiationUmK / um};
+    }
   }
-  return sum;
+  double operator()(double kelvin) const noexcept {
+    double sum = 0.0;
+    for (const auto& [weight, point_k] : points_) sum += weight / std::expm1(point_k / kelvin);
+    return sum;
+  }
+
+ private:
+  static constexpr int kSteps = 26;
+  std::array<std::pair<double, double>, kSteps + 1> points_;
+};
+
+double planck(double kelvin) noexcept {
+  static const PlanckBand band;
+  return band(kelvin);
 }
 
 struct Line {

@@ -4,8 +4,9 @@
 
 #include <algorithm>
 #include <fstream>
-#include <numeric>
 #include <utility>
+
+#include "src/core/nearest.hpp"
 
 namespace bolo::model {
 namespace {
@@ -13,21 +14,6 @@ namespace {
 constexpr std::uintmax_t kMaxFileBytes = 1U << 20;
 constexpr std::size_t kMostDots = 32;        // of a key
 constexpr std::size_t kLongestGuessed = 80;  // key that may be a slip
-
-// Levenshtein's distance, one row at a time.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = std::exchange(row[0], i + 1);
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t replace = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replace, diagonal + 1, row[j] + 1});
-    }
-  }
-  return row.back();
-}
 
 std::string position(const std::filesystem::path& file, std::int64_t line, std::int64_t column) {
   return file.string() + ":" + std::to_string(line) + ":" + std::to_string(column) + ": ";
@@ -82,7 +68,7 @@ std::string_view last_part(std::string_view path) {
 
 // State of one read(). Values are stored only when the whole file is right.
 struct KeyTable::Reading {
-  const KeyTable& keys;
+  KeyTable& keys;
   std::vector<Commit> commits;
   std::vector<Problem> problems;
   std::map<std::string, Place, std::less<>> places;
@@ -175,9 +161,9 @@ std::string KeyTable::where(std::string_view path) const {
   return found == places_.end() ? file_.string() + ": " : position(file_, found->second.line, found->second.column);
 }
 
-const KeyTable::Key* KeyTable::find(std::string_view path) const {
-  for (const Section& section : sections_) {
-    for (const Key& key : section.keys) {
+KeyTable::Key* KeyTable::find(std::string_view path) {
+  for (Section& section : sections_) {
+    for (Key& key : section.keys) {
       if (key.path == path) return &key;
     }
   }

@@ -59,10 +59,9 @@ class KeyTable {
 
   template <typename Enum>
   using Choices = std::span<const std::pair<std::string_view, Enum>>;
-  template <typename Enum>
-  void choice(std::string_view key, Enum& value, Choices<Enum> choices, std::string_view meaning);
-  template <typename Enum>
-  void choice(std::string_view key, std::optional<Enum>& value, Choices<Enum> choices, std::string_view meaning);
+  // `value`: an Enum, or an optional one.
+  template <typename Enum, typename Target>
+  void choice(std::string_view key, Target& value, Choices<Enum> choices, std::string_view meaning);
 
   // Reads a file into the bound variables. A syntax error, an unknown key (with the nearest valid one), a wrong type
   // and a value out of range are bad input: "FILE:LINE:COLUMN: what is wrong"; the first in the file is told, and how
@@ -129,7 +128,7 @@ class KeyTable {
   struct Reading;  // one read(): what it found, and what is wrong with it
 
   void add(Key key);
-  const Key* find(std::string_view path) const;
+  Key* find(std::string_view path);
   bool has_section(std::string_view path) const;
   const Removed* find_removed(std::string_view path, std::string_view value) const;
   std::string nearest(std::string_view path) const;
@@ -144,26 +143,13 @@ class KeyTable {
   std::map<std::string, Place, std::less<>> places_;
 };
 
-template <typename Enum>
-void KeyTable::choice(std::string_view key, Enum& value, Choices<Enum> choices, std::string_view meaning) {
+template <typename Enum, typename Target>
+void KeyTable::choice(std::string_view key, Target& value, Choices<Enum> choices, std::string_view meaning) {
   std::vector<std::string> names;
   std::optional<std::size_t> present;
   for (std::size_t i = 0; i < choices.size(); ++i) {
     names.emplace_back(choices[i].first);
     if (choices[i].second == value) present = i;
-  }
-  add_choice(
-      key, names, present, [&value, choices](std::size_t i) { value = choices[i].second; }, meaning);
-}
-
-template <typename Enum>
-void KeyTable::choice(std::string_view key, std::optional<Enum>& value, Choices<Enum> choices,
-                      std::string_view meaning) {
-  std::vector<std::string> names;
-  std::optional<std::size_t> present;
-  for (std::size_t i = 0; i < choices.size(); ++i) {
-    names.emplace_back(choices[i].first);
-    if (value && choices[i].second == *value) present = i;
   }
   add_choice(
       key, names, present, [&value, choices](std::size_t i) { value = choices[i].second; }, meaning);

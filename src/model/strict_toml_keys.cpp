@@ -91,6 +91,16 @@ Check integer_check(Target& target, Range range) {
   };
 }
 
+// Values that are taken as they are: `what` they must be.
+template <typename Given, typename Target>
+Check type_check(Target& target, std::string what) {
+  return [&target, what = std::move(what)](const Value& given) -> Checked {
+    const auto* value = std::get_if<Given>(&given);
+    if (value == nullptr) return wrong(" must be " + what);
+    return [&target, wanted = *value] { target = wanted; };
+  };
+}
+
 std::string octal_range(const Range& range) {
   return octal_text(static_cast<unsigned>(range.min)) + " to " + octal_text(static_cast<unsigned>(range.max));
 }
@@ -176,32 +186,20 @@ void KeyTable::integers(std::string_view key, std::vector<int>& values, Range ra
 }
 
 void KeyTable::boolean(std::string_view key, bool& value, std::string_view meaning) {
-  const auto check = [&value](const Value& given) -> Checked {
-    const auto* yes = std::get_if<bool>(&given);
-    if (yes == nullptr) return wrong(" must be true or false, without quotes");
-    return [&value, wanted = *yes] { value = wanted; };
-  };
-  add({std::string(key), "true or false", std::string(meaning), value ? "true" : "false", false, check});
+  add({std::string(key), "true or false", std::string(meaning), value ? "true" : "false", false,
+       type_check<bool>(value, "true or false, without quotes")});
 }
 
 void KeyTable::text(std::string_view key, std::string& value, std::string_view meaning) {
-  const auto check = [&value](const Value& given) -> Checked {
-    const auto* words = std::get_if<std::string>(&given);
-    if (words == nullptr) return wrong(" must be a text in quotes");
-    return [&value, wanted = *words] { value = wanted; };
-  };
-  add({std::string(key), "text", std::string(meaning), in_quotes(value), false, check});
+  add({std::string(key), "text", std::string(meaning), in_quotes(value), false,
+       type_check<std::string>(value, "a text in quotes")});
 }
 
 void KeyTable::file(std::string_view key, std::filesystem::path& value, std::string_view example,
                     std::string_view meaning) {
-  const auto check = [&value](const Value& given) -> Checked {
-    const auto* words = std::get_if<std::string>(&given);
-    if (words == nullptr) return wrong(" must be a file name in quotes");
-    return [&value, wanted = *words] { value = wanted; };
-  };
   const std::string shown = value.empty() ? std::string(example) : value.string();
-  add({std::string(key), "file name", std::string(meaning), in_quotes(shown), value.empty(), check});
+  add({std::string(key), "file name", std::string(meaning), in_quotes(shown), value.empty(),
+       type_check<std::string>(value, "a file name in quotes")});
   sections_.back().keys.back().file = true;
 }
 
@@ -226,19 +224,11 @@ void KeyTable::removed(std::string_view path, std::string_view value, std::strin
 }
 
 void KeyTable::mark(std::string_view path, std::string_view word) {
-  for (Section& section : sections_) {
-    for (Key& key : section.keys) {
-      if (key.path == path) key.mark = word;
-    }
-  }
+  if (Key* const key = find(path)) key->mark = word;
 }
 
 void KeyTable::explain(std::string_view path, std::string_view words) {
-  for (Section& section : sections_) {
-    for (Key& key : section.keys) {
-      if (key.path == path) key.origin = words;
-    }
-  }
+  if (Key* const key = find(path)) key->origin = words;
 }
 
 std::map<std::string, std::string, std::less<>> KeyTable::texts() const {

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "src/core/clock.hpp"
+#include "src/core/statistics.hpp"
 #include "src/rt/thread.hpp"
 
 namespace bolo::pipeline {
@@ -38,9 +39,7 @@ void GapTrend::Last::add(double value) {
 
 double GapTrend::Last::median() const {
   if (values_.size() < kEnough) return 0.0;
-  std::vector<double> sorted(values_.begin(), values_.end());
-  std::ranges::sort(sorted);
-  return sorted[sorted.size() / 2];
+  return bolo::median(std::vector(values_.begin(), values_.end()));
 }
 
 std::optional<Notice> GapTrend::add(const deblur::GapFigures& figures) {

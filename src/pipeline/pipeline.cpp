@@ -62,13 +62,13 @@ Result<Pipeline::Timed> Pipeline::Timed::create(const PipelineOptions& options, 
   settings.period_s = format.frame_period_s;
   RETURN_IF_ERROR(deblur::validate(settings));
   const auto planes = static_cast<std::size_t>(deblur::Window(settings).slots());
-  auto corrections =
-      corrections::Chain::create({options.undo, settings, options.maps, options.pixel_noise_k}, format, planes);
-  if (!corrections) return tl::unexpected(corrections.error());
-  ASSIGN_OR_RETURN(auto solvers, SolverLadder::create(settings, (*corrections)->format(), options.output,
+  ASSIGN_OR_RETURN(
+      auto corrections,
+      corrections::Chain::create({options.undo, settings, options.maps, options.pixel_noise_k}, format, planes));
+  ASSIGN_OR_RETURN(auto solvers, SolverLadder::create(settings, corrections->format(), options.output,
                                                       options.maps.row_delay_s, options.degrade));
   settings.iterations = solvers.full().iterations();
-  return Timed{settings, std::move(*corrections), std::move(solvers)};
+  return Timed{settings, std::move(corrections), std::move(solvers)};
 }
 
 QualityLevel Pipeline::Impl::choose_quality() noexcept {
@@ -284,10 +284,9 @@ void Pipeline::Impl::drain() noexcept {
 // Tries the solver once where the source does not wait for it.
 Status Pipeline::Impl::keep_up() {
   if (!options.must_keep_up) return {};
-  auto trial =
-      SolverLadder::create(settings, corrections->format(), options.output, options.maps.row_delay_s, options.degrade);
-  if (!trial) return tl::unexpected(trial.error());
-  const Pace pace = trial->measure(settings, corrections->format(), options.output, team.size());
+  ASSIGN_OR_RETURN(auto trial, SolverLadder::create(settings, corrections->format(), options.output,
+                                                    options.maps.row_delay_s, options.degrade));
+  const Pace pace = trial.measure(settings, corrections->format(), options.output, team.size());
   if (pace.least == QualityLevel::kFull) return {};
   char times[96];
   std::snprintf(times, sizeof times, " takes some %.0f ms a frame of %s, but frames come every %.0f ms",

@@ -6,30 +6,10 @@
 #include <cstdarg>
 #include <cstdio>
 
+#include "src/core/printable.hpp"
+
 namespace bolo::plot {
 namespace {
-
-// Bytes of the character that begins with `lead`; 0 when none does.
-std::size_t utf8_length(unsigned char lead) {
-  if (lead < 0x80) return 1;
-  if (lead >= 0xC2 && lead < 0xE0) return 2;
-  if (lead >= 0xE0 && lead < 0xF0) return 3;
-  return lead >= 0xF0 && lead < 0xF5 ? 4 : 0;
-}
-
-// True if the bytes after the first of `length` continue a UTF-8 character.
-bool continues(std::string_view text, std::size_t at, std::size_t length) {
-  if (length == 0 || at + length > text.size()) return false;
-  for (std::size_t i = 1; i < length; ++i) {
-    if ((static_cast<unsigned char>(text[at + i]) & 0xC0U) != 0x80U) return false;
-  }
-  return true;
-}
-
-// Control characters are none of XML's.
-bool is_control(std::string_view one) {
-  return one.size() == 1 && static_cast<unsigned char>(one[0]) < 0x20 && one != "\n" && one != "\t";
-}
 
 std::string superscript(int exponent) {
   constexpr std::array<const char*, 10> kDigits{"\u2070", "\u00b9", "\u00b2", "\u00b3", "\u2074",
@@ -65,16 +45,12 @@ std::string format(const char* pattern, ...) {
 
 std::string escaped(std::string_view text) {
   std::string out;
-  for (std::size_t i = 0; i < text.size();) {
-    const std::size_t length = utf8_length(static_cast<unsigned char>(text[i]));
-    const bool whole = continues(text, i, length);
-    const std::string_view one = text.substr(i, whole ? length : 1);
-    i += one.size();
-    if (!whole || is_control(one)) {
-      out += '?';
-    } else {
-      out += one == "<" ? "&lt;" : one == ">" ? "&gt;" : one == "&" ? "&amp;" : one == "\"" ? "&quot;" : one;
-    }
+  while (!text.empty()) {
+    const bool blank = text.front() == '\n' || text.front() == '\t';
+    const std::size_t length = blank ? 1 : printable_character(text);
+    const std::string_view one = length == 0 ? "?" : text.substr(0, length);
+    text.remove_prefix(std::max<std::size_t>(1, length));
+    out += one == "<" ? "&lt;" : one == ">" ? "&gt;" : one == "&" ? "&amp;" : one == "\"" ? "&quot;" : one;
   }
   return out;
 }

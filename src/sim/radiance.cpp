@@ -1,51 +1,15 @@
 #include "src/sim/radiance.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+
+#include "src/model/band_radiance.hpp"
 
 namespace bolo::sim {
 namespace {
 
-constexpr double kReference = 300.0;
-
-// Planck's law over 7.5 to 14 um, to a factor; Simpson's rule over 26 steps is good to a millionth from 100 K on.
-class PlanckBand {
- public:
-  PlanckBand() {
-    for (int i = 0; i <= kSteps; ++i) {
-      const double um = kFrom + (kTo - kFrom) * i / kSteps;
-      const double simpson = i == 0 || i == kSteps ? 1.0 : (i % 2 == 1 ? 4.0 : 2.0);
-      points_[static_cast<std::size_t>(i)] = {simpson / std::pow(um, 5), kSecondRadiationUmK / um};
-    }
-  }
-  double operator()(double kelvin) const {
-    double sum = 0.0;
-    for (const Point& point : points_) sum += point.weight / std::expm1(point.kelvin / kelvin);
-    return sum;
-  }
-
- private:
-  struct Point {
-    double weight = 0.0;
-    double kelvin = 0.0;
-  };
-  static constexpr double kFrom = 7.5;
-  static constexpr double kTo = 14.0;
-  static constexpr int kSteps = 26;
-  static constexpr double kSecondRadiationUmK = 14387.769;
-  std::array<Point, kSteps + 1> points_;
-};
-
-KelvinTable straightened_planck() {
-  const PlanckBand planck;
-  const double middle = planck(kReference);
-  const double slope = (planck(kReference + 0.05) - planck(kReference - 0.05)) / 0.1;
-  return KelvinTable([&](double kelvin) { return kReference + (planck(kelvin) - middle) / slope; });
-}
-
 const KelvinTable& table() noexcept {
-  static const KelvinTable made = straightened_planck();
+  static const KelvinTable made(model::band_radiance);
   return made;
 }
 

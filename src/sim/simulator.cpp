@@ -140,7 +140,7 @@ Result<std::unique_ptr<Simulator>> Simulator::create(const CameraSettings& setti
                      " K; take a coarser quantisation or the type float32");
   }
   std::unique_ptr<Simulator> simulator(new Simulator(settings, std::move(field)));
-  if (const Status& status = simulator->team_.status(); !status) return tl::unexpected(status.error());
+  RETURN_IF_ERROR(simulator->team_.status());
   return simulator;
 }
 

@@ -88,4 +88,29 @@ inline void set_doubles(hid_t file, const char* path, const std::vector<double>&
   set_dataset(file, path, type, {values.size()}, H5T_NATIVE_DOUBLE, values.data());
 }
 
+// Changes of an open file, as edit() takes them; attributes are the root's.
+using Change = std::function<void(hid_t)>;
+inline auto without(const char* name) {
+  return [name](hid_t f) { drop_attribute(f, "/", name); };
+}
+inline auto with(const char* name, double value, hid_t type = H5T_NATIVE_DOUBLE) {
+  return [=](hid_t f) { set_number(f, "/", name, value, type); };
+}
+inline auto with_text(const char* name, const char* value, H5T_str_t padding = H5T_STR_NULLTERM) {
+  return [=](hid_t f) { set_string(f, "/", name, value, padding); };
+}
+inline auto without_item(const char* path) {
+  return [path](hid_t f) { drop(f, path); };
+}
+// Its first values are these, the others 0.
+inline auto with_dataset(const char* path, hid_t type, std::vector<hsize_t> dims, std::vector<double> values = {}) {
+  std::size_t size = 1;
+  for (const hsize_t one : dims) size *= one;
+  values.resize(size);
+  return [=](hid_t f) { set_dataset(f, path, type, dims, H5T_NATIVE_DOUBLE, values.data()); };
+}
+inline auto with_doubles(const char* path, std::vector<double> values, hid_t type = H5T_NATIVE_DOUBLE) {
+  return [=](hid_t f) { set_doubles(f, path, values, type); };
+}
+
 }  // namespace bolo::capture::testing

@@ -7,6 +7,7 @@
 #include "src/capture/frame_store.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
+#include "tests/refusal.hpp"
 
 namespace bolo::capture::matlab_capture_test {
 namespace {
@@ -93,23 +94,15 @@ TEST(MatlabCapture, ContentTellsNotTheName) {
 TEST(MatlabCapture, FramesInTheWrongOrderAreRefused) {
   const Scratch scratch;
   const auto file = matlab_file(scratch, "a.mat", {H5T_IEEE_F64LE, {kFrames, 1}, {}});
-  edit(file, [](hid_t f) {
-    const auto values = matlab_order();
-    set_dataset(f, "/frames", H5T_NATIVE_DOUBLE, {kFrames, kHeight, kWidth}, H5T_NATIVE_DOUBLE, values.data());
-  });
-  const auto reader = CaptureReader::open(file);
-  ASSERT_FALSE(reader);
-  EXPECT_EQ(reader.error().kind, ErrorKind::kBadInput);
-  EXPECT_NE(reader.error().message.find("t has 6 values but frames"), std::string::npos) << reader.error().message;
+  edit(file, with_dataset("/frames", H5T_NATIVE_DOUBLE, {kFrames, kHeight, kWidth}, matlab_order()));
+  expect_refused(CaptureReader::open(file), {"t has 6 values but frames"});
 }
 
 TEST(MatlabCapture, FallingTimesAreRefused) {
   const Scratch scratch;
   const auto file = matlab_file(scratch, "a.mat", {H5T_IEEE_F64LE, {kFrames, 1}, {}});
-  edit(file, [](hid_t f) { set_doubles(f, "/t", {0, 0.005, 0.01, 0.009, 0.03, 0.04}); });
-  const auto reader = CaptureReader::open(file);
-  ASSERT_FALSE(reader);
-  EXPECT_NE(reader.error().message.find("value 3"), std::string::npos) << reader.error().message;
+  edit(file, with_doubles("/t", {0, 0.005, 0.01, 0.009, 0.03, 0.04}));
+  expect_refused(CaptureReader::open(file), {"value 3"});
 }
 
 // Blocks of two frames out of six: forwards, backwards and across the edges.

@@ -9,6 +9,7 @@
 #include "src/capture/pixel_maps_io.hpp"
 #include "tests/capture/hdf5_edit.hpp"
 #include "tests/capture/small_captures.hpp"
+#include "tests/refusal.hpp"
 
 namespace bolo::capture::pixel_maps_test {
 namespace {
@@ -49,10 +50,8 @@ TEST_F(PixelMapsFile, MapsMayBeLeftOutAndStoredInOtherTypes) {
   maps.geometry = {3, 2};
   maps.gain = some_maps().gain;
   ASSERT_TRUE(write_pixel_maps(path("maps.h5"), maps));
-  const std::vector<double> tau(6, 0.0125);
-  testing::edit(path("maps.h5"), [&](hid_t file) {
-    testing::set_dataset(file, "/tau_s", H5T_NATIVE_DOUBLE, {2, 3}, H5T_NATIVE_DOUBLE, tau.data());
-  });
+  testing::edit(path("maps.h5"),
+                testing::with_dataset("/tau_s", H5T_NATIVE_DOUBLE, {2, 3}, std::vector<double>(6, 0.0125)));
   const auto read = read_pixel_maps(path("maps.h5"));
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_EQ(read->tau_s, std::vector<float>(6, 0.0125F));
@@ -74,65 +73,41 @@ TEST_F(PixelMapsFile, BelongsToTheProfileThatNamesIt) {
 
 struct Damage {
   const char* name;
-  void (*spoil)(hid_t file);
+  testing::Change spoil;
   const char* says;
 };
 
 class PixelMapsRefused : public PixelMapsFile, public ::testing::WithParamInterface<Damage> {};
 
-void set_floats(hid_t file, const char* name, std::vector<float> values, const std::vector<hsize_t>& dims) {
-  testing::set_dataset(file, name, H5T_NATIVE_FLOAT, dims, H5T_NATIVE_FLOAT, values.data());
-}
-
 TEST_P(PixelMapsRefused, ByFileDatasetAndPlace) {
   ASSERT_TRUE(write_pixel_maps(path("maps.h5"), some_maps()));
   testing::edit(path("maps.h5"), GetParam().spoil);
   const auto maps = read_pixel_maps(path("maps.h5"));
-  ASSERT_FALSE(maps);
-  EXPECT_EQ(maps.error().kind, ErrorKind::kBadInput);
-  EXPECT_EQ(maps.error().message.rfind(path("maps.h5").string() + ": ", 0), 0U) << maps.error().message;
-  EXPECT_NE(maps.error().message.find(GetParam().says), std::string::npos) << maps.error().message;
+  expect_refused(maps, {GetParam().says});
+  EXPECT_TRUE(!maps && maps.error().message.starts_with(path("maps.h5").string() + ": "));
   EXPECT_EQ(maps.error().message.find('\n'), std::string::npos);
 }
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+auto with_floats(const char* path, std::vector<hsize_t> dims, std::vector<double> values) {
+  return testing::with_dataset(path, H5T_NATIVE_FLOAT, std::move(dims), std::move(values));
+}
 
 INSTANTIATE_TEST_SUITE_P(
     All, PixelMapsRefused,
-    ::testing::Values(
-        Damage{"Format", [](hid_t f) { testing::set_string(f, "/", "format", "bolo-capture"); }, "\"bolo-maps\""},
-        Damage{"NoFormat", [](hid_t f) { testing::drop_attribute(f, "/", "format"); }, "'format' is missing"},
-        Damage{"Version", [](hid_t f) { testing::set_number(f, "/", "version", 2); }, "'version' is 2"},
-        Damage{"Width", [](hid_t f) { testing::set_number(f, "/", "width", 2.5); }, "'width' is 2.5"},
-        Damage{"Huge", [](hid_t f) { testing::set_number(f, "/", "height", 1e9); }, "'height' is 1e+09"},
-        Damage{"Turned",
-               [](hid_t f) {
-                 set_floats(f, "/gain", std::vector<float>(6, 1.0F), {3, 2});
-               },
-               "/gain has the shape (3, 2); expected (2, 3)"},
-        Damage{"Flat", [](hid_t f) { set_floats(f, "/tau_s", std::vector<float>(6, 0.01F), {6}); },
-               "/tau_s has the shape (6)"},
-        Damage{"Nan",
-               [](hid_t f) {
-                 set_floats(f, "/offset_k", {0, 0, 0, 0, kNan, 0}, {2, 3});
-               },
-               "/offset_k[1, 1] is nan"},
-        Damage{"Tau",
-               [](hid_t f) {
-                 set_floats(f, "/tau_s", {0.01F, 0.01F, -0.01F, 1, 1, 1}, {2, 3});
-               },
-               "/tau_s[0, 2] is -0.0"},
-        Damage{"Gain",
-               [](hid_t f) {
-                 set_floats(f, "/gain", {1, 1, 1, 0, 1, 1}, {2, 3});
-               },
-               "/gain[1, 0] is 0; must be"},
-        Damage{"Dead",
-               [](hid_t f) {
-                 const std::uint8_t flags[6] = {0, 0, 0, 0, 0, 7};
-                 testing::set_dataset(f, "/dead", H5T_NATIVE_UINT8, {2, 3}, H5T_NATIVE_UINT8, flags);
-               },
-               "/dead[1, 2] is 7; must be 0 or 1"}),
+    ::testing::Values(Damage{"Format", testing::with_text("format", "bolo-capture"), "\"bolo-maps\""},
+                      Damage{"NoFormat", testing::without("format"), "'format' is missing"},
+                      Damage{"Version", testing::with("version", 2), "'version' is 2"},
+                      Damage{"Width", testing::with("width", 2.5), "'width' is 2.5"},
+                      Damage{"Huge", testing::with("height", 1e9), "'height' is 1e+09"},
+                      Damage{"Turned", with_floats("/gain", {3, 2}, {}), "/gain has the shape (3, 2); expected (2, 3)"},
+                      Damage{"Flat", with_floats("/tau_s", {6}, {}), "/tau_s has the shape (6)"},
+                      Damage{"Nan", with_floats("/offset_k", {2, 3}, {0, 0, 0, 0, kNan}), "/offset_k[1, 1] is nan"},
+                      Damage{"Tau", with_floats("/tau_s", {2, 3}, {0.01, 0.01, -0.01}), "/tau_s[0, 2] is -0.0"},
+                      Damage{"Gain", with_floats("/gain", {2, 3}, {1, 1, 1, 0, 1, 1}), "/gain[1, 0] is 0; must be"},
+                      Damage{"Dead", testing::with_dataset("/dead", H5T_NATIVE_UINT8, {2, 3}, {0, 0, 0, 0, 0, 7}),
+                             "/dead[1, 2] is 7; must be 0 or 1"}),
     [](const auto& each) { return std::string(each.param.name); });
 
 TEST_F(PixelMapsFile, NoFileAndNoMapsAreToldApart) {

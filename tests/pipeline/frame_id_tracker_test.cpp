@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
+#include <ostream>
 #include <random>
+#include <string>
 #include <vector>
 
 namespace bolo::pipeline::frame_id_tracker_test {
@@ -12,82 +15,125 @@ namespace {
 constexpr double kPeriodS = 0.005;
 constexpr std::int64_t kPeriodNs = 5'000'000;
 
+// What comes, a period after what came before.
+struct Step {
+  enum { kFrame, kReset, kRefused, kBroken, kNameless, kWait, kReopened } what;
+  std::uint64_t raw = 0;  // the camera's number, or how often
+  std::uint64_t id = 0;   // that the frame gets
+  LossCause cause = LossCause::kIncomplete;
+};
+constexpr Step frame(std::uint64_t raw, std::uint64_t id) { return {Step::kFrame, raw, id}; }
+constexpr Step frame(std::uint64_t raw) { return frame(raw, raw); }
+constexpr Step reset(std::uint64_t raw, std::uint64_t id) { return {Step::kReset, raw, id}; }  // the counter began anew
+constexpr Step refused(std::uint64_t raw) { return {Step::kRefused, raw}; }
+constexpr Step broken(std::uint64_t raw, LossCause cause = LossCause::kIncomplete) {
+  return {Step::kBroken, raw, 0, cause};
+}
+constexpr Step nameless(std::uint64_t frames = 1) { return {Step::kNameless, frames}; }  // broken, without an id
+constexpr Step wait_frames(std::uint64_t frames) { return {Step::kWait, frames}; }
+constexpr Step reopened() { return {Step::kReopened}; }
+
+struct Stream {
+  const char* name;
+  std::vector<Step> steps;
+  std::map<LossCause, std::uint64_t> lost{};
+  std::uint64_t duplicates = 0;
+};
+void PrintTo(const Stream& stream, std::ostream* out) { *out << stream.name; }
+
+class FrameIds : public testing::TestWithParam<Stream> {};
+
+TEST_P(FrameIds, AreUnwrappedAndEachLossHasItsCause) {
+  FrameIdTracker ids(kPeriodS);
+  std::int64_t now_ns = 1'000'000'000;
+  std::uint64_t delivered = 0;
+  for (const Step& step : GetParam().steps) {
+    now_ns += step.what == Step::kWait ? static_cast<std::int64_t>(step.raw) * kPeriodNs : kPeriodNs;
+    if (step.what == Step::kBroken) ids.broken(step.raw, step.cause, now_ns);
+    if (step.what == Step::kReopened) ids.restart();
+    for (std::uint64_t i = 0; step.what == Step::kNameless && i < step.raw; ++i) ids.broken_without_id();
+    if (step.what > Step::kRefused) continue;
+    const auto verdict = ids.complete(step.raw, now_ns);
+    EXPECT_EQ(verdict.deliver, step.what != Step::kRefused) << step.raw;
+    if (!verdict.deliver) continue;
+    ++delivered;
+    EXPECT_EQ(verdict.frame_id, step.id) << step.raw;
+    EXPECT_EQ(verdict.counter_reset, step.what == Step::kReset) << step.raw;
+  }
+  ids.finish();
+  for (std::size_t i = 0; i < kLossCauses; ++i) {
+    const auto cause = static_cast<LossCause>(i);
+    const auto expected = GetParam().lost.find(cause);
+    EXPECT_EQ(ids.counted(cause), expected != GetParam().lost.end() ? expected->second : 0U) << name(cause);
+  }
+  EXPECT_EQ(ids.duplicates(), GetParam().duplicates);
+  EXPECT_EQ(ids.received(), delivered);
+  EXPECT_EQ(ids.span(), ids.received() + ids.lost());
+}
+
+const Stream kStreams[]{
+    {"SixteenBitsSkipZero", {frame(65534), frame(65535), frame(1, 65536), frame(2, 65537)}},
+    {"ZeroIsAFrameWhenTheCameraSendsIt", {frame(65535), frame(0, 65536), frame(1, 65537)}},
+    {"GapAcrossTheWrap", {frame(65533), frame(3, 65538)}, {{LossCause::kMissing, 4}}},
+    {"ExtendedIdsPassSixteenBits",  // no outage explains the jump
+     {frame(65535), frame(65536), frame(65540), reset(5'000'000'000U, 65541), frame(5'000'000'001U, 65542)},
+     {{LossCause::kMissing, 3}}},
+    {"LateFrame", {frame(1), frame(3), refused(2), frame(4)}, {{LossCause::kOutOfOrder, 1}}},
+    {"Duplicates", {frame(1), frame(2), refused(2), refused(1), frame(3)}, {{LossCause::kOutOfOrder, 2}}, 2},
+    {"BrokenIsNotMissingToo",  // 4 and 6 are
+     {frame(1), broken(2), frame(3), broken(5, LossCause::kBadFrame), broken(7, LossCause::kDriver), frame(8)},
+     {{LossCause::kIncomplete, 1}, {LossCause::kBadFrame, 1}, {LossCause::kDriver, 1}, {LossCause::kMissing, 2}}},
+    {"LateBrokenTwice", {frame(1), frame(3), broken(2), broken(2)}, {{LossCause::kIncomplete, 1}}},
+    {"WithoutIdInTheNextGap",
+     {frame(1), nameless(), frame(4), frame(5)},
+     {{LossCause::kIncomplete, 1}, {LossCause::kMissing, 1}}},
+    // Foreign bytes on the stream's port look like a frame that lost its first packet.
+    {"WithoutIdAndWithoutAGapWasNoFrame",
+     {frame(1), nameless(), frame(2), nameless(3), frame(4), frame(5)},
+     {{LossCause::kIncomplete, 1}}},
+    {"WithoutIdInALongGap",
+     {frame(1), nameless(30), frame(102)},
+     {{LossCause::kIncomplete, 30}, {LossCause::kMissing, 70}}},
+    {"WithoutIdBeforeTheFirstAndAfterTheLast",
+     {nameless(), frame(100), frame(101), nameless()},
+     {{LossCause::kIncomplete, 2}}},
+    {"NothingButWithoutId", {nameless(5)}, {{LossCause::kIncomplete, 5}}},
+    {"LongOutage", {frame(1), wait_frames(3000), frame(3001)}, {{LossCause::kMissing, 2999}}},
+    {"JumpThatNoTimeExplains", {frame(60000), reset(1, 60001), frame(2, 60002)}},  // 5536 frames on, if it were a wrap
+    {"StepFarBack", {frame(1000), frame(1001), reset(5, 1002)}},
+    {"OpenGapsAreClosedAtAReset", {frame(1000), frame(1003), reset(1, 1004)}, {{LossCause::kMissing, 2}}},
+    {"ResetThatABrokenFrameShowed", {frame(1000), broken(1), reset(2, 1002)}, {{LossCause::kIncomplete, 1}}},
+    {"ReopenedWhateverTheCounterSays", {frame(10), frame(11), reopened(), reset(11, 12)}},
+    {"ReopenedBeforeTheFirst", {reopened(), frame(7), frame(8)}},
+};
+INSTANTIATE_TEST_SUITE_P(Streams, FrameIds, testing::ValuesIn(kStreams),
+                         [](const auto& row) { return std::string(row.param.name); });
+
 // A tracker with a clock that follows the frames.
 class FrameIdTrackerTest : public testing::Test {
  protected:
   FrameIdTracker::Verdict complete(std::uint64_t raw) { return ids_.complete(raw, now_ns_ += kPeriodNs); }
-  void broken(std::uint64_t raw, LossCause cause = LossCause::kIncomplete) {
-    ids_.broken(raw, cause, now_ns_ += kPeriodNs);
-  }
-  void wait_frames(std::int64_t frames) { now_ns_ += frames * kPeriodNs; }
   std::uint64_t lost(LossCause cause) const { return ids_.counted(cause); }
   void expect_all_accounted() {
     ids_.finish();
     EXPECT_EQ(ids_.span(), ids_.received() + ids_.lost());
-  }
-  void expect_lost(std::uint64_t frames) {
-    expect_all_accounted();
-    EXPECT_EQ(ids_.lost(), frames);
   }
 
   FrameIdTracker ids_{kPeriodS};
   std::int64_t now_ns_ = 1'000'000'000;
 };
 
-TEST_F(FrameIdTrackerTest, DeliversConsecutiveFramesWithoutLoss) {
-  for (std::uint64_t id = 10; id < 200; ++id) {
-    const auto verdict = complete(id);
-    EXPECT_TRUE(verdict.deliver);
-    EXPECT_FALSE(verdict.counter_reset);
-    EXPECT_EQ(verdict.frame_id, id);
-  }
-  expect_all_accounted();
-  EXPECT_EQ(ids_.received(), 190U);
-  EXPECT_EQ(ids_.lost(), 0U);
-}
-
-TEST_F(FrameIdTrackerTest, UnwrapsSixteenBitsAndSkipsZero) {
-  complete(65534);
-  complete(65535);
-  EXPECT_EQ(complete(1).frame_id, 65536U);
-  EXPECT_EQ(complete(2).frame_id, 65537U);
-  expect_lost(0);
-}
-
 TEST_F(FrameIdTrackerTest, UnwrapsManyTimes) {
   std::uint64_t last = complete(65401).frame_id;
   std::uint64_t raw = 65401;
   for (int i = 0; i < 200'000; ++i) {
     raw = raw == 65535 ? 1 : raw + 1;
-    const std::uint64_t id = complete(raw).frame_id;
-    ASSERT_EQ(id, last + 1);
-    last = id;
+    const auto verdict = complete(raw);
+    ASSERT_TRUE(verdict.deliver && !verdict.counter_reset);
+    ASSERT_EQ(verdict.frame_id, ++last);
   }
-  expect_lost(0);
-}
-
-TEST_F(FrameIdTrackerTest, TakesZeroAsAFrameWhenTheCameraSendsIt) {
-  complete(65535);
-  EXPECT_EQ(complete(0).frame_id, 65536U);
-  EXPECT_EQ(complete(1).frame_id, 65537U);
-  expect_lost(0);
-}
-
-TEST_F(FrameIdTrackerTest, CountsAGapAcrossTheWrap) {
-  complete(65533);
-  EXPECT_EQ(complete(3).frame_id, 65538U);  // 65534, 65535, 1 and 2 are missing
   expect_all_accounted();
-  EXPECT_EQ(lost(LossCause::kMissing), 4U);
-}
-
-TEST_F(FrameIdTrackerTest, PassesSixteenBitsWithExtendedIds) {
-  complete(65535);
-  EXPECT_EQ(complete(65536).frame_id, 65536U);
-  EXPECT_EQ(complete(65540).frame_id, 65540U);
-  EXPECT_EQ(complete(5'000'000'000U).counter_reset, true) << "no outage explains such a jump";
-  EXPECT_EQ(complete(5'000'000'001U).counter_reset, false);
-  expect_all_accounted();
-  EXPECT_EQ(lost(LossCause::kMissing), 3U);
+  EXPECT_EQ(ids_.lost(), 0U);
 }
 
 TEST_F(FrameIdTrackerTest, CallsAFrameMissingOnlyAfterTheReorderWindow) {
@@ -97,159 +143,8 @@ TEST_F(FrameIdTrackerTest, CallsAFrameMissingOnlyAfterTheReorderWindow) {
   EXPECT_EQ(lost(LossCause::kMissing), 0U);
   complete(2 + FrameIdTracker::kReorderFrames);
   EXPECT_EQ(lost(LossCause::kMissing), 1U);
-  expect_lost(1);
-}
-
-TEST_F(FrameIdTrackerTest, CountsALateFrameOnceAsOutOfOrder) {
-  complete(1);
-  complete(3);
-  EXPECT_FALSE(complete(2).deliver);
-  complete(4);
   expect_all_accounted();
-  EXPECT_EQ(lost(LossCause::kOutOfOrder), 1U);
-  EXPECT_EQ(lost(LossCause::kMissing), 0U);
-  EXPECT_EQ(ids_.duplicates(), 0U);
-}
-
-TEST_F(FrameIdTrackerTest, KeepsDuplicatesApartFromLosses) {
-  complete(1);
-  complete(2);
-  EXPECT_FALSE(complete(2).deliver);
-  EXPECT_FALSE(complete(1).deliver);
-  complete(3);
-  expect_all_accounted();
-  EXPECT_EQ(lost(LossCause::kOutOfOrder), 2U);
-  EXPECT_EQ(ids_.duplicates(), 2U);
-  EXPECT_EQ(ids_.lost(), 0U);
-  EXPECT_EQ(ids_.received(), 3U);
-}
-
-TEST_F(FrameIdTrackerTest, DoesNotCountABrokenFrameAsMissingToo) {
-  complete(1);
-  broken(2);
-  complete(3);
-  broken(5, LossCause::kBadFrame);  // and 4 is missing
-  broken(7, LossCause::kDriver);    // and 6
-  complete(8);
-  expect_all_accounted();
-  EXPECT_EQ(lost(LossCause::kIncomplete), 1U);
-  EXPECT_EQ(lost(LossCause::kBadFrame), 1U);
-  EXPECT_EQ(lost(LossCause::kDriver), 1U);
-  EXPECT_EQ(lost(LossCause::kMissing), 2U);
-}
-
-TEST_F(FrameIdTrackerTest, GivesALateBrokenFrameItsCause) {
-  complete(1);
-  complete(3);
-  broken(2);
-  broken(2);  // the same again
-  expect_all_accounted();
-  EXPECT_EQ(lost(LossCause::kIncomplete), 1U);
   EXPECT_EQ(ids_.lost(), 1U);
-}
-
-TEST_F(FrameIdTrackerTest, PlacesFramesWithoutIdInTheNextGap) {
-  complete(1);
-  ids_.broken_without_id();
-  complete(4);  // of 2 and 3, one came without its first packet
-  complete(5);
-  expect_all_accounted();
-  EXPECT_EQ(lost(LossCause::kIncomplete), 1U);
-  EXPECT_EQ(lost(LossCause::kMissing), 1U);
-}
-
-// Foreign bytes on the stream's port look like a frame that lost its first packet.
-TEST_F(FrameIdTrackerTest, WhatFillsNoGapWasNoFrame) {
-  complete(1);
-  ids_.broken_without_id();
-  complete(2);
-  for (int i = 0; i < 3; ++i) ids_.broken_without_id();
-  complete(4);  // 3 is missing, or one of those
-  complete(5);
-  expect_lost(1);
-}
-
-TEST_F(FrameIdTrackerTest, PlacesFramesWithoutIdInALongGap) {
-  complete(1);
-  for (int i = 0; i < 30; ++i) ids_.broken_without_id();
-  complete(102);  // 100 lost
-  expect_all_accounted();
-  EXPECT_EQ(lost(LossCause::kIncomplete), 30U);
-  EXPECT_EQ(lost(LossCause::kMissing), 70U);
-}
-
-TEST_F(FrameIdTrackerTest, PlacesFramesWithoutIdBeforeTheFirstAndAfterTheLast) {
-  ids_.broken_without_id();
-  complete(100);
-  complete(101);
-  ids_.broken_without_id();
-  expect_all_accounted();
-  EXPECT_EQ(ids_.span(), 4U);
-  EXPECT_EQ(lost(LossCause::kIncomplete), 2U);
-}
-
-TEST_F(FrameIdTrackerTest, CountsAStreamOfNothingButFramesWithoutId) {
-  for (int i = 0; i < 5; ++i) ids_.broken_without_id();
-  expect_all_accounted();
-  EXPECT_EQ(ids_.span(), 5U);
-  EXPECT_EQ(ids_.lost(), 5U);
-}
-
-TEST_F(FrameIdTrackerTest, CountsALongOutageAsMissing) {
-  complete(1);
-  wait_frames(3000);
-  EXPECT_FALSE(complete(3001).counter_reset);
-  expect_all_accounted();
-  EXPECT_EQ(lost(LossCause::kMissing), 2999U);
-}
-
-TEST_F(FrameIdTrackerTest, TakesAJumpThatNoTimeExplainsAsAReset) {
-  complete(60000);
-  const auto verdict = complete(1);  // 5536 frames on, if it were a wrap
-  EXPECT_TRUE(verdict.deliver);
-  EXPECT_TRUE(verdict.counter_reset);
-  EXPECT_EQ(verdict.frame_id, 60001U);
-  EXPECT_FALSE(complete(2).counter_reset);
-  expect_lost(0);
-}
-
-TEST_F(FrameIdTrackerTest, TakesAStepFarBackAsAReset) {
-  for (std::uint64_t id = 1000; id < 1010; ++id) complete(id);
-  EXPECT_TRUE(complete(5).counter_reset);
-  expect_lost(0);
-}
-
-TEST_F(FrameIdTrackerTest, ClosesOpenGapsAtAReset) {
-  complete(1000);
-  complete(1003);
-  EXPECT_TRUE(complete(1).counter_reset);
-  EXPECT_EQ(lost(LossCause::kMissing), 2U);
-  expect_all_accounted();
-}
-
-TEST_F(FrameIdTrackerTest, RemembersAResetThatABrokenFrameShowed) {
-  complete(1000);
-  broken(1);
-  EXPECT_TRUE(complete(2).counter_reset);
-  expect_all_accounted();
-  EXPECT_EQ(lost(LossCause::kIncomplete), 1U);
-}
-
-TEST_F(FrameIdTrackerTest, GoesOnAfterReconnectingWhateverTheCounterSays) {
-  complete(10);
-  complete(11);
-  ids_.restart();
-  const auto verdict = complete(11);  // the same number, another frame
-  EXPECT_TRUE(verdict.deliver);
-  EXPECT_TRUE(verdict.counter_reset);
-  EXPECT_EQ(verdict.frame_id, 12U);
-  expect_lost(0);
-}
-
-TEST_F(FrameIdTrackerTest, ReconnectingBeforeTheFirstFrameIsNoRestart) {
-  ids_.restart();
-  EXPECT_FALSE(complete(7).counter_reset);
-  EXPECT_FALSE(complete(8).counter_reset);
 }
 
 // Random losses of every kind, with neighbours exchanged and duplicates: what was done to the stream is what is

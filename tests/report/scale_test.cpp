@@ -80,6 +80,7 @@ TEST(Scale, CategoriesStandInTheMiddleOfTheirPlaces) {
 TEST(Text, MarkupAndBrokenLettersAreEscaped) {
   EXPECT_EQ(escaped("a<b & \"c\">"), "a&lt;b &amp; &quot;c&quot;&gt;");
   EXPECT_EQ(escaped("\xff\xc3 \xe2\x82"), "?? ??");
+  EXPECT_EQ(escaped("\xed\xa0\x80"), "???") << "half of a pair, which XML has none of";
   EXPECT_EQ(escaped("\u00b5s \u2192"), "\u00b5s \u2192");
   EXPECT_EQ(escaped(std::string("a\x01\x1b[0m")), "a??[0m");
 }

@@ -117,6 +117,7 @@ int streams(char* text, std::size_t bytes) {
 }  // namespace bolo::shm
 
 using bolo::shm::bad_argument;
+using bolo::shm::FollowedStream;
 using bolo::shm::guarded;
 using bolo::shm::thread_error;
 
@@ -147,13 +148,13 @@ const struct bolo_client_state* bolo_client_get_state(bolo_client* client) { ret
 int bolo_client_next(bolo_client* client, int timeout_ms, struct bolo_client_frame* frame) {
   if (client == nullptr) return bad_argument(thread_error, "bolo_client_next: client is NULL");
   if (frame == nullptr) return bad_argument(client->error, "bolo_client_next: frame is NULL");
-  return guarded(client->error, [&] { return client->next(timeout_ms, *frame); });
+  return guarded(client->error, [&] { return client->take(&FollowedStream::next, timeout_ms, *frame); });
 }
 
 int bolo_client_latest(bolo_client* client, int timeout_ms, struct bolo_client_frame* frame) {
   if (client == nullptr) return bad_argument(thread_error, "bolo_client_latest: client is NULL");
   if (frame == nullptr) return bad_argument(client->error, "bolo_client_latest: frame is NULL");
-  return guarded(client->error, [&] { return client->latest(timeout_ms, *frame); });
+  return guarded(client->error, [&] { return client->take(&FollowedStream::latest, timeout_ms, *frame); });
 }
 
 int bolo_client_valid(const struct bolo_client_frame* frame) {

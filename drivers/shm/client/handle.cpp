@@ -81,23 +81,10 @@ const bolo_client_state& Handle::update_state() {
   return state_;
 }
 
-int Handle::next(int timeout_ms, bolo_client_frame& frame) {
+int Handle::take(Take one, int timeout_ms, bolo_client_frame& frame) {
   BorrowedFrame lent;
   std::uint64_t missed = 0;
-  const auto outcome = stream_.next(lent, missed, timeout_ms);
-  return given(outcome, lent, missed, frame);
-}
-
-int Handle::latest(int timeout_ms, bolo_client_frame& frame) {
-  BorrowedFrame lent;
-  std::uint64_t missed = 0;
-  const auto outcome = stream_.latest(lent, missed, timeout_ms);
-  return given(outcome, lent, missed, frame);
-}
-
-int Handle::given(FollowedStream::Outcome outcome, const BorrowedFrame& lent, std::uint64_t missed,
-                  bolo_client_frame& frame) {
-  switch (outcome) {
+  switch ((stream_.*one)(lent, missed, timeout_ms)) {
     case FollowedStream::Outcome::kFrame:
       break;
     case FollowedStream::Outcome::kTimeout:

@@ -37,8 +37,9 @@ class Handle {
 
   const bolo_client_info& info() const noexcept { return info_; }
   const bolo_client_state& update_state();
-  int next(int timeout_ms, bolo_client_frame& frame);
-  int latest(int timeout_ms, bolo_client_frame& frame);
+  // One of FollowedStream's.
+  using Take = decltype(&FollowedStream::next);
+  int take(Take one, int timeout_ms, bolo_client_frame& frame);
   int kelvin(std::span<const std::uint16_t> values, float* kelvin);
   int points(std::uint64_t number, std::span<const bolo_client_point> points, float* values);
   std::shared_ptr<const void> hold() const noexcept { return stream_.reader().hold(); }
@@ -47,7 +48,6 @@ class Handle {
 
  private:
   void fill_info();
-  int given(FollowedStream::Outcome outcome, const BorrowedFrame& lent, std::uint64_t missed, bolo_client_frame& frame);
   int choose_points(std::span<const bolo_client_point> points);
   int refuse(int result, std::string_view text);
 
