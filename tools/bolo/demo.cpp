@@ -19,6 +19,7 @@
 #include "src/report/sheet.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/cli/plot_option.hpp"
 #include "tools/cli/process.hpp"
 #include "tools/cli/scratch_folder.hpp"
 #include "tools/demo/live_check.hpp"
@@ -138,18 +139,26 @@ class Demonstration {
     return {};
   }
 
-  // Before and after, by every solver.
+  // Before and after, by every solver; in the picture without those that did not come to the first one's frame.
   Status conclude() {
     std::printf("\nRMSE against truth   before %.3f K", outcomes_.front().error.rmse_before());
-    std::vector<NamedOutcome> named;
+    std::vector<LiveResult> results;
+    std::string solvers;
     for (std::size_t i = 0; i < outcomes_.size(); ++i) {
-      std::printf(", %s %.3f K", kSolvers[i], outcomes_[i].error.rmse_after());
-      named.push_back({kSolvers[i], &outcomes_[i]});
+      const LiveOutcome& o = outcomes_[i];
+      std::printf(", %s %.3f K", kSolvers[i], o.error.rmse_after());
+      if (o.shown.waits()) continue;
+      results.push_back(
+          {&o.shown.shown(),
+           {kSolvers[i], o.error.rmse_before(), o.error.rmse_after(), o.first.frame_period_s, o.latency_ms}});
+      solvers += std::string(solvers.empty() ? "" : "; ") + o.first.solver;
     }
     std::puts("");
     std::fflush(stdout);
     if (!folder_.stays()) return {};
-    RETURN_IF_ERROR(save(live_sheet(named, "bolo demo"), {picture(), replace_}); !saved) return saved;
+    plot::Sheet sheet = sheet_of(results);
+    sheet.how = "bolo demo: " + solvers + ". " + machine_words() + ".";
+    RETURN_IF_ERROR(save(sheet, {picture(), replace_}));
     std::printf("before and after     %s\n", picture().c_str());
     return {};
   }
