@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <vector>
 
 #include "src/capture/capture.hpp"
@@ -74,6 +75,22 @@ inline void write_blurred(const std::filesystem::path& file, const Blurred& b) {
   }
   const Status closed = writer->close();
   ASSERT_TRUE(closed) << closed.error().message;
+}
+
+// 3x2 pixels in kelvin, of which one is not a number in frame `bad`.
+inline void write_nan(const std::filesystem::path& file, std::uint64_t frames, std::uint64_t bad) {
+  capture::CaptureInfo info;
+  info.format.geometry = {3, 2};
+  info.format.type = PixelType::kFloat32;
+  info.format.scale = {Unit::kKelvin, 1.0, 0.0};
+  auto writer = capture::CaptureWriter::create(file, info, {.replace = Replace::kExisting});
+  ASSERT_TRUE(writer) << writer.error().message;
+  for (std::uint64_t n = 0; n < frames; ++n) {
+    std::vector<float> plane(6, 300.0F);
+    if (n == bad) plane[4] = std::numeric_limits<float>::quiet_NaN();
+    ASSERT_TRUE(writer->append(static_cast<double>(n) * kPeriod, n, plane.data()));
+  }
+  ASSERT_TRUE(writer->close());
 }
 
 }  // namespace bolo::tools::test

@@ -6,7 +6,6 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
-#include <limits>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -286,12 +285,7 @@ TEST_F(DeblurFolder, RanksTakeTheirPartsFromTheirVariables) {
 }
 
 TEST_F(DeblurFolder, AKilledRunGoesOnWithTheCaptureItWasAt) {
-  Blurred large;
-  large.truth = false;
-  large.frames = 120;
-  large.width = 200;
-  large.height = 100;
-  write_blurred(file("archive/b.h5"), large);
+  write_blurred(file("archive/b.h5"), {.truth = false, .frames = 120, .width = 200, .height = 100});
   {
     Program program = start({file("archive"), "-o", file("sharp"), "--solver", "exact", "--threads", "1"}, "killed");
     while (!fs::exists(file("sharp/b.h5.part"))) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -308,19 +302,7 @@ TEST_F(DeblurFolder, AKilledRunGoesOnWithTheCaptureItWasAt) {
 }
 
 TEST_F(DeblurFolder, OneBadCaptureDoesNotStopTheOthers) {
-  {
-    capture::CaptureInfo info;
-    info.format.geometry = {3, 2};
-    info.format.type = PixelType::kFloat32;
-    info.format.scale = {Unit::kKelvin, 1.0, 0.0};
-    auto writer = capture::CaptureWriter::create(file("archive/b.h5"), info, {.replace = Replace::kExisting});
-    std::vector<float> plane(6, 300.0F);
-    for (std::size_t i = 0; i < 60; ++i) {
-      if (i == 40) plane[4] = std::numeric_limits<float>::quiet_NaN();
-      ASSERT_TRUE(writer->append(static_cast<double>(i) * test::kPeriod, i, plane.data()));
-    }
-    ASSERT_TRUE(writer->close());
-  }
+  test::write_nan(file("archive/b.h5"), 60, 40);
   const Outcome outcome = run({file("archive"), "-o", file("sharp"), "--json"});
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_NE(outcome.err.find("b.h5: frame 40, column 1, row 1 of /frames is nan"), std::string::npos) << outcome.err;

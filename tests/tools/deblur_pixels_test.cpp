@@ -55,9 +55,7 @@ TEST_F(DeblurVerb, ARegionIsTheSamePixelsBitForBit) {
 class DeblurVerbPoints : public DeblurVerb, public testing::WithParamInterface<const char*> {};
 
 TEST_P(DeblurVerbPoints, AreTheWholeFramesBits) {
-  Blurred blurred;
-  blurred.stimulus = capture::Uniform{300.0};
-  write_blurred(file("in.h5"), blurred);
+  write_blurred(file("in.h5"), {.stimulus = capture::Uniform{300.0}});
   std::ofstream(file("p.csv")) << "x,y\n# comment\n3, 1\n\n39,5\r\n0.4,0\n2.5,4.49\n3,1\n";
   const std::vector<capture::Point> places{{3, 1}, {39, 5}, {0, 0}, {3, 4}, {3, 1}};
   const auto whole = deblurred({"--solver", GetParam()}, "whole.h5");

@@ -52,9 +52,7 @@ TEST_F(DeblurVerb, WritesASharpFrameForEachFrameWithAFullWindow) {
 
 // A gyro whose times are others' changes no bit; one whose times are the frames' is used, and said so.
 TEST_F(DeblurVerb, AGyroIsOnTheCapturesClock) {
-  Blurred square;
-  square.height = kWidth;
-  write_blurred(file("in.h5"), square);
+  write_blurred(file("in.h5"), {.height = kWidth});
   std::ofstream(file("lens.toml")) << "[lens]\nfocal_px = 1400\n";
   std::ofstream here(file("here.csv"));
   std::ofstream elsewhere(file("elsewhere.csv"));
@@ -182,9 +180,7 @@ TEST_F(DeblurVerb, Uint16OutputKeepsTheInputsScale) {
 }
 
 TEST_F(DeblurVerb, ACaptureInCountsStaysInCountsAndIsNotJudged) {
-  Blurred blurred;
-  blurred.scale = {Unit::kCount, 1.0, 0.0};
-  write_blurred(file("in.h5"), blurred);
+  write_blurred(file("in.h5"), {.scale = {Unit::kCount, 1.0, 0.0}});
   const auto out = deblurred({"--json", "--lambda", "0.2"});
   EXPECT_EQ(out.info().format.scale.unit, Unit::kCount);
   EXPECT_EQ(out.info().format.type, PixelType::kFloat32);
@@ -193,22 +189,16 @@ TEST_F(DeblurVerb, ACaptureInCountsStaysInCountsAndIsNotJudged) {
 }
 
 TEST_F(DeblurVerb, FloatCapturesAreTaken) {
-  Blurred blurred;
-  blurred.type = PixelType::kFloat32;
-  blurred.scale = {Unit::kKelvin, 1.0, 0.0};
-  write_blurred(file("in.h5"), blurred);
+  write_blurred(file("in.h5"), {.type = PixelType::kFloat32, .scale = {Unit::kKelvin, 1.0, 0.0}});
   (void)deblurred({"--json"});
   const auto json = nlohmann::json::parse(last_.out);
   EXPECT_LT(json["rmse"]["deblurred_k"].get<double>(), 0.1 * json["rmse"]["blurred_k"].get<double>());
 }
 
 TEST_F(DeblurVerb, ALostFrameIsAGapAndEventsStartAgain) {
-  Blurred blurred;
-  blurred.frames = 80;
-  blurred.lost = {20};
-  blurred.events = {{100.0 + 40 * kPeriod, "nuc"}};
-  blurred.stimulus = capture::Uniform{300.0};
-  write_blurred(file("in.h5"), blurred);
+  write_blurred(
+      file("in.h5"),
+      {.frames = 80, .lost = {20}, .events = {{100.0 + 40 * kPeriod, "nuc"}}, .stimulus = capture::Uniform{300.0}});
   const auto out = deblurred({"--json"});
   EXPECT_EQ(nlohmann::json::parse(last_.out)["lost"], 1);
   std::vector<std::uint64_t> expected;
@@ -232,9 +222,7 @@ TEST_F(DeblurVerb, LookaheadLeavesOutFramesAtBothEnds) {
 }
 
 TEST_F(DeblurVerb, WithoutJsonItSaysTheSameInALine) {
-  Blurred blurred;
-  blurred.truth = false;
-  write_blurred(file("in.h5"), blurred);
+  write_blurred(file("in.h5"), {.truth = false});
   (void)deblurred();
   EXPECT_NE(last_.out.find("44 of 60 frames"), std::string::npos) << last_.out;
   EXPECT_EQ(last_.out.find("truth"), std::string::npos) << last_.out;
@@ -242,11 +230,7 @@ TEST_F(DeblurVerb, WithoutJsonItSaysTheSameInALine) {
 }
 
 TEST_F(DeblurVerb, AnInterruptionKeepsWhatWasSolved) {
-  Blurred large;
-  large.frames = 100;
-  large.width = 64;
-  large.height = 48;
-  write_blurred(file("in.h5"), large);
+  write_blurred(file("in.h5"), {.frames = 100, .width = 64, .height = 48});
   const std::vector<std::string> exact{"--solver", "exact", "--threads", "1"};
   {
     Program program = start({file("in.h5"), "-o", file("out.h5"), exact[0], exact[1], exact[2], exact[3]});
@@ -275,12 +259,7 @@ TEST_F(DeblurVerb, AnInterruptionKeepsWhatWasSolved) {
 
 // One frame takes this solver seconds, and 64 wait for it: neither is waited for.
 TEST_F(DeblurVerb, AnInterruptionIsHeardInTheMiddleOfAFrame) {
-  Blurred large;
-  large.truth = false;
-  large.frames = 100;
-  large.width = 1024;
-  large.height = 768;
-  write_blurred(file("in.h5"), large);
+  write_blurred(file("in.h5"), {.truth = false, .frames = 100, .width = 1024, .height = 768});
   Program program = start({file("in.h5"), "-o", file("out.h5"), "--solver", "exact", "--levels", "7", "--lambda",
                            "0.001", "--threads", "1"});
   while (!fs::exists(file("out.h5.part"))) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -294,9 +273,7 @@ TEST_F(DeblurVerb, AnInterruptionIsHeardInTheMiddleOfAFrame) {
 }
 
 TEST_F(DeblurVerb, AnOutputThatStoodThereBeforeSurvivesAFailure) {
-  Blurred few;
-  few.frames = 5;
-  write_blurred(file("in.h5"), few);
+  write_blurred(file("in.h5"), {.frames = 5});
   std::ofstream(file("out.h5")) << "older";
   for (const char* how : {"--json", "--overwrite"}) {
     EXPECT_EQ(run({file("in.h5"), "-o", file("out.h5"), how}).exit_code, 2);

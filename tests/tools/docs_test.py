@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 
-from loopback import own_address
+from programs import own_address
 
 SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 PAGES = sys.argv[3:] or ["README.md", "docs/guide.md", "docs/diagnosis.md"]

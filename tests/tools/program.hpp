@@ -27,7 +27,7 @@ inline std::string contents(const std::filesystem::path& file) {
   return text.str();
 }
 
-// A loopback address that no other test has: all 22 bits of the process id are in it (as own_address() of loopback.py).
+// A loopback address that no other test has: all 22 bits of the process id are in it (as own_address() of programs.py).
 inline std::string own_address() {
   const int pid = getpid();
   return "127." + std::to_string(64 + pid / 65024) + "." + std::to_string(pid / 254 % 256) + "." +

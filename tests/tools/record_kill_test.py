@@ -14,6 +14,8 @@ import sys
 import tempfile
 import time
 
+from programs import wait_for
+
 try:
     import h5py
     import numpy as np
@@ -47,14 +49,6 @@ def newest(name):
             return 0, 0
         f.seek(slots_offset + (published - 1) % slot_count * slot_stride + 8)
         return int.from_bytes(f.read(8), "little"), sum(struct.unpack_from("<16Q", header, 384))
-
-
-def wait_for(condition, what):
-    end = time.monotonic() + 60
-    while not condition():
-        if time.monotonic() > end:
-            raise AssertionError(f"{what} did not come")
-        time.sleep(0.01)
 
 
 def expect(good, what, **values):

@@ -12,6 +12,7 @@
 #include <map>
 #include <regex>
 #include <sstream>
+#include <stdexcept>
 #include <thread>
 
 #include <nlohmann/json.hpp>
@@ -60,6 +61,19 @@ void expect_published(const capture::CaptureReader& reader, std::size_t plane_in
   }
 }
 
+capture::CaptureReader opened(const std::string& file) {
+  auto reader = capture::CaptureReader::open(file);
+  if (!reader) throw std::runtime_error(reader.error().message);
+  return std::move(*reader);
+}
+
+// A capture of this many frames, as they were published.
+void expect_recorded(const std::string& file, std::size_t frames, std::size_t plane_index = 0) {
+  const capture::CaptureReader reader = opened(file);
+  EXPECT_EQ(reader.info().frames, frames) << file;
+  expect_published(reader, plane_index);
+}
+
 TEST_F(RecordVerb, SeveralCamerasGoIntoOneFolder) {
   shm::Writer left(name_ + "-l");
   shm::Writer right(name_ + "-r");
@@ -75,10 +89,7 @@ TEST_F(RecordVerb, SeveralCamerasGoIntoOneFolder) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   for (const std::string& one : files) {
     EXPECT_NE(outcome.out.find(one), std::string::npos) << outcome.out;
-    const auto reader = capture::CaptureReader::open(one);
-    ASSERT_TRUE(reader) << reader.error().message;
-    EXPECT_EQ(reader->info().frames, 100U);
-    expect_published(*reader, 0);
+    expect_recorded(one, 100);
   }
   refused({"record", name_ + "-l", name_ + "-l", "-o", file("rig")}, "is named twice");
   refused({"record", name_ + "-l", name_ + "-r", "-o", file("rig.h5")}, "into a folder");
@@ -128,14 +139,13 @@ TEST_F(RecordVerb, FramesAreThePublishedOnes) {
   EXPECT_EQ(told["frames"], 300);
   EXPECT_EQ(told["lost"]["overwritten"], 0);
   EXPECT_EQ(told["lost"]["no_room"], 0);
-  const auto reader = capture::CaptureReader::open(file("a.h5"));
-  ASSERT_TRUE(reader) << reader.error().message;
-  ASSERT_EQ(reader->info().frames, 300U);
-  EXPECT_EQ(reader->info().camera_model, "Model");
-  EXPECT_EQ(reader->info().camera_serial, "1234");
-  EXPECT_EQ(reader->info().format.scale.offset, 5.0);
-  expect_published(*reader, 0);
-  EXPECT_FALSE(reader->info().has_motion);
+  const capture::CaptureReader reader = opened(file("a.h5"));
+  ASSERT_EQ(reader.info().frames, 300U);
+  EXPECT_EQ(reader.info().camera_model, "Model");
+  EXPECT_EQ(reader.info().camera_serial, "1234");
+  EXPECT_EQ(reader.info().format.scale.offset, 5.0);
+  expect_published(reader, 0);
+  EXPECT_FALSE(reader.info().has_motion);
   const std::string info = run({"info", file("a.h5")}).out;
   EXPECT_TRUE(std::regex_search(
       info, std::regex("recorded   20[0-9-]{8}T[0-9:]{8}\\.[0-9]{3}Z on [^ ]+ by bolo [0-9]+\\.[0-9.]+\n")))
@@ -161,21 +171,20 @@ TEST_F(RecordVerb, UtcIsRecordedAndAStepOfTheClockIsSaid) {
     return exists(file("a.h5"));
   });
   ASSERT_EQ(program.outcome().exit_code, 0);
-  const auto reader = capture::CaptureReader::open(file("a.h5"));
-  ASSERT_TRUE(reader) << reader.error().message;
-  ASSERT_TRUE(reader->info().has_times);
+  const capture::CaptureReader reader = opened(file("a.h5"));
+  ASSERT_TRUE(reader.info().has_times);
   std::vector<double> steps_s;
-  for (const auto& event : reader->events()) {
+  for (const auto& event : reader.events()) {
     if (event.kind == "clock_step") steps_s.push_back(event.t_s);
   }
   ASSERT_EQ(steps_s.size(), 2U);
   EXPECT_NEAR(steps_s[0], static_cast<double>(ahead) * 0.005, 1e-9) << "the first frame of the new time";
   EXPECT_NEAR(steps_s[1], static_cast<double>(back) * 0.005, 1e-9);
   for (std::size_t i = 0; i < 300; ++i) {
-    const std::uint64_t number = reader->frame_id()[i] / 2;
+    const std::uint64_t number = reader.frame_id()[i] / 2;
     const std::int64_t set_by = number < ahead ? 0 : number < back ? kHour : -kHour;
-    ASSERT_NEAR(reader->t_host()[i], static_cast<double>(1000 + number) * 1e-9, 1e-12) << "it does not step";
-    ASSERT_NEAR(reader->t_utc()[i], static_cast<double>(shm::utc_of(number) + set_by) * 1e-9, 1e-6);
+    ASSERT_NEAR(reader.t_host()[i], static_cast<double>(1000 + number) * 1e-9, 1e-12) << "it does not step";
+    ASSERT_NEAR(reader.t_utc()[i], static_cast<double>(shm::utc_of(number) + set_by) * 1e-9, 1e-6);
   }
   const auto json_info = nlohmann::json::parse(run({"info", file("a.h5"), "--json"}).out);
   EXPECT_NEAR(json_info["attributes"]["utc_uncertainty_s"].get<double>(), 0.001500001, 1e-12);
@@ -194,14 +203,13 @@ TEST_F(RecordVerb, TheScenesMotionIsRecordedWithItsFrames) {
   publish_until(writer, [&] { return exists(file("a_003.h5")); });
   ASSERT_EQ(program.outcome().exit_code, 0);
   for (const char* part : {"a_001.h5", "a_002.h5", "a_003.h5"}) {
-    const auto reader = capture::CaptureReader::open(file(part));
-    ASSERT_TRUE(reader) << reader.error().message;
-    ASSERT_TRUE(reader->info().has_motion);
-    expect_published(*reader, 0);
-    for (std::size_t i = 0; i < reader->info().frames; ++i) {
-      const std::uint64_t number = reader->frame_id()[i] / 2;
+    const capture::CaptureReader reader = opened(file(part));
+    ASSERT_TRUE(reader.info().has_motion);
+    expect_published(reader, 0);
+    for (std::size_t i = 0; i < reader.info().frames; ++i) {
+      const std::uint64_t number = reader.frame_id()[i] / 2;
       std::vector<BlockMotion> blocks(5);
-      ASSERT_TRUE(reader->read_motion(i, blocks.data()));
+      ASSERT_TRUE(reader.read_motion(i, blocks.data()));
       for (std::size_t b = 0; b < blocks.size(); ++b) {
         ASSERT_EQ(blocks[b].x, shm::moves(number) ? shm::motion_pattern(number, b, 0) : 0.0F) << number;
         ASSERT_EQ(blocks[b].confidence, shm::moves(number) ? shm::motion_pattern(number, b, 2) : 0.0F) << number;
@@ -219,10 +227,7 @@ TEST_F(RecordVerb, DeblurredPlanesInFilesOfAGivenLength) {
   publish_until(writer, [&] { return exists(file("a_003.h5")); });
   ASSERT_EQ(program.outcome().exit_code, 0);
   for (const auto& [part, frames] : {std::pair{"a_001.h5", 120U}, {"a_002.h5", 120U}, {"a_003.h5", 60U}}) {
-    const auto reader = capture::CaptureReader::open(file(part));
-    ASSERT_TRUE(reader) << reader.error().message;
-    EXPECT_EQ(reader->info().frames, frames);
-    expect_published(*reader, 1);
+    expect_recorded(file(part), frames, 1);
   }
 }
 
@@ -245,10 +250,7 @@ TEST_F(RecordVerb, EarlierPartsStayAndCostNoFrame) {
   EXPECT_EQ(told["frames"], 300);
   EXPECT_EQ(told["lost"]["unwritten"], 0);
   for (const auto& [part, frames] : {std::pair{"a_001.h5", 120U}, {"a_004.h5", 120U}, {"a_005.h5", 60U}}) {
-    const auto reader = capture::CaptureReader::open(file(part));
-    ASSERT_TRUE(reader) << reader.error().message;
-    EXPECT_EQ(reader->info().frames, frames);
-    expect_published(*reader, 0);
+    expect_recorded(file(part), frames);
   }
 }
 
@@ -282,9 +284,7 @@ TEST_F(RecordVerb, InterruptEndsInGoodOrder) {
     const Outcome outcome = program.outcome();
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     EXPECT_FALSE(exists(name + ".part"));
-    const auto reader = capture::CaptureReader::open(name);
-    ASSERT_TRUE(reader) << reader.error().message;
-    expect_published(*reader, 0);
+    expect_published(opened(name), 0);
   }
 }
 
@@ -301,11 +301,10 @@ TEST_F(RecordVerb, FollowsADaemonThatIsStartedAgain) {
   const Outcome outcome = program.outcome();
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(json::parse(outcome.out)["reconnects"], 1);
-  const auto reader = capture::CaptureReader::open(file("a.h5"));  // refuses numbers and times that don't rise
-  ASSERT_TRUE(reader) << reader.error().message;
-  EXPECT_EQ(reader->info().frames, 200U);
-  ASSERT_EQ(reader->events().size(), 1U);
-  EXPECT_EQ(reader->events()[0].kind, "reconnect");
+  const capture::CaptureReader reader = opened(file("a.h5"));  // refuses numbers and times that don't rise
+  EXPECT_EQ(reader.info().frames, 200U);
+  ASSERT_EQ(reader.events().size(), 1U);
+  EXPECT_EQ(reader.events()[0].kind, "reconnect");
 }
 
 // A killed daemon's heartbeat looks alive for two seconds. Its successor's ring is shorter than that here, so that
@@ -359,11 +358,10 @@ TEST_F(RecordVerb, OverwrittenFramesAreCounted) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const json told = json::parse(outcome.out);
   EXPECT_GT(told["lost"]["overwritten"], 1000);
-  const auto reader = capture::CaptureReader::open(file("a.h5"));
-  ASSERT_TRUE(reader) << reader.error().message;
-  expect_published(*reader, 0);
-  ASSERT_FALSE(reader->events().empty());
-  EXPECT_EQ(reader->events()[0].kind, "gap");
+  const capture::CaptureReader reader = opened(file("a.h5"));
+  expect_published(reader, 0);
+  ASSERT_FALSE(reader.events().empty());
+  EXPECT_EQ(reader.events()[0].kind, "gap");
 }
 
 // The limit on file size stands for the end of the disk. The program inherits it from this process.
@@ -381,11 +379,10 @@ TEST_F(RecordVerb, FullDiskEndsInAGoodCapture) {
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_NE(outcome.err.find("no room to write"), std::string::npos) << outcome.err;
   EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-  const auto reader = capture::CaptureReader::open(file("a.h5"));
-  ASSERT_TRUE(reader) << reader.error().message;
-  EXPECT_GT(reader->info().frames, 20U);
-  EXPECT_EQ(json::parse(outcome.out)["frames"], reader->info().frames);
-  expect_published(*reader, 0);
+  const capture::CaptureReader reader = opened(file("a.h5"));
+  EXPECT_GT(reader.info().frames, 20U);
+  EXPECT_EQ(json::parse(outcome.out)["frames"], reader.info().frames);
+  expect_published(reader, 0);
 }
 
 TEST_F(RecordVerb, AKilledRecordingIsRecovered) {
@@ -420,10 +417,7 @@ TEST_F(RecordVerb, AKilledRecordingIsRecovered) {
   ASSERT_EQ(finished.exit_code, 0) << finished.err;
   EXPECT_FALSE(exists(file("a.h5") + ".part"));
   for (const std::string& saved : {file("a.h5"), file("b.h5")}) {
-    const auto reader = capture::CaptureReader::open(saved);
-    ASSERT_TRUE(reader) << reader.error().message;
-    EXPECT_EQ(reader->info().frames, frames);
-    expect_published(*reader, 0);
+    expect_recorded(saved, frames);
   }
 }
 
@@ -468,9 +462,7 @@ TEST_F(RecordVerb, ACutOffCaptureIsRecovered) {
   EXPECT_GT(told["frames"], 150);
   EXPECT_FALSE(told["missing"].empty());
   EXPECT_EQ(fs::file_size(file("a.h5")), size * 6 / 10);
-  const auto reader = capture::CaptureReader::open(file("b.h5"));
-  ASSERT_TRUE(reader) << reader.error().message;
-  expect_published(*reader, 0);
+  expect_published(opened(file("b.h5")), 0);
 }
 
 }  // namespace

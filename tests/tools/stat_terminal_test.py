@@ -9,7 +9,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
+
+from programs import wait_for
 
 if shutil.which("tmux") is None:
     print("skipped: tmux is not installed")
@@ -34,15 +35,6 @@ class Terminal:
 
     def close(self):
         subprocess.run([*self.tmux, "kill-server"], check=False, capture_output=True)
-
-
-def wait_for(look, what):
-    end = time.monotonic() + 60
-    while not (found := look()):
-        if time.monotonic() > end:
-            raise AssertionError(f"{what} did not come")
-        time.sleep(0.05)
-    return found
 
 
 def bars(lines, row):

@@ -1,12 +1,9 @@
 // What the view's server refuses, what it lets through, and that its bounds hold.
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <filesystem>
 #include <fstream>
@@ -14,7 +11,8 @@
 #include <thread>
 #include <vector>
 
-#include "src/core/unique_fd.hpp"
+#include "tests/scratch.hpp"
+#include "tests/tools/sockets.hpp"
 #include "tools/view/access.hpp"
 #include "tools/view/page_files.hpp"
 #include "tools/view/site.hpp"
@@ -22,31 +20,16 @@
 namespace bolo::view {
 namespace {
 
+namespace test = tools::test;
+using test::receive_all;
+using test::send_text;
+
 constexpr const char* kToken = "0123456789abcdef-_XY";
 
 UniqueFd connected(std::uint16_t port) {
-  UniqueFd fd(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(port);
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  const timeval patience{30, 0};  // a guard against hanging
-  setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-  EXPECT_EQ(connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  UniqueFd fd = test::patient_socket(AF_INET);
+  EXPECT_TRUE(test::connect_to(fd, "127.0.0.1", port));
   return fd;
-}
-
-void send_text(const UniqueFd& fd, const std::string& text) {
-  EXPECT_EQ(send(fd.get(), text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
-}
-
-std::string receive_all(const UniqueFd& fd) {
-  std::string all;
-  std::array<char, 4096> part;
-  for (ssize_t got = 0; (got = recv(fd.get(), part.data(), part.size(), 0)) > 0;) {
-    all.append(part.data(), static_cast<std::size_t>(got));
-  }
-  return all;
 }
 
 // A view of a daemon that is not there.
@@ -344,14 +327,14 @@ TEST(ViewToken, IsLongEnoughAndOnlyItsOwnersToRead) {
     EXPECT_FALSE(check_token(bad)) << bad;
   }
   EXPECT_FALSE(check_token(std::string(129, 'a')));
-  const std::string file = testing::TempDir() + "view_token_" + std::to_string(getpid());
+  const Scratch scratch;
+  const std::string file = scratch / "token";
   EXPECT_FALSE(read_token(file)) << "no such file";
   std::ofstream(file) << kToken << "\n";
   chmod(file.c_str(), 0644);
   EXPECT_FALSE(read_token(file)) << "others may read it";
   chmod(file.c_str(), 0600);
   EXPECT_EQ(read_token(file).value_or(""), kToken);
-  std::filesystem::remove(file);
 }
 
 }  // namespace

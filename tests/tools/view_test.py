@@ -21,7 +21,7 @@ import urllib.parse
 import zlib
 
 import browser
-from loopback import own_address
+from programs import own_address, wait_for
 
 if browser.missing():
     print(f"skipped: {browser.missing()} is not installed")
@@ -30,15 +30,6 @@ if browser.missing():
 WIDTH, HEIGHT, RATE = (int(v) for v in os.environ.get("BOLO_VIEW_FORMAT", "160,48,100").split(","))
 PATIENCE_S = 60  # a guard against hanging, not an expectation
 HEAD = struct.Struct("<4sHHIIddQQQqdIIIIq")  # FrameHead of tools/view/live_stream.hpp
-
-
-def wait_for(condition, what):
-    end = time.monotonic() + PATIENCE_S
-    while not (value := condition()):
-        if time.monotonic() > end:
-            raise AssertionError(f"{what} did not come")
-        time.sleep(0.05)
-    return value
 
 
 class Programs:

@@ -18,6 +18,8 @@ import sys
 import tempfile
 import time
 
+from programs import wait_for
+
 OLD = b"an older file of the same name\n"
 KILLS = 4
 
@@ -99,9 +101,7 @@ class Table:
         if self.daemon is None:
             words = ["replay", f"{self.inputs}/big.h5", "--name", self.name, "--loop"]
             self.daemon = subprocess.Popen([self.bolo] + words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-            end = time.monotonic() + 60
-            while not os.path.exists(f"/dev/shm/bolo.{self.name}") and time.monotonic() < end:
-                time.sleep(0.05)
+            wait_for(lambda: os.path.exists(f"/dev/shm/bolo.{self.name}"), "the daemon")
 
     def words(self, case, outputs, *more):
         return [word.format(i=self.inputs, o=outputs, name=self.name) for word in case.words] + list(more)

@@ -91,8 +91,9 @@ Result<Speed> measure(const Window& input, deblur::Method method, int threads, d
   return Speed{deblur::name(method), typical_ms, 1e3 * settings.period_s / typical_ms};
 }
 
-Status bench(int threads, double seconds, bool json) {
-  if (threads < 1 || threads > 256) return bad_input("--threads: expected 1 to 256");
+Status bench(const cxxopts::ParseResult& given) {
+  ASSIGN_OR_RETURN(const int threads, number_of<int>(given, "threads", 1, 256));
+  const auto seconds = given["seconds"].as<double>();
   if (!(seconds > 0.0 && seconds <= 3600.0)) return bad_input("--seconds: expected more than 0, at most 3600");
   nlohmann::ordered_json result{
       {"width", kFrame.width}, {"height", kFrame.height}, {"rate_hz", 200}, {"threads", threads}};
@@ -105,7 +106,7 @@ Status bench(int threads, double seconds, bool json) {
         {{"solver", speed.solver}, {"ms_per_frame", speed.ms_per_frame}, {"realtime_factor", speed.realtime_factor}});
     line += fmt::format("{}{} {:.1f}", line.empty() ? "" : ", ", speed.solver, speed.realtime_factor);
   }
-  if (json) {
+  if (given.count("json") != 0) {
     std::puts(result.dump(2).c_str());
   } else {
     std::printf("a street at 640x120 and 200 Hz, %d thread%s; times faster than the camera: %s\n", threads,
@@ -119,16 +120,10 @@ Status bench(int threads, double seconds, bool json) {
 int bench_main(int argc, char** argv) {
   cxxopts::Options options(
       "bolo bench", "Say how many times faster than the camera (640x120, 200 Hz) this computer deblurs, by solver.");
-  int threads = 1;
-  double seconds = 2.0;
-  bool json = false;
-  options.add_options()("threads", "Worker threads", cxxopts::value(threads)->default_value("1"), "N")(
-      "seconds", "How long to measure", cxxopts::value(seconds)->default_value("2"), "S")(
-      "json", "Print the result as JSON", cxxopts::value(json));
-  cxxopts::ParseResult given;
-  if (const auto code = parse(options, argc, argv, given)) return *code;
-  const Status status = bench(threads, seconds, json);
-  return status ? kExitDone : report("bench", status.error());
+  add_option<int>(options, "threads", "Worker threads", "1", "N");
+  add_option<double>(options, "seconds", "How long to measure", "2", "S");
+  add_option<bool>(options, "json", "Print the result as JSON");
+  return run_verb("bench", std::move(options), argc, argv, bench, false);
 }
 
 }  // namespace bolo::tools

@@ -38,11 +38,14 @@ cxxopts::Options calibrate_options() {
       "and differ by 10 K or more. Still fields: closed shutter, or a flat black body. All of one camera, in one "
       "mode.\n"
       "For one still: bolo calibrate chopper.h5 shutter.h5 -o camera.toml --plot fit.svg");
-  options.add_options()("o,output", "Profile to write", cxxopts::value<std::string>(), "PROFILE.toml")(
-      "profile", "The profile to start from (default: a655sc)", cxxopts::value<std::string>(), "P.toml")(
-      "maps", "Where maps of single pixels go, when there are any (default: PROFILE-maps.h5 beside the profile)",
-      cxxopts::value<std::string>(),
-      "FILE.h5")("json", "Print the result as JSON")("capture", "", cxxopts::value<std::vector<std::string>>());
+  add_option<std::string>(options, "o,output", "Profile to write", nullptr, "PROFILE.toml");
+  add_option<std::string>(options, "profile", "The profile to start from (default: a655sc)", nullptr, "P.toml");
+  add_option<std::string>(
+      options, "maps",
+      "Where maps of single pixels go, when there are any (default: PROFILE-maps.h5 beside the profile)", nullptr,
+      "FILE.h5");
+  add_option<bool>(options, "json", "Print the result as JSON");
+  add_option<std::vector<std::string>>(options, "capture", "");
   add_plot_option(options, "Draw one pixel, measured against simulated");
   options.parse_positional({"capture"});
   options.positional_help("PULSES.h5 [STILL.h5...]");
@@ -173,7 +176,6 @@ Status run_calibrate(const Given& given) {
     inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options.profile.maps});
   }
   RETURN_IF_ERROR(check_outputs({files.profile.path, files.maps, plot->path}, inputs, files.profile.replace));
-  catch_interrupts();
   auto result = [&] {
     Progress progress("calibrate", 100);
     return diagnose::calibrate(captures, options, [&progress](const std::string&, double done) {
@@ -201,15 +203,7 @@ Status run_calibrate(const Given& given) {
 }  // namespace
 
 int calibrate_main(int argc, char** argv) {
-  cxxopts::Options options = calibrate_options();
-  Given given;
-  if (const auto code = parse(options, argc, argv, given)) return *code;
-  try {
-    const Status status = run_calibrate(given);
-    return status ? kExitDone : report("calibrate", status.error());
-  } catch (const std::bad_alloc&) {
-    return report("calibrate", Error{ErrorKind::kFailed, "not enough memory; take shorter captures"});
-  }
+  return run_verb("calibrate", calibrate_options(), argc, argv, run_calibrate);
 }
 
 }  // namespace bolo::tools

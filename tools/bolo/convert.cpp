@@ -13,7 +13,6 @@
 namespace bolo::tools {
 namespace {
 
-constexpr const char* kConvertVerb = "convert";
 constexpr int kMostSide = 1 << 15;
 
 struct ConvertRequest {
@@ -32,23 +31,23 @@ cxxopts::Options convert_options() {
                            "to a capture (.h5), a ROS 2 recording (.mcap), PNG or TIFF pictures, or a film for the eye "
                            "(.mp4)\n");
   options.positional_help("IN...").show_positional_help();
-  options.add_options()                                                                                 //
-      ("in", "Files to convert, in order", cxxopts::value<std::vector<std::string>>())                  //
-      ("o,output", "What to write; its ending says the format", cxxopts::value<std::string>())          //
-      ("rate", "Frames a second of pictures and dumps", cxxopts::value<double>()->default_value("30"))  //
-      ("scale", "Kelvin a count of pictures and dumps of whole numbers, or of the PNG to write (0.01)",
-       cxxopts::value<double>())                                                                         //
-      ("offset", "Kelvin at count 0, likewise", cxxopts::value<double>())                                //
-      ("raw", "WxH[:u16le|u16be|f32]: the files are raw frames", cxxopts::value<std::string>())          //
-      ("frame", "Only this frame, counted from 0", cxxopts::value<std::size_t>(), "N")                   //
-      ("skip", "Bytes before the first raw frame", cxxopts::value<std::uint64_t>()->default_value("0"))  //
-      ("name", "MCAP to write: the camera's name, as in /NAME/image_raw and /NAME/image_deblurred",
-       cxxopts::value<std::string>()->default_value("thermal"))                                        //
-      ("topic", "MCAP to read: whose images, where there are several", cxxopts::value<std::string>())  //
-      ("preview", "PNG: 8 bit for the eye instead of 16 linear ones")                                  //
-      ("range",
-       "Of such pictures and films: black and white, K (counts without kelvin); without it they follow the scene",
-       cxxopts::value<std::vector<double>>(), "LOW,HIGH");
+  add_option<std::vector<std::string>>(options, "in", "Files to convert, in order");
+  add_option<std::string>(options, "o,output", "What to write; its ending says the format");
+  add_option<double>(options, "rate", "Frames a second of pictures and dumps", "30");
+  add_option<double>(options, "scale",
+                     "Kelvin a count of pictures and dumps of whole numbers, or of the PNG to write (0.01)");
+  add_option<double>(options, "offset", "Kelvin at count 0, likewise");
+  add_option<std::string>(options, "raw", "WxH[:u16le|u16be|f32]: the files are raw frames");
+  add_option<std::size_t>(options, "frame", "Only this frame, counted from 0", nullptr, "N");
+  add_option<std::uint64_t>(options, "skip", "Bytes before the first raw frame", "0");
+  add_option<std::string>(
+      options, "name", "MCAP to write: the camera's name, as in /NAME/image_raw and /NAME/image_deblurred", "thermal");
+  add_option<std::string>(options, "topic", "MCAP to read: whose images, where there are several");
+  add_option<bool>(options, "preview", "PNG: 8 bit for the eye instead of 16 linear ones");
+  add_option<std::vector<double>>(
+      options, "range",
+      "Of such pictures and films: black and white, K (counts without kelvin); without it they follow the scene",
+      nullptr, "LOW,HIGH");
   add_overwrite_option(options);
   options.parse_positional({"in"});
   return options;
@@ -138,8 +137,7 @@ Result<ConvertRequest> convert_request(const cxxopts::ParseResult& parsed) {
   }
   // The files of a series of pictures are looked at when their number is known.
   if (request.out.file.path.extension() == ".png") return request;
-  Status good = check_outputs({request.out.file.path}, request.in, request.out.file.replace);
-  if (!good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(check_outputs({request.out.file.path}, request.in, request.out.file.replace));
   return request;
 }
 
@@ -194,37 +192,31 @@ Status convert(Footage& footage, FootageSink& sink) {
   Progress progress("converting", footage.info().frames);
   Frame frame;
   for (std::size_t i = 0; i < footage.info().frames; ++i) {
-    if (interrupted().load(std::memory_order_relaxed))
-      return failed("interrupted after " + std::to_string(i) + " frames");
-    if (Status good = footage.read(i, frame); !good) return good;
-    if (Status good = sink.write(frame); !good) return good;
+    if (interrupted()) return failed("interrupted after " + std::to_string(i) + " frames");
+    RETURN_IF_ERROR(footage.read(i, frame));
+    RETURN_IF_ERROR(sink.write(frame));
     progress.update(i + 1);
   }
   return sink.finish();
 }
 
+Status run_convert(const cxxopts::ParseResult& given) {
+  std::signal(SIGPIPE, SIG_IGN);  // an encoder that ends is an error, not the end
+  ASSIGN_OR_RETURN(const auto request, convert_request(given));
+  ASSIGN_OR_RETURN(const auto footage, chosen_footage(request));
+  ASSIGN_OR_RETURN(const auto sink, open_sink(request.out, *footage));
+  RETURN_IF_ERROR(convert(*footage, *sink));
+  const Geometry size = footage->info().format.geometry;
+  const std::string files = sink->files();
+  const std::size_t frames = footage->info().frames;
+  std::printf("%s: %zu frame%s of %dx%d\n", files.empty() ? request.out.file.path.c_str() : files.c_str(), frames,
+              frames == 1 ? "" : "s", size.width, size.height);
+  if (const std::string meaning = sink->meaning(); !meaning.empty()) std::printf("values: %s\n", meaning.c_str());
+  return {};
+}
+
 }  // namespace
 
-int convert_main(int argc, char** argv) {
-  auto options = convert_options();
-  cxxopts::ParseResult parsed;
-  if (const auto code = parse(options, argc, argv, parsed)) return *code;
-  const auto request = convert_request(parsed);
-  if (!request) return report(kConvertVerb, request.error());
-  catch_interrupts();
-  std::signal(SIGPIPE, SIG_IGN);  // an encoder that ends is an error, not the end
-  const auto footage = chosen_footage(*request);
-  if (!footage) return report(kConvertVerb, footage.error());
-  const auto sink = open_sink(request->out, **footage);
-  if (!sink) return report(kConvertVerb, sink.error());
-  if (Status good = convert(**footage, **sink); !good) return report(kConvertVerb, good.error());
-  const Geometry size = (*footage)->info().format.geometry;
-  const std::string files = (*sink)->files();
-  const std::size_t frames = (*footage)->info().frames;
-  std::printf("%s: %zu frame%s of %dx%d\n", files.empty() ? request->out.file.path.c_str() : files.c_str(), frames,
-              frames == 1 ? "" : "s", size.width, size.height);
-  if (const std::string meaning = (*sink)->meaning(); !meaning.empty()) std::printf("values: %s\n", meaning.c_str());
-  return kExitDone;
-}
+int convert_main(int argc, char** argv) { return run_verb("convert", convert_options(), argc, argv, run_convert); }
 
 }  // namespace bolo::tools

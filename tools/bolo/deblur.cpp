@@ -82,42 +82,36 @@ Status deblur_into_folder(const DeblurRequest& request, const DeblurFile& file, 
 }
 
 // A capture that fails keeps nobody from the others. The exit code is that of the worst.
-int deblur_many(const DeblurRequest& request) {
+Result<int> deblur_many(const DeblurRequest& request) {
   std::error_code error;
   std::filesystem::create_directories(request.output, error);
-  if (error) {
-    const std::string why = request.output.string() + ": cannot be made a folder: " + error.message();
-    return report(kDeblurVerb, Error{ErrorKind::kBadInput, why});
-  }
+  if (error) return bad_input(request.output.string() + ": cannot be made a folder: " + error.message());
   const std::int64_t start_ns = monotonic_ns();
   FolderSummary summary;
-  for (std::size_t i = 0; i < request.files.size() && !interrupted().load(std::memory_order_relaxed); ++i) {
+  for (std::size_t i = 0; i < request.files.size() && !interrupted(); ++i) {
     if (!request.share.has(i)) continue;
     const Status status = deblur_into_folder(request, request.files[i], summary);
     if (!status) summary.failed.push_back({request.files[i].input, status.error()});
   }
   summary.seconds = seconds_since(start_ns);
   print_folder(request, summary);
-  int code = interrupted().load(std::memory_order_relaxed) ? kExitFailed : kExitDone;
+  int code = interrupted() ? kExitFailed : kExitDone;
   for (const FailedCapture& failed : summary.failed) code = std::max(code, failed.error.exit_code());
   return code;
 }
 
+Result<int> run_deblur(const cxxopts::ParseResult& given) {
+  ASSIGN_OR_RETURN(DeblurRequest request, read_deblur_request(given));
+  request.options.warn = [](const std::string& line) { std::fprintf(stderr, "bolo deblur: %s\n", line.c_str()); };
+  request.options.give_up = &interrupted();
+  if (request.into_folder) return deblur_many(request);
+  if (!request.share.has(0)) return kExitDone;  // another rank's
+  RETURN_IF_ERROR(deblur_one(request));
+  return kExitDone;
+}
+
 }  // namespace
 
-int deblur_main(int argc, char** argv) {
-  cxxopts::Options options = deblur_command_line();
-  cxxopts::ParseResult args;
-  if (const auto code = parse(options, argc, argv, args)) return *code;
-  Result<DeblurRequest> request = read_deblur_request(args);
-  if (!request) return report(kDeblurVerb, request.error());
-  request->options.warn = [](const std::string& line) { std::fprintf(stderr, "bolo deblur: %s\n", line.c_str()); };
-  catch_interrupts();
-  request->options.give_up = &interrupted();
-  if (request->into_folder) return deblur_many(*request);
-  if (!request->share.has(0)) return kExitDone;  // another rank's
-  const Status status = deblur_one(*request);
-  return status ? kExitDone : report(kDeblurVerb, status.error());
-}
+int deblur_main(int argc, char** argv) { return run_verb(kDeblurVerb, deblur_command_line(), argc, argv, run_deblur); }
 
 }  // namespace bolo::tools

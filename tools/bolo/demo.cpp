@@ -19,6 +19,7 @@
 #include "src/report/sheet.hpp"
 #include "tools/bolo/verbs.hpp"
 #include "tools/cli/cli.hpp"
+#include "tools/cli/plot_option.hpp"
 #include "tools/cli/process.hpp"
 #include "tools/cli/scratch_folder.hpp"
 #include "tools/demo/live_check.hpp"
@@ -29,20 +30,12 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-constexpr const char* kDemoVerb = "demo";
 constexpr auto kStartLimit = 30s;
 constexpr double kEndLimit_s = 10.0;
 constexpr double kLongest_s = 86400.0;
 // The paper's first; the page goes on with the last.
 constexpr std::array kSolvers{"admm", "motion"};
 constexpr std::array kLogs{"simulate", "fakecam", "bolod", "view"};  // .out and .err each
-
-struct DemoRequest {
-  fs::path folder;  // of capture, logs and picture; empty: one that goes with the demonstration
-  double seconds = 10.0;
-  bool page = true;
-  Replace replace = Replace::kNothing;
-};
 
 // A folder that is gone afterwards, or the one that the user named.
 struct Folder {
@@ -74,28 +67,28 @@ class Demonstration {
  public:
   Demonstration(Folder folder, Replace replace) : folder_(std::move(folder)), replace_(replace) {}
 
-  Status run(const DemoRequest& request) {
+  Status run(double seconds, bool with_page) {
     std::vector<fs::path> outputs{capture(), picture(), configuration()};
     for (const std::string log : kLogs) {
       for (const char* ending : {".out", ".err"}) outputs.push_back(folder_ / (log + ending));
     }
-    if (Status good = check_outputs(outputs, {}, replace_); !good) return good;
+    RETURN_IF_ERROR(check_outputs(outputs, {}, replace_));
     for (const auto& [name, path] : {std::pair{"bolo", &bolo_}, std::pair{"bolod", &bolod_}}) {
       ASSIGN_OR_RETURN(*path, find_own_program(name));
     }
-    if (Status done = simulate(); !done) return done;
-    if (Status done = start_camera(); !done) return done;
+    RETURN_IF_ERROR(simulate());
+    RETURN_IF_ERROR(start_camera());
     std::printf("camera at %s as GigE Vision packets; bolod deblurs it live into shared memory \"%s\"\n",
                 address().c_str(), name().c_str());
     for (const char* solver : kSolvers) {
       if (daemon_) {
-        if (Status done = end_daemon(); !done) return done;
+        RETURN_IF_ERROR(end_daemon());
       }
-      if (Status done = start_daemon(solver); !done) return done;
-      if (Status done = measure(solver, request.seconds); !done) return done;
+      RETURN_IF_ERROR(start_daemon(solver));
+      RETURN_IF_ERROR(measure(solver, seconds));
     }
-    if (Status done = conclude(); !done) return done;
-    return request.page ? show_page() : end_daemon();
+    RETURN_IF_ERROR(conclude());
+    return with_page ? show_page() : end_daemon();
   }
 
  private:
@@ -146,25 +139,33 @@ class Demonstration {
     return {};
   }
 
-  // Before and after, by every solver.
+  // Before and after, by every solver; in the picture without those that did not come to the first one's frame.
   Status conclude() {
     std::printf("\nRMSE against truth   before %.3f K", outcomes_.front().error.rmse_before());
-    std::vector<NamedOutcome> named;
+    std::vector<LiveResult> results;
+    std::string solvers;
     for (std::size_t i = 0; i < outcomes_.size(); ++i) {
-      std::printf(", %s %.3f K", kSolvers[i], outcomes_[i].error.rmse_after());
-      named.push_back({kSolvers[i], &outcomes_[i]});
+      const LiveOutcome& o = outcomes_[i];
+      std::printf(", %s %.3f K", kSolvers[i], o.error.rmse_after());
+      if (o.shown.waits()) continue;
+      results.push_back(
+          {&o.shown.shown(),
+           {kSolvers[i], o.error.rmse_before(), o.error.rmse_after(), o.first.frame_period_s, o.latency_ms}});
+      solvers += std::string(solvers.empty() ? "" : "; ") + o.first.solver;
     }
     std::puts("");
     std::fflush(stdout);
     if (!folder_.stays()) return {};
-    if (Status saved = save(live_sheet(named, "bolo demo"), {picture(), replace_}); !saved) return saved;
+    plot::Sheet sheet = sheet_of(results);
+    sheet.how = "bolo demo: " + solvers + ". " + machine_words() + ".";
+    RETURN_IF_ERROR(save(sheet, {picture(), replace_}));
     std::printf("before and after     %s\n", picture().c_str());
     return {};
   }
 
   Status show_page() {
     ASSIGN_OR_RETURN(auto page, start({bolo_, "view", name(), "--port", "0"}, "view"));
-    if (Status serving = wait_for(page, "view.out", "http://", "bolo view"); !serving) return serving;
+    RETURN_IF_ERROR(wait_for(page, "view.out", "http://", "bolo view"));
     std::printf("\n%s", contents(folder_ / "view.out").c_str());
     std::fflush(stdout);
     while (!interrupted()) {
@@ -232,27 +233,16 @@ int demo_main(int argc, char** argv) {
                            "Bolo without hardware: a simulated camera sends real GigE Vision packets, bolod deblurs "
                            "them live, with the solver admm and then with motion, and the frames are compared with the "
                            "simulation's truth. Then a live page shows them until Ctrl-C.");
-  DemoRequest request;
-  std::string folder;
-  options.add_options()("seconds", "How long to compare each solver",
-                        cxxopts::value(request.seconds)->default_value("10"),
-                        "S")("o,output", "Keep capture, logs and a picture in this folder", cxxopts::value(folder),
-                             "FOLDER")("no-page", "End after the comparison, without the live page");
+  add_option<double>(options, "seconds", "How long to compare each solver", "10", "S");
+  add_option<std::string>(options, "o,output", "Keep capture, logs and a picture in this folder", nullptr, "FOLDER");
+  add_option<bool>(options, "no-page", "End after the comparison, without the live page");
   add_overwrite_option(options);
-  cxxopts::ParseResult given;
-  if (const auto code = parse(options, argc, argv, given)) return *code;
-  request.folder = folder;
-  request.page = given.count("no-page") == 0;
-  request.replace = replace_of(given);
-  if (!(request.seconds > 0.0 && request.seconds <= kLongest_s)) {
-    return report(kDemoVerb, {ErrorKind::kBadInput, "--seconds must lie in 0 to 86400"});
-  }
-  auto place = Folder::make(request.folder);
-  if (!place) return report(kDemoVerb, place.error());
-  catch_interrupts();
-  Demonstration demonstration(std::move(*place), request.replace);
-  const Status done = demonstration.run(request);
-  return done ? kExitDone : report(kDemoVerb, done.error());
+  return run_verb("demo", std::move(options), argc, argv, [](const cxxopts::ParseResult& given) -> Status {
+    const auto seconds = given["seconds"].as<double>();
+    if (!(seconds > 0.0 && seconds <= kLongest_s)) return bad_input("--seconds must lie in 0 to 86400");
+    ASSIGN_OR_RETURN(auto folder, Folder::make(given.count("output") != 0 ? given["output"].as<std::string>() : ""));
+    return Demonstration(std::move(folder), replace_of(given)).run(seconds, given.count("no-page") == 0);
+  });
 }
 
 }  // namespace bolo::tools

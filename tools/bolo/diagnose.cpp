@@ -24,12 +24,16 @@ cxxopts::Options diagnose_options() {
   cxxopts::Options options("bolo diagnose",
                            "Says how far the simulator is from a camera, why, and what closes the gap.\n"
                            "Give all captures of one bench session together: shutter, flats, chopper, pans, target.");
-  options.add_options()("o,output", "Folder for report.json and report.html", cxxopts::value<std::string>(), "DIR")(
-      "profile", "The camera that the simulator assumes (default: a655sc)", cxxopts::value<std::string>(), "P.toml")(
-      "withhold", "Take an effect out of the catalogue; repeatable", cxxopts::value<Words>(), "EFFECT")(
-      "write-profile", "Write the profile that undoes what was diagnosed; maps of single pixels go into P2.h5",
-      cxxopts::value<std::string>(), "P2.toml")("threads", "How many work", cxxopts::value<int>()->default_value("2"))(
-      "json", "Print report.json")("capture", "", cxxopts::value<Words>());
+  add_option<std::string>(options, "o,output", "Folder for report.json and report.html", nullptr, "DIR");
+  add_option<std::string>(options, "profile", "The camera that the simulator assumes (default: a655sc)", nullptr,
+                          "P.toml");
+  add_option<Words>(options, "withhold", "Take an effect out of the catalogue; repeatable", nullptr, "EFFECT");
+  add_option<std::string>(options, "write-profile",
+                          "Write the profile that undoes what was diagnosed; maps of single pixels go into P2.h5",
+                          nullptr, "P2.toml");
+  add_option<int>(options, "threads", "How many work", "2");
+  add_option<bool>(options, "json", "Print report.json");
+  add_option<Words>(options, "capture", "");
   add_overwrite_option(options);
   options.parse_positional({"capture"});
   options.positional_help("CAPTURE.h5...");
@@ -38,8 +42,7 @@ cxxopts::Options diagnose_options() {
 
 Result<diagnose::Options> options_of(const Given& given) {
   diagnose::Options options;
-  options.threads = given["threads"].as<int>();
-  if (options.threads < 1 || options.threads > 64) return bad_input("--threads: expected 1 to 64");
+  ASSIGN_OR_RETURN(options.threads, number_of<int>(given, "threads", 1, 64));
   if (given.count("withhold") != 0) options.withheld = given["withhold"].as<std::vector<std::string>>();
   options.maps = given.count("write-profile") != 0;
   if (given.count("profile") == 0) return options;
@@ -111,9 +114,8 @@ Status run_diagnose(const Given& given) {
   if (given.count("profile") != 0) {
     inputs.insert(inputs.end(), {given["profile"].as<std::string>(), options.profile.maps});
   }
-  if (Status good = check(files, inputs); !good) return good;
+  RETURN_IF_ERROR(check(files, inputs));
 
-  catch_interrupts();
   Result<diagnose::Report> report = [&] {
     Steps steps;
     return diagnose::diagnose(captures, options, [&steps](const std::string& step, double done) {
@@ -124,10 +126,9 @@ Status run_diagnose(const Given& given) {
   if (interrupted().load(std::memory_order_relaxed)) return failed("interrupted; no report was written");
   if (!report) return tl::unexpected(report.error());
   const auto& [folder, profile, maps, replace] = files;
-  if (Status written = diagnose::write_report(*report, folder, replace); !written) return written;
+  RETURN_IF_ERROR(diagnose::write_report(*report, folder, replace));
   if (!profile.empty()) {
-    Status written = write_profile_files({profile, replace}, maps, report->learned.profile, report->learned.maps);
-    if (!written) return written;
+    RETURN_IF_ERROR(write_profile_files({profile, replace}, maps, report->learned.profile, report->learned.maps));
   }
   if (given.count("json") != 0) {
     std::cout << diagnose::report_json(*report) << '\n';
@@ -140,16 +141,6 @@ Status run_diagnose(const Given& given) {
 
 }  // namespace
 
-int diagnose_main(int argc, char** argv) {
-  cxxopts::Options options = diagnose_options();
-  Given given;
-  if (const auto code = parse(options, argc, argv, given)) return *code;
-  try {
-    const Status status = run_diagnose(given);
-    return status ? kExitDone : report("diagnose", status.error());
-  } catch (const std::bad_alloc&) {
-    return report("diagnose", Error{ErrorKind::kFailed, "not enough memory; take fewer or shorter captures"});
-  }
-}
+int diagnose_main(int argc, char** argv) { return run_verb("diagnose", diagnose_options(), argc, argv, run_diagnose); }
 
 }  // namespace bolo::tools

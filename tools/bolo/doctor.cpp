@@ -55,11 +55,20 @@ void print(const std::vector<Check>& checks) {
                 printable(check.found).c_str());
     if (!check.fix.empty()) std::printf("%-8s %-22s -> %s\n", "", "", printable(check.fix).c_str());
   }
-  const auto count = [&](Verdict v) {
-    return std::count_if(checks.begin(), checks.end(), [v](const Check& c) { return c.verdict == v; });
-  };
+  const auto count = [&](Verdict v) { return std::ranges::count(checks, v, &Check::verdict); };
   std::printf("%td problems, %td pieces of advice in %zu checks\n", count(Verdict::kProblem), count(Verdict::kAdvice),
               checks.size());
+}
+
+Result<int> run_doctor(const cxxopts::ParseResult& given) {
+  ASSIGN_OR_RETURN(const doctor::Needs needs, needs_of(given));
+  const auto checks = doctor::judge(doctor::gather({needs.address, given.count("no-camera") == 0}), needs);
+  if (given.count("json") != 0) {
+    std::puts(json_text(to_json(checks), 2).c_str());
+  } else {
+    print(checks);
+  }
+  return std::ranges::count(checks, Verdict::kProblem, &Check::verdict) > 0 ? kExitFailed : kExitDone;
 }
 
 }  // namespace
@@ -68,24 +77,11 @@ int doctor_main(int argc, char** argv) {
   cxxopts::Options options("bolo doctor",
                            "Check this computer for what a camera at 200 frames/s needs, and say the fix for each.\n"
                            "Exit code 1 when there is a problem.");
-  options.add_options()("config", "bolod.toml whose camera and settings are meant", cxxopts::value<std::string>(),
-                        "FILE")("address", "The camera's IP address or id (default: whichever answers)",
-                                cxxopts::value<std::string>())("no-camera", "Don't ask the network for cameras")(
-      "json", "Print the result as JSON");
-  cxxopts::ParseResult given;
-  if (const auto code = parse(options, argc, argv, given)) return *code;
-  const auto needs = needs_of(given);
-  if (!needs) return report("doctor", needs.error());
-  const std::vector<Check> checks =
-      doctor::judge(doctor::gather({needs->address, given.count("no-camera") == 0}), *needs);
-  if (given.count("json") != 0) {
-    std::puts(json_text(to_json(checks), 2).c_str());
-  } else {
-    print(checks);
-  }
-  const bool problem =
-      std::any_of(checks.begin(), checks.end(), [](const Check& c) { return c.verdict == Verdict::kProblem; });
-  return problem ? kExitFailed : kExitDone;
+  add_option<std::string>(options, "config", "bolod.toml whose camera and settings are meant", nullptr, "FILE");
+  add_option<std::string>(options, "address", "The camera's IP address or id (default: whichever answers)");
+  add_option<bool>(options, "no-camera", "Don't ask the network for cameras");
+  add_option<bool>(options, "json", "Print the result as JSON");
+  return run_verb("doctor", std::move(options), argc, argv, run_doctor, false);
 }
 
 }  // namespace bolo::tools

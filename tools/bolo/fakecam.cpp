@@ -24,7 +24,6 @@ using fakecam::FakeCamera;
 using fakecam::FakeCameraOptions;
 using fakecam::FakeCameraStats;
 
-constexpr const char* kFakeCameraVerb = "fakecam";
 constexpr double kShortestTell_s = 0.05;
 
 struct FakeCameraRequest {
@@ -54,23 +53,20 @@ Result<Region> parse_region(std::string_view text) {
 cxxopts::Options fakecam_options() {
   cxxopts::Options options("bolo fakecam", "Serve a capture as a GigE Vision camera (a FLIR A655sc's features)\n");
   options.positional_help("CAPTURE").show_positional_help();
-  options.add_options()                                                                                           //
-      ("capture", "The capture to replay (.h5, or the authors' .mat)", cxxopts::value<std::string>())             //
-      ("rate", "Frames a second; time stamps are then spaced 1/RATE (default: the capture's own times)",          //
-       cxxopts::value<double>())                                                                                  //
-      ("loop", "Go on for ever: ids and times rise on, one frame apart at the seam")                              //
-      ("repeat", "Serve the capture N times after each start", cxxopts::value<std::uint64_t>())                   //
-      ("once", "End after the first stream that reached its last frame")                                          //
-      ("interface", "The camera's IP address, any of 127.0.0.0/8 too",                                            //
-       cxxopts::value<std::string>()->default_value("127.0.0.1"))                                                 //
-      ("serial", "Serial number, at most 15 characters (default: the capture's)", cxxopts::value<std::string>())  //
-      ("crop", "x,y,w,h: the part of the capture that is the camera's sensor", cxxopts::value<std::string>())     //
-      ("fault", "What goes wrong, and when; may be given again", cxxopts::value<std::string>(),                   //
-       "NAME[:key=value,...]")                                                                                    //
-      ("list-faults", "Print all faults with their keys, and end")                                                //
-      ("tell-every", "Print what was sent and done so far, every S seconds",                                      //
-       cxxopts::value<double>(), "S")                                                                             //
-      ("json", "Print the lines as JSON");
+  add_option<std::string>(options, "capture", "The capture to replay (.h5, or the authors' .mat)");
+  add_option<double>(options, "rate",
+                     "Frames a second; time stamps are then spaced 1/RATE (default: the capture's own times)");
+  add_option<bool>(options, "loop", "Go on for ever: ids and times rise on, one frame apart at the seam");
+  add_option<std::uint64_t>(options, "repeat", "Serve the capture N times after each start");
+  add_option<bool>(options, "once", "End after the first stream that reached its last frame");
+  add_option<std::string>(options, "interface", "The camera's IP address, any of 127.0.0.0/8 too", "127.0.0.1");
+  add_option<std::string>(options, "serial", "Serial number, at most 15 characters (default: the capture's)");
+  add_option<std::string>(options, "crop", "x,y,w,h: the part of the capture that is the camera's sensor");
+  add_option<std::string>(options, "fault", "What goes wrong, and when; may be given again", nullptr,
+                          "NAME[:key=value,...]");
+  add_option<bool>(options, "list-faults", "Print all faults with their keys, and end");
+  add_option<double>(options, "tell-every", "Print what was sent and done so far, every S seconds", nullptr, "S");
+  add_option<bool>(options, "json", "Print the lines as JSON");
   options.parse_positional({"capture"});
   return options;
 }
@@ -200,29 +196,23 @@ void wait_for_end(const FakeCameraRequest& request, const FakeCamera& camera) {
   }
 }
 
+Status run_fakecam(const cxxopts::ParseResult& given) {
+  if (given.count("list-faults") != 0) {
+    print_faults(given.count("json") != 0);
+    return {};
+  }
+  ASSIGN_OR_RETURN(const auto request, fakecam_request(given));
+  ASSIGN_OR_RETURN(auto provider, fakecam::open_capture(request.capture));
+  ASSIGN_OR_RETURN(const auto camera, FakeCamera::start(request.camera, std::move(provider)));
+  print_serving(request, *camera);
+  wait_for_end(request, *camera);
+  camera->stop();
+  print_summary(request, camera->stats(), camera->injected());
+  return camera->result();
+}
+
 }  // namespace
 
-int fakecam_main(int argc, char** argv) {
-  auto options = fakecam_options();
-  cxxopts::ParseResult parsed;
-  if (const auto code = parse(options, argc, argv, parsed)) return *code;
-  if (parsed.count("list-faults") != 0) {
-    print_faults(parsed.count("json") != 0);
-    return kExitDone;
-  }
-  const auto request = fakecam_request(parsed);
-  if (!request) return report(kFakeCameraVerb, request.error());
-  catch_interrupts();
-  auto provider = fakecam::open_capture(request->capture);
-  if (!provider) return report(kFakeCameraVerb, provider.error());
-  auto camera = FakeCamera::start(request->camera, std::move(*provider));
-  if (!camera) return report(kFakeCameraVerb, camera.error());
-  print_serving(*request, **camera);
-  wait_for_end(*request, **camera);
-  (*camera)->stop();
-  print_summary(*request, (*camera)->stats(), (*camera)->injected());
-  if (const auto result = (*camera)->result(); !result) return report(kFakeCameraVerb, result.error());
-  return kExitDone;
-}
+int fakecam_main(int argc, char** argv) { return run_verb("fakecam", fakecam_options(), argc, argv, run_fakecam); }
 
 }  // namespace bolo::tools

@@ -318,30 +318,30 @@ void print_still(const json& info) {
   line("values", range_text(info["values"]) + " kelvin (min .. median .. max)");
 }
 
+Status run_info(const cxxopts::ParseResult& given) {
+  if (given.count("file") != 1) return bad_input("which file? usage: bolo info FILE [--json]");
+  const std::string file = given["file"].as<std::string>();
+  ASSIGN_OR_RETURN(json info, describe_file(file));
+  info["file"] = file;
+  if (given.count("json") != 0) {
+    std::cout << json_text(info, 2) << '\n';
+    return {};
+  }
+  std::printf("%s\n", printable(file).c_str());
+  info["kind"] == "still" ? print_still(info) : print_capture(info);
+  return {};
+}
+
 }  // namespace
 
 int info_main(int argc, char** argv) {
   cxxopts::Options options("bolo info",
                            "What a capture (.h5, the authors' .mat) or a still holds, and what is odd about it");
-  options.add_options()("json", "One JSON object on standard output")("file", "", cxxopts::value<std::string>());
+  add_option<bool>(options, "json", "One JSON object on standard output");
+  add_option<std::string>(options, "file", "");
   options.parse_positional({"file"});
   options.positional_help("FILE");
-  cxxopts::ParseResult parsed;
-  if (const std::optional<int> code = parse(options, argc, argv, parsed)) return *code;
-  if (parsed.count("file") != 1) {
-    return report("info", Error{ErrorKind::kBadInput, "which file? usage: bolo info FILE [--json]"});
-  }
-  const std::string file = parsed["file"].as<std::string>();
-  Result<json> info = describe_file(file);
-  if (!info) return report("info", info.error());
-  (*info)["file"] = file;
-  if (parsed.count("json") != 0) {
-    std::cout << json_text(*info, 2) << '\n';
-    return kExitDone;
-  }
-  std::printf("%s\n", printable(file).c_str());
-  (*info)["kind"] == "still" ? print_still(*info) : print_capture(*info);
-  return kExitDone;
+  return run_verb("info", std::move(options), argc, argv, run_info, false);
 }
 
 }  // namespace bolo::tools

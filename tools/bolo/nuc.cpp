@@ -10,21 +10,20 @@ namespace bolo::tools {
 
 int nuc_main(int argc, char** argv) {
   cxxopts::Options cli("bolo nuc", "Have a running daemon's camera correct its pixels (NUC) now.");
-  std::string name;
-  bool json = false;
-  cli.add_options()("name", "The daemon's name", cxxopts::value(name))("json", "Print the daemon's answer",
-                                                                       cxxopts::value(json));
+  add_option<std::string>(cli, "name", "The daemon's name");
+  add_option<bool>(cli, "json", "Print the daemon's answer");
   cli.parse_positional({"name"});
   cli.positional_help("NAME");
-  cxxopts::ParseResult parsed;
-  if (const auto code = parse(cli, argc, argv, parsed)) return *code;
-  if (name.empty()) return report("nuc", {ErrorKind::kBadInput, "NAME is missing: bolo nuc NAME"});
-  const auto answer = ask_daemon_named(name, "nuc");
-  if (!answer) return report("nuc", answer.error());
-  if (json) std::puts(answer->c_str());
-  if (const Status done = judge_answer(*answer); !done) return report("nuc", done.error());
-  if (!json) std::puts("the camera corrects its pixels");
-  return kExitDone;
+  const auto ask = [](const cxxopts::ParseResult& given) -> Status {
+    const bool json = given.count("json") != 0;
+    if (given.count("name") == 0) return bad_input("NAME is missing: bolo nuc NAME");
+    ASSIGN_OR_RETURN(const auto answer, ask_daemon_named(given["name"].as<std::string>(), "nuc"));
+    if (json) std::puts(answer.c_str());
+    RETURN_IF_ERROR(judge_answer(answer));
+    if (!json) std::puts("the camera corrects its pixels");
+    return {};
+  };
+  return run_verb("nuc", std::move(cli), argc, argv, ask, false);
 }
 
 }  // namespace bolo::tools

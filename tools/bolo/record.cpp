@@ -30,7 +30,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kRecordSeveralVerb = "record";
+constexpr const char* kRecordVerb = "record";
 constexpr auto kLook = std::chrono::milliseconds(50);
 
 struct Recorder {
@@ -48,15 +48,16 @@ Status check_names(const std::vector<std::string>& names) {
   return {};
 }
 
-Status make_folder(const cxxopts::ParseResult& parsed, fs::path& folder) {
+Result<fs::path> make_folder(const cxxopts::ParseResult& parsed) {
   if (parsed.count("output") == 0) return bad_input("where to? usage: bolo record NAME NAME... -o FOLDER");
-  folder = parsed["output"].as<std::string>();
+  fs::path folder = parsed["output"].as<std::string>();
   std::error_code error;
   if (folder.extension() == ".h5" && !fs::is_directory(folder, error)) {
     return bad_input(folder.string() + ": several cameras are recorded into a folder, this is a file's name");
   }
   fs::create_directories(folder, error);
-  return error ? bad_input(folder.string() + ": cannot be made: " + error.message()) : Status{};
+  if (error) return bad_input(folder.string() + ": cannot be made: " + error.message());
+  return folder;
 }
 
 // The options that every recording gets.
@@ -75,7 +76,7 @@ Result<std::vector<Recorder>> start(const std::vector<std::string>& names, const
   const std::string program = fs::read_symlink("/proc/self/exe").string();
   for (const std::string& name : names) {
     Command command;
-    command.words = {program, kRecordSeveralVerb, name, "-o", (folder / (name + ".h5")).string()};
+    command.words = {program, kRecordVerb, name, "-o", (folder / (name + ".h5")).string()};
     command.words.insert(command.words.end(), common.begin(), common.end());
     command.log = logs / name;
     ASSIGN_OR_RETURN(auto process, Process::start(command));
@@ -95,7 +96,7 @@ int wait_for(std::vector<Recorder>& recorders) {
   bool told = false;
   for (bool running = true; running;) {
     std::this_thread::sleep_for(kLook);
-    if (interrupted().load(std::memory_order_relaxed) && !std::exchange(told, true)) {
+    if (interrupted() && !std::exchange(told, true)) {
       for (const Recorder& recorder : recorders) recorder.process.signal(SIGTERM);
     }
     running = false;
@@ -116,21 +117,15 @@ int wait_for(std::vector<Recorder>& recorders) {
 
 // A `bolo record` for each name, with the other options as given, into the folder of --output; a process each, so that
 // none waits for another's disk or daemon. Returns the exit code: the worst of theirs. Thread: setup.
-int record_several(const cxxopts::ParseResult& parsed) {
+Result<int> record_several(const cxxopts::ParseResult& parsed) {
   const auto names = parsed["name"].as<std::vector<std::string>>();
-  fs::path folder;
-  Status good = check_names(names);
-  if (good) good = make_folder(parsed, folder);
-  if (!good) return report(kRecordSeveralVerb, good.error());
-  const auto logs = ScratchFolder::make();
-  if (!logs) return report(kRecordSeveralVerb, logs.error());
-  catch_interrupts();
-  auto recorders = start(names, common_words(parsed), folder, logs->path());
-  if (!recorders) return report(kRecordSeveralVerb, recorders.error());
-  return wait_for(*recorders);
+  RETURN_IF_ERROR(check_names(names));
+  ASSIGN_OR_RETURN(const fs::path folder, make_folder(parsed));
+  ASSIGN_OR_RETURN(const auto logs, ScratchFolder::make());
+  ASSIGN_OR_RETURN(auto recorders, start(names, common_words(parsed), folder, logs.path()));
+  return wait_for(recorders);
 }
 
-constexpr const char* kRecordVerb = "record";
 constexpr double kMostSeconds = 1e8;
 constexpr std::size_t kMostBuffer_mb = std::size_t{64} * 1024;
 
@@ -139,20 +134,17 @@ cxxopts::Options record_options() {
                            "Record a running daemon's frames. A killed process or a cut of power costs the last "
                            "fraction of a second; see bolo recover\n");
   options.positional_help("NAME...").show_positional_help();
-  options.add_options()                                                                                  //
-      ("name", "The daemon's name, as in its configuration; several are recorded side by side",          //
-       cxxopts::value<std::vector<std::string>>())                                                       //
-      ("o,output", "Capture file to write (.h5); of several the folder: FOLDER/NAME.h5",                 //
-       cxxopts::value<std::string>())                                                                    //
-      ("seconds", "End after so many seconds", cxxopts::value<double>())                                 //
-      ("frames", "End after so many frames", cxxopts::value<std::uint64_t>())                            //
-      ("planes", "raw or deblurred", cxxopts::value<std::string>()->default_value("raw"))                //
-      ("split-minutes", "Begin a new file so often: FILE_001.h5 ...", cxxopts::value<double>())          //
-      ("buffer-mb", "Memory for frames that the disk is behind by",                                      //
-       cxxopts::value<std::size_t>()->default_value("256"))                                              //
-      ("wait", "Seconds to wait for a daemon that went away; where it is given, also for one to start",  //
-       cxxopts::value<double>()->default_value("30"))                                                    //
-      ("json", "Print the outcome as JSON");
+  add_option<std::vector<std::string>>(options, "name",
+                                       "The daemon's name, as in its configuration; several are recorded side by side");
+  add_option<std::string>(options, "o,output", "Capture file to write (.h5); of several the folder: FOLDER/NAME.h5");
+  add_option<double>(options, "seconds", "End after so many seconds");
+  add_option<std::uint64_t>(options, "frames", "End after so many frames");
+  add_option<std::string>(options, "planes", "raw or deblurred", "raw");
+  add_option<double>(options, "split-minutes", "Begin a new file so often: FILE_001.h5 ...");
+  add_option<std::size_t>(options, "buffer-mb", "Memory for frames that the disk is behind by", "256");
+  add_option<double>(options, "wait",
+                     "Seconds to wait for a daemon that went away; where it is given, also for one to start", "30");
+  add_option<bool>(options, "json", "Print the outcome as JSON");
   add_overwrite_option(options);
   options.parse_positional({"name"});
   return options;
@@ -188,9 +180,8 @@ Result<RecordRequest> record_request(const cxxopts::ParseResult& parsed) {
     if (in_range(out, least, kMostSeconds)) return {};
     return bad_input(std::string("--") + name + " must be a number above 0");
   };
-  Status good = seconds_of("seconds", 1.0, 1e-3, request.seconds);
-  if (good) good = seconds_of("split-minutes", 60.0, 0.1, request.split_s);
-  if (!good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(seconds_of("seconds", 1.0, 1e-3, request.seconds));
+  RETURN_IF_ERROR(seconds_of("split-minutes", 60.0, 0.1, request.split_s));
   request.wait_s = parsed["wait"].as<double>();
   request.wait_at_start = parsed.count("wait") != 0;
   if (!in_range(request.wait_s, 0.0, kMostSeconds)) return bad_input("--wait must be a number of seconds from 0 on");
@@ -202,8 +193,7 @@ Result<RecordRequest> record_request(const cxxopts::ParseResult& parsed) {
   request.plane = plane == "raw" ? RecordedPlane::kRaw : RecordedPlane::kDeblurred;
   request.replace = replace_of(parsed);
   request.tell = [](const std::string& line) { std::fprintf(stderr, "bolo record: %s\n", line.c_str()); };
-  good = check_output_of(request);
-  if (!good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(check_output_of(request));
   return request;
 }
 
@@ -247,34 +237,29 @@ void print(const RecordResult& result) {
   if (result.reconnects > 0) std::printf("the daemon was started again %llu times\n", n(result.reconnects));
 }
 
-}  // namespace
-
-int record_main(int argc, char** argv) {
-  auto options = record_options();
-  cxxopts::ParseResult parsed;
-  if (const auto code = parse(options, argc, argv, parsed)) return *code;
-  if (parsed.count("name") > 1) return record_several(parsed);
-  const auto request = record_request(parsed);
-  if (!request) return report(kRecordVerb, request.error());
-  catch_interrupts();
-  Result<RecordResult> result = failed("");
-  {
-    Progress progress("recording", request->frames);
-    result = record(*request, interrupted(), [&](std::uint64_t frames) { progress.update(frames); });
-  }
-  if (!result) return report(kRecordVerb, result.error());
-  if (parsed.count("json") != 0) {
-    std::cout << json_text(to_json(*result)) << '\n';
+Result<int> run_record(const cxxopts::ParseResult& given) {
+  if (given.count("name") > 1) return record_several(given);
+  ASSIGN_OR_RETURN(const auto request, record_request(given));
+  auto recorded = [&] {
+    Progress progress("recording", request.frames);
+    return record(request, interrupted(), [&](std::uint64_t frames) { progress.update(frames); });
+  }();
+  ASSIGN_OR_RETURN(const RecordResult result, std::move(recorded));
+  if (given.count("json") != 0) {
+    std::cout << json_text(to_json(result)) << '\n';
   } else {
-    print(*result);
+    print(result);
   }
-  if (result->status) return kExitDone;
-  const FileWriterResult& written = result->written;
+  if (result.status) return kExitDone;
+  const FileWriterResult& written = result.written;
   const std::string saved = written.files.empty()
                                 ? "; no file was finished"
                                 : "; " + std::to_string(written.frames) + " frames are in " + files_text(written);
-  report(kRecordVerb, Error{ErrorKind::kFailed, result->status.error().message + saved});
-  return kExitFailed;
+  return failed(result.status.error().message + saved);
 }
+
+}  // namespace
+
+int record_main(int argc, char** argv) { return run_verb(kRecordVerb, record_options(), argc, argv, run_record); }
 
 }  // namespace bolo::tools

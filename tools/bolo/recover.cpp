@@ -13,8 +13,6 @@
 namespace bolo::tools {
 namespace {
 
-constexpr const char* kRecoverVerb = "recover";
-
 struct RecoverRequest {
   std::filesystem::path damaged;
   OutputFile out;
@@ -26,11 +24,10 @@ cxxopts::Options recover_options() {
                            "Save what an interrupted recording (FILE.h5.part) or a damaged capture holds. The file "
                            "itself stays as it is unless --in-place\n");
   options.positional_help("FILE").show_positional_help();
-  options.add_options()                                                                                           //
-      ("file", "The .part that was left behind, or a capture that does not open", cxxopts::value<std::string>())  //
-      ("o,output", "Capture to write; left out: FILE without .part", cxxopts::value<std::string>())               //
-      ("in-place", "Finish the .part itself and rename it: no copy, no further room on the disk")                 //
-      ("json", "Print the outcome as JSON");
+  add_option<std::string>(options, "file", "The .part that was left behind, or a capture that does not open");
+  add_option<std::string>(options, "o,output", "Capture to write; left out: FILE without .part");
+  add_option<bool>(options, "in-place", "Finish the .part itself and rename it: no copy, no further room on the disk");
+  add_option<bool>(options, "json", "Print the outcome as JSON");
   add_overwrite_option(options);
   options.parse_positional({"file"});
   return options;
@@ -54,8 +51,7 @@ Result<RecoverRequest> recover_request(const cxxopts::ParseResult& parsed) {
   // The damaged file itself may lie under the output's name and ".part": it stays as it is, or is what gets the name.
   const bool itself = request.damaged == std::filesystem::path(request.out.path.string() + ".part");
   const std::vector<std::filesystem::path> inputs{itself ? std::filesystem::path() : request.damaged};
-  Status good = check_outputs({request.out.path}, inputs, request.out.replace);
-  if (!good) return tl::unexpected<Error>(good.error());
+  RETURN_IF_ERROR(check_outputs({request.out.path}, inputs, request.out.replace));
   return request;
 }
 
@@ -89,23 +85,19 @@ Result<capture::Recovered> recover(const RecoverRequest& request) {
   });
 }
 
+Status run_recover(const cxxopts::ParseResult& given) {
+  ASSIGN_OR_RETURN(const auto request, recover_request(given));
+  ASSIGN_OR_RETURN(const auto done, recover(request));
+  if (given.count("json") != 0) {
+    std::cout << json_text(to_json(request, done)) << '\n';
+  } else {
+    print(request, done);
+  }
+  return {};
+}
+
 }  // namespace
 
-int recover_main(int argc, char** argv) {
-  auto options = recover_options();
-  cxxopts::ParseResult parsed;
-  if (const auto code = parse(options, argc, argv, parsed)) return *code;
-  const auto request = recover_request(parsed);
-  if (!request) return report(kRecoverVerb, request.error());
-  catch_interrupts();
-  const Result<capture::Recovered> done = recover(*request);
-  if (!done) return report(kRecoverVerb, done.error());
-  if (parsed.count("json") != 0) {
-    std::cout << json_text(to_json(*request, *done)) << '\n';
-  } else {
-    print(*request, *done);
-  }
-  return kExitDone;
-}
+int recover_main(int argc, char** argv) { return run_verb("recover", recover_options(), argc, argv, run_recover); }
 
 }  // namespace bolo::tools

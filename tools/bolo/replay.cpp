@@ -11,19 +11,16 @@
 namespace bolo::tools {
 namespace {
 
-constexpr const char* kReplayVerb = "replay";
-
 cxxopts::Options replay_options() {
   cxxopts::Options options("bolo replay",
                            "Publish a capture in shared memory as if its camera was live, in this process\n");
   options.positional_help("CAPTURE").show_positional_help();
-  options.add_options()                                                                                             //
-      ("capture", "The capture to replay (.h5, or the authors' .mat)", cxxopts::value<std::string>())               //
-      ("name", "Name of the shared memory; the configuration's where one is given", cxxopts::value<std::string>())  //
-      ("config", "Configuration as bolod's: all but its source is used", cxxopts::value<std::string>())             //
-      ("pace", "realtime: at the capture's times. fast: as fast as frames are deblurred",                           //
-       cxxopts::value<std::string>()->default_value("realtime"))                                                    //
-      ("loop", "Begin again after the last frame: numbers and times rise on");
+  add_option<std::string>(options, "capture", "The capture to replay (.h5, or the authors' .mat)");
+  add_option<std::string>(options, "name", "Name of the shared memory; the configuration's where one is given");
+  add_option<std::string>(options, "config", "Configuration as bolod's: all but its source is used");
+  add_option<std::string>(options, "pace", "realtime: at the capture's times. fast: as fast as frames are deblurred",
+                          "realtime");
+  add_option<bool>(options, "loop", "Begin again after the last frame: numbers and times rise on");
   options.parse_positional({"capture"});
   return options;
 }
@@ -34,9 +31,7 @@ Result<daemon::DaemonConfig> replay_request(const cxxopts::ParseResult& parsed) 
   config.name = "replay";
   config.lock_memory = false;
   if (parsed.count("config") != 0) {
-    Result<daemon::DaemonConfig> read = daemon::read_config(parsed["config"].as<std::string>());
-    if (!read) return read;
-    config = std::move(*read);
+    ASSIGN_OR_RETURN(config, daemon::read_config(parsed["config"].as<std::string>()));
   }
   if (parsed.count("name") != 0) config.name = parsed["name"].as<std::string>();
   if (const auto path = shm::object_path(config.name); !path) return bad_input("--name: " + path.error().message);
@@ -49,19 +44,15 @@ Result<daemon::DaemonConfig> replay_request(const cxxopts::ParseResult& parsed) 
   return config;
 }
 
+Status run_replay(const cxxopts::ParseResult& given) {
+  ASSIGN_OR_RETURN(const auto config, replay_request(given));
+  daemon::block_signals();
+  ASSIGN_OR_RETURN(const auto made, daemon::Daemon::create(config, daemon::make_log(config.log, config.name)));
+  return made->run(daemon::OnHangup::kEnd);
+}
+
 }  // namespace
 
-int replay_main(int argc, char** argv) {
-  auto options = replay_options();
-  cxxopts::ParseResult parsed;
-  if (const auto code = parse(options, argc, argv, parsed)) return *code;
-  const auto config = replay_request(parsed);
-  if (!config) return report(kReplayVerb, config.error());
-  daemon::block_signals();
-  auto made = daemon::Daemon::create(*config, daemon::make_log(config->log, config->name));
-  if (!made) return report(kReplayVerb, made.error());
-  if (const Status status = (*made)->run(daemon::OnHangup::kEnd); !status) return report(kReplayVerb, status.error());
-  return kExitDone;
-}
+int replay_main(int argc, char** argv) { return run_verb("replay", replay_options(), argc, argv, run_replay, false); }
 
 }  // namespace bolo::tools

@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <sstream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -80,17 +79,9 @@ Result<StimulusKind> stimulus_kind(const Options& given) {
   return chosen.kind;
 }
 
-Result<double> ranged(const Options& given, const std::string& option, double low, double high) {
-  const double value = given[option].as<double>();
-  if (value >= low && value <= high) return value;
-  std::ostringstream message;
-  message << "--" << option << ' ' << value << ": expected " << low << " to " << high;
-  return bad_input(message.str());
-}
-
-Result<double> kelvin(const Options& given, const std::string& option, double fallback = 0.0) {
+Result<double> kelvin(const Options& given, const char* option, double fallback = 0.0) {
   if (given.count(option) == 0 && fallback > 0.0) return fallback;
-  return ranged(given, option, 1.0, 2000.0);
+  return number_of<double>(given, option, 1.0, 2000.0);
 }
 
 Result<Field> uniform_field(const Options& given) {
@@ -101,7 +92,7 @@ Result<Field> uniform_field(const Options& given) {
 // frame, so that the pulses begin at many phases of it.
 Result<Field> chopper_field(const Options& given, double duration_s) {
   ASSIGN_OR_RETURN(const double cold, kelvin(given, "cold", 295.0));
-  ASSIGN_OR_RETURN(const double gap_ms, ranged(given, "gap", 0.1, 1e6));
+  ASSIGN_OR_RETURN(const double gap_ms, number_of<double>(given, "gap", 0.1, 1e6));
   const auto levels = given["levels"].as<std::vector<double>>();
   const auto pulses = given["pulses"].as<std::vector<double>>();
   for (const double level : levels) {
@@ -127,20 +118,12 @@ Result<Field> chopper_field(const Options& given, double duration_s) {
 }
 
 Result<Field> bars_field(const Options& given) {
-  struct Value {
-    Result<double> value;
-    double capture::BarTarget::*field;
-  };
-  const std::array<Value, 5> values{{{kelvin(given, "cold", 285.0), &capture::BarTarget::cold_k},
-                                     {kelvin(given, "hot"), &capture::BarTarget::hot_k},
-                                     {ranged(given, "period", 2.0, 1e5), &capture::BarTarget::period_px},
-                                     {ranged(given, "slant", -100.0, 100.0), &capture::BarTarget::slant_px_per_row},
-                                     {ranged(given, "speed", -1e5, 1e5), &capture::BarTarget::velocity_px_s}}};
   capture::BarTarget target;
-  for (const Value& value : values) {
-    if (!value.value) return tl::unexpected(value.value.error());
-    target.*value.field = *value.value;
-  }
+  ASSIGN_OR_RETURN(target.cold_k, kelvin(given, "cold", 285.0));
+  ASSIGN_OR_RETURN(target.hot_k, kelvin(given, "hot"));
+  ASSIGN_OR_RETURN(target.period_px, number_of<double>(given, "period", 2.0, 1e5));
+  ASSIGN_OR_RETURN(target.slant_px_per_row, number_of<double>(given, "slant", -100.0, 100.0));
+  ASSIGN_OR_RETURN(target.velocity_px_s, number_of<double>(given, "speed", -1e5, 1e5));
   if (target.cold_k >= target.hot_k) return bad_input("--cold must be below --hot");
   target.bar_width_px = target.period_px / 2.0;
   return sim::make_bars(target);
@@ -151,10 +134,10 @@ Result<sim::Path> camera_motion(const Options& given, const sim::CameraSettings&
     for (const char* option : {"trajectory-scale", "trajectory-start"}) {
       if (given.count(option) != 0) return bad_input("--" + std::string(option) + " needs --trajectory");
     }
-    return ranged(given, "speed", -1e5, 1e5).map(sim::steady_pan);
+    return number_of<double>(given, "speed", -1e5, 1e5).map(sim::steady_pan);
   }
   if (given.count("speed") != 0) return bad_input("--speed contradicts --trajectory; leave one out");
-  ASSIGN_OR_RETURN(const double scale, ranged(given, "trajectory-scale", -100.0, 100.0));
+  ASSIGN_OR_RETURN(const double scale, number_of<double>(given, "trajectory-scale", -100.0, 100.0));
   const auto file = given["trajectory"].as<std::string>();
   ASSIGN_OR_RETURN(const auto points, sim::read_trajectory(file));
   const bool has_start = given.count("trajectory-start") != 0;
@@ -191,27 +174,6 @@ Result<Field> scene_field(const Options& given, const sim::CameraSettings& camer
   return sim::pan_over(*scene, motion, origin, camera.geometry, from_s, to_s);
 }
 
-// The field for a capture of `frames` frames. Options that contradict each other, or have no meaning for the stimulus
-// asked for, are kBadInput. Thread: setup.
-Result<std::unique_ptr<const sim::Field>> simulated_field(const cxxopts::ParseResult& given,
-                                                          const sim::CameraSettings& camera, std::size_t frames) {
-  ASSIGN_OR_RETURN(const StimulusKind kind, stimulus_kind(given));
-  const double to_s = static_cast<double>(frames) / camera.rate_hz;
-  switch (kind) {
-    case kUniform:
-      return uniform_field(given);
-    case kChopper:
-      return chopper_field(given, to_s);
-    case kBars:
-      return bars_field(given);
-    case kScene:
-      break;
-  }
-  return scene_field(given, camera, -sim::history_s(camera), to_s);
-}
-
-using Options = cxxopts::ParseResult;
-
 cxxopts::Options simulate_options() {
   cxxopts::Options options("bolo simulate", "Writes a capture of a simulated camera, with its truth and its stimulus");
   const auto text = [](const char* value = nullptr) {
@@ -219,42 +181,54 @@ cxxopts::Options simulate_options() {
   };
   const auto number = [](const char* value) { return cxxopts::value<double>()->default_value(value); };
   const auto list = [](const char* value) { return cxxopts::value<std::vector<double>>()->default_value(value); };
-  options.add_options("Output")("o,output", "Capture to write", text(), "OUT.h5")(
-      "no-truth", "Leave out /truth: the file shrinks to a third")("compress", "Deflate the frames (level 1)")(
-      "json", "Print the result as JSON");
+  auto output = options.add_options("Output");
+  output("o,output", "Capture to write", text(), "OUT.h5");
+  output("no-truth", "Leave out /truth: the file shrinks to a third");
+  output("compress", "Deflate the frames (level 1)");
+  output("json", "Print the result as JSON");
   add_overwrite_option(options);
-  options.add_options("Camera")("width", "Pixels", cxxopts::value<int>()->default_value("640"))(
-      "height", "Pixels", cxxopts::value<int>()->default_value("120"))("rate", "Frames a second", number("200"))(
-      "frames", "How many", cxxopts::value<std::int64_t>()->default_value("400"))(
-      "camera", "bolometer (thermal inertia) or visible (mean over the exposure)", text("bolometer"))(
-      "tau", "Thermal time constant, s (bolometer)", number("0.011"))(
-      "exposure", "s, ends at the frame's time (visible; default: the frame period, at most 5 ms)",
-      cxxopts::value<double>())("noise", "White noise, K rms", number("0.03"))(
-      "quantisation", "K a step (uint16: default 0.01; float32: default none)", cxxopts::value<double>())(
-      "type", "uint16 or float32", text("uint16"))("seed", "Of the noise and the street",
-                                                   cxxopts::value<std::uint64_t>()->default_value("1"))(
-      "threads", "The result does not depend on them", cxxopts::value<int>()->default_value("2"));
-  options.add_options("Effects")("effect", "What the camera does beyond the nominal one; may be given again", text(),
-                                 "NAME[:key=value,...]")("list-effects", "Print all effects with their keys, and end")(
-      "camera-seed", "Of what is fixed in the camera, such as patterns (default: the seed)",
-      cxxopts::value<std::uint64_t>())("session-start", "s that the camera had been on at t = 0", number("0"));
-  options.add_options("Scene")("stimulus", "uniform, chopper, bar_target or scene (default)", text())(
+  auto camera = options.add_options("Camera");
+  camera("width", "Pixels", cxxopts::value<int>()->default_value("640"));
+  camera("height", "Pixels", cxxopts::value<int>()->default_value("120"));
+  camera("rate", "Frames a second", number("200"));
+  camera("frames", "How many", cxxopts::value<std::int64_t>()->default_value("400"));
+  camera("camera", "bolometer (thermal inertia) or visible (mean over the exposure)", text("bolometer"));
+  camera("tau", "Thermal time constant, s (bolometer)", number("0.011"));
+  camera("exposure", "s, ends at the frame's time (visible; default: the frame period, at most 5 ms)",
+         cxxopts::value<double>());
+  camera("noise", "White noise, K rms", number("0.03"));
+  camera("quantisation", "K a step (uint16: default 0.01; float32: default none)", cxxopts::value<double>());
+  camera("type", "uint16 or float32", text("uint16"));
+  camera("seed", "Of the noise and the street", cxxopts::value<std::uint64_t>()->default_value("1"));
+  camera("threads", "The result does not depend on them", cxxopts::value<int>()->default_value("2"));
+  auto effects = options.add_options("Effects");
+  effects("effect", "What the camera does beyond the nominal one; may be given again", text(), "NAME[:key=value,...]");
+  effects("list-effects", "Print all effects with their keys, and end");
+  effects("camera-seed", "Of what is fixed in the camera, such as patterns (default: the seed)",
+          cxxopts::value<std::uint64_t>());
+  effects("session-start", "s that the camera had been on at t = 0", number("0"));
+  auto scene = options.add_options("Scene");
+  scene("stimulus", "uniform, chopper, bar_target or scene (default)", text());
+  scene(
       "stimulus-error",
       "How the bench differs from what is written to /stimulus: sweep_s, softness_s, start_s, cold_k, "
       "level_k, level2_k, velocity, uneven, uneven_period_s, uneven_phase, phase, edge_px, reflection, surroundings_k",
-      text(), "key=value,...")("scene", "street, bars, or a picture: PNG, JPEG, HDF5 with image_k", text("street"))(
-      "speed", "What the camera sees moves along +x, pixels/s", number("300"))(
-      "trajectory", "CSV of t_s,x_px,y_px: where pixel (0, 0) looks", text(), "FILE.csv")(
-      "trajectory-scale", "Of the trajectory's motion", number("1"))(
-      "trajectory-start", "Time in the trajectory where the capture begins, s", cxxopts::value<double>())(
-      "origin", "Scene pixel that (0, 0) looks at, at t = 0 (default: the path is centred)",
-      cxxopts::value<std::vector<double>>(),
-      "X,Y")("cold", "K: black of a picture, the bars' ground (285), the closed chopper (295)",
-             cxxopts::value<double>())("hot", "K: white of a picture, the bars", number("310"))(
-      "temperature", "K (uniform)", number("300"))("levels", "K: heights of the pulses (chopper)", list("305,320"))(
-      "pulses", "ms: lengths of the pulses (chopper)", list("12,30,60,120,300"))(
-      "gap", "ms: between two pulses (chopper)", number("83.7"))("period", "Pixels (bar_target)", number("40"))(
-      "slant", "Pixels a row (bar_target)", number("0.25"));
+      text(), "key=value,...");
+  scene("scene", "street, bars, or a picture: PNG, JPEG, HDF5 with image_k", text("street"));
+  scene("speed", "What the camera sees moves along +x, pixels/s", number("300"));
+  scene("trajectory", "CSV of t_s,x_px,y_px: where pixel (0, 0) looks", text(), "FILE.csv");
+  scene("trajectory-scale", "Of the trajectory's motion", number("1"));
+  scene("trajectory-start", "Time in the trajectory where the capture begins, s", cxxopts::value<double>());
+  scene("origin", "Scene pixel that (0, 0) looks at, at t = 0 (default: the path is centred)",
+        cxxopts::value<std::vector<double>>(), "X,Y");
+  scene("cold", "K: black of a picture, the bars' ground (285), the closed chopper (295)", cxxopts::value<double>());
+  scene("hot", "K: white of a picture, the bars", number("310"));
+  scene("temperature", "K (uniform)", number("300"));
+  scene("levels", "K: heights of the pulses (chopper)", list("305,320"));
+  scene("pulses", "ms: lengths of the pulses (chopper)", list("12,30,60,120,300"));
+  scene("gap", "ms: between two pulses (chopper)", number("83.7"));
+  scene("period", "Pixels (bar_target)", number("40"));
+  scene("slant", "Pixels a row (bar_target)", number("0.25"));
   return options;
 }
 
@@ -334,9 +308,19 @@ void print_result(const Options& given, const std::filesystem::path& file, const
               seconds, static_cast<double>(bytes) / 1e6);
 }
 
-Result<std::unique_ptr<const sim::Field>> field_of(const Options& given, const sim::CameraSettings& camera,
-                                                   std::size_t frames) {
-  auto field = simulated_field(given, camera, frames);
+Result<Field> nominal_field(const Options& given, const sim::CameraSettings& camera, std::size_t frames) {
+  ASSIGN_OR_RETURN(const StimulusKind kind, stimulus_kind(given));
+  const double to_s = static_cast<double>(frames) / camera.rate_hz;
+  if (kind == kUniform) return uniform_field(given);
+  if (kind == kChopper) return chopper_field(given, to_s);
+  if (kind == kBars) return bars_field(given);
+  return scene_field(given, camera, -sim::history_s(camera), to_s);
+}
+
+// The field for a capture of `frames` frames. Options that contradict each other, or have no meaning for the stimulus
+// asked for, are kBadInput.
+Result<Field> field_of(const Options& given, const sim::CameraSettings& camera, std::size_t frames) {
+  auto field = nominal_field(given, camera, frames);
   if (!field || given.count("stimulus-error") == 0) return field;
   const auto error = sim::parse_stimulus_error(given["stimulus-error"].as<std::string>());
   if (!error) return at("--stimulus-error", error.error());
@@ -346,6 +330,10 @@ Result<std::unique_ptr<const sim::Field>> field_of(const Options& given, const s
 }
 
 Status simulate(const Options& given) {
+  if (given.count("list-effects") != 0) {
+    print_effects(given.count("json") != 0);
+    return {};
+  }
   ASSIGN_OR_RETURN(const auto file, output_of(given));
   ASSIGN_OR_RETURN(const auto camera, camera_of(given));
   ASSIGN_OR_RETURN(const auto frames, frames_of(given));
@@ -354,15 +342,14 @@ Status simulate(const Options& given) {
 
   catch_interrupts();
   const sim::CaptureOptions options{frames, given.count("no-truth") == 0, given.count("compress") != 0 ? 1 : 0};
-  Status status;
-  {
+  const Status written = [&] {
     Progress progress("simulate", frames);
-    status = sim::write_capture(*simulator, file, options, [&progress](std::size_t done) {
+    return sim::write_capture(*simulator, file, options, [&progress](std::size_t done) {
       progress.update(done);
-      return !interrupted().load(std::memory_order_relaxed);
+      return !interrupted();
     });
-  }
-  if (!status) return status;
+  }();
+  RETURN_IF_ERROR(written);
   print_result(given, file.path, *simulator);
   if (simulator->frames_done() < frames) return failed("interrupted; the capture holds the frames until then");
   return {};
@@ -371,19 +358,7 @@ Status simulate(const Options& given) {
 }  // namespace
 
 int simulate_main(int argc, char** argv) {
-  cxxopts::Options options = simulate_options();
-  Options given;
-  if (const auto code = parse(options, argc, argv, given)) return *code;
-  try {
-    if (given.count("list-effects") != 0) {
-      print_effects(given.count("json") != 0);
-      return kExitDone;
-    }
-    const Status status = simulate(given);
-    return status ? kExitDone : report("simulate", status.error());
-  } catch (const std::bad_alloc&) {
-    return report("simulate", Error{ErrorKind::kFailed, "not enough memory; take fewer frames or a smaller frame"});
-  }
+  return run_verb("simulate", simulate_options(), argc, argv, simulate, false);
 }
 
 }  // namespace bolo::tools

@@ -56,11 +56,11 @@ template <typename Look>
 bool pause_for(double seconds, const Look& look) {
   const std::int64_t end_ns = monotonic_ns() + static_cast<std::int64_t>(seconds * kNsPerSecond);
   for (std::int64_t left_ns = end_ns - monotonic_ns(); left_ns > 0; left_ns = end_ns - monotonic_ns()) {
-    if (interrupted().load(std::memory_order_relaxed)) return false;
+    if (interrupted()) return false;
     std::this_thread::sleep_for(std::chrono::nanoseconds(std::min<std::int64_t>(left_ns, 50'000'000)));
     look();
   }
-  return !interrupted().load(std::memory_order_relaxed);
+  return !interrupted();
 }
 
 // Shows samples: JSON a line each, tables one below the other, or on a terminal one over the other with their history.
@@ -98,7 +98,7 @@ class Display {
 };
 
 // Shows a sample an interval, of whichever daemon has the name.
-int follow(const StatOptions& options, shm::FollowedStream stream) {
+void follow(const StatOptions& options, shm::FollowedStream stream) {
   Display display(options);
   StatLook before = look_at(stream.reader(), options);
   while (display.pause()) {
@@ -107,7 +107,6 @@ int follow(const StatOptions& options, shm::FollowedStream stream) {
     if (options.once) break;
     before = stream.follow() ? look_at(stream.reader(), options) : now;
   }
-  return kExitDone;
 }
 
 // One of several cameras, followed across restarts.
@@ -139,7 +138,7 @@ class Overview {
  public:
   explicit Overview(const StatOptions& options) : options_(options) {}
 
-  int run(std::map<std::string, Followed> cameras) {
+  void run(std::map<std::string, Followed> cameras) {
     while (pause_for(options_.interval_s, [] {})) {
       std::string text = fmt::format("{:<16} {:<9} {:>9} {:>7} {:>7} {:>8} {:>8} {:>9}  {}\n", "camera", "state",
                                      "size", "in/s", "out/s", "p50 ms", "p99 ms", "lost", "solver");
@@ -157,7 +156,6 @@ class Overview {
       if (options_.once) break;
       find_cameras(cameras);
     }
-    return kExitDone;
   }
 
  private:
@@ -177,14 +175,32 @@ class Overview {
 };
 
 // All that run; a single one as by its name.
-int show_all(StatOptions options) {
+Status show_all(StatOptions options) {
   std::map<std::string, Followed> cameras;
   find_cameras(cameras);
-  if (cameras.empty()) return report("stat", {ErrorKind::kBadInput, "no daemon runs: start one, see bolo demo"});
-  catch_interrupts();
-  if (cameras.size() > 1) return Overview(options).run(std::move(cameras));
-  options.name = cameras.begin()->first;
-  return follow(options, std::move(cameras.begin()->second.stream));
+  if (cameras.empty()) return bad_input("no daemon runs: start one, see bolo demo");
+  if (cameras.size() > 1) {
+    Overview(options).run(std::move(cameras));
+  } else {
+    options.name = cameras.begin()->first;
+    follow(options, std::move(cameras.begin()->second.stream));
+  }
+  return {};
+}
+
+Status run_stat(const cxxopts::ParseResult& given) {
+  StatOptions options;
+  options.interval_s = given["interval"].as<double>();
+  if (!(options.interval_s >= kMinInterval && options.interval_s <= kMaxInterval)) {
+    return bad_input("--interval is out of range: 0.05 to 3600 s");
+  }
+  options.json = given.count("json") != 0;
+  options.once = given.count("once") != 0;
+  if (given.count("name") != 0) options.name = given["name"].as<std::string>();
+  if (options.name.empty()) return show_all(options);
+  ASSIGN_OR_RETURN(auto stream, shm::FollowedStream::open(options.name, 0));
+  follow(options, std::move(stream));
+  return {};
 }
 
 }  // namespace
@@ -192,23 +208,13 @@ int show_all(StatOptions options) {
 int stat_main(int argc, char** argv) {
   cxxopts::Options cli(
       "bolo stat", "Show what a running daemon does: rates, losses, latency. Without NAME all that run, a line each\n");
-  StatOptions options;
-  cli.add_options()("name", "The daemon's name", cxxopts::value(options.name))(
-      "interval", "Seconds from sample to sample", cxxopts::value(options.interval_s)->default_value("1"), "S")(
-      "once", "One sample over one interval, and end", cxxopts::value(options.once))("json", "One JSON object a line",
-                                                                                     cxxopts::value(options.json));
+  add_option<std::string>(cli, "name", "The daemon's name");
+  add_option<double>(cli, "interval", "Seconds from sample to sample", "1", "S");
+  add_option<bool>(cli, "once", "One sample over one interval, and end");
+  add_option<bool>(cli, "json", "One JSON object a line");
   cli.parse_positional({"name"});
   cli.positional_help("[NAME]");
-  cxxopts::ParseResult parsed;
-  if (const auto code = parse(cli, argc, argv, parsed)) return *code;
-  if (!(options.interval_s >= kMinInterval && options.interval_s <= kMaxInterval)) {
-    return report("stat", {ErrorKind::kBadInput, "--interval is out of range: 0.05 to 3600 s"});
-  }
-  if (options.name.empty()) return show_all(options);
-  auto stream = shm::FollowedStream::open(options.name, 0);
-  if (!stream) return report("stat", stream.error());
-  catch_interrupts();
-  return follow(options, std::move(*stream));
+  return run_verb("stat", std::move(cli), argc, argv, run_stat);
 }
 
 }  // namespace bolo::tools

@@ -79,28 +79,26 @@ std::string line_of(const UsbDevice& device) {
   return printable(line);
 }
 
-int list(const usb::DeviceFilter& filter, bool as_json) {
-  const auto devices = usb::list_devices(filter);
-  if (!devices) return report("usb", devices.error());
+Status list(const usb::DeviceFilter& filter, bool as_json) {
+  ASSIGN_OR_RETURN(const auto devices, usb::list_devices(filter));
   if (as_json) {
     Json all = Json::array();
-    for (const UsbDevice& device : *devices) all.push_back(to_json(device));
+    for (const UsbDevice& device : devices) all.push_back(to_json(device));
     std::puts(json_text(Json{{"devices", std::move(all)}}, 2).c_str());
-    return kExitDone;
+    return {};
   }
-  for (const UsbDevice& device : *devices) std::puts(line_of(device).c_str());
-  if (devices->empty()) std::printf("no %s is connected\n", filter.text().c_str());
-  return kExitDone;
+  for (const UsbDevice& device : devices) std::puts(line_of(device).c_str());
+  if (devices.empty()) std::printf("no %s is connected\n", filter.text().c_str());
+  return {};
 }
 
-int print_report(const usb::DeviceFilter& filter, bool as_json) {
-  const auto text = usb::descriptor_report(filter);
-  if (!text) return report("usb", text.error());
-  std::fputs((as_json ? json_text(Json{{"report", *text}}, 2) + "\n" : *text).c_str(), stdout);
-  return kExitDone;
+Status print_report(const usb::DeviceFilter& filter, bool as_json) {
+  ASSIGN_OR_RETURN(const auto text, usb::descriptor_report(filter));
+  std::fputs((as_json ? json_text(Json{{"report", text}}, 2) + "\n" : text).c_str(), stdout);
+  return {};
 }
 
-int watch(const usb::DeviceFilter& filter, bool as_json) {
+Status watch(const usb::DeviceFilter& filter, bool as_json) {
   catch_interrupts();
   const auto say = [as_json](usb::Hotplug::Change change, const UsbDevice& device) {
     const bool arrived = change == usb::Hotplug::Change::kArrived;
@@ -108,32 +106,31 @@ int watch(const usb::DeviceFilter& filter, bool as_json) {
     std::puts(as_json ? json_text(event).c_str() : ((arrived ? "arrived  " : "left     ") + line_of(device)).c_str());
     std::fflush(stdout);
   };
-  const auto hotplug = usb::Hotplug::start(filter, say);
-  if (!hotplug) return report("usb", hotplug.error());
-  while (!interrupted().load(std::memory_order_relaxed)) std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  return kExitDone;
+  ASSIGN_OR_RETURN(const auto hotplug, usb::Hotplug::start(filter, say));
+  while (!interrupted()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  return {};
+}
+
+Status run_usb(const cxxopts::ParseResult& given) {
+  const bool as_json = given.count("json") != 0;
+  if (given.count("report") != 0 && given.count("watch") != 0) {
+    return bad_input("--report and --watch exclude each other; give one");
+  }
+  ASSIGN_OR_RETURN(const auto filter, filter_of(given));
+  if (given.count("report") != 0) return print_report(filter, as_json);
+  return given.count("watch") != 0 ? watch(filter, as_json) : list(filter, as_json);
 }
 
 }  // namespace
 
 int usb_main(int argc, char** argv) {
   cxxopts::Options options("bolo usb", "List USB devices of FLIR, and say what they tell of themselves. Experimental.");
-  options.add_options()("vendor", "Vendor id instead, four hexadecimal digits, or any",
-                        cxxopts::value<std::string>()->default_value("09cb"),
-                        "ID")("device", "One device, by place or by ids", cxxopts::value<std::string>(),
-                              "BUS:ADDRESS|VENDOR:PRODUCT")("report", "Print all descriptors, for support")(
-      "watch", "Print arrivals and departures until interrupted")("json", "Print as JSON");
-  cxxopts::ParseResult given;
-  if (const auto code = parse(options, argc, argv, given)) return *code;
-  const bool as_json = given.count("json") != 0;
-  if (given.count("report") != 0 && given.count("watch") != 0) {
-    return report("usb", {ErrorKind::kBadInput, "--report and --watch exclude each other; give one"});
-  }
-  const auto filter = filter_of(given);
-  if (!filter) return report("usb", filter.error());
-  if (given.count("report") != 0) return print_report(*filter, as_json);
-  if (given.count("watch") != 0) return watch(*filter, as_json);
-  return list(*filter, as_json);
+  add_option<std::string>(options, "vendor", "Vendor id instead, four hexadecimal digits, or any", "09cb", "ID");
+  add_option<std::string>(options, "device", "One device, by place or by ids", nullptr, "BUS:ADDRESS|VENDOR:PRODUCT");
+  add_option<bool>(options, "report", "Print all descriptors, for support");
+  add_option<bool>(options, "watch", "Print arrivals and departures until interrupted");
+  add_option<bool>(options, "json", "Print as JSON");
+  return run_verb("usb", std::move(options), argc, argv, run_usb, false);
 }
 
 }  // namespace bolo::tools

@@ -3,7 +3,7 @@
 
 #include <array>
 
-#include "tools/cli/verb.hpp"
+#include "tools/cli/dispatch.hpp"
 
 namespace bolo::tools {
 

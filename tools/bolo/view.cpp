@@ -101,14 +101,12 @@ Status view_daemon(const ViewOptions& options) {
   ASSIGN_OR_RETURN(view::Access access, access_of(options));
   const auto addresses =
       options.listen.empty() ? std::vector<std::string>{"127.0.0.1", "::1"} : std::vector<std::string>{options.listen};
-  const auto server = view::HttpServer::listen(addresses, options.port, {}, view::Site::headers());
-  if (!server) return tl::unexpected<Error>(server.error());
-  access.port = (*server)->port();
-  catch_interrupts();
+  ASSIGN_OR_RETURN(const auto server, view::HttpServer::listen(addresses, options.port, {}, view::Site::headers()));
+  access.port = server->port();
   std::vector<std::unique_ptr<view::LiveStream>> streams;
   std::vector<view::LiveStream*> lent;
   for (const std::string& name : names) {
-    streams.push_back(std::make_unique<view::LiveStream>(name, [&server] { (*server)->wake(); }));
+    streams.push_back(std::make_unique<view::LiveStream>(name, [&server] { server->wake(); }));
     lent.push_back(streams.back().get());
   }
   const auto ask_for_nuc = [](const std::string& name) -> Status {
@@ -117,7 +115,7 @@ Status view_daemon(const ViewOptions& options) {
   };
   view::Site site(access, lent, ask_for_nuc, options.page);
   say_where(options, fmt::format("{}", fmt::join(names, ", ")), url_of(options, access));
-  (*server)->run([&site](const view::Request& request) { return site.answer(request); }, interrupted());
+  server->run([&site](const view::Request& request) { return site.answer(request); }, interrupted());
   return {};
 }
 
@@ -140,11 +138,10 @@ int view_main(int argc, char** argv) {
   add("page", "Serve the page's files from this folder, for work on the page", cxxopts::value(options.page), "FOLDER");
   cli.parse_positional({"name"});
   cli.positional_help("[NAME...]");
-  cxxopts::ParseResult parsed;
-  if (const auto code = parse(cli, argc, argv, parsed)) return *code;
-  for (const auto& name : files_of(parsed, "name")) options.names.push_back(name.string());
-  const Status done = view_daemon(options);
-  return done ? kExitDone : report("view", done.error());
+  return run_verb("view", std::move(cli), argc, argv, [&options](const cxxopts::ParseResult& given) {
+    for (const auto& name : files_of(given, "name")) options.names.push_back(name.string());
+    return view_daemon(options);
+  });
 }
 
 }  // namespace bolo::tools

@@ -81,6 +81,15 @@ int report(const std::string& verb, const Error& error) {
   return error.exit_code();
 }
 
+int exit_code_of(const std::string& verb, const Status& done) { return done ? kExitDone : report(verb, done.error()); }
+
+int exit_code_of(const std::string& verb, const Result<int>& done) { return done ? *done : report(verb, done.error()); }
+
+Status within(double value, const char* option, double low, double high) {
+  if (value >= low && value <= high) return {};
+  return bad_input(fmt::format("--{} {:g}: expected {:g} to {:g}", option, value, low, high));
+}
+
 const std::atomic<bool>& interrupted() { return g_interrupted; }
 
 void catch_interrupts() {

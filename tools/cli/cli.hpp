@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <new>
 #include <optional>
 #include <string>
 #include <vector>
@@ -37,10 +38,49 @@ Replace replace_of(const cxxopts::ParseResult& parsed);
 // Prints "bolo VERB: message" to stderr and returns the error's exit code.
 int report(const std::string& verb, const Error& error);
 
+// The exit code of what a verb did: its own, or that of the error, which is reported.
+int exit_code_of(const std::string& verb, const Status& done);
+int exit_code_of(const std::string& verb, const Result<int>& done);
+
 // Set by SIGINT, SIGTERM and SIGHUP (the terminal is closed; not under nohup) once catch_interrupts() was called; long
 // work looks at it and ends in good order.
 const std::atomic<bool>& interrupted();
 void catch_interrupts();
+
+// Parses, does `work(given)`, a Status or a Result of the exit code, and reports what went wrong. Returns the exit
+// code. `looks`: the work looks at interrupted(), and ends in good order. Thread: setup.
+template <typename Work>
+int run_verb(const char* verb, cxxopts::Options options, int argc, char** argv, Work&& work, bool looks = true) {
+  cxxopts::ParseResult given;
+  if (const auto code = parse(options, argc, argv, given)) return *code;
+  if (looks) catch_interrupts();
+  try {
+    return exit_code_of(verb, work(given));
+  } catch (const std::bad_alloc&) {
+    return report(verb, {ErrorKind::kFailed, "not enough memory; ask for less at once"});
+  }
+}
+
+// An option of a verb: what follows it, its value when it is not given (nullptr: none), and the value's name in the
+// help. bool: a flag. Thread: setup.
+template <typename T>
+void add_option(cxxopts::Options& options, const char* name, const std::string& words, const char* standard = nullptr,
+                const char* argument = "", const char* group = "") {
+  auto value = cxxopts::value<T>();
+  if (standard != nullptr) value->default_value(standard);
+  options.add_option(group, {name, words, value, argument});
+}
+
+// kBadInput unless an option's value lies in the range. Thread: any.
+Status within(double value, const char* option, double low, double high);
+
+// The value of an option; kBadInput unless it lies in the range. Thread: any.
+template <typename T>
+Result<T> number_of(const cxxopts::ParseResult& given, const char* option, double low, double high) {
+  const T value = given[option].as<T>();
+  RETURN_IF_ERROR(within(static_cast<double>(value), option, low, high));
+  return value;
+}
 
 // A line of progress on stderr: on a terminal one that changes, at most ten times a second; elsewhere a new one each
 // `log_every_s`, for the logs of long work (0: none).

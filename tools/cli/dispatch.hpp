@@ -4,9 +4,14 @@
 #include <span>
 #include <string_view>
 
-#include "tools/cli/verb.hpp"
-
 namespace bolo::tools {
+
+// A verb of a program. argv[0] is the verb itself; `run` returns the exit code.
+struct Verb {
+  std::string_view name;
+  std::string_view summary;
+  int (*run)(int argc, char** argv);
+};
 
 struct Program {
   std::string_view name;

@@ -1,10 +1,6 @@
 #include "tools/convert/flir_still.hpp"
 
-#include <unistd.h>
-
 #include <cmath>
-#include <cstdlib>
-#include <fstream>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -42,27 +38,6 @@ double kelvin_of(double raw, const Path& path, const FlirConstants& c) {
   const double object = (raw - path.offset) / path.factor;
   return c.planck_b / std::log(c.planck_r1 / (c.planck_r2 * (object + c.planck_o)) + c.planck_f);
 }
-
-// A file in the temporary folder, removed at the end.
-class TemporaryFile {
- public:
-  explicit TemporaryFile(const std::string& content) {
-    std::string pattern = (std::filesystem::temp_directory_path() / "bolo_still_XXXXXX").string();
-    if (const int descriptor = mkstemp(pattern.data()); descriptor >= 0) close(descriptor);
-    name_ = pattern;
-    std::ofstream(name_, std::ios::binary) << content;
-  }
-  ~TemporaryFile() {
-    std::error_code ignored;
-    std::filesystem::remove(name_, ignored);
-  }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-  const std::filesystem::path& name() const { return name_; }
-
- private:
-  std::filesystem::path name_;
-};
 
 Result<json> read_tags(const std::filesystem::path& file) {
   ASSIGN_OR_RETURN(const std::string text,
@@ -122,12 +97,14 @@ std::string text_of(const json& tags, const char* name) {
 }
 
 Result<Picture> read_raw(const std::filesystem::path& file, const std::string& type) {
-  ASSIGN_OR_RETURN(const std::string bytes,
-                   output_of({"exiftool", "-b", "-RawThermalImage", "--", file.string()}, kPackage));
-  if (bytes.empty()) return bad_input("there is no raw thermal image in it; not a radiometric still");
-  const TemporaryFile image(bytes);
-  if (type != "PNG") return read_tiff_page(image.name(), 0);
-  Result<Picture> picture = read_png_picture(image.name());
+  ASSIGN_OR_RETURN(const UniqueFd image,
+                   output_file_of({"exiftool", "-b", "-RawThermalImage", "--", file.string()}, kPackage));
+  const std::string name = "/proc/self/fd/" + std::to_string(image.get());
+  if (std::filesystem::file_size(name) == 0) {
+    return bad_input("there is no raw thermal image in it; not a radiometric still");
+  }
+  if (type != "PNG") return read_tiff_page(name, 0);
+  Result<Picture> picture = read_png_picture(name);
   if (picture && looks_swapped(picture->geometry, picture->u16)) {
     for (std::uint16_t& value : picture->u16) value = swap_bytes(value);
   }

@@ -67,11 +67,16 @@ Status wait_for(const std::string& name, pid_t pid, int errors) {
 
 }  // namespace
 
-Result<std::string> output_of(const std::vector<std::string>& words, const std::string& install) {
-  const UniqueFd output = memory_file("output");
+Result<UniqueFd> output_file_of(const std::vector<std::string>& words, const std::string& install) {
+  UniqueFd output = memory_file("output");
   const UniqueFd errors = memory_file("errors");
   ASSIGN_OR_RETURN(const pid_t pid, spawn(words, 0, output.get(), errors.get(), install));
   RETURN_IF_ERROR(wait_for(words[0], pid, errors.get()));
+  return output;
+}
+
+Result<std::string> output_of(const std::vector<std::string>& words, const std::string& install) {
+  ASSIGN_OR_RETURN(const UniqueFd output, output_file_of(words, install));
   return content_of(output.get());
 }
 

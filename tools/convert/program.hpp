@@ -13,9 +13,11 @@
 
 namespace bolo::tools {
 
-// words[0] is looked for in PATH. What it prints on stdout. Errors: not installed (kBadInput with `install`, the Debian
-// package), an exit code other than 0 (kFailed with its last line on stderr). Thread: any.
+// words[0] is looked for in PATH. What it prints on stdout, as text or as an unnamed file in memory, which has a path
+// below /proc/self/fd. Errors: not installed (kBadInput with `install`, the Debian package), an exit code other than 0
+// (kFailed with its last line on stderr). Thread: any.
 Result<std::string> output_of(const std::vector<std::string>& words, const std::string& install);
+Result<UniqueFd> output_file_of(const std::vector<std::string>& words, const std::string& install);
 
 // A program that is fed through its standard input. SIGPIPE must be ignored. Thread: any one at a time.
 class FedProgram {

@@ -11,19 +11,13 @@
 namespace bolo::tools {
 namespace {
 
-Status no_window(const std::filesystem::path& file, const DeblurRequest& request) {
-  return bad_input(file.string() + ": no full window of " + std::to_string(request.options.deblur.window) +
-                   " frames between its breaks (events, jumps in time); give a smaller --window");
-}
-
 // The error that states what was solved before the run was given up.
 Error interruption(DeblurSink& sink, const pipeline::Pipeline& pipeline, const DeblurRequest& request,
                    const std::filesystem::path& output) {
   if (sink.frames_out() == 0) {
     return {ErrorKind::kFailed, "interrupted before any frame was solved; " + output.string() + " was not written"};
   }
-  const Status kept = sink.keep_part(pipeline.isa(), files_behind(request));
-  if (!kept) return kept.error();
+  if (const Status kept = sink.keep_part(pipeline.isa(), files_behind(request)); !kept) return kept.error();
   const std::string part = output.string() + ".part";
   return {ErrorKind::kFailed, "interrupted; " + std::to_string(sink.frames_out()) + " frames are kept in " + part +
                                   ", which bolo recover finishes"};
@@ -50,37 +44,30 @@ Result<CaptureRun> CaptureRun::open(const DeblurRequest& request, const std::fil
                     std::move(options));
 }
 
-Result<ChosenFrames> CaptureRun::chosen() const {
-  ASSIGN_OR_RETURN(auto own_reader, capture::CaptureReader::open(file_));
-  PixelChoice choice(info().format.geometry, options_.region, options_.points);
-  return ChosenFrames(file_, std::move(own_reader), std::move(choice));
-}
-
 Result<RunFacts> CaptureRun::run(const OutputFile& output, const std::string& made_from,
                                  const DeblurSink::Heard& heard) {
-  ASSIGN_OR_RETURN(auto chosen, this->chosen());
-  DeblurSink sink(std::move(chosen), output, heard);
+  ASSIGN_OR_RETURN(auto own_reader, capture::CaptureReader::open(file_));
+  PixelChoice choice(info().format.geometry, options_.region, options_.points);
+  DeblurSink sink(file_, std::move(own_reader), std::move(choice), output, heard);
   auto source = std::make_unique<replay::ReplaySource>(reader_, replay::Pace::kAsFastAsPossible);
   const replay::ReplaySource& replayed = *source;
-  auto pipeline = pipeline::Pipeline::create(std::move(source), {&sink}, options_);
-  if (!pipeline) return tl::unexpected(pipeline.error());
-  const Status run = (*pipeline)->run(sink.stop_requested());
-  RETURN_IF_ERROR(run);
+  ASSIGN_OR_RETURN(const auto pipeline, pipeline::Pipeline::create(std::move(source), {&sink}, options_));
+  RETURN_IF_ERROR(pipeline->run(sink.stop_requested()));
   RETURN_IF_ERROR(replayed.result());
   RETURN_IF_ERROR(sink.status());
   if (options_.give_up != nullptr && options_.give_up->load(std::memory_order_relaxed)) {
-    return tl::unexpected(interruption(sink, **pipeline, *request_, output.path));
+    return tl::unexpected(interruption(sink, *pipeline, *request_, output.path));
   }
-  if (sink.frames_out() == 0) return tl::unexpected(no_window(file_, *request_).error());
-  RETURN_IF_ERROR(sink.finish((*pipeline)->isa(), files_behind(*request_), made_from));
-  const pipeline::PipelineStats& stats = (*pipeline)->stats();
-  RunFacts facts{sink.frames_out(),
-                 stats.inlet.losses().total(),
-                 static_cast<double>(stats.deblur_ns.value()) * kMsPerNs,
-                 (*pipeline)->settings(),
-                 std::string((*pipeline)->isa()),
-                 (*pipeline)->solver_text(),
-                 sink.rmse()};
+  if (sink.frames_out() == 0) {
+    return bad_input(file_.string() + ": no full window of " + std::to_string(options_.deblur.window) +
+                     " frames between its breaks (events, jumps in time); give a smaller --window");
+  }
+  RETURN_IF_ERROR(sink.finish(pipeline->isa(), files_behind(*request_), made_from));
+  const pipeline::PipelineStats& stats = pipeline->stats();
+  RunFacts facts{
+      sink.frames_out(),    stats.inlet.losses().total(), static_cast<double>(stats.deblur_ns.value()) * kMsPerNs,
+      pipeline->settings(), std::string(pipeline->isa()), pipeline->solver_text(),
+      sink.rmse()};
   for (std::size_t i = 0; i < kGyroUses; ++i) facts.gyro[i] = stats.gyro[i].value();
   return facts;
 }

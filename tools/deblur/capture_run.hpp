@@ -47,8 +47,6 @@ class CaptureRun {
   CaptureRun(const DeblurRequest& request, std::filesystem::path file,
              std::shared_ptr<const capture::CaptureReader> reader, pipeline::PipelineOptions options);
 
-  Result<ChosenFrames> chosen() const;
-
   const DeblurRequest* request_;
   std::filesystem::path file_;
   std::shared_ptr<const capture::CaptureReader> reader_;

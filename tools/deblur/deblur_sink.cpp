@@ -52,10 +52,22 @@ capture::Stimulus seen_through(capture::Stimulus stimulus, const PixelChoice& ch
 
 }  // namespace
 
-ChosenFrames::ChosenFrames(std::filesystem::path input_file, capture::CaptureReader input, PixelChoice choice)
-    : input_file_(std::move(input_file)), input_(std::move(input)), choice_(std::move(choice)) {}
+DeblurSink::DeblurSink(std::filesystem::path input_file, capture::CaptureReader input, PixelChoice choice,
+                       OutputFile output, Heard heard)
+    : input_file_(std::move(input_file)),
+      input_(std::move(input)),
+      choice_(std::move(choice)),
+      output_(std::move(output)),
+      heard_(std::move(heard)) {}
 
-void ChosenFrames::open(const pipeline::SinkFormat& format) {
+DeblurSink::~DeblurSink() {
+  if (!writer_ || kept_) return;
+  writer_.reset();
+  std::error_code ignored;
+  std::filesystem::remove(part_of(output_.path), ignored);
+}
+
+Status DeblurSink::open(const pipeline::SinkFormat& format) {
   format_ = format;
   const StreamFormat& in = format.source.format;
   written_ = input_.info();
@@ -69,19 +81,27 @@ void ChosenFrames::open(const pipeline::SinkFormat& format) {
   }
   raw_.resize(plane_bytes(written_.format.geometry, in.type));
   deblurred_.resize(plane_bytes(written_.format.geometry, format.deblurred_type));
+  capture::WriterOptions how;
+  how.truth = written_.has_truth;
+  how.times = written_.has_times;
+  how.motion = format.motion && choice_.points().empty();
+  how.replace = output_.replace;
+  ASSIGN_OR_RETURN(auto writer, capture::CaptureWriter::create(output_.path, written_, how));
+  writer_.emplace(std::move(writer));
+  if (choice_.points().empty()) return {};
+  std::vector<capture::Point> points;
+  for (std::size_t i = 0; i < choice_.points().size(); ++i) points.push_back({choice_.x_of(i), choice_.y_of(i)});
+  return writer_->write_points(points);
 }
 
-Status ChosenFrames::take(const pipeline::PublishedFrame& frame) {
-  choice_.take(frame.raw, bytes_of(format_.source.format.type), raw_.data());
-  if (Status status = refuse_nan(frame); !status) return status;
-  const std::vector<std::uint64_t>& ids = input_.frame_id();
-  while (index_ < ids.size() && ids[index_] != frame.meta.frame_id) ++index_;
-  sharp_ = (frame.meta.flags & kFlagWarmUp) == 0;
-  if (sharp_) choice_.take_deblurred(frame.deblurred, bytes_of(format_.deblurred_type), deblurred_.data());
-  return {};
+void DeblurSink::publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& /*stats*/) noexcept {
+  ++frames_in_;
+  if (status_) status_ = take(frame);
+  if (!status_) stop_requested_.store(true, std::memory_order_relaxed);
+  heard_(frames_in_, status_ && sharp_);
 }
 
-Status ChosenFrames::refuse_nan(const pipeline::PublishedFrame& frame) const {
+Status DeblurSink::refuse_nan(const pipeline::PublishedFrame& frame) const {
   if (format_.source.format.type != PixelType::kFloat32) return {};
   const auto* values = reinterpret_cast<const float*>(raw_.data());
   for (std::size_t i = 0; i < raw_.size() / sizeof(float); ++i) {
@@ -93,75 +113,32 @@ Status ChosenFrames::refuse_nan(const pipeline::PublishedFrame& frame) const {
   return {};
 }
 
-Result<const float*> ChosenFrames::truth(std::size_t index) {
-  if (truth_.empty()) return nullptr;
-  if (truth_of_ == index) return truth_.data();
-  RETURN_IF_ERROR(input_.read_truth(index, whole_truth_.data()));
-  choice_.take(whole_truth_.data(), sizeof(float), truth_.data());
-  truth_of_ = index;
-  return truth_.data();
-}
-
-Result<SquareErrors> ChosenFrames::errors() {
-  if (truth_.empty()) return SquareErrors{};
-  RETURN_IF_ERROR(truth(index_));
-  const StreamFormat& in = format_.source.format;
-  return SquareErrors{square_error(in.type, in.scale, raw_.data(), truth_),
-                      square_error(written_.format.type, written_.format.scale, deblurred_.data(), truth_)};
-}
-
-DeblurSink::DeblurSink(ChosenFrames frames, OutputFile output, Heard heard)
-    : frames_(std::move(frames)), output_(std::move(output)), heard_(std::move(heard)) {}
-
-DeblurSink::~DeblurSink() {
-  if (!writer_ || kept_) return;
-  writer_.reset();
-  std::error_code ignored;
-  std::filesystem::remove(part_of(output_.path), ignored);
-}
-
-Status DeblurSink::open(const pipeline::SinkFormat& format) {
-  frames_.open(format);
-  const capture::CaptureInfo& info = frames_.written();
-  capture::WriterOptions how;
-  how.truth = info.has_truth;
-  how.times = info.has_times;
-  how.motion = format.motion && frames_.choice().points().empty();
-  how.replace = output_.replace;
-  ASSIGN_OR_RETURN(auto writer, capture::CaptureWriter::create(output_.path, info, how));
-  writer_.emplace(std::move(writer));
-  const PixelChoice& choice = frames_.choice();
-  if (choice.points().empty()) return {};
-  std::vector<capture::Point> points;
-  for (std::size_t i = 0; i < choice.points().size(); ++i) points.push_back({choice.x_of(i), choice.y_of(i)});
-  return writer_->write_points(points);
-}
-
-void DeblurSink::publish(const pipeline::PublishedFrame& frame, const pipeline::PipelineStats& /*stats*/) noexcept {
-  ++frames_in_;
-  if (status_) status_ = take(frame);
-  if (!status_) stop_requested_.store(true, std::memory_order_relaxed);
-  heard_(frames_in_, status_ && frames_.sharp());
-}
-
 Status DeblurSink::take(const pipeline::PublishedFrame& frame) {
-  if (Status status = frames_.take(frame); !status || !frames_.sharp()) return status;
-  ASSIGN_OR_RETURN(const auto errors, frames_.errors());
-  ASSIGN_OR_RETURN(const auto truth, frames_.truth(frames_.index()));
-  squares_.blurred += errors.blurred;
-  squares_.deblurred += errors.deblurred;
+  const StreamFormat& in = format_.source.format;
+  choice_.take(frame.raw, bytes_of(in.type), raw_.data());
+  RETURN_IF_ERROR(refuse_nan(frame));
+  const std::vector<std::uint64_t>& ids = input_.frame_id();
+  while (index_ < ids.size() && ids[index_] != frame.meta.frame_id) ++index_;
+  sharp_ = (frame.meta.flags & kFlagWarmUp) == 0;
+  if (!sharp_) return {};
+  choice_.take_deblurred(frame.deblurred, bytes_of(format_.deblurred_type), deblurred_.data());
+  if (written_.has_truth) {
+    RETURN_IF_ERROR(input_.read_truth(index_, whole_truth_.data()));
+    choice_.take(whole_truth_.data(), sizeof(float), truth_.data());
+    blurred_squares_ += square_error(in.type, in.scale, raw_.data(), truth_);
+    deblurred_squares_ += square_error(written_.format.type, written_.format.scale, deblurred_.data(), truth_);
+  }
   ++frames_out_;
-  const capture::CaptureReader& input = frames_.input();
-  const std::optional<capture::FrameTimes> times = capture::times_of(input, frames_.index());
-  return writer_->append(input.t()[frames_.index()], input.frame_id()[frames_.index()], frames_.deblurred(), truth,
-                         motion_of(frame), times ? &*times : nullptr);
+  const std::optional<capture::FrameTimes> times = capture::times_of(input_, index_);
+  return writer_->append(input_.t()[index_], ids[index_], deblurred_.data(),
+                         written_.has_truth ? truth_.data() : nullptr, motion_of(frame), times ? &*times : nullptr);
 }
 
 // The frame's blocks, or those in whose place the blocks of a region lie; null: not known, or for points.
 const BlockMotion* DeblurSink::motion_of(const pipeline::PublishedFrame& frame) {
-  if (frame.motion == nullptr || !frames_.choice().points().empty()) return nullptr;
-  const Region& region = frames_.choice().region();
-  const Geometry blocks = motion_blocks(frames_.written().format.geometry);
+  if (frame.motion == nullptr || !choice_.points().empty()) return nullptr;
+  const Region& region = choice_.region();
+  const Geometry blocks = motion_blocks(written_.format.geometry);
   motion_.clear();
   for (int row = 0; row < blocks.height; ++row) {
     for (int column = 0; column < blocks.width; ++column) {
@@ -177,16 +154,14 @@ const BlockMotion* DeblurSink::motion_of(const pipeline::PublishedFrame& frame) 
 }
 
 std::optional<Rmse> DeblurSink::rmse() const {
-  const capture::CaptureInfo& info = frames_.written();
-  if (!info.has_truth || frames_out_ == 0 || info.format.scale.unit != Unit::kKelvin) return std::nullopt;
-  const double values = static_cast<double>(frames_out_) * static_cast<double>(info.format.geometry.pixels());
-  return Rmse{std::sqrt(squares_.blurred / values), std::sqrt(squares_.deblurred / values)};
+  if (!written_.has_truth || frames_out_ == 0 || written_.format.scale.unit != Unit::kKelvin) return std::nullopt;
+  const double values = static_cast<double>(frames_out_) * static_cast<double>(written_.format.geometry.pixels());
+  return Rmse{std::sqrt(blurred_squares_ / values), std::sqrt(deblurred_squares_ / values)};
 }
 
 Status DeblurSink::write_settings(std::string_view isa, const Files& files) {
-  const PixelChoice& choice = frames_.choice();
   // A stimulus that is wrong is left out; opening the input has said so.
-  const capture::Stimulus stimulus = seen_through(frames_.input().stimulus().value_or(capture::NoStimulus{}), choice);
+  const capture::Stimulus stimulus = seen_through(input_.stimulus().value_or(capture::NoStimulus{}), choice_);
   Status status;
   const auto then = [&status](auto&& step) {
     if (status) status = step();
@@ -197,20 +172,20 @@ Status DeblurSink::write_settings(std::string_view isa, const Files& files) {
   const auto text = [&](const char* name, std::string_view value) {
     then([&] { return writer_->write_attribute(name, std::string(value)); });
   };
-  const deblur::Settings& settings = frames_.format().deblur;
+  const deblur::Settings& settings = format_.deblur;
   if (!std::holds_alternative<capture::NoStimulus>(stimulus)) {
     then([&] { return writer_->write_stimulus(stimulus); });
   }
-  for (const capture::Event& event : frames_.input().events()) then([&] { return writer_->add_event(event); });
-  if (frames_.written().has_times) {
-    const auto attributes = frames_.input().attributes();
+  for (const capture::Event& event : input_.events()) then([&] { return writer_->add_event(event); });
+  if (written_.has_times) {
+    const auto attributes = input_.attributes();
     for (const capture::Attribute& attribute : attributes.value_or(std::vector<capture::Attribute>{})) {
       if (attribute.name == "utc_uncertainty_s") then([&] { return writer_->write_attributes({attribute}); });
     }
   }
   text("solver", deblur::name(settings.method));
   text("isa", isa);
-  if (choice.points().empty()) text("roi", in_words(choice.region()));
+  if (choice_.points().empty()) text("roi", in_words(choice_.region()));
   for (const auto& [name, value] : files) text(name.c_str(), value);
   number("tau_s", settings.tau_s);
   number("kappa", settings.kappa);
@@ -232,8 +207,8 @@ Status DeblurSink::finish(std::string_view isa, const Files& files, const std::s
 
 Status DeblurSink::keep_part(std::string_view isa, const Files& files) {
   kept_ = true;
-  Status status = write_settings(isa, files);
-  return status ? writer_->complete() : status;
+  RETURN_IF_ERROR(write_settings(isa, files));
+  return writer_->complete();
 }
 
 }  // namespace bolo::tools

@@ -21,7 +21,7 @@ std::optional<GyroSample> sample_of(std::string_view line) {
   for (std::size_t i = 0; i < values.size(); ++i) {
     const std::size_t comma = line.find(',');
     const bool last = i + 1 == values.size();
-    const auto value = number_of(trimmed(line.substr(0, comma)));
+    const auto value = bolo::number_of(trimmed(line.substr(0, comma)));
     if (!value || last != (comma == std::string_view::npos)) return std::nullopt;
     values[i] = *value;
     line.remove_prefix(last ? 0 : comma + 1);

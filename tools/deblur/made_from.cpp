@@ -91,11 +91,10 @@ Result<std::string> made_from(const DeblurRequest& request, const capture::Captu
   json all{{"settings", settings_of(request)}, {"frames", input.info().frames}};
   ASSIGN_OR_RETURN(const auto sum, checksum_of(input));
   all["input"] = sum;
-  Status status = add_file("profile", request.profile_file, all);
-  if (status) status = add_file("maps", request.maps_file, all);
-  if (status) status = add_file("points", request.points_file, all);
-  if (status) status = add_file("gyro", request.gyro_file, all);
-  if (!status) return tl::unexpected(status.error());
+  RETURN_IF_ERROR(add_file("profile", request.profile_file, all));
+  RETURN_IF_ERROR(add_file("maps", request.maps_file, all));
+  RETURN_IF_ERROR(add_file("points", request.points_file, all));
+  RETURN_IF_ERROR(add_file("gyro", request.gyro_file, all));
   return all.dump();
 }
 

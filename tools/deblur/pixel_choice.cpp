@@ -16,8 +16,8 @@ namespace {
 // The index, or what is wrong with the line.
 tl::expected<std::uint32_t, std::string> parse_point(std::string_view line, Geometry frame) {
   const std::size_t comma = line.find(',');
-  const auto x = number_of(trimmed(line.substr(0, comma)));
-  const auto y = comma == std::string_view::npos ? std::nullopt : number_of(trimmed(line.substr(comma + 1)));
+  const auto x = bolo::number_of(trimmed(line.substr(0, comma)));
+  const auto y = comma == std::string_view::npos ? std::nullopt : bolo::number_of(trimmed(line.substr(comma + 1)));
   if (!x || !y) return tl::unexpected<std::string>("'" + std::string(line) + "' is not a point; write x,y in pixels");
   const double column = std::round(*x);
   const double row = std::round(*y);

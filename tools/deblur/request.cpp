@@ -35,12 +35,10 @@ Status read_lambda(const std::string& text, deblur::Settings& settings) {
 Status read_profile(const cxxopts::ParseResult& args, DeblurRequest& request) {
   if (args.count("profile") == 0) return {};
   request.profile_file = args["profile"].as<std::string>();
-  const auto profile = model::read_profile(request.profile_file);
-  if (!profile) return tl::unexpected(profile.error());
-  request.maps_file = profile->maps;
-  auto maps = capture::read_profile_maps(*profile);
-  if (!maps) return tl::unexpected(maps.error());
-  pipeline::apply_profile(*profile, std::move(*maps), request.options);
+  ASSIGN_OR_RETURN(const auto profile, model::read_profile(request.profile_file));
+  request.maps_file = profile.maps;
+  ASSIGN_OR_RETURN(auto maps, capture::read_profile_maps(profile));
+  pipeline::apply_profile(profile, std::move(maps), request.options);
   return {};
 }
 
@@ -62,9 +60,8 @@ Status read_gyro_file(const cxxopts::ParseResult& args, DeblurRequest& request) 
   if (args.count("gyro") == 0) return {};
   request.gyro_file = args["gyro"].as<std::string>();
   if (const Status status = deblur::check_gyro(request.options.deblur); !status) return at("--gyro", status.error());
-  auto samples = read_gyro(request.gyro_file);
-  if (!samples) return tl::unexpected(samples.error());
-  request.gyro = std::make_shared<const std::vector<GyroSample>>(std::move(*samples));
+  ASSIGN_OR_RETURN(auto samples, read_gyro(request.gyro_file));
+  request.gyro = std::make_shared<const std::vector<GyroSample>>(std::move(samples));
   return {};
 }
 
@@ -137,22 +134,14 @@ Status read_files(const cxxopts::ParseResult& args, DeblurRequest& request) {
   bool into_folder = given.size() > 1 || fs::is_directory(request.output, ignored);
   for (const fs::path& one : given) {
     into_folder = into_folder || fs::is_directory(one, ignored);
-    auto captures = captures_in(one);
-    if (!captures) return tl::unexpected(captures.error());
-    inputs.insert(inputs.end(), captures->begin(), captures->end());
+    ASSIGN_OR_RETURN(const auto captures, captures_in(one));
+    inputs.insert(inputs.end(), captures.begin(), captures.end());
   }
   request.into_folder = into_folder;
   return name_outputs(std::move(inputs), request);
 }
 
 const char* variable(const char* name) { return std::getenv(name); }
-
-Status read_share(const cxxopts::ParseResult& args, DeblurRequest& request) {
-  auto share = args.count("shard") != 0 ? share_named(args["shard"].as<std::string>()) : share_of(variable);
-  if (!share) return tl::unexpected(share.error());
-  request.share = std::move(*share);
-  return {};
-}
 
 // In a folder what is there already is looked at when its turn comes.
 Status check_files(const DeblurRequest& request) {
@@ -218,22 +207,21 @@ cxxopts::Options deblur_command_line() {
 Result<DeblurRequest> read_deblur_request(const cxxopts::ParseResult& args) {
   DeblurRequest request;
   request.json = args.count("json") != 0;
-  if (Status status = read_files(args, request); !status) return tl::unexpected(status.error());
-  if (Status status = read_profile(args, request); !status) return tl::unexpected(status.error());
-  if (Status status = read_settings(args, request.options.deblur); !status) return tl::unexpected(status.error());
-  if (Status status = read_gyro_file(args, request); !status) return tl::unexpected(status.error());
+  RETURN_IF_ERROR(read_files(args, request));
+  RETURN_IF_ERROR(read_profile(args, request));
+  RETURN_IF_ERROR(read_settings(args, request.options.deblur));
+  RETURN_IF_ERROR(read_gyro_file(args, request));
   request.options.undo.scene_nuc |= args.count("scene-nuc") != 0;
   if (Status status = deblur::choose_isa(args["isa"].as<std::string>()); !status) return at("--isa", status.error());
   request.isa_given = args["isa"].as<std::string>() != "auto";
-  const auto type = type_from_name(args["type"].as<std::string>());
-  if (!type) return tl::unexpected(type.error());
-  request.options.output = *type;
+  ASSIGN_OR_RETURN(request.options.output, type_from_name(args["type"].as<std::string>()));
   const int processors = static_cast<int>(std::thread::hardware_concurrency());
   request.options.workers = args.count("threads") != 0 ? args["threads"].as<int>() : threads_of(variable, processors);
-  if (Status status = read_pixels(args, request); !status) return tl::unexpected(status.error());
-  if (Status status = read_share(args, request); !status) return tl::unexpected(status.error());
+  RETURN_IF_ERROR(read_pixels(args, request));
+  const bool named = args.count("shard") != 0;
+  ASSIGN_OR_RETURN(request.share, named ? share_named(args["shard"].as<std::string>()) : share_of(variable));
   request.replace = replace_of(args);
-  if (Status status = check_files(request); !status) return tl::unexpected(status.error());
+  RETURN_IF_ERROR(check_files(request));
   return request;
 }
 

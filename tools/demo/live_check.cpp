@@ -16,7 +16,6 @@
 #include "src/core/loss.hpp"
 #include "src/core/statistics.hpp"
 #include "tools/cli/cli.hpp"
-#include "tools/cli/plot_option.hpp"
 
 namespace bolo::tools {
 namespace {
@@ -201,21 +200,6 @@ void print_text(const nlohmann::ordered_json& j) {
     std::printf("less spent on        %llu of these: the computer was too busy for this solver on every frame\n",
                 count("frames_spared"));
   }
-}
-
-plot::Sheet live_sheet(std::span<const NamedOutcome> outcomes, const std::string& command) {
-  std::vector<LiveResult> results;
-  std::string solvers;
-  for (const auto& [name, outcome] : outcomes) {
-    if (outcome->shown.waits()) continue;
-    results.push_back({&outcome->shown.shown(),
-                       {name, outcome->error.rmse_before(), outcome->error.rmse_after(), outcome->first.frame_period_s,
-                        outcome->latency_ms}});
-    solvers += std::string(solvers.empty() ? "" : "; ") + outcome->first.solver;
-  }
-  plot::Sheet sheet = sheet_of(results);
-  sheet.how = command + ": " + solvers + ". " + machine_words() + ".";
-  return sheet;
 }
 
 }  // namespace bolo::tools

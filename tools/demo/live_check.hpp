@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -68,13 +67,5 @@ Result<LiveOutcome> check_live(const std::string& name, const std::filesystem::p
 // The figures, as `bolo-lab eval live --json` and its text have them. Thread: any.
 nlohmann::ordered_json to_json(const LiveOutcome& outcome);
 void print_text(const nlohmann::ordered_json& figures);
-
-// One frame before and after beside the truth; `command` made it. Of several solvers, all of the same capture, those
-// that did not come to the first one's frame are left out. Thread: any.
-struct NamedOutcome {
-  std::string name;  // of the solver
-  const LiveOutcome* outcome;
-};
-plot::Sheet live_sheet(std::span<const NamedOutcome> outcomes, const std::string& command);
 
 }  // namespace bolo::tools

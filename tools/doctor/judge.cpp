@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <set>
 #include <sstream>
 #include <utility>
 
@@ -22,47 +23,53 @@ std::string bytes_text(std::uint64_t bytes) {
   return fmt::format("{} KiB", bytes >> 10U);
 }
 
-template <typename T>
-std::string list(const std::vector<T>& values) {
+template <typename Values>
+std::string list(const Values& values) {
   return fmt::format("{}", fmt::join(values, ", "));
 }
 
+Check judged(Check check, Verdict verdict, std::string fix) {
+  check.verdict = verdict;
+  check.fix = std::move(fix);
+  return check;
+}
+Check advice(Check check, std::string fix) { return judged(std::move(check), Verdict::kAdvice, std::move(fix)); }
+Check problem(Check check, std::string fix) { return judged(std::move(check), Verdict::kProblem, std::move(fix)); }
+
 Check unknown(Check check, const char* why) {
-  check.verdict = Verdict::kUnknown;
   check.found = why;
+  return judged(std::move(check), Verdict::kUnknown, "");
+}
+
+Check found(Check check, std::string what) {
+  check.found = std::move(what);
   return check;
 }
 
 Check receive_buffer(const Facts& facts, const Needs& needs) {
   Check check{"receive_buffer", "Receive buffer"};
-  if (!facts.receive_buffer_max) {
-    return unknown(std::move(check), "net.core.rmem_max cannot be read");
-  }
+  if (!facts.receive_buffer_max) return unknown(check, "net.core.rmem_max cannot be read");
   const auto have = static_cast<std::uint64_t>(*facts.receive_buffer_max);
   const auto want = static_cast<std::uint64_t>(needs.socket_buffer_bytes);
   check.found = "net.core.rmem_max allows " + bytes_text(have) + ", " + bytes_text(want) + " are asked for";
   if (have >= want) return check;
-  check.verdict = have < 4 * kMiB ? Verdict::kProblem : Verdict::kAdvice;
-  check.fix = "sysctl -w net.core.rmem_max=" + std::to_string(want) +
-              ", and the same line in /etc/sysctl.d/60-bolo.conf; with less, frames are lost whenever this computer is "
-              "busy for a few ms";
-  return check;
+  return judged(check, have < 4 * kMiB ? Verdict::kProblem : Verdict::kAdvice,
+                "sysctl -w net.core.rmem_max=" + std::to_string(want) +
+                    ", and the same line in /etc/sysctl.d/60-bolo.conf; with less, frames are lost whenever this "
+                    "computer is busy for a few ms");
 }
 
 Check backlog(const Facts& facts) {
   Check check{"backlog", "Packet backlog"};
-  if (!facts.backlog) return unknown(std::move(check), "net.core.netdev_max_backlog is not known");
+  if (!facts.backlog) return unknown(check, "net.core.netdev_max_backlog is not known");
   check.found = std::to_string(*facts.backlog) + " packets may wait";
   if (*facts.backlog >= kLeastBacklog) return check;
-  check.verdict = Verdict::kAdvice;
-  check.fix = "sysctl -w net.core.netdev_max_backlog=" + std::to_string(kLeastBacklog);
-  return check;
+  return advice(check, "sysctl -w net.core.netdev_max_backlog=" + std::to_string(kLeastBacklog));
 }
 
 const Interface* interface_of(const Facts& facts) {
   if (!facts.route_interface) return nullptr;
-  const auto at = std::find_if(facts.interfaces.begin(), facts.interfaces.end(),
-                               [&](const Interface& i) { return i.name == *facts.route_interface; });
+  const auto at = std::ranges::find(facts.interfaces, *facts.route_interface, &Interface::name);
   return at != facts.interfaces.end() ? &*at : nullptr;
 }
 
@@ -70,30 +77,26 @@ Check mtu(const Facts& facts, const Needs& needs) {
   Check check{"mtu", "Packet size (MTU)"};
   const Interface* leads = interface_of(facts);
   if (leads == nullptr) {
-    return {check.name, check.title, Verdict::kUnknown, "no camera is known, so neither is the interface to it",
-            "bolo doctor --address IP, or --config FILE"};
+    return judged(found(check, "no camera is known, so neither is the interface to it"), Verdict::kUnknown,
+                  "bolo doctor --address IP, or --config FILE");
   }
   const int packets = (kFrameBytes + leads->mtu - 1) / std::max(1, leads->mtu);
   check.found = fmt::format("{} carries {} bytes: {} packets for a frame of 640x120", leads->name, leads->mtu, packets);
   if (needs.packet_bytes > leads->mtu) {
-    check.verdict = Verdict::kProblem;
-    check.fix =
-        fmt::format("ip link set dev {0} mtu {1}, or packet_size = 0 in the configuration: {1} bytes do not fit",
-                    leads->name, needs.packet_bytes);
-  } else if (leads->mtu < kJumbo) {
-    check.verdict = Verdict::kAdvice;
-    check.fix = "ip link set dev " + leads->name +
-                " mtu 9000, where adapter, switch and camera can: fewer packets, a fourth of the work";
+    return problem(
+        check, fmt::format("ip link set dev {0} mtu {1}, or packet_size = 0 in the configuration: {1} bytes do not fit",
+                           leads->name, needs.packet_bytes));
+  }
+  if (leads->mtu < kJumbo) {
+    return advice(check, "ip link set dev " + leads->name +
+                             " mtu 9000, where adapter, switch and camera can: fewer packets, a fourth of the work");
   }
   return check;
 }
 
 Check firewall(const Facts& facts) {
   Check check{"firewall", "Firewall"};
-  if (facts.firewalls.empty()) {
-    check.found = "none is active";
-    return check;
-  }
+  if (facts.firewalls.empty()) return found(check, "none is active");
   check.found = list(facts.firewalls) + (facts.firewalls.size() == 1 ? " is active" : " are active");
   const Interface* leads = interface_of(facts);
   if (leads != nullptr && leads->loopback) return check;
@@ -134,10 +137,9 @@ Check interfaces(const Facts& facts) {
   for (std::size_t i = 0; i < used.size(); ++i) {
     for (std::size_t k = i + 1; k < used.size(); ++k) {
       if (used[i]->name == used[k]->name || !overlap(*used[i], *used[k])) continue;
-      check.verdict = Verdict::kProblem;
-      check.fix = used[i]->name + " and " + used[k]->name +
-                  " are in one network, and packets leave by either: give the camera's one a network of its own";
-      return check;
+      return problem(
+          check, used[i]->name + " and " + used[k]->name +
+                     " are in one network, and packets leave by either: give the camera's one a network of its own");
     }
   }
   if (used.size() > 1) check.fix = "name the camera by its IP address in the configuration, not by its id";
@@ -146,16 +148,12 @@ Check interfaces(const Facts& facts) {
 
 Check reverse_path(const Facts& facts) {
   Check check{"reverse_path", "Reverse path filter"};
-  if (!facts.reverse_path_strict) {
-    return unknown(std::move(check), "rp_filter cannot be read");
-  }
+  if (!facts.reverse_path_strict) return unknown(check, "rp_filter cannot be read");
   check.found = *facts.reverse_path_strict ? "strict (rp_filter = 1)" : "not strict";
-  std::size_t outside = 0;
-  for (const Interface& i : facts.interfaces) outside += i.up && !i.loopback ? 1 : 0;
+  const auto outside = std::ranges::count_if(facts.interfaces, [](const Interface& i) { return i.up && !i.loopback; });
   if (!*facts.reverse_path_strict || outside < 2) return check;
-  check.verdict = Verdict::kAdvice;
-  check.fix = "a camera with an address of no local network is not heard: sysctl -w net.ipv4.conf.all.rp_filter=2";
-  return check;
+  return advice(check,
+                "a camera with an address of no local network is not heard: sysctl -w net.ipv4.conf.all.rp_filter=2");
 }
 
 Check priority(const Facts& facts, const Needs& needs) {
@@ -163,10 +161,9 @@ Check priority(const Facts& facts, const Needs& needs) {
   check.found = "SCHED_FIFO up to " + std::to_string(std::min(facts.priority_limit, 99L));
   if (facts.priority_limit == 0) check.found = "not allowed";
   if (facts.priority_limit >= std::max(1, needs.realtime_priority)) return check;
-  check.verdict = needs.realtime_priority > 0 ? Verdict::kProblem : Verdict::kAdvice;
-  check.fix = "LimitRTPRIO=" + std::to_string(std::max(20, needs.realtime_priority)) +
-              " in the service, or 'USER - rtprio 20' in /etc/security/limits.d/bolo.conf";
-  return check;
+  return judged(check, needs.realtime_priority > 0 ? Verdict::kProblem : Verdict::kAdvice,
+                "LimitRTPRIO=" + std::to_string(std::max(20, needs.realtime_priority)) +
+                    " in the service, or 'USER - rtprio 20' in /etc/security/limits.d/bolo.conf");
 }
 
 Check locked_memory(const Facts& facts) {
@@ -174,25 +171,17 @@ Check locked_memory(const Facts& facts) {
   const bool unlimited = facts.memlock_limit == ~std::uint64_t{0};
   check.found = unlimited ? "unlimited" : bytes_text(facts.memlock_limit) + " may be locked";
   if (unlimited || facts.memlock_limit >= kLockedBytes) return check;
-  check.verdict = Verdict::kAdvice;
-  check.fix = "LimitMEMLOCK=infinity in the service, or 'USER - memlock unlimited' in /etc/security/limits.d/bolo.conf";
-  return check;
+  return advice(
+      check, "LimitMEMLOCK=infinity in the service, or 'USER - memlock unlimited' in /etc/security/limits.d/bolo.conf");
 }
 
 Check governor(const Facts& facts) {
   Check check{"governor", "CPU frequency"};
-  if (facts.governors.empty()) {
-    check.found = "no scaling here";
-    return check;
-  }
-  std::vector<std::string> kinds = facts.governors;
-  std::sort(kinds.begin(), kinds.end());
-  kinds.erase(std::unique(kinds.begin(), kinds.end()), kinds.end());
+  if (facts.governors.empty()) return found(check, "no scaling here");
+  const std::set<std::string> kinds(facts.governors.begin(), facts.governors.end());
   check.found = "governor " + list(kinds);
-  if (kinds == std::vector<std::string>{"performance"}) return check;
-  check.verdict = Verdict::kAdvice;
-  check.fix = "cpupower frequency-set -g performance: a processor that sleeps between frames wakes late";
-  return check;
+  if (kinds == std::set<std::string>{"performance"}) return check;
+  return advice(check, "cpupower frequency-set -g performance: a processor that sleeps between frames wakes late");
 }
 
 Check isolation(const Facts& facts, const Needs& needs) {
@@ -204,14 +193,14 @@ Check isolation(const Facts& facts, const Needs& needs) {
     if (cpu >= facts.processors) missing.push_back(cpu);
   }
   if (!missing.empty()) {
-    check.verdict = Verdict::kProblem;
-    check.fix = "pipeline.cpus names CPU " + list(missing) + ", which this computer has not";
-  } else if (facts.processors < 2) {
-    check.verdict = Verdict::kAdvice;
-    check.fix = "one CPU is little: deblurring 640x120 at 200 frames/s fills most of it";
-  } else if (!facts.isolated.empty() && needs.cpus.empty()) {
-    check.verdict = Verdict::kAdvice;
-    check.fix = "set pipeline.cpus = [" + list(facts.isolated) + "] to use them; nothing else runs there by itself";
+    return problem(check, "pipeline.cpus names CPU " + list(missing) + ", which this computer has not");
+  }
+  if (facts.processors < 2) {
+    return advice(check, "one CPU is little: deblurring 640x120 at 200 frames/s fills most of it");
+  }
+  if (!facts.isolated.empty() && needs.cpus.empty()) {
+    return advice(check,
+                  "set pipeline.cpus = [" + list(facts.isolated) + "] to use them; nothing else runs there by itself");
   }
   return check;
 }
@@ -219,15 +208,13 @@ Check isolation(const Facts& facts, const Needs& needs) {
 Check shared_memory(const Facts& facts, const Needs& needs) {
   Check check{"shared_memory", "Shared memory"};
   if (!facts.shared_free) {
-    return {check.name, check.title, Verdict::kProblem, "/dev/shm is not there",
-            "mount -t tmpfs tmpfs /dev/shm; in a container give it --shm-size=256m"};
+    return problem(found(check, "/dev/shm is not there"),
+                   "mount -t tmpfs tmpfs /dev/shm; in a container give it --shm-size=256m");
   }
   check.found = bytes_text(*facts.shared_free) + " free in /dev/shm, " + bytes_text(needs.shared_bytes) + " needed";
   if (*facts.shared_free >= needs.shared_bytes) return check;
-  check.verdict = Verdict::kProblem;
-  check.fix = fmt::format("mount -o remount,size={}M /dev/shm; in a container --shm-size; or fewer shm.slots",
-                          (needs.shared_bytes >> 20U) * 2 + 64);
-  return check;
+  return problem(check, fmt::format("mount -o remount,size={}M /dev/shm; in a container --shm-size; or fewer shm.slots",
+                                    (needs.shared_bytes >> 20U) * 2 + 64));
 }
 
 Check video(const Facts& facts, const Needs& needs) {
@@ -238,10 +225,7 @@ Check video(const Facts& facts, const Needs& needs) {
     const bool loopback = device.driver.find("v4l2 loopback") != std::string::npos;
     (loopback ? ours : others).push_back(device.path + (device.driver.empty() ? "" : " (" + device.driver + ")"));
   }
-  if (!ours.empty()) {
-    check.found = "v4l2loopback: " + list(ours);
-    return check;
-  }
+  if (!ours.empty()) return found(check, "v4l2loopback: " + list(ours));
   check.found = facts.loopback_module ? "v4l2loopback is loaded, but has no device" : "v4l2loopback is not loaded";
   if (!others.empty()) check.found += "; other devices: " + list(others);
   check.verdict = needs.video ? Verdict::kProblem : Verdict::kAdvice;
@@ -262,12 +246,11 @@ Check usb(const Facts& facts) {
   }
   check.found = names.empty() ? "none" : list(names);
   if (closed.empty()) return check;
-  check.verdict = Verdict::kAdvice;
-  check.fix = list(closed) +
-              " may not be written: install the udev rule: cp systemd/60-bolo-usb.rules /etc/udev/rules.d/; udevadm "
-              "control --reload; join the "
-              "group video and plug it in again";
-  return check;
+  return advice(
+      check, list(closed) +
+                 " may not be written: install the udev rule: cp systemd/60-bolo-usb.rules /etc/udev/rules.d/; udevadm "
+                 "control --reload; join the "
+                 "group video and plug it in again");
 }
 
 // The releases that this program was tried with; older ones miss what it relies on.
@@ -278,9 +261,7 @@ Check library(const std::string& name, const std::string& title, const std::stri
   std::sscanf(version.c_str(), "%d.%d.%d", &have[0], &have[1], &have[2]);
   std::sscanf(least, "%d.%d.%d", &want[0], &want[1], &want[2]);
   if (!std::lexicographical_compare(have, have + 3, want, want + 3)) return check;
-  check.verdict = Verdict::kProblem;
-  check.fix = std::string("at least ") + least + ": that of Debian 12";
-  return check;
+  return problem(check, std::string("at least ") + least + ": that of Debian 12");
 }
 
 Check camera(const Facts& facts, const Needs& needs) {
@@ -291,25 +272,24 @@ Check camera(const Facts& facts, const Needs& needs) {
     check.found = needs.address + (facts.answers.value_or(false) ? " answers" : " does not answer");
     if (!names.empty()) check.found += "; found: " + list(names);
     if (facts.answers.value_or(false)) return check;
-    check.verdict = Verdict::kProblem;
-    check.fix = "check power, cable and address: ping " + needs.address +
-                "; the camera and this computer need addresses in one network (FLIR cameras fall back to 169.254.x.x)";
-    return check;
+    return problem(
+        check,
+        "check power, cable and address: ping " + needs.address +
+            "; the camera and this computer need addresses in one network (FLIR cameras fall back to 169.254.x.x)");
   }
   check.found = names.empty() ? "none answers" : list(names);
   if (names.empty()) {
-    check.verdict = Verdict::kAdvice;
-    check.fix = "to look for one on another network: bolo doctor --address IP; to try without: bolo fakecam";
-  } else if (names.size() > 1) {
-    check.verdict = Verdict::kAdvice;
-    check.fix = "several cameras answer: set source.address in each configuration";
+    return advice(check, "to look for one on another network: bolo doctor --address IP; to try without: bolo fakecam");
+  }
+  if (names.size() > 1) {
+    return advice(check, "several cameras answer: set source.address in each configuration");
   }
   return check;
 }
 
 Check clock(const Facts& facts) {
   Check check{"clock", "Time synchronisation"};
-  if (!facts.clock) return unknown(std::move(check), "the kernel does not say");
+  if (!facts.clock) return unknown(check, "the kernel does not say");
   check.found = "the clock runs by itself: UTC of frames has no known error";
   if (facts.clock->synchronised) {
     check.found =
@@ -317,12 +297,11 @@ Check clock(const Facts& facts) {
   }
   if (!facts.time_services.empty()) check.found += "; " + list(facts.time_services);
   if (facts.clock->synchronised) return check;
-  check.verdict = Verdict::kAdvice;
-  check.fix =
+  return advice(
+      check,
       facts.time_services.empty()
           ? "apt install chrony (or systemd-timesyncd): frames can then be told apart from other sensors' by time"
-          : "let it tell the kernel: 'rtcsync' in chrony.conf; of linuxptp, run phc2sys";
-  return check;
+          : "let it tell the kernel: 'rtcsync' in chrony.conf; of linuxptp, run phc2sys");
 }
 
 }  // namespace

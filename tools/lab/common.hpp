@@ -1,10 +1,9 @@
-// What the laboratory's verbs share: their frame, options, tables, random draws, work on several threads.
+// What the laboratory's verbs share: tables, random draws, work on several threads.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
 #include <functional>
-#include <new>
 #include <optional>
 #include <span>
 #include <string>
@@ -21,45 +20,6 @@
 #include "tools/cli/scratch_folder.hpp"
 
 namespace bolo::tools {
-
-// Parses, does `work(given)`, and reports what went wrong. Returns the exit code. `looks`: the work looks at
-// interrupted(), and ends in good order. Thread: setup.
-template <typename Work>
-int run_verb(const char* verb, cxxopts::Options options, int argc, char** argv, Work&& work, bool looks = true) {
-  cxxopts::ParseResult given;
-  if (const auto code = parse(options, argc, argv, given)) return *code;
-  if (looks) catch_interrupts();
-  try {
-    const Status done = work(given);
-    return done ? kExitDone : report(verb, done.error());
-  } catch (const std::bad_alloc&) {
-    return report(verb, {ErrorKind::kFailed, "not enough memory; ask for less at once"});
-  }
-}
-
-// kBadInput unless an option's value lies in the range. Thread: any.
-inline Status within(double value, const char* option, double low, double high) {
-  if (value >= low && value <= high) return {};
-  return bad_input(plot::format("--%s %g: expected %g to %g", option, value, low, high));
-}
-
-// An option of a verb: what follows it, its value when it is not given (nullptr: none), and the value's name in the
-// help. bool: a flag. Thread: setup.
-template <typename T>
-void add_option(cxxopts::Options& options, const char* name, const char* words, const char* standard = nullptr,
-                const char* argument = "", const char* group = "") {
-  auto value = cxxopts::value<T>();
-  if (standard != nullptr) value->default_value(standard);
-  options.add_option(group, {name, words, value, argument});
-}
-
-// The value of an option; kBadInput unless it lies in the range. Thread: any.
-template <typename T>
-Result<T> number_of(const cxxopts::ParseResult& given, const char* option, double low, double high) {
-  const T value = given[option].as<T>();
-  RETURN_IF_ERROR(within(static_cast<double>(value), option, low, high));
-  return value;
-}
 
 // "640x480". Thread: any.
 Result<Geometry> size_of(const std::string& text, const char* option, Geometry least, Geometry most);

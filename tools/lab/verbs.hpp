@@ -4,7 +4,7 @@
 
 #include <array>
 
-#include "tools/cli/verb.hpp"
+#include "tools/cli/dispatch.hpp"
 
 namespace bolo::tools {
 

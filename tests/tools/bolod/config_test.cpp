@@ -1,7 +1,6 @@
 #include "tools/bolod/config.hpp"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <fstream>
 #include <sstream>
@@ -9,6 +8,7 @@
 #include "drivers/shm/shm_section.hpp"
 #include "drivers/v4l2/v4l2_section.hpp"
 #include "src/capture/pixel_maps_io.hpp"
+#include "tests/scratch.hpp"
 
 namespace bolo::daemon::config_test {
 namespace {
@@ -17,11 +17,6 @@ const std::string kShipped = std::string(BOLO_SOURCE_DIR) + "/config/bolod.toml"
 
 class Config : public testing::Test {
  protected:
-  Config() : folder_(testing::TempDir() + "config-" + std::to_string(getpid())) {
-    std::filesystem::create_directory(folder_);
-  }
-  ~Config() override { std::filesystem::remove_all(folder_); }
-
   void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
 
   Result<DaemonConfig> read(const std::string& text) const {
@@ -39,7 +34,8 @@ class Config : public testing::Test {
     return config.error().message.substr(folder_.string().size() + 1);
   }
 
-  std::filesystem::path folder_;
+  const Scratch scratch_;
+  const std::filesystem::path folder_ = scratch_.path();
 };
 
 TEST_F(Config, AnEmptyFileIsAnA655scAt200Hz) {

@@ -8,7 +8,6 @@ import os
 import pathlib
 import re
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
@@ -18,19 +17,13 @@ import urllib.parse
 import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
-from loopback import own_address  # noqa: E402
+from programs import free_port, own_address, wait_for  # noqa: E402
 
 BOLO, BOLOD, DASHBOARD = sys.argv[1:4]
 HANG_GUARD_S = 90.0
 if shutil.which("prometheus") is None:
     print("skipped: prometheus is not installed")
     sys.exit(77)
-
-
-def free_port():
-    with socket.socket() as server:
-        server.bind(("127.0.0.1", 0))
-        return server.getsockname()[1]
 
 
 def query(port, expression):
@@ -71,8 +64,7 @@ def main(folder):
          f"--web.listen-address=127.0.0.1:{prometheus}"])]
     try:
         end = time.monotonic() + HANG_GUARD_S
-        while b"serving" not in (folder / "log").read_bytes() and time.monotonic() < end:
-            time.sleep(0.05)
+        wait_for(lambda: b"serving" in (folder / "log").read_bytes(), "the camera")
         running.append(subprocess.Popen([BOLOD, "--config", config], stdout=log, stderr=log))
         silent = dict(expressions())
         assert len(silent) >= 8, silent

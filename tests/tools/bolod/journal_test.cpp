@@ -2,21 +2,21 @@
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/mount.h>
-#include <sys/socket.h>
-#include <sys/un.h>
 
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <functional>
 #include <thread>
 
-#include "src/core/unique_fd.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
+#include "tests/tools/sockets.hpp"
 
 namespace bolo::daemon::journal_test {
 namespace {
+
+using tools::test::bound_at;
+using tools::test::datagrams;
 
 constexpr const char* kSocket = "/run/systemd/journal/socket";
 
@@ -34,33 +34,12 @@ std::string with_own_run(const std::function<void()>& action) {
   return problem;
 }
 
-UniqueFd listen_at(const std::string& path) {
-  std::filesystem::create_directories(std::filesystem::path(path).parent_path());
-  UniqueFd fd(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  path.copy(address.sun_path, sizeof address.sun_path - 1);
-  EXPECT_EQ(bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0) << std::strerror(errno);
-  return fd;
-}
-
-// All that lies there, with an empty line after each datagram that ends with a line's end.
-std::string received(int socket) {
-  std::array<char, 65536> buffer;
-  std::string text;
-  for (;;) {
-    const ssize_t got = recv(socket, buffer.data(), buffer.size(), MSG_DONTWAIT);
-    if (got < 0) return text;
-    text.append(buffer.data(), static_cast<std::size_t>(got)).append("\n");
-  }
-}
-
 constexpr const char* kJournal = "[log]\nformat = 'journal'\n";
 
 class Journal : public BolodRun {
  protected:
   // All entries so far, in the journal's own form: a line a field, entries apart by an empty line.
-  const std::string& entries() { return entries_ += received(journal_.get()); }
+  const std::string& entries() { return entries_ += datagrams(journal_); }
   // The entry of this event; empty: there was none.
   std::string entry_of(const std::string& event) {
     const std::size_t at = entries().find("BOLO_EVENT=" + event + "\n");
@@ -77,7 +56,7 @@ class Journal : public BolodRun {
 TEST_F(Journal, GetsEventsWithTheirCounts) {
   std::unique_ptr<Program> daemon;
   const std::string problem = with_own_run([&] {
-    journal_ = listen_at(kSocket);
+    journal_ = bound_at(kSocket, SOCK_DGRAM);
     daemon = start(200, kJournal);
   });
   if (!problem.empty()) GTEST_SKIP() << "no /run of our own can be had here: " << problem;
@@ -98,12 +77,12 @@ TEST_F(Journal, GetsEventsWithTheirCounts) {
 // on.
 TEST_F(Journal, OneThatHangsKeepsNoSignOfLifeBack) {
   const std::string manager_path = folder_ / "notify";
-  const UniqueFd manager = listen_at(manager_path);
+  const UniqueFd manager = bound_at(manager_path, SOCK_DGRAM);
   setenv("NOTIFY_SOCKET", manager_path.c_str(), 1);
   setenv("WATCHDOG_USEC", "400000", 1);
   std::unique_ptr<Program> daemon;
   const std::string problem = with_own_run([&] {
-    journal_ = listen_at(kSocket);
+    journal_ = bound_at(kSocket, SOCK_DGRAM);
     daemon = start(40'000, kJournal);  // 200 s
   });
   unsetenv("NOTIFY_SOCKET");
@@ -112,7 +91,7 @@ TEST_F(Journal, OneThatHangsKeepsNoSignOfLifeBack) {
   std::string told;
   const auto hears = [&](const std::string& word) {
     return eventually([&] {
-      told += received(manager.get());
+      told += datagrams(manager);
       return told.find(word) != std::string::npos;
     });
   };

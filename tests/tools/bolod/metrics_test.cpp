@@ -1,17 +1,13 @@
 // A real daemon's metrics, scraped over HTTP.
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
 
-#include <array>
 #include <cstdlib>
 #include <utility>
 #include <vector>
 
-#include "src/core/unique_fd.hpp"
 #include "src/core/utc_clock.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
+#include "tests/tools/sockets.hpp"
 
 namespace bolo::daemon::metrics_test {
 namespace {
@@ -20,14 +16,9 @@ constexpr std::uint16_t kPort = 9464;
 
 // Empty when nobody listens.
 UniqueFd connected(const std::string& address) {
-  sockaddr_in to{};
-  to.sin_family = AF_INET;
-  to.sin_port = htons(kPort);
-  inet_pton(AF_INET, address.c_str(), &to.sin_addr);
-  UniqueFd fd(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
-  const timeval patience{20, 0};  // below what an idle client's place is kept for by servers that have few
-  setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-  return connect(fd.get(), reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0 ? std::move(fd) : UniqueFd();
+  // Below what an idle client's place is kept for by servers that have few.
+  UniqueFd fd = tools::test::patient_socket(AF_INET, 20);
+  return tools::test::connect_to(fd, address, kPort) ? std::move(fd) : UniqueFd();
 }
 
 // The whole of what is answered to a request line; empty when nobody does.
@@ -35,12 +26,7 @@ std::string ask(const std::string& address, const std::string& line) {
   const UniqueFd fd = connected(address);
   const std::string request = line + "\r\nHost: bolo\r\nConnection: close\r\n\r\n";
   if (!fd || send(fd.get(), request.data(), request.size(), MSG_NOSIGNAL) < 0) return {};
-  std::string answer;
-  std::array<char, 65536> buffer;
-  for (ssize_t got = 0; (got = recv(fd.get(), buffer.data(), buffer.size(), 0)) > 0;) {
-    answer.append(buffer.data(), static_cast<std::size_t>(got));
-  }
-  return answer;
+  return tools::test::receive_all(fd);
 }
 
 // The body of what http://ADDRESS:9464/metrics answers; empty when nobody does.

@@ -17,7 +17,6 @@ Exit code 77: numpy is not there.
 import os
 import pathlib
 import signal
-import socket
 import statistics
 import subprocess
 import sys
@@ -34,7 +33,7 @@ except ImportError:
 sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "system" / "guest"))
 from frames import open_ring  # noqa: E402
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
-from loopback import own_address  # noqa: E402
+from programs import free_port, own_address, wait_for  # noqa: E402
 
 BOLO, BOLOD, WHAT = sys.argv[1:4]
 PERIOD_S = 0.005
@@ -60,7 +59,7 @@ class Programs:
         subprocess.run([BOLO, "simulate", "-o", capture, "--no-truth", f"--width={self.width}",
                         f"--height={self.height}", "--frames=200"], check=True, stdout=subprocess.DEVNULL)
         log = self.start("camera", BOLO, "fakecam", capture, "--rate", "200", "--loop", "--interface", self.address)
-        wait_until(lambda: "serving" in log.read_text(), "the fake camera")
+        wait_for(lambda: "serving" in log.read_text(), "the fake camera", HANG_GUARD_S)
         self.start_daemon(preload)
 
     def start_daemon(self, preload=None):
@@ -85,13 +84,6 @@ class Programs:
         for process in self.running.values():
             process.wait()
         pathlib.Path(f"/dev/shm/bolo.{self.name}").unlink(missing_ok=True)
-
-
-def wait_until(condition, what):
-    end = time.monotonic() + HANG_GUARD_S
-    while not condition():
-        assert time.monotonic() < end, f"{what} did not come"
-        time.sleep(0.01)
 
 
 class Others:
@@ -214,12 +206,6 @@ def use(programs, port, second):
                        stdout=subprocess.DEVNULL)
     if second % 5 == 0:
         programs.running["daemon"].send_signal(signal.SIGHUP)
-
-
-def free_port():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
 
 
 def memory(folder, leak_library, seconds=60.0):

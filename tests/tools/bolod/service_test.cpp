@@ -1,17 +1,15 @@
 // What a service manager hears of a daemon: a real one, told of a socket of ours.
 #include <gtest/gtest.h>
 #include <sys/ptrace.h>
-#include <sys/socket.h>
-#include <sys/un.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <sstream>
 
 #include "src/core/clock.hpp"
 #include "tests/tools/bolod/bolod_run.hpp"
+#include "tests/tools/sockets.hpp"
 
 namespace bolo::daemon::service_test {
 namespace {
@@ -19,32 +17,21 @@ namespace {
 // The service manager's end of sd_notify(3).
 class NotifySocket {
  public:
-  explicit NotifySocket(const std::string& path) : fd_(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_un address{};
-    address.sun_family = AF_UNIX;
-    path.copy(address.sun_path, sizeof address.sun_path - 1);
-    bound_ = bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  explicit NotifySocket(const std::string& path) : fd_(tools::test::bound_at(path, SOCK_DGRAM)) {
     setenv("NOTIFY_SOCKET", path.c_str(), 1);
   }
   ~NotifySocket() {
     unsetenv("NOTIFY_SOCKET");
     unsetenv("WATCHDOG_USEC");
-    close(fd_);
   }
   NotifySocket(const NotifySocket&) = delete;
   NotifySocket& operator=(const NotifySocket&) = delete;
 
-  bool bound() const { return bound_; }
-
   // All lines so far.
   const std::vector<std::string>& lines() {
-    std::array<char, 4096> buffer;
-    for (;;) {
-      const ssize_t got = recv(fd_, buffer.data(), buffer.size(), MSG_DONTWAIT);
-      if (got < 0) return lines_;
-      std::istringstream message(std::string(buffer.data(), static_cast<std::size_t>(got)));
-      for (std::string line; std::getline(message, line);) lines_.push_back(line);
-    }
+    std::istringstream messages(tools::test::datagrams(fd_));
+    for (std::string line; std::getline(messages, line);) lines_.push_back(line);
+    return lines_;
   }
   std::size_t count(const std::string& line) {
     return static_cast<std::size_t>(std::count(lines().begin(), lines().end(), line));
@@ -61,8 +48,7 @@ class NotifySocket {
   }
 
  private:
-  int fd_;
-  bool bound_ = false;
+  UniqueFd fd_;
   std::vector<std::string> lines_;
 };
 
@@ -102,7 +88,7 @@ class HeldThread {
 
 class Service : public BolodRun {
  protected:
-  Service() : manager_(folder_ / "notify") { EXPECT_TRUE(manager_.bound()); }
+  Service() : manager_(folder_ / "notify") {}
   // Waits for a word in the daemon's log, and goes on listening meanwhile: the daemon waits for us when we don't.
   bool logged(const Program& daemon, const std::string& words) {
     return eventually([&] {
