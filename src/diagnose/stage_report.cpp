@@ -155,9 +155,9 @@ void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
   auto plots = report.captures.begin();
   for (const std::size_t i : modelled(fit.session)) {
     const Recording& r = fit.session.recordings[i];
-    report.location.captures[r.name] = fit.before.gap_of(i);
-    plots->before.gap = fit.before.gap_of(i);
-    (plots++)->after.gap = after.gap_of(i);
+    report.location.captures[r.name] = fit.before.gap(i);
+    plots->before.gap = fit.before.gap(i);
+    (plots++)->after.gap = after.gap(i);
     report.stimulus[r.name] = stimulus_errors(r, fit.state.stimuli[i], files.stimuli[i]);
   }
 }
