@@ -152,25 +152,12 @@ bool something_moves(const Session& session, const Recording& r) {
   });
 }
 
-// Of a field where nothing moves: pixels far noisier than most.
+// Of a field where nothing moves.
 void find_noisy_pixels(Events& events, const Recording& r) {
-  constexpr double kNoisy = 5.0;
-  const FrameStatistics& s = r.statistics;
-  const double usual = median(s.sigma);
-  const double usual_rough = median(s.roughness);
-  for (std::size_t p = 0; p < s.sigma.size(); ++p) {
-    const int pixel = static_cast<int>(p);
-    if (s.sigma[p] > kNoisy * usual && s.roughness[p] > 0.5 * usual_rough &&
-        std::ranges::count(events.bad.noisy, pixel) == 0) {
-      events.bad.noisy.push_back(pixel);
-    }
-  }
-  std::ranges::sort(events.bad.noisy);
-  Session& session = events.session;
-  for (const int p : session.grid.all()) {
-    const int at = session.grid.row_of(p) * session.width + session.grid.column_of(p);
-    if (std::ranges::binary_search(events.bad.noisy, at)) session.good[static_cast<std::size_t>(p)] = 0;
-  }
+  std::vector<int> both;
+  std::ranges::set_union(events.bad.noisy, noisy_pixels(r.statistics), std::back_inserter(both));
+  events.bad.noisy = std::move(both);
+  leave_out_dead(events.session, events.bad);
 }
 
 class Namer {
@@ -184,7 +171,7 @@ class Namer {
     for (const Findings* of : std::array<const Findings*, 2>{&known_, &field_.findings}) {
       if (std::ranges::find(of->effects, name, &FoundEffect::name) != of->effects.end()) return;
     }
-    FoundEffect e = named(name, 1.0 - 0.5 * std::erfc(std::min(z, 6.0) / 2.0), std::move(parameters));
+    FoundEffect e = named(name, confidence_from(z), std::move(parameters));
     e.gap_before = gap_before;
     e.gap_after = gap_after;
     if (alike != nullptr) e.alternatives = {{alike, gap_after}};

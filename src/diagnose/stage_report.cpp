@@ -282,6 +282,8 @@ const FoundEffect* LearnTask::found(std::string_view name) const {
   return at == effects.end() ? nullptr : &*at;
 }
 
+double confidence_from(double z) { return 1.0 - 0.5 * std::erfc(std::min(z, 6.0) / 2.0); }
+
 FoundEffect named(const std::string& name, double confidence, std::map<std::string, Estimate> parameters) {
   return {.name = name,
           .stage = find_effect(name)->stage,
