@@ -14,12 +14,11 @@ namespace bolo::diagnose {
 namespace {
 
 // The value of a found effect's parameter; nothing where either is not there.
-std::optional<double> parameter_of(const LearnTask& task, std::string_view effect, std::string_view key) {
+std::optional<double> parameter_of(const LearnTask& task, std::string_view effect, const std::string& key) {
   const FoundEffect* found = task.found(effect);
   if (found == nullptr) return std::nullopt;
   if (key.empty()) return 1.0;  // that there is one
-  const auto parameter = found->parameters.find(std::string(key));
-  return parameter == found->parameters.end() ? std::nullopt : std::optional(parameter->second.value);
+  return found->parameters.contains(key) ? std::optional(found->parameters.at(key).value) : std::nullopt;
 }
 
 double value_of(const LearnTask& task, const char* effect, const char* key, double otherwise) {
@@ -80,18 +79,12 @@ std::optional<Grey> grey_of_levels(const LearnTask& task) {
   return Grey{slope, reflected_temperature((y - slope * x) / reflected)};
 }
 
-model::FrameFilter filter_of(FrameFilter filter) {
-  if (filter == FrameFilter::kBox) return model::FrameFilter::kBox;
-  return filter == FrameFilter::kRecursive ? model::FrameFilter::kRecursive : model::FrameFilter::kNone;
-}
-
 void learn_undo(const LearnTask& task, model::Undo& undo) {
-  model::undo_effects(
-      undo, [&task](std::string_view effect, std::string_view key) { return parameter_of(task, effect, key); });
+  model::undo_effects(undo, [&task](auto effect, auto key) { return parameter_of(task, effect, std::string(key)); });
   if (task.found("iir") != nullptr) {
     const double weight = value_of(task, "iir", "alpha", 1.0);
     const bool undone = task.filter != FrameFilter::kBox || weight > 0.5;
-    undo.filter = undone ? filter_of(task.filter) : model::FrameFilter::kNone;
+    undo.filter = undone ? task.filter : FrameFilter::kNone;
     if (undone) undo.filter_weight = std::clamp(weight, 0.05, 1.0);
   }
   if (task.state == nullptr) return;
@@ -117,9 +110,7 @@ Result<Learned> learn(const LearnTask& task, const std::vector<std::filesystem::
   learned.maps.row_delay_s = profile.row_delay_s;
   if (!options.maps) return learned;
   if (!progress("every pixel", 0.95)) return failed("interrupted");
-  auto maps = learn_maps(task, captures, options.threads);
-  if (!maps) return tl::unexpected(maps.error());
-  learned.maps = std::move(*maps);
+  ASSIGN_OR_RETURN(learned.maps, learn_maps(task, captures, options.threads));
   return learned;
 }
 
@@ -132,28 +123,23 @@ Result<Report> diagnose(const std::vector<std::filesystem::path>& captures, cons
       return bad_input("--withhold " + name + ": no effect of the catalogue has this name");
   }
   const auto start = std::chrono::steady_clock::now();
-  auto session = read_session(captures, progress);
-  if (!session) return tl::unexpected(session.error());
+  ASSIGN_OR_RETURN(auto session, read_session(captures, progress));
   if (!progress("events and pixels", 0.03)) return failed("interrupted");
-  Events events = find_events(std::move(*session), options);
+  Events events = find_events(std::move(session), options);
   prepare_field(events);
   if (!progress("noise", 0.06)) return failed("interrupted");
   const Noise noise = judge_noise(events, options);
-  const auto fit = fit_means(events, noise, options, progress);
-  if (!fit) return tl::unexpected(fit.error());
+  ASSIGN_OR_RETURN(const auto fit, fit_means(events, noise, options, progress));
   std::vector<Remainder> left;
-  if (fit->done) {
+  if (fit.done) {
     if (!progress("looking at what is left", 0.85)) return failed("interrupted");
-    left = test_remainder(events, noise, *fit, options.threads);
+    left = test_remainder(events, noise, fit, options.threads);
   }
-  const auto field = judge_field(captures, events, noise, options, progress);
-  if (!field) return tl::unexpected(field.error());
-  Report report = make_report(events, noise, *fit, *field, left, options);
-  auto learned = learn({fit->session, fit->done ? &fit->state : nullptr, fit->jumps, events.bad,
-                        noise.statistics.filter, report.effects, options.profile},
-                       captures, options, progress);
-  if (!learned) return tl::unexpected(learned.error());
-  report.learned = std::move(*learned);
+  ASSIGN_OR_RETURN(const auto field, judge_field(captures, events, noise, options, progress));
+  Report report = make_report(events, noise, fit, field, left, options);
+  ASSIGN_OR_RETURN(report.learned, learn({fit.session, fit.done ? &fit.state : nullptr, fit.jumps, events.bad,
+                                          noise.statistics.filter, report.effects, options.profile},
+                                         captures, options, progress));
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return report;
 }

@@ -13,8 +13,8 @@
 namespace bolo::diagnose {
 
 struct Options {
-  model::CameraProfile profile;       // the nominal simulator
-  std::vector<std::string> withheld;  // effects taken out of the catalogue
+  model::CameraProfile profile{};       // the nominal simulator
+  std::vector<std::string> withheld{};  // effects taken out of the catalogue
   int threads = 2;
   bool maps = false;  // measure Report::learned.maps, of every pixel of the frame: reads the captures once more
 };

@@ -62,16 +62,6 @@ EffectReport rms_of(MapKind map) {
   };
 }
 
-const Eigen::VectorXf& map_of(const CameraModel& camera, MapKind kind) {
-  if (kind == MapKind::kOffset) return camera.offset;
-  if (kind == MapKind::kDrift) return camera.drift_share;
-  return kind == MapKind::kGain ? camera.gain : camera.tau;
-}
-
-Eigen::VectorXf& map_of(CameraModel& camera, MapKind kind) {
-  return const_cast<Eigen::VectorXf&>(map_of(static_cast<const CameraModel&>(camera), kind));
-}
-
 double MapSpread::relative_error() const { return 0.71 / std::sqrt(std::max(1.0, pixels)); }
 
 MapSpread spread_of(const Session& session, const Eigen::VectorXf& map) {

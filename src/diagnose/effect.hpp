@@ -31,8 +31,12 @@ struct NoiseStatistics;
 // Maps that an effect adds: one value a pixel, found by regression.
 enum class MapKind { kNone, kOffset, kGain, kTau, kDrift };
 
-Eigen::VectorXf& map_of(CameraModel& camera, MapKind kind);  // not of kNone
-const Eigen::VectorXf& map_of(const CameraModel& camera, MapKind kind);
+// The camera's map of a kind, which is not kNone.
+template <typename Camera>
+auto& map_of(Camera& camera, MapKind kind) {
+  using enum MapKind;
+  return kind == kOffset ? camera.offset : kind == kGain ? camera.gain : kind == kTau ? camera.tau : camera.drift_share;
+}
 
 // Which physical form is meant when an effect has several.
 struct Form {

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <cmath>
 #include <numeric>
-#include <optional>
 #include <thread>
 #include <variant>
 
@@ -56,18 +55,6 @@ bool touches(int owner, const Session& session, std::size_t recording) {
   if (owner == kAllRecordings) return true;
   if (owner >= 0) return static_cast<std::size_t>(owner) == recording;
   return is_bars(session.recordings[recording].kind);
-}
-
-// Of one recording, or of all.
-double root_mean(const Score& score, std::optional<std::size_t> wanted) {
-  double sum = 0.0;
-  double count = 0.0;
-  for (const Score::Group& g : score.groups) {
-    if (wanted && g.recording != *wanted) continue;
-    sum += g.sum;
-    count += g.count;
-  }
-  return count > 0.0 ? std::sqrt(sum / count) : 1.0;
 }
 
 // Adds one group's frames to augmented normal matrices: train and test. In double: what levels and emissivity do to a
@@ -282,9 +269,16 @@ bool held_out(const Session& session, Index frame, int pixel) {
   return ((static_cast<int>(frame) / kCellFrames + block) & 1) != 0;
 }
 
-double Score::gap() const { return root_mean(*this, std::nullopt); }
-
-double Score::gap_of(std::size_t wanted) const { return root_mean(*this, wanted); }
+double Score::gap(std::optional<std::size_t> recording) const {
+  double sum = 0.0;
+  double count = 0.0;
+  for (const Group& g : groups) {
+    if (recording && g.recording != *recording) continue;
+    sum += g.sum;
+    count += g.count;
+  }
+  return count > 0.0 ? std::sqrt(sum / count) : 1.0;
+}
 
 Gain gain_of(std::span<const double> parts) {
   const double total = sum_of(parts);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 
 #include <Eigen/Dense>
 
@@ -200,7 +201,7 @@ BadPixels find_dead_pixels(Session& session) {
   BadPixels bad;
   const auto pixels = static_cast<std::size_t>(session.width) * static_cast<std::size_t>(session.height);
   std::vector<std::size_t> stuck(pixels, 0);  // in how many recordings that are asked
-  std::vector<std::size_t> noisy(pixels, 0);
+  std::vector<std::size_t> noisy(pixels, 0);  // in how many steady ones
   std::size_t asked = 0;
   std::size_t steady = 0;
   // Where a stimulus changes, a pixel that does not follow is dead, however noisy; stillness then says nothing of it.
@@ -214,11 +215,7 @@ BadPixels find_dead_pixels(Session& session) {
     }
     if (r.kind != Kind::kUniform || s.distinct_frames() < kLeastSteady) continue;
     ++steady;
-    const double usual = median(s.sigma);
-    const double usual_rough = median(s.roughness);
-    for (std::size_t p = 0; p < pixels && usual > 0.0; ++p) {
-      if (s.sigma[p] > kNoisySigma * usual && s.roughness[p] > 0.5 * usual_rough) ++noisy[p];
-    }
+    for (const int p : noisy_pixels(s)) ++noisy[static_cast<std::size_t>(p)];
   }
   // Stuck everywhere: where a ceiling or a frozen recording holds all pixels, a few are not told from the others. Noisy
   // everywhere: one outlier of one capture is none.
@@ -227,12 +224,26 @@ BadPixels find_dead_pixels(Session& session) {
     if (noisy[p] > 0 && noisy[p] == steady) bad.noisy.push_back(static_cast<int>(p));
   }
   if (bad.stuck.size() * 2 > pixels) bad.stuck.clear();
-  for (std::size_t p = 0; p < session.good.size(); ++p) {
-    const auto pixel = static_cast<Index>(p);
-    const int at = session.grid.row_of(pixel) * session.width + session.grid.column_of(pixel);
-    if (std::ranges::binary_search(bad.stuck, at) || std::ranges::binary_search(bad.noisy, at)) session.good[p] = 0;
-  }
+  leave_out_dead(session, bad);
   return bad;
+}
+
+std::vector<int> noisy_pixels(const FrameStatistics& s) {
+  const double usual = median(s.sigma);
+  const double usual_rough = median(s.roughness);
+  std::vector<int> noisy;
+  for (std::size_t p = 0; p < s.sigma.size() && usual > 0.0; ++p) {
+    if (s.sigma[p] > kNoisySigma * usual && s.roughness[p] > 0.5 * usual_rough) noisy.push_back(static_cast<int>(p));
+  }
+  return noisy;
+}
+
+void leave_out_dead(Session& session, const BadPixels& bad) {
+  for (const int p : session.grid.all()) {
+    const int at = session.grid.row_of(p) * session.width + session.grid.column_of(p);
+    const auto among = [at](const std::vector<int>& dead) { return std::ranges::binary_search(dead, at); };
+    if (among(bad.stuck) || among(bad.noisy)) session.good[static_cast<std::size_t>(p)] = 0;
+  }
 }
 
 void find_jumping_pixels(Session& session, BadPixels& bad, double step_k, Kind of) {
@@ -252,19 +263,22 @@ double find_step(const Session& session) {
   for (const Recording& r : session.recordings) {
     if (r.step <= 0.0) return 0.0;
     const double base = r.values(0, 0);
-    std::vector<long> seen;
+    std::map<long, long> seen;  // distances, and how often
+    long all = 0;
     for (Index k = 0; k < r.values.rows(); k += 3) {
       for (Index p = 0; p < r.values.cols(); p += 3) {
-        if (session.is_good(p)) seen.push_back(std::lround((r.values(k, p) - base) / r.step));
+        if (!session.is_good(p)) continue;
+        ++seen[std::lround((r.values(k, p) - base) / r.step)];
+        ++all;
       }
     }
+    if (seen[0] == all) continue;
     // The largest step that nearly all distances are multiples of.
     long best = 1;
     for (long candidate = 2; candidate <= kLargestStep; ++candidate) {
-      const auto hits = std::ranges::count_if(seen, [candidate](long d) { return d % candidate == 0; });
-      if (static_cast<double>(hits) > kMultiples * static_cast<double>(seen.size())) best = candidate;
+      const double hits = sum_of(seen, [candidate](const auto& one) { return one.first % candidate ? 0 : one.second; });
+      if (hits > kMultiples * static_cast<double>(all)) best = candidate;
     }
-    if (std::ranges::all_of(seen, [](long d) { return d == 0; })) continue;
     const double found = static_cast<double>(best) * r.step;
     step = step == 0.0 ? found : std::min(step, found);
   }

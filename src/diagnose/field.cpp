@@ -7,7 +7,6 @@
 #include <numeric>
 
 #include "src/core/statistics.hpp"
-#include "src/diagnose/field_motion.hpp"
 #include "src/diagnose/field_parts.hpp"
 
 namespace bolo::diagnose {
@@ -153,25 +152,12 @@ bool something_moves(const Session& session, const Recording& r) {
   });
 }
 
-// Of a field where nothing moves: pixels far noisier than most.
+// Of a field where nothing moves.
 void find_noisy_pixels(Events& events, const Recording& r) {
-  constexpr double kNoisy = 5.0;
-  const FrameStatistics& s = r.statistics;
-  const double usual = median(s.sigma);
-  const double usual_rough = median(s.roughness);
-  for (std::size_t p = 0; p < s.sigma.size(); ++p) {
-    const int pixel = static_cast<int>(p);
-    if (s.sigma[p] > kNoisy * usual && s.roughness[p] > 0.5 * usual_rough &&
-        std::ranges::count(events.bad.noisy, pixel) == 0) {
-      events.bad.noisy.push_back(pixel);
-    }
-  }
-  std::ranges::sort(events.bad.noisy);
-  Session& session = events.session;
-  for (const int p : session.grid.all()) {
-    const int at = session.grid.row_of(p) * session.width + session.grid.column_of(p);
-    if (std::ranges::binary_search(events.bad.noisy, at)) session.good[static_cast<std::size_t>(p)] = 0;
-  }
+  std::vector<int> both;
+  std::ranges::set_union(events.bad.noisy, noisy_pixels(r.statistics), std::back_inserter(both));
+  events.bad.noisy = std::move(both);
+  leave_out_dead(events.session, events.bad);
 }
 
 class Namer {
@@ -185,7 +171,7 @@ class Namer {
     for (const Findings* of : std::array<const Findings*, 2>{&known_, &field_.findings}) {
       if (std::ranges::find(of->effects, name, &FoundEffect::name) != of->effects.end()) return;
     }
-    FoundEffect e = named(name, 1.0 - 0.5 * std::erfc(std::min(z, 6.0) / 2.0), std::move(parameters));
+    FoundEffect e = named(name, confidence_from(z), std::move(parameters));
     e.gap_before = gap_before;
     e.gap_after = gap_after;
     if (alike != nullptr) e.alternatives = {{alike, gap_after}};
@@ -276,25 +262,24 @@ double first_noise(const Recording& r, const Options& options) {
 // Of one recording whose scene moves; nothing when it cannot be followed.
 Result<std::optional<FieldParts>> judge_moving(const std::filesystem::path& file, const Recording& r, Events& events,
                                                const Options& options) {
-  auto frames = read_field(file, r);
-  if (!frames) return tl::unexpected(frames.error());
+  ASSIGN_OR_RETURN(auto frames, read_field(file, r));
   for (const Jump& jump : events.jumps) {
     if (&events.session.recordings[jump.recording] != &r) continue;
-    for (Index i = 0; i < frames->values.rows(); ++i) {
-      if (frames->frame[static_cast<std::size_t>(i)] < static_cast<Index>(jump.frame)) continue;
-      frames->values.row(i).array() -= static_cast<float>(jump.global_k);
+    for (Index i = 0; i < frames.values.rows(); ++i) {
+      if (frames.frame[static_cast<std::size_t>(i)] < static_cast<Index>(jump.frame)) continue;
+      frames.values.row(i).array() -= static_cast<float>(jump.global_k);
     }
   }
-  const FieldMotion motion = follow_field(*frames, first_noise(r, options));
+  const FieldMotion motion = follow_field(frames, first_noise(r, options));
   if (motion.sights.size() < kFewestSights) return std::optional<FieldParts>();
   const std::vector<char> known = dead_of(events);
-  FieldParts parts = take_field_apart(*frames, motion.sights, known);
+  FieldParts parts = take_field_apart(frames, motion.sights, known);
   if (!parts.followed || parts.moving > kMostOwn) return std::optional<FieldParts>();
   for (std::size_t p = 0; p < parts.dead.size(); ++p) {
     if (parts.dead[p] != 0 && known[p] == 0) events.bad.noisy.push_back(static_cast<int>(p));
   }
   for (const Index k : motion.lost)
-    parts.lost.push_back(static_cast<std::size_t>(frames->frame[static_cast<std::size_t>(k)]));
+    parts.lost.push_back(static_cast<std::size_t>(frames.frame[static_cast<std::size_t>(k)]));
   return std::optional(std::move(parts));
 }
 
@@ -339,37 +324,35 @@ Result<Field> judge_field(const std::vector<std::filesystem::path>& files, Event
     const auto file = std::ranges::find(files, r.name, [](const auto& path) { return path.filename().string(); });
     if (file == files.end()) continue;
     if (!progress("following the scene", 0.9)) return failed("interrupted");
-    auto motion = learn_from_motion(*file, r, events.session, options.profile);
-    if (!motion) return tl::unexpected(motion.error());
-    if (*motion) out.motion[r.name] = **motion;
+    ASSIGN_OR_RETURN(auto motion, learn_from_motion(*file, r, events.session, options.profile));
+    if (motion) out.motion[r.name] = *motion;
     if (bench || r.used_frames().size() < kMinFrames) continue;
     if (r.kind == Kind::kField || r.kind == Kind::kUniform) {
       out.still = out.still || noise.statistics.frames > 0;
       continue;
     }
-    const auto parts = judge_moving(*file, r, events, options);
-    if (!parts) return tl::unexpected(parts.error());
-    if (!*parts) {
+    ASSIGN_OR_RETURN(const auto parts, judge_moving(*file, r, events, options));
+    if (!parts) {
       out.why = " (" + r.name + ": something moves by itself, or the motion is not followed)";
       continue;
     }
     out.moving = true;
-    const auto count = static_cast<double>((*parts)->cells);
+    const auto count = static_cast<double>(parts->cells);
     cells += count;
-    before += count * (*parts)->gap_before * (*parts)->gap_before;
-    after += count * (*parts)->gap_after * (*parts)->gap_after;
-    out.gaps[r.name] = namer.gap_before = (*parts)->gap_before;
-    namer.gap_after = (*parts)->gap_after;
-    name_parts(**parts, namer);
-    if (!(*parts)->lost.empty()) out.lost[r.name] = (*parts)->lost;
+    before += count * parts->gap_before * parts->gap_before;
+    after += count * parts->gap_after * parts->gap_after;
+    out.gaps[r.name] = namer.gap_before = parts->gap_before;
+    namer.gap_after = parts->gap_after;
+    name_parts(*parts, namer);
+    if (!parts->lost.empty()) out.lost[r.name] = parts->lost;
     if (out.scene.empty()) {
-      out.scene = (*parts)->scene;
+      out.scene = parts->scene;
       for (Map& map : out.scene) map.unit = r.kelvin ? "K" : "counts";
     }
-    if (!*motion) continue;
-    out.tells_tau = out.tells_tau || (*motion)->tau_s.has_value();
-    out.tells_delay = out.tells_delay || (*motion)->row_delay_s.has_value();
-    name_times(**motion, options.profile, namer);
+    if (!motion) continue;
+    out.tells_tau = out.tells_tau || motion->tau_s.has_value();
+    out.tells_delay = out.tells_delay || motion->row_delay_s.has_value();
+    name_times(*motion, options.profile, namer);
   }
   out.judged = out.moving || out.still;
   if (cells > 0.0) {

@@ -1,4 +1,4 @@
-#include "src/diagnose/field_motion.hpp"
+#include "src/diagnose/field_parts.hpp"
 
 #include <algorithm>
 #include <array>
@@ -78,7 +78,7 @@ Result<Followed> follow(const capture::CaptureReader& reader, const Recording& r
     const std::uint64_t periods = k == 0 ? 1 : periods_between(reader.frame_id()[k - 1], reader.frame_id()[k]);
     for (std::uint64_t lost = 1; lost < periods; ++lost) push(nullptr);
     std::vector<std::byte>& plane = ring[newest % kKept];
-    if (Status status = reader.read_frame(k, plane.data()); !status) return tl::unexpected(status.error());
+    RETURN_IF_ERROR(reader.read_frame(k, plane.data()));
     const bool used = recording.is_used(static_cast<Index>(k));
     push(used ? plane.data() : nullptr);
     if (whole == GapMeter::kFrames) {
@@ -230,17 +230,15 @@ std::optional<FromMotion::Figure> find_row_delay(const Followed& all, double per
 Result<std::optional<FromMotion>> learn_from_motion(const std::filesystem::path& file, const Recording& recording,
                                                     const Session& session, const model::CameraProfile& profile) {
   if (session.period_s > profile.tau_s) return std::optional<FromMotion>();
-  auto reader = capture::CaptureReader::open(file);
-  if (!reader) return tl::unexpected(reader.error());
+  ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
   deblur::Settings settings;
   settings.method = deblur::Method::kMotion;
   settings.tau_s = profile.tau_s;
   settings.period_s = session.period_s;
-  if (reader->info().frames < static_cast<std::size_t>(settings.window)) return std::optional<FromMotion>();
-  const auto followed = follow(*reader, recording, settings);
-  if (!followed) return tl::unexpected(followed.error());
+  if (reader.info().frames < static_cast<std::size_t>(settings.window)) return std::optional<FromMotion>();
+  ASSIGN_OR_RETURN(const auto followed, follow(reader, recording, settings));
   std::vector<double> speeds;
-  for (const Followed::Frame& f : followed->frames) {
+  for (const Followed::Frame& f : followed.frames) {
     if (f.there) speeds.push_back(std::hypot(f.affine[0], f.affine[3]) / session.period_s);
   }
   if (speeds.empty()) return std::optional<FromMotion>();
@@ -248,8 +246,8 @@ Result<std::optional<FromMotion>> learn_from_motion(const std::filesystem::path&
   out.frames = speeds.size();
   out.fastest_px_s = *std::ranges::max_element(speeds);
   out.usual_px_s = median(std::move(speeds));
-  out.tau_s = find_tau(followed->bursts, profile.tau_s);
-  out.row_delay_s = find_row_delay(*followed, session.period_s * session.row_step, profile.row_delay_s);
+  out.tau_s = find_tau(followed.bursts, profile.tau_s);
+  out.row_delay_s = find_row_delay(followed, session.period_s * session.row_step, profile.row_delay_s);
   return std::optional(out);
 }
 

@@ -81,7 +81,7 @@ ArrayXf pattern_of(const Cells& cells, const std::vector<Sight>& sights, const s
   const Index pixels = cells.residual.values.cols();
   ArrayXf pattern = ArrayXf::Zero(pixels);
   ArrayXf moved(pixels);
-  PatternMover mover(cells.residual.geometry);
+  Aligner mover(cells.residual.geometry);
   for (int round = 0; round < kRounds; ++round) {
     ArrayXf sum = ArrayXf::Zero(pixels);
     ArrayXf weight = ArrayXf::Zero(pixels);
@@ -260,7 +260,7 @@ Gains gains_of(const Cells& cells, const Residual& left, const FieldFrames& fram
   }
   gain.level /= looks.max(1.0F);
   ArrayXf moved(pixels);
-  PatternMover mover(left.geometry);
+  Aligner mover(left.geometry);
   for (int round = 0; round < kRounds; ++round) {
     ArrayXf along = ArrayXf::Zero(pixels);
     ArrayXf spread = ArrayXf::Zero(pixels);
@@ -363,7 +363,7 @@ FieldParts take_field_apart(FieldFrames& frames, const std::vector<Sight>& sight
 
   // Each half is told the other one's pattern.
   Residual left = raw;
-  PatternMover mover(g);
+  Aligner mover(g);
   ArrayXf moved(raw.values.cols());
   for (std::size_t h = 0; h < 2; ++h) {
     for (const Index i : halves[h]) {

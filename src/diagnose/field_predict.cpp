@@ -1,4 +1,4 @@
-#include "src/diagnose/field_predict.hpp"
+#include "src/diagnose/field_parts.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -120,32 +120,6 @@ std::vector<Index> find_lost(const std::vector<Index>& frame, const std::vector<
   return lost;
 }
 
-// Mean of two planes moved onto a third.
-class Aligner {
- public:
-  explicit Aligner(Geometry geometry)
-      : kernels_(motion::best_kernels()), before_(geometry), after_(geometry), now_(geometry), out_(geometry) {}
-
-  const PaddedPlane& mean(const Sight& sight, const float* before, const float* after, const float* now) {
-    load(before, before_);
-    if (after != before) load(after, after_);
-    load(now, now_);
-    const std::array<const PaddedPlane*, 2> planes{&before_, after != before ? &after_ : &before_};
-    for (int row = 0; row < out_.blocks_down(); ++row) {
-      const std::array<const Vec2*, 2> d{sight.from_before.row(row), sight.from_after.row(row)};
-      kernels_.align(planes.data(), d.data(), 2, now_, row, out_);
-    }
-    return out_;
-  }
-
- private:
-  const motion::Kernels& kernels_;
-  PaddedPlane before_;
-  PaddedPlane after_;
-  PaddedPlane now_;
-  PaddedPlane out_;
-};
-
 // Whether all of a block has come from inside the frame.
 bool seen(Geometry g, int x0, int y0, Vec2 d) {
   constexpr float kTaps = 2.0F;
@@ -189,20 +163,17 @@ double noise_gain(Aligner& aligner, const Sight& sight, const Series& noise) {
 }  // namespace
 
 Result<FieldFrames> read_field(const std::filesystem::path& file, const Recording& recording) {
-  auto reader = capture::CaptureReader::open(file);
-  if (!reader) return tl::unexpected(reader.error());
+  ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
   FieldFrames out;
-  out.geometry = reader->info().format.geometry;
+  out.geometry = reader.info().format.geometry;
   out.frame = recording.used_frames();
   const std::size_t most = std::max<std::size_t>(kMinFrames, kMostValues / out.geometry.pixels());
-  out.all = out.frame.size() <= most;
-  if (!out.all) out.frame.resize(most);
+  if (out.frame.size() > most) out.frame.resize(most);
   out.values.resize(static_cast<Index>(out.frame.size()), static_cast<Index>(out.geometry.pixels()));
   for (Index i = 0; i < out.values.rows(); ++i) {
     const auto frame = static_cast<std::size_t>(out.frame[static_cast<std::size_t>(i)]);
-    const auto clipped =
-        read_values(*reader, frame, 0, {out.values.row(i).data(), static_cast<std::size_t>(out.values.cols())});
-    if (!clipped) return tl::unexpected(clipped.error());
+    const std::span<float> values(out.values.row(i).data(), static_cast<std::size_t>(out.values.cols()));
+    RETURN_IF_ERROR(read_values(reader, frame, 0, values));
   }
   return out;
 }
@@ -215,17 +186,17 @@ FieldMotion follow_field(const FieldFrames& frames, double noise) {
   motion::Pyramid last(frames.geometry);
   motion::Pyramid now(frames.geometry);
   std::vector<Shift> place(static_cast<std::size_t>(n));
-  out.step.resize(static_cast<std::size_t>(n));
+  std::vector<Shift> step(place);  // since the frame before
   for (Index k = 0; k < n; ++k) {
     std::swap(last, now);
     matcher.smooth(k, now);
     if (k == 0) continue;
     const motion::Affine d = matcher.whole(last, now);
     const auto i = static_cast<std::size_t>(k);
-    out.step[i] = {d.p[0], d.p[3]};
+    step[i] = {d.p[0], d.p[3]};
     place[i] = {place[i - 1][0] + d.p[0], place[i - 1][1] + d.p[3]};
   }
-  out.lost = find_lost(frames.frame, out.step);
+  out.lost = find_lost(frames.frame, step);
   std::vector<Sight> all;
   for (Index k = 0; k < n; ++k) {
     const auto before = partner(place, k, -1);
@@ -373,17 +344,24 @@ double PredictionFloor::variance(double contrast) const {
   return variance_[i - 1] + share * (variance_[i] - variance_[i - 1]);
 }
 
-struct PatternMover::Inside {
-  Aligner aligner;
-};
+Aligner::Aligner(Geometry geometry)
+    : kernels_(motion::best_kernels()), before_(geometry), after_(geometry), now_(geometry), out_(geometry) {}
 
-PatternMover::PatternMover(Geometry geometry) : inside_(std::make_unique<Inside>(Inside{Aligner(geometry)})) {}
-PatternMover::~PatternMover() = default;
+const PaddedPlane& Aligner::mean(const Sight& sight, const float* before, const float* after, const float* now) {
+  load(before, before_);
+  if (after != before) load(after, after_);
+  load(now, now_);
+  const std::array<const PaddedPlane*, 2> planes{&before_, after != before ? &after_ : &before_};
+  for (int row = 0; row < out_.blocks_down(); ++row) {
+    const std::array<const Vec2*, 2> d{sight.from_before.row(row), sight.from_after.row(row)};
+    kernels_.align(planes.data(), d.data(), 2, now_, row, out_);
+  }
+  return out_;
+}
 
-void PatternMover::move(const Sight& sight, const float* pattern, float* out) {
-  const PaddedPlane& mean = inside_->aligner.mean(sight, pattern, pattern, pattern);
-  const Geometry g = mean.geometry();
-  for (int y = 0; y < g.height; ++y) out = std::copy_n(mean.at(0, y), g.width, out);
+void Aligner::move(const Sight& sight, const float* pattern, float* out) {
+  const Geometry g = mean(sight, pattern, pattern, pattern).geometry();
+  for (int y = 0; y < g.height; ++y) out = std::copy_n(out_.at(0, y), g.width, out);
 }
 
 }  // namespace bolo::diagnose

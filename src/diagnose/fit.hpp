@@ -7,6 +7,7 @@
 
 #include <array>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -33,8 +34,8 @@ struct Score {
     std::size_t recording = 0;
   };
   std::vector<Group> groups;
-  double gap() const;  // root of the mean
-  double gap_of(std::size_t recording) const;
+  // Root of the mean, of one recording or of all.
+  double gap(std::optional<std::size_t> recording = std::nullopt) const;
 };
 
 // Gain of log-likelihood from one score to another and how consistent it is over groups.

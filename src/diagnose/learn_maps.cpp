@@ -60,8 +60,7 @@ Result<std::vector<capture::CaptureReader>> open_all(const Session& session,
 Status read_band(const capture::CaptureReader& reader, const Session& band, Series& values) {
   for (Index k = 0; k < values.rows(); ++k) {
     const std::span<float> row(values.row(k).data(), static_cast<std::size_t>(values.cols()));
-    const auto read = read_values(reader, static_cast<std::size_t>(k), first_pixel(band), row);
-    if (!read) return tl::unexpected(read.error());
+    RETURN_IF_ERROR(read_values(reader, static_cast<std::size_t>(k), first_pixel(band), row));
   }
   return {};
 }
@@ -217,8 +216,7 @@ Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std
   maps.geometry = {session.width, session.height};
   maps.row_delay_s = task.profile.row_delay_s;
   if (const FoundEffect* rows = task.found("row_delay")) maps.row_delay_s = rows->parameters.at("row_delay_s").value;
-  auto readers = open_all(session, files);
-  if (!readers) return tl::unexpected(readers.error());
+  ASSIGN_OR_RETURN(auto readers, open_all(session, files));
   const Wanted wanted{task.found("fpn_offset") != nullptr, task.found("fpn_gain") != nullptr,
                       task.found("tau_spread") != nullptr,
                       task.found("drift") != nullptr && task.state != nullptr && !task.state->camera.drift.empty() &&
@@ -235,9 +233,8 @@ Result<model::PixelMaps> learn_maps(const LearnTask& task, const std::vector<std
   const bool any = task.state != nullptr && std::ranges::count(wanted, true) != 0;
   for (int row = 0; any && row < session.height; row += rows_at_once) {
     take_band(band, row, std::min(session.height, row + rows_at_once));
-    for (std::size_t i = 0; i < readers->size(); ++i) {
-      if (Status status = read_band((*readers)[i], band, band.recordings[i].values); !status)
-        return tl::unexpected(status.error());
+    for (std::size_t i = 0; i < readers.size(); ++i) {
+      RETURN_IF_ERROR(read_band(readers[i], band, band.recordings[i].values));
     }
     found.noise2 = {};
     solve_band(task, band, wanted, threads, found);

@@ -11,10 +11,11 @@
 #include <vector>
 
 #include "src/diagnose/session.hpp"
+#include "src/model/undo.hpp"
 
 namespace bolo::diagnose {
 
-enum class FrameFilter { kNone, kRecursive, kBox };
+using model::FrameFilter;
 
 // All that is linear between the scene and the read-out.
 struct Response {

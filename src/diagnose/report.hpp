@@ -87,7 +87,7 @@ struct PixelDefects {
   std::vector<PixelPlace> noisy;  // nothing but noise
 };
 
-// What the motion of an unknown scene tells (field_motion.hpp).
+// What the motion of an unknown scene tells (field_parts.hpp).
 struct FromMotion {
   std::size_t frames = 0;   // whose motion is known
   double usual_px_s = 0.0;  // speed of the picture's centre, median

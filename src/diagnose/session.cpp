@@ -46,9 +46,8 @@ Result<std::string> read_frames(const capture::CaptureReader& reader, const Grid
   FrameStatisticsSum statistics(geometry.width, geometry.height);
   std::size_t clipped = 0;
   for (Index k = 0; k < recording.values.rows(); ++k) {
-    const auto at_limits = read_values(reader, static_cast<std::size_t>(k), 0, frame);
-    if (!at_limits) return tl::unexpected(at_limits.error());
-    clipped += *at_limits;
+    ASSIGN_OR_RETURN(const auto at_limits, read_values(reader, static_cast<std::size_t>(k), 0, frame));
+    clipped += at_limits;
     if (!std::ranges::all_of(frame, [](float v) { return std::isfinite(v); })) {
       return "/frames has values that are no numbers";
     }
@@ -78,9 +77,8 @@ std::string difference(const capture::CaptureInfo& info, const Session& session,
 
 // One recording, or the reason why it can't be used.
 Result<Recording> read_recording(const std::filesystem::path& file, Session& session, std::string& camera) {
-  auto reader = capture::CaptureReader::open(file);
-  if (!reader) return tl::unexpected(reader.error());
-  const capture::CaptureInfo& info = reader->info();
+  ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
+  const capture::CaptureInfo& info = reader.info();
   Recording recording;
   recording.name = file.filename().string();
   const auto refuse = [&](const std::string& what) { return bad_input(recording.name + ": " + what); };
@@ -100,18 +98,17 @@ Result<Recording> read_recording(const std::filesystem::path& file, Session& ses
   if (const std::string what = difference(info, session, camera); !what.empty()) {
     return refuse(what + "; left out, diagnose it by itself");
   }
-  auto stimulus = reader->stimulus();
-  if (!stimulus) return tl::unexpected(stimulus.error());
-  if (const std::string what = fault(*stimulus); !what.empty()) return refuse("/stimulus: " + what + "; left out");
-  recording.kind = kind_of(*stimulus);
-  recording.stimulus = std::move(*stimulus);
+  ASSIGN_OR_RETURN(recording.stimulus, reader.stimulus());
+  if (const std::string what = fault(recording.stimulus); !what.empty()) {
+    return refuse("/stimulus: " + what + "; left out");
+  }
+  recording.kind = kind_of(recording.stimulus);
   recording.kelvin = info.format.scale.unit == Unit::kKelvin;
   if (info.format.type == PixelType::kUint16) recording.step = recording.kelvin ? info.format.scale.scale : 1.0;
-  recording.start_s = reader->t().front();
-  recording.t = mapped(reader->t(), [&](double t) { return t - recording.start_s; });
-  const auto what = read_frames(*reader, session.grid, recording);
-  if (!what) return tl::unexpected(what.error());
-  if (!what->empty()) return refuse(*what + "; left out");
+  recording.start_s = reader.t().front();
+  recording.t = mapped(reader.t(), [&](double t) { return t - recording.start_s; });
+  ASSIGN_OR_RETURN(const auto what, read_frames(reader, session.grid, recording));
+  if (!what.empty()) return refuse(what + "; left out");
   recording.used.assign(recording.t.size(), 1);
   return recording;
 }
@@ -123,10 +120,13 @@ std::vector<float> to_vector(const ArrayXd& values) {
 
 }  // namespace
 
-std::size_t physical_values(const StreamFormat& format, const std::byte* plane, std::size_t first,
-                            std::span<float> out) {
-  const auto* counts = reinterpret_cast<const std::uint16_t*>(plane) + first;
-  const auto* kelvin = reinterpret_cast<const float*>(plane) + first;
+Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_t frame, std::size_t first,
+                                std::span<float> out) {
+  const StreamFormat& format = reader.info().format;
+  std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
+  RETURN_IF_ERROR(reader.read_frame(frame, plane.data()));
+  const auto* counts = reinterpret_cast<const std::uint16_t*>(plane.data()) + first;
+  const auto* kelvin = reinterpret_cast<const float*>(plane.data()) + first;
   const bool counted = format.type == PixelType::kUint16;
   std::size_t clipped = 0;
   for (std::size_t i = 0; i < out.size(); ++i) {
@@ -134,14 +134,6 @@ std::size_t physical_values(const StreamFormat& format, const std::byte* plane, 
     clipped += counted && (counts[i] == 0 || counts[i] == 65535) ? 1 : 0;
   }
   return clipped;
-}
-
-Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_t frame, std::size_t first,
-                                std::span<float> out) {
-  const StreamFormat& format = reader.info().format;
-  std::vector<std::byte> plane(plane_bytes(format.geometry, format.type));
-  if (Status status = reader.read_frame(frame, plane.data()); !status) return tl::unexpected(status.error());
-  return physical_values(format, plane.data(), first, out);
 }
 
 Result<Session> read_session(const std::vector<std::filesystem::path>& files, const Progress& progress) {

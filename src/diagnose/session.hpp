@@ -125,13 +125,8 @@ inline PixelPlace place_of(std::size_t pixel, int width) {
   return {index % width, index / width};
 }
 
-// Values of a plane as a capture stores it, from its pixel `first` on, as K (counts where there is no kelvin). Returns
-// how many of them are at the limits of 16 bits. Thread: any.
-std::size_t physical_values(const StreamFormat& format, const std::byte* plane, std::size_t first,
-                            std::span<float> out);
-
-// Those of a frame of a capture, from its pixel `first` on, and as many at the limits. Thread: one at a time on a
-// reader.
+// Values of a frame of a capture, from its pixel `first` on, as K (counts where there is no kelvin). Returns how many
+// of them are at the limits of 16 bits. Thread: one at a time on a reader.
 Result<std::size_t> read_values(const capture::CaptureReader& reader, std::size_t frame, std::size_t first,
                                 std::span<float> out);
 

@@ -188,8 +188,6 @@ constexpr double kLeastScale = 1.04;         // of the noise's level
 constexpr double kLeastScaleOfTails = 1.12;  // the same where outliers add to it
 constexpr double kScaleError = 0.004;        // relative, of the level
 
-double confidence_from(double z) { return 1.0 - 0.5 * std::erfc(std::min(z, 6.0) / 2.0); }
-
 bool shows(const Measured& component) { return component.z > kClear && component.value > kLeastComponent; }
 
 // Of one value, K rms; what was measured where there is no kelvin.

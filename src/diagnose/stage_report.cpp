@@ -155,9 +155,9 @@ void fill_fit(const Fit& fit, const Noise& noise, Report& report) {
   auto plots = report.captures.begin();
   for (const std::size_t i : modelled(fit.session)) {
     const Recording& r = fit.session.recordings[i];
-    report.location.captures[r.name] = fit.before.gap_of(i);
-    plots->before.gap = fit.before.gap_of(i);
-    (plots++)->after.gap = after.gap_of(i);
+    report.location.captures[r.name] = fit.before.gap(i);
+    plots->before.gap = fit.before.gap(i);
+    (plots++)->after.gap = after.gap(i);
     report.stimulus[r.name] = stimulus_errors(r, fit.state.stimuli[i], files.stimuli[i]);
   }
 }
@@ -281,6 +281,8 @@ const FoundEffect* LearnTask::found(std::string_view name) const {
   const auto at = std::ranges::find(effects, name, &FoundEffect::name);
   return at == effects.end() ? nullptr : &*at;
 }
+
+double confidence_from(double z) { return 1.0 - 0.5 * std::erfc(std::min(z, 6.0) / 2.0); }
 
 FoundEffect named(const std::string& name, double confidence, std::map<std::string, Estimate> parameters) {
   return {.name = name,

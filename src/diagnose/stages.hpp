@@ -59,6 +59,10 @@ std::vector<Freeze> find_freezes(Session& session, std::vector<std::size_t>& rep
 // Marked in session.good. `of`: the recordings that are asked.
 BadPixels find_dead_pixels(Session& session);
 void find_jumping_pixels(Session& session, BadPixels& bad, double step_k = 0.0, Kind of = Kind::kUniform);
+// Pixels of the frame whose values scatter far more than most do, and at random. Thread: any.
+std::vector<int> noisy_pixels(const FrameStatistics& statistics);
+// The grid's stuck and noisy pixels are good no more. Thread: one at a time.
+void leave_out_dead(Session& session, const BadPixels& bad);
 
 // The clearest step in a series of residuals (frames x pixels of the grid, K): of a uniform recording its own values
 // will do. `levels`: what each of the stimulus' levels adds to the frames (frames x levels), since a fit of levels
@@ -207,6 +211,8 @@ struct Findings {
 
 // An effect of the catalogue, as found. Thread: any.
 FoundEffect named(const std::string& name, double confidence, std::map<std::string, Estimate> parameters = {});
+// Of a part of the noise or of a field, from its standard errors. Thread: any.
+double confidence_from(double z);
 bool allowed(const Options& options, const std::string& name);
 // An effect with statistics of its own: named, or, when it is withheld, left over.
 void add(Findings& findings, const Options& options, FoundEffect effect, double z, const std::string& where);

@@ -2,17 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <numeric>
 #include <utility>
 
-#include "src/capture/capture.hpp"
-
 namespace bolo::diagnose::testing {
 namespace {
-
-constexpr double kPeriodS = 0.005;
 
 std::unique_ptr<const sim::Field> field_of(const capture::Stimulus& stimulus) {
   if (const auto* uniform = std::get_if<capture::Uniform>(&stimulus)) return sim::make_uniform(uniform->temperature_k);
@@ -115,26 +111,31 @@ void measure(Session& session) {
 
 Recording empty_shutter(int frames) { return blank(capture::Uniform{300.0}, frames); }
 
-void write(const Recording& recording, const std::filesystem::path& file, const std::string& model) {
-  capture::CaptureInfo info;
-  info.format.geometry = {kWidth, kHeight};
-  info.format.type = PixelType::kUint16;
-  info.format.scale = {Unit::kKelvin, 0.01, 0.0};
-  info.format.frame_period_s = kPeriodS;
-  info.camera_model = model;
-  auto writer = capture::CaptureWriter::create(file, info);
-  ASSERT_TRUE(writer) << writer.error().message;
-  ASSERT_TRUE(writer->write_stimulus(recording.stimulus));
-  std::vector<std::uint16_t> counts(static_cast<std::size_t>(recording.values.cols()));
-  for (int k = 0; k < recording.frames(); ++k) {
+std::filesystem::path write(const Recording& recording, const std::filesystem::path& file, const std::string& model) {
+  const auto fill = [&recording](int k, std::vector<std::uint16_t>& counts) {
     for (std::size_t p = 0; p < counts.size(); ++p) {
       const double count = std::round(static_cast<double>(recording.values(k, static_cast<Eigen::Index>(p))) / 0.01);
       counts[p] = static_cast<std::uint16_t>(std::clamp(count, 0.0, 65535.0));
     }
-    const auto frame = static_cast<std::uint64_t>(k);
-    ASSERT_TRUE(writer->append(recording.t[static_cast<std::size_t>(k)], frame, counts.data()));
-  }
-  ASSERT_TRUE(writer->close());
+  };
+  return write_capture<std::uint16_t>(file, {kWidth, kHeight}, recording.frames(), fill, recording.stimulus, kPeriodS,
+                                      model);
+}
+
+Report diagnosed(const std::vector<std::filesystem::path>& files, const Options& options) {
+  auto report = diagnose(files, options, go_on);
+  EXPECT_TRUE(report) << report.error().message;
+  return report ? std::move(*report) : Report{};
+}
+
+bool has(const Report& report, const std::string& effect) {
+  return std::ranges::count(report.effects, effect, &FoundEffect::name) != 0;
+}
+
+std::string told(const Report& report) {
+  std::string all = report.verdict + ":";
+  for (const FoundEffect& effect : report.effects) all += ' ' + effect.name;
+  return all;
 }
 
 }  // namespace bolo::diagnose::testing

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "src/capture/capture.hpp"
+#include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/session.hpp"
 #include "src/sim/simulator.hpp"
 #include "src/sim/stimulus_error.hpp"
@@ -42,10 +43,45 @@ Recording shutter(int frames, Value value, double step = 0.01);
 Recording empty_shutter(int frames);
 
 // The recording as a file, 10 mK a count. `model`: the camera's.
-void write(const Recording& recording, const std::filesystem::path& file, const std::string& model = "camera");
+std::filesystem::path write(const Recording& recording, const std::filesystem::path& file,
+                            const std::string& model = "camera");
 
 inline constexpr int kWidth = 32;
 inline constexpr int kHeight = 24;
+inline constexpr double kPeriodS = 0.005;
+
+inline bool go_on(const std::string&, double) { return true; }
+
+// What is diagnosed of captures; an empty report, and a failure of the test, where they cannot be.
+Report diagnosed(const std::vector<std::filesystem::path>& files, const Options& options = {});
+bool has(const Report& report, const std::string& effect);
+// "explained: tau_global iir"
+std::string told(const Report& report);
+
+// Writes a capture: `fill(k, plane)` in counts of 10 mK, or in kelvin for T = float.
+template <typename T, typename Fill>
+std::filesystem::path write_capture(const std::filesystem::path& file, Geometry geometry, int frames, Fill fill,
+                                    const capture::Stimulus& stimulus = capture::NoStimulus{},
+                                    double period_s = kPeriodS, const std::string& model = "camera") {
+  constexpr bool kFloat = std::is_same_v<T, float>;
+  capture::CaptureInfo info;
+  info.format = {geometry,
+                 kFloat ? PixelType::kFloat32 : PixelType::kUint16,
+                 {Unit::kKelvin, kFloat ? 1.0 : 0.01, 0.0},
+                 period_s,
+                 1};
+  info.camera_model = model;
+  auto writer = capture::CaptureWriter::create(file, info);
+  EXPECT_TRUE(writer) << writer.error().message;
+  EXPECT_TRUE(writer->write_stimulus(stimulus));
+  std::vector<T> plane(geometry.pixels());
+  for (int k = 0; k < frames; ++k) {
+    fill(k, plane);
+    EXPECT_TRUE(writer->append(k * period_s, static_cast<std::uint64_t>(k), plane.data()));
+  }
+  EXPECT_TRUE(writer->close());
+  return file;
+}
 
 template <typename Value>
 Recording shutter(int frames, Value value, double step) {

@@ -45,17 +45,29 @@ TEST(Catalogue, FindsByName) {
 }
 
 // A bench with everything that any effect needs.
-Session bench() {
+const Session& bench() {
   const sim::CameraSettings camera = testing::noisy_camera();
-  return testing::session_of(
+  static const Session full = testing::session_of(
       {testing::record(camera, capture::Uniform{300.0}, 24), testing::record(camera, capture::Uniform{325.0}, 24),
        testing::record(camera, testing::odd_chopper(), 24), testing::record(camera, testing::slanted_bars(70.0), 24),
        testing::record(camera, testing::slanted_bars(-320.0), 24),
        testing::record(camera, testing::slanted_bars(0.0), 24)});
+  return full;
+}
+
+// The nominal camera, with the first form of the effect.
+State nominal(const Effect& effect) {
+  State state = nominal_state(bench(), {});
+  if (!effect.forms.empty() && effect.forms.front().begin) effect.forms.front().begin(state);
+  return state;
+}
+
+std::vector<Parameter> parameters_of(const Effect& effect) {
+  return effect.parameters ? effect.parameters(bench()) : std::vector<Parameter>{};
 }
 
 TEST(Catalogue, EveryEffectIsToldByAFullBenchAndSaysWhatItNeeds) {
-  const Session full = bench();
+  const Session& full = bench();
   const Session nothing = testing::session_of({});
   for (const Effect& effect : catalogue()) {
     ASSERT_TRUE(effect.told_by) << effect.name;
@@ -66,13 +78,12 @@ TEST(Catalogue, EveryEffectIsToldByAFullBenchAndSaysWhatItNeeds) {
 }
 
 TEST(Catalogue, ParametersReadBackWhatTheyWereSetTo) {
-  const Session full = bench();
   for (const Effect& effect : catalogue()) {
-    if (!effect.parameters) continue;
-    State state = nominal_state(full, {});
-    if (!effect.forms.empty() && effect.forms.front().begin) effect.forms.front().begin(state);
-    const auto parameters = effect.parameters(full);
-    EXPECT_NEAR(parameters.front().get(state), 0.0, 1e-12) << effect.name << " is there in the nominal camera";
+    State state = nominal(effect);
+    const auto parameters = parameters_of(effect);
+    if (!parameters.empty()) {
+      EXPECT_NEAR(parameters.front().get(state), 0.0, 1e-12) << effect.name << " is nominal";
+    }
     for (const Parameter& c : parameters) {
       const std::string what = effect.name + " " + c.name;
       EXPECT_LE(c.low, 0.0) << what;
@@ -84,17 +95,18 @@ TEST(Catalogue, ParametersReadBackWhatTheyWereSetTo) {
 }
 
 TEST(Catalogue, AnEffectAtItsTypicalSizeChangesThePrediction) {
-  const Session full = bench();
+  const Session& full = bench();
   std::vector<int> pixels;
   for (int p = 0; p < full.grid.pixels(); p += 5) pixels.push_back(p);
   for (const Effect& effect : catalogue()) {
     if (!effect.parameters) continue;
     State plain = nominal_state(full, {});
+    State state = nominal(effect);
     // The reference of gains is that of a pattern.
-    if (effect.map == MapKind::kGain) plain.camera.gain = Eigen::VectorXf::Constant(full.grid.pixels(), 0.01F);
-    State state = plain;
-    if (!effect.forms.empty() && effect.forms.front().begin) effect.forms.front().begin(state);
-    for (const Parameter& c : effect.parameters(full)) c.set(state, c.step);
+    if (effect.map == MapKind::kGain) {
+      plain.camera.gain = state.camera.gain = Eigen::VectorXf::Constant(full.grid.pixels(), 0.01F);
+    }
+    for (const Parameter& c : parameters_of(effect)) c.set(state, c.step);
     double largest = 0.0;
     for (std::size_t i = 0; i < full.recordings.size(); ++i) {
       const Series change = predict(full, i, state, pixels) - predict(full, i, plain, pixels);
@@ -107,20 +119,17 @@ TEST(Catalogue, AnEffectAtItsTypicalSizeChangesThePrediction) {
 
 // The keys of the report are those of `bolo simulate --effect`, so that what was diagnosed can be simulated.
 TEST(Catalogue, ReportsParametersThatTheSimulatorKnows) {
-  const Session full = bench();
+  const Session& full = bench();
   // A drift over a session is not told from its shape in a capture: what is reported is the change that was seen.
   // The simulator's non-linearity is all or nothing; how much of it was seen is of use all the same.
   const std::set<std::string> own{"drift", "radiometric_nonlinearity"};
   for (const Effect& effect : catalogue()) {
     if (!effect.report || own.contains(effect.name)) continue;
-    State state = nominal_state(full, {});
-    if (!effect.forms.empty() && effect.forms.front().begin) effect.forms.front().begin(state);
+    State state = nominal(effect);
     std::vector<double> value;
-    if (effect.parameters) {
-      for (const Parameter& c : effect.parameters(full)) {
-        value.push_back(c.step);
-        c.set(state, c.step);
-      }
+    for (const Parameter& c : parameters_of(effect)) {
+      value.push_back(c.step);
+      c.set(state, c.step);
     }
     const std::vector<double> error(value.size(), 0.01);
     const sim::EffectDescription* same = sim::find_effect(effect.name);

@@ -1,18 +1,16 @@
-// Simulated recordings without a bench: a still or a street that a hand or a drive passes by, with or without something
-// that moves by itself.
+// Simulated recordings without a bench: a street that a hand or a drive passes by, with or without something that moves
+// by itself.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "src/capture/capture.hpp"
 #include "src/sim/scene.hpp"
-#include "src/sim/simulator.hpp"
+#include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose::bed {
 
@@ -64,63 +62,44 @@ class WithMover final : public sim::Field {
 
 struct Shot {
   Geometry view{160, 120};
-  double rate_hz = 200.0;
   int frames = 400;
-  double noise_k = 0.03;
   double tau_s = 0.011;
-  std::uint64_t seed = 3;
-  std::filesystem::path still;  // empty: the simulator's street
   sim::Path path = sim::steady_pan(300.0);
   double mover_px_s = 0.0;  // 0: nothing moves by itself
-  std::vector<std::string> effects;
-  std::vector<int> lost;  // frames that never come, though the counter of those that do runs on
+  std::vector<std::string> effects{};
+  std::vector<int> lost{};  // frames that never come, though the counter of those that do runs on
 };
 
-// Writes the recording, without a stimulus; what went wrong, or nothing.
-inline std::string shoot(const Shot& shot, const std::filesystem::path& file) {
-  std::unique_ptr<const sim::Scene> scene;
-  if (shot.still.empty()) {
-    scene = sim::make_street(shot.view, shot.seed);
-  } else {
-    auto image = sim::read_image(shot.still, {});
-    if (!image) return image.error().message;
-    scene = sim::make_still_scene(std::move(*image));
+// A path that starts, stops and turns, up to 750 px/s.
+inline sim::Path restless() {
+  std::vector<sim::PathPoint> points;
+  for (double t = -0.6; t < 5.0; t += 0.001) {
+    points.push_back({t, 27.0 * std::sin(11.0 * t) + 17.0 * std::sin(23.0 * t + 1.0), 7.0 * std::sin(17.0 * t)});
   }
-  const double end_s = shot.frames / shot.rate_hz + 0.1;
+  return sim::Path(std::move(points));
+}
+
+// Writes the recording of a street, without a stimulus.
+inline std::filesystem::path shoot(const Shot& shot, const std::filesystem::path& file) {
+  constexpr std::uint64_t kSeed = 3;
+  const auto scene = sim::make_street(shot.view, kSeed);
+  const double end_s = shot.frames * testing::kPeriodS + 0.1;
   const auto origin = sim::centred_origin(*scene, shot.path, shot.view, -0.5, end_s);
-  auto field = sim::pan_over(*scene, shot.path, origin, shot.view, -0.5, end_s);
-  if (!field) return field.error().message;
-  std::unique_ptr<const sim::Field> seen = std::move(*field);
+  std::unique_ptr<const sim::Field> seen = sim::pan_over(*scene, shot.path, origin, shot.view, -0.5, end_s).value();
   if (shot.mover_px_s != 0.0) seen = std::make_unique<WithMover>(std::move(seen), shot.view, shot.mover_px_s);
   sim::CameraSettings camera;
   camera.geometry = shot.view;
-  camera.rate_hz = shot.rate_hz;
   camera.tau_s = shot.tau_s;
-  camera.readout.noise_k = shot.noise_k;
-  camera.readout.seed = shot.seed;
-  camera.camera_seed = shot.seed + 77;
-  for (const std::string& text : shot.effects) {
-    auto effect = sim::parse_effect(text);
-    if (!effect) return effect.error().message;
-    camera.effects.push_back(std::move(*effect));
-  }
-  auto simulator = sim::Simulator::create(camera, std::move(seen));
-  if (!simulator) return simulator.error().message;
-  capture::CaptureInfo info;
-  info.format = (*simulator)->format();
-  auto writer = capture::CaptureWriter::create(file, info);
-  if (!writer) return writer.error().message;
-  std::vector<std::uint16_t> plane(shot.view.pixels());
-  int written = 0;
-  for (int k = 0; k < shot.frames; ++k) {
-    (*simulator)->next(plane.data(), nullptr);
-    if (std::ranges::count(shot.lost, k) != 0) continue;
-    const Status good = writer->append(written / shot.rate_hz, static_cast<std::uint64_t>(written), plane.data());
-    ++written;
-    if (!good) return good.error().message;
-  }
-  const Status closed = writer->close();
-  return closed ? "" : closed.error().message;
+  camera.readout.seed = kSeed;
+  camera.camera_seed = kSeed + 77;
+  for (const std::string& text : shot.effects) camera.effects.push_back(sim::parse_effect(text).value());
+  const auto simulator = sim::Simulator::create(camera, std::move(seen)).value();
+  int taken = 0;
+  const auto next = [&](int, std::vector<std::uint16_t>& plane) {
+    do simulator->next(plane.data(), nullptr);
+    while (std::ranges::count(shot.lost, taken++) != 0);
+  };
+  return testing::write_capture<std::uint16_t>(file, shot.view, shot.frames - static_cast<int>(shot.lost.size()), next);
 }
 
 }  // namespace bolo::diagnose::bed

@@ -1,37 +1,19 @@
 // What is learned of a camera against what the simulator was given.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 
-#include "src/diagnose/diagnose.hpp"
-#include "tests/diagnose/bench.hpp"
-#include "tools/lab/blind/session.hpp"
+#include "tests/diagnose/blind_bench.hpp"
 
 namespace bolo::diagnose::learn_test {
 namespace {
 
-class Learning : public ::testing::Test {
+class Learning : public testing::BlindBench {
  protected:
   // The first captures of a bench session with these effects, learned from.
   Learned learn(const std::vector<std::string>& effects, Geometry geometry, std::size_t captures) {
-    tools::blind::DrawOptions draw;
-    draw.geometry = geometry;
-    draw.seed = 9;
-    session_ = tools::blind::draw_session(draw, tools::blind::Kind::kEffectFree, 0).value();
-    session_.captures.resize(captures);
-    for (const std::string& text : effects) {
-      const sim::EffectSpec effect = sim::parse_effect(text).value();
-      for (auto& capture : session_.captures) capture.effects.push_back(effect);
-      session_.effects.push_back(effect);
-    }
-    const auto files = tools::blind::write_captures(session_, scratch_.path());
-    EXPECT_TRUE(files) << files.error().message;
-    Options options;
-    options.maps = true;
-    const auto report = diagnose(*files, options, [](const std::string&, double) { return true; });
-    EXPECT_TRUE(report) << report.error().message;
-    return report ? report->learned : Learned{};
+    const auto files = bench({.seed = 9, .geometry = geometry}, effects, Kind::kEffectFree, 0, captures);
+    return testing::diagnosed(files, {.maps = true}).learned;
   }
 
   // What the camera shows of a flat field, without noise.
@@ -65,9 +47,6 @@ class Learning : public ::testing::Test {
     }
     return std::sqrt(std::max(0.0, squares / count - sum * sum / count / count));
   }
-
-  tools::blind::Session session_;
-  Scratch scratch_;
 };
 
 // A frame of more pixels than the grid of the diagnosis has.

@@ -5,21 +5,15 @@
 
 #include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
+#include "tests/diagnose/bench.hpp"
 
 namespace bolo::diagnose::left_over_test {
 namespace {
 
-constexpr int kWidth = 32;
-constexpr int kHeight = 24;
+using testing::kHeight;
+using testing::kWidth;
 
-Session grid() {
-  Session session;
-  session.width = kWidth;
-  session.height = kHeight;
-  for (int r = 0; r < kHeight; ++r) session.grid.rows.push_back(r);
-  for (int c = 0; c < kWidth; ++c) session.grid.columns.push_back(c);
-  return session;
-}
+Session grid() { return testing::session_of({}); }
 
 // Pixels and columns that differ, and `trend` from the first row to the last.
 Eigen::VectorXf pattern(unsigned seed, float trend) {

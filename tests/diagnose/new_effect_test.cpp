@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <fstream>
 
-#include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/effect.hpp"
 #include "src/diagnose/report_output.hpp"
 #include "tests/diagnose/bench.hpp"
@@ -50,19 +49,16 @@ TEST(NewEffect, IsSimulatedAndDiagnosed) {
   const std::vector<capture::Stimulus> stimuli{capture::Uniform{300.0}, capture::Uniform{325.0}, testing::odd_chopper(),
                                                testing::slanted_bars(70.0)};
   for (const capture::Stimulus& stimulus : stimuli) {
-    files.push_back(scratch / ("capture-" + std::to_string(files.size()) + ".h5"));
-    camera.readout.seed = files.size();
-    testing::write(testing::record(camera, stimulus, 240), files.back());
+    const auto file = scratch / ("capture-" + std::to_string(files.size()) + ".h5");
+    camera.readout.seed = files.size() + 1;
+    files.push_back(testing::write(testing::record(camera, stimulus, 240), file));
   }
-  const auto report = diagnose(files, {}, [](const std::string&, double) { return true; });
-  ASSERT_TRUE(report) << report.error().message;
-  ASSERT_FALSE(report->effects.empty()) << report->verdict << " " << report->unexplained.where;
-  EXPECT_EQ(report->effects.front().name, kNew);
-  EXPECT_EQ(report->effects.size(), 1U);
-  EXPECT_NEAR(report->effects.front().parameters.at("droop_k").value, 0.06, 0.004);
-  EXPECT_LT(report->gap_after, 1.05);
-  EXPECT_NE(report_json(*report).find(kNew), std::string::npos);
-  EXPECT_NE(report_html(*report).find("olumn droop"), std::string::npos) << "a title is made from the name";
+  const Report report = testing::diagnosed(files);
+  ASSERT_EQ(testing::told(report), "explained: column_droop") << report.unexplained.where;
+  EXPECT_NEAR(report.effects.front().parameters.at("droop_k").value, 0.06, 0.004);
+  EXPECT_LT(report.gap_after, 1.05);
+  EXPECT_NE(report_json(report).find(kNew), std::string::npos);
+  EXPECT_NE(report_html(report).find("olumn droop"), std::string::npos) << "a title is made from the name";
 }
 
 }  // namespace

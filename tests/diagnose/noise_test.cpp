@@ -34,15 +34,17 @@ class Draws {
   std::normal_distribution<double> unit_;
 };
 
-Session shutter_session(const std::function<double(int, int, int)>& value, double step = 0.01) {
-  return testing::session_of({testing::shutter(kFrames, value, step)});
+// Of a shutter with `value(frame, row, column)`.
+template <typename Value>
+NoiseStatistics measured(Value value) {
+  return measure_noise(testing::session_of({testing::shutter(kFrames, value)}), kNoNoise);
 }
 
 std::size_t at(int row, int width, int column) { return static_cast<std::size_t>(row * width + column); }
 
 TEST(MeasureNoise, NominalNoiseIsNoiseAndNothingElse) {
   Draws draws(1);
-  const NoiseStatistics n = measure_noise(shutter_session([&](int, int, int) { return draws.normal(); }), kNoNoise);
+  const NoiseStatistics n = measured([&](int, int, int) { return draws.normal(); });
   EXPECT_EQ(n.frames, static_cast<std::size_t>(kFrames));
   EXPECT_NEAR(n.total_k, std::hypot(kSigma, 0.01 / std::sqrt(12.0)), 2e-4);
   EXPECT_NEAR(n.white_k, n.total_k, 2e-4);
@@ -61,13 +63,13 @@ TEST(MeasureNoise, NominalNoiseIsNoiseAndNothingElse) {
 }
 
 TEST(MeasureNoise, WithoutAShutterNothingIsKnown) {
-  Session session = shutter_session([](int, int, int) { return 0.0; });
+  Session session = testing::session_of({testing::empty_shutter(kFrames)});
   session.recordings[0].kind = Kind::kChopper;
   EXPECT_EQ(measure_noise(session, kNoNoise).frames, 0U);
 }
 
 TEST(MeasureNoise, AShutterWithoutAnyNoiseIsFinite) {
-  const NoiseStatistics n = measure_noise(shutter_session([](int, int, int) { return 0.0; }), kNoNoise);
+  const NoiseStatistics n = measured([](int, int, int) { return 0.0; });
   EXPECT_EQ(n.total_k, 0.0);
   EXPECT_FALSE(n.flicker.z > 5.0);
   EXPECT_FALSE(n.excess_kurtosis.z > 5.0);
@@ -76,8 +78,8 @@ TEST(MeasureNoise, AShutterWithoutAnyNoiseIsFinite) {
 TEST(MeasureNoise, OffsetsOfWholeFramesAreFlicker) {
   Draws draws(2);
   const std::vector<double> frame = draws.normals(kFrames, 0.008);
-  const NoiseStatistics n = measure_noise(
-      shutter_session([&](int k, int, int) { return draws.normal() + frame[static_cast<std::size_t>(k)]; }), kNoNoise);
+  const NoiseStatistics n =
+      measured([&](int k, int, int) { return draws.normal() + frame[static_cast<std::size_t>(k)]; });
   EXPECT_GT(n.flicker.z, 20.0);
   EXPECT_NEAR(n.flicker.value, 0.008, 4.0 * n.flicker.error);
   EXPECT_LT(n.flicker.error, 0.0008);
@@ -91,8 +93,8 @@ TEST(MeasureNoise, SlowFlickerIsNoDrift) {
   for (int k = 1; k < kFrames; ++k) {
     frame.push_back(0.7 * frame.back() + std::sqrt(1.0 - 0.49) * draws.normal(0.008));
   }
-  const NoiseStatistics n = measure_noise(
-      shutter_session([&](int k, int, int) { return draws.normal() + frame[static_cast<std::size_t>(k)]; }), kNoNoise);
+  const NoiseStatistics n =
+      measured([&](int k, int, int) { return draws.normal() + frame[static_cast<std::size_t>(k)]; });
   EXPECT_GT(n.flicker.z, 20.0);
   EXPECT_GT(n.drift_p, 1e-6);
 }
@@ -101,10 +103,8 @@ TEST(MeasureNoise, NewOffsetsOfColumnsAndRowsAreStripes) {
   Draws draws(4);
   const std::vector<double> column = draws.normals(kFrames * kWidth, 0.010);
   const std::vector<double> row = draws.normals(kFrames * kHeight, 0.005);
-  const NoiseStatistics n = measure_noise(shutter_session([&](int k, int r, int c) {
-                                            return draws.normal() + column[at(k, kWidth, c)] + row[at(k, kHeight, r)];
-                                          }),
-                                          kNoNoise);
+  const NoiseStatistics n =
+      measured([&](int k, int r, int c) { return draws.normal() + column[at(k, kWidth, c)] + row[at(k, kHeight, r)]; });
   EXPECT_NEAR(n.columns.value, 0.010, 0.0005);
   EXPECT_NEAR(n.rows.value, 0.005, 0.0005);
   EXPECT_GT(n.columns.z, 20.0);
@@ -115,8 +115,7 @@ TEST(MeasureNoise, NewOffsetsOfColumnsAndRowsAreStripes) {
 TEST(MeasureNoise, AFixedPatternIsNoNoise) {
   Draws draws(5);
   const std::vector<double> pattern = draws.normals(kWidth * kHeight, 0.05);
-  const NoiseStatistics n = measure_noise(
-      shutter_session([&](int, int r, int c) { return draws.normal() + pattern[at(r, kWidth, c)]; }), kNoNoise);
+  const NoiseStatistics n = measured([&](int, int r, int c) { return draws.normal() + pattern[at(r, kWidth, c)]; });
   EXPECT_NEAR(n.total_k, std::hypot(kSigma, 0.01 / std::sqrt(12.0)), 2e-4);
   EXPECT_LT(n.columns.z, 5.0);
 }
@@ -128,12 +127,11 @@ TEST_P(FrameFilterOf, ARecursiveFilterIsSeenInTheColour) {
   const double alpha = GetParam();
   std::vector<double> state(static_cast<std::size_t>(kWidth * kHeight));
   for (double& s : state) s = draws.normal() * std::sqrt(alpha / (2.0 - alpha));
-  const NoiseStatistics n = measure_noise(shutter_session([&](int, int r, int c) {
-                                            double& s = state[at(r, kWidth, c)];
-                                            s += alpha * (draws.normal() - s);
-                                            return s;
-                                          }),
-                                          kNoNoise);
+  const NoiseStatistics n = measured([&](int, int r, int c) {
+    double& s = state[at(r, kWidth, c)];
+    s += alpha * (draws.normal() - s);
+    return s;
+  });
   // Weak filters of both forms are nearly the same.
   EXPECT_TRUE(n.filter == FrameFilter::kRecursive || alpha > 0.85);
   EXPECT_NE(n.filter, FrameFilter::kNone);
@@ -148,14 +146,13 @@ TEST(MeasureNoise, AMeanOfTwoFramesIsABox) {
   Draws draws(7);
   std::vector<double> before(static_cast<std::size_t>(kWidth * kHeight));
   for (double& b : before) b = draws.normal();
-  const NoiseStatistics n = measure_noise(shutter_session([&](int, int r, int c) {
-                                            double& b = before[at(r, kWidth, c)];
-                                            const double fresh = draws.normal();
-                                            const double shown = 0.7 * fresh + 0.3 * b;
-                                            b = fresh;
-                                            return shown;
-                                          }),
-                                          kNoNoise);
+  const NoiseStatistics n = measured([&](int, int r, int c) {
+    double& b = before[at(r, kWidth, c)];
+    const double fresh = draws.normal();
+    const double shown = 0.7 * fresh + 0.3 * b;
+    b = fresh;
+    return shown;
+  });
   EXPECT_EQ(n.filter, FrameFilter::kBox);
   EXPECT_NEAR(n.alpha.value, 0.7, 0.02);
 }
@@ -174,27 +171,24 @@ TEST(MeasureNoise, TailsAreStudents) {
   Draws draws(9);
   std::student_t_distribution<double> student(4.0);
   const double scale = kSigma / std::sqrt(2.0);  // variance of t with 4 degrees: 2
-  const NoiseStatistics n =
-      measure_noise(shutter_session([&](int, int, int) { return scale * student(draws.engine()); }), kNoNoise);
+  const NoiseStatistics n = measured([&](int, int, int) { return scale * student(draws.engine()); });
   EXPECT_GT(n.excess_kurtosis.z, 20.0);
   EXPECT_NEAR(n.degrees, 4.0, 0.6);
 }
 
 TEST(MeasureNoise, MainsHumIsALine) {
   Draws draws(10);
-  const NoiseStatistics n = measure_noise(shutter_session([&](int k, int r, int) {
-                                            const double hum = 0.01 * std::sin(2.0 * M_PI * 37.3 * k * 0.005);
-                                            return draws.normal() + (r < kHeight / 2 ? hum : -hum);
-                                          }),
-                                          kNoNoise);
+  const NoiseStatistics n = measured([&](int k, int r, int) {
+    const double hum = 0.01 * std::sin(2.0 * M_PI * 37.3 * k * 0.005);
+    return draws.normal() + (r < kHeight / 2 ? hum : -hum);
+  });
   EXPECT_LT(n.line_p, 1e-8);
   EXPECT_NEAR(n.line_hz, 37.3, 1.0);
 }
 
 TEST(MeasureNoise, ASlowChangeIsDrift) {
   Draws draws(11);
-  const NoiseStatistics n =
-      measure_noise(shutter_session([&](int k, int, int) { return draws.normal() + 0.02 * k / kFrames; }), kNoNoise);
+  const NoiseStatistics n = measured([&](int k, int, int) { return draws.normal() + 0.02 * k / kFrames; });
   EXPECT_LT(n.drift_p, 1e-12);
   EXPECT_NEAR(n.drift_k, 0.02, 0.004);
 }
@@ -202,13 +196,12 @@ TEST(MeasureNoise, ASlowChangeIsDrift) {
 TEST(MeasureNoise, ANeighbourThatSharesNoiseShows) {
   Draws draws(12);
   double left = 0.0;
-  const NoiseStatistics n = measure_noise(shutter_session([&](int, int, int) {
-                                            const double fresh = draws.normal();
-                                            const double shown = fresh + 0.05 * left;
-                                            left = fresh;
-                                            return shown;
-                                          }),
-                                          kNoNoise);
+  const NoiseStatistics n = measured([&](int, int, int) {
+    const double fresh = draws.normal();
+    const double shown = fresh + 0.05 * left;
+    left = fresh;
+    return shown;
+  });
   EXPECT_GT(n.neighbour_row_z, 8.0);
   EXPECT_LT(std::abs(n.neighbour_column_z), 8.0);
 }

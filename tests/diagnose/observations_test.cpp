@@ -10,56 +10,37 @@
 
 #include <nlohmann/json.hpp>
 
-#include "src/capture/capture.hpp"
-#include "src/diagnose/diagnose.hpp"
 #include "src/diagnose/report_output.hpp"
-#include "src/sim/path.hpp"
-#include "src/sim/scene.hpp"
-#include "src/sim/simulator.hpp"
-#include "tests/scratch.hpp"
+#include "tests/diagnose/field_bed.hpp"
 
 namespace bolo::diagnose {
 namespace {
 
+using testing::diagnosed;
+using testing::has;
+using testing::told;
+
 using Frame = std::vector<std::uint16_t>;
-
-constexpr double kStepK = 0.01;
-
-Report diagnosed(const std::vector<std::filesystem::path>& files, bool maps = false) {
-  Options options;
-  options.maps = maps;
-  auto report = diagnose(files, options, [](const std::string&, double) { return true; });
-  EXPECT_TRUE(report) << report.error().message;
-  return report ? std::move(*report) : Report{};
-}
 
 class Observations : public ::testing::Test {
  protected:
-  // `frame(k, out)` in counts of 10 mK.
   template <typename Fill>
-  std::filesystem::path write(const std::string& name, Geometry geometry, int frames, Fill frame,
+  std::filesystem::path write(const std::string& name, Geometry geometry, int frames, Fill fill,
                               const capture::Stimulus& stimulus = capture::NoStimulus{}) {
-    capture::CaptureInfo info;
-    info.format.geometry = geometry;
-    info.format.scale = {Unit::kKelvin, kStepK, 0.0};
-    auto writer = capture::CaptureWriter::create(scratch_ / name, info);
-    EXPECT_TRUE(writer) << writer.error().message;
-    EXPECT_TRUE(writer->write_stimulus(stimulus));
-    Frame plane(geometry.pixels());
-    for (int k = 0; k < frames; ++k) {
-      frame(k, plane);
-      EXPECT_TRUE(writer->append(0.005 * k, static_cast<std::uint64_t>(k), plane.data()));
-    }
-    EXPECT_TRUE(writer->close());
-    return scratch_ / name;
+    return testing::write_capture<std::uint16_t>(scratch_ / name, geometry, frames, fill, stimulus);
   }
 
-  // A real capture with `change(k)` counts added to every pixel of frame k; empty where there is no test data.
+  // A real capture; empty where there is no test data.
+  static std::filesystem::path real(const std::string& name) {
+    const char* folder = std::getenv("BOLO_TEST_DATA");
+    return folder == nullptr ? std::filesystem::path() : std::filesystem::path(folder) / "captures" / name;
+  }
+
+  // The same with `change(k)` counts added to every pixel of frame k.
   template <typename Change>
   std::filesystem::path altered(const std::string& name, Change change) {
-    const char* folder = std::getenv("BOLO_TEST_DATA");
-    if (folder == nullptr) return {};
-    auto reader = capture::CaptureReader::open(std::filesystem::path(folder) / "captures" / name);
+    if (real(name).empty()) return {};
+    auto reader = capture::CaptureReader::open(real(name));
     EXPECT_TRUE(reader) << reader.error().message;
     auto writer = capture::CaptureWriter::create(scratch_ / name, reader->info());
     EXPECT_TRUE(writer) << writer.error().message;
@@ -98,25 +79,11 @@ void expect_said(const Report& report, const std::string& text) {
 }
 
 TEST_F(Observations, AStreetWithAJumpOfFiveKelvinShowsTheJump) {
-  constexpr Geometry kView{96, 64};
-  constexpr int kFrames = 120;
   constexpr int kJumpAt = 70;
-  const auto street = sim::make_street(kView, 3);
-  const sim::Path path = sim::steady_pan(200.0);
-  const auto origin = sim::centred_origin(*street, path, kView, -0.5, 0.005 * kFrames);
-  auto field = sim::pan_over(*street, path, origin, kView, -0.5, 0.005 * kFrames);
-  ASSERT_TRUE(field) << field.error().message;
-  sim::CameraSettings camera;
-  camera.geometry = kView;
-  camera.threads = 1;
-  camera.effects.push_back(sim::parse_effect("offset_jump:jump_k=5,at_s=" + std::to_string(0.005 * kJumpAt)).value());
-  auto simulator = sim::Simulator::create(camera, std::move(*field));
-  ASSERT_TRUE(simulator) << simulator.error().message;
-  const auto file =
-      write("street.h5", kView, kFrames, [&](int, Frame& plane) { (*simulator)->next(plane.data(), nullptr); });
-  const Report report = diagnosed({file});
-  EXPECT_EQ(report.verdict, "explained");
-  EXPECT_EQ(std::ranges::count(report.effects, "offset_jump", &FoundEffect::name), 1);
+  const Report report = diagnosed({bed::shoot(
+      {.view = {96, 64}, .frames = 120, .path = sim::steady_pan(200.0), .effects = {"offset_jump:jump_k=5,at_s=0.35"}},
+      scratch_ / "street.h5")});
+  EXPECT_EQ(told(report), "explained: offset_jump");
   const Observation& seen = only(report);
   ASSERT_EQ(seen.jumps.size(), 1U);
   EXPECT_EQ(seen.jumps[0].frame, static_cast<std::size_t>(kJumpAt));
@@ -137,8 +104,7 @@ TEST_F(Observations, AFrozenStreamIsNotTestable) {
   for (const capture::Stimulus& stimulus : stimuli) {
     const std::string name = "frozen-" + std::to_string(stimulus.index()) + ".h5";
     const Report report = diagnosed({write(name, {32, 24}, 100, frozen, stimulus)});
-    EXPECT_EQ(report.verdict, "not_testable");
-    EXPECT_TRUE(report.effects.empty());
+    EXPECT_EQ(told(report), "not_testable:");
     const Observation& seen = only(report);
     ASSERT_EQ(seen.freezes.size(), 1U);
     EXPECT_EQ(seen.freezes[0], (std::pair<std::size_t, std::size_t>{1, 99}));
@@ -184,10 +150,10 @@ TEST_F(Observations, ThreeStuckPixelsOfALargeFrameAreFound) {
   };
   const auto shutter = write("shutter.h5", kSize, 40, stuck(300.0), capture::Uniform{300.0});
   const auto hot = write("hot.h5", kSize, 40, stuck(325.0), capture::Uniform{325.0});
-  const Report report = diagnosed({shutter, hot}, true);
+  const Report report = diagnosed({shutter, hot}, {.maps = true});
   EXPECT_EQ(report.defects.stuck, places);
   EXPECT_TRUE(report.defects.noisy.empty());
-  EXPECT_EQ(std::ranges::count(report.effects, "dead_pixels", &FoundEffect::name), 1);
+  EXPECT_TRUE(has(report, "dead_pixels"));
   const std::vector<std::uint8_t>& dead = report.learned.maps.dead;
   ASSERT_EQ(dead.size(), kSize.pixels());
   EXPECT_EQ(std::ranges::count(dead, 1), 3);
@@ -221,51 +187,23 @@ TEST_F(Observations, PatternsOutliersFlickerAndNoiseOfAField) {
   EXPECT_EQ(seen.outliers, (std::vector<PixelPlace>{{40, 30}}));
 }
 
-// A camera (tau 12.1 ms, where the profile says 11) that looks at a street along `path`.
-struct Hand {
-  sim::Path path;
-  std::string effect;
-};
-
-constexpr Geometry kHandView{240, 120};
-constexpr double kHandTau = 0.0121;
-
-// Starts, stops and turns, up to 750 px/s.
-sim::Path restless() {
-  std::vector<sim::PathPoint> points;
-  for (double t = -0.5; t < 5.0; t += 0.001) {
-    points.push_back({t, 27.0 * std::sin(11.0 * t) + 17.0 * std::sin(23.0 * t + 1.0), 7.0 * std::sin(17.0 * t)});
-  }
-  return sim::Path(std::move(points));
-}
-
-std::unique_ptr<sim::Simulator> camera_in(const Hand& hand, int frames) {
-  const auto street = sim::make_street(kHandView, 3);
-  const auto origin = sim::centred_origin(*street, hand.path, kHandView, -0.5, 0.005 * frames);
-  auto field = sim::pan_over(*street, hand.path, origin, kHandView, -0.5, 0.005 * frames);
-  EXPECT_TRUE(field) << field.error().message;
-  sim::CameraSettings camera;
-  camera.geometry = kHandView;
-  camera.tau_s = kHandTau;
-  if (!hand.effect.empty()) camera.effects.push_back(sim::parse_effect(hand.effect).value());
-  auto simulator = sim::Simulator::create(camera, std::move(*field));
-  EXPECT_TRUE(simulator) << simulator.error().message;
-  return std::move(*simulator);
+// A camera of tau 12.1 ms, where the profile says 11, that looks at a street.
+bed::Shot hand(int frames, sim::Path path) {
+  return {.view = {240, 120}, .frames = frames, .tau_s = 0.0121, .path = std::move(path)};
 }
 
 TEST_F(Observations, ARestlessHandTellsTimeConstantAndRowDelay) {
-  constexpr int kFrames = 400;
+  constexpr double kTau_s = 0.0121;
   constexpr double kDelay_s = 28e-6;
-  const auto camera = camera_in({restless(), "row_delay:row_delay_s=2.8e-5"}, kFrames);
-  const auto file =
-      write("hand.h5", kHandView, kFrames, [&](int, Frame& plane) { camera->next(plane.data(), nullptr); });
-  const Report report = diagnosed({file});
+  bed::Shot shot = hand(400, bed::restless());
+  shot.effects = {"row_delay:row_delay_s=2.8e-5"};
+  const Report report = diagnosed({bed::shoot(shot, scratch_ / "hand.h5")});
   ASSERT_TRUE(only(report).motion);
   const FromMotion& motion = *only(report).motion;
   EXPECT_GT(motion.frames, 350U);
   EXPECT_GT(motion.fastest_px_s, 400.0);
   ASSERT_TRUE(motion.tau_s);
-  EXPECT_NEAR(motion.tau_s->value.value, kHandTau, 0.03 * kHandTau);
+  EXPECT_NEAR(motion.tau_s->value.value, kTau_s, 0.03 * kTau_s);
   EXPECT_GT(motion.tau_s->gap_before, 1.1 * motion.tau_s->gap_after);
   ASSERT_TRUE(motion.row_delay_s);
   EXPECT_NEAR(motion.row_delay_s->value.value, kDelay_s, 0.05 * kDelay_s);
@@ -278,18 +216,14 @@ TEST_F(Observations, ARestlessHandTellsTimeConstantAndRowDelay) {
     const auto found = std::ranges::find(report.effects, effect, &FoundEffect::name);
     return found == report.effects.end() ? 0.0 : found->parameters.at(key).value;
   };
-  EXPECT_NEAR(scale_of("tau_global", "scale"), kHandTau / 0.011, 0.03 * kHandTau / 0.011);
+  EXPECT_NEAR(scale_of("tau_global", "scale"), kTau_s / 0.011, 0.03 * kTau_s / 0.011);
   EXPECT_NEAR(scale_of("row_delay", "row_delay_s"), kDelay_s, 0.05 * kDelay_s);
   EXPECT_EQ(report.effects.size(), 2U);
 }
 
 // A pan blurs all frames alike: what it shows may be a soft scene as well as a slow pixel.
 TEST_F(Observations, AnEvenPanTellsNoTimeConstant) {
-  constexpr int kFrames = 400;
-  const auto camera = camera_in({sim::steady_pan(500.0), ""}, kFrames);
-  const auto file =
-      write("pan.h5", kHandView, kFrames, [&](int, Frame& plane) { camera->next(plane.data(), nullptr); });
-  const Report report = diagnosed({file});
+  const Report report = diagnosed({bed::shoot(hand(400, sim::steady_pan(500.0)), scratch_ / "pan.h5")});
   ASSERT_TRUE(only(report).motion);
   EXPECT_NEAR(only(report).motion->usual_px_s, 500.0, 5.0);
   EXPECT_FALSE(only(report).motion->tau_s);
@@ -299,11 +233,7 @@ TEST_F(Observations, AnEvenPanTellsNoTimeConstant) {
 
 // Motion is known from the second full window on: of one frame here.
 TEST_F(Observations, AFewFramesTellNothingOfTime) {
-  constexpr int kFrames = 18;
-  const auto camera = camera_in({restless(), ""}, kFrames);
-  const auto file =
-      write("few.h5", kHandView, kFrames, [&](int, Frame& plane) { camera->next(plane.data(), nullptr); });
-  const Report report = diagnosed({file});
+  const Report report = diagnosed({bed::shoot(hand(18, bed::restless()), scratch_ / "few.h5")});
   ASSERT_TRUE(only(report).motion);
   EXPECT_LE(only(report).motion->frames, 2U);
   EXPECT_FALSE(only(report).motion->tau_s);
@@ -312,11 +242,17 @@ TEST_F(Observations, AFewFramesTellNothingOfTime) {
 
 constexpr const char* kNoData = "BOLO_TEST_DATA is not set";
 
-TEST_F(Observations, OfARealDriveItSaysWhatThePixelsTell) {
-  const auto file = altered("a65_drive_a.h5", [](std::size_t) { return 0; });
-  if (file.empty()) GTEST_SKIP() << kNoData;
-  const Report report = diagnosed({file});
+TEST_F(Observations, OfARealDriveItSaysWhatItCanTellAndNoMore) {
+  if (real("").empty()) GTEST_SKIP() << kNoData;
+  const Report report = diagnosed({real("a65_drive_a.h5")});
   EXPECT_EQ(report.verdict, "explained");
+  EXPECT_GT(report.gap_before, report.gap_after);
+  EXPECT_TRUE(has(report, "fpn_offset")) << told(report);
+  for (const char* name :
+       {"tau_global", "tau_spread", "slow_pole", "row_delay", "optical_psf", "crosstalk", "jitter"}) {
+    EXPECT_FALSE(has(report, name)) << told(report);
+  }
+  EXPECT_FALSE(report.not_identifiable.empty());
   const Observation& seen = only(report);
   EXPECT_TRUE(seen.jumps.empty());
   EXPECT_EQ(seen.unit, "count");
@@ -326,22 +262,27 @@ TEST_F(Observations, OfARealDriveItSaysWhatThePixelsTell) {
   expect_said(report, "counts rms");
 }
 
-TEST_F(Observations, OfARealBlackBodyInCounts) {
-  const auto file = altered("atto320_blackbody_25C.h5", [](std::size_t) { return 0; });
-  if (file.empty()) GTEST_SKIP() << kNoData;
-  const Report report = diagnosed({file});
+TEST_F(Observations, OfRealBlackBodiesInCounts) {
+  if (real("").empty()) GTEST_SKIP() << kNoData;
+  const Report flat = diagnosed({real("atto320_blackbody_25C.h5")});
+  EXPECT_TRUE(has(flat, "flicker")) << told(flat);
+  EXPECT_FALSE(has(flat, "tau_global"));
+  // The same without a word of what it looks at.
+  const Report report = diagnosed({altered("atto320_blackbody_25C.h5", [](std::size_t) { return 0; })});
   EXPECT_EQ(report.verdict, "not_testable");
   const Observation& seen = only(report);
   EXPECT_NEAR(seen.noise, 2.1, 0.2);
   EXPECT_GT(seen.column_pattern, 0.5);
   EXPECT_EQ(report.defects.stuck.size(), 2U);
+  const Report colder = diagnosed({real("atto320_blackbody_20C.h5")});
+  for (const char* effect : {"flicker", "stripes", "dead_pixels"}) EXPECT_TRUE(has(colder, effect)) << told(colder);
+  EXPECT_GT(colder.gap_before, colder.gap_after);
 }
 
 TEST_F(Observations, OfRealRecordingsWithoutAnEventThereIsNone) {
+  if (real("").empty()) GTEST_SKIP() << kNoData;
   for (const char* name : {"lepton_cat.h5", "lepton_hand_fast.h5", "lepton_noise_01.h5", "lepton_possum.h5"}) {
-    const auto file = altered(name, [](std::size_t) { return 0; });
-    if (file.empty()) GTEST_SKIP() << kNoData;
-    const Report report = diagnosed({file});
+    const Report report = diagnosed({real(name)});
     EXPECT_TRUE(only(report).jumps.empty()) << name << describe(only(report)).front();
     EXPECT_TRUE(only(report).freezes.empty()) << name;
     EXPECT_TRUE(report.defects.stuck.empty()) << name;

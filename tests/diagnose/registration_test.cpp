@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numeric>
 
 #include "src/diagnose/fit.hpp"
 #include "src/diagnose/stages.hpp"
@@ -18,12 +17,6 @@ using testing::slanted_bars;
 
 constexpr double kFloorK = 0.03;
 constexpr double kPeriodPx = 20.0;
-
-std::vector<int> all_pixels() {
-  std::vector<int> pixels(static_cast<std::size_t>(testing::kWidth * testing::kHeight));
-  std::iota(pixels.begin(), pixels.end(), 0);
-  return pixels;
-}
 
 // Distance of two places of the target, whose pattern repeats.
 double apart(double a, double b) { return std::abs(a - b - kPeriodPx * std::round((a - b) / kPeriodPx)); }
@@ -46,8 +39,15 @@ struct Registered {
 
 Registered registered(const Session& session) {
   Registered out{nominal_state(session, {}), {}};
-  out.matched = register_stimuli(session, out.state, all_pixels());
+  out.matched = register_stimuli(session, out.state, session.grid.all());
   return out;
+}
+
+// Of a session's only recording, and where its frames turned out to be.
+Transport judged(Recording recording, State& state) {
+  const Session session = testing::session_of({std::move(recording)});
+  state = registered(session).state;
+  return judge_transport(session, state, kFloorK, session.grid.all());
 }
 
 TEST(RegisterStimuli, FindsThePhaseOfMovingBars) {
@@ -103,7 +103,7 @@ TEST(JudgeTransport, FindsNothingInRegularRecordings) {
                                                record(noisy_camera(2), slanted_bars(-320.0), 160),
                                                record(noisy_camera(3), odd_chopper(), 240)});
   Registered r = registered(session);
-  const Transport t = judge_transport(session, r.state, kFloorK, all_pixels());
+  const Transport t = judge_transport(session, r.state, kFloorK, session.grid.all());
   EXPECT_EQ(t.lost, 0);
   EXPECT_EQ(t.inserted, 0);
   EXPECT_LT(t.jitter_s, 4e-5);
@@ -111,32 +111,30 @@ TEST(JudgeTransport, FindsNothingInRegularRecordings) {
 
 TEST(JudgeTransport, FindsALostFrameOfMovingBars) {
   const Session session = testing::session_of({without_frame(record(noisy_camera(), slanted_bars(-320.0), 160), 83)});
-  Registered r = registered(session);
-  const Transport t = judge_transport(session, r.state, kFloorK, all_pixels());
+  State state;
+  const Transport t = judged(session.recordings[0], state);
   EXPECT_EQ(t.lost, 1);
   EXPECT_EQ(t.inserted, 0);
-  EXPECT_EQ(r.state.stimuli[0].late_s[82], 0.0);
-  EXPECT_NEAR(r.state.stimuli[0].late_s[83], 0.005, 1e-9);
-  EXPECT_NEAR(r.state.stimuli[0].late_s[158], 0.005, 1e-9);
-  const State plain = without_transport(session, r.state);
+  EXPECT_EQ(state.stimuli[0].late_s[82], 0.0);
+  EXPECT_NEAR(state.stimuli[0].late_s[83], 0.005, 1e-9);
+  EXPECT_NEAR(state.stimuli[0].late_s[158], 0.005, 1e-9);
+  const State plain = without_transport(session, state);
   EXPECT_EQ(plain.stimuli[0].late_s[158], 0.0);
 }
 
 TEST(JudgeTransport, FindsALostFrameOfAChopper) {
-  const Session session = testing::session_of({without_frame(record(noisy_camera(), odd_chopper(), 240), 100)});
-  Registered r = registered(session);
-  const Transport t = judge_transport(session, r.state, kFloorK, all_pixels());
+  State state;
+  const Transport t = judged(without_frame(record(noisy_camera(), odd_chopper(), 240), 100), state);
   EXPECT_EQ(t.lost, 1);
   EXPECT_EQ(t.inserted, 0);
-  EXPECT_NEAR(r.state.stimuli[0].late_s[238], 0.005, 1e-9);
+  EXPECT_NEAR(state.stimuli[0].late_s[238], 0.005, 1e-9);
 }
 
 TEST(JudgeTransport, FindsFiveFramesOfAChopperThatWereLostWithinASecond) {
   Recording r = record(noisy_camera(), odd_chopper(), 260);
   for (const int lost : {190, 160, 130, 100, 70}) r = without_frame(std::move(r), lost);
-  const Session session = testing::session_of({std::move(r)});
-  Registered registration = registered(session);
-  const Transport t = judge_transport(session, registration.state, kFloorK, all_pixels());
+  State state;
+  const Transport t = judged(std::move(r), state);
   EXPECT_EQ(t.lost, 5);
   EXPECT_EQ(t.inserted, 0);
 }
@@ -147,9 +145,8 @@ TEST(JudgeTransport, MeasuresJitter) {
     sim::CameraSettings camera = noisy_camera();
     camera.effects.push_back(*sim::parse_effect("jitter:rms_s=" + std::to_string(rms_s)));
     for (const double velocity : {70.0, -320.0}) {
-      const Session session = testing::session_of({record(camera, slanted_bars(velocity), 480)});
-      Registered r = registered(session);
-      const Transport t = judge_transport(session, r.state, kFloorK, all_pixels());
+      State state;
+      const Transport t = judged(record(camera, slanted_bars(velocity), 480), state);
       EXPECT_NEAR(t.jitter_s, rms_s, 0.2 * rms_s);
       EXPECT_GT(t.jitter_error_s, 0.0);
       EXPECT_EQ(t.lost + t.inserted, 0) << rms_s << " s, " << velocity << " px/s";

@@ -31,7 +31,7 @@ Result<Moments> moments_of(const FrameSeries& frames, const Progress& progress) 
   m.y = m.yy = m.rough = std::vector<double>(pixels, 0.0);
   std::vector<float> last;
   std::vector<double> change(pixels);
-  const Status read = frames.for_each("still field", progress, [&](std::size_t k, std::span<const float> frame) {
+  RETURN_IF_ERROR(frames.for_each("still field", progress, [&](std::size_t k, std::span<const float> frame) {
     if (k == 0) m.base = last = {frame.begin(), frame.end()};
     double sum = 0.0;
     for (std::size_t p = 0; p < pixels; ++p) {
@@ -45,8 +45,7 @@ Result<Moments> moments_of(const FrameSeries& frames, const Progress& progress) 
     for (std::size_t p = 0; p < pixels; ++p) m.rough[p] += (change[p] - shared) * (change[p] - shared);
     m.frame_mean.push_back(sum / static_cast<double>(pixels));
     std::ranges::copy(frame, last.begin());
-  });
-  if (!read) return tl::unexpected(read.error());
+  }));
   return m;
 }
 
@@ -86,16 +85,14 @@ Result<FrameSeries> open_series(const std::filesystem::path& file, const capture
   series.lowest = std::min(format.scale.to_physical(0.0), format.scale.to_physical(65535.0));
   series.highest = std::max(format.scale.to_physical(0.0), format.scale.to_physical(65535.0));
   series.read = [&reader](std::size_t k, std::span<float> out) -> Status {
-    const auto done = read_values(reader, k, 0, out);
-    return done ? Status{} : tl::unexpected(done.error());
+    RETURN_IF_ERROR(read_values(reader, k, 0, out));
+    return {};
   };
   const std::size_t pixels = format.geometry.pixels();
   if (series.t_s.size() * pixels > kKeptBytes / sizeof(float)) return series;
   auto all = std::make_shared<std::vector<float>>(series.t_s.size() * pixels);
   for (std::size_t k = 0; k < series.t_s.size(); ++k) {
-    if (Status status = series.read(k, {all->data() + k * pixels, pixels}); !status) {
-      return tl::unexpected(status.error());
-    }
+    RETURN_IF_ERROR(series.read(k, {all->data() + k * pixels, pixels}));
   }
   series.read = [all, pixels](std::size_t k, std::span<float> out) -> Status {
     std::copy_n(all->data() + k * pixels, pixels, out.begin());
@@ -113,13 +110,11 @@ struct Source {
 Result<std::vector<Source>> open_sources(const std::vector<std::filesystem::path>& files) {
   std::vector<Source> sources;
   for (const auto& file : files) {
-    auto reader = capture::CaptureReader::open(file);
-    if (!reader) return tl::unexpected(reader.error());
-    const auto stimulus = reader->stimulus();
-    if (!stimulus) return tl::unexpected(stimulus.error());
-    const bool chopper = std::holds_alternative<capture::Chopper>(*stimulus);
-    const bool uniform = std::holds_alternative<capture::Uniform>(*stimulus);
-    sources.push_back({file, std::move(*reader), uniform || (!chopper && !sources.empty())});
+    ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
+    ASSIGN_OR_RETURN(const auto stimulus, reader.stimulus());
+    const bool chopper = std::holds_alternative<capture::Chopper>(stimulus);
+    const bool uniform = std::holds_alternative<capture::Uniform>(stimulus);
+    sources.push_back({file, std::move(reader), uniform || (!chopper && !sources.empty())});
     const capture::CaptureInfo& first = sources.front().reader.info();
     const capture::CaptureInfo& info = sources.back().reader.info();
     const auto differs = [&](const std::string& what) {
@@ -182,7 +177,7 @@ Status FrameSeries::for_each(const char* doing, const Progress& progress, const 
   std::vector<float> frame(geometry.pixels());
   for (std::size_t k = first; k < std::min(end, t_s.size()); ++k) {
     if (!progress(doing, static_cast<double>(k) / static_cast<double>(t_s.size()))) return failed("interrupted");
-    if (Status status = read(k, frame); !status) return status;
+    RETURN_IF_ERROR(read(k, frame));
     if (!std::ranges::all_of(frame, [](float v) { return std::isfinite(v); })) {
       return bad_input(name + ": /frames has values that are no numbers");
     }
@@ -196,18 +191,17 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
     return bad_input(frames.name + ": has " + std::to_string(frames.t_s.size()) + " frames; at least " +
                      std::to_string(kFewestFrames) + " are needed");
   }
-  const auto moments = moments_of(frames, progress);
-  if (!moments) return tl::unexpected(moments.error());
+  ASSIGN_OR_RETURN(const auto moments, moments_of(frames, progress));
   const auto n = static_cast<double>(frames.t_s.size());
   const std::size_t pixels = frames.geometry.pixels();
   std::vector<double> variance(pixels);
   std::vector<double> own(pixels);
   std::vector<double> level(pixels);
   for (std::size_t p = 0; p < pixels; ++p) {
-    const double mean = moments->y[p] / n;
-    variance[p] = std::max(0.0, moments->yy[p] / n - mean * mean) * n / (n - 1.0);
-    own[p] = moments->rough[p] / (2.0 * (n - 1.0));
-    level[p] = moments->base[p] + mean;
+    const double mean = moments.y[p] / n;
+    variance[p] = std::max(0.0, moments.yy[p] / n - mean * mean) * n / (n - 1.0);
+    own[p] = moments.rough[p] / (2.0 * (n - 1.0));
+    level[p] = moments.base[p] + mean;
   }
   StillFit fit;
   const std::vector<double> noise = mapped(variance, [](double v) { return std::sqrt(v); });
@@ -225,8 +219,8 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
   const auto good = static_cast<double>(pixels_left.size());
   fit.noise_k = std::sqrt(mean_over(variance, pixels_left));
   fit.pixel_noise_k = std::sqrt(mean_over(own, pixels_left));
-  const double drift = sum_of(moments->frame_mean, [n](double v) { return v / n; });
-  const double of_means = sum_of(moments->frame_mean, [=](double v) { return (v - drift) * (v - drift) / n; });
+  const double drift = sum_of(moments.frame_mean, [n](double v) { return v / n; });
+  const double of_means = sum_of(moments.frame_mean, [=](double v) { return (v - drift) * (v - drift) / n; });
   if (moves(variance, own, of_means, 0.5 * frames.step)) {
     return bad_input(frames.name +
                      ": is no still field: it changes by more than noise does; give a closed shutter or a flat black "
@@ -250,41 +244,35 @@ Result<StillFit> fit_still(const FrameSeries& frames, const Progress& progress) 
 Result<Calibration> calibrate(const std::vector<std::filesystem::path>& captures, const CalibrationOptions& options,
                               const Progress& progress) {
   if (captures.empty()) return bad_input("no captures; name one with pulses first");
-  auto sources = open_sources(captures);
-  if (!sources) return tl::unexpected(sources.error());
-  const auto pulses = std::ranges::find(*sources, false, &Source::still);
-  if (pulses == sources->end()) {
+  ASSIGN_OR_RETURN(auto sources, open_sources(captures));
+  const auto pulses = std::ranges::find(sources, false, &Source::still);
+  if (pulses == sources.end()) {
     return bad_input(captures.front().string() +
                      ": no capture with pulses is given; name a recording of a chopper or a switched board");
   }
   Calibration result;
-  const auto frames = open_series(pulses->file, pulses->reader);
-  if (!frames) return tl::unexpected(frames.error());
-  auto fit = fit_pulses(*frames, progress);
-  if (!fit) return tl::unexpected(fit.error());
-  result.fit = std::move(*fit);
+  ASSIGN_OR_RETURN(const auto frames, open_series(pulses->file, pulses->reader));
+  ASSIGN_OR_RETURN(result.fit, fit_pulses(frames, progress));
   result.pulses.push_back(pulses->file.string());
 
-  for (const Source& source : *sources) {
+  for (const Source& source : sources) {
     if (&source == &*pulses) continue;
     if (!source.still) {
       result.warnings.push_back(source.file.string() + ": not used: one capture with pulses is enough");
       continue;
     }
-    const auto still = open_series(source.file, source.reader);
-    if (!still) return tl::unexpected(still.error());
-    auto found = fit_still(*still, progress);
-    if (!found) return tl::unexpected(found.error());
+    ASSIGN_OR_RETURN(const auto still, open_series(source.file, source.reader));
+    ASSIGN_OR_RETURN(auto found, fit_still(still, progress));
     if (result.still) {
-      merge(*result.still, *found, static_cast<double>(result.stills.size()));
+      merge(*result.still, found, static_cast<double>(result.stills.size()));
     } else {
-      result.still = std::move(*found);
+      result.still = std::move(found);
     }
     result.stills.push_back(source.file.string());
   }
   result.noise_k = result.still ? result.still->noise_k : result.fit.noise_k;
   result.gap = result.noise_k > 0.0 ? result.fit.rmse_k / result.noise_k : result.fit.gap;
-  fill_profile(options, pulses->reader.info(), *frames, result);
+  fill_profile(options, pulses->reader.info(), frames, result);
   return result;
 }
 

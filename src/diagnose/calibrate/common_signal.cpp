@@ -34,11 +34,10 @@ std::vector<std::size_t> grid_of(const FrameSeries& frames) {
 
 Result<Series> read_grid(const FrameSeries& frames, const std::vector<std::size_t>& pixels, const Progress& progress) {
   Series values(static_cast<Index>(frames.t_s.size()), static_cast<Index>(pixels.size()));
-  const Status read = frames.for_each("looking for pulses", progress, [&](std::size_t k, std::span<const float> frame) {
+  RETURN_IF_ERROR(frames.for_each("looking for pulses", progress, [&](std::size_t k, std::span<const float> frame) {
     Index at = 0;
     for (const std::size_t p : pixels) values(static_cast<Index>(k), at++) = frame[p];
-  });
-  if (!read) return tl::unexpected(read.error());
+  }));
   return values;
 }
 
@@ -97,23 +96,21 @@ Result<std::vector<SignalSums>> sum_up(const FrameSeries& frames, const std::vec
                                        const Progress& progress) {
   std::vector<SignalSums> sums(frames.geometry.pixels());
   const auto step = static_cast<float>(frames.step);
-  const Status read =
-      frames.for_each("looking at every pixel", progress, [&](std::size_t k, std::span<const float> frame) {
-        for (std::size_t p = 0; p < sums.size(); ++p) {
-          SignalSums& s = sums[p];
-          const float v = frame[p];
-          if (k == 0) s.base = v;
-          const double y = static_cast<double>(v) - s.base;
-          s.y += y;
-          s.yy += y * y;
-          s.ys += y * shape[k];
-          s.high.add(v, step);
-          s.low.add(-v, step);
-          s.repeated += k > 0 && v == s.last ? 1U : 0U;
-          s.last = v;
-        }
-      });
-  if (!read) return tl::unexpected(read.error());
+  RETURN_IF_ERROR(frames.for_each("looking at every pixel", progress, [&](std::size_t k, std::span<const float> frame) {
+    for (std::size_t p = 0; p < sums.size(); ++p) {
+      SignalSums& s = sums[p];
+      const float v = frame[p];
+      if (k == 0) s.base = v;
+      const double y = static_cast<double>(v) - s.base;
+      s.y += y;
+      s.yy += y * y;
+      s.ys += y * shape[k];
+      s.high.add(v, step);
+      s.low.add(-v, step);
+      s.repeated += k > 0 && v == s.last ? 1U : 0U;
+      s.last = v;
+    }
+  }));
   return sums;
 }
 
@@ -129,13 +126,11 @@ bool piled_up(const SignalSums& sums, double frames) {
 
 Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progress& progress) {
   const std::vector<std::size_t> grid = grid_of(frames);
-  auto values = read_grid(frames, grid, progress);
-  if (!values) return tl::unexpected(values.error());
-  const Eigen::VectorXf shape = leading(std::move(*values));
+  ASSIGN_OR_RETURN(auto values, read_grid(frames, grid, progress));
+  const Eigen::VectorXf shape = leading(std::move(values));
   CommonSignal common;
   common.shape.assign(shape.begin(), shape.end());
-  const auto sums = sum_up(frames, common.shape, progress);
-  if (!sums) return tl::unexpected(sums.error());
+  ASSIGN_OR_RETURN(const auto sums, sum_up(frames, common.shape, progress));
 
   const auto n = static_cast<double>(frames.t_s.size());
   const std::size_t pixels = frames.geometry.pixels();
@@ -144,7 +139,7 @@ Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progres
   double balance = 0.0;
   double clipped = 0.0;
   for (std::size_t p = 0; p < pixels; ++p) {
-    const SignalSums& s = (*sums)[p];
+    const SignalSums& s = sums[p];
     const double variance = std::max(0.0, s.yy / n - std::pow(s.y / n, 2));
     common.deviation[p] = static_cast<float>(std::sqrt(variance));
     if (!(variance > 0.0)) continue;
@@ -166,15 +161,11 @@ Result<CommonSignal> find_common_signal(const FrameSeries& frames, const Progres
     for (double& v : common.shape) v = -v;
   }
   common.clipped_share = clipped / static_cast<double>(common.pixels);
-  const Status read =
-      frames.for_each("the mean of all pixels", progress, [&](std::size_t, std::span<const float> frame) {
-        double sum = 0.0;
-        for (std::size_t p = 0; p < pixels; ++p) {
-          sum += frame[p] * static_cast<double>(common.follows[p]);
-        }
-        common.mean.push_back(sum / static_cast<double>(common.pixels));
-      });
-  if (!read) return tl::unexpected(read.error());
+  RETURN_IF_ERROR(frames.for_each("the mean of all pixels", progress, [&](std::size_t, std::span<const float> frame) {
+    double sum = 0.0;
+    for (std::size_t p = 0; p < pixels; ++p) sum += frame[p] * static_cast<double>(common.follows[p]);
+    common.mean.push_back(sum / static_cast<double>(common.pixels));
+  }));
   return common;
 }
 

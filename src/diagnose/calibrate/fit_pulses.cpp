@@ -191,7 +191,7 @@ Status show_pixel(const FrameSeries& frames, const SignalFit& signal, const Pixe
   trace.tau_s = taus.tau_s[chosen];
   std::vector<float> frame(frames.geometry.pixels());
   for (std::size_t k = 0; k < frames.t_s.size(); ++k) {
-    if (Status read = frames.read(k, frame); !read) return read;
+    RETURN_IF_ERROR(frames.read(k, frame));
     trace.measured_k.push_back(frame[chosen]);
     trace.t_s.push_back(frames.t_s[k] - frames.t_s.front());
   }
@@ -233,7 +233,7 @@ class PulseFitter {
     describe_switches(frames_.t_s, signal_, fit_);
     for (const auto step : {&PulseFitter::find_sweep, &PulseFitter::share_tau, &PulseFitter::take_pixels_one_by_one,
                             &PulseFitter::judge_residual}) {
-      if (Status done = (this->*step)(); !done) return tl::unexpected(done.error());
+      RETURN_IF_ERROR((this->*step)());
     }
     return std::move(fit_);
   }
@@ -250,7 +250,7 @@ class PulseFitter {
   Status find_sweep() {
     const double period_s = period_of(frames_);
     switches_ = between(frames_, table_, signal_, period_s);
-    if (Status done = pass_with({}); !done) return done;
+    RETURN_IF_ERROR(pass_with({}));
     const Sweep sweep = fit_sweep(frames_, taus_, signal_.tau_s);
     trim(frames_, switches_, table_, sweep, signal_);
     refit(frames_.t_s, common_.mean, signal_);
@@ -266,14 +266,14 @@ class PulseFitter {
   // All good pixels together, as if they shared one tau: no pixel's error is in it, but the curvature of their spread
   // is.
   Status share_tau() {
-    if (Status done = pass_with({}); !done) return done;
-    if (Status good = check_pixels(frames_, common_, taus_); !good) return good;
+    RETURN_IF_ERROR(pass_with({}));
+    RETURN_IF_ERROR(check_pixels(frames_, common_, taus_));
     fit_.dead = find_dead(frames_, common_, taus_);
     for (std::size_t p = 0; p < follows_.size(); ++p) {
       if (fit_.dead[p] != DeadPixel::kGood) follows_[p] = 0;
     }
     if (follows_ != common_.follows) {
-      if (Status done = pass_with({}); !done) return done;
+      RETURN_IF_ERROR(pass_with({}));
     }
     usual_error_ = median(mapped(following(follows_), [this](std::size_t p) { return taus_.error[p]; }));
     if (!(taus_.information > 0.0)) return bad_input(frames_.name + ": no pixel tells tau; record a higher contrast");
@@ -286,7 +286,7 @@ class PulseFitter {
   Status take_pixels_one_by_one() {
     const bool each = usual_error_ < kMapError;
     for (int round = 0; each && round < 2; ++round) {
-      if (Status done = pass_with(nearest_nodes(table_, taus_)); !done) return done;
+      RETURN_IF_ERROR(pass_with(nearest_nodes(table_, taus_)));
     }
     pixels_ = trusted(taus_, fit_.dead);
     if (!each || pixels_.empty()) return {};
@@ -305,9 +305,7 @@ class PulseFitter {
     fit_.sweep_x_s = interval(sweep.delay[1], sweep.error[1]);
     fit_.sweep_y_s = interval(sweep.delay[2], sweep.error[2]);
     fit_.rmse_k = rms_left(taus_, pixels_);
-    const auto noise_k = late_noise(frames_, table_, taus_, pixels_, progress_);
-    if (!noise_k) return tl::unexpected(noise_k.error());
-    fit_.noise_k = *noise_k;
+    ASSIGN_OR_RETURN(fit_.noise_k, late_noise(frames_, table_, taus_, pixels_, progress_));
     fit_.gap = fit_.noise_k > 0.0 ? fit_.rmse_k / fit_.noise_k : 1.0;
     if (fit_.gap < kLeastGap && fit_.noise_k > frames_.step) {
       return bad_input(frames_.name +
@@ -338,11 +336,10 @@ Result<PulseFit> fit_pulses(const FrameSeries& frames, const Progress& progress)
     return bad_input(frames.name + ": has " + std::to_string(frames.t_s.size()) + " frames; at least " +
                      std::to_string(kFewestFrames) + " with several switches are needed");
   }
-  auto common = find_common_signal(frames, progress);
-  if (!common) return tl::unexpected(common.error());
-  std::optional<SignalFit> signal = fit_signal(frames.t_s, common->mean);
-  if (Status good = check(frames, *common, signal); !good) return tl::unexpected(good.error());
-  return PulseFitter(frames, std::move(*common), std::move(*signal), progress).run();
+  ASSIGN_OR_RETURN(auto common, find_common_signal(frames, progress));
+  std::optional<SignalFit> signal = fit_signal(frames.t_s, common.mean);
+  RETURN_IF_ERROR(check(frames, common, signal));
+  return PulseFitter(frames, std::move(common), std::move(*signal), progress).run();
 }
 
 }  // namespace bolo::diagnose

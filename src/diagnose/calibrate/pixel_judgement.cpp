@@ -55,7 +55,6 @@ std::vector<std::size_t> trusted(const PixelTaus& taus, const std::vector<DeadPi
 
 Population population(const PixelTaus& taus, const std::vector<std::size_t>& pixels) {
   Population all;
-  all.pixels = pixels.size();
   if (pixels.empty()) return all;
   const double middle = median(mapped(pixels, [&](std::size_t p) { return taus.tau_s[p]; }));
   const auto error2 = [&](std::size_t p) { return std::pow(static_cast<double>(taus.error[p]), 2); };
@@ -136,8 +135,7 @@ Result<double> late_noise(const FrameSeries& frames, const DecayTable& table, co
       }
       count += 1.0;
     };
-    const Status read = frames.for_each("noise", progress, take, begin, interval.end());
-    if (!read) return tl::unexpected(read.error());
+    RETURN_IF_ERROR(frames.for_each("noise", progress, take, begin, interval.end()));
   }
   if (!(count > 0.0)) return 0.0;
   const double sum = sum_of(squares, [count](double s) { return s / count; });

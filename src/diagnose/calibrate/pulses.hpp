@@ -178,7 +178,6 @@ struct Population {
   double noise_error = 0.0;  // the share of it that comes from the pixels' errors
   double spread = 0.0;       // rms, relative
   double spread_z = 0.0;
-  std::size_t pixels = 0;
 };
 
 Population population(const PixelTaus& taus, const std::vector<std::size_t>& pixels);

@@ -35,7 +35,7 @@ struct DrawOptions {
   double frames_scale = 1.0;  // of the captures' lengths
   double magnitude = 1.0;     // of the effects' strength, 1: realistic
   bool imperfect = false;     // the stimuli have errors
-  std::string only;           // the effect of every session; empty: all in turn
+  std::string only{};         // the effect of every session; empty: all in turn
   Reality reality = Reality::kFirst;
 };
 

@@ -33,9 +33,10 @@ Result<std::unique_ptr<deblur::Solver>> make_solver(const Sequence& s, const deb
   return deblur::Solver::create(settings, s.format, PixelType::kFloat32);
 }
 
-// Settings of `auto`, `mmae` or `motion` that this build can run; kBadInput says why there are none. They work from the
-// measured noise, so that a solver which does not measure it is not the one asked for.
+// Settings of a column that a stream can run live; kBadInput says why this build has none. `auto`, `mmae` and `motion`
+// work from the measured noise, so that a solver which does not measure it is not the one asked for.
 Result<deblur::Settings> live_settings(std::string_view column, const Sequence& s, int lookahead) {
+  if (column == "inverse") return settings_of(deblur::Method::kInverse, lookahead);
   const auto* const asked = std::ranges::find(kColumns, column, &Column::name);
   deblur::Settings settings = settings_of(asked->live.value_or(deblur::Method::kAdmm), lookahead);
   settings.auto_lambda = column == "auto";
@@ -95,9 +96,8 @@ double live_rmse(const Sequence& s, const Planes& truth, std::string_view column
     }
     return best;
   }
-  const auto settings = column == "inverse" ? Result<deblur::Settings>(settings_of(deblur::Method::kInverse, lookahead))
-                                            : live_settings(column, s, lookahead);
-  const auto planes = settings.and_then([&](const deblur::Settings& good) { return estimate(s, good); });
+  const auto planes =
+      live_settings(column, s, lookahead).and_then([&](const deblur::Settings& good) { return estimate(s, good); });
   return planes ? rmse(*planes, truth) : kNone;
 }
 
@@ -272,14 +272,10 @@ std::vector<bool> losses(std::size_t frames, double share, std::uint64_t seed) {
 
 Json drop_rows(const Sequence& s, int lookahead, double share, std::uint64_t seed) {
   const std::vector<bool> lost = losses(s.frames.size(), share, seed);
-  using deblur::Method;
-  const std::vector<std::pair<std::string, Result<deblur::Settings>>> methods{
-      {"admm", settings_of(Method::kAdmm, lookahead, kDefaultLambda)},
-      {"inverse", settings_of(Method::kInverse, lookahead)},
-      {"auto", live_settings("auto", s, lookahead)},
-      {"mmae", live_settings("mmae", s, lookahead)}};
   Json rows = Json::array();
-  for (const auto& [name, settings] : methods) {
+  for (const std::string name : {"admm", "inverse", "auto", "mmae"}) {
+    const auto settings = name == "admm" ? settings_of(deblur::Method::kAdmm, lookahead, kDefaultLambda)
+                                         : live_settings(name, s, lookahead);
     Json& row = rows.emplace_back(place_of(s));
     row.update({{"lookahead", lookahead}, {"method", name}});
     const auto figures = settings.and_then([&](const deblur::Settings& good) { return drop_figures(s, good, lost); });

@@ -3,7 +3,6 @@
 
 #include "src/core/statistics.hpp"
 #include "tools/lab/eval/fidelity_data.hpp"
-#include "tools/lab/eval/sample.hpp"
 
 namespace bolo::tools::fidelity {
 namespace {

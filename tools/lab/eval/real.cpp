@@ -13,7 +13,6 @@
 #include "src/pipeline/convert.hpp"
 #include "src/sim/path.hpp"
 #include "tools/lab/common.hpp"
-#include "tools/lab/eval/sample.hpp"
 #include "tools/lab/verbs.hpp"
 
 namespace bolo::tools::real {

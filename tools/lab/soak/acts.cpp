@@ -1,6 +1,7 @@
 #include <time.h>
 
 #include <algorithm>
+#include <array>
 #include <csignal>
 #include <fstream>
 
@@ -11,6 +12,27 @@ namespace bolo::tools::soak {
 namespace {
 
 constexpr double kEndLimit_s = 20.0;  // for a disk and processors that others use as well
+
+// Kinds that are a signal to a process, and another one at their end; 0: none.
+struct Signals {
+  Kind kind;
+  int begin;
+  int end;
+  Process& (*to)(Rig& rig);
+};
+
+const Signals* signals_of(Kind kind) {
+  constexpr auto camera = [](Rig& rig) -> Process& { return rig.camera(); };
+  constexpr auto daemon = [](Rig& rig) -> Process& { return rig.daemon(); };
+  constexpr auto reader = [](Rig& rig) -> Process& { return rig.readers().front(); };
+  static constexpr std::array<Signals, 5> kAll{{{Kind::kCameraStopped, SIGSTOP, SIGCONT, camera},
+                                                {Kind::kDaemonStopped, SIGSTOP, SIGCONT, daemon},
+                                                {Kind::kDaemonKilled, SIGKILL, 0, daemon},
+                                                {Kind::kReaderKilled, SIGKILL, 0, reader},
+                                                {Kind::kReaderStopped, SIGSTOP, SIGCONT, reader}}};
+  const auto* const found = std::ranges::find(kAll, kind, &Signals::kind);
+  return found == kAll.end() ? nullptr : found;
+}
 
 // The first plane that is wrong, in words; empty: none.
 std::string what_is_wrong(const std::filesystem::path& file, const Truth& truth) {
@@ -140,67 +162,31 @@ void take_memory(double seconds, std::uint64_t bytes) {
 }  // namespace
 
 void Acts::begin(const Disturbance& d) {
-  switch (d.kind) {
-    case Kind::kCameraStopped:
-      return rig_.camera().signal(SIGSTOP);
-    case Kind::kDaemonStopped:
-      return rig_.daemon().signal(SIGSTOP);
-    case Kind::kDaemonKilled:
-      return rig_.daemon().signal(SIGKILL);
-    case Kind::kReaderKilled:
-      return rig_.readers().front().signal(SIGKILL);
-    case Kind::kReaderStopped:
-      return rig_.readers().front().signal(SIGSTOP);
-    case Kind::kReaderSlow:
-      return start_helper(rig_.reader("slow-reader-" + std::to_string(++count_), kSlowReader_ms));
-    case Kind::kRecording:
-    case Kind::kRecorderKilled:
-    case Kind::kDiskFull:
-      return record(d);
-    case Kind::kClockStep:
-      return step_clock(kClockStep_s);
-    case Kind::kCpuTaken:
-      return take_processors(d.for_s);
-    case Kind::kMemoryTaken:
-      return take_memory(d.for_s);
-    case Kind::kReload:
-      return write_config(true);
-    case Kind::kBadReload:
-      return write_config(false);
-    case Kind::kCorrection: {
-      const std::filesystem::path log = rig_.file("nuc-" + std::to_string(++count_));
-      jobs_.add([this, log] { correct_and_judge(rig_.programs(), rig_.name(), log, findings_); });
-      return;
-    }
-    default:
-      return;
+  using enum Kind;
+  const Kind kind = d.kind;
+  if (const Signals* signals = signals_of(kind)) signals->to(rig_).signal(signals->begin);
+  if (kind == kReaderSlow) start_helper(rig_.reader("slow-reader-" + std::to_string(++count_), kSlowReader_ms));
+  if (kind == kRecording || kind == kRecorderKilled || kind == kDiskFull) record(d);
+  if (kind == kClockStep) step_clock(kClockStep_s);
+  if (kind == kCpuTaken) take_processors(d.for_s);
+  if (kind == kMemoryTaken) take_memory(d.for_s);
+  if (kind == kReload || kind == kBadReload) write_config(kind == kReload);
+  if (kind == kCorrection) {
+    const std::filesystem::path log = rig_.file("nuc-" + std::to_string(++count_));
+    run_beside([this, log] { correct_and_judge(rig_.programs(), rig_.name(), log, findings_); });
   }
 }
 
 void Acts::end(const Disturbance& d) {
-  switch (d.kind) {
-    case Kind::kCameraStopped:
-      return rig_.camera().signal(SIGCONT);
-    case Kind::kDaemonStopped:
-      return rig_.daemon().signal(SIGCONT);
-    case Kind::kReaderStopped:
-      return rig_.readers().front().signal(SIGCONT);
-    case Kind::kReaderKilled:
-      findings_.done(Invariant::kProcesses, rig_.replace_reader());
-      return;
-    case Kind::kReaderSlow:
-      return end_helper(true);
-    case Kind::kClockStep:
-      return step_clock(-kClockStep_s);
-    case Kind::kBadReload:
-      findings_.done(Invariant::kCommands, write_daemon_file(rig_.daemon_file()));
-      return;
-    case Kind::kCpuTaken:
-    case Kind::kMemoryTaken:
-      return end_helper(false);
-    default:
-      return;
+  using enum Kind;
+  const Kind kind = d.kind;
+  if (const Signals* signals = signals_of(kind); signals != nullptr && signals->end != 0) {
+    signals->to(rig_).signal(signals->end);
   }
+  if (kind == kReaderKilled) findings_.done(Invariant::kProcesses, rig_.replace_reader());
+  if (kind == kReaderSlow || kind == kCpuTaken || kind == kMemoryTaken) end_helper(kind == kReaderSlow);
+  if (kind == kClockStep) step_clock(-kClockStep_s);
+  if (kind == kBadReload) findings_.done(Invariant::kCommands, write_daemon_file(rig_.daemon_file()));
 }
 
 void Acts::record(const Disturbance& d) {
@@ -208,18 +194,18 @@ void Acts::record(const Disturbance& d) {
   const DaemonFile& daemon = rig_.daemon_file();
   const double bytes = kFullAfter_s * daemon.rate_hz * static_cast<double>(daemon.geometry.pixels() * 2);
   const std::uint64_t most = d.kind == Kind::kDiskFull ? std::max(kLeastDisk, static_cast<std::uint64_t>(bytes)) : 0;
-  jobs_.add([this, d, file, most] { record_and_judge(rig_, d, file, most, findings_); });
+  run_beside([this, d, file, most] { record_and_judge(rig_, d, file, most, findings_); });
 }
 
 void Acts::take_processors(double seconds) {
-  if (rig_.programs().stress.empty()) return jobs_.add([seconds] { soak::take_processors(seconds); });
+  if (rig_.programs().stress.empty()) return run_beside([seconds] { soak::take_processors(seconds); });
   const auto all = std::to_string(std::max(1U, std::thread::hardware_concurrency()));
   start_helper({{rig_.programs().stress, "--quiet", "--cpu", all}, rig_.file("stress")});
 }
 
 void Acts::take_memory(double seconds) {
   const std::uint64_t bytes = std::min(available_memory() / 4, kMostMemory);
-  if (rig_.programs().stress.empty()) return jobs_.add([=] { soak::take_memory(seconds, bytes); });
+  if (rig_.programs().stress.empty()) return run_beside([=] { soak::take_memory(seconds, bytes); });
   start_helper(
       {{rig_.programs().stress, "--quiet", "--vm", "1", "--vm-bytes", std::to_string(bytes)}, rig_.file("stress")});
 }
@@ -233,7 +219,7 @@ void Acts::start_helper(const Command& command) {
 // How long it takes to end must not hold up the schedule; nor, on a busy machine, how long a reader takes to begin.
 void Acts::end_helper(bool must_be_well) {
   if (!helper_) return;
-  jobs_.add([this, must_be_well, helper = std::make_shared<Process>(std::move(*helper_))] {
+  run_beside([this, must_be_well, helper = std::make_shared<Process>(std::move(*helper_))] {
     if (must_be_well) wait_for_first_frame(*helper);
     helper->signal(SIGTERM);
     const auto code = helper->wait(kHelperEnd_s);

@@ -130,25 +130,7 @@ Status read_along(const std::string& name, int slow_ms, const std::atomic<bool>&
 // The last whole line of such; zeros of none. Thread: any.
 Json last_account(const std::string& file);
 
-// --- What takes its time and is judged at its end, beside the soak's own thread: recordings, commands, work for
-// processors and memory.
-
-// Waits for all of them in the end. Thread: one at a time.
-class Jobs {
- public:
-  void add(std::function<void()> job) { running_.push_back(std::async(std::launch::async, std::move(job))); }
-  ~Jobs() { finish(); }
-  Jobs() = default;
-  Jobs(const Jobs&) = delete;
-  Jobs& operator=(const Jobs&) = delete;
-  void finish() {
-    for (std::future<void>& job : running_) job.wait();
-    running_.clear();
-  }
-
- private:
-  std::vector<std::future<void>> running_;
-};
+// --- What a soak does beside its own thread.
 
 // What each kind of trouble does to the processes. Thread: one at a time. What the camera does by its script needs no
 // act.
@@ -159,7 +141,7 @@ class Acts {
   void begin(const Disturbance& disturbance);
   void end(const Disturbance& disturbance);
   // Waits for what still runs.
-  void finish() { jobs_.finish(); }
+  void finish() { jobs_.clear(); }
 
  private:
   void record(const Disturbance& disturbance);
@@ -170,10 +152,13 @@ class Acts {
   void write_config(bool right);
   void step_clock(double by_s);
 
+  // Does what takes its time and is judged at its end: recordings, commands, work for processors and memory.
+  void run_beside(std::function<void()> job) { jobs_.push_back(std::async(std::launch::async, std::move(job))); }
+
   Rig& rig_;
   Findings& findings_;
-  Jobs jobs_;
-  std::optional<Process> helper_;  // a slow reader, stress-ng
+  std::vector<std::future<void>> jobs_;  // each is waited for where it goes
+  std::optional<Process> helper_;        // a slow reader, stress-ng
   int count_ = 0;
 };
 

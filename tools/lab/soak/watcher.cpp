@@ -16,14 +16,12 @@ namespace {
 constexpr std::uint64_t kFirstId = 100;
 constexpr const char* kSerial = "SOAK";
 
-std::uint32_t checksum(const std::uint16_t* values, std::size_t count) {
+// CRC-32 of the upper pixels, less the first one.
+std::uint32_t checksum(const std::uint16_t* plane, std::size_t upper, std::vector<std::uint16_t>& differences) {
+  differences.resize(upper);
+  for (std::size_t i = 0; i < upper; ++i) differences[i] = static_cast<std::uint16_t>(plane[i] - plane[0]);
   return static_cast<std::uint32_t>(
-      crc32_z(0, reinterpret_cast<const unsigned char*>(values), count * sizeof(values[0])));
-}
-
-std::size_t upper_pixels(Geometry geometry) {
-  const int rows = std::max(1, geometry.height - kRowsBelow);
-  return static_cast<std::size_t>(rows) * static_cast<std::size_t>(geometry.width);
+      crc32_z(0, reinterpret_cast<const unsigned char*>(differences.data()), upper * sizeof(differences[0])));
 }
 
 Status write(const Recording& scene, const std::filesystem::path& file) {
@@ -52,25 +50,14 @@ Result<Truth::Planes> deblurred_loop(const Recording& scene, const pipeline::Pip
 
 }  // namespace
 
-Fingerprint fingerprint(const std::uint16_t* plane, Geometry geometry, std::vector<std::uint16_t>& scratch) {
-  scratch.resize(geometry.pixels());
-  const std::uint16_t first = plane[0];
-  for (std::size_t i = 0; i < scratch.size(); ++i) scratch[i] = static_cast<std::uint16_t>(plane[i] - first);
-  const std::size_t upper = upper_pixels(geometry);
-  const std::uint32_t above = checksum(scratch.data(), upper);
-  const std::uint32_t below = checksum(scratch.data() + upper, scratch.size() - upper);
-  const auto below_bytes = static_cast<long>((scratch.size() - upper) * sizeof(scratch[0]));
-  return {static_cast<std::uint32_t>(crc32_combine(above, below, below_bytes)), above};
-}
-
-Truth::Truth(Geometry geometry, const Planes& raw, Planes deblurred)
-    : geometry_(geometry), deblurred_(std::move(deblurred)) {
+Truth::Truth(Geometry geometry, Planes raw, Planes deblurred)
+    : geometry_(geometry),
+      upper_(Geometry{geometry.width, std::max(1, geometry.height - kRowsBelow)}.pixels()),
+      raw_(std::move(raw)),
+      deblurred_(std::move(deblurred)) {
   Scratch scratch;
-  for (std::size_t k = 0; k < raw.size(); ++k) {
-    const Fingerprint print = fingerprint(raw[k].data(), geometry_, scratch.differences);
-    by_whole_.emplace(print.whole, k);
-    by_upper_.emplace(print.upper, k);
-    first_.push_back(raw[k][0]);
+  for (std::size_t k = 0; k < raw_.size(); ++k) {
+    by_upper_.emplace(checksum(raw_[k].data(), upper_, scratch.differences), k);
   }
 }
 
@@ -82,13 +69,15 @@ std::optional<Recognised> Truth::recognise(const std::uint16_t* raw, Scratch& sc
 }
 
 std::optional<Recognised> Truth::find(const std::uint16_t* raw, bool swapped, Scratch& scratch) const {
-  const Fingerprint print = fingerprint(raw, geometry_, scratch.differences);
-  const auto as = [&](std::size_t index, bool metadata) {
-    return Recognised{index, {static_cast<int>(raw[0]) - static_cast<int>(first_[index]), swapped, metadata}};
+  const auto found = by_upper_.find(checksum(raw, upper_, scratch.differences));
+  if (found == by_upper_.end()) return std::nullopt;
+  const std::vector<std::uint16_t>& expected = raw_[found->second];
+  const auto same = [by = raw[0] - expected[0]](std::uint16_t seen, std::uint16_t value) {
+    return seen == static_cast<std::uint16_t>(value + by);
   };
-  if (const auto whole = by_whole_.find(print.whole); whole != by_whole_.end()) return as(whole->second, false);
-  if (const auto upper = by_upper_.find(print.upper); upper != by_upper_.end()) return as(upper->second, true);
-  return std::nullopt;
+  if (!std::equal(raw, raw + upper_, expected.begin(), same)) return std::nullopt;
+  const bool metadata = !std::equal(raw + upper_, raw + expected.size(), expected.data() + upper_, same);
+  return Recognised{found->second, {raw[0] - expected[0], swapped, metadata}};
 }
 
 bool Truth::right(const std::uint16_t* deblurred, std::size_t index, int offset) const {
@@ -115,7 +104,7 @@ Result<Truth> make_scene(Geometry geometry, double rate_hz, std::size_t frames,
     raw.emplace_back(geometry.pixels());
     std::memcpy(raw.back().data(), bytes.data(), bytes.size());
   }
-  return Truth(geometry, raw, std::move(deblurred));
+  return Truth(geometry, std::move(raw), std::move(deblurred));
 }
 
 namespace {

@@ -26,14 +26,6 @@ struct Recognised {
   Manner manner;
 };
 
-// A plane's checksum (CRC-32 of its values less the first one's, so that an offset of all does not matter), of the
-// whole and without the last rows. Thread: any.
-struct Fingerprint {
-  std::uint32_t whole = 0;
-  std::uint32_t upper = 0;
-};
-Fingerprint fingerprint(const std::uint16_t* plane, Geometry geometry, std::vector<std::uint16_t>& scratch);
-
 inline constexpr int kRowsBelow = 3;
 inline constexpr double kShutterOffset_k = 0.5;
 
@@ -41,14 +33,14 @@ class Truth {
  public:
   using Planes = std::vector<std::vector<std::uint16_t>>;
   struct Scratch {
-    std::vector<std::uint16_t> differences;
+    std::vector<std::uint16_t> differences;  // from the first pixel: an offset of all does not matter
     std::vector<std::uint16_t> unswapped;
   };
 
   // `deblurred`: of the same frames in an endless loop; empty: not known. Thread: setup.
-  Truth(Geometry geometry, const Planes& raw, Planes deblurred);
+  Truth(Geometry geometry, Planes raw, Planes deblurred);
 
-  // The frame of the capture that this plane is, value by value (by its checksum), however the camera shows it.
+  // The frame of the capture that this plane is, value by value, however the camera shows it.
   // `scratch`: memory to work in, the caller's. Thread: any.
   std::optional<Recognised> recognise(const std::uint16_t* raw, Scratch& scratch) const;
 
@@ -56,15 +48,15 @@ class Truth {
   // Thread: any.
   bool right(const std::uint16_t* deblurred, std::size_t index, int offset) const;
 
-  std::size_t frames() const noexcept { return first_.size(); }
+  std::size_t frames() const noexcept { return raw_.size(); }
 
  private:
   std::optional<Recognised> find(const std::uint16_t* raw, bool swapped, Scratch& scratch) const;
 
   Geometry geometry_;
-  std::unordered_map<std::uint32_t, std::size_t> by_whole_;
-  std::unordered_map<std::uint32_t, std::size_t> by_upper_;
-  std::vector<std::uint16_t> first_;  // value of each frame's first pixel
+  std::size_t upper_;  // pixels above the last rows
+  Planes raw_;
+  std::unordered_map<std::uint32_t, std::size_t> by_upper_;  // frames by the checksum of these
   Planes deblurred_;
 };
 
