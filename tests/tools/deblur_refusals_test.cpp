@@ -58,16 +58,16 @@ TEST_P(DeblurVerbRefuses, InOneLineWithExitCode2AndNoOutput) {
   turned.gain.assign(turned.geometry.pixels(), 1.0F);
   ASSERT_TRUE(capture::write_pixel_maps({file("turned-maps.h5")}, turned));
   std::ofstream(file("turned.toml")) << "maps = \"turned-maps.h5\"\n";
-  {
+  for (const auto& [name, value] : {std::pair{"nan.h5", std::numeric_limits<float>::quiet_NaN()}, {"huge.h5", 3e38F}}) {
     capture::CaptureInfo info;
     info.format.geometry = {3, 2};
     info.format.type = PixelType::kFloat32;
     info.format.scale = {Unit::kKelvin, 1.0, 0.0};
-    auto writer = capture::CaptureWriter::create(file("nan.h5"), info);
+    auto writer = capture::CaptureWriter::create(file(name), info);
     ASSERT_TRUE(writer);
     for (std::uint64_t n = 0; n < 30; ++n) {
       std::vector<float> plane(6, 300.0F);
-      if (n == 25) plane[4] = std::numeric_limits<float>::quiet_NaN();
+      if (n == 25) plane[4] = value;
       ASSERT_TRUE(writer->append(static_cast<double>(n) * kPeriod, n, plane.data()));
     }
     ASSERT_TRUE(writer->close());
@@ -93,6 +93,8 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"NoFullWindow", {"@broken.h5", "-o", "@out.h5"}, "broken.h5: no full window of 17 frames"},
         Refusal{"PeriodOfMinutes", {"@slow.h5", "-o", "@out.h5"}, "slow.h5: deblur settings: period_s is 114"},
         Refusal{"NotANumber", {"@nan.h5", "-o", "@out.h5"}, "nan.h5: frame 25, column 1, row 1 of /frames is nan"},
+        Refusal{
+            "NoTemperature", {"@huge.h5", "-o", "@out.h5"}, "huge.h5: frame 25, column 1, row 1 of /frames is 3e+38"},
         Refusal{"OutputFolderMissing", {"@in.h5", "-o", "@none/out.h5"}, "none/out.h5"},
         Refusal{"OutputIsInput", {"@in.h5", "-o", "@in.h5", "--overwrite"}, "both read and written"},
         Refusal{"UnknownSolver", {"@in.h5", "-o", "@out.h5", "--solver", "magic"}, "magic"},
@@ -105,6 +107,9 @@ INSTANTIATE_TEST_SUITE_P(
                 {"@in.h5", "-o", "@out.h5", "--isa", "MMX"},
                 "\"MMX\" is not available here; use one of auto"},
         Refusal{"NoPointsFile", {"@in.h5", "-o", "@out.h5", "--points", "@none.csv"}, "none.csv: cannot be opened"},
+        Refusal{"PointsOfADevice",
+                {"@in.h5", "-o", "@out.h5", "--points", "/dev/zero"},
+                "/dev/zero: is a device, not a file"},
         Refusal{
             "PointIsNoPoint", {"@in.h5", "-o", "@out.h5", "--points", "@bad.csv"}, "bad.csv:4: '3;4' is not a point"},
         Refusal{

@@ -2,9 +2,8 @@
 
 #include <algorithm>
 #include <charconv>
-#include <fstream>
-#include <sstream>
 
+#include "src/core/input_file.hpp"
 #include "tools/view/page_files.hpp"
 
 namespace bolo::view {
@@ -45,9 +44,7 @@ Answer json_answer(const nlohmann::ordered_json& json) {
 }
 
 std::string contents(const std::filesystem::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
+  return read_input(file).value_or("");
 }
 
 std::optional<Answer> frame(LiveStream& stream, const Request& request) {
