@@ -232,6 +232,8 @@ Result<std::optional<FromMotion>> learn_from_motion(const std::filesystem::path&
   if (session.period_s > profile.tau_s) return std::optional<FromMotion>();
   auto reader = capture::CaptureReader::open(file);
   if (!reader) return tl::unexpected(reader.error());
+  const Geometry frame = reader->info().format.geometry;
+  if (std::min(frame.width, frame.height) < motion::kLeastSide) return std::optional<FromMotion>();
   deblur::Settings settings;
   settings.method = deblur::Method::kMotion;
   settings.tau_s = profile.tau_s;
