@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "drivers/genicam/description.hpp"
+#include "drivers/genicam/description_file.hpp"
 #include "drivers/genicam/discovery.hpp"
 #include "drivers/genicam/nodes.hpp"
 
@@ -81,6 +82,9 @@ Result<Connection> open_gige(const std::string& ipv4) {
                      connection.route.local_address +
                      "): check its power and cable, its address, and that no firewall drops UDP port 3956");
   }
+  const Status file = check_description_file(
+      [&](std::uint32_t address, std::uint32_t bytes) { return read_memory(ipv4, address, bytes); });
+  if (!file) return at(connection.name, file.error());
   RETURN_IF_ERROR(open_device(connection));
   if (!is_controller(connection) && free_from_dead_program(ipv4, connection.route.local_address)) {
     RETURN_IF_ERROR(open_device(connection));

@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -35,12 +36,18 @@ class SessionCloser {
       const std::lock_guard lock(state_->mutex);
       ++state_->running;
     }
-    std::thread([state = state_, ending = std::move(session)]() mutable {
+    const auto end = [state = state_](std::unique_ptr<Session> ending) {
       ending.reset();
       const std::lock_guard lock(state->mutex);
       --state->running;
       state->ended.notify_all();
-    }).detach();
+    };
+    const auto shared = std::make_shared<std::unique_ptr<Session>>(std::move(session));
+    try {
+      std::thread([end, shared] { end(std::move(*shared)); }).detach();
+    } catch (const std::system_error&) {  // the system has no thread to give
+      end(std::move(*shared));
+    }
   }
 
   // Waits for all of them until `deadline`.

@@ -29,7 +29,12 @@ constexpr std::uint32_t kPrivilege = 0x0A00;
 constexpr std::uint32_t kPrimaryPort = 0x0A04;
 constexpr std::uint32_t kPrimaryAddress = 0x0A14;
 
-enum class Command : std::uint16_t { kDiscovery = 0x0002, kReadRegister = 0x0080, kWriteRegister = 0x0082 };
+enum class Command : std::uint16_t {
+  kDiscovery = 0x0002,
+  kReadRegister = 0x0080,
+  kWriteRegister = 0x0082,
+  kReadMemory = 0x0084
+};
 
 class UdpSocket {
  public:
@@ -61,9 +66,10 @@ void append(std::vector<unsigned char>& bytes, std::uint32_t value, int size) {
   for (int shift = 8 * (size - 1); shift >= 0; shift -= 8) bytes.push_back(static_cast<unsigned char>(value >> shift));
 }
 
-// Sends a GVCP command of 32-bit words and waits for its acknowledgement, three times at most, 0.7 s in all: the first
-// word of the answer, or nothing when the camera refuses or is silent.
-std::optional<std::uint32_t> ask(const UdpSocket& socket, Command command, std::initializer_list<std::uint32_t> words) {
+// Sends a GVCP command of 32-bit words and waits for its acknowledgement, three times at most, 0.7 s in all: the answer
+// from its first word on, at least one, or nothing when the camera refuses or is silent.
+std::optional<std::vector<unsigned char>> ask_all(const UdpSocket& socket, Command command,
+                                                  std::initializer_list<std::uint32_t> words) {
   constexpr int kTries = 3;
   constexpr int kWaitMs = 230;
   constexpr std::uint16_t kRequest = 1;
@@ -81,9 +87,15 @@ std::optional<std::uint32_t> ask(const UdpSocket& socket, Command command, std::
     if (bytes < 12) continue;
     if (load_u16(answer, 2) != static_cast<std::uint32_t>(command) + 1) continue;
     if (load_u16(answer, 0) != 0) return std::nullopt;
-    return load_u32(answer, 8);
+    return std::vector<unsigned char>(answer.begin() + 8, answer.begin() + bytes);
   }
   return std::nullopt;
+}
+
+// The first word of the answer.
+std::optional<std::uint32_t> ask(const UdpSocket& socket, Command command, std::initializer_list<std::uint32_t> words) {
+  const auto answer = ask_all(socket, command, words);
+  return answer ? std::optional(load_u32(*answer, 0)) : std::nullopt;
 }
 
 int mtu_of(const UdpSocket& socket, const std::string& interface) {
@@ -140,6 +152,16 @@ bool answers_gvcp(const std::string& ipv4) {
   const UdpSocket socket;
   if (socket.connect_to(ipv4) != 0) return false;
   return ask(socket, Command::kDiscovery, {}).has_value();
+}
+
+std::optional<std::vector<unsigned char>> read_memory(const std::string& ipv4, std::uint32_t address,
+                                                      std::uint32_t bytes) {
+  constexpr std::size_t kAddressBytes = 4;  // begins the answer
+  const UdpSocket socket;
+  if (socket.connect_to(ipv4) != 0) return std::nullopt;
+  auto answer = ask_all(socket, Command::kReadMemory, {address, bytes});
+  if (!answer || answer->size() < kAddressBytes + bytes || load_u32(*answer, 0) != address) return std::nullopt;
+  return std::vector<unsigned char>(answer->begin() + kAddressBytes, answer->begin() + kAddressBytes + bytes);
 }
 
 bool free_from_dead_program(const std::string& ipv4, const std::string& own_address) {

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "src/core/result.hpp"
 
@@ -26,6 +28,11 @@ Result<Route> route_to(const std::string& ipv4);
 // Asks the address with GigE Vision's discovery command whether a camera listens there: true, or false after about
 // 0.7 s. Much sooner than the library's own time-out of several seconds. Thread: setup.
 bool answers_gvcp(const std::string& ipv4);
+
+// Reads a camera's memory: bytes from the address on, both multiples of 4, 512 at most. Nothing when the camera refuses
+// or is silent for 0.7 s. Thread: setup.
+std::optional<std::vector<unsigned char>> read_memory(const std::string& ipv4, std::uint32_t address,
+                                                      std::uint32_t bytes);
 
 // Takes control of the camera away from a program on this computer that died: a camera holds on to it until no
 // heartbeat came for some 3 s, and tells its address and port where it has these registers. Only when no process has

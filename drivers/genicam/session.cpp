@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -201,9 +202,12 @@ Status Session::start_gvsp(std::size_t payload_bytes, std::vector<std::string>& 
   if (!error) arv_device_write_register(device, kStreamPort, gvsp_->port(), error.out());
   if (error) return failed(connection_.name + ": it is not told where to send its stream (" + error.message() + ")");
   ASSIGN_OR_RETURN(const gvsp::StreamPlan plan, plan_stream(payload_bytes, warnings));
-  if (!gvsp_->start(plan, source_port(), options_.realtime_priority,
-                    [this](const CameraFrame& frame) { take(frame); })) {
-    warnings.push_back(gvsp::refused_priority(options_.realtime_priority));
+  try {
+    const Status raised = gvsp_->start(plan, source_port(), options_.realtime_priority,
+                                       [this](const CameraFrame& frame) { take(frame); });
+    if (!raised) warnings.push_back(gvsp::refused_priority(options_.realtime_priority));
+  } catch (const std::system_error& e) {
+    return failed(connection_.name + ": no thread can be started to receive its frames: " + e.what());
   }
   return {};
 }

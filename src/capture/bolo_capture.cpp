@@ -21,6 +21,11 @@ constexpr std::size_t kMostDamaged = std::size_t{1} << 20;
 
 constexpr double kPeriodTolerance = 0.2;
 constexpr double kLongestPeriod_s = 1.0;  // no thermal camera streams slower than a frame a second
+// What is counted in periods must end, and times must fit nanoseconds: beyond these no unit makes sense of a file.
+constexpr double kLeastPeriod_s = 1e-6;
+constexpr double kMostPeriod_s = 1e6;
+constexpr double kLastTime_s = 9e9;
+constexpr double kMostScale = 1e9;
 
 std::string value_at(std::size_t index, double value) {
   return "/t: value " + std::to_string(index) + " (" + text(value) + ")";
@@ -309,12 +314,18 @@ Result<Contents> read_bolo_capture(hid_t file, Trust trust) {
 Status check_times(const std::vector<double>& t) {
   for (std::size_t i = 0; i < t.size(); ++i) {
     if (!std::isfinite(t[i])) return bad_input(value_at(i, t[i]) + " is not a finite number of seconds");
+    if (std::abs(t[i]) > kLastTime_s) {
+      return bad_input(value_at(i, t[i]) + " is beyond " + text(kLastTime_s) + " s; expected seconds");
+    }
     if (i > 0 && t[i] <= t[i - 1]) {
       return bad_input(value_at(i, t[i]) + " is not above the one before (" + text(t[i - 1]) +
                        "); the frames' times must rise");
     }
   }
-  return {};
+  const double step_s = median_step(t);
+  if (t.size() < 2 || (step_s >= kLeastPeriod_s && step_s <= kMostPeriod_s)) return {};
+  return bad_input("/t rises by " + text(step_s) + " s a frame (median); expected " + text(kLeastPeriod_s) + " to " +
+                   text(kMostPeriod_s) + " s");
 }
 
 double median_step(const std::vector<double>& t) {
@@ -341,15 +352,19 @@ void check_plausible(Contents& contents) {
 }
 
 Status check_format_values(const StreamFormat& format) {
-  if (!(format.frame_period_s > 0.0) || !std::isfinite(format.frame_period_s)) {
-    return bad_input("root attribute 'frame_period_s' is " + text(format.frame_period_s) +
-                     "; expected seconds above 0");
+  if (!(format.frame_period_s >= kLeastPeriod_s && format.frame_period_s <= kMostPeriod_s)) {
+    return bad_input("root attribute 'frame_period_s' is " + text(format.frame_period_s) + "; expected " +
+                     text(kLeastPeriod_s) + " to " + text(kMostPeriod_s) + " s");
   }
-  if (format.scale.scale == 0.0 || !std::isfinite(format.scale.scale)) {
+  const double scale = std::abs(format.scale.scale);
+  if (!(scale >= 1.0 / kMostScale && scale <= kMostScale)) {
     return bad_input("root attribute 'scale' is " + text(format.scale.scale) +
-                     "; expected a number other than 0 (kelvin = scale * value + offset)");
+                     "; expected a number other than 0 (kelvin = scale * value + offset), up to " + text(kMostScale));
   }
-  if (!std::isfinite(format.scale.offset)) return bad_input("root attribute 'offset' is not finite");
+  if (!(std::abs(format.scale.offset) <= kMostScale)) {
+    return bad_input("root attribute 'offset' is " + text(format.scale.offset) + "; expected up to " +
+                     text(kMostScale));
+  }
   if (format.row_step < 1) {
     return bad_input("root attribute 'row_step' is " + std::to_string(format.row_step) +
                      "; expected a whole number of at least 1");

@@ -185,6 +185,11 @@ std::optional<PageRecord> read_record(int descriptor, std::uint64_t offset) {
 std::filesystem::path journal_of(const std::filesystem::path& file) { return file.string() + ".journal"; }
 std::filesystem::path live_of(const std::filesystem::path& file) { return file.string() + ".live"; }
 
+bool has_one_name(const std::filesystem::path& file) {
+  struct stat there {};
+  return ::lstat(file.c_str(), &there) != 0 || (S_ISREG(there.st_mode) && there.st_nlink == 1);
+}
+
 CacheName cache_of(int descriptor) {
   CacheName name{};
   struct stat info {};
@@ -229,10 +234,11 @@ Pages read_records(const std::filesystem::path& file) {
 // file.
 bool apply_records(const std::filesystem::path& file) {
   constexpr std::uint64_t kNoEnd = std::numeric_limits<std::uint64_t>::max();
-  const UniqueFd to(::open(file.c_str(), O_RDWR | O_CLOEXEC));
+  const UniqueFd to(::open(file.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW));
   if (!to) return false;
   if (::flock(to.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return false;
-  const UniqueFd journal(::open(journal_of(file).c_str(), O_RDWR | O_CLOEXEC));
+  const UniqueFd journal(::open(journal_of(file).c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW));
+  if (!journal && errno != ENOENT) return false;
   const Records records = read_both(file);
   if (journal && ::fsync(journal.get()) != 0) return false;
   if (!write_pages(to.get(), records.journal.pages, kNoEnd) || ::fsync(to.get()) != 0) return false;

@@ -47,6 +47,10 @@ std::optional<PageRecord> read_record(int descriptor, std::uint64_t offset);
 std::filesystem::path journal_of(const std::filesystem::path& file);  // FILE.journal
 std::filesystem::path live_of(const std::filesystem::path& file);     // FILE.live
 
+// A file that is no link and has no other name, or none at all. What is written, emptied and removed in the end must be
+// so: whoever can put a link there would have another file's content go. Thread: any.
+bool has_one_name(const std::filesystem::path& file);
+
 // The kernel's memory that holds what was written to the disk of `descriptor`: by boot, and by each time that the disk
 // was put in. Empty bytes where that is not known. Thread: any.
 using CacheName = std::array<char, 64>;

@@ -47,11 +47,8 @@ bool for_each_page(std::uint64_t offset, std::size_t bytes, Use use) {
   return true;
 }
 
-// What is written, emptied and removed in the end must be under no other name: whoever can put a link here would have
-// another file's content go.
 Status check_only_name(const std::filesystem::path& file) {
-  struct stat there {};
-  if (::lstat(file.c_str(), &there) != 0 || (S_ISREG(there.st_mode) && there.st_nlink == 1)) return {};
+  if (has_one_name(file)) return {};
   return bad_input("cannot be begun: " + file.filename().string() +
                    " is a link, has another name too, or is no file; remove it, or choose another name");
 }

@@ -134,6 +134,10 @@ Result<Recovered> recover_in_place(const std::filesystem::path& part, const Outp
   if (std::filesystem::is_symlink(part, ignored)) {
     return bad_input(part.string() + ": is a link; finish the file that it stands for, or save it to another one");
   }
+  for (const auto& written : {part, journal_of(part), live_of(part)}) {
+    if (has_one_name(written)) continue;
+    return bad_input(written.string() + ": is a link, has another name too, or is no file; recover to another file");
+  }
   Recovered done;
   {
     ASSIGN_OR_RETURN(const CaptureReader reader, CaptureReader::open(part));

@@ -47,15 +47,16 @@ MotionSolver::MotionSolver(const StreamTask& task)
       mmae_(in_values(task)),
       kernels_(motion::best_kernels(mmae_.isa())),
       inertia_(task.settings.tau_s / task.settings.period_s),
-      global_(task.input.geometry),
+      global_(followed()),
       gyro_(task.input.geometry, task.input.row_step, task.settings.gyro_setup, task.settings.period_s, inertia_),
-      local_(task.input.geometry),
+      local_(followed()),
       told_(task.input.geometry) {
   const Geometry g = task.input.geometry;
   for (int ahead = 0; usable() && ahead <= task.settings.lookahead; ++ahead)
     estimators_.emplace_back(g, inertia_, ahead);
-  for (Frame& f : frames_) f.values = motion::PaddedPlane(g);
-  for (int i = 0; i < 3; ++i) innovations_.push_back({false, motion::PaddedPlane(g), motion::Pyramid(g)});
+  for (Frame& f : frames_) f.values = motion::PaddedPlane(followed());
+  for (int i = 0; i < 3; ++i)
+    innovations_.push_back({false, motion::PaddedPlane(followed()), motion::Pyramid(followed())});
   field_ = motion::VectorField(motion::blocks_over(g.width), motion::blocks_over(g.height));
   for (int row = 0; task.delays_rows() && row < field_.down(); ++row) {
     const int middle = std::min(row * motion::kBlock + motion::kBlock / 2, g.height - 1);
@@ -68,6 +69,12 @@ MotionSolver::MotionSolver(const StreamTask& task)
 
 bool MotionSolver::usable() const noexcept {
   return std::min(task_.input.geometry.width, task_.input.geometry.height) >= motion::kLeastSide;
+}
+
+// The frames whose motion is looked for. Of those that are too low for it, none are kept: the rim around each is wider
+// than they are.
+Geometry MotionSolver::followed() const noexcept {
+  return usable() ? task_.input.geometry : Geometry{motion::kBlock, motion::kBlock};
 }
 
 double MotionSolver::noise_k() const noexcept { return task_.in_kelvin(mmae_.noise()); }

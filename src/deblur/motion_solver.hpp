@@ -57,6 +57,7 @@ class MotionSolver final : public Solver {
   };
 
   bool usable() const noexcept;
+  Geometry followed() const noexcept;
   void forget() noexcept;
   void take(const void* plane, Crew& crew) noexcept;
   void load(const void* plane, motion::PaddedPlane& to) const noexcept;

@@ -16,6 +16,7 @@ constexpr int kRowStep = 2 * kBlockRows;  // every other row of blocks is looked
 constexpr double kQuantile = 0.05;
 constexpr double kRise = 1.002;       // a frame
 constexpr double kFall = 0.2;         // of the way, a frame
+constexpr double kMostNoise = 1e7;    // in values; products of variances stay in a float's range
 constexpr double kFloatFloor = 1e-3;  // K: of a float capture without noise
 
 // The 5 % quantile of chi^2 with `freedom` degrees over its mean (Wilson and Hilferty, 1931).
@@ -46,8 +47,8 @@ NoiseMeter::NoiseMeter(const StreamTask& task) : task_(task) {
 }
 
 double NoiseMeter::noise() const noexcept {
-  if (given_ > 0.0) return given_;
-  return std::max(measured_, floor_);
+  const double noise = given_ > 0.0 ? given_ : std::max(measured_, floor_);
+  return std::min(kMostNoise, noise);
 }
 
 void NoiseMeter::look(const WindowView& window, const Pattern& pattern) noexcept {
@@ -78,7 +79,7 @@ double NoiseMeter::measure(const void* const* planes, int order) noexcept {
     for (int x = 0; x + width <= g.width; x += width) {
       const auto first = column_.begin() + x;
       const float sum = std::accumulate(first, first + width, 0.0F);
-      if (sum > 0.0F) block_.push_back(sum);  // none at all: dead or saturated
+      if (sum > 0.0F && std::isfinite(sum)) block_.push_back(sum);  // none at all: dead or saturated
     }
   }
   if (block_.empty()) return 0.0;

@@ -231,6 +231,8 @@ Result<std::optional<FromMotion>> learn_from_motion(const std::filesystem::path&
                                                     const Session& session, const model::CameraProfile& profile) {
   if (session.period_s > profile.tau_s) return std::optional<FromMotion>();
   ASSIGN_OR_RETURN(auto reader, capture::CaptureReader::open(file));
+  const Geometry frame = reader.info().format.geometry;
+  if (std::min(frame.width, frame.height) < motion::kLeastSide) return std::optional<FromMotion>();
   deblur::Settings settings;
   settings.method = deblur::Method::kMotion;
   settings.tau_s = profile.tau_s;

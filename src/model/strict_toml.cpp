@@ -3,9 +3,10 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <fstream>
+#include <numeric>
 #include <utility>
 
+#include "src/core/input_file.hpp"
 #include "src/core/nearest.hpp"
 
 namespace bolo::model {
@@ -22,15 +23,7 @@ std::string position(const std::filesystem::path& file, std::int64_t line, std::
 Result<std::string> slurp(const std::filesystem::path& file) {
   std::error_code error;
   if (!std::filesystem::exists(file, error)) return bad_input(file.string() + ": no such file");
-  if (std::filesystem::is_directory(file, error)) return bad_input(file.string() + ": is a folder, not a file");
-  std::ifstream in(file, std::ios::binary);
-  if (!in) return bad_input(file.string() + ": cannot be opened for reading; check its permissions");
-  std::string text(kMaxFileBytes + 1, '\0');
-  in.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(in.gcount()));
-  if (in.bad()) return bad_input(file.string() + ": cannot be read");
-  if (text.size() > kMaxFileBytes) return bad_input(file.string() + ": larger than 1 MiB: this is no settings file");
-  return text;
+  return read_input(file, kMaxFileBytes);
 }
 
 // The first line with a key of more parts than any has, or 0: the library reads and frees tables in tables one within

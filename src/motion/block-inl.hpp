@@ -40,11 +40,11 @@ struct Source {
 };
 
 // So far that a block of 12 x 12 around (x0, y0) would leave the rim, it sees nothing but the repeated border: it may
-// as well stay at the rim.
+// as well stay at the rim. What is no number is taken for the lowest.
 HWY_INLINE int limited(float whole, int first, int blocks) {
   const float low = static_cast<float>(2 - kRim - first);
   const float high = static_cast<float>(blocks * kBlock + kRim - kBlock - 4 - first);
-  return static_cast<int>(std::min(std::max(whole, low), high));
+  return static_cast<int>(std::min(std::max(low, whole), high));
 }
 
 struct Whole {

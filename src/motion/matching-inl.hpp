@@ -185,8 +185,9 @@ HWY_INLINE void move_patch(const PaddedPlane& a, int x0, int y0, Vec2 d, float* 
   const float iy = std::floor(-d.y);
   const Vec fx = all(-d.x - ix);
   const Vec fy = all(-d.y - iy);
-  const int left = x0 + static_cast<int>(std::clamp(ix, -1e6F, 1e6F));
-  const int top = y0 + static_cast<int>(std::clamp(iy, -1e6F, 1e6F));
+  const auto whole = [](float v) { return static_cast<int>(std::max(-1e6F, std::min(1e6F, v))); };  // also of NaN
+  const int left = x0 + whole(ix);
+  const int top = y0 + whole(iy);
   const Geometry g = a.geometry();
   const bool in_rim = left >= -kRim && left + kPatchColumns + kBlock < static_cast<int>(a.stride()) - kRim;
   HWY_ALIGN float rows[2][kPatchColumns + kBlock];

@@ -8,10 +8,10 @@
 #include <csetjmp>
 #include <cstdio>
 #include <fstream>
-#include <iterator>
 #include <memory>
 #include <string>
 
+#include "src/core/input_file.hpp"
 #include "src/sim/scene.hpp"
 
 namespace bolo::sim {
@@ -77,8 +77,8 @@ class PngReader {
 };
 
 Result<GreyImage> read_jpeg(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  const std::vector<unsigned char> bytes{std::istreambuf_iterator<char>(in), {}};
+  ASSIGN_OR_RETURN(const std::string bytes, read_input(file));
+  const auto* const jpeg = reinterpret_cast<const unsigned char*>(bytes.data());
   const std::unique_ptr<void, int (*)(tjhandle)> decoder(tjInitDecompress(), tjDestroy);
   if (!decoder) return failed("libturbojpeg does not start");
   const auto damaged = [&decoder] {
@@ -88,14 +88,14 @@ Result<GreyImage> read_jpeg(const std::filesystem::path& file) {
   int height = 0;
   int subsampling = 0;
   int colours = 0;
-  if (tjDecompressHeader3(decoder.get(), bytes.data(), bytes.size(), &width, &height, &subsampling, &colours) != 0) {
+  if (tjDecompressHeader3(decoder.get(), jpeg, bytes.size(), &width, &height, &subsampling, &colours) != 0) {
     return damaged();
   }
   const std::uint64_t pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
   if (pixels > kMaxPixels) return bad_input("more than 64 million pixels");
   std::vector<unsigned char> grey(pixels);
-  if (tjDecompress2(decoder.get(), bytes.data(), bytes.size(), grey.data(), width, 0, height, TJPF_GRAY,
-                    TJFLAG_ACCURATEDCT) != 0) {
+  if (tjDecompress2(decoder.get(), jpeg, bytes.size(), grey.data(), width, 0, height, TJPF_GRAY, TJFLAG_ACCURATEDCT) !=
+      0) {
     return damaged();
   }
   GreyImage image{width, height, {}};
@@ -108,11 +108,8 @@ Result<GreyImage> read_jpeg(const std::filesystem::path& file) {
 enum class FileKind { kPng, kJpeg, kHdf5 };
 
 Result<FileKind> file_kind(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
+  ASSIGN_OR_RETURN(std::ifstream in, stream_input(file));
   std::array<char, 8> bytes{};
-  if (!in || std::filesystem::is_directory(file)) {
-    return bad_input(file.string() + ": cannot be opened; give a PNG, JPEG or HDF5 picture");
-  }
   in.read(bytes.data(), bytes.size());
   const std::string_view head(bytes.data(), static_cast<std::size_t>(in.gcount()));
   if (head == "\x89PNG\r\n\x1a\n") return FileKind::kPng;
@@ -144,8 +141,9 @@ Result<capture::StillImage> read_kelvin(const std::filesystem::path& file) {
 }  // namespace
 
 Result<GreyImage> read_png(const std::filesystem::path& file) {
-  const std::unique_ptr<std::FILE, FileCloser> in(std::fopen(file.c_str(), "rb"));
-  if (!in) return bad_input("cannot be opened");
+  ASSIGN_OR_RETURN(const UniqueFd descriptor, open_input(file));
+  const std::unique_ptr<std::FILE, FileCloser> in(::fdopen(::dup(descriptor.get()), "rb"));
+  if (!in) return failed("cannot be opened");
   PngReader reader;
   const auto damaged = [&reader] { return bad_input("damaged PNG: " + reader.message()); };
   if (!reader.read_header(in.get())) return damaged();

@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <string_view>
+#include <utility>
 
+#include "src/core/input_file.hpp"
 #include "src/core/parse_text.hpp"
 
 namespace bolo::sim {
@@ -161,8 +163,8 @@ void Path::crossings(double from_s, double to_s, std::vector<double>& out) const
 Path steady_pan(double speed_px_s) { return Path({{0.0, 0.0, 0.0}, {1.0, -speed_px_s, 0.0}}); }
 
 Result<std::vector<PathPoint>> read_trajectory(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  if (!in) return bad_input(file.string() + ": cannot be opened; give a CSV file with the columns t_s,x_px,y_px");
+  ASSIGN_OR_RETURN(std::string whole, read_input(file));
+  std::istringstream in(std::move(whole));
   std::vector<PathPoint> points;
   std::string text;
   bool header_seen = false;

@@ -299,15 +299,14 @@ TEST(CaptureWriterDisk, GivingUpOnAFullDiskIsNoCrash) {
   }
 }
 
-// The records of its commits lie beside the file, not beside a link to it.
-TEST(CaptureWriterName, AKilledRecordingIsTheSameThroughALink) {
-  const Scratch scratch;
+// FILE.part with 20 frames, and its records.
+void leave_unfinished(const std::filesystem::path& file) {
   const pid_t pid = fork();
   ASSERT_GE(pid, 0);
   if (pid == 0) {
     WriterOptions options;
     options.survives_power_cut = true;
-    auto writer = CaptureWriter::create(scratch / "a.h5", small_info(), options);
+    auto writer = CaptureWriter::create(file, small_info(), options);
     bool good = writer.has_value();
     for (std::size_t i = 0; good && i < 20; ++i) good = append(*writer, i) && writer->commit();
     if (good) kill(getpid(), SIGKILL);
@@ -316,6 +315,12 @@ TEST(CaptureWriterName, AKilledRecordingIsTheSameThroughALink) {
   int status = 0;
   ASSERT_EQ(waitpid(pid, &status, 0), pid);
   ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+}
+
+// The records of its commits lie beside the file, not beside a link to it.
+TEST(CaptureWriterName, AKilledRecordingIsTheSameThroughALink) {
+  const Scratch scratch;
+  ASSERT_NO_FATAL_FAILURE(leave_unfinished(scratch / "a.h5"));
   std::filesystem::create_directory(scratch / "elsewhere");
   const auto link = scratch / "elsewhere" / "b.h5.part";
   std::filesystem::create_symlink(scratch / "a.h5.part", link);
@@ -326,6 +331,29 @@ TEST(CaptureWriterName, AKilledRecordingIsTheSameThroughALink) {
   }
   expect_refused(recover_in_place(link, scratch / "elsewhere" / "b.h5"), {"is a link"});
   EXPECT_TRUE(recover_in_place(scratch / "a.h5.part", scratch / "a.h5"));
+}
+
+// To finish it in place writes to the file and its journal: what they stand for beside that would be lost.
+TEST(CaptureWriterName, ARecordingIsNotFinishedThroughOtherNames) {
+  const Scratch scratch;
+  const auto part = scratch / "a.h5.part";
+  const auto user = scratch / "user";
+  const auto content = [&] { return std::string(std::istreambuf_iterator<char>(std::ifstream(user).rdbuf()), {}); };
+  for (const char* ending : {"", ".journal", ".live"}) {
+    for (const bool hard : {false, true}) {
+      SCOPED_TRACE(std::string(ending) + (hard ? " hard" : " soft"));
+      std::filesystem::remove(user);
+      for (const char* old : {"", ".journal", ".live"}) std::filesystem::remove(part.string() + old);
+      ASSERT_NO_FATAL_FAILURE(leave_unfinished(scratch / "a.h5"));
+      const std::filesystem::path name = part.string() + ending;
+      std::filesystem::rename(name, user);
+      hard ? std::filesystem::create_hard_link(user, name) : std::filesystem::create_symlink(user, name);
+      const std::string before = content();
+      expect_refused(recover_in_place(part, scratch / "a.h5"), {"is a link"});
+      EXPECT_EQ(content(), before);
+      EXPECT_FALSE(std::filesystem::exists(scratch / "a.h5"));
+    }
+  }
 }
 
 TEST(CaptureWriterNames, NothingThatExistsIsReplaced) {

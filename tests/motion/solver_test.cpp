@@ -1,5 +1,8 @@
 // The solver `motion` on whole streams.
+#include <malloc.h>
+
 #include <cstring>
+#include <limits>
 
 #include <gtest/gtest.h>
 
@@ -142,6 +145,38 @@ TEST(MotionSolver, NotANumberStaysAlone) {
   }
 }
 
+// Noise that is measured stays a number: an infinite one made displacements that were none, which led out of the frame.
+TEST(MotionSolver, AFrameOfInfinityIsOutlived) {
+  std::vector<std::vector<float>> values(60, std::vector<float>(kFrame.pixels(), 300.0F));
+  std::ranges::fill(values[25], std::numeric_limits<float>::infinity());
+  auto solver = Solver::create(settings_of(Method::kMotion, 0.0), format_of(PixelType::kFloat32), PixelType::kFloat32);
+  std::vector<float> out(kFrame.pixels());
+  for (std::size_t end = kWindow; end <= values.size(); ++end) {
+    std::vector<const void*> planes;
+    for (std::size_t i = end - kWindow; i < end; ++i) planes.push_back(values[i].data());
+    const WindowView window{planes, kWindow - 1, end};
+    (*solver)->prepare(window);
+    (*solver)->solve(window, {0, 0, kFrame.width, kFrame.height}, out.data());
+  }
+  EXPECT_TRUE(std::ranges::all_of(out, [](float v) { return std::abs(v - 300.0F) < 0.1F; }));
+  EXPECT_LT((*solver)->noise_k(), 0.01);
+}
+
+TEST(MotionSolver, NoNoiseIsTooMuch) {
+  Stream stream(pan(2.0, 0.0), 0.05, 30);
+  for (const double noise_k : {1e6, 1e10, 1e30, 1e300}) {
+    auto solver =
+        Solver::create(settings_of(Method::kMotion, noise_k), format_of(PixelType::kUint16), PixelType::kFloat32);
+    std::vector<float> out(kFrame.pixels());
+    for (int k = kWindow; k < stream.frames(); ++k) {
+      const WindowView window = stream.window_ending_at(k, 0);
+      (*solver)->prepare(window);
+      (*solver)->solve(window, {0, 0, kFrame.width, kFrame.height}, out.data());
+    }
+    EXPECT_TRUE(std::ranges::all_of(out, [](float v) { return v > 200.0F && v < 400.0F; })) << noise_k;
+  }
+}
+
 TEST(MotionSolver, SmallFramesFallBackToMmae) {
   StreamFormat format = format_of(PixelType::kUint16);
   format.geometry = {9, 5};
@@ -161,6 +196,21 @@ TEST(MotionSolver, SmallFramesFallBackToMmae) {
     (*solver)->solve(window, {0, 0, 9, 5}, out[i].data());
   }
   EXPECT_EQ(out[0], out[1]);
+}
+
+// Points of a capture are a row of pixels: the rims of planes that nothing looks at would take a hundred times its
+// memory.
+TEST(MotionSolver, ARowOfPixelsTakesLittleMemory) {
+  StreamFormat format = format_of(PixelType::kUint16);
+  format.geometry = {200'000, 1};
+  const auto taken = [] {
+    const auto info = mallinfo2();
+    return info.uordblks + info.hblkhd;
+  };
+  const std::size_t before = taken();
+  const auto solver = Solver::create(settings_of(Method::kMotion, 0.05), format, PixelType::kUint16);
+  ASSERT_TRUE(solver);
+  EXPECT_LT((taken() - before) / format.geometry.pixels(), 300U) << "bytes a pixel";
 }
 
 // What the solver tells of frame k.

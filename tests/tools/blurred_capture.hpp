@@ -77,8 +77,8 @@ inline void write_blurred(const std::filesystem::path& file, const Blurred& b) {
   ASSERT_TRUE(closed) << closed.error().message;
 }
 
-// 3x2 pixels in kelvin, of which one is not a number in frame `bad`.
-inline void write_nan(const std::filesystem::path& file, std::uint64_t frames, std::uint64_t bad) {
+// 3x2 pixels of 300 K, of which one is `value` in frame `bad`.
+inline void write_with_one(const std::filesystem::path& file, std::uint64_t frames, std::uint64_t bad, float value) {
   capture::CaptureInfo info;
   info.format.geometry = {3, 2};
   info.format.type = PixelType::kFloat32;
@@ -87,7 +87,7 @@ inline void write_nan(const std::filesystem::path& file, std::uint64_t frames, s
   ASSERT_TRUE(writer) << writer.error().message;
   for (std::uint64_t n = 0; n < frames; ++n) {
     std::vector<float> plane(6, 300.0F);
-    if (n == bad) plane[4] = std::numeric_limits<float>::quiet_NaN();
+    if (n == bad) plane[4] = value;
     ASSERT_TRUE(writer->append(static_cast<double>(n) * kPeriod, n, plane.data()));
   }
   ASSERT_TRUE(writer->close());

@@ -1,9 +1,11 @@
 // `bolo convert` as its user meets it. Radiometric stills are put together here by the structure that exiftool
 // documents for FLIR's APP1 segments, and exiftool itself reads them.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -122,12 +124,48 @@ TEST_F(ConvertVerb, PreviewsOfARangeHaveTheSameGreysInEveryFrame) {
   refused({file("a.h5"), "-o", file("q.png"), "--range", "290,300"}, "add --preview");
 }
 
+// Each page leads to the next only: to look for each from the first one took minutes.
+TEST_F(ConvertVerb, AFilmOfThousandsOfPagesIsGoneThroughOnce) {
+  constexpr std::size_t kPages = 6000;
+  const std::vector<std::uint16_t> plane(64, 30000);
+  auto writer = TiffWriter::create(file("long.tiff"));
+  ASSERT_TRUE(writer);
+  for (std::size_t i = 0; i < kPages; ++i) ASSERT_TRUE(writer->write({8, 8}, PixelType::kUint16, plane.data()));
+  ASSERT_TRUE(writer->close());
+  const auto begin = std::chrono::steady_clock::now();
+  done({file("long.tiff"), "-o", file("long.h5")});
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(30));
+  EXPECT_EQ(open("long.h5").info().frames, kPages);
+}
+
+// A pipe would be waited for.
+TEST_F(ConvertVerb, RefusesWhatIsNoFile) {
+  for (const char* name : {"p.png", "p.tiff", "p.jpg", "p.cptv", "p.mcap", "p.h5"}) {
+    ASSERT_EQ(mkfifo(file(name).c_str(), 0600), 0);
+    const Outcome outcome = run({file(name), "-o", file("out.h5")});
+    EXPECT_EQ(outcome.exit_code, 2) << name;
+    EXPECT_TRUE(outcome.err.find("is a pipe, not a file") != std::string::npos ||
+                outcome.err.find("is not a regular file") != std::string::npos)
+        << outcome.err;
+  }
+}
+
 TEST_F(ConvertVerb, TiffIsKelvinInFloatingPoint) {
   write_capture("a.h5", 4);
   done({file("a.h5"), "-o", file("a.tiff")});
   const auto pages = count_tiff_pages(file("a.tiff"));
   ASSERT_TRUE(pages);
   EXPECT_EQ(*pages, 4U);
+  auto book = TiffReader::open(file("a.tiff"));
+  ASSERT_TRUE(book);
+  for (const std::size_t i : {0U, 2U, 1U, 1U}) {  // there and back
+    const auto one = read_tiff_page(file("a.tiff"), i);
+    const auto read = book->read(i);
+    ASSERT_TRUE(one && read) << i;
+    EXPECT_EQ(read->u16, one->u16) << i;
+    EXPECT_EQ(read->f32, one->f32) << i;
+  }
+  EXPECT_FALSE(book->read(4));
   const auto page = read_tiff_page(file("a.tiff"), 2);
   ASSERT_TRUE(page) << page.error().message;
   for (std::size_t p = 0; p < kPixels; ++p) ASSERT_NEAR(page->f32[p], 0.01 * value_at(2, p), 1e-4);

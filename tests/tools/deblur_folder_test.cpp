@@ -302,7 +302,7 @@ TEST_F(DeblurFolder, AKilledRunGoesOnWithTheCaptureItWasAt) {
 }
 
 TEST_F(DeblurFolder, OneBadCaptureDoesNotStopTheOthers) {
-  test::write_nan(file("archive/b.h5"), 60, 40);
+  test::write_with_one(file("archive/b.h5"), 60, 40, std::numeric_limits<float>::quiet_NaN());
   const Outcome outcome = run({file("archive"), "-o", file("sharp"), "--json"});
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_NE(outcome.err.find("b.h5: frame 40, column 1, row 1 of /frames is nan"), std::string::npos) << outcome.err;

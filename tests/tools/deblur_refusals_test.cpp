@@ -33,6 +33,7 @@ const std::vector<Refusal> kRefusals{
     {"@broken.h5 -o @out.h5", "broken.h5: no full window of 17 frames"},
     {"@slow.h5 -o @out.h5", "slow.h5: deblur settings: period_s is 114"},
     {"@nan.h5 -o @out.h5", "nan.h5: frame 25, column 1, row 1 of /frames is nan"},
+    {"@huge.h5 -o @out.h5", "huge.h5: frame 25, column 1, row 1 of /frames is 3e+38"},
     {"@in.h5 -o @none/out.h5", "none/out.h5"},
     {"@in.h5 -o @in.h5 --overwrite", "both read and written"},
     {kUsual + "--solver magic", "magic"},
@@ -43,6 +44,7 @@ const std::vector<Refusal> kRefusals{
     {kUsual + "--lambda some", "--lambda 'some'"},
     {kUsual + "--isa MMX", "\"MMX\" is not available here; use one of auto"},
     {kUsual + "--points @none.csv", "none.csv: cannot be opened"},
+    {kUsual + "--points /dev/zero", "/dev/zero: is a device, not a file"},
     {kUsual + "--points @bad.csv", "bad.csv:4: '3;4' is not a point"},
     {kUsual + "--points @far.csv", "far.csv:1: point 39.5,2 is outside"},
     {kUsual + "--points @empty.csv", "empty.csv: no points"},
@@ -71,7 +73,8 @@ TEST_F(DeblurVerb, RefusesInOneLineWithExitCode2AndNoOutput) {
                                                {100.0 + 35 * kPeriod, "nuc"},
                                                {100.0 + 50 * kPeriod, "reconnect"}}});
   write_blurred(file("slow.h5"), {.period_s = 114.0});  // milliseconds taken for seconds
-  write_nan(file("nan.h5"), 30, 25);
+  write_with_one(file("nan.h5"), 30, 25, std::numeric_limits<float>::quiet_NaN());
+  write_with_one(file("huge.h5"), 30, 25, 3e38F);
   write("text.h5", "not a capture\n");
   write("bad.csv", "# points\nx,y\n1,2\n3;4\n");
   write("far.csv", "39.5,2\n");

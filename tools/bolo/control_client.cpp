@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 
 #include <nlohmann/json.hpp>
@@ -15,8 +16,10 @@ namespace bolo::tools {
 namespace {
 
 constexpr timeval kPatience{10, 0};  // the daemon itself gives up earlier
+constexpr std::size_t kLongestAnswer = std::size_t{1} << 20U;
 
 Error unreachable(const std::string& path) {
+  if (errno == EAGAIN) return {ErrorKind::kFailed, "control socket " + path + ": the daemon did not answer"};
   return {ErrorKind::kBadInput, "control socket " + path + ": " + std::strerror(errno) +
                                     "; is the daemon running, and may this user use it (control.mode)?"};
 }
@@ -37,20 +40,22 @@ Result<std::string> ask_daemon(const std::string& path, std::string_view request
   path.copy(address.sun_path, sizeof address.sun_path - 1);
   const UniqueFd fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &kPatience, sizeof kPatience);
+  setsockopt(fd.get(), SOL_SOCKET, SO_SNDTIMEO, &kPatience, sizeof kPatience);  // also where it accepts nobody
   const std::string line = std::string(request) + "\n";
   if (connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
       send(fd.get(), line.data(), line.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(line.size())) {
     return tl::unexpected<Error>(unreachable(path));
   }
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(kPatience.tv_sec);
   std::string answer;
   std::array<char, 1024> buffer;
-  for (ssize_t got = 0; answer.find('\n') == std::string::npos;
-       answer.append(buffer.data(), static_cast<std::size_t>(got))) {
-    got = recv(fd.get(), buffer.data(), buffer.size(), 0);
+  while (answer.size() < kLongestAnswer && std::chrono::steady_clock::now() < deadline) {
+    const ssize_t got = recv(fd.get(), buffer.data(), buffer.size(), 0);
     if (got <= 0) break;
+    answer.append(buffer.data(), static_cast<std::size_t>(got));
+    if (const std::size_t end = answer.find('\n'); end != std::string::npos) return answer.substr(0, end);
   }
-  if (answer.empty()) return failed("control socket " + path + ": the daemon did not answer");
-  return answer.substr(0, answer.find('\n'));
+  return failed("control socket " + path + ": the daemon did not answer");
 }
 
 Result<std::string> ask_daemon_named(const std::string& name, std::string_view request) {
@@ -61,8 +66,10 @@ Result<std::string> ask_daemon_named(const std::string& name, std::string_view r
 
 Status judge_answer(const std::string& answer) {
   const auto told = nlohmann::json::parse(answer, nullptr, false);
-  if (told.is_object() && told.value("ok", false)) return {};
-  return failed(told.is_object() ? told.value("error", answer) : answer);
+  const bool done = told.is_object() && told.contains("ok") && told["ok"] == true;
+  if (done) return {};
+  const bool says_why = told.is_object() && told.contains("error") && told["error"].is_string();
+  return failed(says_why ? told["error"].get<std::string>() : answer);
 }
 
 }  // namespace bolo::tools

@@ -3,9 +3,7 @@
 #include <arpa/inet.h>
 
 #include <array>
-#include <fstream>
 #include <optional>
-#include <sstream>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -14,6 +12,7 @@
 
 #include "drivers/shm/shm_object.hpp"
 #include "src/capture/pixel_maps_io.hpp"
+#include "src/core/input_file.hpp"
 #include "src/deblur/isa.hpp"
 #include "src/model/strict_toml.hpp"
 #include "src/pipeline/apply_profile.hpp"
@@ -304,11 +303,7 @@ KeyTable config_keys(DaemonConfig& config, Overrides& overrides) {
 }
 
 // Tells another content of a file from this one.
-std::string content(const std::filesystem::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file, std::ios::binary).rdbuf();
-  return text.str();
-}
+std::string content(const std::filesystem::path& file) { return read_input(file).value_or(""); }
 
 // Maps are large, and replaced as a whole.
 std::string stamp(const std::filesystem::path& file) {

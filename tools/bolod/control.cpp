@@ -47,8 +47,14 @@ void make_folder(const std::filesystem::path& folder) {
 }
 
 bool is_listening(const sockaddr_un& address) {
-  const UniqueFd probe(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
-  return connect(probe.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  const UniqueFd probe(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  return connect(probe.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 || errno == EAGAIN;
+}
+
+// Device and inode; zeros where there is nothing.
+std::pair<dev_t, ino_t> file_at(const std::string& path) {
+  struct stat status {};
+  return lstat(path.c_str(), &status) == 0 ? std::pair(status.st_dev, status.st_ino) : std::pair<dev_t, ino_t>();
 }
 
 tl::unexpected<Error> cannot(const std::string& path, int code) {
@@ -106,6 +112,7 @@ Result<std::unique_ptr<ControlServer>> ControlServer::start(const std::string& p
 // A request is a line.
 ControlServer::ControlServer(std::string path, UniqueFd listener, Answer answer)
     : path_(std::move(path)),
+      file_(file_at(path_)),
       server_(std::move(listener), kLimits,
               [answer = std::move(answer)](std::string_view received) -> std::optional<std::string> {
                 const std::size_t end = received.find('\n');
@@ -113,6 +120,11 @@ ControlServer::ControlServer(std::string path, UniqueFd listener, Answer answer)
                 return answer(received.substr(0, end)) + "\n";
               }) {}
 
-ControlServer::~ControlServer() { unlink(path_.c_str()); }
+ControlServer::~ControlServer() {
+  if (is_there()) unlink(path_.c_str());
+}
+
+// No other file has its number while it is listened to, even without a name.
+bool ControlServer::is_there() const { return file_at(path_) == file_; }
 
 }  // namespace bolo::daemon

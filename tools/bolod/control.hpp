@@ -1,10 +1,13 @@
 // The daemon's control socket: one line in, one line of JSON out.
 #pragma once
 
+#include <sys/types.h>
+
 #include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "src/core/result.hpp"
 #include "tools/bolod/request_server.hpp"
@@ -28,15 +31,19 @@ class ControlServer {
   // permission bits. A path that cannot be used, in a folder whose owner or others could put another socket in its
   // place, or where a living daemon listens, is bad input. Thread: setup.
   static Result<std::unique_ptr<ControlServer>> start(const std::string& path, unsigned mode, Answer answer);
-  // Ends the thread, once it has answered, and removes the socket.
+  // Ends the thread, once it has answered, and removes the socket where it still is this one's.
   ~ControlServer();
   ControlServer(const ControlServer&) = delete;
   ControlServer& operator=(const ControlServer&) = delete;
+
+  // The path still leads here: neither taken away nor replaced. Thread: any.
+  bool is_there() const;
 
  private:
   ControlServer(std::string path, UniqueFd listener, Answer answer);
 
   std::string path_;
+  std::pair<dev_t, ino_t> file_;
   RequestServer server_;
 };
 

@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstring>
 #include <ctime>
+#include <exception>
 #include <optional>
 #include <string_view>
 #include <thread>
@@ -38,8 +39,8 @@ namespace {
 
 namespace event = pipeline::event;
 
-constexpr std::int64_t kMetricsRetryNs = 2'000'000'000;
-constexpr timespec kPollPeriod{0, 100'000'000};  // how late a signal's or the source's end may be noticed
+constexpr std::int64_t kRetryNs = 2'000'000'000;  // of what others took away, or have
+constexpr timespec kPollPeriod{0, 100'000'000};   // how late a signal's or the source's end may be noticed
 
 sigset_t our_signals() {
   sigset_t signals;
@@ -86,6 +87,13 @@ void block_signals() {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
 }
 
+void ignore_signals() {
+  for (const int signal : {SIGPIPE, SIGXFSZ, SIGUSR1, SIGUSR2, SIGALRM, SIGVTALRM, SIGPROF, SIGIO, SIGPWR, SIGSTKFLT}) {
+    ::signal(signal, SIG_IGN);
+  }
+  for (int signal = SIGRTMIN; signal <= SIGRTMAX; ++signal) ::signal(signal, SIG_IGN);
+}
+
 struct Daemon::Impl {
   DaemonConfig config;
   std::shared_ptr<spdlog::logger> log;
@@ -104,9 +112,13 @@ struct Daemon::Impl {
   std::unique_ptr<ControlServer> control;  // goes first, with the next: they ask all others
   std::unique_ptr<MetricsServer> metrics;
   std::int64_t next_metrics_try_ns = 0;
+  std::int64_t next_control_look_ns = 0;
+  bool control_missed = false;  // which was said
 
   Status compose();
+  Result<std::unique_ptr<ControlServer>> make_control();
   Status listen();
+  void keep_listening();
   void serve_metrics();
   std::string answer(std::string_view request) const;
   void watch(OnHangup on_hangup);
@@ -151,11 +163,15 @@ Status Daemon::Impl::compose() {
   return {};
 }
 
+Result<std::unique_ptr<ControlServer>> Daemon::Impl::make_control() {
+  return ControlServer::start(config.control.socket, config.control.mode,
+                              [this](std::string_view request) { return answer(request); });
+}
+
 // A place that was not asked for may fail: frames matter more than commands.
 Status Daemon::Impl::listen() {
   if (config.control.socket.empty()) return {};
-  auto made = ControlServer::start(config.control.socket, config.control.mode,
-                                   [this](std::string_view request) { return answer(request); });
+  auto made = make_control();
   if (made) {
     control = std::move(*made);
     return {};
@@ -165,10 +181,24 @@ Status Daemon::Impl::listen() {
   return {};
 }
 
+// What cleans up temporary files takes sockets, too, and with them every command.
+void Daemon::Impl::keep_listening() {
+  if (control == nullptr || monotonic_ns() < next_control_look_ns) return;
+  next_control_look_ns = monotonic_ns() + kRetryNs;
+  if (control->is_there()) return;
+  auto made = make_control();
+  if (made) {
+    control = std::move(*made);
+    log->warn("control socket {} was taken away; it is there again", config.control.socket);
+  } else if (!std::exchange(control_missed, true)) {
+    log->warn("{}; it is tried again all the time", made.error().message);
+  }
+}
+
 // A taken port is tried again: frames matter more than metrics.
 void Daemon::Impl::serve_metrics() {
   if (!config.metrics.enabled || metrics != nullptr || monotonic_ns() < next_metrics_try_ns) return;
-  const bool first = std::exchange(next_metrics_try_ns, monotonic_ns() + kMetricsRetryNs) == 0;
+  const bool first = std::exchange(next_metrics_try_ns, monotonic_ns() + kRetryNs) == 0;
   auto made = MetricsServer::start(config.metrics, [this] {
     return collect_metrics({config.name, *pipeline, supervisor->flows()});
   });
@@ -223,6 +253,7 @@ void Daemon::Impl::watch(OnHangup on_hangup) {
     ros2.poll([this](const std::string& what) { log->warn(what); });
     follow_period();
     serve_metrics();
+    keep_listening();
   }
   service::notify_stopping();
 }
@@ -291,7 +322,11 @@ Status Daemon::run(OnHangup on_hangup) {
              {false, self.config.name + ": " + describe(self.config, *self.pipeline), event::kStart});
   self.lock_memory();
   std::thread runner([&self] {
-    self.result = self.pipeline->run(self.stop_requested);
+    try {
+      self.result = self.pipeline->run(self.stop_requested);
+    } catch (const std::exception& e) {  // for want of memory or threads
+      self.result = failed(std::string("cannot go on: ") + e.what());
+    }
     self.ended.store(true, std::memory_order_release);  // partner: the load in watch()
   });
   self.watch(on_hangup);

@@ -14,6 +14,10 @@ namespace bolo::daemon {
 // before any thread exists. Thread: setup.
 void block_signals();
 
+// Those that mean nothing to a daemon would end it: from a timer, a pipe whose reader went, a hand that slipped. A
+// limit on files (SIGXFSZ) is a full disk: an error of the write, which is told. Thread: setup.
+void ignore_signals();
+
 // Effect of SIGHUP: a service reads its file again, a program in a terminal ends with it.
 enum class OnHangup { kReload, kEnd };
 

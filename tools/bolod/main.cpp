@@ -1,5 +1,4 @@
 // `bolod`: the daemon. One instance a camera.
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -9,6 +8,7 @@
 #include <cxxopts.hpp>
 
 #include "src/core/printable.hpp"
+#include "src/core/standard_streams.hpp"
 #include "tools/bolod/config.hpp"
 #include "tools/bolod/daemon.hpp"
 #include "tools/bolod/log.hpp"
@@ -32,6 +32,13 @@ int report_start(const bolo::Error& error) {
   return std::getenv("NOTIFY_SOCKET") == nullptr ? exit_code : kExitFailed;
 }
 
+// What it printed may be meant for a file: on a full disk that is a failure.
+int printed() {
+  std::cout.flush();
+  if (std::cout.good() && std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return kExitDone;
+  return report({bolo::ErrorKind::kFailed, "standard output cannot be written"});
+}
+
 int usage(const std::string& what) {
   std::fprintf(stderr, "bolod: %s; see bolod --help\n", bolo::printable(what).c_str());
   return kExitUsage;
@@ -43,7 +50,7 @@ int run(const std::string& file, bool check_only) {
   if (!config) return report(config.error());
   if (check_only) {
     std::printf("%s: ok\n", file.c_str());
-    return kExitDone;
+    return printed();
   }
   const auto daemon = bolo::daemon::Daemon::create(*config, bolo::daemon::make_log(config->log, config->name));
   if (!daemon) return report_start(daemon.error());
@@ -54,22 +61,23 @@ int run(const std::string& file, bool check_only) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::signal(SIGXFSZ, SIG_IGN);  // a limit on files is then a full disk: an error of the write, which is told
+  bolo::hold_standard_streams();
+  bolo::daemon::ignore_signals();
   cxxopts::Options options = bolo::tools::bolod_options();
   try {
     const cxxopts::ParseResult parsed = options.parse(argc, argv);
     if (!parsed.unmatched().empty()) return usage("unexpected argument '" + parsed.unmatched().front() + "'");
     if (parsed.count("help") != 0) {
       std::cout << options.help();
-      return kExitDone;
+      return printed();
     }
     if (parsed.count("version") != 0) {
       std::puts("bolod " BOLO_VERSION);
-      return kExitDone;
+      return printed();
     }
     if (parsed.count("print-config") != 0) {
       std::cout << bolo::daemon::document_config();
-      return kExitDone;
+      return printed();
     }
     if (parsed.count("config") == 0) return usage("--config FILE is missing");
     return run(parsed["config"].as<std::string>(), parsed.count("check-config") != 0);

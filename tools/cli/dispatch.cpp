@@ -10,6 +10,7 @@
 #include <string>
 
 #include "src/core/printable.hpp"
+#include "src/core/standard_streams.hpp"
 #include "tools/cli/cli.hpp"
 
 namespace bolo::tools {
@@ -26,10 +27,10 @@ void print_usage(const Program& program, std::span<const Verb> verbs, std::FILE*
 }
 
 // Output may have gone to a file on a full disk: that is a failure, too.
-int printed(const std::string& program, std::string_view verb, int code) {
+int printed(const std::string& who, int code) {
   std::cout.flush();
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good()) return code;
-  std::fprintf(stderr, "%s %s: standard output cannot be written: %s\n", program.c_str(), std::string(verb).c_str(),
+  std::fprintf(stderr, "%s: standard output cannot be written: %s\n", who.c_str(),
                errno != 0 ? std::strerror(errno) : "the disk took only a part");
   return code == kExitDone ? kExitFailed : code;
 }
@@ -50,6 +51,7 @@ int guarded(const std::string& program, const Verb& verb, int argc, char** argv)
 }  // namespace
 
 int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char** argv) {
+  hold_standard_streams();
   const std::string name(program.name);
   set_program_name(name);
   if (argc < 2) {
@@ -59,16 +61,16 @@ int dispatch(const Program& program, std::span<const Verb> verbs, int argc, char
   const std::string_view word = argv[1];
   if (word == "--help" || word == "-h" || word == "help") {
     print_usage(program, verbs, stdout);
-    return kExitDone;
+    return printed(name, kExitDone);
   }
   if (word == "--version") {
     std::printf("%s " BOLO_VERSION "\n", name.c_str());
-    return kExitDone;
+    return printed(name, kExitDone);
   }
   for (const Verb& verb : verbs) {
     if (verb.name != word) continue;
     std::signal(SIGXFSZ, SIG_IGN);  // a limit on files is then a full disk: an error of the write, which is told
-    return printed(name, verb.name, guarded(name, verb, argc - 1, argv + 1));
+    return printed(name + " " + std::string(verb.name), guarded(name, verb, argc - 1, argv + 1));
   }
   std::fprintf(stderr, "%s: no verb '%s'; '%s --help' lists them\n", name.c_str(), argv[1], name.c_str());
   return kExitUsage;

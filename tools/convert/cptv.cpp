@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include "src/core/input_file.hpp"
 #include "src/core/printable.hpp"
 #include "src/core/statistics.hpp"
 #include "src/core/utc_clock.hpp"
@@ -21,8 +22,9 @@ namespace {
 constexpr std::uint32_t kMostSide = 1U << 14;
 constexpr std::size_t kMostPixelsOfAFrame = std::size_t{1} << 24;
 constexpr unsigned kMostBits = 32;
-constexpr std::uint32_t kCorrecting_ms = 2000;  // a correction is over by then
-constexpr double kUsualRate_hz = 9.0;           // a Lepton's, where neither header nor times tell
+constexpr std::size_t kMostFramesOfAFilm = 10'000'000;  // twelve days
+constexpr std::uint32_t kCorrecting_ms = 2000;          // a correction is over by then
+constexpr double kUsualRate_hz = 9.0;                   // a Lepton's, where neither header nor times tell
 
 struct Header {
   Geometry geometry;
@@ -200,6 +202,8 @@ class CptvFootage final : public Footage {
       if (!frame) break;
       if (Status good = scanned.read_data(data, frame->bytes); !good) return good;
       if (!frame->background) heads_.push_back(*frame);
+      if (heads_.size() > kMostFramesOfAFilm)
+        return scanned.wrong(fmt::format("it has more than {} frames", kMostFramesOfAFilm));
     }
     if (heads_.empty()) return scanned.wrong("it has no frame");
     describe(told);
@@ -283,6 +287,7 @@ class CptvFootage final : public Footage {
 }  // namespace
 
 Result<std::unique_ptr<Footage>> open_cptv(const std::filesystem::path& file, const Told& told) {
+  RETURN_IF_ERROR(open_input(file));
   auto footage = std::make_unique<CptvFootage>(file);
   RETURN_IF_ERROR(footage->open(told));
   return footage;

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cctype>
 #include <fstream>
+#include <optional>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -12,6 +13,7 @@
 #include <fmt/format.h>
 
 #include "src/core/byte_order.hpp"
+#include "src/core/input_file.hpp"
 #include "tools/convert/flir_still.hpp"
 #include "tools/convert/picture.hpp"
 
@@ -149,12 +151,20 @@ class PictureFootage final : public Footage {
     return picture;
   }
 
+  Result<Picture> read_page(const Place& place) {
+    if (!tiff_ || tiff_file_ != place.file) {
+      ASSIGN_OR_RETURN(tiff_, TiffReader::open(place.file));
+      tiff_file_ = place.file;
+    }
+    return tiff_->read(place.page);
+  }
+
   Result<Picture> read_unnamed(const Place& place) {
     switch (kind_of(place.file)) {
       case Kind::kPng:
         return read_png_picture(place.file);
       case Kind::kTiff:
-        return read_tiff_page(place.file, place.page);
+        return read_page(place);
       default:
         break;
     }
@@ -165,6 +175,8 @@ class PictureFootage final : public Footage {
   }
 
   std::vector<Place> places_;
+  std::optional<TiffReader> tiff_;  // of `tiff_file_`
+  std::filesystem::path tiff_file_;
 };
 
 static_assert(std::endian::native == std::endian::little, "values are read as the machine has them");
@@ -245,6 +257,7 @@ Result<std::unique_ptr<Footage>> open_pictures(const Files& files, const Told& t
       return bad_input(file.string() +
                        ": expected .h5, .mat, .part, .mcap, .cptv, .png, .tiff or .jpg; a raw dump needs --raw WxH");
     }
+    RETURN_IF_ERROR(open_input(file));
     if (kind_of(file) == Kind::kTiff) {
       const Result<std::size_t> counted = count_tiff_pages(file);
       if (!counted) return at(file.string(), counted.error());

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "src/core/input_file.hpp"
 #include "src/core/printable.hpp"
 
 namespace bolo::tools::mcap {
@@ -26,7 +27,7 @@ tl::unexpected<Error> damaged(std::uint64_t at, const std::string& what) {
 }  // namespace
 
 Result<Reader> Reader::open(const std::filesystem::path& name) {
-  std::ifstream file(name, std::ios::binary);
+  ASSIGN_OR_RETURN(std::ifstream file, stream_input(name));
   file.seekg(0, std::ios::end);
   const std::streamoff size = file ? static_cast<std::streamoff>(file.tellg()) : -1;
   if (size < 0) return bad_input("cannot be read");

@@ -94,13 +94,30 @@ Result<std::size_t> count_tiff_pages(const std::filesystem::path& file) {
 }
 
 Result<Picture> read_tiff_page(const std::filesystem::path& file, std::size_t page) {
-  const Handle tiff = open_tiff(file, "r");
+  ASSIGN_OR_RETURN(TiffReader reader, TiffReader::open(file));
+  return reader.read(page);
+}
+
+Result<TiffReader> TiffReader::open(const std::filesystem::path& file) {
+  Handle tiff = open_tiff(file, "r");
   if (!tiff) return bad_input("cannot be opened as TIFF");
-  for (std::size_t i = 0; i < page; ++i) {
-    if (TIFFReadDirectory(tiff.get()) == 0)
-      return bad_input("damaged TIFF: page " + std::to_string(i + 1) + " cannot be read");
+  return TiffReader(tiff.release());
+}
+
+void TiffReader::Closer::operator()(void* tiff) const { TIFFClose(static_cast<TIFF*>(tiff)); }
+
+Result<Picture> TiffReader::read(std::size_t page) {
+  auto* const tiff = static_cast<TIFF*>(tiff_.get());
+  if (page < at_) {
+    if (TIFFSetDirectory(tiff, 0) == 0) return bad_input("damaged TIFF: its first page cannot be read");
+    at_ = 0;
   }
-  const Layout layout = layout_of(tiff.get());
+  for (; at_ < page; ++at_) {
+    if (TIFFReadDirectory(tiff) == 0) {
+      return bad_input("damaged TIFF: page " + std::to_string(at_ + 1) + " cannot be read");
+    }
+  }
+  const Layout layout = layout_of(tiff);
   const bool is_float = layout.format == SAMPLEFORMAT_IEEEFP && layout.bits == 32;
   const bool is_uint16 = layout.format == SAMPLEFORMAT_UINT && layout.bits == 16;
   if (layout.samples != 1 || (!is_float && !is_uint16)) {
@@ -116,7 +133,7 @@ Result<Picture> read_tiff_page(const std::filesystem::path& file, std::size_t pa
   if (is_uint16) picture.u16.resize(pixels);
   auto* out =
       is_float ? reinterpret_cast<std::byte*>(picture.f32.data()) : reinterpret_cast<std::byte*>(picture.u16.data());
-  RETURN_IF_ERROR(read_rows(tiff.get(), layout, out));
+  RETURN_IF_ERROR(read_rows(tiff, layout, out));
   return picture;
 }
 

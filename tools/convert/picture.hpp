@@ -27,6 +27,22 @@ Status write_png8(const std::filesystem::path& file, Geometry geometry, const st
 Result<std::size_t> count_tiff_pages(const std::filesystem::path& file);
 Result<Picture> read_tiff_page(const std::filesystem::path& file, std::size_t page);
 
+// Many pages of a file in their order: each leads to the next only, so that a file of thousands is gone through once.
+class TiffReader {
+ public:
+  static Result<TiffReader> open(const std::filesystem::path& file);
+  // Counted from 0. One before the last that was read begins anew.
+  Result<Picture> read(std::size_t page);
+
+ private:
+  struct Closer {
+    void operator()(void* tiff) const;
+  };
+  explicit TiffReader(void* tiff) : tiff_(tiff) {}
+  std::unique_ptr<void, Closer> tiff_;
+  std::size_t at_ = 0;
+};
+
 class TiffWriter {
  public:
   static Result<TiffWriter> create(const std::filesystem::path& file);

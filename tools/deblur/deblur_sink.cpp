@@ -14,6 +14,8 @@
 namespace bolo::tools {
 namespace {
 
+constexpr float kLargestInput = 1e9F;  // no temperature and no count, and sums of squares overflow beyond
+
 // float32 holds kelvin itself; anything else keeps the input's meaning.
 LinearScale scale_of(const LinearScale& input, PixelType output) {
   if (input.unit == Unit::kKelvin && output == PixelType::kFloat32) return {Unit::kKelvin, 1.0, 0.0};
@@ -105,9 +107,9 @@ Status DeblurSink::refuse_nan(const pipeline::PublishedFrame& frame) const {
   if (format_.source.format.type != PixelType::kFloat32) return {};
   const auto* values = reinterpret_cast<const float*>(raw_.data());
   for (std::size_t i = 0; i < raw_.size() / sizeof(float); ++i) {
-    if (std::isfinite(values[i])) continue;
+    if (std::abs(values[i]) < kLargestInput) continue;
     return bad_input(fmt::format(
-        "{}: frame {}, column {}, row {} of /frames is {:f}; replace such pixels, or leave them out with --roi",
+        "{}: frame {}, column {}, row {} of /frames is {:g}; replace such pixels, or leave them out with --roi",
         input_file_.string(), frame.meta.frame_id, choice_.x_of(i), choice_.y_of(i), values[i]));
   }
   return {};

@@ -1,13 +1,14 @@
 #include "tools/deblur/gyro_file.hpp"
 
 #include <algorithm>
-#include <fstream>
+#include <sstream>
 #include <string>
 #include <string_view>
 
 #include <fmt/format.h>
 
 #include "src/core/clock.hpp"
+#include "src/core/input_file.hpp"
 #include "src/core/parse_text.hpp"
 
 namespace bolo::tools {
@@ -34,8 +35,8 @@ std::optional<GyroSample> sample_of(std::string_view line) {
 }  // namespace
 
 Result<std::vector<GyroSample>> read_gyro(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  if (!in) return bad_input(file.string() + ": cannot be opened for reading");
+  ASSIGN_OR_RETURN(std::string whole, read_input(file));
+  std::istringstream in(std::move(whole));
   std::vector<GyroSample> samples;
   std::string text;
   bool first = true;
@@ -52,7 +53,6 @@ Result<std::vector<GyroSample>> read_gyro(const std::filesystem::path& file) {
     }
     samples.push_back(*sample);
   }
-  if (in.bad()) return failed(file.string() + ": cannot be read");
   if (samples.empty()) return bad_input(fmt::format("{}: no samples; write lines of {}", file.string(), kHeader));
   return samples;
 }

@@ -15,6 +15,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "src/core/input_file.hpp"
 #include "src/core/plane.hpp"
 #include "src/core/unique_fd.hpp"
 #include "src/deblur/isa.hpp"
@@ -43,10 +44,10 @@ class Checksum {
 
 Status add_file(const char* name, const fs::path& file, json& all) {
   if (file.empty()) return {};
-  std::ifstream in(file, std::ios::binary);
+  ASSIGN_OR_RETURN(const std::ifstream in, stream_input(file));
   std::ostringstream bytes;
-  if (in) bytes << in.rdbuf();
-  if (!in) return bad_input(file.string() + ": cannot be read");
+  bytes << in.rdbuf();
+  if (!bytes) return bad_input(file.string() + ": cannot be read");
   Checksum sum;
   sum.add(bytes.str().data(), bytes.str().size());
   all[name] = sum.value();

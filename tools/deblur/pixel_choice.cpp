@@ -2,12 +2,13 @@
 
 #include <cmath>
 #include <cstring>
-#include <fstream>
+#include <sstream>
 #include <string_view>
 
 #include <fmt/format.h>
 
 #include "drivers/replay/replay_source.hpp"
+#include "src/core/input_file.hpp"
 #include "src/core/parse_text.hpp"
 
 namespace bolo::tools {
@@ -30,8 +31,8 @@ tl::expected<std::uint32_t, std::string> parse_point(std::string_view line, Geom
 }  // namespace
 
 Result<std::vector<std::uint32_t>> read_points(const std::filesystem::path& file, Geometry frame) {
-  std::ifstream in(file);
-  if (!in) return bad_input(file.string() + ": cannot be opened for reading");
+  ASSIGN_OR_RETURN(std::string whole, read_input(file));
+  std::istringstream in(std::move(whole));
   std::vector<std::uint32_t> points;
   std::string whole_line;
   bool first = true;
@@ -44,7 +45,6 @@ Result<std::vector<std::uint32_t>> read_points(const std::filesystem::path& file
     if (!point) return bad_input(fmt::format("{}:{}: {}", file.string(), at, point.error()));
     points.push_back(*point);
   }
-  if (in.bad()) return failed(file.string() + ": cannot be read");
   if (points.empty()) return bad_input(file.string() + ": no points; write one x,y in pixels a line");
   return points;
 }

@@ -8,16 +8,18 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <fstream>
 #include <string_view>
 
 #include <fmt/format.h>
+
+#include "src/core/input_file.hpp"
 
 namespace bolo::view {
 namespace {
 
 constexpr std::size_t kShortestToken = 16;
 constexpr std::size_t kLongestToken = 128;
+constexpr std::uint64_t kLargestTokenFile = 4096;
 
 std::string cookie_name(const Access& access) { return "bolo_view_" + std::to_string(access.port); }
 
@@ -68,11 +70,10 @@ Result<std::string> random_token() {
 
 Result<std::string> read_token(const std::string& file) {
   struct stat about {};
-  std::ifstream in(file);
-  std::string token;
-  if (!in || stat(file.c_str(), &about) != 0) return bad_input("cannot read the token file " + file);
+  ASSIGN_OR_RETURN(const std::string whole, read_input(file, kLargestTokenFile));
+  if (stat(file.c_str(), &about) != 0) return bad_input("cannot read the token file " + file);
   if ((about.st_mode & 077) != 0) return bad_input("others may read the token file: chmod 600 " + file);
-  std::getline(in, token);
+  const std::string token = whole.substr(0, whole.find('\n'));
   if (const Status good = check_token(token); !good) return at(file, good.error());
   return token;
 }

@@ -2,9 +2,8 @@
 
 #include <algorithm>
 #include <charconv>
-#include <fstream>
-#include <sstream>
 
+#include "src/core/input_file.hpp"
 #include "tools/view/page_files.hpp"
 
 namespace bolo::view {
@@ -44,11 +43,7 @@ Answer json_answer(const nlohmann::ordered_json& json) {
               json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace))};
 }
 
-std::string contents(const std::filesystem::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
+std::string contents(const std::filesystem::path& file) { return read_input(file).value_or(""); }
 
 std::optional<Answer> frame(LiveStream& stream, const Request& request) {
   const auto seen = place(request);

@@ -1,5 +1,7 @@
 // The whole way: a capture, bolod, shared memory, a reader; signals, names, `bolo stat`.
 #include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -108,6 +110,92 @@ TEST_F(BolodRun, ALimitOnFilesIsAFullDisk) {
   EXPECT_EQ(limited.wait(), 2);
   EXPECT_NE(limited.err().find("/dev/shm has no room"), std::string::npos) << limited.err();
   EXPECT_FALSE(std::filesystem::exists("/dev/shm/bolo." + name_));
+}
+
+// Cleaners of temporary files take sockets away.
+TEST_F(BolodRun, AControlSocketThatWasTakenAwayIsMadeAgain) {
+  const std::string socket = file("control");
+  const auto daemon = start(20'000, "[control]\nsocket = '" + socket + "'\n");
+  ASSERT_TRUE(attach()) << daemon->err();
+  const auto asked = [&] {
+    Program nuc({BOLO_PROGRAM, "nuc", name_}, file("nuc"));
+    nuc.wait();
+    return nuc.err();
+  };
+  EXPECT_NE(asked().find("no camera"), std::string::npos) << asked();
+  ASSERT_TRUE(std::filesystem::remove(socket));
+  EXPECT_TRUE(eventually([&] { return std::filesystem::exists(socket); })) << daemon->err();
+  EXPECT_TRUE(logged(*daemon, "was taken away; it is there again"));
+  EXPECT_NE(asked().find("no camera"), std::string::npos) << asked();
+  // What somebody else put there is his.
+  ASSERT_TRUE(std::filesystem::remove(socket));
+  std::ofstream(socket) << "mine";
+  EXPECT_TRUE(logged(*daemon, "it is tried again all the time"));
+  expect_good_end(*daemon);
+  EXPECT_EQ(tools::test::contents(socket), "mine");
+}
+
+// Its socket takes no more connections then, and to connect waits.
+TEST_F(BolodRun, AStoppedDaemonIsNotWaitedForByOthers) {
+  const std::string control = "[control]\nsocket = '" + file("control") + "'\n";
+  const auto daemon = start(20'000, control);
+  ASSERT_TRUE(attach()) << daemon->err();
+  daemon->signal(SIGSTOP);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  file("control").copy(address.sun_path, sizeof address.sun_path - 1);
+  std::vector<UniqueFd> waiting;
+  for (int i = 0; i < 100; ++i) {
+    waiting.emplace_back(socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+    if (connect(waiting.back().get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) break;
+  }
+  ASSERT_LT(waiting.size(), 100U);
+  Program nuc({BOLO_PROGRAM, "nuc", name_}, file("nuc"));
+  const std::string own = name_;
+  name_ += "-second";
+  const auto second = start_again(control, "second");
+  name_ = own;
+  EXPECT_EQ(second->wait(), 2);
+  EXPECT_NE(second->err().find("another daemon listens there"), std::string::npos) << second->err();
+  EXPECT_EQ(nuc.wait(), 1);
+  EXPECT_NE(nuc.err().find("the daemon did not answer"), std::string::npos) << nuc.err();
+  daemon->signal(SIGCONT);
+}
+
+TEST_F(BolodRun, SignalsThatMeanNothingDoNotEndIt) {
+  const auto daemon = start(20'000);
+  ASSERT_TRUE(attach()) << daemon->err();
+  for (const int signal : {SIGUSR1, SIGUSR2, SIGALRM, SIGVTALRM, SIGPROF, SIGIO, SIGPIPE, SIGXFSZ, SIGPWR, SIGRTMIN}) {
+    daemon->signal(signal);
+  }
+  daemon->signal(SIGHUP);
+  ASSERT_TRUE(logged(*daemon, "reload: nothing to take up"));
+  expect_good_end(*daemon);
+}
+
+// A recording's file would be given what is printed.
+TEST_F(BolodRun, NothingTakesThePlaceOfAClosedStream) {
+  write_capture(folder_ / "in.h5", 20'000);
+  const auto start_closed = [&](const std::vector<std::string>& words) {
+    std::vector<std::string> shell{"/bin/sh", "-c", "exec \"$@\" <&- >&- 2>&-", "sh"};
+    shell.insert(shell.end(), words.begin(), words.end());
+    return std::make_unique<Program>(shell, file("closed"));
+  };
+  const auto held = [](const Program& program) {
+    for (const char* stream : {"0", "1", "2"}) {
+      std::error_code error;
+      const auto place = "/proc/" + std::to_string(program.pid()) + "/fd/" + stream;
+      if (std::filesystem::read_symlink(place, error) != "/dev/null") return false;
+    }
+    return true;
+  };
+  const auto daemon = start_closed({BOLOD_PROGRAM, "--config", configure(kReplay)});
+  ASSERT_TRUE(attach());
+  EXPECT_TRUE(held(*daemon));
+  const auto recorder = start_closed({BOLO_PROGRAM, "record", name_, "-o", file("out.h5")});
+  EXPECT_TRUE(eventually([&] { return std::filesystem::exists(file("out.h5.part")); }));
+  EXPECT_TRUE(held(*recorder));
+  expect_good_end(*daemon);
 }
 
 TEST_F(BolodRun, AFastReplayLosesNothing) {

@@ -59,6 +59,13 @@ TEST_F(Bolod, PrintConfigIsAConfiguration) {
   EXPECT_EQ(run({"--check-config", "--config", config(printed.out)}).exit_code, 0);
 }
 
+TEST_F(Bolod, AFullDiskIsNoConfiguration) {
+  const std::string program = BOLOD_PROGRAM;
+  tools::test::Program full({"/bin/sh", "-c", "exec \"$0\" --print-config > /dev/full", program}, file("full"));
+  EXPECT_EQ(full.wait(), 1);
+  EXPECT_EQ(full.err(), "bolod: standard output cannot be written\n");
+}
+
 TEST_F(Bolod, WrongUsageIsOneLine) {
   refused({}, "--config FILE is missing");
   refused({"--confg", "x"}, "confg");

@@ -1,0 +1,73 @@
+#include "src/core/input_file.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+namespace bolo {
+namespace {
+
+constexpr std::size_t kPiece = std::size_t{1} << 16U;
+
+const char* kind_of(mode_t mode) {
+  if (S_ISDIR(mode)) return "a folder";
+  if (S_ISFIFO(mode)) return "a pipe";
+  if (S_ISSOCK(mode)) return "a socket";
+  return "a device";
+}
+
+tl::unexpected<Error> unreadable(const std::filesystem::path& file, int error) {
+  return bad_input(file.string() + ": cannot be opened for reading: " + std::strerror(error));
+}
+
+tl::unexpected<Error> no_file(const std::filesystem::path& file, mode_t mode) {
+  return bad_input(file.string() + ": is " + kind_of(mode) + ", not a file");
+}
+
+std::string size_in_words(std::uint64_t bytes) {
+  const bool large = bytes >= std::uint64_t{1} << 20U;
+  return std::to_string(bytes >> (large ? 20U : 10U)) + (large ? " MiB" : " KiB");
+}
+
+}  // namespace
+
+Result<UniqueFd> open_input(const std::filesystem::path& file) {
+  // Devices may do something by being opened, so they are looked at first; what is put there meanwhile is not waited
+  // for.
+  struct stat info {};
+  if (::stat(file.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) return no_file(file, info.st_mode);
+  UniqueFd opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
+  if (!opened || ::fstat(opened.get(), &info) != 0) return unreadable(file, errno);
+  if (!S_ISREG(info.st_mode)) return no_file(file, info.st_mode);
+  return opened;
+}
+
+Result<std::ifstream> stream_input(const std::filesystem::path& file) {
+  ASSIGN_OR_RETURN(const UniqueFd opened, open_input(file));
+  // The very file that was looked at, whatever has its name by now.
+  std::ifstream stream("/proc/self/fd/" + std::to_string(opened.get()), std::ios::binary);
+  if (!stream) return unreadable(file, errno);
+  return stream;
+}
+
+Result<std::string> read_input(const std::filesystem::path& file, std::uint64_t most_bytes) {
+  ASSIGN_OR_RETURN(const UniqueFd opened, open_input(file));
+  std::string text;
+  std::array<char, kPiece> piece{};
+  for (;;) {
+    const ssize_t got = ::read(opened.get(), piece.data(), piece.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return bad_input(file.string() + ": cannot be read: " + std::strerror(errno));
+    if (got == 0) return text;
+    text.append(piece.data(), static_cast<std::size_t>(got));
+    if (text.size() > most_bytes) {
+      return bad_input(file.string() + ": is larger than the " + size_in_words(most_bytes) + " that it may be");
+    }
+  }
+}
+
+}  // namespace bolo
