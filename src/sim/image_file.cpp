@@ -94,8 +94,8 @@ Result<GreyImage> read_jpeg(const std::filesystem::path& file) {
   const std::uint64_t pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
   if (pixels > kMaxPixels) return bad_input("more than 64 million pixels");
   std::vector<unsigned char> grey(pixels);
-  if (tjDecompress2(decoder.get(), jpeg, bytes.size(), grey.data(), width, 0, height, TJPF_GRAY,
-                    TJFLAG_ACCURATEDCT) != 0) {
+  if (tjDecompress2(decoder.get(), jpeg, bytes.size(), grey.data(), width, 0, height, TJPF_GRAY, TJFLAG_ACCURATEDCT) !=
+      0) {
     return damaged();
   }
   GreyImage image{width, height, {}};
