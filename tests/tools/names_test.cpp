@@ -61,8 +61,8 @@ TEST_F(Names, InfoShowsAttributesOfAnyBytes) {
   EXPECT_NE(outcome.out.find("note \"x"), std::string::npos) << outcome.out;
 }
 
-TEST_F(Names, TooLongIsNotThere) {
-  refused({"convert", std::string(300, 'n') + ".jpg", "-o", file("a.h5")}, "is not there");
+TEST_F(Names, TooLongIsSaid) {
+  refused({"convert", std::string(300, 'n') + ".jpg", "-o", file("a.h5")}, "File name too long");
 }
 
 }  // namespace
