@@ -92,12 +92,12 @@ TEST_F(SessionFiles, AnotherFramePeriod) {
 }
 
 TEST_F(SessionFiles, ASaturatedCapture) {
-  const auto full = [](int, std::size_t) { return static_cast<std::uint16_t>(65535); };
+  const auto full = [](std::size_t, std::size_t) { return static_cast<std::uint16_t>(65535); };
   expect_left_out(raw<std::uint16_t>("full.h5", {32, 24}, full), {"limit"});
 }
 
 TEST_F(SessionFiles, ValuesThatAreNoNumbers) {
-  const auto nan = [](int k, std::size_t p) { return k == 11 && p == 300 ? std::nanf("") : 300.0F; };
+  const auto nan = [](std::size_t k, std::size_t p) { return k == 11 && p == 300 ? std::nanf("") : 300.0F; };
   expect_left_out(raw<float>("nan.h5", {32, 24}, nan), {"no numbers"});
 }
 
