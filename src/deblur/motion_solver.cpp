@@ -246,7 +246,7 @@ void MotionSolver::prepare(const WindowView& window, Crew& crew) noexcept {
   in.now = &frame(target).values;
   in.innovation = &innovation(target).values;
   const int newest = ahead ? 0 : target;
-  const int length = scene_length(newest);
+  const int length = scene_length(newest);  // where the history ends, nothing is known of a cut
   const int of_scene = length < motion::kHistory ? newest + length : motion::kPast + target;
   for (int j = 0; j < motion::kPast; ++j) {
     Frame& past = frame(target + 1 + j);

@@ -10,22 +10,12 @@
 #include <cmath>
 
 #include "src/motion/block-inl.hpp"
+#include "src/motion/cubic.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace bolo::motion::HWY_NAMESPACE {
 
 // ------------------------------------------------------------------ bicubic
-
-// Keys' kernel with a = -0.75 at -1, 0, 1, 2 for a point f after 0.
-HWY_INLINE void cubic(float f, float* w) {
-  constexpr float a = -0.75F;
-  const auto far = [&](float t) { return ((a * t - 5 * a) * t + 8 * a) * t - 4 * a; };
-  const auto near = [&](float t) { return ((a + 2) * t - (a + 3)) * t * t + 1; };
-  w[0] = far(f + 1);
-  w[1] = near(f);
-  w[2] = near(1 - f);
-  w[3] = 1.0F - w[0] - w[1] - w[2];
-}
 
 // put(value, row, column) for every vector of the block at p - d.
 template <typename Put>

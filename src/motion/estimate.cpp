@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/motion/cubic.hpp"
+
 namespace bolo::motion {
 namespace {
 
@@ -34,14 +36,11 @@ constexpr float kMisfit = 2.0F;      // beyond what is best if the difference we
 constexpr float kUnusual = 0.2F;     // of chance, in the median block
 constexpr std::size_t kSample = 11;  // every so many blocks tell of all
 
-// Variance of what cubic interpolation (estimate-inl.hpp) at x makes of white noise.
+// Variance of what interpolation at x makes of white noise.
 float noise_of_cubic(float x) {
-  constexpr float a = -0.75F;
-  const float f = x - std::floor(x);
-  const float g = 1.0F - f;
-  const auto far = [](float t) { return a * t * (1.0F - t) * (1.0F - t); };
-  const auto near = [](float t) { return ((a + 2.0F) * t - (a + 3.0F)) * t * t + 1.0F; };
-  return far(f) * far(f) + near(f) * near(f) + near(g) * near(g) + far(g) * far(g);
+  float w[4];
+  cubic(x - std::floor(x), w);
+  return w[0] * w[0] + w[1] * w[1] + w[2] * w[2] + w[3] * w[3];
 }
 
 float power4(float v) { return v * v * v * v; }
@@ -223,7 +222,7 @@ float Estimator::noise_of_difference() const noexcept {
   return sum / static_cast<float>(count);
 }
 
-// The median, over some of the blocks in which the far past is of use.
+// The median, over some of the blocks in which the far past is of use; step_ is not in use yet.
 float Estimator::usual_difference() noexcept {
   std::size_t count = 0;
   for (std::size_t i = 0; i < far_gain_.size(); i += kSample) {

@@ -1,9 +1,9 @@
 // GenicamSource: what arrives, and stopping.
 #include <gtest/gtest.h>
-#include <pthread.h>
 
 #include "src/core/clock.hpp"
 #include "tests/drivers/genicam/fake_camera.hpp"
+#include "tests/no_threads.hpp"
 
 namespace bolo::genicam::test::genicam_stream_test {
 namespace {
@@ -66,20 +66,12 @@ TEST_F(GenicamStreamTest, DropsMetadataRows) {
   for (const Received& frame : collector_->finish()) expect_pixels(frame, info_.format.geometry);
 }
 
-// As when all threads that a service may have are taken. A stack that no computer has room for stands for it.
 TEST_F(GenicamStreamTest, WithoutAThreadToReceiveThereIsAnError) {
   FakeCamera fake;
   open();
   Collector collector(info_.format);
-  pthread_attr_t before{};
-  pthread_attr_t huge{};
-  ASSERT_EQ(pthread_getattr_default_np(&before), 0);
-  pthread_attr_init(&huge);
-  ASSERT_EQ(pthread_attr_setstacksize(&huge, std::size_t{1} << 46), 0);
-  ASSERT_EQ(pthread_setattr_default_np(&huge), 0);
-  const Status started = source_->start(collector.inlet());
-  pthread_setattr_default_np(&before);
-  expect_error(started, {"no thread can be started"});
+  const NoThreads none;
+  expect_error(source_->start(collector.inlet()), {"no thread can be started"});
 }
 
 TEST_F(GenicamStreamTest, HandsInNothingAfterStop) {

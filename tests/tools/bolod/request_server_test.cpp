@@ -2,7 +2,6 @@
 #include "tools/bolod/request_server.hpp"
 
 #include <gtest/gtest.h>
-#include <pthread.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "tests/no_threads.hpp"
 #include "tests/refusal.hpp"
 #include "tests/scratch.hpp"
 #include "tests/tools/program.hpp"
@@ -160,21 +160,13 @@ TEST(ControlServer, AnothersFolderIsRefused) {
   EXPECT_TRUE(start()) << "everybody's, but files are their owners'";
 }
 
-// A thread may be refused at any time, as when all that the service may have are taken. A stack that no computer has
-// room for stands for it.
 TEST(RequestServers, WithoutAThreadThereIsAnErrorAndNoSocket) {
-  pthread_attr_t before{};
-  pthread_attr_t huge{};
-  ASSERT_EQ(pthread_getattr_default_np(&before), 0);
-  pthread_attr_init(&huge);
-  ASSERT_EQ(pthread_attr_setstacksize(&huge, std::size_t{1} << 46), 0);
-  ASSERT_EQ(pthread_setattr_default_np(&huge), 0);
+  const NoThreads none;
   const Scratch scratch;
   const std::string path = (scratch.path() / "s").string();
   const auto control = ControlServer::start(path, 0600, [](std::string_view) { return "{}"; });
   const auto metrics = MetricsServer::start({true, tools::test::own_address() + ":9464", false},
                                             [] { return std::vector<prometheus::MetricFamily>(); });
-  pthread_setattr_default_np(&before);
   expect_error(control, {"no thread"});
   EXPECT_FALSE(std::filesystem::exists(path));
   expect_error(metrics, {"no thread"});
